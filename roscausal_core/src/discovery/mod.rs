@@ -1,0 +1,8 @@
+//! Causal discovery from time series: data, graphs, and the algorithms of the PCMCI family.
+//!
+//! Field words: `tau_max`, `pc_alpha`, `val_matrix`, `link_assumptions`; `matrix[i][j][tau]` is the link
+//! `X^i(t - tau) -> X^j(t)` (cause, effect, lag).
+
+mod dataframe;
+
+pub use dataframe::{DataFrame, LaggedArrays, Node, Samples};

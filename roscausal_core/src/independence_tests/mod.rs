@@ -1,0 +1,54 @@
+//! Conditional independence tests: `X _||_ Y | Z` on lagged samples of a [`crate::discovery::DataFrame`].
+//!
+//! A test is a plain value ([`CondIndTest`]: its settings). For one run it is *prepared* on the run's samples
+//! ([`PreparedTest`]): there live the Gram matrix, residual caches and null tables that tests of a run share.
+//! A prepared test is `Sync`, and a result never depends on which tests came before it.
+
+use crate::{
+    Result,
+    discovery::{Node, Samples},
+};
+
+/// The answer of one test.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct TestResult {
+    /// Strength of the dependence; its range and sign are the test's own.
+    pub value: f64,
+    /// P-value in `[0, 1]`.
+    pub p_value: f64,
+    /// Confidence interval of `value`, where the settings ask for one.
+    pub confidence: Option<(f64, f64)>,
+    /// Samples used.
+    pub n_samples: usize,
+    /// Samples left out because one of the nodes was missing or masked.
+    pub n_lost: usize,
+    /// Decision where the test does not decide by the p-value (`fixed_thres`).
+    pub dependent: Option<bool>,
+}
+
+/// A conditional independence test: its name and settings.
+pub trait CondIndTest: Send + Sync {
+    /// The name users choose it by, such as `parcorr`.
+    fn name(&self) -> &'static str;
+
+    /// Makes it ready for the samples of one run.
+    ///
+    /// # Errors
+    /// When the samples are too few, or do not suit the test.
+    fn prepare<'a>(&'a self, samples: &'a Samples<'a>) -> Result<Box<dyn PreparedTest + 'a>>;
+}
+
+/// A test on the samples of one run.
+pub trait PreparedTest: Sync {
+    /// Tests `x _||_ y | z`.
+    ///
+    /// # Errors
+    /// When too few complete samples are left for this condition set.
+    fn run_test(&self, x: Node, y: Node, z: &[Node]) -> Result<TestResult>;
+
+    /// Model-selection score of "`target` on `parents`", lower is better; for choosing `pc_alpha`.
+    ///
+    /// # Errors
+    /// When the test has no such score.
+    fn model_selection_score(&self, target: Node, parents: &[Node]) -> Result<f64>;
+}

@@ -1,0 +1,13 @@
+//! The core of ROS-Causal: causal discovery, the four nodes, and the one trait that stands between them and
+//! a middleware. Nothing here knows ROS, a network or the wall clock: time is an argument.
+
+pub mod discovery;
+pub mod error;
+pub mod inbox;
+pub mod independence_tests;
+pub mod loopback;
+pub mod middleware;
+pub mod params;
+
+pub use error::{Error, Result};
+pub use roscausal_msgs::{Message, Time};

@@ -1,0 +1,92 @@
+//! The adapter trait: all that a node may ask of a middleware.
+//!
+//! Small and synchronous. Not in it: logging (the `tracing` facade; a backend forwards to `/rosout`) and TF
+//! (`/tf` and `/tf_static` are ordinary topics). [`crate::loopback`] implements it in process; ROS 1 and
+//! ROS 2 implement it in crates of their own. [`laws`] is what every implementation must pass.
+
+use std::sync::Arc;
+
+use crate::{
+    Message, Result, Time,
+    inbox::Consumer,
+    params::{ParamSpec, Value},
+};
+
+/// How much a topic keeps, for whom.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Qos {
+    /// Only those subscribed now receive; at most this many wait in a queue (`queue_size`).
+    /// ROS 2: volatile, publishers reliable, subscribers best effort.
+    Volatile(usize),
+    /// The last message is kept for late joiners. ROS 1: latched; ROS 2: reliable, transient local, depth 1.
+    Latched,
+}
+
+/// A topic's publisher; dropping it unregisters it.
+pub trait Publish<M: Message>: Send + 'static {
+    /// Sends one message to everyone subscribed. Never blocks on a slow subscriber.
+    ///
+    /// # Errors
+    /// When the middleware refuses the message (too large, session lost).
+    fn publish(&self, message: &M) -> Result<()>;
+
+    /// How many subscribers are connected now.
+    fn subscriber_count(&self) -> usize;
+}
+
+/// One node's connection to its middleware. Cheap to clone; the clones are one node.
+pub trait Middleware: Clone + Send + Sync + 'static {
+    /// What [`Middleware::advertise`] gives.
+    type Publisher<M: Message>: Publish<M>;
+    /// What [`Middleware::subscribe`] gives; dropping it unsubscribes, and no callback runs afterwards.
+    type Subscription: Send + 'static;
+
+    /// The node's full name, such as `/roscausal_data`.
+    fn node_name(&self) -> String;
+
+    /// Registers a publisher. Names are ROS graph names: absolute, relative to the namespace, or `~private`.
+    ///
+    /// # Errors
+    /// An illegal name, a topic that already has another type, or a middleware that is gone.
+    fn advertise<M: Message>(&self, topic: &str, qos: Qos) -> Result<Self::Publisher<M>>;
+
+    /// Registers a callback for each message; it runs on a thread of the middleware and must return at once
+    /// (send into an [`crate::inbox::Inbox`]).
+    ///
+    /// # Errors
+    /// As [`Middleware::advertise`].
+    fn subscribe<M: Message>(
+        &self,
+        topic: &str,
+        qos: Qos,
+        callback: impl FnMut(M) + Send + 'static,
+    ) -> Result<Self::Subscription>;
+
+    /// The value set for a parameter, `None` when nobody set it. Declares it where the middleware wants that.
+    /// Asked again, it tells the value of now.
+    ///
+    /// # Errors
+    /// When the parameter server cannot be reached.
+    fn param(&self, spec: &ParamSpec) -> Result<Option<Value>>;
+
+    /// Sets a parameter for other nodes to read (absolute name) or for this one (private name).
+    ///
+    /// # Errors
+    /// When the parameter server cannot be reached.
+    fn set_param(&self, name: &str, value: Value) -> Result<()>;
+
+    /// Time of the clock in use: the system's, or `/clock` with `use_sim_time`.
+    fn now(&self) -> Time;
+
+    /// False once the node is to end.
+    fn is_ok(&self) -> bool;
+
+    /// Asks the node to end: [`Middleware::is_ok`] becomes false and its inboxes wake.
+    fn shutdown(&self);
+
+    /// Names a consumer to be woken when a simulated clock moves or the node is to end.
+    fn attach(&self, consumer: Arc<dyn Consumer>);
+
+    /// `(topic, package/Name)` of the topics known now, for hints such as "topics of that type: ...".
+    fn topics(&self) -> Vec<(String, String)>;
+}

@@ -1,0 +1,1 @@
+//! Human-robot interaction simulator.

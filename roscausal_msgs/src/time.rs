@@ -1,0 +1,68 @@
+use serde::{Deserialize, Serialize};
+
+/// A ROS time stamp or clock reading: seconds and nanoseconds since the epoch of the clock in use.
+///
+/// Same bytes as ROS 1's `time` and ROS 2's `builtin_interfaces/Time`. Ordered in time.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
+pub struct Time {
+    /// Whole seconds.
+    pub sec: i32,
+    /// Nanoseconds within the second, below 1e9.
+    pub nanosec: u32,
+}
+
+const NANOS: i64 = 1_000_000_000;
+
+impl Time {
+    /// The stamp 0, which ROS reads as "no stamp".
+    pub const ZERO: Self = Self { sec: 0, nanosec: 0 };
+    /// Later than any other stamp.
+    pub const MAX: Self = Self { sec: i32::MAX, nanosec: 999_999_999 };
+
+    /// A stamp from nanoseconds, saturating at the range of the wire.
+    pub fn from_nanos(nanos: i64) -> Self {
+        match i32::try_from(nanos.div_euclid(NANOS)) {
+            Ok(sec) => Self { sec, nanosec: nanos.rem_euclid(NANOS) as u32 },
+            Err(_) if nanos < 0 => Self { sec: i32::MIN, nanosec: 0 },
+            Err(_) => Self::MAX,
+        }
+    }
+
+    /// Nanoseconds since the clock's epoch.
+    pub fn as_nanos(self) -> i64 {
+        i64::from(self.sec) * NANOS + i64::from(self.nanosec)
+    }
+
+    /// A stamp from seconds, rounded to the nanosecond.
+    pub fn from_secs_f64(secs: f64) -> Self {
+        Self::from_nanos((secs * 1e9).round() as i64)
+    }
+
+    /// Seconds since the clock's epoch.
+    pub fn as_secs_f64(self) -> f64 {
+        f64::from(self.sec) + f64::from(self.nanosec) * 1e-9
+    }
+
+    /// This stamp `secs` later (or earlier when negative).
+    pub fn plus_secs(self, secs: f64) -> Self {
+        Self::from_nanos(self.as_nanos().saturating_add((secs * 1e9).round() as i64))
+    }
+
+    /// Seconds from `earlier` to this stamp; negative when this one is earlier.
+    pub fn secs_since(self, earlier: Self) -> f64 {
+        (self.as_nanos() - earlier.as_nanos()) as f64 * 1e-9
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::Time;
+
+    #[test]
+    fn nanoseconds_round_trip_on_both_sides_of_zero() {
+        for nanos in [-1_500_000_001, -1, 0, 1, 999_999_999, 1_000_000_000, 1_700_000_000_123_456_789] {
+            assert_eq!(Time::from_nanos(nanos).as_nanos(), nanos);
+        }
+        assert_eq!(Time::from_nanos(i64::MAX), Time::MAX);
+    }
+}

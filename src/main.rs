@@ -1,0 +1,3 @@
+//! The `roscausal` command.
+
+fn main() {}
