@@ -1,6 +1,7 @@
 //! The core of ROS-Causal: causal discovery, the four nodes, and the one trait that stands between them and
 //! a middleware. Nothing here knows ROS, a network or the wall clock: time is an argument.
 
+pub mod batch;
 pub mod discovery;
 pub mod error;
 pub mod inbox;

@@ -162,7 +162,8 @@ impl Bus {
         if topic.type_id == TypeId::of::<M>() {
             return Ok(topic);
         }
-        let reason = format!("it carries {}, not {}; check the topic's name", topic.type_name, M::type_name());
+        let reason =
+            format!("it carries {}, not {}; check the topic's name", topic.type_name, M::type_name());
         Err(Error::Topic { topic: name.to_owned(), reason })
     }
 }

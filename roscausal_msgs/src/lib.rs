@@ -15,7 +15,9 @@ use serde::{Serialize, de::DeserializeOwned};
 /// A ROS message type: its names, and its text on the ROS 1 wire.
 ///
 /// `serde` field order is the wire order of both ROS versions.
-pub trait Message: Serialize + DeserializeOwned + Clone + Default + std::fmt::Debug + Send + Sync + 'static {
+pub trait Message:
+    Serialize + DeserializeOwned + Clone + Default + std::fmt::Debug + Send + Sync + 'static
+{
     /// ROS package, such as `geometry_msgs`.
     const PACKAGE: &'static str;
     /// Type name within the package, such as `Point`.

@@ -1,0 +1,6 @@
+//! Batches: tables of samples in files, from recording to analysis.
+
+pub mod header;
+pub mod table;
+
+pub use table::Table;

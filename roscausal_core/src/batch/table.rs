@@ -1,0 +1,337 @@
+//! Reading any CSV with a header into columns of numbers; every complaint names line and column.
+
+use std::{fs::File, io::Read, path::Path};
+
+use csv::{ByteRecord, ReaderBuilder};
+use ndarray::Array2;
+
+use super::header;
+use crate::{Error, Result, discovery::DataFrame};
+
+/// Names that mark the column of sample times (seconds), which is not a variable.
+const TIME_NAMES: [&str; 4] = ["time", "t", "timestamp", "stamp"];
+
+/// A CSV file as numbers: `n_rows x n_columns`, missing cells NaN.
+#[derive(Clone, Debug)]
+pub struct Table {
+    /// Names of the variables, as in the header (repaired where a TAB broke it).
+    pub names: Vec<String>,
+    /// Samples, time in rows, one column per variable.
+    pub values: Array2<f64>,
+    /// Sample times in seconds, when the file has them.
+    pub time: Option<Vec<f64>>,
+    /// What the reader should know: missing cells, constant columns. One sentence each.
+    pub warnings: Vec<String>,
+}
+
+/// What is wrong: the file, or the choice of columns.
+#[derive(Debug)]
+enum Complaint {
+    File(String),
+    Columns(String),
+}
+
+impl<S: Into<String>> From<S> for Complaint {
+    fn from(reason: S) -> Self {
+        Self::File(reason.into())
+    }
+}
+
+impl Table {
+    /// Reads a CSV file with a header line; `,`, `;` or TAB between cells. With `wanted`, only those columns
+    /// are read, in that order, names in any spelling; otherwise all but the one of times.
+    ///
+    /// # Errors
+    /// Unreadable or empty file, header only, duplicate names, ragged rows, text or infinite cells, time that
+    /// does not increase: each with line and column. An unknown column, with the nearest name.
+    pub fn read(path: &Path, wanted: Option<&[String]>) -> Result<Self> {
+        let mut bytes = Vec::new();
+        File::open(path)
+            .and_then(|mut file| file.read_to_end(&mut bytes))
+            .map_err(|e| Error::file(path, e))?;
+        Self::parse(&bytes, wanted).map_err(|complaint| match complaint {
+            Complaint::File(reason) => Error::file(path, reason),
+            Complaint::Columns(reason) => Error::param("columns", reason),
+        })
+    }
+
+    /// Median step between samples in seconds, when the file has times.
+    pub fn dt(&self) -> Option<f64> {
+        let time = self.time.as_ref()?;
+        let mut steps: Vec<f64> = time.windows(2).map(|pair| pair[1] - pair[0]).collect();
+        steps.sort_by(f64::total_cmp);
+        steps.get(steps.len() / 2).copied()
+    }
+
+    /// The table as one recording.
+    ///
+    /// # Errors
+    /// Fewer than two variables.
+    pub fn into_data_frame(self) -> Result<DataFrame> {
+        DataFrame::new(vec![self.values], self.names)
+    }
+
+    fn parse(bytes: &[u8], wanted: Option<&[String]>) -> std::result::Result<Self, Complaint> {
+        let bytes = bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes);
+        if bytes.iter().all(u8::is_ascii_whitespace) {
+            return Err(Complaint::from("the file is empty; a header line and rows of numbers are needed"));
+        }
+        let mut reader = ReaderBuilder::new()
+            .has_headers(false)
+            .flexible(true)
+            .delimiter(delimiter(bytes))
+            .from_reader(bytes);
+        let mut records = reader.byte_records();
+        let first = records.next().transpose().map_err(|e| e.to_string())?.unwrap_or_default();
+        let (header, joined) = header::repaired(&texts(&first, 1)?);
+        check_names(&header)?;
+        let time_column = header.iter().position(|name| TIME_NAMES.contains(&name.to_lowercase().as_str()));
+        let columns = match wanted {
+            Some(wanted) => chosen(&header, wanted).map_err(Complaint::Columns)?,
+            None => (0..header.len()).filter(|&column| Some(column) != time_column).collect(),
+        };
+        if columns.is_empty() {
+            let reason =
+                format!("line 1: the only column is '{}'; columns of variables are needed", header[0]);
+            return Err(Complaint::File(reason));
+        }
+
+        let (mut numbers, mut time, mut lines) = (Vec::new(), Vec::new(), Vec::new());
+        for record in records {
+            let record = record.map_err(|e| e.to_string())?;
+            let line = record.position().map_or(0, csv::Position::line);
+            let cells = cells(&record, header.len(), joined, line)?;
+            for &column in &columns {
+                numbers.push(number(&cells[column], &header[column], line)?);
+            }
+            if let Some(column) = time_column {
+                time.push(number(&cells[column], &header[column], line)?);
+            }
+            lines.push(line);
+        }
+        if lines.is_empty() {
+            return Err(Complaint::from(
+                "there is only a header (line 1); rows of numbers are needed below it",
+            ));
+        }
+        if let Some(column) = time_column {
+            check_time(&time, &header[column], &lines)?;
+        }
+        let values =
+            Array2::from_shape_vec((lines.len(), columns.len()), numbers).map_err(|e| e.to_string())?;
+        let names = columns.iter().map(|&column| header[column].clone()).collect();
+        let mut table = Self { names, values, time: time_column.map(|_| time), warnings: Vec::new() };
+        table.warnings = table.notes();
+        Ok(table)
+    }
+
+    fn notes(&self) -> Vec<String> {
+        let mut notes = Vec::new();
+        for (name, column) in self.names.iter().zip(self.values.columns()) {
+            let missing = column.iter().filter(|v| v.is_nan()).count();
+            let mut present = column.iter().filter(|v| !v.is_nan());
+            let Some(first) = present.next() else {
+                notes.push(format!("column '{name}' has no number at all; leave it out with --columns"));
+                continue;
+            };
+            if missing > 0 {
+                notes.push(format!(
+                    "column '{name}': {missing} of {} cells are empty or NaN; samples that need them are left out",
+                    column.len()
+                ));
+            }
+            if present.all(|v| v == first) {
+                notes.push(format!(
+                    "column '{name}' is constant ({first}): it can be neither cause nor effect"
+                ));
+            }
+        }
+        notes
+    }
+}
+
+/// The separator of the header line: `,` unless it has none and another one.
+fn delimiter(bytes: &[u8]) -> u8 {
+    let header = bytes.split(|&b| b == b'\n').find(|line| !line.trim_ascii().is_empty()).unwrap_or_default();
+    [b',', b';', b'\t'].into_iter().find(|d| header.contains(d)).unwrap_or(b',')
+}
+
+fn texts(record: &ByteRecord, line: u64) -> std::result::Result<Vec<String>, String> {
+    let text = |(column, cell): (usize, &[u8])| match std::str::from_utf8(cell) {
+        Ok(text) => Ok(text.trim_matches(' ').to_owned()),
+        Err(_) => {
+            Err(format!("line {line}, column {}: not text in UTF-8; save the file as UTF-8 CSV", column + 1))
+        }
+    };
+    record.iter().enumerate().map(text).collect()
+}
+
+fn check_names(names: &[String]) -> std::result::Result<(), String> {
+    if names.iter().all(|name| name.parse::<f64>().is_ok()) {
+        return Err(
+            "line 1 holds numbers; the first line must be a header with the names of the columns".into()
+        );
+    }
+    for (column, name) in names.iter().enumerate() {
+        if name.trim().is_empty() {
+            return Err(format!("line 1, column {}: the name is empty; name every column", column + 1));
+        }
+        if let Some(earlier) = names[..column].iter().position(|other| other == name) {
+            return Err(format!(
+                "line 1: '{name}' names both column {} and column {}; give every column a name of its own",
+                earlier + 1,
+                column + 1
+            ));
+        }
+    }
+    Ok(())
+}
+
+/// The columns of `header` that `wanted` names.
+fn chosen(header: &[String], wanted: &[String]) -> std::result::Result<Vec<usize>, String> {
+    let mut columns = Vec::new();
+    for name in wanted {
+        let Some(column) = header::position(header, name) else {
+            let hint = header::nearest(header, name)
+                .map_or(String::new(), |near| format!("did you mean '{near}'? "));
+            return Err(format!("there is no column '{name}'; {hint}columns: {}", header.join(", ")));
+        };
+        if columns.contains(&column) {
+            return Err(format!("'{name}' is named twice; name each column once"));
+        }
+        columns.push(column);
+    }
+    Ok(columns)
+}
+
+fn cells(
+    record: &ByteRecord,
+    expected: usize,
+    joined: usize,
+    line: u64,
+) -> std::result::Result<Vec<String>, String> {
+    let mut cells = texts(record, line)?;
+    // A header that was broken in two left as many empty cells at the end of each row.
+    while joined > 0 && cells.len() > expected && cells.last().is_some_and(String::is_empty) {
+        cells.pop();
+    }
+    if cells.len() == expected {
+        return Ok(cells);
+    }
+    Err(format!(
+        "line {line} has {} cells, the header has {expected} names; every row needs one cell per name (empty for a \
+         missing value)",
+        cells.len(),
+    ))
+}
+
+fn number(cell: &str, name: &str, line: u64) -> std::result::Result<f64, String> {
+    let place = format!("line {line}, column '{name}'");
+    match cell.to_lowercase().as_str() {
+        "" | "nan" | "na" | "null" => Ok(f64::NAN),
+        lower => match lower.parse::<f64>() {
+            Ok(value) if value.is_finite() => Ok(value),
+            Ok(_) => Err(format!("{place}: '{cell}' is infinite; leave the cell empty or remove the row")),
+            Err(_) => Err(format!(
+                "{place}: '{}' is not a number; correct it, leave the cell empty, or name the columns to use with \
+                 --columns",
+                cell.chars().take(40).collect::<String>()
+            )),
+        },
+    }
+}
+
+fn check_time(time: &[f64], name: &str, lines: &[u64]) -> std::result::Result<(), String> {
+    if let Some(row) = time.iter().position(|t| t.is_nan()) {
+        return Err(format!(
+            "line {}, column '{name}': the time is missing; fill it in or remove the row",
+            lines[row]
+        ));
+    }
+    let Some(row) = time.windows(2).position(|pair| pair[1] <= pair[0]) else { return Ok(()) };
+    let what = if time[row + 1] < time[row] { "goes back" } else { "stands still" };
+    Err(format!(
+        "line {}, column '{name}': time {what} (from {} to {}); sort the rows, or split the recordings into files \
+         of their own",
+        lines[row + 1],
+        time[row],
+        time[row + 1]
+    ))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn parse(text: &str) -> std::result::Result<Table, Complaint> {
+        Table::parse(text.as_bytes(), None)
+    }
+
+    fn complaint(text: &str) -> String {
+        match parse(text) {
+            Err(Complaint::File(reason)) => reason,
+            other => panic!("{text}: {other:?}"),
+        }
+    }
+
+    #[test]
+    fn a_file_of_the_original_with_a_broken_header_is_read() {
+        let table = parse("time,r_{gx},r_{,heta},r_v\n1,2,3,4,\n1.3,2,4,4,\n").expect("reads");
+        assert_eq!(table.names, ["r_{gx}", "r_{\\theta}", "r_v"]);
+        assert_eq!(table.values[[1, 1]], 4.0);
+        assert!((table.dt().expect("has times") - 0.3).abs() < 1e-12);
+    }
+
+    #[test]
+    fn a_header_with_a_real_tab_is_read() {
+        let table = parse("r_{\theta},r_v\n1,2\n3,4\n").expect("reads");
+        assert_eq!(table.names, ["r_{\\theta}", "r_v"]);
+    }
+
+    #[test]
+    fn separators_of_other_countries_are_found() {
+        assert_eq!(parse("a;b\n1;2\n").expect("reads").names, ["a", "b"]);
+        assert_eq!(parse("a\tb\n1\t2\n").expect("reads").names, ["a", "b"]);
+    }
+
+    #[test]
+    fn a_complaint_names_line_column_and_the_way_out() {
+        assert!(complaint("").contains("empty"));
+        assert!(complaint("a,b\n").contains("only a header"));
+        assert_eq!(
+            complaint("a,b\n1,2\n3,fast\n"),
+            "line 3, column 'b': 'fast' is not a number; correct it, leave the cell empty, or name the columns to use \
+             with --columns"
+        );
+        assert!(complaint("a,b\n1,2\n3\n").starts_with("line 3 has 1 cells, the header has 2 names"));
+        assert!(complaint("a,b\n1,2,3\n").starts_with("line 2 has 3 cells"));
+        assert!(complaint("a,b,a\n1,2,3\n").contains("both column 1 and column 3"));
+        assert!(complaint("a,b\n1,inf\n").contains("infinite"));
+        assert!(complaint("time,b\n1,2\n0.5,2\n").starts_with("line 3, column 'time': time goes back"));
+        assert!(complaint("1,2\n3,4\n").contains("header"));
+    }
+
+    #[test]
+    fn missing_cells_and_constant_columns_are_told() {
+        let table = parse("a,b,c\n1,,5\n2,NaN,5\n3,1,5\n").expect("reads");
+        assert!(table.values[[0, 1]].is_nan());
+        assert!(table.warnings[0].contains("column 'b': 2 of 3 cells"));
+        assert!(table.warnings.iter().any(|w| w.contains("column 'c' is constant (5)")));
+    }
+
+    #[test]
+    fn only_the_wanted_columns_are_read() {
+        let wanted = ["h_dg".to_owned(), "h_v".to_owned()];
+        let table = Table::parse(b"h_v,note,h_dg\n1,fast,2\n2,slow,3\n", Some(&wanted)).expect("reads");
+        assert_eq!(table.names, wanted);
+        assert_eq!(table.values[[1, 0]], 3.0);
+    }
+
+    #[test]
+    fn an_unknown_column_gets_the_nearest_name() {
+        match Table::parse(b"h_v,h_dg\n1,2\n2,3\n", Some(&["h_gd".to_owned()])) {
+            Err(Complaint::Columns(reason)) => assert!(reason.contains("did you mean 'h_dg'?"), "{reason}"),
+            other => panic!("{other:?}"),
+        }
+    }
+}
