@@ -3,6 +3,7 @@
 
 pub mod batch;
 pub mod discovery;
+pub mod draw;
 pub mod error;
 pub mod inbox;
 pub mod independence_tests;

@@ -4,5 +4,7 @@
 //! `X^i(t - tau) -> X^j(t)` (cause, effect, lag).
 
 mod dataframe;
+pub mod model;
 
 pub use dataframe::{DataFrame, LaggedArrays, Node, Samples};
+pub use model::Model;
