@@ -1,5 +1,6 @@
 use ndarray::Array2;
 
+use super::Control;
 use crate::{Error, Result};
 
 /// A variable at a lag: `var` at `t - lag`.
@@ -23,11 +24,49 @@ impl Node {
     }
 }
 
+/// Roles in which a masked value excludes a sample: any of X, Y and Z of `X _||_ Y | Z`.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct MaskType {
+    /// A masked X excludes the sample.
+    pub x: bool,
+    /// A masked Y excludes the sample.
+    pub y: bool,
+    /// A masked node of Z excludes the sample.
+    pub z: bool,
+}
+
+impl std::str::FromStr for MaskType {
+    type Err = Error;
+
+    /// Reads letters such as `y` or `xyz`.
+    fn from_str(text: &str) -> Result<Self> {
+        let mut mask = Self::default();
+        for letter in text.chars() {
+            match letter {
+                'x' => mask.x = true,
+                'y' => mask.y = true,
+                'z' => mask.z = true,
+                _ => {
+                    return Err(Error::param(
+                        "mask_type",
+                        format!("'{text}' is not made of the letters x, y, z"),
+                    ));
+                }
+            }
+        }
+        Ok(mask)
+    }
+}
+
 /// One or several recordings of the same variables. Missing values are NaN.
 #[derive(Clone, Debug)]
 pub struct DataFrame {
     recordings: Vec<Array2<f64>>,
     var_names: Vec<String>,
+    masks: Option<Vec<Array2<bool>>>,
+    mask_type: MaskType,
+    remove_missing_upto_maxlag: bool,
+    has_missing: bool,
 }
 
 impl DataFrame {
@@ -56,7 +95,46 @@ impl DataFrame {
                 )));
             }
         }
-        Ok(Self { recordings, var_names })
+        let has_missing = recordings.iter().any(|r| r.iter().any(|v| v.is_nan()));
+        Ok(Self {
+            recordings,
+            var_names,
+            masks: None,
+            mask_type: MaskType::default(),
+            remove_missing_upto_maxlag: false,
+            has_missing,
+        })
+    }
+
+    /// The same data with every value that equals `flag` taken as missing.
+    #[must_use]
+    pub fn with_missing_flag(mut self, flag: f64) -> Self {
+        self.recordings.iter_mut().for_each(|r| r.mapv_inplace(|v| if v == flag { f64::NAN } else { v }));
+        self.has_missing = self.recordings.iter().any(|r| r.iter().any(|v| v.is_nan()));
+        self
+    }
+
+    /// The same data with masks, one per recording and of its shape (`true`: masked), that exclude samples in
+    /// the roles of `mask_type`.
+    ///
+    /// # Errors
+    /// Masks whose number or shapes differ from the recordings'.
+    pub fn with_mask(mut self, masks: Vec<Array2<bool>>, mask_type: MaskType) -> Result<Self> {
+        let fits = masks.len() == self.recordings.len()
+            && masks.iter().zip(&self.recordings).all(|(mask, recording)| mask.dim() == recording.dim());
+        if !fits {
+            return Err(Error::param("mask", "give one mask per recording, each of the recording's shape"));
+        }
+        self.masks = Some(masks);
+        self.mask_type = mask_type;
+        Ok(self)
+    }
+
+    /// The same data; with `on`, a missing value excludes also the samples up to `2xtau_max` after it.
+    #[must_use]
+    pub fn with_remove_missing_upto_maxlag(mut self, on: bool) -> Self {
+        self.remove_missing_upto_maxlag = on;
+        self
     }
 
     /// The recordings, each `T x N`.
@@ -73,6 +151,17 @@ impl DataFrame {
     pub fn n_vars(&self) -> usize {
         self.var_names.len()
     }
+
+    /// Whether some samples may be left out of some tests: a value is missing, or a mask is in force.
+    pub fn is_incomplete(&self) -> bool {
+        self.has_missing || (self.masks.is_some() && self.mask_type != MaskType::default())
+    }
+
+    fn excludes(&self, recording: usize, t: usize, node: Node, mask_role: bool) -> bool {
+        let at = t - node.lag;
+        let masked = || self.masks.as_ref().is_some_and(|masks| masks[recording][[at, node.var]]);
+        self.recordings[recording][[at, node.var]].is_nan() || (mask_role && masked())
+    }
 }
 
 /// The time indices that all tests of one run use: `cut_off..T` of each recording.
@@ -80,6 +169,7 @@ impl DataFrame {
 pub struct Samples<'a> {
     data: &'a DataFrame,
     cut_off: usize,
+    control: Control,
 }
 
 /// The rows of one test after samples with a missing node are left out.
@@ -98,7 +188,19 @@ pub struct LaggedArrays {
 impl<'a> Samples<'a> {
     /// Samples for a run with `tau_max` (`cut_off` = `2xtau_max`).
     pub fn new(data: &'a DataFrame, cut_off: usize) -> Self {
-        Self { data, cut_off }
+        Self { data, cut_off, control: Control::default() }
+    }
+
+    /// The same samples for a run that `control` watches.
+    #[must_use]
+    pub fn with_control(mut self, control: Control) -> Self {
+        self.control = control;
+        self
+    }
+
+    /// The run's control; a test that takes longer than a second calls its `check` in its loops.
+    pub fn control(&self) -> &Control {
+        &self.control
     }
 
     /// The data frame behind.
@@ -121,21 +223,48 @@ impl<'a> Samples<'a> {
         self.len() == 0
     }
 
-    /// The samples of `x`, `y` and `z` in which none of them is missing. Lags go up to `cut_off`.
+    /// The samples of `x`, `y` and `z` in which none of them is missing or masked. Lags go up to `cut_off`.
     pub fn arrays(&self, x: Node, y: Node, z: &[Node]) -> LaggedArrays {
-        let mut out = LaggedArrays { z: vec![Vec::with_capacity(self.len()); z.len()], ..Default::default() };
-        for recording in &self.data.recordings {
+        let n = self.len();
+        let row = || Vec::with_capacity(n);
+        let mut out =
+            LaggedArrays { x: row(), y: row(), z: (0..z.len()).map(|_| row()).collect(), n_lost: 0 };
+        let incomplete = self.data.is_incomplete();
+        for (k, recording) in self.data.recordings.iter().enumerate() {
+            let dropped = if incomplete { self.dropped(k, x, y, z) } else { Vec::new() };
             for t in self.cut_off..recording.nrows() {
-                let at = |node: Node| recording[[t - node.lag, node.var]];
-                if at(x).is_nan() || at(y).is_nan() || z.iter().any(|&node| at(node).is_nan()) {
+                if incomplete && dropped[t - self.cut_off] {
                     out.n_lost += 1;
                     continue;
                 }
+                let at = |node: Node| recording[[t - node.lag, node.var]];
                 out.x.push(at(x));
                 out.y.push(at(y));
                 z.iter().zip(&mut out.z).for_each(|(&node, row)| row.push(at(node)));
             }
         }
         out
+    }
+
+    /// For each sample of recording `k`: whether the test leaves it out.
+    fn dropped(&self, k: usize, x: Node, y: Node, z: &[Node]) -> Vec<bool> {
+        let (data, mask) = (self.data, self.data.mask_type);
+        let n_rows = data.recordings[k].nrows();
+        let drops = |t: usize, x_on: bool, y_on: bool, z_on: bool| {
+            data.excludes(k, t, x, x_on)
+                || data.excludes(k, t, y, y_on)
+                || z.iter().any(|&node| data.excludes(k, t, node, z_on))
+        };
+        let mut dropped: Vec<bool> =
+            (self.cut_off..n_rows).map(|t| drops(t, mask.x, mask.y, mask.z)).collect();
+        if data.remove_missing_upto_maxlag {
+            for t in self.cut_off..n_rows {
+                if drops(t, false, false, false) {
+                    let end = (t + self.cut_off + 1).min(n_rows);
+                    dropped[t - self.cut_off..end - self.cut_off].fill(true);
+                }
+            }
+        }
+        dropped
     }
 }

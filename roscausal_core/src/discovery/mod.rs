@@ -3,8 +3,10 @@
 //! Field words: `tau_max`, `pc_alpha`, `val_matrix`, `link_assumptions`; `matrix[i][j][tau]` is the link
 //! `X^i(t - tau) -> X^j(t)` (cause, effect, lag).
 
+mod control;
 mod dataframe;
 pub mod model;
 
-pub use dataframe::{DataFrame, LaggedArrays, Node, Samples};
+pub use control::{Control, Progress, Stop};
+pub use dataframe::{DataFrame, LaggedArrays, MaskType, Node, Samples};
 pub use model::Model;

@@ -4,8 +4,14 @@
 //! ([`PreparedTest`]): there live the Gram matrix, residual caches and null tables that tests of a run share.
 //! A prepared test is `Sync`, and a result never depends on which tests came before it.
 
+mod registry;
+mod settings;
+
+pub use registry::{by_name, names};
+pub use settings::{Confidence, Significance, TestSettings};
+
 use crate::{
-    Result,
+    Error, Result,
     discovery::{Node, Samples},
 };
 
@@ -22,7 +28,7 @@ pub struct TestResult {
     pub n_samples: usize,
     /// Samples left out because one of the nodes was missing or masked.
     pub n_lost: usize,
-    /// Decision where the test does not decide by the p-value (`fixed_thres`).
+    /// Decision where the test does not decide by the p-value (`fixed_thres`); the run fills it in.
     pub dependent: Option<bool>,
 }
 
@@ -36,6 +42,12 @@ pub trait CondIndTest: Send + Sync {
     /// # Errors
     /// When the samples are too few, or do not suit the test.
     fn prepare<'a>(&'a self, samples: &'a Samples<'a>) -> Result<Box<dyn PreparedTest + 'a>>;
+
+    /// Whether the decision is `|value| >= threshold` (`fixed_thres`), the run's level being the threshold.
+    /// The run then sets the p-value to 0 (dependent) or 1; the test itself leaves it at 1.
+    fn decides_by_value(&self) -> bool {
+        false
+    }
 }
 
 /// A test on the samples of one run.
@@ -49,6 +61,13 @@ pub trait PreparedTest: Sync {
     /// Model-selection score of "`target` on `parents`", lower is better; for choosing `pc_alpha`.
     ///
     /// # Errors
-    /// When the test has no such score.
-    fn model_selection_score(&self, target: Node, parents: &[Node]) -> Result<f64>;
+    /// When the test has no such score (the default).
+    fn model_selection_score(&self, _target: Node, _parents: &[Node]) -> Result<f64> {
+        Err(Error::param("pc_alpha", "this independence test has no model-selection score; give one value"))
+    }
+
+    /// Whether a test takes only microseconds, so that a run spreads threads over targets, not over tests.
+    fn is_cheap(&self) -> bool {
+        false
+    }
 }

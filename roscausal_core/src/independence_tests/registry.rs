@@ -1,0 +1,28 @@
+use super::{CondIndTest, TestSettings};
+use crate::{Error, Result};
+
+type Build = fn(&TestSettings) -> Result<Box<dyn CondIndTest>>;
+
+/// All tests: one line each. A name is lower case; users may write it in any case, with `_` or `-`.
+const TESTS: &[(&str, Build)] = &[];
+
+/// Names of all tests.
+pub fn names() -> impl Iterator<Item = &'static str> {
+    TESTS.iter().map(|(name, _)| *name)
+}
+
+/// The test `name` with `settings`.
+///
+/// # Errors
+/// An unknown name (the message suggests the nearest), or settings that the test does not allow.
+pub fn by_name(name: &str, settings: &TestSettings) -> Result<Box<dyn CondIndTest>> {
+    let wanted: String = name.chars().filter(|c| !"_-".contains(*c)).flat_map(char::to_lowercase).collect();
+    if let Some((_, build)) = TESTS.iter().find(|(known, _)| *known == wanted) {
+        return build(settings);
+    }
+    let nearest =
+        names().max_by(|a, b| strsim::jaro_winkler(a, &wanted).total_cmp(&strsim::jaro_winkler(b, &wanted)));
+    let all = names().collect::<Vec<_>>().join(", ");
+    let hint = nearest.map_or(String::new(), |n| format!("; did you mean '{n}'?"));
+    Err(Error::param("test", format!("there is no independence test '{name}'{hint} (known: {all})")))
+}
