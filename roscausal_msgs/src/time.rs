@@ -11,6 +11,30 @@ pub struct Time {
     pub nanosec: u32,
 }
 
+/// A length of time on the wire: seconds and nanoseconds, the latter always counted forwards.
+///
+/// Same bytes as ROS 1's `duration` and ROS 2's `builtin_interfaces/Duration`. Ordered in length.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
+pub struct Duration {
+    /// Whole seconds, rounded down.
+    pub sec: i32,
+    /// Nanoseconds above `sec`, below 1e9.
+    pub nanosec: u32,
+}
+
+impl Duration {
+    /// A duration from seconds, rounded to the nanosecond.
+    pub fn from_secs_f64(secs: f64) -> Self {
+        let Time { sec, nanosec } = Time::from_secs_f64(secs);
+        Self { sec, nanosec }
+    }
+
+    /// Seconds.
+    pub fn as_secs_f64(self) -> f64 {
+        f64::from(self.sec) + f64::from(self.nanosec) * 1e-9
+    }
+}
+
 const NANOS: i64 = 1_000_000_000;
 
 impl Time {

@@ -1,0 +1,134 @@
+//! Our own messages; `msg/*.msg` tells the same to users of ROS.
+
+use serde::{Deserialize, Serialize};
+
+use crate::{
+    Time,
+    geometry_msgs::{Point, Pose2D, Twist},
+    std_msgs::{Float32MultiArray, Header, Int32MultiArray},
+};
+
+/// The robot's state at one instant, in the frame that the header names.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct RobotState {
+    /// Stamp of the measurement; the frame of `pose2d` and `goal`.
+    pub header: Header,
+    /// Position and heading. ROS 1 calls the field `pose2D`, which is no legal name in ROS 2.
+    pub pose2d: Pose2D,
+    /// Velocity of the base, in its own frame.
+    pub twist: Twist,
+    /// Where the robot is going; NaN while it has no goal.
+    pub goal: Point,
+}
+message!(own RobotState uses [Header, Pose2D, Twist, Point]);
+
+/// One person's state at one instant, in the frame that the header names.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct HumanState {
+    /// Stamp of the measurement; the frame of all that follows.
+    pub header: Header,
+    /// The tracker's number for this person.
+    pub id: u32,
+    /// Position and heading. ROS 1 calls the field `pose2D`, which is no legal name in ROS 2.
+    pub pose2d: Pose2D,
+    /// Velocity.
+    pub twist: Twist,
+    /// Where the person is going; NaN when that is not known.
+    pub goal: Point,
+}
+message!(own HumanState uses [Header, Pose2D, Twist, Point]);
+
+/// All people seen at one instant.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Humans {
+    /// Stamp of the measurement; the frame of every person.
+    pub header: Header,
+    /// One entry per person, in ascending order of id.
+    pub humans: Vec<HumanState>,
+}
+message!(own Humans uses [Header, HumanState]);
+
+/// A causal model found in one batch; its arrays are `[lag, effect, cause]` (lag index 0 is
+/// the smallest lag), flattened in row-major order.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct CausalModel {
+    /// When the analysis ended; the frame in which the batch was recorded.
+    pub header: Header,
+    /// The variables, in the order of the axes.
+    pub features: Vec<String>,
+    /// 1 where a link was found, else 0.
+    pub causal_structure: Int32MultiArray,
+    /// Test statistic of each link, 0 where there is none.
+    pub val_matrix: Float32MultiArray,
+    /// p-value of each link, 0 where there is none.
+    pub pval_matrix: Float32MultiArray,
+    /// Lengths of the three axes.
+    pub original_shape: Vec<i32>,
+}
+message!(own CausalModel uses [Header, Int32MultiArray, Float32MultiArray]);
+
+/// One link of a causal model: `cause(t - lag)` drives `effect(t)`.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct CausalLink {
+    /// Name of the driving variable.
+    pub cause: String,
+    /// Name of the driven variable.
+    pub effect: String,
+    /// Lag in samples.
+    pub lag: u32,
+    /// Test statistic.
+    pub value: f64,
+    /// p-value.
+    pub p_value: f64,
+    /// Share of resampled batches in which the link was found, 0 to 1; -1 when not computed.
+    pub confidence: f64,
+    /// The link in words.
+    pub description: String,
+}
+message!(own CausalLink uses []);
+
+/// How a [`CausalModel`] came about; published beside it with an equal header.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct CausalModelInfo {
+    /// As the model's.
+    pub header: Header,
+    /// Name of the batch: file name without extension.
+    pub batch_id: String,
+    /// Discovery method, such as `fpcmci`.
+    pub method: String,
+    /// Conditional independence test, such as `gpdc`.
+    pub cond_ind_test: String,
+    /// Correction for multiple tests: `none` or `fdr_bh`.
+    pub fdr_method: String,
+    /// Significance level of the model's links.
+    pub alpha: f64,
+    /// Significance level of the condition selection (PC1).
+    pub pc_alpha: f64,
+    /// Smallest lag, in samples.
+    pub min_lag: u32,
+    /// Largest lag, in samples.
+    pub max_lag: u32,
+    /// Time step of the samples, seconds.
+    pub dt: f64,
+    /// Samples that the tests used.
+    pub n_samples: u32,
+    /// Stamp of the batch's first sample.
+    pub start_time: Time,
+    /// Stamp of the batch's last sample.
+    pub end_time: Time,
+    /// Seed of all randomness in the analysis.
+    pub seed: u64,
+    /// Duration of the analysis, seconds.
+    pub run_time_s: f64,
+    /// Version of the software that made the model.
+    pub software_version: String,
+    /// Variables given to the method, before any selection.
+    pub candidate_features: Vec<String>,
+    /// Links of the model, strongest first.
+    pub links: Vec<CausalLink>,
+    /// Links that the model before this one had not, as `cause -> effect (lag n)`.
+    pub links_gained: Vec<String>,
+    /// Links that the model before this one had and this one has not.
+    pub links_lost: Vec<String>,
+}
+message!(own CausalModelInfo uses [Header, CausalLink]);

@@ -1,0 +1,13 @@
+//! `tf2_msgs`.
+
+use serde::{Deserialize, Serialize};
+
+use crate::geometry_msgs::TransformStamped;
+
+/// `tf2_msgs/TFMessage`: what `/tf` and `/tf_static` carry.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct TFMessage {
+    /// The transforms.
+    pub transforms: Vec<TransformStamped>,
+}
+message!("tf2_msgs" TFMessage uses [TransformStamped]);
