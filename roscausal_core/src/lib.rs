@@ -10,6 +10,7 @@ pub mod independence_tests;
 pub mod loopback;
 pub mod middleware;
 pub mod params;
+mod special;
 
 pub use error::{Error, Result};
 pub use roscausal_msgs::{Message, Time};

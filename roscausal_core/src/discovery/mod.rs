@@ -6,6 +6,7 @@
 mod control;
 mod dataframe;
 pub mod model;
+pub mod transfer_entropy;
 
 pub use control::{Control, Progress, Stop};
 pub use dataframe::{DataFrame, LaggedArrays, MaskType, Node, Samples};
