@@ -1,5 +1,9 @@
 //! Parameters: values as a middleware stores them, and the specification a node declares.
 
+use std::{collections::BTreeMap, fmt};
+
+use crate::{Error, Result, batch::header, middleware::Middleware};
+
 /// A parameter value, as the ROS parameter server and ROS 2 parameters know them.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Value {
@@ -37,4 +41,195 @@ pub enum Allowed {
     Range(f64, f64),
     /// One of these words.
     OneOf(&'static [&'static str]),
+}
+
+impl ParamSpec {
+    /// A specification; for the static tables of the nodes.
+    pub fn new(name: &'static str, default: Value, allowed: Allowed, description: &'static str) -> Self {
+        Self { name, default, description, allowed }
+    }
+
+    /// The value as this parameter's type, with ROS-Causal's spellings accepted: `"True"`, `"0.1"`, an integer
+    /// where a double is meant, a number where a text is meant.
+    ///
+    /// # Errors
+    /// A value of another kind, or one that is not allowed: name, value, what is allowed.
+    pub fn checked(&self, value: Value) -> Result<Value> {
+        let fault = |wanted: &str| Error::param(self.name, format!("{value} is not {wanted}"));
+        let value = match (&self.default, &value) {
+            (Value::Bool(_), value) => Value::Bool(value.as_bool().ok_or_else(|| fault("true or false"))?),
+            (Value::Int(_), value) => Value::Int(value.as_int().ok_or_else(|| fault("a whole number"))?),
+            (Value::Double(_), value) => Value::Double(value.as_double().ok_or_else(|| fault("a number"))?),
+            (Value::Str(_), Value::List(_)) => return Err(fault("a text")),
+            (Value::Str(_), Value::Str(text)) if matches!(text.as_str(), "None" | "none") => Value::Str(String::new()),
+            (Value::Str(_), value) => Value::Str(value.to_string()),
+            (Value::List(_), Value::List(_)) => value,
+            (Value::List(_), Value::Str(text)) => Value::List(
+                text.split(',').map(str::trim).filter(|t| !t.is_empty()).map(|t| Value::Str(t.to_owned())).collect(),
+            ),
+            (Value::List(_), _) => return Err(fault("a list")),
+        };
+        match &self.allowed {
+            Allowed::Range(low, high) if !value.as_double().is_some_and(|v| v >= *low && v <= *high) => {
+                Err(Error::param(self.name, format!("{value} is not allowed; give a number from {low} to {high}")))
+            }
+            Allowed::OneOf(words) if !words.contains(&value.to_string().as_str()) => {
+                let hint = header::nearest(words, &value.to_string());
+                let hint = hint.map_or(String::new(), |near| format!("did you mean '{near}'? "));
+                Err(Error::param(self.name, format!("'{value}' is unknown; {hint}allowed: {}", words.join(", "))))
+            }
+            _ => Ok(value),
+        }
+    }
+}
+
+impl Value {
+    fn as_bool(&self) -> Option<bool> {
+        match self {
+            Self::Bool(value) => Some(*value),
+            Self::Int(0) => Some(false),
+            Self::Int(1) => Some(true),
+            Self::Str(text) => match text.to_lowercase().as_str() {
+                "true" | "yes" | "on" | "1" => Some(true),
+                "false" | "no" | "off" | "0" | "" => Some(false),
+                _ => None,
+            },
+            _ => None,
+        }
+    }
+
+    fn as_int(&self) -> Option<i64> {
+        match self {
+            Self::Int(value) => Some(*value),
+            Self::Double(value) if value.fract() == 0.0 && value.abs() < 9e15 => Some(*value as i64),
+            Self::Str(text) => text.trim().parse().ok(),
+            _ => None,
+        }
+    }
+
+    /// The value as a number, from any spelling of one.
+    pub fn as_double(&self) -> Option<f64> {
+        match self {
+            Self::Int(value) => Some(*value as f64),
+            Self::Double(value) => Some(*value),
+            Self::Str(text) => text.trim().parse().ok().filter(|v: &f64| !v.is_nan()),
+            _ => None,
+        }
+    }
+}
+
+impl fmt::Display for Value {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Bool(value) => value.fmt(f),
+            Self::Int(value) => value.fmt(f),
+            Self::Double(value) => value.fmt(f),
+            Self::Str(value) => value.fmt(f),
+            Self::List(values) => {
+                let values: Vec<String> = values.iter().map(Self::to_string).collect();
+                write!(f, "[{}]", values.join(", "))
+            }
+        }
+    }
+}
+
+/// The checked parameters of one node, by name.
+#[derive(Clone, Debug)]
+pub struct Params {
+    values: BTreeMap<&'static str, Value>,
+}
+
+impl Params {
+    /// Reads and checks every parameter of `specs`; what is not set has its default.
+    ///
+    /// # Errors
+    /// The first parameter that is not allowed, or a parameter server that cannot be reached.
+    pub fn read<M: Middleware>(mw: &M, specs: &[ParamSpec]) -> Result<Self> {
+        let mut values = BTreeMap::new();
+        for spec in specs {
+            let value = match mw.param(spec)? {
+                Some(value) => spec.checked(value)?,
+                None => spec.default.clone(),
+            };
+            values.insert(spec.name, value);
+        }
+        Ok(Self { values })
+    }
+
+    /// A flag; false when `name` is no parameter of this node.
+    pub fn flag(&self, name: &str) -> bool {
+        self.values.get(name).and_then(Value::as_bool).unwrap_or(false)
+    }
+
+    /// A whole number; 0 when `name` is no parameter of this node.
+    pub fn int(&self, name: &str) -> i64 {
+        self.values.get(name).and_then(Value::as_int).unwrap_or(0)
+    }
+
+    /// A whole number that is not negative.
+    pub fn count(&self, name: &str) -> usize {
+        usize::try_from(self.int(name)).unwrap_or(0)
+    }
+
+    /// A number; NaN when `name` is no parameter of this node or an empty text.
+    pub fn double(&self, name: &str) -> f64 {
+        self.values.get(name).and_then(Value::as_double).unwrap_or(f64::NAN)
+    }
+
+    /// A text; empty when `name` is no parameter of this node.
+    pub fn text(&self, name: &str) -> String {
+        self.values.get(name).map_or(String::new(), Value::to_string)
+    }
+
+    /// A text, or `None` when it is empty.
+    pub fn text_if_set(&self, name: &str) -> Option<String> {
+        Some(self.text(name)).filter(|text| !text.is_empty())
+    }
+
+    /// The items of a list as texts.
+    pub fn list(&self, name: &str) -> Vec<String> {
+        match self.values.get(name) {
+            Some(Value::List(values)) => values.iter().map(Value::to_string).collect(),
+            _ => Vec::new(),
+        }
+    }
+
+    /// All parameters with their values, for a batch's metadata.
+    pub fn all(&self) -> impl Iterator<Item = (&'static str, &Value)> {
+        self.values.iter().map(|(name, value)| (*name, value))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn spec(default: Value, allowed: Allowed) -> ParamSpec {
+        ParamSpec::new("dt", default, allowed, "")
+    }
+
+    fn text(text: &str) -> Value {
+        Value::Str(text.into())
+    }
+
+    #[test]
+    fn the_spellings_of_python_and_yaml_are_understood() {
+        let flag = spec(Value::Bool(false), Allowed::Any);
+        assert_eq!(flag.checked(text("True")).expect("a flag"), Value::Bool(true));
+        let number = spec(Value::Double(0.1), Allowed::Range(0.01, 10.0));
+        assert_eq!(number.checked(Value::Int(1)).expect("a number"), Value::Double(1.0));
+        assert_eq!(number.checked(text("0.3")).expect("a number"), Value::Double(0.3));
+        assert_eq!(spec(text("x"), Allowed::Any).checked(Value::Int(1000)).expect("a text"), text("1000"));
+    }
+
+    #[test]
+    fn a_refusal_names_value_and_what_is_allowed() {
+        let number = spec(Value::Double(0.1), Allowed::Range(0.01, 10.0));
+        let error = number.checked(Value::Double(0.0)).expect_err("too small").to_string();
+        assert_eq!(error, "parameter 'dt': 0 is not allowed; give a number from 0.01 to 10");
+        assert!(number.checked(Value::Double(f64::NAN)).is_err());
+        let word = spec(text("pcmci"), Allowed::OneOf(&["pcmci", "fpcmci"]));
+        let error = word.checked(text("pcmcy")).expect_err("unknown").to_string();
+        assert!(error.contains("did you mean 'pcmci'?"), "{error}");
+    }
 }

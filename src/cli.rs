@@ -1,0 +1,32 @@
+use clap::{Parser, Subcommand};
+use tracing_subscriber::{EnvFilter, fmt};
+
+use crate::{demo, discover};
+
+/// Finds out what causes what between robots and people.
+#[derive(Parser)]
+#[command(name = "roscausal", version, about, propagate_version = true)]
+pub(crate) struct Cli {
+    #[command(subcommand)]
+    pub(crate) command: Command,
+    /// Say more on stderr (`-v` progress of the nodes, `-vv` everything).
+    #[arg(short, long, global = true, action = clap::ArgAction::Count)]
+    verbose: u8,
+}
+
+#[derive(Subcommand)]
+pub(crate) enum Command {
+    /// Simulate a robot and a person, record them, find the causal model: the whole system in one process.
+    Demo(demo::Args),
+    /// Find the causal model of one or several CSV files with a header.
+    Discover(discover::Args),
+}
+
+impl Cli {
+    /// Logs to stderr; `RUST_LOG` has the last word.
+    pub(crate) fn start_logging(&self) {
+        let default = ["warn", "info", "debug"][usize::from(self.verbose).min(2)];
+        let filter = EnvFilter::try_from_default_env().unwrap_or_else(|_| EnvFilter::new(default));
+        fmt().with_env_filter(filter).with_writer(std::io::stderr).with_target(false).compact().init();
+    }
+}

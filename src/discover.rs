@@ -1,0 +1,191 @@
+//! `roscausal discover`: CSV in, causal model out.
+
+use std::{path::PathBuf, time::Instant};
+
+use clap::{Args as ClapArgs, ValueEnum};
+use roscausal_core::{
+    Error, Result,
+    batch::Table,
+    discovery::{Control, DataFrame, Model, analysis::{self, Settings}},
+};
+
+use crate::{chart, interrupt::Interrupt, output, report};
+
+/// Arguments of `roscausal discover`.
+#[derive(ClapArgs)]
+pub(crate) struct Args {
+    /// CSV files with a header; several are recordings of one system, no sample crosses from one to the next.
+    #[arg(required = true, value_name = "FILE.csv")]
+    files: Vec<PathBuf>,
+    #[command(flatten)]
+    pub(crate) method: MethodArgs,
+    /// Columns to analyse, separated by commas; default: all but the time.
+    #[arg(long, value_delimiter = ',')]
+    columns: Option<Vec<String>>,
+    /// Seed of all random numbers.
+    #[arg(long, default_value_t = 42)]
+    seed: u64,
+    /// Folder for the model, its pictures and tables.
+    #[arg(long, value_name = "DIR")]
+    out: Option<PathBuf>,
+    /// What to print on stdout.
+    #[arg(long, value_enum, default_value_t = Format::Text)]
+    format: Format,
+}
+
+#[derive(Clone, Copy, PartialEq, Eq, ValueEnum)]
+enum Format {
+    /// Sentences and a table.
+    Text,
+    /// One JSON object (docs/model-schema.md).
+    Json,
+}
+
+/// Arguments that say how to analyse, the same for every subcommand.
+#[derive(ClapArgs, Clone)]
+pub(crate) struct MethodArgs {
+    /// Discovery method: fpcmci, pcmci, pcmciplus, fullci, bivci, lagdep.
+    #[arg(long, default_value = "fpcmci")]
+    method: String,
+    /// Independence test: gpdc, parcorr, robustparcorr, cmiknn, gsquared.
+    #[arg(long, default_value = "gpdc")]
+    test: String,
+    /// Significance level of a link, in (0, 1).
+    #[arg(long, default_value_t = 0.05)]
+    alpha: f64,
+    /// Smallest lag, in steps.
+    #[arg(long, default_value_t = 1)]
+    tau_min: usize,
+    /// Largest lag, in steps.
+    #[arg(long, default_value_t = 1)]
+    tau_max: usize,
+    /// Level of the condition selection, in (0, 1); `auto` chooses it per variable by a score.
+    #[arg(long, default_value = "0.2")]
+    pc_alpha: String,
+    /// Level of F-PCMCI's filter; default: alpha.
+    #[arg(long)]
+    f_alpha: Option<f64>,
+    /// Estimator of F-PCMCI's filter: gaussian or kraskov.
+    #[arg(long, default_value = "gaussian")]
+    te_estimator: String,
+    /// Correction for many tests: none or fdr_bh.
+    #[arg(long, default_value = "none", default_missing_value = "fdr_bh", num_args = 0..=1)]
+    fdr: String,
+    /// Columns that nothing may cause (interventions, context), separated by commas.
+    #[arg(long, value_delimiter = ',')]
+    exogenous: Vec<String>,
+    /// Threads; default: all cores. The result does not depend on it.
+    #[arg(long)]
+    threads: Option<usize>,
+    /// Seconds after which to end with a partial result.
+    #[arg(long, value_name = "SECONDS")]
+    time_budget: Option<f64>,
+    /// Megabytes that a test may take; more is refused before it starts.
+    #[arg(long, value_name = "MB")]
+    max_memory: Option<usize>,
+}
+
+/// Runs `roscausal discover`.
+pub(crate) fn run(args: &Args, interrupt: &Interrupt) -> Result<()> {
+    let settings = args.method.settings(args.seed)?;
+    let recordings = read(args)?;
+    let dt = recordings[0].dt();
+    let mut warnings: Vec<String> = Vec::new();
+    for (file, table) in args.files.iter().zip(&recordings) {
+        warnings.extend(table.warnings.iter().map(|warning| format!("{}: {warning}", file.display())));
+    }
+    let names = recordings[0].names.clone();
+    let values = recordings.into_iter().map(|table| table.values).collect();
+    let data = DataFrame::new(values, names)?;
+    let json = args.format == Format::Json;
+    let mut model = args.method.analyse(&data, &settings, interrupt, json)?;
+    model.dt = dt;
+    model.warnings.splice(0..0, warnings);
+
+    if let Some(dir) = &args.out {
+        output::write_model(dir, &model)?;
+        for (i, recording) in data.recordings().iter().enumerate() {
+            output::write_series(dir, &format!("series_{}", i + 1), data.var_names(), recording.view(), dt)?;
+        }
+    }
+    match args.format {
+        Format::Json => print!("{}", model.to_json()),
+        Format::Text => println!("{}", report::text(&model)),
+    }
+    Ok(())
+}
+
+/// The files as tables with the same columns in the same order.
+fn read(args: &Args) -> Result<Vec<Table>> {
+    let first = Table::read(&args.files[0], args.columns.as_deref())?;
+    let mut tables = vec![first];
+    for file in &args.files[1..] {
+        let names = tables[0].names.clone();
+        let table = Table::read(file, Some(&names)).map_err(|error| match error {
+            Error::Param { reason, .. } => Error::file(file, format!("it lacks a column of the first file: {reason}")),
+            other => other,
+        })?;
+        tables.push(table);
+    }
+    Ok(tables)
+}
+
+impl MethodArgs {
+    /// The arguments as checked settings.
+    pub(crate) fn settings(&self, seed: u64) -> Result<Settings> {
+        let pc_alpha = match self.pc_alpha.as_str() {
+            "auto" | "none" => None,
+            text => Some(text.parse().map_err(|_| {
+                Error::param("pc-alpha", format!("'{text}' is neither a number in (0, 1) nor 'auto'"))
+            })?),
+        };
+        let settings = Settings {
+            method: self.method.clone(),
+            cond_ind_test: self.test.clone(),
+            alpha: self.alpha,
+            pc_alpha,
+            tau_min: self.tau_min,
+            tau_max: self.tau_max,
+            f_alpha: self.f_alpha,
+            te_estimator: self.te_estimator.clone(),
+            fdr: self.fdr.clone(),
+            exogenous: self.exogenous.clone(),
+            seed,
+            max_memory: self.max_memory.map(|megabytes| megabytes.saturating_mul(1_000_000)),
+            ..Settings::default()
+        };
+        settings.check()?;
+        Ok(settings)
+    }
+
+    /// Runs the analysis with a progress bar (unless `quiet`), the time budget and the threads asked for.
+    pub(crate) fn analyse(
+        &self,
+        data: &DataFrame,
+        settings: &Settings,
+        interrupt: &Interrupt,
+        quiet: bool,
+    ) -> Result<Model> {
+        let start = Instant::now();
+        let bar = chart::bar("discovery", 0, quiet);
+        let shown = bar.clone();
+        let mut control = Control::default().cancel_on(interrupt.flag()).on_progress(move |progress| {
+            shown.set_length(progress.estimated_total as u64);
+            shown.set_position(progress.done as u64);
+        });
+        if let Some(budget) = self.time_budget {
+            if !(budget > 0.0) {
+                return Err(Error::param("time-budget", format!("{budget} is not a number of seconds above 0")));
+            }
+            control = control.out_of_time(move || start.elapsed().as_secs_f64() > budget);
+        }
+        let pool = rayon::ThreadPoolBuilder::new()
+            .num_threads(self.threads.unwrap_or(0))
+            .build()
+            .map_err(|e| Error::param("threads", e))?;
+        let mut model = pool.install(|| analysis::analyse(data, settings, &control))?;
+        bar.finish_and_clear();
+        model.run_time_s = Some(start.elapsed().as_secs_f64());
+        Ok(model)
+    }
+}

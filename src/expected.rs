@@ -1,0 +1,26 @@
+//! The model that the paper expects, held against the one that was found.
+
+use roscausal_core::discovery::Model;
+
+/// The cross links of the paper's scenario (Castri et al. 2024, section 4), cause and effect.
+const PAPER: [(&str, &str); 4] = [("h_v", "h_dg"), ("h_dg", "h_v"), ("h_risk", "h_v"), ("h_v", "h_risk")];
+
+/// Which of the paper's links were found, which are missing, which are extra; links of a variable with its own
+/// past are expected and not counted.
+pub(crate) fn comparison(model: &Model) -> String {
+    let found: Vec<(&str, &str)> = model
+        .links
+        .iter()
+        .filter(|link| link.cause != link.effect)
+        .map(|link| (link.cause.as_str(), link.effect.as_str()))
+        .collect();
+    let mut lines = vec!["Beside the paper's expected model:".to_owned()];
+    for (cause, effect) in PAPER {
+        let mark = if found.contains(&(cause, effect)) { "found  " } else { "missing" };
+        lines.push(format!("  {mark}  {cause} -> {effect}"));
+    }
+    for (cause, effect) in found.iter().filter(|link| !PAPER.contains(link)) {
+        lines.push(format!("  extra    {cause} -> {effect}"));
+    }
+    lines.join("\n")
+}

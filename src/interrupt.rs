@@ -1,0 +1,40 @@
+//! Ctrl-C and SIGTERM as a flag that everything looks at.
+
+use std::sync::{
+    Arc,
+    atomic::{AtomicBool, Ordering},
+};
+
+/// Whether the user wants the command to end.
+#[derive(Clone)]
+pub(crate) struct Interrupt {
+    flag: Arc<AtomicBool>,
+}
+
+impl Interrupt {
+    /// Catches the first Ctrl-C (or SIGTERM) as a wish to end in good order; the second one ends at once.
+    pub(crate) fn on_ctrl_c() -> Self {
+        let flag = Arc::new(AtomicBool::new(false));
+        let wish = flag.clone();
+        let caught = ctrlc::set_handler(move || {
+            if wish.swap(true, Ordering::SeqCst) {
+                std::process::exit(130);
+            }
+            eprintln!("ending; what is recorded is kept (again: end at once)");
+        });
+        if let Err(error) = caught {
+            tracing::warn!("Ctrl-C will end without saving: {error}");
+        }
+        Self { flag }
+    }
+
+    /// Whether to end.
+    pub(crate) fn is_set(&self) -> bool {
+        self.flag.load(Ordering::SeqCst)
+    }
+
+    /// The flag itself, for what can be cancelled.
+    pub(crate) fn flag(&self) -> Arc<AtomicBool> {
+        self.flag.clone()
+    }
+}

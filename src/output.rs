@@ -1,0 +1,67 @@
+//! The folder of results: model, pictures, tables; each file whole or absent.
+
+use std::{
+    fs,
+    io::Write,
+    path::{Path, PathBuf},
+};
+
+use ndarray::ArrayView2;
+use roscausal_core::{Error, Result, discovery::Model, draw};
+
+/// Pixels per unit of the pictures.
+const SCALE: f32 = 2.0;
+
+/// Writes `model.json`, the graphs and the list of links into `dir` and returns their names.
+pub(crate) fn write_model(dir: &Path, model: &Model) -> Result<Vec<PathBuf>> {
+    let dag = draw::dag(model);
+    let tsdag = draw::tsdag(model);
+    let files = [
+        ("model.json", model.to_file_json().into_bytes()),
+        ("links.csv", links_csv(model)?),
+        ("dag.png", draw::rasterise(&dag, SCALE)?.png),
+        ("dag.svg", dag.into_bytes()),
+        ("tsdag.png", draw::rasterise(&tsdag, SCALE)?.png),
+        ("tsdag.svg", tsdag.into_bytes()),
+    ];
+    files.iter().map(|(name, bytes)| write_file(dir, name, bytes)).collect()
+}
+
+/// Writes a picture of the series, `name.svg`.
+pub(crate) fn write_series(
+    dir: &Path,
+    name: &str,
+    names: &[String],
+    values: ArrayView2<f64>,
+    dt: Option<f64>,
+) -> Result<PathBuf> {
+    write_file(dir, &format!("{name}.svg"), draw::series(names, values, dt).as_bytes())
+}
+
+/// Writes a file under a temporary name and renames it, so that nobody sees half of it.
+pub(crate) fn write_file(dir: &Path, name: &str, bytes: &[u8]) -> Result<PathBuf> {
+    let path = dir.join(name);
+    let temporary = dir.join(format!(".{name}.tmp"));
+    let write = || -> std::io::Result<()> {
+        fs::create_dir_all(dir)?;
+        let mut file = fs::File::create(&temporary)?;
+        file.write_all(bytes)?;
+        file.sync_all()?;
+        fs::rename(&temporary, &path)
+    };
+    write().map_err(|e| Error::file(&path, e))?;
+    Ok(path)
+}
+
+fn links_csv(model: &Model) -> Result<Vec<u8>> {
+    let mut writer = csv::Writer::from_writer(Vec::new());
+    let fault = |e: &dyn std::fmt::Display| Error::Data(format!("the list of links cannot be written: {e}"));
+    for link in &model.links {
+        writer.serialize(link).map_err(|e| fault(&e))?;
+    }
+    if model.links.is_empty() {
+        let header = ["cause", "effect", "lag", "value", "p_value", "mark", "n_lost"];
+        writer.write_record(header).map_err(|e| fault(&e))?;
+    }
+    writer.into_inner().map_err(|e| fault(&e))
+}

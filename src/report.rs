@@ -1,0 +1,94 @@
+//! A model in words and as a table.
+
+use roscausal_core::{
+    batch::header::plain,
+    discovery::{Model, model::Link},
+};
+
+/// The model as people read it: one sentence per link, then a table of all tested pairs.
+pub(crate) fn text(model: &Model) -> String {
+    let mut lines = vec![headline(model)];
+    if model.links.is_empty() {
+        lines.push("No causal link found: every tested pair may be independent.".to_owned());
+    }
+    lines.extend(model.links.iter().map(|link| format!("  {}", sentence(model, link))));
+    if !model.dropped.is_empty() {
+        lines.push(format!("Without any link: {}.", model.dropped.join(", ")));
+    }
+    lines.push(String::new());
+    lines.extend(table(model));
+    if model.status != "complete" {
+        lines.push(format!("This result is {}.", model.status));
+    }
+    lines.extend(model.warnings.iter().map(|warning| format!("note: {warning}")));
+    lines.join("\n")
+}
+
+fn headline(model: &Model) -> String {
+    let step = model.dt.map_or(String::new(), |dt| format!(" at steps of {dt:.3} s"));
+    let recordings = match model.n_recordings {
+        1 => String::new(),
+        n => format!(" from {n} recordings"),
+    };
+    let time = model.run_time_s.map_or(String::new(), |s| format!(", found in {s:.2} s"));
+    format!(
+        "{} with {} (alpha {}, lags {}..{}) on {} samples{recordings}{step}: {} link{}{time}",
+        model.method.to_uppercase(),
+        model.cond_ind_test,
+        model.alpha,
+        model.tau_min,
+        model.tau_max,
+        model.n_samples,
+        model.links.len(),
+        if model.links.len() == 1 { "" } else { "s" }
+    )
+}
+
+/// "h_v at t-1 (0.3 s earlier) drives h_dg: strength 0.49, p < 0.001".
+pub(crate) fn sentence(model: &Model, link: &Link) -> String {
+    let (cause, effect) = (plain(&link.cause), plain(&link.effect));
+    let earlier = match (link.lag, model.dt) {
+        (0, _) => "at the same time".to_owned(),
+        (lag, Some(dt)) => format!("at t-{lag} ({} s earlier)", rounded(lag as f64 * dt)),
+        (lag, None) => format!("at t-{lag}"),
+    };
+    let verb = match link.mark.as_str() {
+        "-->" if link.cause == link.effect => format!("{cause} {earlier} drives itself"),
+        "-->" => format!("{cause} {earlier} drives {effect}"),
+        _ => format!("{cause} and {effect} depend on each other {earlier}, direction open"),
+    };
+    format!("{verb}: strength {:.2}, {}", link.value, p_value(model, link.p_value))
+}
+
+/// `p < 0.001`, `p = 0.012`; a share of 500 null values that is 0 is `p < 0.002`.
+fn p_value(model: &Model, p: f64) -> String {
+    let smallest = if model.cond_ind_test.starts_with("gpdc") { 0.002 } else { 0.001 };
+    if p < smallest { format!("p < {smallest}") } else { format!("p = {p:.3}") }
+}
+
+fn rounded(seconds: f64) -> f64 {
+    (seconds * 1000.0).round() / 1000.0
+}
+
+fn table(model: &Model) -> Vec<String> {
+    let names: Vec<String> = model.features.iter().map(|name| plain(name)).collect();
+    let width = names.iter().map(String::len).max().unwrap_or(0).max("effect".len());
+    let mut lines = vec![format!("{:width$}  {:width$}  lag  strength   p-value  link", "cause", "effect")];
+    for (i, cause) in names.iter().enumerate() {
+        for (j, effect) in names.iter().enumerate() {
+            for lag in model.tau_min..=model.tau_max {
+                if lag == 0 && i == j {
+                    continue;
+                }
+                let (value, p) = (model.val_matrix[i][j][lag], model.p_matrix[i][j][lag]);
+                let mark = &model.graph[i][j][lag];
+                if model.features.len() > 8 && mark.is_empty() {
+                    continue;
+                }
+                let mark = if mark.is_empty() { "-" } else { mark };
+                lines.push(format!("{cause:width$}  {effect:width$}  {lag:3}  {value:8.3}  {p:8.4}  {mark}"));
+            }
+        }
+    }
+    lines
+}

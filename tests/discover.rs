@@ -1,0 +1,161 @@
+//! `roscausal discover` as its users call it: what it prints, writes and complains about.
+
+use std::{fs, path::Path, process::Output};
+
+use serde_json::Value;
+use tempfile::TempDir;
+
+fn roscausal(dir: &Path, args: &[&str]) -> Output {
+    std::process::Command::new(env!("CARGO_BIN_EXE_roscausal"))
+        .args(args)
+        .current_dir(dir)
+        .output()
+        .expect("the command starts")
+}
+
+fn folder(file: &str, content: &str) -> TempDir {
+    let dir = tempfile::tempdir().expect("a temporary folder");
+    fs::write(dir.path().join(file), content).expect("writes");
+    dir
+}
+
+/// `a` drives `b` one step later; deterministic noise.
+fn coupled(rows: usize) -> String {
+    let mut state = 7_u64;
+    let mut noise = || {
+        state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        (state >> 33) as f64 / f64::from(1_u32 << 31) - 0.5
+    };
+    let (mut a, mut b) = (0.0, 0.0);
+    let mut csv = "time,a,b\n".to_owned();
+    for row in 0..rows {
+        (a, b) = (0.4 * a + noise(), 0.3 * b + 0.8 * a + 0.5 * noise());
+        csv += &format!("{},{a},{b}\n", row as f64 * 0.25);
+    }
+    csv
+}
+
+fn complaint(csv: &str, args: &[&str], code: i32) -> String {
+    let dir = folder("data.csv", csv);
+    let all: Vec<&str> = ["discover", "data.csv"].iter().chain(args).copied().collect();
+    let out = roscausal(dir.path(), &all);
+    let text = String::from_utf8_lossy(&out.stderr).into_owned();
+    assert_eq!(out.status.code(), Some(code), "{text}");
+    assert!(out.stdout.is_empty(), "stdout is for results");
+    assert!(!text.contains("panicked"), "{text}");
+    text
+}
+
+fn has(text: &str, words: &[&str]) {
+    for word in words {
+        assert!(text.contains(word), "'{word}' is missing in: {text}");
+    }
+}
+
+#[test]
+fn json_on_stdout_is_one_object_and_finds_the_link() {
+    let dir = folder("data.csv", &coupled(300));
+    let out = roscausal(dir.path(), &["discover", "data.csv", "--method", "pcmci", "--test", "parcorr", "--format", "json"]);
+    assert!(out.status.success(), "{}", String::from_utf8_lossy(&out.stderr));
+    let model: Value = serde_json::from_slice(&out.stdout).expect("JSON");
+    assert_eq!(model["features"], serde_json::json!(["a", "b"]));
+    assert_eq!(model["n_samples"], 298);
+    assert_eq!(model["graph"][0][1][1], "-->");
+    assert_eq!(model["graph"][1][0][1], "");
+    assert_eq!(model["causal_structure"][0][1][0], 1);
+    assert!((model["dt"].as_f64().expect("dt") - 0.25).abs() < 1e-9);
+}
+
+#[test]
+fn text_says_the_link_as_a_sentence() {
+    let dir = folder("data.csv", &coupled(300));
+    let out = roscausal(dir.path(), &["discover", "data.csv", "--test", "parcorr"]);
+    has(&String::from_utf8_lossy(&out.stdout), &["a at t-1 (0.25 s earlier) drives b: strength 0.", "p < 0.001"]);
+}
+
+#[test]
+fn out_holds_model_pictures_and_links() {
+    let dir = folder("data.csv", &coupled(200));
+    let out = roscausal(dir.path(), &["discover", "data.csv", "--test", "parcorr", "--out", "result"]);
+    assert!(out.status.success());
+    for file in ["model.json", "links.csv", "dag.svg", "dag.png", "tsdag.svg", "tsdag.png", "series_1.svg"] {
+        assert!(dir.path().join("result").join(file).is_file(), "{file}");
+    }
+}
+
+#[test]
+fn any_number_of_threads_and_any_run_gives_the_same_bytes() {
+    let dir = folder("data.csv", &coupled(150));
+    let model = |out: &str, threads: &str| {
+        let args = ["discover", "data.csv", "--test", "gpdc", "--out", out, "--threads", threads];
+        assert!(roscausal(dir.path(), &args).status.success());
+        fs::read(dir.path().join(out).join("model.json")).expect("a model")
+    };
+    let one = model("one", "1");
+    assert_eq!(one, model("two", "2"));
+    assert_eq!(one, model("again", "1"));
+}
+
+#[test]
+fn bad_files_are_named_with_line_and_column_and_the_way_out() {
+    has(&complaint("", &[], 1), &["data.csv", "empty"]);
+    has(&complaint("a,b\n", &[], 1), &["data.csv", "only a header"]);
+    has(&complaint("a,b\n1,2\nfast,3\n", &[], 1), &["line 3", "'a'", "fast", "--columns"]);
+    has(&complaint("a,b\n1,2\n3\n", &[], 1), &["line 3", "1 cell"]);
+    has(&complaint("a,b,a\n1,2,3\n", &[], 1), &["column 1", "column 3", "'a'"]);
+    has(&complaint("time,a,b\n1,1,1\n0,1,2\n", &[], 1), &["line 3", "time goes back"]);
+    has(&complaint("a,b\n1,2\n2,3\n3,1\n", &["--test", "parcorr"], 1), &["samples", "needed"]);
+    has(&complaint("a\n1\n2\n", &[], 1), &["one variable", "two"]);
+    let missing = roscausal(Path::new("."), &["discover", "no_such.csv"]);
+    assert_eq!(missing.status.code(), Some(1));
+    has(&String::from_utf8_lossy(&missing.stderr), &["no_such.csv"]);
+}
+
+#[test]
+fn unknown_names_get_the_nearest_one() {
+    let data = coupled(50);
+    has(&complaint(&data, &["--method", "pcmcy"], 2), &["pcmcy", "did you mean 'pcmci'"]);
+    has(&complaint(&data, &["--test", "parcor"], 2), &["parcor", "did you mean 'parcorr'"]);
+    has(&complaint("speed,goal\n1,2\n2,3\n", &["--columns", "sped,goal"], 2), &["sped", "did you mean 'speed'"]);
+}
+
+#[test]
+fn numbers_out_of_range_are_bad_usage() {
+    let data = coupled(50);
+    for args in [
+        ["--alpha", "0"],
+        ["--alpha", "1.5"],
+        ["--alpha", "nan"],
+        ["--pc-alpha", "2"],
+        ["--pc-alpha", "x"],
+        ["--fdr", "maybe"],
+        ["--time-budget", "0"],
+    ] {
+        has(&complaint(&data, &args, 2), &[args[0].trim_start_matches('-')]);
+    }
+    has(&complaint(&data, &["--tau-min", "3", "--tau-max", "1"], 2), &["tau"]);
+}
+
+#[test]
+fn missing_cells_and_constant_columns_are_told_and_survived() {
+    let mut data = coupled(200);
+    data = data.replacen("\n0.25,", "\n0.25,,", 1).replace("time,a,b", "time,a,b");
+    let rows: Vec<String> = data
+        .lines()
+        .enumerate()
+        .map(|(i, line)| match i {
+            0 => "time,a,b,c".to_owned(),
+            2 => "0.25,,NaN,1".to_owned(),
+            _ => format!("{line},1"),
+        })
+        .collect();
+    let dir = folder("data.csv", &rows.join("\n"));
+    let out = roscausal(dir.path(), &["discover", "data.csv", "--method", "pcmci", "--test", "parcorr", "--format", "json"]);
+    assert!(out.status.success(), "{}", String::from_utf8_lossy(&out.stderr));
+    let text = String::from_utf8_lossy(&out.stdout);
+    let model: Value = serde_json::from_str(&text).expect("JSON");
+    has(&model["warnings"].to_string(), &["'a': 1 of 200", "'c' is constant"]);
+    assert_eq!(model["graph"][0][1][1], "-->");
+    assert_eq!(model["graph"][2][1][1], "");
+    assert_eq!(model["p_matrix"][2][1][1], 1.0);
+}
