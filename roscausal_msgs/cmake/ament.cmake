@@ -1,0 +1,22 @@
+# ROS 2: copies of the .msg files in its spelling. `pose2D` is no legal field name there, `time` is a message.
+find_package(ament_cmake REQUIRED)
+find_package(builtin_interfaces REQUIRED)
+find_package(geometry_msgs REQUIRED)
+find_package(rosidl_default_generators REQUIRED)
+find_package(std_msgs REQUIRED)
+
+set(interfaces "")
+foreach(file IN LISTS ROSCAUSAL_MSG_FILES)
+  set(source "${CMAKE_CURRENT_SOURCE_DIR}/msg/${file}")
+  set_property(DIRECTORY APPEND PROPERTY CMAKE_CONFIGURE_DEPENDS "${source}")
+  file(READ "${source}" text)
+  string(REGEX REPLACE "(^|\n)([A-Za-z0-9_/]+(\\[[0-9]*\\])?[ \t]+)pose2D" "\\1\\2pose2d" text "${text}")
+  string(REGEX REPLACE "(^|\n)time([ \t[])" "\\1builtin_interfaces/Time\\2" text "${text}")
+  string(REGEX REPLACE "(^|\n)duration([ \t[])" "\\1builtin_interfaces/Duration\\2" text "${text}")
+  file(GENERATE OUTPUT "${CMAKE_CURRENT_BINARY_DIR}/ros2/msg/${file}" CONTENT "${text}")
+  list(APPEND interfaces "${CMAKE_CURRENT_BINARY_DIR}/ros2:msg/${file}")
+endforeach()
+
+rosidl_generate_interfaces(${PROJECT_NAME} ${interfaces} DEPENDENCIES builtin_interfaces std_msgs geometry_msgs)
+ament_export_dependencies(rosidl_default_runtime)
+ament_package()
