@@ -61,22 +61,34 @@ impl ParamSpec {
             (Value::Int(_), value) => Value::Int(value.as_int().ok_or_else(|| fault("a whole number"))?),
             (Value::Double(_), value) => Value::Double(value.as_double().ok_or_else(|| fault("a number"))?),
             (Value::Str(_), Value::List(_)) => return Err(fault("a text")),
-            (Value::Str(_), Value::Str(text)) if matches!(text.as_str(), "None" | "none") => Value::Str(String::new()),
+            (Value::Str(_), Value::Str(text)) if matches!(text.as_str(), "None" | "none") => {
+                Value::Str(String::new())
+            }
             (Value::Str(_), value) => Value::Str(value.to_string()),
             (Value::List(_), Value::List(_)) => value,
             (Value::List(_), Value::Str(text)) => Value::List(
-                text.split(',').map(str::trim).filter(|t| !t.is_empty()).map(|t| Value::Str(t.to_owned())).collect(),
+                text.split(',')
+                    .map(str::trim)
+                    .filter(|t| !t.is_empty())
+                    .map(|t| Value::Str(t.to_owned()))
+                    .collect(),
             ),
             (Value::List(_), _) => return Err(fault("a list")),
         };
         match &self.allowed {
             Allowed::Range(low, high) if !value.as_double().is_some_and(|v| v >= *low && v <= *high) => {
-                Err(Error::param(self.name, format!("{value} is not allowed; give a number from {low} to {high}")))
+                Err(Error::param(
+                    self.name,
+                    format!("{value} is not allowed; give a number from {low} to {high}"),
+                ))
             }
             Allowed::OneOf(words) if !words.contains(&value.to_string().as_str()) => {
                 let hint = header::nearest(words, &value.to_string());
                 let hint = hint.map_or(String::new(), |near| format!("did you mean '{near}'? "));
-                Err(Error::param(self.name, format!("'{value}' is unknown; {hint}allowed: {}", words.join(", "))))
+                Err(Error::param(
+                    self.name,
+                    format!("'{value}' is unknown; {hint}allowed: {}", words.join(", ")),
+                ))
             }
             _ => Ok(value),
         }
