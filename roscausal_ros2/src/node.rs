@@ -1,0 +1,319 @@
+//! A node on a ROS 2 network.
+
+use std::{
+    collections::HashMap,
+    net::{IpAddr, Ipv4Addr},
+    sync::{
+        Arc, Mutex, MutexGuard, PoisonError, Weak,
+        atomic::{AtomicBool, AtomicI64, Ordering},
+    },
+    thread,
+    time::{Duration, SystemTime},
+};
+
+use roscausal_core::{
+    Error, Message, Result, Time,
+    inbox::Consumer,
+    middleware::{Middleware, Qos},
+    params::{ParamSpec, Value},
+};
+use roscausal_msgs::rosgraph_msgs::Clock;
+use ros2_client::{Context, MessageTypeName, Name, NodeName, NodeOptions};
+use rustdds::{DomainParticipantBuilder, Topic};
+use tracing::{error, warn};
+
+use crate::{
+    args::Args,
+    graph::{Graph, published_topics},
+    names::Names,
+    parameters::{Parameters, USE_SIM_TIME, ros2_name},
+    services::ParameterServices,
+    spinner::Spinner,
+    topics::{self, Ros2Publisher, Ros2Subscription},
+};
+
+/// One node on a ROS 2 network. Cheap to clone; the clones are one node, which leaves the graph with the last.
+#[derive(Clone)]
+pub struct Ros2 {
+    inner: Arc<Inner>,
+}
+
+pub(crate) struct Inner {
+    pub(crate) names: Names,
+    pub(crate) graph: Arc<Graph>,
+    pub(crate) spinner: Spinner,
+    pub(crate) parameters: Arc<Parameters>,
+    services: ParameterServices,
+    /// `None` once the node has left the graph.
+    session: Mutex<Option<Session>>,
+    /// Type of each topic that this node uses.
+    types: Mutex<HashMap<String, String>>,
+    sim_time: AtomicBool,
+    /// The last `/clock`, nanoseconds.
+    clock: AtomicI64,
+    clock_subscription: Mutex<Option<Ros2Subscription>>,
+    alive: AtomicBool,
+    failed: AtomicBool,
+    consumers: Mutex<Vec<Arc<dyn Consumer>>>,
+}
+
+/// The library's handles, in the order in which they are dropped.
+pub(crate) struct Session {
+    pub(crate) node: ros2_client::Node,
+    pub(crate) context: Context,
+}
+
+/// How long after its start a node names the parameters that it was given and never asked for.
+const PARAMETERS_READ_WITHIN: Duration = Duration::from_secs(2);
+
+pub(crate) fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+    mutex.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+fn middleware(what: &str, reason: impl std::fmt::Display) -> Error {
+    Error::Middleware(format!("{what}: {reason}"))
+}
+
+impl Ros2 {
+    /// Joins the graph as one node.
+    ///
+    /// # Errors
+    /// When the network cannot be used, or `use_sim_time` was given something else than a boolean.
+    pub fn start(args: &Args) -> Result<Self> {
+        let mut builder = DomainParticipantBuilder::new(args.network.domain_id);
+        if args.network.localhost_only {
+            builder = builder.with_only_networks([IpAddr::V4(Ipv4Addr::LOCALHOST)]);
+        }
+        let domain = format!("cannot join DDS domain {}", args.network.domain_id);
+        let participant = builder.build().map_err(|error| middleware(&domain, error))?;
+        let context = Context::from_domain_participant(participant).map_err(|error| middleware(&domain, error))?;
+        let names = args.names.clone();
+        let name = NodeName::new(names.namespace(), names.node()).map_err(|error| middleware("node name", error))?;
+        // Its parameter store knows no descriptions and its /rosout history grows for ever: both are ours.
+        let options = NodeOptions::new().enable_rosout(false).start_parameter_services(false);
+        let mut node = context.new_node(name, options).map_err(|error| middleware("cannot make the node", error))?;
+        let parameters = Arc::new(Parameters::new(args.overrides.clone()));
+        let services = ParameterServices::new(&context, &mut node, &names)?;
+        let (panicked, panics) = std::sync::mpsc::channel();
+        let spinner = Spinner::start(panicked).map_err(|error| middleware("cannot start a thread", error))?;
+        let inner = Arc::new_cyclic(|weak: &Weak<Inner>| Inner {
+            graph: Arc::default(),
+            spinner,
+            names,
+            parameters,
+            services,
+            session: Mutex::new(Some(Session { node, context: context.clone() })),
+            types: Mutex::default(),
+            sim_time: AtomicBool::new(false),
+            clock: AtomicI64::new(0),
+            clock_subscription: Mutex::default(),
+            alive: AtomicBool::new(true),
+            failed: AtomicBool::new(false),
+            consumers: Mutex::default(),
+        });
+        let graph = inner.graph.clone();
+        inner.spinner.spawn("discovery".into(), move || async move { graph.watch(context).await });
+        inner.services.serve(&inner);
+        let this = Self { inner };
+        let sim_time = this.param(&USE_SIM_TIME)? == Some(Value::Bool(true));
+        this.inner.use_sim_time(sim_time)?;
+        this.warn_of_unknown_parameters();
+        Ok(this)
+    }
+
+    /// Leaves the graph at once, whatever the node is still doing; publishing then fails.
+    pub fn leave(&self) {
+        self.inner.leave();
+    }
+
+    /// Ends the node as failed: what it stands on has broken.
+    pub fn fail(&self, reason: &str) {
+        self.inner.fail(reason);
+    }
+
+    /// True when the node ends because something broke, so that whoever started it should start it again.
+    pub fn failed(&self) -> bool {
+        self.inner.failed.load(Ordering::SeqCst)
+    }
+
+    pub(crate) fn inner(&self) -> &Arc<Inner> {
+        &self.inner
+    }
+
+    fn warn_of_unknown_parameters(&self) {
+        let inner = Arc::downgrade(&self.inner);
+        let warn = move || {
+            thread::sleep(PARAMETERS_READ_WITHIN);
+            let Some(inner) = inner.upgrade() else { return };
+            for (name, near) in inner.parameters.unknown_overrides() {
+                let near = near.map_or(String::new(), |near| format!("; did you mean '{near}'?"));
+                warn!("parameter '{name}' was set, but {} has none of this name{near}", inner.names.full_name());
+            }
+        };
+        // Without that thread only the warning is missing.
+        let _ = thread::Builder::new().name("parameter names".into()).spawn(warn);
+    }
+}
+
+fn fail_on_panic(inner: Weak<Inner>) -> impl Fn(String) + Send + 'static {
+    move |task| {
+        if let Some(inner) = inner.upgrade() {
+            inner.fail(&format!("the handling of {task} broke off"));
+        }
+    }
+}
+
+impl Inner {
+    /// Does something with the library's handles.
+    ///
+    /// # Errors
+    /// When the node has left the graph.
+    pub(crate) fn session<T>(&self, work: impl FnOnce(&mut Session) -> T) -> Result<T> {
+        let mut session = lock(&self.session);
+        session.as_mut().map(work).ok_or_else(|| Error::Middleware("the node has left the graph".into()))
+    }
+
+    /// The DDS topic behind an absolute name; refuses a second type for the same name.
+    pub(crate) fn topic<M: Message>(&self, name: &str, qos: Qos) -> Result<Topic> {
+        let wanted = M::type_name();
+        let reason = {
+            let mut types = lock(&self.types);
+            let known = types.entry(name.to_owned()).or_insert_with(|| wanted.clone());
+            (*known != wanted).then(|| format!("it carries {known}, not {wanted}; check the topic's name"))
+        };
+        let fail = |reason| Error::Topic { topic: name.to_owned(), reason };
+        if let Some(reason) = reason {
+            return Err(fail(reason));
+        }
+        let dds_name = Name::parse(name).map_err(|error| fail(error.to_string()))?;
+        let kind = MessageTypeName::new(M::PACKAGE, M::NAME);
+        let profile = topics::profile(qos, topics::Side::Publisher);
+        let topic = self.session(|session| session.node.create_topic(&dds_name, kind, &profile))?;
+        topic.map_err(|error| fail(error.to_string()))
+    }
+
+    fn use_sim_time(self: &Arc<Self>, on: bool) -> Result<()> {
+        self.sim_time.store(on, Ordering::SeqCst);
+        let mut subscription = lock(&self.clock_subscription);
+        if !on {
+            *subscription = None;
+        } else if subscription.is_none() {
+            let inner = Arc::downgrade(self);
+            let tick = move |message: Clock| {
+                if let Some(inner) = inner.upgrade() {
+                    inner.clock.store(message.clock.as_nanos(), Ordering::SeqCst);
+                    inner.wake();
+                }
+            };
+            *subscription = Some(topics::subscribe(self, "/clock", Qos::Volatile(10), tick)?);
+        }
+        Ok(())
+    }
+
+    pub(crate) fn services(&self) -> &ParameterServices {
+        &self.services
+    }
+
+    /// Called for each parameter set from outside.
+    pub(crate) fn parameter_set(self: &Arc<Self>, name: &str, value: &Value) {
+        if name == USE_SIM_TIME.name
+            && let Err(error) = self.use_sim_time(*value == Value::Bool(true))
+        {
+            error!("{error}");
+        }
+    }
+
+    /// Time of the clock in use; 0 while `/clock` is awaited.
+    pub(crate) fn now(&self) -> Time {
+        if self.sim_time.load(Ordering::SeqCst) {
+            return Time::from_nanos(self.clock.load(Ordering::SeqCst));
+        }
+        let since_epoch = SystemTime::now().duration_since(SystemTime::UNIX_EPOCH).unwrap_or_default();
+        Time::from_nanos(i64::try_from(since_epoch.as_nanos()).unwrap_or(i64::MAX))
+    }
+
+    fn wake(&self) {
+        let consumers = lock(&self.consumers).clone();
+        consumers.iter().for_each(|consumer| consumer.wake());
+    }
+
+    fn shutdown(&self) {
+        self.alive.store(false, Ordering::SeqCst);
+        self.wake();
+    }
+
+    fn fail(&self, reason: &str) {
+        error!("{reason}; the node ends, to be started again");
+        self.failed.store(true, Ordering::SeqCst);
+        self.shutdown();
+    }
+
+    fn leave(&self) {
+        self.alive.store(false, Ordering::SeqCst);
+        drop(lock(&self.clock_subscription).take());
+        self.spinner.stop();
+        drop(lock(&self.session).take());
+    }
+}
+
+impl Drop for Inner {
+    fn drop(&mut self) {
+        self.leave();
+    }
+}
+
+impl Middleware for Ros2 {
+    type Publisher<M: Message> = Ros2Publisher<M>;
+    type Subscription = Ros2Subscription;
+
+    fn node_name(&self) -> String {
+        self.inner.names.full_name()
+    }
+
+    fn advertise<M: Message>(&self, topic: &str, qos: Qos) -> Result<Self::Publisher<M>> {
+        Ros2Publisher::new(&self.inner, topic, qos)
+    }
+
+    fn subscribe<M: Message>(
+        &self,
+        topic: &str,
+        qos: Qos,
+        callback: impl FnMut(M) + Send + 'static,
+    ) -> Result<Self::Subscription> {
+        topics::subscribe(&self.inner, topic, qos, callback)
+    }
+
+    fn param(&self, spec: &ParamSpec) -> Result<Option<Value>> {
+        let (value, new) = self.inner.parameters.declare(spec)?;
+        if new {
+            self.inner.services.announce(&self.inner, &[&ros2_name(spec.name)], true);
+        }
+        Ok(value)
+    }
+
+    fn set_param(&self, name: &str, value: Value) -> Result<()> {
+        self.inner.parameters.put(name, value);
+        self.inner.services.announce(&self.inner, &[&ros2_name(name)], false);
+        Ok(())
+    }
+
+    fn now(&self) -> Time {
+        self.inner.now()
+    }
+
+    fn is_ok(&self) -> bool {
+        self.inner.alive.load(Ordering::SeqCst)
+    }
+
+    fn shutdown(&self) {
+        self.inner.shutdown();
+    }
+
+    fn attach(&self, consumer: Arc<dyn Consumer>) {
+        lock(&self.inner.consumers).push(consumer);
+    }
+
+    fn topics(&self) -> Vec<(String, String)> {
+        self.inner.session(|session| published_topics(&session.context)).unwrap_or_default()
+    }
+}

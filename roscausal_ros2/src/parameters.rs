@@ -1,0 +1,279 @@
+//! A node's parameters: declared with descriptions and ranges, served by the standard services.
+
+use std::{
+    collections::BTreeMap,
+    sync::{Mutex, MutexGuard, PoisonError},
+};
+
+use roscausal_core::{
+    Error, Result,
+    params::{Allowed, ParamSpec, Value},
+};
+use ros2_client::{
+    parameters::raw,
+    rcl_interfaces::{ListParametersResult, SetParametersRequest},
+};
+
+/// The parameters of one node.
+pub(crate) struct Parameters {
+    /// Values from the command line and the parameter files.
+    overrides: BTreeMap<String, Value>,
+    declared: Mutex<BTreeMap<String, Declared>>,
+}
+
+struct Declared {
+    default: Value,
+    description: String,
+    allowed: Allowed,
+    /// `None` while nobody has set it.
+    value: Option<Value>,
+}
+
+/// The parameter that every node has: time comes from `/clock`.
+pub(crate) const USE_SIM_TIME: ParamSpec = ParamSpec {
+    name: "use_sim_time",
+    default: Value::Bool(false),
+    description: "Take time from /clock",
+    allowed: Allowed::Any,
+};
+
+impl Parameters {
+    pub(crate) fn new(overrides: BTreeMap<String, Value>) -> Self {
+        Self { overrides, declared: Mutex::default() }
+    }
+
+    fn lock(&self) -> MutexGuard<'_, BTreeMap<String, Declared>> {
+        self.declared.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Declares a parameter unless it is declared already. The value set for it, and whether it is new.
+    ///
+    /// # Errors
+    /// When the value it was started with is not allowed.
+    pub(crate) fn declare(&self, spec: &ParamSpec) -> Result<(Option<Value>, bool)> {
+        let name = ros2_name(spec.name);
+        let mut declared = self.lock();
+        if let Some(known) = declared.get(&name) {
+            return Ok((known.value.clone(), false));
+        }
+        let mut entry = Declared {
+            default: spec.default.clone(),
+            description: spec.description.to_owned(),
+            allowed: spec.allowed.clone(),
+            value: None,
+        };
+        if let Some(value) = self.overrides.get(&name) {
+            entry.value = Some(entry.check(value.clone()).map_err(|reason| Error::param(&name, reason))?);
+        }
+        let value = entry.value.clone();
+        declared.insert(name, entry);
+        Ok((value, true))
+    }
+
+    /// The value of now, as the wire has it; "not set" for an unknown name.
+    pub(crate) fn get(&self, name: &str) -> raw::ParameterValue {
+        let declared = self.lock();
+        let value = declared.get(name).map(|entry| to_wire(entry.value.as_ref().unwrap_or(&entry.default)));
+        value.unwrap_or_else(not_set)
+    }
+
+    /// Sets parameters, all of them or, with a reason, none. What was set is returned.
+    pub(crate) fn set(&self, changes: Vec<(String, Option<Value>)>) -> std::result::Result<Vec<(String, Value)>, String> {
+        let mut declared = self.lock();
+        let mut checked = Vec::new();
+        for (name, value) in changes {
+            let Some(entry) = declared.get(&name) else {
+                let near = nearest(&name, declared.keys()).map_or(String::new(), |near| format!("; did you mean '{near}'?"));
+                return Err(format!("parameter '{name}' is not declared{near}"));
+            };
+            let value = value.ok_or_else(|| format!("parameter '{name}': cannot be unset; set it to a value"))?;
+            let value = entry.check(value).map_err(|reason| format!("parameter '{name}': {reason}"))?;
+            checked.push((name, value));
+        }
+        for (name, value) in &checked {
+            if let Some(entry) = declared.get_mut(name) {
+                entry.value = Some(value.clone());
+            }
+        }
+        Ok(checked)
+    }
+
+    /// Sets a parameter from within the node, declaring it when it is new.
+    pub(crate) fn put(&self, name: &str, value: Value) {
+        let mut declared = self.lock();
+        let entry = declared.entry(ros2_name(name)).or_insert_with(|| Declared {
+            default: value.clone(),
+            description: "Set by the node".into(),
+            allowed: Allowed::Any,
+            value: None,
+        });
+        entry.value = Some(value);
+    }
+
+    /// Answers `list_parameters`: `depth` 0 is any depth, prefixes are names up to a `.`.
+    pub(crate) fn list(&self, prefixes: &[String], depth: u64) -> ListParametersResult {
+        let shallow = |rest: &str| depth == 0 || (rest.matches('.').count() as u64) < depth;
+        let listed = |name: &&String| {
+            if prefixes.is_empty() {
+                return shallow(name);
+            }
+            prefixes.iter().any(|prefix| {
+                let below = name.strip_prefix(prefix.as_str()).and_then(|rest| rest.strip_prefix('.'));
+                *name == prefix || below.is_some_and(shallow)
+            })
+        };
+        let names: Vec<_> = self.lock().keys().filter(listed).cloned().collect();
+        let mut prefixes: Vec<_> =
+            names.iter().filter_map(|name| Some(name.rsplit_once('.')?.0.to_owned())).collect();
+        prefixes.dedup();
+        ListParametersResult { names, prefixes }
+    }
+
+    /// Answers `describe_parameters` for one name; type 0 for an unknown one.
+    pub(crate) fn describe(&self, name: &str) -> raw::ParameterDescriptor {
+        let declared = self.lock();
+        let entry = declared.get(name);
+        let mut descriptor = raw::ParameterDescriptor {
+            name: name.to_owned(),
+            r#type: 0,
+            description: String::new(),
+            additional_constraints: String::new(),
+            read_only: false,
+            dynamic_typing: false,
+            floating_point_range: vec![],
+            integer_range: vec![],
+        };
+        let Some(entry) = entry else { return descriptor };
+        descriptor.r#type = to_wire(&entry.default).ptype;
+        descriptor.description = entry.description.clone();
+        match (&entry.allowed, &entry.default) {
+            (Allowed::Range(from, to), Value::Int(_)) => {
+                let (from_value, to_value) = (*from as i64, *to as i64);
+                descriptor.integer_range = vec![raw::IntegerRange { from_value, to_value, step: 0 }];
+            }
+            (Allowed::Range(from, to), _) => {
+                let (from_value, to_value) = (*from, *to);
+                descriptor.floating_point_range = vec![raw::FloatingPointRange { from_value, to_value, step: 0.0 }];
+            }
+            (Allowed::OneOf(words), _) => descriptor.additional_constraints = format!("one of: {}", words.join(", ")),
+            (Allowed::Any, _) => {}
+        }
+        descriptor
+    }
+
+    /// Names that were set at the start but that the node does not know, each with the nearest known one.
+    pub(crate) fn unknown_overrides(&self) -> Vec<(String, Option<String>)> {
+        let declared = self.lock();
+        let unknown = self.overrides.keys().filter(|name| !declared.contains_key(*name));
+        unknown.map(|name| (name.clone(), nearest(name, declared.keys()))).collect()
+    }
+}
+
+impl Declared {
+    /// The value as the declared type, or why it is refused.
+    fn check(&self, value: Value) -> std::result::Result<Value, String> {
+        let value = convert(value, &self.default)?;
+        match (&self.allowed, &value) {
+            (Allowed::Range(from, to), Value::Int(_) | Value::Double(_)) => {
+                let number = match value {
+                    Value::Int(int) => int as f64,
+                    Value::Double(double) => double,
+                    _ => return Ok(value),
+                };
+                if !(*from..=*to).contains(&number) {
+                    return Err(format!("{number} is out of range; allowed are {from} to {to}"));
+                }
+            }
+            (Allowed::OneOf(words), Value::Str(text)) if !words.contains(&text.as_str()) => {
+                return Err(format!("'{text}' is not allowed; use one of {}", words.join(", ")));
+            }
+            _ => {}
+        }
+        Ok(value)
+    }
+}
+
+/// A value as the type of `like`, with the liberties that users of YAML and of the ROS 1 node expect: a whole
+/// number for a double, `yes`, `on` or `True` for a boolean.
+fn convert(value: Value, like: &Value) -> std::result::Result<Value, String> {
+    Ok(match (value, like) {
+        (Value::Int(int), Value::Double(_)) => Value::Double(int as f64),
+        (Value::Str(text), Value::Bool(_)) => match text.to_ascii_lowercase().as_str() {
+            "true" | "yes" | "on" | "y" => Value::Bool(true),
+            "false" | "no" | "off" | "n" => Value::Bool(false),
+            _ => return Err(format!("'{text}' is no boolean; use true or false")),
+        },
+        (Value::List(items), Value::List(likes)) => match likes.first() {
+            Some(like) => Value::List(items.into_iter().map(|item| convert(item, like)).collect::<std::result::Result<_, _>>()?),
+            None => Value::List(items),
+        },
+        (value, like) if std::mem::discriminant(&value) == std::mem::discriminant(like) => value,
+        (value, like) => return Err(format!("is {}, must be {}", kind(&value), kind(like))),
+    })
+}
+
+fn kind(value: &Value) -> &'static str {
+    match value {
+        Value::Bool(_) => "a boolean",
+        Value::Int(_) => "an integer",
+        Value::Double(_) => "a double",
+        Value::Str(_) => "a string",
+        Value::List(_) => "a list",
+    }
+}
+
+fn nearest<'a>(name: &str, known: impl Iterator<Item = &'a String>) -> Option<String> {
+    let likeness = known.map(|known| (strsim::jaro_winkler(name, known), known));
+    let (likeness, known) = likeness.max_by(|a, b| a.0.total_cmp(&b.0))?;
+    (likeness > 0.75).then(|| known.clone())
+}
+
+/// ROS 2 has no parameters outside nodes: an absolute ROS 1 name `/a/b` is this node's `a.b`.
+pub(crate) fn ros2_name(name: &str) -> String {
+    name.strip_prefix('/').map_or_else(|| name.to_owned(), |name| name.replace('/', "."))
+}
+
+fn not_set() -> raw::ParameterValue {
+    ros2_client::ParameterValue::NotSet.into()
+}
+
+/// A value as `rcl_interfaces/ParameterValue`.
+pub(crate) fn to_wire(value: &Value) -> raw::ParameterValue {
+    use ros2_client::ParameterValue as Wire;
+    macro_rules! list {
+        ($items:expr, $kind:path, $array:path) => {
+            $array($items.iter().filter_map(|item| match item { $kind(item) => Some(item.clone()), _ => None }).collect())
+        };
+    }
+    match value {
+        Value::Bool(value) => Wire::Boolean(*value),
+        Value::Int(value) => Wire::Integer(*value),
+        Value::Double(value) => Wire::Double(*value),
+        Value::Str(value) => Wire::String(value.clone()),
+        Value::List(items) => match items.first() {
+            Some(Value::Bool(_)) => list!(items, Value::Bool, Wire::BooleanArray),
+            Some(Value::Int(_)) => list!(items, Value::Int, Wire::IntegerArray),
+            Some(Value::Double(_)) => list!(items, Value::Double, Wire::DoubleArray),
+            _ => list!(items, Value::Str, Wire::StringArray),
+        },
+    }
+    .into()
+}
+
+/// The values of a set request; `None` for "unset".
+pub(crate) fn from_wire(request: SetParametersRequest) -> Vec<(String, Option<Value>)> {
+    use ros2_client::ParameterValue as Wire;
+    let value = |value: raw::ParameterValue| match value.into() {
+        Wire::NotSet => None,
+        Wire::Boolean(value) => Some(Value::Bool(value)),
+        Wire::Integer(value) => Some(Value::Int(value)),
+        Wire::Double(value) => Some(Value::Double(value)),
+        Wire::String(value) => Some(Value::Str(value)),
+        Wire::ByteArray(items) => Some(Value::List(items.into_iter().map(|byte| Value::Int(byte.into())).collect())),
+        Wire::BooleanArray(items) => Some(Value::List(items.into_iter().map(Value::Bool).collect())),
+        Wire::IntegerArray(items) => Some(Value::List(items.into_iter().map(Value::Int).collect())),
+        Wire::DoubleArray(items) => Some(Value::List(items.into_iter().map(Value::Double).collect())),
+        Wire::StringArray(items) => Some(Value::List(items.into_iter().map(Value::Str).collect())),
+    };
+    request.parameter.into_iter().map(|parameter| (parameter.name, value(parameter.value))).collect()
+}

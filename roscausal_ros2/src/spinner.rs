@@ -1,0 +1,120 @@
+//! The one thread on which everything that a node receives is read.
+
+use std::{
+    future::Future,
+    io,
+    panic::AssertUnwindSafe,
+    sync::{Mutex, PoisonError},
+    thread::{self, JoinHandle, ThreadId},
+};
+
+use futures::{
+    FutureExt, StreamExt,
+    channel::mpsc::{self, UnboundedReceiver, UnboundedSender},
+    executor::block_on,
+    future::{AbortHandle, Abortable, LocalBoxFuture},
+    select_biased,
+    stream::FuturesUnordered,
+};
+
+/// Makes a task's future on the spinner's thread, so that the future itself need not be `Send`. The output is
+/// the task's name when it panicked.
+type Start = Box<dyn FnOnce() -> LocalBoxFuture<'static, Option<String>> + Send>;
+
+/// Drives the tasks of a node: subscriptions, parameter services, discovery. No task may block.
+pub(crate) struct Spinner {
+    tasks: UnboundedSender<Start>,
+    thread: Mutex<Option<JoinHandle<()>>>,
+}
+
+impl Spinner {
+    /// Starts the thread. A task that panics ends alone; `on_panic` is told its name.
+    ///
+    /// # Errors
+    /// When the system gives no thread.
+    pub(crate) fn start(on_panic: impl Fn(String) + Send + 'static) -> io::Result<Self> {
+        let (tasks, incoming) = mpsc::unbounded();
+        let thread = thread::Builder::new()
+            .name("ros2 spinner".into())
+            .spawn(move || block_on(run(incoming, on_panic)))?;
+        Ok(Self { tasks, thread: Mutex::new(Some(thread)) })
+    }
+
+    /// Runs a task until it ends or the handle aborts it; then all that it owns is dropped.
+    pub(crate) fn spawn<F>(&self, name: String, task: impl FnOnce() -> F + Send + 'static) -> AbortHandle
+    where
+        F: Future<Output = ()> + 'static,
+    {
+        let (handle, registration) = AbortHandle::new_pair();
+        let start: Start = Box::new(move || {
+            let task = Abortable::new(task(), registration);
+            let guarded = AssertUnwindSafe(task).catch_unwind();
+            guarded.map(move |outcome| outcome.is_err().then_some(name)).boxed_local()
+        });
+        // A spinner that has stopped runs nothing any more.
+        let _ = self.tasks.unbounded_send(start);
+        handle
+    }
+
+    /// The thread that runs the tasks; `None` once it is stopped.
+    pub(crate) fn thread_id(&self) -> Option<ThreadId> {
+        let thread = self.thread.lock().unwrap_or_else(PoisonError::into_inner);
+        thread.as_ref().map(|thread| thread.thread().id())
+    }
+
+    /// Drops all tasks and waits for the thread, unless it is the one that calls.
+    pub(crate) fn stop(&self) {
+        self.tasks.close_channel();
+        let thread = self.thread.lock().unwrap_or_else(PoisonError::into_inner).take();
+        if let Some(thread) = thread
+            && thread.thread().id() != thread::current().id()
+        {
+            let _ = thread.join();
+        }
+    }
+}
+
+async fn run(mut incoming: UnboundedReceiver<Start>, on_panic: impl Fn(String)) {
+    let mut running = FuturesUnordered::new();
+    loop {
+        select_biased! {
+            start = incoming.next() => match start {
+                Some(start) => running.push(start()),
+                None => return,
+            },
+            ended = running.select_next_some() => if let Some(name) = ended { on_panic(name) },
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::sync::mpsc::channel;
+
+    use super::*;
+
+    #[test]
+    fn a_task_that_panics_ends_alone() {
+        let (panicked, panics) = channel();
+        let spinner = Spinner::start(move |name| panicked.send(name).unwrap()).unwrap();
+        spinner.spawn("bad".into(), || async { panic!("on purpose") });
+        assert_eq!(panics.recv().unwrap(), "bad");
+        let (done, after) = channel();
+        spinner.spawn("good".into(), move || async move { done.send(()).unwrap() });
+        after.recv().unwrap();
+        spinner.stop();
+    }
+
+    #[test]
+    fn an_aborted_task_drops_what_it_owns() {
+        let spinner = Spinner::start(|_| {}).unwrap();
+        let (owned, watch) = channel::<()>();
+        let handle = spinner.spawn("idle".into(), move || async move {
+            let _owned = owned;
+            futures::future::pending::<()>().await;
+        });
+        handle.abort();
+        assert!(watch.recv().is_err());
+        spinner.stop();
+    }
+}

@@ -1,0 +1,251 @@
+//! Publishers and subscriptions.
+
+use std::{
+    pin::pin,
+    sync::{
+        Arc, Mutex,
+        atomic::{AtomicBool, AtomicU64, Ordering},
+    },
+    thread::{self, ThreadId},
+};
+
+use futures::{StreamExt, future::AbortHandle};
+use roscausal_core::{
+    Error, Message, Result,
+    middleware::{Publish, Qos},
+};
+use ros2_client::{
+    QosProfile, ReadError, WriteError,
+    qos::{Durability, History, WhenFull},
+};
+use rustdds::{GUID, Topic, TopicDescription};
+use serde::Serialize;
+use tracing::{error, warn};
+
+use crate::{
+    graph::Graph,
+    node::{Inner, lock},
+};
+
+/// Above this, Fast DDS with its default socket buffers repairs lost fragments slowly.
+const LARGE_MESSAGE: usize = 200_000;
+
+#[derive(Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Side {
+    Publisher,
+    Subscriber,
+}
+
+/// Volatile topics: reliable publishers that never wait, best-effort subscribers, so that either matches
+/// anything. Latched topics: reliable and transient local, depth 1.
+pub(crate) fn profile(qos: Qos, side: Side) -> QosProfile {
+    let reliable = QosProfile::publisher_default().reliability_reliable(WhenFull::Fail);
+    match (qos, side) {
+        (Qos::Latched, _) => reliable.durability(Durability::TransientLocal).history(History::KeepLast { depth: 1 }),
+        (Qos::Volatile(depth), Side::Publisher) => reliable.history(History::KeepLast { depth: depth.max(1) }),
+        (Qos::Volatile(depth), Side::Subscriber) => {
+            QosProfile::subscription_default().history(History::KeepLast { depth: depth.max(1) })
+        }
+    }
+}
+
+/// A publisher of the library that is made anew after a number of messages: the history of a transient local
+/// one is never trimmed, and a late joiner gets all of it.
+pub(crate) struct Writer<M: Serialize> {
+    topic: Topic,
+    profile: QosProfile,
+    renew_after: usize,
+    sent: usize,
+    publisher: ros2_client::Publisher<M>,
+}
+
+impl<M: Serialize> Writer<M> {
+    pub(crate) fn new(inner: &Inner, topic: Topic, profile: QosProfile, renew_after: usize) -> Result<Self> {
+        let publisher = Self::publisher(inner, &topic, &profile)?;
+        Ok(Self { topic, profile, renew_after, sent: 0, publisher })
+    }
+
+    fn publisher(inner: &Inner, topic: &Topic, profile: &QosProfile) -> Result<ros2_client::Publisher<M>> {
+        let made = inner.session(|session| session.node.create_publisher::<M>(topic, Some(profile.clone())))?;
+        let publisher = made.map_err(|error| Error::Topic { topic: topic.name(), reason: error.to_string() })?;
+        inner.graph.add(publisher.guid(), &topic.name(), topic.get_type().name());
+        Ok(publisher)
+    }
+
+    /// Sends; `false` when a reliable subscriber is too far behind to take it.
+    pub(crate) fn write(&mut self, inner: &Inner, message: M) -> Result<bool> {
+        if self.sent >= self.renew_after {
+            let old = self.guid();
+            self.publisher = Self::publisher(inner, &self.topic, &self.profile)?;
+            inner.graph.remove(old);
+            self.sent = 0;
+        }
+        self.sent += 1;
+        match self.publisher.publish(message) {
+            Ok(()) => Ok(true),
+            Err(WriteError::WouldBlock { .. }) => Ok(false),
+            Err(error) => Err(Error::Topic { topic: self.topic.name(), reason: error.to_string() }),
+        }
+    }
+
+    fn guid(&self) -> GUID {
+        self.publisher.guid()
+    }
+}
+
+/// A topic's publisher.
+pub struct Ros2Publisher<M: Message> {
+    inner: Arc<Inner>,
+    topic: String,
+    qos: Qos,
+    writer: Mutex<Writer<M>>,
+    refused: AtomicU64,
+    said_large: AtomicBool,
+}
+
+impl<M: Message> Ros2Publisher<M> {
+    pub(crate) fn new(inner: &Arc<Inner>, topic: &str, qos: Qos) -> Result<Self> {
+        let topic = inner.names.resolve(topic)?;
+        let dds_topic = inner.topic::<M>(&topic, qos)?;
+        let renew_after = if qos == Qos::Latched { 1 } else { usize::MAX };
+        let writer = Writer::new(inner, dds_topic, profile(qos, Side::Publisher), renew_after)?;
+        let (inner, writer) = (inner.clone(), Mutex::new(writer));
+        Ok(Self { inner, topic, qos, writer, refused: AtomicU64::new(0), said_large: AtomicBool::new(false) })
+    }
+
+    /// Messages not sent so far, because a reliable subscriber did not acknowledge the ones before.
+    pub fn refused(&self) -> u64 {
+        self.refused.load(Ordering::Relaxed)
+    }
+
+    fn warn_if_large(&self, message: &M) {
+        use rustdds::{no_key::SerializerAdapter, serialization::CDRSerializerAdapter};
+        if self.qos != Qos::Latched || self.said_large.load(Ordering::Relaxed) {
+            return;
+        }
+        let Ok(bytes) = CDRSerializerAdapter::<M>::to_bytes(message) else { return };
+        if bytes.len() > LARGE_MESSAGE && !self.said_large.swap(true, Ordering::Relaxed) {
+            warn!(
+                "topic '{}': a message has {} kB; above {} kB a subscriber on Fast DDS with default socket buffers \
+                 may get it only after seconds (set its listenSocketBufferSize, see docs/ros2.md)",
+                self.topic,
+                bytes.len() / 1000,
+                LARGE_MESSAGE / 1000
+            );
+        }
+    }
+}
+
+impl<M: Message> Publish<M> for Ros2Publisher<M> {
+    fn publish(&self, message: &M) -> Result<()> {
+        self.warn_if_large(message);
+        let sent = lock(&self.writer).write(&self.inner, message.clone())?;
+        if !sent {
+            let refused = self.refused.fetch_add(1, Ordering::Relaxed) + 1;
+            // The 1st, 10th, 100th ...: enough to be seen, too few to flood.
+            if 10u64.pow(refused.ilog10()) == refused {
+                warn!(
+                    "topic '{}': {refused} messages not sent so far, a reliable subscriber does not acknowledge",
+                    self.topic
+                );
+            }
+        }
+        Ok(())
+    }
+
+    fn subscriber_count(&self) -> usize {
+        match self.qos {
+            // Its writer is made anew with each message, and for a moment matched with nobody.
+            Qos::Latched => self.inner.session(|session| session.node.subscription_count(&self.topic)).unwrap_or(0),
+            Qos::Volatile(_) => self.inner.graph.matched(lock(&self.writer).guid()),
+        }
+    }
+}
+
+impl<M: Message> Drop for Ros2Publisher<M> {
+    fn drop(&mut self) {
+        self.inner.graph.remove(lock(&self.writer).guid());
+    }
+}
+
+/// A subscription; dropping it ends it, and no callback runs afterwards.
+pub struct Ros2Subscription {
+    active: Arc<AtomicBool>,
+    /// Held while the callback runs.
+    running: Arc<Mutex<()>>,
+    /// The thread that runs the callback, which alone must not wait for it.
+    runs_on: Option<ThreadId>,
+    task: AbortHandle,
+}
+
+impl Drop for Ros2Subscription {
+    fn drop(&mut self) {
+        self.active.store(false, Ordering::SeqCst);
+        self.task.abort();
+        if self.runs_on != Some(thread::current().id()) {
+            drop(lock(&self.running));
+        }
+    }
+}
+
+pub(crate) fn subscribe<M: Message>(
+    inner: &Inner,
+    topic: &str,
+    qos: Qos,
+    mut callback: impl FnMut(M) + Send + 'static,
+) -> Result<Ros2Subscription> {
+    let topic = inner.names.resolve(topic)?;
+    let dds_topic = inner.topic::<M>(&topic, qos)?;
+    let profile = profile(qos, Side::Subscriber);
+    let made = inner.session(|session| session.node.create_subscription::<M>(&dds_topic, Some(profile)))?;
+    let fail = |error: ros2_client::CreateError| Error::Topic { topic: topic.clone(), reason: error.to_string() };
+    let reader = made.map_err(fail)?;
+    inner.graph.add(reader.guid(), &dds_topic.name(), dds_topic.get_type().name());
+    let (active, running) = (Arc::new(AtomicBool::new(true)), Arc::new(Mutex::new(())));
+    let (still_active, now_running) = (active.clone(), running.clone());
+    let deliver = move |message: M| {
+        let _running = lock(&now_running);
+        if still_active.load(Ordering::SeqCst) {
+            callback(message);
+        }
+    };
+    let registered = Registered { graph: inner.graph.clone(), guid: reader.guid() };
+    let task = inner.spinner.spawn(format!("topic '{topic}'"), move || async move {
+        let _registered = registered;
+        read(reader, topic, deliver).await;
+    });
+    Ok(Ros2Subscription { active, running, runs_on: inner.spinner.thread_id(), task })
+}
+
+/// Forgets a subscription's endpoint when its task is dropped.
+struct Registered {
+    graph: Arc<Graph>,
+    guid: GUID,
+}
+
+impl Drop for Registered {
+    fn drop(&mut self) {
+        self.graph.remove(self.guid);
+    }
+}
+
+async fn read<M: Message>(reader: ros2_client::Subscription<M>, topic: String, mut deliver: impl FnMut(M)) {
+    let mut messages = pin!(reader.async_stream());
+    let mut illegible = 0u64;
+    while let Some(message) = messages.next().await {
+        match message {
+            Ok((message, _)) => deliver(message),
+            Err(ReadError::Deserialization { reason }) => {
+                illegible += 1;
+                if 10u64.pow(illegible.ilog10()) == illegible {
+                    let kind = M::type_name();
+                    warn!("topic '{topic}': {illegible} messages so far are no {kind} and were dropped ({reason})");
+                }
+            }
+            Err(error) => {
+                error!("topic '{topic}': no longer read: {error}");
+                return;
+            }
+        }
+    }
+}
