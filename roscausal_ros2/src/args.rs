@@ -96,13 +96,16 @@ impl Args {
                 "--disable-rosout-logs" => rosout = false,
                 switch if SWITCHES.contains(&switch) => {}
                 flag if WITH_VALUE.contains(&flag) => {
-                    let value = args.next().ok_or_else(|| BadArgument(format!("{flag} needs a value after it")))?;
+                    let value =
+                        args.next().ok_or_else(|| BadArgument(format!("{flag} needs a value after it")))?;
                     match flag {
                         "-r" | "--remap" => rules.push(Remap::parse(&value)?),
                         "-p" | "--param" => add_param(&mut params, &value)?,
                         "--params-file" => params.add_file(value.as_ref())?,
                         "--log-level" => set_level(&mut log_level, node, &value)?,
-                        _ => tracing::warn!("{flag} {value} is ignored: this node has neither enclaves nor log files"),
+                        _ => tracing::warn!(
+                            "{flag} {value} is ignored: this node has neither enclaves nor log files"
+                        ),
                     }
                 }
                 _ => return Err(unknown(&arg)),
@@ -178,7 +181,8 @@ fn add_param(params: &mut ParamFile, rule: &str) -> Result<()> {
     if name.is_empty() || name.contains(':') {
         return Err(wrong("the name is not a parameter's name"));
     }
-    let value = serde_norway::from_str(text).map_err(|error| wrong(&format!("the value is not YAML ({error})")))?;
+    let value =
+        serde_norway::from_str(text).map_err(|error| wrong(&format!("the value is not YAML ({error})")))?;
     let value = scalar_or_list(&value).map_err(|why| wrong(&why))?;
     params.insert(node, name, value);
     Ok(())

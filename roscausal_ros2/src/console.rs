@@ -7,11 +7,11 @@ use std::{
     time::SystemTime,
 };
 
-use roscausal_core::Result;
 use ros2_client::{
     Log, QosProfile,
     qos::{Durability, History, WhenFull},
 };
+use roscausal_core::Result;
 use tracing::{
     Event, Level, Subscriber,
     field::{Field, Visit},

@@ -1,7 +1,7 @@
 //! A node's name, its namespace, and what the remaps make of the names it asks for.
 
-use roscausal_core::{Error, Result};
 use ros2_client::Name;
+use roscausal_core::{Error, Result};
 
 use crate::args::BadArgument;
 
@@ -28,7 +28,8 @@ impl Remap {
     /// # Errors
     /// No `:=`, an empty side, an illegal node name or namespace.
     pub fn parse(rule: &str) -> std::result::Result<Self, BadArgument> {
-        let wrong = |why: &str| BadArgument(format!("-r {rule}: {why}; write from:=to, such as odom:=/robot/odom"));
+        let wrong =
+            |why: &str| BadArgument(format!("-r {rule}: {why}; write from:=to, such as odom:=/robot/odom"));
         let (left, to) = rule.split_once(":=").ok_or_else(|| wrong("there is no ':='"))?;
         let (node, from) = match left.split_once(':') {
             Some((node, from)) if !from.starts_with("//") => (Some(node.to_owned()), from),
@@ -126,7 +127,8 @@ impl Names {
 fn checked(asked: &str, name: &str) -> Result<()> {
     Name::parse(name).map(|_| ()).map_err(|_| Error::Topic {
         topic: asked.to_owned(),
-        reason: "not a legal name: use letters, digits, single '_' and single '/', no digit after a '/'".into(),
+        reason: "not a legal name: use letters, digits, single '_' and single '/', no digit after a '/'"
+            .into(),
     })
 }
 
@@ -142,9 +144,12 @@ mod tests {
     fn relative_private_and_absolute_names_resolve_within_the_namespace() {
         let names = names(&["__ns:=/my/ns", "__node:=bot"]);
         assert_eq!(names.full_name(), "/my/ns/bot");
-        for (asked, resolved) in
-            [("odom", "/my/ns/odom"), ("/odom", "/odom"), ("~/odom", "/my/ns/bot/odom"), ("~odom", "/my/ns/bot/odom")]
-        {
+        for (asked, resolved) in [
+            ("odom", "/my/ns/odom"),
+            ("/odom", "/odom"),
+            ("~/odom", "/my/ns/bot/odom"),
+            ("~odom", "/my/ns/bot/odom"),
+        ] {
             assert_eq!(names.resolve(asked).unwrap(), resolved);
         }
     }

@@ -4,13 +4,14 @@ use std::{
     collections::HashMap,
     net::{IpAddr, Ipv4Addr},
     sync::{
-        Arc, Mutex, MutexGuard, PoisonError, Weak,
+        Arc, Mutex, MutexGuard, OnceLock, PoisonError, Weak,
         atomic::{AtomicBool, AtomicI64, Ordering},
     },
     thread,
     time::{Duration, SystemTime},
 };
 
+use ros2_client::{Context, MessageTypeName, Name, NodeName, NodeOptions};
 use roscausal_core::{
     Error, Message, Result, Time,
     inbox::Consumer,
@@ -18,7 +19,6 @@ use roscausal_core::{
     params::{ParamSpec, Value},
 };
 use roscausal_msgs::rosgraph_msgs::Clock;
-use ros2_client::{Context, MessageTypeName, Name, NodeName, NodeOptions};
 use rustdds::{DomainParticipantBuilder, Topic};
 use tracing::{error, warn};
 
@@ -86,17 +86,21 @@ impl Ros2 {
         }
         let domain = format!("cannot join DDS domain {}", args.network.domain_id);
         let participant = builder.build().map_err(|error| middleware(&domain, error))?;
-        let context = Context::from_domain_participant(participant).map_err(|error| middleware(&domain, error))?;
+        let context =
+            Context::from_domain_participant(participant).map_err(|error| middleware(&domain, error))?;
         let names = args.names.clone();
-        let name = NodeName::new(names.namespace(), names.node()).map_err(|error| middleware("node name", error))?;
+        let name =
+            NodeName::new(names.namespace(), names.node()).map_err(|error| middleware("node name", error))?;
         // Its parameter store knows no descriptions and its /rosout history grows for ever: both are ours.
         let options = NodeOptions::new().enable_rosout(false).start_parameter_services(false);
-        let mut node = context.new_node(name, options).map_err(|error| middleware("cannot make the node", error))?;
+        let mut node =
+            context.new_node(name, options).map_err(|error| middleware("cannot make the node", error))?;
         let parameters = Arc::new(Parameters::new(args.overrides.clone()));
         let services = ParameterServices::new(&context, &mut node, &names)?;
-        let (panicked, panics) = std::sync::mpsc::channel();
-        let spinner = Spinner::start(panicked).map_err(|error| middleware("cannot start a thread", error))?;
-        let inner = Arc::new_cyclic(|weak: &Weak<Inner>| Inner {
+        let owner = Arc::new(OnceLock::new());
+        let spinner = Spinner::start(fail_on_panic(owner.clone()));
+        let spinner = spinner.map_err(|error| middleware("cannot start a thread", error))?;
+        let inner = Arc::new(Inner {
             graph: Arc::default(),
             spinner,
             names,
@@ -111,6 +115,7 @@ impl Ros2 {
             failed: AtomicBool::new(false),
             consumers: Mutex::default(),
         });
+        let _ = owner.set(Arc::downgrade(&inner));
         let graph = inner.graph.clone();
         inner.spinner.spawn("discovery".into(), move || async move { graph.watch(context).await });
         inner.services.serve(&inner);
@@ -147,7 +152,10 @@ impl Ros2 {
             let Some(inner) = inner.upgrade() else { return };
             for (name, near) in inner.parameters.unknown_overrides() {
                 let near = near.map_or(String::new(), |near| format!("; did you mean '{near}'?"));
-                warn!("parameter '{name}' was set, but {} has none of this name{near}", inner.names.full_name());
+                warn!(
+                    "parameter '{name}' was set, but {} has none of this name{near}",
+                    inner.names.full_name()
+                );
             }
         };
         // Without that thread only the warning is missing.
@@ -155,9 +163,9 @@ impl Ros2 {
     }
 }
 
-fn fail_on_panic(inner: Weak<Inner>) -> impl Fn(String) + Send + 'static {
+fn fail_on_panic(owner: Arc<OnceLock<Weak<Inner>>>) -> impl Fn(String) + Send + 'static {
     move |task| {
-        if let Some(inner) = inner.upgrade() {
+        if let Some(inner) = owner.get().and_then(Weak::upgrade) {
             inner.fail(&format!("the handling of {task} broke off"));
         }
     }

@@ -31,8 +31,10 @@ impl ParamFile {
     /// A file that cannot be read, is not YAML, or is not of that form; the message names the place.
     pub fn add_file(&mut self, path: &Path) -> Result<(), BadArgument> {
         let wrong = |why: String| BadArgument(format!("parameter file {}: {why}", path.display()));
-        let text = std::fs::read_to_string(path).map_err(|error| wrong(format!("cannot be read ({error})")))?;
-        let yaml: Yaml = serde_norway::from_str(&text).map_err(|error| wrong(format!("is not YAML: {error}")))?;
+        let text =
+            std::fs::read_to_string(path).map_err(|error| wrong(format!("cannot be read ({error})")))?;
+        let yaml: Yaml =
+            serde_norway::from_str(&text).map_err(|error| wrong(format!("is not YAML: {error}")))?;
         self.add_nodes("", &yaml).map_err(wrong)
     }
 
@@ -42,14 +44,17 @@ impl ParamFile {
             return Err(format!("'{node}' holds no 'ros__parameters'; {form}"));
         };
         for (key, inner) in entries {
-            let key = key.as_str().ok_or_else(|| format!("a node's name under '{node}' is not text; {form}"))?;
+            let key =
+                key.as_str().ok_or_else(|| format!("a node's name under '{node}' is not text; {form}"))?;
             match (key, inner) {
                 ("ros__parameters", _) if node.is_empty() => {
                     return Err(format!("'ros__parameters' stands under no node; {form}"));
                 }
                 ("ros__parameters", Yaml::Mapping(_)) => self.add_values(node, "", inner)?,
                 ("ros__parameters", Yaml::Null) => {}
-                ("ros__parameters", _) => return Err(format!("'ros__parameters' of '{node}' is no mapping; {form}")),
+                ("ros__parameters", _) => {
+                    return Err(format!("'ros__parameters' of '{node}' is no mapping; {form}"));
+                }
                 _ => self.add_nodes(&format!("{node}/{key}"), inner)?,
             }
         }
@@ -58,7 +63,8 @@ impl ParamFile {
 
     fn add_values(&mut self, node: &str, prefix: &str, yaml: &Yaml) -> Result<(), String> {
         let Yaml::Mapping(entries) = yaml else {
-            let value = scalar_or_list(yaml).map_err(|why| format!("parameter '{prefix}' of '{node}': {why}"))?;
+            let value =
+                scalar_or_list(yaml).map_err(|why| format!("parameter '{prefix}' of '{node}': {why}"))?;
             self.insert(node, prefix, value);
             return Ok(());
         };
@@ -122,7 +128,9 @@ pub fn scalar_or_list(yaml: &Yaml) -> Result<Value, String> {
             }
             let kind = |item: &Value| std::mem::discriminant(item);
             if items.windows(2).any(|pair| kind(&pair[0]) != kind(&pair[1])) {
-                return Err("the items of a list must all be of one type (write 1.0, not 1, among doubles)".into());
+                return Err(
+                    "the items of a list must all be of one type (write 1.0, not 1, among doubles)".into()
+                );
             }
             Value::List(items)
         }
@@ -145,7 +153,8 @@ mod tests {
 
     #[test]
     fn the_nodes_own_name_wins_over_patterns_wherever_they_stand() {
-        let mut params = file("robot:\n  ros__parameters: {a: 2}\n/**:\n  ros__parameters: {a: 1, b: 1e3}\n").unwrap();
+        let mut params =
+            file("robot:\n  ros__parameters: {a: 2}\n/**:\n  ros__parameters: {a: 1, b: 1e3}\n").unwrap();
         params.insert("/**", "a", Value::Int(9));
         let values = params.for_node("/robot");
         assert_eq!(values["a"], Value::Int(2));

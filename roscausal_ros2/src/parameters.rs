@@ -5,13 +5,13 @@ use std::{
     sync::{Mutex, MutexGuard, PoisonError},
 };
 
-use roscausal_core::{
-    Error, Result,
-    params::{Allowed, ParamSpec, Value},
-};
 use ros2_client::{
     parameters::raw,
     rcl_interfaces::{ListParametersResult, SetParametersRequest},
+};
+use roscausal_core::{
+    Error, Result,
+    params::{Allowed, ParamSpec, Value},
 };
 
 /// The parameters of one node.
@@ -78,15 +78,20 @@ impl Parameters {
     }
 
     /// Sets parameters, all of them or, with a reason, none. What was set is returned.
-    pub(crate) fn set(&self, changes: Vec<(String, Option<Value>)>) -> std::result::Result<Vec<(String, Value)>, String> {
+    pub(crate) fn set(
+        &self,
+        changes: Vec<(String, Option<Value>)>,
+    ) -> std::result::Result<Vec<(String, Value)>, String> {
         let mut declared = self.lock();
         let mut checked = Vec::new();
         for (name, value) in changes {
             let Some(entry) = declared.get(&name) else {
-                let near = nearest(&name, declared.keys()).map_or(String::new(), |near| format!("; did you mean '{near}'?"));
+                let near = nearest(&name, declared.keys())
+                    .map_or(String::new(), |near| format!("; did you mean '{near}'?"));
                 return Err(format!("parameter '{name}' is not declared{near}"));
             };
-            let value = value.ok_or_else(|| format!("parameter '{name}': cannot be unset; set it to a value"))?;
+            let value =
+                value.ok_or_else(|| format!("parameter '{name}': cannot be unset; set it to a value"))?;
             let value = entry.check(value).map_err(|reason| format!("parameter '{name}': {reason}"))?;
             checked.push((name, value));
         }
@@ -153,9 +158,12 @@ impl Parameters {
             }
             (Allowed::Range(from, to), _) => {
                 let (from_value, to_value) = (*from, *to);
-                descriptor.floating_point_range = vec![raw::FloatingPointRange { from_value, to_value, step: 0.0 }];
+                descriptor.floating_point_range =
+                    vec![raw::FloatingPointRange { from_value, to_value, step: 0.0 }];
             }
-            (Allowed::OneOf(words), _) => descriptor.additional_constraints = format!("one of: {}", words.join(", ")),
+            (Allowed::OneOf(words), _) => {
+                descriptor.additional_constraints = format!("one of: {}", words.join(", "))
+            }
             (Allowed::Any, _) => {}
         }
         descriptor
@@ -204,7 +212,9 @@ fn convert(value: Value, like: &Value) -> std::result::Result<Value, String> {
             _ => return Err(format!("'{text}' is no boolean; use true or false")),
         },
         (Value::List(items), Value::List(likes)) => match likes.first() {
-            Some(like) => Value::List(items.into_iter().map(|item| convert(item, like)).collect::<std::result::Result<_, _>>()?),
+            Some(like) => Value::List(
+                items.into_iter().map(|item| convert(item, like)).collect::<std::result::Result<_, _>>()?,
+            ),
             None => Value::List(items),
         },
         (value, like) if std::mem::discriminant(&value) == std::mem::discriminant(like) => value,
@@ -242,7 +252,15 @@ pub(crate) fn to_wire(value: &Value) -> raw::ParameterValue {
     use ros2_client::ParameterValue as Wire;
     macro_rules! list {
         ($items:expr, $kind:path, $array:path) => {
-            $array($items.iter().filter_map(|item| match item { $kind(item) => Some(item.clone()), _ => None }).collect())
+            $array(
+                $items
+                    .iter()
+                    .filter_map(|item| match item {
+                        $kind(item) => Some(item.clone()),
+                        _ => None,
+                    })
+                    .collect(),
+            )
         };
     }
     match value {
@@ -269,7 +287,9 @@ pub(crate) fn from_wire(request: SetParametersRequest) -> Vec<(String, Option<Va
         Wire::Integer(value) => Some(Value::Int(value)),
         Wire::Double(value) => Some(Value::Double(value)),
         Wire::String(value) => Some(Value::Str(value)),
-        Wire::ByteArray(items) => Some(Value::List(items.into_iter().map(|byte| Value::Int(byte.into())).collect())),
+        Wire::ByteArray(items) => {
+            Some(Value::List(items.into_iter().map(|byte| Value::Int(byte.into())).collect()))
+        }
         Wire::BooleanArray(items) => Some(Value::List(items.into_iter().map(Value::Bool).collect())),
         Wire::IntegerArray(items) => Some(Value::List(items.into_iter().map(Value::Int).collect())),
         Wire::DoubleArray(items) => Some(Value::List(items.into_iter().map(Value::Double).collect())),

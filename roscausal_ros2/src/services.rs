@@ -3,17 +3,17 @@
 use std::sync::{Arc, Mutex};
 
 use futures::StreamExt;
-use roscausal_core::{Error, Result};
 use ros2_client::{
     Context, Message, Name, Publisher, QosProfile, Server, ServiceMapping, ServiceTypeName,
     parameters::raw,
     qos::{History, WhenFull},
     rcl_interfaces::{
-        DescribeParametersRequest, DescribeParametersResponse, GetParameterTypesRequest, GetParameterTypesResponse,
-        GetParametersRequest, GetParametersResponse, ListParametersRequest, ListParametersResponse,
-        SetParametersAtomicallyResponse, SetParametersRequest, SetParametersResponse,
+        DescribeParametersRequest, DescribeParametersResponse, GetParameterTypesRequest,
+        GetParameterTypesResponse, GetParametersRequest, GetParametersResponse, ListParametersRequest,
+        ListParametersResponse, SetParametersAtomicallyResponse, SetParametersRequest, SetParametersResponse,
     },
 };
+use roscausal_core::{Error, Result};
 use tracing::warn;
 
 use crate::{
@@ -43,7 +43,8 @@ impl ParameterServices {
     /// # Errors
     /// When the middleware refuses.
     pub(crate) fn new(context: &Context, node: &mut ros2_client::Node, names: &Names) -> Result<Self> {
-        let failed = |error: ros2_client::CreateError| Error::Middleware(format!("parameter services: {error}"));
+        let failed =
+            |error: ros2_client::CreateError| Error::Middleware(format!("parameter services: {error}"));
         let mut offer = Offer { node, full_name: names.full_name() };
         let servers = Servers {
             get: offer.server("get_parameters", "GetParameters").map_err(failed)?,
@@ -51,12 +52,15 @@ impl ParameterServices {
             list: offer.server("list_parameters", "ListParameters").map_err(failed)?,
             describe: offer.server("describe_parameters", "DescribeParameters").map_err(failed)?,
             set: offer.server("set_parameters", "SetParameters").map_err(failed)?,
-            set_atomically: offer.server("set_parameters_atomically", "SetParametersAtomically").map_err(failed)?,
+            set_atomically: offer
+                .server("set_parameters_atomically", "SetParametersAtomically")
+                .map_err(failed)?,
         };
         let profile = QosProfile::publisher_default()
             .reliability_reliable(WhenFull::Fail)
             .history(History::KeepLast { depth: 1000 });
-        let events = node.create_publisher(&context.get_parameter_events_topic(), Some(profile)).map_err(failed)?;
+        let events =
+            node.create_publisher(&context.get_parameter_events_topic(), Some(profile)).map_err(failed)?;
         Ok(Self { waiting: Mutex::new(Some(servers)), events })
     }
 
@@ -82,7 +86,8 @@ impl ParameterServices {
         let node = Arc::downgrade(inner);
         answer(inner, servers.set, move |request| {
             let node = node.upgrade();
-            let results = from_wire(request).into_iter().map(|change| set(node.as_ref(), vec![change])).collect();
+            let results =
+                from_wire(request).into_iter().map(|change| set(node.as_ref(), vec![change])).collect();
             SetParametersResponse { results }
         });
         let node = Arc::downgrade(inner);
@@ -94,7 +99,8 @@ impl ParameterServices {
     /// Publishes on `/parameter_events` that parameters are new, or have new values.
     pub(crate) fn announce(&self, inner: &Inner, names: &[&str], new: bool) {
         let parameters: &Parameters = &inner.parameters;
-        let parameter = |name: &&str| raw::Parameter { name: (*name).to_owned(), value: parameters.get(name) };
+        let parameter =
+            |name: &&str| raw::Parameter { name: (*name).to_owned(), value: parameters.get(name) };
         let values: Vec<_> = names.iter().map(parameter).collect();
         let (new_parameters, changed_parameters) = if new { (values, vec![]) } else { (vec![], values) };
         let now = inner.now();
@@ -120,7 +126,11 @@ fn set(
     match node.parameters.set(changes) {
         Ok(set) => {
             set.iter().for_each(|(name, value)| node.parameter_set(name, value));
-            node.services().announce(node, &set.iter().map(|(name, _)| name.as_str()).collect::<Vec<_>>(), false);
+            node.services().announce(
+                node,
+                &set.iter().map(|(name, _)| name.as_str()).collect::<Vec<_>>(),
+                false,
+            );
             raw::SetParametersResult { successful: true, reason: String::new() }
         }
         Err(reason) => {
@@ -142,7 +152,9 @@ impl Offer<'_> {
         Resp: Message + Clone + 'static,
     {
         let profile = QosProfile::publisher_default().history(History::KeepLast { depth: 10 });
-        let wrong = |error: ros2_client::names::NameError| ros2_client::CreateError::BadParameter { reason: error.to_string() };
+        let wrong = |error: ros2_client::names::NameError| ros2_client::CreateError::BadParameter {
+            reason: error.to_string(),
+        };
         let name = Name::new(&self.full_name, name).map_err(wrong)?;
         let kind = ServiceTypeName::new("rcl_interfaces", kind);
         self.node.create_server(service_mapping(), &name, &kind, profile.clone(), profile)

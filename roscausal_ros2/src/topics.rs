@@ -10,13 +10,13 @@ use std::{
 };
 
 use futures::{StreamExt, future::AbortHandle};
-use roscausal_core::{
-    Error, Message, Result,
-    middleware::{Publish, Qos},
-};
 use ros2_client::{
     QosProfile, ReadError, WriteError,
     qos::{Durability, History, WhenFull},
+};
+use roscausal_core::{
+    Error, Message, Result,
+    middleware::{Publish, Qos},
 };
 use rustdds::{GUID, Topic, TopicDescription};
 use serde::Serialize;
@@ -41,8 +41,12 @@ pub(crate) enum Side {
 pub(crate) fn profile(qos: Qos, side: Side) -> QosProfile {
     let reliable = QosProfile::publisher_default().reliability_reliable(WhenFull::Fail);
     match (qos, side) {
-        (Qos::Latched, _) => reliable.durability(Durability::TransientLocal).history(History::KeepLast { depth: 1 }),
-        (Qos::Volatile(depth), Side::Publisher) => reliable.history(History::KeepLast { depth: depth.max(1) }),
+        (Qos::Latched, _) => {
+            reliable.durability(Durability::TransientLocal).history(History::KeepLast { depth: 1 })
+        }
+        (Qos::Volatile(depth), Side::Publisher) => {
+            reliable.history(History::KeepLast { depth: depth.max(1) })
+        }
         (Qos::Volatile(depth), Side::Subscriber) => {
             QosProfile::subscription_default().history(History::KeepLast { depth: depth.max(1) })
         }
@@ -66,8 +70,10 @@ impl<M: Serialize> Writer<M> {
     }
 
     fn publisher(inner: &Inner, topic: &Topic, profile: &QosProfile) -> Result<ros2_client::Publisher<M>> {
-        let made = inner.session(|session| session.node.create_publisher::<M>(topic, Some(profile.clone())))?;
-        let publisher = made.map_err(|error| Error::Topic { topic: topic.name(), reason: error.to_string() })?;
+        let made =
+            inner.session(|session| session.node.create_publisher::<M>(topic, Some(profile.clone())))?;
+        let publisher =
+            made.map_err(|error| Error::Topic { topic: topic.name(), reason: error.to_string() })?;
         inner.graph.add(publisher.guid(), &topic.name(), topic.get_type().name());
         Ok(publisher)
     }
@@ -156,7 +162,9 @@ impl<M: Message> Publish<M> for Ros2Publisher<M> {
     fn subscriber_count(&self) -> usize {
         match self.qos {
             // Its writer is made anew with each message, and for a moment matched with nobody.
-            Qos::Latched => self.inner.session(|session| session.node.subscription_count(&self.topic)).unwrap_or(0),
+            Qos::Latched => {
+                self.inner.session(|session| session.node.subscription_count(&self.topic)).unwrap_or(0)
+            }
             Qos::Volatile(_) => self.inner.graph.matched(lock(&self.writer).guid()),
         }
     }
@@ -198,7 +206,8 @@ pub(crate) fn subscribe<M: Message>(
     let dds_topic = inner.topic::<M>(&topic, qos)?;
     let profile = profile(qos, Side::Subscriber);
     let made = inner.session(|session| session.node.create_subscription::<M>(&dds_topic, Some(profile)))?;
-    let fail = |error: ros2_client::CreateError| Error::Topic { topic: topic.clone(), reason: error.to_string() };
+    let fail =
+        |error: ros2_client::CreateError| Error::Topic { topic: topic.clone(), reason: error.to_string() };
     let reader = made.map_err(fail)?;
     inner.graph.add(reader.guid(), &dds_topic.name(), dds_topic.get_type().name());
     let (active, running) = (Arc::new(AtomicBool::new(true)), Arc::new(Mutex::new(())));
@@ -239,7 +248,9 @@ async fn read<M: Message>(reader: ros2_client::Subscription<M>, topic: String, m
                 illegible += 1;
                 if 10u64.pow(illegible.ilog10()) == illegible {
                     let kind = M::type_name();
-                    warn!("topic '{topic}': {illegible} messages so far are no {kind} and were dropped ({reason})");
+                    warn!(
+                        "topic '{topic}': {illegible} messages so far are no {kind} and were dropped ({reason})"
+                    );
                 }
             }
             Err(error) => {
