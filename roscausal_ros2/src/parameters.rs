@@ -10,7 +10,7 @@ use ros2_client::{
     rcl_interfaces::{ListParametersResult, SetParametersRequest},
 };
 use roscausal_core::{
-    Error, Result,
+    Result,
     params::{Allowed, ParamSpec, Value},
 };
 
@@ -22,9 +22,8 @@ pub(crate) struct Parameters {
 }
 
 struct Declared {
-    default: Value,
-    description: String,
-    allowed: Allowed,
+    /// `None` for what the node itself has set without declaring it.
+    spec: Option<ParamSpec>,
     /// `None` while nobody has set it.
     value: Option<Value>,
 }
@@ -56,25 +55,15 @@ impl Parameters {
         if let Some(known) = declared.get(&name) {
             return Ok((known.value.clone(), false));
         }
-        let mut entry = Declared {
-            default: spec.default.clone(),
-            description: spec.description.to_owned(),
-            allowed: spec.allowed.clone(),
-            value: None,
-        };
-        if let Some(value) = self.overrides.get(&name) {
-            entry.value = Some(entry.check(value.clone()).map_err(|reason| Error::param(&name, reason))?);
-        }
-        let value = entry.value.clone();
-        declared.insert(name, entry);
+        let value = self.overrides.get(&name).map(|value| spec.checked(value.clone())).transpose()?;
+        declared.insert(name, Declared { spec: Some(spec.clone()), value: value.clone() });
         Ok((value, true))
     }
 
     /// The value of now, as the wire has it; "not set" for an unknown name.
     pub(crate) fn get(&self, name: &str) -> raw::ParameterValue {
         let declared = self.lock();
-        let value = declared.get(name).map(|entry| to_wire(entry.value.as_ref().unwrap_or(&entry.default)));
-        value.unwrap_or_else(not_set)
+        declared.get(name).and_then(Declared::current).map_or_else(not_set, to_wire)
     }
 
     /// Sets parameters, all of them or, with a reason, none. What was set is returned.
@@ -92,7 +81,10 @@ impl Parameters {
             };
             let value =
                 value.ok_or_else(|| format!("parameter '{name}': cannot be unset; set it to a value"))?;
-            let value = entry.check(value).map_err(|reason| format!("parameter '{name}': {reason}"))?;
+            let value = match &entry.spec {
+                Some(spec) => spec.checked(value).map_err(|error| error.to_string())?,
+                None => value,
+            };
             checked.push((name, value));
         }
         for (name, value) in &checked {
@@ -103,16 +95,10 @@ impl Parameters {
         Ok(checked)
     }
 
-    /// Sets a parameter from within the node, declaring it when it is new.
+    /// Sets a parameter from within the node, whether it is declared or not.
     pub(crate) fn put(&self, name: &str, value: Value) {
         let mut declared = self.lock();
-        let entry = declared.entry(ros2_name(name)).or_insert_with(|| Declared {
-            default: value.clone(),
-            description: "Set by the node".into(),
-            allowed: Allowed::Any,
-            value: None,
-        });
-        entry.value = Some(value);
+        declared.entry(ros2_name(name)).or_insert(Declared { spec: None, value: None }).value = Some(value);
     }
 
     /// Answers `list_parameters`: `depth` 0 is any depth, prefixes are names up to a `.`.
@@ -148,18 +134,21 @@ impl Parameters {
             floating_point_range: vec![],
             integer_range: vec![],
         };
-        let Some(entry) = entry else { return descriptor };
-        descriptor.r#type = to_wire(&entry.default).ptype;
-        descriptor.description = entry.description.clone();
-        match (&entry.allowed, &entry.default) {
+        descriptor.r#type = entry.and_then(Declared::current).map_or(0, |value| to_wire(value).ptype);
+        let Some(spec) = entry.and_then(|entry| entry.spec.as_ref()) else { return descriptor };
+        descriptor.description = spec.description.to_owned();
+        match (&spec.allowed, &spec.default) {
             (Allowed::Range(from, to), Value::Int(_)) => {
                 let (from_value, to_value) = (*from as i64, *to as i64);
                 descriptor.integer_range = vec![raw::IntegerRange { from_value, to_value, step: 0 }];
             }
-            (Allowed::Range(from, to), _) => {
+            (Allowed::Range(from, to), Value::Double(_)) => {
                 let (from_value, to_value) = (*from, *to);
                 descriptor.floating_point_range =
                     vec![raw::FloatingPointRange { from_value, to_value, step: 0.0 }];
+            }
+            (Allowed::Range(from, to), _) => {
+                descriptor.additional_constraints = format!("a number from {from} to {to}")
             }
             (Allowed::OneOf(words), _) => {
                 descriptor.additional_constraints = format!("one of: {}", words.join(", "))
@@ -178,57 +167,8 @@ impl Parameters {
 }
 
 impl Declared {
-    /// The value as the declared type, or why it is refused.
-    fn check(&self, value: Value) -> std::result::Result<Value, String> {
-        let value = convert(value, &self.default)?;
-        match (&self.allowed, &value) {
-            (Allowed::Range(from, to), Value::Int(_) | Value::Double(_)) => {
-                let number = match value {
-                    Value::Int(int) => int as f64,
-                    Value::Double(double) => double,
-                    _ => return Ok(value),
-                };
-                if !(*from..=*to).contains(&number) {
-                    return Err(format!("{number} is out of range; allowed are {from} to {to}"));
-                }
-            }
-            (Allowed::OneOf(words), Value::Str(text)) if !words.contains(&text.as_str()) => {
-                return Err(format!("'{text}' is not allowed; use one of {}", words.join(", ")));
-            }
-            _ => {}
-        }
-        Ok(value)
-    }
-}
-
-/// A value as the type of `like`, with the liberties that users of YAML and of the ROS 1 node expect: a whole
-/// number for a double, `yes`, `on` or `True` for a boolean.
-fn convert(value: Value, like: &Value) -> std::result::Result<Value, String> {
-    Ok(match (value, like) {
-        (Value::Int(int), Value::Double(_)) => Value::Double(int as f64),
-        (Value::Str(text), Value::Bool(_)) => match text.to_ascii_lowercase().as_str() {
-            "true" | "yes" | "on" | "y" => Value::Bool(true),
-            "false" | "no" | "off" | "n" => Value::Bool(false),
-            _ => return Err(format!("'{text}' is no boolean; use true or false")),
-        },
-        (Value::List(items), Value::List(likes)) => match likes.first() {
-            Some(like) => Value::List(
-                items.into_iter().map(|item| convert(item, like)).collect::<std::result::Result<_, _>>()?,
-            ),
-            None => Value::List(items),
-        },
-        (value, like) if std::mem::discriminant(&value) == std::mem::discriminant(like) => value,
-        (value, like) => return Err(format!("is {}, must be {}", kind(&value), kind(like))),
-    })
-}
-
-fn kind(value: &Value) -> &'static str {
-    match value {
-        Value::Bool(_) => "a boolean",
-        Value::Int(_) => "an integer",
-        Value::Double(_) => "a double",
-        Value::Str(_) => "a string",
-        Value::List(_) => "a list",
+    fn current(&self) -> Option<&Value> {
+        self.value.as_ref().or(self.spec.as_ref().map(|spec| &spec.default))
     }
 }
 
