@@ -83,10 +83,7 @@ impl Definition {
                     });
                 }
             }
-            Md5::digest(canonical.join("\n")).iter().fold(String::with_capacity(32), |mut hex, byte| {
-                let _ = write!(hex, "{byte:02x}");
-                hex
-            })
+            hex(&Md5::digest(canonical.join("\n")))
         })
     }
 
@@ -168,6 +165,13 @@ impl Definition {
     }
 }
 
+fn hex(bytes: &[u8]) -> String {
+    bytes.iter().fold(String::with_capacity(2 * bytes.len()), |mut hex, byte| {
+        let _ = write!(hex, "{byte:02x}");
+        hex
+    })
+}
+
 /// One line of a `.msg` text that means something.
 enum Line<'a> {
     Constant { kind: &'a str, name: &'a str, value: &'a str },
@@ -193,23 +197,61 @@ impl<'a> Line<'a> {
 
 #[cfg(test)]
 mod tests {
-    use crate::types;
+    use std::collections::BTreeSet;
 
-    /// From `rosmsg md5` of ROS 1 and from the packages' own generated code.
+    use super::*;
+    use crate::{Message, std_msgs::Header, types};
+
+    /// From ROS 1: `rosmsg md5`, and for packages that are not in it the code generated from them.
     const KNOWN: &[(&str, &str)] = &[
-        ("roscausal_msgs/RobotState", "85ccda3e8061a45d573a2a8550778871"),
+        ("actionlib_msgs/GoalID", "302881f31927c1df708a2dbab0e80ee8"),
+        ("diagnostic_msgs/DiagnosticArray", "60810da900de1dd6ddd437c3503511da"),
+        ("diagnostic_msgs/DiagnosticStatus", "d0ce08bc6e5ba34c7754f563a9cabaf1"),
+        ("diagnostic_msgs/KeyValue", "cf57fdc6617a881a88c16e768132149c"),
+        ("geometry_msgs/Point", "4a842b65f413084dc2b10fb484ea7f17"),
+        ("geometry_msgs/Point32", "cc153912f1453b708d221682bc23d9ac"),
+        ("geometry_msgs/Pose", "e45d45a5a1ce597b249e23fb30fc871f"),
+        ("geometry_msgs/Pose2D", "938fa65709584ad8e77d238529be13b8"),
+        ("geometry_msgs/PoseArray", "916c28c5764443f268b296bb671b9d97"),
+        ("geometry_msgs/PoseStamped", "d3812c3cbc69362b77dc0b19b345f8f5"),
+        ("geometry_msgs/PoseWithCovariance", "c23e848cf1b7533a8d7c259073a97e6f"),
+        ("geometry_msgs/PoseWithCovarianceStamped", "953b798c0f514ff060a53a3498ce6246"),
+        ("geometry_msgs/Quaternion", "a779879fadf0160734f906b8c19c7004"),
+        ("geometry_msgs/Transform", "ac9eff44abf714214112b05d54a3cf9b"),
+        ("geometry_msgs/TransformStamped", "b5764a33bfeb3588febc2682852579b0"),
+        ("geometry_msgs/Twist", "9f195f881246fdfa2798d1d3eebca84a"),
+        ("geometry_msgs/TwistWithCovariance", "1fe8a28e6890a4cc3ae4c3ca5c7d82e6"),
+        ("geometry_msgs/Vector3", "4a842b65f413084dc2b10fb484ea7f17"),
+        ("move_base_msgs/MoveBaseActionGoal", "660d6895a1b9a16dce51fbdd9a64a56b"),
+        ("move_base_msgs/MoveBaseGoal", "257d089627d7eb7136c24d3593d05a16"),
+        ("nav_msgs/Odometry", "cd5e73d190d741a2f92e81eda573aca7"),
+        ("pedsim_msgs/AgentStates", "aa81ea94344df8d81e135b65d4d499b1"),
+        ("pedsim_msgs/LineObstacle", "ad6f4eea34a193d38008f1d4053cce66"),
+        ("pedsim_msgs/LineObstacles", "4de3122fdaa1292012d39892365813ee"),
+        ("pedsim_msgs/TrackedPersons", "21c0b1a57c4933e68f39aa3802861828"),
+        ("pedsim_msgs/Waypoint", "7fe6c11b241f6ddddc1c756dacf4a21f"),
+        ("people_msgs/People", "18722f4b8db20cc2369740732357847b"),
+        ("roscausal_msgs/CausalModel", "dffe9a6aaf2835bf56c67571594f45fb"),
         ("roscausal_msgs/HumanState", "90716816acd7c89906d6a039b49fe272"),
         ("roscausal_msgs/Humans", "6a4845f7410a9b3ab633d5f388b36b39"),
-        ("roscausal_msgs/CausalModel", "dffe9a6aaf2835bf56c67571594f45fb"),
-        ("std_msgs/Header", "2176decaecbce78abc3b96ef049fabed"),
-        ("nav_msgs/Odometry", "cd5e73d190d741a2f92e81eda573aca7"),
-        ("geometry_msgs/PoseWithCovarianceStamped", "953b798c0f514ff060a53a3498ce6246"),
-        ("move_base_msgs/MoveBaseActionGoal", "660d6895a1b9a16dce51fbdd9a64a56b"),
-        ("tf2_msgs/TFMessage", "94810edda583a504dfda3829e70d7eec"),
-        ("sensor_msgs/Image", "060021388200f6f0f447d0fcd9c64743"),
-        ("diagnostic_msgs/DiagnosticArray", "60810da900de1dd6ddd437c3503511da"),
+        ("roscausal_msgs/RobotState", "85ccda3e8061a45d573a2a8550778871"),
         ("rosgraph_msgs/Clock", "a9c97c1d230cfc112e270351a944ee47"),
         ("rosgraph_msgs/Log", "acffd30cd6b6de30f120938c17c593fb"),
+        ("sensor_msgs/CompressedImage", "8f7a12909da2c9d3332d540a0977563f"),
+        ("sensor_msgs/Image", "060021388200f6f0f447d0fcd9c64743"),
+        ("spencer_tracking_msgs/TrackedPersons", "21c0b1a57c4933e68f39aa3802861828"),
+        ("std_msgs/Bool", "8b94c1b53db61fb6aed406028ad6332a"),
+        ("std_msgs/ColorRGBA", "a29a96539573343b1310c73607334b00"),
+        ("std_msgs/Float32MultiArray", "6a40e0ffa6a17a503ac3f8616991b1f6"),
+        ("std_msgs/Float64", "fdb28210bfa9d7c91146260178d9a584"),
+        ("std_msgs/Header", "2176decaecbce78abc3b96ef049fabed"),
+        ("std_msgs/Int32MultiArray", "1d99f79f8b325b44fee908053e9c945b"),
+        ("std_msgs/MultiArrayDimension", "4cd0c83a8683deae40ecdac60e53bfa8"),
+        ("std_msgs/MultiArrayLayout", "0fed2a11c13e11c5571b4e2a995a91a3"),
+        ("std_msgs/String", "992ce8a1687cec8c8bd883ec73ca41d1"),
+        ("tf2_msgs/TFMessage", "94810edda583a504dfda3829e70d7eec"),
+        ("visualization_msgs/Marker", "4048c9de2a16f4ae8e0538085ebf1b97"),
+        ("visualization_msgs/MarkerArray", "d155b9ce5188fbaf89745847fd5882d7"),
     ];
 
     #[test]
@@ -219,5 +261,67 @@ mod tests {
             let definition = types.iter().find(|definition| definition.type_name() == *name);
             assert_eq!(definition.map(|definition| definition.ros1_md5()), Some(*md5), "{name}");
         }
+    }
+
+    #[test]
+    fn md5_puts_constants_first_and_ignores_comments_and_spaces() {
+        static MESSY: Definition = Definition::new(
+            "p",
+            "T",
+            "# comment\n\n  Header   header  # why\nstring  NOTE =  a # b  \nint32[4]   ids\nbyte LEVEL=1 # low\n",
+            Wires::Both,
+            &[<Header as Message>::definition],
+        );
+        let canonical =
+            "string NOTE=a # b\nbyte LEVEL=1\n2176decaecbce78abc3b96ef049fabed header\nint32[4] ids";
+        assert_eq!(MESSY.ros1_md5(), hex(&Md5::digest(canonical)));
+    }
+
+    #[test]
+    fn every_field_type_is_built_in_or_declared() {
+        const BUILT_IN: &str = " bool byte int8 uint8 int16 uint16 int32 uint32 int64 uint64 float32 float64 string time duration ";
+        for definition in types() {
+            for line in definition.text.lines().filter_map(Line::parse) {
+                if let Line::Field { kind, name } = line {
+                    let base = kind.split('[').next().unwrap_or(kind);
+                    let known =
+                        BUILT_IN.contains(&format!(" {base} ")) || definition.nested_type(kind).is_some();
+                    assert!(known, "{}: {kind} {name}", definition.type_name());
+                }
+            }
+            assert!(definition.text.ends_with('\n'), "{}", definition.type_name());
+        }
+    }
+
+    #[test]
+    fn a_name_has_one_definition_per_wire_but_for_pedsims_agents() {
+        let mut seen = BTreeSet::new();
+        for definition in types() {
+            let ours = definition.package != "pedsim_msgs" || definition.wires == Wires::Both;
+            if ours && definition.wires != Wires::Ros2 {
+                assert!(seen.insert(definition.type_name()), "{}", definition.type_name());
+            }
+        }
+    }
+
+    #[test]
+    fn definitions_append_each_nested_type_once() {
+        let text = crate::Humans::ros1_definition();
+        for name in
+            ["std_msgs/Header", "roscausal_msgs/HumanState", "geometry_msgs/Pose2D", "geometry_msgs/Point"]
+        {
+            assert_eq!(text.matches(&format!("MSG: {name}\n")).count(), 1, "{name}");
+        }
+    }
+
+    #[test]
+    fn the_ros2_text_has_legal_names_and_its_own_times() {
+        let text = crate::HumanState::definition().ros2_definition();
+        assert!(text.contains("geometry_msgs/Pose2D pose2d\n"), "{text}");
+        assert!(
+            text.contains("MSG: std_msgs/Header\nbuiltin_interfaces/Time stamp\nstring frame_id\n"),
+            "{text}"
+        );
+        assert!(!text.contains("seq"), "{text}");
     }
 }

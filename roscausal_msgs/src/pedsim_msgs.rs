@@ -25,8 +25,6 @@ pub struct AgentForce {
     pub group_repulsion_force: Vector3,
     /// Noise.
     pub random_force: Vector3,
-    /// Keeps a distance.
-    pub keep_distance_force: Vector3,
 }
 message!("pedsim_msgs" AgentForce uses [Vector3]);
 
