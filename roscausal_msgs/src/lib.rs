@@ -1,7 +1,7 @@
 //! The messages of ROS-Causal and of the nodes' inputs: one Rust type each for both ROS versions.
 //!
-//! A type carries the metadata of both wires ([`Message`]); the bytes are made by serde formats: CDR for
-//! ROS 2 (by the ROS 2 backend's library) and one of our own for ROS 1. `Header` has no `seq` field here: it
+//! A type carries the metadata of both wires ([`Message`]); the bytes are made by serde formats: [`ros1`] and,
+//! for recordings, [`cdr`] (the ROS 2 backend's library has its own CDR). `Header` has no `seq` field here: it
 //! exists only on the ROS 1 wire, and the ROS 1 codec writes and reads it.
 //!
 //! Where the two ROS versions differ in more than that, there are two Rust types, and
@@ -46,14 +46,17 @@ mod definition;
 mod registry;
 mod roscausal;
 mod time;
+mod wire;
 
 pub mod actionlib_msgs;
+pub mod cdr;
 pub mod diagnostic_msgs;
 pub mod geometry_msgs;
 pub mod move_base_msgs;
 pub mod nav_msgs;
 pub mod pedsim_msgs;
 pub mod people_msgs;
+pub mod ros1;
 pub mod rosgraph_msgs;
 pub mod sensor_msgs;
 pub mod spencer_tracking_msgs;
@@ -65,6 +68,7 @@ pub use definition::{Definition, Wires};
 pub use registry::types;
 pub use roscausal::{CausalLink, CausalModel, CausalModelInfo, HumanState, Humans, RobotState};
 pub use time::{Duration, Time};
+pub use wire::{Fault, WireError};
 
 use serde::{Serialize, de::DeserializeOwned};
 

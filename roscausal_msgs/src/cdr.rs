@@ -1,0 +1,40 @@
+//! Messages as ROS 2 sends them and as its recordings hold them: CDR (OMG, XCDR version 1) after the four
+//! bytes that name the representation.
+
+use crate::{
+    Message,
+    wire::{Decoder, Encoder, Fault, Layout, WireError},
+};
+
+/// CDR, little endian, no options.
+const LITTLE_ENDIAN: [u8; 4] = [0, 1, 0, 0];
+
+/// A message's bytes, little endian, with the four bytes that say so.
+///
+/// # Errors
+/// When a string or sequence is longer than 2^32 - 1.
+pub fn to_bytes<M: Message>(message: &M) -> Result<Vec<u8>, WireError> {
+    let mut encoder = Encoder::new(Layout::CDR, &LITTLE_ENDIAN, 0);
+    message.serialize(&mut encoder).map_err(Fault::of::<M>)?;
+    Ok(encoder.finish())
+}
+
+/// The message in `bytes`, in either order of bytes. Up to three bytes of padding may follow it.
+///
+/// # Errors
+/// When the bytes are not exactly one message of this type. No bytes make it panic or allocate much more
+/// than they are long.
+pub fn from_bytes<M: Message>(bytes: &[u8]) -> Result<M, WireError> {
+    let &[high, low, _, _] = bytes.first_chunk().ok_or_else(|| {
+        Fault::Truncated { offset: 0, needed: LITTLE_ENDIAN.len(), left: bytes.len() }.of::<M>()
+    })?;
+    let layout = match u16::from_be_bytes([high, low]) {
+        0 => Layout { big_endian: true, ..Layout::CDR },
+        1 => Layout::CDR,
+        other => return Err(Fault::Representation(other).of::<M>()),
+    };
+    let mut decoder = Decoder::new(layout, bytes, LITTLE_ENDIAN.len());
+    let message = M::deserialize(&mut decoder).map_err(Fault::of::<M>)?;
+    decoder.finish(3).map_err(Fault::of::<M>)?;
+    Ok(message)
+}

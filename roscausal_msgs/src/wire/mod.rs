@@ -1,0 +1,102 @@
+//! The serde format behind both wires; [`crate::ros1`] and [`crate::cdr`] choose the layout.
+
+mod decode;
+mod encode;
+
+pub(crate) use decode::Decoder;
+pub(crate) use encode::Encoder;
+
+/// What the two wires differ in.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct Layout {
+    /// CDR: numbers are aligned to their size, strings end in NUL. ROS 1: neither, and headers carry `seq`.
+    pub(crate) cdr: bool,
+    /// Order of the bytes of a number (CDR knows both).
+    pub(crate) big_endian: bool,
+}
+
+impl Layout {
+    pub(crate) const ROS1: Self = Self { cdr: false, big_endian: false };
+    pub(crate) const CDR: Self = Self { cdr: true, big_endian: false };
+
+    /// Padding before a number of `size` bytes at `offset`.
+    fn padding(self, offset: usize, size: usize) -> usize {
+        if self.cdr { offset.wrapping_neg() % size } else { 0 }
+    }
+
+    /// Whether this struct starts with a `seq` that the Rust type has not.
+    fn has_seq(self, struct_name: &str) -> bool {
+        !self.cdr && struct_name == "Header"
+    }
+}
+
+/// Bytes that are not the message they should be, or a message that has no bytes.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("{type_name}: {fault}")]
+pub struct WireError {
+    /// `package/Name` of the message.
+    pub type_name: String,
+    /// What is wrong.
+    pub fault: Fault,
+}
+
+/// What is wrong with the bytes of a message.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum Fault {
+    /// The bytes end too early.
+    #[error("the message is cut short: {needed} bytes needed at byte {offset}, {left} left")]
+    Truncated {
+        /// Where, from the message's first byte.
+        offset: usize,
+        /// Bytes needed there.
+        needed: usize,
+        /// Bytes there are.
+        left: usize,
+    },
+    /// A length that cannot be true.
+    #[error("a length of {length} at byte {offset}, where only {left} bytes are left; is it another type?")]
+    Length {
+        /// Where, from the message's first byte.
+        offset: usize,
+        /// Elements or bytes claimed.
+        length: u32,
+        /// Bytes there are.
+        left: usize,
+    },
+    /// Bytes after the message's last field.
+    #[error("{left} bytes too many after the last field; is it another type or version?")]
+    Trailing {
+        /// How many.
+        left: usize,
+    },
+    /// CDR's first four bytes are unknown.
+    #[error("the CDR representation {0:#06x} is not supported (allowed: 0x0000 and 0x0001)")]
+    Representation(u16),
+    /// A sequence or string longer than the wire can say.
+    #[error("{0} elements are more than the wire allows")]
+    TooLong(usize),
+    /// A Rust type that no ROS message has.
+    #[error("{0} has no place in a ROS message")]
+    Unsupported(&'static str),
+    /// What the type itself objects to.
+    #[error("{0}")]
+    Custom(String),
+}
+
+impl Fault {
+    pub(crate) fn of<M: crate::Message>(self) -> WireError {
+        WireError { type_name: M::type_name(), fault: self }
+    }
+}
+
+impl serde::ser::Error for Fault {
+    fn custom<T: std::fmt::Display>(message: T) -> Self {
+        Self::Custom(message.to_string())
+    }
+}
+
+impl serde::de::Error for Fault {
+    fn custom<T: std::fmt::Display>(message: T) -> Self {
+        Self::Custom(message.to_string())
+    }
+}
