@@ -102,6 +102,11 @@ impl Control {
         self.state.done.load(Ordering::Relaxed)
     }
 
+    /// Tests that all runs under this control will have done, as far as known.
+    pub fn estimated_total(&self) -> usize {
+        self.state.estimated_total.load(Ordering::Relaxed).max(self.done())
+    }
+
     /// Adds `n` tests to the estimated total.
     pub(crate) fn expect_tests(&self, n: usize) {
         self.state.estimated_total.fetch_add(n, Ordering::Relaxed);
@@ -111,10 +116,7 @@ impl Control {
     pub(crate) fn count(&self, n: usize) {
         let done = self.state.done.fetch_add(n, Ordering::Relaxed) + n;
         if let Some(f) = &self.on_progress {
-            f(Progress {
-                done,
-                estimated_total: self.state.estimated_total.load(Ordering::Relaxed).max(done),
-            });
+            f(Progress { done, estimated_total: self.estimated_total() });
         }
     }
 }

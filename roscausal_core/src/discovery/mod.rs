@@ -5,9 +5,28 @@
 
 mod control;
 mod dataframe;
+mod extension;
+mod fdr;
+mod graph;
+mod links;
+mod mci;
 pub mod model;
+mod orientation;
+mod pc_stable;
+mod pcmci;
+mod pcmciplus;
+mod run;
+mod skeleton;
 pub mod transfer_entropy;
 
 pub use control::{Control, Progress, Stop};
 pub use dataframe::{DataFrame, LaggedArrays, MaskType, Node, Samples};
+pub use fdr::fdr_bh;
+pub use graph::{Candidate, LinkMark, PcmciResult, Sepset, Status, TargetParents};
+pub use links::{Assumption, LinkAssumptions};
 pub use model::Model;
+pub use pcmci::{
+    Fdr, PC_ALPHAS, PCMCIPLUS_ALPHAS, PcmciSettings, get_lagged_dependencies, run_bivci, run_fullci, run_mci,
+    run_pc_stable, run_pcmci,
+};
+pub use pcmciplus::{ColliderRule, PcmciPlusSettings, run_pcmciplus};

@@ -4,10 +4,19 @@
 //! ([`PreparedTest`]): there live the Gram matrix, residual caches and null tables that tests of a run share.
 //! A prepared test is `Sync`, and a result never depends on which tests came before it.
 
+mod cholesky;
+mod gram;
+mod normal;
+mod parcorr;
 mod registry;
+mod robust_parcorr;
 mod settings;
+mod significance;
+mod student_t;
 
+pub use parcorr::ParCorr;
 pub use registry::{by_name, names};
+pub use robust_parcorr::RobustParCorr;
 pub use settings::{Confidence, Significance, TestSettings};
 
 use crate::{

@@ -1,10 +1,13 @@
-use super::{CondIndTest, TestSettings};
+use super::{CondIndTest, ParCorr, RobustParCorr, TestSettings};
 use crate::{Error, Result};
 
 type Build = fn(&TestSettings) -> Result<Box<dyn CondIndTest>>;
 
 /// All tests: one line each. A name is lower case; users may write it in any case, with `_` or `-`.
-const TESTS: &[(&str, Build)] = &[];
+const TESTS: &[(&str, Build)] = &[
+    ("parcorr", |s| Ok(Box::new(ParCorr::new(s)?))),
+    ("robustparcorr", |s| Ok(Box::new(RobustParCorr::new(s)?))),
+];
 
 /// Names of all tests.
 pub fn names() -> impl Iterator<Item = &'static str> {

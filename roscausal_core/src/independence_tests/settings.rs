@@ -1,3 +1,5 @@
+use crate::{Error, Result};
+
 /// How a value becomes a p-value.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Significance {
@@ -64,5 +66,26 @@ impl Default for TestSettings {
             transform: None,
             max_memory: None,
         }
+    }
+}
+
+impl TestSettings {
+    /// Checks what all tests share.
+    ///
+    /// # Errors
+    /// The first setting that is out of its range.
+    pub fn check(&self) -> Result<()> {
+        let positive = |name: &str, value: Option<usize>| match value {
+            Some(0) => Err(Error::param(name, "0 is not allowed; give 1 or more")),
+            _ => Ok(()),
+        };
+        positive("sig_samples", self.sig_samples)?;
+        positive("sig_blocklength", self.sig_blocklength)?;
+        positive("conf_samples", Some(self.conf_samples))?;
+        positive("conf_blocklength", self.conf_blocklength)?;
+        if !(0.0..1.0).contains(&self.conf_lev) || self.conf_lev == 0.0 {
+            return Err(Error::param("conf_lev", format!("{} is not between 0 and 1", self.conf_lev)));
+        }
+        Ok(())
     }
 }

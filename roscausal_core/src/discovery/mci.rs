@@ -1,0 +1,125 @@
+use super::{Assumption, LinkAssumptions, LinkMark, Node, PcmciResult, run::Run};
+use crate::{Error, Result, independence_tests::TestResult};
+
+/// Which conditions a link is tested under.
+#[derive(Clone, Debug)]
+pub(crate) struct Mci<'a> {
+    pub(crate) links: &'a LinkAssumptions,
+    /// Conditions of each target, strongest first.
+    pub(crate) parents: &'a [Vec<Node>],
+    /// How many of the effect's, and of the cause's, count.
+    pub(crate) max_conds_py: Option<usize>,
+    pub(crate) max_conds_px: Option<usize>,
+    pub(crate) alpha_level: f64,
+}
+
+/// Conditions of `x _||_ (effect, 0)`: the effect's parents without `x`, then those of `x`, shifted to its lag,
+/// that are not among them.
+pub(crate) fn mci_conditions(x: Node, of_effect: &[Node], of_cause: &[Node], z: &mut Vec<Node>) {
+    z.extend(of_effect.iter().copied().filter(|&node| node != x));
+    for node in of_cause {
+        let node = node.shifted(x.lag);
+        if !z.contains(&node) {
+            z.push(node);
+        }
+    }
+}
+
+/// The first `limit` nodes.
+pub(crate) fn first(nodes: &[Node], limit: Option<usize>) -> &[Node] {
+    &nodes[..limit.unwrap_or(nodes.len()).min(nodes.len())]
+}
+
+impl Mci<'_> {
+    /// Tests every possible link (momentary conditional independence, Runge et al. 2019) and writes values, p-values
+    /// and marks into `result`. Says whether the time budget ended it.
+    pub(crate) fn run(&self, run: &Run<'_>, result: &mut PcmciResult) -> Result<bool> {
+        let tests: Vec<(usize, Vec<Node>)> = (0..run.n_vars())
+            .map(|target| {
+                let tested = self.links.of_target(target).filter(|(_, assumption)| !assumption.exists());
+                (target, tested.map(|(node, _)| node).collect())
+            })
+            .collect();
+        run.control().expect_tests(tests.iter().map(|(_, sources)| sources.len()).sum());
+        let outcomes = run.map_targets(&tests, |(target, sources)| {
+            run.map_tests(sources, |&source| self.test(run, source, *target))
+        });
+        let mut out_of_time = false;
+        for ((target, sources), outcomes) in tests.iter().zip(outcomes) {
+            for (source, outcome) in sources.iter().zip(outcomes) {
+                match outcome {
+                    Ok(outcome) => self.put(run, result, *source, *target, outcome),
+                    Err(error) if run.is_timeout(&error) => out_of_time = true,
+                    Err(error) => return Err(error),
+                }
+            }
+        }
+        self.put_existing(result);
+        Ok(out_of_time)
+    }
+
+    fn test(&self, run: &Run<'_>, source: Node, target: usize) -> Result<TestResult> {
+        let of = |var: usize, limit| self.parents.get(var).map_or(&[][..], |nodes| first(nodes, limit));
+        let mut z = Vec::new();
+        mci_conditions(source, of(target, self.max_conds_py), of(source.var, self.max_conds_px), &mut z);
+        let (source_name, target_name) = (source.var, target);
+        run.test(source, Node::new(target, 0), &z).map_err(|error| match error {
+            Error::Data(reason) => {
+                Error::Data(format!("link {source_name} (lag {}) -> {target_name}: {reason}", source.lag))
+            }
+            other => other,
+        })
+    }
+
+    /// Writes one test; of the two tests of a pair at lag 0 the one with the larger p-value counts.
+    fn put(&self, run: &Run<'_>, result: &mut PcmciResult, source: Node, target: usize, outcome: TestResult) {
+        let (outcome, _) = run.decide(outcome, self.alpha_level);
+        let both = [[source.var, target, source.lag], [target, source.var, 0]];
+        let at = &both[..if source.lag == 0 { 2 } else { 1 }];
+        // Targets are written in order: the pair's other test is already there when the source comes first.
+        let second = source.lag == 0 && source.var < target;
+        if second && outcome.p_value <= result.p_matrix[both[0]] {
+            return;
+        }
+        for &at in at {
+            result.val_matrix[at] = outcome.value;
+            result.p_matrix[at] = outcome.p_value;
+            result.n_lost[at] = outcome.n_lost;
+        }
+        if let Some(interval) = outcome.confidence {
+            let shape = result.graph.dim();
+            let conf = result.conf_matrix.get_or_insert_with(|| ndarray::Array3::default(shape));
+            at.iter().for_each(|&at| conf[at] = Some(interval));
+        }
+    }
+
+    fn put_existing(&self, result: &mut PcmciResult) {
+        for target in 0..self.links.n_vars() {
+            for (node, _) in self.links.of_target(target).filter(|(_, assumption)| assumption.exists()) {
+                result.val_matrix[[node.var, target, node.lag]] = 1.0;
+                result.p_matrix[[node.var, target, node.lag]] = 0.0;
+            }
+        }
+    }
+
+    /// Marks the links whose deciding p-value is at most the level.
+    pub(crate) fn mark(&self, result: &mut PcmciResult) {
+        for target in 0..self.links.n_vars() {
+            for (node, assumption) in self.links.of_target(target) {
+                let at = [node.var, target, node.lag];
+                if result.deciding_p()[at] <= self.alpha_level {
+                    result.graph[at] = mark_of(assumption);
+                }
+            }
+        }
+    }
+}
+
+/// The mark of a link that is found where `assumption` was made.
+pub(crate) fn mark_of(assumption: Assumption) -> LinkMark {
+    match assumption {
+        Assumption::Exists | Assumption::Test => LinkMark::Forward,
+        Assumption::ExistsBackward | Assumption::TestBackward => LinkMark::Backward,
+        Assumption::ExistsUnoriented | Assumption::TestUnoriented => LinkMark::Unoriented,
+    }
+}

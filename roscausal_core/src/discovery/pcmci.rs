@@ -1,0 +1,305 @@
+use ndarray::Array3;
+
+use super::{
+    Control, DataFrame, LinkAssumptions, Node, PcmciResult, Samples, Status, TargetParents, fdr_bh, mci::Mci,
+    pc_stable::PcStable, run::Run,
+};
+use crate::{Error, Result, independence_tests::CondIndTest};
+
+/// Correction of p-values for the number of tests.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Fdr {
+    /// None.
+    #[default]
+    None,
+    /// Benjamini and Hochberg, over the lagged links; p-values at lag 0 stay as they are.
+    Bh,
+}
+
+/// Settings of a run; each method reads those it knows.
+#[derive(Clone, Debug)]
+pub struct PcmciSettings {
+    /// Smallest lag of a link. Default 1 (PCMCI+: 0).
+    pub tau_min: usize,
+    /// Largest lag of a link. Default 1.
+    pub tau_max: usize,
+    /// Level of the condition selection: one, or several of which a model-selection score chooses (per target; for
+    /// PCMCI+ one for all); empty: [`PC_ALPHAS`], or [`PCMCIPLUS_ALPHAS`]. Default 0.2, for PCMCI+ 0.01.
+    pub pc_alpha: Vec<f64>,
+    /// Level of a link (`fixed_thres`: the threshold). Default 0.05.
+    pub alpha_level: f64,
+    /// Largest condition set of PC1; `None`: no limit.
+    pub max_conds_dim: Option<usize>,
+    /// Condition sets tried per size in PC1. Default 1.
+    pub max_combinations: usize,
+    /// How many of the effect's parents MCI conditions on; `None`: all.
+    pub max_conds_py: Option<usize>,
+    /// How many of the cause's parents MCI conditions on; `None`: all.
+    pub max_conds_px: Option<usize>,
+    /// PCMCI+: the same for causes at a lag; `None`: as `max_conds_px`.
+    pub max_conds_px_lagged: Option<usize>,
+    /// Correction of the p-values of links.
+    pub fdr: Fdr,
+    /// Which links may exist; `None`: all.
+    pub link_assumptions: Option<LinkAssumptions>,
+}
+
+/// Levels that PCMCI chooses from by score when none is given.
+pub const PC_ALPHAS: [f64; 6] = [0.05, 0.1, 0.2, 0.3, 0.4, 0.5];
+
+/// Levels that PCMCI+ chooses from by score when none is given.
+pub const PCMCIPLUS_ALPHAS: [f64; 5] = [0.001, 0.005, 0.01, 0.025, 0.05];
+
+impl Default for PcmciSettings {
+    fn default() -> Self {
+        Self {
+            tau_min: 1,
+            tau_max: 1,
+            pc_alpha: vec![0.2],
+            alpha_level: 0.05,
+            max_conds_dim: None,
+            max_combinations: 1,
+            max_conds_py: None,
+            max_conds_px: None,
+            max_conds_px_lagged: None,
+            fdr: Fdr::None,
+            link_assumptions: None,
+        }
+    }
+}
+
+impl PcmciSettings {
+    /// Checks the settings against the data and the test.
+    pub(crate) fn check(&self, data: &DataFrame, test: &dyn CondIndTest) -> Result<()> {
+        if self.tau_min > self.tau_max {
+            return Err(Error::param(
+                "tau_min",
+                format!("{} is larger than tau_max = {}", self.tau_min, self.tau_max),
+            ));
+        }
+        let longest = data.recordings().iter().map(|r| r.nrows()).max().unwrap_or(0);
+        let cut_off = self.cut_off();
+        if longest <= cut_off {
+            return Err(Error::Data(format!(
+                "the longest recording has {longest} samples; tau_max = {} needs at least {}: record longer or \
+                 lower tau_max",
+                self.tau_max,
+                cut_off + 4
+            )));
+        }
+        for (name, value) in
+            self.pc_alpha.iter().map(|a| ("pc_alpha", *a)).chain([("alpha", self.alpha_level)])
+        {
+            let allowed = value > 0.0 && (value < 1.0 || (value == 1.0 && name == "pc_alpha"));
+            if !allowed && !(test.decides_by_value() && value > 0.0 && value.is_finite()) {
+                return Err(Error::param(name, format!("{value} is not between 0 and 1")));
+            }
+        }
+        if self.max_combinations == 0 {
+            return Err(Error::param("max_combinations", "0 is not allowed; give 1 or more"));
+        }
+        if self.fdr != Fdr::None && test.decides_by_value() {
+            return Err(Error::param("fdr", "fixed_thres gives no p-values to correct; choose fdr none"));
+        }
+        match &self.link_assumptions {
+            Some(links) => links.check(data.n_vars(), self.tau_min, self.tau_max),
+            None => Ok(()),
+        }
+    }
+
+    pub(crate) fn cut_off(&self) -> usize {
+        2 * self.tau_max
+    }
+
+    /// The assumptions given, or all links.
+    pub(crate) fn links(&self, n_vars: usize) -> LinkAssumptions {
+        self.link_assumptions
+            .clone()
+            .unwrap_or_else(|| LinkAssumptions::all(n_vars, self.tau_min, self.tau_max))
+    }
+
+    pub(crate) fn pc_stable<'a>(&'a self, links: &'a LinkAssumptions, default: &'a [f64]) -> PcStable<'a> {
+        PcStable {
+            links,
+            pc_alphas: if self.pc_alpha.is_empty() { default } else { &self.pc_alpha },
+            max_conds_dim: self.max_conds_dim,
+            max_combinations: self.max_combinations,
+        }
+    }
+
+    fn mci<'a>(&self, links: &'a LinkAssumptions, parents: &'a [Vec<Node>]) -> Mci<'a> {
+        Mci {
+            links,
+            parents,
+            max_conds_py: self.max_conds_py,
+            max_conds_px: self.max_conds_px,
+            alpha_level: self.alpha_level,
+        }
+    }
+}
+
+/// PC1 alone: the parents of each target, strongest first (`graph` and matrices stay empty).
+///
+/// # Errors
+/// Settings or data that do not fit together; a test that fails; cancellation.
+pub fn run_pc_stable(
+    data: &DataFrame,
+    test: &dyn CondIndTest,
+    settings: &PcmciSettings,
+    control: &Control,
+) -> Result<PcmciResult> {
+    with_run(data, test, settings, control, |run, links, result| {
+        let (parents, out_of_time) = settings.pc_stable(links, &PC_ALPHAS).run(run)?;
+        result.parents = parents;
+        Ok(out_of_time)
+    })
+}
+
+/// PCMCI (Runge et al. 2019): PC1, then MCI under the parents it found.
+///
+/// # Errors
+/// Settings or data that do not fit together; a test that fails; cancellation. A time budget that ends is not an
+/// error: see [`PcmciResult::status`].
+pub fn run_pcmci(
+    data: &DataFrame,
+    test: &dyn CondIndTest,
+    settings: &PcmciSettings,
+    control: &Control,
+) -> Result<PcmciResult> {
+    with_run(data, test, settings, control, |run, links, result| {
+        let (parents, out_of_time) = settings.pc_stable(links, &PC_ALPHAS).run(run)?;
+        let conditions = nodes_of(&parents);
+        result.parents = parents;
+        Ok(out_of_time || test_links(run, settings, links, &settings.mci(links, &conditions), result)?)
+    })
+}
+
+/// MCI alone, under the given parents of each target, strongest first.
+///
+/// # Errors
+/// As [`run_pcmci`]; also parents of a wrong number or lag.
+pub fn run_mci(
+    data: &DataFrame,
+    test: &dyn CondIndTest,
+    settings: &PcmciSettings,
+    parents: &[Vec<Node>],
+    control: &Control,
+) -> Result<PcmciResult> {
+    let n_vars = data.n_vars();
+    let wrong = parents.iter().flatten().find(|n| n.var >= n_vars || n.lag == 0 || n.lag > settings.tau_max);
+    if parents.len() != n_vars || wrong.is_some() {
+        return Err(Error::param(
+            "parents",
+            format!("give {n_vars} lists of variables 0..{n_vars} at lags 1..={}", settings.tau_max),
+        ));
+    }
+    with_run(data, test, settings, control, |run, links, result| {
+        test_links(run, settings, links, &settings.mci(links, parents), result)
+    })
+}
+
+/// Full conditional independence: each link given all other lagged links into its target.
+///
+/// # Errors
+/// As [`run_pcmci`].
+pub fn run_fullci(
+    data: &DataFrame,
+    test: &dyn CondIndTest,
+    settings: &PcmciSettings,
+    control: &Control,
+) -> Result<PcmciResult> {
+    run_with_conditions(data, test, settings, control, |links, target| {
+        links.of_target(target).map(|(node, _)| node).filter(|node| node.lag > 0).collect()
+    })
+}
+
+/// Bivariate conditional independence: each link given its target's own past.
+///
+/// # Errors
+/// As [`run_pcmci`].
+pub fn run_bivci(
+    data: &DataFrame,
+    test: &dyn CondIndTest,
+    settings: &PcmciSettings,
+    control: &Control,
+) -> Result<PcmciResult> {
+    run_with_conditions(data, test, settings, control, |links, target| {
+        let own = |node: &Node| node.lag > 0 && node.var == target;
+        links.of_target(target).map(|(node, _)| node).filter(own).collect()
+    })
+}
+
+/// Unconditional dependencies at all lags.
+///
+/// # Errors
+/// As [`run_pcmci`].
+pub fn get_lagged_dependencies(
+    data: &DataFrame,
+    test: &dyn CondIndTest,
+    settings: &PcmciSettings,
+    control: &Control,
+) -> Result<PcmciResult> {
+    run_with_conditions(data, test, settings, control, |_, _| Vec::new())
+}
+
+fn run_with_conditions(
+    data: &DataFrame,
+    test: &dyn CondIndTest,
+    settings: &PcmciSettings,
+    control: &Control,
+    conditions: impl Fn(&LinkAssumptions, usize) -> Vec<Node>,
+) -> Result<PcmciResult> {
+    with_run(data, test, settings, control, |run, links, result| {
+        let conditions: Vec<_> = (0..run.n_vars()).map(|target| conditions(links, target)).collect();
+        let mci = Mci { max_conds_px: Some(0), max_conds_py: None, ..settings.mci(links, &conditions) };
+        test_links(run, settings, links, &mci, result)
+    })
+}
+
+/// Checks, prepares the test, runs `body` (which says whether time ran out) and fills in what all results have.
+pub(crate) fn with_run(
+    data: &DataFrame,
+    test: &dyn CondIndTest,
+    settings: &PcmciSettings,
+    control: &Control,
+    body: impl FnOnce(&Run<'_>, &LinkAssumptions, &mut PcmciResult) -> Result<bool>,
+) -> Result<PcmciResult> {
+    settings.check(data, test)?;
+    let samples = Samples::new(data, settings.cut_off()).with_control(control.clone());
+    let mut result = PcmciResult::untested(data.n_vars(), settings.tau_max, samples.len());
+    let run = Run::new(test, &samples)?;
+    let links = settings.links(data.n_vars());
+    if body(&run, &links, &mut result)? {
+        let (done, n) = (run.n_tests(), control.estimated_total());
+        result.status =
+            Status::Partial(format!("the time budget ended the run after {done} of about {n} tests"));
+    }
+    result.n_tests = run.n_tests();
+    Ok(result)
+}
+
+pub(crate) fn nodes_of(parents: &[TargetParents]) -> Vec<Vec<Node>> {
+    parents.iter().map(|target| target.parents.clone()).collect()
+}
+
+fn test_links(
+    run: &Run<'_>,
+    settings: &PcmciSettings,
+    links: &LinkAssumptions,
+    mci: &Mci<'_>,
+    result: &mut PcmciResult,
+) -> Result<bool> {
+    let out_of_time = mci.run(run, result)?;
+    result.q_matrix = corrected(settings.fdr, links, &result.p_matrix);
+    mci.mark(result);
+    Ok(out_of_time)
+}
+
+/// P-values corrected over the lagged links that are assumed possible; `None` without correction.
+pub(crate) fn corrected(fdr: Fdr, links: &LinkAssumptions, p_matrix: &Array3<f64>) -> Option<Array3<f64>> {
+    (fdr == Fdr::Bh).then(|| {
+        let counted =
+            Array3::from_shape_fn(p_matrix.dim(), |(i, j, lag)| lag > 0 && links.get(i, j, lag).is_some());
+        fdr_bh(p_matrix, &counted)
+    })
+}
