@@ -5,6 +5,7 @@
 //! A prepared test is `Sync`, and a result never depends on which tests came before it.
 
 mod cholesky;
+mod gpdc;
 mod gram;
 mod normal;
 mod parcorr;
@@ -14,6 +15,7 @@ mod settings;
 mod significance;
 mod student_t;
 
+pub use gpdc::Gpdc;
 pub use parcorr::ParCorr;
 pub use registry::{by_name, names};
 pub use robust_parcorr::RobustParCorr;

@@ -1,4 +1,4 @@
-use super::{CondIndTest, ParCorr, RobustParCorr, TestSettings};
+use super::{CondIndTest, Gpdc, ParCorr, RobustParCorr, TestSettings};
 use crate::{Error, Result};
 
 type Build = fn(&TestSettings) -> Result<Box<dyn CondIndTest>>;
@@ -6,6 +6,7 @@ type Build = fn(&TestSettings) -> Result<Box<dyn CondIndTest>>;
 /// All tests: one line each. A name is lower case; users may write it in any case, with `_` or `-`.
 const TESTS: &[(&str, Build)] = &[
     ("parcorr", |s| Ok(Box::new(ParCorr::new(s)?))),
+    ("gpdc", |s| Ok(Box::new(Gpdc::new(s)?))),
     ("robustparcorr", |s| Ok(Box::new(RobustParCorr::new(s)?))),
 ];
 

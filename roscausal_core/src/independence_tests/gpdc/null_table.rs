@@ -1,0 +1,77 @@
+//! Distance correlations of the ranks of independent uniform samples: what GPDC's values are held against.
+
+use std::{
+    collections::HashMap,
+    sync::{Arc, LazyLock, Mutex, OnceLock},
+};
+
+use super::{distance_correlation::of_sorted, pcg64::Pcg64};
+
+/// Sorted distance correlations of `samples` pairs of uniform series.
+#[derive(Debug)]
+pub(super) struct NullTable(Vec<f64>);
+
+/// Sample size, number of samples, seed.
+type Key = (usize, usize, u64);
+type Tables = Mutex<HashMap<Key, Arc<OnceLock<Arc<NullTable>>>>>;
+
+/// A table depends on nothing but its key, so the process keeps each one. The map's lock is held for a look-up only;
+/// who needs a table that another thread is making waits for that one.
+static TABLES: LazyLock<Tables> = LazyLock::new(Mutex::default);
+
+impl NullTable {
+    /// The table for series of `n` samples; made once per process.
+    pub(super) fn get(n: usize, samples: usize, seed: u64) -> Arc<Self> {
+        let slot = {
+            let mut tables = TABLES.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
+            tables.entry((n, samples, seed)).or_default().clone()
+        };
+        slot.get_or_init(|| Arc::new(Self::new(n, samples, seed))).clone()
+    }
+
+    fn new(n: usize, samples: usize, seed: u64) -> Self {
+        let mut rng = Pcg64::new(seed);
+        let (mut pairs, mut space) = (Vec::new(), Vec::new());
+        let (mut x, mut y) = (Vec::new(), Vec::new());
+        let mut y_ranks = vec![0; n];
+        let mut one = || {
+            for series in [&mut x, &mut y] {
+                series.clear();
+                series.extend((0..n as u32).map(|i| (rng.next_f64(), i)));
+                series.sort_unstable_by(|a: &(f64, u32), b| a.0.total_cmp(&b.0));
+            }
+            (1..).zip(&y).for_each(|(rank, &(_, i))| y_ranks[i as usize] = rank);
+            pairs.clear();
+            pairs.extend((1..).zip(&x).map(|(rank, &(_, i))| (rank, y_ranks[i as usize])));
+            of_sorted(&mut pairs, &mut space)
+        };
+        let mut table: Vec<f64> = (0..samples).map(|_| one()).collect();
+        table.sort_unstable_by(f64::total_cmp);
+        Self(table)
+    }
+
+    /// Share of the table strictly above `value`.
+    pub(super) fn share_above(&self, value: f64) -> f64 {
+        let not_above = self.0.partition_point(|&null| null <= value);
+        (self.0.len() - not_above) as f64 / self.0.len().max(1) as f64
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_table_is_made_once() {
+        let table = NullTable::get(50, 20, 7);
+        assert!(Arc::ptr_eq(&table, &NullTable::get(50, 20, 7)));
+        assert!(!Arc::ptr_eq(&table, &NullTable::get(51, 20, 7)));
+    }
+
+    #[test]
+    fn the_share_counts_strictly_larger_values() {
+        let table = NullTable(vec![0.1, 0.2, 0.2, 0.4]);
+        let shares: Vec<f64> = [0.0, 0.1, 0.2, 0.3, 0.4].map(|v| table.share_above(v)).to_vec();
+        assert_eq!(shares, [1.0, 0.75, 0.25, 0.25, 0.0]);
+    }
+}
