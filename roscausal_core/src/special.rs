@@ -23,6 +23,23 @@ pub(crate) fn chi_squared_sf(x: f64, dof: usize) -> f64 {
     sum.clamp(0.0, 1.0)
 }
 
+/// Digamma of the integers `1..=n`; entry 0 is unused and 0. `psi(1) = -gamma`, `psi(k + 1) = psi(k) + 1/k`.
+pub(crate) fn digamma_table(n: usize) -> Vec<f64> {
+    const EULER_GAMMA: f64 = 0.577_215_664_901_532_9;
+    let mut table = Vec::with_capacity(n + 1);
+    table.push(0.0);
+    // Summing the small terms last would lose digits: harmonic numbers with a carried remainder (Kahan).
+    let (mut sum, mut carry) = (-EULER_GAMMA, 0.0);
+    for k in 1..=n {
+        table.push(sum);
+        let term = 1.0 / k as f64 - carry;
+        let next = sum + term;
+        carry = (next - sum) - term;
+        sum = next;
+    }
+    table
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -51,5 +68,14 @@ mod tests {
                 assert!(chi_squared_sf(x, dof + 1) >= chi_squared_sf(x, dof) - 1e-14);
             }
         }
+    }
+
+    #[test]
+    fn digamma_agrees_with_known_values() {
+        let psi = digamma_table(10_001);
+        close(psi[1], -0.577_215_664_901_532_9, 1e-15);
+        close(psi[2], 1.0 - 0.577_215_664_901_532_9, 1e-15);
+        let n = 10_000.0_f64;
+        close(psi[10_000], n.ln() - 0.5 / n - 1.0 / (12.0 * n * n), 1e-15);
     }
 }

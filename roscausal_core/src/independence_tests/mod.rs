@@ -6,7 +6,9 @@
 
 mod cholesky;
 mod gpdc;
+mod cmiknn;
 mod gram;
+mod gsquared;
 mod normal;
 mod parcorr;
 mod registry;
@@ -16,6 +18,8 @@ mod significance;
 mod student_t;
 
 pub use gpdc::Gpdc;
+pub use cmiknn::CmiKnn;
+pub use gsquared::Gsquared;
 pub use parcorr::ParCorr;
 pub use registry::{by_name, names};
 pub use robust_parcorr::RobustParCorr;

@@ -1,4 +1,4 @@
-use super::{CondIndTest, Gpdc, ParCorr, RobustParCorr, TestSettings};
+use super::{CmiKnn, CondIndTest, Gpdc, Gsquared, ParCorr, RobustParCorr, TestSettings};
 use crate::{Error, Result};
 
 type Build = fn(&TestSettings) -> Result<Box<dyn CondIndTest>>;
@@ -8,6 +8,8 @@ const TESTS: &[(&str, Build)] = &[
     ("parcorr", |s| Ok(Box::new(ParCorr::new(s)?))),
     ("gpdc", |s| Ok(Box::new(Gpdc::new(s)?))),
     ("robustparcorr", |s| Ok(Box::new(RobustParCorr::new(s)?))),
+    ("cmiknn", |s| Ok(Box::new(CmiKnn::new(s)?))),
+    ("gsquared", |s| Ok(Box::new(Gsquared::new(s)?))),
 ];
 
 /// Names of all tests.
