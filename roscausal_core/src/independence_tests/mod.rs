@@ -5,8 +5,8 @@
 //! A prepared test is `Sync`, and a result never depends on which tests came before it.
 
 mod cholesky;
-mod gpdc;
 mod cmiknn;
+mod gpdc;
 mod gram;
 mod gsquared;
 mod normal;
@@ -17,8 +17,8 @@ mod settings;
 mod significance;
 mod student_t;
 
-pub use gpdc::Gpdc;
 pub use cmiknn::CmiKnn;
+pub use gpdc::Gpdc;
 pub use gsquared::Gsquared;
 pub use parcorr::ParCorr;
 pub use registry::{by_name, names};
