@@ -1,1 +1,23 @@
-//! Human-robot interaction simulator.
+//! Human-robot interaction simulator: a robot, people who react to it, pedestrians, walls; headless, seeded,
+//! faster than real time.
+//!
+//! [`Simulation`] is the world without clock, input or output: a [`Scenario`] and a seed, stepped at 25 Hz.
+
+pub mod collision;
+pub mod geometry;
+pub mod intervention;
+mod navigator;
+mod neighbours;
+pub mod pedestrian;
+pub mod person;
+mod plans;
+pub mod rng;
+pub mod robot;
+pub mod scenario;
+pub mod simulation;
+pub mod social_force;
+pub mod world;
+
+pub use intervention::Intervention;
+pub use scenario::Scenario;
+pub use simulation::Simulation;

@@ -1,0 +1,238 @@
+//! Checks of a scenario: each complaint names the field, what is wrong and what is allowed.
+
+use roscausal_core::{Error, Result};
+
+use super::{Plan, Scenario};
+use crate::{
+    geometry::{Segment, Vec2},
+    intervention::Target,
+    plans::{person_areas, robot_waypoints},
+    world::{MAPS, World},
+};
+
+/// Most agents of one kind; a guard against a slip of the keyboard.
+const MAX_AGENTS: usize = 10_000;
+
+impl Scenario {
+    /// The place of this scenario.
+    ///
+    /// # Errors
+    /// An unknown map, or walls that are not finite.
+    pub fn world(&self) -> Result<World> {
+        if !self.walls.is_empty() {
+            if let Some(index) = self.walls.iter().position(|wall| wall.iter().any(|x| !x.is_finite())) {
+                return Err(Error::param(format!("walls[{index}]"), "a coordinate is not a finite number"));
+            }
+            let wall = |w: &[f64; 4]| Segment::new(w[0], w[1], w[2], w[3]);
+            return Ok(World::new(self.walls.iter().map(wall).collect()));
+        }
+        World::named(&self.map).ok_or_else(|| {
+            Error::param("map", format!("no map '{}'; allowed: {}, or `walls` of your own", self.map, MAPS.join(", ")))
+        })
+    }
+
+    /// Checks every field.
+    ///
+    /// # Errors
+    /// The first field that is wrong, as a path such as `people[0].walk.speed`, with what is allowed.
+    pub fn check(&self) -> Result<()> {
+        let world = self.world()?;
+        number("duration", self.duration, 0.04, 1e7)?;
+        self.check_people(&world)?;
+        self.check_robots(&world)?;
+        self.check_pedestrians()?;
+        for (name, value) in self.noise.fields() {
+            number(&format!("noise.{name}"), value, 0.0, 10.0)?;
+        }
+        self.check_interventions(&world)
+    }
+
+    fn check_people(&self, world: &World) -> Result<()> {
+        if self.people.is_empty() && self.pedestrians.count == 0 {
+            let reason = "nobody to simulate; give at least one of [[people]], or pedestrians.count above 0";
+            return Err(Error::param("people", reason));
+        }
+        count("people", self.people.len())?;
+        let mut ids = std::collections::BTreeSet::new();
+        for (index, person) in self.people.iter().enumerate() {
+            let at = format!("people[{index}]");
+            let id = self.person_id(index);
+            if !ids.insert(id) {
+                return Err(Error::param(format!("{at}.id"), format!("{id} is another person's already")));
+            }
+            if id < 1000 && id as usize <= self.pedestrians.count {
+                let reason = format!("{id} is a pedestrian's; use 1000 or more");
+                return Err(Error::param(format!("{at}.id"), reason));
+            }
+            let p = &person.walk;
+            let fields = [
+                ("speed", p.speed, 0.05, 5.0),
+                ("acceleration", p.acceleration, 0.05, 20.0),
+                ("braking", p.braking, 0.05, 20.0),
+                ("turn_rate", p.turn_rate, 0.05, 20.0),
+                ("turn_in_place", p.turn_in_place, 0.1, 4.0),
+                ("slow_distance", p.slow_distance, 0.0, 100.0),
+                ("slow_floor", p.slow_floor, 0.01, 1.0),
+                ("arrival", p.arrival, 0.1, 5.0),
+                ("reaction", p.reaction, 0.0, 5.0),
+                ("robot_radius", p.robot_radius, 0.1, 10.0),
+                ("brake_within", p.brake_within, 0.0, 100.0),
+                ("brake_to", p.brake_to, 0.0, 1.0),
+                ("steer_within", p.steer_within, 0.0, 100.0),
+                ("pace_sd", p.pace_sd, 0.0, 1.0),
+                ("pace_time", p.pace_time, 0.01, 100.0),
+            ];
+            for (name, value, low, high) in fields {
+                number(&format!("{at}.walk.{name}"), value, low, high)?;
+            }
+            let areas = person_areas(self, index);
+            if areas.len() == 1 && self.plan != Plan::Crowd {
+                let reason = "one area only; give two or more, so that the goal changes";
+                return Err(Error::param(format!("{at}.areas"), reason));
+            }
+            let mut reach = person.start;
+            if let Some(start) = person.start {
+                place(world, &format!("{at}.start"), start, None, 0.0)?;
+            }
+            for (k, area) in areas.iter().enumerate() {
+                let name = format!("{at}.areas[{k}]");
+                if area.0.is_empty() {
+                    return Err(Error::param(name, "no corner; give one point or more"));
+                }
+                for corner in area.0.iter().chain([&area.centre()]) {
+                    place(world, &name, *corner, reach, p.arrival)?;
+                    reach = reach.or(Some(*corner));
+                }
+            }
+        }
+        Ok(())
+    }
+
+    fn check_robots(&self, world: &World) -> Result<()> {
+        count("robots", self.robots.len())?;
+        let mut names = std::collections::BTreeSet::new();
+        for (index, robot) in self.robots.iter().enumerate() {
+            let at = format!("robots[{index}]");
+            let legal = |c: char| c.is_ascii_alphanumeric() || c == '_';
+            if !robot.name.chars().all(legal) || robot.name.starts_with(|c: char| c.is_ascii_digit()) {
+                let reason = format!("'{}' is no namespace; use letters, digits and '_'", robot.name);
+                return Err(Error::param(format!("{at}.name"), reason));
+            }
+            if !names.insert(&robot.name) {
+                let reason = format!("'{}' is another robot's already; names tell their topics apart", robot.name);
+                return Err(Error::param(format!("{at}.name"), reason));
+            }
+            let d = &robot.drive;
+            let fields = [
+                ("speed", d.speed, 0.0, 10.0),
+                ("turn_rate", d.turn_rate, 0.05, 20.0),
+                ("acceleration", d.acceleration, 0.05, 20.0),
+                ("pause[0]", d.pause[0], 0.0, 1e4),
+                ("pause[1]", d.pause[1], d.pause[0], 1e4),
+                ("turn_in_place", d.turn_in_place, 0.1, 4.0),
+                ("arrival", d.arrival, 0.1, 5.0),
+                ("stop_distance", d.stop_distance, 0.0, 10.0),
+            ];
+            for (name, value, low, high) in fields {
+                number(&format!("{at}.drive.{name}"), value, low, high)?;
+            }
+            let mut reach = robot.start;
+            if let Some(start) = robot.start {
+                place(world, &format!("{at}.start"), start, None, 0.0)?;
+            }
+            for (k, waypoint) in robot_waypoints(self, index).iter().enumerate() {
+                place(world, &format!("{at}.waypoints[{k}]"), *waypoint, reach, 0.0)?;
+                reach = reach.or(Some(*waypoint));
+            }
+        }
+        Ok(())
+    }
+
+    fn check_pedestrians(&self) -> Result<()> {
+        count("pedestrians.count", self.pedestrians.count)?;
+        number("pedestrians.speed_mean", self.pedestrians.speed_mean, 0.1, 5.0)?;
+        number("pedestrians.speed_sd", self.pedestrians.speed_sd, 0.0, 2.0)
+    }
+
+    fn check_interventions(&self, world: &World) -> Result<()> {
+        for (index, one) in self.interventions.iter().enumerate() {
+            let at = format!("interventions[{index}]");
+            if let Target::HumanGoal(goal) = one.target {
+                let from = self.people.iter().enumerate().flat_map(|(k, _)| person_areas(self, k)).next();
+                place(world, &at, goal, from.map(|area| area.centre()), 0.5)?;
+            }
+            for (earlier, other) in self.interventions[..index].iter().enumerate() {
+                if one.overlaps(other) {
+                    let reason = format!(
+                        "'{one}' overlaps interventions[{earlier}], '{other}'; let one end before the other starts"
+                    );
+                    return Err(Error::param(at, reason));
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// Track id of the person at this place in the list.
+    pub fn person_id(&self, index: usize) -> u32 {
+        let given = self.people.get(index).map_or(0, |person| person.id);
+        if given == 0 { 1000 + index as u32 } else { given }
+    }
+}
+
+impl super::Noise {
+    fn fields(&self) -> [(&'static str, f64); 8] {
+        [
+            ("person_position", self.person_position),
+            ("person_heading", self.person_heading),
+            ("person_speed", self.person_speed),
+            ("person_turn", self.person_turn),
+            ("robot_position", self.robot_position),
+            ("robot_heading", self.robot_heading),
+            ("robot_speed", self.robot_speed),
+            ("robot_turn", self.robot_turn),
+        ]
+    }
+}
+
+fn number(name: &str, value: f64, low: f64, high: f64) -> Result<()> {
+    if (low..=high).contains(&value) {
+        return Ok(());
+    }
+    Err(Error::param(name, format!("{value} is not allowed; use a number from {low} to {high}")))
+}
+
+fn count(name: &str, value: usize) -> Result<()> {
+    if value <= MAX_AGENTS {
+        return Ok(());
+    }
+    Err(Error::param(name, format!("{value} are too many; use 0 to {MAX_AGENTS}")))
+}
+
+/// A place must be finite, free, and reachable from `from`; `arrival` is how near one has to come.
+fn place(world: &World, name: &str, p: Vec2, from: Option<Vec2>, arrival: f64) -> Result<()> {
+    let at = format!("({}, {})", p.x, p.y);
+    if !p.is_finite() {
+        return Err(Error::param(name, format!("{at} is not a finite place")));
+    }
+    let clearance = world.clearance(p) + arrival;
+    if clearance < 0.3 {
+        let reason = format!("{at} is inside a wall or nearer than 0.3 m to one; move it into free space");
+        return Err(Error::param(name, reason));
+    }
+    let (min, max) = world.bounds();
+    let outside = p.x < min.x || p.y < min.y || p.x > max.x || p.y > max.y;
+    if outside && !world.walls().is_empty() {
+        let reason = format!(
+            "{at} is outside the walls, which reach from ({}, {}) to ({}, {})",
+            min.x, min.y, max.x, max.y
+        );
+        return Err(Error::param(name, reason));
+    }
+    let Some(from) = from else { return Ok(()) };
+    if world.route(from, p).is_none() {
+        let reason = format!("no route from ({}, {}) to {at}; open the walls or move it", from.x, from.y);
+        return Err(Error::param(name, reason));
+    }
+    Ok(())
+}

@@ -1,0 +1,201 @@
+//! What is simulated: place, plan, people, robots, noise, interventions. Plain data, checked once.
+
+mod builtin;
+mod check;
+mod file;
+
+use serde::{Deserialize, Serialize};
+
+use crate::{
+    geometry::{Area, Vec2},
+    intervention::Intervention,
+    person::PersonParams,
+    robot::RobotParams,
+};
+
+pub use builtin::SCENARIOS;
+
+/// Who goes where, when.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Plan {
+    /// The robot loops its waypoints; a person's goal is uniform in one of her areas, never the same area
+    /// twice running. The plan of the published data.
+    #[default]
+    Thor,
+    /// The robot crosses from corner to corner; at each start a person gets a goal in her next area, so that
+    /// the paths cross.
+    PassByTheCentre,
+    /// The robot is parked; a person's goals alternate between her areas.
+    RobotOff,
+    /// Pedestrians, people and robots go to random places.
+    Crowd,
+}
+
+/// A scenario; `Scenario::default()` is `thor`.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Scenario {
+    /// Name, for files and reports.
+    #[serde(default)]
+    pub name: String,
+    /// Who goes where.
+    #[serde(default)]
+    pub plan: Plan,
+    /// Name of a built-in map.
+    #[serde(default = "default_map")]
+    pub map: String,
+    /// Walls `[x1, y1, x2, y2]` instead of a built-in map, metres.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub walls: Vec<[f64; 4]>,
+    /// Simulated time, seconds.
+    #[serde(default = "default_duration")]
+    pub duration: f64,
+    /// Scripted (or teleoperated) people.
+    #[serde(default = "one")]
+    pub people: Vec<PersonSpec>,
+    /// Robots.
+    #[serde(default = "one")]
+    pub robots: Vec<RobotSpec>,
+    /// Social-force pedestrians.
+    #[serde(default)]
+    pub pedestrians: PedestrianSpec,
+    /// Noise of the sensors.
+    #[serde(default)]
+    pub noise: Noise,
+    /// Interventions, such as `robot.speed=0.2@60..90`.
+    #[serde(default)]
+    pub interventions: Vec<Intervention>,
+}
+
+/// One scripted person.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct PersonSpec {
+    /// Track id; 0 takes 1000 plus the place in the list.
+    pub id: u32,
+    /// Where she starts; otherwise a place of her own choice among her goals.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub start: Option<Vec2>,
+    /// Convex areas her goals are drawn from; otherwise those of the plan.
+    pub areas: Vec<Area>,
+    /// How she walks.
+    pub walk: PersonParams,
+}
+
+/// One robot.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct RobotSpec {
+    /// Namespace of its topics; empty for none.
+    pub name: String,
+    /// Where it starts; otherwise its first waypoint.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub start: Option<Vec2>,
+    /// Waypoints of its loop; otherwise those of the plan.
+    pub waypoints: Vec<Vec2>,
+    /// How it drives.
+    pub drive: RobotParams,
+}
+
+/// The pedestrians.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct PedestrianSpec {
+    /// How many.
+    pub count: usize,
+    /// Whether they walk in groups of 1 + Poisson(1.1).
+    pub groups: bool,
+    /// Mean of their top speeds, m/s.
+    pub speed_mean: f64,
+    /// Standard deviation of their top speeds, m/s.
+    pub speed_sd: f64,
+}
+
+impl Default for PedestrianSpec {
+    fn default() -> Self {
+        Self { count: 0, groups: true, speed_mean: 1.34, speed_sd: 0.26 }
+    }
+}
+
+/// Standard deviations of what a localiser and a people tracker add, white and normal.
+///
+/// The defaults are the noise of the published data for people (0.05 m, 0.028 m/s), and little for the robot.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct Noise {
+    /// A person's position, per axis, metres.
+    pub person_position: f64,
+    /// A person's heading, radians.
+    pub person_heading: f64,
+    /// A person's speed, m/s.
+    pub person_speed: f64,
+    /// A person's turning rate, rad/s.
+    pub person_turn: f64,
+    /// The robot's position, per axis, metres.
+    pub robot_position: f64,
+    /// The robot's heading, radians.
+    pub robot_heading: f64,
+    /// The robot's speed, m/s.
+    pub robot_speed: f64,
+    /// The robot's turning rate, rad/s.
+    pub robot_turn: f64,
+}
+
+impl Default for Noise {
+    fn default() -> Self {
+        Self {
+            person_position: 0.05,
+            person_heading: 0.02,
+            person_speed: 0.028,
+            person_turn: 0.02,
+            robot_position: 0.01,
+            robot_heading: 0.005,
+            robot_speed: 0.005,
+            robot_turn: 0.005,
+        }
+    }
+}
+
+impl Noise {
+    /// No noise at all.
+    pub const NONE: Self = Self {
+        person_position: 0.0,
+        person_heading: 0.0,
+        person_speed: 0.0,
+        person_turn: 0.0,
+        robot_position: 0.0,
+        robot_heading: 0.0,
+        robot_speed: 0.0,
+        robot_turn: 0.0,
+    };
+}
+
+impl Default for Scenario {
+    fn default() -> Self {
+        Self {
+            name: "thor".to_owned(),
+            plan: Plan::Thor,
+            map: default_map(),
+            walls: Vec::new(),
+            duration: default_duration(),
+            people: one(),
+            robots: one(),
+            pedestrians: PedestrianSpec::default(),
+            noise: Noise::default(),
+            interventions: Vec::new(),
+        }
+    }
+}
+
+fn default_map() -> String {
+    "hall".to_owned()
+}
+
+fn default_duration() -> f64 {
+    300.0
+}
+
+fn one<T: Default>() -> Vec<T> {
+    vec![T::default()]
+}
