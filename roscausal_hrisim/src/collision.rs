@@ -39,7 +39,8 @@ impl Approach {
         if self.is_collision_course(size, safe_distance) {
             let (distance, along, across) = self.parts();
             let relative = (self.other_velocity - self.velocity).norm();
-            let to_side = (size * along - across.abs() * distance) / (size * size + distance * distance).sqrt();
+            let to_side =
+                (size * along - across.abs() * distance) / (size * size + distance * distance).sqrt();
             exponent += relative / distance + to_side;
         }
         exponent.exp()

@@ -192,7 +192,8 @@ impl Area {
             [point] => *point,
             [a, b] => *a + (*b - *a) * rng.unit(),
             corners => {
-                let fan = || corners.windows(2).skip(1).map(|pair| (pair[0] - corners[0], pair[1] - corners[0]));
+                let fan =
+                    || corners.windows(2).skip(1).map(|pair| (pair[0] - corners[0], pair[1] - corners[0]));
                 let area = |(u, v): (Vec2, Vec2)| u.cross(v).abs() / 2.0;
                 let mut left = rng.unit() * fan().map(area).sum::<f64>();
                 let (mut r, mut s) = (rng.unit(), rng.unit());
@@ -225,12 +226,8 @@ mod tests {
 
     #[test]
     fn points_of_an_area_lie_inside_and_fill_it_evenly() {
-        let square = Area(vec![
-            Vec2::new(0.0, 0.0),
-            Vec2::new(2.0, 0.0),
-            Vec2::new(2.0, 1.0),
-            Vec2::new(0.0, 1.0),
-        ]);
+        let square =
+            Area(vec![Vec2::new(0.0, 0.0), Vec2::new(2.0, 0.0), Vec2::new(2.0, 1.0), Vec2::new(0.0, 1.0)]);
         let mut rng = Rng::new(1, 1);
         let points: Vec<_> = (0..4000).map(|_| square.sample(&mut rng)).collect();
         assert!(points.iter().all(|p| (0.0..=2.0).contains(&p.x) && (0.0..=1.0).contains(&p.y)));

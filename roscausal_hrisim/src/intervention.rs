@@ -11,7 +11,8 @@ use serde::{Deserialize, Serialize};
 
 use crate::geometry::Vec2;
 
-const FORMS: &str = "use robot.speed=0.2@60..90, robot.off@60..90, human.v=1.0@60..90 or human.goal=3,-4@60..90";
+const FORMS: &str =
+    "use robot.speed=0.2@60..90, robot.off@60..90, human.v=1.0@60..90 or human.goal=3,-4@60..90";
 
 /// What is set.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -89,7 +90,8 @@ impl FromStr for Intervention {
             Some((name, value)) => (name.trim(), Some(value.trim())),
             None => (order.trim(), None),
         };
-        let (subject, field) = name.rsplit_once('.').or_else(|| name.rsplit_once(' ')).ok_or_else(|| bad("no field"))?;
+        let (subject, field) =
+            name.rsplit_once('.').or_else(|| name.rsplit_once(' ')).ok_or_else(|| bad("no field"))?;
         let (subject, who) = match subject.split_once('[') {
             None => (subject, None),
             Some((subject, rest)) => {

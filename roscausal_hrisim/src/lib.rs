@@ -1,13 +1,15 @@
 //! Human-robot interaction simulator: a robot, people who react to it, pedestrians, walls; headless, seeded,
 //! faster than real time.
 //!
-//! [`Simulation`] is the world without clock, input or output: a [`Scenario`] and a seed, stepped at 25 Hz.
+//! [`Simulation`] is the world without clock, input or output: a [`Scenario`] and a seed, stepped at 25 Hz. [`node`]
+//! publishes it on any middleware.
 
 pub mod collision;
 pub mod geometry;
 pub mod intervention;
 mod navigator;
 mod neighbours;
+pub mod node;
 pub mod pedestrian;
 pub mod person;
 mod plans;

@@ -36,15 +36,14 @@ impl Navigator {
             let passed = self.corners[self.corners.len() - 1].distance(position) < PASSED;
             let looks = step.is_multiple_of(LOOK_EVERY);
             let in_sight = || world.is_clear(position, self.corners[self.corners.len() - 2], SIGHT);
-            if !passed && !(looks && in_sight()) {
+            if !(passed || looks && in_sight()) {
                 break;
             }
             self.corners.pop();
         }
         let next = self.corners.last().copied().unwrap_or(self.goal);
-        let lost = step.is_multiple_of(LOOK_EVERY * 5)
-            && next != self.goal
-            && !world.is_clear(position, next, 0.05);
+        let lost =
+            step.is_multiple_of(LOOK_EVERY * 5) && next != self.goal && !world.is_clear(position, next, 0.05);
         if lost {
             *self = Self::new(world, position, self.goal);
         }

@@ -28,7 +28,8 @@ impl Neighbours {
         let size = if max.x >= min.x { max - min } else { Vec2::ZERO };
         let range = range.max((size.x * size.y / MAX_CELLS).sqrt()).max(size.x.max(size.y) / MAX_CELLS);
         let (columns, rows) = ((size.x / range) as usize + 1, (size.y / range) as usize + 1);
-        let mut near = Self { min, range, columns, rows, starts: vec![0; columns * rows + 1], order: Vec::new() };
+        let mut near =
+            Self { min, range, columns, rows, starts: vec![0; columns * rows + 1], order: Vec::new() };
         let cells: Vec<usize> = positions.map(|p| near.cell(p)).collect();
         cells.iter().for_each(|cell| near.starts[cell + 1] += 1);
         (0..columns * rows).for_each(|cell| near.starts[cell + 1] += near.starts[cell]);

@@ -7,7 +7,8 @@ use crate::{
     person::Body,
     rng::Rng,
     social_force::{
-        NEIGHBOUR_RANGE, OBSTACLE_WEIGHT, ROBOT_DISTANCE_FACTOR, SOCIAL_WEIGHT, desired, group, obstacle, social,
+        NEIGHBOUR_RANGE, OBSTACLE_WEIGHT, ROBOT_DISTANCE_FACTOR, SOCIAL_WEIGHT, desired, group, obstacle,
+        social,
     },
     world::World,
 };
@@ -127,13 +128,17 @@ impl Crowd {
                 push += social(offset, me.velocity - body.velocity, factor);
             }
         });
-        let walls = world.nearest_wall_point(me.position).map_or(Vec2::ZERO, |wall| obstacle(me.position, wall));
+        let walls =
+            world.nearest_wall_point(me.position).map_or(Vec2::ZERO, |wall| obstacle(me.position, wall));
         let mates = &self.groups[me.group];
         let together = if mates.len() < 2 {
             Vec2::ZERO
         } else {
-            let places: Vec<Vec2> =
-                mates.iter().filter(|&&mate| mate != index).map(|&mate| self.members[mate].position).collect();
+            let places: Vec<Vec2> = mates
+                .iter()
+                .filter(|&&mate| mate != index)
+                .map(|&mate| self.members[mate].position)
+                .collect();
             group(me.position, me.velocity, me.theta, &places)
         };
         push * SOCIAL_WEIGHT + walls * OBSTACLE_WEIGHT + together
@@ -164,7 +169,8 @@ mod tests {
 
     #[test]
     fn a_lone_walker_reaches_its_goal_at_its_top_speed() {
-        let mut crowd = Crowd::new(vec![Pedestrian::new(1, Vec2::new(-5.0, 0.0), Vec2::new(5.0, 0.0), 1.34, 0)]);
+        let mut crowd =
+            Crowd::new(vec![Pedestrian::new(1, Vec2::new(-5.0, 0.0), Vec2::new(5.0, 0.0), 1.34, 0)]);
         let mut top = 0.0f64;
         for step in 0..250 {
             crowd.step(DT, step, &hall(), &[]);
@@ -178,8 +184,10 @@ mod tests {
     fn two_walkers_head_on_pass_without_touching() {
         for offset in [0.0, 0.05, -0.2] {
             let (left, right) = (Vec2::new(-6.0, 0.0), Vec2::new(6.0, offset));
-            let mut crowd =
-                Crowd::new(vec![Pedestrian::new(1, left, right, 1.3, 0), Pedestrian::new(2, right, left, 1.3, 1)]);
+            let mut crowd = Crowd::new(vec![
+                Pedestrian::new(1, left, right, 1.3, 0),
+                Pedestrian::new(2, right, left, 1.3, 1),
+            ]);
             let mut least = f64::MAX;
             for step in 0..375 {
                 crowd.step(DT, step, &hall(), &[]);

@@ -219,7 +219,8 @@ impl Person {
             return Wish { v: 0.0, heading: self.theta };
         }
         let to_goal = self.goal.distance(self.position);
-        let near = if p.slow_distance > 0.0 { (to_goal / p.slow_distance).clamp(p.slow_floor, 1.0) } else { 1.0 };
+        let near =
+            if p.slow_distance > 0.0 { (to_goal / p.slow_distance).clamp(p.slow_floor, 1.0) } else { 1.0 };
         let mut v = p.speed * near * (1.0 + p.pace_sd * self.pace).max(0.0);
         if p.avoids {
             if others.iter().any(|other| self.brakes_for(other)) {
@@ -278,7 +279,13 @@ mod tests {
 
     const DT: f64 = 0.04;
 
-    fn walk(person: &mut Person, seconds: f64, others: &[Body], imposed: Option<f64>, mut seen: impl FnMut(&Person)) {
+    fn walk(
+        person: &mut Person,
+        seconds: f64,
+        others: &[Body],
+        imposed: Option<f64>,
+        mut seen: impl FnMut(&Person),
+    ) {
         let world = World::named("hall").unwrap();
         for step in 0..(seconds / DT) as u64 {
             person.step(DT, step, &world, others, imposed);

@@ -19,10 +19,8 @@ const THOR_AREAS: [[Vec2; 4]; 4] = [
 ];
 const THOR_WAYPOINTS: [Vec2; 4] = [p(2.0, -5.0), p(2.0, 5.0), p(-2.0, 5.0), p(-2.0, -5.0)];
 
-const CENTRE_AREAS: [[Vec2; 3]; 2] = [
-    [p(3.5, -5.0), p(-5.0, 3.5), p(-6.5, -6.5)],
-    [p(5.0, -3.5), p(-3.5, 5.0), p(6.5, 6.5)],
-];
+const CENTRE_AREAS: [[Vec2; 3]; 2] =
+    [[p(3.5, -5.0), p(-5.0, 3.5), p(-6.5, -6.5)], [p(5.0, -3.5), p(-3.5, 5.0), p(6.5, 6.5)]];
 const CENTRE_WAYPOINTS: [Vec2; 2] = [p(-5.0, 5.0), p(5.0, -5.0)];
 
 /// The areas of a person's goals: her own, or the plan's. Empty in a crowd: anywhere.

@@ -82,7 +82,13 @@ pub(crate) struct RobotOrders {
 
 impl Robot {
     /// At its first waypoint, looking to the second; without waypoints it stands at `start`.
-    pub(crate) fn new(name: String, params: RobotParams, start: Vec2, waypoints: Vec<Vec2>, rng: Rng) -> Self {
+    pub(crate) fn new(
+        name: String,
+        params: RobotParams,
+        start: Vec2,
+        waypoints: Vec<Vec2>,
+        rng: Rng,
+    ) -> Self {
         let first = waypoints.iter().position(|w| w.distance(start) > params.arrival).unwrap_or(0);
         let theta = waypoints.get(first).map_or(0.0, |w| (*w - start).angle());
         Self {
@@ -179,7 +185,8 @@ mod tests {
 
     fn drive(seconds: f64, orders: RobotOrders, mut seen: impl FnMut(&Robot, f64)) -> Robot {
         let world = World::named("hall").unwrap();
-        let waypoints = vec![Vec2::new(2.0, -5.0), Vec2::new(2.0, 5.0), Vec2::new(-2.0, 5.0), Vec2::new(-2.0, -5.0)];
+        let waypoints =
+            vec![Vec2::new(2.0, -5.0), Vec2::new(2.0, 5.0), Vec2::new(-2.0, 5.0), Vec2::new(-2.0, -5.0)];
         let mut robot =
             Robot::new(String::new(), RobotParams::default(), waypoints[0], waypoints, Rng::new(1, 1));
         for step in 0..(seconds * 25.0) as u64 {

@@ -196,7 +196,8 @@ impl Simulation {
             }
         }
         let (world, rng) = (&self.world, &mut self.crowd_rng);
-        self.crowd.renew_goals(|member| world.random_free(rng, member.position, 0.6).unwrap_or(member.position));
+        self.crowd
+            .renew_goals(|member| world.random_free(rng, member.position, 0.6).unwrap_or(member.position));
     }
 
     fn robot_orders(&self, index: usize, time: f64) -> RobotOrders {
@@ -356,7 +357,11 @@ mod tests {
         let people = simulation.people.iter().map(|p| (p.position, p.v));
         let robots = simulation.robots.iter().map(|r| (r.position, r.v));
         let crowd = simulation.crowd.members.iter().map(|m| (m.position, m.theta));
-        people.chain(robots).chain(crowd).flat_map(|(p, v)| [p.x.to_bits(), p.y.to_bits(), v.to_bits()]).collect()
+        people
+            .chain(robots)
+            .chain(crowd)
+            .flat_map(|(p, v)| [p.x.to_bits(), p.y.to_bits(), v.to_bits()])
+            .collect()
     }
 
     fn run(scenario: &Scenario, seed: u64, steps: u64) -> Simulation {
@@ -398,7 +403,10 @@ mod tests {
                 simulation.step();
                 for (member, (position, goal)) in simulation.crowd.members.iter().zip(before) {
                     assert!(member.position.is_finite());
-                    assert!(simulation.world.is_clear(position, member.position, 1e-6), "{map}: {position:?}");
+                    assert!(
+                        simulation.world.is_clear(position, member.position, 1e-6),
+                        "{map}: {position:?}"
+                    );
                     goals += usize::from(member.goal != goal);
                 }
             }
@@ -409,7 +417,10 @@ mod tests {
     #[test]
     fn interventions_hold_from_start_to_end_and_show_as_context() {
         let scenario = Scenario {
-            interventions: vec!["robot.speed=0.2@10..20".parse().unwrap(), "human.v=0.7@12..".parse().unwrap()],
+            interventions: vec![
+                "robot.speed=0.2@10..20".parse().unwrap(),
+                "human.v=0.7@12..".parse().unwrap(),
+            ],
             ..Scenario::default()
         };
         let mut simulation = Simulation::new(&scenario, 1).unwrap();
@@ -458,7 +469,9 @@ mod tests {
         let mut simulation = Simulation::new(&Scenario::default(), 1).unwrap();
         simulation.teleoperate(1000, Some(Teleop { v: 0.5, omega: 0.1 })).unwrap();
         (0..100).for_each(|_| simulation.step());
-        assert!((simulation.people[0].v - 0.5).abs() < 1e-9 && (simulation.people[0].omega - 0.1).abs() < 1e-9);
+        assert!(
+            (simulation.people[0].v - 0.5).abs() < 1e-9 && (simulation.people[0].omega - 0.1).abs() < 1e-9
+        );
         assert!(simulation.teleoperate(7, None).is_err());
         assert!(simulation.teleoperate(1000, Some(Teleop { v: f64::NAN, omega: 0.0 })).is_err());
     }

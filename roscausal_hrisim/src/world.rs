@@ -44,7 +44,9 @@ impl World {
     /// A place with these walls.
     pub fn new(walls: Vec<Segment>) -> Self {
         let corners = || walls.iter().flat_map(|wall| [wall.a, wall.b]);
-        let fold = |start: f64, get: fn(Vec2) -> f64, pick: fn(f64, f64) -> f64| corners().map(get).fold(start, pick);
+        let fold = |start: f64, get: fn(Vec2) -> f64, pick: fn(f64, f64) -> f64| {
+            corners().map(get).fold(start, pick)
+        };
         let (mut min, mut max) = (Vec2::new(-10.0, -10.0), Vec2::new(10.0, 10.0));
         if !walls.is_empty() {
             min = Vec2::new(fold(f64::MAX, |p| p.x, f64::min), fold(f64::MAX, |p| p.y, f64::min));
@@ -159,7 +161,8 @@ impl World {
     /// The free cell nearest to `p` from which `p` is in sight, within 1.5 m.
     fn free_cell_near(&self, p: Vec2) -> Option<usize> {
         let reach = (1.5 / self.cell).ceil() as i64;
-        let (column, row) = (((p.x - self.min.x) / self.cell).round(), ((p.y - self.min.y) / self.cell).round());
+        let (column, row) =
+            (((p.x - self.min.x) / self.cell).round(), ((p.y - self.min.y) / self.cell).round());
         let mut best: Option<(f64, usize)> = None;
         for dy in -reach..=reach {
             for dx in -reach..=reach {

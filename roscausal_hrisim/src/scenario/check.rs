@@ -27,7 +27,10 @@ impl Scenario {
             return Ok(World::new(self.walls.iter().map(wall).collect()));
         }
         World::named(&self.map).ok_or_else(|| {
-            Error::param("map", format!("no map '{}'; allowed: {}, or `walls` of your own", self.map, MAPS.join(", ")))
+            Error::param(
+                "map",
+                format!("no map '{}'; allowed: {}, or `walls` of your own", self.map, MAPS.join(", ")),
+            )
         })
     }
 
@@ -119,7 +122,8 @@ impl Scenario {
                 return Err(Error::param(format!("{at}.name"), reason));
             }
             if !names.insert(&robot.name) {
-                let reason = format!("'{}' is another robot's already; names tell their topics apart", robot.name);
+                let reason =
+                    format!("'{}' is another robot's already; names tell their topics apart", robot.name);
                 return Err(Error::param(format!("{at}.name"), reason));
             }
             let d = &robot.drive;

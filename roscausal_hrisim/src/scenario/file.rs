@@ -18,8 +18,10 @@ impl Scenario {
         }
         let path = Path::new(name);
         if path.extension().is_none() && !path.exists() {
-            let reason =
-                format!("no scenario '{name}'; allowed: {}, or the path of a .toml file", SCENARIOS.join(", "));
+            let reason = format!(
+                "no scenario '{name}'; allowed: {}, or the path of a .toml file",
+                SCENARIOS.join(", ")
+            );
             return Err(Error::param("scenario", reason));
         }
         Self::from_file(path)
@@ -41,15 +43,21 @@ impl Scenario {
     pub fn from_toml(text: &str, path: &Path) -> Result<Self> {
         let complain = |offset: Option<usize>, reason: &str| {
             let reason = reason.trim().replace('\n', "; ");
-            Error::file(path, offset.map_or(reason.clone(), |offset| format!("{}: {reason}", line_column(text, offset))))
+            Error::file(
+                path,
+                offset.map_or(reason.clone(), |offset| format!("{}: {reason}", line_column(text, offset))),
+            )
         };
-        let mut scenario: Self =
-            toml::from_str(text).map_err(|error| complain(error.span().map(|span| span.start), error.message()))?;
+        let mut scenario: Self = toml::from_str(text)
+            .map_err(|error| complain(error.span().map(|span| span.start), error.message()))?;
         if scenario.name.is_empty() {
-            scenario.name = path.file_stem().map_or_else(String::new, |stem| stem.to_string_lossy().into_owned());
+            scenario.name =
+                path.file_stem().map_or_else(String::new, |stem| stem.to_string_lossy().into_owned());
         }
         match scenario.check() {
-            Err(Error::Param { name, reason }) => Err(complain(offset_of(text, &name), &format!("'{name}': {reason}"))),
+            Err(Error::Param { name, reason }) => {
+                Err(complain(offset_of(text, &name), &format!("'{name}': {reason}")))
+            }
             other => other.map(|()| scenario),
         }
     }

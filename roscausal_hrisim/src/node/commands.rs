@@ -1,0 +1,172 @@
+//! Commands from topics: teleoperation, speed scale, pause, step, reset, interventions.
+
+use roscausal_core::{
+    Error, Result,
+    inbox::{Inbox, Sender},
+    middleware::{Middleware, Qos},
+};
+use roscausal_msgs::{
+    geometry_msgs::Twist,
+    std_msgs::{Float64, String as Text},
+};
+
+use crate::{
+    Simulation,
+    intervention::{Intervention, Target},
+    person::Teleop,
+};
+
+const FORMS: &str = "use pause, resume, step, step N, reset or autonomous";
+
+/// One command, as it came in.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) enum Command {
+    /// `/ped/control/cmd_vel`: drives the first person.
+    Teleop(Teleop),
+    /// `twist_mux/scaling_factor`: scales the robots' speeds.
+    Scale(f64),
+    /// `/hri/control`: see [`FORMS`].
+    Control(String),
+    /// `/hri/do`: an intervention; without times it holds from now on.
+    Do(String),
+}
+
+/// Whether time goes on.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(super) struct Running {
+    /// Time stands still.
+    pub(super) paused: bool,
+    /// Steps to do although it does.
+    pub(super) steps: u64,
+    /// The simulation began again.
+    pub(super) reset: bool,
+}
+
+/// Subscribes all commands into `inbox`; they end with the handle that is returned.
+pub(super) fn subscribe<M: Middleware>(mw: &M, inbox: &Inbox<Command>) -> Result<Vec<M::Subscription>> {
+    let to = || inbox.sender();
+    let (teleop, scale, control, imposed): (Sender<_>, Sender<_>, Sender<_>, Sender<_>) =
+        (to(), to(), to(), to());
+    Ok(vec![
+        mw.subscribe("/ped/control/cmd_vel", Qos::Volatile(10), move |twist: Twist| {
+            teleop.send(Command::Teleop(Teleop { v: twist.linear.x, omega: twist.angular.z }));
+        })?,
+        mw.subscribe("twist_mux/scaling_factor", Qos::Volatile(10), move |factor: Float64| {
+            scale.send(Command::Scale(factor.data));
+        })?,
+        mw.subscribe("/hri/control", Qos::Volatile(10), move |text: Text| {
+            control.send(Command::Control(text.data));
+        })?,
+        mw.subscribe("/hri/do", Qos::Volatile(10), move |text: Text| {
+            imposed.send(Command::Do(text.data));
+        })?,
+    ])
+}
+
+/// Carries out one command.
+///
+/// # Errors
+/// A command that is not understood or not allowed, with the allowed ones; nothing has changed then.
+pub(super) fn obey(command: &Command, simulation: &mut Simulation, running: &mut Running) -> Result<()> {
+    match command {
+        Command::Teleop(teleop) => match simulation.people.first().map(|person| person.id) {
+            Some(id) => simulation.teleoperate(id, Some(*teleop)),
+            None => Err(Error::param("/ped/control/cmd_vel", "there is no person to drive")),
+        },
+        Command::Scale(factor) => {
+            simulation.scale_robot_speed(*factor);
+            Ok(())
+        }
+        Command::Control(text) => control(text, simulation, running),
+        Command::Do(text) => simulation.intervene(imposed(text, simulation.time())?),
+    }
+}
+
+fn control(text: &str, simulation: &mut Simulation, running: &mut Running) -> Result<()> {
+    let words: Vec<&str> = text.split_whitespace().collect();
+    match words.as_slice() {
+        ["pause"] => running.paused = true,
+        ["resume"] => running.paused = false,
+        ["step"] => *running = Running { paused: true, steps: running.steps + 1, ..*running },
+        ["step", count] => match count.parse::<u32>() {
+            Ok(count) => {
+                *running = Running { paused: true, steps: running.steps + u64::from(count), ..*running }
+            }
+            Err(_) => {
+                return Err(Error::param(
+                    "/hri/control",
+                    format!("'{count}' is not a number of steps; {FORMS}"),
+                ));
+            }
+        },
+        ["reset"] => {
+            simulation.reset()?;
+            running.reset = true;
+        }
+        ["autonomous"] => {
+            let ids: Vec<u32> = simulation.people.iter().map(|person| person.id).collect();
+            ids.into_iter().try_for_each(|id| simulation.teleoperate(id, None))?;
+        }
+        _ => return Err(Error::param("/hri/control", format!("'{text}' is unknown; {FORMS}"))),
+    }
+    Ok(())
+}
+
+fn imposed(text: &str, now: f64) -> Result<Intervention> {
+    let mut one: Intervention = text.parse().map_err(|reason: String| Error::param("/hri/do", reason))?;
+    one.start = one.start.max(now);
+    if one.end <= one.start {
+        return Err(Error::param("/hri/do", format!("'{text}' is over: it is {now:.2} s now")));
+    }
+    if let Target::HumanGoal(goal) = one.target
+        && !goal.is_finite()
+    {
+        return Err(Error::param("/hri/do", "the goal is not finite"));
+    }
+    Ok(one)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::Scenario;
+
+    fn after(texts: &[&str]) -> (Simulation, Running, Vec<String>) {
+        let mut simulation = Simulation::new(&Scenario::default(), 1).unwrap();
+        (0..50).for_each(|_| simulation.step());
+        let mut running = Running::default();
+        let mut said = Vec::new();
+        for text in texts {
+            let command = match text.strip_prefix("do ") {
+                Some(order) => Command::Do(order.to_owned()),
+                None => Command::Control((*text).to_owned()),
+            };
+            said.extend(obey(&command, &mut simulation, &mut running).err().map(|error| error.to_string()));
+        }
+        (simulation, running, said)
+    }
+
+    #[test]
+    fn pause_step_resume_and_reset_do_what_they_say() {
+        assert!(after(&["pause"]).1.paused && !after(&["pause", "resume"]).1.paused);
+        assert_eq!(after(&["step", "step 25"]).1, Running { paused: true, steps: 26, reset: false });
+        let (simulation, running, _) = after(&["reset"]);
+        assert!(running.reset && simulation.time() == 0.0);
+    }
+
+    #[test]
+    fn interventions_start_now_at_the_earliest() {
+        let (simulation, _, said) = after(&["do robot.speed=0.1", "do human.v=1@1..3"]);
+        assert!(said.is_empty(), "{said:?}");
+        assert_eq!(simulation.interventions()[0].start, 2.0);
+        assert_eq!((simulation.interventions()[1].start, simulation.interventions()[1].end), (2.0, 3.0));
+    }
+
+    #[test]
+    fn what_is_not_understood_is_said_with_the_allowed_words() {
+        let (_, running, said) = after(&["halt", "step x", "do fly", "do human.v=1@0..1"]);
+        assert_eq!(running, Running::default());
+        assert!(said[0].contains("resume") && said[1].contains("step N"), "{said:?}");
+        assert!(said[2].contains("robot.speed") && said[3].contains("is over"), "{said:?}");
+    }
+}

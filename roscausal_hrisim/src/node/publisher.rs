@@ -1,0 +1,301 @@
+//! Publishes one step of a simulation: what a robot, its localisation and a people tracker publish.
+
+use roscausal_core::{
+    Result, Time,
+    middleware::{Middleware, Publish, Qos},
+    params::Value,
+};
+use roscausal_msgs::{
+    geometry_msgs::{
+        Point, Pose, PoseStamped, PoseWithCovariance, PoseWithCovarianceStamped, Quaternion, Transform,
+        TransformStamped, Twist, TwistWithCovariance, Vector3,
+    },
+    move_base_msgs::MoveBaseActionGoal,
+    nav_msgs::Odometry,
+    pedsim_msgs::{AgentState, AgentStates, LineObstacle, LineObstacles, TrackedPerson, TrackedPersons},
+    std_msgs::{Float64, Header, String as Text},
+    tf2_msgs::TFMessage,
+};
+
+use super::sensors::{Measured, Sensors};
+use crate::{
+    Simulation,
+    geometry::{Vec2, wrap},
+    robot::Robot,
+    simulation::Context,
+};
+
+/// Goals, walls and interventions are published when they change, and again this often, seconds.
+const REPEAT: f64 = 1.0;
+/// Queue of the ordinary topics.
+const DEPTH: usize = 50;
+/// Radius within which `/hri/risk` counts (`obs_size`) and distance (`safe_dist`) of the paper, metres.
+const RISK: (f64, f64) = (2.0, 5.0);
+
+/// The publishers of one simulation on one middleware.
+pub struct Publisher<M: Middleware> {
+    mw: M,
+    sensors: Sensors,
+    robots: Vec<RobotTopics<M>>,
+    persons: M::Publisher<TrackedPersons>,
+    agents: M::Publisher<AgentStates>,
+    walls: M::Publisher<LineObstacles>,
+    human_goals: Vec<(M::Publisher<PoseStamped>, String)>,
+    risk: M::Publisher<Float64>,
+    tf: M::Publisher<TFMessage>,
+    interventions: M::Publisher<Text>,
+    /// What was last published on the topics that tell changes, and when.
+    told: Option<Told>,
+}
+
+struct RobotTopics<M: Middleware> {
+    odom: M::Publisher<Odometry>,
+    pose: M::Publisher<PoseWithCovarianceStamped>,
+    /// Not on ROS 2, which has no such type.
+    action_goal: Option<M::Publisher<MoveBaseActionGoal>>,
+    goal: M::Publisher<PoseStamped>,
+    odom_frame: String,
+    base_frame: String,
+    name: String,
+}
+
+#[derive(Clone, Debug, PartialEq)]
+struct Told {
+    since: Time,
+    human_goals: Vec<Vec2>,
+    robot_goals: Vec<(Vec2, u64)>,
+    context: Vec<Context>,
+}
+
+impl<M: Middleware> Publisher<M> {
+    /// Advertises everything that `simulation` needs.
+    ///
+    /// # Errors
+    /// A topic that the middleware refuses.
+    pub fn new(mw: &M, simulation: &Simulation) -> Result<Self> {
+        let noise = simulation.scenario().noise.clone();
+        let robots = simulation.robots.iter().map(|robot| RobotTopics::new(mw, &robot.name));
+        let human_goals = simulation.people.iter().enumerate().map(|(index, person)| {
+            let suffix = if index == 0 { String::new() } else { format!("_{}", person.id) };
+            let name = format!("/hri/human_goal{suffix}");
+            Ok((mw.advertise(&name, Qos::Latched)?, name))
+        });
+        Ok(Self {
+            mw: mw.clone(),
+            sensors: Sensors::new(noise, simulation.seed()),
+            robots: robots.collect::<Result<_>>()?,
+            persons: mw.advertise("/ped/control/teleop_persons", Qos::Volatile(DEPTH))?,
+            agents: mw.advertise("/pedsim_simulator/simulated_agents", Qos::Volatile(DEPTH))?,
+            walls: mw.advertise("/pedsim_simulator/simulated_walls", Qos::Latched)?,
+            human_goals: human_goals.collect::<Result<_>>()?,
+            risk: mw.advertise("/hri/risk", Qos::Volatile(DEPTH))?,
+            tf: mw.advertise("/tf", Qos::Volatile(DEPTH))?,
+            interventions: mw.advertise("/hri/interventions", Qos::Latched)?,
+            told: None,
+        })
+    }
+
+    /// Publishes the state of `simulation`, measured at `stamp`.
+    ///
+    /// # Errors
+    /// A message that the middleware refuses.
+    pub fn publish_step(&mut self, simulation: &Simulation, stamp: Time) -> Result<()> {
+        let mut transforms = Vec::new();
+        for (robot, topics) in simulation.robots.iter().zip(&self.robots) {
+            let measured = self.sensors.robot(robot);
+            topics.publish(robot, measured, stamp, &mut transforms)?;
+        }
+        self.tf.publish(&TFMessage { transforms })?;
+        self.publish_people(simulation, stamp)?;
+        self.tell_changes(simulation, stamp)
+    }
+
+    fn publish_people(&mut self, simulation: &Simulation, stamp: Time) -> Result<()> {
+        let header = header(stamp, "map");
+        let tracks = simulation.people.iter().map(|person| {
+            let measured = self.sensors.person(person);
+            TrackedPerson {
+                track_id: u64::from(person.id),
+                is_matched: true,
+                detection_id: u64::from(person.id),
+                pose: PoseWithCovariance { pose: pose(measured), ..Default::default() },
+                twist: TwistWithCovariance { twist: planar_twist(measured), ..Default::default() },
+                ..Default::default()
+            }
+        });
+        self.persons.publish(&TrackedPersons { header: header.clone(), tracks: tracks.collect() })?;
+        let agent_states = simulation.crowd.members.iter().map(|walker| {
+            let measured = self.sensors.pedestrian(walker);
+            AgentState {
+                header: header.clone(),
+                id: u64::from(walker.id),
+                social_state: "individual_moving".to_owned(),
+                pose: pose(measured),
+                twist: planar_twist(measured),
+                ..Default::default()
+            }
+        });
+        self.agents.publish(&AgentStates { agent_states: agent_states.collect(), header })?;
+        if let Some(person) = simulation.people.first() {
+            self.risk.publish(&Float64 { data: simulation.risk(person, RISK.0, RISK.1) })?;
+        }
+        Ok(())
+    }
+
+    /// Publishes goals, walls and interventions when they change, and once a second.
+    fn tell_changes(&mut self, simulation: &Simulation, stamp: Time) -> Result<()> {
+        let now = Told {
+            since: stamp,
+            human_goals: simulation.people.iter().map(|person| person.goal).collect(),
+            robot_goals: simulation.robots.iter().map(|robot| (robot.goal(), robot.legs_done)).collect(),
+            context: simulation.context(),
+        };
+        let before = self.told.as_ref();
+        let again = before.is_none_or(|told| !(0.0..REPEAT).contains(&stamp.secs_since(told.since)));
+        if again || before.is_none_or(|told| told.human_goals != now.human_goals) {
+            for (goal, (topic, name)) in now.human_goals.iter().zip(&self.human_goals) {
+                topic.publish(&PoseStamped { header: header(stamp, "map"), pose: pose_at(*goal) })?;
+                self.mw.set_param(name, Value::List(vec![Value::Double(goal.x), Value::Double(goal.y)]))?;
+            }
+        }
+        if again || before.is_none_or(|told| told.robot_goals != now.robot_goals) {
+            for ((goal, leg), topics) in now.robot_goals.iter().zip(&self.robots) {
+                topics.publish_goal(*goal, *leg, stamp)?;
+            }
+        }
+        if again || before.is_none_or(|told| told.context != now.context) {
+            self.interventions.publish(&Text { data: context_json(simulation.time(), &now.context) })?;
+        }
+        if again {
+            let point = |p: Vec2| Point { x: p.x, y: p.y, z: 0.0 };
+            let wall = |w: &crate::geometry::Segment| LineObstacle { start: point(w.a), end: point(w.b) };
+            let obstacles = simulation.world().walls().iter().map(wall).collect();
+            self.walls.publish(&LineObstacles { header: header(stamp, "map"), obstacles })?;
+            self.told = Some(now);
+        } else if let Some(told) = &mut self.told {
+            *told = Told { since: told.since, ..now };
+        }
+        Ok(())
+    }
+}
+
+impl<M: Middleware> RobotTopics<M> {
+    fn new(mw: &M, name: &str) -> Result<Self> {
+        let (space, frame) = if name.is_empty() {
+            (String::new(), String::new())
+        } else {
+            (format!("/{name}"), format!("{name}/"))
+        };
+        let at = |topic: &str| format!("{space}{topic}");
+        Ok(Self {
+            odom: mw.advertise(&at("/mobile_base_controller/odom"), Qos::Volatile(DEPTH))?,
+            pose: mw.advertise(&at("/robot_pose"), Qos::Volatile(DEPTH))?,
+            action_goal: optional(mw.advertise(&at("/move_base/goal"), Qos::Latched)),
+            goal: mw.advertise(&at("/goal_pose"), Qos::Latched)?,
+            odom_frame: format!("{frame}odom"),
+            base_frame: format!("{frame}base_footprint"),
+            name: name.to_owned(),
+        })
+    }
+
+    fn publish(
+        &self,
+        robot: &Robot,
+        measured: Measured,
+        stamp: Time,
+        transforms: &mut Vec<TransformStamped>,
+    ) -> Result<()> {
+        // The odometry frame begins where the robot started.
+        let (origin, turn) = robot.start;
+        let offset = measured.position - origin;
+        let (cos, sin) = (turn.cos(), turn.sin());
+        let in_odom = Measured {
+            position: Vec2::new(cos * offset.x + sin * offset.y, cos * offset.y - sin * offset.x),
+            theta: wrap(measured.theta - turn),
+            ..measured
+        };
+        let forward = Twist {
+            linear: Vector3 { x: measured.v, y: 0.0, z: 0.0 },
+            angular: Vector3 { x: 0.0, y: 0.0, z: measured.omega },
+        };
+        self.odom.publish(&Odometry {
+            header: header(stamp, &self.odom_frame),
+            child_frame_id: self.base_frame.clone(),
+            pose: PoseWithCovariance { pose: pose(in_odom), ..Default::default() },
+            twist: TwistWithCovariance { twist: forward, ..Default::default() },
+        })?;
+        self.pose.publish(&PoseWithCovarianceStamped {
+            header: header(stamp, "map"),
+            pose: PoseWithCovariance { pose: pose(measured), ..Default::default() },
+        })?;
+        transforms.push(transform(stamp, "map", &self.odom_frame, origin, turn));
+        transforms.push(transform(
+            stamp,
+            &self.odom_frame,
+            &self.base_frame,
+            in_odom.position,
+            in_odom.theta,
+        ));
+        Ok(())
+    }
+
+    fn publish_goal(&self, goal: Vec2, leg: u64, stamp: Time) -> Result<()> {
+        let target = PoseStamped { header: header(stamp, "map"), pose: pose_at(goal) };
+        self.goal.publish(&target)?;
+        if let Some(topic) = &self.action_goal {
+            let mut message = MoveBaseActionGoal { header: header(stamp, ""), ..Default::default() };
+            message.goal_id.stamp = stamp;
+            message.goal_id.id = format!("hrisim-{}-{leg}", self.name);
+            message.goal.target_pose = target;
+            topic.publish(&message)?;
+        }
+        Ok(())
+    }
+}
+
+/// A publisher that this middleware may not have.
+fn optional<T>(publisher: Result<T>) -> Option<T> {
+    publisher.inspect_err(|reason| tracing::debug!("not published: {reason}")).ok()
+}
+
+fn header(stamp: Time, frame: &str) -> Header {
+    Header { stamp, frame_id: frame.to_owned() }
+}
+
+fn pose(measured: Measured) -> Pose {
+    Pose {
+        position: Point { x: measured.position.x, y: measured.position.y, z: 0.0 },
+        orientation: Quaternion::from_yaw(measured.theta),
+    }
+}
+
+fn pose_at(p: Vec2) -> Pose {
+    Pose { position: Point { x: p.x, y: p.y, z: 0.0 }, orientation: Quaternion::default() }
+}
+
+/// Velocity in the map frame, as trackers give it.
+fn planar_twist(measured: Measured) -> Twist {
+    let velocity = Vec2::polar(measured.v, measured.theta);
+    Twist {
+        linear: Vector3 { x: velocity.x, y: velocity.y, z: 0.0 },
+        angular: Vector3 { x: 0.0, y: 0.0, z: measured.omega },
+    }
+}
+
+fn transform(stamp: Time, parent: &str, child: &str, at: Vec2, turn: f64) -> TransformStamped {
+    TransformStamped {
+        header: header(stamp, parent),
+        child_frame_id: child.to_owned(),
+        transform: Transform {
+            translation: Vector3 { x: at.x, y: at.y, z: 0.0 },
+            rotation: Quaternion::from_yaw(turn),
+        },
+    }
+}
+
+/// `{"time": 61.2, "context": {"do_robot_speed": [0.2]}}`; an empty list: left to itself.
+fn context_json(time: f64, context: &[Context]) -> String {
+    let columns: serde_json::Map<String, serde_json::Value> =
+        context.iter().map(|column| (column.name.clone(), column.value.clone().into())).collect();
+    serde_json::json!({ "time": time, "context": columns }).to_string()
+}
