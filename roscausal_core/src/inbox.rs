@@ -3,6 +3,7 @@
 use std::{
     collections::VecDeque,
     sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError, Weak},
+    thread::{self, ThreadId},
     time::Duration,
 };
 
@@ -10,15 +11,22 @@ use crate::{Time, middleware::Middleware};
 
 /// The longest a wait sleeps before it looks at the clock again (a simulated one moves without notice).
 const LOOK_AGAIN: Duration = Duration::from_millis(20);
+/// The shortest, so that a clock that stands still just before a deadline costs nothing.
+const LOOK_SOON: Duration = Duration::from_micros(200);
 
 /// What a middleware sees of an inbox.
 pub trait Consumer: Send + Sync {
     /// Makes a waiting node look at the clock and at the shutdown flag again.
     fn wake(&self);
 
-    /// Blocks until the node has dealt with all it was given and waits for something after `now`.
-    /// Returns at once when the inbox is gone.
+    /// Lets the node act on the time `now`, and blocks until it has dealt with all it was given and waits for
+    /// something later. Returns at once when the inbox is gone, belongs to the calling thread, or waits for
+    /// nobody ([`Inbox::detached`]).
     fn wait_idle(&self, now: Time);
+
+    /// What the node waits for now; [`Time::MAX`] when only for events, `None` while it works and when nobody
+    /// is to wait for it.
+    fn deadline(&self) -> Option<Time>;
 }
 
 /// What [`Inbox::next`] gives.
@@ -46,6 +54,8 @@ struct Shared<E> {
     state: Mutex<State<E>>,
     changed: Condvar,
     capacity: usize,
+    /// Nobody waits for this inbox.
+    detached: bool,
 }
 
 struct State<E> {
@@ -53,6 +63,12 @@ struct State<E> {
     dropped: u64,
     /// The deadline the reader waits for, while it waits and has seen all that happened.
     waiting_for: Option<Time>,
+    /// On a lockstep middleware: the time the reader may act on, moved only by [`Consumer::wait_idle`], so
+    /// that nodes act on a new time one after the other. `None`: the clock itself.
+    granted: Option<Time>,
+    /// Asked to look at the clock and at the shutdown flag again.
+    woken: bool,
+    reader: ThreadId,
     open: bool,
 }
 
@@ -60,22 +76,41 @@ impl<E> Shared<E> {
     fn lock(&self) -> MutexGuard<'_, State<E>> {
         self.state.lock().unwrap_or_else(PoisonError::into_inner)
     }
+
+    fn wait<'a>(&self, state: MutexGuard<'a, State<E>>, at_most: Duration) -> MutexGuard<'a, State<E>> {
+        match self.changed.wait_timeout(state, at_most) {
+            Ok((state, _)) => state,
+            Err(poisoned) => poisoned.into_inner().0,
+        }
+    }
 }
 
 impl<E: Send + 'static> Inbox<E> {
     /// An inbox for the node behind `mw`, which wakes it when a simulated clock moves and, on a lockstep
-    /// middleware, waits for it.
+    /// middleware, waits for it. The thread that makes it is the one to read it.
     pub fn new<M: Middleware>(mw: &M, capacity: usize) -> Self {
-        let inbox = Self::detached(capacity);
-        mw.attach(inbox.shared.clone());
-        inbox
+        Self::attached(mw, capacity, false)
     }
 
     /// An inbox that no middleware waits for: for a node that computes for long beside the others.
-    pub fn detached(capacity: usize) -> Self {
-        let state = State { queue: VecDeque::new(), dropped: 0, waiting_for: None, open: true };
-        let shared = Shared { state: Mutex::new(state), changed: Condvar::new(), capacity: capacity.max(1) };
-        Self { shared: Arc::new(shared) }
+    pub fn detached<M: Middleware>(mw: &M, capacity: usize) -> Self {
+        Self::attached(mw, capacity, true)
+    }
+
+    fn attached<M: Middleware>(mw: &M, capacity: usize, detached: bool) -> Self {
+        let state = State {
+            queue: VecDeque::new(),
+            dropped: 0,
+            waiting_for: None,
+            granted: (mw.is_lockstep() && !detached).then(|| mw.now()),
+            woken: false,
+            reader: thread::current().id(),
+            open: true,
+        };
+        let (state, changed) = (Mutex::new(state), Condvar::new());
+        let shared = Arc::new(Shared { state, changed, capacity: capacity.max(1), detached });
+        mw.attach(shared.clone());
+        Self { shared }
     }
 
     /// A handle that sends into this inbox.
@@ -85,26 +120,31 @@ impl<E: Send + 'static> Inbox<E> {
 
     /// Waits for the next event, for `deadline` on the middleware's clock, or for the end.
     pub fn next<M: Middleware>(&self, mw: &M, deadline: Option<Time>) -> Next<E> {
-        let mut state = self.shared.lock();
         loop {
-            if let Some(event) = state.queue.pop_front() {
-                state.waiting_for = None;
-                return Next::Event(event);
-            }
-            if !mw.is_ok() {
-                state.waiting_for = None;
-                return Next::Shutdown;
-            }
-            if deadline.is_some_and(|deadline| mw.now() >= deadline) {
-                state.waiting_for = None;
-                return Next::Deadline;
-            }
-            state.waiting_for = Some(deadline.unwrap_or(Time::MAX));
-            self.shared.changed.notify_all();
-            state = match self.shared.changed.wait_timeout(state, LOOK_AGAIN) {
-                Ok((state, _)) => state,
-                Err(poisoned) => poisoned.into_inner().0,
+            // Asked outside the lock: a middleware may hold a lock of its own while it wakes this inbox.
+            let (ok, clock) = (mw.is_ok(), mw.now());
+            let mut state = self.shared.lock();
+            state.reader = thread::current().id();
+            let now = state.granted.unwrap_or(clock);
+            let next = if let Some(event) = state.queue.pop_front() {
+                Next::Event(event)
+            } else if !ok {
+                Next::Shutdown
+            } else if deadline.is_some_and(|deadline| now >= deadline) {
+                Next::Deadline
+            } else if std::mem::take(&mut state.woken) {
+                continue;
+            } else {
+                state.waiting_for = Some(deadline.unwrap_or(Time::MAX));
+                self.shared.changed.notify_all();
+                let left = deadline.map_or(LOOK_AGAIN, |deadline| {
+                    Duration::from_secs_f64(deadline.secs_since(now).clamp(0.0, LOOK_AGAIN.as_secs_f64()))
+                });
+                drop(self.shared.wait(state, left.max(LOOK_SOON)));
+                continue;
             };
+            state.waiting_for = None;
+            return next;
         }
     }
 
@@ -119,13 +159,17 @@ impl<E> Sender<E> {
     pub fn send(&self, event: E) {
         let Some(shared) = self.shared.upgrade() else { return };
         let mut state = shared.lock();
-        if state.queue.len() >= shared.capacity {
-            state.queue.pop_front();
-            state.dropped += 1;
+        if !state.open {
+            return;
         }
+        let oldest = (state.queue.len() >= shared.capacity).then(|| state.queue.pop_front());
+        state.dropped += u64::from(oldest.is_some());
         state.queue.push_back(event);
         state.waiting_for = None;
         shared.changed.notify_all();
+        // Its own drop may do anything, so not under the lock.
+        drop(state);
+        drop(oldest);
     }
 }
 
@@ -137,25 +181,43 @@ impl<E> Clone for Sender<E> {
 
 impl<E> Drop for Inbox<E> {
     fn drop(&mut self) {
-        self.shared.lock().open = false;
+        let unread = {
+            let mut state = self.shared.lock();
+            state.open = false;
+            std::mem::take(&mut state.queue)
+        };
         self.shared.changed.notify_all();
+        drop(unread);
     }
 }
 
 impl<E: Send> Consumer for Shared<E> {
     fn wake(&self) {
-        let _state = self.lock();
+        let mut state = self.lock();
+        state.woken = true;
+        state.waiting_for = None;
         self.changed.notify_all();
     }
 
     fn wait_idle(&self, now: Time) {
+        if self.detached {
+            return;
+        }
         let mut state = self.lock();
+        if state.granted.is_some() {
+            state.granted = Some(now);
+        }
+        if state.reader == thread::current().id() {
+            return;
+        }
         while state.open && state.waiting_for.is_none_or(|deadline| deadline <= now) {
             self.changed.notify_all();
-            state = match self.changed.wait_timeout(state, LOOK_AGAIN) {
-                Ok((state, _)) => state,
-                Err(poisoned) => poisoned.into_inner().0,
-            };
+            state = self.wait(state, LOOK_AGAIN);
         }
+    }
+
+    fn deadline(&self) -> Option<Time> {
+        let state = self.lock();
+        if self.detached || !state.open { None } else { state.waiting_for }
     }
 }

@@ -7,6 +7,7 @@ pub mod draw;
 pub mod error;
 pub mod inbox;
 pub mod independence_tests;
+pub mod laws;
 pub mod loopback;
 pub mod middleware;
 pub mod params;

@@ -2,7 +2,7 @@
 //!
 //! Small and synchronous. Not in it: logging (the `tracing` facade; a backend forwards to `/rosout`) and TF
 //! (`/tf` and `/tf_static` are ordinary topics). [`crate::loopback`] implements it in process; ROS 1 and
-//! ROS 2 implement it in crates of their own. [`laws`] is what every implementation must pass.
+//! ROS 2 implement it in crates of their own. [`crate::laws`] is what every implementation must pass.
 
 use std::sync::Arc;
 
@@ -86,6 +86,12 @@ pub trait Middleware: Clone + Send + Sync + 'static {
 
     /// Names a consumer to be woken when a simulated clock moves or the node is to end.
     fn attach(&self, consumer: Arc<dyn Consumer>);
+
+    /// True when nodes act on a new time only when they are told to, one after the other
+    /// ([`Consumer::wait_idle`]); false when they read the clock themselves.
+    fn is_lockstep(&self) -> bool {
+        false
+    }
 
     /// `(topic, package/Name)` of the topics known now, for hints such as "topics of that type: ...".
     fn topics(&self) -> Vec<(String, String)>;

@@ -1,0 +1,264 @@
+//! The middleware within one process: several nodes as threads, latched topics, parameters, simulated time.
+//!
+//! Two ways to run:
+//! - [`Loopback::lockstep`]: time is simulated, and whoever holds the [`Loopback`] moves it
+//!   ([`Loopback::advance_to`]). Messages are delivered one at a time, in the order of publication, each
+//!   after every node has finished with the one before. So a run is the same run whatever the threads do.
+//! - [`Loopback::live`]: a message is delivered in `publish` itself; time is whatever clock was given.
+
+mod node;
+#[cfg(test)]
+mod tests;
+mod topics;
+
+pub use node::LoopbackNode;
+pub use topics::{LoopbackPublisher, LoopbackSubscription};
+
+use std::{
+    collections::{BTreeMap, VecDeque},
+    sync::{
+        Arc, Mutex, MutexGuard, PoisonError, Weak,
+        atomic::{AtomicBool, AtomicI64, AtomicU64, Ordering},
+    },
+    thread::{self, JoinHandle, ThreadId},
+    time::Duration,
+};
+
+use crate::{Error, Result, Time, inbox::Consumer, params::Value};
+
+use topics::{Payload, Slot, Topic};
+
+/// How often [`Loopback::start`] looks whether the node is up.
+const LOOK_AGAIN: Duration = Duration::from_micros(200);
+
+/// The bus that the nodes of one process share. Cheap to clone.
+///
+/// A lockstep bus is driven ([`Loopback::advance_to`], [`Loopback::settle`]) by one thread at a time; others
+/// wait for their turn. A node must not drive it: it would wait for itself.
+#[derive(Clone)]
+pub struct Loopback {
+    bus: Arc<Bus>,
+}
+
+struct Bus {
+    clock: Clock,
+    /// Deliveries wait for [`Loopback::settle`].
+    lockstep: bool,
+    next_id: AtomicU64,
+    state: Mutex<BusState>,
+    /// Held by who delivers.
+    driving: Mutex<()>,
+    driver: Mutex<Option<ThreadId>>,
+}
+
+enum Clock {
+    Simulated(AtomicI64),
+    Given(Box<dyn Fn() -> Time + Send + Sync>),
+}
+
+#[derive(Default)]
+struct BusState {
+    topics: BTreeMap<String, Topic>,
+    params: BTreeMap<String, Value>,
+    /// The nodes' "is to go on", in the order in which they joined.
+    nodes: Vec<Weak<AtomicBool>>,
+    consumers: Vec<(Arc<AtomicBool>, Weak<dyn Consumer>)>,
+    deliveries: VecDeque<(Arc<Slot>, Payload)>,
+}
+
+fn lock<T: ?Sized>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+    mutex.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+impl Loopback {
+    /// A bus whose time is simulated, starts at 0 and moves only by [`Loopback::advance_to`].
+    pub fn lockstep() -> Self {
+        Self::new(Clock::Simulated(AtomicI64::new(0)), true)
+    }
+
+    /// A bus that delivers at once and reads its time from `clock`.
+    pub fn live(clock: impl Fn() -> Time + Send + Sync + 'static) -> Self {
+        Self::new(Clock::Given(Box::new(clock)), false)
+    }
+
+    fn new(clock: Clock, lockstep: bool) -> Self {
+        Self {
+            bus: Arc::new(Bus {
+                clock,
+                lockstep,
+                next_id: AtomicU64::new(0),
+                state: Mutex::default(),
+                driving: Mutex::default(),
+                driver: Mutex::default(),
+            }),
+        }
+    }
+
+    /// Joins as a node; `name` without a leading `/`. Its parameters are `/name/parameter`.
+    pub fn node(&self, name: &str) -> LoopbackNode {
+        let node = LoopbackNode::new(self.bus.clone(), name);
+        let mut state = self.bus.lock();
+        state.nodes.retain(|alive| alive.strong_count() > 0);
+        state.nodes.push(node.alive());
+        node
+    }
+
+    /// Runs a node on a thread of its own, and returns once it has an inbox and waits in it, or has ended. So
+    /// nodes started one after the other take part in the same order in every run.
+    ///
+    /// # Errors
+    /// When the system gives no thread.
+    pub fn start<T: Send + 'static>(
+        &self,
+        name: &str,
+        run: impl FnOnce(LoopbackNode) -> T + Send + 'static,
+    ) -> Result<JoinHandle<T>> {
+        let node = self.node(name);
+        let alive = node.alive();
+        let thread = thread::Builder::new()
+            .name(name.to_owned())
+            .spawn(move || run(node))
+            .map_err(|error| Error::Middleware(format!("no thread for node {name}: {error}")))?;
+        let is_up = |state: &BusState| {
+            state.consumers.iter().any(|(of, _)| std::ptr::eq(Arc::as_ptr(of), alive.as_ptr()))
+        };
+        while !thread.is_finished() && !is_up(&self.bus.lock()) {
+            thread::sleep(LOOK_AGAIN);
+        }
+        if self.bus.lockstep
+            && let Some(_driving) = self.bus.drive()
+        {
+            self.bus.wait_idle();
+        }
+        Ok(thread)
+    }
+
+    /// Sets a node's private parameter before the node starts.
+    pub fn set_node_param(&self, node: &str, name: &str, value: Value) {
+        self.bus.lock().params.insert(format!("/{}/{name}", node.trim_matches('/')), value);
+    }
+
+    /// Delivers all that has been published, in order, waiting for the nodes after each message. From within
+    /// a delivery it does nothing: the delivery under way goes on to the end of the queue.
+    pub fn settle(&self) {
+        if let Some(_driving) = self.bus.drive() {
+            self.bus.settle();
+        }
+    }
+
+    /// Moves simulated time (lockstep only) and lets every node do what is due, then settles. A deadline on
+    /// the way is met at its own time, before those that are later.
+    pub fn advance_to(&self, now: Time) {
+        let Some(_driving) = self.bus.drive() else { return };
+        self.bus.settle();
+        if let Clock::Simulated(nanos) = &self.bus.clock {
+            while let Some(due) = self.bus.next_deadline().filter(|due| *due < now) {
+                nanos.store(due.as_nanos(), Ordering::SeqCst);
+                self.bus.settle();
+            }
+            nanos.store(now.as_nanos(), Ordering::SeqCst);
+        }
+        self.bus.settle();
+    }
+
+    /// Asks all nodes to end: in the order in which they joined and, in lockstep, each after the one before
+    /// has left its inbox and what it published last has been delivered.
+    pub fn shutdown(&self) {
+        let _driving = self.bus.lockstep.then(|| self.bus.drive());
+        let nodes: Vec<_> = self.bus.lock().nodes.iter().filter_map(Weak::upgrade).collect();
+        for alive in nodes {
+            self.bus.end(&alive);
+            self.bus.settle();
+        }
+    }
+
+    /// Time of the bus.
+    pub fn now(&self) -> Time {
+        self.bus.now()
+    }
+}
+
+impl Bus {
+    fn lock(&self) -> MutexGuard<'_, BusState> {
+        lock(&self.state)
+    }
+
+    fn now(&self) -> Time {
+        match &self.clock {
+            Clock::Simulated(nanos) => Time::from_nanos(nanos.load(Ordering::SeqCst)),
+            Clock::Given(clock) => clock(),
+        }
+    }
+
+    fn id(&self) -> u64 {
+        self.next_id.fetch_add(1, Ordering::Relaxed)
+    }
+
+    /// Takes the driver's seat; `None` when this thread sits there already.
+    fn drive(&self) -> Option<Driving<'_>> {
+        let me = Some(thread::current().id());
+        if *lock(&self.driver) == me {
+            return None;
+        }
+        let turn = lock(&self.driving);
+        *lock(&self.driver) = me;
+        Some(Driving { bus: self, _turn: turn })
+    }
+
+    fn settle(&self) {
+        if !self.lockstep {
+            return;
+        }
+        self.wait_idle();
+        loop {
+            let Some((slot, payload)) = self.lock().deliveries.pop_front() else { return };
+            slot.push(payload);
+            slot.run();
+            self.wait_idle();
+        }
+    }
+
+    /// Tells the nodes the time, one after the other in the order of their start, and waits for each.
+    fn wait_idle(&self) {
+        let now = self.now();
+        for consumer in self.consumers(|_| true) {
+            consumer.wait_idle(now);
+        }
+    }
+
+    fn next_deadline(&self) -> Option<Time> {
+        let now = self.now();
+        let deadlines = self.consumers(|_| true).into_iter().filter_map(|consumer| consumer.deadline());
+        deadlines.filter(|deadline| *deadline > now).min()
+    }
+
+    fn consumers(&self, of: impl Fn(&Arc<AtomicBool>) -> bool) -> Vec<Arc<dyn Consumer>> {
+        let mut state = self.lock();
+        state.consumers.retain(|(_, consumer)| consumer.strong_count() > 0);
+        state
+            .consumers
+            .iter()
+            .filter(|(alive, _)| of(alive))
+            .filter_map(|(_, consumer)| consumer.upgrade())
+            .collect()
+    }
+
+    fn end(&self, alive: &Arc<AtomicBool>) {
+        alive.store(false, Ordering::SeqCst);
+        for consumer in self.consumers(|of| Arc::ptr_eq(of, alive)) {
+            consumer.wake();
+        }
+    }
+}
+
+/// The driver's seat while it is taken.
+struct Driving<'a> {
+    bus: &'a Bus,
+    _turn: MutexGuard<'a, ()>,
+}
+
+impl Drop for Driving<'_> {
+    fn drop(&mut self) {
+        *lock(&self.bus.driver) = None;
+    }
+}

@@ -1,0 +1,117 @@
+use std::sync::{
+    Arc, Weak,
+    atomic::{AtomicBool, Ordering},
+};
+
+use super::{Bus, Loopback, LoopbackPublisher, LoopbackSubscription};
+use crate::{
+    Error, Message, Result, Time,
+    inbox::Consumer,
+    middleware::{Middleware, Qos},
+    params::{ParamSpec, Value},
+};
+
+/// One node's connection to a [`Loopback`].
+#[derive(Clone)]
+pub struct LoopbackNode {
+    bus: Arc<Bus>,
+    name: Arc<str>,
+    alive: Arc<AtomicBool>,
+}
+
+impl LoopbackNode {
+    pub(super) fn new(bus: Arc<Bus>, name: &str) -> Self {
+        let name = format!("/{}", name.trim_matches('/')).into();
+        Self { bus, name, alive: Arc::new(AtomicBool::new(true)) }
+    }
+
+    pub(super) fn alive(&self) -> Weak<AtomicBool> {
+        Arc::downgrade(&self.alive)
+    }
+
+    /// The bus this node is on.
+    pub fn bus(&self) -> Loopback {
+        Loopback { bus: self.bus.clone() }
+    }
+
+    fn resolve(&self, topic: &str) -> Result<String> {
+        let name = match topic.strip_prefix('~') {
+            Some(private) => format!("{}/{}", self.name, private.strip_prefix('/').unwrap_or(private)),
+            None if topic.starts_with('/') => topic.to_owned(),
+            None => format!("/{topic}"),
+        };
+        if name.split('/').skip(1).all(is_token) {
+            return Ok(name);
+        }
+        let reason =
+            "not a legal name: use letters, digits, '_' and single '/', no digit after a '/'".to_owned();
+        Err(Error::Topic { topic: topic.to_owned(), reason })
+    }
+
+    fn param_key(&self, name: &str) -> String {
+        if name.starts_with('/') { name.to_owned() } else { format!("{}/{name}", self.name) }
+    }
+}
+
+/// A part of a ROS graph name.
+fn is_token(text: &str) -> bool {
+    text.starts_with(|c: char| c.is_ascii_alphabetic() || c == '_')
+        && text.chars().all(|c| c.is_ascii_alphanumeric() || c == '_')
+}
+
+impl Middleware for LoopbackNode {
+    type Publisher<M: Message> = LoopbackPublisher<M>;
+    type Subscription = LoopbackSubscription;
+
+    fn node_name(&self) -> String {
+        self.name.to_string()
+    }
+
+    fn advertise<M: Message>(&self, topic: &str, qos: Qos) -> Result<Self::Publisher<M>> {
+        LoopbackPublisher::new(&self.bus, self.resolve(topic)?, qos)
+    }
+
+    fn subscribe<M: Message>(
+        &self,
+        topic: &str,
+        _qos: Qos,
+        callback: impl FnMut(M) + Send + 'static,
+    ) -> Result<Self::Subscription> {
+        LoopbackSubscription::new(&self.bus, self.resolve(topic)?, callback)
+    }
+
+    fn param(&self, spec: &ParamSpec) -> Result<Option<Value>> {
+        Ok(self.bus.lock().params.get(&self.param_key(spec.name)).cloned())
+    }
+
+    fn set_param(&self, name: &str, value: Value) -> Result<()> {
+        self.bus.lock().params.insert(self.param_key(name), value);
+        Ok(())
+    }
+
+    fn now(&self) -> Time {
+        self.bus.now()
+    }
+
+    fn is_ok(&self) -> bool {
+        self.alive.load(Ordering::SeqCst)
+    }
+
+    fn shutdown(&self) {
+        self.bus.end(&self.alive);
+    }
+
+    fn attach(&self, consumer: Arc<dyn Consumer>) {
+        self.bus.lock().consumers.push((self.alive.clone(), Arc::downgrade(&consumer)));
+    }
+
+    fn is_lockstep(&self) -> bool {
+        self.bus.lockstep
+    }
+
+    fn topics(&self) -> Vec<(String, String)> {
+        let state = self.bus.lock();
+        let published = state.topics.iter().filter(|(_, topic)| topic.publishers > 0);
+        published.map(|(name, topic)| (name.clone(), topic.type_name.clone())).collect()
+    }
+}

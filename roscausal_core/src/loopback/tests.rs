@@ -1,0 +1,251 @@
+use std::sync::{
+    Arc, Barrier, Mutex,
+    atomic::{AtomicUsize, Ordering},
+    mpsc,
+};
+
+use roscausal_msgs::{
+    pedsim_msgs::{AgentStates, AgentStatesWithGoal},
+    std_msgs::Float64,
+};
+
+use super::*;
+use crate::{
+    inbox::{Inbox, Next},
+    laws,
+    middleware::{Middleware, Publish, Qos},
+};
+
+const VOLATILE: Qos = Qos::Volatile(10);
+
+#[test]
+fn lockstep_obeys_the_laws() {
+    let bus = Loopback::lockstep();
+    let settle = || bus.advance_to(bus.now().plus_secs(0.005));
+    laws::middleware_laws(|name| bus.node(name), settle);
+    laws::absolute_parameters_are_shared(&|name: &str| bus.node(name));
+}
+
+#[test]
+fn live_obeys_the_laws() {
+    let start = std::time::Instant::now();
+    let bus = Loopback::live(move || Time::from_secs_f64(1.0 + start.elapsed().as_secs_f64()));
+    laws::middleware_laws(|name| bus.node(name), || ());
+    laws::absolute_parameters_are_shared(&|name: &str| bus.node(name));
+}
+
+/// Three nodes as threads that answer each other and act on deadlines; returns all that was said, in order.
+fn conversation() -> Vec<String> {
+    let bus = Loopback::lockstep();
+    let log = Arc::new(Mutex::new(Vec::new()));
+    let mut threads = Vec::new();
+    for (name, period) in [("a", 0.1), ("b", 0.1), ("c", 0.25)] {
+        let log = log.clone();
+        let run = move |node: LoopbackNode| {
+            let inbox = Inbox::new(&node, 100);
+            let said = node.advertise::<Float64>(&format!("/{name}"), VOLATILE).unwrap();
+            let subscriptions: Vec<_> = ["/a", "/b", "/c", "/clockwork"]
+                .into_iter()
+                .map(|topic| {
+                    let events = inbox.sender();
+                    let hear = move |message: Float64| events.send((topic, message.data));
+                    node.subscribe(topic, VOLATILE, hear).unwrap()
+                })
+                .collect();
+            let mut deadline = node.now().plus_secs(period);
+            loop {
+                let line = match inbox.next(&node, Some(deadline)) {
+                    Next::Event((topic, data)) => {
+                        if data < 3.0 && topic != format!("/{name}") {
+                            said.publish(&Float64 { data: data + 1.0 }).unwrap();
+                        }
+                        format!("{name} hears {data} on {topic} at {:?}", node.now())
+                    }
+                    Next::Deadline => {
+                        said.publish(&Float64 { data: 2.0 }).unwrap();
+                        deadline = deadline.plus_secs(period);
+                        format!("{name} is due at {:?}", node.now())
+                    }
+                    Next::Shutdown => break,
+                };
+                log.lock().unwrap().push(line);
+            }
+            said.publish(&Float64 { data: 9.0 }).unwrap();
+            log.lock().unwrap().push(format!("{name} ends"));
+            drop(subscriptions);
+        };
+        threads.push(bus.start(name, run).unwrap());
+    }
+    let driver = bus.node("driver");
+    let publisher = driver.advertise("/clockwork", VOLATILE).unwrap();
+    for step in 1..=10 {
+        publisher.publish(&Float64 { data: f64::from(step % 4) }).unwrap();
+        bus.advance_to(Time::from_secs_f64(f64::from(step) * 0.17));
+    }
+    bus.shutdown();
+    threads.into_iter().for_each(|thread| thread.join().unwrap());
+    Arc::into_inner(log).unwrap().into_inner().unwrap()
+}
+
+#[test]
+fn lockstep_is_the_same_run_every_time() {
+    let first = conversation();
+    assert!(first.len() > 200, "{}", first.len());
+    assert!(first.iter().any(|line| line.contains("hears 9 on /a")), "the last words are heard");
+    for _ in 0..20 {
+        assert_eq!(conversation(), first);
+    }
+}
+
+#[test]
+fn a_deadline_is_met_at_its_own_time_however_far_the_clock_is_moved() {
+    let bus = Loopback::lockstep();
+    let (send, met) = mpsc::channel();
+    let thread = bus.start("node", move |node| {
+        let inbox = Inbox::<()>::new(&node, 1);
+        for step in 1..=30 {
+            let deadline = Time::from_secs_f64(f64::from(step) * 0.1);
+            assert_eq!(inbox.next(&node, Some(deadline)), Next::Deadline);
+            send.send(node.now()).unwrap();
+        }
+    });
+    bus.advance_to(Time::from_secs_f64(10.0));
+    thread.unwrap().join().unwrap();
+    let expected: Vec<_> = (1..=30).map(|step| Time::from_secs_f64(f64::from(step) * 0.1)).collect();
+    assert_eq!(met.try_iter().collect::<Vec<_>>(), expected);
+}
+
+#[test]
+fn two_drivers_take_turns() {
+    let bus = Loopback::lockstep();
+    let within = Arc::new(AtomicUsize::new(0));
+    let (inside, most) = (within.clone(), Arc::new(AtomicUsize::new(0)));
+    let most_seen = most.clone();
+    let node = bus.node("node");
+    let _subscriptions: Vec<_> = (0..2)
+        .map(|_| {
+            let (inside, most) = (inside.clone(), most_seen.clone());
+            let hear = move |_: Float64| {
+                most.fetch_max(inside.fetch_add(1, Ordering::SeqCst) + 1, Ordering::SeqCst);
+                thread::yield_now();
+                inside.fetch_sub(1, Ordering::SeqCst);
+            };
+            node.subscribe("/x", VOLATILE, hear).unwrap()
+        })
+        .collect();
+    let publisher = node.advertise("/x", VOLATILE).unwrap();
+    for _ in 0..500 {
+        publisher.publish(&Float64::default()).unwrap();
+    }
+    thread::scope(|scope| {
+        for _ in 0..2 {
+            scope.spawn(|| bus.settle());
+        }
+    });
+    assert_eq!(most.load(Ordering::SeqCst), 1);
+    assert!(bus.bus.lock().deliveries.is_empty());
+}
+
+#[test]
+fn a_callback_may_drive_publish_to_itself_and_drop_itself() {
+    for bus in [Loopback::lockstep(), Loopback::live(|| Time::ZERO)] {
+        let node = bus.node("node");
+        let publisher = node.advertise("/x", VOLATILE).unwrap();
+        let (again, driven) = (node.advertise("/x", VOLATILE).unwrap(), bus.clone());
+        let slot = Arc::new(Mutex::new(None));
+        let (own, heard) = (slot.clone(), Arc::new(Mutex::new(Vec::new())));
+        let hears = heard.clone();
+        let hear = move |message: Float64| {
+            hears.lock().unwrap().push(message.data);
+            again.publish(&Float64 { data: message.data + 1.0 }).unwrap();
+            driven.settle();
+            if message.data >= 3.0 {
+                own.lock().unwrap().take();
+            }
+        };
+        *slot.lock().unwrap() = Some(node.subscribe("/x", VOLATILE, hear).unwrap());
+        publisher.publish(&Float64 { data: 1.0 }).unwrap();
+        bus.settle();
+        assert_eq!(*heard.lock().unwrap(), [1.0, 2.0, 3.0]);
+    }
+}
+
+#[test]
+fn dropping_a_subscription_waits_for_the_call_under_way() {
+    let bus = Loopback::live(|| Time::ZERO);
+    let node = bus.node("node");
+    let publisher = node.advertise("/x", VOLATILE).unwrap();
+    let (entered, done) = (Arc::new(Barrier::new(2)), Arc::new(AtomicBool::new(false)));
+    let (enter, finish) = (entered.clone(), done.clone());
+    let hear = move |_: Float64| {
+        enter.wait();
+        thread::sleep(Duration::from_millis(50));
+        finish.store(true, Ordering::SeqCst);
+    };
+    let subscription = node.subscribe("/x", VOLATILE, hear).unwrap();
+    thread::scope(|scope| {
+        scope.spawn(|| publisher.publish(&Float64::default()).unwrap());
+        entered.wait();
+        drop(subscription);
+        assert!(done.load(Ordering::SeqCst));
+    });
+}
+
+#[test]
+fn nothing_is_left_of_nodes_that_are_gone() {
+    let bus = Loopback::lockstep();
+    for _ in 0..10 {
+        let run = |node: LoopbackNode| {
+            let inbox = Inbox::<()>::new(&node, 1);
+            let publisher = node.advertise::<Float64>("/x", Qos::Latched).unwrap();
+            publisher.publish(&Float64::default()).unwrap();
+            let _subscription = node.subscribe("/x", Qos::Latched, |_: Float64| ()).unwrap();
+            inbox.next(&node, None)
+        };
+        let thread = bus.start("node", run).unwrap();
+        bus.shutdown();
+        assert_eq!(thread.join().unwrap(), Next::Shutdown);
+    }
+    bus.settle();
+    bus.node("last");
+    let state = bus.bus.lock();
+    assert_eq!((state.topics.len(), state.consumers.len(), state.deliveries.len()), (0, 0, 0));
+    assert!(state.nodes.len() <= 1);
+}
+
+#[test]
+fn a_node_that_panics_does_not_stop_the_others() {
+    let bus = Loopback::lockstep();
+    let run = |node: LoopbackNode| {
+        let inbox = Inbox::<()>::new(&node, 1);
+        inbox.next(&node, Some(Time::from_secs_f64(1.0)));
+        panic!("on purpose");
+    };
+    let thread = bus.start("panics", run).unwrap();
+    bus.advance_to(Time::from_secs_f64(5.0));
+    assert!(thread.join().is_err());
+    bus.advance_to(Time::from_secs_f64(6.0));
+}
+
+#[test]
+fn a_detached_node_holds_nobody_up_and_hears_of_the_end() {
+    let bus = Loopback::lockstep();
+    let (release, released) = mpsc::channel::<()>();
+    let thread = bus.start("slow", move |node| {
+        let inbox = Inbox::<()>::detached(&node, 1);
+        released.recv().unwrap();
+        inbox.next(&node, None)
+    });
+    bus.advance_to(Time::from_secs_f64(1.0));
+    bus.shutdown();
+    release.send(()).unwrap();
+    assert_eq!(thread.unwrap().join().unwrap(), Next::Shutdown);
+}
+
+#[test]
+fn two_forms_of_one_type_are_told_apart_by_their_md5() {
+    let node = Loopback::lockstep().node("node");
+    let _publisher = node.advertise::<AgentStates>("/agents", VOLATILE).unwrap();
+    let error = node.subscribe("/agents", VOLATILE, |_: AgentStatesWithGoal| ()).err().unwrap();
+    assert!(error.to_string().contains("md5 aa81ea94344df8d81e135b65d4d499b1"), "{error}");
+}

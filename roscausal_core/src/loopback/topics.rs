@@ -1,0 +1,227 @@
+//! A bus's topics: who publishes, who listens, and the last latched message.
+
+use std::{
+    any::{Any, TypeId},
+    collections::VecDeque,
+    marker::PhantomData,
+    sync::{
+        Arc, Mutex,
+        atomic::{AtomicBool, Ordering},
+    },
+    thread::{self, ThreadId},
+};
+
+use super::{Bus, BusState, lock};
+use crate::{
+    Error, Message, Result,
+    middleware::{Publish, Qos},
+};
+
+pub(super) type Payload = Arc<dyn Any + Send + Sync>;
+type Callback = Box<dyn FnMut(&Payload) + Send>;
+
+pub(super) struct Topic {
+    type_id: TypeId,
+    pub(super) type_name: String,
+    md5: &'static str,
+    latched: Option<(u64, Payload)>,
+    pub(super) publishers: usize,
+    subscribers: Vec<(u64, Arc<Slot>)>,
+}
+
+/// One subscription's callback and the messages that wait for it. Calls never overlap and keep the order in
+/// which the messages were pushed.
+pub(super) struct Slot {
+    active: AtomicBool,
+    waiting: Mutex<VecDeque<Payload>>,
+    /// The thread within the callback.
+    runs_on: Mutex<Option<ThreadId>>,
+    callback: Mutex<Callback>,
+}
+
+impl Slot {
+    fn new<M: Message>(mut callback: impl FnMut(M) + Send + 'static) -> Self {
+        let callback: Callback = Box::new(move |payload| {
+            if let Some(message) = payload.downcast_ref::<M>() {
+                callback(message.clone());
+            }
+        });
+        Self {
+            active: AtomicBool::new(true),
+            waiting: Mutex::default(),
+            runs_on: Mutex::default(),
+            callback: Mutex::new(callback),
+        }
+    }
+
+    pub(super) fn push(&self, payload: Payload) {
+        lock(&self.waiting).push_back(payload);
+    }
+
+    fn is_mine(&self) -> bool {
+        *lock(&self.runs_on) == Some(thread::current().id())
+    }
+
+    /// Calls back for all that waits. What a callback publishes to itself comes after the call under way.
+    pub(super) fn run(&self) {
+        if self.is_mine() {
+            return;
+        }
+        let mut callback = lock(&self.callback);
+        *lock(&self.runs_on) = Some(thread::current().id());
+        let _running = Running(self);
+        loop {
+            let Some(payload) = lock(&self.waiting).pop_front() else { return };
+            if self.active.load(Ordering::SeqCst) {
+                callback(&payload);
+            }
+        }
+    }
+
+    /// No call after this one, but for the one that makes it.
+    fn end(&self) {
+        self.active.store(false, Ordering::SeqCst);
+        lock(&self.waiting).clear();
+        if !self.is_mine() {
+            drop(lock(&self.callback));
+        }
+    }
+}
+
+/// Marks a slot as not running when the callback returns or panics.
+struct Running<'a>(&'a Slot);
+
+impl Drop for Running<'_> {
+    fn drop(&mut self) {
+        *lock(&self.0.runs_on) = None;
+    }
+}
+
+impl BusState {
+    fn topic<M: Message>(&mut self, name: &str) -> Result<&mut Topic> {
+        let topic = self.topics.entry(name.to_owned()).or_insert_with(|| Topic {
+            type_id: TypeId::of::<M>(),
+            type_name: M::type_name(),
+            md5: M::ros1_md5(),
+            latched: None,
+            publishers: 0,
+            subscribers: Vec::new(),
+        });
+        if topic.type_id == TypeId::of::<M>() {
+            return Ok(topic);
+        }
+        let (carries, wanted) = (&topic.type_name, M::type_name());
+        let reason = if *carries == wanted {
+            format!("it carries {wanted} with other fields (md5 {}, not {})", topic.md5, M::ros1_md5())
+        } else {
+            format!("it carries {carries}, not {wanted}; check the topic's name")
+        };
+        Err(Error::Topic { topic: name.to_owned(), reason })
+    }
+
+    /// Forgets a topic that nobody uses.
+    fn prune(&mut self, name: &str) {
+        if self.topics.get(name).is_some_and(|topic| topic.publishers == 0 && topic.subscribers.is_empty()) {
+            self.topics.remove(name);
+        }
+    }
+}
+
+/// A publisher on a [`super::Loopback`].
+pub struct LoopbackPublisher<M> {
+    bus: Arc<Bus>,
+    topic: String,
+    qos: Qos,
+    id: u64,
+    message: PhantomData<fn(M)>,
+}
+
+impl<M: Message> LoopbackPublisher<M> {
+    pub(super) fn new(bus: &Arc<Bus>, topic: String, qos: Qos) -> Result<Self> {
+        bus.lock().topic::<M>(&topic)?.publishers += 1;
+        Ok(Self { id: bus.id(), bus: bus.clone(), topic, qos, message: PhantomData })
+    }
+}
+
+impl<M: Message> Publish<M> for LoopbackPublisher<M> {
+    fn publish(&self, message: &M) -> Result<()> {
+        let payload: Payload = Arc::new(message.clone());
+        let slots: Vec<Arc<Slot>> = {
+            let mut state = self.bus.lock();
+            let topic = state.topic::<M>(&self.topic)?;
+            if self.qos == Qos::Latched {
+                topic.latched = Some((self.id, payload.clone()));
+            }
+            let slots: Vec<_> = topic.subscribers.iter().map(|(_, slot)| slot.clone()).collect();
+            if self.bus.lockstep {
+                state.deliveries.extend(slots.into_iter().map(|slot| (slot, payload.clone())));
+                return Ok(());
+            }
+            // Queued under the bus's lock: all subscribers see the same order.
+            slots.iter().for_each(|slot| slot.push(payload.clone()));
+            slots
+        };
+        slots.iter().for_each(|slot| slot.run());
+        Ok(())
+    }
+
+    fn subscriber_count(&self) -> usize {
+        self.bus.lock().topics.get(&self.topic).map_or(0, |topic| topic.subscribers.len())
+    }
+}
+
+impl<M> Drop for LoopbackPublisher<M> {
+    fn drop(&mut self) {
+        let mut state = self.bus.lock();
+        if let Some(topic) = state.topics.get_mut(&self.topic) {
+            topic.publishers -= 1;
+            if topic.latched.as_ref().is_some_and(|(id, _)| *id == self.id) {
+                topic.latched = None;
+            }
+        }
+        state.prune(&self.topic);
+    }
+}
+
+/// A subscription on a [`super::Loopback`].
+pub struct LoopbackSubscription {
+    bus: Arc<Bus>,
+    topic: String,
+    id: u64,
+    slot: Arc<Slot>,
+}
+
+impl LoopbackSubscription {
+    pub(super) fn new<M: Message>(
+        bus: &Arc<Bus>,
+        topic: String,
+        callback: impl FnMut(M) + Send + 'static,
+    ) -> Result<Self> {
+        let (id, slot) = (bus.id(), Arc::new(Slot::new(callback)));
+        {
+            let mut state = bus.lock();
+            let entry = state.topic::<M>(&topic)?;
+            entry.subscribers.push((id, slot.clone()));
+            match entry.latched.as_ref().map(|(_, payload)| payload.clone()) {
+                Some(payload) if bus.lockstep => state.deliveries.push_back((slot.clone(), payload)),
+                Some(payload) => slot.push(payload),
+                None => (),
+            }
+        }
+        slot.run();
+        Ok(Self { bus: bus.clone(), topic, id, slot })
+    }
+}
+
+impl Drop for LoopbackSubscription {
+    fn drop(&mut self) {
+        {
+            let mut state = self.bus.lock();
+            if let Some(topic) = state.topics.get_mut(&self.topic) {
+                topic.subscribers.retain(|(id, _)| *id != self.id);
+            }
+            state.prune(&self.topic);
+        }
+        self.slot.end();
+    }
+}
