@@ -5,8 +5,9 @@ use std::path::Path;
 use ndarray::{Array2, Array3};
 use roscausal_core::{
     discovery::{
-        Control, DataFrame, Fdr, LinkAssumptions, MaskType, Node, PcmciResult, PcmciSettings, Samples,
-        get_lagged_dependencies, run_bivci, run_fullci, run_mci, run_pc_stable, run_pcmci, run_pcmciplus,
+        Control, DataFrame, Fdr, FpcmciSettings, LinkAssumptions, MaskType, Node, PcmciResult, PcmciSettings,
+        Samples, get_lagged_dependencies, run_bivci, run_fullci, run_mci, run_pc_stable, run_pcmci,
+        run_pcmciplus, transfer_entropy::Selected,
     },
     independence_tests::{self, CondIndTest, Confidence, Significance, TestSettings},
 };
@@ -67,7 +68,7 @@ fn run_case(dir: &Path, case: &Value) -> Answer<Value> {
         other => return Err(format!("method '{other}' is not part of this engine")),
     }
     .map_err(|e| e.to_string())?;
-    Ok(answer(method, &result))
+    Ok(answer_of(method, &result))
 }
 
 fn plus_of(params: &Value) -> Answer<roscausal_core::discovery::PcmciPlusSettings> {
@@ -112,25 +113,73 @@ fn run_single(case: &Value) -> Answer<Value> {
 fn run_fpcmci(dir: &Path, case: &Value) -> Answer<Value> {
     let params = &case["params"];
     let (test, _) = test_of(&case["test"])?;
-    if case["mode"] != "pcmci" {
-        return Err("F-PCMCI is not part of this driver yet".into());
-    }
     let case_data = json!({ "csv": [case["csv"]] });
     let data = data_of(dir, &case_data, MaskType::default())?;
-    let settings = PcmciSettings {
+    let pcmci = PcmciSettings {
         tau_min: count(&params["min_lag"])?.unwrap_or(1),
         tau_max: count(&params["max_lag"])?.unwrap_or(1),
         alpha_level: params["pcmci_alpha"].as_f64().unwrap_or(0.05),
         pc_alpha: vec![params["pc_alpha"].as_f64().unwrap_or(0.2)],
         ..PcmciSettings::default()
     };
-    let result =
-        run_pcmci(&data, test.as_ref(), &settings, &Control::default()).map_err(|e| e.to_string())?;
-    Ok(json!({ "pcmci_on_selected": answer("pcmci", &result) }))
+    let (tau_min, control) = (pcmci.tau_min, Control::default());
+    let neglect = params["neglect_only_autodep"].as_bool().unwrap_or(true);
+    let names = data.var_names();
+    let named = |vars: &[usize]| vars.iter().map(|&var| names[var].clone()).collect::<Vec<_>>();
+    if case["mode"] == "pcmci" {
+        let result = run_pcmci(&data, test.as_ref(), &pcmci, &control).map_err(|e| e.to_string())?;
+        let features = result.connected_features(neglect);
+        let mut answer = model_of(&result.on_features(&features), tau_min);
+        answer["features"] = json!(named(&features));
+        answer["pcmci_on_selected"] = answer_of("pcmci", &result);
+        return Ok(answer);
+    }
+    let settings = FpcmciSettings {
+        f_alpha: params["f_alpha"].as_f64().unwrap_or(0.05),
+        neglect_only_autodep: neglect,
+        pcmci,
+        ..FpcmciSettings::default()
+    };
+    let result = roscausal_core::discovery::run_fpcmci(&data, test.as_ref(), &settings, &control)
+        .map_err(|e| e.to_string())?;
+    let Some(pcmci) = &result.pcmci else { return Ok(json!({ "features": null })) };
+    let position = |var: &usize| result.selected.iter().position(|s| s == var);
+    let kept: Vec<usize> = result.features.iter().filter_map(position).collect();
+    let mut answer = model_of(&pcmci.on_features(&kept), tau_min);
+    answer["features"] = json!(named(&result.features));
+    answer["selected_features"] = json!(named(&result.selected));
+    answer["pcmci_on_selected"] = answer_of("pcmci", pcmci);
+    answer["filter"] = json!({});
+    for target in result.filter.iter().flat_map(|filter| &filter.targets) {
+        let source = |s: &Selected| json!({ "cause": names[s.source.var], "lag": s.source.lag, "score_nats": s.cmi, "pval": s.p_value });
+        answer["filter"][&names[target.target]] = target.selected().map(source).collect();
+    }
+    answer["link_assumptions"] = (0..result.selected.len())
+        .flat_map(|effect| result.link_assumptions.of_target(effect).map(move |(node, a)| (effect, node, a)))
+        .map(|(effect, node, a)| {
+            json!({ "effect": names[result.selected[effect]], "cause": names[result.selected[node.var]],
+                    "lag": node.lag, "type": a.symbol() })
+        })
+        .collect();
+    Ok(answer)
+}
+
+/// The matrices of the ROS message, nested and flat.
+fn model_of(result: &PcmciResult, tau_min: usize) -> Value {
+    let model = result.causal_matrices(tau_min);
+    json!({
+        "causal_structure": nested(&model.causal_structure, |v| json!(v)),
+        "val_matrix": nested(&model.val_matrix, |v| json!(v)),
+        "pval_matrix": nested(&model.pval_matrix, |v| json!(v)),
+        "original_shape": model.causal_structure.shape(),
+        "causal_structure_flat_int32": model.causal_structure.iter().collect::<Vec<_>>(),
+        "val_matrix_flat": model.val_matrix.iter().collect::<Vec<_>>(),
+        "pval_matrix_flat": model.pval_matrix.iter().collect::<Vec<_>>(),
+    })
 }
 
 /// A result in the reference's layout.
-fn answer(method: &str, result: &PcmciResult) -> Value {
+fn answer_of(method: &str, result: &PcmciResult) -> Value {
     let parents = |of: &dyn Fn(&Node) -> Value| -> Value {
         let list = |k: usize| result.parents[k].parents.iter().map(of).collect::<Vec<_>>();
         (0..result.parents.len())

@@ -1,4 +1,4 @@
-use ndarray::Array2;
+use ndarray::{Array2, Axis};
 
 use super::Control;
 use crate::{Error, Result};
@@ -135,6 +135,22 @@ impl DataFrame {
     pub fn with_remove_missing_upto_maxlag(mut self, on: bool) -> Self {
         self.remove_missing_upto_maxlag = on;
         self
+    }
+
+    /// The same data with the columns `vars` only, in that order.
+    ///
+    /// # Panics
+    /// When a column does not exist.
+    #[must_use]
+    pub fn select(&self, vars: &[usize]) -> Self {
+        let recordings: Vec<_> = self.recordings.iter().map(|r| r.select(Axis(1), vars)).collect();
+        Self {
+            has_missing: recordings.iter().any(|r| r.iter().any(|v| v.is_nan())),
+            recordings,
+            var_names: vars.iter().map(|&var| self.var_names[var].clone()).collect(),
+            masks: self.masks.as_ref().map(|m| m.iter().map(|m| m.select(Axis(1), vars)).collect()),
+            ..self.clone()
+        }
     }
 
     /// The recordings, each `T x N`.

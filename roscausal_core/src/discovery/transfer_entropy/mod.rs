@@ -32,6 +32,8 @@ pub struct TransferEntropy {
     pub max_lag: usize,
     /// Level of each of the hierarchical tests, inside (0, 1); `f_alpha` of F-PCMCI.
     pub alpha: f64,
+    /// Seed of the surrogates; the Gaussian estimator needs none.
+    pub seed: u64,
 }
 
 /// A variable that informs a target.

@@ -32,7 +32,7 @@ fn frame(recordings: Vec<Array2<f64>>) -> DataFrame {
 }
 
 fn filter() -> TransferEntropy {
-    TransferEntropy { estimator: TeEstimator::Gaussian, min_lag: 1, max_lag: 2, alpha: 0.001 }
+    TransferEntropy { estimator: TeEstimator::Gaussian, min_lag: 1, max_lag: 2, alpha: 0.001, seed: 42 }
 }
 
 fn links(selected: &[Selected]) -> Vec<(usize, usize)> {
