@@ -25,7 +25,7 @@ const TIE_NOISE: f64 = 1e-6;
 /// Conditional mutual information in nats by nearest neighbours (Frenzel and Pompe 2007), with a local permutation
 /// test (Runge 2018, AISTATS, "Conditional independence testing based on a nearest-neighbor estimator").
 ///
-/// Surrogates rearrange X among the nearest samples in Z, or in blocks when there is no Z; the p-value is
+/// Surrogates rearrange Y among the nearest samples in Z, or X in blocks when there is no Z; the p-value is
 /// `(count + 1) / (samples + 1)` with the surrogates whose information is not below the value. All surrogates are
 /// always drawn: the p-value never comes from a search that stopped early.
 #[derive(Clone, Debug)]
@@ -183,13 +183,15 @@ impl Prepared<'_> {
         with_p: bool,
     ) -> Result<(f64, f64)> {
         let z = rows.split_off(2);
-        let (x, y, n) = (&rows[0], &rows[1], raw_x.len());
+        let n = raw_x.len();
+        // Information is symmetric; which of the two moves makes a difference to surrogates only.
+        let (moves, stays) = if z.is_empty() { (&rows[0], &rows[1]) } else { (&rows[1], &rows[0]) };
         let samples = match self.test.significance {
             Significance::ShuffleTest if with_p => self.test.settings.sig_samples.unwrap_or(500),
             _ => 0,
         };
         let mut arrangements = Vec::with_capacity((samples + 1) * n);
-        arrangements.extend_from_slice(x);
+        arrangements.extend_from_slice(moves);
         let mut order = vec![0; n];
         let m = self.test.shuffle_neighbors.min(n);
         let neighbours = if samples > 0 { nearest(&z, m) } else { Vec::new() };
@@ -201,10 +203,11 @@ impl Prepared<'_> {
             } else {
                 local_permutation(&neighbours, m, rng, &mut order);
             }
-            arrangements.extend(order.iter().map(|&i| x[i]));
+            arrangements.extend(order.iter().map(|&i| moves[i]));
         }
         let k = self.test.neighbours(n).unwrap_or(1);
-        let values = Estimator { k, y, z: &z, control: self.samples.control() }.information(&arrangements)?;
+        let values =
+            Estimator { k, y: stays, z: &z, control: self.samples.control() }.information(&arrangements)?;
         let (value, nulls) = (values[0], &values[1..]);
         let count = nulls.iter().filter(|&&null| null >= value).count();
         Ok((value, if samples > 0 { (count + 1) as f64 / (samples + 1) as f64 } else { 1.0 }))
