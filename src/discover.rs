@@ -6,7 +6,7 @@ use clap::{Args as ClapArgs, ValueEnum};
 use roscausal_core::{
     Error, Result,
     batch::Table,
-    discovery::{Control, DataFrame, Model, analysis::{self, Settings}},
+    discovery::{Control, DataFrame, Model, analysis::{self, PcAlpha, Settings}},
 };
 
 use crate::{chart, interrupt::Interrupt, output, report};
@@ -59,9 +59,9 @@ pub(crate) struct MethodArgs {
     /// Largest lag, in steps.
     #[arg(long, default_value_t = 1)]
     tau_max: usize,
-    /// Level of the condition selection, in (0, 1); `auto` chooses it per variable by a score.
-    #[arg(long, default_value = "0.2")]
-    pc_alpha: String,
+    /// Level of the condition selection, in (0, 1); `auto`: chosen by a score. Default: 0.2, pcmciplus 0.01.
+    #[arg(long)]
+    pc_alpha: Option<String>,
     /// Level of F-PCMCI's filter; default: alpha.
     #[arg(long)]
     f_alpha: Option<f64>,
@@ -133,9 +133,10 @@ fn read(args: &Args) -> Result<Vec<Table>> {
 impl MethodArgs {
     /// The arguments as checked settings.
     pub(crate) fn settings(&self, seed: u64) -> Result<Settings> {
-        let pc_alpha = match self.pc_alpha.as_str() {
-            "auto" | "none" => None,
-            text => Some(text.parse().map_err(|_| {
+        let pc_alpha = match self.pc_alpha.as_deref() {
+            None => PcAlpha::Default,
+            Some("auto" | "none") => PcAlpha::ByScore,
+            Some(text) => PcAlpha::Fixed(text.parse().map_err(|_| {
                 Error::param("pc-alpha", format!("'{text}' is neither a number in (0, 1) nor 'auto'"))
             })?),
         };

@@ -1,3 +1,25 @@
-//! The `roscausal` command.
+//! The `roscausal` command: simulate, record, discover, look; no ROS needed.
 
-fn main() {}
+mod chart;
+mod cli;
+mod demo;
+mod discover;
+mod failure;
+mod interrupt;
+mod output;
+mod report;
+
+use std::process::ExitCode;
+
+use clap::Parser;
+
+fn main() -> ExitCode {
+    let cli = cli::Cli::parse();
+    cli.start_logging();
+    let interrupt = interrupt::Interrupt::on_ctrl_c();
+    let done = match &cli.command {
+        cli::Command::Demo(args) => demo::run(args, &interrupt),
+        cli::Command::Discover(args) => discover::run(args, &interrupt),
+    };
+    failure::exit_code(done)
+}

@@ -10,7 +10,9 @@ pub mod independence_tests;
 pub mod laws;
 pub mod loopback;
 pub mod middleware;
+pub mod nodes;
 pub mod params;
+pub mod state;
 mod special;
 
 pub use error::{Error, Result};

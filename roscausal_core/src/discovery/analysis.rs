@@ -1,6 +1,10 @@
 //! One analysis from settings to model: the door through which commands and the discovery node come in.
 
-use super::{Control, DataFrame, Model, model};
+use super::{
+    Control, DataFrame, Fdr, LinkAssumptions, Model, PcmciResult, PcmciSettings, Status, get_lagged_dependencies,
+    model::{self, Matrices},
+    run_bivci, run_fullci, run_pcmci, run_pcmciplus,
+};
 use crate::{Error, Result, batch::header, independence_tests};
 
 /// Methods by the names users choose them by.
@@ -9,6 +13,18 @@ const METHODS: [&str; 6] = ["fpcmci", "pcmci", "pcmciplus", "fullci", "bivci", "
 const ESTIMATORS: [&str; 2] = ["gaussian", "kraskov"];
 /// Corrections for many tests.
 const CORRECTIONS: [&str; 2] = ["none", "fdr_bh"];
+
+/// Level of the condition selection.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub enum PcAlpha {
+    /// The method's own: 0.2, for `pcmciplus` 0.01.
+    #[default]
+    Default,
+    /// This level, in (0, 1).
+    Fixed(f64),
+    /// Chosen by a model-selection score.
+    ByScore,
+}
 
 /// What to analyse, and how. Plain data; [`Settings::check`] says whether it makes sense.
 #[derive(Clone, Debug, PartialEq)]
@@ -19,8 +35,8 @@ pub struct Settings {
     pub cond_ind_test: String,
     /// Significance level of a link, in (0, 1).
     pub alpha: f64,
-    /// Level of the condition selection, in (0, 1); `None`: chosen per variable by a score.
-    pub pc_alpha: Option<f64>,
+    /// Level of the condition selection.
+    pub pc_alpha: PcAlpha,
     /// Smallest lag, in steps.
     pub tau_min: usize,
     /// Largest lag, in steps.
@@ -47,7 +63,7 @@ impl Default for Settings {
             method: "fpcmci".into(),
             cond_ind_test: "gpdc".into(),
             alpha: 0.05,
-            pc_alpha: Some(0.2),
+            pc_alpha: PcAlpha::Default,
             tau_min: 1,
             tau_max: 1,
             f_alpha: None,
@@ -61,6 +77,11 @@ impl Default for Settings {
     }
 }
 
+/// Whether the core itself has this method.
+pub fn is_built_in(method: &str) -> bool {
+    METHODS.contains(&method)
+}
+
 impl Settings {
     /// Whether the settings make sense by themselves.
     ///
@@ -72,7 +93,9 @@ impl Settings {
         one_of("te-estimator", &self.te_estimator, &ESTIMATORS)?;
         one_of("fdr", &self.fdr, &CORRECTIONS)?;
         level("alpha", self.alpha)?;
-        self.pc_alpha.map_or(Ok(()), |alpha| level("pc-alpha", alpha))?;
+        if let PcAlpha::Fixed(alpha) = self.pc_alpha {
+            level("pc-alpha", alpha)?;
+        }
         self.f_alpha.map_or(Ok(()), |alpha| level("f-alpha", alpha))?;
         if self.tau_max < self.tau_min {
             let reason = format!("{} is below tau-min {}; lags run from tau-min to tau-max", self.tau_max, self.tau_min);
@@ -88,8 +111,64 @@ impl Settings {
         Ok(())
     }
 
+    /// A model that says what was asked, without result.
+    pub(super) fn blank_model(&self) -> Model {
+        let is_filtered = self.method == "fpcmci";
+        Model {
+            schema: model::SCHEMA.to_owned(),
+            status: "complete".to_owned(),
+            method: self.method.clone(),
+            cond_ind_test: self.cond_ind_test.clone(),
+            alpha: self.alpha,
+            pc_alpha: self.level_of_pc(),
+            f_alpha: is_filtered.then_some(self.f_alpha.unwrap_or(self.alpha)),
+            fdr: self.fdr.clone(),
+            tau_min: self.tau_min,
+            tau_max: self.tau_max,
+            dt: None,
+            n_samples: 0,
+            n_recordings: 1,
+            seed: self.seed,
+            run_time_s: None,
+            features: Vec::new(),
+            dropped: Vec::new(),
+            links: Vec::new(),
+            graph: Vec::new(),
+            val_matrix: Vec::new(),
+            p_matrix: Vec::new(),
+            causal_structure: Vec::new(),
+            val: Vec::new(),
+            pval: Vec::new(),
+            warnings: Vec::new(),
+        }
+    }
+
+    pub(super) fn level_of_pc(&self) -> Option<f64> {
+        match (self.pc_alpha, self.method.as_str()) {
+            (PcAlpha::Fixed(alpha), _) => Some(alpha),
+            (PcAlpha::ByScore, _) => None,
+            (PcAlpha::Default, "pcmciplus") => Some(0.01),
+            (PcAlpha::Default, _) => Some(0.2),
+        }
+    }
+
     fn test_settings(&self) -> independence_tests::TestSettings {
         independence_tests::TestSettings { seed: self.seed, max_memory: self.max_memory, ..Default::default() }
+    }
+
+    fn pcmci(&self, data: &DataFrame) -> PcmciSettings {
+        let context: Vec<usize> =
+            self.exogenous.iter().filter_map(|name| header::position(data.var_names(), name)).collect();
+        let links = LinkAssumptions::all(data.n_vars(), self.tau_min, self.tau_max).exogenous(&context);
+        PcmciSettings {
+            tau_min: self.tau_min,
+            tau_max: self.tau_max,
+            pc_alpha: self.level_of_pc().into_iter().collect(),
+            alpha_level: self.alpha,
+            fdr: if self.fdr == "fdr_bh" { Fdr::Bh } else { Fdr::None },
+            link_assumptions: (!context.is_empty()).then_some(links),
+            ..PcmciSettings::default()
+        }
     }
 
     /// Checks that the data can be analysed with these settings at all.
@@ -125,4 +204,44 @@ fn level(name: &str, value: f64) -> Result<()> {
         return Ok(());
     }
     Err(Error::param(name, format!("{value} is not a level; give a number between 0 and 1, such as 0.05")))
+}
+
+/// Analyses `data` with `settings` under `control`.
+///
+/// # Errors
+/// Settings or data that do not allow it; cancellation. Out of time is no error: the model's status says so.
+pub fn analyse(data: &DataFrame, settings: &Settings, control: &Control) -> Result<Model> {
+    settings.check()?;
+    settings.check_data(data)?;
+    let test = independence_tests::by_name(&settings.cond_ind_test, &settings.test_settings())?;
+    let run = match settings.method.as_str() {
+        "pcmciplus" => run_pcmciplus,
+        "fullci" => run_fullci,
+        "bivci" => run_bivci,
+        "lagdep" => get_lagged_dependencies,
+        _ => run_pcmci,
+    };
+    let result = run(data, test.as_ref(), &settings.pcmci(data), control)?;
+    Ok(with_result(settings.blank_model(), data.var_names().to_vec(), result))
+}
+
+fn with_result(blank: Model, features: Vec<String>, result: PcmciResult) -> Model {
+    let n = features.len();
+    let matrices = Matrices {
+        graph: nested(n, blank.tau_max, |at| result.graph[at].symbol().to_owned()),
+        val_matrix: nested(n, blank.tau_max, |at| result.val_matrix[at]),
+        p_matrix: nested(n, blank.tau_max, |at| result.deciding_p()[at]),
+        n_lost: nested(n, blank.tau_max, |at| result.n_lost[at]),
+    };
+    let mut model = blank.with_matrices(features, matrices);
+    model.n_samples = result.n_samples;
+    if let Status::Partial(how_far) = result.status {
+        model.status = format!("partial: {how_far}");
+    }
+    model
+}
+
+fn nested<T>(n: usize, tau_max: usize, at: impl Fn([usize; 3]) -> T) -> Vec<Vec<Vec<T>>> {
+    let lags = |i, j| (0..=tau_max).map(|lag| at([i, j, lag])).collect();
+    (0..n).map(|i| (0..n).map(|j| lags(i, j)).collect()).collect()
 }

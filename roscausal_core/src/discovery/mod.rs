@@ -4,8 +4,10 @@
 //! `X^i(t - tau) -> X^j(t)` (cause, effect, lag).
 
 mod control;
+pub mod analysis;
 mod dataframe;
 mod extension;
+pub mod external;
 mod fdr;
 mod fpcmci;
 mod graph;

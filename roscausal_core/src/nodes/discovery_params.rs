@@ -1,0 +1,124 @@
+//! The parameters of the discovery node.
+
+use std::path::{Path, PathBuf};
+
+use crate::{
+    Error, Result,
+    discovery::{analysis, analysis::{PcAlpha, Settings}, external},
+    params::{Allowed, ParamSpec, Params, Value},
+};
+
+/// The discovery node's parameters, checked.
+pub(super) struct DiscoveryParams {
+    pub data_dir: PathBuf,
+    pub res_dir: Option<PathBuf>,
+    pub csv_prefix: String,
+    pub settings: Settings,
+    /// The program of an external method.
+    pub program: Option<PathBuf>,
+    pub batches_per_model: usize,
+    pub keep_batches: bool,
+    pub analyse_incomplete: bool,
+    pub max_pool_size: usize,
+    pub max_attempts: u32,
+    pub threads: usize,
+    pub time_budget_s: Option<f64>,
+    pub image_scale: f32,
+}
+
+/// Names, defaults, allowed values and descriptions.
+pub fn specs() -> Vec<ParamSpec> {
+    use Allowed::{Any, OneOf, Range};
+    use Value::{Bool, Double, Int};
+    let text = |text: &str| Value::Str(text.to_owned());
+    vec![
+        ParamSpec::new("data_dir", text("~/roscausal/pp_pool"), Any, "folder that is watched for batches"),
+        ParamSpec::new("res_dir", text(""), Any, "folder for model files; empty: publish only"),
+        ParamSpec::new("csv_prefix", text("data_"), Any, "start of the batches' file names"),
+        ParamSpec::new("id_format", text("%Y%m%d_%H%M%S"), Any, "strftime format of the batches' ids"),
+        ParamSpec::new("cd_method", text("fpcmci"), Any, "fpcmci, pcmci, pcmciplus, or a program in cd_method_dir"),
+        ParamSpec::new("cd_method_dir", text(""), Any, "folder of methods that are programs"),
+        ParamSpec::new("cond_ind_test", text("gpdc"), Any, "gpdc, parcorr, robustparcorr, cmiknn or gsquared"),
+        ParamSpec::new("sig_alpha", Double(0.05), Range(1e-9, 0.999), "significance level of a link"),
+        ParamSpec::new("pc_alpha", Double(0.2), Range(0.0, 0.999), "level of the condition selection; 0: by score"),
+        ParamSpec::new("f_alpha", Double(0.0), Range(0.0, 0.999), "level of the filter; 0: sig_alpha"),
+        ParamSpec::new("te_estimator", text("gaussian"), OneOf(&["gaussian", "kraskov"]), "estimator of the filter"),
+        ParamSpec::new("fdr_method", text("none"), OneOf(&["none", "fdr_bh"]), "correction for many tests"),
+        ParamSpec::new("min_lag", Int(1), Range(0.0, 1000.0), "smallest lag, in steps"),
+        ParamSpec::new("max_lag", Int(1), Range(1.0, 1000.0), "largest lag, in steps"),
+        ParamSpec::new("seed", Int(42), Range(0.0, 9e15), "seed of all random numbers"),
+        ParamSpec::new("batches_per_model", Int(1), Range(1.0, 1000.0), "batches analysed together for one model"),
+        ParamSpec::new("keep_batches", Bool(false), Any, "move analysed batches to analysed/ instead of deleting"),
+        ParamSpec::new("analyse_incomplete", Bool(false), Any, "analyse batches whose recording was cut short"),
+        ParamSpec::new("max_pool_size", Int(0), Range(0.0, 1e6), "batches that may wait; the oldest go; 0: any"),
+        ParamSpec::new("max_attempts", Int(3), Range(1.0, 1000.0), "analyses of a batch before it is rejected"),
+        ParamSpec::new("threads", Int(0), Range(0.0, 1024.0), "threads of an analysis; 0: all cores"),
+        ParamSpec::new("time_budget", Double(0.0), Range(0.0, 1e9), "seconds of an analysis; 0: no limit"),
+        ParamSpec::new("max_memory", Int(0), Range(0.0, 1e9), "megabytes that a test may take; 0: no limit"),
+        ParamSpec::new("image_scale", Double(0.6), Range(0.1, 4.0), "pixels per unit of the published pictures"),
+    ]
+}
+
+impl DiscoveryParams {
+    pub(super) fn new(params: &Params) -> Result<Self> {
+        let positive = |name: &str| Some(params.double(name)).filter(|value| *value > 0.0);
+        let method = params.text("cd_method").to_lowercase();
+        let program = match params.text_if_set("cd_method_dir") {
+            Some(dir) if !analysis::is_built_in(&method) => {
+                Some(external::program(Path::new(&dir), &params.text("cd_method"))?)
+            }
+            _ => None,
+        };
+        let settings = Settings {
+            method: if program.is_some() { params.text("cd_method") } else { method },
+            cond_ind_test: params.text("cond_ind_test"),
+            alpha: params.double("sig_alpha"),
+            pc_alpha: positive("pc_alpha").map_or(PcAlpha::ByScore, PcAlpha::Fixed),
+            f_alpha: positive("f_alpha"),
+            te_estimator: params.text("te_estimator"),
+            fdr: params.text("fdr_method"),
+            tau_min: params.count("min_lag"),
+            tau_max: params.count("max_lag"),
+            seed: params.int("seed").unsigned_abs(),
+            max_memory: Some(params.count("max_memory") * 1_000_000).filter(|&bytes| bytes > 0),
+            ..Settings::default()
+        };
+        if program.is_none() {
+            settings.check().map_err(in_the_nodes_words)?;
+        }
+        Ok(Self {
+            data_dir: super::path(&params.text("data_dir")),
+            res_dir: params.text_if_set("res_dir").map(|dir| super::path(&dir)),
+            csv_prefix: params.text("csv_prefix"),
+            settings,
+            program,
+            batches_per_model: params.count("batches_per_model"),
+            keep_batches: params.flag("keep_batches"),
+            analyse_incomplete: params.flag("analyse_incomplete"),
+            max_pool_size: params.count("max_pool_size"),
+            max_attempts: params.count("max_attempts") as u32,
+            threads: params.count("threads"),
+            time_budget_s: positive("time_budget"),
+            image_scale: params.double("image_scale") as f32,
+        })
+    }
+}
+
+/// The settings' names as this node's parameters are called.
+fn in_the_nodes_words(error: Error) -> Error {
+    match error {
+        Error::Param { name, reason } => {
+            let name = match name.as_str() {
+                "method" => "cd_method",
+                "test" => "cond_ind_test",
+                "alpha" => "sig_alpha",
+                "tau-min" => "min_lag",
+                "tau-max" => "max_lag",
+                "fdr" => "fdr_method",
+                other => other,
+            };
+            Error::param(name.replace('-', "_"), reason)
+        }
+        other => other,
+    }
+}

@@ -1,0 +1,118 @@
+//! A node's health: `/diagnostics` at 1 Hz, and a warning that says what a silent wait waits for.
+
+use roscausal_msgs::{
+    Time,
+    diagnostic_msgs::{DiagnosticArray, DiagnosticStatus, KeyValue},
+    std_msgs::Header,
+};
+
+use crate::{
+    Message, Result,
+    middleware::{Middleware, Publish, Qos},
+};
+
+/// Between two reports.
+const PERIOD_S: f64 = 1.0;
+/// An input silent for this long is a trouble.
+const SILENT_S: f64 = 5.0;
+
+/// One node's inputs, outputs and troubles, reported once a second.
+pub(super) struct Health<M: Middleware> {
+    publisher: M::Publisher<DiagnosticArray>,
+    started: Time,
+    next: Time,
+    inputs: Vec<Input>,
+    outputs: u64,
+    told: String,
+}
+
+struct Input {
+    topic: String,
+    type_name: String,
+    required: bool,
+    heard: u64,
+    last: Option<Time>,
+}
+
+impl<M: Middleware> Health<M> {
+    pub(super) fn new(mw: &M) -> Result<Self> {
+        let (publisher, now) = (mw.advertise("/diagnostics", Qos::Volatile(10))?, mw.now());
+        Ok(Self { publisher, started: now, next: now, inputs: Vec::new(), outputs: 0, told: String::new() })
+    }
+
+    /// Names an input; `required`: its silence is a trouble. The answer is its number for [`Health::heard`].
+    pub(super) fn input<T: Message>(&mut self, topic: &str, required: bool) -> usize {
+        let (topic, type_name) = (topic.to_owned(), T::type_name());
+        self.inputs.push(Input { topic, type_name, required, heard: 0, last: None });
+        self.inputs.len() - 1
+    }
+
+    pub(super) fn heard(&mut self, input: usize, now: Time) {
+        if let Some(input) = self.inputs.get_mut(input) {
+            input.heard += 1;
+            input.last = Some(now);
+        }
+    }
+
+    pub(super) fn sent(&mut self) {
+        self.outputs += 1;
+    }
+
+    /// When the next report is due.
+    pub(super) fn due(&self) -> Time {
+        self.next
+    }
+
+    /// Reports if it is time to; `figures` are the node's own, `trouble` what it suffers from.
+    pub(super) fn report(&mut self, mw: &M, figures: &[(&str, String)], trouble: Option<&str>) {
+        let now = mw.now();
+        if now < self.next {
+            // A clock that jumped back must not silence the reports.
+            self.next = self.next.min(now.plus_secs(PERIOD_S));
+            return;
+        }
+        self.next = now.plus_secs(PERIOD_S);
+        let silent = self.silent(mw, now);
+        let message = trouble.map(str::to_owned).or(silent);
+        self.tell(message.as_deref());
+        let pair = |key: &str, value: String| KeyValue { key: key.to_owned(), value };
+        let mut values: Vec<KeyValue> =
+            self.inputs.iter().map(|input| pair(&format!("received {}", input.topic), input.heard.to_string())).collect();
+        values.push(pair("sent", self.outputs.to_string()));
+        values.extend(figures.iter().map(|(key, value)| pair(key, value.clone())));
+        let status = DiagnosticStatus {
+            level: if message.is_some() { DiagnosticStatus::WARN } else { DiagnosticStatus::OK },
+            name: mw.node_name().trim_start_matches('/').to_owned(),
+            message: message.unwrap_or_else(|| "running".to_owned()),
+            hardware_id: String::new(),
+            values,
+        };
+        let header = Header { stamp: now, frame_id: String::new() };
+        if let Err(error) = self.publisher.publish(&DiagnosticArray { header, status: vec![status] }) {
+            tracing::debug!("no diagnostics: {error}");
+        }
+    }
+
+    fn silent(&self, mw: &M, now: Time) -> Option<String> {
+        let quiet_since = |input: &&Input| now.secs_since(input.last.unwrap_or(self.started)) >= SILENT_S;
+        let input = self.inputs.iter().filter(|input| input.required).find(quiet_since)?;
+        let seconds = now.secs_since(input.last.unwrap_or(self.started));
+        let same = mw.topics().into_iter().filter(|(topic, kind)| *kind == input.type_name && *topic != input.topic);
+        let same: Vec<String> = same.map(|(topic, _)| topic).collect();
+        let hint = if same.is_empty() { "none".to_owned() } else { same.join(", ") };
+        let Input { topic, type_name, .. } = input;
+        Some(format!("no messages on {topic} ({type_name}) for {seconds:.0} s; other topics of that type: {hint}"))
+    }
+
+    /// Says a trouble once when it comes, and that it is over when it goes.
+    fn tell(&mut self, message: Option<&str>) {
+        // The seconds in a message change; the trouble is the same.
+        let kind: String = message.unwrap_or_default().chars().filter(|c| !c.is_ascii_digit()).collect();
+        match message {
+            Some(message) if kind != self.told => tracing::warn!("{message}"),
+            None if !self.told.is_empty() => tracing::info!("running again"),
+            _ => {}
+        }
+        self.told = kind;
+    }
+}

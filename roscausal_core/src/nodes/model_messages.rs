@@ -1,0 +1,152 @@
+//! A [`Model`] as the messages that the discovery node publishes.
+
+use roscausal_msgs::{
+    CausalLink, CausalModel, CausalModelInfo, Time,
+    sensor_msgs::{CompressedImage, Image},
+    std_msgs::{Float32MultiArray, Header, Int32MultiArray, MultiArrayDimension, MultiArrayLayout},
+};
+
+use crate::{
+    Result,
+    discovery::{Model, model::Link},
+    draw,
+};
+
+/// Where and when a model comes from.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Origin {
+    /// Name of the batch, without extension; several joined by `+`.
+    pub batch_id: String,
+    /// Frame in which the batch was recorded.
+    pub frame_id: String,
+    /// Stamp of the first sample.
+    pub start: Time,
+    /// Stamp of the last sample.
+    pub end: Time,
+    /// Variables given to the method.
+    pub candidate_features: Vec<String>,
+}
+
+/// The model as `roscausal_msgs/CausalModel`: arrays `[lag][target][source]`, flattened row-major.
+pub fn causal_model(model: &Model, header: &Header) -> CausalModel {
+    let n = model.features.len() as u32;
+    let lags = (model.tau_max - model.tau_min + 1) as u32;
+    let dim = |label: &str, size, stride| MultiArrayDimension { label: label.to_owned(), size, stride };
+    let dims = vec![dim("lag", lags, lags * n * n), dim("target", n, n * n), dim("source", n, n)];
+    let layout = MultiArrayLayout { dim: dims, data_offset: 0 };
+    let floats = |matrix: &[Vec<Vec<f64>>]| Float32MultiArray {
+        layout: layout.clone(),
+        data: matrix.iter().flatten().flatten().map(|&v| v as f32).collect(),
+    };
+    CausalModel {
+        header: header.clone(),
+        features: model.features.clone(),
+        causal_structure: Int32MultiArray {
+            layout: layout.clone(),
+            data: model.causal_structure.iter().flatten().flatten().copied().collect(),
+        },
+        val_matrix: floats(&model.val),
+        pval_matrix: floats(&model.pval),
+        original_shape: vec![lags as i32, n as i32, n as i32],
+    }
+}
+
+/// What else users need to know of the model; `before` is the model published before it.
+pub fn causal_model_info(model: &Model, header: &Header, origin: &Origin, before: Option<&Model>) -> CausalModelInfo {
+    let mut links: Vec<&Link> = model.links.iter().collect();
+    links.sort_by(|a, b| b.value.abs().total_cmp(&a.value.abs()));
+    let (gained, lost) = match before {
+        Some(before) => (names_not_in(model, before), names_not_in(before, model)),
+        None => (model.links.iter().map(short).collect(), Vec::new()),
+    };
+    CausalModelInfo {
+        header: header.clone(),
+        batch_id: origin.batch_id.clone(),
+        method: model.method.clone(),
+        cond_ind_test: model.cond_ind_test.clone(),
+        fdr_method: model.fdr.clone(),
+        alpha: model.alpha,
+        pc_alpha: model.pc_alpha.unwrap_or(0.0),
+        min_lag: model.tau_min as u32,
+        max_lag: model.tau_max as u32,
+        dt: model.dt.unwrap_or(0.0),
+        n_samples: model.n_samples as u32,
+        start_time: origin.start,
+        end_time: origin.end,
+        seed: model.seed,
+        run_time_s: model.run_time_s.unwrap_or(0.0),
+        software_version: env!("CARGO_PKG_VERSION").to_owned(),
+        candidate_features: origin.candidate_features.clone(),
+        links: links.iter().map(|link| causal_link(link)).collect(),
+        links_gained: gained,
+        links_lost: lost,
+    }
+}
+
+/// A picture as a raw image and as a PNG; `scale` is pixels per unit of the drawing.
+///
+/// # Errors
+/// A drawing that cannot be rendered.
+pub fn images(svg: &str, scale: f32, header: &Header) -> Result<(Image, CompressedImage)> {
+    let pixels = draw::rasterise(svg, scale)?;
+    let raw = Image {
+        header: header.clone(),
+        height: pixels.height,
+        width: pixels.width,
+        encoding: "rgb8".to_owned(),
+        is_bigendian: 0,
+        step: 3 * pixels.width,
+        data: pixels.rgb,
+    };
+    Ok((raw, CompressedImage { header: header.clone(), format: "png".to_owned(), data: pixels.png }))
+}
+
+fn causal_link(link: &Link) -> CausalLink {
+    CausalLink {
+        cause: link.cause.clone(),
+        effect: link.effect.clone(),
+        lag: link.lag as u32,
+        value: link.value,
+        p_value: link.p_value,
+        confidence: -1.0,
+        description: format!("{}: strength {:.3}, p = {:.4}", short(link), link.value, link.p_value),
+    }
+}
+
+fn short(link: &Link) -> String {
+    let arrow = if link.mark == "-->" { "->" } else { "--" };
+    format!("{} {arrow} {} (lag {})", link.cause, link.effect, link.lag)
+}
+
+fn names_not_in(model: &Model, other: &Model) -> Vec<String> {
+    let others: Vec<String> = other.links.iter().map(short).collect();
+    model.links.iter().map(short).filter(|name| !others.contains(name)).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::discovery::model::example;
+
+    #[test]
+    fn arrays_are_lag_target_source_and_say_so() {
+        let message = causal_model(&example(), &Header::default());
+        assert_eq!(message.original_shape, [1, 3, 3]);
+        // Row = effect h_v, column = cause h_risk.
+        assert_eq!(message.causal_structure.data[2], 1);
+        // Row = effect h_risk, column = cause h_dg.
+        assert_eq!(message.causal_structure.data[2 * 3 + 1], 0);
+        let labels: Vec<&str> = message.val_matrix.layout.dim.iter().map(|d| d.label.as_str()).collect();
+        assert_eq!(labels, ["lag", "target", "source"]);
+    }
+
+    #[test]
+    fn gained_and_lost_links_are_told() {
+        let now = example();
+        let mut before = example();
+        before.links[0].effect = "h_x".into();
+        let info = causal_model_info(&now, &Header::default(), &Origin::default(), Some(&before));
+        assert_eq!(info.links_gained.len(), 1);
+        assert_eq!(info.links_lost, ["h_v -> h_x (lag 1)"]);
+    }
+}

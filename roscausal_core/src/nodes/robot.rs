@@ -1,0 +1,132 @@
+//! The robot node: odometry, pose, goal and TF to `/roscausal/robot`.
+
+use roscausal_msgs::{
+    RobotState,
+    geometry_msgs::{Point, Pose, PoseStamped, PoseWithCovarianceStamped},
+    move_base_msgs::MoveBaseActionGoal,
+    nav_msgs::Odometry,
+    std_msgs::Header,
+    tf2_msgs::TFMessage,
+};
+
+use super::health::Health;
+use crate::{
+    Result,
+    inbox::{Inbox, Next},
+    middleware::{Middleware, Publish, Qos},
+    params::{Allowed, ParamSpec, Params, Value},
+    state::robot::RobotTracker,
+};
+
+enum Event {
+    Odometry(Box<Odometry>),
+    Pose(Header, Pose),
+    Goal(Header, Point),
+    Tf(TFMessage, bool),
+}
+
+/// Names, defaults, allowed values and descriptions of the robot node's parameters.
+pub fn specs() -> Vec<ParamSpec> {
+    use Allowed::{Any, OneOf, Range};
+    let text = |text: &str| Value::Str(text.to_owned());
+    vec![
+        ParamSpec::new("odom_topic", text("/mobile_base_controller/odom"), Any, "nav_msgs/Odometry of the base"),
+        ParamSpec::new("pose_topic", text("/robot_pose"), Any, "the localised pose"),
+        ParamSpec::new(
+            "pose_type",
+            text("PoseWithCovarianceStamped"),
+            OneOf(&["PoseWithCovarianceStamped", "PoseStamped"]),
+            "type of pose_topic",
+        ),
+        ParamSpec::new("goal_topic", text("/move_base/goal"), Any, "the goal; empty: none"),
+        ParamSpec::new(
+            "goal_type",
+            text("MoveBaseActionGoal"),
+            OneOf(&["MoveBaseActionGoal", "PoseStamped"]),
+            "type of goal_topic; PoseStamped for /move_base_simple/goal and /goal_pose",
+        ),
+        ParamSpec::new("source_frame", text("base_footprint"), Any, "frame of the robot"),
+        ParamSpec::new("target_frame", text("map"), Any, "frame of the published state"),
+        ParamSpec::new("queue_size", Value::Int(10), Range(1.0, 10000.0), "messages that wait for a partner"),
+        ParamSpec::new("slop", Value::Double(0.1), Range(0.0, 10.0), "seconds between pose and odometry at most"),
+    ]
+}
+
+/// The robot node: runs until the middleware ends.
+///
+/// # Errors
+/// A parameter that is not allowed, a topic that cannot be used.
+pub fn robot<M: Middleware>(mw: &M) -> Result<()> {
+    let params = Params::read(mw, &specs())?;
+    let mut health = Health::new(mw)?;
+    let inbox = Inbox::new(mw, 1000);
+    let odom_topic = params.text("odom_topic");
+    let odom_input = health.input::<Odometry>(&odom_topic, true);
+    let pose_topic = params.text("pose_topic");
+    let with_covariance = params.text("pose_type") == "PoseWithCovarianceStamped";
+    let pose_input = match with_covariance {
+        true => health.input::<PoseWithCovarianceStamped>(&pose_topic, true),
+        false => health.input::<PoseStamped>(&pose_topic, true),
+    };
+    let publisher = mw.advertise::<RobotState>("/roscausal/robot", Qos::Volatile(100))?;
+
+    let qos = Qos::Volatile(100);
+    let send = inbox.sender();
+    let _odometry = mw.subscribe(&odom_topic, qos, move |m: Odometry| send.send(Event::Odometry(Box::new(m))))?;
+    let send = inbox.sender();
+    let _pose = if with_covariance {
+        mw.subscribe(&pose_topic, qos, move |m: PoseWithCovarianceStamped| send.send(Event::Pose(m.header, m.pose.pose)))?
+    } else {
+        mw.subscribe(&pose_topic, qos, move |m: PoseStamped| send.send(Event::Pose(m.header, m.pose)))?
+    };
+    let _goal = subscribe_goal(mw, &params, &inbox)?;
+    let send = inbox.sender();
+    let _tf = mw.subscribe("/tf", qos, move |m: TFMessage| send.send(Event::Tf(m, false)))?;
+    let send = inbox.sender();
+    let _tf_static = mw.subscribe("/tf_static", Qos::Latched, move |m: TFMessage| send.send(Event::Tf(m, true)))?;
+
+    let mut tracker = RobotTracker::new(&params.text("target_frame"), params.count("queue_size"), params.double("slop"));
+    loop {
+        let states = match inbox.next(mw, Some(health.due())) {
+            Next::Shutdown => return Ok(()),
+            Next::Deadline => Vec::new(),
+            Next::Event(Event::Tf(message, fixed)) => {
+                tracker.tf.insert(&message, fixed);
+                Vec::new()
+            }
+            Next::Event(Event::Goal(header, goal)) => {
+                tracker.goal(header, goal);
+                Vec::new()
+            }
+            Next::Event(Event::Odometry(message)) => {
+                health.heard(odom_input, mw.now());
+                tracker.odometry(*message)
+            }
+            Next::Event(Event::Pose(header, pose)) => {
+                health.heard(pose_input, mw.now());
+                tracker.pose(header, pose)
+            }
+        };
+        for state in &states {
+            publisher.publish(state)?;
+            health.sent();
+        }
+        let figures =
+            [("poses without odometry", tracker.unpaired().to_string()), ("dropped", inbox.dropped().to_string())];
+        health.report(mw, &figures, tracker.trouble.as_deref());
+    }
+}
+
+fn subscribe_goal<M: Middleware>(mw: &M, params: &Params, inbox: &Inbox<Event>) -> Result<Option<M::Subscription>> {
+    let Some(topic) = params.text_if_set("goal_topic") else { return Ok(None) };
+    let send = inbox.sender();
+    let subscription = if params.text("goal_type") == "PoseStamped" {
+        mw.subscribe(&topic, Qos::Volatile(10), move |m: PoseStamped| send.send(Event::Goal(m.header, m.pose.position)))
+    } else {
+        mw.subscribe(&topic, Qos::Volatile(10), move |m: MoveBaseActionGoal| {
+            let target = m.goal.target_pose;
+            send.send(Event::Goal(target.header, target.pose.position));
+        })
+    };
+    subscription.map(Some)
+}

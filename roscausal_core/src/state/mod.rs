@@ -1,0 +1,6 @@
+//! From topics to states: what messages of sensors and trackers mean. Nothing here subscribes or publishes.
+
+pub mod human;
+pub mod robot;
+pub mod sync;
+pub mod tf;

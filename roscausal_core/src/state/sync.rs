@@ -1,0 +1,122 @@
+//! Pairs of messages of two topics whose stamps are close.
+
+use std::collections::VecDeque;
+
+use crate::Time;
+
+/// Pairs each message of topic A with the nearest one of topic B.
+///
+/// A pair is made once its B is known to be the nearest: when a B at or after A's stamp has come. So the pairs depend
+/// on the stamps only, not on the order in which the two topics arrive.
+#[derive(Debug)]
+pub struct Pairing<A, B> {
+    a: VecDeque<(Time, A)>,
+    b: VecDeque<(Time, B)>,
+    queue_size: usize,
+    slop_s: f64,
+    /// Messages of A that found no partner.
+    pub unpaired: u64,
+}
+
+impl<A, B: Clone> Pairing<A, B> {
+    /// Pairs within `slop_s` seconds; at most `queue_size` messages of each topic wait.
+    pub fn new(queue_size: usize, slop_s: f64) -> Self {
+        Self { a: VecDeque::new(), b: VecDeque::new(), queue_size: queue_size.max(1), slop_s, unpaired: 0 }
+    }
+
+    /// Takes a message of topic A; the pairs that it completes.
+    pub fn push_a(&mut self, stamp: Time, message: A) -> Vec<(A, B)> {
+        if self.a.back().is_some_and(|(last, _)| *last > stamp) {
+            self.clear();
+        }
+        self.a.push_back((stamp, message));
+        if self.a.len() > self.queue_size {
+            self.a.pop_front();
+            self.unpaired += 1;
+        }
+        self.pairs()
+    }
+
+    /// Takes a message of topic B; the pairs that it completes.
+    pub fn push_b(&mut self, stamp: Time, message: B) -> Vec<(A, B)> {
+        if self.b.back().is_some_and(|(last, _)| *last > stamp) {
+            self.clear();
+        }
+        self.b.push_back((stamp, message));
+        if self.b.len() > self.queue_size.max(2) {
+            self.b.pop_front();
+        }
+        self.pairs()
+    }
+
+    /// Forgets what waits: time jumped back.
+    pub fn clear(&mut self) {
+        self.unpaired += self.a.len() as u64;
+        self.a.clear();
+        self.b.clear();
+    }
+
+    fn pairs(&mut self) -> Vec<(A, B)> {
+        let mut pairs = Vec::new();
+        while let (Some((stamp, _)), Some((newest, _))) = (self.a.front(), self.b.back()) {
+            let stamp = *stamp;
+            if *newest < stamp {
+                break;
+            }
+            // Of two at the same distance the earlier one.
+            let distance = |(other, _): &(Time, B)| other.secs_since(stamp).abs();
+            let nearest = self.b.iter().min_by(|one, two| distance(one).total_cmp(&distance(two)));
+            let partner = nearest.filter(|b| distance(b) <= self.slop_s + 1e-9).map(|(_, message)| message.clone());
+            match (self.a.pop_front(), partner) {
+                (Some((_, message)), Some(partner)) => pairs.push((message, partner)),
+                _ => self.unpaired += 1,
+            }
+            // What is older than this A's partner can be nobody's partner any more.
+            while self.b.len() > 1 && self.b[1].0 <= stamp {
+                self.b.pop_front();
+            }
+        }
+        pairs
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+
+    fn at(millis: i64) -> Time {
+        Time::from_nanos(millis * 1_000_000)
+    }
+
+    proptest! {
+        #[test]
+        fn pairs_are_within_slop_and_do_not_depend_on_the_order_of_the_topics(
+            mut a in prop::collection::vec(0_i64..2000, 1..30),
+            mut b in prop::collection::vec(0_i64..2000, 1..30),
+        ) {
+            a.sort_unstable();
+            b.sort_unstable();
+            let mut a_first = Pairing::new(100, 0.1);
+            let mut found: Vec<(i64, i64)> = a.iter().flat_map(|&t| a_first.push_a(at(t), t)).collect();
+            found.extend(b.iter().flat_map(|&t| a_first.push_b(at(t), t)));
+            let mut b_first = Pairing::new(100, 0.1);
+            let mut other: Vec<(i64, i64)> = b.iter().flat_map(|&t| b_first.push_b(at(t), t)).collect();
+            other.extend(a.iter().flat_map(|&t| b_first.push_a(at(t), t)));
+            for (one, two) in &found {
+                prop_assert!((one - two).abs() <= 100);
+            }
+            prop_assert_eq!(found, other);
+        }
+    }
+
+    #[test]
+    fn a_clock_that_jumps_back_starts_anew() {
+        let mut pairing = Pairing::new(10, 0.1);
+        pairing.push_a(at(5000), 1);
+        pairing.push_a(at(100), 2);
+        assert_eq!(pairing.push_b(at(100), 3), [(2, 3)]);
+        assert_eq!(pairing.unpaired, 1);
+    }
+}

@@ -1,0 +1,207 @@
+//! A small buffer of coordinate frames, filled from `/tf` and `/tf_static`.
+
+use std::collections::{BTreeMap, VecDeque};
+
+use nalgebra::{Isometry3, Quaternion, Translation3, UnitQuaternion};
+use roscausal_msgs::{
+    Time,
+    geometry_msgs::{Point, Pose, Pose2D, Transform},
+    tf2_msgs::TFMessage,
+};
+
+/// Transforms older than this before the newest are forgotten.
+const KEEP_S: f64 = 10.0;
+/// A transform is used this long before its first and after its last stamp.
+const EXTRAPOLATE_S: f64 = 0.2;
+/// Deepest chain of frames; a longer one is a loop.
+const DEEPEST: usize = 64;
+
+/// The frames known now, each with its parent and its recent places in it.
+#[derive(Debug, Default)]
+pub struct TfBuffer {
+    frames: BTreeMap<String, Frame>,
+}
+
+#[derive(Debug, Default)]
+struct Frame {
+    parent: String,
+    fixed: bool,
+    places: VecDeque<(Time, Isometry3<f64>)>,
+}
+
+impl TfBuffer {
+    /// Takes the transforms of a message of `/tf`, or of `/tf_static` (`fixed`).
+    pub fn insert(&mut self, message: &TFMessage, fixed: bool) {
+        for transform in &message.transforms {
+            let Some(place) = isometry(&transform.transform) else { continue };
+            let stamp = transform.header.stamp;
+            let frame = self.frames.entry(clean(&transform.child_frame_id).to_owned()).or_default();
+            let parent = clean(&transform.header.frame_id);
+            if frame.parent != parent || frame.places.back().is_some_and(|(last, _)| stamp < *last) {
+                *frame = Frame { parent: parent.to_owned(), ..Frame::default() };
+            }
+            frame.fixed = fixed;
+            frame.places.push_back((stamp, place));
+            while frame.places.front().is_some_and(|(first, _)| fixed && frame.places.len() > 1 || stamp.secs_since(*first) > KEEP_S) {
+                frame.places.pop_front();
+            }
+        }
+    }
+
+    /// The pose of frame `source` in frame `target` at `stamp`; stamp 0 is the latest.
+    ///
+    /// # Errors
+    /// One sentence: which frame is missing, or for which time.
+    pub fn lookup(&self, target: &str, source: &str, stamp: Time) -> Result<Isometry3<f64>, String> {
+        let (target, source) = (clean(target), clean(source));
+        if target == source {
+            return Ok(Isometry3::identity());
+        }
+        let (source_root, from_source) = self.to_root(source, stamp)?;
+        let (target_root, from_target) = self.to_root(target, stamp)?;
+        if source_root != target_root {
+            return Err(format!(
+                "frames '{source}' and '{target}' are not connected (roots '{source_root}' and '{target_root}'); check \
+                 /tf and /tf_static"
+            ));
+        }
+        Ok(from_target.inverse() * from_source)
+    }
+
+    /// A pose given in frame `source`, as a planar pose in frame `target`.
+    ///
+    /// # Errors
+    /// As [`TfBuffer::lookup`].
+    pub fn pose_in(&self, target: &str, source: &str, pose: &Pose, stamp: Time) -> Result<Pose2D, String> {
+        let place = self.lookup(target, source, stamp)?;
+        let inner = Transform {
+            translation: roscausal_msgs::geometry_msgs::Vector3 {
+                x: pose.position.x,
+                y: pose.position.y,
+                z: pose.position.z,
+            },
+            rotation: pose.orientation,
+        };
+        Ok(planar(&(place * isometry(&inner).unwrap_or_else(Isometry3::identity))))
+    }
+
+    /// A point given in frame `source`, in frame `target`.
+    ///
+    /// # Errors
+    /// As [`TfBuffer::lookup`].
+    pub fn point_in(&self, target: &str, source: &str, point: &Point, stamp: Time) -> Result<Point, String> {
+        let place = self.lookup(target, source, stamp)?;
+        let point = place * nalgebra::Point3::new(point.x, point.y, point.z);
+        Ok(Point { x: point.x, y: point.y, z: point.z })
+    }
+
+    /// Names of the frames that start with `prefix` and have a place at or after `since`.
+    pub fn frames_with_prefix(&self, prefix: &str, since: Time) -> Vec<(String, Time)> {
+        let stamp = |frame: &Frame| frame.places.back().map(|(stamp, _)| *stamp);
+        let recent = self.frames.iter().filter(|(name, _)| name.starts_with(prefix));
+        recent.filter_map(|(name, frame)| Some((name.clone(), stamp(frame).filter(|s| *s >= since)?))).collect()
+    }
+
+    fn to_root<'a>(&'a self, name: &'a str, stamp: Time) -> Result<(&'a str, Isometry3<f64>), String> {
+        let mut place = Isometry3::identity();
+        let mut at = name;
+        for _ in 0..DEEPEST {
+            let Some(frame) = self.frames.get(at) else { return Ok((at, place)) };
+            place = frame.at(at, stamp)? * place;
+            at = &frame.parent;
+        }
+        Err(format!("the frames above '{name}' form a loop; check /tf"))
+    }
+}
+
+impl Frame {
+    fn at(&self, name: &str, stamp: Time) -> Result<Isometry3<f64>, String> {
+        let (Some((first, oldest)), Some((last, newest))) = (self.places.front(), self.places.back()) else {
+            return Err(format!("frame '{name}' has no transform yet"));
+        };
+        if self.fixed || stamp == Time::ZERO {
+            return Ok(*newest);
+        }
+        if stamp <= *first || stamp >= *last {
+            let (near, place) = if stamp <= *first { (first, oldest) } else { (last, newest) };
+            let away = near.secs_since(stamp).abs();
+            return if away <= EXTRAPOLATE_S {
+                Ok(*place)
+            } else {
+                Err(format!("frame '{name}' is {away:.2} s away from the time asked for; is its publisher alive?"))
+            };
+        }
+        let after = self.places.partition_point(|(s, _)| *s <= stamp);
+        let ((t0, p0), (t1, p1)) = (&self.places[after - 1], &self.places[after]);
+        let share = stamp.secs_since(*t0) / t1.secs_since(*t0);
+        let translation = p0.translation.vector.lerp(&p1.translation.vector, share);
+        let rotation = p0.rotation.try_slerp(&p1.rotation, share, 1e-9).unwrap_or(p0.rotation);
+        Ok(Isometry3::from_parts(translation.into(), rotation))
+    }
+}
+
+/// Planar part of a pose: position and yaw.
+pub fn planar(place: &Isometry3<f64>) -> Pose2D {
+    let (_, _, yaw) = place.rotation.euler_angles();
+    Pose2D { x: place.translation.x, y: place.translation.y, theta: yaw }
+}
+
+fn isometry(transform: &Transform) -> Option<Isometry3<f64>> {
+    let (t, r) = (&transform.translation, &transform.rotation);
+    if ![t.x, t.y, t.z, r.x, r.y, r.z, r.w].iter().all(|v| v.is_finite()) {
+        return None;
+    }
+    let quaternion = Quaternion::new(r.w, r.x, r.y, r.z);
+    // A message whose orientation was never filled in has a zero quaternion: no rotation.
+    let rotation =
+        UnitQuaternion::try_new(quaternion, 1e-9).unwrap_or_else(UnitQuaternion::identity);
+    Some(Isometry3::from_parts(Translation3::new(t.x, t.y, t.z), rotation))
+}
+
+/// ROS 1 names may start with `/`.
+fn clean(frame: &str) -> &str {
+    frame.trim_start_matches('/')
+}
+
+#[cfg(test)]
+mod tests {
+    use roscausal_msgs::{
+        geometry_msgs::{Quaternion, TransformStamped, Vector3},
+        std_msgs::Header,
+    };
+
+    use super::*;
+
+    fn message(parent: &str, child: &str, secs: f64, x: f64, yaw: f64) -> TFMessage {
+        let header = Header { stamp: Time::from_secs_f64(secs), frame_id: parent.into() };
+        let transform = Transform { translation: Vector3 { x, y: 0.0, z: 0.0 }, rotation: Quaternion::from_yaw(yaw) };
+        TFMessage { transforms: vec![TransformStamped { header, child_frame_id: child.into(), transform }] }
+    }
+
+    #[test]
+    fn a_chain_of_frames_is_interpolated_in_time() {
+        let mut tf = TfBuffer::default();
+        tf.insert(&message("map", "odom", 0.0, 10.0, std::f64::consts::FRAC_PI_2), true);
+        tf.insert(&message("odom", "base", 1.0, 0.0, 0.0), false);
+        tf.insert(&message("odom", "base", 2.0, 2.0, 1.0), false);
+        let pose = planar(&tf.lookup("map", "/base", Time::from_secs_f64(1.5)).expect("connected"));
+        assert!((pose.x - 10.0).abs() < 1e-9 && (pose.y - 1.0).abs() < 1e-9);
+        assert!((pose.theta - (std::f64::consts::FRAC_PI_2 + 0.5)).abs() < 1e-9);
+    }
+
+    #[test]
+    fn a_missing_frame_or_time_is_named() {
+        let mut tf = TfBuffer::default();
+        tf.insert(&message("map", "base", 1.0, 0.0, 0.0), false);
+        assert!(tf.lookup("odom", "base", Time::ZERO).expect_err("unconnected").contains("'odom'"));
+        assert!(tf.lookup("map", "base", Time::from_secs_f64(9.0)).expect_err("too late").contains("8.00 s"));
+    }
+
+    #[test]
+    fn a_loop_of_frames_is_told() {
+        let mut tf = TfBuffer::default();
+        tf.insert(&message("a", "b", 1.0, 0.0, 0.0), true);
+        tf.insert(&message("b", "a", 1.0, 0.0, 0.0), true);
+        assert!(tf.lookup("map", "a", Time::ZERO).expect_err("loop").contains("loop"));
+    }
+}
