@@ -8,7 +8,8 @@ pub(crate) fn bar(what: &str, total: u64, quiet: bool) -> ProgressBar {
     if quiet {
         bar.set_draw_target(ProgressDrawTarget::hidden());
     }
-    if let Ok(style) = ProgressStyle::with_template("{prefix:12} {wide_bar} {pos}/{len}  {elapsed} eta {eta}") {
+    if let Ok(style) = ProgressStyle::with_template("{prefix:12} {wide_bar} {pos}/{len}  {elapsed} eta {eta}")
+    {
         bar.set_style(style);
     }
     bar.set_prefix(what.to_owned());

@@ -6,7 +6,10 @@ use clap::{Args as ClapArgs, ValueEnum};
 use roscausal_core::{
     Error, Result,
     batch::Table,
-    discovery::{Control, DataFrame, Model, analysis::{self, PcAlpha, Settings}},
+    discovery::{
+        Control, DataFrame, Model,
+        analysis::{self, PcAlpha, Settings},
+    },
 };
 
 use crate::{chart, interrupt::Interrupt, output, report};
@@ -53,9 +56,9 @@ pub(crate) struct MethodArgs {
     /// Significance level of a link, in (0, 1).
     #[arg(long, default_value_t = 0.05)]
     alpha: f64,
-    /// Smallest lag, in steps.
-    #[arg(long, default_value_t = 1)]
-    tau_min: usize,
+    /// Smallest lag, in steps. Default: 1, pcmciplus 0.
+    #[arg(long)]
+    tau_min: Option<usize>,
     /// Largest lag, in steps.
     #[arg(long, default_value_t = 1)]
     tau_max: usize,
@@ -122,7 +125,9 @@ fn read(args: &Args) -> Result<Vec<Table>> {
     for file in &args.files[1..] {
         let names = tables[0].names.clone();
         let table = Table::read(file, Some(&names)).map_err(|error| match error {
-            Error::Param { reason, .. } => Error::file(file, format!("it lacks a column of the first file: {reason}")),
+            Error::Param { reason, .. } => {
+                Error::file(file, format!("it lacks a column of the first file: {reason}"))
+            }
             other => other,
         })?;
         tables.push(table);
@@ -145,7 +150,7 @@ impl MethodArgs {
             cond_ind_test: self.test.clone(),
             alpha: self.alpha,
             pc_alpha,
-            tau_min: self.tau_min,
+            tau_min: self.tau_min.unwrap_or(usize::from(self.method != "pcmciplus")),
             tau_max: self.tau_max,
             f_alpha: self.f_alpha,
             te_estimator: self.te_estimator.clone(),
@@ -176,7 +181,10 @@ impl MethodArgs {
         });
         if let Some(budget) = self.time_budget {
             if !(budget > 0.0) {
-                return Err(Error::param("time-budget", format!("{budget} is not a number of seconds above 0")));
+                return Err(Error::param(
+                    "time-budget",
+                    format!("{budget} is not a number of seconds above 0"),
+                ));
             }
             control = control.out_of_time(move || start.elapsed().as_secs_f64() > budget);
         }

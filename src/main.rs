@@ -2,7 +2,6 @@
 
 mod chart;
 mod cli;
-mod demo;
 mod discover;
 mod failure;
 mod interrupt;
@@ -18,7 +17,6 @@ fn main() -> ExitCode {
     cli.start_logging();
     let interrupt = interrupt::Interrupt::on_ctrl_c();
     let done = match &cli.command {
-        cli::Command::Demo(args) => demo::run(args, &interrupt),
         cli::Command::Discover(args) => discover::run(args, &interrupt),
     };
     failure::exit_code(done)

@@ -55,7 +55,10 @@ fn has(text: &str, words: &[&str]) {
 #[test]
 fn json_on_stdout_is_one_object_and_finds_the_link() {
     let dir = folder("data.csv", &coupled(300));
-    let out = roscausal(dir.path(), &["discover", "data.csv", "--method", "pcmci", "--test", "parcorr", "--format", "json"]);
+    let out = roscausal(
+        dir.path(),
+        &["discover", "data.csv", "--method", "pcmci", "--test", "parcorr", "--format", "json"],
+    );
     assert!(out.status.success(), "{}", String::from_utf8_lossy(&out.stderr));
     let model: Value = serde_json::from_slice(&out.stdout).expect("JSON");
     assert_eq!(model["features"], serde_json::json!(["a", "b"]));
@@ -70,7 +73,10 @@ fn json_on_stdout_is_one_object_and_finds_the_link() {
 fn text_says_the_link_as_a_sentence() {
     let dir = folder("data.csv", &coupled(300));
     let out = roscausal(dir.path(), &["discover", "data.csv", "--test", "parcorr"]);
-    has(&String::from_utf8_lossy(&out.stdout), &["a at t-1 (0.25 s earlier) drives b: strength 0.", "p < 0.001"]);
+    has(
+        &String::from_utf8_lossy(&out.stdout),
+        &["a at t-1 (0.25 s earlier) drives b: strength 0.", "p < 0.001"],
+    );
 }
 
 #[test]
@@ -116,7 +122,10 @@ fn unknown_names_get_the_nearest_one() {
     let data = coupled(50);
     has(&complaint(&data, &["--method", "pcmcy"], 2), &["pcmcy", "did you mean 'pcmci'"]);
     has(&complaint(&data, &["--test", "parcor"], 2), &["parcor", "did you mean 'parcorr'"]);
-    has(&complaint("speed,goal\n1,2\n2,3\n", &["--columns", "sped,goal"], 2), &["sped", "did you mean 'speed'"]);
+    has(
+        &complaint("speed,goal\n1,2\n2,3\n", &["--columns", "sped,goal"], 2),
+        &["sped", "did you mean 'speed'"],
+    );
 }
 
 #[test]
@@ -150,7 +159,10 @@ fn missing_cells_and_constant_columns_are_told_and_survived() {
         })
         .collect();
     let dir = folder("data.csv", &rows.join("\n"));
-    let out = roscausal(dir.path(), &["discover", "data.csv", "--method", "pcmci", "--test", "parcorr", "--format", "json"]);
+    let out = roscausal(
+        dir.path(),
+        &["discover", "data.csv", "--method", "pcmci", "--test", "parcorr", "--format", "json"],
+    );
     assert!(out.status.success(), "{}", String::from_utf8_lossy(&out.stderr));
     let text = String::from_utf8_lossy(&out.stdout);
     let model: Value = serde_json::from_str(&text).expect("JSON");

@@ -12,8 +12,8 @@ pub mod loopback;
 pub mod middleware;
 pub mod nodes;
 pub mod params;
-pub mod state;
 mod special;
+pub mod state;
 
 pub use error::{Error, Result};
 pub use roscausal_msgs::{Message, Time};

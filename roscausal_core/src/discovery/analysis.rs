@@ -1,7 +1,8 @@
 //! One analysis from settings to model: the door through which commands and the discovery node come in.
 
 use super::{
-    Control, DataFrame, Fdr, LinkAssumptions, Model, PcmciResult, PcmciSettings, Status, get_lagged_dependencies,
+    Control, DataFrame, Fdr, LinkAssumptions, Model, PcmciPlusSettings, PcmciResult, PcmciSettings, Status,
+    get_lagged_dependencies,
     model::{self, Matrices},
     run_bivci, run_fullci, run_pcmci, run_pcmciplus,
 };
@@ -98,14 +99,18 @@ impl Settings {
         }
         self.f_alpha.map_or(Ok(()), |alpha| level("f-alpha", alpha))?;
         if self.tau_max < self.tau_min {
-            let reason = format!("{} is below tau-min {}; lags run from tau-min to tau-max", self.tau_max, self.tau_min);
+            let reason = format!(
+                "{} is below tau-min {}; lags run from tau-min to tau-max",
+                self.tau_max, self.tau_min
+            );
             return Err(Error::param("tau-max", reason));
         }
         if self.tau_max == 0 {
             return Err(Error::param("tau-max", "0 leaves no past; give at least 1"));
         }
         if self.method == "fpcmci" && self.tau_min == 0 {
-            let reason = "0: the transfer-entropy filter of fpcmci knows the past only; give 1, or use pcmciplus";
+            let reason =
+                "0: the transfer-entropy filter of fpcmci knows the past only; give 1, or use pcmciplus";
             return Err(Error::param("tau-min", reason));
         }
         Ok(())
@@ -153,7 +158,11 @@ impl Settings {
     }
 
     fn test_settings(&self) -> independence_tests::TestSettings {
-        independence_tests::TestSettings { seed: self.seed, max_memory: self.max_memory, ..Default::default() }
+        independence_tests::TestSettings {
+            seed: self.seed,
+            max_memory: self.max_memory,
+            ..Default::default()
+        }
     }
 
     fn pcmci(&self, data: &DataFrame) -> PcmciSettings {
@@ -195,7 +204,8 @@ fn one_of(name: &str, value: &str, allowed: &[&str]) -> Result<()> {
     if allowed.contains(&value) {
         return Ok(());
     }
-    let hint = header::nearest(allowed, value).map_or(String::new(), |near| format!("did you mean '{near}'? "));
+    let hint =
+        header::nearest(allowed, value).map_or(String::new(), |near| format!("did you mean '{near}'? "));
     Err(Error::param(name, format!("'{value}' is unknown; {hint}allowed: {}", allowed.join(", "))))
 }
 
@@ -214,14 +224,14 @@ pub fn analyse(data: &DataFrame, settings: &Settings, control: &Control) -> Resu
     settings.check()?;
     settings.check_data(data)?;
     let test = independence_tests::by_name(&settings.cond_ind_test, &settings.test_settings())?;
-    let run = match settings.method.as_str() {
-        "pcmciplus" => run_pcmciplus,
-        "fullci" => run_fullci,
-        "bivci" => run_bivci,
-        "lagdep" => get_lagged_dependencies,
-        _ => run_pcmci,
-    };
-    let result = run(data, test.as_ref(), &settings.pcmci(data), control)?;
+    let (test, pcmci) = (test.as_ref(), settings.pcmci(data));
+    let result = match settings.method.as_str() {
+        "pcmciplus" => run_pcmciplus(data, test, &pcmci, &PcmciPlusSettings::default(), control),
+        "fullci" => run_fullci(data, test, &pcmci, control),
+        "bivci" => run_bivci(data, test, &pcmci, control),
+        "lagdep" => get_lagged_dependencies(data, test, &pcmci, control),
+        _ => run_pcmci(data, test, &pcmci, control),
+    }?;
     Ok(with_result(settings.blank_model(), data.var_names().to_vec(), result))
 }
 

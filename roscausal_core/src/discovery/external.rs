@@ -14,10 +14,7 @@ use std::{
 
 use serde::Deserialize;
 
-use super::{
-    Control, Model,
-    model::Matrices,
-};
+use super::{Control, Model, model::Matrices};
 use crate::{Error, Result, batch::header, discovery::analysis::Settings};
 
 /// What a program may print at most, in bytes.
@@ -38,7 +35,10 @@ struct Answer {
 /// A name that leaves the folder, or no such program; names what there is.
 pub fn program(dir: &Path, name: &str) -> Result<PathBuf> {
     if name.contains(['/', '\\']) || name.starts_with('.') {
-        return Err(Error::param("cd_method", format!("'{name}' is no name of a program in {}", dir.display())));
+        return Err(Error::param(
+            "cd_method",
+            format!("'{name}' is no name of a program in {}", dir.display()),
+        ));
     }
     let path = dir.join(name);
     if path.is_file() {
@@ -92,7 +92,10 @@ fn wait(child: &mut Child, program: &Path, control: &Control) -> Result<()> {
             return if status.success() {
                 Ok(())
             } else {
-                Err(Error::file(program, format!("the method failed ({status}); its own words are on stderr")))
+                Err(Error::file(
+                    program,
+                    format!("the method failed ({status}); its own words are on stderr"),
+                ))
             };
         }
         if let Err(stopped) = control.check() {
@@ -125,7 +128,12 @@ fn model(answer: Answer, settings: &Settings) -> std::result::Result<Model, Stri
     Ok(settings.blank_model().with_matrices(answer.features, matrices))
 }
 
-fn check_shape<T>(name: &str, matrix: &[Vec<Vec<T>>], n: usize, tau_max: usize) -> std::result::Result<(), String> {
+fn check_shape<T>(
+    name: &str,
+    matrix: &[Vec<Vec<T>>],
+    n: usize,
+    tau_max: usize,
+) -> std::result::Result<(), String> {
     let fits = matrix.len() == n
         && matrix.iter().all(|row| row.len() == n && row.iter().all(|lags| lags.len() == tau_max + 1));
     if fits { Ok(()) } else { Err(format!("its {name} is not {n} x {n} x {} numbers", tau_max + 1)) }
@@ -158,7 +166,8 @@ mod tests {
     fn a_program_that_fails_or_babbles_is_named() {
         for (text, word) in [("exit 3", "failed"), ("echo hello", "not as documented")] {
             let (_dir, path) = script(text);
-            let error = run(&path, &[], &Settings::default(), &Control::default()).expect_err(text).to_string();
+            let error =
+                run(&path, &[], &Settings::default(), &Control::default()).expect_err(text).to_string();
             assert!(error.contains(word) && error.contains("method"), "{error}");
         }
     }

@@ -3,8 +3,8 @@
 //! Field words: `tau_max`, `pc_alpha`, `val_matrix`, `link_assumptions`; `matrix[i][j][tau]` is the link
 //! `X^i(t - tau) -> X^j(t)` (cause, effect, lag).
 
-mod control;
 pub mod analysis;
+mod control;
 mod dataframe;
 mod extension;
 pub mod external;

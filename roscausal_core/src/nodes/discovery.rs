@@ -47,10 +47,20 @@ pub fn discovery<M: Middleware>(mw: &M) -> Result<()> {
 ///
 /// # Errors
 /// As [`discovery`].
-pub fn discovery_with<M: Middleware>(mw: &M, on_progress: impl Fn(Progress) + Send + Sync + 'static) -> Result<()> {
+pub fn discovery_with<M: Middleware>(
+    mw: &M,
+    on_progress: impl Fn(Progress) + Send + Sync + 'static,
+) -> Result<()> {
     let params = DiscoveryParams::new(&Params::read(mw, &specs())?)?;
     let pool = Pool::open(&params.data_dir, &params.csv_prefix)?;
-    let mut node = Node { out: Outputs::new(mw)?, pool, params, last: None, foreign: 0, on_progress: Arc::new(on_progress) };
+    let mut node = Node {
+        out: Outputs::new(mw)?,
+        pool,
+        params,
+        last: None,
+        foreign: 0,
+        on_progress: Arc::new(on_progress),
+    };
     tracing::info!("watching {} for batches", node.pool.dir().display());
     while mw.is_ok() {
         let analysed = node.look(mw).unwrap_or_else(|error| {
@@ -179,7 +189,8 @@ impl<M: Middleware> Node<M> {
     fn run_method(&self, mw: &M, paths: &[PathBuf]) -> Result<(Model, Origin)> {
         let cancel = Arc::new(AtomicBool::new(false));
         let on_progress = self.on_progress.clone();
-        let control = Control::default().cancel_on(cancel.clone()).on_progress(move |progress| on_progress(progress));
+        let control =
+            Control::default().cancel_on(cancel.clone()).on_progress(move |progress| on_progress(progress));
         let control = match self.params.time_budget_s {
             Some(budget) => {
                 let (clock, end) = (mw.clone(), mw.now().plus_secs(budget));
@@ -196,7 +207,9 @@ impl<M: Middleware> Node<M> {
                 }
                 thread::sleep(LOOK_AGAIN / 10);
             }
-            let died = || Error::Data("the analysis ended by an internal error; please report it with the batch".into());
+            let died = || {
+                Error::Data("the analysis ended by an internal error; please report it with the batch".into())
+            };
             work.join().unwrap_or_else(|_| Err(died()))
         })
     }
@@ -231,7 +244,8 @@ fn write_files(dir: &Path, model: &Model, name: &str, dag: &str, tsdag: &str) ->
 /// Reads the batches as recordings of one system and analyses them.
 fn method(params: &DiscoveryParams, paths: &[PathBuf], control: &Control) -> Result<(Model, Origin)> {
     let facts: Vec<Facts> = paths.iter().map(|path| Facts::read(path)).collect();
-    let stem = |path: &PathBuf| path.file_stem().map_or(String::new(), |stem| stem.to_string_lossy().into_owned());
+    let stem =
+        |path: &PathBuf| path.file_stem().map_or(String::new(), |stem| stem.to_string_lossy().into_owned());
     let mut origin = Origin {
         batch_id: paths.iter().map(stem).collect::<Vec<_>>().join("+"),
         frame_id: facts[0].frame.clone(),
@@ -250,11 +264,13 @@ fn method(params: &DiscoveryParams, paths: &[PathBuf], control: &Control) -> Res
     let warnings: Vec<String> = tables.iter().flat_map(|table| table.warnings.clone()).collect();
 
     let mut settings = params.settings.clone();
-    settings.exogenous = facts[0].context.iter().filter(|name| tables[0].names.contains(name)).cloned().collect();
+    settings.exogenous =
+        facts[0].context.iter().filter(|name| tables[0].names.contains(name)).cloned().collect();
     let mut model = match &params.program {
         Some(program) => external::run(program, paths, &settings, control)?,
         None => {
-            let data = DataFrame::new(tables.iter().map(|t| t.values.clone()).collect(), tables[0].names.clone())?;
+            let data =
+                DataFrame::new(tables.iter().map(|t| t.values.clone()).collect(), tables[0].names.clone())?;
             in_pool(params.threads, || analysis::analyse(&data, &settings, control))?
         }
     };

@@ -4,7 +4,11 @@ use std::path::{Path, PathBuf};
 
 use crate::{
     Error, Result,
-    discovery::{analysis, analysis::{PcAlpha, Settings}, external},
+    discovery::{
+        analysis,
+        analysis::{PcAlpha, Settings},
+        external,
+    },
     params::{Allowed, ParamSpec, Params, Value},
 };
 
@@ -27,7 +31,7 @@ pub(super) struct DiscoveryParams {
 }
 
 /// Names, defaults, allowed values and descriptions.
-pub fn specs() -> Vec<ParamSpec> {
+pub(super) fn specs() -> Vec<ParamSpec> {
     use Allowed::{Any, OneOf, Range};
     use Value::{Bool, Double, Int};
     let text = |text: &str| Value::Str(text.to_owned());
@@ -36,26 +40,76 @@ pub fn specs() -> Vec<ParamSpec> {
         ParamSpec::new("res_dir", text(""), Any, "folder for model files; empty: publish only"),
         ParamSpec::new("csv_prefix", text("data_"), Any, "start of the batches' file names"),
         ParamSpec::new("id_format", text("%Y%m%d_%H%M%S"), Any, "strftime format of the batches' ids"),
-        ParamSpec::new("cd_method", text("fpcmci"), Any, "fpcmci, pcmci, pcmciplus, or a program in cd_method_dir"),
+        ParamSpec::new(
+            "cd_method",
+            text("fpcmci"),
+            Any,
+            "fpcmci, pcmci, pcmciplus, or a program in cd_method_dir",
+        ),
         ParamSpec::new("cd_method_dir", text(""), Any, "folder of methods that are programs"),
-        ParamSpec::new("cond_ind_test", text("gpdc"), Any, "gpdc, parcorr, robustparcorr, cmiknn or gsquared"),
+        ParamSpec::new(
+            "cond_ind_test",
+            text("gpdc"),
+            Any,
+            "gpdc, parcorr, robustparcorr, cmiknn or gsquared",
+        ),
         ParamSpec::new("sig_alpha", Double(0.05), Range(1e-9, 0.999), "significance level of a link"),
-        ParamSpec::new("pc_alpha", Double(0.2), Range(0.0, 0.999), "level of the condition selection; 0: by score"),
+        ParamSpec::new(
+            "pc_alpha",
+            Double(0.2),
+            Range(0.0, 0.999),
+            "level of the condition selection; 0: by score",
+        ),
         ParamSpec::new("f_alpha", Double(0.0), Range(0.0, 0.999), "level of the filter; 0: sig_alpha"),
-        ParamSpec::new("te_estimator", text("gaussian"), OneOf(&["gaussian", "kraskov"]), "estimator of the filter"),
+        ParamSpec::new(
+            "te_estimator",
+            text("gaussian"),
+            OneOf(&["gaussian", "kraskov"]),
+            "estimator of the filter",
+        ),
         ParamSpec::new("fdr_method", text("none"), OneOf(&["none", "fdr_bh"]), "correction for many tests"),
         ParamSpec::new("min_lag", Int(1), Range(0.0, 1000.0), "smallest lag, in steps"),
         ParamSpec::new("max_lag", Int(1), Range(1.0, 1000.0), "largest lag, in steps"),
         ParamSpec::new("seed", Int(42), Range(0.0, 9e15), "seed of all random numbers"),
-        ParamSpec::new("batches_per_model", Int(1), Range(1.0, 1000.0), "batches analysed together for one model"),
-        ParamSpec::new("keep_batches", Bool(false), Any, "move analysed batches to analysed/ instead of deleting"),
-        ParamSpec::new("analyse_incomplete", Bool(false), Any, "analyse batches whose recording was cut short"),
-        ParamSpec::new("max_pool_size", Int(0), Range(0.0, 1e6), "batches that may wait; the oldest go; 0: any"),
-        ParamSpec::new("max_attempts", Int(3), Range(1.0, 1000.0), "analyses of a batch before it is rejected"),
+        ParamSpec::new(
+            "batches_per_model",
+            Int(1),
+            Range(1.0, 1000.0),
+            "batches analysed together for one model",
+        ),
+        ParamSpec::new(
+            "keep_batches",
+            Bool(false),
+            Any,
+            "move analysed batches to analysed/ instead of deleting",
+        ),
+        ParamSpec::new(
+            "analyse_incomplete",
+            Bool(false),
+            Any,
+            "analyse batches whose recording was cut short",
+        ),
+        ParamSpec::new(
+            "max_pool_size",
+            Int(0),
+            Range(0.0, 1e6),
+            "batches that may wait; the oldest go; 0: any",
+        ),
+        ParamSpec::new(
+            "max_attempts",
+            Int(3),
+            Range(1.0, 1000.0),
+            "analyses of a batch before it is rejected",
+        ),
         ParamSpec::new("threads", Int(0), Range(0.0, 1024.0), "threads of an analysis; 0: all cores"),
         ParamSpec::new("time_budget", Double(0.0), Range(0.0, 1e9), "seconds of an analysis; 0: no limit"),
         ParamSpec::new("max_memory", Int(0), Range(0.0, 1e9), "megabytes that a test may take; 0: no limit"),
-        ParamSpec::new("image_scale", Double(0.6), Range(0.1, 4.0), "pixels per unit of the published pictures"),
+        ParamSpec::new(
+            "image_scale",
+            Double(0.6),
+            Range(0.1, 4.0),
+            "pixels per unit of the published pictures",
+        ),
     ]
 }
 

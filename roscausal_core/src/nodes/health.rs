@@ -76,8 +76,11 @@ impl<M: Middleware> Health<M> {
         let message = trouble.map(str::to_owned).or(silent);
         self.tell(message.as_deref());
         let pair = |key: &str, value: String| KeyValue { key: key.to_owned(), value };
-        let mut values: Vec<KeyValue> =
-            self.inputs.iter().map(|input| pair(&format!("received {}", input.topic), input.heard.to_string())).collect();
+        let mut values: Vec<KeyValue> = self
+            .inputs
+            .iter()
+            .map(|input| pair(&format!("received {}", input.topic), input.heard.to_string()))
+            .collect();
         values.push(pair("sent", self.outputs.to_string()));
         values.extend(figures.iter().map(|(key, value)| pair(key, value.clone())));
         let status = DiagnosticStatus {
@@ -97,11 +100,14 @@ impl<M: Middleware> Health<M> {
         let quiet_since = |input: &&Input| now.secs_since(input.last.unwrap_or(self.started)) >= SILENT_S;
         let input = self.inputs.iter().filter(|input| input.required).find(quiet_since)?;
         let seconds = now.secs_since(input.last.unwrap_or(self.started));
-        let same = mw.topics().into_iter().filter(|(topic, kind)| *kind == input.type_name && *topic != input.topic);
+        let same =
+            mw.topics().into_iter().filter(|(topic, kind)| *kind == input.type_name && *topic != input.topic);
         let same: Vec<String> = same.map(|(topic, _)| topic).collect();
         let hint = if same.is_empty() { "none".to_owned() } else { same.join(", ") };
         let Input { topic, type_name, .. } = input;
-        Some(format!("no messages on {topic} ({type_name}) for {seconds:.0} s; other topics of that type: {hint}"))
+        Some(format!(
+            "no messages on {topic} ({type_name}) for {seconds:.0} s; other topics of that type: {hint}"
+        ))
     }
 
     /// Says a trouble once when it comes, and that it is over when it goes.

@@ -52,7 +52,12 @@ pub fn causal_model(model: &Model, header: &Header) -> CausalModel {
 }
 
 /// What else users need to know of the model; `before` is the model published before it.
-pub fn causal_model_info(model: &Model, header: &Header, origin: &Origin, before: Option<&Model>) -> CausalModelInfo {
+pub fn causal_model_info(
+    model: &Model,
+    header: &Header,
+    origin: &Origin,
+    before: Option<&Model>,
+) -> CausalModelInfo {
     let mut links: Vec<&Link> = model.links.iter().collect();
     links.sort_by(|a, b| b.value.abs().total_cmp(&a.value.abs()));
     let (gained, lost) = match before {

@@ -26,11 +26,16 @@ enum Event {
 }
 
 /// Names, defaults, allowed values and descriptions of the robot node's parameters.
-pub fn specs() -> Vec<ParamSpec> {
+pub(super) fn specs() -> Vec<ParamSpec> {
     use Allowed::{Any, OneOf, Range};
     let text = |text: &str| Value::Str(text.to_owned());
     vec![
-        ParamSpec::new("odom_topic", text("/mobile_base_controller/odom"), Any, "nav_msgs/Odometry of the base"),
+        ParamSpec::new(
+            "odom_topic",
+            text("/mobile_base_controller/odom"),
+            Any,
+            "nav_msgs/Odometry of the base",
+        ),
         ParamSpec::new("pose_topic", text("/robot_pose"), Any, "the localised pose"),
         ParamSpec::new(
             "pose_type",
@@ -48,7 +53,12 @@ pub fn specs() -> Vec<ParamSpec> {
         ParamSpec::new("source_frame", text("base_footprint"), Any, "frame of the robot"),
         ParamSpec::new("target_frame", text("map"), Any, "frame of the published state"),
         ParamSpec::new("queue_size", Value::Int(10), Range(1.0, 10000.0), "messages that wait for a partner"),
-        ParamSpec::new("slop", Value::Double(0.1), Range(0.0, 10.0), "seconds between pose and odometry at most"),
+        ParamSpec::new(
+            "slop",
+            Value::Double(0.1),
+            Range(0.0, 10.0),
+            "seconds between pose and odometry at most",
+        ),
     ]
 }
 
@@ -72,10 +82,13 @@ pub fn robot<M: Middleware>(mw: &M) -> Result<()> {
 
     let qos = Qos::Volatile(100);
     let send = inbox.sender();
-    let _odometry = mw.subscribe(&odom_topic, qos, move |m: Odometry| send.send(Event::Odometry(Box::new(m))))?;
+    let _odometry =
+        mw.subscribe(&odom_topic, qos, move |m: Odometry| send.send(Event::Odometry(Box::new(m))))?;
     let send = inbox.sender();
     let _pose = if with_covariance {
-        mw.subscribe(&pose_topic, qos, move |m: PoseWithCovarianceStamped| send.send(Event::Pose(m.header, m.pose.pose)))?
+        mw.subscribe(&pose_topic, qos, move |m: PoseWithCovarianceStamped| {
+            send.send(Event::Pose(m.header, m.pose.pose))
+        })?
     } else {
         mw.subscribe(&pose_topic, qos, move |m: PoseStamped| send.send(Event::Pose(m.header, m.pose)))?
     };
@@ -83,9 +96,11 @@ pub fn robot<M: Middleware>(mw: &M) -> Result<()> {
     let send = inbox.sender();
     let _tf = mw.subscribe("/tf", qos, move |m: TFMessage| send.send(Event::Tf(m, false)))?;
     let send = inbox.sender();
-    let _tf_static = mw.subscribe("/tf_static", Qos::Latched, move |m: TFMessage| send.send(Event::Tf(m, true)))?;
+    let _tf_static =
+        mw.subscribe("/tf_static", Qos::Latched, move |m: TFMessage| send.send(Event::Tf(m, true)))?;
 
-    let mut tracker = RobotTracker::new(&params.text("target_frame"), params.count("queue_size"), params.double("slop"));
+    let mut tracker =
+        RobotTracker::new(&params.text("target_frame"), params.count("queue_size"), params.double("slop"));
     loop {
         let states = match inbox.next(mw, Some(health.due())) {
             Next::Shutdown => return Ok(()),
@@ -111,17 +126,25 @@ pub fn robot<M: Middleware>(mw: &M) -> Result<()> {
             publisher.publish(state)?;
             health.sent();
         }
-        let figures =
-            [("poses without odometry", tracker.unpaired().to_string()), ("dropped", inbox.dropped().to_string())];
+        let figures = [
+            ("poses without odometry", tracker.unpaired().to_string()),
+            ("dropped", inbox.dropped().to_string()),
+        ];
         health.report(mw, &figures, tracker.trouble.as_deref());
     }
 }
 
-fn subscribe_goal<M: Middleware>(mw: &M, params: &Params, inbox: &Inbox<Event>) -> Result<Option<M::Subscription>> {
+fn subscribe_goal<M: Middleware>(
+    mw: &M,
+    params: &Params,
+    inbox: &Inbox<Event>,
+) -> Result<Option<M::Subscription>> {
     let Some(topic) = params.text_if_set("goal_topic") else { return Ok(None) };
     let send = inbox.sender();
     let subscription = if params.text("goal_type") == "PoseStamped" {
-        mw.subscribe(&topic, Qos::Volatile(10), move |m: PoseStamped| send.send(Event::Goal(m.header, m.pose.position)))
+        mw.subscribe(&topic, Qos::Volatile(10), move |m: PoseStamped| {
+            send.send(Event::Goal(m.header, m.pose.position))
+        })
     } else {
         mw.subscribe(&topic, Qos::Volatile(10), move |m: MoveBaseActionGoal| {
             let target = m.goal.target_pose;

@@ -99,10 +99,8 @@ impl PeopleTracker {
             self.newest = header.stamp;
         }
         let frame = if header.frame_id.is_empty() { &self.target_frame } else { &header.frame_id };
-        let mut pose2d = self.tf.pose_in(&self.target_frame, frame, &pose, header.stamp)?;
-        if ![pose2d.x, pose2d.y, pose2d.theta].iter().all(|v| v.is_finite()) {
-            return Err(format!("person {id}: the pose holds NaN or infinity"));
-        }
+        let pose2d = self.tf.pose_in(&self.target_frame, frame, &pose, header.stamp);
+        let mut pose2d = pose2d.map_err(|trouble| format!("person {id}: {trouble}"))?;
         let before = self.people.get(&id).filter(|before| before.header.stamp < header.stamp);
         let twist = match (twist, before) {
             (Some(twist), _) => twist,

@@ -74,9 +74,6 @@ impl RobotTracker {
     fn state(&self, header: &Header, pose: &Pose, odometry: &Odometry) -> Result<RobotState, String> {
         let frame = if header.frame_id.is_empty() { &self.target_frame } else { &header.frame_id };
         let pose2d = self.tf.pose_in(&self.target_frame, frame, pose, header.stamp)?;
-        if ![pose2d.x, pose2d.y, pose2d.theta].iter().all(|v| v.is_finite()) {
-            return Err("the pose holds NaN or infinity".to_owned());
-        }
         let goal = match &self.goal {
             None => unknown(),
             Some((header, goal)) => self.in_target(header, goal)?,
@@ -84,14 +81,14 @@ impl RobotTracker {
         Ok(RobotState {
             header: Header { stamp: header.stamp, frame_id: self.target_frame.clone() },
             pose2d,
-            twist: odometry.twist.twist.clone(),
+            twist: odometry.twist.twist,
             goal,
         })
     }
 
     fn in_target(&self, header: &Header, point: &Point) -> Result<Point, String> {
         if header.frame_id.is_empty() {
-            return Ok(point.clone());
+            return Ok(*point);
         }
         // A goal is fixed in its frame: its place now is what counts.
         self.tf.point_in(&self.target_frame, &header.frame_id, point, Time::ZERO)

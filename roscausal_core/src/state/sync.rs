@@ -66,7 +66,8 @@ impl<A, B: Clone> Pairing<A, B> {
             // Of two at the same distance the earlier one.
             let distance = |(other, _): &(Time, B)| other.secs_since(stamp).abs();
             let nearest = self.b.iter().min_by(|one, two| distance(one).total_cmp(&distance(two)));
-            let partner = nearest.filter(|b| distance(b) <= self.slop_s + 1e-9).map(|(_, message)| message.clone());
+            let partner =
+                nearest.filter(|b| distance(b) <= self.slop_s + 1e-9).map(|(_, message)| message.clone());
             match (self.a.pop_front(), partner) {
                 (Some((_, message)), Some(partner)) => pairs.push((message, partner)),
                 _ => self.unpaired += 1,

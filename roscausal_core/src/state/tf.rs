@@ -42,7 +42,9 @@ impl TfBuffer {
             }
             frame.fixed = fixed;
             frame.places.push_back((stamp, place));
-            while frame.places.front().is_some_and(|(first, _)| fixed && frame.places.len() > 1 || stamp.secs_since(*first) > KEEP_S) {
+            while frame.places.front().is_some_and(|(first, _)| {
+                fixed && frame.places.len() > 1 || stamp.secs_since(*first) > KEEP_S
+            }) {
                 frame.places.pop_front();
             }
         }
@@ -71,7 +73,7 @@ impl TfBuffer {
     /// A pose given in frame `source`, as a planar pose in frame `target`.
     ///
     /// # Errors
-    /// As [`TfBuffer::lookup`].
+    /// As [`TfBuffer::lookup`]; a pose that is not finite.
     pub fn pose_in(&self, target: &str, source: &str, pose: &Pose, stamp: Time) -> Result<Pose2D, String> {
         let place = self.lookup(target, source, stamp)?;
         let inner = Transform {
@@ -82,7 +84,8 @@ impl TfBuffer {
             },
             rotation: pose.orientation,
         };
-        Ok(planar(&(place * isometry(&inner).unwrap_or_else(Isometry3::identity))))
+        let inner = isometry(&inner).ok_or("the pose holds NaN or infinity")?;
+        Ok(planar(&(place * inner)))
     }
 
     /// A point given in frame `source`, in frame `target`.
@@ -99,7 +102,9 @@ impl TfBuffer {
     pub fn frames_with_prefix(&self, prefix: &str, since: Time) -> Vec<(String, Time)> {
         let stamp = |frame: &Frame| frame.places.back().map(|(stamp, _)| *stamp);
         let recent = self.frames.iter().filter(|(name, _)| name.starts_with(prefix));
-        recent.filter_map(|(name, frame)| Some((name.clone(), stamp(frame).filter(|s| *s >= since)?))).collect()
+        recent
+            .filter_map(|(name, frame)| Some((name.clone(), stamp(frame).filter(|s| *s >= since)?)))
+            .collect()
     }
 
     fn to_root<'a>(&'a self, name: &'a str, stamp: Time) -> Result<(&'a str, Isometry3<f64>), String> {
@@ -128,7 +133,9 @@ impl Frame {
             return if away <= EXTRAPOLATE_S {
                 Ok(*place)
             } else {
-                Err(format!("frame '{name}' is {away:.2} s away from the time asked for; is its publisher alive?"))
+                Err(format!(
+                    "frame '{name}' is {away:.2} s away from the time asked for; is its publisher alive?"
+                ))
             };
         }
         let after = self.places.partition_point(|(s, _)| *s <= stamp);
@@ -153,8 +160,7 @@ fn isometry(transform: &Transform) -> Option<Isometry3<f64>> {
     }
     let quaternion = Quaternion::new(r.w, r.x, r.y, r.z);
     // A message whose orientation was never filled in has a zero quaternion: no rotation.
-    let rotation =
-        UnitQuaternion::try_new(quaternion, 1e-9).unwrap_or_else(UnitQuaternion::identity);
+    let rotation = UnitQuaternion::try_new(quaternion, 1e-9).unwrap_or_else(UnitQuaternion::identity);
     Some(Isometry3::from_parts(Translation3::new(t.x, t.y, t.z), rotation))
 }
 
@@ -174,7 +180,8 @@ mod tests {
 
     fn message(parent: &str, child: &str, secs: f64, x: f64, yaw: f64) -> TFMessage {
         let header = Header { stamp: Time::from_secs_f64(secs), frame_id: parent.into() };
-        let transform = Transform { translation: Vector3 { x, y: 0.0, z: 0.0 }, rotation: Quaternion::from_yaw(yaw) };
+        let transform =
+            Transform { translation: Vector3 { x, y: 0.0, z: 0.0 }, rotation: Quaternion::from_yaw(yaw) };
         TFMessage { transforms: vec![TransformStamped { header, child_frame_id: child.into(), transform }] }
     }
 

@@ -1,0 +1,287 @@
+//! The human node: people's topics and goals to `/roscausal/humans` and `/roscausal/human`.
+
+use roscausal_msgs::{
+    HumanState, Humans, Time,
+    geometry_msgs::{Point, PoseArray, PoseStamped},
+    pedsim_msgs, people_msgs, spencer_tracking_msgs,
+    tf2_msgs::TFMessage,
+};
+
+use super::{agents::Agents, health::Health};
+use crate::{
+    Result,
+    inbox::{Inbox, Next},
+    middleware::{Middleware, Publish, Qos},
+    params::{Allowed, ParamSpec, Params, Value},
+    state::human::{PeopleTracker, Sighting, id_of},
+};
+
+/// Reports per second.
+const RATE_HZ: f64 = 10.0;
+/// Between two looks at the goal parameter, in reports.
+const GOAL_EVERY: u64 = 10;
+
+enum Event {
+    People(usize, Vec<Sighting>),
+    Goal(Point),
+    Tf(TFMessage, bool),
+}
+
+/// Names, defaults, allowed values and descriptions of the human node's parameters.
+pub(super) fn specs() -> Vec<ParamSpec> {
+    use Allowed::{Any, OneOf, Range};
+    let text = |text: &str| Value::Str(text.to_owned());
+    vec![
+        ParamSpec::new(
+            "auto_people_topic",
+            text("/pedsim_simulator/simulated_agents"),
+            Any,
+            "pedsim_msgs/AgentStates; empty: none",
+        ),
+        ParamSpec::new(
+            "teleop_people_topic",
+            text("/ped/control/teleop_persons"),
+            Any,
+            "pedsim_msgs/TrackedPersons; empty: none",
+        ),
+        ParamSpec::new(
+            "people_topic",
+            text(""),
+            Any,
+            "people of another tracker, of people_type; empty: none",
+        ),
+        ParamSpec::new(
+            "people_type",
+            text("spencer_tracking_msgs/TrackedPersons"),
+            OneOf(&[
+                "spencer_tracking_msgs/TrackedPersons",
+                "people_msgs/People",
+                "geometry_msgs/PoseArray",
+                "ros4hri",
+            ]),
+            "type of people_topic; ros4hri: TF frames person_<id>, people_topic unused",
+        ),
+        ParamSpec::new(
+            "goal_param",
+            text("/hri/human_goal"),
+            Any,
+            "parameter with the goal [x, y]; empty: none",
+        ),
+        ParamSpec::new(
+            "goal_topic",
+            text("/hri/human_goal"),
+            Any,
+            "geometry_msgs/PoseStamped goal; empty: none",
+        ),
+        ParamSpec::new("source_frame", text("base_footprint"), Any, "frame of people whose topic names none"),
+        ParamSpec::new("target_frame", text("map"), Any, "frame of the published states"),
+        ParamSpec::new(
+            "sel_agent",
+            text("1000"),
+            Any,
+            "who is on /roscausal/human; not there: the first person",
+        ),
+        ParamSpec::new(
+            "person_timeout",
+            Value::Double(1.0),
+            Range(0.05, 60.0),
+            "seconds a person is held unseen",
+        ),
+    ]
+}
+
+/// The human node: runs until the middleware ends.
+///
+/// # Errors
+/// A parameter that is not allowed, a topic that cannot be used.
+pub fn human<M: Middleware>(mw: &M) -> Result<()> {
+    let params = Params::read(mw, &specs())?;
+    let mut health = Health::new(mw)?;
+    let inbox = Inbox::new(mw, 1000);
+    let everybody = mw.advertise::<Humans>("/roscausal/humans", Qos::Volatile(100))?;
+    let selected = mw.advertise::<HumanState>("/roscausal/human", Qos::Volatile(100))?;
+    let _inputs = subscribe_people(mw, &params, &inbox, &mut health)?;
+    let _goal = match params.text_if_set("goal_topic") {
+        Some(topic) => {
+            let send = inbox.sender();
+            let goal = move |m: PoseStamped| send.send(Event::Goal(m.pose.position));
+            Some(mw.subscribe(&topic, Qos::Volatile(10), goal)?)
+        }
+        None => None,
+    };
+    let (dynamic, fixed) = (inbox.sender(), inbox.sender());
+    let _tf =
+        mw.subscribe("/tf", Qos::Volatile(100), move |m: TFMessage| dynamic.send(Event::Tf(m, false)))?;
+    let _tf_static =
+        mw.subscribe("/tf_static", Qos::Latched, move |m: TFMessage| fixed.send(Event::Tf(m, true)))?;
+
+    let ros4hri = params.text("people_type") == "ros4hri";
+    let agents = Agents::parse("sel_agent", &params.text("sel_agent"))?;
+    let goal_param = params.text_if_set("goal_param").map(goal_spec);
+    let mut tracker = PeopleTracker::new(&params.text("target_frame"), params.double("person_timeout"));
+    let (mut due, mut reports, mut published) = (mw.now(), 0_u64, Time::ZERO);
+    loop {
+        match inbox.next(mw, Some(due.min(health.due()))) {
+            Next::Shutdown => return Ok(()),
+            Next::Event(Event::People(input, sightings)) => {
+                health.heard(input, mw.now());
+                sightings.into_iter().for_each(|sighting| tracker.sighting(sighting));
+            }
+            Next::Event(Event::Goal(goal)) => tracker.goal(None, goal),
+            Next::Event(Event::Tf(message, is_fixed)) => tracker.tf.insert(&message, is_fixed),
+            Next::Deadline => {}
+        }
+        let now = mw.now();
+        // A clock that jumped back must not silence the node.
+        due = due.min(now.plus_secs(1.0 / RATE_HZ));
+        if now >= due {
+            due = now.plus_secs(1.0 / RATE_HZ);
+            if let (Some(spec), 0) = (&goal_param, reports % GOAL_EVERY)
+                && let Some(goal) = mw.param(spec)?.and_then(|value| point(&value))
+            {
+                tracker.goal(None, goal);
+            }
+            reports += 1;
+            if ros4hri {
+                from_frames(&mut tracker, published);
+            }
+            // The same sightings again are no news.
+            if tracker.newest() != published {
+                let people = tracker.people();
+                published = people.header.stamp;
+                if let Some(person) = agents.select(&people.humans, None).first() {
+                    selected.publish(person)?;
+                }
+                everybody.publish(&people)?;
+                health.sent();
+            }
+        }
+        let figures = [("dropped", inbox.dropped().to_string())];
+        health.report(mw, &figures, tracker.trouble.as_deref());
+    }
+}
+
+fn subscribe_people<M: Middleware>(
+    mw: &M,
+    params: &Params,
+    inbox: &Inbox<Event>,
+    health: &mut Health<M>,
+) -> Result<Vec<M::Subscription>> {
+    let mut subscriptions = Vec::new();
+    let qos = Qos::Volatile(100);
+    if let Some(topic) = params.text_if_set("auto_people_topic") {
+        let (send, input) = (inbox.sender(), health.input::<pedsim_msgs::AgentStates>(&topic, false));
+        let take = move |m: pedsim_msgs::AgentStates| send.send(Event::People(input, of_agents(m)));
+        subscriptions.push(mw.subscribe(&topic, qos, take)?);
+    }
+    if let Some(topic) = params.text_if_set("teleop_people_topic") {
+        let (send, input) = (inbox.sender(), health.input::<pedsim_msgs::TrackedPersons>(&topic, false));
+        let take = move |m: pedsim_msgs::TrackedPersons| {
+            let tracks = m.tracks.into_iter().map(|t| (t.track_id, t.pose.pose, t.twist.twist));
+            send.send(Event::People(input, of_tracks(&m.header, tracks)));
+        };
+        subscriptions.push(mw.subscribe(&topic, qos, take)?);
+    }
+    let Some(topic) = params.text_if_set("people_topic") else { return Ok(subscriptions) };
+    let send = inbox.sender();
+    match params.text("people_type").as_str() {
+        "spencer_tracking_msgs/TrackedPersons" => {
+            let input = health.input::<spencer_tracking_msgs::TrackedPersons>(&topic, true);
+            let take = move |m: spencer_tracking_msgs::TrackedPersons| {
+                let tracks = m.tracks.into_iter().map(|t| (t.track_id, t.pose.pose, t.twist.twist));
+                send.send(Event::People(input, of_tracks(&m.header, tracks)));
+            };
+            subscriptions.push(mw.subscribe(&topic, qos, take)?);
+        }
+        "people_msgs/People" => {
+            let input = health.input::<people_msgs::People>(&topic, true);
+            let take = move |m: people_msgs::People| send.send(Event::People(input, of_people(m)));
+            subscriptions.push(mw.subscribe(&topic, qos, take)?);
+        }
+        "geometry_msgs/PoseArray" => {
+            let input = health.input::<PoseArray>(&topic, true);
+            let take = move |m: PoseArray| send.send(Event::People(input, of_poses(m)));
+            subscriptions.push(mw.subscribe(&topic, qos, take)?);
+        }
+        _ => {}
+    }
+    Ok(subscriptions)
+}
+
+fn of_agents(message: pedsim_msgs::AgentStates) -> Vec<Sighting> {
+    let header = message.header;
+    let sighting = |agent: pedsim_msgs::AgentState| Sighting {
+        id: agent.id as u32,
+        header: header.clone(),
+        pose: agent.pose,
+        twist: Some(agent.twist),
+        goal: None,
+    };
+    message.agent_states.into_iter().map(sighting).collect()
+}
+
+fn of_tracks(
+    header: &roscausal_msgs::std_msgs::Header,
+    tracks: impl Iterator<Item = (u64, roscausal_msgs::geometry_msgs::Pose, roscausal_msgs::geometry_msgs::Twist)>,
+) -> Vec<Sighting> {
+    let sighting = |(id, pose, twist)| Sighting {
+        id: id as u32,
+        header: header.clone(),
+        pose,
+        twist: Some(twist),
+        goal: None,
+    };
+    tracks.map(sighting).collect()
+}
+
+fn of_people(message: people_msgs::People) -> Vec<Sighting> {
+    let header = message.header;
+    let sighting = |person: people_msgs::Person| {
+        let mut sighting =
+            Sighting { id: id_of(&person.name), header: header.clone(), ..Sighting::default() };
+        let mut twist = roscausal_msgs::geometry_msgs::Twist::default();
+        (twist.linear.x, twist.linear.y) = (person.velocity.x, person.velocity.y);
+        let heading = person.velocity.y.atan2(person.velocity.x);
+        sighting.pose.position = person.position;
+        sighting.pose.orientation = roscausal_msgs::geometry_msgs::Quaternion::from_yaw(heading);
+        sighting.twist = Some(twist);
+        sighting
+    };
+    message.people.into_iter().map(sighting).collect()
+}
+
+/// Poses have no identity: the place in the list is the number.
+fn of_poses(message: PoseArray) -> Vec<Sighting> {
+    let header = message.header;
+    let sighting =
+        |(id, pose)| Sighting { id: id as u32, header: header.clone(), pose, ..Sighting::default() };
+    message.poses.into_iter().enumerate().map(sighting).collect()
+}
+
+/// ROS4HRI: each person is a TF frame.
+fn from_frames(tracker: &mut PeopleTracker, since: Time) {
+    for (name, stamp) in tracker.tf.frames_with_prefix("person_", since) {
+        let header = roscausal_msgs::std_msgs::Header { stamp, frame_id: name.clone() };
+        tracker.sighting(Sighting { id: id_of(&name), header, ..Sighting::default() });
+    }
+}
+
+/// The goal parameter, by the name that the user gave.
+fn goal_spec(name: String) -> ParamSpec {
+    // One small string per run of a node; the specification wants a name that lives as long as the program.
+    let name: &'static str = Box::leak(name.into_boxed_str());
+    ParamSpec::new(
+        name,
+        Value::List(Vec::new()),
+        Allowed::Any,
+        "the person's goal [x, y] in the target frame",
+    )
+}
+
+fn point(value: &Value) -> Option<Point> {
+    let Value::List(values) = value else { return None };
+    match (values.first()?.as_double(), values.get(1)?.as_double()) {
+        (Some(x), Some(y)) => Some(Point { x, y, z: 0.0 }),
+        _ => None,
+    }
+}
