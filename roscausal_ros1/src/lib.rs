@@ -1,1 +1,219 @@
-//! ROS 1 backend.
+//! ROS 1 backend: the [`Middleware`] of ROS-Causal on a ROS master, over rosrust.
+//!
+//! rosrust does the wire (TCPROS, the node's XML-RPC server). What it leaves open is done here: deadlines for
+//! every question, re-registration after a restart of the master, unregistration on every way out, simulated
+//! time that may start late, stop or jump back, counted losses, and a decoder that survives any bytes.
+
+mod clock;
+mod master;
+mod rosout;
+mod session;
+mod subscription;
+mod wire;
+mod xmlrpc;
+
+use std::{
+    collections::BTreeMap,
+    sync::{Arc, Mutex},
+};
+
+use roscausal_core::{
+    Error, Message, Result, Time,
+    inbox::Consumer,
+    middleware::{Middleware, Publish, Qos},
+    params::{ParamSpec, Value},
+};
+
+pub use rosout::Rosout;
+pub use subscription::Subscription;
+
+use crate::{
+    master::Role,
+    session::{PATIENCE, Session, in_time, reason},
+    subscription::{Feed, Handler},
+    wire::Wire,
+};
+
+/// The fewest messages that a latched publisher keeps for connections that are slow to take them.
+const LATCHED_QUEUE: usize = 10;
+
+/// One node on a ROS master. Cheap to clone; the clones are one node.
+#[derive(Clone)]
+pub struct Ros1 {
+    session: Arc<Session>,
+}
+
+impl Ros1 {
+    /// Joins the master at `__master:=` or `ROS_MASTER_URI` under this name (or the one of `__name:=`), with the
+    /// remappings and parameters of the command line. While no master answers, it waits as long as
+    /// `keep_waiting` says so, and tells what it waits for.
+    ///
+    /// # Errors
+    /// No master, an illegal name or argument.
+    pub fn connect(name: &str, keep_waiting: &dyn Fn() -> bool) -> Result<Self> {
+        Session::connect(name, keep_waiting).map(|session| Self { session })
+    }
+
+    /// Takes all registrations back, so that no ghost of this node stays on the master. Dropping the last clone
+    /// does so too; this is for ways out on which nothing is dropped.
+    pub fn close(&self) {
+        self.session.close();
+    }
+
+    /// Messages lost so far per topic, by the gaps in `header.seq`.
+    pub fn lost(&self) -> BTreeMap<String, u64> {
+        let mut lost = BTreeMap::new();
+        for feed in self.session.feeds() {
+            *lost.entry(feed.topic.clone()).or_default() += feed.lost();
+        }
+        lost
+    }
+
+    fn topic(&self, name: &str) -> Result<String> {
+        let resolved = if is_legal(name) { self.session.resolve(name) } else { None };
+        resolved.ok_or_else(|| Error::Topic {
+            topic: name.to_owned(),
+            reason: "not a legal name: letters, digits and '_' between single '/', beginning with a letter"
+                .to_owned(),
+        })
+    }
+
+    fn param_name(&self, name: &str) -> Result<String> {
+        let graph_name = if name.starts_with(['/', '~']) { name.to_owned() } else { format!("~{name}") };
+        self.session.resolve(&graph_name).ok_or_else(|| Error::param(name, "not a legal name"))
+    }
+}
+
+impl Middleware for Ros1 {
+    type Publisher<M: Message> = Publisher<M>;
+    type Subscription = Subscription;
+
+    fn node_name(&self) -> String {
+        self.session.master.node.clone()
+    }
+
+    fn advertise<M: Message>(&self, topic: &str, qos: Qos) -> Result<Publisher<M>> {
+        let name = self.topic(topic)?;
+        let id = self.session.register(Role::Publisher, &name, M::type_name(), None);
+        let (session, topic) = (self.session.clone(), topic.to_owned());
+        let queue = match qos {
+            Qos::Volatile(depth) => depth.max(1),
+            Qos::Latched => LATCHED_QUEUE,
+        };
+        let work = move || session.ros.publish::<Wire<M>>(&topic, queue).map_err(|error| reason(&error));
+        let publisher =
+            in_time(PATIENCE, work).unwrap_or_else(|| Err("the ROS master does not answer".to_owned()));
+        match publisher {
+            Ok(mut publisher) => {
+                publisher.set_latching(qos == Qos::Latched);
+                Ok(Publisher { session: self.session.clone(), topic: name, id, publisher: Some(publisher) })
+            }
+            Err(reason) => {
+                self.session.forget(id);
+                Err(Error::Topic { topic: name, reason })
+            }
+        }
+    }
+
+    fn subscribe<M: Message>(
+        &self,
+        topic: &str,
+        qos: Qos,
+        callback: impl FnMut(M) + Send + 'static,
+    ) -> Result<Subscription> {
+        let name = self.topic(topic)?;
+        let queue = if let Qos::Volatile(depth) = qos { depth.max(1) } else { LATCHED_QUEUE };
+        let feed = Feed::new::<M>(name.clone());
+        let id = self.session.register(Role::Subscriber, &name, M::type_name(), Some(feed.clone()));
+        let slot = Arc::new(Mutex::new(None));
+        let (session, topic) = (self.session.clone(), topic.to_owned());
+        let (own_feed, own_slot) = (feed.clone(), slot.clone());
+        let work = move || {
+            let handler = Handler::new(own_feed.clone(), callback);
+            let subscriber = session.ros.subscribe_with::<Wire<M>, _>(&topic, queue, handler);
+            subscriber.map(|it| Subscription::fill(&own_feed, &own_slot, it)).map_err(|error| reason(&error))
+        };
+        match in_time(PATIENCE, work) {
+            Some(Ok(())) => {}
+            Some(Err(reason)) => {
+                self.session.forget(id);
+                return Err(Error::Topic { topic: name, reason });
+            }
+            None => tracing::warn!("topic '{name}': a publisher does not answer; messages come when it does"),
+        }
+        Ok(Subscription { session: Arc::downgrade(&self.session), feed, id, slot })
+    }
+
+    fn param(&self, spec: &ParamSpec) -> Result<Option<Value>> {
+        let name = self.param_name(spec.name)?;
+        self.session.master.param(&name).map_err(|error| Error::param(name, error))
+    }
+
+    fn set_param(&self, name: &str, value: Value) -> Result<()> {
+        let name = self.param_name(name)?;
+        self.session.master.set_param(&name, value).map_err(|error| Error::param(name, error))
+    }
+
+    fn now(&self) -> Time {
+        self.session.clock.now()
+    }
+
+    fn is_ok(&self) -> bool {
+        self.session.is_ok()
+    }
+
+    fn shutdown(&self) {
+        self.session.end();
+    }
+
+    fn attach(&self, consumer: Arc<dyn Consumer>) {
+        self.session.attach(consumer);
+    }
+
+    fn topics(&self) -> Vec<(String, String)> {
+        self.session.master.published_topics().unwrap_or_default()
+    }
+}
+
+/// Whether ROS allows this name; rosrust itself lets more pass.
+fn is_legal(name: &str) -> bool {
+    let bare = name.strip_prefix("~/").or_else(|| name.strip_prefix(['~', '/'])).unwrap_or(name);
+    bare.split('/').all(|part| {
+        part.starts_with(|c: char| c.is_ascii_alphabetic() || c == '_')
+            && part.chars().all(|c| c.is_ascii_alphanumeric() || c == '_')
+    })
+}
+
+/// A publisher of a [`Ros1`]; dropping it unregisters the topic.
+pub struct Publisher<M: Message> {
+    session: Arc<Session>,
+    topic: String,
+    id: u64,
+    publisher: Option<rosrust::Publisher<Wire<M>>>,
+}
+
+impl<M: Message> Publish<M> for Publisher<M> {
+    fn publish(&self, message: &M) -> Result<()> {
+        let Some(publisher) = &self.publisher else { return Ok(()) };
+        publisher
+            .send(Wire::new(message.clone()))
+            .map_err(|error| Error::Topic { topic: self.topic.clone(), reason: reason(&error) })
+    }
+
+    fn subscriber_count(&self) -> usize {
+        let connected = self.publisher.as_ref().map(rosrust::Publisher::subscriber_names).unwrap_or_default();
+        // rosrust notices only at a later message that a subscriber has gone
+        match if connected.is_empty() { None } else { self.session.subscribers(&self.topic) } {
+            Some(registered) => connected.iter().filter(|name| registered.contains(name)).count(),
+            None => connected.len(),
+        }
+    }
+}
+
+impl<M: Message> Drop for Publisher<M> {
+    fn drop(&mut self) {
+        let publisher = self.publisher.take();
+        in_time(PATIENCE, move || drop(publisher));
+        self.session.forget(self.id);
+    }
+}

@@ -1,0 +1,343 @@
+//! One node's life on a master: joining, staying registered, leaving without a ghost.
+
+use std::{
+    panic::{AssertUnwindSafe, catch_unwind},
+    sync::{
+        Arc, Condvar, Mutex, MutexGuard, PoisonError, Weak,
+        atomic::{AtomicBool, AtomicU64, Ordering},
+        mpsc,
+    },
+    thread,
+    time::{Duration, Instant},
+};
+
+use roscausal_core::{Error, Message, Result, inbox::Consumer, params::Value};
+use roscausal_msgs::rosgraph_msgs::{self, Log};
+use rosrust::api::{Ros, resolve};
+
+use crate::{
+    clock::Clock,
+    master::{Master, Role, Subscribers},
+    subscription::Feed,
+    wire::Wire,
+};
+
+/// How long rosrust may take for what a healthy master answers in milliseconds.
+pub(crate) const PATIENCE: Duration = Duration::from_secs(3);
+/// Between two looks at the master.
+const WATCH_PERIOD: Duration = Duration::from_secs(1);
+
+/// A registration that must outlive a restart of the master.
+struct Registration {
+    id: u64,
+    role: Role,
+    topic: String,
+    type_name: String,
+    feed: Option<Arc<Feed>>,
+}
+
+/// What the clones of a [`crate::Ros1`] share.
+pub(crate) struct Session {
+    /// Never dropped: its threads outlive it in any case, and its drop would ask the master without deadline.
+    pub(crate) ros: &'static Ros,
+    pub(crate) master: Master,
+    pub(crate) clock: Clock,
+    next_id: AtomicU64,
+    registrations: Mutex<Vec<Registration>>,
+    consumers: Mutex<Vec<Arc<dyn Consumer>>>,
+    rosout: Mutex<Option<rosrust::Publisher<Wire<Log>>>>,
+    clock_subscriber: Mutex<Option<rosrust::Subscriber>>,
+    /// Who subscribes to what, as the master said at that time; `None` once a master was lost, because others
+    /// than us do not register again.
+    subscribers: Mutex<Option<(Option<Instant>, Subscribers)>>,
+    ending: AtomicBool,
+    closed: AtomicBool,
+    alarm: Arc<(Mutex<bool>, Condvar)>,
+}
+
+fn lock<T: ?Sized>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+    mutex.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+/// rosrust's error with its causes, as one line.
+pub(crate) fn reason(error: &rosrust::error::Error) -> String {
+    error.iter().map(ToString::to_string).collect::<Vec<_>>().join(": ")
+}
+
+/// Runs what may block for ever (rosrust asks masters and nodes without deadline) beside this thread. `None`
+/// when it is not done in time; its result is then dropped whenever it comes.
+pub(crate) fn in_time<T: Send + 'static>(
+    patience: Duration,
+    work: impl FnOnce() -> T + Send + 'static,
+) -> Option<T> {
+    let (sender, receiver) = mpsc::channel();
+    let work = move || {
+        // a panic inside rosrust drops the sender, which reads as "not done"
+        let _ = catch_unwind(AssertUnwindSafe(|| sender.send(work())));
+    };
+    thread::Builder::new().name("ros1-worker".to_owned()).spawn(work).ok()?;
+    receiver.recv_timeout(patience).ok()
+}
+
+impl Session {
+    /// Joins the master named by `__master:=` or `ROS_MASTER_URI`, and waits for it as long as `keep_waiting`.
+    pub(crate) fn connect(name: &str, keep_waiting: &dyn Fn() -> bool) -> Result<Arc<Self>> {
+        if let Some(empty) = std::env::args().find(|arg| arg.starts_with('_') && arg.ends_with(":=")) {
+            let reason = format!("the argument {empty} has no value; for an empty text write {empty}'\"\"'");
+            return Err(Error::Middleware(reason));
+        }
+        let uri = resolve::master();
+        let asking = Master { uri: uri.clone(), node: format!("/{name}"), node_uri: String::new() };
+        wait_for(&asking, keep_waiting)?;
+        let simulated =
+            match asking.param("/use_sim_time").map_err(|error| Error::Middleware(error.to_string()))? {
+                Some(Value::Bool(simulated)) => simulated,
+                Some(Value::Str(text)) => text.eq_ignore_ascii_case("true"),
+                _ => false,
+            };
+        let own_name = name.to_owned();
+        let ros = in_time(2 * PATIENCE, move || Ros::new(&own_name).map_err(|error| reason(&error)));
+        let ros = ros.unwrap_or_else(|| Err("no answer in time from a node or the master".to_owned()));
+        let ros = ros
+            .map_err(|reason| Error::Middleware(format!("cannot join the ROS master at {uri}: {reason}")))?;
+        let ros: &'static Ros = Box::leak(Box::new(ros));
+        let master = Master { uri, node: ros.name().to_owned(), node_uri: ros.uri().to_owned() };
+        let session = Arc::new(Self {
+            ros,
+            master,
+            clock: if simulated { Clock::simulated() } else { Clock::System },
+            next_id: AtomicU64::new(0),
+            registrations: Mutex::default(),
+            consumers: Mutex::default(),
+            rosout: Mutex::default(),
+            clock_subscriber: Mutex::default(),
+            subscribers: Mutex::new(Some((None, Subscribers::new()))),
+            ending: AtomicBool::new(false),
+            closed: AtomicBool::new(false),
+            alarm: Arc::default(),
+        });
+        session.start_rosout();
+        if simulated {
+            session.start_clock();
+        }
+        let (weak, alarm) = (Arc::downgrade(&session), session.alarm.clone());
+        let watchdog = thread::Builder::new().name("ros1-watchdog".to_owned());
+        watchdog
+            .spawn(move || watch(&weak, &alarm))
+            .map_err(|error| Error::Middleware(format!("no thread for the watchdog: {error}")))?;
+        Ok(session)
+    }
+
+    fn start_rosout(self: &Arc<Self>) {
+        self.register(Role::Publisher, "/rosout", Log::type_name(), None);
+        let session = self.clone();
+        let publisher = in_time(PATIENCE, move || session.ros.publish::<Wire<Log>>("/rosout", 100));
+        *lock(&self.rosout) = publisher.and_then(std::result::Result::ok);
+    }
+
+    /// rosrust's own simulated clock is not used: its waits never end when `/clock` stops or jumps back.
+    fn start_clock(self: &Arc<Self>) {
+        self.register(Role::Subscriber, "/clock", rosgraph_msgs::Clock::type_name(), None);
+        let (session, weak) = (self.clone(), Arc::downgrade(self));
+        let tick = move |message: Wire<rosgraph_msgs::Clock>| {
+            if let (Some(session), Ok(message)) = (weak.upgrade(), message.body)
+                && let Clock::Simulated(clock) = &session.clock
+            {
+                clock.set(message.clock);
+                session.wake();
+            }
+        };
+        let work = move || match session.ros.subscribe("/clock", 1, tick) {
+            Ok(subscriber) => *lock(&session.clock_subscriber) = Some(subscriber),
+            Err(error) => tracing::error!("cannot subscribe to /clock: {}", reason(&error)),
+        };
+        if in_time(PATIENCE, work).is_none() {
+            tracing::warn!(
+                "the publisher of /clock does not answer; simulated time stands still until it does"
+            );
+        }
+    }
+
+    /// The absolute name that a graph name stands for, after remappings.
+    pub(crate) fn resolve(&self, name: &str) -> Option<String> {
+        self.ros.param(name).map(|param| param.name().to_owned())
+    }
+
+    pub(crate) fn register(
+        &self,
+        role: Role,
+        topic: &str,
+        type_name: String,
+        feed: Option<Arc<Feed>>,
+    ) -> u64 {
+        let id = self.next_id.fetch_add(1, Ordering::Relaxed);
+        lock(&self.registrations).push(Registration { id, role, topic: topic.to_owned(), type_name, feed });
+        id
+    }
+
+    /// Ends a registration. rosrust has by then unregistered the topic even when another handle of this node
+    /// still uses it, so that one is registered again.
+    pub(crate) fn forget(&self, id: u64) {
+        let mut registrations = lock(&self.registrations);
+        let Some(index) = registrations.iter().position(|registration| registration.id == id) else { return };
+        let gone = registrations.swap_remove(index);
+        let still = registrations.iter().any(|other| other.role == gone.role && other.topic == gone.topic);
+        drop(registrations);
+        if still && let Err(error) = self.master.register(gone.role, &gone.topic, &gone.type_name) {
+            tracing::warn!("cannot register {} again: {error}", gone.topic);
+        }
+    }
+
+    /// Topics this node publishes.
+    pub(crate) fn published(&self) -> Vec<String> {
+        let registrations = lock(&self.registrations);
+        registrations.iter().filter(|r| r.role == Role::Publisher).map(|r| r.topic.clone()).collect()
+    }
+
+    /// What the subscriptions know of themselves.
+    pub(crate) fn feeds(&self) -> Vec<Arc<Feed>> {
+        lock(&self.registrations).iter().filter_map(|registration| registration.feed.clone()).collect()
+    }
+
+    /// The nodes registered as subscribers of a topic, at most a second ago; `None` when the master cannot tell.
+    pub(crate) fn subscribers(&self, topic: &str) -> Option<Vec<String>> {
+        let mut known = lock(&self.subscribers);
+        let (asked, subscribers) = known.as_mut()?;
+        if asked.is_none_or(|asked| asked.elapsed() > WATCH_PERIOD) {
+            *subscribers = self.master.subscribers().ok()?;
+            *asked = Some(Instant::now());
+        }
+        Some(subscribers.get(topic).cloned().unwrap_or_default())
+    }
+
+    pub(crate) fn log(&self, message: Log) {
+        if let Some(publisher) = lock(&self.rosout).as_ref() {
+            // a line that cannot go to /rosout is on the terminal
+            let _ = publisher.send(Wire::new(message));
+        }
+    }
+
+    pub(crate) fn attach(&self, consumer: Arc<dyn Consumer>) {
+        lock(&self.consumers).push(consumer);
+    }
+
+    fn wake(&self) {
+        let consumers = lock(&self.consumers).clone();
+        consumers.iter().for_each(|consumer| consumer.wake());
+    }
+
+    /// False after [`Session::end`], and when another took this node's name or `rosnode kill` asked.
+    pub(crate) fn is_ok(&self) -> bool {
+        !self.ending.load(Ordering::SeqCst) && self.ros.is_ok()
+    }
+
+    /// Asks the node to end; it stays registered until [`Session::close`], to publish what it still has.
+    pub(crate) fn end(&self) {
+        self.ending.store(true, Ordering::SeqCst);
+        self.wake();
+    }
+
+    /// Takes every registration back: no ghost stays on the master.
+    pub(crate) fn close(&self) {
+        self.end();
+        if self.closed.swap(true, Ordering::SeqCst) {
+            return;
+        }
+        *lock(&self.alarm.0) = true;
+        self.alarm.1.notify_all();
+        let mut topics: Vec<_> =
+            lock(&self.registrations).iter().map(|r| (r.role, r.topic.clone())).collect();
+        // the log is the last to go
+        topics.sort_by_key(|(_, topic)| topic == "/rosout");
+        let done = topics.iter().try_for_each(|(role, topic)| self.master.unregister(*role, topic));
+        if let Err(error) = done.and_then(|()| self.master.forget_params()) {
+            tracing::debug!("could not unregister: {error}");
+        }
+    }
+
+    /// Registers everything with a master that does not know this node.
+    fn register_again(&self) {
+        *lock(&self.subscribers) = None;
+        let registrations = lock(&self.registrations);
+        let all: Vec<_> =
+            registrations.iter().map(|r| (r.role, r.topic.clone(), r.type_name.clone())).collect();
+        drop(registrations);
+        for (role, topic, type_name) in all {
+            if let Err(error) = self.master.register(role, &topic, &type_name) {
+                tracing::warn!("cannot register {topic} with the new master: {error}");
+            }
+        }
+    }
+}
+
+impl Drop for Session {
+    fn drop(&mut self) {
+        self.close();
+        let (rosout, clock) = (lock(&self.rosout).take(), lock(&self.clock_subscriber).take());
+        in_time(PATIENCE, move || drop((rosout, clock)));
+    }
+}
+
+/// Waits for a master that answers, and says so.
+fn wait_for(master: &Master, keep_waiting: &dyn Fn() -> bool) -> Result<()> {
+    let mut told: Option<Instant> = None;
+    while let Err(error) = master.probe() {
+        if !keep_waiting() {
+            return Err(Error::Middleware(format!("no ROS master: {error}")));
+        }
+        if told.is_none_or(|told| told.elapsed() > Duration::from_secs(10)) {
+            told = Some(Instant::now());
+            tracing::warn!("waiting for the ROS master ({error}); start roscore, or set ROS_MASTER_URI");
+        }
+        thread::sleep(Duration::from_millis(200));
+    }
+    Ok(())
+}
+
+/// Looks after the master each second until the session closes.
+fn watch(session: &Weak<Session>, alarm: &(Mutex<bool>, Condvar)) {
+    let mut lost = false;
+    for round in 1_u64.. {
+        let waited = alarm.1.wait_timeout_while(lock(&alarm.0), WATCH_PERIOD, |closed| !*closed);
+        if *waited.unwrap_or_else(PoisonError::into_inner).0 {
+            return;
+        }
+        let Some(session) = session.upgrade() else { return };
+        if !session.is_ok() {
+            session.end();
+            continue;
+        }
+        match session.master.registered_uri() {
+            Ok(uri) if uri == session.master.node_uri => {
+                if std::mem::take(&mut lost) {
+                    tracing::info!("the ROS master at {} answers again", session.master.uri);
+                }
+            }
+            Ok(uri) => {
+                tracing::error!(
+                    "another node named {} has registered ({uri}): this one ends",
+                    session.master.node
+                );
+                session.end();
+            }
+            Err(crate::xmlrpc::CallError::Refused(_)) => {
+                lost = false;
+                tracing::warn!("the ROS master at {} was restarted: registering again", session.master.uri);
+                session.register_again();
+            }
+            Err(error) if !lost => {
+                lost = true;
+                tracing::warn!(
+                    "lost the ROS master ({error}); connections stay, the node goes on and registers again"
+                );
+            }
+            Err(_) => {}
+        }
+        if let Clock::Simulated(clock) = &session.clock {
+            clock.watch();
+        }
+        if round % 5 == 0 && !lost {
+            crate::subscription::look_for_mismatches(&session);
+        }
+    }
+}

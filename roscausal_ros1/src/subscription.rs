@@ -1,0 +1,204 @@
+//! Subscriptions: whose messages come, how many were lost, and why none come.
+
+use std::{
+    collections::HashMap,
+    panic::{AssertUnwindSafe, catch_unwind},
+    sync::{
+        Arc, Mutex, PoisonError, Weak,
+        atomic::{AtomicBool, AtomicU64, Ordering},
+    },
+    thread::{self, ThreadId},
+    time::{Duration, Instant},
+};
+
+use roscausal_core::Message;
+
+use crate::{
+    session::{PATIENCE, Session, in_time},
+    wire::Wire,
+};
+
+/// What is known of one subscription.
+pub(crate) struct Feed {
+    pub(crate) topic: String,
+    type_name: String,
+    md5: &'static str,
+    since: Instant,
+    /// Some publisher has accepted the connection.
+    connected: AtomicBool,
+    /// The mismatch has been told.
+    told: AtomicBool,
+    lost: AtomicU64,
+    /// Cleared when the subscription is dropped.
+    active: AtomicBool,
+    /// Held while the callback runs, by that thread.
+    running: Mutex<()>,
+    runner: Mutex<Option<ThreadId>>,
+}
+
+impl Feed {
+    pub(crate) fn new<M: Message>(topic: String) -> Arc<Self> {
+        Arc::new(Self {
+            topic,
+            type_name: M::type_name(),
+            md5: M::ros1_md5(),
+            since: Instant::now(),
+            connected: AtomicBool::new(false),
+            told: AtomicBool::new(false),
+            lost: AtomicU64::new(0),
+            active: AtomicBool::new(true),
+            running: Mutex::default(),
+            runner: Mutex::default(),
+        })
+    }
+
+    /// Messages that never came, by the gaps in `header.seq`.
+    pub(crate) fn lost(&self) -> u64 {
+        self.lost.load(Ordering::Relaxed)
+    }
+
+    /// No callback runs after this, unless it is called from within it.
+    fn stop(&self) {
+        self.active.store(false, Ordering::SeqCst);
+        let runner = *self.runner.lock().unwrap_or_else(PoisonError::into_inner);
+        if runner != Some(thread::current().id()) {
+            drop(self.running.lock().unwrap_or_else(PoisonError::into_inner));
+        }
+    }
+
+    fn set_runner(&self, runner: Option<ThreadId>) {
+        *self.runner.lock().unwrap_or_else(PoisonError::into_inner) = runner;
+    }
+}
+
+/// rosrust's side of a subscription.
+pub(crate) struct Handler<M, F> {
+    pub(crate) feed: Arc<Feed>,
+    pub(crate) callback: F,
+    last_seq: HashMap<String, u32>,
+    bad: u64,
+    message: std::marker::PhantomData<fn(M)>,
+}
+
+impl<M: Message, F: FnMut(M) + Send + 'static> Handler<M, F> {
+    pub(crate) fn new(feed: Arc<Feed>, callback: F) -> Self {
+        Self { feed, callback, last_seq: HashMap::new(), bad: 0, message: std::marker::PhantomData }
+    }
+
+    /// Gaps count as lost; a number that goes back is a publisher that began anew.
+    fn count(&mut self, seq: u32, caller: &str) {
+        let Some(last) = self.last_seq.get_mut(caller) else {
+            self.last_seq.insert(caller.to_owned(), seq);
+            return;
+        };
+        if seq > *last {
+            self.feed.lost.fetch_add(u64::from(seq - *last - 1), Ordering::Relaxed);
+        }
+        *last = seq;
+    }
+}
+
+impl<M: Message, F: FnMut(M) + Send + 'static> rosrust::SubscriptionHandler<Wire<M>> for Handler<M, F> {
+    fn connection(&mut self, headers: HashMap<String, String>) {
+        self.feed.connected.store(true, Ordering::Relaxed);
+        // a publisher that comes again numbers anew
+        if let Some(caller) = headers.get("callerid") {
+            self.last_seq.remove(caller);
+        }
+    }
+
+    fn message(&mut self, wire: Wire<M>, caller: &str) {
+        let topic = &self.feed.topic;
+        let message = match wire.body {
+            Ok(message) => message,
+            Err(reason) => {
+                self.bad += 1;
+                if self.bad.is_power_of_two() {
+                    let count = self.bad;
+                    tracing::error!(
+                        "topic '{topic}': message {count} from {caller} that is no {}: {reason}",
+                        M::type_name()
+                    );
+                }
+                return;
+            }
+        };
+        if let Some(seq) = wire.seq {
+            self.count(seq, caller);
+        }
+        let feed = self.feed.clone();
+        let running = feed.running.lock().unwrap_or_else(PoisonError::into_inner);
+        feed.set_runner(Some(thread::current().id()));
+        if feed.active.load(Ordering::SeqCst)
+            && catch_unwind(AssertUnwindSafe(|| (self.callback)(message))).is_err()
+        {
+            tracing::error!("topic '{}': the callback panicked; the subscription goes on", feed.topic);
+        }
+        feed.set_runner(None);
+        drop(running);
+    }
+}
+
+/// A subscription of a [`crate::Ros1`]; dropping it unsubscribes.
+pub struct Subscription {
+    pub(crate) session: Weak<Session>,
+    pub(crate) feed: Arc<Feed>,
+    pub(crate) id: u64,
+    /// Filled when the publishers known to the master have answered.
+    pub(crate) slot: Arc<Mutex<Option<rosrust::Subscriber>>>,
+}
+
+impl Subscription {
+    /// Keeps what rosrust gave, or lets it go when the subscription was dropped meanwhile.
+    pub(crate) fn fill(
+        feed: &Feed,
+        slot: &Mutex<Option<rosrust::Subscriber>>,
+        subscriber: rosrust::Subscriber,
+    ) {
+        let mut slot = slot.lock().unwrap_or_else(PoisonError::into_inner);
+        if feed.active.load(Ordering::SeqCst) {
+            *slot = Some(subscriber);
+        }
+    }
+}
+
+impl Drop for Subscription {
+    fn drop(&mut self) {
+        self.feed.stop();
+        let subscriber = self.slot.lock().unwrap_or_else(PoisonError::into_inner).take();
+        in_time(PATIENCE, move || drop(subscriber));
+        if let Some(session) = self.session.upgrade() {
+            session.forget(self.id);
+        }
+    }
+}
+
+/// Says once for each subscription why nothing can come: another type, or another definition of the type.
+pub(crate) fn look_for_mismatches(session: &Session) {
+    let silent = |feed: &&Arc<Feed>| {
+        !feed.connected.load(Ordering::Relaxed)
+            && !feed.told.load(Ordering::Relaxed)
+            && feed.since.elapsed() > Duration::from_secs(3)
+    };
+    let feeds = session.feeds();
+    let feeds: Vec<_> = feeds.iter().filter(silent).collect();
+    if feeds.is_empty() {
+        return;
+    }
+    let Ok(published) = session.master.published_topics() else { return };
+    for feed in feeds {
+        let Some((topic, kind)) = published.iter().find(|(topic, _)| *topic == feed.topic) else { continue };
+        let (own, md5) = (&feed.type_name, feed.md5);
+        if kind != own {
+            tracing::error!(
+                "topic '{topic}': it carries {kind}, not {own}; check the topic's name or the publisher"
+            );
+        } else {
+            tracing::error!(
+                "topic '{topic}': its publisher does not take our connection; perhaps its {own} is another one than \
+                 ours (md5 {md5}): compare `rosmsg md5 {own}` where it runs"
+            );
+        }
+        feed.told.store(true, Ordering::Relaxed);
+    }
+}

@@ -1,0 +1,81 @@
+#!/bin/bash
+# Tests against a real ROS 1: roscore, rospy, roslaunch, rosbag, catkin. Ends with 'N passed, N failed'; exit 0 only
+# when all passed. Without ROS 1 it installs Debian's, when it is root on such a system.
+#   tests/interop/ros1.sh [GROUP...]        groups: wire life restart clock laws nodes pipeline catkin
+# Each group has a master on a port of its own, on 127.0.0.1; only processes that were started here are ended.
+set -u
+here=$(cd "$(dirname "$0")" && pwd)
+root=$(cd "$here/../.." && pwd)
+target=${CARGO_TARGET_DIR:-$root/target}
+groups=${*:-wire life restart clock laws nodes pipeline catkin}
+
+# ROS of Debian belongs to Debian's Python
+cargo=$(command -v cargo || echo "$HOME/.cargo/bin/cargo")
+export PATH="/usr/bin:$(dirname "$cargo"):$PATH"
+unset PYTHONPATH PYTHONHOME ROS_HOSTNAME ROS_NAMESPACE ROS_VERSION ROS_DISTRO ROS_PACKAGE_PATH CMAKE_PREFIX_PATH \
+  AMENT_PREFIX_PATH COLCON_PREFIX_PATH
+export PYTHONDONTWRITEBYTECODE=1
+
+give_up() {
+  echo "NOT TESTED: $1" >&2
+  echo "0 passed, 1 failed"
+  exit 1
+}
+
+packages="python3-rosmaster python3-roslaunch rosout rosbash python3-rospy python3-rostopic python3-rosparam
+  python3-rosnode python3-rosbag python3-rosmsg python3-rosservice python3-geometry-msgs python3-nav-msgs
+  python3-sensor-msgs python3-std-msgs python3-tf2-ros python3-move-base-msgs catkin catkin-tools ros-message-generation
+  ros-message-runtime python3-genmsg python3-genpy python3-gencpp ros-geometry-msgs libgeometry-msgs-dev ros-std-msgs
+  libstd-msgs-dev ros-nav-msgs ros-sensor-msgs ros-tf2-msgs ros-rosgraph-msgs ros-move-base-msgs cmake make g++"
+missing=$(for package in $packages; do dpkg -s "$package" >/dev/null 2>&1 || echo "$package"; done)
+if [ -n "$missing" ]; then
+  command -v apt-get >/dev/null || give_up "this system has no ROS 1 and no apt-get to install Debian's; missing: $missing"
+  [ "$(id -u)" = 0 ] || give_up "ROS 1 is missing and only root may install it: sudo apt-get install $missing"
+  echo "installing Debian's ROS 1 ..."
+  export DEBIAN_FRONTEND=noninteractive
+  # another build on this machine may be installing too: wait for its lock
+  { apt-get -q -o DPkg::Lock::Timeout=300 update &&
+    apt-get -q -y -o DPkg::Lock::Timeout=300 install --no-install-recommends $missing; } >/tmp/roscausal-apt-$$.log 2>&1 ||
+    { tail -20 /tmp/roscausal-apt-$$.log; give_up "apt-get could not install $missing"; }
+  rm -f /tmp/roscausal-apt-$$.log
+fi
+
+work=$(mktemp -d -t roscausal-ros1-XXXXXX)
+trap 'rm -rf "$work"' EXIT
+
+echo "building the nodes ..."
+(cd "$root" && cargo build --release --locked -p roscausal_ros1 --bins --examples) >"$work/cargo.log" 2>&1 ||
+  { tail -40 "$work/cargo.log"; give_up "cargo could not build roscausal_ros1"; }
+export ROSCAUSAL_PEER=$target/release/examples/peer ROSCAUSAL_NODE=$target/release/roscausal_ros1
+
+# A catkin workspace with this clone, and pedsim's messages, which Debian has not.
+echo "building the catkin workspace ..."
+ws=$work/ws
+mkdir -p "$ws/src/pedsim_msgs/msg"
+ln -s "$root" "$ws/src/roscausal"
+cp "$root"/roscausal_msgs/foreign/pedsim_msgs/*.msg "$ws/src/pedsim_msgs/msg"
+cp "$here/ros1/pedsim_msgs.cmake" "$ws/src/pedsim_msgs/CMakeLists.txt"
+cp "$here/ros1/pedsim_msgs.xml" "$ws/src/pedsim_msgs/package.xml"
+(cd "$ws" && catkin_make -DPYTHON_EXECUTABLE=/usr/bin/python3 -DROSCAUSAL_CARGO_TARGET_DIR="$target") >"$work/catkin.log" 2>&1 ||
+  { tail -40 "$work/catkin.log"; give_up "catkin_make failed"; }
+export ROSCAUSAL_TEST_WS=$ws ROSCAUSAL_ROOT=$root ROSCAUSAL_TARGET=$target ROSCAUSAL_WORK=$work
+# catkin's own scripts use unset variables
+set +u
+. "$ws/devel/setup.bash"
+set -u
+
+: >"$work/results"
+for group in $groups; do
+  echo "== $group"
+  timeout -k 30 300 /usr/bin/python3 "$here/ros1/$group.py" 2>"$work/$group.err" | tee -a "$work/results"
+  code=${PIPESTATUS[0]}
+  # a group that failed without a line of its own
+  if [ "$code" -ne 0 ] && { [ "$code" -ne 1 ] || ! tail -50 "$work/results" | grep -q '^FAIL'; }; then
+    tail -20 "$work/$group.err"
+    echo "FAIL $group: ended with code $code" | tee -a "$work/results"
+  fi
+done
+passed=$(grep -c '^ok ' "$work/results")
+failed=$(grep -c '^FAIL ' "$work/results")
+echo "$passed passed, $failed failed"
+[ "$failed" -eq 0 ] && [ "$passed" -gt 0 ]
