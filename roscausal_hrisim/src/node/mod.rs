@@ -90,7 +90,7 @@ impl Options {
 /// Wrong options, or a topic that the middleware refuses.
 pub fn hrisim<M: Middleware>(mw: &M, mut simulation: Simulation, options: &Options) -> Result<Simulation> {
     options.check()?;
-    let inbox = Inbox::detached(100);
+    let inbox = Inbox::detached(mw, 100);
     let _subscriptions = subscribe(mw, &inbox)?;
     let clock = if options.clock { Some(mw.advertise::<Clock>("/clock", Qos::Volatile(10))?) } else { None };
     let mut publisher = Publisher::new(mw, &simulation)?;
