@@ -5,9 +5,9 @@ use std::path::Path;
 use ndarray::{Array2, Array3};
 use roscausal_core::{
     discovery::{
-        Control, DataFrame, Fdr, FpcmciSettings, LinkAssumptions, MaskType, Node, PcmciResult, PcmciSettings,
-        Samples, get_lagged_dependencies, run_bivci, run_fullci, run_mci, run_pc_stable, run_pcmci,
-        run_pcmciplus, transfer_entropy::Selected,
+        Control, DataFrame, Fdr, FpcmciSettings, LinkAssumptions, MaskType, Node, PCMCIPLUS_ALPHAS,
+        PcmciPlusSettings, PcmciResult, PcmciSettings, Samples, get_lagged_dependencies, run_bivci,
+        run_fullci, run_mci, run_pc_stable, run_pcmci, run_pcmciplus, transfer_entropy::Selected,
     },
     independence_tests::{self, CondIndTest, Confidence, Significance, TestSettings},
 };
@@ -16,6 +16,7 @@ use serde_json::{Value, json};
 type Answer<T> = Result<T, String>;
 
 /// Folders of cases.
+#[allow(dead_code, reason = "used by the example, not by the tests that share this file")]
 pub(crate) const KINDS: [&str; 3] = ["cases", "single", "fpcmci"];
 
 /// Names of the JSON files of a folder, sorted; none when there is no folder.
@@ -68,11 +69,24 @@ fn run_case(dir: &Path, case: &Value) -> Answer<Value> {
         other => return Err(format!("method '{other}' is not part of this engine")),
     }
     .map_err(|e| e.to_string())?;
-    Ok(answer_of(method, &result))
+    let mut answer = answer_of(method, &result);
+    if let ("pcmciplus", true, Some(&last)) =
+        (method, result.optimal_alpha.is_some(), levels(&settings).last())
+    {
+        // The reference's list of parents is that of the level it tried last, ours that of the level chosen.
+        let settings = PcmciSettings { pc_alpha: vec![last], ..settings };
+        let result = run_pc_stable(data, test, &settings, &control).map_err(|e| e.to_string())?;
+        answer["all_parents"] = answer_of("pc_stable", &result)["all_parents"].take();
+    }
+    Ok(answer)
 }
 
-fn plus_of(params: &Value) -> Answer<roscausal_core::discovery::PcmciPlusSettings> {
-    let mut plus = roscausal_core::discovery::PcmciPlusSettings::default();
+fn levels(settings: &PcmciSettings) -> &[f64] {
+    if settings.pc_alpha.is_empty() { &PCMCIPLUS_ALPHAS } else { &settings.pc_alpha }
+}
+
+fn plus_of(params: &Value) -> Answer<PcmciPlusSettings> {
+    let mut plus = PcmciPlusSettings::default();
     if let Some(rule) = params["contemp_collider_rule"].as_str() {
         plus.contemp_collider_rule = rule.parse().map_err(|e: roscausal_core::Error| e.to_string())?;
     }
@@ -279,7 +293,7 @@ fn data_of(dir: &Path, case: &Value, mask_type: MaskType) -> Answer<DataFrame> {
     Ok(data.with_remove_missing_upto_maxlag(remove))
 }
 
-fn read_csv(path: &Path) -> Answer<(Vec<String>, Array2<f64>)> {
+pub(crate) fn read_csv(path: &Path) -> Answer<(Vec<String>, Array2<f64>)> {
     let fail = |e: &dyn std::fmt::Display| format!("{}: {e}", path.display());
     let mut reader = csv::Reader::from_path(path).map_err(|e| fail(&e))?;
     let names: Vec<String> = reader.headers().map_err(|e| fail(&e))?.iter().map(str::to_owned).collect();
@@ -340,15 +354,17 @@ fn settings_of(params: &Value, method: &str, n_vars: usize) -> Answer<PcmciSetti
 }
 
 fn parents_of(parents: &Value, n_vars: usize) -> Answer<Vec<Vec<Node>>> {
-    let node = |pair: &Value| -> Answer<Node> {
-        let (var, lag) = (pair[0].as_u64(), pair[1].as_i64());
-        let (Some(var), Some(lag)) = (var, lag) else { return Err(format!("{pair} is not a parent")) };
-        Ok(Node::new(var as usize, lag.unsigned_abs() as usize))
-    };
     let none = Vec::new();
     (0..n_vars)
-        .map(|j| parents[j.to_string()].as_array().unwrap_or(&none).iter().map(node).collect())
+        .map(|j| parents[j.to_string()].as_array().unwrap_or(&none).iter().map(node_of).collect())
         .collect()
+}
+
+fn node_of(pair: &Value) -> Answer<Node> {
+    match (pair[0].as_u64(), pair[1].as_i64()) {
+        (Some(var), Some(lag)) => Ok(Node::new(var as usize, lag.unsigned_abs() as usize)),
+        _ => Err(format!("{pair} is not a node")),
+    }
 }
 
 fn text(value: &Value) -> Answer<&str> {
@@ -366,4 +382,21 @@ fn numbers(value: &Value) -> Answer<Vec<f64>> {
     let cell = |v: &Value| v.as_f64().or_else(|| (v == "NaN").then_some(f64::NAN));
     let list = value.as_array().ok_or("not a list of numbers")?;
     list.iter().map(|v| cell(v).ok_or_else(|| format!("{v} is not a number"))).collect()
+}
+
+/// Runs single tests `[X, Y, Z, ..]` on the data of a case: value and p-value of each.
+#[allow(dead_code, reason = "used by the test that shares this file with the example")]
+pub(crate) fn run_tests(dir: &Path, case: &Value, tests: &[&Value]) -> Answer<Vec<(f64, f64)>> {
+    let (test, mask_type) = test_of(&case["test"])?;
+    let data = data_of(dir, case, mask_type)?;
+    let tau_max = count(&case["params"]["tau_max"])?.unwrap_or(1);
+    let samples = Samples::new(&data, 2 * tau_max);
+    let prepared = test.prepare(&samples).map_err(|e| e.to_string())?;
+    let run = |spec: &&Value| {
+        let z: Vec<Node> = spec[2].as_array().ok_or("no Z")?.iter().map(node_of).collect::<Answer<_>>()?;
+        let result =
+            prepared.run_test(node_of(&spec[0])?, node_of(&spec[1])?, &z).map_err(|e| e.to_string())?;
+        Ok((result.value, result.p_value))
+    };
+    tests.iter().map(run).collect()
 }

@@ -139,7 +139,8 @@ fn check_shape<T>(
     if fits { Ok(()) } else { Err(format!("its {name} is not {n} x {n} x {} numbers", tau_max + 1)) }
 }
 
-#[cfg(all(test, unix))]
+#[cfg(unix)]
+#[cfg(test)]
 mod tests {
     use std::os::unix::fs::PermissionsExt;
 

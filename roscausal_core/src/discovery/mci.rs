@@ -1,4 +1,8 @@
-use super::{Assumption, LinkAssumptions, LinkMark, Node, PcmciResult, run::Run};
+use std::collections::HashSet;
+
+use ndarray::Array3;
+
+use super::{Assumption, Fdr, LinkAssumptions, LinkMark, Node, PcmciResult, fdr_bh, run::Run};
 use crate::{Error, Result, independence_tests::TestResult};
 
 /// Which conditions a link is tested under.
@@ -11,6 +15,10 @@ pub(crate) struct Mci<'a> {
     pub(crate) max_conds_py: Option<usize>,
     pub(crate) max_conds_px: Option<usize>,
     pub(crate) alpha_level: f64,
+    pub(crate) fdr: Fdr,
+    /// Marks a pair at lag 0 by the tests in its two directions, each given the past of its own effect; else both
+    /// ends have the same conditions, and the pair is unoriented.
+    pub(crate) directed: bool,
 }
 
 /// Conditions of `x _||_ (effect, 0)`: the effect's parents without `x`, then those of `x`, shifted to its lag,
@@ -45,16 +53,23 @@ impl Mci<'_> {
             run.map_tests(sources, |&source| self.test(run, source, *target))
         });
         let mut out_of_time = false;
+        let mut directed = HashSet::new();
         for ((target, sources), outcomes) in tests.iter().zip(outcomes) {
             for (source, outcome) in sources.iter().zip(outcomes) {
                 match outcome {
-                    Ok(outcome) => self.put(run, result, *source, *target, outcome),
+                    Ok(outcome) => {
+                        if source.lag == 0 && run.decide(outcome, self.alpha_level).1 {
+                            directed.insert((source.var, *target));
+                        }
+                        self.put(run, result, *source, *target, outcome);
+                    }
                     Err(error) if run.is_timeout(&error) => out_of_time = true,
                     Err(error) => return Err(error),
                 }
             }
         }
         self.put_existing(result);
+        self.mark(result, &directed);
         Ok(out_of_time)
     }
 
@@ -88,7 +103,7 @@ impl Mci<'_> {
         }
         if let Some(interval) = outcome.confidence {
             let shape = result.graph.dim();
-            let conf = result.conf_matrix.get_or_insert_with(|| ndarray::Array3::default(shape));
+            let conf = result.conf_matrix.get_or_insert_with(|| Array3::default(shape));
             at.iter().for_each(|&at| conf[at] = Some(interval));
         }
     }
@@ -102,17 +117,38 @@ impl Mci<'_> {
         }
     }
 
-    /// Marks the links whose deciding p-value is at most the level.
-    pub(crate) fn mark(&self, result: &mut PcmciResult) {
+    /// Corrects the p-values and marks the links whose p-value is at most the level. `directed`: the ordered pairs
+    /// at lag 0 whose test in this direction found a dependence.
+    fn mark(&self, result: &mut PcmciResult, directed: &HashSet<(usize, usize)>) {
+        result.q_matrix = corrected(self.fdr, self.links, &result.p_matrix);
         for target in 0..self.links.n_vars() {
             for (node, assumption) in self.links.of_target(target) {
                 let at = [node.var, target, node.lag];
-                if result.deciding_p()[at] <= self.alpha_level {
-                    result.graph[at] = mark_of(assumption);
-                }
+                let by_direction = self.directed && node.lag == 0 && assumption == Assumption::TestUnoriented;
+                result.graph[at] = if by_direction {
+                    match (directed.contains(&(node.var, target)), directed.contains(&(target, node.var))) {
+                        (true, true) => LinkMark::Unoriented,
+                        (true, false) => LinkMark::Forward,
+                        (false, true) => LinkMark::Backward,
+                        (false, false) => LinkMark::Absent,
+                    }
+                } else if result.deciding_p()[at] <= self.alpha_level {
+                    mark_of(assumption)
+                } else {
+                    LinkMark::Absent
+                };
             }
         }
     }
+}
+
+/// P-values corrected over the lagged links that are assumed possible; `None` without correction.
+pub(crate) fn corrected(fdr: Fdr, links: &LinkAssumptions, p_matrix: &Array3<f64>) -> Option<Array3<f64>> {
+    (fdr == Fdr::Bh).then(|| {
+        let counted =
+            Array3::from_shape_fn(p_matrix.dim(), |(i, j, lag)| lag > 0 && links.get(i, j, lag).is_some());
+        fdr_bh(p_matrix, &counted)
+    })
 }
 
 /// The mark of a link that is found where `assumption` was made.

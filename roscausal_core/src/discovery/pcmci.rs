@@ -1,7 +1,5 @@
-use ndarray::Array3;
-
 use super::{
-    Control, DataFrame, LinkAssumptions, Node, PcmciResult, Samples, Status, TargetParents, fdr_bh, mci::Mci,
+    Control, DataFrame, LinkAssumptions, Node, PcmciResult, Samples, Status, TargetParents, mci::Mci,
     pc_stable::PcStable, run::Run,
 };
 use crate::{Error, Result, independence_tests::CondIndTest};
@@ -91,7 +89,8 @@ impl PcmciSettings {
             self.pc_alpha.iter().map(|a| ("pc_alpha", *a)).chain([("alpha", self.alpha_level)])
         {
             let allowed = value > 0.0 && (value < 1.0 || (value == 1.0 && name == "pc_alpha"));
-            if !allowed && !(test.decides_by_value() && value > 0.0 && value.is_finite()) {
+            let threshold = test.decides_by_value() && value > 0.0 && value.is_finite();
+            if !allowed && !threshold {
                 return Err(Error::param(name, format!("{value} is not between 0 and 1")));
             }
         }
@@ -134,6 +133,8 @@ impl PcmciSettings {
             max_conds_py: self.max_conds_py,
             max_conds_px: self.max_conds_px,
             alpha_level: self.alpha_level,
+            fdr: self.fdr,
+            directed: false,
         }
     }
 }
@@ -170,7 +171,7 @@ pub fn run_pcmci(
         let (parents, out_of_time) = settings.pc_stable(links, &PC_ALPHAS).run(run)?;
         let conditions = nodes_of(&parents);
         result.parents = parents;
-        Ok(out_of_time || test_links(run, settings, links, &settings.mci(links, &conditions), result)?)
+        Ok(out_of_time || settings.mci(links, &conditions).run(run, result)?)
     })
 }
 
@@ -194,7 +195,7 @@ pub fn run_mci(
         ));
     }
     with_run(data, test, settings, control, |run, links, result| {
-        test_links(run, settings, links, &settings.mci(links, parents), result)
+        settings.mci(links, parents).run(run, result)
     })
 }
 
@@ -208,7 +209,7 @@ pub fn run_fullci(
     settings: &PcmciSettings,
     control: &Control,
 ) -> Result<PcmciResult> {
-    run_with_conditions(data, test, settings, control, |links, target| {
+    run_with_conditions(data, test, settings, control, false, |links, target| {
         links.of_target(target).map(|(node, _)| node).filter(|node| node.lag > 0).collect()
     })
 }
@@ -223,7 +224,7 @@ pub fn run_bivci(
     settings: &PcmciSettings,
     control: &Control,
 ) -> Result<PcmciResult> {
-    run_with_conditions(data, test, settings, control, |links, target| {
+    run_with_conditions(data, test, settings, control, true, |links, target| {
         let own = |node: &Node| node.lag > 0 && node.var == target;
         links.of_target(target).map(|(node, _)| node).filter(own).collect()
     })
@@ -239,7 +240,7 @@ pub fn get_lagged_dependencies(
     settings: &PcmciSettings,
     control: &Control,
 ) -> Result<PcmciResult> {
-    run_with_conditions(data, test, settings, control, |_, _| Vec::new())
+    run_with_conditions(data, test, settings, control, false, |_, _| Vec::new())
 }
 
 fn run_with_conditions(
@@ -247,12 +248,13 @@ fn run_with_conditions(
     test: &dyn CondIndTest,
     settings: &PcmciSettings,
     control: &Control,
+    directed: bool,
     conditions: impl Fn(&LinkAssumptions, usize) -> Vec<Node>,
 ) -> Result<PcmciResult> {
     with_run(data, test, settings, control, |run, links, result| {
         let conditions: Vec<_> = (0..run.n_vars()).map(|target| conditions(links, target)).collect();
-        let mci = Mci { max_conds_px: Some(0), max_conds_py: None, ..settings.mci(links, &conditions) };
-        test_links(run, settings, links, &mci, result)
+        Mci { max_conds_px: Some(0), max_conds_py: None, directed, ..settings.mci(links, &conditions) }
+            .run(run, result)
     })
 }
 
@@ -280,26 +282,4 @@ pub(crate) fn with_run(
 
 pub(crate) fn nodes_of(parents: &[TargetParents]) -> Vec<Vec<Node>> {
     parents.iter().map(|target| target.parents.clone()).collect()
-}
-
-fn test_links(
-    run: &Run<'_>,
-    settings: &PcmciSettings,
-    links: &LinkAssumptions,
-    mci: &Mci<'_>,
-    result: &mut PcmciResult,
-) -> Result<bool> {
-    let out_of_time = mci.run(run, result)?;
-    result.q_matrix = corrected(settings.fdr, links, &result.p_matrix);
-    mci.mark(result);
-    Ok(out_of_time)
-}
-
-/// P-values corrected over the lagged links that are assumed possible; `None` without correction.
-pub(crate) fn corrected(fdr: Fdr, links: &LinkAssumptions, p_matrix: &Array3<f64>) -> Option<Array3<f64>> {
-    (fdr == Fdr::Bh).then(|| {
-        let counted =
-            Array3::from_shape_fn(p_matrix.dim(), |(i, j, lag)| lag > 0 && links.get(i, j, lag).is_some());
-        fdr_bh(p_matrix, &counted)
-    })
 }

@@ -2,10 +2,10 @@ use super::{
     Control, DataFrame, LinkAssumptions, LinkMark, Node, PCMCIPLUS_ALPHAS, PcmciResult, PcmciSettings,
     TargetParents,
     extension::dag_parents,
-    mci::{first, mark_of, mci_conditions},
+    mci::{corrected, first, mark_of, mci_conditions},
     orientation::{Triple, orient_by_rules, orient_colliders, unshielded_triples},
     pc_stable::{PcStable, next_combination},
-    pcmci::{corrected, nodes_of, with_run},
+    pcmci::{nodes_of, with_run},
     run::Run,
     skeleton::Skeleton,
 };
@@ -172,8 +172,9 @@ impl Level<'_, '_> {
                 if assumption.exists() {
                     result.val_matrix[at] = 1.0;
                     result.p_matrix[at] = 0.0;
-                } else if node.lag == 0 || self.plus.reset_lagged_links {
-                    // Until its first test: any p-value is larger.
+                } else if kept {
+                    // Until its first test in this phase, which any p-value replaces. A link that PC1 removed keeps
+                    // the value that removed it.
                     result.p_matrix[at] = -1.0;
                 }
             }

@@ -12,8 +12,14 @@ const RANK_TOLERANCE: f64 = 1e-12;
 #[derive(Default)]
 pub(crate) struct Factor {
     nodes: Vec<usize>,
-    /// Rows of the factor, packed: row `i` has `i + 1` entries, the last one the *inverse* of the diagonal.
-    rows: Vec<f64>,
+    /// The factor by columns, each of `capacity` entries: forward substitution then runs along columns, without
+    /// the wait for a sum at each entry.
+    columns: Vec<f64>,
+    capacity: usize,
+    /// Inverses of the diagonal.
+    inverse: Vec<f64>,
+    /// The row at work.
+    row: Vec<f64>,
 }
 
 impl Factor {
@@ -24,39 +30,86 @@ impl Factor {
         for node in nodes {
             shared = shared && self.nodes.get(n) == Some(&node);
             if !shared {
-                self.nodes.truncate(n);
-                self.rows.truncate(n * (n + 1) / 2);
+                self.truncate(n);
                 self.push(r, node)?;
             }
             n += 1;
         }
-        self.nodes.truncate(n);
-        self.rows.truncate(n * (n + 1) / 2);
+        self.truncate(n);
         Some(())
+    }
+
+    fn truncate(&mut self, n: usize) {
+        self.nodes.truncate(n);
+        self.inverse.truncate(n);
+    }
+
+    /// Leaves in `row` the entries of `node` with the first `n` columns; those after them are its covariances with the
+    /// rest of the nodes beyond those `n`. Returns what is left of the node's variance.
+    fn substitute(&mut self, r: &Correlations, node: usize, n: usize) -> f64 {
+        let correlations = r.row(node);
+        self.row.clear();
+        self.row.extend(self.nodes.iter().map(|&other| correlations[other]));
+        let mut left = correlations[node];
+        let end = self.nodes.len();
+        // Four columns at a time: one pass over the rest of the row takes off all four.
+        let mut j = 0;
+        while j < n {
+            let width = if j + 4 <= n { 4 } else { 1 };
+            let mut entries = [0.0; 4];
+            for (a, solved) in entries.iter_mut().enumerate().take(width) {
+                let entry = self.row[j + a] * self.inverse[j + a];
+                self.row[j + a] = entry;
+                *solved = entry;
+                left -= entry * entry;
+                for b in a + 1..width {
+                    self.row[j + b] -= entry * self.columns[(j + a) * self.capacity + j + b];
+                }
+            }
+            let column =
+                |a: usize| &self.columns[(j + a) * self.capacity + j + width..(j + a) * self.capacity + end];
+            let rest = &mut self.row[j + width..];
+            if width == 4 {
+                let (c0, c1, c2, c3) = (column(0), column(1), column(2), column(3));
+                for ((((value, x0), x1), x2), x3) in rest.iter_mut().zip(c0).zip(c1).zip(c2).zip(c3) {
+                    *value -= (entries[0] * x0 + entries[1] * x1) + (entries[2] * x2 + entries[3] * x3);
+                }
+            } else {
+                for (value, factor) in rest.iter_mut().zip(column(0)) {
+                    *value -= entries[0] * factor;
+                }
+            }
+            j += width;
+        }
+        left
     }
 
     fn push(&mut self, r: &Correlations, node: usize) -> Option<()> {
         let n = self.nodes.len();
-        let start = self.rows.len();
-        let correlations = r.row(node);
-        let mut pivot = correlations[node];
-        for j in 0..n {
-            let row = j * (j + 1) / 2;
-            let mut entry = correlations[self.nodes[j]];
-            for k in 0..j {
-                entry -= self.rows[start + k] * self.rows[row + k];
-            }
-            entry *= self.rows[row + j];
-            pivot -= entry * entry;
-            self.rows.push(entry);
-        }
+        let pivot = self.substitute(r, node, n);
         if pivot < MIN_PIVOT {
-            self.rows.truncate(start);
             return None;
         }
-        self.rows.push(1.0 / pivot.sqrt());
+        if n >= self.capacity {
+            self.grow();
+        }
+        for (j, &entry) in self.row.iter().enumerate() {
+            self.columns[j * self.capacity + n] = entry;
+        }
+        self.inverse.push(1.0 / pivot.sqrt());
         self.nodes.push(node);
         Some(())
+    }
+
+    fn grow(&mut self) {
+        let capacity = (2 * self.capacity).max(32);
+        let mut columns = vec![0.0; capacity * capacity];
+        for j in 0..self.nodes.len() {
+            let old = &self.columns[j * self.capacity..(j + 1) * self.capacity];
+            columns[j * capacity..j * capacity + self.capacity].copy_from_slice(old);
+        }
+        self.columns = columns;
+        self.capacity = capacity;
     }
 
     /// Partial correlation of `x` and `y` given `z`; `None` when the matrix is too near to a singular one.
@@ -71,35 +124,16 @@ impl Factor {
             return Some(r.row(x)[y].clamp(-1.0, 1.0));
         }
         self.extend(r, z.iter().copied().chain([y]))?;
-        // The row of x, without keeping it: entry with y, and what is left of x after z.
-        let n = z.len();
-        let start = self.rows.len();
-        let correlations = r.row(x);
-        let mut left = correlations[x];
-        for j in 0..n {
-            let row = j * (j + 1) / 2;
-            let mut entry = correlations[self.nodes[j]];
-            for k in 0..j {
-                entry -= self.rows[start + k] * self.rows[row + k];
-            }
-            entry *= self.rows[row + j];
-            left -= entry * entry;
-            self.rows.push(entry);
-        }
-        let row = n * (n + 1) / 2;
-        let mut with_y = correlations[y];
-        for k in 0..n {
-            with_y -= self.rows[start + k] * self.rows[row + k];
-        }
-        with_y *= self.rows[row + n];
-        self.rows.truncate(start);
+        // The row of x up to z: its entry with y is then y's share of x beyond z.
+        let left = self.substitute(r, x, z.len());
+        let with_y = self.row[z.len()] * self.inverse[z.len()];
         (left >= MIN_PIVOT).then(|| (with_y / left.sqrt()).clamp(-1.0, 1.0))
     }
 
     /// Share of `y`'s variance that `z` leaves; `None` as above.
     pub(crate) fn residual_variance(&mut self, r: &Correlations, y: usize, z: &[usize]) -> Option<f64> {
         self.extend(r, z.iter().copied().chain([y]))?;
-        self.rows.last().map(|inverse| 1.0 / (inverse * inverse))
+        self.inverse.last().map(|inverse| 1.0 / (inverse * inverse))
     }
 }
 

@@ -9,7 +9,10 @@ mod cmiknn;
 mod gpdc;
 mod gram;
 mod gsquared;
+#[cfg(test)]
+mod laws;
 mod normal;
+mod oracle;
 mod parcorr;
 mod registry;
 mod robust_parcorr;
@@ -20,6 +23,7 @@ mod student_t;
 pub use cmiknn::CmiKnn;
 pub use gpdc::Gpdc;
 pub use gsquared::Gsquared;
+pub use oracle::OracleCi;
 pub use parcorr::ParCorr;
 pub use registry::{by_name, names};
 pub use robust_parcorr::RobustParCorr;

@@ -24,6 +24,7 @@ pub fn names() -> impl Iterator<Item = &'static str> {
 pub fn by_name(name: &str, settings: &TestSettings) -> Result<Box<dyn CondIndTest>> {
     let wanted: String = name.chars().filter(|c| !"_-".contains(*c)).flat_map(char::to_lowercase).collect();
     if let Some((_, build)) = TESTS.iter().find(|(known, _)| *known == wanted) {
+        settings.check()?;
         return build(settings);
     }
     let nearest =

@@ -228,9 +228,48 @@ mod tests {
     fn blocks_are_at_least_one_and_at_most_a_tenth() {
         let mut rng = Rng(1);
         let noise: Vec<f64> = (0..200).map(|_| rng.below(1000) as f64).collect();
-        assert!((1..=3).contains(&optimal_block_length(&[&noise])));
+        assert!((1..=8).contains(&optimal_block_length(&[&noise])));
         let ramp: Vec<f64> = (0..200).map(f64::from).collect();
         assert!((1..=20).contains(&optimal_block_length(&[&ramp])));
         assert_eq!(optimal_block_length(&[&[1.0; 5]]), 1);
+    }
+
+    /// Block lengths of the reference, from its folder of results where there is one.
+    #[test]
+    fn block_lengths_are_those_of_the_reference() {
+        let beside = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../../shared/golden");
+        let folder = std::env::var_os("ROSCAUSAL_GOLDEN").map_or(beside, std::path::PathBuf::from);
+        let Ok(text) = std::fs::read_to_string(folder.join("misc.json")) else {
+            eprintln!("SKIPPED: no reference results at {}", folder.display());
+            return;
+        };
+        let misc: serde_json::Value = serde_json::from_str(&text).unwrap();
+        let row = |value: &serde_json::Value| -> Vec<f64> {
+            value.as_array().unwrap().iter().map(|v| v.as_f64().unwrap()).collect()
+        };
+        let golden = &misc["block_length"];
+        let (x, y) = (row(&golden["x"]), row(&golden["y"]));
+        for (ours, golden) in autocorrelation(&x, 30).iter().zip(row(&golden["acf_x"])) {
+            assert!((ours - golden).abs() < 1e-12);
+        }
+        assert_eq!(optimal_block_length(&[&x, &y]), golden["significance"].as_u64().unwrap() as usize);
+        for entry in std::fs::read_dir(folder.join("single")).unwrap() {
+            let text = std::fs::read_to_string(entry.unwrap().path()).unwrap();
+            let single: serde_json::Value = serde_json::from_str(&text).unwrap();
+            let Some(length) = single["result"]["block_length"].as_u64() else { continue };
+            let (mut x, mut y) = (row(&single["x"]), row(&single["y"]));
+            let samples: Vec<Vec<f64>> =
+                single["z"].as_array().map_or(Vec::new(), |z| z.iter().map(&row).collect());
+            let n_conditions = samples.first().map_or(0, Vec::len);
+            let mut z: Vec<Vec<f64>> =
+                (0..n_conditions).map(|k| samples.iter().map(|s| s[k]).collect()).collect();
+            for row in [&mut x, &mut y].into_iter().chain(&mut z) {
+                super::super::gram::standardize(row);
+            }
+            let (x, y) = super::super::cholesky::residuals(x, y, z);
+            let ours = [optimal_block_length(&[&x]), optimal_block_length(&[&x, &y])];
+            println!("{} {length} {ours:?}", single["id"]);
+            assert!(ours.contains(&(length as usize)), "{} {length} {ours:?}", single["id"]);
+        }
     }
 }
