@@ -18,6 +18,7 @@ pub mod robot;
 pub mod scenario;
 pub mod simulation;
 pub mod social_force;
+pub mod statistics;
 pub mod world;
 
 pub use intervention::Intervention;

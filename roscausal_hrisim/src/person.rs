@@ -31,7 +31,7 @@ pub struct PersonParams {
     pub turn_in_place: f64,
     /// She slows when the goal is nearer than this, metres; 0: never.
     pub slow_distance: f64,
-    /// Share of `speed` that slowing near the goal leaves.
+    /// Share of `speed` that slowing leaves at the goal; in between it is linear in the distance.
     pub slow_floor: f64,
     /// Her goal is reached within this distance, metres.
     pub arrival: f64,
@@ -47,7 +47,8 @@ pub struct PersonParams {
     pub brake_to: f64,
     /// She steers around robots nearer than this, metres.
     pub steer_within: f64,
-    /// Standard deviation of her pace, as a share of the speed she wants.
+    /// How irregular her pace is: she walks slower than she wants by this share times the modulus of a
+    /// standard normal that changes over `pace_time`.
     pub pace_sd: f64,
     /// Time over which her pace forgets itself, seconds.
     pub pace_time: f64,
@@ -59,18 +60,18 @@ impl Default for PersonParams {
             speed: 1.5,
             acceleration: 0.7,
             braking: 0.7,
-            turn_rate: 0.8,
+            turn_rate: 0.45,
             turn_in_place: 0.8,
             slow_distance: 4.0,
-            slow_floor: 0.45,
+            slow_floor: 0.43,
             arrival: 0.5,
             reaction: 0.4,
             avoids: true,
             robot_radius: 2.0,
             brake_within: 5.0,
-            brake_to: 0.2,
+            brake_to: 0.3,
             steer_within: 3.5,
-            pace_sd: 0.05,
+            pace_sd: 0.04,
             pace_time: 2.0,
         }
     }
@@ -219,9 +220,9 @@ impl Person {
             return Wish { v: 0.0, heading: self.theta };
         }
         let to_goal = self.goal.distance(self.position);
-        let near =
-            if p.slow_distance > 0.0 { (to_goal / p.slow_distance).clamp(p.slow_floor, 1.0) } else { 1.0 };
-        let mut v = p.speed * near * (1.0 + p.pace_sd * self.pace).max(0.0);
+        let near = if p.slow_distance > 0.0 { (to_goal / p.slow_distance).min(1.0) } else { 1.0 };
+        let slowed = p.slow_floor + (1.0 - p.slow_floor) * near;
+        let mut v = p.speed * slowed * (1.0 - p.pace_sd * self.pace.abs()).max(0.0);
         if p.avoids {
             if others.iter().any(|other| self.brakes_for(other)) {
                 v = v.min(p.speed * p.brake_to);

@@ -66,32 +66,16 @@ pub(crate) struct Goals {
     areas: Vec<Area>,
     plan: Plan,
     last: Option<usize>,
-    /// Legs of the first robot when the last goal was given.
-    legs: u64,
     rng: Rng,
 }
 
 impl Goals {
     pub(crate) fn new(scenario: &Scenario, person: usize, rng: Rng) -> Self {
-        Self { areas: person_areas(scenario, person), plan: scenario.plan, last: None, legs: 0, rng }
-    }
-
-    /// A goal for now, if the plan has one: `arrived` at the last, `legs` the legs that the first robot has
-    /// done, `from` the person's place.
-    pub(crate) fn next(&mut self, world: &World, from: Vec2, arrived: bool, legs: u64) -> Option<Vec2> {
-        let due = match self.plan {
-            Plan::PassByTheCentre => legs != self.legs,
-            _ => arrived,
-        };
-        if !due {
-            return None;
-        }
-        self.legs = legs;
-        Some(self.draw(world, from))
+        Self { areas: person_areas(scenario, person), plan: scenario.plan, last: None, rng }
     }
 
     /// The next goal.
-    pub(crate) fn draw(&mut self, world: &World, from: Vec2) -> Vec2 {
+    pub(crate) fn next(&mut self, world: &World, from: Vec2) -> Vec2 {
         if self.areas.is_empty() {
             return world.random_free(&mut self.rng, from, 0.6).unwrap_or(from);
         }
@@ -117,7 +101,7 @@ mod tests {
         let mut goals = Goals::new(&scenario, 0, Rng::new(1, 0));
         (0..count)
             .map(|_| {
-                goals.draw(&world, Vec2::ZERO);
+                goals.next(&world, Vec2::ZERO);
                 goals.last.unwrap()
             })
             .collect()
@@ -134,17 +118,8 @@ mod tests {
     }
 
     #[test]
-    fn robot_off_alternates() {
+    fn crossing_goals_alternate() {
         assert_eq!(goals_of(Plan::RobotOff, 4), [0, 1, 0, 1]);
-    }
-
-    #[test]
-    fn crossing_gives_goals_only_when_the_robot_starts_a_leg() {
-        let scenario = Scenario { plan: Plan::PassByTheCentre, ..Scenario::default() };
-        let world = scenario.world().unwrap();
-        let mut goals = Goals::new(&scenario, 0, Rng::new(1, 0));
-        assert!(goals.next(&world, Vec2::ZERO, true, 0).is_none());
-        assert!(goals.next(&world, Vec2::ZERO, false, 1).is_some());
-        assert!(goals.next(&world, Vec2::ZERO, true, 1).is_none());
+        assert_eq!(goals_of(Plan::PassByTheCentre, 4), [0, 1, 0, 1]);
     }
 }

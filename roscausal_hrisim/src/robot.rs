@@ -9,6 +9,9 @@ use crate::{
     world::World,
 };
 
+/// Slower than this it stands, m/s.
+const STANDING: f64 = 1e-3;
+
 /// How a robot drives.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
@@ -25,7 +28,7 @@ pub struct RobotParams {
     pub turn_in_place: f64,
     /// A waypoint is reached within this distance, metres.
     pub arrival: f64,
-    /// It stops for anyone within this distance ahead, metres; 0: for nobody, as on the recorded runs.
+    /// It stops for anyone within this distance ahead, metres; 0: for nobody.
     pub stop_distance: f64,
 }
 
@@ -34,11 +37,11 @@ impl Default for RobotParams {
         Self {
             speed: 0.5,
             turn_rate: 0.6,
-            acceleration: 0.4,
+            acceleration: 0.5,
             pause: [0.5, 1.0],
-            turn_in_place: 1.5,
+            turn_in_place: 1.7,
             arrival: 0.15,
-            stop_distance: 0.0,
+            stop_distance: 0.8,
         }
     }
 }
@@ -151,7 +154,9 @@ impl Robot {
         let omega = error / (2.0 * dt).max(0.2);
         let blocked = people.iter().any(|person| self.is_ahead(*person));
         if self.pause_left > 0.0 {
-            self.pause_left -= dt;
+            if self.v.abs() < STANDING {
+                self.pause_left -= dt;
+            }
             return (0.0, omega);
         }
         if blocked {
@@ -201,7 +206,7 @@ mod tests {
         let mut last = 0.0;
         let robot = drive(120.0, RobotOrders::default(), |robot, _| {
             assert!(robot.v <= 0.5 + 1e-12 && robot.v >= 0.0 && robot.omega.abs() <= 0.6 + 1e-12);
-            assert!((robot.v - last).abs() <= 0.4 * 0.04 + 1e-12);
+            assert!((robot.v - last).abs() <= 0.5 * 0.04 + 1e-12);
             last = robot.v;
         });
         assert!((5..=9).contains(&robot.legs_done), "{}", robot.legs_done);

@@ -72,7 +72,7 @@ impl Simulation {
             let mut next = Goals::new(scenario, index, Rng::new(seed, stream::GOALS + own));
             let mut rng = Rng::new(seed, stream::PLACES + own);
             let start = start_of(spec, &world, &mut next, &mut rng);
-            let goal = next.draw(&world, start);
+            let goal = next.next(&world, start);
             let rng = Rng::new(seed, stream::PERSON + own);
             people.push(Person::new(scenario.person_id(index), spec.walk.clone(), start, goal, rng));
             goals.push(next);
@@ -179,7 +179,6 @@ impl Simulation {
     }
 
     fn renew_goals(&mut self, time: f64) {
-        let legs = self.robots.first().map_or(0, |robot| robot.legs_done);
         for (person, goals) in self.people.iter_mut().zip(&mut self.goals) {
             let id = person.id.to_string();
             let imposed = self.interventions.iter().find_map(|one| match one.target {
@@ -190,9 +189,9 @@ impl Simulation {
             if let Some(goal) = imposed {
                 person.goals_reached += u64::from(arrived && person.goal != goal);
                 person.goal = goal;
-            } else if let Some(goal) = goals.next(&self.world, person.position, arrived, legs) {
-                person.goals_reached += u64::from(arrived);
-                person.goal = goal;
+            } else if arrived {
+                person.goals_reached += 1;
+                person.goal = goals.next(&self.world, person.position);
             }
         }
         let (world, rng) = (&self.world, &mut self.crowd_rng);
@@ -312,7 +311,7 @@ fn start_of(spec: &PersonSpec, world: &World, goals: &mut Goals, rng: &mut Rng) 
     let (min, max) = world.bounds();
     spec.start.unwrap_or_else(|| {
         let hub = world.random_free(rng, (min + max) * 0.5, 0.6).unwrap_or(Vec2::ZERO);
-        goals.draw(world, hub)
+        goals.next(world, hub)
     })
 }
 

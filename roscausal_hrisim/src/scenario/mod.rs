@@ -23,8 +23,8 @@ pub enum Plan {
     /// twice running. The plan of the published data.
     #[default]
     Thor,
-    /// The robot crosses from corner to corner; at each start a person gets a goal in her next area, so that
-    /// the paths cross.
+    /// The robot goes from corner to corner; a person's goals alternate between areas on either side of its
+    /// way, so that the paths cross.
     PassByTheCentre,
     /// The robot is parked; a person's goals alternate between her areas.
     RobotOff,
