@@ -1,7 +1,7 @@
 use clap::{Parser, Subcommand};
 use tracing_subscriber::{EnvFilter, fmt};
 
-use crate::discover;
+use crate::{demo, discover};
 
 /// Finds out what causes what between robots and people.
 #[derive(Parser)]
@@ -16,6 +16,8 @@ pub(crate) struct Cli {
 
 #[derive(Subcommand)]
 pub(crate) enum Command {
+    /// Simulate a robot and a person, record them, find the causal model: the whole system in one process.
+    Demo(demo::Args),
     /// Find the causal model of one or several CSV files with a header.
     Discover(discover::Args),
 }

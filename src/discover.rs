@@ -21,7 +21,9 @@ pub(crate) struct Args {
     #[arg(required = true, value_name = "FILE.csv")]
     files: Vec<PathBuf>,
     #[command(flatten)]
-    pub(crate) method: MethodArgs,
+    method: MethodArgs,
+    #[command(flatten)]
+    means: MeansArgs,
     /// Columns to analyse, separated by commas; default: all but the time.
     #[arg(long, value_delimiter = ',')]
     columns: Option<Vec<String>>,
@@ -77,6 +79,11 @@ pub(crate) struct MethodArgs {
     /// Columns that nothing may cause (interventions, context), separated by commas.
     #[arg(long, value_delimiter = ',')]
     exogenous: Vec<String>,
+}
+
+/// Arguments that say with what means, for one analysis in the foreground.
+#[derive(ClapArgs, Clone)]
+pub(crate) struct MeansArgs {
     /// Threads; default: all cores. The result does not depend on it.
     #[arg(long)]
     threads: Option<usize>,
@@ -90,7 +97,8 @@ pub(crate) struct MethodArgs {
 
 /// Runs `roscausal discover`.
 pub(crate) fn run(args: &Args, interrupt: &Interrupt) -> Result<()> {
-    let settings = args.method.settings(args.seed)?;
+    let mut settings = args.method.settings(args.seed)?;
+    settings.max_memory = args.means.max_memory.map(|megabytes| megabytes.saturating_mul(1_000_000));
     let recordings = read(args)?;
     let dt = recordings[0].dt();
     let mut warnings: Vec<String> = Vec::new();
@@ -101,7 +109,7 @@ pub(crate) fn run(args: &Args, interrupt: &Interrupt) -> Result<()> {
     let values = recordings.into_iter().map(|table| table.values).collect();
     let data = DataFrame::new(values, names)?;
     let json = args.format == Format::Json;
-    let mut model = args.method.analyse(&data, &settings, interrupt, json)?;
+    let mut model = args.means.analyse(&data, &settings, interrupt, json)?;
     model.dt = dt;
     model.warnings.splice(0..0, warnings);
 
@@ -157,15 +165,16 @@ impl MethodArgs {
             fdr: self.fdr.clone(),
             exogenous: self.exogenous.clone(),
             seed,
-            max_memory: self.max_memory.map(|megabytes| megabytes.saturating_mul(1_000_000)),
             ..Settings::default()
         };
         settings.check()?;
         Ok(settings)
     }
+}
 
+impl MeansArgs {
     /// Runs the analysis with a progress bar (unless `quiet`), the time budget and the threads asked for.
-    pub(crate) fn analyse(
+    fn analyse(
         &self,
         data: &DataFrame,
         settings: &Settings,

@@ -2,7 +2,9 @@
 
 mod chart;
 mod cli;
+mod demo;
 mod discover;
+mod expected;
 mod failure;
 mod interrupt;
 mod output;
@@ -17,6 +19,7 @@ fn main() -> ExitCode {
     cli.start_logging();
     let interrupt = interrupt::Interrupt::on_ctrl_c();
     let done = match &cli.command {
+        cli::Command::Demo(args) => demo::run(args, &interrupt),
         cli::Command::Discover(args) => discover::run(args, &interrupt),
     };
     failure::exit_code(done)

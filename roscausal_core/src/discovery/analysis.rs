@@ -148,7 +148,8 @@ impl Settings {
         }
     }
 
-    pub(super) fn level_of_pc(&self) -> Option<f64> {
+    /// The level of the condition selection; `None`: chosen by a score.
+    pub fn level_of_pc(&self) -> Option<f64> {
         match (self.pc_alpha, self.method.as_str()) {
             (PcAlpha::Fixed(alpha), _) => Some(alpha),
             (PcAlpha::ByScore, _) => None,
