@@ -3,7 +3,11 @@
 mod folders;
 mod nodes;
 
-use std::{path::PathBuf, sync::mpsc::Receiver, time::Duration};
+use std::{
+    path::PathBuf,
+    sync::mpsc::Receiver,
+    time::{Duration, Instant},
+};
 
 use clap::Args as ClapArgs;
 use indicatif::ProgressBar;
@@ -24,6 +28,8 @@ const BATCHES: u32 = 2;
 const WARM_UP_S: f64 = 3.0;
 /// Between two looks at the results.
 const LOOK_AGAIN: Duration = Duration::from_millis(50);
+/// Without any sign of the analysis for so long, something is wrong.
+const PATIENCE: Duration = Duration::from_secs(600);
 
 /// Arguments of `roscausal demo`.
 #[derive(ClapArgs)]
@@ -60,12 +66,15 @@ pub(crate) fn run(args: &Args, interrupt: &Interrupt) -> Result<()> {
     let folders = Folders::fresh(&args.out)?;
     let bus = Loopback::lockstep();
     nodes::set_parameters(&bus, &folders, &settings, args.duration / f64::from(BATCHES), args.threads);
-    println!("Simulating '{}' for {} s (seed {}), recording two batches ...", args.scenario, args.duration, args.seed);
+    println!(
+        "Simulating '{}' for {} s (seed {}), recording two batches ...",
+        args.scenario, args.duration, args.seed
+    );
     let (nodes, progress) = Nodes::start(&bus)?;
 
     let recorded = record(&bus, simulation, interrupt);
-    nodes.end_recording()?;
-    let found = recorded.and_then(|()| await_model(&folders, &progress, interrupt));
+    let found = recorded.and_then(|()| await_model(&folders, &nodes, &progress, interrupt));
+    // A node that failed is the reason why there is no model.
     nodes.end()?;
     show(args, &folders, &found?)
 }
@@ -85,12 +94,25 @@ fn record(bus: &Loopback, mut simulation: Simulation, interrupt: &Interrupt) -> 
     Ok(())
 }
 
-fn await_model(folders: &Folders, progress: &Receiver<Progress>, interrupt: &Interrupt) -> Result<Model> {
+fn await_model(
+    folders: &Folders,
+    nodes: &Nodes,
+    progress: &Receiver<Progress>,
+    interrupt: &Interrupt,
+) -> Result<Model> {
     let bar: ProgressBar = chart::bar("discovery", 0, false);
+    let mut last_sign = Instant::now();
     loop {
         if let Some(progress) = progress.try_iter().last() {
             bar.set_length(progress.estimated_total as u64);
             bar.set_position(progress.done as u64);
+            last_sign = Instant::now();
+        }
+        if nodes.one_has_ended() || last_sign.elapsed() > PATIENCE {
+            return Err(Error::Data(format!(
+                "no analysis came to its end; see {}",
+                folders.processed.display()
+            )));
         }
         match folders.outcome()? {
             Outcome::Waiting if interrupt.is_set() => {
@@ -110,10 +132,19 @@ fn show(args: &Args, folders: &Folders, model: &Model) -> Result<()> {
     output::write_model(&args.out, model)?;
     for (i, batch) in folders.analysed_batches()?.iter().enumerate() {
         let table = roscausal_core::batch::Table::read(batch, None)?;
-        output::write_series(&args.out, &format!("series_{}", i + 1), &table.names, table.values.view(), table.dt())?;
+        output::write_series(
+            &args.out,
+            &format!("series_{}", i + 1),
+            &table.names,
+            table.values.view(),
+            table.dt(),
+        )?;
     }
     println!("{}\n", report::text(model));
     println!("{}\n", expected::comparison(model));
-    println!("{}: batches, model.json, links.csv, dag.svg, dag.png, tsdag.svg, tsdag.png", args.out.display());
+    println!(
+        "{}: batches, model.json, links.csv, dag.svg, dag.png, tsdag.svg, tsdag.png",
+        args.out.display()
+    );
     Ok(())
 }

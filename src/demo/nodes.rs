@@ -19,75 +19,46 @@ use super::{BATCHES, folders::Folders};
 /// Step of the demo's batches in seconds.
 const DT: f64 = 0.3;
 
-/// The running nodes: those that record, and the one that analyses.
-pub(super) struct Nodes {
-    recording: Vec<Running>,
-    discovery: Running,
-}
+/// Recording nodes, in the order in which they take part.
+const RECORDING: [&str; 3] = ["robot", "human", "data"];
 
-struct Running {
-    node: LoopbackNode,
-    thread: JoinHandle<Result<()>>,
+/// The running nodes: those that record, and the one that analyses beside them.
+pub(super) struct Nodes {
+    bus: Loopback,
+    recording: Vec<JoinHandle<Result<()>>>,
+    discovery: LoopbackNode,
+    analysing: JoinHandle<Result<()>>,
 }
 
 impl Nodes {
     /// Starts robot, human, data and discovery; the receiver tells the progress of the analysis.
     pub(super) fn start(bus: &Loopback) -> Result<(Self, Receiver<Progress>)> {
         let (sender, progress) = channel();
-        let tell = move |progress| drop(sender.send(progress));
-        let recording = ["robot", "human", "data"].map(|name| Running::start(bus, name, move |mw| nodes::run(name, mw)));
-        let discovery = Running::start(bus, "discovery", move |mw| nodes::discovery_with(mw, tell));
-        let nodes = Self { recording: recording.into_iter().collect(), discovery };
-        // Subscriptions come first: nothing of the first messages is to be missed.
-        nodes.await_start(bus)?;
-        Ok((nodes, progress))
+        let start = |name: &'static str| bus.start(name, move |mw| nodes::run(name, &mw));
+        let recording = RECORDING.into_iter().map(start).collect::<Result<Vec<_>>>()?;
+        let discovery = bus.node("discovery");
+        let its_own = discovery.clone();
+        // Nobody listens any more once the demo ends.
+        let tell = move |progress| sender.send(progress).unwrap_or_default();
+        let analysing = thread::spawn(move || nodes::discovery_with(&its_own, tell));
+        Ok((Self { bus: bus.clone(), recording, discovery, analysing }, progress))
     }
 
-    fn await_start(&self, bus: &Loopback) -> Result<()> {
-        let wanted = ["/roscausal/robot", "/roscausal/humans"];
-        let heard = |topic: &&str| bus.subscriber_count(topic) > 0;
-        let inputs = ["/mobile_base_controller/odom", "/robot_pose", "/ped/control/teleop_persons"];
-        while !wanted.iter().chain(&inputs).all(heard) {
-            if self.recording.iter().any(|node| node.thread.is_finished()) {
-                return Ok(());
-            }
-            thread::sleep(std::time::Duration::from_millis(1));
-        }
-        bus.settle();
-        Ok(())
+    /// Whether a node has ended before its time.
+    pub(super) fn one_has_ended(&self) -> bool {
+        self.analysing.is_finished() || self.recording.iter().any(JoinHandle::is_finished)
     }
 
-    /// Ends the recording nodes: the data node writes what it has.
-    pub(super) fn end_recording(&self) -> Result<()> {
-        for running in &self.recording {
-            running.node.shutdown();
-        }
-        while self.recording.iter().any(|running| !running.thread.is_finished()) {
-            thread::sleep(std::time::Duration::from_millis(1));
-        }
-        Ok(())
-    }
-
-    /// Ends all; the first failure of a node is the answer.
+    /// Ends all and waits for them; the data node writes what it has. The first failure of a node is the answer.
     pub(super) fn end(self) -> Result<()> {
-        self.discovery.node.shutdown();
-        for running in self.recording.into_iter().chain([self.discovery]) {
-            let name = running.node.node_name();
-            running.thread.join().map_err(|_| Error::Middleware(format!("node {name} died; please report it")))??;
+        self.discovery.shutdown();
+        self.bus.shutdown();
+        for (name, thread) in RECORDING.into_iter().zip(self.recording).chain([("discovery", self.analysing)])
+        {
+            let died = |_| Error::Middleware(format!("the node {name} died; please report it"));
+            thread.join().map_err(died)??;
         }
         Ok(())
-    }
-}
-
-impl Running {
-    fn start(
-        bus: &Loopback,
-        name: &str,
-        body: impl FnOnce(&LoopbackNode) -> Result<()> + Send + 'static,
-    ) -> Self {
-        let node = bus.node(name);
-        let its_own = node.clone();
-        Self { node, thread: thread::spawn(move || body(&its_own)) }
     }
 }
 
