@@ -1,7 +1,19 @@
 //! Batches: tables of samples in files, from recording to analysis.
 
+mod expression;
 pub mod header;
 pub mod pool;
+pub mod postprocess;
+pub mod recorder;
+mod recording;
+pub mod risk;
+pub mod script;
+mod select;
 pub mod table;
+mod tracks;
+pub mod writer;
 
+pub use recording::{Column, Gap, Recording};
+pub use select::Select;
 pub use table::Table;
+pub use tracks::{FIELDS, Field, Kind, Values};

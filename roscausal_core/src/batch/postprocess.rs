@@ -1,0 +1,277 @@
+//! The built-in post-processing: recorded states to the paper's variables, or to features of the user's own.
+
+use super::{
+    expression::{Expression, Scope, body},
+    recording::{Column, Recording},
+    risk::{Body, RiskModel, risk_exponent},
+    tracks::{FIELDS, Values},
+};
+use crate::{Error, Result, batch::header};
+
+/// `exp` of more is not told apart: risks stay finite.
+const LARGEST_EXPONENT: f64 = 50.0;
+const UNKNOWN: Values = [f64::NAN; FIELDS.len()];
+
+/// What to compute, and how.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Postprocess {
+    /// The version of the risk.
+    pub risk_model: RiskModel,
+    /// The risk in a row is that of so many rows earlier (0 or 1; the published result used 1).
+    pub risk_lag: usize,
+    /// Standard deviation of the noise on the risk's exponent.
+    pub risk_noise: f64,
+    /// Seed of that noise.
+    pub seed: u64,
+    /// Radius by which the robot is widened, metres.
+    pub obs_size: f64,
+    /// Farther away nobody is on collision course, metres.
+    pub safe_dist: f64,
+    /// The features.
+    pub features: Vec<Feature>,
+}
+
+/// A named expression.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Feature {
+    /// Column name.
+    pub name: String,
+    /// What it is.
+    pub expression: Expression,
+    /// It is the risk itself, and so has `risk_lag`.
+    pub lagged: bool,
+}
+
+/// The features of a batch; per person when there are several.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Features {
+    /// One entry per feature (and person), each with one value per row.
+    pub columns: Vec<Column>,
+}
+
+impl Feature {
+    /// A feature from its name and expression.
+    ///
+    /// # Errors
+    /// A bad name or expression, as an error of the parameter `features`.
+    pub fn new(name: &str, text: &str) -> Result<Self> {
+        let legal = |c: char| c.is_alphanumeric() || "_-.{}\\".contains(c);
+        let name = name.trim();
+        if name.is_empty() || !name.chars().all(legal) || name == "time" {
+            let reason = format!("'{name}' is no name of a feature; use letters, digits and '_', such as h_dg = ...");
+            return Err(Error::param("features", reason));
+        }
+        let text = text.trim();
+        let expression = Expression::parse(text).map_err(|reason| Error::param("features", format!("{name} = {reason}")))?;
+        let lagged = text.starts_with("risk(");
+        Ok(Self { name: name.to_owned(), expression, lagged })
+    }
+
+    /// The features that `items` define (`name = expression` each; an item without `=` continues the one before,
+    /// so that a list that was split at commas is whole again). Without any, the paper's three, called `names`.
+    ///
+    /// # Errors
+    /// A bad definition, a name that is there twice, a number of `names` other than three.
+    pub fn parse(items: &[String], names: &[String]) -> Result<Vec<Self>> {
+        let mut definitions: Vec<String> = Vec::new();
+        for item in items.iter().flat_map(|item| item.split(';')).filter(|item| !item.trim().is_empty()) {
+            match definitions.last_mut() {
+                Some(open) if !item.contains('=') => {
+                    open.push(',');
+                    open.push_str(item);
+                }
+                _ => definitions.push(item.to_owned()),
+            }
+        }
+        let features: Vec<Self> = if definitions.is_empty() {
+            let [v, dg, risk] = names else {
+                let reason = format!("{} names given; three are needed: speed, distance to goal, risk", names.len());
+                return Err(Error::param("feature_names", reason));
+            };
+            [(v, "h.v"), (dg, "dist(h, h.goal)"), (risk, "risk(h, r)")]
+                .iter()
+                .map(|(name, text)| Self::new(name, text))
+                .collect::<Result<_>>()?
+        } else {
+            let parse = |definition: &String| match definition.split_once('=') {
+                Some((name, text)) => Self::new(name, text),
+                None => Err(Error::param("features", format!("'{definition}' has no '='; write name = expression"))),
+            };
+            definitions.iter().map(parse).collect::<Result<_>>()?
+        };
+        for (i, feature) in features.iter().enumerate() {
+            if features[..i].iter().any(|other| header::plain(&other.name) == header::plain(&feature.name)) {
+                return Err(Error::param("features", format!("'{}' is defined twice", feature.name)));
+            }
+        }
+        Ok(features)
+    }
+}
+
+impl Postprocess {
+    /// Computes the features of a batch.
+    ///
+    /// # Errors
+    /// A batch without any person, where a feature tells of one.
+    pub fn run(&self, batch: &Recording) -> Result<Features> {
+        let mut columns = Vec::new();
+        for feature in &self.features {
+            if !feature.expression.mentions_human() {
+                columns.push(self.column(feature, feature.name.clone(), batch, None));
+                continue;
+            }
+            if batch.people.is_empty() {
+                let reason = format!("nobody is in the batch, but '{}' tells of a person", feature.name);
+                return Err(Error::Data(reason));
+            }
+            for (id, rows) in &batch.people {
+                let name = match batch.people.len() {
+                    1 => feature.name.clone(),
+                    _ => name_for(&feature.name, *id),
+                };
+                columns.push(self.column(feature, name, batch, Some((*id, rows))));
+            }
+        }
+        Ok(Features { columns })
+    }
+
+    fn column(&self, feature: &Feature, name: String, batch: &Recording, person: Option<(u32, &Vec<Values>)>) -> Column {
+        let id = person.map_or(0, |(id, _)| u64::from(id));
+        let stream = mix(self.seed ^ mix(batch.start.as_nanos() as u64) ^ mix(id.wrapping_add(1)));
+        let value = |row: usize| {
+            let noise = if self.risk_noise > 0.0 { self.risk_noise * normal(stream, row as u64) } else { 0.0 };
+            let risk = |a: &Body, b: &Body| {
+                let exponent = risk_exponent(a, b, self.risk_model, self.obs_size, self.safe_dist);
+                (exponent + noise).min(LARGEST_EXPONENT).exp()
+            };
+            let human = person.and_then(|(_, rows)| rows.get(row)).unwrap_or(&UNKNOWN);
+            let scope = Scope { time: batch.stamp(row).as_secs_f64(), robot: &batch.robot[row], human, risk: &risk };
+            feature.expression.value(&scope)
+        };
+        let lag = if feature.lagged { self.risk_lag } else { 0 };
+        let values = (0..batch.n_rows()).map(|row| row.checked_sub(lag).map_or(f64::NAN, value)).collect();
+        Column { name, unit: "", values }
+    }
+}
+
+/// The name of a feature of one of several people: `h_v` becomes `h_7_v`.
+fn name_for(name: &str, id: u32) -> String {
+    match name.strip_prefix("h_") {
+        Some(rest) => format!("h_{id}_{rest}"),
+        None => format!("{name}_{id}"),
+    }
+}
+
+/// The finaliser of SplitMix64.
+fn mix(x: u64) -> u64 {
+    let x = x.wrapping_add(0x9e37_79b9_7f4a_7c15);
+    let x = (x ^ (x >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+    let x = (x ^ (x >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+    x ^ (x >> 31)
+}
+
+/// A standard normal number, the same for the same stream and index (Box and Muller 1958).
+fn normal(stream: u64, index: u64) -> f64 {
+    let uniform = |salt: u64| ((mix(stream ^ mix(2 * index + salt)) >> 11) as f64 + 0.5) / (1u64 << 53) as f64;
+    (-2.0 * uniform(0).ln()).sqrt() * (std::f64::consts::TAU * uniform(1)).cos()
+}
+
+#[cfg(test)]
+mod tests {
+    use std::collections::BTreeMap;
+
+    use super::*;
+    use crate::Time;
+
+    fn settings() -> Postprocess {
+        let names = ["h_v", "h_dg", "h_risk"].map(str::to_owned);
+        Postprocess {
+            risk_model: RiskModel::V1_1,
+            risk_lag: 0,
+            risk_noise: 0.0,
+            seed: 1,
+            obs_size: 2.0,
+            safe_dist: 5.0,
+            features: Feature::parse(&[], &names).expect("the paper's"),
+        }
+    }
+
+    /// The robot at rest at (4, 0); people at the origin that walk along x, with a goal at (3, 4).
+    fn batch(ids: &[u32], speeds: &[f64]) -> Recording {
+        let person = |v: &f64| [3.0, 4.0, 0.0, 0.0, 0.0, *v, 0.0];
+        Recording {
+            start: Time::from_secs_f64(1.0),
+            dt_ns: 100_000_000,
+            frame: "map".into(),
+            robot: vec![[f64::NAN, f64::NAN, 4.0, 0.0, 0.0, 0.0, 0.0]; speeds.len()],
+            people: ids.iter().map(|id| (*id, speeds.iter().map(person).collect())).collect::<BTreeMap<_, _>>(),
+            complete: true,
+            ended_by: "",
+        }
+    }
+
+    #[test]
+    fn the_papers_variables_are_those_computed_by_hand() {
+        let features = settings().run(&batch(&[1000], &[1.0, 0.0])).expect("computes").columns;
+        let names: Vec<&str> = features.iter().map(|column| column.name.as_str()).collect();
+        assert_eq!(names, ["h_v", "h_dg", "h_risk"]);
+        assert_eq!(features[0].values, [1.0, 0.0]);
+        assert_eq!(features[1].values, [5.0, 5.0]);
+        let exponent = 0.1 + 1.0 / 4.0 + 2.0 / 20f64.sqrt();
+        assert!((features[2].values[0] - exponent.exp()).abs() < 1e-12);
+        assert_eq!(features[2].values[1], 1.0);
+    }
+
+    #[test]
+    fn a_lagged_risk_is_that_of_the_row_before_and_the_first_is_missing() {
+        let now = settings().run(&batch(&[1], &[1.0, 0.5, 0.2])).expect("computes").columns;
+        let late = Postprocess { risk_lag: 1, ..settings() };
+        let late = late.run(&batch(&[1], &[1.0, 0.5, 0.2])).expect("computes").columns;
+        assert!(late[2].values[0].is_nan());
+        assert_eq!(late[2].values[1..], now[2].values[..2]);
+        assert_eq!(late[0], now[0]);
+    }
+
+    #[test]
+    fn noise_is_seeded_and_of_the_size_asked_for() {
+        let noisy = |seed| Postprocess { risk_noise: 0.02, seed, ..settings() };
+        let speeds = vec![0.0; 4000];
+        let risk = |seed| noisy(seed).run(&batch(&[1], &speeds)).expect("computes").columns.remove(2).values;
+        assert_eq!(risk(1), risk(1));
+        assert_ne!(risk(1), risk(2));
+        let exponents: Vec<f64> = risk(1).iter().map(|risk| risk.ln()).collect();
+        let mean = exponents.iter().sum::<f64>() / 4000.0;
+        let deviation = (exponents.iter().map(|e| (e - mean).powi(2)).sum::<f64>() / 4000.0).sqrt();
+        assert!(mean.abs() < 0.002 && (deviation - 0.02).abs() < 0.001, "{mean} {deviation}");
+    }
+
+    #[test]
+    fn several_people_have_columns_of_their_own_and_absence_is_missing() {
+        let mut two = batch(&[3, 7], &[1.0, 1.0]);
+        two.people.insert(7, vec![UNKNOWN, [3.0, 4.0, 0.0, 0.0, 0.0, 1.0, 0.0]]);
+        let features = settings().run(&two).expect("computes").columns;
+        let names: Vec<&str> = features.iter().map(|column| column.name.as_str()).collect();
+        assert_eq!(names, ["h_3_v", "h_7_v", "h_3_dg", "h_7_dg", "h_3_risk", "h_7_risk"]);
+        assert!(features[1].values[0].is_nan() && features[1].values[1] == 1.0);
+    }
+
+    #[test]
+    fn features_of_the_users_own_replace_the_papers() {
+        let items = ["d = dist(h", " r)", "r_v = r.v; twice = 2 * h.v"].map(str::to_owned);
+        let features = Feature::parse(&items, &[]).expect("three features");
+        let mine = Postprocess { features, ..settings() };
+        let columns = mine.run(&batch(&[3, 7], &[1.5])).expect("computes").columns;
+        let names: Vec<&str> = columns.iter().map(|column| column.name.as_str()).collect();
+        assert_eq!(names, ["d_3", "d_7", "r_v", "twice_3", "twice_7"]);
+        assert_eq!((columns[0].values[0], columns[3].values[0]), (4.0, 3.0));
+    }
+
+    #[test]
+    fn a_bad_feature_names_the_parameter() {
+        let fault = |item: &str| Feature::parse(&[item.to_owned()], &[]).expect_err(item).to_string();
+        assert!(fault("h.v").starts_with("parameter 'features': 'h.v' has no '='"));
+        assert!(fault("a,b = 1").contains("no name"));
+        assert!(fault("a = 1; a = 2").contains("twice"));
+        assert!(fault("a = dist(h)").contains("takes 2"));
+    }
+}

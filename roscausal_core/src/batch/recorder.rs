@@ -1,0 +1,362 @@
+//! States to batches: rows at a fixed step of sensor time.
+
+use std::collections::{BTreeMap, BTreeSet};
+
+use roscausal_msgs::{
+    Humans, RobotState, Time,
+    geometry_msgs::{Point, Pose2D, Twist},
+};
+
+use super::{
+    recording::Recording,
+    select::Select,
+    tracks::{FIELDS, Taken, Track, Values},
+};
+
+/// How much later than the others a message may come and still be used, seconds.
+const LATENESS_S: f64 = 0.5;
+/// Stamps that go back by more mean that the clock jumped.
+const JUMP_BACK_NS: i64 = 1_000_000_000;
+/// Stamps that go ahead by more, likewise.
+const JUMP_AHEAD_NS: i64 = 60_000_000_000;
+/// The most people followed at a time and recorded in one batch.
+const MOST_PEOPLE: usize = 512;
+/// A batch without `ts_length` ends here nevertheless.
+const MOST_ROWS: usize = 1_000_000;
+const UNKNOWN: Values = [f64::NAN; FIELDS.len()];
+
+/// How to record.
+#[derive(Clone, Debug, PartialEq)]
+pub struct RecorderConfig {
+    /// Step between rows, seconds.
+    pub dt_s: f64,
+    /// Length of a batch, seconds; `None`: until the end.
+    pub ts_length_s: Option<f64>,
+    /// Two samples farther apart are a gap: nothing is told between them. Seconds.
+    pub max_gap_s: f64,
+    /// Rows are real samples (the last one before each step) instead of values between two samples.
+    pub subsampling: bool,
+    /// Who is recorded.
+    pub select: Select,
+}
+
+/// What the recorder has met, for the diagnostics.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct RecorderCounts {
+    /// Rows recorded.
+    pub rows: u64,
+    /// Steps skipped because robot and person were not there together yet.
+    pub waited: u64,
+    /// Samples with a stamp that was there already.
+    pub duplicates: u64,
+    /// Samples too late for their row.
+    pub late: u64,
+    /// Messages in another frame than the robot's.
+    pub foreign_frame: u64,
+    /// Samples dropped because too many waited, or too many people were there.
+    pub crowded: u64,
+    /// Times the clock jumped.
+    pub jumps: u64,
+}
+
+/// Makes batches from states.
+///
+/// Row `k` of all batches lies at `k * dt` of sensor time. A row is written once no message that matters to it can
+/// be missing: when the newest stamp is `max_gap` and 0.5 s past it. So the batches depend on the messages alone. A batch begins with
+/// the first row in which the robot and a selected person are there.
+#[derive(Debug)]
+pub struct Recorder {
+    config: RecorderConfig,
+    dt_ns: i64,
+    max_gap_ns: i64,
+    rows_per_batch: usize,
+    robot: Track,
+    people: BTreeMap<u32, Track>,
+    frame: Option<String>,
+    newest_robot: Option<i64>,
+    newest_people: Option<i64>,
+    next_row: Option<i64>,
+    open: Option<Recording>,
+    votes: BTreeMap<u32, u64>,
+    done: Vec<Recording>,
+    seen: BTreeSet<u32>,
+    counts: RecorderCounts,
+}
+
+impl Recorder {
+    /// A recorder that has seen nothing.
+    pub fn new(config: RecorderConfig) -> Self {
+        let dt_ns = nanos(config.dt_s).max(1);
+        let rows_per_batch = match config.ts_length_s {
+            Some(length) => ((length / config.dt_s).round() as usize).clamp(1, MOST_ROWS),
+            None => MOST_ROWS,
+        };
+        Self {
+            dt_ns,
+            max_gap_ns: nanos(config.max_gap_s).max(dt_ns),
+            rows_per_batch,
+            config,
+            robot: Track::default(),
+            people: BTreeMap::new(),
+            frame: None,
+            newest_robot: None,
+            newest_people: None,
+            next_row: None,
+            open: None,
+            votes: BTreeMap::new(),
+            done: Vec::new(),
+            seen: BTreeSet::new(),
+            counts: RecorderCounts::default(),
+        }
+    }
+
+    /// Takes a state of the robot; `now` stands in for a stamp of 0.
+    pub fn robot(&mut self, state: &RobotState, now: Time) {
+        let stamp = stamp_ns(state.header.stamp, now);
+        if self.frame.as_ref().is_some_and(|frame| *frame != state.header.frame_id) {
+            self.restart("the robot's frame changed");
+        }
+        if jumps(self.newest_robot, stamp) {
+            self.counts.jumps += 1;
+            self.restart("the clock jumped");
+        }
+        self.frame.get_or_insert_with(|| state.header.frame_id.clone());
+        self.newest_robot = self.newest_robot.max(Some(stamp));
+        // Messages a little older than the first may still come.
+        let first = (stamp - self.max_gap_ns - nanos(LATENESS_S)).div_euclid(self.dt_ns) * self.dt_ns;
+        self.next_row.get_or_insert(first);
+        if self.in_time(stamp) {
+            let taken = self.robot.insert(stamp, values(&state.pose2d, &state.twist, &state.goal));
+            self.count(taken);
+        }
+        self.advance(false);
+    }
+
+    /// Takes the people; `now` stands in for a stamp of 0. A person whose stamp has not changed is held by the
+    /// tracker, not seen again.
+    pub fn humans(&mut self, humans: &Humans, now: Time) {
+        let stamp = stamp_ns(humans.header.stamp, now);
+        if let Some(frame) = &self.frame
+            && *frame != humans.header.frame_id
+        {
+            self.counts.foreign_frame += 1;
+            return;
+        }
+        if jumps(self.newest_people, stamp) {
+            self.counts.jumps += 1;
+            self.restart("the clock jumped");
+        }
+        self.newest_people = self.newest_people.max(Some(stamp));
+        for person in &humans.humans {
+            let new = self.seen.len() < MOST_PEOPLE && self.seen.insert(person.id);
+            if new {
+                tracing::info!("person {} is there", person.id);
+            }
+            let stamp = stamp_ns(person.header.stamp, now);
+            if !self.config.select.admits(person.id) {
+                continue;
+            }
+            if !self.people.contains_key(&person.id) && self.people.len() >= MOST_PEOPLE {
+                self.counts.crowded += 1;
+                continue;
+            }
+            let held = stamp < self.newest_people.unwrap_or(stamp);
+            if held && !self.people.contains_key(&person.id) {
+                continue;
+            }
+            if self.in_time(stamp) {
+                let track = self.people.entry(person.id).or_default();
+                match track.insert(stamp, values(&person.pose2d, &person.twist, &person.goal)) {
+                    Taken::Duplicate => {}
+                    taken => self.count(taken),
+                }
+            }
+        }
+        self.advance(false);
+    }
+
+    /// Ends the open batch with what is there: the node is to end.
+    pub fn finish(&mut self) {
+        self.advance(true);
+        self.close("the node ended");
+    }
+
+    /// The batches that are done, oldest first.
+    pub fn take_batches(&mut self) -> Vec<Recording> {
+        std::mem::take(&mut self.done)
+    }
+
+    /// Rows of the open batch, and how many it will have (`None`: until the end).
+    pub fn progress(&self) -> (usize, Option<usize>) {
+        let total = self.config.ts_length_s.map(|_| self.rows_per_batch);
+        (self.open.as_ref().map_or(0, Recording::n_rows), total)
+    }
+
+    /// What has been met so far.
+    pub fn counts(&self) -> &RecorderCounts {
+        &self.counts
+    }
+
+    /// Why nothing is recorded, if nothing is.
+    pub fn trouble(&self) -> Option<String> {
+        if self.open.is_some() || self.newest_robot.is_none() || self.newest_people.is_none() {
+            return None;
+        }
+        let ids: Vec<String> = self.seen.iter().take(10).map(u32::to_string).collect();
+        match &self.config.select {
+            _ if ids.is_empty() => {
+                Some("nobody has been seen yet; recording begins with the first person".to_owned())
+            }
+            Select::Ids(wanted) if wanted.is_disjoint(&self.seen) => Some(format!(
+                "nobody of sel_agent has been seen; people seen: {}; set sel_agent to one of them, to all or to nearest:1",
+                ids.join(", ")
+            )),
+            _ if self.counts.foreign_frame > 0 => Some(
+                "people are in another frame than the robot; set target_frame alike in both nodes".to_owned(),
+            ),
+            _ => None,
+        }
+    }
+
+    fn in_time(&mut self, stamp: i64) -> bool {
+        let in_time = self.next_row.is_none_or(|next| stamp >= next - self.max_gap_ns);
+        self.counts.late += u64::from(!in_time);
+        in_time
+    }
+
+    fn count(&mut self, taken: Taken) {
+        match taken {
+            Taken::Yes => {}
+            Taken::Duplicate => self.counts.duplicates += 1,
+            Taken::Crowded => self.counts.crowded += 1,
+        }
+    }
+
+    /// Writes the rows that are certain; with `all`, up to the newest stamp.
+    fn advance(&mut self, all: bool) {
+        let (Some(newest), Some(mut row)) = (self.newest_robot.max(self.newest_people), self.next_row) else {
+            // People without a robot: only the recent past may matter once it comes.
+            if let Some(newest) = self.newest_people {
+                self.forget_before(newest - self.max_gap_ns - nanos(LATENESS_S));
+            }
+            return;
+        };
+        let end = if all { newest } else { newest - self.max_gap_ns - nanos(LATENESS_S) };
+        while row <= end {
+            self.record(row);
+            row += self.dt_ns;
+        }
+        self.next_row = Some(row);
+        self.forget_before(row);
+    }
+
+    fn forget_before(&mut self, row: i64) {
+        let max_gap = self.max_gap_ns;
+        self.robot.forget_before(row, max_gap);
+        self.people.retain(|_, track| track.forget_before(row, max_gap));
+    }
+
+    fn record(&mut self, row: i64) {
+        let (max_gap, hold) = (self.max_gap_ns, self.config.subsampling);
+        let robot = self.robot.at(row, max_gap, hold);
+        let people: Vec<(u32, Values)> =
+            self.people.iter().filter_map(|(id, track)| Some((*id, track.at(row, max_gap, hold)?))).collect();
+        if self.open.is_none() && (robot.is_none() || people.is_empty()) {
+            self.counts.waited += 1;
+            return;
+        }
+        let open = self.open.get_or_insert_with(|| Recording {
+            start: Time::from_nanos(row),
+            dt_ns: self.dt_ns,
+            frame: self.frame.clone().unwrap_or_default(),
+            robot: Vec::new(),
+            people: BTreeMap::new(),
+            complete: false,
+            ended_by: "",
+        });
+        let n_rows = open.robot.len();
+        open.robot.push(robot.unwrap_or(UNKNOWN));
+        for (id, values) in &people {
+            if open.people.contains_key(id) || open.people.len() < MOST_PEOPLE {
+                let rows = open.people.entry(*id).or_default();
+                rows.resize(n_rows, UNKNOWN);
+                rows.push(*values);
+            } else {
+                self.counts.crowded += 1;
+            }
+        }
+        if let (Select::Nearest(number), Some(robot)) = (&self.config.select, robot) {
+            let distance = |values: &Values| (values[2] - robot[2]).hypot(values[3] - robot[3]);
+            let mut near: Vec<(f64, u32)> =
+                people.iter().map(|(id, values)| (distance(values), *id)).collect();
+            near.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+            near.iter().take(*number).for_each(|(_, id)| *self.votes.entry(*id).or_default() += 1);
+        }
+        self.counts.rows += 1;
+        if n_rows + 1 == self.rows_per_batch {
+            self.close(if self.config.ts_length_s.is_some() {
+                "ts_length reached"
+            } else {
+                "the most rows reached"
+            });
+        }
+    }
+
+    fn close(&mut self, ended_by: &'static str) {
+        let votes = std::mem::take(&mut self.votes);
+        let Some(mut batch) = self.open.take() else { return };
+        if let Select::Nearest(number) = self.config.select {
+            let mut by_votes: Vec<(u64, u32)> = votes.iter().map(|(id, votes)| (*votes, *id)).collect();
+            by_votes.sort_by(|a, b| b.0.cmp(&a.0).then(a.1.cmp(&b.1)));
+            let kept: BTreeSet<u32> = by_votes.iter().take(number).map(|(_, id)| *id).collect();
+            batch.people.retain(|id, _| kept.contains(id));
+        }
+        let n_rows = batch.robot.len();
+        let full = n_rows == self.rows_per_batch;
+        if !full {
+            let known =
+                |rows: &Vec<Values>| rows.iter().rposition(|values| values.iter().any(|v| v.is_finite()));
+            let last = batch.people.values().map(known).max().flatten().max(known(&batch.robot));
+            batch.robot.truncate(last.map_or(0, |last| last + 1));
+        }
+        let n_rows = batch.robot.len();
+        batch.people.values_mut().for_each(|rows| rows.resize(n_rows, UNKNOWN));
+        let to_the_end = self.config.ts_length_s.is_none() && ended_by == "the node ended";
+        batch.complete = full || to_the_end;
+        batch.ended_by = ended_by;
+        if n_rows > 0 {
+            self.done.push(batch);
+        }
+    }
+
+    fn restart(&mut self, reason: &'static str) {
+        tracing::warn!("{reason}: the batch ends here, the next one starts anew");
+        self.advance(true);
+        self.close(reason);
+        self.robot = Track::default();
+        self.people.clear();
+        (self.frame, self.newest_robot, self.newest_people, self.next_row) = (None, None, None, None);
+    }
+}
+
+fn values(pose: &Pose2D, twist: &Twist, goal: &Point) -> Values {
+    let v = twist.linear.x.hypot(twist.linear.y);
+    let finite = |v: f64| if v.is_finite() { v } else { f64::NAN };
+    [goal.x, goal.y, pose.x, pose.y, pose.theta, v, twist.angular.z].map(finite)
+}
+
+fn stamp_ns(stamp: Time, now: Time) -> i64 {
+    if stamp == Time::ZERO { now.as_nanos() } else { stamp.as_nanos() }
+}
+
+fn jumps(newest: Option<i64>, stamp: i64) -> bool {
+    newest.is_some_and(|newest| stamp < newest - JUMP_BACK_NS || stamp > newest + JUMP_AHEAD_NS)
+}
+
+fn nanos(secs: f64) -> i64 {
+    (secs * 1e9).round() as i64
+}
+
+#[cfg(test)]
+#[path = "recorder_tests.rs"]
+mod tests;

@@ -1,0 +1,224 @@
+use roscausal_msgs::{HumanState, std_msgs::Header};
+
+use super::*;
+
+fn config() -> RecorderConfig {
+    RecorderConfig {
+        dt_s: 0.1,
+        ts_length_s: Some(1.0),
+        max_gap_s: 0.5,
+        subsampling: false,
+        select: Select::All,
+    }
+}
+
+fn header(secs: f64, frame: &str) -> Header {
+    Header { stamp: Time::from_secs_f64(secs), frame_id: frame.into() }
+}
+
+fn robot(secs: f64) -> RobotState {
+    let mut state = RobotState { header: header(secs, "map"), ..RobotState::default() };
+    state.pose2d.x = 10.0 * secs;
+    state.twist.linear.x = 0.3;
+    state.twist.linear.y = 0.4;
+    state.goal.x = f64::NAN;
+    state
+}
+
+fn person(id: u32, secs: f64) -> HumanState {
+    let mut state = HumanState { header: header(secs, "map"), id, ..HumanState::default() };
+    state.pose2d.x = f64::from(id) + secs;
+    state
+}
+
+fn humans(secs: f64, people: Vec<HumanState>) -> Humans {
+    Humans { header: header(secs, "map"), humans: people }
+}
+
+/// Robot at 20 Hz, people at 25 Hz.
+fn run(config: RecorderConfig, secs: std::ops::Range<f64>, ids: impl Fn(f64) -> Vec<u32>) -> Recorder {
+    let mut recorder = Recorder::new(config);
+    feed(&mut recorder, secs, ids);
+    recorder
+}
+
+fn feed(recorder: &mut Recorder, secs: std::ops::Range<f64>, ids: impl Fn(f64) -> Vec<u32>) {
+    let start = secs.start;
+    for i in 0..((secs.end - start) * 100.0).round() as usize {
+        let t = start + i as f64 / 100.0;
+        if i % 5 == 0 {
+            recorder.robot(&robot(t), Time::ZERO);
+        }
+        if i % 4 == 0 {
+            let people = ids(t).into_iter().map(|id| person(id, t)).collect();
+            recorder.humans(&humans(t, people), Time::ZERO);
+        }
+    }
+}
+
+#[test]
+fn rows_lie_at_a_true_fixed_step_and_batches_follow_without_a_hole() {
+    let mut recorder = run(config(), 5.03..9.0, |_| vec![1]);
+    let batches = recorder.take_batches();
+    assert_eq!(batches.len(), 2);
+    let starts: Vec<i64> = batches.iter().map(|b| b.start.as_nanos()).collect();
+    assert_eq!(starts, [5_100_000_000, 6_100_000_000]);
+    for batch in &batches {
+        assert!(batch.complete && batch.gaps().is_empty());
+        assert_eq!(batch.n_rows(), 10);
+        for (row, (robot, person)) in batch.robot.iter().zip(&batch.people[&1]).enumerate() {
+            let t = batch.stamp(row).as_secs_f64();
+            assert!((robot[2] - 10.0 * t).abs() < 1e-6 && (person[2] - 1.0 - t).abs() < 1e-6);
+            assert!((robot[5] - 0.5).abs() < 1e-12 && robot[0].is_nan());
+        }
+    }
+}
+
+#[test]
+fn a_short_batch_is_kept_and_says_so() {
+    let mut recorder = run(config(), 5.0..6.44, |_| vec![1]);
+    assert!(recorder.take_batches().is_empty());
+    recorder.finish();
+    let batches = recorder.take_batches();
+    assert_eq!((batches.len(), batches[0].n_rows(), batches[1].n_rows()), (2, 10, 5));
+    assert!(batches[0].complete && !batches[1].complete);
+    let until_the_end = RecorderConfig { ts_length_s: None, ..config() };
+    let mut recorder = run(until_the_end, 5.0..6.44, |_| vec![1]);
+    recorder.finish();
+    let batches = recorder.take_batches();
+    assert!(batches.len() == 1 && batches[0].complete && batches[0].n_rows() == 15);
+}
+
+#[test]
+fn a_person_who_leaves_and_returns_is_nan_in_between() {
+    let mut recorder =
+        run(config(), 5.0..9.0, |t| if (5.3..5.99).contains(&t) { vec![1] } else { vec![1, 2] });
+    let batch = recorder.take_batches().remove(0);
+    let known: Vec<bool> = batch.people[&2].iter().map(|values| values[2].is_finite()).collect();
+    assert_eq!(known, [true, true, true, false, false, false, false, false, false, false]);
+    assert!(batch.people[&1].iter().all(|values| values[2].is_finite()));
+    assert_eq!(recorder.take_batches().len(), 0);
+}
+
+#[test]
+fn a_person_who_comes_late_was_not_there_before() {
+    let mut recorder = run(config(), 5.0..9.0, |t| if t < 5.55 { vec![1] } else { vec![1, 2] });
+    let batch = recorder.take_batches().remove(0);
+    let known: Vec<bool> = batch.people[&2].iter().map(|values| values[2].is_finite()).collect();
+    assert_eq!(known, [false, false, false, false, false, false, true, true, true, true]);
+}
+
+#[test]
+fn recording_begins_when_robot_and_person_are_there() {
+    let mut recorder = run(config(), 5.0..9.0, |t| if t < 6.41 { vec![] } else { vec![1] });
+    let batches = recorder.take_batches();
+    assert_eq!(batches[0].start.as_nanos(), 6_500_000_000);
+    assert!(recorder.counts().waited >= 15);
+    let mut recorder = Recorder::new(config());
+    recorder.humans(&humans(1.0, vec![]), Time::ZERO);
+    recorder.robot(&robot(1.0), Time::ZERO);
+    assert!(recorder.trouble().is_some_and(|t| t.contains("nobody has been seen")));
+}
+
+#[test]
+fn only_the_selected_are_recorded_and_a_wrong_choice_is_told() {
+    let only_two = RecorderConfig { select: Select::Ids([2].into()), ..config() };
+    let batch = run(only_two, 5.0..8.0, |_| vec![1, 2, 3]).take_batches().remove(0);
+    assert_eq!(batch.people.keys().copied().collect::<Vec<_>>(), [2]);
+    let nobody = RecorderConfig { select: Select::Ids([1000].into()), ..config() };
+    let recorder = run(nobody, 5.0..8.0, |_| vec![3, 7]);
+    assert!(recorder.trouble().is_some_and(|t| t.contains("people seen: 3, 7")));
+    // The robot is at x = 10 t, the people at id + t: the larger id is nearer.
+    let nearest = RecorderConfig { select: Select::Nearest(1), ..config() };
+    let batch = run(nearest, 5.0..8.0, |_| vec![1, 9]).take_batches().remove(0);
+    assert_eq!(batch.people.keys().copied().collect::<Vec<_>>(), [9]);
+}
+
+#[test]
+fn a_gap_longer_than_max_gap_stays_nan() {
+    let mut recorder = Recorder::new(config());
+    feed(&mut recorder, 5.0..5.31, |_| vec![1]);
+    feed(&mut recorder, 5.85..8.0, |_| vec![1]);
+    let batch = recorder.take_batches().remove(0);
+    let known: Vec<bool> = batch.robot.iter().map(|values| values[2].is_finite()).collect();
+    assert_eq!(known, [true, true, true, true, false, false, false, false, false, true]);
+}
+
+#[test]
+fn duplicates_and_messages_out_of_order_change_nothing() {
+    let ordered = run(config(), 5.0..8.0, |_| vec![1]).take_batches();
+    let mut recorder = Recorder::new(config());
+    let mut states: Vec<RobotState> = (0..60).map(|i| robot(5.0 + 0.05 * f64::from(i))).collect();
+    states.chunks_mut(3).for_each(<[RobotState]>::reverse);
+    for (i, state) in states.iter().enumerate() {
+        recorder.robot(state, Time::ZERO);
+        let mut wrong = state.clone();
+        wrong.pose2d.x = -1.0;
+        recorder.robot(&wrong, Time::ZERO);
+        if i % 3 == 2 {
+            let t = 5.0 + 0.05 * (i - 2) as f64;
+            for t in [t, t + 0.04, t + 0.08, t + 0.12] {
+                recorder.humans(&humans(t, vec![person(1, t)]), Time::ZERO);
+            }
+        }
+    }
+    let shuffled = recorder.take_batches();
+    assert!(recorder.counts().duplicates >= 50);
+    assert_eq!(ordered.len(), shuffled.len());
+    for (a, b) in ordered.iter().zip(&shuffled) {
+        assert_eq!(a.start, b.start);
+        for (a, b) in a.robot.iter().zip(&b.robot) {
+            assert_eq!(a[2], b[2]);
+        }
+    }
+}
+
+#[test]
+fn a_clock_that_goes_back_ends_the_batch_and_begins_another() {
+    let mut recorder = Recorder::new(config());
+    feed(&mut recorder, 50.0..50.41, |_| vec![1]);
+    feed(&mut recorder, 5.0..7.0, |_| vec![1]);
+    let batches = recorder.take_batches();
+    assert!(!batches[0].complete);
+    assert_eq!((batches[0].n_rows(), batches[0].ended_by), (5, "the clock jumped"));
+    assert!(batches[1].complete);
+    assert!(recorder.counts().jumps >= 1);
+}
+
+#[test]
+fn nan_and_infinity_become_missing_values() {
+    let mut recorder = Recorder::new(config());
+    let mut bad = robot(5.1);
+    bad.pose2d.y = f64::INFINITY;
+    recorder.robot(&robot(5.0), Time::ZERO);
+    recorder.robot(&bad, Time::ZERO);
+    recorder.humans(&humans(5.0, vec![person(1, 5.0)]), Time::ZERO);
+    recorder.humans(&humans(5.1, vec![person(1, 5.1)]), Time::ZERO);
+    recorder.finish();
+    let batch = recorder.take_batches().remove(0);
+    assert!(batch.robot[1][3].is_nan() && batch.robot[1][2].is_finite());
+}
+
+#[test]
+fn people_in_another_frame_are_left_out() {
+    let mut recorder = Recorder::new(config());
+    recorder.robot(&robot(5.0), Time::ZERO);
+    let mut foreign = humans(5.0, vec![person(1, 5.0)]);
+    foreign.header.frame_id = "odom".into();
+    recorder.humans(&foreign, Time::ZERO);
+    assert_eq!(recorder.counts().foreign_frame, 1);
+    let mut moved = robot(5.1);
+    moved.header.frame_id = "odom".into();
+    recorder.robot(&moved, Time::ZERO);
+    assert_eq!(recorder.frame.as_deref(), Some("odom"));
+}
+
+#[test]
+fn memory_is_bounded_while_the_robot_is_silent() {
+    let mut recorder = Recorder::new(config());
+    for i in 0..5000 {
+        let t = 1.0 + 0.04 * f64::from(i);
+        recorder.humans(&humans(t, vec![person(i as u32 / 10, t)]), Time::ZERO);
+    }
+    assert!(recorder.people.len() < 20, "{}", recorder.people.len());
+}

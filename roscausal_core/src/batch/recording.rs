@@ -1,0 +1,138 @@
+//! A batch in memory.
+
+use std::collections::BTreeMap;
+
+use super::tracks::{FIELDS, Values};
+use crate::Time;
+
+/// Spellings of the original, one per field; the TAB is its `\t` of `\theta`.
+const LEGACY: [&str; FIELDS.len()] = ["{gx}", "{gy}", "x", "y", "{\theta}", "v", "{\\omega}"];
+
+/// A recorded batch: rows at a fixed step, NaN where nothing is known.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Recording {
+    /// Stamp of the first row.
+    pub start: Time,
+    /// Step between rows, nanoseconds.
+    pub dt_ns: i64,
+    /// Frame of all places.
+    pub frame: String,
+    /// The robot, one entry per row.
+    pub robot: Vec<Values>,
+    /// The people, each with one entry per row.
+    pub people: BTreeMap<u32, Vec<Values>>,
+    /// It has the full length.
+    pub complete: bool,
+    /// Why it ended, in words.
+    pub ended_by: &'static str,
+}
+
+/// A column of a batch.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Column {
+    /// Name in the header.
+    pub name: String,
+    /// Unit, where there is one.
+    pub unit: &'static str,
+    /// One value per row.
+    pub values: Vec<f64>,
+}
+
+/// Rows without a value of one body.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Gap {
+    /// `r`, or `h_<id>`.
+    pub body: String,
+    /// Stamp of the first row without, seconds.
+    pub from: f64,
+    /// Stamp of the last row without, seconds.
+    pub to: f64,
+}
+
+impl Recording {
+    /// Number of rows.
+    pub fn n_rows(&self) -> usize {
+        self.robot.len()
+    }
+
+    /// Stamp of a row.
+    pub fn stamp(&self, row: usize) -> Time {
+        let steps = i64::try_from(row).unwrap_or(i64::MAX);
+        Time::from_nanos(self.start.as_nanos().saturating_add(self.dt_ns.saturating_mul(steps)))
+    }
+
+    /// The columns behind `time`: the robot's, then each person's. `legacy`: in the original's spelling.
+    pub fn columns(&self, legacy: bool) -> Vec<Column> {
+        let of = |prefix: &str, rows: &[Values], fields: &[usize]| -> Vec<Column> {
+            let column = |&field: &usize| Column {
+                name: format!("{prefix}_{}", if legacy { LEGACY[field] } else { FIELDS[field].name }),
+                unit: FIELDS[field].unit,
+                values: rows.iter().map(|row| row[field]).collect(),
+            };
+            fields.iter().map(column).collect()
+        };
+        let mut columns = of("r", &self.robot, &[0, 1, 2, 3, 4, 5, 6]);
+        for (id, rows) in &self.people {
+            columns.extend(of(&format!("h_{id}"), rows, &[2, 3, 4, 5, 6, 0, 1]));
+        }
+        columns
+    }
+
+    /// Where nothing is known of a body's place.
+    pub fn gaps(&self) -> Vec<Gap> {
+        let mut gaps = Vec::new();
+        let people = self.people.iter().map(|(id, rows)| (format!("h_{id}"), rows));
+        for (body, rows) in std::iter::once(("r".to_owned(), &self.robot)).chain(people) {
+            let mut first = None;
+            for row in 0..=rows.len() {
+                let missing = rows.get(row).is_some_and(|values| values[2].is_nan());
+                match (missing, first) {
+                    (true, None) => first = Some(row),
+                    (false, Some(from)) => {
+                        let (from, to) = (self.stamp(from).as_secs_f64(), self.stamp(row - 1).as_secs_f64());
+                        gaps.push(Gap { body: body.clone(), from, to });
+                        first = None;
+                    }
+                    _ => {}
+                }
+            }
+        }
+        gaps
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn recording() -> Recording {
+        let row = |x: f64| [1.0, 2.0, x, 4.0, 0.5, 0.6, 0.7];
+        Recording {
+            start: Time::from_secs_f64(10.0),
+            dt_ns: 100_000_000,
+            frame: "map".into(),
+            robot: vec![row(3.0); 4],
+            people: BTreeMap::from([(7, vec![row(f64::NAN), row(1.0), row(f64::NAN), row(f64::NAN)])]),
+            complete: true,
+            ended_by: "ts_length reached",
+        }
+    }
+
+    #[test]
+    fn columns_have_the_documented_names_and_order() {
+        let names =
+            |legacy| -> Vec<String> { recording().columns(legacy).into_iter().map(|c| c.name).collect() };
+        let clean =
+            "r_gx r_gy r_x r_y r_theta r_v r_omega h_7_x h_7_y h_7_theta h_7_v h_7_omega h_7_gx h_7_gy";
+        assert_eq!(names(false).join(" "), clean);
+        assert_eq!(names(true)[..5], ["r_{gx}", "r_{gy}", "r_x", "r_y", "r_{\theta}"]);
+        let columns = recording().columns(false);
+        assert_eq!((columns[0].values[0], columns[11].values[1], columns[12].values[1]), (1.0, 0.7, 1.0));
+    }
+
+    #[test]
+    fn gaps_are_told_from_their_first_row_to_their_last() {
+        let gap = |from, to| Gap { body: "h_7".into(), from, to };
+        assert_eq!(recording().gaps(), [gap(10.0, 10.0), gap(10.2, 10.3)]);
+    }
+}

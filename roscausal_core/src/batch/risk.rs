@@ -1,0 +1,149 @@
+//! The paper's risk of collision (Castri et al., ROS-Causal, HRI 2024).
+
+use std::str::FromStr;
+
+/// Nearer than this, distance counts as this: bodies are not points. Metres.
+const NEAREST: f64 = 0.1;
+
+/// Place and velocity of a person or robot, metres and seconds.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Body {
+    /// Metres.
+    pub x: f64,
+    /// Metres.
+    pub y: f64,
+    /// Metres per second.
+    pub vx: f64,
+    /// Metres per second.
+    pub vy: f64,
+}
+
+impl Body {
+    /// A body that moves with speed `v` towards `theta`. One at rest needs no heading.
+    pub fn heading(x: f64, y: f64, theta: f64, v: f64) -> Self {
+        let (vx, vy) = if v == 0.0 { (0.0, 0.0) } else { (v * theta.cos(), v * theta.sin()) };
+        Self { x, y, vx, vy }
+    }
+
+    /// Metres per second.
+    pub fn speed(&self) -> f64 {
+        self.vx.hypot(self.vy)
+    }
+}
+
+/// The versions of the risk, which differ in how the person's own speed `v` counts.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum RiskModel {
+    /// As in the paper: `v`.
+    Paper,
+    /// As in release 1.0: `v`, only in collision course.
+    V1_0,
+    /// As in release 1.1: `v / 10`.
+    #[default]
+    V1_1,
+}
+
+impl RiskModel {
+    /// The names users choose by.
+    pub const NAMES: [&'static str; 3] = ["paper", "v1_0", "v1_1"];
+}
+
+impl FromStr for RiskModel {
+    type Err = String;
+
+    fn from_str(name: &str) -> Result<Self, String> {
+        match name {
+            "paper" => Ok(Self::Paper),
+            "v1_0" => Ok(Self::V1_0),
+            "v1_1" => Ok(Self::V1_1),
+            other => Err(format!("'{other}' is no risk model; allowed: {}", Self::NAMES.join(", "))),
+        }
+    }
+}
+
+/// The exponent of the risk that `a` runs of colliding with `b`; finite for finite bodies.
+///
+/// `a` is on collision course when its place one second ahead, P, lies in the triangle from `a` to `b` widened by
+/// `obs_size`, and `b` is nearer than `safe_dist`. Then relative speed over distance counts, and how far P is from
+/// the nearer side of the triangle.
+pub fn risk_exponent(a: &Body, b: &Body, model: RiskModel, obs_size: f64, safe_dist: f64) -> f64 {
+    let v = a.speed();
+    let course = collision_course(a, b, obs_size, safe_dist);
+    let own = match model {
+        RiskModel::Paper => v,
+        RiskModel::V1_0 if course.is_none() => 0.0,
+        RiskModel::V1_0 => v,
+        RiskModel::V1_1 => v / 10.0,
+    };
+    own + course.unwrap_or(0.0)
+}
+
+/// `|V_rel| / d + steer` on collision course, else `None`.
+fn collision_course(a: &Body, b: &Body, obs_size: f64, safe_dist: f64) -> Option<f64> {
+    let (dx, dy) = (b.x - a.x, b.y - a.y);
+    let d = dx.hypot(dy);
+    if d == 0.0 || d >= safe_dist {
+        return None;
+    }
+    let along = (a.vx * dx + a.vy * dy) / d;
+    let lateral = ((a.vx * dy - a.vy * dx) / d).abs();
+    if !(along > 0.0 && along < d && lateral < obs_size * along / d) {
+        return None;
+    }
+    // Distance of P from the line through `a` and the triangle's corner beside `b`.
+    let steer = (obs_size * along - d * lateral) / d.hypot(obs_size);
+    let relative = (b.vx - a.vx).hypot(b.vy - a.vy);
+    Some(relative / d.max(NEAREST) + steer)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const OBS: f64 = 2.0;
+    const SAFE: f64 = 5.0;
+
+    fn exponent(a: Body, b: Body, model: RiskModel) -> f64 {
+        risk_exponent(&a, &b, model, OBS, SAFE)
+    }
+
+    #[test]
+    fn the_risk_head_on_is_the_one_computed_by_hand() {
+        // d = 4, along = 1, lateral = 0, |V_rel| = 1.5, steer = 2 * 1 / sqrt(20).
+        let (a, b) = (Body::heading(0.0, 0.0, 0.0, 1.0), Body { x: 4.0, vx: -0.5, ..Body::default() });
+        let course = 1.5 / 4.0 + 2.0 / 20f64.sqrt();
+        assert!((exponent(a, b, RiskModel::V1_1) - (0.1 + course)).abs() < 1e-12);
+        assert!((exponent(a, b, RiskModel::Paper) - (1.0 + course)).abs() < 1e-12);
+        assert!((exponent(a, b, RiskModel::V1_0) - (1.0 + course)).abs() < 1e-12);
+    }
+
+    #[test]
+    fn the_risk_beside_the_middle_is_the_one_computed_by_hand() {
+        // A walks along (0.8, 0.2) to a robot at rest at (2, 0): along 0.8, lateral 0.2 < 2 * 0.8 / 2.
+        let (a, b) = (Body { vx: 0.8, vy: 0.2, ..Body::default() }, Body { x: 2.0, ..Body::default() });
+        let expected = 0.68f64.sqrt() / 10.0 + 0.68f64.sqrt() / 2.0 + (2.0 * 0.8 - 2.0 * 0.2) / 8f64.sqrt();
+        assert!((exponent(a, b, RiskModel::V1_1) - expected).abs() < 1e-12);
+    }
+
+    #[test]
+    fn off_the_course_only_the_own_speed_counts() {
+        let a = Body::heading(0.0, 0.0, 0.0, 1.0);
+        let behind = Body { x: -3.0, ..Body::default() };
+        let far = Body { x: 5.0, ..Body::default() };
+        let beside = Body { x: 1.0, y: 4.0, ..Body::default() };
+        for b in [behind, far, beside] {
+            assert_eq!(exponent(a, b, RiskModel::V1_1), 0.1);
+            assert_eq!(exponent(a, b, RiskModel::V1_0), 0.0);
+        }
+    }
+
+    #[test]
+    fn equal_places_and_bodies_at_rest_have_a_finite_risk() {
+        let rest = Body::default();
+        assert_eq!(exponent(rest, rest, RiskModel::Paper), 0.0);
+        let near = Body { x: 1e-9, vx: 3.0, ..Body::default() };
+        let creeping = Body { vx: 1e-10, ..Body::default() };
+        assert!(exponent(creeping, near, RiskModel::Paper).exp().is_finite());
+        assert_eq!(Body::heading(1.0, 2.0, f64::NAN, 0.0).speed(), 0.0);
+    }
+}
