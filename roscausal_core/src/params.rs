@@ -49,6 +49,10 @@ impl ParamSpec {
         Self { name, default, description, allowed }
     }
 
+    fn is_word(&self, text: &str) -> bool {
+        matches!(&self.allowed, Allowed::OneOf(words) if words.contains(&text))
+    }
+
     /// The value as this parameter's type, with ROS-Causal's spellings accepted: `"True"`, `"0.1"`, an integer
     /// where a double is meant, a number where a text is meant.
     ///
@@ -59,9 +63,13 @@ impl ParamSpec {
         let value = match (&self.default, &value) {
             (Value::Bool(_), value) => Value::Bool(value.as_bool().ok_or_else(|| fault("true or false"))?),
             (Value::Int(_), value) => Value::Int(value.as_int().ok_or_else(|| fault("a whole number"))?),
+            // "" is "none" where any number is allowed.
+            (Value::Double(_), Value::Str(text)) if text.is_empty() && self.allowed == Allowed::Any => value,
             (Value::Double(_), value) => Value::Double(value.as_double().ok_or_else(|| fault("a number"))?),
             (Value::Str(_), Value::List(_)) => return Err(fault("a text")),
-            (Value::Str(_), Value::Str(text)) if matches!(text.as_str(), "None" | "none") => {
+            (Value::Str(_), Value::Str(text))
+                if matches!(text.as_str(), "None" | "none") && !self.is_word(text) =>
+            {
                 Value::Str(String::new())
             }
             (Value::Str(_), value) => Value::Str(value.to_string()),
@@ -232,6 +240,12 @@ mod tests {
         assert_eq!(number.checked(Value::Int(1)).expect("a number"), Value::Double(1.0));
         assert_eq!(number.checked(text("0.3")).expect("a number"), Value::Double(0.3));
         assert_eq!(spec(text("x"), Allowed::Any).checked(Value::Int(1000)).expect("a text"), text("1000"));
+        assert_eq!(spec(text("x"), Allowed::Any).checked(text("None")).expect("a text"), text(""));
+        let word = spec(text("auto"), Allowed::OneOf(&["auto", "none"]));
+        assert_eq!(word.checked(text("none")).expect("a word"), text("none"));
+        let length = spec(Value::Double(150.0), Allowed::Any);
+        assert_eq!(length.checked(text("")).expect("no number"), text(""));
+        assert!(number.checked(text("")).is_err());
     }
 
     #[test]

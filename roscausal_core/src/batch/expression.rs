@@ -105,7 +105,9 @@ impl Expression {
         }
         match root.kind()? {
             Kind::Number => Ok(Self { root }),
-            Kind::Point => Err(format!("'{text}' is a point, not a number; try dist(...), norm(...) or speed(h)")),
+            Kind::Point => {
+                Err(format!("'{text}' is a point, not a number; try dist(...), norm(...) or speed(h)"))
+            }
         }
     }
 
@@ -157,7 +159,9 @@ impl Node {
     fn mentions_human(&self) -> bool {
         match self {
             Self::Number(_) | Self::Time => false,
-            Self::Field(who, _) | Self::Place(who) | Self::Goal(who) | Self::Velocity(who) => *who == Who::Human,
+            Self::Field(who, _) | Self::Place(who) | Self::Goal(who) | Self::Velocity(who) => {
+                *who == Who::Human
+            }
             Self::Negative(inner) => inner.mentions_human(),
             Self::Binary(_, a, b) => a.mentions_human() || b.mentions_human(),
             Self::Call(_, arguments) => arguments.iter().any(Self::mentions_human),

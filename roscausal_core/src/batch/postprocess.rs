@@ -58,11 +58,13 @@ impl Feature {
         let legal = |c: char| c.is_alphanumeric() || "_-.{}\\".contains(c);
         let name = name.trim();
         if name.is_empty() || !name.chars().all(legal) || name == "time" {
-            let reason = format!("'{name}' is no name of a feature; use letters, digits and '_', such as h_dg = ...");
+            let reason =
+                format!("'{name}' is no name of a feature; use letters, digits and '_', such as h_dg = ...");
             return Err(Error::param("features", reason));
         }
         let text = text.trim();
-        let expression = Expression::parse(text).map_err(|reason| Error::param("features", format!("{name} = {reason}")))?;
+        let expression = Expression::parse(text)
+            .map_err(|reason| Error::param("features", format!("{name} = {reason}")))?;
         let lagged = text.starts_with("risk(");
         Ok(Self { name: name.to_owned(), expression, lagged })
     }
@@ -85,7 +87,8 @@ impl Feature {
         }
         let features: Vec<Self> = if definitions.is_empty() {
             let [v, dg, risk] = names else {
-                let reason = format!("{} names given; three are needed: speed, distance to goal, risk", names.len());
+                let reason =
+                    format!("{} names given; three are needed: speed, distance to goal, risk", names.len());
                 return Err(Error::param("feature_names", reason));
             };
             [(v, "h.v"), (dg, "dist(h, h.goal)"), (risk, "risk(h, r)")]
@@ -95,7 +98,10 @@ impl Feature {
         } else {
             let parse = |definition: &String| match definition.split_once('=') {
                 Some((name, text)) => Self::new(name, text),
-                None => Err(Error::param("features", format!("'{definition}' has no '='; write name = expression"))),
+                None => Err(Error::param(
+                    "features",
+                    format!("'{definition}' has no '='; write name = expression"),
+                )),
             };
             definitions.iter().map(parse).collect::<Result<_>>()?
         };
@@ -135,17 +141,25 @@ impl Postprocess {
         Ok(Features { columns })
     }
 
-    fn column(&self, feature: &Feature, name: String, batch: &Recording, person: Option<(u32, &Vec<Values>)>) -> Column {
+    fn column(
+        &self,
+        feature: &Feature,
+        name: String,
+        batch: &Recording,
+        person: Option<(u32, &Vec<Values>)>,
+    ) -> Column {
         let id = person.map_or(0, |(id, _)| u64::from(id));
         let stream = mix(self.seed ^ mix(batch.start.as_nanos() as u64) ^ mix(id.wrapping_add(1)));
         let value = |row: usize| {
-            let noise = if self.risk_noise > 0.0 { self.risk_noise * normal(stream, row as u64) } else { 0.0 };
+            let noise =
+                if self.risk_noise > 0.0 { self.risk_noise * normal(stream, row as u64) } else { 0.0 };
             let risk = |a: &Body, b: &Body| {
                 let exponent = risk_exponent(a, b, self.risk_model, self.obs_size, self.safe_dist);
                 (exponent + noise).min(LARGEST_EXPONENT).exp()
             };
             let human = person.and_then(|(_, rows)| rows.get(row)).unwrap_or(&UNKNOWN);
-            let scope = Scope { time: batch.stamp(row).as_secs_f64(), robot: &batch.robot[row], human, risk: &risk };
+            let scope =
+                Scope { time: batch.stamp(row).as_secs_f64(), robot: &batch.robot[row], human, risk: &risk };
             feature.expression.value(&scope)
         };
         let lag = if feature.lagged { self.risk_lag } else { 0 };
@@ -172,7 +186,8 @@ fn mix(x: u64) -> u64 {
 
 /// A standard normal number, the same for the same stream and index (Box and Muller 1958).
 fn normal(stream: u64, index: u64) -> f64 {
-    let uniform = |salt: u64| ((mix(stream ^ mix(2 * index + salt)) >> 11) as f64 + 0.5) / (1u64 << 53) as f64;
+    let uniform =
+        |salt: u64| ((mix(stream ^ mix(2 * index + salt)) >> 11) as f64 + 0.5) / (1u64 << 53) as f64;
     (-2.0 * uniform(0).ln()).sqrt() * (std::f64::consts::TAU * uniform(1)).cos()
 }
 
@@ -204,7 +219,10 @@ mod tests {
             dt_ns: 100_000_000,
             frame: "map".into(),
             robot: vec![[f64::NAN, f64::NAN, 4.0, 0.0, 0.0, 0.0, 0.0]; speeds.len()],
-            people: ids.iter().map(|id| (*id, speeds.iter().map(person).collect())).collect::<BTreeMap<_, _>>(),
+            people: ids
+                .iter()
+                .map(|id| (*id, speeds.iter().map(person).collect()))
+                .collect::<BTreeMap<_, _>>(),
             complete: true,
             ended_by: "",
         }

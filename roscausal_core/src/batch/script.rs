@@ -37,7 +37,8 @@ impl Script {
     /// A name that leaves the folder, or a file that is not there or cannot be run.
     pub fn new(dir: &Path, name: &str, time_limit: Duration) -> Result<Self> {
         if name.is_empty() || name.contains("..") || name.starts_with('/') {
-            let reason = format!("'{name}' is no file in pp_script_dir; give its name, such as postprocess.py");
+            let reason =
+                format!("'{name}' is no file in pp_script_dir; give its name, such as postprocess.py");
             return Err(Error::param("pp_script", reason));
         }
         let program = dir.join(name);
@@ -58,7 +59,13 @@ impl Script {
     }
 
     /// What is passed on to the program.
-    pub fn with_arguments(mut self, obs_size: f64, safe_dist: f64, sel_agent: &str, delete_traj: bool) -> Self {
+    pub fn with_arguments(
+        mut self,
+        obs_size: f64,
+        safe_dist: f64,
+        sel_agent: &str,
+        delete_traj: bool,
+    ) -> Self {
         (self.obs_size, self.safe_dist, self.delete_traj) = (obs_size, safe_dist, delete_traj);
         self.sel_agent = sel_agent.to_owned();
         self
@@ -113,7 +120,9 @@ impl Script {
             Some(_) => {
                 let made = work.join(name);
                 let bytes = fs::read(&made).map_err(|_| {
-                    fault(format!("ended without writing {name} into the folder of --pp_data_dir; it said: {said}"))
+                    fault(format!(
+                        "ended without writing {name} into the folder of --pp_data_dir; it said: {said}"
+                    ))
                 })?;
                 if bytes.is_empty() {
                     return Err(fault(format!("wrote an empty {name}; it said: {said}")));
@@ -126,7 +135,9 @@ impl Script {
     /// The program itself when it may be executed, else Python for a `.py`.
     fn command(&self) -> Result<Command> {
         if is_executable(&self.program) {
-            return Ok(Command::new(std::path::absolute(&self.program).unwrap_or_else(|_| self.program.clone())));
+            return Ok(Command::new(
+                std::path::absolute(&self.program).unwrap_or_else(|_| self.program.clone()),
+            ));
         }
         if self.program.extension().is_some_and(|extension| extension == "py") {
             let mut command = Command::new("python3");
@@ -183,7 +194,8 @@ mod tests {
         fs::set_permissions(&path, fs::Permissions::from_mode(0o755)).expect("sets");
         fs::create_dir_all(dir.path().join("raw")).expect("makes");
         fs::write(dir.path().join("raw/data_1.csv"), "a\n1\n").expect("writes");
-        let script = Script::new(dir.path(), "pp.sh", time_limit).expect("runs").with_arguments(2.0, 5.0, "7", true);
+        let script =
+            Script::new(dir.path(), "pp.sh", time_limit).expect("runs").with_arguments(2.0, 5.0, "7", true);
         Setup { dir, script }
     }
 
@@ -206,7 +218,10 @@ mod tests {
         setup.run().expect("post-processes");
         let text = fs::read_to_string(setup.dir.path().join("pp/data_1.csv")).expect("is there");
         assert!(text.starts_with("a\n1\n--csv data_1.csv --data_dir /"), "{text}");
-        assert!(text.ends_with("--obs_size 2.0 --safe_dist 5.0 --sel_agent 7 --delete_traj True\n"), "{text}");
+        assert!(
+            text.ends_with("--obs_size 2.0 --safe_dist 5.0 --sel_agent 7 --delete_traj True\n"),
+            "{text}"
+        );
         assert_eq!(setup.left(), ["data_1.csv"]);
     }
 

@@ -94,7 +94,9 @@ impl WriterConfig {
     /// A format that strftime does not know, as an error of the parameter `id_format`.
     pub fn check(&self) -> Result<()> {
         use chrono::format::Item;
-        if self.id_format.is_empty() || StrftimeItems::new(&self.id_format).any(|item| matches!(item, Item::Error)) {
+        if self.id_format.is_empty()
+            || StrftimeItems::new(&self.id_format).any(|item| matches!(item, Item::Error))
+        {
             let reason = format!("'{}' is no strftime format; such as %Y%m%d_%H%M%S", self.id_format);
             return Err(Error::param("id_format", reason));
         }
@@ -102,9 +104,15 @@ impl WriterConfig {
     }
 
     /// Writes a batch and post-processes it. The name it got.
-    fn write(&self, batch: &Recording, status: &Mutex<WriterStatus>, name: &mut Option<String>) -> Result<()> {
+    fn write(
+        &self,
+        batch: &Recording,
+        status: &Mutex<WriterStatus>,
+        name: &mut Option<String>,
+    ) -> Result<()> {
         if name.is_none() {
-            let stamp = DateTime::from_timestamp(i64::from(batch.start.sec), batch.start.nanosec).unwrap_or_default();
+            let stamp =
+                DateTime::from_timestamp(i64::from(batch.start.sec), batch.start.nanosec).unwrap_or_default();
             let id = stamp.format(&self.id_format).to_string();
             let new = free_name(&self.raw, &self.processed, &id);
             // The metadata first: whoever sees the batch finds them.
@@ -132,10 +140,15 @@ impl WriterConfig {
         };
         match done {
             Ok(()) => lock(status).processed += 1,
-            Err(error @ Error::File { .. }) if matches!(self.processing, Processing::BuiltIn(_)) => return Err(error),
+            Err(error @ Error::File { .. }) if matches!(self.processing, Processing::BuiltIn(_)) => {
+                return Err(error);
+            }
             Err(error) => {
                 let _ = fs::remove_file(self.processed.path(&sidecar(name)));
-                tracing::error!("{name} is not post-processed and stays in {}: {error}", self.raw.dir().display());
+                tracing::error!(
+                    "{name} is not post-processed and stays in {}: {error}",
+                    self.raw.dir().display()
+                );
                 let mut status = lock(status);
                 status.failed += 1;
                 status.trouble = Some(error.to_string());
@@ -196,7 +209,8 @@ impl Writer {
     pub fn start(config: WriterConfig) -> Result<Self> {
         config.check()?;
         let (sender, receiver) = sync_channel(WAITING);
-        let (ending, status) = (Arc::new(AtomicBool::new(false)), Arc::new(Mutex::new(WriterStatus::default())));
+        let (ending, status) =
+            (Arc::new(AtomicBool::new(false)), Arc::new(Mutex::new(WriterStatus::default())));
         let (end, told) = (ending.clone(), status.clone());
         let thread = thread::Builder::new()
             .name("batch-writer".into())
@@ -236,7 +250,12 @@ impl Drop for Writer {
 }
 
 /// Writes all that comes, in order; a batch that cannot be written is tried again until the end.
-fn work(config: &WriterConfig, batches: &Receiver<Recording>, ending: &AtomicBool, status: &Mutex<WriterStatus>) {
+fn work(
+    config: &WriterConfig,
+    batches: &Receiver<Recording>,
+    ending: &AtomicBool,
+    status: &Mutex<WriterStatus>,
+) {
     while let Ok(batch) = batches.recv() {
         let mut name = None;
         loop {
@@ -249,7 +268,9 @@ fn work(config: &WriterConfig, batches: &Receiver<Recording>, ending: &AtomicBoo
                 break;
             }
             let looks = TRY_AGAIN.as_millis() / LOOK_AGAIN.as_millis();
-            (0..looks).take_while(|_| !ending.load(Ordering::Relaxed)).for_each(|_| thread::sleep(LOOK_AGAIN));
+            (0..looks)
+                .take_while(|_| !ending.load(Ordering::Relaxed))
+                .for_each(|_| thread::sleep(LOOK_AGAIN));
         }
     }
 }

@@ -82,7 +82,9 @@ fn batches_of_one_second_have_names_of_their_own() {
     drop(writer);
     let expected = ["", "_2", "_3"].map(|end| format!("data_19700101_000000{end}"));
     let names = |folder: &str| -> Vec<String> {
-        let csv = files(&dir.path().join(folder)).into_iter().filter_map(|f| f.strip_suffix(".csv").map(str::to_owned));
+        let csv = files(&dir.path().join(folder))
+            .into_iter()
+            .filter_map(|f| f.strip_suffix(".csv").map(str::to_owned));
         csv.collect()
     };
     assert_eq!(names("raw"), expected);
@@ -92,7 +94,8 @@ fn batches_of_one_second_have_names_of_their_own() {
 #[test]
 fn the_raw_batch_goes_only_once_the_other_is_written() {
     let dir = tempfile::tempdir().expect("a folder");
-    let writer = Writer::start(WriterConfig { delete_raw: true, ..config(dir.path(), built_in()) }).expect("starts");
+    let writer =
+        Writer::start(WriterConfig { delete_raw: true, ..config(dir.path(), built_in()) }).expect("starts");
     writer.write(recording(0.0));
     writer.write(Recording { people: BTreeMap::new(), ..recording(9.0) });
     while writer.status().processed + writer.status().failed < 2 {

@@ -1,6 +1,8 @@
 //! The nodes: wiring only. Topic names live here; what messages mean lives in `state`, `batch` and `discovery`.
 
 mod agents;
+mod data;
+mod data_params;
 mod discovery;
 mod discovery_params;
 mod health;
@@ -12,6 +14,7 @@ use std::path::PathBuf;
 
 use crate::{Error, Result, batch::header, middleware::Middleware, params::ParamSpec};
 
+pub use data::{data, data_with};
 pub use discovery::{discovery, discovery_with};
 pub use human::human;
 pub use robot::robot;
@@ -25,7 +28,7 @@ fn path(text: &str) -> PathBuf {
 }
 
 /// Names of the nodes, as users start them.
-pub const NODES: [&str; 3] = ["robot", "human", "discovery"];
+pub const NODES: [&str; 4] = ["robot", "human", "data", "discovery"];
 
 /// Runs the node `name` until the middleware ends.
 ///
@@ -35,6 +38,7 @@ pub fn run<M: Middleware>(name: &str, mw: &M) -> Result<()> {
     match name {
         "robot" => robot(mw),
         "human" => human(mw),
+        "data" => data(mw),
         "discovery" => discovery(mw),
         _ => Err(unknown_node(name)),
     }
@@ -48,6 +52,7 @@ pub fn parameters(name: &str) -> Result<Vec<ParamSpec>> {
     match name {
         "robot" => Ok(robot::specs()),
         "human" => Ok(human::specs()),
+        "data" => Ok(data_params::specs()),
         "discovery" => Ok(discovery_params::specs()),
         _ => Err(unknown_node(name)),
     }

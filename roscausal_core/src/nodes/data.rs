@@ -1,0 +1,117 @@
+//! The data node: both states to batches in a pool.
+
+use roscausal_msgs::{Humans, RobotState};
+
+use super::{
+    data_params::{recorder, specs, writer},
+    health::Health,
+};
+use crate::{
+    Result,
+    batch::{recorder::Recorder, writer::Writer},
+    inbox::{Inbox, Next},
+    middleware::{Middleware, Qos},
+    params::Params,
+};
+
+/// Messages that may wait: more than ten seconds of a fast robot.
+const INBOX: usize = 20_000;
+
+#[derive(PartialEq)]
+enum Event {
+    Robot(RobotState),
+    Humans(Humans),
+}
+
+/// How far the open batch is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Recorded {
+    /// Rows of the open batch.
+    pub rows: usize,
+    /// Rows it will have; `None`: until the end.
+    pub of: Option<usize>,
+    /// Batches recorded before it.
+    pub batches: u64,
+}
+
+/// The data node: runs until the middleware ends, then writes what it has.
+///
+/// # Errors
+/// A parameter that is not allowed, a folder that cannot be made, a topic that cannot be used.
+pub fn data<M: Middleware>(mw: &M) -> Result<()> {
+    data_with(mw, |_| {})
+}
+
+/// The data node with a listener for its progress.
+///
+/// # Errors
+/// As [`data`].
+pub fn data_with<M: Middleware>(mw: &M, on_progress: impl Fn(Recorded)) -> Result<()> {
+    let params = Params::read(mw, &specs())?;
+    let mut recorder = Recorder::new(recorder(&params)?);
+    let writer = Writer::start(writer(&params)?)?;
+    let mut health = Health::new(mw)?;
+    let inbox = Inbox::new(mw, INBOX);
+    let robot_input = health.input::<RobotState>("/roscausal/robot", true);
+    let humans_input = health.input::<Humans>("/roscausal/humans", true);
+    let (robot, humans) = (inbox.sender(), inbox.sender());
+    let _robot =
+        mw.subscribe("/roscausal/robot", Qos::Volatile(1000), move |m| robot.send(Event::Robot(m)))?;
+    let _humans =
+        mw.subscribe("/roscausal/humans", Qos::Volatile(1000), move |m| humans.send(Event::Humans(m)))?;
+
+    let mut told = Recorded { rows: 0, of: None, batches: 0 };
+    loop {
+        let next = inbox.next(mw, Some(health.due()));
+        match &next {
+            Next::Deadline => {}
+            Next::Shutdown => recorder.finish(),
+            Next::Event(Event::Robot(state)) => {
+                health.heard(robot_input, mw.now());
+                recorder.robot(state, mw.now());
+            }
+            Next::Event(Event::Humans(people)) => {
+                health.heard(humans_input, mw.now());
+                recorder.humans(people, mw.now());
+            }
+        }
+        for batch in recorder.take_batches() {
+            told.batches += 1;
+            health.sent();
+            writer.write(batch);
+        }
+        let (rows, of) = recorder.progress();
+        if (rows, of) != (told.rows, told.of) {
+            told = Recorded { rows, of, ..told };
+            on_progress(told);
+        }
+        if next == Next::Shutdown {
+            return Ok(());
+        }
+        report(mw, &mut health, &recorder, &writer, inbox.dropped());
+    }
+}
+
+fn report<M: Middleware>(mw: &M, health: &mut Health<M>, recorder: &Recorder, writer: &Writer, dropped: u64) {
+    if mw.now() < health.due() {
+        return;
+    }
+    let (counts, status) = (recorder.counts(), writer.status());
+    let figures = [
+        ("rows recorded", counts.rows),
+        ("rows of the open batch", recorder.progress().0 as u64),
+        ("batches written", status.written),
+        ("batches post-processed", status.processed),
+        ("post-processings failed", status.failed),
+        ("batches lost", status.lost),
+        ("messages dropped", dropped),
+        ("duplicate stamps", counts.duplicates),
+        ("too late", counts.late),
+        ("in another frame", counts.foreign_frame),
+        ("too many people or samples", counts.crowded),
+        ("clock jumps", counts.jumps),
+    ]
+    .map(|(name, figure)| (name, figure.to_string()));
+    let trouble = status.trouble.or_else(|| recorder.trouble());
+    health.report(mw, &figures, trouble.as_deref());
+}

@@ -1,0 +1,240 @@
+//! The parameters of the data node.
+
+use std::time::Duration;
+
+use serde_json::{Map, Value as Json, json};
+
+use super::path;
+use crate::{
+    Error, Result,
+    batch::{
+        Select,
+        pool::Pool,
+        postprocess::{Feature, Postprocess},
+        recorder::RecorderConfig,
+        risk::RiskModel,
+        script::Script,
+        writer::{Processing, WriterConfig},
+    },
+    params::{Allowed, ParamSpec, Params, Value},
+};
+
+/// Parameters that tell where files are, not what is in them.
+const PLACES: [&str; 3] = ["data_dir", "pp_data_dir", "pp_script_dir"];
+
+/// Names, defaults, allowed values and descriptions.
+pub(super) fn specs() -> Vec<ParamSpec> {
+    use Allowed::{Any, OneOf, Range};
+    use Value::{Bool, Double, Int, List, Str};
+    let text = |text: &str| Str(text.to_owned());
+    let names = ["h_v", "h_dg", "h_risk"].map(text).to_vec();
+    vec![
+        ParamSpec::new("data_dir", text("~/roscausal/data_pool"), Any, "folder of raw batches"),
+        ParamSpec::new("pp_data_dir", text("~/roscausal/pp_pool"), Any, "folder of post-processed batches"),
+        ParamSpec::new(
+            "postprocess",
+            text("auto"),
+            OneOf(&["auto", "builtin", "script", "none"]),
+            "who post-processes; auto: pp_script if given, else builtin; none: raw batches are the result",
+        ),
+        ParamSpec::new("pp_script_dir", text(""), Any, "folder of pp_script"),
+        ParamSpec::new("pp_script", text(""), Any, "program that post-processes a raw batch; empty: none"),
+        ParamSpec::new("pp_time_limit", Double(60.0), Range(0.1, 86400.0), "seconds pp_script may take"),
+        ParamSpec::new(
+            "ts_length",
+            Double(150.0),
+            Any,
+            "length of a batch in seconds; empty or 0: until the end",
+        ),
+        ParamSpec::new("dt", Double(0.1), Range(0.001, 60.0), "step between rows in seconds"),
+        ParamSpec::new(
+            "subsampling",
+            Bool(false),
+            Any,
+            "rows are real samples, the last before each step; false: interpolated between samples",
+        ),
+        ParamSpec::new(
+            "max_gap",
+            Double(0.5),
+            Range(0.001, 60.0),
+            "samples farther apart are a gap, seconds",
+        ),
+        ParamSpec::new("id_format", text("%Y%m%d_%H%M%S"), Any, "strftime format of a batch's id, UTC"),
+        ParamSpec::new("csv_prefix", text("data_"), Any, "start of the batches' file names"),
+        ParamSpec::new("legacy_columns", Bool(false), Any, "raw columns as ROS-Causal 1.1 spells them"),
+        ParamSpec::new("sel_agent", text("1000"), Any, "who is recorded: an id, ids (3,7), nearest:N, all"),
+        ParamSpec::new("obs_size", Double(2.0), Range(0.01, 100.0), "radius the robot is widened by, metres"),
+        ParamSpec::new("safe_dist", Double(5.0), Range(0.01, 1000.0), "no collision course beyond, metres"),
+        ParamSpec::new("delete_traj", Bool(false), Any, "delete a raw batch once it is post-processed"),
+        ParamSpec::new("risk_model", text("v1_1"), OneOf(&RiskModel::NAMES), "version of the risk"),
+        ParamSpec::new("risk_lag", Int(0), Range(0.0, 1.0), "rows the risk is late by"),
+        ParamSpec::new(
+            "risk_noise",
+            Double(0.0),
+            Range(0.0, 10.0),
+            "deviation of noise on the risk's exponent",
+        ),
+        ParamSpec::new("seed", Int(0), Range(0.0, 9e15), "seed of that noise"),
+        ParamSpec::new("feature_names", List(names), Any, "names of speed, distance to goal, risk"),
+        ParamSpec::new("features", List(Vec::new()), Any, "features of your own, each 'name = expression'"),
+    ]
+}
+
+/// How to record.
+pub(super) fn recorder(params: &Params) -> Result<RecorderConfig> {
+    let (dt_s, max_gap_s, length) =
+        (params.double("dt"), params.double("max_gap"), params.double("ts_length"));
+    if max_gap_s < dt_s && params.double("max_gap") != 0.5 {
+        let reason = format!("{max_gap_s} is shorter than dt ({dt_s}); give at least dt");
+        return Err(Error::param("max_gap", reason));
+    }
+    let ts_length_s = match length {
+        length if length.is_nan() || length == 0.0 => None,
+        length if length >= dt_s && length <= 1e7 => Some(length),
+        length => {
+            let reason = format!(
+                "{length} is not allowed; give at least dt ({dt_s}) and at most 1e7, or 0: until the end"
+            );
+            return Err(Error::param("ts_length", reason));
+        }
+    };
+    let select: Select =
+        params.text("sel_agent").parse().map_err(|reason| Error::param("sel_agent", reason))?;
+    Ok(RecorderConfig { dt_s, ts_length_s, max_gap_s, subsampling: params.flag("subsampling"), select })
+}
+
+/// Where and how batches are written.
+pub(super) fn writer(params: &Params) -> Result<WriterConfig> {
+    let prefix = params.text("csv_prefix");
+    let (raw, processed) = (path(&params.text("data_dir")), path(&params.text("pp_data_dir")));
+    let processing = processing(params)?;
+    if raw == processed && !matches!(processing, Processing::None) {
+        return Err(Error::param("pp_data_dir", "it is data_dir too; give each its own folder"));
+    }
+    let config = WriterConfig {
+        raw: Pool::open(raw, &prefix)?,
+        processed: Pool::open(processed, &prefix)?,
+        id_format: params.text("id_format"),
+        legacy_columns: params.flag("legacy_columns"),
+        delete_raw: params.flag("delete_traj"),
+        processing,
+        parameters: noted(params),
+    };
+    config.check()?;
+    Ok(config)
+}
+
+fn processing(params: &Params) -> Result<Processing> {
+    let script = params.text("pp_script");
+    let by = match params.text("postprocess").as_str() {
+        "auto" if script.is_empty() => "builtin".to_owned(),
+        "auto" => "script".to_owned(),
+        other => other.to_owned(),
+    };
+    let (obs_size, safe_dist) = (params.double("obs_size"), params.double("safe_dist"));
+    Ok(match by.as_str() {
+        "none" => Processing::None,
+        "script" => {
+            let limit = Duration::from_secs_f64(params.double("pp_time_limit"));
+            let script = Script::new(&path(&params.text("pp_script_dir")), &script, limit)?;
+            let sel_agent = params.text("sel_agent");
+            Processing::Script(script.with_arguments(
+                obs_size,
+                safe_dist,
+                &sel_agent,
+                params.flag("delete_traj"),
+            ))
+        }
+        _ => Processing::BuiltIn(Postprocess {
+            risk_model: params
+                .text("risk_model")
+                .parse()
+                .map_err(|reason| Error::param("risk_model", reason))?,
+            risk_lag: params.count("risk_lag"),
+            risk_noise: params.double("risk_noise"),
+            seed: params.int("seed").unsigned_abs(),
+            obs_size,
+            safe_dist,
+            features: Feature::parse(&params.list("features"), &params.list("feature_names"))?,
+        }),
+    })
+}
+
+/// The parameters as noted beside each batch.
+fn noted(params: &Params) -> Map<String, Json> {
+    let what = params.all().filter(|(name, _)| !PLACES.contains(name));
+    what.map(|(name, value)| (name.to_owned(), as_json(value))).collect()
+}
+
+fn as_json(value: &Value) -> Json {
+    match value {
+        Value::Bool(value) => json!(value),
+        Value::Int(value) => json!(value),
+        Value::Double(value) => json!(value),
+        Value::Str(value) => json!(value),
+        Value::List(values) => values.iter().map(as_json).collect(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::loopback::Loopback;
+
+    fn with(settings: &[(&str, Value)]) -> Result<(RecorderConfig, WriterConfig)> {
+        let dir = tempfile::tempdir().expect("a folder");
+        let bus = Loopback::lockstep();
+        for (name, folder) in [("data_dir", "raw"), ("pp_data_dir", "pp")] {
+            let folder = dir.path().join(folder).display().to_string();
+            bus.set_node_param("data", name, Value::Str(folder));
+        }
+        settings.iter().for_each(|(name, value)| bus.set_node_param("data", name, value.clone()));
+        let params = Params::read(&bus.node("data"), &specs())?;
+        Ok((recorder(&params)?, writer(&params)?))
+    }
+
+    fn text(text: &str) -> Value {
+        Value::Str(text.to_owned())
+    }
+
+    #[test]
+    fn the_defaults_are_the_originals() {
+        let (recorder, writer) = with(&[]).expect("the defaults are allowed");
+        assert_eq!((recorder.dt_s, recorder.ts_length_s), (0.1, Some(150.0)));
+        assert_eq!(recorder.select, Select::Ids([1000].into()));
+        assert!(matches!(writer.processing, Processing::BuiltIn(_)));
+        assert!(!writer.parameters.contains_key("data_dir") && writer.parameters["dt"] == json!(0.1));
+    }
+
+    #[test]
+    fn an_empty_length_is_until_the_end() {
+        for length in [text(""), Value::Int(0), Value::Double(0.0)] {
+            assert_eq!(with(&[("ts_length", length)]).expect("is allowed").0.ts_length_s, None);
+        }
+    }
+
+    #[test]
+    fn what_is_not_allowed_is_refused_by_name() {
+        for (name, value) in [
+            ("ts_length", Value::Double(0.05)),
+            ("ts_length", Value::Double(-1.0)),
+            ("dt", Value::Double(0.0)),
+            ("max_gap", Value::Double(0.05)),
+            ("sel_agent", text("bob")),
+            ("postprocess", text("perhaps")),
+            ("pp_script", text("none.py")),
+            ("risk_model", text("v2")),
+            ("features", text("h_v = speed(x)")),
+            ("feature_names", text("a, b")),
+            ("id_format", text("%Q")),
+            ("csv_prefix", text("../x")),
+        ] {
+            let error = with(&[(name, value.clone())]).expect_err(name).to_string();
+            assert!(error.starts_with(&format!("parameter '{name}'")), "{error}");
+        }
+        assert!(matches!(
+            with(&[("postprocess", text("none"))]).expect("a word").1.processing,
+            Processing::None
+        ));
+    }
+}

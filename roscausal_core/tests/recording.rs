@@ -1,0 +1,291 @@
+//! From sensor topics to batch files, over the in-process bus with simulated time.
+
+use std::{
+    collections::BTreeMap,
+    fs,
+    path::{Path, PathBuf},
+    sync::{
+        Arc,
+        atomic::{AtomicBool, Ordering},
+    },
+    thread::{self, JoinHandle},
+    time::Duration,
+};
+
+use roscausal_core::{
+    Message, Result, Time,
+    batch::Table,
+    loopback::{Loopback, LoopbackNode, LoopbackPublisher},
+    middleware::{Middleware, Publish, Qos},
+    nodes,
+    params::Value,
+};
+use roscausal_msgs::{
+    Humans, RobotState,
+    geometry_msgs::{Point, Pose, PoseStamped, PoseWithCovarianceStamped, Quaternion},
+    nav_msgs::Odometry,
+    pedsim_msgs::{TrackedPerson, TrackedPersons},
+    std_msgs::Header,
+    tf2_msgs::TFMessage,
+};
+
+/// The robot, human and data nodes and what a robot's sensors would publish.
+struct Bench {
+    bus: Loopback,
+    nodes: Vec<(LoopbackNode, JoinHandle<Result<()>>)>,
+    odometry: LoopbackPublisher<Odometry>,
+    pose: LoopbackPublisher<PoseWithCovarianceStamped>,
+    people: LoopbackPublisher<TrackedPersons>,
+    goal: LoopbackPublisher<PoseStamped>,
+    dir: tempfile::TempDir,
+}
+
+impl Bench {
+    fn new(settings: &[(&str, Value)]) -> Self {
+        let (bus, dir) = (Loopback::lockstep(), tempfile::tempdir().expect("a folder"));
+        for (name, folder) in [("data_dir", "raw"), ("pp_data_dir", "pp")] {
+            bus.set_node_param("data", name, text(&dir.path().join(folder).display().to_string()));
+        }
+        bus.set_node_param("data", "sel_agent", text("all"));
+        settings.iter().for_each(|(name, value)| bus.set_node_param("data", name, value.clone()));
+        let sensors = bus.node("sensors");
+        let nodes = vec![
+            start::<TFMessage>(&bus, "robot", "/tf_static"),
+            start::<TFMessage>(&bus, "human", "/tf_static"),
+            start::<Humans>(&bus, "data", "/roscausal/humans"),
+        ];
+        Self {
+            odometry: sensors.advertise("/mobile_base_controller/odom", Qos::Volatile(10)).expect("advertises"),
+            pose: sensors.advertise("/robot_pose", Qos::Volatile(10)).expect("advertises"),
+            people: sensors.advertise("/ped/control/teleop_persons", Qos::Volatile(10)).expect("advertises"),
+            goal: sensors.advertise("/hri/human_goal", Qos::Volatile(10)).expect("advertises"),
+            bus,
+            nodes,
+            dir,
+        }
+    }
+
+    /// Odometry at 50 Hz, pose at 10 Hz, people at 25 Hz; clock and stamps may differ.
+    fn run(&self, clock: std::ops::Range<f64>, stamp: f64, who: impl Fn(f64) -> Vec<u64>) {
+        let steps = ((clock.end - clock.start) * 50.0).round() as u32;
+        for step in 0..steps {
+            let after = f64::from(step) * 0.02;
+            self.bus.advance_to(Time::from_secs_f64(clock.start + after));
+            let t = stamp + after;
+            let header = |frame: &str| Header { stamp: Time::from_secs_f64(t), frame_id: frame.into() };
+            let mut odometry = Odometry { header: header("odom"), ..Odometry::default() };
+            odometry.twist.twist.linear.x = 0.5;
+            self.odometry.publish(&odometry).expect("publishes");
+            if step % 5 == 0 {
+                let mut pose = PoseWithCovarianceStamped { header: header("map"), ..Default::default() };
+                pose.pose.pose = at(0.5 * t, 0.0, 0.0);
+                self.pose.publish(&pose).expect("publishes");
+            }
+            if step % 2 == 0 {
+                let tracks = who(t).into_iter().map(|id| track(id, t)).collect();
+                self.people.publish(&TrackedPersons { header: header("map"), tracks }).expect("publishes");
+            }
+            if step % 250 == 0 {
+                let goal = PoseStamped { header: header("map"), pose: at(3.0, 4.0 + t, 0.0) };
+                self.goal.publish(&goal).expect("publishes");
+            }
+        }
+        self.bus.settle();
+    }
+
+    /// Ends the nodes; the folders of raw and post-processed batches.
+    fn end(self) -> (tempfile::TempDir, Vec<PathBuf>, Vec<PathBuf>) {
+        for (node, thread) in self.nodes.into_iter().rev() {
+            node.shutdown();
+            thread.join().expect("no panic").expect("ends well");
+        }
+        let csv = |folder: &str| {
+            let mut paths: Vec<PathBuf> = files(&self.dir.path().join(folder)).into_keys().collect();
+            paths.retain(|path| path.extension().is_some_and(|extension| extension == "csv"));
+            paths
+        };
+        let (raw, processed) = (csv("raw"), csv("pp"));
+        (self.dir, raw, processed)
+    }
+}
+
+fn start<M: Message>(bus: &Loopback, name: &'static str, last_topic: &str) -> (LoopbackNode, JoinHandle<Result<()>>) {
+    let probe = bus.node("probe").advertise::<M>(last_topic, Qos::Volatile(1)).expect("advertises");
+    let (node, before) = (bus.node(name), probe.subscriber_count());
+    let runs = node.clone();
+    let thread = thread::spawn(move || nodes::run(name, &runs));
+    while probe.subscriber_count() == before && !thread.is_finished() {
+        thread::sleep(Duration::from_millis(1));
+    }
+    bus.settle();
+    (node, thread)
+}
+
+fn at(x: f64, y: f64, yaw: f64) -> Pose {
+    Pose { position: Point { x, y, z: 0.0 }, orientation: Quaternion::from_yaw(yaw) }
+}
+
+/// A person who walks along x at a speed that changes.
+fn track(id: u64, t: f64) -> TrackedPerson {
+    let mut track = TrackedPerson { track_id: id, ..TrackedPerson::default() };
+    track.pose.pose = at(id as f64 + t.sin(), 1.0, 0.0);
+    track.twist.twist.linear.x = t.cos();
+    track
+}
+
+fn text(text: &str) -> Value {
+    Value::Str(text.to_owned())
+}
+
+fn files(folder: &Path) -> BTreeMap<PathBuf, Vec<u8>> {
+    let entries = fs::read_dir(folder).expect("lists").map(|entry| entry.expect("an entry").path());
+    entries.map(|path| (path.clone(), fs::read(&path).expect("reads"))).collect()
+}
+
+fn facts(batch: &Path) -> serde_json::Value {
+    serde_json::from_slice(&fs::read(batch.with_extension("json")).expect("facts")).expect("JSON")
+}
+
+const ALL: fn(f64) -> Vec<u64> = |_| vec![7];
+
+#[test]
+fn the_same_messages_make_the_same_bytes() {
+    let record = || {
+        let bench = Bench::new(&[("ts_length", Value::Double(2.0)), ("risk_noise", Value::Double(0.02))]);
+        bench.run(10.0..17.5, 10.0, |t| if t < 14.0 { vec![7] } else { vec![7, 9] });
+        let (dir, raw, processed) = bench.end();
+        assert_eq!((raw.len(), processed.len()), (4, 4));
+        let bytes = |folder: &str| -> Vec<(String, Vec<u8>)> {
+            let name = |path: &PathBuf| path.file_name().expect("a name").to_string_lossy().into_owned();
+            files(&dir.path().join(folder)).into_iter().map(|(path, bytes)| (name(&path), bytes)).collect()
+        };
+        (bytes("raw"), bytes("pp"))
+    };
+    let (first, second) = (record(), record());
+    assert_eq!(first.0.iter().map(|(name, _)| name).collect::<Vec<_>>(), second.0.iter().map(|(name, _)| name).collect::<Vec<_>>());
+    assert!(first == second, "two runs differ");
+}
+
+#[test]
+fn a_batch_tells_what_the_sensors_told() {
+    let bench = Bench::new(&[("ts_length", Value::Double(2.0)), ("dt", Value::Double(0.3))]);
+    bench.run(10.0..17.5, 100.0, ALL);
+    let (_dir, raw, processed) = bench.end();
+    let table = Table::read(&raw[1], None).expect("reads");
+    let column = |name: &str| table.names.iter().position(|known| known == name).expect(name);
+    let time = table.time.as_ref().expect("has times");
+    for (row, &t) in time.iter().enumerate() {
+        let value = |name: &str| table.values[[row, column(name)]];
+        assert!((value("r_x") - 0.5 * t).abs() < 1e-6, "r_x at {t}");
+        assert!((value("h_7_x") - 7.0 - t.sin()).abs() < 2e-3, "h_7_x at {t}");
+        assert!((value("h_7_v") - t.cos().abs()).abs() < 0.03, "h_7_v at {t}");
+        assert!(value("r_gx").is_nan() && value("h_7_gx") == 3.0);
+        assert_eq!(value("r_v"), 0.5);
+    }
+    assert!((table.dt().expect("a step") - 0.3).abs() < 1e-9);
+    let features = Table::read(&processed[1], None).expect("reads");
+    assert_eq!(features.names, ["h_v", "h_dg", "h_risk"]);
+    let distance = (3.0 - table.values[[0, column("h_7_x")]]).hypot(table.values[[0, column("h_7_gy")]] - 1.0);
+    assert!((features.values[[0, 1]] - distance).abs() < 1e-9);
+    assert_eq!(facts(&processed[0])["ids"], serde_json::json!([7]));
+}
+
+#[test]
+fn a_batch_is_never_seen_half_written() {
+    let bench = Bench::new(&[("ts_length", Value::Double(1.0))]);
+    let (folders, over) = (["raw", "pp"].map(|f| bench.dir.path().join(f)), Arc::new(AtomicBool::new(false)));
+    let ends = over.clone();
+    let watcher = thread::spawn(move || {
+        let mut seen = 0_u64;
+        while !ends.load(Ordering::Relaxed) {
+            let names = folders.iter().filter_map(|folder| fs::read_dir(folder).ok()).flatten().flatten();
+            for path in names.map(|entry| entry.path()) {
+                let hidden = path.file_name().is_some_and(|name| name.to_string_lossy().starts_with('.'));
+                if hidden || path.extension().is_none_or(|extension| extension != "csv") {
+                    continue;
+                }
+                let text = fs::read_to_string(&path).expect("reads");
+                assert!(text.ends_with('\n') && text.lines().count() == 11, "{}: {text}", path.display());
+                assert_eq!(facts(&path)["n_rows"], 10);
+                seen += 1;
+            }
+        }
+        seen
+    });
+    bench.run(0.0..20.0, 50.0, ALL);
+    over.store(true, Ordering::Relaxed);
+    assert!(watcher.join().expect("never half a batch") > 0);
+    bench.end();
+}
+
+#[test]
+fn the_end_flushes_a_short_batch_that_says_so() {
+    let bench = Bench::new(&[("ts_length", Value::Double(150.0))]);
+    bench.run(10.0..12.0, 10.0, ALL);
+    let (_dir, raw, processed) = bench.end();
+    assert_eq!((raw.len(), processed.len()), (1, 1));
+    for path in [&raw[0], &processed[0]] {
+        assert_eq!(facts(path)["complete"], false);
+        assert_eq!(facts(path)["ended_by"], "the node ended");
+        let rows = Table::read(path, None).expect("reads").values.nrows();
+        assert!((18..=20).contains(&rows), "{rows} rows");
+    }
+}
+
+#[test]
+fn a_person_who_leaves_and_returns_is_missing_in_between() {
+    let bench = Bench::new(&[("ts_length", Value::Double(6.0))]);
+    bench.run(0.0..8.0, 10.0, |t| if (12.0..14.5).contains(&t) { vec![7] } else { vec![7, 9] });
+    let (_dir, raw, processed) = bench.end();
+    let table = Table::read(&raw[0], None).expect("reads");
+    let column = table.names.iter().position(|name| name == "h_9_x").expect("is there");
+    for (t, x) in table.time.as_ref().expect("has times").iter().zip(table.values.column(column)) {
+        let there = !(12.0..14.5).contains(t);
+        // Within a sample of coming and going either is right.
+        if (t - 12.0).abs() > 0.11 && (t - 14.5).abs() > 0.11 {
+            assert_eq!(x.is_finite(), there, "at {t}");
+        }
+    }
+    let names = Table::read(&processed[0], None).expect("reads").names;
+    assert_eq!(names, ["h_7_v", "h_9_v", "h_7_dg", "h_9_dg", "h_7_risk", "h_9_risk"]);
+    let gaps = &facts(&raw[0])["gaps"];
+    assert!(gaps.as_array().expect("a list").iter().any(|gap| gap["body"] == "h_9"), "{gaps}");
+}
+
+#[test]
+fn nobody_there_is_normal_and_records_nothing() {
+    let bench = Bench::new(&[("ts_length", Value::Double(1.0))]);
+    bench.run(0.0..4.0, 10.0, |_| vec![]);
+    let (_dir, raw, _) = bench.end();
+    assert!(raw.is_empty());
+}
+
+#[test]
+fn a_recording_that_starts_again_makes_batches_of_its_own() {
+    let bench = Bench::new(&[("ts_length", Value::Double(2.0))]);
+    bench.run(0.0..3.5, 100.0, ALL);
+    bench.run(3.5..7.5, 100.0, ALL);
+    let (_dir, raw, _) = bench.end();
+    let complete: Vec<bool> = raw.iter().map(|path| facts(path)["complete"] == true).collect();
+    assert!(complete.iter().filter(|complete| **complete).count() >= 2, "{complete:?}");
+    for path in &raw {
+        let table = Table::read(path, None).expect("time never goes back");
+        assert!(table.values.nrows() >= 1);
+    }
+}
+
+#[test]
+fn states_have_the_sensors_stamps_and_frame() {
+    let bench = Bench::new(&[]);
+    let node = bench.bus.node("listener");
+    let (send, states) = std::sync::mpsc::channel();
+    let _robot = node.subscribe("/roscausal/robot", Qos::Volatile(10), move |state: RobotState| {
+        let _ = send.send(state);
+    });
+    bench.run(5.0..6.0, 77.0, ALL);
+    bench.end();
+    let states: Vec<RobotState> = states.try_iter().collect();
+    assert!(states.len() >= 9, "{} states", states.len());
+    assert_eq!(states[0].header, Header { stamp: Time::from_secs_f64(77.0), frame_id: "map".into() });
+    assert!(states[0].goal.x.is_nan());
+}
