@@ -1,7 +1,7 @@
 //! The built-in post-processing: recorded states to the paper's variables, or to features of the user's own.
 
 use super::{
-    expression::{Expression, Scope, body},
+    expression::{Expression, Scope},
     recording::{Column, Recording},
     risk::{Body, RiskModel, risk_exponent},
     tracks::{FIELDS, Values},

@@ -60,7 +60,7 @@ pub(super) enum Taken {
 
 impl Track {
     /// Takes a sample (stamp in nanoseconds), in order or not.
-    pub fn insert(&mut self, stamp: i64, values: Values) -> Taken {
+    pub(super) fn insert(&mut self, stamp: i64, values: Values) -> Taken {
         let at = self.samples.partition_point(|(earlier, _)| *earlier < stamp);
         if self.samples.get(at).is_some_and(|(same, _)| *same == stamp) {
             return Taken::Duplicate;
@@ -75,7 +75,7 @@ impl Track {
 
     /// The values at `t`: those of a sample at `t`, or between two samples at most `max_gap` apart. With `hold`, those
     /// of the last sample instead of values between.
-    pub fn at(&self, t: i64, max_gap: i64, hold: bool) -> Option<Values> {
+    pub(super) fn at(&self, t: i64, max_gap: i64, hold: bool) -> Option<Values> {
         let after = self.samples.partition_point(|(stamp, _)| *stamp < t);
         let next = self.samples.get(after);
         if let Some((stamp, values)) = next
@@ -101,7 +101,7 @@ impl Track {
     }
 
     /// Forgets what no row at `t` or later needs. Whether anything is left that one may need.
-    pub fn forget_before(&mut self, t: i64, max_gap: i64) -> bool {
+    pub(super) fn forget_before(&mut self, t: i64, max_gap: i64) -> bool {
         while self.samples.get(1).is_some_and(|(second, _)| *second <= t) {
             self.samples.pop_front();
         }
