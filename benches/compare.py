@@ -1,0 +1,230 @@
+"""Runs the rows of the comparison and prints a Markdown table. Started by compare.sh."""
+
+import argparse
+import importlib.metadata
+import json
+import os
+import platform
+import statistics
+import subprocess
+import sys
+import time
+
+for name in ("OMP", "OPENBLAS", "MKL", "NUMBA"):
+    os.environ[f"{name}_NUM_THREADS"] = "1"
+
+# id: what, method, test, data, tau_min, tau_max, bar against the reference, bar against antecedent
+ROWS = {
+    "gpdc3": ("PCMCI + GPDC, 3 variables, T = 500, lag 1", "pcmci", "gpdc", ("chain", 3, 500), 1, 1, 100, 1),
+    "fgpdc3": ("F-PCMCI + GPDC on the same", "fpcmci", "gpdc", ("chain", 3, 500), 1, 1, 100, None),
+    "gpdc8": ("PCMCI + GPDC, 8 variables, T = 1000, lag 1", "pcmci", "gpdc", ("chain", 8, 1000), 1, 1, 100, None),
+    "parcorr20": ("PCMCI + ParCorr, N = 20, T = 2000, lag 5", "pcmci", "parcorr", ("var", 20, 2000), 1, 5, 200, 2),
+    "parcorr50": ("PCMCI + ParCorr, N = 50, T = 500, lag 5", "pcmci", "parcorr", ("var", 50, 500), 1, 5, 200, 2),
+    "plus10": ("PCMCI+ + ParCorr, N = 10, T = 500, lags 0-5", "pcmciplus", "parcorr", ("var", 10, 500), 0, 5, 200, None),
+    "cmiknn3": ("PCMCI + CMIknn (shuffle), N = 3, T = 500", "pcmci", "cmiknn", ("chain", 3, 500), 1, 1, 20, None),
+}
+# Ours alone.
+OWN = {
+    "threads3": ("two threads against one, gpdc3 (wall)", ("chain", 3, 500), 1.7),
+    "threads8": ("two threads against one, gpdc8 (wall)", ("chain", 8, 1000), 1.7),
+    "memory": ("peak memory, gpdc3", ("chain", 3, 500), 30),
+    "gpdc5840": ("GPDC, 8 variables x 5840 samples", ("chain", 8, 5840), 1000),
+}
+
+
+def make_data(kind, n, length):
+    """A random system with a fixed seed: `chain` is nonlinear, each variable driven by the one before."""
+    import numpy as np
+
+    rng = np.random.default_rng(20240101 + 1000 * n + length)
+    noise = rng.standard_normal((length, n))
+    x = np.zeros((length, n))
+    if kind == "chain":
+        for t in range(1, length):
+            past = x[t - 1]
+            x[t] = 0.4 * past + 0.6 * noise[t]
+            x[t, 1:] += 0.8 * np.tanh(1.5 * past[:-1])
+            x[t, 0] += 0.3 * np.cos(past[-1])
+    else:
+        # Two cross links per variable on average, at random lags; contraction keeps it stationary.
+        links = [(rng.integers(n), j, rng.integers(1, 6), rng.choice([-0.2, 0.2])) for j in range(n) for _ in "ab"]
+        for t in range(5, length):
+            x[t] = 0.4 * x[t - 1] + noise[t]
+            for i, j, lag, c in links:
+                x[t, j] += c * x[t - lag, i]
+    return x
+
+
+def data_file(work, spec):
+    import numpy as np
+
+    path = f"{work}/{spec[0]}_{spec[1]}x{spec[2]}.csv"
+    if not os.path.exists(path):
+        names = ",".join(f"X{i}" for i in range(spec[1]))
+        np.savetxt(path, make_data(*spec), "%.17g", ",", header=names, comments="")
+    return path
+
+
+def reference(peer, method, test, path, tau_min, tau_max):
+    """One warm-up on a short piece (compilation by numba, start of Java), then one timed run: CPU seconds."""
+    import contextlib
+    import io
+    import warnings
+
+    warnings.filterwarnings("ignore")
+    import numpy as np
+
+    data = np.loadtxt(path, delimiter=",", skiprows=1)
+    names = [f"X{i}" for i in range(data.shape[1])]
+    if peer == "antecedent":
+        from antecedent import discovery
+
+        kind = discovery.PCMCI if method == "pcmci" else discovery.PCMCIPlus
+
+        def run(values):
+            columns = {name: np.ascontiguousarray(values[:, i]) for i, name in enumerate(names)}
+            kind(max_lag=tau_max, alpha=0.05, fdr=False, ci=test).run(columns, threads=1)
+    else:
+        from tigramite import data_processing as pp
+        from tigramite.independence_tests.cmiknn import CMIknn
+        from tigramite.independence_tests.gpdc import GPDC
+        from tigramite.independence_tests.parcorr import ParCorr
+        from tigramite.pcmci import PCMCI
+
+        make = {"parcorr": ParCorr, "gpdc": GPDC, "cmiknn": lambda **kw: CMIknn(workers=1, **kw)}[test]
+
+        def run(values, **options):
+            if method == "fpcmci":
+                from fpcmci.CPrinter import CPLevel
+                from fpcmci.FPCMCI import FPCMCI
+                from fpcmci.preprocessing.data import Data
+                from fpcmci.selection_methods.TE import TE, TEestimator
+
+                FPCMCI(
+                    Data(values.copy(), vars=names), f_alpha=0.05, pcmci_alpha=0.05, min_lag=tau_min, max_lag=tau_max,
+                    sel_method=TE(TEestimator.Gaussian), val_condtest=make(**options), verbosity=CPLevel.NONE,
+                    neglect_only_autodep=True, resfolder=None,
+                ).run()
+                return
+            pcmci = PCMCI(pp.DataFrame(values), make(**options), verbosity=0)
+            if method == "pcmci":
+                pcmci.run_pcmci(tau_min=tau_min, tau_max=tau_max, pc_alpha=0.2)
+            else:
+                pcmci.run_pcmciplus(tau_min=tau_min, tau_max=tau_max, pc_alpha=0.01)
+
+    with contextlib.redirect_stdout(io.StringIO()):
+        # Few samples and, where there are surrogates, few of them.
+        run(data[: 40 + 4 * tau_max], **({"sig_samples": 10} if test == "cmiknn" else {}))
+        start, wall = time.process_time(), time.time()
+        run(data)
+        result = {"cpu_s": time.process_time() - start, "wall_s": time.time() - wall}
+    print(json.dumps(result), flush=True)
+    os._exit(0)
+
+
+def measure(command, runs, cap):
+    """Median of the runs that end within `cap` seconds in all; `None` and the reason when none does."""
+    results, left = [], cap
+    for _ in range(runs):
+        start = time.time()
+        try:
+            done = subprocess.run(command, capture_output=True, text=True, timeout=left)
+        except subprocess.TimeoutExpired:
+            return (results, None) if results else ([], f"> {cap:.0f} s")
+        left -= time.time() - start
+        lines = [line for line in done.stdout.splitlines() if line.startswith("{")]
+        if not lines:
+            return results, (done.stderr.strip().splitlines() or ["no result"])[-1]
+        results.append(json.loads(lines[-1]))
+        if left <= 0:
+            break
+    return results, None
+
+
+def median(results, key):
+    return statistics.median(result[key] for result in results)
+
+
+def show(results, reason, key="cpu_s"):
+    return f"{median(results, key):.4g} ({len(results)})" if results else (reason or "-")
+
+
+def compare(row, options, ours):
+    what, method, test, spec, tau_min, tau_max, bar, bar_antecedent = ROWS[row]
+    path = data_file(options.work, spec)
+    arguments = [method, test, path, str(tau_min), str(tau_max)]
+    mine, failure = measure([ours, *arguments], options.runs, options.cap)
+    columns = [what, show(mine, failure)]
+    for peer, wanted in (("reference", bar), ("antecedent", bar_antecedent)):
+        if wanted is None:
+            columns += ["-", "-", "-"]
+            continue
+        command = [sys.executable, __file__, "--peer", peer, *arguments]
+        theirs, failure = measure(command, options.runs, options.cap)
+        if mine and theirs:
+            ratio = median(theirs, "cpu_s") / max(median(mine, "cpu_s"), 1e-9)
+            columns += [show(theirs, None), f"{ratio:.1f} x", f"{wanted} x"]
+        else:
+            # A run that did not end in time still gives a lower bound.
+            bound = f"> {options.cap / median(mine, 'cpu_s'):.0f} x" if mine and (failure or "").startswith(">") else "-"
+            columns += [failure or "-", bound, f"{wanted} x"]
+    print("| " + " | ".join(columns) + " |", flush=True)
+
+
+def own(row, options, ours):
+    what, spec, bar = OWN[row]
+    command = [ours, "pcmci", "gpdc", data_file(options.work, spec), "1", "1"]
+    runs, failure = measure([*command, "1"], 1 if row == "gpdc5840" else options.runs, options.cap)
+    if not runs:
+        print(f"- {what}: {failure}", flush=True)
+    elif row.startswith("threads"):
+        both, failure = measure([*command, "2"], options.runs, options.cap)
+        one, two = median(runs, "wall_s"), median(both, "wall_s") if both else float("nan")
+        print(f"- {what}: {one:.3g} s and {two:.3g} s, {one / two:.2f} x (bar {bar} x)", flush=True)
+    else:
+        print(f"- {what}: {median(runs, 'peak_mb'):.1f} MB (bar {bar} MB), {median(runs, 'cpu_s'):.3g} CPU s", flush=True)
+
+
+def main():
+    if "--peer" in sys.argv:
+        peer, method, test, path, tau_min, tau_max = sys.argv[2:8]
+        reference(peer, method, test, path, int(tau_min), int(tau_max))
+    parser = argparse.ArgumentParser(prog="compare.sh")
+    parser.add_argument("--work", required=True, help=argparse.SUPPRESS)
+    parser.add_argument("--rows", default=",".join([*ROWS, *OWN]), help="rows to run, by commas")
+    parser.add_argument("--runs", type=int, default=5, help="runs per cell; the median counts")
+    parser.add_argument("--cap", type=float, default=900, help="seconds per cell, all its runs together")
+    parser.add_argument("--list", action="store_true", help="list the rows")
+    options = parser.parse_args()
+    if options.list:
+        for row in {**ROWS, **OWN}:
+            print(f"{row:12} {({**ROWS, **OWN})[row][0]}")
+        return
+    wanted = options.rows.split(",")
+    unknown = [row for row in wanted if row not in ROWS and row not in OWN]
+    if unknown:
+        sys.exit(f"unknown rows: {', '.join(unknown)}; --list shows them")
+    ours = "target/release/examples/bench_case"
+    target = os.environ.get("CARGO_TARGET_DIR")
+    if target:
+        ours = f"{target}/release/examples/bench_case"
+    with open("/proc/cpuinfo") as info:
+        cpu = next((line.split(":")[1].strip() for line in info if line.startswith("model name")), platform.machine())
+    version = importlib.metadata.version
+    peers = ", ".join(f"{p} {version(p)}" for p in ("tigramite", "fpcmci", "idtxl-uv", "antecedent", "numpy", "numba"))
+    print(f"{cpu}, {os.cpu_count()} cores; Python {platform.python_version()}, {peers}.")
+    print(f"CPU seconds of one analysis in one thread, median of (n) runs, at most {options.runs} and {options.cap:.0f} s per")
+    print("cell; the references warmed up by a short run in the same process, which is not counted.\n")
+    if any(row in ROWS for row in wanted):
+        print("| work | ours | reference | ratio | bar | antecedent | ratio | bar |")
+        print("| --- | --- | --- | --- | --- | --- | --- | --- |", flush=True)
+    for row in wanted:
+        if row in ROWS:
+            compare(row, options, ours)
+    print(flush=True)
+    for row in wanted:
+        if row in OWN:
+            own(row, options, ours)
+
+
+main()

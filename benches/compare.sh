@@ -1,0 +1,21 @@
+#!/bin/sh
+# The same data through this engine and through the Python references, side by side; prints the table in Markdown.
+# usage: benches/compare.sh [--rows gpdc3,parcorr20,...] [--runs N] [--cap SECONDS] [--list]
+# It makes its virtual environment under target/compare; F-PCMCI needs Java (Debian: default-jre-headless).
+set -eu
+cd "$(dirname "$0")/.."
+work=target/compare
+python=$work/venv/bin/python
+mkdir -p "$work"
+if [ ! -e "$work/venv/complete" ]; then
+    python3 -m venv "$work/venv"
+    "$python" -m pip install --quiet tigramite==5.2.10.1 numpy==2.3.5 numba scikit-learn dcor matplotlib networkx \
+        antecedent==2.4.1
+    # A plain install of fpcmci drags in gigabytes and does not import: what it really imports is this.
+    "$python" -m pip install --quiet --no-warn-conflicts --no-deps fpcmci==4.4.1 idtxl-uv==1.6.1 netgraph rectangle-packer grandalf
+    "$python" -m pip install --quiet --no-warn-conflicts numpy==2.3.5 jpype1 pandas ruptures statsmodels h5py
+    touch "$work/venv/complete"
+fi
+command -v java >/dev/null || echo "no java: the row of F-PCMCI will be empty (Debian: default-jre-headless)" >&2
+cargo build --quiet --release -p roscausal_core --example bench_case
+exec "$python" benches/compare.py --work "$work" "$@"
