@@ -2,6 +2,7 @@
 //! use of the backend. What it does is told by the parameter `role`:
 //! - `echo`: for every message type, what comes on `/in/package/Name` goes out on `/out/package/Name`;
 //! - `model`: `count` causal models of `n_vars` variables and `n_lags` lags on `/model`, latched;
+//! - `names`: prints what the command line makes of the node's name, of some topics and of its parameters;
 //! - `count`: counts the odometry on `/odom` and sends as many robot states on `/state` as `count` says.
 
 use std::{
@@ -20,7 +21,7 @@ use roscausal_core::{
 };
 use roscausal_msgs::{
     CausalLink, CausalModel, CausalModelInfo, HumanState, Humans, Message, RobotState, diagnostic_msgs,
-    geometry_msgs, nav_msgs, rosgraph_msgs, sensor_msgs, std_msgs, tf2_msgs, visualization_msgs,
+    geometry_msgs, nav_msgs, pedsim_msgs, people_msgs, rosgraph_msgs, sensor_msgs, spencer_tracking_msgs, std_msgs, tf2_msgs, visualization_msgs,
 };
 use roscausal_ros2::{Args, Ros2, Ros2Subscription, console::Console};
 
@@ -38,6 +39,9 @@ const fn number(name: &'static str, default: i64) -> ParamSpec {
 
 fn main() -> Result<(), Box<dyn Error>> {
     let args = Args::parse("peer", std::env::args().skip(1), |name| std::env::var(name).ok())?;
+    if args.overrides.get("role") == Some(&Value::Str("names".into())) {
+        return print_names(&args);
+    }
     let console = Console::install(args.log_level);
     console.name("peer");
     let node = Ros2::start(&args)?;
@@ -59,6 +63,19 @@ fn main() -> Result<(), Box<dyn Error>> {
             send_models(&node, int("count", 1), int("n_vars", 8), int("n_lags", 2))?
         }
         _ => count(&node, int("count", 1000), int("period_us", 1000))?,
+    }
+    // The thread that waits for signals holds the node as well: it would not leave by itself.
+    node.leave();
+    Ok(())
+}
+
+fn print_names(args: &Args) -> Result<(), Box<dyn Error>> {
+    println!("NAME {}", args.names.full_name());
+    for topic in ["chat", "/abs", "~/priv", "ns/chat", "/a/b/chat"] {
+        println!("TOPIC {topic} {}", args.names.resolve(topic)?);
+    }
+    for (name, value) in &args.overrides {
+        println!("PARAM {name} {value:?}");
     }
     Ok(())
 }
@@ -103,6 +120,12 @@ fn echo_all(node: &Ros2) -> roscausal_core::Result<()> {
         rosgraph_msgs::Clock,
         diagnostic_msgs::DiagnosticArray,
         visualization_msgs::Ros2MarkerArray,
+        people_msgs::People,
+        pedsim_msgs::AgentStates,
+        pedsim_msgs::TrackedPersons,
+        pedsim_msgs::Waypoints,
+        pedsim_msgs::LineObstacles,
+        spencer_tracking_msgs::TrackedPersons,
     ];
     while node.is_ok() {
         sleep(Duration::from_millis(20));
@@ -126,7 +149,7 @@ fn send_models(node: &Ros2, count: usize, n_vars: usize, n_lags: usize) -> rosca
         publisher.publish(&model)?;
         sleep(Duration::from_millis(100));
     }
-    tracing::info!("{count} models sent");
+    tracing::info!(target: "roscausal_peer", "{count} models sent");
     while node.is_ok() {
         sleep(Duration::from_millis(20));
     }

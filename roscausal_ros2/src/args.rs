@@ -12,6 +12,7 @@ use crate::{
 
 /// What a node was started with, all of it checked.
 #[derive(Clone, Debug)]
+#[non_exhaustive]
 pub struct Args {
     /// Node name, namespace and remaps.
     pub names: Names,
@@ -23,6 +24,8 @@ pub struct Args {
     pub rosout: bool,
     /// Where on the network the node lives.
     pub network: Network,
+    /// What was read but has no effect, for the log.
+    pub warnings: Vec<String>,
 }
 
 /// Where on the network a node lives.
@@ -84,6 +87,7 @@ impl Args {
         let mut rules = Vec::new();
         let mut params = ParamFile::default();
         let mut log_level = None;
+        let mut warnings = Vec::new();
         let mut rosout = true;
         let mut args = args.into_iter();
         let mut in_ros_args = false;
@@ -103,9 +107,9 @@ impl Args {
                         "-p" | "--param" => add_param(&mut params, &value)?,
                         "--params-file" => params.add_file(value.as_ref())?,
                         "--log-level" => set_level(&mut log_level, node, &value)?,
-                        _ => tracing::warn!(
-                            "{flag} {value} is ignored: this node has neither enclaves nor log files"
-                        ),
+                        _ => warnings.push(format!(
+                            "{flag} {value} has no effect: these nodes have neither enclaves nor log files"
+                        )),
                     }
                 }
                 _ => return Err(unknown(&arg)),
@@ -117,7 +121,8 @@ impl Args {
             names,
             log_level: log_level.unwrap_or(LevelFilter::INFO),
             rosout,
-            network: Network::from_env(env)?,
+            network: Network::from_env(env, &mut warnings)?,
+            warnings,
         })
     }
 }
@@ -128,7 +133,7 @@ impl Network {
     ///
     /// # Errors
     /// A domain above 232 or not a number; a range that is none of ROS 2's words.
-    pub fn from_env(env: impl Fn(&str) -> Option<String>) -> Result<Self> {
+    pub fn from_env(env: impl Fn(&str) -> Option<String>, warnings: &mut Vec<String>) -> Result<Self> {
         let text = |name| env(name).filter(|value: &String| !value.is_empty());
         let domain_id = match text("ROS_DOMAIN_ID") {
             None => 0,
@@ -142,7 +147,8 @@ impl Network {
             "SUBNET" | "SYSTEM_DEFAULT" => false,
             "LOCALHOST" => true,
             "OFF" => {
-                tracing::warn!("ROS_AUTOMATIC_DISCOVERY_RANGE=OFF is not supported and read as LOCALHOST");
+                warnings
+                    .push("ROS_AUTOMATIC_DISCOVERY_RANGE=OFF is not supported and read as LOCALHOST".into());
                 true
             }
             other => {
@@ -151,6 +157,14 @@ impl Network {
                 )));
             }
         };
+        if text("ROS_STATIC_PEERS").is_some() {
+            warnings.push("ROS_STATIC_PEERS has no effect: these nodes find others by multicast only".into());
+        }
+        if let Some(old @ ("humble" | "galactic" | "foxy")) = text("ROS_DISTRO").as_deref() {
+            warnings.push(format!(
+                "ROS_DISTRO is {old}, whose discovery differs: topics work, but this node is not listed by name"
+            ));
+        }
         Ok(Self { domain_id, localhost_only })
     }
 }
@@ -205,4 +219,58 @@ fn set_level(level: &mut Option<LevelFilter>, node: &str, text: &str) -> Result<
         *level = Some(filter);
     }
     Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn parse(line: &str) -> Result<Args> {
+        Args::parse("robot", line.split_whitespace().map(str::to_owned), |_| None)
+    }
+
+    #[test]
+    fn ros_arguments_may_come_in_several_sections() {
+        let args =
+            parse("--ros-args -r __ns:=/a -p dt:=0.5 -- --ros-args -p goal:=[1.0,2.0] --log-level debug")
+                .unwrap();
+        assert_eq!(args.names.full_name(), "/a/robot");
+        assert_eq!(args.overrides["dt"], Value::Double(0.5));
+        assert_eq!(args.log_level, LevelFilter::DEBUG);
+        assert!(args.rosout && !parse("--ros-args --disable-rosout-logs").unwrap().rosout);
+    }
+
+    #[test]
+    fn a_wrong_line_is_refused_with_the_way_out() {
+        for (line, way_out) in [
+            ("--ros-args --parms-file x", "--params-file"),
+            ("--ros-args -p", "needs a value"),
+            ("--ros-args -p e:=", "write"),
+            ("--ros-args -p e", ":="),
+            ("--ros-args --params-file /no/such.yaml", "/no/such.yaml"),
+            ("--ros-args --log-level loud", "debug, info"),
+            ("--ros-args -p a:=[1,2.5]", "one type"),
+            ("dt:=1", "--ros-args"),
+        ] {
+            let error = parse(line).unwrap_err().0;
+            assert!(error.contains(way_out), "{line}: {error}");
+        }
+    }
+
+    #[test]
+    fn the_environment_places_the_node_on_the_network() {
+        let network = |pairs: &[(&str, &str)]| {
+            let find = |name: &str| Some(pairs.iter().find(|(key, _)| *key == name)?.1.to_owned());
+            Network::from_env(find, &mut Vec::new())
+        };
+        assert_eq!(network(&[]).unwrap(), Network { domain_id: 0, localhost_only: false });
+        assert_eq!(network(&[("ROS_DOMAIN_ID", "42")]).unwrap().domain_id, 42);
+        assert!(network(&[("ROS_LOCALHOST_ONLY", "1")]).unwrap().localhost_only);
+        assert!(network(&[("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")]).unwrap().localhost_only);
+        for (name, value) in
+            [("ROS_DOMAIN_ID", "233"), ("ROS_DOMAIN_ID", "x"), ("ROS_AUTOMATIC_DISCOVERY_RANGE", "NEAR")]
+        {
+            assert!(network(&[(name, value)]).unwrap_err().0.contains(value));
+        }
+    }
 }

@@ -66,6 +66,9 @@ pub(crate) struct Session {
 /// How long after its start a node names the parameters that it was given and never asked for.
 const PARAMETERS_READ_WITHIN: Duration = Duration::from_secs(2);
 
+/// How long a node that leaves waits for the others to hear of it.
+const FAREWELL: Duration = Duration::from_millis(150);
+
 pub(crate) fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
     mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
@@ -260,7 +263,13 @@ impl Inner {
         self.alive.store(false, Ordering::SeqCst);
         drop(lock(&self.clock_subscription).take());
         self.spinner.stop();
-        drop(lock(&self.session).take());
+        if let Some(Session { node, context }) = lock(&self.session).take() {
+            drop(node);
+            // Whoever is just discovering this node must hear that it has gone before its participant does, or
+            // lists it for ever.
+            thread::sleep(FAREWELL);
+            drop(context);
+        }
     }
 }
 

@@ -1,0 +1,95 @@
+#!/bin/bash
+# Our nodes against real ROS 2: rclpy over Fast DDS, colcon, and Cyclone DDS as a second vendor. Where no ROS 2
+# is installed, a virtual environment with its Python wheels is made below target/ (once, about 500 MB).
+#   tests/interop/ros2.sh [PART OF A TEST'S NAME]
+# ROSCAUSAL_ROS_DISTRO=kilted tests against another distribution; ROSCAUSAL_PROFILE=debug takes the programs that
+# `cargo build -p roscausal_ros2 --bins --examples` has made, instead of having colcon build them.
+# All traffic stays on this machine. Exit code 0 only when all passed; the last line is 'N passed, N failed'.
+set -u
+root=$(cd "$(dirname "$0")/../.." && pwd)
+distro=${ROSCAUSAL_ROS_DISTRO:-jazzy}
+work=$root/target/interop_ros2/$distro
+target=${CARGO_TARGET_DIR:-$root/target}
+mkdir -p "$work"
+
+give_up() {
+  echo "NOT TESTED against ROS 2: $*" >&2
+  echo "0 passed, 1 failed"
+  exit 1
+}
+
+# ROS 2, or its wheels
+wheels() {
+  local venv=$work/venv prefix=ros-$distro
+  if [ ! -e "$venv/ready" ]; then
+    echo "No ROS 2 here: making a virtual environment with its wheels in $venv"
+    rm -rf "$venv"
+    python3 -m venv "$venv" || give_up "python3 cannot make a virtual environment (on Debian: apt-get install python3-venv)"
+    local more=("$prefix-python-cmake-module")
+    [ "$distro" = kilted ] && more=(ros-python-cmake-module ros-kilted-ament-cmake-ros-core)
+    "$venv/bin/pip" install -q --disable-pip-version-check "$prefix"-{rclpy,rmw-fastrtps-cpp} \
+      "$prefix"-{std,geometry,nav,sensor,diagnostic,visualization,rosgraph}-msgs \
+      "$prefix"-rosidl-{default-generators,default-runtime,core-generators} \
+      "$prefix"-ament-{cmake,package,cmake-include-directories,cmake-ros,cmake-pytest,cmake-gtest,cmake-gmock} \
+      "${more[@]}" colcon-common-extensions cmake cyclonedds \
+      || give_up "the wheels of ROS 2 $distro could not be installed with pip"
+    # The wheels' CMake files name the folders of the machine that they were built on.
+    local python numpy
+    python=$("$venv/bin/python" -c 'import sysconfig; print(sysconfig.get_paths()["include"])')
+    numpy=$("$venv/bin/python" -c 'import numpy; print(numpy.get_include())')
+    grep -rlE '/opt/python/cp3' "$venv/share" --include='*.cmake' | xargs -r sed -i -E \
+      "s#/opt/python/cp3[0-9]+-cp3[0-9]+/lib/python3\.[0-9]+/site-packages/numpy/_core/include#$numpy#g
+       s#/opt/python/cp3[0-9]+-cp3[0-9]+/include/python3\.[0-9]+#$python#g"
+    touch "$venv/ready"
+  fi
+  set +u
+  . "$venv/bin/activate"
+  set -u
+  export ROS_VERSION=2 ROS_DISTRO=$distro ROS_PYTHON_VERSION=3
+  export AMENT_PREFIX_PATH=$venv CMAKE_PREFIX_PATH=$venv
+}
+if [ "${ROS_VERSION:-}" = 2 ] && python3 -c 'import rclpy' 2>/dev/null && command -v colcon >/dev/null; then
+  echo "Testing against the ROS 2 of this shell: ${ROS_DISTRO:-unknown}"
+else
+  wheels
+fi
+export RMW_IMPLEMENTATION=rmw_fastrtps_cpp
+export ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST ROS_DOMAIN_ID=$((10 + $$ % 80))
+unset ROS_LOCALHOST_ONLY
+
+build() { # name, then colcon's arguments; the log is shown only when it fails
+  local name=$1
+  shift
+  (cd "$work/$name" && colcon --log-base log build --event-handlers console_stderr- "$@") >"$work/$name.log" 2>&1 || {
+    tail -50 "$work/$name.log"
+    give_up "colcon did not build $name (log: $work/$name.log)"
+  }
+  set +u
+  . "$work/$name/install/local_setup.bash"
+  set -u
+}
+
+# messages of others that the wheels lack
+mkdir -p "$work/foreign/src"
+python3 "$root/tests/interop/ros2/make_packages.py" "$root/roscausal_msgs/foreign" "$work/foreign/src" \
+  tf2_msgs people_msgs pedsim_msgs spencer_tracking_msgs
+[ "$work/foreign/install/ready" -nt "$root/roscausal_msgs/foreign" ] || build foreign
+touch "$work/foreign/install/ready"
+
+# this repository as a plain clone in a workspace (with what is not committed yet)
+mkdir -p "$work/ws/src/roscausal"
+(cd "$root" && git ls-files -co --exclude-standard -z | tar --null -T - --ignore-failed-read -cf - 2>/dev/null) |
+  tar -xf - -C "$work/ws/src/roscausal"
+if [ "${ROSCAUSAL_PROFILE:-release}" = release ]; then
+  build ws --cmake-args "-DROSCAUSAL_CARGO_TARGET_DIR=$target"
+  (cd "$work/ws/src/roscausal" && CARGO_TARGET_DIR=$target cargo build -q --release --locked -p roscausal_ros2 --example peer) ||
+    give_up "cargo did not build the tests' peer"
+  export ROSCAUSAL_BIN=$work/ws/install/roscausal/lib/roscausal ROSCAUSAL_PEER=$target/release/examples/peer
+  export ROSCAUSAL_INSTALL=$work/ws/install
+else
+  build ws --base-paths src/roscausal/roscausal_msgs
+  export ROSCAUSAL_BIN=$target/$ROSCAUSAL_PROFILE ROSCAUSAL_PEER=$target/$ROSCAUSAL_PROFILE/examples/peer
+fi
+
+export ROSCAUSAL_ROOT=$root ROSCAUSAL_FASTDDS_PROFILE=$root/tests/interop/ros2/fastdds_large.xml
+cd "$root/tests/interop/ros2" && exec env PYTHONDONTWRITEBYTECODE=1 python3 run.py "$@"

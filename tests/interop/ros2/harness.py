@@ -1,0 +1,147 @@
+"""Runs the tests of this folder against real ROS 2: each is a function marked @test; helpers to start our
+programs and to wait for something with a deadline. Nothing is ended that was not started here."""
+
+import contextlib
+import os
+import signal
+import subprocess
+import sys
+import tempfile
+import threading
+import time
+import traceback
+
+import rclpy
+from rclpy.executors import SingleThreadedExecutor
+
+BIN = os.environ["ROSCAUSAL_BIN"]
+PEER = os.environ["ROSCAUSAL_PEER"]
+TESTS = []
+
+
+def test(function):
+    TESTS.append(function)
+    return function
+
+
+class Ros:
+    """An rclpy node in a context of its own, spun by hand."""
+
+    def __init__(self, name="tester", args=()):
+        self.context = rclpy.Context()
+        rclpy.init(context=self.context, args=list(args))
+        self.node = rclpy.create_node(name, context=self.context)
+        self.executor = SingleThreadedExecutor(context=self.context)
+        self.executor.add_node(self.node)
+
+    def until(self, condition, seconds, what):
+        """Spins until the condition holds; an AssertionError that says what was missing when it does not."""
+        end = time.monotonic() + seconds
+        while not (value := condition()):
+            assert time.monotonic() < end, f"{what}: not within {seconds} s"
+            self.executor.spin_once(timeout_sec=0.02)
+        return value
+
+    def spin(self, seconds):
+        end = time.monotonic() + seconds
+        while time.monotonic() < end:
+            self.executor.spin_once(timeout_sec=0.02)
+
+    def call(self, kind, name, request):
+        client = self.node.create_client(kind, name)
+        try:
+            self.until(client.service_is_ready, 10, f"service {name}")
+            # Readiness of the client's side says nothing of the server's: ask again when nothing comes.
+            for _ in range(5):
+                future = client.call_async(request)
+                with contextlib.suppress(AssertionError):
+                    self.until(future.done, 2, "answer")
+                    return future.result()
+            raise AssertionError(f"no answer from {name}")
+        finally:
+            self.node.destroy_client(client)
+
+    def names(self):
+        return [ns.rstrip("/") + "/" + name for name, ns in self.node.get_node_names_and_namespaces()]
+
+    def close(self):
+        self.executor.shutdown()
+        self.node.destroy_node()
+        rclpy.shutdown(context=self.context)
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *_):
+        self.close()
+
+
+class Program:
+    """One of our programs, its log in a file."""
+
+    def __init__(self, command, env=None):
+        self.log_file = tempfile.TemporaryFile("w+")
+        self.process = subprocess.Popen(
+            command, stdout=self.log_file, stderr=subprocess.STDOUT, env={**os.environ, **(env or {})}
+        )
+
+    def log(self):
+        self.log_file.seek(0)
+        return self.log_file.read()
+
+    def send(self, number):
+        self.process.send_signal(number)
+
+    def end(self, number=signal.SIGINT, seconds=20):
+        if self.process.poll() is None:
+            self.process.send_signal(number)
+        try:
+            return self.process.wait(seconds)
+        except subprocess.TimeoutExpired:
+            self.process.kill()
+            self.process.wait()
+            raise AssertionError(f"{self.process.args[0]} did not end within {seconds} s of the signal")
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, kind, *_):
+        if self.process.poll() is None:
+            self.process.kill()
+        self.process.wait()
+        if kind is not None:
+            print("    the program's log:\n      " + "\n      ".join(self.log().splitlines()[-30:]))
+
+
+def peer(role, *args, env=None, **params):
+    given = [word for name, value in params.items() for word in ("-p", f"{name}:={value}")]
+    return Program([PEER, "--ros-args", "-p", f"role:={role}", *given, *args], env)
+
+
+def node(name, *args, env=None):
+    return Program([os.path.join(BIN, "roscausal_ros2"), name, "--ros-args", *args], env)
+
+
+def main(pattern):
+    passed, failed = 0, []
+    for function in TESTS:
+        if pattern and pattern not in function.__name__:
+            continue
+        started = time.monotonic()
+        watchdog = threading.Timer(180, lambda: os.kill(os.getpid(), signal.SIGTERM))
+        watchdog.start()
+        try:
+            note = function()
+            passed += 1
+            print(f"ok      {function.__name__} ({time.monotonic() - started:.1f} s){': ' + note if note else ''}")
+        except Exception as error:  # a test that breaks in any way has failed, and the next one runs
+            failed.append(function.__name__)
+            traceback.print_exc(limit=-3, file=sys.stdout)
+            print(f"FAILED  {function.__name__}: {error}")
+        finally:
+            watchdog.cancel()
+        sys.stdout.flush()
+    for name in failed:
+        print(f"failed: {name}")
+    print(f"{passed} passed, {len(failed)} failed")
+    return 1 if failed or not passed else 0

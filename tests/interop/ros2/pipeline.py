@@ -1,0 +1,92 @@
+"""The whole experiment: simulator and four nodes as the launch file starts them, in simulated time; an rclpy
+subscriber that joins late gets the causal model."""
+
+import glob
+import os
+import signal
+import tempfile
+import time
+
+from harness import Program, Ros, test
+from launch_reader import commands
+from wire import LATCHED, message_class
+
+PARAMS = """/**:
+  ros__parameters:
+    data_dir: {data_dir}
+    pp_data_dir: {pp_data_dir}
+    res_dir: {res_dir}
+    ts_length: 40.0
+    subsampling: true
+    cd_method: fpcmci
+    cond_ind_test: parcorr
+roscausal_discovery:
+  ros__parameters:
+    data_dir: {pp_data_dir}
+"""
+
+
+@test
+def launch_files_name_what_is_installed():
+    install = os.environ["ROSCAUSAL_INSTALL"]
+    for file, count in (("roscausal.launch.xml", 4), ("roscausal_hrisim.launch.xml", 5)):
+        found = commands(install, "roscausal", file, {})
+        assert len(found) == count, found
+        for _, arguments in found:
+            for flag, value in zip(arguments, arguments[1:]):
+                assert flag != "--params-file" or os.path.exists(value), f"{file}: no {value}"
+
+
+@test
+def the_pipeline_gives_a_late_joiner_a_causal_model():
+    install = os.environ["ROSCAUSAL_INSTALL"]
+    CausalModel, Info = message_class("roscausal_msgs/CausalModel"), message_class("roscausal_msgs/CausalModelInfo")
+    with tempfile.TemporaryDirectory() as folder:
+        dirs = {name: os.path.join(folder, name) for name in ("data_dir", "pp_data_dir", "res_dir")}
+        params = os.path.join(folder, "params.yaml")
+        with open(params, "w") as file:
+            file.write(PARAMS.format(**dirs))
+        started = time.monotonic()
+        lines = commands(install, "roscausal", "roscausal_hrisim.launch.xml", {"experiment_params_file": params, "speed": "10.0"})
+        programs = [Program([path, *arguments]) for path, arguments in lines]
+        try:
+            end = time.monotonic() + 90
+            while not glob.glob(os.path.join(dirs["res_dir"], "**", "*.json"), recursive=True):
+                dead = [p.process.args[0] for p in programs if p.process.poll() is not None]
+                assert not dead, f"ended by themselves: {dead}"
+                assert time.monotonic() < end, "no model file within 90 s"
+                time.sleep(0.1)
+            seconds = time.monotonic() - started
+            with Ros("late") as ros:
+                models, infos = [], []
+                ros.node.create_subscription(CausalModel, "/roscausal/causal_model", models.append, LATCHED)
+                ros.node.create_subscription(Info, "/roscausal/causal_model_info", infos.append, LATCHED)
+                ros.until(lambda: models and infos, 20, "the latched model and its info")
+                model = models[-1]
+                n, lags = len(model.features), model.original_shape[2]
+                assert n >= 2 and list(model.original_shape[:2]) == [n, n], model
+                assert len(model.val_matrix.data) == len(model.causal_structure.data) == n * n * lags
+                assert all(0 <= p <= 1 for p in model.pval_matrix.data if p == p)
+                listed = set(ros.names())
+                assert {"/roscausal_robot", "/roscausal_human", "/roscausal_data", "/roscausal_discovery"} <= listed, listed
+                before = set(glob.glob(os.path.join(dirs["data_dir"], "*.csv")))
+                ending = time.monotonic()
+                for program in programs:
+                    program.send(signal.SIGINT)
+                ros.until(lambda: not any("roscausal" in name for name in ros.names()), 5, "all nodes leaving")
+                left = time.monotonic() - ending
+            codes = [program.end() for program in programs]
+            assert codes == [0] * len(programs), codes
+            assert left < 1.5, f"{left:.2f} s"
+            links = sum(1 for value in model.causal_structure.data if value)
+            return f"model of {n} variables, {links} links, after {seconds:.0f} s; all nodes gone {left:.2f} s after SIGINT"
+        except AssertionError:
+            for program in programs:
+                print("   ", program.process.args[0])
+                print("      " + "\n      ".join(program.log().splitlines()[-12:]))
+            raise
+        finally:
+            for program in programs:
+                if program.process.poll() is None:
+                    program.process.kill()
+                program.process.wait()
