@@ -12,6 +12,7 @@
 //! `step N`, `reset`, `autonomous`), `/hri/do` (such as `robot.speed=0.2@60..90`).
 
 mod commands;
+mod parameters;
 mod publisher;
 mod sensors;
 
@@ -30,6 +31,7 @@ use crate::{
     simulation::{STEP, STEP_NANOS},
 };
 use commands::{Command, Running, obey, subscribe};
+pub use parameters::{parameters, run};
 pub use publisher::Publisher;
 pub use sensors::{Measured, Sensors};
 
