@@ -55,7 +55,9 @@ impl Bench {
             start::<Humans>(&bus, "data", "/roscausal/humans"),
         ];
         Self {
-            odometry: sensors.advertise("/mobile_base_controller/odom", Qos::Volatile(10)).expect("advertises"),
+            odometry: sensors
+                .advertise("/mobile_base_controller/odom", Qos::Volatile(10))
+                .expect("advertises"),
             pose: sensors.advertise("/robot_pose", Qos::Volatile(10)).expect("advertises"),
             people: sensors.advertise("/ped/control/teleop_persons", Qos::Volatile(10)).expect("advertises"),
             goal: sensors.advertise("/hri/human_goal", Qos::Volatile(10)).expect("advertises"),
@@ -109,7 +111,11 @@ impl Bench {
     }
 }
 
-fn start<M: Message>(bus: &Loopback, name: &'static str, last_topic: &str) -> (LoopbackNode, JoinHandle<Result<()>>) {
+fn start<M: Message>(
+    bus: &Loopback,
+    name: &'static str,
+    last_topic: &str,
+) -> (LoopbackNode, JoinHandle<Result<()>>) {
     let probe = bus.node("probe").advertise::<M>(last_topic, Qos::Volatile(1)).expect("advertises");
     let (node, before) = (bus.node(name), probe.subscriber_count());
     let runs = node.clone();
@@ -162,7 +168,10 @@ fn the_same_messages_make_the_same_bytes() {
         (bytes("raw"), bytes("pp"))
     };
     let (first, second) = (record(), record());
-    assert_eq!(first.0.iter().map(|(name, _)| name).collect::<Vec<_>>(), second.0.iter().map(|(name, _)| name).collect::<Vec<_>>());
+    assert_eq!(
+        first.0.iter().map(|(name, _)| name).collect::<Vec<_>>(),
+        second.0.iter().map(|(name, _)| name).collect::<Vec<_>>()
+    );
     assert!(first == second, "two runs differ");
 }
 
@@ -185,7 +194,8 @@ fn a_batch_tells_what_the_sensors_told() {
     assert!((table.dt().expect("a step") - 0.3).abs() < 1e-9);
     let features = Table::read(&processed[1], None).expect("reads");
     assert_eq!(features.names, ["h_v", "h_dg", "h_risk"]);
-    let distance = (3.0 - table.values[[0, column("h_7_x")]]).hypot(table.values[[0, column("h_7_gy")]] - 1.0);
+    let distance =
+        (3.0 - table.values[[0, column("h_7_x")]]).hypot(table.values[[0, column("h_7_gy")]] - 1.0);
     assert!((features.values[[0, 1]] - distance).abs() < 1e-9);
     assert_eq!(facts(&processed[0])["ids"], serde_json::json!([7]));
 }

@@ -1,17 +1,22 @@
 //! One analysis from settings to model: the door through which commands and the discovery node come in.
 
 use super::{
-    Control, DataFrame, Fdr, LinkAssumptions, Model, PcmciPlusSettings, PcmciResult, PcmciSettings, Status,
-    get_lagged_dependencies,
+    Control, DataFrame, Fdr, FpcmciSettings, LinkAssumptions, Model, PcmciPlusSettings, PcmciResult,
+    PcmciSettings, Samples, Status, get_lagged_dependencies,
     model::{self, Matrices},
-    run_bivci, run_fullci, run_pcmci, run_pcmciplus,
+    run_bivci, run_fpcmci, run_fullci, run_pcmci, run_pcmciplus,
+    transfer_entropy::TeEstimator,
 };
-use crate::{Error, Result, batch::header, independence_tests};
+use crate::{
+    Error, Result,
+    batch::header,
+    independence_tests::{self, CondIndTest},
+};
 
 /// Methods by the names users choose them by.
 const METHODS: [&str; 6] = ["fpcmci", "pcmci", "pcmciplus", "fullci", "bivci", "lagdep"];
 /// Estimators of the transfer-entropy filter.
-const ESTIMATORS: [&str; 2] = ["gaussian", "kraskov"];
+const ESTIMATORS: [&str; 1] = ["gaussian"];
 /// Corrections for many tests.
 const CORRECTIONS: [&str; 2] = ["none", "fdr_bh"];
 
@@ -44,7 +49,7 @@ pub struct Settings {
     pub tau_max: usize,
     /// Level of the transfer-entropy filter; `None`: `alpha`.
     pub f_alpha: Option<f64>,
-    /// `gaussian` or `kraskov`.
+    /// `gaussian`.
     pub te_estimator: String,
     /// Whether F-PCMCI drops variables that depend on their own past only.
     pub neglect_only_autodep: bool,
@@ -227,6 +232,7 @@ pub fn analyse(data: &DataFrame, settings: &Settings, control: &Control) -> Resu
     let test = independence_tests::by_name(&settings.cond_ind_test, &settings.test_settings())?;
     let (test, pcmci) = (test.as_ref(), settings.pcmci(data));
     let result = match settings.method.as_str() {
+        "fpcmci" => return filtered(data, test, settings, pcmci, control),
         "pcmciplus" => run_pcmciplus(data, test, &pcmci, &PcmciPlusSettings::default(), control),
         "fullci" => run_fullci(data, test, &pcmci, control),
         "bivci" => run_bivci(data, test, &pcmci, control),
@@ -234,6 +240,42 @@ pub fn analyse(data: &DataFrame, settings: &Settings, control: &Control) -> Resu
         _ => run_pcmci(data, test, &pcmci, control),
     }?;
     Ok(with_result(settings.blank_model(), data.var_names().to_vec(), result))
+}
+
+/// F-PCMCI: the model has the variables that keep a link; the others are named as dropped.
+fn filtered(
+    data: &DataFrame,
+    test: &dyn CondIndTest,
+    settings: &Settings,
+    pcmci: PcmciSettings,
+    control: &Control,
+) -> Result<Model> {
+    let n_samples = Samples::new(data, 2 * settings.tau_max).len();
+    let settings_of_method = FpcmciSettings {
+        te_estimator: TeEstimator::Gaussian,
+        f_alpha: settings.f_alpha.unwrap_or(settings.alpha),
+        neglect_only_autodep: settings.neglect_only_autodep,
+        seed: settings.seed,
+        pcmci,
+    };
+    let result = run_fpcmci(data, test, &settings_of_method, control)?;
+    let name = |&var: &usize| data.var_names()[var].clone();
+    let features: Vec<String> = result.features.iter().map(name).collect();
+    let others = (0..data.n_vars()).filter(|var| !result.features.contains(var));
+    let dropped = others.map(|var| name(&var)).collect();
+    let blank = Model { n_samples, dropped, ..settings.blank_model() };
+    let mut model = match result.pcmci {
+        Some(found) => {
+            let place = |var: &usize| result.selected.iter().position(|selected| selected == var);
+            let places: Vec<usize> = result.features.iter().filter_map(place).collect();
+            with_result(blank, features, found.on_features(&places))
+        }
+        None => blank,
+    };
+    if let Status::Partial(how_far) = result.status {
+        model.status = format!("partial: {how_far}");
+    }
+    Ok(model)
 }
 
 fn with_result(blank: Model, features: Vec<String>, result: PcmciResult) -> Model {
