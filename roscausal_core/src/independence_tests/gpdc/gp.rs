@@ -30,8 +30,9 @@ impl Theta {
 /// Bounds of both hyperparameters.
 const SMALLEST: f64 = 1e-5;
 const LARGEST: f64 = 1e5;
-/// Share of the noise variance that the kernel matrix may lack on its diagonal.
+/// What the kernel matrix may lack on its diagonal: share of the noise variance, and the rounding of a remainder.
 const RELATIVE_TOLERANCE: f64 = 1e-10;
+const ROUNDING: f64 = 4e-15;
 
 /// A regression on given conditions, for any number of targets.
 pub(super) struct GaussianProcess {
@@ -73,11 +74,12 @@ impl GaussianProcess {
     pub(super) fn fit(&self, target: &[f64], check: &dyn Fn() -> Result<()>) -> Result<Fit> {
         let bounds = Bounds { lower: [SMALLEST.ln(); 2], upper: [LARGEST.ln(); 2] };
         let mut best: Option<(Theta, Vec<f64>, f64)> = None;
+        let mut too_high_rank = None;
         let optimum = minimize(
             |logarithms| {
                 check()?;
                 let theta = Theta::from_logarithms(logarithms);
-                let Some((value, gradient, alpha)) = self.evaluate(target, theta) else {
+                let Some((value, gradient, alpha)) = self.evaluate(target, theta, &mut too_high_rank) else {
                     return Ok((f64::INFINITY, [0.0; 2]));
                 };
                 if best.as_ref().is_none_or(|(_, _, least)| value <= *least) {
@@ -92,7 +94,7 @@ impl GaussianProcess {
         let theta = Theta::from_logarithms(optimum.x);
         let alpha = match best {
             Some((at, alpha, _)) if at == theta => Some(alpha),
-            _ => self.evaluate(target, theta).map(|(_, _, alpha)| alpha),
+            _ => self.evaluate(target, theta, &mut too_high_rank).map(|(_, _, alpha)| alpha),
         };
         let alpha = alpha.ok_or_else(|| {
             Error::Data("a Gaussian process has no positive definite covariance on these samples".into())
@@ -103,16 +105,29 @@ impl GaussianProcess {
     }
 
     /// Minus the log marginal likelihood, its gradient by `(ln l, ln s)`, and `(K + s I)^-1 y`.
-    fn evaluate(&self, y: &[f64], theta: Theta) -> Option<(f64, [f64; 2], Vec<f64>)> {
+    fn evaluate(
+        &self,
+        y: &[f64],
+        theta: Theta,
+        too_high_rank: &mut Option<Theta>,
+    ) -> Option<(f64, [f64; 2], Vec<f64>)> {
         if theta == Theta::START {
-            self.start
-                .get_or_init(|| Likelihood::new(&self.inputs, theta))
-                .as_ref()
-                .map(|at| at.evaluate(y, theta.s))
+            let start =
+                self.start.get_or_init(|| Likelihood::new(&self.inputs, theta, &mut None)).as_ref()?;
+            if matches!(start, Likelihood::Dense(_)) {
+                *too_high_rank = Some(theta);
+            }
+            Some(start.evaluate(y, theta.s))
         } else {
-            Likelihood::new(&self.inputs, theta).map(|at| at.evaluate(y, theta.s))
+            Likelihood::new(&self.inputs, theta, too_high_rank).map(|at| at.evaluate(y, theta.s))
         }
     }
+}
+
+/// Largest remainder on the diagonal. The error of the derivative by `ln l` is larger than that of the kernel by
+/// the factor `l^2` (of inputs of unit variance), which the tolerance makes good; the rank is low there.
+fn tolerance(theta: Theta) -> f64 {
+    (RELATIVE_TOLERANCE * theta.s.min(1.0) / theta.l.max(1.0).powi(2)).max(ROUNDING)
 }
 
 /// Rank up to which the low-rank form is the faster one.
@@ -121,11 +136,17 @@ fn max_rank(n: usize) -> usize {
 }
 
 impl Likelihood {
-    fn new(inputs: &Inputs, theta: Theta) -> Option<Self> {
-        let tolerance = RELATIVE_TOLERANCE * theta.s.min(1.0);
-        LowRank::new(inputs, theta, tolerance, max_rank(inputs.len()))
-            .map(Self::LowRank)
-            .or_else(|| Dense::new(inputs, theta).map(Self::Dense))
+    /// The form that is the faster one at `theta`. `too_high_rank` is a place of the same search where the rank was
+    /// too high: it is so for every shorter length scale at the same or less noise.
+    fn new(inputs: &Inputs, theta: Theta, too_high_rank: &mut Option<Theta>) -> Option<Self> {
+        let known = too_high_rank.is_some_and(|at| theta.l <= at.l && theta.s <= at.s);
+        if !known {
+            if let Some(at) = LowRank::new(inputs, theta, tolerance(theta), max_rank(inputs.len())) {
+                return Some(Self::LowRank(at));
+            }
+            *too_high_rank = Some(theta);
+        }
+        Dense::new(inputs, theta).map(Self::Dense)
     }
 
     fn evaluate(&self, y: &[f64], s: f64) -> (f64, [f64; 2], Vec<f64>) {
@@ -189,7 +210,7 @@ mod tests {
             };
             let expected_gradient = [slope(h, 0.0), slope(0.0, h)];
             let dense = Dense::new(&inputs, theta).map(Likelihood::Dense).unwrap();
-            let low_rank = LowRank::new(&inputs, theta, 1e-10 * theta.s.min(1.0), n).map(Likelihood::LowRank).unwrap();
+            let low_rank = LowRank::new(&inputs, theta, tolerance(theta), n).map(Likelihood::LowRank).unwrap();
             let (value, gradient, alpha) = dense.evaluate(&y, theta.s);
             prop_assert!((value - expected).abs() < 1e-9 * expected.abs().max(1.0));
             for (got, expected) in gradient.iter().zip(expected_gradient) {

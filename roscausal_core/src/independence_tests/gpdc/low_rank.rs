@@ -8,7 +8,7 @@
 //!
 //! The derivative by `ln l` uses that the kernel at any sample is interpolated from the pivots, `K = W K_p W'` with
 //! `W = L L_p^-1`, and that the same `W` interpolates `dK / d ln l`, which is a second derivative of the kernel
-//! along the samples (heat equation), with an error of the order of `E`.
+//! along the samples (heat equation), with an error of the order of `max(1, l^2) E`.
 
 use faer::{
     Accum, Mat, MatMut, MatRef, Par,
@@ -19,13 +19,13 @@ use faer::{
 };
 use pulp::Arch;
 
-use super::{gp::Theta, kernel::Inputs};
+use super::{buffer::Buffer, gp::Theta, kernel::Inputs};
 
 /// `A = L L' + s I` factorised through `M = L' L + s I`.
 pub(super) struct LowRank {
     s: f64,
     /// `n x r`, columns by pivot.
-    factor: Mat<f64>,
+    factor: Buffer,
     /// `r x r`: rows of `factor` at the pivots.
     at_pivots: Mat<f64>,
     /// Cholesky factor of `M`.
@@ -47,9 +47,10 @@ impl LowRank {
 
     /// The factorisation at `theta`; `None` where the rank would exceed `max_rank`.
     pub(super) fn new(inputs: &Inputs, theta: Theta, tolerance: f64, max_rank: usize) -> Option<Self> {
-        let (factor, pivots) = incomplete_cholesky(inputs, theta.l, tolerance, max_rank)?;
-        let (n, r) = (factor.nrows(), factor.ncols());
-        let at_pivots = Mat::from_fn(r, r, |i, j| if j <= i { factor[(pivots[i], j)] } else { 0.0 });
+        let (columns, pivots) = incomplete_cholesky(inputs, theta.l, tolerance, max_rank)?;
+        let (n, r) = (inputs.len(), pivots.len());
+        let at_pivots = Mat::from_fn(r, r, |i, j| if j <= i { columns[j * n + pivots[i]] } else { 0.0 });
+        let factor = MatRef::from_column_major_slice(&columns, n, r);
         let mut gram = Mat::<f64>::zeros(r, r);
         matmul::triangular::matmul(
             gram.as_mut(),
@@ -57,7 +58,7 @@ impl LowRank {
             Accum::Replace,
             factor.transpose(),
             BlockStructure::Rectangular,
-            factor.as_ref(),
+            factor,
             BlockStructure::Rectangular,
             1.0,
             Par::Seq,
@@ -114,7 +115,7 @@ impl LowRank {
         let trace_derivative = 2.0 * (0..r).map(column).sum::<f64>() / theta.s;
         Some(Self {
             s: theta.s,
-            factor,
+            factor: columns,
             at_pivots,
             inner,
             derivative,
@@ -126,15 +127,16 @@ impl LowRank {
 
     /// `A^-1 y`, and `a' dK a` of the solution `a`.
     pub(super) fn solve(&self, y: &[f64]) -> (Vec<f64>, f64) {
-        let (n, r) = (self.factor.nrows(), self.factor.ncols());
+        let (n, r) = (y.len(), self.inner.nrows());
+        let factor = MatRef::from_column_major_slice(&self.factor, n, r);
         let y_column = MatRef::from_column_major_slice(y, n, 1);
         let mut weights = Mat::<f64>::zeros(r, 1);
-        matmul::matmul(weights.as_mut(), Accum::Replace, self.factor.transpose(), y_column, 1.0, Par::Seq);
+        matmul::matmul(weights.as_mut(), Accum::Replace, factor.transpose(), y_column, 1.0, Par::Seq);
         triangular_solve::solve_lower_triangular_in_place(self.inner.as_ref(), weights.as_mut(), Par::Seq);
         triangular_solve::solve_upper_triangular_in_place(self.inner.transpose(), weights.as_mut(), Par::Seq);
         let mut alpha = y.to_vec();
         let alpha_column = MatMut::from_column_major_slice_mut(&mut alpha, n, 1);
-        matmul::matmul(alpha_column, Accum::Add, self.factor.as_ref(), weights.as_ref(), -1.0, Par::Seq);
+        matmul::matmul(alpha_column, Accum::Add, factor, weights.as_ref(), -1.0, Par::Seq);
         alpha.iter_mut().for_each(|a| *a /= self.s);
         // L' a = weights, so W' a = L_p^-T weights.
         triangular_solve::solve_upper_triangular_in_place(
@@ -157,10 +159,10 @@ fn incomplete_cholesky(
     l: f64,
     tolerance: f64,
     max_rank: usize,
-) -> Option<(Mat<f64>, Vec<usize>)> {
+) -> Option<(Buffer, Vec<usize>)> {
     let n = inputs.len();
     let arch = Arch::new();
-    let mut columns: Vec<f64> = Vec::new();
+    let mut columns = Buffer::any(0);
     let mut pivots = Vec::new();
     let mut remainder = vec![1.0; n];
     loop {
@@ -175,7 +177,7 @@ fn incomplete_cholesky(
         if k == max_rank {
             return None;
         }
-        columns.resize((k + 1) * n, 0.0);
+        columns.resize((k + 1) * n);
         let (before, now) = columns.split_at_mut(k * n);
         inputs.column(l, pivot, 0, now, &mut []);
         arch.dispatch(|| {
@@ -190,8 +192,7 @@ fn incomplete_cholesky(
         remainder[pivot] = f64::NEG_INFINITY;
         pivots.push(pivot);
     }
-    let r = pivots.len();
-    Some((Mat::from_fn(n, r, |i, j| columns[j * n + i]), pivots))
+    Some((columns, pivots))
 }
 
 /// `now -= before * (row `pivot` of before)'`, four columns at a time.

@@ -1,6 +1,7 @@
 //! GPDC: distance correlation of the residuals of Gaussian process regressions (Runge et al. 2019, supplement S3):
 //! a test for nonlinear dependence with additive noise.
 
+mod buffer;
 mod dense;
 mod distance_correlation;
 mod gp;
@@ -14,7 +15,10 @@ mod residuals;
 
 use std::sync::Arc;
 
-use super::{CondIndTest, PreparedTest, Significance, TestResult, TestSettings};
+use super::{
+    CondIndTest, Confidence, PreparedTest, Significance, TestResult, TestSettings,
+    significance::{Resampling, Rng, optimal_block_length},
+};
 use crate::{
     Error, Result,
     discovery::{LaggedArrays, Node, Samples},
@@ -34,38 +38,38 @@ const FEWEST_SAMPLES: usize = 5;
 /// `[0, 1]`.
 #[derive(Clone, Debug)]
 pub struct Gpdc {
-    significance: Significance,
-    sig_samples: usize,
-    seed: u64,
-    max_memory: Option<usize>,
+    settings: TestSettings,
 }
 
 impl Gpdc {
-    /// The test with `settings`: `significance` (`analytic`: from a table of values of independent uniform series, of
-    /// `sig_samples` entries; or `fixed_thres`), `seed`, `max_memory`.
+    /// The test with `settings`: `significance` (`analytic`, the default: from a table of values of independent
+    /// uniform series, of `sig_samples` entries; `shuffle_test`: of the residuals; or `fixed_thres`), `confidence`
+    /// (`bootstrap`: each sample is regressed anew), `seed`, `max_memory`.
     ///
     /// # Errors
     /// A setting that the test does not allow.
     pub fn new(settings: &TestSettings) -> Result<Self> {
-        let sig_samples = settings.sig_samples.unwrap_or(500);
-        if sig_samples == 0 {
+        if settings.sig_samples == Some(0) {
             return Err(Error::param("sig_samples", "must be at least 1 (default 500)"));
         }
-        if settings.confidence.is_some() {
-            return Err(Error::param("confidence", "gpdc has no confidence interval; leave it out"));
+        if settings.confidence == Some(Confidence::Analytic) {
+            return Err(Error::param("confidence", "gpdc has no analytic interval; use bootstrap"));
         }
-        Ok(Self {
-            significance: settings.significance.unwrap_or(Significance::Analytic),
-            sig_samples,
-            seed: settings.seed,
-            max_memory: settings.max_memory,
-        })
+        Ok(Self { settings: settings.clone() })
+    }
+
+    fn significance(&self) -> Significance {
+        self.settings.significance.unwrap_or(Significance::Analytic)
+    }
+
+    fn sig_samples(&self) -> usize {
+        self.settings.sig_samples.unwrap_or(500)
     }
 
     /// Refuses what would not fit into the memory that is allowed.
     fn check_memory(&self, n: usize) -> Result<()> {
         let needed = GaussianProcess::bytes(n) * rayon::current_num_threads();
-        match self.max_memory {
+        match self.settings.max_memory {
             Some(allowed) if needed > allowed => Err(Error::param(
                 "max_memory",
                 format!(
@@ -96,7 +100,7 @@ impl CondIndTest for Gpdc {
     }
 
     fn decides_by_value(&self) -> bool {
-        self.significance == Significance::FixedThres
+        self.significance() == Significance::FixedThres
     }
 }
 
@@ -126,11 +130,44 @@ impl PreparedTest for PreparedGpdc<'_> {
         if is_constant(&arrays.x) || is_constant(&arrays.y) {
             return Ok(result);
         }
-        let [x, y] = self.pair(x, y, &z, &arrays)?;
-        result.value = of_ranks(&x.ranks, &y.ranks);
-        if self.test.significance == Significance::Analytic {
-            result.p_value =
-                NullTable::get(n, self.test.sig_samples, self.test.seed).share_above(result.value);
+        let [of_x, of_y] = self.pair(x, y, &z, &arrays)?;
+        result.value = of_ranks(&of_x.ranks, &of_y.ranks);
+        let settings = &self.test.settings;
+        let mut resampling =
+            Resampling { rng: Rng::for_test(settings.seed, x, y, &z), control: self.samples.control() };
+        match self.test.significance() {
+            Significance::Analytic => {
+                let table = NullTable::get(n, self.test.sig_samples(), settings.seed);
+                result.p_value = table.share_above(result.value);
+            }
+            Significance::ShuffleTest => {
+                let length =
+                    settings.sig_blocklength.unwrap_or_else(|| optimal_block_length(&[&of_x.values]));
+                let double = |ranks: &[u32]| ranks.iter().map(|&rank| f64::from(rank)).collect::<Vec<_>>();
+                let statistic = |x: &[f64], _: &[f64]| {
+                    of_ranks(&x.iter().map(|&rank| rank as u32).collect::<Vec<_>>(), &of_y.ranks)
+                };
+                let (samples, x) = (self.test.sig_samples(), double(&of_x.ranks));
+                result.p_value =
+                    resampling.shuffle_p(&x, &x, samples, Some(length), result.value, statistic)?;
+            }
+            Significance::FixedThres => {}
+        }
+        if settings.confidence.is_some() {
+            let blocks = (settings.conf_samples, settings.conf_blocklength, settings.conf_lev);
+            let check = || self.samples.control().check();
+            let value = |x: Vec<f64>, y: Vec<f64>, z: Vec<Vec<f64>>| {
+                if is_constant(&x) || is_constant(&y) {
+                    return Ok(0.0);
+                }
+                let process = regression(&z);
+                let ranks = |values: &[f64]| Residuals::new(values, process.as_ref(), false, &check);
+                Ok(of_ranks(&ranks(&x)?.ranks, &ranks(&y)?.ranks))
+            };
+            // A bootstrap sample fails only when the run is cancelled, which `bootstrap` notices as well.
+            let value = |x, y, z| value(x, y, z).unwrap_or_else(|_: Error| 0.0);
+            result.confidence = Some(resampling.bootstrap(&arrays.x, &arrays.y, &arrays.z, blocks, value)?);
+            check()?;
         }
         Ok(result)
     }
@@ -146,17 +183,23 @@ impl PreparedTest for PreparedGpdc<'_> {
 impl PreparedGpdc<'_> {
     /// Residuals of X and Y.
     fn pair(&self, x: Node, y: Node, z: &[Node], arrays: &LaggedArrays) -> Result<[Arc<Residuals>; 2]> {
-        let conditions: Vec<Vec<f64>> =
-            arrays.z.iter().filter(|row| !is_constant(row)).map(|row| standardized(row)).collect();
-        let process = (!conditions.is_empty()).then(|| GaussianProcess::new(&conditions));
+        let process = regression(&arrays.z);
+        let keep_values = self.test.significance() == Significance::ShuffleTest;
         let check = || self.samples.control().check();
         let of = |node: Node, values: &[f64]| {
-            let make = || Residuals::new(values, process.as_ref(), &check);
+            let make = || Residuals::new(values, process.as_ref(), keep_values, &check);
             // With samples left out, another test of the same node and conditions may have other samples.
             if arrays.n_lost == 0 { self.residuals.get(node, z, make) } else { make().map(Arc::new) }
         };
         Ok([of(x, &arrays.x)?, of(y, &arrays.y)?])
     }
+}
+
+/// The regression on `conditions`, those that are constant left out; `None` without any.
+fn regression(conditions: &[Vec<f64>]) -> Option<GaussianProcess> {
+    let rows: Vec<Vec<f64>> =
+        conditions.iter().filter(|row| !is_constant(row)).map(|row| standardized(row)).collect();
+    (!rows.is_empty()).then(|| GaussianProcess::new(&rows))
 }
 
 /// The conditions in one order, each once: a regression does not depend on their order but for rounding.
@@ -169,4 +212,96 @@ fn canonical(z: &[Node]) -> Vec<Node> {
 
 fn too_few(n: usize) -> Error {
     Error::Data(format!("gpdc has {n} complete samples and needs at least {FEWEST_SAMPLES}; record more"))
+}
+
+#[cfg(test)]
+mod tests {
+    use ndarray::Array2;
+
+    use super::{super::by_name, *};
+    use crate::discovery::DataFrame;
+
+    /// Columns 0 and 1 depend on column 2; column 3 on column 0.
+    fn data(n: usize) -> DataFrame {
+        let mut rng = pcg64::Pcg64::new(5);
+        let mut values = Array2::zeros((n, 4));
+        for mut row in values.rows_mut() {
+            let mut noise = || rng.next_f64() - 0.5;
+            row[2] = 3.0 * noise();
+            row[0] = row[2].sin() + 0.5 * noise();
+            row[1] = row[2] * row[2] + 0.5 * noise();
+            row[3] = row[0] + 0.2 * noise();
+        }
+        DataFrame::new(vec![values], ["a", "b", "c", "d"].map(String::from).to_vec()).unwrap()
+    }
+
+    fn run(settings: &TestSettings, x: usize, y: usize, z: &[usize]) -> Result<TestResult> {
+        let data = data(120);
+        let samples = Samples::new(&data, 0);
+        let test = by_name("GPDC", settings)?;
+        let nodes: Vec<Node> = z.iter().map(|&var| Node::new(var, 0)).collect();
+        test.prepare(&samples)?.run_test(Node::new(x, 0), Node::new(y, 0), &nodes)
+    }
+
+    #[test]
+    fn a_common_cause_is_explained_away_and_a_link_is_not() {
+        for significance in [Significance::Analytic, Significance::ShuffleTest] {
+            let settings = TestSettings { significance: Some(significance), ..TestSettings::default() };
+            assert!(run(&settings, 1, 2, &[]).unwrap().p_value < 0.01);
+            assert!(run(&settings, 0, 1, &[2]).unwrap().p_value > 0.05);
+            assert!(run(&settings, 0, 3, &[2]).unwrap().p_value < 0.01);
+        }
+    }
+
+    #[test]
+    fn the_order_of_conditions_does_not_matter() {
+        let settings = TestSettings::default();
+        assert_eq!(run(&settings, 0, 1, &[2, 3]).unwrap(), run(&settings, 0, 1, &[3, 2, 3]).unwrap());
+    }
+
+    #[test]
+    fn a_bootstrap_interval_is_ordered_and_inside_the_range() {
+        let settings = TestSettings {
+            confidence: Some(Confidence::Bootstrap),
+            conf_samples: 10,
+            ..TestSettings::default()
+        };
+        let (low, high) = run(&settings, 0, 3, &[2]).unwrap().confidence.unwrap();
+        assert!(0.0 <= low && low <= high && high <= 1.0);
+    }
+
+    #[test]
+    fn too_little_memory_is_refused_with_advice() {
+        let settings = TestSettings { max_memory: Some(1000), ..TestSettings::default() };
+        let message = run(&settings, 0, 1, &[2]).unwrap_err().to_string();
+        assert!(message.contains("max_memory") && message.contains("parcorr"), "{message}");
+    }
+
+    #[test]
+    fn a_constant_is_independent_of_everything() {
+        let data = DataFrame::new(
+            vec![Array2::from_shape_fn((30, 2), |(t, k)| if k == 0 { 1.0 } else { t as f64 })],
+            vec!["a".into(), "b".into()],
+        )
+        .unwrap();
+        let samples = Samples::new(&data, 0);
+        let test = Gpdc::new(&TestSettings::default()).unwrap();
+        let prepared = test.prepare(&samples).unwrap();
+        let result = prepared.run_test(Node::new(0, 0), Node::new(1, 0), &[]).unwrap();
+        assert_eq!((result.value, result.p_value), (0.0, 1.0));
+        // A constant condition is none.
+        let with = prepared.run_test(Node::new(1, 0), Node::new(1, 0), &[Node::new(0, 0)]).unwrap();
+        assert!((with.value - 1.0).abs() < 1e-15);
+    }
+
+    #[test]
+    fn a_regression_scores_better_than_none() {
+        let data = data(80);
+        let samples = Samples::new(&data, 0);
+        let test = Gpdc::new(&TestSettings::default()).unwrap();
+        let prepared = test.prepare(&samples).unwrap();
+        let score = |parents: &[Node]| prepared.model_selection_score(Node::new(1, 0), parents).unwrap();
+        assert!(score(&[Node::new(2, 0)]) < score(&[Node::new(3, 0)]));
+        assert_eq!(score(&[]), f64::INFINITY);
+    }
 }

@@ -13,6 +13,8 @@ use crate::{Result, discovery::Node};
 pub(super) struct Residuals {
     /// Ranks of the residuals; ties take the largest.
     pub(super) ranks: Vec<u32>,
+    /// The residuals themselves, where a shuffle test needs their autocorrelation.
+    pub(super) values: Vec<f64>,
     /// Log marginal likelihood of the regression; minus infinity without conditions, so that any
     /// regression scores better.
     pub(super) log_likelihood: f64,
@@ -60,13 +62,18 @@ impl Residuals {
     pub(super) fn new(
         target: &[f64],
         process: Option<&GaussianProcess>,
+        keep_values: bool,
         check: &dyn Fn() -> Result<()>,
     ) -> Result<Self> {
-        let Some(process) = process else {
-            return Ok(Self { ranks: ranks(target), log_likelihood: f64::NEG_INFINITY });
+        let (residuals, log_likelihood) = match process {
+            None => (target.to_vec(), f64::NEG_INFINITY),
+            Some(process) => {
+                let fit = process.fit(&standardized(target), check)?;
+                (fit.residuals, fit.log_likelihood)
+            }
         };
-        let fit = process.fit(&standardized(target), check)?;
-        Ok(Self { ranks: ranks(&fit.residuals), log_likelihood: fit.log_likelihood })
+        let ranks = ranks(&residuals);
+        Ok(Self { ranks, values: if keep_values { residuals } else { Vec::new() }, log_likelihood })
     }
 }
 
