@@ -7,6 +7,8 @@
 mod cholesky;
 mod cmiknn;
 mod gpdc;
+#[cfg(feature = "python")]
+mod gpdc_python;
 mod gram;
 mod gsquared;
 #[cfg(test)]
@@ -22,6 +24,8 @@ mod student_t;
 
 pub use cmiknn::CmiKnn;
 pub use gpdc::Gpdc;
+#[cfg(feature = "python")]
+pub use gpdc_python::GpdcPython;
 pub use gsquared::Gsquared;
 pub use oracle::OracleCi;
 pub use parcorr::ParCorr;

@@ -7,6 +7,8 @@ type Build = fn(&TestSettings) -> Result<Box<dyn CondIndTest>>;
 const TESTS: &[(&str, Build)] = &[
     ("parcorr", |s| Ok(Box::new(ParCorr::new(s)?))),
     ("gpdc", |s| Ok(Box::new(Gpdc::new(s)?))),
+    #[cfg(feature = "python")]
+    ("gpdcpython", |s| Ok(Box::new(super::GpdcPython::new(s)?))),
     ("robustparcorr", |s| Ok(Box::new(RobustParCorr::new(s)?))),
     ("cmiknn", |s| Ok(Box::new(CmiKnn::new(s)?))),
     ("gsquared", |s| Ok(Box::new(Gsquared::new(s)?))),
