@@ -158,7 +158,7 @@ impl PreparedTest for PreparedGpdc<'_> {
             let check = || self.samples.control().check();
             let value = |x: Vec<f64>, y: Vec<f64>, z: Vec<Vec<f64>>| {
                 if is_constant(&x) || is_constant(&y) {
-                    return Ok(0.0);
+                    return Ok::<f64, Error>(0.0);
                 }
                 let process = regression(&z);
                 let ranks = |values: &[f64]| Residuals::new(values, process.as_ref(), false, &check);
