@@ -95,4 +95,9 @@ pub trait Middleware: Clone + Send + Sync + 'static {
 
     /// `(topic, package/Name)` of the topics known now, for hints such as "topics of that type: ...".
     fn topics(&self) -> Vec<(String, String)>;
+
+    /// Messages lost so far on the way to this node's subscriptions, by topic, where the middleware can tell.
+    fn lost(&self) -> Vec<(String, u64)> {
+        Vec::new()
+    }
 }

@@ -138,7 +138,7 @@ fn count<M: Message>(mw: &Ros1, stop: &AtomicBool, topic: &str) -> Result<()> {
         let now = seen.load(Ordering::SeqCst);
         if now != told {
             told = now;
-            say(&format!("{now} {}", mw.lost().values().sum::<u64>()));
+            say(&format!("{now} {}", mw.lost().iter().map(|(_, count)| count).sum::<u64>()));
         }
         thread::sleep(Duration::from_millis(100));
     }

@@ -60,15 +60,6 @@ impl Ros1 {
         self.session.close();
     }
 
-    /// Messages lost so far per topic, by the gaps in `header.seq`.
-    pub fn lost(&self) -> BTreeMap<String, u64> {
-        let mut lost = BTreeMap::new();
-        for feed in self.session.feeds() {
-            *lost.entry(feed.topic.clone()).or_default() += feed.lost();
-        }
-        lost
-    }
-
     fn topic(&self, name: &str) -> Result<String> {
         let resolved = if is_legal(name) { self.session.resolve(name) } else { None };
         resolved.ok_or_else(|| Error::Topic {
@@ -146,12 +137,12 @@ impl Middleware for Ros1 {
 
     fn param(&self, spec: &ParamSpec) -> Result<Option<Value>> {
         let name = self.param_name(spec.name)?;
-        self.session.master.param(&name).map_err(|error| Error::param(name, error))
+        self.session.answering_master()?.param(&name).map_err(|error| Error::param(name, error))
     }
 
     fn set_param(&self, name: &str, value: Value) -> Result<()> {
         let name = self.param_name(name)?;
-        self.session.master.set_param(&name, value).map_err(|error| Error::param(name, error))
+        self.session.answering_master()?.set_param(&name, value).map_err(|error| Error::param(name, error))
     }
 
     fn now(&self) -> Time {
@@ -171,7 +162,20 @@ impl Middleware for Ros1 {
     }
 
     fn topics(&self) -> Vec<(String, String)> {
-        self.session.master.published_topics().unwrap_or_default()
+        self.session
+            .answering_master()
+            .ok()
+            .and_then(|master| master.published_topics().ok())
+            .unwrap_or_default()
+    }
+
+    /// By the gaps in `header.seq`.
+    fn lost(&self) -> Vec<(String, u64)> {
+        let mut lost = BTreeMap::<String, u64>::new();
+        for feed in self.session.feeds() {
+            *lost.entry(feed.topic.clone()).or_default() += feed.lost();
+        }
+        lost.into_iter().collect()
     }
 }
 

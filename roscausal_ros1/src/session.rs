@@ -50,6 +50,8 @@ pub(crate) struct Session {
     /// Who subscribes to what, as the master said at that time; `None` once a master was lost, because others
     /// than us do not register again.
     subscribers: Mutex<Option<(Option<Instant>, Subscribers)>>,
+    /// The master does not answer; asking it again is the watchdog's part.
+    lost: AtomicBool,
     ending: AtomicBool,
     closed: AtomicBool,
     alarm: Arc<(Mutex<bool>, Condvar)>,
@@ -112,6 +114,7 @@ impl Session {
             rosout: Mutex::default(),
             clock_subscriber: Mutex::default(),
             subscribers: Mutex::new(Some((None, Subscribers::new()))),
+            lost: AtomicBool::new(false),
             ending: AtomicBool::new(false),
             closed: AtomicBool::new(false),
             alarm: Arc::default(),
@@ -199,12 +202,20 @@ impl Session {
         lock(&self.registrations).iter().filter_map(|registration| registration.feed.clone()).collect()
     }
 
+    /// The master to ask, unless it is known not to answer: a node must not stand still for each question.
+    pub(crate) fn answering_master(&self) -> Result<&Master> {
+        if self.lost.load(Ordering::SeqCst) {
+            return Err(Error::Middleware(format!("the ROS master at {} does not answer", self.master.uri)));
+        }
+        Ok(&self.master)
+    }
+
     /// The nodes registered as subscribers of a topic, at most a second ago; `None` when the master cannot tell.
     pub(crate) fn subscribers(&self, topic: &str) -> Option<Vec<String>> {
         let mut known = lock(&self.subscribers);
         let (asked, subscribers) = known.as_mut()?;
         if asked.is_none_or(|asked| asked.elapsed() > WATCH_PERIOD) {
-            *subscribers = self.master.subscribers().ok()?;
+            *subscribers = self.answering_master().ok()?.subscribers().ok()?;
             *asked = Some(Instant::now());
         }
         Some(subscribers.get(topic).cloned().unwrap_or_default())
@@ -296,7 +307,6 @@ fn wait_for(master: &Master, keep_waiting: &dyn Fn() -> bool) -> Result<()> {
 
 /// Looks after the master each second until the session closes.
 fn watch(session: &Weak<Session>, alarm: &(Mutex<bool>, Condvar)) {
-    let mut lost = false;
     for round in 1_u64.. {
         let waited = alarm.1.wait_timeout_while(lock(&alarm.0), WATCH_PERIOD, |closed| !*closed);
         if *waited.unwrap_or_else(PoisonError::into_inner).0 {
@@ -309,7 +319,7 @@ fn watch(session: &Weak<Session>, alarm: &(Mutex<bool>, Condvar)) {
         }
         match session.master.registered_uri() {
             Ok(uri) if uri == session.master.node_uri => {
-                if std::mem::take(&mut lost) {
+                if session.lost.swap(false, Ordering::SeqCst) {
                     tracing::info!("the ROS master at {} answers again", session.master.uri);
                 }
             }
@@ -321,12 +331,11 @@ fn watch(session: &Weak<Session>, alarm: &(Mutex<bool>, Condvar)) {
                 session.end();
             }
             Err(crate::xmlrpc::CallError::Refused(_)) => {
-                lost = false;
+                session.lost.store(false, Ordering::SeqCst);
                 tracing::warn!("the ROS master at {} was restarted: registering again", session.master.uri);
                 session.register_again();
             }
-            Err(error) if !lost => {
-                lost = true;
+            Err(error) if !session.lost.swap(true, Ordering::SeqCst) => {
                 tracing::warn!(
                     "lost the ROS master ({error}); connections stay, the node goes on and registers again"
                 );
@@ -336,7 +345,7 @@ fn watch(session: &Weak<Session>, alarm: &(Mutex<bool>, Condvar)) {
         if let Clock::Simulated(clock) = &session.clock {
             clock.watch();
         }
-        if round % 5 == 0 && !lost {
+        if round % 5 == 0 && !session.lost.load(Ordering::SeqCst) {
             crate::subscription::look_for_mismatches(&session);
         }
     }

@@ -1,13 +1,13 @@
 #!/bin/bash
 # Tests against a real ROS 1: roscore, rospy, roslaunch, rosbag, catkin. Ends with 'N passed, N failed'; exit 0 only
 # when all passed. Without ROS 1 it installs Debian's, when it is root on such a system.
-#   tests/interop/ros1.sh [GROUP...]        groups: wire life restart clock laws nodes pipeline catkin
+#   tests/interop/ros1.sh [GROUP...]        groups: wire life restart clock laws nodes pipeline packages
 # Each group has a master on a port of its own, on 127.0.0.1; only processes that were started here are ended.
 set -u
 here=$(cd "$(dirname "$0")" && pwd)
 root=$(cd "$here/../.." && pwd)
 target=${CARGO_TARGET_DIR:-$root/target}
-groups=${*:-wire life restart clock laws nodes pipeline catkin}
+groups=${*:-wire life restart clock laws nodes pipeline packages}
 
 # ROS of Debian belongs to Debian's Python
 cargo=$(command -v cargo || echo "$HOME/.cargo/bin/cargo")
@@ -44,9 +44,12 @@ work=$(mktemp -d -t roscausal-ros1-XXXXXX)
 trap 'rm -rf "$work"' EXIT
 
 echo "building the nodes ..."
-(cd "$root" && cargo build --release --locked -p roscausal_ros1 --bins --examples) >"$work/cargo.log" 2>&1 ||
+(cd "$root" && cargo test --release --locked --no-run -p roscausal_ros1) >"$work/cargo.log" 2>&1 &&
+  (cd "$root" && cargo build --release --locked -p roscausal_ros1 --bins --examples) >>"$work/cargo.log" 2>&1 ||
   { tail -40 "$work/cargo.log"; give_up "cargo could not build roscausal_ros1"; }
-export ROSCAUSAL_PEER=$target/release/examples/peer ROSCAUSAL_NODE=$target/release/roscausal_ros1
+laws=$(sed -n 's|^ *Executable tests/laws.rs (\(.*\))$|\1|p' "$work/cargo.log")
+case $laws in /*) ;; *) laws=$root/$laws ;; esac
+export ROSCAUSAL_PEER=$target/release/examples/peer ROSCAUSAL_NODE=$target/release/roscausal_ros1 ROSCAUSAL_LAWS=$laws
 
 # A catkin workspace with this clone, and pedsim's messages, which Debian has not.
 echo "building the catkin workspace ..."

@@ -81,6 +81,9 @@ impl<M: Middleware> Health<M> {
             .iter()
             .map(|input| pair(&format!("received {}", input.topic), input.heard.to_string()))
             .collect();
+        values.extend(
+            mw.lost().into_iter().map(|(topic, count)| pair(&format!("lost {topic}"), count.to_string())),
+        );
         values.push(pair("sent", self.outputs.to_string()));
         values.extend(figures.iter().map(|(key, value)| pair(key, value.clone())));
         let status = DiagnosticStatus {

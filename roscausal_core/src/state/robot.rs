@@ -74,6 +74,21 @@ impl RobotTracker {
     fn state(&self, header: &Header, pose: &Pose, odometry: &Odometry) -> Result<RobotState, String> {
         let frame = if header.frame_id.is_empty() { &self.target_frame } else { &header.frame_id };
         let pose2d = self.tf.pose_in(&self.target_frame, frame, pose, header.stamp)?;
+        let twist = &odometry.twist.twist;
+        let numbers = [
+            ("the pose's x", pose2d.x),
+            ("the pose's y", pose2d.y),
+            ("the pose's heading", pose2d.theta),
+            ("odometry's linear.x", twist.linear.x),
+            ("odometry's linear.y", twist.linear.y),
+            ("odometry's angular.z", twist.angular.z),
+        ];
+        if let Some((name, number)) = numbers.iter().find(|(_, number)| !number.is_finite()) {
+            return Err(format!(
+                "{name} is {number} at {:.3} s; no state was made of it",
+                header.stamp.as_secs_f64()
+            ));
+        }
         let goal = match &self.goal {
             None => unknown(),
             Some((header, goal)) => self.in_target(header, goal)?,
@@ -129,6 +144,17 @@ mod tests {
         assert_eq!((states[0].pose2d.x, states[0].twist.linear.x), (3.0, 0.4));
         assert!((states[0].pose2d.theta - 0.5).abs() < 1e-12);
         assert!(states[0].goal.x.is_nan());
+    }
+
+    #[test]
+    fn what_is_no_number_gives_no_state_and_is_told() {
+        let mut robot = RobotTracker::new("map", 10, 0.1);
+        robot.pose(header(1.0, "map"), pose(3.0));
+        assert!(robot.odometry(odometry(1.0, f64::NAN)).is_empty());
+        assert!(robot.trouble.as_deref().is_some_and(|why| why.contains("odometry's linear.x is NaN")));
+        robot.pose(header(2.0, "map"), pose(3.0));
+        assert_eq!(robot.odometry(odometry(2.0, 0.4)).len(), 1);
+        assert_eq!(robot.trouble, None);
     }
 
     #[test]

@@ -1,0 +1,26 @@
+//! The laws of every middleware, on a real ROS master: `ROSCAUSAL_ROS1_TESTS=1` and `ROS_MASTER_URI` say that there
+//! is one (tests/interop/ros1.sh does so); without, nothing is tested.
+
+use std::{thread, time::Duration};
+
+use roscausal_core::laws;
+use roscausal_ros1::Ros1;
+
+/// A node on the master of the environment.
+#[allow(clippy::panic, reason = "a test without master has failed")]
+fn node(name: &str) -> Ros1 {
+    match Ros1::connect(name, &|| false) {
+        Ok(node) => node,
+        Err(error) => panic!("{error}"),
+    }
+}
+
+#[test]
+fn ros1_obeys_the_laws() {
+    if std::env::var_os("ROSCAUSAL_ROS1_TESTS").is_none() {
+        eprintln!("NOT TESTED: no ROS 1 master; run tests/interop/ros1.sh");
+        return;
+    }
+    laws::middleware_laws(node, || thread::sleep(Duration::from_millis(2)));
+    laws::absolute_parameters_are_shared(&node);
+}

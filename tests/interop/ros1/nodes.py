@@ -1,0 +1,348 @@
+"""The nodes with rospy around them: a robot's and people's topics in, states and batches out; bags, signals, a
+restarted master."""
+
+import csv
+import glob
+import math
+import os
+import signal
+import sys
+import tempfile
+import threading
+import time
+
+import rospy
+import tf2_ros
+from geometry_msgs.msg import PoseWithCovarianceStamped, TransformStamped
+from move_base_msgs.msg import MoveBaseActionGoal
+from nav_msgs.msg import Odometry
+from pedsim_msgs.msg import TrackedPerson, TrackedPersons
+from roscausal_msgs.msg import Humans, HumanState, RobotState
+from rosgraph_msgs.msg import Log
+
+from harness import NODE, Group, Process, eventually
+
+group = Group()
+case = group.case
+
+
+class Publishing:
+    """Calls `tick(stamp)` at a rate, in a thread, until the end of the `with` block."""
+
+    def __init__(self, rate, tick):
+        self.rate, self.tick, self.stop = rate, tick, threading.Event()
+        self.thread = threading.Thread(target=self.run, daemon=True)
+
+    def run(self):
+        next_one = time.monotonic()
+        while not self.stop.is_set():
+            self.tick(rospy.Time.now())
+            next_one += 1.0 / self.rate
+            time.sleep(max(0, next_one - time.monotonic()))
+
+    def __enter__(self):
+        self.thread.start()
+        return self
+
+    def __exit__(self, *_):
+        self.stop.set()
+        self.thread.join(5)
+
+
+def node(name, *args):
+    return Process(NODE, name, *args)
+
+
+def odometry(stamp, v=0.4, omega=0.1):
+    message = Odometry(child_frame_id="base_footprint")
+    message.header.stamp, message.header.frame_id = stamp, "odom"
+    message.pose.pose.orientation.w = 1
+    message.twist.twist.linear.x, message.twist.twist.angular.z = v, omega
+    return message
+
+
+def pose(stamp, x=1.0, y=2.0, theta=0.5, frame="map"):
+    message = PoseWithCovarianceStamped()
+    message.header.stamp, message.header.frame_id = stamp, frame
+    message.pose.pose.position.x, message.pose.pose.position.y = x, y
+    message.pose.pose.orientation.z, message.pose.pose.orientation.w = math.sin(theta / 2), math.cos(theta / 2)
+    return message
+
+
+def person(stamp, people=((1000, 3.0, 4.0, 0.3),)):
+    message = TrackedPersons()
+    message.header.stamp, message.header.frame_id = stamp, "map"
+    for number, x, y, v in people:
+        track = TrackedPerson(track_id=number)
+        track.pose.pose.position.x, track.pose.pose.position.y, track.pose.pose.orientation.w = x, y, 1
+        track.twist.twist.linear.x = v
+        message.tracks.append(track)
+    return message
+
+
+class Collect:
+    def __init__(self, topic, kind):
+        self.all = []
+        self.subscriber = rospy.Subscriber(topic, kind, self.all.append)
+
+    def one(self, check=lambda _: True, timeout=15, what="a message"):
+        return eventually(lambda: next((m for m in list(self.all) if check(m)), None), timeout,
+                          lambda: "%s on %s; %d came, the last: %s" % (
+                              what, self.subscriber.name, len(self.all), self.all[-1:]))
+
+
+@case
+def the_robots_state_is_made_of_odometry_pose_and_goal(_):
+    out = [rospy.Publisher("/mobile_base_controller/odom", Odometry, queue_size=10),
+           rospy.Publisher("/robot_pose", PoseWithCovarianceStamped, queue_size=10)]
+    goals = rospy.Publisher("/move_base/goal", MoveBaseActionGoal, queue_size=1, latch=True)
+    goal = MoveBaseActionGoal()
+    goal.goal.target_pose.header.frame_id = "map"
+    goal.goal.target_pose.pose.position.x, goal.goal.target_pose.pose.position.y = 5, -6
+    goal.goal.target_pose.pose.orientation.w = 1
+    goals.publish(goal)
+    states = Collect("/roscausal/robot", RobotState)
+    sent = []
+
+    def tick(stamp):
+        sent.append(stamp)
+        out[0].publish(odometry(stamp))
+        out[1].publish(pose(stamp))
+    with node("robot") as robot, Publishing(20, tick):
+        state = states.one(lambda m: m.goal.x == 5, what="a state with goal\n" + robot.text)
+        assert state.header.frame_id == "map" and state.header.stamp in sent, state
+        assert abs(state.pose2D.x - 1) < 1e-6 and abs(state.pose2D.y - 2) < 1e-6, state
+        assert abs(state.pose2D.theta - 0.5) < 1e-6 and state.goal.y == -6, state
+        assert state.twist.linear.x == 0.4 and state.twist.angular.z == 0.1, state
+        count = len(states.all)
+        eventually(lambda: len(states.all) > count + 20, 10, "more states")
+    for publisher in out + [goals]:
+        publisher.unregister()
+
+
+@case
+def missing_input_missing_tf_and_nan_are_told_and_the_node_lives(_):
+    lines = []
+    rospy.Subscriber("/rosout", Log, lambda log: lines.append((log.name, log.msg)))
+    odom = rospy.Publisher("/o", Odometry, queue_size=10)
+    poses = rospy.Publisher("/p", PoseWithCovarianceStamped, queue_size=10)
+    states = Collect("/roscausal/robot", RobotState)
+
+    def told(*parts):
+        eventually(lambda: any(all(p in text for p in parts) for _, text in list(lines)), 20,
+                   lambda: "a line with %s on /rosout; there are %s\n%s" % (parts, lines, robot.text))
+    with node("robot", "_odom_topic:=/o", "_pose_topic:=/p") as robot:
+        with Publishing(20, lambda stamp: odom.publish(odometry(stamp))):
+            told("/p", "geometry_msgs/PoseWithCovarianceStamped")
+        with Publishing(20, lambda stamp: (odom.publish(odometry(stamp)), poses.publish(pose(stamp, frame="nowhere")))):
+            told("nowhere", "map")
+        with Publishing(20, lambda stamp: (odom.publish(odometry(stamp, v=math.nan)), poses.publish(pose(stamp)))):
+            told("linear.x is NaN")
+        before = len(states.all)
+        with Publishing(20, lambda stamp: (odom.publish(odometry(stamp, v=0.25)), poses.publish(pose(stamp)))):
+            good = states.one(lambda m: m.twist.linear.x == 0.25, what="a good state after %d\n%s" % (before, robot.text))
+            assert good.pose2D.x == 1
+        assert robot.child.poll() is None
+        assert not any(math.isnan(m.twist.linear.x) or math.isnan(m.pose2D.x) for m in states.all), "NaN came out"
+    odom.unregister()
+    poses.unregister()
+
+
+@case
+def poses_in_another_frame_are_transformed(_):
+    broadcaster = tf2_ros.StaticTransformBroadcaster()
+    transform = TransformStamped()
+    transform.header.stamp, transform.header.frame_id, transform.child_frame_id = rospy.Time.now(), "map", "hall"
+    transform.transform.translation.x = 10
+    transform.transform.rotation.z = transform.transform.rotation.w = math.sqrt(0.5)
+    broadcaster.sendTransform(transform)
+    odom = rospy.Publisher("/o", Odometry, queue_size=10)
+    poses = rospy.Publisher("/p", PoseWithCovarianceStamped, queue_size=10)
+    states = Collect("/roscausal/robot", RobotState)
+    with node("robot", "_odom_topic:=/o", "_pose_topic:=/p") as robot, Publishing(
+            20, lambda stamp: (odom.publish(odometry(stamp)), poses.publish(pose(stamp, 1, 2, 0, "hall")))):
+        state = states.one(what="a state\n" + robot.text)
+        assert abs(state.pose2D.x - 8) < 1e-6 and abs(state.pose2D.y - 1) < 1e-6, state
+        assert abs(state.pose2D.theta - math.pi / 2) < 1e-6, state
+    odom.unregister()
+    poses.unregister()
+
+
+@case
+def people_their_goal_parameter_and_an_empty_list(roscore):
+    roscore.param("/hri/human_goal", [7.0, 8.0])
+    out = rospy.Publisher("/ped/control/teleop_persons", TrackedPersons, queue_size=10)
+    everybody, selected = Collect("/roscausal/humans", Humans), Collect("/roscausal/human", HumanState)
+    people = [(1000, 3.0, 4.0, 0.3), (7, -1.0, 0.5, 1.0)]
+    with node("human") as human, Publishing(20, lambda stamp: out.publish(person(stamp, people))):
+        humans = everybody.one(lambda m: len(m.humans) == 2, what="two people\n" + human.text)
+        assert humans.header.frame_id == "map" and sorted(h.id for h in humans.humans) == [7, 1000], humans
+        one = selected.one(lambda m: m.goal.x == 7)
+        assert one.id == 1000 and one.goal.y == 8 and one.pose2D.x == 3 and one.pose2D.y == 4, one
+        assert abs(one.twist.linear.x - 0.3) < 1e-9, one
+        roscore.param("/hri/human_goal", [-1, 2])  # whole numbers, while it runs
+        selected.one(lambda m: m.goal.x == -1 and m.goal.y == 2, what="the new goal\n" + human.text)
+        people.clear()
+        time.sleep(1.5)  # longer than a person is held unseen
+        everybody.all.clear()
+        time.sleep(0.5)
+        assert not any(m.humans for m in everybody.all), "people who are gone: %s" % everybody.all[-1]
+        people.append((1000, 9.0, 9.0, 0.1))
+        selected.one(lambda m: m.pose2D.x == 9, what="the person again")
+        assert human.child.poll() is None
+    out.unregister()
+
+
+class Recording:
+    """States of a robot and a person as rospy publishes them, 50 Hz, and the data node with a folder of its own."""
+
+    def __init__(self, *args):
+        self.dir = tempfile.mkdtemp(dir=os.environ.get("ROSCAUSAL_WORK"), prefix="pool-")
+        self.robot = rospy.Publisher("/roscausal/robot", RobotState, queue_size=100)
+        self.humans = rospy.Publisher("/roscausal/humans", Humans, queue_size=100)
+        self.node = node("data", "_data_dir:=" + self.dir, "_pp_data_dir:=%s/pp" % self.dir, *args)
+        self.publishing = Publishing(50, self.tick)
+
+    def tick(self, stamp):
+        robot = RobotState()
+        robot.header.stamp, robot.header.frame_id = stamp, "map"
+        robot.pose2D.x, robot.twist.linear.x = stamp.to_sec() % 1000, 0.5
+        robot.goal.x = 3
+        one = HumanState(id=1000)
+        one.header = robot.header
+        one.pose2D.x, one.pose2D.y, one.twist.linear.x, one.goal.y = -(stamp.to_sec() % 1000), 1, 1.25, 4
+        self.robot.publish(robot)
+        self.humans.publish(Humans(header=robot.header, humans=[one]))
+
+    def __enter__(self):
+        self.publishing.__enter__()
+        eventually(lambda: self.robot.get_num_connections() and self.humans.get_num_connections(), 15,
+                   lambda: "the data node\n" + self.node.text)
+        return self
+
+    def __exit__(self, *_):
+        self.node.__exit__()
+        self.publishing.__exit__()
+        self.robot.unregister()
+        self.humans.unregister()
+
+    def batch(self, timeout=20):
+        path = eventually(lambda: glob.glob(self.dir + "/data_*.csv"), timeout,
+                          lambda: "a batch in %s\n%s" % (os.listdir(self.dir), self.node.text))[0]
+        with open(path, newline="") as file:
+            return list(csv.DictReader(file))
+
+
+def check_rows(rows, fewest):
+    assert len(rows) >= fewest, "%d rows" % len(rows)
+    times = [float(row["time"]) for row in rows]
+    steps = [b - a for a, b in zip(times, times[1:])]
+    assert all(abs(step - 0.1) < 1e-6 for step in steps), steps
+    for row in rows:
+        assert all(math.isfinite(float(value)) for value in row.values() if value is not None and value != ""), row
+        assert "" not in row.values(), row
+        assert abs(float(row["r_v"]) - 0.5) < 1e-9 and abs(float(row["h_1000_v"]) - 1.25) < 1e-9, row
+        assert abs(float(row["r_x"]) + float(row["h_1000_x"])) < 1e-6, row
+
+
+@case
+def a_batch_of_rospys_states_is_written(_):
+    with Recording("_ts_length:=3") as recording:
+        rows = recording.batch()
+        check_rows(rows, 29)
+    return "%d rows" % len(rows)
+
+
+def flushed_after(number):
+    def check(_):
+        with Recording('_ts_length:=1000') as recording:
+            time.sleep(2)
+            recording.node.send(number)
+            assert recording.node.ended() == 0, recording.node.text
+            rows = recording.batch(1)
+            check_rows(rows, 15)
+        return "%d rows" % len(rows)
+    check.__name__ = "the_open_batch_is_flushed_after_" + signal.Signals(number).name
+    return check
+
+
+case(flushed_after(signal.SIGINT))
+case(flushed_after(signal.SIGTERM))
+
+
+@case
+def the_original_spellings_of_parameters_are_taken(roscore):
+    for name, value in {"ts_length": "2", "subsampling": "False", "dt": "0.1", "delete_traj": "False", "sel_agent": "1000",
+                        "obs_size": 2, "safe_dist": "5.0", "pp_script": "", "pp_script_dir": ""}.items():
+        roscore.param("/roscausal_data/" + name, value)
+    with Recording() as recording:
+        check_rows(recording.batch(), 19)
+    roscore.master.deleteParam("/tests", "/roscausal_data")
+
+
+@case
+def a_recorded_bag_is_played_through_the_nodes(_):
+    folder = tempfile.mkdtemp(dir=os.environ.get("ROSCAUSAL_WORK"), prefix="bag-")
+    out = [rospy.Publisher("/mobile_base_controller/odom", Odometry, queue_size=10),
+           rospy.Publisher("/robot_pose", PoseWithCovarianceStamped, queue_size=10)]
+
+    def tick(stamp):
+        out[0].publish(odometry(stamp, v=0.125))
+        out[1].publish(pose(stamp, x=42))
+    with Process("rosbag", "record", "-O", folder + "/in.bag", "/mobile_base_controller/odom", "/robot_pose",
+                 "/roscausal/robot") as record:
+        with node("robot"), Publishing(20, tick):
+            eventually(lambda: all(p.get_num_connections() >= 2 for p in out), 40, lambda: "connections %s\n%s" % (
+                [p.get_num_connections() for p in out], record.text))
+            time.sleep(3)
+    assert os.path.exists(folder + "/in.bag"), record.text
+    for publisher in out:
+        publisher.unregister()
+    import rosbag
+    with rosbag.Bag(folder + "/in.bag") as bag:
+        recorded = [m for _, m, _ in bag.read_messages("/roscausal/robot")]
+        assert len(recorded) > 20 and recorded[-1].pose2D.x == 42, len(recorded)
+        assert recorded[-1]._md5sum == RobotState._md5sum
+    states = Collect("/roscausal/robot", RobotState)
+    with node("robot"):
+        # only the inputs: the node makes the states anew
+        with Process("rosbag", "play", "-d", "1", folder + "/in.bag", "--topics", "/mobile_base_controller/odom",
+                     "/robot_pose") as play:
+            state = states.one(lambda m: m.pose2D.x == 42, what="a state from the bag\n" + play.text)
+            assert state.twist.linear.x == 0.125
+            play.ended(20)
+
+
+@case
+def diagnostics_tell_that_all_is_well(_):
+    got = []
+    with Recording("_ts_length:=1000"):
+        rospy.Subscriber("/diagnostics", rospy.AnyMsg, lambda m: got.append(m._connection_header))
+        eventually(lambda: got, 15, "diagnostics")
+        assert got[0]["type"] == "diagnostic_msgs/DiagnosticArray", got[0]
+        assert got[0]["md5sum"] == "60810da900de1dd6ddd437c3503511da", got[0]
+
+
+@case
+def no_row_is_lost_while_the_master_restarts(roscore):
+    """Last, because this process does not register again."""
+    with Recording("_ts_length:=1000") as recording:
+        time.sleep(1)
+        roscore.stop()
+        recording.node.line("lost the ROS master")
+        time.sleep(2)
+        roscore.start()
+        start = time.monotonic()
+        eventually(lambda: "/roscausal_data" in roscore.nodes(), 10, "the node on the new master")
+        took = time.monotonic() - start
+        assert took < 5, took
+        time.sleep(1)
+        recording.node.send(signal.SIGTERM)
+        assert recording.node.ended() == 0, recording.node.text
+        rows = recording.batch(1)
+        check_rows(rows, 40)
+    return "%d rows, back after %.1f s" % (len(rows), took)
+
+
+if __name__ == "__main__":
+    sys.exit(group.run() > 0)
