@@ -1,7 +1,7 @@
 use clap::{Parser, Subcommand};
 use tracing_subscriber::{EnvFilter, fmt};
 
-use crate::{demo, discover};
+use crate::{demo, discover, experiment};
 
 /// Finds out what causes what between robots and people.
 #[derive(Parser)]
@@ -20,6 +20,8 @@ pub(crate) enum Command {
     Demo(demo::Args),
     /// Find the causal model of one or several CSV files with a header.
     Discover(discover::Args),
+    /// Run the demo's chain over many seeds and measure how often each link is found.
+    Experiment(experiment::Args),
 }
 
 impl Cli {

@@ -13,7 +13,7 @@ use clap::Args as ClapArgs;
 use indicatif::ProgressBar;
 use roscausal_core::{
     Error, Result,
-    discovery::{Model, Progress},
+    discovery::{Model, Progress, analysis::Settings},
     loopback::Loopback,
 };
 use roscausal_hrisim::{Scenario, Simulation, node::run_lockstep};
@@ -55,34 +55,63 @@ pub(crate) struct Args {
 
 /// Runs `roscausal demo`.
 pub(crate) fn run(args: &Args, interrupt: &Interrupt) -> Result<()> {
-    let settings = args.method.settings(roscausal_core::discovery::analysis::Settings::default().seed)?;
-    if !(20.0..=1e6).contains(&args.duration) {
-        let reason = format!("{} is not a number of seconds from 20 to 1000000", args.duration);
-        return Err(Error::param("duration", reason));
-    }
-    let mut scenario = Scenario::load(&args.scenario)?;
-    scenario.duration = args.duration + WARM_UP_S;
-    let simulation = Simulation::new(&scenario, args.seed)?;
-    let folders = Folders::fresh(&args.out)?;
-    let bus = Loopback::lockstep();
-    nodes::set_parameters(&bus, &folders, &settings, args.duration / f64::from(BATCHES), args.threads);
+    let run = Run {
+        scenario: args.scenario.clone(),
+        seed: args.seed,
+        duration: args.duration,
+        settings: args.method.settings(Settings::default().seed)?,
+        threads: args.threads,
+        out: args.out.clone(),
+        quiet: false,
+    };
     println!(
         "Simulating '{}' for {} s (seed {}), recording two batches ...",
         args.scenario, args.duration, args.seed
     );
-    let (nodes, progress) = Nodes::start(&bus)?;
+    let (folders, model) = run.whole_chain(interrupt)?;
+    show(args, &folders, &model)
+}
 
-    let recorded = record(&bus, simulation, interrupt);
-    let found = recorded.and_then(|()| await_model(&folders, &nodes, &progress, interrupt));
-    // A node that failed is the reason why there is no model.
-    nodes.end()?;
-    show(args, &folders, &found?)
+/// One run of simulator and nodes, from the first message to the model.
+pub(crate) struct Run {
+    pub(crate) scenario: String,
+    pub(crate) seed: u64,
+    /// Seconds to record.
+    pub(crate) duration: f64,
+    pub(crate) settings: Settings,
+    pub(crate) threads: Option<usize>,
+    pub(crate) out: PathBuf,
+    pub(crate) quiet: bool,
+}
+
+impl Run {
+    /// Simulates, records two batches and analyses them; what the nodes wrote stays in `out`.
+    pub(crate) fn whole_chain(&self, interrupt: &Interrupt) -> Result<(Folders, Model)> {
+        if !(20.0..=1e6).contains(&self.duration) {
+            let reason = format!("{} is not a number of seconds from 20 to 1000000", self.duration);
+            return Err(Error::param("duration", reason));
+        }
+        let mut scenario = Scenario::load(&self.scenario)?;
+        scenario.duration = self.duration + WARM_UP_S;
+        let simulation = Simulation::new(&scenario, self.seed)?;
+        let folders = Folders::fresh(&self.out)?;
+        let bus = Loopback::lockstep();
+        let ts_length = self.duration / f64::from(BATCHES);
+        nodes::set_parameters(&bus, &folders, &self.settings, ts_length, self.threads);
+        let (nodes, progress) = Nodes::start(&bus)?;
+
+        let recorded = record(&bus, simulation, interrupt, self.quiet);
+        let found = recorded.and_then(|()| await_model(&folders, &nodes, &progress, interrupt, self.quiet));
+        // A node that failed is the reason why there is no model.
+        nodes.end()?;
+        Ok((folders, found?))
+    }
 }
 
 /// Runs the simulation to its end, as fast as the machine allows.
-fn record(bus: &Loopback, mut simulation: Simulation, interrupt: &Interrupt) -> Result<()> {
+fn record(bus: &Loopback, mut simulation: Simulation, interrupt: &Interrupt, quiet: bool) -> Result<()> {
     let total = simulation.scenario().duration;
-    let bar = chart::bar("recording", total as u64, false);
+    let bar = chart::bar("recording", total as u64, quiet);
     run_lockstep(bus, &mut simulation, 1, |simulation| {
         bar.set_position(simulation.time() as u64);
         !interrupt.is_set()
@@ -99,8 +128,9 @@ fn await_model(
     nodes: &Nodes,
     progress: &Receiver<Progress>,
     interrupt: &Interrupt,
+    quiet: bool,
 ) -> Result<Model> {
-    let bar: ProgressBar = chart::bar("discovery", 0, false);
+    let bar: ProgressBar = chart::bar("discovery", 0, quiet);
     let mut last_sign = Instant::now();
     loop {
         if let Some(progress) = progress.try_iter().last() {

@@ -3,7 +3,8 @@
 use roscausal_core::discovery::Model;
 
 /// The cross links of the paper's scenario (Castri et al. 2024, section 4), cause and effect.
-const PAPER: [(&str, &str); 4] = [("h_v", "h_dg"), ("h_dg", "h_v"), ("h_risk", "h_v"), ("h_v", "h_risk")];
+pub(crate) const PAPER: [(&str, &str); 4] =
+    [("h_v", "h_dg"), ("h_dg", "h_v"), ("h_risk", "h_v"), ("h_v", "h_risk")];
 
 /// Which of the paper's links were found, which are missing, which are extra; links of a variable with its own
 /// past are expected and not counted.

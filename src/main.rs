@@ -5,6 +5,7 @@ mod cli;
 mod demo;
 mod discover;
 mod expected;
+mod experiment;
 mod failure;
 mod interrupt;
 mod output;
@@ -21,6 +22,7 @@ fn main() -> ExitCode {
     let done = match &cli.command {
         cli::Command::Demo(args) => demo::run(args, &interrupt),
         cli::Command::Discover(args) => discover::run(args, &interrupt),
+        cli::Command::Experiment(args) => experiment::run(args, &interrupt),
     };
     failure::exit_code(done)
 }

@@ -110,7 +110,7 @@ fn bad_files_are_named_with_line_and_column_and_the_way_out() {
     has(&complaint("a,b\n1,2\n3\n", &[], 1), &["line 3", "1 cell"]);
     has(&complaint("a,b,a\n1,2,3\n", &[], 1), &["column 1", "column 3", "'a'"]);
     has(&complaint("time,a,b\n1,1,1\n0,1,2\n", &[], 1), &["line 3", "time goes back"]);
-    has(&complaint("a,b\n1,2\n2,3\n3,1\n", &["--test", "parcorr"], 1), &["samples", "needed"]);
+    has(&complaint("a,b\n1,2\n2,3\n3,1\n", &["--test", "parcorr"], 1), &["samples", "needs at least"]);
     has(&complaint("a\n1\n2\n", &[], 1), &["one variable", "two"]);
     let missing = roscausal(Path::new("."), &["discover", "no_such.csv"]);
     assert_eq!(missing.status.code(), Some(1));

@@ -11,7 +11,7 @@ use roscausal_core::{Error, Result, discovery::Model};
 const MARK: &str = ".roscausal_demo";
 
 /// Where the demo's nodes put their files.
-pub(super) struct Folders {
+pub(crate) struct Folders {
     pub(super) raw: PathBuf,
     pub(super) processed: PathBuf,
     pub(super) models: PathBuf,

@@ -1,0 +1,72 @@
+//! `roscausal demo` as a newcomer calls it.
+
+use std::{collections::BTreeMap, fs, path::Path, process::Output};
+
+fn demo(dir: &Path, args: &[&str]) -> Output {
+    std::process::Command::new(env!("CARGO_BIN_EXE_roscausal"))
+        .arg("demo")
+        .args(args)
+        .current_dir(dir)
+        .output()
+        .expect("the command starts")
+}
+
+/// Every file below a folder, by its path in it.
+fn files(dir: &Path) -> BTreeMap<String, Vec<u8>> {
+    let mut found = BTreeMap::new();
+    let mut open = vec![dir.to_path_buf()];
+    while let Some(folder) = open.pop() {
+        for entry in fs::read_dir(&folder).expect("lists").flatten() {
+            let path = entry.path();
+            if path.is_dir() {
+                open.push(path);
+            } else {
+                let name = path.strip_prefix(dir).expect("is inside").display().to_string();
+                found.insert(name, fs::read(&path).expect("reads"));
+            }
+        }
+    }
+    found
+}
+
+#[test]
+fn the_same_seed_gives_the_same_batches_and_models_with_any_number_of_threads() {
+    let dir = tempfile::tempdir().expect("a folder");
+    let run = |out: &str, threads: &str| {
+        let args = ["--seed", "3", "--duration", "60", "--threads", threads, "--out", out];
+        let output = demo(dir.path(), &args);
+        assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+        (String::from_utf8_lossy(&output.stdout).into_owned(), files(&dir.path().join(out)))
+    };
+    let (text, one) = run("one", "1");
+    let (_, two) = run("two", "2");
+    assert!(text.contains("Beside the paper's expected model:"), "{text}");
+    let batches = one.keys().filter(|name| name.starts_with("pp_pool/analysed/") && name.ends_with(".csv"));
+    assert_eq!(batches.count(), 2);
+    assert!(one.contains_key("model.json") && one.contains_key("dag.png") && one.contains_key("dag.svg"));
+    assert_eq!(one.keys().collect::<Vec<_>>(), two.keys().collect::<Vec<_>>());
+    for (name, bytes) in &one {
+        assert!(bytes == &two[name], "{name} differs");
+    }
+}
+
+#[test]
+fn a_folder_that_no_demo_made_is_left_alone() {
+    let dir = tempfile::tempdir().expect("a folder");
+    fs::create_dir_all(dir.path().join("mine/data_pool")).expect("makes");
+    fs::write(dir.path().join("mine/data_pool/thesis.csv"), "a,b\n").expect("writes");
+    let output = demo(dir.path(), &["--duration", "60", "--out", "mine"]);
+    assert_eq!(output.status.code(), Some(1));
+    assert!(String::from_utf8_lossy(&output.stderr).contains("choose another --out"));
+    assert!(dir.path().join("mine/data_pool/thesis.csv").exists());
+}
+
+#[test]
+fn an_unknown_scenario_or_method_is_bad_usage() {
+    let dir = tempfile::tempdir().expect("a folder");
+    for args in [["--scenario", "thr"], ["--method", "pcmcy"], ["--duration", "-3"]] {
+        let output = demo(dir.path(), &args);
+        let text = String::from_utf8_lossy(&output.stderr).into_owned();
+        assert_eq!(output.status.code(), Some(2), "{args:?}: {text}");
+    }
+}
