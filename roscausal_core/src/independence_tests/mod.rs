@@ -5,7 +5,7 @@
 //! A prepared test is `Sync`, and a result never depends on which tests came before it.
 
 mod cholesky;
-mod cmiknn;
+pub(crate) mod cmiknn;
 mod gpdc;
 #[cfg(feature = "python")]
 mod gpdc_python;
@@ -19,7 +19,7 @@ mod parcorr;
 mod registry;
 mod robust_parcorr;
 mod settings;
-mod significance;
+pub(crate) mod significance;
 mod student_t;
 
 pub use cmiknn::CmiKnn;

@@ -4,12 +4,13 @@
 //! 2019, doi:10.1162/netn_a_00092). All information is in nats.
 
 mod gaussian;
+mod kraskov;
 mod selection;
 mod window;
 
 use rayon::prelude::*;
 
-use self::{gaussian::Gaussian, selection::Selection, window::Window};
+use self::{gaussian::Gaussian, kraskov::Kraskov, selection::Selection, window::Window};
 use super::{Control, DataFrame, Node};
 use crate::{Error, Result};
 
@@ -19,6 +20,20 @@ pub enum TeEstimator {
     /// Linear-Gaussian, from the correlation matrix; exact null distributions.
     #[default]
     Gaussian,
+    /// Nearest neighbours, for dependence of any form; permutation surrogates, so that it takes longer.
+    Kraskov,
+}
+
+impl std::str::FromStr for TeEstimator {
+    type Err = Error;
+
+    fn from_str(name: &str) -> Result<Self> {
+        match name.to_ascii_lowercase().as_str() {
+            "gaussian" => Ok(Self::Gaussian),
+            "kraskov" => Ok(Self::Kraskov),
+            _ => Err(Error::param("te_estimator", format!("'{name}' is not gaussian or kraskov"))),
+        }
+    }
 }
 
 /// Settings of a transfer-entropy filter.
@@ -114,6 +129,7 @@ impl TransferEntropy {
         let window = Window::new(data, self.max_lag)?;
         let estimator: Box<dyn Estimator> = match self.estimator {
             TeEstimator::Gaussian => Box::new(Gaussian::new(&window)),
+            TeEstimator::Kraskov => Box::new(Kraskov::new(&window, self.seed, control)),
         };
         let n_samples = window.times().len();
         let selection = Selection {
@@ -143,6 +159,15 @@ impl TransferEntropy {
                 "f_alpha",
                 format!("{} is not inside (0, 1); 0.05 is usual", self.alpha),
             ));
+        }
+        if self.estimator == TeEstimator::Kraskov && self.alpha <= kraskov::SMALLEST_P {
+            let reason = format!(
+                "{} is below {:.4}, the smallest p-value of the kraskov estimator's surrogates; raise it or use \
+                 gaussian",
+                self.alpha,
+                kraskov::SMALLEST_P
+            );
+            return Err(Error::param("f_alpha", reason));
         }
         Ok(())
     }

@@ -125,3 +125,42 @@ fn parameters_out_of_range_are_named() {
         assert!(bad.run(&data, &Control::default()).is_err(), "{bad:?} passes");
     }
 }
+
+#[test]
+fn nearest_neighbours_find_what_correlation_cannot_see() {
+    let mut e = noise(21);
+    let mut x = Array2::zeros((150, 2));
+    for t in 1..150 {
+        x[[t, 0]] = e();
+        x[[t, 1]] = x[[t - 1, 0]] * x[[t - 1, 0]] + 0.2 * e();
+    }
+    let data = DataFrame::new(vec![x], ["a", "b"].map(str::to_owned).to_vec()).expect("is a frame");
+    let run = |estimator| {
+        let filter = TransferEntropy { estimator, max_lag: 1, alpha: 0.01, ..filter() };
+        filter.run(&data, &Control::default()).expect("runs").targets.swap_remove(1)
+    };
+    assert!(run(TeEstimator::Gaussian).sources.is_empty());
+    let found = run(TeEstimator::Kraskov);
+    assert_eq!(links(&found.sources), [(0, 1)]);
+    assert!(found.sources[0].cmi > 0.3 && found.sources[0].p_value <= 0.01);
+    assert_eq!(found, run(TeEstimator::Kraskov));
+}
+
+#[test]
+fn both_estimators_agree_on_linear_systems() {
+    let data = frame(vec![system(200, 4)]).select(&[2, 3]);
+    let run = |estimator| {
+        let filter = TransferEntropy { estimator, max_lag: 1, alpha: 0.01, ..filter() };
+        filter.run(&data, &Control::default()).expect("runs").targets.swap_remove(1)
+    };
+    let (gaussian, kraskov) = (run(TeEstimator::Gaussian), run(TeEstimator::Kraskov));
+    assert_eq!(links(&gaussian.sources), [(0, 1)]);
+    assert_eq!(links(&kraskov.sources), [(0, 1)]);
+    assert!((gaussian.sources[0].cmi - kraskov.sources[0].cmi).abs() < 0.12);
+}
+
+#[test]
+fn levels_below_what_surrogates_resolve_are_refused() {
+    let filter = TransferEntropy { estimator: TeEstimator::Kraskov, alpha: 0.004, ..filter() };
+    assert!(filter.run(&frame(vec![system(50, 1)]), &Control::default()).is_err());
+}

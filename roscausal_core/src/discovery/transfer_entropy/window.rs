@@ -60,6 +60,11 @@ impl<'a> Window<'a> {
     pub(super) fn value(&self, (recording, row): (usize, usize), node: Node) -> f64 {
         self.data.recordings()[recording][[row - node.lag, node.var]]
     }
+
+    /// The samples of one node.
+    pub(super) fn column(&self, node: Node) -> Vec<f64> {
+        self.times.iter().map(|&at| self.value(at, node)).collect()
+    }
 }
 
 #[cfg(test)]

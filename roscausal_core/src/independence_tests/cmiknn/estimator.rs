@@ -12,8 +12,8 @@ use crate::{Result, discovery::Control, special::digamma_table};
 pub(crate) struct Estimator<'a, T> {
     /// Neighbours; at least 1 and less than the number of samples.
     pub(crate) k: usize,
-    /// `n` samples of Y.
-    pub(crate) y: &'a [T],
+    /// Rows of `n` samples; usually one.
+    pub(crate) y: &'a [&'a [T]],
     /// Rows of `n` samples.
     pub(crate) z: &'a [Vec<T>],
     pub(crate) control: &'a Control,
@@ -24,24 +24,27 @@ struct Room<T: Coordinate> {
     in_z: Vec<T>,
     in_yz: Vec<T>,
     in_xyz: Vec<T>,
+    in_xz: Vec<T>,
     scratch: Vec<T>,
     z_profile: T::Profile,
     yz_profile: T::Profile,
 }
 
 impl<T: Coordinate> Estimator<'_, T> {
-    /// The information of each arrangement of X: `arrangements` holds one after the other, `n` samples each.
+    /// The information of each arrangement of X: a row of X (usually there is one) holds one after the other, `n`
+    /// samples each.
     ///
     /// # Errors
     /// When the control stops the run.
-    pub(crate) fn information(&self, arrangements: &[T]) -> Result<Vec<f64>> {
-        let n = self.y.len();
+    pub(crate) fn information(&self, arrangements: &[&[T]]) -> Result<Vec<f64>> {
+        let n = self.y[0].len();
         let psi = digamma_table(n);
-        let mut sums = vec![0.0; arrangements.len() / n];
+        let mut sums = vec![0.0; arrangements[0].len() / n];
         let mut room = Room {
             in_z: vec![T::default(); n],
             in_yz: vec![T::default(); n],
             in_xyz: vec![T::default(); n],
+            in_xz: vec![T::default(); n],
             scratch: Vec::new(),
             z_profile: T::Profile::default(),
             yz_profile: T::Profile::default(),
@@ -58,22 +61,43 @@ impl<T: Coordinate> Estimator<'_, T> {
 
     /// Adds `psi(k_xz) + psi(k_yz) - psi(k_z)` of sample `i` to the sum of each arrangement.
     #[inline(always)]
-    fn add_sample(&self, i: usize, arrangements: &[T], psi: &[f64], room: &mut Room<T>, sums: &mut [f64]) {
+    fn add_sample(&self, i: usize, arrangements: &[&[T]], psi: &[f64], room: &mut Room<T>, sums: &mut [f64]) {
         room.in_z.fill(T::default());
         for row in self.z {
             T::widen(&mut room.in_z, row[i], row);
         }
         room.in_yz.copy_from_slice(&room.in_z);
-        T::widen(&mut room.in_yz, self.y[i], self.y);
+        for row in self.y {
+            T::widen(&mut room.in_yz, row[i], row);
+        }
         T::profile(&room.in_z, &mut room.z_profile);
         T::profile(&room.in_yz, &mut room.yz_profile);
         let mut radius = T::default();
-        for (x, sum) in arrangements.chunks_exact(self.y.len()).zip(sums) {
+        let n = self.y[0].len();
+        for (number, sum) in sums.iter_mut().enumerate() {
+            let rows = arrangements.iter().map(|row| &row[number * n..(number + 1) * n]);
             room.in_xyz.copy_from_slice(&room.in_yz);
-            T::widen(&mut room.in_xyz, x[i], x);
+            for x in rows.clone() {
+                T::widen(&mut room.in_xyz, x[i], x);
+            }
             // The radius changes little from one surrogate to the next.
             radius = T::radius(&room.in_xyz, self.k, radius, &mut room.scratch);
-            let k_xz = T::count_within(&room.in_z, x[i], x, radius);
+            let k_xz = match arrangements {
+                [row] => T::count_within(
+                    &room.in_z,
+                    row[number * n + i],
+                    &row[number * n..(number + 1) * n],
+                    radius,
+                ),
+                _ => {
+                    room.in_xz.copy_from_slice(&room.in_z);
+                    for x in rows {
+                        T::widen(&mut room.in_xz, x[i], x);
+                    }
+                    let first = &arrangements[0][number * n..(number + 1) * n];
+                    T::count_within(&room.in_xz, first[i], first, radius)
+                }
+            };
             let k_yz = T::look_up(&room.yz_profile, radius);
             let k_z = T::look_up(&room.z_profile, radius);
             *sum += psi[k_xz] + psi[k_yz] - psi[k_z];
@@ -125,15 +149,20 @@ mod tests {
             let rows: Vec<Vec<f64>> = values.chunks(60).map(<[f64]>::to_vec).collect();
             let (x, y, z) = (&rows[0], &rows[1], &rows[2..2 + dimensions]);
             let control = Control::default();
-            let floats = Estimator { k, y, z, control: &control }.information(x).unwrap();
+            let floats = Estimator { k, y: &[y], z, control: &control }.information(&[x]).unwrap();
             prop_assert!((floats[0] - by_definition(x, y, z, k)).abs() < 1e-12);
+
+            // A copy of a row adds nothing to a maximum: rows of X and of Y work together.
+            let rows_of_y: [&[f64]; 2] = [y, y];
+            let doubled = Estimator { k, y: &rows_of_y, z, control: &control }.information(&[x, x]).unwrap();
+            prop_assert_eq!(doubled[0], floats[0]);
 
             let ranked: Vec<Vec<i16>> = rows.iter().map(|row| ranks(row)).collect();
             let (y, z) = (&ranked[1], &ranked[2..2 + dimensions]);
             // The same X twice, and reversed: surrogates do not see each other.
             let reversed: Vec<i16> = ranked[0].iter().rev().copied().collect();
             let arrangements = [&ranked[0][..], &reversed, &ranked[0]].concat();
-            let integers = Estimator { k, y, z, control: &control }.information(&arrangements).unwrap();
+            let integers = Estimator { k, y: &[y], z, control: &control }.information(&[&arrangements]).unwrap();
             let as_floats: Vec<Vec<f64>> =
                 ranked.iter().map(|row| row.iter().map(|&v| f64::from(v)).collect()).collect();
             let expected = by_definition(&as_floats[0], &as_floats[1], &as_floats[2..2 + dimensions], k);
@@ -146,6 +175,6 @@ mod tests {
     fn a_stopped_control_ends_the_search() {
         let control = Control::default().out_of_time(|| true);
         let row: Vec<f64> = (0..20).map(f64::from).collect();
-        assert!(Estimator { k: 3, y: &row, z: &[], control: &control }.information(&row).is_err());
+        assert!(Estimator { k: 3, y: &[&row], z: &[], control: &control }.information(&[&row]).is_err());
     }
 }

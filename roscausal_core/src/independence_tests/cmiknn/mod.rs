@@ -206,8 +206,8 @@ impl Prepared<'_> {
             arrangements.extend(order.iter().map(|&i| moves[i]));
         }
         let k = self.test.neighbours(n).unwrap_or(1);
-        let values =
-            Estimator { k, y: stays, z: &z, control: self.samples.control() }.information(&arrangements)?;
+        let values = Estimator { k, y: &[stays], z: &z, control: self.samples.control() }
+            .information(&[&arrangements])?;
         let (value, nulls) = (values[0], &values[1..]);
         let count = nulls.iter().filter(|&&null| null >= value).count();
         Ok((value, if samples > 0 { (count + 1) as f64 / (samples + 1) as f64 } else { 1.0 }))
