@@ -29,6 +29,8 @@ pub struct PersonParams {
     pub turn_rate: f64,
     /// Heading error at which she stands and turns, radians.
     pub turn_in_place: f64,
+    /// Whether turning slows her at all; if not, she turns as fast as her speed needs.
+    pub slows_in_turns: bool,
     /// She slows when the goal is nearer than this, metres; 0: never.
     pub slow_distance: f64,
     /// Share of `speed` that slowing leaves at the goal; in between it is linear in the distance.
@@ -62,6 +64,7 @@ impl Default for PersonParams {
             braking: 0.7,
             turn_rate: 0.45,
             turn_in_place: 0.8,
+            slows_in_turns: true,
             slow_distance: 4.0,
             slow_floor: 0.43,
             arrival: 0.5,
@@ -83,7 +86,7 @@ const PERSON_RADIUS: f64 = 0.7;
 const PERSON_RANGE: f64 = 2.5;
 /// Radius of the body against walls, metres.
 const BODY_RADIUS: f64 = 0.25;
-/// Smallest turning circle under an imposed speed, metres: she always gets to her goal.
+/// Turning circle of one who does not slow in turns, metres: she always gets to her goal.
 const TURNING_CIRCLE: f64 = 0.3;
 
 /// Something that moves, as a person sees it.
@@ -178,15 +181,18 @@ impl Person {
         let (v, omega) = match (self.teleop, imposed) {
             (Some(teleop), imposed) => (imposed.unwrap_or(teleop.v), teleop.omega),
             (None, Some(v)) => (v, error / (2.0 * dt)),
+            (None, None) if !self.params.slows_in_turns => (wish.v, error / (2.0 * dt)),
             (None, None) if error.abs() > self.params.turn_in_place => (0.0, error / (2.0 * dt)),
             (None, None) => (wish.v * error.cos().max(0.0), error / (2.0 * dt)),
         };
         let change = (v - self.v).clamp(-self.params.braking * dt, self.params.acceleration * dt);
         self.v += change;
-        let fastest = match imposed {
-            Some(_) => self.params.turn_rate.max(self.v.abs() / TURNING_CIRCLE),
-            None => self.params.turn_rate,
+        let needed = if imposed.is_some() || !self.params.slows_in_turns {
+            self.v.abs() / TURNING_CIRCLE
+        } else {
+            0.0
         };
+        let fastest = self.params.turn_rate.max(needed);
         self.omega = omega.clamp(-fastest, fastest);
         self.theta = wrap(self.theta + self.omega * dt);
         let wanted = self.position + Vec2::polar(self.v * dt, self.theta);

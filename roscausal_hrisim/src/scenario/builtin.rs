@@ -1,9 +1,21 @@
 //! The built-in scenarios, by name.
 
 use super::{PedestrianSpec, PersonSpec, Plan, RobotSpec, Scenario};
+use crate::{
+    geometry::{Area, Vec2},
+    person::PersonParams,
+};
 
 /// Names of the built-in scenarios.
-pub const SCENARIOS: [&str; 4] = ["thor", "pass_by_the_centre", "robot_off", "crowd"];
+pub const SCENARIOS: [&str; 7] = [
+    "thor",
+    "pass_by_the_centre",
+    "robot_off",
+    "crowd",
+    "encounters",
+    "encounters_ignored",
+    "encounters_unslowed",
+];
 
 impl Scenario {
     /// The built-in scenario of that name; see [`SCENARIOS`].
@@ -13,9 +25,44 @@ impl Scenario {
             "pass_by_the_centre" => Plan::PassByTheCentre,
             "robot_off" => Plan::RobotOff,
             "crowd" => return Some(Self::crowd(20, 2)),
+            "encounters" => return Some(Self::encounters(name, encounters_walk())),
+            "encounters_ignored" => {
+                return Some(Self::encounters(name, PersonParams { avoids: false, ..encounters_walk() }));
+            }
+            "encounters_unslowed" => {
+                let steady = PersonParams { slow_distance: 0.0, slows_in_turns: false, ..encounters_walk() };
+                return Some(Self::encounters(name, steady));
+            }
             _ => return None,
         };
         Some(Self { name: name.to_owned(), plan, ..Self::default() })
+    }
+
+    /// The scenario that is recommended for finding the paper's four links, and its two controls (the person
+    /// ignores the robot; she never slows for a goal or a turn). Why it shows them:
+    ///
+    /// - `v -> d_g`: her true pace is irregular (`pace_sd`), so the distance walked is news to the distance;
+    /// - `d_g -> v`: goals come every few seconds, she begins to slow 6 m before one, and changes speed promptly;
+    /// - `risk -> v`: robot and goals share the middle of the hall, so they meet often, and she brakes hard;
+    /// - `v -> risk`: the risk contains v (analyse with `risk_model` v1_1 and `risk_lag` 1);
+    /// - nothing else: goals are uniform in a square around the robot's loop, so its place does not tell how
+    ///   far the goal is, and the paper's own noise on the exponent of the risk (`risk_noise` 0.02) keeps
+    ///   risk from being a function of v that every small dependence shows through.
+    fn encounters(name: &str, walk: PersonParams) -> Self {
+        let square = Area(vec![
+            Vec2::new(-6.0, -6.0),
+            Vec2::new(6.0, -6.0),
+            Vec2::new(6.0, 6.0),
+            Vec2::new(-6.0, 6.0),
+        ]);
+        let waypoints =
+            vec![Vec2::new(2.0, -3.0), Vec2::new(2.0, 3.0), Vec2::new(-2.0, 3.0), Vec2::new(-2.0, -3.0)];
+        Self {
+            name: name.to_owned(),
+            people: vec![PersonSpec { areas: vec![square.clone(), square], walk, ..PersonSpec::default() }],
+            robots: vec![RobotSpec { waypoints, ..RobotSpec::default() }],
+            ..Self::default()
+        }
     }
 
     /// One scripted person, `pedestrians` and `robots` in the hall.
@@ -29,6 +76,23 @@ impl Scenario {
             pedestrians: PedestrianSpec { count: pedestrians, ..PedestrianSpec::default() },
             ..Self::default()
         }
+    }
+}
+
+/// A person on foot rather than at a keyboard: prompt, quick to turn and to brake.
+fn encounters_walk() -> PersonParams {
+    PersonParams {
+        acceleration: 2.0,
+        braking: 2.5,
+        turn_rate: 2.5,
+        turn_in_place: 2.5,
+        slow_distance: 6.0,
+        slow_floor: 0.15,
+        reaction: 0.4,
+        pace_sd: 0.2,
+        pace_time: 1.0,
+        brake_to: 0.2,
+        ..PersonParams::default()
     }
 }
 
