@@ -21,7 +21,8 @@ use roscausal_core::{
 };
 use roscausal_msgs::{
     CausalLink, CausalModel, CausalModelInfo, HumanState, Humans, Message, RobotState, diagnostic_msgs,
-    geometry_msgs, nav_msgs, pedsim_msgs, people_msgs, rosgraph_msgs, sensor_msgs, spencer_tracking_msgs, std_msgs, tf2_msgs, visualization_msgs,
+    geometry_msgs, nav_msgs, pedsim_msgs, people_msgs, rosgraph_msgs, sensor_msgs, spencer_tracking_msgs,
+    std_msgs, tf2_msgs, visualization_msgs,
 };
 use roscausal_ros2::{Args, Ros2, Ros2Subscription, console::Console};
 

@@ -22,7 +22,7 @@ const RATE_HZ: f64 = 10.0;
 const GOAL_EVERY: u64 = 10;
 
 enum Event {
-    People(usize, Vec<Sighting>),
+    People(usize, Time, Vec<Sighting>),
     Goal(Point),
     Tf(TFMessage, bool),
 }
@@ -123,11 +123,17 @@ pub fn human<M: Middleware>(mw: &M) -> Result<()> {
     loop {
         match inbox.next(mw, Some(due.min(health.due()))) {
             Next::Shutdown => return Ok(()),
-            Next::Event(Event::People(input, sightings)) => {
+            Next::Event(Event::People(input, stamp, sightings)) => {
                 health.heard(input, mw.now());
-                sightings.into_iter().for_each(|sighting| tracker.sighting(sighting));
+                // What has no stamp was seen now.
+                let stamped = |stamp: Time| if stamp == Time::ZERO { mw.now() } else { stamp };
+                tracker.heard(stamped(stamp));
+                for mut sighting in sightings {
+                    sighting.header.stamp = stamped(sighting.header.stamp);
+                    tracker.sighting(sighting);
+                }
             }
-            Next::Event(Event::Goal(goal)) => tracker.goal(None, goal),
+            Next::Event(Event::Goal(goal)) => tracker.goal(goal),
             Next::Event(Event::Tf(message, is_fixed)) => tracker.tf.insert(&message, is_fixed),
             Next::Deadline => {}
         }
@@ -140,7 +146,7 @@ pub fn human<M: Middleware>(mw: &M) -> Result<()> {
                 // A parameter server that is away must not end the node.
                 && let Some(goal) = mw.param(spec).ok().flatten().and_then(|value| point(&value))
             {
-                tracker.goal(None, goal);
+                tracker.goal(goal);
             }
             reports += 1;
             if ros4hri {
@@ -148,7 +154,9 @@ pub fn human<M: Middleware>(mw: &M) -> Result<()> {
             }
             // The same sightings again are no news.
             if tracker.newest() != published {
-                let people = tracker.people();
+                let about =
+                    |people: &[HumanState]| agents.select(people, None).first().map(|person| person.id);
+                let people = tracker.people(about);
                 published = people.header.stamp;
                 if let Some(person) = agents.select(&people.humans, None).first() {
                     selected.publish(person)?;
@@ -172,14 +180,15 @@ fn subscribe_people<M: Middleware>(
     let qos = Qos::Volatile(100);
     if let Some(topic) = params.text_if_set("auto_people_topic") {
         let (send, input) = (inbox.sender(), health.input::<pedsim_msgs::AgentStates>(&topic, false));
-        let take = move |m: pedsim_msgs::AgentStates| send.send(Event::People(input, of_agents(m)));
+        let take =
+            move |m: pedsim_msgs::AgentStates| send.send(Event::People(input, m.header.stamp, of_agents(m)));
         subscriptions.push(mw.subscribe(&topic, qos, take)?);
     }
     if let Some(topic) = params.text_if_set("teleop_people_topic") {
         let (send, input) = (inbox.sender(), health.input::<pedsim_msgs::TrackedPersons>(&topic, false));
         let take = move |m: pedsim_msgs::TrackedPersons| {
             let tracks = m.tracks.into_iter().map(|t| (t.track_id, t.pose.pose, t.twist.twist));
-            send.send(Event::People(input, of_tracks(&m.header, tracks)));
+            send.send(Event::People(input, m.header.stamp, of_tracks(&m.header, tracks)));
         };
         subscriptions.push(mw.subscribe(&topic, qos, take)?);
     }
@@ -190,18 +199,19 @@ fn subscribe_people<M: Middleware>(
             let input = health.input::<spencer_tracking_msgs::TrackedPersons>(&topic, true);
             let take = move |m: spencer_tracking_msgs::TrackedPersons| {
                 let tracks = m.tracks.into_iter().map(|t| (t.track_id, t.pose.pose, t.twist.twist));
-                send.send(Event::People(input, of_tracks(&m.header, tracks)));
+                send.send(Event::People(input, m.header.stamp, of_tracks(&m.header, tracks)));
             };
             subscriptions.push(mw.subscribe(&topic, qos, take)?);
         }
         "people_msgs/People" => {
             let input = health.input::<people_msgs::People>(&topic, true);
-            let take = move |m: people_msgs::People| send.send(Event::People(input, of_people(m)));
+            let take =
+                move |m: people_msgs::People| send.send(Event::People(input, m.header.stamp, of_people(m)));
             subscriptions.push(mw.subscribe(&topic, qos, take)?);
         }
         "geometry_msgs/PoseArray" => {
             let input = health.input::<PoseArray>(&topic, true);
-            let take = move |m: PoseArray| send.send(Event::People(input, of_poses(m)));
+            let take = move |m: PoseArray| send.send(Event::People(input, m.header.stamp, of_poses(m)));
             subscriptions.push(mw.subscribe(&topic, qos, take)?);
         }
         _ => {}

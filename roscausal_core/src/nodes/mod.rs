@@ -62,3 +62,68 @@ fn unknown_node(name: &str) -> Error {
     let hint = header::nearest(&NODES, name).map_or(String::new(), |near| format!("did you mean '{near}'? "));
     Error::param("node", format!("there is no node '{name}'; {hint}nodes: {}", NODES.join(", ")))
 }
+
+#[cfg(test)]
+mod tests {
+    use std::{fmt::Write, fs, path::Path};
+
+    use super::*;
+    use crate::params::{Allowed, Value};
+
+    fn documentation() -> String {
+        let mut text = String::from(
+            "# Parameters of the nodes\n\nMade from the nodes' own tables; ROS 1: `_name:=value`, ROS 2: `-p name:=value`. \
+             `True`, `\"0.1\"` and `\"\"` for none are understood.\n",
+        );
+        for node in NODES {
+            let _ =
+                write!(text, "\n## {node}\n\n| parameter | default | allowed | what |\n|---|---|---|---|\n");
+            for spec in parameters(node).expect("a node") {
+                let allowed = match (&spec.allowed, &spec.default) {
+                    (Allowed::Range(low, high), _) => format!("{low} to {high}"),
+                    (Allowed::OneOf(words), _) => words.join(", "),
+                    (Allowed::Any, Value::Bool(_)) => "true, false".into(),
+                    (Allowed::Any, Value::Int(_)) => "whole number".into(),
+                    (Allowed::Any, Value::Double(_)) => "number or empty".into(),
+                    (Allowed::Any, Value::Str(_)) => "text".into(),
+                    (Allowed::Any, Value::List(_)) => "list".into(),
+                };
+                let default = match spec.default.to_string() {
+                    empty if empty.is_empty() => "(empty)".to_owned(),
+                    default => format!("`{default}`"),
+                };
+                let _ = writeln!(text, "| `{}` | {default} | {allowed} | {} |", spec.name, spec.description);
+            }
+        }
+        text
+    }
+
+    /// `ROSCAUSAL_WRITE_DOCS=1 cargo test -p roscausal_core documented` writes the page anew.
+    #[test]
+    fn every_parameter_is_documented_as_it_is() {
+        let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../docs/parameters.md");
+        if std::env::var_os("ROSCAUSAL_WRITE_DOCS").is_some() {
+            fs::write(&path, documentation()).expect("writes");
+        }
+        let written = fs::read_to_string(&path).unwrap_or_default();
+        assert!(written == documentation(), "docs/parameters.md is old: run with ROSCAUSAL_WRITE_DOCS=1");
+    }
+
+    #[test]
+    fn the_defaults_are_allowed_and_no_parameter_is_there_twice() {
+        for node in NODES {
+            let specs = parameters(node).expect("a node");
+            for (i, spec) in specs.iter().enumerate() {
+                assert_eq!(spec.checked(spec.default.clone()).expect(spec.name), spec.default);
+                assert!(
+                    specs[..i].iter().all(|other| other.name != spec.name),
+                    "{node}: {} twice",
+                    spec.name
+                );
+                assert!(!spec.description.is_empty() && !spec.description.contains('|'));
+            }
+        }
+        let error = parameters("robt").expect_err("unknown").to_string();
+        assert!(error.contains("did you mean 'robot'?"), "{error}");
+    }
+}

@@ -31,9 +31,8 @@ pub struct PeopleTracker {
     target_frame: String,
     timeout_s: f64,
     people: BTreeMap<u32, HumanState>,
-    /// Goals told from outside: of one person, or of whoever has none.
-    goals: BTreeMap<u32, Point>,
-    goal_of_all: Option<Point>,
+    /// The goal told from outside: that of the person the node is about.
+    goal: Option<Point>,
     newest: Time,
     /// Frames of people and map.
     pub tf: TfBuffer,
@@ -48,8 +47,7 @@ impl PeopleTracker {
             target_frame: target_frame.trim_start_matches('/').to_owned(),
             timeout_s,
             people: BTreeMap::new(),
-            goals: BTreeMap::new(),
-            goal_of_all: None,
+            goal: None,
             newest: Time::ZERO,
             tf: TfBuffer::default(),
             trouble: None,
@@ -61,29 +59,33 @@ impl PeopleTracker {
         self.trouble = self.place(sighting).err();
     }
 
-    /// Sets where a person is going (`None`: everybody whose goal is not known otherwise).
-    pub fn goal(&mut self, id: Option<u32>, goal: Point) {
-        match id {
-            Some(id) => {
-                self.goals.insert(id, goal);
-            }
-            None => self.goal_of_all = Some(goal),
+    /// Hears from a tracker, whomever it sees: with `stamp` the people that it no longer sees grow older.
+    pub fn heard(&mut self, stamp: Time) {
+        if self.newest.secs_since(stamp) > self.timeout_s {
+            // Time jumped back: a recording that starts again. Who was there then is not there now.
+            self.people.clear();
+            self.newest = stamp;
         }
+        self.newest = self.newest.max(stamp);
     }
 
-    /// Everybody seen lately, in ascending order of id, with the stamp of the newest sighting.
-    pub fn people(&mut self) -> Humans {
+    /// Sets where the person that the node is about is going; not finite: nobody knows.
+    pub fn goal(&mut self, goal: Point) {
+        self.goal = Some(goal);
+    }
+
+    /// Everybody seen lately, in ascending order of id, with the stamp of the newest message. Of them, `about` names
+    /// the one whose goal is told from outside; a goal that the tracker itself tells comes first.
+    pub fn people(&mut self, about: impl FnOnce(&[HumanState]) -> Option<u32>) -> Humans {
         let (newest, timeout) = (self.newest, self.timeout_s);
         self.people.retain(|_, person| newest.secs_since(person.header.stamp) <= timeout);
-        let with_goal = |person: &HumanState| {
-            let known = [self.goals.get(&person.id), Some(&person.goal), self.goal_of_all.as_ref()];
-            let goal = known.into_iter().flatten().find(|goal| goal.x.is_finite() && goal.y.is_finite());
-            HumanState { goal: goal.cloned().unwrap_or_else(unknown), ..person.clone() }
-        };
-        Humans {
-            header: Header { stamp: newest, frame_id: self.target_frame.clone() },
-            humans: self.people.values().map(with_goal).collect(),
+        let mut humans: Vec<HumanState> = self.people.values().cloned().collect();
+        let about = about(&humans);
+        let person = humans.iter_mut().find(|person| Some(person.id) == about && !is_known(&person.goal));
+        if let (Some(person), Some(goal)) = (person, self.goal.filter(is_known)) {
+            person.goal = goal;
         }
+        Humans { header: Header { stamp: newest, frame_id: self.target_frame.clone() }, humans }
     }
 
     /// Stamp of the newest sighting; 0 before the first.
@@ -93,11 +95,7 @@ impl PeopleTracker {
 
     fn place(&mut self, sighting: Sighting) -> Result<(), String> {
         let Sighting { id, header, pose, twist, goal } = sighting;
-        if header.stamp < self.newest && self.newest.secs_since(header.stamp) > self.timeout_s {
-            // Time jumped back: a recording that starts again. Who was there then is not there now.
-            self.people.clear();
-            self.newest = header.stamp;
-        }
+        self.heard(header.stamp);
         let frame = if header.frame_id.is_empty() { &self.target_frame } else { &header.frame_id };
         let pose2d = self.tf.pose_in(&self.target_frame, frame, &pose, header.stamp);
         let mut pose2d = pose2d.map_err(|trouble| format!("person {id}: {trouble}"))?;
@@ -114,17 +112,27 @@ impl PeopleTracker {
                 }
                 twist
             }
-            (None, None) => Twist::default(),
+            // Nobody knows from one sighting how fast a person is.
+            (None, None) => unknown_velocity(),
         };
         if self.people.get(&id).is_some_and(|known| known.header.stamp > header.stamp) {
             return Ok(());
         }
-        self.newest = self.newest.max(header.stamp);
         let header = Header { stamp: header.stamp, frame_id: self.target_frame.clone() };
         let goal = goal.unwrap_or_else(unknown);
         self.people.insert(id, HumanState { header, id, pose2d, twist, goal });
         Ok(())
     }
+}
+
+fn is_known(goal: &Point) -> bool {
+    goal.x.is_finite() && goal.y.is_finite()
+}
+
+fn unknown_velocity() -> Twist {
+    let mut twist = Twist::default();
+    (twist.linear.x, twist.linear.y) = (f64::NAN, f64::NAN);
+    twist
 }
 
 /// A number for a person whom the tracker names by text: the digits at its end, else one made from the text.
@@ -148,6 +156,10 @@ mod tests {
         sighting
     }
 
+    fn first(people: &[HumanState]) -> Option<u32> {
+        people.first().map(|person| person.id)
+    }
+
     fn ids(people: &Humans) -> Vec<u32> {
         people.humans.iter().map(|person| person.id).collect()
     }
@@ -155,31 +167,52 @@ mod tests {
     #[test]
     fn people_come_and_go() {
         let mut tracker = PeopleTracker::new("map", 1.0);
-        assert!(tracker.people().humans.is_empty());
+        assert!(tracker.people(first).humans.is_empty());
         tracker.sighting(seen(7, 0.0, 1.0));
         tracker.sighting(seen(3, 0.5, 1.0));
-        assert_eq!(ids(&tracker.people()), [3, 7]);
+        assert_eq!(ids(&tracker.people(first)), [3, 7]);
         tracker.sighting(seen(3, 1.4, 1.0));
-        assert_eq!(ids(&tracker.people()), [3]);
+        assert_eq!(ids(&tracker.people(first)), [3]);
     }
 
     #[test]
     fn an_unknown_goal_is_nan_and_never_the_persons_place() {
         let mut tracker = PeopleTracker::new("map", 1.0);
         tracker.sighting(seen(1, 0.0, 4.0));
-        assert!(tracker.people().humans[0].goal.x.is_nan());
-        tracker.goal(None, Point { x: 9.0, y: 1.0, z: 0.0 });
-        assert_eq!(tracker.people().humans[0].goal.x, 9.0);
-        tracker.goal(Some(1), Point { x: 5.0, y: 1.0, z: 0.0 });
-        assert_eq!(tracker.people().humans[0].goal.x, 5.0);
+        assert!(tracker.people(first).humans[0].goal.x.is_nan());
+        tracker.goal(Point { x: 9.0, y: 1.0, z: 0.0 });
+        assert_eq!(tracker.people(first).humans[0].goal.x, 9.0);
+        tracker.sighting(Sighting { goal: Some(Point { x: 5.0, y: 1.0, z: 0.0 }), ..seen(1, 0.1, 4.0) });
+        assert_eq!(tracker.people(first).humans[0].goal.x, 5.0);
+    }
+
+    #[test]
+    fn the_goal_of_one_person_is_not_everybodys() {
+        let mut tracker = PeopleTracker::new("map", 1.0);
+        tracker.goal(Point { x: 9.0, y: 1.0, z: 0.0 });
+        tracker.sighting(seen(1, 0.0, 4.0));
+        tracker.sighting(seen(1000, 0.0, 4.0));
+        let people = tracker.people(|_| Some(1000)).humans;
+        assert!(people[0].goal.x.is_nan() && people[1].goal.x == 9.0);
+    }
+
+    #[test]
+    fn people_go_when_the_tracker_sees_nobody_any_more() {
+        let mut tracker = PeopleTracker::new("map", 1.0);
+        tracker.sighting(seen(7, 0.0, 1.0));
+        tracker.heard(Time::from_secs_f64(0.9));
+        assert_eq!(ids(&tracker.people(first)), [7]);
+        tracker.heard(Time::from_secs_f64(1.1));
+        assert!(tracker.people(first).humans.is_empty());
     }
 
     #[test]
     fn without_a_twist_speed_and_heading_come_from_the_change_of_place() {
         let mut tracker = PeopleTracker::new("map", 1.0);
         tracker.sighting(seen(1, 0.0, 4.0));
+        assert!(tracker.people(first).humans[0].twist.linear.x.is_nan());
         tracker.sighting(seen(1, 0.5, 3.5));
-        let person = tracker.people().humans.remove(0);
+        let person = tracker.people(first).humans.remove(0);
         assert!((person.twist.linear.x + 1.0).abs() < 1e-9);
         assert!((person.pose2d.theta.abs() - std::f64::consts::PI).abs() < 1e-9);
     }
@@ -189,7 +222,7 @@ mod tests {
         let mut tracker = PeopleTracker::new("map", 1.0);
         tracker.sighting(seen(1, 100.0, 4.0));
         tracker.sighting(seen(2, 1.0, 4.0));
-        assert_eq!(ids(&tracker.people()), [2]);
+        assert_eq!(ids(&tracker.people(first)), [2]);
     }
 
     #[test]

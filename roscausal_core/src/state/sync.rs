@@ -4,6 +4,13 @@ use std::collections::VecDeque;
 
 use crate::Time;
 
+/// A stamp this much older than the last one is no late message but a clock that jumped back, seconds.
+const JUMP_S: f64 = 1.0;
+/// Messages of B younger than this wait, whatever the queue's size, seconds.
+const KEEP_S: f64 = 0.5;
+/// The most messages that wait.
+const MOST: usize = 4096;
+
 /// Pairs each message of topic A with the nearest one of topic B.
 ///
 /// A pair is made once its B is known to be the nearest: when a B at or after A's stamp has come. So the pairs depend
@@ -16,18 +23,32 @@ pub struct Pairing<A, B> {
     slop_s: f64,
     /// Messages of A that found no partner.
     pub unpaired: u64,
+    /// Messages out of order or with the stamp of the one before, which are left out.
+    pub late: u64,
 }
 
 impl<A, B: Clone> Pairing<A, B> {
     /// Pairs within `slop_s` seconds; at most `queue_size` messages of each topic wait.
     pub fn new(queue_size: usize, slop_s: f64) -> Self {
-        Self { a: VecDeque::new(), b: VecDeque::new(), queue_size: queue_size.max(1), slop_s, unpaired: 0 }
+        Self {
+            a: VecDeque::new(),
+            b: VecDeque::new(),
+            queue_size: queue_size.max(1),
+            slop_s,
+            unpaired: 0,
+            late: 0,
+        }
     }
 
     /// Takes a message of topic A; the pairs that it completes.
     pub fn push_a(&mut self, stamp: Time, message: A) -> Vec<(A, B)> {
-        if self.a.back().is_some_and(|(last, _)| *last > stamp) {
-            self.clear();
+        match self.a.back() {
+            Some((last, _)) if last.secs_since(stamp) > JUMP_S => self.clear(),
+            Some((last, _)) if *last >= stamp => {
+                self.late += 1;
+                return Vec::new();
+            }
+            _ => {}
         }
         self.a.push_back((stamp, message));
         if self.a.len() > self.queue_size {
@@ -39,11 +60,19 @@ impl<A, B: Clone> Pairing<A, B> {
 
     /// Takes a message of topic B; the pairs that it completes.
     pub fn push_b(&mut self, stamp: Time, message: B) -> Vec<(A, B)> {
-        if self.b.back().is_some_and(|(last, _)| *last > stamp) {
-            self.clear();
+        match self.b.back() {
+            Some((last, _)) if last.secs_since(stamp) > JUMP_S => self.clear(),
+            Some((last, _)) if *last >= stamp => {
+                self.late += 1;
+                return Vec::new();
+            }
+            _ => {}
         }
         self.b.push_back((stamp, message));
-        if self.b.len() > self.queue_size.max(2) {
+        // However fast B is, what waits reaches back far enough for a late A.
+        while self.b.len() > self.queue_size.max(2)
+            && (self.b.len() > MOST || self.b.front().is_some_and(|(t, _)| stamp.secs_since(*t) > KEEP_S))
+        {
             self.b.pop_front();
         }
         self.pairs()
@@ -99,6 +128,8 @@ mod tests {
         ) {
             a.sort_unstable();
             b.sort_unstable();
+            a.dedup();
+            b.dedup();
             let mut a_first = Pairing::new(100, 0.1);
             let mut found: Vec<(i64, i64)> = a.iter().flat_map(|&t| a_first.push_a(at(t), t)).collect();
             found.extend(b.iter().flat_map(|&t| a_first.push_b(at(t), t)));
@@ -119,5 +150,23 @@ mod tests {
         pairing.push_a(at(100), 2);
         assert_eq!(pairing.push_b(at(100), 3), [(2, 3)]);
         assert_eq!(pairing.unpaired, 1);
+    }
+
+    #[test]
+    fn a_late_message_is_left_out_and_costs_nothing_else() {
+        let mut pairing = Pairing::new(10, 0.1);
+        pairing.push_b(at(1000), 1);
+        pairing.push_b(at(980), 2);
+        pairing.push_b(at(1000), 3);
+        assert_eq!(pairing.push_a(at(1000), 0), [(0, 1)]);
+        assert_eq!(pairing.late, 2);
+    }
+
+    #[test]
+    fn a_fast_topic_does_not_push_out_the_partner_of_a_slow_one() {
+        let mut pairing = Pairing::new(10, 0.1);
+        (0..1000).for_each(|t| drop(pairing.push_b(at(t), t)));
+        assert_eq!(pairing.push_a(at(800), 0), [(0, 800)]);
+        assert!(pairing.b.len() < 600);
     }
 }

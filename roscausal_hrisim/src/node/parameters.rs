@@ -69,7 +69,8 @@ mod tests {
         let seconds = std::sync::Arc::new(std::sync::Mutex::new(Time::ZERO));
         let last = seconds.clone();
         let user = bus.node("user");
-        let _clock = user.subscribe("/clock", Qos::Volatile(10), move |m: Clock| *last.lock().unwrap() = m.clock);
+        let _clock =
+            user.subscribe("/clock", Qos::Volatile(10), move |m: Clock| *last.lock().unwrap() = m.clock);
         for (name, value) in [("duration", Value::Double(2.0)), ("speed", Value::Int(0))] {
             bus.set_node_param("hrisim", name, value);
         }
