@@ -53,7 +53,8 @@ def roslaunch_runs_the_experiment_and_a_model_arrives(roscore):
 
 def check(model):
     assert model.header.stamp.to_sec() > 0, model.header
-    effects, causes, lags = model.original_shape
+    lags, effects, causes = model.original_shape
+    assert [d.label for d in model.val_matrix.layout.dim] == ["lag", "target", "source"], model.val_matrix.layout
     assert effects == causes == len(model.features) and lags >= 1, model
     assert set(model.features) <= {"h_v", "h_dg", "h_risk"} and model.features, model.features
     size = effects * causes * lags
