@@ -168,12 +168,20 @@ class Group:
                     where = traceback.extract_tb(error.__traceback__)
                     place = next((f for f in reversed(where) if "harness" not in f.filename), where[-1])
                     print("FAIL %s: %s (line %d)" % (name, error or type(error).__name__, place.lineno), flush=True)
-                for process in list(Process.alive):
-                    if process is not self.roscore.process:
-                        process.__exit__()
+                self.clean_up()
         finally:
             if node:
                 import rospy
                 rospy.signal_shutdown("done")
             self.roscore.stop()
         return failures
+
+    def clean_up(self):
+        """Ends what a case left behind, and forgets the private parameters of its nodes: the master keeps them."""
+        for process in list(Process.alive):
+            if process is not self.roscore.process:
+                process.__exit__()
+        master = self.roscore.master
+        for name in master.getParamNames("/harness")[2]:
+            if name.startswith("/roscausal_"):
+                master.deleteParam("/harness", name)
