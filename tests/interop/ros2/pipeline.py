@@ -7,23 +7,28 @@ import signal
 import tempfile
 import time
 
+import yaml
+
 from harness import Program, Ros, test
 from launch_reader import commands
 from wire import LATCHED, message_class
 
-PARAMS = """/**:
-  ros__parameters:
-    data_dir: {data_dir}
-    pp_data_dir: {pp_data_dir}
-    res_dir: {res_dir}
-    ts_length: 40.0
-    subsampling: true
-    cd_method: fpcmci
-    cond_ind_test: parcorr
-roscausal_discovery:
-  ros__parameters:
-    data_dir: {pp_data_dir}
-"""
+
+def parameters(install, folder):
+    """The installed file for the simulator, with folders of our own and a quick analysis."""
+    with open(os.path.join(install, "roscausal/share/roscausal/config/hrisim.yaml")) as file:
+        nodes = yaml.safe_load(file)
+    dirs = {name: os.path.join(folder, name) for name in ("data_dir", "pp_data_dir", "res_dir")}
+    nodes["roscausal_data"]["ros__parameters"].update(
+        data_dir=dirs["data_dir"], pp_data_dir=dirs["pp_data_dir"], ts_length=40.0
+    )
+    nodes["roscausal_discovery"]["ros__parameters"].update(
+        data_dir=dirs["pp_data_dir"], res_dir=dirs["res_dir"], cond_ind_test="parcorr"
+    )
+    path = os.path.join(folder, "params.yaml")
+    with open(path, "w") as file:
+        yaml.safe_dump(nodes, file)
+    return path, dirs
 
 
 @test
@@ -42,12 +47,9 @@ def the_pipeline_gives_a_late_joiner_a_causal_model():
     install = os.environ["ROSCAUSAL_INSTALL"]
     CausalModel, Info = message_class("roscausal_msgs/CausalModel"), message_class("roscausal_msgs/CausalModelInfo")
     with tempfile.TemporaryDirectory() as folder:
-        dirs = {name: os.path.join(folder, name) for name in ("data_dir", "pp_data_dir", "res_dir")}
-        params = os.path.join(folder, "params.yaml")
-        with open(params, "w") as file:
-            file.write(PARAMS.format(**dirs))
+        params, dirs = parameters(install, folder)
         started = time.monotonic()
-        lines = commands(install, "roscausal", "roscausal_hrisim.launch.xml", {"experiment_params_file": params, "speed": "10.0"})
+        lines = commands(install, "roscausal", "roscausal_hrisim.launch.xml", {"params_file": params, "speed": "10.0"})
         programs = [Program([path, *arguments]) for path, arguments in lines]
         try:
             end = time.monotonic() + 90
