@@ -70,7 +70,7 @@ pub(crate) struct MethodArgs {
     /// Level of F-PCMCI's filter; default: alpha.
     #[arg(long)]
     f_alpha: Option<f64>,
-    /// Estimator of F-PCMCI's filter: gaussian.
+    /// Estimator of F-PCMCI's filter: gaussian or kraskov.
     #[arg(long, default_value = "gaussian")]
     te_estimator: String,
     /// Correction for many tests: none or fdr_bh.

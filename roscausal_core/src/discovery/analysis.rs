@@ -16,7 +16,7 @@ use crate::{
 /// Methods by the names users choose them by.
 const METHODS: [&str; 6] = ["fpcmci", "pcmci", "pcmciplus", "fullci", "bivci", "lagdep"];
 /// Estimators of the transfer-entropy filter.
-const ESTIMATORS: [&str; 1] = ["gaussian"];
+const ESTIMATORS: [&str; 2] = ["gaussian", "kraskov"];
 /// Corrections for many tests.
 const CORRECTIONS: [&str; 2] = ["none", "fdr_bh"];
 
@@ -49,7 +49,7 @@ pub struct Settings {
     pub tau_max: usize,
     /// Level of the transfer-entropy filter; `None`: `alpha`.
     pub f_alpha: Option<f64>,
-    /// `gaussian`.
+    /// `gaussian` or `kraskov`.
     pub te_estimator: String,
     /// Whether F-PCMCI drops variables that depend on their own past only.
     pub neglect_only_autodep: bool,
@@ -252,7 +252,10 @@ fn filtered(
 ) -> Result<Model> {
     let n_samples = Samples::new(data, 2 * settings.tau_max).len();
     let settings_of_method = FpcmciSettings {
-        te_estimator: TeEstimator::Gaussian,
+        te_estimator: match settings.te_estimator.as_str() {
+            "kraskov" => TeEstimator::Kraskov,
+            _ => TeEstimator::Gaussian,
+        },
         f_alpha: settings.f_alpha.unwrap_or(settings.alpha),
         neglect_only_autodep: settings.neglect_only_autodep,
         seed: settings.seed,

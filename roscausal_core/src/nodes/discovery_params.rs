@@ -61,7 +61,12 @@ pub(super) fn specs() -> Vec<ParamSpec> {
             "level of the condition selection; 0: by score",
         ),
         ParamSpec::new("f_alpha", Double(0.0), Range(0.0, 0.999), "level of the filter; 0: sig_alpha"),
-        ParamSpec::new("te_estimator", text("gaussian"), OneOf(&["gaussian"]), "estimator of the filter"),
+        ParamSpec::new(
+            "te_estimator",
+            text("gaussian"),
+            OneOf(&["gaussian", "kraskov"]),
+            "estimator of the filter",
+        ),
         ParamSpec::new("fdr_method", text("none"), OneOf(&["none", "fdr_bh"]), "correction for many tests"),
         ParamSpec::new("min_lag", Int(1), Range(0.0, 1000.0), "smallest lag, in steps"),
         ParamSpec::new("max_lag", Int(1), Range(1.0, 1000.0), "largest lag, in steps"),
