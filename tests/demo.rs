@@ -1,5 +1,7 @@
 //! `roscausal demo` as a newcomer calls it.
 
+#![allow(clippy::expect_used, clippy::panic, reason = "a test may panic: that is how it fails")]
+
 use std::{collections::BTreeMap, fs, path::Path, process::Output};
 
 fn demo(dir: &Path, args: &[&str]) -> Output {

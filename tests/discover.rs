@@ -1,5 +1,7 @@
 //! `roscausal discover` as its users call it: what it prints, writes and complains about.
 
+#![allow(clippy::expect_used, clippy::panic, reason = "a test may panic: that is how it fails")]
+
 use std::{fs, path::Path, process::Output};
 
 use serde_json::Value;
