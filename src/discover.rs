@@ -189,7 +189,7 @@ impl MeansArgs {
             shown.set_position(progress.done as u64);
         });
         if let Some(budget) = self.time_budget {
-            if !(budget > 0.0) {
+            if budget.is_nan() || budget <= 0.0 {
                 return Err(Error::param(
                     "time-budget",
                     format!("{budget} is not a number of seconds above 0"),
