@@ -1,5 +1,7 @@
 //! From sensor topics to batch files, over the in-process bus with simulated time.
 
+#![allow(clippy::expect_used, clippy::panic, reason = "a test may panic: that is how it fails")]
+
 use std::{
     collections::BTreeMap,
     fs,
