@@ -1,7 +1,7 @@
 use clap::{Parser, Subcommand};
 use tracing_subscriber::{EnvFilter, fmt};
 
-use crate::{demo, discover, experiment};
+use crate::{demo, discover, experiment, replay};
 
 /// Finds out what causes what between robots and people.
 #[derive(Parser)]
@@ -18,8 +18,10 @@ pub(crate) struct Cli {
 pub(crate) enum Command {
     /// Simulate a robot and a person, record them, find the causal model: the whole system in one process.
     Demo(demo::Args),
-    /// Find the causal model of one or several CSV files with a header.
+    /// Find the causal model of CSV files or recordings (ROS 1 .bag, ROS 2 .mcap and .db3).
     Discover(discover::Args),
+    /// Play a recording to the nodes as if it happened now: batches and a model for each.
+    Replay(replay::Args),
     /// Run the demo's chain over many seeds and measure how often each link is found.
     Experiment(experiment::Args),
 }

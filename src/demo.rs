@@ -1,10 +1,7 @@
 //! `roscausal demo`: the simulator and the four nodes in one process; the model at the end.
 
-mod folders;
-mod nodes;
-
 use std::{
-    path::PathBuf,
+    path::{Path, PathBuf},
     sync::mpsc::Receiver,
     time::{Duration, Instant},
 };
@@ -12,20 +9,39 @@ use std::{
 use clap::Args as ClapArgs;
 use indicatif::ProgressBar;
 use roscausal_core::{
-    Error, Result,
+    Error, Result, Time,
     discovery::{Model, Progress, analysis::Settings},
     loopback::Loopback,
+    params::Value,
 };
-use roscausal_hrisim::{Scenario, Simulation, node::run_lockstep};
+use roscausal_hrisim::{
+    Scenario, Simulation,
+    node::{Publisher, run_lockstep},
+};
 
-use crate::{chart, discover::MethodArgs, expected, interrupt::Interrupt, output, report};
-use folders::{Folders, Outcome};
-use nodes::Nodes;
+use crate::{
+    chart,
+    discover::MethodArgs,
+    expected,
+    folders::{Folders, Outcome},
+    interrupt::Interrupt,
+    nodes::{self, Nodes},
+    output,
+    replay::{Pace, Speed},
+    report,
+    sink::Sink,
+    web::{Web, WebArgs},
+};
+
+/// Step of the demo's batches in seconds.
+const DT: f64 = 0.3;
 
 /// Batches that the demo records and analyses together, as two recordings of one system.
 const BATCHES: u32 = 2;
 /// Seconds simulated beyond the batches, until every topic has begun.
 const WARM_UP_S: f64 = 3.0;
+/// Seconds that a run with a live page may go on.
+const ENDLESS_S: f64 = 1e7;
 /// Between two looks at the results.
 const LOOK_AGAIN: Duration = Duration::from_millis(50);
 /// Without any sign of the analysis for so long, something is wrong.
@@ -51,6 +67,14 @@ pub(crate) struct Args {
     /// Folder for batches, model and pictures.
     #[arg(long, value_name = "DIR", default_value = "roscausal_demo")]
     out: PathBuf,
+    /// Record every topic of the run, models and pictures too, into this MCAP file.
+    #[arg(long, value_name = "FILE.mcap")]
+    record: Option<PathBuf>,
+    #[command(flatten)]
+    web: WebArgs,
+    /// With --web: how many times real time the simulation goes; `max`: as fast as the machine allows.
+    #[arg(long, default_value = "5", requires = "web")]
+    speed: Speed,
 }
 
 /// Runs `roscausal demo`.
@@ -64,11 +88,14 @@ pub(crate) fn run(args: &Args, interrupt: &Interrupt) -> Result<()> {
         out: args.out.clone(),
         quiet: false,
     };
+    if args.web.wanted() {
+        return run.watch(args, interrupt);
+    }
     println!(
         "Simulating '{}' for {} s (seed {}), recording two batches ...",
         args.scenario, args.duration, args.seed
     );
-    let (folders, model) = run.whole_chain(interrupt)?;
+    let (folders, model) = run.recorded_chain(args.record.as_deref(), interrupt)?;
     show(args, &folders, &model)
 }
 
@@ -87,6 +114,11 @@ pub(crate) struct Run {
 impl Run {
     /// Simulates, records two batches and analyses them; what the nodes wrote stays in `out`.
     pub(crate) fn whole_chain(&self, interrupt: &Interrupt) -> Result<(Folders, Model)> {
+        self.recorded_chain(None, interrupt)
+    }
+
+    /// As [`Run::whole_chain`]; what is published goes into the file `record` too.
+    fn recorded_chain(&self, record: Option<&Path>, interrupt: &Interrupt) -> Result<(Folders, Model)> {
         if !(20.0..=1e6).contains(&self.duration) {
             let reason = format!("{} is not a number of seconds from 20 to 1000000", self.duration);
             return Err(Error::param("duration", reason));
@@ -96,24 +128,76 @@ impl Run {
         let simulation = Simulation::new(&scenario, self.seed)?;
         let folders = Folders::fresh(&self.out)?;
         let bus = Loopback::lockstep();
-        let ts_length = self.duration / f64::from(BATCHES);
-        nodes::set_parameters(&bus, &folders, &self.settings, ts_length, self.threads);
-        let (nodes, progress) = Nodes::start(&bus)?;
+        self.set_parameters(&bus, &folders, BATCHES);
+        let (nodes, progress) = Nodes::start(&bus, &nodes::RECORDING)?.with_discovery()?;
+        let mut sink = Sink::open(&bus, record)?;
+        // Every topic is there before its first message.
+        let announced = Publisher::new(&bus.node("announcement"), &simulation)?;
+        sink.watch()?;
+        drop(announced);
 
-        let recorded = record(&bus, simulation, interrupt, self.quiet);
+        let recorded = simulate(&bus, simulation, interrupt, self.quiet, Speed::Max);
         let found = recorded.and_then(|()| await_model(&folders, &nodes, &progress, interrupt, self.quiet));
         // A node that failed is the reason why there is no model.
         nodes.end()?;
+        bus.settle();
+        sink.close()?;
         Ok((folders, found?))
+    }
+
+    /// Goes on until the user ends it, with a live page: a model for each batch.
+    fn watch(&self, args: &Args, interrupt: &Interrupt) -> Result<()> {
+        let mut scenario = Scenario::load(&self.scenario)?;
+        scenario.duration = ENDLESS_S;
+        let simulation = Simulation::new(&scenario, self.seed)?;
+        let folders = Folders::fresh(&self.out)?;
+        let bus = Loopback::lockstep();
+        self.set_parameters(&bus, &folders, 1);
+        let web = Web::start(&bus, &args.web)?;
+        let (nodes, _progress) = Nodes::start(&bus, &nodes::RECORDING)?.with_discovery()?;
+        let mut sink = Sink::open(&bus, args.record.as_deref())?;
+        let announced = Publisher::new(&bus.node("announcement"), &simulation)?;
+        sink.watch()?;
+        drop(announced);
+        let simulated = simulate(&bus, simulation, interrupt, true, args.speed);
+        nodes.end()?;
+        bus.settle();
+        sink.close()?;
+        web.map_or(Ok(()), Web::end)?;
+        println!("{}: {} models, batches", self.out.display(), folders.model_files()?.len());
+        match simulated {
+            Err(Error::Cancelled(_)) => Ok(()),
+            other => other,
+        }
+    }
+
+    /// Sets the nodes' parameters as a launch file would.
+    fn set_parameters(&self, bus: &Loopback, folders: &Folders, batches: u32) {
+        nodes::set_pools(bus, &folders.raw, &folders.processed);
+        let set = |name: &str, value: Value| bus.set_node_param("data", name, value);
+        set("ts_length", Value::Double(self.duration / f64::from(BATCHES)));
+        set("dt", Value::Double(DT));
+        // The risk as in the authors' published result.
+        set("risk_model", Value::Str("v1_1".into()));
+        set("risk_lag", Value::Int(1));
+        nodes::set_discovery(bus, folders, &self.settings, batches, self.threads);
     }
 }
 
-/// Runs the simulation to its end, as fast as the machine allows.
-fn record(bus: &Loopback, mut simulation: Simulation, interrupt: &Interrupt, quiet: bool) -> Result<()> {
+/// Runs the simulation to its end.
+fn simulate(
+    bus: &Loopback,
+    mut simulation: Simulation,
+    interrupt: &Interrupt,
+    quiet: bool,
+    speed: Speed,
+) -> Result<()> {
+    let mut pace = Pace::new(speed);
     let total = simulation.scenario().duration;
     let bar = chart::bar("recording", total as u64, quiet);
     run_lockstep(bus, &mut simulation, 1, |simulation| {
         bar.set_position(simulation.time() as u64);
+        pace.wait(Time::from_secs_f64(simulation.time()), || !interrupt.is_set());
         !interrupt.is_set()
     })?;
     bar.finish_and_clear();

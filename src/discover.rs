@@ -1,6 +1,9 @@
-//! `roscausal discover`: CSV in, causal model out.
+//! `roscausal discover`: CSV files or recordings in, causal model out.
 
-use std::{path::PathBuf, time::Instant};
+use std::{
+    path::{Path, PathBuf},
+    time::Instant,
+};
 
 use clap::{Args as ClapArgs, ValueEnum};
 use roscausal_core::{
@@ -12,14 +15,23 @@ use roscausal_core::{
     },
 };
 
-use crate::{chart, interrupt::Interrupt, output, report};
+use crate::{
+    chart,
+    interrupt::Interrupt,
+    output,
+    recording::{self, InputArgs, Source},
+    report,
+};
 
 /// Arguments of `roscausal discover`.
 #[derive(ClapArgs)]
 pub(crate) struct Args {
-    /// CSV files with a header; several are recordings of one system, no sample crosses from one to the next.
-    #[arg(required = true, value_name = "FILE.csv")]
+    /// CSV files with a header, or recordings (.bag, .mcap, .db3, folders of them); several are recordings of
+    /// one system, no sample crosses from one to the next.
+    #[arg(required = true, value_name = "FILE")]
     files: Vec<PathBuf>,
+    #[command(flatten)]
+    inputs: InputArgs,
     #[command(flatten)]
     method: MethodArgs,
     #[command(flatten)]
@@ -99,16 +111,17 @@ pub(crate) struct MeansArgs {
 pub(crate) fn run(args: &Args, interrupt: &Interrupt) -> Result<()> {
     let mut settings = args.method.settings(args.seed)?;
     settings.max_memory = args.means.max_memory.map(|megabytes| megabytes.saturating_mul(1_000_000));
-    let recordings = read(args)?;
+    let json = args.format == Format::Json;
+    let (files, _made) = tables_of(args, interrupt, json)?;
+    let recordings = read(args, &files)?;
     let dt = recordings[0].dt();
     let mut warnings: Vec<String> = Vec::new();
-    for (file, table) in args.files.iter().zip(&recordings) {
-        warnings.extend(table.warnings.iter().map(|warning| format!("{}: {warning}", file.display())));
+    for (file, table) in files.iter().zip(&recordings) {
+        warnings.extend(table.warnings.iter().map(|warning| format!("{}: {warning}", file.user.display())));
     }
     let names = recordings[0].names.clone();
     let values = recordings.into_iter().map(|table| table.values).collect();
     let data = DataFrame::new(values, names)?;
-    let json = args.format == Format::Json;
     let mut model = args.means.analyse(&data, &settings, interrupt, json)?;
     model.dt = dt;
     model.warnings.splice(0..0, warnings);
@@ -126,15 +139,60 @@ pub(crate) fn run(args: &Args, interrupt: &Interrupt) -> Result<()> {
     Ok(())
 }
 
+/// A table to analyse and the user's file that it comes from.
+struct Input {
+    table: PathBuf,
+    user: PathBuf,
+}
+
+impl Input {
+    fn of_user(file: &Path) -> Self {
+        Self { table: file.to_path_buf(), user: file.to_path_buf() }
+    }
+}
+
+/// The files to analyse: the user's own, and the batches made of the user's recordings, which are in `--out`
+/// or in a folder that goes with the handle.
+fn tables_of(
+    args: &Args,
+    interrupt: &Interrupt,
+    quiet: bool,
+) -> Result<(Vec<Input>, Option<tempfile::TempDir>)> {
+    let recordings = args.files.iter().filter(|file| recording::is_recording(file)).count();
+    if recordings == 0 {
+        return match args.inputs.given() {
+            Some(flag) => Err(Error::param(flag, "it is for recordings; these files are tables")),
+            None => Ok((args.files.iter().map(|file| Input::of_user(file)).collect(), None)),
+        };
+    }
+    let temporary = tempfile::tempdir().map_err(|e| Error::file(std::env::temp_dir(), e))?;
+    let mut files = Vec::new();
+    for (number, file) in args.files.iter().enumerate() {
+        if recording::is_recording(file) {
+            let source = Source::open(file, &args.inputs)?;
+            let folder = temporary.path().join(format!("{}", number + 1));
+            for batch in source.batches(&folder, interrupt, quiet)? {
+                if let Some(out) = &args.out {
+                    output::copy_batch(&batch, &out.join("batches"))?;
+                }
+                files.push(Input { table: batch, user: file.clone() });
+            }
+        } else {
+            files.push(Input::of_user(file));
+        }
+    }
+    Ok((files, Some(temporary)))
+}
+
 /// The files as tables with the same columns in the same order.
-fn read(args: &Args) -> Result<Vec<Table>> {
-    let first = Table::read(&args.files[0], args.columns.as_deref())?;
+fn read(args: &Args, files: &[Input]) -> Result<Vec<Table>> {
+    let first = Table::read(&files[0].table, args.columns.as_deref())?;
     let mut tables = vec![first];
-    for file in &args.files[1..] {
+    for file in &files[1..] {
         let names = tables[0].names.clone();
-        let table = Table::read(file, Some(&names)).map_err(|error| match error {
+        let table = Table::read(&file.table, Some(&names)).map_err(|error| match error {
             Error::Param { reason, .. } => {
-                Error::file(file, format!("it lacks a column of the first file: {reason}"))
+                Error::file(&file.user, format!("it lacks a column of the first file: {reason}"))
             }
             other => other,
         })?;

@@ -7,9 +7,15 @@ mod discover;
 mod expected;
 mod experiment;
 mod failure;
+mod folders;
 mod interrupt;
+mod nodes;
 mod output;
+mod recording;
+mod replay;
 mod report;
+mod sink;
+mod web;
 
 use std::process::ExitCode;
 
@@ -21,6 +27,7 @@ fn main() -> ExitCode {
     let interrupt = interrupt::Interrupt::on_ctrl_c();
     let done = match &cli.command {
         cli::Command::Demo(args) => demo::run(args, &interrupt),
+        cli::Command::Replay(args) => replay::run(args, &interrupt),
         cli::Command::Discover(args) => discover::run(args, &interrupt),
         cli::Command::Experiment(args) => experiment::run(args, &interrupt),
     };

@@ -53,6 +53,16 @@ pub(crate) fn write_file(dir: &Path, name: &str, bytes: &[u8]) -> Result<PathBuf
     Ok(path)
 }
 
+/// Copies a batch and the JSON beside it into `dir`.
+pub(crate) fn copy_batch(batch: &Path, dir: &Path) -> Result<()> {
+    for path in [batch.to_path_buf(), batch.with_extension("json")] {
+        let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
+        let bytes = fs::read(&path).map_err(|e| Error::file(&path, e))?;
+        write_file(dir, &name, &bytes)?;
+    }
+    Ok(())
+}
+
 fn links_csv(model: &Model) -> Result<Vec<u8>> {
     let mut writer = csv::Writer::from_writer(Vec::new());
     let fault = |e: &dyn std::fmt::Display| Error::Data(format!("the list of links cannot be written: {e}"));

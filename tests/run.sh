@@ -1,6 +1,20 @@
 #!/usr/bin/env bash
-# All tests. Installs what they need and says loudly what it cannot install.
-set -euo pipefail
+# All tests: Rust's own, then those against other software. Installs what they need and says loudly what it cannot
+# install. Exit code 0 only when nothing failed.
+set -uo pipefail
 cd "$(dirname "$0")/.."
 
-cargo test --workspace --locked
+failed=() untested=()
+cargo test --workspace --locked || failed+=("cargo test")
+for script in tests/recordings.sh; do
+  "$script"
+  case $? in
+    0) ;;
+    77) untested+=("$script") ;;
+    *) failed+=("$script") ;;
+  esac
+done
+
+for each in ${untested[@]+"${untested[@]}"}; do echo "!!! NOT TESTED: $each could not install what it needs (see above)" >&2; done
+for each in ${failed[@]+"${failed[@]}"}; do echo "!!! FAILED: $each" >&2; done
+[ ${#failed[@]} -eq 0 ]

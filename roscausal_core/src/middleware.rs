@@ -6,6 +6,8 @@
 
 use std::sync::Arc;
 
+use roscausal_msgs::Wires;
+
 use crate::{
     Message, Result, Time,
     inbox::Consumer,
@@ -91,6 +93,11 @@ pub trait Middleware: Clone + Send + Sync + 'static {
     /// ([`Consumer::wait_idle`]); false when they read the clock themselves.
     fn is_lockstep(&self) -> bool {
         false
+    }
+
+    /// Whose types it carries, where the ROS versions differ (markers); [`Wires::Both`]: anybody's.
+    fn wires(&self) -> Wires {
+        Wires::Both
     }
 
     /// `(topic, package/Name)` of the topics known now, for hints such as "topics of that type: ...".

@@ -94,10 +94,19 @@ impl Definition {
     }
 
     /// The same in the spelling of ROS 2 (`ros2msg`): no `seq` in the header, `builtin_interfaces` times,
-    /// legal field names. `builtin_interfaces` is known to every reader and not appended.
+    /// legal field names.
     pub fn ros2_definition(&self) -> &str {
-        self.ros2_text
-            .get_or_init(|| self.with_nested(Self::type_name, |definition| definition.ros2_own_text()))
+        self.ros2_text.get_or_init(|| {
+            let mut text = self.with_nested(Self::type_name, |definition| definition.ros2_own_text());
+            for name in ["Time", "Duration"] {
+                if text.contains(&format!("builtin_interfaces/{name} ")) {
+                    let rule = "=".repeat(80);
+                    let _ =
+                        write!(text, "\n{rule}\nMSG: builtin_interfaces/{name}\nint32 sec\nuint32 nanosec\n");
+                }
+            }
+            text
+        })
     }
 
     /// This type and all that it uses, each once, itself first, then in the order of first use.
@@ -305,6 +314,22 @@ mod tests {
     }
 
     #[test]
+    fn a_visitor_finds_the_type_behind_each_definition() {
+        struct Name;
+        impl crate::TypeVisitor for Name {
+            type Output = (&'static str, &'static str);
+            fn visit<M: Message>(self) -> Self::Output {
+                (M::ros1_md5(), M::NAME)
+            }
+        }
+        for definition in types() {
+            assert_eq!(crate::visit(definition, Name), Some((definition.ros1_md5(), definition.name)));
+        }
+        static STRANGER: Definition = Definition::new("p", "T", "bool x\n", Wires::Both, &[]);
+        assert_eq!(crate::visit(&STRANGER, Name), None);
+    }
+
+    #[test]
     fn definitions_append_each_nested_type_once() {
         let text = crate::Humans::ros1_definition();
         for name in
@@ -323,5 +348,6 @@ mod tests {
             "{text}"
         );
         assert!(!text.contains("seq"), "{text}");
+        assert!(text.ends_with("MSG: builtin_interfaces/Time\nint32 sec\nuint32 nanosec\n"), "{text}");
     }
 }

@@ -65,7 +65,7 @@ pub mod tf2_msgs;
 pub mod visualization_msgs;
 
 pub use definition::{Definition, Wires};
-pub use registry::types;
+pub use registry::{TypeVisitor, types, visit};
 pub use roscausal::{CausalLink, CausalModel, CausalModelInfo, HumanState, Humans, RobotState};
 pub use time::{Duration, Time};
 pub use wire::{Fault, WireError};

@@ -6,74 +6,95 @@ use crate::{
     tf2_msgs as tf2, visualization_msgs as visualization,
 };
 
-/// All message types of this crate, for backends and recordings. A name occurs twice where the fields of the
-/// two ROS versions differ ([`Definition::wires`]) and where two md5 of one name are in use (pedsim's agents).
-pub fn types() -> Vec<&'static Definition> {
-    macro_rules! definitions {
-        ($($message:ty),* $(,)?) => { vec![$(<$message as Message>::definition()),*] };
-    }
-    definitions![
-        RobotState,
-        HumanState,
-        Humans,
-        CausalModel,
-        CausalLink,
-        CausalModelInfo,
-        std_::Header,
-        std_::String,
-        std_::Bool,
-        std_::Float64,
-        std_::ColorRGBA,
-        std_::MultiArrayDimension,
-        std_::MultiArrayLayout,
-        std_::Int32MultiArray,
-        std_::Float32MultiArray,
-        geometry::Point,
-        geometry::Point32,
-        geometry::Vector3,
-        geometry::Quaternion,
-        geometry::Pose,
-        geometry::Pose2D,
-        geometry::PoseStamped,
-        geometry::PoseArray,
-        geometry::PoseWithCovariance,
-        geometry::PoseWithCovarianceStamped,
-        geometry::Transform,
-        geometry::TransformStamped,
-        geometry::Twist,
-        geometry::TwistWithCovariance,
-        nav::Odometry,
-        tf2::TFMessage,
-        actionlib::GoalID,
-        move_base::MoveBaseGoal,
-        move_base::MoveBaseActionGoal,
-        pedsim::AgentForce,
-        pedsim::AgentState,
-        pedsim::AgentStates,
-        pedsim::AgentStateWithGoal,
-        pedsim::AgentStatesWithGoal,
-        pedsim::LineObstacle,
-        pedsim::LineObstacles,
-        pedsim::TrackedPerson,
-        pedsim::TrackedPersons,
-        pedsim::Waypoint,
-        pedsim::Waypoints,
-        spencer::TrackedPerson,
-        spencer::TrackedPersons,
-        people::Person,
-        people::People,
-        sensor::Image,
-        sensor::CompressedImage,
-        rosgraph::Clock,
-        rosgraph::Log,
-        diagnostic::KeyValue,
-        diagnostic::DiagnosticStatus,
-        diagnostic::DiagnosticArray,
-        visualization::Marker,
-        visualization::MarkerArray,
-        visualization::UVCoordinate,
-        visualization::MeshFile,
-        visualization::Ros2Marker,
-        visualization::Ros2MarkerArray,
-    ]
+/// Something to do with a message type that is known only while running; see [`visit`].
+pub trait TypeVisitor {
+    /// What comes of it.
+    type Output;
+
+    /// Does it with `M`.
+    fn visit<M: Message>(self) -> Self::Output;
 }
+
+macro_rules! registry {
+    ($($message:ty),* $(,)?) => {
+        /// All message types of this crate, for backends and recordings. A name occurs twice where the fields
+        /// of the two ROS versions differ ([`Definition::wires`]) and where two md5 of one name are in use
+        /// (pedsim's agents).
+        pub fn types() -> Vec<&'static Definition> {
+            vec![$(<$message as Message>::definition()),*]
+        }
+
+        /// Calls `visitor` with the type behind a definition; `None` when it is none of this crate's.
+        pub fn visit<V: TypeVisitor>(definition: &Definition, visitor: V) -> Option<V::Output> {
+            $(if std::ptr::eq(<$message as Message>::definition(), definition) {
+                return Some(visitor.visit::<$message>());
+            })*
+            None
+        }
+    };
+}
+
+registry![
+    RobotState,
+    HumanState,
+    Humans,
+    CausalModel,
+    CausalLink,
+    CausalModelInfo,
+    std_::Header,
+    std_::String,
+    std_::Bool,
+    std_::Float64,
+    std_::ColorRGBA,
+    std_::MultiArrayDimension,
+    std_::MultiArrayLayout,
+    std_::Int32MultiArray,
+    std_::Float32MultiArray,
+    geometry::Point,
+    geometry::Point32,
+    geometry::Vector3,
+    geometry::Quaternion,
+    geometry::Pose,
+    geometry::Pose2D,
+    geometry::PoseStamped,
+    geometry::PoseArray,
+    geometry::PoseWithCovariance,
+    geometry::PoseWithCovarianceStamped,
+    geometry::Transform,
+    geometry::TransformStamped,
+    geometry::Twist,
+    geometry::TwistWithCovariance,
+    nav::Odometry,
+    tf2::TFMessage,
+    actionlib::GoalID,
+    move_base::MoveBaseGoal,
+    move_base::MoveBaseActionGoal,
+    pedsim::AgentForce,
+    pedsim::AgentState,
+    pedsim::AgentStates,
+    pedsim::AgentStateWithGoal,
+    pedsim::AgentStatesWithGoal,
+    pedsim::LineObstacle,
+    pedsim::LineObstacles,
+    pedsim::TrackedPerson,
+    pedsim::TrackedPersons,
+    pedsim::Waypoint,
+    pedsim::Waypoints,
+    spencer::TrackedPerson,
+    spencer::TrackedPersons,
+    people::Person,
+    people::People,
+    sensor::Image,
+    sensor::CompressedImage,
+    rosgraph::Clock,
+    rosgraph::Log,
+    diagnostic::KeyValue,
+    diagnostic::DiagnosticStatus,
+    diagnostic::DiagnosticArray,
+    visualization::Marker,
+    visualization::MarkerArray,
+    visualization::UVCoordinate,
+    visualization::MeshFile,
+    visualization::Ros2Marker,
+    visualization::Ros2MarkerArray,
+];

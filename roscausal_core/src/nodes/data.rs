@@ -100,6 +100,7 @@ fn report<M: Middleware>(mw: &M, health: &mut Health<M>, recorder: &Recorder, wr
     let figures = [
         ("rows recorded", counts.rows),
         ("rows of the open batch", recorder.progress().0 as u64),
+        ("rows of a batch", recorder.progress().1.unwrap_or(0) as u64),
         ("batches written", status.written),
         ("batches post-processed", status.processed),
         ("post-processings failed", status.failed),

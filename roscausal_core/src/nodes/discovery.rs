@@ -4,7 +4,7 @@ use std::{
     path::{Path, PathBuf},
     sync::{
         Arc,
-        atomic::{AtomicBool, Ordering},
+        atomic::{AtomicBool, AtomicUsize, Ordering},
     },
     thread,
     time::Duration,
@@ -18,6 +18,7 @@ use roscausal_msgs::{
 
 use super::{
     discovery_params::{DiscoveryParams, specs},
+    health::Health,
     model_messages::{Origin, causal_model, causal_model_info, images},
 };
 use crate::{
@@ -59,6 +60,10 @@ pub fn discovery_with<M: Middleware>(
         params,
         last: None,
         foreign: 0,
+        health: Health::new(mw)?,
+        models: 0,
+        rejected: 0,
+        tests: Arc::default(),
         on_progress: Arc::new(on_progress),
     };
     tracing::info!("watching {} for batches", node.pool.dir().display());
@@ -67,6 +72,7 @@ pub fn discovery_with<M: Middleware>(
             tracing::error!("{error}");
             false
         });
+        node.report(mw);
         if !analysed {
             thread::sleep(LOOK_AGAIN);
         }
@@ -80,6 +86,11 @@ struct Node<M: Middleware> {
     params: DiscoveryParams,
     last: Option<Model>,
     foreign: usize,
+    health: Health<M>,
+    models: u64,
+    rejected: u64,
+    /// Of the analysis under way: tests done, tests in all as estimated; both 0 between two.
+    tests: Arc<[AtomicUsize; 2]>,
     on_progress: Arc<dyn Fn(Progress) + Send + Sync>,
 }
 
@@ -166,6 +177,8 @@ impl<M: Middleware> Node<M> {
             model.run_time_s = Some(mw.now().secs_since(start));
             self.publish(mw, &model, &origin)?;
             self.last = Some(model);
+            self.models += 1;
+            self.health.sent();
             Ok(())
         });
         match found {
@@ -180,17 +193,22 @@ impl<M: Middleware> Node<M> {
             }
             Err(error) => {
                 tracing::error!("rejected {}: {error}", names.join(", "));
+                self.rejected += claims.len() as u64;
                 claims.into_iter().try_for_each(|claim| self.pool.reject(claim, &error.to_string()))
             }
         }
     }
 
-    /// Runs the method on a thread of its own, so that a wish to end is heard within [`LOOK_AGAIN`].
-    fn run_method(&self, mw: &M, paths: &[PathBuf]) -> Result<(Model, Origin)> {
+    /// Runs the method on a thread of its own, so that a wish to end is heard within [`LOOK_AGAIN`] and the health
+    /// is told meanwhile.
+    fn run_method(&mut self, mw: &M, paths: &[PathBuf]) -> Result<(Model, Origin)> {
         let cancel = Arc::new(AtomicBool::new(false));
-        let on_progress = self.on_progress.clone();
-        let control =
-            Control::default().cancel_on(cancel.clone()).on_progress(move |progress| on_progress(progress));
+        let (on_progress, tests) = (self.on_progress.clone(), self.tests.clone());
+        let control = Control::default().cancel_on(cancel.clone()).on_progress(move |progress| {
+            tests[0].store(progress.done, Ordering::Relaxed);
+            tests[1].store(progress.estimated_total, Ordering::Relaxed);
+            on_progress(progress);
+        });
         let control = match self.params.time_budget_s {
             Some(budget) => {
                 let (clock, end) = (mw.clone(), mw.now().plus_secs(budget));
@@ -198,20 +216,41 @@ impl<M: Middleware> Node<M> {
             }
             None => control,
         };
-        let params = &self.params;
-        thread::scope(|scope| {
-            let work = scope.spawn(|| method(params, paths, &control));
+        let params = self.params.clone();
+        let found = thread::scope(|scope| {
+            let work = scope.spawn(|| method(&params, paths, &control));
             while !work.is_finished() {
                 if !mw.is_ok() {
                     cancel.store(true, Ordering::Relaxed);
                 }
+                self.report(mw);
                 thread::sleep(LOOK_AGAIN / 10);
             }
             let died = || {
                 Error::Data("the analysis ended by an internal error; please report it with the batch".into())
             };
             work.join().unwrap_or_else(|_| Err(died()))
-        })
+        });
+        self.tests.iter().for_each(|tests| tests.store(0, Ordering::Relaxed));
+        found
+    }
+
+    /// Reports the node's health if it is time to.
+    fn report(&mut self, mw: &M) {
+        if mw.now() < self.health.due() {
+            return;
+        }
+        let contents = self.pool.contents();
+        let trouble = contents.as_ref().err().map(ToString::to_string);
+        let [done, of] = [0, 1].map(|which| self.tests[which].load(Ordering::Relaxed));
+        let figures = [
+            ("batches waiting", contents.map_or(0, |contents| contents.batches.len()).to_string()),
+            ("tests done", done.to_string()),
+            ("tests in all", of.to_string()),
+            ("models", self.models.to_string()),
+            ("batches rejected", self.rejected.to_string()),
+        ];
+        self.health.report(mw, &figures, trouble.as_deref());
     }
 
     /// Writes the model's files, then publishes: what is announced is there.

@@ -13,6 +13,7 @@ use crate::{
 };
 
 /// The discovery node's parameters, checked.
+#[derive(Clone)]
 pub(super) struct DiscoveryParams {
     pub data_dir: PathBuf,
     pub res_dir: Option<PathBuf>,

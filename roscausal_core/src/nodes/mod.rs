@@ -7,6 +7,7 @@ mod discovery;
 mod discovery_params;
 mod health;
 mod human;
+mod markers;
 pub mod model_messages;
 mod robot;
 
@@ -17,6 +18,7 @@ use crate::{Error, Result, batch::header, middleware::Middleware, params::ParamS
 pub use data::{data, data_with};
 pub use discovery::{discovery, discovery_with};
 pub use human::human;
+pub use markers::markers;
 pub use robot::robot;
 
 /// A folder as users write it: `~` is the home folder.
@@ -28,7 +30,7 @@ fn path(text: &str) -> PathBuf {
 }
 
 /// Names of the nodes, as users start them.
-pub const NODES: [&str; 4] = ["robot", "human", "data", "discovery"];
+pub const NODES: [&str; 5] = ["robot", "human", "data", "discovery", "markers"];
 
 /// Runs the node `name` until the middleware ends.
 ///
@@ -40,6 +42,7 @@ pub fn run<M: Middleware>(name: &str, mw: &M) -> Result<()> {
         "human" => human(mw),
         "data" => data(mw),
         "discovery" => discovery(mw),
+        "markers" => markers(mw),
         _ => Err(unknown_node(name)),
     }
 }
@@ -54,6 +57,7 @@ pub fn parameters(name: &str) -> Result<Vec<ParamSpec>> {
         "human" => Ok(human::specs()),
         "data" => Ok(data_params::specs()),
         "discovery" => Ok(discovery_params::specs()),
+        "markers" => Ok(markers::specs()),
         _ => Err(unknown_node(name)),
     }
 }

@@ -2,5 +2,6 @@
 
 pub mod human;
 pub mod robot;
+pub mod scene;
 pub mod sync;
 pub mod tf;

@@ -1,0 +1,355 @@
+//! ROS 1 bags, version 2.0 (wiki.ros.org/Bags/Format/2.0). Read here and not by the crate `rosbag`, which
+//! panics on bags that are cut short or were never closed.
+
+use std::{
+    collections::{BTreeMap, HashMap},
+    io::Read,
+    path::{Path, PathBuf},
+};
+
+use roscausal_core::{Error, Result, Time};
+
+use crate::{
+    file::Bytes,
+    source::{Piece, Pieces, Source, Span},
+    topic::{Encoding, Record, Topic, add_topic, type_name},
+};
+
+const MAGIC_LENGTH: u64 = "#ROSBAG V2.0\n".len() as u64;
+/// More than any recorder writes into one chunk; what claims more is damaged.
+const LARGEST_CHUNK: u32 = 1 << 30;
+
+/// A record's `op` field.
+mod op {
+    pub(super) const MESSAGE: u8 = 2;
+    pub(super) const BAG_HEADER: u8 = 3;
+    pub(super) const CHUNK: u8 = 5;
+    pub(super) const CHUNK_INFO: u8 = 6;
+    pub(super) const CONNECTION: u8 = 7;
+}
+
+pub(crate) struct Bag {
+    path: PathBuf,
+    file: Bytes,
+    topics: Vec<Topic>,
+    /// Connection number -> index of its topic.
+    connections: HashMap<u32, usize>,
+    pieces: Pieces,
+}
+
+/// A fault and its place, before the file's name is put to it.
+type Parsed<T> = std::result::Result<T, String>;
+
+impl Bag {
+    pub(crate) fn open(path: &Path, losses: &mut Vec<String>) -> Result<Self> {
+        let file = Bytes::open(path).map_err(|error| Error::file(path, error))?;
+        let mut bag = Self {
+            path: path.to_owned(),
+            file,
+            topics: Vec::new(),
+            connections: HashMap::new(),
+            pieces: Pieces::default(),
+        };
+        if let Err(reason) = bag.read_index() {
+            bag.topics.clear();
+            bag.connections.clear();
+            let end = bag.scan();
+            let end = end.map_or(String::new(), |fault| format!("; it was read as far as it goes: {fault}"));
+            losses.push(format!("{}: the bag has no valid index ({reason}){end}", path.display()));
+        }
+        Ok(bag)
+    }
+
+    /// Topics and chunks from the index at the end of a bag that was closed.
+    fn read_index(&mut self) -> Parsed<()> {
+        self.seek(MAGIC_LENGTH)?;
+        let header = self.header()?;
+        if header.op() != Some(op::BAG_HEADER) {
+            return Err("the bag header is missing".into());
+        }
+        let index = header.u64("index_pos").filter(|index| *index > 0).ok_or("it was never closed")?;
+        if index > self.file.length() {
+            return Err(format!("the file ends at byte {} of {index} and more", self.file.length()));
+        }
+        let (connections, chunks) = (header.u32("conn_count"), header.u32("chunk_count"));
+        self.seek(index)?;
+        let (mut pieces, mut counts) = (Vec::new(), BTreeMap::new());
+        let mut found = 0;
+        while self.file.left() > 0 {
+            let header = self.header()?;
+            let data = self.data()?;
+            match header.op() {
+                Some(op::CONNECTION) => {
+                    self.add_connection(&header, &data)?;
+                    found += 1;
+                }
+                Some(op::CHUNK_INFO) => {
+                    let offset = header.u64("chunk_pos").filter(|offset| *offset < index);
+                    let offset = offset.ok_or("a chunk's place is not in the file")?;
+                    let (start, end) = (header.time("start_time"), header.time("end_time"));
+                    let (start, end) = start.zip(end).ok_or("a chunk has no time")?;
+                    pieces.push(Piece { offset, length: 0, start, end, cut: false });
+                    for pair in data.chunks_exact(8) {
+                        let [connection, count] = [&pair[..4], &pair[4..]].map(u32_le);
+                        *counts.entry(connection).or_insert(0u64) += u64::from(count);
+                    }
+                }
+                _ => return Err(format!("an unexpected record before byte {}", self.file.offset())),
+            }
+        }
+        if connections.is_some_and(|count| count != found)
+            || chunks.is_some_and(|count| count as usize != pieces.len())
+        {
+            return Err("connections or chunks are missing from it".into());
+        }
+        self.count(&counts);
+        self.pieces = Pieces::new(pieces);
+        Ok(())
+    }
+
+    /// Topics and chunks from the chunks themselves; the fault at which it ended, if any.
+    fn scan(&mut self) -> Option<String> {
+        let (mut pieces, mut counts) = (Vec::new(), BTreeMap::new());
+        let fault = self.scan_into(&mut pieces, &mut counts).err();
+        self.count(&counts);
+        self.pieces = Pieces::new(pieces);
+        fault
+    }
+
+    fn scan_into(&mut self, pieces: &mut Vec<Piece>, counts: &mut BTreeMap<u32, u64>) -> Parsed<()> {
+        self.seek(MAGIC_LENGTH)?;
+        while self.file.left() > 0 {
+            let offset = self.file.offset();
+            let header = self.header()?;
+            if header.op() != Some(op::CHUNK) {
+                let length = self.length()?;
+                if u64::from(length) > self.file.left() {
+                    return Err(format!("it ends within the record at byte {offset}"));
+                }
+                self.seek(self.file.offset() + u64::from(length))?;
+                continue;
+            }
+            let (chunk, fault) = self.chunk(offset, &header)?;
+            let mut span = Span::default();
+            let parsed = records(&chunk, |header, data| {
+                match header.op() {
+                    Some(op::CONNECTION) => self.add_connection(header, data)?,
+                    Some(op::MESSAGE) => {
+                        let (connection, stamp) = header.message()?;
+                        span.add(stamp);
+                        *counts.entry(connection).or_insert(0) += 1;
+                    }
+                    _ => (),
+                }
+                Ok(())
+            });
+            if let Some((start, end)) = span.0 {
+                pieces.push(Piece { offset, length: 0, start, end, cut: fault.is_some() || parsed.is_err() });
+            }
+            if let Some(fault) = fault {
+                return Err(fault);
+            }
+        }
+        Ok(())
+    }
+
+    fn count(&mut self, counts: &BTreeMap<u32, u64>) {
+        self.topics.iter_mut().for_each(|topic| topic.messages = Some(0));
+        for (connection, count) in counts {
+            if let Some(topic) = self.connections.get(connection) {
+                let messages = &mut self.topics[*topic].messages;
+                *messages = messages.map(|messages| messages.saturating_add(*count));
+            }
+        }
+    }
+
+    fn add_connection(&mut self, header: &Fields<impl AsRef<[u8]>>, data: &[u8]) -> Parsed<()> {
+        let fields = Fields(data);
+        let connection = header.u32("conn").ok_or("a connection has no number")?;
+        let name = header.text("topic").or(fields.text("topic")).ok_or("a connection has no topic")?;
+        let recorded_type = fields.text("type").ok_or("a connection has no type")?;
+        let topic = Topic {
+            name,
+            type_name: type_name(&recorded_type),
+            encoding: Encoding::Ros1,
+            md5: fields.text("md5sum").filter(|md5| md5 != "*"),
+            definition: fields.text("message_definition").unwrap_or_default(),
+            latched: fields.get("latching") == Some(b"1"),
+            messages: None,
+        };
+        self.connections.insert(connection, add_topic(&mut self.topics, topic));
+        Ok(())
+    }
+
+    /// The content of the chunk whose header has been read, and what is wrong with it: a chunk that the file
+    /// or the compression cuts short is given as far as it goes.
+    fn chunk(&mut self, offset: u64, header: &Fields) -> Parsed<(Vec<u8>, Option<String>)> {
+        let length = u64::from(self.length()?);
+        let left = self.file.left();
+        let mut fault = (length > left).then(|| format!("it ends within the chunk at byte {offset}"));
+        let data = self.file.take(length.min(left)).map_err(|error| error.to_string())?;
+        let size = header.u32("size").filter(|size| *size <= LARGEST_CHUNK);
+        let size = size.ok_or_else(|| format!("the chunk at byte {offset} has no valid size"))?;
+        let mut content = Vec::new();
+        let read = match header.get("compression") {
+            Some(b"none") => {
+                content = data;
+                Ok(0)
+            }
+            Some(b"bz2") => bzip2::read::BzDecoder::new(data.as_slice())
+                .take(u64::from(size) + 1)
+                .read_to_end(&mut content),
+            Some(b"lz4") => lz4::Decoder::new(data.as_slice())
+                .and_then(|decoder| decoder.take(u64::from(size) + 1).read_to_end(&mut content)),
+            _ => return Err(format!("the chunk at byte {offset} has an unknown compression")),
+        };
+        if let Err(error) = read {
+            fault.get_or_insert(format!("the chunk at byte {offset} cannot be decompressed: {error}"));
+        } else if content.len() != size as usize {
+            fault.get_or_insert(format!("the chunk at byte {offset} has not the size it should have"));
+        }
+        Ok((content, fault))
+    }
+
+    fn seek(&mut self, offset: u64) -> Parsed<()> {
+        self.file.seek(offset).map_err(|error| error.to_string())
+    }
+
+    fn length(&mut self) -> Parsed<u32> {
+        let offset = self.file.offset();
+        let bytes = self.file.array().map_err(|_| format!("it ends at byte {offset}, within a record"))?;
+        Ok(u32::from_le_bytes(bytes))
+    }
+
+    fn block(&mut self) -> Parsed<Vec<u8>> {
+        let offset = self.file.offset();
+        let length = self.length()?;
+        self.file.take(u64::from(length)).map_err(|_| format!("it ends within the record at byte {offset}"))
+    }
+
+    fn header(&mut self) -> Parsed<Fields<Vec<u8>>> {
+        self.block().map(Fields)
+    }
+
+    fn data(&mut self) -> Parsed<Vec<u8>> {
+        self.block()
+    }
+}
+
+impl Source for Bag {
+    fn topics(&self) -> &[Topic] {
+        &self.topics
+    }
+
+    fn next_start(&self) -> Option<Time> {
+        self.pieces.next_start()
+    }
+
+    fn load(&mut self, wanted: &[bool], out: &mut Vec<Record>) -> Parsed<()> {
+        let Some(piece) = self.pieces.take() else { return Ok(()) };
+        let loaded = (|| {
+            self.seek(piece.offset)?;
+            let header = self.header()?;
+            if header.op() != Some(op::CHUNK) {
+                return Err(format!("there is no chunk at byte {}", piece.offset));
+            }
+            let (chunk, fault) = self.chunk(piece.offset, &header)?;
+            records(&chunk, |header, data| {
+                if header.op() != Some(op::MESSAGE) {
+                    return Ok(());
+                }
+                let (connection, stamp) = header.message()?;
+                let topic = self.connections.get(&connection);
+                let topic = *topic.ok_or_else(|| format!("connection {connection} is unknown"))?;
+                if wanted[topic] {
+                    out.push(Record { topic, stamp, bytes: data.to_vec() });
+                }
+                Ok(())
+            })
+            .map_err(|reason| format!("the chunk at byte {}: {reason}", piece.offset))?;
+            fault.map_or(Ok(()), Err)
+        })();
+        // That a piece is cut has been said at the start.
+        loaded.or_else(|reason: String| {
+            if piece.cut {
+                Ok(())
+            } else {
+                Err(format!("{}: {reason}; the rest of it is left out", self.path.display()))
+            }
+        })
+    }
+
+    fn span(&self) -> Option<(Time, Time)> {
+        self.pieces.span()
+    }
+
+    fn progress(&self) -> f64 {
+        self.pieces.progress()
+    }
+}
+
+/// Calls for each whole record in a chunk's content.
+fn records(mut content: &[u8], mut each: impl FnMut(&Fields<&[u8]>, &[u8]) -> Parsed<()>) -> Parsed<()> {
+    while !content.is_empty() {
+        let header = block(&mut content)?;
+        let data = block(&mut content)?;
+        each(&Fields(header), data)?;
+    }
+    Ok(())
+}
+
+fn block<'a>(content: &mut &'a [u8]) -> Parsed<&'a [u8]> {
+    let cut = || "it is cut within a record".to_owned();
+    let (length, rest) = content.split_at_checked(4).ok_or_else(cut)?;
+    let (block, rest) = rest.split_at_checked(u32_le(length) as usize).ok_or_else(cut)?;
+    *content = rest;
+    Ok(block)
+}
+
+fn u32_le(bytes: &[u8]) -> u32 {
+    bytes.iter().rev().fold(0, |value, byte| value << 8 | u32::from(*byte))
+}
+
+/// A record's header: `length name=value` again and again.
+struct Fields<B = Vec<u8>>(B);
+
+impl<B: AsRef<[u8]>> Fields<B> {
+    fn get(&self, name: &str) -> Option<&[u8]> {
+        let mut content = self.0.as_ref();
+        while let Ok(field) = block(&mut content) {
+            let Some(value) = field.strip_prefix(name.as_bytes()) else { continue };
+            if let Some(value) = value.strip_prefix(b"=") {
+                return Some(value);
+            }
+        }
+        None
+    }
+
+    fn op(&self) -> Option<u8> {
+        self.get("op")?.first().copied()
+    }
+
+    fn u32(&self, name: &str) -> Option<u32> {
+        self.get(name).filter(|value| value.len() == 4).map(u32_le)
+    }
+
+    fn u64(&self, name: &str) -> Option<u64> {
+        let bytes = self.get(name)?.first_chunk::<8>()?;
+        Some(u64::from_le_bytes(*bytes))
+    }
+
+    fn time(&self, name: &str) -> Option<Time> {
+        let value = self.u64(name)?;
+        let (sec, nanosec) = (value as u32, (value >> 32) as u32);
+        let nanos = i64::from(sec) * 1_000_000_000 + i64::from(nanosec);
+        Some(Time::from_nanos(nanos))
+    }
+
+    fn text(&self, name: &str) -> Option<String> {
+        self.get(name).map(|value| String::from_utf8_lossy(value).into_owned())
+    }
+
+    fn message(&self) -> Parsed<(u32, Time)> {
+        self.u32("conn").zip(self.time("time")).ok_or_else(|| "a message has no connection or time".into())
+    }
+}

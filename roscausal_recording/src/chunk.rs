@@ -1,0 +1,84 @@
+//! A chunk of an MCAP file.
+
+use std::{borrow::Cow, io::Read};
+
+/// More than any recorder writes into one chunk; what claims more is damaged.
+const LARGEST: u64 = 1 << 30;
+
+pub(crate) struct Chunk<'a> {
+    size: u64,
+    crc: u32,
+    compression: &'a [u8],
+    compressed_size: u64,
+    data: &'a [u8],
+}
+
+type Parsed<T> = Result<T, String>;
+
+impl<'a> Chunk<'a> {
+    /// A chunk record's body; it may be cut short.
+    pub(crate) fn parse(body: &'a [u8]) -> Parsed<Self> {
+        let mut rest = body;
+        let mut number = |size: usize| {
+            let (bytes, left) = rest.split_at_checked(size).ok_or("its header is cut short")?;
+            rest = left;
+            Ok::<_, String>(bytes.iter().rev().fold(0, |value, byte| value << 8 | u64::from(*byte)))
+        };
+        let (_start, _end, size, crc) = (number(8)?, number(8)?, number(8)?, number(4)? as u32);
+        let name = number(4)? as usize;
+        let (compression, left) = rest.split_at_checked(name).ok_or("its header is cut short")?;
+        let (compressed_size, data) = left.split_first_chunk::<8>().ok_or("its header is cut short")?;
+        let compressed_size = u64::from_le_bytes(*compressed_size);
+        let data = &data[..data.len().min(usize::try_from(compressed_size).unwrap_or(usize::MAX))];
+        Ok(Self { size, crc, compression, compressed_size, data })
+    }
+
+    /// The records. Of a chunk that is not `whole`, those that can be had.
+    pub(crate) fn content(&self, whole: bool) -> Parsed<Cow<'a, [u8]>> {
+        if self.size > LARGEST {
+            return Err(format!("it claims a size of {} bytes", self.size));
+        }
+        if whole && self.data.len() as u64 != self.compressed_size {
+            return Err("it is shorter than it says".into());
+        }
+        let mut content = Vec::new();
+        let limit = self.size + 1;
+        let unpacked = match self.compression {
+            b"" => return self.checked(Cow::Borrowed(self.data), whole),
+            b"zstd" => zstd::stream::read::Decoder::new(self.data)
+                .and_then(|decoder| decoder.take(limit).read_to_end(&mut content)),
+            b"lz4" => {
+                lz4::Decoder::new(self.data).and_then(|decoder| decoder.take(limit).read_to_end(&mut content))
+            }
+            other => {
+                let name = String::from_utf8_lossy(other);
+                return Err(format!("its compression '{name}' is unknown (known: zstd, lz4, none)"));
+            }
+        };
+        if let (true, Err(error)) = (whole, unpacked) {
+            return Err(format!("it cannot be decompressed: {error}"));
+        }
+        self.checked(Cow::Owned(content), whole)
+    }
+
+    fn checked(&self, content: Cow<'a, [u8]>, whole: bool) -> Parsed<Cow<'a, [u8]>> {
+        if whole && content.len() as u64 != self.size {
+            return Err("it has not the size it should have".into());
+        }
+        if whole && self.crc != 0 && crc32fast::hash(&content) != self.crc {
+            return Err("its checksum is wrong".into());
+        }
+        Ok(content)
+    }
+}
+
+/// Calls for each whole record: opcode and body.
+pub(crate) fn records(mut content: &[u8], mut each: impl FnMut(u8, &[u8]) -> Parsed<()>) -> Parsed<()> {
+    while let Some(([opcode, length @ ..], rest)) = content.split_first_chunk::<9>() {
+        let length = usize::try_from(u64::from_le_bytes(*length)).unwrap_or(usize::MAX);
+        let (body, rest) = rest.split_at_checked(length).ok_or("it is cut within a record")?;
+        each(*opcode, body)?;
+        content = rest;
+    }
+    if content.is_empty() { Ok(()) } else { Err("it is cut within a record".into()) }
+}

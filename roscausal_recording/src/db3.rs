@@ -1,0 +1,257 @@
+//! ROS 2's SQLite recordings (rosbag2's storage `sqlite3`).
+
+use std::{
+    fs::File,
+    io::Read,
+    path::{Path, PathBuf},
+};
+
+use roscausal_core::{Error, Result, Time};
+use rusqlite::{Connection, OpenFlags, Row};
+
+use crate::{
+    mcap_file::is_transient_local,
+    source::Source,
+    topic::{Encoding, Record, Topic, add_topic, type_name},
+};
+
+/// Messages read at a time.
+const PAGE: usize = 256;
+
+pub(crate) struct Db3 {
+    path: PathBuf,
+    database: Connection,
+    topics: Vec<Topic>,
+    /// The database's number of a topic -> index of the topic.
+    numbers: Vec<(i64, usize)>,
+    /// Recording time and row of each message, in that order.
+    order: Vec<(i64, i64)>,
+    next: usize,
+    twin: Option<Twin>,
+}
+
+/// A copy of a file that is cut short, in which the missing bytes are ones. SQLite takes them for zeros in the
+/// file itself: what is the same in both is whole.
+struct Twin {
+    database: Connection,
+    _file: tempfile::NamedTempFile,
+}
+
+impl Twin {
+    fn new(path: &Path, missing: u64) -> Result<Self> {
+        let fail =
+            |error: std::io::Error| Error::file(path, format!("it is cut short, and its copy: {error}"));
+        let mut copy = tempfile::NamedTempFile::new().map_err(fail)?;
+        std::io::copy(&mut File::open(path).map_err(fail)?, &mut copy).map_err(fail)?;
+        std::io::copy(&mut std::io::repeat(0xff).take(missing), &mut copy).map_err(fail)?;
+        let database = connect(copy.path(), true).map_err(|error| Error::file(path, error))?;
+        Ok(Self { database, _file: copy })
+    }
+}
+
+impl Db3 {
+    pub(crate) fn open(path: &Path, losses: &mut Vec<String>) -> Result<Self> {
+        let fail = |error: rusqlite::Error| Error::file(path, format!("no recording of ROS 2: {error}"));
+        let missing = missing_bytes(path).map_err(|error| Error::file(path, error))?;
+        let database = connect(path, missing.is_some()).map_err(fail)?;
+        let mut this = Self {
+            path: path.to_owned(),
+            database,
+            topics: Vec::new(),
+            numbers: Vec::new(),
+            order: Vec::new(),
+            next: 0,
+            twin: None,
+        };
+        this.read_topics().map_err(fail)?;
+        if let Some(missing) = missing {
+            this.twin = Some(Twin::new(path, missing)?);
+        }
+        this.read_topics().map_err(fail)?;
+        let cut = missing.map(|missing| format!("{missing} bytes at its end are missing"));
+        let read = this.read_order("messages").map_err(|error| error.to_string());
+        if let Some(reason) = cut.or(read.err()) {
+            // The index may have lost rows that the table still has.
+            let _ = this.read_order("messages NOT INDEXED");
+            losses.push(format!(
+                "{}: the database is damaged; it was read as far as it is whole ({reason})",
+                path.display()
+            ));
+        }
+        Ok(this)
+    }
+
+    fn read_topics(&mut self) -> rusqlite::Result<()> {
+        // Later versions of the format have more columns; missing ones are no fault.
+        let columns = self.columns("topics")?;
+        let profiles = if columns.iter().any(|column| column == "offered_qos_profiles") {
+            "offered_qos_profiles"
+        } else {
+            "''"
+        };
+        let sql = format!("SELECT id, name, type, serialization_format, {profiles} FROM topics ORDER BY id");
+        let mut statement = self.database.prepare(&sql)?;
+        let topic = |row: &Row<'_>| {
+            let format: String = row.get(3)?;
+            let profiles: String = row.get(4).unwrap_or_default();
+            let topic = Topic {
+                name: row.get(1)?,
+                type_name: type_name(&row.get::<_, String>(2)?),
+                encoding: if format == "cdr" { Encoding::Cdr } else { Encoding::Other(format) },
+                md5: None,
+                definition: String::new(),
+                latched: is_transient_local(&profiles),
+                messages: None,
+            };
+            Ok((row.get(0)?, topic))
+        };
+        for row in statement.query_map([], topic)? {
+            let (number, topic) = row?;
+            self.numbers.push((number, add_topic(&mut self.topics, topic)));
+        }
+        drop(statement);
+        self.read_definitions();
+        Ok(())
+    }
+
+    /// The types' texts, which ROS 2 keeps since Iron.
+    fn read_definitions(&mut self) {
+        let Ok(mut statement) =
+            self.database.prepare("SELECT topic_type, encoded_message_definition FROM message_definitions")
+        else {
+            return;
+        };
+        let texts = statement.query_map([], |row| Ok((row.get::<_, String>(0)?, row.get::<_, String>(1)?)));
+        for (name, text) in texts.into_iter().flatten().flatten() {
+            let name = type_name(&name);
+            self.topics
+                .iter_mut()
+                .filter(|topic| topic.type_name == name)
+                .for_each(|topic| topic.definition = text.clone());
+        }
+    }
+
+    fn read_order(&mut self, table: &str) -> rusqlite::Result<()> {
+        let mut statement = self.database.prepare(&format!("SELECT timestamp, id FROM {table}"))?;
+        let mut rows = statement.query([])?;
+        let read = loop {
+            match rows.next() {
+                Ok(Some(row)) => self.order.push((row.get(0)?, row.get(1)?)),
+                Ok(None) => break Ok(()),
+                Err(error) => break Err(error),
+            }
+        };
+        self.order.sort_unstable();
+        self.order.dedup();
+        read
+    }
+
+    fn columns(&self, table: &str) -> rusqlite::Result<Vec<String>> {
+        let mut statement = self.database.prepare("SELECT name FROM pragma_table_info(?)")?;
+        statement.query_map([table], |row| row.get(0))?.collect()
+    }
+}
+
+/// How much shorter the file is than its header says; SQLite itself may not notice.
+fn missing_bytes(path: &Path) -> std::io::Result<Option<u64>> {
+    let mut file = File::open(path)?;
+    let mut header = [0; 100];
+    file.read_exact(&mut header)?;
+    let number =
+        |at: usize| header[at..at + 4].iter().fold(0u64, |value, byte| value << 8 | u64::from(*byte));
+    // Writers from before 2010 leave the number of pages alone; then the two counters differ.
+    if number(24) != number(92) {
+        return Ok(None);
+    }
+    let page = match number(16) >> 16 {
+        1 => 65536,
+        size => size,
+    };
+    let missing = (number(28) * page).saturating_sub(file.metadata()?.len());
+    Ok(Some(missing).filter(|missing| *missing > 0))
+}
+
+/// Opens for reading. A database that was never closed has its last changes in a file beside it, which only
+/// a connection that may write can take in; where that is not possible they are left aside.
+fn connect(path: &Path, cut: bool) -> rusqlite::Result<Connection> {
+    let read_only = OpenFlags::SQLITE_OPEN_READ_ONLY | OpenFlags::SQLITE_OPEN_NO_MUTEX;
+    let probe =
+        |database: &Connection| database.query_row("SELECT count(*) FROM sqlite_schema", [], |_| Ok(()));
+    let database = Connection::open_with_flags(path, read_only)?;
+    if cut {
+        // SQLite refuses a file that is shorter than its header says, but for repairs.
+        database.pragma_update(None, "writable_schema", true)?;
+    }
+    if probe(&database).is_ok() {
+        return Ok(database);
+    }
+    // Characters with a meaning in a URI.
+    let name = path.to_string_lossy().replace('%', "%25").replace('?', "%3f").replace('#', "%23");
+    let uri = format!("file:{name}?immutable=1");
+    let database = Connection::open_with_flags(uri, read_only | OpenFlags::SQLITE_OPEN_URI)?;
+    probe(&database)?;
+    Ok(database)
+}
+
+impl Source for Db3 {
+    fn topics(&self) -> &[Topic] {
+        &self.topics
+    }
+
+    fn next_start(&self) -> Option<Time> {
+        self.order.get(self.next).map(|(stamp, _)| Time::from_nanos(*stamp))
+    }
+
+    fn load(&mut self, wanted: &[bool], out: &mut Vec<Record>) -> std::result::Result<(), String> {
+        let end = self.order.len().min(self.next + PAGE);
+        let page = &self.order[self.next..end];
+        self.next = end;
+        let fail = |error: rusqlite::Error| format!("{}: {error}", self.path.display());
+        // The bytes are only fetched for topics that are wanted.
+        let mut topic = self.database.prepare("SELECT topic_id FROM messages WHERE id = ?").map_err(fail)?;
+        let mut data = self.database.prepare("SELECT data FROM messages WHERE id = ?").map_err(fail)?;
+        let whole = "SELECT data, timestamp FROM messages WHERE id = ?";
+        let twin = self.twin.as_ref().map(|twin| twin.database.prepare(whole)).transpose();
+        let mut twin = twin.map_err(fail)?;
+        let (mut lost, mut reason) = (0u32, None);
+        for (stamp, row) in page {
+            let mut read = || {
+                let number: i64 = topic.query_row([row], |row| row.get(0))?;
+                let index = self.numbers.iter().find(|(known, _)| *known == number).map(|(_, index)| *index);
+                let Some(index) = index.filter(|index| wanted.get(*index) == Some(&true)) else {
+                    return Ok(None);
+                };
+                let bytes: Vec<u8> = data.query_row([row], |row| row.get(0))?;
+                if let Some(twin) = &mut twin {
+                    let same = |row: &Row<'_>| {
+                        Ok(row.get::<_, Vec<u8>>(0)? == bytes && row.get::<_, i64>(1)? == *stamp)
+                    };
+                    if !twin.query_row([row], same)? {
+                        return Err(rusqlite::Error::QueryReturnedNoRows);
+                    }
+                }
+                Ok(Some(Record { topic: index, stamp: Time::from_nanos(*stamp), bytes }))
+            };
+            match read() {
+                Ok(record) => out.extend(record),
+                Err(error) => {
+                    lost += 1;
+                    reason = Some(error);
+                }
+            }
+        }
+        reason.map_or(Ok(()), |error: rusqlite::Error| {
+            let path = self.path.display();
+            Err(format!("{path}: {lost} messages cannot be read and are left out: {error}"))
+        })
+    }
+
+    fn span(&self) -> Option<(Time, Time)> {
+        let (first, last) = (self.order.first()?.0, self.order.last()?.0);
+        Some((Time::from_nanos(first), Time::from_nanos(last)))
+    }
+
+    fn progress(&self) -> f64 {
+        if self.order.is_empty() { 1.0 } else { self.next as f64 / self.order.len() as f64 }
+    }
+}

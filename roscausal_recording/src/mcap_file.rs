@@ -1,0 +1,390 @@
+//! MCAP files (mcap.dev/spec), of either ROS version. The summary is read by the crate `mcap`; chunks are
+//! unpacked here, so that damaged ones can be used as far as they are whole and no length is trusted.
+
+use std::{
+    collections::HashMap,
+    io::SeekFrom,
+    path::{Path, PathBuf},
+};
+
+use mcap::{
+    Summary,
+    read::parse_record,
+    records::{Channel, ChunkIndex, Record as McapRecord, op},
+    sans_io::summary_reader::{SummaryReadEvent, SummaryReader, SummaryReaderOptions},
+};
+use roscausal_core::{Error, Result, Time};
+
+use crate::{
+    chunk::{Chunk, records},
+    file::Bytes,
+    source::{Piece, Pieces, Source, Span},
+    topic::{Encoding, Record, Topic, add_topic, type_name},
+};
+
+/// Messages outside of chunks are read in pieces of about this size.
+const PLAIN_PIECE: u64 = 1 << 20;
+/// Before a record: its opcode and its length.
+const RECORD_HEADER: u64 = 9;
+/// A message record before its bytes: channel, sequence, log time, publish time.
+const MESSAGE_HEADER: usize = 2 + 4 + 8 + 8;
+
+pub(crate) struct McapFile {
+    path: PathBuf,
+    file: Bytes,
+    topics: Vec<Topic>,
+    /// Name and text of each type.
+    schemas: HashMap<u16, (String, String)>,
+    /// Channel number -> index of its topic.
+    channels: HashMap<u16, usize>,
+    pieces: Pieces,
+}
+
+type Parsed<T> = std::result::Result<T, String>;
+
+impl McapFile {
+    pub(crate) fn open(path: &Path, losses: &mut Vec<String>) -> Result<Self> {
+        let file = Bytes::open(path).map_err(|error| Error::file(path, error))?;
+        let mut this = Self {
+            path: path.to_owned(),
+            file,
+            topics: Vec::new(),
+            schemas: HashMap::new(),
+            channels: HashMap::new(),
+            pieces: Pieces::default(),
+        };
+        let reason = match this.summary() {
+            Ok(Some(summary)) if is_complete(&summary, this.file.length()) => {
+                this.use_summary(&summary);
+                return Ok(this);
+            }
+            // Closed as it should be, but without an index.
+            Ok(_) => None,
+            Err(reason) => Some(reason),
+        };
+        let mut pieces = Vec::new();
+        let fault = this.scan(&mut pieces).err();
+        this.pieces = Pieces::new(pieces);
+        if let Some(reason) = fault.or(reason) {
+            losses.push(format!(
+                "{}: the file is damaged or was not closed; it was read as far as it is whole ({reason})",
+                path.display()
+            ));
+        }
+        Ok(this)
+    }
+
+    fn summary(&mut self) -> Parsed<Option<Summary>> {
+        let length = self.file.length();
+        let options = SummaryReaderOptions::default().with_file_size(length);
+        let mut reader = SummaryReader::new_with_options(options);
+        while let Some(event) = reader.next_event() {
+            match event.map_err(|error| error.to_string())? {
+                SummaryReadEvent::ReadRequest(count) => {
+                    let count = count.min(usize::try_from(self.file.left()).unwrap_or(usize::MAX));
+                    let bytes = self.file.take(count as u64).map_err(|error| error.to_string())?;
+                    reader.insert(count).copy_from_slice(&bytes);
+                    reader.notify_read(count);
+                }
+                SummaryReadEvent::SeekRequest(to) => {
+                    let offset = match to {
+                        SeekFrom::Start(offset) => Some(offset),
+                        SeekFrom::End(back) => length.checked_add_signed(back),
+                        SeekFrom::Current(forth) => self.file.offset().checked_add_signed(forth),
+                    };
+                    let offset = offset.filter(|offset| *offset <= length).ok_or("it has no end record")?;
+                    self.seek(offset)?;
+                    reader.notify_seeked(offset);
+                }
+            }
+        }
+        Ok(reader.finish())
+    }
+
+    fn use_summary(&mut self, summary: &Summary) {
+        let mut channels: Vec<_> = summary.channels.values().collect();
+        channels.sort_by_key(|channel| channel.id);
+        for channel in channels {
+            let schema = channel.schema.as_ref();
+            if let Some(schema) = schema {
+                let text = String::from_utf8_lossy(&schema.data).into_owned();
+                self.schemas.insert(schema.id, (schema.name.clone(), text));
+            }
+            let counts = summary.stats.as_ref().map(|stats| &stats.channel_message_counts);
+            let messages = counts.map(|counts| counts.get(&channel.id).copied().unwrap_or(0));
+            let channel = Channel {
+                id: channel.id,
+                schema_id: schema.map_or(0, |schema| schema.id),
+                topic: channel.topic.clone(),
+                message_encoding: channel.message_encoding.clone(),
+                metadata: channel.metadata.clone(),
+            };
+            self.add_channel(&channel, messages);
+        }
+        let piece = |index: &ChunkIndex| Piece {
+            offset: index.chunk_start_offset,
+            length: index.chunk_length,
+            start: time(index.message_start_time),
+            end: time(index.message_end_time),
+            cut: false,
+        };
+        self.pieces = Pieces::new(summary.chunk_indexes.iter().map(piece).collect());
+    }
+
+    /// Finds topics and pieces by reading all.
+    ///
+    /// # Errors
+    /// Where and why it ended early.
+    fn scan(&mut self, pieces: &mut Vec<Piece>) -> Parsed<()> {
+        let mut plain = Plain::default();
+        self.seek(mcap::MAGIC.len() as u64)?;
+        let mut damaged = None;
+        let end = loop {
+            let offset = self.file.offset();
+            let (opcode, length) = match self.record_header() {
+                Ok(header) => header,
+                Err(fault) => break Err(fault),
+            };
+            let whole = length <= self.file.left();
+            if opcode != op::MESSAGE || offset - plain.offset > PLAIN_PIECE {
+                plain.close(offset, pieces);
+            }
+            match opcode {
+                op::DATA_END | op::FOOTER => break Ok(()),
+                op::CHUNK => {
+                    let body = self.body(length)?;
+                    let mut span = Span::default();
+                    let fault = self.unpack(&body, whole, |this, opcode, body| {
+                        if opcode == op::MESSAGE {
+                            this.count(body, &mut span)
+                        } else {
+                            this.define(opcode, body)
+                        }
+                    });
+                    let cut = !whole || fault.is_err();
+                    if let Some((start, end)) = span.0 {
+                        let length = self.file.offset() - offset;
+                        pieces.push(Piece { offset, length, start, end, cut });
+                    }
+                    if let (true, Err(fault)) = (whole, fault) {
+                        damaged.get_or_insert(format!("the chunk at byte {offset}: {fault}"));
+                    }
+                }
+                _ if !whole => (),
+                op::MESSAGE => {
+                    let body = self.body(length)?;
+                    plain.open(offset);
+                    let _ = self.count(&body, &mut plain.span);
+                }
+                op::SCHEMA | op::CHANNEL => {
+                    let body = self.body(length)?;
+                    let defined = self.define(opcode, &body);
+                    defined.map_err(|fault| format!("the record at byte {offset}: {fault}"))?;
+                }
+                _ => self.seek(self.file.offset() + length)?,
+            }
+            if !whole {
+                break Err(format!("it ends at byte {}, within a record", self.file.length()));
+            }
+        };
+        plain.close(self.file.offset(), pieces);
+        end?;
+        damaged.map_or(Ok(()), Err)
+    }
+
+    /// Notes one message of a scan.
+    fn count(&mut self, body: &[u8], span: &mut Span) -> Parsed<()> {
+        let (channel, stamp, _) = message(body)?;
+        span.add(stamp);
+        if let Some(topic) = self.channels.get(&channel) {
+            let messages = &mut self.topics[*topic].messages;
+            *messages = Some(messages.unwrap_or(0).saturating_add(1));
+        }
+        Ok(())
+    }
+
+    /// Takes note of a schema or a channel.
+    fn define(&mut self, opcode: u8, body: &[u8]) -> Parsed<()> {
+        if !matches!(opcode, op::SCHEMA | op::CHANNEL) {
+            return Ok(());
+        }
+        match parse_record(opcode, body).map_err(|error| error.to_string())? {
+            McapRecord::Schema { header, data } => {
+                let text = String::from_utf8_lossy(&data).into_owned();
+                self.schemas.insert(header.id, (header.name, text));
+            }
+            McapRecord::Channel(channel) => self.add_channel(&channel, Some(0)),
+            _ => (),
+        }
+        Ok(())
+    }
+
+    fn add_channel(&mut self, channel: &Channel, messages: Option<u64>) {
+        if self.channels.contains_key(&channel.id) {
+            return;
+        }
+        let (name, text) = self.schemas.get(&channel.schema_id).cloned().unwrap_or_default();
+        let encoding = match channel.message_encoding.as_str() {
+            "ros1" => Encoding::Ros1,
+            "cdr" => Encoding::Cdr,
+            other => Encoding::Other(other.to_owned()),
+        };
+        let profiles = channel.metadata.get("offered_qos_profiles");
+        let latched = profiles.is_some_and(|profiles| is_transient_local(profiles))
+            || channel.metadata.get("latching").is_some_and(|latching| latching == "1");
+        let topic = Topic {
+            name: channel.topic.clone(),
+            type_name: type_name(&name),
+            md5: channel.metadata.get("md5sum").filter(|_| encoding == Encoding::Ros1).cloned(),
+            encoding,
+            definition: text,
+            latched,
+            messages,
+        };
+        self.channels.insert(channel.id, add_topic(&mut self.topics, topic));
+    }
+
+    /// Calls for each record in a chunk; of one that the file cuts short, as far as it goes.
+    fn unpack(
+        &mut self,
+        body: &[u8],
+        whole: bool,
+        mut each: impl FnMut(&mut Self, u8, &[u8]) -> Parsed<()>,
+    ) -> Parsed<()> {
+        let chunk = Chunk::parse(body)?;
+        let content = chunk.content(whole)?;
+        records(&content, |opcode, body| each(self, opcode, body))
+    }
+
+    fn message(&self, wanted: &[bool], body: &[u8], out: &mut Vec<Record>) -> Parsed<()> {
+        let (channel, stamp, bytes) = message(body)?;
+        let topic = self.channels.get(&channel);
+        let topic = *topic.ok_or_else(|| format!("channel {channel} is unknown"))?;
+        if wanted.get(topic) == Some(&true) {
+            out.push(Record { topic, stamp, bytes: bytes.to_vec() });
+        }
+        Ok(())
+    }
+
+    fn read(&mut self, piece: Piece, wanted: &[bool], out: &mut Vec<Record>) -> Parsed<()> {
+        let end = piece.offset.saturating_add(piece.length);
+        self.seek(piece.offset)?;
+        while self.file.offset() < end {
+            let (opcode, length) = self.record_header()?;
+            let whole = length <= self.file.left();
+            let body = self.body(length)?;
+            match opcode {
+                op::CHUNK => self.unpack(&body, whole, |this, opcode, body| match opcode {
+                    op::MESSAGE => this.message(wanted, body, out),
+                    _ => Ok(()),
+                })?,
+                op::MESSAGE if whole => self.message(wanted, &body, out)?,
+                _ => (),
+            }
+        }
+        Ok(())
+    }
+
+    fn seek(&mut self, offset: u64) -> Parsed<()> {
+        self.file.seek(offset).map_err(|error| error.to_string())
+    }
+
+    fn record_header(&mut self) -> Parsed<(u8, u64)> {
+        let end = self.file.length();
+        let ended = |_| format!("it ends at byte {end}");
+        let header: [u8; RECORD_HEADER as usize] = self.file.array().map_err(ended)?;
+        let [opcode, length @ ..] = header;
+        Ok((opcode, u64::from_le_bytes(length)))
+    }
+
+    /// What the file has of the next `length` bytes.
+    fn body(&mut self, length: u64) -> Parsed<Vec<u8>> {
+        self.file.take(length.min(self.file.left())).map_err(|error| error.to_string())
+    }
+}
+
+impl Source for McapFile {
+    fn topics(&self) -> &[Topic] {
+        &self.topics
+    }
+
+    fn next_start(&self) -> Option<Time> {
+        self.pieces.next_start()
+    }
+
+    fn load(&mut self, wanted: &[bool], out: &mut Vec<Record>) -> Parsed<()> {
+        let Some(piece) = self.pieces.take() else { return Ok(()) };
+        let read = self.read(piece, wanted, out);
+        // That a piece is cut has been said at the start.
+        read.or_else(|reason| {
+            if piece.cut {
+                return Ok(());
+            }
+            let (path, offset) = (self.path.display(), piece.offset);
+            Err(format!("{path}: the chunk at byte {offset} is left out or not complete: {reason}"))
+        })
+    }
+
+    fn span(&self) -> Option<(Time, Time)> {
+        self.pieces.span()
+    }
+
+    fn progress(&self) -> f64 {
+        self.pieces.progress()
+    }
+}
+
+/// Messages outside of chunks, one after the other.
+#[derive(Default)]
+struct Plain {
+    offset: u64,
+    span: Span,
+}
+
+impl Plain {
+    fn open(&mut self, offset: u64) {
+        if self.span.0.is_none() {
+            self.offset = offset;
+        }
+    }
+
+    fn close(&mut self, end: u64, pieces: &mut Vec<Piece>) {
+        if let Some((start, last)) = std::mem::take(&mut self.span).0 {
+            let length = end.saturating_sub(self.offset);
+            pieces.push(Piece { offset: self.offset, length, start, end: last, cut: false });
+        }
+    }
+}
+
+/// True when the summary leads to every message.
+fn is_complete(summary: &Summary, length: u64) -> bool {
+    let within = |index: &ChunkIndex| {
+        index.chunk_start_offset.checked_add(index.chunk_length).is_some_and(|end| end <= length)
+    };
+    let Some(stats) = &summary.stats else { return false };
+    let chunks = summary.chunk_indexes.len();
+    chunks == stats.chunk_count as usize
+        && (chunks > 0 || stats.message_count == 0)
+        && summary.chunk_indexes.iter().all(within)
+        && summary.channels.len() == stats.channel_count as usize
+}
+
+/// Channel, recording time and bytes.
+fn message(body: &[u8]) -> Parsed<(u16, Time, &[u8])> {
+    let (header, bytes) =
+        body.split_first_chunk::<MESSAGE_HEADER>().ok_or("a message is shorter than its header")?;
+    let stamp = header[6..14].iter().rev().fold(0, |value, byte| value << 8 | u64::from(*byte));
+    Ok((u16::from_le_bytes([header[0], header[1]]), time(stamp), bytes))
+}
+
+fn time(nanos: u64) -> Time {
+    Time::from_nanos(i64::try_from(nanos).unwrap_or(i64::MAX))
+}
+
+/// Durability in the YAML that ROS 2 keeps with a topic.
+pub(crate) fn is_transient_local(profiles: &str) -> bool {
+    profiles.lines().any(|line| {
+        let value = line.trim().trim_start_matches("- ").strip_prefix("durability:").map(str::trim);
+        matches!(value, Some("1" | "transient_local"))
+    })
+}

@@ -1,0 +1,103 @@
+use roscausal_core::{
+    Error, Message, Result,
+    middleware::{Middleware, Publish, Qos},
+};
+use roscausal_msgs::{TypeVisitor, visit};
+
+use crate::{Record, Recording, Topic};
+
+/// Gives every message of the topics selected to `sink`, in the order of the recording times, until it says
+/// `false`; the number of messages given.
+///
+/// # Errors
+/// The first of `sink`.
+pub fn replay(
+    recording: &mut Recording,
+    mut sink: impl FnMut(&Topic, &Record) -> Result<bool>,
+) -> Result<u64> {
+    let mut count = 0;
+    while let Some(record) = recording.next() {
+        count += 1;
+        if !sink(&recording.topics()[record.topic], &record)? {
+            break;
+        }
+    }
+    Ok(count)
+}
+
+/// Publishes the messages of a recording on a middleware, typed, under their own names.
+pub struct Player {
+    publish: Vec<Option<Box<PublishBytes>>>,
+    skipped: Vec<String>,
+}
+
+type PublishBytes = dyn FnMut(&Topic, &[u8]) -> Result<()> + Send;
+
+/// How many messages of a topic may wait.
+const QUEUE: usize = 100;
+
+impl Player {
+    /// Advertises the topics that `wanted` says yes to and whose types are known.
+    ///
+    /// # Errors
+    /// A topic that the middleware refuses.
+    pub fn new<M: Middleware>(
+        mw: &M,
+        recording: &Recording,
+        wanted: impl Fn(&Topic) -> bool,
+    ) -> Result<Self> {
+        let (mut publish, mut skipped) = (Vec::new(), Vec::new());
+        for topic in recording.topics() {
+            if !wanted(topic) {
+                publish.push(None);
+                continue;
+            }
+            match topic.known_type().and_then(|known| visit(known, Advertise { mw, topic })) {
+                Some(publisher) => publish.push(Some(publisher?)),
+                None => {
+                    skipped.push(format!("{} ({})", topic.name, topic.type_name));
+                    publish.push(None);
+                }
+            }
+        }
+        Ok(Self { publish, skipped })
+    }
+
+    /// Topics that were wanted and are not played, because their types are unknown.
+    pub fn skipped(&self) -> &[String] {
+        &self.skipped
+    }
+
+    /// Publishes one message; nothing when its topic is not played.
+    ///
+    /// # Errors
+    /// Bytes that are not a message of the topic's type, or a middleware that refuses it.
+    pub fn publish(&mut self, topic: &Topic, record: &Record) -> Result<()> {
+        match self.publish.get_mut(record.topic) {
+            Some(Some(publish)) => publish(topic, &record.bytes),
+            _ => Ok(()),
+        }
+    }
+}
+
+struct Advertise<'a, M> {
+    mw: &'a M,
+    topic: &'a Topic,
+}
+
+impl<M: Middleware> TypeVisitor for Advertise<'_, M> {
+    type Output = Result<Box<PublishBytes>>;
+
+    fn visit<T: Message>(self) -> Self::Output {
+        let static_transforms = self.topic.name.trim_start_matches('/') == "tf_static";
+        let latched = self.topic.latched || static_transforms;
+        let qos = if latched { Qos::Latched } else { Qos::Volatile(QUEUE) };
+        let publisher = self.mw.advertise::<T>(&self.topic.name, qos).map_err(|error| match error {
+            Error::Topic { topic, reason } => {
+                Error::Topic { topic, reason: format!("cannot be played: {reason}") }
+            }
+            other => other,
+        })?;
+        Ok(Box::new(move |topic, bytes| publisher.publish(&topic.decode::<T>(bytes)?)))
+    }
+}

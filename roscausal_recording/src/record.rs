@@ -1,0 +1,146 @@
+use std::{
+    collections::BTreeMap,
+    sync::{Arc, Mutex, PoisonError},
+};
+
+use roscausal_core::{
+    Error, Message, Result,
+    middleware::{Middleware, Qos},
+};
+use roscausal_msgs::{
+    Definition, TypeVisitor, types, visit,
+    visualization_msgs::{Marker, MarkerArray, Ros2Marker, Ros2MarkerArray},
+};
+
+use crate::McapWriter;
+
+/// Writes what is published on a middleware into an MCAP file, each message at the time of the middleware's
+/// clock when it arrived.
+pub struct Recorder<M: Middleware> {
+    mw: M,
+    written: Arc<Mutex<Written>>,
+    subscriptions: BTreeMap<(String, String), Option<M::Subscription>>,
+}
+
+struct Written {
+    writer: Option<McapWriter>,
+    /// The first; nothing is written after it.
+    error: Option<Error>,
+}
+
+/// How many messages of a topic may wait.
+const QUEUE: usize = 1000;
+
+impl<M: Middleware> Recorder<M> {
+    /// A recorder that listens to nothing yet.
+    pub fn new(mw: &M, writer: McapWriter) -> Self {
+        let written = Arc::new(Mutex::new(Written { writer: Some(writer), error: None }));
+        Self { mw: mw.clone(), written, subscriptions: BTreeMap::new() }
+    }
+
+    /// Subscribes to every topic published now that it does not record yet; to be called again as topics
+    /// appear. Those of unknown types are left out, with a warning each.
+    ///
+    /// # Errors
+    /// A topic that the middleware refuses.
+    pub fn watch(&mut self) -> Result<()> {
+        for (topic, type_name) in self.mw.topics() {
+            if self.subscriptions.contains_key(&(topic.clone(), type_name.clone())) {
+                continue;
+            }
+            let known = types().into_iter().find(|known| known.type_name() == type_name);
+            let subscription = match known {
+                Some(known) => Some(self.subscribe(&topic, known)?),
+                None => {
+                    tracing::warn!("topic '{topic}' is not recorded: its type {type_name} is unknown");
+                    None
+                }
+            };
+            self.subscriptions.insert((topic, type_name), subscription);
+        }
+        Ok(())
+    }
+
+    /// Records a topic, latched messages too, that need not be published yet.
+    ///
+    /// # Errors
+    /// A topic that the middleware refuses, or a type that is none of `roscausal_msgs`.
+    pub fn record(&mut self, topic: &str, definition: &'static Definition) -> Result<()> {
+        let subscription = self.subscribe(topic, definition)?;
+        self.subscriptions.insert((topic.to_owned(), definition.type_name()), Some(subscription));
+        Ok(())
+    }
+
+    /// Ends the recording; the number of messages in it.
+    ///
+    /// # Errors
+    /// The first error of writing: then the recording ends there.
+    pub fn finish(self) -> Result<u64> {
+        drop(self.subscriptions);
+        let (writer, error) = {
+            let mut written = self.written.lock().unwrap_or_else(PoisonError::into_inner);
+            (written.writer.take(), written.error.take())
+        };
+        if let Some(error) = error {
+            return Err(error);
+        }
+        let Some(writer) = writer else { return Ok(0) };
+        let messages = writer.messages();
+        writer.finish().map(|()| messages)
+    }
+
+    fn subscribe(&self, topic: &str, definition: &'static Definition) -> Result<M::Subscription> {
+        let listen = Listen { mw: &self.mw, topic, written: &self.written };
+        let unknown = || Error::Topic {
+            topic: topic.to_owned(),
+            reason: format!("its type {} is unknown", definition.type_name()),
+        };
+        // ROS 2's markers have more fields, and the file is ROS 2's.
+        if std::ptr::eq(definition, Marker::definition()) {
+            return listen.to::<Marker, Ros2Marker>();
+        }
+        if std::ptr::eq(definition, MarkerArray::definition()) {
+            return listen.to::<MarkerArray, Ros2MarkerArray>();
+        }
+        visit(definition, listen).unwrap_or_else(|| Err(unknown()))
+    }
+}
+
+struct Listen<'a, M> {
+    mw: &'a M,
+    topic: &'a str,
+    written: &'a Arc<Mutex<Written>>,
+}
+
+impl<M: Middleware> Listen<'_, M> {
+    /// Subscribes to `T` and writes it as `W`.
+    fn to<T: Message, W: Message + From<T>>(self) -> Result<M::Subscription> {
+        let (clock, topic, written) = (self.mw.clone(), self.topic.to_owned(), self.written.clone());
+        // A latched subscription of ROS 2 hears volatile publishers not at all; those that are latched are few
+        // and known by name.
+        let latched = LATCHED.contains(&self.topic.rsplit('/').next().unwrap_or_default());
+        let qos = if latched { Qos::Latched } else { Qos::Volatile(QUEUE) };
+        self.mw.subscribe(self.topic, qos, move |message: T| {
+            let now = clock.now();
+            let mut written = written.lock().unwrap_or_else(PoisonError::into_inner);
+            let Some(writer) = &mut written.writer else { return };
+            if let Err(error) = writer.write(&topic, now, &W::from(message)) {
+                tracing::error!("recording ends: {error}");
+                written.error.get_or_insert(error);
+                written.writer = None;
+            }
+        })
+    }
+}
+
+/// Last parts of the names of latched topics.
+const LATCHED: [&str; 6] =
+    ["tf_static", "causal_model", "causal_model_info", "dag", "tsdag", "robot_description"];
+
+impl<M: Middleware> TypeVisitor for Listen<'_, M> {
+    type Output = Result<M::Subscription>;
+
+    fn visit<T: Message>(self) -> Self::Output {
+        self.to::<T, T>()
+    }
+}

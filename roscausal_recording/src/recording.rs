@@ -1,0 +1,166 @@
+use std::{
+    cmp::Reverse,
+    collections::BinaryHeap,
+    fs::File,
+    io::Read,
+    path::{Path, PathBuf},
+};
+
+use roscausal_core::{Error, Result, Time};
+
+use crate::{
+    bag::Bag,
+    db3::Db3,
+    folder::Folder,
+    mcap_file::McapFile,
+    source::Source,
+    topic::{Record, Topic},
+};
+
+/// A recording that is read from its first message to its last, as an iterator over [`Record`]s in the order
+/// of their recording times (of equal times, in the order of the file). Memory holds one piece of the file
+/// (about 1 MB) and what overlaps it in time.
+pub struct Recording {
+    path: PathBuf,
+    source: Box<dyn Source>,
+    wanted: Vec<bool>,
+    /// What is read and not given out yet, earliest first.
+    waiting: BinaryHeap<Reverse<Waiting>>,
+    count: u64,
+    losses: Vec<String>,
+}
+
+struct Waiting {
+    order: (Time, u64),
+    record: Record,
+}
+
+impl PartialEq for Waiting {
+    fn eq(&self, other: &Self) -> bool {
+        self.order == other.order
+    }
+}
+
+impl Eq for Waiting {}
+
+impl PartialOrd for Waiting {
+    fn partial_cmp(&self, other: &Self) -> Option<std::cmp::Ordering> {
+        Some(self.cmp(other))
+    }
+}
+
+impl Ord for Waiting {
+    fn cmp(&self, other: &Self) -> std::cmp::Ordering {
+        self.order.cmp(&other.order)
+    }
+}
+
+/// Opens one file by what it contains, whatever its name.
+pub(crate) fn open_file(path: &Path, losses: &mut Vec<String>) -> Result<Box<dyn Source>> {
+    let mut magic = Vec::new();
+    let read = File::open(path).and_then(|file| file.take(16).read_to_end(&mut magic));
+    read.map_err(|error| Error::file(path, error))?;
+    Ok(match magic.as_slice() {
+        magic if magic.starts_with(b"#ROSBAG V2.0\n") => Box::new(Bag::open(path, losses)?),
+        magic if magic.starts_with(mcap::MAGIC) => Box::new(McapFile::open(path, losses)?),
+        magic if magic.starts_with(b"SQLite format 3\0") => Box::new(Db3::open(path, losses)?),
+        magic if magic.starts_with(b"#ROSBAG V") => {
+            return Err(Error::file(path, "a bag of another version than 2.0; convert it with 'rosbag fix'"));
+        }
+        [] => return Err(Error::file(path, "the file is empty")),
+        _ => {
+            let reason = "this is no recording: a ROS 1 bag, an MCAP file or a ROS 2 .db3 file is needed";
+            return Err(Error::file(path, reason));
+        }
+    })
+}
+
+impl Recording {
+    /// Opens a recording: a file, or a folder of them (as `ros2 bag record` makes it; `metadata.yaml` is not
+    /// needed).
+    ///
+    /// # Errors
+    /// A file that cannot be read or is no recording at all. A damaged one opens; see [`Recording::losses`].
+    pub fn open(path: impl AsRef<Path>) -> Result<Self> {
+        let path = path.as_ref();
+        let mut losses = Vec::new();
+        let source: Box<dyn Source> = if path.is_dir() {
+            Box::new(Folder::open(path, &mut losses)?)
+        } else {
+            open_file(path, &mut losses)?
+        };
+        let wanted = vec![true; source.topics().len()];
+        Ok(Self { path: path.to_owned(), source, wanted, waiting: BinaryHeap::new(), count: 0, losses })
+    }
+
+    /// The topics, in the order in which the recording names them.
+    pub fn topics(&self) -> &[Topic] {
+        self.source.topics()
+    }
+
+    /// The one topic of this name and, where `type_name` is given, of this type (`package/Name`).
+    ///
+    /// # Errors
+    /// No such topic: what there is, those of the type first.
+    pub fn topic(&self, name: &str, type_name: Option<&str>) -> Result<usize> {
+        let fits = |topic: &&Topic| type_name.is_none_or(|wanted| wanted == topic.type_name);
+        let named = |topic: &&Topic| topic.name.trim_start_matches('/') == name.trim_start_matches('/');
+        if let Some(index) = self.topics().iter().position(|topic| named(&topic) && fits(&topic)) {
+            return Ok(index);
+        }
+        let describe = |topic: &Topic| format!("{} ({})", topic.name, topic.type_name);
+        let mut there: Vec<_> = self.topics().iter().filter(fits).map(describe).collect();
+        let mut of_type = type_name.map_or(String::new(), |wanted| format!(" of type {wanted}"));
+        if there.is_empty() {
+            there = self.topics().iter().map(describe).collect();
+            of_type.clear();
+        }
+        let there = if there.is_empty() { "none".to_owned() } else { there.join(", ") };
+        let wanted = type_name.map_or(String::new(), |wanted| format!(" of type {wanted}"));
+        Err(Error::file(&self.path, format!("no topic {name}{wanted}; topics{of_type} in it: {there}")))
+    }
+
+    /// Gives out only topics that `wanted` says yes to; others are not even copied.
+    pub fn select(&mut self, wanted: impl Fn(&Topic) -> bool) {
+        self.wanted = self.source.topics().iter().map(wanted).collect();
+    }
+
+    /// Recording times of the first and the last message, when the file tells; `None` for an empty one.
+    pub fn span(&self) -> Option<(Time, Time)> {
+        self.source.span()
+    }
+
+    /// How much has been read, from 0 to 1.
+    pub fn progress(&self) -> f64 {
+        self.source.progress()
+    }
+
+    /// What could not be read so far, one sentence each; complete after the last message.
+    pub fn losses(&self) -> &[String] {
+        &self.losses
+    }
+}
+
+impl Iterator for Recording {
+    type Item = Record;
+
+    fn next(&mut self) -> Option<Record> {
+        loop {
+            let next_start = self.source.next_start();
+            if let Some(Reverse(first)) = self.waiting.peek()
+                && next_start.is_none_or(|start| first.order.0 <= start)
+            {
+                return self.waiting.pop().map(|Reverse(waiting)| waiting.record);
+            }
+            next_start?;
+            let mut records = Vec::new();
+            if let Err(loss) = self.source.load(&self.wanted, &mut records) {
+                self.losses.push(loss);
+            }
+            for record in records {
+                self.count += 1;
+                self.waiting.push(Reverse(Waiting { order: (record.stamp, self.count), record }));
+            }
+        }
+    }
+}

@@ -1,0 +1,160 @@
+use roscausal_core::{Error, Message, Result, Time};
+use roscausal_msgs::{Definition, Wires, cdr, ros1, types};
+
+/// How a topic's messages are written.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Encoding {
+    /// As ROS 1 sends them.
+    Ros1,
+    /// As ROS 2 sends them.
+    Cdr,
+    /// Something else, such as `json`; its messages are read but not decoded.
+    Other(String),
+}
+
+/// A topic of a recording. Publishers of one topic and type are one topic; a topic recorded with two types
+/// is two.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Topic {
+    /// Its name, such as `/odom`.
+    pub name: String,
+    /// Its type as `package/Name`.
+    pub type_name: String,
+    /// How its messages are written.
+    pub encoding: Encoding,
+    /// md5 of the type, where the recording says so (ROS 1).
+    pub md5: Option<String>,
+    /// Full text of the type as recorded; empty when the recording has none.
+    pub definition: String,
+    /// The last message was kept for late joiners (latched, transient local).
+    pub latched: bool,
+    /// Its messages, where the recording says how many.
+    pub messages: Option<u64>,
+}
+
+/// One message of a recording.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Record {
+    /// Index in [`crate::Recording::topics`].
+    pub topic: usize,
+    /// When it was recorded, which is not the stamp of its header.
+    pub stamp: Time,
+    /// The message as its encoding has it.
+    pub bytes: Vec<u8>,
+}
+
+/// `package/Name` from either ROS version's spelling.
+pub(crate) fn type_name(recorded: &str) -> String {
+    recorded.replace("/msg/", "/")
+}
+
+impl Topic {
+    /// The message type of this crate family that the topic carries; `None` for types that it does not know, and
+    /// for known names with other fields (another md5).
+    pub fn known_type(&self) -> Option<&'static Definition> {
+        let here = match self.encoding {
+            Encoding::Ros1 => Wires::Ros1,
+            Encoding::Cdr => Wires::Ros2,
+            Encoding::Other(_) => return None,
+        };
+        let named = |known: &&'static Definition| {
+            known.package.len() + 1 + known.name.len() == self.type_name.len()
+                && known.type_name() == self.type_name
+                && self.md5.as_ref().is_none_or(|md5| md5 == known.ros1_md5())
+        };
+        let all = types();
+        let of_this_wire = |known: &&Definition| known.wires == Wires::Both || known.wires == here;
+        let found = all.iter().copied().filter(named).find(of_this_wire);
+        // Our own recordings, in CDR, have the ROS 1 types of a run as well.
+        let foreign = || all.iter().copied().filter(named).find(|_| self.encoding == Encoding::Cdr);
+        found.or_else(foreign)
+    }
+
+    /// The message in `bytes`.
+    ///
+    /// # Errors
+    /// Another type than the topic's, another md5, an encoding that is neither ROS's, bytes that are no such
+    /// message: each with the topic.
+    pub fn decode<M: Message>(&self, bytes: &[u8]) -> Result<M> {
+        let fail = |reason: String| Error::Topic { topic: self.name.clone(), reason };
+        if self.type_name != M::type_name() {
+            return Err(fail(format!("the recording has {}, not {}", self.type_name, M::type_name())));
+        }
+        if let Some(md5) = self.md5.as_ref().filter(|md5| *md5 != M::ros1_md5()) {
+            return Err(fail(format!(
+                "the recording's {} has other fields (md5 {md5}, not {})",
+                self.type_name,
+                M::ros1_md5()
+            )));
+        }
+        let decoded = match &self.encoding {
+            Encoding::Ros1 => ros1::from_bytes(bytes).map(|(message, _)| message),
+            Encoding::Cdr => cdr::from_bytes(bytes),
+            Encoding::Other(name) => {
+                return Err(fail(format!("its messages are written as '{name}'; only ROS's own are read")));
+            }
+        };
+        decoded.map_err(|error| fail(error.to_string()))
+    }
+
+    /// True for what is one topic, told twice.
+    pub(crate) fn is_same(&self, other: &Self) -> bool {
+        (&self.name, &self.type_name, &self.encoding, &self.md5)
+            == (&other.name, &other.type_name, &other.encoding, &other.md5)
+    }
+}
+
+/// Adds a topic, or finds it; gives its index.
+pub(crate) fn add_topic(topics: &mut Vec<Topic>, topic: Topic) -> usize {
+    if let Some(index) = topics.iter().position(|known| known.is_same(&topic)) {
+        let known = &mut topics[index];
+        known.latched |= topic.latched;
+        known.messages = known.messages.zip(topic.messages).map(|(a, b)| a.saturating_add(b));
+        if known.definition.is_empty() {
+            known.definition = topic.definition;
+        }
+        return index;
+    }
+    topics.push(topic);
+    topics.len() - 1
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use roscausal_msgs::{pedsim_msgs::AgentStatesWithGoal, rosgraph_msgs::Clock, std_msgs::Bool};
+
+    fn topic(name: &str, encoding: Encoding, md5: Option<&str>) -> Topic {
+        Topic {
+            name: "/x".into(),
+            type_name: name.into(),
+            encoding,
+            md5: md5.map(str::to_owned),
+            definition: String::new(),
+            latched: false,
+            messages: None,
+        }
+    }
+
+    #[test]
+    fn the_md5_tells_which_form_of_a_type_it_is() {
+        let stock =
+            topic("pedsim_msgs/AgentStates", Encoding::Ros1, Some("aa81ea94344df8d81e135b65d4d499b1"));
+        assert_eq!(stock.known_type().unwrap().ros1_md5(), "aa81ea94344df8d81e135b65d4d499b1");
+        let md5 = AgentStatesWithGoal::ros1_md5();
+        let changed = topic("pedsim_msgs/AgentStates", Encoding::Ros1, Some(md5));
+        assert!(std::ptr::eq(changed.known_type().unwrap(), AgentStatesWithGoal::definition()));
+        assert!(topic("pedsim_msgs/AgentStates", Encoding::Ros1, Some("00")).known_type().is_none());
+        assert!(topic("visualization_msgs/MeshFile", Encoding::Ros1, None).known_type().is_none());
+        assert!(topic("visualization_msgs/MeshFile", Encoding::Cdr, None).known_type().is_some());
+    }
+
+    #[test]
+    fn errors_of_decoding_name_the_topic() {
+        let clock = topic("rosgraph_msgs/Clock", Encoding::Ros1, None);
+        assert_eq!(clock.decode::<Clock>(&[0; 8]).unwrap(), Clock::default());
+        for error in [clock.decode::<Bool>(&[0]).unwrap_err(), clock.decode::<Clock>(&[0]).unwrap_err()] {
+            assert!(error.to_string().starts_with("topic '/x': "), "{error}");
+        }
+    }
+}

@@ -1,0 +1,265 @@
+//! Recordings that other software wrote are read with equal contents, whole or damaged; `tests/recordings.sh`
+//! wrote those in `data` and writes fresh, longer ones for the same tests.
+#![allow(clippy::unwrap_used, reason = "a failed unwrap fails the test, in helpers too")]
+
+use std::{
+    fs,
+    path::{Path, PathBuf},
+};
+
+use roscausal_core::Time;
+use roscausal_msgs::{Message, nav_msgs::Odometry, people_msgs::People, std_msgs::Bool, tf2_msgs::TFMessage};
+use roscausal_recording::{Encoding, Record, Recording};
+
+const BEGIN: i64 = 1_700_000_000_000_000_000;
+const STEP: i64 = 100_000_000;
+const FILES: [&str; 9] = [
+    "plain.bag",
+    "lz4.bag",
+    "bz2.bag",
+    "ros2_db3",
+    "ros2_mcap",
+    "ros1_zstd.mcap",
+    "ros2_lz4.mcap",
+    "ros2_plain.mcap",
+    "unchunked.mcap",
+];
+
+/// Written by ROS 1's own rosbag where there is one.
+const REAL: [&str; 3] = ["real_none.bag", "real_bz2.bag", "real_lz4.bag"];
+
+/// The recordings, and how many odometry messages are in each.
+fn recordings() -> Vec<(PathBuf, i64)> {
+    let data = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data");
+    let mut folders = vec![(data, 12)];
+    if let Some(fresh) = std::env::var_os("ROSCAUSAL_RECORDINGS") {
+        let count = std::env::var("ROSCAUSAL_RECORDED").unwrap().parse().unwrap();
+        folders.push((fresh.into(), count));
+    }
+    let all = |(folder, count): (PathBuf, i64)| {
+        let there = |file: &&str| folder.join(file).exists();
+        let files: Vec<&str> = FILES.into_iter().chain(REAL.into_iter().filter(there)).collect();
+        files.into_iter().map(move |file| (folder.join(file), count)).collect::<Vec<_>>()
+    };
+    folders.into_iter().flat_map(all).collect()
+}
+
+/// One file of each format, in memory.
+fn small_files() -> Vec<(&'static str, Vec<u8>)> {
+    let data = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data");
+    [
+        "plain.bag",
+        "lz4.bag",
+        "bz2.bag",
+        "ros2_db3/ros2_db3.db3",
+        "ros1_zstd.mcap",
+        "ros2_plain.mcap",
+        "unchunked.mcap",
+    ]
+    .map(|file| (file, fs::read(data.join(file)).unwrap()))
+    .to_vec()
+}
+
+#[test]
+fn topics_are_named_with_type_encoding_count_and_latching() {
+    for (path, count) in recordings() {
+        let recording = Recording::open(&path).unwrap();
+        assert_eq!(recording.losses(), &[] as &[String], "{}", path.display());
+        let is_ros1 =
+            path.extension().is_some_and(|extension| extension == "bag") || path.ends_with("ros1_zstd.mcap");
+        let mut topics: Vec<_> = recording.topics().iter().collect();
+        topics.sort_by_key(|topic| &topic.name);
+        let described: Vec<_> = topics
+            .iter()
+            .map(|topic| (topic.name.as_str(), topic.type_name.as_str(), topic.known_type().is_some()))
+            .collect();
+        let expected = [
+            ("/odd", "custom_msgs/Odd", false),
+            ("/odom", "nav_msgs/Odometry", true),
+            ("/people", "people_msgs/People", true),
+            ("/tf_static", "tf2_msgs/TFMessage", true),
+        ];
+        assert_eq!(described, expected, "{}", path.display());
+        let encoding = if is_ros1 { Encoding::Ros1 } else { Encoding::Cdr };
+        assert!(topics.iter().all(|topic| topic.encoding == encoding), "{}", path.display());
+        let counts: Vec<_> = topics.iter().filter_map(|topic| topic.messages).collect();
+        let counted = [1, count, (count + 1) / 2, 1].map(|count| u64::try_from(count).unwrap());
+        assert!(counts.is_empty() || counts == counted, "{}: {counts:?}", path.display());
+        if is_ros1 {
+            let odometry = &topics[1];
+            assert_eq!(odometry.md5.as_deref(), Some(Odometry::ros1_md5()), "{}", path.display());
+        }
+        // The MCAP writer of the tests writes no profiles of ROS 2.
+        let profiles = is_ros1 || path.ends_with("ros2_db3") || path.ends_with("ros2_mcap");
+        let latched: Vec<_> = topics.iter().map(|topic| topic.latched).collect();
+        assert_eq!(latched, [false, false, false, profiles], "{}", path.display());
+        if !path.ends_with("ros2_db3") {
+            assert!(topics.iter().all(|topic| !topic.definition.is_empty()), "{}", path.display());
+        }
+        let (start, end) = recording.span().unwrap();
+        assert_eq!((start.as_nanos(), end.as_nanos()), (BEGIN, BEGIN + (count - 1) * STEP + 1000));
+    }
+}
+
+#[test]
+fn messages_come_in_the_order_of_their_times_with_equal_contents() {
+    for (path, count) in recordings() {
+        let mut recording = Recording::open(&path).unwrap();
+        let records: Vec<Record> = recording.by_ref().collect();
+        assert_eq!(recording.losses(), &[] as &[String], "{}", path.display());
+        assert!(recording.progress() >= 1.0);
+        assert!(records.is_sorted_by_key(|record| record.stamp), "{}", path.display());
+        let of = |name: &str| {
+            let index = recording.topic(name, None).unwrap();
+            (&recording.topics()[index], records.iter().filter(move |record| record.topic == index))
+        };
+        let (topic, odometry) = of("/odom");
+        let mut number = 0;
+        for record in odometry {
+            let message: Odometry = topic.decode(&record.bytes).unwrap();
+            assert_eq!(record.stamp.as_nanos(), BEGIN + number * STEP + 1000);
+            assert_eq!(message.header.stamp, Time::from_nanos(BEGIN + number * STEP));
+            assert_eq!(message.child_frame_id, "base_footprint");
+            assert_eq!(message.pose.pose.position.x, 0.5 * number as f64);
+            assert_eq!(message.twist.twist.angular.z, 0.125);
+            number += 1;
+        }
+        assert_eq!(number, count, "{}", path.display());
+        let (topic, people) = of("people");
+        let mut number = 0;
+        for record in people {
+            let message: People = topic.decode(&record.bytes).unwrap();
+            assert_eq!(record.stamp.as_nanos(), BEGIN + number * STEP);
+            assert_eq!(message.people.len() as i64, number % 3);
+            assert!(message.people.iter().all(|person| person.tags == ["ä", ""]));
+            number += 2;
+        }
+        let (topic, mut transforms) = of("/tf_static");
+        let message: TFMessage = topic.decode(&transforms.next().unwrap().bytes).unwrap();
+        assert_eq!(message.transforms[0].transform.translation.y, 2.0);
+        let (topic, mut odd) = of("/odd");
+        assert!(topic.decode::<Bool>(&odd.next().unwrap().bytes).is_err());
+    }
+}
+
+#[test]
+fn only_selected_topics_are_given_out() {
+    for (path, count) in recordings() {
+        let mut recording = Recording::open(&path).unwrap();
+        recording.select(|topic| topic.type_name == "nav_msgs/Odometry");
+        assert_eq!(recording.count() as i64, count, "{}", path.display());
+    }
+}
+
+#[test]
+fn an_unknown_topic_is_an_error_that_tells_what_there_is() {
+    for (path, _) in recordings() {
+        let recording = Recording::open(&path).unwrap();
+        let error = recording.topic("/pose", Some("nav_msgs/Odometry")).unwrap_err().to_string();
+        assert!(
+            error.ends_with("topics of type nav_msgs/Odometry in it: /odom (nav_msgs/Odometry)"),
+            "{error}"
+        );
+        let error = recording.topic("/pose", Some("x/Y")).unwrap_err().to_string();
+        assert!(error.contains("/people (people_msgs/People)"), "{error}");
+    }
+}
+
+#[test]
+fn several_files_in_a_folder_are_one_recording() {
+    let folder = tempfile::tempdir().unwrap();
+    for (file, bytes) in small_files() {
+        if file.ends_with(".bag") {
+            fs::write(folder.path().join(file), bytes).unwrap();
+        }
+    }
+    let mut recording = Recording::open(folder.path()).unwrap();
+    let odometry = recording.topic("/odom", None).unwrap();
+    assert_eq!(recording.topics()[odometry].messages, Some(36));
+    let records: Vec<_> = recording.by_ref().collect();
+    assert!(records.is_sorted_by_key(|record| record.stamp));
+    assert_eq!(records.iter().filter(|record| record.topic == odometry).count(), 36);
+    fs::write(folder.path().join("broken.mcap"), b"x").unwrap();
+    let recording = Recording::open(folder.path()).unwrap();
+    assert!(recording.losses()[0].contains("broken.mcap"), "{:?}", recording.losses());
+}
+
+#[test]
+fn what_is_no_recording_is_an_error_that_names_the_file() {
+    let folder = tempfile::tempdir().unwrap();
+    assert!(Recording::open(folder.path()).err().unwrap().to_string().contains("no .bag, .mcap or .db3"));
+    for (bytes, reason) in [(b"".as_slice(), "the file is empty"), (b"time,r_x\n", "this is no recording")] {
+        let path = folder.path().join("file.bag");
+        fs::write(&path, bytes).unwrap();
+        let error = Recording::open(&path).err().unwrap().to_string();
+        assert!(error.contains("file.bag") && error.contains(reason), "{error}");
+    }
+    assert!(Recording::open(folder.path().join("absent")).is_err());
+}
+
+/// Records and losses of damaged bytes; `None` when they are no recording at all.
+fn read_damaged(folder: &Path, bytes: &[u8]) -> Option<(Vec<Record>, Vec<String>)> {
+    let path = folder.join("damaged");
+    fs::write(&path, bytes).unwrap();
+    let mut recording = Recording::open(&path).ok()?;
+    let records = recording.by_ref().collect();
+    Some((records, recording.losses().to_vec()))
+}
+
+#[test]
+fn a_file_cut_short_gives_what_is_whole_and_says_so() {
+    let folder = tempfile::tempdir().unwrap();
+    for (file, bytes) in small_files() {
+        let whole = read_damaged(folder.path(), &bytes).unwrap().0;
+        let mut most = 0;
+        for cut in (0..bytes.len()).step_by(97) {
+            let Some((records, losses)) = read_damaged(folder.path(), &bytes[..cut]) else { continue };
+            assert!(records.len() == whole.len() || !losses.is_empty(), "{file} cut at {cut}");
+            assert!(
+                records.iter().all(|record| whole.iter().any(|w| w.bytes == record.bytes)),
+                "{file} cut at {cut}"
+            );
+            most = most.max(records.len());
+        }
+        // SQLite's pages of a table lie anywhere in its file.
+        let enough = if file.ends_with("db3") { 0 } else { whole.len() * 3 / 4 };
+        assert!(most >= enough, "{file}: {most} of {} messages", whole.len());
+    }
+}
+
+#[test]
+fn a_changed_byte_never_panics_and_costs_little() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut random = 1u64;
+    for (file, bytes) in small_files() {
+        let whole = read_damaged(folder.path(), &bytes).unwrap().0.len();
+        let (mut opened, mut kept) = (0, 0);
+        for _ in 0..300 {
+            random = random.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+            let mut damaged = bytes.clone();
+            let place = (random >> 33) as usize % bytes.len();
+            damaged[place] ^= 1 << (random >> 60 & 7);
+            if let Some((records, _)) = read_damaged(folder.path(), &damaged) {
+                (opened, kept) = (opened + 1, kept + records.len());
+            }
+        }
+        assert!(kept * 10 >= opened * whole * 5, "{file}: {kept} of {opened} x {whole} messages kept");
+    }
+}
+
+#[test]
+fn a_damaged_chunk_costs_its_own_messages_only() {
+    let folder = tempfile::tempdir().unwrap();
+    for (file, mut bytes) in small_files() {
+        // Without compression a bag has no checksums.
+        if ["lz4.bag", "bz2.bag", "ros1_zstd.mcap"].contains(&file) {
+            let whole = read_damaged(folder.path(), &bytes).unwrap().0.len();
+            // Inside of the first chunk's data.
+            let place = if file.ends_with(".bag") { 4096 + 100 } else { 200 };
+            bytes[place..place + 8].fill(0xff);
+            let (records, losses) = read_damaged(folder.path(), &bytes).unwrap();
+            assert!(records.len() < whole && records.len() >= 4, "{file}: {} of {whole}", records.len());
+            assert!(losses.iter().any(|loss| loss.contains("chunk at byte")), "{file}: {losses:?}");
+        }
+    }
+}

@@ -1,0 +1,106 @@
+//! A run's folder: pools, models, and how to tell that an analysis has ended.
+
+use std::{
+    fs,
+    path::{Path, PathBuf},
+};
+
+use roscausal_core::{Error, Result, batch::pool::Pool, discovery::Model};
+
+/// Says that a folder is of a demo or replay and may be emptied by the next one.
+const MARK: &str = ".roscausal_demo";
+
+/// Start of the batches' names.
+const PREFIX: &str = "data_";
+
+/// Where the nodes put their files.
+pub(crate) struct Folders {
+    pub(crate) raw: PathBuf,
+    pub(crate) processed: PathBuf,
+    pub(crate) models: PathBuf,
+}
+
+/// How far the analysis is.
+pub(crate) enum Outcome {
+    Waiting,
+    Model(Box<Model>),
+    Rejected(String),
+}
+
+impl Folders {
+    /// Empty folders in `out`; those of an earlier demo go, anything else is left alone and is an error.
+    pub(crate) fn fresh(out: &Path) -> Result<Self> {
+        let folders =
+            Self { raw: out.join("data_pool"), processed: out.join("pp_pool"), models: out.join("cm_pool") };
+        let ours = out.join(MARK).exists();
+        for folder in [&folders.raw, &folders.processed, &folders.models] {
+            if folder.exists() && !ours {
+                let reason = "there is something here that no demo or replay made; choose another --out";
+                return Err(Error::file(folder, reason));
+            }
+            if folder.exists() {
+                fs::remove_dir_all(folder).map_err(|e| Error::file(folder, e))?;
+            }
+            fs::create_dir_all(folder).map_err(|e| Error::file(folder, e))?;
+        }
+        fs::write(out.join(MARK), "").map_err(|e| Error::file(out, e))?;
+        Ok(folders)
+    }
+
+    /// Whether a model or a rejection is there.
+    pub(crate) fn outcome(&self) -> Result<Outcome> {
+        if let Some(path) = self.model_files()?.first() {
+            return Ok(Outcome::Model(Box::new(read_model(path)?)));
+        }
+        Ok(self.rejections()?.into_iter().next().map_or(Outcome::Waiting, Outcome::Rejected))
+    }
+
+    /// The models' files, oldest first.
+    pub(crate) fn model_files(&self) -> Result<Vec<PathBuf>> {
+        with_ending(&self.models, ".json")
+    }
+
+    /// Why batches were rejected, one sentence each.
+    pub(crate) fn rejections(&self) -> Result<Vec<String>> {
+        let mut reasons = Vec::new();
+        for pool in [&self.processed, &self.raw] {
+            let rejected = pool.join("rejected");
+            if !rejected.exists() {
+                continue;
+            }
+            for path in with_ending(&rejected, ".reason.txt")? {
+                let reason = fs::read_to_string(&path).map_err(|e| Error::file(&path, e))?;
+                reasons.push(format!("{}: {}", path.display(), reason.trim()));
+            }
+        }
+        Ok(reasons)
+    }
+
+    /// Batches that wait for analysis.
+    pub(crate) fn waiting(&self) -> Result<usize> {
+        Ok(Pool::open(&self.processed, PREFIX)?.contents()?.batches.len())
+    }
+
+    /// The batches behind the model.
+    pub(crate) fn analysed_batches(&self) -> Result<Vec<PathBuf>> {
+        with_ending(&self.processed.join("analysed"), ".csv")
+    }
+}
+
+/// The model in a file.
+pub(crate) fn read_model(path: &Path) -> Result<Model> {
+    let text = fs::read(path).map_err(|e| Error::file(path, e))?;
+    serde_json::from_slice(&text).map_err(|e| Error::file(path, e))
+}
+
+/// The files with this ending, in the order of their names.
+pub(crate) fn with_ending(folder: &Path, ending: &str) -> Result<Vec<PathBuf>> {
+    let entries = fs::read_dir(folder).map_err(|e| Error::file(folder, e))?;
+    let named = |path: &PathBuf| {
+        let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
+        name.ends_with(ending) && !name.starts_with('.')
+    };
+    let mut paths: Vec<PathBuf> = entries.flatten().map(|entry| entry.path()).filter(named).collect();
+    paths.sort();
+    Ok(paths)
+}

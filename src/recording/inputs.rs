@@ -1,0 +1,339 @@
+//! Which topics of a recording are what: as the user says, or found by their types.
+
+use std::path::Path;
+
+use clap::Args as ClapArgs;
+use roscausal_core::{Error, Result, Time, batch::header::nearest, nodes, params::Value};
+use roscausal_recording::{Recording, Topic};
+
+use crate::nodes::RECORDING;
+
+use super::play;
+use super::roles::{CHOSEN_BY_NAME, HUMAN_GOAL, Kind, PEOPLE, ROBOT_GOAL, ROBOT_ODOM, ROBOT_POSE, Role};
+
+/// The word for "the pose in the odometry".
+const FROM_ODOMETRY: &str = "odom";
+/// The word for "no such topic".
+const NONE: &str = "none";
+/// Where poses made of odometry are published.
+pub(crate) const ODOMETRY_POSE: &str = "/roscausal_replay/odometry_pose";
+
+/// Arguments that say what a recording's topics are.
+#[derive(ClapArgs, Clone, Debug, Default)]
+pub(crate) struct InputArgs {
+    /// Recording: topic of the robot's odometry. Default for this and the next four: found by type and name.
+    #[arg(long, value_name = "TOPIC")]
+    robot_odom: Option<String>,
+    /// Recording: topic of the robot's pose; `odom`: the pose in the odometry, brought to the map by TF.
+    #[arg(long, value_name = "TOPIC")]
+    robot_pose: Option<String>,
+    /// Recording: topic of the robot's goal, or `none`.
+    #[arg(long, value_name = "TOPIC")]
+    robot_goal: Option<String>,
+    /// Recording: topics of people, separated by commas.
+    #[arg(long, value_name = "TOPIC", value_delimiter = ',')]
+    people: Vec<String>,
+    /// Recording: topic of the person's goal, or `none`.
+    #[arg(long, value_name = "TOPIC")]
+    human_goal: Option<String>,
+    /// Recording: who is analysed: a number, `1,2`, `nearest:N` or `all`. Default: the nearest to the robot.
+    #[arg(long, value_name = "WHO")]
+    person: Option<String>,
+    /// Recording: step of the samples, seconds.
+    #[arg(long, value_name = "SECONDS")]
+    dt: Option<f64>,
+    /// Recording: a parameter of the node robot, human or data (docs/parameters.md), such as
+    /// `data.safe_dist=4`; may be given again.
+    #[arg(long = "param", value_name = "NODE.NAME=VALUE")]
+    params: Vec<String>,
+}
+
+impl InputArgs {
+    /// The first flag given, for what is no recording.
+    pub(crate) fn given(&self) -> Option<&'static str> {
+        let flags = [
+            ("--robot-odom", self.robot_odom.is_some()),
+            ("--robot-pose", self.robot_pose.is_some()),
+            ("--robot-goal", self.robot_goal.is_some()),
+            ("--people", !self.people.is_empty()),
+            ("--human-goal", self.human_goal.is_some()),
+            ("--person", self.person.is_some()),
+            ("--dt", self.dt.is_some()),
+            ("--param", !self.params.is_empty()),
+        ];
+        flags.into_iter().find(|(_, given)| *given).map(|(flag, _)| flag)
+    }
+}
+
+/// What is played, to which nodes, with which parameters.
+#[derive(Debug)]
+pub(crate) struct Inputs {
+    /// Names of the topics played.
+    pub(crate) topics: Vec<String>,
+    /// The nodes that take part.
+    pub(crate) nodes: &'static [&'static str],
+    /// Node, parameter, value.
+    pub(crate) params: Vec<(String, String, Value)>,
+    /// The odometry whose pose is published as well, on [`ODOMETRY_POSE`].
+    pub(crate) pose_of: Option<String>,
+    /// When it begins.
+    pub(crate) start: Time,
+    /// One line for each role: what was chosen.
+    pub(crate) chosen: Vec<String>,
+}
+
+impl Inputs {
+    /// Chooses topics by `args`, and by type and name where they say nothing.
+    pub(crate) fn choose(recording: &Recording, path: &Path, args: &InputArgs) -> Result<Self> {
+        let mut inputs = Self {
+            topics: Vec::new(),
+            nodes: &RECORDING,
+            params: Vec::new(),
+            pose_of: None,
+            start: play::start(path, recording)?,
+            chosen: Vec::new(),
+        };
+        let chooser = Chooser { recording, path };
+        if args.robot_odom.is_none() && args.people.is_empty() && chooser.has_only_states() {
+            inputs.nodes = &["data"];
+            inputs.topics = STATES.map(|(name, _)| name.to_owned()).to_vec();
+            inputs.chosen.push(format!("states: {} and {}", STATES[0].0, STATES[1].0));
+        } else {
+            inputs.take_robot(&chooser, args)?;
+            inputs.take_people(&chooser, args)?;
+            inputs.topics.extend(["/tf", "/tf_static"].map(str::to_owned));
+        }
+        inputs.set_params(args)?;
+        Ok(inputs)
+    }
+
+    fn take_robot(&mut self, chooser: &Chooser<'_>, args: &InputArgs) -> Result<()> {
+        let odometry = chooser.one(&ROBOT_ODOM, args.robot_odom.as_deref())?;
+        let odometry = odometry.ok_or_else(|| chooser.nothing(&ROBOT_ODOM))?;
+        self.take(&ROBOT_ODOM, &odometry);
+        let pose = match args.robot_pose.as_deref() {
+            Some(FROM_ODOMETRY) => None,
+            named => chooser.optional(&ROBOT_POSE, named)?,
+        };
+        match pose {
+            Some(pose) => self.take(&ROBOT_POSE, &pose),
+            None => {
+                self.set("robot", "pose_topic", ODOMETRY_POSE);
+                self.set("robot", "pose_type", "PoseStamped");
+                self.chosen
+                    .push(format!("robot pose: the pose in {}, brought to the map by TF", odometry.name));
+                self.pose_of = Some(odometry.name);
+            }
+        }
+        match chooser.optional(&ROBOT_GOAL, args.robot_goal.as_deref())? {
+            Some(goal) => self.take(&ROBOT_GOAL, &goal),
+            None => self.nobody_tells(&ROBOT_GOAL, "robot", "goal_topic"),
+        }
+        Ok(())
+    }
+
+    fn take_people(&mut self, chooser: &Chooser<'_>, args: &InputArgs) -> Result<()> {
+        for name in ["auto_people_topic", "teleop_people_topic", "people_topic"] {
+            self.set("human", name, "");
+        }
+        if args.people == ["ros4hri"] {
+            self.set("human", "people_type", "ros4hri");
+            self.chosen.push("people: TF frames person_<id>".into());
+        } else {
+            for people in chooser.people(&args.people)? {
+                self.take(&PEOPLE, &people);
+            }
+        }
+        match chooser.optional(&HUMAN_GOAL, args.human_goal.as_deref())? {
+            Some(goal) => self.take(&HUMAN_GOAL, &goal),
+            None => self.nobody_tells(&HUMAN_GOAL, "human", "goal_topic"),
+        }
+        Ok(())
+    }
+
+    fn take(&mut self, role: &Role, topic: &Topic) {
+        self.chosen.push(format!("{}: {} ({})", role.what, topic.name, topic.type_name));
+        self.topics.push(topic.name.clone());
+        let Some(kind) = role.kind(&topic.type_name) else { return };
+        self.set(role.node, kind.topic_param, &topic.name);
+        for (name, value) in kind.also {
+            self.set(role.node, name, value);
+        }
+    }
+
+    fn nobody_tells(&mut self, role: &Role, node: &str, param: &str) {
+        self.set(node, param, "");
+        self.chosen.push(format!("{}: none ({} names one)", role.what, role.flag));
+    }
+
+    fn set(&mut self, node: &str, name: &str, value: &str) {
+        self.params.push((node.to_owned(), name.to_owned(), Value::Str(value.to_owned())));
+    }
+
+    fn set_params(&mut self, args: &InputArgs) -> Result<()> {
+        if let Some(person) = &args.person {
+            self.set("human", "sel_agent", person);
+            self.set("data", "sel_agent", person);
+        } else if !args.params.iter().any(|text| text.starts_with("data.sel_agent=")) {
+            self.set("data", "sel_agent", "nearest:1");
+            self.chosen.push("person: the nearest to the robot (--person names one)".into());
+        }
+        if let Some(dt) = args.dt {
+            self.params.push(("data".into(), "dt".into(), Value::Double(dt)));
+        }
+        for text in &args.params {
+            let (node, name, value) = parse(text)?;
+            self.set(&node, &name, &value);
+        }
+        Ok(())
+    }
+}
+
+/// `NODE.NAME=VALUE`, checked against the node's own table.
+fn parse(text: &str) -> Result<(String, String, String)> {
+    let fault = |reason: String| Error::param("param", reason);
+    let split = text.split_once('=').and_then(|(name, value)| Some((name.split_once('.')?, value)));
+    let Some(((node, name), value)) = split else {
+        return Err(fault(format!("'{text}' is not NODE.NAME=VALUE, such as data.safe_dist=4")));
+    };
+    let specs = nodes::parameters(node)?;
+    let names: Vec<&str> = specs.iter().map(|spec| spec.name).collect();
+    let Some(spec) = specs.iter().find(|spec| spec.name == name) else {
+        let hint = nearest(&names, name).map_or(String::new(), |near| format!("did you mean '{near}'? "));
+        return Err(fault(format!(
+            "node {node} has no parameter '{name}'; {hint}it has: {}",
+            names.join(", ")
+        )));
+    };
+    spec.checked(Value::Str(value.to_owned()))?;
+    Ok((node.to_owned(), name.to_owned(), value.to_owned()))
+}
+
+/// States that ROS-Causal itself recorded.
+const STATES: [(&str, &str); 2] =
+    [("/roscausal/robot", "roscausal_msgs/RobotState"), ("/roscausal/humans", "roscausal_msgs/Humans")];
+
+struct Chooser<'a> {
+    recording: &'a Recording,
+    path: &'a Path,
+}
+
+impl Chooser<'_> {
+    /// The topics of a role's types that can be read.
+    fn candidates(&self, role: &Role) -> Vec<&Topic> {
+        let fits = |topic: &&Topic| role.kind(&topic.type_name).is_some() && topic.known_type().is_some();
+        self.recording.topics().iter().filter(fits).collect()
+    }
+
+    fn named(&self, role: &Role, name: &str) -> Result<Topic> {
+        let same = |topic: &&&Topic| topic.name.trim_start_matches('/') == name.trim_start_matches('/');
+        if let Some(topic) = self.candidates(role).iter().find(same) {
+            return Ok((*topic).clone());
+        }
+        Err(self.fault(role, &format!("there is no topic {name} that can be {}", role.what)))
+    }
+
+    /// The topic of a role: the one named, or the one with a usual name, or the only one.
+    fn one(&self, role: &Role, named: Option<&str>) -> Result<Option<Topic>> {
+        if let Some(name) = named {
+            return self.named(role, name).map(Some);
+        }
+        let candidates = self.candidates(role);
+        let usual = role.usual.iter().find_map(|usual| candidates.iter().find(|topic| topic.name == *usual));
+        match (usual, candidates.as_slice()) {
+            (Some(usual), _) => Ok(Some((*usual).clone())),
+            (None, [only]) => Ok(Some((*only).clone())),
+            (None, []) => Ok(None),
+            (None, _) => Err(self.fault(role, &format!("several topics can be {}", role.what))),
+        }
+    }
+
+    /// As [`Chooser::one`], but of several nobody guesses, and types that mean many things go by name only.
+    fn optional(&self, role: &Role, named: Option<&str>) -> Result<Option<Topic>> {
+        if named == Some(NONE) {
+            return Ok(None);
+        }
+        let Some(name) = named else {
+            let candidates = self.candidates(role);
+            let usual =
+                role.usual.iter().find_map(|usual| candidates.iter().find(|topic| topic.name == *usual));
+            let own: Vec<_> = candidates
+                .iter()
+                .filter(|topic| !CHOSEN_BY_NAME.contains(&topic.type_name.as_str()))
+                .collect();
+            let only = if let [only] = own.as_slice() { Some(*only) } else { None };
+            return Ok(usual.or(only).map(|topic| (*topic).clone()));
+        };
+        self.named(role, name).map(Some)
+    }
+
+    fn people(&self, named: &[String]) -> Result<Vec<Topic>> {
+        if !named.is_empty() {
+            let topics: Vec<Topic> =
+                named.iter().map(|name| self.named(&PEOPLE, name)).collect::<Result<_>>()?;
+            let mut taken: Vec<_> = topics
+                .iter()
+                .filter_map(|topic| PEOPLE.kind(&topic.type_name))
+                .map(|kind| kind.topic_param)
+                .collect();
+            taken.sort_unstable();
+            taken.dedup();
+            if taken.len() < topics.len() {
+                return Err(Error::param(
+                    "people",
+                    "these topics have types of which only one is listened to; name one",
+                ));
+            }
+            return Ok(topics);
+        }
+        // The simulator has two, and the live node listens to both.
+        let candidates = self.candidates(&PEOPLE);
+        let usual: Vec<Topic> = candidates
+            .iter()
+            .filter(|topic| PEOPLE.usual.contains(&topic.name.as_str()))
+            .map(|topic| (*topic).clone())
+            .collect();
+        if !usual.is_empty() {
+            return Ok(usual);
+        }
+        self.one(&PEOPLE, None)?.map(|only| vec![only]).ok_or_else(|| self.nothing(&PEOPLE))
+    }
+
+    fn has_only_states(&self) -> bool {
+        let there = |(name, kind): (&str, &str)| {
+            self.recording
+                .topics()
+                .iter()
+                .any(|topic| topic.name == name && topic.type_name == kind && topic.known_type().is_some())
+        };
+        self.candidates(&ROBOT_ODOM).is_empty() && STATES.into_iter().all(there)
+    }
+
+    fn nothing(&self, role: &Role) -> Error {
+        self.fault(role, &format!("nothing in it can be {}", role.what))
+    }
+
+    /// The fault, what the role needs, and what there is.
+    fn fault(&self, role: &Role, reason: &str) -> Error {
+        let types: Vec<&str> = role.kinds.iter().map(|Kind { type_name, .. }| *type_name).collect();
+        let describe = |topic: &Topic| match topic.known_type() {
+            Some(_) => format!("{} ({})", topic.name, topic.type_name),
+            None => format!("{} ({}, not readable)", topic.name, topic.type_name),
+        };
+        let candidates = self.candidates(role);
+        let there = match candidates.is_empty() {
+            true => ("topics in it", self.recording.topics().iter().map(describe).collect::<Vec<_>>()),
+            false => ("of these types", candidates.into_iter().map(describe).collect()),
+        };
+        let list = if there.1.is_empty() { "none".to_owned() } else { there.1.join(", ") };
+        Error::file(
+            self.path,
+            format!(
+                "{reason}; {} takes a topic of type {}; {}: {list}",
+                role.flag,
+                types.join(" or "),
+                there.0
+            ),
+        )
+    }
+}

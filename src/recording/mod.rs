@@ -1,0 +1,87 @@
+//! Recordings in: topics found, played to the nodes on a bus of their own, batches out.
+
+mod inputs;
+mod play;
+mod roles;
+
+use std::path::{Path, PathBuf};
+
+use roscausal_core::{Error, Result, batch::pool::Pool, loopback::Loopback, params::Value};
+use roscausal_recording::Recording;
+
+use crate::{chart, interrupt::Interrupt, nodes, nodes::Nodes};
+pub(crate) use inputs::{InputArgs, Inputs};
+pub(crate) use play::Play;
+
+/// Whether a path is a recording, by what is in it (a folder always is).
+pub(crate) fn is_recording(path: &Path) -> bool {
+    use std::io::Read;
+    let mut start = Vec::new();
+    let read = std::fs::File::open(path).and_then(|file| file.take(16).read_to_end(&mut start));
+    let magics: [&[u8]; 3] = [b"#ROSBAG V", b"\x89MCAP0", b"SQLite format 3\0"];
+    path.is_dir() || (read.is_ok() && magics.iter().any(|magic| start.starts_with(magic)))
+}
+
+/// A recording and what is to be played of it.
+pub(crate) struct Source {
+    pub(crate) path: PathBuf,
+    pub(crate) recording: Recording,
+    pub(crate) inputs: Inputs,
+}
+
+impl Source {
+    /// Opens the recording and chooses its topics; says on stderr what was chosen.
+    pub(crate) fn open(path: &Path, args: &InputArgs) -> Result<Self> {
+        let recording = Recording::open(path)?;
+        let inputs = Inputs::choose(&recording, path, args)?;
+        for line in &inputs.chosen {
+            eprintln!("{}: {line}", path.display());
+        }
+        Ok(Self { path: path.to_owned(), recording, inputs })
+    }
+
+    /// Plays the recording to the recording nodes and gives the batches that they made, in `folder`: one, or
+    /// several where the recording's clock jumps.
+    pub(crate) fn batches(
+        mut self,
+        folder: &Path,
+        interrupt: &Interrupt,
+        quiet: bool,
+    ) -> Result<Vec<PathBuf>> {
+        let (raw, processed) = (folder.join("data_pool"), folder.join("pp_pool"));
+        let bus = Loopback::lockstep();
+        nodes::set_pools(&bus, &raw, &processed);
+        // All of it is one batch.
+        bus.set_node_param("data", "ts_length", Value::Double(0.0));
+        self.set_params(&bus);
+        let play = Play::new(&bus, &mut self.recording, &self.inputs)?;
+        let nodes = Nodes::start(&bus, self.inputs.nodes)?;
+        let bar = chart::bar("reading", 1000, quiet);
+        let played = play.run(|progress, _| {
+            bar.set_position((progress * 1000.0) as u64);
+            !interrupt.is_set()
+        });
+        nodes.end()?;
+        bar.finish_and_clear();
+        let played = played?;
+        if interrupt.is_set() {
+            return Err(Error::Cancelled("by the user".into()));
+        }
+        played.tell(&self.path);
+        let pool = Pool::open(&processed, "data_")?;
+        let batches: Vec<PathBuf> =
+            pool.contents()?.batches.iter().map(|name| processed.join(name)).collect();
+        if batches.is_empty() {
+            let reason = format!("robot and people are never there together: {}", played.troubles());
+            return Err(Error::file(&self.path, reason));
+        }
+        Ok(batches)
+    }
+
+    /// Sets the parameters that go with the topics chosen, and the user's.
+    pub(crate) fn set_params(&self, bus: &Loopback) {
+        for (node, name, value) in &self.inputs.params {
+            bus.set_node_param(node, name, value.clone());
+        }
+    }
+}

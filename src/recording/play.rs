@@ -1,0 +1,186 @@
+//! Plays a recording on a lockstep bus, in the time of the recording.
+
+use std::{
+    collections::BTreeMap,
+    path::Path,
+    sync::{Arc, Mutex, PoisonError},
+};
+
+use roscausal_core::{
+    Result, Time,
+    loopback::{Loopback, LoopbackNode, LoopbackPublisher, LoopbackSubscription},
+    middleware::{Middleware, Publish, Qos},
+};
+use roscausal_msgs::{
+    diagnostic_msgs::{DiagnosticArray, DiagnosticStatus},
+    geometry_msgs::PoseStamped,
+    nav_msgs::Odometry,
+    rosgraph_msgs::Clock,
+};
+use roscausal_recording::{Player, Record, Recording, Topic};
+
+use super::inputs::{Inputs, ODOMETRY_POSE};
+
+/// A hole in a recording that is longer is made short.
+const LONGEST_HOLE_NS: i64 = 3600 * 1_000_000_000;
+/// So short.
+const AFTER_HOLE_NS: i64 = 1_000_000_000;
+type Troubles = Arc<Mutex<BTreeMap<String, String>>>;
+
+/// A recording ready to be played; the bus's clock stands at its begin.
+pub(crate) struct Play<'a> {
+    bus: Loopback,
+    recording: &'a mut Recording,
+    player: Player,
+    /// Name and publisher of poses made of odometry.
+    pose: Option<(String, LoopbackPublisher<PoseStamped>)>,
+    /// The recording's own clock decides, if it has one.
+    clock: Option<usize>,
+    now: Time,
+    last: Time,
+    played: Played,
+    _diagnostics: LoopbackSubscription,
+    _node: LoopbackNode,
+}
+
+/// What came of it.
+#[derive(Debug, Default)]
+pub(crate) struct Played {
+    /// Messages played.
+    pub(crate) messages: u64,
+    /// Topic -> how many of its messages could not be read, and why the first one.
+    unreadable: BTreeMap<String, (u64, String)>,
+    losses: Vec<String>,
+    troubles: Troubles,
+}
+
+/// The topic that tells the time of a simulation.
+fn is_clock(topic: &Topic) -> bool {
+    topic.name == "/clock" && topic.type_name == "rosgraph_msgs/Clock" && topic.known_type().is_some()
+}
+
+/// The time at which a recording begins: by its own clock, if it has one, else by its recorder's.
+pub(super) fn start(path: &Path, recording: &Recording) -> Result<Time> {
+    let span = recording.span().map_or(Time::ZERO, |(start, _)| start);
+    let Some(clock) = recording.topics().iter().position(is_clock) else { return Ok(span) };
+    let mut clocks = Recording::open(path)?;
+    clocks.select(is_clock);
+    let first =
+        clocks.next().and_then(|record| recording.topics()[clock].decode::<Clock>(&record.bytes).ok());
+    Ok(first.map_or(span, |first| first.clock))
+}
+
+impl<'a> Play<'a> {
+    /// Advertises the topics chosen; to be called before the nodes start, so that they begin at its time.
+    pub(crate) fn new(bus: &Loopback, recording: &'a mut Recording, inputs: &Inputs) -> Result<Self> {
+        let node = bus.node("replay");
+        let chosen = |topic: &Topic| inputs.topics.contains(&topic.name) && topic.known_type().is_some();
+        let clock = recording.topics().iter().position(is_clock);
+        let player = Player::new(&node, recording, chosen)?;
+        let pose = match &inputs.pose_of {
+            Some(topic) => Some((topic.clone(), node.advertise(ODOMETRY_POSE, Qos::Volatile(100))?)),
+            None => None,
+        };
+        recording.select(|topic| chosen(topic) || is_clock(topic));
+        let played = Played::default();
+        let troubles = played.troubles.clone();
+        let diagnostics = node.subscribe("/diagnostics", Qos::Volatile(10), move |m: DiagnosticArray| {
+            let mut troubles = troubles.lock().unwrap_or_else(PoisonError::into_inner);
+            for status in m.status.into_iter().filter(|status| status.level != DiagnosticStatus::OK) {
+                troubles.insert(status.name, status.message);
+            }
+        })?;
+        // Nodes that do something ten times a second do it at the same moments in every replay, and in a run that
+        // began with its clock at 0.
+        let start = Time { nanosec: 0, ..inputs.start };
+        bus.advance_to(start);
+        Ok(Self {
+            bus: bus.clone(),
+            recording,
+            player,
+            pose,
+            clock,
+            now: start,
+            last: start,
+            played,
+            _diagnostics: diagnostics,
+            _node: node,
+        })
+    }
+
+    /// Plays all; `each` hears how far it is (0 to 1) and the bus's time, and ends it by saying false.
+    pub(crate) fn run(mut self, mut each: impl FnMut(f64, Time) -> bool) -> Result<Played> {
+        let mut seen = -1.0;
+        let topics = self.recording.topics().to_vec();
+        while let Some(record) = self.recording.next() {
+            let topic = &topics[record.topic];
+            if Some(record.topic) == self.clock {
+                if let Ok(clock) = topic.decode::<Clock>(&record.bytes) {
+                    self.advance(clock.clock);
+                }
+            } else {
+                if self.clock.is_none() {
+                    self.advance(record.stamp);
+                }
+                self.publish(topic, &record);
+                self.bus.settle();
+            }
+            self.played.messages += 1;
+            let progress = self.recording.progress();
+            if (progress != seen || self.played.messages.is_multiple_of(64)) && !each(progress, self.now) {
+                break;
+            }
+            seen = progress;
+        }
+        self.played.losses = self.recording.losses().to_vec();
+        Ok(self.played)
+    }
+
+    /// Moves the bus's clock as far as the recording's moved; never back, and over no hole longer than an hour.
+    fn advance(&mut self, stamp: Time) {
+        let step = stamp.as_nanos() - std::mem::replace(&mut self.last, stamp).as_nanos();
+        if step > 0 {
+            let step = if step > LONGEST_HOLE_NS { AFTER_HOLE_NS } else { step };
+            self.now = Time::from_nanos(self.now.as_nanos().saturating_add(step));
+        }
+        self.bus.advance_to(self.now);
+    }
+
+    /// Publishes one message; one that cannot be read is counted.
+    fn publish(&mut self, topic: &Topic, record: &Record) {
+        let mut published = self.player.publish(topic, record);
+        if let (Ok(()), Some((name, publisher))) = (&published, &self.pose)
+            && *name == topic.name
+        {
+            published = topic.decode::<Odometry>(&record.bytes).and_then(|odometry| {
+                publisher.publish(&PoseStamped { header: odometry.header, pose: odometry.pose.pose })
+            });
+        }
+        if let Err(error) = published {
+            let first = || (0, error.to_string());
+            self.played.unreadable.entry(topic.name.clone()).or_insert_with(first).0 += 1;
+        }
+    }
+}
+
+impl Played {
+    /// Says on stderr what was lost.
+    pub(crate) fn tell(&self, path: &Path) {
+        for loss in &self.losses {
+            eprintln!("note: {loss}");
+        }
+        for (topic, (count, first)) in &self.unreadable {
+            eprintln!(
+                "note: {}: {count} messages of {topic} cannot be read, the first: {first}",
+                path.display()
+            );
+        }
+    }
+
+    /// What the nodes complained about last, in one line.
+    pub(crate) fn troubles(&self) -> String {
+        let troubles = self.troubles.lock().unwrap_or_else(PoisonError::into_inner);
+        let lines: Vec<String> = troubles.iter().map(|(node, what)| format!("{node}: {what}")).collect();
+        if lines.is_empty() { "no node complained".to_owned() } else { lines.join("; ") }
+    }
+}

@@ -1,0 +1,105 @@
+//! The parts that a recording's topics play, the types that can play them, and the parameters that say so.
+
+/// A part that a topic plays.
+#[derive(Debug)]
+pub(crate) struct Role {
+    /// The flag that names the topic.
+    pub(crate) flag: &'static str,
+    /// In words.
+    pub(crate) what: &'static str,
+    /// The node that listens.
+    pub(crate) node: &'static str,
+    /// The types that can play it.
+    pub(crate) kinds: &'static [Kind],
+    /// Names that need no asking, the best first.
+    pub(crate) usual: &'static [&'static str],
+}
+
+/// One type that can play a part.
+#[derive(Debug)]
+pub(crate) struct Kind {
+    /// As `package/Name`.
+    pub(crate) type_name: &'static str,
+    /// The parameter that takes the topic's name.
+    pub(crate) topic_param: &'static str,
+    /// Parameters that go with it.
+    pub(crate) also: &'static [(&'static str, &'static str)],
+}
+
+impl Role {
+    /// The role's entry for a type.
+    pub(crate) fn kind(&self, type_name: &str) -> Option<&'static Kind> {
+        self.kinds.iter().find(|kind| kind.type_name == type_name)
+    }
+}
+
+const fn kind(
+    type_name: &'static str,
+    topic_param: &'static str,
+    also: &'static [(&'static str, &'static str)],
+) -> Kind {
+    Kind { type_name, topic_param, also }
+}
+
+/// Types that mean many things: such a topic is only taken by its name.
+pub(crate) const CHOSEN_BY_NAME: [&str; 1] = ["geometry_msgs/PoseStamped"];
+
+pub(crate) const ROBOT_ODOM: Role = Role {
+    flag: "--robot-odom",
+    what: "robot odometry",
+    node: "robot",
+    kinds: &[kind("nav_msgs/Odometry", "odom_topic", &[])],
+    usual: &["/mobile_base_controller/odom", "/odom"],
+};
+
+pub(crate) const ROBOT_POSE: Role = Role {
+    flag: "--robot-pose",
+    what: "robot pose",
+    node: "robot",
+    kinds: &[
+        kind(
+            "geometry_msgs/PoseWithCovarianceStamped",
+            "pose_topic",
+            &[("pose_type", "PoseWithCovarianceStamped")],
+        ),
+        kind("geometry_msgs/PoseStamped", "pose_topic", &[("pose_type", "PoseStamped")]),
+    ],
+    usual: &["/robot_pose", "/amcl_pose"],
+};
+
+pub(crate) const ROBOT_GOAL: Role = Role {
+    flag: "--robot-goal",
+    what: "robot goal",
+    node: "robot",
+    kinds: &[
+        kind("move_base_msgs/MoveBaseActionGoal", "goal_topic", &[("goal_type", "MoveBaseActionGoal")]),
+        kind("geometry_msgs/PoseStamped", "goal_topic", &[("goal_type", "PoseStamped")]),
+    ],
+    usual: &["/move_base/goal", "/goal_pose", "/move_base_simple/goal"],
+};
+
+pub(crate) const PEOPLE: Role = Role {
+    flag: "--people",
+    what: "people",
+    node: "human",
+    kinds: &[
+        kind("pedsim_msgs/AgentStates", "auto_people_topic", &[]),
+        kind("pedsim_msgs/TrackedPersons", "teleop_people_topic", &[]),
+        kind(
+            "spencer_tracking_msgs/TrackedPersons",
+            "people_topic",
+            &[("people_type", "spencer_tracking_msgs/TrackedPersons")],
+        ),
+        kind("people_msgs/People", "people_topic", &[("people_type", "people_msgs/People")]),
+        kind("geometry_msgs/PoseArray", "people_topic", &[("people_type", "geometry_msgs/PoseArray")]),
+    ],
+    usual: &["/pedsim_simulator/simulated_agents", "/ped/control/teleop_persons"],
+};
+
+pub(crate) const HUMAN_GOAL: Role = Role {
+    flag: "--human-goal",
+    what: "person's goal",
+    node: "human",
+    kinds: &[kind("geometry_msgs/PoseStamped", "goal_topic", &[])],
+    usual: &["/hri/human_goal"],
+};

@@ -1,0 +1,184 @@
+//! `roscausal replay`: a recording played to all four nodes; a model for each batch.
+
+use std::{
+    path::PathBuf,
+    sync::mpsc::Receiver,
+    time::{Duration, Instant},
+};
+
+use clap::Args as ClapArgs;
+use roscausal_core::{
+    Error, Result, Time,
+    discovery::{Progress, analysis::Settings},
+    loopback::Loopback,
+    params::Value,
+};
+
+use crate::{
+    chart,
+    discover::MethodArgs,
+    folders::{Folders, read_model},
+    interrupt::Interrupt,
+    nodes::{self, Nodes},
+    recording::{InputArgs, Play, Source},
+    report,
+    sink::Sink,
+    web::{Web, WebArgs},
+};
+
+/// Between two looks at the results.
+const LOOK_AGAIN: Duration = Duration::from_millis(50);
+
+/// Arguments of `roscausal replay`.
+#[derive(ClapArgs)]
+pub(crate) struct Args {
+    /// Recording: .bag, .mcap, .db3, or a folder of them.
+    recording: PathBuf,
+    #[command(flatten)]
+    inputs: InputArgs,
+    #[command(flatten)]
+    method: MethodArgs,
+    /// Seed of all random numbers.
+    #[arg(long, default_value_t = 42)]
+    seed: u64,
+    /// Seconds of a batch.
+    #[arg(long, default_value_t = 150.0)]
+    ts_length: f64,
+    /// How many times real time; `max`: as fast as the machine allows.
+    #[arg(long, default_value = "max")]
+    speed: Speed,
+    /// Threads of the analysis; default: all cores. The result does not depend on it.
+    #[arg(long)]
+    threads: Option<usize>,
+    /// Folder for batches and models.
+    #[arg(long, value_name = "DIR", default_value = "roscausal_replay")]
+    out: PathBuf,
+    /// Record every topic of the replay, models and pictures too, into this MCAP file.
+    #[arg(long, value_name = "FILE.mcap")]
+    record: Option<PathBuf>,
+    #[command(flatten)]
+    web: WebArgs,
+}
+
+/// How fast recorded or simulated time goes.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) enum Speed {
+    /// So many times real time.
+    Times(f64),
+    /// As fast as possible.
+    Max,
+}
+
+impl std::str::FromStr for Speed {
+    type Err = String;
+
+    fn from_str(text: &str) -> std::result::Result<Self, String> {
+        match text.parse::<f64>() {
+            _ if text == "max" => Ok(Self::Max),
+            Ok(times) if (0.01..=1000.0).contains(&times) => Ok(Self::Times(times)),
+            _ => Err("give a number from 0.01 to 1000, or max".into()),
+        }
+    }
+}
+
+/// Holds simulated time back to its speed.
+pub(crate) struct Pace {
+    speed: Speed,
+    begin: Option<(Instant, Time)>,
+}
+
+impl Pace {
+    pub(crate) fn new(speed: Speed) -> Self {
+        Self { speed, begin: None }
+    }
+
+    /// Waits until `now` is due, or `go_on` says false.
+    pub(crate) fn wait(&mut self, now: Time, go_on: impl Fn() -> bool) {
+        let Speed::Times(times) = self.speed else { return };
+        let (begin, first) = *self.begin.get_or_insert_with(|| (Instant::now(), now));
+        let due = Duration::from_secs_f64((now.secs_since(first) / times).max(0.0));
+        while let Some(left) = due.checked_sub(begin.elapsed()).filter(|left| !left.is_zero()) {
+            if !go_on() {
+                return;
+            }
+            std::thread::sleep(left.min(LOOK_AGAIN));
+        }
+    }
+}
+
+/// Runs `roscausal replay`.
+pub(crate) fn run(args: &Args, interrupt: &Interrupt) -> Result<()> {
+    let settings: Settings = args.method.settings(args.seed)?;
+    let mut source = Source::open(&args.recording, &args.inputs)?;
+    let folders = Folders::fresh(&args.out)?;
+    let bus = Loopback::lockstep();
+    nodes::set_pools(&bus, &folders.raw, &folders.processed);
+    bus.set_node_param("data", "ts_length", Value::Double(args.ts_length));
+    nodes::set_discovery(&bus, &folders, &settings, 1, args.threads);
+    source.set_params(&bus);
+    let mut sink = Sink::open(&bus, args.record.as_deref())?;
+    let play = Play::new(&bus, &mut source.recording, &source.inputs)?;
+    let (mut nodes, progress) = Nodes::start(&bus, source.inputs.nodes)?.with_discovery()?;
+    sink.watch()?;
+    let web = Web::start(&bus, &args.web)?;
+
+    let bar = chart::bar("playing", 1000, false);
+    let mut pace = Pace::new(args.speed);
+    let played = play.run(|progress, now| {
+        bar.set_position((progress * 1000.0) as u64);
+        pace.wait(now, || !interrupt.is_set());
+        !interrupt.is_set() && !nodes.one_has_ended()
+    });
+    bar.finish_and_clear();
+    let analysed =
+        nodes.end_recording().and_then(|()| await_analyses(&bus, &folders, &nodes, &progress, interrupt));
+    if let Some(web) = web {
+        web.stay(&bus, interrupt);
+        web.end()?;
+    }
+    nodes.end()?;
+    bus.settle();
+    sink.close()?;
+    let played = played?;
+    played.tell(&args.recording);
+    analysed?;
+    show(args, &folders, &played.troubles())
+}
+
+/// Waits until no batch is left to analyse.
+fn await_analyses(
+    bus: &Loopback,
+    folders: &Folders,
+    nodes: &Nodes,
+    progress: &Receiver<Progress>,
+    interrupt: &Interrupt,
+) -> Result<()> {
+    let bar = chart::bar("discovery", 0, false);
+    while folders.waiting()? > 0 && !nodes.one_has_ended() && !interrupt.is_set() {
+        if let Some(progress) = progress.try_iter().last() {
+            bar.set_length(progress.estimated_total as u64);
+            bar.set_position(progress.done as u64);
+        }
+        bus.settle();
+        std::thread::sleep(LOOK_AGAIN);
+    }
+    bar.finish_and_clear();
+    Ok(())
+}
+
+fn show(args: &Args, folders: &Folders, troubles: &str) -> Result<()> {
+    let models = folders.model_files()?;
+    for path in &models {
+        println!("{}\n{}\n", path.display(), report::text(&read_model(path)?));
+    }
+    for reason in folders.rejections()? {
+        eprintln!("note: {reason}");
+    }
+    if models.is_empty() {
+        let reason =
+            format!("no model came of it; batches shorter than --ts-length are set aside; nodes: {troubles}");
+        return Err(Error::file(&args.recording, reason));
+    }
+    println!("{}: {} models, batches", args.out.display(), models.len());
+    Ok(())
+}

@@ -1,0 +1,35 @@
+//! `--record FILE.mcap`: what is published goes into a file too.
+
+use std::path::{Path, PathBuf};
+
+use roscausal_core::{
+    Result,
+    loopback::{Loopback, LoopbackNode},
+};
+use roscausal_recording::{McapWriter, Recorder};
+
+/// A recorder, if one is wanted.
+pub(crate) struct Sink(Option<(PathBuf, Recorder<LoopbackNode>)>);
+
+impl Sink {
+    /// Opens the file, if there is one.
+    pub(crate) fn open(bus: &Loopback, path: Option<&Path>) -> Result<Self> {
+        let Some(path) = path else { return Ok(Self(None)) };
+        let recorder = Recorder::new(&bus.node("recorder"), McapWriter::create(path)?);
+        Ok(Self(Some((path.to_owned(), recorder))))
+    }
+
+    /// Listens to all topics that are there now.
+    pub(crate) fn watch(&mut self) -> Result<()> {
+        self.0.as_mut().map_or(Ok(()), |(_, recorder)| recorder.watch())
+    }
+
+    /// Ends the file, and says so.
+    pub(crate) fn close(self) -> Result<()> {
+        if let Some((path, recorder)) = self.0 {
+            let messages = recorder.finish()?;
+            println!("{}: {messages} messages recorded", path.display());
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,125 @@
+//! Recordings through the command: what was recorded gives the batches that the live run gave.
+
+#![allow(clippy::expect_used, clippy::panic, reason = "a test may panic: that is how it fails")]
+
+use std::{
+    fs,
+    path::{Path, PathBuf},
+    process::Output,
+    sync::OnceLock,
+};
+
+fn roscausal(dir: &Path, args: &[&str]) -> Output {
+    std::process::Command::new(env!("CARGO_BIN_EXE_roscausal"))
+        .args(args)
+        .current_dir(dir)
+        .output()
+        .expect("the command starts")
+}
+
+fn said(output: &Output) -> String {
+    format!("{}{}", String::from_utf8_lossy(&output.stdout), String::from_utf8_lossy(&output.stderr))
+}
+
+/// Small and quick, for tests that are not about the analysis.
+const QUICK: [&str; 4] = ["--method", "pcmci", "--test", "parcorr"];
+
+/// A folder with a live run of 60 s (`live/`) and its recording (`run.mcap`).
+fn recorded() -> &'static Path {
+    static FOLDER: OnceLock<tempfile::TempDir> = OnceLock::new();
+    let make = || {
+        let dir = tempfile::tempdir().expect("a folder");
+        let args = ["demo", "--seed", "3", "--duration", "60", "--out", "live", "--record", "run.mcap"];
+        let output = roscausal(dir.path(), &[&args[..], &QUICK].concat());
+        assert!(output.status.success() && said(&output).contains("messages recorded"), "{}", said(&output));
+        dir
+    };
+    FOLDER.get_or_init(make).path()
+}
+
+fn tables(folder: PathBuf) -> Vec<(String, String)> {
+    let mut found: Vec<(String, String)> = fs::read_dir(&folder)
+        .unwrap_or_else(|error| panic!("{}: {error}", folder.display()))
+        .flatten()
+        .filter(|entry| entry.path().extension().is_some_and(|extension| extension == "csv"))
+        .map(|entry| {
+            let text = fs::read_to_string(entry.path()).expect("reads");
+            (entry.file_name().to_string_lossy().into_owned(), text)
+        })
+        .collect();
+    found.sort();
+    found
+}
+
+#[test]
+fn a_replayed_run_gives_the_batches_of_the_live_run() {
+    let dir = recorded();
+    let args = ["replay", "run.mcap", "--out", "again", "--ts-length", "30", "--dt", "0.3"];
+    let lagged = ["--param", "data.risk_lag=1", "--record", "again.mcap"];
+    let output = roscausal(dir, &[&args[..], &lagged, &QUICK].concat());
+    assert!(output.status.success(), "{}", said(&output));
+    let live = tables(dir.join("live/data_pool"));
+    assert!(live.len() >= 2);
+    assert_eq!(live[..2], tables(dir.join("again/data_pool"))[..2]);
+    let live = tables(dir.join("live/pp_pool/analysed"));
+    assert_eq!(live, tables(dir.join("again/pp_pool/analysed")));
+    assert!(said(&output).contains("2 models"), "{}", said(&output));
+    // What the replay recorded has the models too.
+    let recording = roscausal_recording::Recording::open(dir.join("again.mcap")).expect("opens");
+    for (name, least) in [("/roscausal/causal_model", 1), ("/roscausal/dag", 1), ("/roscausal/robot", 1000)] {
+        let topic = recording.topic(name, None).expect("is there");
+        assert!(recording.topics()[topic].messages >= Some(least), "{name}");
+    }
+}
+
+#[test]
+fn a_recording_is_analysed_as_one_batch_with_the_topics_found_in_it() {
+    let dir = recorded();
+    let output =
+        roscausal(dir, &[&["discover", "run.mcap", "--dt", "0.3", "--out", "found"][..], &QUICK].concat());
+    assert!(output.status.success(), "{}", said(&output));
+    for line in [
+        "robot odometry: /mobile_base_controller/odom (nav_msgs/Odometry)",
+        "people: /ped/control/teleop_persons",
+    ] {
+        assert!(said(&output).contains(line), "{}", said(&output));
+    }
+    assert_eq!(tables(dir.join("found/batches")).len(), 1);
+    let named = ["--robot-odom", "/mobile_base_controller/odom", "--people", "/ped/control/teleop_persons"];
+    let args = ["discover", "run.mcap", "--dt", "0.3", "--format", "json"];
+    let again = roscausal(dir, &[&args[..], &named, &QUICK].concat());
+    let model: serde_json::Value = serde_json::from_slice(&again.stdout).expect("JSON");
+    assert!(model["n_samples"].as_u64().is_some_and(|n| n > 150), "{model}");
+}
+
+#[test]
+fn a_wrong_or_missing_topic_tells_what_there_is() {
+    let dir = recorded();
+    let output = roscausal(dir, &["discover", "run.mcap", "--robot-odom", "/odometry"]);
+    assert_eq!(output.status.code(), Some(1));
+    let text = said(&output);
+    assert!(
+        text.contains("no topic /odometry") && text.contains("/mobile_base_controller/odom (nav"),
+        "{text}"
+    );
+    let output = roscausal(dir, &["discover", "run.mcap", "--param", "data.safe_dits=4"]);
+    assert!(said(&output).contains("did you mean 'safe_dist'?"), "{}", said(&output));
+    fs::write(dir.join("table.csv"), "a,b\n1,2\n").expect("writes");
+    let output = roscausal(dir, &["discover", "table.csv", "--people", "/people"]);
+    assert_eq!(output.status.code(), Some(2));
+    assert!(said(&output).contains("it is for recordings"), "{}", said(&output));
+}
+
+#[test]
+fn a_recording_cut_short_is_used_as_far_as_it_goes() {
+    let dir = recorded();
+    let whole = fs::read(dir.join("run.mcap")).expect("reads");
+    fs::write(dir.join("cut.mcap"), &whole[..whole.len() * 2 / 3]).expect("writes");
+    let output = roscausal(dir, &[&["discover", "cut.mcap", "--dt", "0.3"][..], &QUICK].concat());
+    assert!(output.status.success(), "{}", said(&output));
+    assert!(
+        said(&output).contains("note: cut.mcap: the file is damaged or was not closed"),
+        "{}",
+        said(&output)
+    );
+}

@@ -1,0 +1,89 @@
+#!/usr/bin/env bash
+# Recordings against other software: files that PyPI's rosbags and mcap, and a real rosbag where there is one, wrote
+# are read by us, and what we write is read by them. Ends with 'N passed, N failed'; exit 0 only when all passed, 77
+# when nothing could be tested. Needs python3 with venv (installs it as root on Debian); makes its own environment
+# below target/.
+#   tests/recordings.sh [--renew]     --renew writes the small files in roscausal_recording/tests/data anew
+set -uo pipefail
+cd "$(dirname "$0")/.."
+here=$PWD
+
+give_up() {
+  echo "NOT TESTED: $1" >&2
+  echo "0 passed, 1 failed"
+  exit 77
+}
+
+passed=0 failed=0
+check() {
+  local name=$1
+  shift
+  if "$@" >"$folder/log" 2>&1; then
+    passed=$((passed + 1))
+    echo "ok      $name"
+  else
+    failed=$((failed + 1))
+    echo "FAILED  $name"
+    tail -n 40 "$folder/log"
+  fi
+}
+
+environment=target/recordings-venv
+packages=(rosbags==0.11.9 mcap==1.6.0 mcap-ros2-support==0.6.0)
+if ! "$environment/bin/python" -c 'import rosbags, mcap, mcap_ros2' 2>/dev/null; then
+  if ! python3 -c 'import ensurepip' 2>/dev/null; then
+    [ "$(id -u)" = 0 ] && command -v apt-get >/dev/null || give_up "python3 with venv is missing (apt-get install python3-venv)"
+    apt-get -qq -o DPkg::Lock::Timeout=300 update && DEBIAN_FRONTEND=noninteractive apt-get -qq -y \
+      -o DPkg::Lock::Timeout=300 install --no-install-recommends python3-venv || give_up "python3-venv cannot be installed"
+  fi
+  python3 -m venv "$environment" && "$environment/bin/pip" install --quiet "${packages[@]}" ||
+    give_up "these packages cannot be installed from PyPI: ${packages[*]}"
+fi
+python=$here/$environment/bin/python
+
+if [[ "${1:-}" == --renew ]]; then
+  rm -rf roscausal_recording/tests/data
+  "$python" tests/recordings/write.py roscausal_recording/tests/data 12
+fi
+
+folder=$(mktemp -d)
+trap 'rm -rf "$folder"' EXIT
+export ROSCAUSAL_RECORDINGS="$folder" ROSCAUSAL_RECORDED=3000
+check "rosbags and mcap write nine recordings" "$python" tests/recordings/write.py "$folder" "$ROSCAUSAL_RECORDED"
+if /usr/bin/python3 -c 'import rosbag' 2>/dev/null; then
+  check "the real rosbag writes them again" /usr/bin/python3 tests/recordings/rewrite.py "$folder"
+else
+  echo "        (no rosbag of ROS 1 on this machine: its bags are not tested)"
+fi
+cargo build --quiet --locked --bin roscausal && cargo test --quiet --locked --no-run -p roscausal_recording ||
+  give_up "the program cannot be built"
+roscausal=$here/${CARGO_TARGET_DIR:-target}/debug/roscausal
+case ${CARGO_TARGET_DIR:-} in /*) roscausal=$CARGO_TARGET_DIR/debug/roscausal ;; esac
+
+check "we read them with equal contents" cargo test --quiet --locked -p roscausal_recording --test recordings
+check "we write a file" cargo test --quiet --locked -p roscausal_recording --test written
+check "mcap and rosbags read it back with equal contents" "$python" tests/recordings/read.py "$folder/ours.mcap"
+
+# The commands, on a bag that rosbags wrote.
+quick=(--method pcmci --test parcorr)
+check "rosbags writes a walk past a robot" "$python" tests/recordings/walk.py "$folder/walk"
+for file in walk.bag walk_mcap walk_db3; do
+  check "roscausal discover $file" "$roscausal" discover "$folder/$file" "${quick[@]}" --robot-odom /odom --people /people
+  "$roscausal" discover "$folder/$file" "${quick[@]}" --out "$folder/$file.found" >/dev/null 2>&1
+done
+for other in walk_mcap walk_db3; do
+  # Warnings name the file.
+  for file in walk.bag $other; do
+    "$python" -c 'import json, sys; m = json.load(open(sys.argv[1])); del m["warnings"]; assert m["links"]; print(m)' \
+      "$folder/$file.found/model.json" >"$folder/$file.model"
+  done
+  check "walk.bag and $other give one model" cmp "$folder/walk.bag.model" "$folder/$other.model"
+done
+
+cd "$folder"
+check "roscausal demo --record" "$roscausal" demo --seed 3 --duration 60 --out demo --record demo.mcap "${quick[@]}"
+check "every topic of the demo is read back by mcap and rosbags" "$python" "$here/tests/recordings/read_run.py" demo.mcap demo/model.json
+cd "$here"
+
+echo "$passed passed, $failed failed"
+[ "$failed" = 0 ]
