@@ -1,0 +1,104 @@
+// The causal graph of one model, against the model before it. A variable keeps its place from model to model.
+
+const SVG = "http://www.w3.org/2000/svg";
+const NODE = 34;
+
+const element = (name, attributes, parent, text) => {
+  const made = document.createElementNS(SVG, name);
+  for (const [key, value] of Object.entries(attributes)) made.setAttribute(key, value);
+  if (text !== undefined) made.textContent = text;
+  parent?.append(made);
+  return made;
+};
+const key = (link) => `${link.cause}\n${link.effect}\n${link.lag}`;
+const plus = (p, q, by = 1) => [p[0] + q[0] * by, p[1] + q[1] * by];
+const towards = (from, to) => {
+  const d = [to[0] - from[0], to[1] - from[1]];
+  const length = Math.hypot(...d) || 1;
+  return [d[0] / length, d[1] / length];
+};
+
+/** The links of `model` with `state` new or same, and those of `before` that are gone. */
+export function compared(model, before) {
+  const had = new Set((before?.links ?? []).map(key));
+  const has = new Set(model.links.map(key));
+  const links = model.links.map((link) => ({ ...link, state: before && !had.has(key(link)) ? "new" : "same" }));
+  return [...links, ...(before?.links ?? []).filter((link) => !has.has(key(link))).map((link) => ({ ...link, state: "gone" }))];
+}
+
+export function drawGraph(svg, model, before) {
+  svg.replaceChildren();
+  const names = model.features;
+  const links = compared(model, before);
+  const radius = names.length <= 2 ? 90 : 70 + 24 * names.length;
+  const size = 2 * (radius + NODE + 66);
+  svg.setAttribute("viewBox", `0 0 ${Math.max(size, 400)} ${size}`);
+  const centre = [Math.max(size, 400) / 2, size / 2];
+  const places = new Map(names.map((name, i) => {
+    const angle = (names.length === 2 ? Math.PI : -Math.PI / 2) + (2 * Math.PI * i) / names.length;
+    const r = names.length === 1 ? 0 : radius;
+    return [name, [centre[0] + r * Math.cos(angle), centre[1] + r * Math.sin(angle)]];
+  }));
+  const labels = [];
+  for (const group of grouped(links)) {
+    const [from, to] = [places.get(group.cause), places.get(group.effect)];
+    if (!from || !to) continue;
+    const curve = group.cause === group.effect ? loop(from, centre) : arc(from, to);
+    arrow(svg, curve, group);
+    labels.push([curve.label, `${group.lags.join(",")} · ${group.value.toFixed(2)}`, group.state]);
+  }
+  for (const [name, [x, y]] of places) {
+    element("circle", { class: "node", cx: x, cy: y, r: NODE }, svg);
+    element("text", { x, y: y + 5, "font-size": 13 }, svg, name);
+  }
+  for (const [[x, y], text, state] of labels) {
+    element("rect", { class: "plate", x: x - 4 * text.length - 2, y: y - 9, width: 8 * text.length + 4, height: 18, rx: 4 }, svg);
+    element("text", { x, y: y + 4, class: state === "gone" ? "quiet" : "" }, svg, text);
+  }
+  if (!links.length) element("text", { x: centre[0], y: centre[1], class: "quiet" }, svg, "no causal link found");
+  const words = model.links.map((link) => `${link.cause} at lag ${link.lag} drives ${link.effect}`).join("; ");
+  svg.setAttribute("aria-label", `Causal graph of model ${model.number}: ${words || "no links"}`);
+}
+
+/** One arrow per pair: all lags, the strongest value. */
+function grouped(links) {
+  const groups = new Map();
+  for (const link of links) {
+    const id = `${link.cause}\n${link.effect}\n${link.state === "gone"}`;
+    const group = groups.get(id) ?? { ...link, lags: [] };
+    group.lags.push(link.lag);
+    if (Math.abs(link.value) > Math.abs(group.value)) group.value = link.value;
+    if (link.state === "new") group.state = "new";
+    groups.set(id, group);
+  }
+  return groups.values();
+}
+
+function arc(from, to) {
+  const along = towards(from, to);
+  const distance = Math.hypot(to[0] - from[0], to[1] - from[1]);
+  const bend = plus([(from[0] + to[0]) / 2, (from[1] + to[1]) / 2], [along[1], -along[0]], 0.18 * distance);
+  const [start, end] = [plus(from, towards(from, bend), NODE), plus(to, towards(to, bend), NODE + 2)];
+  return { start, bend, end, label: [0.25 * start[0] + 0.5 * bend[0] + 0.25 * end[0], 0.25 * start[1] + 0.5 * bend[1] + 0.25 * end[1]] };
+}
+
+function loop(at, centre) {
+  const out = at[0] === centre[0] && at[1] === centre[1] ? [0, -1] : towards(centre, at);
+  const side = [-out[1], out[0]];
+  const rim = (turn) => plus(plus(at, out, NODE * Math.cos(turn)), side, NODE * Math.sin(turn));
+  return { start: rim(-0.6), bend: plus(at, out, 3.1 * NODE), end: rim(0.62), label: plus(at, out, 2.25 * NODE) };
+}
+
+function arrow(svg, { start, bend, end }, link) {
+  const width = 1.5 + 5 * Math.min(Math.abs(link.value), 1);
+  const size = 6 + 1.8 * width;
+  const back = towards(end, bend);
+  const neck = plus(end, back, size * 0.9);
+  const d = `M ${start} Q ${bend} ${neck}`;
+  const kind = `${link.state}${link.value < 0 ? " negative" : ""}`;
+  if (link.state === "new") element("path", { class: "halo", d, "stroke-width": width + 8 }, svg);
+  element("path", { class: `edge ${kind}`, d, "stroke-width": link.state === "gone" ? 2 : width }, svg);
+  const half = size * 0.45;
+  const [left, right] = [plus(neck, [-back[1], back[0]], half), plus(neck, [back[1], -back[0]], half)];
+  element("path", { class: `head ${kind}`, d: `M ${end} L ${left} L ${right} Z` }, svg);
+}

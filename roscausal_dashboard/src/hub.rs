@@ -1,0 +1,118 @@
+//! What goes from the node to the browsers.
+
+use std::{
+    collections::{BTreeMap, VecDeque},
+    sync::{Arc, Mutex, MutexGuard, PoisonError},
+};
+
+use tokio::sync::broadcast;
+
+/// Frames that a browser may be behind before it is dropped; it comes back by itself and gets all anew.
+const BEHIND: usize = 256;
+/// Models and messages kept for browsers that come later, of each kind.
+const KEPT: usize = 200;
+
+/// One event for the page.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(crate) struct Frame {
+    /// `scene`, `status`, `series`, `model` or `message`.
+    pub(crate) kind: &'static str,
+    /// JSON without line breaks.
+    pub(crate) data: Arc<str>,
+}
+
+/// Which frames a browser that comes later gets.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Keep {
+    /// The last of its kind.
+    Last,
+    /// All of its kind, the newest [`KEPT`].
+    All,
+}
+
+/// Hands frames from the node to any number of browsers. Never blocks.
+#[derive(Clone)]
+pub(crate) struct Hub {
+    frames: broadcast::Sender<Frame>,
+    kept: Arc<Mutex<Kept>>,
+}
+
+#[derive(Default)]
+struct Kept {
+    last: BTreeMap<&'static str, Frame>,
+    all: BTreeMap<&'static str, VecDeque<Frame>>,
+}
+
+impl Hub {
+    pub(crate) fn new() -> Self {
+        Self { frames: broadcast::channel(BEHIND).0, kept: Arc::default() }
+    }
+
+    /// Sends a frame to all browsers, and keeps it for later ones.
+    pub(crate) fn send(&self, frame: Frame, keep: Keep) {
+        let mut kept = self.lock();
+        self.keep(&mut kept, frame.clone(), keep);
+        // Under the lock, so that a new browser gets it once: kept or sent. Nobody there is no fault.
+        let _ = self.frames.send(frame);
+    }
+
+    /// Keeps a frame for later browsers only.
+    pub(crate) fn keep_only(&self, frame: Frame) {
+        self.keep(&mut self.lock(), frame, Keep::Last);
+    }
+
+    /// What a new browser gets first, and what follows.
+    pub(crate) fn join(&self) -> (Vec<Frame>, broadcast::Receiver<Frame>) {
+        let kept = self.lock();
+        let first = kept.last.values().chain(kept.all.values().flatten()).cloned().collect();
+        (first, self.frames.subscribe())
+    }
+
+    fn keep(&self, kept: &mut Kept, frame: Frame, keep: Keep) {
+        if keep == Keep::Last {
+            kept.last.insert(frame.kind, frame);
+            return;
+        }
+        let frames = kept.all.entry(frame.kind).or_default();
+        frames.push_back(frame);
+        if frames.len() > KEPT {
+            frames.pop_front();
+        }
+    }
+
+    fn lock(&self) -> MutexGuard<'_, Kept> {
+        self.kept.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn frame(kind: &'static str, data: &str) -> Frame {
+        Frame { kind, data: data.into() }
+    }
+
+    #[test]
+    fn a_late_browser_gets_the_last_scene_and_all_models() {
+        let hub = Hub::new();
+        for n in ["1", "2"] {
+            hub.send(frame("scene", n), Keep::Last);
+            hub.send(frame("model", n), Keep::All);
+        }
+        let (first, mut frames) = hub.join();
+        assert_eq!(first, [frame("scene", "2"), frame("model", "1"), frame("model", "2")]);
+        hub.send(frame("scene", "3"), Keep::Last);
+        assert_eq!(frames.try_recv().ok(), Some(frame("scene", "3")));
+        assert!(frames.try_recv().is_err());
+    }
+
+    #[test]
+    fn memory_is_bounded_whoever_reads() {
+        let hub = Hub::new();
+        let (_, mut slow) = hub.join();
+        (0..10_000).for_each(|n| hub.send(frame("model", &n.to_string()), Keep::All));
+        assert_eq!(hub.join().0.len(), KEPT);
+        assert!(matches!(slow.try_recv(), Err(broadcast::error::TryRecvError::Lagged(_))));
+    }
+}

@@ -1,0 +1,299 @@
+//! The web server: the page's files and the stream of events.
+
+use std::{
+    convert::Infallible,
+    io,
+    net::{IpAddr, SocketAddr, TcpListener},
+    sync::Arc,
+    thread::{self, JoinHandle},
+    time::Duration,
+};
+
+use axum::{
+    Router,
+    extract::State,
+    http::{StatusCode, header},
+    middleware,
+    response::{
+        IntoResponse, Response,
+        sse::{Event, KeepAlive, Sse},
+    },
+    routing::get,
+};
+use futures_util::stream;
+use roscausal_core::{Error, Result};
+use tokio::sync::{Semaphore, oneshot};
+
+use crate::{
+    guard::{self, Guard},
+    hub::{Frame, Hub},
+    patience::Listener,
+};
+
+/// Browsers at a time.
+const BROWSERS: usize = 32;
+/// Between two signs of life on a quiet stream.
+const ALIVE: Duration = Duration::from_secs(5);
+/// The page may load from here only.
+const POLICY: &str = "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' data:; \
+                      connect-src 'self'; base-uri 'none'; form-action 'none'; frame-ancestors 'none'";
+
+/// The page's files: path, type, content.
+const ASSETS: [(&str, &str, &str); 7] = [
+    ("/", "text/html; charset=utf-8", include_str!("../assets/index.html")),
+    ("/style.css", "text/css; charset=utf-8", include_str!("../assets/style.css")),
+    ("/page.js", "text/javascript; charset=utf-8", include_str!("../assets/page.js")),
+    ("/scene.js", "text/javascript; charset=utf-8", include_str!("../assets/scene.js")),
+    ("/charts.js", "text/javascript; charset=utf-8", include_str!("../assets/charts.js")),
+    ("/graph.js", "text/javascript; charset=utf-8", include_str!("../assets/graph.js")),
+    ("/icon.svg", "image/svg+xml", include_str!("../assets/icon.svg")),
+];
+
+/// A running web server; it ends when dropped.
+pub struct Server {
+    url: String,
+    hub: Hub,
+    end: Option<oneshot::Sender<()>>,
+    thread: Option<JoinHandle<()>>,
+}
+
+impl Server {
+    /// Serves the page on `address`; port 0 is any free one. `token`: see [`crate::parameters`].
+    ///
+    /// # Errors
+    /// A port that is in use, an address that is not this machine's, a token with other characters than those of
+    /// addresses.
+    pub fn start(address: IpAddr, port: u16, token: &str) -> Result<Self> {
+        let guard = Guard::new(address, token)?;
+        let listener = TcpListener::bind((address, port)).map_err(|error| refused(address, port, &error))?;
+        let fault = |error: io::Error| Error::Middleware(format!("the page cannot be served: {error}"));
+        let local = listener.local_addr().map_err(fault)?;
+        listener.set_nonblocking(true).map_err(fault)?;
+        let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().map_err(fault)?;
+        let hub = Hub::new();
+        let app = app(hub.clone(), guard.clone());
+        let (end, ended) = oneshot::channel();
+        let serve = move || {
+            runtime.block_on(async move {
+                let Ok(listener) = tokio::net::TcpListener::from_std(listener) else { return };
+                // Open streams never end by themselves: they go with the runtime.
+                tokio::select! {
+                    _ = axum::serve(Listener(listener), app) => (),
+                    _ = ended => (),
+                }
+            });
+        };
+        let thread = thread::Builder::new().name("dashboard".into()).spawn(serve).map_err(fault)?;
+        let url = format!("http://{}/{}", shown(local), guard.suffix());
+        Ok(Self { url, hub, end: Some(end), thread: Some(thread) })
+    }
+
+    /// Where the page is, with the token if it needs one.
+    pub fn url(&self) -> &str {
+        &self.url
+    }
+
+    pub(crate) fn hub(&self) -> &Hub {
+        &self.hub
+    }
+}
+
+impl Drop for Server {
+    fn drop(&mut self) {
+        if let Some(end) = self.end.take() {
+            let _ = end.send(());
+        }
+        if let Some(thread) = self.thread.take() {
+            let _ = thread.join();
+        }
+    }
+}
+
+/// An address that a browser can open.
+fn shown(local: SocketAddr) -> String {
+    match local.ip() {
+        ip if ip.is_unspecified() => {
+            format!("{}:{}", if ip.is_ipv4() { "127.0.0.1" } else { "[::1]" }, local.port())
+        }
+        _ => local.to_string(),
+    }
+}
+
+fn refused(address: IpAddr, port: u16, error: &io::Error) -> Error {
+    match error.kind() {
+        io::ErrorKind::AddrInUse => Error::param(
+            "port",
+            format!(
+                "{port} on {address} is in use by another program; choose another, or 0 for any free one"
+            ),
+        ),
+        io::ErrorKind::AddrNotAvailable => Error::param(
+            "address",
+            format!("{address} is none of this machine's; use 127.0.0.1, or 0.0.0.0 for all"),
+        ),
+        io::ErrorKind::PermissionDenied => {
+            Error::param("port", format!("{port} is not allowed to you; choose one from 1024 on"))
+        }
+        _ => Error::param("address", format!("{address}, port {port}: {error}")),
+    }
+}
+
+fn app(hub: Hub, guard: Guard) -> Router {
+    let places = Arc::new(Semaphore::new(BROWSERS));
+    let mut router = Router::new().route("/events", get(events)).with_state((hub, places));
+    for (path, kind, content) in ASSETS {
+        let headers = [
+            (header::CONTENT_TYPE, kind),
+            (header::CACHE_CONTROL, "no-cache"),
+            (header::CONTENT_SECURITY_POLICY, POLICY),
+            (header::X_CONTENT_TYPE_OPTIONS, "nosniff"),
+            (header::REFERRER_POLICY, "no-referrer"),
+        ];
+        router = router.route(path, get(move || async move { (headers, content) }));
+    }
+    router.layer(middleware::from_fn_with_state(guard, guard::check))
+}
+
+/// The stream of events of one browser. One that is too far behind is let go; it comes back by itself.
+async fn events(State((hub, places)): State<(Hub, Arc<Semaphore>)>) -> Response {
+    let Ok(place) = places.try_acquire_owned() else {
+        let full = format!("{BROWSERS} browsers watch already; close one of them.\n");
+        return (StatusCode::SERVICE_UNAVAILABLE, full).into_response();
+    };
+    let (first, receiver) = hub.join();
+    let first = first.into_iter().collect::<std::collections::VecDeque<Frame>>();
+    let stream = stream::unfold((first, receiver, place), |(mut first, mut receiver, place)| async move {
+        let frame = match first.pop_front() {
+            Some(frame) => frame,
+            None => receiver.recv().await.ok()?,
+        };
+        let event = Event::default().event(frame.kind).data(&*frame.data);
+        Some((Ok::<_, Infallible>(event), (first, receiver, place)))
+    });
+    Sse::new(stream).keep_alive(KeepAlive::new().interval(ALIVE)).into_response()
+}
+
+#[cfg(test)]
+mod tests {
+    use std::{
+        io::{Read, Write},
+        net::{Ipv4Addr, TcpStream},
+        time::Instant,
+    };
+
+    use super::*;
+    use crate::hub::Keep;
+
+    const HERE: IpAddr = IpAddr::V4(Ipv4Addr::LOCALHOST);
+
+    fn port(server: &Server) -> u16 {
+        let after = server.url().trim_start_matches("http://127.0.0.1:");
+        after.split('/').next().unwrap().parse().unwrap()
+    }
+
+    fn ask(server: &Server, path: &str) -> TcpStream {
+        let mut stream = TcpStream::connect((HERE, port(server))).unwrap();
+        stream.set_read_timeout(Some(Duration::from_secs(5))).unwrap();
+        write!(stream, "GET {path} HTTP/1.1\r\nHost: localhost\r\nConnection: close\r\n\r\n").unwrap();
+        stream
+    }
+
+    fn answer(server: &Server, path: &str) -> String {
+        let mut text = String::new();
+        ask(server, path).read_to_string(&mut text).unwrap();
+        text
+    }
+
+    #[test]
+    fn every_file_that_the_page_names_is_there() {
+        let server = Server::start(HERE, 0, "").unwrap();
+        for (path, kind, content) in ASSETS {
+            let text = answer(&server, path);
+            assert!(
+                text.starts_with("HTTP/1.1 200") && text.contains(kind) && text.ends_with(content),
+                "{path}"
+            );
+            assert!(text.contains("content-security-policy"), "{path}");
+        }
+        assert!(answer(&server, "/passwd").starts_with("HTTP/1.1 404"));
+        let named = |file: &str| ASSETS.iter().any(|(path, ..)| path.trim_start_matches('/') == file);
+        for (_, _, content) in ASSETS {
+            let names = content.split('"').filter(|text| text.ends_with(".js") || text.ends_with(".css"));
+            assert!(names.map(|name| name.trim_start_matches("./")).all(named));
+        }
+    }
+
+    #[test]
+    fn a_port_in_use_is_one_sentence_with_a_way_out() {
+        let server = Server::start(HERE, 0, "").unwrap();
+        let error = Server::start(HERE, port(&server), "").err().unwrap().to_string();
+        assert!(error.contains("in use by another program; choose another"), "{error}");
+        let error = Server::start("192.0.2.1".parse().unwrap(), 0, "").err().unwrap().to_string();
+        assert!(error.contains("none of this machine's"), "{error}");
+    }
+
+    #[test]
+    fn a_browser_that_stops_reading_is_dropped_and_others_go_on() {
+        let server = Server::start(HERE, 0, "").unwrap();
+        let mut lazy = ask(&server, "/events");
+        let mut awake = ask(&server, "/events");
+        let big: Arc<str> = "x".repeat(1 << 20).into();
+        let reader = thread::spawn(move || {
+            let (mut bytes, mut chunk) = (0_u64, vec![0; 1 << 16]);
+            while let Ok(count @ 1..) = awake.read(&mut chunk) {
+                bytes += count as u64;
+                if bytes > 60 << 20 {
+                    return bytes;
+                }
+            }
+            bytes
+        });
+        let begin = Instant::now();
+        for _ in 0..64 {
+            server.hub().send(Frame { kind: "scene", data: big.clone() }, Keep::Last);
+            thread::sleep(Duration::from_millis(20));
+        }
+        assert!(reader.join().unwrap() > 60 << 20, "the browser that reads gets all");
+        assert!(begin.elapsed() < Duration::from_secs(30));
+        // What the lazy one finds when it reads at last: what lay in the buffers, then the end.
+        let mut chunk = vec![0; 1 << 16];
+        let mut bytes = 0_u64;
+        while let Ok(count @ 1..) = lazy.read(&mut chunk) {
+            bytes += count as u64;
+        }
+        assert!(bytes < 30 << 20, "{bytes} bytes were kept for a browser that does not read");
+    }
+
+    #[test]
+    fn there_are_places_for_so_many_browsers_and_they_are_free_again() {
+        let server = Server::start(HERE, 0, "").unwrap();
+        let status = |stream: &mut TcpStream| {
+            let mut line = [0; 12];
+            stream.read_exact(&mut line).unwrap();
+            String::from_utf8_lossy(&line[9..]).into_owned()
+        };
+        let mut browsers: Vec<TcpStream> = (0..BROWSERS).map(|_| ask(&server, "/events")).collect();
+        assert!(browsers.iter_mut().all(|browser| status(browser) == "200"));
+        assert!(answer(&server, "/events").contains("browsers watch already"));
+        browsers.clear();
+        let begin = Instant::now();
+        loop {
+            server.hub().send(Frame { kind: "scene", data: "{}".into() }, Keep::Last);
+            if status(&mut ask(&server, "/events")) == "200" {
+                break;
+            }
+            assert!(begin.elapsed() < Duration::from_secs(10), "no place is free again");
+            thread::sleep(Duration::from_millis(50));
+        }
+    }
+
+    #[test]
+    fn the_end_of_the_server_ends_open_streams() {
+        let server = Server::start(HERE, 0, "").unwrap();
+        let mut stream = ask(&server, "/events");
+        stream.read_exact(&mut [0; 12]).unwrap();
+        drop(server);
+        let mut rest = Vec::new();
+        assert!(stream.read_to_end(&mut rest).is_ok());
+    }
+}

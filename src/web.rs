@@ -1,0 +1,80 @@
+//! `--web`: the live page of a run.
+
+use std::{
+    net::IpAddr,
+    thread::{self, JoinHandle},
+    time::Duration,
+};
+
+use clap::Args as ClapArgs;
+use roscausal_core::{
+    Error, Result,
+    loopback::{Loopback, LoopbackNode},
+    middleware::Middleware,
+};
+use roscausal_dashboard::{Options, Server, dashboard};
+
+use crate::interrupt::Interrupt;
+
+/// Between two looks whether to end.
+const LOOK_AGAIN: Duration = Duration::from_millis(100);
+
+/// Arguments of the live page.
+#[derive(ClapArgs, Clone, Debug)]
+pub(crate) struct WebArgs {
+    /// Show the run live on a page for a browser; Ctrl-C ends it.
+    #[arg(long)]
+    web: bool,
+    /// Port of the page; 0: any free one.
+    #[arg(long, default_value_t = 8321, requires = "web")]
+    port: u16,
+    /// Address to serve the page on; others than this machine's own ask for a token.
+    #[arg(long, default_value = "127.0.0.1", requires = "web")]
+    address: IpAddr,
+    /// Token that opens the page; default: none on 127.0.0.1, a random one on other addresses.
+    #[arg(long, default_value = "", hide_default_value = true, requires = "web")]
+    token: String,
+}
+
+impl WebArgs {
+    /// Whether a page is wanted.
+    pub(crate) fn wanted(&self) -> bool {
+        self.web
+    }
+}
+
+/// The page while it is served.
+pub(crate) struct Web {
+    node: LoopbackNode,
+    thread: JoinHandle<Result<()>>,
+}
+
+impl Web {
+    /// Serves the page of what happens on `bus`, if it is wanted, and says where.
+    pub(crate) fn start(bus: &Loopback, args: &WebArgs) -> Result<Option<Self>> {
+        if !args.web {
+            return Ok(None);
+        }
+        let server = Server::start(args.address, args.port, &args.token)?;
+        println!("Live page: {}  (Ctrl-C ends)", server.url());
+        let node = bus.node("dashboard");
+        let its_own = node.clone();
+        let thread = thread::spawn(move || dashboard(&its_own, &server, &Options::default()));
+        Ok(Some(Self { node, thread }))
+    }
+
+    /// Leaves the page as it is until the user has seen enough.
+    pub(crate) fn stay(&self, bus: &Loopback, interrupt: &Interrupt) {
+        while !interrupt.is_set() && !self.thread.is_finished() {
+            bus.settle();
+            thread::sleep(LOOK_AGAIN);
+        }
+    }
+
+    /// Ends the page.
+    pub(crate) fn end(self) -> Result<()> {
+        self.node.shutdown();
+        let died = |_| Error::Middleware("the live page died; please report it".into());
+        self.thread.join().map_err(died)?
+    }
+}
