@@ -13,12 +13,13 @@ mod wire;
 mod xmlrpc;
 
 use std::{
-    collections::BTreeMap,
+    collections::{BTreeMap, BTreeSet},
     sync::{Arc, Mutex},
 };
 
 use roscausal_core::{
     Error, Message, Result, Time,
+    batch::header::nearest,
     inbox::Consumer,
     middleware::{Middleware, Publish, Qos},
     params::{ParamSpec, Value},
@@ -58,6 +59,20 @@ impl Ros1 {
     /// does so too; this is for ways out on which nothing is dropped.
     pub fn close(&self) {
         self.session.close();
+    }
+
+    /// Warns of private parameters that are set but not among `specs`, with the name that may have been meant.
+    pub fn warn_of_unknown_params(&self, specs: &[ParamSpec]) {
+        let known: Vec<&str> = specs.iter().map(|spec| spec.name).collect();
+        let own = format!("{}/", self.session.master.node);
+        let set = self.session.master.param_names().unwrap_or_default();
+        let names: BTreeSet<_> =
+            set.iter().filter_map(|name| name.strip_prefix(&own)?.split('/').next()).collect();
+        for name in names.into_iter().filter(|name| !known.contains(name)) {
+            let hint =
+                nearest(&known, name).map_or(String::new(), |near| format!("; did you mean '{near}'?"));
+            tracing::warn!("parameter '{name}' is set but no parameter of this node{hint}");
+        }
     }
 
     fn topic(&self, name: &str) -> Result<String> {

@@ -37,32 +37,26 @@ fn main() -> ExitCode {
         );
         return ExitCode::from(2);
     };
-    match run(&node, &rosout) {
-        Ok(()) => ExitCode::SUCCESS,
-        Err(error) => {
-            tracing::error!("{error}");
-            ExitCode::FAILURE
-        }
-    }
+    run(&node, &rosout).unwrap_or_else(|error| {
+        tracing::error!("{error}");
+        ExitCode::FAILURE
+    })
 }
 
-fn run(node: &str, rosout: &Rosout) -> Result<()> {
+/// Runs the node to its end; what goes wrong meanwhile is told while `/rosout` still takes it.
+fn run(node: &str, rosout: &Rosout) -> Result<ExitCode> {
     let stop = Stop::on_signals()?;
     let mw = Ros1::connect(&format!("roscausal_{node}"), &|| !stop.asked())?;
     rosout.attach(&mw);
     stop.end_with(&mw);
     let outcome = catch_unwind(AssertUnwindSafe(|| run_node(node, &mw)));
-    if let Ok(Err(error)) = &outcome {
-        // while /rosout still takes it
-        tracing::error!("{error}");
+    match &outcome {
+        Ok(Ok(())) => {}
+        Ok(Err(error)) => tracing::error!("{error}"),
+        Err(_) => tracing::error!("the node {} panicked; it leaves the master", mw.node_name()),
     }
     mw.close();
-    match outcome {
-        Ok(outcome) => outcome,
-        Err(_) => {
-            Err(Error::Middleware(format!("the node {} panicked; it has left the master", mw.node_name())))
-        }
-    }
+    Ok(if matches!(outcome, Ok(Ok(()))) { ExitCode::SUCCESS } else { ExitCode::FAILURE })
 }
 
 /// The node named by the program's own name, or by the first argument.
@@ -75,9 +69,12 @@ fn node_to_run() -> Option<String> {
 }
 
 fn run_node(node: &str, mw: &Ros1) -> Result<()> {
-    match node {
-        SIMULATOR => roscausal_hrisim::node::run(mw),
-        name => nodes::run(name, mw),
+    if node == SIMULATOR {
+        mw.warn_of_unknown_params(&roscausal_hrisim::node::parameters());
+        roscausal_hrisim::node::run(mw)
+    } else {
+        mw.warn_of_unknown_params(&nodes::parameters(node)?);
+        nodes::run(node, mw)
     }
 }
 

@@ -93,6 +93,15 @@ impl Master {
         call(&self.uri, "setParam", &params, PATIENCE).map(drop)
     }
 
+    /// The names of all parameters.
+    pub(crate) fn param_names(&self) -> Result<Vec<String>, CallError> {
+        let Value::List(names) = self.ask("getParamNames", &[])? else { return Ok(Vec::new()) };
+        Ok(names
+            .into_iter()
+            .filter_map(|name| if let Value::Str(name) = name { Some(name) } else { None })
+            .collect())
+    }
+
     /// `(topic, type)` of all topics that have a publisher.
     pub(crate) fn published_topics(&self) -> Result<Vec<(String, String)>, CallError> {
         let Value::List(topics) = self.ask("getPublishedTopics", &[""])? else { return Ok(Vec::new()) };

@@ -2,6 +2,7 @@
 
 import os
 import signal
+import socket
 import subprocess
 import sys
 import time
@@ -20,6 +21,22 @@ def gone(roscore, node, timeout=5):
 
 def there(roscore, node, timeout=10):
     eventually(lambda: node in roscore.nodes(), timeout, lambda: "%s not in %s" % (node, roscore.nodes()))
+
+
+@case
+def the_command_line_tools_know_the_node(roscore):
+    def tool(*command):
+        done = subprocess.run(command, capture_output=True, text=True, timeout=30)
+        return done.stdout + done.stderr
+    with peer("latch", "/told", "hello", "__name:=known"):
+        there(roscore, "/known")
+        eventually(lambda: "/told" in dict(roscore.master.getPublishedTopics("/t", "")[2]), 10, "the topic")
+        for command, part in (
+                (("rosnode", "list"), "/known"), (("rosnode", "ping", "-c", "1", "/known"), "xmlrpc reply from"),
+                (("rostopic", "type", "/told"), "std_msgs/String"), (("rostopic", "info", "/told"), "* /known (http://"),
+                (("rostopic", "echo", "-n", "1", "/told"), 'data: "hello"'), (("rosnode", "info", "/known"), "/rosout")):
+            out = tool(*command)
+            assert part in out, "%s: %s" % (" ".join(command), out)
 
 
 def leaves_after(number):
@@ -91,6 +108,19 @@ def a_signal_ends_the_wait_for_a_master(_):
         patient.line("waiting for the ROS master")
         patient.send(signal.SIGINT)
         patient.ended(3)
+
+
+@case
+def a_master_that_accepts_and_says_nothing_is_told_and_a_signal_ends_the_wait(_):
+    with socket.socket() as silent:
+        silent.bind(("127.0.0.1", 0))
+        silent.listen(20)
+        env = {"ROS_MASTER_URI": "http://127.0.0.1:%d/" % silent.getsockname()[1]}
+        with peer("latch", "/t", "x", env=env) as patient:
+            patient.line("waiting for the ROS master")
+            patient.line("no answer within 2.0 s")
+            patient.send(signal.SIGTERM)
+            patient.ended(4)
 
 
 @case

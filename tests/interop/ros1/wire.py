@@ -2,12 +2,14 @@
 
 import os
 import random
+import signal
 import struct
 import subprocess
 import sys
 import time
 
 import genpy
+import genpy.dynamic
 import rospy
 from geometry_msgs.msg import Point, PoseArray, PoseStamped, PoseWithCovarianceStamped
 from move_base_msgs.msg import MoveBaseActionGoal
@@ -19,7 +21,7 @@ from sensor_msgs.msg import CompressedImage, Image
 from std_msgs.msg import String
 from tf2_msgs.msg import TFMessage
 
-from harness import Group, eventually, peer
+from harness import Group, Process, eventually, peer
 
 group = Group()
 case = group.case
@@ -134,6 +136,10 @@ def round_trip(kind):
             echo.out.publish(message)
             eventually(lambda: len(echo.got) > count, 10, lambda: "message %d back: %s" % (index, echo.peer.text))
             assert to_bytes(echo.got[-1]) == sent, "message %d came back changed:\n%s" % (index, echo.got[-1])
+        # bags keep the definition that the publisher sends: it must make the same class again
+        header = echo.got[-1]._connection_header
+        again = genpy.dynamic.generate_dynamic(kind._type, header["message_definition"])[kind._type]
+        assert again._md5sum == header["md5sum"] == kind._md5sum, header
         echo.end()
         return "8 messages, md5 " + kind._md5sum
     check.__name__ = "round_trip_of_" + kind._type.replace("/", "_")
@@ -214,6 +220,31 @@ def hostile_bytes_are_refused_by_name_and_the_subscription_lives(_):
         assert rss < 100_000, "%d kB at the peak" % rss
     out.unregister()
     back.unregister()
+
+
+FROZEN = """
+import rospy
+from std_msgs.msg import String
+rospy.init_node("frozen")
+rospy.Publisher("/cold", String, queue_size=1, latch=True).publish("thawed")
+rospy.spin()
+"""
+
+
+@case
+def a_publisher_that_hangs_holds_nobody_up_and_is_heard_when_it_wakes(roscore):
+    with Process("/usr/bin/python3", "-c", FROZEN) as frozen:
+        eventually(lambda: ["/cold", "std_msgs/String"] in rospy.get_published_topics(), 15, lambda: frozen.text)
+        frozen.send(signal.SIGSTOP)
+        try:
+            with peer("count", "std_msgs/String", "/cold", "__name:=warm") as warm:
+                warm.line("topic '/cold': a publisher does not answer")
+                warm.line("ready", 5)
+                assert "/warm" in roscore.nodes()
+                frozen.send(signal.SIGCONT)
+                warm.line("1 0")
+        finally:
+            frozen.send(signal.SIGCONT)
 
 
 def rosout_lines():
