@@ -1,12 +1,13 @@
 //! Gaussian process regression with the kernel `RBF(l) + White(s)` (Rasmussen and Williams 2006, chapters 2 and 5).
 
-use std::sync::OnceLock;
+use std::sync::{Arc, OnceLock};
 
 use super::{
     dense::Dense,
-    kernel::Inputs,
+    kernel::{Inputs, dot},
     lbfgsb::{Bounds, Tolerances, minimize},
     low_rank::LowRank,
+    memory::{Held, Memory},
 };
 use crate::{Error, Result};
 
@@ -33,12 +34,15 @@ const LARGEST: f64 = 1e5;
 /// What the kernel matrix may lack on its diagonal: share of the noise variance, and the rounding of a remainder.
 const RELATIVE_TOLERANCE: f64 = 1e-10;
 const ROUNDING: f64 = 4e-15;
+/// Samples above which matrices are large: then they are counted, and that of the start is not kept.
+const LARGE: usize = 2000;
 
 /// A regression on given conditions, for any number of targets.
 pub(super) struct GaussianProcess {
     inputs: Inputs,
     /// Every search starts at the same point: its factorisation is shared.
     start: OnceLock<Option<Likelihood>>,
+    memory: Arc<Memory>,
 }
 
 /// A fit at the optimum.
@@ -50,20 +54,27 @@ pub(super) struct Fit {
 }
 
 /// What does not depend on the target.
-enum Likelihood {
+struct Likelihood {
+    form: Form,
+    _held: Option<Held>,
+}
+
+enum Form {
     Dense(Dense),
     LowRank(LowRank),
 }
 
 impl GaussianProcess {
     /// A regression on `conditions`: one row of samples per dimension, standardised.
-    pub(super) fn new(conditions: &[Vec<f64>]) -> Self {
-        Self { inputs: Inputs::new(conditions), start: OnceLock::new() }
+    pub(super) fn new(conditions: &[Vec<f64>], memory: &Arc<Memory>) -> Self {
+        Self { inputs: Inputs::new(conditions), start: OnceLock::new(), memory: memory.clone() }
     }
 
-    /// Bytes that a fit on `n` samples may take.
-    pub(super) fn bytes(n: usize) -> usize {
-        Dense::bytes(n).max(LowRank::bytes(n, max_rank(n)))
+    /// Bytes that fits on `n` samples need at the least, on any number of `threads`.
+    pub(super) fn bytes(n: usize, threads: usize) -> usize {
+        let one = Dense::bytes(n).max(LowRank::bytes(n, max_rank(n)));
+        // Of few samples each thread keeps the factorisation of the start.
+        if n > LARGE { one } else { 3 * one / 2 * threads }
     }
 
     /// Fits the standardised `target`: the maximum of the marginal likelihood that L-BFGS-B reaches from `l = s = 1`.
@@ -111,15 +122,16 @@ impl GaussianProcess {
         theta: Theta,
         too_high_rank: &mut Option<Theta>,
     ) -> Option<(f64, [f64; 2], Vec<f64>)> {
-        if theta == Theta::START {
-            let start =
-                self.start.get_or_init(|| Likelihood::new(&self.inputs, theta, &mut None)).as_ref()?;
-            if matches!(start, Likelihood::Dense(_)) {
+        let likelihood =
+            |limit: &mut Option<Theta>| Likelihood::new(&self.inputs, theta, limit, &self.memory);
+        if theta == Theta::START && y.len() <= LARGE {
+            let start = self.start.get_or_init(|| likelihood(&mut None)).as_ref()?;
+            if matches!(start.form, Form::Dense(_)) {
                 *too_high_rank = Some(theta);
             }
             Some(start.evaluate(y, theta.s))
         } else {
-            Likelihood::new(&self.inputs, theta, too_high_rank).map(|at| at.evaluate(y, theta.s))
+            likelihood(too_high_rank).map(|at| at.evaluate(y, theta.s))
         }
     }
 }
@@ -138,23 +150,31 @@ fn max_rank(n: usize) -> usize {
 impl Likelihood {
     /// The form that is the faster one at `theta`. `too_high_rank` is a place of the same search where the rank was
     /// too high: it is so for every shorter length scale at the same or less noise.
-    fn new(inputs: &Inputs, theta: Theta, too_high_rank: &mut Option<Theta>) -> Option<Self> {
+    fn new(
+        inputs: &Inputs,
+        theta: Theta,
+        too_high_rank: &mut Option<Theta>,
+        memory: &Arc<Memory>,
+    ) -> Option<Self> {
+        let n = inputs.len();
+        let hold = |bytes: usize| (n > LARGE).then(|| memory.hold(bytes));
         let known = too_high_rank.is_some_and(|at| theta.l <= at.l && theta.s <= at.s);
         if !known {
-            if let Some(at) = LowRank::new(inputs, theta, tolerance(theta), max_rank(inputs.len())) {
-                return Some(Self::LowRank(at));
+            let held = hold(LowRank::bytes(n, max_rank(n)));
+            if let Some(at) = LowRank::new(inputs, theta, tolerance(theta), max_rank(n)) {
+                return Some(Self { form: Form::LowRank(at), _held: held });
             }
             *too_high_rank = Some(theta);
         }
-        Dense::new(inputs, theta).map(Self::Dense)
+        let held = hold(Dense::bytes(n));
+        Dense::new(inputs, theta).map(|at| Self { form: Form::Dense(at), _held: held })
     }
 
     fn evaluate(&self, y: &[f64], s: f64) -> (f64, [f64; 2], Vec<f64>) {
-        let (log_determinant, trace_inverse, trace_derivative, (alpha, curvature)) = match self {
-            Self::Dense(at) => (at.log_determinant, at.trace_inverse, at.trace_derivative, at.solve(y)),
-            Self::LowRank(at) => (at.log_determinant, at.trace_inverse, at.trace_derivative, at.solve(y)),
+        let (log_determinant, trace_inverse, trace_derivative, (alpha, curvature)) = match &self.form {
+            Form::Dense(at) => (at.log_determinant, at.trace_inverse, at.trace_derivative, at.solve(y)),
+            Form::LowRank(at) => (at.log_determinant, at.trace_inverse, at.trace_derivative, at.solve(y)),
         };
-        let dot = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
         let value =
             0.5 * (dot(y, &alpha) + log_determinant + y.len() as f64 * (2.0 * std::f64::consts::PI).ln());
         let gradient =
@@ -180,6 +200,10 @@ mod tests {
         let y = nalgebra::DVector::from_column_slice(y);
         let log_determinant = 2.0 * factor.l().diagonal().map(f64::ln).sum();
         0.5 * (y.dot(&factor.solve(&y)) + log_determinant + n as f64 * std::f64::consts::TAU.ln())
+    }
+
+    fn alone(form: Form) -> Likelihood {
+        Likelihood { form, _held: None }
     }
 
     fn samples(n: usize, d: usize, seed: u64) -> (Vec<Vec<f64>>, Vec<f64>) {
@@ -209,8 +233,8 @@ mod tests {
                 (by_definition(&rows, &y, at(1.0)) - by_definition(&rows, &y, at(-1.0))) / (2.0 * h)
             };
             let expected_gradient = [slope(h, 0.0), slope(0.0, h)];
-            let dense = Dense::new(&inputs, theta).map(Likelihood::Dense).unwrap();
-            let low_rank = LowRank::new(&inputs, theta, tolerance(theta), n).map(Likelihood::LowRank).unwrap();
+            let dense = Dense::new(&inputs, theta).map(Form::Dense).map(alone).unwrap();
+            let low_rank = LowRank::new(&inputs, theta, tolerance(theta), 2 * n).map(Form::LowRank).map(alone).unwrap();
             let (value, gradient, alpha) = dense.evaluate(&y, theta.s);
             prop_assert!((value - expected).abs() < 1e-9 * expected.abs().max(1.0));
             for (got, expected) in gradient.iter().zip(expected_gradient) {
@@ -232,7 +256,7 @@ mod tests {
         let (rows, _) = samples(200, 1, 1);
         let (_, noise) = samples(200, 1, 2);
         let y: Vec<f64> = rows[0].iter().zip(&noise).map(|(z, e)| (2.0 * z).sin() + 0.1 * e).collect();
-        let fit = GaussianProcess::new(&rows).fit(&y, &|| Ok(())).unwrap();
+        let fit = GaussianProcess::new(&rows, &Memory::new(0)).fit(&y, &|| Ok(())).unwrap();
         let left = fit.residuals.iter().zip(&noise).map(|(r, e)| (r - 0.1 * e).abs()).sum::<f64>() / 200.0;
         assert!(left < 0.03, "{left}");
     }
@@ -241,6 +265,6 @@ mod tests {
     fn a_fit_that_is_cancelled_ends() {
         let (rows, y) = samples(30, 1, 3);
         let cancelled = || Err(Error::Cancelled("now".into()));
-        assert!(GaussianProcess::new(&rows).fit(&y, &cancelled).is_err());
+        assert!(GaussianProcess::new(&rows, &Memory::new(0)).fit(&y, &cancelled).is_err());
     }
 }

@@ -1,6 +1,6 @@
 //! The RBF kernel `exp(-|a - b|^2 / (2 l^2))` between samples, in loops that the vector units run.
 
-use pulp::Arch;
+use pulp::{Arch, NullaryFnOnce};
 
 /// The conditions of a regression: `n` samples in `d` dimensions.
 #[derive(Debug)]
@@ -26,25 +26,7 @@ impl Inputs {
     /// Writes the kernel between sample `j` and the samples from `from` on into `kernel`, as many as fit, and its
     /// derivative by `ln l` into `derivative` unless that is empty.
     pub(super) fn column(&self, l: f64, j: usize, from: usize, kernel: &mut [f64], derivative: &mut [f64]) {
-        let scale = -0.5 / (l * l);
-        self.arch.dispatch(|| {
-            kernel.fill(0.0);
-            for row in self.values.chunks_exact(self.n) {
-                let centre = row[j];
-                for (sum, &value) in kernel.iter_mut().zip(&row[from..]) {
-                    *sum += (value - centre) * (value - centre);
-                }
-            }
-            if derivative.is_empty() {
-                kernel.iter_mut().for_each(|k| *k = exp_of_negative(scale * *k));
-            } else {
-                for (k, d) in kernel.iter_mut().zip(derivative) {
-                    let exponent = scale * *k;
-                    *k = exp_of_negative(exponent);
-                    *d = -2.0 * exponent * *k;
-                }
-            }
-        });
+        self.arch.dispatch(Column { inputs: self, scale: -0.5 / (l * l), j, from, kernel, derivative });
     }
 
     /// The same between the samples of `chosen`: two symmetric matrices, column-major.
@@ -57,6 +39,44 @@ impl Inputs {
             few.column(l, j, 0, k, d);
         }
         (kernel, derivative)
+    }
+}
+
+/// One call of [`Inputs::column`]. A type and not a closure, because only what is inlined into the dispatch is
+/// compiled for the vector units.
+struct Column<'a> {
+    inputs: &'a Inputs,
+    scale: f64,
+    j: usize,
+    from: usize,
+    kernel: &'a mut [f64],
+    derivative: &'a mut [f64],
+}
+
+impl NullaryFnOnce for Column<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn call(self) {
+        let Self { inputs, scale, j, from, kernel, derivative } = self;
+        kernel.fill(0.0);
+        for row in inputs.values.chunks_exact(inputs.n) {
+            let centre = row[j];
+            for (sum, &value) in kernel.iter_mut().zip(&row[from..]) {
+                *sum += (value - centre) * (value - centre);
+            }
+        }
+        if derivative.is_empty() {
+            for k in kernel.iter_mut() {
+                *k = exp_of_negative(scale * *k);
+            }
+        } else {
+            for (k, d) in kernel.iter_mut().zip(derivative) {
+                let exponent = scale * *k;
+                *k = exp_of_negative(exponent);
+                *d = -2.0 * exponent * *k;
+            }
+        }
     }
 }
 
@@ -90,6 +110,20 @@ fn exp_of_negative(x: f64) -> f64 {
     let power = f64::from_bits((shifted.to_bits() << 52).wrapping_add(1023 << 52));
     let value = p * power;
     if x < -708.0 { 0.0 } else { value }
+}
+
+/// Sum of products, in sixteen partial sums so that it vectorises; the order of summation is fixed.
+pub(super) fn dot(a: &[f64], b: &[f64]) -> f64 {
+    const LANES: usize = 16;
+    let mut sums = [0.0; LANES];
+    let (a_chunks, b_chunks) = (a.chunks_exact(LANES), b.chunks_exact(LANES));
+    let rest: f64 = a_chunks.remainder().iter().zip(b_chunks.remainder()).map(|(a, b)| a * b).sum();
+    for (a, b) in a_chunks.zip(b_chunks) {
+        for k in 0..LANES {
+            sums[k] += a[k] * b[k];
+        }
+    }
+    sums.iter().sum::<f64>() + rest
 }
 
 #[cfg(test)]

@@ -17,9 +17,13 @@ use faer::{
         cholesky::llt, matmul, matmul::triangular::BlockStructure, triangular_inverse, triangular_solve,
     },
 };
-use pulp::Arch;
+use pulp::{Arch, NullaryFnOnce};
 
-use super::{buffer::Buffer, gp::Theta, kernel::Inputs};
+use super::{
+    buffer::Buffer,
+    gp::Theta,
+    kernel::{Inputs, dot},
+};
 
 /// `A = L L' + s I` factorised through `M = L' L + s I`.
 pub(super) struct LowRank {
@@ -45,7 +49,7 @@ impl LowRank {
         (n * r + 8 * r * r) * size_of::<f64>()
     }
 
-    /// The factorisation at `theta`; `None` where the rank would exceed `max_rank`.
+    /// The factorisation at `theta`; `None` where the rank exceeds `max_rank`, or is about to.
     pub(super) fn new(inputs: &Inputs, theta: Theta, tolerance: f64, max_rank: usize) -> Option<Self> {
         let (columns, pivots) = incomplete_cholesky(inputs, theta.l, tolerance, max_rank)?;
         let (n, r) = (inputs.len(), pivots.len());
@@ -108,10 +112,8 @@ impl LowRank {
         );
         let (_, derivative) = inputs.between(theta.l, &pivots);
         let derivative = Mat::from_fn(r, r, |i, j| derivative[j * r + i]);
-        let column = |j: usize| {
-            let (h, d) = (&gram_of_w.col_as_slice(j)[j + 1..], &derivative.col_as_slice(j)[j + 1..]);
-            h.iter().zip(d).map(|(h, d)| h * d).sum::<f64>()
-        };
+        let column =
+            |j: usize| dot(&gram_of_w.col_as_slice(j)[j + 1..], &derivative.col_as_slice(j)[j + 1..]);
         let trace_derivative = 2.0 * (0..r).map(column).sum::<f64>() / theta.s;
         Some(Self {
             s: theta.s,
@@ -145,15 +147,12 @@ impl LowRank {
             Par::Seq,
         );
         let weights = weights.col_as_slice(0);
-        let column = |j: usize| {
-            let d = &self.derivative.col_as_slice(j)[..j];
-            weights[j] * d.iter().zip(weights).map(|(d, w)| d * w).sum::<f64>()
-        };
+        let column = |j: usize| weights[j] * dot(&self.derivative.col_as_slice(j)[..j], &weights[..j]);
         (alpha, 2.0 * (0..r).map(column).sum::<f64>())
     }
 }
 
-/// The factor and its pivots.
+/// The factor and its pivots; `None` where the rank exceeds `max_rank`, or is about to.
 fn incomplete_cholesky(
     inputs: &Inputs,
     l: f64,
@@ -174,20 +173,14 @@ fn incomplete_cholesky(
             break;
         }
         let k = pivots.len();
-        if k == max_rank {
+        // Where half of the ranks have not brought half of the digits, all of them will hardly bring the rest.
+        if k == max_rank || k == max_rank / 2 && k > 16 && largest > tolerance.sqrt() {
             return None;
         }
         columns.resize((k + 1) * n);
         let (before, now) = columns.split_at_mut(k * n);
         inputs.column(l, pivot, 0, now, &mut []);
-        arch.dispatch(|| {
-            subtract_products(before, now, pivot, n);
-            let scale = 1.0 / largest.sqrt();
-            for (value, remainder) in now.iter_mut().zip(&mut remainder) {
-                *value *= scale;
-                *remainder -= *value * *value;
-            }
-        });
+        arch.dispatch(NextColumn { before, now, remainder: &mut remainder, pivot });
         now[pivot] = largest.sqrt();
         remainder[pivot] = f64::NEG_INFINITY;
         pivots.push(pivot);
@@ -195,22 +188,43 @@ fn incomplete_cholesky(
     Some((columns, pivots))
 }
 
-/// `now -= before * (row `pivot` of before)'`, four columns at a time.
-#[inline(always)]
-fn subtract_products(before: &[f64], now: &mut [f64], pivot: usize, n: usize) {
-    let mut fours = before.chunks_exact(4 * n);
-    for four in fours.by_ref() {
-        let (a, rest) = four.split_at(n);
-        let (b, rest) = rest.split_at(n);
-        let (c, d) = rest.split_at(n);
-        let (fa, fb, fc, fd) = (a[pivot], b[pivot], c[pivot], d[pivot]);
-        for ((((value, a), b), c), d) in now.iter_mut().zip(a).zip(b).zip(c).zip(d) {
-            *value -= (a * fa + b * fb) + (c * fc + d * fd);
+/// Turns `now`, the kernel's column at `pivot`, into the next column of the factor: takes off the products of the
+/// columns `before`, scales, and takes its squares off the remainder.
+struct NextColumn<'a> {
+    before: &'a [f64],
+    now: &'a mut [f64],
+    remainder: &'a mut [f64],
+    pivot: usize,
+}
+
+impl NullaryFnOnce for NextColumn<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn call(self) {
+        let Self { before, now, remainder, pivot } = self;
+        let n = now.len();
+        let mut fours = before.chunks_exact(4 * n);
+        for four in fours.by_ref() {
+            let (a, rest) = four.split_at(n);
+            let (b, rest) = rest.split_at(n);
+            let (c, d) = rest.split_at(n);
+            let (fa, fb, fc, fd) = (a[pivot], b[pivot], c[pivot], d[pivot]);
+            for ((((value, a), b), c), d) in now.iter_mut().zip(a).zip(b).zip(c).zip(d) {
+                *value -= (a * fa + b * fb) + (c * fc + d * fd);
+            }
         }
-    }
-    for column in fours.remainder().chunks_exact(n) {
-        let factor = column[pivot];
-        now.iter_mut().zip(column).for_each(|(value, c)| *value -= c * factor);
+        for column in fours.remainder().chunks_exact(n) {
+            let factor = column[pivot];
+            for (value, c) in now.iter_mut().zip(column) {
+                *value -= c * factor;
+            }
+        }
+        let scale = 1.0 / remainder[pivot].sqrt();
+        for (value, remainder) in now.iter_mut().zip(remainder) {
+            *value *= scale;
+            *remainder -= *value * *value;
+        }
     }
 }
 

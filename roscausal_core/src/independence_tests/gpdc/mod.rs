@@ -9,6 +9,7 @@ mod kernel;
 mod lbfgsb;
 mod line_search;
 mod low_rank;
+mod memory;
 mod null_table;
 mod pcg64;
 mod residuals;
@@ -25,11 +26,14 @@ use crate::{
 };
 use distance_correlation::of_ranks;
 use gp::GaussianProcess;
+use memory::Memory;
 use null_table::NullTable;
 use residuals::{ResidualCache, Residuals, is_constant, standardized};
 
 /// Samples below which a test is refused.
 const FEWEST_SAMPLES: usize = 5;
+/// Bytes for large matrices where the settings give no bound.
+const DEFAULT_MEMORY: usize = 900 << 20;
 
 /// GPDC and its settings.
 ///
@@ -66,21 +70,21 @@ impl Gpdc {
         self.settings.sig_samples.unwrap_or(500)
     }
 
-    /// Refuses what would not fit into the memory that is allowed.
-    fn check_memory(&self, n: usize) -> Result<()> {
-        let needed = GaussianProcess::bytes(n) * rayon::current_num_threads();
+    /// The memory for large matrices; refuses what would not fit.
+    fn memory(&self, n: usize) -> Result<Arc<Memory>> {
+        let threads = rayon::current_num_threads();
+        let needed = GaussianProcess::bytes(n, threads);
         match self.settings.max_memory {
             Some(allowed) if needed > allowed => Err(Error::param(
                 "max_memory",
                 format!(
-                    "gpdc on {n} samples may take {} MB with {} threads and {} MB are allowed; \
-                     use fewer threads or samples, or the test parcorr or robustparcorr",
-                    needed >> 20,
-                    rayon::current_num_threads(),
+                    "gpdc on {n} samples with {threads} threads may need {} MB and {} MB are allowed; use fewer \
+                     samples or threads, allow more, or take the test parcorr or robustparcorr",
+                    needed.div_ceil(1 << 20),
                     allowed >> 20
                 ),
             )),
-            _ => Ok(()),
+            allowed => Ok(Memory::new(allowed.unwrap_or(DEFAULT_MEMORY))),
         }
     }
 }
@@ -95,8 +99,8 @@ impl CondIndTest for Gpdc {
         if n < FEWEST_SAMPLES {
             return Err(too_few(n));
         }
-        self.check_memory(n)?;
-        Ok(Box::new(PreparedGpdc { test: self, samples, residuals: ResidualCache::default() }))
+        let memory = self.memory(n)?;
+        Ok(Box::new(PreparedGpdc { test: self, samples, memory, residuals: ResidualCache::default() }))
     }
 
     fn decides_by_value(&self) -> bool {
@@ -108,6 +112,7 @@ impl CondIndTest for Gpdc {
 struct PreparedGpdc<'a> {
     test: &'a Gpdc,
     samples: &'a Samples<'a>,
+    memory: Arc<Memory>,
     residuals: ResidualCache,
 }
 
@@ -160,7 +165,7 @@ impl PreparedTest for PreparedGpdc<'_> {
                 if is_constant(&x) || is_constant(&y) {
                     return Ok::<f64, Error>(0.0);
                 }
-                let process = regression(&z);
+                let process = self.regression(&z);
                 let ranks = |values: &[f64]| Residuals::new(values, process.as_ref(), false, &check);
                 Ok(of_ranks(&ranks(&x)?.ranks, &ranks(&y)?.ranks))
             };
@@ -175,6 +180,9 @@ impl PreparedTest for PreparedGpdc<'_> {
     fn model_selection_score(&self, target: Node, parents: &[Node]) -> Result<f64> {
         let z = canonical(parents);
         let arrays = self.samples.arrays(target, target, &z);
+        if arrays.x.len() < FEWEST_SAMPLES {
+            return Err(too_few(arrays.x.len()));
+        }
         let [target, _] = self.pair(target, target, &z, &arrays)?;
         Ok(-target.log_likelihood)
     }
@@ -183,7 +191,7 @@ impl PreparedTest for PreparedGpdc<'_> {
 impl PreparedGpdc<'_> {
     /// Residuals of X and Y.
     fn pair(&self, x: Node, y: Node, z: &[Node], arrays: &LaggedArrays) -> Result<[Arc<Residuals>; 2]> {
-        let process = regression(&arrays.z);
+        let process = self.regression(&arrays.z);
         let keep_values = self.test.significance() == Significance::ShuffleTest;
         let check = || self.samples.control().check();
         let of = |node: Node, values: &[f64]| {
@@ -193,13 +201,13 @@ impl PreparedGpdc<'_> {
         };
         Ok([of(x, &arrays.x)?, of(y, &arrays.y)?])
     }
-}
 
-/// The regression on `conditions`, those that are constant left out; `None` without any.
-fn regression(conditions: &[Vec<f64>]) -> Option<GaussianProcess> {
-    let rows: Vec<Vec<f64>> =
-        conditions.iter().filter(|row| !is_constant(row)).map(|row| standardized(row)).collect();
-    (!rows.is_empty()).then(|| GaussianProcess::new(&rows))
+    /// The regression on `conditions`, those that are constant left out; `None` without any.
+    fn regression(&self, conditions: &[Vec<f64>]) -> Option<GaussianProcess> {
+        let rows: Vec<Vec<f64>> =
+            conditions.iter().filter(|row| !is_constant(row)).map(|row| standardized(row)).collect();
+        (!rows.is_empty()).then(|| GaussianProcess::new(&rows, &self.memory))
+    }
 }
 
 /// The conditions in one order, each once: a regression does not depend on their order but for rounding.
