@@ -1,15 +1,22 @@
-//! The marginal likelihood by the whole kernel matrix: exact, `n^3` operations, two matrices of `n^2` doubles.
+//! The marginal likelihood by the whole kernel matrix: exact but for rounding, `n^3` operations, two matrices of `n^2`
+//! numbers in single or double precision.
+
+use std::marker::PhantomData;
 
 use faer::{
     Accum, MatMut, MatRef, Par,
     dyn_stack::{MemBuffer, MemStack},
-    linalg::{cholesky::llt, matmul, triangular_inverse},
+    linalg::{
+        cholesky::llt, matmul, triangular_inverse,
+        triangular_solve::{solve_lower_triangular_in_place, solve_upper_triangular_in_place},
+    },
     prelude::ReborrowMut,
+    traits::ComplexField,
 };
 
 use super::{
     buffer::Buffer,
-    gp::Theta,
+    gp::{Theta, Traces},
     kernel::{Inputs, dot},
 };
 
@@ -18,89 +25,189 @@ const BLOCK: usize = 96;
 /// Columns that are transposed at a time: one cache line.
 const LINE: usize = 8;
 
-/// `A = K + s I = L L'`.
-pub(super) struct Dense {
-    n: usize,
-    /// Below and on the diagonal `L^-1`; above it `dK / d ln l`, whose diagonal is 0.
-    parts: Buffer,
-    pub(super) log_determinant: f64,
-    /// `tr(A^-1)`.
-    pub(super) trace_inverse: f64,
-    /// `tr(A^-1 dK / d ln l)`.
-    pub(super) trace_derivative: f64,
+/// Single or double precision.
+pub(super) trait Real: ComplexField + bytemuck::Pod {
+    fn from_double(value: f64) -> Self;
+    fn double(self) -> f64;
+    /// Sum of products in partial sums of a fixed order.
+    fn dot(a: &[Self], b: &[Self]) -> f64;
+    /// `sums += factor * values`.
+    fn add_multiple(sums: &mut [Self], values: &[Self], factor: Self);
 }
 
-impl Dense {
-    /// Bytes that `n` samples take at the most.
-    pub(super) fn bytes(n: usize) -> usize {
-        2 * n * n * size_of::<f64>()
+impl Real for f64 {
+    fn from_double(value: f64) -> Self {
+        value
     }
 
-    /// The factorisation at `theta`; `None` where `A` is not positive definite in double precision.
-    pub(super) fn new(inputs: &Inputs, theta: Theta) -> Option<Self> {
+    fn double(self) -> f64 {
+        self
+    }
+
+    fn dot(a: &[Self], b: &[Self]) -> f64 {
+        dot(a, b)
+    }
+
+    fn add_multiple(sums: &mut [Self], values: &[Self], factor: Self) {
+        sums.iter_mut().zip(values).for_each(|(sum, value)| *sum += value * factor);
+    }
+}
+
+impl Real for f32 {
+    fn from_double(value: f64) -> Self {
+        value as f32
+    }
+
+    fn double(self) -> f64 {
+        self.into()
+    }
+
+    fn dot(a: &[Self], b: &[Self]) -> f64 {
+        const LANES: usize = 32;
+        let mut sums = [0.0_f32; LANES];
+        let (a_chunks, b_chunks) = (a.chunks_exact(LANES), b.chunks_exact(LANES));
+        let rest: f32 = a_chunks.remainder().iter().zip(b_chunks.remainder()).map(|(a, b)| a * b).sum();
+        for (a, b) in a_chunks.zip(b_chunks) {
+            for k in 0..LANES {
+                sums[k] += a[k] * b[k];
+            }
+        }
+        sums.iter().map(|&sum| f64::from(sum)).sum::<f64>() + f64::from(rest)
+    }
+
+    fn add_multiple(sums: &mut [Self], values: &[Self], factor: Self) {
+        sums.iter_mut().zip(values).for_each(|(sum, value)| *sum += value * factor);
+    }
+}
+
+/// Memory for `n` numbers.
+fn numbers<T>(n: usize) -> Buffer {
+    Buffer::any((n * size_of::<T>()).div_ceil(size_of::<f64>()))
+}
+
+fn view_mut<T: Real>(buffer: &mut Buffer, n: usize) -> &mut [T] {
+    &mut bytemuck::cast_slice_mut(&mut buffer[..])[..n]
+}
+
+/// `A = K + s I = L L'` in precision `T`.
+pub(super) struct Dense<T> {
+    n: usize,
+    /// For a search: below and on the diagonal `L^-1`; above it `dK / d ln l`, whose diagonal is 0. Else `L`.
+    parts: Buffer,
+    inverted: bool,
+    pub(super) log_determinant: f64,
+    /// 0 unless for a search.
+    pub(super) traces: Traces,
+    precision: PhantomData<T>,
+}
+
+impl<T: Real> Dense<T> {
+    /// Bytes that `n` samples take at the most.
+    pub(super) fn bytes(n: usize) -> usize {
+        2 * n * n * size_of::<T>()
+    }
+
+    /// The factorisation at `theta`, for a search with its gradient; `None` where `A` is not positive definite in this
+    /// precision.
+    pub(super) fn new(inputs: &Inputs, theta: Theta, for_search: bool) -> Option<Self> {
         let n = inputs.len();
-        let (mut factor, mut parts) = (Buffer::any(n * n), Buffer::any(n * n));
-        fill(inputs, theta, &mut factor, &mut parts);
-        let scratch = llt::factor::cholesky_in_place_scratch::<f64>(n, Par::Seq, Default::default());
+        let (mut factor, mut parts) = (numbers::<T>(n * n), numbers::<T>(if for_search { n * n } else { 0 }));
+        fill::<T>(inputs, theta, view_mut(&mut factor, n * n), for_search.then(|| view_mut(&mut parts, n * n)));
+        let matrix = view_mut::<T>(&mut factor, n * n);
+        let scratch = llt::factor::cholesky_in_place_scratch::<T>(n, Par::Seq, Default::default());
         llt::factor::cholesky_in_place(
-            MatMut::from_column_major_slice_mut(&mut factor, n, n),
+            MatMut::from_column_major_slice_mut(matrix, n, n),
             Default::default(),
             Par::Seq,
             MemStack::new(&mut MemBuffer::new(scratch)),
             Default::default(),
         )
         .ok()?;
-        let log_determinant = 2.0 * factor.iter().step_by(n + 1).map(|d| d.ln()).sum::<f64>();
+        let log_determinant = 2.0 * matrix.iter().step_by(n + 1).map(|d| d.double().ln()).sum::<f64>();
+        if !for_search {
+            let traces = Traces::default();
+            return Some(Self { n, parts: factor, inverted: false, log_determinant, traces, precision: PhantomData });
+        }
+        let inverse = view_mut::<T>(&mut parts, n * n);
         triangular_inverse::invert_lower_triangular(
-            MatMut::from_column_major_slice_mut(&mut parts, n, n),
-            MatRef::from_column_major_slice(&factor, n, n),
+            MatMut::from_column_major_slice_mut(inverse, n, n),
+            MatRef::from_column_major_slice(matrix, n, n),
             Par::Seq,
         );
-        let square = |(j, column): (usize, &[f64])| dot(&column[j..], &column[j..]);
-        let trace_inverse = parts.chunks_exact(n).enumerate().map(square).sum();
-        let trace_derivative = trace_of_product(&parts, n);
-        Some(Self { n, parts, log_determinant, trace_inverse, trace_derivative })
+        let square = |(j, column): (usize, &[T])| T::dot(&column[j..], &column[j..]);
+        let traces = Traces {
+            inverse: inverse.chunks_exact(n).enumerate().map(square).sum(),
+            derivative: trace_of_product(inverse, n),
+        };
+        Some(Self { n, parts, inverted: true, log_determinant, traces, precision: PhantomData })
     }
 
-    /// `A^-1 y`, and `a' dK a` of the solution `a`.
+    /// `A^-1 y`, and `a' dK a` of the solution `a`; of a factorisation for a search.
     pub(super) fn solve(&self, y: &[f64]) -> (Vec<f64>, f64) {
-        let columns = || self.parts.chunks_exact(self.n).enumerate();
-        let mut half = vec![0.0; self.n];
-        for (j, column) in columns() {
-            half[j..].iter_mut().zip(&column[j..]).for_each(|(sum, l)| *sum += l * y[j]);
-        }
-        let alpha: Vec<f64> = columns().map(|(j, column)| dot(&column[j..], &half[j..])).collect();
-        let curvature =
-            2.0 * columns().map(|(j, column)| alpha[j] * dot(&column[..j], &alpha[..j])).sum::<f64>();
+        let alpha = self.alpha(y);
+        let (parts, weights) = (self.view(), alpha.iter().map(|&a| T::from_double(a)).collect::<Vec<T>>());
+        let column = |(j, column): (usize, &[T])| alpha[j] * T::dot(&column[..j], &weights[..j]);
+        let curvature = 2.0 * parts.chunks_exact(self.n).enumerate().map(column).sum::<f64>();
         (alpha, curvature)
+    }
+
+    /// `A^-1 y`.
+    pub(super) fn alpha(&self, y: &[f64]) -> Vec<f64> {
+        let n = self.n;
+        let mut half: Vec<T> = y.iter().map(|&y| T::from_double(y)).collect();
+        let right = || MatRef::from_column_major_slice(self.view(), n, n);
+        if self.inverted {
+            let mut sums = vec![T::zeroed(); n];
+            for (j, column) in self.view().chunks_exact(n).enumerate() {
+                T::add_multiple(&mut sums[j..], &column[j..], half[j]);
+            }
+            half = sums;
+            let columns = self.view().chunks_exact(n).enumerate();
+            return columns.map(|(j, column)| T::dot(&column[j..], &half[j..])).collect();
+        }
+        let mut solution = MatMut::from_column_major_slice_mut(&mut half, n, 1);
+        solve_lower_triangular_in_place(right(), solution.rb_mut(), Par::Seq);
+        solve_upper_triangular_in_place(right().transpose(), solution, Par::Seq);
+        half.into_iter().map(T::double).collect()
+    }
+
+    fn view(&self) -> &[T] {
+        &bytemuck::cast_slice(&self.parts)[..self.n * self.n]
     }
 }
 
 /// Writes `A` on and below the diagonal of `factor`, and `dK / d ln l` above the diagonal of `parts`.
-fn fill(inputs: &Inputs, theta: Theta, factor: &mut [f64], parts: &mut [f64]) {
+fn fill<T: Real>(inputs: &Inputs, theta: Theta, factor: &mut [T], mut parts: Option<&mut [T]>) {
     let n = inputs.len();
+    let mut kernel = vec![0.0; n];
     let mut derivatives = vec![0.0; LINE * n];
     for first in (0..n).step_by(LINE) {
         let height = n - first;
         let lines = LINE.min(height);
         for (k, derivative) in derivatives.chunks_exact_mut(n).take(lines).enumerate() {
             let j = first + k;
-            let column = &mut factor[j * n..(j + 1) * n];
-            inputs.column(theta.l, j, first, &mut column[first..], &mut derivative[..height]);
-            column[j] += theta.s;
+            let derivative = if parts.is_some() { &mut derivative[..height] } else { &mut [] };
+            inputs.column(theta.l, j, first, &mut kernel[..height], derivative);
+            kernel[k] += theta.s;
+            let column = &mut factor[j * n + first..(j + 1) * n];
+            column.iter_mut().zip(&kernel).for_each(|(to, &from)| *to = T::from_double(from));
         }
+        let Some(parts) = parts.as_deref_mut() else { continue };
         for i in first + 1..n {
             let line = &mut parts[i * n + first..][..lines.min(i - first)];
-            line.iter_mut().enumerate().for_each(|(k, value)| *value = derivatives[k * n + i - first]);
+            line.iter_mut()
+                .enumerate()
+                .for_each(|(k, value)| *value = T::from_double(derivatives[k * n + i - first]));
         }
     }
 }
 
 /// `tr(L^-T L^-1 D)` from the lower triangle `L^-1` and the symmetric `D` above the diagonal of `parts`, block by
 /// block.
-fn trace_of_product(parts: &[f64], n: usize) -> f64 {
+fn trace_of_product<T: Real>(parts: &[T], n: usize) -> f64 {
     let inverse = MatRef::from_column_major_slice(parts, n, n);
-    let (mut product, mut diagonal) = (vec![0.0; BLOCK * BLOCK], vec![0.0; BLOCK * BLOCK]);
+    let (mut product, mut diagonal) = (vec![T::zeroed(); BLOCK * BLOCK], vec![T::zeroed(); BLOCK * BLOCK]);
+    let one = T::from_double(1.0);
     let mut trace = 0.0;
     for row in (0..n).step_by(BLOCK) {
         let height = BLOCK.min(n - row);
@@ -108,7 +215,7 @@ fn trace_of_product(parts: &[f64], n: usize) -> f64 {
         // The block of L^-1 on the diagonal, without the part of D above it.
         for (k, column) in diagonal.chunks_exact_mut(height).take(height).enumerate() {
             let start = (row + k) * n + row;
-            column[..k].fill(0.0);
+            column[..k].fill(T::zeroed());
             column[k..].copy_from_slice(&parts[start + k..start + height]);
         }
         let diagonal = MatRef::from_column_major_slice(&diagonal[..height * height], height, height);
@@ -118,13 +225,13 @@ fn trace_of_product(parts: &[f64], n: usize) -> f64 {
             // The transposed block of A^-1, so that both it and D above the diagonal are read down their columns.
             let mut block =
                 MatMut::from_column_major_slice_mut(&mut product[..width * height], width, height);
-            matmul::matmul(block.rb_mut(), Accum::Replace, beside.transpose(), diagonal, 1.0, Par::Seq);
+            matmul::matmul(block.rb_mut(), Accum::Replace, beside.transpose(), diagonal, one, Par::Seq);
             let far = below.subcols(column, width).transpose();
-            matmul::matmul(block, Accum::Add, far, below.subcols(row, height), 1.0, Par::Seq);
+            matmul::matmul(block, Accum::Add, far, below.subcols(row, height), one, Par::Seq);
             for k in 0..height {
                 let above = if column == row { k } else { width };
                 let start = (row + k) * n + column;
-                trace += dot(&parts[start..start + above], &product[k * width..k * width + above]);
+                trace += T::dot(&parts[start..start + above], &product[k * width..k * width + above]);
             }
         }
     }

@@ -31,9 +31,18 @@ impl Theta {
 /// Bounds of both hyperparameters.
 const SMALLEST: f64 = 1e-5;
 const LARGEST: f64 = 1e5;
-/// What the kernel matrix may lack on its diagonal: share of the noise variance, and the rounding of a remainder.
-const RELATIVE_TOLERANCE: f64 = 1e-10;
+/// Errors of the likelihood's values that the search reckons with, relative to them.
+const NOISE: f64 = 1e-6;
+/// What the kernel matrix may lack on its diagonal while the search goes, as a share of the noise variance: in
+/// proportion to the gradient, within these bounds; and for the residuals at the end.
+const LOOSEST: f64 = 1e-4;
+const TIGHTEST: f64 = 1e-6;
+const PER_GRADIENT: f64 = 1e-5;
+const AT_THE_END: f64 = 1e-8;
+/// Rounding of a remainder.
 const ROUNDING: f64 = 4e-15;
+/// Ratio of samples to noise variance up to which single precision serves the search.
+const WELL_CONDITIONED: f64 = 1e5;
 /// Samples above which matrices are large: then they are counted, and that of the start is not kept.
 const LARGE: usize = 2000;
 
@@ -60,8 +69,19 @@ struct Likelihood {
 }
 
 enum Form {
-    Dense(Dense),
+    Dense(Dense<f64>),
+    /// In single precision.
+    Single(Dense<f32>),
     LowRank(LowRank),
+}
+
+/// The parts of the gradient that do not depend on the target, of `A = K + s I`.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Traces {
+    /// `tr(A^-1)`.
+    pub(super) inverse: f64,
+    /// `tr(A^-1 dK / d ln l)`.
+    pub(super) derivative: f64,
 }
 
 impl GaussianProcess {
@@ -72,7 +92,7 @@ impl GaussianProcess {
 
     /// Bytes that fits on `n` samples need at the least, on any number of `threads`.
     pub(super) fn bytes(n: usize, threads: usize) -> usize {
-        let one = Dense::bytes(n).max(LowRank::bytes(n, max_rank(n)));
+        let one = Dense::<f64>::bytes(n).max(LowRank::bytes(n, max_rank(n)));
         // Of few samples each thread keeps the factorisation of the start.
         if n > LARGE { one } else { 3 * one / 2 * threads }
     }
@@ -80,66 +100,79 @@ impl GaussianProcess {
     /// Fits the standardised `target`: the maximum of the marginal likelihood that L-BFGS-B reaches from `l = s = 1`.
     /// `check` is called before each evaluation.
     ///
+    /// The search works with likelihoods as exact as its gradient asks for; the optimum moves by less than the
+    /// search's own tolerance. The residuals are exact at the optimum.
+    ///
     /// # Errors
     /// Those of `check`.
     pub(super) fn fit(&self, target: &[f64], check: &dyn Fn() -> Result<()>) -> Result<Fit> {
         let bounds = Bounds { lower: [SMALLEST.ln(); 2], upper: [LARGEST.ln(); 2] };
-        let mut best: Option<(Theta, Vec<f64>, f64)> = None;
-        let mut too_high_rank = None;
+        let mut search = Search { share: TIGHTEST, too_high_rank: None };
         let optimum = minimize(
             |logarithms| {
                 check()?;
                 let theta = Theta::from_logarithms(logarithms);
-                let Some((value, gradient, alpha)) = self.evaluate(target, theta, &mut too_high_rank) else {
-                    return Ok((f64::INFINITY, [0.0; 2]));
-                };
-                if best.as_ref().is_none_or(|(_, _, least)| value <= *least) {
-                    best = Some((theta, alpha, value));
-                }
+                let (value, gradient) =
+                    self.evaluate(target, theta, &mut search).unwrap_or((f64::INFINITY, [0.0; 2]));
+                let steepest = gradient[0].abs().max(gradient[1].abs());
+                search.share = (PER_GRADIENT * steepest).clamp(TIGHTEST, LOOSEST);
                 Ok((value, gradient))
             },
             [0.0; 2],
             &bounds,
-            &Tolerances::default(),
+            &Tolerances { noise: NOISE, ..Tolerances::default() },
         )?;
         let theta = Theta::from_logarithms(optimum.x);
-        let alpha = match best {
-            Some((at, alpha, _)) if at == theta => Some(alpha),
-            _ => self.evaluate(target, theta, &mut too_high_rank).map(|(_, _, alpha)| alpha),
-        };
-        let alpha = alpha.ok_or_else(|| {
+        search.share = AT_THE_END;
+        let end = Likelihood::new(&self.inputs, theta, Purpose::Residuals, &mut search, &self.memory);
+        let (value, alpha) = end.map(|end| end.value_and_alpha(target)).ok_or_else(|| {
             Error::Data("a Gaussian process has no positive definite covariance on these samples".into())
         })?;
         // y - K (K + s I)^-1 y = s (K + s I)^-1 y
         let residuals = alpha.iter().map(|a| theta.s * a).collect();
-        Ok(Fit { log_likelihood: -optimum.value, residuals })
+        Ok(Fit { log_likelihood: -value, residuals })
     }
 
-    /// Minus the log marginal likelihood, its gradient by `(ln l, ln s)`, and `(K + s I)^-1 y`.
-    fn evaluate(
-        &self,
-        y: &[f64],
-        theta: Theta,
-        too_high_rank: &mut Option<Theta>,
-    ) -> Option<(f64, [f64; 2], Vec<f64>)> {
+    /// Minus the log marginal likelihood and its gradient by `(ln l, ln s)`.
+    fn evaluate(&self, y: &[f64], theta: Theta, search: &mut Search) -> Option<(f64, [f64; 2])> {
         let likelihood =
-            |limit: &mut Option<Theta>| Likelihood::new(&self.inputs, theta, limit, &self.memory);
+            |search: &mut Search| Likelihood::new(&self.inputs, theta, Purpose::Search, search, &self.memory);
         if theta == Theta::START && y.len() <= LARGE {
-            let start = self.start.get_or_init(|| likelihood(&mut None)).as_ref()?;
-            if matches!(start.form, Form::Dense(_)) {
-                *too_high_rank = Some(theta);
+            let make = || likelihood(&mut Search { share: TIGHTEST, too_high_rank: None });
+            let start = self.start.get_or_init(make).as_ref()?;
+            if !matches!(start.form, Form::LowRank(_)) {
+                search.too_high_rank = Some(theta);
             }
             Some(start.evaluate(y, theta.s))
         } else {
-            likelihood(too_high_rank).map(|at| at.evaluate(y, theta.s))
+            likelihood(search).map(|at| at.evaluate(y, theta.s))
         }
     }
 }
 
-/// Largest remainder on the diagonal. The error of the derivative by `ln l` is larger than that of the kernel by
-/// the factor `l^2` (of inputs of unit variance), which the tolerance makes good; the rank is low there.
-fn tolerance(theta: Theta) -> f64 {
-    (RELATIVE_TOLERANCE * theta.s.min(1.0) / theta.l.max(1.0).powi(2)).max(ROUNDING)
+/// State of a search.
+struct Search {
+    /// What the kernel matrix may lack on its diagonal, as a share of the noise variance.
+    share: f64,
+    /// A place where the rank was too high: it is so for every shorter length scale at the same or less noise.
+    too_high_rank: Option<Theta>,
+}
+
+impl Search {
+    /// Largest remainder on the diagonal. The error of the derivative by `ln l` is larger than that of the kernel for
+    /// long length scales (of inputs of unit variance), which the tolerance makes good; the rank is low there.
+    fn tolerance(&self, theta: Theta) -> f64 {
+        (self.share * theta.s.min(1.0) / theta.l.max(1.0)).max(ROUNDING)
+    }
+}
+
+/// What a likelihood is computed for.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Purpose {
+    /// Its value and gradient.
+    Search,
+    /// Its value and the residuals, exact.
+    Residuals,
 }
 
 /// Rank up to which the low-rank form is the faster one.
@@ -148,38 +181,65 @@ fn max_rank(n: usize) -> usize {
 }
 
 impl Likelihood {
-    /// The form that is the faster one at `theta`. `too_high_rank` is a place of the same search where the rank was
-    /// too high: it is so for every shorter length scale at the same or less noise.
+    /// The form that is the fastest at `theta`.
     fn new(
         inputs: &Inputs,
         theta: Theta,
-        too_high_rank: &mut Option<Theta>,
+        purpose: Purpose,
+        search: &mut Search,
         memory: &Arc<Memory>,
     ) -> Option<Self> {
         let n = inputs.len();
         let hold = |bytes: usize| (n > LARGE).then(|| memory.hold(bytes));
-        let known = too_high_rank.is_some_and(|at| theta.l <= at.l && theta.s <= at.s);
+        let gradient = purpose == Purpose::Search;
+        let known = search.too_high_rank.is_some_and(|at| theta.l <= at.l && theta.s <= at.s);
         if !known {
             let held = hold(LowRank::bytes(n, max_rank(n)));
-            if let Some(at) = LowRank::new(inputs, theta, tolerance(theta), max_rank(n)) {
+            if let Some(at) = LowRank::new(inputs, theta, search.tolerance(theta), max_rank(n), gradient) {
                 return Some(Self { form: Form::LowRank(at), _held: held });
             }
-            *too_high_rank = Some(theta);
+            if gradient {
+                search.too_high_rank = Some(theta);
+            }
         }
-        let held = hold(Dense::bytes(n));
-        Dense::new(inputs, theta).map(|at| Self { form: Form::Dense(at), _held: held })
+        if gradient && n as f64 <= WELL_CONDITIONED * theta.s {
+            let held = hold(Dense::<f32>::bytes(n));
+            if let Some(at) = Dense::<f32>::new(inputs, theta, true) {
+                return Some(Self { form: Form::Single(at), _held: held });
+            }
+        }
+        let held = hold(Dense::<f64>::bytes(n));
+        Dense::<f64>::new(inputs, theta, gradient).map(|at| Self { form: Form::Dense(at), _held: held })
     }
 
-    fn evaluate(&self, y: &[f64], s: f64) -> (f64, [f64; 2], Vec<f64>) {
-        let (log_determinant, trace_inverse, trace_derivative, (alpha, curvature)) = match &self.form {
-            Form::Dense(at) => (at.log_determinant, at.trace_inverse, at.trace_derivative, at.solve(y)),
-            Form::LowRank(at) => (at.log_determinant, at.trace_inverse, at.trace_derivative, at.solve(y)),
+    fn evaluate(&self, y: &[f64], s: f64) -> (f64, [f64; 2]) {
+        let (traces, (alpha, curvature)) = match &self.form {
+            Form::Dense(at) => (at.traces, at.solve(y)),
+            Form::Single(at) => (at.traces, at.solve(y)),
+            Form::LowRank(at) => (at.traces, at.solve(y)),
         };
-        let value =
-            0.5 * (dot(y, &alpha) + log_determinant + y.len() as f64 * (2.0 * std::f64::consts::PI).ln());
         let gradient =
-            [0.5 * (trace_derivative - curvature), 0.5 * s * (trace_inverse - dot(&alpha, &alpha))];
-        (value, gradient, alpha)
+            [0.5 * (traces.derivative - curvature), 0.5 * s * (traces.inverse - dot(&alpha, &alpha))];
+        (self.value(y, &alpha), gradient)
+    }
+
+    /// Minus the log marginal likelihood and `(K + s I)^-1 y`.
+    fn value_and_alpha(&self, y: &[f64]) -> (f64, Vec<f64>) {
+        let alpha = match &self.form {
+            Form::Dense(at) => at.alpha(y),
+            Form::Single(at) => at.alpha(y),
+            Form::LowRank(at) => at.alpha(y),
+        };
+        (self.value(y, &alpha), alpha)
+    }
+
+    fn value(&self, y: &[f64], alpha: &[f64]) -> f64 {
+        let log_determinant = match &self.form {
+            Form::Dense(at) => at.log_determinant,
+            Form::Single(at) => at.log_determinant,
+            Form::LowRank(at) => at.log_determinant,
+        };
+        0.5 * (dot(y, alpha) + log_determinant + y.len() as f64 * std::f64::consts::TAU.ln())
     }
 }
 
@@ -233,20 +293,35 @@ mod tests {
                 (by_definition(&rows, &y, at(1.0)) - by_definition(&rows, &y, at(-1.0))) / (2.0 * h)
             };
             let expected_gradient = [slope(h, 0.0), slope(0.0, h)];
-            let dense = Dense::new(&inputs, theta).map(Form::Dense).map(alone).unwrap();
-            let low_rank = LowRank::new(&inputs, theta, tolerance(theta), 2 * n).map(Form::LowRank).map(alone).unwrap();
-            let (value, gradient, alpha) = dense.evaluate(&y, theta.s);
+            let tolerance = Search { share: 1e-10, too_high_rank: None }.tolerance(theta) / theta.l.max(1.0);
+            let dense = Dense::<f64>::new(&inputs, theta, true).map(Form::Dense).map(alone).unwrap();
+            let end = Dense::<f64>::new(&inputs, theta, false).map(Form::Dense).map(alone).unwrap();
+            let low_rank = LowRank::new(&inputs, theta, tolerance, 2 * n, true).map(Form::LowRank).map(alone).unwrap();
+            let (value, gradient) = dense.evaluate(&y, theta.s);
+            let (value_at_end, alpha) = end.value_and_alpha(&y);
             prop_assert!((value - expected).abs() < 1e-9 * expected.abs().max(1.0));
+            prop_assert!((value_at_end - expected).abs() < 1e-9 * expected.abs().max(1.0));
             for (got, expected) in gradient.iter().zip(expected_gradient) {
                 prop_assert!((got - expected).abs() < 1e-5 * expected.abs().max(1.0), "{got} {expected}");
             }
-            let (low_value, low_gradient, low_alpha) = low_rank.evaluate(&y, theta.s);
+            let (low_value, low_gradient) = low_rank.evaluate(&y, theta.s);
+            let (_, low_alpha) = low_rank.value_and_alpha(&y);
             prop_assert!((value - low_value).abs() < 1e-8 * value.abs().max(1.0), "{value} {low_value}");
             for (dense, low) in gradient.iter().zip(low_gradient) {
                 prop_assert!((dense - low).abs() < 1e-6 * dense.abs().max(1.0), "{dense} {low}");
             }
             for (dense, low) in alpha.iter().zip(&low_alpha) {
                 prop_assert!((dense - low).abs() < 1e-7 / theta.s, "{dense} {low}");
+            }
+            // Single precision, where the search would use it.
+            if n as f64 <= WELL_CONDITIONED * theta.s {
+                let single = Dense::<f32>::new(&inputs, theta, true).map(Form::Single).map(alone).unwrap();
+                let (single_value, single_gradient) = single.evaluate(&y, theta.s);
+                let limit = 1e-5 * (1.0 + 0.01 / theta.s) * value.abs().max(1.0);
+                prop_assert!((value - single_value).abs() < limit, "{value} {single_value}");
+                for (dense, single) in gradient.iter().zip(single_gradient) {
+                    prop_assert!((dense - single).abs() < 100.0 * limit, "{dense} {single}");
+                }
             }
         }
     }

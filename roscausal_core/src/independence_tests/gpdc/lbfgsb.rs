@@ -22,11 +22,14 @@ pub(super) struct Tolerances {
     pub(super) projected_gradient: f64,
     /// Iterations.
     pub(super) max_iterations: usize,
+    /// Error of the function's values, relative to `max(|f|, 1)`. Differences within it are not trusted: what an
+    /// iteration gained then follows from the gradients, which are more exact than such differences.
+    pub(super) noise: f64,
 }
 
 impl Default for Tolerances {
     fn default() -> Self {
-        Self { relative_decrease: 1e7 * f64::EPSILON, projected_gradient: 1e-5, max_iterations: 15_000 }
+        Self { relative_decrease: 1e7 * f64::EPSILON, projected_gradient: 1e-5, max_iterations: 15_000, noise: 0.0 }
     }
 }
 
@@ -75,7 +78,15 @@ pub(super) fn minimize<const N: usize, E>(
             memory = Memory::new();
             continue;
         };
-        let next = match line_minimum(&mut evaluate, &at, target, bounds, first)? {
+        let step: [f64; N] = std::array::from_fn(|i| target[i] - at.x[i]);
+        let gain = -0.5 * dot(&at.gradient, &step);
+        let scale = at.value.abs().max(1.0);
+        if !memory.pairs.is_empty() && (0.0..=tolerances.relative_decrease * scale).contains(&gain) {
+            // The last step gains less than would be asked of it: it is taken unseen.
+            return Ok(Point { x: target, value: at.value - gain, ..at });
+        }
+        let noise = tolerances.noise * scale;
+        let next = match line_minimum(&mut evaluate, &at, target, bounds, first, noise)? {
             Some(next) => next,
             // A failed search from the steepest descent direction ends it; from another one the memory is
             // misleading and is emptied.
@@ -88,8 +99,9 @@ pub(super) fn minimize<const N: usize, E>(
         first = false;
         iteration += 1;
         let scale = at.value.abs().max(next.value.abs()).max(1.0);
+        let enough = tolerances.relative_decrease * scale;
         let converged = bounds.projected_gradient(&next) <= tolerances.projected_gradient
-            || at.value - next.value <= tolerances.relative_decrease * scale;
+            || at.value - next.value <= enough + noise && (noise == 0.0 || gain_between(&at, &next) <= enough);
         memory.remember(&at, &next);
         at = next;
         if converged {
@@ -99,6 +111,11 @@ pub(super) fn minimize<const N: usize, E>(
     Ok(at)
 }
 
+/// What the function loses from one point to the next by the gradients at both ends: exact where it is quadratic.
+fn gain_between<const N: usize>(from: &Point<N>, to: &Point<N>) -> f64 {
+    (0..N).map(|i| -0.5 * (from.gradient[i] + to.gradient[i]) * (to.x[i] - from.x[i])).sum()
+}
+
 /// Searches the segment from `at` towards `target` for a point with enough decrease.
 fn line_minimum<const N: usize, E>(
     evaluate: &mut impl FnMut([f64; N]) -> Result<Point<N>, E>,
@@ -106,6 +123,7 @@ fn line_minimum<const N: usize, E>(
     target: [f64; N],
     bounds: &Bounds<N>,
     first: bool,
+    noise: f64,
 ) -> Result<Option<Point<N>>, E> {
     let direction: [f64; N] = std::array::from_fn(|i| target[i] - at.x[i]);
     let slope = dot(&at.gradient, &direction);
@@ -123,7 +141,7 @@ fn line_minimum<const N: usize, E>(
             bounds.clamp(std::array::from_fn(|i| at.x[i] + length * direction[i]))
         };
         let point = evaluate(x)?;
-        match search.next(point.value, dot(&point.gradient, &direction)) {
+        match search.next(point.value - noise, dot(&point.gradient, &direction)) {
             Step::Try(next) => length = next,
             Step::Done => return Ok(Some(point)),
             Step::Failed => return Ok(None),
@@ -330,7 +348,7 @@ mod tests {
     #[test]
     fn the_minimum_inside_is_found() {
         let bounds = Bounds { lower: [-5.0; 2], upper: [5.0; 2] };
-        let tight = Tolerances { relative_decrease: 0.0, projected_gradient: 1e-9, max_iterations: 500 };
+        let tight = Tolerances { relative_decrease: 0.0, projected_gradient: 1e-9, max_iterations: 500, noise: 0.0 };
         let end = minimize(rosenbrock, [-1.2, 1.0], &bounds, &tight).unwrap();
         assert!(end.x.iter().all(|x| (x - 1.0).abs() < 1e-8), "{end:?}");
     }
