@@ -26,11 +26,6 @@ impl Buffer {
         memory.resize(n, 0.0);
         Self(memory)
     }
-
-    /// Makes it `n` doubles long, those added being 0.
-    pub(super) fn resize(&mut self, n: usize) {
-        self.0.resize(n, 0.0);
-    }
 }
 
 impl Deref for Buffer {

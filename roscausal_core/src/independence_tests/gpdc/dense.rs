@@ -7,7 +7,8 @@ use faer::{
     Accum, MatMut, MatRef, Par,
     dyn_stack::{MemBuffer, MemStack},
     linalg::{
-        cholesky::llt, matmul, triangular_inverse,
+        cholesky::llt,
+        matmul, triangular_inverse,
         triangular_solve::{solve_lower_triangular_in_place, solve_upper_triangular_in_place},
     },
     prelude::ReborrowMut,
@@ -112,7 +113,12 @@ impl<T: Real> Dense<T> {
     pub(super) fn new(inputs: &Inputs, theta: Theta, for_search: bool) -> Option<Self> {
         let n = inputs.len();
         let (mut factor, mut parts) = (numbers::<T>(n * n), numbers::<T>(if for_search { n * n } else { 0 }));
-        fill::<T>(inputs, theta, view_mut(&mut factor, n * n), for_search.then(|| view_mut(&mut parts, n * n)));
+        fill::<T>(
+            inputs,
+            theta,
+            view_mut(&mut factor, n * n),
+            for_search.then(|| view_mut(&mut parts, n * n)),
+        );
         let matrix = view_mut::<T>(&mut factor, n * n);
         let scratch = llt::factor::cholesky_in_place_scratch::<T>(n, Par::Seq, Default::default());
         llt::factor::cholesky_in_place(
@@ -126,7 +132,14 @@ impl<T: Real> Dense<T> {
         let log_determinant = 2.0 * matrix.iter().step_by(n + 1).map(|d| d.double().ln()).sum::<f64>();
         if !for_search {
             let traces = Traces::default();
-            return Some(Self { n, parts: factor, inverted: false, log_determinant, traces, precision: PhantomData });
+            return Some(Self {
+                n,
+                parts: factor,
+                inverted: false,
+                log_determinant,
+                traces,
+                precision: PhantomData,
+            });
         }
         let inverse = view_mut::<T>(&mut parts, n * n);
         triangular_inverse::invert_lower_triangular(

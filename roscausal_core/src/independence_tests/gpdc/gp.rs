@@ -8,6 +8,7 @@ use super::{
     lbfgsb::{Bounds, Tolerances, minimize},
     low_rank::LowRank,
     memory::{Held, Memory},
+    refine,
 };
 use crate::{Error, Result};
 
@@ -107,7 +108,7 @@ impl GaussianProcess {
     /// Those of `check`.
     pub(super) fn fit(&self, target: &[f64], check: &dyn Fn() -> Result<()>) -> Result<Fit> {
         let bounds = Bounds { lower: [SMALLEST.ln(); 2], upper: [LARGEST.ln(); 2] };
-        let mut search = Search { share: TIGHTEST, too_high_rank: None };
+        let mut search = Search::new();
         let optimum = minimize(
             |logarithms| {
                 check()?;
@@ -123,30 +124,47 @@ impl GaussianProcess {
             &Tolerances { noise: NOISE, ..Tolerances::default() },
         )?;
         let theta = Theta::from_logarithms(optimum.x);
-        search.share = AT_THE_END;
-        let end = Likelihood::new(&self.inputs, theta, Purpose::Residuals, &mut search, &self.memory);
-        let (value, alpha) = end.map(|end| end.value_and_alpha(target)).ok_or_else(|| {
+        let alpha = self.alpha(target, theta, search).ok_or_else(|| {
             Error::Data("a Gaussian process has no positive definite covariance on these samples".into())
         })?;
         // y - K (K + s I)^-1 y = s (K + s I)^-1 y
         let residuals = alpha.iter().map(|a| theta.s * a).collect();
-        Ok(Fit { log_likelihood: -value, residuals })
+        Ok(Fit { log_likelihood: -optimum.value, residuals })
+    }
+
+    /// `(K + s I)^-1 y`, exact.
+    fn alpha(&self, y: &[f64], theta: Theta, mut search: Search) -> Option<Vec<f64>> {
+        let nearest = search.last.take();
+        if let Some(nearest) = nearest.as_ref().or_else(|| self.start.get().and_then(Option::as_ref)) {
+            let refined = refine::solve(&self.inputs, theta, y, |rest| nearest.alpha(rest));
+            if refined.is_some() {
+                return refined;
+            }
+        }
+        drop(nearest);
+        search.share = AT_THE_END;
+        let end = Likelihood::new(&self.inputs, theta, Purpose::Residuals, &mut search, &self.memory)?;
+        Some(end.alpha(y))
     }
 
     /// Minus the log marginal likelihood and its gradient by `(ln l, ln s)`.
     fn evaluate(&self, y: &[f64], theta: Theta, search: &mut Search) -> Option<(f64, [f64; 2])> {
+        search.last = None;
         let likelihood =
             |search: &mut Search| Likelihood::new(&self.inputs, theta, Purpose::Search, search, &self.memory);
         if theta == Theta::START && y.len() <= LARGE {
-            let make = || likelihood(&mut Search { share: TIGHTEST, too_high_rank: None });
-            let start = self.start.get_or_init(make).as_ref()?;
+            let start = self.start.get_or_init(|| likelihood(&mut Search::new())).as_ref()?;
             if !matches!(start.form, Form::LowRank(_)) {
-                search.too_high_rank = Some(theta);
+                search.too_high_rank = Some((theta.l, search.tolerance(theta)));
             }
-            Some(start.evaluate(y, theta.s))
-        } else {
-            likelihood(search).map(|at| at.evaluate(y, theta.s))
+            return Some(start.evaluate(y, theta.s));
         }
+        let at = likelihood(search)?;
+        let result = at.evaluate(y, theta.s);
+        if y.len() <= LARGE {
+            search.last = Some(at);
+        }
+        Some(result)
     }
 }
 
@@ -154,11 +172,17 @@ impl GaussianProcess {
 struct Search {
     /// What the kernel matrix may lack on its diagonal, as a share of the noise variance.
     share: f64,
-    /// A place where the rank was too high: it is so for every shorter length scale at the same or less noise.
-    too_high_rank: Option<Theta>,
+    /// A length scale and a tolerance where the rank was too high: it is so for all that are shorter and tighter.
+    too_high_rank: Option<(f64, f64)>,
+    /// The likelihood at the last place but the start; of large matrices none is kept.
+    last: Option<Likelihood>,
 }
 
 impl Search {
+    fn new() -> Self {
+        Self { share: TIGHTEST, too_high_rank: None, last: None }
+    }
+
     /// Largest remainder on the diagonal. The error of the derivative by `ln l` is larger than that of the kernel for
     /// long length scales (of inputs of unit variance), which the tolerance makes good; the rank is low there.
     fn tolerance(&self, theta: Theta) -> f64 {
@@ -192,15 +216,14 @@ impl Likelihood {
         let n = inputs.len();
         let hold = |bytes: usize| (n > LARGE).then(|| memory.hold(bytes));
         let gradient = purpose == Purpose::Search;
-        let known = search.too_high_rank.is_some_and(|at| theta.l <= at.l && theta.s <= at.s);
+        let tolerance = search.tolerance(theta);
+        let known = search.too_high_rank.is_some_and(|(l, at)| theta.l <= l && tolerance <= at);
         if !known {
             let held = hold(LowRank::bytes(n, max_rank(n)));
-            if let Some(at) = LowRank::new(inputs, theta, search.tolerance(theta), max_rank(n), gradient) {
+            if let Some(at) = LowRank::new(inputs, theta, tolerance, max_rank(n), gradient) {
                 return Some(Self { form: Form::LowRank(at), _held: held });
             }
-            if gradient {
-                search.too_high_rank = Some(theta);
-            }
+            search.too_high_rank = Some((theta.l, tolerance));
         }
         if gradient && n as f64 <= WELL_CONDITIONED * theta.s {
             let held = hold(Dense::<f32>::bytes(n));
@@ -223,14 +246,13 @@ impl Likelihood {
         (self.value(y, &alpha), gradient)
     }
 
-    /// Minus the log marginal likelihood and `(K + s I)^-1 y`.
-    fn value_and_alpha(&self, y: &[f64]) -> (f64, Vec<f64>) {
-        let alpha = match &self.form {
+    /// `(K + s I)^-1 y`.
+    fn alpha(&self, y: &[f64]) -> Vec<f64> {
+        match &self.form {
             Form::Dense(at) => at.alpha(y),
             Form::Single(at) => at.alpha(y),
             Form::LowRank(at) => at.alpha(y),
-        };
-        (self.value(y, &alpha), alpha)
+        }
     }
 
     fn value(&self, y: &[f64], alpha: &[f64]) -> f64 {
@@ -293,19 +315,20 @@ mod tests {
                 (by_definition(&rows, &y, at(1.0)) - by_definition(&rows, &y, at(-1.0))) / (2.0 * h)
             };
             let expected_gradient = [slope(h, 0.0), slope(0.0, h)];
-            let tolerance = Search { share: 1e-10, too_high_rank: None }.tolerance(theta) / theta.l.max(1.0);
+            let tolerance = Search { share: 1e-10, ..Search::new() }.tolerance(theta) / theta.l.max(1.0);
             let dense = Dense::<f64>::new(&inputs, theta, true).map(Form::Dense).map(alone).unwrap();
             let end = Dense::<f64>::new(&inputs, theta, false).map(Form::Dense).map(alone).unwrap();
             let low_rank = LowRank::new(&inputs, theta, tolerance, 2 * n, true).map(Form::LowRank).map(alone).unwrap();
             let (value, gradient) = dense.evaluate(&y, theta.s);
-            let (value_at_end, alpha) = end.value_and_alpha(&y);
+            let alpha = end.alpha(&y);
+            let value_at_end = end.value(&y, &alpha);
             prop_assert!((value - expected).abs() < 1e-9 * expected.abs().max(1.0));
             prop_assert!((value_at_end - expected).abs() < 1e-9 * expected.abs().max(1.0));
             for (got, expected) in gradient.iter().zip(expected_gradient) {
                 prop_assert!((got - expected).abs() < 1e-5 * expected.abs().max(1.0), "{got} {expected}");
             }
             let (low_value, low_gradient) = low_rank.evaluate(&y, theta.s);
-            let (_, low_alpha) = low_rank.value_and_alpha(&y);
+            let low_alpha = low_rank.alpha(&y);
             prop_assert!((value - low_value).abs() < 1e-8 * value.abs().max(1.0), "{value} {low_value}");
             for (dense, low) in gradient.iter().zip(low_gradient) {
                 prop_assert!((dense - low).abs() < 1e-6 * dense.abs().max(1.0), "{dense} {low}");

@@ -63,7 +63,8 @@ impl NullaryFnOnce for Column<'_> {
         for row in inputs.values.chunks_exact(inputs.n) {
             let centre = row[j];
             for (sum, &value) in kernel.iter_mut().zip(&row[from..]) {
-                *sum += (value - centre) * (value - centre);
+                let difference = value - centre;
+                *sum = difference.mul_add(difference, *sum);
             }
         }
         if derivative.is_empty() {
@@ -89,24 +90,28 @@ fn exp_of_negative(x: f64) -> f64 {
     const LN_2_HIGH: f64 = 6.931_471_803_691_238e-1;
     const LN_2_LOW: f64 = 1.908_214_929_270_587_7e-10;
     let clamped = if x < -708.0 { -708.0 } else { x };
-    let shifted = clamped * std::f64::consts::LOG2_E + ROUND;
+    let shifted = clamped.mul_add(std::f64::consts::LOG2_E, ROUND);
     let k = shifted - ROUND;
-    let r = (clamped - k * LN_2_HIGH) - k * LN_2_LOW;
+    let r = k.mul_add(-LN_2_LOW, k.mul_add(-LN_2_HIGH, clamped));
     // Taylor to r^13: the first term left out is below 5e-18.
-    let mut p = 1.0 / 6_227_020_800.0;
-    p = p * r + 1.0 / 479_001_600.0;
-    p = p * r + 1.0 / 39_916_800.0;
-    p = p * r + 1.0 / 3_628_800.0;
-    p = p * r + 1.0 / 362_880.0;
-    p = p * r + 1.0 / 40_320.0;
-    p = p * r + 1.0 / 5_040.0;
-    p = p * r + 1.0 / 720.0;
-    p = p * r + 1.0 / 120.0;
-    p = p * r + 1.0 / 24.0;
-    p = p * r + 1.0 / 6.0;
-    p = p * r + 0.5;
-    p = p * r + 1.0;
-    p = p * r + 1.0;
+    let mut p = 1.0_f64 / 6_227_020_800.0;
+    for factorial in [
+        479_001_600.0,
+        39_916_800.0,
+        3_628_800.0,
+        362_880.0,
+        40_320.0,
+        5_040.0,
+        720.0,
+        120.0,
+        24.0,
+        6.0,
+        2.0,
+        1.0,
+        1.0,
+    ] {
+        p = p.mul_add(r, 1.0 / factorial);
+    }
     let power = f64::from_bits((shifted.to_bits() << 52).wrapping_add(1023 << 52));
     let value = p * power;
     if x < -708.0 { 0.0 } else { value }

@@ -29,7 +29,12 @@ pub(super) struct Tolerances {
 
 impl Default for Tolerances {
     fn default() -> Self {
-        Self { relative_decrease: 1e7 * f64::EPSILON, projected_gradient: 1e-5, max_iterations: 15_000, noise: 0.0 }
+        Self {
+            relative_decrease: 1e7 * f64::EPSILON,
+            projected_gradient: 1e-5,
+            max_iterations: 15_000,
+            noise: 0.0,
+        }
     }
 }
 
@@ -101,7 +106,8 @@ pub(super) fn minimize<const N: usize, E>(
         let scale = at.value.abs().max(next.value.abs()).max(1.0);
         let enough = tolerances.relative_decrease * scale;
         let converged = bounds.projected_gradient(&next) <= tolerances.projected_gradient
-            || at.value - next.value <= enough + noise && (noise == 0.0 || gain_between(&at, &next) <= enough);
+            || at.value - next.value <= enough + noise
+                && (noise == 0.0 || gain_between(&at, &next) <= enough);
         memory.remember(&at, &next);
         at = next;
         if converged {
@@ -348,7 +354,8 @@ mod tests {
     #[test]
     fn the_minimum_inside_is_found() {
         let bounds = Bounds { lower: [-5.0; 2], upper: [5.0; 2] };
-        let tight = Tolerances { relative_decrease: 0.0, projected_gradient: 1e-9, max_iterations: 500, noise: 0.0 };
+        let tight =
+            Tolerances { relative_decrease: 0.0, projected_gradient: 1e-9, max_iterations: 500, noise: 0.0 };
         let end = minimize(rosenbrock, [-1.2, 1.0], &bounds, &tight).unwrap();
         assert!(end.x.iter().all(|x| (x - 1.0).abs() < 1e-8), "{end:?}");
     }

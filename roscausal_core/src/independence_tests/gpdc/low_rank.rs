@@ -93,8 +93,7 @@ impl LowRank {
     /// `tr(A^-1 W dK_p W') = tr(X) - s tr(M^-1 X)` where `X = L_p^-1 dK_p L_p^-T`.
     fn differentiate(&mut self, inputs: &Inputs, theta: Theta, pivots: &[usize]) {
         let (n, r) = (inputs.len(), pivots.len());
-        let at_pivots =
-            Mat::from_fn(r, r, |i, j| if j <= i { self.factor[j * n + pivots[i]] } else { 0.0 });
+        let at_pivots = Mat::from_fn(r, r, |i, j| if j <= i { self.factor[j * n + pivots[i]] } else { 0.0 });
         let (_, derivative) = inputs.between(theta.l, pivots);
         let derivative = MatRef::from_column_major_slice(&derivative, r, r).to_owned();
 
@@ -118,8 +117,7 @@ impl LowRank {
             1.0,
             Par::Seq,
         );
-        let below =
-            |j: usize| dot(&of_inner.col_as_slice(j)[j + 1..], &whole.col_as_slice(j)[j + 1..]);
+        let below = |j: usize| dot(&of_inner.col_as_slice(j)[j + 1..], &whole.col_as_slice(j)[j + 1..]);
         let on_diagonal = (0..r).map(|i| of_inner[(i, i)] * whole[(i, i)]).sum::<f64>();
         let weighted = on_diagonal + 2.0 * (0..r).map(below).sum::<f64>();
         self.traces = Traces {
@@ -225,12 +223,12 @@ fn incomplete_cholesky(
         }
         let least = tolerance.max(SHARE_OF_LARGEST * largest);
         for taken in 0..width {
-            let (best, &pivot) = candidates[taken..]
-                .iter()
-                .enumerate()
-                .fold(None, |best: Option<(usize, &usize)>, now| match best {
-                    Some(before) if remainder[*before.1] >= remainder[*now.1] => best,
-                    _ => Some(now),
+            let (best, &pivot) =
+                candidates[taken..].iter().enumerate().fold(None, |best: Option<(usize, &usize)>, now| {
+                    match best {
+                        Some(before) if remainder[*before.1] >= remainder[*now.1] => best,
+                        _ => Some(now),
+                    }
                 })?;
             if remainder[pivot] < least {
                 break;
@@ -286,13 +284,13 @@ impl NullaryFnOnce for NextColumn<'_> {
             let (c, d) = rest.split_at(n);
             let (fa, fb, fc, fd) = (a[pivot], b[pivot], c[pivot], d[pivot]);
             for ((((value, a), b), c), d) in now.iter_mut().zip(a).zip(b).zip(c).zip(d) {
-                *value -= (a * fa + b * fb) + (c * fc + d * fd);
+                *value = d.mul_add(-fd, c.mul_add(-fc, b.mul_add(-fb, a.mul_add(-fa, *value))));
             }
         }
         for column in fours.remainder().chunks_exact(n) {
             let factor = column[pivot];
             for (value, c) in now.iter_mut().zip(column) {
-                *value -= c * factor;
+                *value = c.mul_add(-factor, *value);
             }
         }
         let scale = 1.0 / remainder[pivot].sqrt();

@@ -12,6 +12,7 @@ mod low_rank;
 mod memory;
 mod null_table;
 mod pcg64;
+mod refine;
 mod residuals;
 
 use std::sync::Arc;

@@ -35,14 +35,11 @@ impl NullTable {
         let (mut x, mut y) = (Vec::new(), Vec::new());
         let mut y_ranks = vec![0; n];
         let mut one = || {
-            for series in [&mut x, &mut y] {
-                series.clear();
-                series.extend((0..n as u32).map(|i| (rng.next_f64(), i)));
-                series.sort_unstable_by(|a: &(f64, u32), b| a.0.total_cmp(&b.0));
-            }
-            (1..).zip(&y).for_each(|(rank, &(_, i))| y_ranks[i as usize] = rank);
+            uniform_order(&mut rng, n, &mut x);
+            uniform_order(&mut rng, n, &mut y);
+            (1..).zip(&y).for_each(|(rank, &i)| y_ranks[i as usize] = rank);
             pairs.clear();
-            pairs.extend((1..).zip(&x).map(|(rank, &(_, i))| (rank, y_ranks[i as usize])));
+            pairs.extend((1..).zip(&x).map(|(rank, &i)| (rank, y_ranks[i as usize])));
             of_sorted(&mut pairs, &mut space)
         };
         let mut table: Vec<f64> = (0..samples).map(|_| one()).collect();
@@ -54,6 +51,23 @@ impl NullTable {
     pub(super) fn share_above(&self, value: f64) -> f64 {
         let not_above = self.0.partition_point(|&null| null <= value);
         (self.0.len() - not_above) as f64 / self.0.len().max(1) as f64
+    }
+}
+
+/// Draws `n` doubles, uniform in `[0, 1)`, and writes their places in ascending order. The doubles are 53 random bits
+/// each; sorting goes by those bits with the place below them.
+fn uniform_order(rng: &mut Pcg64, n: usize, order: &mut Vec<u32>) {
+    const PLACE_BITS: u32 = 11;
+    order.clear();
+    if n <= 1 << PLACE_BITS {
+        let mut keys: Vec<u64> =
+            (0..n as u64).map(|i| rng.next_u64() >> PLACE_BITS << PLACE_BITS | i).collect();
+        keys.sort_unstable();
+        order.extend(keys.iter().map(|key| (key & ((1 << PLACE_BITS) - 1)) as u32));
+    } else {
+        let mut keys: Vec<(u64, u32)> = (0..n as u32).map(|i| (rng.next_u64() >> PLACE_BITS, i)).collect();
+        keys.sort_unstable();
+        order.extend(keys.iter().map(|key| key.1));
     }
 }
 

@@ -30,6 +30,7 @@ impl Pcg64 {
     }
 
     /// The next double, uniform in `[0, 1)`, a multiple of 2^-53.
+    #[cfg(test)]
     pub(super) fn next_f64(&mut self) -> f64 {
         (self.next_u64() >> 11) as f64 * (1.0 / (1u64 << 53) as f64)
     }
