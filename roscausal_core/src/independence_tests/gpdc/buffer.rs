@@ -16,34 +16,38 @@ thread_local! {
 }
 
 /// An array of doubles whose memory returns to its thread when dropped.
-#[derive(Default)]
-pub(super) struct Buffer(Vec<f64>);
+pub(super) struct Buffer {
+    memory: Vec<f64>,
+    n: usize,
+}
 
 impl Buffer {
     /// An array of `n` doubles with any content.
     pub(super) fn any(n: usize) -> Self {
         let mut memory = SPARE.with_borrow_mut(Vec::pop).unwrap_or_default();
-        memory.resize(n, 0.0);
-        Self(memory)
+        if memory.len() < n {
+            memory.resize(n, 0.0);
+        }
+        Self { memory, n }
     }
 }
 
 impl Deref for Buffer {
     type Target = [f64];
     fn deref(&self) -> &[f64] {
-        &self.0
+        &self.memory[..self.n]
     }
 }
 
 impl DerefMut for Buffer {
     fn deref_mut(&mut self) -> &mut [f64] {
-        &mut self.0
+        &mut self.memory[..self.n]
     }
 }
 
 impl Drop for Buffer {
     fn drop(&mut self) {
-        let memory = std::mem::take(&mut self.0);
+        let memory = std::mem::take(&mut self.memory);
         if memory.capacity() <= LARGEST_KEPT {
             // A thread that ends has no spare list any more: then the memory is freed.
             let _ = SPARE.try_with(|spare| {

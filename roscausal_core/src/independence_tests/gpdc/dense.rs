@@ -18,7 +18,7 @@ use faer::{
 use super::{
     buffer::Buffer,
     gp::{Theta, Traces},
-    kernel::{Inputs, dot},
+    kernel::{Inputs, dot, dot_of_singles},
 };
 
 /// Columns that are multiplied at a time.
@@ -64,16 +64,7 @@ impl Real for f32 {
     }
 
     fn dot(a: &[Self], b: &[Self]) -> f64 {
-        const LANES: usize = 32;
-        let mut sums = [0.0_f32; LANES];
-        let (a_chunks, b_chunks) = (a.chunks_exact(LANES), b.chunks_exact(LANES));
-        let rest: f32 = a_chunks.remainder().iter().zip(b_chunks.remainder()).map(|(a, b)| a * b).sum();
-        for (a, b) in a_chunks.zip(b_chunks) {
-            for k in 0..LANES {
-                sums[k] += a[k] * b[k];
-            }
-        }
-        sums.iter().map(|&sum| f64::from(sum)).sum::<f64>() + f64::from(rest)
+        dot_of_singles(a, b)
     }
 
     fn add_multiple(sums: &mut [Self], values: &[Self], factor: Self) {

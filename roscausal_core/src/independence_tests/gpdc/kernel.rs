@@ -117,19 +117,45 @@ fn exp_of_negative(x: f64) -> f64 {
     if x < -708.0 { 0.0 } else { value }
 }
 
-/// Sum of products, in sixteen partial sums so that it vectorises; the order of summation is fixed.
+/// Sum of products in partial sums whose order is fixed.
 pub(super) fn dot(a: &[f64], b: &[f64]) -> f64 {
-    const LANES: usize = 16;
-    let mut sums = [0.0; LANES];
-    let (a_chunks, b_chunks) = (a.chunks_exact(LANES), b.chunks_exact(LANES));
-    let rest: f64 = a_chunks.remainder().iter().zip(b_chunks.remainder()).map(|(a, b)| a * b).sum();
-    for (a, b) in a_chunks.zip(b_chunks) {
-        for k in 0..LANES {
-            sums[k] += a[k] * b[k];
-        }
-    }
-    sums.iter().sum::<f64>() + rest
+    Arch::new().dispatch(Dot { a, b })
 }
+
+/// The same in single precision, its partial sums added in double.
+pub(super) fn dot_of_singles(a: &[f32], b: &[f32]) -> f64 {
+    Arch::new().dispatch(Dot { a, b })
+}
+
+struct Dot<'a, T> {
+    a: &'a [T],
+    b: &'a [T],
+}
+
+/// The sum of products as [`NullaryFnOnce`] of a precision, in `$lanes` partial sums.
+macro_rules! dot_in {
+    ($precision:ty, $lanes:literal) => {
+        impl NullaryFnOnce for Dot<'_, $precision> {
+            type Output = f64;
+
+            #[inline(always)]
+            fn call(self) -> f64 {
+                let mut sums: [$precision; $lanes] = [0.0; $lanes];
+                let (a, b) = (self.a.chunks_exact($lanes), self.b.chunks_exact($lanes));
+                let rest: $precision = a.remainder().iter().zip(b.remainder()).map(|(a, b)| a * b).sum();
+                for (a, b) in a.zip(b) {
+                    for k in 0..$lanes {
+                        sums[k] = a[k].mul_add(b[k], sums[k]);
+                    }
+                }
+                sums.iter().map(|&sum| f64::from(sum)).sum::<f64>() + f64::from(rest)
+            }
+        }
+    };
+}
+
+dot_in!(f64, 32);
+dot_in!(f32, 64);
 
 #[cfg(test)]
 mod tests {
