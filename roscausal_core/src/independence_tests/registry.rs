@@ -29,6 +29,10 @@ pub fn by_name(name: &str, settings: &TestSettings) -> Result<Box<dyn CondIndTes
         settings.check()?;
         return build(settings);
     }
+    if cfg!(not(feature = "python")) && wanted == "gpdcpython" {
+        let way = "build with `--features python`, or use gpdc";
+        return Err(Error::param("test", format!("gpdc-python is not part of this build; {way}")));
+    }
     let nearest =
         names().max_by(|a, b| strsim::jaro_winkler(a, &wanted).total_cmp(&strsim::jaro_winkler(b, &wanted)));
     let all = names().collect::<Vec<_>>().join(", ");
