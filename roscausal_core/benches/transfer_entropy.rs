@@ -5,7 +5,10 @@ use std::hint::black_box;
 
 use criterion::{Criterion, criterion_group, criterion_main};
 use ndarray::Array2;
-use roscausal_core::discovery::{Control, DataFrame, TeEstimator, TransferEntropy};
+use roscausal_core::discovery::{
+    Control, DataFrame,
+    transfer_entropy::{TeEstimator, TransferEntropy},
+};
 
 /// A chain: variable k follows variable k - 1 one step before.
 fn data(n: usize, variables: usize) -> DataFrame {
