@@ -1,38 +1,22 @@
 //! GPDC: the null table, and one test by number of samples and conditions.
 #![allow(missing_docs, clippy::unwrap_used)]
 
+mod data;
+
 use std::hint::black_box;
 
 use criterion::{Criterion, criterion_group, criterion_main};
-use ndarray::Array2;
 use roscausal_core::{
-    discovery::{DataFrame, Node, Samples},
+    discovery::{Node, Samples},
     independence_tests::{TestSettings, by_name},
 };
-
-/// A chain with sine links: variable k follows variable k - 1 one step before.
-fn data(n: usize, variables: usize) -> DataFrame {
-    let mut state = 1u64;
-    let mut noise = || {
-        state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-        (state >> 11) as f64 / (1u64 << 53) as f64 - 0.5
-    };
-    let mut values = Array2::zeros((n, variables));
-    for t in 1..n {
-        for k in 0..variables {
-            let cause: f64 = if k == 0 { 0.0 } else { values[[t - 1, k - 1]] };
-            values[[t, k]] = 0.5 * values[[t - 1, k]] + (2.0 * cause).sin() + noise();
-        }
-    }
-    DataFrame::new(vec![values], (0..variables).map(|k| format!("v{k}")).collect()).unwrap()
-}
 
 fn benches(c: &mut Criterion) {
     let mut group = c.benchmark_group("gpdc");
     group.sample_size(10);
     let mut seed = 1;
     for n in [500, 2000] {
-        let data = data(n, 3);
+        let data = data::chain(n, 3);
         let samples = Samples::new(&data, 0);
         group.bench_function(format!("null_table_500_n{n}"), |b| {
             b.iter(|| {
@@ -45,7 +29,7 @@ fn benches(c: &mut Criterion) {
         });
     }
     for (n, conditions) in [(500, 1), (500, 2), (500, 4), (1000, 1), (1000, 2)] {
-        let data = data(n, conditions + 2);
+        let data = data::chain(n, conditions + 2);
         let samples = Samples::new(&data, 1);
         let test = by_name("gpdc", &TestSettings::default()).unwrap();
         let z: Vec<Node> = (0..conditions).map(|k| Node::new(k, 1)).collect();
