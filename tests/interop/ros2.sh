@@ -60,12 +60,16 @@ unset ROS_LOCALHOST_ONLY
 build() { # name, then colcon's arguments; the log is shown only when it fails
   local name=$1
   shift
+  echo "building $name ..."
   (cd "$work/$name" && colcon --log-base log build --event-handlers console_stderr- "$@") >"$work/$name.log" 2>&1 || {
     tail -50 "$work/$name.log"
     give_up "colcon did not build $name (log: $work/$name.log)"
   }
+}
+
+use() { # the packages of one workspace
   set +u
-  . "$work/$name/install/local_setup.bash"
+  . "$work/$1/install/local_setup.bash"
   set -u
 }
 
@@ -73,21 +77,29 @@ build() { # name, then colcon's arguments; the log is shown only when it fails
 mkdir -p "$work/foreign/src"
 python3 "$root/tests/interop/ros2/make_packages.py" "$root/roscausal_msgs/foreign" "$work/foreign/src" \
   tf2_msgs people_msgs pedsim_msgs spencer_tracking_msgs
-[ "$work/foreign/install/ready" -nt "$root/roscausal_msgs/foreign" ] || build foreign
-touch "$work/foreign/install/ready"
+stamp=$(find "$work/foreign/src" -type f -exec cksum {} + | sort | cksum)
+if [ "$stamp" != "$(cat "$work/foreign/built" 2>/dev/null)" ]; then
+  build foreign
+  echo "$stamp" >"$work/foreign/built"
+fi
+use foreign
 
-# this repository as a plain clone in a workspace (with what is not committed yet)
-mkdir -p "$work/ws/src/roscausal"
-(cd "$root" && git ls-files -co --exclude-standard -z | tar --null -T - --ignore-failed-read -cf - 2>/dev/null) |
-  tar -xf - -C "$work/ws/src/roscausal"
 if [ "${ROSCAUSAL_PROFILE:-release}" = release ]; then
+  # this repository as a plain clone in a workspace (with what is not committed yet): messages and nodes in one build
+  rm -rf "$work/ws/src"
+  mkdir -p "$work/ws/src/roscausal"
+  (cd "$root" && git ls-files -co --exclude-standard -z | tar --null -T - --ignore-failed-read -cf - 2>/dev/null) |
+    tar -xf - -C "$work/ws/src/roscausal"
   build ws --cmake-args "-DROSCAUSAL_CARGO_TARGET_DIR=$target"
+  use ws
   (cd "$work/ws/src/roscausal" && CARGO_TARGET_DIR=$target cargo build -q --release --locked -p roscausal_ros2 --example peer) ||
     give_up "cargo did not build the tests' peer"
   export ROSCAUSAL_BIN=$work/ws/install/roscausal/lib/roscausal ROSCAUSAL_PEER=$target/release/examples/peer
   export ROSCAUSAL_INSTALL=$work/ws/install
 else
-  build ws --base-paths src/roscausal/roscausal_msgs
+  mkdir -p "$work/messages"
+  build messages --base-paths "$root/roscausal_msgs"
+  use messages
   export ROSCAUSAL_BIN=$target/$ROSCAUSAL_PROFILE ROSCAUSAL_PEER=$target/$ROSCAUSAL_PROFILE/examples/peer
 fi
 
