@@ -55,6 +55,7 @@ pub(crate) struct Inner {
     clock: AtomicI64,
     clock_subscription: Mutex<Option<Ros2Subscription>>,
     announcer: Mutex<Option<Writer<ParticipantEntitiesInfo>>>,
+    leaving: Mutex<()>,
     alive: AtomicBool,
     failed: AtomicBool,
     consumers: Mutex<Vec<Arc<dyn Consumer>>>,
@@ -120,6 +121,7 @@ impl Ros2 {
             clock: AtomicI64::new(0),
             clock_subscription: Mutex::default(),
             announcer: Mutex::default(),
+            leaving: Mutex::default(),
             alive: AtomicBool::new(true),
             failed: AtomicBool::new(false),
             consumers: Mutex::default(),
@@ -300,6 +302,8 @@ impl Inner {
     }
 
     fn leave(&self) {
+        // Whoever comes second waits for the first: a program that ended meanwhile would stay listed.
+        let _leaving = lock(&self.leaving);
         self.alive.store(false, Ordering::SeqCst);
         drop(lock(&self.clock_subscription).take());
         self.spinner.stop();

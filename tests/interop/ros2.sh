@@ -4,7 +4,8 @@
 #   tests/interop/ros2.sh [PART OF A TEST'S NAME]
 # ROSCAUSAL_ROS_DISTRO=kilted tests against another distribution; ROSCAUSAL_PROFILE=debug takes the programs that
 # `cargo build -p roscausal_ros2 --bins --examples` has made, instead of having colcon build them.
-# All traffic stays on this machine. Exit code 0 only when all passed; the last line is 'N passed, N failed'.
+# All traffic stays on this machine. Exit code 0 only when all passed, 77 when there is no
+# ROS 2 and it cannot be had; the last line is 'N passed, N failed'.
 set -u
 root=$(cd "$(dirname "$0")/../.." && pwd)
 distro=${ROSCAUSAL_ROS_DISTRO:-jazzy}
@@ -12,8 +13,14 @@ work=$root/target/interop_ros2/$distro
 target=${CARGO_TARGET_DIR:-$root/target}
 mkdir -p "$work"
 
-give_up() {
+not_tested() {
   echo "NOT TESTED against ROS 2: $*" >&2
+  echo "0 passed, 0 failed"
+  exit 77
+}
+
+broken() {
+  echo "$*" >&2
   echo "0 passed, 1 failed"
   exit 1
 }
@@ -24,7 +31,7 @@ wheels() {
   if [ ! -e "$venv/ready" ]; then
     echo "No ROS 2 here: making a virtual environment with its wheels in $venv"
     rm -rf "$venv"
-    python3 -m venv "$venv" || give_up "python3 cannot make a virtual environment (on Debian: apt-get install python3-venv)"
+    python3 -m venv "$venv" || not_tested "python3 cannot make a virtual environment (on Debian: apt-get install python3-venv)"
     local more=("$prefix-python-cmake-module")
     [ "$distro" = kilted ] && more=(ros-python-cmake-module ros-kilted-ament-cmake-ros-core)
     "$venv/bin/pip" install -q --disable-pip-version-check "$prefix"-{rclpy,rmw-fastrtps-cpp} \
@@ -32,7 +39,7 @@ wheels() {
       "$prefix"-rosidl-{default-generators,default-runtime,core-generators} \
       "$prefix"-ament-{cmake,package,cmake-include-directories,cmake-ros,cmake-pytest,cmake-gtest,cmake-gmock} \
       "${more[@]}" colcon-common-extensions cmake cyclonedds \
-      || give_up "the wheels of ROS 2 $distro could not be installed with pip"
+      || not_tested "the wheels of ROS 2 $distro could not be installed with pip"
     # The wheels' CMake files name the folders of the machine that they were built on.
     local python numpy
     python=$("$venv/bin/python" -c 'import sysconfig; print(sysconfig.get_paths()["include"])')
@@ -63,7 +70,7 @@ build() { # name, then colcon's arguments; the log is shown only when it fails
   echo "building $name ..."
   (cd "$work/$name" && colcon --log-base log build --event-handlers console_stderr- "$@") >"$work/$name.log" 2>&1 || {
     tail -50 "$work/$name.log"
-    give_up "colcon did not build $name (log: $work/$name.log)"
+    broken "colcon did not build $name (log: $work/$name.log)"
   }
 }
 
@@ -93,7 +100,7 @@ if [ "${ROSCAUSAL_PROFILE:-release}" = release ]; then
   build ws --cmake-args "-DROSCAUSAL_CARGO_TARGET_DIR=$target"
   use ws
   (cd "$work/ws/src/roscausal" && CARGO_TARGET_DIR=$target cargo build -q --release --locked -p roscausal_ros2 --example peer) ||
-    give_up "cargo did not build the tests' peer"
+    broken "cargo did not build the tests' peer"
   export ROSCAUSAL_BIN=$work/ws/install/roscausal/lib/roscausal ROSCAUSAL_PEER=$target/release/examples/peer
   export ROSCAUSAL_INSTALL=$work/ws/install
 else
