@@ -6,7 +6,7 @@ use std::{
 };
 
 use futures::StreamExt;
-use ros2_client::Context;
+use ros2_client::{Context, Gid};
 use rustdds::{
     DomainParticipantStatusEvent as Event, GUID, QosPolicies, StatusEvented,
     policy::{Durability, Reliability},
@@ -120,6 +120,14 @@ pub(crate) fn published_topics(context: &Context) -> Vec<(String, String)> {
         Some((ros_name(&data.topic_name)?, ros_type(&data.type_name)?))
     });
     topics.collect::<BTreeSet<_>>().into_iter().collect()
+}
+
+/// DDS type that another node's publisher sends; `None` for one that is not known (any more).
+pub(crate) fn sent_type(context: &Context, publisher: Gid) -> Option<String> {
+    let writers = context.domain_participant().discovered_writers();
+    let writer =
+        writers.into_iter().find(|writer| Gid::from(writer.writer_proxy.remote_writer_guid) == publisher)?;
+    Some(writer.publication_topic_data.type_name)
 }
 
 /// `/chatter` from `rt/chatter`; `None` for what is no ROS topic.

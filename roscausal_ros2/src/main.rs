@@ -33,17 +33,17 @@ fn main() -> ExitCode {
 }
 
 fn run() -> Result<ExitCode, BadArgument> {
-    let mut args = std::env::args();
+    let mut args = std::env::args().peekable();
     let program = args.next().unwrap_or_default();
+    if args.next_if(|first| first == "--help" || first == "-h").is_some() {
+        println!("{}", usage());
+        return Ok(ExitCode::SUCCESS);
+    }
     let file_name = Path::new(&program).file_name().and_then(|name| name.to_str()).unwrap_or_default();
     let node = match file_name.strip_prefix("roscausal_").filter(|name| NODES.contains(name)) {
         Some(name) => name.to_owned(),
         None => args.next().unwrap_or_default(),
     };
-    if node == "--help" || node == "-h" {
-        println!("{}", usage());
-        return Ok(ExitCode::SUCCESS);
-    }
     if !NODES.contains(&node.as_str()) {
         return Err(BadArgument(format!("'{node}' is no node; {}", usage())));
     }

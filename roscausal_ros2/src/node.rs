@@ -11,7 +11,9 @@ use std::{
     time::{Duration, SystemTime},
 };
 
-use ros2_client::{Context, MessageTypeName, Name, NodeName, NodeOptions};
+use ros2_client::{
+    Context, MessageTypeName, Name, NodeName, NodeOptions, entities_info::ParticipantEntitiesInfo,
+};
 use roscausal_core::{
     Error, Message, Result, Time,
     inbox::Consumer,
@@ -19,8 +21,8 @@ use roscausal_core::{
     params::{ParamSpec, Value},
 };
 use roscausal_msgs::rosgraph_msgs::Clock;
-use rustdds::{DomainParticipantBuilder, Topic};
-use tracing::{error, warn};
+use rustdds::{DomainParticipantBuilder, Topic, TopicKind};
+use tracing::{debug, error, warn};
 
 use crate::{
     args::Args,
@@ -29,7 +31,7 @@ use crate::{
     parameters::{Parameters, USE_SIM_TIME, ros2_name},
     services::ParameterServices,
     spinner::Spinner,
-    topics::{self, Ros2Publisher, Ros2Subscription},
+    topics::{self, Ros2Publisher, Ros2Subscription, Writer},
 };
 
 /// One node on a ROS 2 network. Cheap to clone; the clones are one node, which leaves the graph with the last.
@@ -52,6 +54,8 @@ pub(crate) struct Inner {
     /// The last `/clock`, nanoseconds.
     clock: AtomicI64,
     clock_subscription: Mutex<Option<Ros2Subscription>>,
+    announcer: Mutex<Option<Writer<ParticipantEntitiesInfo>>>,
+    leaving: Mutex<()>,
     alive: AtomicBool,
     failed: AtomicBool,
     consumers: Mutex<Vec<Arc<dyn Consumer>>>,
@@ -63,6 +67,8 @@ pub(crate) struct Session {
     pub(crate) context: Context,
 }
 
+/// How long after its start a node announces itself once more.
+const ANNOUNCED_AGAIN_AFTER: Duration = Duration::from_secs(1);
 /// How long after its start a node names the parameters that it was given and never asked for.
 const PARAMETERS_READ_WITHIN: Duration = Duration::from_secs(2);
 
@@ -114,6 +120,8 @@ impl Ros2 {
             sim_time: AtomicBool::new(false),
             clock: AtomicI64::new(0),
             clock_subscription: Mutex::default(),
+            announcer: Mutex::default(),
+            leaving: Mutex::default(),
             alive: AtomicBool::new(true),
             failed: AtomicBool::new(false),
             consumers: Mutex::default(),
@@ -125,7 +133,7 @@ impl Ros2 {
         let this = Self { inner };
         let sim_time = this.param(&USE_SIM_TIME)? == Some(Value::Bool(true));
         this.inner.use_sim_time(sim_time)?;
-        this.warn_of_unknown_parameters();
+        this.settle();
         Ok(this)
     }
 
@@ -148,21 +156,28 @@ impl Ros2 {
         &self.inner
     }
 
-    fn warn_of_unknown_parameters(&self) {
+    /// What is done once the node has started: it is announced again, and unknown parameters are named.
+    fn settle(&self) {
         let inner = Arc::downgrade(&self.inner);
-        let warn = move || {
-            thread::sleep(PARAMETERS_READ_WITHIN);
-            let Some(inner) = inner.upgrade() else { return };
-            for (name, near) in inner.parameters.unknown_overrides() {
+        let settle = move || {
+            thread::sleep(ANNOUNCED_AGAIN_AFTER);
+            let Some(node) = inner.upgrade() else { return };
+            if let Err(error) = node.announce_again() {
+                debug!("{error}");
+            }
+            drop(node);
+            thread::sleep(PARAMETERS_READ_WITHIN.saturating_sub(ANNOUNCED_AGAIN_AFTER));
+            let Some(node) = inner.upgrade() else { return };
+            for (name, near) in node.parameters.unknown_overrides() {
                 let near = near.map_or(String::new(), |near| format!("; did you mean '{near}'?"));
                 warn!(
                     "parameter '{name}' was set, but {} has none of this name{near}",
-                    inner.names.full_name()
+                    node.names.full_name()
                 );
             }
         };
-        // Without that thread only the warning is missing.
-        let _ = thread::Builder::new().name("parameter names".into()).spawn(warn);
+        // Without that thread only these are missing.
+        let _ = thread::Builder::new().name("settling".into()).spawn(settle);
     }
 }
 
@@ -201,6 +216,33 @@ impl Inner {
         let profile = topics::profile(qos, topics::Side::Publisher);
         let topic = self.session(|session| session.node.create_topic(&dds_name, kind, &profile))?;
         topic.map_err(|error| fail(error.to_string()))
+    }
+
+    /// Announces the node's name and endpoints through a publisher of its own as well. The library's is the first
+    /// endpoint that others discover; when several nodes start at once, Fast DDS sometimes never matches it, and
+    /// the node is not listed by whoever was there before.
+    fn announce_again(&self) -> Result<()> {
+        use ros2_client::builtin_topics::ros_discovery::{QOS_PUB, TOPIC_NAME, TYPE_NAME};
+        let (name, kind) = (TOPIC_NAME.to_owned(), TYPE_NAME.to_owned());
+        let topic = self.session(|session| {
+            session.context.domain_participant().create_topic(name, kind, &QOS_PUB, TopicKind::NoKey)
+        })?;
+        let topic = topic.map_err(|error| middleware("announcement", error))?;
+        let profile = topics::profile(Qos::Latched, topics::Side::Publisher);
+        let writer = Writer::new(self, topic, profile, usize::MAX)?;
+        *lock(&self.announcer) = Some(writer);
+        self.announce();
+        Ok(())
+    }
+
+    /// Tells others of this node's endpoints of now, if it announces itself.
+    pub(crate) fn announce(&self) {
+        let mut announcer = lock(&self.announcer);
+        let Some(announcer) = announcer.as_mut() else { return };
+        if let Ok(info) = self.session(|session| session.context.participant_entities_info()) {
+            // One that is not taken is followed by the next.
+            let _ = announcer.write(self, info);
+        }
     }
 
     fn use_sim_time(self: &Arc<Self>, on: bool) -> Result<()> {
@@ -260,15 +302,22 @@ impl Inner {
     }
 
     fn leave(&self) {
+        // Whoever comes second waits for the first: a program that ended meanwhile would stay listed.
+        let _leaving = lock(&self.leaving);
         self.alive.store(false, Ordering::SeqCst);
         drop(lock(&self.clock_subscription).take());
         self.spinner.stop();
-        if let Some(Session { node, context }) = lock(&self.session).take() {
+        let session = lock(&self.session).take();
+        if let Some(Session { node, context }) = session {
             drop(node);
+            let mut announcer = lock(&self.announcer).take();
+            if let Some(announcer) = &mut announcer {
+                let _ = announcer.write(self, context.participant_entities_info());
+            }
             // Whoever is just discovering this node must hear that it has gone before its participant does, or
             // lists it for ever.
             thread::sleep(FAREWELL);
-            drop(context);
+            drop((announcer, context));
         }
     }
 }

@@ -1,9 +1,10 @@
 //! Publishers and subscriptions.
 
 use std::{
+    collections::HashMap,
     pin::pin,
     sync::{
-        Arc, Mutex,
+        Arc, Mutex, Weak,
         atomic::{AtomicBool, AtomicU64, Ordering},
     },
     thread::{self, ThreadId},
@@ -11,7 +12,7 @@ use std::{
 
 use futures::{StreamExt, future::AbortHandle};
 use ros2_client::{
-    QosProfile, ReadError, WriteError,
+    Gid, QosProfile, ReadError, WriteError,
     qos::{Durability, History, WhenFull},
 };
 use roscausal_core::{
@@ -23,7 +24,7 @@ use serde::Serialize;
 use tracing::{error, warn};
 
 use crate::{
-    graph::Graph,
+    graph::{Graph, sent_type},
     node::{Inner, lock},
 };
 
@@ -75,6 +76,7 @@ impl<M: Serialize> Writer<M> {
         let publisher =
             made.map_err(|error| Error::Topic { topic: topic.name(), reason: error.to_string() })?;
         inner.graph.add(publisher.guid(), &topic.name(), topic.get_type().name());
+        inner.announce();
         Ok(publisher)
     }
 
@@ -197,7 +199,7 @@ impl Drop for Ros2Subscription {
 }
 
 pub(crate) fn subscribe<M: Message>(
-    inner: &Inner,
+    inner: &Arc<Inner>,
     topic: &str,
     qos: Qos,
     mut callback: impl FnMut(M) + Send + 'static,
@@ -210,6 +212,7 @@ pub(crate) fn subscribe<M: Message>(
         |error: ros2_client::CreateError| Error::Topic { topic: topic.clone(), reason: error.to_string() };
     let reader = made.map_err(fail)?;
     inner.graph.add(reader.guid(), &dds_topic.name(), dds_topic.get_type().name());
+    inner.announce();
     let (active, running) = (Arc::new(AtomicBool::new(true)), Arc::new(Mutex::new(())));
     let (still_active, now_running) = (active.clone(), running.clone());
     let deliver = move |message: M| {
@@ -219,9 +222,10 @@ pub(crate) fn subscribe<M: Message>(
         }
     };
     let registered = Registered { graph: inner.graph.clone(), guid: reader.guid() };
+    let (node, kind) = (Arc::downgrade(inner), dds_topic.get_type().name().to_owned());
     let task = inner.spinner.spawn(format!("topic '{topic}'"), move || async move {
         let _registered = registered;
-        read(reader, topic, deliver).await;
+        read(reader, topic, Senders { node, kind, known: HashMap::new() }, deliver).await;
     });
     Ok(Ros2Subscription { active, running, runs_on: inner.spinner.thread_id(), task })
 }
@@ -238,12 +242,40 @@ impl Drop for Registered {
     }
 }
 
-async fn read<M: Message>(reader: ros2_client::Subscription<M>, topic: String, mut deliver: impl FnMut(M)) {
+/// Who sends on a topic. The library delivers what is sent under the topic's name, whatever its type, and some
+/// types' bytes can be read as others.
+struct Senders {
+    node: Weak<Inner>,
+    /// DDS name of the subscription's type.
+    kind: String,
+    known: HashMap<Gid, bool>,
+}
+
+impl Senders {
+    /// Whether this publisher's messages are of the subscription's type.
+    fn fits(&mut self, publisher: Gid) -> bool {
+        let (node, kind) = (&self.node, &self.kind);
+        *self.known.entry(publisher).or_insert_with(|| {
+            let sent =
+                node.upgrade().and_then(|node| node.session(|s| sent_type(&s.context, publisher)).ok()?);
+            sent.is_none_or(|sent| sent == *kind)
+        })
+    }
+}
+
+async fn read<M: Message>(
+    reader: ros2_client::Subscription<M>,
+    topic: String,
+    mut senders: Senders,
+    mut deliver: impl FnMut(M),
+) {
     let mut messages = pin!(reader.async_stream());
     let mut illegible = 0u64;
     while let Some(message) = messages.next().await {
         match message {
-            Ok((message, _)) => deliver(message),
+            Ok((message, info)) if senders.fits(info.publisher_gid()) => deliver(message),
+            // The graph has said so already.
+            Ok(_) => {}
             Err(ReadError::Deserialization { reason }) => {
                 illegible += 1;
                 if 10u64.pow(illegible.ilog10()) == illegible {

@@ -4,7 +4,8 @@
 #   tests/interop/ros2.sh [PART OF A TEST'S NAME]
 # ROSCAUSAL_ROS_DISTRO=kilted tests against another distribution; ROSCAUSAL_PROFILE=debug takes the programs that
 # `cargo build -p roscausal_ros2 --bins --examples` has made, instead of having colcon build them.
-# All traffic stays on this machine. Exit code 0 only when all passed; the last line is 'N passed, N failed'.
+# All traffic stays on this machine. Exit code 0 only when all passed, 77 when there is no
+# ROS 2 and it cannot be had; the last line is 'N passed, N failed'.
 set -u
 root=$(cd "$(dirname "$0")/../.." && pwd)
 distro=${ROSCAUSAL_ROS_DISTRO:-jazzy}
@@ -12,8 +13,14 @@ work=$root/target/interop_ros2/$distro
 target=${CARGO_TARGET_DIR:-$root/target}
 mkdir -p "$work"
 
-give_up() {
+not_tested() {
   echo "NOT TESTED against ROS 2: $*" >&2
+  echo "0 passed, 0 failed"
+  exit 77
+}
+
+broken() {
+  echo "$*" >&2
   echo "0 passed, 1 failed"
   exit 1
 }
@@ -24,7 +31,7 @@ wheels() {
   if [ ! -e "$venv/ready" ]; then
     echo "No ROS 2 here: making a virtual environment with its wheels in $venv"
     rm -rf "$venv"
-    python3 -m venv "$venv" || give_up "python3 cannot make a virtual environment (on Debian: apt-get install python3-venv)"
+    python3 -m venv "$venv" || not_tested "python3 cannot make a virtual environment (on Debian: apt-get install python3-venv)"
     local more=("$prefix-python-cmake-module")
     [ "$distro" = kilted ] && more=(ros-python-cmake-module ros-kilted-ament-cmake-ros-core)
     "$venv/bin/pip" install -q --disable-pip-version-check "$prefix"-{rclpy,rmw-fastrtps-cpp} \
@@ -32,7 +39,7 @@ wheels() {
       "$prefix"-rosidl-{default-generators,default-runtime,core-generators} \
       "$prefix"-ament-{cmake,package,cmake-include-directories,cmake-ros,cmake-pytest,cmake-gtest,cmake-gmock} \
       "${more[@]}" colcon-common-extensions cmake cyclonedds \
-      || give_up "the wheels of ROS 2 $distro could not be installed with pip"
+      || not_tested "the wheels of ROS 2 $distro could not be installed with pip"
     # The wheels' CMake files name the folders of the machine that they were built on.
     local python numpy
     python=$("$venv/bin/python" -c 'import sysconfig; print(sysconfig.get_paths()["include"])')
@@ -60,12 +67,16 @@ unset ROS_LOCALHOST_ONLY
 build() { # name, then colcon's arguments; the log is shown only when it fails
   local name=$1
   shift
+  echo "building $name ..."
   (cd "$work/$name" && colcon --log-base log build --event-handlers console_stderr- "$@") >"$work/$name.log" 2>&1 || {
     tail -50 "$work/$name.log"
-    give_up "colcon did not build $name (log: $work/$name.log)"
+    broken "colcon did not build $name (log: $work/$name.log)"
   }
+}
+
+use() { # the packages of one workspace
   set +u
-  . "$work/$name/install/local_setup.bash"
+  . "$work/$1/install/local_setup.bash"
   set -u
 }
 
@@ -73,21 +84,29 @@ build() { # name, then colcon's arguments; the log is shown only when it fails
 mkdir -p "$work/foreign/src"
 python3 "$root/tests/interop/ros2/make_packages.py" "$root/roscausal_msgs/foreign" "$work/foreign/src" \
   tf2_msgs people_msgs pedsim_msgs spencer_tracking_msgs
-[ "$work/foreign/install/ready" -nt "$root/roscausal_msgs/foreign" ] || build foreign
-touch "$work/foreign/install/ready"
+stamp=$(find "$work/foreign/src" -type f -exec cksum {} + | sort | cksum)
+if [ "$stamp" != "$(cat "$work/foreign/built" 2>/dev/null)" ]; then
+  build foreign
+  echo "$stamp" >"$work/foreign/built"
+fi
+use foreign
 
-# this repository as a plain clone in a workspace (with what is not committed yet)
-mkdir -p "$work/ws/src/roscausal"
-(cd "$root" && git ls-files -co --exclude-standard -z | tar --null -T - --ignore-failed-read -cf - 2>/dev/null) |
-  tar -xf - -C "$work/ws/src/roscausal"
 if [ "${ROSCAUSAL_PROFILE:-release}" = release ]; then
+  # this repository as a plain clone in a workspace (with what is not committed yet): messages and nodes in one build
+  rm -rf "$work/ws/src"
+  mkdir -p "$work/ws/src/roscausal"
+  (cd "$root" && git ls-files -co --exclude-standard -z | tar --null -T - --ignore-failed-read -cf - 2>/dev/null) |
+    tar -xf - -C "$work/ws/src/roscausal"
   build ws --cmake-args "-DROSCAUSAL_CARGO_TARGET_DIR=$target"
+  use ws
   (cd "$work/ws/src/roscausal" && CARGO_TARGET_DIR=$target cargo build -q --release --locked -p roscausal_ros2 --example peer) ||
-    give_up "cargo did not build the tests' peer"
+    broken "cargo did not build the tests' peer"
   export ROSCAUSAL_BIN=$work/ws/install/roscausal/lib/roscausal ROSCAUSAL_PEER=$target/release/examples/peer
   export ROSCAUSAL_INSTALL=$work/ws/install
 else
-  build ws --base-paths src/roscausal/roscausal_msgs
+  mkdir -p "$work/messages"
+  build messages --base-paths "$root/roscausal_msgs"
+  use messages
   export ROSCAUSAL_BIN=$target/$ROSCAUSAL_PROFILE ROSCAUSAL_PEER=$target/$ROSCAUSAL_PROFILE/examples/peer
 fi
 

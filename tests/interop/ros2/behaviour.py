@@ -21,7 +21,7 @@ from rcl_interfaces.srv import (
 )
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rosgraph_msgs.msg import Clock
-from std_msgs.msg import String
+from std_msgs.msg import Bool, Header, String
 from wire import LATCHED, RELIABLE, Echo, message_class
 
 FILE = """/**:
@@ -172,13 +172,20 @@ def log_messages_reach_rosout():
 
 @test
 def incompatible_qos_and_wrong_types_are_said_with_both_sides():
-    with peer("echo") as program, Ros() as ros:
+    with peer("echo") as program, Ros() as ros, Ros("other") as other:
         ros.node.create_subscription(String, "/out/std_msgs/String", lambda _: None, LATCHED)
         ros.node.create_publisher(String, "/in/nav_msgs/Odometry", 10)
         ros.until(lambda: "transient_local" in program.log(), 10, "the QoS warning")
         assert re.search(r"'/out/std_msgs/String'.*reliable volatile.*reliable transient_local", program.log())
         ros.until(lambda: "another node uses it for std_msgs/String" in program.log(), 10, "the type warning")
         assert "nav_msgs/Odometry" in program.log()
+        # A reliable subscriber of another type acknowledges nothing: it must not hold up the one of the right type.
+        other.node.create_subscription(Bool, "/out/std_msgs/Header", lambda _: None, RELIABLE)
+        ros.until(lambda: "std_msgs/Bool" in program.log(), 10, "the type warning")
+        echo = Echo(ros, "std_msgs/Header")
+        ros.until(echo.matched, 10, "match")
+        for number in range(300):
+            assert echo.round_trip(Header(frame_id=str(number))).frame_id == str(number)
 
 
 @test
@@ -216,7 +223,7 @@ def signals_take_the_node_out_of_the_graph_within_a_second():
             program.send(number)
             ros.until(lambda: "/peer" not in ros.names(), 3, "the node's leaving")
             times.append(time.monotonic() - started)
-            assert program.end() == 0
+            assert program.wait() == 0
     assert max(times) < 1, times
     return ", ".join(f"{seconds:.2f} s" for seconds in times)
 
@@ -237,7 +244,7 @@ def a_killed_node_is_found_again_when_it_comes_back():
 def discovery_is_quick():
     times = []
     with Ros() as ros:
-        for _ in range(int(os.environ.get("ROSCAUSAL_STARTS", "7"))):
+        for _ in range(int(os.environ.get("ROSCAUSAL_STARTS", "20"))):
             ros.until(lambda: "/peer" not in ros.names(), 10, "the last one's leaving")
             started = time.monotonic()
             with peer("model", count=0) as program:
@@ -247,25 +254,6 @@ def discovery_is_quick():
     median = statistics.median(times)
     assert median < 2, times
     return f"median {median:.2f} s from start to being listed, {len(times)} starts, longest {max(times):.2f} s"
-
-
-@test
-def an_idle_node_is_light():
-    def ticks(pid):
-        with open(f"/proc/{pid}/stat") as stat:
-            fields = stat.read().rsplit(")", 1)[1].split()
-        return int(fields[11]) + int(fields[12])
-
-    with peer("model", count=0) as program, Ros() as ros:
-        ros.until(lambda: "/peer" in ros.names(), 10, "the node")
-        ros.spin(1)
-        pid, before = program.process.pid, ticks(program.process.pid)
-        ros.spin(5)
-        cpu = (ticks(pid) - before) / os.sysconf("SC_CLK_TCK") / 5 * 100
-        with open(f"/proc/{pid}/status") as status:
-            memory = int(re.search(r"VmRSS:\s+(\d+)", status.read()).group(1)) / 1000
-        assert cpu < 2 and memory < 30, f"{cpu:.1f} % of a core, {memory:.0f} MB"
-        return f"{cpu:.1f} % of a core, {memory:.0f} MB"
 
 
 if __name__ == "__main__":  # what rclpy makes of this command line

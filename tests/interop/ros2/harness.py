@@ -16,6 +16,8 @@ from rclpy.executors import SingleThreadedExecutor
 
 BIN = os.environ["ROSCAUSAL_BIN"]
 PEER = os.environ["ROSCAUSAL_PEER"]
+# colcon's install folder; not there when the programs come from cargo alone
+INSTALL = os.environ.get("ROSCAUSAL_INSTALL", "")
 TESTS = []
 
 
@@ -38,7 +40,7 @@ class Ros:
         """Spins until the condition holds; an AssertionError that says what was missing when it does not."""
         end = time.monotonic() + seconds
         while not (value := condition()):
-            assert time.monotonic() < end, f"{what}: not within {seconds} s"
+            assert time.monotonic() < end, f"{what() if callable(what) else what}: not within {seconds} s"
             self.executor.spin_once(timeout_sec=0.02)
         return value
 
@@ -95,6 +97,10 @@ class Program:
     def end(self, number=signal.SIGINT, seconds=20):
         if self.process.poll() is None:
             self.process.send_signal(number)
+        return self.wait(seconds)
+
+    def wait(self, seconds=20):
+        """The exit code, once it has ended by itself or by a signal sent before."""
         try:
             return self.process.wait(seconds)
         except subprocess.TimeoutExpired:

@@ -2,7 +2,6 @@
 
 import importlib
 import random
-import statistics
 import subprocess
 import sys
 import time
@@ -170,22 +169,6 @@ def a_thousand_messages_arrive_each_way():
         # Our inputs are best effort, which promises nothing; on one machine nothing should be lost all the same.
         assert totals[-1] >= 990, f"{totals[-1]:.0f} of 1000 arrived"
         return f"1000 out, {totals[-1]:.0f} in"
-
-
-@test
-def a_round_trip_takes_about_a_millisecond():
-    with peer("echo"), Ros() as ros:
-        echo = Echo(ros, "nav_msgs/Odometry")
-        ros.until(echo.matched, 10, "match")
-        times = []
-        for _ in range(300):
-            started = time.perf_counter()
-            echo.round_trip(echo.kind())
-            times.append(time.perf_counter() - started)
-        median = statistics.median(times) * 1e3
-        # Far above what is measured on an idle machine, to hold on a busy one as well.
-        assert median < 20, f"{median:.2f} ms"
-        return f"median {median:.2f} ms, 99 % within {sorted(times)[297] * 1e3:.2f} ms, rclpy's part included"
 
 
 if __name__ == "__main__":  # receives one model and prints its size

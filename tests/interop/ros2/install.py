@@ -1,0 +1,54 @@
+"""What one colcon build of a plain clone has installed: where `ros2 run`, `ros2 launch` and Python look for it."""
+
+import os
+import subprocess
+import sys
+
+from ament_index_python.packages import get_package_prefix, get_package_share_directory
+
+from harness import INSTALL, test
+from launch_reader import commands
+
+NODES = ("robot", "human", "data", "discovery", "hrisim")
+
+
+@test
+def the_nodes_are_where_ros2_run_looks():
+    # ros2 run asks the ament index for the prefix, and takes what is executable in lib/PACKAGE.
+    prefix = get_package_prefix("roscausal")
+    assert prefix == os.path.join(INSTALL, "roscausal"), prefix
+    for name in NODES:
+        path = os.path.join(prefix, "lib/roscausal", f"roscausal_{name}")
+        assert os.access(path, os.X_OK), f"not executable: {path}"
+        run = subprocess.run([path, "--ros-args", "-p", "x:="], capture_output=True, text=True, timeout=20)
+        assert run.returncode == 2 and "x:=" in run.stderr, run.stderr
+        run = subprocess.run([path, "--help"], capture_output=True, text=True, timeout=20)
+        assert run.returncode == 0 and "usage" in run.stdout, run.stdout
+
+
+@test
+def the_messages_are_python_modules_with_ros2_names():
+    script = (
+        "from roscausal_msgs.msg import CausalModel, CausalModelInfo, Humans, HumanState, RobotState\n"
+        "assert 'pose2d' in RobotState.get_fields_and_field_types() and 'pose2d' in HumanState().__slots__[2]\n"
+        "print(CausalModel.__module__)"
+    )
+    run = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, timeout=60)
+    assert run.returncode == 0, run.stderr
+    # From this build, not from another that lies about.
+    import roscausal_msgs
+
+    assert roscausal_msgs.__file__.startswith(os.path.join(INSTALL, "roscausal") + os.sep), roscausal_msgs.__file__
+
+
+@test
+def launch_files_name_what_is_installed():
+    share = get_package_share_directory("roscausal")
+    assert sorted(os.listdir(os.path.join(share, "config"))) == ["hrisim.yaml", "ros2.yaml"]
+    for file, count in (("roscausal.launch.xml", 4), ("roscausal_hrisim.launch.xml", 5)):
+        assert os.path.exists(os.path.join(share, "launch", file))
+        found = commands(INSTALL, "roscausal", file, {})
+        assert len(found) == count, found
+        for _, arguments in found:
+            for flag, value in zip(arguments, arguments[1:]):
+                assert flag != "--params-file" or os.path.exists(value), f"{file}: no {value}"

@@ -1,0 +1,311 @@
+"""Our nodes with rclpy around them: a robot's and people's topics in; states, batches and models out; what they say
+of input that is missing or wrong; signals, and a discovery node that is killed."""
+
+import csv
+import glob
+import json
+import math
+import os
+import re
+import signal
+import tempfile
+import time
+
+from diagnostic_msgs.msg import DiagnosticArray
+from geometry_msgs.msg import PoseArray, PoseStamped, PoseWithCovarianceStamped, Pose, TransformStamped
+from nav_msgs.msg import Odometry
+from rcl_interfaces.msg import Log, Parameter, ParameterType, ParameterValue
+from rcl_interfaces.srv import SetParameters
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+
+from harness import Ros, node, test
+from wire import LATCHED, RELIABLE, message_class
+
+SENSOR = QoSProfile(depth=10, reliability=ReliabilityPolicy.BEST_EFFORT)
+NAMES = ("robot", "human", "data", "discovery")
+
+
+def odometry(stamp, v=0.4):
+    message = Odometry(child_frame_id="base_footprint")
+    message.header.stamp, message.header.frame_id = stamp, "odom"
+    message.pose.pose.orientation.w = 1.0
+    message.twist.twist.linear.x, message.twist.twist.angular.z = v, 0.1
+    return message
+
+
+def pose(stamp, x=1.0, y=2.0, theta=0.5, frame="map"):
+    message = PoseWithCovarianceStamped()
+    message.header.stamp, message.header.frame_id = stamp, frame
+    message.pose.pose.position.x, message.pose.pose.position.y = x, y
+    message.pose.pose.orientation.z, message.pose.pose.orientation.w = math.sin(theta / 2), math.cos(theta / 2)
+    return message
+
+
+def people(stamp, *places):
+    message = PoseArray()
+    message.header.stamp, message.header.frame_id = stamp, "map"
+    for x, y in places:
+        place = Pose()
+        place.position.x, place.position.y, place.orientation.w = x, y, 1.0
+        message.poses.append(place)
+    return message
+
+
+class Sending:
+    """Calls `tick(stamp)` at 20 Hz for as long as the node is spun within the `with` block."""
+
+    def __init__(self, ros, tick):
+        self.ros, self.tick = ros, tick
+
+    def __enter__(self):
+        self.timer = self.ros.node.create_timer(0.05, lambda: self.tick(self.ros.node.get_clock().now().to_msg()))
+
+    def __exit__(self, *_):
+        self.ros.node.destroy_timer(self.timer)
+
+
+def heard(ros, kind, topic, qos=10):
+    found = []
+    ros.node.create_subscription(kind, topic, found.append, qos)
+    return found
+
+
+@test
+def the_robots_state_is_made_of_odometry_pose_and_goal():
+    given = ["-p", "odom_topic:=/odom", "-p", "goal_topic:=/goal_pose", "-p", "goal_type:=PoseStamped"]
+    with node("robot", *given), Ros() as ros:
+        # a sensor's profile: best effort
+        odom = ros.node.create_publisher(Odometry, "/odom", SENSOR)
+        poses = ros.node.create_publisher(PoseWithCovarianceStamped, "/robot_pose", 10)
+        goals = ros.node.create_publisher(PoseStamped, "/goal_pose", 10)
+        states, sent = heard(ros, message_class("roscausal_msgs/RobotState"), "/roscausal/robot"), []
+        goal = PoseStamped()
+        goal.header.frame_id, goal.pose.position.x, goal.pose.position.y = "map", 5.0, -6.0
+        goal.pose.orientation.w = 1.0
+
+        def tick(stamp):
+            sent.append((stamp.sec, stamp.nanosec))
+            odom.publish(odometry(stamp))
+            poses.publish(pose(stamp))
+            goals.publish(goal)
+
+        with Sending(ros, tick):
+            state = ros.until(lambda: next((m for m in states if m.goal.x == 5), None), 15, "a state with the goal")
+            assert state.header.frame_id == "map" and (state.header.stamp.sec, state.header.stamp.nanosec) in sent
+            assert abs(state.pose2d.x - 1) < 1e-6 and abs(state.pose2d.theta - 0.5) < 1e-6 and state.goal.y == -6
+            assert state.twist.linear.x == 0.4 and state.twist.angular.z == 0.1
+            count = len(states)
+            ros.until(lambda: len(states) > count + 20, 10, "more states")
+
+
+@test
+def missing_topic_missing_tf_and_nan_are_said_and_the_node_lives():
+    with node("robot", "-p", "odom_topic:=/o", "-p", "pose_topic:=/p") as program, Ros() as ros:
+        odom = ros.node.create_publisher(Odometry, "/o", 10)
+        poses = ros.node.create_publisher(PoseWithCovarianceStamped, "/p", 10)
+        ros.node.create_publisher(PoseWithCovarianceStamped, "/amcl_pose", 10)
+        profile = QoSProfile(depth=100, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+        logs = heard(ros, Log, "/rosout", profile)
+        diagnostics = heard(ros, DiagnosticArray, "/diagnostics")
+        states = heard(ros, message_class("roscausal_msgs/RobotState"), "/roscausal/robot")
+
+        def told(*words):
+            what = f"a line with {words} on /rosout"
+            ros.until(lambda: any(all(word in log.msg for word in words) for log in logs), 20, what)
+
+        with Sending(ros, lambda stamp: odom.publish(odometry(stamp))):
+            told("/p", "geometry_msgs/PoseWithCovarianceStamped", "/amcl_pose")
+            status = ros.until(
+                lambda: next((s for m in diagnostics for s in m.status if s.message.startswith("no messages")), None),
+                5,
+                "the reason on /diagnostics",
+            )
+            level = status.level if isinstance(status.level, int) else status.level[0]
+            assert status.name == "roscausal_robot" and level == 1, status
+        with Sending(ros, lambda stamp: (odom.publish(odometry(stamp)), poses.publish(pose(stamp, frame="nowhere")))):
+            told("nowhere", "map")
+        with Sending(ros, lambda stamp: (odom.publish(odometry(stamp, v=math.nan)), poses.publish(pose(stamp)))):
+            told("linear.x is NaN")
+        with Sending(ros, lambda stamp: (odom.publish(odometry(stamp, v=0.25)), poses.publish(pose(stamp)))):
+            good = ros.until(lambda: next((m for m in states if m.twist.linear.x == 0.25), None), 10, "a good state")
+            assert good.pose2d.x == 1
+            ros.until(lambda: diagnostics[-1].status[0].message == "running", 10, "the trouble's end")
+        assert program.process.poll() is None
+        assert not any(math.isnan(m.twist.linear.x) for m in states), "NaN came out"
+
+
+@test
+def poses_in_another_frame_are_transformed():
+    TFMessage = message_class("tf2_msgs/TFMessage")
+    with node("robot", "-p", "odom_topic:=/o", "-p", "pose_topic:=/p"), Ros() as ros:
+        transform = TransformStamped()
+        transform.header.frame_id, transform.child_frame_id = "map", "hall"
+        transform.transform.translation.x = 10.0
+        transform.transform.rotation.z = transform.transform.rotation.w = math.sqrt(0.5)
+        static = ros.node.create_publisher(TFMessage, "/tf_static", LATCHED)
+        static.publish(TFMessage(transforms=[transform]))
+        odom = ros.node.create_publisher(Odometry, "/o", 10)
+        poses = ros.node.create_publisher(PoseWithCovarianceStamped, "/p", 10)
+        states = heard(ros, message_class("roscausal_msgs/RobotState"), "/roscausal/robot")
+        with Sending(ros, lambda stamp: (odom.publish(odometry(stamp)), poses.publish(pose(stamp, 1.0, 2.0, 0.0, "hall")))):
+            ros.until(lambda: states, 15, "a state")
+        assert abs(states[0].pose2d.x - 8) < 1e-6 and abs(states[0].pose2d.y - 1) < 1e-6, states[0]
+        assert abs(states[0].pose2d.theta - math.pi / 2) < 1e-6
+
+
+@test
+def people_their_goal_parameter_and_an_empty_list():
+    given = ["-p", "people_topic:=/faces", "-p", "people_type:=geometry_msgs/PoseArray", "-p", "hri.human_goal:=[7.0, 8.0]"]
+    with node("human", *given, "-p", "sel_agent:='0'") as program, Ros() as ros:
+        faces = ros.node.create_publisher(PoseArray, "/faces", 10)
+        humans = heard(ros, message_class("roscausal_msgs/Humans"), "/roscausal/humans")
+        selected = heard(ros, message_class("roscausal_msgs/HumanState"), "/roscausal/human")
+        places = [(3.0, 4.0), (-1.0, 0.5)]
+        with Sending(ros, lambda stamp: faces.publish(people(stamp, *places))):
+            ros.until(lambda: any(len(m.humans) == 2 for m in humans), 15, "two people")
+            one = ros.until(lambda: next((m for m in selected if m.goal.x == 7), None), 10, "the goal of the start")
+            assert one.id == 0 and one.pose2d.x == 3 and one.goal.y == 8, one
+            value = ParameterValue(type=ParameterType.PARAMETER_DOUBLE_ARRAY, double_array_value=[-1.0, 2.0])
+            request = SetParameters.Request(parameters=[Parameter(name="hri.human_goal", value=value)])
+            results = ros.call(SetParameters, "/roscausal_human/set_parameters", request).results
+            assert results[0].successful, results
+            ros.until(lambda: any(m.goal.x == -1 and m.goal.y == 2 for m in selected), 10, "the goal set while running")
+            places.clear()
+            ros.spin(1.5)  # longer than a person is held unseen
+            humans.clear()
+            ros.spin(0.5)
+            assert not any(m.humans for m in humans), "people who are gone"
+            places.append((9.0, 9.0))
+            ros.until(lambda: any(m.pose2d.x == 9 for m in selected), 10, "the person again")
+        assert program.process.poll() is None
+
+
+@test
+def a_nodes_parameter_out_of_range_is_refused_with_the_reason():
+    with tempfile.TemporaryDirectory() as folder:
+        with node("data", "-p", f"data_dir:={folder}/raw", "-p", f"pp_data_dir:={folder}/pp"), Ros() as ros:
+            value = ParameterValue(type=ParameterType.PARAMETER_DOUBLE, double_value=-1.0)
+            request = SetParameters.Request(parameters=[Parameter(name="dt", value=value)])
+            result = ros.call(SetParameters, "/roscausal_data/set_parameters", request).results[0]
+            assert not result.successful and re.search(r"dt.*-1.*0\.001.*60", result.reason), result.reason
+            return result.reason
+
+
+class Recording:
+    """The data node on states of a robot and a person as rclpy publishes them, at 20 Hz."""
+
+    def __init__(self, ros, folder):
+        State = message_class("roscausal_msgs/RobotState")
+        Humans, Human = message_class("roscausal_msgs/Humans"), message_class("roscausal_msgs/HumanState")
+        robot = ros.node.create_publisher(State, "/roscausal/robot", RELIABLE)
+        humans = ros.node.create_publisher(Humans, "/roscausal/humans", RELIABLE)
+        self.raw, self.pp = os.path.join(folder, "raw"), os.path.join(folder, "pp")
+        self.program = node("data", "-p", f"data_dir:={self.raw}", "-p", f"pp_data_dir:={self.pp}", "-p", "ts_length:=0.0")
+
+        def tick(stamp):
+            t = time.monotonic()
+            state, person, everybody = State(), Human(id=1000), Humans()
+            for message in (state, person, everybody):
+                message.header.stamp, message.header.frame_id = stamp, "map"
+            state.pose2d.x, state.twist.linear.x = math.sin(t), 0.3
+            person.pose2d.x, person.pose2d.y, person.twist.linear.x = math.cos(t), 4.0, 0.5
+            everybody.humans = [person]
+            robot.publish(state)
+            humans.publish(everybody)
+
+        self.sending = Sending(ros, tick)
+
+
+@test
+def a_signal_flushes_the_batch_and_takes_the_node_out_of_the_graph_within_a_second():
+    notes = []
+    for number in (signal.SIGINT, signal.SIGTERM):
+        with tempfile.TemporaryDirectory() as folder, Ros() as ros:
+            recording = Recording(ros, folder)
+            with recording.program as program, recording.sending:
+                ros.until(lambda: "/roscausal_data" in ros.names(), 10, "the data node")
+                ros.spin(4)
+                assert not glob.glob(recording.raw + "/*.csv"), "a batch before its end"
+                started = time.monotonic()
+                program.send(number)
+                ros.until(lambda: "/roscausal_data" not in ros.names(), 5, "the node's leaving")
+                left = time.monotonic() - started
+                assert program.wait() == 0
+                assert left < 1, f"{left:.2f} s"
+            (raw,) = glob.glob(recording.raw + "/*.csv")
+            with open(raw) as file:
+                rows = list(csv.DictReader(file))
+            assert len(rows) >= 25 and {"time", "r_x", "h_1000_x"} <= set(rows[0]), (len(rows), list(rows[0]))
+            with open(raw[:-3] + "json") as file:
+                json.load(file)
+            assert not glob.glob(recording.raw + "/*tmp*"), os.listdir(recording.raw)
+            notes.append(f"{len(rows)} rows, gone after {left:.2f} s")
+    return "; ".join(notes)
+
+
+def batch(folder, name, seed):
+    """A batch of post-processed variables in which h_v drives h_risk."""
+    import random
+
+    rng, v, risk = random.Random(seed), 0.0, 0.0
+    path = os.path.join(folder, name)
+    with open(path + ".tmp", "w") as file:
+        file.write("time,h_v,h_dg,h_risk\n")
+        for i in range(300):
+            v, risk = 0.4 * v + rng.gauss(0, 1), 0.8 * v + rng.gauss(0, 0.5)
+            file.write(f"{i / 10},{v},{rng.gauss(0, 1)},{risk}\n")
+    os.rename(path + ".tmp", path)
+
+
+@test
+def a_killed_discovery_node_leaves_no_stale_model_and_is_found_again():
+    Info = message_class("roscausal_msgs/CausalModelInfo")
+    with tempfile.TemporaryDirectory() as folder:
+        given = ["-p", f"data_dir:={folder}", "-p", "cond_ind_test:=parcorr", "-p", "cd_method:=pcmci"]
+
+        def models(seconds, until_one):
+            with Ros("late") as ros:
+                infos = heard(ros, Info, "/roscausal/causal_model_info", LATCHED)
+                if until_one:
+                    ros.until(lambda: infos, seconds, "a model")
+                ros.spin(1 if until_one else seconds)
+                return [info.batch_id for info in infos]
+
+        with node("discovery", *given) as program:
+            batch(folder, "data_20240101_000000.csv", 1)
+            assert models(15, True) == ["data_20240101_000000"]
+            program.end(signal.SIGKILL)
+        assert models(3, False) == []
+        with node("discovery", *given):
+            batch(folder, "data_20240101_000100.csv", 2)
+            assert models(15, True) == ["data_20240101_000100"]
+
+
+@test
+def idle_nodes_are_light():
+    def ticks(pid):
+        with open(f"/proc/{pid}/stat") as stat:
+            fields = stat.read().rsplit(")", 1)[1].split()
+        return int(fields[11]) + int(fields[12])
+
+    with tempfile.TemporaryDirectory() as folder, Ros() as ros:
+        dirs = {
+            "data": ["-p", f"data_dir:={folder}/raw", "-p", f"pp_data_dir:={folder}/pp"],
+            "discovery": ["-p", f"data_dir:={folder}/pp"],
+        }
+        programs = [node(name, *dirs.get(name, [])) for name in NAMES]
+        try:
+            ros.until(lambda: {f"/roscausal_{name}" for name in NAMES} <= set(ros.names()), 15, "all four nodes")
+            ros.spin(2)
+            before, seconds, notes = [ticks(p.process.pid) for p in programs], 8, []
+            ros.spin(seconds)
+            for name, program, start in zip(NAMES, programs, before):
+                cpu = (ticks(program.process.pid) - start) / os.sysconf("SC_CLK_TCK") / seconds * 100
+                with open(f"/proc/{program.process.pid}/status") as status:
+                    memory = int(re.search(r"VmRSS:\s+(\d+)", status.read())[1]) / 1000
+                notes.append(f"{name} {cpu:.1f} % of a core, {memory:.0f} MB")
+                assert cpu < 2 and memory < 30, notes[-1]
+        finally:
+            for program in programs:
+                program.end()
+        return "; ".join(notes)
