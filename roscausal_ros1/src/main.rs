@@ -65,7 +65,8 @@ fn run(node: &str, rosout: &Rosout) -> Result<ExitCode> {
 fn node_to_run() -> Option<String> {
     let mut args = env::args();
     let program = args.next().unwrap_or_default();
-    let is_node = |name: &String| name == SIMULATOR || name == DASHBOARD || nodes::NODES.contains(&name.as_str());
+    let is_node =
+        |name: &String| name == SIMULATOR || name == DASHBOARD || nodes::NODES.contains(&name.as_str());
     let name = Path::new(&program).file_name()?.to_str()?.strip_prefix("roscausal_").map(str::to_owned);
     name.filter(is_node).or_else(|| args.next().filter(is_node))
 }
