@@ -257,7 +257,7 @@ fn show(args: &Args, folders: &Folders, model: &Model) -> Result<()> {
     println!("{}\n", report::text(model));
     println!("{}\n", expected::comparison(model));
     println!(
-        "{}: batches, model.json, links.csv, dag.svg, dag.png, tsdag.svg, tsdag.png",
+        "{}: batches, model.json, model.dot, model.graphml, links.csv, dag.svg, dag.png, tsdag.svg, tsdag.png",
         args.out.display()
     );
     Ok(())

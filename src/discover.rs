@@ -16,7 +16,7 @@ use roscausal_core::{
 };
 
 use crate::{
-    chart,
+    chart, export,
     interrupt::Interrupt,
     output,
     recording::{self, InputArgs, Source},
@@ -56,6 +56,12 @@ enum Format {
     Text,
     /// One JSON object (docs/model-schema.md).
     Json,
+    /// A graph for Graphviz.
+    Dot,
+    /// A graph for networkx, Gephi, yEd, igraph.
+    Graphml,
+    /// A table of the links.
+    Csv,
 }
 
 /// Arguments that say how to analyse, the same for every subcommand.
@@ -111,8 +117,8 @@ pub(crate) struct MeansArgs {
 pub(crate) fn run(args: &Args, interrupt: &Interrupt) -> Result<()> {
     let mut settings = args.method.settings(args.seed)?;
     settings.max_memory = args.means.max_memory.map(|megabytes| megabytes.saturating_mul(1_000_000));
-    let json = args.format == Format::Json;
-    let (files, _made) = tables_of(args, interrupt, json)?;
+    let quiet = args.format != Format::Text;
+    let (files, _made) = tables_of(args, interrupt, quiet)?;
     let recordings = read(args, &files)?;
     let dt = recordings[0].dt();
     let mut warnings: Vec<String> = Vec::new();
@@ -122,7 +128,7 @@ pub(crate) fn run(args: &Args, interrupt: &Interrupt) -> Result<()> {
     let names = recordings[0].names.clone();
     let values = recordings.into_iter().map(|table| table.values).collect();
     let data = DataFrame::new(values, names)?;
-    let mut model = args.means.analyse(&data, &settings, interrupt, json)?;
+    let mut model = args.means.analyse(&data, &settings, interrupt, quiet)?;
     model.dt = dt;
     model.warnings.splice(0..0, warnings);
 
@@ -134,6 +140,9 @@ pub(crate) fn run(args: &Args, interrupt: &Interrupt) -> Result<()> {
     }
     match args.format {
         Format::Json => print!("{}", model.to_json()),
+        Format::Dot => print!("{}", export::dot(&model)),
+        Format::Graphml => print!("{}", export::graphml(&model)),
+        Format::Csv => print!("{}", String::from_utf8_lossy(&export::links_csv(&model)?)),
         Format::Text => println!("{}", report::text(&model)),
     }
     Ok(())

@@ -6,6 +6,7 @@ mod demo;
 mod discover;
 mod expected;
 mod experiment;
+mod export;
 mod failure;
 mod folders;
 mod interrupt;

@@ -9,6 +9,8 @@ use std::{
 use ndarray::ArrayView2;
 use roscausal_core::{Error, Result, discovery::Model, draw};
 
+use crate::export;
+
 /// Pixels per unit of the pictures.
 const SCALE: f32 = 2.0;
 
@@ -18,7 +20,9 @@ pub(crate) fn write_model(dir: &Path, model: &Model) -> Result<Vec<PathBuf>> {
     let tsdag = draw::tsdag(model);
     let files = [
         ("model.json", model.to_file_json().into_bytes()),
-        ("links.csv", links_csv(model)?),
+        ("links.csv", export::links_csv(model)?),
+        ("model.dot", export::dot(model).into_bytes()),
+        ("model.graphml", export::graphml(model).into_bytes()),
         ("dag.png", draw::rasterise(&dag, SCALE)?.png),
         ("dag.svg", dag.into_bytes()),
         ("tsdag.png", draw::rasterise(&tsdag, SCALE)?.png),
@@ -61,17 +65,4 @@ pub(crate) fn copy_batch(batch: &Path, dir: &Path) -> Result<()> {
         write_file(dir, &name, &bytes)?;
     }
     Ok(())
-}
-
-fn links_csv(model: &Model) -> Result<Vec<u8>> {
-    let mut writer = csv::Writer::from_writer(Vec::new());
-    let fault = |e: &dyn std::fmt::Display| Error::Data(format!("the list of links cannot be written: {e}"));
-    for link in &model.links {
-        writer.serialize(link).map_err(|e| fault(&e))?;
-    }
-    if model.links.is_empty() {
-        let header = ["cause", "effect", "lag", "value", "p_value", "mark", "n_lost"];
-        writer.write_record(header).map_err(|e| fault(&e))?;
-    }
-    writer.into_inner().map_err(|e| fault(&e))
 }

@@ -62,7 +62,7 @@ pub(crate) fn sentence(model: &Model, link: &Link) -> String {
 
 /// `p < 0.001`, `p = 0.012`; a share of 500 null values that is 0 is `p < 0.002`.
 fn p_value(model: &Model, p: f64) -> String {
-    let smallest = if model.cond_ind_test.starts_with("gpdc") { 0.002 } else { 0.001 };
+    let smallest = model.smallest_p();
     if p < smallest { format!("p < {smallest}") } else { format!("p = {p:.3}") }
 }
 

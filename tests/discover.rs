@@ -72,6 +72,27 @@ fn json_on_stdout_is_one_object_and_finds_the_link() {
 }
 
 #[test]
+fn the_links_come_as_dot_graphml_and_csv() {
+    let dir = folder("data.csv", &coupled(300));
+    let run = |format: &str| {
+        let args = [
+            "discover", "data.csv", "--method", "pcmci", "--test", "parcorr", "--format", format, "--out",
+            "r",
+        ];
+        let out = roscausal(dir.path(), &args);
+        assert!(out.status.success(), "{}", String::from_utf8_lossy(&out.stderr));
+        String::from_utf8_lossy(&out.stdout).into_owned()
+    };
+    let (dot, graphml, csv) = (run("dot"), run("graphml"), run("csv"));
+    has(&dot, &["digraph causal_model {", "\"a\" -> \"b\" [label=\"1 · "]);
+    has(&graphml, &["<graphml", "<node id=\"a\"/>", "source=\"a\" target=\"b\"><data key=\"lag\">1</data>"]);
+    has(&csv, &["cause,effect,lag,value,p_value,mark,n_lost\n", "\na,b,1,"]);
+    for (file, content) in [("model.dot", dot), ("model.graphml", graphml), ("links.csv", csv)] {
+        assert_eq!(fs::read_to_string(dir.path().join("r").join(file)).expect("is there"), content, "{file}");
+    }
+}
+
+#[test]
 fn text_says_the_link_as_a_sentence() {
     let dir = folder("data.csv", &coupled(300));
     let out = roscausal(dir.path(), &["discover", "data.csv", "--test", "parcorr"]);

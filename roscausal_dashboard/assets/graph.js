@@ -26,19 +26,32 @@ export function compared(model, before) {
   return [...links, ...(before?.links ?? []).filter((link) => !has.has(key(link))).map((link) => ({ ...link, state: "gone" }))];
 }
 
+/** A link as a sentence. */
+export function sentence(link, { dt, test }) {
+  const earlier = link.lag === 0 ? "at the same time" : `at t-${link.lag}${dt > 0 ? ` (${+(link.lag * dt).toFixed(3)} s earlier)` : ""}`;
+  const effect = link.cause === link.effect ? "itself" : link.effect;
+  // GPDC's p-values are shares of 500 null values: 0 is below 0.002.
+  const smallest = test.startsWith("gpdc") ? 0.002 : 0.001;
+  const p = link.p < smallest ? `p < ${smallest}` : `p = ${link.p.toFixed(3)}`;
+  return `${link.cause} ${earlier} drives ${effect}: strength ${link.value.toFixed(2)}, ${p}`;
+}
+
 export function drawGraph(svg, model, before) {
   svg.replaceChildren();
   const names = model.features;
   const links = compared(model, before);
   const radius = names.length <= 2 ? 90 : 70 + 24 * names.length;
   const size = 2 * (radius + NODE + 66);
-  svg.setAttribute("viewBox", `0 0 ${Math.max(size, 400)} ${size}`);
   const centre = [Math.max(size, 400) / 2, size / 2];
   const places = new Map(names.map((name, i) => {
     const angle = (names.length === 2 ? Math.PI : -Math.PI / 2) + (2 * Math.PI * i) / names.length;
     const r = names.length === 1 ? 0 : radius;
     return [name, [centre[0] + r * Math.cos(angle), centre[1] + r * Math.sin(angle)]];
   }));
+  // Room for loops and their labels around the outermost nodes.
+  const [xs, ys] = [0, 1].map((i) => [...places.values(), ...(names.length ? [] : [centre])].map((place) => place[i]));
+  const [left, top] = [Math.min(...xs) - NODE - 96, Math.min(...ys) - NODE - 62];
+  svg.setAttribute("viewBox", `${left} ${top} ${Math.max(...xs) + NODE + 96 - left} ${Math.max(...ys) + NODE + 62 - top}`);
   const labels = [];
   for (const group of grouped(links)) {
     const [from, to] = [places.get(group.cause), places.get(group.effect)];
@@ -86,7 +99,8 @@ function loop(at, centre) {
   const out = at[0] === centre[0] && at[1] === centre[1] ? [0, -1] : towards(centre, at);
   const side = [-out[1], out[0]];
   const rim = (turn) => plus(plus(at, out, NODE * Math.cos(turn)), side, NODE * Math.sin(turn));
-  return { start: rim(-0.6), bend: plus(at, out, 3.1 * NODE), end: rim(0.62), label: plus(at, out, 2.25 * NODE) };
+  const peak = 2.05 * NODE;
+  return { start: rim(-0.6), bend: plus(at, out, 3.1 * NODE), end: rim(0.62), label: plus(at, out, peak + 14 + 20 * Math.abs(out[0])) };
 }
 
 function arrow(svg, { start, bend, end }, link) {

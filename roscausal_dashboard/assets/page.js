@@ -1,7 +1,7 @@
 // The page: takes the events and hands them to scene, charts, graph and lists.
 
 import { Charts } from "./charts.js";
-import { compared, drawGraph } from "./graph.js";
+import { compared, drawGraph, sentence } from "./graph.js";
 import { Scene } from "./scene.js";
 
 const $ = (id) => document.getElementById(id);
@@ -123,7 +123,7 @@ function showModel() {
   $("links").replaceChildren(...links.map((link) => {
     const item = document.createElement("li");
     if (link.state !== "same") item.append(make("span", link.state === "new" ? "appeared: " : "vanished: ", link.state));
-    item.append(link.text || `${link.cause} at t-${link.lag} drives ${link.effect}, strength ${link.value}`);
+    item.append(sentence(link, model));
     return item;
   }));
   if (!links.length) $("links").replaceChildren(make("li", "no causal link found", ""));
@@ -136,7 +136,7 @@ function choose(index) {
 }
 
 function addMessage(message) {
-  const item = document.createElement("li");
+  const item = document.createElement("p");
   item.append(make("time", clock(message.t), ""), message.text);
   $("messages").prepend(item);
   while ($("messages").children.length > MOST_MESSAGES) $("messages").lastChild.remove();

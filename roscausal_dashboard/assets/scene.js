@@ -47,10 +47,10 @@ export class Scene {
     const known = points.filter((p) => p.every(Number.isFinite));
     if (!known.length) return;
     const [xs, ys] = [known.map((p) => p[0]), known.map((p) => -p[1])];
-    const [left, top, right, bottom] = this.box ?? [Infinity, Infinity, -Infinity, -Infinity];
+    const old = this.box ?? [Infinity, Infinity, -Infinity, -Infinity];
     const box = [
-      Math.min(left, Math.floor(Math.min(...xs) - MARGIN)), Math.min(top, Math.floor(Math.min(...ys) - MARGIN)),
-      Math.max(right, Math.ceil(Math.max(...xs) + MARGIN)), Math.max(bottom, Math.ceil(Math.max(...ys) + MARGIN)),
+      Math.min(old[0], Math.floor(Math.min(...xs) - MARGIN)), Math.min(old[1], Math.floor(Math.min(...ys) - MARGIN)),
+      Math.max(old[2], Math.ceil(Math.max(...xs) + MARGIN)), Math.max(old[3], Math.ceil(Math.max(...ys) + MARGIN)),
     ];
     if (this.box && box.every((value, i) => value === this.box[i])) return;
     this.box = box;
@@ -59,12 +59,14 @@ export class Scene {
     this.unit = Math.max(w, h) / 24;
     const step = Math.max(w, h) > 60 ? 10 : Math.max(w, h) > 24 ? 5 : 1;
     this.grid.replaceChildren();
+    // The view may be wider or higher than the box: the grid goes on beyond it.
+    const [left, top, right, bottom] = [box[0] - 2 * h, box[1] - 2 * w, box[2] + 2 * h, box[3] + 2 * w];
     const line = (at, horizontal) => {
-      const ends = horizontal ? { x1: box[0], x2: box[2], y1: at, y2: at } : { x1: at, x2: at, y1: box[1], y2: box[3] };
+      const ends = horizontal ? { x1: left, x2: right, y1: at, y2: at } : { x1: at, x2: at, y1: top, y2: bottom };
       element("line", { class: at === 0 ? "axis" : "grid", ...ends }, this.grid);
     };
-    for (let x = Math.ceil(box[0] / step) * step; x <= box[2]; x += step) line(x, false);
-    for (let y = Math.ceil(box[1] / step) * step; y <= box[3]; y += step) line(y, true);
+    for (let x = Math.ceil(left / step) * step; x <= right; x += step) line(x, false);
+    for (let y = Math.ceil(top / step) * step; y <= bottom; y += step) line(y, true);
     const note = element("text", { x: box[0] + 0.3 * this.unit, y: box[3] - 0.3 * this.unit, "font-size": 0.55 * this.unit }, this.grid);
     note.textContent = `grid ${step} m`;
   }

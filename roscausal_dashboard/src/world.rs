@@ -217,7 +217,6 @@ fn model_json(number: u64, info: &CausalModelInfo) -> Json {
             "lag": link.lag,
             "value": rounded(link.value),
             "p": link.p_value,
-            "text": link.description,
         })
     };
     json!({

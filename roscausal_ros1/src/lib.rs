@@ -176,6 +176,10 @@ impl Middleware for Ros1 {
         self.session.attach(consumer);
     }
 
+    fn wires(&self) -> roscausal_msgs::Wires {
+        roscausal_msgs::Wires::Ros1
+    }
+
     fn topics(&self) -> Vec<(String, String)> {
         self.session
             .answering_master()

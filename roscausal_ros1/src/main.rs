@@ -25,6 +25,8 @@ use tracing_subscriber::{EnvFilter, Layer, filter::LevelFilter, prelude::*};
 
 /// The simulator, beside [`nodes::NODES`].
 const SIMULATOR: &str = "hrisim";
+/// The live page.
+const DASHBOARD: &str = "dashboard";
 /// How long a node may take to save and leave before it is taken off the master and ended.
 const FAREWELL: Duration = Duration::from_secs(10);
 
@@ -33,7 +35,7 @@ fn main() -> ExitCode {
     let Some(node) = node_to_run() else {
         let nodes = nodes::NODES.join("|");
         eprintln!(
-            "usage: roscausal_ros1 {nodes}|{SIMULATOR} [topic:=other] [_parameter:=value] [__name:=name]"
+            "usage: roscausal_ros1 {nodes}|{SIMULATOR}|{DASHBOARD} [topic:=other] [_parameter:=value] [__name:=name]"
         );
         return ExitCode::from(2);
     };
@@ -63,18 +65,26 @@ fn run(node: &str, rosout: &Rosout) -> Result<ExitCode> {
 fn node_to_run() -> Option<String> {
     let mut args = env::args();
     let program = args.next().unwrap_or_default();
-    let is_node = |name: &String| name == SIMULATOR || nodes::NODES.contains(&name.as_str());
+    let is_node =
+        |name: &String| name == SIMULATOR || name == DASHBOARD || nodes::NODES.contains(&name.as_str());
     let name = Path::new(&program).file_name()?.to_str()?.strip_prefix("roscausal_").map(str::to_owned);
     name.filter(is_node).or_else(|| args.next().filter(is_node))
 }
 
 fn run_node(node: &str, mw: &Ros1) -> Result<()> {
-    if node == SIMULATOR {
-        mw.warn_of_unknown_params(&roscausal_hrisim::node::parameters());
-        roscausal_hrisim::node::run(mw)
-    } else {
-        mw.warn_of_unknown_params(&nodes::parameters(node)?);
-        nodes::run(node, mw)
+    match node {
+        SIMULATOR => {
+            mw.warn_of_unknown_params(&roscausal_hrisim::node::parameters());
+            roscausal_hrisim::node::run(mw)
+        }
+        DASHBOARD => {
+            mw.warn_of_unknown_params(&roscausal_dashboard::parameters());
+            roscausal_dashboard::run(mw)
+        }
+        name => {
+            mw.warn_of_unknown_params(&nodes::parameters(name)?);
+            nodes::run(name, mw)
+        }
     }
 }
 

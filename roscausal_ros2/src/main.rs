@@ -11,7 +11,7 @@ use signal_hook::{
 };
 
 /// The nodes that this program can be.
-const NODES: [&str; 5] = ["robot", "human", "data", "discovery", "hrisim"];
+const NODES: [&str; 7] = ["robot", "human", "data", "discovery", "markers", "hrisim", "dashboard"];
 /// How long after a signal the node is out of the graph, whatever it still does.
 const LEAVE_WITHIN: Duration = Duration::from_millis(700);
 /// How long after a signal the program ends, finished or not.
@@ -78,6 +78,7 @@ fn live(node: &str, args: &Args, console: &Console) -> Result<ExitCode, Error> {
     tracing::info!("{} is on domain {}", ros.node_name(), args.network.domain_id);
     let outcome = match node {
         "hrisim" => roscausal_hrisim::node::run(&ros),
+        "dashboard" => roscausal_dashboard::run(&ros),
         name => roscausal_core::nodes::run(name, &ros),
     };
     let failed = ros.failed();

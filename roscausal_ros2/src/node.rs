@@ -379,6 +379,10 @@ impl Middleware for Ros2 {
         lock(&self.inner.consumers).push(consumer);
     }
 
+    fn wires(&self) -> roscausal_msgs::Wires {
+        roscausal_msgs::Wires::Ros2
+    }
+
     fn topics(&self) -> Vec<(String, String)> {
         self.inner.session(|session| published_topics(&session.context)).unwrap_or_default()
     }

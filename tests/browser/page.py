@@ -181,22 +181,22 @@ class Page:
 
     def wide_and_light_it_is_accessible(self):
         self.look(1440, 1000, "light")
-        self.violations()
         self.picture("wide-light")
+        self.violations()
 
     def wide_and_dark_it_is_accessible(self):
         self.look(1440, 1000, "light")
         light = self.js("getComputedStyle(document.body).backgroundColor")
         self.look(1440, 1000, "dark")
         assert self.js("getComputedStyle(document.body).backgroundColor") != light
-        self.violations()
         self.picture("wide-dark")
+        self.violations()
 
     def a_phone_shows_all_of_it(self):
         self.look(390, 844, "light")
         assert self.js("document.documentElement.scrollWidth") <= 390
-        self.violations()
         self.picture("phone")
+        self.violations()
         self.look(1440, 1000, "light")
 
     def the_keyboard_reaches_everything(self):

@@ -148,6 +148,12 @@ impl Model {
         self
     }
 
+    /// Smaller p-values than this are not told apart: GPDC's are shares of 500 null values, so its 0 is only
+    /// known to be below 0.002.
+    pub fn smallest_p(&self) -> f64 {
+        if self.cond_ind_test.starts_with("gpdc") { 0.002 } else { 0.001 }
+    }
+
     /// The model as pretty JSON with a final newline, without the run time: same seed, same bytes.
     pub fn to_file_json(&self) -> String {
         Self { run_time_s: None, ..self.clone() }.to_json()

@@ -30,7 +30,12 @@ pub fn dag(model: &Model) -> String {
                 continue;
             };
             let lags: Vec<String> = lagged.iter().map(|link| link.lag.to_string()).collect();
-            let stroke = Stroke::of_link(strongest.value, strongest.p_value, strongest.mark == "-->");
+            let stroke = Stroke::of_link(
+                strongest.value,
+                strongest.p_value,
+                model.smallest_p(),
+                strongest.mark == "-->",
+            );
             let label = format!("{} · {:.2}", lags.join(","), strongest.value);
             if i == j {
                 self_loop(&mut svg, places[i], centre, &stroke, &label);
@@ -45,7 +50,12 @@ pub fn dag(model: &Model) -> String {
     if n == 0 {
         svg.text(centre, 16.0, "middle", FAINT, "no causal link found");
     }
-    legend(&mut svg, Point::new(16.0, size + 30.0), model.links.iter().any(|link| link.value < 0.0));
+    legend(
+        &mut svg,
+        Point::new(16.0, size + 30.0),
+        model.smallest_p(),
+        model.links.iter().any(|link| link.value < 0.0),
+    );
     let note = "on an arrow: lag in steps · strength";
     svg.text(Point::new(16.0 + 170.0, size + 34.0), 12.0, "start", INK, note);
     if let Some(dt) = model.dt {

@@ -125,10 +125,10 @@ pub(super) struct Stroke {
 
 impl Stroke {
     /// Width by strength, colour by sign, dashes by p-value.
-    pub(super) fn of_link(value: f64, p_value: f64, directed: bool) -> Self {
+    pub(super) fn of_link(value: f64, p_value: f64, smallest_p: f64, directed: bool) -> Self {
         let width = 1.5 + 5.0 * value.abs().min(1.0);
         let colour = if value < 0.0 { NEGATIVE } else { POSITIVE };
-        Self { colour, width, dash: dash(p_value), opacity: 1.0, directed }
+        Self { colour, width, dash: dash(p_value, smallest_p), opacity: 1.0, directed }
     }
 
     fn attributes(&self) -> String {
@@ -141,19 +141,20 @@ impl Stroke {
     }
 }
 
-/// Solid below 0.001, long dashes below 0.01, short ones above.
-pub(super) fn dash(p_value: f64) -> &'static str {
+/// Solid below the smallest p-value that the test tells apart, long dashes below 0.01, short ones above.
+pub(super) fn dash(p_value: f64, smallest_p: f64) -> &'static str {
     match p_value {
-        p if p < 0.001 => "",
+        p if p < smallest_p => "",
         p if p < 0.01 => "14 5",
         _ => "5 4",
     }
 }
 
 /// The legend of widths, colours and dashes, from `at` downwards.
-pub(super) fn legend(svg: &mut Svg, at: Point, signed: bool) {
+pub(super) fn legend(svg: &mut Svg, at: Point, smallest_p: f64, signed: bool) {
     let mut y = at.y;
-    for (dash, text) in [("", "p < 0.001"), ("14 5", "p < 0.01"), ("5 4", "p ≥ 0.01")] {
+    let smallest = format!("p < {smallest_p}");
+    for (dash, text) in [("", smallest.as_str()), ("14 5", "p < 0.01"), ("5 4", "p ≥ 0.01")] {
         let dash = if dash.is_empty() { String::new() } else { format!(" stroke-dasharray=\"{dash}\"") };
         svg.raw(&format!(
             "<path d=\"M {:.1} {y:.1} h 44\" stroke=\"{INK}\" stroke-width=\"3\"{dash}/>",

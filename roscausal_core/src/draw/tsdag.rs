@@ -25,7 +25,8 @@ pub fn tsdag(model: &Model) -> String {
         for link in model.links.iter().filter(|link| link.lag + shift <= model.tau_max) {
             let row = |name: &str| model.features.iter().position(|feature| feature == name);
             let (Some(i), Some(j)) = (row(&link.cause), row(&link.effect)) else { continue };
-            let mut stroke = Stroke::of_link(link.value, link.p_value, link.mark == "-->");
+            let mut stroke =
+                Stroke::of_link(link.value, link.p_value, model.smallest_p(), link.mark == "-->");
             if shift > 0 {
                 stroke.opacity = 0.25;
             }
@@ -47,7 +48,12 @@ pub fn tsdag(model: &Model) -> String {
         let at = Point::new(place(0, lag).x, 60.0);
         svg.text(at, 13.0, "middle", INK, &if lag == 0 { "t".to_owned() } else { format!("t−{lag}") });
     }
-    legend(&mut svg, Point::new(16.0, height - 66.0), model.links.iter().any(|link| link.value < 0.0));
+    legend(
+        &mut svg,
+        Point::new(16.0, height - 66.0),
+        model.smallest_p(),
+        model.links.iter().any(|link| link.value < 0.0),
+    );
     svg.finish()
 }
 

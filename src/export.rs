@@ -1,0 +1,83 @@
+//! A model in the formats of other programs: DOT (Graphviz), GraphML (networkx, Gephi, yEd, igraph), CSV of links.
+
+use std::fmt::Write;
+
+use roscausal_core::{
+    Error, Result,
+    batch::header::plain,
+    discovery::{Model, model::Link},
+};
+
+/// The model as a directed graph for Graphviz: an edge per link, labelled with lag and strength.
+pub(crate) fn dot(model: &Model) -> String {
+    let mut out = String::from("digraph causal_model {\n  rankdir=LR;\n  node [shape=circle];\n");
+    for name in &model.features {
+        let _ = writeln!(out, "  {};", quoted(&plain(name)));
+    }
+    for link in &model.links {
+        let undirected = if link.mark == "-->" { "" } else { ", dir=none" };
+        let colour = if link.value < 0.0 { "#1d4ed8" } else { "#c2410c" };
+        let _ = writeln!(
+            out,
+            "  {} -> {} [label=\"{} · {:.2}\", penwidth={:.2}, color=\"{colour}\"{undirected}];",
+            quoted(&plain(&link.cause)),
+            quoted(&plain(&link.effect)),
+            link.lag,
+            link.value,
+            1.0 + 4.0 * link.value.abs().min(1.0)
+        );
+    }
+    out.push_str("}\n");
+    out
+}
+
+fn quoted(name: &str) -> String {
+    format!("\"{}\"", name.replace('\\', "\\\\").replace('"', "\\\""))
+}
+
+/// The model as GraphML; edges have `lag`, `value`, `p_value` and `mark`.
+pub(crate) fn graphml(model: &Model) -> String {
+    let mut out = String::from(
+        "<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n<graphml xmlns=\"http://graphml.graphdrawing.org/xmlns\">\n",
+    );
+    for (id, kind) in [("lag", "int"), ("value", "double"), ("p_value", "double"), ("mark", "string")] {
+        let _ = writeln!(out, "  <key id=\"{id}\" for=\"edge\" attr.name=\"{id}\" attr.type=\"{kind}\"/>");
+    }
+    out.push_str("  <graph id=\"causal_model\" edgedefault=\"directed\">\n");
+    for name in &model.features {
+        let _ = writeln!(out, "    <node id=\"{}\"/>", escaped(&plain(name)));
+    }
+    for (number, link) in model.links.iter().enumerate() {
+        let Link { cause, effect, lag, value, p_value, mark, .. } = link;
+        let (cause, effect) = (escaped(&plain(cause)), escaped(&plain(effect)));
+        let _ = writeln!(
+            out,
+            "    <edge id=\"e{number}\" source=\"{cause}\" target=\"{effect}\"><data key=\"lag\">{lag}</data>\
+             <data key=\"value\">{value}</data><data key=\"p_value\">{p_value}</data>\
+             <data key=\"mark\">{}</data></edge>",
+            escaped(mark)
+        );
+    }
+    out.push_str("  </graph>\n</graphml>\n");
+    out
+}
+
+fn escaped(text: &str) -> String {
+    // Control characters have no place in XML.
+    let legal = text.chars().map(|c| if c.is_control() { ' ' } else { c }).collect::<String>();
+    legal.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;").replace('"', "&quot;")
+}
+
+/// The links as a table, one row per link.
+pub(crate) fn links_csv(model: &Model) -> Result<Vec<u8>> {
+    let mut writer = csv::Writer::from_writer(Vec::new());
+    let fault = |e: &dyn std::fmt::Display| Error::Data(format!("the list of links cannot be written: {e}"));
+    for link in &model.links {
+        writer.serialize(link).map_err(|e| fault(&e))?;
+    }
+    if model.links.is_empty() {
+        let header = ["cause", "effect", "lag", "value", "p_value", "mark", "n_lost"];
+        writer.write_record(header).map_err(|e| fault(&e))?;
+    }
+    writer.into_inner().map_err(|e| fault(&e))
+}
