@@ -15,6 +15,7 @@ use roscausal_core::{
     params::Value,
 };
 use roscausal_msgs::{
+    diagnostic_msgs::{DiagnosticArray, DiagnosticStatus},
     geometry_msgs::{Point, Pose, PoseWithCovarianceStamped, Quaternion},
     nav_msgs::Odometry,
     pedsim_msgs::{TrackedPerson, TrackedPersons},
@@ -69,6 +70,7 @@ impl Chain {
             .iter()
             .map(|&name| bus.start(name, move |mw| nodes::run(name, &mw)).expect("a thread"))
             .collect();
+        let _troubles = tell_troubles(&bus);
         let discovery = bus.node("discovery");
         let its_own = discovery.clone();
         let analysing = thread::spawn(move || nodes::run("discovery", &its_own));
@@ -150,6 +152,20 @@ impl Chain {
             }
         }
     }
+}
+
+/// Writes what the nodes suffer from to stderr, each once.
+fn tell_troubles(bus: &Loopback) -> impl Drop + use<> {
+    let mut told = std::collections::BTreeSet::new();
+    let tell = move |message: DiagnosticArray| {
+        for status in message.status {
+            if status.level > DiagnosticStatus::OK && told.len() < 100 && told.insert(status.message.clone())
+            {
+                eprintln!("{}: {}", status.name, status.message);
+            }
+        }
+    };
+    bus.node("listener").subscribe("/diagnostics", Qos::Volatile(10), tell).expect("subscribes")
 }
 
 fn at(x: f64, y: f64) -> Pose {

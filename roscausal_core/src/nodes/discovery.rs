@@ -209,6 +209,11 @@ impl<M: Middleware> Node<M> {
                 model.run_time_s = Some((mw.steady() - start).as_secs_f64());
                 self.tell(mw, model, origin, claims)
             }
+            // The time budget: an attempt like any other.
+            Err(Error::Cancelled(reason)) if mw.is_ok() => {
+                tracing::warn!("{}: no result, {reason}", names.join(", "));
+                Ok(())
+            }
             Err(Error::Cancelled(reason)) => {
                 tracing::info!("{} stays in the pool: {reason}", names.join(", "));
                 claims.into_iter().try_for_each(Claim::abandon)
