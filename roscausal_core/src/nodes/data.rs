@@ -15,7 +15,7 @@ use crate::{
 };
 
 /// Between two notes in the journal: what a crash costs.
-const JOURNAL_EVERY_S: f64 = 0.5;
+const JOURNAL_EVERY_S: f64 = 0.4;
 /// Messages that may wait: more than ten seconds of a fast robot.
 const INBOX: usize = 20_000;
 
