@@ -250,6 +250,8 @@ mod tests {
         let mut robot = RobotTracker::new("map", 10, 0.1);
         robot.pose(header(1.0, "moon"), pose(3.0), NOW);
         assert!(robot.odometry(odometry(1.0, 0.4), NOW).is_empty());
+        // Its frame may come yet; half a second later nobody waits any more.
+        robot.pose(header(1.5, "moon"), pose(3.0), NOW);
         assert!(robot.trouble.as_ref().is_some_and(|t| t.contains("moon")));
         robot.pose(header(2.0, "map"), pose(f64::NAN), NOW);
         assert!(robot.odometry(odometry(2.0, 0.4), NOW).is_empty());
