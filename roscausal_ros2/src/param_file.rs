@@ -30,20 +30,11 @@ impl ParamFile {
     /// # Errors
     /// A file that cannot be read, is not YAML, or is not of that form; the message names the place.
     pub fn add_file(&mut self, path: &Path) -> Result<(), BadArgument> {
-        let text = std::fs::read_to_string(path).map_err(|error| {
-            BadArgument(format!("parameter file {}: cannot be read ({error})", path.display()))
-        })?;
-        self.add_text(&text, path)
-    }
-
-    /// Adds a file that is in memory; `path` is only named in errors.
-    ///
-    /// # Errors
-    /// As [`ParamFile::add_file`].
-    pub fn add_text(&mut self, text: &str, path: &Path) -> Result<(), BadArgument> {
         let wrong = |why: String| BadArgument(format!("parameter file {}: {why}", path.display()));
+        let text =
+            std::fs::read_to_string(path).map_err(|error| wrong(format!("cannot be read ({error})")))?;
         let yaml: Yaml =
-            serde_norway::from_str(text).map_err(|error| wrong(format!("is not YAML: {error}")))?;
+            serde_norway::from_str(&text).map_err(|error| wrong(format!("is not YAML: {error}")))?;
         self.add_nodes("", &yaml).map_err(wrong)
     }
 
