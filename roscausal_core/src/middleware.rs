@@ -4,7 +4,7 @@
 //! (`/tf` and `/tf_static` are ordinary topics). [`crate::loopback`] implements it in process; ROS 1 and
 //! ROS 2 implement it in crates of their own. [`crate::laws`] is what every implementation must pass.
 
-use std::sync::Arc;
+use std::{sync::Arc, time::Duration};
 
 use roscausal_msgs::Wires;
 
@@ -71,6 +71,12 @@ pub trait Middleware: Clone + Send + Sync + 'static {
     /// When the parameter server cannot be reached.
     fn param(&self, spec: &ParamSpec) -> Result<Option<Value>>;
 
+    /// Names of this node's private parameters that somebody has set, for a warning about those that no node has. Empty
+    /// where the middleware cannot tell, or warns itself.
+    fn params_set(&self) -> Vec<String> {
+        Vec::new()
+    }
+
     /// Sets a parameter for other nodes to read (absolute name) or for this one (private name).
     ///
     /// # Errors
@@ -79,6 +85,10 @@ pub trait Middleware: Clone + Send + Sync + 'static {
 
     /// Time of the clock in use: the system's, or `/clock` with `use_sim_time`.
     fn now(&self) -> Time;
+
+    /// Time since some moment in the past by a clock that neither stops nor jumps and is never simulated: for what
+    /// costs real time, such as a budget. Nothing that is recorded or found may depend on it.
+    fn steady(&self) -> Duration;
 
     /// False once the node is to end.
     fn is_ok(&self) -> bool;

@@ -173,6 +173,10 @@ impl Params {
             };
             values.insert(spec.name, value);
         }
+        for (name, near) in unknown(&mw.params_set(), specs) {
+            let hint = near.map_or(String::new(), |near| format!("; did you mean '{near}'?"));
+            tracing::warn!("{}: there is no parameter '{name}'{hint}", mw.node_name());
+        }
         Ok(Self { values })
     }
 
@@ -220,6 +224,14 @@ impl Params {
     }
 }
 
+/// The names that no specification has, each with the nearest one that there is.
+fn unknown<'a>(set: &'a [String], specs: &[ParamSpec]) -> Vec<(&'a str, Option<String>)> {
+    let names: Vec<&str> = specs.iter().map(|spec| spec.name).collect();
+    let known = |name: &&String| names.contains(&name.as_str()) || name.as_str() == "use_sim_time";
+    let near = |name: &str| header::nearest(&names, name).map(str::to_owned);
+    set.iter().filter(|name| !known(name)).map(|name| (name.as_str(), near(name))).collect()
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -246,6 +258,20 @@ mod tests {
         let length = spec(Value::Double(150.0), Allowed::Any);
         assert_eq!(length.checked(text("")).expect("no number"), text(""));
         assert!(number.checked(text("")).is_err());
+    }
+
+    #[test]
+    fn a_parameter_that_no_node_has_is_told_with_the_nearest_that_there_is() {
+        use crate::loopback::Loopback;
+        let bus = Loopback::lockstep();
+        for name in ["dt", "safe_dits", "use_sim_time"] {
+            bus.set_node_param("data", name, Value::Double(1.0));
+        }
+        bus.set_node_param("database", "x", Value::Double(1.0));
+        let specs = ["dt", "safe_dist", "obs_size"]
+            .map(|name| ParamSpec::new(name, Value::Double(0.1), Allowed::Any, ""));
+        let set = bus.node("data").params_set();
+        assert_eq!(unknown(&set, &specs), [("safe_dits", Some("safe_dist".into()))]);
     }
 
     #[test]

@@ -3,6 +3,9 @@
 
 #![allow(clippy::unwrap_used, reason = "a failed unwrap fails the test, in helpers too")]
 
+#[macro_use]
+#[path = "wire/every_type.rs"]
+mod every_type;
 #[path = "wire/random.rs"]
 mod random;
 
@@ -11,81 +14,6 @@ use std::collections::BTreeMap;
 use proptest::prelude::*;
 use random::Random;
 use roscausal_msgs::*;
-
-/// Calls `$check::<M>($args)` for every message type.
-macro_rules! for_every_type {
-    ($check:ident $args:tt) => {
-        for_every_type!(@ $check $args
-            RobotState
-            HumanState
-            Humans
-            CausalModel
-            CausalLink
-            CausalModelInfo
-            std_msgs::Header
-            std_msgs::String
-            std_msgs::Bool
-            std_msgs::Float64
-            std_msgs::ColorRGBA
-            std_msgs::MultiArrayDimension
-            std_msgs::MultiArrayLayout
-            std_msgs::Int32MultiArray
-            std_msgs::Float32MultiArray
-            geometry_msgs::Point
-            geometry_msgs::Point32
-            geometry_msgs::Vector3
-            geometry_msgs::Quaternion
-            geometry_msgs::Pose
-            geometry_msgs::Pose2D
-            geometry_msgs::PoseStamped
-            geometry_msgs::PoseArray
-            geometry_msgs::PoseWithCovariance
-            geometry_msgs::PoseWithCovarianceStamped
-            geometry_msgs::Transform
-            geometry_msgs::TransformStamped
-            geometry_msgs::Twist
-            geometry_msgs::TwistWithCovariance
-            nav_msgs::Odometry
-            tf2_msgs::TFMessage
-            actionlib_msgs::GoalID
-            move_base_msgs::MoveBaseGoal
-            move_base_msgs::MoveBaseActionGoal
-            pedsim_msgs::AgentForce
-            pedsim_msgs::AgentState
-            pedsim_msgs::AgentStates
-            pedsim_msgs::AgentStateWithGoal
-            pedsim_msgs::AgentStatesWithGoal
-            pedsim_msgs::LineObstacle
-            pedsim_msgs::LineObstacles
-            pedsim_msgs::TrackedPerson
-            pedsim_msgs::TrackedPersons
-            pedsim_msgs::Waypoint
-            pedsim_msgs::Waypoints
-            spencer_tracking_msgs::TrackedPerson
-            spencer_tracking_msgs::TrackedPersons
-            people_msgs::Person
-            people_msgs::People
-            sensor_msgs::Image
-            sensor_msgs::CompressedImage
-            rosgraph_msgs::Clock
-            rosgraph_msgs::Log
-            diagnostic_msgs::KeyValue
-            diagnostic_msgs::DiagnosticStatus
-            diagnostic_msgs::DiagnosticArray
-            visualization_msgs::Marker
-            visualization_msgs::MarkerArray
-            visualization_msgs::UVCoordinate
-            visualization_msgs::MeshFile
-            visualization_msgs::Ros2Marker
-            visualization_msgs::Ros2MarkerArray
-        )
-    };
-    (@ $check:ident $args:tt $($($message:ident)::+)*) => {{
-        let checked = [$(<$($message)::+ as Message>::type_name()),*];
-        assert_eq!(checked.to_vec(), types().iter().map(|d| d.type_name()).collect::<Vec<_>>());
-        $($check::<$($message)::+> $args;)*
-    }};
-}
 
 fn random_message<M: Message>(seed: u64) -> M {
     M::deserialize(&mut Random(seed)).unwrap()

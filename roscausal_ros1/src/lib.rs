@@ -14,7 +14,8 @@ mod xmlrpc;
 
 use std::{
     collections::{BTreeMap, BTreeSet},
-    sync::{Arc, Mutex},
+    sync::{Arc, LazyLock, Mutex},
+    time::{Duration, Instant},
 };
 
 use roscausal_core::{
@@ -162,6 +163,11 @@ impl Middleware for Ros1 {
 
     fn now(&self) -> Time {
         self.session.clock.now()
+    }
+
+    fn steady(&self) -> Duration {
+        static START: LazyLock<Instant> = LazyLock::new(Instant::now);
+        START.elapsed()
     }
 
     fn is_ok(&self) -> bool {

@@ -157,6 +157,20 @@ impl Network {
                 )));
             }
         };
+        // Better no node than one that talks in the clear where security is asked for.
+        if text("ROS_SECURITY_ENABLE").is_some_and(|value| value.eq_ignore_ascii_case("true")) {
+            if text("ROS_SECURITY_STRATEGY").as_deref() == Some("Enforce") {
+                return Err(BadArgument(
+                    "ROS_SECURITY_ENABLE is true and ROS_SECURITY_STRATEGY is Enforce, but these nodes have no DDS \
+                     Security; run them without, on a network of their own (ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST)"
+                        .to_owned(),
+                ));
+            }
+            warnings.push(
+                "ROS_SECURITY_ENABLE has no effect: these nodes have no DDS Security and talk in the clear"
+                    .into(),
+            );
+        }
         if text("ROS_STATIC_PEERS").is_some() {
             warnings.push("ROS_STATIC_PEERS has no effect: these nodes find others by multicast only".into());
         }

@@ -32,6 +32,8 @@ const FUNCTIONS: [(&str, usize, Function); 17] = [
 ];
 /// Brackets within brackets, at most.
 const DEEPEST: usize = 50;
+/// The longest expression, in bytes: each `+` is one more level of what is computed recursively.
+const LONGEST: usize = 2000;
 
 /// A checked expression.
 #[derive(Clone, Debug, PartialEq)]
@@ -97,6 +99,12 @@ impl Expression {
     /// # Errors
     /// What is wrong and where (counted from 1), and what is known.
     pub fn parse(text: &str) -> Result<Self, String> {
+        if text.len() > LONGEST {
+            return Err(format!(
+                "an expression of {} characters is too long; allowed: {LONGEST}",
+                text.len()
+            ));
+        }
         let mut parser = Parser { text, at: 0, depth: 0 };
         let root = parser.sum()?;
         parser.blanks();

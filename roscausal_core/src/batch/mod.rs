@@ -2,6 +2,7 @@
 
 mod expression;
 pub mod header;
+pub mod journal;
 pub mod pool;
 pub mod postprocess;
 pub mod recorder;

@@ -2,6 +2,9 @@
 //!
 //! - `PREFIX<id>.csv` is a whole batch; beside it may stand `PREFIX<id>.json` (written before it).
 //! - `.NAME.tmp` is being written; `.NAME.lock` belongs to the node that analyses NAME and counts the attempts.
+//! - `.PREFIX<number>.journal` holds what is recorded and in no batch yet; `.NAME.commit` and `.NAME.done` are what is
+//!   left of it while NAME becomes a file (see `writer`). The node that records holds a lock on the folder.
+//! - `.finished-<name>` lists batches that are analysed and about to go together.
 //! - `rejected/` holds batches that cannot be analysed, with `NAME.reason.txt`.
 
 use std::{
@@ -27,6 +30,25 @@ pub struct Contents {
     pub batches: Vec<String>,
     /// Other files, which nobody touches.
     pub foreign: BTreeSet<String>,
+}
+
+/// How much a pool may hold.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Limits {
+    /// Batches; 0: any number.
+    pub max_batches: usize,
+    /// Bytes of batches and their metadata; 0: any number.
+    pub max_bytes: u64,
+    /// What happens when there is no room for a new batch: the oldest one goes, or the new one has to wait.
+    pub drop_oldest: bool,
+}
+
+/// A file that is whole on disk, but not under its name yet.
+#[derive(Debug)]
+#[must_use = "publish it, or it is not there"]
+pub(super) struct Staged {
+    temporary: PathBuf,
+    path: PathBuf,
 }
 
 /// A batch that is ours to analyse; dropping it gives it back.
@@ -105,6 +127,82 @@ impl Pool {
         Ok(contents)
     }
 
+    /// Writes a file that gets its name only with [`Staged::publish`].
+    pub(super) fn stage(&self, name: &str, bytes: &[u8]) -> Result<Staged> {
+        stage(&self.path(name), bytes)
+    }
+
+    /// The staged file of a name, if a process that is gone has left one.
+    pub(super) fn staged(&self, name: &str) -> Option<Staged> {
+        let (temporary, path) = (self.path(&format!(".{name}.tmp")), self.path(name));
+        temporary.exists().then_some(Staged { temporary, path })
+    }
+
+    /// File name of a journal.
+    pub(super) fn journal_name(&self, number: u64) -> String {
+        format!(".{}{number:09}.journal", self.prefix)
+    }
+
+    /// Names of the hidden files of this pool's batches that end with `suffix`, in order, without dot and suffix.
+    pub(super) fn hidden(&self, suffix: &str) -> Result<Vec<String>> {
+        let mut names = Vec::new();
+        for entry in fs::read_dir(&self.dir).map_err(|e| Error::file(&self.dir, e))? {
+            let entry = entry.map_err(|e| Error::file(&self.dir, e))?;
+            let name = entry.file_name().to_string_lossy().into_owned();
+            let ours = name.strip_prefix('.').filter(|name| name.starts_with(&self.prefix));
+            names.extend(ours.and_then(|name| name.strip_suffix(suffix)).map(str::to_owned));
+        }
+        names.sort();
+        Ok(names)
+    }
+
+    /// Makes this process the only one that records into this folder, for as long as the answer lives.
+    pub(super) fn lock_for_recording(&self) -> Result<File> {
+        let fault = |e: std::io::Error| Error::file(&self.dir, e);
+        let dir = File::open(&self.dir).map_err(fault)?;
+        match dir.try_lock() {
+            Ok(()) => Ok(dir),
+            Err(TryLockError::WouldBlock) => {
+                let dir = self.dir.display();
+                let reason = format!("another node records into {dir}; give each node its own folder");
+                Err(Error::param("data_dir", reason))
+            }
+            Err(TryLockError::Error(e)) => Err(fault(e)),
+        }
+    }
+
+    /// Makes room for a batch of `incoming` bytes. The batches dropped for it; `None` when there is no room.
+    ///
+    /// # Errors
+    /// What the file system says.
+    pub fn make_room(&self, limits: Limits, incoming: u64) -> Result<Option<Vec<String>>> {
+        let mut dropped = Vec::new();
+        if limits.max_batches == 0 && limits.max_bytes == 0 {
+            return Ok(Some(dropped));
+        }
+        let names = self.contents()?.batches;
+        let size = |name: &str| {
+            let of = |name: &str| fs::metadata(self.path(name)).map_or(0, |meta| meta.len());
+            of(name) + of(&sidecar(name))
+        };
+        let (mut count, mut bytes) = (names.len(), names.iter().map(|name| size(name)).sum::<u64>());
+        let mut oldest = names.iter();
+        // One batch may be larger than all that is allowed: it gets an empty pool.
+        while count > 0
+            && (limits.max_batches > 0 && count >= limits.max_batches
+                || limits.max_bytes > 0 && bytes + incoming > limits.max_bytes)
+        {
+            let Some(name) = oldest.next().filter(|_| limits.drop_oldest) else { return Ok(None) };
+            let of_it = size(name);
+            // What is being analysed stays.
+            let Some(claim) = self.claim(name)? else { continue };
+            self.remove(claim)?;
+            dropped.push(name.clone());
+            (count, bytes) = (count - 1, bytes.saturating_sub(of_it));
+        }
+        Ok(Some(dropped))
+    }
+
     /// Claims a batch for this process and counts the attempt; `None` when another node has it, or it is gone.
     ///
     /// # Errors
@@ -124,6 +222,10 @@ impl Pool {
             Err(TryLockError::WouldBlock) => return Ok(None),
             Err(TryLockError::Error(e)) => return Err(fault(e)),
         }
+        if !is_still(&lock, &lock_path) {
+            // Another node has finished with the batch, and its lock went with it.
+            return Ok(None);
+        }
         if !self.path(name).exists() {
             // Analysed by another node between the listing and now.
             fs::remove_file(&lock_path).or_else(ignore_missing).map_err(fault)?;
@@ -135,6 +237,62 @@ impl Pool {
         lock.seek(SeekFrom::Start(0)).map_err(fault)?;
         write!(lock, "{attempt:<10}").and_then(|()| lock.sync_all()).map_err(fault)?;
         Ok(Some(Claim { lock, lock_path, name: name.to_owned(), attempt }))
+    }
+
+    /// Removes analysed batches, or moves them into `folder`: all of them, also when this process dies meanwhile
+    /// ([`Pool::finish_all`] goes on then).
+    ///
+    /// # Errors
+    /// What the file system says.
+    pub fn finish(&self, claims: Vec<Claim>, folder: Option<&Path>) -> Result<()> {
+        let list = match claims.as_slice() {
+            [first, _, ..] => {
+                let names = claims.iter().map(|claim| claim.name()).collect::<Vec<_>>();
+                let path = self.path(&format!(".finished-{}", first.name()));
+                write_whole(&path, serde_json::json!(names).to_string().as_bytes())?;
+                Some(path)
+            }
+            _ => None,
+        };
+        for claim in claims {
+            match folder {
+                Some(folder) => self.keep(claim, folder)?,
+                None => self.remove(claim)?,
+            }
+        }
+        list.map_or(Ok(()), |path| {
+            fs::remove_file(&path).or_else(ignore_missing).map_err(|e| Error::file(&path, e))
+        })
+    }
+
+    /// Ends what a process that is gone has begun with [`Pool::finish`].
+    ///
+    /// # Errors
+    /// What the file system says.
+    pub fn finish_all(&self, folder: Option<&Path>) -> Result<()> {
+        for entry in fs::read_dir(&self.dir).map_err(|e| Error::file(&self.dir, e))?.flatten() {
+            let name = entry.file_name().to_string_lossy().into_owned();
+            if !name.strip_prefix(".finished-").is_some_and(|name| name.starts_with(&self.prefix)) {
+                continue;
+            }
+            let bytes = fs::read(entry.path()).map_err(|e| Error::file(entry.path(), e))?;
+            let names: Vec<String> = serde_json::from_slice(&bytes).unwrap_or_default();
+            let ours = |name: &&String| name.starts_with(&self.prefix) && !name.contains(['/', '\\']);
+            let mut busy = false;
+            for name in names.iter().filter(ours) {
+                match (self.claim(name)?, folder) {
+                    (Some(claim), Some(folder)) => self.keep(claim, folder)?,
+                    (Some(claim), None) => self.remove(claim)?,
+                    (None, _) => busy |= self.path(name).exists(),
+                }
+            }
+            if !busy {
+                fs::remove_file(entry.path())
+                    .or_else(ignore_missing)
+                    .map_err(|e| Error::file(entry.path(), e))?;
+            }
+        }
+        Ok(())
     }
 
     /// Removes an analysed batch with what belongs to it.
@@ -215,24 +373,64 @@ pub fn sidecar(name: &str) -> String {
 /// # Errors
 /// What the file system says, with the path.
 pub fn write_whole(path: &Path, bytes: &[u8]) -> Result<()> {
-    let fault = |e: std::io::Error| Error::file(path, e);
-    let (Some(dir), Some(name)) = (path.parent(), path.file_name()) else {
+    let staged = stage(path, bytes)?;
+    let temporary = staged.temporary.clone();
+    staged.publish().inspect_err(|_| {
+        let _ = fs::remove_file(temporary);
+    })
+}
+
+fn stage(path: &Path, bytes: &[u8]) -> Result<Staged> {
+    let Some(name) = path.file_name() else {
         return Err(Error::file(path, "not the name of a file"));
     };
-    let dir = if dir.as_os_str().is_empty() { Path::new(".") } else { dir };
-    let temporary = dir.join(format!(".{}.tmp", name.to_string_lossy()));
+    let temporary = folder_of(path).join(format!(".{}.tmp", name.to_string_lossy()));
     let write = || -> std::io::Result<()> {
-        fs::create_dir_all(dir)?;
+        fs::create_dir_all(folder_of(path))?;
         let mut file = File::create(&temporary)?;
         file.write_all(bytes)?;
-        file.sync_all()?;
-        fs::rename(&temporary, path)?;
-        File::open(dir)?.sync_all()
+        file.sync_all()
     };
     write().map_err(|e| {
         let _ = fs::remove_file(&temporary);
-        fault(e)
-    })
+        Error::file(path, e)
+    })?;
+    Ok(Staged { temporary, path: path.to_owned() })
+}
+
+impl Staged {
+    /// Gives the file its name, in one step.
+    pub(super) fn publish(self) -> Result<()> {
+        fs::rename(&self.temporary, &self.path).map_err(|e| Error::file(&self.path, e))?;
+        sync_dir(folder_of(&self.path))
+    }
+}
+
+/// Waits until the disk knows the names in a folder.
+pub(super) fn sync_dir(dir: &Path) -> Result<()> {
+    File::open(dir).and_then(|dir| dir.sync_all()).map_err(|e| Error::file(dir, e))
+}
+
+fn folder_of(path: &Path) -> &Path {
+    match path.parent() {
+        Some(dir) if !dir.as_os_str().is_empty() => dir,
+        _ => Path::new("."),
+    }
+}
+
+/// Whether an open file is still the one of that name.
+#[cfg(unix)]
+fn is_still(file: &File, path: &Path) -> bool {
+    use std::os::unix::fs::MetadataExt;
+    match (file.metadata(), fs::metadata(path)) {
+        (Ok(open), Ok(named)) => (open.dev(), open.ino()) == (named.dev(), named.ino()),
+        _ => false,
+    }
+}
+
+#[cfg(not(unix))]
+fn is_still(_file: &File, path: &Path) -> bool {
+    path.exists()
 }
 
 fn ignore_missing(error: std::io::Error) -> std::io::Result<()> {
@@ -240,63 +438,5 @@ fn ignore_missing(error: std::io::Error) -> std::io::Result<()> {
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-
-    fn pool() -> (tempfile::TempDir, Pool) {
-        let dir = tempfile::tempdir().expect("a folder");
-        let pool = Pool::open(dir.path().join("pool"), "data_").expect("opens");
-        (dir, pool)
-    }
-
-    #[test]
-    fn batches_come_oldest_first_and_foreign_files_are_told_apart() {
-        let (_dir, pool) = pool();
-        for name in
-            ["data_20240102_000000.csv", "data_20240101_235959.csv", "data_20240101_235959.json", "notes.txt"]
-        {
-            pool.write(name, b"x").expect("writes");
-        }
-        fs::write(pool.path(".data_3.csv.tmp"), b"half").expect("writes");
-        let contents = pool.contents().expect("lists");
-        assert_eq!(contents.batches, ["data_20240101_235959.csv", "data_20240102_000000.csv"]);
-        assert_eq!(contents.foreign.into_iter().collect::<Vec<_>>(), ["notes.txt"]);
-    }
-
-    #[test]
-    fn a_claimed_batch_is_nobody_elses_and_attempts_are_counted() {
-        let (_dir, pool) = pool();
-        pool.write("data_1.csv", b"x").expect("writes");
-        let claim = pool.claim("data_1.csv").expect("claims").expect("is free");
-        assert!(pool.claim("data_1.csv").expect("asks").is_none());
-        assert_eq!(claim.attempt(), 1);
-        drop(claim);
-        let again = pool.claim("data_1.csv").expect("claims").expect("is free again");
-        assert_eq!(again.attempt(), 2);
-        again.abandon().expect("gives back");
-        let last = pool.claim("data_1.csv").expect("claims").expect("is free");
-        assert_eq!(last.attempt(), 2);
-        pool.remove(last).expect("removes");
-        assert!(pool.claim("data_1.csv").expect("asks").is_none());
-        assert_eq!(fs::read_dir(pool.dir()).expect("lists").count(), 0);
-    }
-
-    #[test]
-    fn a_rejected_batch_is_kept_with_its_reason() {
-        let (_dir, pool) = pool();
-        pool.write("data_1.csv", b"x").expect("writes");
-        let claim = pool.claim("data_1.csv").expect("claims").expect("is free");
-        pool.reject(claim, "line 2 is text").expect("rejects");
-        let reason = fs::read_to_string(pool.path("rejected/data_1.csv.reason.txt")).expect("a reason");
-        assert_eq!(reason, "line 2 is text\n");
-        assert!(pool.path("rejected/data_1.csv").exists() && !pool.path("data_1.csv").exists());
-    }
-
-    #[test]
-    fn a_name_that_is_taken_gets_a_number_and_stays_in_the_folder() {
-        let (_dir, pool) = pool();
-        assert_eq!(pool.new_name("../x"), "data_..-x.csv");
-        pool.write("data_1.csv", b"x").expect("writes");
-        assert_eq!(pool.new_name("1"), "data_1_2.csv");
-    }
-}
+#[path = "pool_tests.rs"]
+mod tests;

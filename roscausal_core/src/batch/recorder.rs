@@ -8,6 +8,7 @@ use roscausal_msgs::{
 };
 
 use super::{
+    journal::{Entry, Header, Log, Sample},
     recording::Recording,
     select::Select,
     tracks::{FIELDS, Taken, Track, Values},
@@ -23,6 +24,8 @@ const JUMP_AHEAD_NS: i64 = 60_000_000_000;
 const MOST_PEOPLE: usize = 512;
 /// A batch without `ts_length` ends here nevertheless.
 const MOST_ROWS: usize = 1_000_000;
+/// Stamps beyond are none (292 years): sums of them must not overflow.
+const FARTHEST_NS: u64 = 1 << 62;
 const UNKNOWN: Values = [f64::NAN; FIELDS.len()];
 
 /// How to record.
@@ -78,7 +81,8 @@ pub struct Recorder {
     next_row: Option<i64>,
     open: Option<Recording>,
     votes: BTreeMap<u32, u64>,
-    done: Vec<Recording>,
+    done: Vec<(Recording, Option<u64>)>,
+    log: Option<Log>,
     seen: BTreeSet<u32>,
     counts: RecorderCounts,
 }
@@ -105,9 +109,56 @@ impl Recorder {
             open: None,
             votes: BTreeMap::new(),
             done: Vec::new(),
+            log: None,
             seen: BTreeSet::new(),
             counts: RecorderCounts::default(),
         }
+    }
+
+    /// The same recorder, which also tells what to journal, in journals numbered from `first` on.
+    #[must_use]
+    pub fn with_journal(mut self, first: u64) -> Self {
+        self.log = Some(Log::new(first, self.dt_ns));
+        self
+    }
+
+    /// The batches that the samples of a journal make; the last one may be short.
+    pub(super) fn replay(header: &Header, samples: &[Sample]) -> Result<Vec<Recording>, String> {
+        let allowed = |v: f64| (0.001..=60.0).contains(&v);
+        if !allowed(header.dt_s)
+            || !allowed(header.max_gap_s)
+            || header.ts_length_s.is_some_and(|v| v.is_nan() || v < header.dt_s)
+            || header.next_row_ns.unsigned_abs() > FARTHEST_NS
+        {
+            return Err("its header has a length or time that cannot be".into());
+        }
+        let mut recorder = Self::new(RecorderConfig {
+            dt_s: header.dt_s,
+            ts_length_s: header.ts_length_s,
+            max_gap_s: header.max_gap_s,
+            subsampling: header.subsampling,
+            select: header.sel_agent.parse()?,
+        });
+        recorder.frame = Some(header.frame.clone());
+        recorder.next_row = Some(header.next_row_ns);
+        for sample in samples {
+            let newest = recorder.newest_robot.max(recorder.newest_people).unwrap_or(header.next_row_ns);
+            let beyond = newest.saturating_add(JUMP_AHEAD_NS);
+            if sample.stamp_ns > beyond || sample.stamp_ns.unsigned_abs() > FARTHEST_NS {
+                // Not written by a recorder: what came before may be right.
+                break;
+            }
+            let newest = match sample.person {
+                None => &mut recorder.newest_robot,
+                Some(_) => &mut recorder.newest_people,
+            };
+            *newest = (*newest).max(Some(sample.stamp_ns));
+            recorder.insert(*sample);
+            recorder.advance(false);
+        }
+        recorder.advance(true);
+        recorder.close("the node was ended by force; recovered from its journal");
+        Ok(recorder.take_batches())
     }
 
     /// Takes a state of the robot; `now` stands in for a stamp of 0.
@@ -126,7 +177,8 @@ impl Recorder {
         let first = (stamp - self.max_gap_ns - nanos(LATENESS_S)).div_euclid(self.dt_ns) * self.dt_ns;
         self.next_row.get_or_insert(first);
         if self.in_time(stamp) {
-            let taken = self.robot.insert(stamp, values(&state.pose2d, &state.twist, &state.goal));
+            let values = values(&state.pose2d, &state.twist, &state.goal);
+            let taken = self.insert(Sample { person: None, stamp_ns: stamp, values });
             self.count(taken);
         }
         self.advance(false);
@@ -165,8 +217,8 @@ impl Recorder {
                 continue;
             }
             if self.in_time(stamp) {
-                let track = self.people.entry(person.id).or_default();
-                match track.insert(stamp, values(&person.pose2d, &person.twist, &person.goal)) {
+                let values = values(&person.pose2d, &person.twist, &person.goal);
+                match self.insert(Sample { person: Some(person.id), stamp_ns: stamp, values }) {
                     Taken::Duplicate => {}
                     taken => self.count(taken),
                 }
@@ -181,9 +233,24 @@ impl Recorder {
         self.close("the node ended");
     }
 
+    /// Ends the open batch with what is there and forgets the rest: recording goes on with what comes later.
+    pub fn interrupt(&mut self, reason: &'static str) {
+        self.restart(reason);
+    }
+
     /// The batches that are done, oldest first.
     pub fn take_batches(&mut self) -> Vec<Recording> {
+        self.take_numbered_batches().into_iter().map(|(batch, _)| batch).collect()
+    }
+
+    /// The batches that are done, each with the number of its journal.
+    pub fn take_numbered_batches(&mut self) -> Vec<(Recording, Option<u64>)> {
         std::mem::take(&mut self.done)
+    }
+
+    /// What is to be journalled since the last time.
+    pub fn take_journal(&mut self) -> Vec<Entry> {
+        self.log.as_mut().map_or_else(Vec::new, Log::take)
     }
 
     /// Rows of the open batch, and how many it will have (`None`: until the end).
@@ -244,10 +311,59 @@ impl Recorder {
         let end = if all { newest } else { newest - self.max_gap_ns - nanos(LATENESS_S) };
         while row <= end {
             self.record(row);
-            row += self.dt_ns;
+            row = row.saturating_add(self.dt_ns);
         }
         self.next_row = Some(row);
         self.forget_before(row);
+        if self.open.is_none()
+            && (self.people.is_empty() || self.log.as_ref().is_some_and(Log::is_idle_and_large))
+        {
+            self.log.iter_mut().for_each(Log::abandon);
+        }
+    }
+
+    /// Puts a sample in its track, and in the journal once there may be something to record.
+    fn insert(&mut self, sample: Sample) -> Taken {
+        let track = match sample.person {
+            None => &mut self.robot,
+            Some(id) => self.people.entry(id).or_default(),
+        };
+        let taken = track.insert(sample.stamp_ns, sample.values);
+        if let Some(log) = &mut self.log {
+            if log.number().is_some() {
+                if taken != Taken::Duplicate {
+                    log.sample(sample);
+                }
+            } else if !self.robot.is_empty()
+                && !self.people.is_empty()
+                && let Some(next_row) = self.next_row
+            {
+                self.begin_journal(next_row);
+            }
+        }
+        taken
+    }
+
+    /// A journal of what rows from `next_row` on are made of.
+    fn begin_journal(&mut self, next_row: i64) {
+        let header = Header {
+            number: 0,
+            dt_s: self.config.dt_s,
+            ts_length_s: self.config.ts_length_s,
+            max_gap_s: self.config.max_gap_s,
+            subsampling: self.config.subsampling,
+            sel_agent: self.config.select.to_string(),
+            frame: self.frame.clone().unwrap_or_default(),
+            next_row_ns: next_row,
+        };
+        let Some(log) = &mut self.log else { return };
+        log.begin(header);
+        let tracks =
+            std::iter::once((None, &self.robot)).chain(self.people.iter().map(|(id, t)| (Some(*id), t)));
+        for (person, track) in tracks {
+            let samples = track.samples().map(|&(stamp_ns, values)| Sample { person, stamp_ns, values });
+            samples.for_each(|sample| log.sample(sample));
+        }
     }
 
     fn forget_before(&mut self, row: i64) {
@@ -264,6 +380,9 @@ impl Recorder {
         if self.open.is_none() && (robot.is_none() || people.is_empty()) {
             self.counts.waited += 1;
             return;
+        }
+        if self.log.as_ref().is_some_and(|log| log.number().is_none()) {
+            self.begin_journal(row);
         }
         let open = self.open.get_or_insert_with(|| Recording {
             start: Time::from_nanos(row),
@@ -304,7 +423,10 @@ impl Recorder {
 
     fn close(&mut self, ended_by: &'static str) {
         let votes = std::mem::take(&mut self.votes);
-        let Some(mut batch) = self.open.take() else { return };
+        let Some(mut batch) = self.open.take() else {
+            self.log.iter_mut().for_each(Log::abandon);
+            return;
+        };
         if let Select::Nearest(number) = self.config.select {
             let mut by_votes: Vec<(u64, u32)> = votes.iter().map(|(id, votes)| (*votes, *id)).collect();
             by_votes.sort_by(|a, b| b.0.cmp(&a.0).then(a.1.cmp(&b.1)));
@@ -325,7 +447,10 @@ impl Recorder {
         batch.complete = full || to_the_end;
         batch.ended_by = ended_by;
         if n_rows > 0 {
-            self.done.push(batch);
+            let number = self.log.as_mut().and_then(Log::end);
+            self.done.push((batch, number));
+        } else {
+            self.log.iter_mut().for_each(Log::abandon);
         }
     }
 

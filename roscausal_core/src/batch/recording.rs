@@ -9,7 +9,7 @@ use crate::Time;
 const LEGACY: [&str; FIELDS.len()] = ["{gx}", "{gy}", "x", "y", "{\theta}", "v", "{\\omega}"];
 
 /// A recorded batch: rows at a fixed step, NaN where nothing is known.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct Recording {
     /// Stamp of the first row.
     pub start: Time,

@@ -9,7 +9,6 @@ use std::{
     time::{Duration, Instant},
 };
 
-use super::pool::write_whole;
 use crate::{Error, Result};
 
 /// Between two looks whether the program has ended.
@@ -71,21 +70,21 @@ impl Script {
         self
     }
 
-    /// Runs the program on `data_dir/name`; its output becomes `pp_data_dir/name` in one step when it is whole.
+    /// Runs the program on `data_dir/name`; what it writes as `name` into the folder it is given, below `pp_data_dir`.
     ///
     /// # Errors
     /// A program that cannot be started, fails, takes too long or writes no output: with what it said.
-    pub fn run(&self, name: &str, data_dir: &Path, pp_data_dir: &Path) -> Result<()> {
+    pub fn run(&self, name: &str, data_dir: &Path, pp_data_dir: &Path) -> Result<Vec<u8>> {
         static RUNS: AtomicU64 = AtomicU64::new(0);
         let run = RUNS.fetch_add(1, Ordering::Relaxed);
         let work = pp_data_dir.join(format!(".work-{}-{run}", std::process::id()));
         fs::create_dir_all(&work).map_err(|e| Error::file(&work, e))?;
-        let outcome = self.run_in(&work, name, data_dir, pp_data_dir);
+        let outcome = self.run_in(&work, name, data_dir);
         let _ = fs::remove_dir_all(&work);
         outcome
     }
 
-    fn run_in(&self, work: &Path, name: &str, data_dir: &Path, pp_data_dir: &Path) -> Result<()> {
+    fn run_in(&self, work: &Path, name: &str, data_dir: &Path) -> Result<Vec<u8>> {
         let fault = |reason: String| Error::file(&self.program, reason);
         let complaint = work.join(".complaint");
         let stderr = File::create(&complaint).map_err(|e| Error::file(&complaint, e))?;
@@ -127,7 +126,7 @@ impl Script {
                 if bytes.is_empty() {
                     return Err(fault(format!("wrote an empty {name}; it said: {said}")));
                 }
-                write_whole(&pp_data_dir.join(name), &bytes)
+                Ok(bytes)
             }
         }
     }
@@ -201,8 +200,10 @@ mod tests {
     }
 
     impl Setup {
-        fn run(&self) -> Result<()> {
-            self.script.run("data_1.csv", &self.dir.path().join("raw"), &self.dir.path().join("pp"))
+        fn run(&self) -> Result<String> {
+            let bytes =
+                self.script.run("data_1.csv", &self.dir.path().join("raw"), &self.dir.path().join("pp"))?;
+            Ok(String::from_utf8_lossy(&bytes).into_owned())
         }
 
         fn left(&self) -> Vec<String> {
@@ -216,14 +217,13 @@ mod tests {
     #[test]
     fn a_script_gets_the_documented_arguments_and_its_output_is_taken_whole() {
         let setup = setup("#!/bin/sh\ncat \"$4$2\" > \"$6$2\"\necho \"$@\" >> \"$6$2\"\n", LONG);
-        setup.run().expect("post-processes");
-        let text = fs::read_to_string(setup.dir.path().join("pp/data_1.csv")).expect("is there");
+        let text = setup.run().expect("post-processes");
         assert!(text.starts_with("a\n1\n--csv data_1.csv --data_dir /"), "{text}");
         assert!(
             text.ends_with("--obs_size 2.0 --safe_dist 5.0 --sel_agent 7 --delete_traj True\n"),
             "{text}"
         );
-        assert_eq!(setup.left(), ["data_1.csv"]);
+        assert!(setup.left().is_empty());
     }
 
     #[test]

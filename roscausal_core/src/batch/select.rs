@@ -1,4 +1,4 @@
-use std::{collections::BTreeSet, str::FromStr};
+use std::{collections::BTreeSet, fmt, str::FromStr};
 
 /// Which people are recorded (`sel_agent`).
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -46,6 +46,16 @@ impl FromStr for Select {
     }
 }
 
+impl fmt::Display for Select {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::All => f.write_str("all"),
+            Self::Nearest(number) => write!(f, "nearest:{number}"),
+            Self::Ids(ids) => f.write_str(&ids.iter().map(u32::to_string).collect::<Vec<_>>().join(",")),
+        }
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -56,6 +66,9 @@ mod tests {
         assert_eq!("[3, 7]".parse(), Ok(Select::Ids([3, 7].into())));
         assert_eq!("nearest:2".parse(), Ok(Select::Nearest(2)));
         assert_eq!("all".parse(), Ok(Select::All));
+        for select in [Select::All, Select::Nearest(2), Select::Ids([3, 7].into())] {
+            assert_eq!(select.to_string().parse(), Ok(select));
+        }
         assert!("nearest:0".parse::<Select>().is_err());
         assert!("bob".parse::<Select>().expect_err("no id").contains("allowed: all, nearest:N"));
     }

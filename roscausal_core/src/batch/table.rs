@@ -49,7 +49,15 @@ impl Table {
         File::open(path)
             .and_then(|mut file| file.read_to_end(&mut bytes))
             .map_err(|e| Error::file(path, e))?;
-        Self::parse(&bytes, wanted).map_err(|complaint| match complaint {
+        Self::from_bytes(&bytes, wanted, path)
+    }
+
+    /// Reads a CSV file that is in memory; `path` is only named in errors.
+    ///
+    /// # Errors
+    /// As [`Table::read`].
+    pub fn from_bytes(bytes: &[u8], wanted: Option<&[String]>, path: &Path) -> Result<Self> {
+        Self::parse(bytes, wanted).map_err(|complaint| match complaint {
             Complaint::File(reason) => Error::file(path, reason),
             Complaint::Columns(reason) => Error::param("columns", reason),
         })

@@ -73,6 +73,16 @@ impl Track {
         Taken::Yes
     }
 
+    /// Whether there is no sample.
+    pub(super) fn is_empty(&self) -> bool {
+        self.samples.is_empty()
+    }
+
+    /// The samples that rows may need, in order of time.
+    pub(super) fn samples(&self) -> impl Iterator<Item = &(i64, Values)> {
+        self.samples.iter()
+    }
+
     /// The values at `t`: those of a sample at `t`, or between two samples at most `max_gap` apart. With `hold`, those
     /// of the last sample instead of values between.
     pub(super) fn at(&self, t: i64, max_gap: i64, hold: bool) -> Option<Values> {

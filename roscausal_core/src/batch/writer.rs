@@ -1,7 +1,8 @@
 //! Recorded batches to files, on a thread of its own, so that recording never waits for a disk or a script.
 
 use std::{
-    fs,
+    fs::{self, File},
+    path::{Path, PathBuf},
     sync::{
         Arc, Mutex, MutexGuard, PoisonError,
         atomic::{AtomicBool, Ordering},
@@ -15,7 +16,8 @@ use chrono::{DateTime, format::StrftimeItems};
 use serde_json::{Map, Value as Json, json};
 
 use super::{
-    pool::{Pool, sidecar},
+    journal::{self, Journal, JournalStatus},
+    pool::{Limits, Pool, sidecar, sync_dir},
     postprocess::Postprocess,
     recording::{Column, Recording},
     script::Script,
@@ -28,6 +30,9 @@ const WAITING: usize = 64;
 const TRY_AGAIN: Duration = Duration::from_secs(1);
 /// How often the wish to end is looked for meanwhile.
 const LOOK_AGAIN: Duration = Duration::from_millis(50);
+/// Ends of the names of markers (see [`Step`]).
+const COMMIT: &str = ".commit";
+const DONE: &str = ".done";
 /// Version of the metadata beside a batch.
 const SCHEMA: &str = "roscausal-batch/1";
 
@@ -59,6 +64,55 @@ pub struct WriterConfig {
     pub processing: Processing,
     /// Parameters to note beside each batch.
     pub parameters: Map<String, Json>,
+    /// How much each of the two pools may hold.
+    pub limits: Limits,
+    /// The open batch is journalled.
+    pub journal: bool,
+}
+
+/// How far a batch is. Between two steps lies one renaming, so that at each instant it is certain what is done:
+/// the raw batch is staged, *its journal becomes `.NAME.commit`*, the raw batch gets its name; the post-processed one is
+/// staged, *the marker becomes `.NAME.done`*, the post-processed one gets its name, the marker goes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Step {
+    Recorded,
+    Staged,
+    Written,
+    Processed,
+}
+
+/// Where the journal of a batch is.
+#[derive(Debug)]
+enum Origin {
+    /// There is none.
+    None,
+    /// Kept by the [`Journal`] under this number.
+    Open(u64),
+    /// Left by a process that is gone.
+    Left(PathBuf),
+}
+
+/// A batch on its way to disk.
+#[derive(Debug)]
+struct Job {
+    batch: Recording,
+    journal: Origin,
+    recovered: bool,
+    step: Step,
+    name: String,
+    /// There is a marker.
+    protected: bool,
+}
+
+impl Job {
+    fn new(batch: Recording, journal: Origin) -> Self {
+        Self { batch, journal, recovered: false, step: Step::Recorded, name: String::new(), protected: false }
+    }
+
+    fn left_at(name: String, step: Step) -> Self {
+        let job = Self::new(Recording::default(), Origin::None);
+        Self { name, step, protected: true, ..job }
+    }
 }
 
 /// What the writer has done.
@@ -72,8 +126,16 @@ pub struct WriterStatus {
     pub failed: u64,
     /// Batches lost because the disk took none of them for too long.
     pub lost: u64,
+    /// Batches made of what a node left that was ended by force.
+    pub recovered: u64,
+    /// Batches dropped because the pool was full.
+    pub dropped: u64,
+    /// The pool is full and nothing may be dropped: nothing more is to be recorded now.
+    pub full: bool,
     /// Why the last step did not go through, until one does.
     pub trouble: Option<String>,
+    /// Why the last post-processing failed, until one does not.
+    pub last_failure: Option<String>,
     /// Name of the last batch written.
     pub last: Option<String>,
 }
@@ -81,7 +143,10 @@ pub struct WriterStatus {
 /// The thread that writes; dropping it waits until all batches are written.
 #[derive(Debug)]
 pub struct Writer {
-    batches: Option<SyncSender<Recording>>,
+    batches: Option<SyncSender<Job>>,
+    journal: Option<Arc<Journal>>,
+    first_journal: u64,
+    _lock: File,
     thread: Option<JoinHandle<()>>,
     ending: Arc<AtomicBool>,
     status: Arc<Mutex<WriterStatus>>,
@@ -103,73 +168,196 @@ impl WriterConfig {
         Ok(())
     }
 
-    /// Writes a batch and post-processes it. The name it got.
-    fn write(
-        &self,
-        batch: &Recording,
-        status: &Mutex<WriterStatus>,
-        name: &mut Option<String>,
-    ) -> Result<()> {
-        if name.is_none() {
-            let stamp =
-                DateTime::from_timestamp(i64::from(batch.start.sec), batch.start.nanosec).unwrap_or_default();
-            let id = stamp.format(&self.id_format).to_string();
-            let new = free_name(&self.raw, &self.processed, &id);
+    /// Writes a batch and post-processes it, each in one step with its journal (see [`Step`]).
+    fn write(&self, job: &mut Job, journal: Option<&Journal>, status: &Mutex<WriterStatus>) -> Result<()> {
+        if job.step == Step::Recorded {
+            let stamp = DateTime::from_timestamp(i64::from(job.batch.start.sec), job.batch.start.nanosec);
+            let id = stamp.unwrap_or_default().format(&self.id_format).to_string();
+            let name = free_name(&self.raw, &self.processed, &id);
+            let raw = job.batch.columns(self.legacy_columns);
+            let (facts, text) = (self.metadata(job, &raw, None), csv(&job.batch, &raw));
+            self.make_room(&self.raw, facts.len() + text.len(), status)?;
             // The metadata first: whoever sees the batch finds them.
-            let raw = batch.columns(self.legacy_columns);
-            self.raw.write(&sidecar(&new), &self.metadata(batch, &raw, None))?;
-            self.raw.write(&new, &csv(batch, &raw))?;
-            tracing::info!("wrote {} ({} rows)", self.raw.path(&new).display(), batch.n_rows());
-            let mut status = lock(status);
-            status.written += 1;
-            status.last = Some(new.clone());
-            *name = Some(new);
+            self.raw.write(&sidecar(&name), &facts)?;
+            let staged = self.raw.stage(&name, &text)?;
+            job.name.clone_from(&name);
+            job.protected = match &job.journal {
+                Origin::None => false,
+                Origin::Open(number) => match journal {
+                    Some(journal) => journal.retire(*number, &marker(&name, COMMIT))?,
+                    None => false,
+                },
+                Origin::Left(path) => {
+                    self.rename(path, &self.raw.path(&marker(&name, COMMIT))).map(|()| true)?
+                }
+            };
+            job.step = Step::Staged;
+            staged.publish()?;
+            self.has_written(job, status);
         }
-        let Some(name) = name else { return Ok(()) };
-        let done = match &self.processing {
-            Processing::None => return Ok(()),
-            Processing::BuiltIn(postprocess) => postprocess.run(batch).and_then(|features| {
-                let columns = features.columns;
-                self.processed.write(&sidecar(name), &self.metadata(batch, &columns, Some(name)))?;
-                self.processed.write(name, &csv(batch, &columns)).map(drop)
-            }),
-            Processing::Script(script) => self
-                .processed
-                .write(&sidecar(name), &self.metadata(batch, &[], Some(name)))
-                .and_then(|_| script.run(name, self.raw.dir(), self.processed.dir())),
-        };
-        match done {
-            Ok(()) => lock(status).processed += 1,
-            Err(error @ Error::File { .. }) if matches!(self.processing, Processing::BuiltIn(_)) => {
-                return Err(error);
+        if job.step == Step::Staged {
+            if let Some(staged) = self.raw.staged(&job.name) {
+                staged.publish()?;
+                self.has_written(job, status);
             }
-            Err(error) => {
-                let _ = fs::remove_file(self.processed.path(&sidecar(name)));
-                tracing::error!(
-                    "{name} is not post-processed and stays in {}: {error}",
-                    self.raw.dir().display()
-                );
-                let mut status = lock(status);
-                status.failed += 1;
-                status.trouble = Some(error.to_string());
-                return Ok(());
-            }
+            job.step = Step::Written;
         }
-        if self.delete_raw {
-            for file in [name.clone(), sidecar(name)] {
-                let path = self.raw.path(&file);
-                match fs::remove_file(&path) {
-                    Err(e) if e.kind() != std::io::ErrorKind::NotFound => return Err(Error::file(&path, e)),
-                    _ => {}
+        if job.step == Step::Written && !self.postprocess(job, status)? {
+            return self.forget_marker(job, COMMIT);
+        }
+        if job.step == Step::Processed {
+            if let Some(staged) = self.processed.staged(&job.name) {
+                staged.publish()?;
+            }
+            if self.delete_raw {
+                for file in [job.name.clone(), sidecar(&job.name)] {
+                    remove(&self.raw.path(&file))?;
                 }
             }
+            self.forget_marker(job, DONE)?;
         }
-        lock(status).trouble = None;
         Ok(())
     }
 
+    fn has_written(&self, job: &Job, status: &Mutex<WriterStatus>) {
+        tracing::info!("wrote {} ({} rows)", self.raw.path(&job.name).display(), job.batch.n_rows());
+        let mut status = lock(status);
+        status.written += 1;
+        status.last = Some(job.name.clone());
+    }
+
+    /// Post-processes a batch; whether there is a result.
+    fn postprocess(&self, job: &mut Job, status: &Mutex<WriterStatus>) -> Result<bool> {
+        let name = &job.name;
+        let done = match &self.processing {
+            Processing::None => return Ok(false),
+            Processing::BuiltIn(postprocess) => postprocess.run(&job.batch).map(|features| {
+                (self.metadata(job, &features.columns, Some(name)), csv(&job.batch, &features.columns))
+            }),
+            Processing::Script(script) => script
+                .run(name, self.raw.dir(), self.processed.dir())
+                .map(|bytes| (self.metadata(job, &[], Some(name)), bytes)),
+        };
+        match done {
+            Ok((facts, text)) => {
+                self.make_room(&self.processed, facts.len() + text.len(), status)?;
+                self.processed.write(&sidecar(name), &facts)?;
+                let staged = self.processed.stage(name, &text)?;
+                if job.protected {
+                    let path = |kind| self.raw.path(&marker(name, kind));
+                    self.rename(&path(COMMIT), &path(DONE))?;
+                }
+                job.step = Step::Processed;
+                let mut status = lock(status);
+                (status.processed, status.last_failure) = (status.processed + 1, None);
+                drop(status);
+                staged.publish().map(|()| true)
+            }
+            Err(error) => {
+                let dir = self.raw.dir().display();
+                tracing::error!("{name} is not post-processed and stays in {dir}: {error}");
+                let mut status = lock(status);
+                status.failed += 1;
+                status.last_failure = Some(error.to_string());
+                Ok(false)
+            }
+        }
+    }
+
+    fn make_room(&self, pool: &Pool, bytes: usize, status: &Mutex<WriterStatus>) -> Result<()> {
+        let Some(dropped) = pool.make_room(self.limits, bytes as u64)? else {
+            lock(status).full = true;
+            return Err(Error::file(
+                pool.dir(),
+                "the pool holds as much as max_pool_size and max_pool_bytes allow and recording has stopped; move batches \
+                 away, or set pool_policy to drop_oldest",
+            ));
+        };
+        for name in &dropped {
+            tracing::warn!("dropped {}: no room in the pool for a new batch", pool.path(name).display());
+        }
+        lock(status).dropped += dropped.len() as u64;
+        Ok(())
+    }
+
+    fn forget_marker(&self, job: &Job, kind: &str) -> Result<()> {
+        if job.protected { remove(&self.raw.path(&marker(&job.name, kind))) } else { Ok(()) }
+    }
+
+    fn rename(&self, from: &Path, to: &Path) -> Result<()> {
+        match fs::rename(from, to) {
+            // Renamed already, before something else went wrong.
+            Err(e) if e.kind() == std::io::ErrorKind::NotFound && to.exists() => {}
+            done => done.map_err(|e| Error::file(from, e))?,
+        }
+        sync_dir(self.raw.dir())
+    }
+
+    /// Goes on where a process that is gone has stopped: finishes what was being written, and makes batches of journals.
+    /// What remains to be done.
+    fn recover(&self) -> Result<Vec<Job>> {
+        let mut jobs = Vec::new();
+        jobs.extend(self.raw.hidden(DONE)?.into_iter().map(|name| Job::left_at(name, Step::Processed)));
+        for name in self.raw.hidden(COMMIT)? {
+            let path = self.raw.path(&marker(&name, COMMIT));
+            if let Some(staged) = self.raw.staged(&name) {
+                staged.publish()?;
+            }
+            let mut job = Job::left_at(name, Step::Staged);
+            if !matches!(self.processing, Processing::None)
+                && let Some(batch) = self.replayed(&path)?.into_iter().next()
+            {
+                job.batch = batch;
+            }
+            jobs.push(job);
+        }
+        // What was staged and belongs to none of these was not whole.
+        for pool in [&self.raw, &self.processed] {
+            for name in pool.hidden(".tmp")? {
+                if !jobs.iter().any(|job| job.name == name) {
+                    remove(&pool.path(&format!(".{name}.tmp")))?;
+                }
+            }
+        }
+        let journals = self.raw.hidden(".journal")?;
+        for (i, name) in journals.iter().enumerate() {
+            let path = self.raw.path(&format!(".{name}.journal"));
+            let mut batches = self.replayed(&path)?.into_iter();
+            let Some(batch) = batches.next() else {
+                remove(&path)?;
+                continue;
+            };
+            jobs.push(Job { recovered: true, ..Job::new(batch, Origin::Left(path)) });
+            // What follows is in the next journal, if there is one.
+            if i + 1 == journals.len() {
+                jobs.extend(batches.map(|batch| Job { recovered: true, ..Job::new(batch, Origin::None) }));
+            }
+        }
+        Ok(jobs)
+    }
+
+    /// The batches of a journal that was left; one that is none is moved to `rejected/`.
+    fn replayed(&self, path: &Path) -> Result<Vec<Recording>> {
+        let bytes = fs::read(path).map_err(|e| Error::file(path, e))?;
+        match journal::replay(&bytes) {
+            Ok(batches) => Ok(batches),
+            // Killed before anything was in it.
+            Err(_) if bytes.len() < 4096 => remove(path).map(|()| Vec::new()),
+            Err(reason) => {
+                let folder = self.raw.path("rejected");
+                fs::create_dir_all(&folder).map_err(|e| Error::file(&folder, e))?;
+                let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
+                let to = folder.join(name.trim_start_matches('.'));
+                fs::rename(path, &to).map_err(|e| Error::file(path, e))?;
+                tracing::error!("{} is no journal ({reason}); moved to {}", path.display(), to.display());
+                Ok(Vec::new())
+            }
+        }
+    }
+
     /// The JSON beside a batch.
-    fn metadata(&self, batch: &Recording, columns: &[Column], source: Option<&str>) -> Vec<u8> {
+    fn metadata(&self, job: &Job, columns: &[Column], source: Option<&str>) -> Vec<u8> {
+        let batch = &job.batch;
         let seconds = |row: usize| batch.stamp(row).as_secs_f64();
         let gap = |gap: super::Gap| json!({ "body": gap.body, "from": gap.from, "to": gap.to });
         let unit = |column: &Column| json!({ "name": column.name, "unit": column.unit });
@@ -178,6 +366,7 @@ impl WriterConfig {
             "software_version": env!("CARGO_PKG_VERSION"),
             "complete": batch.complete,
             "ended_by": batch.ended_by,
+            "recovered": job.recovered,
             "frame": batch.frame,
             "dt": batch.dt_ns as f64 * 1e-9,
             "n_rows": batch.n_rows(),
@@ -208,30 +397,67 @@ impl Writer {
     /// A bad format of ids, or a system that gives no thread.
     pub fn start(config: WriterConfig) -> Result<Self> {
         config.check()?;
+        let lock = config.raw.lock_for_recording()?;
+        let left = config.recover()?;
+        let number = |name: String| {
+            name.rsplit(|c: char| !c.is_ascii_digit()).next().and_then(|n| n.parse::<u64>().ok())
+        };
+        let newest = config.raw.hidden(".journal")?.into_iter().filter_map(number).max().unwrap_or(0);
+        let journal = config.journal.then(|| Journal::start(config.raw.clone())).transpose()?.map(Arc::new);
         let (sender, receiver) = sync_channel(WAITING);
         let (ending, status) =
             (Arc::new(AtomicBool::new(false)), Arc::new(Mutex::new(WriterStatus::default())));
-        let (end, told) = (ending.clone(), status.clone());
+        let work = Work { config, journal: journal.clone(), ending: ending.clone(), status: status.clone() };
         let thread = thread::Builder::new()
             .name("batch-writer".into())
-            .spawn(move || work(&config, &receiver, &end, &told))
+            .spawn(move || work.run(left, &receiver))
             .map_err(|e| Error::Data(format!("no thread to write batches: {e}")))?;
-        Ok(Self { batches: Some(sender), thread: Some(thread), ending, status })
+        let batches = Some(sender);
+        let first_journal = newest + 1;
+        Ok(Self { batches, journal, first_journal, _lock: lock, thread: Some(thread), ending, status })
     }
 
-    /// Hands a batch over; returns at once.
-    pub fn write(&self, batch: Recording) {
+    /// Number of the first journal, for [`super::recorder::Recorder::with_journal`]; `None`: no journal is kept.
+    pub fn first_journal(&self) -> Option<u64> {
+        self.journal.as_ref().map(|_| self.first_journal)
+    }
+
+    /// Journals what the recorder has noted; returns at once.
+    pub fn note(&self, entries: Vec<journal::Entry>) {
+        if let Some(journal) = &self.journal {
+            journal.append(entries);
+        }
+    }
+
+    /// How the journal fares.
+    pub fn journal_status(&self) -> JournalStatus {
+        self.journal.as_ref().map_or_else(JournalStatus::default, |journal| journal.status())
+    }
+
+    /// Hands a batch over, with the number of its journal if it has one; returns at once.
+    pub fn write(&self, batch: Recording, journal: Option<u64>) {
         let Some(batches) = &self.batches else { return };
-        if let Err(TrySendError::Full(batch) | TrySendError::Disconnected(batch)) = batches.try_send(batch) {
+        let origin = journal.map_or(Origin::None, Origin::Open);
+        if let Err(TrySendError::Full(job) | TrySendError::Disconnected(job)) =
+            batches.try_send(Job::new(batch, origin))
+        {
             let mut status = self.lock();
             status.lost += 1;
-            tracing::error!("lost a batch of {} rows: {WAITING} others wait to be written", batch.n_rows());
+            tracing::error!(
+                "lost a batch of {} rows: {WAITING} others wait to be written",
+                job.batch.n_rows()
+            );
         }
     }
 
     /// What has been done so far.
     pub fn status(&self) -> WriterStatus {
         self.lock().clone()
+    }
+
+    /// Whether the pool is full and nothing more is to be recorded now.
+    pub fn is_full(&self) -> bool {
+        self.lock().full
     }
 
     fn lock(&self) -> MutexGuard<'_, WriterStatus> {
@@ -249,29 +475,63 @@ impl Drop for Writer {
     }
 }
 
-/// Writes all that comes, in order; a batch that cannot be written is tried again until the end.
-fn work(
-    config: &WriterConfig,
-    batches: &Receiver<Recording>,
-    ending: &AtomicBool,
-    status: &Mutex<WriterStatus>,
-) {
-    while let Ok(batch) = batches.recv() {
-        let mut name = None;
+/// What the thread has.
+struct Work {
+    config: WriterConfig,
+    journal: Option<Arc<Journal>>,
+    ending: Arc<AtomicBool>,
+    status: Arc<Mutex<WriterStatus>>,
+}
+
+impl Work {
+    /// Writes what was left and all that comes, in order; a batch that cannot be written is tried again until the end.
+    fn run(&self, left: Vec<Job>, batches: &Receiver<Job>) {
+        for job in left {
+            tracing::warn!("going on with a batch that was left unfinished {}", job.name);
+            lock(&self.status).recovered += u64::from(job.step == Step::Recorded);
+            self.finish(job);
+        }
+        while let Ok(job) = batches.recv() {
+            self.finish(job);
+        }
+    }
+
+    fn finish(&self, mut job: Job) {
         loop {
-            let last_try = ending.load(Ordering::Relaxed);
-            let Err(error) = config.write(&batch, status, &mut name) else { break };
-            tracing::error!("{error}");
-            lock(status).trouble = Some(error.to_string());
-            if last_try {
-                lock(status).lost += u64::from(name.is_none());
+            let last_try = self.ending.load(Ordering::Relaxed);
+            let Err(error) = self.config.write(&mut job, self.journal.as_deref(), &self.status) else {
                 break;
+            };
+            let mut status = lock(&self.status);
+            let trouble = error.to_string();
+            if status.trouble.as_ref() != Some(&trouble) {
+                tracing::error!("{trouble}");
             }
+            status.trouble = Some(trouble);
+            if last_try {
+                status.lost += u64::from(job.step == Step::Recorded);
+                return;
+            }
+            drop(status);
             let looks = TRY_AGAIN.as_millis() / LOOK_AGAIN.as_millis();
             (0..looks)
-                .take_while(|_| !ending.load(Ordering::Relaxed))
+                .take_while(|_| !self.ending.load(Ordering::Relaxed))
                 .for_each(|_| thread::sleep(LOOK_AGAIN));
         }
+        let mut status = lock(&self.status);
+        (status.trouble, status.full) = (None, false);
+    }
+}
+
+/// Name of the marker of a batch that is between two steps.
+fn marker(name: &str, kind: &str) -> String {
+    format!(".{name}{kind}")
+}
+
+fn remove(path: &Path) -> Result<()> {
+    match fs::remove_file(path) {
+        Err(e) if e.kind() != std::io::ErrorKind::NotFound => Err(Error::file(path, e)),
+        _ => Ok(()),
     }
 }
 
@@ -322,6 +582,9 @@ fn seconds(nanos: i64) -> String {
     text.trim_end_matches('0').trim_end_matches('.').to_owned()
 }
 
+#[cfg(test)]
+#[path = "crash_tests.rs"]
+mod crash_tests;
 #[cfg(test)]
 #[path = "writer_tests.rs"]
 mod tests;

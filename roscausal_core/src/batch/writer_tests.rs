@@ -19,7 +19,7 @@ fn recording(secs: f64) -> Recording {
     }
 }
 
-fn config(dir: &std::path::Path, processing: Processing) -> WriterConfig {
+pub(super) fn config(dir: &std::path::Path, processing: Processing) -> WriterConfig {
     WriterConfig {
         raw: Pool::open(dir.join("raw"), "data_").expect("opens"),
         processed: Pool::open(dir.join("pp"), "data_").expect("opens"),
@@ -28,10 +28,12 @@ fn config(dir: &std::path::Path, processing: Processing) -> WriterConfig {
         delete_raw: false,
         processing,
         parameters: Map::new(),
+        limits: Limits::default(),
+        journal: true,
     }
 }
 
-fn built_in() -> Processing {
+pub(super) fn built_in() -> Processing {
     let names = ["h_v", "h_dg", "h_risk"].map(str::to_owned);
     Processing::BuiltIn(Postprocess {
         risk_model: RiskModel::V1_1,
@@ -44,7 +46,7 @@ fn built_in() -> Processing {
     })
 }
 
-fn files(dir: &std::path::Path) -> Vec<String> {
+pub(super) fn files(dir: &std::path::Path) -> Vec<String> {
     let entries = fs::read_dir(dir).expect("lists").map(|entry| entry.expect("an entry"));
     let mut names: Vec<String> = entries.map(|e| e.file_name().to_string_lossy().into_owned()).collect();
     names.sort();
@@ -55,7 +57,7 @@ fn files(dir: &std::path::Path) -> Vec<String> {
 fn a_batch_is_a_csv_of_exact_numbers_with_its_facts_beside_it() {
     let dir = tempfile::tempdir().expect("a folder");
     let writer = Writer::start(config(dir.path(), Processing::None)).expect("starts");
-    writer.write(recording(1_700_000_000.1));
+    writer.write(recording(1_700_000_000.1), None);
     drop(writer);
     assert_eq!(files(&dir.path().join("raw")), ["data_20231114_221320.csv", "data_20231114_221320.json"]);
     let path = dir.path().join("raw/data_20231114_221320.csv");
@@ -78,7 +80,7 @@ fn a_batch_is_a_csv_of_exact_numbers_with_its_facts_beside_it() {
 fn batches_of_one_second_have_names_of_their_own() {
     let dir = tempfile::tempdir().expect("a folder");
     let writer = Writer::start(config(dir.path(), built_in())).expect("starts");
-    (0..3).for_each(|_| writer.write(recording(0.0)));
+    (0..3).for_each(|_| writer.write(recording(0.0), None));
     drop(writer);
     let expected = ["", "_2", "_3"].map(|end| format!("data_19700101_000000{end}"));
     let names = |folder: &str| -> Vec<String> {
@@ -96,13 +98,13 @@ fn the_raw_batch_goes_only_once_the_other_is_written() {
     let dir = tempfile::tempdir().expect("a folder");
     let writer =
         Writer::start(WriterConfig { delete_raw: true, ..config(dir.path(), built_in()) }).expect("starts");
-    writer.write(recording(0.0));
-    writer.write(Recording { people: BTreeMap::new(), ..recording(9.0) });
+    writer.write(recording(0.0), None);
+    writer.write(Recording { people: BTreeMap::new(), ..recording(9.0) }, None);
     while writer.status().processed + writer.status().failed < 2 {
         thread::sleep(LOOK_AGAIN);
     }
     assert_eq!(writer.status().failed, 1);
-    assert!(writer.status().trouble.is_some_and(|t| t.contains("nobody is in the batch")));
+    assert!(writer.status().last_failure.is_some_and(|t| t.contains("nobody is in the batch")));
     drop(writer);
     assert_eq!(files(&dir.path().join("raw")), ["data_19700101_000009.csv", "data_19700101_000009.json"]);
     assert_eq!(files(&dir.path().join("pp")), ["data_19700101_000000.csv", "data_19700101_000000.json"]);
@@ -116,7 +118,7 @@ fn a_folder_that_is_gone_loses_no_batch_and_recording_does_not_wait() {
     fs::remove_dir(&raw).expect("removes");
     fs::write(&raw, "in the way").expect("writes");
     let start = Instant::now();
-    (0..4).for_each(|i| writer.write(recording(f64::from(i))));
+    (0..4).for_each(|i| writer.write(recording(f64::from(i)), None));
     assert!(start.elapsed() < Duration::from_millis(200));
     while writer.status().trouble.is_none() {
         thread::sleep(LOOK_AGAIN);

@@ -56,11 +56,18 @@ pub fn program(dir: &Path, name: &str) -> Result<PathBuf> {
 ///
 /// # Errors
 /// A program that does not start, fails, is stopped, or answers with something else than described above.
-pub fn run(program: &Path, batches: &[PathBuf], settings: &Settings, control: &Control) -> Result<Model> {
+pub fn run(
+    program: &Path,
+    batches: &[PathBuf],
+    settings: &Settings,
+    threads: usize,
+    control: &Control,
+) -> Result<Model> {
     let parameters = serde_json::json!({
         "alpha": settings.alpha, "pc_alpha": settings.level_of_pc(), "f_alpha": settings.f_alpha,
         "cond_ind_test": settings.cond_ind_test, "tau_min": settings.tau_min, "tau_max": settings.tau_max,
         "fdr": settings.fdr, "seed": settings.seed, "exogenous": settings.exogenous,
+        "threads": threads, "max_memory": settings.max_memory,
     });
     let fault = |e: &dyn std::fmt::Display| Error::file(program, e);
     let mut child = Command::new(program)
@@ -70,6 +77,9 @@ pub fn run(program: &Path, batches: &[PathBuf], settings: &Settings, control: &C
         .stderr(Stdio::inherit())
         .spawn()
         .map_err(|e| fault(&format!("the method does not start: {e}")))?;
+    if let Some(bytes) = settings.max_memory {
+        limit_memory(&child, bytes);
+    }
     if let Some(mut stdin) = child.stdin.take() {
         // A program that does not read its settings closes the pipe; that is its own affair.
         let _ = stdin.write_all(parameters.to_string().as_bytes());
@@ -84,6 +94,23 @@ pub fn run(program: &Path, batches: &[PathBuf], settings: &Settings, control: &C
     let answer: Answer =
         serde_json::from_slice(&text).map_err(|e| fault(&format!("its answer is not as documented: {e}")))?;
     model(answer, settings).map_err(|reason| fault(&reason))
+}
+
+/// What a program asks for beyond `bytes` it does not get.
+fn limit_memory(child: &Child, bytes: usize) {
+    #[cfg(target_os = "linux")]
+    {
+        use rustix::process::{Pid, Resource, Rlimit, prlimit};
+        let most = Some(bytes as u64);
+        let limited =
+            prlimit(Some(Pid::from_child(child)), Resource::As, Rlimit { current: most, maximum: most });
+        // It may have ended already.
+        if let Err(error) = limited {
+            tracing::debug!("max_memory does not hold for this program: {error}");
+        }
+    }
+    #[cfg(not(target_os = "linux"))]
+    let _ = (child, bytes);
 }
 
 fn wait(child: &mut Child, program: &Path, control: &Control) -> Result<()> {
@@ -158,7 +185,7 @@ mod tests {
     fn a_programs_matrices_become_a_model() {
         let answer = r#"{"features":["a","b"],"val_matrix":[[[0,0],[0,0.7]],[[0,0],[0,0]]],"p_matrix":[[[1,1],[1,0.01]],[[1,1],[1,0.5]]]}"#;
         let (_dir, path) = script(&format!("cat > /dev/null; echo '{answer}'"));
-        let model = run(&path, &[], &Settings::default(), &Control::default()).expect("runs");
+        let model = run(&path, &[], &Settings::default(), 1, &Control::default()).expect("runs");
         assert_eq!(model.links.len(), 1);
         assert_eq!((model.links[0].cause.as_str(), model.links[0].effect.as_str()), ("a", "b"));
     }
@@ -168,7 +195,7 @@ mod tests {
         for (text, word) in [("exit 3", "failed"), ("echo hello", "not as documented")] {
             let (_dir, path) = script(text);
             let error =
-                run(&path, &[], &Settings::default(), &Control::default()).expect_err(text).to_string();
+                run(&path, &[], &Settings::default(), 1, &Control::default()).expect_err(text).to_string();
             assert!(error.contains(word) && error.contains("method"), "{error}");
         }
     }

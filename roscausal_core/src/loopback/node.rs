@@ -1,6 +1,9 @@
-use std::sync::{
-    Arc, Weak,
-    atomic::{AtomicBool, Ordering},
+use std::{
+    sync::{
+        Arc, LazyLock, Weak,
+        atomic::{AtomicBool, Ordering},
+    },
+    time::{Duration, Instant},
 };
 
 use super::{Bus, Loopback, LoopbackPublisher, LoopbackSubscription};
@@ -84,6 +87,17 @@ impl Middleware for LoopbackNode {
         Ok(self.bus.lock().params.get(&self.param_key(spec.name)).cloned())
     }
 
+    fn params_set(&self) -> Vec<String> {
+        let prefix = format!("{}/", self.name);
+        self.bus
+            .lock()
+            .params
+            .keys()
+            .filter_map(|name| name.strip_prefix(&prefix))
+            .map(str::to_owned)
+            .collect()
+    }
+
     fn set_param(&self, name: &str, value: Value) -> Result<()> {
         self.bus.lock().params.insert(self.param_key(name), value);
         Ok(())
@@ -91,6 +105,11 @@ impl Middleware for LoopbackNode {
 
     fn now(&self) -> Time {
         self.bus.now()
+    }
+
+    fn steady(&self) -> Duration {
+        static START: LazyLock<Instant> = LazyLock::new(Instant::now);
+        START.elapsed()
     }
 
     fn is_ok(&self) -> bool {

@@ -14,6 +14,8 @@ use crate::{
     params::Params,
 };
 
+/// Between two notes in the journal: what a crash costs.
+const JOURNAL_EVERY_S: f64 = 0.4;
 /// Messages that may wait: more than ten seconds of a fast robot.
 const INBOX: usize = 20_000;
 
@@ -50,6 +52,9 @@ pub fn data_with<M: Middleware>(mw: &M, on_progress: impl Fn(Recorded)) -> Resul
     let params = Params::read(mw, &specs())?;
     let mut recorder = Recorder::new(recorder(&params)?);
     let writer = Writer::start(writer(&params)?)?;
+    if let Some(first) = writer.first_journal() {
+        recorder = recorder.with_journal(first);
+    }
     let mut health = Health::new(mw)?;
     let inbox = Inbox::new(mw, INBOX);
     let robot_input = health.input::<RobotState>("/roscausal/robot", true);
@@ -61,6 +66,7 @@ pub fn data_with<M: Middleware>(mw: &M, on_progress: impl Fn(Recorded)) -> Resul
         mw.subscribe("/roscausal/humans", Qos::Volatile(1000), move |m| humans.send(Event::Humans(m)))?;
 
     let mut told = Recorded { rows: 0, of: None, batches: 0 };
+    let (mut journal_due, mut refused, mut stopped) = (mw.now(), 0_u64, false);
     loop {
         let next = inbox.next(mw, Some(health.due()));
         match &next {
@@ -68,17 +74,38 @@ pub fn data_with<M: Middleware>(mw: &M, on_progress: impl Fn(Recorded)) -> Resul
             Next::Shutdown => recorder.finish(),
             Next::Event(Event::Robot(state)) => {
                 health.heard(robot_input, mw.now());
-                recorder.robot(state, mw.now());
+                if stopped {
+                    refused += 1;
+                } else {
+                    recorder.robot(state, mw.now());
+                }
             }
             Next::Event(Event::Humans(people)) => {
                 health.heard(humans_input, mw.now());
-                recorder.humans(people, mw.now());
+                if stopped {
+                    refused += 1;
+                } else {
+                    recorder.humans(people, mw.now());
+                }
             }
         }
-        for batch in recorder.take_batches() {
+        let is_full = writer.is_full();
+        if is_full && !stopped {
+            recorder.interrupt("the pool is full");
+        }
+        stopped = is_full;
+        let now = mw.now();
+        let batches = recorder.take_numbered_batches();
+        // A batch's journal is complete before the batch is handed over. A clock may jump back.
+        if !batches.is_empty() || now >= journal_due || next == Next::Shutdown {
+            writer.note(recorder.take_journal());
+            journal_due = now.plus_secs(JOURNAL_EVERY_S);
+        }
+        journal_due = journal_due.min(now.plus_secs(JOURNAL_EVERY_S));
+        for (batch, journal) in batches {
             told.batches += 1;
             health.sent();
-            writer.write(batch);
+            writer.write(batch, journal);
         }
         let (rows, of) = recorder.progress();
         if (rows, of) != (told.rows, told.of) {
@@ -88,15 +115,21 @@ pub fn data_with<M: Middleware>(mw: &M, on_progress: impl Fn(Recorded)) -> Resul
         if next == Next::Shutdown {
             return Ok(());
         }
-        report(mw, &mut health, &recorder, &writer, inbox.dropped());
+        report(mw, &mut health, &recorder, &writer, [inbox.dropped(), refused]);
     }
 }
 
-fn report<M: Middleware>(mw: &M, health: &mut Health<M>, recorder: &Recorder, writer: &Writer, dropped: u64) {
+fn report<M: Middleware>(
+    mw: &M,
+    health: &mut Health<M>,
+    recorder: &Recorder,
+    writer: &Writer,
+    [dropped, refused]: [u64; 2],
+) {
     if mw.now() < health.due() {
         return;
     }
-    let (counts, status) = (recorder.counts(), writer.status());
+    let (counts, status, journal) = (recorder.counts(), writer.status(), writer.journal_status());
     let figures = [
         ("rows recorded", counts.rows),
         ("rows of the open batch", recorder.progress().0 as u64),
@@ -105,7 +138,11 @@ fn report<M: Middleware>(mw: &M, health: &mut Health<M>, recorder: &Recorder, wr
         ("batches post-processed", status.processed),
         ("post-processings failed", status.failed),
         ("batches lost", status.lost),
+        ("batches dropped, pool full", status.dropped),
+        ("batches recovered", status.recovered),
+        ("samples not journalled", journal.unprotected),
         ("messages dropped", dropped),
+        ("messages not recorded, pool full", refused),
         ("duplicate stamps", counts.duplicates),
         ("too late", counts.late),
         ("in another frame", counts.foreign_frame),
@@ -113,6 +150,6 @@ fn report<M: Middleware>(mw: &M, health: &mut Health<M>, recorder: &Recorder, wr
         ("clock jumps", counts.jumps),
     ]
     .map(|(name, figure)| (name, figure.to_string()));
-    let trouble = status.trouble.or_else(|| recorder.trouble());
+    let trouble = status.trouble.or(status.last_failure).or(journal.trouble).or_else(|| recorder.trouble());
     health.report(mw, &figures, trouble.as_deref());
 }

@@ -9,7 +9,7 @@ use crate::{
     Error, Result,
     batch::{
         Select,
-        pool::Pool,
+        pool::{Limits, Pool},
         postprocess::{Feature, Postprocess},
         recorder::RecorderConfig,
         risk::RiskModel,
@@ -20,7 +20,8 @@ use crate::{
 };
 
 /// Parameters that tell where files are, not what is in them.
-const PLACES: [&str; 3] = ["data_dir", "pp_data_dir", "pp_script_dir"];
+const PLACES: [&str; 7] =
+    ["data_dir", "pp_data_dir", "pp_script_dir", "max_pool_size", "max_pool_bytes", "pool_policy", "journal"];
 
 /// Names, defaults, allowed values and descriptions.
 pub(super) fn specs() -> Vec<ParamSpec> {
@@ -61,6 +62,30 @@ pub(super) fn specs() -> Vec<ParamSpec> {
         ),
         ParamSpec::new("id_format", text("%Y%m%d_%H%M%S"), Any, "strftime format of a batch's id, UTC"),
         ParamSpec::new("csv_prefix", text("data_"), Any, "start of the batches' file names"),
+        ParamSpec::new(
+            "max_pool_size",
+            Int(0),
+            Range(0.0, 1e9),
+            "most batches in data_dir, and in pp_data_dir; 0: any number",
+        ),
+        ParamSpec::new(
+            "max_pool_bytes",
+            Int(0),
+            Range(0.0, 9e15),
+            "most bytes of batches in data_dir, and in pp_data_dir; 0: any number",
+        ),
+        ParamSpec::new(
+            "pool_policy",
+            text("drop_oldest"),
+            OneOf(&["drop_oldest", "stop_recording"]),
+            "what happens when a pool is full",
+        ),
+        ParamSpec::new(
+            "journal",
+            Bool(true),
+            Any,
+            "keep the open batch on disk too, so that a crash costs at most a second of it",
+        ),
         ParamSpec::new("legacy_columns", Bool(false), Any, "raw columns as ROS-Causal 1.1 spells them"),
         ParamSpec::new("sel_agent", text("1000"), Any, "who is recorded: an id, ids (3,7), nearest:N, all"),
         ParamSpec::new("obs_size", Double(2.0), Range(0.01, 100.0), "radius the robot is widened by, metres"),
@@ -119,6 +144,12 @@ pub(super) fn writer(params: &Params) -> Result<WriterConfig> {
         delete_raw: params.flag("delete_traj"),
         processing,
         parameters: noted(params),
+        limits: Limits {
+            max_batches: params.count("max_pool_size"),
+            max_bytes: params.int("max_pool_bytes").unsigned_abs(),
+            drop_oldest: params.text("pool_policy") == "drop_oldest",
+        },
+        journal: params.flag("journal"),
     };
     config.check()?;
     Ok(config)

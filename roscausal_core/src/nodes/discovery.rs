@@ -33,6 +33,8 @@ use crate::{
     params::Params,
 };
 
+/// Wait before what the disk or the middleware refused is tried again.
+const TRY_AGAIN_S: f64 = 1.0;
 /// Wait between two looks at the pool, and at the wish to end while an analysis runs.
 const LOOK_AGAIN: Duration = Duration::from_millis(100);
 
@@ -56,39 +58,61 @@ pub fn discovery_with<M: Middleware>(
     let pool = Pool::open(&params.data_dir, &params.csv_prefix)?;
     let mut node = Node {
         out: Outputs::new(mw)?,
+        health: Health::new(mw)?,
         pool,
         params,
         last: None,
+        unsaid: None,
         foreign: 0,
-        health: Health::new(mw)?,
-        models: 0,
-        rejected: 0,
+        figures: Figures::default(),
+        trouble: None,
         tests: Arc::default(),
         on_progress: Arc::new(on_progress),
     };
     tracing::info!("watching {} for batches", node.pool.dir().display());
+    let mut not_before = Duration::ZERO;
     while mw.is_ok() {
-        let analysed = node.look(mw).unwrap_or_else(|error| {
-            tracing::error!("{error}");
-            false
-        });
-        node.report(mw);
-        if !analysed {
-            thread::sleep(LOOK_AGAIN);
+        if mw.steady() >= not_before {
+            match node.look(mw) {
+                Ok(busy) => {
+                    node.trouble = None;
+                    if busy {
+                        continue;
+                    }
+                }
+                // Told by the diagnostics, once.
+                Err(error) => {
+                    node.trouble = Some(error.to_string());
+                    not_before = mw.steady() + Duration::from_secs_f64(TRY_AGAIN_S);
+                }
+            }
         }
+        node.report(mw);
+        thread::sleep(LOOK_AGAIN);
     }
     Ok(())
 }
 
+/// What the node has done, for the diagnostics.
+#[derive(Default)]
+struct Figures {
+    models: u64,
+    rejected: u64,
+    incomplete: u64,
+    dropped: u64,
+}
+
 struct Node<M: Middleware> {
     out: Outputs<M>,
+    health: Health<M>,
     pool: Pool,
     params: DiscoveryParams,
     last: Option<Model>,
+    /// A model that could not be written or published yet, with its batches.
+    unsaid: Option<(Model, Origin, Vec<Claim>)>,
+    figures: Figures,
+    trouble: Option<String>,
     foreign: usize,
-    health: Health<M>,
-    models: u64,
-    rejected: u64,
     /// Of the analysis under way: tests done, tests in all as estimated; both 0 between two.
     tests: Arc<[AtomicUsize; 2]>,
     on_progress: Arc<dyn Fn(Progress) + Send + Sync>,
@@ -121,6 +145,10 @@ impl<M: Middleware> Outputs<M> {
 impl<M: Middleware> Node<M> {
     /// Analyses the oldest batches if there are enough; whether there was anything to do.
     fn look(&mut self, mw: &M) -> Result<bool> {
+        if let Some((model, origin, claims)) = self.unsaid.take() {
+            return self.tell(mw, model, origin, claims).map(|()| true);
+        }
+        self.pool.finish_all(self.params.keep_batches.then(|| self.pool.path("analysed")).as_deref())?;
         let contents = self.pool.contents()?;
         if contents.foreign.len() > self.foreign {
             let names: Vec<String> = contents.foreign.iter().cloned().collect();
@@ -135,6 +163,7 @@ impl<M: Middleware> Node<M> {
             if let Some(claim) = self.pool.claim(name)? {
                 tracing::warn!("dropped {name}: more than max_pool_size batches wait for analysis");
                 self.pool.remove(claim)?;
+                self.figures.dropped += 1;
             }
         }
         let claims = self.claim(&contents.batches[surplus..])?;
@@ -146,7 +175,7 @@ impl<M: Middleware> Node<M> {
     }
 
     /// Claims the oldest complete batches, all that one model needs or none.
-    fn claim(&self, batches: &[String]) -> Result<Vec<Claim>> {
+    fn claim(&mut self, batches: &[String]) -> Result<Vec<Claim>> {
         let mut claims = Vec::new();
         for name in batches {
             let Some(claim) = self.pool.claim(name)? else { continue };
@@ -154,9 +183,11 @@ impl<M: Middleware> Node<M> {
                 let reason = format!("{} analyses of it ended without a result", claim.attempt() - 1);
                 tracing::warn!("rejected {name}: {reason}");
                 self.pool.reject(claim, &reason)?;
+                self.figures.rejected += 1;
             } else if !self.params.analyse_incomplete && !Facts::read(&self.pool.path(name)).complete {
                 tracing::warn!("set aside {name}: its recording was cut short (analyse_incomplete takes it)");
                 self.pool.keep(claim, &self.pool.path("incomplete"))?;
+                self.figures.incomplete += 1;
             } else {
                 claims.push(claim);
             }
@@ -172,31 +203,39 @@ impl<M: Middleware> Node<M> {
         let names: Vec<String> = claims.iter().map(|claim| claim.name().to_owned()).collect();
         let paths: Vec<PathBuf> = names.iter().map(|name| self.pool.path(name)).collect();
         tracing::info!("analysing {}", names.join(" with "));
-        let start = mw.now();
-        let found = self.run_method(mw, &paths).and_then(|(mut model, origin)| {
-            model.run_time_s = Some(mw.now().secs_since(start));
-            self.publish(mw, &model, &origin)?;
-            self.last = Some(model);
-            self.models += 1;
-            self.health.sent();
-            Ok(())
-        });
-        match found {
-            Ok(()) if self.params.keep_batches => {
-                let done = self.pool.path("analysed");
-                claims.into_iter().try_for_each(|claim| self.pool.keep(claim, &done))
+        let start = mw.steady();
+        match self.run_method(mw, &paths) {
+            Ok((mut model, origin)) => {
+                model.run_time_s = Some((mw.steady() - start).as_secs_f64());
+                self.tell(mw, model, origin, claims)
             }
-            Ok(()) => claims.into_iter().try_for_each(|claim| self.pool.remove(claim)),
+            // The time budget: an attempt like any other.
+            Err(Error::Cancelled(reason)) if mw.is_ok() => {
+                tracing::warn!("{}: no result, {reason}", names.join(", "));
+                Ok(())
+            }
             Err(Error::Cancelled(reason)) => {
                 tracing::info!("{} stays in the pool: {reason}", names.join(", "));
                 claims.into_iter().try_for_each(Claim::abandon)
             }
             Err(error) => {
                 tracing::error!("rejected {}: {error}", names.join(", "));
-                self.rejected += claims.len() as u64;
+                self.figures.rejected += claims.len() as u64;
                 claims.into_iter().try_for_each(|claim| self.pool.reject(claim, &error.to_string()))
             }
         }
+    }
+
+    /// Writes and publishes a model, then lets its batches go. A model that cannot be written is kept until it can.
+    fn tell(&mut self, mw: &M, model: Model, origin: Origin, claims: Vec<Claim>) -> Result<()> {
+        if let Err(error) = self.publish(mw, &model, &origin) {
+            self.unsaid = Some((model, origin, claims));
+            return Err(error);
+        }
+        self.figures.models += 1;
+        self.health.sent();
+        self.last = Some(model);
+        self.pool.finish(claims, self.params.keep_batches.then(|| self.pool.path("analysed")).as_deref())
     }
 
     /// Runs the method on a thread of its own, so that a wish to end is heard within [`LOOK_AGAIN`] and the health
@@ -211,14 +250,17 @@ impl<M: Middleware> Node<M> {
         });
         let control = match self.params.time_budget_s {
             Some(budget) => {
-                let (clock, end) = (mw.clone(), mw.now().plus_secs(budget));
-                control.out_of_time(move || clock.now() >= end)
+                let (clock, end) = (mw.clone(), mw.steady() + Duration::from_secs_f64(budget));
+                control.out_of_time(move || clock.steady() >= end)
             }
             None => control,
         };
         let params = self.params.clone();
         let found = thread::scope(|scope| {
-            let work = scope.spawn(|| method(&params, paths, &control));
+            let work = scope.spawn(|| {
+                be_nice(params.nice);
+                method(&params, paths, &control)
+            });
             while !work.is_finished() {
                 if !mw.is_ok() {
                     cancel.store(true, Ordering::Relaxed);
@@ -237,18 +279,22 @@ impl<M: Middleware> Node<M> {
 
     /// Reports the node's health if it is time to.
     fn report(&mut self, mw: &M) {
-        if mw.now() < self.health.due() {
+        let left = self.health.due().secs_since(mw.now());
+        // A clock that jumped back must not silence the reports.
+        if left > 0.0 && left < 5.0 {
             return;
         }
         let contents = self.pool.contents();
-        let trouble = contents.as_ref().err().map(ToString::to_string);
+        let trouble = contents.as_ref().err().map(ToString::to_string).or_else(|| self.trouble.clone());
         let [done, of] = [0, 1].map(|which| self.tests[which].load(Ordering::Relaxed));
         let figures = [
             ("batches waiting", contents.map_or(0, |contents| contents.batches.len()).to_string()),
             ("tests done", done.to_string()),
             ("tests in all", of.to_string()),
-            ("models", self.models.to_string()),
-            ("batches rejected", self.rejected.to_string()),
+            ("models", self.figures.models.to_string()),
+            ("batches rejected", self.figures.rejected.to_string()),
+            ("batches set aside, cut short", self.figures.incomplete.to_string()),
+            ("batches dropped, pool full", self.figures.dropped.to_string()),
         ];
         self.health.report(mw, &figures, trouble.as_deref());
     }
@@ -306,7 +352,7 @@ fn method(params: &DiscoveryParams, paths: &[PathBuf], control: &Control) -> Res
     settings.exogenous =
         facts[0].context.iter().filter(|name| tables[0].names.contains(name)).cloned().collect();
     let mut model = match &params.program {
-        Some(program) => external::run(program, paths, &settings, control)?,
+        Some(program) => external::run(program, paths, &settings, params.threads, control)?,
         None => {
             let data =
                 DataFrame::new(tables.iter().map(|t| t.values.clone()).collect(), tables[0].names.clone())?;
@@ -317,6 +363,18 @@ fn method(params: &DiscoveryParams, paths: &[PathBuf], control: &Control) -> Res
     model.n_recordings = paths.len();
     model.warnings.splice(0..0, warnings);
     Ok((model, origin))
+}
+
+/// Lets the calling thread, and the threads and programs that it starts from now on, stand back for the others.
+fn be_nice(nice: i32) {
+    #[cfg(target_os = "linux")]
+    if nice > 0
+        && let Err(error) = rustix::process::setpriority_process(None, nice)
+    {
+        tracing::warn!("nice {nice} is refused: {error}");
+    }
+    #[cfg(not(target_os = "linux"))]
+    let _ = nice;
 }
 
 fn in_pool<T: Send>(threads: usize, work: impl FnOnce() -> Result<T> + Send) -> Result<T> {

@@ -27,6 +27,7 @@ pub(super) struct DiscoveryParams {
     pub max_pool_size: usize,
     pub max_attempts: u32,
     pub threads: usize,
+    pub nice: i32,
     pub time_budget_s: Option<f64>,
     pub image_scale: f32,
 }
@@ -103,8 +104,24 @@ pub(super) fn specs() -> Vec<ParamSpec> {
             "analyses of a batch before it is rejected",
         ),
         ParamSpec::new("threads", Int(0), Range(0.0, 1024.0), "threads of an analysis; 0: all cores"),
-        ParamSpec::new("time_budget", Double(0.0), Range(0.0, 1e9), "seconds of an analysis; 0: no limit"),
-        ParamSpec::new("max_memory", Int(0), Range(0.0, 1e9), "megabytes that a test may take; 0: no limit"),
+        ParamSpec::new(
+            "nice",
+            Int(0),
+            Range(0.0, 19.0),
+            "how far an analysis stands back for other programs, as nice(1); 19: it takes what nobody wants",
+        ),
+        ParamSpec::new(
+            "time_budget",
+            Double(0.0),
+            Range(0.0, 1e9),
+            "seconds of an analysis by the wall's clock, also in simulated time; 0: no limit",
+        ),
+        ParamSpec::new(
+            "max_memory",
+            Int(0),
+            Range(0.0, 1e9),
+            "megabytes that a test, or a program of cd_method_dir, may take; 0: no limit",
+        ),
         ParamSpec::new(
             "image_scale",
             Double(0.6),
@@ -153,6 +170,7 @@ impl DiscoveryParams {
             max_pool_size: params.count("max_pool_size"),
             max_attempts: params.count("max_attempts") as u32,
             threads: params.count("threads"),
+            nice: params.int("nice") as i32,
             time_budget_s: positive("time_budget"),
             image_scale: params.double("image_scale") as f32,
         })

@@ -13,7 +13,7 @@ use crate::{
     inbox::{Inbox, Next},
     middleware::{Middleware, Publish, Qos},
     params::{Allowed, ParamSpec, Params, Value},
-    state::human::{PeopleTracker, Sighting, id_of},
+    state::human::{PeopleTracker, Sighting, id_of, id_of_number},
 };
 
 /// Reports per second.
@@ -134,7 +134,7 @@ pub fn human<M: Middleware>(mw: &M) -> Result<()> {
                 }
             }
             Next::Event(Event::Goal(goal)) => tracker.goal(goal),
-            Next::Event(Event::Tf(message, is_fixed)) => tracker.tf.insert(&message, is_fixed),
+            Next::Event(Event::Tf(message, is_fixed)) => tracker.transforms(&message, is_fixed),
             Next::Deadline => {}
         }
         let now = mw.now();
@@ -165,7 +165,10 @@ pub fn human<M: Middleware>(mw: &M) -> Result<()> {
                 health.sent();
             }
         }
-        let figures = [("dropped", inbox.dropped().to_string())];
+        let figures = [
+            ("no transform in time", tracker.without_transform.to_string()),
+            ("dropped", inbox.dropped().to_string()),
+        ];
         health.report(mw, &figures, tracker.trouble.as_deref());
     }
 }
@@ -222,7 +225,7 @@ fn subscribe_people<M: Middleware>(
 fn of_agents(message: pedsim_msgs::AgentStates) -> Vec<Sighting> {
     let header = message.header;
     let sighting = |agent: pedsim_msgs::AgentState| Sighting {
-        id: agent.id as u32,
+        id: id_of_number(agent.id),
         header: header.clone(),
         pose: agent.pose,
         twist: Some(agent.twist),
@@ -236,7 +239,7 @@ fn of_tracks(
     tracks: impl Iterator<Item = (u64, roscausal_msgs::geometry_msgs::Pose, roscausal_msgs::geometry_msgs::Twist)>,
 ) -> Vec<Sighting> {
     let sighting = |(id, pose, twist)| Sighting {
-        id: id as u32,
+        id: id_of_number(id),
         header: header.clone(),
         pose,
         twist: Some(twist),

@@ -105,21 +105,18 @@ pub fn robot<M: Middleware>(mw: &M) -> Result<()> {
         let states = match inbox.next(mw, Some(health.due())) {
             Next::Shutdown => return Ok(()),
             Next::Deadline => Vec::new(),
-            Next::Event(Event::Tf(message, fixed)) => {
-                tracker.tf.insert(&message, fixed);
-                Vec::new()
-            }
+            Next::Event(Event::Tf(message, fixed)) => tracker.transforms(&message, fixed),
             Next::Event(Event::Goal(header, goal)) => {
-                tracker.goal(header, goal);
+                tracker.goal(header, goal, mw.now());
                 Vec::new()
             }
             Next::Event(Event::Odometry(message)) => {
                 health.heard(odom_input, mw.now());
-                tracker.odometry(*message)
+                tracker.odometry(*message, mw.now())
             }
             Next::Event(Event::Pose(header, pose)) => {
                 health.heard(pose_input, mw.now());
-                tracker.pose(header, pose)
+                tracker.pose(header, pose, mw.now())
             }
         };
         for state in &states {
@@ -128,6 +125,10 @@ pub fn robot<M: Middleware>(mw: &M) -> Result<()> {
         }
         let figures = [
             ("poses without odometry", tracker.unpaired().to_string()),
+            ("out of order or twice", tracker.late().to_string()),
+            ("without stamp", tracker.unstamped.to_string()),
+            ("no transform in time", tracker.without_transform.to_string()),
+            ("clock jumps back", tracker.jumps.to_string()),
             ("dropped", inbox.dropped().to_string()),
         ];
         health.report(mw, &figures, tracker.trouble.as_deref());

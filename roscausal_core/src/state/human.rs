@@ -1,14 +1,21 @@
 //! People's topics and goals to `Humans`.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, VecDeque};
 
 use roscausal_msgs::{
     HumanState, Humans, Time,
     geometry_msgs::{Point, Pose, Twist},
     std_msgs::Header,
+    tf2_msgs::TFMessage,
 };
 
-use super::{robot::unknown, tf::TfBuffer};
+use super::{
+    robot::{TF_WAIT_S, unknown},
+    tf::TfBuffer,
+};
+
+/// The most sightings that wait for a transform.
+const MOST_WAITING: usize = 5000;
 
 /// One sighting of a person, whatever the tracker.
 #[derive(Clone, Debug, Default)]
@@ -34,6 +41,11 @@ pub struct PeopleTracker {
     /// The goal told from outside: that of the person the node is about.
     goal: Option<Point>,
     newest: Time,
+    /// Sightings that wait for a transform, and the newest that has waited no longer.
+    waiting: VecDeque<Sighting>,
+    placed: Time,
+    /// Sightings left out because no transform came in time.
+    pub without_transform: u64,
     /// Frames of people and map.
     pub tf: TfBuffer,
     /// Why the last sighting was left out, if it was.
@@ -49,14 +61,46 @@ impl PeopleTracker {
             people: BTreeMap::new(),
             goal: None,
             newest: Time::ZERO,
+            waiting: VecDeque::new(),
+            placed: Time::ZERO,
+            without_transform: 0,
             tf: TfBuffer::default(),
             trouble: None,
         }
     }
 
-    /// Takes a sighting.
+    /// Takes a sighting; it waits for its transform if that is late.
     pub fn sighting(&mut self, sighting: Sighting) {
-        self.trouble = self.place(sighting).err();
+        self.heard(sighting.header.stamp);
+        self.waiting.push_back(sighting);
+        if self.waiting.len() > MOST_WAITING {
+            self.waiting.pop_front();
+            self.without_transform += 1;
+        }
+        self.settle();
+    }
+
+    /// Takes transforms (`fixed`: of `/tf_static`), for which sightings may have waited.
+    pub fn transforms(&mut self, message: &TFMessage, fixed: bool) {
+        self.tf.insert(message, fixed);
+        self.settle();
+    }
+
+    fn settle(&mut self) {
+        while let Some(Sighting { header, .. }) = self.waiting.front() {
+            let waited = self.newest.secs_since(header.stamp);
+            if waited < TF_WAIT_S && self.tf.may_come(&self.target_frame, self.frame(header), header.stamp) {
+                return;
+            }
+            let Some(sighting) = self.waiting.pop_front() else { return };
+            self.placed = self.placed.max(sighting.header.stamp);
+            self.trouble = self.place(sighting).err();
+            self.without_transform += u64::from(self.trouble.is_some());
+        }
+    }
+
+    fn frame<'a>(&'a self, header: &'a Header) -> &'a str {
+        if header.frame_id.is_empty() { &self.target_frame } else { &header.frame_id }
     }
 
     /// Hears from a tracker, whomever it sees: with `stamp` the people that it no longer sees grow older.
@@ -64,7 +108,9 @@ impl PeopleTracker {
         if self.newest.secs_since(stamp) > self.timeout_s {
             // Time jumped back: a recording that starts again. Who was there then is not there now.
             self.people.clear();
-            self.newest = stamp;
+            self.waiting.clear();
+            self.tf.restart();
+            (self.newest, self.placed) = (stamp, stamp);
         }
         self.newest = self.newest.max(stamp);
     }
@@ -77,7 +123,7 @@ impl PeopleTracker {
     /// Everybody seen lately, in ascending order of id, with the stamp of the newest message. Of them, `about` names
     /// the one whose goal is told from outside; a goal that the tracker itself tells comes first.
     pub fn people(&mut self, about: impl FnOnce(&[HumanState]) -> Option<u32>) -> Humans {
-        let (newest, timeout) = (self.newest, self.timeout_s);
+        let (newest, timeout) = (self.newest(), self.timeout_s);
         self.people.retain(|_, person| newest.secs_since(person.header.stamp) <= timeout);
         let mut humans: Vec<HumanState> = self.people.values().cloned().collect();
         let about = about(&humans);
@@ -88,16 +134,14 @@ impl PeopleTracker {
         Humans { header: Header { stamp: newest, frame_id: self.target_frame.clone() }, humans }
     }
 
-    /// Stamp of the newest sighting; 0 before the first.
+    /// Up to when the people are known; 0 before the first message.
     pub fn newest(&self) -> Time {
-        self.newest
+        if self.waiting.is_empty() { self.newest } else { self.placed }
     }
 
     fn place(&mut self, sighting: Sighting) -> Result<(), String> {
         let Sighting { id, header, pose, twist, goal } = sighting;
-        self.heard(header.stamp);
-        let frame = if header.frame_id.is_empty() { &self.target_frame } else { &header.frame_id };
-        let pose2d = self.tf.pose_in(&self.target_frame, frame, &pose, header.stamp);
+        let pose2d = self.tf.pose_in(&self.target_frame, self.frame(&header), &pose, header.stamp);
         let mut pose2d = pose2d.map_err(|trouble| format!("person {id}: {trouble}"))?;
         let before = self.people.get(&id).filter(|before| before.header.stamp < header.stamp);
         let twist = match (twist, before) {
@@ -135,14 +179,21 @@ fn unknown_velocity() -> Twist {
     twist
 }
 
+/// A number for a person whom the tracker numbers with 64 bits: the same one where it fits, else one made from it.
+pub fn id_of_number(number: u64) -> u32 {
+    u32::try_from(number).unwrap_or_else(|_| hashed(&number.to_le_bytes()))
+}
+
+/// FNV-1a, kept clear of the small numbers that trackers use.
+fn hashed(bytes: &[u8]) -> u32 {
+    bytes.iter().fold(0x811c_9dc5_u32, |h, b| (h ^ u32::from(*b)).wrapping_mul(0x0100_0193)) | 0x8000_0000
+}
+
 /// A number for a person whom the tracker names by text: the digits at its end, else one made from the text.
 pub fn id_of(name: &str) -> u32 {
     let digits: String = name.chars().rev().take_while(char::is_ascii_digit).collect();
     let number: String = digits.chars().rev().collect();
-    number.parse().unwrap_or_else(|_| {
-        // FNV-1a, kept clear of the small numbers that trackers use.
-        name.bytes().fold(0x811c_9dc5_u32, |h, b| (h ^ u32::from(b)).wrapping_mul(0x0100_0193)) | 0x8000_0000
-    })
+    number.parse().unwrap_or_else(|_| hashed(name.as_bytes()))
 }
 
 #[cfg(test)]
@@ -223,6 +274,44 @@ mod tests {
         tracker.sighting(seen(1, 100.0, 4.0));
         tracker.sighting(seen(2, 1.0, 4.0));
         assert_eq!(ids(&tracker.people(first)), [2]);
+    }
+
+    #[test]
+    fn a_person_waits_for_a_transform_that_is_late_and_is_left_out_when_it_never_comes() {
+        let place = |secs: f64, x: f64| {
+            let header = Header { stamp: Time::from_secs_f64(secs), frame_id: "map".into() };
+            let mut transform = roscausal_msgs::geometry_msgs::TransformStamped {
+                header,
+                child_frame_id: "camera".into(),
+                ..Default::default()
+            };
+            transform.transform.translation.x = x;
+            TFMessage { transforms: vec![transform] }
+        };
+        let by_camera = |secs: f64| {
+            let mut sighting = seen(3, secs, 1.0);
+            sighting.header.frame_id = "camera".into();
+            sighting
+        };
+        let mut tracker = PeopleTracker::new("map", 1.0);
+        tracker.transforms(&place(0.9, 1.0), false);
+        tracker.sighting(by_camera(1.0));
+        assert!(tracker.people(first).humans.is_empty());
+        tracker.transforms(&place(1.1, 3.0), false);
+        let people = tracker.people(first);
+        assert!((people.humans[0].pose2d.x - 3.0).abs() < 1e-6 && people.humans[0].header == people.header);
+        (2..20).for_each(|t| tracker.sighting(by_camera(f64::from(t))));
+        assert_eq!(tracker.without_transform, 17);
+        assert!(tracker.trouble.as_deref().is_some_and(|why| why.contains("'camera'")));
+    }
+
+    #[test]
+    fn a_number_that_does_not_fit_is_nobody_elses() {
+        assert_eq!(id_of_number(7), 7);
+        let large = (1_u64 << 32) + 7;
+        assert_ne!(id_of_number(large), 7, "cut off, it would be person 7");
+        assert_eq!(id_of_number(large), id_of_number(large));
+        assert_ne!(id_of_number(large), id_of_number(large + 1));
     }
 
     #[test]

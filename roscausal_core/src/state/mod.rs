@@ -1,5 +1,6 @@
 //! From topics to states: what messages of sensors and trackers mean. Nothing here subscribes or publishes.
 
+mod goals;
 pub mod human;
 pub mod robot;
 pub mod scene;

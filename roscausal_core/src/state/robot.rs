@@ -1,22 +1,44 @@
 //! Odometry, pose and goal to `RobotState`.
 
+use std::collections::VecDeque;
+
 use roscausal_msgs::{
     RobotState, Time,
     geometry_msgs::{Point, Pose},
     nav_msgs::Odometry,
     std_msgs::Header,
+    tf2_msgs::TFMessage,
 };
 
-use super::{sync::Pairing, tf::TfBuffer};
+use super::{
+    goals::{Goal, Goals},
+    sync::Pairing,
+    tf::TfBuffer,
+};
+
+/// How long a pose waits for its transform, by the stamps, seconds.
+pub(super) const TF_WAIT_S: f64 = 0.5;
+/// The most poses that wait for a transform.
+const MOST_WAITING: usize = 1000;
+/// Stamps that go back by more mean that the clock jumped, seconds.
+const JUMP_S: f64 = 1.0;
 
 /// The robot as its topics tell: a state for each pose that has odometry near it in time.
 #[derive(Debug)]
 pub struct RobotTracker {
     target_frame: String,
     pairing: Pairing<(Header, Pose), Odometry>,
-    goal: Option<(Header, Point)>,
-    /// Frames of robot and map.
-    pub tf: TfBuffer,
+    goals: Goals,
+    /// Pairs that wait for a transform, in order.
+    waiting: VecDeque<(Header, Pose, Odometry)>,
+    newest: Option<Time>,
+    tf: TfBuffer,
+    /// Pairs left out because no transform came in time.
+    pub without_transform: u64,
+    /// Messages without a stamp, which got the time of their arrival.
+    pub unstamped: u64,
+    /// Times the clock jumped back.
+    pub jumps: u64,
     /// Why the last pose gave no state, if it gave none.
     pub trouble: Option<String>,
 }
@@ -27,29 +49,42 @@ impl RobotTracker {
         Self {
             target_frame: target_frame.trim_start_matches('/').to_owned(),
             pairing: Pairing::new(queue_size, slop_s),
-            goal: None,
+            goals: Goals::default(),
+            waiting: VecDeque::new(),
+            newest: None,
             tf: TfBuffer::default(),
+            without_transform: 0,
+            unstamped: 0,
+            jumps: 0,
             trouble: None,
         }
     }
 
-    /// Takes odometry; the states that it completes.
-    pub fn odometry(&mut self, message: Odometry) -> Vec<RobotState> {
-        let stamp = message.header.stamp;
+    /// Takes odometry; the states that it completes. `now` stands in for a stamp of 0, here and below.
+    pub fn odometry(&mut self, mut message: Odometry, now: Time) -> Vec<RobotState> {
+        let stamp = self.stamp(message.header.stamp, now);
+        message.header.stamp = stamp;
         let pairs = self.pairing.push_b(stamp, message);
-        self.states(pairs)
+        self.pairs(pairs)
     }
 
     /// Takes a pose; the states that it completes.
-    pub fn pose(&mut self, header: Header, pose: Pose) -> Vec<RobotState> {
+    pub fn pose(&mut self, mut header: Header, pose: Pose, now: Time) -> Vec<RobotState> {
+        header.stamp = self.stamp(header.stamp, now);
         let stamp = header.stamp;
         let pairs = self.pairing.push_a(stamp, (header, pose));
-        self.states(pairs)
+        self.pairs(pairs)
     }
 
-    /// Takes a goal, which holds until the next one.
-    pub fn goal(&mut self, header: Header, goal: Point) {
-        self.goal = Some((header, goal));
+    /// Takes a goal, which holds for states from its stamp on until the next one.
+    pub fn goal(&mut self, header: Header, point: Point, now: Time) {
+        self.goals.give(header.stamp, now, Goal { frame: header.frame_id, point });
+    }
+
+    /// Takes transforms (`fixed`: of `/tf_static`); the states that have waited for them.
+    pub fn transforms(&mut self, message: &TFMessage, fixed: bool) -> Vec<RobotState> {
+        self.tf.insert(message, fixed);
+        self.states()
     }
 
     /// Poses that found no odometry near them.
@@ -57,23 +92,69 @@ impl RobotTracker {
         self.pairing.unpaired
     }
 
-    fn states(&mut self, pairs: Vec<((Header, Pose), Odometry)>) -> Vec<RobotState> {
+    /// Messages that came out of order, or twice.
+    pub fn late(&self) -> u64 {
+        self.pairing.late
+    }
+
+    /// The stamp, or `now` where there is none; a clock that jumped back starts everything anew.
+    fn stamp(&mut self, stamp: Time, now: Time) -> Time {
+        let stamp = if stamp == Time::ZERO {
+            self.unstamped += 1;
+            now
+        } else {
+            stamp
+        };
+        if self.newest.is_some_and(|newest| newest.secs_since(stamp) > JUMP_S) {
+            self.jumps += 1;
+            self.newest = None;
+            self.pairing.clear();
+            self.waiting.clear();
+            self.tf.restart();
+            self.goals.restart();
+        }
+        self.newest = self.newest.max(Some(stamp));
+        stamp
+    }
+
+    fn pairs(&mut self, pairs: Vec<((Header, Pose), Odometry)>) -> Vec<RobotState> {
+        self.waiting.extend(pairs.into_iter().map(|((header, pose), odometry)| (header, pose, odometry)));
+        while self.waiting.len() > MOST_WAITING {
+            self.waiting.pop_front();
+            self.without_transform += 1;
+        }
+        self.states()
+    }
+
+    /// The states whose transforms are there, in order; who waits too long is left out.
+    fn states(&mut self) -> Vec<RobotState> {
         let mut states = Vec::new();
-        for ((header, pose), odometry) in pairs {
-            match self.state(&header, &pose, &odometry) {
+        while let Some((header, pose, odometry)) = self.waiting.front() {
+            let waited = self.newest.map_or(0.0, |newest| newest.secs_since(header.stamp));
+            if self.tf.may_come(&self.target_frame, self.frame(header), header.stamp) && waited < TF_WAIT_S {
+                break;
+            }
+            match self.state(header, pose, odometry) {
                 Ok(state) => {
                     self.trouble = None;
                     states.push(state);
                 }
-                Err(trouble) => self.trouble = Some(trouble),
+                Err(trouble) => {
+                    self.without_transform += u64::from(trouble.contains("frame"));
+                    self.trouble = Some(trouble);
+                }
             }
+            self.waiting.pop_front();
         }
         states
     }
 
+    fn frame<'a>(&'a self, header: &'a Header) -> &'a str {
+        if header.frame_id.is_empty() { &self.target_frame } else { &header.frame_id }
+    }
+
     fn state(&self, header: &Header, pose: &Pose, odometry: &Odometry) -> Result<RobotState, String> {
-        let frame = if header.frame_id.is_empty() { &self.target_frame } else { &header.frame_id };
-        let pose2d = self.tf.pose_in(&self.target_frame, frame, pose, header.stamp)?;
+        let pose2d = self.tf.pose_in(&self.target_frame, self.frame(header), pose, header.stamp)?;
         let twist = &odometry.twist.twist;
         let numbers = [
             ("the pose's x", pose2d.x),
@@ -89,10 +170,7 @@ impl RobotTracker {
                 header.stamp.as_secs_f64()
             ));
         }
-        let goal = match &self.goal {
-            None => unknown(),
-            Some((header, goal)) => self.in_target(header, goal)?,
-        };
+        let goal = self.goals.at(header.stamp).map_or_else(|| Ok(unknown()), |goal| self.in_target(goal))?;
         Ok(RobotState {
             header: Header { stamp: header.stamp, frame_id: self.target_frame.clone() },
             pose2d,
@@ -101,12 +179,12 @@ impl RobotTracker {
         })
     }
 
-    fn in_target(&self, header: &Header, point: &Point) -> Result<Point, String> {
-        if header.frame_id.is_empty() {
-            return Ok(*point);
+    fn in_target(&self, goal: &Goal) -> Result<Point, String> {
+        if goal.frame.is_empty() {
+            return Ok(goal.point);
         }
         // A goal is fixed in its frame: its place now is what counts.
-        self.tf.point_in(&self.target_frame, &header.frame_id, point, Time::ZERO)
+        self.tf.point_in(&self.target_frame, &goal.frame, &goal.point, Time::ZERO)
     }
 }
 
@@ -120,6 +198,8 @@ mod tests {
     use roscausal_msgs::geometry_msgs::Quaternion;
 
     use super::*;
+
+    const NOW: Time = Time { sec: 1, nanosec: 0 };
 
     fn header(secs: f64, frame: &str) -> Header {
         Header { stamp: Time::from_secs_f64(secs), frame_id: frame.into() }
@@ -138,8 +218,8 @@ mod tests {
     #[test]
     fn a_state_has_the_sensors_stamp_and_no_goal_is_nan() {
         let mut robot = RobotTracker::new("map", 10, 0.1);
-        assert!(robot.pose(header(1.0, "map"), pose(3.0)).is_empty());
-        let states = robot.odometry(odometry(1.05, 0.4));
+        assert!(robot.pose(header(1.0, "map"), pose(3.0), NOW).is_empty());
+        let states = robot.odometry(odometry(1.05, 0.4), NOW);
         assert_eq!(states[0].header, header(1.0, "map"));
         assert_eq!((states[0].pose2d.x, states[0].twist.linear.x), (3.0, 0.4));
         assert!((states[0].pose2d.theta - 0.5).abs() < 1e-12);
@@ -149,30 +229,117 @@ mod tests {
     #[test]
     fn what_is_no_number_gives_no_state_and_is_told() {
         let mut robot = RobotTracker::new("map", 10, 0.1);
-        robot.pose(header(1.0, "map"), pose(3.0));
-        assert!(robot.odometry(odometry(1.0, f64::NAN)).is_empty());
+        robot.pose(header(1.0, "map"), pose(3.0), NOW);
+        assert!(robot.odometry(odometry(1.0, f64::NAN), NOW).is_empty());
         assert!(robot.trouble.as_deref().is_some_and(|why| why.contains("odometry's linear.x is NaN")));
-        robot.pose(header(2.0, "map"), pose(3.0));
-        assert_eq!(robot.odometry(odometry(2.0, 0.4)).len(), 1);
+        robot.pose(header(2.0, "map"), pose(3.0), NOW);
+        assert_eq!(robot.odometry(odometry(2.0, 0.4), NOW).len(), 1);
         assert_eq!(robot.trouble, None);
     }
 
     #[test]
     fn the_last_goal_holds() {
         let mut robot = RobotTracker::new("map", 10, 0.1);
-        robot.goal(header(0.0, ""), Point { x: 7.0, y: 8.0, z: 0.0 });
-        robot.pose(header(1.0, "map"), pose(3.0));
-        assert_eq!(robot.odometry(odometry(1.0, 0.4))[0].goal.x, 7.0);
+        robot.goal(header(0.0, ""), Point { x: 7.0, y: 8.0, z: 0.0 }, NOW);
+        robot.pose(header(1.0, "map"), pose(3.0), NOW);
+        assert_eq!(robot.odometry(odometry(1.0, 0.4), NOW)[0].goal.x, 7.0);
     }
 
     #[test]
     fn a_pose_in_an_unknown_frame_or_of_nan_is_told_and_skipped() {
         let mut robot = RobotTracker::new("map", 10, 0.1);
-        robot.pose(header(1.0, "moon"), pose(3.0));
-        assert!(robot.odometry(odometry(1.0, 0.4)).is_empty());
+        robot.pose(header(1.0, "moon"), pose(3.0), NOW);
+        assert!(robot.odometry(odometry(1.0, 0.4), NOW).is_empty());
+        // Its frame may come yet; half a second later nobody waits any more.
+        robot.pose(header(1.5, "moon"), pose(3.0), NOW);
         assert!(robot.trouble.as_ref().is_some_and(|t| t.contains("moon")));
-        robot.pose(header(2.0, "map"), pose(f64::NAN));
-        assert!(robot.odometry(odometry(2.0, 0.4)).is_empty());
+        robot.pose(header(2.0, "map"), pose(f64::NAN), NOW);
+        assert!(robot.odometry(odometry(2.0, 0.4), NOW).is_empty());
         assert!(robot.trouble.as_ref().is_some_and(|t| t.contains("NaN")));
+    }
+
+    fn place(secs: f64, x: f64) -> TFMessage {
+        let mut transform = roscausal_msgs::geometry_msgs::TransformStamped {
+            header: header(secs, "map"),
+            child_frame_id: "odom".into(),
+            ..Default::default()
+        };
+        transform.transform.translation.x = x;
+        transform.transform.rotation.w = 1.0;
+        TFMessage { transforms: vec![transform] }
+    }
+
+    #[test]
+    fn a_pose_waits_for_a_transform_that_is_late() {
+        let mut robot = RobotTracker::new("map", 10, 0.1);
+        robot.transforms(&place(0.9, 1.0), false);
+        robot.pose(header(1.0, "odom"), pose(3.0), NOW);
+        assert!(robot.odometry(odometry(1.0, 0.4), NOW).is_empty());
+        let states = robot.transforms(&place(1.1, 3.0), false);
+        assert!((states[0].pose2d.x - 5.0).abs() < 1e-6, "{}", states[0].pose2d.x);
+        assert_eq!(robot.without_transform, 0);
+    }
+
+    #[test]
+    fn a_pose_whose_transform_never_comes_is_left_out_and_told() {
+        let mut robot = RobotTracker::new("map", 10, 0.1);
+        robot.transforms(&place(0.5, 1.0), false);
+        for step in 0..20 {
+            let t = 1.0 + 0.1 * f64::from(step);
+            robot.pose(header(t, "odom"), pose(3.0), NOW);
+            assert!(robot.odometry(odometry(t, 0.4), NOW).is_empty());
+        }
+        assert!(robot.without_transform >= 14, "{}", robot.without_transform);
+        assert!(
+            robot.trouble.as_deref().is_some_and(|why| why.contains("'odom' is") && why.contains("alive"))
+        );
+    }
+
+    #[test]
+    fn a_stamp_of_0_is_the_time_of_arrival() {
+        let mut robot = RobotTracker::new("map", 10, 0.1);
+        let now = Time::from_secs_f64(7.0);
+        robot.pose(header(0.0, "map"), pose(3.0), now);
+        let states = robot.odometry(odometry(0.0, 0.4), now);
+        assert_eq!((states[0].header.stamp, robot.unstamped), (now, 2));
+    }
+
+    #[test]
+    fn a_goal_holds_from_its_stamp_on_whenever_it_arrives() {
+        let (mut robot, now) = (RobotTracker::new("map", 10, 0.1), Time::from_secs_f64(9.0));
+        let to = |x| Point { x, y: 0.0, z: 0.0 };
+        robot.goal(header(5.0, ""), to(5.0), now);
+        robot.goal(header(2.0, ""), to(2.0), now);
+        let mut goal_at = |t: f64| {
+            robot.pose(header(t, "map"), pose(3.0), now);
+            robot.odometry(odometry(t, 0.4), now)[0].goal.x
+        };
+        assert!(goal_at(1.0).is_nan());
+        assert_eq!((goal_at(3.0), goal_at(5.0), goal_at(6.0)), (2.0, 5.0, 5.0));
+    }
+
+    #[test]
+    fn duplicates_and_messages_out_of_order_make_no_state() {
+        let mut robot = RobotTracker::new("map", 10, 0.1);
+        let mut states = Vec::new();
+        for t in [1.0, 1.0, 1.2, 1.1, 1.3] {
+            states.extend(robot.pose(header(t, "map"), pose(3.0), NOW));
+            states.extend(robot.odometry(odometry(t, 0.4), NOW));
+        }
+        let stamps: Vec<f64> = states.iter().map(|state| state.header.stamp.as_secs_f64()).collect();
+        assert_eq!(stamps, [1.0, 1.2, 1.3]);
+        assert_eq!(robot.late(), 4);
+    }
+
+    #[test]
+    fn a_recording_that_starts_again_makes_states_again() {
+        let mut robot = RobotTracker::new("map", 10, 0.1);
+        robot.goal(header(50.0, ""), Point { x: 7.0, y: 8.0, z: 0.0 }, Time::from_secs_f64(60.0));
+        for t in [60.0, 1.0] {
+            robot.pose(header(t, "map"), pose(3.0), NOW);
+            let states = robot.odometry(odometry(t, 0.4), NOW);
+            assert_eq!((states.len(), states[0].goal.x), (1, 7.0), "the last goal is in force at {t}");
+        }
+        assert_eq!(robot.jumps, 1);
     }
 }

@@ -19,6 +19,8 @@ const MOST: usize = 4096;
 pub struct Pairing<A, B> {
     a: VecDeque<(Time, A)>,
     b: VecDeque<(Time, B)>,
+    /// Stamp of the newest A, also when it waits no more.
+    newest_a: Option<Time>,
     queue_size: usize,
     slop_s: f64,
     /// Messages of A that found no partner.
@@ -33,6 +35,7 @@ impl<A, B: Clone> Pairing<A, B> {
         Self {
             a: VecDeque::new(),
             b: VecDeque::new(),
+            newest_a: None,
             queue_size: queue_size.max(1),
             slop_s,
             unpaired: 0,
@@ -42,14 +45,15 @@ impl<A, B: Clone> Pairing<A, B> {
 
     /// Takes a message of topic A; the pairs that it completes.
     pub fn push_a(&mut self, stamp: Time, message: A) -> Vec<(A, B)> {
-        match self.a.back() {
-            Some((last, _)) if last.secs_since(stamp) > JUMP_S => self.clear(),
-            Some((last, _)) if *last >= stamp => {
+        match self.newest_a {
+            Some(last) if last.secs_since(stamp) > JUMP_S => self.clear(),
+            Some(last) if last >= stamp => {
                 self.late += 1;
                 return Vec::new();
             }
             _ => {}
         }
+        self.newest_a = Some(stamp);
         self.a.push_back((stamp, message));
         if self.a.len() > self.queue_size {
             self.a.pop_front();
@@ -83,6 +87,7 @@ impl<A, B: Clone> Pairing<A, B> {
         self.unpaired += self.a.len() as u64;
         self.a.clear();
         self.b.clear();
+        self.newest_a = None;
     }
 
     fn pairs(&mut self) -> Vec<(A, B)> {

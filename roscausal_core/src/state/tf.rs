@@ -13,6 +13,10 @@ use roscausal_msgs::{
 const KEEP_S: f64 = 10.0;
 /// A transform is used this long before its first and after its last stamp.
 const EXTRAPOLATE_S: f64 = 0.2;
+/// Stamps that go back by more mean that the clock jumped, seconds; a smaller step is a message out of order.
+const JUMP_S: f64 = 1.0;
+/// The most frames, and the most transforms of one, that are kept.
+const MOST: usize = 4096;
 /// Deepest chain of frames; a longer one is a loop.
 const DEEPEST: usize = 64;
 
@@ -34,17 +38,24 @@ impl TfBuffer {
     pub fn insert(&mut self, message: &TFMessage, fixed: bool) {
         for transform in &message.transforms {
             let Some(place) = isometry(&transform.transform) else { continue };
-            let stamp = transform.header.stamp;
-            let frame = self.frames.entry(clean(&transform.child_frame_id).to_owned()).or_default();
-            let parent = clean(&transform.header.frame_id);
-            if frame.parent != parent || frame.places.back().is_some_and(|(last, _)| stamp < *last) {
-                *frame = Frame { parent: parent.to_owned(), ..Frame::default() };
+            let (stamp, child) = (transform.header.stamp, clean(&transform.child_frame_id));
+            if !self.frames.contains_key(child) && self.frames.len() >= MOST {
+                continue;
             }
-            frame.fixed = fixed;
-            frame.places.push_back((stamp, place));
-            while frame.places.front().is_some_and(|(first, _)| {
-                fixed && frame.places.len() > 1 || stamp.secs_since(*first) > KEEP_S
-            }) {
+            let frame = self.frames.entry(child.to_owned()).or_default();
+            let parent = clean(&transform.header.frame_id);
+            let jumped = frame.places.back().is_some_and(|(last, _)| last.secs_since(stamp) > JUMP_S);
+            if frame.parent != parent || frame.fixed != fixed || fixed || jumped {
+                *frame = Frame { parent: parent.to_owned(), fixed, ..Frame::default() };
+            }
+            let at = frame.places.partition_point(|(earlier, _)| *earlier < stamp);
+            if frame.places.get(at).is_none_or(|(same, _)| *same != stamp) {
+                frame.places.insert(at, (stamp, place));
+            }
+            let newest = frame.places.back().map_or(stamp, |(newest, _)| *newest);
+            while frame.places.len() > MOST
+                || frame.places.front().is_some_and(|(first, _)| newest.secs_since(*first) > KEEP_S)
+            {
                 frame.places.pop_front();
             }
         }
@@ -68,6 +79,35 @@ impl TfBuffer {
             ));
         }
         Ok(from_target.inverse() * from_source)
+    }
+
+    /// Whether [`TfBuffer::lookup`] at `stamp` may tell more once more transforms have come: frames are not connected
+    /// yet, or the last transform of one is older than `stamp`.
+    pub fn may_come(&self, target: &str, source: &str, stamp: Time) -> bool {
+        let (target, source) = (clean(target), clean(source));
+        if target == source || stamp == Time::ZERO {
+            return false;
+        }
+        let (source_root, source_last) = self.last(source);
+        let (target_root, target_last) = self.last(target);
+        source_root != target_root || source_last.into_iter().chain(target_last).any(|last| last < stamp)
+    }
+
+    /// Forgets all that is not fixed: the clock jumped.
+    pub fn restart(&mut self) {
+        self.frames.retain(|_, frame| frame.fixed);
+    }
+
+    /// Root above a frame, and the oldest of the last stamps on the way to it.
+    fn last<'a>(&'a self, name: &'a str) -> (&'a str, Option<Time>) {
+        let (mut at, mut oldest) = (name, None);
+        for _ in 0..DEEPEST {
+            let Some(frame) = self.frames.get(at) else { break };
+            let last = frame.places.back().map(|(stamp, _)| *stamp).filter(|_| !frame.fixed);
+            oldest = oldest.into_iter().chain(last).min();
+            at = &frame.parent;
+        }
+        (at, oldest)
     }
 
     /// A pose given in frame `source`, as a planar pose in frame `target`.
@@ -202,6 +242,38 @@ mod tests {
         tf.insert(&message("map", "base", 1.0, 0.0, 0.0), false);
         assert!(tf.lookup("odom", "base", Time::ZERO).expect_err("unconnected").contains("'odom'"));
         assert!(tf.lookup("map", "base", Time::from_secs_f64(9.0)).expect_err("too late").contains("8.00 s"));
+    }
+
+    #[test]
+    fn transforms_out_of_order_find_their_place_and_a_jump_back_starts_anew() {
+        let mut tf = TfBuffer::default();
+        let x = |tf: &TfBuffer, t| tf.lookup("map", "base", Time::from_secs_f64(t)).map(|p| p.translation.x);
+        [5.0, 5.4, 5.2].into_iter().for_each(|t| tf.insert(&message("map", "base", t, t, 0.0), false));
+        assert!((x(&tf, 5.1).expect("is there") - 5.1).abs() < 1e-9);
+        assert!((x(&tf, 5.3).expect("is there") - 5.3).abs() < 1e-9);
+        tf.insert(&message("map", "base", 1.0, 1.0, 0.0), false);
+        assert!(x(&tf, 5.1).is_err() && x(&tf, 1.0).is_ok());
+    }
+
+    #[test]
+    fn what_may_still_come_is_told_from_what_is_too_old() {
+        let mut tf = TfBuffer::default();
+        let waits = |tf: &TfBuffer, t| tf.may_come("map", "base", Time::from_secs_f64(t));
+        assert!(waits(&tf, 1.0));
+        tf.insert(&message("map", "odom", 0.0, 0.0, 0.0), true);
+        tf.insert(&message("odom", "base", 1.0, 0.0, 0.0), false);
+        assert!(waits(&tf, 1.1) && !waits(&tf, 1.0) && !waits(&tf, 0.5));
+        assert!(!tf.may_come("map", "odom", Time::from_secs_f64(9.0)), "a fixed one is there for all times");
+    }
+
+    #[test]
+    fn transforms_cost_bounded_memory() {
+        let mut tf = TfBuffer::default();
+        for i in 0..6000 {
+            tf.insert(&message("map", &format!("frame_{i}"), 1.0, 0.0, 0.0), false);
+            tf.insert(&message("map", "frame_1", 1.0 + 1e-6 * f64::from(i), 0.0, 0.0), false);
+        }
+        assert!(tf.frames.len() <= MOST && tf.frames["frame_1"].places.len() <= MOST);
     }
 
     #[test]

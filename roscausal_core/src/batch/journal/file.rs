@@ -1,0 +1,293 @@
+use std::{
+    collections::VecDeque,
+    fs::{self, File, OpenOptions},
+    io::{Seek, SeekFrom, Write},
+    path::PathBuf,
+    sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError},
+    thread::{self, JoinHandle},
+};
+
+use super::{
+    Entry, Sample,
+    format::{begin, block_of},
+};
+use crate::{
+    Error, Result,
+    batch::pool::{Pool, sync_dir},
+};
+
+/// Entries that may wait for the disk: a minute of many people.
+const WAITING: usize = 200_000;
+/// Samples that are written in one go.
+const AT_ONCE: usize = 4096;
+
+/// The thread that keeps the journal; dropping it writes what waits.
+#[derive(Debug)]
+pub struct Journal {
+    shared: Arc<Shared>,
+    thread: Option<JoinHandle<()>>,
+}
+
+/// How the journal fares.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct JournalStatus {
+    /// Samples that are in no journal because too many waited for the disk. They are in memory nevertheless, and will be
+    /// in their batch unless the node dies before.
+    pub unprotected: u64,
+    /// Why nothing can be written now, if so.
+    pub trouble: Option<String>,
+}
+
+#[derive(Debug)]
+struct Shared {
+    pool: Pool,
+    queue: Mutex<Queue>,
+    changed: Condvar,
+    files: Mutex<Files>,
+}
+
+#[derive(Debug, Default)]
+struct Queue {
+    entries: VecDeque<Entry>,
+    status: JournalStatus,
+    ending: bool,
+}
+
+#[derive(Debug, Default)]
+struct Files {
+    /// Journals up to this number are no longer wanted.
+    retired: u64,
+    current: u64,
+    /// File of the current journal and the bytes in it that are whole.
+    open: Option<(File, PathBuf, u64)>,
+}
+
+impl Journal {
+    /// Starts the thread; journals lie in the folder of `pool`.
+    ///
+    /// # Errors
+    /// A system that gives no thread.
+    pub fn start(pool: Pool) -> Result<Self> {
+        let shared = Arc::new(Shared {
+            pool,
+            queue: Mutex::default(),
+            changed: Condvar::new(),
+            files: Mutex::default(),
+        });
+        let works = shared.clone();
+        let thread = thread::Builder::new()
+            .name("journal".into())
+            .spawn(move || works.work())
+            .map_err(|e| Error::Data(format!("no thread for the journal: {e}")))?;
+        Ok(Self { shared, thread: Some(thread) })
+    }
+
+    /// Hands entries over; returns at once.
+    pub fn append(&self, entries: Vec<Entry>) {
+        if entries.is_empty() {
+            return;
+        }
+        let mut queue = self.shared.queue();
+        for entry in entries {
+            if queue.entries.len() < WAITING || !matches!(entry, Entry::Sample(_)) {
+                queue.entries.push_back(entry);
+            } else {
+                queue.status.unprotected += 1;
+            }
+        }
+        drop(queue);
+        self.shared.changed.notify_all();
+    }
+
+    /// How it fares.
+    pub fn status(&self) -> JournalStatus {
+        self.shared.queue().status.clone()
+    }
+
+    /// The batch of journal `number` is about to become a file: its journal gets the name `marker`, and nothing is
+    /// written to it any more. Whether there was one.
+    pub(in crate::batch) fn retire(&self, number: u64, marker: &str) -> Result<bool> {
+        let mut files = self.shared.files();
+        self.shared.drain(&mut files);
+        files.retired = files.retired.max(number);
+        if files.current <= number {
+            files.open = None;
+        }
+        let (from, to) = (self.shared.path(number), self.shared.pool.path(marker));
+        match fs::rename(&from, &to) {
+            Ok(()) => sync_dir(self.shared.pool.dir()).map(|()| true),
+            Err(e) if e.kind() == std::io::ErrorKind::NotFound => Ok(false),
+            Err(e) => Err(Error::file(&from, e)),
+        }
+    }
+}
+
+impl Drop for Journal {
+    fn drop(&mut self) {
+        self.shared.queue().ending = true;
+        self.shared.changed.notify_all();
+        if let Some(thread) = self.thread.take() {
+            let _ = thread.join();
+        }
+    }
+}
+
+impl Shared {
+    fn queue(&self) -> MutexGuard<'_, Queue> {
+        self.queue.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    fn files(&self) -> MutexGuard<'_, Files> {
+        self.files.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    fn path(&self, number: u64) -> PathBuf {
+        self.pool.path(&self.pool.journal_name(number))
+    }
+
+    /// Writes whenever something new comes; what could not be written is tried again then.
+    fn work(&self) {
+        loop {
+            self.drain(&mut self.files());
+            let queue = self.queue();
+            let ending = queue.ending;
+            if queue.entries.is_empty() || queue.status.trouble.is_some() {
+                if ending {
+                    return;
+                }
+                // Not before something new comes: a full disk must not keep the processor busy.
+                drop(self.changed.wait(queue).unwrap_or_else(PoisonError::into_inner));
+            }
+        }
+    }
+
+    /// Writes what waits, as far as the disk takes it.
+    fn drain(&self, files: &mut Files) {
+        loop {
+            let batch = self.next();
+            if batch.is_empty() {
+                return;
+            }
+            let written = batch.len();
+            let done = self.write(files, &batch);
+            let mut queue = self.queue();
+            match done {
+                Ok(()) => {
+                    queue.entries.drain(..written);
+                    queue.status.trouble = None;
+                }
+                Err(error) => {
+                    if queue.status.trouble.is_none() {
+                        tracing::error!("the open batch is not journalled: {error}");
+                    }
+                    queue.status.trouble = Some(format!("the open batch is not journalled: {error}"));
+                    return;
+                }
+            }
+        }
+    }
+
+    /// The oldest entries: one of another kind, or samples. They stay in the queue until they are written; only this
+    /// thread or, holding the files' lock, the writer takes them out.
+    fn next(&self) -> Vec<Entry> {
+        let queue = self.queue();
+        let samples =
+            queue.entries.iter().take_while(|entry| matches!(entry, Entry::Sample(_))).take(AT_ONCE).count();
+        queue.entries.iter().take(samples.max(1)).cloned().collect()
+    }
+
+    fn write(&self, files: &mut Files, entries: &[Entry]) -> Result<()> {
+        match entries.first() {
+            Some(Entry::Begin(header)) => {
+                files.current = header.number;
+                files.open = None;
+                if header.number > files.retired {
+                    let path = self.path(header.number);
+                    let bytes = begin(header);
+                    let fault = |e: std::io::Error| Error::file(&path, e);
+                    let mut file = OpenOptions::new()
+                        .create(true)
+                        .write(true)
+                        .truncate(true)
+                        .open(&path)
+                        .map_err(fault)?;
+                    file.write_all(&bytes).and_then(|()| file.sync_data()).map_err(fault)?;
+                    sync_dir(self.pool.dir())?;
+                    files.open = Some((file, path, bytes.len() as u64));
+                }
+            }
+            Some(Entry::Abandon(number)) => {
+                if files.current == *number {
+                    files.open = None;
+                }
+                let path = self.path(*number);
+                match fs::remove_file(&path) {
+                    Err(e) if e.kind() != std::io::ErrorKind::NotFound => return Err(Error::file(&path, e)),
+                    _ => {}
+                }
+            }
+            _ => {
+                let Some((file, path, whole)) = &mut files.open else { return Ok(()) };
+                let sample =
+                    |entry: &Entry| if let Entry::Sample(sample) = entry { Some(*sample) } else { None };
+                let samples: Vec<Sample> = entries.iter().filter_map(sample).collect();
+                let bytes = block_of(&samples);
+                // What a full disk took of the last block goes first.
+                let mut append = || -> std::io::Result<()> {
+                    if file.seek(SeekFrom::End(0))? != *whole {
+                        file.set_len(*whole)?;
+                        file.seek(SeekFrom::Start(*whole))?;
+                    }
+                    file.write_all(&bytes)?;
+                    file.sync_data()
+                };
+                append().map_err(|e| Error::file(&*path, e))?;
+                *whole += bytes.len() as u64;
+            }
+        }
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{
+        super::{
+            decode,
+            format::tests::{header, samples},
+        },
+        *,
+    };
+
+    #[test]
+    fn what_is_appended_is_on_disk_and_a_retired_journal_is_written_no_more() {
+        let dir = tempfile::tempdir().expect("a folder");
+        let pool = Pool::open(dir.path(), "data_").expect("opens");
+        let journal = Journal::start(pool.clone()).expect("starts");
+        let samples = samples(5);
+        let entries =
+            |samples: &[Sample]| samples.iter().map(|sample| Entry::Sample(*sample)).collect::<Vec<_>>();
+        journal.append([vec![Entry::Begin(header())], entries(&samples[..4])].concat());
+        assert!(journal.retire(3, ".data_1.csv.commit").expect("renames"));
+        journal.append(entries(&samples[4..]));
+        let marker = fs::read(pool.path(".data_1.csv.commit")).expect("is there");
+        assert_eq!(decode(&marker).expect("a journal").1.len(), 4);
+        assert!(!journal.retire(4, ".data_2.csv.commit").expect("there is none"));
+        drop(journal);
+        assert!(!pool.path(&pool.journal_name(3)).exists());
+        assert_eq!(
+            fs::metadata(pool.path(".data_1.csv.commit")).expect("is there").len(),
+            marker.len() as u64
+        );
+    }
+
+    #[test]
+    fn a_journal_of_no_use_is_removed() {
+        let dir = tempfile::tempdir().expect("a folder");
+        let pool = Pool::open(dir.path(), "data_").expect("opens");
+        let journal = Journal::start(pool).expect("starts");
+        journal.append(vec![Entry::Begin(header()), Entry::Abandon(3)]);
+        drop(journal);
+        assert_eq!(fs::read_dir(dir.path()).expect("lists").count(), 0);
+    }
+}

@@ -1,0 +1,150 @@
+use std::collections::BTreeMap;
+
+use super::{Entry, Header, Sample};
+
+/// A journal without rows begins anew after so many samples, so that it stays small while nobody is recorded.
+const MOST_WITHOUT_ROWS: usize = 20_000;
+
+/// What the recorder notes for the journal. Of each body only those samples that a row can depend on are noted: the first
+/// and the last between two rows, and all that come late. So a journal is at most about twice as large as its batch, however
+/// fast the topics are.
+#[derive(Debug)]
+pub(in crate::batch) struct Log {
+    next_number: u64,
+    number: Option<u64>,
+    dt_ns: i64,
+    /// The newest sample of each body, and whether it is noted.
+    newest: BTreeMap<Option<u32>, (Sample, bool)>,
+    entries: Vec<Entry>,
+    noted: usize,
+}
+
+impl Log {
+    /// A log whose first journal is number `first`.
+    pub(in crate::batch) fn new(first: u64, dt_ns: i64) -> Self {
+        Self {
+            next_number: first,
+            number: None,
+            dt_ns,
+            newest: BTreeMap::new(),
+            entries: Vec::new(),
+            noted: 0,
+        }
+    }
+
+    /// Number of the journal that is open, if one is.
+    pub(in crate::batch) fn number(&self) -> Option<u64> {
+        self.number
+    }
+
+    /// Whether the open journal has grown without being of use.
+    pub(in crate::batch) fn is_idle_and_large(&self) -> bool {
+        self.noted > MOST_WITHOUT_ROWS
+    }
+
+    /// Begins the next journal; `header` gets its number.
+    pub(in crate::batch) fn begin(&mut self, mut header: Header) {
+        header.number = self.next_number;
+        self.number = Some(self.next_number);
+        self.next_number += 1;
+        self.newest.clear();
+        self.noted = 0;
+        self.entries.push(Entry::Begin(header));
+    }
+
+    /// Notes a sample, if a journal is open.
+    pub(in crate::batch) fn sample(&mut self, sample: Sample) {
+        if self.number.is_none() {
+            return;
+        }
+        let row = |stamp_ns: i64| stamp_ns.div_euclid(self.dt_ns);
+        let noted = match self.newest.get(&sample.person) {
+            // Late: what it changes is hard to say, so it is noted.
+            Some((newest, _)) if sample.stamp_ns <= newest.stamp_ns => return self.note(sample),
+            Some((newest, _)) if row(newest.stamp_ns) == row(sample.stamp_ns) => false,
+            Some((newest, false)) => {
+                self.note(*newest);
+                true
+            }
+            _ => true,
+        };
+        if noted {
+            self.note(sample);
+        }
+        self.newest.insert(sample.person, (sample, noted));
+    }
+
+    /// The batch of the open journal is done: its number.
+    pub(in crate::batch) fn end(&mut self) -> Option<u64> {
+        self.note_newest();
+        self.number.take()
+    }
+
+    /// The open journal is of no use.
+    pub(in crate::batch) fn abandon(&mut self) {
+        if let Some(number) = self.number.take() {
+            self.entries.push(Entry::Abandon(number));
+        }
+    }
+
+    /// All that was noted since the last time.
+    pub(in crate::batch) fn take(&mut self) -> Vec<Entry> {
+        self.note_newest();
+        std::mem::take(&mut self.entries)
+    }
+
+    fn note(&mut self, sample: Sample) {
+        self.noted += 1;
+        self.entries.push(Entry::Sample(sample));
+    }
+
+    fn note_newest(&mut self) {
+        if self.number.is_none() {
+            return;
+        }
+        let unnoted: Vec<Sample> =
+            self.newest.values().filter(|(_, noted)| !noted).map(|(sample, _)| *sample).collect();
+        unnoted.into_iter().for_each(|sample| self.note(sample));
+        self.newest.values_mut().for_each(|(_, noted)| *noted = true);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{super::format::tests::header, *};
+
+    fn stamps(log: &mut Log) -> Vec<i64> {
+        let stamp =
+            |entry: &Entry| if let Entry::Sample(sample) = entry { Some(sample.stamp_ns) } else { None };
+        log.take().iter().filter_map(stamp).collect()
+    }
+
+    fn at(stamp_ns: i64) -> Sample {
+        Sample { person: None, stamp_ns, values: [0.0; 7] }
+    }
+
+    #[test]
+    fn only_samples_that_rows_depend_on_are_noted() {
+        let mut log = Log::new(1, 100);
+        log.sample(at(5));
+        assert_eq!(log.take(), []);
+        log.begin(header());
+        (0..1000).for_each(|t| log.sample(at(t)));
+        let noted = stamps(&mut log);
+        let wanted: Vec<i64> = (0..10).flat_map(|row| [row * 100, row * 100 + 99]).collect();
+        assert_eq!(noted, wanted);
+        log.sample(at(950));
+        log.sample(at(1000));
+        assert_eq!(stamps(&mut log), [950, 1000]);
+    }
+
+    #[test]
+    fn journals_are_numbered_and_one_of_no_use_is_told() {
+        let mut log = Log::new(8, 100);
+        log.begin(header());
+        assert_eq!((log.end(), log.number()), (Some(8), None));
+        log.begin(header());
+        log.abandon();
+        assert_eq!(log.take().last(), Some(&Entry::Abandon(9)));
+    }
+}

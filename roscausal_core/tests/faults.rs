@@ -1,0 +1,235 @@
+//! The discovery node beside faults: budgets, disks that refuse, a second node, a method that hangs.
+
+#![cfg(unix)]
+#![allow(clippy::expect_used, clippy::panic, reason = "a test may panic: that is how it fails")]
+
+use std::{
+    fs,
+    os::unix::fs::PermissionsExt,
+    path::Path,
+    sync::{
+        Arc, Mutex,
+        mpsc::{Receiver, channel},
+    },
+    thread::{self, JoinHandle},
+    time::{Duration, Instant},
+};
+
+use roscausal_core::{
+    Result, Time,
+    loopback::{Loopback, LoopbackNode},
+    middleware::{Middleware, Publish, Qos},
+    nodes,
+    params::Value,
+};
+use roscausal_msgs::{
+    CausalModelInfo, HumanState, Humans, RobotState, diagnostic_msgs::DiagnosticArray, std_msgs::Header,
+};
+
+fn text(text: &Path) -> Value {
+    Value::Str(text.display().to_string())
+}
+
+fn word(word: &str) -> Value {
+    Value::Str(word.to_owned())
+}
+
+/// A pool with `batches` in which b follows a.
+fn pool(dir: &Path, batches: usize) {
+    fs::create_dir_all(dir.join("pp")).expect("makes");
+    for batch in 0..batches {
+        let mut csv = String::from("time,a,b\n");
+        let (mut a, mut state) = (0.0_f64, 17 + batch as u64);
+        for row in 0..200 {
+            state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+            let b = 0.9 * a + 0.1 * ((state >> 20) % 97) as f64 / 97.0;
+            a = ((state >> 33) % 1000) as f64 / 1000.0;
+            csv += &format!("{},{a},{b}\n", f64::from(row) * 0.1);
+        }
+        fs::write(dir.join(format!("pp/data_{batch}.csv")), csv).expect("writes");
+    }
+}
+
+fn method(dir: &Path, script: &str) {
+    let path = dir.join("methods/slow");
+    fs::create_dir_all(dir.join("methods")).expect("makes");
+    fs::write(&path, format!("#!/bin/sh\n{script}\n")).expect("writes");
+    fs::set_permissions(&path, fs::Permissions::from_mode(0o755)).expect("sets");
+}
+
+struct Node {
+    node: LoopbackNode,
+    thread: JoinHandle<Result<()>>,
+}
+
+impl Node {
+    fn start(bus: &Loopback, name: &str, dir: &Path, settings: &[(&str, Value)]) -> Self {
+        let common = [
+            ("data_dir", text(&dir.join("pp"))),
+            ("cd_method", word("pcmci")),
+            ("cond_ind_test", word("parcorr")),
+            ("threads", Value::Int(1)),
+        ];
+        for (parameter, value) in common.iter().chain(settings) {
+            bus.set_node_param(name, parameter, value.clone());
+        }
+        let node = bus.node(name);
+        let runs = node.clone();
+        Self { node, thread: thread::spawn(move || nodes::run("discovery", &runs)) }
+    }
+
+    fn end(self) {
+        self.node.shutdown();
+        self.thread.join().expect("no panic").expect("ends well");
+    }
+}
+
+fn models(bus: &Loopback) -> Receiver<String> {
+    let (sender, models) = channel();
+    let take = move |info: CausalModelInfo| sender.send(info.batch_id).unwrap_or_default();
+    // Lives as long as the test.
+    std::mem::forget(
+        bus.node("probe").subscribe("/roscausal/causal_model_info", Qos::Latched, take).expect("subscribes"),
+    );
+    models
+}
+
+fn wait_until(what: impl Fn() -> bool) {
+    let end = Instant::now() + Duration::from_secs(60);
+    while !what() {
+        assert!(Instant::now() < end, "it does not come");
+        thread::sleep(Duration::from_millis(10));
+    }
+}
+
+fn live() -> Loopback {
+    let start = Instant::now();
+    Loopback::live(move || Time::from_secs_f64(100.0 + start.elapsed().as_secs_f64()))
+}
+
+#[test]
+fn a_time_budget_is_by_the_walls_clock_though_simulated_time_stands_still() {
+    let dir = tempfile::tempdir().expect("a folder");
+    pool(dir.path(), 1);
+    method(dir.path(), "exec sleep 60");
+    let bus = Loopback::lockstep();
+    let settings = [
+        ("cd_method", word("slow")),
+        ("cd_method_dir", text(&dir.path().join("methods"))),
+        ("time_budget", Value::Double(0.2)),
+        ("max_attempts", Value::Int(2)),
+    ];
+    let node = Node::start(&bus, "discovery", dir.path(), &settings);
+    wait_until(|| dir.path().join("pp/rejected/data_0.csv").exists());
+    let reason = fs::read_to_string(dir.path().join("pp/rejected/data_0.csv.reason.txt")).expect("a reason");
+    assert!(reason.contains("2 analyses"), "{reason}");
+    node.end();
+}
+
+#[test]
+fn an_analysis_is_nice_and_gets_no_more_memory_than_it_may() {
+    let dir = tempfile::tempdir().expect("a folder");
+    pool(dir.path(), 1);
+    let said = dir.path().join("said");
+    method(
+        dir.path(),
+        &format!(
+            "cat > /dev/null; sleep 0.2; (nice; ulimit -v) > {}.tmp; mv {0}.tmp {0}; exit 1",
+            said.display()
+        ),
+    );
+    let bus = live();
+    let settings = [
+        ("cd_method", word("slow")),
+        ("cd_method_dir", text(&dir.path().join("methods"))),
+        ("nice", Value::Int(19)),
+        ("max_memory", Value::Int(512)),
+    ];
+    let node = Node::start(&bus, "discovery", dir.path(), &settings);
+    wait_until(|| said.exists());
+    assert_eq!(fs::read_to_string(&said).expect("said"), "19\n500000\n");
+    node.end();
+}
+
+#[test]
+fn a_model_that_cannot_be_written_waits_until_it_can_and_its_batch_is_not_rejected() {
+    let dir = tempfile::tempdir().expect("a folder");
+    pool(dir.path(), 1);
+    let results = dir.path().join("results");
+    fs::write(&results, "a file where the folder should be").expect("writes");
+    let (bus, troubles) = (live(), Arc::new(Mutex::new(String::new())));
+    let told = troubles.clone();
+    let listen =
+        move |message: DiagnosticArray| told.lock().expect("no panic").clone_from(&message.status[0].message);
+    let _listener =
+        bus.node("listener").subscribe("/diagnostics", Qos::Volatile(10), listen).expect("subscribes");
+    let models = models(&bus);
+    let node = Node::start(&bus, "discovery", dir.path(), &[("res_dir", text(&results))]);
+    wait_until(|| troubles.lock().expect("no panic").contains("results"));
+    assert!(dir.path().join("pp/data_0.csv").exists() && !dir.path().join("pp/rejected").exists());
+    fs::remove_file(&results).expect("removes");
+    assert_eq!(models.recv_timeout(Duration::from_secs(60)).expect("a model"), "data_0");
+    wait_until(|| results.join("data_0.json").exists() && !dir.path().join("pp/data_0.csv").exists());
+    wait_until(|| *troubles.lock().expect("no panic") == "running");
+    node.end();
+}
+
+#[test]
+fn two_nodes_on_one_folder_analyse_each_batch_once() {
+    let dir = tempfile::tempdir().expect("a folder");
+    pool(dir.path(), 12);
+    let bus = live();
+    let models = models(&bus);
+    let nodes = ["discovery", "discovery_2"].map(|name| Node::start(&bus, name, dir.path(), &[]));
+    let mut found: Vec<String> =
+        (0..12).map(|_| models.recv_timeout(Duration::from_secs(60)).expect("a model")).collect();
+    nodes.into_iter().for_each(Node::end);
+    assert!(models.try_recv().is_err(), "no model comes twice");
+    found.sort();
+    found.dedup();
+    assert_eq!(found.len(), 12);
+}
+
+#[test]
+fn recording_goes_on_while_an_analysis_hangs() {
+    let dir = tempfile::tempdir().expect("a folder");
+    pool(dir.path(), 1);
+    method(dir.path(), "exec sleep 60");
+    let bus = live();
+    let settings = [("cd_method", word("slow")), ("cd_method_dir", text(&dir.path().join("methods")))];
+    let node = Node::start(&bus, "discovery", dir.path(), &settings);
+    wait_until(|| dir.path().join("pp/.data_0.csv.lock").exists());
+    for (name, value) in [
+        ("data_dir", text(&dir.path().join("raw"))),
+        ("pp_data_dir", text(&dir.path().join("pp"))),
+        ("ts_length", Value::Double(1.0)),
+        ("max_gap", Value::Double(0.1)),
+        ("sel_agent", word("all")),
+    ] {
+        bus.set_node_param("data", name, value);
+    }
+    let data = bus.start("data", |mw| nodes::run("data", &mw)).expect("a thread");
+    let sensors = bus.node("sensors");
+    let robot = sensors.advertise("/roscausal/robot", Qos::Volatile(10)).expect("advertises");
+    let humans = sensors.advertise("/roscausal/humans", Qos::Volatile(10)).expect("advertises");
+    for step in 0..300 {
+        let header =
+            Header { stamp: Time::from_secs_f64(100.0 + 0.02 * f64::from(step)), frame_id: "map".into() };
+        robot.publish(&RobotState { header: header.clone(), ..RobotState::default() }).expect("publishes");
+        let person = HumanState { header: header.clone(), id: 1, ..HumanState::default() };
+        humans.publish(&Humans { header, humans: vec![person] }).expect("publishes");
+        thread::sleep(Duration::from_millis(1));
+    }
+    let batches = || {
+        fs::read_dir(dir.path().join("raw")).map_or(0, |names| {
+            names.flatten().filter(|e| e.path().extension().is_some_and(|e| e == "csv")).count()
+        })
+    };
+    wait_until(|| batches() >= 5);
+    // The end is heard within a second, though the analysis hangs.
+    let end = Instant::now();
+    node.end();
+    assert!(end.elapsed() < Duration::from_secs(5));
+    bus.shutdown();
+    data.join().expect("no panic").expect("ends well");
+}

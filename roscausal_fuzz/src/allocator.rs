@@ -1,0 +1,62 @@
+use std::{
+    alloc::{GlobalAlloc, Layout, System},
+    cell::Cell,
+};
+
+thread_local! {
+    static LIVE: Cell<usize> = const { Cell::new(0) };
+    static PEAK: Cell<usize> = const { Cell::new(0) };
+}
+
+/// The system's allocator, which notes the most bytes that the calling thread has held.
+#[derive(Debug)]
+pub struct Allocator;
+
+fn grow(bytes: usize) {
+    // A thread that ends has no more cells; what it does then is of no interest.
+    let _ = LIVE.try_with(|live| {
+        live.set(live.get().wrapping_add(bytes));
+        let _ = PEAK.try_with(|peak| peak.set(peak.get().max(live.get())));
+    });
+}
+
+fn shrink(bytes: usize) {
+    let _ = LIVE.try_with(|live| live.set(live.get().saturating_sub(bytes)));
+}
+
+// An allocator cannot be written without; every call goes to the system's own with the arguments unchanged.
+#[allow(unsafe_code, reason = "GlobalAlloc is an unsafe trait; each method forwards its arguments unchanged")]
+unsafe impl GlobalAlloc for Allocator {
+    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
+        grow(layout.size());
+        unsafe { System.alloc(layout) }
+    }
+
+    unsafe fn alloc_zeroed(&self, layout: Layout) -> *mut u8 {
+        grow(layout.size());
+        unsafe { System.alloc_zeroed(layout) }
+    }
+
+    unsafe fn dealloc(&self, pointer: *mut u8, layout: Layout) {
+        shrink(layout.size());
+        unsafe { System.dealloc(pointer, layout) }
+    }
+
+    unsafe fn realloc(&self, pointer: *mut u8, layout: Layout, size: usize) -> *mut u8 {
+        shrink(layout.size());
+        grow(size);
+        unsafe { System.realloc(pointer, layout, size) }
+    }
+}
+
+/// Begins to note; what the thread holds now.
+pub(crate) fn begin() -> usize {
+    let live = LIVE.with(Cell::get);
+    PEAK.with(|peak| peak.set(live));
+    live
+}
+
+/// The most that the thread has held since.
+pub(crate) fn peak() -> usize {
+    PEAK.with(Cell::get)
+}
