@@ -1,6 +1,7 @@
 //! The discovery node: watches the pool, analyses the oldest batches, publishes the model.
 
 use std::{
+    collections::BTreeMap,
     path::{Path, PathBuf},
     sync::{
         Arc,
@@ -24,10 +25,14 @@ use super::{
 use crate::{
     Error, Result,
     batch::{
-        Table,
-        pool::{Claim, Pool, sidecar, write_whole},
+        joint::{Facts, Joint, People},
+        pool::{Claim, Pool, write_whole},
     },
-    discovery::{Control, DataFrame, Model, Progress, analysis, external},
+    discovery::{
+        Control, Model, Progress,
+        analysis::{self, Settings},
+        external,
+    },
     draw,
     middleware::{Middleware, Publish, Qos},
     params::Params,
@@ -58,7 +63,7 @@ pub fn discovery_with<M: Middleware>(
         out: Outputs::new(mw)?,
         pool,
         params,
-        last: None,
+        last: BTreeMap::new(),
         foreign: 0,
         health: Health::new(mw)?,
         models: 0,
@@ -84,7 +89,8 @@ struct Node<M: Middleware> {
     out: Outputs<M>,
     pool: Pool,
     params: DiscoveryParams,
-    last: Option<Model>,
+    /// The model before, of each person and of all.
+    last: BTreeMap<String, Model>,
     foreign: usize,
     health: Health<M>,
     models: u64,
@@ -173,12 +179,14 @@ impl<M: Middleware> Node<M> {
         let paths: Vec<PathBuf> = names.iter().map(|name| self.pool.path(name)).collect();
         tracing::info!("analysing {}", names.join(" with "));
         let start = mw.now();
-        let found = self.run_method(mw, &paths).and_then(|(mut model, origin)| {
-            model.run_time_s = Some(mw.now().secs_since(start));
-            self.publish(mw, &model, &origin)?;
-            self.last = Some(model);
-            self.models += 1;
-            self.health.sent();
+        let found = self.run_method(mw, &paths).and_then(|models| {
+            for (person, mut model, origin) in models {
+                model.run_time_s = Some(mw.now().secs_since(start));
+                self.publish(mw, &model, &origin, self.last.get(&person))?;
+                self.last.insert(person, model);
+                self.models += 1;
+                self.health.sent();
+            }
             Ok(())
         });
         match found {
@@ -201,7 +209,7 @@ impl<M: Middleware> Node<M> {
 
     /// Runs the method on a thread of its own, so that a wish to end is heard within [`LOOK_AGAIN`] and the health
     /// is told meanwhile.
-    fn run_method(&mut self, mw: &M, paths: &[PathBuf]) -> Result<(Model, Origin)> {
+    fn run_method(&mut self, mw: &M, paths: &[PathBuf]) -> Result<Vec<Found>> {
         let cancel = Arc::new(AtomicBool::new(false));
         let (on_progress, tests) = (self.on_progress.clone(), self.tests.clone());
         let control = Control::default().cancel_on(cancel.clone()).on_progress(move |progress| {
@@ -254,7 +262,7 @@ impl<M: Middleware> Node<M> {
     }
 
     /// Writes the model's files, then publishes: what is announced is there.
-    fn publish(&self, mw: &M, model: &Model, origin: &Origin) -> Result<()> {
+    fn publish(&self, mw: &M, model: &Model, origin: &Origin, before: Option<&Model>) -> Result<()> {
         let (dag, tsdag) = (draw::dag(model), draw::tsdag(model));
         if let Some(dir) = &self.params.res_dir {
             write_files(dir, model, &origin.batch_id, &dag, &tsdag)?;
@@ -265,7 +273,7 @@ impl<M: Middleware> Node<M> {
             raw.publish(&image)?;
             compressed.publish(&png)?;
         }
-        self.out.info.publish(&causal_model_info(model, &header, origin, self.last.as_ref()))?;
+        self.out.info.publish(&causal_model_info(model, &header, origin, before))?;
         self.out.model.publish(&causal_model(model, &header))?;
         tracing::info!("{}: {} links", origin.batch_id, model.links.len());
         Ok(())
@@ -280,70 +288,46 @@ fn write_files(dir: &Path, model: &Model, name: &str, dag: &str, tsdag: &str) ->
     write_whole(&dir.join(format!("{name}.json")), model.to_file_json().as_bytes())
 }
 
-/// Reads the batches as recordings of one system and analyses them.
-fn method(params: &DiscoveryParams, paths: &[PathBuf], control: &Control) -> Result<(Model, Origin)> {
-    let facts: Vec<Facts> = paths.iter().map(|path| Facts::read(path)).collect();
+/// Whose model it is (empty: of all), the model, and where it comes from.
+type Found = (String, Model, Origin);
+
+/// Reads the batches as recordings of one system and analyses them: one model, or one per person.
+fn method(params: &DiscoveryParams, paths: &[PathBuf], control: &Control) -> Result<Vec<Found>> {
+    let mut joint = Joint::read(paths)?;
     let stem =
         |path: &PathBuf| path.file_stem().map_or(String::new(), |stem| stem.to_string_lossy().into_owned());
-    let mut origin = Origin {
-        batch_id: paths.iter().map(stem).collect::<Vec<_>>().join("+"),
-        frame_id: facts[0].frame.clone(),
-        ..Origin::default()
-    };
-    let mut tables: Vec<Table> = Vec::new();
-    for path in paths {
-        let wanted = tables.first().map(|first| first.names.clone());
-        tables.push(Table::read(path, wanted.as_deref())?);
+    let batch_id = paths.iter().map(stem).collect::<Vec<_>>().join("+");
+    let stamp = |secs: Option<f64>| secs.map_or(Time::ZERO, Time::from_secs_f64);
+    let (start, end) = joint.span();
+    // A program reads the batches itself: it has one say.
+    let people = if params.program.is_some() { People::Joint } else { params.people };
+    let mut found = Vec::new();
+    for part in joint.parts(people)? {
+        let settings = Settings { exogenous: part.exogenous, ..params.settings.clone() };
+        let mut model = match &params.program {
+            Some(program) => external::run(program, paths, &settings, control)?,
+            None => in_pool(params.threads, || analysis::analyse(&part.data, &settings, control))?,
+        };
+        model.dt = joint.dt();
+        model.n_recordings = part.data.recordings().len();
+        let person = part.person.map_or(String::new(), |id| format!("_person_{id}"));
+        let origin = Origin {
+            batch_id: format!("{batch_id}{person}"),
+            frame_id: joint.frame().to_owned(),
+            start: stamp(start),
+            end: stamp(end),
+            candidate_features: part.data.var_names().to_vec(),
+        };
+        found.push((person, model, origin));
     }
-    let dt = tables[0].dt();
-    let stamp = |secs: Option<&f64>| secs.map_or(Time::ZERO, |&secs| Time::from_secs_f64(secs));
-    origin.start = stamp(tables[0].time.as_ref().and_then(|time| time.first()));
-    origin.end = stamp(tables[tables.len() - 1].time.as_ref().and_then(|time| time.last()));
-    origin.candidate_features = tables[0].names.clone();
-    let warnings: Vec<String> = tables.iter().flat_map(|table| table.warnings.clone()).collect();
-
-    let mut settings = params.settings.clone();
-    settings.exogenous =
-        facts[0].context.iter().filter(|name| tables[0].names.contains(name)).cloned().collect();
-    let mut model = match &params.program {
-        Some(program) => external::run(program, paths, &settings, control)?,
-        None => {
-            let data =
-                DataFrame::new(tables.iter().map(|t| t.values.clone()).collect(), tables[0].names.clone())?;
-            in_pool(params.threads, || analysis::analyse(&data, &settings, control))?
-        }
+    let with_warnings = |(person, mut model, origin): Found| {
+        model.warnings.splice(0..0, joint.warnings.iter().cloned());
+        (person, model, origin)
     };
-    model.dt = dt;
-    model.n_recordings = paths.len();
-    model.warnings.splice(0..0, warnings);
-    Ok((model, origin))
+    Ok(found.into_iter().map(with_warnings).collect())
 }
 
 fn in_pool<T: Send>(threads: usize, work: impl FnOnce() -> Result<T> + Send) -> Result<T> {
     let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
     pool.map_err(|e| Error::param("threads", e))?.install(work)
-}
-
-/// What the metadata beside a batch says; a batch without any is complete.
-struct Facts {
-    complete: bool,
-    frame: String,
-    context: Vec<String>,
-}
-
-impl Facts {
-    fn read(batch: &Path) -> Self {
-        let name = batch.file_name().map_or(String::new(), |name| name.to_string_lossy().into_owned());
-        let text = std::fs::read(batch.with_file_name(sidecar(&name))).unwrap_or_default();
-        let json: serde_json::Value = serde_json::from_slice(&text).unwrap_or_default();
-        let strings = |value: &serde_json::Value| -> Vec<String> {
-            let items = value.as_array().into_iter().flatten();
-            items.filter_map(|item| item.as_str().map(str::to_owned)).collect()
-        };
-        Self {
-            complete: json["complete"].as_bool().unwrap_or(true),
-            frame: json["frame"].as_str().unwrap_or("map").to_owned(),
-            context: strings(&json["context"]),
-        }
-    }
 }
