@@ -44,7 +44,7 @@ pub(crate) struct Args {
     columns: Option<Vec<String>>,
     /// Batches with several people: pooled (each person is a recording of one system) or joint (everybody's variables).
     #[arg(long, default_value = "pooled", value_parser = ["pooled", "joint"])]
-    people: String,
+    several_people: String,
     /// Seed of all random numbers.
     #[arg(long, default_value_t = 42)]
     seed: u64,
@@ -185,7 +185,7 @@ fn with_facts(args: &Args, files: &[Input], settings: &mut Settings) -> Result<O
         return Ok(None);
     }
     let mut joint = Joint::read(&tables)?;
-    let people = args.people.parse().map_err(|reason| Error::param("people", reason))?;
+    let people = args.several_people.parse().map_err(|reason| Error::param("several-people", reason))?;
     // The pooled model is the last one.
     let Some(part) = joint.parts(people)?.pop() else { return Ok(None) };
     settings.exogenous.extend(part.exogenous);
