@@ -1,7 +1,7 @@
 use clap::{Parser, Subcommand};
 use tracing_subscriber::{EnvFilter, fmt};
 
-use crate::{demo, discover, experiment, replay};
+use crate::{demo, discover, experiment, replay, teleop};
 
 /// Finds out what causes what between robots and people.
 #[derive(Parser)]
@@ -24,6 +24,8 @@ pub(crate) enum Command {
     Replay(replay::Args),
     /// Run the demo's chain over many seeds and measure how often each link is found.
     Experiment(experiment::Args),
+    /// Drive the simulated person from the keyboard, in real time, while the nodes record.
+    Teleop(teleop::Args),
 }
 
 impl Cli {

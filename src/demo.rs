@@ -17,6 +17,7 @@ use roscausal_core::{
 use roscausal_hrisim::{
     Scenario, Simulation,
     node::{Publisher, run_lockstep},
+    picture::Film,
 };
 
 use crate::{
@@ -35,6 +36,10 @@ use crate::{
 
 /// Step of the demo's batches in seconds.
 const DT: f64 = 0.3;
+/// Noise on the exponent of the risk, as in the authors' published result.
+const RISK_NOISE: f64 = 0.02;
+/// Seconds of the run that its picture shows.
+const FILM_S: f64 = 120.0;
 
 /// Batches that the demo records and analyses together, as two recordings of one system.
 const BATCHES: u32 = 2;
@@ -57,8 +62,12 @@ pub(crate) struct Args {
     #[arg(long, default_value_t = 300.0)]
     duration: f64,
     /// Scenario: a built-in name or a TOML file.
-    #[arg(long, default_value = "thor")]
+    #[arg(long, default_value = "encounters")]
     scenario: String,
+    /// Intervene, such as `robot.speed=0.2@60..90`, `robot.off@60..90`, `human.v=1.0@60..90`, `human.goal=3,-4@60..90`
+    /// (seconds of simulated time); may be given several times.
+    #[arg(long = "do", value_name = "WHAT@FROM..TO")]
+    interventions: Vec<String>,
     #[command(flatten)]
     method: MethodArgs,
     /// Threads of the analysis; default: all cores. The result does not depend on it.
@@ -81,12 +90,12 @@ pub(crate) struct Args {
 pub(crate) fn run(args: &Args, interrupt: &Interrupt) -> Result<()> {
     let run = Run {
         scenario: args.scenario.clone(),
+        interventions: args.interventions.clone(),
         seed: args.seed,
         duration: args.duration,
         settings: args.method.settings(Settings::default().seed)?,
         threads: args.threads,
         out: args.out.clone(),
-        quiet: false,
     };
     if args.web.wanted() {
         return run.watch(args, interrupt);
@@ -102,22 +111,19 @@ pub(crate) fn run(args: &Args, interrupt: &Interrupt) -> Result<()> {
 /// One run of simulator and nodes, from the first message to the model.
 pub(crate) struct Run {
     pub(crate) scenario: String,
+    /// Beside those of the scenario.
+    pub(crate) interventions: Vec<String>,
     pub(crate) seed: u64,
     /// Seconds to record.
     pub(crate) duration: f64,
     pub(crate) settings: Settings,
     pub(crate) threads: Option<usize>,
     pub(crate) out: PathBuf,
-    pub(crate) quiet: bool,
 }
 
 impl Run {
-    /// Simulates, records two batches and analyses them; what the nodes wrote stays in `out`.
-    pub(crate) fn whole_chain(&self, interrupt: &Interrupt) -> Result<(Folders, Model)> {
-        self.recorded_chain(None, interrupt)
-    }
-
-    /// As [`Run::whole_chain`]; what is published goes into the file `record` too.
+    /// Simulates, records two batches and analyses them; what the nodes wrote stays in `out`, what is published goes
+    /// into the file `record` too.
     fn recorded_chain(&self, record: Option<&Path>, interrupt: &Interrupt) -> Result<(Folders, Model)> {
         if !(20.0..=1e6).contains(&self.duration) {
             let reason = format!("{} is not a number of seconds from 20 to 1000000", self.duration);
@@ -125,6 +131,7 @@ impl Run {
         }
         let mut scenario = Scenario::load(&self.scenario)?;
         scenario.duration = self.duration + WARM_UP_S;
+        scenario.add_interventions(&self.interventions)?;
         let simulation = Simulation::new(&scenario, self.seed)?;
         let folders = Folders::fresh(&self.out)?;
         let bus = Loopback::lockstep();
@@ -136,8 +143,8 @@ impl Run {
         sink.watch()?;
         drop(announced);
 
-        let recorded = simulate(&bus, simulation, interrupt, self.quiet, Speed::Max);
-        let found = recorded.and_then(|()| await_model(&folders, &nodes, &progress, interrupt, self.quiet));
+        let recorded = simulate(&bus, simulation, interrupt, Speed::Max, Some(&self.out));
+        let found = recorded.and_then(|()| await_model(&folders, &nodes, &progress, interrupt));
         // A node that failed is the reason why there is no model.
         nodes.end()?;
         bus.settle();
@@ -149,6 +156,7 @@ impl Run {
     fn watch(&self, args: &Args, interrupt: &Interrupt) -> Result<()> {
         let mut scenario = Scenario::load(&self.scenario)?;
         scenario.duration = ENDLESS_S;
+        scenario.add_interventions(&self.interventions)?;
         let simulation = Simulation::new(&scenario, self.seed)?;
         let folders = Folders::fresh(&self.out)?;
         let bus = Loopback::lockstep();
@@ -159,7 +167,7 @@ impl Run {
         let announced = Publisher::new(&bus.node("announcement"), &simulation)?;
         sink.watch()?;
         drop(announced);
-        let simulated = simulate(&bus, simulation, interrupt, true, args.speed);
+        let simulated = simulate(&bus, simulation, interrupt, args.speed, None);
         nodes.end()?;
         bus.settle();
         sink.close()?;
@@ -180,27 +188,34 @@ impl Run {
         // The risk as in the authors' published result.
         set("risk_model", Value::Str("v1_1".into()));
         set("risk_lag", Value::Int(1));
+        set("risk_noise", Value::Double(RISK_NOISE));
+        set("seed", Value::Int(i64::try_from(self.seed).unwrap_or(0)));
         nodes::set_discovery(bus, folders, &self.settings, batches, self.threads);
     }
 }
 
-/// Runs the simulation to its end.
+/// Runs the simulation to its end, with a progress bar and a picture in `out` unless it goes on without end.
 fn simulate(
     bus: &Loopback,
     mut simulation: Simulation,
     interrupt: &Interrupt,
-    quiet: bool,
     speed: Speed,
+    out: Option<&Path>,
 ) -> Result<()> {
     let mut pace = Pace::new(speed);
     let total = simulation.scenario().duration;
-    let bar = chart::bar("recording", total as u64, quiet);
+    let bar = chart::bar("recording", total as u64, out.is_none());
+    let mut film = Film::default();
     run_lockstep(bus, &mut simulation, 1, |simulation| {
         bar.set_position(simulation.time() as u64);
+        film.take(simulation);
         pace.wait(Time::from_secs_f64(simulation.time()), || !interrupt.is_set());
         !interrupt.is_set()
     })?;
     bar.finish_and_clear();
+    if let Some(out) = out {
+        output::write_file(out, "run.svg", film.svg(&simulation, FILM_S).as_bytes())?;
+    }
     if interrupt.is_set() {
         return Err(Error::Cancelled("by the user; what was recorded is kept".into()));
     }
@@ -212,9 +227,8 @@ fn await_model(
     nodes: &Nodes,
     progress: &Receiver<Progress>,
     interrupt: &Interrupt,
-    quiet: bool,
 ) -> Result<Model> {
-    let bar: ProgressBar = chart::bar("discovery", 0, quiet);
+    let bar: ProgressBar = chart::bar("discovery", 0, false);
     let mut last_sign = Instant::now();
     loop {
         if let Some(progress) = progress.try_iter().last() {
@@ -257,7 +271,7 @@ fn show(args: &Args, folders: &Folders, model: &Model) -> Result<()> {
     println!("{}\n", report::text(model));
     println!("{}\n", expected::comparison(model));
     println!(
-        "{}: batches, model.json, model.dot, model.graphml, links.csv, dag.svg, dag.png, tsdag.svg, tsdag.png",
+        "{}: batches, model.json, model.dot, model.graphml, links.csv, dag.svg, dag.png, tsdag.svg, tsdag.png, run.svg",
         args.out.display()
     );
     Ok(())

@@ -8,7 +8,10 @@ use std::{
 use clap::{Args as ClapArgs, ValueEnum};
 use roscausal_core::{
     Error, Result,
-    batch::Table,
+    batch::{
+        Table,
+        joint::{Facts, Joint},
+    },
     discovery::{
         Control, DataFrame, Model,
         analysis::{self, PcAlpha, Settings},
@@ -39,6 +42,9 @@ pub(crate) struct Args {
     /// Columns to analyse, separated by commas; default: all but the time.
     #[arg(long, value_delimiter = ',')]
     columns: Option<Vec<String>>,
+    /// Batches with several people: pooled (each person is a recording of one system) or joint (everybody's variables).
+    #[arg(long, default_value = "pooled", value_parser = ["pooled", "joint"])]
+    several_people: String,
     /// Seed of all random numbers.
     #[arg(long, default_value_t = 42)]
     seed: u64,
@@ -119,15 +125,10 @@ pub(crate) fn run(args: &Args, interrupt: &Interrupt) -> Result<()> {
     settings.max_memory = args.means.max_memory.map(|megabytes| megabytes.saturating_mul(1_000_000));
     let quiet = args.format != Format::Text;
     let (files, _made) = tables_of(args, interrupt, quiet)?;
-    let recordings = read(args, &files)?;
-    let dt = recordings[0].dt();
-    let mut warnings: Vec<String> = Vec::new();
-    for (file, table) in files.iter().zip(&recordings) {
-        warnings.extend(table.warnings.iter().map(|warning| format!("{}: {warning}", file.user.display())));
-    }
-    let names = recordings[0].names.clone();
-    let values = recordings.into_iter().map(|table| table.values).collect();
-    let data = DataFrame::new(values, names)?;
+    let Data { data, dt, warnings } = match with_facts(args, &files, &mut settings)? {
+        Some(data) => data,
+        None => Data::of(&files, read(args, &files)?)?,
+    };
     let mut model = args.means.analyse(&data, &settings, interrupt, quiet)?;
     model.dt = dt;
     model.warnings.splice(0..0, warnings);
@@ -158,6 +159,46 @@ impl Input {
     fn of_user(file: &Path) -> Self {
         Self { table: file.to_path_buf(), user: file.to_path_buf() }
     }
+}
+
+/// What is analysed.
+struct Data {
+    data: DataFrame,
+    dt: Option<f64>,
+    warnings: Vec<String>,
+}
+
+impl Data {
+    /// Tables with the same columns, each a recording.
+    fn of(files: &[Input], recordings: Vec<Table>) -> Result<Self> {
+        let (names, dt) = (recordings[0].names.clone(), recordings[0].dt());
+        let mut warnings: Vec<String> = Vec::new();
+        for (file, table) in files.iter().zip(&recordings) {
+            warnings
+                .extend(table.warnings.iter().map(|warning| format!("{}: {warning}", file.user.display())));
+        }
+        let values = recordings.into_iter().map(|table| table.values).collect();
+        Ok(Self { data: DataFrame::new(values, names)?, dt, warnings })
+    }
+}
+
+/// The files with what stands beside them, when that tells of interventions or of several people, and all columns are
+/// asked for. Interventions become exogenous.
+fn with_facts(args: &Args, files: &[Input], settings: &mut Settings) -> Result<Option<Data>> {
+    let tables: Vec<&Path> = files.iter().map(|file| file.table.as_path()).collect();
+    let says_more = |file: &&Path| {
+        let facts = Facts::read(file);
+        facts.ids.len() > 1 || !facts.context.is_empty()
+    };
+    if args.columns.is_some() || !tables.iter().any(says_more) {
+        return Ok(None);
+    }
+    let mut joint = Joint::read(&tables)?;
+    let people = args.several_people.parse().map_err(|reason| Error::param("several-people", reason))?;
+    // The pooled model is the last one.
+    let Some(part) = joint.parts(people)?.pop() else { return Ok(None) };
+    settings.exogenous.extend(part.exogenous);
+    Ok(Some(Data { data: part.data, dt: joint.dt(), warnings: joint.warnings }))
 }
 
 /// The files to analyse: the user's own, and the batches made of the user's recordings, which are in `--out`

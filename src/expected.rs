@@ -1,10 +1,24 @@
 //! The model that the paper expects, held against the one that was found.
 
 use roscausal_core::discovery::Model;
+use roscausal_hrisim::Scenario;
 
 /// The cross links of the paper's scenario (Castri et al. 2024, section 4), cause and effect.
 pub(crate) const PAPER: [(&str, &str); 4] =
     [("h_v", "h_dg"), ("h_dg", "h_v"), ("h_risk", "h_v"), ("h_v", "h_risk")];
+
+/// The cross links that a scenario's people have: the paper's, without `h_dg -> h_v` for who never slows for a
+/// goal and without `h_risk -> h_v` for who ignores robots.
+pub(crate) fn links_of(scenario: &Scenario) -> Vec<(String, String)> {
+    let slows = scenario.people.iter().any(|person| person.walk.slow_distance > 0.0);
+    let avoids = scenario.people.iter().any(|person| person.walk.avoids);
+    let exists = |link: &&(&str, &str)| match **link {
+        ("h_dg", "h_v") => slows,
+        ("h_risk", "h_v") => avoids,
+        _ => true,
+    };
+    PAPER.iter().filter(exists).map(|(cause, effect)| ((*cause).to_owned(), (*effect).to_owned())).collect()
+}
 
 /// Which of the paper's links were found, which are missing, which are extra; links of a variable with its own
 /// past are expected and not counted.

@@ -16,6 +16,7 @@ mod recording;
 mod replay;
 mod report;
 mod sink;
+mod teleop;
 mod web;
 
 use std::process::ExitCode;
@@ -31,6 +32,7 @@ fn main() -> ExitCode {
         cli::Command::Replay(args) => replay::run(args, &interrupt),
         cli::Command::Discover(args) => discover::run(args, &interrupt),
         cli::Command::Experiment(args) => experiment::run(args, &interrupt),
+        cli::Command::Teleop(args) => teleop::run(args),
     };
     failure::exit_code(done)
 }

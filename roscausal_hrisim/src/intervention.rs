@@ -52,15 +52,26 @@ impl Intervention {
         self.who.as_deref().is_none_or(|name| name == who)
     }
 
-    /// Name of its context column, such as `do_robot_speed` or `do_human_v_1001`.
+    /// Name of its context column, such as `do_robot_speed` or `do_human_v_1001`. A speed of 0 has a column of its
+    /// own, in which 1 says that it is imposed: in a column of speeds 0 means that nothing is.
     pub fn column(&self) -> String {
         let what = match self.target {
+            Target::RobotOff | Target::RobotSpeed(0.0) => "do_robot_off",
             Target::RobotSpeed(_) => "do_robot_speed",
-            Target::RobotOff => "do_robot_off",
+            Target::HumanV(0.0) => "do_human_stop",
             Target::HumanV(_) => "do_human_v",
             Target::HumanGoal(_) => "do_human_goal",
         };
         self.who.as_ref().map_or_else(|| what.to_owned(), |who| format!("{what}_{who}"))
+    }
+
+    /// What its context column tells while it is in force.
+    pub fn value(&self) -> Vec<f64> {
+        match self.target {
+            Target::RobotOff => vec![1.0],
+            Target::RobotSpeed(x) | Target::HumanV(x) => vec![if x == 0.0 { 1.0 } else { x }],
+            Target::HumanGoal(goal) => vec![goal.x, goal.y],
+        }
     }
 
     /// True when both would set the same thing of the same one at some moment.
@@ -175,6 +186,30 @@ mod tests {
         }
         let short: Intervention = "robot off".parse().unwrap();
         assert_eq!((short.target, short.start, short.end), (Target::RobotOff, 0.0, f64::INFINITY));
+    }
+
+    #[test]
+    fn a_speed_of_zero_is_told_apart_from_no_intervention() {
+        let of = |text: &str| {
+            let one: Intervention = text.parse().unwrap();
+            (one.column(), one.value())
+        };
+        assert_eq!(of("robot.speed=0@1..2"), ("do_robot_off".to_owned(), vec![1.0]));
+        assert_eq!(of("robot[a].off@1..2"), ("do_robot_off_a".to_owned(), vec![1.0]));
+        assert_eq!(of("human[7].v=0@1..2"), ("do_human_stop_7".to_owned(), vec![1.0]));
+        assert_eq!(of("human.v=1.5@1..2"), ("do_human_v".to_owned(), vec![1.5]));
+        assert_eq!(of("human.goal=0,-2@1..2"), ("do_human_goal".to_owned(), vec![0.0, -2.0]));
+    }
+
+    #[test]
+    fn interventions_from_a_list_are_added_and_checked() {
+        let mut scenario = crate::Scenario::default();
+        let texts = ["human.goal=3", "-4@0..30", "robot.off@5..6"].map(str::to_owned);
+        scenario.add_interventions(&texts).unwrap();
+        let written: Vec<String> = scenario.interventions.iter().map(Intervention::to_string).collect();
+        assert_eq!(written, ["human.goal=3,-4@0..30", "robot.off@5..6"]);
+        let said = scenario.add_interventions(&["robot.fly".to_owned()]).unwrap_err().to_string();
+        assert!(said.contains("'do'") && said.contains("robot.speed"), "{said}");
     }
 
     #[test]

@@ -12,6 +12,7 @@ mod neighbours;
 pub mod node;
 pub mod pedestrian;
 pub mod person;
+pub mod picture;
 mod plans;
 pub mod rng;
 pub mod robot;
@@ -19,6 +20,7 @@ pub mod scenario;
 pub mod simulation;
 pub mod social_force;
 pub mod statistics;
+pub mod teleop;
 pub mod world;
 
 pub use intervention::Intervention;

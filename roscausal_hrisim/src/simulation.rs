@@ -244,12 +244,7 @@ impl Simulation {
         let mut columns: Vec<Context> = Vec::new();
         for one in &self.interventions {
             let name = one.column();
-            let value = match one.target {
-                _ if !one.is_active(time) => Vec::new(),
-                Target::RobotSpeed(x) | Target::HumanV(x) => vec![x],
-                Target::RobotOff => vec![1.0],
-                Target::HumanGoal(goal) => vec![goal.x, goal.y],
-            };
+            let value = if one.is_active(time) { one.value() } else { Vec::new() };
             match columns.iter_mut().find(|column| column.name == name) {
                 Some(column) if column.value.is_empty() => column.value = value,
                 Some(_) => {}

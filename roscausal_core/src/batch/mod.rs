@@ -2,6 +2,7 @@
 
 mod expression;
 pub mod header;
+pub mod joint;
 pub mod journal;
 pub mod pool;
 pub mod postprocess;
@@ -14,7 +15,7 @@ pub mod table;
 mod tracks;
 pub mod writer;
 
-pub use recording::{Column, Gap, Recording};
+pub use recording::{Column, Gap, Imposed, Recording};
 pub use select::Select;
 pub use table::Table;
 pub use tracks::{FIELDS, Field, Kind, Values};

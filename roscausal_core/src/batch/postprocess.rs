@@ -1,7 +1,9 @@
 //! The built-in post-processing: recorded states to the paper's variables, or to features of the user's own.
 
+use std::str::FromStr;
+
 use super::{
-    expression::{Expression, Scope},
+    expression::{Expression, Scope, body},
     recording::{Column, Recording},
     risk::{Body, RiskModel, risk_exponent},
     tracks::{FIELDS, Values},
@@ -27,8 +29,37 @@ pub struct Postprocess {
     pub obs_size: f64,
     /// Farther away nobody is on collision course, metres.
     pub safe_dist: f64,
+    /// What a person may run into: the robot, or who of robots and people is nearest to her.
+    pub obstacle: Obstacle,
     /// The features.
     pub features: Vec<Feature>,
+}
+
+/// What the risk of a collision is about.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Obstacle {
+    /// The robot, as in the paper.
+    #[default]
+    Robot,
+    /// The nearest of all robots and other people in the batch.
+    Nearest,
+}
+
+impl Obstacle {
+    /// The names users choose by.
+    pub const NAMES: [&'static str; 2] = ["robot", "nearest"];
+}
+
+impl FromStr for Obstacle {
+    type Err = String;
+
+    fn from_str(name: &str) -> std::result::Result<Self, String> {
+        match name {
+            "robot" => Ok(Self::Robot),
+            "nearest" => Ok(Self::Nearest),
+            other => Err(format!("'{other}' is no obstacle; allowed: {}", Self::NAMES.join(", "))),
+        }
+    }
 }
 
 /// A named expression.
@@ -138,6 +169,7 @@ impl Postprocess {
                 columns.push(self.column(feature, name, batch, Some((*id, rows))));
             }
         }
+        columns.extend(batch.context_columns());
         Ok(Features { columns })
     }
 
@@ -154,7 +186,11 @@ impl Postprocess {
             let noise =
                 if self.risk_noise > 0.0 { self.risk_noise * normal(stream, row as u64) } else { 0.0 };
             let risk = |a: &Body, b: &Body| {
-                let exponent = risk_exponent(a, b, self.risk_model, self.obs_size, self.safe_dist);
+                let nearest = match self.obstacle {
+                    Obstacle::Robot => *b,
+                    Obstacle::Nearest => nearest(a, b, batch, row, person.map(|(id, _)| id)),
+                };
+                let exponent = risk_exponent(a, &nearest, self.risk_model, self.obs_size, self.safe_dist);
                 (exponent + noise).min(LARGEST_EXPONENT).exp()
             };
             let human = person.and_then(|(_, rows)| rows.get(row)).unwrap_or(&UNKNOWN);
@@ -166,6 +202,17 @@ impl Postprocess {
         let values = (0..batch.n_rows()).map(|row| row.checked_sub(lag).map_or(f64::NAN, value)).collect();
         Column { name, unit: "", values }
     }
+}
+
+/// The nearest to `a` of `b`, the other robots, and all people but `person`.
+fn nearest(a: &Body, b: &Body, batch: &Recording, row: usize, person: Option<u32>) -> Body {
+    let people = batch.people.iter().filter(|(id, _)| Some(**id) != person).map(|(_, rows)| rows);
+    let known = batch.others.values().chain(people).filter_map(|rows| rows.get(row)).map(body);
+    let distance = |other: &Body| (other.x - a.x).hypot(other.y - a.y);
+    // Who is not there, or has no heading, is nobody's obstacle.
+    let bodies =
+        std::iter::once(*b).chain(known).filter(|other| distance(other).is_finite() && other.vx.is_finite());
+    bodies.min_by(|one, two| distance(one).total_cmp(&distance(two))).unwrap_or(*b)
 }
 
 /// The name of a feature of one of several people: `h_v` becomes `h_7_v`.
@@ -207,6 +254,7 @@ mod tests {
             seed: 1,
             obs_size: 2.0,
             safe_dist: 5.0,
+            obstacle: Obstacle::Robot,
             features: Feature::parse(&[], &names).expect("the paper's"),
         }
     }
@@ -223,9 +271,36 @@ mod tests {
                 .iter()
                 .map(|id| (*id, speeds.iter().map(person).collect()))
                 .collect::<BTreeMap<_, _>>(),
+            others: BTreeMap::new(),
+            context: BTreeMap::new(),
             complete: true,
             ended_by: "",
         }
+    }
+
+    #[test]
+    fn the_nearest_robot_or_person_can_be_the_obstacle() {
+        // The robot is 4 m ahead of person 3; person 7 comes towards her from 1.5 m; robot2 stands at 3 m.
+        let mut crowd = batch(&[3], &[1.0]);
+        crowd.people.insert(7, vec![[f64::NAN, f64::NAN, 1.5, 0.0, std::f64::consts::PI, 1.0, 0.0]]);
+        crowd.others.insert("robot2".into(), vec![[f64::NAN, f64::NAN, 3.0, 0.0, 0.0, 0.0, 0.0]]);
+        let risk = |obstacle, batch: &Recording| {
+            let features = Postprocess { obstacle, ..settings() }.run(batch).expect("computes").columns;
+            features.iter().find(|column| column.name.ends_with("risk")).expect("a risk").values[0].ln()
+        };
+        let of = |v_rel: f64, d: f64| 0.1 + v_rel / d + 2.0 / d.hypot(2.0);
+        assert!((risk(Obstacle::Robot, &crowd) - of(1.0, 4.0)).abs() < 1e-12);
+        assert!((risk(Obstacle::Nearest, &crowd) - of(2.0, 1.5)).abs() < 1e-12);
+        crowd.people.remove(&7);
+        assert!((risk(Obstacle::Nearest, &crowd) - of(1.0, 3.0)).abs() < 1e-12);
+    }
+
+    #[test]
+    fn what_is_imposed_stands_beside_the_features() {
+        let mut imposed = batch(&[3], &[1.0, 1.0]);
+        imposed.context.insert("do_human_v".into(), vec![vec![], vec![1.0]]);
+        let columns = settings().run(&imposed).expect("computes").columns;
+        assert_eq!((columns[3].name.as_str(), &columns[3].values[..]), ("do_human_v", &[0.0, 1.0][..]));
     }
 
     #[test]

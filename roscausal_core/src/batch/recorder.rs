@@ -1,6 +1,6 @@
 //! States to batches: rows at a fixed step of sensor time.
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::{BTreeMap, BTreeSet, VecDeque};
 
 use roscausal_msgs::{
     Humans, RobotState, Time,
@@ -26,6 +26,8 @@ const MOST_PEOPLE: usize = 512;
 const MOST_ROWS: usize = 1_000_000;
 /// Stamps beyond are none (292 years): sums of them must not overflow.
 const FARTHEST_NS: u64 = 1 << 62;
+/// Columns of context at most.
+const MOST_CONTEXT: usize = 64;
 const UNKNOWN: Values = [f64::NAN; FIELDS.len()];
 
 /// How to record.
@@ -75,6 +77,9 @@ pub struct Recorder {
     rows_per_batch: usize,
     robot: Track,
     people: BTreeMap<u32, Track>,
+    others: BTreeMap<String, Track>,
+    /// Per column of context what was imposed from which stamp on.
+    context: BTreeMap<String, VecDeque<(i64, Vec<f64>)>>,
     frame: Option<String>,
     newest_robot: Option<i64>,
     newest_people: Option<i64>,
@@ -102,6 +107,8 @@ impl Recorder {
             config,
             robot: Track::default(),
             people: BTreeMap::new(),
+            others: BTreeMap::new(),
+            context: BTreeMap::new(),
             frame: None,
             newest_robot: None,
             newest_people: None,
@@ -182,6 +189,53 @@ impl Recorder {
             self.count(taken);
         }
         self.advance(false);
+    }
+
+    /// Takes a state of another robot; `now` stands in for a stamp of 0. Rows wait for the robot and the people only.
+    pub fn other_robot(&mut self, name: &str, state: &RobotState, now: Time) {
+        if self.frame.as_ref().is_some_and(|frame| *frame != state.header.frame_id) {
+            self.counts.foreign_frame += 1;
+            return;
+        }
+        let stamp = stamp_ns(state.header.stamp, now);
+        if self.in_time(stamp) {
+            let track = self.others.entry(name.to_owned()).or_default();
+            match track.insert(stamp, values(&state.pose2d, &state.twist, &state.goal)) {
+                Taken::Duplicate => {}
+                taken => self.count(taken),
+            }
+        }
+    }
+
+    /// Takes what is imposed from now on: the JSON text `{"stamp": s, "context": {column: [value]}}`, in which an empty
+    /// list means that the system is left to itself; `now` stands in for a missing stamp.
+    ///
+    /// # Errors
+    /// A text that is not of this form; nothing has changed then.
+    pub fn context(&mut self, text: &str, now: Time) -> Result<(), String> {
+        #[derive(serde::Deserialize)]
+        struct Told {
+            stamp: Option<f64>,
+            context: BTreeMap<String, Vec<f64>>,
+        }
+        let told: Told =
+            serde_json::from_str(text).map_err(|e| format!("no context of interventions: {e}"))?;
+        let legal = |c: char| c.is_ascii_alphanumeric() || "_-.".contains(c);
+        let is_name = |name: &String| name.starts_with("do_") && name.chars().all(legal);
+        if let Some(name) = told.context.keys().find(|name| !is_name(name)) {
+            return Err(format!("'{name}' is no column of context; such as do_robot_speed"));
+        }
+        let stamp = told.stamp.filter(|stamp| stamp.is_finite()).map_or(now, Time::from_secs_f64).as_nanos();
+        for (name, value) in told.context {
+            if !self.context.contains_key(&name) && self.context.len() >= MOST_CONTEXT {
+                return Err(format!("more than {MOST_CONTEXT} columns of context"));
+            }
+            let changes = self.context.entry(name).or_default();
+            if changes.back().is_none_or(|(last, before)| *last <= stamp && *before != value) {
+                changes.push_back((stamp, value));
+            }
+        }
+        Ok(())
     }
 
     /// Takes the people; `now` stands in for a stamp of 0. A person whose stamp has not changed is held by the
@@ -370,6 +424,12 @@ impl Recorder {
         let max_gap = self.max_gap_ns;
         self.robot.forget_before(row, max_gap);
         self.people.retain(|_, track| track.forget_before(row, max_gap));
+        self.others.retain(|_, track| track.forget_before(row, max_gap));
+        for changes in self.context.values_mut() {
+            while changes.get(1).is_some_and(|(stamp, _)| *stamp <= row) {
+                changes.pop_front();
+            }
+        }
     }
 
     fn record(&mut self, row: i64) {
@@ -390,6 +450,8 @@ impl Recorder {
             frame: self.frame.clone().unwrap_or_default(),
             robot: Vec::new(),
             people: BTreeMap::new(),
+            others: BTreeMap::new(),
+            context: BTreeMap::new(),
             complete: false,
             ended_by: "",
         });
@@ -403,6 +465,17 @@ impl Recorder {
             } else {
                 self.counts.crowded += 1;
             }
+        }
+        for (name, track) in &self.others {
+            let rows = open.others.entry(name.clone()).or_default();
+            rows.resize(n_rows, UNKNOWN);
+            rows.push(track.at(row, max_gap, hold).unwrap_or(UNKNOWN));
+        }
+        for (name, changes) in &self.context {
+            let imposed = changes.iter().rev().find(|(stamp, _)| *stamp <= row);
+            let rows = open.context.entry(name.clone()).or_default();
+            rows.resize(n_rows, Vec::new());
+            rows.push(imposed.map_or(Vec::new(), |(_, value)| value.clone()));
         }
         if let (Select::Nearest(number), Some(robot)) = (&self.config.select, robot) {
             let distance = |values: &Values| (values[2] - robot[2]).hypot(values[3] - robot[3]);
@@ -443,6 +516,8 @@ impl Recorder {
         }
         let n_rows = batch.robot.len();
         batch.people.values_mut().for_each(|rows| rows.resize(n_rows, UNKNOWN));
+        batch.others.values_mut().for_each(|rows| rows.resize(n_rows, UNKNOWN));
+        batch.context.values_mut().for_each(|rows| rows.resize(n_rows, Vec::new()));
         let to_the_end = self.config.ts_length_s.is_none() && ended_by == "the node ended";
         batch.complete = full || to_the_end;
         batch.ended_by = ended_by;
@@ -460,6 +535,8 @@ impl Recorder {
         self.close(reason);
         self.robot = Track::default();
         self.people.clear();
+        self.others.clear();
+        self.context.clear();
         (self.frame, self.newest_robot, self.newest_people, self.next_row) = (None, None, None, None);
     }
 }

@@ -222,3 +222,50 @@ fn memory_is_bounded_while_the_robot_is_silent() {
     }
     assert!(recorder.people.len() < 20, "{}", recorder.people.len());
 }
+
+#[test]
+fn what_is_imposed_is_recorded_row_by_row() {
+    let mut recorder = Recorder::new(config());
+    let tell = |recorder: &mut Recorder, text: &str| recorder.context(text, Time::ZERO);
+    tell(&mut recorder, r#"{"stamp": 5.0, "context": {"do_robot_speed": []}}"#).expect("is understood");
+    feed(&mut recorder, 5.03..5.42, |_| vec![1]);
+    tell(&mut recorder, r#"{"stamp": 5.42, "context": {"do_robot_speed": [0.2]}}"#).expect("is understood");
+    feed(&mut recorder, 5.42..5.7, |_| vec![1]);
+    tell(&mut recorder, r#"{"stamp": 5.7, "context": {"do_robot_speed": [], "do_human_goal": [3, 4]}}"#)
+        .expect("is understood");
+    feed(&mut recorder, 5.7..8.0, |_| vec![1]);
+    let batch = recorder.take_batches().remove(0);
+    let columns: Vec<(String, Vec<f64>)> =
+        batch.context_columns().into_iter().map(|column| (column.name, column.values)).collect();
+    let goal = [0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0, 1.0, 1.0, 1.0];
+    let speed = [0.0, 0.0, 0.0, 0.0, 0.2, 0.2, 0.0, 0.0, 0.0, 0.0];
+    assert_eq!(
+        columns,
+        [("do_human_goal".to_owned(), goal.to_vec()), ("do_robot_speed".to_owned(), speed.to_vec())]
+    );
+    for text in ["", "{}", r#"{"context": {"h_v": [1]}}"#, r#"{"context": {"do_a": "x"}}"#] {
+        assert!(tell(&mut recorder, text).is_err(), "{text}");
+    }
+}
+
+#[test]
+fn other_robots_are_recorded_beside_the_one() {
+    let mut recorder = Recorder::new(config());
+    for i in 0..300 {
+        let t = 5.03 + f64::from(i) / 100.0;
+        if i % 5 == 0 {
+            recorder.robot(&robot(t), Time::ZERO);
+            let mut second = robot(t);
+            second.pose2d.x = -t;
+            recorder.other_robot("robot2", &second, Time::ZERO);
+        }
+        if i % 4 == 0 {
+            recorder.humans(&humans(t, vec![person(1, t)]), Time::ZERO);
+        }
+    }
+    let batch = recorder.take_batches().remove(0);
+    for (row, values) in batch.others["robot2"].iter().enumerate() {
+        assert!((values[2] + batch.stamp(row).as_secs_f64()).abs() < 1e-6);
+    }
+    assert!(batch.columns(false).iter().any(|column| column.name == "r_robot2_x"));
+}

@@ -21,6 +21,10 @@ pub struct Recording {
     pub robot: Vec<Values>,
     /// The people, each with one entry per row.
     pub people: BTreeMap<u32, Vec<Values>>,
+    /// Other robots by name, each with one entry per row.
+    pub others: BTreeMap<String, Vec<Values>>,
+    /// What was imposed, by column of context; one entry per row, empty where nothing was.
+    pub context: BTreeMap<String, Vec<Vec<f64>>>,
     /// It has the full length.
     pub complete: bool,
     /// Why it ended, in words.
@@ -46,6 +50,19 @@ pub struct Gap {
     /// Stamp of the first row without, seconds.
     pub from: f64,
     /// Stamp of the last row without, seconds.
+    pub to: f64,
+}
+
+/// An intervention as far as a batch knows it.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Imposed {
+    /// Column of context.
+    pub column: String,
+    /// What was imposed: a number, or the coordinates of a point.
+    pub value: Vec<f64>,
+    /// Stamp of the first row with it, seconds.
+    pub from: f64,
+    /// Stamp of the last row with it, seconds.
     pub to: f64,
 }
 
@@ -75,7 +92,53 @@ impl Recording {
         for (id, rows) in &self.people {
             columns.extend(of(&format!("h_{id}"), rows, &[2, 3, 4, 5, 6, 0, 1]));
         }
+        for (name, rows) in &self.others {
+            columns.extend(of(&format!("r_{name}"), rows, &[0, 1, 2, 3, 4, 5, 6]));
+        }
+        columns.extend(self.context_columns());
         columns
+    }
+
+    /// The columns of context: the value that is imposed, 1 where it is a point, 0 where nothing is.
+    pub fn context_columns(&self) -> Vec<Column> {
+        let number = |imposed: &Vec<f64>| match imposed.as_slice() {
+            [] => 0.0,
+            [value] => *value,
+            _ => 1.0,
+        };
+        let column = |(name, rows): (&String, &Vec<Vec<f64>>)| Column {
+            name: name.clone(),
+            unit: "",
+            values: rows.iter().map(number).collect(),
+        };
+        self.context.iter().map(column).collect()
+    }
+
+    /// When what was imposed, in the order of columns and time.
+    pub fn interventions(&self) -> Vec<Imposed> {
+        let mut found: Vec<Imposed> = Vec::new();
+        for (column, rows) in &self.context {
+            for (row, value) in rows.iter().enumerate().filter(|(_, value)| !value.is_empty()) {
+                let stamp = self.stamp(row).as_secs_f64();
+                match found.last_mut() {
+                    Some(last)
+                        if last.column == *column
+                            && last.value == *value
+                            && row > 0
+                            && rows[row - 1] == *value =>
+                    {
+                        last.to = stamp;
+                    }
+                    _ => found.push(Imposed {
+                        column: column.clone(),
+                        value: value.clone(),
+                        from: stamp,
+                        to: stamp,
+                    }),
+                }
+            }
+        }
+        found
     }
 
     /// Where nothing is known of a body's place.
@@ -113,6 +176,8 @@ mod tests {
             frame: "map".into(),
             robot: vec![row(3.0); 4],
             people: BTreeMap::from([(7, vec![row(f64::NAN), row(1.0), row(f64::NAN), row(f64::NAN)])]),
+            others: BTreeMap::new(),
+            context: BTreeMap::new(),
             complete: true,
             ended_by: "ts_length reached",
         }
@@ -128,6 +193,27 @@ mod tests {
         assert_eq!(names(true)[..5], ["r_{gx}", "r_{gy}", "r_x", "r_y", "r_{\theta}"]);
         let columns = recording().columns(false);
         assert_eq!((columns[0].values[0], columns[11].values[1], columns[12].values[1]), (1.0, 0.7, 1.0));
+    }
+
+    #[test]
+    fn what_is_imposed_is_a_column_and_a_list_of_spans() {
+        let (free, slow, goal) = (vec![], vec![0.2], vec![3.0, -4.0]);
+        let context = BTreeMap::from([
+            ("do_human_goal".to_owned(), vec![goal.clone(), free.clone(), free.clone(), free.clone()]),
+            ("do_robot_speed".to_owned(), vec![free.clone(), slow.clone(), slow.clone(), free]),
+        ]);
+        let batch = Recording { context, ..recording() };
+        let columns = batch.columns(false);
+        let values: Vec<&[f64]> = columns[14..].iter().map(|column| &column.values[..]).collect();
+        assert_eq!(values, [&[1.0, 0.0, 0.0, 0.0], &[0.0, 0.2, 0.2, 0.0]]);
+        let span = |column: &str, value: &Vec<f64>, from, to| Imposed {
+            column: column.to_owned(),
+            value: value.clone(),
+            from,
+            to,
+        };
+        let expected = [span("do_human_goal", &goal, 10.0, 10.0), span("do_robot_speed", &slow, 10.1, 10.2)];
+        assert_eq!(batch.interventions(), expected);
     }
 
     #[test]

@@ -1,6 +1,8 @@
 use std::{collections::BTreeSet, fmt, str::FromStr};
 
-/// Which people are recorded (`sel_agent`).
+use roscausal_msgs::{HumanState, geometry_msgs::Pose2D};
+
+/// Which people something is about (`sel_agent`): `1000`, `3,7`, `nearest:2`, `all`.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Select {
     /// Everybody.
@@ -17,6 +19,28 @@ impl Select {
         match self {
             Self::Ids(ids) => ids.contains(&id),
             Self::All | Self::Nearest(_) => true,
+        }
+    }
+
+    /// Those chosen of `people`, in ascending order of number, the nearest in order of distance from the robot. One
+    /// single person who is not there is replaced by the first who is.
+    pub fn of(&self, people: &[HumanState], robot: Option<&Pose2D>) -> Vec<HumanState> {
+        match self {
+            Self::All => people.to_vec(),
+            Self::Ids(ids) => {
+                let chosen: Vec<HumanState> =
+                    people.iter().filter(|person| ids.contains(&person.id)).cloned().collect();
+                let only = ids.len() == 1 && chosen.is_empty();
+                if only { people.first().cloned().into_iter().collect() } else { chosen }
+            }
+            Self::Nearest(number) => {
+                let (x, y) = robot.map_or((0.0, 0.0), |robot| (robot.x, robot.y));
+                let mut all = people.to_vec();
+                let distance = |person: &HumanState| (person.pose2d.x - x).hypot(person.pose2d.y - y);
+                all.sort_by(|a, b| distance(a).total_cmp(&distance(b)));
+                all.truncate(*number);
+                all
+            }
         }
     }
 }
@@ -71,5 +95,21 @@ mod tests {
         }
         assert!("nearest:0".parse::<Select>().is_err());
         assert!("bob".parse::<Select>().expect_err("no id").contains("allowed: all, nearest:N"));
+    }
+
+    #[test]
+    fn people_who_are_there_are_chosen_by_number_list_nearness_or_all() {
+        let person =
+            |id, x| HumanState { id, pose2d: Pose2D { x, ..Pose2D::default() }, ..HumanState::default() };
+        let people = [person(1, 9.0), person(2, 1.0), person(3, 4.0)];
+        let ids = |text: &str| -> Vec<u32> {
+            let select: Select = text.parse().expect(text);
+            select.of(&people, Some(&Pose2D::default())).iter().map(|person| person.id).collect()
+        };
+        assert_eq!(ids("2"), [2]);
+        assert_eq!(ids("1,3"), [1, 3]);
+        assert_eq!(ids("nearest:2"), [2, 3]);
+        assert_eq!(ids("all"), [1, 2, 3]);
+        assert_eq!(ids("1000"), [1]);
     }
 }

@@ -360,6 +360,7 @@ impl WriterConfig {
         let batch = &job.batch;
         let seconds = |row: usize| batch.stamp(row).as_secs_f64();
         let gap = |gap: super::Gap| json!({ "body": gap.body, "from": gap.from, "to": gap.to });
+        let imposed = |one: super::Imposed| json!({ "column": one.column, "value": one.value, "from": one.from, "to": one.to });
         let unit = |column: &Column| json!({ "name": column.name, "unit": column.unit });
         let mut facts = json!({
             "schema": SCHEMA,
@@ -375,7 +376,8 @@ impl WriterConfig {
             "time_unit": "s",
             "ids": batch.people.keys().collect::<Vec<_>>(),
             "gaps": batch.gaps().into_iter().map(gap).collect::<Vec<_>>(),
-            "context": [],
+            "context": batch.context.keys().collect::<Vec<_>>(),
+            "interventions": batch.interventions().into_iter().map(imposed).collect::<Vec<_>>(),
             "parameters": self.parameters,
         });
         if !columns.is_empty() {

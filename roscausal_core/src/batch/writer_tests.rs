@@ -14,6 +14,8 @@ fn recording(secs: f64) -> Recording {
         frame: "map".into(),
         robot: vec![row(1.0), row(2.0), row(0.1)],
         people: BTreeMap::from([(5, vec![row(1.5), [f64::NAN; 7], row(1e-7)])]),
+        others: BTreeMap::new(),
+        context: BTreeMap::from([("do_robot_speed".to_owned(), vec![vec![], vec![0.2], vec![0.2]])]),
         complete: true,
         ended_by: "ts_length reached",
     }
@@ -42,6 +44,7 @@ pub(super) fn built_in() -> Processing {
         seed: 0,
         obs_size: 2.0,
         safe_dist: 5.0,
+        obstacle: crate::batch::postprocess::Obstacle::Robot,
         features: Feature::parse(&[], &names).expect("the paper's"),
     })
 }
@@ -64,7 +67,7 @@ fn a_batch_is_a_csv_of_exact_numbers_with_its_facts_beside_it() {
     let text = fs::read_to_string(&path).expect("reads");
     let lines: Vec<&str> = text.lines().collect();
     assert!(lines[0].starts_with("time,r_gx,r_gy,r_x"));
-    assert_eq!(lines[2], "1700000000.4,3,4,2,0,0.1,2,0,,,,,,,");
+    assert_eq!(lines[2], "1700000000.4,3,4,2,0,0.1,2,0,,,,,,,,0.2");
     let table = Table::read(&path, None).expect("reads");
     assert_eq!(table.values[[2, 10]], 1e-7);
     assert!(table.values[[1, 7]].is_nan());
@@ -72,6 +75,9 @@ fn a_batch_is_a_csv_of_exact_numbers_with_its_facts_beside_it() {
     let facts: Json = serde_json::from_slice(&facts).expect("is JSON");
     assert_eq!(facts["complete"], json!(true));
     assert_eq!(facts["ids"], json!([5]));
+    assert_eq!(facts["context"], json!(["do_robot_speed"]));
+    let span = json!([{ "column": "do_robot_speed", "value": [0.2], "from": 1_700_000_000.4, "to": 1_700_000_000.7 }]);
+    assert_eq!(facts["interventions"], span);
     assert_eq!(facts["gaps"][0]["body"], json!("h_5"));
     assert_eq!(facts["columns"][4], json!({ "name": "r_theta", "unit": "rad" }));
 }

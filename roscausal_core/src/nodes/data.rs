@@ -1,10 +1,11 @@
 //! The data node: both states to batches in a pool.
 
-use roscausal_msgs::{Humans, RobotState};
+use roscausal_msgs::{Humans, RobotState, std_msgs::String as Text};
 
 use super::{
     data_params::{recorder, specs, writer},
     health::Health,
+    in_namespace,
 };
 use crate::{
     Result,
@@ -22,7 +23,10 @@ const INBOX: usize = 20_000;
 #[derive(PartialEq)]
 enum Event {
     Robot(RobotState),
+    /// Its place in `other_robots`.
+    Other(usize, RobotState),
     Humans(Humans),
+    Context(String),
 }
 
 /// How far the open batch is.
@@ -57,13 +61,29 @@ pub fn data_with<M: Middleware>(mw: &M, on_progress: impl Fn(Recorded)) -> Resul
     }
     let mut health = Health::new(mw)?;
     let inbox = Inbox::new(mw, INBOX);
-    let robot_input = health.input::<RobotState>("/roscausal/robot", true);
+    let robot_topic = in_namespace("robot", &params.text("robot"), "/roscausal/robot")?;
+    let others = params.list("other_robots");
+    let robot_input = health.input::<RobotState>(&robot_topic, true);
     let humans_input = health.input::<Humans>("/roscausal/humans", true);
     let (robot, humans) = (inbox.sender(), inbox.sender());
-    let _robot =
-        mw.subscribe("/roscausal/robot", Qos::Volatile(1000), move |m| robot.send(Event::Robot(m)))?;
+    let _robot = mw.subscribe(&robot_topic, Qos::Volatile(1000), move |m| robot.send(Event::Robot(m)))?;
     let _humans =
         mw.subscribe("/roscausal/humans", Qos::Volatile(1000), move |m| humans.send(Event::Humans(m)))?;
+
+    let mut _others = Vec::new();
+    for (place, name) in others.iter().enumerate() {
+        let topic = in_namespace("other_robots", name, "/roscausal/robot")?;
+        let other = inbox.sender();
+        let take = move |m| other.send(Event::Other(place, m));
+        _others.push(mw.subscribe(&topic, Qos::Volatile(1000), take)?);
+    }
+    let _context = match params.text_if_set("context_topic") {
+        Some(topic) => {
+            let context = inbox.sender();
+            Some(mw.subscribe(&topic, Qos::Latched, move |m: Text| context.send(Event::Context(m.data)))?)
+        }
+        None => None,
+    };
 
     let mut told = Recorded { rows: 0, of: None, batches: 0 };
     let (mut journal_due, mut refused, mut stopped) = (mw.now(), 0_u64, false);
@@ -78,6 +98,14 @@ pub fn data_with<M: Middleware>(mw: &M, on_progress: impl Fn(Recorded)) -> Resul
                     refused += 1;
                 } else {
                     recorder.robot(state, mw.now());
+                }
+            }
+            Next::Event(Event::Other(place, state)) => {
+                recorder.other_robot(&others[*place], state, mw.now());
+            }
+            Next::Event(Event::Context(text)) => {
+                if let Err(reason) = recorder.context(text, mw.now()) {
+                    tracing::warn!("left out: {reason}");
                 }
             }
             Next::Event(Event::Humans(people)) => {

@@ -10,7 +10,7 @@ use crate::{
     batch::{
         Select,
         pool::{Limits, Pool},
-        postprocess::{Feature, Postprocess},
+        postprocess::{Feature, Obstacle, Postprocess},
         recorder::RecorderConfig,
         risk::RiskModel,
         script::Script,
@@ -88,6 +88,25 @@ pub(super) fn specs() -> Vec<ParamSpec> {
         ),
         ParamSpec::new("legacy_columns", Bool(false), Any, "raw columns as ROS-Causal 1.1 spells them"),
         ParamSpec::new("sel_agent", text("1000"), Any, "who is recorded: an id, ids (3,7), nearest:N, all"),
+        ParamSpec::new("robot", text(""), Any, "name of the robot, the namespace of its topics; empty: none"),
+        ParamSpec::new(
+            "other_robots",
+            List(Vec::new()),
+            Any,
+            "names of robots recorded beside it, such as robot2,robot3",
+        ),
+        ParamSpec::new(
+            "context_topic",
+            text("/hri/interventions"),
+            Any,
+            "std_msgs/String with what is imposed on the system, recorded as columns; empty: none",
+        ),
+        ParamSpec::new(
+            "obstacle",
+            text("robot"),
+            OneOf(&Obstacle::NAMES),
+            "whose collision the risk is about; nearest: of all robots and people recorded",
+        ),
         ParamSpec::new("obs_size", Double(2.0), Range(0.01, 100.0), "radius the robot is widened by, metres"),
         ParamSpec::new("safe_dist", Double(5.0), Range(0.01, 1000.0), "no collision course beyond, metres"),
         ParamSpec::new("delete_traj", Bool(false), Any, "delete a raw batch once it is post-processed"),
@@ -186,6 +205,7 @@ fn processing(params: &Params) -> Result<Processing> {
             seed: params.int("seed").unsigned_abs(),
             obs_size,
             safe_dist,
+            obstacle: params.text("obstacle").parse().map_err(|reason| Error::param("obstacle", reason))?,
             features: Feature::parse(&params.list("features"), &params.list("feature_names"))?,
         }),
     })

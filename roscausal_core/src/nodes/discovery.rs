@@ -1,6 +1,7 @@
 //! The discovery node: watches the pool, analyses the oldest batches, publishes the model.
 
 use std::{
+    collections::{BTreeMap, VecDeque},
     path::{Path, PathBuf},
     sync::{
         Arc,
@@ -24,10 +25,14 @@ use super::{
 use crate::{
     Error, Result,
     batch::{
-        Table,
-        pool::{Claim, Pool, sidecar, write_whole},
+        joint::{Facts, Joint, People},
+        pool::{Claim, Pool, write_whole},
     },
-    discovery::{Control, DataFrame, Model, Progress, analysis, external},
+    discovery::{
+        Control, Model, Progress,
+        analysis::{self, Settings},
+        external,
+    },
     draw,
     middleware::{Middleware, Publish, Qos},
     params::Params,
@@ -61,7 +66,7 @@ pub fn discovery_with<M: Middleware>(
         health: Health::new(mw)?,
         pool,
         params,
-        last: None,
+        last: BTreeMap::new(),
         unsaid: None,
         foreign: 0,
         figures: Figures::default(),
@@ -107,9 +112,10 @@ struct Node<M: Middleware> {
     health: Health<M>,
     pool: Pool,
     params: DiscoveryParams,
-    last: Option<Model>,
-    /// A model that could not be written or published yet, with its batches.
-    unsaid: Option<(Model, Origin, Vec<Claim>)>,
+    /// The model before, of each person and of all.
+    last: BTreeMap<String, Model>,
+    /// Models that could not be written or published yet, with their batches.
+    unsaid: Option<(VecDeque<Found>, Vec<Claim>)>,
     figures: Figures,
     trouble: Option<String>,
     foreign: usize,
@@ -145,8 +151,8 @@ impl<M: Middleware> Outputs<M> {
 impl<M: Middleware> Node<M> {
     /// Analyses the oldest batches if there are enough; whether there was anything to do.
     fn look(&mut self, mw: &M) -> Result<bool> {
-        if let Some((model, origin, claims)) = self.unsaid.take() {
-            return self.tell(mw, model, origin, claims).map(|()| true);
+        if let Some((found, claims)) = self.unsaid.take() {
+            return self.tell(mw, found, claims).map(|()| true);
         }
         self.pool.finish_all(self.params.keep_batches.then(|| self.pool.path("analysed")).as_deref())?;
         let contents = self.pool.contents()?;
@@ -205,9 +211,10 @@ impl<M: Middleware> Node<M> {
         tracing::info!("analysing {}", names.join(" with "));
         let start = mw.steady();
         match self.run_method(mw, &paths) {
-            Ok((mut model, origin)) => {
-                model.run_time_s = Some((mw.steady() - start).as_secs_f64());
-                self.tell(mw, model, origin, claims)
+            Ok(mut found) => {
+                let run_time = (mw.steady() - start).as_secs_f64();
+                found.iter_mut().for_each(|(_, model, _)| model.run_time_s = Some(run_time));
+                self.tell(mw, found.into(), claims)
             }
             // The time budget: an attempt like any other.
             Err(Error::Cancelled(reason)) if mw.is_ok() => {
@@ -226,21 +233,25 @@ impl<M: Middleware> Node<M> {
         }
     }
 
-    /// Writes and publishes a model, then lets its batches go. A model that cannot be written is kept until it can.
-    fn tell(&mut self, mw: &M, model: Model, origin: Origin, claims: Vec<Claim>) -> Result<()> {
-        if let Err(error) = self.publish(mw, &model, &origin) {
-            self.unsaid = Some((model, origin, claims));
-            return Err(error);
+    /// Writes and publishes the models, then lets their batches go. Models that cannot be written are kept until they
+    /// can.
+    fn tell(&mut self, mw: &M, mut found: VecDeque<Found>, claims: Vec<Claim>) -> Result<()> {
+        while let Some((person, model, origin)) = found.pop_front() {
+            if let Err(error) = self.publish(mw, &model, &origin, self.last.get(&person)) {
+                found.push_front((person, model, origin));
+                self.unsaid = Some((found, claims));
+                return Err(error);
+            }
+            self.figures.models += 1;
+            self.health.sent();
+            self.last.insert(person, model);
         }
-        self.figures.models += 1;
-        self.health.sent();
-        self.last = Some(model);
         self.pool.finish(claims, self.params.keep_batches.then(|| self.pool.path("analysed")).as_deref())
     }
 
     /// Runs the method on a thread of its own, so that a wish to end is heard within [`LOOK_AGAIN`] and the health
     /// is told meanwhile.
-    fn run_method(&mut self, mw: &M, paths: &[PathBuf]) -> Result<(Model, Origin)> {
+    fn run_method(&mut self, mw: &M, paths: &[PathBuf]) -> Result<Vec<Found>> {
         let cancel = Arc::new(AtomicBool::new(false));
         let (on_progress, tests) = (self.on_progress.clone(), self.tests.clone());
         let control = Control::default().cancel_on(cancel.clone()).on_progress(move |progress| {
@@ -300,7 +311,7 @@ impl<M: Middleware> Node<M> {
     }
 
     /// Writes the model's files, then publishes: what is announced is there.
-    fn publish(&self, mw: &M, model: &Model, origin: &Origin) -> Result<()> {
+    fn publish(&self, mw: &M, model: &Model, origin: &Origin, before: Option<&Model>) -> Result<()> {
         let (dag, tsdag) = (draw::dag(model), draw::tsdag(model));
         if let Some(dir) = &self.params.res_dir {
             write_files(dir, model, &origin.batch_id, &dag, &tsdag)?;
@@ -311,7 +322,7 @@ impl<M: Middleware> Node<M> {
             raw.publish(&image)?;
             compressed.publish(&png)?;
         }
-        self.out.info.publish(&causal_model_info(model, &header, origin, self.last.as_ref()))?;
+        self.out.info.publish(&causal_model_info(model, &header, origin, before))?;
         self.out.model.publish(&causal_model(model, &header))?;
         tracing::info!("{}: {} links", origin.batch_id, model.links.len());
         Ok(())
@@ -326,43 +337,43 @@ fn write_files(dir: &Path, model: &Model, name: &str, dag: &str, tsdag: &str) ->
     write_whole(&dir.join(format!("{name}.json")), model.to_file_json().as_bytes())
 }
 
-/// Reads the batches as recordings of one system and analyses them.
-fn method(params: &DiscoveryParams, paths: &[PathBuf], control: &Control) -> Result<(Model, Origin)> {
-    let facts: Vec<Facts> = paths.iter().map(|path| Facts::read(path)).collect();
+/// Whose model it is (empty: of all), the model, and where it comes from.
+type Found = (String, Model, Origin);
+
+/// Reads the batches as recordings of one system and analyses them: one model, or one per person.
+fn method(params: &DiscoveryParams, paths: &[PathBuf], control: &Control) -> Result<Vec<Found>> {
+    let mut joint = Joint::read(paths)?;
     let stem =
         |path: &PathBuf| path.file_stem().map_or(String::new(), |stem| stem.to_string_lossy().into_owned());
-    let mut origin = Origin {
-        batch_id: paths.iter().map(stem).collect::<Vec<_>>().join("+"),
-        frame_id: facts[0].frame.clone(),
-        ..Origin::default()
-    };
-    let mut tables: Vec<Table> = Vec::new();
-    for path in paths {
-        let wanted = tables.first().map(|first| first.names.clone());
-        tables.push(Table::read(path, wanted.as_deref())?);
+    let batch_id = paths.iter().map(stem).collect::<Vec<_>>().join("+");
+    let stamp = |secs: Option<f64>| secs.map_or(Time::ZERO, Time::from_secs_f64);
+    let (start, end) = joint.span();
+    // A program reads the batches itself: it has one say.
+    let people = if params.program.is_some() { People::Joint } else { params.people };
+    let mut found = Vec::new();
+    for part in joint.parts(people)? {
+        let settings = Settings { exogenous: part.exogenous, ..params.settings.clone() };
+        let mut model = match &params.program {
+            Some(program) => external::run(program, paths, &settings, params.threads, control)?,
+            None => in_pool(params.threads, || analysis::analyse(&part.data, &settings, control))?,
+        };
+        model.dt = joint.dt();
+        model.n_recordings = part.data.recordings().len();
+        let person = part.person.map_or(String::new(), |id| format!("_person_{id}"));
+        let origin = Origin {
+            batch_id: format!("{batch_id}{person}"),
+            frame_id: joint.frame().to_owned(),
+            start: stamp(start),
+            end: stamp(end),
+            candidate_features: part.data.var_names().to_vec(),
+        };
+        found.push((person, model, origin));
     }
-    let dt = tables[0].dt();
-    let stamp = |secs: Option<&f64>| secs.map_or(Time::ZERO, |&secs| Time::from_secs_f64(secs));
-    origin.start = stamp(tables[0].time.as_ref().and_then(|time| time.first()));
-    origin.end = stamp(tables[tables.len() - 1].time.as_ref().and_then(|time| time.last()));
-    origin.candidate_features = tables[0].names.clone();
-    let warnings: Vec<String> = tables.iter().flat_map(|table| table.warnings.clone()).collect();
-
-    let mut settings = params.settings.clone();
-    settings.exogenous =
-        facts[0].context.iter().filter(|name| tables[0].names.contains(name)).cloned().collect();
-    let mut model = match &params.program {
-        Some(program) => external::run(program, paths, &settings, params.threads, control)?,
-        None => {
-            let data =
-                DataFrame::new(tables.iter().map(|t| t.values.clone()).collect(), tables[0].names.clone())?;
-            in_pool(params.threads, || analysis::analyse(&data, &settings, control))?
-        }
+    let with_warnings = |(person, mut model, origin): Found| {
+        model.warnings.splice(0..0, joint.warnings.iter().cloned());
+        (person, model, origin)
     };
-    model.dt = dt;
-    model.n_recordings = paths.len();
-    model.warnings.splice(0..0, warnings);
-    Ok((model, origin))
+    Ok(found.into_iter().map(with_warnings).collect())
 }
 
 /// Lets the calling thread, and the threads and programs that it starts from now on, stand back for the others.
@@ -380,28 +391,4 @@ fn be_nice(nice: i32) {
 fn in_pool<T: Send>(threads: usize, work: impl FnOnce() -> Result<T> + Send) -> Result<T> {
     let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
     pool.map_err(|e| Error::param("threads", e))?.install(work)
-}
-
-/// What the metadata beside a batch says; a batch without any is complete.
-struct Facts {
-    complete: bool,
-    frame: String,
-    context: Vec<String>,
-}
-
-impl Facts {
-    fn read(batch: &Path) -> Self {
-        let name = batch.file_name().map_or(String::new(), |name| name.to_string_lossy().into_owned());
-        let text = std::fs::read(batch.with_file_name(sidecar(&name))).unwrap_or_default();
-        let json: serde_json::Value = serde_json::from_slice(&text).unwrap_or_default();
-        let strings = |value: &serde_json::Value| -> Vec<String> {
-            let items = value.as_array().into_iter().flatten();
-            items.filter_map(|item| item.as_str().map(str::to_owned)).collect()
-        };
-        Self {
-            complete: json["complete"].as_bool().unwrap_or(true),
-            frame: json["frame"].as_str().unwrap_or("map").to_owned(),
-            context: strings(&json["context"]),
-        }
-    }
 }

@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 
 use crate::{
     Error, Result,
+    batch::joint::People,
     discovery::{
         analysis,
         analysis::{PcAlpha, Settings},
@@ -21,6 +22,7 @@ pub(super) struct DiscoveryParams {
     pub settings: Settings,
     /// The program of an external method.
     pub program: Option<PathBuf>,
+    pub people: People,
     pub batches_per_model: usize,
     pub keep_batches: bool,
     pub analyse_incomplete: bool,
@@ -73,6 +75,13 @@ pub(super) fn specs() -> Vec<ParamSpec> {
         ParamSpec::new("min_lag", Int(1), Range(0.0, 1000.0), "smallest lag, in steps"),
         ParamSpec::new("max_lag", Int(1), Range(1.0, 1000.0), "largest lag, in steps"),
         ParamSpec::new("seed", Int(42), Range(0.0, 9e15), "seed of all random numbers"),
+        ParamSpec::new(
+            "people",
+            text("pooled"),
+            OneOf(&People::NAMES),
+            "models when there are several people: one of all as recordings of one system, one of each, both, or one \
+             with everybody's variables",
+        ),
         ParamSpec::new(
             "batches_per_model",
             Int(1),
@@ -164,6 +173,7 @@ impl DiscoveryParams {
             csv_prefix: params.text("csv_prefix"),
             settings,
             program,
+            people: params.text("people").parse().map_err(|reason| Error::param("people", reason))?,
             batches_per_model: params.count("batches_per_model"),
             keep_batches: params.flag("keep_batches"),
             analyse_incomplete: params.flag("analyse_incomplete"),

@@ -1,15 +1,16 @@
 //! The human node: people's topics and goals to `/roscausal/humans` and `/roscausal/human`.
 
 use roscausal_msgs::{
-    HumanState, Humans, Time,
-    geometry_msgs::{Point, PoseArray, PoseStamped},
+    HumanState, Humans, RobotState, Time,
+    geometry_msgs::{Point, Pose2D, PoseArray, PoseStamped},
     pedsim_msgs, people_msgs, spencer_tracking_msgs,
     tf2_msgs::TFMessage,
 };
 
-use super::{agents::Agents, health::Health};
+use super::{health::Health, in_namespace};
 use crate::{
-    Result,
+    Error, Result,
+    batch::Select,
     inbox::{Inbox, Next},
     middleware::{Middleware, Publish, Qos},
     params::{Allowed, ParamSpec, Params, Value},
@@ -24,6 +25,9 @@ const GOAL_EVERY: u64 = 10;
 enum Event {
     People(usize, Time, Vec<Sighting>),
     Goal(Point),
+    /// Goals by person.
+    Goals(Vec<(u32, Point)>),
+    Robot(Pose2D),
     Tf(TFMessage, bool),
 }
 
@@ -73,6 +77,13 @@ pub(super) fn specs() -> Vec<ParamSpec> {
             Any,
             "geometry_msgs/PoseStamped goal; empty: none",
         ),
+        ParamSpec::new(
+            "goals_topic",
+            text("/hri/human_goals"),
+            Any,
+            "pedsim_msgs/TrackedPersons whose poses are the people's goals; empty: none",
+        ),
+        ParamSpec::new("robot", text(""), Any, "name of the robot that nearest:N is about; empty: none"),
         ParamSpec::new("source_frame", text("base_footprint"), Any, "frame of people whose topic names none"),
         ParamSpec::new("target_frame", text("map"), Any, "frame of the published states"),
         ParamSpec::new(
@@ -116,7 +127,10 @@ pub fn human<M: Middleware>(mw: &M) -> Result<()> {
         mw.subscribe("/tf_static", Qos::Latched, move |m: TFMessage| fixed.send(Event::Tf(m, true)))?;
 
     let ros4hri = params.text("people_type") == "ros4hri";
-    let agents = Agents::parse("sel_agent", &params.text("sel_agent"))?;
+    let select: Select =
+        params.text("sel_agent").parse().map_err(|reason| Error::param("sel_agent", reason))?;
+    let _others = subscribe_others(mw, &params, &inbox, &select)?;
+    let mut robot: Option<Pose2D> = None;
     let goal_param = params.text_if_set("goal_param").map(goal_spec);
     let mut tracker = PeopleTracker::new(&params.text("target_frame"), params.double("person_timeout"));
     let (mut due, mut reports, mut published) = (mw.now(), 0_u64, Time::ZERO);
@@ -134,6 +148,10 @@ pub fn human<M: Middleware>(mw: &M) -> Result<()> {
                 }
             }
             Next::Event(Event::Goal(goal)) => tracker.goal(goal),
+            Next::Event(Event::Goals(goals)) => {
+                goals.into_iter().for_each(|(id, goal)| tracker.goal_of(id, goal))
+            }
+            Next::Event(Event::Robot(pose)) => robot = Some(pose),
             Next::Event(Event::Tf(message, is_fixed)) => tracker.transforms(&message, is_fixed),
             Next::Deadline => {}
         }
@@ -154,12 +172,12 @@ pub fn human<M: Middleware>(mw: &M) -> Result<()> {
             }
             // The same sightings again are no news.
             if tracker.newest() != published {
-                let about =
-                    |people: &[HumanState]| agents.select(people, None).first().map(|person| person.id);
+                let first = |people: &[HumanState]| select.of(people, robot.as_ref()).into_iter().next();
+                let about = |people: &[HumanState]| first(people).map(|person| person.id);
                 let people = tracker.people(about);
                 published = people.header.stamp;
-                if let Some(person) = agents.select(&people.humans, None).first() {
-                    selected.publish(person)?;
+                if let Some(person) = first(&people.humans) {
+                    selected.publish(&person)?;
                 }
                 everybody.publish(&people)?;
                 health.sent();
@@ -171,6 +189,31 @@ pub fn human<M: Middleware>(mw: &M) -> Result<()> {
         ];
         health.report(mw, &figures, tracker.trouble.as_deref());
     }
+}
+
+/// The goals of all people, and the robot's place when people are chosen by it.
+fn subscribe_others<M: Middleware>(
+    mw: &M,
+    params: &Params,
+    inbox: &Inbox<Event>,
+    select: &Select,
+) -> Result<Vec<M::Subscription>> {
+    let mut subscriptions = Vec::new();
+    if let Some(topic) = params.text_if_set("goals_topic") {
+        let send = inbox.sender();
+        let goals = move |m: pedsim_msgs::TrackedPersons| {
+            let goal = |t: pedsim_msgs::TrackedPerson| (t.track_id as u32, t.pose.pose.position);
+            send.send(Event::Goals(m.tracks.into_iter().map(goal).collect()));
+        };
+        subscriptions.push(mw.subscribe(&topic, Qos::Latched, goals)?);
+    }
+    if matches!(select, Select::Nearest(_)) {
+        let send = inbox.sender();
+        let topic = in_namespace("robot", &params.text("robot"), "/roscausal/robot")?;
+        let robot = move |m: RobotState| send.send(Event::Robot(m.pose2d));
+        subscriptions.push(mw.subscribe(&topic, Qos::Volatile(10), robot)?);
+    }
+    Ok(subscriptions)
 }
 
 fn subscribe_people<M: Middleware>(

@@ -7,9 +7,10 @@ use roscausal_msgs::{
     visualization_msgs::{Marker, MarkerArray, Ros2MarkerArray},
 };
 
-use super::{agents::Agents, health::Health};
+use super::health::Health;
 use crate::{
-    Result,
+    Error, Result,
+    batch::Select,
     inbox::{Inbox, Next},
     middleware::{Middleware, Publish, Qos},
     params::{Allowed, ParamSpec, Params, Value},
@@ -67,7 +68,8 @@ enum Output<M: Middleware> {
 /// A parameter that is not allowed, a topic that cannot be used.
 pub fn markers<M: Middleware>(mw: &M) -> Result<()> {
     let params = Params::read(mw, &specs())?;
-    let agents = Agents::parse("sel_agent", &params.text("sel_agent"))?;
+    let agents: Select =
+        params.text("sel_agent").parse().map_err(|reason| Error::param("sel_agent", reason))?;
     let (obs_size, safe_dist) = (params.double("obs_size"), params.double("safe_dist"));
     let mut health = Health::new(mw)?;
     let inbox = Inbox::new(mw, 1000);
@@ -99,7 +101,7 @@ pub fn markers<M: Middleware>(mw: &M) -> Result<()> {
                 due = due.min(now.plus_secs(PERIOD_S));
                 if now >= due {
                     due = now.plus_secs(PERIOD_S);
-                    let chosen = agents.select(&humans.humans, robot.as_ref().map(|robot| &robot.pose2d));
+                    let chosen = agents.of(&humans.humans, robot.as_ref().map(|robot| &robot.pose2d));
                     let array = picture(robot.as_ref(), &humans, chosen.first(), obs_size, safe_dist);
                     match &output {
                         Output::Ros1(publisher) => publisher.publish(&array)?,

@@ -1,6 +1,5 @@
 //! The nodes: wiring only. Topic names live here; what messages mean lives in `state`, `batch` and `discovery`.
 
-mod agents;
 mod data;
 mod data_params;
 mod discovery;
@@ -60,6 +59,20 @@ pub fn parameters(name: &str) -> Result<Vec<ParamSpec>> {
         "markers" => Ok(markers::specs()),
         _ => Err(unknown_node(name)),
     }
+}
+
+/// A topic in the namespace of the robot `name`; the topic itself when the name is empty.
+///
+/// # Errors
+/// A name that is no namespace, as an error of the parameter.
+pub(crate) fn in_namespace(parameter: &str, name: &str, topic: &str) -> Result<String> {
+    let name = name.trim().trim_matches('/');
+    let legal = |c: char| c.is_ascii_alphanumeric() || c == '_';
+    if !name.chars().all(legal) || name.starts_with(|c: char| c.is_ascii_digit()) {
+        let reason = format!("'{name}' is no namespace; use letters, digits and '_', such as robot1");
+        return Err(Error::param(parameter, reason));
+    }
+    Ok(if name.is_empty() { topic.to_owned() } else { format!("/{name}{topic}") })
 }
 
 fn unknown_node(name: &str) -> Error {

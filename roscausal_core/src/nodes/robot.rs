@@ -9,7 +9,7 @@ use roscausal_msgs::{
     tf2_msgs::TFMessage,
 };
 
-use super::health::Health;
+use super::{health::Health, in_namespace};
 use crate::{
     Result,
     inbox::{Inbox, Next},
@@ -50,6 +50,7 @@ pub(super) fn specs() -> Vec<ParamSpec> {
             OneOf(&["MoveBaseActionGoal", "PoseStamped"]),
             "type of goal_topic; PoseStamped for /move_base_simple/goal and /goal_pose",
         ),
+        ParamSpec::new("robot", text(""), Any, "name of the robot, the namespace of its topics; empty: none"),
         ParamSpec::new("source_frame", text("base_footprint"), Any, "frame of the robot"),
         ParamSpec::new("target_frame", text("map"), Any, "frame of the published state"),
         ParamSpec::new("queue_size", Value::Int(10), Range(1.0, 10000.0), "messages that wait for a partner"),
@@ -70,15 +71,17 @@ pub fn robot<M: Middleware>(mw: &M) -> Result<()> {
     let params = Params::read(mw, &specs())?;
     let mut health = Health::new(mw)?;
     let inbox = Inbox::new(mw, 1000);
-    let odom_topic = params.text("odom_topic");
+    let robot = params.text("robot");
+    let odom_topic = in_namespace("robot", &robot, &params.text("odom_topic"))?;
     let odom_input = health.input::<Odometry>(&odom_topic, true);
-    let pose_topic = params.text("pose_topic");
+    let pose_topic = in_namespace("robot", &robot, &params.text("pose_topic"))?;
     let with_covariance = params.text("pose_type") == "PoseWithCovarianceStamped";
     let pose_input = match with_covariance {
         true => health.input::<PoseWithCovarianceStamped>(&pose_topic, true),
         false => health.input::<PoseStamped>(&pose_topic, true),
     };
-    let publisher = mw.advertise::<RobotState>("/roscausal/robot", Qos::Volatile(100))?;
+    let state_topic = in_namespace("robot", &robot, "/roscausal/robot")?;
+    let publisher = mw.advertise::<RobotState>(&state_topic, Qos::Volatile(100))?;
 
     let qos = Qos::Volatile(100);
     let send = inbox.sender();
@@ -141,6 +144,7 @@ fn subscribe_goal<M: Middleware>(
     inbox: &Inbox<Event>,
 ) -> Result<Option<M::Subscription>> {
     let Some(topic) = params.text_if_set("goal_topic") else { return Ok(None) };
+    let topic = in_namespace("robot", &params.text("robot"), &topic)?;
     let send = inbox.sender();
     let subscription = if params.text("goal_type") == "PoseStamped" {
         mw.subscribe(&topic, Qos::Volatile(10), move |m: PoseStamped| {

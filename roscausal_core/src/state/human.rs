@@ -17,6 +17,9 @@ use super::{
 /// The most sightings that wait for a transform.
 const MOST_WAITING: usize = 5000;
 
+/// Goals that are remembered.
+const MOST_GOALS: usize = 4096;
+
 /// One sighting of a person, whatever the tracker.
 #[derive(Clone, Debug, Default)]
 pub struct Sighting {
@@ -40,6 +43,8 @@ pub struct PeopleTracker {
     people: BTreeMap<u32, HumanState>,
     /// The goal told from outside: that of the person the node is about.
     goal: Option<Point>,
+    /// Goals told from outside by person.
+    goals: BTreeMap<u32, Point>,
     newest: Time,
     /// Sightings that wait for a transform, and the newest that has waited no longer.
     waiting: VecDeque<Sighting>,
@@ -60,6 +65,7 @@ impl PeopleTracker {
             timeout_s,
             people: BTreeMap::new(),
             goal: None,
+            goals: BTreeMap::new(),
             newest: Time::ZERO,
             waiting: VecDeque::new(),
             placed: Time::ZERO,
@@ -120,12 +126,29 @@ impl PeopleTracker {
         self.goal = Some(goal);
     }
 
+    /// Sets where one person is going; not finite: nobody knows. Goals of people who are gone are forgotten once
+    /// there are many.
+    pub fn goal_of(&mut self, id: u32, goal: Point) {
+        if self.goals.len() >= MOST_GOALS && !self.goals.contains_key(&id) {
+            let people = &self.people;
+            self.goals.retain(|id, _| people.contains_key(id));
+        }
+        if self.goals.len() < MOST_GOALS || self.goals.contains_key(&id) {
+            self.goals.insert(id, goal);
+        }
+    }
+
     /// Everybody seen lately, in ascending order of id, with the stamp of the newest message. Of them, `about` names
     /// the one whose goal is told from outside; a goal that the tracker itself tells comes first.
     pub fn people(&mut self, about: impl FnOnce(&[HumanState]) -> Option<u32>) -> Humans {
         let (newest, timeout) = (self.newest(), self.timeout_s);
         self.people.retain(|_, person| newest.secs_since(person.header.stamp) <= timeout);
         let mut humans: Vec<HumanState> = self.people.values().cloned().collect();
+        for person in humans.iter_mut().filter(|person| !is_known(&person.goal)) {
+            if let Some(goal) = self.goals.get(&person.id).filter(|goal| is_known(goal)) {
+                person.goal = *goal;
+            }
+        }
         let about = about(&humans);
         let person = humans.iter_mut().find(|person| Some(person.id) == about && !is_known(&person.goal));
         if let (Some(person), Some(goal)) = (person, self.goal.filter(is_known)) {

@@ -4,9 +4,10 @@
 //! Topics out, for a robot with a name below `/NAME`: `/mobile_base_controller/odom`, `/robot_pose`, `/tf`
 //! (`map -> odom -> base_footprint`), `/goal_pose` and, on ROS 1, `/move_base/goal`; for people
 //! `/ped/control/teleop_persons` (scripted or driven), `/pedsim_simulator/simulated_agents` (pedestrians),
-//! `/hri/human_goal` (topic and parameter; `/hri/human_goal_ID` for all but the first person), `/hri/risk`;
+//! `/hri/human_goal` (topic and parameter; `/hri/human_goal_ID` for all but the first person), `/hri/human_goals`
+//! (`TrackedPersons` whose poses are everybody's goals), `/hri/risk`;
 //! `/pedsim_simulator/simulated_walls`, `/clock`, and `/hri/interventions`: a JSON text
-//! `{"time": s, "context": {column: [value]}}`, whose empty list means that nothing is imposed.
+//! `{"stamp": s, "time": s, "context": {column: [value]}}`, whose empty list means that nothing is imposed.
 //!
 //! Topics in: `/ped/control/cmd_vel`, `twist_mux/scaling_factor`, `/hri/control` (`pause`, `resume`, `step`,
 //! `step N`, `reset`, `autonomous`), `/hri/do` (such as `robot.speed=0.2@60..90`).

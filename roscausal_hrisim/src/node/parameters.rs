@@ -17,7 +17,13 @@ pub fn parameters() -> Vec<ParamSpec> {
             "scenario",
             Value::Str("thor".into()),
             Any,
-            "thor, pass_by_the_centre, robot_off, crowd, or a scenario file",
+            "name of a built-in scenario (thor, encounters, crowd, ...) or a scenario file",
+        ),
+        ParamSpec::new(
+            "do",
+            Value::List(Vec::new()),
+            Any,
+            "interventions beside those of the scenario, such as robot.speed=0.2@60..90",
         ),
         ParamSpec::new("seed", Value::Int(1), Range(0.0, 9e15), "seed of all random numbers"),
         ParamSpec::new(
@@ -47,6 +53,7 @@ pub fn run<M: Middleware>(mw: &M) -> Result<()> {
     if params.double("duration") > 0.0 {
         scenario.duration = params.double("duration");
     }
+    scenario.add_interventions(&params.list("do"))?;
     let simulation = Simulation::new(&scenario, u64::try_from(params.int("seed")).unwrap_or(0))?;
     let speed = params.double("speed");
     let options = Options {

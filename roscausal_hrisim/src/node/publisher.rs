@@ -41,6 +41,7 @@ pub struct Publisher<M: Middleware> {
     agents: M::Publisher<AgentStates>,
     walls: M::Publisher<LineObstacles>,
     human_goals: Vec<(M::Publisher<PoseStamped>, String)>,
+    all_goals: M::Publisher<TrackedPersons>,
     risk: M::Publisher<Float64>,
     tf: M::Publisher<TFMessage>,
     interventions: M::Publisher<Text>,
@@ -63,6 +64,7 @@ struct RobotTopics<M: Middleware> {
 struct Told {
     since: Time,
     human_goals: Vec<Vec2>,
+    crowd_goals: Vec<Vec2>,
     robot_goals: Vec<(Vec2, u64)>,
     context: Vec<Context>,
 }
@@ -88,6 +90,7 @@ impl<M: Middleware> Publisher<M> {
             agents: mw.advertise("/pedsim_simulator/simulated_agents", Qos::Volatile(DEPTH))?,
             walls: mw.advertise("/pedsim_simulator/simulated_walls", Qos::Latched)?,
             human_goals: human_goals.collect::<Result<_>>()?,
+            all_goals: mw.advertise("/hri/human_goals", Qos::Latched)?,
             risk: mw.advertise("/hri/risk", Qos::Volatile(DEPTH))?,
             tf: mw.advertise("/tf", Qos::Volatile(DEPTH))?,
             interventions: mw.advertise("/hri/interventions", Qos::Latched)?,
@@ -147,6 +150,7 @@ impl<M: Middleware> Publisher<M> {
         let now = Told {
             since: stamp,
             human_goals: simulation.people.iter().map(|person| person.goal).collect(),
+            crowd_goals: simulation.crowd.members.iter().map(|member| member.goal).collect(),
             robot_goals: simulation.robots.iter().map(|robot| (robot.goal(), robot.legs_done)).collect(),
             context: simulation.context(),
         };
@@ -158,13 +162,27 @@ impl<M: Middleware> Publisher<M> {
                 self.mw.set_param(name, Value::List(vec![Value::Double(goal.x), Value::Double(goal.y)]))?;
             }
         }
+        let told_goals =
+            |told: &Told| told.human_goals == now.human_goals && told.crowd_goals == now.crowd_goals;
+        if again || before.is_none_or(|told| !told_goals(told)) {
+            let people = simulation.people.iter().map(|person| (person.id, person.goal));
+            let crowd = simulation.crowd.members.iter().map(|member| (member.id, member.goal));
+            let track = |(id, goal): (u32, Vec2)| TrackedPerson {
+                track_id: u64::from(id),
+                pose: PoseWithCovariance { pose: pose_at(goal), ..Default::default() },
+                ..Default::default()
+            };
+            let tracks = people.chain(crowd).map(track).collect();
+            self.all_goals.publish(&TrackedPersons { header: header(stamp, "map"), tracks })?;
+        }
         if again || before.is_none_or(|told| told.robot_goals != now.robot_goals) {
             for ((goal, leg), topics) in now.robot_goals.iter().zip(&self.robots) {
                 topics.publish_goal(*goal, *leg, stamp)?;
             }
         }
         if again || before.is_none_or(|told| told.context != now.context) {
-            self.interventions.publish(&Text { data: context_json(simulation.time(), &now.context) })?;
+            self.interventions
+                .publish(&Text { data: context_json(stamp, simulation.time(), &now.context) })?;
         }
         if again {
             let point = |p: Vec2| Point { x: p.x, y: p.y, z: 0.0 };
@@ -293,9 +311,9 @@ fn transform(stamp: Time, parent: &str, child: &str, at: Vec2, turn: f64) -> Tra
     }
 }
 
-/// `{"time": 61.2, "context": {"do_robot_speed": [0.2]}}`; an empty list: left to itself.
-fn context_json(time: f64, context: &[Context]) -> String {
+/// `{"stamp": 61.2, "time": 61.2, "context": {"do_robot_speed": [0.2]}}`; an empty list: left to itself.
+fn context_json(stamp: Time, time: f64, context: &[Context]) -> String {
     let columns: serde_json::Map<String, serde_json::Value> =
         context.iter().map(|column| (column.name.clone(), column.value.clone().into())).collect();
-    serde_json::json!({ "time": time, "context": columns }).to_string()
+    serde_json::json!({ "stamp": stamp.as_secs_f64(), "time": time, "context": columns }).to_string()
 }

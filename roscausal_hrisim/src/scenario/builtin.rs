@@ -42,8 +42,11 @@ impl Scenario {
     /// ignores the robot; she never slows for a goal or a turn). Why it shows them:
     ///
     /// - `v -> d_g`: her true pace is irregular (`pace_sd`), so the distance walked is news to the distance;
-    /// - `d_g -> v`: goals come every few seconds, she begins to slow 6 m before one, and changes speed promptly;
-    /// - `risk -> v`: robot and goals share the middle of the hall, so they meet often, and she brakes hard;
+    /// - `d_g -> v`: goals come every few seconds, she begins to slow 6 m before one, and changes speed promptly; her
+    ///   pace forgets itself within a step of 0.3 s (`pace_time`), so that her last speed does not tell already what
+    ///   the distance tells of the next one;
+    /// - `risk -> v`: robot and goals share the middle of the hall, so they meet often, and she brakes hard, but not
+    ///   within one step: her reaction and her braking take about two steps together, so that a lag of one sees them;
     /// - `v -> risk`: the risk contains v (analyse with `risk_model` v1_1 and `risk_lag` 1);
     /// - nothing else: goals are uniform in a square around the robot's loop, so its place does not tell how
     ///   far the goal is, and the paper's own noise on the exponent of the risk (`risk_noise` 0.02) keeps
@@ -89,8 +92,8 @@ fn encounters_walk() -> PersonParams {
         slow_distance: 6.0,
         slow_floor: 0.15,
         reaction: 0.4,
-        pace_sd: 0.2,
-        pace_time: 1.0,
+        pace_sd: 0.3,
+        pace_time: 0.3,
         brake_to: 0.2,
         ..PersonParams::default()
     }

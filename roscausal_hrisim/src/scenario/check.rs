@@ -5,7 +5,7 @@ use roscausal_core::{Error, Result};
 use super::{Plan, Scenario};
 use crate::{
     geometry::{Segment, Vec2},
-    intervention::Target,
+    intervention::{Intervention, Target},
     plans::{person_areas, robot_waypoints},
     world::{MAPS, World},
 };
@@ -161,6 +161,7 @@ impl Scenario {
     fn check_interventions(&self, world: &World) -> Result<()> {
         for (index, one) in self.interventions.iter().enumerate() {
             let at = format!("interventions[{index}]");
+            self.check_subject(&at, one)?;
             if let Target::HumanGoal(goal) = one.target {
                 let from = self.people.iter().enumerate().flat_map(|(k, _)| person_areas(self, k)).next();
                 place(world, &at, goal, from.map(|area| area.centre()), 0.5)?;
@@ -175,6 +176,29 @@ impl Scenario {
             }
         }
         Ok(())
+    }
+
+    /// An intervention must concern somebody.
+    fn check_subject(&self, at: &str, one: &Intervention) -> Result<()> {
+        let (kind, names): (&str, Vec<String>) = match one.target {
+            Target::RobotSpeed(_) | Target::RobotOff => {
+                ("robot", self.robots.iter().map(|robot| robot.name.clone()).collect())
+            }
+            Target::HumanV(_) | Target::HumanGoal(_) => {
+                let ids = (0..self.people.len()).map(|index| self.person_id(index).to_string());
+                ("scripted person", ids.collect())
+            }
+        };
+        if names.iter().any(|name| one.concerns(name)) {
+            return Ok(());
+        }
+        let known: Vec<&str> = names.iter().map(String::as_str).filter(|name| !name.is_empty()).collect();
+        let known = match (names.is_empty(), known.is_empty()) {
+            (true, _) => format!("the scenario has no {kind}"),
+            (false, true) => format!("its one {kind} has no name: leave out the brackets"),
+            (false, false) => format!("allowed: {}", known.join(", ")),
+        };
+        Err(Error::param(at, format!("'{one}' concerns no {kind}; {known}")))
     }
 
     /// Track id of the person at this place in the list.

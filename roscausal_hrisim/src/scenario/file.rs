@@ -136,6 +136,9 @@ mod tests {
             ),
             ("interventions = ['robot.speed=0.2@-5..90']", "line 1", "0 or more"),
             ("interventions = ['human.goal=30,0@5..90']", "line 1", "outside the walls"),
+            ("interventions = ['human[7].v=1@5..90']", "line 1", "allowed: 1000"),
+            ("interventions = ['robot[a].off@5..90']", "line 1", "leave out the brackets"),
+            ("robots = []\ninterventions = ['robot.off@5..90']", "line 2", "has no robot"),
             ("noise.person_speed = inf", "line 1", "inf is not allowed"),
         ];
         for (text, place, reason) in cases {

@@ -157,6 +157,33 @@ impl Default for Noise {
     }
 }
 
+impl Scenario {
+    /// Adds interventions, each written such as `robot.speed=0.2@60..90`.
+    ///
+    /// # Errors
+    /// A text that is none, as an error of the parameter `do`; whether they fit the scenario, [`Scenario::check`] says.
+    pub fn add_interventions(&mut self, texts: &[String]) -> roscausal_core::Result<()> {
+        let mut whole: Vec<String> = Vec::new();
+        for text in texts {
+            match whole.last_mut() {
+                // A list that was split at the comma of a goal.
+                Some(open)
+                    if text.trim().starts_with(|c: char| c == '-' || c == '.' || c.is_ascii_digit()) =>
+                {
+                    open.push(',');
+                    open.push_str(text.trim());
+                }
+                _ => whole.push(text.trim().to_owned()),
+            }
+        }
+        for text in whole {
+            let one = text.parse().map_err(|reason: String| roscausal_core::Error::param("do", reason))?;
+            self.interventions.push(one);
+        }
+        Ok(())
+    }
+}
+
 impl Noise {
     /// No noise at all.
     pub const NONE: Self = Self {

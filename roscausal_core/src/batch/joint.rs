@@ -1,0 +1,351 @@
+//! Post-processed batches read back for one analysis: several recordings, several people, interventions.
+
+use std::{
+    collections::{BTreeMap, BTreeSet},
+    path::Path,
+    str::FromStr,
+};
+
+use ndarray::Array2;
+
+use super::{Table, header, pool::sidecar};
+use crate::{Error, Result, discovery::DataFrame};
+
+/// Fewer rows without a missing value than this tell nothing of one person.
+const FEWEST_ROWS: usize = 30;
+
+/// What is analysed when a batch has several people.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum People {
+    /// One model: each person is a recording of the same system.
+    #[default]
+    Pooled,
+    /// One model per person.
+    Each,
+    /// One model per person, and the pooled one last.
+    Both,
+    /// One model with the variables of all people.
+    Joint,
+}
+
+impl People {
+    /// The names users choose by.
+    pub const NAMES: [&'static str; 4] = ["pooled", "each", "both", "joint"];
+}
+
+impl FromStr for People {
+    type Err = String;
+
+    fn from_str(name: &str) -> std::result::Result<Self, String> {
+        match name {
+            "pooled" => Ok(Self::Pooled),
+            "each" => Ok(Self::Each),
+            "both" => Ok(Self::Both),
+            "joint" => Ok(Self::Joint),
+            other => Err(format!("'{other}' is unknown; allowed: {}", Self::NAMES.join(", "))),
+        }
+    }
+}
+
+/// What the metadata beside a batch says; a batch without any is complete.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Facts {
+    /// It has its full length.
+    pub complete: bool,
+    /// Frame of all places.
+    pub frame: String,
+    /// Columns of context.
+    pub context: Vec<String>,
+    /// Who is in it.
+    pub ids: Vec<u32>,
+}
+
+impl Facts {
+    /// The facts of the batch at `path`.
+    pub fn read(path: &Path) -> Self {
+        let name = path.file_name().map_or(String::new(), |name| name.to_string_lossy().into_owned());
+        let text = std::fs::read(path.with_file_name(sidecar(&name))).unwrap_or_default();
+        let json: serde_json::Value = serde_json::from_slice(&text).unwrap_or_default();
+        let items = |key: &str| json[key].as_array().cloned().unwrap_or_default();
+        Self {
+            complete: json["complete"].as_bool().unwrap_or(true),
+            frame: json["frame"].as_str().unwrap_or("map").to_owned(),
+            context: items("context").iter().filter_map(|item| item.as_str().map(str::to_owned)).collect(),
+            ids: items("ids").iter().filter_map(|id| id.as_u64().and_then(|id| id.try_into().ok())).collect(),
+        }
+    }
+}
+
+/// Batches that are analysed together.
+#[derive(Clone, Debug)]
+pub struct Joint {
+    tables: Vec<(Table, Facts)>,
+    /// Columns of context that vary, of all batches.
+    context: Vec<String>,
+    /// What the reader should know.
+    pub warnings: Vec<String>,
+}
+
+/// The data of one model.
+#[derive(Clone, Debug)]
+pub struct Part {
+    /// Whose model it is, when it is one person's.
+    pub person: Option<u32>,
+    /// The data.
+    pub data: DataFrame,
+    /// The variables that nothing may cause: interventions.
+    pub exogenous: Vec<String>,
+}
+
+impl Joint {
+    /// Reads batches and what stands beside them.
+    ///
+    /// # Errors
+    /// No batch, or one that cannot be read.
+    pub fn read(paths: &[impl AsRef<Path>]) -> Result<Self> {
+        let read = |path: &Path| Ok((Table::read(path, None)?, Facts::read(path)));
+        let tables: Vec<(Table, Facts)> =
+            paths.iter().map(|path| read(path.as_ref())).collect::<Result<_>>()?;
+        if tables.is_empty() {
+            return Err(Error::Data("there is no batch to analyse".into()));
+        }
+        let mut warnings: Vec<String> = tables.iter().flat_map(|(table, _)| table.warnings.clone()).collect();
+        let told: BTreeSet<&String> = tables
+            .iter()
+            .flat_map(|(table, facts)| facts.context.iter().filter(|name| table.names.contains(name)))
+            .collect();
+        let mut context = Vec::new();
+        for name in told {
+            let mut values = tables.iter().flat_map(|(table, _)| column(table, name));
+            let first = values.next();
+            if values.all(|value| Some(value) == first) {
+                warnings.push(format!("'{name}' is the same in all rows: the intervention is not analysed"));
+            } else {
+                context.push(name.clone());
+            }
+        }
+        warnings
+            .retain(|warning| !context.iter().any(|name| warning.contains(&format!("'{name}' is constant"))));
+        Ok(Self { tables, context, warnings })
+    }
+
+    /// Step between samples of the first batch, seconds.
+    pub fn dt(&self) -> Option<f64> {
+        self.tables[0].0.dt()
+    }
+
+    /// Stamps of the first and the last row, seconds, where the batches have times.
+    pub fn span(&self) -> (Option<f64>, Option<f64>) {
+        let first = self.tables.first().and_then(|(table, _)| table.time.as_ref()?.first().copied());
+        (first, self.tables.last().and_then(|(table, _)| table.time.as_ref()?.last().copied()))
+    }
+
+    /// Frame of the first batch.
+    pub fn frame(&self) -> &str {
+        &self.tables[0].1.frame
+    }
+
+    /// The data of each model that is asked for. With one person, or none, there is one.
+    ///
+    /// # Errors
+    /// Batches whose columns do not fit together, nobody with enough rows.
+    pub fn parts(&mut self, people: People) -> Result<Vec<Part>> {
+        let several = self.tables.iter().any(|(_, facts)| facts.ids.len() > 1);
+        if people == People::Joint || !several {
+            let recordings =
+                self.tables.iter().map(|(table, facts)| self.plain(table, facts)).collect::<Vec<_>>();
+            return Ok(vec![self.part(None, &recordings)?]);
+        }
+        let mut of: BTreeMap<u32, Vec<Named>> = BTreeMap::new();
+        for (table, facts) in &self.tables {
+            for id in &facts.ids {
+                of.entry(*id).or_default().push(self.of_person(table, facts, *id));
+            }
+        }
+        let mut parts = Vec::new();
+        if people != People::Pooled {
+            for (id, recordings) in &of {
+                let rows: usize = recordings.iter().map(complete_rows).sum();
+                if rows >= FEWEST_ROWS {
+                    parts.push(self.part(Some(*id), recordings)?);
+                } else {
+                    let note = format!("no model of person {id}: {rows} rows without a missing value");
+                    self.warnings.push(note);
+                }
+            }
+        }
+        if people != People::Each {
+            let all: Vec<Named> = of.into_values().flatten().filter(|one| complete_rows(one) > 0).collect();
+            if all.is_empty() {
+                return Err(Error::Data("no person has a row without a missing value".into()));
+            }
+            parts.push(self.part(None, &all)?);
+        }
+        if parts.is_empty() {
+            return Err(Error::Data(self.warnings.last().cloned().unwrap_or_default()));
+        }
+        Ok(parts)
+    }
+
+    /// All columns but those of context, which come last.
+    fn plain(&self, table: &Table, facts: &Facts) -> Named {
+        let names = table.names.iter().filter(|name| !facts.context.contains(name));
+        let columns: Named = names.map(|name| (name.clone(), column(table, name))).collect();
+        self.with_context(columns, table)
+    }
+
+    /// The columns of one person under the names that they have when she is alone, and those of nobody.
+    fn of_person(&self, table: &Table, facts: &Facts, id: u32) -> Named {
+        let mut columns = Named::new();
+        for name in table.names.iter().filter(|name| !facts.context.contains(name)) {
+            let name_alone = match person_of(name, &facts.ids) {
+                Some((of, alone)) if of == id => alone,
+                None => name.clone(),
+                // A batch with one person has plain names.
+                Some(_) => continue,
+            };
+            columns.push((name_alone, column(table, name)));
+        }
+        self.with_context(columns, table)
+    }
+
+    fn with_context(&self, mut columns: Named, table: &Table) -> Named {
+        let of = |name: &String| match table.names.contains(name) {
+            true => column(table, name),
+            // Batches from before the intervention was announced.
+            false => vec![0.0; table.values.nrows()],
+        };
+        columns.extend(self.context.iter().map(|name| (name.clone(), of(name))));
+        columns
+    }
+
+    fn part(&self, person: Option<u32>, recordings: &[Named]) -> Result<Part> {
+        let names: Vec<String> = recordings[0].iter().map(|(name, _)| name.clone()).collect();
+        let mut tables = Vec::new();
+        for columns in recordings {
+            let find =
+                |name: &String| columns.iter().find(|(other, _)| header::plain(other) == header::plain(name));
+            let mut found = Vec::new();
+            for name in &names {
+                let Some((_, values)) = find(name) else {
+                    let reason =
+                        format!("one batch has '{name}', another has not: they cannot be analysed together");
+                    return Err(Error::Data(reason));
+                };
+                found.push(values);
+            }
+            let rows = found.first().map_or(0, |values| values.len());
+            tables.push(Array2::from_shape_fn((rows, found.len()), |(row, i)| found[i][row]));
+        }
+        Ok(Part { person, data: DataFrame::new(tables, names)?, exogenous: self.context.clone() })
+    }
+}
+
+/// Columns with their names.
+type Named = Vec<(String, Vec<f64>)>;
+
+fn column(table: &Table, name: &str) -> Vec<f64> {
+    let place = table.names.iter().position(|other| other == name);
+    place.map_or(Vec::new(), |place| table.values.column(place).to_vec())
+}
+
+fn complete_rows(columns: &Named) -> usize {
+    let rows = columns.first().map_or(0, |(_, values)| values.len());
+    (0..rows).filter(|row| columns.iter().all(|(_, values)| values[*row].is_finite())).count()
+}
+
+/// Whose column it is, and its name when she is alone: `h_7_v` is `h_v` of 7, `near_7` is `near` of 7.
+fn person_of(name: &str, ids: &[u32]) -> Option<(u32, String)> {
+    ids.iter().find_map(|id| {
+        let own = name.strip_prefix(&format!("h_{id}_")).map(|rest| format!("h_{rest}"));
+        let alone = own.or_else(|| name.strip_suffix(&format!("_{id}")).map(str::to_owned))?;
+        Some((*id, alone))
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use std::{fs, path::PathBuf};
+
+    use super::*;
+
+    fn batch(dir: &Path, name: &str, csv: &str, facts: &str) -> PathBuf {
+        fs::write(dir.join(format!("{name}.json")), facts).expect("writes");
+        fs::write(dir.join(format!("{name}.csv")), csv).expect("writes");
+        dir.join(format!("{name}.csv"))
+    }
+
+    fn rows(part: &Part) -> Vec<Vec<f64>> {
+        part.data.recordings().iter().map(|recording| recording.iter().copied().collect()).collect()
+    }
+
+    fn two_people(dir: &Path) -> PathBuf {
+        let header = "time,h_3_v,h_7_v,near_3,near_7,r_v\n";
+        let lines: String = (0..40).map(|i| format!("{i},{i}.1,{i}.2,3,7,0.5\n")).collect();
+        batch(dir, "a", &format!("{header}{lines}"), r#"{"ids": [3, 7]}"#)
+    }
+
+    #[test]
+    fn each_person_is_a_recording_of_one_system() {
+        let dir = tempfile::tempdir().expect("a folder");
+        let mut joint = Joint::read(&[two_people(dir.path())]).expect("reads");
+        let parts = joint.parts(People::Pooled).expect("one part");
+        assert_eq!((parts.len(), parts[0].person), (1, None));
+        assert_eq!(parts[0].data.var_names(), ["h_v", "near", "r_v"]);
+        let rows = rows(&parts[0]);
+        assert_eq!(
+            (rows.len(), &rows[0][3..6], &rows[1][3..6]),
+            (2, &[1.1, 3.0, 0.5][..], &[1.2, 7.0, 0.5][..])
+        );
+    }
+
+    #[test]
+    fn models_per_person_come_before_the_pooled_one() {
+        let dir = tempfile::tempdir().expect("a folder");
+        let mut joint = Joint::read(&[two_people(dir.path())]).expect("reads");
+        let persons = |parts: Vec<Part>| parts.iter().map(|part| part.person).collect::<Vec<_>>();
+        assert_eq!(persons(joint.parts(People::Both).expect("parts")), [Some(3), Some(7), None]);
+        assert_eq!(persons(joint.parts(People::Each).expect("parts")), [Some(3), Some(7)]);
+        let all = joint.parts(People::Joint).expect("parts");
+        assert_eq!(all[0].data.var_names(), ["h_3_v", "h_7_v", "near_3", "near_7", "r_v"]);
+    }
+
+    #[test]
+    fn people_who_were_hardly_there_have_no_model_of_their_own() {
+        let dir = tempfile::tempdir().expect("a folder");
+        let late = |i: usize| if i < 35 { String::new() } else { i.to_string() };
+        let lines: String = (0..40).map(|i| format!("{i},{i},{}\n", late(i))).collect();
+        let path = batch(dir.path(), "a", &format!("time,h_3_v,h_7_v\n{lines}"), r#"{"ids": [3, 7]}"#);
+        let mut joint = Joint::read(&[path]).expect("reads");
+        assert_eq!(joint.parts(People::Each).expect("one").len(), 1);
+        assert!(joint.warnings.iter().any(|warning| warning.contains("person 7: 5 rows")));
+    }
+
+    #[test]
+    fn observed_and_intervened_batches_are_analysed_together() {
+        let dir = tempfile::tempdir().expect("a folder");
+        let free = batch(dir.path(), "a", "time,h_v,h_dg\n0,1,2\n1,2,3\n", r#"{"ids": [1], "context": []}"#);
+        let facts = r#"{"ids": [1], "context": ["do_robot_speed", "do_human_v"]}"#;
+        let csv = "time,h_v,h_dg,do_robot_speed,do_human_v\n5,1,2,0,0\n6,2,3,0.2,0\n";
+        let imposed = batch(dir.path(), "b", csv, facts);
+        let mut joint = Joint::read(&[free, imposed]).expect("reads");
+        let part = joint.parts(People::Pooled).expect("one").remove(0);
+        assert_eq!(part.data.var_names(), ["h_v", "h_dg", "do_robot_speed"]);
+        assert_eq!(part.exogenous, ["do_robot_speed"]);
+        assert_eq!(rows(&part), [[1.0, 2.0, 0.0, 2.0, 3.0, 0.0], [1.0, 2.0, 0.0, 2.0, 3.0, 0.2]]);
+        assert!(
+            joint.warnings.iter().any(|warning| warning.contains("'do_human_v' is the same in all rows"))
+        );
+        assert_eq!((joint.span(), joint.dt()), ((Some(0.0), Some(6.0)), Some(1.0)));
+    }
+
+    #[test]
+    fn batches_that_do_not_fit_are_refused() {
+        let dir = tempfile::tempdir().expect("a folder");
+        let one = batch(dir.path(), "a", "h_v,h_dg\n1,2\n", "{}");
+        let two = batch(dir.path(), "b", "h_v,h_risk\n1,2\n", "{}");
+        let error = Joint::read(&[one, two]).expect("reads").parts(People::Pooled).expect_err("do not fit");
+        assert!(error.to_string().contains("'h_dg'"), "{error}");
+        assert!(Joint::read(&[] as &[PathBuf]).is_err());
+    }
+}

@@ -1,0 +1,141 @@
+use super::svg::{FAINT, INK, Point, Svg};
+
+const WIDTH: f64 = 460.0;
+const HEIGHT: f64 = 250.0;
+/// Room for the numbers at the left and below.
+const MARGIN: (f64, f64) = (52.0, 40.0);
+const TITLE: f64 = 40.0;
+const PER_ROW: usize = 2;
+/// Told apart by people who see few colours (Okabe and Ito 2008), and by their dots.
+const COLOURS: [&str; 6] = ["#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9"];
+
+/// A named line through points `(x, y)`; points that are not finite are left out.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Curve {
+    /// What it is.
+    pub name: String,
+    /// Its points, `x` rising.
+    pub points: Vec<(f64, f64)>,
+}
+
+/// Curves on common axes.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Panel {
+    /// What is drawn.
+    pub title: String,
+    /// Bottom and top of the vertical axis; `None`: from 0 to the largest value.
+    pub range: Option<(f64, f64)>,
+    /// The curves.
+    pub curves: Vec<Curve>,
+}
+
+/// Panels over the same horizontal axis as SVG, two in a row.
+pub fn curves(title: &str, x_label: &str, panels: &[Panel]) -> String {
+    let rows = panels.len().div_ceil(PER_ROW).max(1);
+    let mut svg = Svg::new(WIDTH * PER_ROW as f64, TITLE + HEIGHT * rows as f64);
+    svg.text(Point::new(14.0, 24.0), 14.0, "start", INK, title);
+    for (place, panel) in panels.iter().enumerate() {
+        let at = Point::new(WIDTH * (place % PER_ROW) as f64, TITLE + HEIGHT * (place / PER_ROW) as f64);
+        draw(&mut svg, at, x_label, panel);
+    }
+    svg.finish()
+}
+
+fn draw(svg: &mut Svg, at: Point, x_label: &str, panel: &Panel) {
+    let points =
+        || panel.curves.iter().flat_map(|curve| &curve.points).filter(|p| p.0.is_finite() && p.1.is_finite());
+    let largest = points().map(|p| p.1).fold(0.0, f64::max);
+    let (low, high) = panel.range.unwrap_or((0.0, if largest > 0.0 { 1.08 * largest } else { 1.0 }));
+    let from = points().map(|p| p.0).fold(f64::INFINITY, f64::min).min(0.0);
+    let to = points().map(|p| p.0).fold(f64::NEG_INFINITY, f64::max);
+    let to = if to > from { to } else { from + 1.0 };
+    let (left, right) = (at.x + MARGIN.0, at.x + WIDTH - 18.0);
+    let (top, bottom) = (at.y + 26.0, at.y + HEIGHT - MARGIN.1);
+    let x = |value: f64| left + (right - left) * (value - from) / (to - from);
+    let y = |value: f64| bottom - (bottom - top) * (value - low) / (high - low);
+
+    svg.text(Point::new(left, at.y + 16.0), 12.0, "start", INK, &panel.title);
+    for tick in 0..=4 {
+        let value = low + (high - low) * f64::from(tick) / 4.0;
+        svg.raw(&format!(
+            "<path d=\"M {left:.1} {y:.1} H {right:.1}\" stroke=\"{FAINT}\" stroke-width=\"0.5\"/>",
+            y = y(value)
+        ));
+        svg.text(Point::new(left - 6.0, y(value) + 4.0), 10.0, "end", INK, &short(value));
+    }
+    let mut ticks: Vec<f64> = points().map(|p| p.0).collect();
+    ticks.sort_by(f64::total_cmp);
+    ticks.dedup();
+    let mut last = f64::NEG_INFINITY;
+    for tick in ticks {
+        if x(tick) - last > 24.0 {
+            last = x(tick);
+            svg.text(Point::new(last, bottom + 14.0), 10.0, "middle", INK, &short(tick));
+        }
+    }
+    svg.text(Point::new((left + right) / 2.0, bottom + 30.0), 11.0, "middle", INK, x_label);
+
+    for (i, curve) in panel.curves.iter().enumerate() {
+        let colour = COLOURS[i % COLOURS.len()];
+        let finite: Vec<Point> = curve
+            .points
+            .iter()
+            .filter(|p| p.0.is_finite() && p.1.is_finite())
+            .map(|p| Point::new(x(p.0), y(p.1)))
+            .collect();
+        let path: Vec<String> = finite.iter().map(|p| format!("{:.1} {:.1}", p.x, p.y)).collect();
+        if !path.is_empty() {
+            svg.raw(&format!(
+                "<path d=\"M {}\" fill=\"none\" stroke=\"{colour}\" stroke-width=\"2\"/>",
+                path.join(" L ")
+            ));
+        }
+        for p in finite {
+            svg.raw(&format!("<circle cx=\"{:.1}\" cy=\"{:.1}\" r=\"3\" fill=\"{colour}\"/>", p.x, p.y));
+        }
+        // The names stand below each other at the lower right, where recall curves are not.
+        let line = panel.curves.len() - i;
+        let name = Point::new(right - 4.0, bottom + 8.0 - 15.0 * line as f64);
+        svg.text(name, 11.0, "end", colour, &curve.name);
+    }
+}
+
+/// A number in few characters: 300, 3.33, 0.025.
+fn short(value: f64) -> String {
+    let text = if value.abs() >= 100.0 { format!("{value:.0}") } else { format!("{value:.3}") };
+    match text.contains('.') {
+        true => text.trim_end_matches('0').trim_end_matches('.').to_owned(),
+        false => text,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_finite_point_is_drawn_in_its_place() {
+        let curve =
+            Curve { name: "a → b".into(), points: vec![(0.0, 0.0), (100.0, 1.0), (200.0, f64::NAN)] };
+        let panel = Panel { title: "recall".into(), range: Some((0.0, 1.0)), curves: vec![curve] };
+        let svg = curves("title", "length (s)", &[panel]);
+        assert_eq!(svg.matches("<circle").count(), 2);
+        assert!(
+            svg.contains("cx=\"52.0\" cy=\"250.0\"") && svg.contains("cx=\"442.0\" cy=\"66.0\""),
+            "{svg}"
+        );
+        assert!(svg.contains("a → b") && svg.contains("length (s)") && !svg.contains("NaN"));
+    }
+
+    #[test]
+    fn nothing_at_all_is_a_picture_too() {
+        assert!(curves("", "", &[]).starts_with("<svg"));
+        let empty = Panel { title: String::new(), range: None, curves: vec![] };
+        assert!(!curves("", "", &[empty]).contains("inf"));
+    }
+
+    #[test]
+    fn numbers_are_short() {
+        assert_eq!([300.0, 3.333_333, 0.025, 100.0, 0.0].map(short), ["300", "3.333", "0.025", "100", "0"]);
+    }
+}

@@ -1,0 +1,288 @@
+//! Driving the first person from a keyboard, with a small map of the place in the terminal; on any middleware.
+//!
+//! Out: `/ped/control/cmd_vel`, `twist_mux/scaling_factor`, `/hri/control`. In, for the map:
+//! `/ped/control/teleop_persons`, `/robot_pose`, `/hri/human_goals`, `/pedsim_simulator/simulated_agents`.
+
+use std::{
+    io::{IsTerminal, Write},
+    time::{Duration, Instant},
+};
+
+use crossterm::{
+    cursor,
+    event::{self, Event as TerminalEvent, KeyCode, KeyEvent, KeyEventKind, KeyModifiers},
+    queue,
+    style::Print,
+    terminal,
+};
+use roscausal_core::{
+    Error, Result,
+    inbox::{Inbox, Next},
+    middleware::{Middleware, Publish, Qos},
+};
+use roscausal_msgs::{
+    geometry_msgs::{PoseWithCovarianceStamped, Twist, Vector3},
+    pedsim_msgs::{AgentStates, TrackedPersons},
+    std_msgs::{Float64, String as Text},
+};
+
+use crate::{geometry::Vec2, person::Teleop};
+
+/// Speeds at the keys, m/s and rad/s.
+const FORWARD: f64 = 1.5;
+const TURN: f64 = 1.0;
+/// Half of the side of the map that is shown, metres, and its size in characters.
+const HALF: f64 = 10.5;
+const COLUMNS: usize = 63;
+const ROWS: usize = 32;
+const REDRAW: Duration = Duration::from_millis(100);
+const KEYS: &str = "arrows or i j k l , drive   k/space stop   a s d robot speed 0.5 1 2   p pause  r resume  n step  \
+                    0 reset  o she walks by herself  q quit";
+
+/// What a key does.
+#[derive(Clone, Debug, PartialEq)]
+enum Action {
+    /// She walks so from now on.
+    Drive(Teleop),
+    /// Scales the robots' speeds.
+    Scale(f64),
+    /// A word for the simulator.
+    Control(&'static str),
+    Quit,
+}
+
+/// The action of a key while she walks as `now`; `None` for keys that mean nothing.
+fn action(key: KeyEvent, now: Teleop) -> Option<Action> {
+    use Action::{Control, Drive, Quit, Scale};
+    if key.modifiers.contains(KeyModifiers::CONTROL) {
+        return (key.code == KeyCode::Char('c')).then_some(Quit);
+    }
+    Some(match key.code {
+        KeyCode::Up | KeyCode::Char('i') => Drive(Teleop { v: FORWARD, omega: 0.0 }),
+        KeyCode::Down | KeyCode::Char(',') => Drive(Teleop { v: -FORWARD / 2.0, omega: 0.0 }),
+        KeyCode::Left | KeyCode::Char('j') => Drive(Teleop { omega: TURN, ..now }),
+        KeyCode::Right | KeyCode::Char('l') => Drive(Teleop { omega: -TURN, ..now }),
+        KeyCode::Char('k' | ' ') => Drive(Teleop::default()),
+        KeyCode::Char('a') => Scale(0.5),
+        KeyCode::Char('s') => Scale(1.0),
+        KeyCode::Char('d') => Scale(2.0),
+        KeyCode::Char('p') => Control("pause"),
+        KeyCode::Char('r') => Control("resume"),
+        KeyCode::Char('n') => Control("step"),
+        KeyCode::Char('0') => Control("reset"),
+        KeyCode::Char('o') => Control("autonomous"),
+        KeyCode::Char('q') | KeyCode::Esc => Quit,
+        _ => return None,
+    })
+}
+
+/// What the map shows.
+#[derive(Clone, Debug, Default, PartialEq)]
+struct View {
+    people: Vec<Vec2>,
+    goals: Vec<Vec2>,
+    crowd: Vec<Vec2>,
+    robot: Option<Vec2>,
+}
+
+impl View {
+    /// The map as lines of text: `P` people, `x` goals, `R` the robot, `o` pedestrians.
+    fn lines(&self) -> Vec<String> {
+        let mut map = vec![vec![' '; COLUMNS]; ROWS];
+        let mut mark = |place: &Vec2, sign: char| {
+            let column = (place.x + HALF) / (2.0 * HALF) * COLUMNS as f64;
+            let row = (HALF - place.y) / (2.0 * HALF) * ROWS as f64;
+            // Casts saturate: who is outside of the map, or nowhere, is not drawn.
+            if column >= 0.0
+                && row >= 0.0
+                && let Some(cell) = map.get_mut(row as usize).and_then(|row| row.get_mut(column as usize))
+            {
+                *cell = sign;
+            }
+        };
+        self.goals.iter().for_each(|place| mark(place, 'x'));
+        self.crowd.iter().for_each(|place| mark(place, 'o'));
+        self.robot.iter().for_each(|place| mark(place, 'R'));
+        self.people.iter().for_each(|place| mark(place, 'P'));
+        let edge = format!("+{}+", "-".repeat(COLUMNS));
+        let rows = map.into_iter().map(|row| format!("|{}|", row.into_iter().collect::<String>()));
+        std::iter::once(edge.clone()).chain(rows).chain([edge]).collect()
+    }
+}
+
+enum Event {
+    People(Vec<Vec2>),
+    Goals(Vec<Vec2>),
+    Crowd(Vec<Vec2>),
+    Robot(Vec2),
+}
+
+/// Raw mode and another screen while it lives.
+struct Screen;
+
+impl Screen {
+    fn open() -> Result<Self> {
+        let fault = |e: std::io::Error| Error::Data(format!("the terminal cannot be used for driving: {e}"));
+        terminal::enable_raw_mode().map_err(fault)?;
+        let screen = Self;
+        queue!(std::io::stdout(), terminal::EnterAlternateScreen, cursor::Hide).map_err(fault)?;
+        Ok(screen)
+    }
+
+    fn draw(lines: &[String]) -> std::io::Result<()> {
+        let mut out = std::io::stdout();
+        for (row, line) in lines.iter().enumerate() {
+            let row = u16::try_from(row).unwrap_or(u16::MAX);
+            queue!(
+                out,
+                cursor::MoveTo(0, row),
+                Print(line),
+                terminal::Clear(terminal::ClearType::UntilNewLine)
+            )?;
+        }
+        out.flush()
+    }
+}
+
+impl Drop for Screen {
+    fn drop(&mut self) {
+        let _ = queue!(std::io::stdout(), cursor::Show, terminal::LeaveAlternateScreen);
+        let _ = std::io::stdout().flush();
+        let _ = terminal::disable_raw_mode();
+    }
+}
+
+/// Drives until `q` is pressed or the middleware ends.
+///
+/// # Errors
+/// No terminal, or a topic that the middleware refuses.
+pub fn teleop<M: Middleware>(mw: &M) -> Result<()> {
+    if !std::io::stdin().is_terminal() || !std::io::stdout().is_terminal() {
+        return Err(Error::Data("driving needs a terminal: start it in one, without pipes".into()));
+    }
+    let qos = Qos::Volatile(10);
+    let drive = mw.advertise::<Twist>("/ped/control/cmd_vel", qos)?;
+    let scale = mw.advertise::<Float64>("twist_mux/scaling_factor", qos)?;
+    let control = mw.advertise::<Text>("/hri/control", qos)?;
+    let inbox = Inbox::detached(mw, 100);
+    let _inputs = subscribe(mw, &inbox)?;
+    let _screen = Screen::open()?;
+    let fault = |e: std::io::Error| Error::Data(format!("the terminal is gone: {e}"));
+    let (mut view, mut now, mut said) = (View::default(), Teleop::default(), String::new());
+    let mut drawn: Option<Instant> = None;
+    while mw.is_ok() {
+        while let Next::Event(event) = inbox.next(mw, Some(mw.now())) {
+            match event {
+                Event::People(people) => view.people = people,
+                Event::Goals(goals) => view.goals = goals,
+                Event::Crowd(crowd) => view.crowd = crowd,
+                Event::Robot(robot) => view.robot = Some(robot),
+            }
+        }
+        if drawn.is_none_or(|drawn| drawn.elapsed() >= REDRAW) {
+            drawn = Some(Instant::now());
+            let mut lines = view.lines();
+            lines.push(format!("{:.1} m/s  {:+.1} rad/s  {said}", now.v, now.omega));
+            lines.push(KEYS.to_owned());
+            Screen::draw(&lines).map_err(fault)?;
+        }
+        if !event::poll(REDRAW / 5).map_err(fault)? {
+            continue;
+        }
+        let TerminalEvent::Key(key) = event::read().map_err(fault)? else { continue };
+        if key.kind == KeyEventKind::Release {
+            continue;
+        }
+        match action(key, now) {
+            None => {}
+            Some(Action::Quit) => return Ok(()),
+            Some(Action::Drive(wish)) => {
+                now = wish;
+                let mut twist = Twist { linear: Vector3 { x: wish.v, y: 0.0, z: 0.0 }, ..Twist::default() };
+                twist.angular.z = wish.omega;
+                drive.publish(&twist)?;
+                said = "you drive".into();
+            }
+            Some(Action::Scale(factor)) => {
+                scale.publish(&Float64 { data: factor })?;
+                said = format!("robot speed x {factor}");
+            }
+            Some(Action::Control(word)) => {
+                control.publish(&Text { data: word.to_owned() })?;
+                said = word.to_owned();
+            }
+        }
+    }
+    Ok(())
+}
+
+fn subscribe<M: Middleware>(mw: &M, inbox: &Inbox<Event>) -> Result<Vec<M::Subscription>> {
+    let qos = Qos::Volatile(10);
+    let places = |message: TrackedPersons| -> Vec<Vec2> {
+        let place = |t: roscausal_msgs::pedsim_msgs::TrackedPerson| {
+            Vec2::new(t.pose.pose.position.x, t.pose.pose.position.y)
+        };
+        message.tracks.into_iter().map(place).collect()
+    };
+    let (people, goals, crowd, robot) = (inbox.sender(), inbox.sender(), inbox.sender(), inbox.sender());
+    Ok(vec![
+        mw.subscribe("/ped/control/teleop_persons", qos, move |m| people.send(Event::People(places(m))))?,
+        mw.subscribe("/hri/human_goals", Qos::Latched, move |m| goals.send(Event::Goals(places(m))))?,
+        mw.subscribe("/pedsim_simulator/simulated_agents", qos, move |m: AgentStates| {
+            let place = |agent: &roscausal_msgs::pedsim_msgs::AgentState| {
+                Vec2::new(agent.pose.position.x, agent.pose.position.y)
+            };
+            crowd.send(Event::Crowd(m.agent_states.iter().map(place).collect()));
+        })?,
+        mw.subscribe("/robot_pose", qos, move |m: PoseWithCovarianceStamped| {
+            robot.send(Event::Robot(Vec2::new(m.pose.pose.position.x, m.pose.pose.position.y)));
+        })?,
+    ])
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn press(code: KeyCode, now: Teleop) -> Option<Action> {
+        action(KeyEvent::new(code, KeyModifiers::NONE), now)
+    }
+
+    #[test]
+    fn arrows_and_letters_drive_and_turning_keeps_the_speed() {
+        let ahead = Teleop { v: FORWARD, omega: 0.0 };
+        for (arrow, letter) in
+            [(KeyCode::Up, 'i'), (KeyCode::Down, ','), (KeyCode::Left, 'j'), (KeyCode::Right, 'l')]
+        {
+            assert_eq!(press(arrow, ahead), press(KeyCode::Char(letter), ahead));
+        }
+        assert_eq!(press(KeyCode::Up, Teleop::default()), Some(Action::Drive(ahead)));
+        assert_eq!(press(KeyCode::Left, ahead), Some(Action::Drive(Teleop { v: FORWARD, omega: TURN })));
+        assert_eq!(press(KeyCode::Char('k'), ahead), Some(Action::Drive(Teleop::default())));
+    }
+
+    #[test]
+    fn the_originals_keys_scale_the_robots_speed_and_others_do_nothing() {
+        for (key, factor) in [('a', 0.5), ('s', 1.0), ('d', 2.0)] {
+            assert_eq!(press(KeyCode::Char(key), Teleop::default()), Some(Action::Scale(factor)));
+        }
+        assert_eq!(press(KeyCode::Char('z'), Teleop::default()), None);
+        let control_c = KeyEvent::new(KeyCode::Char('c'), KeyModifiers::CONTROL);
+        assert_eq!(action(control_c, Teleop::default()), Some(Action::Quit));
+    }
+
+    #[test]
+    fn the_map_shows_who_is_where_and_nobody_outside() {
+        let view = View {
+            people: vec![Vec2::ZERO, Vec2::new(f64::NAN, 0.0), Vec2::new(1e9, -1e9)],
+            goals: vec![Vec2::new(-10.0, 10.0)],
+            crowd: vec![Vec2::new(10.0, -10.0)],
+            robot: Some(Vec2::new(5.0, 0.0)),
+        };
+        let lines = view.lines();
+        assert_eq!((lines.len(), lines[0].len()), (ROWS + 2, COLUMNS + 2));
+        assert_eq!(lines.concat().matches('P').count(), 1);
+        assert_eq!((lines[1].find('x'), lines[ROWS].find('o')), (Some(2), Some(62)));
+        assert!(lines[ROWS / 2 + 1].find('P') < lines[ROWS / 2 + 1].find('R'));
+    }
+}

@@ -1,0 +1,197 @@
+//! What an experiment varies: scenarios, lengths, steps, risks, tests and methods.
+
+use roscausal_core::{Error, Result, batch::risk::RiskModel, discovery::analysis::Settings};
+use serde::{Deserialize, Serialize};
+
+/// Everything that makes a run but its seed.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub(crate) struct Setting {
+    pub(crate) scenario: String,
+    /// Seconds recorded.
+    pub(crate) length: f64,
+    /// Seconds between samples.
+    pub(crate) step: f64,
+    pub(crate) risk_model: String,
+    pub(crate) risk_lag: usize,
+    pub(crate) method: String,
+    pub(crate) test: String,
+}
+
+/// The values of each factor, the base first.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct Grid {
+    pub(crate) scenarios: Vec<String>,
+    pub(crate) lengths: Vec<f64>,
+    pub(crate) steps: Vec<f64>,
+    pub(crate) risk_models: Vec<String>,
+    pub(crate) risk_lags: Vec<usize>,
+    pub(crate) methods: Vec<String>,
+    pub(crate) tests: Vec<String>,
+}
+
+/// Lengths and steps that a recording may have, seconds.
+const LENGTHS: (f64, f64) = (20.0, 100_000.0);
+const STEPS: (f64, f64) = (0.04, 10.0);
+
+impl Grid {
+    /// Checks every value.
+    ///
+    /// # Errors
+    /// The first one that is not allowed, with what is.
+    pub(crate) fn check(&self, analysis: &Settings) -> Result<()> {
+        let within = |name: &str, values: &[f64], (low, high): (f64, f64)| match values
+            .iter()
+            .find(|value| !(low..=high).contains(*value))
+        {
+            Some(value) => {
+                Err(Error::param(name, format!("{value} is not a number of seconds from {low} to {high}")))
+            }
+            None => Ok(()),
+        };
+        within("lengths", &self.lengths, LENGTHS)?;
+        within("steps", &self.steps, STEPS)?;
+        for model in &self.risk_models {
+            model.parse::<RiskModel>().map_err(|reason| Error::param("risk-models", reason))?;
+        }
+        if let Some(lag) = self.risk_lags.iter().find(|lag| **lag > 1) {
+            return Err(Error::param("risk-lags", format!("{lag} is not allowed; use 0 or 1")));
+        }
+        self.settings(true).iter().try_for_each(|setting| setting.analysis(analysis).check())
+    }
+
+    /// The settings of a sweep: the base, and each other value of each factor with the rest at the base; with
+    /// `cross`, every combination.
+    pub(crate) fn settings(&self, cross: bool) -> Vec<Setting> {
+        let mut settings = Vec::new();
+        for (a, scenario) in self.scenarios.iter().enumerate() {
+            for (b, &length) in self.lengths.iter().enumerate() {
+                for (c, &step) in self.steps.iter().enumerate() {
+                    for (d, risk_model) in self.risk_models.iter().enumerate() {
+                        for (e, &risk_lag) in self.risk_lags.iter().enumerate() {
+                            for (f, method) in self.methods.iter().enumerate() {
+                                for (g, test) in self.tests.iter().enumerate() {
+                                    let off_base =
+                                        [a, b, c, d, e, f, g].iter().filter(|place| **place > 0).count();
+                                    if cross || off_base < 2 {
+                                        settings.push(Setting {
+                                            scenario: scenario.clone(),
+                                            length,
+                                            step,
+                                            risk_model: risk_model.clone(),
+                                            risk_lag,
+                                            method: method.clone(),
+                                            test: test.clone(),
+                                        });
+                                    }
+                                }
+                            }
+                        }
+                    }
+                }
+            }
+        }
+        settings
+    }
+}
+
+impl Setting {
+    /// The analysis of this setting: its method and test, the rest as in `base`.
+    pub(crate) fn analysis(&self, base: &Settings) -> Settings {
+        Settings {
+            method: self.method.clone(),
+            cond_ind_test: self.test.clone(),
+            tau_min: if self.method == "pcmciplus" { 0 } else { base.tau_min },
+            ..base.clone()
+        }
+    }
+
+    /// The values of the setting as cells of a table; [`Setting::HEADER`] names them.
+    pub(crate) fn cells(&self) -> [String; 7] {
+        [
+            self.scenario.clone(),
+            self.length.to_string(),
+            self.step.to_string(),
+            self.risk_model.clone(),
+            self.risk_lag.to_string(),
+            self.method.clone(),
+            self.test.clone(),
+        ]
+    }
+
+    /// Names of [`Setting::cells`].
+    pub(crate) const HEADER: [&str; 7] =
+        ["scenario", "length_s", "step_s", "risk_model", "risk_lag", "method", "test"];
+}
+
+/// Seeds from `A..B`, both ends included, or a single one.
+pub(crate) fn seeds(text: &str) -> Result<Vec<u64>> {
+    let fault = || Error::param("seeds", format!("'{text}' is no range of seeds; write it as 1..20"));
+    let (first, last) = text.split_once("..").unwrap_or((text, text));
+    let number = |text: &str| text.trim_start_matches('=').trim().parse::<u64>().map_err(|_| fault());
+    let (first, last) = (number(first)?, number(last)?);
+    if last < first || last - first >= 1_000_000 {
+        return Err(fault());
+    }
+    Ok((first..=last).collect())
+}
+
+/// The share `I/N` of the jobs that this process does: those whose number leaves the rest `I - 1` by `N`.
+pub(crate) fn shard(text: &str) -> Result<(usize, usize)> {
+    let fault = || Error::param("shard", format!("'{text}' is no share; write 1/4 to 4/4 for four machines"));
+    let (i, n) = text.split_once('/').ok_or_else(fault)?;
+    match (i.trim().parse::<usize>(), n.trim().parse::<usize>()) {
+        (Ok(i), Ok(n)) if (1..=n).contains(&i) => Ok((i, n)),
+        _ => Err(fault()),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn grid() -> Grid {
+        let texts = |texts: &[&str]| texts.iter().map(|text| (*text).to_owned()).collect();
+        Grid {
+            scenarios: texts(&["encounters", "encounters_ignored"]),
+            lengths: vec![300.0, 75.0, 150.0],
+            steps: vec![0.3, 0.1],
+            risk_models: texts(&["v1_1"]),
+            risk_lags: vec![1, 0],
+            methods: texts(&["fpcmci", "pcmci"]),
+            tests: texts(&["gpdc"]),
+        }
+    }
+
+    #[test]
+    fn a_sweep_varies_one_factor_at_a_time_around_the_base() {
+        let settings = grid().settings(false);
+        assert_eq!(settings.len(), 1 + 1 + 2 + 1 + 1 + 1);
+        assert_eq!((settings[0].length, settings[0].step), (300.0, 0.3));
+        assert!(settings.iter().all(|s| s.scenario == "encounters" || s.length == 300.0));
+        assert_eq!(grid().settings(true).len(), 2 * 3 * 2 * 2 * 2);
+    }
+
+    #[test]
+    fn values_that_make_no_sense_are_refused_by_name() {
+        let refusal = |change: fn(&mut Grid)| {
+            let mut grid = grid();
+            change(&mut grid);
+            grid.check(&Settings::default()).expect_err("is refused").to_string()
+        };
+        assert!(refusal(|grid| grid.lengths.push(-5.0)).contains("'lengths': -5"));
+        assert!(refusal(|grid| grid.steps.push(f64::NAN)).contains("'steps': NaN"));
+        assert!(refusal(|grid| grid.risk_models.push("v2".into())).contains("v1_0"));
+        assert!(refusal(|grid| grid.risk_lags.push(2)).contains("0 or 1"));
+        assert!(refusal(|grid| grid.tests.push("gpcd".into())).contains("gpdc"));
+        assert!(grid().check(&Settings::default()).is_ok());
+    }
+
+    #[test]
+    fn seeds_are_a_range_with_both_ends_and_shards_count_from_one() {
+        assert_eq!(seeds("1..3").expect("a range"), [1, 2, 3]);
+        assert_eq!(seeds("7").expect("one"), [7]);
+        assert!(seeds("3..1").is_err() && seeds("five").is_err());
+        assert_eq!(shard("2/4").expect("a share"), (2, 4));
+        assert!(shard("0/4").is_err() && shard("5/4").is_err() && shard("1").is_err());
+    }
+}

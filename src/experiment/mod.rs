@@ -1,0 +1,284 @@
+//! `roscausal experiment`: the whole chain over seeds and settings; how often each link is found.
+
+mod grid;
+mod recordings;
+mod report;
+mod runs;
+
+use std::{
+    path::{Path, PathBuf},
+    sync::{
+        Mutex, PoisonError,
+        atomic::{AtomicUsize, Ordering},
+    },
+    thread,
+};
+
+use clap::{Args as ClapArgs, Subcommand};
+use indicatif::ProgressBar;
+use roscausal_core::{
+    Error, Result,
+    discovery::analysis::{PcAlpha, Settings},
+};
+use roscausal_hrisim::Scenario;
+
+use crate::{chart, interrupt::Interrupt, output};
+use grid::{Grid, Setting};
+use recordings::record;
+use runs::{Common, Run};
+
+/// The scenario that is recommended for finding the paper's links, its controls, and the length to record.
+const RECOMMENDED: [&str; 3] = ["encounters", "encounters_ignored", "encounters_unslowed"];
+const RECOMMENDED_LENGTH: f64 = 300.0;
+
+/// Arguments of `roscausal experiment`.
+#[derive(ClapArgs)]
+#[command(args_conflicts_with_subcommands = true)]
+pub(crate) struct Args {
+    #[command(subcommand)]
+    command: Option<Command>,
+    #[command(flatten)]
+    sweep: Sweep,
+}
+
+#[derive(Subcommand)]
+enum Command {
+    /// Join the results of several `--shard`s, or of several experiments, into one folder.
+    Merge {
+        /// Folders that `roscausal experiment --out` made.
+        #[arg(required = true, value_name = "DIR")]
+        from: Vec<PathBuf>,
+        /// Folder for the joined runs, tables and plots.
+        #[arg(long, value_name = "DIR", default_value = "roscausal_experiment")]
+        out: PathBuf,
+    },
+}
+
+/// What to run. Factors take several values, separated by commas: the first of each is the base, and one factor at
+/// a time takes its other values (with `--cross`, every combination is run).
+#[derive(ClapArgs)]
+struct Sweep {
+    /// The recommended scenario and its two negative controls, at the recommended length; nothing else varies.
+    #[arg(long, conflicts_with_all = ["scenarios", "lengths", "steps", "risk_models", "risk_lags", "methods", "tests"])]
+    default: bool,
+    /// Seeds of the simulation, both ends included.
+    #[arg(long, default_value = "1..20", value_name = "A..B")]
+    seeds: String,
+    /// Scenarios: built-in names or TOML files.
+    #[arg(long, alias = "scenario", value_delimiter = ',', default_value = "encounters")]
+    scenarios: Vec<String>,
+    /// Seconds recorded.
+    #[arg(long, value_delimiter = ',', default_values_t = [300.0, 75.0, 150.0, 600.0])]
+    lengths: Vec<f64>,
+    /// Seconds between samples.
+    #[arg(long, value_delimiter = ',', default_values_t = [0.3, 0.1, 0.2, 0.5, 1.0])]
+    steps: Vec<f64>,
+    /// Versions of the risk: v1_1, v1_0, paper.
+    #[arg(long, value_delimiter = ',', default_values_t = ["v1_1", "v1_0", "paper"].map(str::to_owned))]
+    risk_models: Vec<String>,
+    /// Samples the risk is late by: 0 or 1.
+    #[arg(long, value_delimiter = ',', default_values_t = [1, 0])]
+    risk_lags: Vec<usize>,
+    /// Discovery methods.
+    #[arg(long, alias = "method", value_delimiter = ',', default_values_t = ["fpcmci", "pcmci"].map(str::to_owned))]
+    methods: Vec<String>,
+    /// Independence tests.
+    #[arg(long, alias = "test", value_delimiter = ',', default_values_t = ["gpdc", "parcorr"].map(str::to_owned))]
+    tests: Vec<String>,
+    /// Intervene in every run, such as `robot.speed=0.2@60..90`; may be given several times.
+    #[arg(long = "do", value_name = "WHAT@FROM..TO")]
+    interventions: Vec<String>,
+    /// Run every combination of the values.
+    #[arg(long)]
+    cross: bool,
+    /// Standard deviation of the noise on the risk's exponent (0.02 in the authors' published data).
+    #[arg(long, default_value_t = 0.02)]
+    risk_noise: f64,
+    /// Significance level of a link, in (0, 1).
+    #[arg(long, default_value_t = 0.05)]
+    alpha: f64,
+    /// Level of the condition selection, in (0, 1); default: the method's own.
+    #[arg(long)]
+    pc_alpha: Option<f64>,
+    /// Largest lag, in samples.
+    #[arg(long, default_value_t = 1)]
+    tau_max: usize,
+    /// Runs at a time; default: one per core. The results do not depend on it.
+    #[arg(long)]
+    threads: Option<usize>,
+    /// Do only a share of the work, such as 2/8; join the folders with `roscausal experiment merge`.
+    #[arg(long, value_name = "I/N")]
+    shard: Option<String>,
+    /// Folder for recall.csv, scores.csv, runs.csv, plots and one file per run; runs whose file is there are not run
+    /// again.
+    #[arg(long, value_name = "DIR", default_value = "roscausal_experiment")]
+    out: PathBuf,
+}
+
+/// Runs `roscausal experiment`.
+pub(crate) fn run(args: &Args, interrupt: &Interrupt) -> Result<()> {
+    let (out, runs) = match &args.command {
+        Some(Command::Merge { from, out }) => (out, merge(from, out)?),
+        None => (&args.sweep.out, args.sweep.run(interrupt)?),
+    };
+    for (name, text) in report::files(&runs) {
+        output::write_file(out, name, text.as_bytes())?;
+    }
+    println!(
+        "{}\n\n{}: recall.csv, scores.csv, runs.csv, length.svg, step.svg",
+        report::text(&runs),
+        out.display()
+    );
+    Ok(())
+}
+
+/// Copies the runs of all folders into one.
+fn merge(from: &[PathBuf], out: &Path) -> Result<Vec<Run>> {
+    for folder in from {
+        Run::all(folder)?.iter().try_for_each(|run| run.write(out))?;
+    }
+    Run::all(out)
+}
+
+/// One simulation, and the settings that are analysed on it.
+struct Job {
+    scenario: Scenario,
+    seed: u64,
+    settings: Vec<Setting>,
+}
+
+impl Sweep {
+    fn grid(&self) -> Grid {
+        let mut grid = Grid {
+            scenarios: self.scenarios.clone(),
+            lengths: self.lengths.clone(),
+            steps: self.steps.clone(),
+            risk_models: self.risk_models.clone(),
+            risk_lags: self.risk_lags.clone(),
+            methods: self.methods.clone(),
+            tests: self.tests.clone(),
+        };
+        if self.default {
+            grid.scenarios = RECOMMENDED.map(str::to_owned).to_vec();
+            grid.lengths = vec![RECOMMENDED_LENGTH];
+            grid.steps.truncate(1);
+            grid.risk_models.truncate(1);
+            grid.risk_lags.truncate(1);
+            grid.methods.truncate(1);
+            grid.tests.truncate(1);
+        }
+        grid
+    }
+
+    fn analysis(&self) -> Result<Settings> {
+        if !(0.0..=10.0).contains(&self.risk_noise) {
+            return Err(Error::param(
+                "risk-noise",
+                format!("{} is not a number from 0 to 10", self.risk_noise),
+            ));
+        }
+        let settings = Settings {
+            alpha: self.alpha,
+            pc_alpha: self.pc_alpha.map_or(PcAlpha::Default, PcAlpha::Fixed),
+            tau_max: self.tau_max,
+            ..Settings::default()
+        };
+        settings.check().map(|()| settings)
+    }
+
+    /// Does what is not done yet; the runs of this sweep that are there then.
+    fn run(&self, interrupt: &Interrupt) -> Result<Vec<Run>> {
+        let (grid, analysis) = (self.grid(), self.analysis()?);
+        grid.check(&analysis)?;
+        let common = Common { analysis, risk_noise: self.risk_noise, out: self.out.clone() };
+        let jobs = self.jobs(&grid)?;
+        let paths = |job: &Job| -> Vec<PathBuf> {
+            job.settings.iter().map(|setting| common.path(setting, &job.scenario, job.seed)).collect()
+        };
+        let all: Vec<PathBuf> = jobs.iter().flat_map(paths).collect();
+        let bar = chart::bar("runs", all.len() as u64, false);
+        work_off(&jobs, self.workers()?, |job| job.run(&common, &bar, interrupt))?;
+        bar.finish_and_clear();
+        all.iter().filter_map(|path| Run::read(path).transpose()).collect()
+    }
+
+    /// One job per scenario and seed, this shard's only.
+    fn jobs(&self, grid: &Grid) -> Result<Vec<Job>> {
+        let (i, n) = self.shard.as_deref().map_or(Ok((1, 1)), grid::shard)?;
+        let settings = grid.settings(self.cross);
+        let mut jobs = Vec::new();
+        for name in &grid.scenarios {
+            let mut scenario = Scenario::load(name)?;
+            scenario.add_interventions(&self.interventions)?;
+            scenario.check()?;
+            let settings: Vec<Setting> = settings.iter().filter(|s| s.scenario == *name).cloned().collect();
+            for seed in grid::seeds(&self.seeds)? {
+                jobs.push(Job { scenario: scenario.clone(), seed, settings: settings.clone() });
+            }
+        }
+        Ok(jobs.into_iter().skip(i - 1).step_by(n).collect())
+    }
+
+    fn workers(&self) -> Result<usize> {
+        match self.threads {
+            Some(0) => Err(Error::param("threads", "0 does nothing; give 1 or more")),
+            Some(threads) => Ok(threads.min(1024)),
+            None => Ok(thread::available_parallelism().map_or(1, usize::from)),
+        }
+    }
+}
+
+impl Job {
+    /// Simulates once, and analyses the recording with each setting that has no run yet.
+    fn run(&self, common: &Common, bar: &ProgressBar, interrupt: &Interrupt) -> Result<()> {
+        let is_open = |setting: &&Setting| {
+            let done = matches!(Run::read(&common.path(setting, &self.scenario, self.seed)), Ok(Some(_)));
+            bar.inc(u64::from(done));
+            !done
+        };
+        let open: Vec<&Setting> = self.settings.iter().filter(is_open).collect();
+        let mut steps: Vec<f64> = open.iter().map(|setting| setting.step).collect();
+        steps.sort_by(f64::total_cmp);
+        steps.dedup();
+        let longest = open.iter().map(|setting| setting.length).fold(0.0, f64::max);
+        if open.is_empty() {
+            return Ok(());
+        }
+        let recorded = record(&self.scenario, self.seed, longest, &steps, interrupt)?;
+        // One thread per analysis: run times are those of one core.
+        let pool =
+            rayon::ThreadPoolBuilder::new().num_threads(1).build().map_err(|e| Error::param("threads", e))?;
+        for setting in open {
+            let place = steps.iter().position(|step| *step == setting.step).unwrap_or(0);
+            pool.install(|| common.analyse(setting, &self.scenario, self.seed, &recorded[place], interrupt))?;
+            bar.inc(1);
+        }
+        Ok(())
+    }
+}
+
+/// Gives the jobs, in their order, to `workers` threads; the first error ends all.
+fn work_off(jobs: &[Job], workers: usize, work: impl Fn(&Job) -> Result<()> + Sync) -> Result<()> {
+    let next = AtomicUsize::new(0);
+    let first_error = Mutex::new(None);
+    let lock = || first_error.lock().unwrap_or_else(PoisonError::into_inner);
+    thread::scope(|scope| {
+        for _ in 0..workers.min(jobs.len()) {
+            scope.spawn(|| {
+                while let Some(job) = jobs.get(next.fetch_add(1, Ordering::Relaxed)) {
+                    if let Err(error) = work(job) {
+                        next.store(jobs.len(), Ordering::Relaxed);
+                        lock().get_or_insert(error);
+                    }
+                }
+            });
+        }
+    });
+    match lock().take() {
+        Some(Error::Cancelled(_)) => {
+            Err(Error::Cancelled("by the user; the same command goes on where this one ended".into()))
+        }
+        Some(error) => Err(error),
+        None => Ok(()),
+    }
+}

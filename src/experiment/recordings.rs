@@ -1,0 +1,140 @@
+//! One simulated run as the nodes record it, at several steps at once.
+
+use roscausal_core::{
+    Error, Result,
+    batch::{
+        Recording, Select,
+        recorder::{Recorder, RecorderConfig},
+    },
+    inbox::{Inbox, Next},
+    loopback::{Loopback, LoopbackNode},
+    middleware::{Middleware, Qos},
+    nodes,
+};
+use roscausal_hrisim::{Scenario, Simulation, node::run_lockstep};
+use roscausal_msgs::{Humans, RobotState, std_msgs::String as Text};
+
+use crate::interrupt::Interrupt;
+
+/// Seconds simulated beyond the recording, until every topic has begun.
+const WARM_UP_S: f64 = 3.0;
+/// A recording is analysed as recordings of at most this length, seconds: the data node's default.
+const BATCH_S: f64 = 150.0;
+/// As in the data node.
+const MAX_GAP_S: f64 = 0.5;
+
+enum Event {
+    Robot(RobotState),
+    Humans(Humans),
+    Context(String),
+}
+
+/// Simulates `seconds` of the scenario through the robot and the human node on a lockstep bus; one recording per
+/// step. The recorder is the data node's, so the rows are those that node would write.
+///
+/// # Errors
+/// A scenario or step that cannot be used, an interrupt, a failing node.
+pub(crate) fn record(
+    scenario: &Scenario,
+    seed: u64,
+    seconds: f64,
+    steps: &[f64],
+    interrupt: &Interrupt,
+) -> Result<Vec<Recording>> {
+    let scenario = Scenario { duration: seconds + WARM_UP_S, ..scenario.clone() };
+    let mut simulation = Simulation::new(&scenario, seed)?;
+    let agent = simulation.people.first().map_or(1, |person| person.id);
+    let bus = Loopback::lockstep();
+    let robot = bus.start("robot", |mw| nodes::run("robot", &mw))?;
+    let human = bus.start("human", |mw| nodes::run("human", &mw))?;
+    let config = |step: &f64| RecorderConfig {
+        dt_s: *step,
+        ts_length_s: None,
+        max_gap_s: MAX_GAP_S.max(*step),
+        subsampling: false,
+        select: Select::Ids([agent].into()),
+    };
+    let recorders: Vec<Recorder> = steps.iter().map(|step| Recorder::new(config(step))).collect();
+    let recording = bus.start("data", move |mw| listen(&mw, recorders))?;
+    let done = run_lockstep(&bus, &mut simulation, 1, |_| !interrupt.is_set());
+    bus.shutdown();
+    let died = |_| Error::Middleware("a node died; please report it".into());
+    robot.join().map_err(died)??;
+    human.join().map_err(died)??;
+    let recorders =
+        recording.join().map_err(|_| Error::Middleware("the recorder died; please report it".into()))??;
+    done?;
+    if interrupt.is_set() {
+        return Err(Error::Cancelled("by the user".into()));
+    }
+    let one = |mut recorder: Recorder| {
+        recorder.finish();
+        recorder.take_batches().into_iter().next().ok_or_else(|| Error::Data("nobody was recorded".into()))
+    };
+    recorders.into_iter().map(one).collect()
+}
+
+/// Feeds what the nodes publish to all recorders until the bus ends.
+fn listen(mw: &LoopbackNode, mut recorders: Vec<Recorder>) -> Result<Vec<Recorder>> {
+    let inbox = Inbox::new(mw, 20_000);
+    let (robot, humans) = (inbox.sender(), inbox.sender());
+    let _robot =
+        mw.subscribe("/roscausal/robot", Qos::Volatile(1000), move |m| robot.send(Event::Robot(m)))?;
+    let _humans =
+        mw.subscribe("/roscausal/humans", Qos::Volatile(1000), move |m| humans.send(Event::Humans(m)))?;
+    let context = inbox.sender();
+    let _context = mw
+        .subscribe("/hri/interventions", Qos::Latched, move |m: Text| context.send(Event::Context(m.data)))?;
+    loop {
+        match inbox.next(mw, None) {
+            Next::Shutdown => return Ok(recorders),
+            Next::Deadline => {}
+            Next::Event(Event::Robot(state)) => {
+                recorders.iter_mut().for_each(|recorder| recorder.robot(&state, mw.now()));
+            }
+            Next::Event(Event::Context(text)) => {
+                for recorder in &mut recorders {
+                    recorder.context(&text, mw.now()).map_err(Error::Data)?;
+                }
+            }
+            Next::Event(Event::Humans(people)) => {
+                recorders.iter_mut().for_each(|recorder| recorder.humans(&people, mw.now()));
+            }
+        }
+    }
+}
+
+/// The first `length` seconds as batches of equal length, none longer than the data node's default.
+///
+/// # Errors
+/// A recording that is shorter.
+pub(crate) fn batches(recording: &Recording, length: f64) -> Result<Vec<Recording>> {
+    let step = recording.dt_ns as f64 * 1e-9;
+    let count = (length / BATCH_S).ceil().max(1.0);
+    let rows = (length / count / step).round() as usize;
+    let count = count as usize;
+    if recording.n_rows() < rows * count {
+        let reason = format!("{} rows were recorded for {length} s at {step} s", recording.n_rows());
+        return Err(Error::Data(reason));
+    }
+    let cut = |batch: usize| {
+        let range = batch * rows..(batch + 1) * rows;
+        Recording {
+            start: recording.stamp(range.start),
+            robot: recording.robot[range.clone()].to_vec(),
+            people: recording.people.iter().map(|(id, all)| (*id, all[range.clone()].to_vec())).collect(),
+            others: recording
+                .others
+                .iter()
+                .map(|(name, all)| (name.clone(), all[range.clone()].to_vec()))
+                .collect(),
+            context: recording
+                .context
+                .iter()
+                .map(|(name, all)| (name.clone(), all[range.clone()].to_vec()))
+                .collect(),
+            ..recording.clone()
+        }
+    };
+    Ok((0..count).map(cut).collect())
+}

@@ -1,0 +1,189 @@
+//! The runs of an experiment: each in a file of its own, so that a sweep can be interrupted, spread and merged.
+
+use std::{
+    fs,
+    path::{Path, PathBuf},
+    time::Instant,
+};
+
+use ndarray::Array2;
+use roscausal_core::{
+    Error, Result,
+    batch::{
+        Recording,
+        postprocess::{Feature, Obstacle, Postprocess},
+    },
+    discovery::{Control, DataFrame, analysis, analysis::Settings},
+};
+use roscausal_hrisim::Scenario;
+use serde::{Deserialize, Serialize};
+
+use super::{grid::Setting, recordings::batches};
+use crate::{expected, interrupt::Interrupt, output};
+
+/// Folder of the run files.
+const FOLDER: &str = "runs";
+/// As in the paper: metres, and the names of speed, distance to goal and risk.
+const OBS_SIZE: f64 = 2.0;
+const SAFE_DIST: f64 = 5.0;
+const NAMES: [&str; 3] = ["h_v", "h_dg", "h_risk"];
+
+/// One run: what was asked, and what was found.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub(crate) struct Run {
+    pub(crate) setting: Setting,
+    pub(crate) seed: u64,
+    /// Everything else that the result depends on, so that a change makes a new run.
+    pub(crate) rest: String,
+    /// Samples analysed.
+    pub(crate) n_samples: usize,
+    /// Cross links found: cause and effect, at any lag.
+    pub(crate) found: Vec<(String, String)>,
+    /// Cross links that the scenario has.
+    pub(crate) expected: Vec<(String, String)>,
+    /// Wall time of the analysis on one core, seconds.
+    pub(crate) run_time_s: f64,
+}
+
+/// What all runs of a sweep have in common.
+pub(crate) struct Common {
+    pub(crate) analysis: Settings,
+    pub(crate) risk_noise: f64,
+    pub(crate) out: PathBuf,
+}
+
+impl Common {
+    /// The file of a run.
+    pub(crate) fn path(&self, setting: &Setting, scenario: &Scenario, seed: u64) -> PathBuf {
+        self.out.join(FOLDER).join(file_name(setting, seed, &self.rest(setting, scenario)))
+    }
+
+    /// What a run depends on beyond its setting and seed.
+    fn rest(&self, setting: &Setting, scenario: &Scenario) -> String {
+        let analysis = setting.analysis(&self.analysis);
+        format!(
+            "version {} risk_noise {} {:016x} {analysis:?}",
+            env!("CARGO_PKG_VERSION"),
+            self.risk_noise,
+            hash(&format!("{scenario:?}"))
+        )
+    }
+
+    /// Post-processes and analyses a recording, and writes the run's file.
+    pub(crate) fn analyse(
+        &self,
+        setting: &Setting,
+        scenario: &Scenario,
+        seed: u64,
+        recording: &Recording,
+        interrupt: &Interrupt,
+    ) -> Result<()> {
+        let postprocess = Postprocess {
+            risk_model: setting.risk_model.parse().map_err(|reason| Error::param("risk-models", reason))?,
+            risk_lag: setting.risk_lag,
+            risk_noise: self.risk_noise,
+            seed,
+            obs_size: OBS_SIZE,
+            safe_dist: SAFE_DIST,
+            obstacle: Obstacle::Robot,
+            features: Feature::parse(&[], &NAMES.map(str::to_owned))?,
+        };
+        let (mut names, mut tables) = (Vec::new(), Vec::new());
+        for batch in batches(recording, setting.length)? {
+            let mut columns = postprocess.run(&batch)?.columns;
+            // What is never imposed varies nowhere.
+            let n_rows = (setting.length / setting.step).round() as usize;
+            let is_idle = |rows: &Vec<Vec<f64>>| is_constant(&rows[..n_rows.min(rows.len())]);
+            columns.retain(|column| !recording.context.get(&column.name).is_some_and(is_idle));
+            let values = |(row, i): (usize, usize)| columns[i].values[row];
+            tables.push(Array2::from_shape_fn((batch.n_rows(), columns.len()), values));
+            names = columns.into_iter().map(|column| column.name).collect();
+        }
+        let mut settings = setting.analysis(&self.analysis);
+        settings.exogenous = recording.context.keys().filter(|name| names.contains(name)).cloned().collect();
+        let data = DataFrame::new(tables, names)?;
+        let control = Control::default().cancel_on(interrupt.flag());
+        let start = Instant::now();
+        let model = analysis::analyse(&data, &settings, &control)?;
+        let run_time_s = start.elapsed().as_secs_f64();
+        let mut found: Vec<(String, String)> =
+            model.links.iter().map(|link| (link.cause.clone(), link.effect.clone())).collect();
+        found.retain(|(cause, effect)| cause != effect);
+        found.sort();
+        found.dedup();
+        let run = Run {
+            setting: setting.clone(),
+            seed,
+            rest: self.rest(setting, scenario),
+            n_samples: model.n_samples,
+            found,
+            expected: expected::links_of(scenario),
+            run_time_s,
+        };
+        run.write(&self.out)
+    }
+}
+
+impl Run {
+    /// Writes the run into the folder of runs below `out`.
+    ///
+    /// # Errors
+    /// What the file system says.
+    pub(crate) fn write(&self, out: &Path) -> Result<()> {
+        let name = file_name(&self.setting, self.seed, &self.rest);
+        let mut text = serde_json::to_string_pretty(self).map_err(|e| Error::Data(e.to_string()))?;
+        text.push('\n');
+        output::write_file(&out.join(FOLDER), &name, text.as_bytes()).map(drop)
+    }
+
+    /// Reads a run's file; `None` when it is not there.
+    ///
+    /// # Errors
+    /// A file that is no run.
+    pub(crate) fn read(path: &Path) -> Result<Option<Self>> {
+        match fs::read(path) {
+            Ok(text) => {
+                serde_json::from_slice(&text).map(Some).map_err(|e| Error::file(path, format!("no run: {e}")))
+            }
+            Err(e) if e.kind() == std::io::ErrorKind::NotFound => Ok(None),
+            Err(e) => Err(Error::file(path, e)),
+        }
+    }
+
+    /// All runs below `out`, in the order of their file names.
+    ///
+    /// # Errors
+    /// A folder without runs, a file that is none.
+    pub(crate) fn all(out: &Path) -> Result<Vec<Self>> {
+        let folder = out.join(FOLDER);
+        let entries = fs::read_dir(&folder)
+            .map_err(|e| Error::file(&folder, format!("{e}; give the --out folder of an experiment")))?;
+        let mut paths: Vec<PathBuf> = entries.flatten().map(|entry| entry.path()).collect();
+        paths.retain(|path| {
+            let name = path.file_name().unwrap_or_default().to_string_lossy();
+            name.ends_with(".json") && !name.starts_with('.')
+        });
+        paths.sort();
+        paths.iter().filter_map(|path| Self::read(path).transpose()).collect()
+    }
+}
+
+fn is_constant(rows: &[Vec<f64>]) -> bool {
+    rows.windows(2).all(|pair| pair[0] == pair[1])
+}
+
+fn file_name(setting: &Setting, seed: u64, rest: &str) -> String {
+    let plain = |text: &str| -> String {
+        let legal = |c: char| if c.is_alphanumeric() || "._".contains(c) { c } else { '-' };
+        text.rsplit(['/', '\\']).next().unwrap_or_default().chars().map(legal).collect()
+    };
+    let cells: Vec<String> = setting.cells().iter().map(|cell| plain(cell)).collect();
+    let key = format!("{setting:?} {rest}");
+    format!("{}_seed{seed}_{:016x}.json", cells.join("_"), hash(&key))
+}
+
+/// FNV-1a, 64 bits: the same on every machine.
+fn hash(text: &str) -> u64 {
+    text.bytes()
+        .fold(0xcbf2_9ce4_8422_2325, |hash, byte| (hash ^ u64::from(byte)).wrapping_mul(0x0100_0000_01b3))
+}

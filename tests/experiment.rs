@@ -1,0 +1,106 @@
+//! `roscausal experiment` and interventions from the command line.
+
+#![allow(clippy::expect_used, clippy::panic, reason = "a test may panic: that is how it fails")]
+
+use std::{fs, path::Path, process::Output};
+
+fn roscausal(dir: &Path, args: &[&str]) -> Output {
+    std::process::Command::new(env!("CARGO_BIN_EXE_roscausal"))
+        .args(args)
+        .current_dir(dir)
+        .output()
+        .expect("the command starts")
+}
+
+/// A small sweep into `out`.
+fn sweep(dir: &Path, out: &str, more: &[&str]) -> Output {
+    let mut args =
+        vec!["experiment", "--seeds", "1..3", "--lengths", "40,20", "--steps", "0.5,0.3", "--out", out];
+    args.extend(["--risk-models", "v1_1", "--risk-lags", "1", "--methods", "pcmci", "--tests", "parcorr"]);
+    args.extend(more);
+    roscausal(dir, &args)
+}
+
+fn read(dir: &Path, name: &str) -> String {
+    fs::read_to_string(dir.join(name)).expect(name)
+}
+
+#[test]
+fn shards_merge_to_what_one_machine_finds_whatever_its_threads() {
+    let dir = tempfile::tempdir().expect("a folder");
+    let done = |output: Output| {
+        assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+        String::from_utf8_lossy(&output.stdout).into_owned()
+    };
+    let table = done(sweep(dir.path(), "whole", &["--threads", "1"]));
+    assert!(
+        table.contains("| h_v -> h_dg |") && table.contains("mean structural Hamming distance"),
+        "{table}"
+    );
+    done(sweep(dir.path(), "one", &["--shard", "1/2", "--threads", "2"]));
+    done(sweep(dir.path(), "two", &["--shard", "2/2"]));
+    done(roscausal(dir.path(), &["experiment", "merge", "one", "two", "--out", "joined"]));
+    let whole = read(dir.path(), "whole/recall.csv");
+    assert_eq!(whole, read(dir.path(), "joined/recall.csv"));
+    // Three settings (the base, one other length, one other step), six possible links.
+    assert_eq!(whole.lines().count(), 1 + 3 * 6);
+    assert!(whole.lines().skip(1).all(|line| line.contains(",3,0.")), "{whole}");
+    assert_eq!(fs::read_dir(dir.path().join("joined/runs")).expect("lists").count(), 9);
+    assert!(read(dir.path(), "joined/length.svg").contains("structural Hamming distance"));
+}
+
+#[test]
+fn a_sweep_goes_on_where_it_ended() {
+    let dir = tempfile::tempdir().expect("a folder");
+    assert!(sweep(dir.path(), "out", &[]).status.success());
+    let runs = dir.path().join("out/runs");
+    let mut names: Vec<_> = fs::read_dir(&runs).expect("lists").flatten().map(|entry| entry.path()).collect();
+    names.sort();
+    let recall = read(dir.path(), "out/recall.csv");
+    // What is there is taken as it is; what is not is run.
+    let marked =
+        fs::read_to_string(&names[0]).expect("reads").replace("\"run_time_s\": ", "\"run_time_s\": 1000");
+    fs::write(&names[0], marked).expect("writes");
+    fs::remove_file(&names[1]).expect("removes");
+    assert!(sweep(dir.path(), "out", &[]).status.success());
+    assert!(names[1].exists());
+    assert_eq!(recall, read(dir.path(), "out/recall.csv"));
+    let run_times = read(dir.path(), "out/runs.csv");
+    assert_eq!(run_times.lines().filter(|line| line.contains(",1000")).count(), 1, "{run_times}");
+}
+
+#[test]
+fn an_experiment_that_makes_no_sense_is_bad_usage() {
+    let dir = tempfile::tempdir().expect("a folder");
+    for more in [["--shard", "3/2"], ["--risk-noise", "-1"], ["--scenarios", "thr"], ["--do", "robot.fly"]] {
+        let output = sweep(dir.path(), "out", &more);
+        let text = String::from_utf8_lossy(&output.stderr).into_owned();
+        assert_eq!(output.status.code(), Some(2), "{more:?}: {text}");
+    }
+    let merged = roscausal(dir.path(), &["experiment", "merge", "nowhere"]);
+    assert_eq!(merged.status.code(), Some(1));
+    assert!(String::from_utf8_lossy(&merged.stderr).contains("nowhere/runs"));
+}
+
+#[test]
+fn an_intervention_is_recorded_and_nothing_causes_it() {
+    let dir = tempfile::tempdir().expect("a folder");
+    let args = ["demo", "--duration", "80", "--out", "out", "--method", "pcmci", "--test", "parcorr"];
+    let output = roscausal(dir.path(), &[&args[..], &["--do", "robot.speed=0.2@10..30"]].concat());
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    let model: serde_json::Value =
+        serde_json::from_str(&read(dir.path(), "out/model.json")).expect("is JSON");
+    let features = model["features"].as_array().expect("a list");
+    assert!(features.contains(&"do_robot_speed".into()), "{features:?}");
+    let links = model["links"].as_array().expect("a list");
+    assert!(!links.is_empty() && links.iter().all(|link| link["effect"] != "do_robot_speed"));
+    let batches = dir.path().join("out/pp_pool/analysed");
+    let mut facts: Vec<_> =
+        fs::read_dir(batches).expect("lists").flatten().map(|entry| entry.path()).collect();
+    facts.retain(|path| path.extension().is_some_and(|extension| extension == "json"));
+    facts.sort();
+    let first: serde_json::Value =
+        serde_json::from_str(&fs::read_to_string(&facts[0]).expect("reads")).expect("JSON");
+    assert_eq!(first["interventions"][0]["column"], "do_robot_speed");
+    assert_eq!(first["interventions"][0]["value"], serde_json::json!([0.2]));
+}
