@@ -55,8 +55,9 @@ fn tables(folder: PathBuf) -> Vec<(String, String)> {
 fn a_replayed_run_gives_the_batches_of_the_live_run() {
     let dir = recorded();
     let args = ["replay", "run.mcap", "--out", "again", "--ts-length", "30", "--dt", "0.3"];
-    let lagged = ["--param", "data.risk_lag=1", "--record", "again.mcap"];
-    let output = roscausal(dir, &[&args[..], &lagged, &QUICK].concat());
+    let demo = ["--param", "data.risk_lag=1", "--param", "data.risk_noise=0.02", "--param", "data.seed=3"];
+    let record = ["--record", "again.mcap"];
+    let output = roscausal(dir, &[&args[..], &demo, &record, &QUICK].concat());
     assert!(output.status.success(), "{}", said(&output));
     let live = tables(dir.join("live/data_pool"));
     assert!(live.len() >= 2);
