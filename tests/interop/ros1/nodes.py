@@ -340,7 +340,8 @@ def a_recorded_bag_is_played_through_the_nodes(_):
             eventually(lambda: all(p.get_num_connections() >= 2 for p in out), 40, lambda: "only %s\n%s\n%s" % (
                 [[c.endpoint_id for c in p.impl.connections] for p in out], record.text, robot.text))
             time.sleep(3)
-    assert os.path.exists(folder + "/in.bag"), record.text
+    # rosbag's Python part ends before its recorder has closed the file
+    eventually(lambda: os.path.exists(folder + "/in.bag"), 20, lambda: "the bag\n" + record.text)
     for publisher in out:
         publisher.unregister()
     import rosbag
