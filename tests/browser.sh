@@ -5,13 +5,7 @@
 #   tests/browser.sh [--keep FILE.png]      copies the wide screenshot to FILE.png
 set -uo pipefail
 cd "$(dirname "$0")/.."
-here=$PWD
-
-give_up() {
-  echo "NOT TESTED: $1" >&2
-  echo "0 passed, 1 failed"
-  exit 77
-}
+. tests/lib.sh
 
 missing=()
 for package in chromium chromium-driver python3-venv npm; do
@@ -22,19 +16,10 @@ for package in chromium chromium-driver python3-venv npm; do
     npm) command -v npm >/dev/null ;;
   esac || missing+=("$package")
 done
-if [ ${#missing[@]} -gt 0 ]; then
-  [ "$(id -u)" = 0 ] && command -v apt-get >/dev/null || give_up "missing: ${missing[*]} (apt-get install ${missing[*]})"
-  echo "installing ${missing[*]} ..."
-  apt-get -qq -o DPkg::Lock::Timeout=300 update >/dev/null 2>&1
-  DEBIAN_FRONTEND=noninteractive apt-get -qq -y -o DPkg::Lock::Timeout=300 install --no-install-recommends \
-    "${missing[@]}" >/dev/null 2>&1 || give_up "these packages cannot be installed: ${missing[*]}"
-fi
+[ ${#missing[@]} -eq 0 ] || debian "${missing[@]}"
 
-environment=target/browser-venv
-if ! "$environment/bin/python" -c 'import selenium' 2>/dev/null; then
-  python3 -m venv "$environment" && "$environment/bin/pip" install --quiet selenium==4.49.0 ||
-    give_up "selenium cannot be installed from PyPI"
-fi
+venv=target/browser-venv
+environment "$venv" selenium==4.49.0
 axe=target/browser-axe/node_modules/axe-core/axe.min.js
 if [ ! -f "$axe" ]; then
   npm install --silent --no-audit --no-fund --prefix target/browser-axe axe-core@4.14.1 >/dev/null ||
@@ -42,11 +27,10 @@ if [ ! -f "$axe" ]; then
 fi
 
 cargo build --quiet --locked --bin roscausal || give_up "the program cannot be built"
-roscausal=$here/${CARGO_TARGET_DIR:-target}/debug/roscausal
-case ${CARGO_TARGET_DIR:-} in /*) roscausal=$CARGO_TARGET_DIR/debug/roscausal ;; esac
+roscausal=$(program debug roscausal)
 
 mkdir -p target/browser
-"$environment/bin/python" tests/browser/page.py "$roscausal" "$axe" target/browser
+"$venv/bin/python" tests/browser/page.py "$roscausal" "$axe" target/browser
 code=$?
 if [ "${1:-}" = --keep ]; then cp target/browser/wide-light.png "$2"; fi
 exit $code

@@ -2,18 +2,13 @@
 
 #![allow(clippy::expect_used, clippy::panic, reason = "a test may panic: that is how it fails")]
 
-use std::{fs, path::Path, process::Output};
+mod common;
 
+use std::{fs, path::Path};
+
+use common::roscausal;
 use serde_json::Value;
 use tempfile::TempDir;
-
-fn roscausal(dir: &Path, args: &[&str]) -> Output {
-    std::process::Command::new(env!("CARGO_BIN_EXE_roscausal"))
-        .args(args)
-        .current_dir(dir)
-        .output()
-        .expect("the command starts")
-}
 
 fn folder(file: &str, content: &str) -> TempDir {
     let dir = tempfile::tempdir().expect("a temporary folder");

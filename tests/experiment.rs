@@ -2,15 +2,11 @@
 
 #![allow(clippy::expect_used, clippy::panic, reason = "a test may panic: that is how it fails")]
 
+mod common;
+
 use std::{fs, path::Path, process::Output};
 
-fn roscausal(dir: &Path, args: &[&str]) -> Output {
-    std::process::Command::new(env!("CARGO_BIN_EXE_roscausal"))
-        .args(args)
-        .current_dir(dir)
-        .output()
-        .expect("the command starts")
-}
+use common::roscausal;
 
 /// A small sweep into `out`.
 fn sweep(dir: &Path, out: &str, more: &[&str]) -> Output {

@@ -2,6 +2,8 @@
 
 #![allow(clippy::expect_used, clippy::panic, reason = "a test may panic: that is how it fails")]
 
+mod common;
+
 use std::{
     fs,
     path::{Path, PathBuf},
@@ -9,13 +11,7 @@ use std::{
     sync::OnceLock,
 };
 
-fn roscausal(dir: &Path, args: &[&str]) -> Output {
-    std::process::Command::new(env!("CARGO_BIN_EXE_roscausal"))
-        .args(args)
-        .current_dir(dir)
-        .output()
-        .expect("the command starts")
-}
+use common::roscausal;
 
 fn said(output: &Output) -> String {
     format!("{}{}", String::from_utf8_lossy(&output.stdout), String::from_utf8_lossy(&output.stderr))

@@ -6,13 +6,8 @@
 #   tests/recordings.sh [--renew]     --renew writes the small files in roscausal_recording/tests/data anew
 set -uo pipefail
 cd "$(dirname "$0")/.."
+. tests/lib.sh
 here=$PWD
-
-give_up() {
-  echo "NOT TESTED: $1" >&2
-  echo "0 passed, 1 failed"
-  exit 77
-}
 
 passed=0 failed=0
 check() {
@@ -28,18 +23,9 @@ check() {
   fi
 }
 
-environment=target/recordings-venv
-packages=(rosbags==0.11.9 mcap==1.6.0 mcap-ros2-support==0.6.0)
-if ! "$environment/bin/python" -c 'import rosbags, mcap, mcap_ros2' 2>/dev/null; then
-  if ! python3 -c 'import ensurepip' 2>/dev/null; then
-    [ "$(id -u)" = 0 ] && command -v apt-get >/dev/null || give_up "python3 with venv is missing (apt-get install python3-venv)"
-    apt-get -qq -o DPkg::Lock::Timeout=300 update && DEBIAN_FRONTEND=noninteractive apt-get -qq -y \
-      -o DPkg::Lock::Timeout=300 install --no-install-recommends python3-venv || give_up "python3-venv cannot be installed"
-  fi
-  python3 -m venv "$environment" && "$environment/bin/pip" install --quiet "${packages[@]}" ||
-    give_up "these packages cannot be installed from PyPI: ${packages[*]}"
-fi
-python=$here/$environment/bin/python
+venv=target/recordings-venv
+environment "$venv" rosbags==0.11.9 mcap==1.6.0 mcap-ros2-support==0.6.0
+python=$here/$venv/bin/python
 
 if [[ "${1:-}" == --renew ]]; then
   rm -rf roscausal_recording/tests/data
@@ -57,8 +43,7 @@ else
 fi
 cargo build --quiet --locked --bin roscausal && cargo test --quiet --locked --no-run -p roscausal_recording ||
   give_up "the program cannot be built"
-roscausal=$here/${CARGO_TARGET_DIR:-target}/debug/roscausal
-case ${CARGO_TARGET_DIR:-} in /*) roscausal=$CARGO_TARGET_DIR/debug/roscausal ;; esac
+roscausal=$(program debug roscausal)
 
 check "we read them with equal contents" cargo test --quiet --locked -p roscausal_recording --test recordings
 check "we write a file" cargo test --quiet --locked -p roscausal_recording --test written

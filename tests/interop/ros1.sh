@@ -17,30 +17,14 @@ unset PYTHONPATH PYTHONHOME ROS_HOSTNAME ROS_NAMESPACE ROS_VERSION ROS_DISTRO RO
   AMENT_PREFIX_PATH COLCON_PREFIX_PATH
 export PYTHONDONTWRITEBYTECODE=1
 
-give_up() {
-  echo "NOT TESTED against ROS 1: $1" >&2
-  echo "0 passed, 1 failed"
-  exit "${2:-1}"
-}
-
+. "$root/tests/lib.sh"
 packages="python3-rosmaster python3-roslaunch rosout rosbash python3-rospy python3-rostopic python3-rosparam
   python3-rosnode python3-rosbag python3-rosmsg python3-rosservice python3-geometry-msgs python3-nav-msgs
   python3-sensor-msgs python3-std-msgs python3-tf2-ros python3-move-base-msgs catkin catkin-tools ros-message-generation
   ros-message-runtime python3-genmsg python3-genpy python3-gencpp ros-geometry-msgs libgeometry-msgs-dev ros-std-msgs
   libstd-msgs-dev ros-nav-msgs ros-sensor-msgs ros-tf2-msgs ros-rosgraph-msgs ros-move-base-msgs cmake make g++"
 missing=$(for package in $packages; do dpkg -s "$package" >/dev/null 2>&1 || echo "$package"; done)
-if [ -n "$missing" ]; then
-  # 77: there is no ROS 1 to test against
-  command -v apt-get >/dev/null || give_up "there is no ROS 1 here, nor an apt-get to install Debian's" 77
-  [ "$(id -u)" = 0 ] || give_up "it is not installed, and only root may do so: sudo apt-get install $(echo $missing)" 77
-  echo "installing Debian's ROS 1 ..."
-  export DEBIAN_FRONTEND=noninteractive
-  # another build on this machine may be installing too: wait for its lock
-  { apt-get -q -o DPkg::Lock::Timeout=300 update &&
-    apt-get -q -y -o DPkg::Lock::Timeout=300 install --no-install-recommends $missing; } >/tmp/roscausal-apt-$$.log 2>&1 ||
-    { tail -20 /tmp/roscausal-apt-$$.log; give_up "apt-get could not install $(echo $missing)" 77; }
-  rm -f /tmp/roscausal-apt-$$.log
-fi
+[ -z "$missing" ] || debian $missing
 
 work=$(mktemp -d -t roscausal-ros1-XXXXXX)
 trap 'rm -rf "$work"' EXIT
@@ -48,7 +32,7 @@ trap 'rm -rf "$work"' EXIT
 echo "building the nodes ..."
 (cd "$root" && cargo test --release --locked --no-run -p roscausal_ros1) >"$work/cargo.log" 2>&1 &&
   (cd "$root" && cargo build --release --locked -p roscausal_ros1 --bins --examples) >>"$work/cargo.log" 2>&1 ||
-  { tail -40 "$work/cargo.log"; give_up "cargo could not build roscausal_ros1"; }
+  { tail -40 "$work/cargo.log"; broken "cargo could not build roscausal_ros1"; }
 laws=$(sed -n 's|^ *Executable tests/laws.rs (\(.*\))$|\1|p' "$work/cargo.log")
 case $laws in /*) ;; *) laws=$root/$laws ;; esac
 export ROSCAUSAL_PEER=$target/release/examples/peer ROSCAUSAL_NODE=$target/release/roscausal_ros1 ROSCAUSAL_LAWS=$laws
@@ -62,7 +46,7 @@ cp "$root"/roscausal_msgs/foreign/pedsim_msgs/*.msg "$ws/src/pedsim_msgs/msg"
 cp "$here/ros1/pedsim_msgs.cmake" "$ws/src/pedsim_msgs/CMakeLists.txt"
 cp "$here/ros1/pedsim_msgs.xml" "$ws/src/pedsim_msgs/package.xml"
 (cd "$ws" && catkin_make -DPYTHON_EXECUTABLE=/usr/bin/python3 -DROSCAUSAL_CARGO_TARGET_DIR="$target") >"$work/catkin.log" 2>&1 ||
-  { tail -40 "$work/catkin.log"; give_up "catkin_make failed"; }
+  { tail -40 "$work/catkin.log"; broken "catkin_make failed"; }
 export ROSCAUSAL_TEST_WS=$ws ROSCAUSAL_ROOT=$root ROSCAUSAL_TARGET=$target ROSCAUSAL_WORK=$work
 # catkin's own scripts use unset variables
 set +u

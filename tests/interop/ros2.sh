@@ -12,18 +12,7 @@ distro=${ROSCAUSAL_ROS_DISTRO:-jazzy}
 work=$root/target/interop_ros2/$distro
 target=${CARGO_TARGET_DIR:-$root/target}
 mkdir -p "$work"
-
-not_tested() {
-  echo "NOT TESTED against ROS 2: $*" >&2
-  echo "0 passed, 0 failed"
-  exit 77
-}
-
-broken() {
-  echo "$*" >&2
-  echo "0 passed, 1 failed"
-  exit 1
-}
+. "$root/tests/lib.sh"
 
 # ROS 2, or its wheels
 wheels() {
@@ -31,7 +20,8 @@ wheels() {
   if [ ! -e "$venv/ready" ]; then
     echo "No ROS 2 here: making a virtual environment with its wheels in $venv"
     rm -rf "$venv"
-    python3 -m venv "$venv" || not_tested "python3 cannot make a virtual environment (on Debian: apt-get install python3-venv)"
+    python3 -c 'import ensurepip' 2>/dev/null || debian python3-venv
+    python3 -m venv "$venv" || give_up "python3 cannot make a virtual environment"
     local more=("$prefix-python-cmake-module")
     [ "$distro" = kilted ] && more=(ros-python-cmake-module ros-kilted-ament-cmake-ros-core)
     "$venv/bin/pip" install -q --disable-pip-version-check "$prefix"-{rclpy,rmw-fastrtps-cpp} \
@@ -39,7 +29,7 @@ wheels() {
       "$prefix"-rosidl-{default-generators,default-runtime,core-generators} \
       "$prefix"-ament-{cmake,package,cmake-include-directories,cmake-ros,cmake-pytest,cmake-gtest,cmake-gmock} \
       "${more[@]}" colcon-common-extensions cmake cyclonedds \
-      || not_tested "the wheels of ROS 2 $distro could not be installed with pip"
+      || give_up "the wheels of ROS 2 $distro could not be installed with pip"
     # The wheels' CMake files name the folders of the machine that they were built on.
     local python numpy
     python=$("$venv/bin/python" -c 'import sysconfig; print(sysconfig.get_paths()["include"])')
@@ -92,14 +82,13 @@ fi
 use foreign
 
 if [ "${ROSCAUSAL_PROFILE:-release}" = release ]; then
-  # this repository as a plain clone in a workspace (with what is not committed yet): messages and nodes in one build
+  # this repository in a workspace: messages and nodes in one build
   rm -rf "$work/ws/src"
-  mkdir -p "$work/ws/src/roscausal"
-  (cd "$root" && git ls-files -co --exclude-standard -z | tar --null -T - --ignore-failed-read -cf - 2>/dev/null) |
-    tar -xf - -C "$work/ws/src/roscausal"
+  mkdir -p "$work/ws/src"
+  ln -s "$root" "$work/ws/src/roscausal"
   build ws --cmake-args "-DROSCAUSAL_CARGO_TARGET_DIR=$target"
   use ws
-  (cd "$work/ws/src/roscausal" && CARGO_TARGET_DIR=$target cargo build -q --release --locked -p roscausal_ros2 --example peer) ||
+  (cd "$root" && CARGO_TARGET_DIR=$target cargo build -q --release --locked -p roscausal_ros2 --example peer) ||
     broken "cargo did not build the tests' peer"
   export ROSCAUSAL_BIN=$work/ws/install/roscausal/lib/roscausal ROSCAUSAL_PEER=$target/release/examples/peer
   export ROSCAUSAL_INSTALL=$work/ws/install
