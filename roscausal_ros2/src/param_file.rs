@@ -33,9 +33,12 @@ impl ParamFile {
         let wrong = |why: String| BadArgument(format!("parameter file {}: {why}", path.display()));
         let text =
             std::fs::read_to_string(path).map_err(|error| wrong(format!("cannot be read ({error})")))?;
-        let yaml: Yaml =
-            serde_norway::from_str(&text).map_err(|error| wrong(format!("is not YAML: {error}")))?;
-        self.add_nodes("", &yaml).map_err(wrong)
+        self.add_text(&text).map_err(wrong)
+    }
+
+    fn add_text(&mut self, text: &str) -> Result<(), String> {
+        let yaml: Yaml = serde_norway::from_str(text).map_err(|error| format!("is not YAML: {error}"))?;
+        self.add_nodes("", &yaml)
     }
 
     fn add_nodes(&mut self, node: &str, yaml: &Yaml) -> Result<(), String> {
@@ -140,15 +143,11 @@ pub fn scalar_or_list(yaml: &Yaml) -> Result<Value, String> {
 
 #[cfg(test)]
 mod tests {
-    use std::io::Write;
-
     use super::*;
 
-    fn file(text: &str) -> Result<ParamFile, BadArgument> {
-        let mut file = tempfile::NamedTempFile::new().unwrap();
-        file.write_all(text.as_bytes()).unwrap();
+    fn file(text: &str) -> Result<ParamFile, String> {
         let mut params = ParamFile::default();
-        params.add_file(file.path()).map(|()| params)
+        params.add_text(text).map(|()| params)
     }
 
     #[test]
@@ -186,7 +185,7 @@ mod tests {
             ("robot: {ros__parameters: 3}", "no mapping"),
             ("- a", "ros__parameters"),
         ] {
-            let error = file(text).unwrap_err().0;
+            let error = file(text).unwrap_err();
             assert!(error.contains(place), "{text}: {error}");
         }
         let error = ParamFile::default().add_file(Path::new("/no/such.yaml")).unwrap_err().0;
