@@ -31,13 +31,21 @@ use crate::{geometry::Vec2, person::Teleop};
 /// Speeds at the keys, m/s and rad/s.
 const FORWARD: f64 = 1.5;
 const TURN: f64 = 1.0;
-/// Half of the side of the map that is shown, metres, and its size in characters.
+/// Half of the side of the map that is shown, metres, and the most rows that it takes.
 const HALF: f64 = 10.5;
-const COLUMNS: usize = 63;
 const ROWS: usize = 32;
 const REDRAW: Duration = Duration::from_millis(100);
-const KEYS: &str = "arrows or i j k l , drive   k/space stop   a s d robot speed 0.5 1 2   p pause  r resume  n step  \
-                    0 reset  o she walks by herself  q quit";
+const KEYS: [&str; 9] = [
+    "arrows or i j k l , drive",
+    "k/space stop",
+    "a s d robot speed 0.5 1 2",
+    "p pause",
+    "r resume",
+    "n step",
+    "0 reset",
+    "o she walks by herself",
+    "q quit",
+];
 
 /// What a key does.
 #[derive(Clone, Debug, PartialEq)]
@@ -86,12 +94,14 @@ struct View {
 }
 
 impl View {
-    /// The map as lines of text: `P` people, `x` goals, `R` the robot, `o` pedestrians.
-    fn lines(&self) -> Vec<String> {
-        let mut map = vec![vec![' '; COLUMNS]; ROWS];
+    /// The map as `rows` lines of text and a frame: `P` people, `x` goals, `R` the robot, `o` pedestrians.
+    fn lines(&self, rows: usize) -> Vec<String> {
+        // a character is about twice as high as wide
+        let columns = 2 * rows;
+        let mut map = vec![vec![' '; columns]; rows];
         let mut mark = |place: &Vec2, sign: char| {
-            let column = (place.x + HALF) / (2.0 * HALF) * COLUMNS as f64;
-            let row = (HALF - place.y) / (2.0 * HALF) * ROWS as f64;
+            let column = (place.x + HALF) / (2.0 * HALF) * columns as f64;
+            let row = (HALF - place.y) / (2.0 * HALF) * rows as f64;
             // Casts saturate: who is outside of the map, or nowhere, is not drawn.
             if column >= 0.0
                 && row >= 0.0
@@ -104,10 +114,28 @@ impl View {
         self.crowd.iter().for_each(|place| mark(place, 'o'));
         self.robot.iter().for_each(|place| mark(place, 'R'));
         self.people.iter().for_each(|place| mark(place, 'P'));
-        let edge = format!("+{}+", "-".repeat(COLUMNS));
+        let edge = format!("+{}+", "-".repeat(columns));
         let rows = map.into_iter().map(|row| format!("|{}|", row.into_iter().collect::<String>()));
         std::iter::once(edge.clone()).chain(rows).chain([edge]).collect()
     }
+}
+
+/// All that is shown, in a terminal of `columns` and `rows`: the map as large as fits, `status`, the keys.
+fn picture(view: &View, status: String, columns: usize, rows: usize) -> Vec<String> {
+    let mut keys: Vec<String> = Vec::new();
+    for key in KEYS {
+        let line = keys.last_mut().filter(|line| line.len() + 3 + key.len() <= columns);
+        match line {
+            Some(line) => line.extend(["   ", key]),
+            None => keys.push(key.to_owned()),
+        }
+    }
+    // frame and status
+    let room = rows.saturating_sub(keys.len() + 3).min(columns.saturating_sub(2) / 2);
+    let mut lines = view.lines(room.min(ROWS));
+    lines.push(status);
+    lines.extend(keys);
+    lines
 }
 
 enum Event {
@@ -140,6 +168,7 @@ impl Screen {
                 terminal::Clear(terminal::ClearType::UntilNewLine)
             )?;
         }
+        queue!(out, terminal::Clear(terminal::ClearType::FromCursorDown))?;
         out.flush()
     }
 }
@@ -181,10 +210,9 @@ pub fn teleop<M: Middleware>(mw: &M) -> Result<()> {
         }
         if drawn.is_none_or(|drawn| drawn.elapsed() >= REDRAW) {
             drawn = Some(Instant::now());
-            let mut lines = view.lines();
-            lines.push(format!("{:.1} m/s  {:+.1} rad/s  {said}", now.v, now.omega));
-            lines.push(KEYS.to_owned());
-            Screen::draw(&lines).map_err(fault)?;
+            let (columns, rows) = terminal::size().map_err(fault)?;
+            let status = format!("{:.1} m/s  {:+.1} rad/s  {said}", now.v, now.omega);
+            Screen::draw(&picture(&view, status, columns.into(), rows.into())).map_err(fault)?;
         }
         if !event::poll(REDRAW / 5).map_err(fault)? {
             continue;
@@ -279,10 +307,25 @@ mod tests {
             crowd: vec![Vec2::new(10.0, -10.0)],
             robot: Some(Vec2::new(5.0, 0.0)),
         };
-        let lines = view.lines();
-        assert_eq!((lines.len(), lines[0].len()), (ROWS + 2, COLUMNS + 2));
+        let lines = view.lines(ROWS);
+        assert_eq!((lines.len(), lines[0].len()), (ROWS + 2, 2 * ROWS + 2));
         assert_eq!(lines.concat().matches('P').count(), 1);
-        assert_eq!((lines[1].find('x'), lines[ROWS].find('o')), (Some(2), Some(62)));
+        assert_eq!((lines[1].find('x'), lines[ROWS].find('o')), (Some(2), Some(63)));
         assert!(lines[ROWS / 2 + 1].find('P') < lines[ROWS / 2 + 1].find('R'));
+    }
+
+    #[test]
+    fn the_picture_fits_any_terminal() {
+        for (columns, rows) in [(80, 24), (200, 60), (50, 12), (30, 20), (80, 5), (1, 1)] {
+            let lines = picture(&View::default(), "0.0 m/s".into(), columns, rows);
+            assert!(lines.len() <= rows.max(KEYS.len() + 3), "{columns} x {rows}: {lines:#?}");
+            let widest = KEYS.iter().map(|key| key.len()).max().unwrap_or(0);
+            assert!(
+                lines.iter().all(|line| line.len() <= columns.max(widest)),
+                "{columns} x {rows}: {lines:#?}"
+            );
+            assert!(KEYS.iter().all(|key| lines.iter().any(|line| line.contains(key))), "{lines:#?}");
+        }
+        assert!(picture(&View::default(), String::new(), 80, 24).len() > 20);
     }
 }
