@@ -87,6 +87,8 @@ if [ "${ROSCAUSAL_PROFILE:-release}" = release ]; then
   mkdir -p "$work/ws/src"
   ln -s "$root" "$work/ws/src/roscausal"
   build ws --cmake-args "-DROSCAUSAL_CARGO_TARGET_DIR=$target"
+  # a folder that holds itself leads others that search it astray
+  rm "$work/ws/src/roscausal"
   use ws
   (cd "$root" && CARGO_TARGET_DIR=$target cargo build -q --release --locked -p roscausal_ros2 --example peer) ||
     broken "cargo did not build the tests' peer"
