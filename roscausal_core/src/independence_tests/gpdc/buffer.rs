@@ -1,4 +1,4 @@
-//! Memory that is used again: a likelihood takes a few large arrays per evaluation, and fresh pages from the system cost
+//! Memory that is used again: a likelihood takes several arrays per evaluation, and fresh pages from the system cost
 //! more than what is written into them.
 
 use std::{
@@ -9,7 +9,9 @@ use std::{
 /// Buffers with more doubles go back to the system at once (2 MB each at 500 samples).
 const LARGEST_KEPT: usize = 1 << 20;
 /// Buffers that a thread keeps.
-const MOST_KEPT: usize = 4;
+const MOST_KEPT: usize = 16;
+/// Lengths are rounded up to multiples of this, so that similar arrays share memory.
+const GRAIN: usize = 512;
 
 thread_local! {
     static SPARE: RefCell<Vec<Vec<f64>>> = const { RefCell::new(Vec::new()) };
@@ -24,11 +26,18 @@ pub(super) struct Buffer {
 impl Buffer {
     /// An array of `n` doubles with any content.
     pub(super) fn any(n: usize) -> Self {
-        let mut memory = SPARE.with_borrow_mut(Vec::pop).unwrap_or_default();
-        if memory.len() < n {
-            memory.resize(n, 0.0);
-        }
-        Self { memory, n }
+        let fitting = SPARE.with_borrow_mut(|spare| {
+            let fits = spare.iter().enumerate().filter(|(_, memory)| memory.len() >= n);
+            fits.min_by_key(|(_, memory)| memory.len()).map(|(k, _)| k).map(|k| spare.swap_remove(k))
+        });
+        Self { memory: fitting.unwrap_or_else(|| vec![0.0; n.next_multiple_of(GRAIN)]), n }
+    }
+
+    /// An array of `n` zeros.
+    pub(super) fn zeros(n: usize) -> Self {
+        let mut buffer = Self::any(n);
+        buffer.fill(0.0);
+        buffer
     }
 }
 
@@ -52,8 +61,11 @@ impl Drop for Buffer {
             // A thread that ends has no spare list any more: then the memory is freed.
             let _ = SPARE.try_with(|spare| {
                 let mut spare = spare.borrow_mut();
-                if spare.len() < MOST_KEPT {
-                    spare.push(memory);
+                spare.push(memory);
+                if spare.len() > MOST_KEPT {
+                    // The smallest is the cheapest to make again.
+                    let smallest = (0..spare.len()).min_by_key(|&k| spare[k].len());
+                    smallest.map(|k| spare.swap_remove(k));
                 }
             });
         }

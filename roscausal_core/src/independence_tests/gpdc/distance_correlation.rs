@@ -42,11 +42,12 @@ pub(super) fn of_ranks(x: &[u32], y: &[u32]) -> f64 {
 pub(super) fn of_sorted(pairs: &mut [(u32, u32)], space: &mut Vec<(u32, u32)>) -> f64 {
     let n = pairs.len() as i128;
     let distances_x = row_sums(pairs.iter().map(|pair| pair.0), pairs.len());
-    let (mut sum_x, mut sum_y, mut sum_xy) = (0i128, 0i128, 0i128);
+    let (mut sum_x, mut sum_y, mut sum_xy) = (0, 0, 0);
     for &(x, y) in &*pairs {
-        sum_x += i128::from(x);
-        sum_y += i128::from(y);
-        sum_xy += i128::from(u64::from(x) * u64::from(y));
+        let (x, y) = (u64::from(x), u64::from(y));
+        sum_x += x;
+        sum_y += y;
+        sum_xy += x * y;
     }
     let concordant = sort_by_second(pairs, space);
     let distances_y = row_sums(pairs.iter().map(|pair| pair.1), pairs.len());
@@ -54,16 +55,17 @@ pub(super) fn of_sorted(pairs: &mut [(u32, u32)], space: &mut Vec<(u32, u32)>) -
     for &(x, y) in &*pairs {
         rows.add(distances_x[x as usize], distances_y[y as usize]);
     }
-    let products = 2 * (2 * concordant - (n * sum_xy - sum_x * sum_y));
+    let rows = rows.sums();
+    let products = 2 * (2 * concordant - (n * i128::from(sum_xy) - i128::from(sum_x) * i128::from(sum_y)));
     let covariance = n * n * products - 2 * n * rows.xy + rows.x * rows.y;
     let squares = |of: &dyn Fn(&(u32, u32)) -> u32| {
-        let (mut sum, mut sum_of_squares) = (0i128, 0i128);
+        let (mut sum, mut sum_of_squares) = (0, 0);
         for pair in &*pairs {
             let value = u64::from(of(pair));
-            sum += i128::from(value);
-            sum_of_squares += i128::from(value * value);
+            sum += value;
+            sum_of_squares += value * value;
         }
-        2 * (n * sum_of_squares - sum * sum)
+        2 * (n * i128::from(sum_of_squares) - i128::from(sum) * i128::from(sum))
     };
     let variance_x = n * n * squares(&|pair| pair.0) - 2 * n * rows.xx + rows.x * rows.x;
     let variance_y = n * n * squares(&|pair| pair.1) - 2 * n * rows.yy + rows.y * rows.y;
@@ -73,7 +75,7 @@ pub(super) fn of_sorted(pairs: &mut [(u32, u32)], space: &mut Vec<(u32, u32)>) -
 
 /// Sums over the samples of the row sums of both distance matrices.
 #[derive(Default)]
-struct Rows {
+struct Sums {
     x: i128,
     y: i128,
     xx: i128,
@@ -81,14 +83,51 @@ struct Rows {
     yy: i128,
 }
 
+/// The same in words of the machine, where a row sum is below 2^31 and its square below 2^62.
+#[derive(Default)]
+struct Rows {
+    sums: Sums,
+    x: i64,
+    y: i64,
+    xx: u64,
+    xy: u64,
+    yy: u64,
+}
+
 impl Rows {
     fn add(&mut self, x: i64, y: i64) {
-        let (x, y) = (i128::from(x), i128::from(y));
+        const SMALL: i64 = 1 << 31;
+        if x >= SMALL || y >= SMALL {
+            let (x, y) = (i128::from(x), i128::from(y));
+            self.sums.x += x;
+            self.sums.y += y;
+            self.sums.xx += x * x;
+            self.sums.xy += x * y;
+            self.sums.yy += y * y;
+            return;
+        }
         self.x += x;
         self.y += y;
+        let (x, y) = (x as u64, y as u64);
         self.xx += x * x;
         self.xy += x * y;
         self.yy += y * y;
+        if (self.xx | self.xy | self.yy) >= 1 << 62 {
+            self.carry();
+        }
+    }
+
+    fn carry(&mut self) {
+        self.sums.x += i128::from(std::mem::take(&mut self.x));
+        self.sums.y += i128::from(std::mem::take(&mut self.y));
+        self.sums.xx += i128::from(std::mem::take(&mut self.xx));
+        self.sums.xy += i128::from(std::mem::take(&mut self.xy));
+        self.sums.yy += i128::from(std::mem::take(&mut self.yy));
+    }
+
+    fn sums(mut self) -> Sums {
+        self.carry();
+        self.sums
     }
 }
 
@@ -138,7 +177,7 @@ fn sort_by_second(pairs: &mut [(u32, u32)], space: &mut Vec<(u32, u32)>) -> i128
     let mut swapped = false;
     while width < n {
         for (source, target) in from.chunks(2 * width).zip(to.chunks_mut(2 * width)) {
-            concordant += merge(source, width.min(source.len()), target);
+            concordant += merge(source, width.min(source.len()), target, n);
         }
         std::mem::swap(&mut from, &mut to);
         swapped = !swapped;
@@ -151,26 +190,34 @@ fn sort_by_second(pairs: &mut [(u32, u32)], space: &mut Vec<(u32, u32)>) -> i128
 }
 
 /// Merges the sorted halves of `source`, split at `middle`, into `target`; returns the sum over the concordant
-/// pairs between the halves.
-fn merge(source: &[(u32, u32)], middle: usize, target: &mut [(u32, u32)]) -> i128 {
+/// pairs between the halves. Ranks are at most `n`.
+fn merge(source: &[(u32, u32)], middle: usize, target: &mut [(u32, u32)], n: usize) -> i128 {
     let (left, right) = source.split_at(middle);
-    // One sum of a row stays below n^3, so n may be 2 million.
+    // One sum of a row stays below n^3, so n may be 2 million; so many of them stay below 2^62.
+    let n = n.max(1) as u128;
+    let at_once = ((1 << 62) / (n * n * n)).clamp(1, 1 << 20) as usize;
     let (mut concordant, mut sum_x, mut sum_y, mut sum_xy) = (0i128, 0i64, 0i64, 0i64);
     let (mut i, mut j) = (0, 0);
-    for place in target.iter_mut() {
-        if j == right.len() || i < left.len() && left[i].1 <= right[j].1 {
-            *place = left[i];
+    for places in target.chunks_mut(at_once) {
+        let mut some = 0i64;
+        for place in places {
+            // Which half is next is a coin's toss to the processor: no branch depends on it.
+            let (from_left, from_right) = (left.get(i), right.get(j));
+            let next_left = from_left.map_or(u64::MAX, |pair| u64::from(pair.1));
+            let next_right = from_right.map_or(u64::MAX, |pair| u64::from(pair.1));
+            let is_left = next_left <= next_right;
+            let pair = if is_left { from_left } else { from_right };
+            *place = pair.copied().unwrap_or_default();
             let (x, y) = (i64::from(place.0), i64::from(place.1));
-            sum_x += x;
-            sum_y += y;
-            sum_xy += x * y;
-            i += 1;
-        } else {
-            *place = right[j];
-            let (x, y) = (i64::from(place.0), i64::from(place.1));
-            concordant += i128::from(i as i64 * x * y - x * sum_y - y * sum_x + sum_xy);
-            j += 1;
+            let (of_left, of_right) = (-i64::from(is_left), i64::from(is_left) - 1);
+            some += of_right & (i as i64 * x * y - x * sum_y - y * sum_x + sum_xy);
+            sum_x += of_left & x;
+            sum_y += of_left & y;
+            sum_xy += of_left & (x * y);
+            i += usize::from(is_left);
+            j += usize::from(!is_left);
         }
+        concordant += i128::from(some);
     }
     concordant
 }

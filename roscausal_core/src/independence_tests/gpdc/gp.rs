@@ -4,6 +4,7 @@ use std::sync::{Arc, OnceLock};
 
 use super::{
     dense::Dense,
+    incomplete::Incomplete,
     kernel::{Inputs, dot},
     lbfgsb::{Bounds, Tolerances, minimize},
     low_rank::LowRank,
@@ -34,12 +35,17 @@ const SMALLEST: f64 = 1e-5;
 const LARGEST: f64 = 1e5;
 /// Errors of the likelihood's values that the search reckons with, relative to them.
 const NOISE: f64 = 1e-6;
-/// What the kernel matrix may lack on its diagonal while the search goes, as a share of the noise variance: in
-/// proportion to the gradient, within these bounds; and for the residuals at the end.
-const LOOSEST: f64 = 1e-4;
+/// What the kernel matrix may lack on its diagonal while the search goes, as a share of the noise variance: by the
+/// gradient (see [`share_for`]), within these bounds; and for the residuals at the end.
+const LOOSEST: f64 = 1e-2;
 const TIGHTEST: f64 = 1e-6;
 const PER_GRADIENT: f64 = 1e-5;
 const AT_THE_END: f64 = 1e-8;
+/// A likelihood that turns out looser than its gradient asks for by this factor is made exact enough.
+const TOO_LOOSE: f64 = 50.0;
+/// The same for residuals by a factorisation of low rank, which is one below this share of the samples.
+const EXACT: f64 = 1e-11;
+const LOW: usize = 16;
 /// Rounding of a remainder.
 const ROUNDING: f64 = 4e-15;
 /// Ratio of samples to noise variance up to which single precision serves the search.
@@ -115,8 +121,6 @@ impl GaussianProcess {
                 let theta = Theta::from_logarithms(logarithms);
                 let (value, gradient) =
                     self.evaluate(target, theta, &mut search).unwrap_or((f64::INFINITY, [0.0; 2]));
-                let steepest = gradient[0].abs().max(gradient[1].abs());
-                search.share = (PER_GRADIENT * steepest).clamp(TIGHTEST, LOOSEST);
                 Ok((value, gradient))
             },
             [0.0; 2],
@@ -134,7 +138,20 @@ impl GaussianProcess {
 
     /// `(K + s I)^-1 y`, exact.
     fn alpha(&self, y: &[f64], theta: Theta, mut search: Search) -> Option<Vec<f64>> {
+        let n = y.len();
         let nearest = search.last.take();
+        if let Some(Likelihood { form: Form::LowRank(at), .. }) = &nearest
+            && at.pivots().len() <= n / LOW
+        {
+            // A little more rank, and the factorisation is as good as exact.
+            let tolerance = (EXACT * theta.s.min(1.0)).max(ROUNDING);
+            let mut factor = Incomplete::new(n, n / 4, at.pivots());
+            if factor.extend(&self.inputs, theta.l, tolerance, n / 4).is_some()
+                && let Some(end) = LowRank::new(&self.inputs, theta, factor, false)
+            {
+                return Some(end.alpha(y));
+            }
+        }
         if let Some(nearest) = nearest.as_ref().or_else(|| self.start.get().and_then(Option::as_ref)) {
             let refined = refine::solve(&self.inputs, theta, y, |rest| nearest.alpha(rest));
             if refined.is_some() {
@@ -150,17 +167,31 @@ impl GaussianProcess {
     /// Minus the log marginal likelihood and its gradient by `(ln l, ln s)`.
     fn evaluate(&self, y: &[f64], theta: Theta, search: &mut Search) -> Option<(f64, [f64; 2])> {
         search.last = None;
+        let at_start = theta == Theta::START && y.len() <= LARGE;
         let likelihood =
             |search: &mut Search| Likelihood::new(&self.inputs, theta, Purpose::Search, search, &self.memory);
-        if theta == Theta::START && y.len() <= LARGE {
+        if at_start {
             let start = self.start.get_or_init(|| likelihood(&mut Search::new())).as_ref()?;
-            if !matches!(start.form, Form::LowRank(_)) {
-                search.too_high_rank = Some((theta.l, search.tolerance(theta)));
+            match &start.form {
+                Form::LowRank(at) => search.hints = at.pivots().to_vec(),
+                _ => search.too_high_rank = Some((theta.l, search.tolerance(theta))),
             }
-            return Some(start.evaluate(y, theta.s));
+            let result = start.evaluate(y, theta.s);
+            search.learn(&result);
+            return Some(result);
         }
-        let at = likelihood(search)?;
-        let result = at.evaluate(y, theta.s);
+        let mut at = likelihood(search)?;
+        let mut result = at.evaluate(y, theta.s);
+        let used = search.share;
+        search.learn(&result);
+        if matches!(at.form, Form::LowRank(_)) && used > TOO_LOOSE * search.share {
+            at = at.tightened(&self.inputs, theta, search, &self.memory)?;
+            result = at.evaluate(y, theta.s);
+            search.learn(&result);
+        }
+        if let Form::LowRank(at) = &at.form {
+            search.hints = at.pivots().to_vec();
+        }
         if y.len() <= LARGE {
             search.last = Some(at);
         }
@@ -174,13 +205,29 @@ struct Search {
     share: f64,
     /// A length scale and a tolerance where the rank was too high: it is so for all that are shorter and tighter.
     too_high_rank: Option<(f64, f64)>,
+    /// Largest component of the smallest gradient so far.
+    smallest_gradient: f64,
+    /// Pivots of the last low-rank form.
+    hints: Vec<u32>,
     /// The likelihood at the last place but the start; of large matrices none is kept.
     last: Option<Likelihood>,
 }
 
 impl Search {
     fn new() -> Self {
-        Self { share: TIGHTEST, too_high_rank: None, last: None }
+        Self {
+            share: TIGHTEST,
+            too_high_rank: None,
+            smallest_gradient: f64::INFINITY,
+            hints: Vec::new(),
+            last: None,
+        }
+    }
+
+    /// Takes a result: the smaller the gradients, the more exact the next likelihood.
+    fn learn(&mut self, (_, gradient): &(f64, [f64; 2])) {
+        self.smallest_gradient = self.smallest_gradient.min(gradient[0].abs().max(gradient[1].abs()));
+        self.share = share_for(self.smallest_gradient);
     }
 
     /// Largest remainder on the diagonal. The error of the derivative by `ln l` is larger than that of the kernel for
@@ -188,6 +235,11 @@ impl Search {
     fn tolerance(&self, theta: Theta) -> f64 {
         (self.share * theta.s.min(1.0) / theta.l.max(1.0)).max(ROUNDING)
     }
+}
+
+/// The share of the noise variance that leaves an error of a few percent in a gradient of this size.
+fn share_for(gradient: f64) -> f64 {
+    (PER_GRADIENT * gradient * gradient.sqrt()).clamp(TIGHTEST, LOOSEST)
 }
 
 /// What a likelihood is computed for.
@@ -201,7 +253,7 @@ enum Purpose {
 
 /// Rank up to which the low-rank form is the faster one.
 fn max_rank(n: usize) -> usize {
-    n / 3
+    n / 4
 }
 
 impl Likelihood {
@@ -220,7 +272,9 @@ impl Likelihood {
         let known = search.too_high_rank.is_some_and(|(l, at)| theta.l <= l && tolerance <= at);
         if !known {
             let held = hold(LowRank::bytes(n, max_rank(n)));
-            if let Some(at) = LowRank::new(inputs, theta, tolerance, max_rank(n), gradient) {
+            let mut factor = Incomplete::new(n, max_rank(n), &search.hints);
+            let fits = factor.extend(inputs, theta.l, tolerance, max_rank(n)).is_some();
+            if let Some(at) = fits.then(|| LowRank::new(inputs, theta, factor, gradient)).flatten() {
                 return Some(Self { form: Form::LowRank(at), _held: held });
             }
             search.too_high_rank = Some((theta.l, tolerance));
@@ -233,6 +287,27 @@ impl Likelihood {
         }
         let held = hold(Dense::<f64>::bytes(n));
         Dense::<f64>::new(inputs, theta, gradient).map(|at| Self { form: Form::Dense(at), _held: held })
+    }
+
+    /// The same likelihood for the search, as exact as it asks for now.
+    fn tightened(
+        self,
+        inputs: &Inputs,
+        theta: Theta,
+        search: &mut Search,
+        memory: &Arc<Memory>,
+    ) -> Option<Self> {
+        let Form::LowRank(at) = self.form else { return Some(self) };
+        let mut factor = at.into_factor();
+        let tolerance = search.tolerance(theta);
+        if factor.extend(inputs, theta.l, tolerance, max_rank(inputs.len())).is_some()
+            && let Some(at) = LowRank::new(inputs, theta, factor, true)
+        {
+            return Some(Self { form: Form::LowRank(at), _held: self._held });
+        }
+        search.too_high_rank = Some((theta.l, tolerance));
+        drop(self._held);
+        Self::new(inputs, theta, Purpose::Search, search, memory)
     }
 
     fn evaluate(&self, y: &[f64], s: f64) -> (f64, [f64; 2]) {
@@ -288,6 +363,12 @@ mod tests {
         Likelihood { form, _held: None }
     }
 
+    fn low_rank(inputs: &Inputs, theta: Theta, tolerance: f64) -> Likelihood {
+        let mut factor = Incomplete::new(inputs.len(), 2 * inputs.len(), &[]);
+        factor.extend(inputs, theta.l, tolerance, 2 * inputs.len()).unwrap();
+        alone(Form::LowRank(LowRank::new(inputs, theta, factor, true).unwrap()))
+    }
+
     fn samples(n: usize, d: usize, seed: u64) -> (Vec<Vec<f64>>, Vec<f64>) {
         let mut rng = super::super::pcg64::Pcg64::new(seed);
         let mut row = || (0..n).map(|_| 4.0 * rng.next_f64() - 2.0).collect::<Vec<f64>>();
@@ -318,7 +399,7 @@ mod tests {
             let tolerance = Search { share: 1e-10, ..Search::new() }.tolerance(theta) / theta.l.max(1.0);
             let dense = Dense::<f64>::new(&inputs, theta, true).map(Form::Dense).map(alone).unwrap();
             let end = Dense::<f64>::new(&inputs, theta, false).map(Form::Dense).map(alone).unwrap();
-            let low_rank = LowRank::new(&inputs, theta, tolerance, 2 * n, true).map(Form::LowRank).map(alone).unwrap();
+            let low_rank = low_rank(&inputs, theta, tolerance);
             let (value, gradient) = dense.evaluate(&y, theta.s);
             let alpha = end.alpha(&y);
             let value_at_end = end.value(&y, &alpha);

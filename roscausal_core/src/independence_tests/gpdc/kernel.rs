@@ -2,6 +2,8 @@
 
 use pulp::{Arch, NullaryFnOnce};
 
+use super::buffer::Buffer;
+
 /// The conditions of a regression: `n` samples in `d` dimensions.
 #[derive(Debug)]
 pub(super) struct Inputs {
@@ -29,16 +31,16 @@ impl Inputs {
         self.arch.dispatch(Column { inputs: self, scale: -0.5 / (l * l), j, from, kernel, derivative });
     }
 
-    /// The same between the samples of `chosen`: two symmetric matrices, column-major.
-    pub(super) fn between(&self, l: f64, chosen: &[usize]) -> (Vec<f64>, Vec<f64>) {
-        let pick = |row: &[f64]| chosen.iter().map(|&i| row[i]).collect::<Vec<f64>>();
-        let few = Self::new(&self.values.chunks_exact(self.n).map(pick).collect::<Vec<_>>());
+    /// `dK / d ln l` between the samples of `chosen`: symmetric, column-major.
+    pub(super) fn derivative_between(&self, l: f64, chosen: &[u32]) -> Buffer {
         let r = chosen.len();
-        let (mut kernel, mut derivative) = (vec![0.0; r * r], vec![0.0; r * r]);
-        for (j, (k, d)) in kernel.chunks_exact_mut(r).zip(derivative.chunks_exact_mut(r)).enumerate() {
-            few.column(l, j, 0, k, d);
+        let pick = |row: &[f64]| chosen.iter().map(|&i| row[i as usize]).collect::<Vec<f64>>();
+        let few = Self::new(&self.values.chunks_exact(self.n).map(pick).collect::<Vec<_>>());
+        let (mut kernel, mut derivative) = (vec![0.0; r], Buffer::any(r * r));
+        for (j, column) in derivative.chunks_exact_mut(r).enumerate() {
+            few.column(l, j, 0, &mut kernel, column);
         }
-        (kernel, derivative)
+        derivative
     }
 }
 

@@ -13,6 +13,9 @@ const M: usize = 10;
 /// Evaluations that one line search may take.
 const MAX_LINE_EVALUATIONS: usize = 20;
 
+/// Share of the decrease at which to stop that a step taken unseen may leave to gain.
+const UNSEEN: f64 = 0.003;
+
 /// When to stop.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Tolerances {
@@ -73,6 +76,7 @@ pub(super) fn minimize<const N: usize, E>(
     let mut memory = Memory::new();
     let mut first = true;
     let mut iteration = 0;
+    let mut gain_before = 0.0;
     while iteration < tolerances.max_iterations
         && bounds.projected_gradient(&at) > tolerances.projected_gradient
     {
@@ -86,8 +90,12 @@ pub(super) fn minimize<const N: usize, E>(
         let step: [f64; N] = std::array::from_fn(|i| target[i] - at.x[i]);
         let gain = -0.5 * dot(&at.gradient, &step);
         let scale = at.value.abs().max(1.0);
-        if !memory.pairs.is_empty() && (0.0..=tolerances.relative_decrease * scale).contains(&gain) {
-            // The last step gains less than would be asked of it: it is taken unseen.
+        let enough = tolerances.relative_decrease * scale;
+        // Steps gain less and less, and faster and faster so: what the one after this would gain.
+        let gain_after = if gain < gain_before { gain * gain / gain_before } else { gain };
+        gain_before = gain;
+        if !memory.pairs.is_empty() && gain >= 0.0 && (gain <= enough || gain_after <= UNSEEN * enough) {
+            // The step gains less than would be asked of it, or leaves nothing to gain: it is taken unseen.
             return Ok(Point { x: target, value: at.value - gain, ..at });
         }
         let noise = tolerances.noise * scale;

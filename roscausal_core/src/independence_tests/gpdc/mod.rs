@@ -5,6 +5,7 @@ mod buffer;
 mod dense;
 mod distance_correlation;
 mod gp;
+mod incomplete;
 mod kernel;
 mod lbfgsb;
 mod line_search;

@@ -60,15 +60,41 @@ fn uniform_order(rng: &mut Pcg64, n: usize, order: &mut Vec<u32>) {
     const PLACE_BITS: u32 = 11;
     order.clear();
     if n <= 1 << PLACE_BITS {
-        let mut keys: Vec<u64> =
-            (0..n as u64).map(|i| rng.next_u64() >> PLACE_BITS << PLACE_BITS | i).collect();
-        keys.sort_unstable();
-        order.extend(keys.iter().map(|key| (key & ((1 << PLACE_BITS) - 1)) as u32));
+        let keys: Vec<u64> = (0..n as u64).map(|i| rng.next_u64() >> PLACE_BITS << PLACE_BITS | i).collect();
+        order.extend(sorted_uniform(&keys).iter().map(|key| (key & ((1 << PLACE_BITS) - 1)) as u32));
     } else {
         let mut keys: Vec<(u64, u32)> = (0..n as u32).map(|i| (rng.next_u64() >> PLACE_BITS, i)).collect();
         keys.sort_unstable();
         order.extend(keys.iter().map(|key| key.1));
     }
+}
+
+/// `keys`, uniform over all integers, in ascending order: first into as many bins, then nearly sorted by insertion.
+fn sorted_uniform(keys: &[u64]) -> Vec<u64> {
+    let bins = keys.len().next_power_of_two().max(2);
+    let bin = |key: u64| (key >> (64 - bins.trailing_zeros())) as usize;
+    let mut starts = vec![0u32; bins];
+    keys.iter().for_each(|&key| starts[bin(key)] += 1);
+    let mut next = 0;
+    for start in &mut starts {
+        next += std::mem::replace(start, next);
+    }
+    let mut sorted = vec![0; keys.len()];
+    for &key in keys {
+        let place = &mut starts[bin(key)];
+        sorted[*place as usize] = key;
+        *place += 1;
+    }
+    for k in 1..sorted.len() {
+        let key = sorted[k];
+        let mut to = k;
+        while to > 0 && sorted[to - 1] > key {
+            sorted[to] = sorted[to - 1];
+            to -= 1;
+        }
+        sorted[to] = key;
+    }
+    sorted
 }
 
 #[cfg(test)]
@@ -80,6 +106,19 @@ mod tests {
         let table = NullTable::get(50, 20, 7);
         assert!(Arc::ptr_eq(&table, &NullTable::get(50, 20, 7)));
         assert!(!Arc::ptr_eq(&table, &NullTable::get(51, 20, 7)));
+    }
+
+    #[test]
+    fn bins_sort_any_keys() {
+        let mut rng = Pcg64::new(3);
+        for n in [0, 1, 2, 3, 64, 500] {
+            for shift in [0, 20, 63] {
+                let mut keys: Vec<u64> = (0..n).map(|_| rng.next_u64() >> shift).collect();
+                let sorted = sorted_uniform(&keys);
+                keys.sort_unstable();
+                assert_eq!(sorted, keys);
+            }
+        }
     }
 
     #[test]

@@ -1,7 +1,7 @@
 //! Solutions with the whole kernel matrix by conjugate gradients, from an approximate factorisation nearby: a few
 //! products of matrix and vector instead of another factorisation.
 
-use faer::{Accum, MatMut, MatRef, Par, linalg::matmul};
+use pulp::{Arch, NullaryFnOnce};
 
 use super::{
     buffer::Buffer,
@@ -22,17 +22,19 @@ pub(super) fn solve(
     approximate: impl Fn(&[f64]) -> Vec<f64>,
 ) -> Option<Vec<f64>> {
     let n = y.len();
-    let mut matrix = Buffer::any(n * n);
-    for (j, column) in matrix.chunks_exact_mut(n).enumerate() {
-        inputs.column(theta.l, j, 0, column, &mut []);
-        column[j] += theta.s;
+    // The columns on and below the diagonal, one after the other.
+    let mut columns = Buffer::any(n * (n + 1) / 2);
+    let mut rest_of_columns = &mut columns[..];
+    for j in 0..n {
+        let (column, rest) = rest_of_columns.split_at_mut(n - j);
+        inputs.column(theta.l, j, j, column, &mut []);
+        column[0] += theta.s;
+        rest_of_columns = rest;
     }
-    let matrix = MatRef::from_column_major_slice(&matrix[..n * n], n, n);
+    let arch = Arch::new();
     let times = |x: &[f64]| {
         let mut product = vec![0.0; n];
-        let to = MatMut::from_column_major_slice_mut(&mut product, n, 1);
-        let x = MatRef::from_column_major_slice(x, n, 1);
-        matmul::matmul(to, Accum::Replace, matrix, x, 1.0, Par::Seq);
+        arch.dispatch(SymmetricProduct { columns: &columns, x, product: &mut product });
         product
     };
     let enough = EXACT * EXACT * dot(y, y);
@@ -58,6 +60,48 @@ pub(super) fn solve(
 
 fn add(sum: &mut [f64], values: &[f64], factor: f64) {
     sum.iter_mut().zip(values).for_each(|(sum, value)| *sum += factor * value);
+}
+
+/// `product += A x` of a symmetric matrix by its `columns` from the diagonal down: each is read once for both triangles.
+struct SymmetricProduct<'a> {
+    columns: &'a [f64],
+    x: &'a [f64],
+    product: &'a mut [f64],
+}
+
+impl NullaryFnOnce for SymmetricProduct<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn call(self) {
+        const LANES: usize = 32;
+        let Self { mut columns, x, product } = self;
+        for j in 0..x.len() {
+            let (column, rest) = columns.split_at(x.len() - j);
+            columns = rest;
+            let (x_j, x_below) = (x[j], &x[j + 1..]);
+            let (product_j, below) = product[j..].split_at_mut(1);
+            let column_below = &column[1..];
+            let mut sums = [0.0; LANES];
+            let whole = column_below.len() / LANES * LANES;
+            let (now, last) = column_below.split_at(whole);
+            let (x_now, x_last) = x_below.split_at(whole);
+            let (to_now, to_last) = below.split_at_mut(whole);
+            let chunks = now.chunks_exact(LANES).zip(x_now.chunks_exact(LANES));
+            for ((a, x), to) in chunks.zip(to_now.chunks_exact_mut(LANES)) {
+                for k in 0..LANES {
+                    sums[k] = a[k].mul_add(x[k], sums[k]);
+                    to[k] = a[k].mul_add(x_j, to[k]);
+                }
+            }
+            let mut sum = column[0] * x_j + sums.iter().sum::<f64>();
+            for ((a, x), to) in last.iter().zip(x_last).zip(to_last) {
+                sum = a.mul_add(*x, sum);
+                *to = a.mul_add(x_j, *to);
+            }
+            product_j[0] += sum;
+        }
+    }
 }
 
 #[cfg(test)]
