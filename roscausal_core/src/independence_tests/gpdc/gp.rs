@@ -6,7 +6,7 @@ use super::{
     dense::Dense,
     incomplete::Incomplete,
     kernel::{Inputs, dot},
-    lbfgsb::{Bounds, Tolerances, minimize},
+    lbfgsb::{Bounds, Point, Tolerances, minimize},
     low_rank::LowRank,
     memory::{Held, Memory},
     refine,
@@ -30,9 +30,10 @@ impl Theta {
     }
 }
 
-/// Bounds of both hyperparameters.
-const SMALLEST: f64 = 1e-5;
-const LARGEST: f64 = 1e5;
+/// Natural logarithm of 1e5.
+const FAR: f64 = 11.512_925_464_970_229;
+/// Bounds of the logarithms of both hyperparameters.
+const BOUNDS: Bounds<2> = Bounds { lower: [-FAR; 2], upper: [FAR; 2] };
 /// Errors of the likelihood's values that the search reckons with, relative to them.
 const NOISE: f64 = 1e-6;
 /// What the kernel matrix may lack on its diagonal while the search goes, as a share of the noise variance: by the
@@ -113,20 +114,7 @@ impl GaussianProcess {
     /// # Errors
     /// Those of `check`.
     pub(super) fn fit(&self, target: &[f64], check: &dyn Fn() -> Result<()>) -> Result<Fit> {
-        let bounds = Bounds { lower: [SMALLEST.ln(); 2], upper: [LARGEST.ln(); 2] };
-        let mut search = Search::new();
-        let optimum = minimize(
-            |logarithms| {
-                check()?;
-                let theta = Theta::from_logarithms(logarithms);
-                let (value, gradient) =
-                    self.evaluate(target, theta, &mut search).unwrap_or((f64::INFINITY, [0.0; 2]));
-                Ok((value, gradient))
-            },
-            [0.0; 2],
-            &bounds,
-            &Tolerances { noise: NOISE, ..Tolerances::default() },
-        )?;
+        let (optimum, search) = self.optimum(target, check)?;
         let theta = Theta::from_logarithms(optimum.x);
         let alpha = self.alpha(target, theta, search).ok_or_else(|| {
             Error::Data("a Gaussian process has no positive definite covariance on these samples".into())
@@ -134,6 +122,22 @@ impl GaussianProcess {
         // y - K (K + s I)^-1 y = s (K + s I)^-1 y
         let residuals = alpha.iter().map(|a| theta.s * a).collect();
         Ok(Fit { log_likelihood: -optimum.value, residuals })
+    }
+
+    /// The optimum in `(ln l, ln s)`, with minus the log marginal likelihood there.
+    fn optimum(&self, target: &[f64], check: &dyn Fn() -> Result<()>) -> Result<(Point<2>, Search)> {
+        let mut search = Search::new();
+        let optimum = minimize(
+            |logarithms| {
+                check()?;
+                let theta = Theta::from_logarithms(logarithms);
+                Ok(self.evaluate(target, theta, &mut search).unwrap_or((f64::INFINITY, [0.0; 2])))
+            },
+            [0.0; 2],
+            &BOUNDS,
+            &Tolerances { noise: NOISE, ..Tolerances::default() },
+        )?;
+        Ok((optimum, search))
     }
 
     /// `(K + s I)^-1 y`, exact.
@@ -344,7 +348,7 @@ impl Likelihood {
 mod tests {
     use proptest::prelude::*;
 
-    use super::*;
+    use super::{super::residuals::standardized, *};
 
     /// Minus the log marginal likelihood by its definition.
     fn by_definition(rows: &[Vec<f64>], y: &[f64], theta: Theta) -> f64 {
@@ -364,8 +368,8 @@ mod tests {
     }
 
     fn low_rank(inputs: &Inputs, theta: Theta, tolerance: f64) -> Likelihood {
-        let mut factor = Incomplete::new(inputs.len(), 2 * inputs.len(), &[]);
-        factor.extend(inputs, theta.l, tolerance, 2 * inputs.len()).unwrap();
+        let mut factor = Incomplete::new(inputs.len(), inputs.len(), &[]);
+        factor.extend(inputs, theta.l, tolerance, inputs.len()).unwrap();
         alone(Form::LowRank(LowRank::new(inputs, theta, factor, true).unwrap()))
     }
 
@@ -427,6 +431,37 @@ mod tests {
                     prop_assert!((dense - single).abs() < 100.0 * limit, "{dense} {single}");
                 }
             }
+        }
+    }
+
+    /// Where the search ends with exact likelihoods in double precision and no value of the function distrusted.
+    fn exact_optimum(rows: &[Vec<f64>], y: &[f64]) -> Point<2> {
+        let inputs = Inputs::new(rows);
+        let exact = |x: [f64; 2]| {
+            let theta = Theta::from_logarithms(x);
+            let at = Dense::<f64>::new(&inputs, theta, true).map(Form::Dense).map(alone);
+            Ok::<_, Error>(at.map_or((f64::INFINITY, [0.0; 2]), |at| at.evaluate(y, theta.s)))
+        };
+        minimize(exact, [0.0; 2], &BOUNDS, &Tolerances::default()).unwrap()
+    }
+
+    /// Where a likelihood is flat, as with pure noise, the end is any; so it is the likelihood that is compared.
+    #[test]
+    fn the_search_ends_where_an_exact_one_does() {
+        for seed in 0..60 {
+            let (n, d) = (20 + (37 * seed as usize) % 180, 1 + seed as usize % 3);
+            let (rows, signal) = samples(n, d, seed);
+            let (noise, _) = samples(n, 1, 1000 + seed);
+            let strength = [0.0, 0.3, 1.0, 4.0, 20.0][seed as usize / 3 % 5];
+            let y: Vec<f64> = signal.iter().zip(&noise[0]).map(|(y, e)| strength * y + e).collect();
+            let rows: Vec<_> = rows.iter().map(|row| standardized(row)).collect();
+            let y = standardized(&y);
+            let process = GaussianProcess::new(&rows, &Memory::new(0));
+            let (found, _) = process.optimum(&y, &|| Ok(())).unwrap();
+            let exact = exact_optimum(&rows, &y);
+            let reached = by_definition(&rows, &y, Theta::from_logarithms(found.x));
+            let lost = reached - exact.value;
+            assert!(lost < 2e-3, "{seed}: {n} samples, {d} conditions, {found:?} {exact:?} {lost}");
         }
     }
 

@@ -56,7 +56,7 @@ impl Incomplete {
     }
 
     /// Takes more pivots until no remainder exceeds `tolerance`; `None` where the rank exceeds `max_rank`, or is about
-    /// to. `max_rank` is at most that of [`Incomplete::new`], `l` the same on every call.
+    /// to. `max_rank` is at most that of [`Incomplete::new`], and `n` for no limit; `l` is the same on every call.
     pub(super) fn extend(&mut self, inputs: &Inputs, l: f64, tolerance: f64, max_rank: usize) -> Option<()> {
         let n = self.n;
         let arch = Arch::new();
@@ -68,9 +68,10 @@ impl Incomplete {
             let k = self.rank();
             // Where half of the ranks have not brought half of the digits, all of them will hardly bring the rest.
             let hopeless = |part: f64| largest > tolerance.powf(part * k as f64 / max_rank as f64);
-            if k >= max_rank
-                || k >= max_rank / 2 && k > PANEL && hopeless(1.0)
-                || k >= max_rank / 4 && k > PANEL && hopeless(0.6)
+            if max_rank < n
+                && (k >= max_rank
+                    || k >= max_rank / 2 && k > PANEL && hopeless(1.0)
+                    || k >= max_rank / 4 && k > PANEL && hopeless(0.6))
             {
                 return None;
             }
