@@ -136,7 +136,7 @@ impl Run {
         let folders = Folders::fresh(&self.out)?;
         let bus = Loopback::lockstep();
         self.set_parameters(&bus, &folders, BATCHES);
-        let (nodes, progress) = Nodes::start(&bus, &nodes::RECORDING)?.with_discovery()?;
+        let (nodes, progress) = Nodes::start(&bus, &nodes::RECORDING).with_discovery();
         let mut sink = Sink::open(&bus, record)?;
         // Every topic is there before its first message.
         let announced = Publisher::new(&bus.node("announcement"), &simulation)?;
@@ -162,7 +162,7 @@ impl Run {
         let bus = Loopback::lockstep();
         self.set_parameters(&bus, &folders, 1);
         let web = Web::start(&bus, &args.web)?;
-        let (nodes, _progress) = Nodes::start(&bus, &nodes::RECORDING)?.with_discovery()?;
+        let (nodes, _progress) = Nodes::start(&bus, &nodes::RECORDING).with_discovery();
         let mut sink = Sink::open(&bus, args.record.as_deref())?;
         let announced = Publisher::new(&bus.node("announcement"), &simulation)?;
         sink.watch()?;

@@ -1,11 +1,8 @@
-//! The nodes as threads on one bus.
+//! The nodes on one bus: those that record as tasks of whoever drives it, the one that analyses as a thread.
 
 use std::{
     path::Path,
-    sync::{
-        Arc, Mutex, PoisonError,
-        mpsc::{Receiver, channel},
-    },
+    sync::mpsc::{Receiver, channel},
     thread::{self, JoinHandle},
     time::Duration,
 };
@@ -13,7 +10,7 @@ use std::{
 use roscausal_core::{
     Error, Result,
     discovery::{Progress, analysis::Settings},
-    loopback::{Loopback, LoopbackNode},
+    loopback::{Loopback, LoopbackNode, LoopbackTask},
     middleware::Middleware,
     nodes,
     params::Value,
@@ -30,43 +27,25 @@ const LOOK_AGAIN: Duration = Duration::from_millis(1);
 /// The running nodes: those that record, and perhaps the one that analyses beside them.
 pub(crate) struct Nodes {
     bus: Loopback,
-    recording: Vec<Running>,
-    discovery: Option<Running>,
+    recording: Vec<(&'static str, LoopbackTask<Result<()>>)>,
+    discovery: Option<(LoopbackNode, JoinHandle<Result<()>>)>,
 }
 
-struct Running {
-    name: &'static str,
-    node: LoopbackNode,
-    thread: JoinHandle<Result<()>>,
-}
-
-impl Running {
-    fn join(self) -> Result<()> {
-        let died = |_| Error::Middleware(format!("the node {} died; please report it", self.name));
-        self.thread.join().map_err(died)?
-    }
+/// What a node returned, however it ended.
+fn ended(name: &str, node: thread::Result<Result<()>>) -> Result<()> {
+    node.unwrap_or_else(|_| Err(Error::Middleware(format!("the node {name} died; please report it"))))
 }
 
 impl Nodes {
     /// Starts the nodes `names` of [`RECORDING`].
-    pub(crate) fn start(bus: &Loopback, names: &[&'static str]) -> Result<Self> {
-        let mut this = Self { bus: bus.clone(), recording: Vec::new(), discovery: None };
-        for &name in names {
-            let handle = Arc::new(Mutex::new(None));
-            let told = handle.clone();
-            let thread = bus.start(name, move |mw| {
-                *told.lock().unwrap_or_else(PoisonError::into_inner) = Some(mw.clone());
-                nodes::run(name, &mw)
-            })?;
-            let node = handle.lock().unwrap_or_else(PoisonError::into_inner).take();
-            let node = node.ok_or_else(|| Error::Middleware(format!("the node {name} did not start")))?;
-            this.recording.push(Running { name, node, thread });
-        }
-        Ok(this)
+    pub(crate) fn start(bus: &Loopback, names: &[&'static str]) -> Self {
+        let run = |name: &'static str| bus.start_task(name, async move |mw| nodes::run_task(name, &mw).await);
+        let recording = names.iter().map(|&name| (name, run(name))).collect();
+        Self { bus: bus.clone(), recording, discovery: None }
     }
 
     /// Starts the discovery node too; the receiver tells the progress of each analysis.
-    pub(crate) fn with_discovery(mut self) -> Result<(Self, Receiver<Progress>)> {
+    pub(crate) fn with_discovery(mut self) -> (Self, Receiver<Progress>) {
         let (sender, progress) = channel();
         let node = self.bus.node("discovery");
         let its_own = node.clone();
@@ -78,33 +57,29 @@ impl Nodes {
         while !thread.is_finished() && !is_up() {
             thread::sleep(LOOK_AGAIN);
         }
-        self.discovery = Some(Running { name: "discovery", node, thread });
-        Ok((self, progress))
+        self.discovery = Some((node, thread));
+        (self, progress)
     }
 
     /// Whether a node has ended before its time.
     pub(crate) fn one_has_ended(&self) -> bool {
-        self.recording.iter().chain(&self.discovery).any(|running| running.thread.is_finished())
+        self.recording.iter().any(|(_, node)| node.is_finished())
+            || self.discovery.as_ref().is_some_and(|(_, thread)| thread.is_finished())
     }
 
     /// Ends the nodes that record, each after the one before has left; the data node writes what it has.
     pub(crate) fn end_recording(&mut self) -> Result<()> {
-        for running in std::mem::take(&mut self.recording) {
-            running.node.shutdown();
-            self.bus.settle();
-            running.join()?;
-        }
-        Ok(())
+        std::mem::take(&mut self.recording).into_iter().try_for_each(|(name, node)| ended(name, node.end()))
     }
 
     /// Ends all and waits for them. The first failure of a node is the answer.
     pub(crate) fn end(mut self) -> Result<()> {
-        if let Some(discovery) = &self.discovery {
-            discovery.node.shutdown();
+        if let Some((node, _)) = &self.discovery {
+            node.shutdown();
         }
         let recorded = self.end_recording();
-        let analysed = self.discovery.take().map_or(Ok(()), Running::join);
-        recorded.and(analysed)
+        let analysed = self.discovery.take();
+        recorded.and(analysed.map_or(Ok(()), |(_, thread)| ended("discovery", thread.join())))
     }
 }
 

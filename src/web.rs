@@ -11,8 +11,9 @@ use roscausal_core::{
     Error, Result,
     loopback::{Loopback, LoopbackNode},
     middleware::Middleware,
+    nodes::SceneOptions,
 };
-use roscausal_dashboard::{Options, Server, dashboard};
+use roscausal_dashboard::{Server, dashboard};
 
 use crate::interrupt::Interrupt;
 
@@ -59,7 +60,7 @@ impl Web {
         println!("Live page: {}  (Ctrl-C ends)", server.url());
         let node = bus.node("dashboard");
         let its_own = node.clone();
-        let thread = thread::spawn(move || dashboard(&its_own, &server, &Options::default()));
+        let thread = thread::spawn(move || dashboard(&its_own, &server, SceneOptions::default()));
         Ok(Some(Self { node, thread }))
     }
 

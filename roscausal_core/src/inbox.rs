@@ -2,7 +2,9 @@
 
 use std::{
     collections::VecDeque,
+    future::poll_fn,
     sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError, Weak},
+    task::Poll,
     thread::{self, ThreadId},
     time::Duration,
 };
@@ -23,6 +25,10 @@ pub trait Consumer: Send + Sync {
     /// something later. Returns at once when the inbox is gone, belongs to the calling thread, or waits for
     /// nobody ([`Inbox::detached`]).
     fn wait_idle(&self, now: Time);
+
+    /// Lets the node act on the time `now`; whether it has dealt with all it was given and waits for something
+    /// later, so that there is no need to poll it. For nodes that run as tasks of their middleware.
+    fn is_idle(&self, now: Time) -> bool;
 
     /// What the node waits for now; [`Time::MAX`] when only for events, `None` while it works and when nobody
     /// is to wait for it.
@@ -56,6 +62,15 @@ struct Shared<E> {
     capacity: usize,
     /// Nobody waits for this inbox.
     detached: bool,
+    /// Its node is polled, and must not block.
+    task: bool,
+}
+
+/// What a look into an inbox finds.
+enum Look<'a, E> {
+    Next(Next<E>),
+    /// Nothing at this time.
+    Nothing(MutexGuard<'a, State<E>>, Time),
 }
 
 struct State<E> {
@@ -108,7 +123,8 @@ impl<E: Send + 'static> Inbox<E> {
             open: true,
         };
         let (state, changed) = (Mutex::new(state), Condvar::new());
-        let shared = Arc::new(Shared { state, changed, capacity: capacity.max(1), detached });
+        let (capacity, task) = (capacity.max(1), mw.is_task());
+        let shared = Arc::new(Shared { state, changed, capacity, detached, task });
         mw.attach(shared.clone());
         Self { shared }
     }
@@ -118,8 +134,38 @@ impl<E: Send + 'static> Inbox<E> {
         Sender { shared: Arc::downgrade(&self.shared) }
     }
 
-    /// Waits for the next event, for `deadline` on the middleware's clock, or for the end.
+    /// Waits for the next event, for `deadline` on the middleware's clock, or for the end. Blocks the thread, which
+    /// is the node's own; [`Inbox::awaited`] is for nodes that may run as tasks.
     pub fn next<M: Middleware>(&self, mw: &M, deadline: Option<Time>) -> Next<E> {
+        loop {
+            match self.look(mw, deadline) {
+                Look::Next(next) => return next,
+                Look::Nothing(state, now) => {
+                    self.shared.changed.notify_all();
+                    let left = deadline.map_or(LOOK_AGAIN, |deadline| {
+                        Duration::from_secs_f64(deadline.secs_since(now).clamp(0.0, LOOK_AGAIN.as_secs_f64()))
+                    });
+                    drop(self.shared.wait(state, left.max(LOOK_SOON)));
+                }
+            }
+        }
+    }
+
+    /// As [`Inbox::next`]. On a middleware that polls its nodes ([`Middleware::is_task`]) the node is suspended
+    /// meanwhile; on all others this blocks, and so is never pending.
+    pub async fn awaited<M: Middleware>(&self, mw: &M, deadline: Option<Time>) -> Next<E> {
+        if !self.shared.task {
+            return self.next(mw, deadline);
+        }
+        poll_fn(|_| match self.look(mw, deadline) {
+            Look::Next(next) => Poll::Ready(next),
+            Look::Nothing(..) => Poll::Pending,
+        })
+        .await
+    }
+
+    /// What there is now; when there is nothing, the inbox is marked as waiting.
+    fn look<M: Middleware>(&self, mw: &M, deadline: Option<Time>) -> Look<'_, E> {
         loop {
             // Asked outside the lock: a middleware may hold a lock of its own while it wakes this inbox.
             let (ok, clock) = (mw.is_ok(), mw.now());
@@ -136,15 +182,10 @@ impl<E: Send + 'static> Inbox<E> {
                 continue;
             } else {
                 state.waiting_for = Some(deadline.unwrap_or(Time::MAX));
-                self.shared.changed.notify_all();
-                let left = deadline.map_or(LOOK_AGAIN, |deadline| {
-                    Duration::from_secs_f64(deadline.secs_since(now).clamp(0.0, LOOK_AGAIN.as_secs_f64()))
-                });
-                drop(self.shared.wait(state, left.max(LOOK_SOON)));
-                continue;
+                return Look::Nothing(state, now);
             };
             state.waiting_for = None;
-            return next;
+            return Look::Next(next);
         }
     }
 
@@ -214,6 +255,17 @@ impl<E: Send> Consumer for Shared<E> {
             self.changed.notify_all();
             state = self.wait(state, LOOK_AGAIN);
         }
+    }
+
+    fn is_idle(&self, now: Time) -> bool {
+        if self.detached {
+            return true;
+        }
+        let mut state = self.lock();
+        if state.granted.is_some() {
+            state.granted = Some(now);
+        }
+        !state.open || state.waiting_for.is_some_and(|deadline| deadline > now)
     }
 
     fn deadline(&self) -> Option<Time> {

@@ -105,6 +105,12 @@ pub trait Middleware: Clone + Send + Sync + 'static {
         false
     }
 
+    /// True when this node is a future that its middleware polls, on a thread that it shares with others: it
+    /// waits in [`crate::inbox::Inbox::awaited`] alone.
+    fn is_task(&self) -> bool {
+        false
+    }
+
     /// Whose types it carries, where the ROS versions differ (markers); [`Wires::Both`]: anybody's.
     fn wires(&self) -> Wires {
         Wires::Both

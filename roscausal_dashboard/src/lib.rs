@@ -12,5 +12,5 @@ mod patience;
 mod server;
 mod world;
 
-pub use node::{Options, dashboard, parameters, run};
+pub use node::{dashboard, parameters, run};
 pub use server::Server;

@@ -4,6 +4,7 @@ use std::collections::{BTreeMap, VecDeque};
 
 use roscausal_core::{
     Time,
+    nodes::SceneOptions,
     state::scene::{RiskCone, speed},
 };
 use roscausal_msgs::{
@@ -20,17 +21,9 @@ const SAMPLES: usize = 600;
 /// Stamps that go back by more: a new run.
 const NEW_RUN_S: f64 = 1.0;
 
-/// How the scene is looked at.
-#[derive(Clone, Debug, PartialEq)]
-pub(crate) struct View {
-    pub(crate) person: Option<u32>,
-    pub(crate) obs_size: f64,
-    pub(crate) safe_dist: f64,
-}
-
 /// The state of the page.
 pub(crate) struct World {
-    view: View,
+    view: SceneOptions,
     robot: Option<RobotState>,
     humans: Humans,
     /// Time, speed, distance to goal, risk of the person looked at.
@@ -45,7 +38,7 @@ pub(crate) struct World {
 }
 
 impl World {
-    pub(crate) fn new(view: View) -> Self {
+    pub(crate) fn new(view: SceneOptions) -> Self {
         Self {
             view,
             robot: None,
@@ -71,8 +64,8 @@ impl World {
         self.humans = humans;
         self.scene_changed = true;
         if let Some(person) = self.person() {
-            let risk = self.cone().map_or(f64::NAN, |cone| cone.risk);
-            let sample = [self.time.as_secs_f64(), speed(&person.twist), to_goal(person), risk];
+            let risk = self.cone(Some(&person)).map_or(f64::NAN, |cone| cone.risk);
+            let sample = [self.time.as_secs_f64(), speed(&person.twist), to_goal(&person), risk];
             self.samples.push_back(sample);
             if self.samples.len() > SAMPLES {
                 self.samples.pop_front();
@@ -136,13 +129,12 @@ impl World {
     }
 
     /// The person looked at: the one chosen, or the first.
-    fn person(&self) -> Option<&HumanState> {
-        let people = &self.humans.humans;
-        people.iter().find(|person| Some(person.id) == self.view.person).or(people.first())
+    fn person(&self) -> Option<HumanState> {
+        self.view.person(&self.humans.humans, self.robot.as_ref())
     }
 
-    fn cone(&self) -> Option<RiskCone> {
-        RiskCone::new(self.person()?, self.robot.as_ref()?, self.view.obs_size, self.view.safe_dist)
+    fn cone(&self, person: Option<&HumanState>) -> Option<RiskCone> {
+        self.view.cone(person?, self.robot.as_ref()?)
     }
 
     fn scene_json(&self) -> Json {
@@ -156,8 +148,11 @@ impl World {
             json["id"] = json!(person.id);
             json
         };
+        let chosen = self.person();
         let people: Vec<Json> = self.humans.humans.iter().map(person).collect();
-        let cone = self.cone().map(|cone| {
+        let (chosen, cone) = (chosen.as_ref(), self.cone(chosen.as_ref()));
+        let risk = cone.map(|cone| rounded(cone.risk));
+        let cone = cone.map(|cone| {
             json!({
                 "corners": cone.corners.map(|corner| point(&corner)),
                 "ahead": point(&cone.ahead),
@@ -166,7 +161,6 @@ impl World {
                 "risk": rounded(cone.risk),
             })
         });
-        let chosen = self.person();
         json!({
             "t": rounded(self.time.as_secs_f64()),
             "robot": robot,
@@ -175,7 +169,7 @@ impl World {
             "cone": cone,
             "v": chosen.map(|person| rounded(speed(&person.twist))),
             "dg": chosen.map(|person| rounded(to_goal(person))),
-            "risk": self.cone().map(|cone| rounded(cone.risk)),
+            "risk": risk,
         })
     }
 
@@ -257,7 +251,7 @@ mod tests {
     use super::*;
 
     fn world() -> World {
-        World::new(View { person: Some(1000), obs_size: 2.0, safe_dist: 5.0 })
+        World::new(SceneOptions::default())
     }
 
     fn stamped(secs: f64) -> roscausal_msgs::std_msgs::Header {

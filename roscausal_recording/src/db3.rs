@@ -67,7 +67,6 @@ impl Db3 {
         if let Some(missing) = missing {
             this.twin = Some(Twin::new(path, missing)?);
         }
-        this.read_topics().map_err(fail)?;
         let cut = missing.map(|missing| format!("{missing} bytes at its end are missing"));
         let read = this.read_order("messages").map_err(|error| error.to_string());
         if let Some(reason) = cut.or(read.err()) {
@@ -207,21 +206,25 @@ impl Source for Db3 {
         let page = &self.order[self.next..end];
         self.next = end;
         let fail = |error: rusqlite::Error| format!("{}: {error}", self.path.display());
-        // The bytes are only fetched for topics that are wanted.
-        let mut topic = self.database.prepare("SELECT topic_id FROM messages WHERE id = ?").map_err(fail)?;
-        let mut data = self.database.prepare("SELECT data FROM messages WHERE id = ?").map_err(fail)?;
+        // One transaction for all of them: the file is locked once, not for each.
+        let _reading = self.database.unchecked_transaction().map_err(fail)?;
+        let message = "SELECT topic_id, data FROM messages WHERE id = ?";
+        let mut message = self.database.prepare(message).map_err(fail)?;
         let whole = "SELECT data, timestamp FROM messages WHERE id = ?";
         let twin = self.twin.as_ref().map(|twin| twin.database.prepare(whole)).transpose();
         let mut twin = twin.map_err(fail)?;
         let (mut lost, mut reason) = (0u32, None);
         for (stamp, row) in page {
             let mut read = || {
-                let number: i64 = topic.query_row([row], |row| row.get(0))?;
+                let mut rows = message.query([row])?;
+                let found = rows.next()?.ok_or(rusqlite::Error::QueryReturnedNoRows)?;
+                let number: i64 = found.get(0)?;
                 let index = self.numbers.iter().find(|(known, _)| *known == number).map(|(_, index)| *index);
+                // SQLite only fetches the bytes that are asked for.
                 let Some(index) = index.filter(|index| wanted.get(*index) == Some(&true)) else {
                     return Ok(None);
                 };
-                let bytes: Vec<u8> = data.query_row([row], |row| row.get(0))?;
+                let bytes: Vec<u8> = found.get(1)?;
                 if let Some(twin) = &mut twin {
                     let same = |row: &Row<'_>| {
                         Ok(row.get::<_, Vec<u8>>(0)? == bytes && row.get::<_, i64>(1)? == *stamp)

@@ -58,9 +58,7 @@ impl Topic {
             Encoding::Other(_) => return None,
         };
         let named = |known: &&'static Definition| {
-            known.package.len() + 1 + known.name.len() == self.type_name.len()
-                && known.type_name() == self.type_name
-                && self.md5.as_ref().is_none_or(|md5| md5 == known.ros1_md5())
+            self.is_a(known) && self.md5.as_ref().is_none_or(|md5| md5 == known.ros1_md5())
         };
         let all = types();
         let of_this_wire = |known: &&Definition| known.wires == Wires::Both || known.wires == here;
@@ -77,7 +75,7 @@ impl Topic {
     /// message: each with the topic.
     pub fn decode<M: Message>(&self, bytes: &[u8]) -> Result<M> {
         let fail = |reason: String| Error::Topic { topic: self.name.clone(), reason };
-        if self.type_name != M::type_name() {
+        if !self.is_a(M::definition()) {
             return Err(fail(format!("the recording has {}, not {}", self.type_name, M::type_name())));
         }
         if let Some(md5) = self.md5.as_ref().filter(|md5| *md5 != M::ros1_md5()) {
@@ -95,6 +93,12 @@ impl Topic {
             }
         };
         decoded.map_err(|error| fail(error.to_string()))
+    }
+
+    /// True when this is the name of its type.
+    fn is_a(&self, definition: &Definition) -> bool {
+        let name = self.type_name.strip_prefix(definition.package).and_then(|rest| rest.strip_prefix('/'));
+        name == Some(definition.name)
     }
 
     /// True for what is one topic, told twice.

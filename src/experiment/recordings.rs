@@ -45,8 +45,8 @@ pub(crate) fn record(
     let mut simulation = Simulation::new(&scenario, seed)?;
     let agent = simulation.people.first().map_or(1, |person| person.id);
     let bus = Loopback::lockstep();
-    let robot = bus.start("robot", |mw| nodes::run("robot", &mw))?;
-    let human = bus.start("human", |mw| nodes::run("human", &mw))?;
+    let robot = bus.start_task("robot", async |mw| nodes::run_task("robot", &mw).await);
+    let human = bus.start_task("human", async |mw| nodes::run_task("human", &mw).await);
     let config = |step: &f64| RecorderConfig {
         dt_s: *step,
         ts_length_s: None,
@@ -55,14 +55,14 @@ pub(crate) fn record(
         select: Select::Ids([agent].into()),
     };
     let recorders: Vec<Recorder> = steps.iter().map(|step| Recorder::new(config(step))).collect();
-    let recording = bus.start("data", move |mw| listen(&mw, recorders))?;
+    let recording = bus.start_task("data", async move |mw| listen(&mw, recorders).await);
     let done = run_lockstep(&bus, &mut simulation, 1, |_| !interrupt.is_set());
     bus.shutdown();
     let died = |_| Error::Middleware("a node died; please report it".into());
-    robot.join().map_err(died)??;
-    human.join().map_err(died)??;
+    robot.end().map_err(died)??;
+    human.end().map_err(died)??;
     let recorders =
-        recording.join().map_err(|_| Error::Middleware("the recorder died; please report it".into()))??;
+        recording.end().map_err(|_| Error::Middleware("the recorder died; please report it".into()))??;
     done?;
     if interrupt.is_set() {
         return Err(Error::Cancelled("by the user".into()));
@@ -75,7 +75,7 @@ pub(crate) fn record(
 }
 
 /// Feeds what the nodes publish to all recorders until the bus ends.
-fn listen(mw: &LoopbackNode, mut recorders: Vec<Recorder>) -> Result<Vec<Recorder>> {
+async fn listen(mw: &LoopbackNode, mut recorders: Vec<Recorder>) -> Result<Vec<Recorder>> {
     let inbox = Inbox::new(mw, 20_000);
     let (robot, humans) = (inbox.sender(), inbox.sender());
     let _robot =
@@ -86,7 +86,7 @@ fn listen(mw: &LoopbackNode, mut recorders: Vec<Recorder>) -> Result<Vec<Recorde
     let _context = mw
         .subscribe("/hri/interventions", Qos::Latched, move |m: Text| context.send(Event::Context(m.data)))?;
     loop {
-        match inbox.next(mw, None) {
+        match inbox.awaited(mw, None).await {
             Next::Shutdown => return Ok(recorders),
             Next::Deadline => {}
             Next::Event(Event::Robot(state)) => {

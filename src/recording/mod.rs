@@ -55,7 +55,7 @@ impl Source {
         bus.set_node_param("data", "ts_length", Value::Double(0.0));
         self.set_params(&bus);
         let play = Play::new(&bus, &mut self.recording, &self.inputs)?;
-        let nodes = Nodes::start(&bus, self.inputs.nodes)?;
+        let nodes = Nodes::start(&bus, self.inputs.nodes);
         let bar = chart::bar("reading", 1000, quiet);
         let played = play.run(|progress, _| {
             bar.set_position((progress * 1000.0) as u64);

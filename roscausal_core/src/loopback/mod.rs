@@ -4,14 +4,18 @@
 //! - [`Loopback::lockstep`]: time is simulated, and whoever holds the [`Loopback`] moves it
 //!   ([`Loopback::advance_to`]). Messages are delivered one at a time, in the order of publication, each
 //!   after every node has finished with the one before. So a run is the same run whatever the threads do.
+//!   Nodes are threads ([`Loopback::start`]) or, at a tenth of the cost, tasks on the driver's own thread
+//!   ([`Loopback::start_task`]).
 //! - [`Loopback::live`]: a message is delivered in `publish` itself; time is whatever clock was given.
 
 mod node;
+mod task;
 #[cfg(test)]
 mod tests;
 mod topics;
 
 pub use node::LoopbackNode;
+pub use task::LoopbackTask;
 pub use topics::{LoopbackPublisher, LoopbackSubscription};
 
 use std::{
@@ -26,6 +30,7 @@ use std::{
 
 use crate::{Error, Result, Time, inbox::Consumer, params::Value};
 
+use task::Task;
 use topics::{Payload, Slot, Topic};
 
 /// How often [`Loopback::start`] looks whether the node is up.
@@ -62,8 +67,38 @@ struct BusState {
     params: BTreeMap<String, Value>,
     /// The nodes' "is to go on", in the order in which they joined.
     nodes: Vec<Weak<AtomicBool>>,
-    consumers: Vec<(Arc<AtomicBool>, Weak<dyn Consumer>)>,
+    members: Arc<Vec<Member>>,
     deliveries: VecDeque<(Arc<Slot>, Payload)>,
+}
+
+/// A node that waits in an inbox.
+#[derive(Clone)]
+struct Member {
+    alive: Arc<AtomicBool>,
+    consumer: Weak<dyn Consumer>,
+    /// Who polls it; `None`: a thread of its own.
+    task: Option<Weak<Task>>,
+}
+
+impl Member {
+    fn wait_idle(&self, now: Time) {
+        let Some(consumer) = self.consumer.upgrade() else { return };
+        match &self.task {
+            None => consumer.wait_idle(now),
+            Some(task) => {
+                if !consumer.is_idle(now) {
+                    drop(consumer);
+                    task.upgrade().inspect(|task| task.poll());
+                }
+            }
+        }
+    }
+}
+
+impl BusState {
+    fn add(&mut self, member: Member) {
+        Arc::make_mut(&mut self.members).push(member);
+    }
 }
 
 fn lock<T: ?Sized>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
@@ -120,7 +155,7 @@ impl Loopback {
             .spawn(move || run(node))
             .map_err(|error| Error::Middleware(format!("no thread for node {name}: {error}")))?;
         let is_up = |state: &BusState| {
-            state.consumers.iter().any(|(of, _)| std::ptr::eq(Arc::as_ptr(of), alive.as_ptr()))
+            state.members.iter().any(|member| std::ptr::eq(Arc::as_ptr(&member.alive), alive.as_ptr()))
         };
         while !thread.is_finished() && !is_up(&self.bus.lock()) {
             thread::sleep(LOOK_AGAIN);
@@ -131,6 +166,22 @@ impl Loopback {
             self.bus.wait_idle();
         }
         Ok(thread)
+    }
+
+    /// Runs a node as a task (lockstep only): whoever drives the bus polls it, so a message costs no change of
+    /// threads. The same run as with [`Loopback::start`]. The node must wait in [`crate::inbox::Inbox::awaited`]
+    /// alone, and runs to its inbox before this returns. Dropping the handle drops the node.
+    pub fn start_task<T, F>(&self, name: &str, run: impl FnOnce(LoopbackNode) -> F) -> LoopbackTask<T>
+    where
+        T: Send + 'static,
+        F: Future<Output = T> + Send + 'static,
+    {
+        let (node, task) = (self.node(name), Arc::new(Task::default()));
+        let node = node.run_by(&task);
+        let handle = LoopbackTask::new(node.clone(), task, run(node));
+        let _driving = self.bus.drive();
+        handle.poll();
+        handle
     }
 
     /// Sets a node's private parameter before the node starts.
@@ -221,32 +272,29 @@ impl Bus {
     /// Tells the nodes the time, one after the other in the order of their start, and waits for each.
     fn wait_idle(&self) {
         let now = self.now();
-        for consumer in self.consumers(|_| true) {
-            consumer.wait_idle(now);
-        }
+        self.members().iter().for_each(|member| member.wait_idle(now));
     }
 
     fn next_deadline(&self) -> Option<Time> {
-        let now = self.now();
-        let deadlines = self.consumers(|_| true).into_iter().filter_map(|consumer| consumer.deadline());
+        let (now, members) = (self.now(), self.members());
+        let deadlines = members.iter().filter_map(|member| member.consumer.upgrade()?.deadline());
         deadlines.filter(|deadline| *deadline > now).min()
     }
 
-    fn consumers(&self, of: impl Fn(&Arc<AtomicBool>) -> bool) -> Vec<Arc<dyn Consumer>> {
+    /// The nodes that wait in an inbox now.
+    fn members(&self) -> Arc<Vec<Member>> {
         let mut state = self.lock();
-        state.consumers.retain(|(_, consumer)| consumer.strong_count() > 0);
-        state
-            .consumers
-            .iter()
-            .filter(|(alive, _)| of(alive))
-            .filter_map(|(_, consumer)| consumer.upgrade())
-            .collect()
+        let is_gone = |member: &Member| member.consumer.strong_count() == 0;
+        if state.members.iter().any(is_gone) {
+            Arc::make_mut(&mut state.members).retain(|member| !is_gone(member));
+        }
+        state.members.clone()
     }
 
     fn end(&self, alive: &Arc<AtomicBool>) {
         alive.store(false, Ordering::SeqCst);
-        for consumer in self.consumers(|of| Arc::ptr_eq(of, alive)) {
-            consumer.wake();
+        for member in self.members().iter().filter(|member| Arc::ptr_eq(&member.alive, alive)) {
+            member.consumer.upgrade().inspect(|consumer| consumer.wake());
         }
     }
 }

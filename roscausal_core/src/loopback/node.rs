@@ -6,7 +6,7 @@ use std::{
     time::{Duration, Instant},
 };
 
-use super::{Bus, Loopback, LoopbackPublisher, LoopbackSubscription};
+use super::{Bus, Loopback, LoopbackPublisher, LoopbackSubscription, Member, task::Task};
 use crate::{
     Error, Message, Result, Time,
     inbox::Consumer,
@@ -20,12 +20,19 @@ pub struct LoopbackNode {
     bus: Arc<Bus>,
     name: Arc<str>,
     alive: Arc<AtomicBool>,
+    /// Who polls it, if it is a task.
+    task: Option<Weak<Task>>,
 }
 
 impl LoopbackNode {
     pub(super) fn new(bus: Arc<Bus>, name: &str) -> Self {
         let name = format!("/{}", name.trim_matches('/')).into();
-        Self { bus, name, alive: Arc::new(AtomicBool::new(true)) }
+        Self { bus, name, alive: Arc::new(AtomicBool::new(true)), task: None }
+    }
+
+    /// The same node, run by `task`.
+    pub(super) fn run_by(self, task: &Arc<Task>) -> Self {
+        Self { task: Some(Arc::downgrade(task)), ..self }
     }
 
     pub(super) fn alive(&self) -> Weak<AtomicBool> {
@@ -121,11 +128,16 @@ impl Middleware for LoopbackNode {
     }
 
     fn attach(&self, consumer: Arc<dyn Consumer>) {
-        self.bus.lock().consumers.push((self.alive.clone(), Arc::downgrade(&consumer)));
+        let (alive, consumer) = (self.alive.clone(), Arc::downgrade(&consumer));
+        self.bus.lock().add(Member { alive, consumer, task: self.task.clone() });
     }
 
     fn is_lockstep(&self) -> bool {
         self.bus.lockstep
+    }
+
+    fn is_task(&self) -> bool {
+        self.task.is_some()
     }
 
     fn topics(&self) -> Vec<(String, String)> {

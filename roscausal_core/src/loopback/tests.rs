@@ -1,7 +1,11 @@
-use std::sync::{
-    Arc, Barrier, Mutex,
-    atomic::{AtomicUsize, Ordering},
-    mpsc,
+use std::{
+    pin::pin,
+    sync::{
+        Arc, Barrier, Mutex,
+        atomic::{AtomicUsize, Ordering},
+        mpsc,
+    },
+    task::{Context, Waker},
 };
 
 use roscausal_msgs::{
@@ -34,47 +38,60 @@ fn live_obeys_the_laws() {
     laws::absolute_parameters_are_shared(&|name: &str| bus.node(name));
 }
 
-/// Three nodes as threads that answer each other and act on deadlines; returns all that was said, in order.
-fn conversation() -> Vec<String> {
+type Log = Arc<Mutex<Vec<String>>>;
+
+/// A node that answers the others, acts on deadlines and writes down what it hears.
+async fn talker(node: LoopbackNode, period: f64, log: Log) {
+    let name = node.node_name();
+    let inbox = Inbox::new(&node, 100);
+    let said = node.advertise::<Float64>(&name, VOLATILE).unwrap();
+    let subscriptions: Vec<_> = ["/a", "/b", "/c", "/clockwork"]
+        .into_iter()
+        .map(|topic| {
+            let events = inbox.sender();
+            let hear = move |message: Float64| events.send((topic, message.data));
+            node.subscribe(topic, VOLATILE, hear).unwrap()
+        })
+        .collect();
+    let mut deadline = node.now().plus_secs(period);
+    loop {
+        let line = match inbox.awaited(&node, Some(deadline)).await {
+            Next::Event((topic, data)) => {
+                if data < 3.0 && topic != name {
+                    said.publish(&Float64 { data: data + 1.0 }).unwrap();
+                }
+                format!("{name} hears {data} on {topic} at {:?}", node.now())
+            }
+            Next::Deadline => {
+                said.publish(&Float64 { data: 2.0 }).unwrap();
+                deadline = deadline.plus_secs(period);
+                format!("{name} is due at {:?}", node.now())
+            }
+            Next::Shutdown => break,
+        };
+        log.lock().unwrap().push(line);
+    }
+    said.publish(&Float64 { data: 9.0 }).unwrap();
+    log.lock().unwrap().push(format!("{name} ends"));
+    drop(subscriptions);
+}
+
+/// Three nodes that talk, those of `tasks` as tasks and the others as threads; all that was said, in order.
+fn conversation(tasks: &[&str]) -> Vec<String> {
     let bus = Loopback::lockstep();
-    let log = Arc::new(Mutex::new(Vec::new()));
-    let mut threads = Vec::new();
+    let log = Log::default();
+    let (mut threads, mut polled) = (Vec::new(), Vec::new());
     for (name, period) in [("a", 0.1), ("b", 0.1), ("c", 0.25)] {
         let log = log.clone();
-        let run = move |node: LoopbackNode| {
-            let inbox = Inbox::new(&node, 100);
-            let said = node.advertise::<Float64>(&format!("/{name}"), VOLATILE).unwrap();
-            let subscriptions: Vec<_> = ["/a", "/b", "/c", "/clockwork"]
-                .into_iter()
-                .map(|topic| {
-                    let events = inbox.sender();
-                    let hear = move |message: Float64| events.send((topic, message.data));
-                    node.subscribe(topic, VOLATILE, hear).unwrap()
-                })
-                .collect();
-            let mut deadline = node.now().plus_secs(period);
-            loop {
-                let line = match inbox.next(&node, Some(deadline)) {
-                    Next::Event((topic, data)) => {
-                        if data < 3.0 && topic != format!("/{name}") {
-                            said.publish(&Float64 { data: data + 1.0 }).unwrap();
-                        }
-                        format!("{name} hears {data} on {topic} at {:?}", node.now())
-                    }
-                    Next::Deadline => {
-                        said.publish(&Float64 { data: 2.0 }).unwrap();
-                        deadline = deadline.plus_secs(period);
-                        format!("{name} is due at {:?}", node.now())
-                    }
-                    Next::Shutdown => break,
-                };
-                log.lock().unwrap().push(line);
-            }
-            said.publish(&Float64 { data: 9.0 }).unwrap();
-            log.lock().unwrap().push(format!("{name} ends"));
-            drop(subscriptions);
-        };
-        threads.push(bus.start(name, run).unwrap());
+        if tasks.contains(&name) {
+            polled.push(bus.start_task(name, move |node| talker(node, period, log)));
+        } else {
+            let run = move |node| {
+                let waker = Waker::noop();
+                assert!(pin!(talker(node, period, log)).poll(&mut Context::from_waker(waker)).is_ready());
+            };
+            threads.push(bus.start(name, run).unwrap());
+        }
     }
     let driver = bus.node("driver");
     let publisher = driver.advertise("/clockwork", VOLATILE).unwrap();
@@ -84,16 +101,25 @@ fn conversation() -> Vec<String> {
     }
     bus.shutdown();
     threads.into_iter().for_each(|thread| thread.join().unwrap());
+    polled.into_iter().for_each(|task| task.end().unwrap());
     Arc::into_inner(log).unwrap().into_inner().unwrap()
 }
 
 #[test]
+fn tasks_and_threads_have_the_same_conversation() {
+    let threads = conversation(&[]);
+    for tasks in [&["a", "b", "c"][..], &["a"], &["b"], &["a", "c"]] {
+        assert_eq!(conversation(tasks), threads, "{tasks:?}");
+    }
+}
+
+#[test]
 fn lockstep_is_the_same_run_every_time() {
-    let first = conversation();
+    let first = conversation(&[]);
     assert!(first.len() > 200, "{}", first.len());
     assert!(first.iter().any(|line| line.contains("hears 9 on /a")), "the last words are heard");
     for _ in 0..20 {
-        assert_eq!(conversation(), first);
+        assert_eq!(conversation(&[]), first);
     }
 }
 
@@ -209,7 +235,7 @@ fn nothing_is_left_of_nodes_that_are_gone() {
     bus.settle();
     bus.node("last");
     let state = bus.bus.lock();
-    assert_eq!((state.topics.len(), state.consumers.len(), state.deliveries.len()), (0, 0, 0));
+    assert_eq!((state.topics.len(), state.members.len(), state.deliveries.len()), (0, 0, 0));
     assert!(state.nodes.len() <= 1);
 }
 
@@ -225,6 +251,32 @@ fn a_node_that_panics_does_not_stop_the_others() {
     bus.advance_to(Time::from_secs_f64(5.0));
     assert!(thread.join().is_err());
     bus.advance_to(Time::from_secs_f64(6.0));
+}
+
+#[test]
+fn a_task_that_panics_does_not_stop_the_others_and_one_dropped_leaves_nothing() {
+    let bus = Loopback::lockstep();
+    let panics = bus.start_task("panics", |node| async move {
+        let inbox = Inbox::<()>::new(&node, 1);
+        inbox.awaited(&node, Some(Time::from_secs_f64(1.0))).await;
+        assert!(node.now() < Time::from_secs_f64(1.0), "on purpose");
+    });
+    let waits = |node: LoopbackNode| async move {
+        let inbox = Inbox::<()>::new(&node, 1);
+        let _publisher = node.advertise::<Float64>("/x", VOLATILE).unwrap();
+        inbox.awaited(&node, None).await
+    };
+    let (ended, dropped) = (bus.start_task("ended", waits), bus.start_task("dropped", waits));
+    bus.advance_to(Time::from_secs_f64(5.0));
+    assert!(panics.is_finished() && !ended.is_finished());
+    let panic = panics.end().unwrap_err();
+    assert_eq!(panic.downcast_ref(), Some(&"on purpose"));
+    assert_eq!(ended.end().unwrap(), Next::Shutdown);
+    assert_eq!(bus.bus.lock().topics.len(), 1);
+    drop(dropped);
+    bus.settle();
+    let state = bus.bus.lock();
+    assert_eq!((state.topics.len(), state.members.len()), (0, 0));
 }
 
 #[test]

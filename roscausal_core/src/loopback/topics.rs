@@ -18,7 +18,7 @@ use crate::{
 };
 
 pub(super) type Payload = Arc<dyn Any + Send + Sync>;
-type Callback = Box<dyn FnMut(&Payload) + Send>;
+type Callback = Box<dyn FnMut(Payload) + Send>;
 
 pub(super) struct Topic {
     type_id: TypeId,
@@ -41,9 +41,9 @@ pub(super) struct Slot {
 
 impl Slot {
     fn new<M: Message>(mut callback: impl FnMut(M) + Send + 'static) -> Self {
-        let callback: Callback = Box::new(move |payload| {
-            if let Some(message) = payload.downcast_ref::<M>() {
-                callback(message.clone());
+        let callback: Callback = Box::new(move |payload: Payload| {
+            if let Ok(message) = payload.downcast::<M>() {
+                callback(Arc::unwrap_or_clone(message));
             }
         });
         Self {
@@ -73,7 +73,7 @@ impl Slot {
         loop {
             let Some(payload) = lock(&self.waiting).pop_front() else { return };
             if self.active.load(Ordering::SeqCst) {
-                callback(&payload);
+                callback(payload);
             }
         }
     }
@@ -145,10 +145,13 @@ impl<M: Message> LoopbackPublisher<M> {
 
 impl<M: Message> Publish<M> for LoopbackPublisher<M> {
     fn publish(&self, message: &M) -> Result<()> {
-        let payload: Payload = Arc::new(message.clone());
         let slots: Vec<Arc<Slot>> = {
             let mut state = self.bus.lock();
             let topic = state.topic::<M>(&self.topic)?;
+            if topic.subscribers.is_empty() && self.qos != Qos::Latched {
+                return Ok(());
+            }
+            let payload: Payload = Arc::new(message.clone());
             if self.qos == Qos::Latched {
                 topic.latched = Some((self.id, payload.clone()));
             }

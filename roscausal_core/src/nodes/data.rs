@@ -5,7 +5,7 @@ use roscausal_msgs::{Humans, RobotState, std_msgs::String as Text};
 use super::{
     data_params::{recorder, specs, writer},
     health::Health,
-    in_namespace,
+    in_namespace, to_its_end,
 };
 use crate::{
     Result,
@@ -53,6 +53,11 @@ pub fn data<M: Middleware>(mw: &M) -> Result<()> {
 /// # Errors
 /// As [`data`].
 pub fn data_with<M: Middleware>(mw: &M, on_progress: impl Fn(Recorded)) -> Result<()> {
+    to_its_end(data_task(mw, on_progress))
+}
+
+/// The data node as a task.
+pub(super) async fn data_task<M: Middleware>(mw: &M, on_progress: impl Fn(Recorded)) -> Result<()> {
     let params = Params::read(mw, &specs())?;
     let mut recorder = Recorder::new(recorder(&params)?);
     let writer = Writer::start(writer(&params)?)?;
@@ -88,7 +93,7 @@ pub fn data_with<M: Middleware>(mw: &M, on_progress: impl Fn(Recorded)) -> Resul
     let mut told = Recorded { rows: 0, of: None, batches: 0 };
     let (mut journal_due, mut refused, mut stopped) = (mw.now(), 0_u64, false);
     loop {
-        let next = inbox.next(mw, Some(health.due()));
+        let next = inbox.awaited(mw, Some(health.due())).await;
         match &next {
             Next::Deadline => {}
             Next::Shutdown => recorder.finish(),
@@ -179,5 +184,5 @@ fn report<M: Middleware>(
     ]
     .map(|(name, figure)| (name, figure.to_string()));
     let trouble = status.trouble.or(status.last_failure).or(journal.trouble).or_else(|| recorder.trouble());
-    health.report(mw, &figures, trouble.as_deref());
+    health.report(mw, || figures, trouble.as_deref());
 }

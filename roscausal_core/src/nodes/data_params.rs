@@ -4,7 +4,7 @@ use std::time::Duration;
 
 use serde_json::{Map, Value as Json, json};
 
-use super::path;
+use super::{path, scene_params::risk_specs};
 use crate::{
     Error, Result,
     batch::{
@@ -29,6 +29,7 @@ pub(super) fn specs() -> Vec<ParamSpec> {
     use Value::{Bool, Double, Int, List, Str};
     let text = |text: &str| Str(text.to_owned());
     let names = ["h_v", "h_dg", "h_risk"].map(text).to_vec();
+    let [obs_size, safe_dist] = risk_specs();
     vec![
         ParamSpec::new("data_dir", text("~/roscausal/data_pool"), Any, "folder of raw batches"),
         ParamSpec::new("pp_data_dir", text("~/roscausal/pp_pool"), Any, "folder of post-processed batches"),
@@ -107,8 +108,8 @@ pub(super) fn specs() -> Vec<ParamSpec> {
             OneOf(&Obstacle::NAMES),
             "whose collision the risk is about; nearest: of all robots and people recorded",
         ),
-        ParamSpec::new("obs_size", Double(2.0), Range(0.01, 100.0), "radius the robot is widened by, metres"),
-        ParamSpec::new("safe_dist", Double(5.0), Range(0.01, 1000.0), "no collision course beyond, metres"),
+        obs_size,
+        safe_dist,
         ParamSpec::new("delete_traj", Bool(false), Any, "delete a raw batch once it is post-processed"),
         ParamSpec::new("risk_model", text("v1_1"), OneOf(&RiskModel::NAMES), "version of the risk"),
         ParamSpec::new("risk_lag", Int(0), Range(0.0, 1.0), "rows the risk is late by"),

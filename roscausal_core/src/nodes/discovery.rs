@@ -307,7 +307,7 @@ impl<M: Middleware> Node<M> {
             ("batches set aside, cut short", self.figures.incomplete.to_string()),
             ("batches dropped, pool full", self.figures.dropped.to_string()),
         ];
-        self.health.report(mw, &figures, trouble.as_deref());
+        self.health.report(mw, || figures, trouble.as_deref());
     }
 
     /// Writes the model's files, then publishes: what is announced is there.

@@ -63,8 +63,13 @@ impl<M: Middleware> Health<M> {
         self.next
     }
 
-    /// Reports if it is time to; `figures` are the node's own, `trouble` what it suffers from.
-    pub(super) fn report(&mut self, mw: &M, figures: &[(&str, String)], trouble: Option<&str>) {
+    /// Reports if it is time to; `figures` gives the node's own, `trouble` is what it suffers from.
+    pub(super) fn report<const N: usize>(
+        &mut self,
+        mw: &M,
+        figures: impl FnOnce() -> [(&'static str, String); N],
+        trouble: Option<&str>,
+    ) {
         let now = mw.now();
         if now < self.next {
             // A clock that jumped back must not silence the reports.
@@ -85,7 +90,7 @@ impl<M: Middleware> Health<M> {
             mw.lost().into_iter().map(|(topic, count)| pair(&format!("lost {topic}"), count.to_string())),
         );
         values.push(pair("sent", self.outputs.to_string()));
-        values.extend(figures.iter().map(|(key, value)| pair(key, value.clone())));
+        values.extend(figures().into_iter().map(|(key, value)| pair(key, value)));
         let status = DiagnosticStatus {
             level: if message.is_some() { DiagnosticStatus::WARN } else { DiagnosticStatus::OK },
             name: mw.node_name().trim_start_matches('/').to_owned(),

@@ -7,7 +7,7 @@ use roscausal_msgs::{
     tf2_msgs::TFMessage,
 };
 
-use super::{health::Health, in_namespace};
+use super::{health::Health, in_namespace, to_its_end};
 use crate::{
     Error, Result,
     batch::Select,
@@ -106,6 +106,11 @@ pub(super) fn specs() -> Vec<ParamSpec> {
 /// # Errors
 /// A parameter that is not allowed, a topic that cannot be used.
 pub fn human<M: Middleware>(mw: &M) -> Result<()> {
+    to_its_end(human_task(mw))
+}
+
+/// The human node as a task.
+pub(super) async fn human_task<M: Middleware>(mw: &M) -> Result<()> {
     let params = Params::read(mw, &specs())?;
     let mut health = Health::new(mw)?;
     let inbox = Inbox::new(mw, 1000);
@@ -135,7 +140,7 @@ pub fn human<M: Middleware>(mw: &M) -> Result<()> {
     let mut tracker = PeopleTracker::new(&params.text("target_frame"), params.double("person_timeout"));
     let (mut due, mut reports, mut published) = (mw.now(), 0_u64, Time::ZERO);
     loop {
-        match inbox.next(mw, Some(due.min(health.due()))) {
+        match inbox.awaited(mw, Some(due.min(health.due()))).await {
             Next::Shutdown => return Ok(()),
             Next::Event(Event::People(input, stamp, sightings)) => {
                 health.heard(input, mw.now());
@@ -183,11 +188,13 @@ pub fn human<M: Middleware>(mw: &M) -> Result<()> {
                 health.sent();
             }
         }
-        let figures = [
-            ("no transform in time", tracker.without_transform.to_string()),
-            ("dropped", inbox.dropped().to_string()),
-        ];
-        health.report(mw, &figures, tracker.trouble.as_deref());
+        let figures = || {
+            [
+                ("no transform in time", tracker.without_transform.to_string()),
+                ("dropped", inbox.dropped().to_string()),
+            ]
+        };
+        health.report(mw, figures, tracker.trouble.as_deref());
     }
 }
 

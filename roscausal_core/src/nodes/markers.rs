@@ -1,20 +1,18 @@
 //! The markers node: robot, people, goals and the risk cone for RViz and Foxglove, on `/roscausal/markers`.
 
 use roscausal_msgs::{
-    Duration, HumanState, Humans, RobotState, Wires,
+    Duration, Humans, RobotState, Wires,
     geometry_msgs::{Point, Pose, Pose2D, Quaternion, Vector3},
     std_msgs::{ColorRGBA, Header},
     visualization_msgs::{Marker, MarkerArray, Ros2MarkerArray},
 };
 
-use super::health::Health;
+use super::{health::Health, scene_params::SceneOptions, to_its_end};
 use crate::{
-    Error, Result,
-    batch::Select,
+    Result,
     inbox::{Inbox, Next},
     middleware::{Middleware, Publish, Qos},
-    params::{Allowed, ParamSpec, Params, Value},
-    state::scene::RiskCone,
+    params::Params,
 };
 
 const TOPIC: &str = "/roscausal/markers";
@@ -36,26 +34,6 @@ enum Event {
     Humans(Humans),
 }
 
-/// Names, defaults, allowed values and descriptions of the markers node's parameters.
-pub(super) fn specs() -> Vec<ParamSpec> {
-    use Allowed::{Any, Range};
-    vec![
-        ParamSpec::new("sel_agent", Value::Str("1000".into()), Any, "whose goal and risk are shown"),
-        ParamSpec::new(
-            "obs_size",
-            Value::Double(2.0),
-            Range(0.01, 100.0),
-            "radius the robot is widened by, metres",
-        ),
-        ParamSpec::new(
-            "safe_dist",
-            Value::Double(5.0),
-            Range(0.01, 1000.0),
-            "no collision course beyond, metres",
-        ),
-    ]
-}
-
 /// The topic as the middleware's wire has it.
 enum Output<M: Middleware> {
     Ros1(M::Publisher<MarkerArray>),
@@ -67,10 +45,12 @@ enum Output<M: Middleware> {
 /// # Errors
 /// A parameter that is not allowed, a topic that cannot be used.
 pub fn markers<M: Middleware>(mw: &M) -> Result<()> {
-    let params = Params::read(mw, &specs())?;
-    let agents: Select =
-        params.text("sel_agent").parse().map_err(|reason| Error::param("sel_agent", reason))?;
-    let (obs_size, safe_dist) = (params.double("obs_size"), params.double("safe_dist"));
+    to_its_end(markers_task(mw))
+}
+
+/// The markers node as a task.
+pub(super) async fn markers_task<M: Middleware>(mw: &M) -> Result<()> {
+    let options = SceneOptions::read(&Params::read(mw, &SceneOptions::specs())?)?;
     let mut health = Health::new(mw)?;
     let inbox = Inbox::new(mw, 1000);
     let output: Output<M> = match mw.wires() {
@@ -88,7 +68,7 @@ pub fn markers<M: Middleware>(mw: &M) -> Result<()> {
     let mut robot: Option<RobotState> = None;
     let mut due = mw.now();
     loop {
-        match inbox.next(mw, Some(health.due())) {
+        match inbox.awaited(mw, Some(health.due())).await {
             Next::Shutdown => return Ok(()),
             Next::Deadline => {}
             Next::Event(Event::Robot(state)) => {
@@ -101,8 +81,7 @@ pub fn markers<M: Middleware>(mw: &M) -> Result<()> {
                 due = due.min(now.plus_secs(PERIOD_S));
                 if now >= due {
                     due = now.plus_secs(PERIOD_S);
-                    let chosen = agents.of(&humans.humans, robot.as_ref().map(|robot| &robot.pose2d));
-                    let array = picture(robot.as_ref(), &humans, chosen.first(), obs_size, safe_dist);
+                    let array = picture(robot.as_ref(), &humans, &options);
                     match &output {
                         Output::Ros1(publisher) => publisher.publish(&array)?,
                         Output::Ros2(publisher) => publisher.publish(&array.into())?,
@@ -111,21 +90,16 @@ pub fn markers<M: Middleware>(mw: &M) -> Result<()> {
                 }
             }
         }
-        health.report(mw, &[("dropped", inbox.dropped().to_string())], None);
+        health.report(mw, || [("dropped", inbox.dropped().to_string())], None);
     }
 }
 
 /// The scene as markers; what is not known is left out.
-fn picture(
-    robot: Option<&RobotState>,
-    humans: &Humans,
-    chosen: Option<&HumanState>,
-    obs_size: f64,
-    safe_dist: f64,
-) -> MarkerArray {
+fn picture(robot: Option<&RobotState>, humans: &Humans, options: &SceneOptions) -> MarkerArray {
+    let chosen = options.person(&humans.humans, robot);
     let mut pen = Pen { header: humans.header.clone(), markers: Vec::new() };
     for person in &humans.humans {
-        let is_chosen = chosen.is_some_and(|chosen| chosen.id == person.id);
+        let is_chosen = chosen.as_ref().is_some_and(|chosen| chosen.id == person.id);
         let id = person.id as i32;
         pen.solid(
             "people",
@@ -143,7 +117,7 @@ fn picture(
     let Some(robot) = robot else { return MarkerArray { markers: pen.markers } };
     pen.solid("robot", 0, Marker::CUBE, &robot.pose2d, [0.65, 0.55, 0.4], ROBOT);
     pen.goal("robot_goal", &robot.pose2d, &robot.goal);
-    if let Some(cone) = chosen.and_then(|person| RiskCone::new(person, robot, obs_size, safe_dist)) {
+    if let Some(cone) = chosen.and_then(|person| options.cone(&person, robot)) {
         let colour = if cone.collision { COLLISION } else { CONE };
         let floor = cone.corners.map(|corner| Point { z: 0.02, ..corner });
         let unit = Vector3 { x: 1.0, y: 1.0, z: 1.0 };
@@ -225,7 +199,9 @@ mod tests {
     use std::sync::{Arc, Mutex};
 
     use super::*;
-    use crate::{Time, loopback::Loopback};
+    use roscausal_msgs::HumanState;
+
+    use crate::{Time, batch::Select, loopback::Loopback};
 
     fn header(secs: f64) -> Header {
         Header { stamp: Time::from_secs_f64(secs), frame_id: "map".into() }
@@ -290,7 +266,8 @@ mod tests {
     #[test]
     fn without_a_robot_there_are_the_people() {
         let humans = humans(1.0);
-        let array = picture(None, &humans, None, 2.0, 5.0);
+        let agents = Select::Ids([77, 78].into());
+        let array = picture(None, &humans, &SceneOptions { agents, ..SceneOptions::default() });
         assert_eq!(kinds(&array), ["people", "names", "people", "names"]);
         let ros2 = Ros2MarkerArray::from(array);
         assert!(ros2.markers.iter().all(|marker| marker.color.a > 0.0 && marker.lifetime == LIFETIME));

@@ -9,8 +9,13 @@ mod human;
 mod markers;
 pub mod model_messages;
 mod robot;
+mod scene_params;
 
-use std::path::PathBuf;
+use std::{
+    path::PathBuf,
+    pin::pin,
+    task::{Context, Poll, Waker},
+};
 
 use crate::{Error, Result, batch::header, middleware::Middleware, params::ParamSpec};
 
@@ -19,6 +24,7 @@ pub use discovery::{discovery, discovery_with};
 pub use human::human;
 pub use markers::markers;
 pub use robot::robot;
+pub use scene_params::SceneOptions;
 
 /// A folder as users write it: `~` is the home folder.
 fn path(text: &str) -> PathBuf {
@@ -46,6 +52,30 @@ pub fn run<M: Middleware>(name: &str, mw: &M) -> Result<()> {
     }
 }
 
+/// As [`run`], as a future for [`crate::loopback::Loopback::start_task`]; for the nodes that wait for nothing but
+/// their inbox: robot, human, data and markers.
+///
+/// # Errors
+/// As [`run`]; the discovery node, which computes for long, is refused.
+pub async fn run_task<M: Middleware>(name: &str, mw: &M) -> Result<()> {
+    match name {
+        "robot" => robot::robot_task(mw).await,
+        "human" => human::human_task(mw).await,
+        "data" => data::data_task(mw, |_| {}).await,
+        "markers" => markers::markers_task(mw).await,
+        "discovery" => Err(Error::Middleware("the discovery node needs a thread of its own".into())),
+        _ => Err(unknown_node(name)),
+    }
+}
+
+/// Runs a node whose thread is its own: its inbox blocks, so one poll is the node's whole life.
+fn to_its_end(node: impl Future<Output = Result<()>>) -> Result<()> {
+    match pin!(node).poll(&mut Context::from_waker(Waker::noop())) {
+        Poll::Ready(ended) => ended,
+        Poll::Pending => Err(Error::Middleware("a task must be run by 'nodes::run_task'".into())),
+    }
+}
+
 /// The parameters of the node `name`: for documentation, and for backends that declare them.
 ///
 /// # Errors
@@ -56,7 +86,7 @@ pub fn parameters(name: &str) -> Result<Vec<ParamSpec>> {
         "human" => Ok(human::specs()),
         "data" => Ok(data_params::specs()),
         "discovery" => Ok(discovery_params::specs()),
-        "markers" => Ok(markers::specs()),
+        "markers" => Ok(SceneOptions::specs()),
         _ => Err(unknown_node(name)),
     }
 }

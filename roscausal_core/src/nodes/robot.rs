@@ -9,7 +9,7 @@ use roscausal_msgs::{
     tf2_msgs::TFMessage,
 };
 
-use super::{health::Health, in_namespace};
+use super::{health::Health, in_namespace, to_its_end};
 use crate::{
     Result,
     inbox::{Inbox, Next},
@@ -68,6 +68,11 @@ pub(super) fn specs() -> Vec<ParamSpec> {
 /// # Errors
 /// A parameter that is not allowed, a topic that cannot be used.
 pub fn robot<M: Middleware>(mw: &M) -> Result<()> {
+    to_its_end(robot_task(mw))
+}
+
+/// The robot node as a task.
+pub(super) async fn robot_task<M: Middleware>(mw: &M) -> Result<()> {
     let params = Params::read(mw, &specs())?;
     let mut health = Health::new(mw)?;
     let inbox = Inbox::new(mw, 1000);
@@ -105,7 +110,7 @@ pub fn robot<M: Middleware>(mw: &M) -> Result<()> {
     let mut tracker =
         RobotTracker::new(&params.text("target_frame"), params.count("queue_size"), params.double("slop"));
     loop {
-        let states = match inbox.next(mw, Some(health.due())) {
+        let states = match inbox.awaited(mw, Some(health.due())).await {
             Next::Shutdown => return Ok(()),
             Next::Deadline => Vec::new(),
             Next::Event(Event::Tf(message, fixed)) => tracker.transforms(&message, fixed),
@@ -126,15 +131,17 @@ pub fn robot<M: Middleware>(mw: &M) -> Result<()> {
             publisher.publish(state)?;
             health.sent();
         }
-        let figures = [
-            ("poses without odometry", tracker.unpaired().to_string()),
-            ("out of order or twice", tracker.late().to_string()),
-            ("without stamp", tracker.unstamped.to_string()),
-            ("no transform in time", tracker.without_transform.to_string()),
-            ("clock jumps back", tracker.jumps.to_string()),
-            ("dropped", inbox.dropped().to_string()),
-        ];
-        health.report(mw, &figures, tracker.trouble.as_deref());
+        let figures = || {
+            [
+                ("poses without odometry", tracker.unpaired().to_string()),
+                ("out of order or twice", tracker.late().to_string()),
+                ("without stamp", tracker.unstamped.to_string()),
+                ("no transform in time", tracker.without_transform.to_string()),
+                ("clock jumps back", tracker.jumps.to_string()),
+                ("dropped", inbox.dropped().to_string()),
+            ]
+        };
+        health.report(mw, figures, tracker.trouble.as_deref());
     }
 }
 

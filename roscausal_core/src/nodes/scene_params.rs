@@ -1,0 +1,70 @@
+//! The parameters of the nodes that show the scene, and of the risk.
+
+use roscausal_msgs::{HumanState, RobotState};
+
+use crate::{
+    Error, Result,
+    batch::Select,
+    params::{Allowed, ParamSpec, Params, Value},
+    state::scene::RiskCone,
+};
+
+/// What the risk goes by: names, defaults, allowed values and descriptions.
+pub(super) fn risk_specs() -> [ParamSpec; 2] {
+    use Allowed::Range;
+    use Value::Double;
+    [
+        ParamSpec::new("obs_size", Double(2.0), Range(0.01, 100.0), "radius the robot is widened by, metres"),
+        ParamSpec::new("safe_dist", Double(5.0), Range(0.01, 1000.0), "no collision course beyond, metres"),
+    ]
+}
+
+/// Whose goal and risk a picture of the scene shows.
+#[derive(Clone, Debug, PartialEq)]
+pub struct SceneOptions {
+    /// The person; of several the first.
+    pub agents: Select,
+    /// Radius the robot is widened by, metres.
+    pub obs_size: f64,
+    /// No collision course beyond, metres.
+    pub safe_dist: f64,
+}
+
+impl Default for SceneOptions {
+    fn default() -> Self {
+        Self { agents: Select::Ids([1000].into()), obs_size: 2.0, safe_dist: 5.0 }
+    }
+}
+
+impl SceneOptions {
+    /// Names, defaults, allowed values and descriptions of the parameters.
+    pub fn specs() -> Vec<ParamSpec> {
+        let whose = "whose goal and risk are shown: an id or nearest:1; not there: the first person";
+        let mut specs = vec![ParamSpec::new("sel_agent", Value::Str("1000".into()), Allowed::Any, whose)];
+        specs.extend(risk_specs());
+        specs
+    }
+
+    /// The options that the parameters of [`SceneOptions::specs`] say.
+    ///
+    /// # Errors
+    /// A `sel_agent` that names nobody.
+    pub fn read(params: &Params) -> Result<Self> {
+        let agents = params.text("sel_agent").parse();
+        Ok(Self {
+            agents: agents.map_err(|reason| Error::param("sel_agent", reason))?,
+            obs_size: params.double("obs_size"),
+            safe_dist: params.double("safe_dist"),
+        })
+    }
+
+    /// The person shown; `None` when nobody is there.
+    pub fn person(&self, people: &[HumanState], robot: Option<&RobotState>) -> Option<HumanState> {
+        self.agents.of(people, robot.map(|robot| &robot.pose2d)).into_iter().next()
+    }
+
+    /// The risk cone of `person` towards `robot`; `None` as in [`RiskCone::new`].
+    pub fn cone(&self, person: &HumanState, robot: &RobotState) -> Option<RiskCone> {
+        RiskCone::new(person, robot, self.obs_size, self.safe_dist)
+    }
+}
