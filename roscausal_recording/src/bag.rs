@@ -1,18 +1,13 @@
 //! ROS 1 bags, version 2.0 (wiki.ros.org/Bags/Format/2.0). Read here and not by the crate `rosbag`, which
 //! panics on bags that are cut short or were never closed.
 
-use std::{
-    collections::{BTreeMap, HashMap},
-    io::Read,
-    path::{Path, PathBuf},
-};
+use std::{collections::BTreeMap, io::Read, path::Path};
 
-use roscausal_core::{Error, Result, Time};
+use roscausal_core::{Result, Time};
 
 use crate::{
-    file::Bytes,
-    source::{Piece, Pieces, Source, Span},
-    topic::{Encoding, Record, Topic, add_topic, type_name},
+    source::{Contents, Format, Parsed, Piece, Pieces, Span},
+    topic::{Encoding, Record, Topic, type_name},
 };
 
 const MAGIC_LENGTH: u64 = "#ROSBAG V2.0\n".len() as u64;
@@ -28,31 +23,14 @@ mod op {
     pub(super) const CONNECTION: u8 = 7;
 }
 
-pub(crate) struct Bag {
-    path: PathBuf,
-    file: Bytes,
-    topics: Vec<Topic>,
-    /// Connection number -> index of its topic.
-    connections: HashMap<u32, usize>,
-    pieces: Pieces,
-}
-
-/// A fault and its place, before the file's name is put to it.
-type Parsed<T> = std::result::Result<T, String>;
+pub(crate) struct Bag(Contents);
 
 impl Bag {
     pub(crate) fn open(path: &Path, losses: &mut Vec<String>) -> Result<Self> {
-        let file = Bytes::open(path).map_err(|error| Error::file(path, error))?;
-        let mut bag = Self {
-            path: path.to_owned(),
-            file,
-            topics: Vec::new(),
-            connections: HashMap::new(),
-            pieces: Pieces::default(),
-        };
+        let mut bag = Self(Contents::open(path)?);
         if let Err(reason) = bag.read_index() {
-            bag.topics.clear();
-            bag.connections.clear();
+            bag.0.topics.clear();
+            bag.0.numbers.clear();
             let end = bag.scan();
             let end = end.map_or(String::new(), |fault| format!("; it was read as far as it goes: {fault}"));
             losses.push(format!("{}: the bag has no valid index ({reason}){end}", path.display()));
@@ -62,20 +40,20 @@ impl Bag {
 
     /// Topics and chunks from the index at the end of a bag that was closed.
     fn read_index(&mut self) -> Parsed<()> {
-        self.seek(MAGIC_LENGTH)?;
+        self.0.seek(MAGIC_LENGTH)?;
         let header = self.header()?;
         if header.op() != Some(op::BAG_HEADER) {
             return Err("the bag header is missing".into());
         }
         let index = header.u64("index_pos").filter(|index| *index > 0).ok_or("it was never closed")?;
-        if index > self.file.length() {
-            return Err(format!("the file ends at byte {} of {index} and more", self.file.length()));
+        if index > self.0.file.length() {
+            return Err(format!("the file ends at byte {} of {index} and more", self.0.file.length()));
         }
         let (connections, chunks) = (header.u32("conn_count"), header.u32("chunk_count"));
-        self.seek(index)?;
+        self.0.seek(index)?;
         let (mut pieces, mut counts) = (Vec::new(), BTreeMap::new());
         let mut found = 0;
-        while self.file.left() > 0 {
+        while self.0.file.left() > 0 {
             let header = self.header()?;
             let data = self.data()?;
             match header.op() {
@@ -94,7 +72,7 @@ impl Bag {
                         *counts.entry(connection).or_insert(0u64) += u64::from(count);
                     }
                 }
-                _ => return Err(format!("an unexpected record before byte {}", self.file.offset())),
+                _ => return Err(format!("an unexpected record before byte {}", self.0.file.offset())),
             }
         }
         if connections.is_some_and(|count| count != found)
@@ -103,7 +81,7 @@ impl Bag {
             return Err("connections or chunks are missing from it".into());
         }
         self.count(&counts);
-        self.pieces = Pieces::new(pieces);
+        self.0.pieces = Pieces::new(pieces);
         Ok(())
     }
 
@@ -112,21 +90,21 @@ impl Bag {
         let (mut pieces, mut counts) = (Vec::new(), BTreeMap::new());
         let fault = self.scan_into(&mut pieces, &mut counts).err();
         self.count(&counts);
-        self.pieces = Pieces::new(pieces);
+        self.0.pieces = Pieces::new(pieces);
         fault
     }
 
     fn scan_into(&mut self, pieces: &mut Vec<Piece>, counts: &mut BTreeMap<u32, u64>) -> Parsed<()> {
-        self.seek(MAGIC_LENGTH)?;
-        while self.file.left() > 0 {
-            let offset = self.file.offset();
+        self.0.seek(MAGIC_LENGTH)?;
+        while self.0.file.left() > 0 {
+            let offset = self.0.file.offset();
             let header = self.header()?;
             if header.op() != Some(op::CHUNK) {
                 let length = self.length()?;
-                if u64::from(length) > self.file.left() {
+                if u64::from(length) > self.0.file.left() {
                     return Err(format!("it ends within the record at byte {offset}"));
                 }
-                self.seek(self.file.offset() + u64::from(length))?;
+                self.0.seek(self.0.file.offset() + u64::from(length))?;
                 continue;
             }
             let (chunk, fault) = self.chunk(offset, &header)?;
@@ -154,10 +132,10 @@ impl Bag {
     }
 
     fn count(&mut self, counts: &BTreeMap<u32, u64>) {
-        self.topics.iter_mut().for_each(|topic| topic.messages = Some(0));
+        self.0.topics.iter_mut().for_each(|topic| topic.messages = Some(0));
         for (connection, count) in counts {
-            if let Some(topic) = self.connections.get(connection) {
-                let messages = &mut self.topics[*topic].messages;
+            if let Some(topic) = self.0.numbers.get(connection) {
+                let messages = &mut self.0.topics[*topic].messages;
                 *messages = messages.map(|messages| messages.saturating_add(*count));
             }
         }
@@ -177,7 +155,7 @@ impl Bag {
             latched: fields.get("latching") == Some(b"1"),
             messages: None,
         };
-        self.connections.insert(connection, add_topic(&mut self.topics, topic));
+        self.0.add(connection, topic);
         Ok(())
     }
 
@@ -185,9 +163,9 @@ impl Bag {
     /// or the compression cuts short is given as far as it goes.
     fn chunk(&mut self, offset: u64, header: &Fields) -> Parsed<(Vec<u8>, Option<String>)> {
         let length = u64::from(self.length()?);
-        let left = self.file.left();
+        let left = self.0.file.left();
         let mut fault = (length > left).then(|| format!("it ends within the chunk at byte {offset}"));
-        let data = self.file.take(length.min(left)).map_err(|error| error.to_string())?;
+        let data = self.0.file.take(length.min(left)).map_err(|error| error.to_string())?;
         let size = header.u32("size").filter(|size| *size <= LARGEST_CHUNK);
         let size = size.ok_or_else(|| format!("the chunk at byte {offset} has no valid size"))?;
         let mut content = Vec::new();
@@ -211,20 +189,16 @@ impl Bag {
         Ok((content, fault))
     }
 
-    fn seek(&mut self, offset: u64) -> Parsed<()> {
-        self.file.seek(offset).map_err(|error| error.to_string())
-    }
-
     fn length(&mut self) -> Parsed<u32> {
-        let offset = self.file.offset();
-        let bytes = self.file.array().map_err(|_| format!("it ends at byte {offset}, within a record"))?;
+        let offset = self.0.file.offset();
+        let bytes = self.0.file.array().map_err(|_| format!("it ends at byte {offset}, within a record"))?;
         Ok(u32::from_le_bytes(bytes))
     }
 
     fn block(&mut self) -> Parsed<Vec<u8>> {
-        let offset = self.file.offset();
+        let offset = self.0.file.offset();
         let length = self.length()?;
-        self.file.take(u64::from(length)).map_err(|_| format!("it ends within the record at byte {offset}"))
+        self.0.file.take(u64::from(length)).map_err(|_| format!("it ends within the record at byte {offset}"))
     }
 
     fn header(&mut self) -> Parsed<Fields<Vec<u8>>> {
@@ -236,55 +210,30 @@ impl Bag {
     }
 }
 
-impl Source for Bag {
-    fn topics(&self) -> &[Topic] {
-        &self.topics
+impl Format for Bag {
+    fn contents(&self) -> &Contents {
+        &self.0
     }
 
-    fn next_start(&self) -> Option<Time> {
-        self.pieces.next_start()
+    fn contents_mut(&mut self) -> &mut Contents {
+        &mut self.0
     }
 
-    fn load(&mut self, wanted: &[bool], out: &mut Vec<Record>) -> Parsed<()> {
-        let Some(piece) = self.pieces.take() else { return Ok(()) };
-        let loaded = (|| {
-            self.seek(piece.offset)?;
-            let header = self.header()?;
-            if header.op() != Some(op::CHUNK) {
-                return Err(format!("there is no chunk at byte {}", piece.offset));
+    fn read(&mut self, piece: Piece, wanted: &[bool], out: &mut Vec<Record>) -> Parsed<()> {
+        self.0.seek(piece.offset)?;
+        let header = self.header()?;
+        if header.op() != Some(op::CHUNK) {
+            return Err("there is no chunk".into());
+        }
+        let (chunk, fault) = self.chunk(piece.offset, &header)?;
+        records(&chunk, |header, data| {
+            if header.op() != Some(op::MESSAGE) {
+                return Ok(());
             }
-            let (chunk, fault) = self.chunk(piece.offset, &header)?;
-            records(&chunk, |header, data| {
-                if header.op() != Some(op::MESSAGE) {
-                    return Ok(());
-                }
-                let (connection, stamp) = header.message()?;
-                let topic = self.connections.get(&connection);
-                let topic = *topic.ok_or_else(|| format!("connection {connection} is unknown"))?;
-                if wanted[topic] {
-                    out.push(Record { topic, stamp, bytes: data.to_vec() });
-                }
-                Ok(())
-            })
-            .map_err(|reason| format!("the chunk at byte {}: {reason}", piece.offset))?;
-            fault.map_or(Ok(()), Err)
-        })();
-        // That a piece is cut has been said at the start.
-        loaded.or_else(|reason: String| {
-            if piece.cut {
-                Ok(())
-            } else {
-                Err(format!("{}: {reason}; the rest of it is left out", self.path.display()))
-            }
-        })
-    }
-
-    fn span(&self) -> Option<(Time, Time)> {
-        self.pieces.span()
-    }
-
-    fn progress(&self) -> f64 {
-        self.pieces.progress()
+            let (connection, stamp) = header.message()?;
+            self.0.take((connection, stamp, data), wanted, out)
+        })?;
+        fault.map_or(Ok(()), Err)
     }
 }
 

@@ -2,6 +2,8 @@
 
 use std::{borrow::Cow, io::Read};
 
+use crate::source::Parsed;
+
 /// More than any recorder writes into one chunk; what claims more is damaged.
 const LARGEST: u64 = 1 << 30;
 
@@ -12,8 +14,6 @@ pub(crate) struct Chunk<'a> {
     compressed_size: u64,
     data: &'a [u8],
 }
-
-type Parsed<T> = Result<T, String>;
 
 impl<'a> Chunk<'a> {
     /// A chunk record's body; it may be cut short.

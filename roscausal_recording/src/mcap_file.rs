@@ -1,11 +1,7 @@
 //! MCAP files (mcap.dev/spec), of either ROS version. The summary is read by the crate `mcap`; chunks are
 //! unpacked here, so that damaged ones can be used as far as they are whole and no length is trusted.
 
-use std::{
-    collections::HashMap,
-    io::SeekFrom,
-    path::{Path, PathBuf},
-};
+use std::{collections::HashMap, io::SeekFrom, path::Path};
 
 use mcap::{
     Summary,
@@ -13,13 +9,12 @@ use mcap::{
     records::{Channel, ChunkIndex, Record as McapRecord, op},
     sans_io::summary_reader::{SummaryReadEvent, SummaryReader, SummaryReaderOptions},
 };
-use roscausal_core::{Error, Result, Time};
+use roscausal_core::{Result, Time};
 
 use crate::{
     chunk::{Chunk, records},
-    file::Bytes,
-    source::{Piece, Pieces, Source, Span},
-    topic::{Encoding, Record, Topic, add_topic, type_name},
+    source::{Contents, Format, Parsed, Piece, Pieces, Span},
+    topic::{Encoding, Record, Topic, type_name},
 };
 
 /// Messages outside of chunks are read in pieces of about this size.
@@ -30,31 +25,16 @@ const RECORD_HEADER: u64 = 9;
 const MESSAGE_HEADER: usize = 2 + 4 + 8 + 8;
 
 pub(crate) struct McapFile {
-    path: PathBuf,
-    file: Bytes,
-    topics: Vec<Topic>,
+    contents: Contents,
     /// Name and text of each type.
     schemas: HashMap<u16, (String, String)>,
-    /// Channel number -> index of its topic.
-    channels: HashMap<u16, usize>,
-    pieces: Pieces,
 }
-
-type Parsed<T> = std::result::Result<T, String>;
 
 impl McapFile {
     pub(crate) fn open(path: &Path, losses: &mut Vec<String>) -> Result<Self> {
-        let file = Bytes::open(path).map_err(|error| Error::file(path, error))?;
-        let mut this = Self {
-            path: path.to_owned(),
-            file,
-            topics: Vec::new(),
-            schemas: HashMap::new(),
-            channels: HashMap::new(),
-            pieces: Pieces::default(),
-        };
+        let mut this = Self { contents: Contents::open(path)?, schemas: HashMap::new() };
         let reason = match this.summary() {
-            Ok(Some(summary)) if is_complete(&summary, this.file.length()) => {
+            Ok(Some(summary)) if is_complete(&summary, this.contents.file.length()) => {
                 this.use_summary(&summary);
                 return Ok(this);
             }
@@ -64,7 +44,7 @@ impl McapFile {
         };
         let mut pieces = Vec::new();
         let fault = this.scan(&mut pieces).err();
-        this.pieces = Pieces::new(pieces);
+        this.contents.pieces = Pieces::new(pieces);
         if let Some(reason) = fault.or(reason) {
             losses.push(format!(
                 "{}: the file is damaged or was not closed; it was read as far as it is whole ({reason})",
@@ -75,14 +55,14 @@ impl McapFile {
     }
 
     fn summary(&mut self) -> Parsed<Option<Summary>> {
-        let length = self.file.length();
+        let length = self.contents.file.length();
         let options = SummaryReaderOptions::default().with_file_size(length);
         let mut reader = SummaryReader::new_with_options(options);
         while let Some(event) = reader.next_event() {
             match event.map_err(|error| error.to_string())? {
                 SummaryReadEvent::ReadRequest(count) => {
-                    let count = count.min(usize::try_from(self.file.left()).unwrap_or(usize::MAX));
-                    let bytes = self.file.take(count as u64).map_err(|error| error.to_string())?;
+                    let count = count.min(usize::try_from(self.contents.file.left()).unwrap_or(usize::MAX));
+                    let bytes = self.contents.file.take(count as u64).map_err(|error| error.to_string())?;
                     reader.insert(count).copy_from_slice(&bytes);
                     reader.notify_read(count);
                 }
@@ -90,10 +70,10 @@ impl McapFile {
                     let offset = match to {
                         SeekFrom::Start(offset) => Some(offset),
                         SeekFrom::End(back) => length.checked_add_signed(back),
-                        SeekFrom::Current(forth) => self.file.offset().checked_add_signed(forth),
+                        SeekFrom::Current(forth) => self.contents.file.offset().checked_add_signed(forth),
                     };
                     let offset = offset.filter(|offset| *offset <= length).ok_or("it has no end record")?;
-                    self.seek(offset)?;
+                    self.contents.seek(offset)?;
                     reader.notify_seeked(offset);
                 }
             }
@@ -128,7 +108,7 @@ impl McapFile {
             end: time(index.message_end_time),
             cut: false,
         };
-        self.pieces = Pieces::new(summary.chunk_indexes.iter().map(piece).collect());
+        self.contents.pieces = Pieces::new(summary.chunk_indexes.iter().map(piece).collect());
     }
 
     /// Finds topics and pieces by reading all.
@@ -137,15 +117,15 @@ impl McapFile {
     /// Where and why it ended early.
     fn scan(&mut self, pieces: &mut Vec<Piece>) -> Parsed<()> {
         let mut plain = Plain::default();
-        self.seek(mcap::MAGIC.len() as u64)?;
+        self.contents.seek(mcap::MAGIC.len() as u64)?;
         let mut damaged = None;
         let end = loop {
-            let offset = self.file.offset();
+            let offset = self.contents.file.offset();
             let (opcode, length) = match self.record_header() {
                 Ok(header) => header,
                 Err(fault) => break Err(fault),
             };
-            let whole = length <= self.file.left();
+            let whole = length <= self.contents.file.left();
             if opcode != op::MESSAGE || offset - plain.offset > PLAIN_PIECE {
                 plain.close(offset, pieces);
             }
@@ -163,7 +143,7 @@ impl McapFile {
                     });
                     let cut = !whole || fault.is_err();
                     if let Some((start, end)) = span.0 {
-                        let length = self.file.offset() - offset;
+                        let length = self.contents.file.offset() - offset;
                         pieces.push(Piece { offset, length, start, end, cut });
                     }
                     if let (true, Err(fault)) = (whole, fault) {
@@ -181,13 +161,13 @@ impl McapFile {
                     let defined = self.define(opcode, &body);
                     defined.map_err(|fault| format!("the record at byte {offset}: {fault}"))?;
                 }
-                _ => self.seek(self.file.offset() + length)?,
+                _ => self.contents.seek(self.contents.file.offset() + length)?,
             }
             if !whole {
-                break Err(format!("it ends at byte {}, within a record", self.file.length()));
+                break Err(format!("it ends at byte {}, within a record", self.contents.file.length()));
             }
         };
-        plain.close(self.file.offset(), pieces);
+        plain.close(self.contents.file.offset(), pieces);
         end?;
         damaged.map_or(Ok(()), Err)
     }
@@ -196,8 +176,8 @@ impl McapFile {
     fn count(&mut self, body: &[u8], span: &mut Span) -> Parsed<()> {
         let (channel, stamp, _) = message(body)?;
         span.add(stamp);
-        if let Some(topic) = self.channels.get(&channel) {
-            let messages = &mut self.topics[*topic].messages;
+        if let Some(topic) = self.contents.numbers.get(&channel) {
+            let messages = &mut self.contents.topics[*topic].messages;
             *messages = Some(messages.unwrap_or(0).saturating_add(1));
         }
         Ok(())
@@ -220,7 +200,7 @@ impl McapFile {
     }
 
     fn add_channel(&mut self, channel: &Channel, messages: Option<u64>) {
-        if self.channels.contains_key(&channel.id) {
+        if self.contents.numbers.contains_key(&u32::from(channel.id)) {
             return;
         }
         let (name, text) = self.schemas.get(&channel.schema_id).cloned().unwrap_or_default();
@@ -241,7 +221,7 @@ impl McapFile {
             latched,
             messages,
         };
-        self.channels.insert(channel.id, add_topic(&mut self.topics, topic));
+        self.contents.add(channel.id.into(), topic);
     }
 
     /// Calls for each record in a chunk; of one that the file cuts short, as far as it goes.
@@ -256,81 +236,46 @@ impl McapFile {
         records(&content, |opcode, body| each(self, opcode, body))
     }
 
-    fn message(&self, wanted: &[bool], body: &[u8], out: &mut Vec<Record>) -> Parsed<()> {
-        let (channel, stamp, bytes) = message(body)?;
-        let topic = self.channels.get(&channel);
-        let topic = *topic.ok_or_else(|| format!("channel {channel} is unknown"))?;
-        if wanted.get(topic) == Some(&true) {
-            out.push(Record { topic, stamp, bytes: bytes.to_vec() });
-        }
-        Ok(())
-    }
-
-    fn read(&mut self, piece: Piece, wanted: &[bool], out: &mut Vec<Record>) -> Parsed<()> {
-        let end = piece.offset.saturating_add(piece.length);
-        self.seek(piece.offset)?;
-        while self.file.offset() < end {
-            let (opcode, length) = self.record_header()?;
-            let whole = length <= self.file.left();
-            let body = self.body(length)?;
-            match opcode {
-                op::CHUNK => self.unpack(&body, whole, |this, opcode, body| match opcode {
-                    op::MESSAGE => this.message(wanted, body, out),
-                    _ => Ok(()),
-                })?,
-                op::MESSAGE if whole => self.message(wanted, &body, out)?,
-                _ => (),
-            }
-        }
-        Ok(())
-    }
-
-    fn seek(&mut self, offset: u64) -> Parsed<()> {
-        self.file.seek(offset).map_err(|error| error.to_string())
-    }
-
     fn record_header(&mut self) -> Parsed<(u8, u64)> {
-        let end = self.file.length();
+        let end = self.contents.file.length();
         let ended = |_| format!("it ends at byte {end}");
-        let header: [u8; RECORD_HEADER as usize] = self.file.array().map_err(ended)?;
+        let header: [u8; RECORD_HEADER as usize] = self.contents.file.array().map_err(ended)?;
         let [opcode, length @ ..] = header;
         Ok((opcode, u64::from_le_bytes(length)))
     }
 
     /// What the file has of the next `length` bytes.
     fn body(&mut self, length: u64) -> Parsed<Vec<u8>> {
-        self.file.take(length.min(self.file.left())).map_err(|error| error.to_string())
+        self.contents.file.take(length.min(self.contents.file.left())).map_err(|error| error.to_string())
     }
 }
 
-impl Source for McapFile {
-    fn topics(&self) -> &[Topic] {
-        &self.topics
+impl Format for McapFile {
+    fn contents(&self) -> &Contents {
+        &self.contents
     }
 
-    fn next_start(&self) -> Option<Time> {
-        self.pieces.next_start()
+    fn contents_mut(&mut self) -> &mut Contents {
+        &mut self.contents
     }
 
-    fn load(&mut self, wanted: &[bool], out: &mut Vec<Record>) -> Parsed<()> {
-        let Some(piece) = self.pieces.take() else { return Ok(()) };
-        let read = self.read(piece, wanted, out);
-        // That a piece is cut has been said at the start.
-        read.or_else(|reason| {
-            if piece.cut {
-                return Ok(());
+    fn read(&mut self, piece: Piece, wanted: &[bool], out: &mut Vec<Record>) -> Parsed<()> {
+        let end = piece.offset.saturating_add(piece.length);
+        self.contents.seek(piece.offset)?;
+        while self.contents.file.offset() < end {
+            let (opcode, length) = self.record_header()?;
+            let whole = length <= self.contents.file.left();
+            let body = self.body(length)?;
+            match opcode {
+                op::CHUNK => self.unpack(&body, whole, |this, opcode, body| match opcode {
+                    op::MESSAGE => this.contents.take(message(body)?, wanted, out),
+                    _ => Ok(()),
+                })?,
+                op::MESSAGE if whole => self.contents.take(message(&body)?, wanted, out)?,
+                _ => (),
             }
-            let (path, offset) = (self.path.display(), piece.offset);
-            Err(format!("{path}: the chunk at byte {offset} is left out or not complete: {reason}"))
-        })
-    }
-
-    fn span(&self) -> Option<(Time, Time)> {
-        self.pieces.span()
-    }
-
-    fn progress(&self) -> f64 {
-        self.pieces.progress()
+        }
+        Ok(())
     }
 }
 
@@ -370,11 +315,11 @@ fn is_complete(summary: &Summary, length: u64) -> bool {
 }
 
 /// Channel, recording time and bytes.
-fn message(body: &[u8]) -> Parsed<(u16, Time, &[u8])> {
+fn message(body: &[u8]) -> Parsed<(u32, Time, &[u8])> {
     let (header, bytes) =
         body.split_first_chunk::<MESSAGE_HEADER>().ok_or("a message is shorter than its header")?;
     let stamp = header[6..14].iter().rev().fold(0, |value, byte| value << 8 | u64::from(*byte));
-    Ok((u16::from_le_bytes([header[0], header[1]]), time(stamp), bytes))
+    Ok((u16::from_le_bytes([header[0], header[1]]).into(), time(stamp), bytes))
 }
 
 fn time(nanos: u64) -> Time {

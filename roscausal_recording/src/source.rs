@@ -1,6 +1,17 @@
-use roscausal_core::Time;
+use std::{
+    collections::HashMap,
+    path::{Path, PathBuf},
+};
 
-use crate::topic::{Record, Topic};
+use roscausal_core::{Error, Result, Time};
+
+use crate::{
+    file::Bytes,
+    topic::{Record, Topic, add_topic},
+};
+
+/// A fault and its place, before the file's name is put to it.
+pub(crate) type Parsed<T> = std::result::Result<T, String>;
 
 /// A file that is read piece by piece.
 pub(crate) trait Source: Send {
@@ -13,7 +24,7 @@ pub(crate) trait Source: Send {
     ///
     /// # Errors
     /// What was lost and where, in one sentence; what is whole is in `out` all the same.
-    fn load(&mut self, wanted: &[bool], out: &mut Vec<Record>) -> Result<(), String>;
+    fn load(&mut self, wanted: &[bool], out: &mut Vec<Record>) -> Parsed<()>;
 
     /// Time of the first and of the last message, when known without reading all.
     fn span(&self) -> Option<(Time, Time)>;
@@ -63,6 +74,86 @@ impl Pieces {
 
     pub(crate) fn progress(&self) -> f64 {
         if self.pieces.is_empty() { 1.0 } else { self.next as f64 / self.pieces.len() as f64 }
+    }
+}
+
+/// A file that consists of pieces, and what is known of it.
+pub(crate) struct Contents {
+    pub(crate) path: PathBuf,
+    pub(crate) file: Bytes,
+    pub(crate) topics: Vec<Topic>,
+    /// The file's number of a connection or channel -> index of its topic.
+    pub(crate) numbers: HashMap<u32, usize>,
+    pub(crate) pieces: Pieces,
+}
+
+impl Contents {
+    /// A file of which nothing is known yet.
+    pub(crate) fn open(path: &Path) -> Result<Self> {
+        let file = Bytes::open(path).map_err(|error| Error::file(path, error))?;
+        let (topics, numbers, pieces) = (Vec::new(), HashMap::new(), Pieces::default());
+        Ok(Self { path: path.to_owned(), file, topics, numbers, pieces })
+    }
+
+    pub(crate) fn add(&mut self, number: u32, topic: Topic) {
+        self.numbers.insert(number, add_topic(&mut self.topics, topic));
+    }
+
+    /// Takes a message of the topic with this number in the file, if it is wanted.
+    pub(crate) fn take(
+        &self,
+        (number, stamp, bytes): (u32, Time, &[u8]),
+        wanted: &[bool],
+        out: &mut Vec<Record>,
+    ) -> Parsed<()> {
+        let topic = *self.numbers.get(&number).ok_or_else(|| format!("its topic {number} is unknown"))?;
+        if wanted.get(topic) == Some(&true) {
+            out.push(Record { topic, stamp, bytes: bytes.to_vec() });
+        }
+        Ok(())
+    }
+
+    pub(crate) fn seek(&mut self, offset: u64) -> Parsed<()> {
+        self.file.seek(offset).map_err(|error| error.to_string())
+    }
+}
+
+/// A format whose files consist of pieces.
+pub(crate) trait Format: Send {
+    fn contents(&self) -> &Contents;
+
+    fn contents_mut(&mut self) -> &mut Contents;
+
+    /// Reads a piece, as [`Source::load`].
+    fn read(&mut self, piece: Piece, wanted: &[bool], out: &mut Vec<Record>) -> Parsed<()>;
+}
+
+impl<F: Format> Source for F {
+    fn topics(&self) -> &[Topic] {
+        &self.contents().topics
+    }
+
+    fn next_start(&self) -> Option<Time> {
+        self.contents().pieces.next_start()
+    }
+
+    fn load(&mut self, wanted: &[bool], out: &mut Vec<Record>) -> Parsed<()> {
+        let Some(piece) = self.contents_mut().pieces.take() else { return Ok(()) };
+        // That a piece is cut has been said at the start.
+        self.read(piece, wanted, out).or_else(|reason| {
+            let (path, offset) = (self.contents().path.display(), piece.offset);
+            let fault =
+                || format!("{path}: the chunk at byte {offset} is left out or not complete: {reason}");
+            if piece.cut { Ok(()) } else { Err(fault()) }
+        })
+    }
+
+    fn span(&self) -> Option<(Time, Time)> {
+        self.contents().pieces.span()
+    }
+
+    fn progress(&self) -> f64 {
+        self.contents().pieces.progress()
     }
 }
 
