@@ -35,7 +35,11 @@ fn all() -> Vec<(String, Vec<ParamSpec>)> {
     let nodes = nodes::NODES
         .iter()
         .map(|name| (format!("roscausal_{name}"), nodes::parameters(name).expect("a node")));
-    nodes.chain([("roscausal_hrisim".to_owned(), roscausal_hrisim::node::parameters())]).collect()
+    let more = [
+        ("roscausal_dashboard".to_owned(), roscausal_dashboard::parameters()),
+        ("roscausal_hrisim".to_owned(), roscausal_hrisim::node::parameters()),
+    ];
+    nodes.chain(more).collect()
 }
 
 fn generated() -> String {

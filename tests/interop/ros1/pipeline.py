@@ -4,9 +4,11 @@ import glob
 import math
 import os
 import random
+import re
 import signal
 import sys
 import tempfile
+import urllib.request
 
 import rospy
 from geometry_msgs.msg import PoseWithCovarianceStamped
@@ -15,12 +17,13 @@ from nav_msgs.msg import Odometry
 from pedsim_msgs.msg import TrackedPerson, TrackedPersons
 from roscausal_msgs.msg import CausalModel, CausalModelInfo
 from sensor_msgs.msg import Image
+from visualization_msgs.msg import MarkerArray
 
 from harness import Group, Process, eventually
 
 group = Group()
 case = group.case
-NODES = {"/roscausal_%s" % name for name in ("robot", "human", "data", "discovery", "hrisim")}
+NODES = {"/roscausal_%s" % name for name in ("robot", "human", "data", "discovery", "hrisim", "dashboard", "markers")}
 
 
 @case
@@ -33,8 +36,14 @@ def roslaunch_runs_the_experiment_and_a_model_arrives(roscore):
     rospy.Subscriber("/clock", Clock, lambda m: got["clock"].append(m.clock.to_sec()))
     with Process("roslaunch", "roscausal", "experiment.launch", "speed:=5", "ts_length:=60", "duration:=1000", "seed:=3",
                  "scenario:=pass_by_the_centre", "data_dir:=%s/data" % folder, "pp_data_dir:=%s/pp" % folder,
-                 "res_dir:=%s/models" % folder) as launch:
+                 "res_dir:=%s/models" % folder, "dashboard:=true", "dashboard_port:=0", "markers:=true") as launch:
         eventually(lambda: NODES <= roscore.nodes(), 40, lambda: "%s\n%s" % (roscore.nodes(), launch.text[-3000:]))
+        address = eventually(lambda: re.search(r"the page is at (http://127\.0\.0\.1:\d+/)", launch.text), 10, "the page's address")
+        page = urllib.request.urlopen(address[1], timeout=10).read().decode()
+        assert "<html" in page and "Causal model" in page, page[:300]
+        markers = rospy.wait_for_message("/roscausal/markers", MarkerArray, 20).markers
+        # a robot and people, in one frame
+        assert len(markers) >= 2 and {m.header.frame_id for m in markers} == {"map"}, markers
         # a batch in which nothing is found is a result, too, but of no use here
         model = eventually(
             lambda: next((m for m in got["models"] if m.features), None), 150,

@@ -9,7 +9,7 @@ from ament_index_python.packages import get_package_prefix, get_package_share_di
 from harness import INSTALL, test
 from launch_reader import commands
 
-NODES = ("robot", "human", "data", "discovery", "hrisim")
+NODES = ("robot", "human", "data", "discovery", "hrisim", "dashboard", "markers")
 
 
 @test
@@ -45,9 +45,14 @@ def the_messages_are_python_modules_with_ros2_names():
 def launch_files_name_what_is_installed():
     share = get_package_share_directory("roscausal")
     assert {"hrisim.yaml", "ros2.yaml"} <= set(os.listdir(os.path.join(share, "config")))
-    for file, count in (("roscausal.launch.xml", 4), ("roscausal_hrisim.launch.xml", 5)):
+    more = {"dashboard": "true", "markers": "true"}
+    for file, given, count in (
+        ("roscausal.launch.xml", {}, 4),
+        ("roscausal_hrisim.launch.xml", {}, 5),
+        ("roscausal_hrisim.launch.xml", more, 7),
+    ):
         assert os.path.exists(os.path.join(share, "launch", file))
-        found = commands(INSTALL, "roscausal", file, {})
+        found = commands(INSTALL, "roscausal", file, given)
         assert len(found) == count, found
         for _, arguments in found:
             for flag, value in zip(arguments, arguments[1:]):

@@ -10,7 +10,7 @@ import xml.etree.ElementTree as xml
 ATTRIBUTES = {
     "launch": set(),
     "arg": {"name", "default", "description", "value"},
-    "node": {"pkg", "exec", "name", "namespace", "output", "args", "respawn", "respawn_delay"},
+    "node": {"pkg", "exec", "name", "namespace", "output", "args", "respawn", "respawn_delay", "if"},
     "param": {"from", "name", "value"},
     "remap": {"from", "to"},
     "include": {"file"},
@@ -59,6 +59,10 @@ def _read(install, path, variables, found):
             inner = {arg.get("name"): text(arg.get("value")) for arg in element}
             _read(install, text(element.get("file")), inner, found)
         elif element.tag == "node":
+            wanted = text(element.get("if", "true"))
+            assert wanted in ("true", "false"), f"{path}: if={wanted!r}"
+            if wanted == "false":
+                continue
             found.append(_node(install, element, text))
         else:
             raise ValueError(f"{path}: <{element.tag}> is not understood here")

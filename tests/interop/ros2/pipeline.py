@@ -3,9 +3,11 @@ subscriber that joins late gets the causal model."""
 
 import glob
 import os
+import re
 import signal
 import tempfile
 import time
+import urllib.request
 
 import yaml
 
@@ -26,6 +28,7 @@ def parameters(folder):
         # without a filter the model has all three variables, whatever these 40 s hold
         data_dir=dirs["pp_data_dir"], res_dir=dirs["res_dir"], cond_ind_test="parcorr", cd_method="pcmci"
     )
+    nodes["roscausal_dashboard"] = {"ros__parameters": {"port": 0}}
     path = os.path.join(folder, "params.yaml")
     with open(path, "w") as file:
         yaml.safe_dump(nodes, file)
@@ -35,10 +38,12 @@ def parameters(folder):
 @test
 def the_pipeline_gives_a_late_joiner_a_causal_model():
     CausalModel, Info = message_class("roscausal_msgs/CausalModel"), message_class("roscausal_msgs/CausalModelInfo")
+    MarkerArray = message_class("visualization_msgs/MarkerArray")
     with tempfile.TemporaryDirectory() as folder:
         params, dirs = parameters(folder)
         started = time.monotonic()
-        lines = commands(INSTALL, "roscausal", "roscausal_hrisim.launch.xml", {"params_file": params, "speed": "10.0"})
+        given = {"params_file": params, "speed": "10.0", "dashboard": "true", "markers": "true"}
+        lines = commands(INSTALL, "roscausal", "roscausal_hrisim.launch.xml", given)
         programs = [Program([path, *arguments]) for path, arguments in lines]
         try:
             end = time.monotonic() + 90
@@ -49,17 +54,26 @@ def the_pipeline_gives_a_late_joiner_a_causal_model():
                 time.sleep(0.1)
             seconds = time.monotonic() - started
             with Ros("late") as ros:
-                models, infos = [], []
+                models, infos, scenes = [], [], []
                 ros.node.create_subscription(CausalModel, "/roscausal/causal_model", models.append, LATCHED)
                 ros.node.create_subscription(Info, "/roscausal/causal_model_info", infos.append, LATCHED)
+                ros.node.create_subscription(MarkerArray, "/roscausal/markers", scenes.append, 10)
                 ros.until(lambda: models and infos, 20, "the latched model and its info")
+                ros.until(lambda: scenes, 20, "markers")
+                # a robot and people, in one frame
+                markers = scenes[-1].markers
+                assert len(markers) >= 2 and {m.header.frame_id for m in markers} == {"map"}, markers
+                logs = "".join(program.log() for program in programs)
+                address = re.search(r"the page is at (http://127\.0\.0\.1:\d+/)", logs)
+                page = urllib.request.urlopen(address[1], timeout=10).read().decode()
+                assert "<html" in page and "Causal model" in page, page[:300]
                 model = models[-1]
                 # [lag, target, source], as the first line of each matrix' layout says
                 n, lags = len(model.features), model.original_shape[0]
                 assert n == 3 and list(model.original_shape) == [lags, n, n], model.original_shape
                 assert len(model.val_matrix.data) == len(model.causal_structure.data) == n * n * lags
                 assert all(0 <= p <= 1 for p in model.pval_matrix.data if p == p)
-                nodes = {f"/roscausal_{name}" for name in ("robot", "human", "data", "discovery", "hrisim")}
+                nodes = {f"/roscausal_{name}" for name in ("robot", "human", "data", "discovery", "hrisim", "dashboard", "markers")}
                 ros.until(lambda: nodes <= set(ros.names()), 10, "all nodes listed")
                 # Whoever has only just discovered a node may not hear of its end.
                 ros.spin(2)
