@@ -1,6 +1,7 @@
 #!/usr/bin/env bash
 # Faults for N minutes (default 1): the whole chain in one process, killed at random, on a disk that fills, flooded at ten
-# times the rate; at the end an account of what went in and what came out. Ends in 'N passed, N failed'.
+# times the rate; the nodes of ROS 1 with a master that is killed, those of ROS 2 with a network that is cut; at the end of
+# each an account of what went in and what came out. Ends in 'N passed, N failed'.
 # usage: tests/soak.sh [minutes]
 set -uo pipefail
 cd "$(dirname "$0")/.."
@@ -11,8 +12,10 @@ check() { # check NAME COMMAND...
     shift
     if "$@"; then passed=$((passed + 1)); echo "pass: $name"; else failed=$((failed + 1)); echo "FAIL: $name"; fi
 }
-cargo build -q -p roscausal_core --example chain || exit 1
-chain=$PWD/target/debug/examples/chain
+. tests/lib.sh
+cargo build -q --locked -p roscausal_core --example chain || exit 1
+cargo build -q --locked -p roscausal_ros1 -p roscausal_ros2 --bins || exit 1
+chain=$(program debug examples/chain)
 work=$(mktemp -d)
 disk=$work/disk
 chain_pid=
@@ -69,6 +72,14 @@ if mkdir -p "$disk" && mount -t tmpfs -o size=3m tmpfs "$disk" 2>/dev/null; then
 else
     echo "skipped: a full disk needs root (mount -t tmpfs)"
 fi
+
+# 4. Faults of the middleware, under the real nodes.
+for fault in "a ROS master that is killed:master:ros1" "a network that is cut:network:ros2"; do
+    IFS=: read -r name what nodes <<<"$fault"
+    python3 tests/soak/faults.py "$what" "$(program debug "roscausal_$nodes")" $((minutes * 15))
+    code=$?
+    if [ $code = 77 ]; then echo "!!! NOT TESTED: $name" >&2; else check "$name: nothing lost but what was not sent" test $code = 0; fi
+done
 
 echo "$passed passed, $failed failed"
 [ "$failed" -eq 0 ]

@@ -7,7 +7,7 @@ use std::{
 };
 
 use roscausal_core::{Error, Result, Time};
-use rusqlite::{Connection, OpenFlags, Row};
+use rusqlite::{Connection, OpenFlags, Row, limits::Limit};
 
 use crate::{
     mcap_file::is_transient_local,
@@ -17,6 +17,10 @@ use crate::{
 
 /// Messages read at a time.
 const PAGE: usize = 256;
+/// A file that says it was so many times larger is not read: its other parts would be made up on disk.
+const MOST_MISSING: u64 = 16;
+/// No row may claim to be longer than the file and this.
+const LONGEST_BESIDE_THE_FILE: u64 = 1 << 16;
 
 pub(crate) struct Db3 {
     path: PathBuf,
@@ -166,7 +170,13 @@ fn missing_bytes(path: &Path) -> std::io::Result<Option<u64>> {
         1 => 65536,
         size => size,
     };
-    let missing = (number(28) * page).saturating_sub(file.metadata()?.len());
+    let length = file.metadata()?.len();
+    let missing = (number(28) * page).saturating_sub(length);
+    if missing / MOST_MISSING > length {
+        let reason =
+            format!("{missing} of {} bytes are missing, too many to tell what is left", missing + length);
+        return Err(std::io::Error::other(reason));
+    }
     Ok(Some(missing).filter(|missing| *missing > 0))
 }
 
@@ -182,14 +192,31 @@ fn connect(path: &Path, cut: bool) -> rusqlite::Result<Connection> {
         database.pragma_update(None, "writable_schema", true)?;
     }
     if probe(&database).is_ok() {
-        return Ok(database);
+        return guarded(database, path);
     }
     // Characters with a meaning in a URI.
     let name = path.to_string_lossy().replace('%', "%25").replace('?', "%3f").replace('#', "%23");
     let uri = format!("file:{name}?immutable=1");
     let database = Connection::open_with_flags(uri, read_only | OpenFlags::SQLITE_OPEN_URI)?;
     probe(&database)?;
-    Ok(database)
+    guarded(database, path)
+}
+
+/// A recording holds tables with rows in them. A view or a computed column may be endless or as large as it likes.
+fn guarded(database: Connection, path: &Path) -> rusqlite::Result<Connection> {
+    let length = std::fs::metadata(path).map_or(u64::MAX, |file| file.len());
+    let longest = i32::try_from(length.saturating_add(LONGEST_BESIDE_THE_FILE)).unwrap_or(i32::MAX);
+    database.set_limit(Limit::SQLITE_LIMIT_LENGTH, longest)?;
+    database.pragma_update(None, "trusted_schema", false)?;
+    let made_up = "SELECT name FROM sqlite_schema WHERE lower(name) IN ('topics', 'messages', 'message_definitions') \
+                   AND (type <> 'table' OR sql LIKE 'CREATE VIRTUAL%' OR sql LIKE '%GENERATED%' OR sql LIKE '% AS %(%')";
+    match database.query_row(made_up, [], |row| row.get::<_, String>(0)) {
+        Err(rusqlite::Error::QueryReturnedNoRows) => Ok(database),
+        Err(error) => Err(error),
+        Ok(name) => {
+            Err(rusqlite::Error::ToSqlConversionFailure(format!("its {name} is no plain table").into()))
+        }
+    }
 }
 
 impl Source for Db3 {

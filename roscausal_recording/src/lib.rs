@@ -14,6 +14,7 @@ mod db3;
 mod file;
 mod folder;
 mod mcap_file;
+mod mcap_record;
 mod play;
 mod record;
 mod recording;

@@ -1,18 +1,14 @@
-//! MCAP files (mcap.dev/spec), of either ROS version. The summary is read by the crate `mcap`; chunks are
+//! MCAP files (mcap.dev/spec), of either ROS version. Records are parsed by the crate `mcap`; they are found and chunks
 //! unpacked here, so that damaged ones can be used as far as they are whole and no length is trusted.
 
-use std::{collections::HashMap, io::SeekFrom, path::Path};
+use std::{collections::HashMap, path::Path};
 
-use mcap::{
-    Summary,
-    read::parse_record,
-    records::{Channel, ChunkIndex, Record as McapRecord, op},
-    sans_io::summary_reader::{SummaryReadEvent, SummaryReader, SummaryReaderOptions},
-};
+use mcap::records::{Channel, ChunkIndex, Record as McapRecord, Statistics, op};
 use roscausal_core::{Result, Time};
 
 use crate::{
     chunk::{Chunk, records},
+    mcap_record::parse,
     source::{Contents, Format, Parsed, Piece, Pieces, Span},
     topic::{Encoding, Record, Topic, type_name},
 };
@@ -21,6 +17,8 @@ use crate::{
 const PLAIN_PIECE: u64 = 1 << 20;
 /// Before a record: its opcode and its length.
 const RECORD_HEADER: u64 = 9;
+/// The footer with its header.
+const FOOTER: u64 = RECORD_HEADER + 8 + 8 + 4;
 /// A message record before its bytes: channel, sequence, log time, publish time.
 const MESSAGE_HEADER: usize = 2 + 4 + 8 + 8;
 
@@ -35,7 +33,7 @@ impl McapFile {
         let mut this = Self { contents: Contents::open(path)?, schemas: HashMap::new() };
         let reason = match this.summary() {
             Ok(Some(summary)) if is_complete(&summary, this.contents.file.length()) => {
-                this.use_summary(&summary);
+                this.use_summary(summary);
                 return Ok(this);
             }
             // Closed as it should be, but without an index.
@@ -54,51 +52,50 @@ impl McapFile {
         Ok(this)
     }
 
+    /// The records of the summary, which lies before the footer at the end; `None`: there is none.
     fn summary(&mut self) -> Parsed<Option<Summary>> {
-        let length = self.contents.file.length();
-        let options = SummaryReaderOptions::default().with_file_size(length);
-        let mut reader = SummaryReader::new_with_options(options);
-        while let Some(event) = reader.next_event() {
-            match event.map_err(|error| error.to_string())? {
-                SummaryReadEvent::ReadRequest(count) => {
-                    let count = count.min(usize::try_from(self.contents.file.left()).unwrap_or(usize::MAX));
-                    let bytes = self.contents.file.take(count as u64).map_err(|error| error.to_string())?;
-                    reader.insert(count).copy_from_slice(&bytes);
-                    reader.notify_read(count);
-                }
-                SummaryReadEvent::SeekRequest(to) => {
-                    let offset = match to {
-                        SeekFrom::Start(offset) => Some(offset),
-                        SeekFrom::End(back) => length.checked_add_signed(back),
-                        SeekFrom::Current(forth) => self.contents.file.offset().checked_add_signed(forth),
-                    };
-                    let offset = offset.filter(|offset| *offset <= length).ok_or("it has no end record")?;
-                    self.contents.seek(offset)?;
-                    reader.notify_seeked(offset);
-                }
-            }
+        let footer = self.contents.file.length().checked_sub(FOOTER + mcap::MAGIC.len() as u64);
+        let footer = footer.ok_or("it has no end record")?;
+        self.contents.seek(footer)?;
+        let end: [u8; (FOOTER as usize) + mcap::MAGIC.len()] =
+            self.contents.file.array().map_err(|error| error.to_string())?;
+        let (record, magic) = end.split_at(FOOTER as usize);
+        if magic != mcap::MAGIC || record[0] != op::FOOTER {
+            return Err("it has no end record".into());
         }
-        Ok(reader.finish())
+        let McapRecord::Footer(place) = parse(op::FOOTER, &record[RECORD_HEADER as usize..])? else {
+            return Err("it has no end record".into());
+        };
+        if place.summary_start == 0 {
+            return Ok(None);
+        }
+        // The checksum is of everything from the summary to itself.
+        let checked = (footer + FOOTER - 4).checked_sub(place.summary_start);
+        let end = if place.summary_offset_start == 0 { footer } else { place.summary_offset_start };
+        let length = end.checked_sub(place.summary_start).filter(|_| end <= footer);
+        let (Some(checked), Some(length)) = (checked, length) else {
+            return Err("its summary is not where it should be".into());
+        };
+        self.contents.seek(place.summary_start)?;
+        let bytes = self.contents.file.take(checked).map_err(|error| error.to_string())?;
+        if place.summary_crc != 0 && crc32fast::hash(&bytes) != place.summary_crc {
+            return Err("the checksum of its summary is wrong".into());
+        }
+        let bytes = &bytes[..usize::try_from(length).unwrap_or(0)];
+        let mut summary = Summary::default();
+        records(bytes, |opcode, body| summary.add(opcode, body))?;
+        Ok(Some(summary))
     }
 
-    fn use_summary(&mut self, summary: &Summary) {
-        let mut channels: Vec<_> = summary.channels.values().collect();
+    fn use_summary(&mut self, summary: Summary) {
+        for (name, text, id) in summary.schemas {
+            self.schemas.insert(id, (name, text));
+        }
+        let mut channels = summary.channels;
         channels.sort_by_key(|channel| channel.id);
         for channel in channels {
-            let schema = channel.schema.as_ref();
-            if let Some(schema) = schema {
-                let text = String::from_utf8_lossy(&schema.data).into_owned();
-                self.schemas.insert(schema.id, (schema.name.clone(), text));
-            }
-            let counts = summary.stats.as_ref().map(|stats| &stats.channel_message_counts);
+            let counts = summary.statistics.as_ref().map(|statistics| &statistics.channel_message_counts);
             let messages = counts.map(|counts| counts.get(&channel.id).copied().unwrap_or(0));
-            let channel = Channel {
-                id: channel.id,
-                schema_id: schema.map_or(0, |schema| schema.id),
-                topic: channel.topic.clone(),
-                message_encoding: channel.message_encoding.clone(),
-                metadata: channel.metadata.clone(),
-            };
             self.add_channel(&channel, messages);
         }
         let piece = |index: &ChunkIndex| Piece {
@@ -108,7 +105,7 @@ impl McapFile {
             end: time(index.message_end_time),
             cut: false,
         };
-        self.contents.pieces = Pieces::new(summary.chunk_indexes.iter().map(piece).collect());
+        self.contents.pieces = Pieces::new(summary.chunks.iter().map(piece).collect());
     }
 
     /// Finds topics and pieces by reading all.
@@ -188,7 +185,7 @@ impl McapFile {
         if !matches!(opcode, op::SCHEMA | op::CHANNEL) {
             return Ok(());
         }
-        match parse_record(opcode, body).map_err(|error| error.to_string())? {
+        match parse(opcode, body)? {
             McapRecord::Schema { header, data } => {
                 let text = String::from_utf8_lossy(&data).into_owned();
                 self.schemas.insert(header.id, (header.name, text));
@@ -301,17 +298,45 @@ impl Plain {
     }
 }
 
+/// What the summary says, as far as it is needed.
+#[derive(Default)]
+struct Summary {
+    /// Name, text and number.
+    schemas: Vec<(String, String, u16)>,
+    channels: Vec<Channel>,
+    chunks: Vec<ChunkIndex>,
+    statistics: Option<Statistics>,
+}
+
+impl Summary {
+    fn add(&mut self, opcode: u8, body: &[u8]) -> Parsed<()> {
+        if !matches!(opcode, op::SCHEMA | op::CHANNEL | op::CHUNK_INDEX | op::STATISTICS) {
+            return Ok(());
+        }
+        match parse(opcode, body)? {
+            McapRecord::Schema { header, data } => {
+                self.schemas.push((header.name, String::from_utf8_lossy(&data).into_owned(), header.id));
+            }
+            McapRecord::Channel(channel) => self.channels.push(channel),
+            McapRecord::ChunkIndex(chunk) => self.chunks.push(chunk),
+            McapRecord::Statistics(statistics) => self.statistics = Some(statistics),
+            _ => (),
+        }
+        Ok(())
+    }
+}
+
 /// True when the summary leads to every message.
 fn is_complete(summary: &Summary, length: u64) -> bool {
     let within = |index: &ChunkIndex| {
         index.chunk_start_offset.checked_add(index.chunk_length).is_some_and(|end| end <= length)
     };
-    let Some(stats) = &summary.stats else { return false };
-    let chunks = summary.chunk_indexes.len();
-    chunks == stats.chunk_count as usize
-        && (chunks > 0 || stats.message_count == 0)
-        && summary.chunk_indexes.iter().all(within)
-        && summary.channels.len() == stats.channel_count as usize
+    let Some(statistics) = &summary.statistics else { return false };
+    let chunks = summary.chunks.len();
+    chunks == statistics.chunk_count as usize
+        && (chunks > 0 || statistics.message_count == 0)
+        && summary.chunks.iter().all(within)
+        && summary.channels.len() == statistics.channel_count as usize
 }
 
 /// Channel, recording time and bytes.

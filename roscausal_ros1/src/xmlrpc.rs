@@ -234,4 +234,49 @@ mod tests {
         );
         assert!(start.elapsed() < Duration::from_secs(2));
     }
+
+    /// A server that answers each call with the next of the given texts.
+    fn server(answers: std::sync::mpsc::Receiver<Vec<u8>>) -> String {
+        let listener = std::net::TcpListener::bind("127.0.0.1:0").unwrap();
+        let uri = format!("http://{}/", listener.local_addr().unwrap());
+        std::thread::spawn(move || {
+            while let Ok(answer) = answers.recv() {
+                let (mut stream, _) = listener.accept().unwrap();
+                let _ = stream.read(&mut [0; 4096]);
+                // The caller may have had enough.
+                let _ = stream.write_all(&answer);
+            }
+        });
+        uri
+    }
+
+    #[test]
+    fn a_hostile_answer_is_refused_or_read() {
+        let (sender, receiver) = std::sync::mpsc::channel();
+        let uri = server(receiver);
+        let body = "<?xml version='1.0'?><methodResponse><params><param><value><array><data><value><int>1</int></value>\
+                    <value><string>ok</string></value><value><array><data><value><double>0.5</double></value></data>\
+                    </array></value></data></array></value></param></params></methodResponse>";
+        let whole = format!("HTTP/1.1 200 OK\r\nContent-Length: {}\r\n\r\n{body}", body.len());
+        let target = roscausal_fuzz::Target {
+            corpus: format!("{}/tests/corpus/xmlrpc", env!("CARGO_MANIFEST_DIR")).into(),
+            seeds: vec![whole.clone().into_bytes(), whole.replace("Content-Length", "X").into_bytes()],
+            tokens: &[
+                b"<value><array><data>",
+                b"<value>",
+                b"</value>",
+                b"Content-Length: 99999999999999999999\r\n",
+                b"Transfer-Encoding: chunked\r\n",
+                b"\r\n\r\n",
+                b"<!DOCTYPE a [<!ENTITY b 'c'>]>",
+                b"&b;",
+                b"<fault>",
+            ],
+            bytes_per_byte: 1000,
+        };
+        target.run(|input| {
+            sender.send(input.to_vec()).unwrap();
+            let _ = call(&uri, "getParam", &[], Duration::from_millis(300));
+        });
+    }
 }

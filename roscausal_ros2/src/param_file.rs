@@ -36,7 +36,11 @@ impl ParamFile {
         self.add_text(&text).map_err(wrong)
     }
 
-    fn add_text(&mut self, text: &str) -> Result<(), String> {
+    /// Adds the text of a file.
+    ///
+    /// # Errors
+    /// What is wrong in it.
+    pub fn add_text(&mut self, text: &str) -> Result<(), String> {
         let yaml: Yaml = serde_norway::from_str(text).map_err(|error| format!("is not YAML: {error}"))?;
         self.add_nodes("", &yaml)
     }

@@ -47,6 +47,8 @@ pub struct Publisher<M: Middleware> {
     interventions: M::Publisher<Text>,
     /// What was last published on the topics that tell changes, and when.
     told: Option<Told>,
+    /// The goals' parameters cannot be set at present.
+    without_params: bool,
 }
 
 struct RobotTopics<M: Middleware> {
@@ -95,6 +97,7 @@ impl<M: Middleware> Publisher<M> {
             tf: mw.advertise("/tf", Qos::Volatile(DEPTH))?,
             interventions: mw.advertise("/hri/interventions", Qos::Latched)?,
             told: None,
+            without_params: false,
         })
     }
 
@@ -159,7 +162,13 @@ impl<M: Middleware> Publisher<M> {
         if again || before.is_none_or(|told| told.human_goals != now.human_goals) {
             for (goal, (topic, name)) in now.human_goals.iter().zip(&self.human_goals) {
                 topic.publish(&PoseStamped { header: header(stamp, "map"), pose: pose_at(*goal) })?;
-                self.mw.set_param(name, Value::List(vec![Value::Double(goal.x), Value::Double(goal.y)]))?;
+                let place = Value::List(vec![Value::Double(goal.x), Value::Double(goal.y)]);
+                let set = self.mw.set_param(name, place);
+                // A master that is away is no reason to stop; the next goal or second tries again.
+                if let (Err(error), false) = (&set, self.without_params) {
+                    tracing::warn!("{name} is told as a topic only, not as a parameter: {error}");
+                }
+                self.without_params = set.is_err();
             }
         }
         let told_goals =

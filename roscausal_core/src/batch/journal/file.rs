@@ -5,6 +5,7 @@ use std::{
     path::PathBuf,
     sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError},
     thread::{self, JoinHandle},
+    time::{Duration, Instant},
 };
 
 use super::{
@@ -20,6 +21,8 @@ use crate::{
 const WAITING: usize = 200_000;
 /// Samples that are written in one go.
 const AT_ONCE: usize = 4096;
+/// Between two waits for the disk. What is written survives the end of the process at once, a loss of power only then.
+const SYNC_EVERY: Duration = Duration::from_millis(400);
 
 /// The thread that keeps the journal; dropping it writes what waits.
 #[derive(Debug)]
@@ -60,6 +63,32 @@ struct Files {
     current: u64,
     /// File of the current journal and the bytes in it that are whole.
     open: Option<(File, PathBuf, u64)>,
+    /// When the disk was last waited for; what was written since, and whether the file itself is new.
+    synced: Option<Instant>,
+    unsynced: bool,
+    new: bool,
+}
+
+impl Files {
+    /// Waits until the disk has what was written.
+    fn sync(&mut self, pool: &Pool) -> Result<()> {
+        if let Some((file, path, _)) = self.open.as_ref().filter(|_| self.unsynced) {
+            file.sync_data().map_err(|e| Error::file(path, e))?;
+        }
+        if self.new {
+            sync_dir(pool.dir())?;
+        }
+        self.new = false;
+        self.unsynced = false;
+        self.synced = Some(Instant::now());
+        Ok(())
+    }
+
+    /// How long until the disk is to be waited for; `None`: it has everything.
+    fn sync_due(&self) -> Option<Duration> {
+        let since = self.synced.map_or(SYNC_EVERY, |synced| synced.elapsed());
+        self.unsynced.then(|| SYNC_EVERY.saturating_sub(since))
+    }
 }
 
 impl Journal {
@@ -111,6 +140,7 @@ impl Journal {
         self.shared.drain(&mut files);
         files.retired = files.retired.max(number);
         if files.current <= number {
+            files.sync(&self.shared.pool)?;
             files.open = None;
         }
         let (from, to) = (self.shared.path(number), self.shared.pool.path(marker));
@@ -148,16 +178,46 @@ impl Shared {
     /// Writes whenever something new comes; what could not be written is tried again then.
     fn work(&self) {
         loop {
-            self.drain(&mut self.files());
+            let sync_due = self.write_what_waits();
             let queue = self.queue();
-            let ending = queue.ending;
-            if queue.entries.is_empty() || queue.status.trouble.is_some() {
-                if ending {
-                    return;
+            let troubled = queue.status.trouble.is_some();
+            if !queue.entries.is_empty() && !troubled {
+                continue;
+            }
+            match sync_due {
+                _ if queue.ending => {
+                    drop(queue);
+                    let mut files = self.files();
+                    let synced = files.sync(&self.pool);
+                    return self.tell(synced);
+                }
+                Some(due) if !troubled => {
+                    drop(self.changed.wait_timeout(queue, due).unwrap_or_else(PoisonError::into_inner));
                 }
                 // Not before something new comes: a full disk must not keep the processor busy.
-                drop(self.changed.wait(queue).unwrap_or_else(PoisonError::into_inner));
+                _ => drop(self.changed.wait(queue).unwrap_or_else(PoisonError::into_inner)),
             }
+        }
+    }
+
+    /// Writes, and waits for the disk when it is time to; how long until it is time again.
+    fn write_what_waits(&self) -> Option<Duration> {
+        let mut files = self.files();
+        self.drain(&mut files);
+        if files.sync_due() == Some(Duration::ZERO) {
+            let synced = files.sync(&self.pool);
+            self.tell(synced);
+        }
+        files.sync_due()
+    }
+
+    fn tell(&self, done: Result<()>) {
+        if let Err(error) = done {
+            let mut queue = self.queue();
+            if queue.status.trouble.is_none() {
+                tracing::error!("the open batch is not journalled: {error}");
+            }
+            queue.status.trouble = Some(format!("the open batch is not journalled: {error}"));
         }
     }
 
@@ -177,11 +237,8 @@ impl Shared {
                     queue.status.trouble = None;
                 }
                 Err(error) => {
-                    if queue.status.trouble.is_none() {
-                        tracing::error!("the open batch is not journalled: {error}");
-                    }
-                    queue.status.trouble = Some(format!("the open batch is not journalled: {error}"));
-                    return;
+                    drop(queue);
+                    return self.tell(Err(error));
                 }
             }
         }
@@ -199,6 +256,8 @@ impl Shared {
     fn write(&self, files: &mut Files, entries: &[Entry]) -> Result<()> {
         match entries.first() {
             Some(Entry::Begin(header)) => {
+                // What was written to the one before must reach the disk without it.
+                files.sync(&self.pool)?;
                 files.current = header.number;
                 files.open = None;
                 if header.number > files.retired {
@@ -211,8 +270,8 @@ impl Shared {
                         .truncate(true)
                         .open(&path)
                         .map_err(fault)?;
-                    file.write_all(&bytes).and_then(|()| file.sync_data()).map_err(fault)?;
-                    sync_dir(self.pool.dir())?;
+                    file.write_all(&bytes).map_err(fault)?;
+                    (files.unsynced, files.new) = (true, true);
                     files.open = Some((file, path, bytes.len() as u64));
                 }
             }
@@ -238,11 +297,11 @@ impl Shared {
                         file.set_len(*whole)?;
                         file.seek(SeekFrom::Start(*whole))?;
                     }
-                    file.write_all(&bytes)?;
-                    file.sync_data()
+                    file.write_all(&bytes)
                 };
                 append().map_err(|e| Error::file(&*path, e))?;
                 *whole += bytes.len() as u64;
+                files.unsynced = true;
             }
         }
         Ok(())

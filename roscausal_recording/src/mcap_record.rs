@@ -1,0 +1,69 @@
+//! Records of an MCAP file. The crate `mcap` makes room for what the lengths in a record claim before it looks whether
+//! the record has it: so the lengths are looked at here first.
+
+use mcap::{
+    read::parse_record,
+    records::{Record, op},
+};
+
+use crate::source::Parsed;
+
+/// What a record is made of, as far as lengths go.
+#[derive(Clone, Copy)]
+enum Part {
+    /// So many bytes.
+    Bytes(usize),
+    /// A length of four bytes, and so many bytes: a string, an array, a map of numbers.
+    Sized,
+    /// A length of four bytes, and a map of strings in so many bytes.
+    Strings,
+}
+
+/// The parts of a record up to its last length (mcap.dev/spec, Records).
+fn parts(opcode: u8) -> &'static [Part] {
+    use Part::{Bytes, Sized, Strings};
+    match opcode {
+        op::SCHEMA => &[Bytes(2), Sized, Sized, Sized],
+        op::CHANNEL => &[Bytes(2 + 2), Sized, Sized, Strings],
+        op::CHUNK_INDEX => &[Bytes(4 * 8), Sized, Bytes(8), Sized],
+        op::STATISTICS => &[Bytes(8 + 2 + 4 * 4 + 2 * 8), Sized],
+        _ => &[],
+    }
+}
+
+/// A record.
+///
+/// # Errors
+/// Why it is none.
+pub(crate) fn parse(opcode: u8, body: &[u8]) -> Parsed<Record<'_>> {
+    if !lengths_hold(parts(opcode), body) {
+        return Err("a record claims to be longer than it is".into());
+    }
+    parse_record(opcode, body).map_err(|error| error.to_string())
+}
+
+fn lengths_hold(parts: &[Part], mut rest: &[u8]) -> bool {
+    parts.iter().all(|part| match *part {
+        Part::Bytes(size) => rest.split_at_checked(size).is_some_and(|(_, left)| {
+            rest = left;
+            true
+        }),
+        Part::Sized => sized(&mut rest).is_some(),
+        Part::Strings => sized(&mut rest).is_some_and(|mut strings| {
+            while !strings.is_empty() {
+                if sized(&mut strings).is_none() {
+                    return false;
+                }
+            }
+            true
+        }),
+    })
+}
+
+/// Takes what its length says.
+fn sized<'a>(rest: &mut &'a [u8]) -> Option<&'a [u8]> {
+    let (length, left) = rest.split_first_chunk()?;
+    let (bytes, left) = left.split_at_checked(u32::from_le_bytes(*length) as usize)?;
+    *rest = left;
+    Some(bytes)
+}

@@ -1,0 +1,95 @@
+//! Hostile recordings: no panic, no endless reading, and memory in proportion to the file.
+
+use std::{
+    fs,
+    path::{Path, PathBuf},
+};
+
+use roscausal_fuzz::{Allocator, Target};
+use roscausal_recording::Recording;
+
+#[global_allocator]
+static ALLOCATOR: Allocator = Allocator;
+
+fn run(name: &str, files: &[&str], tokens: &[&[u8]], bytes_per_byte: usize) {
+    let tests = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests");
+    let target = Target {
+        corpus: tests.join("corpus").join(name),
+        seeds: files.iter().filter_map(|file| fs::read(tests.join("data").join(file)).ok()).collect(),
+        tokens,
+        bytes_per_byte,
+    };
+    assert_eq!(target.seeds.len(), files.len(), "a recording is missing");
+    // In memory where that can be had: a file is written for each input.
+    let memory = Path::new("/dev/shm");
+    let folder = if memory.is_dir() { memory.to_owned() } else { std::env::temp_dir() };
+    let file = tempfile::NamedTempFile::new_in(folder);
+    let Ok(file) = file else { panic!("no temporary file") };
+    target.run(|input| read(file.path(), input));
+}
+
+fn read(path: &Path, input: &[u8]) {
+    if fs::write(path, input).is_err() {
+        panic!("{} cannot be written", PathBuf::from(path).display());
+    }
+    let Ok(mut recording) = Recording::open(path) else { return };
+    let _ = recording.span();
+    let topics = recording.topics().to_vec();
+    for record in recording.by_ref() {
+        let topic = &topics[record.topic];
+        let _ = topic.decode::<roscausal_msgs::nav_msgs::Odometry>(&record.bytes);
+        let _ = topic.decode::<roscausal_msgs::people_msgs::People>(&record.bytes);
+    }
+    assert!(recording.losses().iter().all(|loss| !loss.is_empty()));
+}
+
+#[test]
+fn a_hostile_bag_is_refused_or_read_as_far_as_it_is_whole() {
+    let tokens: [&[u8]; 7] = [
+        b"op=\x05",
+        b"conn=",
+        b"time=",
+        b"chunk_pos=",
+        b"size=\xff\xff\xff\xff",
+        b"compression=",
+        b"\xff\xff\xff\xff",
+    ];
+    run("bag", &["plain.bag"], &tokens, 64);
+}
+
+#[test]
+fn a_hostile_compressed_bag_is_refused_or_read_as_far_as_it_is_whole() {
+    // What compresses well may become a thousand times larger, whoever claims it.
+    run("bag_compressed", &["lz4.bag", "bz2.bag"], &[b"size=\xff\xff\xff\x3f", b"compression=none"], 20_000);
+}
+
+#[test]
+fn a_hostile_mcap_file_is_refused_or_read_as_far_as_it_is_whole() {
+    let tokens: [&[u8]; 7] = [
+        b"\x89MCAP0\r\n",
+        b"\xff\xff\xff\xff\xff\xff\xff\xff",
+        b"\x06",
+        b"\x05",
+        b"zstd",
+        b"lz4",
+        b"\x02\x14\0\0\0\0\0\0\0",
+    ];
+    run("mcap", &["ros2_plain.mcap", "unchunked.mcap"], &tokens, 64);
+}
+
+#[test]
+fn a_hostile_compressed_mcap_file_is_refused_or_read_as_far_as_it_is_whole() {
+    run(
+        "mcap_compressed",
+        &["ros1_zstd.mcap", "ros2_lz4.mcap"],
+        &[b"zstd", b"lz4", b"\0\0\0\0\0\0\0\0"],
+        20_000,
+    );
+}
+
+#[test]
+fn a_hostile_database_is_refused_or_read_as_far_as_it_is_whole() {
+    let tokens: [&[u8]; 6] =
+        [b"CREATE VIEW ", b"CREATE TABLE ", b"messages", b"topics", b"\x0d\0\0\0", b"\xff\xff\xff\xff"];
+    run("db3", &["ros2_db3/ros2_db3.db3"], &tokens, 64);
+}
