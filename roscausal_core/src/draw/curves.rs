@@ -6,6 +6,8 @@ const HEIGHT: f64 = 250.0;
 const MARGIN: (f64, f64) = (52.0, 40.0);
 const TITLE: f64 = 40.0;
 const PER_ROW: usize = 2;
+/// Of the vertical axis.
+const STEPS: u32 = 4;
 /// Told apart by people who see few colours (Okabe and Ito 2008), and by their dots.
 const COLOURS: [&str; 6] = ["#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9"];
 
@@ -45,7 +47,7 @@ fn draw(svg: &mut Svg, at: Point, x_label: &str, panel: &Panel) {
     let points =
         || panel.curves.iter().flat_map(|curve| &curve.points).filter(|p| p.0.is_finite() && p.1.is_finite());
     let largest = points().map(|p| p.1).fold(0.0, f64::max);
-    let (low, high) = panel.range.unwrap_or((0.0, if largest > 0.0 { 1.08 * largest } else { 1.0 }));
+    let (low, high) = panel.range.unwrap_or((0.0, round_top(largest)));
     let from = points().map(|p| p.0).fold(f64::INFINITY, f64::min).min(0.0);
     let to = points().map(|p| p.0).fold(f64::NEG_INFINITY, f64::max);
     let to = if to > from { to } else { from + 1.0 };
@@ -55,8 +57,8 @@ fn draw(svg: &mut Svg, at: Point, x_label: &str, panel: &Panel) {
     let y = |value: f64| bottom - (bottom - top) * (value - low) / (high - low);
 
     svg.text(Point::new(left, at.y + 16.0), 12.0, "start", INK, &panel.title);
-    for tick in 0..=4 {
-        let value = low + (high - low) * f64::from(tick) / 4.0;
+    for tick in 0..=STEPS {
+        let value = low + (high - low) * f64::from(tick) / f64::from(STEPS);
         svg.raw(&format!(
             "<path d=\"M {left:.1} {y:.1} H {right:.1}\" stroke=\"{FAINT}\" stroke-width=\"0.5\"/>",
             y = y(value)
@@ -100,6 +102,16 @@ fn draw(svg: &mut Svg, at: Point, x_label: &str, panel: &Panel) {
     }
 }
 
+/// The top of an axis from 0 that holds `largest` and has round numbers at its steps.
+fn round_top(largest: f64) -> f64 {
+    let step = largest / f64::from(STEPS);
+    let unit = 10_f64.powf(step.log10().floor());
+    let round = [1.0, 2.0, 2.5, 5.0, 10.0].map(|factor| factor * unit);
+    // a little slack, since a power of ten need not be exact
+    let enough = round.into_iter().find(|round| *round >= step * (1.0 - 1e-9));
+    enough.filter(|round| *round > 0.0).map_or(1.0, |round| round * f64::from(STEPS))
+}
+
 /// A number in few characters: 300, 3.33, 0.025.
 fn short(value: f64) -> String {
     let text = if value.abs() >= 100.0 { format!("{value:.0}") } else { format!("{value:.3}") };
@@ -132,6 +144,15 @@ mod tests {
         assert!(curves("", "", &[]).starts_with("<svg"));
         let empty = Panel { title: String::new(), range: None, curves: vec![] };
         assert!(!curves("", "", &[empty]).contains("inf"));
+    }
+
+    #[test]
+    fn an_axis_has_round_numbers() {
+        let tops = [(1.85, 2.0), (3.7, 4.0), (4.0, 4.0), (4.1, 8.0), (0.03, 0.04), (1234.0, 2000.0)];
+        for (largest, top) in tops {
+            assert!((round_top(largest) / top - 1.0).abs() < 1e-9, "{largest}: {}", round_top(largest));
+        }
+        assert_eq!([0.0, f64::NAN].map(round_top), [1.0, 1.0]);
     }
 
     #[test]
