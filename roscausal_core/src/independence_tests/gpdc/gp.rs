@@ -44,6 +44,8 @@ const PER_GRADIENT: f64 = 1e-5;
 const AT_THE_END: f64 = 1e-8;
 /// A likelihood that turns out looser than its gradient asks for by this factor is made exact enough.
 const TOO_LOOSE: f64 = 50.0;
+/// Shares that the start is tried with.
+const START_SHARES: [f64; 2] = [1e-3, TIGHTEST];
 /// The same for residuals by a factorisation of low rank, which is one below this share of the samples.
 const EXACT: f64 = 1e-11;
 const LOW: usize = 16;
@@ -57,8 +59,9 @@ const LARGE: usize = 2000;
 /// A regression on given conditions, for any number of targets.
 pub(super) struct GaussianProcess {
     inputs: Inputs,
-    /// Every search starts at the same point: its factorisation is shared.
-    start: OnceLock<Option<Likelihood>>,
+    /// Every search starts at the same point: its factorisation is shared. A loose one, and one as exact as any, for
+    /// targets that the first is too loose for.
+    starts: [OnceLock<Option<Likelihood>>; 2],
     memory: Arc<Memory>,
 }
 
@@ -95,14 +98,14 @@ pub(super) struct Traces {
 impl GaussianProcess {
     /// A regression on `conditions`: one row of samples per dimension, standardised.
     pub(super) fn new(conditions: &[Vec<f64>], memory: &Arc<Memory>) -> Self {
-        Self { inputs: Inputs::new(conditions), start: OnceLock::new(), memory: memory.clone() }
+        Self { inputs: Inputs::new(conditions), starts: Default::default(), memory: memory.clone() }
     }
 
     /// Bytes that fits on `n` samples need at the least, on any number of `threads`.
     pub(super) fn bytes(n: usize, threads: usize) -> usize {
         let one = Dense::<f64>::bytes(n).max(LowRank::bytes(n, max_rank(n)));
-        // Of few samples each thread keeps the factorisation of the start.
-        if n > LARGE { one } else { 3 * one / 2 * threads }
+        // Of few samples each thread keeps the factorisations of the start.
+        if n > LARGE { one } else { 2 * one * threads }
     }
 
     /// Fits the standardised `target`: the maximum of the marginal likelihood that L-BFGS-B reaches from `l = s = 1`.
@@ -156,7 +159,8 @@ impl GaussianProcess {
                 return Some(end.alpha(y));
             }
         }
-        if let Some(nearest) = nearest.as_ref().or_else(|| self.start.get().and_then(Option::as_ref)) {
+        let start = || self.starts[search.start].get()?.as_ref();
+        if let Some(nearest) = nearest.as_ref().or_else(start) {
             let refined = refine::solve(&self.inputs, theta, y, |rest| nearest.alpha(rest));
             if refined.is_some() {
                 return refined;
@@ -175,14 +179,25 @@ impl GaussianProcess {
         let likelihood =
             |search: &mut Search| Likelihood::new(&self.inputs, theta, Purpose::Search, search, &self.memory);
         if at_start {
-            let start = self.start.get_or_init(|| likelihood(&mut Search::new())).as_ref()?;
-            match &start.form {
-                Form::LowRank(at) => search.hints = at.pivots().to_vec(),
-                _ => search.too_high_rank = Some((theta.l, search.tolerance(theta))),
-            }
-            let result = start.evaluate(y, theta.s);
-            search.learn(&result);
-            return Some(result);
+            return self.starts.iter().zip(START_SHARES).enumerate().find_map(|(number, (start, share))| {
+                search.start = number;
+                let mut loose = Search { share, ..Search::new() };
+                let start = start.get_or_init(|| likelihood(&mut loose)).as_ref()?;
+                let result = start.evaluate(y, theta.s);
+                search.learn(&result);
+                let low_rank = match &start.form {
+                    Form::LowRank(at) => Some(at.pivots().to_vec()),
+                    _ => None,
+                };
+                if low_rank.is_some() && share > TOO_LOOSE * search.share {
+                    return None;
+                }
+                match low_rank {
+                    Some(pivots) => search.hints = pivots,
+                    None => search.too_high_rank = Some((theta.l, loose.tolerance(theta))),
+                }
+                Some(result)
+            });
         }
         let mut at = likelihood(search)?;
         let mut result = at.evaluate(y, theta.s);
@@ -213,6 +228,8 @@ struct Search {
     smallest_gradient: f64,
     /// Pivots of the last low-rank form.
     hints: Vec<u32>,
+    /// Which of the shared factorisations it started with.
+    start: usize,
     /// The likelihood at the last place but the start; of large matrices none is kept.
     last: Option<Likelihood>,
 }
@@ -224,6 +241,7 @@ impl Search {
             too_high_rank: None,
             smallest_gradient: f64::INFINITY,
             hints: Vec::new(),
+            start: 0,
             last: None,
         }
     }
@@ -257,7 +275,7 @@ enum Purpose {
 
 /// Rank up to which the low-rank form is the faster one.
 fn max_rank(n: usize) -> usize {
-    n / 4
+    2 * n / 5
 }
 
 impl Likelihood {
