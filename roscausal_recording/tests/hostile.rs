@@ -1,9 +1,8 @@
 //! Hostile recordings: no panic, no endless reading, and memory in proportion to the file.
 
-use std::{
-    fs,
-    path::{Path, PathBuf},
-};
+#![allow(clippy::expect_used, reason = "a test may panic: that is how it fails")]
+
+use std::{fs, path::Path};
 
 use roscausal_fuzz::{Allocator, Target};
 use roscausal_recording::Recording;
@@ -23,15 +22,12 @@ fn run(name: &str, files: &[&str], tokens: &[&[u8]], bytes_per_byte: usize) {
     // In memory where that can be had: a file is written for each input.
     let memory = Path::new("/dev/shm");
     let folder = if memory.is_dir() { memory.to_owned() } else { std::env::temp_dir() };
-    let file = tempfile::NamedTempFile::new_in(folder);
-    let Ok(file) = file else { panic!("no temporary file") };
+    let file = tempfile::NamedTempFile::new_in(folder).expect("a temporary file");
     target.run(|input| read(file.path(), input));
 }
 
 fn read(path: &Path, input: &[u8]) {
-    if fs::write(path, input).is_err() {
-        panic!("{} cannot be written", PathBuf::from(path).display());
-    }
+    fs::write(path, input).expect("the file is written");
     let Ok(mut recording) = Recording::open(path) else { return };
     let _ = recording.span();
     let topics = recording.topics().to_vec();
