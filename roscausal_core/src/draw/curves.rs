@@ -77,6 +77,8 @@ fn draw(svg: &mut Svg, at: Point, x_label: &str, panel: &Panel) {
     }
     svg.text(Point::new((left + right) / 2.0, bottom + 30.0), 11.0, "middle", INK, x_label);
 
+    let ends: Vec<f64> = points().filter(|p| p.0 >= to).map(|p| p.1).collect();
+    let ends_low = ends.iter().sum::<f64>() < 0.5 * (low + high) * ends.len() as f64;
     for (i, curve) in panel.curves.iter().enumerate() {
         let colour = COLOURS[i % COLOURS.len()];
         let finite: Vec<Point> = curve
@@ -95,9 +97,11 @@ fn draw(svg: &mut Svg, at: Point, x_label: &str, panel: &Panel) {
         for p in finite {
             svg.raw(&format!("<circle cx=\"{:.1}\" cy=\"{:.1}\" r=\"3\" fill=\"{colour}\"/>", p.x, p.y));
         }
-        // The names stand below each other at the lower right, where recall curves are not.
-        let line = panel.curves.len() - i;
-        let name = Point::new(right - 4.0, bottom + 8.0 - 15.0 * line as f64);
+        // The names stand below each other at the right, where the curves are not.
+        let line = if ends_low { i } else { panel.curves.len() - i };
+        let first = if ends_low { top + 16.0 } else { bottom + 8.0 };
+        let down = if ends_low { 15.0 } else { -15.0 };
+        let name = Point::new(right - 4.0, first + down * line as f64);
         svg.text(name, 11.0, "end", colour, &curve.name);
     }
 }
