@@ -6,8 +6,8 @@ cd "$(dirname "$0")/.."
 
 failed=() untested=()
 cargo test --workspace --locked || failed+=("cargo test")
-for script in tests/gpdc_python.sh tests/recordings.sh tests/browser.sh tests/soak.sh \
-  tests/interop/ros2.sh tests/interop/ros1.sh; do
+for script in tests/gpdc_python.sh tests/recordings.sh tests/browser.sh \
+  tests/interop/ros2.sh tests/interop/ros1.sh tests/soak.sh; do
   "$script"
   case $? in
     0) ;;
