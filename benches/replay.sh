@@ -3,13 +3,14 @@
 # pose, 20 people at 25 Hz), as MCAP, ROS 1 bag and ROS 2 database, on one core; prints the table in Markdown.
 # usage: benches/replay.sh [MINUTES...]      (default: 15 30)
 set -euo pipefail
+[ $# -gt 0 ] || set -- 15 30
 cd "$(dirname "$0")/.."
 . tests/lib.sh
 work=$PWD/target/replay
 mkdir -p "$work"
 environment "$work/venv" rosbags==0.11.9
 cargo build --quiet --release --locked -p roscausal -p roscausal_recording --bin roscausal --example long_recording
-"$work/venv/bin/python" - "$(program release roscausal)" "$(program release examples/long_recording)" "$work" "${@:-15 30}" <<'PY'
+"$work/venv/bin/python" - "$(program release roscausal)" "$(program release examples/long_recording)" "$work" "$@" <<'PY'
 import os, shutil, subprocess, sys, time
 
 roscausal, example, work, *minutes = sys.argv[1:]
@@ -28,7 +29,7 @@ def measured(command):
 
 print("| minutes | file | size, MB | command | CPU s | wall s | peak memory, MB |")
 print("|---|---|---|---|---|---|---|")
-for length in " ".join(minutes).split():
+for length in minutes:
     mcap, bag, folder = (os.path.join(work, length + suffix) for suffix in (".mcap", ".bag", "_db3"))
     if not os.path.exists(mcap):
         subprocess.run([example, mcap, length], check=True)

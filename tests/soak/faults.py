@@ -112,23 +112,21 @@ def rows_after(folder, instant):
 
 def account(folder, begin, cut=None):
     """Rows lie DT apart from the first to the last; with `cut`, a gap may lie there."""
-    times, complete = [], 0
-    for _, batch, facts in batches(folder):
-        times += batch
-        complete += facts["complete"]
+    recorded = list(batches(folder))
+    times = [t for _, batch, _ in recorded for t in batch]
+    complete = sum(facts["complete"] for _, _, facts in recorded)
     models = len(list((folder / "models").glob("*.json"))) if (folder / "models").is_dir() else 0
-    waiting = len([p for p in (folder / "pp").glob("data_*.csv")])
+    waiting = len(list((folder / "pp").glob("data_*.csv")))
     gaps = [(a, b) for a, b in zip(times, times[1:]) if abs(b - a - DT) > 1e-3]
     span = times[-1] - times[0] if times else 0.0
     missing = round(sum(b - a for a, b in gaps) / DT) - len(gaps)
     print("%.0f s of messages in, %d rows out, %d missing, %d batches (%d complete), %d models, %d batches waiting" % (
-        span, len(times), missing, len(list(batches(folder))), complete, models, waiting), flush=True)
+        span, len(times), missing, len(recorded), complete, models, waiting), flush=True)
     assert times and times[0] < begin + 15, "recording began late"
     # the last one, which is not complete, may wait as well
-    assert complete <= models + waiting <= len(list(batches(folder))), "a batch without its model"
+    assert complete <= models + waiting <= len(recorded), "a batch without its model"
     for a, b in gaps:
         assert cut and cut[0] - 1.5 <= a and b <= cut[1] + 3.0, "rows from %.2f to %.2f are missing" % (a - begin, b - begin)
-    return times
 
 
 def master(program, seconds, folder):

@@ -6,6 +6,8 @@ const HEIGHT: f64 = 250.0;
 const MARGIN: (f64, f64) = (52.0, 40.0);
 const TITLE: f64 = 40.0;
 const PER_ROW: usize = 2;
+/// From one name to the next.
+const LINE: f64 = 15.0;
 /// Of the vertical axis.
 const STEPS: u32 = 4;
 /// Told apart by people who see few colours (Okabe and Ito 2008), and by their dots.
@@ -79,6 +81,8 @@ fn draw(svg: &mut Svg, at: Point, x_label: &str, panel: &Panel) {
 
     let ends: Vec<f64> = points().filter(|p| p.0 >= to).map(|p| p.1).collect();
     let ends_low = ends.iter().sum::<f64>() < 0.5 * (low + high) * ends.len() as f64;
+    // The names stand below each other at the right, where the curves are not.
+    let first_name = if ends_low { top + 16.0 } else { bottom + 8.0 - LINE * panel.curves.len() as f64 };
     for (i, curve) in panel.curves.iter().enumerate() {
         let colour = COLOURS[i % COLOURS.len()];
         let finite: Vec<Point> = curve
@@ -97,11 +101,7 @@ fn draw(svg: &mut Svg, at: Point, x_label: &str, panel: &Panel) {
         for p in finite {
             svg.raw(&format!("<circle cx=\"{:.1}\" cy=\"{:.1}\" r=\"3\" fill=\"{colour}\"/>", p.x, p.y));
         }
-        // The names stand below each other at the right, where the curves are not.
-        let line = if ends_low { i } else { panel.curves.len() - i };
-        let first = if ends_low { top + 16.0 } else { bottom + 8.0 };
-        let down = if ends_low { 15.0 } else { -15.0 };
-        let name = Point::new(right - 4.0, first + down * line as f64);
+        let name = Point::new(right - 4.0, first_name + LINE * i as f64);
         svg.text(name, 11.0, "end", colour, &curve.name);
     }
 }
