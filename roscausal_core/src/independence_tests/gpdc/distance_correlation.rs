@@ -69,6 +69,11 @@ pub(super) fn of_sorted(pairs: &mut [(u32, u32)], space: &mut Vec<(u32, u32)>) -
     };
     let variance_x = n * n * squares(&|pair| pair.0) - 2 * n * rows.xx + rows.x * rows.x;
     let variance_y = n * n * squares(&|pair| pair.1) - 2 * n * rows.yy + rows.y * rows.y;
+    from_sums(covariance, variance_x, variance_y)
+}
+
+/// Distance correlation from the sums of products of the doubly centred distances.
+pub(super) fn from_sums(covariance: i128, variance_x: i128, variance_y: i128) -> f64 {
     let scale = (variance_x as f64).sqrt() * (variance_y as f64).sqrt();
     if scale > 0.0 && covariance > 0 { (covariance as f64 / scale).sqrt().min(1.0) } else { 0.0 }
 }

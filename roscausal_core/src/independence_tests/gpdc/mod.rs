@@ -13,6 +13,7 @@ mod low_rank;
 mod memory;
 mod null_table;
 mod pcg64;
+mod permutation;
 mod refine;
 mod residuals;
 

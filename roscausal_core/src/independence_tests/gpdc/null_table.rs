@@ -5,7 +5,7 @@ use std::{
     sync::{Arc, LazyLock, Mutex, OnceLock},
 };
 
-use super::{distance_correlation::of_sorted, pcg64::Pcg64};
+use super::{distance_correlation::of_sorted, pcg64::Pcg64, permutation::Permutations};
 
 /// Sorted distance correlations of `samples` pairs of uniform series.
 #[derive(Debug)]
@@ -29,20 +29,21 @@ impl NullTable {
         slot.get_or_init(|| Arc::new(Self::new(n, samples, seed))).clone()
     }
 
+    /// Shares the samples out over as many threads as the caller's pool has: threads of its own, because a worker of
+    /// the pool that waited for others could take up a task that waits for this table.
     fn new(n: usize, samples: usize, seed: u64) -> Self {
-        let mut rng = Pcg64::new(seed);
-        let (mut pairs, mut space) = (Vec::new(), Vec::new());
-        let (mut x, mut y) = (Vec::new(), Vec::new());
-        let mut y_ranks = vec![0; n];
-        let mut one = || {
-            uniform_order(&mut rng, n, &mut x);
-            uniform_order(&mut rng, n, &mut y);
-            (1..).zip(&y).for_each(|(rank, &i)| y_ranks[i as usize] = rank);
-            pairs.clear();
-            pairs.extend((1..).zip(&x).map(|(rank, &i)| (rank, y_ranks[i as usize])));
-            of_sorted(&mut pairs, &mut space)
-        };
-        let mut table: Vec<f64> = (0..samples).map(|_| one()).collect();
+        let mut table = vec![0.0; samples];
+        let each = samples.div_ceil(rayon::current_num_threads()).max(1);
+        std::thread::scope(|scope| {
+            let mut shares = table.chunks_mut(each).enumerate().map(|(k, share)| {
+                let mut rng = Pcg64::new(seed);
+                rng.skip(2 * n as u128 * (k * each) as u128);
+                move || fill(share, n, rng)
+            });
+            let first = shares.next();
+            shares.for_each(|share| drop(scope.spawn(share)));
+            first.into_iter().for_each(|share| share());
+        });
         table.sort_unstable_by(f64::total_cmp);
         Self(table)
     }
@@ -51,6 +52,29 @@ impl NullTable {
     pub(super) fn share_above(&self, value: f64) -> f64 {
         let not_above = self.0.partition_point(|&null| null <= value);
         (self.0.len() - not_above) as f64 / self.0.len().max(1) as f64
+    }
+}
+
+/// Draws `2 n` numbers for each place of `table` and writes the distance correlation of one half's ranks with the
+/// other's.
+fn fill(table: &mut [f64], n: usize, mut rng: Pcg64) {
+    let permutations = (n <= Permutations::MOST).then(|| Permutations::new(n));
+    let (mut x, mut y, mut y_ranks) = (Vec::new(), Vec::new(), vec![0; n]);
+    let mut ranks = vec![0; n + Permutations::padding()];
+    let (mut pairs, mut space) = (Vec::new(), Vec::new());
+    for place in table {
+        uniform_order(&mut rng, n, &mut x);
+        uniform_order(&mut rng, n, &mut y);
+        (1..).zip(&y).for_each(|(rank, &i)| y_ranks[i as usize] = rank);
+        let y_ranks = x.iter().map(|&i| y_ranks[i as usize]);
+        *place = if let Some(permutations) = &permutations {
+            ranks.iter_mut().zip(y_ranks).for_each(|(to, rank)| *to = rank as u16);
+            permutations.distance_correlation(&ranks)
+        } else {
+            pairs.clear();
+            pairs.extend((1..).zip(y_ranks));
+            of_sorted(&mut pairs, &mut space)
+        };
     }
 }
 
@@ -106,6 +130,15 @@ mod tests {
         let table = NullTable::get(50, 20, 7);
         assert!(Arc::ptr_eq(&table, &NullTable::get(50, 20, 7)));
         assert!(!Arc::ptr_eq(&table, &NullTable::get(51, 20, 7)));
+    }
+
+    #[test]
+    fn any_number_of_threads_makes_the_same_table() {
+        let made_by = |threads| {
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+            [20, Permutations::MOST + 2].map(|n| pool.install(|| NullTable::new(n, 10, 42).0))
+        };
+        assert_eq!(made_by(1), made_by(3));
     }
 
     #[test]

@@ -29,6 +29,20 @@ impl Pcg64 {
         folded.rotate_right((self.state >> 122) as u32)
     }
 
+    /// Passes over the next `steps` integers, in `O(log steps)` (Brown 1994, "Random number generation with arbitrary
+    /// strides").
+    pub(super) fn skip(&mut self, mut steps: u128) {
+        let (mut multiplier, mut increment) = (MULTIPLIER, self.increment);
+        while steps > 0 {
+            if steps & 1 == 1 {
+                self.state = self.state.wrapping_mul(multiplier).wrapping_add(increment);
+            }
+            increment = multiplier.wrapping_add(1).wrapping_mul(increment);
+            multiplier = multiplier.wrapping_mul(multiplier);
+            steps >>= 1;
+        }
+    }
+
     /// The next double, uniform in `[0, 1)`, a multiple of 2^-53.
     #[cfg(test)]
     pub(super) fn next_f64(&mut self) -> f64 {
@@ -82,5 +96,14 @@ mod tests {
         let mut rng = Pcg64::new(42);
         let first: Vec<f64> = (0..4).map(|_| rng.next_f64()).collect();
         assert_eq!(first, [0.7739560485559633, 0.4388784397520523, 0.8585979199113825, 0.6973680290593639]);
+    }
+    #[test]
+    fn skipping_equals_drawing() {
+        for steps in [0, 1, 2, 7, 1000] {
+            let (mut drawn, mut skipped) = (Pcg64::new(9), Pcg64::new(9));
+            (0..steps).for_each(|_| drop(drawn.next_u64()));
+            skipped.skip(steps);
+            assert_eq!(skipped.next_u64(), drawn.next_u64(), "{steps}");
+        }
     }
 }
