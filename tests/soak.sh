@@ -1,7 +1,8 @@
 #!/usr/bin/env bash
-# Faults for N minutes (default 1): the whole chain in one process, killed at random, on a disk that fills, flooded at ten
-# times the rate; the nodes of ROS 1 with a master that is killed, those of ROS 2 with a network that is cut; at the end of
-# each an account of what went in and what came out. Ends in 'N passed, N failed'.
+# Faults for N minutes (default 1): the whole chain in one process, killed at random, on a disk that fills, in a
+# folder that becomes read-only, flooded at ten times the rate; the nodes of ROS 1 with a master that is killed, those of
+# ROS 2 with a network that is cut; at the end of each an account of what went in and what came out. Ends in 'N passed,
+# N failed'.
 # usage: tests/soak.sh [minutes]
 set -uo pipefail
 cd "$(dirname "$0")/.."
@@ -17,13 +18,13 @@ cargo build -q --locked -p roscausal_core --example chain || exit 1
 cargo build -q --locked -p roscausal_ros1 -p roscausal_ros2 --bins || exit 1
 chain=$(program debug examples/chain)
 work=$(mktemp -d)
-disk=$work/disk
+disk=$work/disk readonly=$work/readonly
 chain_pid=
 # Ends what this script started, and nothing else.
 finish() {
     [ -n "$chain_pid" ] && kill "$chain_pid" 2>/dev/null
-    mountpoint -q "$disk" && umount "$disk"
-    rm -rf "$work"
+    for folder in "$disk" "$readonly" "$work/view"; do mountpoint -q "$folder" && umount -l "$folder"; done
+    rm -rf --one-file-system "$work"
 }
 trap finish EXIT
 
@@ -73,7 +74,31 @@ else
     echo "skipped: a full disk needs root (mount -t tmpfs)"
 fi
 
-# 4. Faults of the middleware, under the real nodes.
+# 4. A folder that becomes read-only under the nodes, and writable again.
+mkdir -p "$readonly" "$work/view"
+if mount --bind "$readonly" "$work/view" 2>/dev/null && mount -o remount,bind,ro "$work/view"; then
+    begin "$readonly" 50 2 0.05 1
+    sleep 5
+    # What is open stays writable: it was opened below this mount.
+    mount --bind "$work/view" "$readonly"
+    before=$(count "$readonly/raw" '*.csv')
+    sleep 8
+    check "read-only folder: the nodes live" kill -0 "$chain_pid"
+    check "read-only folder: no batch gets in" test "$(count "$readonly/raw" '*.csv')" -eq "$before"
+    check "read-only folder: it is said" grep -q -i "read-only file system" "$readonly/log"
+    umount -l "$readonly"
+    sleep 6
+    check "read-only folder: ends well" end "$readonly"
+    got=$(rows "$readonly/raw")
+    sent=$(sed -n 's/^sent: \([0-9]*\) odometry.*/\1/p' "$readonly/said")
+    echo "read-only folder: $before batches before, $(count "$readonly/raw" '*.csv') afterwards, $got rows of about $((${sent:-0} * 20 / 50))," \
+        "$(count "$readonly/models" '*.json') models"
+    check "read-only folder: no row lost" test "$got" -ge $((${sent:-0} * 20 / 50 - 40))
+else
+    echo "skipped: a read-only folder needs root (mount --bind)"
+fi
+
+# 5. Faults of the middleware, under the real nodes.
 for fault in "a ROS master that is killed:master:ros1" "a network that is cut:network:ros2"; do
     IFS=: read -r name what nodes <<<"$fault"
     python3 tests/soak/faults.py "$what" "$(program debug "roscausal_$nodes")" $((minutes * 15))

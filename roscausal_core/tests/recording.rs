@@ -24,6 +24,7 @@ use roscausal_core::{
 };
 use roscausal_msgs::{
     Humans, RobotState,
+    diagnostic_msgs::DiagnosticArray,
     geometry_msgs::{Point, Pose, PoseStamped, PoseWithCovarianceStamped, Quaternion},
     nav_msgs::Odometry,
     pedsim_msgs::{TrackedPerson, TrackedPersons},
@@ -40,6 +41,10 @@ struct Bench {
     people: LoopbackPublisher<TrackedPersons>,
     goal: LoopbackPublisher<PoseStamped>,
     dir: tempfile::TempDir,
+    /// Whether the robot's localisation says where it is.
+    localised: bool,
+    /// Whether the people's tracker stamps what it sees.
+    tracker_stamps: bool,
 }
 
 impl Bench {
@@ -66,6 +71,8 @@ impl Bench {
             bus,
             nodes,
             dir,
+            localised: true,
+            tracker_stamps: true,
         }
     }
 
@@ -80,14 +87,18 @@ impl Bench {
             let mut odometry = Odometry { header: header("odom"), ..Odometry::default() };
             odometry.twist.twist.linear.x = 0.5;
             self.odometry.publish(&odometry).expect("publishes");
-            if step % 5 == 0 {
+            if self.localised && step % 5 == 0 {
                 let mut pose = PoseWithCovarianceStamped { header: header("map"), ..Default::default() };
                 pose.pose.pose = at(0.5 * t, 0.0, 0.0);
                 self.pose.publish(&pose).expect("publishes");
             }
             if step % 2 == 0 {
                 let tracks = who(t).into_iter().map(|id| track(id, t)).collect();
-                self.people.publish(&TrackedPersons { header: header("map"), tracks }).expect("publishes");
+                let mut header = header("map");
+                if !self.tracker_stamps {
+                    header.stamp = Time::ZERO;
+                }
+                self.people.publish(&TrackedPersons { header, tracks }).expect("publishes");
             }
             if step % 250 == 0 {
                 let goal = PoseStamped { header: header("map"), pose: at(3.0, 4.0 + t, 0.0) };
@@ -95,6 +106,18 @@ impl Bench {
             }
         }
         self.bus.settle();
+    }
+
+    /// The last report of a node on `/diagnostics` while `during` runs: its message, and its figures.
+    fn report_of(&self, node: &'static str, during: impl FnOnce()) -> (String, BTreeMap<String, String>) {
+        let (send, reports) = std::sync::mpsc::channel();
+        let take = move |report: DiagnosticArray| send.send(report.status).unwrap_or_default();
+        let listener = self.bus.node("listener");
+        let _subscription = listener.subscribe("/diagnostics", Qos::Volatile(10), take).expect("subscribes");
+        during();
+        let last = reports.try_iter().flatten().filter(|status| status.name == node).last();
+        let last = last.expect("a report a second");
+        (last.message, last.values.into_iter().map(|pair| (pair.key, pair.value)).collect())
     }
 
     /// Ends the nodes; the folders of raw and post-processed batches.
@@ -287,6 +310,55 @@ fn a_recording_that_starts_again_makes_batches_of_its_own() {
     for path in &raw {
         let table = Table::read(path, None).expect("time never goes back");
         assert!(table.values.nrows() >= 1);
+    }
+}
+
+#[test]
+fn a_silent_topic_is_told_by_its_name_and_its_rows_stay_empty() {
+    let mut bench = Bench::new(&[("ts_length", Value::Double(20.0)), ("max_gap", Value::Double(0.5))]);
+    let amcl = bench.bus.node("amcl");
+    let _amcl =
+        amcl.advertise::<PoseWithCovarianceStamped>("/amcl_pose", Qos::Volatile(1)).expect("advertises");
+    let (said, _) = bench.report_of("robot", || bench.run(0.0..5.0, 10.0, ALL));
+    assert_eq!(said, "running");
+    bench.localised = false;
+    let (said, figures) = bench.report_of("robot", || bench.run(5.0..12.0, 15.0, ALL));
+    let wanted = "no messages on /robot_pose (geometry_msgs/PoseWithCovarianceStamped) for ";
+    assert!(said.starts_with(wanted), "{said}");
+    assert!(said.ends_with("other topics of that type: /amcl_pose"), "{said}");
+    let odometry: u32 = figures["received /mobile_base_controller/odom"].parse().expect("a number");
+    assert!(odometry >= 550, "what is not silent goes on: {odometry} of 600");
+    bench.localised = true;
+    let (said, _) = bench.report_of("robot", || bench.run(12.0..22.0, 22.0, ALL));
+    assert_eq!(said, "running");
+    let (_dir, raw, _) = bench.end();
+    let table = Table::read(&raw[0], None).expect("reads");
+    let [robot, person] =
+        ["r_x", "h_7_x"].map(|name| table.names.iter().position(|n| n == name).expect(name));
+    for (row, t) in table.time.as_ref().expect("has times").iter().enumerate() {
+        let there = !(15.0..22.0).contains(t);
+        // Within a sample of its going and coming either is right.
+        if (t - 15.0).abs() > 0.21 && (t - 22.0).abs() > 0.21 {
+            assert_eq!(table.values[[row, robot]].is_finite(), there, "the robot at {t}");
+        }
+        assert!(table.values[[row, person]].is_finite(), "the person at {t}");
+    }
+}
+
+#[test]
+fn people_without_a_stamp_are_recorded_where_they_arrived_and_counted() {
+    let mut bench = Bench::new(&[("ts_length", Value::Double(4.0))]);
+    bench.tracker_stamps = false;
+    let (_, figures) = bench.report_of("human", || bench.run(10.0..18.0, 10.0, ALL));
+    let unstamped: u32 = figures["without stamp"].parse().expect("a number");
+    assert!((170..=200).contains(&unstamped), "{unstamped} of 200");
+    let (_dir, raw, _) = bench.end();
+    let table = Table::read(&raw[0], None).expect("reads");
+    let column = table.names.iter().position(|name| name == "h_7_x").expect("is there");
+    assert_eq!(table.values.nrows(), 40);
+    for (row, t) in table.time.as_ref().expect("has times").iter().enumerate() {
+        let x = table.values[[row, column]];
+        assert!((x - 7.0 - t.sin()).abs() < 0.03, "{x} at {t}");
     }
 }
 

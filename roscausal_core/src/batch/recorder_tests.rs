@@ -214,6 +214,28 @@ fn people_in_another_frame_are_left_out() {
 }
 
 #[test]
+fn another_frame_of_the_robot_ends_the_batch_and_begins_one_in_that_frame() {
+    let mut recorder = run(config(), 5.0..5.75, |_| vec![1]);
+    for i in 0..300 {
+        let t = 5.75 + 0.01 * f64::from(i);
+        let (mut moved, mut people) = (robot(t), humans(t, vec![person(1, t)]));
+        moved.header.frame_id = "map_of_the_second_floor".into();
+        people.header.frame_id.clone_from(&moved.header.frame_id);
+        recorder.robot(&moved, Time::ZERO);
+        recorder.humans(&people, Time::ZERO);
+    }
+    let batches = recorder.take_batches();
+    let (before, after) = (&batches[0], &batches[1]);
+    assert_eq!((before.frame.as_str(), before.complete), ("map", false));
+    assert_eq!(before.ended_by, "the robot's frame changed");
+    assert_eq!((after.frame.as_str(), after.complete), ("map_of_the_second_floor", true));
+    // No row has something of both frames, and none is lost but those at the change.
+    let end = before.start.plus_secs(0.1 * before.n_rows() as f64);
+    assert!(after.start >= end && after.start.secs_since(end) < 0.25, "{end:?} {:?}", after.start);
+    assert!(before.n_rows() >= 7);
+}
+
+#[test]
 fn memory_is_bounded_while_the_robot_is_silent() {
     let mut recorder = Recorder::new(config());
     for i in 0..5000 {

@@ -138,13 +138,14 @@ pub(super) async fn human_task<M: Middleware>(mw: &M) -> Result<()> {
     let mut robot: Option<Pose2D> = None;
     let goal_param = params.text_if_set("goal_param").map(goal_spec);
     let mut tracker = PeopleTracker::new(&params.text("target_frame"), params.double("person_timeout"));
-    let (mut due, mut reports, mut published) = (mw.now(), 0_u64, Time::ZERO);
+    let (mut due, mut reports, mut published, mut unstamped) = (mw.now(), 0_u64, Time::ZERO, 0_u64);
     loop {
         match inbox.awaited(mw, Some(due.min(health.due()))).await {
             Next::Shutdown => return Ok(()),
             Next::Event(Event::People(input, stamp, sightings)) => {
                 health.heard(input, mw.now());
                 // What has no stamp was seen now.
+                unstamped += u64::from(stamp == Time::ZERO);
                 let stamped = |stamp: Time| if stamp == Time::ZERO { mw.now() } else { stamp };
                 tracker.heard(stamped(stamp));
                 for mut sighting in sightings {
@@ -191,6 +192,7 @@ pub(super) async fn human_task<M: Middleware>(mw: &M) -> Result<()> {
         let figures = || {
             [
                 ("no transform in time", tracker.without_transform.to_string()),
+                ("without stamp", unstamped.to_string()),
                 ("dropped", inbox.dropped().to_string()),
             ]
         };
