@@ -3,7 +3,11 @@
 //! `echo TYPE IN OUT` sends on what it gets; `latch TOPIC TEXT` latches a text; `count TYPE TOPIC` tells how many
 //! came and how many were lost; `panic TOPIC` panics at the text "panic" and echoes others on TOPIC_echo;
 //! `param NAME...` prints parameters; `set NAME` sets one of each kind; `clock` prints what the clock shows;
-//! `crash` panics after it has registered; `topics` prints the topics.
+//! `crash` panics after it has registered; `topics` prints the topics; `sensors SECONDS` publishes what a busy robot's
+//! sensors do and prints how much.
+
+#[path = "../../tests/soak/sensors.rs"]
+mod sensors;
 
 use std::{
     env,
@@ -94,6 +98,11 @@ fn main() -> Result<()> {
             thread::sleep(Duration::from_secs(1));
             let nothing: Option<u8> = env::args().nth(1000).and_then(|text| text.parse().ok());
             assert!(nothing.is_some(), "the panic of the test");
+        }
+        ["sensors", seconds] => {
+            let [odometry, places, people] = sensors::publish(&mw, seconds.parse().unwrap_or(60), 100)?;
+            say(&format!("sent {odometry} {places} {people}"));
+            wait(&mw, &stop);
         }
         ["topics"] => mw.topics().iter().for_each(|(topic, kind)| say(&format!("{topic} {kind}"))),
         _ => say("unknown command"),

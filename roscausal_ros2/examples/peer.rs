@@ -3,7 +3,11 @@
 //! - `echo`: for every message type, what comes on `/in/package/Name` goes out on `/out/package/Name`;
 //! - `model`: `count` causal models of `n_vars` variables and `n_lags` lags on `/model`, latched;
 //! - `names`: prints what the command line makes of the node's name, of some topics and of its parameters;
-//! - `count`: counts the odometry on `/odom` and sends as many robot states on `/state` as `count` says.
+//! - `count`: counts the odometry on `/odom` and sends as many robot states on `/state` as `count` says;
+//! - `sensors`: publishes what a busy robot's sensors do, for `count` seconds, and prints how much.
+
+#[path = "../../tests/soak/sensors.rs"]
+mod sensors;
 
 use std::{
     error::Error,
@@ -30,7 +34,7 @@ const ROLE: ParamSpec = ParamSpec {
     name: "role",
     default: Value::Str(String::new()),
     description: "What this peer does",
-    allowed: Allowed::OneOf(&["echo", "model", "count"]),
+    allowed: Allowed::OneOf(&["echo", "model", "count", "sensors"]),
 };
 
 const fn number(name: &'static str, default: i64) -> ParamSpec {
@@ -62,6 +66,13 @@ fn main() -> Result<(), Box<dyn Error>> {
         Some(Value::Str(role)) if role == "echo" => echo_all(&node)?,
         Some(Value::Str(role)) if role == "model" => {
             send_models(&node, int("count", 1), int("n_vars", 8), int("n_lags", 2))?
+        }
+        Some(Value::Str(role)) if role == "sensors" => {
+            let [odometry, places, people] = sensors::publish(&node, int("count", 60) as u32, 100)?;
+            println!("sent {odometry} {places} {people}");
+            while node.is_ok() {
+                sleep(Duration::from_millis(20));
+            }
         }
         _ => count(&node, int("count", 1000), int("period_us", 1000))?,
     }

@@ -129,16 +129,34 @@ def account(folder, begin, cut=None):
         assert cut and cut[0] - 1.5 <= a and b <= cut[1] + 3.0, "rows from %.2f to %.2f are missing" % (a - begin, b - begin)
 
 
-def master(program, seconds, folder):
-    rosmaster = "/usr/bin/rosmaster"
-    if not os.path.exists(rosmaster):
-        skip("no ROS master here to stop and start (Debian: apt-get install python3-rosmaster)")
+def free_port():
     with socket.socket() as probe:
         probe.bind(("127.0.0.1", 0))
-        port = probe.getsockname()[1]
+        return probe.getsockname()[1]
+
+
+def start_master(processes, folder, port):
+    """Starts a ROS master and waits until it answers; the environment of its nodes."""
+    rosmaster = "/usr/bin/rosmaster"
+    if not os.path.exists(rosmaster):
+        skip("no ROS master here to start (Debian: apt-get install python3-rosmaster)")
     uri = "http://127.0.0.1:%d/" % port
     env = {"ROS_MASTER_URI": uri, "ROS_IP": "127.0.0.1", "ROS_HOME": str(folder), "ROS_LOG_DIR": str(folder)}
-    processes = Processes(folder)
+    processes.start("master", ["/usr/bin/python3", rosmaster, "--core", "-p", str(port)], env)
+
+    def alive():
+        try:
+            return xmlrpc.client.ServerProxy(uri).getPid("/soak")[0] == 1
+        except OSError:
+            return False
+
+    processes.wait_for(alive, 20, "a master that answers")
+    return env
+
+
+def master(program, seconds, folder):
+    processes, port = Processes(folder), free_port()
+    uri = "http://127.0.0.1:%d/" % port
 
     def registered():
         try:
@@ -147,18 +165,8 @@ def master(program, seconds, folder):
             return set()
         return {name for kind in state for _, names in kind for name in names}
 
-    def start_master():
-        processes.start("master", ["/usr/bin/python3", rosmaster, "--core", "-p", str(port)], env)
-        processes.wait_for(alive, 20, "a master that answers")
-
-    def alive():
-        try:
-            return xmlrpc.client.ServerProxy(uri).getPid("/soak")[0] == 1
-        except OSError:
-            return False
-
     try:
-        start_master()
+        env = start_master(processes, folder, port)
         given = parameters(folder)
         wanted = {"/roscausal_" + name for name in NODES + ["hrisim"]}
         for name in NODES + ["hrisim"]:
@@ -171,7 +179,7 @@ def master(program, seconds, folder):
         while stops == 0 or time.monotonic() < end:
             processes.end("master", signal.SIGKILL)
             time.sleep(3)
-            start_master()
+            start_master(processes, folder, port)
             processes.wait_for(lambda: wanted <= registered(), 20, "nodes that are back: " + str(wanted))
             time.sleep(2)
             stops += 1
