@@ -6,7 +6,7 @@ cd "$(dirname "$0")/.."
 
 failed=() untested=()
 cargo test --workspace --locked || failed+=("cargo test")
-for script in tests/gpdc_python.sh tests/recordings.sh tests/browser.sh \
+for script in tests/gpdc_python.sh tests/recordings.sh tests/browser.sh tests/security.sh \
   tests/interop/ros2.sh tests/interop/ros1.sh tests/soak.sh; do
   "$script"
   case $? in

@@ -8,6 +8,7 @@ use tracing::level_filters::LevelFilter;
 use crate::{
     names::{Names, Remap},
     param_file::{ParamFile, scalar_or_list},
+    security::Enclave,
 };
 
 /// What a node was started with, all of it checked.
@@ -24,6 +25,8 @@ pub struct Args {
     pub rosout: bool,
     /// Where on the network the node lives.
     pub network: Network,
+    /// The SROS2 enclave whose files the node uses; `None`: it talks in the clear.
+    pub enclave: Option<Enclave>,
     /// What was read but has no effect, for the log.
     pub warnings: Vec<String>,
 }
@@ -89,6 +92,7 @@ impl Args {
         let mut log_level = None;
         let mut warnings = Vec::new();
         let mut rosout = true;
+        let mut enclave = None;
         let mut args = args.into_iter();
         let mut in_ros_args = false;
         while let Some(arg) = args.next() {
@@ -107,9 +111,9 @@ impl Args {
                         "-p" | "--param" => add_param(&mut params, &value)?,
                         "--params-file" => params.add_file(value.as_ref())?,
                         "--log-level" => set_level(&mut log_level, node, &value)?,
-                        _ => warnings.push(format!(
-                            "{flag} {value} has no effect: these nodes have neither enclaves nor log files"
-                        )),
+                        "-e" | "--enclave" => enclave = Some(value),
+                        _ => warnings
+                            .push(format!("{flag} {value} has no effect: these nodes have no log files")),
                     }
                 }
                 _ => return Err(unknown(&arg)),
@@ -121,7 +125,8 @@ impl Args {
             names,
             log_level: log_level.unwrap_or(LevelFilter::INFO),
             rosout,
-            network: Network::from_env(env, &mut warnings)?,
+            network: Network::from_env(&env, &mut warnings)?,
+            enclave: Enclave::from_env(&env, enclave.as_deref(), &mut warnings)?,
             warnings,
         })
     }
@@ -157,20 +162,6 @@ impl Network {
                 )));
             }
         };
-        // Better no node than one that talks in the clear where security is asked for.
-        if text("ROS_SECURITY_ENABLE").is_some_and(|value| value.eq_ignore_ascii_case("true")) {
-            if text("ROS_SECURITY_STRATEGY").as_deref() == Some("Enforce") {
-                return Err(BadArgument(
-                    "ROS_SECURITY_ENABLE is true and ROS_SECURITY_STRATEGY is Enforce, but these nodes have no DDS \
-                     Security; run them without, on a network of their own (ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST)"
-                        .to_owned(),
-                ));
-            }
-            warnings.push(
-                "ROS_SECURITY_ENABLE has no effect: these nodes have no DDS Security and talk in the clear"
-                    .into(),
-            );
-        }
         if text("ROS_STATIC_PEERS").is_some() {
             warnings.push("ROS_STATIC_PEERS has no effect: these nodes find others by multicast only".into());
         }

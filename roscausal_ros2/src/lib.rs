@@ -12,6 +12,7 @@ pub mod args;
 pub mod console;
 pub mod names;
 pub mod param_file;
+pub mod security;
 
 pub use args::Args;
 pub use node::Ros2;

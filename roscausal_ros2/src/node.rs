@@ -46,6 +46,8 @@ pub(crate) struct Inner {
     pub(crate) spinner: Spinner,
     pub(crate) parameters: Arc<Parameters>,
     services: ParameterServices,
+    /// What it sends may be encrypted.
+    pub(crate) secured: bool,
     /// `None` once the node has left the graph.
     session: Mutex<Option<Session>>,
     /// Type of each topic that this node uses.
@@ -94,7 +96,11 @@ impl Ros2 {
             builder = builder.with_only_networks([IpAddr::V4(Ipv4Addr::LOCALHOST)]);
         }
         let domain = format!("cannot join DDS domain {}", args.network.domain_id);
-        let participant = builder.build().map_err(|error| middleware(&domain, error))?;
+        builder = secured(builder, args);
+        let participant = builder.build().map_err(|error| match &args.enclave {
+            Some(enclave) => Error::file(enclave.folder(), format!("{domain} with this enclave: {error}")),
+            None => middleware(&domain, error),
+        })?;
         let context =
             Context::from_domain_participant(participant).map_err(|error| middleware(&domain, error))?;
         let names = args.names.clone();
@@ -115,6 +121,7 @@ impl Ros2 {
             names,
             parameters,
             services,
+            secured: args.enclave.is_some(),
             session: Mutex::new(Some(Session { node, context: context.clone() })),
             types: Mutex::default(),
             sim_time: AtomicBool::new(false),
@@ -181,6 +188,24 @@ impl Ros2 {
     }
 }
 
+/// With the enclave's files, when the node has an enclave.
+#[cfg(feature = "security")]
+fn secured(builder: DomainParticipantBuilder, args: &Args) -> DomainParticipantBuilder {
+    let Some(enclave) = &args.enclave else { return builder };
+    // SROS2's keys have no password.
+    let files = rustdds::DomainParticipantSecurityConfigFiles::with_ros_default_names(
+        enclave.folder(),
+        String::new(),
+    );
+    builder.builtin_security(files)
+}
+
+/// Without DDS Security no enclave is ever found.
+#[cfg(not(feature = "security"))]
+fn secured(builder: DomainParticipantBuilder, _args: &Args) -> DomainParticipantBuilder {
+    builder
+}
+
 fn fail_on_panic(owner: Arc<OnceLock<Weak<Inner>>>) -> impl Fn(String) + Send + 'static {
     move |task| {
         if let Some(inner) = owner.get().and_then(Weak::upgrade) {
@@ -221,7 +246,12 @@ impl Inner {
     /// Announces the node's name and endpoints through a publisher of its own as well. The library's is the first
     /// endpoint that others discover; when several nodes start at once, Fast DDS sometimes never matches it, and
     /// the node is not listed by whoever was there before.
+    ///
+    /// The library's security knows one publisher of each topic and node: there it stays at the library's.
     fn announce_again(&self) -> Result<()> {
+        if self.secured {
+            return Ok(());
+        }
         use ros2_client::builtin_topics::ros_discovery::{QOS_PUB, TOPIC_NAME, TYPE_NAME};
         let (name, kind) = (TOPIC_NAME.to_owned(), TYPE_NAME.to_owned());
         let topic = self.session(|session| {

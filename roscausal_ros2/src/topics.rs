@@ -19,8 +19,10 @@ use roscausal_core::{
     Error, Message, Result,
     middleware::{Publish, Qos},
 };
-use rustdds::{GUID, Topic, TopicDescription};
-use serde::Serialize;
+use rustdds::{
+    GUID, Topic, TopicDescription, no_key::SerializerAdapter, serialization::CDRSerializerAdapter,
+};
+use serde::{Serialize, Serializer, ser::SerializeTuple};
 use tracing::{error, warn};
 
 use crate::{
@@ -61,7 +63,7 @@ pub(crate) struct Writer<M: Serialize> {
     profile: QosProfile,
     renew_after: usize,
     sent: usize,
-    publisher: ros2_client::Publisher<M>,
+    publisher: ros2_client::Publisher<Padded<M>>,
 }
 
 impl<M: Serialize> Writer<M> {
@@ -70,9 +72,12 @@ impl<M: Serialize> Writer<M> {
         Ok(Self { topic, profile, renew_after, sent: 0, publisher })
     }
 
-    fn publisher(inner: &Inner, topic: &Topic, profile: &QosProfile) -> Result<ros2_client::Publisher<M>> {
-        let made =
-            inner.session(|session| session.node.create_publisher::<M>(topic, Some(profile.clone())))?;
+    fn publisher(
+        inner: &Inner,
+        topic: &Topic,
+        profile: &QosProfile,
+    ) -> Result<ros2_client::Publisher<Padded<M>>> {
+        let made = inner.session(|session| session.node.create_publisher(topic, Some(profile.clone())))?;
         let publisher =
             made.map_err(|error| Error::Topic { topic: topic.name(), reason: error.to_string() })?;
         inner.graph.add(publisher.guid(), &topic.name(), topic.get_type().name());
@@ -89,7 +94,7 @@ impl<M: Serialize> Writer<M> {
             self.sent = 0;
         }
         self.sent += 1;
-        match self.publisher.publish(message) {
+        match self.publisher.publish(Padded::new(message, inner.secured)) {
             Ok(()) => Ok(true),
             Err(WriteError::WouldBlock { .. }) => Ok(false),
             Err(error) => Err(Error::Topic { topic: self.topic.name(), reason: error.to_string() }),
@@ -98,6 +103,31 @@ impl<M: Serialize> Writer<M> {
 
     fn guid(&self) -> GUID {
         self.publisher.guid()
+    }
+}
+
+/// A message with up to three zeros behind it, which a reader leaves unread. The library pads what it sends to a multiple of
+/// four bytes *after* it encrypted the content, and looks for the signature from the padded end: only content that needs
+/// no padding can be decrypted.
+struct Padded<M> {
+    message: M,
+    zeros: usize,
+}
+
+impl<M: Serialize> Padded<M> {
+    fn new(message: M, secured: bool) -> Self {
+        let length =
+            if secured { CDRSerializerAdapter::<M>::to_bytes(&message).map_or(0, |b| b.len()) } else { 0 };
+        Self { message, zeros: length.wrapping_neg() % 4 }
+    }
+}
+
+impl<M: Serialize> Serialize for Padded<M> {
+    fn serialize<S: Serializer>(&self, serializer: S) -> std::result::Result<S::Ok, S::Error> {
+        let mut parts = serializer.serialize_tuple(1 + self.zeros)?;
+        parts.serialize_element(&self.message)?;
+        (0..self.zeros).try_for_each(|_| parts.serialize_element(&0_u8))?;
+        parts.end()
     }
 }
 
@@ -115,7 +145,9 @@ impl<M: Message> Ros2Publisher<M> {
     pub(crate) fn new(inner: &Arc<Inner>, topic: &str, qos: Qos) -> Result<Self> {
         let topic = inner.names.resolve(topic)?;
         let dds_topic = inner.topic::<M>(&topic, qos)?;
-        let renew_after = if qos == Qos::Latched { 1 } else { usize::MAX };
+        // The library's security knows one publisher of each topic and node, so there it stays: who comes late gets all
+        // that it sent, the last one last.
+        let renew_after = if qos == Qos::Latched && !inner.secured { 1 } else { usize::MAX };
         let writer = Writer::new(inner, dds_topic, profile(qos, Side::Publisher), renew_after)?;
         let (inner, writer) = (inner.clone(), Mutex::new(writer));
         Ok(Self { inner, topic, qos, writer, refused: AtomicU64::new(0), said_large: AtomicBool::new(false) })
@@ -127,7 +159,6 @@ impl<M: Message> Ros2Publisher<M> {
     }
 
     fn warn_if_large(&self, message: &M) {
-        use rustdds::{no_key::SerializerAdapter, serialization::CDRSerializerAdapter};
         if self.qos != Qos::Latched || self.said_large.load(Ordering::Relaxed) {
             return;
         }

@@ -55,8 +55,8 @@ def start(processes, wire, program, peer, seconds, folder):
 
 
 def holes(folder):
-    """Rows, and cells that are empty, between the first and the last second."""
-    rows, empty = 0, 0
+    """Rows, and cells that are empty, but for the last second: the sensors fall silent one after the other."""
+    rows, empty = 0, []
     for path, _, _ in batches(folder):
         with open(path, newline="") as file:
             table = csv.DictReader(file)
@@ -64,8 +64,8 @@ def holes(folder):
             assert len(places) == PEOPLE + 1, "%s has %d bodies" % (path, len(places))
             for row in table:
                 rows += 1
-                empty += sum(row[name] in ("", "nan", "NaN") for name in places)
-    return rows, empty
+                empty.append(sum(row[name] in ("", "nan", "NaN") for name in places))
+    return rows, sum(empty[: -round(1 / DT)])
 
 
 def run(wire, program, peer, seconds, folder):

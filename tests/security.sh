@@ -1,0 +1,22 @@
+#!/usr/bin/env bash
+# DDS Security of ROS 2 with a keystore as SROS2 makes it: who has no certificate neither reads nor writes, an enclave uses
+# what it is granted, and the whole chain of nodes works. Exit code 0 only when all passed, 77 when what it needs cannot
+# be installed; the last line is 'N passed, N failed'.
+set -uo pipefail
+cd "$(dirname "$0")/.."
+. tests/lib.sh
+missing=()
+command -v openssl >/dev/null || missing+=(openssl)
+command -v pkg-config >/dev/null || missing+=(pkg-config)
+# The headers of the library, as the build will look for them.
+pkg-config --exists openssl 2>/dev/null || missing+=(libssl-dev)
+[ ${#missing[@]} -eq 0 ] || debian "${missing[@]}"
+
+cargo build -q --locked -p roscausal_ros2 --features security --bins --tests || broken "the security feature does not build"
+passed=0 failed=0
+for test in "cargo test -q --locked -p roscausal_ros2 --features security --test security" \
+  "python3 tests/security/nodes.py $(program debug roscausal_ros2)"; do
+  if $test; then passed=$((passed + 1)); echo "pass: $test"; else failed=$((failed + 1)); echo "FAIL: $test"; fi
+done
+echo "$passed passed, $failed failed"
+[ "$failed" -eq 0 ]
