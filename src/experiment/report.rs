@@ -19,12 +19,17 @@ struct Recall {
     expected: bool,
     found: usize,
     runs: usize,
+    /// Of the runs that found the link, in any scenario with the same settings otherwise, the share of those whose
+    /// scenario has it; `None` when none found it.
+    precision: Option<f64>,
 }
 
 /// The runs of one setting.
 struct Group<'a> {
     setting: &'a Setting,
     runs: Vec<&'a Run>,
+    /// Those and the runs of other scenarios with the same settings otherwise.
+    all_scenarios: Vec<&'a Run>,
 }
 
 /// What is said of one setting.
@@ -64,7 +69,7 @@ pub(super) fn text(runs: &[Run]) -> String {
         let _ = writeln!(
             text,
             "{scenario}, {length} s at {step} s, risk {risk_model} late by {risk_lag}, {method} with {test}:\n\n\
-             | link | found | of | 95 % interval | in this scenario |\n|---|---|---|---|---|"
+             | link | found | of | 95 % interval | in this scenario | precision |\n|---|---|---|---|---|---|"
         );
         for recall in group.recalls() {
             let (low, high) = wilson(recall.found, recall.runs);
@@ -72,14 +77,15 @@ pub(super) fn text(runs: &[Run]) -> String {
             let (cause, effect) = &recall.link;
             let _ = writeln!(
                 text,
-                "| {cause} -> {effect} | {} | {} | {:.0}-{:.0} % | {expected} |",
+                "| {cause} -> {effect} | {} | {} | {:.0}-{:.0} % | {expected} | {} |",
                 recall.found,
                 recall.runs,
                 100.0 * low,
-                100.0 * high
+                100.0 * high,
+                shown(recall.precision, 2)
             );
         }
-        let precision = score.precision.map_or("-".to_owned(), |precision| format!("{precision:.2}"));
+        let precision = shown(score.precision, 2);
         let _ = writeln!(
             text,
             "\nrecall {:.2}, precision {precision}, mean structural Hamming distance {:.2}, exact {} of {}, {:.2} s\n",
@@ -99,8 +105,14 @@ fn groups(runs: &[Run]) -> Vec<Group<'_>> {
     for run in runs {
         match groups.iter_mut().find(|group| *group.setting == run.setting) {
             Some(group) => group.runs.push(run),
-            None => groups.push(Group { setting: &run.setting, runs: vec![run] }),
+            None => groups.push(Group { setting: &run.setting, runs: vec![run], all_scenarios: Vec::new() }),
         }
+    }
+    for group in &mut groups {
+        let same = |run: &&Run| {
+            Setting { scenario: group.setting.scenario.clone(), ..run.setting.clone() } == *group.setting
+        };
+        group.all_scenarios = runs.iter().filter(same).collect();
     }
     groups.sort_by(|a, b| {
         let order = |s: &Setting| {
@@ -125,10 +137,17 @@ impl Group<'_> {
                 expected: self.runs.iter().any(|run| run.expected.contains(&link)),
                 found: self.runs.iter().filter(|run| run.found.contains(&link)).count(),
                 runs: self.runs.len(),
+                precision: self.precision(&link),
                 link,
             }
         };
         PAPER.into_iter().chain(others).map(recall).collect()
+    }
+
+    fn precision(&self, link: &Link) -> Option<f64> {
+        let found = || self.all_scenarios.iter().filter(|run| run.found.contains(link));
+        let hits = found().filter(|run| run.expected.contains(link)).count();
+        (found().count() > 0).then(|| hits as f64 / found().count() as f64)
     }
 
     fn score(&self) -> Score {
@@ -148,6 +167,11 @@ impl Group<'_> {
             run_time_s: times[times.len() / 2],
         }
     }
+}
+
+/// A share with so many digits; `-` for none.
+fn shown(share: Option<f64>, digits: usize) -> String {
+    share.map_or("-".to_owned(), |share| format!("{share:.digits$}"))
 }
 
 /// Wilson's interval of a share at 95 % (Wilson 1927).
@@ -173,7 +197,8 @@ fn quoted(cell: &str) -> String {
 }
 
 fn recall_csv(groups: &[Group<'_>]) -> String {
-    let mut csv = format!("{},cause,effect,expected,found,runs,low,high\n", Setting::HEADER.join(","));
+    let mut csv =
+        format!("{},cause,effect,expected,found,runs,low,high,precision\n", Setting::HEADER.join(","));
     for group in groups {
         for recall in group.recalls() {
             let (low, high) = wilson(recall.found, recall.runs);
@@ -186,6 +211,7 @@ fn recall_csv(groups: &[Group<'_>]) -> String {
                 recall.runs.to_string(),
                 format!("{low:.4}"),
                 format!("{high:.4}"),
+                recall.precision.map_or(String::new(), |precision| format!("{precision:.4}")),
             ];
             csv += &row(group.setting, &cells);
         }
@@ -370,11 +396,37 @@ mod tests {
     }
 
     #[test]
+    fn precision_of_a_link_is_over_all_scenarios_with_the_same_settings() {
+        let mut control = run(150.0, 1, &[("h_risk", "h_v"), ("h_dg", "h_v")]);
+        control.setting.scenario = "ignores_the_robot".into();
+        control.expected.retain(|link| link.0 != "h_risk");
+        let mut longer = control.clone();
+        longer.setting.length = 300.0;
+        let runs = [run(150.0, 1, &PAPER), run(150.0, 2, &PAPER), control, longer];
+        let precision_in = |scenario: &str, length: f64| -> BTreeMap<Link, Option<f64>> {
+            let groups = groups(&runs);
+            let group = groups.iter().find(|g| g.setting.scenario == scenario && g.setting.length == length);
+            group.unwrap().recalls().into_iter().map(|recall| (recall.link, recall.precision)).collect()
+        };
+        let link = |cause: &str, effect: &str| (cause.to_owned(), effect.to_owned());
+        for scenario in ["thor", "ignores_the_robot"] {
+            let precision = precision_in(scenario, 150.0);
+            assert_eq!(precision[&link("h_risk", "h_v")], Some(2.0 / 3.0));
+            assert_eq!(precision[&link("h_dg", "h_v")], Some(1.0));
+            assert_eq!(precision[&link("h_dg", "h_risk")], None);
+        }
+        assert_eq!(precision_in("ignores_the_robot", 300.0)[&link("h_risk", "h_v")], Some(0.0));
+    }
+
+    #[test]
     fn tables_have_one_row_per_link_and_setting() {
         let runs = [run(150.0, 1, &PAPER), run(75.0, 1, &[])];
         let files: BTreeMap<&str, String> = files(&runs).into_iter().collect();
         assert_eq!(files["recall.csv"].lines().count(), 1 + 2 * 6);
-        assert!(files["recall.csv"].contains("thor,150,0.3,v1_1,1,fpcmci,gpdc,h_dg,h_v,true,1,1,"));
+        assert!(
+            files["recall.csv"]
+                .contains("thor,150,0.3,v1_1,1,fpcmci,gpdc,h_dg,h_v,true,1,1,0.2065,1.0000,1.0000\n")
+        );
         assert_eq!(files["scores.csv"].lines().count(), 3);
         assert!(files["runs.csv"].contains(",1,100,h_v->h_dg h_dg->h_v h_risk->h_v h_v->h_risk,75.000"));
         assert!(files["length.svg"].contains("length of the recording"));
