@@ -7,13 +7,10 @@ set -euo pipefail
 cd "$(dirname "$0")/.."
 . tests/lib.sh
 seconds=$((${1:-10} * 60))
-work=$(mktemp -d)
-trap 'rm -rf "$work"' EXIT
 for wire in ros1 ros2; do
-    # Both backends have an example of that name: one is built and put aside before the other.
-    cargo build --quiet --release --locked -p "roscausal_$wire" --bins --example peer
-    cp "$(program release examples/peer)" "$work/peer_$wire"
+    cargo build --quiet --release --locked -p "roscausal_$wire" --bins --example "${wire}_peer"
     code=0
-    python3 tests/soak/load.py "$wire" "$(program release "roscausal_$wire")" "$work/peer_$wire" "$seconds" || code=$?
+    python3 tests/soak/load.py "$wire" "$(program release "roscausal_$wire")" "$(program release "examples/${wire}_peer")" "$seconds" ||
+        code=$?
     if [ $code = 77 ]; then echo "!!! NOT MEASURED: $wire" >&2; elif [ $code != 0 ]; then exit $code; fi
 done

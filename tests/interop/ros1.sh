@@ -35,7 +35,7 @@ echo "building the nodes ..."
   { tail -40 "$work/cargo.log"; broken "cargo could not build roscausal_ros1"; }
 laws=$(sed -n 's|^ *Executable tests/laws.rs (\(.*\))$|\1|p' "$work/cargo.log")
 case $laws in /*) ;; *) laws=$root/$laws ;; esac
-export ROSCAUSAL_PEER=$target/release/examples/peer ROSCAUSAL_NODE=$target/release/roscausal_ros1 ROSCAUSAL_LAWS=$laws
+export ROSCAUSAL_PEER=$target/release/examples/ros1_peer ROSCAUSAL_NODE=$target/release/roscausal_ros1 ROSCAUSAL_LAWS=$laws
 
 # A catkin workspace with this clone, and pedsim's messages, which Debian has not.
 echo "building the catkin workspace ..."

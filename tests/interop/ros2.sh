@@ -85,15 +85,15 @@ if [ "${ROSCAUSAL_PROFILE:-release}" = release ]; then
   ln -s "$root" "$work/ws/src/roscausal"
   build "$work/ws" --cmake-args "-DROSCAUSAL_CARGO_TARGET_DIR=$target"
   use "$work/ws"
-  (cd "$root" && CARGO_TARGET_DIR=$target cargo build -q --release --locked -p roscausal_ros2 --example peer) ||
+  (cd "$root" && CARGO_TARGET_DIR=$target cargo build -q --release --locked -p roscausal_ros2 --example ros2_peer) ||
     broken "cargo did not build the tests' peer"
-  export ROSCAUSAL_BIN=$work/ws/install/roscausal/lib/roscausal ROSCAUSAL_PEER=$target/release/examples/peer
+  export ROSCAUSAL_BIN=$work/ws/install/roscausal/lib/roscausal ROSCAUSAL_PEER=$target/release/examples/ros2_peer
   export ROSCAUSAL_INSTALL=$work/ws/install
 else
   mkdir -p "$work/messages"
   build "$work/messages" --base-paths "$root/roscausal_msgs"
   use "$work/messages"
-  export ROSCAUSAL_BIN=$target/$ROSCAUSAL_PROFILE ROSCAUSAL_PEER=$target/$ROSCAUSAL_PROFILE/examples/peer
+  export ROSCAUSAL_BIN=$target/$ROSCAUSAL_PROFILE ROSCAUSAL_PEER=$target/$ROSCAUSAL_PROFILE/examples/ros2_peer
 fi
 
 export ROSCAUSAL_ROOT=$root ROSCAUSAL_FASTDDS_PROFILE=$root/tests/interop/ros2/fastdds_large.xml
