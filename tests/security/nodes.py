@@ -19,8 +19,7 @@ def run(program, folder):
     subprocess.run(["sh", here / "keystore.sh", keystore, "/roscausal"], check=True)
     base = {"ROS_DOMAIN_ID": str(10 + os.getpid() % 80), "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST"}
     secure = {"ROS_SECURITY_ENABLE": "true", "ROS_SECURITY_STRATEGY": "Enforce", "ROS_SECURITY_KEYSTORE": str(keystore)}
-    processes = Processes(folder)
-    try:
+    with Processes(folder) as processes:
         given = parameters(folder)
         spy = {**given["data"], "data_dir": folder / "spy", "pp_data_dir": folder / "spy_pp"}
 
@@ -44,11 +43,6 @@ def run(program, folder):
         for name in ["hrisim", "spy", *NODES]:
             processes.end(name)
         account(folder, begin)
-    except BaseException:
-        processes.tell()
-        raise
-    finally:
-        processes.kill()
 
 
 if __name__ == "__main__":

@@ -29,10 +29,18 @@ def skip(reason):
 
 
 class Processes:
-    """What was started here, and nothing else, is ended; logs are kept."""
+    """What was started here, and nothing else, is ended; logs are kept, and told when something goes wrong."""
 
     def __init__(self, folder):
         self.folder, self.all = folder, {}
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, kind, error, trace):
+        if kind:
+            self.tell()
+        self.kill()
 
     def start(self, name, command, env=None):
         log = open(self.folder / (name + ".log"), "a")
@@ -155,7 +163,7 @@ def start_master(processes, folder, port):
 
 
 def master(program, seconds, folder):
-    processes, port = Processes(folder), free_port()
+    port = free_port()
     uri = "http://127.0.0.1:%d/" % port
 
     def registered():
@@ -165,7 +173,7 @@ def master(program, seconds, folder):
             return set()
         return {name for kind in state for _, names in kind for name in names}
 
-    try:
+    with Processes(folder) as processes:
         env = start_master(processes, folder, port)
         given = parameters(folder)
         wanted = {"/roscausal_" + name for name in NODES + ["hrisim"]}
@@ -188,11 +196,6 @@ def master(program, seconds, folder):
         end_well(processes, folder)
         print("%d times the master was killed and started anew" % stops)
         account(folder, begin)
-    except BaseException:
-        processes.tell()
-        raise
-    finally:
-        processes.kill()
 
 
 def end_well(processes, folder):
@@ -216,8 +219,15 @@ def network(program, seconds, folder):
         skip("no program 'ip' here to make network namespaces with (Debian: apt-get install iproute2)")
     if made.returncode:
         skip("network namespaces are not permitted here (%s)" % made.stderr.strip())
-    processes = Processes(folder)
     try:
+        run_network(program, seconds, folder, ip, ours, theirs)
+    finally:
+        for space in (ours, theirs):
+            ip("netns", "del", space, check=False)
+
+
+def run_network(program, seconds, folder, ip, ours, theirs):
+    with Processes(folder) as processes:
         ip("netns", "add", theirs)
         ip("link", "add", "cable0", "netns", ours, "type", "veth", "peer", "name", "cable1", "netns", theirs)
         for space, cable, address in ((ours, "cable0", "10.77.0.1/24"), (theirs, "cable1", "10.77.0.2/24")):
@@ -245,13 +255,6 @@ def network(program, seconds, folder):
         end_well(processes, folder)
         print("the cable was out for %.1f s; the first row afterwards is of %.1f s after it was back" % (plugged - pulled, back))
         account(folder, begin, (pulled, plugged))
-    except BaseException:
-        processes.tell()
-        raise
-    finally:
-        processes.kill()
-        for space in (ours, theirs):
-            ip("netns", "del", space, check=False)
 
 
 if __name__ == "__main__":

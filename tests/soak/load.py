@@ -69,8 +69,7 @@ def holes(folder):
 
 
 def run(wire, program, peer, seconds, folder):
-    processes = Processes(folder)
-    try:
+    with Processes(folder) as processes:
         start(processes, wire, program, peer, seconds, folder)
         processes.wait_for(lambda: any((folder / "raw").glob(".*journal")), 60, "a first row")
         pids = {name: processes.all[name].pid for name in NODES}
@@ -101,11 +100,6 @@ def run(wire, program, peer, seconds, folder):
         assert missing == 0 and empty == 0, "rows have holes"
         assert (last["data"][0] - first["data"][0]) / wall < CORE_SHARE, "the data node takes too much of a core"
         assert settled is None or all(last[name][1] < settled[name] + GROWTH_MB for name in NODES), "memory grows"
-    except BaseException:
-        processes.tell()
-        raise
-    finally:
-        processes.kill()
 
 
 if __name__ == "__main__":
