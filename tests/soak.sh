@@ -30,7 +30,8 @@ trap finish EXIT
 
 count() { find "$1" -maxdepth 1 -name "$2" ! -name '.*' 2>/dev/null | wc -l; }
 rows() { find "$1" -maxdepth 1 -name '*.csv' ! -name '.*' -exec cat {} + 2>/dev/null | grep -vc '^time'; }
-begin() { "$chain" "$@" >"$1/said" 2>"$1/log" & chain_pid=$!; }
+# What it says lies beside its folder: a full disk is no place for that.
+begin() { "$chain" "$@" >"$1.said" 2>"$1.log" & chain_pid=$!; }
 end() { touch "$1/stop"; wait "$chain_pid"; local code=$?; chain_pid=; rm -f "$1/stop"; return $code; }
 
 # 1. Random kills: every batch whole, every model once, values right, the bound kept.
@@ -44,7 +45,7 @@ mkdir -p "$flood"
 begin "$flood" 500 20 0.1 5
 sleep $((minutes * 15))
 check "flood: ends well" end "$flood"
-sent=$(sed -n 's/^sent: \([0-9]*\) odometry.*/\1/p' "$flood/said")
+sent=$(sed -n 's/^sent: \([0-9]*\) odometry.*/\1/p' "$flood.said")
 wanted=$((${sent:-0} / 50))
 got=$(rows "$flood/raw")
 echo "flood: $sent odometry messages in, $got rows out (about $wanted wanted), $(count "$flood/raw" '*.csv') batches," \
@@ -62,12 +63,12 @@ if mkdir -p "$disk" && mount -t tmpfs -o size=3m tmpfs "$disk" 2>/dev/null; then
     sleep 12
     check "full disk: the nodes live" kill -0 "$chain_pid"
     full=$(count "$disk/raw" '*.csv')
-    check "full disk: it is said" grep -q -i "no space left" "$disk/log"
+    check "full disk: it is said" grep -q -i "no space left" "$disk.log"
     rm "$disk/ballast"
     sleep 6
     check "full disk: ends well" end "$disk"
     got=$(rows "$disk/raw")
-    sent=$(sed -n 's/^sent: \([0-9]*\) odometry.*/\1/p' "$disk/said")
+    sent=$(sed -n 's/^sent: \([0-9]*\) odometry.*/\1/p' "$disk.said")
     echo "full disk: $full batches while full, $(count "$disk/raw" '*.csv') afterwards, $got rows of about $((${sent:-0} * 20 / 50))"
     check "full disk: no row lost" test "$got" -ge $((${sent:-0} * 20 / 50 - 40))
 else
@@ -85,12 +86,12 @@ if mount --bind "$readonly" "$work/view" 2>/dev/null && mount -o remount,bind,ro
     sleep 8
     check "read-only folder: the nodes live" kill -0 "$chain_pid"
     check "read-only folder: no batch gets in" test "$(count "$readonly/raw" '*.csv')" -eq "$before"
-    check "read-only folder: it is said" grep -q -i "read-only file system" "$readonly/log"
+    check "read-only folder: it is said" grep -q -i "read-only file system" "$readonly.log"
     umount -l "$readonly"
     sleep 6
     check "read-only folder: ends well" end "$readonly"
     got=$(rows "$readonly/raw")
-    sent=$(sed -n 's/^sent: \([0-9]*\) odometry.*/\1/p' "$readonly/said")
+    sent=$(sed -n 's/^sent: \([0-9]*\) odometry.*/\1/p' "$readonly.said")
     echo "read-only folder: $before batches before, $(count "$readonly/raw" '*.csv') afterwards, $got rows of about $((${sent:-0} * 20 / 50))," \
         "$(count "$readonly/models" '*.json') models"
     check "read-only folder: no row lost" test "$got" -ge $((${sent:-0} * 20 / 50 - 40))
@@ -98,7 +99,17 @@ else
     echo "skipped: a read-only folder needs root (mount --bind)"
 fi
 
-# 5. Faults of the middleware, under the real nodes.
+# 5. Logs that cannot be written.
+for wire in ros1 ros2; do
+    nodes=$(program debug "roscausal_$wire")
+    # Without a master ROS 1's node waits, and says so.
+    ROS_MASTER_URI=http://127.0.0.1:1/ ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST timeout -s INT 4 "$nodes" robot 2>/dev/full
+    code=$?
+    # 124: it lived until it was stopped.
+    check "a log that cannot be written: the node of $wire lives" test "$code" -eq 124
+done
+
+# 6. Faults of the middleware, under the real nodes.
 for fault in "a ROS master that is killed:master:ros1" "a network that is cut:network:ros2"; do
     IFS=: read -r name what nodes <<<"$fault"
     python3 tests/soak/faults.py "$what" "$(program debug "roscausal_$nodes")" $((minutes * 15))

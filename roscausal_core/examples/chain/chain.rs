@@ -2,6 +2,7 @@
 //! that whoever reads the batches can tell whether each row is right.
 
 use std::{
+    io::Write as _,
     path::{Path, PathBuf},
     thread,
     time::{Duration, SystemTime, UNIX_EPOCH},
@@ -161,7 +162,8 @@ fn tell_troubles(bus: &Loopback) -> impl Drop + use<> {
         for status in message.status {
             if status.level > DiagnosticStatus::OK && told.len() < 100 && told.insert(status.message.clone())
             {
-                eprintln!("{}: {}", status.name, status.message);
+                // A full disk may hold stderr as well: no reason to stop.
+                let _ = writeln!(std::io::stderr(), "{}: {}", status.name, status.message);
             }
         }
     };
