@@ -32,6 +32,7 @@ count() { find "$1" -maxdepth 1 -name "$2" ! -name '.*' 2>/dev/null | wc -l; }
 rows() { find "$1" -maxdepth 1 -name '*.csv' ! -name '.*' -exec cat {} + 2>/dev/null | grep -vc '^time'; }
 # What it says lies beside its folder: a full disk is no place for that.
 begin() { "$chain" "$@" >"$1.said" 2>"$1.log" & chain_pid=$!; }
+sent() { sed -n 's/^sent: \([0-9]*\) odometry.*/\1/p' "$1.said"; } # odometry messages, once it has ended
 end() { touch "$1/stop"; wait "$chain_pid"; local code=$?; chain_pid=; rm -f "$1/stop"; return $code; }
 
 # 1. Random kills: every batch whole, every model once, values right, the bound kept.
@@ -45,7 +46,7 @@ mkdir -p "$flood"
 begin "$flood" 500 20 0.1 5
 sleep $((minutes * 15))
 check "flood: ends well" end "$flood"
-sent=$(sed -n 's/^sent: \([0-9]*\) odometry.*/\1/p' "$flood.said")
+sent=$(sent "$flood")
 wanted=$((${sent:-0} / 50))
 got=$(rows "$flood/raw")
 echo "flood: $sent odometry messages in, $got rows out (about $wanted wanted), $(count "$flood/raw" '*.csv') batches," \
@@ -68,7 +69,7 @@ if mkdir -p "$disk" && mount -t tmpfs -o size=3m tmpfs "$disk" 2>/dev/null; then
     sleep 6
     check "full disk: ends well" end "$disk"
     got=$(rows "$disk/raw")
-    sent=$(sed -n 's/^sent: \([0-9]*\) odometry.*/\1/p' "$disk.said")
+    sent=$(sent "$disk")
     echo "full disk: $full batches while full, $(count "$disk/raw" '*.csv') afterwards, $got rows of about $((${sent:-0} * 20 / 50))"
     check "full disk: no row lost" test "$got" -ge $((${sent:-0} * 20 / 50 - 40))
 else
@@ -91,7 +92,7 @@ if mount --bind "$readonly" "$work/view" 2>/dev/null && mount -o remount,bind,ro
     sleep 6
     check "read-only folder: ends well" end "$readonly"
     got=$(rows "$readonly/raw")
-    sent=$(sed -n 's/^sent: \([0-9]*\) odometry.*/\1/p' "$readonly.said")
+    sent=$(sent "$readonly")
     echo "read-only folder: $before batches before, $(count "$readonly/raw" '*.csv') afterwards, $got rows of about $((${sent:-0} * 20 / 50))," \
         "$(count "$readonly/models" '*.json') models"
     check "read-only folder: no row lost" test "$got" -ge $((${sent:-0} * 20 / 50 - 40))

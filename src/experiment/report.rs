@@ -82,10 +82,10 @@ pub(super) fn text(runs: &[Run]) -> String {
                 recall.runs,
                 100.0 * low,
                 100.0 * high,
-                shown(recall.precision, 2)
+                shown(recall.precision)
             );
         }
-        let precision = shown(score.precision, 2);
+        let precision = shown(score.precision);
         let _ = writeln!(
             text,
             "\nrecall {:.2}, precision {precision}, mean structural Hamming distance {:.2}, exact {} of {}, {:.2} s\n",
@@ -145,9 +145,9 @@ impl Group<'_> {
     }
 
     fn precision(&self, link: &Link) -> Option<f64> {
-        let found = || self.all_scenarios.iter().filter(|run| run.found.contains(link));
-        let hits = found().filter(|run| run.expected.contains(link)).count();
-        (found().count() > 0).then(|| hits as f64 / found().count() as f64)
+        let found: Vec<_> = self.all_scenarios.iter().filter(|run| run.found.contains(link)).collect();
+        let hits = found.iter().filter(|run| run.expected.contains(link)).count();
+        (!found.is_empty()).then(|| hits as f64 / found.len() as f64)
     }
 
     fn score(&self) -> Score {
@@ -169,9 +169,14 @@ impl Group<'_> {
     }
 }
 
-/// A share with so many digits; `-` for none.
-fn shown(share: Option<f64>, digits: usize) -> String {
-    share.map_or("-".to_owned(), |share| format!("{share:.digits$}"))
+/// A share in a text; `-` for none.
+fn shown(share: Option<f64>) -> String {
+    share.map_or("-".to_owned(), |share| format!("{share:.2}"))
+}
+
+/// A share in a file; empty for none.
+fn cell(share: Option<f64>) -> String {
+    share.map_or(String::new(), |share| format!("{share:.4}"))
 }
 
 /// Wilson's interval of a share at 95 % (Wilson 1927).
@@ -211,7 +216,7 @@ fn recall_csv(groups: &[Group<'_>]) -> String {
                 recall.runs.to_string(),
                 format!("{low:.4}"),
                 format!("{high:.4}"),
-                recall.precision.map_or(String::new(), |precision| format!("{precision:.4}")),
+                cell(recall.precision),
             ];
             csv += &row(group.setting, &cells);
         }
@@ -226,7 +231,7 @@ fn scores_csv(groups: &[Group<'_>]) -> String {
         let cells = [
             group.runs.len().to_string(),
             format!("{:.4}", score.recall),
-            score.precision.map_or(String::new(), |precision| format!("{precision:.4}")),
+            cell(score.precision),
             format!("{:.4}", score.shd),
             score.exact.to_string(),
             format!("{:.3}", score.run_time_s),

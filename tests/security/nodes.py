@@ -11,7 +11,7 @@ from pathlib import Path
 
 here = Path(__file__).parent
 sys.path.insert(0, str(here.parent / "soak"))
-from faults import NODES, Processes, account, parameters, rows_after  # noqa: E402
+from faults import NODES, Processes, account, command, parameters, rows_after  # noqa: E402
 
 
 def run(program, folder):
@@ -24,8 +24,7 @@ def run(program, folder):
         spy = {**given["data"], "data_dir": folder / "spy", "pp_data_dir": folder / "spy_pp"}
 
         def start(name, node, values, env, *more):
-            rules = [part for pair in values.items() for part in ("-p", "%s:=%s" % pair)]
-            processes.start(name, [program, node, "--ros-args", *more, *rules], {**base, **env})
+            processes.start(name, command("ros2", program, node, values, *more), {**base, **env})
 
         for name in NODES + ["hrisim"]:
             start(name, name, given[name], secure, "--enclave", "/roscausal")

@@ -103,6 +103,13 @@ def spelled(value):
     return json.dumps(value) if isinstance(value, list) else str(value)
 
 
+def command(wire, program, node, values, *more):
+    """Starts a node of one ROS with these parameters; `more` are further arguments of that ROS."""
+    if wire == "ros1":
+        return [program, node, *["_%s:=%s" % pair for pair in values.items()], *more]
+    return [program, node, "--ros-args", *[part for pair in values.items() for part in ("-p", "%s:=%s" % pair)], *more]
+
+
 def batches(folder):
     paths = sorted((folder / "raw").glob("data_*.csv"))
     for path in paths:
@@ -178,8 +185,7 @@ def master(program, seconds, folder):
         given = parameters(folder)
         wanted = {"/roscausal_" + name for name in NODES + ["hrisim"]}
         for name in NODES + ["hrisim"]:
-            rules = ["_%s:=%s" % pair for pair in given[name].items()]
-            processes.start(name, [program, name, *rules], env)
+            processes.start(name, command("ros1", program, name, given[name]), env)
         begin = time.time()
         processes.wait_for(lambda: rows_after(folder, begin), 30, "a first batch")
         stops = 0
@@ -238,9 +244,8 @@ def run_network(program, seconds, folder, ip, ours, theirs):
         given = parameters(folder)
         env = {"ROS_DOMAIN_ID": "7", "ROS_AUTOMATIC_DISCOVERY_RANGE": "SUBNET", "ROS_LOCALHOST_ONLY": "0"}
         for name in NODES + ["hrisim"]:
-            rules = [part for pair in given[name].items() for part in ("-p", "%s:=%s" % pair)]
             space = theirs if name == "hrisim" else ours
-            processes.start(name, ["ip", "netns", "exec", space, program, name, "--ros-args", *rules], env)
+            processes.start(name, ["ip", "netns", "exec", space, *command("ros2", program, name, given[name])], env)
         begin = time.time()
         processes.wait_for(lambda: rows_after(folder, begin), 30, "a first batch")
         pulled = time.time()

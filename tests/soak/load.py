@@ -12,7 +12,7 @@ import tempfile
 import time
 from pathlib import Path
 
-from faults import DT, Processes, batches, free_port, skip, start_master
+from faults import DT, Processes, batches, command, free_port, start_master
 
 NODES = ["robot", "human", "data"]
 PEOPLE = 100
@@ -40,18 +40,10 @@ def start(processes, wire, program, peer, seconds, folder):
     if wire == "ros1":
         env = start_master(processes, folder, free_port())
     for name in NODES:
-        rules = ["%s:=%s" % pair for pair in given[name].items()]
-        if wire == "ros1":
-            command = [program, name, *["_" + rule for rule in rules]]
-        else:
-            command = [program, name, "--ros-args", *[part for rule in rules for part in ("-p", rule)]]
-        processes.start(name, command, env)
-    if wire == "ros1":
-        command = [peer, "sensors", str(seconds)]
-    else:
-        command = [peer, "--ros-args", "-p", "role:=sensors", "-p", "count:=%d" % seconds]
+        processes.start(name, command(wire, program, name, given[name]), env)
+    arguments = {"ros1": ["sensors", str(seconds)], "ros2": ["--ros-args", "-p", "role:=sensors", "-p", "count:=%d" % seconds]}
     time.sleep(2)
-    processes.start("peer", command, env)
+    processes.start("peer", [peer, *arguments[wire]], env)
 
 
 def holes(folder):
