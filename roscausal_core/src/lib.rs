@@ -5,6 +5,7 @@ pub mod batch;
 pub mod discovery;
 pub mod draw;
 pub mod error;
+pub mod gate;
 pub mod inbox;
 pub mod independence_tests;
 pub mod laws;

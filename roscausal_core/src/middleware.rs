@@ -14,6 +14,12 @@ use crate::{
     params::{ParamSpec, Value},
 };
 
+/// Whether this may stand between two `/` of a ROS graph name: letters, digits and `_`, no digit first.
+pub fn is_token(text: &str) -> bool {
+    text.starts_with(|c: char| c.is_ascii_alphabetic() || c == '_')
+        && text.chars().all(|c| c.is_ascii_alphanumeric() || c == '_')
+}
+
 /// How much a topic keeps, for whom.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Qos {

@@ -29,17 +29,14 @@ use roscausal_msgs::{
     CausalModel, CausalModelInfo, HumanState, Humans, RobotState, diagnostic_msgs, geometry_msgs,
     move_base_msgs, nav_msgs, pedsim_msgs, sensor_msgs, std_msgs, tf2_msgs,
 };
-use roscausal_ros1::{Ros1, Rosout};
-use tracing_subscriber::prelude::*;
+use roscausal_ros::{
+    Console,
+    console::{LevelFilter, Targets},
+};
+use roscausal_ros1::Ros1;
 
 fn main() -> Result<()> {
-    let rosout = Rosout::default();
-    let terminal = tracing_subscriber::fmt::layer().with_writer(std::io::stderr);
-    tracing_subscriber::registry()
-        .with(tracing::level_filters::LevelFilter::INFO)
-        .with(terminal)
-        .with(rosout.clone())
-        .init();
+    let console = Console::install(Targets::new().with_default(LevelFilter::INFO));
     let args: Vec<String> = env::args().skip(1).filter(|arg| !arg.contains(":=")).collect();
     let args: Vec<&str> = args.iter().map(String::as_str).collect();
     let stop = Arc::new(AtomicBool::new(false));
@@ -47,7 +44,7 @@ fn main() -> Result<()> {
         let _ = signal_hook::flag::register(signal, stop.clone());
     }
     let mw = Ros1::connect("peer", &|| !stop.load(Ordering::SeqCst))?;
-    rosout.attach(&mw);
+    mw.log_with(&console)?;
     match args.as_slice() {
         ["echo", kind, from, to] => return echo_any(&mw, &stop, kind, from, to),
         ["count", kind, topic] => return count_any(&mw, &stop, kind, topic),

@@ -4,9 +4,8 @@
 //! every question, re-registration after a restart of the master, unregistration on every way out, simulated
 //! time that may start late, stop or jump back, counted losses, and a decoder that survives any bytes.
 
-mod clock;
 mod master;
-mod rosout;
+mod program;
 mod session;
 mod subscription;
 mod wire;
@@ -14,19 +13,19 @@ mod xmlrpc;
 
 use std::{
     collections::{BTreeMap, BTreeSet},
-    sync::{Arc, LazyLock, Mutex},
-    time::{Duration, Instant},
+    sync::{Arc, Mutex, Weak},
+    time::Duration,
 };
 
 use roscausal_core::{
     Error, Message, Result, Time,
-    batch::header::nearest,
     inbox::Consumer,
-    middleware::{Middleware, Publish, Qos},
+    middleware::{Middleware, Publish, Qos, is_token},
     params::{ParamSpec, Value},
 };
+use roscausal_msgs::rosgraph_msgs::Clock;
+use roscausal_ros::{Console, steady};
 
-pub use rosout::Rosout;
 pub use subscription::Subscription;
 
 use crate::{
@@ -53,27 +52,41 @@ impl Ros1 {
     /// # Errors
     /// No master, an illegal name or argument.
     pub fn connect(name: &str, keep_waiting: &dyn Fn() -> bool) -> Result<Self> {
-        Session::connect(name, keep_waiting).map(|session| Self { session })
+        let this = Self { session: Session::connect(name, keep_waiting)? };
+        // rosrust's own simulated clock is not used: its waits never end when /clock stops or jumps back.
+        if this.session.clock.is_simulated() {
+            let session = Arc::downgrade(&this.session);
+            let tick = move |message: Clock| {
+                if let Some(session) = session.upgrade() {
+                    session.clock.tick(message.clock);
+                    session.life.wake();
+                }
+            };
+            let _ = this.session.clock_subscription.set(this.subscribe("/clock", Qos::Volatile(1), tick)?);
+        }
+        Ok(this)
+    }
+
+    /// Sends what is logged to `/rosout` as well, for as long as the node lives.
+    ///
+    /// # Errors
+    /// When the topic cannot be made.
+    pub fn log_with(&self, console: &Console) -> Result<()> {
+        console.name(&self.node_name());
+        let _ = self.session.rosout.set(self.advertise("/rosout", Qos::Volatile(100))?);
+        let session = Arc::downgrade(&self.session);
+        console.forward(move |record| {
+            if let Some(session) = session.upgrade() {
+                session.log(record);
+            }
+        });
+        Ok(())
     }
 
     /// Takes all registrations back, so that no ghost of this node stays on the master. Dropping the last clone
     /// does so too; this is for ways out on which nothing is dropped.
     pub fn close(&self) {
         self.session.close();
-    }
-
-    /// Warns of private parameters that are set but not among `specs`, with the name that may have been meant.
-    pub fn warn_of_unknown_params(&self, specs: &[ParamSpec]) {
-        let known: Vec<&str> = specs.iter().map(|spec| spec.name).collect();
-        let own = format!("{}/", self.session.master.node);
-        let set = self.session.master.param_names().unwrap_or_default();
-        let names: BTreeSet<_> =
-            set.iter().filter_map(|name| name.strip_prefix(&own)?.split('/').next()).collect();
-        for name in names.into_iter().filter(|name| !known.contains(name)) {
-            let hint =
-                nearest(&known, name).map_or(String::new(), |near| format!("; did you mean '{near}'?"));
-            tracing::warn!("parameter '{name}' is set but no parameter of this node{hint}");
-        }
     }
 
     fn topic(&self, name: &str) -> Result<String> {
@@ -113,7 +126,8 @@ impl Middleware for Ros1 {
         match publisher {
             Ok(mut publisher) => {
                 publisher.set_latching(qos == Qos::Latched);
-                Ok(Publisher { session: self.session.clone(), topic: name, id, publisher: Some(publisher) })
+                let session = Arc::downgrade(&self.session);
+                Ok(Publisher { session, topic: name, id, publisher: Some(publisher) })
             }
             Err(reason) => {
                 self.session.forget(id);
@@ -156,9 +170,17 @@ impl Middleware for Ros1 {
         self.session.answering_master()?.param(&name).map_err(|error| Error::param(name, error))
     }
 
+    fn params_set(&self) -> Vec<String> {
+        let own = format!("{}/", self.session.master.node);
+        let all = self.session.master.param_names().unwrap_or_default();
+        // A dictionary is named once for each of its keys.
+        let names = all.iter().filter_map(|name| name.strip_prefix(&own)?.split('/').next());
+        names.collect::<BTreeSet<_>>().into_iter().map(str::to_owned).collect()
+    }
+
     fn set_param(&self, name: &str, value: Value) -> Result<()> {
         let name = self.param_name(name)?;
-        self.session.answering_master()?.set_param(&name, value).map_err(|error| Error::param(name, error))
+        self.session.answering_master()?.set_param(&name, &value).map_err(|error| Error::param(name, error))
     }
 
     fn now(&self) -> Time {
@@ -166,8 +188,7 @@ impl Middleware for Ros1 {
     }
 
     fn steady(&self) -> Duration {
-        static START: LazyLock<Instant> = LazyLock::new(Instant::now);
-        START.elapsed()
+        steady()
     }
 
     fn is_ok(&self) -> bool {
@@ -175,11 +196,11 @@ impl Middleware for Ros1 {
     }
 
     fn shutdown(&self) {
-        self.session.end();
+        self.session.life.end();
     }
 
     fn attach(&self, consumer: Arc<dyn Consumer>) {
-        self.session.attach(consumer);
+        self.session.life.attach(&consumer);
     }
 
     fn wires(&self) -> roscausal_msgs::Wires {
@@ -207,15 +228,12 @@ impl Middleware for Ros1 {
 /// Whether ROS allows this name; rosrust itself lets more pass.
 fn is_legal(name: &str) -> bool {
     let bare = name.strip_prefix("~/").or_else(|| name.strip_prefix(['~', '/'])).unwrap_or(name);
-    bare.split('/').all(|part| {
-        part.starts_with(|c: char| c.is_ascii_alphabetic() || c == '_')
-            && part.chars().all(|c| c.is_ascii_alphanumeric() || c == '_')
-    })
+    bare.split('/').all(is_token)
 }
 
 /// A publisher of a [`Ros1`]; dropping it unregisters the topic.
 pub struct Publisher<M: Message> {
-    session: Arc<Session>,
+    session: Weak<Session>,
     topic: String,
     id: u64,
     publisher: Option<rosrust::Publisher<Wire<M>>>,
@@ -232,7 +250,8 @@ impl<M: Message> Publish<M> for Publisher<M> {
     fn subscriber_count(&self) -> usize {
         let connected = self.publisher.as_ref().map(rosrust::Publisher::subscriber_names).unwrap_or_default();
         // rosrust notices only at a later message that a subscriber has gone
-        match if connected.is_empty() { None } else { self.session.subscribers(&self.topic) } {
+        let session = if connected.is_empty() { None } else { self.session.upgrade() };
+        match session.and_then(|session| session.subscribers(&self.topic)) {
             Some(registered) => connected.iter().filter(|name| registered.contains(name)).count(),
             None => connected.len(),
         }
@@ -243,6 +262,8 @@ impl<M: Message> Drop for Publisher<M> {
     fn drop(&mut self) {
         let publisher = self.publisher.take();
         in_time(PATIENCE, move || drop(publisher));
-        self.session.forget(self.id);
+        if let Some(session) = self.session.upgrade() {
+            session.forget(self.id);
+        }
     }
 }

@@ -2,9 +2,10 @@
 
 use std::{collections::BTreeMap, time::Duration};
 
+use dxr::{TryFromValue, Value as Xml};
 use roscausal_core::params::Value;
 
-use crate::xmlrpc::{CallError, call};
+use crate::xmlrpc::{CallError, call, decode, encode};
 
 /// How long one question may take.
 const PATIENCE: Duration = Duration::from_secs(2);
@@ -31,23 +32,20 @@ pub(crate) struct Master {
 }
 
 impl Master {
-    fn ask(&self, method: &str, more: &[&str]) -> Result<Value, CallError> {
-        let mut params = vec![Value::Str(self.node.clone())];
-        params.extend(more.iter().map(|text| Value::Str((*text).to_owned())));
-        call(&self.uri, method, &params, PATIENCE)
+    fn ask<T: TryFromValue>(&self, method: &str, more: &[&str]) -> Result<T, CallError> {
+        let texts = std::iter::once(self.node.as_str()).chain(more.iter().copied());
+        let params = texts.map(|text| Xml::String(text.to_owned())).collect();
+        call(&self.uri, method, params, PATIENCE)
     }
 
     /// Whether a master answers there.
     pub(crate) fn probe(&self) -> Result<(), CallError> {
-        self.ask("getPid", &[]).map(drop)
+        self.ask::<Xml>("getPid", &[]).map(drop)
     }
 
     /// The URI that is registered for this node's name.
     pub(crate) fn registered_uri(&self) -> Result<String, CallError> {
-        match self.ask("lookupNode", &[&self.node])? {
-            Value::Str(uri) => Ok(uri),
-            other => Err(CallError::Refused(format!("lookupNode gave {other:?}"))),
-        }
+        self.ask("lookupNode", &[&self.node])
     }
 
     /// Registers for a topic, and tells the node's own server about the publishers that are there already.
@@ -56,10 +54,11 @@ impl Master {
             Role::Publisher => "registerPublisher",
             Role::Subscriber => "registerSubscriber",
         };
-        let known = self.ask(method, &[topic, type_name, &self.node_uri])?;
-        if role == Role::Subscriber && !matches!(&known, Value::List(uris) if uris.is_empty()) {
-            let update = [Value::Str("/master".to_owned()), Value::Str(topic.to_owned()), known];
-            call(&self.node_uri, "publisherUpdate", &update, PATIENCE)?;
+        let known: Vec<String> = self.ask(method, &[topic, type_name, &self.node_uri])?;
+        if role == Role::Subscriber && !known.is_empty() {
+            let publishers = Xml::Array(known.into_iter().map(Xml::String).collect());
+            let update = vec![Xml::String("/master".to_owned()), Xml::String(topic.to_owned()), publishers];
+            call::<Xml>(&self.node_uri, "publisherUpdate", update, PATIENCE)?;
         }
         Ok(())
     }
@@ -70,65 +69,43 @@ impl Master {
             Role::Publisher => "unregisterPublisher",
             Role::Subscriber => "unregisterSubscriber",
         };
-        self.ask(method, &[topic, &self.node_uri]).map(drop)
+        self.ask::<Xml>(method, &[topic, &self.node_uri]).map(drop)
     }
 
     /// Takes back the wish to hear of parameter changes, which rosrust registers.
     pub(crate) fn forget_params(&self) -> Result<(), CallError> {
-        self.ask("unsubscribeParam", &[&self.node_uri, "/"]).map(drop)
+        self.ask::<Xml>("unsubscribeParam", &[&self.node_uri, "/"]).map(drop)
     }
 
     /// A parameter's value; `None` when it is not set.
     pub(crate) fn param(&self, name: &str) -> Result<Option<Value>, CallError> {
         match self.ask("getParam", &[name]) {
-            Ok(value) => Ok(Some(value)),
+            Ok(value) => decode(value).map(Some).map_err(CallError::Refused),
             Err(CallError::Refused(reason)) if reason.contains("is not set") => Ok(None),
             Err(error) => Err(error),
         }
     }
 
     /// Sets a parameter.
-    pub(crate) fn set_param(&self, name: &str, value: Value) -> Result<(), CallError> {
-        let params = [Value::Str(self.node.clone()), Value::Str(name.to_owned()), value];
-        call(&self.uri, "setParam", &params, PATIENCE).map(drop)
+    pub(crate) fn set_param(&self, name: &str, value: &Value) -> Result<(), CallError> {
+        let value = encode(value).map_err(CallError::Refused)?;
+        let params = vec![Xml::String(self.node.clone()), Xml::String(name.to_owned()), value];
+        call::<Xml>(&self.uri, "setParam", params, PATIENCE).map(drop)
     }
 
     /// The names of all parameters.
     pub(crate) fn param_names(&self) -> Result<Vec<String>, CallError> {
-        let Value::List(names) = self.ask("getParamNames", &[])? else { return Ok(Vec::new()) };
-        Ok(names
-            .into_iter()
-            .filter_map(|name| if let Value::Str(name) = name { Some(name) } else { None })
-            .collect())
+        self.ask("getParamNames", &[])
     }
 
     /// `(topic, type)` of all topics that have a publisher.
     pub(crate) fn published_topics(&self) -> Result<Vec<(String, String)>, CallError> {
-        let Value::List(topics) = self.ask("getPublishedTopics", &[""])? else { return Ok(Vec::new()) };
-        let pair = |value: Value| match value {
-            Value::List(pair) => match pair.as_slice() {
-                [Value::Str(topic), Value::Str(kind)] => Some((topic.clone(), kind.clone())),
-                _ => None,
-            },
-            _ => None,
-        };
-        Ok(topics.into_iter().filter_map(pair).collect())
+        self.ask("getPublishedTopics", &[""])
     }
 
     /// The nodes that subscribe, by topic.
     pub(crate) fn subscribers(&self) -> Result<Subscribers, CallError> {
-        let Value::List(state) = self.ask("getSystemState", &[])? else { return Ok(Subscribers::new()) };
-        let Some(Value::List(topics)) = state.into_iter().nth(1) else { return Ok(Subscribers::new()) };
-        let text = |value: Value| if let Value::Str(text) = value { Some(text) } else { None };
-        let entry = |value: Value| match value {
-            Value::List(mut entry) => match (entry.pop(), entry.pop().and_then(text)) {
-                (Some(Value::List(nodes)), Some(topic)) => {
-                    Some((topic, nodes.into_iter().filter_map(text).collect()))
-                }
-                _ => None,
-            },
-            _ => None,
-        };
-        Ok(topics.into_iter().filter_map(entry).collect())
+        let state: (Xml, Vec<(String, Vec<String>)>, Xml) = self.ask("getSystemState", &[])?;
+        Ok(state.1.into_iter().collect())
     }
 }

@@ -3,7 +3,7 @@
 use std::{
     panic::{AssertUnwindSafe, catch_unwind},
     sync::{
-        Arc, Condvar, Mutex, MutexGuard, PoisonError, Weak,
+        Arc, Condvar, Mutex, OnceLock, PoisonError, Weak,
         atomic::{AtomicBool, AtomicU64, Ordering},
         mpsc,
     },
@@ -11,15 +11,16 @@ use std::{
     time::{Duration, Instant},
 };
 
-use roscausal_core::{Error, Message, Result, inbox::Consumer, params::Value};
-use roscausal_msgs::rosgraph_msgs::{self, Log};
+use roscausal_core::{Error, Result, middleware::Publish, params::Value};
+use roscausal_msgs::{rosgraph_msgs::Log, std_msgs::Header};
+use roscausal_ros::{Clock, Life, console::Record, lock};
 use rosrust::api::{Ros, resolve};
+use tracing::Level;
 
 use crate::{
-    clock::Clock,
+    Publisher, Subscription,
     master::{Master, Role, Subscribers},
     subscription::Feed,
-    wire::Wire,
 };
 
 /// How long rosrust may take for what a healthy master answers in milliseconds.
@@ -42,23 +43,18 @@ pub(crate) struct Session {
     pub(crate) ros: &'static Ros,
     pub(crate) master: Master,
     pub(crate) clock: Clock,
+    pub(crate) life: Life,
     next_id: AtomicU64,
     registrations: Mutex<Vec<Registration>>,
-    consumers: Mutex<Vec<Arc<dyn Consumer>>>,
-    rosout: Mutex<Option<rosrust::Publisher<Wire<Log>>>>,
-    clock_subscriber: Mutex<Option<rosrust::Subscriber>>,
+    pub(crate) rosout: OnceLock<Publisher<Log>>,
+    pub(crate) clock_subscription: OnceLock<Subscription>,
     /// Who subscribes to what, as the master said at that time; `None` once a master was lost, because others
     /// than us do not register again.
     subscribers: Mutex<Option<(Option<Instant>, Subscribers)>>,
     /// The master does not answer; asking it again is the watchdog's part.
     lost: AtomicBool,
-    ending: AtomicBool,
     closed: AtomicBool,
     alarm: Arc<(Mutex<bool>, Condvar)>,
-}
-
-fn lock<T: ?Sized>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
-    mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 /// rosrust's error with its causes, as one line.
@@ -84,10 +80,6 @@ pub(crate) fn in_time<T: Send + 'static>(
 impl Session {
     /// Joins the master named by `__master:=` or `ROS_MASTER_URI`, and waits for it as long as `keep_waiting`.
     pub(crate) fn connect(name: &str, keep_waiting: &dyn Fn() -> bool) -> Result<Arc<Self>> {
-        if let Some(empty) = std::env::args().find(|arg| arg.starts_with('_') && arg.ends_with(":=")) {
-            let reason = format!("the argument {empty} has no value; for an empty text write {empty}'\"\"'");
-            return Err(Error::Middleware(reason));
-        }
         let uri = resolve::master();
         let asking = Master { uri: uri.clone(), node: format!("/{name}"), node_uri: String::new() };
         wait_for(&asking, keep_waiting)?;
@@ -107,58 +99,24 @@ impl Session {
         let session = Arc::new(Self {
             ros,
             master,
-            clock: if simulated { Clock::simulated() } else { Clock::System },
+            clock: Clock::default(),
+            life: Life::default(),
             next_id: AtomicU64::new(0),
             registrations: Mutex::default(),
-            consumers: Mutex::default(),
-            rosout: Mutex::default(),
-            clock_subscriber: Mutex::default(),
+            rosout: OnceLock::new(),
+            clock_subscription: OnceLock::new(),
             subscribers: Mutex::new(Some((None, Subscribers::new()))),
             lost: AtomicBool::new(false),
-            ending: AtomicBool::new(false),
             closed: AtomicBool::new(false),
             alarm: Arc::default(),
         });
-        session.start_rosout();
-        if simulated {
-            session.start_clock();
-        }
+        session.clock.simulate(simulated);
         let (weak, alarm) = (Arc::downgrade(&session), session.alarm.clone());
         let watchdog = thread::Builder::new().name("ros1-watchdog".to_owned());
         watchdog
             .spawn(move || watch(&weak, &alarm))
             .map_err(|error| Error::Middleware(format!("no thread for the watchdog: {error}")))?;
         Ok(session)
-    }
-
-    fn start_rosout(self: &Arc<Self>) {
-        self.register(Role::Publisher, "/rosout", Log::type_name(), None);
-        let session = self.clone();
-        let publisher = in_time(PATIENCE, move || session.ros.publish::<Wire<Log>>("/rosout", 100));
-        *lock(&self.rosout) = publisher.and_then(std::result::Result::ok);
-    }
-
-    /// rosrust's own simulated clock is not used: its waits never end when `/clock` stops or jumps back.
-    fn start_clock(self: &Arc<Self>) {
-        self.register(Role::Subscriber, "/clock", rosgraph_msgs::Clock::type_name(), None);
-        let (session, weak) = (self.clone(), Arc::downgrade(self));
-        let tick = move |message: Wire<rosgraph_msgs::Clock>| {
-            if let (Some(session), Ok(message)) = (weak.upgrade(), message.body)
-                && let Clock::Simulated(clock) = &session.clock
-            {
-                clock.set(message.clock);
-                session.wake();
-            }
-        };
-        let work = move || match session.ros.subscribe("/clock", 1, tick) {
-            Ok(subscriber) => *lock(&session.clock_subscriber) = Some(subscriber),
-            Err(error) => tracing::error!("cannot subscribe to /clock: {}", reason(&error)),
-        };
-        if in_time(PATIENCE, work).is_none() {
-            tracing::warn!(
-                "the publisher of /clock does not answer; simulated time stands still until it does"
-            );
-        }
     }
 
     /// The absolute name that a graph name stands for, after remappings.
@@ -221,36 +179,35 @@ impl Session {
         Some(subscribers.get(topic).cloned().unwrap_or_default())
     }
 
-    pub(crate) fn log(&self, message: Log) {
-        if let Some(publisher) = lock(&self.rosout).as_ref() {
-            // a line that cannot go to /rosout is on the terminal
-            let _ = publisher.send(Wire::new(message));
-        }
-    }
-
-    pub(crate) fn attach(&self, consumer: Arc<dyn Consumer>) {
-        lock(&self.consumers).push(consumer);
-    }
-
-    fn wake(&self) {
-        let consumers = lock(&self.consumers).clone();
-        consumers.iter().for_each(|consumer| consumer.wake());
-    }
-
-    /// False after [`Session::end`], and when another took this node's name or `rosnode kill` asked.
+    /// False once the node is to end, and when another took this node's name or `rosnode kill` asked.
     pub(crate) fn is_ok(&self) -> bool {
-        !self.ending.load(Ordering::SeqCst) && self.ros.is_ok()
+        self.life.goes_on() && self.ros.is_ok()
     }
 
-    /// Asks the node to end; it stays registered until [`Session::close`], to publish what it still has.
-    pub(crate) fn end(&self) {
-        self.ending.store(true, Ordering::SeqCst);
-        self.wake();
+    /// Publishes on `/rosout`; a line that cannot go there is on the terminal.
+    pub(crate) fn log(&self, record: Record) {
+        let level = match record.level {
+            Level::ERROR => Log::ERROR,
+            Level::WARN => Log::WARN,
+            Level::INFO => Log::INFO,
+            _ => Log::DEBUG,
+        };
+        let message = Log {
+            header: Header { stamp: self.clock.now(), frame_id: String::new() },
+            level,
+            name: self.master.node.clone(),
+            msg: record.text,
+            file: record.file,
+            function: record.function,
+            line: record.line,
+            topics: self.published(),
+        };
+        let _ = self.rosout.get().map(|rosout| rosout.publish(&message));
     }
 
     /// Takes every registration back: no ghost stays on the master.
     pub(crate) fn close(&self) {
-        self.end();
+        self.life.end();
         if self.closed.swap(true, Ordering::SeqCst) {
             return;
         }
@@ -284,8 +241,6 @@ impl Session {
 impl Drop for Session {
     fn drop(&mut self) {
         self.close();
-        let (rosout, clock) = (lock(&self.rosout).take(), lock(&self.clock_subscriber).take());
-        in_time(PATIENCE, move || drop((rosout, clock)));
     }
 }
 
@@ -314,7 +269,7 @@ fn watch(session: &Weak<Session>, alarm: &(Mutex<bool>, Condvar)) {
         }
         let Some(session) = session.upgrade() else { return };
         if !session.is_ok() {
-            session.end();
+            session.life.end();
             continue;
         }
         match session.master.registered_uri() {
@@ -328,7 +283,7 @@ fn watch(session: &Weak<Session>, alarm: &(Mutex<bool>, Condvar)) {
                     "another node named {} has registered ({uri}): this one ends",
                     session.master.node
                 );
-                session.end();
+                session.life.end();
             }
             Err(crate::xmlrpc::CallError::Refused(_)) => {
                 session.lost.store(false, Ordering::SeqCst);
@@ -342,9 +297,7 @@ fn watch(session: &Weak<Session>, alarm: &(Mutex<bool>, Condvar)) {
             }
             Err(_) => {}
         }
-        if let Clock::Simulated(clock) = &session.clock {
-            clock.watch();
-        }
+        session.clock.watch();
         if round % 5 == 0 && !session.lost.load(Ordering::SeqCst) {
             crate::subscription::look_for_mismatches(&session);
         }

@@ -4,14 +4,14 @@ use std::{
     collections::HashMap,
     panic::{AssertUnwindSafe, catch_unwind},
     sync::{
-        Arc, Mutex, PoisonError, Weak,
+        Arc, Mutex, Weak,
         atomic::{AtomicBool, AtomicU64, Ordering},
     },
-    thread::{self, ThreadId},
     time::{Duration, Instant},
 };
 
-use roscausal_core::Message;
+use roscausal_core::{Message, gate::Gate};
+use roscausal_ros::lock;
 
 use crate::{
     session::{PATIENCE, Session, in_time},
@@ -29,11 +29,8 @@ pub(crate) struct Feed {
     /// The mismatch has been told.
     told: AtomicBool,
     lost: AtomicU64,
-    /// Cleared when the subscription is dropped.
-    active: AtomicBool,
-    /// Held while the callback runs, by that thread.
-    running: Mutex<()>,
-    runner: Mutex<Option<ThreadId>>,
+    /// Closed when the subscription is dropped.
+    gate: Gate,
 }
 
 impl Feed {
@@ -46,28 +43,13 @@ impl Feed {
             connected: AtomicBool::new(false),
             told: AtomicBool::new(false),
             lost: AtomicU64::new(0),
-            active: AtomicBool::new(true),
-            running: Mutex::default(),
-            runner: Mutex::default(),
+            gate: Gate::default(),
         })
     }
 
     /// Messages that never came, by the gaps in `header.seq`.
     pub(crate) fn lost(&self) -> u64 {
         self.lost.load(Ordering::Relaxed)
-    }
-
-    /// No callback runs after this, unless it is called from within it.
-    fn stop(&self) {
-        self.active.store(false, Ordering::SeqCst);
-        let runner = *self.runner.lock().unwrap_or_else(PoisonError::into_inner);
-        if runner != Some(thread::current().id()) {
-            drop(self.running.lock().unwrap_or_else(PoisonError::into_inner));
-        }
-    }
-
-    fn set_runner(&self, runner: Option<ThreadId>) {
-        *self.runner.lock().unwrap_or_else(PoisonError::into_inner) = runner;
     }
 }
 
@@ -108,7 +90,8 @@ impl<M: Message, F: FnMut(M) + Send + 'static> rosrust::SubscriptionHandler<Wire
     }
 
     fn message(&mut self, wire: Wire<M>, caller: &str) {
-        let topic = &self.feed.topic;
+        let feed = self.feed.clone();
+        let topic = &feed.topic;
         let message = match wire.body {
             Ok(message) => message,
             Err(reason) => {
@@ -126,16 +109,11 @@ impl<M: Message, F: FnMut(M) + Send + 'static> rosrust::SubscriptionHandler<Wire
         if let Some(seq) = wire.seq {
             self.count(seq, caller);
         }
-        let feed = self.feed.clone();
-        let running = feed.running.lock().unwrap_or_else(PoisonError::into_inner);
-        feed.set_runner(Some(thread::current().id()));
-        if feed.active.load(Ordering::SeqCst)
-            && catch_unwind(AssertUnwindSafe(|| (self.callback)(message))).is_err()
-        {
-            tracing::error!("topic '{}': the callback panicked; the subscription goes on", feed.topic);
-        }
-        feed.set_runner(None);
-        drop(running);
+        feed.gate.pass(|| {
+            if catch_unwind(AssertUnwindSafe(|| (self.callback)(message))).is_err() {
+                tracing::error!("topic '{topic}': the callback panicked; the subscription goes on");
+            }
+        });
     }
 }
 
@@ -155,8 +133,8 @@ impl Subscription {
         slot: &Mutex<Option<rosrust::Subscriber>>,
         subscriber: rosrust::Subscriber,
     ) {
-        let mut slot = slot.lock().unwrap_or_else(PoisonError::into_inner);
-        if feed.active.load(Ordering::SeqCst) {
+        let mut slot = lock(slot);
+        if feed.gate.is_open() {
             *slot = Some(subscriber);
         }
     }
@@ -164,8 +142,8 @@ impl Subscription {
 
 impl Drop for Subscription {
     fn drop(&mut self) {
-        self.feed.stop();
-        let subscriber = self.slot.lock().unwrap_or_else(PoisonError::into_inner).take();
+        self.feed.gate.close();
+        let subscriber = lock(&self.slot).take();
         in_time(PATIENCE, move || drop(subscriber));
         if let Some(session) = self.session.upgrade() {
             session.forget(self.id);

@@ -1,14 +1,10 @@
 //! XML-RPC calls with a deadline: rosrust's own wait for ever on a master or node that hangs.
 
-use std::{
-    fmt::Write as _,
-    io::{Read, Write as _},
-    net::{TcpStream, ToSocketAddrs},
-    time::{Duration, Instant},
-};
+use std::time::Duration;
 
+use dxr::{FaultResponse, MethodCall, MethodResponse, TryFromValue, Value as Xml};
 use roscausal_core::params::Value;
-use roxmltree::{Document, Node};
+use ureq::Agent;
 
 /// The longest answer that is read; a parameter server's largest dictionaries stay far below.
 const MAX_ANSWER: u64 = 16 << 20;
@@ -31,180 +27,81 @@ impl std::fmt::Display for CallError {
 }
 
 /// Calls `method` at `uri` (`http://host:port/`) and gives the third part of ROS's `[code, message, value]`.
-pub(crate) fn call(
+pub(crate) fn call<T: TryFromValue>(
     uri: &str,
     method: &str,
-    params: &[Value],
+    params: Vec<Xml>,
     patience: Duration,
-) -> Result<Value, CallError> {
-    let mut body = format!("<?xml version=\"1.0\"?><methodCall><methodName>{method}</methodName><params>");
-    for param in params {
-        body.push_str("<param>");
-        encode(param, &mut body).map_err(CallError::Refused)?;
-        body.push_str("</param>");
+) -> Result<T, CallError> {
+    let unreachable = |reason: String| CallError::Unreachable(format!("{uri}: {reason}"));
+    let refused = |reason: String| CallError::Refused(format!("{uri}: {method}: {reason}"));
+    let request = MethodCall { name: method.into(), params };
+    let request = request.to_xml().map_err(|error| refused(error.to_string()))?;
+    let answer = post(uri, &request, patience).map_err(unreachable)?;
+    if let Ok(FaultResponse { fault }) = FaultResponse::from_xml(&answer) {
+        return Err(refused(fault.to_string()));
     }
-    body.push_str("</params></methodCall>");
-    let answer =
-        post(uri, &body, patience).map_err(|error| CallError::Unreachable(format!("{uri}: {error}")))?;
-    let document = Document::parse(&answer)
-        .map_err(|error| CallError::Unreachable(format!("{uri}: no XML-RPC: {error}")))?;
-    let value = document.descendants().find(|node| node.has_tag_name("value"));
-    let value = value.ok_or_else(|| CallError::Unreachable(format!("{uri}: an answer without value")))?;
-    if document.descendants().any(|node| node.has_tag_name("fault")) {
-        let words: Vec<_> =
-            value.descendants().filter(Node::is_text).filter_map(|node| node.text()).collect();
-        return Err(CallError::Refused(format!("{uri}: {method} failed: {}", words.join(" "))));
-    }
-    let parts = value
-        .descendants()
-        .find(|node| node.has_tag_name("data"))
-        .map(|data| data.children().filter(|node| node.has_tag_name("value")).collect::<Vec<_>>());
-    let Some([code, message, value]) = parts.as_deref() else {
-        return Err(CallError::Unreachable(format!(
-            "{uri}: the answer to {method} is not [code, message, value]"
-        )));
-    };
-    match decode(*code) {
-        Ok(Value::Int(1)) => decode(*value).map_err(CallError::Refused),
-        _ => Err(CallError::Refused(decode(*message).map_or_else(|error| error, |text| text_of(&text)))),
+    let answer = MethodResponse::from_xml(&answer).map(|response| response.value);
+    let parts = answer.and_then(|value| <(i32, Xml, Xml)>::try_from_value(&value));
+    let (code, message, value) = parts
+        .map_err(|_| unreachable(format!("the answer to {method} is not [code, message, value] in XML-RPC")))?;
+    match (code, message) {
+        (1, _) => T::try_from_value(&value).map_err(|error| refused(error.to_string())),
+        (_, Xml::String(message)) => Err(CallError::Refused(message)),
+        (_, message) => Err(refused(format!("{message:?}"))),
     }
 }
 
-fn text_of(value: &Value) -> String {
-    if let Value::Str(text) = value { text.clone() } else { format!("{value:?}") }
-}
-
-/// One HTTP/1.0 request; the answer's body.
+/// One HTTP request on a connection of its own; the answer's body.
 fn post(uri: &str, body: &str, patience: Duration) -> Result<String, String> {
-    let deadline = Instant::now() + patience;
-    let left = || deadline.saturating_duration_since(Instant::now()).max(Duration::from_millis(1));
-    let address = uri.strip_prefix("http://").ok_or("not of the form http://host:port/")?;
-    let (host, path) = address.split_once('/').unwrap_or((address, ""));
-    let addresses =
-        host.to_socket_addrs().map_err(|error| format!("host unknown or port missing ({error})"))?;
-    let mut failure = "the host has no address".to_owned();
-    let mut connected = None;
-    for address in addresses {
-        match TcpStream::connect_timeout(&address, left()) {
-            Ok(stream) => {
-                connected = Some(stream);
-                break;
-            }
-            Err(error) => failure = error.to_string(),
-        }
-    }
-    let mut stream = connected.ok_or(failure)?;
-    let request = format!(
-        "POST /{path} HTTP/1.0\r\nHost: {host}\r\nContent-Type: text/xml\r\nContent-Length: {}\r\n\r\n{body}",
-        body.len()
-    );
-    let timed = |error: std::io::Error| match error.kind() {
-        std::io::ErrorKind::WouldBlock | std::io::ErrorKind::TimedOut => {
-            format!("no answer within {:.1} s", patience.as_secs_f64())
-        }
-        _ => error.to_string(),
-    };
-    stream.set_write_timeout(Some(left())).map_err(timed)?;
-    stream.write_all(request.as_bytes()).map_err(timed)?;
-    let mut answer = Vec::new();
-    let mut chunk = [0; 16 << 10];
-    loop {
-        stream.set_read_timeout(Some(left())).map_err(timed)?;
-        let count = stream.read(&mut chunk).map_err(timed)?;
-        answer.extend_from_slice(&chunk[..count]);
-        if count == 0 || is_complete(&answer) {
-            break;
-        }
-        if answer.len() as u64 > MAX_ANSWER {
-            return Err("an answer too large to be true".to_owned());
-        }
-        if Instant::now() >= deadline {
-            return Err(format!("no full answer within {:.1} s", patience.as_secs_f64()));
-        }
-    }
-    let answer = String::from_utf8(answer).map_err(|_| "an answer that is not UTF-8")?;
-    let (head, body) = answer.split_once("\r\n\r\n").ok_or("an answer that is no HTTP")?;
-    let status = head.lines().next().unwrap_or_default();
-    if status.split_whitespace().nth(1) == Some("200") { Ok(body.to_owned()) } else { Err(status.to_owned()) }
+    // A proxy of the environment is for the internet, not for the robot's network.
+    let config = Agent::config_builder().timeout_global(Some(patience)).proxy(None).build();
+    let request = Agent::new_with_config(config).post(uri).content_type("text/xml");
+    let read = || request.send(body)?.into_body().into_with_config().limit(MAX_ANSWER).read_to_string();
+    read().map_err(|error| match error {
+        ureq::Error::Timeout(_) => format!("no answer within {:.1} s", patience.as_secs_f64()),
+        other => other.to_string(),
+    })
 }
 
-/// Whether the announced length has come: some servers keep the connection open.
-fn is_complete(answer: &[u8]) -> bool {
-    let Some(end) = answer.windows(4).position(|bytes| bytes == b"\r\n\r\n") else { return false };
-    let head = String::from_utf8_lossy(&answer[..end]);
-    let length = head.lines().find_map(|line| {
-        let (name, value) = line.split_once(':')?;
-        if name.eq_ignore_ascii_case("content-length") { value.trim().parse::<usize>().ok() } else { None }
-    });
-    length.is_some_and(|length| answer.len() - end - 4 >= length)
-}
-
-fn encode(value: &Value, out: &mut String) -> Result<(), String> {
-    out.push_str("<value>");
-    match value {
-        Value::Bool(value) => {
-            write!(out, "<boolean>{}</boolean>", u8::from(*value)).map_err(|e| e.to_string())?
-        }
-        Value::Int(value) => {
-            let value = i32::try_from(*value)
-                .map_err(|_| format!("{value} does not fit into the 32 bits of a ROS 1 parameter"))?;
-            write!(out, "<int>{value}</int>").map_err(|e| e.to_string())?;
-        }
-        Value::Double(value) if value.is_finite() => {
-            write!(out, "<double>{value:?}</double>").map_err(|e| e.to_string())?;
-        }
+/// A parameter's value as XML-RPC has it.
+pub(crate) fn encode(value: &Value) -> Result<Xml, String> {
+    Ok(match value {
+        Value::Bool(value) => Xml::Boolean(*value),
+        Value::Int(value) => Xml::Integer(
+            i32::try_from(*value)
+                .map_err(|_| format!("{value} does not fit into the 32 bits of a ROS 1 parameter"))?,
+        ),
+        Value::Double(value) if value.is_finite() => Xml::Double(*value),
         Value::Double(value) => return Err(format!("{value} cannot be a ROS 1 parameter")),
-        Value::Str(text) => {
-            out.push_str("<string>");
-            for c in text.chars() {
-                match c {
-                    '&' => out.push_str("&amp;"),
-                    '<' => out.push_str("&lt;"),
-                    '>' => out.push_str("&gt;"),
-                    '\t' | '\n' | '\r' => out.push(c),
-                    c if c.is_control() => {
-                        return Err("control characters cannot be in a ROS 1 parameter".to_owned());
-                    }
-                    c => out.push(c),
-                }
-            }
-            out.push_str("</string>");
+        Value::Str(text) if text.contains(|c: char| c.is_control() && !c.is_whitespace()) => {
+            return Err("control characters cannot be in a ROS 1 parameter".to_owned());
         }
-        Value::List(values) => {
-            out.push_str("<array><data>");
-            values.iter().try_for_each(|value| encode(value, out))?;
-            out.push_str("</data></array>");
-        }
-    }
-    out.push_str("</value>");
-    Ok(())
+        Value::Str(text) => Xml::String(text.clone()),
+        Value::List(values) => Xml::Array(values.iter().map(encode).collect::<Result<_, _>>()?),
+    })
 }
 
-/// The value in a `<value>` element; the error names the kind that nobody here can use.
-fn decode(value: Node<'_, '_>) -> Result<Value, String> {
-    let Some(kind) = value.children().find(Node::is_element) else {
-        return Ok(Value::Str(value.text().unwrap_or_default().to_owned()));
-    };
-    let text = kind.text().unwrap_or_default();
-    let bad = || format!("'{text}' is no {}", kind.tag_name().name());
-    Ok(match kind.tag_name().name() {
-        "boolean" => Value::Bool(text.trim() == "1" || text.trim() == "true"),
-        "int" | "i4" | "i8" => Value::Int(text.trim().parse().map_err(|_| bad())?),
-        "double" => Value::Double(text.trim().parse().map_err(|_| bad())?),
-        "string" => Value::Str(text.to_owned()),
-        "array" => {
-            let data = kind.children().find(|node| node.has_tag_name("data"));
-            let values =
-                data.into_iter().flat_map(|data| data.children()).filter(|node| node.has_tag_name("value"));
-            Value::List(values.map(decode).collect::<Result<_, _>>()?)
-        }
-        "struct" => return Err("a dictionary, where a value or a list is expected".to_owned()),
-        other => return Err(format!("a value of the kind <{other}>, which ROS parameters do not have here")),
+/// A parameter's value; the error names the kind that nobody here can use.
+pub(crate) fn decode(value: Xml) -> Result<Value, String> {
+    Ok(match value {
+        Xml::Boolean(value) => Value::Bool(value),
+        Xml::Integer(value) => Value::Int(value.into()),
+        Xml::Double(value) => Value::Double(value),
+        Xml::String(text) => Value::Str(text),
+        Xml::Array(values) => Value::List(values.into_iter().map(decode).collect::<Result<_, _>>()?),
+        Xml::Struct(_) => return Err("a dictionary, where a value or a list is expected".to_owned()),
+        other => return Err(format!("{other:?}, where a value or a list is expected")),
     })
 }
 
 #[cfg(test)]
 mod tests {
+    use std::{
+        io::{Read, Write},
+        time::Instant,
+    };
+
     use super::*;
 
     #[test]
@@ -216,11 +113,11 @@ mod tests {
             Value::Str("a <b> & 'c' \u{e9}\n".to_owned()),
             Value::List(vec![]),
         ]);
-        let mut text = String::new();
-        encode(&value, &mut text).unwrap();
-        assert_eq!(decode(Document::parse(&text).unwrap().root_element()), Ok(value));
-        assert!(encode(&Value::Int(1 << 40), &mut text).is_err());
-        assert!(encode(&Value::Double(f64::NAN), &mut text).is_err());
+        let text = encode(&value).unwrap().to_xml().unwrap();
+        assert_eq!(decode(Xml::from_xml(&text).unwrap()), Ok(value));
+        for bad in [Value::Int(1 << 40), Value::Double(f64::NAN), Value::Str("\u{1}".to_owned())] {
+            assert!(encode(&bad).is_err());
+        }
     }
 
     #[test]
@@ -228,7 +125,7 @@ mod tests {
         let listener = std::net::TcpListener::bind("127.0.0.1:0").unwrap();
         let uri = format!("http://{}/", listener.local_addr().unwrap());
         let start = Instant::now();
-        let answer = call(&uri, "getPid", &[], Duration::from_millis(300));
+        let answer = call::<i32>(&uri, "getPid", vec![], Duration::from_millis(300));
         assert!(
             matches!(answer, Err(CallError::Unreachable(reason)) if reason.contains("no answer within 0.3 s"))
         );
@@ -276,7 +173,7 @@ mod tests {
         };
         target.run(|input| {
             sender.send(input.to_vec()).unwrap();
-            let _ = call(&uri, "getParam", &[], Duration::from_millis(300));
+            let _ = call::<Xml>(&uri, "getParam", vec![], Duration::from_millis(300));
         });
     }
 }

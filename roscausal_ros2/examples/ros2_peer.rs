@@ -28,7 +28,8 @@ use roscausal_msgs::{
     geometry_msgs, nav_msgs, pedsim_msgs, people_msgs, rosgraph_msgs, sensor_msgs, spencer_tracking_msgs,
     std_msgs, tf2_msgs, visualization_msgs,
 };
-use roscausal_ros2::{Args, Ros2, Ros2Subscription, console::Console};
+use roscausal_ros::{Console, program::Backend};
+use roscausal_ros2::{Args, Ros2, Ros2Subscription};
 
 const ROLE: ParamSpec = ParamSpec {
     name: "role",
@@ -47,10 +48,10 @@ fn main() -> Result<(), Box<dyn Error>> {
     if args.overrides.get("role") == Some(&Value::Str("names".into())) {
         return print_names(&args);
     }
-    let console = Console::install(args.log_level);
+    let console = Console::install(Ros2::filter(&args));
     console.name("peer");
     let node = Ros2::start(&args)?;
-    console.forward(&node)?;
+    node.log_with(&console)?;
     let mut signals =
         signal_hook::iterator::Signals::new([signal_hook::consts::SIGINT, signal_hook::consts::SIGTERM])?;
     let ended = node.clone();

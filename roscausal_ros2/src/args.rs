@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use roscausal_core::params::Value;
+use roscausal_core::{batch::header::nearest, params::Value};
 use tracing::level_filters::LevelFilter;
 
 use crate::{
@@ -182,13 +182,8 @@ fn outside_ros_args(arg: &str) -> BadArgument {
 }
 
 fn unknown(arg: &str) -> BadArgument {
-    let near = WITH_VALUE
-        .iter()
-        .chain(&SWITCHES)
-        .map(|flag| (strsim::jaro_winkler(arg, flag), flag))
-        .max_by(|a, b| a.0.total_cmp(&b.0))
-        .filter(|(likeness, _)| *likeness > 0.7)
-        .map_or(String::new(), |(_, flag)| format!("; did you mean {flag}?"));
+    let flags = [&WITH_VALUE[..], &SWITCHES].concat();
+    let near = nearest(&flags, arg).map_or(String::new(), |flag| format!("; did you mean {flag}?"));
     BadArgument(format!("unknown ROS argument '{arg}'{near}"))
 }
 

@@ -2,11 +2,12 @@
 
 use std::{
     collections::{BTreeSet, HashMap, HashSet},
-    sync::{Mutex, MutexGuard, PoisonError},
+    sync::{Mutex, MutexGuard},
 };
 
 use futures::StreamExt;
 use ros2_client::{Context, Gid};
+use roscausal_ros::lock;
 use rustdds::{
     DomainParticipantStatusEvent as Event, GUID, QosPolicies, StatusEvented,
     policy::{Durability, Reliability},
@@ -31,7 +32,7 @@ struct State {
 
 impl Graph {
     fn lock(&self) -> MutexGuard<'_, State> {
-        self.state.lock().unwrap_or_else(PoisonError::into_inner)
+        lock(&self.state)
     }
 
     /// Adds an endpoint of this node.

@@ -4,12 +4,13 @@
 mod graph;
 mod node;
 mod parameters;
+mod program;
+mod rosout;
 mod services;
 mod spinner;
 mod topics;
 
 pub mod args;
-pub mod console;
 pub mod names;
 pub mod param_file;
 pub mod security;

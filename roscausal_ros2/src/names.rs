@@ -1,7 +1,7 @@
 //! A node's name, its namespace, and what the remaps make of the names it asks for.
 
 use ros2_client::Name;
-use roscausal_core::{Error, Result};
+use roscausal_core::{Error, Result, middleware::is_token};
 
 use crate::args::BadArgument;
 
@@ -54,12 +54,6 @@ impl Remap {
     }
 }
 
-fn is_token(text: &str) -> bool {
-    !text.is_empty()
-        && !text.starts_with(|c: char| c.is_ascii_digit())
-        && text.chars().all(|c| c.is_ascii_alphanumeric() || c == '_')
-}
-
 impl Names {
     /// The names of a node called `node` in the code, after the rules for its own name and namespace.
     ///
@@ -88,6 +82,11 @@ impl Names {
     /// The namespace: `/`, or `/a/b`.
     pub fn namespace(&self) -> &str {
         &self.namespace
+    }
+
+    /// The name under which it logs: `namespace.node`.
+    pub fn logger(&self) -> String {
+        self.full_name().trim_start_matches('/').replace('/', ".")
     }
 
     /// `/namespace/node`.

@@ -4,11 +4,11 @@ use std::{
     collections::HashMap,
     net::{IpAddr, Ipv4Addr},
     sync::{
-        Arc, LazyLock, Mutex, MutexGuard, OnceLock, PoisonError, Weak,
-        atomic::{AtomicBool, AtomicI64, Ordering},
+        Arc, Mutex, OnceLock, Weak,
+        atomic::{AtomicBool, Ordering},
     },
     thread,
-    time::{Duration, Instant, SystemTime},
+    time::Duration,
 };
 
 use ros2_client::{
@@ -20,9 +20,10 @@ use roscausal_core::{
     middleware::{Middleware, Qos},
     params::{ParamSpec, Value},
 };
-use roscausal_msgs::rosgraph_msgs::Clock;
+use roscausal_msgs::rosgraph_msgs;
+use roscausal_ros::{Clock, Life, lock, steady};
 use rustdds::{DomainParticipantBuilder, Topic, TopicKind};
-use tracing::{debug, error, warn};
+use tracing::{debug, error};
 
 use crate::{
     args::Args,
@@ -52,15 +53,12 @@ pub(crate) struct Inner {
     session: Mutex<Option<Session>>,
     /// Type of each topic that this node uses.
     types: Mutex<HashMap<String, String>>,
-    sim_time: AtomicBool,
-    /// The last `/clock`, nanoseconds.
-    clock: AtomicI64,
+    pub(crate) clock: Clock,
+    life: Life,
     clock_subscription: Mutex<Option<Ros2Subscription>>,
     announcer: Mutex<Option<Writer<ParticipantEntitiesInfo>>>,
     leaving: Mutex<()>,
-    alive: AtomicBool,
     failed: AtomicBool,
-    consumers: Mutex<Vec<Arc<dyn Consumer>>>,
 }
 
 /// The library's handles, in the order in which they are dropped.
@@ -69,17 +67,10 @@ pub(crate) struct Session {
     pub(crate) context: Context,
 }
 
-/// How long after its start a node announces itself once more.
-const ANNOUNCED_AGAIN_AFTER: Duration = Duration::from_secs(1);
-/// How long after its start a node names the parameters that it was given and never asked for.
-const PARAMETERS_READ_WITHIN: Duration = Duration::from_secs(2);
-
+/// Between two looks at the clock; and how long after its start a node announces itself once more.
+const WATCH_PERIOD: Duration = Duration::from_secs(1);
 /// How long a node that leaves waits for the others to hear of it.
 const FAREWELL: Duration = Duration::from_millis(150);
-
-pub(crate) fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
-    mutex.lock().unwrap_or_else(PoisonError::into_inner)
-}
 
 fn middleware(what: &str, reason: impl std::fmt::Display) -> Error {
     Error::Middleware(format!("{what}: {reason}"))
@@ -124,14 +115,12 @@ impl Ros2 {
             secured: args.enclave.is_some(),
             session: Mutex::new(Some(Session { node, context: context.clone() })),
             types: Mutex::default(),
-            sim_time: AtomicBool::new(false),
-            clock: AtomicI64::new(0),
+            clock: Clock::default(),
+            life: Life::default(),
             clock_subscription: Mutex::default(),
             announcer: Mutex::default(),
             leaving: Mutex::default(),
-            alive: AtomicBool::new(true),
             failed: AtomicBool::new(false),
-            consumers: Mutex::default(),
         });
         let _ = owner.set(Arc::downgrade(&inner));
         let graph = inner.graph.clone();
@@ -140,7 +129,7 @@ impl Ros2 {
         let this = Self { inner };
         let sim_time = this.param(&USE_SIM_TIME)? == Some(Value::Bool(true));
         this.inner.use_sim_time(sim_time)?;
-        this.settle();
+        this.watch();
         Ok(this)
     }
 
@@ -163,28 +152,22 @@ impl Ros2 {
         &self.inner
     }
 
-    /// What is done once the node has started: it is announced again, and unknown parameters are named.
-    fn settle(&self) {
+    /// Announces the node again once it has started, then looks after the clock until it has left.
+    fn watch(&self) {
         let inner = Arc::downgrade(&self.inner);
-        let settle = move || {
-            thread::sleep(ANNOUNCED_AGAIN_AFTER);
-            let Some(node) = inner.upgrade() else { return };
-            if let Err(error) = node.announce_again() {
+        let mut announced = false;
+        let watch = move || loop {
+            thread::sleep(WATCH_PERIOD);
+            let Some(node) = inner.upgrade().filter(|node| node.life.goes_on()) else { return };
+            if !std::mem::replace(&mut announced, true)
+                && let Err(error) = node.announce_again()
+            {
                 debug!("{error}");
             }
-            drop(node);
-            thread::sleep(PARAMETERS_READ_WITHIN.saturating_sub(ANNOUNCED_AGAIN_AFTER));
-            let Some(node) = inner.upgrade() else { return };
-            for (name, near) in node.parameters.unknown_overrides() {
-                let near = near.map_or(String::new(), |near| format!("; did you mean '{near}'?"));
-                warn!(
-                    "parameter '{name}' was set, but {} has none of this name{near}",
-                    node.names.full_name()
-                );
-            }
+            node.clock.watch();
         };
         // Without that thread only these are missing.
-        let _ = thread::Builder::new().name("settling".into()).spawn(settle);
+        let _ = thread::Builder::new().name("ros2 watch".into()).spawn(watch);
     }
 }
 
@@ -276,16 +259,16 @@ impl Inner {
     }
 
     fn use_sim_time(self: &Arc<Self>, on: bool) -> Result<()> {
-        self.sim_time.store(on, Ordering::SeqCst);
+        self.clock.simulate(on);
         let mut subscription = lock(&self.clock_subscription);
         if !on {
             *subscription = None;
         } else if subscription.is_none() {
             let inner = Arc::downgrade(self);
-            let tick = move |message: Clock| {
+            let tick = move |message: rosgraph_msgs::Clock| {
                 if let Some(inner) = inner.upgrade() {
-                    inner.clock.store(message.clock.as_nanos(), Ordering::SeqCst);
-                    inner.wake();
+                    inner.clock.tick(message.clock);
+                    inner.life.wake();
                 }
             };
             *subscription = Some(topics::subscribe(self, "/clock", Qos::Volatile(10), tick)?);
@@ -306,35 +289,16 @@ impl Inner {
         }
     }
 
-    /// Time of the clock in use; 0 while `/clock` is awaited.
-    pub(crate) fn now(&self) -> Time {
-        if self.sim_time.load(Ordering::SeqCst) {
-            return Time::from_nanos(self.clock.load(Ordering::SeqCst));
-        }
-        let since_epoch = SystemTime::now().duration_since(SystemTime::UNIX_EPOCH).unwrap_or_default();
-        Time::from_nanos(i64::try_from(since_epoch.as_nanos()).unwrap_or(i64::MAX))
-    }
-
-    fn wake(&self) {
-        let consumers = lock(&self.consumers).clone();
-        consumers.iter().for_each(|consumer| consumer.wake());
-    }
-
-    fn shutdown(&self) {
-        self.alive.store(false, Ordering::SeqCst);
-        self.wake();
-    }
-
     fn fail(&self, reason: &str) {
         error!("{reason}; the node ends, to be started again");
         self.failed.store(true, Ordering::SeqCst);
-        self.shutdown();
+        self.life.end();
     }
 
     fn leave(&self) {
         // Whoever comes second waits for the first: a program that ended meanwhile would stay listed.
         let _leaving = lock(&self.leaving);
-        self.alive.store(false, Ordering::SeqCst);
+        self.life.end();
         drop(lock(&self.clock_subscription).take());
         self.spinner.stop();
         let session = lock(&self.session).take();
@@ -387,6 +351,10 @@ impl Middleware for Ros2 {
         Ok(value)
     }
 
+    fn params_set(&self) -> Vec<String> {
+        self.inner.parameters.given()
+    }
+
     fn set_param(&self, name: &str, value: Value) -> Result<()> {
         self.inner.parameters.put(name, value);
         self.inner.services.announce(&self.inner, &[&ros2_name(name)], false);
@@ -394,24 +362,23 @@ impl Middleware for Ros2 {
     }
 
     fn now(&self) -> Time {
-        self.inner.now()
+        self.inner.clock.now()
     }
 
     fn steady(&self) -> Duration {
-        static START: LazyLock<Instant> = LazyLock::new(Instant::now);
-        START.elapsed()
+        steady()
     }
 
     fn is_ok(&self) -> bool {
-        self.inner.alive.load(Ordering::SeqCst)
+        self.inner.life.goes_on()
     }
 
     fn shutdown(&self) {
-        self.inner.shutdown();
+        self.inner.life.end();
     }
 
     fn attach(&self, consumer: Arc<dyn Consumer>) {
-        lock(&self.inner.consumers).push(consumer);
+        self.inner.life.attach(&consumer);
     }
 
     fn wires(&self) -> roscausal_msgs::Wires {

@@ -2,7 +2,7 @@
 
 use std::{
     collections::BTreeMap,
-    sync::{Mutex, MutexGuard, PoisonError},
+    sync::{Mutex, MutexGuard},
 };
 
 use ros2_client::{
@@ -11,8 +11,10 @@ use ros2_client::{
 };
 use roscausal_core::{
     Result,
+    batch::header::nearest,
     params::{Allowed, ParamSpec, Value},
 };
+use roscausal_ros::lock;
 
 /// The parameters of one node.
 pub(crate) struct Parameters {
@@ -42,7 +44,7 @@ impl Parameters {
     }
 
     fn lock(&self) -> MutexGuard<'_, BTreeMap<String, Declared>> {
-        self.declared.lock().unwrap_or_else(PoisonError::into_inner)
+        lock(&self.declared)
     }
 
     /// Declares a parameter unless it is declared already. The value set for it, and whether it is new.
@@ -75,8 +77,9 @@ impl Parameters {
         let mut checked = Vec::new();
         for (name, value) in changes {
             let Some(entry) = declared.get(&name) else {
-                let near = nearest(&name, declared.keys())
-                    .map_or(String::new(), |near| format!("; did you mean '{near}'?"));
+                let known: Vec<_> = declared.keys().collect();
+                let near =
+                    nearest(&known, &name).map_or(String::new(), |near| format!("; did you mean '{near}'?"));
                 return Err(format!("parameter '{name}' is not declared{near}"));
             };
             let value =
@@ -158,11 +161,13 @@ impl Parameters {
         descriptor
     }
 
-    /// Names that were set at the start but that the node does not know, each with the nearest known one.
-    pub(crate) fn unknown_overrides(&self) -> Vec<(String, Option<String>)> {
+    /// Names of the parameters that the node was started with, but for those that another one names, such as
+    /// `goal_param`: they are asked for when they are needed.
+    pub(crate) fn given(&self) -> Vec<String> {
         let declared = self.lock();
-        let unknown = self.overrides.keys().filter(|name| !declared.contains_key(*name));
-        unknown.map(|name| (name.clone(), nearest(name, declared.keys()))).collect()
+        let texts = declared.values().filter_map(Declared::current);
+        let named: Vec<_> = texts.map(|value| ros2_name(&value.to_string())).collect();
+        self.overrides.keys().filter(|name| !named.contains(name)).cloned().collect()
     }
 }
 
@@ -170,12 +175,6 @@ impl Declared {
     fn current(&self) -> Option<&Value> {
         self.value.as_ref().or(self.spec.as_ref().map(|spec| &spec.default))
     }
-}
-
-fn nearest<'a>(name: &str, known: impl Iterator<Item = &'a String>) -> Option<String> {
-    let likeness = known.map(|known| (strsim::jaro_winkler(name, known), known));
-    let (likeness, known) = likeness.max_by(|a, b| a.0.total_cmp(&b.0))?;
-    (likeness > 0.75).then(|| known.clone())
 }
 
 /// ROS 2 has no parameters outside nodes: an absolute ROS 1 name `/a/b` is this node's `a.b`.

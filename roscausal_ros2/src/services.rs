@@ -14,11 +14,12 @@ use ros2_client::{
     },
 };
 use roscausal_core::{Error, Result};
+use roscausal_ros::lock;
 use tracing::warn;
 
 use crate::{
     names::Names,
-    node::{Inner, lock},
+    node::Inner,
     parameters::{Parameters, from_wire},
 };
 
@@ -103,7 +104,7 @@ impl ParameterServices {
             |name: &&str| raw::Parameter { name: (*name).to_owned(), value: parameters.get(name) };
         let values: Vec<_> = names.iter().map(parameter).collect();
         let (new_parameters, changed_parameters) = if new { (values, vec![]) } else { (vec![], values) };
-        let now = inner.now();
+        let now = inner.clock.now();
         let event = raw::ParameterEvent {
             stamp: ros2_client::builtin_interfaces::Time::new(now.sec, now.nanosec),
             node: inner.names.full_name(),

@@ -4,8 +4,8 @@ use std::{
     future::Future,
     io,
     panic::AssertUnwindSafe,
-    sync::{Mutex, PoisonError},
-    thread::{self, JoinHandle, ThreadId},
+    sync::Mutex,
+    thread::{self, JoinHandle},
 };
 
 use futures::{
@@ -16,6 +16,7 @@ use futures::{
     select_biased,
     stream::FuturesUnordered,
 };
+use roscausal_ros::lock;
 
 /// Makes a task's future on the spinner's thread, so that the future itself need not be `Send`. The output is
 /// the task's name when it panicked.
@@ -56,16 +57,10 @@ impl Spinner {
         handle
     }
 
-    /// The thread that runs the tasks; `None` once it is stopped.
-    pub(crate) fn thread_id(&self) -> Option<ThreadId> {
-        let thread = self.thread.lock().unwrap_or_else(PoisonError::into_inner);
-        thread.as_ref().map(|thread| thread.thread().id())
-    }
-
     /// Drops all tasks and waits for the thread, unless it is the one that calls.
     pub(crate) fn stop(&self) {
         self.tasks.close_channel();
-        let thread = self.thread.lock().unwrap_or_else(PoisonError::into_inner).take();
+        let thread = lock(&self.thread).take();
         if let Some(thread) = thread
             && thread.thread().id() != thread::current().id()
         {

@@ -7,7 +7,6 @@ use std::{
         Arc, Mutex, Weak,
         atomic::{AtomicBool, AtomicU64, Ordering},
     },
-    thread::{self, ThreadId},
 };
 
 use futures::{StreamExt, future::AbortHandle};
@@ -17,8 +16,10 @@ use ros2_client::{
 };
 use roscausal_core::{
     Error, Message, Result,
+    gate::Gate,
     middleware::{Publish, Qos},
 };
+use roscausal_ros::lock;
 use rustdds::{
     GUID, Topic, TopicDescription, no_key::SerializerAdapter, serialization::CDRSerializerAdapter,
 };
@@ -27,7 +28,7 @@ use tracing::{error, warn};
 
 use crate::{
     graph::{Graph, sent_type},
-    node::{Inner, lock},
+    node::Inner,
 };
 
 /// Above this, Fast DDS with its default socket buffers repairs lost fragments slowly.
@@ -211,21 +212,14 @@ impl<M: Message> Drop for Ros2Publisher<M> {
 
 /// A subscription; dropping it ends it, and no callback runs afterwards.
 pub struct Ros2Subscription {
-    active: Arc<AtomicBool>,
-    /// Held while the callback runs.
-    running: Arc<Mutex<()>>,
-    /// The thread that runs the callback, which alone must not wait for it.
-    runs_on: Option<ThreadId>,
+    gate: Arc<Gate>,
     task: AbortHandle,
 }
 
 impl Drop for Ros2Subscription {
     fn drop(&mut self) {
-        self.active.store(false, Ordering::SeqCst);
         self.task.abort();
-        if self.runs_on != Some(thread::current().id()) {
-            drop(lock(&self.running));
-        }
+        self.gate.close();
     }
 }
 
@@ -244,21 +238,16 @@ pub(crate) fn subscribe<M: Message>(
     let reader = made.map_err(fail)?;
     inner.graph.add(reader.guid(), &dds_topic.name(), dds_topic.get_type().name());
     inner.announce();
-    let (active, running) = (Arc::new(AtomicBool::new(true)), Arc::new(Mutex::new(())));
-    let (still_active, now_running) = (active.clone(), running.clone());
-    let deliver = move |message: M| {
-        let _running = lock(&now_running);
-        if still_active.load(Ordering::SeqCst) {
-            callback(message);
-        }
-    };
+    let gate = Arc::new(Gate::default());
+    let its_gate = gate.clone();
+    let deliver = move |message: M| its_gate.pass(|| callback(message));
     let registered = Registered { graph: inner.graph.clone(), guid: reader.guid() };
     let (node, kind) = (Arc::downgrade(inner), dds_topic.get_type().name().to_owned());
     let task = inner.spinner.spawn(format!("topic '{topic}'"), move || async move {
         let _registered = registered;
         read(reader, topic, Senders { node, kind, known: HashMap::new() }, deliver).await;
     });
-    Ok(Ros2Subscription { active, running, runs_on: inner.spinner.thread_id(), task })
+    Ok(Ros2Subscription { gate, task })
 }
 
 /// Forgets a subscription's endpoint when its task is dropped.

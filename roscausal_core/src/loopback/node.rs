@@ -10,7 +10,7 @@ use super::{Bus, Loopback, LoopbackPublisher, LoopbackSubscription, Member, task
 use crate::{
     Error, Message, Result, Time,
     inbox::Consumer,
-    middleware::{Middleware, Qos},
+    middleware::{Middleware, Qos, is_token},
     params::{ParamSpec, Value},
 };
 
@@ -61,12 +61,6 @@ impl LoopbackNode {
     fn param_key(&self, name: &str) -> String {
         if name.starts_with('/') { name.to_owned() } else { format!("{}/{name}", self.name) }
     }
-}
-
-/// A part of a ROS graph name.
-fn is_token(text: &str) -> bool {
-    text.starts_with(|c: char| c.is_ascii_alphabetic() || c == '_')
-        && text.chars().all(|c| c.is_ascii_alphanumeric() || c == '_')
 }
 
 impl Middleware for LoopbackNode {

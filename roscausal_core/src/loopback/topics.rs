@@ -4,16 +4,13 @@ use std::{
     any::{Any, TypeId},
     collections::VecDeque,
     marker::PhantomData,
-    sync::{
-        Arc, Mutex,
-        atomic::{AtomicBool, Ordering},
-    },
-    thread::{self, ThreadId},
+    sync::{Arc, Mutex},
 };
 
 use super::{Bus, BusState, lock};
 use crate::{
     Error, Message, Result,
+    gate::Gate,
     middleware::{Publish, Qos},
 };
 
@@ -32,10 +29,8 @@ pub(super) struct Topic {
 /// One subscription's callback and the messages that wait for it. Calls never overlap and keep the order in
 /// which the messages were pushed.
 pub(super) struct Slot {
-    active: AtomicBool,
+    gate: Gate,
     waiting: Mutex<VecDeque<Payload>>,
-    /// The thread within the callback.
-    runs_on: Mutex<Option<ThreadId>>,
     callback: Mutex<Callback>,
 }
 
@@ -46,54 +41,28 @@ impl Slot {
                 callback(Arc::unwrap_or_clone(message));
             }
         });
-        Self {
-            active: AtomicBool::new(true),
-            waiting: Mutex::default(),
-            runs_on: Mutex::default(),
-            callback: Mutex::new(callback),
-        }
+        Self { gate: Gate::default(), waiting: Mutex::default(), callback: Mutex::new(callback) }
     }
 
     pub(super) fn push(&self, payload: Payload) {
         lock(&self.waiting).push_back(payload);
     }
 
-    fn is_mine(&self) -> bool {
-        *lock(&self.runs_on) == Some(thread::current().id())
-    }
-
     /// Calls back for all that waits. What a callback publishes to itself comes after the call under way.
     pub(super) fn run(&self) {
-        if self.is_mine() {
-            return;
-        }
-        let mut callback = lock(&self.callback);
-        *lock(&self.runs_on) = Some(thread::current().id());
-        let _running = Running(self);
-        loop {
-            let Some(payload) = lock(&self.waiting).pop_front() else { return };
-            if self.active.load(Ordering::SeqCst) {
+        self.gate.pass(|| {
+            let mut callback = lock(&self.callback);
+            while self.gate.is_open() {
+                let Some(payload) = lock(&self.waiting).pop_front() else { return };
                 callback(payload);
             }
-        }
+        });
     }
 
     /// No call after this one, but for the one that makes it.
     fn end(&self) {
-        self.active.store(false, Ordering::SeqCst);
+        self.gate.close();
         lock(&self.waiting).clear();
-        if !self.is_mine() {
-            drop(lock(&self.callback));
-        }
-    }
-}
-
-/// Marks a slot as not running when the callback returns or panics.
-struct Running<'a>(&'a Slot);
-
-impl Drop for Running<'_> {
-    fn drop(&mut self) {
-        *lock(&self.0.runs_on) = None;
     }
 }
 

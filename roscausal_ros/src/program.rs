@@ -1,0 +1,207 @@
+//! The program of a backend: one of the nodes, told by the program's own name or by the first argument.
+
+use std::{
+    panic::{AssertUnwindSafe, catch_unwind},
+    path::Path,
+    process::{ExitCode, exit},
+    sync::{
+        Arc, OnceLock,
+        atomic::{AtomicBool, Ordering},
+    },
+    thread,
+    time::Duration,
+};
+
+use roscausal_core::{Error, Result, middleware::Middleware, nodes};
+use signal_hook::{
+    consts::{SIGINT, SIGTERM},
+    iterator::Signals,
+};
+
+use crate::{Console, console::Targets};
+
+/// The simulator, beside [`nodes::NODES`].
+const SIMULATOR: &str = "hrisim";
+/// The live page.
+const DASHBOARD: &str = "dashboard";
+
+/// The command line, a parameter or a name is wrong: starting again will not help.
+const EXIT_USAGE: u8 = 2;
+/// Something broke: starting again may help.
+const EXIT_FAILED: u8 = 1;
+
+/// A backend, as its program sees it.
+pub trait Backend: Middleware {
+    /// What the command line and the environment ask for, checked.
+    type Start;
+    /// The program's file name.
+    const PROGRAM: &'static str;
+    /// What may follow the node's name, for the usage line.
+    const ARGUMENTS: &'static str;
+    /// How long after a signal the node is out of the graph, whatever it still does.
+    const LEAVE_WITHIN: Duration;
+    /// How much later the program ends, finished or not.
+    const END_WITHIN: Duration;
+
+    /// Reads what follows the node's name on the command line. `name`: the node's, unless it is remapped.
+    ///
+    /// # Errors
+    /// One sentence for the user.
+    fn read(name: &str, args: Vec<String>) -> std::result::Result<Self::Start, String>;
+
+    /// What is logged.
+    fn filter(start: &Self::Start) -> Targets;
+
+    /// Joins the graph, with the log on `/rosout`. While nobody answers, it waits as long as `keep_waiting` says so.
+    ///
+    /// # Errors
+    /// What keeps the node out.
+    fn join(start: Self::Start, console: &Console, keep_waiting: &dyn Fn() -> bool) -> Result<Self>;
+
+    /// Leaves the graph at once, whatever the node still does; it is called more than once.
+    fn leave(&self);
+
+    /// True when the node ends because something broke.
+    fn failed(&self) -> bool {
+        false
+    }
+}
+
+/// Runs the program.
+pub fn main<B: Backend>() -> ExitCode {
+    let mut args = std::env::args().peekable();
+    let program = args.next().unwrap_or_default();
+    if args.next_if(|first| first == "--help" || first == "-h").is_some() {
+        println!("{}", usage::<B>());
+        return ExitCode::SUCCESS;
+    }
+    let node = node_of(&program).unwrap_or_else(|| args.next().unwrap_or_default());
+    let start = if is_node(&node) {
+        B::read(&format!("roscausal_{node}"), args.collect())
+    } else {
+        Err(format!("'{node}' is no node; {}", usage::<B>()))
+    };
+    match start {
+        Ok(start) => ExitCode::from(live::<B>(&node, start)),
+        Err(reason) => {
+            eprintln!("{}: {reason}", B::PROGRAM);
+            ExitCode::from(EXIT_USAGE)
+        }
+    }
+}
+
+fn names() -> impl Iterator<Item = &'static str> {
+    nodes::NODES.into_iter().chain([SIMULATOR, DASHBOARD])
+}
+
+fn is_node(name: &str) -> bool {
+    names().any(|node| node == name)
+}
+
+fn node_of(program: &str) -> Option<String> {
+    let name = Path::new(program).file_name()?.to_str()?.strip_prefix("roscausal_")?;
+    is_node(name).then(|| name.to_owned())
+}
+
+fn usage<B: Backend>() -> String {
+    let names: Vec<_> = names().collect();
+    format!("usage: {} {} {}", B::PROGRAM, names.join("|"), B::ARGUMENTS)
+}
+
+/// The node's life, from joining the graph until it has left it; the program's exit code.
+fn live<B: Backend>(node: &str, start: B::Start) -> u8 {
+    let console = Console::install(B::filter(&start));
+    console.name(&format!("roscausal_{node}"));
+    let told = |error: Error| {
+        tracing::error!("{error}");
+        match error {
+            Error::Param { .. } | Error::Topic { .. } | Error::File { .. } => EXIT_USAGE,
+            _ => EXIT_FAILED,
+        }
+    };
+    let joined = Stop::on_signals().and_then(|stop| {
+        let mw = B::join(start, &console, &|| !stop.is_asked())?;
+        stop.end_with(&mw);
+        Ok(mw)
+    });
+    let mw = match joined {
+        Ok(mw) => mw,
+        Err(error) => return told(error),
+    };
+    // What goes wrong is told while /rosout still takes it.
+    let code = match catch_unwind(AssertUnwindSafe(|| run(node, &mw))) {
+        Ok(Ok(())) if mw.failed() => EXIT_FAILED,
+        Ok(Ok(())) => 0,
+        Ok(Err(error)) => told(error),
+        Err(_) => {
+            tracing::error!("the node {} panicked; it leaves", mw.node_name());
+            EXIT_FAILED
+        }
+    };
+    mw.leave();
+    code
+}
+
+fn run<M: Middleware>(node: &str, mw: &M) -> Result<()> {
+    match node {
+        SIMULATOR => roscausal_hrisim::node::run(mw),
+        DASHBOARD => roscausal_dashboard::run(mw),
+        name => nodes::run(name, mw),
+    }
+}
+
+/// SIGINT and SIGTERM: the first asks the node to end, the second, or too long a wait, ends it.
+struct Stop<B> {
+    asked: AtomicBool,
+    node: OnceLock<B>,
+}
+
+impl<B: Backend> Stop<B> {
+    fn on_signals() -> Result<Arc<Self>> {
+        let fault = |error| Error::Middleware(format!("signals cannot be caught: {error}"));
+        let mut signals = Signals::new([SIGINT, SIGTERM]).map_err(fault)?;
+        let stop = Arc::new(Self { asked: AtomicBool::new(false), node: OnceLock::new() });
+        let own = stop.clone();
+        let listen = move || signals.forever().for_each(|_| own.take_signal());
+        thread::Builder::new().name("signals".to_owned()).spawn(listen).map_err(fault)?;
+        Ok(stop)
+    }
+
+    fn is_asked(&self) -> bool {
+        self.asked.load(Ordering::SeqCst)
+    }
+
+    /// Names the node to be ended.
+    fn end_with(&self, node: &B) {
+        let _ = self.node.set(node.clone());
+        if self.is_asked() {
+            node.shutdown();
+        }
+    }
+
+    fn take_signal(self: &Arc<Self>) {
+        if self.asked.swap(true, Ordering::SeqCst) {
+            self.leave();
+            exit(EXIT_FAILED.into());
+        }
+        tracing::info!("ending");
+        if let Some(node) = self.node.get() {
+            node.shutdown();
+        }
+        let late = self.clone();
+        thread::spawn(move || {
+            thread::sleep(B::LEAVE_WITHIN);
+            late.leave();
+            thread::sleep(B::END_WITHIN);
+            let waited = (B::LEAVE_WITHIN + B::END_WITHIN).as_secs();
+            tracing::error!("not finished {waited} s after the signal; ended all the same");
+            exit(EXIT_FAILED.into());
+        });
+    }
+
+    fn leave(&self) {
+        if let Some(node) = self.node.get() {
+            node.leave();
+        }
+    }
+}
