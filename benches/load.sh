@@ -10,7 +10,7 @@ seconds=$((${1:-10} * 60))
 for wire in ros1 ros2; do
     cargo build --quiet --release --locked -p "roscausal_$wire" --bins --example "${wire}_peer"
     code=0
-    python3 tests/soak/load.py "$wire" "$(program release "roscausal_$wire")" "$(program release "examples/${wire}_peer")" "$seconds" ||
+    python3 tests/soak/load.py "$wire" "$(program "roscausal_$wire")" "$(program "examples/${wire}_peer")" "$seconds" ||
         code=$?
     if [ $code = 77 ]; then echo "!!! NOT MEASURED: $wire" >&2; elif [ $code != 0 ]; then exit $code; fi
 done

@@ -10,7 +10,7 @@ work=$PWD/target/replay
 mkdir -p "$work"
 environment "$work/venv" rosbags==0.11.9
 cargo build --quiet --release --locked -p roscausal -p roscausal_recording --bin roscausal --example long_recording
-"$work/venv/bin/python" - "$(program release roscausal)" "$(program release examples/long_recording)" "$work" "$@" <<'PY'
+"$work/venv/bin/python" - "$(program roscausal)" "$(program examples/long_recording)" "$work" "$@" <<'PY'
 import os, shutil, subprocess, sys, time
 
 roscausal, example, work, *minutes = sys.argv[1:]

@@ -26,8 +26,8 @@ if [ ! -f "$axe" ]; then
     give_up "axe-core cannot be installed from npm"
 fi
 
-cargo build --quiet --locked --bin roscausal || give_up "the program cannot be built"
-roscausal=$(program debug roscausal)
+cargo build --release --quiet --locked --bin roscausal || give_up "the program cannot be built"
+roscausal=$(program roscausal)
 
 mkdir -p target/browser
 "$venv/bin/python" tests/browser/page.py "$roscausal" "$axe" target/browser

@@ -39,10 +39,10 @@ environment() {
   echo "$*" >"$folder/complete"
 }
 
-# program PROFILE NAME: where cargo puts a program.
+# program NAME: where cargo puts a program.
 program() {
   case ${CARGO_TARGET_DIR:-} in
-    /*) echo "$CARGO_TARGET_DIR/$1/$2" ;;
-    *) echo "$PWD/${CARGO_TARGET_DIR:-target}/$1/$2" ;;
+    /*) echo "$CARGO_TARGET_DIR/release/$1" ;;
+    *) echo "$PWD/${CARGO_TARGET_DIR:-target}/release/$1" ;;
   esac
 }

@@ -4,8 +4,11 @@
 set -uo pipefail
 cd "$(dirname "$0")/.."
 
+# Everything is built once, optimised as catkin and colcon build it, but with the checks of a debug build.
+export CARGO_PROFILE_RELEASE_DEBUG_ASSERTIONS=true CARGO_PROFILE_RELEASE_OVERFLOW_CHECKS=true
+
 failed=() untested=()
-cargo test --workspace --locked || failed+=("cargo test")
+cargo test --release --workspace --locked || failed+=("cargo test")
 for script in tests/gpdc_python.sh tests/recordings.sh tests/browser.sh tests/security.sh \
   tests/interop/ros2.sh tests/interop/ros1.sh tests/soak.sh; do
   "$script"

@@ -14,9 +14,9 @@ check() { # check NAME COMMAND...
     if "$@"; then passed=$((passed + 1)); echo "pass: $name"; else failed=$((failed + 1)); echo "FAIL: $name"; fi
 }
 . tests/lib.sh
-cargo build -q --locked -p roscausal_core --example chain || exit 1
-cargo build -q --locked -p roscausal_ros1 -p roscausal_ros2 --bins || exit 1
-chain=$(program debug examples/chain)
+cargo build --release -q --locked -p roscausal_core --example chain || exit 1
+cargo build --release -q --locked -p roscausal_ros1 -p roscausal_ros2 --bins || exit 1
+chain=$(program examples/chain)
 work=$(mktemp -d)
 disk=$work/disk readonly=$work/readonly
 chain_pid=
@@ -38,7 +38,7 @@ end() { touch "$1/stop"; wait "$chain_pid"; local code=$?; chain_pid=; rm -f "$1
 # 1. Random kills: every batch whole, every model once, values right, the bound kept.
 kills=$((minutes * 15))
 check "$kills random kill -9: every batch whole, every model once" \
-    env ROSCAUSAL_KILLS=$kills cargo test -q -p roscausal_core --test kill -- --nocapture
+    env ROSCAUSAL_KILLS=$kills cargo test --release -q -p roscausal_core --test kill -- --nocapture
 
 # 2. Ten times the rate.
 flood=$work/flood
@@ -102,7 +102,7 @@ fi
 
 # 5. Logs that cannot be written.
 for wire in ros1 ros2; do
-    nodes=$(program debug "roscausal_$wire")
+    nodes=$(program "roscausal_$wire")
     # Without a master ROS 1's node waits, and says so.
     ROS_MASTER_URI=http://127.0.0.1:1/ ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST timeout -s INT 4 "$nodes" robot 2>/dev/full
     code=$?
@@ -113,7 +113,7 @@ done
 # 6. Faults of the middleware, under the real nodes.
 for fault in "a ROS master that is killed:master:ros1" "a network that is cut:network:ros2"; do
     IFS=: read -r name what nodes <<<"$fault"
-    python3 tests/soak/faults.py "$what" "$(program debug "roscausal_$nodes")" $((minutes * 15))
+    python3 tests/soak/faults.py "$what" "$(program "roscausal_$nodes")" $((minutes * 15))
     code=$?
     if [ $code = 77 ]; then echo "!!! NOT TESTED: $name" >&2; else check "$name: nothing lost but what was not sent" test $code = 0; fi
 done

@@ -30,7 +30,7 @@ use crate::{
     graph::{Graph, published_topics},
     names::Names,
     parameters::{Parameters, USE_SIM_TIME, ros2_name},
-    services::ParameterServices,
+    services::{self, ParameterEvents},
     spinner::Spinner,
     topics::{self, Ros2Publisher, Ros2Subscription, Writer},
 };
@@ -46,7 +46,7 @@ pub(crate) struct Inner {
     pub(crate) graph: Arc<Graph>,
     pub(crate) spinner: Spinner,
     pub(crate) parameters: Arc<Parameters>,
-    services: ParameterServices,
+    pub(crate) parameter_events: ParameterEvents,
     /// What it sends may be encrypted.
     pub(crate) secured: bool,
     /// `None` once the node has left the graph.
@@ -102,7 +102,7 @@ impl Ros2 {
         let mut node =
             context.new_node(name, options).map_err(|error| middleware("cannot make the node", error))?;
         let parameters = Arc::new(Parameters::new(args.overrides.clone()));
-        let services = ParameterServices::new(&context, &mut node, &names)?;
+        let parameter_events = ParameterEvents::new(&context, &mut node)?;
         let owner = Arc::new(OnceLock::new());
         let spinner = Spinner::start(fail_on_panic(owner.clone()));
         let spinner = spinner.map_err(|error| middleware("cannot start a thread", error))?;
@@ -111,7 +111,7 @@ impl Ros2 {
             spinner,
             names,
             parameters,
-            services,
+            parameter_events,
             secured: args.enclave.is_some(),
             session: Mutex::new(Some(Session { node, context: context.clone() })),
             types: Mutex::default(),
@@ -125,7 +125,7 @@ impl Ros2 {
         let _ = owner.set(Arc::downgrade(&inner));
         let graph = inner.graph.clone();
         inner.spinner.spawn("discovery".into(), move || async move { graph.watch(context).await });
-        inner.services.serve(&inner);
+        services::serve(&inner)?;
         let this = Self { inner };
         let sim_time = this.param(&USE_SIM_TIME)? == Some(Value::Bool(true));
         this.inner.use_sim_time(sim_time)?;
@@ -276,10 +276,6 @@ impl Inner {
         Ok(())
     }
 
-    pub(crate) fn services(&self) -> &ParameterServices {
-        &self.services
-    }
-
     /// Called for each parameter set from outside.
     pub(crate) fn parameter_set(self: &Arc<Self>, name: &str, value: &Value) {
         if name == USE_SIM_TIME.name
@@ -346,7 +342,7 @@ impl Middleware for Ros2 {
     fn param(&self, spec: &ParamSpec) -> Result<Option<Value>> {
         let (value, new) = self.inner.parameters.declare(spec)?;
         if new {
-            self.inner.services.announce(&self.inner, &[&ros2_name(spec.name)], true);
+            self.inner.parameter_events.announce(&self.inner, &[&ros2_name(spec.name)], true);
         }
         Ok(value)
     }
@@ -357,7 +353,7 @@ impl Middleware for Ros2 {
 
     fn set_param(&self, name: &str, value: Value) -> Result<()> {
         self.inner.parameters.put(name, value);
-        self.inner.services.announce(&self.inner, &[&ros2_name(name)], false);
+        self.inner.parameter_events.announce(&self.inner, &[&ros2_name(name)], false);
         Ok(())
     }
 

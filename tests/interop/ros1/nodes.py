@@ -317,7 +317,7 @@ def the_original_spellings_of_parameters_are_taken(roscore):
 @case
 def an_unknown_parameter_and_a_forbidden_value_are_told(_):
     with Recording("_ts_lenght:=3") as recording:
-        recording.node.line("parameter 'ts_lenght' is set but no parameter of this node; did you mean 'ts_length'?")
+        recording.node.line("there is no parameter 'ts_lenght'; did you mean 'ts_length'?")
     group.clean_up()
     with node("data", "_dt:=0") as refused:
         assert refused.ended() == 1, refused.text
