@@ -26,7 +26,7 @@ if [ ! -f "$axe" ]; then
     give_up "axe-core cannot be installed from npm"
 fi
 
-cargo build --release --quiet --locked --bin roscausal || give_up "the program cannot be built"
+build_all --quiet || give_up "the program cannot be built"
 roscausal=$(program roscausal)
 
 mkdir -p target/browser

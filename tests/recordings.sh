@@ -41,12 +41,11 @@ if /usr/bin/python3 -c 'import rosbag' 2>/dev/null; then
 else
   echo "        (no rosbag of ROS 1 on this machine: its bags are not tested)"
 fi
-cargo build --release --quiet --locked --bin roscausal && cargo test --release --quiet --locked --no-run -p roscausal_recording ||
-  give_up "the program cannot be built"
+build_all --quiet || give_up "the program cannot be built"
 roscausal=$(program roscausal)
 
-check "we read them with equal contents" cargo test --release --quiet --locked -p roscausal_recording --test recordings
-check "we write a file" cargo test --release --quiet --locked -p roscausal_recording --test written
+check "we read them with equal contents" cargo test --release --quiet --locked --workspace --test recordings
+check "we write a file" cargo test --release --quiet --locked --workspace --test written
 check "mcap and rosbags read it back with equal contents" "$python" tests/recordings/read.py "$folder/ours.mcap"
 
 # The commands, on a bag that rosbags wrote.

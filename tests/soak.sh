@@ -14,8 +14,7 @@ check() { # check NAME COMMAND...
     if "$@"; then passed=$((passed + 1)); echo "pass: $name"; else failed=$((failed + 1)); echo "FAIL: $name"; fi
 }
 . tests/lib.sh
-cargo build --release -q --locked -p roscausal_core --example chain || exit 1
-cargo build --release -q --locked -p roscausal_ros1 -p roscausal_ros2 --bins || exit 1
+build_all --quiet || exit 1
 chain=$(program examples/chain)
 work=$(mktemp -d)
 disk=$work/disk readonly=$work/readonly
@@ -38,7 +37,7 @@ end() { touch "$1/stop"; wait "$chain_pid"; local code=$?; chain_pid=; rm -f "$1
 # 1. Random kills: every batch whole, every model once, values right, the bound kept.
 kills=$((minutes * 15))
 check "$kills random kill -9: every batch whole, every model once" \
-    env ROSCAUSAL_KILLS=$kills cargo test --release -q -p roscausal_core --test kill -- --nocapture
+    env ROSCAUSAL_KILLS=$kills cargo test --release -q --workspace --test kill -- --nocapture
 
 # 2. Ten times the rate.
 flood=$work/flood

@@ -53,8 +53,8 @@ pub(crate) struct Session {
     subscribers: Mutex<Option<(Option<Instant>, Subscribers)>>,
     /// The master does not answer; asking it again is the watchdog's part.
     lost: AtomicBool,
-    closed: AtomicBool,
-    alarm: Arc<(Mutex<bool>, Condvar)>,
+    /// Set and told once it has closed.
+    closed: Arc<(Mutex<bool>, Condvar)>,
 }
 
 /// rosrust's error with its causes, as one line.
@@ -107,14 +107,13 @@ impl Session {
             clock_subscription: OnceLock::new(),
             subscribers: Mutex::new(Some((None, Subscribers::new()))),
             lost: AtomicBool::new(false),
-            closed: AtomicBool::new(false),
-            alarm: Arc::default(),
+            closed: Arc::default(),
         });
         session.clock.simulate(simulated);
-        let (weak, alarm) = (Arc::downgrade(&session), session.alarm.clone());
+        let (weak, closed) = (Arc::downgrade(&session), session.closed.clone());
         let watchdog = thread::Builder::new().name("ros1-watchdog".to_owned());
         watchdog
-            .spawn(move || watch(&weak, &alarm))
+            .spawn(move || watch(&weak, &closed))
             .map_err(|error| Error::Middleware(format!("no thread for the watchdog: {error}")))?;
         Ok(session)
     }
@@ -208,11 +207,10 @@ impl Session {
     /// Takes every registration back: no ghost stays on the master.
     pub(crate) fn close(&self) {
         self.life.end();
-        if self.closed.swap(true, Ordering::SeqCst) {
+        if std::mem::replace(&mut *lock(&self.closed.0), true) {
             return;
         }
-        *lock(&self.alarm.0) = true;
-        self.alarm.1.notify_all();
+        self.closed.1.notify_all();
         let mut topics: Vec<_> =
             lock(&self.registrations).iter().map(|r| (r.role, r.topic.clone())).collect();
         // the log is the last to go
@@ -261,9 +259,9 @@ fn wait_for(master: &Master, keep_waiting: &dyn Fn() -> bool) -> Result<()> {
 }
 
 /// Looks after the master each second until the session closes.
-fn watch(session: &Weak<Session>, alarm: &(Mutex<bool>, Condvar)) {
+fn watch(session: &Weak<Session>, closed: &(Mutex<bool>, Condvar)) {
     for round in 1_u64.. {
-        let waited = alarm.1.wait_timeout_while(lock(&alarm.0), WATCH_PERIOD, |closed| !*closed);
+        let waited = closed.1.wait_timeout_while(lock(&closed.0), WATCH_PERIOD, |closed| !*closed);
         if *waited.unwrap_or_else(PoisonError::into_inner).0 {
             return;
         }

@@ -43,8 +43,9 @@ pub(crate) fn call<T: TryFromValue>(
     }
     let answer = MethodResponse::from_xml(&answer).map(|response| response.value);
     let parts = answer.and_then(|value| <(i32, Xml, Xml)>::try_from_value(&value));
-    let (code, message, value) = parts
-        .map_err(|_| unreachable(format!("the answer to {method} is not [code, message, value] in XML-RPC")))?;
+    let (code, message, value) = parts.map_err(|_| {
+        unreachable(format!("the answer to {method} is not [code, message, value] in XML-RPC"))
+    })?;
     match (code, message) {
         (1, _) => T::try_from_value(&value).map_err(|error| refused(error.to_string())),
         (_, Xml::String(message)) => Err(CallError::Refused(message)),

@@ -30,10 +30,8 @@ work=$(mktemp -d -t roscausal-ros1-XXXXXX)
 trap 'rm -rf "$work"' EXIT
 
 echo "building the nodes ..."
-(cd "$root" && cargo test --release --locked --no-run -p roscausal_ros1) >"$work/cargo.log" 2>&1 &&
-  (cd "$root" && cargo build --release --locked -p roscausal_ros1 --bins --examples) >>"$work/cargo.log" 2>&1 ||
-  { tail -40 "$work/cargo.log"; broken "cargo could not build roscausal_ros1"; }
-laws=$(sed -n 's|^ *Executable tests/laws.rs (\(.*\))$|\1|p' "$work/cargo.log")
+(cd "$root" && build_all) >"$work/cargo.log" 2>&1 || { tail -40 "$work/cargo.log"; broken "cargo could not build the nodes"; }
+laws=$(sed -n 's|^ *Executable tests/ros1_laws.rs (\(.*\))$|\1|p' "$work/cargo.log")
 case $laws in /*) ;; *) laws=$root/$laws ;; esac
 export ROSCAUSAL_PEER=$target/release/examples/ros1_peer ROSCAUSAL_NODE=$target/release/roscausal_ros1 ROSCAUSAL_LAWS=$laws
 

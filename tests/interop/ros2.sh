@@ -85,8 +85,8 @@ if [ "${ROSCAUSAL_PROFILE:-release}" = release ]; then
   ln -s "$root" "$work/ws/src/roscausal"
   build "$work/ws" --cmake-args "-DROSCAUSAL_CARGO_TARGET_DIR=$target"
   use "$work/ws"
-  (cd "$root" && CARGO_TARGET_DIR=$target cargo build -q --release --locked -p roscausal_ros2 --example ros2_peer) ||
-    broken "cargo did not build the tests' peer"
+  (cd "$root" && CARGO_TARGET_DIR=$target build_all) >"$work/cargo.log" 2>&1 ||
+    { tail -40 "$work/cargo.log"; broken "cargo did not build the tests' peer"; }
   export ROSCAUSAL_BIN=$work/ws/install/roscausal/lib/roscausal ROSCAUSAL_PEER=$target/release/examples/ros2_peer
   export ROSCAUSAL_INSTALL=$work/ws/install
 else
