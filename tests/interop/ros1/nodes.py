@@ -320,7 +320,7 @@ def an_unknown_parameter_and_a_forbidden_value_are_told(_):
         recording.node.line("there is no parameter 'ts_lenght'; did you mean 'ts_length'?")
     group.clean_up()
     with node("data", "_dt:=0") as refused:
-        assert refused.ended() == 1, refused.text
+        assert refused.ended() == 2, refused.text
         told = [line for line in refused.lines if "parameter 'dt': 0 is not allowed; give a number from 0.001 to 60" in line]
         assert len(told) == 1, refused.text
 
