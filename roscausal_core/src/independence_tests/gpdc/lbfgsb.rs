@@ -13,8 +13,10 @@ const M: usize = 10;
 /// Evaluations that one line search may take.
 const MAX_LINE_EVALUATIONS: usize = 20;
 
-/// Share of the decrease at which to stop that a step taken unseen may leave to gain.
-const UNSEEN: f64 = 0.003;
+/// Share of the decrease at which to stop that a step taken unseen may leave to gain. What it leaves is foretold well
+/// only near the minimum: where the step itself gains no more than so many times that decrease.
+const UNSEEN: f64 = 0.3;
+const NEAR: f64 = 30.0;
 
 /// When to stop.
 #[derive(Clone, Copy, Debug)]
@@ -94,7 +96,8 @@ pub(super) fn minimize<const N: usize, E>(
         // Steps gain less and less, and faster and faster so: what the one after this would gain.
         let gain_after = if gain < gain_before { gain * gain / gain_before } else { gain };
         gain_before = gain;
-        if !memory.pairs.is_empty() && gain >= 0.0 && (gain <= enough || gain_after <= UNSEEN * enough) {
+        let leaves_nothing = gain <= NEAR * enough && gain_after <= UNSEEN * enough;
+        if !memory.pairs.is_empty() && gain >= 0.0 && (gain <= enough || leaves_nothing) {
             // The step gains less than would be asked of it, or leaves nothing to gain: it is taken unseen.
             return Ok(Point { x: target, value: at.value - gain, ..at });
         }
