@@ -25,6 +25,11 @@ impl Inputs {
         self.n
     }
 
+    /// Number of dimensions.
+    pub(super) fn dimensions(&self) -> usize {
+        self.values.len() / self.n.max(1)
+    }
+
     /// Writes the kernel between sample `j` and the samples from `from` on into `kernel`, as many as fit, and its
     /// derivative by `ln l` into `derivative` unless that is empty.
     pub(super) fn column(&self, l: f64, j: usize, from: usize, kernel: &mut [f64], derivative: &mut [f64]) {
