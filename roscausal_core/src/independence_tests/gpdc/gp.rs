@@ -51,6 +51,9 @@ const EXACT: f64 = 1e-11;
 const LOW: usize = 16;
 /// Rounding of a remainder.
 const ROUNDING: f64 = 4e-15;
+/// The rank grows by this power, times the number of conditions, of the inverse length scale and of the tolerance's
+/// logarithm: from one evaluation to the next, within a tenth.
+const RANK_GROWTH: f64 = 0.4;
 /// Ratio of samples to noise variance up to which single precision serves the search.
 const WELL_CONDITIONED: f64 = 1e5;
 /// Samples above which matrices are large: then they are counted, and that of the start is not kept.
@@ -185,31 +188,23 @@ impl GaussianProcess {
                 let start = start.get_or_init(|| likelihood(&mut loose)).as_ref()?;
                 let result = start.evaluate(y, theta.s);
                 search.learn(&result);
-                let low_rank = match &start.form {
-                    Form::LowRank(at) => Some(at.pivots().to_vec()),
-                    _ => None,
-                };
-                if low_rank.is_some() && share > TOO_LOOSE * search.share {
-                    return None;
-                }
-                match low_rank {
-                    Some(pivots) => search.hints = pivots,
-                    None => search.too_high_rank = Some((theta.l, loose.tolerance(theta))),
+                let at = (theta.l, loose.tolerance(theta));
+                match &start.form {
+                    Form::LowRank(_) if share > TOO_LOOSE * search.share => return None,
+                    Form::LowRank(form) => search.hints = Some((form.pivots().to_vec(), at)),
+                    _ => search.too_high_rank = Some(at),
                 }
                 Some(result)
             });
         }
+        let used = search.share;
         let mut at = likelihood(search)?;
         let mut result = at.evaluate(y, theta.s);
-        let used = search.share;
         search.learn(&result);
         if matches!(at.form, Form::LowRank(_)) && used > TOO_LOOSE * search.share {
             at = at.tightened(&self.inputs, theta, search, &self.memory)?;
             result = at.evaluate(y, theta.s);
             search.learn(&result);
-        }
-        if let Form::LowRank(at) = &at.form {
-            search.hints = at.pivots().to_vec();
         }
         if y.len() <= LARGE {
             search.last = Some(at);
@@ -226,8 +221,8 @@ struct Search {
     too_high_rank: Option<(f64, f64)>,
     /// Largest component of the smallest gradient so far.
     smallest_gradient: f64,
-    /// Pivots of the last low-rank form.
-    hints: Vec<u32>,
+    /// Pivots of the last low-rank form, and its length scale and tolerance.
+    hints: Option<(Vec<u32>, (f64, f64))>,
     /// Which of the shared factorisations it started with.
     start: usize,
     /// The likelihood at the last place but the start; of large matrices none is kept.
@@ -240,7 +235,7 @@ impl Search {
             share: TIGHTEST,
             too_high_rank: None,
             smallest_gradient: f64::INFINITY,
-            hints: Vec::new(),
+            hints: None,
             start: 0,
             last: None,
         }
@@ -250,6 +245,19 @@ impl Search {
     fn learn(&mut self, (_, gradient): &(f64, [f64; 2])) {
         self.smallest_gradient = self.smallest_gradient.min(gradient[0].abs().max(gradient[1].abs()));
         self.share = share_for(self.smallest_gradient);
+    }
+
+    /// Whether the rank at a length scale and tolerance is known to be too high, or expected to be by that of the last
+    /// low-rank form: to find it out by a factorisation may take a third of the time of the whole matrix.
+    fn expects_too_high_rank(&self, inputs: &Inputs, l: f64, tolerance: f64) -> bool {
+        let max_rank = max_rank(inputs.len());
+        let known = self.too_high_rank.is_some_and(|(at, than)| l <= at && tolerance <= than);
+        let expected = self.hints.as_ref().is_some_and(|(pivots, (at, than))| {
+            let growth = at / l * tolerance.ln() / than.ln();
+            let rank = pivots.len() as f64 * growth.powf(RANK_GROWTH * inputs.dimensions() as f64);
+            pivots.len() > max_rank / 2 && rank > max_rank as f64
+        });
+        known || expected
     }
 
     /// Largest remainder on the diagonal. The error of the derivative by `ln l` is larger than that of the kernel for
@@ -291,12 +299,13 @@ impl Likelihood {
         let hold = |bytes: usize| (n > LARGE).then(|| memory.hold(bytes));
         let gradient = purpose == Purpose::Search;
         let tolerance = search.tolerance(theta);
-        let known = search.too_high_rank.is_some_and(|(l, at)| theta.l <= l && tolerance <= at);
-        if !known {
+        if !search.expects_too_high_rank(inputs, theta.l, tolerance) {
             let held = hold(LowRank::bytes(n, max_rank(n)));
-            let mut factor = Incomplete::new(n, max_rank(n), &search.hints);
+            let hints = search.hints.as_ref().map_or(&[][..], |(pivots, _)| pivots);
+            let mut factor = Incomplete::new(n, max_rank(n), hints);
             let fits = factor.extend(inputs, theta.l, tolerance, max_rank(n)).is_some();
             if let Some(at) = fits.then(|| LowRank::new(inputs, theta, factor, gradient)).flatten() {
+                search.hints = Some((at.pivots().to_vec(), (theta.l, tolerance)));
                 return Some(Self { form: Form::LowRank(at), _held: held });
             }
             search.too_high_rank = Some((theta.l, tolerance));
@@ -322,9 +331,11 @@ impl Likelihood {
         let Form::LowRank(at) = self.form else { return Some(self) };
         let mut factor = at.into_factor();
         let tolerance = search.tolerance(theta);
-        if factor.extend(inputs, theta.l, tolerance, max_rank(inputs.len())).is_some()
+        if !search.expects_too_high_rank(inputs, theta.l, tolerance)
+            && factor.extend(inputs, theta.l, tolerance, max_rank(inputs.len())).is_some()
             && let Some(at) = LowRank::new(inputs, theta, factor, true)
         {
+            search.hints = Some((at.pivots().to_vec(), (theta.l, tolerance)));
             return Some(Self { form: Form::LowRank(at), _held: self._held });
         }
         search.too_high_rank = Some((theta.l, tolerance));

@@ -25,6 +25,11 @@ impl Inputs {
         self.n
     }
 
+    /// Number of dimensions.
+    pub(super) fn dimensions(&self) -> usize {
+        self.values.len() / self.n.max(1)
+    }
+
     /// Writes the kernel between sample `j` and the samples from `from` on into `kernel`, as many as fit, and its
     /// derivative by `ln l` into `derivative` unless that is empty.
     pub(super) fn column(&self, l: f64, j: usize, from: usize, kernel: &mut [f64], derivative: &mut [f64]) {
@@ -153,30 +158,57 @@ struct Dot<'a, T> {
     b: &'a [T],
 }
 
-/// The sum of products as [`NullaryFnOnce`] of a precision, in `$lanes` partial sums.
+/// Partial sums, and how they are added up: in halves, so that vector units do it and no sum waits for the last one.
+const LANES: usize = 8;
+
+#[inline(always)]
+fn sum_of_lanes(mut sums: [f64; LANES]) -> f64 {
+    for half in [4, 2, 1] {
+        for k in 0..half {
+            sums[k] += sums[k + half];
+        }
+    }
+    sums[0]
+}
+
+/// The sum of products as [`NullaryFnOnce`] of a precision, in `$vectors` vectors of partial sums, then in one.
 macro_rules! dot_in {
-    ($precision:ty, $lanes:literal) => {
+    ($precision:ty, $vectors:literal) => {
         impl NullaryFnOnce for Dot<'_, $precision> {
             type Output = f64;
 
             #[inline(always)]
             fn call(self) -> f64 {
-                let mut sums: [$precision; $lanes] = [0.0; $lanes];
-                let (a, b) = (self.a.chunks_exact($lanes), self.b.chunks_exact($lanes));
-                let rest: $precision = a.remainder().iter().zip(b.remainder()).map(|(a, b)| a * b).sum();
+                const WIDTH: usize = $vectors * LANES;
+                let mut sums: [$precision; WIDTH] = [0.0; WIDTH];
+                let (a, b) = (self.a.chunks_exact(WIDTH), self.b.chunks_exact(WIDTH));
+                let rests = (a.remainder().chunks_exact(LANES), b.remainder().chunks_exact(LANES));
                 for (a, b) in a.zip(b) {
-                    for k in 0..$lanes {
+                    for k in 0..WIDTH {
                         sums[k] = a[k].mul_add(b[k], sums[k]);
                     }
                 }
-                sums.iter().map(|&sum| f64::from(sum)).sum::<f64>() + f64::from(rest)
+                let last = rests.0.remainder().iter().zip(rests.1.remainder());
+                let last: f64 = last.map(|(a, b)| f64::from(a * b)).sum();
+                for (a, b) in rests.0.zip(rests.1) {
+                    for k in 0..LANES {
+                        sums[k] = a[k].mul_add(b[k], sums[k]);
+                    }
+                }
+                let mut lanes = [0.0; LANES];
+                for vector in sums.chunks_exact(LANES) {
+                    for k in 0..LANES {
+                        lanes[k] += f64::from(vector[k]);
+                    }
+                }
+                sum_of_lanes(lanes) + last
             }
         }
     };
 }
 
-dot_in!(f64, 32);
-dot_in!(f32, 64);
+dot_in!(f64, 4);
+dot_in!(f32, 8);
 
 #[cfg(test)]
 mod tests {

@@ -13,8 +13,12 @@ const M: usize = 10;
 /// Evaluations that one line search may take.
 const MAX_LINE_EVALUATIONS: usize = 20;
 
-/// Share of the decrease at which to stop that a step taken unseen may leave to gain.
-const UNSEEN: f64 = 0.003;
+/// Share of the decrease at which to stop that a step taken unseen may leave to gain. What it leaves is foretold well
+/// only near the minimum: where the step itself gains no more than so many times that decrease, and no component of the
+/// gradient is more than this share of what it was (in a valley one of them stays).
+const UNSEEN: f64 = 0.3;
+const NEAR: f64 = 30.0;
+const FALLEN: f64 = 0.7;
 
 /// When to stop.
 #[derive(Clone, Copy, Debug)]
@@ -77,6 +81,7 @@ pub(super) fn minimize<const N: usize, E>(
     let mut first = true;
     let mut iteration = 0;
     let mut gain_before = 0.0;
+    let mut gradient_before = [0.0; N];
     while iteration < tolerances.max_iterations
         && bounds.projected_gradient(&at) > tolerances.projected_gradient
     {
@@ -94,7 +99,9 @@ pub(super) fn minimize<const N: usize, E>(
         // Steps gain less and less, and faster and faster so: what the one after this would gain.
         let gain_after = if gain < gain_before { gain * gain / gain_before } else { gain };
         gain_before = gain;
-        if !memory.pairs.is_empty() && gain >= 0.0 && (gain <= enough || gain_after <= UNSEEN * enough) {
+        let fallen = (0..N).all(|i| at.gradient[i].abs() <= FALLEN * f64::abs(gradient_before[i]));
+        let leaves_nothing = fallen && gain <= NEAR * enough && gain_after <= UNSEEN * enough;
+        if !memory.pairs.is_empty() && gain >= 0.0 && (gain <= enough || leaves_nothing) {
             // The step gains less than would be asked of it, or leaves nothing to gain: it is taken unseen.
             return Ok(Point { x: target, value: at.value - gain, ..at });
         }
@@ -117,6 +124,7 @@ pub(super) fn minimize<const N: usize, E>(
             || at.value - next.value <= enough + noise
                 && (noise == 0.0 || gain_between(&at, &next) <= enough);
         memory.remember(&at, &next);
+        gradient_before = at.gradient;
         at = next;
         if converged {
             break;
