@@ -189,12 +189,6 @@ def incompatible_qos_and_wrong_types_are_said_with_both_sides():
 
 
 @test
-def unknown_parameters_are_named_with_the_nearest():
-    with peer("model", count=0, n_var=3) as program, Ros() as ros:
-        ros.until(lambda: "did you mean 'n_vars'" in program.log(), 10, "the warning")
-
-
-@test
 def wrong_starts_end_with_code_2_and_one_sentence():
     with tempfile.NamedTemporaryFile("w", suffix=".yaml") as file:
         file.write("peer:\n  ros__parameters:\n    a: [1, 2\n")

@@ -217,6 +217,30 @@ class Recording:
 
 
 @test
+def unknown_parameters_are_named_with_the_nearest():
+    with node("human", "-p", "target_fram:=map", "-p", "hri.goal:=[1.0, 2.0]", "-p", "goal_param:=/hri/goal") as program, Ros() as ros:
+        ros.until(lambda: "there is no parameter 'target_fram'" in program.log(), 10, "the warning")
+        # A parameter that goal_param names is asked for later.
+        assert program.log().count("there is no parameter") == 1, program.log()
+
+
+@test
+def a_silent_clock_is_told_and_followed_when_it_runs():
+    Clock = message_class("rosgraph_msgs/Clock")
+    with node("robot", "-p", "use_sim_time:=true") as program, Ros() as ros:
+        ros.until(lambda: "/clock has been silent for 5 s" in program.log(), 15, "the warning")
+        clock, message = ros.node.create_publisher(Clock, "/clock", 10), Clock()
+        ros.until(clock.get_subscription_count, 10, "the node at /clock")
+
+        def tell(seconds, words):
+            message.clock.sec = seconds
+            ros.until(lambda: clock.publish(message) or words in program.log(), 10, words)
+
+        tell(100, "/clock runs again, at 100.000 s")
+        tell(7, "jumped back from 100.000 s to 7.000 s")
+
+
+@test
 def a_signal_flushes_the_batch_and_takes_the_node_out_of_the_graph_within_a_second():
     notes = []
     for number in (signal.SIGINT, signal.SIGTERM):
