@@ -39,8 +39,8 @@ environment() {
   echo "$*" >"$folder/complete"
 }
 
-# build_all [--quiet]: builds all programs, tests and examples. Always the whole workspace: a package alone has its dependencies with other
-# features, and builds them once more.
+# build_all [--quiet]: builds all programs, tests and examples. Always the whole workspace: a package alone has its
+# dependencies with other features, and builds them once more.
 build_all() {
   cargo test --release --workspace --locked --no-run "$@"
 }
