@@ -6,13 +6,7 @@ pub mod console;
 mod life;
 pub mod program;
 
-use std::sync::{Mutex, MutexGuard, PoisonError};
-
 pub use clock::{Clock, steady};
 pub use console::Console;
 pub use life::Life;
-
-/// Locks; what a panic left behind is taken as it is.
-pub fn lock<T: ?Sized>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
-    mutex.lock().unwrap_or_else(PoisonError::into_inner)
-}
+pub use roscausal_core::gate::lock;

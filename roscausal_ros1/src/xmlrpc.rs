@@ -38,13 +38,11 @@ pub(crate) fn call<T: TryFromValue>(
     let request = MethodCall { name: method.into(), params };
     let request = request.to_xml().map_err(|error| refused(error.to_string()))?;
     let answer = post(uri, &request, patience).map_err(unreachable)?;
-    if let Ok(FaultResponse { fault }) = FaultResponse::from_xml(&answer) {
-        return Err(refused(fault.to_string()));
-    }
-    let answer = MethodResponse::from_xml(&answer).map(|response| response.value);
-    let parts = answer.and_then(|value| <(i32, Xml, Xml)>::try_from_value(&value));
-    let (code, message, value) = parts.map_err(|_| {
-        unreachable(format!("the answer to {method} is not [code, message, value] in XML-RPC"))
+    let value = MethodResponse::from_xml(&answer).map(|response| response.value);
+    let parts = value.and_then(|value| <(i32, Xml, Xml)>::try_from_value(&value));
+    let (code, message, value) = parts.map_err(|_| match FaultResponse::from_xml(&answer) {
+        Ok(FaultResponse { fault }) => refused(fault.to_string()),
+        Err(_) => unreachable(format!("the answer to {method} is not [code, message, value] in XML-RPC")),
     })?;
     match (code, message) {
         (1, _) => T::try_from_value(&value).map_err(|error| refused(error.to_string())),
@@ -146,6 +144,22 @@ mod tests {
             }
         });
         uri
+    }
+
+    #[test]
+    fn a_fault_is_a_refusal_with_its_words() {
+        let (sender, receiver) = std::sync::mpsc::channel();
+        let uri = server(receiver);
+        let body = "<?xml version='1.0'?><methodResponse><fault><value><struct><member><name>faultCode</name><value>\
+                    <int>1</int></value></member><member><name>faultString</name><value><string>no such method\
+                    </string></value></member></struct></value></fault></methodResponse>";
+        let answer = format!("HTTP/1.1 200 OK\r\nContent-Length: {}\r\n\r\n{body}", body.len());
+        sender.send(answer.into_bytes()).unwrap();
+        let answer = call::<i32>(&uri, "getPit", vec![], Duration::from_secs(2));
+        assert!(
+            matches!(&answer, Err(CallError::Refused(reason)) if reason.contains("getPit") && reason.contains("no such method")),
+            "{answer:?}"
+        );
     }
 
     #[test]

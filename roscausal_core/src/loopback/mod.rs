@@ -21,14 +21,14 @@ pub use topics::{LoopbackPublisher, LoopbackSubscription};
 use std::{
     collections::{BTreeMap, VecDeque},
     sync::{
-        Arc, Mutex, MutexGuard, PoisonError, Weak,
+        Arc, Mutex, MutexGuard, Weak,
         atomic::{AtomicBool, AtomicI64, AtomicU64, Ordering},
     },
     thread::{self, JoinHandle, ThreadId},
     time::Duration,
 };
 
-use crate::{Error, Result, Time, inbox::Consumer, params::Value};
+use crate::{Error, Result, Time, gate::lock, inbox::Consumer, params::Value};
 
 use task::Task;
 use topics::{Payload, Slot, Topic};
@@ -99,10 +99,6 @@ impl BusState {
     fn add(&mut self, member: Member) {
         Arc::make_mut(&mut self.members).push(member);
     }
-}
-
-fn lock<T: ?Sized>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
-    mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 impl Loopback {

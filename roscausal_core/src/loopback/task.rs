@@ -9,8 +9,8 @@ use std::{
     thread,
 };
 
-use super::{LoopbackNode, lock};
-use crate::middleware::Middleware;
+use super::LoopbackNode;
+use crate::{gate::lock, middleware::Middleware};
 
 /// A node's future, gone once it has ended.
 #[derive(Default)]

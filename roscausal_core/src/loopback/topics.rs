@@ -7,10 +7,10 @@ use std::{
     sync::{Arc, Mutex},
 };
 
-use super::{Bus, BusState, lock};
+use super::{Bus, BusState};
 use crate::{
     Error, Message, Result,
-    gate::Gate,
+    gate::{Gate, lock},
     middleware::{Publish, Qos},
 };
 
