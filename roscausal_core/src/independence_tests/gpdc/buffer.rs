@@ -33,6 +33,21 @@ impl Buffer {
         Self { memory: fitting.unwrap_or_else(|| vec![0.0; n.next_multiple_of(GRAIN)]), n }
     }
 
+    /// Memory for `n` numbers of any precision, with any content.
+    pub(super) fn of<T>(n: usize) -> Self {
+        Self::any((n * size_of::<T>()).div_ceil(size_of::<f64>()))
+    }
+
+    /// The first `n` numbers of a precision.
+    pub(super) fn numbers<T: bytemuck::Pod>(&self, n: usize) -> &[T] {
+        &bytemuck::cast_slice(&self[..])[..n]
+    }
+
+    /// The same to write.
+    pub(super) fn numbers_mut<T: bytemuck::Pod>(&mut self, n: usize) -> &mut [T] {
+        &mut bytemuck::cast_slice_mut(&mut self[..])[..n]
+    }
+
     /// An array of `n` zeros.
     pub(super) fn zeros(n: usize) -> Self {
         let mut buffer = Self::any(n);

@@ -34,6 +34,8 @@ pub(super) trait Real: ComplexField + bytemuck::Pod {
     fn dot(a: &[Self], b: &[Self]) -> f64;
     /// `sums += factor * values`.
     fn add_multiple(sums: &mut [Self], values: &[Self], factor: Self);
+    /// [`Inputs::column`] in this precision.
+    fn column(inputs: &Inputs, l: f64, j: usize, from: usize, kernel: &mut [Self], derivative: &mut [Self]);
 }
 
 impl Real for f64 {
@@ -51,6 +53,10 @@ impl Real for f64 {
 
     fn add_multiple(sums: &mut [Self], values: &[Self], factor: Self) {
         sums.iter_mut().zip(values).for_each(|(sum, value)| *sum += value * factor);
+    }
+
+    fn column(inputs: &Inputs, l: f64, j: usize, from: usize, kernel: &mut [Self], derivative: &mut [Self]) {
+        inputs.column(l, j, from, kernel, derivative);
     }
 }
 
@@ -70,15 +76,10 @@ impl Real for f32 {
     fn add_multiple(sums: &mut [Self], values: &[Self], factor: Self) {
         sums.iter_mut().zip(values).for_each(|(sum, value)| *sum += value * factor);
     }
-}
 
-/// Memory for `n` numbers.
-fn numbers<T>(n: usize) -> Buffer {
-    Buffer::any((n * size_of::<T>()).div_ceil(size_of::<f64>()))
-}
-
-fn view_mut<T: Real>(buffer: &mut Buffer, n: usize) -> &mut [T] {
-    &mut bytemuck::cast_slice_mut(&mut buffer[..])[..n]
+    fn column(inputs: &Inputs, l: f64, j: usize, from: usize, kernel: &mut [Self], derivative: &mut [Self]) {
+        inputs.column_of_singles(l, j, from, kernel, derivative);
+    }
 }
 
 /// `A = K + s I = L L'` in precision `T`.
@@ -103,14 +104,10 @@ impl<T: Real> Dense<T> {
     /// precision.
     pub(super) fn new(inputs: &Inputs, theta: Theta, for_search: bool) -> Option<Self> {
         let n = inputs.len();
-        let (mut factor, mut parts) = (numbers::<T>(n * n), numbers::<T>(if for_search { n * n } else { 0 }));
-        fill::<T>(
-            inputs,
-            theta,
-            view_mut(&mut factor, n * n),
-            for_search.then(|| view_mut(&mut parts, n * n)),
-        );
-        let matrix = view_mut::<T>(&mut factor, n * n);
+        let (mut factor, mut parts) =
+            (Buffer::of::<T>(n * n), Buffer::of::<T>(if for_search { n * n } else { 0 }));
+        fill::<T>(inputs, theta, factor.numbers_mut(n * n), for_search.then(|| parts.numbers_mut(n * n)));
+        let matrix = factor.numbers_mut::<T>(n * n);
         let scratch = llt::factor::cholesky_in_place_scratch::<T>(n, Par::Seq, Default::default());
         llt::factor::cholesky_in_place(
             MatMut::from_column_major_slice_mut(matrix, n, n),
@@ -132,7 +129,7 @@ impl<T: Real> Dense<T> {
                 precision: PhantomData,
             });
         }
-        let inverse = view_mut::<T>(&mut parts, n * n);
+        let inverse = parts.numbers_mut::<T>(n * n);
         triangular_inverse::invert_lower_triangular(
             MatMut::from_column_major_slice_mut(inverse, n, n),
             MatRef::from_column_major_slice(matrix, n, n),
@@ -176,32 +173,28 @@ impl<T: Real> Dense<T> {
     }
 
     fn view(&self) -> &[T] {
-        &bytemuck::cast_slice(&self.parts)[..self.n * self.n]
+        self.parts.numbers(self.n * self.n)
     }
 }
 
 /// Writes `A` on and below the diagonal of `factor`, and `dK / d ln l` above the diagonal of `parts`.
 fn fill<T: Real>(inputs: &Inputs, theta: Theta, factor: &mut [T], mut parts: Option<&mut [T]>) {
     let n = inputs.len();
-    let mut kernel = vec![0.0; n];
-    let mut derivatives = vec![0.0; LINE * n];
+    let mut derivatives = vec![T::zeroed(); LINE * n];
     for first in (0..n).step_by(LINE) {
         let height = n - first;
         let lines = LINE.min(height);
         for (k, derivative) in derivatives.chunks_exact_mut(n).take(lines).enumerate() {
             let j = first + k;
             let derivative = if parts.is_some() { &mut derivative[..height] } else { &mut [] };
-            inputs.column(theta.l, j, first, &mut kernel[..height], derivative);
-            kernel[k] += theta.s;
-            let column = &mut factor[j * n + first..(j + 1) * n];
-            column.iter_mut().zip(&kernel).for_each(|(to, &from)| *to = T::from_double(from));
+            let kernel = &mut factor[j * n + first..(j + 1) * n];
+            T::column(inputs, theta.l, j, first, kernel, derivative);
+            kernel[k] = T::from_double(1.0 + theta.s);
         }
         let Some(parts) = parts.as_deref_mut() else { continue };
         for i in first + 1..n {
             let line = &mut parts[i * n + first..][..lines.min(i - first)];
-            line.iter_mut()
-                .enumerate()
-                .for_each(|(k, value)| *value = T::from_double(derivatives[k * n + i - first]));
+            line.iter_mut().enumerate().for_each(|(k, value)| *value = derivatives[k * n + i - first]);
         }
     }
 }

@@ -10,6 +10,8 @@ pub(super) struct Inputs {
     n: usize,
     /// One run of `n` values per dimension.
     values: Vec<f64>,
+    /// The same in single precision.
+    singles: Vec<f32>,
     arch: Arch,
 }
 
@@ -17,7 +19,9 @@ impl Inputs {
     /// Inputs from one row of samples per dimension.
     pub(super) fn new(rows: &[Vec<f64>]) -> Self {
         let n = rows.first().map_or(0, Vec::len);
-        Self { n, values: rows.concat(), arch: Arch::new() }
+        let values = rows.concat();
+        let singles = values.iter().map(|&value| value as f32).collect();
+        Self { n, values, singles, arch: Arch::new() }
     }
 
     /// Number of samples.
@@ -33,7 +37,21 @@ impl Inputs {
     /// Writes the kernel between sample `j` and the samples from `from` on into `kernel`, as many as fit, and its
     /// derivative by `ln l` into `derivative` unless that is empty.
     pub(super) fn column(&self, l: f64, j: usize, from: usize, kernel: &mut [f64], derivative: &mut [f64]) {
-        self.arch.dispatch(Column { inputs: self, scale: -0.5 / (l * l), j, from, kernel, derivative });
+        let (n, values, scale) = (self.n, &self.values, -0.5 / (l * l));
+        self.arch.dispatch(Column { n, values, scale, j, from, kernel, derivative });
+    }
+
+    /// The same in single precision.
+    pub(super) fn column_of_singles(
+        &self,
+        l: f64,
+        j: usize,
+        from: usize,
+        kernel: &mut [f32],
+        derivative: &mut [f32],
+    ) {
+        let (n, values, scale) = (self.n, &self.singles, (-0.5 / (l * l)) as f32);
+        self.arch.dispatch(Column { n, values, scale, j, from, kernel, derivative });
     }
 
     /// `dK / d ln l` between the samples of `chosen`: symmetric, column-major.
@@ -51,63 +69,72 @@ impl Inputs {
 
 /// One call of [`Inputs::column`]. A type and not a closure, because only what is inlined into the dispatch is
 /// compiled for the vector units.
-struct Column<'a> {
-    inputs: &'a Inputs,
-    scale: f64,
+struct Column<'a, T> {
+    n: usize,
+    values: &'a [T],
+    scale: T,
     j: usize,
     from: usize,
-    kernel: &'a mut [f64],
-    derivative: &'a mut [f64],
+    kernel: &'a mut [T],
+    derivative: &'a mut [T],
 }
 
-/// Samples that are worked on at a time.
-const BLOCK: usize = 16;
+/// The columns as [`NullaryFnOnce`] of a precision, `$block` samples at a time.
+macro_rules! column_in {
+    ($precision:ty, $block:literal, $exp_of_negative:ident) => {
+        impl NullaryFnOnce for Column<'_, $precision> {
+            type Output = ();
 
-impl NullaryFnOnce for Column<'_> {
-    type Output = ();
-
-    #[inline(always)]
-    fn call(self) {
-        let Self { inputs, scale, j, from, kernel, derivative } = self;
-        let rows = || inputs.values.chunks_exact(inputs.n).map(|row| (row[j], &row[from..]));
-        let m = kernel.len();
-        if m < BLOCK {
-            for (i, k) in kernel.iter_mut().enumerate() {
-                let sum =
-                    rows().fold(0.0, |sum, (centre, row)| (row[i] - centre).mul_add(row[i] - centre, sum));
-                *k = exp_of_negative(scale * sum);
-                if let Some(d) = derivative.get_mut(i) {
-                    *d = -2.0 * scale * sum * *k;
+            #[inline(always)]
+            fn call(self) {
+                const BLOCK: usize = $block;
+                let Self { n, values, scale, j, from, kernel, derivative } = self;
+                let rows = || values.chunks_exact(n).map(|row| (row[j], &row[from..]));
+                let m = kernel.len();
+                if m < BLOCK {
+                    for (i, k) in kernel.iter_mut().enumerate() {
+                        let square = |sum, (centre, row): ($precision, &[$precision])| {
+                            (row[i] - centre).mul_add(row[i] - centre, sum)
+                        };
+                        let sum = rows().fold(0.0, square);
+                        *k = $exp_of_negative(scale * sum);
+                        if let Some(d) = derivative.get_mut(i) {
+                            *d = -2.0 * scale * sum * *k;
+                        }
+                    }
+                    return;
+                }
+                // In blocks that stay in registers; the last block overlaps the one before it.
+                for at in (0..m).step_by(BLOCK) {
+                    let at = at.min(m - BLOCK);
+                    let mut exponents: [$precision; BLOCK] = [0.0; BLOCK];
+                    for (centre, row) in rows() {
+                        let Some(row) = row[at..].first_chunk::<BLOCK>() else { continue };
+                        for k in 0..BLOCK {
+                            let difference = row[k] - centre;
+                            exponents[k] = difference.mul_add(difference, exponents[k]);
+                        }
+                    }
+                    let mut values: [$precision; BLOCK] = [0.0; BLOCK];
+                    for k in 0..BLOCK {
+                        exponents[k] *= scale;
+                        values[k] = $exp_of_negative(exponents[k]);
+                    }
+                    kernel[at..at + BLOCK].copy_from_slice(&values);
+                    if !derivative.is_empty() {
+                        for k in 0..BLOCK {
+                            values[k] *= -2.0 * exponents[k];
+                        }
+                        derivative[at..at + BLOCK].copy_from_slice(&values);
+                    }
                 }
             }
-            return;
         }
-        // In blocks that stay in registers; the last block overlaps the one before it.
-        for at in (0..m).step_by(BLOCK) {
-            let at = at.min(m - BLOCK);
-            let mut exponents = [0.0; BLOCK];
-            for (centre, row) in rows() {
-                let Some(row) = row[at..].first_chunk::<BLOCK>() else { continue };
-                for k in 0..BLOCK {
-                    let difference = row[k] - centre;
-                    exponents[k] = difference.mul_add(difference, exponents[k]);
-                }
-            }
-            let mut values = [0.0; BLOCK];
-            for k in 0..BLOCK {
-                exponents[k] *= scale;
-                values[k] = exp_of_negative(exponents[k]);
-            }
-            kernel[at..at + BLOCK].copy_from_slice(&values);
-            if !derivative.is_empty() {
-                for k in 0..BLOCK {
-                    values[k] *= -2.0 * exponents[k];
-                }
-                derivative[at..at + BLOCK].copy_from_slice(&values);
-            }
-        }
-    }
+    };
 }
+
+column_in!(f64, 32, exp_of_negative);
+column_in!(f32, 64, exp_of_negative_single);
 
 /// `exp(x)` for `x <= 0` within 1 unit in the last place; 0 below -708. No branch and no call, so that loops over
 /// it vectorise: `2^k` by its bits times a polynomial on `|r| <= ln(2)/2`.
@@ -141,6 +168,27 @@ fn exp_of_negative(x: f64) -> f64 {
     let power = f64::from_bits((shifted.to_bits() << 52).wrapping_add(1023 << 52));
     let value = q * power;
     if x < -708.0 { 0.0 } else { value }
+}
+
+/// The same in single precision, within 2 units in the last place; 0 below -87.
+#[inline(always)]
+fn exp_of_negative_single(x: f32) -> f32 {
+    /// 1.5 * 2^23.
+    const ROUND: f32 = 12_582_912.0;
+    const LN_2_HIGH: f32 = 0.693_359_4;
+    const LN_2_LOW: f32 = -2.121_944_4e-4;
+    let clamped = if x < -87.0 { -87.0 } else { x };
+    let shifted = clamped.mul_add(std::f32::consts::LOG2_E, ROUND);
+    let k = shifted - ROUND;
+    let r = k.mul_add(-LN_2_LOW, k.mul_add(-LN_2_HIGH, clamped));
+    // 1 + r + r^2 q(r), q of degree 4 by Chebyshev interpolation: within 2e-8.
+    let mut q = 1.392_618_4e-3_f32;
+    for coefficient in [8.363_179e-3, 4.166_655_5e-2, 1.666_657_7e-1, 0.5, 1.0, 1.0] {
+        q = q.mul_add(r, coefficient);
+    }
+    let power = f32::from_bits((shifted.to_bits() << 23).wrapping_add(127 << 23));
+    let value = q * power;
+    if x < -87.0 { 0.0 } else { value }
 }
 
 /// Sum of products in partial sums whose order is fixed.
@@ -221,6 +269,12 @@ mod tests {
             let (got, expected) = (exp_of_negative(x), x.exp());
             assert!((got - expected).abs() <= 4.5e-16 * expected, "{x}: {got} {expected}");
         }
+        for i in 0..87_000 {
+            let x = i as f32 * -1e-3;
+            let (got, expected) = (f64::from(exp_of_negative_single(x)), f64::from(x).exp());
+            assert!((got - expected).abs() <= 2.4e-7 * expected, "{x}: {got} {expected}");
+        }
+        assert_eq!((exp_of_negative_single(-1e30), exp_of_negative_single(0.0)), (0.0, 1.0));
         assert_eq!(exp_of_negative(-1e300), 0.0);
         assert_eq!(exp_of_negative(f64::NEG_INFINITY), 0.0);
         assert_eq!(exp_of_negative(0.0), 1.0);
