@@ -7,7 +7,7 @@ use super::{
     incomplete::Incomplete,
     kernel::{Inputs, dot},
     lbfgsb::{Bounds, Point, Tolerances, minimize},
-    low_rank::LowRank,
+    low_rank::{Derivative, LowRank},
     memory::{Held, Memory},
     refine,
 };
@@ -34,7 +34,7 @@ impl Theta {
 const FAR: f64 = 11.512_925_464_970_229;
 /// Bounds of the logarithms of both hyperparameters.
 const BOUNDS: Bounds<2> = Bounds { lower: [-FAR; 2], upper: [FAR; 2] };
-/// Errors of the likelihood's values that the search reckons with, relative to them.
+/// Rounding errors of the likelihood's values that the search reckons with, relative to them.
 const NOISE: f64 = 1e-6;
 /// What the kernel matrix may lack on its diagonal while the search goes, as a share of the noise variance: by the
 /// gradient (see [`share_for`]), within these bounds; and for the residuals at the end.
@@ -42,6 +42,13 @@ const LOOSEST: f64 = 1e-2;
 const TIGHTEST: f64 = 1e-6;
 const PER_GRADIENT: f64 = 1e-5;
 const AT_THE_END: f64 = 1e-8;
+/// The same for the consistent derivative: so many times as much, within bounds. It takes so many times as long at the same
+/// rank.
+const CONSISTENT: f64 = 5.0;
+const CONSISTENT_TIGHTEST: f64 = 1e-5;
+const CONSISTENT_COST: f64 = 1.25;
+/// Ranks below which the time is spent elsewhere.
+const LOW_RANK: f64 = 40.0;
 /// A likelihood that turns out looser than its gradient asks for by this factor is made exact enough.
 const TOO_LOOSE: f64 = 50.0;
 /// Shares that the start is tried with.
@@ -137,11 +144,11 @@ impl GaussianProcess {
             |logarithms| {
                 check()?;
                 let theta = Theta::from_logarithms(logarithms);
-                Ok(self.evaluate(target, theta, &mut search).unwrap_or((f64::INFINITY, [0.0; 2])))
+                Ok(self.evaluate(target, theta, &mut search).unwrap_or((f64::INFINITY, [0.0; 2], 0.0)))
             },
             [0.0; 2],
             &BOUNDS,
-            &Tolerances { noise: NOISE, ..Tolerances::default() },
+            &Tolerances::default(),
         )?;
         Ok((optimum, search))
     }
@@ -157,7 +164,7 @@ impl GaussianProcess {
             let tolerance = (EXACT * theta.s.min(1.0)).max(ROUNDING);
             let mut factor = Incomplete::new(n, n / 4, at.pivots());
             if factor.extend(&self.inputs, theta.l, tolerance, n / 4).is_some()
-                && let Some(end) = LowRank::new(&self.inputs, theta, factor, false)
+                && let Some(end) = LowRank::new(&self.inputs, theta, factor, None)
             {
                 return Some(end.alpha(y));
             }
@@ -170,13 +177,12 @@ impl GaussianProcess {
             }
         }
         drop(nearest);
-        search.share = AT_THE_END;
         let end = Likelihood::new(&self.inputs, theta, Purpose::Residuals, &mut search, &self.memory)?;
         Some(end.alpha(y))
     }
 
-    /// Minus the log marginal likelihood and its gradient by `(ln l, ln s)`.
-    fn evaluate(&self, y: &[f64], theta: Theta, search: &mut Search) -> Option<(f64, [f64; 2])> {
+    /// Minus the log marginal likelihood, its gradient by `(ln l, ln s)`, and how far off the value may be.
+    fn evaluate(&self, y: &[f64], theta: Theta, search: &mut Search) -> Option<(f64, [f64; 2], f64)> {
         search.last = None;
         let at_start = theta == Theta::START && y.len() <= LARGE;
         let likelihood =
@@ -188,7 +194,7 @@ impl GaussianProcess {
                 let start = start.get_or_init(|| likelihood(&mut loose)).as_ref()?;
                 let result = start.evaluate(y, theta.s);
                 search.learn(&result);
-                let at = (theta.l, loose.tolerance(theta));
+                let at = (theta.l, loose.plan(&self.inputs, theta).0);
                 match &start.form {
                     Form::LowRank(_) if share > TOO_LOOSE * search.share => return None,
                     Form::LowRank(form) => search.hints = Some((form.pivots().to_vec(), at)),
@@ -242,7 +248,7 @@ impl Search {
     }
 
     /// Takes a result: the smaller the gradients, the more exact the next likelihood.
-    fn learn(&mut self, (_, gradient): &(f64, [f64; 2])) {
+    fn learn(&mut self, (_, gradient, _): &(f64, [f64; 2], f64)) {
         self.smallest_gradient = self.smallest_gradient.min(gradient[0].abs().max(gradient[1].abs()));
         self.share = share_for(self.smallest_gradient);
     }
@@ -252,19 +258,42 @@ impl Search {
     fn expects_too_high_rank(&self, inputs: &Inputs, l: f64, tolerance: f64) -> bool {
         let max_rank = max_rank(inputs.len());
         let known = self.too_high_rank.is_some_and(|(at, than)| l <= at && tolerance <= than);
-        let expected = self.hints.as_ref().is_some_and(|(pivots, (at, than))| {
-            let growth = at / l * tolerance.ln() / than.ln();
-            let rank = pivots.len() as f64 * growth.powf(RANK_GROWTH * inputs.dimensions() as f64);
-            pivots.len() > max_rank / 2 && rank > max_rank as f64
+        let expected = self.hints.as_ref().is_some_and(|(pivots, _)| {
+            pivots.len() > max_rank / 2
+                && self.expected_rank(inputs, l, tolerance).is_some_and(|rank| rank > max_rank as f64)
         });
         known || expected
     }
 
-    /// Largest remainder on the diagonal. The error of the derivative by `ln l` is larger than that of the kernel for
-    /// long length scales (of inputs of unit variance), which the tolerance makes good; the rank is low there.
-    fn tolerance(&self, theta: Theta) -> f64 {
-        (self.share * theta.s.min(1.0) / theta.l.max(1.0)).max(ROUNDING)
+    /// The rank at a length scale and tolerance by that of the last low-rank form.
+    fn expected_rank(&self, inputs: &Inputs, l: f64, tolerance: f64) -> Option<f64> {
+        self.hints.as_ref().map(|(pivots, (at, than))| {
+            let growth = at / l * tolerance.ln() / than.ln();
+            pivots.len() as f64 * growth.powf(RANK_GROWTH * inputs.dimensions() as f64)
+        })
     }
+
+    /// Largest remainder on the diagonal, and the derivative that asks for it: the one that takes less time, by the ranks
+    /// to be expected.
+    fn plan(&self, inputs: &Inputs, theta: Theta) -> (f64, Derivative) {
+        let interpolated = tolerance(self.share, theta);
+        let share = (CONSISTENT * self.share).clamp(CONSISTENT_TIGHTEST, LOOSEST);
+        let consistent = share * theta.s.min(1.0);
+        let ranks = (interpolated.ln() / consistent.ln()).powf(RANK_GROWTH * inputs.dimensions() as f64);
+        let low = self.expected_rank(inputs, theta.l, interpolated).is_some_and(|rank| rank < LOW_RANK);
+        let single = inputs.len() as f64 <= WELL_CONDITIONED * theta.s;
+        if single && !low && ranks * ranks > CONSISTENT_COST {
+            (consistent, Derivative::Consistent)
+        } else {
+            (interpolated, Derivative::Interpolated)
+        }
+    }
+}
+
+/// Largest remainder on the diagonal for a share of the noise variance. The error of the interpolated derivative is larger
+/// than that of the kernel for long length scales (of inputs of unit variance), which this makes good.
+fn tolerance(share: f64, theta: Theta) -> f64 {
+    (share * theta.s.min(1.0) / theta.l.max(1.0)).max(ROUNDING)
 }
 
 /// The share of the noise variance that leaves an error of a few percent in a gradient of this size.
@@ -298,13 +327,18 @@ impl Likelihood {
         let n = inputs.len();
         let hold = |bytes: usize| (n > LARGE).then(|| memory.hold(bytes));
         let gradient = purpose == Purpose::Search;
-        let tolerance = search.tolerance(theta);
+        let (tolerance, derivative) = match purpose {
+            Purpose::Search => search.plan(inputs, theta),
+            Purpose::Residuals => (tolerance(AT_THE_END, theta), Derivative::Interpolated),
+        };
         if !search.expects_too_high_rank(inputs, theta.l, tolerance) {
             let held = hold(LowRank::bytes(n, max_rank(n)));
             let hints = search.hints.as_ref().map_or(&[][..], |(pivots, _)| pivots);
             let mut factor = Incomplete::new(n, max_rank(n), hints);
             let fits = factor.extend(inputs, theta.l, tolerance, max_rank(n)).is_some();
-            if let Some(at) = fits.then(|| LowRank::new(inputs, theta, factor, gradient)).flatten() {
+            if let Some(at) =
+                fits.then(|| LowRank::new(inputs, theta, factor, gradient.then_some(derivative))).flatten()
+            {
                 search.hints = Some((at.pivots().to_vec(), (theta.l, tolerance)));
                 return Some(Self { form: Form::LowRank(at), _held: held });
             }
@@ -330,10 +364,10 @@ impl Likelihood {
     ) -> Option<Self> {
         let Form::LowRank(at) = self.form else { return Some(self) };
         let mut factor = at.into_factor();
-        let tolerance = search.tolerance(theta);
+        let (tolerance, derivative) = search.plan(inputs, theta);
         if !search.expects_too_high_rank(inputs, theta.l, tolerance)
             && factor.extend(inputs, theta.l, tolerance, max_rank(inputs.len())).is_some()
-            && let Some(at) = LowRank::new(inputs, theta, factor, true)
+            && let Some(at) = LowRank::new(inputs, theta, factor, Some(derivative))
         {
             search.hints = Some((at.pivots().to_vec(), (theta.l, tolerance)));
             return Some(Self { form: Form::LowRank(at), _held: self._held });
@@ -343,7 +377,7 @@ impl Likelihood {
         Self::new(inputs, theta, Purpose::Search, search, memory)
     }
 
-    fn evaluate(&self, y: &[f64], s: f64) -> (f64, [f64; 2]) {
+    fn evaluate(&self, y: &[f64], s: f64) -> (f64, [f64; 2], f64) {
         let (traces, (alpha, curvature)) = match &self.form {
             Form::Dense(at) => (at.traces, at.solve(y)),
             Form::Single(at) => (at.traces, at.solve(y)),
@@ -351,7 +385,12 @@ impl Likelihood {
         };
         let gradient =
             [0.5 * (traces.derivative - curvature), 0.5 * s * (traces.inverse - dot(&alpha, &alpha))];
-        (self.value(y, &alpha), gradient)
+        let value = self.value(y, &alpha);
+        let missing = match &self.form {
+            Form::LowRank(at) => at.missing(&alpha),
+            _ => 0.0,
+        };
+        (value, gradient, NOISE * value.abs().max(1.0) + missing)
     }
 
     /// `(K + s I)^-1 y`.
@@ -396,10 +435,10 @@ mod tests {
         Likelihood { form, _held: None }
     }
 
-    fn low_rank(inputs: &Inputs, theta: Theta, tolerance: f64) -> Likelihood {
+    fn low_rank(inputs: &Inputs, theta: Theta, tolerance: f64, derivative: Derivative) -> Likelihood {
         let mut factor = Incomplete::new(inputs.len(), inputs.len(), &[]);
         factor.extend(inputs, theta.l, tolerance, inputs.len()).unwrap();
-        alone(Form::LowRank(LowRank::new(inputs, theta, factor, true).unwrap()))
+        alone(Form::LowRank(LowRank::new(inputs, theta, factor, Some(derivative)).unwrap()))
     }
 
     fn samples(n: usize, d: usize, seed: u64) -> (Vec<Vec<f64>>, Vec<f64>) {
@@ -429,11 +468,10 @@ mod tests {
                 (by_definition(&rows, &y, at(1.0)) - by_definition(&rows, &y, at(-1.0))) / (2.0 * h)
             };
             let expected_gradient = [slope(h, 0.0), slope(0.0, h)];
-            let tolerance = Search { share: 1e-10, ..Search::new() }.tolerance(theta) / theta.l.max(1.0);
+            let tolerance = (tolerance(1e-10, theta) / theta.l.max(1.0)).max(ROUNDING);
             let dense = Dense::<f64>::new(&inputs, theta, true).map(Form::Dense).map(alone).unwrap();
             let end = Dense::<f64>::new(&inputs, theta, false).map(Form::Dense).map(alone).unwrap();
-            let low_rank = low_rank(&inputs, theta, tolerance);
-            let (value, gradient) = dense.evaluate(&y, theta.s);
+            let (value, gradient, _) = dense.evaluate(&y, theta.s);
             let alpha = end.alpha(&y);
             let value_at_end = end.value(&y, &alpha);
             prop_assert!((value - expected).abs() < 1e-9 * expected.abs().max(1.0));
@@ -441,7 +479,8 @@ mod tests {
             for (got, expected) in gradient.iter().zip(expected_gradient) {
                 prop_assert!((got - expected).abs() < 1e-5 * expected.abs().max(1.0), "{got} {expected}");
             }
-            let (low_value, low_gradient) = low_rank.evaluate(&y, theta.s);
+            let low_rank = low_rank(&inputs, theta, tolerance, Derivative::Interpolated);
+            let (low_value, low_gradient, _) = low_rank.evaluate(&y, theta.s);
             let low_alpha = low_rank.alpha(&y);
             prop_assert!((value - low_value).abs() < 1e-8 * value.abs().max(1.0), "{value} {low_value}");
             for (dense, low) in gradient.iter().zip(low_gradient) {
@@ -453,12 +492,32 @@ mod tests {
             // Single precision, where the search would use it.
             if n as f64 <= WELL_CONDITIONED * theta.s {
                 let single = Dense::<f32>::new(&inputs, theta, true).map(Form::Single).map(alone).unwrap();
-                let (single_value, single_gradient) = single.evaluate(&y, theta.s);
+                let (single_value, single_gradient, _) = single.evaluate(&y, theta.s);
                 let limit = 1e-5 * (1.0 + 0.01 / theta.s) * value.abs().max(1.0);
                 prop_assert!((value - single_value).abs() < limit, "{value} {single_value}");
                 for (dense, single) in gradient.iter().zip(single_gradient) {
                     prop_assert!((dense - single).abs() < 100.0 * limit, "{dense} {single}");
                 }
+            }
+        }
+
+        /// At the tightest tolerance, whose share of the noise variance times the samples is the unit of both errors.
+        #[test]
+        fn the_consistent_derivative_is_exact_enough(
+            d in 1usize..5, n in 20usize..120, seed in 0u64..1000, log_l in -1.0f64..2.0, log_s in -4.0f64..1.0,
+        ) {
+            let (rows, y) = samples(n, d, seed);
+            let (rows, y) = (rows.iter().map(|row| standardized(row)).collect::<Vec<_>>(), standardized(&y));
+            let theta = Theta { l: log_l.exp(), s: log_s.exp() };
+            let inputs = Inputs::new(&rows);
+            let exact = alone(Form::Dense(Dense::<f64>::new(&inputs, theta, true).unwrap()));
+            let low_rank = low_rank(&inputs, theta, CONSISTENT_TIGHTEST * theta.s.min(1.0), Derivative::Consistent);
+            let (value, gradient, _) = exact.evaluate(&y, theta.s);
+            let (low_value, low_gradient, _) = low_rank.evaluate(&y, theta.s);
+            let unit = n as f64 * CONSISTENT_TIGHTEST / theta.s.min(1.0);
+            prop_assert!((value - low_value).abs() < 5.0 * unit, "{value} {low_value}");
+            for (exact, low) in gradient.iter().zip(low_gradient) {
+                prop_assert!((exact - low).abs() < 25.0 * unit, "{exact} {low}");
             }
         }
     }
@@ -469,7 +528,9 @@ mod tests {
         let exact = |x: [f64; 2]| {
             let theta = Theta::from_logarithms(x);
             let at = Dense::<f64>::new(&inputs, theta, true).map(Form::Dense).map(alone);
-            Ok::<_, Error>(at.map_or((f64::INFINITY, [0.0; 2]), |at| at.evaluate(y, theta.s)))
+            let (value, gradient, _) =
+                at.map_or((f64::INFINITY, [0.0; 2], 0.0), |at| at.evaluate(y, theta.s));
+            Ok::<_, Error>((value, gradient, 0.0))
         };
         minimize(exact, [0.0; 2], &BOUNDS, &Tolerances::default()).unwrap()
     }

@@ -46,6 +46,11 @@ impl Incomplete {
         &self.pivots
     }
 
+    /// Diagonal of `E`; minus infinity at the pivots.
+    pub(super) fn remainder(&self) -> &[f64] {
+        &self.remainder
+    }
+
     pub(super) fn rank(&self) -> usize {
         self.pivots.len()
     }

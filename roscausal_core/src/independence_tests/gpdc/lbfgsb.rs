@@ -29,19 +29,11 @@ pub(super) struct Tolerances {
     pub(super) projected_gradient: f64,
     /// Iterations.
     pub(super) max_iterations: usize,
-    /// Error of the function's values, relative to `max(|f|, 1)`. Differences within it are not trusted: what an
-    /// iteration gained then follows from the gradients, which are more exact than such differences.
-    pub(super) noise: f64,
 }
 
 impl Default for Tolerances {
     fn default() -> Self {
-        Self {
-            relative_decrease: 1e7 * f64::EPSILON,
-            projected_gradient: 1e-5,
-            max_iterations: 15_000,
-            noise: 0.0,
-        }
+        Self { relative_decrease: 1e7 * f64::EPSILON, projected_gradient: 1e-5, max_iterations: 15_000 }
     }
 }
 
@@ -54,6 +46,20 @@ pub(super) struct Point<const N: usize> {
     pub(super) value: f64,
     /// Its gradient there.
     pub(super) gradient: [f64; N],
+    /// How far off the value may be.
+    pub(super) uncertainty: f64,
+}
+
+impl<const N: usize> Point<N> {
+    /// What the function gains up to `to`. Where the values are too uncertain to tell, the gradients at both ends tell it:
+    /// exactly where the function is quadratic (as in the line searches of Hager and Zhang 2005, section 2).
+    fn rise(&self, to: &Self) -> f64 {
+        let rise = to.value - self.value;
+        if rise.abs() > self.uncertainty + to.uncertainty {
+            return rise;
+        }
+        (0..N).map(|i| 0.5 * (self.gradient[i] + to.gradient[i]) * (to.x[i] - self.x[i])).sum()
+    }
 }
 
 /// A box.
@@ -65,17 +71,18 @@ pub(super) struct Bounds<const N: usize> {
     pub(super) upper: [f64; N],
 }
 
-/// Minimises `f` (value and gradient) within `bounds` from `start`; returns the best point.
+/// Minimises `f` (value, gradient, and how far off the value may be) within `bounds` from `start`; returns the best point.
 ///
 /// # Errors
 /// Whatever `f` fails with.
 pub(super) fn minimize<const N: usize, E>(
-    mut f: impl FnMut([f64; N]) -> Result<(f64, [f64; N]), E>,
+    mut f: impl FnMut([f64; N]) -> Result<(f64, [f64; N], f64), E>,
     start: [f64; N],
     bounds: &Bounds<N>,
     tolerances: &Tolerances,
 ) -> Result<Point<N>, E> {
-    let mut evaluate = |x: [f64; N]| f(x).map(|(value, gradient)| Point { x, value, gradient });
+    let mut evaluate =
+        |x: [f64; N]| f(x).map(|(value, gradient, uncertainty)| Point { x, value, gradient, uncertainty });
     let mut at = evaluate(bounds.clamp(start))?;
     let mut memory = Memory::new();
     let mut first = true;
@@ -105,8 +112,7 @@ pub(super) fn minimize<const N: usize, E>(
             // The step gains less than would be asked of it, or leaves nothing to gain: it is taken unseen.
             return Ok(Point { x: target, value: at.value - gain, ..at });
         }
-        let noise = tolerances.noise * scale;
-        let next = match line_minimum(&mut evaluate, &at, target, bounds, first, noise)? {
+        let next = match line_minimum(&mut evaluate, &at, target, bounds, first)? {
             Some(next) => next,
             // A failed search from the steepest descent direction ends it; from another one the memory is
             // misleading and is emptied.
@@ -120,9 +126,8 @@ pub(super) fn minimize<const N: usize, E>(
         iteration += 1;
         let scale = at.value.abs().max(next.value.abs()).max(1.0);
         let enough = tolerances.relative_decrease * scale;
-        let converged = bounds.projected_gradient(&next) <= tolerances.projected_gradient
-            || at.value - next.value <= enough + noise
-                && (noise == 0.0 || gain_between(&at, &next) <= enough);
+        let converged =
+            bounds.projected_gradient(&next) <= tolerances.projected_gradient || -at.rise(&next) <= enough;
         memory.remember(&at, &next);
         gradient_before = at.gradient;
         at = next;
@@ -133,11 +138,6 @@ pub(super) fn minimize<const N: usize, E>(
     Ok(at)
 }
 
-/// What the function loses from one point to the next by the gradients at both ends: exact where it is quadratic.
-fn gain_between<const N: usize>(from: &Point<N>, to: &Point<N>) -> f64 {
-    (0..N).map(|i| -0.5 * (from.gradient[i] + to.gradient[i]) * (to.x[i] - from.x[i])).sum()
-}
-
 /// Searches the segment from `at` towards `target` for a point with enough decrease.
 fn line_minimum<const N: usize, E>(
     evaluate: &mut impl FnMut([f64; N]) -> Result<Point<N>, E>,
@@ -145,7 +145,6 @@ fn line_minimum<const N: usize, E>(
     target: [f64; N],
     bounds: &Bounds<N>,
     first: bool,
-    noise: f64,
 ) -> Result<Option<Point<N>>, E> {
     let direction: [f64; N] = std::array::from_fn(|i| target[i] - at.x[i]);
     let slope = dot(&at.gradient, &direction);
@@ -163,7 +162,7 @@ fn line_minimum<const N: usize, E>(
             bounds.clamp(std::array::from_fn(|i| at.x[i] + length * direction[i]))
         };
         let point = evaluate(x)?;
-        match search.next(point.value - noise, dot(&point.gradient, &direction)) {
+        match search.next(at.value + at.rise(&point), dot(&point.gradient, &direction)) {
             Step::Try(next) => length = next,
             Step::Done => return Ok(Some(point)),
             Step::Failed => return Ok(None),
@@ -362,16 +361,15 @@ fn dot<const N: usize>(a: &[f64; N], b: &[f64; N]) -> f64 {
 mod tests {
     use super::*;
 
-    fn rosenbrock([a, b]: [f64; 2]) -> Result<(f64, [f64; 2]), ()> {
+    fn rosenbrock([a, b]: [f64; 2]) -> Result<(f64, [f64; 2], f64), ()> {
         let (u, v) = (b - a * a, 1.0 - a);
-        Ok((100.0 * u * u + v * v, [-400.0 * a * u - 2.0 * v, 200.0 * u]))
+        Ok((100.0 * u * u + v * v, [-400.0 * a * u - 2.0 * v, 200.0 * u], 0.0))
     }
 
     #[test]
     fn the_minimum_inside_is_found() {
         let bounds = Bounds { lower: [-5.0; 2], upper: [5.0; 2] };
-        let tight =
-            Tolerances { relative_decrease: 0.0, projected_gradient: 1e-9, max_iterations: 500, noise: 0.0 };
+        let tight = Tolerances { relative_decrease: 0.0, projected_gradient: 1e-9, max_iterations: 500 };
         let end = minimize(rosenbrock, [-1.2, 1.0], &bounds, &tight).unwrap();
         assert!(end.x.iter().all(|x| (x - 1.0).abs() < 1e-8), "{end:?}");
     }
