@@ -191,10 +191,11 @@ impl GaussianProcess {
             return self.starts.iter().zip(START_SHARES).enumerate().find_map(|(number, (start, share))| {
                 search.start = number;
                 let mut loose = Search { share, ..Search::new() };
+                // Asked before: what is recorded is the same whoever made the shared start.
+                let at = (theta.l, loose.plan(&self.inputs, theta).0);
                 let start = start.get_or_init(|| likelihood(&mut loose)).as_ref()?;
                 let result = start.evaluate(y, theta.s);
                 search.learn(&result);
-                let at = (theta.l, loose.plan(&self.inputs, theta).0);
                 match &start.form {
                     Form::LowRank(_) if share > TOO_LOOSE * search.share => return None,
                     Form::LowRank(form) => search.hints = Some((form.pivots().to_vec(), at)),
@@ -281,8 +282,7 @@ impl Search {
         let consistent = share * theta.s.min(1.0);
         let ranks = (interpolated.ln() / consistent.ln()).powf(RANK_GROWTH * inputs.dimensions() as f64);
         let low = self.expected_rank(inputs, theta.l, interpolated).is_some_and(|rank| rank < LOW_RANK);
-        let single = inputs.len() as f64 <= WELL_CONDITIONED * theta.s;
-        if single && !low && ranks * ranks > CONSISTENT_COST {
+        if single_serves(inputs.len(), theta) && !low && ranks * ranks > CONSISTENT_COST {
             (consistent, Derivative::Consistent)
         } else {
             (interpolated, Derivative::Interpolated)
@@ -299,6 +299,11 @@ fn tolerance(share: f64, theta: Theta) -> f64 {
 /// The share of the noise variance that leaves an error of a few percent in a gradient of this size.
 fn share_for(gradient: f64) -> f64 {
     (PER_GRADIENT * gradient * gradient.sqrt()).clamp(TIGHTEST, LOOSEST)
+}
+
+/// Whether single precision serves the search.
+fn single_serves(n: usize, theta: Theta) -> bool {
+    n as f64 <= WELL_CONDITIONED * theta.s
 }
 
 /// What a likelihood is computed for.
@@ -344,7 +349,7 @@ impl Likelihood {
             }
             search.too_high_rank = Some((theta.l, tolerance));
         }
-        if gradient && n as f64 <= WELL_CONDITIONED * theta.s {
+        if gradient && single_serves(n, theta) {
             let held = hold(Dense::<f32>::bytes(n));
             if let Some(at) = Dense::<f32>::new(inputs, theta, true) {
                 return Some(Self { form: Form::Single(at), _held: held });
@@ -490,7 +495,7 @@ mod tests {
                 prop_assert!((dense - low).abs() < 1e-7 / theta.s, "{dense} {low}");
             }
             // Single precision, where the search would use it.
-            if n as f64 <= WELL_CONDITIONED * theta.s {
+            if single_serves(n, theta) {
                 let single = Dense::<f32>::new(&inputs, theta, true).map(Form::Single).map(alone).unwrap();
                 let (single_value, single_gradient, _) = single.evaluate(&y, theta.s);
                 let limit = 1e-5 * (1.0 + 0.01 / theta.s) * value.abs().max(1.0);
