@@ -12,13 +12,14 @@ use faer::{
         triangular_solve::{solve_lower_triangular_in_place, solve_upper_triangular_in_place},
     },
     prelude::ReborrowMut,
-    traits::ComplexField,
 };
 
 use super::{
     buffer::Buffer,
-    gp::{Theta, Traces},
-    kernel::{Inputs, dot, dot_of_singles},
+    gp::Theta,
+    kernel::Inputs,
+    likelihood::{Factorisation, Solution, Traces},
+    real::Real,
 };
 
 /// Columns that are multiplied at a time.
@@ -26,71 +27,15 @@ const BLOCK: usize = 96;
 /// Columns that are transposed at a time: one cache line.
 const LINE: usize = 8;
 
-/// Single or double precision.
-pub(super) trait Real: ComplexField + bytemuck::Pod {
-    fn from_double(value: f64) -> Self;
-    fn double(self) -> f64;
-    /// Sum of products in partial sums of a fixed order.
-    fn dot(a: &[Self], b: &[Self]) -> f64;
-    /// `sums += factor * values`.
-    fn add_multiple(sums: &mut [Self], values: &[Self], factor: Self);
-    /// [`Inputs::column`] in this precision.
-    fn column(inputs: &Inputs, l: f64, j: usize, from: usize, kernel: &mut [Self], derivative: &mut [Self]);
-}
-
-impl Real for f64 {
-    fn from_double(value: f64) -> Self {
-        value
-    }
-
-    fn double(self) -> f64 {
-        self
-    }
-
-    fn dot(a: &[Self], b: &[Self]) -> f64 {
-        dot(a, b)
-    }
-
-    fn add_multiple(sums: &mut [Self], values: &[Self], factor: Self) {
-        sums.iter_mut().zip(values).for_each(|(sum, value)| *sum += value * factor);
-    }
-
-    fn column(inputs: &Inputs, l: f64, j: usize, from: usize, kernel: &mut [Self], derivative: &mut [Self]) {
-        inputs.column(l, j, from, kernel, derivative);
-    }
-}
-
-impl Real for f32 {
-    fn from_double(value: f64) -> Self {
-        value as f32
-    }
-
-    fn double(self) -> f64 {
-        self.into()
-    }
-
-    fn dot(a: &[Self], b: &[Self]) -> f64 {
-        dot_of_singles(a, b)
-    }
-
-    fn add_multiple(sums: &mut [Self], values: &[Self], factor: Self) {
-        sums.iter_mut().zip(values).for_each(|(sum, value)| *sum += value * factor);
-    }
-
-    fn column(inputs: &Inputs, l: f64, j: usize, from: usize, kernel: &mut [Self], derivative: &mut [Self]) {
-        inputs.column_of_singles(l, j, from, kernel, derivative);
-    }
-}
-
 /// `A = K + s I = L L'` in precision `T`.
 pub(super) struct Dense<T> {
     n: usize,
     /// For a search: below and on the diagonal `L^-1`; above it `dK / d ln l`, whose diagonal is 0. Else `L`.
     parts: Buffer,
     inverted: bool,
-    pub(super) log_determinant: f64,
+    log_determinant: f64,
     /// 0 unless for a search.
-    pub(super) traces: Traces,
+    traces: Traces,
     precision: PhantomData<T>,
 }
 
@@ -136,33 +81,50 @@ impl<T: Real> Dense<T> {
             Par::Seq,
         );
         let square = |(j, column): (usize, &[T])| T::dot(&column[j..], &column[j..]);
-        let traces = Traces {
-            inverse: inverse.chunks_exact(n).enumerate().map(square).sum(),
-            derivative: trace_of_product(inverse, n),
-        };
+        let (derivative, squared) = traces_of_products(inverse, n);
+        let traces =
+            Traces { inverse: inverse.chunks_exact(n).enumerate().map(square).sum(), squared, derivative };
         Some(Self { n, parts, inverted: true, log_determinant, traces, precision: PhantomData })
     }
 
-    /// `A^-1 y`, and `a' dK a` of the solution `a`; of a factorisation for a search.
-    pub(super) fn solve(&self, y: &[f64]) -> (Vec<f64>, f64) {
+    fn view(&self) -> &[T] {
+        self.parts.numbers(self.n * self.n)
+    }
+
+    /// `L^-1 y`, of a factorisation for a search.
+    fn half(&self, y: Vec<T>) -> Vec<T> {
+        let mut sums = vec![T::zeroed(); self.n];
+        for (j, column) in self.view().chunks_exact(self.n).enumerate() {
+            T::add_multiple(&mut sums[j..], &column[j..], y[j]);
+        }
+        sums
+    }
+}
+
+impl<T: Real> Factorisation for Dense<T> {
+    fn log_determinant(&self) -> f64 {
+        self.log_determinant
+    }
+
+    fn traces(&self) -> Traces {
+        self.traces
+    }
+
+    fn solve(&self, y: &[f64]) -> Solution {
         let alpha = self.alpha(y);
         let (parts, weights) = (self.view(), alpha.iter().map(|&a| T::from_double(a)).collect::<Vec<T>>());
         let column = |(j, column): (usize, &[T])| alpha[j] * T::dot(&column[..j], &weights[..j]);
-        let curvature = 2.0 * parts.chunks_exact(self.n).enumerate().map(column).sum::<f64>();
-        (alpha, curvature)
+        let derivative = 2.0 * parts.chunks_exact(self.n).enumerate().map(column).sum::<f64>();
+        let half = self.half(weights);
+        Solution { alpha, squared: T::dot(&half, &half), derivative }
     }
 
-    /// `A^-1 y`.
-    pub(super) fn alpha(&self, y: &[f64]) -> Vec<f64> {
+    fn alpha(&self, y: &[f64]) -> Vec<f64> {
         let n = self.n;
         let mut half: Vec<T> = y.iter().map(|&y| T::from_double(y)).collect();
         let right = || MatRef::from_column_major_slice(self.view(), n, n);
         if self.inverted {
-            let mut sums = vec![T::zeroed(); n];
-            for (j, column) in self.view().chunks_exact(n).enumerate() {
-                T::add_multiple(&mut sums[j..], &column[j..], half[j]);
-            }
-            half = sums;
+            half = self.half(half);
             let columns = self.view().chunks_exact(n).enumerate();
             return columns.map(|(j, column)| T::dot(&column[j..], &half[j..])).collect();
         }
@@ -170,10 +132,6 @@ impl<T: Real> Dense<T> {
         solve_lower_triangular_in_place(right(), solution.rb_mut(), Par::Seq);
         solve_upper_triangular_in_place(right().transpose(), solution, Par::Seq);
         half.into_iter().map(T::double).collect()
-    }
-
-    fn view(&self) -> &[T] {
-        self.parts.numbers(self.n * self.n)
     }
 }
 
@@ -199,13 +157,13 @@ fn fill<T: Real>(inputs: &Inputs, theta: Theta, factor: &mut [T], mut parts: Opt
     }
 }
 
-/// `tr(L^-T L^-1 D)` from the lower triangle `L^-1` and the symmetric `D` above the diagonal of `parts`, block by
-/// block.
-fn trace_of_product<T: Real>(parts: &[T], n: usize) -> f64 {
+/// `tr(A^-1 D)` and `tr(A^-2)`, where `A^-1 = L^-T L^-1`, from the lower triangle `L^-1` and the symmetric `D` above the
+/// diagonal of `parts`, block by block.
+fn traces_of_products<T: Real>(parts: &[T], n: usize) -> (f64, f64) {
     let inverse = MatRef::from_column_major_slice(parts, n, n);
     let (mut product, mut diagonal) = (vec![T::zeroed(); BLOCK * BLOCK], vec![T::zeroed(); BLOCK * BLOCK]);
     let one = T::from_double(1.0);
-    let mut trace = 0.0;
+    let (mut trace, mut squared) = (0.0, 0.0);
     for row in (0..n).step_by(BLOCK) {
         let height = BLOCK.min(n - row);
         let below = inverse.subrows(row + height, n - row - height);
@@ -225,6 +183,8 @@ fn trace_of_product<T: Real>(parts: &[T], n: usize) -> f64 {
             matmul::matmul(block.rb_mut(), Accum::Replace, beside.transpose(), diagonal, one, Par::Seq);
             let far = below.subcols(column, width).transpose();
             matmul::matmul(block, Accum::Add, far, below.subcols(row, height), one, Par::Seq);
+            let block = &product[..width * height];
+            squared += if column == row { 1.0 } else { 2.0 } * T::dot(block, block);
             for k in 0..height {
                 let above = if column == row { k } else { width };
                 let start = (row + k) * n + column;
@@ -232,5 +192,5 @@ fn trace_of_product<T: Real>(parts: &[T], n: usize) -> f64 {
             }
         }
     }
-    2.0 * trace
+    (2.0 * trace, squared)
 }

@@ -3,13 +3,16 @@
 use std::sync::{Arc, OnceLock};
 
 use super::{
+    cubic_model::foretell,
     dense::Dense,
     incomplete::Incomplete,
-    kernel::{Inputs, dot},
-    lbfgsb::{Bounds, Point, Tolerances, minimize},
-    low_rank::{Derivative, LowRank},
-    memory::{Held, Memory},
+    kernel::Inputs,
+    lbfgsb::{Bounds, Exactness, Point, Tolerances, minimize},
+    likelihood::{Factorisation, Likelihood, Purpose, Value},
+    low_rank::LowRank,
+    memory::Memory,
     refine,
+    search::{ROUNDING, Search, max_rank},
 };
 use crate::{Error, Result};
 
@@ -34,37 +37,14 @@ impl Theta {
 const FAR: f64 = 11.512_925_464_970_229;
 /// Bounds of the logarithms of both hyperparameters.
 const BOUNDS: Bounds<2> = Bounds { lower: [-FAR; 2], upper: [FAR; 2] };
-/// Rounding errors of the likelihood's values that the search reckons with, relative to them.
-const NOISE: f64 = 1e-6;
-/// What the kernel matrix may lack on its diagonal while the search goes, as a share of the noise variance: by the
-/// gradient (see [`share_for`]), within these bounds; and for the residuals at the end.
-const LOOSEST: f64 = 1e-2;
-const TIGHTEST: f64 = 1e-6;
-const PER_GRADIENT: f64 = 1e-5;
-const AT_THE_END: f64 = 1e-8;
-/// The same for the consistent derivative: so many times as much, within bounds. It takes so many times as long at the same
-/// rank.
-const CONSISTENT: f64 = 5.0;
-const CONSISTENT_TIGHTEST: f64 = 1e-5;
-const CONSISTENT_COST: f64 = 1.25;
-/// Ranks below which the time is spent elsewhere.
-const LOW_RANK: f64 = 40.0;
-/// A likelihood that turns out looser than its gradient asks for by this factor is made exact enough.
-const TOO_LOOSE: f64 = 50.0;
-/// Shares that the start is tried with.
-const START_SHARES: [f64; 2] = [1e-3, TIGHTEST];
-/// The same for residuals by a factorisation of low rank, which is one below this share of the samples.
+/// Shares of the noise variance that the kernel matrix may lack at the start: first one, then the other.
+const START_SHARES: [f64; 2] = [1e-3, 1e-6];
+/// What the kernel matrix may lack on its diagonal, as a share of the noise variance, for residuals by a factorisation of
+/// low rank, which is one below this share of the samples.
 const EXACT: f64 = 1e-11;
 const LOW: usize = 16;
-/// Rounding of a remainder.
-const ROUNDING: f64 = 4e-15;
-/// The rank grows by this power, times the number of conditions, of the inverse length scale and of the tolerance's
-/// logarithm: from one evaluation to the next, within a tenth.
-const RANK_GROWTH: f64 = 0.4;
-/// Ratio of samples to noise variance up to which single precision serves the search.
-const WELL_CONDITIONED: f64 = 1e5;
 /// Samples above which matrices are large: then they are counted, and that of the start is not kept.
-const LARGE: usize = 2000;
+pub(super) const LARGE: usize = 2000;
 
 /// A regression on given conditions, for any number of targets.
 pub(super) struct GaussianProcess {
@@ -83,28 +63,6 @@ pub(super) struct Fit {
     pub(super) residuals: Vec<f64>,
 }
 
-/// What does not depend on the target.
-struct Likelihood {
-    form: Form,
-    _held: Option<Held>,
-}
-
-enum Form {
-    Dense(Dense<f64>),
-    /// In single precision.
-    Single(Dense<f32>),
-    LowRank(LowRank),
-}
-
-/// The parts of the gradient that do not depend on the target, of `A = K + s I`.
-#[derive(Clone, Copy, Debug, Default)]
-pub(super) struct Traces {
-    /// `tr(A^-1)`.
-    pub(super) inverse: f64,
-    /// `tr(A^-1 dK / d ln l)`.
-    pub(super) derivative: f64,
-}
-
 impl GaussianProcess {
     /// A regression on `conditions`: one row of samples per dimension, standardised.
     pub(super) fn new(conditions: &[Vec<f64>], memory: &Arc<Memory>) -> Self {
@@ -113,7 +71,7 @@ impl GaussianProcess {
 
     /// Bytes that fits on `n` samples need at the least, on any number of `threads`.
     pub(super) fn bytes(n: usize, threads: usize) -> usize {
-        let one = Dense::<f64>::bytes(n).max(LowRank::bytes(n, max_rank(n)));
+        let one = Dense::<f64>::bytes(n).max(LowRank::<f64, f64>::bytes(n, max_rank(n)));
         // Of few samples each thread keeps the factorisations of the start.
         if n > LARGE { one } else { 2 * one * threads }
     }
@@ -139,13 +97,17 @@ impl GaussianProcess {
 
     /// The optimum in `(ln l, ln s)`, with minus the log marginal likelihood there.
     fn optimum(&self, target: &[f64], check: &dyn Fn() -> Result<()>) -> Result<(Point<2>, Search)> {
-        let mut search = Search::new();
+        let mut search = Search::new(target.len(), START_SHARES[1]);
         let optimum = minimize(
-            |logarithms| {
+            |logarithms, exactness| {
                 check()?;
                 let theta = Theta::from_logarithms(logarithms);
-                Ok(self.evaluate(target, theta, &mut search).unwrap_or((f64::INFINITY, [0.0; 2], 0.0)))
+                let value = self.evaluate(target, theta, exactness, &mut search);
+                let Value { value, gradient, uncertainty, errors, curvature, .. } =
+                    value.unwrap_or(Value::NONE);
+                Ok(Point { x: logarithms, value, gradient, uncertainty, errors, curvature: Some(curvature) })
             },
+            foretell,
             [0.0; 2],
             &BOUNDS,
             &Tolerances::default(),
@@ -157,14 +119,14 @@ impl GaussianProcess {
     fn alpha(&self, y: &[f64], theta: Theta, mut search: Search) -> Option<Vec<f64>> {
         let n = y.len();
         let nearest = search.last.take();
-        if let Some(Likelihood { form: Form::LowRank(at), .. }) = &nearest
-            && at.pivots().len() <= n / LOW
+        if let Some(pivots) = nearest.as_ref().and_then(Likelihood::pivots)
+            && pivots.len() <= n / LOW
         {
             // A little more rank, and the factorisation is as good as exact.
             let tolerance = (EXACT * theta.s.min(1.0)).max(ROUNDING);
-            let mut factor = Incomplete::new(n, n / 4, at.pivots());
+            let mut factor = Incomplete::<f64>::new(n, n / 4, pivots);
             if factor.extend(&self.inputs, theta.l, tolerance, n / 4).is_some()
-                && let Some(end) = LowRank::new(&self.inputs, theta, factor, None)
+                && let Some(end) = LowRank::<f64, f64>::new(&self.inputs, theta, factor, None)
             {
                 return Some(end.alpha(y));
             }
@@ -181,239 +143,50 @@ impl GaussianProcess {
         Some(end.alpha(y))
     }
 
-    /// Minus the log marginal likelihood, its gradient by `(ln l, ln s)`, and how far off the value may be.
-    fn evaluate(&self, y: &[f64], theta: Theta, search: &mut Search) -> Option<(f64, [f64; 2], f64)> {
+    /// Minus the log marginal likelihood, with a gradient as exact as that, if it is foretold.
+    fn evaluate(
+        &self,
+        y: &[f64],
+        theta: Theta,
+        exactness: Option<Exactness>,
+        search: &mut Search,
+    ) -> Option<Value> {
         search.last = None;
-        let at_start = theta == Theta::START && y.len() <= LARGE;
+        let n = y.len();
         let likelihood =
             |search: &mut Search| Likelihood::new(&self.inputs, theta, Purpose::Search, search, &self.memory);
-        if at_start {
+        if theta == Theta::START && n <= LARGE {
             return self.starts.iter().zip(START_SHARES).enumerate().find_map(|(number, (start, share))| {
                 search.start = number;
-                let mut loose = Search { share, ..Search::new() };
+                let mut first = Search::new(n, share);
                 // Asked before: what is recorded is the same whoever made the shared start.
-                let at = (theta.l, loose.plan(&self.inputs, theta).0);
-                let start = start.get_or_init(|| likelihood(&mut loose)).as_ref()?;
-                let result = start.evaluate(y, theta.s);
-                search.learn(&result);
-                match &start.form {
-                    Form::LowRank(_) if share > TOO_LOOSE * search.share => return None,
-                    Form::LowRank(form) => search.hints = Some((form.pivots().to_vec(), at)),
-                    _ => search.too_high_rank = Some(at),
+                let at = (theta.l, first.plan(&self.inputs, theta).tolerance);
+                let start = start.get_or_init(|| likelihood(&mut first)).as_ref()?;
+                let result = start.evaluate(y);
+                search.share = share;
+                let too_loose = search.learn(&result, n, theta.s, start.plan(), 0.0);
+                match start.pivots() {
+                    Some(_) if number == 0 && too_loose => return None,
+                    Some(pivots) => search.hints = Some((pivots.to_vec(), at)),
+                    None => search.too_high_rank = Some(at),
                 }
                 Some(result)
             });
         }
-        let used = search.share;
+        search.allow(exactness.map(|exactness| exactness.error));
+        let least = exactness.map_or(0.0, |exactness| exactness.least);
         let mut at = likelihood(search)?;
-        let mut result = at.evaluate(y, theta.s);
-        search.learn(&result);
-        if matches!(at.form, Form::LowRank(_)) && used > TOO_LOOSE * search.share {
-            at = at.tightened(&self.inputs, theta, search, &self.memory)?;
-            result = at.evaluate(y, theta.s);
-            search.learn(&result);
+        let mut result = at.evaluate(y);
+        if search.learn(&result, n, theta.s, at.plan(), least) {
+            search.allow(exactness.map(|exactness| exactness.after(result.steepness())));
+            at = at.tightened(&self.inputs, search, &self.memory)?;
+            result = at.evaluate(y);
+            search.learn(&result, n, theta.s, at.plan(), least);
         }
-        if y.len() <= LARGE {
+        if n <= LARGE {
             search.last = Some(at);
         }
         Some(result)
-    }
-}
-
-/// State of a search.
-struct Search {
-    /// What the kernel matrix may lack on its diagonal, as a share of the noise variance.
-    share: f64,
-    /// A length scale and a tolerance where the rank was too high: it is so for all that are shorter and tighter.
-    too_high_rank: Option<(f64, f64)>,
-    /// Largest component of the smallest gradient so far.
-    smallest_gradient: f64,
-    /// Pivots of the last low-rank form, and its length scale and tolerance.
-    hints: Option<(Vec<u32>, (f64, f64))>,
-    /// Which of the shared factorisations it started with.
-    start: usize,
-    /// The likelihood at the last place but the start; of large matrices none is kept.
-    last: Option<Likelihood>,
-}
-
-impl Search {
-    fn new() -> Self {
-        Self {
-            share: TIGHTEST,
-            too_high_rank: None,
-            smallest_gradient: f64::INFINITY,
-            hints: None,
-            start: 0,
-            last: None,
-        }
-    }
-
-    /// Takes a result: the smaller the gradients, the more exact the next likelihood.
-    fn learn(&mut self, (_, gradient, _): &(f64, [f64; 2], f64)) {
-        self.smallest_gradient = self.smallest_gradient.min(gradient[0].abs().max(gradient[1].abs()));
-        self.share = share_for(self.smallest_gradient);
-    }
-
-    /// Whether the rank at a length scale and tolerance is known to be too high, or expected to be by that of the last
-    /// low-rank form: to find it out by a factorisation may take a third of the time of the whole matrix.
-    fn expects_too_high_rank(&self, inputs: &Inputs, l: f64, tolerance: f64) -> bool {
-        let max_rank = max_rank(inputs.len());
-        let known = self.too_high_rank.is_some_and(|(at, than)| l <= at && tolerance <= than);
-        let expected = self.hints.as_ref().is_some_and(|(pivots, _)| {
-            pivots.len() > max_rank / 2
-                && self.expected_rank(inputs, l, tolerance).is_some_and(|rank| rank > max_rank as f64)
-        });
-        known || expected
-    }
-
-    /// The rank at a length scale and tolerance by that of the last low-rank form.
-    fn expected_rank(&self, inputs: &Inputs, l: f64, tolerance: f64) -> Option<f64> {
-        self.hints.as_ref().map(|(pivots, (at, than))| {
-            let growth = at / l * tolerance.ln() / than.ln();
-            pivots.len() as f64 * growth.powf(RANK_GROWTH * inputs.dimensions() as f64)
-        })
-    }
-
-    /// Largest remainder on the diagonal, and the derivative that asks for it: the one that takes less time, by the ranks
-    /// to be expected.
-    fn plan(&self, inputs: &Inputs, theta: Theta) -> (f64, Derivative) {
-        let interpolated = tolerance(self.share, theta);
-        let share = (CONSISTENT * self.share).clamp(CONSISTENT_TIGHTEST, LOOSEST);
-        let consistent = share * theta.s.min(1.0);
-        let ranks = (interpolated.ln() / consistent.ln()).powf(RANK_GROWTH * inputs.dimensions() as f64);
-        let low = self.expected_rank(inputs, theta.l, interpolated).is_some_and(|rank| rank < LOW_RANK);
-        if single_serves(inputs.len(), theta) && !low && ranks * ranks > CONSISTENT_COST {
-            (consistent, Derivative::Consistent)
-        } else {
-            (interpolated, Derivative::Interpolated)
-        }
-    }
-}
-
-/// Largest remainder on the diagonal for a share of the noise variance. The error of the interpolated derivative is larger
-/// than that of the kernel for long length scales (of inputs of unit variance), which this makes good.
-fn tolerance(share: f64, theta: Theta) -> f64 {
-    (share * theta.s.min(1.0) / theta.l.max(1.0)).max(ROUNDING)
-}
-
-/// The share of the noise variance that leaves an error of a few percent in a gradient of this size.
-fn share_for(gradient: f64) -> f64 {
-    (PER_GRADIENT * gradient * gradient.sqrt()).clamp(TIGHTEST, LOOSEST)
-}
-
-/// Whether single precision serves the search.
-fn single_serves(n: usize, theta: Theta) -> bool {
-    n as f64 <= WELL_CONDITIONED * theta.s
-}
-
-/// What a likelihood is computed for.
-#[derive(Clone, Copy, Debug, PartialEq)]
-enum Purpose {
-    /// Its value and gradient.
-    Search,
-    /// Its value and the residuals, exact.
-    Residuals,
-}
-
-/// Rank up to which the low-rank form is the faster one.
-fn max_rank(n: usize) -> usize {
-    2 * n / 5
-}
-
-impl Likelihood {
-    /// The form that is the fastest at `theta`.
-    fn new(
-        inputs: &Inputs,
-        theta: Theta,
-        purpose: Purpose,
-        search: &mut Search,
-        memory: &Arc<Memory>,
-    ) -> Option<Self> {
-        let n = inputs.len();
-        let hold = |bytes: usize| (n > LARGE).then(|| memory.hold(bytes));
-        let gradient = purpose == Purpose::Search;
-        let (tolerance, derivative) = match purpose {
-            Purpose::Search => search.plan(inputs, theta),
-            Purpose::Residuals => (tolerance(AT_THE_END, theta), Derivative::Interpolated),
-        };
-        if !search.expects_too_high_rank(inputs, theta.l, tolerance) {
-            let held = hold(LowRank::bytes(n, max_rank(n)));
-            let hints = search.hints.as_ref().map_or(&[][..], |(pivots, _)| pivots);
-            let mut factor = Incomplete::new(n, max_rank(n), hints);
-            let fits = factor.extend(inputs, theta.l, tolerance, max_rank(n)).is_some();
-            if let Some(at) =
-                fits.then(|| LowRank::new(inputs, theta, factor, gradient.then_some(derivative))).flatten()
-            {
-                search.hints = Some((at.pivots().to_vec(), (theta.l, tolerance)));
-                return Some(Self { form: Form::LowRank(at), _held: held });
-            }
-            search.too_high_rank = Some((theta.l, tolerance));
-        }
-        if gradient && single_serves(n, theta) {
-            let held = hold(Dense::<f32>::bytes(n));
-            if let Some(at) = Dense::<f32>::new(inputs, theta, true) {
-                return Some(Self { form: Form::Single(at), _held: held });
-            }
-        }
-        let held = hold(Dense::<f64>::bytes(n));
-        Dense::<f64>::new(inputs, theta, gradient).map(|at| Self { form: Form::Dense(at), _held: held })
-    }
-
-    /// The same likelihood for the search, as exact as it asks for now.
-    fn tightened(
-        self,
-        inputs: &Inputs,
-        theta: Theta,
-        search: &mut Search,
-        memory: &Arc<Memory>,
-    ) -> Option<Self> {
-        let Form::LowRank(at) = self.form else { return Some(self) };
-        let mut factor = at.into_factor();
-        let (tolerance, derivative) = search.plan(inputs, theta);
-        if !search.expects_too_high_rank(inputs, theta.l, tolerance)
-            && factor.extend(inputs, theta.l, tolerance, max_rank(inputs.len())).is_some()
-            && let Some(at) = LowRank::new(inputs, theta, factor, Some(derivative))
-        {
-            search.hints = Some((at.pivots().to_vec(), (theta.l, tolerance)));
-            return Some(Self { form: Form::LowRank(at), _held: self._held });
-        }
-        search.too_high_rank = Some((theta.l, tolerance));
-        drop(self._held);
-        Self::new(inputs, theta, Purpose::Search, search, memory)
-    }
-
-    fn evaluate(&self, y: &[f64], s: f64) -> (f64, [f64; 2], f64) {
-        let (traces, (alpha, curvature)) = match &self.form {
-            Form::Dense(at) => (at.traces, at.solve(y)),
-            Form::Single(at) => (at.traces, at.solve(y)),
-            Form::LowRank(at) => (at.traces, at.solve(y)),
-        };
-        let gradient =
-            [0.5 * (traces.derivative - curvature), 0.5 * s * (traces.inverse - dot(&alpha, &alpha))];
-        let value = self.value(y, &alpha);
-        let missing = match &self.form {
-            Form::LowRank(at) => at.missing(&alpha),
-            _ => 0.0,
-        };
-        (value, gradient, NOISE * value.abs().max(1.0) + missing)
-    }
-
-    /// `(K + s I)^-1 y`.
-    fn alpha(&self, y: &[f64]) -> Vec<f64> {
-        match &self.form {
-            Form::Dense(at) => at.alpha(y),
-            Form::Single(at) => at.alpha(y),
-            Form::LowRank(at) => at.alpha(y),
-        }
-    }
-
-    fn value(&self, y: &[f64], alpha: &[f64]) -> f64 {
-        let log_determinant = match &self.form {
-            Form::Dense(at) => at.log_determinant,
-            Form::Single(at) => at.log_determinant,
-            Form::LowRank(at) => at.log_determinant,
-        };
-        0.5 * (dot(y, alpha) + log_determinant + y.len() as f64 * std::f64::consts::TAU.ln())
     }
 }
 
@@ -421,7 +194,16 @@ impl Likelihood {
 mod tests {
     use proptest::prelude::*;
 
-    use super::{super::residuals::standardized, *};
+    use super::{
+        super::{
+            likelihood::Form,
+            low_rank::Derivative,
+            real::Real,
+            residuals::standardized,
+            search::{CONSISTENT_SHARES, Plan, Precision, single_serves},
+        },
+        *,
+    };
 
     /// Minus the log marginal likelihood by its definition.
     fn by_definition(rows: &[Vec<f64>], y: &[f64], theta: Theta) -> f64 {
@@ -436,14 +218,29 @@ mod tests {
         0.5 * (y.dot(&factor.solve(&y)) + log_determinant + n as f64 * std::f64::consts::TAU.ln())
     }
 
-    fn alone(form: Form) -> Likelihood {
-        Likelihood { form, _held: None }
+    fn dense(inputs: &Inputs, theta: Theta, for_search: bool) -> Likelihood {
+        Likelihood::of(theta, Form::Dense(Dense::new(inputs, theta, for_search).unwrap()), None)
     }
 
-    fn low_rank(inputs: &Inputs, theta: Theta, tolerance: f64, derivative: Derivative) -> Likelihood {
-        let mut factor = Incomplete::new(inputs.len(), inputs.len(), &[]);
-        factor.extend(inputs, theta.l, tolerance, inputs.len()).unwrap();
-        alone(Form::LowRank(LowRank::new(inputs, theta, factor, Some(derivative)).unwrap()))
+    fn low_rank(
+        inputs: &Inputs,
+        theta: Theta,
+        tolerance: f64,
+        derivative: Derivative,
+        precision: Precision,
+    ) -> Likelihood {
+        fn of<F: Real, P: Real>(inputs: &Inputs, theta: Theta, plan: Plan) -> LowRank<F, P> {
+            let mut factor = Incomplete::new(inputs.len(), inputs.len(), &[]);
+            factor.extend(inputs, theta.l, plan.tolerance, inputs.len()).unwrap();
+            LowRank::new(inputs, theta, factor, plan.derivative).unwrap()
+        }
+        let plan = Plan { tolerance, derivative: Some(derivative), precision };
+        let form = match precision {
+            Precision::Double => Form::LowRank(of(inputs, theta, plan)),
+            Precision::Mixed => Form::LowRankMixed(of(inputs, theta, plan)),
+            Precision::Single => Form::LowRankSingle(of(inputs, theta, plan)),
+        };
+        Likelihood::of(theta, form, Some(plan))
     }
 
     fn samples(n: usize, d: usize, seed: u64) -> (Vec<Vec<f64>>, Vec<f64>) {
@@ -468,25 +265,26 @@ mod tests {
             let inputs = Inputs::new(&rows);
             let expected = by_definition(&rows, &y, theta);
             let h = 1e-5;
-            let slope = |l: f64, s: f64| {
-                let at = |sign: f64| Theta { l: theta.l * (sign * l).exp(), s: theta.s * (sign * s).exp() };
-                (by_definition(&rows, &y, at(1.0)) - by_definition(&rows, &y, at(-1.0))) / (2.0 * h)
-            };
-            let expected_gradient = [slope(h, 0.0), slope(0.0, h)];
-            let tolerance = (tolerance(1e-10, theta) / theta.l.max(1.0)).max(ROUNDING);
-            let dense = Dense::<f64>::new(&inputs, theta, true).map(Form::Dense).map(alone).unwrap();
-            let end = Dense::<f64>::new(&inputs, theta, false).map(Form::Dense).map(alone).unwrap();
-            let (value, gradient, _) = dense.evaluate(&y, theta.s);
-            let alpha = end.alpha(&y);
-            let value_at_end = end.value(&y, &alpha);
+            let at = |l: f64, s: f64| by_definition(&rows, &y, Theta { l: theta.l * l.exp(), s: theta.s * s.exp() });
+            let expected_gradient = [(at(h, 0.0) - at(-h, 0.0)) / (2.0 * h), (at(0.0, h) - at(0.0, -h)) / (2.0 * h)];
+            let tolerance = (1e-10 * theta.s.min(1.0) / theta.l.max(1.0).powi(2)).max(ROUNDING);
+            let dense_form = dense(&inputs, theta, true);
+            let Value { value, gradient, curvature, .. } = dense_form.evaluate(&y);
+            let alpha = dense(&inputs, theta, false).alpha(&y);
             prop_assert!((value - expected).abs() < 1e-9 * expected.abs().max(1.0));
-            prop_assert!((value_at_end - expected).abs() < 1e-9 * expected.abs().max(1.0));
+            let h = 1e-3;
+            let expected_curvature = (at(0.0, h) - 2.0 * expected + at(0.0, -h)) / (h * h);
+            let limit = 1e-3 * expected_curvature.abs().max(0.001 * expected.abs()).max(1.0);
+            prop_assert!((curvature - expected_curvature).abs() < limit, "{curvature} {expected_curvature}");
             for (got, expected) in gradient.iter().zip(expected_gradient) {
                 prop_assert!((got - expected).abs() < 1e-5 * expected.abs().max(1.0), "{got} {expected}");
             }
-            let low_rank = low_rank(&inputs, theta, tolerance, Derivative::Interpolated);
-            let (low_value, low_gradient, _) = low_rank.evaluate(&y, theta.s);
+            let low_rank =
+                low_rank(&inputs, theta, tolerance, Derivative::Interpolated, Precision::Double);
+            let Value { value: low_value, gradient: low_gradient, curvature: low_curvature, .. } =
+                low_rank.evaluate(&y);
             let low_alpha = low_rank.alpha(&y);
+            prop_assert!((curvature - low_curvature).abs() < 1e-5 * curvature.abs().max(expected.abs()).max(1.0));
             prop_assert!((value - low_value).abs() < 1e-8 * value.abs().max(1.0), "{value} {low_value}");
             for (dense, low) in gradient.iter().zip(low_gradient) {
                 prop_assert!((dense - low).abs() < 1e-5 * dense.abs().max(1.0), "{dense} {low}");
@@ -496,8 +294,9 @@ mod tests {
             }
             // Single precision, where the search would use it.
             if single_serves(n, theta) {
-                let single = Dense::<f32>::new(&inputs, theta, true).map(Form::Single).map(alone).unwrap();
-                let (single_value, single_gradient, _) = single.evaluate(&y, theta.s);
+                let form = Form::DenseSingle(Dense::new(&inputs, theta, true).unwrap());
+                let Value { value: single_value, gradient: single_gradient, .. } =
+                    Likelihood::of(theta, form, None).evaluate(&y);
                 let limit = 1e-5 * (1.0 + 0.01 / theta.s) * value.abs().max(1.0);
                 prop_assert!((value - single_value).abs() < limit, "{value} {single_value}");
                 for (dense, single) in gradient.iter().zip(single_gradient) {
@@ -515,29 +314,32 @@ mod tests {
             let (rows, y) = (rows.iter().map(|row| standardized(row)).collect::<Vec<_>>(), standardized(&y));
             let theta = Theta { l: log_l.exp(), s: log_s.exp() };
             let inputs = Inputs::new(&rows);
-            let exact = alone(Form::Dense(Dense::<f64>::new(&inputs, theta, true).unwrap()));
-            let low_rank = low_rank(&inputs, theta, CONSISTENT_TIGHTEST * theta.s.min(1.0), Derivative::Consistent);
-            let (value, gradient, _) = exact.evaluate(&y, theta.s);
-            let (low_value, low_gradient, _) = low_rank.evaluate(&y, theta.s);
-            let unit = n as f64 * CONSISTENT_TIGHTEST / theta.s.min(1.0);
-            prop_assert!((value - low_value).abs() < 5.0 * unit, "{value} {low_value}");
-            for (exact, low) in gradient.iter().zip(low_gradient) {
-                prop_assert!((exact - low).abs() < 25.0 * unit, "{exact} {low}");
+            let exact = dense(&inputs, theta, true).evaluate(&y);
+            for (share, precision) in [(CONSISTENT_SHARES[0], Precision::Mixed), (1e-3, Precision::Single)] {
+                let tolerance = share * theta.s.min(1.0);
+                let low = low_rank(&inputs, theta, tolerance, Derivative::Consistent, precision).evaluate(&y);
+                let unit = n as f64 * share / theta.s.min(1.0);
+                prop_assert!((exact.value - low.value).abs() < 5.0 * unit, "{} {}", exact.value, low.value);
+                for (exact, low) in exact.gradient.iter().zip(low.gradient) {
+                    prop_assert!((exact - low).abs() < 25.0 * unit, "{exact} {low}");
+                }
             }
         }
     }
 
-    /// Where the search ends with exact likelihoods in double precision and no value of the function distrusted.
+    /// Where the search ends with exact likelihoods in double precision, no value of the function distrusted and no step
+    /// foretold.
     fn exact_optimum(rows: &[Vec<f64>], y: &[f64]) -> Point<2> {
         let inputs = Inputs::new(rows);
-        let exact = |x: [f64; 2]| {
+        let exact = |x: [f64; 2], _| {
             let theta = Theta::from_logarithms(x);
-            let at = Dense::<f64>::new(&inputs, theta, true).map(Form::Dense).map(alone);
-            let (value, gradient, _) =
-                at.map_or((f64::INFINITY, [0.0; 2], 0.0), |at| at.evaluate(y, theta.s));
-            Ok::<_, Error>((value, gradient, 0.0))
+            let at = Dense::<f64>::new(&inputs, theta, true)
+                .map(|at| Likelihood::of(theta, Form::Dense(at), None));
+            let Value { value, gradient, .. } = at.map_or(Value::NONE, |at| at.evaluate(y));
+            let (uncertainty, errors, curvature) = (0.0, [0.0; 2], None);
+            Ok::<_, Error>(Point { x, value, gradient, uncertainty, errors, curvature })
         };
-        minimize(exact, [0.0; 2], &BOUNDS, &Tolerances::default()).unwrap()
+        minimize(exact, |_: &[_], _| None, [0.0; 2], &BOUNDS, &Tolerances::default()).unwrap()
     }
 
     /// Where a likelihood is flat, as with pure noise, the end is any; so it is the likelihood that is compared.

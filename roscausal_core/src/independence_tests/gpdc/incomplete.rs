@@ -3,7 +3,7 @@
 use faer::{Accum, MatMut, MatRef, Par, linalg::matmul};
 use pulp::{Arch, NullaryFnOnce};
 
-use super::{buffer::Buffer, kernel::Inputs};
+use super::{buffer::Buffer, kernel::Inputs, real::Real};
 
 /// Candidates of a panel.
 pub(super) const PANEL: usize = 16;
@@ -17,28 +17,29 @@ const SHARE_OF_LARGEST: f64 = 0.3;
 /// again as long as it has not fallen far below the largest at the panel's start. So most of the work is products of
 /// matrices, at a rank a few percent higher than by single pivots. The pivots of another length scale may be given:
 /// they are the first candidates, and as good as any where they pass the same test.
-pub(super) struct Incomplete {
+pub(super) struct Incomplete<T> {
     n: usize,
     /// `n x r`, columns by pivot, with room for more.
     columns: Buffer,
     pivots: Vec<u32>,
     /// Diagonal of `E`; minus infinity at the pivots.
-    remainder: Vec<f64>,
+    remainder: Vec<T>,
     /// Pivots of another factorisation that have not been candidates yet.
     hints: Vec<u32>,
 }
 
-impl Incomplete {
+impl<T: Real> Incomplete<T> {
     /// Bytes that `n` samples at rank `r` take at the most.
     pub(super) fn bytes(n: usize, r: usize) -> usize {
-        (n * r + 2 * n) * size_of::<f64>()
+        (n * r + 2 * n) * size_of::<T>()
     }
 
     /// Rank 0, with room for `max_rank`; `hints` are pivots of a similar matrix.
     pub(super) fn new(n: usize, max_rank: usize, hints: &[u32]) -> Self {
-        let columns = Buffer::any((max_rank + PANEL) * n);
+        let columns = Buffer::of::<T>((max_rank + PANEL) * n);
         let hints = hints.iter().rev().copied().collect();
-        Self { n, columns, pivots: Vec::with_capacity(max_rank + PANEL), remainder: vec![1.0; n], hints }
+        let remainder = vec![T::from_double(1.0); n];
+        Self { n, columns, pivots: Vec::with_capacity(max_rank + PANEL), remainder, hints }
     }
 
     /// Pivots in their order.
@@ -47,7 +48,7 @@ impl Incomplete {
     }
 
     /// Diagonal of `E`; minus infinity at the pivots.
-    pub(super) fn remainder(&self) -> &[f64] {
+    pub(super) fn remainder(&self) -> &[T] {
         &self.remainder
     }
 
@@ -56,8 +57,8 @@ impl Incomplete {
     }
 
     /// `L`, column-major.
-    pub(super) fn factor(&self) -> &[f64] {
-        &self.columns[..self.n * self.rank()]
+    pub(super) fn factor(&self) -> &[T] {
+        self.columns.numbers(self.n * self.rank())
     }
 
     /// Takes more pivots until no remainder exceeds `tolerance`; `None` where the rank exceeds `max_rank`, or is about
@@ -66,7 +67,7 @@ impl Incomplete {
         let n = self.n;
         let arch = Arch::new();
         loop {
-            let largest = arch.dispatch(Largest(&self.remainder));
+            let largest = arch.dispatch(Largest(&self.remainder)).double();
             if largest <= tolerance {
                 return Some(());
             }
@@ -83,13 +84,13 @@ impl Incomplete {
             let least = tolerance.max(SHARE_OF_LARGEST * largest);
             let (mut candidates, in_order) = self.candidates(least, tolerance);
             let width = candidates.len();
-            let (before, panel) = self.columns.split_at_mut(k * n);
-            let panel = &mut panel[..width * n];
+            let (before, panel) = self.columns.numbers_mut::<T>((k + width) * n).split_at_mut(k * n);
             for (column, &pivot) in panel.chunks_exact_mut(n).zip(&candidates) {
-                inputs.column(l, pivot as usize, 0, column, &mut []);
+                T::column(inputs, l, pivot as usize, 0, column, &mut []);
             }
             if k > 0 {
-                let mut rows = Buffer::any(k * width);
+                let mut rows = Buffer::of::<T>(k * width);
+                let rows = rows.numbers_mut::<T>(k * width);
                 for (row, &pivot) in rows.chunks_exact_mut(k).zip(&candidates) {
                     row.iter_mut()
                         .zip(before.chunks_exact(n))
@@ -99,8 +100,8 @@ impl Incomplete {
                     MatMut::from_column_major_slice_mut(panel, n, width),
                     Accum::Add,
                     MatRef::from_column_major_slice(before, n, k),
-                    MatRef::from_column_major_slice(&rows, k, width),
-                    -1.0,
+                    MatRef::from_column_major_slice(rows, k, width),
+                    T::from_double(-1.0),
                     Par::Seq,
                 );
             }
@@ -109,7 +110,8 @@ impl Incomplete {
                 let best =
                     if in_order { next } else { taken + largest_of(&self.remainder, &candidates[taken..]) };
                 let pivot = candidates[best] as usize;
-                if self.remainder[pivot] < least || self.remainder[pivot] <= tolerance {
+                let left = self.remainder[pivot].double();
+                if left < least || left <= tolerance {
                     if in_order {
                         continue;
                     }
@@ -121,11 +123,11 @@ impl Incomplete {
                     left[taken * n..(taken + 1) * n].swap_with_slice(&mut right[..n]);
                 }
                 let (before, now) = panel.split_at_mut(taken * n);
-                let diagonal = self.remainder[pivot].sqrt();
-                let remainder = &mut self.remainder;
-                arch.dispatch(NextColumn { before, now: &mut now[..n], remainder, pivot });
-                now[pivot] = diagonal;
-                self.remainder[pivot] = f64::NEG_INFINITY;
+                let diagonal = left.sqrt();
+                let (remainder, scale) = (&mut self.remainder[..], T::from_double(1.0 / diagonal));
+                arch.dispatch(NextColumn { before, now: &mut now[..n], remainder, pivot, scale });
+                now[pivot] = T::from_double(diagonal);
+                self.remainder[pivot] = T::NEG_INFINITY;
                 self.pivots.push(pivot as u32);
                 taken += 1;
             }
@@ -141,7 +143,7 @@ impl Incomplete {
         while candidates.len() < width
             && let Some(hint) = self.hints.pop()
         {
-            if self.remainder[hint as usize] >= least {
+            if self.remainder[hint as usize].double() >= least {
                 candidates.push(hint);
             }
         }
@@ -153,8 +155,8 @@ impl Incomplete {
             return (vec![0], true);
         }
         let mut above: Vec<u32> =
-            (0..self.n as u32).filter(|&i| self.remainder[i as usize] > tolerance).collect();
-        let remainder = |i: u32| self.remainder[i as usize];
+            (0..self.n as u32).filter(|&i| self.remainder[i as usize].double() > tolerance).collect();
+        let remainder = |i: u32| self.remainder[i as usize].double();
         let order = |a: &u32, b: &u32| remainder(*b).total_cmp(&remainder(*a)).then(a.cmp(b));
         if above.len() > width {
             above.select_nth_unstable_by(width, order);
@@ -166,46 +168,48 @@ impl Incomplete {
 }
 
 /// Place of the largest remainder among `candidates`, the first of equals.
-fn largest_of(remainder: &[f64], candidates: &[u32]) -> usize {
+fn largest_of<T: Real>(remainder: &[T], candidates: &[u32]) -> usize {
     let at = |k: usize| remainder[candidates[k] as usize];
     (1..candidates.len()).fold(0, |best, k| if at(k) > at(best) { k } else { best })
 }
 
 /// The largest value.
-struct Largest<'a>(&'a [f64]);
+struct Largest<'a, T>(&'a [T]);
 
-impl NullaryFnOnce for Largest<'_> {
-    type Output = f64;
+impl<T: Real> NullaryFnOnce for Largest<'_, T> {
+    type Output = T;
 
     #[inline(always)]
-    fn call(self) -> f64 {
-        let mut lanes = [f64::NEG_INFINITY; 16];
-        let chunks = self.0.chunks_exact(16);
+    fn call(self) -> T {
+        const LANES: usize = 32;
+        let mut lanes = [T::NEG_INFINITY; LANES];
+        let chunks = self.0.chunks_exact(LANES);
         let rest = chunks.remainder();
         for chunk in chunks {
-            for k in 0..16 {
+            for k in 0..LANES {
                 lanes[k] = if chunk[k] > lanes[k] { chunk[k] } else { lanes[k] };
             }
         }
-        lanes.iter().chain(rest).fold(f64::NEG_INFINITY, |a, &b| if b > a { b } else { a })
+        lanes.iter().chain(rest).fold(T::NEG_INFINITY, |a, &b| if b > a { b } else { a })
     }
 }
 
 /// Turns `now`, the kernel's column at `pivot`, into the next column of the factor: takes off the products of the
 /// columns `before`, scales, and takes its squares off the remainder.
-struct NextColumn<'a> {
-    before: &'a [f64],
-    now: &'a mut [f64],
-    remainder: &'a mut [f64],
+struct NextColumn<'a, T> {
+    before: &'a [T],
+    now: &'a mut [T],
+    remainder: &'a mut [T],
     pivot: usize,
+    scale: T,
 }
 
-impl NullaryFnOnce for NextColumn<'_> {
+impl<T: Real> NullaryFnOnce for NextColumn<'_, T> {
     type Output = ();
 
     #[inline(always)]
     fn call(self) {
-        let Self { before, now, remainder, pivot } = self;
+        let Self { before, now, remainder, pivot, scale } = self;
         let n = now.len();
         let mut fours = before.chunks_exact(4 * n);
         for four in fours.by_ref() {
@@ -223,10 +227,9 @@ impl NullaryFnOnce for NextColumn<'_> {
                 *value = c.mul_add(-factor, *value);
             }
         }
-        let scale = 1.0 / remainder[pivot].sqrt();
         for (value, remainder) in now.iter_mut().zip(remainder) {
             *value *= scale;
-            *remainder -= *value * *value;
+            *remainder = value.mul_add(-*value, *remainder);
         }
     }
 }

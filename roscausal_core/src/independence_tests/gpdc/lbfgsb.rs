@@ -6,19 +6,74 @@
 //! take. For few variables the quasi-Newton matrix is held dense: it is the same matrix as the compact
 //! representation of the papers, built from the same at most `M` pairs.
 
+use std::cell::RefCell;
+
 use super::line_search::{LineSearch, Step};
 
 /// Pairs of steps and gradient differences that are remembered.
 const M: usize = 10;
 /// Evaluations that one line search may take.
 const MAX_LINE_EVALUATIONS: usize = 20;
+/// How far off a gradient may be, as a share of the one that is foretold.
+const ERROR_SHARE: f64 = 0.06;
+/// Share of the decrease at which to stop that the last step may be expected to leave to gain, if it is taken unseen; and
+/// share of that which the error of a gradient may leave, however small the gradient is.
+const UNSEEN: f64 = 0.15;
+const LEAST_ERROR: f64 = 0.05;
+/// Gain up to which a step is foretold: further away another step than the quasi-Newton one may lead to another minimum.
+const NEAR: f64 = 0.01;
+/// Share of its gain that a foretold step may leave.
+const TRUSTED: f64 = 0.05;
 
-/// Share of the decrease at which to stop that a step taken unseen may leave to gain. What it leaves is foretold well
-/// only near the minimum: where the step itself gains no more than so many times that decrease, and no component of the
-/// gradient is more than this share of what it was (in a valley one of them stays).
-const UNSEEN: f64 = 0.3;
-const NEAR: f64 = 30.0;
-const FALLEN: f64 = 0.7;
+/// What is foretold of a step.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Foretold<const N: usize> {
+    /// Its end.
+    pub(super) target: [f64; N],
+    /// What it gains.
+    pub(super) gain: f64,
+    /// What it is expected to leave to gain.
+    pub(super) left: f64,
+    /// Largest component of the gradient that is to be expected at its end.
+    pub(super) steepness: f64,
+    /// The least second derivative there.
+    pub(super) curvature: f64,
+}
+
+impl<const N: usize> Foretold<N> {
+    /// The step to the minimum `target` of a quadratic function.
+    fn by_quadratic(at: &Point<N>, target: [f64; N]) -> Self {
+        let step: [f64; N] = std::array::from_fn(|i| target[i] - at.x[i]);
+        Self {
+            target,
+            gain: -0.5 * dot(&at.gradient, &step),
+            left: f64::INFINITY,
+            steepness: f64::INFINITY,
+            curvature: 0.0,
+        }
+    }
+}
+
+/// How exact a gradient is to be that is foretold.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Exactness {
+    /// How far off it may be.
+    pub(super) error: f64,
+    /// How far off one may be however small it is.
+    pub(super) least: f64,
+}
+
+impl Exactness {
+    /// That for a gradient whose largest component is `steepness`.
+    fn of(steepness: f64, least: f64) -> Self {
+        Self { error: (ERROR_SHARE * steepness).max(least), least }
+    }
+
+    /// The error that a gradient may have which has turned out to be as small as that.
+    pub(super) fn after(&self, steepness: f64) -> f64 {
+        Self::of(steepness, self.least).error
+    }
+}
 
 /// When to stop.
 #[derive(Clone, Copy, Debug)]
@@ -48,9 +103,18 @@ pub(super) struct Point<const N: usize> {
     pub(super) gradient: [f64; N],
     /// How far off the value may be.
     pub(super) uncertainty: f64,
+    /// How far off the gradient may be.
+    pub(super) errors: [f64; N],
+    /// Its second derivative there by the last variable, if known.
+    pub(super) curvature: Option<f64>,
 }
 
 impl<const N: usize> Point<N> {
+    /// Largest component of the gradient.
+    fn steepness(&self) -> f64 {
+        self.gradient.iter().fold(0.0, |largest, g| g.abs().max(largest))
+    }
+
     /// What the function gains up to `to`. Where the values are too uncertain to tell, the gradients at both ends tell it:
     /// exactly where the function is quadratic (as in the line searches of Hager and Zhang 2005, section 2).
     fn rise(&self, to: &Self) -> f64 {
@@ -71,24 +135,28 @@ pub(super) struct Bounds<const N: usize> {
     pub(super) upper: [f64; N],
 }
 
-/// Minimises `f` (value, gradient, and how far off the value may be) within `bounds` from `start`; returns the best point.
+/// Minimises `f` within `bounds` from `start`; returns the best point. Near the end the steps are those that `foretell` makes
+/// of the points evaluated so far and the second derivatives that the quasi-Newton matrix has.
 ///
 /// # Errors
 /// Whatever `f` fails with.
 pub(super) fn minimize<const N: usize, E>(
-    mut f: impl FnMut([f64; N]) -> Result<(f64, [f64; N], f64), E>,
+    mut f: impl FnMut([f64; N], Option<Exactness>) -> Result<Point<N>, E>,
+    foretell: impl Fn(&[Point<N>], [f64; N]) -> Option<Foretold<N>>,
     start: [f64; N],
     bounds: &Bounds<N>,
     tolerances: &Tolerances,
 ) -> Result<Point<N>, E> {
-    let mut evaluate =
-        |x: [f64; N]| f(x).map(|(value, gradient, uncertainty)| Point { x, value, gradient, uncertainty });
-    let mut at = evaluate(bounds.clamp(start))?;
+    let trail = RefCell::new(Vec::new());
+    let mut evaluate = |x: [f64; N], exactness: Option<Exactness>| {
+        let point = f(x, exactness)?;
+        trail.borrow_mut().push(point);
+        Ok(point)
+    };
+    let mut at = evaluate(bounds.clamp(start), None)?;
     let mut memory = Memory::new();
     let mut first = true;
     let mut iteration = 0;
-    let mut gain_before = 0.0;
-    let mut gradient_before = [0.0; N];
     while iteration < tolerances.max_iterations
         && bounds.projected_gradient(&at) > tolerances.projected_gradient
     {
@@ -99,20 +167,28 @@ pub(super) fn minimize<const N: usize, E>(
             memory = Memory::new();
             continue;
         };
-        let step: [f64; N] = std::array::from_fn(|i| target[i] - at.x[i]);
-        let gain = -0.5 * dot(&at.gradient, &step);
         let scale = at.value.abs().max(1.0);
         let enough = tolerances.relative_decrease * scale;
-        // Steps gain less and less, and faster and faster so: what the one after this would gain.
-        let gain_after = if gain < gain_before { gain * gain / gain_before } else { gain };
-        gain_before = gain;
-        let fallen = (0..N).all(|i| at.gradient[i].abs() <= FALLEN * f64::abs(gradient_before[i]));
-        let leaves_nothing = fallen && gain <= NEAR * enough && gain_after <= UNSEEN * enough;
-        if !memory.pairs.is_empty() && gain >= 0.0 && (gain <= enough || leaves_nothing) {
-            // The step gains less than would be asked of it, or leaves nothing to gain: it is taken unseen.
-            return Ok(Point { x: target, value: at.value - gain, ..at });
+        let mut step = Foretold::by_quadratic(&at, target);
+        if !memory.pairs.is_empty() {
+            let scales = std::array::from_fn(|i| memory.matrix[i][i]);
+            let trusted = |step: &Foretold<N>| {
+                step.gain <= NEAR
+                    && step.left <= TRUSTED * step.gain
+                    && bounds.clamp(step.target) == step.target
+            };
+            step = foretell(&trail.borrow(), scales).filter(trusted).unwrap_or(step);
+            let leaves_nothing = step.left <= UNSEEN * enough;
+            if step.gain >= 0.0 && (step.gain <= enough || leaves_nothing) {
+                // The step gains less than would be asked of it, or leaves nothing to gain: it is taken unseen.
+                return Ok(Point { x: step.target, value: at.value - step.gain, ..at });
+            }
         }
-        let next = match line_minimum(&mut evaluate, &at, target, bounds, first)? {
+        let smallest = trail.borrow().iter().map(Point::steepness).fold(step.steepness, f64::min);
+        // Such an error leaves a share of what may be left.
+        let least = (2.0 * LEAST_ERROR * UNSEEN * enough * step.curvature).sqrt();
+        let exactness = step.left.is_finite().then(|| Exactness::of(smallest, least));
+        let next = match line_minimum(&mut evaluate, &at, &step, exactness, bounds, first)? {
             Some(next) => next,
             // A failed search from the steepest descent direction ends it; from another one the memory is
             // misleading and is emptied.
@@ -129,7 +205,6 @@ pub(super) fn minimize<const N: usize, E>(
         let converged =
             bounds.projected_gradient(&next) <= tolerances.projected_gradient || -at.rise(&next) <= enough;
         memory.remember(&at, &next);
-        gradient_before = at.gradient;
         at = next;
         if converged {
             break;
@@ -138,15 +213,16 @@ pub(super) fn minimize<const N: usize, E>(
     Ok(at)
 }
 
-/// Searches the segment from `at` towards `target` for a point with enough decrease.
+/// Searches along a step from `at` for a point with enough decrease.
 fn line_minimum<const N: usize, E>(
-    evaluate: &mut impl FnMut([f64; N]) -> Result<Point<N>, E>,
+    evaluate: &mut impl FnMut([f64; N], Option<Exactness>) -> Result<Point<N>, E>,
     at: &Point<N>,
-    target: [f64; N],
+    step: &Foretold<N>,
+    exactness: Option<Exactness>,
     bounds: &Bounds<N>,
     first: bool,
 ) -> Result<Option<Point<N>>, E> {
-    let direction: [f64; N] = std::array::from_fn(|i| target[i] - at.x[i]);
+    let direction: [f64; N] = std::array::from_fn(|i| step.target[i] - at.x[i]);
     let slope = dot(&at.gradient, &direction);
     if slope >= 0.0 || !slope.is_finite() {
         return Ok(None);
@@ -156,12 +232,12 @@ fn line_minimum<const N: usize, E>(
     // Both bounds of every variable are finite: the first step is 1 as well, not 1/|gradient|.
     let mut length = 1.0;
     for _ in 0..MAX_LINE_EVALUATIONS {
-        let x = if length == 1.0 {
-            target
+        let (x, exactness) = if length == 1.0 {
+            (step.target, exactness)
         } else {
-            bounds.clamp(std::array::from_fn(|i| at.x[i] + length * direction[i]))
+            (bounds.clamp(std::array::from_fn(|i| at.x[i] + length * direction[i])), None)
         };
-        let point = evaluate(x)?;
+        let point = evaluate(x, exactness)?;
         match search.next(at.value + at.rise(&point), dot(&point.gradient, &direction)) {
             Step::Try(next) => length = next,
             Step::Done => return Ok(Some(point)),
@@ -322,7 +398,11 @@ impl<const N: usize> Bounds<N> {
 }
 
 /// Solves the rows and columns of `matrix` that are `free` by Cholesky; zero elsewhere.
-fn solve<const N: usize>(matrix: &[[f64; N]; N], rhs: &[f64; N], free: &[bool; N]) -> Option<[f64; N]> {
+pub(super) fn solve<const N: usize>(
+    matrix: &[[f64; N]; N],
+    rhs: &[f64; N],
+    free: &[bool; N],
+) -> Option<[f64; N]> {
     let index: Vec<usize> = (0..N).filter(|&i| free[i]).collect();
     let mut factor = [[0.0; N]; N];
     let mut x = [0.0; N];
@@ -361,23 +441,35 @@ fn dot<const N: usize>(a: &[f64; N], b: &[f64; N]) -> f64 {
 mod tests {
     use super::*;
 
-    fn rosenbrock([a, b]: [f64; 2]) -> Result<(f64, [f64; 2], f64), ()> {
+    fn rosenbrock([a, b]: [f64; 2], _: Option<Exactness>) -> Result<Point<2>, ()> {
         let (u, v) = (b - a * a, 1.0 - a);
-        Ok((100.0 * u * u + v * v, [-400.0 * a * u - 2.0 * v, 200.0 * u], 0.0))
+        let gradient = [-400.0 * a * u - 2.0 * v, 200.0 * u];
+        Ok(Point {
+            x: [a, b],
+            value: 100.0 * u * u + v * v,
+            gradient,
+            uncertainty: 0.0,
+            errors: [0.0; 2],
+            curvature: None,
+        })
+    }
+
+    fn nothing(_: &[Point<2>], _: [f64; 2]) -> Option<Foretold<2>> {
+        None
     }
 
     #[test]
     fn the_minimum_inside_is_found() {
         let bounds = Bounds { lower: [-5.0; 2], upper: [5.0; 2] };
         let tight = Tolerances { relative_decrease: 0.0, projected_gradient: 1e-9, max_iterations: 500 };
-        let end = minimize(rosenbrock, [-1.2, 1.0], &bounds, &tight).unwrap();
+        let end = minimize(rosenbrock, nothing, [-1.2, 1.0], &bounds, &tight).unwrap();
         assert!(end.x.iter().all(|x| (x - 1.0).abs() < 1e-8), "{end:?}");
     }
 
     #[test]
     fn a_minimum_on_the_bound_stays_on_it() {
         let bounds = Bounds { lower: [-2.0, -2.0], upper: [0.5, 2.0] };
-        let end = minimize(rosenbrock, [-1.0, 1.5], &bounds, &Tolerances::default()).unwrap();
+        let end = minimize(rosenbrock, nothing, [-1.0, 1.5], &bounds, &Tolerances::default()).unwrap();
         assert_eq!(end.x[0], 0.5);
         assert!((end.x[1] - 0.25).abs() < 1e-5, "{end:?}");
     }
@@ -386,9 +478,9 @@ mod tests {
     fn every_trial_is_within_bounds() {
         let bounds = Bounds { lower: [-1.5, -0.5], upper: [1.5, 3.0] };
         let inside = |x: [f64; 2]| (0..2).all(|i| (bounds.lower[i]..=bounds.upper[i]).contains(&x[i]));
-        let watched = |x: [f64; 2]| if inside(x) { rosenbrock(x) } else { Err(()) };
+        let watched = |x: [f64; 2], exactness| if inside(x) { rosenbrock(x, exactness) } else { Err(()) };
         for start in [[-1.5, -0.5], [1.5, 3.0], [0.0, 0.0], [-1.2, 1.0]] {
-            assert!(minimize(watched, start, &bounds, &Tolerances::default()).is_ok());
+            assert!(minimize(watched, nothing, start, &bounds, &Tolerances::default()).is_ok());
         }
     }
 }

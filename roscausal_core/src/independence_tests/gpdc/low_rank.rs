@@ -10,33 +10,41 @@
 //! kernel along the samples (heat equation), which the same `W` interpolates with an error of the order of
 //! `max(1, l^2) E`.
 
+use std::marker::PhantomData;
+
 use faer::{
     Accum, MatMut, MatRef, Par,
     dyn_stack::{MemBuffer, MemStack},
     linalg::{
         cholesky::llt, matmul, matmul::triangular::BlockStructure, triangular_inverse, triangular_solve,
     },
-    prelude::{Reborrow, ReborrowMut},
-    traits::ComplexField,
+    prelude::ReborrowMut,
 };
 
 use super::{
     buffer::Buffer,
-    gp::{Theta, Traces},
+    gp::Theta,
     incomplete::Incomplete,
-    kernel::{Inputs, dot, dot_of_singles},
+    kernel::{Inputs, dot},
+    likelihood::{Factorisation, Solution, Traces},
+    real::{Real, add_columns, products_with_columns},
 };
 
-/// `A = L L' + s I` factorised through `M = L' L + s I`.
-pub(super) struct LowRank {
+/// `A = L L' + s I` factorised through `M = L' L + s I`. The factor is in precision `F`, products over the samples are in
+/// precision `P`, and what is not as long as the samples is in double.
+///
+/// Single precision leaves an error of its rounding in the product `L L'`, which the last columns of the factor are small
+/// beside: the gradient, which divides by them, is off by the rounding divided by the tolerance.
+pub(super) struct LowRank<F, P> {
     s: f64,
-    factor: Incomplete,
+    factor: Incomplete<F>,
     /// Cholesky factor of `M`, `r x r`.
     inner: Buffer,
     gradient: Option<Gradient>,
-    pub(super) log_determinant: f64,
+    log_determinant: f64,
     /// 0 unless for a search.
-    pub(super) traces: Traces,
+    traces: Traces,
+    products: PhantomData<P>,
 }
 
 /// A derivative by `ln l`.
@@ -53,9 +61,8 @@ struct Gradient {
     /// `r x r`: rows of the factor at the pivots, `L_p`.
     at_pivots: Buffer,
     /// `dK / d ln l` between the pivots.
-    derivative: Buffer,
-    /// `n x r`: the same between all samples and the pivots, `B`, if the derivative is the consistent one; in single
-    /// precision.
+    between: Buffer,
+    /// `n x r`: the same between all samples and the pivots, `B`, if the derivative is the consistent one.
     beside: Option<Buffer>,
 }
 
@@ -67,59 +74,45 @@ fn view_mut(square: &mut [f64], r: usize) -> MatMut<'_, f64> {
     MatMut::from_column_major_slice_mut(square, r, r)
 }
 
-impl LowRank {
+impl<F: Real, P: Real> LowRank<F, P> {
     /// Bytes that `n` samples at rank `r` take at the most.
     pub(super) fn bytes(n: usize, r: usize) -> usize {
-        Incomplete::bytes(n, r) + (n + 10 * r) * r * size_of::<f64>()
+        Incomplete::<F>::bytes(n, r) + 2 * n * r * size_of::<P>() + 10 * r * r * size_of::<f64>()
     }
 
     /// The factorisation at `theta` from a factor of the kernel matrix, for a search with a derivative.
     pub(super) fn new(
         inputs: &Inputs,
         theta: Theta,
-        factor: Incomplete,
+        factor: Incomplete<F>,
         derivative: Option<Derivative>,
     ) -> Option<Self> {
         let (n, r) = (inputs.len(), factor.rank());
-        let single = (derivative == Some(Derivative::Consistent)).then(|| single(factor.factor()));
-        let mut inner = match &single {
-            Some(single) => {
-                let mut inner = Buffer::of::<f32>(r * r);
-                symmetric_product(inner.numbers_mut::<f32>(r * r), single.numbers(n * r), r);
-                double(inner.numbers(r * r))
-            }
-            None => {
-                let mut inner = Buffer::zeros(r * r);
-                symmetric_product(&mut inner[..], factor.factor(), r);
-                inner
-            }
-        };
+        let of_products = Converted::<F, P>::new(factor.factor());
+        let mut inner = symmetric_product(of_products.get(factor.factor()), r);
         inner.iter_mut().step_by(r + 1).for_each(|d| *d += theta.s);
         cholesky(view_mut(&mut inner, r))?;
         let log_determinant =
             (n - r) as f64 * theta.s.ln() + 2.0 * inner.iter().step_by(r + 1).map(|d| d.ln()).sum::<f64>();
         let traces = Traces::default();
-        let mut at = Self { s: theta.s, factor, inner, gradient: None, log_determinant, traces };
-        if derivative.is_some() {
-            at.differentiate(inputs, theta, single.as_ref());
+        let mut at = Self {
+            s: theta.s,
+            factor,
+            inner,
+            gradient: None,
+            log_determinant,
+            traces,
+            products: PhantomData,
+        };
+        if let Some(derivative) = derivative {
+            at.differentiate(inputs, theta, derivative, &of_products);
         }
         Some(at)
     }
 
     /// The factor of the kernel matrix.
-    pub(super) fn into_factor(self) -> Incomplete {
+    pub(super) fn into_factor(self) -> Incomplete<F> {
         self.factor
-    }
-
-    /// How far off the likelihood may be for what the approximation leaves of the kernel matrix, `E`: the logarithm of the
-    /// determinant is too small by at most `tr(E) / s`, `y' a` too large by about `a' E a`; so the errors are opposite.
-    pub(super) fn missing(&self, alpha: &[f64]) -> f64 {
-        let left = self.factor.remainder();
-        let (trace, fit) = left.iter().zip(alpha).fold((0.0, 0.0), |(trace, fit), (&left, a)| {
-            let left = left.max(0.0);
-            (trace + left, fit + left * a * a)
-        });
-        0.5 * f64::max(trace / self.s, fit)
     }
 
     /// Pivots in their order.
@@ -129,15 +122,24 @@ impl LowRank {
 
     /// The traces. With `A^-1 L = L M^-1` and `L' A^-1 L = I - s M^-1`, `tr(A^-1 B W') = tr(M^-1 Y)` where
     /// `Y = L_p^-1 B' L`, and `tr(A^-1 W dK_p W') = tr(X) - s tr(M^-1 X)` where `X = L_p^-1 dK_p L_p^-T`.
-    fn differentiate(&mut self, inputs: &Inputs, theta: Theta, single: Option<&Buffer>) {
+    fn differentiate(
+        &mut self,
+        inputs: &Inputs,
+        theta: Theta,
+        derivative: Derivative,
+        of_products: &Converted<F, P>,
+    ) {
         let (n, r) = (inputs.len(), self.factor.rank());
         let (pivots, factor) = (self.factor.pivots(), self.factor.factor());
         let mut at_pivots = Buffer::any(r * r);
         for (j, (to, column)) in at_pivots.chunks_exact_mut(r).zip(factor.chunks_exact(n)).enumerate() {
             to[..j].fill(0.0);
-            to[j..].iter_mut().zip(&pivots[j..]).for_each(|(to, &pivot)| *to = column[pivot as usize]);
+            to[j..]
+                .iter_mut()
+                .zip(&pivots[j..])
+                .for_each(|(to, &pivot)| *to = column[pivot as usize].double());
         }
-        let derivative = inputs.derivative_between(theta.l, pivots);
+        let between = inputs.derivative_between(theta.l, pivots);
         let mut inverse = Buffer::zeros(r * r);
         triangular_inverse::invert_lower_triangular(
             view_mut(&mut inverse, r),
@@ -146,7 +148,7 @@ impl LowRank {
         );
         let inverse = view(&inverse, r);
         let mut projected = Buffer::any(r * r);
-        projected.copy_from_slice(&derivative);
+        projected.copy_from_slice(&between);
         let lower = view(&at_pivots, r);
         triangular_solve::solve_lower_triangular_in_place(lower, view_mut(&mut projected, r), Par::Seq);
         // C^-1 L_p^-1 dK_p, then its product with (C^-1 L_p^-1)' needs the diagonal only.
@@ -154,9 +156,9 @@ impl LowRank {
         view_mut(&mut whole, r).copy_from(view(&projected, r).transpose());
         triangular_solve::solve_lower_triangular_in_place(lower, view_mut(&mut whole, r), Par::Seq);
         let trace = whole.iter().step_by(r + 1).sum::<f64>();
-        let beside = single.map(|_| beside(inputs, theta.l, pivots));
-        if let Some((single, beside)) = single.zip(beside.as_ref()) {
-            let mut y = single_product(beside, single, n, r);
+        let beside = (derivative == Derivative::Consistent).then(|| beside::<P>(inputs, theta.l, pivots));
+        if let Some(beside) = &beside {
+            let mut y = product(beside.numbers::<P>(n * r), of_products.get(factor), r);
             triangular_solve::solve_lower_triangular_in_place(lower, view_mut(&mut y, r), Par::Seq);
             // s X + Y + Y', of which the lower triangle is needed.
             view_mut(&mut projected, r).copy_from(view(&y, r).transpose());
@@ -179,110 +181,148 @@ impl LowRank {
         let columns = || of_inner.chunks_exact(r).zip(whole.chunks_exact(r)).enumerate();
         let below = columns().map(|(j, (m, x))| dot(&m[j + 1..], &x[j + 1..])).sum::<f64>();
         let on_diagonal = columns().map(|(j, (m, x))| m[j] * x[j]).sum::<f64>();
+        // Of M^-1.
+        let square = |(j, m): (usize, &[f64])| m[j] * m[j] + 2.0 * dot(&m[j + 1..], &m[j + 1..]);
+        let squared = of_inner.chunks_exact(r).enumerate().map(square).sum::<f64>();
         self.traces = Traces {
             inverse: ((n - r) as f64 + theta.s * inverse.squared_norm_l2()) / theta.s,
+            squared: (n - r) as f64 / (theta.s * theta.s) + squared,
             derivative: match beside {
                 Some(_) => on_diagonal + 2.0 * below - trace,
                 None => trace - theta.s * (on_diagonal + 2.0 * below),
             },
         };
-        self.gradient = Some(Gradient { at_pivots, derivative, beside });
-    }
-
-    /// `A^-1 y`.
-    pub(super) fn alpha(&self, y: &[f64]) -> Vec<f64> {
-        self.alpha_and_weights(y).0
-    }
-
-    /// `A^-1 y`, and `a' dK a` of the solution `a`; of a factorisation for a search.
-    pub(super) fn solve(&self, y: &[f64]) -> (Vec<f64>, f64) {
-        let (alpha, mut weights) = self.alpha_and_weights(y);
-        let Some(Gradient { at_pivots, derivative, beside }) = &self.gradient else { return (alpha, 0.0) };
-        // L' a = weights, so W' a = L_p^-T weights.
-        let r = weights.len();
-        let column = MatMut::from_column_major_slice_mut(&mut weights, r, 1);
-        triangular_solve::solve_upper_triangular_in_place(view(at_pivots, r).transpose(), column, Par::Seq);
-        let at_pivot = |(j, column): (usize, &[f64])| weights[j] * dot(&column[..j], &weights[..j]);
-        let between = derivative.chunks_exact(r).enumerate().map(at_pivot).sum::<f64>();
-        let Some(beside) = beside else { return (alpha, 2.0 * between) };
-        let single: Vec<f32> = alpha.iter().map(|&a| a as f32).collect();
-        let columns = beside.numbers(y.len() * r).chunks_exact(y.len()).zip(&weights);
-        let all = columns.map(|(column, weight)| weight * dot_of_singles(column, &single)).sum::<f64>();
-        (alpha, 2.0 * (all - between))
+        self.gradient = Some(Gradient { at_pivots, between, beside });
     }
 
     /// `a = A^-1 y` and `L' a`.
     fn alpha_and_weights(&self, y: &[f64]) -> (Vec<f64>, Vec<f64>) {
-        let (n, r) = (y.len(), self.factor.rank());
-        let factor = MatRef::from_column_major_slice(self.factor.factor(), n, r);
-        let y_column = MatRef::from_column_major_slice(y, n, 1);
-        let mut weights = vec![0.0; r];
-        let mut column = MatMut::from_column_major_slice_mut(&mut weights, r, 1);
-        matmul::matmul(column.rb_mut(), Accum::Replace, factor.transpose(), y_column, 1.0, Par::Seq);
-        let inner = view(&self.inner, r);
+        let mut weights = products_with_columns(self.factor.factor(), y);
+        let mut column = MatMut::from_column_major_slice_mut(&mut weights, self.factor.rank(), 1);
+        let inner = view(&self.inner, self.factor.rank());
         triangular_solve::solve_lower_triangular_in_place(inner, column.rb_mut(), Par::Seq);
-        triangular_solve::solve_upper_triangular_in_place(inner.transpose(), column.rb_mut(), Par::Seq);
-        let mut alpha = y.to_vec();
-        let alpha_column = MatMut::from_column_major_slice_mut(&mut alpha, n, 1);
-        matmul::matmul(alpha_column, Accum::Add, factor, column.rb(), -1.0, Par::Seq);
-        alpha.iter_mut().for_each(|a| *a /= self.s);
+        triangular_solve::solve_upper_triangular_in_place(inner.transpose(), column, Par::Seq);
+        let mut fitted = vec![0.0; y.len()];
+        add_columns(&mut fitted, self.factor.factor(), &weights);
+        let alpha = y.iter().zip(&fitted).map(|(y, fitted)| (y - fitted) / self.s).collect();
         (alpha, weights)
     }
 }
 
-/// `dK / d ln l` between all samples and the pivots, `n x r` in single precision.
-fn beside(inputs: &Inputs, l: f64, pivots: &[u32]) -> Buffer {
+impl<F: Real, P: Real> Factorisation for LowRank<F, P> {
+    fn log_determinant(&self) -> f64 {
+        self.log_determinant
+    }
+
+    fn traces(&self) -> Traces {
+        self.traces
+    }
+
+    fn alpha(&self, y: &[f64]) -> Vec<f64> {
+        self.alpha_and_weights(y).0
+    }
+
+    fn solve(&self, y: &[f64]) -> Solution {
+        let (alpha, mut weights) = self.alpha_and_weights(y);
+        let Some(Gradient { at_pivots, between, beside }) = &self.gradient else {
+            return Solution { alpha, squared: 0.0, derivative: 0.0 };
+        };
+        let r = weights.len();
+        // L' a = weights, so a' A^-1 a = (a' a - weights' M^-1 weights) / s
+        let mut half = weights.clone();
+        let column = MatMut::from_column_major_slice_mut(&mut half, r, 1);
+        triangular_solve::solve_lower_triangular_in_place(view(&self.inner, r), column, Par::Seq);
+        let squared = (dot(&alpha, &alpha) - dot(&half, &half)) / self.s;
+        // ... and W' a = L_p^-T weights.
+        let column = MatMut::from_column_major_slice_mut(&mut weights, r, 1);
+        triangular_solve::solve_upper_triangular_in_place(view(at_pivots, r).transpose(), column, Par::Seq);
+        let at_pivot = |(j, column): (usize, &[f64])| weights[j] * dot(&column[..j], &weights[..j]);
+        let among = between.chunks_exact(r).enumerate().map(at_pivot).sum::<f64>();
+        let all = beside.as_ref().map_or(2.0 * among, |beside| {
+            dot(&products_with_columns(beside.numbers::<P>(y.len() * r), &alpha), &weights)
+        });
+        Solution { alpha, squared, derivative: 2.0 * (all - among) }
+    }
+
+    /// For what the approximation leaves of the kernel matrix, `E`: the logarithm of the
+    /// determinant is too small by at most `tr(E) / s`, `y' a` too large by about `a' E a`; so the errors are opposite.
+    fn missing(&self, alpha: &[f64]) -> f64 {
+        let left = self.factor.remainder();
+        let (trace, fit) = left.iter().zip(alpha).fold((0.0, 0.0), |(trace, fit), (&left, a)| {
+            let left = left.double().max(0.0);
+            (trace + left, fit + left * a * a)
+        });
+        0.5 * f64::max(trace / self.s, fit)
+    }
+}
+
+/// Numbers of precision `F` in precision `P`: a copy only where that is another one.
+struct Converted<F, P> {
+    copy: Option<Buffer>,
+    precisions: PhantomData<(F, P)>,
+}
+
+impl<F: Real, P: Real> Converted<F, P> {
+    fn new(numbers: &[F]) -> Self {
+        let copy = (size_of::<F>() != size_of::<P>()).then(|| {
+            let mut copy = Buffer::of::<P>(numbers.len());
+            let to = copy.numbers_mut::<P>(numbers.len());
+            to.iter_mut().zip(numbers).for_each(|(to, from)| *to = P::from_double(from.double()));
+            copy
+        });
+        Self { copy, precisions: PhantomData }
+    }
+
+    /// `numbers`: those of [`Converted::new`].
+    fn get<'a>(&'a self, numbers: &'a [F]) -> &'a [P] {
+        self.copy.as_ref().map_or_else(|| bytemuck::cast_slice(numbers), |copy| copy.numbers(numbers.len()))
+    }
+}
+
+/// `dK / d ln l` between all samples and the pivots, `n x r`.
+fn beside<T: Real>(inputs: &Inputs, l: f64, pivots: &[u32]) -> Buffer {
     let n = inputs.len();
-    let (mut beside, mut kernel) = (Buffer::of::<f32>(n * pivots.len()), vec![0.0; n]);
-    for (column, &pivot) in beside.numbers_mut(n * pivots.len()).chunks_exact_mut(n).zip(pivots) {
-        inputs.column_of_singles(l, pivot as usize, 0, &mut kernel, column);
+    let mut beside = Buffer::of::<T>(n * pivots.len());
+    let mut kernel = vec![T::from_double(0.0); n];
+    for (column, &pivot) in beside.numbers_mut::<T>(n * pivots.len()).chunks_exact_mut(n).zip(pivots) {
+        T::column(inputs, l, pivot as usize, 0, &mut kernel, column);
     }
     beside
 }
 
-/// The same numbers in single precision.
-fn single(numbers: &[f64]) -> Buffer {
-    let mut single = Buffer::of::<f32>(numbers.len());
-    let to = single.numbers_mut::<f32>(numbers.len());
-    to.iter_mut().zip(numbers).for_each(|(to, &from)| *to = from as f32);
-    single
-}
-
-/// The same numbers in double precision.
-fn double(numbers: &[f32]) -> Buffer {
-    let mut double = Buffer::any(numbers.len());
-    double.iter_mut().zip(numbers).for_each(|(to, &from)| *to = from.into());
-    double
-}
-
-/// `beside' factor`, `r x r`, of matrices `n x r` in single precision.
-fn single_product(beside: &Buffer, factor: &Buffer, n: usize, r: usize) -> Buffer {
-    let mut product = Buffer::of::<f32>(r * r);
+/// `left' right`, `r x r`, of matrices `n x r`.
+fn product<T: Real>(left: &[T], right: &[T], r: usize) -> Buffer {
+    let n = left.len() / r.max(1);
+    let mut product = Buffer::of::<T>(r * r);
     matmul::matmul(
-        MatMut::from_column_major_slice_mut(product.numbers_mut::<f32>(r * r), r, r),
+        MatMut::from_column_major_slice_mut(product.numbers_mut::<T>(r * r), r, r),
         Accum::Replace,
-        MatRef::from_column_major_slice(beside.numbers::<f32>(n * r), n, r).transpose(),
-        MatRef::from_column_major_slice(factor.numbers::<f32>(n * r), n, r),
-        1.0,
+        MatRef::from_column_major_slice(left, n, r).transpose(),
+        MatRef::from_column_major_slice(right, n, r),
+        T::from_double(1.0),
         Par::Seq,
     );
-    double(product.numbers(r * r))
+    T::doubles(product, r * r)
 }
 
-/// The lower triangle of `factor' factor`, `r x r`.
-fn symmetric_product<T: ComplexField>(to: &mut [T], factor: &[T], r: usize) {
-    let factor = MatRef::from_column_major_slice(factor, factor.len() / r.max(1), r);
+/// `factor' factor`, `r x r`, its lower triangle; zeros above.
+fn symmetric_product<T: Real>(factor: &[T], r: usize) -> Buffer {
+    let n = factor.len() / r.max(1);
+    let factor = MatRef::from_column_major_slice(factor, n, r);
+    let mut product = Buffer::of::<T>(r * r);
+    product.numbers_mut::<T>(r * r).fill(T::from_double(0.0));
     matmul::triangular::matmul(
-        MatMut::from_column_major_slice_mut(to, r, r),
+        MatMut::from_column_major_slice_mut(product.numbers_mut::<T>(r * r), r, r),
         BlockStructure::TriangularLower,
         Accum::Replace,
         factor.transpose(),
         BlockStructure::Rectangular,
         factor,
         BlockStructure::Rectangular,
-        T::one_impl(),
+        T::from_double(1.0),
         Par::Seq,
     );
+    T::doubles(product, r * r)
 }
 
 fn cholesky(matrix: MatMut<'_, f64>) -> Option<()> {

@@ -2,20 +2,24 @@
 //! a test for nonlinear dependence with additive noise.
 
 mod buffer;
+mod cubic_model;
 mod dense;
 mod distance_correlation;
 mod gp;
 mod incomplete;
 mod kernel;
 mod lbfgsb;
+mod likelihood;
 mod line_search;
 mod low_rank;
 mod memory;
 mod null_table;
 mod pcg64;
 mod permutation;
+mod real;
 mod refine;
 mod residuals;
+mod search;
 
 use std::sync::Arc;
 
