@@ -77,7 +77,9 @@ fn view_mut(square: &mut [f64], r: usize) -> MatMut<'_, f64> {
 impl<F: Real, P: Real> LowRank<F, P> {
     /// Bytes that `n` samples at rank `r` take at the most.
     pub(super) fn bytes(n: usize, r: usize) -> usize {
-        Incomplete::<F>::bytes(n, r) + 2 * n * r * size_of::<P>() + 10 * r * r * size_of::<f64>()
+        let of_products = if size_of::<F>() == size_of::<P>() { 1 } else { 2 };
+        let of_samples = of_products * n * r * size_of::<P>();
+        Incomplete::<F>::bytes(n, r) + of_samples + 10 * r * r * size_of::<f64>()
     }
 
     /// The factorisation at `theta` from a factor of the kernel matrix, for a search with a derivative.
