@@ -67,8 +67,7 @@ impl Model {
         }
         let offset = |point: &Point<2>| [point.x[0] - at.x[0], point.x[1] - at.x[1]];
         let near = before.iter().rev().filter(|point| {
-            let d = offset(point);
-            let far = d[0].abs().max(d[1].abs());
+            let far = length(offset(point));
             far <= FAR && far > 0.0 && point.value.is_finite()
         });
         for point in near.take(MOST) {
@@ -80,8 +79,7 @@ impl Model {
                 learn(rows[i], point.gradient[i] - at.gradient[i], deviation);
             }
             if let Some(curvature) = point.curvature {
-                let far = d[0].abs().max(d[1].abs());
-                let deviation = CURVATURE_ERROR * curvature.abs() + 0.5 * FOURTH * q * far * far;
+                let deviation = CURVATURE_ERROR * curvature.abs() + 0.5 * FOURTH * q * length(d).powi(2);
                 learn([0.0, 0.0, 1.0, 0.0, 0.0, d[0], d[1]], curvature, deviation);
             }
         }
@@ -96,7 +94,7 @@ impl Model {
             let rest = [0, 1].map(|i| -at.gradient[i] - product(&rows[i], &self.mean));
             let step = solve(&self.hessian(d), &rest, &[true; 2])?;
             d = [d[0] + step[0], d[1] + step[1]];
-            if d[0].abs().max(d[1].abs()) > LONGEST {
+            if length(d) > LONGEST {
                 return None;
             }
         }
@@ -112,6 +110,10 @@ impl Model {
             variances[i][i] += lacking[i] * lacking[i] + at.errors[i] * at.errors[i];
         }
         let determinant = hessian[0][0] * hessian[1][1] - hessian[0][1] * hessian[0][1];
+        if hessian[0][0] <= 0.0 || determinant <= 0.0 {
+            // Not a minimum: what the step leaves would come out below nothing.
+            return None;
+        }
         let left = 0.5
             * (variances[0][0] * hessian[1][1] + variances[1][1] * hessian[0][0]
                 - 2.0 * variances[0][1] * hessian[0][1])
@@ -146,9 +148,13 @@ fn gradient_rows([u, v]: [f64; 2]) -> [Row; 2] {
 /// What the model may lack of the gradient at an offset: fourth derivatives.
 fn lacking(d: [f64; 2], [p, q]: [f64; 2]) -> [f64; 2] {
     let [u, v] = d.map(f64::abs);
-    let far = u.max(v);
     let mixed = MIXED * (p * q).sqrt();
-    [(p * u + mixed * v), (mixed * u + q * v)].map(|change| FOURTH / 6.0 * change * far * far)
+    [(p * u + mixed * v), (mixed * u + q * v)].map(|change| FOURTH / 6.0 * change * length(d).powi(2))
+}
+
+/// Largest component of an offset.
+fn length([u, v]: [f64; 2]) -> f64 {
+    u.abs().max(v.abs())
 }
 
 fn product(a: &Row, b: &Row) -> f64 {

@@ -34,6 +34,23 @@ pub(super) enum Form {
     LowRankSingle(LowRank<f32, f32>),
 }
 
+impl Form {
+    /// The form of low rank as planned, from a looser factor if there is one and it serves the plan's precision.
+    fn of_low_rank(
+        inputs: &Inputs,
+        theta: Theta,
+        plan: Plan,
+        search: &mut Search,
+        from: Option<Incomplete<f64>>,
+    ) -> Option<Self> {
+        match plan.precision {
+            Precision::Double => low_rank(inputs, theta, plan, search, from).map(Self::LowRank),
+            Precision::Mixed => low_rank(inputs, theta, plan, search, from).map(Self::LowRankMixed),
+            Precision::Single => low_rank(inputs, theta, plan, search, None).map(Self::LowRankSingle),
+        }
+    }
+}
+
 /// A factorisation of `A = K + s I`.
 pub(super) trait Factorisation {
     /// `log det A`.
@@ -129,11 +146,7 @@ impl Likelihood {
         };
         if !search.expects_too_high_rank(inputs, theta.l, plan.tolerance) {
             let _held = hold(LowRank::<f64, f64>::bytes(n, max_rank(n)));
-            let form = match plan.precision {
-                Precision::Double => low_rank(inputs, theta, plan, search, None).map(Form::LowRank),
-                Precision::Mixed => low_rank(inputs, theta, plan, search, None).map(Form::LowRankMixed),
-                Precision::Single => low_rank(inputs, theta, plan, search, None).map(Form::LowRankSingle),
-            };
+            let form = Form::of_low_rank(inputs, theta, plan, search, None);
             if let Some(form) = form {
                 return Some(Self { theta, form, plan: Some(plan), _held });
             }
@@ -166,12 +179,8 @@ impl Likelihood {
             Form::Dense(_) | Form::DenseSingle(_) => return Some(Self { theta, form, plan: before, _held }),
         };
         let too_high = search.expects_too_high_rank(inputs, theta.l, plan.tolerance);
-        let form = match plan.precision {
-            _ if too_high || factor.is_none() => None,
-            Precision::Double => low_rank(inputs, theta, plan, search, factor).map(Form::LowRank),
-            Precision::Mixed => low_rank(inputs, theta, plan, search, factor).map(Form::LowRankMixed),
-            Precision::Single => None,
-        };
+        let factor = factor.filter(|_| !too_high);
+        let form = factor.and_then(|factor| Form::of_low_rank(inputs, theta, plan, search, Some(factor)));
         if let Some(form) = form {
             return Some(Self { theta, form, plan: Some(plan), _held });
         }
