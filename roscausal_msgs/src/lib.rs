@@ -8,7 +8,7 @@
 //! [`Definition::wires`] tells which wire each is for.
 
 /// Implements [`Message`] for a struct: `message!("package" Name uses [Nested, ...])`. The text is
-/// `foreign/package/Name.msg`; `own` takes `msg/Name.msg`; `as "path"` another file below `foreign/`; `on`
+/// `foreign/package/msg/Name.msg`; `own` takes `msg/Name.msg`; `as "path"` another file below `foreign/`; `on`
 /// names the wire when it is only one.
 macro_rules! message {
     (own $name:ident uses [$($nested:ty),*]) => {
@@ -18,7 +18,7 @@ macro_rules! message {
         message!($package $name on Both uses [$($nested),*]);
     };
     ($package:literal $name:ident on $wires:ident uses [$($nested:ty),*]) => {
-        message!(@ $name, $package, stringify!($name), concat!("/foreign/", $package, "/", stringify!($name), ".msg"), $wires, [$($nested),*]);
+        message!(@ $name, $package, stringify!($name), concat!("/foreign/", $package, "/msg/", stringify!($name), ".msg"), $wires, [$($nested),*]);
     };
     ($package:literal $name:ident as $file:literal $named:literal on $wires:ident uses [$($nested:ty),*]) => {
         message!(@ $name, $package, $named, concat!("/foreign/", $file, ".msg"), $wires, [$($nested),*]);

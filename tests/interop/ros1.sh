@@ -38,9 +38,9 @@ export ROSCAUSAL_PEER=$target/release/examples/ros1_peer ROSCAUSAL_NODE=$target/
 # A catkin workspace with this clone, and pedsim's messages, which Debian has not.
 echo "building the catkin workspace ..."
 ws=$work/ws
-mkdir -p "$ws/src/pedsim_msgs/msg"
+mkdir -p "$ws/src/pedsim_msgs"
 ln -s "$root" "$ws/src/roscausal"
-cp "$root"/roscausal_msgs/foreign/pedsim_msgs/*.msg "$ws/src/pedsim_msgs/msg"
+cp -r "$root/roscausal_msgs/foreign/pedsim_msgs/msg" "$ws/src/pedsim_msgs"
 cp "$here/ros1/pedsim_msgs.cmake" "$ws/src/pedsim_msgs/CMakeLists.txt"
 cp "$here/ros1/pedsim_msgs.xml" "$ws/src/pedsim_msgs/package.xml"
 (cd "$ws" && catkin_make -DPYTHON_EXECUTABLE=/usr/bin/python3 -DROSCAUSAL_CARGO_TARGET_DIR="$target") >"$work/catkin.log" 2>&1 ||

@@ -21,7 +21,7 @@ def store(ros):
     for name in FOREIGN:
         package, short = name.split("/")
         if f"{package}/msg/{short}" not in types.types:
-            text = (MESSAGES / f"{name}.msg").read_text()
+            text = (MESSAGES / package / "msg" / f"{short}.msg").read_text()
             types.register(get_types_from_msg(text, f"{package}/msg/{short}"))
     types.register(get_types_from_msg(ODD, "custom_msgs/msg/Odd"))
     return types

@@ -34,7 +34,7 @@ def write(path, text):
 
 foreign, out, *names = sys.argv[1:]
 for name in names:
-    files = sorted(pathlib.Path(foreign, name).glob("*.msg"))
+    files = sorted(pathlib.Path(foreign, name, "msg").glob("*.msg"))
     for file in files:
         text = re.sub(r"(?m)^(time|duration)\b", lambda m: f"builtin_interfaces/{m[1].capitalize()}", file.read_text())
         write(pathlib.Path(out, name, "msg", file.name), text)
