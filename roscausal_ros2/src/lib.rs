@@ -1,6 +1,7 @@
 //! ROS 2 backend: [`roscausal_core::middleware::Middleware`] over `ros2-client`, in pure Rust; no ROS
 //! installation is needed, to build or to run.
 
+mod farewell;
 mod graph;
 mod node;
 mod parameters;

@@ -22,11 +22,12 @@ use roscausal_core::{
 };
 use roscausal_msgs::rosgraph_msgs;
 use roscausal_ros::{Clock, Life, lock, steady};
-use rustdds::{DomainParticipantBuilder, Topic, TopicKind};
+use rustdds::{DomainParticipantBuilder, RTPSEntity, Topic, TopicKind};
 use tracing::{debug, error};
 
 use crate::{
-    args::Args,
+    args::{Args, Network},
+    farewell,
     graph::{Graph, published_topics},
     names::Names,
     parameters::{Parameters, USE_SIM_TIME, ros2_name},
@@ -43,6 +44,7 @@ pub struct Ros2 {
 
 pub(crate) struct Inner {
     pub(crate) names: Names,
+    network: Network,
     pub(crate) graph: Arc<Graph>,
     pub(crate) spinner: Spinner,
     pub(crate) parameters: Arc<Parameters>,
@@ -110,6 +112,7 @@ impl Ros2 {
             graph: Arc::default(),
             spinner,
             names,
+            network: args.network,
             parameters,
             parameter_events,
             secured: args.enclave.is_some(),
@@ -307,7 +310,9 @@ impl Inner {
             // Whoever is just discovering this node must hear that it has gone before its participant does, or
             // lists it for ever.
             thread::sleep(FAREWELL);
+            let participant = context.domain_participant().guid().to_bytes();
             drop((announcer, context));
+            farewell::send(participant, self.network);
         }
     }
 }
