@@ -66,6 +66,21 @@ class Ros:
     def names(self):
         return [ns.rstrip("/") + "/" + name for name, ns in self.node.get_node_names_and_namespaces()]
 
+    def participants(self, name_part):
+        """The DDS participants of the nodes with this in their name, as far as topics show them."""
+        return {prefix for prefix, name in self._endpoints() if name_part in name}
+
+    def gone(self, name_part, participants):
+        """Whether nothing is left of these nodes: no name, and no topic of theirs."""
+        left = any(name_part in name for name in self.names())
+        return not left and participants.isdisjoint(prefix for prefix, _ in self._endpoints())
+
+    def _endpoints(self):
+        for topic, _ in self.node.get_topic_names_and_types():
+            for of_topic in (self.node.get_publishers_info_by_topic, self.node.get_subscriptions_info_by_topic):
+                for endpoint in of_topic(topic):
+                    yield bytes(endpoint.endpoint_gid)[:12], endpoint.node_name
+
     def close(self):
         self.executor.shutdown()
         self.node.destroy_node()

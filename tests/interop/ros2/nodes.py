@@ -250,9 +250,11 @@ def a_signal_flushes_the_batch_and_takes_the_node_out_of_the_graph_within_a_seco
                 ros.until(lambda: "/roscausal_data" in ros.names(), 10, "the data node")
                 ros.spin(4)
                 assert not glob.glob(recording.raw + "/*.csv"), "a batch before its end"
+                participants = ros.participants("roscausal_data")
+                assert participants, "no topic of the data node"
                 started = time.monotonic()
                 program.send(number)
-                ros.until(lambda: "/roscausal_data" not in ros.names(), 5, "the node's leaving")
+                ros.until(lambda: ros.gone("roscausal_data", participants), 5, "the leaving of the node and its topics")
                 left = time.monotonic() - started
                 assert program.wait() == 0
                 assert left < 1, f"{left:.2f} s"

@@ -75,13 +75,15 @@ def the_pipeline_gives_a_late_joiner_a_causal_model():
                 assert all(0 <= p <= 1 for p in model.pval_matrix.data if p == p)
                 nodes = {f"/roscausal_{name}" for name in ("robot", "human", "data", "discovery", "hrisim", "dashboard", "markers")}
                 ros.until(lambda: nodes <= set(ros.names()), 10, "all nodes listed")
-                # Whoever has only just discovered a node may not hear of its end.
-                ros.spin(2)
+                participants = ros.participants("roscausal")
+                assert len(participants) == len(nodes), f"{len(participants)} participants"
+                # at once: whoever has only just discovered a node hears of its end, too
                 ending = time.monotonic()
                 for program in programs:
                     program.send(signal.SIGINT)
-                ours = lambda: [name for name in ros.names() if "roscausal" in name]
-                ros.until(lambda: not ours(), 5, lambda: f"all nodes leaving; left: {ours()}")
+                ros.until(
+                    lambda: ros.gone("roscausal", participants), 5, lambda: f"all nodes leaving; left: {ros.names()}"
+                )
                 left = time.monotonic() - ending
             codes = [program.wait() for program in programs]
             assert codes == [0] * len(programs), codes
