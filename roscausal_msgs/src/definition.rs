@@ -64,6 +64,13 @@ impl Definition {
         format!("{}/msg/{}", self.package, self.name)
     }
 
+    /// Whether the type itself begins with a header, whose `seq` counts a ROS 1 publisher's messages.
+    pub fn is_numbered(&self) -> bool {
+        let lines = self.text.lines().map(|line| line.split('#').next().unwrap_or_default());
+        let first = lines.filter_map(|line| line.split_whitespace().next()).next();
+        matches!(first, Some("Header" | "std_msgs/Header"))
+    }
+
     /// The md5 by which ROS 1 checks that both ends mean the same type: of the text with its constants first,
     /// without comments, each nested type replaced by its own md5.
     pub fn ros1_md5(&self) -> &str {
@@ -210,6 +217,18 @@ mod tests {
 
     use super::*;
     use crate::{Message, std_msgs::Header, types};
+
+    #[test]
+    fn only_a_type_that_begins_with_a_header_is_numbered() {
+        let numbered = |name: &str| {
+            let found = types().into_iter().find(|definition| definition.type_name() == name);
+            found.map(|definition| definition.is_numbered())
+        };
+        assert_eq!(numbered("nav_msgs/Odometry"), Some(true));
+        // the header of its first transform is not its own
+        assert_eq!(numbered("tf2_msgs/TFMessage"), Some(false));
+        assert_eq!(numbered("std_msgs/Header"), Some(false));
+    }
 
     /// From ROS 1: `rosmsg md5`, and for packages that are not in it the code generated from them.
     const KNOWN: &[(&str, &str)] = &[

@@ -4,32 +4,30 @@
 //! every question, re-registration after a restart of the master, unregistration on every way out, simulated
 //! time that may start late, stop or jump back, counted losses, and a decoder that survives any bytes.
 
-mod master;
 mod program;
 mod session;
 mod subscription;
 mod wire;
-mod xmlrpc;
 
 use std::{
-    collections::{BTreeMap, BTreeSet},
-    sync::{Arc, Mutex, Weak},
+    collections::BTreeMap,
+    sync::{Arc, Mutex, Weak, atomic::Ordering},
     time::Duration,
 };
 
 use roscausal_core::{
     Error, Message, Result, Time,
     inbox::Consumer,
-    middleware::{Middleware, Publish, Qos, is_token},
+    middleware::{Middleware, Publish, Qos, is_graph_name},
     params::{ParamSpec, Value},
 };
+use roscausal_master::{Master, Role};
 use roscausal_msgs::rosgraph_msgs::Clock;
-use roscausal_ros::{Console, steady};
+use roscausal_ros::{Console, lock, steady};
 
 pub use subscription::Subscription;
 
 use crate::{
-    master::Role,
     session::{PATIENCE, Session, in_time, reason},
     subscription::{Feed, Handler},
     wire::Wire,
@@ -90,7 +88,8 @@ impl Ros1 {
     }
 
     fn topic(&self, name: &str) -> Result<String> {
-        let resolved = if is_legal(name) { self.session.resolve(name) } else { None };
+        // rosrust itself lets more pass
+        let resolved = if is_graph_name(name) { self.session.resolve(name) } else { None };
         resolved.ok_or_else(|| Error::Topic {
             topic: name.to_owned(),
             reason: "not a legal name: letters, digits and '_' between single '/', beginning with a letter"
@@ -109,12 +108,12 @@ impl Middleware for Ros1 {
     type Subscription = Subscription;
 
     fn node_name(&self) -> String {
-        self.session.master.node.clone()
+        self.session.membership.node().to_owned()
     }
 
     fn advertise<M: Message>(&self, topic: &str, qos: Qos) -> Result<Publisher<M>> {
         let name = self.topic(topic)?;
-        let id = self.session.register(Role::Publisher, &name, M::type_name(), None);
+        let id = self.session.membership.keep(Role::Publisher, &name, M::type_name());
         let (session, topic) = (self.session.clone(), topic.to_owned());
         let queue = match qos {
             Qos::Volatile(depth) => depth.max(1),
@@ -130,7 +129,7 @@ impl Middleware for Ros1 {
                 Ok(Publisher { session, topic: name, id, publisher: Some(publisher) })
             }
             Err(reason) => {
-                self.session.forget(id);
+                self.session.membership.forget(id);
                 Err(Error::Topic { topic: name, reason })
             }
         }
@@ -145,19 +144,22 @@ impl Middleware for Ros1 {
         let name = self.topic(topic)?;
         let queue = if let Qos::Volatile(depth) = qos { depth.max(1) } else { LATCHED_QUEUE };
         let feed = Feed::new::<M>(name.clone());
-        let id = self.session.register(Role::Subscriber, &name, M::type_name(), Some(feed.clone()));
+        self.session.add_feed(&feed);
+        let id = self.session.membership.keep(Role::Subscriber, &name, M::type_name());
         let slot = Arc::new(Mutex::new(None));
         let (session, topic) = (self.session.clone(), topic.to_owned());
         let (own_feed, own_slot) = (feed.clone(), slot.clone());
         let work = move || {
             let handler = Handler::new(own_feed.clone(), callback);
             let subscriber = session.ros.subscribe_with::<Wire<M>, _>(&topic, queue, handler);
-            subscriber.map(|it| Subscription::fill(&own_feed, &own_slot, it)).map_err(|error| reason(&error))
+            let mut slot = lock(&own_slot);
+            *slot = subscriber.map(|it| own_feed.is_open().then_some(it)).map_err(|error| reason(&error))?;
+            Ok(())
         };
         match in_time(PATIENCE, work) {
             Some(Ok(())) => {}
             Some(Err(reason)) => {
-                self.session.forget(id);
+                self.session.membership.forget(id);
                 return Err(Error::Topic { topic: name, reason });
             }
             None => tracing::warn!("topic '{name}': a publisher does not answer; messages come when it does"),
@@ -167,20 +169,17 @@ impl Middleware for Ros1 {
 
     fn param(&self, spec: &ParamSpec) -> Result<Option<Value>> {
         let name = self.param_name(spec.name)?;
-        self.session.answering_master()?.param(&name).map_err(|error| Error::param(name, error))
+        self.session.membership.master()?.param(&name)
     }
 
     fn params_set(&self) -> Vec<String> {
-        let own = format!("{}/", self.session.master.node);
-        let all = self.session.master.param_names().unwrap_or_default();
-        // A dictionary is named once for each of its keys.
-        let names = all.iter().filter_map(|name| name.strip_prefix(&own)?.split('/').next());
-        names.collect::<BTreeSet<_>>().into_iter().map(str::to_owned).collect()
+        let names = self.session.membership.master().map(Master::private_params);
+        names.unwrap_or_default().into_iter().collect()
     }
 
     fn set_param(&self, name: &str, value: Value) -> Result<()> {
         let name = self.param_name(name)?;
-        self.session.answering_master()?.set_param(&name, &value).map_err(|error| Error::param(name, error))
+        self.session.membership.master()?.set_param(&name, &value)
     }
 
     fn now(&self) -> Time {
@@ -208,27 +207,17 @@ impl Middleware for Ros1 {
     }
 
     fn topics(&self) -> Vec<(String, String)> {
-        self.session
-            .answering_master()
-            .ok()
-            .and_then(|master| master.published_topics().ok())
-            .unwrap_or_default()
+        self.session.membership.topics()
     }
 
     /// By the gaps in `header.seq`.
     fn lost(&self) -> Vec<(String, u64)> {
         let mut lost = BTreeMap::<String, u64>::new();
         for feed in self.session.feeds() {
-            *lost.entry(feed.topic.clone()).or_default() += feed.lost();
+            *lost.entry(feed.topic.clone()).or_default() += feed.lost.load(Ordering::Relaxed);
         }
         lost.into_iter().collect()
     }
-}
-
-/// Whether ROS allows this name; rosrust itself lets more pass.
-fn is_legal(name: &str) -> bool {
-    let bare = name.strip_prefix("~/").or_else(|| name.strip_prefix(['~', '/'])).unwrap_or(name);
-    bare.split('/').all(is_token)
 }
 
 /// A publisher of a [`Ros1`]; dropping it unregisters the topic.
@@ -248,13 +237,16 @@ impl<M: Message> Publish<M> for Publisher<M> {
     }
 
     fn subscriber_count(&self) -> usize {
-        let connected = self.publisher.as_ref().map(rosrust::Publisher::subscriber_names).unwrap_or_default();
+        let mut connected =
+            self.publisher.as_ref().map(rosrust::Publisher::subscriber_names).unwrap_or_default();
         // rosrust notices only at a later message that a subscriber has gone
-        let session = if connected.is_empty() { None } else { self.session.upgrade() };
-        match session.and_then(|session| session.subscribers(&self.topic)) {
-            Some(registered) => connected.iter().filter(|name| registered.contains(name)).count(),
-            None => connected.len(),
+        if !connected.is_empty()
+            && let Some(session) = self.session.upgrade()
+            && let Some(registered) = session.membership.subscribers(&self.topic)
+        {
+            connected.retain(|name| registered.contains(name));
         }
+        connected.len()
     }
 }
 
@@ -263,7 +255,7 @@ impl<M: Message> Drop for Publisher<M> {
         let publisher = self.publisher.take();
         in_time(PATIENCE, move || drop(publisher));
         if let Some(session) = self.session.upgrade() {
-            session.forget(self.id);
+            session.membership.forget(self.id);
         }
     }
 }

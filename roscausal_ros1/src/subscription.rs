@@ -28,7 +28,8 @@ pub(crate) struct Feed {
     connected: AtomicBool,
     /// The mismatch has been told.
     told: AtomicBool,
-    lost: AtomicU64,
+    /// Messages that never came, by the gaps in `header.seq`.
+    pub(crate) lost: AtomicU64,
     /// Closed when the subscription is dropped.
     gate: Gate,
 }
@@ -47,24 +48,23 @@ impl Feed {
         })
     }
 
-    /// Messages that never came, by the gaps in `header.seq`.
-    pub(crate) fn lost(&self) -> u64 {
-        self.lost.load(Ordering::Relaxed)
+    /// False once the subscription is dropped.
+    pub(crate) fn is_open(&self) -> bool {
+        self.gate.is_open()
     }
 }
 
 /// rosrust's side of a subscription.
-pub(crate) struct Handler<M, F> {
+pub(crate) struct Handler<F> {
     pub(crate) feed: Arc<Feed>,
     pub(crate) callback: F,
     last_seq: HashMap<String, u32>,
     bad: u64,
-    message: std::marker::PhantomData<fn(M)>,
 }
 
-impl<M: Message, F: FnMut(M) + Send + 'static> Handler<M, F> {
+impl<F> Handler<F> {
     pub(crate) fn new(feed: Arc<Feed>, callback: F) -> Self {
-        Self { feed, callback, last_seq: HashMap::new(), bad: 0, message: std::marker::PhantomData }
+        Self { feed, callback, last_seq: HashMap::new(), bad: 0 }
     }
 
     /// Gaps count as lost; a number that goes back is a publisher that began anew.
@@ -80,7 +80,7 @@ impl<M: Message, F: FnMut(M) + Send + 'static> Handler<M, F> {
     }
 }
 
-impl<M: Message, F: FnMut(M) + Send + 'static> rosrust::SubscriptionHandler<Wire<M>> for Handler<M, F> {
+impl<M: Message, F: FnMut(M) + Send + 'static> rosrust::SubscriptionHandler<Wire<M>> for Handler<F> {
     fn connection(&mut self, headers: HashMap<String, String>) {
         self.feed.connected.store(true, Ordering::Relaxed);
         // a publisher that comes again numbers anew
@@ -122,22 +122,8 @@ pub struct Subscription {
     pub(crate) session: Weak<Session>,
     pub(crate) feed: Arc<Feed>,
     pub(crate) id: u64,
-    /// Filled when the publishers known to the master have answered.
+    /// Filled when the publishers known to the master have answered, unless the subscription was dropped meanwhile.
     pub(crate) slot: Arc<Mutex<Option<rosrust::Subscriber>>>,
-}
-
-impl Subscription {
-    /// Keeps what rosrust gave, or lets it go when the subscription was dropped meanwhile.
-    pub(crate) fn fill(
-        feed: &Feed,
-        slot: &Mutex<Option<rosrust::Subscriber>>,
-        subscriber: rosrust::Subscriber,
-    ) {
-        let mut slot = lock(slot);
-        if feed.gate.is_open() {
-            *slot = Some(subscriber);
-        }
-    }
 }
 
 impl Drop for Subscription {
@@ -146,7 +132,7 @@ impl Drop for Subscription {
         let subscriber = lock(&self.slot).take();
         in_time(PATIENCE, move || drop(subscriber));
         if let Some(session) = self.session.upgrade() {
-            session.forget(self.id);
+            session.membership.forget(self.id);
         }
     }
 }
@@ -163,7 +149,7 @@ pub(crate) fn look_for_mismatches(session: &Session) {
     if feeds.is_empty() {
         return;
     }
-    let Ok(published) = session.master.published_topics() else { return };
+    let published = session.membership.topics();
     for feed in feeds {
         let Some((topic, kind)) = published.iter().find(|(topic, _)| *topic == feed.topic) else { continue };
         let (own, md5) = (&feed.type_name, feed.md5);

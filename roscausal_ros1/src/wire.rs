@@ -24,17 +24,11 @@ impl<M: Message> Wire<M> {
         Self { seq: None, body: Ok(message) }
     }
 
-    /// Whether the type itself begins with a header, whose `seq` then counts its messages.
-    fn is_numbered() -> bool {
-        let lines = M::definition().text.lines();
-        let first =
-            lines.map(|line| line.split('#').next().unwrap_or_default()).find(|line| !line.trim().is_empty());
-        matches!(first.and_then(|line| line.split_whitespace().next()), Some("Header" | "std_msgs/Header"))
-    }
-
     fn read(bytes: &[u8]) -> Self {
         match ros1::from_bytes(bytes) {
-            Ok((message, seq)) => Self { seq: seq.filter(|_| Self::is_numbered()), body: Ok(message) },
+            Ok((message, seq)) => {
+                Self { seq: seq.filter(|_| M::definition().is_numbered()), body: Ok(message) }
+            }
             Err(error) => Self { seq: None, body: Err(error.to_string()) },
         }
     }

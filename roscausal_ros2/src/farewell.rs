@@ -21,7 +21,8 @@ const LAST: u64 = 1 << 30;
 pub(crate) fn send(guid: [u8; 16], network: Network) {
     let message = message(guid);
     let base = 7400 + 250 * u32::from(network.domain_id);
-    let neighbours = (0..PARTICIPANTS).map(|id| (Ipv4Addr::LOCALHOST, Ipv4Addr::LOCALHOST, base + 10 + 2 * id));
+    let neighbours =
+        (0..PARTICIPANTS).map(|id| (Ipv4Addr::LOCALHOST, Ipv4Addr::LOCALHOST, base + 10 + 2 * id));
     let interfaces = if network.localhost_only { Vec::new() } else { multicast_interfaces() };
     let groups = interfaces.into_iter().map(|own| (own, GROUP, base));
     for (from, to, port) in groups.chain(neighbours) {

@@ -1,0 +1,163 @@
+//! What one node has registered with its master, for as long as it lives.
+
+use std::{
+    sync::{
+        Mutex,
+        atomic::{AtomicBool, AtomicU64, Ordering},
+    },
+    time::{Duration, Instant},
+};
+
+use roscausal_core::{Error, Result, gate::lock};
+
+use crate::{
+    master::{Master, Role, Subscribers},
+    xmlrpc::CallError,
+};
+
+/// What the master said of the subscribers is believed for so long.
+const BELIEVED: Duration = Duration::from_secs(1);
+
+/// A registration that must outlive a restart of the master.
+struct Registration {
+    id: u64,
+    role: Role,
+    topic: String,
+    type_name: String,
+}
+
+/// A node's membership: whoever made it calls [`Membership::renew`] each second, and [`Membership::leave`] in the end.
+pub struct Membership {
+    master: Master,
+    next_id: AtomicU64,
+    registrations: Mutex<Vec<Registration>>,
+    /// Who subscribes to what, as the master said at that time; `None` once a master was lost, because others
+    /// than us do not register again.
+    subscribers: Mutex<Option<(Option<Instant>, Subscribers)>>,
+    /// The master does not answer; asking it again is [`Membership::renew`]'s part.
+    lost: AtomicBool,
+}
+
+impl Membership {
+    /// The membership of the node in whose name this master is asked; nothing is registered yet.
+    pub fn new(master: Master) -> Self {
+        Self {
+            master,
+            next_id: AtomicU64::new(0),
+            registrations: Mutex::default(),
+            subscribers: Mutex::new(Some((None, Subscribers::new()))),
+            lost: AtomicBool::new(false),
+        }
+    }
+
+    /// The node's full name.
+    pub fn node(&self) -> &str {
+        &self.master.node
+    }
+
+    /// The master to ask.
+    ///
+    /// # Errors
+    /// When it is known not to answer: a node must not stand still for each question.
+    pub fn master(&self) -> Result<&Master> {
+        if self.lost.load(Ordering::SeqCst) {
+            return Err(Error::Middleware(format!("the ROS master at {} does not answer", self.master.uri)));
+        }
+        Ok(&self.master)
+    }
+
+    /// Keeps in mind what the node's client library registers. The number is for [`Membership::forget`].
+    pub fn keep(&self, role: Role, topic: &str, type_name: String) -> u64 {
+        let id = self.next_id.fetch_add(1, Ordering::Relaxed);
+        lock(&self.registrations).push(Registration { id, role, topic: topic.to_owned(), type_name });
+        id
+    }
+
+    /// Ends a registration. The client library has by then unregistered the topic even when another handle of this
+    /// node still uses it, so that one is registered again.
+    pub fn forget(&self, id: u64) {
+        let mut registrations = lock(&self.registrations);
+        let Some(index) = registrations.iter().position(|registration| registration.id == id) else { return };
+        let gone = registrations.swap_remove(index);
+        let still = registrations.iter().any(|other| other.role == gone.role && other.topic == gone.topic);
+        drop(registrations);
+        if still && let Err(error) = self.master.register(gone.role, &gone.topic, &gone.type_name) {
+            tracing::warn!("cannot register {} again: {error}", gone.topic);
+        }
+    }
+
+    /// Topics this node publishes.
+    pub fn published(&self) -> Vec<String> {
+        let registrations = lock(&self.registrations);
+        registrations.iter().filter(|r| r.role == Role::Publisher).map(|r| r.topic.clone()).collect()
+    }
+
+    /// `(topic, type)` of all topics that have a publisher; none when the master does not answer.
+    pub fn topics(&self) -> Vec<(String, String)> {
+        self.master().ok().and_then(|master| master.published_topics().ok()).unwrap_or_default()
+    }
+
+    /// The nodes registered as subscribers of a topic, at most a second ago; `None` when the master cannot tell.
+    pub fn subscribers(&self, topic: &str) -> Option<Vec<String>> {
+        let mut known = lock(&self.subscribers);
+        let (asked, subscribers) = known.as_mut()?;
+        if asked.is_none_or(|asked| asked.elapsed() > BELIEVED) {
+            *subscribers = self.master().ok()?.subscribers().ok()?;
+            *asked = Some(Instant::now());
+        }
+        Some(subscribers.get(topic).cloned().unwrap_or_default())
+    }
+
+    /// Looks whether the master still knows the node, and registers everything again when it does not. `false` when
+    /// another node has taken this one's name, which then has to end.
+    pub fn renew(&self) -> bool {
+        match self.master.registered_uri() {
+            Ok(uri) if uri == self.master.node_uri => {
+                if self.lost.swap(false, Ordering::SeqCst) {
+                    tracing::info!("the ROS master at {} answers again", self.master.uri);
+                }
+            }
+            Ok(uri) => {
+                tracing::error!("another node named {} has registered ({uri}): this one ends", self.node());
+                return false;
+            }
+            Err(CallError::Refused(_)) => {
+                self.lost.store(false, Ordering::SeqCst);
+                tracing::warn!("the ROS master at {} was restarted: registering again", self.master.uri);
+                self.register_again();
+            }
+            Err(error) if !self.lost.swap(true, Ordering::SeqCst) => {
+                tracing::warn!(
+                    "lost the ROS master ({error}); connections stay, the node goes on and registers again"
+                );
+            }
+            Err(_) => {}
+        }
+        true
+    }
+
+    fn register_again(&self) {
+        *lock(&self.subscribers) = None;
+        let registrations = lock(&self.registrations);
+        let all: Vec<_> =
+            registrations.iter().map(|r| (r.role, r.topic.clone(), r.type_name.clone())).collect();
+        drop(registrations);
+        for (role, topic, type_name) in all {
+            if let Err(error) = self.master.register(role, &topic, &type_name) {
+                tracing::warn!("cannot register {topic} with the new master: {error}");
+            }
+        }
+    }
+
+    /// Takes every registration back: no ghost stays on the master.
+    pub fn leave(&self) {
+        let mut topics: Vec<_> =
+            lock(&self.registrations).iter().map(|r| (r.role, r.topic.clone())).collect();
+        // the log is the last to go
+        topics.sort_by_key(|(_, topic)| topic == "/rosout");
+        let done = topics.iter().try_for_each(|(role, topic)| self.master.unregister(*role, topic));
+        if let Err(error) = done.and_then(|()| self.master.forget_params()) {
+            tracing::debug!("could not unregister: {error}");
+        }
+    }
+}
