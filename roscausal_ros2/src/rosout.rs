@@ -1,13 +1,16 @@
 //! Log messages on `/rosout`.
 
-use std::sync::{Arc, Mutex};
+use std::{
+    collections::VecDeque,
+    sync::{Arc, Mutex, TryLockError},
+};
 
 use ros2_client::{
     Log, QosProfile,
     qos::{Durability, History, WhenFull},
 };
 use roscausal_core::Result;
-use roscausal_ros::Console;
+use roscausal_ros::{Console, lock};
 use tracing::Level;
 
 use crate::{Ros2, topics::Writer};
@@ -27,12 +30,11 @@ impl Ros2 {
             .reliability_reliable(WhenFull::Fail)
             .durability(Durability::TransientLocal)
             .history(History::KeepLast { depth: HISTORY });
-        let writer = Mutex::new(Writer::new(inner, topic, profile, HISTORY)?);
+        let outbox = Outbox::new(Writer::new(inner, topic, profile, HISTORY)?);
         let name = inner.names.logger();
         let node = Arc::downgrade(inner);
         console.forward(move |record| {
-            // What another thread logs while a message is being sent is not sent: it might wait for itself.
-            let (Some(node), Ok(mut writer)) = (node.upgrade(), writer.try_lock()) else { return };
+            let Some(node) = node.upgrade() else { return };
             let now = node.clock.now();
             let log = Log {
                 stamp: ros2_client::builtin_interfaces::Time::new(now.sec, now.nanosec),
@@ -48,8 +50,61 @@ impl Ros2 {
                 function: record.function,
                 line: record.line,
             };
-            let _ = writer.write(&node, log);
+            outbox.send(log, |writer, log| drop(writer.write(&node, log)));
         });
         Ok(())
+    }
+}
+
+/// Hands messages to a writer one at a time. Nobody waits: who finds another thread at the writer leaves the message
+/// to that one.
+struct Outbox<W, M> {
+    writer: Mutex<W>,
+    waiting: Mutex<VecDeque<M>>,
+}
+
+impl<W, M> Outbox<W, M> {
+    fn new(writer: W) -> Self {
+        Self { writer: Mutex::new(writer), waiting: Mutex::default() }
+    }
+
+    fn send(&self, message: M, write: impl Fn(&mut W, M)) {
+        lock(&self.waiting).push_back(message);
+        // Looks again after the writer is free: what came until then found it taken.
+        while !lock(&self.waiting).is_empty() {
+            let mut writer = match self.writer.try_lock() {
+                Ok(writer) => writer,
+                Err(TryLockError::Poisoned(writer)) => writer.into_inner(),
+                Err(TryLockError::WouldBlock) => return,
+            };
+            loop {
+                let next = lock(&self.waiting).pop_front();
+                let Some(message) = next else { break };
+                write(&mut writer, message);
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_threads_log_at_once_is_all_sent_in_each_ones_order() {
+        let outbox = Outbox::new(Vec::new());
+        std::thread::scope(|scope| {
+            for thread in 0..4 {
+                let outbox = &outbox;
+                scope.spawn(move || {
+                    (0..2000).for_each(|k| outbox.send((thread, k), |sent, message| sent.push(message)))
+                });
+            }
+        });
+        let sent = outbox.writer.into_inner().unwrap();
+        for thread in 0..4 {
+            let own: Vec<_> = sent.iter().filter(|(of, _)| *of == thread).map(|(_, k)| *k).collect();
+            assert_eq!(own, (0..2000).collect::<Vec<_>>());
+        }
     }
 }
