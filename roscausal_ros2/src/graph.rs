@@ -2,7 +2,7 @@
 
 use std::{
     collections::{BTreeSet, HashMap, HashSet},
-    sync::{Mutex, MutexGuard},
+    sync::{Mutex, MutexGuard, Weak},
 };
 
 use futures::StreamExt;
@@ -13,6 +13,8 @@ use rustdds::{
     policy::{Durability, Reliability},
 };
 use tracing::{debug, warn};
+
+use crate::topics::Latched;
 
 /// The endpoints of one node and their matches; fed by [`Graph::watch`].
 #[derive(Default)]
@@ -26,6 +28,8 @@ struct State {
     own: HashMap<GUID, (String, String)>,
     /// Matched remote endpoints of each own one.
     matched: HashMap<GUID, HashSet<GUID>>,
+    /// The latched publishers, with their DDS topics.
+    latched: Vec<(String, Weak<dyn Latched>)>,
     /// What has been said already, so that it is said once.
     said: HashSet<String>,
 }
@@ -47,6 +51,13 @@ impl Graph {
         state.matched.remove(&guid);
     }
 
+    /// Adds a latched publisher of this node, to be told of subscribers.
+    pub(crate) fn add_latched(&self, dds_topic: String, publisher: Weak<dyn Latched>) {
+        let mut state = self.lock();
+        state.latched.retain(|(_, publisher)| publisher.strong_count() > 0);
+        state.latched.push((dds_topic, publisher));
+    }
+
     /// How many endpoints of others are matched with this one of ours.
     pub(crate) fn matched(&self, guid: GUID) -> usize {
         self.lock().matched.get(&guid).map_or(0, HashSet::len)
@@ -66,8 +77,15 @@ impl Graph {
     fn take(&self, event: Event) {
         let mut state = self.lock();
         match event {
-            Event::RemoteReaderMatched { local_writer: own, remote_reader: other }
-            | Event::RemoteWriterMatched { local_reader: own, remote_writer: other } => {
+            Event::RemoteReaderMatched { local_writer: own, remote_reader: other } => {
+                state.matched.entry(own).or_default().insert(other);
+                let topic = state.own.get(&own).map(|(topic, _)| topic.clone());
+                let latched = state.latched.iter().filter(|(of, _)| Some(of) == topic.as_ref());
+                let latched: Vec<_> = latched.filter_map(|(_, publisher)| publisher.upgrade()).collect();
+                drop(state);
+                latched.iter().for_each(|publisher| publisher.hand_over());
+            }
+            Event::RemoteWriterMatched { local_reader: own, remote_writer: other } => {
                 state.matched.entry(own).or_default().insert(other);
             }
             Event::ReaderLost { guid, .. } | Event::WriterLost { guid, .. } => {

@@ -210,6 +210,12 @@ impl Inner {
         session.as_mut().map(work).ok_or_else(|| Error::Middleware("the node has left the graph".into()))
     }
 
+    /// Whether a publisher may be made anew: the library's security knows one of each topic and node. There, who comes
+    /// late may get what was sent before the last message, too.
+    pub(crate) fn renews(&self) -> bool {
+        !self.secured
+    }
+
     /// The DDS topic behind an absolute name; refuses a second type for the same name.
     pub(crate) fn topic<M: Message>(&self, name: &str, qos: Qos) -> Result<Topic> {
         let wanted = M::type_name();

@@ -7,6 +7,7 @@ use std::{
         Arc, Mutex, Weak,
         atomic::{AtomicBool, AtomicU64, Ordering},
     },
+    time::{Duration, Instant},
 };
 
 use futures::{StreamExt, future::AbortHandle};
@@ -31,6 +32,10 @@ use crate::{
     node::Inner,
 };
 
+/// After so long the library has trimmed a history to what its readers have not acknowledged; it does so every 6 s.
+const TRIMMED: Duration = Duration::from_secs(7);
+/// The most messages in the history of a latched topic, when a subscriber acknowledges none.
+const MOST_KEPT: usize = 20;
 /// Above this, Fast DDS with its default socket buffers repairs lost fragments slowly.
 const LARGE_MESSAGE: usize = 200_000;
 
@@ -58,7 +63,7 @@ pub(crate) fn profile(qos: Qos, side: Side) -> QosProfile {
 }
 
 /// A publisher of the library that is made anew after a number of messages: the history of a transient local
-/// one is never trimmed, and a late joiner gets all of it.
+/// one is trimmed only to what all its readers have acknowledged, and a late joiner gets all of it.
 pub(crate) struct Writer<M: Serialize> {
     topic: Topic,
     profile: QosProfile,
@@ -89,10 +94,7 @@ impl<M: Serialize> Writer<M> {
     /// Sends; `false` when a reliable subscriber is too far behind to take it.
     pub(crate) fn write(&mut self, inner: &Inner, message: M) -> Result<bool> {
         if self.sent >= self.renew_after {
-            let old = self.guid();
-            self.publisher = Self::publisher(inner, &self.topic, &self.profile)?;
-            inner.graph.remove(old);
-            self.sent = 0;
+            self.renew(inner)?;
         }
         self.sent += 1;
         match self.publisher.publish(Padded::new(message, inner.secured)) {
@@ -100,6 +102,15 @@ impl<M: Serialize> Writer<M> {
             Err(WriteError::WouldBlock { .. }) => Ok(false),
             Err(error) => Err(Error::Topic { topic: self.topic.name(), reason: error.to_string() }),
         }
+    }
+
+    /// Begins a history anew. Fast DDS goes on counting the publisher that was.
+    fn renew(&mut self, inner: &Inner) -> Result<()> {
+        let old = self.guid();
+        self.publisher = Self::publisher(inner, &self.topic, &self.profile)?;
+        inner.graph.remove(old);
+        self.sent = 0;
+        Ok(())
     }
 
     fn guid(&self) -> GUID {
@@ -134,24 +145,40 @@ impl<M: Serialize> Serialize for Padded<M> {
 
 /// A topic's publisher.
 pub struct Ros2Publisher<M: Message> {
+    shared: Arc<Shared<M>>,
+    refused: AtomicU64,
+    said_large: AtomicBool,
+}
+
+struct Shared<M: Message> {
     inner: Arc<Inner>,
     topic: String,
     qos: Qos,
-    writer: Mutex<Writer<M>>,
-    refused: AtomicU64,
-    said_large: AtomicBool,
+    latch: Mutex<Latch<M>>,
+}
+
+/// The library's publisher and, on a latched topic, what it has yet to send.
+struct Latch<M: Message> {
+    writer: Writer<M>,
+    /// The last message, for as long as nobody has asked for it.
+    unsent: Option<M>,
+    last_sent: Option<Instant>,
 }
 
 impl<M: Message> Ros2Publisher<M> {
     pub(crate) fn new(inner: &Arc<Inner>, topic: &str, qos: Qos) -> Result<Self> {
         let topic = inner.names.resolve(topic)?;
         let dds_topic = inner.topic::<M>(&topic, qos)?;
-        // The library's security knows one publisher of each topic and node, so there it stays: who comes late gets all
-        // that it sent, the last one last.
-        let renew_after = if qos == Qos::Latched && !inner.secured { 1 } else { usize::MAX };
+        let dds_name = dds_topic.name();
+        let renew_after = if qos == Qos::Latched && inner.renews() { MOST_KEPT } else { usize::MAX };
         let writer = Writer::new(inner, dds_topic, profile(qos, Side::Publisher), renew_after)?;
-        let (inner, writer) = (inner.clone(), Mutex::new(writer));
-        Ok(Self { inner, topic, qos, writer, refused: AtomicU64::new(0), said_large: AtomicBool::new(false) })
+        let latch = Mutex::new(Latch { writer, unsent: None, last_sent: None });
+        let shared = Arc::new(Shared { inner: inner.clone(), topic, qos, latch });
+        if qos == Qos::Latched {
+            let shared: Arc<dyn Latched> = shared.clone();
+            inner.graph.add_latched(dds_name, Arc::downgrade(&shared));
+        }
+        Ok(Self { shared, refused: AtomicU64::new(0), said_large: AtomicBool::new(false) })
     }
 
     /// Messages not sent so far, because a reliable subscriber did not acknowledge the ones before.
@@ -160,7 +187,7 @@ impl<M: Message> Ros2Publisher<M> {
     }
 
     fn warn_if_large(&self, message: &M) {
-        if self.qos != Qos::Latched || self.said_large.load(Ordering::Relaxed) {
+        if self.shared.qos != Qos::Latched || self.said_large.load(Ordering::Relaxed) {
             return;
         }
         let Ok(bytes) = CDRSerializerAdapter::<M>::to_bytes(message) else { return };
@@ -168,7 +195,7 @@ impl<M: Message> Ros2Publisher<M> {
             warn!(
                 "topic '{}': a message has {} kB; above {} kB a subscriber on Fast DDS with default socket buffers \
                  may get it only after seconds (set its listenSocketBufferSize, see docs/ros2.md)",
-                self.topic,
+                self.shared.topic,
                 bytes.len() / 1000,
                 LARGE_MESSAGE / 1000
             );
@@ -176,17 +203,63 @@ impl<M: Message> Ros2Publisher<M> {
     }
 }
 
+impl<M: Message> Shared<M> {
+    /// Sends to whoever listens. On a latched topic to which nobody listens the message waits for who comes: a writer
+    /// made anew for each would be one more publisher in the lists of all that run on Fast DDS.
+    fn send(&self, message: M) -> Result<bool> {
+        let mut latch = lock(&self.latch);
+        if self.qos != Qos::Latched {
+            return latch.writer.write(&self.inner, message);
+        }
+        let heard = |latch: &Latch<M>| self.inner.graph.matched(latch.writer.guid()) > 0;
+        let (was_heard, untrimmed) =
+            (heard(&latch), latch.last_sent.is_some_and(|last| last.elapsed() < TRIMMED));
+        if latch.writer.sent > 0 && self.inner.renews() && (!was_heard || untrimmed) {
+            latch.writer.renew(&self.inner)?;
+        }
+        latch.unsent = Some(message);
+        // Who comes from here on is handed it.
+        if was_heard || latch.writer.sent > 0 || heard(&latch) {
+            latch.hand_over(&self.inner)
+        } else {
+            Ok(true)
+        }
+    }
+}
+
+impl<M: Message> Latch<M> {
+    /// Sends what waits.
+    fn hand_over(&mut self, inner: &Inner) -> Result<bool> {
+        let Some(message) = self.unsent.take() else { return Ok(true) };
+        self.last_sent = Some(Instant::now());
+        self.writer.write(inner, message)
+    }
+}
+
+/// A latched publisher whose last message may wait for a subscriber.
+pub(crate) trait Latched: Send + Sync {
+    /// A subscriber has come.
+    fn hand_over(&self);
+}
+
+impl<M: Message> Latched for Shared<M> {
+    fn hand_over(&self) {
+        if let Err(error) = lock(&self.latch).hand_over(&self.inner) {
+            warn!("topic '{}': its last message could not be sent: {error}", self.topic);
+        }
+    }
+}
+
 impl<M: Message> Publish<M> for Ros2Publisher<M> {
     fn publish(&self, message: &M) -> Result<()> {
         self.warn_if_large(message);
-        let sent = lock(&self.writer).write(&self.inner, message.clone())?;
-        if !sent {
+        if !self.shared.send(message.clone())? {
             let refused = self.refused.fetch_add(1, Ordering::Relaxed) + 1;
             // The 1st, 10th, 100th ...: enough to be seen, too few to flood.
             if 10u64.pow(refused.ilog10()) == refused {
                 warn!(
                     "topic '{}': {refused} messages not sent so far, a reliable subscriber does not acknowledge",
-                    self.topic
+                    self.shared.topic
                 );
             }
         }
@@ -194,19 +267,18 @@ impl<M: Message> Publish<M> for Ros2Publisher<M> {
     }
 
     fn subscriber_count(&self) -> usize {
-        match self.qos {
-            // Its writer is made anew with each message, and for a moment matched with nobody.
-            Qos::Latched => {
-                self.inner.session(|session| session.node.subscription_count(&self.topic)).unwrap_or(0)
-            }
-            Qos::Volatile(_) => self.inner.graph.matched(lock(&self.writer).guid()),
+        let Shared { inner, topic, qos, latch } = &*self.shared;
+        match qos {
+            // Its writer may just be made anew, and for a moment matched with nobody.
+            Qos::Latched => inner.session(|session| session.node.subscription_count(topic)).unwrap_or(0),
+            Qos::Volatile(_) => inner.graph.matched(lock(latch).writer.guid()),
         }
     }
 }
 
-impl<M: Message> Drop for Ros2Publisher<M> {
+impl<M: Message> Drop for Shared<M> {
     fn drop(&mut self) {
-        self.inner.graph.remove(lock(&self.writer).guid());
+        self.inner.graph.remove(lock(&self.latch).writer.guid());
     }
 }
 

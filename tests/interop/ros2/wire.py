@@ -133,6 +133,23 @@ def a_late_joiner_gets_the_last_model_and_only_that():
 
 
 @test
+def models_that_nobody_asks_for_leave_one_publisher_in_the_graph():
+    """Fast DDS would go on counting each that was made anew."""
+    CausalModel = message_class("roscausal_msgs/CausalModel")
+    with Ros() as ros, peer("model", count=5, n_vars=5, n_lags=2) as sender:
+        ros.until(lambda: "5 models sent" in sender.log(), 10, "five models")
+        count = lambda: len(ros.node.get_publishers_info_by_topic("/model"))
+        ros.until(count, 10, "the publisher")
+        ros.spin(1.5)
+        assert count() == 1, f"{count()} publishers"
+        got = []
+        ros.node.create_subscription(CausalModel, "/model", got.append, LATCHED)
+        ros.until(lambda: got, 15, "the latched model")
+        ros.spin(1)
+        assert [message.header.frame_id for message in got] == ["model 4"], got
+
+
+@test
 def a_model_of_a_megabyte_arrives_with_the_documented_buffer():
     """In a process of its own: the profile is read once, when Fast DDS starts."""
     with peer("model", count=1, n_vars=118, n_lags=6) as sender:
