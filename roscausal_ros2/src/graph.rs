@@ -93,6 +93,9 @@ impl Graph {
                     others.remove(&guid);
                 });
             }
+            Event::ParticipantLost { id, .. } => {
+                state.matched.values_mut().for_each(|others| others.retain(|other| other.prefix != id));
+            }
             Event::RemoteReaderQosIncompatible { local_writer: own, requested_qos, offered_qos, .. }
             | Event::RemoteWriterQosIncompatible { local_reader: own, requested_qos, offered_qos, .. } => {
                 let (offered, requested) = (profile(&offered_qos), profile(&requested_qos));
