@@ -20,7 +20,7 @@ pub fn is_token(text: &str) -> bool {
         && text.chars().all(|c| c.is_ascii_alphanumeric() || c == '_')
 }
 
-/// Whether ROS 1 allows this as a graph name: tokens between single `/`, absolute, relative or `~private`.
+/// Whether this is a graph name: tokens between single `/`, absolute, relative or `~private`.
 pub fn is_graph_name(text: &str) -> bool {
     let bare = text.strip_prefix("~/").or_else(|| text.strip_prefix(['~', '/'])).unwrap_or(text);
     bare.split('/').all(is_token)

@@ -10,7 +10,7 @@ use nix::{ifaddrs::getifaddrs, net::if_::InterfaceFlags};
 use crate::args::Network;
 
 /// Participants on one machine that are told one by one, because `lo` often has no multicast.
-const PARTICIPANTS: u32 = 120;
+const PARTICIPANTS: u16 = 120;
 /// Where participants announce themselves (RTPS 2.5, section 9.6.1.4).
 const GROUP: Ipv4Addr = Ipv4Addr::new(239, 255, 0, 1);
 /// A number above that of any announcement before, so that none counts as newer.
@@ -20,15 +20,21 @@ const LAST: u64 = 1 << 30;
 /// listed until its lease ends.
 pub(crate) fn send(guid: [u8; 16], network: Network) {
     let message = message(guid);
-    let base = 7400 + 250 * u32::from(network.domain_id);
-    let neighbours =
-        (0..PARTICIPANTS).map(|id| (Ipv4Addr::LOCALHOST, Ipv4Addr::LOCALHOST, base + 10 + 2 * id));
+    // In high domains the ports of the last participants, or all, do not exist.
+    let Some(base) = network.domain_id.checked_mul(250).and_then(|ports| ports.checked_add(7400)) else {
+        return;
+    };
+    let neighbours = (0..PARTICIPANTS).filter_map(|id| base.checked_add(10 + 2 * id));
+    tell(&message, Ipv4Addr::LOCALHOST, neighbours.map(|port| (Ipv4Addr::LOCALHOST, port)));
     let interfaces = if network.localhost_only { Vec::new() } else { multicast_interfaces() };
-    let groups = interfaces.into_iter().map(|own| (own, GROUP, base));
-    for (from, to, port) in groups.chain(neighbours) {
-        if let (Ok(port), Ok(socket)) = (u16::try_from(port), UdpSocket::bind((from, 0))) {
-            let _ = socket.send_to(&message, (to, port));
-        }
+    interfaces.into_iter().for_each(|own| tell(&message, own, [(GROUP, base)]));
+}
+
+/// Sends from one of this machine's addresses.
+fn tell(message: &[u8], from: Ipv4Addr, to: impl IntoIterator<Item = (Ipv4Addr, u16)>) {
+    let Ok(socket) = UdpSocket::bind((from, 0)) else { return };
+    for address in to {
+        let _ = socket.send_to(message, address);
     }
 }
 
