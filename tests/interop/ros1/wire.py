@@ -97,6 +97,18 @@ def connected(publisher, count=1):
     eventually(lambda: publisher.get_num_connections() >= count, 10, "a subscriber on " + publisher.name)
 
 
+def relayed(out, message, got):
+    """Waits until what goes out comes back, and forgets it. That both ends know of a connection does not do: rospy
+    counts one that it has only begun, and the other side may not yet have put it on its list."""
+    connected(out)
+    eventually(lambda: out.publish(message) or got, 10, "a first message back", 0.1)
+    last = 0
+    while last != len(got):
+        last = len(got)
+        rospy.sleep(0.15)
+    got.clear()
+
+
 class Echo:
     """A peer that sends back what it gets, and both rospy ends of it."""
 
@@ -108,15 +120,7 @@ class Echo:
         self.peer = peer("echo", kind._type, topic, topic + "_back", "__name:=echo" + topic.replace("/", "_"))
 
     def ready(self):
-        connected(self.out)
-        eventually(lambda: self.back.get_num_connections() >= 1, 10, "the echo's publisher")
-        # the first message may be sent before the other side has put the new connection on its list
-        eventually(lambda: self.out.publish(self.kind()) or self.got, 10, "a first message back", 0.1)
-        last = 0
-        while last != len(self.got):
-            last = len(self.got)
-            rospy.sleep(0.15)
-        self.got.clear()
+        relayed(self.out, self.kind(), self.got)
         return self
 
     def end(self):
@@ -207,8 +211,7 @@ def hostile_bytes_are_refused_by_name_and_the_subscription_lives(_):
     got = []
     back = rospy.Subscriber(topic + "_back", Humans, got.append)
     with peer("echo", "roscausal_msgs/Humans", topic, topic + "_back", "__name:=victim") as victim:
-        connected(out)
-        eventually(lambda: back.get_num_connections() >= 1, 10, "the echo's publisher")
+        relayed(out, kind(good), got)
         for data in bad:
             out.publish(kind(data))
             rospy.sleep(0.003)
@@ -277,8 +280,7 @@ def a_callback_that_panics_is_told_and_the_subscription_goes_on(_):
     out = rospy.Publisher("/panics", String, queue_size=10)
     back = rospy.Subscriber("/panics_echo", String, lambda m: got.append(m.data))
     with peer("panic", "/panics", "__name:=nervous") as nervous:
-        connected(out)
-        eventually(lambda: back.get_num_connections() >= 1, 10, "the echo")
+        relayed(out, String("first"), got)
         for text in ("a", "panic", "b"):
             out.publish(String(text))
             rospy.sleep(0.05)
