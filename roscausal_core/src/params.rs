@@ -104,7 +104,8 @@ impl ParamSpec {
 }
 
 impl Value {
-    fn as_bool(&self) -> Option<bool> {
+    /// The value as a boolean, from any spelling of one.
+    pub fn as_bool(&self) -> Option<bool> {
         match self {
             Self::Bool(value) => Some(*value),
             Self::Int(0) => Some(false),
@@ -118,7 +119,8 @@ impl Value {
         }
     }
 
-    fn as_int(&self) -> Option<i64> {
+    /// The value as a whole number, from any spelling of one.
+    pub fn as_int(&self) -> Option<i64> {
         match self {
             Self::Int(value) => Some(*value),
             Self::Double(value) if value.fract() == 0.0 && value.abs() < 9e15 => Some(*value as i64),

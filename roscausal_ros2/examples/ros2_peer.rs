@@ -28,8 +28,9 @@ use roscausal_msgs::{
     geometry_msgs, nav_msgs, pedsim_msgs, people_msgs, rosgraph_msgs, sensor_msgs, spencer_tracking_msgs,
     std_msgs, tf2_msgs, visualization_msgs,
 };
+use roscausal_rmw::Subscription;
 use roscausal_ros::{Console, program::Backend};
-use roscausal_ros2::{Args, Ros2, Ros2Subscription};
+use roscausal_ros2::{Args, Ros2};
 
 const ROLE: ParamSpec = ParamSpec {
     name: "role",
@@ -93,7 +94,7 @@ fn print_names(args: &Args) -> Result<(), Box<dyn Error>> {
     Ok(())
 }
 
-fn echo<M: Message>(node: &Ros2) -> roscausal_core::Result<Ros2Subscription> {
+fn echo<M: Message>(node: &Ros2) -> roscausal_core::Result<Subscription> {
     let out = node.advertise::<M>(&format!("/out/{}", M::type_name()), Qos::Volatile(100))?;
     node.subscribe(&format!("/in/{}", M::type_name()), Qos::Volatile(100), move |message: M| {
         if let Err(error) = out.publish(&message) {

@@ -3,13 +3,8 @@
 use std::collections::BTreeMap;
 
 use roscausal_core::{batch::header::nearest, params::Value};
+use roscausal_rcl::{BadArgument, Enclave, Names, Network, ParamFile, Remap};
 use tracing::level_filters::LevelFilter;
-
-use crate::{
-    names::{Names, Remap},
-    param_file::{ParamFile, scalar_or_list},
-    security::Enclave,
-};
 
 /// What a node was started with, all of it checked.
 #[derive(Clone, Debug)]
@@ -30,27 +25,6 @@ pub struct Args {
     /// What was read but has no effect, for the log.
     pub warnings: Vec<String>,
 }
-
-/// Where on the network a node lives.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Network {
-    /// `ROS_DOMAIN_ID`, 0 to 232.
-    pub domain_id: u16,
-    /// Nothing leaves this machine (`ROS_LOCALHOST_ONLY`, `ROS_AUTOMATIC_DISCOVERY_RANGE`).
-    pub localhost_only: bool,
-}
-
-/// A command line or environment that a node cannot start with: one sentence for the user.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct BadArgument(pub String);
-
-impl std::fmt::Display for BadArgument {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.write_str(&self.0)
-    }
-}
-
-impl std::error::Error for BadArgument {}
 
 type Result<T> = std::result::Result<T, BadArgument>;
 
@@ -108,7 +82,7 @@ impl Args {
                         args.next().ok_or_else(|| BadArgument(format!("{flag} needs a value after it")))?;
                     match flag {
                         "-r" | "--remap" => rules.push(Remap::parse(&value)?),
-                        "-p" | "--param" => add_param(&mut params, &value)?,
+                        "-p" | "--param" => params.add_rule(&value)?,
                         "--params-file" => params.add_file(value.as_ref())?,
                         "--log-level" => set_level(&mut log_level, node, &value)?,
                         "-e" | "--enclave" => enclave = Some(value),
@@ -126,51 +100,9 @@ impl Args {
             log_level: log_level.unwrap_or(LevelFilter::INFO),
             rosout,
             network: Network::from_env(&env, &mut warnings)?,
-            enclave: Enclave::from_env(&env, enclave.as_deref(), &mut warnings)?,
+            enclave: Enclave::from_env(&env, enclave.as_deref(), roscausal_rmw::SECURITY, &mut warnings)?,
             warnings,
         })
-    }
-}
-
-impl Network {
-    /// Reads `ROS_DOMAIN_ID`, `ROS_LOCALHOST_ONLY` (which wins when it is 1, as in rcl) and
-    /// `ROS_AUTOMATIC_DISCOVERY_RANGE`.
-    ///
-    /// # Errors
-    /// A domain above 232 or not a number; a range that is none of ROS 2's words.
-    pub fn from_env(env: impl Fn(&str) -> Option<String>, warnings: &mut Vec<String>) -> Result<Self> {
-        let text = |name| env(name).filter(|value: &String| !value.is_empty());
-        let domain_id = match text("ROS_DOMAIN_ID") {
-            None => 0,
-            Some(value) => value.parse().ok().filter(|id| *id <= 232).ok_or_else(|| {
-                BadArgument(format!("ROS_DOMAIN_ID is '{value}'; use a whole number from 0 to 232"))
-            })?,
-        };
-        let range = text("ROS_AUTOMATIC_DISCOVERY_RANGE").unwrap_or_else(|| "SUBNET".into());
-        let localhost_only = match range.as_str() {
-            _ if text("ROS_LOCALHOST_ONLY").as_deref() == Some("1") => true,
-            "SUBNET" | "SYSTEM_DEFAULT" => false,
-            "LOCALHOST" => true,
-            "OFF" => {
-                warnings
-                    .push("ROS_AUTOMATIC_DISCOVERY_RANGE=OFF is not supported and read as LOCALHOST".into());
-                true
-            }
-            other => {
-                return Err(BadArgument(format!(
-                    "ROS_AUTOMATIC_DISCOVERY_RANGE is '{other}'; use SUBNET, LOCALHOST, OFF or SYSTEM_DEFAULT"
-                )));
-            }
-        };
-        if text("ROS_STATIC_PEERS").is_some() {
-            warnings.push("ROS_STATIC_PEERS has no effect: these nodes find others by multicast only".into());
-        }
-        if let Some(old @ ("humble" | "galactic" | "foxy")) = text("ROS_DISTRO").as_deref() {
-            warnings.push(format!(
-                "ROS_DISTRO is {old}, whose discovery differs: topics work, but this node is not listed by name"
-            ));
-        }
-        Ok(Self { domain_id, localhost_only })
     }
 }
 
@@ -185,21 +117,6 @@ fn unknown(arg: &str) -> BadArgument {
     let flags = [&WITH_VALUE[..], &SWITCHES].concat();
     let near = nearest(&flags, arg).map_or(String::new(), |flag| format!("; did you mean {flag}?"));
     BadArgument(format!("unknown ROS argument '{arg}'{near}"))
-}
-
-/// `[node:]name:=value`, the value in YAML.
-fn add_param(params: &mut ParamFile, rule: &str) -> Result<()> {
-    let wrong = |why: &str| BadArgument(format!("-p {rule}: {why}; write name:=value, such as dt:=0.1"));
-    let (name, text) = rule.split_once(":=").ok_or_else(|| wrong("there is no ':='"))?;
-    let (node, name) = name.split_once(':').unwrap_or(("/**", name));
-    if name.is_empty() || name.contains(':') {
-        return Err(wrong("the name is not a parameter's name"));
-    }
-    let value =
-        serde_norway::from_str(text).map_err(|error| wrong(&format!("the value is not YAML ({error})")))?;
-    let value = scalar_or_list(&value).map_err(|why| wrong(&why))?;
-    params.insert(node, name, value);
-    Ok(())
 }
 
 /// `[logger:=]level`; a level for another logger than the node's is not ours.
@@ -254,23 +171,6 @@ mod tests {
         ] {
             let error = parse(line).unwrap_err().0;
             assert!(error.contains(way_out), "{line}: {error}");
-        }
-    }
-
-    #[test]
-    fn the_environment_places_the_node_on_the_network() {
-        let network = |pairs: &[(&str, &str)]| {
-            let find = |name: &str| Some(pairs.iter().find(|(key, _)| *key == name)?.1.to_owned());
-            Network::from_env(find, &mut Vec::new())
-        };
-        assert_eq!(network(&[]).unwrap(), Network { domain_id: 0, localhost_only: false });
-        assert_eq!(network(&[("ROS_DOMAIN_ID", "42")]).unwrap().domain_id, 42);
-        assert!(network(&[("ROS_LOCALHOST_ONLY", "1")]).unwrap().localhost_only);
-        assert!(network(&[("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")]).unwrap().localhost_only);
-        for (name, value) in
-            [("ROS_DOMAIN_ID", "233"), ("ROS_DOMAIN_ID", "x"), ("ROS_AUTOMATIC_DISCOVERY_RANGE", "NEAR")]
-        {
-            assert!(network(&[(name, value)]).unwrap_err().0.contains(value));
         }
     }
 }

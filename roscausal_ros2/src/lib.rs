@@ -1,21 +1,13 @@
 //! ROS 2 backend: [`roscausal_core::middleware::Middleware`] over `ros2-client`, in pure Rust; no ROS
-//! installation is needed, to build or to run.
+//! installation is needed, to build or to run. Names, parameters and their files are in `roscausal_rcl`, the node's
+//! place on DDS in `roscausal_rmw`.
 
-mod farewell;
-mod graph;
+mod args;
 mod node;
-mod parameters;
 mod program;
 mod rosout;
 mod services;
-mod spinner;
-mod topics;
-
-pub mod args;
-pub mod names;
-pub mod param_file;
-pub mod security;
+mod wire;
 
 pub use args::Args;
 pub use node::Ros2;
-pub use topics::{Ros2Publisher, Ros2Subscription};

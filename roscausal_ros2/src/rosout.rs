@@ -10,10 +10,11 @@ use ros2_client::{
     qos::{Durability, History, WhenFull},
 };
 use roscausal_core::Result;
+use roscausal_rmw::Writer;
 use roscausal_ros::{Console, lock};
 use tracing::Level;
 
-use crate::{Ros2, topics::Writer};
+use crate::Ros2;
 
 /// `/rosout` keeps at most this many messages for late joiners.
 const HISTORY: usize = 200;
@@ -25,13 +26,14 @@ impl Ros2 {
     /// When the topic cannot be made.
     pub fn log_with(&self, console: &Console) -> Result<()> {
         let inner = self.inner();
-        let topic = inner.session(|session| session.context.get_rosout_topic())?;
+        let participant = &inner.participant;
+        let topic = participant.session(|session| session.context.get_rosout_topic())?;
         let profile = QosProfile::publisher_default()
             .reliability_reliable(WhenFull::Fail)
             .durability(Durability::TransientLocal)
             .history(History::KeepLast { depth: HISTORY });
-        let outbox = Outbox::new(Writer::new(inner, topic, profile, HISTORY)?);
-        let name = inner.names.logger();
+        let outbox = Outbox::new(Writer::new(participant, topic, profile, HISTORY)?);
+        let name = participant.names().logger();
         let node = Arc::downgrade(inner);
         console.forward(move |record| {
             let Some(node) = node.upgrade() else { return };
@@ -50,7 +52,7 @@ impl Ros2 {
                 function: record.function,
                 line: record.line,
             };
-            outbox.send(log, |writer, log| drop(writer.write(&node, log)));
+            outbox.send(log, |writer, log| drop(writer.write(&node.participant, log)));
         });
         Ok(())
     }

@@ -8,7 +8,8 @@ use roscausal_core::{
     nodes,
     params::{Allowed, ParamSpec, Value},
 };
-use roscausal_ros2::{Args, param_file::ParamFile};
+use roscausal_rcl::ParamFile;
+use roscausal_ros2::Args;
 
 fn path(name: &str) -> PathBuf {
     PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../config").join(name)

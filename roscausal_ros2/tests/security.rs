@@ -16,7 +16,8 @@ use roscausal_core::{
     middleware::{Middleware, Publish, Qos},
 };
 use roscausal_msgs::std_msgs;
-use roscausal_ros2::{Args, Ros2, Ros2Subscription};
+use roscausal_rmw::Subscription;
+use roscausal_ros2::{Args, Ros2};
 
 const DOMAIN: u32 = 10;
 /// How long one waits for what must not come; two nodes find each other in 0.6 s, secured ones in a few seconds.
@@ -46,11 +47,11 @@ fn args(name: &str, test: u32, keystore: Option<(&Path, &str)>) -> Args {
 
 type Heard = Arc<Mutex<Vec<String>>>;
 
-fn listen(node: &Ros2, topic: &str) -> (Heard, Ros2Subscription) {
+fn listen(node: &Ros2, topic: &str) -> (Heard, Subscription) {
     listen_to(node, topic, Qos::Volatile(100))
 }
 
-fn listen_to(node: &Ros2, topic: &str, qos: Qos) -> (Heard, Ros2Subscription) {
+fn listen_to(node: &Ros2, topic: &str, qos: Qos) -> (Heard, Subscription) {
     let heard = Heard::default();
     let hears = heard.clone();
     let take = move |text: std_msgs::String| hears.lock().expect("no panic").push(text.data);

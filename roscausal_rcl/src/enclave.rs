@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use crate::args::BadArgument;
+use crate::{BadArgument, names::is_namespace};
 
 /// The folder of an enclave, in which every file that DDS Security needs is there.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -21,12 +21,11 @@ const FILES: [&str; 6] = [
 ];
 /// A list of revoked certificates, which the DDS library does not read.
 const REVOCATIONS: &str = "crl.pem";
-/// Whether DDS Security is built in.
-const BUILT_IN: bool = cfg!(feature = "security");
 
 impl Enclave {
     /// The enclave that the environment and `--enclave` (`argument`) ask for; `None` when they ask for none, or when it
     /// cannot be used and `ROS_SECURITY_STRATEGY` is not `Enforce`: then a warning says that the node talks in the clear.
+    /// `built_in`: the program has DDS Security.
     ///
     /// # Errors
     /// A name that is no enclave's; with `Enforce`: no keystore, no such enclave, files missing, a revocation list, or a
@@ -34,6 +33,7 @@ impl Enclave {
     pub fn from_env(
         env: impl Fn(&str) -> Option<String>,
         argument: Option<&str>,
+        built_in: bool,
         warnings: &mut Vec<String>,
     ) -> Result<Option<Self>, BadArgument> {
         let text = |name| env(name).filter(|value: &String| !value.is_empty());
@@ -59,7 +59,7 @@ impl Enclave {
         };
         let keystore = text("ROS_SECURITY_KEYSTORE");
         let name = given.as_deref().or(argument).unwrap_or("/");
-        match Self::find(keystore.as_deref().map(Path::new), name) {
+        match Self::find(built_in, keystore.as_deref().map(Path::new), name) {
             Ok(enclave) => Ok(Some(enclave)),
             Err(reason) if enforced => {
                 Err(BadArgument(format!("ROS_SECURITY_STRATEGY is Enforce, but {reason}")))
@@ -73,8 +73,8 @@ impl Enclave {
         }
     }
 
-    fn find(keystore: Option<&Path>, name: &str) -> Result<Self, String> {
-        if !BUILT_IN {
+    fn find(built_in: bool, keystore: Option<&Path>, name: &str) -> Result<Self, String> {
+        if !built_in {
             return Err("this program was built without DDS Security; build it with \
                         'cargo build -p roscausal_ros2 --features security'"
                 .to_owned());
@@ -110,13 +110,9 @@ impl Enclave {
     }
 }
 
-/// An enclave is named like a namespace: `/`, or parts of letters, digits and `_` after slashes. So it stays in its folder.
+/// An enclave is named like a namespace, so it stays in its folder.
 fn check_name(what: &str, name: &str) -> Result<(), BadArgument> {
-    let part = |part: &str| {
-        !part.is_empty() && part.chars().all(|letter| letter.is_ascii_alphanumeric() || letter == '_')
-    };
-    let good = name == "/" || name.strip_prefix('/').is_some_and(|rest| rest.split('/').all(part));
-    if good {
+    if is_namespace(name) {
         return Ok(());
     }
     Err(BadArgument(format!("{what} is '{name}'; write the enclave's whole name, such as /robot/recorder")))
@@ -129,7 +125,7 @@ mod tests {
     fn ask(pairs: &[(&str, &str)], argument: Option<&str>) -> (Result<Option<Enclave>, String>, Vec<String>) {
         let mut warnings = Vec::new();
         let env = |name: &str| Some(pairs.iter().find(|(key, _)| *key == name)?.1.to_owned());
-        (Enclave::from_env(env, argument, &mut warnings).map_err(|error| error.0), warnings)
+        (Enclave::from_env(env, argument, true, &mut warnings).map_err(|error| error.0), warnings)
     }
 
     #[test]
@@ -149,6 +145,7 @@ mod tests {
         assert!(
             ask(&[on, ("ROS_SECURITY_STRATEGY", "enforce")], None).0.unwrap_err().contains("use Enforce")
         );
+        assert!(Enclave::find(false, None, "/").unwrap_err().contains("built without DDS Security"));
     }
 
     #[test]
@@ -159,7 +156,6 @@ mod tests {
         assert_eq!(ask(&[], Some("/robot/recorder_2")).0, Ok(None));
     }
 
-    #[cfg(feature = "security")]
     #[test]
     fn the_enclave_is_found_and_what_it_lacks_is_named() {
         let keystore = tempfile::tempdir().unwrap();

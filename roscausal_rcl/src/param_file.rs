@@ -1,11 +1,11 @@
-//! ROS 2 parameter files: values for nodes whose names fit a pattern.
+//! Parameters from files and from `-p`: values for nodes whose names fit a pattern.
 
 use std::{collections::BTreeMap, path::Path};
 
 use roscausal_core::params::Value;
 use serde_norway::Value as Yaml;
 
-use crate::args::BadArgument;
+use crate::BadArgument;
 
 /// Parameter values from any number of files and `-p` arguments, in their order.
 #[derive(Clone, Debug, Default)]
@@ -23,6 +23,24 @@ impl ParamFile {
             self.nodes.len() - 1
         });
         self.nodes[index].1.insert(name.to_owned(), value);
+    }
+
+    /// Adds a rule `[node:]name:=value` as it stands behind `-p`, the value in YAML.
+    ///
+    /// # Errors
+    /// No `:=`, no parameter's name, no value.
+    pub fn add_rule(&mut self, rule: &str) -> Result<(), BadArgument> {
+        let wrong = |why: &str| BadArgument(format!("-p {rule}: {why}; write name:=value, such as dt:=0.1"));
+        let (name, text) = rule.split_once(":=").ok_or_else(|| wrong("there is no ':='"))?;
+        let (node, name) = name.split_once(':').unwrap_or(("/**", name));
+        if name.is_empty() || name.contains(':') {
+            return Err(wrong("the name is not a parameter's name"));
+        }
+        let value = serde_norway::from_str(text)
+            .map_err(|error| wrong(&format!("the value is not YAML ({error})")))?;
+        let value = scalar_or_list(&value).map_err(|why| wrong(&why))?;
+        self.insert(node, name, value);
+        Ok(())
     }
 
     /// Adds a file: `node: {ros__parameters: {name: value}}`, nodes nested by namespace or written as paths.
@@ -118,7 +136,7 @@ fn fit(pattern: &[String], name: &[String]) -> bool {
 ///
 /// # Errors
 /// No value, a list of mixed types, a list of lists, a mapping.
-pub fn scalar_or_list(yaml: &Yaml) -> Result<Value, String> {
+fn scalar_or_list(yaml: &Yaml) -> Result<Value, String> {
     Ok(match yaml {
         Yaml::Null => return Err("there is no value; write \"\" for an empty one".into()),
         Yaml::Bool(value) => Value::Bool(*value),

@@ -1,9 +1,11 @@
 //! A node's name, its namespace, and what the remaps make of the names it asks for.
 
-use ros2_client::Name;
-use roscausal_core::{Error, Result, middleware::is_token};
+use roscausal_core::{
+    Error, Result,
+    middleware::{is_graph_name, is_token},
+};
 
-use crate::args::BadArgument;
+use crate::BadArgument;
 
 /// A node's full name and its remaps; turns the names used in the code into absolute ones.
 #[derive(Clone, Debug)]
@@ -41,7 +43,7 @@ impl Remap {
         }
         let legal = match from {
             "__node" | "__name" => is_token(to),
-            "__ns" => to == "/" || to.strip_prefix('/').is_some_and(|rest| rest.split('/').all(is_token)),
+            "__ns" => is_namespace(to),
             _ => true,
         };
         if !legal {
@@ -123,8 +125,16 @@ impl Names {
     }
 }
 
+/// `/`, or tokens after single slashes.
+pub(crate) fn is_namespace(text: &str) -> bool {
+    text == "/" || text.strip_prefix('/').is_some_and(|rest| rest.split('/').all(is_token))
+}
+
 fn checked(asked: &str, name: &str) -> Result<()> {
-    Name::parse(name).map(|_| ()).map_err(|_| Error::Topic {
+    if is_graph_name(name) && !name.contains("__") {
+        return Ok(());
+    }
+    Err(Error::Topic {
         topic: asked.to_owned(),
         reason: "not a legal name: use letters, digits, single '_' and single '/', no digit after a '/'"
             .into(),

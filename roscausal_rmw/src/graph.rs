@@ -7,14 +7,11 @@ use std::{
 
 use futures::StreamExt;
 use ros2_client::{Context, Gid};
-use roscausal_ros::lock;
-use rustdds::{
-    DomainParticipantStatusEvent as Event, GUID, QosPolicies, StatusEvented,
-    policy::{Durability, Reliability},
-};
+use roscausal_core::gate::lock;
+use rustdds::{DomainParticipantStatusEvent as Event, GUID, StatusEvented};
 use tracing::{debug, warn};
 
-use crate::topics::Latched;
+use crate::{publisher::Latched, qos::described};
 
 /// The endpoints of one node and their matches; fed by [`Graph::watch`].
 #[derive(Default)]
@@ -98,7 +95,7 @@ impl Graph {
             }
             Event::RemoteReaderQosIncompatible { local_writer: own, requested_qos, offered_qos, .. }
             | Event::RemoteWriterQosIncompatible { local_reader: own, requested_qos, offered_qos, .. } => {
-                let (offered, requested) = (profile(&offered_qos), profile(&requested_qos));
+                let (offered, requested) = (described(&offered_qos), described(&requested_qos));
                 if let Some((topic, _)) = state.own.get(&own) {
                     let text = format!(
                         "topic '{}': incompatible QoS, so nothing passes between this node and another: the \
@@ -161,18 +158,6 @@ fn ros_name(dds_topic: &str) -> Option<String> {
 fn ros_type(dds_type: &str) -> Option<String> {
     let (package, name) = dds_type.split_once("::msg::dds_::")?;
     Some(format!("{package}/{}", name.strip_suffix('_')?))
-}
-
-fn profile(qos: &QosPolicies) -> String {
-    let reliability = match qos.reliability() {
-        Some(Reliability::Reliable { .. }) => "reliable",
-        _ => "best_effort",
-    };
-    let durability = match qos.durability() {
-        None | Some(Durability::Volatile) => "volatile",
-        Some(_) => "transient_local",
-    };
-    format!("{reliability} {durability}")
 }
 
 #[cfg(test)]

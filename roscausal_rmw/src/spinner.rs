@@ -16,7 +16,7 @@ use futures::{
     select_biased,
     stream::FuturesUnordered,
 };
-use roscausal_ros::lock;
+use roscausal_core::gate::lock;
 
 /// Makes a task's future on the spinner's thread, so that the future itself need not be `Send`. The output is
 /// the task's name when it panicked.
