@@ -150,7 +150,7 @@ mod tests {
 
     #[test]
     fn the_name_of_an_enclave_does_not_leave_its_folder() {
-        for name in ["robot", "/../x", "/a//b", "/a/", "", "/a.b"] {
+        for name in ["robot", "/../x", "/a//b", "/a/", "", "/a.b", "/2robot"] {
             assert!(ask(&[], Some(name)).0.unwrap_err().contains("whole name"), "{name}");
         }
         assert_eq!(ask(&[], Some("/robot/recorder_2")).0, Ok(None));

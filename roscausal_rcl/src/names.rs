@@ -127,7 +127,7 @@ impl Names {
 
 /// `/`, or tokens after single slashes.
 pub(crate) fn is_namespace(text: &str) -> bool {
-    text == "/" || text.strip_prefix('/').is_some_and(|rest| rest.split('/').all(is_token))
+    text == "/" || (text.starts_with('/') && is_graph_name(text))
 }
 
 fn checked(asked: &str, name: &str) -> Result<()> {

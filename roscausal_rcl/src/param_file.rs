@@ -16,7 +16,7 @@ pub struct ParamFile {
 
 impl ParamFile {
     /// Sets one value for the nodes that `node` fits.
-    pub fn insert(&mut self, node: &str, name: &str, value: Value) {
+    fn insert(&mut self, node: &str, name: &str, value: Value) {
         let pattern = segments(node);
         let index = self.nodes.iter().position(|(known, _)| *known == pattern).unwrap_or_else(|| {
             self.nodes.push((pattern, BTreeMap::new()));

@@ -6,10 +6,6 @@ use roscausal_rcl::ParamFile;
 #[global_allocator]
 static ALLOCATOR: Allocator = Allocator;
 
-fn corpus(name: &str) -> std::path::PathBuf {
-    format!("{}/tests/corpus/{name}", env!("CARGO_MANIFEST_DIR")).into()
-}
-
 #[test]
 fn a_hostile_parameter_file_is_refused_or_read() {
     let seeds = [
@@ -19,7 +15,7 @@ fn a_hostile_parameter_file_is_refused_or_read() {
         vec![b'['; 50_000],
     ];
     let target = Target {
-        corpus: corpus("param_file"),
+        corpus: concat!(env!("CARGO_MANIFEST_DIR"), "/tests/corpus/param_file").into(),
         seeds: seeds.to_vec(),
         tokens: &[
             b"ros__parameters:",

@@ -31,6 +31,7 @@ const LARGE_MESSAGE: usize = 200_000;
 /// A topic's publisher.
 pub struct Publisher<M: Message> {
     shared: Arc<Shared<M>>,
+    /// Messages not sent so far, because a reliable subscriber did not acknowledge the ones before.
     refused: AtomicU64,
     said_large: AtomicBool,
 }
@@ -72,11 +73,6 @@ impl Participant {
 }
 
 impl<M: Message> Publisher<M> {
-    /// Messages not sent so far, because a reliable subscriber did not acknowledge the ones before.
-    pub fn refused(&self) -> u64 {
-        self.refused.load(Ordering::Relaxed)
-    }
-
     fn warn_if_large(&self, message: &M) {
         if self.shared.qos != Qos::Latched || self.said_large.load(Ordering::Relaxed) {
             return;

@@ -6,14 +6,10 @@ use roscausal_ros2::Args;
 #[global_allocator]
 static ALLOCATOR: Allocator = Allocator;
 
-fn corpus(name: &str) -> std::path::PathBuf {
-    format!("{}/tests/corpus/{name}", env!("CARGO_MANIFEST_DIR")).into()
-}
-
 #[test]
 fn hostile_arguments_are_refused_or_understood() {
     let target = Target {
-        corpus: corpus("args"),
+        corpus: concat!(env!("CARGO_MANIFEST_DIR"), "/tests/corpus/args").into(),
         seeds: vec![
             b"--ros-args\0-r\0/a:=/b\0-p\0dt:=0.1\0--log-level\0node:=debug".to_vec(),
             b"--ros-args\0-r\0__node:=x\0-r\0__ns:=/y\0-p\0n:a:=[1, 2]\0--".to_vec(),
