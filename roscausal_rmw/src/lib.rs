@@ -1,5 +1,5 @@
 //! A ROS 2 node's place on DDS, over `ros2-client`, with what DDS vendors differ in: publishers and subscriptions, who
-//! else is there and why nothing passes, leaving so that everybody hears it.
+//! else is there and why nothing passes, whether the library still answers, leaving so that everybody hears it.
 
 mod farewell;
 mod graph;
@@ -8,6 +8,7 @@ mod publisher;
 mod qos;
 mod spinner;
 mod subscription;
+mod watchdog;
 mod writer;
 
 pub use participant::{Participant, Session};

@@ -4,7 +4,7 @@ use std::{
     collections::HashMap,
     future::Future,
     net::{IpAddr, Ipv4Addr},
-    sync::{Arc, Mutex},
+    sync::{Arc, Mutex, Weak},
     thread,
     time::Duration,
 };
@@ -24,6 +24,7 @@ use crate::{
     graph::{Graph, published_topics},
     qos::{self, Side},
     spinner::Spinner,
+    watchdog,
     writer::Writer,
 };
 
@@ -36,7 +37,7 @@ pub struct Participant {
     pub(crate) graph: Arc<Graph>,
     spinner: Spinner,
     /// `None` once it has left.
-    session: Mutex<Option<Session>>,
+    session: Arc<Mutex<Option<Session>>>,
     /// Type of each topic that the node uses.
     types: Mutex<HashMap<String, String>>,
     announcer: Mutex<Option<Writer<ParticipantEntitiesInfo>>>,
@@ -60,7 +61,8 @@ fn middleware(what: &str, reason: impl std::fmt::Display) -> Error {
 
 impl Participant {
     /// Joins the domain as one node. `on_panic` is told what was being handled when a task panicked, on the thread on
-    /// which all that comes is read.
+    /// which all that comes is read; `on_hang` is called when the library gives no answer any more, so that every call of
+    /// this participant may block for ever.
     ///
     /// # Errors
     /// When the network, or the enclave, cannot be used.
@@ -69,6 +71,7 @@ impl Participant {
         network: Network,
         enclave: Option<&Enclave>,
         on_panic: impl Fn(String) + Send + 'static,
+        on_hang: impl FnOnce() + Send + 'static,
     ) -> Result<Arc<Self>> {
         let mut builder = DomainParticipantBuilder::new(network.domain_id);
         if network.localhost_only {
@@ -94,13 +97,15 @@ impl Participant {
             secured: enclave.is_some(),
             graph: Arc::default(),
             spinner,
-            session: Mutex::new(Some(Session { node, context: context.clone() })),
+            session: Arc::new(Mutex::new(Some(Session { node, context: context.clone() }))),
             types: Mutex::default(),
             announcer: Mutex::default(),
             leaving: Mutex::default(),
         };
         let graph = this.graph.clone();
         this.spawn("discovery", move || async move { graph.watch(context).await });
+        let session = Arc::downgrade(&this.session);
+        watchdog::watch(move || answers(&session), watchdog::PATIENCE, on_hang);
         Ok(Arc::new(this))
     }
 
@@ -210,6 +215,13 @@ impl Participant {
             farewell::send(participant, self.network);
         }
     }
+}
+
+/// Asks the library for something that it has under lock and key; false once the node has left.
+fn answers(session: &Weak<Mutex<Option<Session>>>) -> bool {
+    let Some(session) = session.upgrade() else { return false };
+    let session = lock(&session);
+    session.as_ref().map(|session| session.context.domain_participant().discovered_topics()).is_some()
 }
 
 impl Drop for Participant {

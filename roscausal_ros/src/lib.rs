@@ -8,5 +8,5 @@ pub mod program;
 
 pub use clock::{Clock, steady};
 pub use console::Console;
-pub use life::Life;
+pub use life::{Life, in_time};
 pub use roscausal_core::gate::lock;

@@ -1,8 +1,14 @@
-//! Whether a node goes on, and who waits meanwhile.
+//! Whether a node goes on, who waits meanwhile, and for how long.
 
-use std::sync::{
-    Arc, Mutex, Weak,
-    atomic::{AtomicBool, Ordering},
+use std::{
+    panic::{AssertUnwindSafe, catch_unwind},
+    sync::{
+        Arc, Mutex, Weak,
+        atomic::{AtomicBool, Ordering},
+        mpsc,
+    },
+    thread,
+    time::Duration,
 };
 
 use roscausal_core::inbox::Consumer;
@@ -40,4 +46,19 @@ impl Life {
         let consumers: Vec<_> = lock(&self.consumers).iter().filter_map(Weak::upgrade).collect();
         consumers.iter().for_each(|consumer| consumer.wake());
     }
+}
+
+/// Runs what may block for ever (rosrust asks masters and nodes without deadline) beside this thread. `None` when it is
+/// not done in time; its result is then dropped whenever it comes.
+pub fn in_time<T: Send + 'static>(
+    patience: Duration,
+    work: impl FnOnce() -> T + Send + 'static,
+) -> Option<T> {
+    let (sender, receiver) = mpsc::channel();
+    let work = move || {
+        // a panic within drops the sender, which reads as "not done"
+        let _ = catch_unwind(AssertUnwindSafe(|| sender.send(work())));
+    };
+    thread::Builder::new().name("in time".to_owned()).spawn(work).ok()?;
+    receiver.recv_timeout(patience).ok()
 }

@@ -9,7 +9,7 @@ use std::{
         atomic::{AtomicBool, Ordering},
     },
     thread,
-    time::Duration,
+    time::{Duration, Instant},
 };
 
 use roscausal_core::{Error, Result, middleware::Middleware, nodes};
@@ -18,7 +18,7 @@ use signal_hook::{
     iterator::Signals,
 };
 
-use crate::{Console, console::Targets};
+use crate::{Console, console::Targets, in_time};
 
 /// The simulator, beside [`nodes::NODES`].
 const SIMULATOR: &str = "hrisim";
@@ -28,7 +28,7 @@ const DASHBOARD: &str = "dashboard";
 /// The command line, a parameter or a name is wrong: starting again will not help.
 const EXIT_USAGE: u8 = 2;
 /// Something broke: starting again may help.
-const EXIT_FAILED: u8 = 1;
+pub const EXIT_FAILED: u8 = 1;
 
 /// A backend, as its program sees it.
 pub trait Backend: Middleware {
@@ -52,11 +52,16 @@ pub trait Backend: Middleware {
     /// What is logged.
     fn filter(start: &Self::Start) -> Targets;
 
-    /// Joins the graph, with the log on `/rosout`. While nobody answers, it waits as long as `keep_waiting` says so.
+    /// Joins the graph, with the log on `/rosout`. `goes_on` is false once the program is asked to end: while nobody
+    /// answers, it waits as long.
     ///
     /// # Errors
     /// What keeps the node out.
-    fn join(start: Self::Start, console: &Console, keep_waiting: &dyn Fn() -> bool) -> Result<Self>;
+    fn join(
+        start: Self::Start,
+        console: &Console,
+        goes_on: impl Fn() -> bool + Send + 'static,
+    ) -> Result<Self>;
 
     /// Leaves the graph at once, whatever the node still does; it is called more than once.
     fn leave(&self);
@@ -120,7 +125,8 @@ fn live<B: Backend>(node: &str, start: B::Start) -> u8 {
         }
     };
     let joined = Stop::on_signals().and_then(|stop| {
-        let mw = B::join(start, &console, &|| !stop.is_asked())?;
+        let asked = stop.clone();
+        let mw = B::join(start, &console, move || !asked.is_asked())?;
         stop.end_with(&mw);
         Ok(mw)
     });
@@ -181,7 +187,7 @@ impl<B: Backend> Stop<B> {
 
     fn take_signal(self: &Arc<Self>) {
         if self.asked.swap(true, Ordering::SeqCst) {
-            self.leave();
+            self.leave_in_time();
             exit(EXIT_FAILED.into());
         }
         tracing::info!("ending");
@@ -191,17 +197,19 @@ impl<B: Backend> Stop<B> {
         let late = self.clone();
         thread::spawn(move || {
             thread::sleep(B::LEAVE_WITHIN);
-            late.leave();
-            thread::sleep(B::END_WITHIN);
+            let end = Instant::now() + B::END_WITHIN;
+            late.leave_in_time();
+            thread::sleep(end.saturating_duration_since(Instant::now()));
             let waited = (B::LEAVE_WITHIN + B::END_WITHIN).as_secs();
             tracing::error!("not finished {waited} s after the signal; ended all the same");
             exit(EXIT_FAILED.into());
         });
     }
 
-    fn leave(&self) {
-        if let Some(node) = self.node.get() {
-            node.leave();
+    /// What the node stands on may never answer.
+    fn leave_in_time(&self) {
+        if let Some(node) = self.node.get().cloned() {
+            in_time(B::LEAVE_WITHIN + B::END_WITHIN, move || node.leave());
         }
     }
 }

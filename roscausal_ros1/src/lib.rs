@@ -23,12 +23,12 @@ use roscausal_core::{
 };
 use roscausal_master::{Master, Role};
 use roscausal_msgs::rosgraph_msgs::Clock;
-use roscausal_ros::{Console, lock, steady};
+use roscausal_ros::{Console, in_time, lock, steady};
 
 pub use subscription::Subscription;
 
 use crate::{
-    session::{PATIENCE, Session, in_time, reason},
+    session::{PATIENCE, Session, reason},
     subscription::{Feed, Handler},
     wire::Wire,
 };

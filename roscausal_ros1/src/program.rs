@@ -36,8 +36,8 @@ impl Backend for Ros1 {
         chosen.unwrap_or_else(usual)
     }
 
-    fn join(name: String, console: &Console, keep_waiting: &dyn Fn() -> bool) -> Result<Self> {
-        let node = Self::connect(&name, keep_waiting)?;
+    fn join(name: String, console: &Console, goes_on: impl Fn() -> bool + Send + 'static) -> Result<Self> {
+        let node = Self::connect(&name, &goes_on)?;
         node.log_with(console)?;
         Ok(node)
     }

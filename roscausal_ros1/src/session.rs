@@ -1,7 +1,6 @@
 //! One node's life on a master: joining, looking after it, leaving without a ghost.
 
 use std::{
-    panic::{AssertUnwindSafe, catch_unwind},
     sync::{
         Arc, Mutex, OnceLock, Weak,
         mpsc::{self, Receiver, RecvTimeoutError, Sender},
@@ -13,7 +12,7 @@ use std::{
 use roscausal_core::{Error, Result, middleware::Publish};
 use roscausal_master::{Master, Membership};
 use roscausal_msgs::{rosgraph_msgs::Log, std_msgs::Header};
-use roscausal_ros::{Clock, Life, console::Record, lock};
+use roscausal_ros::{Clock, Life, console::Record, in_time, lock};
 use rosrust::api::{Ros, resolve};
 use tracing::Level;
 
@@ -44,21 +43,6 @@ pub(crate) struct Session {
 /// rosrust's error with its causes, as one line.
 pub(crate) fn reason(error: &rosrust::error::Error) -> String {
     error.iter().map(ToString::to_string).collect::<Vec<_>>().join(": ")
-}
-
-/// Runs what may block for ever (rosrust asks masters and nodes without deadline) beside this thread. `None`
-/// when it is not done in time; its result is then dropped whenever it comes.
-pub(crate) fn in_time<T: Send + 'static>(
-    patience: Duration,
-    work: impl FnOnce() -> T + Send + 'static,
-) -> Option<T> {
-    let (sender, receiver) = mpsc::channel();
-    let work = move || {
-        // a panic inside rosrust drops the sender, which reads as "not done"
-        let _ = catch_unwind(AssertUnwindSafe(|| sender.send(work())));
-    };
-    thread::Builder::new().name("ros1-worker".to_owned()).spawn(work).ok()?;
-    receiver.recv_timeout(patience).ok()
 }
 
 impl Session {

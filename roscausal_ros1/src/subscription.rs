@@ -11,10 +11,10 @@ use std::{
 };
 
 use roscausal_core::{Message, gate::Gate};
-use roscausal_ros::lock;
+use roscausal_ros::{in_time, lock};
 
 use crate::{
-    session::{PATIENCE, Session, in_time},
+    session::{PATIENCE, Session},
     wire::Wire,
 };
 

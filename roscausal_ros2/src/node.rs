@@ -42,6 +42,8 @@ pub(crate) struct Inner {
     failed: AtomicBool,
 }
 
+/// What is said of a DDS library that gives no answer.
+pub(crate) const HANGS: &str = "the DDS library hangs";
 /// Between two looks at the clock; and how long after its start a node announces itself once more.
 const WATCH_PERIOD: Duration = Duration::from_secs(1);
 
@@ -51,6 +53,15 @@ impl Ros2 {
     /// # Errors
     /// When the network cannot be used, or `use_sim_time` was given something else than a boolean.
     pub fn start(args: &Args) -> Result<Self> {
+        Self::start_watched(args, || error!("{HANGS}"))
+    }
+
+    /// As [`Ros2::start`]. `on_hang` is called when the DDS library has locked itself up, perhaps while the node is still
+    /// starting: then this never returns, and nothing that the node is asked for may.
+    ///
+    /// # Errors
+    /// As [`Ros2::start`].
+    pub fn start_watched(args: &Args, on_hang: impl FnOnce() + Send + 'static) -> Result<Self> {
         let owner = Arc::new(OnceLock::<Weak<Inner>>::new());
         let its_owner = owner.clone();
         let on_panic = move |task: String| {
@@ -58,7 +69,8 @@ impl Ros2 {
                 inner.fail(&format!("the handling of {task} broke off"));
             }
         };
-        let participant = Participant::join(&args.names, args.network, args.enclave.as_ref(), on_panic)?;
+        let enclave = args.enclave.as_ref();
+        let participant = Participant::join(&args.names, args.network, enclave, on_panic, on_hang)?;
         let inner = Arc::new(Inner {
             parameter_events: ParameterEvents::new(&participant)?,
             participant,

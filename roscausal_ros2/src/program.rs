@@ -1,15 +1,20 @@
 //! The node as a program: its arguments, its log, its end.
 
-use std::{thread, time::Duration};
+use std::{
+    os::unix::process::CommandExt,
+    process::{Command, exit},
+    thread,
+    time::Duration,
+};
 
 use roscausal_core::{Result, middleware::Middleware};
 use roscausal_ros::{
     Console,
     console::{LevelFilter, Targets},
-    program::Backend,
+    program::{Backend, EXIT_FAILED},
 };
 
-use crate::{Args, Ros2};
+use crate::{Args, Ros2, node::HANGS};
 
 impl Backend for Ros2 {
     type Start = Args;
@@ -32,10 +37,11 @@ impl Backend for Ros2 {
             .with_target("ros2_client", LevelFilter::OFF)
     }
 
-    fn join(args: Args, console: &Console, _: &dyn Fn() -> bool) -> Result<Self> {
+    fn join(args: Args, console: &Console, goes_on: impl Fn() -> bool + Send + 'static) -> Result<Self> {
         console.name(&args.names.logger());
         args.warnings.iter().for_each(|warning| tracing::warn!("{warning}"));
-        let ros = Self::start(&args)?;
+        let its_console = console.clone();
+        let ros = Self::start_watched(&args, move || start_anew(&its_console, goes_on()))?;
         if args.rosout {
             ros.log_with(console)?;
         }
@@ -51,6 +57,26 @@ impl Backend for Ros2 {
     fn failed(&self) -> bool {
         Self::failed(self)
     }
+}
+
+/// Puts a new process in the place of this one, whose library has locked itself up: it hears nothing any more, and what
+/// waits for it cannot be ended. The data node's journal holds what was recorded.
+fn start_anew(console: &Console, goes_on: bool) {
+    // /rosout is the library's.
+    console.forward(drop);
+    if !goes_on {
+        tracing::error!("{HANGS}; ended all the same");
+        exit(EXIT_FAILED.into());
+    }
+    tracing::error!("{HANGS}; the node is started anew");
+    let mut args = std::env::args_os();
+    let own_name = args.next().unwrap_or_default();
+    let failure = match std::env::current_exe() {
+        Ok(program) => Command::new(program).arg0(own_name).args(args).exec(),
+        Err(error) => error,
+    };
+    tracing::error!("it cannot be started: {failure}");
+    exit(EXIT_FAILED.into());
 }
 
 /// A panic on one of the library's own threads leaves a node that hears nothing: it ends, to be started again.

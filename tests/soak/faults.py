@@ -125,8 +125,8 @@ def rows_after(folder, instant):
     return any(times and times[-1] > instant for _, times, _ in batches(folder))
 
 
-def account(folder, begin, cut=None):
-    """Rows lie DT apart from the first to the last; with `cut`, a gap may lie there."""
+def account(folder, begin, cut=None, late=15):
+    """Rows lie DT apart from the first, within `late` seconds, to the last; with `cut`, a gap may lie there."""
     recorded = list(batches(folder))
     times = [t for _, batch, _ in recorded for t in batch]
     complete = sum(facts["complete"] for _, _, facts in recorded)
@@ -137,7 +137,7 @@ def account(folder, begin, cut=None):
     missing = round(sum(b - a for a, b in gaps) / DT) - len(gaps)
     print("%.0f s of messages in, %d rows out, %d missing, %d batches (%d complete), %d models, %d batches waiting" % (
         span, len(times), missing, len(recorded), complete, models, waiting), flush=True)
-    assert times and times[0] < begin + 15, "recording began late"
+    assert times and times[0] < begin + late, "recording began late"
     # the last one, which is not complete, may wait as well
     assert complete <= models + waiting <= len(recorded), "a batch without its model"
     for a, b in gaps:

@@ -19,6 +19,7 @@ from rcl_interfaces.srv import SetParameters
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 
 from harness import Ros, node, test
+from held_thread import HeldThread, thread_of
 from wire import LATCHED, RELIABLE, message_class
 
 SENSOR = QoSProfile(depth=10, reliability=ReliabilityPolicy.BEST_EFFORT)
@@ -305,6 +306,23 @@ def a_killed_discovery_node_leaves_no_stale_model_and_is_found_again():
         with node("discovery", *given):
             batch(folder, "data_20240101_000100.csv", 2)
             assert models(15, True) == ["data_20240101_000100"]
+
+
+@test
+def a_node_whose_dds_library_hangs_is_started_anew_in_its_place():
+    with tempfile.TemporaryDirectory() as folder, Ros() as ros:
+        given = ["-p", f"data_dir:={folder}/raw", "-p", f"pp_data_dir:={folder}/pp", "-r", "__node:=kept"]
+        with node("data", *given) as program:
+            first = ros.until(lambda: ros.participants("kept"), 10, "the node")
+            question = ros.until(lambda: thread_of(program.process.pid, "dds question"), 5, "the thread that asks")
+            started = time.monotonic()
+            with HeldThread(question) as held:
+                ros.until(held.has_died, 20, "the end of the process's threads")
+            ros.until(lambda: ros.participants("kept") - first, 10, "the node anew, under its own name")
+            back = time.monotonic() - started
+            assert "the DDS library hangs; the node is started anew" in program.log()
+            assert program.end() == 0
+    return f"{back:.1f} s"
 
 
 @test
