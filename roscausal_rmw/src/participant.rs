@@ -217,17 +217,19 @@ impl Participant {
     }
 }
 
-/// Asks the library for something that it has under lock and key; false once the node has left.
-fn answers(session: &Weak<Mutex<Option<Session>>>) -> bool {
-    let Some(session) = session.upgrade() else { return false };
-    let session = lock(&session);
-    session.as_ref().map(|session| session.context.domain_participant().discovered_topics()).is_some()
-}
-
 impl Drop for Participant {
     fn drop(&mut self) {
         self.leave();
     }
+}
+
+/// Asks the library for something that it has under lock and key; false once the node has left.
+fn answers(session: &Weak<Mutex<Option<Session>>>) -> bool {
+    let Some(session) = session.upgrade() else { return false };
+    let session = lock(&session);
+    let Some(session) = session.as_ref() else { return false };
+    session.context.domain_participant().discovered_topics();
+    true
 }
 
 /// With the enclave's files, when the node has an enclave.

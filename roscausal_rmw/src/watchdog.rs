@@ -29,16 +29,16 @@ pub(crate) fn watch(
             thread::sleep(PERIOD);
         }
     };
-    let wait = move || loop {
-        // A process that was stopped for a while finds its time run out: the second wait is after that.
-        let heard = answers.recv_timeout(patience).or_else(|reason| match reason {
-            RecvTimeoutError::Timeout => answers.recv_timeout(patience),
-            RecvTimeoutError::Disconnected => Err(reason),
-        });
-        match heard {
-            Ok(()) => {}
-            Err(RecvTimeoutError::Disconnected) => return,
-            Err(RecvTimeoutError::Timeout) => return on_hang(),
+    let wait = move || {
+        let mut silent = false;
+        loop {
+            match answers.recv_timeout(patience) {
+                Ok(()) => silent = false,
+                Err(RecvTimeoutError::Disconnected) => return,
+                // A process that was stopped for a while finds its time run out: the second wait is after that.
+                Err(RecvTimeoutError::Timeout) if !silent => silent = true,
+                Err(RecvTimeoutError::Timeout) => return on_hang(),
+            }
         }
     };
     // Without these threads nobody notices.

@@ -48,8 +48,8 @@ impl Life {
     }
 }
 
-/// Runs what may block for ever (rosrust asks masters and nodes without deadline) beside this thread. `None` when it is
-/// not done in time; its result is then dropped whenever it comes.
+/// Runs what may block for ever (ROS 1's library asks masters and nodes without deadline, ROS 2's may lock itself up)
+/// beside this thread. `None` when it is not done in time; its result is then dropped whenever it comes.
 pub fn in_time<T: Send + 'static>(
     patience: Duration,
     work: impl FnOnce() -> T + Send + 'static,
