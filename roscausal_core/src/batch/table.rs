@@ -76,7 +76,7 @@ impl Table {
     /// # Errors
     /// Fewer than two variables.
     pub fn into_data_frame(self) -> Result<DataFrame> {
-        DataFrame::new(vec![self.values], self.names)
+        Ok(DataFrame::new(vec![self.values], self.names)?)
     }
 
     fn parse(bytes: &[u8], wanted: Option<&[String]>) -> std::result::Result<Self, Complaint> {

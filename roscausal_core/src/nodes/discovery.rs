@@ -31,9 +31,8 @@ use crate::{
     discovery::{
         Control, Model, Progress,
         analysis::{self, Settings},
-        external,
     },
-    draw,
+    draw, external,
     middleware::{Middleware, Publish, Qos},
     params::Params,
 };
@@ -355,7 +354,7 @@ fn method(params: &DiscoveryParams, paths: &[PathBuf], control: &Control) -> Res
         let settings = Settings { exogenous: part.exogenous, ..params.settings.clone() };
         let mut model = match &params.program {
             Some(program) => external::run(program, paths, &settings, params.threads, control)?,
-            None => in_pool(params.threads, || analysis::analyse(&part.data, &settings, control))?,
+            None => in_pool(params.threads, || Ok(analysis::analyse(&part.data, &settings, control)?))?,
         };
         model.dt = joint.dt();
         model.n_recordings = part.data.recordings().len();

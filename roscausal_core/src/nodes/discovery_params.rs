@@ -8,8 +8,8 @@ use crate::{
     discovery::{
         analysis,
         analysis::{PcAlpha, Settings},
-        external,
     },
+    external,
     params::{Allowed, ParamSpec, Params, Value},
 };
 
@@ -165,7 +165,7 @@ impl DiscoveryParams {
             ..Settings::default()
         };
         if program.is_none() {
-            settings.check().map_err(in_the_nodes_words)?;
+            settings.check().map_err(|error| in_the_nodes_words(error.into()))?;
         }
         Ok(Self {
             data_dir: super::path(&params.text("data_dir")),

@@ -3,13 +3,15 @@
 //! `bench_case METHOD TEST CSV TAU_MIN TAU_MAX [THREADS]`: METHOD is `pcmci`, `pcmciplus` or `fpcmci`. CPU seconds are
 //! those of the analysis in all threads of this process, without reading the file; the peak memory is the process's.
 
+#[path = "golden/csv_file.rs"]
+mod csv_file;
+
 use std::{fs, path::Path, process::ExitCode, time::Instant};
 
-use roscausal_core::{
-    batch::table::Table,
+use roscausal_discovery::{
     discovery::{
-        Control, FpcmciSettings, PcmciPlusSettings, PcmciResult, PcmciSettings, run_fpcmci, run_pcmci,
-        run_pcmciplus,
+        Control, DataFrame, FpcmciSettings, PcmciPlusSettings, PcmciResult, PcmciSettings, run_fpcmci,
+        run_pcmci, run_pcmciplus,
     },
     independence_tests::{TestSettings, by_name},
 };
@@ -35,7 +37,8 @@ fn main() -> ExitCode {
 fn run(args: &[String]) -> Result<String, Box<dyn std::error::Error>> {
     let number = |i: usize| args[i].parse::<usize>().map_err(|e| format!("'{}': {e}", args[i]));
     let threads = if args.len() > 5 { number(5)? } else { 1 };
-    let data = Table::read(Path::new(&args[2]), None)?.into_data_frame()?;
+    let (names, table) = csv_file::read_csv(Path::new(&args[2]))?;
+    let data = DataFrame::new(vec![table], names)?;
     let test = by_name(&args[1], &TestSettings::default())?;
     let mut settings = PcmciSettings { tau_min: number(3)?, tau_max: number(4)?, ..PcmciSettings::default() };
     let control = Control::default();

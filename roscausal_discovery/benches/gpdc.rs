@@ -6,7 +6,7 @@ mod data;
 use std::hint::black_box;
 
 use criterion::{Criterion, criterion_group, criterion_main};
-use roscausal_core::{
+use roscausal_discovery::{
     discovery::{Node, Samples},
     independence_tests::{TestSettings, by_name},
 };

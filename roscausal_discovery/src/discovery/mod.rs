@@ -7,7 +7,6 @@ pub mod analysis;
 mod control;
 mod dataframe;
 mod extension;
-pub mod external;
 mod fdr;
 mod fpcmci;
 mod graph;

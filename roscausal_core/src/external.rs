@@ -12,10 +12,10 @@ use std::{
     time::Duration,
 };
 
+use roscausal_discovery::discovery::{Control, Model, analysis::Settings, model::Matrices};
 use serde::Deserialize;
 
-use super::{Control, Model, model::Matrices};
-use crate::{Error, Result, batch::header, discovery::analysis::Settings};
+use crate::{Error, Result, batch::header};
 
 /// What a program may print at most, in bytes.
 const MAX_OUTPUT: u64 = 64 << 20;
@@ -128,7 +128,7 @@ fn wait(child: &mut Child, program: &Path, control: &Control) -> Result<()> {
         if let Err(stopped) = control.check() {
             let _ = child.kill();
             let _ = child.wait();
-            return Err(stopped);
+            return Err(stopped.into());
         }
         thread::sleep(LOOK_AGAIN);
     }

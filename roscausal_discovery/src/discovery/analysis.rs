@@ -9,8 +9,8 @@ use super::{
 };
 use crate::{
     Error, Result,
-    batch::header,
     independence_tests::{self, CondIndTest},
+    names,
 };
 
 /// Methods by the names users choose them by.
@@ -122,7 +122,7 @@ impl Settings {
     }
 
     /// A model that says what was asked, without result.
-    pub(super) fn blank_model(&self) -> Model {
+    pub fn blank_model(&self) -> Model {
         let is_filtered = self.method == "fpcmci";
         Model {
             schema: model::SCHEMA.to_owned(),
@@ -173,7 +173,7 @@ impl Settings {
 
     fn pcmci(&self, data: &DataFrame) -> PcmciSettings {
         let context: Vec<usize> =
-            self.exogenous.iter().filter_map(|name| header::position(data.var_names(), name)).collect();
+            self.exogenous.iter().filter_map(|name| names::position(data.var_names(), name)).collect();
         let links = LinkAssumptions::all(data.n_vars(), self.tau_min, self.tau_max).exogenous(&context);
         PcmciSettings {
             tau_min: self.tau_min,
@@ -195,7 +195,7 @@ impl Settings {
                 data.var_names()[0]
             )));
         }
-        let unknown = self.exogenous.iter().find(|name| header::position(data.var_names(), name).is_none());
+        let unknown = self.exogenous.iter().find(|name| names::position(data.var_names(), name).is_none());
         match unknown {
             Some(name) => {
                 let all = data.var_names().join(", ");
@@ -211,7 +211,7 @@ fn one_of(name: &str, value: &str, allowed: &[&str]) -> Result<()> {
         return Ok(());
     }
     let hint =
-        header::nearest(allowed, value).map_or(String::new(), |near| format!("did you mean '{near}'? "));
+        names::nearest(allowed, value).map_or(String::new(), |near| format!("did you mean '{near}'? "));
     Err(Error::param(name, format!("'{value}' is unknown; {hint}allowed: {}", allowed.join(", "))))
 }
 

@@ -4,7 +4,7 @@
 
 use ndarray::Array2;
 use proptest::prelude::*;
-use roscausal_core::{
+use roscausal_discovery::{
     discovery::{
         Assumption, ColliderRule, Control, DataFrame, LinkAssumptions, LinkMark, PcmciPlusSettings,
         PcmciSettings, run_pcmci, run_pcmciplus,

@@ -5,6 +5,7 @@
 
 mod curves;
 mod dag;
+#[cfg(feature = "png")]
 mod raster;
 mod series;
 mod svg;
@@ -12,6 +13,7 @@ mod tsdag;
 
 pub use curves::{Curve, Panel, curves};
 pub use dag::dag;
+#[cfg(feature = "png")]
 pub use raster::{Image, rasterise};
 pub use series::series;
 pub use tsdag::tsdag;

@@ -6,7 +6,7 @@ mod data;
 use std::hint::black_box;
 
 use criterion::{Criterion, criterion_group, criterion_main};
-use roscausal_core::discovery::{
+use roscausal_discovery::discovery::{
     Control,
     transfer_entropy::{TeEstimator, TransferEntropy},
 };

@@ -4,7 +4,7 @@
 
 use criterion::{Criterion, criterion_group, criterion_main};
 use ndarray::Array2;
-use roscausal_core::{
+use roscausal_discovery::{
     discovery::{Control, DataFrame, PcmciPlusSettings, PcmciSettings, run_pcmci, run_pcmciplus},
     independence_tests::{CondIndTest, ParCorr, RobustParCorr, TestSettings},
 };

@@ -8,7 +8,7 @@ mod driver;
 
 use std::path::{Path, PathBuf};
 
-use roscausal_core::{
+use roscausal_discovery::{
     discovery::{
         Control, DataFrame, PcmciPlusSettings, PcmciResult, PcmciSettings, run_pcmci, run_pcmciplus,
     },

@@ -3,7 +3,7 @@
 #![cfg(feature = "python")]
 
 use ndarray::Array2;
-use roscausal_core::{
+use roscausal_discovery::{
     discovery::{DataFrame, Node, Samples},
     independence_tests::{GpdcPython, TestSettings, by_name},
 };

@@ -1,6 +1,6 @@
 //! Runs every case of a folder of reference results and writes what this crate finds.
 //!
-//! `cargo run --release -p roscausal_core --example golden -- DIR OUT` reads `DIR/cases/*.json`, `DIR/single/*.json`
+//! `cargo run --release -p roscausal_discovery --example golden -- DIR OUT` reads `DIR/cases/*.json`, `DIR/single/*.json`
 //! and `DIR/fpcmci/*.json` with the data they name, and writes `OUT/cases/<id>.json`, ... for a comparison. What it
 //! cannot run it lists at the end.
 

@@ -1,9 +1,12 @@
 //! Reads cases of reference results, runs them, gives the results in the same layout.
 
+#[path = "csv_file.rs"]
+mod csv_file;
+
 use std::path::Path;
 
 use ndarray::{Array2, Array3};
-use roscausal_core::{
+use roscausal_discovery::{
     discovery::{
         Control, DataFrame, Fdr, FpcmciSettings, LinkAssumptions, MaskType, Node, PCMCIPLUS_ALPHAS,
         PcmciPlusSettings, PcmciResult, PcmciSettings, Samples, get_lagged_dependencies, run_bivci,
@@ -12,6 +15,8 @@ use roscausal_core::{
     independence_tests::{self, CondIndTest, Confidence, Significance, TestSettings},
 };
 use serde_json::{Value, json};
+
+pub(crate) use csv_file::read_csv;
 
 type Answer<T> = Result<T, String>;
 
@@ -88,7 +93,7 @@ fn levels(settings: &PcmciSettings) -> &[f64] {
 fn plus_of(params: &Value) -> Answer<PcmciPlusSettings> {
     let mut plus = PcmciPlusSettings::default();
     if let Some(rule) = params["contemp_collider_rule"].as_str() {
-        plus.contemp_collider_rule = rule.parse().map_err(|e: roscausal_core::Error| e.to_string())?;
+        plus.contemp_collider_rule = rule.parse().map_err(|e: roscausal_discovery::Error| e.to_string())?;
     }
     plus.conflict_resolution = params["conflict_resolution"].as_bool().unwrap_or(plus.conflict_resolution);
     plus.reset_lagged_links = params["reset_lagged_links"].as_bool().unwrap_or(plus.reset_lagged_links);
@@ -154,7 +159,7 @@ fn run_fpcmci(dir: &Path, case: &Value) -> Answer<Value> {
         pcmci,
         ..FpcmciSettings::default()
     };
-    let result = roscausal_core::discovery::run_fpcmci(&data, test.as_ref(), &settings, &control)
+    let result = roscausal_discovery::discovery::run_fpcmci(&data, test.as_ref(), &settings, &control)
         .map_err(|e| e.to_string())?;
     let Some(pcmci) = &result.pcmci else { return Ok(json!({ "features": null })) };
     let position = |var: &usize| result.selected.iter().position(|s| s == var);
@@ -249,7 +254,7 @@ fn test_of(spec: &Value) -> Answer<(Box<dyn CondIndTest>, MaskType)> {
             }
             "mask_type" => {
                 if let Some(letters) = value.as_str() {
-                    mask_type = letters.parse().map_err(|e: roscausal_core::Error| e.to_string())?;
+                    mask_type = letters.parse().map_err(|e: roscausal_discovery::Error| e.to_string())?;
                 }
             }
             "sig_samples" => settings.sig_samples = count(value)?,
@@ -293,23 +298,6 @@ fn data_of(dir: &Path, case: &Value, mask_type: MaskType) -> Answer<DataFrame> {
     Ok(data.with_remove_missing_upto_maxlag(remove))
 }
 
-pub(crate) fn read_csv(path: &Path) -> Answer<(Vec<String>, Array2<f64>)> {
-    let fail = |e: &dyn std::fmt::Display| format!("{}: {e}", path.display());
-    let mut reader = csv::Reader::from_path(path).map_err(|e| fail(&e))?;
-    let names: Vec<String> = reader.headers().map_err(|e| fail(&e))?.iter().map(str::to_owned).collect();
-    let mut values = Vec::new();
-    for record in reader.records() {
-        for cell in &record.map_err(|e| fail(&e))? {
-            let cell = cell.trim();
-            let missing = cell.is_empty() || cell.eq_ignore_ascii_case("nan");
-            values.push(if missing { f64::NAN } else { cell.parse().map_err(|e| fail(&e))? });
-        }
-    }
-    let table =
-        Array2::from_shape_vec((values.len() / names.len(), names.len()), values).map_err(|e| fail(&e))?;
-    Ok((names, table))
-}
-
 fn settings_of(params: &Value, method: &str, n_vars: usize) -> Answer<PcmciSettings> {
     let plus = method == "pcmciplus";
     let default_min = usize::from(method == "pc_stable");
@@ -326,7 +314,7 @@ fn settings_of(params: &Value, method: &str, n_vars: usize) -> Answer<PcmciSetti
             for link in given["links"].as_array().ok_or("link_assumptions has no links")? {
                 let index = |name: &str| count(&link[name])?.ok_or(format!("a link has no {name}"));
                 let assumption =
-                    text(&link["type"])?.parse().map_err(|e: roscausal_core::Error| e.to_string())?;
+                    text(&link["type"])?.parse().map_err(|e: roscausal_discovery::Error| e.to_string())?;
                 links
                     .insert(index("cause")?, index("effect")?, index("lag")?, assumption)
                     .map_err(|e| e.to_string())?;
