@@ -12,11 +12,8 @@ use roscausal_core::{
         Table,
         joint::{Facts, Joint},
     },
-    discovery::{
-        Control, DataFrame, Model,
-        analysis::{self, PcAlpha, Settings},
-    },
 };
+use roscausal_discovery::{Control, DataFrame, Model, PcAlpha, Settings, analyse};
 
 use crate::{
     chart, export,
@@ -309,7 +306,7 @@ impl MeansArgs {
             .num_threads(self.threads.unwrap_or(0))
             .build()
             .map_err(|e| Error::param("threads", e))?;
-        let mut model = pool.install(|| analysis::analyse(data, settings, &control))?;
+        let mut model = pool.install(|| analyse(data, settings, &control))?;
         bar.finish_and_clear();
         model.run_time_s = Some(start.elapsed().as_secs_f64());
         Ok(model)

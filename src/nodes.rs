@@ -9,12 +9,12 @@ use std::{
 
 use roscausal_core::{
     Error, Result,
-    discovery::{Progress, analysis::Settings},
     loopback::{Loopback, LoopbackNode, LoopbackTask},
     middleware::Middleware,
     nodes,
     params::Value,
 };
+use roscausal_discovery::{Progress, Settings};
 
 use crate::folders::Folders;
 

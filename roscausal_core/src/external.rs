@@ -12,10 +12,10 @@ use std::{
     time::Duration,
 };
 
-use roscausal_discovery::discovery::{Control, Model, analysis::Settings, model::Matrices};
+use roscausal_discovery::{Control, Matrices, Model, Settings};
 use serde::Deserialize;
 
-use crate::{Error, Result, batch::header};
+use crate::{Error, Result, params::nearest};
 
 /// What a program may print at most, in bytes.
 const MAX_OUTPUT: u64 = 64 << 20;
@@ -47,7 +47,7 @@ pub fn program(dir: &Path, name: &str) -> Result<PathBuf> {
     let entries = std::fs::read_dir(dir).map_err(|e| Error::file(dir, e))?;
     let mut known: Vec<String> = entries.flatten().filter_map(|e| e.file_name().into_string().ok()).collect();
     known.sort();
-    let hint = header::nearest(&known, name).map_or(String::new(), |near| format!("did you mean '{near}'? "));
+    let hint = nearest(&known, name).map_or(String::new(), |near| format!("did you mean '{near}'? "));
     let reason = format!("there is no '{name}' in {}; {hint}there: {}", dir.display(), known.join(", "));
     Err(Error::param("cd_method", reason))
 }
@@ -66,7 +66,7 @@ pub fn run(
     let parameters = serde_json::json!({
         "alpha": settings.alpha, "pc_alpha": settings.level_of_pc(), "f_alpha": settings.f_alpha,
         "cond_ind_test": settings.cond_ind_test, "tau_min": settings.tau_min, "tau_max": settings.tau_max,
-        "fdr": settings.fdr, "seed": settings.seed, "exogenous": settings.exogenous,
+        "fdr": settings.fdr.name(), "seed": settings.seed, "exogenous": settings.exogenous,
         "threads": threads, "max_memory": settings.max_memory,
     });
     let fault = |e: &dyn std::fmt::Display| Error::file(program, e);
@@ -93,7 +93,8 @@ pub fn run(
     let text = reader.join().map_err(|_| fault(&"reading its output failed"))?.map_err(|e| fault(&e))?;
     let answer: Answer =
         serde_json::from_slice(&text).map_err(|e| fault(&format!("its answer is not as documented: {e}")))?;
-    model(answer, settings).map_err(|reason| fault(&reason))
+    let name = program.file_name().unwrap_or_default().to_string_lossy().into_owned();
+    model(answer, name, settings).map_err(|reason| fault(&reason))
 }
 
 /// What a program asks for beyond `bytes` it does not get.
@@ -134,7 +135,7 @@ fn wait(child: &mut Child, program: &Path, control: &Control) -> Result<()> {
     }
 }
 
-fn model(answer: Answer, settings: &Settings) -> std::result::Result<Model, String> {
+fn model(answer: Answer, method: String, settings: &Settings) -> std::result::Result<Model, String> {
     let n = answer.features.len();
     check_shape("val_matrix", &answer.val_matrix, n, settings.tau_max)?;
     check_shape("p_matrix", &answer.p_matrix, n, settings.tau_max)?;
@@ -152,7 +153,9 @@ fn model(answer: Answer, settings: &Settings) -> std::result::Result<Model, Stri
     check_shape("graph", &graph, n, settings.tau_max)?;
     let matrices =
         Matrices { graph, val_matrix: answer.val_matrix, p_matrix: answer.p_matrix, n_lost: Vec::new() };
-    Ok(settings.blank_model().with_matrices(answer.features, matrices))
+    // What the program filters, it alone knows.
+    let blank = Model { method, f_alpha: None, ..settings.blank_model() };
+    Ok(blank.with_matrices(answer.features, matrices))
 }
 
 fn check_shape<T>(
@@ -187,6 +190,7 @@ mod tests {
         let (_dir, path) = script(&format!("cat > /dev/null; echo '{answer}'"));
         let model = run(&path, &[], &Settings::default(), 1, &Control::default()).expect("runs");
         assert_eq!(model.links.len(), 1);
+        assert_eq!((model.method.as_str(), model.f_alpha), ("method", None));
         assert_eq!((model.links[0].cause.as_str(), model.links[0].effect.as_str()), ("a", "b"));
     }
 

@@ -7,8 +7,9 @@ use std::hint::black_box;
 
 use criterion::{Criterion, criterion_group, criterion_main};
 use roscausal_discovery::{
-    discovery::{Control, Node, PcmciSettings, Samples, run_pcmci},
+    Control, Node, Samples,
     independence_tests::{TestSettings, by_name},
+    methods::{PcmciSettings, run_pcmci},
 };
 
 fn benches(c: &mut Criterion) {

@@ -7,7 +7,7 @@ use std::hint::black_box;
 
 use criterion::{Criterion, criterion_group, criterion_main};
 use roscausal_discovery::{
-    discovery::{Node, Samples},
+    Node, Samples,
     independence_tests::{TestSettings, by_name},
 };
 

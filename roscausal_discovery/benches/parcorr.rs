@@ -5,8 +5,9 @@
 use criterion::{Criterion, criterion_group, criterion_main};
 use ndarray::Array2;
 use roscausal_discovery::{
-    discovery::{Control, DataFrame, PcmciPlusSettings, PcmciSettings, run_pcmci, run_pcmciplus},
-    independence_tests::{CondIndTest, ParCorr, RobustParCorr, TestSettings},
+    CondIndTest, Control, DataFrame,
+    independence_tests::{ParCorr, RobustParCorr, TestSettings},
+    methods::{PcmciPlusSettings, PcmciSettings, run_pcmci, run_pcmciplus},
 };
 
 /// A stable vector autoregression: autocorrelation 0.5, each variable driven by two others at lags 1 to 3.

@@ -6,7 +6,7 @@ mod data;
 use std::hint::black_box;
 
 use criterion::{Criterion, criterion_group, criterion_main};
-use roscausal_discovery::discovery::{
+use roscausal_discovery::{
     Control,
     transfer_entropy::{TeEstimator, TransferEntropy},
 };

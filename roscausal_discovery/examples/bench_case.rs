@@ -9,11 +9,11 @@ mod csv_file;
 use std::{fs, path::Path, process::ExitCode, time::Instant};
 
 use roscausal_discovery::{
-    discovery::{
-        Control, DataFrame, FpcmciSettings, PcmciPlusSettings, PcmciResult, PcmciSettings, run_fpcmci,
-        run_pcmci, run_pcmciplus,
-    },
+    Control, DataFrame,
     independence_tests::{TestSettings, by_name},
+    methods::{
+        FpcmciSettings, PcmciPlusSettings, PcmciResult, PcmciSettings, run_fpcmci, run_pcmci, run_pcmciplus,
+    },
 };
 
 fn main() -> ExitCode {

@@ -1,10 +1,14 @@
 //! Causal discovery from time series.
 
-pub mod discovery;
+mod analysis;
 pub mod draw;
-pub mod error;
+mod ground;
 pub mod independence_tests;
-pub mod names;
-mod special;
+pub mod methods;
+mod model;
+mod numeric;
+pub mod transfer_entropy;
 
-pub use error::{Error, Result};
+pub use analysis::{PcAlpha, Settings, analyse};
+pub use ground::*;
+pub use model::{Link, Matrices, Model, SCHEMA};

@@ -4,7 +4,7 @@
 
 use ndarray::Array2;
 use roscausal_discovery::{
-    discovery::{DataFrame, Node, Samples},
+    DataFrame, Node, Samples,
     independence_tests::{GpdcPython, TestSettings, by_name},
 };
 

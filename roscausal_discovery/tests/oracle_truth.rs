@@ -5,11 +5,9 @@
 use ndarray::Array2;
 use proptest::prelude::*;
 use roscausal_discovery::{
-    discovery::{
-        Assumption, ColliderRule, Control, DataFrame, LinkAssumptions, LinkMark, PcmciPlusSettings,
-        PcmciSettings, run_pcmci, run_pcmciplus,
-    },
+    Assumption, Control, DataFrame, LinkAssumptions, LinkMark,
     independence_tests::OracleCi,
+    methods::{ColliderRule, PcmciPlusSettings, PcmciSettings, run_pcmci, run_pcmciplus},
 };
 
 fn any_data(n_vars: usize) -> DataFrame {

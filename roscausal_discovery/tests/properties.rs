@@ -10,12 +10,12 @@ use std::sync::{
 use ndarray::{Array2, Axis};
 use proptest::prelude::*;
 use roscausal_discovery::{
-    Error,
-    discovery::{
-        Control, DataFrame, Fdr, LinkAssumptions, PcmciPlusSettings, PcmciResult, PcmciSettings, Status,
-        get_lagged_dependencies, run_bivci, run_fullci, run_pcmci, run_pcmciplus,
-    },
+    Control, DataFrame, Error, LinkAssumptions,
     independence_tests::{ParCorr, RobustParCorr, TestSettings},
+    methods::{
+        Fdr, PcmciPlusSettings, PcmciResult, PcmciSettings, Status, get_lagged_dependencies, run_bivci,
+        run_fullci, run_pcmci, run_pcmciplus,
+    },
 };
 
 fn parcorr() -> ParCorr {
@@ -122,7 +122,7 @@ proptest! {
         }
         let data = data_of(values);
         let settings = PcmciSettings { tau_min, tau_max, pc_alpha: vec![pc_alpha], alpha_level, ..settings() };
-        let test: Box<dyn roscausal_discovery::independence_tests::CondIndTest> = if robust {
+        let test: Box<dyn roscausal_discovery::CondIndTest> = if robust {
             Box::new(RobustParCorr::new(&TestSettings::default()).unwrap())
         } else {
             Box::new(parcorr())

@@ -9,10 +9,9 @@ mod driver;
 use std::path::{Path, PathBuf};
 
 use roscausal_discovery::{
-    discovery::{
-        Control, DataFrame, PcmciPlusSettings, PcmciResult, PcmciSettings, run_pcmci, run_pcmciplus,
-    },
+    Control, DataFrame,
     independence_tests::{ParCorr, TestSettings},
+    methods::{PcmciPlusSettings, PcmciResult, PcmciSettings, run_pcmci, run_pcmciplus},
 };
 
 /// The folder of networks, if there is one.

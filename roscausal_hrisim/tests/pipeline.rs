@@ -12,15 +12,12 @@ use std::{
 use roscausal_core::{
     Time,
     batch::joint::{Facts, Joint, People},
-    discovery::{
-        Control, Model,
-        analysis::{Settings, analyse},
-    },
     loopback::Loopback,
     middleware::Middleware,
     nodes,
     params::Value,
 };
+use roscausal_discovery::{Control, Model, Settings, analyse};
 use roscausal_hrisim::{Scenario, Simulation, node::run_lockstep};
 
 fn text(text: impl std::fmt::Display) -> Value {

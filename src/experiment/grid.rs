@@ -1,6 +1,7 @@
 //! What an experiment varies: scenarios, lengths, steps, risks, tests and methods.
 
-use roscausal_core::{Error, Result, batch::risk::RiskModel, discovery::analysis::Settings};
+use roscausal_core::{Error, Result, batch::risk::RiskModel};
+use roscausal_discovery::Settings;
 use serde::{Deserialize, Serialize};
 
 /// Everything that makes a run but its seed.

@@ -16,10 +16,8 @@ use std::{
 
 use clap::{Args as ClapArgs, Subcommand};
 use indicatif::ProgressBar;
-use roscausal_core::{
-    Error, Result,
-    discovery::analysis::{PcAlpha, Settings},
-};
+use roscausal_core::{Error, Result};
+use roscausal_discovery::{PcAlpha, Settings};
 use roscausal_hrisim::Scenario;
 
 use crate::{chart, interrupt::Interrupt, output};

@@ -2,7 +2,7 @@
 
 use std::{collections::BTreeMap, fmt::Write};
 
-use roscausal_core::draw::{Curve, Panel, curves};
+use roscausal_discovery::draw::{Curve, Panel, curves};
 
 use super::{grid::Setting, runs::Run};
 use crate::expected::PAPER;

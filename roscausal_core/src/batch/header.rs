@@ -21,8 +21,6 @@ pub fn repaired(cells: &[String]) -> (Vec<String>, usize) {
     (names, joined)
 }
 
-pub use roscausal_discovery::names::{nearest, plain, position};
-
 #[cfg(test)]
 mod tests {
     use super::*;

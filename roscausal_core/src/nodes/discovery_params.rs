@@ -2,13 +2,15 @@
 
 use std::path::{Path, PathBuf};
 
+use roscausal_discovery::{
+    PcAlpha, Settings,
+    methods::{Fdr, Method},
+    transfer_entropy::TeEstimator,
+};
+
 use crate::{
     Error, Result,
     batch::joint::People,
-    discovery::{
-        analysis,
-        analysis::{PcAlpha, Settings},
-    },
     external,
     params::{Allowed, ParamSpec, Params, Value},
 };
@@ -46,7 +48,7 @@ pub(super) fn specs() -> Vec<ParamSpec> {
         ParamSpec::new("id_format", text("%Y%m%d_%H%M%S"), Any, "strftime format of the batches' ids"),
         ParamSpec::new(
             "cd_method",
-            text("fpcmci"),
+            text(Method::default().name()),
             Any,
             "fpcmci, pcmci, pcmciplus, or a program in cd_method_dir",
         ),
@@ -67,11 +69,16 @@ pub(super) fn specs() -> Vec<ParamSpec> {
         ParamSpec::new("f_alpha", Double(0.0), Range(0.0, 0.999), "level of the filter; 0: sig_alpha"),
         ParamSpec::new(
             "te_estimator",
-            text("gaussian"),
-            OneOf(&["gaussian", "kraskov"]),
+            text(TeEstimator::default().name()),
+            OneOf(TeEstimator::NAMES),
             "estimator of the filter",
         ),
-        ParamSpec::new("fdr_method", text("none"), OneOf(&["none", "fdr_bh"]), "correction for many tests"),
+        ParamSpec::new(
+            "fdr_method",
+            text(Fdr::default().name()),
+            OneOf(Fdr::NAMES),
+            "correction for many tests",
+        ),
         ParamSpec::new("min_lag", Int(1), Range(0.0, 1000.0), "smallest lag, in steps"),
         ParamSpec::new("max_lag", Int(1), Range(1.0, 1000.0), "largest lag, in steps"),
         ParamSpec::new("seed", Int(42), Range(0.0, 9e15), "seed of all random numbers"),
@@ -143,21 +150,20 @@ pub(super) fn specs() -> Vec<ParamSpec> {
 impl DiscoveryParams {
     pub(super) fn new(params: &Params) -> Result<Self> {
         let positive = |name: &str| Some(params.double(name)).filter(|value| *value > 0.0);
-        let method = params.text("cd_method").to_lowercase();
-        let program = match params.text_if_set("cd_method_dir") {
-            Some(dir) if !analysis::is_built_in(&method) => {
-                Some(external::program(Path::new(&dir), &params.text("cd_method"))?)
-            }
-            _ => None,
+        let named = params.text("cd_method");
+        let (method, program) = match (named.parse(), params.text_if_set("cd_method_dir")) {
+            (Ok(method), _) => (method, None),
+            (Err(_), Some(dir)) => (Method::default(), Some(external::program(Path::new(&dir), &named)?)),
+            (Err(error), None) => return Err(in_the_nodes_words(error)),
         };
         let settings = Settings {
-            method: if program.is_some() { params.text("cd_method") } else { method },
+            method,
             cond_ind_test: params.text("cond_ind_test"),
             alpha: params.double("sig_alpha"),
             pc_alpha: positive("pc_alpha").map_or(PcAlpha::ByScore, PcAlpha::Fixed),
             f_alpha: positive("f_alpha"),
-            te_estimator: params.text("te_estimator"),
-            fdr: params.text("fdr_method"),
+            te_estimator: params.text("te_estimator").parse().map_err(in_the_nodes_words)?,
+            fdr: params.text("fdr_method").parse().map_err(in_the_nodes_words)?,
             tau_min: params.count("min_lag"),
             tau_max: params.count("max_lag"),
             seed: params.int("seed").unsigned_abs(),
@@ -165,7 +171,7 @@ impl DiscoveryParams {
             ..Settings::default()
         };
         if program.is_none() {
-            settings.check().map_err(|error| in_the_nodes_words(error.into()))?;
+            settings.check().map_err(in_the_nodes_words)?;
         }
         Ok(Self {
             data_dir: super::path(&params.text("data_dir")),
@@ -188,8 +194,8 @@ impl DiscoveryParams {
 }
 
 /// The settings' names as this node's parameters are called.
-fn in_the_nodes_words(error: Error) -> Error {
-    match error {
+fn in_the_nodes_words(error: roscausal_discovery::Error) -> Error {
+    match Error::from(error) {
         Error::Param { name, reason } => {
             let name = match name.as_str() {
                 "method" => "cd_method",

@@ -1,16 +1,13 @@
 //! A [`Model`] as the messages that the discovery node publishes.
 
+use roscausal_discovery::{Link, Model, draw};
 use roscausal_msgs::{
     CausalLink, CausalModel, CausalModelInfo, Time,
     sensor_msgs::{CompressedImage, Image},
     std_msgs::{Float32MultiArray, Header, Int32MultiArray, MultiArrayDimension, MultiArrayLayout},
 };
 
-use crate::{
-    Result,
-    discovery::{Model, model::Link},
-    draw,
-};
+use crate::Result;
 
 /// Where and when a model comes from.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -130,7 +127,7 @@ fn names_not_in(model: &Model, other: &Model) -> Vec<String> {
 
 #[cfg(test)]
 mod tests {
-    use roscausal_discovery::discovery::{analysis::Settings, model::Matrices};
+    use roscausal_discovery::{Matrices, Settings};
 
     use super::*;
 

@@ -1,7 +1,7 @@
 //! Random systems with fixed seeds, shared by the benchmarks.
 
 use ndarray::Array2;
-use roscausal_discovery::discovery::DataFrame;
+use roscausal_discovery::DataFrame;
 
 /// A chain of `n` samples: variable k follows the sine of variable k - 1 one step before.
 pub(crate) fn chain(n: usize, variables: usize) -> DataFrame {

@@ -7,12 +7,13 @@ use std::path::Path;
 
 use ndarray::{Array2, Array3};
 use roscausal_discovery::{
-    discovery::{
-        Control, DataFrame, Fdr, FpcmciSettings, LinkAssumptions, MaskType, Node, PCMCIPLUS_ALPHAS,
-        PcmciPlusSettings, PcmciResult, PcmciSettings, Samples, get_lagged_dependencies, run_bivci,
-        run_fullci, run_mci, run_pc_stable, run_pcmci, run_pcmciplus, transfer_entropy::Selected,
+    CondIndTest, Control, DataFrame, LinkAssumptions, MaskType, Node, Samples,
+    independence_tests::{self, Confidence, Significance, TestSettings},
+    methods::{
+        Fdr, FpcmciSettings, PCMCIPLUS_ALPHAS, PcmciPlusSettings, PcmciResult, PcmciSettings,
+        get_lagged_dependencies, run_bivci, run_fullci, run_mci, run_pc_stable, run_pcmci, run_pcmciplus,
     },
-    independence_tests::{self, CondIndTest, Confidence, Significance, TestSettings},
+    transfer_entropy::Selected,
 };
 use serde_json::{Value, json};
 
@@ -159,7 +160,7 @@ fn run_fpcmci(dir: &Path, case: &Value) -> Answer<Value> {
         pcmci,
         ..FpcmciSettings::default()
     };
-    let result = roscausal_discovery::discovery::run_fpcmci(&data, test.as_ref(), &settings, &control)
+    let result = roscausal_discovery::methods::run_fpcmci(&data, test.as_ref(), &settings, &control)
         .map_err(|e| e.to_string())?;
     let Some(pcmci) = &result.pcmci else { return Ok(json!({ "features": null })) };
     let position = |var: &usize| result.selected.iter().position(|s| s == var);

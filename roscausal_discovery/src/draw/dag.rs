@@ -1,7 +1,7 @@
 use std::f64::consts::{FRAC_PI_2, TAU};
 
 use super::svg::{FAINT, INK, Point, Stroke, Svg, display, legend};
-use crate::discovery::{Model, model::Link};
+use crate::model::{Link, Model};
 
 const NODE: f64 = 38.0;
 
@@ -119,7 +119,7 @@ fn self_loop(svg: &mut Svg, at: Point, centre: Point, stroke: &Stroke, label: &s
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::discovery::model::example;
+    use crate::model::example;
 
     #[test]
     fn every_pair_has_one_arrow_and_every_variable_a_node() {

@@ -5,7 +5,7 @@ use resvg::{
     usvg::{Options, Tree, fontdb},
 };
 
-use crate::{Error, Result};
+use crate::ground::{Error, Result};
 
 /// DejaVu Sans (subset), so that text looks the same on every machine.
 const FONT: &[u8] = include_bytes!("font/DejaVuSans-subset.ttf");
@@ -50,7 +50,7 @@ pub fn rasterise(svg: &str, scale: f32) -> Result<Image> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{discovery::model::example, draw};
+    use crate::{draw, model::example};
 
     #[test]
     fn a_picture_has_ink_and_is_the_same_each_time() {

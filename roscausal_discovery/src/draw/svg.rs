@@ -173,5 +173,5 @@ fn escaped(text: &str) -> String {
 
 /// A variable's name for people: `h_{\theta}` becomes `h_θ`.
 pub(super) fn display(name: &str) -> String {
-    crate::names::plain(&name.replace("\\theta", "θ").replace("\\omega", "ω"))
+    crate::ground::names::plain(&name.replace("\\theta", "θ").replace("\\omega", "ω"))
 }

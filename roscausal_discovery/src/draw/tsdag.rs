@@ -2,7 +2,7 @@ use super::{
     dag::title,
     svg::{INK, Point, Stroke, Svg, display, legend},
 };
-use crate::discovery::Model;
+use crate::model::Model;
 
 const ROW: f64 = 84.0;
 const COLUMN: f64 = 150.0;
@@ -73,7 +73,7 @@ fn arrow(svg: &mut Svg, from: Point, to: Point, stroke: &Stroke) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::discovery::model::example;
+    use crate::model::example;
 
     #[test]
     fn each_variable_has_a_node_at_each_time() {

@@ -1,4 +1,7 @@
-use super::gram::{Correlations, dot};
+//! Partial correlations: from a correlation matrix by a growing Cholesky factor, and from the samples.
+
+use super::gram::Correlations;
+use crate::numeric::rows::dot;
 
 /// A pivot (share of a variable's variance that the variables before it leave) below this costs too many digits of
 /// a correlation matrix: such tests go back to the samples.

@@ -1,3 +1,5 @@
+//! GPDC by the Python package that computes it, in an embedded interpreter.
+
 use std::{
     collections::HashMap,
     sync::{Mutex, PoisonError},
@@ -5,11 +7,8 @@ use std::{
 
 use pyo3::{prelude::*, types::PyDict};
 
-use super::{CondIndTest, PreparedTest, Significance, TestResult, TestSettings};
-use crate::{
-    Error, Result,
-    discovery::{Node, Samples},
-};
+use super::settings::{Significance, TestSettings};
+use crate::ground::{CondIndTest, Error, Node, PreparedTest, Result, Samples, TestResult};
 
 /// GPDC as the Python package `tigramite` computes it, in an interpreter inside this process: to hold the native
 /// [`super::Gpdc`] against it on one's own data. Slow; one test at a time.

@@ -1,6 +1,8 @@
+//! Correlations of all lagged variables of a run.
+
 use crate::{
-    Error, Result,
-    discovery::{Node, Samples},
+    ground::{Error, Node, Result, Samples},
+    numeric::rows::{dot, is_constant},
 };
 
 /// Most entries that a run's matrix may have (1 GB).
@@ -101,46 +103,6 @@ impl Correlations {
     pub(crate) fn row(&self, index: usize) -> &[f64] {
         &self.r[index * self.n_nodes..(index + 1) * self.n_nodes]
     }
-}
-
-/// Whether all values are the same.
-pub(crate) fn is_constant(row: &[f64]) -> bool {
-    row.windows(2).all(|w| w[0] == w[1])
-}
-
-/// Takes the mean off and scales to norm 1; false when the row is constant.
-pub(crate) fn standardize(row: &mut [f64]) -> bool {
-    if is_constant(row) {
-        return false;
-    }
-    let n = row.len() as f64;
-    // Twice: the second pass takes off what rounding of the first left.
-    for _ in 0..2 {
-        let mean = row.iter().sum::<f64>() / n;
-        row.iter_mut().for_each(|v| *v -= mean);
-    }
-    let largest = row.iter().fold(0.0_f64, |m, v| m.max(v.abs()));
-    if largest == 0.0 || !largest.is_finite() {
-        return false;
-    }
-    row.iter_mut().for_each(|v| *v /= largest);
-    let norm = row.iter().map(|v| v * v).sum::<f64>().sqrt();
-    row.iter_mut().for_each(|v| *v /= norm);
-    true
-}
-
-/// Sum of products.
-pub(crate) fn dot(a: &[f64], b: &[f64]) -> f64 {
-    let mut lanes = [0.0; 8];
-    let (a8, a_rest) = a.as_chunks::<8>();
-    let (b8, b_rest) = b.as_chunks::<8>();
-    for (x, y) in a8.iter().zip(b8) {
-        for k in 0..8 {
-            lanes[k] += x[k] * y[k];
-        }
-    }
-    let rest: f64 = a_rest.iter().zip(b_rest).map(|(x, y)| x * y).sum();
-    lanes.iter().sum::<f64>() + rest
 }
 
 /// Sums of products of `a` with each row, `put(k, sum)`; four rows at a time share the loads of `a`.
@@ -314,7 +276,7 @@ mod tests {
     use proptest::prelude::*;
 
     use super::*;
-    use crate::discovery::DataFrame;
+    use crate::{ground::DataFrame, numeric::rows::standardize};
 
     /// Correlations straight from their definition.
     fn by_definition(samples: &Samples<'_>, x: Node, y: Node) -> f64 {

@@ -1,13 +1,14 @@
+//! G-squared: independence of discrete variables.
+
 use std::collections::HashMap;
 
 use super::{
-    CondIndTest, Confidence, PreparedTest, Significance, TestResult, TestSettings,
-    significance::{Resampling, Rng},
+    resampling::Resampling,
+    settings::{Confidence, Significance, TestSettings},
 };
 use crate::{
-    Error, Result,
-    discovery::{LaggedArrays, Node, Samples},
-    special::chi_squared_sf,
+    ground::{CondIndTest, Error, LaggedArrays, Node, PreparedTest, Result, Samples, TestResult},
+    numeric::{random::Rng, special::chi_squared_sf},
 };
 
 /// G test of discrete variables: `G = 2 sum n ln(n / e)` over the cells of X and Y in every stratum of Z, where `e`
@@ -172,7 +173,7 @@ mod tests {
     use ndarray::Array2;
 
     use super::*;
-    use crate::discovery::DataFrame;
+    use crate::ground::DataFrame;
 
     fn run(data: Array2<f64>, z: &[Node]) -> TestResult {
         let names = (0..data.ncols()).map(|i| i.to_string()).collect();

@@ -2,10 +2,12 @@
 
 use ndarray::Array2;
 
-use super::{
-    CondIndTest, PreparedTest, Significance, TestResult, TestSettings, by_name, names, significance::Rng,
+use super::{Significance, TestSettings, by_name, names};
+use crate::{
+    ground::{CondIndTest, Control, DataFrame, Node, PreparedTest, Samples, TestResult},
+    methods::{PcmciSettings, run_pcmci},
+    numeric::random::Rng,
 };
-use crate::discovery::{Control, DataFrame, Node, PcmciSettings, Samples, run_pcmci};
 
 /// Quick settings; randomness from one seed.
 fn settings() -> TestSettings {

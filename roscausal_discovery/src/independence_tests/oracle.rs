@@ -1,9 +1,9 @@
+//! The oracle: independence read off a known graph.
+
 use std::collections::{HashSet, VecDeque};
 
-use super::{CondIndTest, PreparedTest, TestResult};
-use crate::{
-    Error, Result,
-    discovery::{Assumption, LinkAssumptions, Node, Samples},
+use crate::ground::{
+    Assumption, CondIndTest, Error, LinkAssumptions, Node, PreparedTest, Result, Samples, TestResult,
 };
 
 /// The test that knows the truth: d-separation in a given time series graph (Pearl 1988). With it an algorithm shows

@@ -1,15 +1,20 @@
+//! Partial correlation: linear dependence.
+
 use std::sync::{Mutex, PoisonError};
 
 use super::{
-    CondIndTest, Confidence, PreparedTest, Significance, TestResult, TestSettings,
     cholesky::{Factor, correlation, residuals},
-    gram::{Correlations, standardize},
-    significance::{Resampling, Rng},
-    student_t::{correlation_p_value, quantile},
+    gram::Correlations,
+    resampling::Resampling,
+    settings::{Confidence, Significance, TestSettings},
 };
 use crate::{
-    Error, Result,
-    discovery::{LaggedArrays, Node, Samples},
+    ground::{CondIndTest, Error, LaggedArrays, Node, PreparedTest, Result, Samples, TestResult},
+    numeric::{
+        random::Rng,
+        rows::standardize,
+        student_t::{correlation_p_value, quantile},
+    },
 };
 
 /// Linear partial correlation: correlation of the residuals of X and Y after linear regression on Z.

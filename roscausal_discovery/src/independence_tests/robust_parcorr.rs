@@ -1,5 +1,13 @@
-use super::{CondIndTest, PreparedTest, Significance, TestSettings, normal::normal_scores, parcorr::Linear};
-use crate::{Result, discovery::Samples};
+//! Robust partial correlation: monotone dependence of variables of any distribution.
+
+use super::{
+    parcorr::Linear,
+    settings::{Significance, TestSettings},
+};
+use crate::{
+    ground::{CondIndTest, PreparedTest, Result, Samples},
+    numeric::normal::normal_scores,
+};
 
 /// [`super::ParCorr`] of normal scores: each row of a test first to ranks, then to normal quantiles. It suits
 /// variables of any marginal distribution, heavy tails and outliers.

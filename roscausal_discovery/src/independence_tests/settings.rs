@@ -1,4 +1,6 @@
-use crate::{Error, Result};
+//! The settings of independence tests.
+
+use crate::ground::{Error, Result};
 
 /// How a value becomes a p-value.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -1,3 +1,5 @@
+//! The number types in which nearest neighbours are searched: ranks as small integers, and doubles.
+
 /// A number type in which nearest neighbours are searched.
 ///
 /// The functions are the inner loops of the search: inlined into code for the widest vectors of the processor.

@@ -1,5 +1,10 @@
+//! Conditional mutual information by counting neighbours.
+
 use super::coordinate::Coordinate;
-use crate::{Result, discovery::Control, special::digamma_table};
+use crate::{
+    ground::{Control, Result},
+    numeric::special::digamma_table,
+};
 
 /// Conditional mutual information from nearest neighbours in the maximum norm, for data and surrogates at once.
 ///

@@ -11,12 +11,15 @@ use self::{
     surrogates::{block_permutation, local_permutation, nearest},
 };
 use super::{
-    CondIndTest, Confidence, PreparedTest, Significance, TestResult, TestSettings,
-    significance::{Resampling, Rng, optimal_block_length},
+    resampling::{Resampling, optimal_block_length},
+    settings::{Confidence, Significance, TestSettings},
 };
 use crate::{
-    Error, Result,
-    discovery::{LaggedArrays, Node, Samples},
+    ground::{CondIndTest, Error, LaggedArrays, Node, PreparedTest, Result, Samples, TestResult},
+    numeric::{
+        random::Rng,
+        rows::{is_constant, moments, random_ranks, standardized},
+    },
 };
 
 /// Noise that breaks ties of untransformed rows, as a share of the row's standard deviation.
@@ -161,13 +164,14 @@ impl Prepared<'_> {
     ) -> Result<(f64, f64)> {
         let rows = || [x, y].into_iter().chain(z.iter().map(Vec::as_slice));
         if self.test.transform == Transform::Ranks && x.len() <= MAX_RANKS {
-            let rows = rows().map(|row| ranks(row, rng).iter().map(|&rank| rank as i16).collect()).collect();
+            let rows =
+                rows().map(|row| random_ranks(row, rng).iter().map(|&rank| rank as i16).collect()).collect();
             return self.of_rows::<i16>(x, rows, rng, with_p);
         }
         let rows = rows()
             .map(|row| match self.test.transform {
-                Transform::Ranks => ranks(row, rng).iter().map(|&rank| rank as f64).collect(),
-                Transform::Standardize => standardized(without_ties(row, rng)),
+                Transform::Ranks => random_ranks(row, rng).iter().map(|&rank| rank as f64).collect(),
+                Transform::Standardize => standardized(&without_ties(row, rng)),
                 Transform::None => without_ties(row, rng),
             })
             .collect();
@@ -214,22 +218,6 @@ impl Prepared<'_> {
     }
 }
 
-fn is_constant(row: &[f64]) -> bool {
-    row.iter().all(|v| *v == row[0])
-}
-
-/// Ranks `0..n`, each once; equal values in random order.
-fn ranks(row: &[f64], rng: &mut Rng) -> Vec<usize> {
-    let mut order: Vec<usize> = (0..row.len()).collect();
-    order.sort_by(|&a, &b| row[a].total_cmp(&row[b]));
-    for equals in order.chunk_by_mut(|&a, &b| row[a] == row[b]) {
-        rng.shuffle(equals);
-    }
-    let mut ranks = vec![0; row.len()];
-    order.iter().enumerate().for_each(|(rank, &i)| ranks[i] = rank);
-    ranks
-}
-
 /// The row, with a little noise when values repeat.
 fn without_ties(row: &[f64], rng: &mut Rng) -> Vec<f64> {
     let mut sorted = row.to_vec();
@@ -238,22 +226,7 @@ fn without_ties(row: &[f64], rng: &mut Rng) -> Vec<f64> {
         return row.to_vec();
     }
     let (_, deviation) = moments(row);
-    row.iter().map(|v| v + TIE_NOISE * deviation * (rng.next_u64() as f64 / u64::MAX as f64)).collect()
-}
-
-fn standardized(mut row: Vec<f64>) -> Vec<f64> {
-    let (mean, deviation) = moments(&row);
-    if deviation > 0.0 {
-        row.iter_mut().for_each(|v| *v = (*v - mean) / deviation);
-    }
-    row
-}
-
-/// Mean and standard deviation.
-fn moments(row: &[f64]) -> (f64, f64) {
-    let n = row.len() as f64;
-    let mean = row.iter().sum::<f64>() / n;
-    (mean, (row.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / n).sqrt())
+    row.iter().map(|v| v + TIE_NOISE * deviation * (rng.unit())).collect()
 }
 
 #[cfg(test)]

@@ -1,5 +1,7 @@
+//! Surrogates: permutations that keep what X and Y have in common with Z.
+
 use super::coordinate::Coordinate;
-use crate::independence_tests::significance::Rng;
+use crate::numeric::random::Rng;
 
 /// The `m` nearest samples of each sample in the maximum norm of `z`, itself among them; nearest first, of equals
 /// the earliest. Flat, `m` per sample.
@@ -60,7 +62,7 @@ pub(super) fn block_permutation(length: usize, rng: &mut Rng, out: &mut [usize])
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::discovery::Node;
+    use crate::ground::Node;
 
     fn rng(seed: u64) -> Rng {
         Rng::for_test(seed, Node::new(0, 1), Node::new(1, 0), &[])

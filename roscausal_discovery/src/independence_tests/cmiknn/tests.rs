@@ -1,12 +1,12 @@
 use ndarray::Array2;
 
 use super::*;
-use crate::discovery::DataFrame;
+use crate::ground::DataFrame;
 
 /// Uniform noise in (-1, 1).
 fn noise(seed: u64) -> impl FnMut() -> f64 {
     let mut rng = Rng::for_test(seed, Node::new(0, 0), Node::new(1, 0), &[]);
-    move || 2.0 * (rng.next_u64() as f64 / u64::MAX as f64) - 1.0
+    move || 2.0 * (rng.unit()) - 1.0
 }
 
 /// X and Y both follow Z (columns 0, 1, 2); with `direct`, Y also depends on the size of X.

@@ -14,7 +14,7 @@ use super::{
     refine,
     search::{ROUNDING, Search, max_rank},
 };
-use crate::{Error, Result};
+use crate::ground::{Error, Result};
 
 /// Length scale and noise variance.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -24,12 +24,12 @@ mod search;
 use std::sync::Arc;
 
 use super::{
-    CondIndTest, Confidence, PreparedTest, Significance, TestResult, TestSettings,
-    significance::{Resampling, Rng, optimal_block_length},
+    resampling::{Resampling, optimal_block_length},
+    settings::{Confidence, Significance, TestSettings},
 };
 use crate::{
-    Error, Result,
-    discovery::{LaggedArrays, Node, Samples},
+    ground::{CondIndTest, Error, LaggedArrays, Node, PreparedTest, Result, Samples, TestResult},
+    numeric::random::Rng,
 };
 use distance_correlation::of_ranks;
 use gp::GaussianProcess;
@@ -234,7 +234,7 @@ mod tests {
     use ndarray::Array2;
 
     use super::{super::by_name, *};
-    use crate::discovery::DataFrame;
+    use crate::ground::DataFrame;
 
     /// Columns 0 and 1 depend on column 2; column 3 on column 0.
     fn data(n: usize) -> DataFrame {

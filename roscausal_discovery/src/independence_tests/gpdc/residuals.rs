@@ -6,7 +6,7 @@ use std::{
 };
 
 use super::{distance_correlation::ranks, gp::GaussianProcess};
-use crate::{Result, discovery::Node};
+use crate::ground::{Node, Result};
 
 /// What a test needs of one node given a condition set.
 #[derive(Debug)]
