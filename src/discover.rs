@@ -13,7 +13,11 @@ use roscausal_core::{
         joint::{Facts, Joint},
     },
 };
-use roscausal_discovery::{Control, DataFrame, Model, PcAlpha, Settings, analyse};
+use roscausal_discovery::{
+    Control, DataFrame, Model, PcAlpha, Settings, analyse, independence_tests,
+    methods::{Fdr, Method},
+    transfer_entropy::TeEstimator,
+};
 
 use crate::{
     chart, export,
@@ -70,11 +74,9 @@ enum Format {
 /// Arguments that say how to analyse, the same for every subcommand.
 #[derive(ClapArgs, Clone)]
 pub(crate) struct MethodArgs {
-    /// Discovery method: fpcmci, pcmci, pcmciplus, fullci, bivci, lagdep.
-    #[arg(long, default_value = "fpcmci")]
+    #[arg(long, default_value = Method::default().name(), help = listed("Discovery method", Method::names()))]
     method: String,
-    /// Independence test: gpdc, parcorr, robustparcorr, cmiknn, gsquared.
-    #[arg(long, default_value = "gpdc")]
+    #[arg(long, default_value = "gpdc", help = listed("Independence test", independence_tests::names()))]
     test: String,
     /// Significance level of a link, in (0, 1).
     #[arg(long, default_value_t = 0.05)]
@@ -91,11 +93,12 @@ pub(crate) struct MethodArgs {
     /// Level of F-PCMCI's filter; default: alpha.
     #[arg(long)]
     f_alpha: Option<f64>,
-    /// Estimator of F-PCMCI's filter: gaussian or kraskov.
-    #[arg(long, default_value = "gaussian")]
+    #[arg(long, default_value = TeEstimator::default().name(), help = listed("Estimator of F-PCMCI's filter", TeEstimator::NAMES))]
     te_estimator: String,
-    /// Correction for many tests: none or fdr_bh.
-    #[arg(long, default_value = "none", default_missing_value = "fdr_bh", num_args = 0..=1)]
+    #[arg(
+        long, default_value = Fdr::None.name(), default_missing_value = Fdr::Bh.name(), num_args = 0..=1,
+        help = listed("Correction for many tests", Fdr::NAMES)
+    )]
     fdr: String,
     /// Columns that nothing may cause (interventions, context), separated by commas.
     #[arg(long, value_delimiter = ',')]
@@ -114,6 +117,12 @@ pub(crate) struct MeansArgs {
     /// Megabytes that a test may take; more is refused before it starts.
     #[arg(long, value_name = "MB")]
     max_memory: Option<usize>,
+}
+
+/// The help of an argument that takes one of these words.
+fn listed<'a>(what: &str, words: impl IntoIterator<Item = &'a (impl AsRef<str> + ?Sized + 'a)>) -> String {
+    let words: Vec<&str> = words.into_iter().map(AsRef::as_ref).collect();
+    format!("{what}: {}", words.join(", "))
 }
 
 /// Runs `roscausal discover`.
@@ -258,16 +267,17 @@ impl MethodArgs {
                 Error::param("pc-alpha", format!("'{text}' is neither a number in (0, 1) nor 'auto'"))
             })?),
         };
+        let method: Method = self.method.parse()?;
         let settings = Settings {
-            method: self.method.clone(),
+            method,
             cond_ind_test: self.test.clone(),
             alpha: self.alpha,
             pc_alpha,
-            tau_min: self.tau_min.unwrap_or(usize::from(self.method != "pcmciplus")),
+            tau_min: self.tau_min.unwrap_or(method.info().tau_min),
             tau_max: self.tau_max,
             f_alpha: self.f_alpha,
-            te_estimator: self.te_estimator.clone(),
-            fdr: self.fdr.clone(),
+            te_estimator: self.te_estimator.parse()?,
+            fdr: self.fdr.parse()?,
             exogenous: self.exogenous.clone(),
             seed,
             ..Settings::default()

@@ -50,7 +50,7 @@ pub(super) fn specs() -> Vec<ParamSpec> {
             "cd_method",
             text(Method::default().name()),
             Any,
-            "fpcmci, pcmci, pcmciplus, or a program in cd_method_dir",
+            "fpcmci, pcmci, pcmciplus, fullci, bivci, lagdep, or a program in cd_method_dir",
         ),
         ParamSpec::new("cd_method_dir", text(""), Any, "folder of methods that are programs"),
         ParamSpec::new(

@@ -2,6 +2,8 @@
 
 use std::fmt::Write;
 
+use crate::ground::names::plain;
+
 /// A point in pixels.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Point {
@@ -173,5 +175,5 @@ fn escaped(text: &str) -> String {
 
 /// A variable's name for people: `h_{\theta}` becomes `h_θ`.
 pub(super) fn display(name: &str) -> String {
-    crate::ground::names::plain(&name.replace("\\theta", "θ").replace("\\omega", "ω"))
+    plain(&name.replace("\\theta", "θ").replace("\\omega", "ω"))
 }

@@ -1,5 +1,7 @@
 //! The independence tests by name.
 
+#[cfg(feature = "python")]
+use super::GpdcPython;
 use super::{CmiKnn, Gpdc, Gsquared, ParCorr, RobustParCorr, settings::TestSettings};
 use crate::ground::{CondIndTest, Error, Result};
 
@@ -15,7 +17,7 @@ const TESTS: &[(&str, f64, Build)] = &[
     ("parcorr", USUAL, |s| Ok(Box::new(ParCorr::new(s)?))),
     ("gpdc", OF_TABLE, |s| Ok(Box::new(Gpdc::new(s)?))),
     #[cfg(feature = "python")]
-    ("gpdcpython", OF_TABLE, |s| Ok(Box::new(super::GpdcPython::new(s)?))),
+    ("gpdcpython", OF_TABLE, |s| Ok(Box::new(GpdcPython::new(s)?))),
     ("robustparcorr", USUAL, |s| Ok(Box::new(RobustParCorr::new(s)?))),
     ("cmiknn", USUAL, |s| Ok(Box::new(CmiKnn::new(s)?))),
     ("gsquared", USUAL, |s| Ok(Box::new(Gsquared::new(s)?))),
