@@ -24,6 +24,17 @@ pub enum PcAlpha {
 }
 
 /// What to analyse, and how. Plain data; [`Settings::check`] says whether it makes sense.
+///
+/// ```
+/// use roscausal_discovery::{PcAlpha, Settings, methods::Method};
+///
+/// let settings = Settings { method: Method::Pcmciplus, tau_min: 0, tau_max: 3, ..Settings::default() };
+/// assert!(settings.check().is_ok());
+/// // The method's own level of the condition selection.
+/// assert_eq!((settings.pc_alpha, settings.level_of_pc()), (PcAlpha::Default, Some(0.01)));
+/// let error = Settings { tau_min: 5, ..settings }.check().unwrap_err();
+/// assert!(error.to_string().contains("tau-max"));
+/// ```
 #[derive(Clone, Debug, PartialEq)]
 pub struct Settings {
     /// The method.
@@ -197,7 +208,24 @@ fn level(name: &str, value: f64) -> Result<()> {
     Err(Error::param(name, format!("{value} is not a level; give a number between 0 and 1, such as 0.05")))
 }
 
-/// Analyses `data` with `settings` under `control`.
+/// Analyses `data` with `settings` under `control`: from data to model in one call.
+///
+/// ```
+/// use roscausal_discovery::{Control, DataFrame, Settings, analyse};
+///
+/// # let noise = |i: usize| ((12.9898 * i as f64).sin() * 43758.5453).rem_euclid(1.0) - 0.5;
+/// # let mut values = ndarray::Array2::zeros((150, 2));
+/// # for t in 1..150 {
+/// #     values[[t, 0]] = noise(2 * t);
+/// #     values[[t, 1]] = 0.7 * values[[t - 1, 0]] + noise(2 * t + 1);
+/// # }
+/// # let data = DataFrame::new(vec![values], vec!["a".into(), "b".into()])?;
+/// // F-PCMCI with GPDC at lag 1.
+/// let model = analyse(&data, &Settings::default(), &Control::default())?;
+/// assert_eq!((model.features.len(), model.links.len()), (2, 1));
+/// assert!(model.to_json().contains("\"cause\": \"a\""));
+/// # Ok::<(), roscausal_discovery::Error>(())
+/// ```
 ///
 /// # Errors
 /// Settings or data that do not allow it; cancellation. Out of time is no error: the model's status says so.

@@ -10,16 +10,8 @@ use std::{
 };
 
 /// The modules of the crate from the ground up.
-const LAYERS: [&str; 8] = [
-    "ground",
-    "numeric",
-    "independence_tests",
-    "transfer_entropy",
-    "methods",
-    "model",
-    "draw",
-    "analysis",
-];
+const LAYERS: [&str; 8] =
+    ["ground", "numeric", "independence_tests", "transfer_entropy", "methods", "model", "draw", "analysis"];
 
 /// A folder whose files may still import each other in a circle; its other imports are checked as any other's.
 const NOT_YET: &str = "independence_tests::gpdc";
@@ -220,7 +212,12 @@ fn no_modules_import_each_other_in_a_circle() {
 fn what_a_file_takes_from_others_stands_in_its_use_lines() {
     let (files, _) = imports();
     for (module, file) in &files {
-        assert!(file.inline.is_empty(), "{}: {:?}; import it by a `use` line", module.join("::"), file.inline);
+        assert!(
+            file.inline.is_empty(),
+            "{}: {:?}; import it by a `use` line",
+            module.join("::"),
+            file.inline
+        );
     }
 }
 

@@ -33,8 +33,19 @@ type OutOfTime = Arc<dyn Fn() -> bool + Send + Sync>;
 
 /// The caller's hand on a run: progress, time budget, cancellation. Clones share one state.
 ///
-/// The core knows no clock: the time budget is a closure that says whether the time is up. Both are looked at
-/// before each test, and inside tests that take long.
+/// The crate knows no clock: the time budget is a closure that says whether the time is up. Budget and cancellation are
+/// looked at before each test, and inside tests that take long.
+///
+/// ```
+/// use std::time::{Duration, Instant};
+/// use roscausal_discovery::Control;
+///
+/// let start = Instant::now();
+/// let control = Control::default()
+///     .on_progress(|progress| eprintln!("{} of about {} tests", progress.done, progress.estimated_total))
+///     .out_of_time(move || start.elapsed() > Duration::from_secs(60));
+/// assert!(control.check().is_ok());
+/// ```
 #[derive(Clone, Default)]
 pub struct Control {
     on_progress: Option<OnProgress>,

@@ -42,6 +42,20 @@ impl std::str::FromStr for MaskType {
 }
 
 /// One or several recordings of the same variables. Missing values are NaN.
+///
+/// No sample crosses from one recording to the next. A test leaves out the samples in which one of its nodes is missing, or
+/// masked in a role of [`MaskType`]; other tests keep them.
+///
+/// ```
+/// use ndarray::array;
+/// use roscausal_discovery::DataFrame;
+///
+/// let first = array![[0.1, 1.0], [0.2, -99.0], [0.4, 3.0]];
+/// let second = array![[0.3, 2.0], [0.5, 2.5]];
+/// let data = DataFrame::new(vec![first, second], vec!["speed".into(), "distance".into()])?.with_missing_flag(-99.0);
+/// assert!(data.is_incomplete() && data.n_vars() == 2 && data.recordings().len() == 2);
+/// # Ok::<(), roscausal_discovery::Error>(())
+/// ```
 #[derive(Clone, Debug)]
 pub struct DataFrame {
     pub(super) recordings: Vec<Array2<f64>>,

@@ -75,6 +75,19 @@ impl std::str::FromStr for Assumption {
 }
 
 /// Which links may exist. A link that is not listed is assumed absent.
+///
+/// What is known before the analysis goes in here: a link that cannot be is not tested, and no false one is found.
+///
+/// ```
+/// use roscausal_discovery::{Assumption, LinkAssumptions};
+///
+/// // Three variables, lags 0 to 2; nothing drives the weather (variable 2), and 0 drives 1 for certain.
+/// let mut links = LinkAssumptions::all(3, 0, 2).exogenous(&[2]);
+/// links.insert(0, 1, 1, Assumption::Exists)?;
+/// assert_eq!(links.get(0, 2, 1), None);
+/// assert_eq!(links.get(0, 1, 1), Some(Assumption::Exists));
+/// # Ok::<(), roscausal_discovery::Error>(())
+/// ```
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct LinkAssumptions {
     targets: Vec<BTreeMap<Node, Assumption>>,

@@ -3,6 +3,14 @@
 use std::fmt;
 
 /// Mark of a link in a graph, seen from the cause to the effect.
+///
+/// ```
+/// use roscausal_discovery::LinkMark;
+///
+/// assert_eq!(LinkMark::Forward.symbol(), "-->");
+/// assert_eq!(LinkMark::Forward.mirrored(), LinkMark::Backward);
+/// assert!(LinkMark::Unoriented.is_link() && !LinkMark::Absent.is_link());
+/// ```
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub enum LinkMark {
     /// `""`: no link.

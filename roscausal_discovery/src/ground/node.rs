@@ -1,6 +1,13 @@
 //! A variable at a lag: what independence tests speak of.
 
 /// A variable at a lag: `var` at `t - lag`.
+///
+/// ```
+/// use roscausal_discovery::Node;
+///
+/// let speed_before = Node::new(0, 1);
+/// assert_eq!(speed_before.shifted(2), Node { var: 0, lag: 3 });
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct Node {
     /// Column of the data frame.

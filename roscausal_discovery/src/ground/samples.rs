@@ -3,6 +3,20 @@
 use super::{control::Control, dataframe::DataFrame, node::Node};
 
 /// The time indices that all tests of one run use: `cut_off..T` of each recording.
+///
+/// All tests of a run see the same times, so that their values compare; the first `cut_off` samples of each recording serve
+/// as the past of the others.
+///
+/// ```
+/// use ndarray::array;
+/// use roscausal_discovery::{DataFrame, Node, Samples};
+///
+/// let data = DataFrame::new(vec![array![[1.0], [2.0], [3.0], [4.0], [5.0]]], vec!["a".into()])?;
+/// let samples = Samples::new(&data, 2);
+/// let arrays = samples.arrays(Node::new(0, 1), Node::new(0, 0), &[]);
+/// assert_eq!((arrays.x, arrays.y), (vec![2.0, 3.0, 4.0], vec![3.0, 4.0, 5.0]));
+/// # Ok::<(), roscausal_discovery::Error>(())
+/// ```
 #[derive(Clone, Debug)]
 pub struct Samples<'a> {
     data: &'a DataFrame,

@@ -15,9 +15,33 @@ use crate::{
 /// is the count expected under independence (McDonald 2014, Handbook of Biological Statistics, "G-test of
 /// independence").
 ///
+/// Take it for categories, states and counts. It needs some samples for each combination of the levels of X, Y and Z, so
+/// few levels and few conditions.
+///
 /// P-value: chi-squared; each stratum gives `(rows - 1) (columns - 1)` degrees of freedom, rows and columns
 /// without a sample left out. Without degrees of freedom the value is 0 and the p-value 1. Values are
 /// levels by equality: round measurements before use.
+///
+/// ```
+/// use roscausal_discovery::{CondIndTest, DataFrame, Node, Samples};
+/// use roscausal_discovery::independence_tests::{Gsquared, TestSettings};
+///
+/// // A light that is on when one of two switches is.
+/// let noise = |i: usize| ((12.9898 * i as f64).sin() * 43758.5453).rem_euclid(1.0) - 0.5;
+/// let switch = |i: usize| f64::from(u8::from(noise(i) > 0.0));
+/// let values = ndarray::Array2::from_shape_fn((200, 3), |(t, k)| match k {
+///     2 => switch(2 * t).max(switch(2 * t + 1)),
+///     k => switch(2 * t + k),
+/// });
+/// let data = DataFrame::new(vec![values], vec!["first".into(), "second".into(), "light".into()])?;
+/// let samples = Samples::new(&data, 0);
+/// let test = Gsquared::new(&TestSettings::default())?;
+/// let prepared = test.prepare(&samples)?;
+/// let (first, second, light) = (Node::new(0, 0), Node::new(1, 0), Node::new(2, 0));
+/// assert!(prepared.run_test(first, second, &[])?.p_value > 0.05);
+/// assert!(prepared.run_test(first, second, &[light])?.p_value < 0.001);
+/// # Ok::<(), roscausal_discovery::Error>(())
+/// ```
 #[derive(Clone, Debug)]
 pub struct Gsquared {
     settings: TestSettings,

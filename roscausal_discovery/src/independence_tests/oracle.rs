@@ -9,6 +9,21 @@ use crate::ground::{
 /// The test that knows the truth: d-separation in a given time series graph (Pearl 1988). With it an algorithm shows
 /// what it would find with endless data. Value and p-value are 1 and 0 for dependent nodes, 0 and 1 for separated ones.
 ///
+/// Take it to study a method, or to test one: what it finds with the oracle and not with data is a matter of samples.
+///
+/// ```
+/// use roscausal_discovery::{Assumption, LinkAssumptions, Node, independence_tests::OracleCi};
+///
+/// // 0 drives 1, and 1 drives 2, one step later each.
+/// let mut truth = LinkAssumptions::none(3);
+/// truth.insert(0, 1, 1, Assumption::Exists)?;
+/// truth.insert(1, 2, 1, Assumption::Exists)?;
+/// let oracle = OracleCi::new(&truth)?;
+/// assert!(!oracle.is_separated(Node::new(0, 2), Node::new(2, 0), &[]));
+/// assert!(oracle.is_separated(Node::new(0, 2), Node::new(2, 0), &[Node::new(1, 1)]));
+/// # Ok::<(), roscausal_discovery::Error>(())
+/// ```
+///
 /// Paths into the past are followed until conditions of a finite window cannot open or block any more.
 #[derive(Clone, Debug)]
 pub struct OracleCi {

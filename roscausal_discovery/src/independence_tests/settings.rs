@@ -22,8 +22,20 @@ pub enum Confidence {
     Bootstrap,
 }
 
-/// Settings of any test, as [`super::by_name`] takes them; a test reads what concerns it. `None` is the test's
-/// own default.
+/// Settings of any test, as [`super::by_name`] takes them; a test reads what concerns it. `None` is the test's own default.
+///
+/// ```
+/// use roscausal_discovery::independence_tests::{Confidence, Significance, TestSettings, by_name};
+///
+/// let settings = TestSettings {
+///     significance: Some(Significance::ShuffleTest),
+///     sig_samples: Some(1000),
+///     confidence: Some(Confidence::Bootstrap),
+///     ..TestSettings::default()
+/// };
+/// assert_eq!(by_name("ParCorr", &settings)?.name(), "parcorr");
+/// # Ok::<(), roscausal_discovery::Error>(())
+/// ```
 #[derive(Clone, Debug, PartialEq)]
 pub struct TestSettings {
     /// How a value becomes a p-value.

@@ -34,6 +34,17 @@ impl std::str::FromStr for Fdr {
 }
 
 /// Benjamini and Hochberg (1995): p-values corrected for the number of entries in `tested`. Other entries stay.
+///
+/// Of the links with a corrected p-value below 0.05, one in twenty is expected to be false.
+///
+/// ```
+/// use ndarray::arr3;
+/// use roscausal_discovery::methods::fdr_bh;
+///
+/// let p_values = arr3(&[[[0.01, 0.04, 0.5]]]);
+/// let corrected = fdr_bh(&p_values, &p_values.mapv(|_| true));
+/// assert!((corrected[[0, 0, 0]] - 0.03).abs() < 1e-12 && (corrected[[0, 0, 1]] - 0.06).abs() < 1e-12);
+/// ```
 pub fn fdr_bh(p_matrix: &Array3<f64>, tested: &Array3<bool>) -> Array3<f64> {
     let mut entries: Vec<((usize, usize, usize), f64)> =
         p_matrix.indexed_iter().filter(|(at, _)| tested[*at]).map(|(at, &p)| (at, p)).collect();

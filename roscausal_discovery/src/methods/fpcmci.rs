@@ -56,9 +56,39 @@ pub struct FpcmciResult {
     pub status: Status,
 }
 
-/// F-PCMCI (Castri et al. 2023, CLeaR, "Enhancing causal discovery from robot sensor data in dynamic scenarios"):
-/// a transfer-entropy filter chooses variables and possible links, PCMCI tests those links, and variables without
-/// a link are left out.
+/// F-PCMCI: PCMCI behind a filter that leaves out what has no part in the system.
+///
+/// 1. [`TransferEntropy`](crate::transfer_entropy::TransferEntropy) finds what informs each variable; those links are
+///    possible, and variables without one are left out.
+/// 2. [`run_pcmci`](super::run_pcmci) tests the possible links.
+/// 3. Variables without a link are left out of the result.
+///
+/// Take it on sensor data of which much may not matter, and with a slow test: the filter is fast, and PCMCI then has few
+/// links to test. It knows lagged links only.
+///
+/// Source: Castri, Mghames, Hanheide and Bellotto 2023, CLeaR, "Enhancing causal discovery from robot sensor data in dynamic
+/// scenarios".
+///
+/// ```
+/// use roscausal_discovery::{Control, DataFrame, LinkMark};
+/// use roscausal_discovery::independence_tests::{ParCorr, TestSettings};
+/// use roscausal_discovery::methods::{FpcmciSettings, run_fpcmci};
+///
+/// # let noise = |i: usize| ((12.9898 * i as f64).sin() * 43758.5453).rem_euclid(1.0) - 0.5;
+/// # let mut values = ndarray::Array2::zeros((300, 3));
+/// # for t in 1..300 {
+/// #     values[[t, 0]] = noise(2 * t);
+/// #     values[[t, 1]] = 0.7 * values[[t - 1, 0]] + noise(2 * t + 1);
+/// #     values[[t, 2]] = noise(5000 + 3 * t);
+/// # }
+/// # let data = DataFrame::new(vec![values], vec!["a".into(), "b".into(), "noise".into()])?;
+/// let test = ParCorr::new(&TestSettings::default())?;
+/// let result = run_fpcmci(&data, &test, &FpcmciSettings::default(), &Control::default())?;
+/// // The third variable is noise.
+/// assert_eq!(result.features, [0, 1]);
+/// # assert!(result.pcmci.is_some_and(|found| found.graph[[0, 1, 1]] == LinkMark::Forward));
+/// # Ok::<(), roscausal_discovery::Error>(())
+/// ```
 ///
 /// # Errors
 /// Settings or data that do not fit together, a test that fails, cancellation.

@@ -1,4 +1,16 @@
-//! The methods of causal discovery.
+//! The methods of causal discovery: functions from data, an independence test and settings to a graph.
+//!
+//! | function | tests each link given | source |
+//! |---|---|---|
+//! | [`run_fpcmci`] | the parents of both ends, after a filter | Castri et al. 2023 |
+//! | [`run_pcmci`] | the parents of both ends | Runge et al. 2019 |
+//! | [`run_pcmciplus`] | the parents of both ends and sets of neighbours at lag 0 | Runge 2020 |
+//! | [`run_fullci`] | all other lagged variables | Granger 1969, with all variables |
+//! | [`run_bivci`] | the past of its effect | Granger 1969 |
+//! | [`get_lagged_dependencies`] | nothing | |
+//! | [`run_pc_stable`], [`run_mci`] | the two halves of PCMCI | Runge et al. 2019 |
+//!
+//! [`analyse`](crate::analyse) chooses among them by [`Method`] and makes a [`Model`](crate::Model) of what they find.
 //!
 //! Field words: `tau_max`, `pc_alpha`, `val_matrix`, `link_assumptions`; `matrix[i][j][tau]` is the link
 //! `X^i(t - tau) -> X^j(t)` (cause, effect, lag).

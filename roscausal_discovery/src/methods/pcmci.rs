@@ -34,6 +34,8 @@ impl PcmciSettings {
 
 /// PC1 alone: the parents of each target, strongest first (`graph` and matrices stay empty).
 ///
+/// Take it to look at the condition selection of [`run_pcmci`], or to give the parents to [`run_mci`] with another test.
+///
 /// # Errors
 /// Settings or data that do not fit together; a test that fails; cancellation.
 pub fn run_pc_stable(
@@ -49,7 +51,37 @@ pub fn run_pc_stable(
     })
 }
 
-/// PCMCI (Runge et al. 2019): PC1, then MCI under the parents it found.
+/// PCMCI: PC1 selects conditions, then MCI tests each link under them.
+///
+/// 1. PC1 (the order-independent PC of Colombo and Maathuis 2014, one target at a time): starts with all lagged variables
+///    as parents of a target and drops each one that is independent of it given the strongest others.
+/// 2. MCI (momentary conditional independence): tests each link given the parents of its effect and those of its cause. The
+///    cause's parents take off its autocorrelation, which would otherwise raise false alarms.
+///
+/// Take it as the first choice for lagged links. A pair at lag 0 (`tau_min` = 0) gets a mark without direction; for
+/// directions there take [`run_pcmciplus`](super::run_pcmciplus).
+///
+/// Source: Runge, Nowack, Kretschmer, Flaxman and Sejdinovic 2019, Science Advances 5:eaau4996.
+///
+/// ```
+/// use roscausal_discovery::{Control, DataFrame, LinkMark};
+/// use roscausal_discovery::independence_tests::{ParCorr, TestSettings};
+/// use roscausal_discovery::methods::{PcmciSettings, run_pcmci};
+///
+/// # let noise = |i: usize| ((12.9898 * i as f64).sin() * 43758.5453).rem_euclid(1.0) - 0.5;
+/// # let mut values = ndarray::Array2::zeros((300, 2));
+/// # for t in 1..300 {
+/// #     values[[t, 0]] = noise(2 * t);
+/// #     values[[t, 1]] = 0.7 * values[[t - 1, 0]] + noise(2 * t + 1);
+/// # }
+/// # let data = DataFrame::new(vec![values], vec!["a".into(), "b".into()])?;
+/// let test = ParCorr::new(&TestSettings::default())?;
+/// let settings = PcmciSettings { tau_max: 2, ..PcmciSettings::default() };
+/// let result = run_pcmci(&data, &test, &settings, &Control::default())?;
+/// assert_eq!(result.graph[[0, 1, 1]], LinkMark::Forward);
+/// assert_eq!(result.graph[[1, 0, 1]], LinkMark::Absent);
+/// # Ok::<(), roscausal_discovery::Error>(())
+/// ```
 ///
 /// # Errors
 /// Settings or data that do not fit together; a test that fails; cancellation. A time budget that ends is not an
@@ -69,6 +101,8 @@ pub fn run_pcmci(
 }
 
 /// MCI alone, under the given parents of each target, strongest first.
+///
+/// Take it when the parents are known, or come from [`run_pc_stable`] with a faster test.
 ///
 /// # Errors
 /// As [`run_pcmci`]; also parents of a wrong number or lag.
@@ -94,6 +128,27 @@ pub fn run_mci(
 
 /// Full conditional independence: each link given all other lagged links into its target.
 ///
+/// This is Granger causality in a regression on everything. Take it with few variables and many samples: each further
+/// variable and lag is one more condition and costs power, which is what PCMCI's selection avoids.
+///
+/// ```
+/// use roscausal_discovery::{Control, DataFrame, LinkMark};
+/// use roscausal_discovery::independence_tests::{ParCorr, TestSettings};
+/// use roscausal_discovery::methods::{PcmciSettings, run_fullci};
+///
+/// # let noise = |i: usize| ((12.9898 * i as f64).sin() * 43758.5453).rem_euclid(1.0) - 0.5;
+/// # let mut values = ndarray::Array2::zeros((300, 2));
+/// # for t in 1..300 {
+/// #     values[[t, 0]] = noise(2 * t);
+/// #     values[[t, 1]] = 0.7 * values[[t - 1, 0]] + noise(2 * t + 1);
+/// # }
+/// # let data = DataFrame::new(vec![values], vec!["a".into(), "b".into()])?;
+/// let test = ParCorr::new(&TestSettings::default())?;
+/// let result = run_fullci(&data, &test, &PcmciSettings::default(), &Control::default())?;
+/// assert_eq!(result.graph[[0, 1, 1]], LinkMark::Forward);
+/// # Ok::<(), roscausal_discovery::Error>(())
+/// ```
+///
 /// # Errors
 /// As [`run_pcmci`].
 pub fn run_fullci(
@@ -108,6 +163,26 @@ pub fn run_fullci(
 }
 
 /// Bivariate conditional independence: each link given its target's own past.
+///
+/// This is Granger's test of two variables. Take it as a quick look at pairs: a common driver of both makes a false link.
+///
+/// ```
+/// use roscausal_discovery::{Control, DataFrame, LinkMark};
+/// use roscausal_discovery::independence_tests::{ParCorr, TestSettings};
+/// use roscausal_discovery::methods::{PcmciSettings, run_bivci};
+///
+/// # let noise = |i: usize| ((12.9898 * i as f64).sin() * 43758.5453).rem_euclid(1.0) - 0.5;
+/// # let mut values = ndarray::Array2::zeros((300, 2));
+/// # for t in 1..300 {
+/// #     values[[t, 0]] = noise(2 * t);
+/// #     values[[t, 1]] = 0.7 * values[[t - 1, 0]] + noise(2 * t + 1);
+/// # }
+/// # let data = DataFrame::new(vec![values], vec!["a".into(), "b".into()])?;
+/// let test = ParCorr::new(&TestSettings::default())?;
+/// let result = run_bivci(&data, &test, &PcmciSettings::default(), &Control::default())?;
+/// assert_eq!(result.graph[[0, 1, 1]], LinkMark::Forward);
+/// # Ok::<(), roscausal_discovery::Error>(())
+/// ```
 ///
 /// # Errors
 /// As [`run_pcmci`].
@@ -124,6 +199,28 @@ pub fn run_bivci(
 }
 
 /// Unconditional dependencies at all lags.
+///
+/// These are no causal links. Take them to see how far dependence reaches before choosing `tau_max`.
+///
+/// ```
+/// use roscausal_discovery::{Control, DataFrame, LinkMark};
+/// use roscausal_discovery::independence_tests::{ParCorr, TestSettings};
+/// use roscausal_discovery::methods::{PcmciSettings, get_lagged_dependencies};
+///
+/// # let noise = |i: usize| ((12.9898 * i as f64).sin() * 43758.5453).rem_euclid(1.0) - 0.5;
+/// # let mut values = ndarray::Array2::zeros((300, 2));
+/// # for t in 1..300 {
+/// #     values[[t, 0]] = noise(2 * t);
+/// #     values[[t, 1]] = 0.7 * values[[t - 1, 0]] + noise(2 * t + 1);
+/// # }
+/// # let data = DataFrame::new(vec![values], vec!["a".into(), "b".into()])?;
+/// let test = ParCorr::new(&TestSettings::default())?;
+/// let settings = PcmciSettings { tau_max: 3, ..PcmciSettings::default() };
+/// let result = get_lagged_dependencies(&data, &test, &settings, &Control::default())?;
+/// let strongest = (1..=3).max_by(|&a, &b| result.val_matrix[[0, 1, a]].total_cmp(&result.val_matrix[[0, 1, b]]));
+/// assert_eq!((strongest, result.graph[[0, 1, 1]]), (Some(1), LinkMark::Forward));
+/// # Ok::<(), roscausal_discovery::Error>(())
+/// ```
 ///
 /// # Errors
 /// As [`run_pcmci`].

@@ -62,9 +62,41 @@ impl Default for PcmciPlusSettings {
     }
 }
 
-/// PCMCI+ (Runge 2020): lagged and contemporaneous links. PC1 finds lagged conditions; MCI tests with growing sets
-/// of contemporaneous conditions find the skeleton; colliders and Meek's rules orient what is at lag 0.
+/// PCMCI+: lagged and contemporaneous links, directed as far as the data allow.
 ///
+/// 1. PC1 finds lagged conditions, as in [`run_pcmci`](super::run_pcmci).
+/// 2. MCI tests with growing sets of neighbours at lag 0 as further conditions find the skeleton.
+/// 3. Colliders orient links at lag 0, Meek's rules what follows from them. What stays open is marked `o-o`, what
+///    contradicts itself `x-x`.
+///
+/// Take it when effects may follow within one step. Autocorrelation helps: a lagged link into one end of a pair at lag 0
+/// often decides its direction.
+///
+/// Source: Runge 2020, UAI (PMLR 124), "Discovering contemporaneous and lagged causal relations in autocorrelated nonlinear
+/// time series datasets".
+///
+/// ```
+/// use roscausal_discovery::{Control, DataFrame, LinkMark};
+/// use roscausal_discovery::independence_tests::{ParCorr, TestSettings};
+/// use roscausal_discovery::methods::{PcmciPlusSettings, PcmciSettings, run_pcmciplus};
+///
+/// # let noise = |i: usize| ((12.9898 * i as f64).sin() * 43758.5453).rem_euclid(1.0) - 0.5;
+/// # let mut values = ndarray::Array2::zeros((300, 3));
+/// # for t in 1..300 {
+/// #     values[[t, 0]] = noise(2 * t);
+/// #     values[[t, 1]] = 0.7 * values[[t - 1, 0]] + noise(2 * t + 1);
+/// #     values[[t, 2]] = 0.7 * values[[t, 1]] + noise(1000 + 3 * t);
+/// # }
+/// # let data = DataFrame::new(vec![values], vec!["a".into(), "b".into(), "c".into()])?;
+/// let test = ParCorr::new(&TestSettings::default())?;
+/// // `a` drives `b` one step later, and `b` drives `c` within the step.
+/// let settings = PcmciSettings { tau_min: 0, pc_alpha: vec![0.01], ..PcmciSettings::default() };
+/// let plus = PcmciPlusSettings::default();
+/// let result = run_pcmciplus(&data, &test, &settings, &plus, &Control::default())?;
+/// assert_eq!(result.graph[[0, 1, 1]], LinkMark::Forward);
+/// assert_eq!(result.graph[[1, 2, 0]], LinkMark::Forward);
+/// # Ok::<(), roscausal_discovery::Error>(())
+/// ```
 /// The level is `pc_alpha`; of several a score chooses one for all variables. `tau_min` is 0 or 1.
 ///
 /// # Errors

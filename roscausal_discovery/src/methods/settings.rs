@@ -4,6 +4,13 @@ use super::fdr::Fdr;
 use crate::ground::{CondIndTest, DataFrame, Error, LinkAssumptions, Result};
 
 /// Settings of a run; each method reads those it knows.
+///
+/// ```
+/// use roscausal_discovery::methods::{Fdr, PcmciSettings};
+///
+/// let settings = PcmciSettings { tau_max: 5, fdr: Fdr::Bh, ..PcmciSettings::default() };
+/// assert_eq!((settings.tau_min, settings.alpha_level), (1, 0.05));
+/// ```
 #[derive(Clone, Debug)]
 pub struct PcmciSettings {
     /// Smallest lag of a link. Default 1 (PCMCI+: 0).

@@ -25,12 +25,29 @@ use crate::{
 /// Noise that breaks ties of untransformed rows, as a share of the row's standard deviation.
 const TIE_NOISE: f64 = 1e-6;
 
-/// Conditional mutual information in nats by nearest neighbours (Frenzel and Pompe 2007), with a local permutation
-/// test (Runge 2018, AISTATS, "Conditional independence testing based on a nearest-neighbor estimator").
+/// Conditional mutual information in nats by nearest neighbours (Frenzel and Pompe 2007), with a local permutation test
+/// (Runge 2018, AISTATS, "Conditional independence testing based on a nearest-neighbor estimator").
 ///
+/// Take it where the form of the dependence is unknown, also with noise that multiplies. It needs some hundred samples, has
+/// less power than a test that knows the form, and takes the longest.
 /// Surrogates rearrange Y among the nearest samples in Z, or X in blocks when there is no Z; the p-value is
 /// `(count + 1) / (samples + 1)` with the surrogates whose information is not below the value. All surrogates are
 /// always drawn: the p-value never comes from a search that stopped early.
+///
+/// ```
+/// use roscausal_discovery::{CondIndTest, DataFrame, Node, Samples};
+/// use roscausal_discovery::independence_tests::{CmiKnn, TestSettings};
+///
+/// // The size of Y follows X, its sign does not: correlation cannot see it.
+/// let noise = |i: usize| ((12.9898 * i as f64).sin() * 43758.5453).rem_euclid(1.0) - 0.5;
+/// let values = ndarray::Array2::from_shape_fn((200, 2), |(t, k)| noise(2 * t) * if k == 1 { noise(2 * t + 1).signum() } else { 1.0 });
+/// let data = DataFrame::new(vec![values], vec!["x".into(), "y".into()])?;
+/// let samples = Samples::new(&data, 0);
+/// let test = CmiKnn::new(&TestSettings { sig_samples: Some(199), ..TestSettings::default() })?;
+/// let result = test.prepare(&samples)?.run_test(Node::new(0, 0), Node::new(1, 0), &[])?;
+/// assert_eq!(result.p_value, 0.005);
+/// # Ok::<(), roscausal_discovery::Error>(())
+/// ```
 #[derive(Clone, Debug)]
 pub struct CmiKnn {
     settings: TestSettings,
