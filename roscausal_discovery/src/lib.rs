@@ -53,7 +53,7 @@
 //!
 //! 1. Put the samples into a [`DataFrame`]: one array per recording, time in rows, NaN where a value is missing.
 //! 2. [`analyse`] it with [`Settings`]; a [`Control`] shows progress, sets a time budget, cancels.
-//! 3. Read the [`Model`]: its links, or the matrices `[cause][effect][lag]`; write it as JSON or [draw](draw) it.
+//! 3. Read the [`Model`]: its links, or the matrices `[cause][effect][lag]`; write it as JSON or [draw] it.
 //!
 //! The functions of [`methods`] give more: separating sets, confidence intervals, the steps of a method one by one. A
 //! test of your own is a type with [`CondIndTest`]; its documentation has an example.

@@ -211,3 +211,34 @@ fn in_the_nodes_words(error: roscausal_discovery::Error) -> Error {
         other => other,
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use roscausal_discovery::independence_tests;
+
+    use super::*;
+    use crate::loopback::Loopback;
+
+    #[test]
+    fn the_descriptions_name_every_method_and_every_test() {
+        let specs = specs();
+        let described = |name: &str| specs.iter().find(|spec| spec.name == name).expect(name).description;
+        assert!(Method::names().all(|name| described("cd_method").contains(name)));
+        let mut tests = independence_tests::names().filter(|name| *name != "gpdcpython");
+        assert!(tests.all(|name| described("cond_ind_test").contains(name)));
+    }
+
+    #[test]
+    fn an_unknown_method_or_estimator_is_an_error_that_names_the_nearest() {
+        for (name, value, near) in
+            [("cd_method", "pcmcipls", "pcmciplus"), ("te_estimator", "krskov", "kraskov")]
+        {
+            let bus = Loopback::lockstep();
+            bus.set_node_param("discovery", name, Value::Str(value.into()));
+            let params = Params::read(&bus.node("discovery"), &specs());
+            let error =
+                params.and_then(|params| DiscoveryParams::new(&params)).err().expect(value).to_string();
+            assert!(error.contains(name) && error.contains(&format!("did you mean '{near}'?")), "{error}");
+        }
+    }
+}
