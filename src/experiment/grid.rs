@@ -57,7 +57,7 @@ impl Grid {
         if let Some(lag) = self.risk_lags.iter().find(|lag| **lag > 1) {
             return Err(Error::param("risk-lags", format!("{lag} is not allowed; use 0 or 1")));
         }
-        self.settings(true).iter().try_for_each(|setting| setting.analysis(analysis).check())
+        Ok(self.settings(true).iter().try_for_each(|setting| setting.analysis(analysis).check())?)
     }
 
     /// The settings of a sweep: the base, and each other value of each factor with the rest at the base; with

@@ -181,7 +181,8 @@ impl Sweep {
             tau_max: self.tau_max,
             ..Settings::default()
         };
-        settings.check().map(|()| settings)
+        settings.check()?;
+        Ok(settings)
     }
 
     /// Does what is not done yet; the runs of this sweep that are there then.

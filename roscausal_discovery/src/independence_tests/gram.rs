@@ -276,7 +276,10 @@ mod tests {
     use proptest::prelude::*;
 
     use super::*;
-    use crate::{ground::DataFrame, numeric::rows::standardize};
+    use crate::{
+        ground::DataFrame,
+        numeric::{random::Rng, rows::standardize},
+    };
 
     /// Correlations straight from their definition.
     fn by_definition(samples: &Samples<'_>, x: Node, y: Node) -> f64 {
@@ -295,11 +298,8 @@ mod tests {
             cut_off in 0_usize..7,
             seed in any::<u64>(),
         ) {
-            let mut state = seed;
-            let mut next = || {
-                state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-                (state >> 40) as f64 / f64::from(1 << 24) - 0.3
-            };
+            let mut rng = Rng::new(seed);
+            let mut next = || rng.unit() - 0.3;
             let recordings: Vec<_> =
                 lengths.iter().map(|&len| Array2::from_shape_simple_fn((len, n_vars), &mut next)).collect();
             let names = (0..n_vars).map(|v| format!("X{v}")).collect();

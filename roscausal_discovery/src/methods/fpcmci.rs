@@ -262,15 +262,15 @@ mod tests {
     use ndarray::Array2;
 
     use super::*;
-    use crate::independence_tests::{TestSettings, by_name};
+    use crate::{
+        independence_tests::{TestSettings, by_name},
+        numeric::random::Rng,
+    };
 
     /// `a` drives itself and `b`; `c` only itself; `d` is noise.
     fn data(n: usize) -> DataFrame {
-        let mut state = 9_u64;
-        let mut e = move || {
-            state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-            (state >> 11) as f64 / (1_u64 << 53) as f64 - 0.5
-        };
+        let mut rng = Rng::new(9);
+        let mut e = || rng.unit() - 0.5;
         let mut x = Array2::zeros((n, 4));
         for t in 1..n {
             x[[t, 0]] = 0.6 * x[[t - 1, 0]] + e();

@@ -97,6 +97,7 @@ impl Default for PcmciPlusSettings {
 /// assert_eq!(result.graph[[1, 2, 0]], LinkMark::Forward);
 /// # Ok::<(), roscausal_discovery::Error>(())
 /// ```
+///
 /// The level is `pc_alpha`; of several a score chooses one for all variables. `tau_min` is 0 or 1.
 ///
 /// # Errors

@@ -115,6 +115,7 @@ mod tests {
     use proptest::prelude::*;
 
     use super::*;
+    use crate::numeric::{random::Rng, rows::random_ranks};
 
     /// The definition, word by word.
     fn by_definition(x: &[f64], y: &[f64], z: &[Vec<f64>], k: usize) -> f64 {
@@ -137,11 +138,7 @@ mod tests {
     }
 
     fn ranks(row: &[f64]) -> Vec<i16> {
-        let mut order: Vec<usize> = (0..row.len()).collect();
-        order.sort_by(|&a, &b| row[a].total_cmp(&row[b]));
-        let mut ranks = vec![0; row.len()];
-        order.iter().enumerate().for_each(|(rank, &i)| ranks[i] = rank as i16);
-        ranks
+        random_ranks(row, &mut Rng::new(1)).iter().map(|&rank| rank as i16).collect()
     }
 
     proptest! {

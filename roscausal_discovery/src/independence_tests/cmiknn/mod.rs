@@ -30,6 +30,7 @@ const TIE_NOISE: f64 = 1e-6;
 ///
 /// Take it where the form of the dependence is unknown, also with noise that multiplies. It needs some hundred samples, has
 /// less power than a test that knows the form, and takes the longest.
+///
 /// Surrogates rearrange Y among the nearest samples in Z, or X in blocks when there is no Z; the p-value is
 /// `(count + 1) / (samples + 1)` with the surrogates whose information is not below the value. All surrogates are
 /// always drawn: the p-value never comes from a search that stopped early.
