@@ -1,6 +1,7 @@
 //! `roscausal discover`: CSV files or recordings in, causal model out.
 
 use std::{
+    fmt::Display,
     path::{Path, PathBuf},
     time::Instant,
 };
@@ -15,7 +16,7 @@ use roscausal_core::{
 };
 use roscausal_discovery::{
     Control, DataFrame, Model, PcAlpha, Settings, analyse, independence_tests,
-    methods::{Fdr, Method},
+    methods::{Fdr, Method, MethodInfo},
     transfer_entropy::TeEstimator,
 };
 
@@ -81,14 +82,15 @@ pub(crate) struct MethodArgs {
     /// Significance level of a link, in (0, 1).
     #[arg(long, default_value_t = 0.05)]
     alpha: f64,
-    /// Smallest lag, in steps. Default: 1, pcmciplus 0.
-    #[arg(long)]
+    #[arg(long, help = format!("Smallest lag, in steps. Default: {}", default_of(|info| info.tau_min)))]
     tau_min: Option<usize>,
     /// Largest lag, in steps.
     #[arg(long, default_value_t = 1)]
     tau_max: usize,
-    /// Level of the condition selection, in (0, 1); `auto`: chosen by a score. Default: 0.2, pcmciplus 0.01.
-    #[arg(long)]
+    #[arg(long, help = format!(
+        "Level of the condition selection, in (0, 1); `auto`: chosen by a score. Default: {}",
+        default_of(|info| info.pc_alpha)
+    ))]
     pc_alpha: Option<String>,
     /// Level of F-PCMCI's filter; default: alpha.
     #[arg(long)]
@@ -117,6 +119,13 @@ pub(crate) struct MeansArgs {
     /// Megabytes that a test may take; more is refused before it starts.
     #[arg(long, value_name = "MB")]
     max_memory: Option<usize>,
+}
+
+/// The default of most methods, then that of each other one, by name.
+fn default_of<T: PartialEq + Display>(setting: fn(&MethodInfo) -> T) -> String {
+    let usual = setting(Method::default().info());
+    let others = Method::all().map(Method::info).filter(|info| setting(info) != usual);
+    others.fold(usual.to_string(), |text, info| format!("{text}, {} {}", info.name, setting(info)))
 }
 
 /// The help of an argument that takes one of these words.

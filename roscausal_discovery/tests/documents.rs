@@ -17,3 +17,17 @@ fn the_documents_name_every_method_and_every_test() {
         }
     }
 }
+
+#[test]
+fn the_front_page_says_of_each_method_and_test_what_the_registries_hold() {
+    let page = include_str!("../src/lib.rs");
+    for name in Method::names().chain(independence_tests::names()).filter(|name| *name != "gpdcpython") {
+        assert!(page.contains(&format!("//! | `{name}` |")), "the front page has no line of {name}");
+    }
+    assert!(page.contains(
+        "All take several recordings as one system and give a p-value for each link; none allows for"
+    ));
+    for info in Method::all().map(Method::info) {
+        assert!(info.several_recordings && info.p_values && !info.hidden_causes, "{}", info.name);
+    }
+}
