@@ -2,7 +2,7 @@
 
 use crate::{
     ground::{CondIndTest, Control, DataFrame, Error, LinkAssumptions, Result, Samples, names},
-    independence_tests,
+    independence_tests::{self, GpSearch},
     methods::{
         Fdr, FpcmciSettings, Method, PcmciPlusSettings, PcmciResult, PcmciSettings, Reads, Status,
         get_lagged_dependencies, run_bivci, run_fpcmci, run_fullci, run_pcmci, run_pcmciplus,
@@ -61,6 +61,10 @@ pub struct Settings {
     pub exogenous: Vec<String>,
     /// Seed of all random numbers.
     pub seed: u64,
+    /// How GPDC searches for the maximum of a likelihood.
+    pub gp_search: GpSearch,
+    /// GPDC's searches from random places, of which the best counts.
+    pub gp_restarts: usize,
     /// Memory in bytes that a test may take; `None`: no bound.
     pub max_memory: Option<usize>,
 }
@@ -80,6 +84,8 @@ impl Default for Settings {
             fdr: Fdr::None,
             exogenous: Vec::new(),
             seed: 42,
+            gp_search: GpSearch::Default,
+            gp_restarts: 0,
             max_memory: None,
         }
     }
@@ -161,6 +167,8 @@ impl Settings {
     fn test_settings(&self) -> independence_tests::TestSettings {
         independence_tests::TestSettings {
             seed: self.seed,
+            gp_search: self.gp_search,
+            gp_restarts: self.gp_restarts,
             max_memory: self.max_memory,
             ..Default::default()
         }
@@ -242,6 +250,7 @@ pub fn analyse(data: &DataFrame, settings: &Settings, control: &Control) -> Resu
         Method::Bivci => run_bivci(data, test, &pcmci, control),
         Method::Lagdep => get_lagged_dependencies(data, test, &pcmci, control),
     }?;
+    control.tell(result.effort.as_deref());
     Ok(with_result(settings.blank_model(), data.var_names().to_vec(), result))
 }
 
@@ -270,6 +279,7 @@ fn filtered(
     let mut model = match result.pcmci {
         Some(found) => {
             let place = |var: &usize| result.selected.iter().position(|selected| selected == var);
+            control.tell(found.effort.as_deref());
             let places: Vec<usize> = result.features.iter().filter_map(place).collect();
             with_result(blank, features, found.on_features(&places))
         }
@@ -291,6 +301,7 @@ fn with_result(blank: Model, features: Vec<String>, result: PcmciResult) -> Mode
     };
     let mut model = blank.with_matrices(features, matrices);
     model.n_samples = result.n_samples;
+    model.warnings.extend(result.remarks);
     if let Status::Partial(how_far) = result.status {
         model.status = format!("partial: {how_far}");
     }

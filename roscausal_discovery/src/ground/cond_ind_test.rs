@@ -98,6 +98,20 @@ pub trait PreparedTest: Sync {
         Err(Error::param("pc_alpha", "this independence test has no model-selection score; give one value"))
     }
 
+    /// What the reader of a result should know about the tests of `effect` given `parents`: one sentence, or nothing (the
+    /// default).
+    ///
+    /// # Errors
+    /// Those of [`PreparedTest::run_test`].
+    fn remark(&self, _effect: Node, _parents: &[Node]) -> Result<Option<String>> {
+        Ok(None)
+    }
+
+    /// What the tests so far took, for who wants to know: one sentence, or nothing (the default).
+    fn effort(&self) -> Option<String> {
+        None
+    }
+
     /// Whether a test takes only microseconds, so that a run spreads threads over targets, not over tests.
     fn is_cheap(&self) -> bool {
         false

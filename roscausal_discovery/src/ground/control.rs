@@ -3,7 +3,7 @@
 use std::{
     fmt,
     sync::{
-        Arc,
+        Arc, Mutex, PoisonError,
         atomic::{AtomicBool, AtomicUsize, Ordering},
     },
 };
@@ -59,6 +59,7 @@ struct State {
     done: AtomicUsize,
     estimated_total: AtomicUsize,
     out_of_time: AtomicBool,
+    effort: Mutex<Option<String>>,
 }
 
 impl Control {
@@ -118,6 +119,16 @@ impl Control {
     /// Tests that all runs under this control will have done, as far as known.
     pub fn estimated_total(&self) -> usize {
         self.state.estimated_total.load(Ordering::Relaxed).max(self.done())
+    }
+
+    /// What the tests of the last run took, in a sentence, where they tell.
+    pub fn effort(&self) -> Option<String> {
+        self.state.effort.lock().unwrap_or_else(PoisonError::into_inner).clone()
+    }
+
+    /// Keeps what the tests of a run took.
+    pub(crate) fn tell(&self, effort: Option<&str>) {
+        *self.state.effort.lock().unwrap_or_else(PoisonError::into_inner) = effort.map(str::to_owned);
     }
 
     /// Adds `n` tests to the estimated total.

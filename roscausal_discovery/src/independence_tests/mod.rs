@@ -53,7 +53,7 @@ mod robust_parcorr;
 mod settings;
 
 pub use cmiknn::CmiKnn;
-pub use gpdc::Gpdc;
+pub use gpdc::{GpOptimum, Gpdc};
 #[cfg(feature = "python")]
 pub use gpdc_python::GpdcPython;
 pub use gsquared::Gsquared;
@@ -61,4 +61,4 @@ pub use oracle::OracleCi;
 pub use parcorr::ParCorr;
 pub use registry::{by_name, names, smallest_p};
 pub use robust_parcorr::RobustParCorr;
-pub use settings::{Confidence, Significance, TestSettings};
+pub use settings::{Confidence, GpSearch, Significance, TestSettings};

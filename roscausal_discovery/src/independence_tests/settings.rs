@@ -22,6 +22,39 @@ pub enum Confidence {
     Bootstrap,
 }
 
+/// How GPDC searches for the maximum of a likelihood. Both end in the same one.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum GpSearch {
+    /// Each likelihood only as exact as it must be for the path to stay that of exact ones.
+    #[default]
+    Default,
+    /// Every likelihood exact: the textbook's search. Some ten times slower; to check the other one.
+    Exact,
+}
+
+impl GpSearch {
+    /// The names that [`str::parse`] knows.
+    pub const NAMES: [&str; 2] = ["default", "exact"];
+
+    /// The name.
+    pub fn name(self) -> &'static str {
+        Self::NAMES[self as usize]
+    }
+}
+
+impl std::str::FromStr for GpSearch {
+    type Err = Error;
+
+    fn from_str(text: &str) -> Result<Self> {
+        [Self::Default, Self::Exact].into_iter().find(|search| search.name() == text).ok_or_else(|| {
+            Error::param(
+                "gp-search",
+                format!("there is no search '{text}'; known: {}", Self::NAMES.join(", ")),
+            )
+        })
+    }
+}
+
 /// Settings of any test, as [`super::by_name`] takes them; a test reads what concerns it. `None` is the test's own default.
 ///
 /// ```
@@ -60,6 +93,10 @@ pub struct TestSettings {
     pub shuffle_neighbors: Option<usize>,
     /// `cmiknn`: `ranks` (default), `uniform`, `standardize` or `none`.
     pub transform: Option<String>,
+    /// `gpdc`: how the maximum of a likelihood is searched for.
+    pub gp_search: GpSearch,
+    /// `gpdc`: searches from this many random places more, of which the best counts. Default 0, as the reference.
+    pub gp_restarts: usize,
     /// Memory in bytes that a test may take; `None`: no bound.
     pub max_memory: Option<usize>,
 }
@@ -78,6 +115,8 @@ impl Default for TestSettings {
             knn: None,
             shuffle_neighbors: None,
             transform: None,
+            gp_search: GpSearch::Default,
+            gp_restarts: 0,
             max_memory: None,
         }
     }

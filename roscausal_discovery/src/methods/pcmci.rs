@@ -265,7 +265,10 @@ pub(crate) fn with_run(
         let (done, n) = (run.n_tests(), control.estimated_total());
         result.status =
             Status::Partial(format!("the time budget ended the run after {done} of about {n} tests"));
+    } else {
+        result.remarks = run.remarks(&result.lagged_parents())?;
     }
+    result.effort = run.effort();
     result.n_tests = run.n_tests();
     Ok(result)
 }

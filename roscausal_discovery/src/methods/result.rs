@@ -67,6 +67,10 @@ pub struct PcmciResult {
     pub n_samples: usize,
     /// Tests done.
     pub n_tests: usize,
+    /// What the reader should know about the tests. One sentence each.
+    pub remarks: Vec<String>,
+    /// What the tests took, where a test tells.
+    pub effort: Option<String>,
     /// Whether it is complete.
     pub status: Status,
 }
@@ -99,8 +103,21 @@ impl PcmciResult {
             optimal_alpha: None,
             n_samples,
             n_tests: 0,
+            remarks: Vec::new(),
+            effort: None,
             status: Status::Complete,
         }
+    }
+
+    /// The lagged causes of each variable.
+    pub(crate) fn lagged_parents(&self) -> Vec<Vec<Node>> {
+        let mut parents = vec![Vec::new(); self.graph.dim().0];
+        for ((cause, effect, lag), mark) in self.graph.indexed_iter() {
+            if lag > 0 && mark.is_link() {
+                parents[effect].push(Node::new(cause, lag));
+            }
+        }
+        parents
     }
 
     /// P-values that decide: corrected ones where a correction was asked for.

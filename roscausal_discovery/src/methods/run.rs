@@ -72,6 +72,18 @@ impl<'a> Run<'a> {
         self.test.model_selection_score(target, parents)
     }
 
+    /// What the reader should know about each variable given the parents that were found, in the order of the variables.
+    pub(crate) fn remarks(&self, parents: &[Vec<Node>]) -> Result<Vec<String>> {
+        let effects: Vec<_> = parents.iter().enumerate().filter(|(_, parents)| !parents.is_empty()).collect();
+        let of = |(effect, parents): &(usize, &Vec<Node>)| self.test.remark(Node::new(*effect, 0), parents);
+        self.map_tests(&effects, of).into_iter().filter_map(Result::transpose).collect()
+    }
+
+    /// What the tests took.
+    pub(crate) fn effort(&self) -> Option<String> {
+        self.test.effort()
+    }
+
     /// Maps `f` over `items` in parallel when a test is worth a task of its own; results in order.
     pub(crate) fn map_tests<I: Sync, T: Send>(
         &self,

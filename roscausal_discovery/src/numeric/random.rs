@@ -9,7 +9,6 @@ pub(crate) struct Rng(u64);
 
 impl Rng {
     /// The generator of a seed.
-    #[cfg(test)]
     pub(crate) fn new(seed: u64) -> Self {
         Self(seed)
     }

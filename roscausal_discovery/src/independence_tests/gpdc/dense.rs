@@ -16,10 +16,10 @@ use faer::{
 
 use super::{
     buffer::Buffer,
-    gp::Theta,
+    factorisation::{Factorisation, Solution, Traces},
     kernel::Inputs,
-    likelihood::{Factorisation, Solution, Traces},
     real::Real,
+    theta::Theta,
 };
 
 /// Columns that are multiplied at a time.

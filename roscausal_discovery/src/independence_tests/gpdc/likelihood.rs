@@ -4,17 +4,18 @@ use std::sync::Arc;
 
 use super::{
     dense::Dense,
-    gp::{LARGE, Theta},
+    factorisation::{Factorisation, Solution},
     incomplete::Incomplete,
     kernel::{Inputs, dot},
     low_rank::LowRank,
-    memory::{Held, Memory},
+    memory::{Held, LARGE, Memory},
+    plan::{Forecast, Plan, Precision, max_rank, single_error},
     real::Real,
-    search::{Plan, Precision, Search, max_rank, single_serves},
+    theta::Theta,
 };
 
-/// Rounding errors of the likelihood's values that the search reckons with, relative to them.
-const NOISE: f64 = 1e-6;
+/// Rounding error of a gradient in double precision, for each sample and divided by the noise variance.
+const DOUBLE_ERROR: f64 = 1e-14;
 
 /// What does not depend on the target.
 pub(super) struct Likelihood {
@@ -25,67 +26,12 @@ pub(super) struct Likelihood {
     _held: Option<Held>,
 }
 
-/// What the likelihood is computed by, in double precision, in single, or with a factor in double and products in single.
+/// What the likelihood is computed by, in double precision or in single.
 pub(super) enum Form {
     Dense(Dense<f64>),
     DenseSingle(Dense<f32>),
-    LowRank(LowRank<f64, f64>),
-    LowRankMixed(LowRank<f64, f32>),
-    LowRankSingle(LowRank<f32, f32>),
-}
-
-impl Form {
-    /// The form of low rank as planned, from a looser factor if there is one and it serves the plan's precision.
-    fn of_low_rank(
-        inputs: &Inputs,
-        theta: Theta,
-        plan: Plan,
-        search: &mut Search,
-        from: Option<Incomplete<f64>>,
-    ) -> Option<Self> {
-        match plan.precision {
-            Precision::Double => low_rank(inputs, theta, plan, search, from).map(Self::LowRank),
-            Precision::Mixed => low_rank(inputs, theta, plan, search, from).map(Self::LowRankMixed),
-            Precision::Single => low_rank(inputs, theta, plan, search, None).map(Self::LowRankSingle),
-        }
-    }
-}
-
-/// A factorisation of `A = K + s I`.
-pub(super) trait Factorisation {
-    /// `log det A`.
-    fn log_determinant(&self) -> f64;
-    /// The parts of the gradient that do not depend on the target; of a factorisation for a search.
-    fn traces(&self) -> Traces;
-    /// `A^-1 y`.
-    fn alpha(&self, y: &[f64]) -> Vec<f64>;
-    /// The parts of the gradient that depend on the target `y`; of a factorisation for a search.
-    fn solve(&self, y: &[f64]) -> Solution;
-    /// How far off the likelihood may be, at the solution `alpha`, for what the factorisation lacks of the kernel matrix.
-    fn missing(&self, _alpha: &[f64]) -> f64 {
-        0.0
-    }
-}
-
-/// The parts of the gradient that do not depend on the target, of `A = K + s I`.
-#[derive(Clone, Copy, Debug, Default)]
-pub(super) struct Traces {
-    /// `tr(A^-1)`.
-    pub(super) inverse: f64,
-    /// `tr(A^-2)`.
-    pub(super) squared: f64,
-    /// `tr(A^-1 dK / d ln l)`.
-    pub(super) derivative: f64,
-}
-
-/// The parts that depend on it.
-pub(super) struct Solution {
-    /// `a = A^-1 y`.
-    pub(super) alpha: Vec<f64>,
-    /// `a' A^-1 a`.
-    pub(super) squared: f64,
-    /// `a' (dK / d ln l) a`.
-    pub(super) derivative: f64,
+    LowRank(LowRank<f64>),
+    LowRankSingle(LowRank<f32>),
 }
 
 /// Minus the log marginal likelihood at one place.
@@ -94,10 +40,9 @@ pub(super) struct Value {
     pub(super) value: f64,
     /// By `(ln l, ln s)`.
     pub(super) gradient: [f64; 2],
-    /// How far off the value may be for what the kernel matrix lacks, and in all.
-    pub(super) missing: f64,
-    pub(super) uncertainty: f64,
-    /// How far off the gradient may be.
+    /// Error of the value that the truncation of the kernel matrix leaves.
+    pub(super) truncation: f64,
+    /// Errors of the gradient.
     pub(super) errors: [f64; 2],
     /// The second derivative by `ln s`.
     pub(super) curvature: f64,
@@ -109,88 +54,107 @@ impl Value {
         self.gradient[0].abs().max(self.gradient[1].abs())
     }
 
-    /// Where there is no likelihood.
-    pub(super) const NONE: Self = Self {
-        value: f64::INFINITY,
-        gradient: [0.0; 2],
-        uncertainty: 0.0,
-        missing: 0.0,
-        errors: [0.0; 2],
-        curvature: 0.0,
-    };
-}
+    /// Larger of the gradient's errors.
+    pub(super) fn error(&self) -> f64 {
+        self.errors[0].max(self.errors[1])
+    }
 
-/// What a likelihood is computed for.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) enum Purpose {
-    /// Its value and gradient.
-    Search,
-    /// Its value and the residuals, exact.
-    Residuals,
+    /// Where there is no likelihood.
+    pub(super) const NONE: Self =
+        Self { value: f64::INFINITY, gradient: [0.0; 2], truncation: 0.0, errors: [0.0; 2], curvature: 0.0 };
 }
 
 impl Likelihood {
-    /// The form that is the fastest at `theta`.
-    pub(super) fn new(
+    /// The form that is the fastest at `theta` for a gradient with this `error`; `None` where `K + s I` is not positive
+    /// definite in double precision.
+    pub(super) fn for_search(
         inputs: &Inputs,
         theta: Theta,
-        purpose: Purpose,
-        search: &mut Search,
+        error: f64,
+        forecast: &mut Forecast,
         memory: &Arc<Memory>,
     ) -> Option<Self> {
         let n = inputs.len();
-        let hold = |bytes: usize| (n > LARGE).then(|| memory.hold(bytes));
-        let plan = match purpose {
-            Purpose::Search => search.plan(inputs, theta),
-            Purpose::Residuals => Plan::for_residuals(theta),
-        };
-        if !search.expects_too_high_rank(inputs, theta.l, plan.tolerance) {
-            let _held = hold(LowRank::<f64, f64>::bytes(n, max_rank(n)));
-            let form = Form::of_low_rank(inputs, theta, plan, search, None);
-            if let Some(form) = form {
-                return Some(Self { theta, form, plan: Some(plan), _held });
+        let plan = forecast.plan(inputs, theta, error);
+        if !forecast.expects_too_high_rank(inputs, theta.l, plan.tolerance) {
+            let held = hold(memory, n, LowRank::<f64>::bytes(n, max_rank(n)));
+            if let Some(form) = Form::of_low_rank(inputs, theta, plan, forecast, None) {
+                return Some(Self { theta, form, plan: Some(plan), _held: held });
             }
         }
-        let gradient = purpose == Purpose::Search;
-        if gradient && single_serves(n, theta) {
-            let _held = hold(Dense::<f32>::bytes(n));
+        if single_error(n, theta) <= error {
+            let held = hold(memory, n, Dense::<f32>::bytes(n));
             if let Some(at) = Dense::new(inputs, theta, true) {
-                return Some(Self { theta, form: Form::DenseSingle(at), plan: None, _held });
+                return Some(Self { theta, form: Form::DenseSingle(at), plan: None, _held: held });
             }
         }
-        let _held = hold(Dense::<f64>::bytes(n));
-        Dense::new(inputs, theta, gradient).map(|at| Self { theta, form: Form::Dense(at), plan: None, _held })
+        Self::whole(inputs, theta, true, memory)
     }
 
-    /// The same likelihood for the search, as exact as it asks for now.
+    /// One for residuals: its value and [`Likelihood::alpha`] only, exact.
+    pub(super) fn for_residuals(
+        inputs: &Inputs,
+        theta: Theta,
+        forecast: &mut Forecast,
+        memory: &Arc<Memory>,
+    ) -> Option<Self> {
+        let (n, plan) = (inputs.len(), Plan::for_residuals(theta));
+        if !forecast.expects_too_high_rank(inputs, theta.l, plan.tolerance) {
+            let held = hold(memory, n, LowRank::<f64>::bytes(n, max_rank(n)));
+            if let Some(form) = Form::of_low_rank(inputs, theta, plan, forecast, None) {
+                return Some(Self { theta, form, plan: Some(plan), _held: held });
+            }
+        }
+        Self::whole(inputs, theta, false, memory)
+    }
+
+    /// By the whole matrix in double precision.
+    pub(super) fn whole(
+        inputs: &Inputs,
+        theta: Theta,
+        for_search: bool,
+        memory: &Arc<Memory>,
+    ) -> Option<Self> {
+        let held = hold(memory, inputs.len(), Dense::<f64>::bytes(inputs.len()));
+        let at = Dense::new(inputs, theta, for_search)?;
+        Some(Self { theta, form: Form::Dense(at), plan: None, _held: held })
+    }
+
+    /// The same likelihood for a gradient with a smaller `error`.
     pub(super) fn tightened(
         self,
         inputs: &Inputs,
-        search: &mut Search,
+        error: f64,
+        forecast: &mut Forecast,
         memory: &Arc<Memory>,
     ) -> Option<Self> {
-        let plan = search.plan(inputs, self.theta);
+        let plan = forecast.plan(inputs, self.theta, error);
         let Self { theta, form, plan: before, _held } = self;
         let factor = match form {
             Form::LowRank(at) => Some(at.into_factor()),
-            Form::LowRankMixed(at) => Some(at.into_factor()),
             // One in single precision is not to be extended to what asks for more.
-            Form::LowRankSingle(_) => None,
-            Form::Dense(_) | Form::DenseSingle(_) => return Some(Self { theta, form, plan: before, _held }),
+            Form::LowRankSingle(_) | Form::DenseSingle(_) => None,
+            Form::Dense(_) => return Some(Self { theta, form, plan: before, _held }),
         };
-        let too_high = search.expects_too_high_rank(inputs, theta.l, plan.tolerance);
-        let factor = factor.filter(|_| !too_high);
-        let form = factor.and_then(|factor| Form::of_low_rank(inputs, theta, plan, search, Some(factor)));
-        if let Some(form) = form {
+        let too_high = forecast.expects_too_high_rank(inputs, theta.l, plan.tolerance);
+        let factor = factor.filter(|_| !too_high && plan.precision == Precision::Double);
+        if let Some(factor) = factor
+            && let Some(form) = Form::of_low_rank(inputs, theta, plan, forecast, Some(factor))
+        {
             return Some(Self { theta, form, plan: Some(plan), _held });
         }
         drop(_held);
-        Self::new(inputs, theta, Purpose::Search, search, memory)
+        Self::for_search(inputs, theta, error, forecast, memory)
     }
 
     #[cfg(test)]
     pub(super) fn of(theta: Theta, form: Form, plan: Option<Plan>) -> Self {
         Self { theta, form, plan, _held: None }
+    }
+
+    /// Whether it is exact but for rounding in double precision.
+    pub(super) fn is_exact(&self) -> bool {
+        matches!(self.form, Form::Dense(_))
     }
 
     /// How a form of low rank was computed.
@@ -202,7 +166,6 @@ impl Likelihood {
     pub(super) fn pivots(&self) -> Option<&[u32]> {
         match &self.form {
             Form::LowRank(at) => Some(at.pivots()),
-            Form::LowRankMixed(at) => Some(at.pivots()),
             Form::LowRankSingle(at) => Some(at.pivots()),
             Form::Dense(_) | Form::DenseSingle(_) => None,
         }
@@ -210,19 +173,21 @@ impl Likelihood {
 
     /// The value for the target `y`.
     pub(super) fn evaluate(&self, y: &[f64]) -> Value {
-        let (form, s) = (self.form(), self.theta.s);
+        let (n, form, s) = (y.len(), self.form(), self.theta.s);
         let (traces, Solution { alpha, squared, derivative }) = (form.traces(), form.solve(y));
         let by_noise = 0.5 * s * (traces.inverse - dot(&alpha, &alpha));
-        let value =
-            0.5 * (dot(y, &alpha) + form.log_determinant() + y.len() as f64 * std::f64::consts::TAU.ln());
-        let (missing, rounding) = (form.missing(&alpha), NOISE * value.abs().max(1.0));
-        let of_gradient = self.plan.map_or(0.0, |plan| plan.error_of_gradient(self.theta.l, missing));
+        let value = 0.5 * (dot(y, &alpha) + form.log_determinant() + n as f64 * std::f64::consts::TAU.ln());
+        let truncation = form.truncation_error(&alpha);
+        let rounding = match self.form {
+            Form::DenseSingle(_) => single_error(n, self.theta),
+            _ => DOUBLE_ERROR * n as f64 / s.min(1.0),
+        };
+        let by_length = self.plan.map_or(0.0, |plan| plan.gradient_error(self.theta.l, truncation));
         Value {
             value,
             gradient: [0.5 * (traces.derivative - derivative), by_noise],
-            missing,
-            uncertainty: rounding + missing,
-            errors: [rounding + of_gradient, rounding + missing],
+            truncation,
+            errors: [rounding + by_length, rounding + truncation],
             curvature: by_noise + 0.5 * s * s * (2.0 * squared - traces.squared),
         }
     }
@@ -237,29 +202,48 @@ impl Likelihood {
             Form::Dense(at) => at,
             Form::DenseSingle(at) => at,
             Form::LowRank(at) => at,
-            Form::LowRankMixed(at) => at,
             Form::LowRankSingle(at) => at,
         }
     }
 }
 
-/// The form of low rank as planned, `from` a looser factor if there is one; the search is told its pivots, or that the rank is
-/// too high.
-fn low_rank<F: Real, P: Real>(
+impl Form {
+    /// The form of low rank as planned, from a looser factor if there is one; `forecast` learns its pivots, or that the rank is
+    /// too high.
+    fn of_low_rank(
+        inputs: &Inputs,
+        theta: Theta,
+        plan: Plan,
+        forecast: &mut Forecast,
+        from: Option<Incomplete<f64>>,
+    ) -> Option<Self> {
+        match plan.precision {
+            Precision::Double => low_rank(inputs, theta, plan, forecast, from).map(Self::LowRank),
+            Precision::Single => low_rank(inputs, theta, plan, forecast, None).map(Self::LowRankSingle),
+        }
+    }
+}
+
+fn low_rank<T: Real>(
     inputs: &Inputs,
     theta: Theta,
     plan: Plan,
-    search: &mut Search,
-    from: Option<Incomplete<F>>,
-) -> Option<LowRank<F, P>> {
+    forecast: &mut Forecast,
+    from: Option<Incomplete<T>>,
+) -> Option<LowRank<T>> {
     let max_rank = max_rank(inputs.len());
-    let hints = search.hints.as_ref().map_or(&[][..], |(pivots, _)| pivots);
+    let hints = forecast.pivots.as_ref().map_or(&[][..], |(pivots, _)| pivots);
     let mut factor = from.unwrap_or_else(|| Incomplete::new(inputs.len(), max_rank, hints));
     let extended = factor.extend(inputs, theta.l, plan.tolerance, max_rank);
     let at = extended.and_then(|()| LowRank::new(inputs, theta, factor, plan.derivative));
     match &at {
-        Some(at) => search.hints = Some((at.pivots().to_vec(), (theta.l, plan.tolerance))),
-        None => search.too_high_rank = Some((theta.l, plan.tolerance)),
+        Some(at) => forecast.pivots = Some((at.pivots().to_vec(), (theta.l, plan.tolerance))),
+        None => forecast.too_high_rank = Some((theta.l, plan.tolerance)),
     }
     at
+}
+
+/// Memory for a large matrix; small ones are not counted.
+fn hold(memory: &Arc<Memory>, n: usize, bytes: usize) -> Option<Held> {
+    (n > LARGE).then(|| memory.hold(bytes))
 }

@@ -10,8 +10,6 @@
 //! kernel along the samples (heat equation), which the same `W` interpolates with an error of the order of
 //! `max(1, l^2) E`.
 
-use std::marker::PhantomData;
-
 use faer::{
     Accum, MatMut, MatRef, Par,
     dyn_stack::{MemBuffer, MemStack},
@@ -23,37 +21,28 @@ use faer::{
 
 use super::{
     buffer::Buffer,
-    gp::Theta,
+    factorisation::{Factorisation, Solution, Traces},
     incomplete::Incomplete,
     kernel::{Inputs, dot},
-    likelihood::{Factorisation, Solution, Traces},
+    plan::Derivative,
     real::{Real, add_columns, products_with_columns},
+    theta::Theta,
 };
 
-/// `A = L L' + s I` factorised through `M = L' L + s I`. The factor is in precision `F`, products over the samples are in
-/// precision `P`, and what is not as long as the samples is in double.
+/// `A = L L' + s I` factorised through `M = L' L + s I`. The factor and products over the samples are in precision
+/// `T`, and what is not as long as the samples is in double.
 ///
 /// Single precision leaves an error of its rounding in the product `L L'`, which the last columns of the factor are small
 /// beside: the gradient, which divides by them, is off by the rounding divided by the tolerance.
-pub(super) struct LowRank<F, P> {
+pub(super) struct LowRank<T> {
     s: f64,
-    factor: Incomplete<F>,
+    factor: Incomplete<T>,
     /// Cholesky factor of `M`, `r x r`.
     inner: Buffer,
     gradient: Option<Gradient>,
     log_determinant: f64,
     /// 0 unless for a search.
     traces: Traces,
-    products: PhantomData<P>,
-}
-
-/// A derivative by `ln l`.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) enum Derivative {
-    /// That of the kernel matrix, interpolated.
-    Interpolated,
-    /// That of the approximation.
-    Consistent,
 }
 
 /// What the derivative by `ln l` needs.
@@ -74,46 +63,35 @@ fn view_mut(square: &mut [f64], r: usize) -> MatMut<'_, f64> {
     MatMut::from_column_major_slice_mut(square, r, r)
 }
 
-impl<F: Real, P: Real> LowRank<F, P> {
+impl<T: Real> LowRank<T> {
     /// Bytes that `n` samples at rank `r` take at the most.
     pub(super) fn bytes(n: usize, r: usize) -> usize {
-        let of_products = if size_of::<F>() == size_of::<P>() { 1 } else { 2 };
-        let of_samples = of_products * n * r * size_of::<P>();
-        Incomplete::<F>::bytes(n, r) + of_samples + 10 * r * r * size_of::<f64>()
+        Incomplete::<T>::bytes(n, r) + n * r * size_of::<T>() + 10 * r * r * size_of::<f64>()
     }
 
     /// The factorisation at `theta` from a factor of the kernel matrix, for a search with a derivative.
     pub(super) fn new(
         inputs: &Inputs,
         theta: Theta,
-        factor: Incomplete<F>,
+        factor: Incomplete<T>,
         derivative: Option<Derivative>,
     ) -> Option<Self> {
         let (n, r) = (inputs.len(), factor.rank());
-        let of_products = Converted::<F, P>::new(factor.factor());
-        let mut inner = symmetric_product(of_products.get(factor.factor()), r);
+        let mut inner = symmetric_product(factor.factor(), r);
         inner.iter_mut().step_by(r + 1).for_each(|d| *d += theta.s);
         cholesky(view_mut(&mut inner, r))?;
         let log_determinant =
             (n - r) as f64 * theta.s.ln() + 2.0 * inner.iter().step_by(r + 1).map(|d| d.ln()).sum::<f64>();
         let traces = Traces::default();
-        let mut at = Self {
-            s: theta.s,
-            factor,
-            inner,
-            gradient: None,
-            log_determinant,
-            traces,
-            products: PhantomData,
-        };
+        let mut at = Self { s: theta.s, factor, inner, gradient: None, log_determinant, traces };
         if let Some(derivative) = derivative {
-            at.differentiate(inputs, theta, derivative, &of_products);
+            at.differentiate(inputs, theta, derivative);
         }
         Some(at)
     }
 
     /// The factor of the kernel matrix.
-    pub(super) fn into_factor(self) -> Incomplete<F> {
+    pub(super) fn into_factor(self) -> Incomplete<T> {
         self.factor
     }
 
@@ -124,13 +102,7 @@ impl<F: Real, P: Real> LowRank<F, P> {
 
     /// The traces. With `A^-1 L = L M^-1` and `L' A^-1 L = I - s M^-1`, `tr(A^-1 B W') = tr(M^-1 Y)` where
     /// `Y = L_p^-1 B' L`, and `tr(A^-1 W dK_p W') = tr(X) - s tr(M^-1 X)` where `X = L_p^-1 dK_p L_p^-T`.
-    fn differentiate(
-        &mut self,
-        inputs: &Inputs,
-        theta: Theta,
-        derivative: Derivative,
-        of_products: &Converted<F, P>,
-    ) {
+    fn differentiate(&mut self, inputs: &Inputs, theta: Theta, derivative: Derivative) {
         let (n, r) = (inputs.len(), self.factor.rank());
         let (pivots, factor) = (self.factor.pivots(), self.factor.factor());
         let mut at_pivots = Buffer::any(r * r);
@@ -158,9 +130,9 @@ impl<F: Real, P: Real> LowRank<F, P> {
         view_mut(&mut whole, r).copy_from(view(&projected, r).transpose());
         triangular_solve::solve_lower_triangular_in_place(lower, view_mut(&mut whole, r), Par::Seq);
         let trace = whole.iter().step_by(r + 1).sum::<f64>();
-        let beside = (derivative == Derivative::Consistent).then(|| beside::<P>(inputs, theta.l, pivots));
+        let beside = (derivative == Derivative::Consistent).then(|| beside::<T>(inputs, theta.l, pivots));
         if let Some(beside) = &beside {
-            let mut y = product(beside.numbers::<P>(n * r), of_products.get(factor), r);
+            let mut y = product(beside.numbers::<T>(n * r), factor, r);
             triangular_solve::solve_lower_triangular_in_place(lower, view_mut(&mut y, r), Par::Seq);
             // s X + Y + Y', of which the lower triangle is needed.
             view_mut(&mut projected, r).copy_from(view(&y, r).transpose());
@@ -211,7 +183,7 @@ impl<F: Real, P: Real> LowRank<F, P> {
     }
 }
 
-impl<F: Real, P: Real> Factorisation for LowRank<F, P> {
+impl<T: Real> Factorisation for LowRank<T> {
     fn log_determinant(&self) -> f64 {
         self.log_determinant
     }
@@ -241,43 +213,20 @@ impl<F: Real, P: Real> Factorisation for LowRank<F, P> {
         let at_pivot = |(j, column): (usize, &[f64])| weights[j] * dot(&column[..j], &weights[..j]);
         let among = between.chunks_exact(r).enumerate().map(at_pivot).sum::<f64>();
         let all = beside.as_ref().map_or(2.0 * among, |beside| {
-            dot(&products_with_columns(beside.numbers::<P>(y.len() * r), &alpha), &weights)
+            dot(&products_with_columns(beside.numbers::<T>(y.len() * r), &alpha), &weights)
         });
         Solution { alpha, squared, derivative: 2.0 * (all - among) }
     }
 
     /// For what the approximation leaves of the kernel matrix, `E`: the logarithm of the
     /// determinant is too small by at most `tr(E) / s`, `y' a` too large by about `a' E a`; so the errors are opposite.
-    fn missing(&self, alpha: &[f64]) -> f64 {
+    fn truncation_error(&self, alpha: &[f64]) -> f64 {
         let left = self.factor.remainder();
         let (trace, fit) = left.iter().zip(alpha).fold((0.0, 0.0), |(trace, fit), (&left, a)| {
             let left = left.double().max(0.0);
             (trace + left, fit + left * a * a)
         });
         0.5 * f64::max(trace / self.s, fit)
-    }
-}
-
-/// Numbers of precision `F` in precision `P`: a copy only where that is another one.
-struct Converted<F, P> {
-    copy: Option<Buffer>,
-    precisions: PhantomData<(F, P)>,
-}
-
-impl<F: Real, P: Real> Converted<F, P> {
-    fn new(numbers: &[F]) -> Self {
-        let copy = (size_of::<F>() != size_of::<P>()).then(|| {
-            let mut copy = Buffer::of::<P>(numbers.len());
-            let to = copy.numbers_mut::<P>(numbers.len());
-            to.iter_mut().zip(numbers).for_each(|(to, from)| *to = P::from_double(from.double()));
-            copy
-        });
-        Self { copy, precisions: PhantomData }
-    }
-
-    /// `numbers`: those of [`Converted::new`].
-    fn get<'a>(&'a self, numbers: &'a [F]) -> &'a [P] {
-        self.copy.as_ref().map_or_else(|| bytemuck::cast_slice(numbers), |copy| copy.numbers(numbers.len()))
     }
 }
 

@@ -2,6 +2,9 @@
 
 use std::sync::{Arc, Condvar, Mutex, PoisonError};
 
+/// Samples above which matrices are large: then they are counted, and that of the start is not kept.
+pub(super) const LARGE: usize = 2000;
+
 /// Memory for large matrices; who would exceed the limit waits until others have finished.
 #[derive(Debug)]
 pub(super) struct Memory {

@@ -2,24 +2,27 @@
 //! a test for nonlinear dependence with additive noise.
 
 mod buffer;
-mod cubic_model;
 mod dense;
 mod distance_correlation;
-mod gp;
+mod factorisation;
 mod incomplete;
 mod kernel;
 mod lbfgsb;
 mod likelihood;
 mod line_search;
+mod local_model;
 mod low_rank;
 mod memory;
 mod null_table;
 mod pcg64;
 mod permutation;
+mod plan;
 mod real;
 mod refine;
+mod regression;
 mod residuals;
 mod search;
+mod theta;
 
 use std::sync::Arc;
 
@@ -32,9 +35,9 @@ use crate::{
     numeric::random::Rng,
 };
 use distance_correlation::of_ranks;
-use gp::GaussianProcess;
 use memory::Memory;
 use null_table::NullTable;
+use regression::{GaussianProcess, SearchSettings};
 use residuals::{ResidualCache, Residuals, is_constant, standardized};
 
 /// Samples below which a test is refused.
@@ -173,7 +176,8 @@ impl PreparedTest for PreparedGpdc<'_> {
                     return Ok::<f64, Error>(0.0);
                 }
                 let process = self.regression(&z);
-                let ranks = |values: &[f64]| Residuals::new(values, process.as_ref(), false, &check);
+                let ranks =
+                    |values: &[f64]| Residuals::new(values, process.as_ref(), &self.how(), false, &check);
                 Ok(of_ranks(&ranks(&x)?.ranks, &ranks(&y)?.ranks))
             };
             // A bootstrap sample fails only when the run is cancelled, which `bootstrap` notices as well.
@@ -193,6 +197,44 @@ impl PreparedTest for PreparedGpdc<'_> {
         let [target, _] = self.pair(target, target, &z, &arrays)?;
         Ok(-target.log_likelihood)
     }
+
+    fn remark(&self, effect: Node, parents: &[Node]) -> Result<Option<String>> {
+        let z = canonical(parents);
+        let arrays = self.samples.arrays(effect, effect, &z);
+        let Some(process) = self.regression(&arrays.z) else { return Ok(None) };
+        if is_constant(&arrays.x) || arrays.x.len() < FEWEST_SAMPLES {
+            return Ok(None);
+        }
+        let [found, _] = self.pair(effect, effect, &z, &arrays)?;
+        let Some(theta) = found.theta else { return Ok(None) };
+        let check = || self.samples.control().check();
+        let better =
+            process.better_elsewhere(&standardized(&arrays.x), theta, found.log_likelihood, &check)?;
+        let name = |node: &Node| self.samples.data().var_names()[node.var].clone();
+        Ok(better.map(|(other, log_likelihood)| {
+            let causes: Vec<String> = z.iter().map(|node| format!("{}(t-{})", name(node), node.lag)).collect();
+            format!(
+                "the Gaussian process of {} on {} has several optima; the result depends on which is found: the search \
+                 ended at length scale {:.3} and noise {:.3} (log likelihood {:.1}), length scale {:.3} and noise {:.3} \
+                 are more likely ({:.1})",
+                name(&effect),
+                causes.join(", "),
+                theta.l,
+                theta.s,
+                found.log_likelihood,
+                other.l,
+                other.s,
+                log_likelihood
+            )
+        }))
+    }
+
+    fn effort(&self) -> Option<String> {
+        let (all, twice) = self.residuals.counts();
+        (all > 0).then(|| {
+            format!("gpdc: {all} regressions; the path of {twice} was searched again with tight likelihoods")
+        })
+    }
 }
 
 impl PreparedGpdc<'_> {
@@ -202,11 +244,16 @@ impl PreparedGpdc<'_> {
         let keep_values = self.test.significance() == Significance::ShuffleTest;
         let check = || self.samples.control().check();
         let of = |node: Node, values: &[f64]| {
-            let make = || Residuals::new(values, process.as_ref(), keep_values, &check);
+            let make = || Residuals::new(values, process.as_ref(), &self.how(), keep_values, &check);
             // With samples left out, another test of the same node and conditions may have other samples.
             if arrays.n_lost == 0 { self.residuals.get(node, z, make) } else { make().map(Arc::new) }
         };
         Ok([of(x, &arrays.x)?, of(y, &arrays.y)?])
+    }
+
+    fn how(&self) -> SearchSettings {
+        let TestSettings { gp_search, gp_restarts, seed, .. } = self.test.settings;
+        SearchSettings { search: gp_search, restarts: gp_restarts, seed }
     }
 
     /// The regression on `conditions`, those that are constant left out; `None` without any.
@@ -214,6 +261,60 @@ impl PreparedGpdc<'_> {
         let rows: Vec<Vec<f64>> =
             conditions.iter().filter(|row| !is_constant(row)).map(|row| standardized(row)).collect();
         (!rows.is_empty()).then(|| GaussianProcess::new(&rows, &self.memory))
+    }
+}
+
+/// The maximum of a Gaussian process likelihood with the kernel `RBF(length_scale) + White(noise)`.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct GpOptimum {
+    /// Length scale, in standard deviations of the conditions.
+    pub length_scale: f64,
+    /// Noise variance, in variances of the target.
+    pub noise: f64,
+    /// Log marginal likelihood there.
+    pub log_likelihood: f64,
+}
+
+impl GpOptimum {
+    /// The optimum of the regression of `target` on `conditions` (one row of samples each) that a GPDC test with `settings`
+    /// takes: both are standardised first.
+    ///
+    /// ```
+    /// use roscausal_discovery::independence_tests::{GpOptimum, TestSettings};
+    ///
+    /// let z: Vec<f64> = (0..60).map(|i| f64::from(i * 37 % 60) / 10.0).collect();
+    /// let y: Vec<f64> = z.iter().enumerate().map(|(i, z)| z.sin() + 0.1 * f64::from(i as u32 * 17 % 7)).collect();
+    /// let optimum = GpOptimum::find(&y, &[z], &TestSettings::default())?;
+    /// assert!(optimum.length_scale > 0.3 && optimum.noise < 0.5);
+    /// # Ok::<(), roscausal_discovery::Error>(())
+    /// ```
+    ///
+    /// # Errors
+    /// Fewer than five samples, rows of other lengths than the target, constant or infinite values.
+    pub fn find(target: &[f64], conditions: &[Vec<f64>], settings: &TestSettings) -> Result<Self> {
+        let n = target.len();
+        if n < FEWEST_SAMPLES {
+            return Err(too_few(n));
+        }
+        if let Some(row) = conditions.iter().position(|row| row.len() != n) {
+            return Err(Error::Data(format!(
+                "condition {row} has {} samples, the target {n}",
+                conditions[row].len()
+            )));
+        }
+        let mut rows = conditions.iter().map(Vec::as_slice).chain([target]);
+        if conditions.is_empty() || rows.any(|row| is_constant(row) || !row.iter().all(|v| v.is_finite())) {
+            return Err(Error::Data(
+                "a regression needs conditions and a target that vary, of finite values".into(),
+            ));
+        }
+        let rows: Vec<Vec<f64>> = conditions.iter().map(|row| standardized(row)).collect();
+        let process =
+            GaussianProcess::new(&rows, &Memory::new(settings.max_memory.unwrap_or(DEFAULT_MEMORY)));
+        let TestSettings { gp_search, gp_restarts, seed, .. } = *settings;
+        let how = SearchSettings { search: gp_search, restarts: gp_restarts, seed };
+        let fit = process.fit(&standardized(target), &how, &|| Ok(()))?;
+        Ok(Self { length_scale: fit.theta.l, noise: fit.theta.s, log_likelihood: fit.log_likelihood })
     }
 }
 

@@ -5,8 +5,8 @@ use pulp::{Arch, NullaryFnOnce};
 
 use super::{
     buffer::Buffer,
-    gp::Theta,
     kernel::{Inputs, dot},
+    theta::Theta,
 };
 
 /// Residual norm, as a share of that of the right-hand side, at which a solution is exact enough.

@@ -5,7 +5,11 @@ use std::{
     sync::{Arc, Mutex, PoisonError},
 };
 
-use super::{distance_correlation::ranks, gp::GaussianProcess};
+use super::{
+    distance_correlation::ranks,
+    regression::{Fit, GaussianProcess, SearchSettings},
+    theta::Theta,
+};
 use crate::ground::{Node, Result};
 
 /// What a test needs of one node given a condition set.
@@ -18,6 +22,10 @@ pub(super) struct Residuals {
     /// Log marginal likelihood of the regression; minus infinity without conditions, so that any
     /// regression scores better.
     pub(super) log_likelihood: f64,
+    /// The optimum of the regression, if there was one.
+    pub(super) theta: Option<Theta>,
+    /// Whether its search was repeated with tight likelihoods.
+    pub(super) repeated: bool,
 }
 
 /// A node and its conditions, sorted.
@@ -29,6 +37,17 @@ type Slot = Arc<Mutex<Option<Arc<Residuals>>>>;
 pub(super) struct ResidualCache(Mutex<HashMap<Key, Slot>>);
 
 impl ResidualCache {
+    /// How many regressions are kept, and how many of them were searched twice.
+    pub(super) fn counts(&self) -> (usize, usize) {
+        let slots: Vec<Slot> =
+            self.0.lock().unwrap_or_else(PoisonError::into_inner).values().cloned().collect();
+        slots.iter().fold((0, 0), |(all, twice), slot| {
+            let slot = slot.lock().unwrap_or_else(PoisonError::into_inner);
+            let regressed = slot.as_ref().filter(|residuals| residuals.theta.is_some());
+            regressed.map_or((all, twice), |residuals| (all + 1, twice + usize::from(residuals.repeated)))
+        })
+    }
+
     /// The residuals of `node` given `conditions`, computed by `make` if they are not there yet. Who asks while another
     /// thread computes them waits for that one.
     ///
@@ -62,18 +81,25 @@ impl Residuals {
     pub(super) fn new(
         target: &[f64],
         process: Option<&GaussianProcess>,
+        how: &SearchSettings,
         keep_values: bool,
         check: &dyn Fn() -> Result<()>,
     ) -> Result<Self> {
-        let (residuals, log_likelihood) = match process {
-            None => (target.to_vec(), f64::NEG_INFINITY),
-            Some(process) => {
-                let fit = process.fit(&standardized(target), check)?;
-                (fit.residuals, fit.log_likelihood)
-            }
+        let Some(process) = process else {
+            let (ranks, values) = (ranks(target), if keep_values { target.to_vec() } else { Vec::new() });
+            return Ok(Self {
+                ranks,
+                values,
+                log_likelihood: f64::NEG_INFINITY,
+                theta: None,
+                repeated: false,
+            });
         };
+        let Fit { theta, log_likelihood, repeated, residuals } =
+            process.fit(&standardized(target), how, check)?;
         let ranks = ranks(&residuals);
-        Ok(Self { ranks, values: if keep_values { residuals } else { Vec::new() }, log_likelihood })
+        let values = if keep_values { residuals } else { Vec::new() };
+        Ok(Self { ranks, values, log_likelihood, theta: Some(theta), repeated })
     }
 }
 

@@ -1,216 +1,267 @@
-//! The state of a search for the optimum: how exact the next likelihood is to be, and by which form.
+//! The search for the maximum of a likelihood: the path of the textbook's L-BFGS-B, at a fraction of its cost.
+//!
+//! A likelihood has several maxima, and which one is the answer is a matter of the path: here the one that exact likelihoods
+//! take from `l = s = 1`. Three things make it cheap, and none of them may change where it ends:
+//!
+//! 1. **Loose likelihoods.** Each is only as exact as its gradient is large ([`LOOSE`]). Beside the search run shadows of it:
+//!    copies that are told every value and gradient moved by several times its error. While all of them ask for the next
+//!    likelihood at nearly the same place, the errors do not matter: the exact search is one more copy among them. As soon as
+//!    one goes elsewhere or ends earlier, the whole search is repeated with likelihoods exact to [`TIGHT`].
+//! 2. **The end on a model.** Near the maximum the search goes on with a cubic model of the likelihood in its place
+//!    ([`super::local_model`]), from the very state that it is in. That counts only where the model is certainly convex, knows
+//!    its end well enough, and leaves less to gain than [`Level::near`] from the last iterate.
+//! 3. **A likelihood where the model ends**, where the model knows it not well enough yet: it corrects the model. One that the
+//!    model did not foresee makes it wait until the search has come nearer.
+//!
+//! `docs/gpdc.md` has the measurements behind each constant.
 
 use super::{
-    gp::Theta,
-    kernel::Inputs,
-    likelihood::{Likelihood, Value},
-    low_rank::Derivative,
+    lbfgsb::{Minimizer, Point, Tolerances},
+    local_model::{CubicModel, Predicted, Seen},
+    theta::BOUNDS,
 };
 
-/// What the kernel matrix may lack on its diagonal while nothing is foretold, as a share of the noise variance: by the gradient
-/// (see [`share_for`]), within these bounds; and for the residuals at the end.
-const SHARES: [f64; 2] = [1e-6, 1e-2];
-const PER_GRADIENT: f64 = 1e-5;
-const AT_THE_END: f64 = 1e-8;
-/// The same for the consistent derivative: so many times as much, within bounds.
-const CONSISTENT: f64 = 5.0;
-pub(super) const CONSISTENT_SHARES: [f64; 2] = [1e-5, 1e-2];
-/// How much longer the consistent derivative takes at the same rank.
-const CONSISTENT_COST: f64 = 1.25;
-/// How far off a likelihood is, for each sample, where the kernel matrix lacks the noise variance on its diagonal: until the
-/// search knows better, and bounds of what it takes for granted.
-const PER_SHARE: f64 = 0.15;
-const PER_SHARES: [f64; 2] = [0.02, 0.5];
-/// How many times as far off as the likelihood its gradient by `ln l` is, for what the approximation lacks (measured beside
-/// whole matrices, the median): of the approximation's own derivative, and of the interpolated one, which is off the further
-/// the longer the length scale is.
-const CONSISTENT_ERROR: f64 = 1.0;
-const INTERPOLATED_ERROR: f64 = 10.0;
-const LONG: f64 = 5.0;
-/// A gradient that may be further off than this share of it, where it was foretold, is computed again; else one that turns out
-/// to ask for a share so many times as small.
-const TOO_FAR_OFF: f64 = 0.5;
-const TOO_LOOSE: f64 = 50.0;
-/// Ranks below which the time is spent elsewhere.
-const LOW_RANK: f64 = 40.0;
-/// Rounding of a remainder.
-pub(super) const ROUNDING: f64 = 4e-15;
-/// What the rounding of a factor in single precision adds, divided by the tolerance (measured alike); and the tolerance down
-/// to which such a factor serves.
-const SINGLE_ERROR: f64 = 5e-7;
-const SINGLE_TIGHTEST: f64 = 3e-5;
-/// The rank grows by this power, times the number of conditions, of the inverse length scale and of the tolerance's
-/// logarithm: from one evaluation to the next, within a tenth.
-const RANK_GROWTH: f64 = 0.4;
-/// Ratio of samples to noise variance up to which single precision serves the search.
-const WELL_CONDITIONED: f64 = 1e5;
+/// Likelihoods whose errors the shadows watch.
+const LOOSE: Level = Level { fraction: 1e-4, least: 1e-4, near: 1e-3, shadows: 4 };
+/// Likelihoods whose errors are below what the path can tell.
+const TIGHT: Level = Level { fraction: 1e-8, least: 1e-8, near: 1e-3, shadows: 0 };
+/// How many times its error a gradient or value is moved by for a shadow.
+const SAFETY: f64 = 3.0;
+/// Distance at which a shadow has left the path, in logarithms; and what each unit of the last step adds.
+const APART: f64 = 0.01;
+const APART_PER_STEP: f64 = 0.04;
+/// The gradient is expected to fall to this fraction of the smallest so far.
+const NEXT_GRADIENT: f64 = 0.3;
 
-/// State of a search.
-pub(super) struct Search {
-    /// What the kernel matrix may lack on its diagonal, as a share of the noise variance, while nothing is foretold.
-    pub(super) share: f64,
-    /// Largest component of the smallest gradient so far.
-    smallest_gradient: f64,
-    /// How far off the next gradient may be, if it is foretold.
-    error: Option<f64>,
-    /// How far off a likelihood is where the kernel matrix lacks the noise variance on its diagonal.
-    per_share: f64,
-    /// A length scale and a tolerance where the rank was too high: it is so for all that are shorter and tighter.
-    pub(super) too_high_rank: Option<(f64, f64)>,
-    /// Pivots of the last low-rank form, and its length scale and tolerance.
-    pub(super) hints: Option<(Vec<u32>, (f64, f64))>,
-    /// Which of the shared factorisations it started with.
-    pub(super) start: usize,
-    /// The likelihood at the last place but the start; of large matrices none is kept.
-    pub(super) last: Option<Likelihood>,
+/// Steps that are followed on a model at the most, and how far they may lead.
+const MODEL_STEPS: usize = 30;
+const MODEL_RADIUS: f64 = 0.5;
+/// What may be left to gain where the search ends on a model: more would be a stop before the maximum, which depends on digits
+/// that a model does not have.
+const STATIONARY: f64 = 2e-5;
+/// A decrease so many times the stopping rule's may be one to stop at.
+const NEARLY_STOPPING: f64 = 10.0;
+/// Curvature, in its standard deviations, from which on a model is certainly convex.
+const CERTAINLY_CONVEX: f64 = 4.0;
+/// What the end may be expected to leave to gain: as a fraction of the stopping rule, to end there; as a fraction of what it
+/// gains, to evaluate the likelihood there.
+const UNSEEN: f64 = 0.15;
+const TRUSTED: f64 = 0.05;
+/// Error of a gradient at the end, as a fraction of the one expected; and what it may leave, as a fraction of the stopping rule.
+const ERROR_AT_END: f64 = 0.06;
+const LEFT_BY_ERROR: f64 = 0.05 * UNSEEN;
+/// Standard deviations at which a gradient is a surprise, and the part of `near` within which the model is tried again then.
+const SURPRISE: f64 = 5.0;
+const NEARER: f64 = 0.1;
+
+/// How exact the likelihoods of a search are, and when its end is left to a model.
+struct Level {
+    /// Error of a gradient, as a fraction of its largest component.
+    fraction: f64,
+    /// An error that serves however small the gradient is.
+    least: f64,
+    /// Log likelihood that the end on a model may gain.
+    near: f64,
+    /// Copies that are told errors.
+    shadows: usize,
 }
 
-impl Search {
-    /// A search on `n` samples whose first likelihood may lack this `share` of the noise variance.
-    pub(super) fn new(n: usize, share: f64) -> Self {
-        Self {
-            share,
-            smallest_gradient: f64::INFINITY,
-            error: None,
-            per_share: PER_SHARE * n as f64,
-            too_high_rank: None,
-            hints: None,
-            start: 0,
-            last: None,
+/// How exact one gradient is to be.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Accuracy {
+    /// Its largest component, as expected.
+    pub(super) expected: f64,
+    fraction: f64,
+    least: f64,
+}
+
+impl Accuracy {
+    /// The error of a gradient whose largest component is `steepness`.
+    pub(super) fn error(&self, steepness: f64) -> f64 {
+        (self.fraction * steepness).max(self.least)
+    }
+}
+
+/// What a search has come to.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Found {
+    /// The maximum: `(ln l, ln s)`, and minus the log likelihood there.
+    pub(super) optimum: Point<2>,
+    /// Whether the errors of loose likelihoods could have changed the path, so that it was searched again.
+    pub(super) repeated: bool,
+}
+
+/// The minimum that L-BFGS-B reaches from `(0, 0)`; `evaluate` gives the function as exactly as asked for.
+///
+/// # Errors
+/// Those of `evaluate`.
+pub(super) fn search<E>(mut evaluate: impl FnMut([f64; 2], Accuracy) -> Result<Seen, E>) -> Result<Found, E> {
+    if let Some(optimum) = Path::new(&LOOSE).follow(&mut evaluate)? {
+        return Ok(Found { optimum, repeated: false });
+    }
+    let nowhere = Point { x: [0.0; 2], value: f64::INFINITY, gradient: [0.0; 2] };
+    let optimum = Path::new(&TIGHT).follow(&mut evaluate)?.unwrap_or(nowhere);
+    Ok(Found { optimum, repeated: true })
+}
+
+/// The textbook's search, each likelihood by `evaluate`.
+///
+/// # Errors
+/// Those of `evaluate`.
+pub(super) fn textbook<E>(
+    start: [f64; 2],
+    mut evaluate: impl FnMut([f64; 2]) -> Result<(f64, [f64; 2]), E>,
+) -> Result<Point<2>, E> {
+    let mut minimizer = Minimizer::new(start, BOUNDS, Tolerances::default());
+    while let Some(x) = minimizer.wants() {
+        let (value, gradient) = evaluate(x)?;
+        minimizer.tell(value, gradient);
+    }
+    Ok(minimizer.best().unwrap_or(Point { x: start, value: f64::INFINITY, gradient: [0.0; 2] }))
+}
+
+/// A search under way.
+struct Path<'a> {
+    level: &'a Level,
+    near: f64,
+    minimizer: Minimizer<2>,
+    shadows: Vec<Minimizer<2>>,
+    trail: Vec<Seen>,
+}
+
+impl<'a> Path<'a> {
+    fn new(level: &'a Level) -> Self {
+        let minimizer = Minimizer::new([0.0; 2], BOUNDS, Tolerances::default());
+        let shadows = vec![minimizer.clone(); level.shadows];
+        Self { level, near: level.near, minimizer, shadows, trail: Vec::new() }
+    }
+
+    /// Where the path ends; `None` where a shadow left it.
+    fn follow<E>(
+        mut self,
+        evaluate: &mut impl FnMut([f64; 2], Accuracy) -> Result<Seen, E>,
+    ) -> Result<Option<Point<2>>, E> {
+        while let Some(x) = self.minimizer.wants() {
+            if let Some(end) = self.end_on_model() {
+                if end.is_known() {
+                    return Ok(Some(end.optimum));
+                }
+                let seen = evaluate(end.optimum.x, end.accuracy())?;
+                if end.is_surprised_by(&seen) {
+                    self.near *= NEARER;
+                }
+                self.trail.push(seen);
+                continue;
+            }
+            let seen = evaluate(x, self.accuracy())?;
+            if !self.shadows_agree(&seen) {
+                return Ok(None);
+            }
+            self.minimizer.tell(seen.point.value, seen.point.gradient);
+            self.trail.push(seen);
         }
+        let all_ended = self.shadows.iter().all(|shadow| shadow.wants().is_none());
+        Ok(self.minimizer.best().filter(|_| all_ended))
     }
 
-    /// How far off the next gradient may be; `None` where nothing is foretold of it.
-    pub(super) fn allow(&mut self, error: Option<f64>) {
-        self.error = error;
+    fn accuracy(&self) -> Accuracy {
+        let smallest = self.trail.iter().map(|seen| steepness(&seen.point)).fold(f64::INFINITY, f64::min);
+        let Level { fraction, least, .. } = *self.level;
+        Accuracy { expected: NEXT_GRADIENT * smallest, fraction, least }
     }
 
-    /// Takes a result: what the plan led to, and the smaller the gradients, the more exact the next likelihood. `true` where
-    /// this one, whose error was to leave `least` at the least, turns out not to be exact enough.
-    pub(super) fn learn(&mut self, result: &Value, n: usize, s: f64, plan: Option<Plan>, least: f64) -> bool {
-        let used = self.share;
-        self.smallest_gradient = self.smallest_gradient.min(result.steepness());
-        self.share = share_for(self.smallest_gradient);
-        let Some(plan) = plan else { return false };
-        let [fewest, most] = PER_SHARES.map(|share| share * n as f64);
-        self.per_share = (result.missing * s / plan.tolerance).clamp(fewest, most);
-        match self.error {
-            Some(_) => result.errors[0] > (TOO_FAR_OFF * result.steepness()).max(least),
-            None => used > TOO_LOOSE * self.share,
-        }
-    }
-
-    /// Whether the rank at a length scale and tolerance is known to be too high, or expected to be by that of the last
-    /// low-rank form: to find it out by a factorisation may take a third of the time of the whole matrix.
-    pub(super) fn expects_too_high_rank(&self, inputs: &Inputs, l: f64, tolerance: f64) -> bool {
-        let max_rank = max_rank(inputs.len());
-        let known = self.too_high_rank.is_some_and(|(at, than)| l <= at && tolerance <= than);
-        let expected = self.hints.as_ref().is_some_and(|(pivots, _)| {
-            pivots.len() > max_rank / 2
-                && self.expected_rank(inputs, l, tolerance).is_some_and(|rank| rank > max_rank as f64)
-        });
-        known || expected
-    }
-
-    /// The rank at a length scale and tolerance by that of the last low-rank form.
-    fn expected_rank(&self, inputs: &Inputs, l: f64, tolerance: f64) -> Option<f64> {
-        self.hints.as_ref().map(|(pivots, (at, than))| {
-            let growth = at / l * tolerance.ln() / than.ln();
-            pivots.len() as f64 * growth.powf(RANK_GROWTH * inputs.dimensions() as f64)
+    /// Tells the shadows what was seen, moved by its errors; `false` where one of them wants it elsewhere.
+    fn shadows_agree(&mut self, seen: &Seen) -> bool {
+        let (point, count) = (&seen.point, self.trail.len());
+        let last = self.minimizer.best().map_or(point.x, |at| at.x);
+        let apart = APART + APART_PER_STEP * distance(point.x, last);
+        self.shadows.iter_mut().enumerate().all(|(number, shadow)| {
+            let here = shadow.wants().is_some_and(|wants| distance(wants, point.x) <= apart);
+            // Signs that differ from shadow to shadow and from place to place.
+            let signs = (number + 1) * (2 * count + 3);
+            let moved = |bit: usize, error: f64| SAFETY * if signs >> bit & 1 == 0 { error } else { -error };
+            let gradient = [0, 1].map(|i| point.gradient[i] + moved(i, seen.errors[i]));
+            shadow.tell(point.value + moved(2, seen.errors[1]), gradient);
+            here
         })
     }
 
-    /// How the next likelihood is to be computed where the rank allows: by the derivative that takes less time, by the ranks
-    /// to be expected.
-    pub(super) fn plan(&self, inputs: &Inputs, theta: Theta) -> Plan {
-        let unit = theta.s.min(1.0);
-        let foretold = |derivative: Derivative| {
-            let missing = self.error.map(|error| error / times_missing(derivative, theta.l));
-            missing.map(|missing| missing / self.per_share * theta.s / unit)
-        };
-        let [tightest, loosest] = SHARES;
-        let share =
-            foretold(Derivative::Interpolated).map(|share| share * theta.l.max(1.0)).unwrap_or(self.share);
-        // The error of this derivative is larger than that of the kernel for long length scales, which this makes good.
-        let interpolated = (share.clamp(tightest, loosest) * unit / theta.l.max(1.0)).max(ROUNDING);
-        let [tightest, loosest] = CONSISTENT_SHARES;
-        let share = foretold(Derivative::Consistent).unwrap_or(CONSISTENT * self.share);
-        let consistent = share.clamp(tightest, loosest) * unit;
-        let ranks = (interpolated.ln() / consistent.ln()).powf(RANK_GROWTH * inputs.dimensions() as f64);
-        let low = self.expected_rank(inputs, theta.l, interpolated).is_some_and(|rank| rank < LOW_RANK);
-        let single = single_serves(inputs.len(), theta);
-        let (tolerance, derivative) = if single && !low && ranks * ranks > CONSISTENT_COST {
-            (consistent, Derivative::Consistent)
-        } else {
-            (interpolated, Derivative::Interpolated)
-        };
-        let precision = match derivative {
-            _ if single && tolerance >= SINGLE_TIGHTEST => Precision::Single,
-            Derivative::Consistent => Precision::Mixed,
-            Derivative::Interpolated => Precision::Double,
-        };
-        Plan { tolerance, derivative: Some(derivative), precision }
-    }
-}
-
-/// The share of the noise variance that leaves an error of a few percent in a gradient of this size.
-fn share_for(gradient: f64) -> f64 {
-    (PER_GRADIENT * gradient * gradient.sqrt()).clamp(SHARES[0], SHARES[1])
-}
-
-/// How a likelihood of low rank is computed.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Plan {
-    /// Largest remainder on the diagonal.
-    pub(super) tolerance: f64,
-    /// Its derivative by `ln l`, for a search.
-    pub(super) derivative: Option<Derivative>,
-    pub(super) precision: Precision,
-}
-
-/// Precision of a likelihood of low rank.
-#[derive(Clone, Copy, Debug)]
-pub(super) enum Precision {
-    Double,
-    /// A factor in double, products over the samples in single.
-    Mixed,
-    Single,
-}
-
-impl Plan {
-    /// How far off the gradient by `ln l` is, where the likelihood is for what it lacks.
-    pub(super) fn error_of_gradient(&self, l: f64, missing: f64) -> f64 {
-        let rounding = match self.precision {
-            Precision::Single => SINGLE_ERROR / self.tolerance,
-            Precision::Mixed | Precision::Double => 0.0,
-        };
-        rounding + self.derivative.map_or(0.0, |derivative| missing * times_missing(derivative, l))
-    }
-
-    /// For the residuals at the end.
-    pub(super) fn for_residuals(theta: Theta) -> Self {
-        Self {
-            tolerance: (AT_THE_END * theta.s.min(1.0) / theta.l.max(1.0)).max(ROUNDING),
-            derivative: None,
-            precision: Precision::Double,
+    /// Where the search ends on a model of the likelihood; `None` where the model is not to be relied on.
+    fn end_on_model(&self) -> Option<End> {
+        let at = self.trail.last()?.point;
+        let model = CubicModel::new(&self.trail, self.minimizer.curvatures()?)?;
+        let start = self.minimizer.best()?;
+        let at_start = model.predict(start.x)?;
+        if at_start.above_minimum > 2.0 * self.near {
+            return None;
         }
+        let enough = Tolerances::default().relative_decrease * at.value.abs().max(1.0);
+        // The model's value at the start of the step that is under way may differ from the one that was told.
+        let offset = start.value - at_start.value;
+        let (mut search, mut before) = (self.minimizer.clone(), start);
+        for _ in 0..MODEL_STEPS {
+            let Some(x) = search.wants() else { break };
+            if distance(x, at.x) > MODEL_RADIUS {
+                return None;
+            }
+            let predicted = model.predict(x)?;
+            search.tell(predicted.value + offset, predicted.gradient);
+            let now = search.best()?;
+            if now.x != before.x {
+                let nearly_stopping = before.value - now.value < NEARLY_STOPPING * enough;
+                if nearly_stopping && predicted.above_minimum > STATIONARY {
+                    return None;
+                }
+                before = now;
+            }
+        }
+        let optimum = search.best()?;
+        let predicted = model.predict(optimum.x)?;
+        let gain = at_start.value - predicted.value;
+        let convex = predicted.curvature > CERTAINLY_CONVEX * predicted.curvature_deviation;
+        let ends = search.wants().is_none() && predicted.above_minimum < STATIONARY;
+        let end = End { optimum, predicted, enough };
+        let trusted = end.is_known() || predicted.left <= TRUSTED * (at.value - predicted.value);
+        (convex && ends && gain <= self.near && trusted).then_some(end)
     }
 }
 
-/// How many times as far off as the likelihood its gradient by `ln l` is.
-fn times_missing(derivative: Derivative, l: f64) -> f64 {
-    match derivative {
-        Derivative::Consistent => CONSISTENT_ERROR,
-        Derivative::Interpolated => INTERPOLATED_ERROR * l.max(1.0) * (l / LONG).max(1.0),
+/// Where a search ends on a model.
+struct End {
+    optimum: Point<2>,
+    predicted: Predicted,
+    /// The stopping rule's decrease.
+    enough: f64,
+}
+
+impl End {
+    /// Whether the model knows the end well enough.
+    fn is_known(&self) -> bool {
+        self.predicted.left <= UNSEEN * self.enough
+    }
+
+    /// How exact a likelihood there is to be.
+    fn accuracy(&self) -> Accuracy {
+        let [u, v] = self.predicted.deviations;
+        let least = (2.0 * LEFT_BY_ERROR * self.enough * self.predicted.curvature).sqrt();
+        Accuracy { expected: u.max(v), fraction: ERROR_AT_END, least }
+    }
+
+    /// Whether the gradient there is not what the model said.
+    fn is_surprised_by(&self, seen: &Seen) -> bool {
+        (0..2).any(|i| {
+            let off = (seen.point.gradient[i] - self.predicted.gradient[i]).abs();
+            off > SURPRISE * self.predicted.deviations[i].hypot(seen.errors[i])
+        })
     }
 }
 
-/// Whether single precision serves the search.
-pub(super) fn single_serves(n: usize, theta: Theta) -> bool {
-    n as f64 <= WELL_CONDITIONED * theta.s
+/// Largest component of a gradient.
+fn steepness(point: &Point<2>) -> f64 {
+    point.gradient[0].abs().max(point.gradient[1].abs())
 }
 
-/// Rank up to which the low-rank form is the faster one.
-pub(super) fn max_rank(n: usize) -> usize {
-    2 * n / 5
+/// Largest difference of two places.
+fn distance(a: [f64; 2], b: [f64; 2]) -> f64 {
+    (a[0] - b[0]).abs().max((a[1] - b[1]).abs())
 }
