@@ -17,7 +17,10 @@ for name in ("OMP", "OPENBLAS", "MKL", "NUMBA"):
 ROWS = {
     "gpdc3": ("PCMCI + GPDC, 3 variables, T = 500, lag 1", "pcmci", "gpdc", ("chain", 3, 500), 1, 1, 100, 1),
     "fgpdc3": ("F-PCMCI + GPDC on the same", "fpcmci", "gpdc", ("chain", 3, 500), 1, 1, 100, None),
-    "gpdc8": ("PCMCI + GPDC, 8 variables, T = 1000, lag 1", "pcmci", "gpdc", ("chain", 8, 1000), 1, 1, 100, None),
+    "thor3": ("PCMCI + GPDC, a robot and a person (`thor`), 3 variables, T = 500, lag 1", "pcmci", "gpdc", ("thor", 3, 500), 1, 1, 100, None),
+    "fthor3": ("F-PCMCI + GPDC on the same", "fpcmci", "gpdc", ("thor", 3, 500), 1, 1, 100, None),
+    "thor1000": ("PCMCI + GPDC, a robot and a person (`thor`), 3 variables, T = 1000, lag 1", "pcmci", "gpdc", ("thor", 3, 1000), 1, 1, 100, None),
+    "gpdc8": ("PCMCI + GPDC, 8 variables, T = 1000, lag 1", "pcmci", "gpdc", ("chain", 8, 1000), 1, 1, 80, None),
     "parcorr20": ("PCMCI + ParCorr, N = 20, T = 2000, lag 5", "pcmci", "parcorr", ("var", 20, 2000), 1, 5, 200, 2),
     "parcorr50": ("PCMCI + ParCorr, N = 50, T = 500, lag 5", "pcmci", "parcorr", ("var", 50, 500), 1, 5, 200, 2),
     "plus10": ("PCMCI+ + ParCorr, N = 10, T = 500, lags 0-5", "pcmciplus", "parcorr", ("var", 10, 500), 0, 5, 200, None),
@@ -55,13 +58,31 @@ def make_data(kind, n, length):
     return x
 
 
+def recorded(work, length):
+    """The first batch of a run of the simulator, scenario `thor`: a table of its variables."""
+    import glob
+    import subprocess
+
+    import numpy as np
+
+    folder = f"{work}/thor{length}"
+    program = f"{os.environ.get('CARGO_TARGET_DIR', 'target')}/release/roscausal"
+    seconds = str(0.6 * length)
+    subprocess.run([program, "demo", "--scenario", "thor", "--seed", "101", "--duration", seconds, "--out", folder],
+                   check=True, capture_output=True)
+    table = np.genfromtxt(sorted(glob.glob(f"{folder}/pp_pool/analysed/*.csv"))[0], delimiter=",", names=True)
+    columns = np.column_stack([table[name] for name in table.dtype.names if name.startswith("h_")])
+    return columns[np.isfinite(columns).all(1)]
+
+
 def data_file(work, spec):
     import numpy as np
 
     path = f"{work}/{spec[0]}_{spec[1]}x{spec[2]}.csv"
     if not os.path.exists(path):
         names = ",".join(f"X{i}" for i in range(spec[1]))
-        np.savetxt(path, make_data(*spec), "%.17g", ",", header=names, comments="")
+        values = recorded(work, spec[2]) if spec[0] == "thor" else make_data(*spec)
+        np.savetxt(path, values, "%.17g", ",", header=names, comments="")
     return path
 
 

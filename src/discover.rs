@@ -15,7 +15,8 @@ use roscausal_core::{
     },
 };
 use roscausal_discovery::{
-    Control, DataFrame, Model, PcAlpha, Settings, analyse, independence_tests,
+    Control, DataFrame, Model, PcAlpha, Settings, analyse,
+    independence_tests::{self, GpSearch},
     methods::{Fdr, Method, MethodInfo},
     transfer_entropy::TeEstimator,
 };
@@ -102,6 +103,14 @@ pub(crate) struct MethodArgs {
         help = listed("Correction for many tests", Fdr::NAMES)
     )]
     fdr: String,
+    #[arg(long, default_value = GpSearch::default().name(), help = listed(
+        "How gpdc searches for the maximum of a likelihood (exact: every likelihood exact, slow; the same maxima)",
+        GpSearch::NAMES
+    ))]
+    gp_search: String,
+    /// Searches of gpdc from this many random places more, of which the best counts; 0: the reference's answers.
+    #[arg(long, default_value_t = 0, value_name = "N")]
+    gp_restarts: usize,
     /// Columns that nothing may cause (interventions, context), separated by commas.
     #[arg(long, value_delimiter = ',')]
     exogenous: Vec<String>,
@@ -287,6 +296,8 @@ impl MethodArgs {
             f_alpha: self.f_alpha,
             te_estimator: self.te_estimator.parse()?,
             fdr: self.fdr.parse()?,
+            gp_search: self.gp_search.parse()?,
+            gp_restarts: self.gp_restarts,
             exogenous: self.exogenous.clone(),
             seed,
             ..Settings::default()
@@ -327,6 +338,9 @@ impl MeansArgs {
             .map_err(|e| Error::param("threads", e))?;
         let mut model = pool.install(|| analyse(data, settings, &control))?;
         bar.finish_and_clear();
+        if let Some(effort) = control.effort() {
+            tracing::info!("{effort}");
+        }
         model.run_time_s = Some(start.elapsed().as_secs_f64());
         Ok(model)
     }

@@ -109,6 +109,8 @@ pub(crate) fn set_discovery(
         ("f_alpha", Value::Double(settings.f_alpha.unwrap_or(0.0))),
         ("te_estimator", text(settings.te_estimator.name())),
         ("fdr_method", text(settings.fdr.name())),
+        ("gp_search", text(settings.gp_search.name())),
+        ("gp_restarts", Value::Int(i64::try_from(settings.gp_restarts).unwrap_or(i64::MAX))),
         ("min_lag", Value::Int(settings.tau_min as i64)),
         ("max_lag", Value::Int(settings.tau_max as i64)),
         ("seed", Value::Int(i64::try_from(settings.seed).unwrap_or(i64::MAX))),

@@ -1,5 +1,6 @@
 #!/usr/bin/env bash
-# The native GPDC against the reference's Python implementation in an embedded interpreter (feature `python`).
+# The native GPDC against the reference's Python implementation in an embedded interpreter (feature `python`), and the maxima
+# of its Gaussian process likelihoods against scikit-learn's on regressions drawn anew (COUNT=20000 for a long night's run).
 # Exit 0 only when they agree; 77 when the Python packages cannot be had. Makes its own environment below target/.
 set -uo pipefail
 cd "$(dirname "$0")/.."
@@ -17,4 +18,14 @@ export PYO3_PYTHON=$venv/bin/python
 export LD_LIBRARY_PATH=$library${LD_LIBRARY_PATH:+:$LD_LIBRARY_PATH}
 PYTHONPATH=$("$venv/bin/python" -c "import sysconfig; print(sysconfig.get_paths()['purelib'])")
 export PYTHONPATH
-cargo test --release --locked --workspace --features roscausal_discovery/python --test gpdc_python
+cargo test --release --locked --workspace --features roscausal_discovery/python --test gpdc_python || exit 1
+
+cargo build --release --locked --workspace --bin roscausal --example gp_optima || exit 1
+target=${CARGO_TARGET_DIR:-target}/release
+recordings=$(mktemp -d)
+trap 'rm -rf "$recordings"' EXIT
+for seed in 1 2 3; do
+  "$target/roscausal" demo --scenario thor --seed $((RANDOM + 1)) --out "$recordings/thor$seed" >/dev/null &&
+    "$target/roscausal" demo --seed $((RANDOM + 1)) --out "$recordings/encounters$seed" >/dev/null || exit 1
+done
+"$venv/bin/python" tests/gpdc/optima.py "$target/examples/gp_optima" --count "${COUNT:-500}" --recordings "$recordings"

@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 
 use roscausal_discovery::{
     PcAlpha, Settings,
+    independence_tests::GpSearch,
     methods::{Fdr, Method},
     transfer_entropy::TeEstimator,
 };
@@ -72,6 +73,18 @@ pub(super) fn specs() -> Vec<ParamSpec> {
             text(TeEstimator::default().name()),
             OneOf(TeEstimator::NAMES),
             "estimator of the filter",
+        ),
+        ParamSpec::new(
+            "gp_search",
+            text(GpSearch::default().name()),
+            OneOf(GpSearch::NAMES),
+            "gpdc: likelihoods as exact as they must be, or all exact (slow; the same maxima)",
+        ),
+        ParamSpec::new(
+            "gp_restarts",
+            Int(0),
+            Range(0.0, 1000.0),
+            "gpdc: searches from this many random places more, of which the best counts",
         ),
         ParamSpec::new(
             "fdr_method",
@@ -164,6 +177,8 @@ impl DiscoveryParams {
             f_alpha: positive("f_alpha"),
             te_estimator: params.text("te_estimator").parse().map_err(in_the_nodes_words)?,
             fdr: params.text("fdr_method").parse().map_err(in_the_nodes_words)?,
+            gp_search: params.text("gp_search").parse().map_err(in_the_nodes_words)?,
+            gp_restarts: params.count("gp_restarts"),
             tau_min: params.count("min_lag"),
             tau_max: params.count("max_lag"),
             seed: params.int("seed").unsigned_abs(),

@@ -34,7 +34,7 @@ pub enum GpSearch {
 
 impl GpSearch {
     /// The names that [`str::parse`] knows.
-    pub const NAMES: [&str; 2] = ["default", "exact"];
+    pub const NAMES: &'static [&'static str] = &["default", "exact"];
 
     /// The name.
     pub fn name(self) -> &'static str {

@@ -313,8 +313,9 @@ impl GpOptimum {
             GaussianProcess::new(&rows, &Memory::new(settings.max_memory.unwrap_or(DEFAULT_MEMORY)));
         let TestSettings { gp_search, gp_restarts, seed, .. } = *settings;
         let how = SearchSettings { search: gp_search, restarts: gp_restarts, seed };
-        let fit = process.fit(&standardized(target), &how, &|| Ok(()))?;
-        Ok(Self { length_scale: fit.theta.l, noise: fit.theta.s, log_likelihood: fit.log_likelihood })
+        let target = standardized(target);
+        let theta = process.fit(&target, &how, &|| Ok(()))?.theta;
+        Ok(Self { length_scale: theta.l, noise: theta.s, log_likelihood: process.log_likelihood(&target, theta) })
     }
 }
 

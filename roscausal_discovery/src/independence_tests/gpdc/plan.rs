@@ -14,8 +14,8 @@ const ERROR_PER_FRACTION: f64 = 0.15;
 const ERRORS_PER_FRACTION: [f64; 2] = [0.02, 0.5];
 /// How many times the error of the likelihood that of its gradient by `ln l` is (measured beside whole matrices, the
 /// median): for the derivative of the truncated matrix, and for the interpolated one, which grows with the length scale.
-const CONSISTENT_ERROR: f64 = 10.0;
-const INTERPOLATED_ERROR: f64 = 100.0;
+const CONSISTENT_ERROR: f64 = 100.0;
+const INTERPOLATED_ERROR: f64 = 1000.0;
 const LONG: f64 = 5.0;
 /// Ranks below which the time is spent elsewhere.
 const LOW_RANK: f64 = 40.0;

@@ -64,7 +64,7 @@ pub(super) struct GaussianProcess {
 pub(super) struct Fit {
     /// Where it is.
     pub(super) theta: Theta,
-    /// Log marginal likelihood there.
+    /// Log marginal likelihood there, to about 1e-4.
     pub(super) log_likelihood: f64,
     /// Whether the search was repeated with tight likelihoods.
     pub(super) repeated: bool,
@@ -150,6 +150,12 @@ impl GaussianProcess {
             let Value { value, gradient, .. } = at.map_or(Value::NONE, |at| at.evaluate(target));
             Ok((value, gradient))
         })
+    }
+
+    /// The log marginal likelihood at `theta`, exact; minus infinity where there is none.
+    pub(super) fn log_likelihood(&self, target: &[f64], theta: Theta) -> f64 {
+        let at = Likelihood::whole(&self.inputs, theta, true, &self.memory);
+        -at.map_or(Value::NONE, |at| at.evaluate(target)).value
     }
 
     /// A place where the likelihood is higher than at the optimum `at`, which proves a better maximum, and the log likelihood
@@ -429,30 +435,28 @@ mod tests {
         }
     }
 
-    /// Of the published kind: a spike train's likelihood has a smooth maximum and a rough one.
+    /// A function with a coarse part and a fine one has a maximum for each: the search from `l = 1` may end in the lesser.
     #[test]
     fn restarts_find_the_better_of_two_maxima_and_a_probe_says_that_it_is_there() {
         let mut rng = super::super::pcg64::Pcg64::new(9);
         let mut two_maxima = 0;
         for _ in 0..30 {
-            let z: Vec<f64> = (0..120)
-                .map(|_| if rng.next_f64() < 0.2 { 3.0 * rng.next_f64() } else { 0.1 * rng.next_f64() })
-                .collect();
-            let y: Vec<f64> = z.iter().map(|z| z.sin() + (20.0 * z).sin() + 0.3 * rng.next_f64()).collect();
+            let z: Vec<f64> = (0..120).map(|_| 4.0 * rng.next_f64() - 2.0).collect();
+            let y: Vec<f64> = z.iter().map(|z| z + 0.8 * (9.0 * z).sin() + 0.3 * rng.next_f64()).collect();
             let (rows, y) = (vec![standardized(&z)], standardized(&y));
             let process = GaussianProcess::new(&rows, &Memory::new(0));
             let alone = process.fit(&y, &DEFAULT, &|| Ok(())).unwrap();
-            let best = process.fit(&y, &SearchSettings { restarts: 8, ..DEFAULT }, &|| Ok(())).unwrap();
-            assert!(best.log_likelihood >= alone.log_likelihood - 1e-9);
+            let settings = SearchSettings { restarts: 8, ..DEFAULT };
+            let best = process.fit(&y, &settings, &|| Ok(())).unwrap();
+            assert!(best.log_likelihood >= alone.log_likelihood);
             let probe = process.better_elsewhere(&y, alone.theta, alone.log_likelihood, &|| Ok(())).unwrap();
             if let Some((theta, log_likelihood)) = probe {
-                // Proven: the likelihood is higher there.
+                // It is true: the likelihood is higher there, and the restarts found it.
                 let exact = -by_definition(&rows, &y, theta);
                 assert!(exact > alone.log_likelihood && (exact - log_likelihood).abs() < 1.0);
+                assert!(best.log_likelihood > alone.log_likelihood + 0.05);
                 two_maxima += 1;
             }
-            let none = process.better_elsewhere(&y, best.theta, best.log_likelihood, &|| Ok(())).unwrap();
-            assert!(none.is_none() || best.log_likelihood < none.unwrap().1);
         }
         assert!(two_maxima > 0);
     }

@@ -22,9 +22,9 @@ use super::{
 };
 
 /// Likelihoods whose errors the shadows watch.
-const LOOSE: Level = Level { fraction: 1e-4, least: 1e-4, near: 1e-3, shadows: 4 };
+const LOOSE: Level = Level { fraction: 1e-4, least: 1e-4, near: 1e-4, shadows: 4 };
 /// Likelihoods whose errors are below what the path can tell.
-const TIGHT: Level = Level { fraction: 1e-8, least: 1e-8, near: 1e-3, shadows: 0 };
+const TIGHT: Level = Level { fraction: 1e-8, least: 1e-8, near: 1e-4, shadows: 0 };
 /// How many times its error a gradient or value is moved by for a shadow.
 const SAFETY: f64 = 3.0;
 /// Distance at which a shadow has left the path, in logarithms; and what each unit of the last step adds.
