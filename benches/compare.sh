@@ -17,5 +17,5 @@ if [ ! -e "$work/venv/complete" ]; then
     touch "$work/venv/complete"
 fi
 command -v java >/dev/null || echo "no java: the row of F-PCMCI will be empty (Debian: default-jre-headless)" >&2
-cargo build --quiet --release -p roscausal_core --example bench_case
+cargo build --quiet --release -p roscausal_discovery --example bench_case
 exec "$python" benches/compare.py --work "$work" "$@"

@@ -8,12 +8,8 @@ use std::{
 
 use clap::Args as ClapArgs;
 use indicatif::ProgressBar;
-use roscausal_core::{
-    Error, Result, Time,
-    discovery::{Model, Progress, analysis::Settings},
-    loopback::Loopback,
-    params::Value,
-};
+use roscausal_core::{Error, Result, Time, loopback::Loopback, params::Value};
+use roscausal_discovery::{Model, Progress, Settings};
 use roscausal_hrisim::{
     Scenario, Simulation,
     node::{Publisher, run_lockstep},

@@ -1,6 +1,7 @@
 //! `roscausal discover`: CSV files or recordings in, causal model out.
 
 use std::{
+    fmt::Display,
     path::{Path, PathBuf},
     time::Instant,
 };
@@ -12,10 +13,11 @@ use roscausal_core::{
         Table,
         joint::{Facts, Joint},
     },
-    discovery::{
-        Control, DataFrame, Model,
-        analysis::{self, PcAlpha, Settings},
-    },
+};
+use roscausal_discovery::{
+    Control, DataFrame, Model, PcAlpha, Settings, analyse, independence_tests,
+    methods::{Fdr, Method, MethodInfo},
+    transfer_entropy::TeEstimator,
 };
 
 use crate::{
@@ -73,32 +75,32 @@ enum Format {
 /// Arguments that say how to analyse, the same for every subcommand.
 #[derive(ClapArgs, Clone)]
 pub(crate) struct MethodArgs {
-    /// Discovery method: fpcmci, pcmci, pcmciplus, fullci, bivci, lagdep.
-    #[arg(long, default_value = "fpcmci")]
+    #[arg(long, default_value = Method::default().name(), help = listed("Discovery method", Method::names()))]
     method: String,
-    /// Independence test: gpdc, parcorr, robustparcorr, cmiknn, gsquared.
-    #[arg(long, default_value = "gpdc")]
+    #[arg(long, default_value = "gpdc", help = listed("Independence test", independence_tests::names()))]
     test: String,
     /// Significance level of a link, in (0, 1).
     #[arg(long, default_value_t = 0.05)]
     alpha: f64,
-    /// Smallest lag, in steps. Default: 1, pcmciplus 0.
-    #[arg(long)]
+    #[arg(long, help = format!("Smallest lag, in steps. Default: {}", default_of(|info| info.tau_min)))]
     tau_min: Option<usize>,
     /// Largest lag, in steps.
     #[arg(long, default_value_t = 1)]
     tau_max: usize,
-    /// Level of the condition selection, in (0, 1); `auto`: chosen by a score. Default: 0.2, pcmciplus 0.01.
-    #[arg(long)]
+    #[arg(long, help = format!(
+        "Level of the condition selection, in (0, 1); `auto`: chosen by a score. Default: {}",
+        default_of(|info| info.pc_alpha)
+    ))]
     pc_alpha: Option<String>,
     /// Level of F-PCMCI's filter; default: alpha.
     #[arg(long)]
     f_alpha: Option<f64>,
-    /// Estimator of F-PCMCI's filter: gaussian or kraskov.
-    #[arg(long, default_value = "gaussian")]
+    #[arg(long, default_value = TeEstimator::default().name(), help = listed("Estimator of F-PCMCI's filter", TeEstimator::NAMES))]
     te_estimator: String,
-    /// Correction for many tests: none or fdr_bh.
-    #[arg(long, default_value = "none", default_missing_value = "fdr_bh", num_args = 0..=1)]
+    #[arg(
+        long, default_value = Fdr::None.name(), default_missing_value = Fdr::Bh.name(), num_args = 0..=1,
+        help = listed("Correction for many tests", Fdr::NAMES)
+    )]
     fdr: String,
     /// Columns that nothing may cause (interventions, context), separated by commas.
     #[arg(long, value_delimiter = ',')]
@@ -117,6 +119,19 @@ pub(crate) struct MeansArgs {
     /// Megabytes that a test may take; more is refused before it starts.
     #[arg(long, value_name = "MB")]
     max_memory: Option<usize>,
+}
+
+/// The default of most methods, then that of each other one, by name.
+fn default_of<T: PartialEq + Display>(setting: fn(&MethodInfo) -> T) -> String {
+    let usual = setting(Method::default().info());
+    let others = Method::all().map(Method::info).filter(|info| setting(info) != usual);
+    others.fold(usual.to_string(), |text, info| format!("{text}, {} {}", info.name, setting(info)))
+}
+
+/// The help of an argument that takes one of these words.
+fn listed<'a>(what: &str, words: impl IntoIterator<Item = &'a (impl AsRef<str> + ?Sized + 'a)>) -> String {
+    let words: Vec<&str> = words.into_iter().map(AsRef::as_ref).collect();
+    format!("{what}: {}", words.join(", "))
 }
 
 /// Runs `roscausal discover`.
@@ -261,16 +276,17 @@ impl MethodArgs {
                 Error::param("pc-alpha", format!("'{text}' is neither a number in (0, 1) nor 'auto'"))
             })?),
         };
+        let method: Method = self.method.parse()?;
         let settings = Settings {
-            method: self.method.clone(),
+            method,
             cond_ind_test: self.test.clone(),
             alpha: self.alpha,
             pc_alpha,
-            tau_min: self.tau_min.unwrap_or(usize::from(self.method != "pcmciplus")),
+            tau_min: self.tau_min.unwrap_or(method.info().tau_min),
             tau_max: self.tau_max,
             f_alpha: self.f_alpha,
-            te_estimator: self.te_estimator.clone(),
-            fdr: self.fdr.clone(),
+            te_estimator: self.te_estimator.parse()?,
+            fdr: self.fdr.parse()?,
             exogenous: self.exogenous.clone(),
             seed,
             ..Settings::default()
@@ -309,7 +325,7 @@ impl MeansArgs {
             .num_threads(self.threads.unwrap_or(0))
             .build()
             .map_err(|e| Error::param("threads", e))?;
-        let mut model = pool.install(|| analysis::analyse(data, settings, &control))?;
+        let mut model = pool.install(|| analyse(data, settings, &control))?;
         bar.finish_and_clear();
         model.run_time_s = Some(start.elapsed().as_secs_f64());
         Ok(model)

@@ -1,6 +1,6 @@
 //! The model that the paper expects, held against the one that was found.
 
-use roscausal_core::discovery::Model;
+use roscausal_discovery::Model;
 use roscausal_hrisim::Scenario;
 
 /// The cross links of the paper's scenario (Castri et al. 2024, section 4), cause and effect.

@@ -2,11 +2,8 @@
 
 use std::fmt::Write;
 
-use roscausal_core::{
-    Error, Result,
-    batch::header::plain,
-    discovery::{Model, model::Link},
-};
+use roscausal_core::{Error, Result};
+use roscausal_discovery::{Link, Model, names::plain};
 
 /// The model as a directed graph for Graphviz: an edge per link, labelled with lag and strength.
 pub(crate) fn dot(model: &Model) -> String {

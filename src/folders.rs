@@ -5,7 +5,8 @@ use std::{
     path::{Path, PathBuf},
 };
 
-use roscausal_core::{Error, Result, batch::pool::Pool, discovery::Model};
+use roscausal_core::{Error, Result, batch::pool::Pool};
+use roscausal_discovery::Model;
 
 /// Says that a folder is of a demo or replay and may be emptied by the next one.
 const MARK: &str = ".roscausal_demo";

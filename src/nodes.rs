@@ -9,12 +9,12 @@ use std::{
 
 use roscausal_core::{
     Error, Result,
-    discovery::{Progress, analysis::Settings},
     loopback::{Loopback, LoopbackNode, LoopbackTask},
     middleware::Middleware,
     nodes,
     params::Value,
 };
+use roscausal_discovery::{Progress, Settings};
 
 use crate::folders::Folders;
 
@@ -102,13 +102,13 @@ pub(crate) fn set_discovery(
         ("res_dir", text(&folders.models.display().to_string())),
         ("batches_per_model", Value::Int(i64::from(batches))),
         ("keep_batches", Value::Bool(true)),
-        ("cd_method", text(&settings.method)),
+        ("cd_method", text(settings.method.name())),
         ("cond_ind_test", text(&settings.cond_ind_test)),
         ("sig_alpha", Value::Double(settings.alpha)),
         ("pc_alpha", Value::Double(settings.level_of_pc().unwrap_or(0.0))),
         ("f_alpha", Value::Double(settings.f_alpha.unwrap_or(0.0))),
-        ("te_estimator", text(&settings.te_estimator)),
-        ("fdr_method", text(&settings.fdr)),
+        ("te_estimator", text(settings.te_estimator.name())),
+        ("fdr_method", text(settings.fdr.name())),
         ("min_lag", Value::Int(settings.tau_min as i64)),
         ("max_lag", Value::Int(settings.tau_max as i64)),
         ("seed", Value::Int(i64::try_from(settings.seed).unwrap_or(i64::MAX))),

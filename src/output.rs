@@ -7,7 +7,8 @@ use std::{
 };
 
 use ndarray::ArrayView2;
-use roscausal_core::{Error, Result, discovery::Model, draw};
+use roscausal_core::{Error, Result};
+use roscausal_discovery::{Model, draw};
 
 use crate::export;
 

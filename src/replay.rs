@@ -7,12 +7,8 @@ use std::{
 };
 
 use clap::Args as ClapArgs;
-use roscausal_core::{
-    Error, Result, Time,
-    discovery::{Progress, analysis::Settings},
-    loopback::Loopback,
-    params::Value,
-};
+use roscausal_core::{Error, Result, Time, loopback::Loopback, params::Value};
+use roscausal_discovery::{Progress, Settings};
 
 use crate::{
     chart,

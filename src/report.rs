@@ -1,9 +1,6 @@
 //! A model in words and as a table.
 
-use roscausal_core::{
-    batch::header::plain,
-    discovery::{Model, model::Link},
-};
+use roscausal_discovery::{Link, Model, names::plain};
 
 /// The model as people read it: one sentence per link, then a table of all tested pairs.
 pub(crate) fn text(model: &Model) -> String {

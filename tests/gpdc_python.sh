@@ -17,4 +17,4 @@ export PYO3_PYTHON=$venv/bin/python
 export LD_LIBRARY_PATH=$library${LD_LIBRARY_PATH:+:$LD_LIBRARY_PATH}
 PYTHONPATH=$("$venv/bin/python" -c "import sysconfig; print(sysconfig.get_paths()['purelib'])")
 export PYTHONPATH
-cargo test --release --locked --workspace --features roscausal_core/python --test gpdc_python
+cargo test --release --locked --workspace --features roscausal_discovery/python --test gpdc_python

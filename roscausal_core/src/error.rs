@@ -43,6 +43,17 @@ pub enum Error {
 /// Result with this crate's [`Error`].
 pub type Result<T> = std::result::Result<T, Error>;
 
+impl From<roscausal_discovery::Error> for Error {
+    fn from(error: roscausal_discovery::Error) -> Self {
+        use roscausal_discovery::Error as Of;
+        match error {
+            Of::Param { name, reason } => Self::Param { name, reason },
+            Of::Data(reason) => Self::Data(reason),
+            Of::Cancelled(reason) => Self::Cancelled(reason),
+        }
+    }
+}
+
 impl Error {
     /// An [`Error::File`] from any displayable reason.
     pub fn file(path: impl Into<PathBuf>, reason: impl std::fmt::Display) -> Self {

@@ -1,19 +1,16 @@
-//! The core of ROS-Causal: causal discovery, the four nodes, and the one trait that stands between them and
-//! a middleware. Nothing here knows ROS, a network or the wall clock: time is an argument.
+//! The core of ROS-Causal: the four nodes, the batches they record and analyse, and the one trait that stands between
+//! them and a middleware. Nothing here knows ROS, a network or the wall clock: time is an argument.
 
 pub mod batch;
-pub mod discovery;
-pub mod draw;
 pub mod error;
+pub mod external;
 pub mod gate;
 pub mod inbox;
-pub mod independence_tests;
 pub mod laws;
 pub mod loopback;
 pub mod middleware;
 pub mod nodes;
 pub mod params;
-mod special;
 pub mod state;
 
 pub use error::{Error, Result};

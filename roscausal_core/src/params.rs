@@ -2,7 +2,10 @@
 
 use std::{collections::BTreeMap, fmt};
 
-use crate::{Error, Result, batch::header, middleware::Middleware};
+use crate::{Error, Result, middleware::Middleware};
+
+/// The known name that a user may have meant.
+pub use roscausal_discovery::names::nearest;
 
 /// A parameter value, as the ROS parameter server and ROS 2 parameters know them.
 #[derive(Clone, Debug, PartialEq)]
@@ -91,7 +94,7 @@ impl ParamSpec {
                 ))
             }
             Allowed::OneOf(words) if !words.contains(&value.to_string().as_str()) => {
-                let hint = header::nearest(words, &value.to_string());
+                let hint = nearest(words, &value.to_string());
                 let hint = hint.map_or(String::new(), |near| format!("did you mean '{near}'? "));
                 Err(Error::param(
                     self.name,
@@ -230,7 +233,7 @@ impl Params {
 fn unknown<'a>(set: &'a [String], specs: &[ParamSpec]) -> Vec<(&'a str, Option<String>)> {
     let names: Vec<&str> = specs.iter().map(|spec| spec.name).collect();
     let known = |name: &&String| names.contains(&name.as_str()) || name.as_str() == "use_sim_time";
-    let near = |name: &str| header::nearest(&names, name).map(str::to_owned);
+    let near = |name: &str| nearest(&names, name).map(str::to_owned);
     set.iter().filter(|name| !known(name)).map(|name| (name.as_str(), near(name))).collect()
 }
 

@@ -10,9 +10,9 @@ use roscausal_core::{
         journal::{self, Header, Sample},
         postprocess::Feature,
     },
-    discovery::Model,
     params::{Allowed, ParamSpec, Value},
 };
+use roscausal_discovery::Model;
 use roscausal_fuzz::{Allocator, Target};
 
 #[global_allocator]

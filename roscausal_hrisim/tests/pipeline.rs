@@ -12,15 +12,12 @@ use std::{
 use roscausal_core::{
     Time,
     batch::joint::{Facts, Joint, People},
-    discovery::{
-        Control, Model,
-        analysis::{Settings, analyse},
-    },
     loopback::Loopback,
     middleware::Middleware,
     nodes,
     params::Value,
 };
+use roscausal_discovery::{Control, Model, Settings, analyse, methods::Method};
 use roscausal_hrisim::{Scenario, Simulation, node::run_lockstep};
 
 fn text(text: impl std::fmt::Display) -> Value {
@@ -94,7 +91,7 @@ fn everybody_is_recorded_with_goals_robots_and_interventions() {
     let known = pooled.data.recordings().iter().flatten().filter(|value| value.is_finite()).count();
     assert_eq!(known, 2 * 5 * 130 * 4);
     let settings = Settings {
-        method: "pcmci".into(),
+        method: Method::Pcmci,
         cond_ind_test: "parcorr".into(),
         exogenous: pooled.exogenous,
         ..Settings::default()

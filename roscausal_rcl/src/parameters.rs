@@ -7,9 +7,8 @@ use std::{
 
 use roscausal_core::{
     Result,
-    batch::header::nearest,
     gate::lock,
-    params::{Allowed, ParamSpec, Value},
+    params::{Allowed, ParamSpec, Value, nearest},
 };
 
 /// The parameters of one node.

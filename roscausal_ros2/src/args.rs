@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use roscausal_core::{batch::header::nearest, params::Value};
+use roscausal_core::params::{Value, nearest};
 use roscausal_rcl::{BadArgument, Enclave, Names, Network, ParamFile, Remap};
 use tracing::level_filters::LevelFilter;
 

@@ -1,6 +1,7 @@
 //! What an experiment varies: scenarios, lengths, steps, risks, tests and methods.
 
-use roscausal_core::{Error, Result, batch::risk::RiskModel, discovery::analysis::Settings};
+use roscausal_core::{Error, Result, batch::risk::RiskModel};
+use roscausal_discovery::{Settings, methods::Method};
 use serde::{Deserialize, Serialize};
 
 /// Everything that makes a run but its seed.
@@ -13,7 +14,7 @@ pub(crate) struct Setting {
     pub(crate) step: f64,
     pub(crate) risk_model: String,
     pub(crate) risk_lag: usize,
-    pub(crate) method: String,
+    pub(crate) method: Method,
     pub(crate) test: String,
 }
 
@@ -25,7 +26,7 @@ pub(crate) struct Grid {
     pub(crate) steps: Vec<f64>,
     pub(crate) risk_models: Vec<String>,
     pub(crate) risk_lags: Vec<usize>,
-    pub(crate) methods: Vec<String>,
+    pub(crate) methods: Vec<Method>,
     pub(crate) tests: Vec<String>,
 }
 
@@ -56,7 +57,7 @@ impl Grid {
         if let Some(lag) = self.risk_lags.iter().find(|lag| **lag > 1) {
             return Err(Error::param("risk-lags", format!("{lag} is not allowed; use 0 or 1")));
         }
-        self.settings(true).iter().try_for_each(|setting| setting.analysis(analysis).check())
+        Ok(self.settings(true).iter().try_for_each(|setting| setting.analysis(analysis).check())?)
     }
 
     /// The settings of a sweep: the base, and each other value of each factor with the rest at the base; with
@@ -68,7 +69,7 @@ impl Grid {
                 for (c, &step) in self.steps.iter().enumerate() {
                     for (d, risk_model) in self.risk_models.iter().enumerate() {
                         for (e, &risk_lag) in self.risk_lags.iter().enumerate() {
-                            for (f, method) in self.methods.iter().enumerate() {
+                            for (f, &method) in self.methods.iter().enumerate() {
                                 for (g, test) in self.tests.iter().enumerate() {
                                     let off_base =
                                         [a, b, c, d, e, f, g].iter().filter(|place| **place > 0).count();
@@ -79,7 +80,7 @@ impl Grid {
                                             step,
                                             risk_model: risk_model.clone(),
                                             risk_lag,
-                                            method: method.clone(),
+                                            method,
                                             test: test.clone(),
                                         });
                                     }
@@ -98,9 +99,9 @@ impl Setting {
     /// The analysis of this setting: its method and test, the rest as in `base`.
     pub(crate) fn analysis(&self, base: &Settings) -> Settings {
         Settings {
-            method: self.method.clone(),
+            method: self.method,
             cond_ind_test: self.test.clone(),
-            tau_min: if self.method == "pcmciplus" { 0 } else { base.tau_min },
+            tau_min: self.method.info().tau_min,
             ..base.clone()
         }
     }
@@ -113,7 +114,7 @@ impl Setting {
             self.step.to_string(),
             self.risk_model.clone(),
             self.risk_lag.to_string(),
-            self.method.clone(),
+            self.method.to_string(),
             self.test.clone(),
         ]
     }
@@ -157,7 +158,7 @@ mod tests {
             steps: vec![0.3, 0.1],
             risk_models: texts(&["v1_1"]),
             risk_lags: vec![1, 0],
-            methods: texts(&["fpcmci", "pcmci"]),
+            methods: vec![Method::Fpcmci, Method::Pcmci],
             tests: texts(&["gpdc"]),
         }
     }

@@ -16,10 +16,8 @@ use std::{
 
 use clap::{Args as ClapArgs, Subcommand};
 use indicatif::ProgressBar;
-use roscausal_core::{
-    Error, Result,
-    discovery::analysis::{PcAlpha, Settings},
-};
+use roscausal_core::{Error, Result};
+use roscausal_discovery::{PcAlpha, Settings};
 use roscausal_hrisim::Scenario;
 
 use crate::{chart, interrupt::Interrupt, output};
@@ -148,14 +146,14 @@ struct Job {
 }
 
 impl Sweep {
-    fn grid(&self) -> Grid {
+    fn grid(&self) -> Result<Grid> {
         let mut grid = Grid {
             scenarios: self.scenarios.clone(),
             lengths: self.lengths.clone(),
             steps: self.steps.clone(),
             risk_models: self.risk_models.clone(),
             risk_lags: self.risk_lags.clone(),
-            methods: self.methods.clone(),
+            methods: self.methods.iter().map(|name| name.parse()).collect::<std::result::Result<_, _>>()?,
             tests: self.tests.clone(),
         };
         if self.default {
@@ -167,7 +165,7 @@ impl Sweep {
             grid.methods.truncate(1);
             grid.tests.truncate(1);
         }
-        grid
+        Ok(grid)
     }
 
     fn analysis(&self) -> Result<Settings> {
@@ -183,12 +181,13 @@ impl Sweep {
             tau_max: self.tau_max,
             ..Settings::default()
         };
-        settings.check().map(|()| settings)
+        settings.check()?;
+        Ok(settings)
     }
 
     /// Does what is not done yet; the runs of this sweep that are there then.
     fn run(&self, interrupt: &Interrupt) -> Result<Vec<Run>> {
-        let (grid, analysis) = (self.grid(), self.analysis()?);
+        let (grid, analysis) = (self.grid()?, self.analysis()?);
         grid.check(&analysis)?;
         let common = Common { analysis, risk_noise: self.risk_noise, out: self.out.clone() };
         let jobs = self.jobs(&grid)?;

@@ -2,7 +2,7 @@
 
 use std::{collections::BTreeMap, fmt::Write};
 
-use roscausal_core::draw::{Curve, Panel, curves};
+use roscausal_discovery::draw::{Curve, Panel, curves};
 
 use super::{grid::Setting, runs::Run};
 use crate::expected::PAPER;
@@ -117,7 +117,7 @@ fn groups(runs: &[Run]) -> Vec<Group<'_>> {
     groups.sort_by(|a, b| {
         let order = |s: &Setting| {
             let words =
-                (s.scenario.clone(), s.method.clone(), s.test.clone(), s.risk_model.clone(), s.risk_lag);
+                (s.scenario.clone(), s.method.name(), s.test.clone(), s.risk_model.clone(), s.risk_lag);
             (words, s.step, s.length)
         };
         let (a, b) = (order(a.setting), order(b.setting));
@@ -357,6 +357,8 @@ fn plot(groups: &[Group<'_>], factor: Factor) -> String {
 
 #[cfg(test)]
 mod tests {
+    use roscausal_discovery::methods::Method;
+
     use super::*;
 
     fn run(length: f64, seed: u64, found: &[(&str, &str)]) -> Run {
@@ -369,7 +371,7 @@ mod tests {
             step: 0.3,
             risk_model: "v1_1".into(),
             risk_lag: 1,
-            method: "fpcmci".into(),
+            method: Method::Fpcmci,
             test: "gpdc".into(),
         };
         Run {

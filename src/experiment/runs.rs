@@ -13,8 +13,8 @@ use roscausal_core::{
         Recording,
         postprocess::{Feature, Obstacle, Postprocess},
     },
-    discovery::{Control, DataFrame, analysis, analysis::Settings},
 };
+use roscausal_discovery::{Control, DataFrame, Settings, analyse};
 use roscausal_hrisim::Scenario;
 use serde::{Deserialize, Serialize};
 
@@ -104,7 +104,7 @@ impl Common {
         let data = DataFrame::new(tables, names)?;
         let control = Control::default().cancel_on(interrupt.flag());
         let start = Instant::now();
-        let model = analysis::analyse(&data, &settings, &control)?;
+        let model = analyse(&data, &settings, &control)?;
         let run_time_s = start.elapsed().as_secs_f64();
         let mut found: Vec<(String, String)> =
             model.links.iter().map(|link| (link.cause.clone(), link.effect.clone())).collect();

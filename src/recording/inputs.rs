@@ -3,7 +3,10 @@
 use std::path::Path;
 
 use clap::Args as ClapArgs;
-use roscausal_core::{Error, Result, Time, batch::header::nearest, nodes, params::Value};
+use roscausal_core::{
+    Error, Result, Time, nodes,
+    params::{Value, nearest},
+};
 use roscausal_recording::{Recording, Topic};
 
 use crate::nodes::RECORDING;

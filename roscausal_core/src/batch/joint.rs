@@ -8,8 +8,10 @@ use std::{
 
 use ndarray::Array2;
 
-use super::{Table, header, pool::sidecar};
-use crate::{Error, Result, discovery::DataFrame};
+use roscausal_discovery::{DataFrame, names};
+
+use super::{Table, pool::sidecar};
+use crate::{Error, Result};
 
 /// Fewer rows without a missing value than this tell nothing of one person.
 const FEWEST_ROWS: usize = 30;
@@ -224,7 +226,7 @@ impl Joint {
         let mut tables = Vec::new();
         for columns in recordings {
             let find =
-                |name: &String| columns.iter().find(|(other, _)| header::plain(other) == header::plain(name));
+                |name: &String| columns.iter().find(|(other, _)| names::plain(other) == names::plain(name));
             let mut found = Vec::new();
             for name in &names {
                 let Some((_, values)) = find(name) else {

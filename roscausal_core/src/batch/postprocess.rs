@@ -2,13 +2,15 @@
 
 use std::str::FromStr;
 
+use roscausal_discovery::names::plain;
+
 use super::{
     expression::{Expression, Scope, body},
     recording::{Column, Recording},
     risk::{Body, RiskModel, risk_exponent},
     tracks::{FIELDS, Values},
 };
-use crate::{Error, Result, batch::header};
+use crate::{Error, Result};
 
 /// `exp` of more is not told apart: risks stay finite.
 const LARGEST_EXPONENT: f64 = 50.0;
@@ -137,7 +139,7 @@ impl Feature {
             definitions.iter().map(parse).collect::<Result<_>>()?
         };
         for (i, feature) in features.iter().enumerate() {
-            if features[..i].iter().any(|other| header::plain(&other.name) == header::plain(&feature.name)) {
+            if features[..i].iter().any(|other| plain(&other.name) == plain(&feature.name)) {
                 return Err(Error::param("features", format!("'{}' is defined twice", feature.name)));
             }
         }

@@ -5,8 +5,10 @@ use std::{fs::File, io::Read, path::Path};
 use csv::{ByteRecord, ReaderBuilder};
 use ndarray::Array2;
 
+use roscausal_discovery::{DataFrame, names};
+
 use super::header;
-use crate::{Error, Result, discovery::DataFrame};
+use crate::{Error, Result};
 
 /// Names that mark the column of sample times (seconds), which is not a variable.
 const TIME_NAMES: [&str; 4] = ["time", "t", "timestamp", "stamp"];
@@ -76,7 +78,7 @@ impl Table {
     /// # Errors
     /// Fewer than two variables.
     pub fn into_data_frame(self) -> Result<DataFrame> {
-        DataFrame::new(vec![self.values], self.names)
+        Ok(DataFrame::new(vec![self.values], self.names)?)
     }
 
     fn parse(bytes: &[u8], wanted: Option<&[String]>) -> std::result::Result<Self, Complaint> {
@@ -199,9 +201,9 @@ fn check_names(names: &[String]) -> std::result::Result<(), String> {
 fn chosen(header: &[String], wanted: &[String]) -> std::result::Result<Vec<usize>, String> {
     let mut columns = Vec::new();
     for name in wanted {
-        let Some(column) = header::position(header, name) else {
-            let hint = header::nearest(header, name)
-                .map_or(String::new(), |near| format!("did you mean '{near}'? "));
+        let Some(column) = names::position(header, name) else {
+            let hint =
+                names::nearest(header, name).map_or(String::new(), |near| format!("did you mean '{near}'? "));
             return Err(format!("there is no column '{name}'; {hint}columns: {}", header.join(", ")));
         };
         if columns.contains(&column) {

@@ -11,6 +11,7 @@ use std::{
     time::Duration,
 };
 
+use roscausal_discovery::{Control, Model, Progress, Settings, analyse, draw};
 use roscausal_msgs::{
     CausalModel, CausalModelInfo, Time,
     sensor_msgs::{CompressedImage, Image},
@@ -28,12 +29,7 @@ use crate::{
         joint::{Facts, Joint, People},
         pool::{Claim, Pool, write_whole},
     },
-    discovery::{
-        Control, Model, Progress,
-        analysis::{self, Settings},
-        external,
-    },
-    draw,
+    external,
     middleware::{Middleware, Publish, Qos},
     params::Params,
 };
@@ -355,7 +351,7 @@ fn method(params: &DiscoveryParams, paths: &[PathBuf], control: &Control) -> Res
         let settings = Settings { exogenous: part.exogenous, ..params.settings.clone() };
         let mut model = match &params.program {
             Some(program) => external::run(program, paths, &settings, params.threads, control)?,
-            None => in_pool(params.threads, || analysis::analyse(&part.data, &settings, control))?,
+            None => in_pool(params.threads, || Ok(analyse(&part.data, &settings, control)?))?,
         };
         model.dt = joint.dt();
         model.n_recordings = part.data.recordings().len();

@@ -2,14 +2,16 @@
 
 use std::path::{Path, PathBuf};
 
+use roscausal_discovery::{
+    PcAlpha, Settings,
+    methods::{Fdr, Method},
+    transfer_entropy::TeEstimator,
+};
+
 use crate::{
     Error, Result,
     batch::joint::People,
-    discovery::{
-        analysis,
-        analysis::{PcAlpha, Settings},
-        external,
-    },
+    external,
     params::{Allowed, ParamSpec, Params, Value},
 };
 
@@ -46,9 +48,9 @@ pub(super) fn specs() -> Vec<ParamSpec> {
         ParamSpec::new("id_format", text("%Y%m%d_%H%M%S"), Any, "strftime format of the batches' ids"),
         ParamSpec::new(
             "cd_method",
-            text("fpcmci"),
+            text(Method::default().name()),
             Any,
-            "fpcmci, pcmci, pcmciplus, or a program in cd_method_dir",
+            "fpcmci, pcmci, pcmciplus, fullci, bivci, lagdep, or a program in cd_method_dir",
         ),
         ParamSpec::new("cd_method_dir", text(""), Any, "folder of methods that are programs"),
         ParamSpec::new(
@@ -67,11 +69,16 @@ pub(super) fn specs() -> Vec<ParamSpec> {
         ParamSpec::new("f_alpha", Double(0.0), Range(0.0, 0.999), "level of the filter; 0: sig_alpha"),
         ParamSpec::new(
             "te_estimator",
-            text("gaussian"),
-            OneOf(&["gaussian", "kraskov"]),
+            text(TeEstimator::default().name()),
+            OneOf(TeEstimator::NAMES),
             "estimator of the filter",
         ),
-        ParamSpec::new("fdr_method", text("none"), OneOf(&["none", "fdr_bh"]), "correction for many tests"),
+        ParamSpec::new(
+            "fdr_method",
+            text(Fdr::default().name()),
+            OneOf(Fdr::NAMES),
+            "correction for many tests",
+        ),
         ParamSpec::new("min_lag", Int(1), Range(0.0, 1000.0), "smallest lag, in steps"),
         ParamSpec::new("max_lag", Int(1), Range(1.0, 1000.0), "largest lag, in steps"),
         ParamSpec::new("seed", Int(42), Range(0.0, 9e15), "seed of all random numbers"),
@@ -143,21 +150,20 @@ pub(super) fn specs() -> Vec<ParamSpec> {
 impl DiscoveryParams {
     pub(super) fn new(params: &Params) -> Result<Self> {
         let positive = |name: &str| Some(params.double(name)).filter(|value| *value > 0.0);
-        let method = params.text("cd_method").to_lowercase();
-        let program = match params.text_if_set("cd_method_dir") {
-            Some(dir) if !analysis::is_built_in(&method) => {
-                Some(external::program(Path::new(&dir), &params.text("cd_method"))?)
-            }
-            _ => None,
+        let named = params.text("cd_method");
+        let (method, program) = match (named.parse(), params.text_if_set("cd_method_dir")) {
+            (Ok(method), _) => (method, None),
+            (Err(_), Some(dir)) => (Method::default(), Some(external::program(Path::new(&dir), &named)?)),
+            (Err(error), None) => return Err(in_the_nodes_words(error)),
         };
         let settings = Settings {
-            method: if program.is_some() { params.text("cd_method") } else { method },
+            method,
             cond_ind_test: params.text("cond_ind_test"),
             alpha: params.double("sig_alpha"),
             pc_alpha: positive("pc_alpha").map_or(PcAlpha::ByScore, PcAlpha::Fixed),
             f_alpha: positive("f_alpha"),
-            te_estimator: params.text("te_estimator"),
-            fdr: params.text("fdr_method"),
+            te_estimator: params.text("te_estimator").parse().map_err(in_the_nodes_words)?,
+            fdr: params.text("fdr_method").parse().map_err(in_the_nodes_words)?,
             tau_min: params.count("min_lag"),
             tau_max: params.count("max_lag"),
             seed: params.int("seed").unsigned_abs(),
@@ -188,8 +194,8 @@ impl DiscoveryParams {
 }
 
 /// The settings' names as this node's parameters are called.
-fn in_the_nodes_words(error: Error) -> Error {
-    match error {
+fn in_the_nodes_words(error: roscausal_discovery::Error) -> Error {
+    match Error::from(error) {
         Error::Param { name, reason } => {
             let name = match name.as_str() {
                 "method" => "cd_method",
@@ -203,5 +209,36 @@ fn in_the_nodes_words(error: Error) -> Error {
             Error::param(name.replace('-', "_"), reason)
         }
         other => other,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use roscausal_discovery::independence_tests;
+
+    use super::*;
+    use crate::loopback::Loopback;
+
+    #[test]
+    fn the_descriptions_name_every_method_and_every_test() {
+        let specs = specs();
+        let described = |name: &str| specs.iter().find(|spec| spec.name == name).expect(name).description;
+        assert!(Method::names().all(|name| described("cd_method").contains(name)));
+        let mut tests = independence_tests::names().filter(|name| *name != "gpdcpython");
+        assert!(tests.all(|name| described("cond_ind_test").contains(name)));
+    }
+
+    #[test]
+    fn an_unknown_method_or_estimator_is_an_error_that_names_the_nearest() {
+        for (name, value, near) in
+            [("cd_method", "pcmcipls", "pcmciplus"), ("te_estimator", "krskov", "kraskov")]
+        {
+            let bus = Loopback::lockstep();
+            bus.set_node_param("discovery", name, Value::Str(value.into()));
+            let params = Params::read(&bus.node("discovery"), &specs());
+            let error =
+                params.and_then(|params| DiscoveryParams::new(&params)).err().expect(value).to_string();
+            assert!(error.contains(name) && error.contains(&format!("did you mean '{near}'?")), "{error}");
+        }
     }
 }

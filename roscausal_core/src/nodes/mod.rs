@@ -17,7 +17,11 @@ use std::{
     task::{Context, Poll, Waker},
 };
 
-use crate::{Error, Result, batch::header, middleware::Middleware, params::ParamSpec};
+use crate::{
+    Error, Result,
+    middleware::Middleware,
+    params::{ParamSpec, nearest},
+};
 
 pub use data::{data, data_with};
 pub use discovery::{discovery, discovery_with};
@@ -106,7 +110,7 @@ pub(crate) fn in_namespace(parameter: &str, name: &str, topic: &str) -> Result<S
 }
 
 fn unknown_node(name: &str) -> Error {
-    let hint = header::nearest(&NODES, name).map_or(String::new(), |near| format!("did you mean '{near}'? "));
+    let hint = nearest(&NODES, name).map_or(String::new(), |near| format!("did you mean '{near}'? "));
     Error::param("node", format!("there is no node '{name}'; {hint}nodes: {}", NODES.join(", ")))
 }
 

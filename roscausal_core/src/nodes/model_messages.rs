@@ -1,16 +1,13 @@
 //! A [`Model`] as the messages that the discovery node publishes.
 
+use roscausal_discovery::{Link, Model, draw};
 use roscausal_msgs::{
     CausalLink, CausalModel, CausalModelInfo, Time,
     sensor_msgs::{CompressedImage, Image},
     std_msgs::{Float32MultiArray, Header, Int32MultiArray, MultiArrayDimension, MultiArrayLayout},
 };
 
-use crate::{
-    Result,
-    discovery::{Model, model::Link},
-    draw,
-};
+use crate::Result;
 
 /// Where and when a model comes from.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -130,8 +127,21 @@ fn names_not_in(model: &Model, other: &Model) -> Vec<String> {
 
 #[cfg(test)]
 mod tests {
+    use roscausal_discovery::{Matrices, Settings};
+
     use super::*;
-    use crate::discovery::model::example;
+
+    /// Three variables and six links, all at lag 1.
+    fn example() -> Model {
+        let links = [(0, 0), (1, 1), (0, 1), (1, 0), (2, 0), (0, 2)];
+        let mark = |i, j| if links.contains(&(i, j)) { "-->".to_owned() } else { String::new() };
+        let graph = (0..3).map(|i| (0..3).map(|j| vec![String::new(), mark(i, j)]).collect()).collect();
+        let numbers = |v: f64| vec![vec![vec![0.0, v]; 3]; 3];
+        let names = ["h_v", "h_dg", "h_risk"].map(str::to_owned).to_vec();
+        let matrices =
+            Matrices { graph, val_matrix: numbers(0.49), p_matrix: numbers(0.001), n_lost: vec![] };
+        Settings::default().blank_model().with_matrices(names, matrices)
+    }
 
     #[test]
     fn arrays_are_lag_target_source_and_say_so() {

@@ -1,0 +1,214 @@
+//! A method in another language: a program that reads batches and answers with matrices.
+//!
+//! It is called `PROGRAM BATCH.csv [BATCH.csv ...]`, gets the settings as one JSON object on stdin, and prints one
+//! JSON object on stdout: `features`, `val_matrix` and `p_matrix` as `[cause][effect][lag 0..=tau_max]`, and
+//! optionally `graph` (marks; otherwise `-->` where p <= alpha and the lag is from tau_min on).
+
+use std::{
+    io::{Read, Write},
+    path::{Path, PathBuf},
+    process::{Child, Command, Stdio},
+    thread,
+    time::Duration,
+};
+
+use roscausal_discovery::{Control, Matrices, Model, Settings};
+use serde::Deserialize;
+
+use crate::{Error, Result, params::nearest};
+
+/// What a program may print at most, in bytes.
+const MAX_OUTPUT: u64 = 64 << 20;
+const LOOK_AGAIN: Duration = Duration::from_millis(50);
+
+#[derive(Deserialize)]
+struct Answer {
+    features: Vec<String>,
+    val_matrix: Vec<Vec<Vec<f64>>>,
+    p_matrix: Vec<Vec<Vec<f64>>>,
+    graph: Option<Vec<Vec<Vec<String>>>>,
+}
+
+/// The program of the method `name` in the folder `dir`.
+///
+/// # Errors
+/// A name that leaves the folder, or no such program; names what there is.
+pub fn program(dir: &Path, name: &str) -> Result<PathBuf> {
+    if name.contains(['/', '\\']) || name.starts_with('.') {
+        return Err(Error::param(
+            "cd_method",
+            format!("'{name}' is no name of a program in {}", dir.display()),
+        ));
+    }
+    let path = dir.join(name);
+    if path.is_file() {
+        return Ok(path);
+    }
+    let entries = std::fs::read_dir(dir).map_err(|e| Error::file(dir, e))?;
+    let mut known: Vec<String> = entries.flatten().filter_map(|e| e.file_name().into_string().ok()).collect();
+    known.sort();
+    let hint = nearest(&known, name).map_or(String::new(), |near| format!("did you mean '{near}'? "));
+    let reason = format!("there is no '{name}' in {}; {hint}there: {}", dir.display(), known.join(", "));
+    Err(Error::param("cd_method", reason))
+}
+
+/// Runs the program on `batches` and makes its answer a model; ends it when `control` says so.
+///
+/// # Errors
+/// A program that does not start, fails, is stopped, or answers with something else than described above.
+pub fn run(
+    program: &Path,
+    batches: &[PathBuf],
+    settings: &Settings,
+    threads: usize,
+    control: &Control,
+) -> Result<Model> {
+    let parameters = serde_json::json!({
+        "alpha": settings.alpha, "pc_alpha": settings.level_of_pc(), "f_alpha": settings.f_alpha,
+        "cond_ind_test": settings.cond_ind_test, "tau_min": settings.tau_min, "tau_max": settings.tau_max,
+        "fdr": settings.fdr.name(), "seed": settings.seed, "exogenous": settings.exogenous,
+        "threads": threads, "max_memory": settings.max_memory,
+    });
+    let fault = |e: &dyn std::fmt::Display| Error::file(program, e);
+    let mut child = Command::new(program)
+        .args(batches)
+        .stdin(Stdio::piped())
+        .stdout(Stdio::piped())
+        .stderr(Stdio::inherit())
+        .spawn()
+        .map_err(|e| fault(&format!("the method does not start: {e}")))?;
+    if let Some(bytes) = settings.max_memory {
+        limit_memory(&child, bytes);
+    }
+    if let Some(mut stdin) = child.stdin.take() {
+        // A program that does not read its settings closes the pipe; that is its own affair.
+        let _ = stdin.write_all(parameters.to_string().as_bytes());
+    }
+    let stdout = child.stdout.take().ok_or_else(|| fault(&"its output cannot be read"))?;
+    let reader = thread::spawn(move || {
+        let mut text = Vec::new();
+        stdout.take(MAX_OUTPUT).read_to_end(&mut text).map(|_| text)
+    });
+    wait(&mut child, program, control)?;
+    let text = reader.join().map_err(|_| fault(&"reading its output failed"))?.map_err(|e| fault(&e))?;
+    let answer: Answer =
+        serde_json::from_slice(&text).map_err(|e| fault(&format!("its answer is not as documented: {e}")))?;
+    let name = program.file_name().unwrap_or_default().to_string_lossy().into_owned();
+    model(answer, name, settings).map_err(|reason| fault(&reason))
+}
+
+/// What a program asks for beyond `bytes` it does not get.
+fn limit_memory(child: &Child, bytes: usize) {
+    #[cfg(target_os = "linux")]
+    {
+        use rustix::process::{Pid, Resource, Rlimit, prlimit};
+        let most = Some(bytes as u64);
+        let limited =
+            prlimit(Some(Pid::from_child(child)), Resource::As, Rlimit { current: most, maximum: most });
+        // It may have ended already.
+        if let Err(error) = limited {
+            tracing::debug!("max_memory does not hold for this program: {error}");
+        }
+    }
+    #[cfg(not(target_os = "linux"))]
+    let _ = (child, bytes);
+}
+
+fn wait(child: &mut Child, program: &Path, control: &Control) -> Result<()> {
+    loop {
+        if let Some(status) = child.try_wait().map_err(|e| Error::file(program, e))? {
+            return if status.success() {
+                Ok(())
+            } else {
+                Err(Error::file(
+                    program,
+                    format!("the method failed ({status}); its own words are on stderr"),
+                ))
+            };
+        }
+        if let Err(stopped) = control.check() {
+            let _ = child.kill();
+            let _ = child.wait();
+            return Err(stopped.into());
+        }
+        thread::sleep(LOOK_AGAIN);
+    }
+}
+
+fn model(answer: Answer, method: String, settings: &Settings) -> std::result::Result<Model, String> {
+    let n = answer.features.len();
+    check_shape("val_matrix", &answer.val_matrix, n, settings.tau_max)?;
+    check_shape("p_matrix", &answer.p_matrix, n, settings.tau_max)?;
+    let graph = match answer.graph {
+        Some(graph) => graph,
+        None => {
+            let mark = |lag: usize, p: f64| {
+                let link = lag >= settings.tau_min && p <= settings.alpha;
+                if link { "-->".to_owned() } else { String::new() }
+            };
+            let marks = |ps: &Vec<f64>| ps.iter().enumerate().map(|(lag, &p)| mark(lag, p)).collect();
+            answer.p_matrix.iter().map(|row| row.iter().map(marks).collect()).collect()
+        }
+    };
+    check_shape("graph", &graph, n, settings.tau_max)?;
+    let matrices =
+        Matrices { graph, val_matrix: answer.val_matrix, p_matrix: answer.p_matrix, n_lost: Vec::new() };
+    // What the program filters, it alone knows.
+    let blank = Model { method, f_alpha: None, ..settings.blank_model() };
+    Ok(blank.with_matrices(answer.features, matrices))
+}
+
+fn check_shape<T>(
+    name: &str,
+    matrix: &[Vec<Vec<T>>],
+    n: usize,
+    tau_max: usize,
+) -> std::result::Result<(), String> {
+    let fits = matrix.len() == n
+        && matrix.iter().all(|row| row.len() == n && row.iter().all(|lags| lags.len() == tau_max + 1));
+    if fits { Ok(()) } else { Err(format!("its {name} is not {n} x {n} x {} numbers", tau_max + 1)) }
+}
+
+#[cfg(unix)]
+#[cfg(test)]
+mod tests {
+    use std::os::unix::fs::PermissionsExt;
+
+    use super::*;
+
+    fn script(text: &str) -> (tempfile::TempDir, PathBuf) {
+        let dir = tempfile::tempdir().expect("a folder");
+        let path = dir.path().join("method");
+        std::fs::write(&path, format!("#!/bin/sh\n{text}\n")).expect("writes");
+        std::fs::set_permissions(&path, std::fs::Permissions::from_mode(0o755)).expect("makes it a program");
+        (dir, path)
+    }
+
+    #[test]
+    fn a_programs_matrices_become_a_model() {
+        let answer = r#"{"features":["a","b"],"val_matrix":[[[0,0],[0,0.7]],[[0,0],[0,0]]],"p_matrix":[[[1,1],[1,0.01]],[[1,1],[1,0.5]]]}"#;
+        let (_dir, path) = script(&format!("cat > /dev/null; echo '{answer}'"));
+        let model = run(&path, &[], &Settings::default(), 1, &Control::default()).expect("runs");
+        assert_eq!(model.links.len(), 1);
+        assert_eq!((model.method.as_str(), model.f_alpha), ("method", None));
+        assert_eq!((model.links[0].cause.as_str(), model.links[0].effect.as_str()), ("a", "b"));
+    }
+
+    #[test]
+    fn a_program_that_fails_or_babbles_is_named() {
+        for (text, word) in [("exit 3", "failed"), ("echo hello", "not as documented")] {
+            let (_dir, path) = script(text);
+            let error =
+                run(&path, &[], &Settings::default(), 1, &Control::default()).expect_err(text).to_string();
+            assert!(error.contains(word) && error.contains("method"), "{error}");
+        }
+    }
+
+    #[test]
+    fn a_method_cannot_leave_its_folder() {
+        let (dir, _path) = script("exit 0");
+        assert!(program(dir.path(), "../method").is_err());
+        let error = program(dir.path(), "methd").expect_err("unknown").to_string();
+        assert!(error.contains("did you mean 'method'?"), "{error}");
+    }
+}

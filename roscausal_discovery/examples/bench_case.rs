@@ -1,0 +1,84 @@
+//! Runs one analysis once and prints what it cost, as one line of JSON: for side-by-side measurements.
+//!
+//! `bench_case METHOD TEST CSV TAU_MIN TAU_MAX [THREADS]`: METHOD is `pcmci`, `pcmciplus` or `fpcmci`. CPU seconds are
+//! those of the analysis in all threads of this process, without reading the file; the peak memory is the process's.
+
+#[path = "golden/csv_file.rs"]
+mod csv_file;
+
+use std::{fs, path::Path, process::ExitCode, time::Instant};
+
+use roscausal_discovery::{
+    Control, DataFrame,
+    independence_tests::{TestSettings, by_name},
+    methods::{
+        FpcmciSettings, PcmciPlusSettings, PcmciResult, PcmciSettings, run_fpcmci, run_pcmci, run_pcmciplus,
+    },
+};
+
+fn main() -> ExitCode {
+    let args: Vec<String> = std::env::args().skip(1).collect();
+    let (5 | 6) = args.len() else {
+        eprintln!("usage: bench_case METHOD TEST CSV TAU_MIN TAU_MAX [THREADS]");
+        return ExitCode::from(2);
+    };
+    match run(&args) {
+        Ok(line) => {
+            println!("{line}");
+            ExitCode::SUCCESS
+        }
+        Err(error) => {
+            eprintln!("{error}");
+            ExitCode::FAILURE
+        }
+    }
+}
+
+fn run(args: &[String]) -> Result<String, Box<dyn std::error::Error>> {
+    let number = |i: usize| args[i].parse::<usize>().map_err(|e| format!("'{}': {e}", args[i]));
+    let threads = if args.len() > 5 { number(5)? } else { 1 };
+    let (names, table) = csv_file::read_csv(Path::new(&args[2]))?;
+    let data = DataFrame::new(vec![table], names)?;
+    let test = by_name(&args[1], &TestSettings::default())?;
+    let mut settings = PcmciSettings { tau_min: number(3)?, tau_max: number(4)?, ..PcmciSettings::default() };
+    let control = Control::default();
+    // One thread in all: the calling thread only waits for the pool.
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build()?;
+    let (cpu_before, start) = (cpu_seconds(), Instant::now());
+    let result: Option<PcmciResult> = match args[0].as_str() {
+        "pcmci" => Some(pool.install(|| run_pcmci(&data, test.as_ref(), &settings, &control))?),
+        "pcmciplus" => {
+            settings.pc_alpha = vec![0.01];
+            let plus = PcmciPlusSettings::default();
+            Some(pool.install(|| run_pcmciplus(&data, test.as_ref(), &settings, &plus, &control))?)
+        }
+        "fpcmci" => {
+            let settings = FpcmciSettings { pcmci: settings, ..FpcmciSettings::default() };
+            pool.install(|| run_fpcmci(&data, test.as_ref(), &settings, &control))?.pcmci
+        }
+        other => return Err(format!("method '{other}' is not pcmci, pcmciplus or fpcmci").into()),
+    };
+    let (wall, cpu) = (start.elapsed().as_secs_f64(), cpu_seconds() - cpu_before);
+    let links = result.as_ref().map_or(0, |r| r.graph.iter().filter(|mark| mark.is_link()).count());
+    let tests = result.as_ref().map_or(0, |r| r.n_tests);
+    Ok(format!(
+        r#"{{"cpu_s": {cpu}, "wall_s": {wall}, "peak_mb": {}, "links": {links}, "tests": {tests}}}"#,
+        peak_megabytes().unwrap_or(0.0)
+    ))
+}
+
+/// CPU time of all threads of this process so far, in seconds; 0 where the system does not tell.
+fn cpu_seconds() -> f64 {
+    let of_thread = |entry: fs::DirEntry| -> Option<f64> {
+        let text = fs::read_to_string(entry.path().join("schedstat")).ok()?;
+        Some(text.split_whitespace().next()?.parse::<f64>().ok()? * 1e-9)
+    };
+    fs::read_dir("/proc/self/task").map_or(0.0, |threads| threads.flatten().filter_map(of_thread).sum())
+}
+
+/// Largest resident memory of this process so far, in MB (10^6 bytes).
+fn peak_megabytes() -> Option<f64> {
+    let status = fs::read_to_string("/proc/self/status").ok()?;
+    let line = status.lines().find(|line| line.starts_with("VmHWM:"))?;
+    Some(line.split_whitespace().nth(1)?.parse::<f64>().ok()? * 1024e-6)
+}

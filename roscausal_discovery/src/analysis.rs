@@ -1,0 +1,303 @@
+//! One analysis from settings to model: the door through which commands and the discovery node come in.
+
+use crate::{
+    ground::{CondIndTest, Control, DataFrame, Error, LinkAssumptions, Result, Samples, names},
+    independence_tests,
+    methods::{
+        Fdr, FpcmciSettings, Method, PcmciPlusSettings, PcmciResult, PcmciSettings, Reads, Status,
+        get_lagged_dependencies, run_bivci, run_fpcmci, run_fullci, run_pcmci, run_pcmciplus,
+    },
+    model::{self, Matrices, Model},
+    transfer_entropy::TeEstimator,
+};
+
+/// Level of the condition selection.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub enum PcAlpha {
+    /// The method's own ([`MethodInfo::pc_alpha`](crate::methods::MethodInfo::pc_alpha)).
+    #[default]
+    Default,
+    /// This level, in (0, 1).
+    Fixed(f64),
+    /// Chosen by a model-selection score.
+    ByScore,
+}
+
+/// What to analyse, and how. Plain data; [`Settings::check`] says whether it makes sense.
+///
+/// ```
+/// use roscausal_discovery::{PcAlpha, Settings, methods::Method};
+///
+/// let settings = Settings { method: Method::Pcmciplus, tau_min: 0, tau_max: 3, ..Settings::default() };
+/// assert!(settings.check().is_ok());
+/// // The method's own level of the condition selection.
+/// assert_eq!((settings.pc_alpha, settings.level_of_pc()), (PcAlpha::Default, Some(0.01)));
+/// let error = Settings { tau_min: 5, ..settings }.check().unwrap_err();
+/// assert!(error.to_string().contains("tau-max"));
+/// ```
+#[derive(Clone, Debug, PartialEq)]
+pub struct Settings {
+    /// The method.
+    pub method: Method,
+    /// Name of an independence test ([`independence_tests::names`]).
+    pub cond_ind_test: String,
+    /// Significance level of a link, in (0, 1).
+    pub alpha: f64,
+    /// Level of the condition selection.
+    pub pc_alpha: PcAlpha,
+    /// Smallest lag, in steps.
+    pub tau_min: usize,
+    /// Largest lag, in steps.
+    pub tau_max: usize,
+    /// Level of the transfer-entropy filter; `None`: `alpha`.
+    pub f_alpha: Option<f64>,
+    /// Estimator of the transfer-entropy filter.
+    pub te_estimator: TeEstimator,
+    /// Whether F-PCMCI drops variables that depend on their own past only.
+    pub neglect_only_autodep: bool,
+    /// Correction for many tests.
+    pub fdr: Fdr,
+    /// Variables that nothing may cause.
+    pub exogenous: Vec<String>,
+    /// Seed of all random numbers.
+    pub seed: u64,
+    /// Memory in bytes that a test may take; `None`: no bound.
+    pub max_memory: Option<usize>,
+}
+
+impl Default for Settings {
+    fn default() -> Self {
+        Self {
+            method: Method::Fpcmci,
+            cond_ind_test: "gpdc".into(),
+            alpha: 0.05,
+            pc_alpha: PcAlpha::Default,
+            tau_min: 1,
+            tau_max: 1,
+            f_alpha: None,
+            te_estimator: TeEstimator::Gaussian,
+            neglect_only_autodep: true,
+            fdr: Fdr::None,
+            exogenous: Vec::new(),
+            seed: 42,
+            max_memory: None,
+        }
+    }
+}
+
+impl Settings {
+    /// Whether the settings make sense by themselves.
+    ///
+    /// # Errors
+    /// The first one that does not: its name, its value, what is allowed.
+    pub fn check(&self) -> Result<()> {
+        independence_tests::by_name(&self.cond_ind_test, &self.test_settings())?;
+        level("alpha", self.alpha)?;
+        if let PcAlpha::Fixed(alpha) = self.pc_alpha {
+            level("pc-alpha", alpha)?;
+        }
+        self.f_alpha.map_or(Ok(()), |alpha| level("f-alpha", alpha))?;
+        if self.tau_max < self.tau_min {
+            let reason = format!(
+                "{} is below tau-min {}; lags run from tau-min to tau-max",
+                self.tau_max, self.tau_min
+            );
+            return Err(Error::param("tau-max", reason));
+        }
+        if self.tau_max == 0 {
+            return Err(Error::param("tau-max", "0 leaves no past; give at least 1"));
+        }
+        if self.tau_min == 0 && !self.method.info().lag_zero {
+            let reason = format!(
+                "0: the transfer-entropy filter of {} knows the past only; give 1, or use {}",
+                self.method,
+                Method::Pcmciplus
+            );
+            return Err(Error::param("tau-min", reason));
+        }
+        Ok(())
+    }
+
+    /// A model that says what was asked, without result.
+    pub fn blank_model(&self) -> Model {
+        Model {
+            schema: model::SCHEMA.to_owned(),
+            status: "complete".to_owned(),
+            method: self.method.name().to_owned(),
+            cond_ind_test: self.cond_ind_test.clone(),
+            alpha: self.alpha,
+            pc_alpha: self.level_of_pc(),
+            f_alpha: self.method.reads(Reads::FAlpha).then_some(self.f_alpha.unwrap_or(self.alpha)),
+            fdr: self.fdr.name().to_owned(),
+            tau_min: self.tau_min,
+            tau_max: self.tau_max,
+            dt: None,
+            n_samples: 0,
+            n_recordings: 1,
+            seed: self.seed,
+            run_time_s: None,
+            features: Vec::new(),
+            dropped: Vec::new(),
+            links: Vec::new(),
+            graph: Vec::new(),
+            val_matrix: Vec::new(),
+            p_matrix: Vec::new(),
+            causal_structure: Vec::new(),
+            val: Vec::new(),
+            pval: Vec::new(),
+            warnings: Vec::new(),
+        }
+    }
+
+    /// The level of the condition selection; `None`: chosen by a score.
+    pub fn level_of_pc(&self) -> Option<f64> {
+        match self.pc_alpha {
+            PcAlpha::Fixed(alpha) => Some(alpha),
+            PcAlpha::ByScore => None,
+            PcAlpha::Default => Some(self.method.info().pc_alpha),
+        }
+    }
+
+    fn test_settings(&self) -> independence_tests::TestSettings {
+        independence_tests::TestSettings {
+            seed: self.seed,
+            max_memory: self.max_memory,
+            ..Default::default()
+        }
+    }
+
+    fn pcmci(&self, data: &DataFrame) -> PcmciSettings {
+        let context: Vec<usize> =
+            self.exogenous.iter().filter_map(|name| names::position(data.var_names(), name)).collect();
+        let links = LinkAssumptions::all(data.n_vars(), self.tau_min, self.tau_max).exogenous(&context);
+        PcmciSettings {
+            tau_min: self.tau_min,
+            tau_max: self.tau_max,
+            pc_alpha: self.level_of_pc().into_iter().collect(),
+            alpha_level: self.alpha,
+            fdr: self.fdr,
+            link_assumptions: (!context.is_empty()).then_some(links),
+            ..PcmciSettings::default()
+        }
+    }
+
+    /// Checks that the data can be analysed with these settings at all.
+    fn check_data(&self, data: &DataFrame) -> Result<()> {
+        if data.n_vars() < 2 {
+            return Err(Error::Data(format!(
+                "there is only one variable, '{}'; a cause and an effect need at least two columns (the time does not \
+                 count)",
+                data.var_names()[0]
+            )));
+        }
+        let unknown = self.exogenous.iter().find(|name| names::position(data.var_names(), name).is_none());
+        match unknown {
+            Some(name) => {
+                let all = data.var_names().join(", ");
+                Err(Error::param("exogenous", format!("there is no variable '{name}'; variables: {all}")))
+            }
+            None => Ok(()),
+        }
+    }
+}
+
+fn level(name: &str, value: f64) -> Result<()> {
+    if value > 0.0 && value < 1.0 {
+        return Ok(());
+    }
+    Err(Error::param(name, format!("{value} is not a level; give a number between 0 and 1, such as 0.05")))
+}
+
+/// Analyses `data` with `settings` under `control`: from data to model in one call.
+///
+/// ```
+/// use roscausal_discovery::{Control, DataFrame, Settings, analyse};
+///
+/// # let noise = |i: usize| ((12.9898 * i as f64).sin() * 43758.5453).rem_euclid(1.0) - 0.5;
+/// # let mut values = ndarray::Array2::zeros((150, 2));
+/// # for t in 1..150 {
+/// #     values[[t, 0]] = noise(2 * t);
+/// #     values[[t, 1]] = 0.7 * values[[t - 1, 0]] + noise(2 * t + 1);
+/// # }
+/// # let data = DataFrame::new(vec![values], vec!["a".into(), "b".into()])?;
+/// // F-PCMCI with GPDC at lag 1.
+/// let model = analyse(&data, &Settings::default(), &Control::default())?;
+/// assert_eq!((model.features.len(), model.links.len()), (2, 1));
+/// assert!(model.to_json().contains("\"cause\": \"a\""));
+/// # Ok::<(), roscausal_discovery::Error>(())
+/// ```
+///
+/// # Errors
+/// Settings or data that do not allow it; cancellation. Out of time is no error: the model's status says so.
+pub fn analyse(data: &DataFrame, settings: &Settings, control: &Control) -> Result<Model> {
+    settings.check()?;
+    settings.check_data(data)?;
+    let test = independence_tests::by_name(&settings.cond_ind_test, &settings.test_settings())?;
+    let (test, pcmci) = (test.as_ref(), settings.pcmci(data));
+    let result = match settings.method {
+        Method::Fpcmci => return filtered(data, test, settings, pcmci, control),
+        Method::Pcmci => run_pcmci(data, test, &pcmci, control),
+        Method::Pcmciplus => run_pcmciplus(data, test, &pcmci, &PcmciPlusSettings::default(), control),
+        Method::Fullci => run_fullci(data, test, &pcmci, control),
+        Method::Bivci => run_bivci(data, test, &pcmci, control),
+        Method::Lagdep => get_lagged_dependencies(data, test, &pcmci, control),
+    }?;
+    Ok(with_result(settings.blank_model(), data.var_names().to_vec(), result))
+}
+
+/// F-PCMCI: the model has the variables that keep a link; the others are named as dropped.
+fn filtered(
+    data: &DataFrame,
+    test: &dyn CondIndTest,
+    settings: &Settings,
+    pcmci: PcmciSettings,
+    control: &Control,
+) -> Result<Model> {
+    let n_samples = Samples::new(data, 2 * settings.tau_max).len();
+    let settings_of_method = FpcmciSettings {
+        te_estimator: settings.te_estimator,
+        f_alpha: settings.f_alpha.unwrap_or(settings.alpha),
+        neglect_only_autodep: settings.neglect_only_autodep,
+        seed: settings.seed,
+        pcmci,
+    };
+    let result = run_fpcmci(data, test, &settings_of_method, control)?;
+    let name = |&var: &usize| data.var_names()[var].clone();
+    let features: Vec<String> = result.features.iter().map(name).collect();
+    let others = (0..data.n_vars()).filter(|var| !result.features.contains(var));
+    let dropped = others.map(|var| name(&var)).collect();
+    let blank = Model { n_samples, dropped, ..settings.blank_model() };
+    let mut model = match result.pcmci {
+        Some(found) => {
+            let place = |var: &usize| result.selected.iter().position(|selected| selected == var);
+            let places: Vec<usize> = result.features.iter().filter_map(place).collect();
+            with_result(blank, features, found.on_features(&places))
+        }
+        None => blank,
+    };
+    if let Status::Partial(how_far) = result.status {
+        model.status = format!("partial: {how_far}");
+    }
+    Ok(model)
+}
+
+fn with_result(blank: Model, features: Vec<String>, result: PcmciResult) -> Model {
+    let n = features.len();
+    let matrices = Matrices {
+        graph: nested(n, blank.tau_max, |at| result.graph[at].symbol().to_owned()),
+        val_matrix: nested(n, blank.tau_max, |at| result.val_matrix[at]),
+        p_matrix: nested(n, blank.tau_max, |at| result.deciding_p()[at]),
+        n_lost: nested(n, blank.tau_max, |at| result.n_lost[at]),
+    };
+    let mut model = blank.with_matrices(features, matrices);
+    model.n_samples = result.n_samples;
+    if let Status::Partial(how_far) = result.status {
+        model.status = format!("partial: {how_far}");
+    }
+    model
+}
+
+fn nested<T>(n: usize, tau_max: usize, at: impl Fn([usize; 3]) -> T) -> Vec<Vec<Vec<T>>> {
+    let lags = |i, j| (0..=tau_max).map(|lag| at([i, j, lag])).collect();
+    (0..n).map(|i| (0..n).map(|j| lags(i, j)).collect()).collect()
+}

@@ -1,0 +1,36 @@
+//! Pictures of a model: the summary graph, the time-series graph and the batch's series, as SVG and PNG;
+//! curves of figures over settings.
+//!
+//! The layout depends on the number and order of the variables only, so a variable stays in its place from model to model.
+//! With the feature `png`, `rasterise` makes pixels of a picture.
+//!
+//! ```
+//! use roscausal_discovery::{Control, DataFrame, Settings, analyse, draw, methods::Method};
+//!
+//! # let noise = |i: usize| ((12.9898 * i as f64).sin() * 43758.5453).rem_euclid(1.0) - 0.5;
+//! # let mut values = ndarray::Array2::zeros((300, 2));
+//! # for t in 1..300 {
+//! #     values[[t, 0]] = noise(2 * t);
+//! #     values[[t, 1]] = 0.7 * values[[t - 1, 0]] + noise(2 * t + 1);
+//! # }
+//! # let data = DataFrame::new(vec![values], vec!["a".into(), "b".into()])?;
+//! let settings = Settings { method: Method::Pcmci, cond_ind_test: "parcorr".into(), ..Settings::default() };
+//! let model = analyse(&data, &settings, &Control::default())?;
+//! assert!(draw::dag(&model).starts_with("<svg") && draw::tsdag(&model).contains("t−1"));
+//! # Ok::<(), roscausal_discovery::Error>(())
+//! ```
+
+mod curves;
+mod dag;
+#[cfg(feature = "png")]
+mod raster;
+mod series;
+mod svg;
+mod tsdag;
+
+pub use curves::{Curve, Panel, curves};
+pub use dag::dag;
+#[cfg(feature = "png")]
+pub use raster::{Image, rasterise};
+pub use series::series;
+pub use tsdag::tsdag;

@@ -1,0 +1,63 @@
+use std::sync::{Arc, OnceLock};
+
+use resvg::{
+    tiny_skia::{Pixmap, Transform},
+    usvg::{Options, Tree, fontdb},
+};
+
+use crate::ground::{Error, Result};
+
+/// DejaVu Sans (subset), so that text looks the same on every machine.
+const FONT: &[u8] = include_bytes!("font/DejaVuSans-subset.ttf");
+
+/// A picture in pixels.
+pub struct Image {
+    /// Pixels per row.
+    pub width: u32,
+    /// Rows.
+    pub height: u32,
+    /// `width * height` pixels of 3 bytes (red, green, blue).
+    pub rgb: Vec<u8>,
+    /// The same picture as a PNG file.
+    pub png: Vec<u8>,
+}
+
+/// Renders an SVG document at `scale` pixels per unit, with the embedded font only.
+///
+/// # Errors
+/// When the document is not SVG or too large to render.
+pub fn rasterise(svg: &str, scale: f32) -> Result<Image> {
+    static FONTS: OnceLock<Arc<fontdb::Database>> = OnceLock::new();
+    let fonts = FONTS.get_or_init(|| {
+        let mut fonts = fontdb::Database::new();
+        fonts.load_font_data(FONT.to_vec());
+        fonts.set_sans_serif_family("DejaVu Sans");
+        Arc::new(fonts)
+    });
+    let options = Options { fontdb: fonts.clone(), font_family: "DejaVu Sans".into(), ..Options::default() };
+    let fault =
+        |reason: &dyn std::fmt::Display| Error::Data(format!("the picture cannot be drawn: {reason}"));
+    let tree = Tree::from_str(svg, &options).map_err(|e| fault(&e))?;
+    let size = tree.size().to_int_size().scale_by(scale).ok_or_else(|| fault(&"its size is zero"))?;
+    let mut pixels = Pixmap::new(size.width(), size.height()).ok_or_else(|| fault(&"it is too large"))?;
+    resvg::render(&tree, Transform::from_scale(scale, scale), &mut pixels.as_mut());
+    // The background is opaque white, so premultiplied colours are plain colours.
+    let rgb = pixels.data().chunks_exact(4).flat_map(|pixel| [pixel[0], pixel[1], pixel[2]]).collect();
+    let png = pixels.encode_png().map_err(|e| fault(&e))?;
+    Ok(Image { width: size.width(), height: size.height(), rgb, png })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{draw, model::example};
+
+    #[test]
+    fn a_picture_has_ink_and_is_the_same_each_time() {
+        let svg = draw::dag(&example());
+        let (one, two) = (rasterise(&svg, 1.0).expect("renders"), rasterise(&svg, 1.0).expect("renders"));
+        assert_eq!(one.png, two.png);
+        assert_eq!(one.rgb.len(), (one.width * one.height * 3) as usize);
+        assert!(one.rgb.chunks_exact(3).filter(|p| p[0] < 128).count() > 500);
+    }
+}

@@ -1,0 +1,179 @@
+//! The few SVG shapes that the pictures are made of.
+
+use std::fmt::Write;
+
+use crate::ground::names::plain;
+
+/// A point in pixels.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Point {
+    pub x: f64,
+    pub y: f64,
+}
+
+impl Point {
+    pub(super) fn new(x: f64, y: f64) -> Self {
+        Self { x, y }
+    }
+
+    pub(super) fn plus(self, dx: f64, dy: f64) -> Self {
+        Self::new(self.x + dx, self.y + dy)
+    }
+
+    /// Unit vector from here to `other`; to the right when they are one point.
+    pub(super) fn towards(self, other: Self) -> Self {
+        let (dx, dy) = (other.x - self.x, other.y - self.y);
+        let length = dx.hypot(dy);
+        if length > 0.0 { Self::new(dx / length, dy / length) } else { Self::new(1.0, 0.0) }
+    }
+}
+
+/// An SVG document under construction.
+pub(super) struct Svg {
+    body: String,
+    width: f64,
+    height: f64,
+}
+
+pub(super) const INK: &str = "#1f2933";
+pub(super) const FAINT: &str = "#9aa5b1";
+pub(super) const POSITIVE: &str = "#c2410c";
+pub(super) const NEGATIVE: &str = "#1d4ed8";
+
+impl Svg {
+    pub(super) fn new(width: f64, height: f64) -> Self {
+        let mut svg = Self { body: String::new(), width, height };
+        svg.raw(&format!("<rect width=\"{width}\" height=\"{height}\" fill=\"#ffffff\"/>"));
+        svg
+    }
+
+    pub(super) fn raw(&mut self, element: &str) {
+        self.body.push_str(element);
+        self.body.push('\n');
+    }
+
+    pub(super) fn text(&mut self, at: Point, size: f64, anchor: &str, fill: &str, text: &str) {
+        let text = escaped(text);
+        self.raw(&format!(
+            "<text x=\"{:.1}\" y=\"{:.1}\" font-size=\"{size}\" text-anchor=\"{anchor}\" fill=\"{fill}\">{text}</text>",
+            at.x, at.y
+        ));
+    }
+
+    /// Text on a white plate, for labels that lie on lines.
+    pub(super) fn label(&mut self, at: Point, size: f64, fill: &str, text: &str) {
+        let width = 0.62 * size * text.chars().count() as f64 + 6.0;
+        self.raw(&format!(
+            "<rect x=\"{:.1}\" y=\"{:.1}\" width=\"{width:.1}\" height=\"{:.1}\" rx=\"4\" fill=\"#ffffff\" \
+             fill-opacity=\"0.85\"/>",
+            at.x - width / 2.0,
+            at.y - 0.62 * size - 1.0,
+            1.3 * size
+        ));
+        self.text(at.plus(0.0, 0.36 * size), size, "middle", fill, text);
+    }
+
+    /// A curved arrow (quadratic Bézier) with a head at `to`; `dash` as in `stroke-dasharray`.
+    pub(super) fn arrow(&mut self, from: Point, bend: Point, to: Point, stroke: &Stroke) {
+        let head = 6.0 + 1.8 * stroke.width;
+        let back = to.towards(bend);
+        let neck = to.plus(back.x * head * 0.9, back.y * head * 0.9);
+        self.raw(&format!(
+            "<path d=\"M {:.1} {:.1} Q {:.1} {:.1} {:.1} {:.1}\" fill=\"none\" {}/>",
+            from.x,
+            from.y,
+            bend.x,
+            bend.y,
+            neck.x,
+            neck.y,
+            stroke.attributes()
+        ));
+        if !stroke.directed {
+            return;
+        }
+        let half = head * 0.45;
+        let (left, right) =
+            (neck.plus(-back.y * half, back.x * half), neck.plus(back.y * half, -back.x * half));
+        self.raw(&format!(
+            "<path d=\"M {:.1} {:.1} L {:.1} {:.1} L {:.1} {:.1} Z\" fill=\"{}\" fill-opacity=\"{}\"/>",
+            to.x, to.y, left.x, left.y, right.x, right.y, stroke.colour, stroke.opacity
+        ));
+    }
+
+    pub(super) fn finish(self) -> String {
+        let mut out = String::new();
+        // Writing to a String cannot fail.
+        let _ = writeln!(
+            out,
+            "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"{w}\" height=\"{h}\" viewBox=\"0 0 {w} {h}\" \
+             font-family=\"DejaVu Sans, sans-serif\">",
+            w = self.width,
+            h = self.height
+        );
+        out.push_str(&self.body);
+        out.push_str("</svg>\n");
+        out
+    }
+}
+
+/// How a line looks.
+pub(super) struct Stroke {
+    pub colour: &'static str,
+    pub width: f64,
+    pub dash: &'static str,
+    pub opacity: f64,
+    pub directed: bool,
+}
+
+impl Stroke {
+    /// Width by strength, colour by sign, dashes by p-value.
+    pub(super) fn of_link(value: f64, p_value: f64, smallest_p: f64, directed: bool) -> Self {
+        let width = 1.5 + 5.0 * value.abs().min(1.0);
+        let colour = if value < 0.0 { NEGATIVE } else { POSITIVE };
+        Self { colour, width, dash: dash(p_value, smallest_p), opacity: 1.0, directed }
+    }
+
+    fn attributes(&self) -> String {
+        let dash =
+            if self.dash.is_empty() { String::new() } else { format!(" stroke-dasharray=\"{}\"", self.dash) };
+        format!(
+            "stroke=\"{}\" stroke-width=\"{:.2}\" stroke-opacity=\"{}\"{dash}",
+            self.colour, self.width, self.opacity
+        )
+    }
+}
+
+/// Solid below the smallest p-value that the test tells apart, long dashes below 0.01, short ones above.
+pub(super) fn dash(p_value: f64, smallest_p: f64) -> &'static str {
+    match p_value {
+        p if p < smallest_p => "",
+        p if p < 0.01 => "14 5",
+        _ => "5 4",
+    }
+}
+
+/// The legend of widths, colours and dashes, from `at` downwards.
+pub(super) fn legend(svg: &mut Svg, at: Point, smallest_p: f64, signed: bool) {
+    let mut y = at.y;
+    let smallest = format!("p < {smallest_p}");
+    for (dash, text) in [("", smallest.as_str()), ("14 5", "p < 0.01"), ("5 4", "p ≥ 0.01")] {
+        let dash = if dash.is_empty() { String::new() } else { format!(" stroke-dasharray=\"{dash}\"") };
+        svg.raw(&format!(
+            "<path d=\"M {:.1} {y:.1} h 44\" stroke=\"{INK}\" stroke-width=\"3\"{dash}/>",
+            at.x
+        ));
+        svg.text(Point::new(at.x + 54.0, y + 4.0), 12.0, "start", INK, text);
+        y += 18.0;
+    }
+    let width = if signed { "width: |strength|; orange +, blue −" } else { "width: strength" };
+    svg.text(Point::new(at.x, y + 4.0), 12.0, "start", INK, width);
+}
+
+fn escaped(text: &str) -> String {
+    text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;").replace('"', "&quot;")
+}
+
+/// A variable's name for people: `h_{\theta}` becomes `h_θ`.
+pub(super) fn display(name: &str) -> String {
+    plain(&name.replace("\\theta", "θ").replace("\\omega", "ω"))
+}

@@ -1,0 +1,84 @@
+use super::{
+    dag::title,
+    svg::{INK, Point, Stroke, Svg, display, legend},
+};
+use crate::model::Model;
+
+const ROW: f64 = 84.0;
+const COLUMN: f64 = 150.0;
+const NODE: f64 = 9.0;
+
+/// The time-series graph as SVG: variables as rows, time as columns up to the present `t`. Links into the
+/// present are strong, their copies earlier in time faint.
+pub fn tsdag(model: &Model) -> String {
+    let (n, columns) = (model.features.len(), model.tau_max + 1);
+    let longest = model.features.iter().map(|name| display(name).chars().count()).max().unwrap_or(0);
+    let left = 50.0 + 8.5 * longest as f64;
+    let width = (left + COLUMN * columns as f64).max(440.0);
+    let height = 80.0 + ROW * n.max(1) as f64 + 90.0;
+    let mut svg = Svg::new(width, height);
+    svg.text(Point::new(16.0, 26.0), 15.0, "start", INK, &title(model));
+    let place = |row: usize, lag: usize| {
+        Point::new(left + COLUMN * (model.tau_max - lag) as f64, 90.0 + ROW * row as f64)
+    };
+    for shift in (0..columns).rev() {
+        for link in model.links.iter().filter(|link| link.lag + shift <= model.tau_max) {
+            let row = |name: &str| model.features.iter().position(|feature| feature == name);
+            let (Some(i), Some(j)) = (row(&link.cause), row(&link.effect)) else { continue };
+            let mut stroke =
+                Stroke::of_link(link.value, link.p_value, model.smallest_p(), link.mark == "-->");
+            if shift > 0 {
+                stroke.opacity = 0.25;
+            }
+            arrow(&mut svg, place(i, link.lag + shift), place(j, shift), &stroke);
+        }
+    }
+    for (row, name) in model.features.iter().enumerate() {
+        svg.text(Point::new(16.0, place(row, 0).y + 5.0), 14.0, "start", INK, &display(name));
+        for lag in 0..columns {
+            let at = place(row, lag);
+            svg.raw(&format!(
+                "<circle cx=\"{:.1}\" cy=\"{:.1}\" r=\"{NODE}\" fill=\"#eef2f6\" stroke=\"{INK}\" \
+                 stroke-width=\"1.4\"/>",
+                at.x, at.y
+            ));
+        }
+    }
+    for lag in 0..columns {
+        let at = Point::new(place(0, lag).x, 60.0);
+        svg.text(at, 13.0, "middle", INK, &if lag == 0 { "t".to_owned() } else { format!("t−{lag}") });
+    }
+    legend(
+        &mut svg,
+        Point::new(16.0, height - 66.0),
+        model.smallest_p(),
+        model.links.iter().any(|link| link.value < 0.0),
+    );
+    svg.finish()
+}
+
+fn arrow(svg: &mut Svg, from: Point, to: Point, stroke: &Stroke) {
+    // A link that passes over other nodes of its row or column goes round them.
+    let over = if from.y == to.y && to.x - from.x > COLUMN * 1.5 || from.x == to.x { 0.22 } else { 0.0 };
+    let along = from.towards(to);
+    let length = (to.x - from.x).hypot(to.y - from.y);
+    let bend = Point::new((from.x + to.x) / 2.0, (from.y + to.y) / 2.0)
+        .plus(along.y * length * over, -along.x * length * over);
+    let (leave, arrive) = (from.towards(bend), to.towards(bend));
+    let start = from.plus(leave.x * NODE, leave.y * NODE);
+    let end = to.plus(arrive.x * (NODE + 1.0), arrive.y * (NODE + 1.0));
+    svg.arrow(start, bend, end, stroke);
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::model::example;
+
+    #[test]
+    fn each_variable_has_a_node_at_each_time() {
+        let svg = tsdag(&example());
+        assert_eq!(svg.matches("<circle").count(), 3 * 2);
+        assert!(svg.contains("t−1"));
+    }
+}

@@ -1,0 +1,105 @@
+//! What an independence test is.
+
+use super::{
+    error::{Error, Result},
+    node::Node,
+    samples::Samples,
+};
+
+/// The answer of one test.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct TestResult {
+    /// Strength of the dependence; its range and sign are the test's own.
+    pub value: f64,
+    /// P-value in `[0, 1]`.
+    pub p_value: f64,
+    /// Confidence interval of `value`, where the settings ask for one.
+    pub confidence: Option<(f64, f64)>,
+    /// Samples used.
+    pub n_samples: usize,
+    /// Samples left out because one of the nodes was missing or masked.
+    pub n_lost: usize,
+    /// Decision where the test does not decide by the p-value (`fixed_thres`); the run fills it in.
+    pub dependent: Option<bool>,
+}
+
+/// A conditional independence test: its name and settings.
+///
+/// A test of your own needs two types: its settings, and what it makes of the samples of one run.
+///
+/// ```
+/// use roscausal_discovery::{CondIndTest, Node, PreparedTest, Result, Samples, TestResult};
+///
+/// /// Says "dependent" when the signs of X and Y agree more often than not; it knows no conditions.
+/// struct Signs;
+///
+/// impl CondIndTest for Signs {
+///     fn name(&self) -> &'static str {
+///         "signs"
+///     }
+///
+///     fn prepare<'a>(&'a self, samples: &'a Samples<'a>) -> Result<Box<dyn PreparedTest + 'a>> {
+///         Ok(Box::new(OnSamples(samples)))
+///     }
+/// }
+///
+/// struct OnSamples<'a>(&'a Samples<'a>);
+///
+/// impl PreparedTest for OnSamples<'_> {
+///     fn run_test(&self, x: Node, y: Node, _z: &[Node]) -> Result<TestResult> {
+///         let arrays = self.0.arrays(x, y, &[]);
+///         let n = arrays.x.len();
+///         let agree = arrays.x.iter().zip(&arrays.y).filter(|(x, y)| (**x > 0.0) == (**y > 0.0)).count();
+///         let value = 2.0 * agree as f64 / n as f64 - 1.0;
+///         // Hoeffding's bound on the p-value.
+///         let p_value = (2.0 * (-0.5 * n as f64 * value * value).exp()).min(1.0);
+///         Ok(TestResult { value, p_value, confidence: None, n_samples: n, n_lost: arrays.n_lost, dependent: None })
+///     }
+/// }
+///
+/// # use roscausal_discovery::{Control, DataFrame, methods::{PcmciSettings, run_pcmci}};
+/// # let noise = |i: usize| ((12.9898 * i as f64).sin() * 43758.5453).rem_euclid(1.0) - 0.5;
+/// # let values = ndarray::Array2::from_shape_fn((200, 2), |(t, k)| noise(if k == 0 { t } else { t.wrapping_sub(1) }));
+/// # let data = DataFrame::new(vec![values], vec!["a".into(), "b".into()])?;
+/// let result = run_pcmci(&data, &Signs, &PcmciSettings::default(), &Control::default())?;
+/// assert!(result.graph[[0, 1, 1]].is_link());
+/// # Ok::<(), roscausal_discovery::Error>(())
+/// ```
+pub trait CondIndTest: Send + Sync {
+    /// The name users choose it by, such as `parcorr`.
+    fn name(&self) -> &'static str;
+
+    /// Makes it ready for the samples of one run.
+    ///
+    /// # Errors
+    /// When the samples are too few, or do not suit the test.
+    fn prepare<'a>(&'a self, samples: &'a Samples<'a>) -> Result<Box<dyn PreparedTest + 'a>>;
+
+    /// Whether the decision is `|value| >= threshold` (`fixed_thres`), the run's level being the threshold.
+    /// The run then sets the p-value to 0 (dependent) or 1; the test itself leaves it at 1.
+    fn decides_by_value(&self) -> bool {
+        false
+    }
+}
+
+/// A test on the samples of one run.
+pub trait PreparedTest: Sync {
+    /// Tests `x _||_ y | z`.
+    ///
+    /// # Errors
+    /// When too few complete samples are left for this condition set.
+    fn run_test(&self, x: Node, y: Node, z: &[Node]) -> Result<TestResult>;
+
+    /// Model-selection score of "`target` on `parents`", lower is better; for choosing `pc_alpha`.
+    ///
+    /// # Errors
+    /// When the test has no such score (the default).
+    fn model_selection_score(&self, _target: Node, _parents: &[Node]) -> Result<f64> {
+        Err(Error::param("pc_alpha", "this independence test has no model-selection score; give one value"))
+    }
+
+    /// Whether a test takes only microseconds, so that a run spreads threads over targets, not over tests.
+    fn is_cheap(&self) -> bool {
+        false
+    }
+}

@@ -1,0 +1,141 @@
+//! The caller's hand on a run: progress, time budget, cancellation.
+
+use std::{
+    fmt,
+    sync::{
+        Arc,
+        atomic::{AtomicBool, AtomicUsize, Ordering},
+    },
+};
+
+use super::error::{Error, Result};
+
+/// How far a run is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Progress {
+    /// Tests done.
+    pub done: usize,
+    /// Tests that the run will have done at its end, as far as known now; it changes while PC1 removes links.
+    pub estimated_total: usize,
+}
+
+/// Why a run stopped before its end.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Stop {
+    /// The time budget is used up: the result so far is returned with a partial status.
+    OutOfTime,
+    /// The caller cancelled: the run ends with [`Error::Cancelled`].
+    Cancelled,
+}
+
+type OnProgress = Arc<dyn Fn(Progress) + Send + Sync>;
+type OutOfTime = Arc<dyn Fn() -> bool + Send + Sync>;
+
+/// The caller's hand on a run: progress, time budget, cancellation. Clones share one state.
+///
+/// The crate knows no clock: the time budget is a closure that says whether the time is up. Budget and cancellation are
+/// looked at before each test, and inside tests that take long.
+///
+/// ```
+/// use std::time::{Duration, Instant};
+/// use roscausal_discovery::Control;
+///
+/// let start = Instant::now();
+/// let control = Control::default()
+///     .on_progress(|progress| eprintln!("{} of about {} tests", progress.done, progress.estimated_total))
+///     .out_of_time(move || start.elapsed() > Duration::from_secs(60));
+/// assert!(control.check().is_ok());
+/// ```
+#[derive(Clone, Default)]
+pub struct Control {
+    on_progress: Option<OnProgress>,
+    out_of_time: Option<OutOfTime>,
+    cancel: Option<Arc<AtomicBool>>,
+    state: Arc<State>,
+}
+
+#[derive(Default)]
+struct State {
+    done: AtomicUsize,
+    estimated_total: AtomicUsize,
+    out_of_time: AtomicBool,
+}
+
+impl Control {
+    /// The same control that calls `f` after each test, from the thread that ran it.
+    #[must_use]
+    pub fn on_progress(mut self, f: impl Fn(Progress) + Send + Sync + 'static) -> Self {
+        self.on_progress = Some(Arc::new(f));
+        self
+    }
+
+    /// The same control with a time budget: `f` says whether the time is up.
+    #[must_use]
+    pub fn out_of_time(mut self, f: impl Fn() -> bool + Send + Sync + 'static) -> Self {
+        self.out_of_time = Some(Arc::new(f));
+        self
+    }
+
+    /// The same control with a flag that cancels the run when it becomes true.
+    #[must_use]
+    pub fn cancel_on(mut self, flag: Arc<AtomicBool>) -> Self {
+        self.cancel = Some(flag);
+        self
+    }
+
+    /// Why to stop now, if at all.
+    pub fn stop(&self) -> Option<Stop> {
+        if self.cancel.as_ref().is_some_and(|flag| flag.load(Ordering::Relaxed)) {
+            return Some(Stop::Cancelled);
+        }
+        if self.state.out_of_time.load(Ordering::Relaxed) {
+            return Some(Stop::OutOfTime);
+        }
+        if self.out_of_time.as_ref().is_some_and(|f| f()) {
+            self.state.out_of_time.store(true, Ordering::Relaxed);
+            return Some(Stop::OutOfTime);
+        }
+        None
+    }
+
+    /// Fails when the run is to stop.
+    ///
+    /// # Errors
+    /// [`Error::Cancelled`], for both reasons; a run tells them apart by [`Control::stop`].
+    pub fn check(&self) -> Result<()> {
+        match self.stop() {
+            None => Ok(()),
+            Some(Stop::OutOfTime) => Err(Error::Cancelled("the time budget is used up".into())),
+            Some(Stop::Cancelled) => Err(Error::Cancelled("the caller cancelled the run".into())),
+        }
+    }
+
+    /// Tests done so far by all runs under this control.
+    pub fn done(&self) -> usize {
+        self.state.done.load(Ordering::Relaxed)
+    }
+
+    /// Tests that all runs under this control will have done, as far as known.
+    pub fn estimated_total(&self) -> usize {
+        self.state.estimated_total.load(Ordering::Relaxed).max(self.done())
+    }
+
+    /// Adds `n` tests to the estimated total.
+    pub(crate) fn expect_tests(&self, n: usize) {
+        self.state.estimated_total.fetch_add(n, Ordering::Relaxed);
+    }
+
+    /// Counts `n` tests as done and reports.
+    pub(crate) fn count(&self, n: usize) {
+        let done = self.state.done.fetch_add(n, Ordering::Relaxed) + n;
+        if let Some(f) = &self.on_progress {
+            f(Progress { done, estimated_total: self.estimated_total() });
+        }
+    }
+}
+
+impl fmt::Debug for Control {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("Control").field("done", &self.done()).finish_non_exhaustive()
+    }
+}

@@ -1,0 +1,179 @@
+//! The data of an analysis: recordings of the same variables.
+
+use ndarray::{Array2, Axis};
+
+use super::{
+    error::{Error, Result},
+    node::Node,
+};
+
+/// Roles in which a masked value excludes a sample: any of X, Y and Z of `X _||_ Y | Z`.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct MaskType {
+    /// A masked X excludes the sample.
+    pub x: bool,
+    /// A masked Y excludes the sample.
+    pub y: bool,
+    /// A masked node of Z excludes the sample.
+    pub z: bool,
+}
+
+impl std::str::FromStr for MaskType {
+    type Err = Error;
+
+    /// Reads letters such as `y` or `xyz`.
+    fn from_str(text: &str) -> Result<Self> {
+        let mut mask = Self::default();
+        for letter in text.chars() {
+            match letter {
+                'x' => mask.x = true,
+                'y' => mask.y = true,
+                'z' => mask.z = true,
+                _ => {
+                    return Err(Error::param(
+                        "mask_type",
+                        format!("'{text}' is not made of the letters x, y, z"),
+                    ));
+                }
+            }
+        }
+        Ok(mask)
+    }
+}
+
+/// One or several recordings of the same variables. Missing values are NaN.
+///
+/// No sample crosses from one recording to the next. A test leaves out the samples in which one of its nodes is missing, or
+/// masked in a role of [`MaskType`]; other tests keep them.
+///
+/// ```
+/// use ndarray::array;
+/// use roscausal_discovery::DataFrame;
+///
+/// let first = array![[0.1, 1.0], [0.2, -99.0], [0.4, 3.0]];
+/// let second = array![[0.3, 2.0], [0.5, 2.5]];
+/// let data = DataFrame::new(vec![first, second], vec!["speed".into(), "distance".into()])?.with_missing_flag(-99.0);
+/// assert!(data.is_incomplete() && data.n_vars() == 2 && data.recordings().len() == 2);
+/// # Ok::<(), roscausal_discovery::Error>(())
+/// ```
+#[derive(Clone, Debug)]
+pub struct DataFrame {
+    pub(super) recordings: Vec<Array2<f64>>,
+    var_names: Vec<String>,
+    masks: Option<Vec<Array2<bool>>>,
+    pub(super) mask_type: MaskType,
+    pub(super) remove_missing_upto_maxlag: bool,
+    has_missing: bool,
+}
+
+impl DataFrame {
+    /// A data frame from recordings, each `T x N` (time in rows), and the `N` names of the variables.
+    ///
+    /// # Errors
+    /// No recording, no variable, or shapes that do not fit together; an infinite value.
+    pub fn new(recordings: Vec<Array2<f64>>, var_names: Vec<String>) -> Result<Self> {
+        if recordings.is_empty() || var_names.is_empty() {
+            return Err(Error::Data(
+                "no data: give at least one recording with at least one variable".into(),
+            ));
+        }
+        for (i, recording) in recordings.iter().enumerate() {
+            if recording.ncols() != var_names.len() {
+                return Err(Error::Data(format!(
+                    "recording {i} has {} columns for {} variable names",
+                    recording.ncols(),
+                    var_names.len()
+                )));
+            }
+            if let Some(((row, col), value)) = recording.indexed_iter().find(|(_, v)| v.is_infinite()) {
+                return Err(Error::Data(format!(
+                    "'{}' is {value} at row {row} of recording {i}; remove the row or leave the cell empty",
+                    var_names[col]
+                )));
+            }
+        }
+        let has_missing = recordings.iter().any(|r| r.iter().any(|v| v.is_nan()));
+        Ok(Self {
+            recordings,
+            var_names,
+            masks: None,
+            mask_type: MaskType::default(),
+            remove_missing_upto_maxlag: false,
+            has_missing,
+        })
+    }
+
+    /// The same data with every value that equals `flag` taken as missing.
+    #[must_use]
+    pub fn with_missing_flag(mut self, flag: f64) -> Self {
+        self.recordings.iter_mut().for_each(|r| r.mapv_inplace(|v| if v == flag { f64::NAN } else { v }));
+        self.has_missing = self.recordings.iter().any(|r| r.iter().any(|v| v.is_nan()));
+        self
+    }
+
+    /// The same data with masks, one per recording and of its shape (`true`: masked), that exclude samples in
+    /// the roles of `mask_type`.
+    ///
+    /// # Errors
+    /// Masks whose number or shapes differ from the recordings'.
+    pub fn with_mask(mut self, masks: Vec<Array2<bool>>, mask_type: MaskType) -> Result<Self> {
+        let fits = masks.len() == self.recordings.len()
+            && masks.iter().zip(&self.recordings).all(|(mask, recording)| mask.dim() == recording.dim());
+        if !fits {
+            return Err(Error::param("mask", "give one mask per recording, each of the recording's shape"));
+        }
+        self.masks = Some(masks);
+        self.mask_type = mask_type;
+        Ok(self)
+    }
+
+    /// The same data; with `on`, a missing value excludes also the samples up to `2xtau_max` after it.
+    #[must_use]
+    pub fn with_remove_missing_upto_maxlag(mut self, on: bool) -> Self {
+        self.remove_missing_upto_maxlag = on;
+        self
+    }
+
+    /// The same data with the columns `vars` only, in that order.
+    ///
+    /// # Panics
+    /// When a column does not exist.
+    #[must_use]
+    pub fn select(&self, vars: &[usize]) -> Self {
+        let recordings: Vec<_> = self.recordings.iter().map(|r| r.select(Axis(1), vars)).collect();
+        Self {
+            has_missing: recordings.iter().any(|r| r.iter().any(|v| v.is_nan())),
+            recordings,
+            var_names: vars.iter().map(|&var| self.var_names[var].clone()).collect(),
+            masks: self.masks.as_ref().map(|m| m.iter().map(|m| m.select(Axis(1), vars)).collect()),
+            ..self.clone()
+        }
+    }
+
+    /// The recordings, each `T x N`.
+    pub fn recordings(&self) -> &[Array2<f64>] {
+        &self.recordings
+    }
+
+    /// Names of the variables.
+    pub fn var_names(&self) -> &[String] {
+        &self.var_names
+    }
+
+    /// Number of variables.
+    pub fn n_vars(&self) -> usize {
+        self.var_names.len()
+    }
+
+    /// Whether some samples may be left out of some tests: a value is missing, or a mask is in force.
+    pub fn is_incomplete(&self) -> bool {
+        self.has_missing || (self.masks.is_some() && self.mask_type != MaskType::default())
+    }
+
+    /// Whether the value of `node` at time `t` excludes the sample.
+    pub(super) fn excludes(&self, recording: usize, t: usize, node: Node, mask_role: bool) -> bool {
+        let at = t - node.lag;
+        let masked = || self.masks.as_ref().is_some_and(|masks| masks[recording][[at, node.var]]);
+        self.recordings[recording][[at, node.var]].is_nan() || (mask_role && masked())
+    }
+}

@@ -1,0 +1,38 @@
+//! Errors that name the place and the way out.
+
+use super::names::nearest;
+
+/// What went wrong, where, and what to do about it: each message is one sentence for the user.
+#[derive(Debug, thiserror::Error)]
+pub enum Error {
+    /// A parameter's value is not allowed.
+    #[error("parameter '{name}': {reason}")]
+    Param {
+        /// Parameter name as the user wrote it.
+        name: String,
+        /// What is wrong, with the allowed values.
+        reason: String,
+    },
+    /// The data do not allow the analysis that was asked for.
+    #[error("{0}")]
+    Data(String),
+    /// The work was cancelled or ran out of its time budget.
+    #[error("cancelled: {0}")]
+    Cancelled(String),
+}
+
+/// Result with this crate's [`Error`].
+pub type Result<T> = std::result::Result<T, Error>;
+
+impl Error {
+    /// The [`Error::Param`] of a word that is none of those `allowed`; it names the nearest one.
+    pub(crate) fn unknown(name: &str, value: &str, allowed: &[&str]) -> Self {
+        let hint = nearest(allowed, value).map_or(String::new(), |near| format!("did you mean '{near}'? "));
+        Self::param(name, format!("'{value}' is unknown; {hint}allowed: {}", allowed.join(", ")))
+    }
+
+    /// An [`Error::Param`] from any displayable reason.
+    pub fn param(name: impl Into<String>, reason: impl std::fmt::Display) -> Self {
+        Self::Param { name: name.into(), reason: reason.to_string() }
+    }
+}

@@ -1,0 +1,224 @@
+//! What is assumed of links before anything is tested.
+
+use std::collections::BTreeMap;
+
+use super::{
+    error::{Error, Result},
+    node::Node,
+};
+
+/// What is assumed of a possible link, seen from the cause to the effect.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Assumption {
+    /// `-->`: exists; not tested (value 1, p-value 0).
+    Exists,
+    /// `-?>`: may exist; tested.
+    Test,
+    /// `<--`: exists the other way round (lag 0 only).
+    ExistsBackward,
+    /// `<?-`: may exist the other way round (lag 0 only).
+    TestBackward,
+    /// `o-o`: exists, of unknown direction (lag 0 only).
+    ExistsUnoriented,
+    /// `o?o`: may exist, of unknown direction (lag 0 only).
+    TestUnoriented,
+}
+
+impl Assumption {
+    /// The field's symbol.
+    pub fn symbol(self) -> &'static str {
+        match self {
+            Self::Exists => "-->",
+            Self::Test => "-?>",
+            Self::ExistsBackward => "<--",
+            Self::TestBackward => "<?-",
+            Self::ExistsUnoriented => "o-o",
+            Self::TestUnoriented => "o?o",
+        }
+    }
+
+    /// Whether the link is taken to exist without a test.
+    pub fn exists(self) -> bool {
+        matches!(self, Self::Exists | Self::ExistsBackward | Self::ExistsUnoriented)
+    }
+
+    /// The same link seen from its other end.
+    pub fn mirrored(self) -> Self {
+        match self {
+            Self::Exists => Self::ExistsBackward,
+            Self::Test => Self::TestBackward,
+            Self::ExistsBackward => Self::Exists,
+            Self::TestBackward => Self::Test,
+            same => same,
+        }
+    }
+}
+
+impl std::str::FromStr for Assumption {
+    type Err = Error;
+
+    fn from_str(text: &str) -> Result<Self> {
+        [
+            Self::Exists,
+            Self::Test,
+            Self::ExistsBackward,
+            Self::TestBackward,
+            Self::ExistsUnoriented,
+            Self::TestUnoriented,
+        ]
+        .into_iter()
+        .find(|a| a.symbol() == text)
+        .ok_or_else(|| {
+            Error::param("link_assumptions", format!("'{text}' is not one of -->, -?>, <--, <?-, o-o, o?o"))
+        })
+    }
+}
+
+/// Which links may exist. A link that is not listed is assumed absent.
+///
+/// What is known before the analysis goes in here: a link that cannot be is not tested, and no false one is found.
+///
+/// ```
+/// use roscausal_discovery::{Assumption, LinkAssumptions};
+///
+/// // Three variables, lags 0 to 2; nothing drives the weather (variable 2), and 0 drives 1 for certain.
+/// let mut links = LinkAssumptions::all(3, 0, 2).exogenous(&[2]);
+/// links.insert(0, 1, 1, Assumption::Exists)?;
+/// assert_eq!(links.get(0, 2, 1), None);
+/// assert_eq!(links.get(0, 1, 1), Some(Assumption::Exists));
+/// # Ok::<(), roscausal_discovery::Error>(())
+/// ```
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct LinkAssumptions {
+    targets: Vec<BTreeMap<Node, Assumption>>,
+}
+
+impl LinkAssumptions {
+    /// No link at all among `n_vars` variables.
+    pub fn none(n_vars: usize) -> Self {
+        Self { targets: vec![BTreeMap::new(); n_vars] }
+    }
+
+    /// Everything may exist: lagged pairs `-?>`, pairs at lag 0 `o?o`, lags `tau_min..=tau_max`.
+    pub fn all(n_vars: usize, tau_min: usize, tau_max: usize) -> Self {
+        let mut links = Self::none(n_vars);
+        for (target, map) in links.targets.iter_mut().enumerate() {
+            for source in 0..n_vars {
+                for lag in tau_min..=tau_max {
+                    let assumption = if lag == 0 { Assumption::TestUnoriented } else { Assumption::Test };
+                    if lag > 0 || source != target {
+                        map.insert(Node::new(source, lag), assumption);
+                    }
+                }
+            }
+        }
+        links
+    }
+
+    /// The same assumptions, in which no link points to the variables `context` (such as weather, or the time of
+    /// day): they have no parents, not even their own past. At lag 0 they may only be causes.
+    #[must_use]
+    pub fn exogenous(mut self, context: &[usize]) -> Self {
+        for (target, map) in self.targets.iter_mut().enumerate() {
+            let is_context = context.contains(&target);
+            map.retain(|source, assumption| {
+                let other_is_context = context.contains(&source.var);
+                if source.lag > 0 || (is_context && other_is_context) {
+                    return !is_context;
+                }
+                // One of the two is context: the link points away from it.
+                let (free, oriented) = match (is_context, other_is_context) {
+                    (true, false) => (Assumption::TestBackward, Assumption::ExistsBackward),
+                    (false, true) => (Assumption::Test, Assumption::Exists),
+                    _ => return true,
+                };
+                let contradicts = assumption.mirrored() == free || assumption.mirrored() == oriented;
+                *assumption = if assumption.exists() { oriented } else { free };
+                !contradicts
+            });
+        }
+        self
+    }
+
+    /// Assumes the link `cause(t - lag) -> effect(t)`; at lag 0 also its mirror image.
+    ///
+    /// # Errors
+    /// A variable that does not exist, a variable on itself at lag 0, a lagged link that is not `-->` or `-?>`.
+    pub fn insert(&mut self, cause: usize, effect: usize, lag: usize, assumption: Assumption) -> Result<()> {
+        let fail = |reason: String| Err(Error::param("link_assumptions", reason));
+        let n_vars = self.targets.len();
+        if cause >= n_vars || effect >= n_vars {
+            return fail(format!("link {cause} -> {effect}: variables are 0 to {}", n_vars - 1));
+        }
+        if lag == 0 && cause == effect {
+            return fail(format!("variable {cause} cannot drive itself at lag 0"));
+        }
+        if lag > 0 && !matches!(assumption, Assumption::Exists | Assumption::Test) {
+            return fail(format!("'{}' at lag {lag}: a lagged link is --> or -?>", assumption.symbol()));
+        }
+        self.targets[effect].insert(Node::new(cause, lag), assumption);
+        if lag == 0 {
+            self.targets[cause].insert(Node::new(effect, 0), assumption.mirrored());
+        }
+        Ok(())
+    }
+
+    /// Number of variables.
+    pub fn n_vars(&self) -> usize {
+        self.targets.len()
+    }
+
+    /// What is assumed of a link; `None`: absent.
+    pub fn get(&self, cause: usize, effect: usize, lag: usize) -> Option<Assumption> {
+        self.targets.get(effect)?.get(&Node::new(cause, lag)).copied()
+    }
+
+    /// The possible links into a target, by source and then lag.
+    pub fn of_target(&self, target: usize) -> impl Iterator<Item = (Node, Assumption)> + '_ {
+        self.targets[target].iter().map(|(&node, &assumption)| (node, assumption))
+    }
+
+    /// Checks that they fit the variables and lags of a run.
+    pub(crate) fn check(&self, n_vars: usize, tau_min: usize, tau_max: usize) -> Result<()> {
+        if self.targets.len() != n_vars {
+            return Err(Error::param(
+                "link_assumptions",
+                format!("they are for {} variables, the data have {n_vars}", self.targets.len()),
+            ));
+        }
+        for map in &self.targets {
+            if let Some(node) = map.keys().find(|node| !(tau_min..=tau_max).contains(&node.lag)) {
+                return Err(Error::param(
+                    "link_assumptions",
+                    format!("lag {} is outside tau_min..tau_max = {tau_min}..{tau_max}", node.lag),
+                ));
+            }
+        }
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn nothing_points_to_context_variables() {
+        let links = LinkAssumptions::all(3, 0, 2).exogenous(&[1]);
+        assert_eq!(links.of_target(1).filter(|(node, _)| node.lag > 0).count(), 0);
+        assert_eq!(links.get(0, 1, 0), Some(Assumption::TestBackward));
+        assert_eq!(links.get(1, 0, 0), Some(Assumption::Test));
+        assert_eq!(links.get(1, 2, 2), Some(Assumption::Test));
+        assert_eq!(links.get(0, 2, 0), Some(Assumption::TestUnoriented));
+    }
+
+    #[test]
+    fn links_at_lag_zero_are_known_from_both_ends() {
+        let mut links = LinkAssumptions::none(2);
+        links.insert(0, 1, 0, Assumption::Exists).unwrap();
+        assert_eq!(links.get(1, 0, 0), Some(Assumption::ExistsBackward));
+        assert!(links.insert(0, 0, 0, Assumption::Test).is_err());
+        assert!(links.insert(0, 1, 1, Assumption::TestUnoriented).is_err());
+        assert!(links.insert(0, 2, 1, Assumption::Test).is_err());
+    }
+}

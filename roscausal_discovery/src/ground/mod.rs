@@ -1,0 +1,20 @@
+//! The vocabulary of causal discovery: what every test and every method speaks of. Nothing here knows a test or a method.
+
+mod cond_ind_test;
+mod control;
+mod dataframe;
+mod error;
+mod links;
+mod marks;
+pub mod names;
+mod node;
+mod samples;
+
+pub use cond_ind_test::{CondIndTest, PreparedTest, TestResult};
+pub use control::{Control, Progress, Stop};
+pub use dataframe::{DataFrame, MaskType};
+pub use error::{Error, Result};
+pub use links::{Assumption, LinkAssumptions};
+pub use marks::LinkMark;
+pub use node::Node;
+pub use samples::{LaggedArrays, Samples};

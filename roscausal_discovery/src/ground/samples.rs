@@ -1,0 +1,122 @@
+//! The samples of a run: which rows of the data frame a test sees.
+
+use super::{control::Control, dataframe::DataFrame, node::Node};
+
+/// The time indices that all tests of one run use: `cut_off..T` of each recording.
+///
+/// All tests of a run see the same times, so that their values compare; the first `cut_off` samples of each recording serve
+/// as the past of the others.
+///
+/// ```
+/// use ndarray::array;
+/// use roscausal_discovery::{DataFrame, Node, Samples};
+///
+/// let data = DataFrame::new(vec![array![[1.0], [2.0], [3.0], [4.0], [5.0]]], vec!["a".into()])?;
+/// let samples = Samples::new(&data, 2);
+/// let arrays = samples.arrays(Node::new(0, 1), Node::new(0, 0), &[]);
+/// assert_eq!((arrays.x, arrays.y), (vec![2.0, 3.0, 4.0], vec![3.0, 4.0, 5.0]));
+/// # Ok::<(), roscausal_discovery::Error>(())
+/// ```
+#[derive(Clone, Debug)]
+pub struct Samples<'a> {
+    data: &'a DataFrame,
+    cut_off: usize,
+    control: Control,
+}
+
+/// The rows of one test after samples with a missing node are left out.
+#[derive(Clone, Debug, Default)]
+pub struct LaggedArrays {
+    /// `n` samples of X.
+    pub x: Vec<f64>,
+    /// `n` samples of Y.
+    pub y: Vec<f64>,
+    /// One row of `n` samples per node of Z.
+    pub z: Vec<Vec<f64>>,
+    /// Samples left out.
+    pub n_lost: usize,
+}
+
+impl<'a> Samples<'a> {
+    /// Samples for a run with `tau_max` (`cut_off` = `2xtau_max`).
+    pub fn new(data: &'a DataFrame, cut_off: usize) -> Self {
+        Self { data, cut_off, control: Control::default() }
+    }
+
+    /// The same samples for a run that `control` watches.
+    #[must_use]
+    pub fn with_control(mut self, control: Control) -> Self {
+        self.control = control;
+        self
+    }
+
+    /// The run's control; a test that takes longer than a second calls its `check` in its loops.
+    pub fn control(&self) -> &Control {
+        &self.control
+    }
+
+    /// The data frame behind.
+    pub fn data(&self) -> &'a DataFrame {
+        self.data
+    }
+
+    /// First time index used in each recording.
+    pub fn cut_off(&self) -> usize {
+        self.cut_off
+    }
+
+    /// Number of samples before any is left out.
+    pub fn len(&self) -> usize {
+        self.data.recordings.iter().map(|r| r.nrows().saturating_sub(self.cut_off)).sum()
+    }
+
+    /// Whether there is no sample at all.
+    pub fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+
+    /// The samples of `x`, `y` and `z` in which none of them is missing or masked. Lags go up to `cut_off`.
+    pub fn arrays(&self, x: Node, y: Node, z: &[Node]) -> LaggedArrays {
+        let n = self.len();
+        let row = || Vec::with_capacity(n);
+        let mut out =
+            LaggedArrays { x: row(), y: row(), z: (0..z.len()).map(|_| row()).collect(), n_lost: 0 };
+        let incomplete = self.data.is_incomplete();
+        for (k, recording) in self.data.recordings.iter().enumerate() {
+            let dropped = if incomplete { self.dropped(k, x, y, z) } else { Vec::new() };
+            for t in self.cut_off..recording.nrows() {
+                if incomplete && dropped[t - self.cut_off] {
+                    out.n_lost += 1;
+                    continue;
+                }
+                let at = |node: Node| recording[[t - node.lag, node.var]];
+                out.x.push(at(x));
+                out.y.push(at(y));
+                z.iter().zip(&mut out.z).for_each(|(&node, row)| row.push(at(node)));
+            }
+        }
+        out
+    }
+
+    /// For each sample of recording `k`: whether the test leaves it out.
+    fn dropped(&self, k: usize, x: Node, y: Node, z: &[Node]) -> Vec<bool> {
+        let (data, mask) = (self.data, self.data.mask_type);
+        let n_rows = data.recordings[k].nrows();
+        let drops = |t: usize, x_on: bool, y_on: bool, z_on: bool| {
+            data.excludes(k, t, x, x_on)
+                || data.excludes(k, t, y, y_on)
+                || z.iter().any(|&node| data.excludes(k, t, node, z_on))
+        };
+        let mut dropped: Vec<bool> =
+            (self.cut_off..n_rows).map(|t| drops(t, mask.x, mask.y, mask.z)).collect();
+        if data.remove_missing_upto_maxlag {
+            for t in self.cut_off..n_rows {
+                if drops(t, false, false, false) {
+                    let end = (t + self.cut_off + 1).min(n_rows);
+                    dropped[t - self.cut_off..end - self.cut_off].fill(true);
+                }
+            }
+        }
+        dropped
+    }
+}

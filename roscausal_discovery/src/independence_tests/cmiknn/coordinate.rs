@@ -1,0 +1,194 @@
+//! The number types in which nearest neighbours are searched: ranks as small integers, and doubles.
+
+/// A number type in which nearest neighbours are searched.
+///
+/// The functions are the inner loops of the search: inlined into code for the widest vectors of the processor.
+pub(crate) trait Coordinate: Copy + Default + PartialOrd + Send + Sync {
+    /// Distances of one sample, made ready to be counted.
+    type Profile: Default;
+
+    /// `out[j] = max(out[j], |at - row[j]|)`.
+    fn widen(out: &mut [Self], at: Self, row: &[Self]);
+
+    /// The largest distance that counts as nearer than the `k`-th neighbour, the sample itself (distance 0) not
+    /// being a neighbour. `guess` is where the search may start; `scratch` has no meaning outside.
+    fn radius(distances: &[Self], k: usize, guess: Self, scratch: &mut Vec<Self>) -> Self;
+
+    /// Samples with `max(distances[j], |at - row[j]|)` within `radius`.
+    fn count_within(distances: &[Self], at: Self, row: &[Self], radius: Self) -> usize;
+
+    /// Makes distances ready for [`Coordinate::look_up`].
+    fn profile(distances: &[Self], profile: &mut Self::Profile);
+
+    /// Samples with a distance within `radius`.
+    fn look_up(profile: &Self::Profile, radius: Self) -> usize;
+}
+
+/// Ranks `0..n`, each once, `n` at most [`MAX_RANKS`]: distances are small integers.
+impl Coordinate for i16 {
+    /// Entry `r`: samples with a distance of at most `r`.
+    type Profile = Vec<u16>;
+
+    #[inline(always)]
+    fn widen(out: &mut [i16], at: i16, row: &[i16]) {
+        for (out, &v) in out.iter_mut().zip(row) {
+            let apart = at.wrapping_sub(v);
+            *out = (*out).max(apart.max(v.wrapping_sub(at)));
+        }
+    }
+
+    #[inline(always)]
+    fn radius(distances: &[i16], k: usize, guess: i16, _scratch: &mut Vec<i16>) -> i16 {
+        let wanted = k as i16 + 1;
+        let count = |radius: i16| {
+            let mut count = 0_i16;
+            for &d in distances {
+                count += i16::from(d <= radius);
+            }
+            count
+        };
+        // count(below) < wanted <= count(above): distances to others are at least 1.
+        let (mut below, mut above) = (0, distances.len() as i16 - 1);
+        let mut probe = guess.clamp(1, above);
+        let mut step = (above >> 6).max(2);
+        let mut galloping = true;
+        let mut last = None;
+        while above - below > 1 {
+            let enough = count(probe) >= wanted;
+            if enough {
+                above = probe
+            } else {
+                below = probe
+            }
+            galloping &= last.is_none_or(|before| before == enough);
+            last = Some(enough);
+            let next = if enough { above.saturating_sub(step) } else { below.saturating_add(step) };
+            probe = if galloping && next > below && next < above {
+                step = step.saturating_mul(2);
+                next
+            } else {
+                below + (above - below) / 2
+            };
+        }
+        above - 1
+    }
+
+    #[inline(always)]
+    fn count_within(distances: &[i16], at: i16, row: &[i16], radius: i16) -> usize {
+        let mut count = 0_i16;
+        for (&d, &v) in distances.iter().zip(row) {
+            let apart = at.wrapping_sub(v).max(v.wrapping_sub(at));
+            count += i16::from(d.max(apart) <= radius);
+        }
+        count as usize
+    }
+
+    fn profile(distances: &[i16], profile: &mut Vec<u16>) {
+        profile.clear();
+        profile.resize(distances.len(), 0);
+        for &d in distances {
+            profile[d as usize] += 1;
+        }
+        let mut sum = 0;
+        for count in profile {
+            sum += *count;
+            *count = sum;
+        }
+    }
+
+    #[inline(always)]
+    fn look_up(profile: &Vec<u16>, radius: i16) -> usize {
+        profile[radius as usize] as usize
+    }
+}
+
+/// Most samples whose ranks an `i16` holds together with counts of them.
+pub(crate) const MAX_RANKS: usize = i16::MAX as usize;
+
+/// Distances below this share of the distance of the k-th neighbour count as nearer.
+const NEARER: f64 = 0.999_999_999;
+
+impl Coordinate for f64 {
+    /// The distances in rising order.
+    type Profile = Vec<f64>;
+
+    #[inline(always)]
+    fn widen(out: &mut [f64], at: f64, row: &[f64]) {
+        for (out, &v) in out.iter_mut().zip(row) {
+            let apart = (at - v).abs();
+            *out = if apart > *out { apart } else { *out };
+        }
+    }
+
+    #[inline(always)]
+    fn radius(distances: &[f64], k: usize, _guess: f64, scratch: &mut Vec<f64>) -> f64 {
+        const FEW: usize = 16;
+        if k < FEW {
+            // The k + 1 smallest in rising order; most samples are farther than the last of them.
+            let mut nearest = [f64::INFINITY; FEW];
+            for &d in distances {
+                if d < nearest[k] {
+                    let mut at = k;
+                    while at > 0 && nearest[at - 1] > d {
+                        nearest[at] = nearest[at - 1];
+                        at -= 1;
+                    }
+                    nearest[at] = d;
+                }
+            }
+            return NEARER * nearest[k];
+        }
+        scratch.clear();
+        scratch.extend_from_slice(distances);
+        let (_, kth, _) = scratch.select_nth_unstable_by(k, f64::total_cmp);
+        NEARER * *kth
+    }
+
+    #[inline(always)]
+    fn count_within(distances: &[f64], at: f64, row: &[f64], radius: f64) -> usize {
+        let mut count = 0_u64;
+        for (&d, &v) in distances.iter().zip(row) {
+            count += u64::from((d <= radius) & ((at - v).abs() <= radius));
+        }
+        count as usize
+    }
+
+    fn profile(distances: &[f64], profile: &mut Vec<f64>) {
+        profile.clear();
+        profile.extend_from_slice(distances);
+        profile.sort_unstable_by(f64::total_cmp);
+    }
+
+    #[inline(always)]
+    fn look_up(profile: &Vec<f64>, radius: f64) -> usize {
+        profile.partition_point(|&d| d <= radius)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_radius_lies_just_below_the_kth_neighbour() {
+        let distances: Vec<i16> = vec![0, 5, 3, 3, 9, 1, 7, 2, 8, 9];
+        let mut sorted = distances.clone();
+        sorted.sort_unstable();
+        for (k, &kth) in sorted.iter().enumerate().skip(1) {
+            for guess in 0..=10 {
+                assert_eq!(i16::radius(&distances, k, guess, &mut Vec::new()), kth - 1);
+            }
+            let floats: Vec<f64> = distances.iter().map(|&d| f64::from(d)).collect();
+            let radius = f64::radius(&floats, k, 0.0, &mut Vec::new());
+            assert!((radius - f64::from(kth) * NEARER).abs() < 1e-12);
+        }
+    }
+
+    #[test]
+    fn many_neighbours_are_selected_like_few() {
+        let distances: Vec<f64> = (0..50).map(|i| f64::from((i * 37) % 50)).collect();
+        for k in 1..50 {
+            assert_eq!(f64::radius(&distances, k, 0.0, &mut Vec::new()), NEARER * k as f64);
+        }
+    }
+}

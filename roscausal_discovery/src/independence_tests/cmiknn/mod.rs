@@ -1,0 +1,251 @@
+//! Conditional mutual information from nearest neighbours: a test without any assumption on the form of the
+//! dependence.
+
+mod coordinate;
+mod estimator;
+mod surrogates;
+
+pub(crate) use self::estimator::Estimator;
+use self::{
+    coordinate::{Coordinate, MAX_RANKS},
+    surrogates::{block_permutation, local_permutation, nearest},
+};
+use super::{
+    resampling::{Resampling, optimal_block_length},
+    settings::{Confidence, Significance, TestSettings},
+};
+use crate::{
+    ground::{CondIndTest, Error, LaggedArrays, Node, PreparedTest, Result, Samples, TestResult},
+    numeric::{
+        random::Rng,
+        rows::{is_constant, moments, random_ranks, standardized},
+    },
+};
+
+/// Noise that breaks ties of untransformed rows, as a share of the row's standard deviation.
+const TIE_NOISE: f64 = 1e-6;
+
+/// Conditional mutual information in nats by nearest neighbours (Frenzel and Pompe 2007), with a local permutation test
+/// (Runge 2018, AISTATS, "Conditional independence testing based on a nearest-neighbor estimator").
+///
+/// Take it where the form of the dependence is unknown, also with noise that multiplies. It needs some hundred samples, has
+/// less power than a test that knows the form, and takes the longest.
+///
+/// Surrogates rearrange Y among the nearest samples in Z, or X in blocks when there is no Z; the p-value is
+/// `(count + 1) / (samples + 1)` with the surrogates whose information is not below the value. All surrogates are
+/// always drawn: the p-value never comes from a search that stopped early.
+///
+/// ```
+/// use roscausal_discovery::{CondIndTest, DataFrame, Node, Samples};
+/// use roscausal_discovery::independence_tests::{CmiKnn, TestSettings};
+///
+/// // The size of Y follows X, its sign does not: correlation cannot see it.
+/// let noise = |i: usize| ((12.9898 * i as f64).sin() * 43758.5453).rem_euclid(1.0) - 0.5;
+/// let values = ndarray::Array2::from_shape_fn((200, 2), |(t, k)| noise(2 * t) * if k == 1 { noise(2 * t + 1).signum() } else { 1.0 });
+/// let data = DataFrame::new(vec![values], vec!["x".into(), "y".into()])?;
+/// let samples = Samples::new(&data, 0);
+/// let test = CmiKnn::new(&TestSettings { sig_samples: Some(199), ..TestSettings::default() })?;
+/// let result = test.prepare(&samples)?.run_test(Node::new(0, 0), Node::new(1, 0), &[])?;
+/// assert_eq!(result.p_value, 0.005);
+/// # Ok::<(), roscausal_discovery::Error>(())
+/// ```
+#[derive(Clone, Debug)]
+pub struct CmiKnn {
+    settings: TestSettings,
+    significance: Significance,
+    transform: Transform,
+    /// Neighbours, or the fraction of the samples where below 1.
+    knn: f64,
+    shuffle_neighbors: usize,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Transform {
+    /// Ranks; `uniform` is the same up to the unit, and information has no unit.
+    Ranks,
+    Standardize,
+    None,
+}
+
+impl CmiKnn {
+    /// The test with these settings.
+    ///
+    /// # Errors
+    /// A setting that is not allowed: there is no analytic significance or confidence interval.
+    pub fn new(settings: &TestSettings) -> Result<Self> {
+        settings.check()?;
+        let significance = settings.significance.unwrap_or(Significance::ShuffleTest);
+        if significance == Significance::Analytic {
+            let reason = "cmiknn has no analytic one; choose 'shuffle_test' or 'fixed_thres'";
+            return Err(Error::param("significance", reason));
+        }
+        if settings.confidence == Some(Confidence::Analytic) {
+            return Err(Error::param("confidence", "cmiknn has none from theory; choose 'bootstrap'"));
+        }
+        let knn = settings.knn.unwrap_or(0.2);
+        if !(knn > 0.0 && knn.is_finite()) {
+            let reason =
+                format!("{knn} must be a number of neighbours, or a fraction of the samples below 1");
+            return Err(Error::param("knn", reason));
+        }
+        let shuffle_neighbors = settings.shuffle_neighbors.unwrap_or(5);
+        if shuffle_neighbors < 2 {
+            let reason = format!("{shuffle_neighbors} must be at least 2, of which the sample itself is one");
+            return Err(Error::param("shuffle_neighbors", reason));
+        }
+        let transform = match settings.transform.as_deref().unwrap_or("ranks") {
+            "ranks" | "uniform" => Transform::Ranks,
+            "standardize" => Transform::Standardize,
+            "none" => Transform::None,
+            other => {
+                let reason = format!("'{other}' must be ranks, uniform, standardize or none");
+                return Err(Error::param("transform", reason));
+            }
+        };
+        Ok(Self { settings: settings.clone(), significance, transform, knn, shuffle_neighbors })
+    }
+
+    /// Neighbours for `n` samples; `None` when there are not enough samples.
+    fn neighbours(&self, n: usize) -> Option<usize> {
+        let k = if self.knn < 1.0 { ((self.knn * n as f64) as usize).max(1) } else { self.knn as usize };
+        (k < n).then_some(k)
+    }
+}
+
+impl CondIndTest for CmiKnn {
+    fn name(&self) -> &'static str {
+        "cmiknn"
+    }
+
+    fn prepare<'a>(&'a self, samples: &'a Samples<'a>) -> Result<Box<dyn PreparedTest + 'a>> {
+        if self.neighbours(samples.len()).is_none() {
+            return Err(Error::Data(format!(
+                "{} samples after a cut-off of {} are too few for cmiknn with knn = {}: record longer or lower knn",
+                samples.len(),
+                samples.cut_off(),
+                self.knn
+            )));
+        }
+        Ok(Box::new(Prepared { test: self, samples }))
+    }
+
+    fn decides_by_value(&self) -> bool {
+        self.significance == Significance::FixedThres
+    }
+}
+
+struct Prepared<'a> {
+    test: &'a CmiKnn,
+    samples: &'a Samples<'a>,
+}
+
+impl PreparedTest for Prepared<'_> {
+    fn run_test(&self, x: Node, y: Node, z: &[Node]) -> Result<TestResult> {
+        let LaggedArrays { x: xs, y: ys, z: mut zs, n_lost } = self.samples.arrays(x, y, z);
+        let settings = &self.test.settings;
+        let mut result = TestResult {
+            value: 0.0,
+            p_value: 1.0,
+            confidence: None,
+            n_samples: xs.len(),
+            n_lost,
+            dependent: None,
+        };
+        if is_constant(&xs) || is_constant(&ys) || self.test.neighbours(xs.len()).is_none() {
+            result.confidence = settings.confidence.map(|_| (0.0, 0.0));
+            return Ok(result);
+        }
+        zs.retain(|row| !is_constant(row));
+        let mut rng = Rng::for_test(settings.seed, x, y, z);
+        (result.value, result.p_value) = self.value_and_p(&xs, &ys, &zs, &mut rng, true)?;
+        if settings.confidence.is_some() {
+            let mut resampling = Resampling { rng, control: self.samples.control() };
+            // Samples drawn twice are ties: broken at random, the same way each time.
+            let ties = Rng::for_test(settings.seed ^ 1, x, y, z);
+            let blocks = (settings.conf_samples, settings.conf_blocklength, settings.conf_lev);
+            result.confidence = Some(resampling.bootstrap(&xs, &ys, &zs, blocks, |x, y, z| {
+                self.value_and_p(&x, &y, &z, &mut ties.clone(), false).map_or(0.0, |(value, _)| value)
+            })?);
+        }
+        Ok(result)
+    }
+}
+
+impl Prepared<'_> {
+    fn value_and_p(
+        &self,
+        x: &[f64],
+        y: &[f64],
+        z: &[Vec<f64>],
+        rng: &mut Rng,
+        with_p: bool,
+    ) -> Result<(f64, f64)> {
+        let rows = || [x, y].into_iter().chain(z.iter().map(Vec::as_slice));
+        if self.test.transform == Transform::Ranks && x.len() <= MAX_RANKS {
+            let rows =
+                rows().map(|row| random_ranks(row, rng).iter().map(|&rank| rank as i16).collect()).collect();
+            return self.of_rows::<i16>(x, rows, rng, with_p);
+        }
+        let rows = rows()
+            .map(|row| match self.test.transform {
+                Transform::Ranks => random_ranks(row, rng).iter().map(|&rank| rank as f64).collect(),
+                Transform::Standardize => standardized(&without_ties(row, rng)),
+                Transform::None => without_ties(row, rng),
+            })
+            .collect();
+        self.of_rows::<f64>(x, rows, rng, with_p)
+    }
+
+    /// Value and p-value from the transformed rows X, Y, Z...
+    fn of_rows<T: Coordinate>(
+        &self,
+        raw_x: &[f64],
+        mut rows: Vec<Vec<T>>,
+        rng: &mut Rng,
+        with_p: bool,
+    ) -> Result<(f64, f64)> {
+        let z = rows.split_off(2);
+        let n = raw_x.len();
+        // Information is symmetric; which of the two moves makes a difference to surrogates only.
+        let (moves, stays) = if z.is_empty() { (&rows[0], &rows[1]) } else { (&rows[1], &rows[0]) };
+        let samples = match self.test.significance {
+            Significance::ShuffleTest if with_p => self.test.settings.sig_samples.unwrap_or(500),
+            _ => 0,
+        };
+        let mut arrangements = Vec::with_capacity((samples + 1) * n);
+        arrangements.extend_from_slice(moves);
+        let mut order = vec![0; n];
+        let m = self.test.shuffle_neighbors.min(n);
+        let neighbours = if samples > 0 { nearest(&z, m) } else { Vec::new() };
+        let length = || self.test.settings.sig_blocklength.unwrap_or_else(|| optimal_block_length(&[raw_x]));
+        let length = if z.is_empty() && samples > 0 { length() } else { 1 };
+        for _ in 0..samples {
+            if z.is_empty() {
+                block_permutation(length, rng, &mut order);
+            } else {
+                local_permutation(&neighbours, m, rng, &mut order);
+            }
+            arrangements.extend(order.iter().map(|&i| moves[i]));
+        }
+        let k = self.test.neighbours(n).unwrap_or(1);
+        let values = Estimator { k, y: &[stays], z: &z, control: self.samples.control() }
+            .information(&[&arrangements])?;
+        let (value, nulls) = (values[0], &values[1..]);
+        let count = nulls.iter().filter(|&&null| null >= value).count();
+        Ok((value, if samples > 0 { (count + 1) as f64 / (samples + 1) as f64 } else { 1.0 }))
+    }
+}
+
+/// The row, with a little noise when values repeat.
+fn without_ties(row: &[f64], rng: &mut Rng) -> Vec<f64> {
+    let mut sorted = row.to_vec();
+    sorted.sort_by(f64::total_cmp);
+    if sorted.windows(2).all(|pair| pair[0] != pair[1]) {
+        return row.to_vec();
+    }
+    let (_, deviation) = moments(row);
+    row.iter().map(|v| v + TIE_NOISE * deviation * (rng.unit())).collect()
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,322 @@
+//! GPDC: distance correlation of the residuals of Gaussian process regressions (Runge et al. 2019, supplement S3):
+//! a test for nonlinear dependence with additive noise.
+
+mod buffer;
+mod cubic_model;
+mod dense;
+mod distance_correlation;
+mod gp;
+mod incomplete;
+mod kernel;
+mod lbfgsb;
+mod likelihood;
+mod line_search;
+mod low_rank;
+mod memory;
+mod null_table;
+mod pcg64;
+mod permutation;
+mod real;
+mod refine;
+mod residuals;
+mod search;
+
+use std::sync::Arc;
+
+use super::{
+    resampling::{Resampling, optimal_block_length},
+    settings::{Confidence, Significance, TestSettings},
+};
+use crate::{
+    ground::{CondIndTest, Error, LaggedArrays, Node, PreparedTest, Result, Samples, TestResult},
+    numeric::random::Rng,
+};
+use distance_correlation::of_ranks;
+use gp::GaussianProcess;
+use memory::Memory;
+use null_table::NullTable;
+use residuals::{ResidualCache, Residuals, is_constant, standardized};
+
+/// Samples below which a test is refused.
+const FEWEST_SAMPLES: usize = 5;
+/// Bytes for large matrices where the settings give no bound.
+const DEFAULT_MEMORY: usize = 900 << 20;
+
+/// GPDC and its settings.
+///
+/// Without conditions the two series are compared as they are. With conditions, X and Y are each replaced by their
+/// residuals from a Gaussian process regression on Z. Both become ranks; the value is their distance correlation, in
+/// `[0, 1]`.
+#[derive(Clone, Debug)]
+pub struct Gpdc {
+    settings: TestSettings,
+}
+
+impl Gpdc {
+    /// The test with `settings`: `significance` (`analytic`, the default: from a table of values of independent
+    /// uniform series, of `sig_samples` entries; `shuffle_test`: of the residuals; or `fixed_thres`), `confidence`
+    /// (`bootstrap`: each sample is regressed anew), `seed`, `max_memory`.
+    ///
+    /// # Errors
+    /// A setting that the test does not allow.
+    pub fn new(settings: &TestSettings) -> Result<Self> {
+        if settings.sig_samples == Some(0) {
+            return Err(Error::param("sig_samples", "must be at least 1 (default 500)"));
+        }
+        if settings.confidence == Some(Confidence::Analytic) {
+            return Err(Error::param("confidence", "gpdc has no analytic interval; use bootstrap"));
+        }
+        Ok(Self { settings: settings.clone() })
+    }
+
+    fn significance(&self) -> Significance {
+        self.settings.significance.unwrap_or(Significance::Analytic)
+    }
+
+    fn sig_samples(&self) -> usize {
+        self.settings.sig_samples.unwrap_or(500)
+    }
+
+    /// The memory for large matrices; refuses what would not fit.
+    fn memory(&self, n: usize) -> Result<Arc<Memory>> {
+        let threads = rayon::current_num_threads();
+        let needed = GaussianProcess::bytes(n, threads);
+        match self.settings.max_memory {
+            Some(allowed) if needed > allowed => Err(Error::param(
+                "max_memory",
+                format!(
+                    "gpdc on {n} samples with {threads} threads may need {} MB and {} MB are allowed; use fewer \
+                     samples or threads, allow more, or take the test parcorr or robustparcorr",
+                    needed.div_ceil(1 << 20),
+                    allowed >> 20
+                ),
+            )),
+            allowed => Ok(Memory::new(allowed.unwrap_or(DEFAULT_MEMORY))),
+        }
+    }
+}
+
+impl CondIndTest for Gpdc {
+    fn name(&self) -> &'static str {
+        "gpdc"
+    }
+
+    fn prepare<'a>(&'a self, samples: &'a Samples<'a>) -> Result<Box<dyn PreparedTest + 'a>> {
+        let n = samples.len();
+        if n < FEWEST_SAMPLES {
+            return Err(too_few(n));
+        }
+        let memory = self.memory(n)?;
+        Ok(Box::new(PreparedGpdc { test: self, samples, memory, residuals: ResidualCache::default() }))
+    }
+
+    fn decides_by_value(&self) -> bool {
+        self.significance() == Significance::FixedThres
+    }
+}
+
+/// GPDC on the samples of one run.
+struct PreparedGpdc<'a> {
+    test: &'a Gpdc,
+    samples: &'a Samples<'a>,
+    memory: Arc<Memory>,
+    residuals: ResidualCache,
+}
+
+impl PreparedTest for PreparedGpdc<'_> {
+    fn run_test(&self, x: Node, y: Node, z: &[Node]) -> Result<TestResult> {
+        let z = canonical(z);
+        let arrays = self.samples.arrays(x, y, &z);
+        let n = arrays.x.len();
+        if n < FEWEST_SAMPLES {
+            return Err(too_few(n));
+        }
+        let mut result = TestResult {
+            value: 0.0,
+            p_value: 1.0,
+            confidence: None,
+            n_samples: n,
+            n_lost: arrays.n_lost,
+            dependent: None,
+        };
+        if is_constant(&arrays.x) || is_constant(&arrays.y) {
+            return Ok(result);
+        }
+        let [of_x, of_y] = self.pair(x, y, &z, &arrays)?;
+        result.value = of_ranks(&of_x.ranks, &of_y.ranks);
+        let settings = &self.test.settings;
+        let mut resampling =
+            Resampling { rng: Rng::for_test(settings.seed, x, y, &z), control: self.samples.control() };
+        match self.test.significance() {
+            Significance::Analytic => {
+                let table = NullTable::get(n, self.test.sig_samples(), settings.seed);
+                result.p_value = table.share_above(result.value);
+            }
+            Significance::ShuffleTest => {
+                let length =
+                    settings.sig_blocklength.unwrap_or_else(|| optimal_block_length(&[&of_x.values]));
+                let double = |ranks: &[u32]| ranks.iter().map(|&rank| f64::from(rank)).collect::<Vec<_>>();
+                let statistic = |x: &[f64], _: &[f64]| {
+                    of_ranks(&x.iter().map(|&rank| rank as u32).collect::<Vec<_>>(), &of_y.ranks)
+                };
+                let (samples, x) = (self.test.sig_samples(), double(&of_x.ranks));
+                result.p_value =
+                    resampling.shuffle_p(&x, &x, samples, Some(length), result.value, statistic)?;
+            }
+            Significance::FixedThres => {}
+        }
+        if settings.confidence.is_some() {
+            let blocks = (settings.conf_samples, settings.conf_blocklength, settings.conf_lev);
+            let check = || self.samples.control().check();
+            let value = |x: Vec<f64>, y: Vec<f64>, z: Vec<Vec<f64>>| {
+                if is_constant(&x) || is_constant(&y) {
+                    return Ok::<f64, Error>(0.0);
+                }
+                let process = self.regression(&z);
+                let ranks = |values: &[f64]| Residuals::new(values, process.as_ref(), false, &check);
+                Ok(of_ranks(&ranks(&x)?.ranks, &ranks(&y)?.ranks))
+            };
+            // A bootstrap sample fails only when the run is cancelled, which `bootstrap` notices as well.
+            let value = |x, y, z| value(x, y, z).unwrap_or(0.0);
+            result.confidence = Some(resampling.bootstrap(&arrays.x, &arrays.y, &arrays.z, blocks, value)?);
+            check()?;
+        }
+        Ok(result)
+    }
+
+    fn model_selection_score(&self, target: Node, parents: &[Node]) -> Result<f64> {
+        let z = canonical(parents);
+        let arrays = self.samples.arrays(target, target, &z);
+        if arrays.x.len() < FEWEST_SAMPLES {
+            return Err(too_few(arrays.x.len()));
+        }
+        let [target, _] = self.pair(target, target, &z, &arrays)?;
+        Ok(-target.log_likelihood)
+    }
+}
+
+impl PreparedGpdc<'_> {
+    /// Residuals of X and Y.
+    fn pair(&self, x: Node, y: Node, z: &[Node], arrays: &LaggedArrays) -> Result<[Arc<Residuals>; 2]> {
+        let process = self.regression(&arrays.z);
+        let keep_values = self.test.significance() == Significance::ShuffleTest;
+        let check = || self.samples.control().check();
+        let of = |node: Node, values: &[f64]| {
+            let make = || Residuals::new(values, process.as_ref(), keep_values, &check);
+            // With samples left out, another test of the same node and conditions may have other samples.
+            if arrays.n_lost == 0 { self.residuals.get(node, z, make) } else { make().map(Arc::new) }
+        };
+        Ok([of(x, &arrays.x)?, of(y, &arrays.y)?])
+    }
+
+    /// The regression on `conditions`, those that are constant left out; `None` without any.
+    fn regression(&self, conditions: &[Vec<f64>]) -> Option<GaussianProcess> {
+        let rows: Vec<Vec<f64>> =
+            conditions.iter().filter(|row| !is_constant(row)).map(|row| standardized(row)).collect();
+        (!rows.is_empty()).then(|| GaussianProcess::new(&rows, &self.memory))
+    }
+}
+
+/// The conditions in one order, each once: a regression does not depend on their order but for rounding.
+fn canonical(z: &[Node]) -> Vec<Node> {
+    let mut z = z.to_vec();
+    z.sort_unstable();
+    z.dedup();
+    z
+}
+
+fn too_few(n: usize) -> Error {
+    Error::Data(format!("gpdc has {n} complete samples and needs at least {FEWEST_SAMPLES}; record more"))
+}
+
+#[cfg(test)]
+mod tests {
+    use ndarray::Array2;
+
+    use super::{super::by_name, *};
+    use crate::ground::DataFrame;
+
+    /// Columns 0 and 1 depend on column 2; column 3 on column 0.
+    fn data(n: usize) -> DataFrame {
+        let mut rng = pcg64::Pcg64::new(5);
+        let mut values = Array2::zeros((n, 4));
+        for mut row in values.rows_mut() {
+            let mut noise = || rng.next_f64() - 0.5;
+            row[2] = 3.0 * noise();
+            row[0] = row[2].sin() + 0.5 * noise();
+            row[1] = row[2] * row[2] + 0.5 * noise();
+            row[3] = row[0] + 0.2 * noise();
+        }
+        DataFrame::new(vec![values], ["a", "b", "c", "d"].map(String::from).to_vec()).unwrap()
+    }
+
+    fn run(settings: &TestSettings, x: usize, y: usize, z: &[usize]) -> Result<TestResult> {
+        let data = data(120);
+        let samples = Samples::new(&data, 0);
+        let test = by_name("GPDC", settings)?;
+        let nodes: Vec<Node> = z.iter().map(|&var| Node::new(var, 0)).collect();
+        test.prepare(&samples)?.run_test(Node::new(x, 0), Node::new(y, 0), &nodes)
+    }
+
+    #[test]
+    fn a_common_cause_is_explained_away_and_a_link_is_not() {
+        for significance in [Significance::Analytic, Significance::ShuffleTest] {
+            let settings = TestSettings { significance: Some(significance), ..TestSettings::default() };
+            assert!(run(&settings, 1, 2, &[]).unwrap().p_value < 0.01);
+            assert!(run(&settings, 0, 1, &[2]).unwrap().p_value > 0.05);
+            assert!(run(&settings, 0, 3, &[2]).unwrap().p_value < 0.01);
+        }
+    }
+
+    #[test]
+    fn the_order_of_conditions_does_not_matter() {
+        let settings = TestSettings::default();
+        assert_eq!(run(&settings, 0, 1, &[2, 3]).unwrap(), run(&settings, 0, 1, &[3, 2, 3]).unwrap());
+    }
+
+    #[test]
+    fn a_bootstrap_interval_is_ordered_and_inside_the_range() {
+        let settings = TestSettings {
+            confidence: Some(Confidence::Bootstrap),
+            conf_samples: 10,
+            ..TestSettings::default()
+        };
+        let (low, high) = run(&settings, 0, 3, &[2]).unwrap().confidence.unwrap();
+        assert!(0.0 <= low && low <= high && high <= 1.0);
+    }
+
+    #[test]
+    fn too_little_memory_is_refused_with_advice() {
+        let settings = TestSettings { max_memory: Some(1000), ..TestSettings::default() };
+        let message = run(&settings, 0, 1, &[2]).unwrap_err().to_string();
+        assert!(message.contains("max_memory") && message.contains("parcorr"), "{message}");
+    }
+
+    #[test]
+    fn a_constant_is_independent_of_everything() {
+        let data = DataFrame::new(
+            vec![Array2::from_shape_fn((30, 2), |(t, k)| if k == 0 { 1.0 } else { t as f64 })],
+            vec!["a".into(), "b".into()],
+        )
+        .unwrap();
+        let samples = Samples::new(&data, 0);
+        let test = Gpdc::new(&TestSettings::default()).unwrap();
+        let prepared = test.prepare(&samples).unwrap();
+        let result = prepared.run_test(Node::new(0, 0), Node::new(1, 0), &[]).unwrap();
+        assert_eq!((result.value, result.p_value), (0.0, 1.0));
+        // A constant condition is none.
+        let with = prepared.run_test(Node::new(1, 0), Node::new(1, 0), &[Node::new(0, 0)]).unwrap();
+        assert!((with.value - 1.0).abs() < 1e-15);
+    }
+
+    #[test]
+    fn a_regression_scores_better_than_none() {
+        let data = data(80);
+        let samples = Samples::new(&data, 0);
+        let test = Gpdc::new(&TestSettings::default()).unwrap();
+        let prepared = test.prepare(&samples).unwrap();
+        let score = |parents: &[Node]| prepared.model_selection_score(Node::new(1, 0), parents).unwrap();
+        assert!(score(&[Node::new(2, 0)]) < score(&[Node::new(3, 0)]));
+        assert_eq!(score(&[]), f64::INFINITY);
+    }
+}

@@ -1,0 +1,254 @@
+//! G-squared: independence of discrete variables.
+
+use std::collections::HashMap;
+
+use super::{
+    resampling::Resampling,
+    settings::{Confidence, Significance, TestSettings},
+};
+use crate::{
+    ground::{CondIndTest, Error, LaggedArrays, Node, PreparedTest, Result, Samples, TestResult},
+    numeric::{random::Rng, special::chi_squared_sf},
+};
+
+/// G test of discrete variables: `G = 2 sum n ln(n / e)` over the cells of X and Y in every stratum of Z, where `e`
+/// is the count expected under independence (McDonald 2014, Handbook of Biological Statistics, "G-test of
+/// independence").
+///
+/// Take it for categories, states and counts. It needs some samples for each combination of the levels of X, Y and Z, so
+/// few levels and few conditions.
+///
+/// P-value: chi-squared; each stratum gives `(rows - 1) (columns - 1)` degrees of freedom, rows and columns
+/// without a sample left out. Without degrees of freedom the value is 0 and the p-value 1. Values are
+/// levels by equality: round measurements before use.
+///
+/// ```
+/// use roscausal_discovery::{CondIndTest, DataFrame, Node, Samples};
+/// use roscausal_discovery::independence_tests::{Gsquared, TestSettings};
+///
+/// // A light that is on when one of two switches is.
+/// let noise = |i: usize| ((12.9898 * i as f64).sin() * 43758.5453).rem_euclid(1.0) - 0.5;
+/// let switch = |i: usize| f64::from(u8::from(noise(i) > 0.0));
+/// let values = ndarray::Array2::from_shape_fn((200, 3), |(t, k)| match k {
+///     2 => switch(2 * t).max(switch(2 * t + 1)),
+///     k => switch(2 * t + k),
+/// });
+/// let data = DataFrame::new(vec![values], vec!["first".into(), "second".into(), "light".into()])?;
+/// let samples = Samples::new(&data, 0);
+/// let test = Gsquared::new(&TestSettings::default())?;
+/// let prepared = test.prepare(&samples)?;
+/// let (first, second, light) = (Node::new(0, 0), Node::new(1, 0), Node::new(2, 0));
+/// assert!(prepared.run_test(first, second, &[])?.p_value > 0.05);
+/// assert!(prepared.run_test(first, second, &[light])?.p_value < 0.001);
+/// # Ok::<(), roscausal_discovery::Error>(())
+/// ```
+#[derive(Clone, Debug)]
+pub struct Gsquared {
+    settings: TestSettings,
+    significance: Significance,
+}
+
+impl Gsquared {
+    /// The test with these settings.
+    ///
+    /// # Errors
+    /// A setting that is not allowed: there is no analytic confidence interval.
+    pub fn new(settings: &TestSettings) -> Result<Self> {
+        settings.check()?;
+        if settings.confidence == Some(Confidence::Analytic) {
+            return Err(Error::param("confidence", "gsquared has none from theory; choose 'bootstrap'"));
+        }
+        let significance = settings.significance.unwrap_or(Significance::Analytic);
+        Ok(Self { settings: settings.clone(), significance })
+    }
+}
+
+impl CondIndTest for Gsquared {
+    fn name(&self) -> &'static str {
+        "gsquared"
+    }
+
+    fn prepare<'a>(&'a self, samples: &'a Samples<'a>) -> Result<Box<dyn PreparedTest + 'a>> {
+        if samples.is_empty() {
+            return Err(Error::Data(format!("no sample is left after a cut-off of {}", samples.cut_off())));
+        }
+        Ok(Box::new(Prepared { test: self, samples }))
+    }
+
+    fn decides_by_value(&self) -> bool {
+        self.significance == Significance::FixedThres
+    }
+}
+
+struct Prepared<'a> {
+    test: &'a Gsquared,
+    samples: &'a Samples<'a>,
+}
+
+impl PreparedTest for Prepared<'_> {
+    fn run_test(&self, x: Node, y: Node, z: &[Node]) -> Result<TestResult> {
+        let LaggedArrays { x: xs, y: ys, z: zs, n_lost } = self.samples.arrays(x, y, z);
+        let settings = &self.test.settings;
+        let stratum = strata(&zs, xs.len());
+        let g = g_statistic(&levels(&xs), &levels(&ys), &stratum);
+        let mut resampling =
+            Resampling { rng: Rng::for_test(settings.seed, x, y, z), control: self.samples.control() };
+        let p_value = match self.test.significance {
+            Significance::Analytic => chi_squared_sf(g.value, g.dof),
+            Significance::FixedThres => 1.0,
+            Significance::ShuffleTest if g.dof == 0 => 1.0,
+            Significance::ShuffleTest => {
+                let samples = settings.sig_samples.unwrap_or(500);
+                resampling.shuffle_p(&xs, &ys, samples, settings.sig_blocklength, g.value, |x, y| {
+                    g_statistic(&levels(x), &levels(y), &stratum).value
+                })?
+            }
+        };
+        let confidence = match settings.confidence {
+            None => None,
+            Some(_) => {
+                let blocks = (settings.conf_samples, settings.conf_blocklength, settings.conf_lev);
+                Some(resampling.bootstrap(&xs, &ys, &zs, blocks, |x, y, z| {
+                    g_statistic(&levels(&x), &levels(&y), &strata(&z, x.len())).value
+                })?)
+            }
+        };
+        Ok(TestResult { value: g.value, p_value, confidence, n_samples: xs.len(), n_lost, dependent: None })
+    }
+
+    fn is_cheap(&self) -> bool {
+        self.test.significance != Significance::ShuffleTest && self.test.settings.confidence.is_none()
+    }
+}
+
+struct G {
+    value: f64,
+    dof: usize,
+}
+
+/// Levels of a row as numbers `0..`, in the order of appearance.
+fn levels(row: &[f64]) -> Vec<usize> {
+    let mut seen = HashMap::new();
+    row.iter()
+        .map(|v| {
+            let next = seen.len();
+            // -0 and 0 are one level.
+            *seen.entry((v + 0.0).to_bits()).or_insert(next)
+        })
+        .collect()
+}
+
+/// Stratum of each sample: the combination of the levels of all rows of Z.
+fn strata(z: &[Vec<f64>], n: usize) -> Vec<usize> {
+    let mut stratum = vec![0; n];
+    for row in z {
+        let mut seen = HashMap::new();
+        for (s, level) in stratum.iter_mut().zip(levels(row)) {
+            let next = seen.len();
+            *s = *seen.entry((*s, level)).or_insert(next);
+        }
+    }
+    stratum
+}
+
+fn g_statistic(x: &[usize], y: &[usize], stratum: &[usize]) -> G {
+    let count = |row: &[usize]| row.iter().max().map_or(0, |most| most + 1);
+    let (rows, columns, n_strata) = (count(x), count(y), count(stratum));
+    // Samples by stratum, so that one small table is enough.
+    let mut start = vec![0; n_strata + 1];
+    stratum.iter().for_each(|&s| start[s + 1] += 1);
+    (0..n_strata).for_each(|s| start[s + 1] += start[s]);
+    let mut at = start.clone();
+    let mut order = vec![0; stratum.len()];
+    for (i, &s) in stratum.iter().enumerate() {
+        order[at[s]] = i;
+        at[s] += 1;
+    }
+    let (mut of_x, mut of_y) = (vec![0_usize; rows], vec![0_usize; columns]);
+    let mut cells: HashMap<(usize, usize), usize> = HashMap::new();
+    let (mut value, mut dof) = (0.0, 0);
+    for s in 0..n_strata {
+        of_x.fill(0);
+        of_y.fill(0);
+        cells.clear();
+        let members = &order[start[s]..start[s + 1]];
+        for &i in members {
+            of_x[x[i]] += 1;
+            of_y[y[i]] += 1;
+            *cells.entry((x[i], y[i])).or_default() += 1;
+        }
+        let n = members.len() as f64;
+        // A map has no order of its own: sorted, so that the sum is the same every time.
+        let mut cells: Vec<_> = cells.iter().map(|(&cell, &observed)| (cell, observed)).collect();
+        cells.sort_unstable();
+        for ((a, b), observed) in cells {
+            let (observed, expected) = (observed as f64, of_x[a] as f64 * of_y[b] as f64 / n);
+            value += 2.0 * observed * (observed / expected).ln();
+        }
+        let used = |counts: &[usize]| counts.iter().filter(|&&c| c > 0).count();
+        dof += used(&of_x).saturating_sub(1) * used(&of_y).saturating_sub(1);
+    }
+    // Rounding may leave a value of zero just below zero; no degrees of freedom, no dependence.
+    G { value: if dof > 0 { value.max(0.0) } else { 0.0 }, dof }
+}
+
+#[cfg(test)]
+mod tests {
+    use ndarray::Array2;
+
+    use super::*;
+    use crate::ground::DataFrame;
+
+    fn run(data: Array2<f64>, z: &[Node]) -> TestResult {
+        let names = (0..data.ncols()).map(|i| i.to_string()).collect();
+        let data = DataFrame::new(vec![data], names).expect("is a frame");
+        let test = Gsquared::new(&TestSettings::default()).expect("is a test");
+        let samples = Samples::new(&data, 0);
+        let prepared = test.prepare(&samples).expect("prepares");
+        prepared.run_test(Node::new(0, 0), Node::new(1, 0), z).expect("runs")
+    }
+
+    /// One row per count: `(x, y, z, count)`.
+    fn table(cells: &[(f64, f64, f64, usize)]) -> Array2<f64> {
+        let rows: Vec<[f64; 3]> =
+            cells.iter().flat_map(|&(x, y, z, n)| std::iter::repeat_n([x, y, z], n)).collect();
+        ndarray::arr2(&rows)
+    }
+
+    #[test]
+    fn a_known_table_gives_its_g() {
+        // [[10, 20], [30, 5]]: expected counts from margins 30, 35 and 40, 25 of 65.
+        let g: f64 = [(10.0, 30.0, 40.0), (20.0, 30.0, 25.0), (30.0, 35.0, 40.0), (5.0, 35.0, 25.0)]
+            .iter()
+            .map(|(n, row, column): &(f64, f64, f64)| 2.0 * n * (n * 65.0 / (row * column)).ln())
+            .sum();
+        let cells = [(0.0, 0.0, 0.0, 10), (0.0, 1.0, 0.0, 20), (1.0, 0.0, 0.0, 30), (1.0, 1.0, 0.0, 5)];
+        let result = run(table(&cells), &[]);
+        assert!((result.value - g).abs() < 1e-12);
+        assert!((result.p_value - libm::erfc((g / 2.0).sqrt())).abs() < 1e-18);
+    }
+
+    #[test]
+    fn strata_add_up_and_explain_away() {
+        // Within each stratum X and Y are independent; pooled they are not.
+        let cells = [
+            (0.0, 0.0, 0.0, 120),
+            (0.0, 1.0, 0.0, 60),
+            (1.0, 0.0, 0.0, 60),
+            (1.0, 1.0, 0.0, 30),
+            (0.0, 0.0, 1.0, 30),
+            (0.0, 1.0, 1.0, 60),
+            (1.0, 0.0, 1.0, 60),
+            (1.0, 1.0, 1.0, 120),
+        ];
+        assert!(run(table(&cells), &[]).p_value < 0.05);
+        let given = run(table(&cells), &[Node::new(2, 0)]);
+        assert!(given.value.abs() < 1e-12 && given.p_value > 0.999, "{given:?}");
+    }
+
+    #[test]
+    fn a_constant_gives_no_evidence() {
+        let result = run(table(&[(3.0, 0.0, 0.0, 7), (3.0, 1.0, 0.0, 9)]), &[Node::new(2, 0)]);
+        assert_eq!((result.value, result.p_value), (0.0, 1.0));
+    }
+}

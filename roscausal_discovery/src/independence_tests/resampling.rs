@@ -1,0 +1,240 @@
+//! Significance and confidence by resampling in blocks.
+
+use crate::{
+    ground::{Control, Result},
+    numeric::random::Rng,
+};
+
+/// Resampling for one test.
+pub(crate) struct Resampling<'a> {
+    pub(crate) rng: Rng,
+    pub(crate) control: &'a Control,
+}
+
+impl Resampling<'_> {
+    /// P-value of a two-sided test: share of surrogates, X shuffled in blocks, whose statistic is at least as
+    /// large, `(count + 1) / (samples + 1)`.
+    pub(crate) fn shuffle_p(
+        &mut self,
+        x: &[f64],
+        y: &[f64],
+        samples: usize,
+        block_length: Option<usize>,
+        value: f64,
+        statistic: impl Fn(&[f64], &[f64]) -> f64,
+    ) -> Result<f64> {
+        let length = block_length.unwrap_or_else(|| optimal_block_length(&[x])).clamp(1, x.len().max(1));
+        let mut surrogate = vec![0.0; x.len()];
+        let mut starts: Vec<usize> = (0..x.len()).step_by(length).collect();
+        let mut count = 0_usize;
+        for sample in 0..samples {
+            if sample % 64 == 0 {
+                self.control.check()?;
+            }
+            self.rng.shuffle(&mut starts);
+            let mut at = 0;
+            for &start in &starts {
+                let block = &x[start..(start + length).min(x.len())];
+                surrogate[at..at + block.len()].copy_from_slice(block);
+                at += block.len();
+            }
+            count += usize::from(statistic(&surrogate, y).abs() >= value.abs());
+        }
+        Ok((count + 1) as f64 / (samples + 1) as f64)
+    }
+
+    /// Percentile interval of the statistic over block-bootstrap samples of all rows jointly.
+    /// `(samples, block length, level)`.
+    pub(crate) fn bootstrap(
+        &mut self,
+        x: &[f64],
+        y: &[f64],
+        z: &[Vec<f64>],
+        (samples, block_length, level): (usize, Option<usize>, f64),
+        statistic: impl Fn(Vec<f64>, Vec<f64>, Vec<Vec<f64>>) -> f64,
+    ) -> Result<(f64, f64)> {
+        let n = x.len();
+        let rows: Vec<&[f64]> = [x, y].into_iter().chain(z.iter().map(Vec::as_slice)).collect();
+        let length = block_length.unwrap_or_else(|| optimal_block_length(&rows)).clamp(1, n.max(1));
+        let mut values = Vec::with_capacity(samples);
+        let mut index = Vec::with_capacity(n + length);
+        for sample in 0..samples.max(1) {
+            if sample % 16 == 0 {
+                self.control.check()?;
+            }
+            index.clear();
+            while index.len() < n {
+                let start = self.rng.below(n - length + 1);
+                index.extend(start..start + length);
+            }
+            index.truncate(n);
+            let draw = |row: &[f64]| -> Vec<f64> { index.iter().map(|&t| row[t]).collect() };
+            values.push(statistic(draw(x), draw(y), z.iter().map(|row| draw(row)).collect()));
+        }
+        values.sort_unstable_by(f64::total_cmp);
+        let tail = 0.5 - 0.5 * level;
+        let at = |q: f64| values[((q * values.len() as f64) as usize).min(values.len() - 1)];
+        Ok((at(tail), at(1.0 - tail)))
+    }
+}
+
+/// Block length for surrogates that keep the autocorrelation (Mader et al. 2013, Eq. 6, after Peifer et al. 2005):
+/// the decay `phi` of the envelope of the autocorrelation gives the length; the longest of the rows counts, at
+/// most a tenth of the samples. Where the decay cannot be fitted it is a twentieth.
+pub(crate) fn optimal_block_length(rows: &[&[f64]]) -> usize {
+    let n = rows.first().map_or(0, |row| row.len());
+    let longest = n / 10;
+    let of_row = |row: &&[f64]| match decay(&envelope(&autocorrelation(row, longest))) {
+        Some(phi) => {
+            let odds = phi / (1.0 - phi);
+            let ratio = (odds + odds * odds) / (1.0 + 2.0 * odds);
+            (4.0 * n as f64 * ratio * ratio).cbrt() as usize
+        }
+        None => n / 20,
+    };
+    rows.iter().map(of_row).max().unwrap_or(1).min(longest).max(1)
+}
+
+/// Autocorrelation at lags `0..=max_lag`, each a correlation of the two overlapping parts.
+fn autocorrelation(row: &[f64], max_lag: usize) -> Vec<f64> {
+    let correlation = |a: &[f64], b: &[f64]| {
+        let n = a.len() as f64;
+        let (mean_a, mean_b) = (a.iter().sum::<f64>() / n, b.iter().sum::<f64>() / n);
+        let (mut ab, mut aa, mut bb) = (0.0, 0.0, 0.0);
+        for (x, y) in a.iter().zip(b) {
+            let (x, y) = (x - mean_a, y - mean_b);
+            ab += x * y;
+            aa += x * x;
+            bb += y * y;
+        }
+        if aa > 0.0 && bb > 0.0 { ab / (aa * bb).sqrt() } else { 0.0 }
+    };
+    (0..=max_lag.min(row.len().saturating_sub(2)))
+        .map(|k| correlation(&row[k..], &row[..row.len() - k]))
+        .collect()
+}
+
+/// Absolute value of the analytic signal (the discrete Hilbert transform by its definition).
+fn envelope(signal: &[f64]) -> Vec<f64> {
+    let n = signal.len();
+    let angle = |k: usize, t: usize| std::f64::consts::TAU * ((k * t) % n) as f64 / n as f64;
+    // Frequencies: 0 and n/2 once, those below n/2 twice, the negative ones not at all.
+    let spectrum: Vec<(f64, f64)> = (0..=n / 2)
+        .map(|k| {
+            let weight = if k == 0 || 2 * k == n { 1.0 } else { 2.0 };
+            let (mut re, mut im) = (0.0, 0.0);
+            for (t, v) in signal.iter().enumerate() {
+                re += v * angle(k, t).cos();
+                im -= v * angle(k, t).sin();
+            }
+            (weight * re / n as f64, weight * im / n as f64)
+        })
+        .collect();
+    (0..n)
+        .map(|t| {
+            let (mut re, mut im) = (0.0, 0.0);
+            for (k, (a, b)) in spectrum.iter().enumerate() {
+                let (sin, cos) = angle(k, t).sin_cos();
+                re += a * cos - b * sin;
+                im += a * sin + b * cos;
+            }
+            re.hypot(im)
+        })
+        .collect()
+}
+
+/// The `phi` in (0, 1) for which `a phi^k` fits `y[k]` best in the least-squares sense, `a` free.
+fn decay(y: &[f64]) -> Option<f64> {
+    if y.len() < 3 {
+        return None;
+    }
+    // Left of the sum of squares when the best `a` is taken: maximise <y, phi^k>^2 / <phi^k, phi^k>.
+    let fit = |phi: f64| {
+        let (mut power, mut with_y, mut square) = (1.0, 0.0, 0.0);
+        for v in y {
+            with_y += v * power;
+            square += power * power;
+            power *= phi;
+        }
+        with_y * with_y / square
+    };
+    let steps = 400;
+    let best = (1..steps).max_by(|&a, &b| {
+        fit(f64::from(a) / f64::from(steps)).total_cmp(&fit(f64::from(b) / f64::from(steps)))
+    })?;
+    let (mut low, mut high) =
+        (f64::from(best - 1) / f64::from(steps), f64::from(best + 1) / f64::from(steps));
+    for _ in 0..100 {
+        let (a, b) = (low + 0.381_966 * (high - low), low + 0.618_034 * (high - low));
+        if fit(a) < fit(b) { low = a } else { high = b }
+    }
+    let phi = 0.5 * (low + high);
+    (phi < 1.0 - 1e-9).then_some(phi)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_decay_of_a_geometric_curve_is_found() {
+        let curve: Vec<f64> = (0..30).map(|k| 0.7 * 0.83_f64.powi(k)).collect();
+        assert!((decay(&curve).unwrap() - 0.83).abs() < 1e-6);
+    }
+
+    #[test]
+    fn the_envelope_of_an_oscillation_is_its_amplitude() {
+        let wave: Vec<f64> =
+            (0..32).map(|t| 0.4 * (std::f64::consts::TAU * f64::from(t) * 3.0 / 32.0).cos()).collect();
+        envelope(&wave).iter().for_each(|v| assert!((v - 0.4).abs() < 1e-12));
+    }
+
+    #[test]
+    fn blocks_are_at_least_one_and_at_most_a_tenth() {
+        let mut rng = Rng::new(1);
+        let noise: Vec<f64> = (0..200).map(|_| rng.below(1000) as f64).collect();
+        assert!((1..=8).contains(&optimal_block_length(&[&noise])));
+        let ramp: Vec<f64> = (0..200).map(f64::from).collect();
+        assert!((1..=20).contains(&optimal_block_length(&[&ramp])));
+        assert_eq!(optimal_block_length(&[&[1.0; 5]]), 1);
+    }
+
+    /// Block lengths of the reference, from its folder of results where there is one.
+    #[test]
+    fn block_lengths_are_those_of_the_reference() {
+        let beside = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../../shared/golden");
+        let folder = std::env::var_os("ROSCAUSAL_GOLDEN").map_or(beside, std::path::PathBuf::from);
+        let Ok(text) = std::fs::read_to_string(folder.join("misc.json")) else {
+            eprintln!("SKIPPED: no reference results at {}", folder.display());
+            return;
+        };
+        let misc: serde_json::Value = serde_json::from_str(&text).unwrap();
+        let row = |value: &serde_json::Value| -> Vec<f64> {
+            value.as_array().unwrap().iter().map(|v| v.as_f64().unwrap()).collect()
+        };
+        let golden = &misc["block_length"];
+        let (x, y) = (row(&golden["x"]), row(&golden["y"]));
+        for (ours, golden) in autocorrelation(&x, 30).iter().zip(row(&golden["acf_x"])) {
+            assert!((ours - golden).abs() < 1e-12);
+        }
+        assert_eq!(optimal_block_length(&[&x, &y]), golden["significance"].as_u64().unwrap() as usize);
+        for entry in std::fs::read_dir(folder.join("single")).unwrap() {
+            let text = std::fs::read_to_string(entry.unwrap().path()).unwrap();
+            let single: serde_json::Value = serde_json::from_str(&text).unwrap();
+            let Some(length) = single["result"]["block_length"].as_u64() else { continue };
+            let (mut x, mut y) = (row(&single["x"]), row(&single["y"]));
+            let samples: Vec<Vec<f64>> =
+                single["z"].as_array().map_or(Vec::new(), |z| z.iter().map(&row).collect());
+            let n_conditions = samples.first().map_or(0, Vec::len);
+            let mut z: Vec<Vec<f64>> =
+                (0..n_conditions).map(|k| samples.iter().map(|s| s[k]).collect()).collect();
+            for row in [&mut x, &mut y].into_iter().chain(&mut z) {
+                crate::numeric::rows::standardize(row);
+            }
+            let (x, y) = super::super::cholesky::residuals(x, y, z);
+            let ours = [optimal_block_length(&[&x]), optimal_block_length(&[&x, &y])];
+            println!("{} {length} {ours:?}", single["id"]);
+            assert!(ours.contains(&(length as usize)), "{} {length} {ours:?}", single["id"]);
+        }
+    }
+}

@@ -1,0 +1,105 @@
+//! The settings of independence tests.
+
+use crate::ground::{Error, Result};
+
+/// How a value becomes a p-value.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Significance {
+    /// From the known distribution of the value.
+    Analytic,
+    /// From the values of data in which X is shuffled in blocks.
+    ShuffleTest,
+    /// No p-value: dependent when the value reaches the level, which is then a threshold.
+    FixedThres,
+}
+
+/// How a confidence interval is computed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Confidence {
+    /// From the known distribution of the value.
+    Analytic,
+    /// From block-bootstrap samples.
+    Bootstrap,
+}
+
+/// Settings of any test, as [`super::by_name`] takes them; a test reads what concerns it. `None` is the test's own default.
+///
+/// ```
+/// use roscausal_discovery::independence_tests::{Confidence, Significance, TestSettings, by_name};
+///
+/// let settings = TestSettings {
+///     significance: Some(Significance::ShuffleTest),
+///     sig_samples: Some(1000),
+///     confidence: Some(Confidence::Bootstrap),
+///     ..TestSettings::default()
+/// };
+/// assert_eq!(by_name("ParCorr", &settings)?.name(), "parcorr");
+/// # Ok::<(), roscausal_discovery::Error>(())
+/// ```
+#[derive(Clone, Debug, PartialEq)]
+pub struct TestSettings {
+    /// How a value becomes a p-value.
+    pub significance: Option<Significance>,
+    /// Surrogates of a shuffle test, or size of a null table. Default 500.
+    pub sig_samples: Option<usize>,
+    /// Block length in samples of a shuffle test; `None`: from the autocorrelation.
+    pub sig_blocklength: Option<usize>,
+    /// Confidence interval, if any.
+    pub confidence: Option<Confidence>,
+    /// Level of the two-sided confidence interval. Default 0.9.
+    pub conf_lev: f64,
+    /// Bootstrap samples. Default 100.
+    pub conf_samples: usize,
+    /// Block length in samples of the bootstrap; `None`: from the autocorrelation.
+    pub conf_blocklength: Option<usize>,
+    /// Seed of all random numbers. Default 42.
+    pub seed: u64,
+    /// `cmiknn`: neighbours, or the fraction of the samples where below 1. Default 0.2.
+    pub knn: Option<f64>,
+    /// `cmiknn`: neighbours in Z among which Y is permuted. Default 5.
+    pub shuffle_neighbors: Option<usize>,
+    /// `cmiknn`: `ranks` (default), `uniform`, `standardize` or `none`.
+    pub transform: Option<String>,
+    /// Memory in bytes that a test may take; `None`: no bound.
+    pub max_memory: Option<usize>,
+}
+
+impl Default for TestSettings {
+    fn default() -> Self {
+        Self {
+            significance: None,
+            sig_samples: None,
+            sig_blocklength: None,
+            confidence: None,
+            conf_lev: 0.9,
+            conf_samples: 100,
+            conf_blocklength: None,
+            seed: 42,
+            knn: None,
+            shuffle_neighbors: None,
+            transform: None,
+            max_memory: None,
+        }
+    }
+}
+
+impl TestSettings {
+    /// Checks what all tests share.
+    ///
+    /// # Errors
+    /// The first setting that is out of its range.
+    pub fn check(&self) -> Result<()> {
+        let positive = |name: &str, value: Option<usize>| match value {
+            Some(0) => Err(Error::param(name, "0 is not allowed; give 1 or more")),
+            _ => Ok(()),
+        };
+        positive("sig_samples", self.sig_samples)?;
+        positive("sig_blocklength", self.sig_blocklength)?;
+        positive("conf_samples", Some(self.conf_samples))?;
+        positive("conf_blocklength", self.conf_blocklength)?;
+        if !(0.0..1.0).contains(&self.conf_lev) || self.conf_lev == 0.0 {
+            return Err(Error::param("conf_lev", format!("{} is not between 0 and 1", self.conf_lev)));
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,82 @@
+//! Causal discovery from time series: which variable drives which, and how many steps later.
+//!
+//! ```
+//! use ndarray::Array2;
+//! use roscausal_discovery::{Control, DataFrame, Settings, analyse, methods::Method};
+//!
+//! // Two series of 300 samples: `b` follows `a` one step later.
+//! let noise = |i: usize| ((12.9898 * i as f64).sin() * 43758.5453).rem_euclid(1.0) - 0.5;
+//! let mut values = Array2::zeros((300, 2));
+//! for t in 1..300 {
+//!     values[[t, 0]] = noise(2 * t);
+//!     values[[t, 1]] = 0.7 * values[[t - 1, 0]] + noise(2 * t + 1);
+//! }
+//! let data = DataFrame::new(vec![values], vec!["a".into(), "b".into()])?;
+//! let settings = Settings { method: Method::Pcmci, cond_ind_test: "parcorr".into(), ..Settings::default() };
+//! let model = analyse(&data, &settings, &Control::default())?;
+//! let link = &model.links[0];
+//! assert_eq!((link.cause.as_str(), link.effect.as_str(), link.lag), ("a", "b", 1));
+//! # Ok::<(), roscausal_discovery::Error>(())
+//! ```
+//!
+//! A correlation between two series is no link: both may follow a third one, or their own past. The methods here test
+//! each possible link given other variables at other times, and keep what no such condition explains away. They assume
+//! that all common causes were recorded, that the system does not change while it is recorded, and that the samples are
+//! dense enough to see an effect after its cause.
+//!
+//! # Methods
+//!
+//! | name | function | finds | take it |
+//! |---|---|---|---|
+//! | `fpcmci` | [`run_fpcmci`](methods::run_fpcmci) | lagged links | when some variables may have no part in the system, and with a slow test |
+//! | `pcmci` | [`run_pcmci`](methods::run_pcmci) | lagged links; pairs at lag 0 without a direction | as the first choice |
+//! | `pcmciplus` | [`run_pcmciplus`](methods::run_pcmciplus) | lagged links and directed links at lag 0 | when effects follow faster than the samples |
+//! | `fullci` | [`run_fullci`](methods::run_fullci) | lagged links | with few variables and many samples, to compare |
+//! | `bivci` | [`run_bivci`](methods::run_bivci) | pairs | as the Granger test of two variables |
+//! | `lagdep` | [`get_lagged_dependencies`](methods::get_lagged_dependencies) | dependencies, not links | to choose `tau_max` before anything else |
+//!
+//! All take several recordings as one system and give a p-value for each link; none allows for hidden common causes.
+//! [`Method`](methods::Method) holds the names, aliases and defaults.
+//!
+//! # Independence tests
+//!
+//! | name | type | finds | take it |
+//! |---|---|---|---|
+//! | `gpdc` | [`Gpdc`](independence_tests::Gpdc) | nonlinear dependence with additive noise | up to some thousand samples |
+//! | `parcorr` | [`ParCorr`](independence_tests::ParCorr) | linear dependence | as the fastest, and with many variables |
+//! | `robustparcorr` | [`RobustParCorr`](independence_tests::RobustParCorr) | monotone dependence | with outliers or heavy tails |
+//! | `cmiknn` | [`CmiKnn`](independence_tests::CmiKnn) | dependence of any form | with time to spend |
+//! | `gsquared` | [`Gsquared`](independence_tests::Gsquared) | dependence of discrete variables | for categories and counts |
+//! | (oracle) | [`OracleCi`](independence_tests::OracleCi) | what a known graph says | to study a method |
+//!
+//! # The way through
+//!
+//! 1. Put the samples into a [`DataFrame`]: one array per recording, time in rows, NaN where a value is missing.
+//! 2. [`analyse`] it with [`Settings`]; a [`Control`] shows progress, sets a time budget, cancels.
+//! 3. Read the [`Model`]: its links, or the matrices `[cause][effect][lag]`; write it as JSON or [draw] it.
+//!
+//! The functions of [`methods`] give more: separating sets, confidence intervals, the steps of a method one by one. A
+//! test of your own is a type with [`CondIndTest`]; its documentation has an example.
+//!
+//! Random numbers come from a seed and the test they serve: the same seed gives the same bytes, whatever the number of
+//! threads. Tests run in the current `rayon` pool.
+
+#![warn(missing_docs)]
+
+mod analysis;
+pub mod draw;
+mod ground;
+pub mod independence_tests;
+pub mod methods;
+mod model;
+mod numeric;
+pub mod transfer_entropy;
+
+pub use analysis::{PcAlpha, Settings, analyse};
+pub use ground::*;
+pub use model::{Link, Matrices, Model, SCHEMA};
+
+/// The README's example runs, too.
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+struct Readme;

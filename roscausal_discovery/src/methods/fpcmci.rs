@@ -1,0 +1,332 @@
+//! F-PCMCI: PCMCI behind a transfer-entropy filter.
+
+use ndarray::{Array3, Axis};
+
+use super::{
+    pcmci::run_pcmci,
+    result::{PcmciResult, Status},
+    settings::PcmciSettings,
+};
+use crate::{
+    ground::{Assumption, CondIndTest, Control, DataFrame, Error, LinkAssumptions, Result, Stop},
+    transfer_entropy::{TeEstimator, TeResult, TransferEntropy},
+};
+
+/// Settings of F-PCMCI.
+#[derive(Clone, Debug)]
+pub struct FpcmciSettings {
+    /// Estimator of the transfer-entropy filter.
+    pub te_estimator: TeEstimator,
+    /// Level of the filter, inside (0, 1).
+    pub f_alpha: f64,
+    /// Whether variables that only depend on their own past are left out.
+    pub neglect_only_autodep: bool,
+    /// Seed of the filter's surrogates (the Gaussian estimator needs none).
+    pub seed: u64,
+    /// PCMCI on the variables that the filter leaves: lags, levels; its link assumptions limit those of the filter.
+    pub pcmci: PcmciSettings,
+}
+
+impl Default for FpcmciSettings {
+    fn default() -> Self {
+        Self {
+            te_estimator: TeEstimator::Gaussian,
+            f_alpha: 0.05,
+            neglect_only_autodep: true,
+            seed: 42,
+            pcmci: PcmciSettings::default(),
+        }
+    }
+}
+
+/// Result of F-PCMCI. Variables are given as columns of the data frame, in rising order.
+#[derive(Clone, Debug)]
+pub struct FpcmciResult {
+    /// What informs each variable; absent when the time budget ended in the filter.
+    pub filter: Option<TeResult>,
+    /// Variables that the filter leaves.
+    pub selected: Vec<usize>,
+    /// The filter's links among `selected` (positions in that list), as PCMCI was given them.
+    pub link_assumptions: LinkAssumptions,
+    /// PCMCI on `selected`; absent when the filter leaves nothing.
+    pub pcmci: Option<PcmciResult>,
+    /// Variables of the model: those of `selected` that PCMCI leaves a link.
+    pub features: Vec<usize>,
+    /// Whether it is complete.
+    pub status: Status,
+}
+
+/// F-PCMCI: PCMCI behind a filter that leaves out what has no part in the system.
+///
+/// 1. [`TransferEntropy`](crate::transfer_entropy::TransferEntropy) finds what informs each variable; those links are
+///    possible, and variables without one are left out.
+/// 2. [`run_pcmci`](super::run_pcmci) tests the possible links.
+/// 3. Variables without a link are left out of the result.
+///
+/// Take it on sensor data of which much may not matter, and with a slow test: the filter is fast, and PCMCI then has few
+/// links to test. It knows lagged links only.
+///
+/// Source: Castri, Mghames, Hanheide and Bellotto 2023, CLeaR, "Enhancing causal discovery from robot sensor data in dynamic
+/// scenarios".
+///
+/// ```
+/// use roscausal_discovery::{Control, DataFrame, LinkMark};
+/// use roscausal_discovery::independence_tests::{ParCorr, TestSettings};
+/// use roscausal_discovery::methods::{FpcmciSettings, run_fpcmci};
+///
+/// # let noise = |i: usize| ((12.9898 * i as f64).sin() * 43758.5453).rem_euclid(1.0) - 0.5;
+/// # let mut values = ndarray::Array2::zeros((300, 3));
+/// # for t in 1..300 {
+/// #     values[[t, 0]] = noise(2 * t);
+/// #     values[[t, 1]] = 0.7 * values[[t - 1, 0]] + noise(2 * t + 1);
+/// #     values[[t, 2]] = noise(5000 + 3 * t);
+/// # }
+/// # let data = DataFrame::new(vec![values], vec!["a".into(), "b".into(), "noise".into()])?;
+/// let test = ParCorr::new(&TestSettings::default())?;
+/// let result = run_fpcmci(&data, &test, &FpcmciSettings::default(), &Control::default())?;
+/// // The third variable is noise.
+/// assert_eq!(result.features, [0, 1]);
+/// # assert!(result.pcmci.is_some_and(|found| found.graph[[0, 1, 1]] == LinkMark::Forward));
+/// # Ok::<(), roscausal_discovery::Error>(())
+/// ```
+///
+/// # Errors
+/// Settings or data that do not fit together, a test that fails, cancellation.
+pub fn run_fpcmci(
+    data: &DataFrame,
+    test: &dyn CondIndTest,
+    settings: &FpcmciSettings,
+    control: &Control,
+) -> Result<FpcmciResult> {
+    settings.pcmci.check(data, test)?;
+    let filter = TransferEntropy {
+        estimator: settings.te_estimator,
+        min_lag: settings.pcmci.tau_min,
+        max_lag: settings.pcmci.tau_max,
+        alpha: settings.f_alpha,
+        seed: settings.seed,
+    };
+    let mut result = FpcmciResult {
+        filter: None,
+        selected: Vec::new(),
+        link_assumptions: LinkAssumptions::none(0),
+        pcmci: None,
+        features: Vec::new(),
+        status: Status::Complete,
+    };
+    let found = match filter.run(data, control) {
+        Err(Error::Cancelled(_)) if control.stop() == Some(Stop::OutOfTime) => {
+            result.status =
+                Status::Partial("the time budget ended the run in the transfer-entropy filter".into());
+            return Ok(result);
+        }
+        found => found?,
+    };
+    let links = settings.allowed(&found, data.n_vars())?;
+    result.filter = Some(found);
+    result.selected = connected(data.n_vars(), &links, settings.neglect_only_autodep);
+    if result.selected.is_empty() {
+        return Ok(result);
+    }
+    result.link_assumptions = among(&result.selected, &links)?;
+    let pcmci =
+        PcmciSettings { link_assumptions: Some(result.link_assumptions.clone()), ..settings.pcmci.clone() };
+    let found = run_pcmci(&data.select(&result.selected), test, &pcmci, control)?;
+    result.status = found.status.clone();
+    result.features = found
+        .connected_features(settings.neglect_only_autodep)
+        .into_iter()
+        .map(|position| result.selected[position])
+        .collect();
+    result.pcmci = Some(found);
+    Ok(result)
+}
+
+/// `(cause, effect, lag)`
+type PossibleLink = (usize, usize, usize, Assumption);
+
+impl FpcmciSettings {
+    /// The filter's links that the link assumptions allow, and those that they know to exist.
+    fn allowed(&self, found: &TeResult, n_vars: usize) -> Result<Vec<PossibleLink>> {
+        let mut links = Vec::new();
+        for target in &found.targets {
+            for selected in target.selected() {
+                let (cause, effect, lag) = (selected.source.var, target.target, selected.source.lag);
+                let assumption = match &self.pcmci.link_assumptions {
+                    None => Some(Assumption::Test),
+                    Some(given) => given.get(cause, effect, lag),
+                };
+                links.extend(assumption.map(|assumption| (cause, effect, lag, assumption)));
+            }
+        }
+        for (effect, given) in
+            self.pcmci.link_assumptions.iter().flat_map(|g| (0..n_vars).map(move |j| (j, g)))
+        {
+            for (node, assumption) in given.of_target(effect).filter(|(_, a)| a.exists()) {
+                let link = (node.var, effect, node.lag, assumption);
+                if !links.contains(&link) {
+                    links.push(link);
+                }
+            }
+        }
+        Ok(links)
+    }
+}
+
+/// Variables with a link, in rising order; with `neglect_only_autodep`, a link with another variable.
+fn connected(n_vars: usize, links: &[PossibleLink], neglect_only_autodep: bool) -> Vec<usize> {
+    let counts = |&&(cause, effect, _, _): &&PossibleLink| cause != effect || !neglect_only_autodep;
+    let touches = |var: usize| links.iter().filter(counts).any(|&(i, j, _, _)| i == var || j == var);
+    (0..n_vars).filter(|&var| touches(var)).collect()
+}
+
+/// The links among the `selected` variables, numbered by their position there.
+fn among(selected: &[usize], links: &[PossibleLink]) -> Result<LinkAssumptions> {
+    let mut assumptions = LinkAssumptions::none(selected.len());
+    let position = |var: usize| selected.iter().position(|&s| s == var);
+    for &(cause, effect, lag, assumption) in links {
+        if let (Some(cause), Some(effect)) = (position(cause), position(effect)) {
+            assumptions.insert(cause, effect, lag, assumption)?;
+        }
+    }
+    Ok(assumptions)
+}
+
+/// The matrices of a causal model, `[lag - tau_min][effect][cause]`; values and p-values are 0 without a link.
+#[derive(Clone, Debug, PartialEq)]
+pub struct CausalMatrices {
+    /// 1 where there is a link.
+    pub causal_structure: Array3<i32>,
+    /// Values of the links.
+    pub val_matrix: Array3<f64>,
+    /// P-values of the links.
+    pub pval_matrix: Array3<f64>,
+}
+
+impl PcmciResult {
+    /// Variables with a link, in rising order; with `neglect_only_autodep`, a link with another variable.
+    pub fn connected_features(&self, neglect_only_autodep: bool) -> Vec<usize> {
+        let links: Vec<PossibleLink> = self
+            .graph
+            .indexed_iter()
+            .filter(|(_, mark)| mark.is_link())
+            .map(|((i, j, lag), _)| (i, j, lag, Assumption::Test))
+            .collect();
+        connected(self.graph.dim().0, &links, neglect_only_autodep)
+    }
+
+    /// The same result on some of its variables.
+    #[must_use]
+    pub fn on_features(&self, features: &[usize]) -> Self {
+        fn of<T: Clone>(matrix: &Array3<T>, features: &[usize]) -> Array3<T> {
+            matrix.select(Axis(0), features).select(Axis(1), features)
+        }
+        Self {
+            graph: of(&self.graph, features),
+            val_matrix: of(&self.val_matrix, features),
+            p_matrix: of(&self.p_matrix, features),
+            q_matrix: self.q_matrix.as_ref().map(|q| of(q, features)),
+            conf_matrix: self.conf_matrix.as_ref().map(|conf| of(conf, features)),
+            n_lost: of(&self.n_lost, features),
+            // What follows speaks of variables by their number among all.
+            parents: Vec::new(),
+            sepsets: Vec::new(),
+            ambiguous_triples: Vec::new(),
+            ..self.clone()
+        }
+    }
+
+    /// The matrices of the causal model for lags from `tau_min`.
+    pub fn causal_matrices(&self, tau_min: usize) -> CausalMatrices {
+        let (n, _, n_lags) = self.graph.dim();
+        let shape = (n_lags.saturating_sub(tau_min), n, n);
+        let is_link = |(lag, effect, cause): (usize, usize, usize)| {
+            !matches!(self.graph[[cause, effect, lag + tau_min]].symbol(), "" | "<--")
+        };
+        let of =
+            |matrix: &Array3<f64>| {
+                Array3::from_shape_fn(shape, |at| {
+                    if is_link(at) { matrix[[at.2, at.1, at.0 + tau_min]] } else { 0.0 }
+                })
+            };
+        CausalMatrices {
+            causal_structure: Array3::from_shape_fn(shape, |at| i32::from(is_link(at))),
+            val_matrix: of(&self.val_matrix),
+            pval_matrix: of(self.deciding_p()),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use ndarray::Array2;
+
+    use super::*;
+    use crate::{
+        independence_tests::{TestSettings, by_name},
+        numeric::random::Rng,
+    };
+
+    /// `a` drives itself and `b`; `c` only itself; `d` is noise.
+    fn data(n: usize) -> DataFrame {
+        let mut rng = Rng::new(9);
+        let mut e = || rng.unit() - 0.5;
+        let mut x = Array2::zeros((n, 4));
+        for t in 1..n {
+            x[[t, 0]] = 0.6 * x[[t - 1, 0]] + e();
+            x[[t, 1]] = 0.6 * x[[t - 1, 0]] + e();
+            x[[t, 2]] = 0.6 * x[[t - 1, 2]] + e();
+            x[[t, 3]] = e();
+        }
+        DataFrame::new(vec![x], ["a", "b", "c", "d"].map(str::to_owned).to_vec()).expect("is a frame")
+    }
+
+    fn run(settings: &FpcmciSettings) -> FpcmciResult {
+        let test = by_name("parcorr", &TestSettings::default()).expect("is a test");
+        run_fpcmci(&data(600), test.as_ref(), settings, &Control::default()).expect("runs")
+    }
+
+    fn settings() -> FpcmciSettings {
+        FpcmciSettings {
+            f_alpha: 0.001,
+            pcmci: PcmciSettings { alpha_level: 0.001, ..PcmciSettings::default() },
+            ..FpcmciSettings::default()
+        }
+    }
+
+    #[test]
+    fn variables_without_a_link_to_others_are_left_out() {
+        let result = run(&settings());
+        assert_eq!((&result.selected[..], &result.features[..]), (&[0, 1][..], &[0, 1][..]));
+        let matrices = result.pcmci.expect("runs").causal_matrices(1);
+        assert_eq!(matrices.causal_structure, ndarray::arr3(&[[[1, 0], [1, 0]]]));
+        assert!(matrices.val_matrix[[0, 1, 0]] > 0.3 && matrices.val_matrix[[0, 0, 1]] == 0.0);
+        assert!(matrices.pval_matrix[[0, 1, 0]] < 1e-6);
+    }
+
+    #[test]
+    fn autodependent_variables_stay_when_they_are_not_neglected() {
+        let result = run(&FpcmciSettings { neglect_only_autodep: false, ..settings() });
+        assert_eq!((&result.selected[..], &result.features[..]), (&[0, 1, 2][..], &[0, 1, 2][..]));
+        let on_c = result.pcmci.expect("runs").on_features(&[2]);
+        assert_eq!(on_c.graph.dim(), (1, 1, 2));
+        assert!(on_c.graph[[0, 0, 1]].is_link());
+    }
+
+    #[test]
+    fn forbidden_links_are_not_tested() {
+        let links = LinkAssumptions::all(4, 1, 1).exogenous(&[1]);
+        let pcmci = PcmciSettings { link_assumptions: Some(links), ..settings().pcmci };
+        let result = run(&FpcmciSettings { pcmci, ..settings() });
+        assert!(result.selected.is_empty() && result.pcmci.is_none());
+        assert_eq!(result.status, Status::Complete);
+    }
+
+    #[test]
+    fn a_time_budget_that_ends_in_the_filter_leaves_a_partial_result() {
+        let test = by_name("parcorr", &TestSettings::default()).expect("is a test");
+        let control = Control::default().out_of_time(|| true);
+        let result = run_fpcmci(&data(100), test.as_ref(), &settings(), &control).expect("runs");
+        assert!(matches!(result.status, Status::Partial(_)) && result.features.is_empty());
+    }
+}

@@ -1,0 +1,167 @@
+//! MCI: each link tested under the parents of both its ends.
+
+use std::collections::HashSet;
+
+use ndarray::Array3;
+
+use super::{
+    fdr::{Fdr, fdr_bh},
+    result::PcmciResult,
+    run::Run,
+};
+use crate::ground::{Assumption, Error, LinkAssumptions, LinkMark, Node, Result, TestResult};
+
+/// Which conditions a link is tested under.
+#[derive(Clone, Debug)]
+pub(crate) struct Mci<'a> {
+    pub(crate) links: &'a LinkAssumptions,
+    /// Conditions of each target, strongest first.
+    pub(crate) parents: &'a [Vec<Node>],
+    /// How many of the effect's, and of the cause's, count.
+    pub(crate) max_conds_py: Option<usize>,
+    pub(crate) max_conds_px: Option<usize>,
+    pub(crate) alpha_level: f64,
+    pub(crate) fdr: Fdr,
+    /// Marks a pair at lag 0 by the tests in its two directions, each given the past of its own effect; else both
+    /// ends have the same conditions, and the pair is unoriented.
+    pub(crate) directed: bool,
+}
+
+/// Conditions of `x _||_ (effect, 0)`: the effect's parents without `x`, then those of `x`, shifted to its lag,
+/// that are not among them.
+pub(crate) fn mci_conditions(x: Node, of_effect: &[Node], of_cause: &[Node], z: &mut Vec<Node>) {
+    z.extend(of_effect.iter().copied().filter(|&node| node != x));
+    for node in of_cause {
+        let node = node.shifted(x.lag);
+        if !z.contains(&node) {
+            z.push(node);
+        }
+    }
+}
+
+/// The first `limit` nodes.
+pub(crate) fn first(nodes: &[Node], limit: Option<usize>) -> &[Node] {
+    &nodes[..limit.unwrap_or(nodes.len()).min(nodes.len())]
+}
+
+impl Mci<'_> {
+    /// Tests every possible link (momentary conditional independence, Runge et al. 2019) and writes values, p-values
+    /// and marks into `result`. Says whether the time budget ended it.
+    pub(crate) fn run(&self, run: &Run<'_>, result: &mut PcmciResult) -> Result<bool> {
+        let tests: Vec<(usize, Vec<Node>)> = (0..run.n_vars())
+            .map(|target| {
+                let tested = self.links.of_target(target).filter(|(_, assumption)| !assumption.exists());
+                (target, tested.map(|(node, _)| node).collect())
+            })
+            .collect();
+        run.control().expect_tests(tests.iter().map(|(_, sources)| sources.len()).sum());
+        let outcomes = run.map_targets(&tests, |(target, sources)| {
+            run.map_tests(sources, |&source| self.test(run, source, *target))
+        });
+        let mut out_of_time = false;
+        let mut directed = HashSet::new();
+        for ((target, sources), outcomes) in tests.iter().zip(outcomes) {
+            for (source, outcome) in sources.iter().zip(outcomes) {
+                match outcome {
+                    Ok(outcome) => {
+                        if source.lag == 0 && run.decide(outcome, self.alpha_level).1 {
+                            directed.insert((source.var, *target));
+                        }
+                        self.put(run, result, *source, *target, outcome);
+                    }
+                    Err(error) if run.is_timeout(&error) => out_of_time = true,
+                    Err(error) => return Err(error),
+                }
+            }
+        }
+        self.put_existing(result);
+        self.mark(result, &directed);
+        Ok(out_of_time)
+    }
+
+    fn test(&self, run: &Run<'_>, source: Node, target: usize) -> Result<TestResult> {
+        let of = |var: usize, limit| self.parents.get(var).map_or(&[][..], |nodes| first(nodes, limit));
+        let mut z = Vec::new();
+        mci_conditions(source, of(target, self.max_conds_py), of(source.var, self.max_conds_px), &mut z);
+        let (source_name, target_name) = (source.var, target);
+        run.test(source, Node::new(target, 0), &z).map_err(|error| match error {
+            Error::Data(reason) => {
+                Error::Data(format!("link {source_name} (lag {}) -> {target_name}: {reason}", source.lag))
+            }
+            other => other,
+        })
+    }
+
+    /// Writes one test; of the two tests of a pair at lag 0 the one with the larger p-value counts.
+    fn put(&self, run: &Run<'_>, result: &mut PcmciResult, source: Node, target: usize, outcome: TestResult) {
+        let (outcome, _) = run.decide(outcome, self.alpha_level);
+        let both = [[source.var, target, source.lag], [target, source.var, 0]];
+        let at = &both[..if source.lag == 0 { 2 } else { 1 }];
+        // Targets are written in order: the pair's other test is already there when the source comes first.
+        let second = source.lag == 0 && source.var < target;
+        if second && outcome.p_value <= result.p_matrix[both[0]] {
+            return;
+        }
+        for &at in at {
+            result.val_matrix[at] = outcome.value;
+            result.p_matrix[at] = outcome.p_value;
+            result.n_lost[at] = outcome.n_lost;
+        }
+        if let Some(interval) = outcome.confidence {
+            let shape = result.graph.dim();
+            let conf = result.conf_matrix.get_or_insert_with(|| Array3::default(shape));
+            at.iter().for_each(|&at| conf[at] = Some(interval));
+        }
+    }
+
+    fn put_existing(&self, result: &mut PcmciResult) {
+        for target in 0..self.links.n_vars() {
+            for (node, _) in self.links.of_target(target).filter(|(_, assumption)| assumption.exists()) {
+                result.val_matrix[[node.var, target, node.lag]] = 1.0;
+                result.p_matrix[[node.var, target, node.lag]] = 0.0;
+            }
+        }
+    }
+
+    /// Corrects the p-values and marks the links whose p-value is at most the level. `directed`: the ordered pairs
+    /// at lag 0 whose test in this direction found a dependence.
+    fn mark(&self, result: &mut PcmciResult, directed: &HashSet<(usize, usize)>) {
+        result.q_matrix = corrected(self.fdr, self.links, &result.p_matrix);
+        for target in 0..self.links.n_vars() {
+            for (node, assumption) in self.links.of_target(target) {
+                let at = [node.var, target, node.lag];
+                let by_direction = self.directed && node.lag == 0 && assumption == Assumption::TestUnoriented;
+                result.graph[at] = if by_direction {
+                    match (directed.contains(&(node.var, target)), directed.contains(&(target, node.var))) {
+                        (true, true) => LinkMark::Unoriented,
+                        (true, false) => LinkMark::Forward,
+                        (false, true) => LinkMark::Backward,
+                        (false, false) => LinkMark::Absent,
+                    }
+                } else if result.deciding_p()[at] <= self.alpha_level {
+                    mark_of(assumption)
+                } else {
+                    LinkMark::Absent
+                };
+            }
+        }
+    }
+}
+
+/// P-values corrected over the lagged links that are assumed possible; `None` without correction.
+pub(crate) fn corrected(fdr: Fdr, links: &LinkAssumptions, p_matrix: &Array3<f64>) -> Option<Array3<f64>> {
+    (fdr == Fdr::Bh).then(|| {
+        let counted =
+            Array3::from_shape_fn(p_matrix.dim(), |(i, j, lag)| lag > 0 && links.get(i, j, lag).is_some());
+        fdr_bh(p_matrix, &counted)
+    })
+}
+
+/// The mark of a link that is found where `assumption` was made.
+pub(crate) fn mark_of(assumption: Assumption) -> LinkMark {
+    match assumption {
+        Assumption::Exists | Assumption::Test => LinkMark::Forward,
+        Assumption::ExistsBackward | Assumption::TestBackward => LinkMark::Backward,
+        Assumption::ExistsUnoriented | Assumption::TestUnoriented => LinkMark::Unoriented,
+    }
+}

@@ -1,0 +1,38 @@
+//! The methods of causal discovery: functions from data, an independence test and settings to a graph.
+//!
+//! | function | tests each link given | source |
+//! |---|---|---|
+//! | [`run_fpcmci`] | the parents of both ends, after a filter | Castri et al. 2023 |
+//! | [`run_pcmci`] | the parents of both ends | Runge et al. 2019 |
+//! | [`run_pcmciplus`] | the parents of both ends and sets of neighbours at lag 0 | Runge 2020 |
+//! | [`run_fullci`] | all other lagged variables | Granger 1969, with all variables |
+//! | [`run_bivci`] | the past of its effect | Granger 1969 |
+//! | [`get_lagged_dependencies`] | nothing | |
+//! | [`run_pc_stable`], [`run_mci`] | the two halves of PCMCI | Runge et al. 2019 |
+//!
+//! [`analyse`](crate::analyse) chooses among them by [`Method`] and makes a [`Model`](crate::Model) of what they find.
+//!
+//! Field words: `tau_max`, `pc_alpha`, `val_matrix`, `link_assumptions`; `matrix[i][j][tau]` is the link
+//! `X^i(t - tau) -> X^j(t)` (cause, effect, lag).
+
+mod extension;
+mod fdr;
+mod fpcmci;
+mod mci;
+mod orientation;
+mod pc_stable;
+mod pcmci;
+mod pcmciplus;
+mod registry;
+mod result;
+mod run;
+mod settings;
+mod skeleton;
+
+pub use fdr::{Fdr, fdr_bh};
+pub use fpcmci::{CausalMatrices, FpcmciResult, FpcmciSettings, run_fpcmci};
+pub use pcmci::{get_lagged_dependencies, run_bivci, run_fullci, run_mci, run_pc_stable, run_pcmci};
+pub use pcmciplus::{ColliderRule, PcmciPlusSettings, run_pcmciplus};
+pub use registry::{Method, MethodInfo, Reads};
+pub use result::{Candidate, PcmciResult, Sepset, Status, TargetParents};
+pub use settings::{PC_ALPHAS, PCMCIPLUS_ALPHAS, PcmciSettings};

@@ -1,0 +1,299 @@
+//! PCMCI+: lagged and contemporaneous links.
+
+use super::{
+    extension::dag_parents,
+    mci::{corrected, first, mark_of, mci_conditions},
+    orientation::{Triple, orient_by_rules, orient_colliders, unshielded_triples},
+    pc_stable::{PcStable, next_combination},
+    pcmci::{nodes_of, with_run},
+    result::{PcmciResult, TargetParents},
+    run::Run,
+    settings::{PCMCIPLUS_ALPHAS, PcmciSettings},
+    skeleton::Skeleton,
+};
+use crate::ground::{CondIndTest, Control, DataFrame, Error, LinkAssumptions, LinkMark, Node, Result};
+
+/// How PCMCI+ tells a collider from a chain in an unshielded triple.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum ColliderRule {
+    /// By the share of separating sets that hold the middle: below half a collider, at half ambiguous.
+    #[default]
+    Majority,
+    /// A collider when no separating set holds the middle, none when all do, else ambiguous.
+    Conservative,
+    /// By the one separating set that removed the link.
+    None,
+}
+
+impl std::str::FromStr for ColliderRule {
+    type Err = Error;
+
+    fn from_str(text: &str) -> Result<Self> {
+        match text {
+            "majority" => Ok(Self::Majority),
+            "conservative" => Ok(Self::Conservative),
+            "none" => Ok(Self::None),
+            _ => Err(Error::param(
+                "contemp_collider_rule",
+                format!("'{text}' is not majority, conservative or none"),
+            )),
+        }
+    }
+}
+
+/// Settings that only PCMCI+ has.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct PcmciPlusSettings {
+    /// How colliders are found.
+    pub contemp_collider_rule: ColliderRule,
+    /// Marks links of contradictory direction `x-x`; else the first orientation stays. Default true.
+    pub conflict_resolution: bool,
+    /// Tests all lagged links again in the second phase, not only those that PC1 kept. Default false.
+    pub reset_lagged_links: bool,
+}
+
+impl Default for PcmciPlusSettings {
+    fn default() -> Self {
+        Self {
+            contemp_collider_rule: ColliderRule::Majority,
+            conflict_resolution: true,
+            reset_lagged_links: false,
+        }
+    }
+}
+
+/// PCMCI+: lagged and contemporaneous links, directed as far as the data allow.
+///
+/// 1. PC1 finds lagged conditions, as in [`run_pcmci`](super::run_pcmci).
+/// 2. MCI tests with growing sets of neighbours at lag 0 as further conditions find the skeleton.
+/// 3. Colliders orient links at lag 0, Meek's rules what follows from them. What stays open is marked `o-o`, what
+///    contradicts itself `x-x`.
+///
+/// Take it when effects may follow within one step. Autocorrelation helps: a lagged link into one end of a pair at lag 0
+/// often decides its direction.
+///
+/// Source: Runge 2020, UAI (PMLR 124), "Discovering contemporaneous and lagged causal relations in autocorrelated nonlinear
+/// time series datasets".
+///
+/// ```
+/// use roscausal_discovery::{Control, DataFrame, LinkMark};
+/// use roscausal_discovery::independence_tests::{ParCorr, TestSettings};
+/// use roscausal_discovery::methods::{PcmciPlusSettings, PcmciSettings, run_pcmciplus};
+///
+/// # let noise = |i: usize| ((12.9898 * i as f64).sin() * 43758.5453).rem_euclid(1.0) - 0.5;
+/// # let mut values = ndarray::Array2::zeros((300, 3));
+/// # for t in 1..300 {
+/// #     values[[t, 0]] = noise(2 * t);
+/// #     values[[t, 1]] = 0.7 * values[[t - 1, 0]] + noise(2 * t + 1);
+/// #     values[[t, 2]] = 0.7 * values[[t, 1]] + noise(1000 + 3 * t);
+/// # }
+/// # let data = DataFrame::new(vec![values], vec!["a".into(), "b".into(), "c".into()])?;
+/// let test = ParCorr::new(&TestSettings::default())?;
+/// // `a` drives `b` one step later, and `b` drives `c` within the step.
+/// let settings = PcmciSettings { tau_min: 0, pc_alpha: vec![0.01], ..PcmciSettings::default() };
+/// let plus = PcmciPlusSettings::default();
+/// let result = run_pcmciplus(&data, &test, &settings, &plus, &Control::default())?;
+/// assert_eq!(result.graph[[0, 1, 1]], LinkMark::Forward);
+/// assert_eq!(result.graph[[1, 2, 0]], LinkMark::Forward);
+/// # Ok::<(), roscausal_discovery::Error>(())
+/// ```
+///
+/// The level is `pc_alpha`; of several a score chooses one for all variables. `tau_min` is 0 or 1.
+///
+/// # Errors
+/// As [`super::run_pcmci`].
+pub fn run_pcmciplus(
+    data: &DataFrame,
+    test: &dyn CondIndTest,
+    settings: &PcmciSettings,
+    plus: &PcmciPlusSettings,
+    control: &Control,
+) -> Result<PcmciResult> {
+    let levels = if settings.pc_alpha.is_empty() { &PCMCIPLUS_ALPHAS[..] } else { &settings.pc_alpha };
+    with_run(data, test, settings, control, |run, links, result| {
+        let mut best: Option<(f64, PcmciResult)> = None;
+        for &pc_alpha in levels {
+            let mut found = PcmciResult::untested(run.n_vars(), settings.tau_max, run.samples.len());
+            let level = Level { run, settings, plus, links, pc_alpha };
+            let out_of_time = level.run(&mut found)?;
+            if out_of_time || levels.len() == 1 {
+                *result = found;
+                return Ok(out_of_time);
+            }
+            let score = level.score(&found)?;
+            if best.as_ref().is_none_or(|(lowest, _)| score < *lowest) {
+                found.optimal_alpha = Some(pc_alpha);
+                best = Some((score, found));
+            }
+        }
+        if let Some((_, found)) = best {
+            *result = found;
+        }
+        Ok(false)
+    })
+}
+
+/// PCMCI+ at one level.
+struct Level<'a, 'b> {
+    run: &'a Run<'b>,
+    settings: &'a PcmciSettings,
+    plus: &'a PcmciPlusSettings,
+    links: &'a LinkAssumptions,
+    pc_alpha: f64,
+}
+
+impl Level<'_, '_> {
+    /// Says whether the time budget ended it; then there are values but no links.
+    fn run(&self, result: &mut PcmciResult) -> Result<bool> {
+        let levels = [self.pc_alpha];
+        let pc = PcStable { pc_alphas: &levels, ..self.settings.pc_stable(self.links, &levels) };
+        let (parents, out_of_time) = pc.run(self.run)?;
+        let conditions = nodes_of(&parents);
+        self.start(result, &parents);
+        result.parents = parents;
+        if out_of_time {
+            result.graph.fill(LinkMark::Absent);
+            return Ok(true);
+        }
+        let mut skeleton = Skeleton {
+            run: self.run,
+            links: self.links,
+            level: self.pc_alpha,
+            max_conds_dim: self.settings.max_conds_dim,
+            conditions: &|x, j, contemporaneous| self.conditions(&conditions, x, j, contemporaneous),
+            sepsets: Default::default(),
+        };
+        if skeleton.find(result)? {
+            result.graph.fill(LinkMark::Absent);
+            return Ok(true);
+        }
+        let (colliders, ambiguous) = match self.colliders(&skeleton, result) {
+            Err(error) if self.run.is_timeout(&error) => {
+                result.graph.fill(LinkMark::Absent);
+                return Ok(true);
+            }
+            found => found?,
+        };
+        result.sepsets = skeleton.listed();
+        orient_colliders(&mut result.graph, &colliders, self.plus.conflict_resolution);
+        orient_by_rules(&mut result.graph, &ambiguous, self.plus.conflict_resolution);
+        result.ambiguous_triples = ambiguous.iter().map(|t| (t.i, t.k, t.j)).collect();
+        result.q_matrix = corrected(self.settings.fdr, self.links, &result.p_matrix);
+        if let Some(q) = &result.q_matrix {
+            for (at, mark) in result.graph.indexed_iter_mut() {
+                if q[at] > self.pc_alpha {
+                    *mark = LinkMark::Absent;
+                }
+            }
+        }
+        Ok(false)
+    }
+
+    /// Marks, values and p-values before the second phase: what PC1 found, and every link at lag 0.
+    fn start(&self, result: &mut PcmciResult, parents: &[TargetParents]) {
+        for (target, found) in parents.iter().enumerate() {
+            for candidate in &found.candidates {
+                let at = [candidate.node.var, target, candidate.node.lag];
+                result.val_matrix[at] = candidate.value;
+                result.p_matrix[at] = candidate.pval_max;
+                result.n_lost[at] = candidate.n_lost;
+            }
+            for (node, assumption) in self.links.of_target(target) {
+                let at = [node.var, target, node.lag];
+                let kept = node.lag == 0 || self.plus.reset_lagged_links || found.parents.contains(&node);
+                if kept {
+                    result.graph[at] = mark_of(assumption);
+                }
+                if assumption.exists() {
+                    result.val_matrix[at] = 1.0;
+                    result.p_matrix[at] = 0.0;
+                } else if kept {
+                    // Until its first test in this phase, which any p-value replaces. A link that PC1 removed keeps
+                    // the value that removed it.
+                    result.p_matrix[at] = -1.0;
+                }
+            }
+        }
+    }
+
+    /// Contemporaneous conditions, then the lagged ones of both ends.
+    fn conditions(&self, parents: &[Vec<Node>], x: Node, j: usize, contemporaneous: &[Node]) -> Vec<Node> {
+        let s = self.settings;
+        let of_cause = if x.lag > 0 { s.max_conds_px_lagged.or(s.max_conds_px) } else { s.max_conds_px };
+        let mut z = contemporaneous.to_vec();
+        mci_conditions(x, first(&parents[j], s.max_conds_py), first(&parents[x.var], of_cause), &mut z);
+        z
+    }
+
+    /// Sorts the unshielded triples into colliders and ambiguous ones.
+    fn colliders(
+        &self,
+        skeleton: &Skeleton<'_, '_>,
+        result: &PcmciResult,
+    ) -> Result<(Vec<Triple>, Vec<Triple>)> {
+        let triples = unshielded_triples(&result.graph);
+        if self.plus.contemp_collider_rule == ColliderRule::None {
+            let in_sepset = |t: &Triple| skeleton.sepset(t.i, t.j).contains(&Node::new(t.k, 0));
+            return Ok((triples.into_iter().filter(|t| !in_sepset(t)).collect(), Vec::new()));
+        }
+        let shares = self.run.map_tests(&triples, |triple| self.share_with_middle(skeleton, result, triple));
+        let (mut colliders, mut ambiguous) = (Vec::new(), Vec::new());
+        for (triple, share) in triples.into_iter().zip(shares) {
+            let conservative = self.plus.contemp_collider_rule == ColliderRule::Conservative;
+            match share? {
+                Some((with, all)) if with == 0 || (!conservative && 2 * with < all) => colliders.push(triple),
+                Some((with, all)) if with == all || (!conservative && 2 * with > all) => {}
+                _ => ambiguous.push(triple),
+            }
+        }
+        Ok((colliders, ambiguous))
+    }
+
+    /// Of the sets of neighbours that separate the ends of a triple: how many hold its middle, and how many there
+    /// are; `None` when there is none.
+    fn share_with_middle(
+        &self,
+        skeleton: &Skeleton<'_, '_>,
+        result: &PcmciResult,
+        triple: &Triple,
+    ) -> Result<Option<(usize, usize)>> {
+        let mut neighbours = vec![skeleton.neighbours(result, triple.j)];
+        if triple.i.lag == 0 {
+            neighbours.push(skeleton.neighbours(result, triple.i.var));
+        }
+        let middle = Node::new(triple.k, 0);
+        let ends = [triple.i, Node::new(triple.j, 0)];
+        let mut seen: Vec<Vec<Node>> = Vec::new();
+        let (mut with, mut all) = (0, 0);
+        for neighbours in &mut neighbours {
+            neighbours.retain(|node| !ends.contains(node));
+            for size in 0..=neighbours.len().min(self.settings.max_conds_dim.unwrap_or(usize::MAX)) {
+                let mut combination: Vec<usize> = (0..size).collect();
+                loop {
+                    let set: Vec<Node> = combination.iter().map(|&m| neighbours[m]).collect();
+                    let mut sorted = set.clone();
+                    sorted.sort_unstable();
+                    if !seen.contains(&sorted) {
+                        seen.push(sorted);
+                        let z = (skeleton.conditions)(triple.i, triple.j, &set);
+                        let outcome = self.run.test(triple.i, Node::new(triple.j, 0), &z)?;
+                        if !self.run.decide(outcome, self.pc_alpha).1 {
+                            all += 1;
+                            with += usize::from(set.contains(&middle));
+                        }
+                    }
+                    if !next_combination(&mut combination, neighbours.len()) {
+                        break;
+                    }
+                }
+            }
+        }
+        Ok((all > 0).then_some((with, all)))
+    }
+
+    /// Sum over the variables of the score of "variable on its parents", in a DAG of the graph's class.
+    fn score(&self, result: &PcmciResult) -> Result<f64> {
+        let parents = dag_parents(&result.graph);
+        parents.iter().enumerate().map(|(j, parents)| self.run.score(Node::new(j, 0), parents)).sum()
+    }
+}

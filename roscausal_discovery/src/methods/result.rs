@@ -1,0 +1,110 @@
+//! What a run finds: graph, values, p-values, and how far it came.
+
+use ndarray::Array3;
+
+use crate::ground::{LinkMark, Node};
+
+/// Whether a run came to its end.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Status {
+    /// All tests were done.
+    Complete,
+    /// The time budget ended it: untested links have value 0, p-value 1 and no mark. The text says how far it came.
+    Partial(String),
+}
+
+/// What the condition selection (PC1) knows of one candidate link into a target.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Candidate {
+    /// The source.
+    pub node: Node,
+    /// Smallest `|value|` over its tests; 1 for a link that is assumed to exist.
+    pub val_min: f64,
+    /// Largest p-value over its tests; 0 for a link that is assumed to exist.
+    pub pval_max: f64,
+    /// Value of the test with the largest p-value.
+    pub value: f64,
+    /// Samples that this test left out.
+    pub n_lost: usize,
+}
+
+/// Result of PC1 for one target.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct TargetParents {
+    /// Parents, strongest first: the order in which they are conditioned on.
+    pub parents: Vec<Node>,
+    /// All candidates, by source and then lag.
+    pub candidates: Vec<Candidate>,
+    /// The level that the score chose, where several were given.
+    pub optimal_pc_alpha: Option<f64>,
+}
+
+/// Result of a discovery run. Matrices are `[cause][effect][lag 0..=tau_max]`; where nothing was tested the value
+/// is 0, the p-value 1.
+#[derive(Clone, Debug)]
+pub struct PcmciResult {
+    /// Link marks.
+    pub graph: Array3<LinkMark>,
+    /// Values of the tests.
+    pub val_matrix: Array3<f64>,
+    /// P-values of the tests, before any correction.
+    pub p_matrix: Array3<f64>,
+    /// P-values after the correction that was asked for.
+    pub q_matrix: Option<Array3<f64>>,
+    /// Confidence intervals, where the test gives them.
+    pub conf_matrix: Option<Array3<Option<(f64, f64)>>>,
+    /// Samples that each link's test left out because something was missing or masked.
+    pub n_lost: Array3<usize>,
+    /// PC1 per target; empty for methods without it.
+    pub parents: Vec<TargetParents>,
+    /// PCMCI+: separating sets of the pairs removed at a condition set that is not empty.
+    pub sepsets: Vec<Sepset>,
+    /// PCMCI+: unshielded triples that are neither colliders nor non-colliders.
+    pub ambiguous_triples: Vec<(Node, usize, usize)>,
+    /// PCMCI+: the level that the score chose, where several were given.
+    pub optimal_alpha: Option<f64>,
+    /// Samples of a test in which nothing is missing.
+    pub n_samples: usize,
+    /// Tests done.
+    pub n_tests: usize,
+    /// Whether it is complete.
+    pub status: Status,
+}
+
+/// A separating set of PCMCI+: `cause _||_ effect | conditions` and the lagged conditions of both.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Sepset {
+    /// Cause at its lag.
+    pub cause: Node,
+    /// Effect at lag 0.
+    pub effect: usize,
+    /// Contemporaneous conditions.
+    pub conditions: Vec<Node>,
+}
+
+impl PcmciResult {
+    /// A result in which nothing has been tested yet.
+    pub(crate) fn untested(n_vars: usize, tau_max: usize, n_samples: usize) -> Self {
+        let shape = (n_vars, n_vars, tau_max + 1);
+        Self {
+            graph: Array3::default(shape),
+            val_matrix: Array3::zeros(shape),
+            p_matrix: Array3::ones(shape),
+            q_matrix: None,
+            conf_matrix: None,
+            n_lost: Array3::zeros(shape),
+            parents: Vec::new(),
+            sepsets: Vec::new(),
+            ambiguous_triples: Vec::new(),
+            optimal_alpha: None,
+            n_samples,
+            n_tests: 0,
+            status: Status::Complete,
+        }
+    }
+
+    /// P-values that decide: corrected ones where a correction was asked for.
+    pub fn deciding_p(&self) -> &Array3<f64> {
+        self.q_matrix.as_ref().unwrap_or(&self.p_matrix)
+    }
+}

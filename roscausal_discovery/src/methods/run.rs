@@ -1,0 +1,97 @@
+//! One run: a prepared test and the counting of what it does.
+
+use std::sync::atomic::{AtomicUsize, Ordering};
+
+use rayon::prelude::*;
+
+use crate::ground::{CondIndTest, Control, Error, Node, PreparedTest, Result, Samples, Stop, TestResult};
+
+/// One run: a prepared test, its samples, and the counting of tests.
+pub(crate) struct Run<'a> {
+    pub(crate) samples: &'a Samples<'a>,
+    test: Box<dyn PreparedTest + 'a>,
+    by_value: bool,
+    cheap: bool,
+    n_tests: AtomicUsize,
+}
+
+impl<'a> Run<'a> {
+    pub(crate) fn new(test: &'a dyn CondIndTest, samples: &'a Samples<'a>) -> Result<Self> {
+        let prepared = test.prepare(samples)?;
+        let cheap = prepared.is_cheap();
+        Ok(Self {
+            samples,
+            test: prepared,
+            by_value: test.decides_by_value(),
+            cheap,
+            n_tests: AtomicUsize::new(0),
+        })
+    }
+
+    pub(crate) fn control(&self) -> &Control {
+        self.samples.control()
+    }
+
+    pub(crate) fn n_vars(&self) -> usize {
+        self.samples.data().n_vars()
+    }
+
+    pub(crate) fn n_tests(&self) -> usize {
+        self.n_tests.load(Ordering::Relaxed)
+    }
+
+    /// Tests `x _||_ y | z` without deciding.
+    pub(crate) fn test(&self, x: Node, y: Node, z: &[Node]) -> Result<TestResult> {
+        self.control().check()?;
+        let mut result = self.test.run_test(x, y, z)?;
+        // A result has no NaN: no evidence then.
+        if result.value.is_nan() {
+            result.value = 0.0;
+            result.p_value = 1.0;
+        }
+        if result.p_value.is_nan() {
+            result.p_value = 1.0;
+        }
+        self.n_tests.fetch_add(1, Ordering::Relaxed);
+        self.control().count(1);
+        Ok(result)
+    }
+
+    /// Fills in the decision at `level`, and with `fixed_thres` the p-value that goes with it.
+    pub(crate) fn decide(&self, mut result: TestResult, level: f64) -> (TestResult, bool) {
+        let dependent = if self.by_value { result.value.abs() >= level } else { result.p_value <= level };
+        if self.by_value {
+            result.p_value = if dependent { 0.0 } else { 1.0 };
+        }
+        result.dependent = Some(dependent);
+        (result, dependent)
+    }
+
+    pub(crate) fn score(&self, target: Node, parents: &[Node]) -> Result<f64> {
+        self.control().check()?;
+        self.test.model_selection_score(target, parents)
+    }
+
+    /// Maps `f` over `items` in parallel when a test is worth a task of its own; results in order.
+    pub(crate) fn map_tests<I: Sync, T: Send>(
+        &self,
+        items: &[I],
+        f: impl Fn(&I) -> T + Sync + Send,
+    ) -> Vec<T> {
+        if self.cheap { items.iter().map(f).collect() } else { items.par_iter().map(f).collect() }
+    }
+
+    /// Maps `f` over `items` in parallel; results in order.
+    pub(crate) fn map_targets<I: Sync, T: Send>(
+        &self,
+        items: &[I],
+        f: impl Fn(&I) -> T + Sync + Send,
+    ) -> Vec<T> {
+        items.par_iter().map(f).collect()
+    }
+
+    /// Whether an error means that the time budget is used up, so that what is there counts.
+    pub(crate) fn is_timeout(&self, error: &Error) -> bool {
+        matches!(error, Error::Cancelled(_)) && self.control().stop() == Some(Stop::OutOfTime)
+    }
+}

@@ -1,0 +1,115 @@
+//! The settings of PCMCI and its kin.
+
+use super::fdr::Fdr;
+use crate::ground::{CondIndTest, DataFrame, Error, LinkAssumptions, Result};
+
+/// Settings of a run; each method reads those it knows.
+///
+/// ```
+/// use roscausal_discovery::methods::{Fdr, PcmciSettings};
+///
+/// let settings = PcmciSettings { tau_max: 5, fdr: Fdr::Bh, ..PcmciSettings::default() };
+/// assert_eq!((settings.tau_min, settings.alpha_level), (1, 0.05));
+/// ```
+#[derive(Clone, Debug)]
+pub struct PcmciSettings {
+    /// Smallest lag of a link. Default 1 (PCMCI+: 0).
+    pub tau_min: usize,
+    /// Largest lag of a link. Default 1.
+    pub tau_max: usize,
+    /// Level of the condition selection: one, or several of which a model-selection score chooses (per target; for
+    /// PCMCI+ one for all); empty: [`PC_ALPHAS`], or [`PCMCIPLUS_ALPHAS`]. Default 0.2, for PCMCI+ 0.01.
+    pub pc_alpha: Vec<f64>,
+    /// Level of a link (`fixed_thres`: the threshold). Default 0.05.
+    pub alpha_level: f64,
+    /// Largest condition set of PC1; `None`: no limit.
+    pub max_conds_dim: Option<usize>,
+    /// Condition sets tried per size in PC1. Default 1.
+    pub max_combinations: usize,
+    /// How many of the effect's parents MCI conditions on; `None`: all.
+    pub max_conds_py: Option<usize>,
+    /// How many of the cause's parents MCI conditions on; `None`: all.
+    pub max_conds_px: Option<usize>,
+    /// PCMCI+: the same for causes at a lag; `None`: as `max_conds_px`.
+    pub max_conds_px_lagged: Option<usize>,
+    /// Correction of the p-values of links.
+    pub fdr: Fdr,
+    /// Which links may exist; `None`: all.
+    pub link_assumptions: Option<LinkAssumptions>,
+}
+
+/// Levels that PCMCI chooses from by score when none is given.
+pub const PC_ALPHAS: [f64; 6] = [0.05, 0.1, 0.2, 0.3, 0.4, 0.5];
+
+/// Levels that PCMCI+ chooses from by score when none is given.
+pub const PCMCIPLUS_ALPHAS: [f64; 5] = [0.001, 0.005, 0.01, 0.025, 0.05];
+
+impl Default for PcmciSettings {
+    fn default() -> Self {
+        Self {
+            tau_min: 1,
+            tau_max: 1,
+            pc_alpha: vec![0.2],
+            alpha_level: 0.05,
+            max_conds_dim: None,
+            max_combinations: 1,
+            max_conds_py: None,
+            max_conds_px: None,
+            max_conds_px_lagged: None,
+            fdr: Fdr::None,
+            link_assumptions: None,
+        }
+    }
+}
+
+impl PcmciSettings {
+    /// Checks the settings against the data and the test.
+    pub(crate) fn check(&self, data: &DataFrame, test: &dyn CondIndTest) -> Result<()> {
+        if self.tau_min > self.tau_max {
+            return Err(Error::param(
+                "tau_min",
+                format!("{} is larger than tau_max = {}", self.tau_min, self.tau_max),
+            ));
+        }
+        let longest = data.recordings().iter().map(|r| r.nrows()).max().unwrap_or(0);
+        let cut_off = self.cut_off();
+        if longest <= cut_off {
+            return Err(Error::Data(format!(
+                "the longest recording has {longest} samples; tau_max = {} needs at least {}: record longer or \
+                 lower tau_max",
+                self.tau_max,
+                cut_off + 4
+            )));
+        }
+        for (name, value) in
+            self.pc_alpha.iter().map(|a| ("pc_alpha", *a)).chain([("alpha", self.alpha_level)])
+        {
+            let allowed = value > 0.0 && (value < 1.0 || (value == 1.0 && name == "pc_alpha"));
+            let threshold = test.decides_by_value() && value > 0.0 && value.is_finite();
+            if !allowed && !threshold {
+                return Err(Error::param(name, format!("{value} is not between 0 and 1")));
+            }
+        }
+        if self.max_combinations == 0 {
+            return Err(Error::param("max_combinations", "0 is not allowed; give 1 or more"));
+        }
+        if self.fdr != Fdr::None && test.decides_by_value() {
+            return Err(Error::param("fdr", "fixed_thres gives no p-values to correct; choose fdr none"));
+        }
+        match &self.link_assumptions {
+            Some(links) => links.check(data.n_vars(), self.tau_min, self.tau_max),
+            None => Ok(()),
+        }
+    }
+
+    pub(crate) fn cut_off(&self) -> usize {
+        2 * self.tau_max
+    }
+
+    /// The assumptions given, or all links.
+    pub(crate) fn links(&self, n_vars: usize) -> LinkAssumptions {
+        self.link_assumptions
+            .clone()
+            .unwrap_or_else(|| LinkAssumptions::all(n_vars, self.tau_min, self.tau_max))
+    }
+}

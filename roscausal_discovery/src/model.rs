@@ -1,0 +1,253 @@
+//! The result of an analysis as users and files see it: one versioned object.
+
+use serde::{Deserialize, Serialize};
+
+use crate::independence_tests::smallest_p;
+
+/// Version of the object's layout; a reader refuses another major version.
+pub const SCHEMA: &str = "roscausal/model/1";
+
+/// A causal model: what was asked, what was found. `docs/model-schema.md` describes every field.
+///
+/// Matrices `graph`, `val_matrix`, `p_matrix` are `[cause][effect][lag 0..=tau_max]`; those with the message's
+/// names (`causal_structure`, `val`, `pval`) are `[lag - tau_min][effect][cause]`, 0 where there is no link.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Model {
+    /// [`SCHEMA`].
+    pub schema: String,
+    /// `complete`, or `partial: ...` when the time budget ended the analysis.
+    pub status: String,
+    /// Discovery method, such as `fpcmci`.
+    pub method: String,
+    /// Independence test, such as `gpdc`.
+    pub cond_ind_test: String,
+    /// Significance level of a link.
+    pub alpha: f64,
+    /// Level of the condition selection; absent when a score chose it per variable.
+    pub pc_alpha: Option<f64>,
+    /// Level of the transfer-entropy filter; absent without one.
+    pub f_alpha: Option<f64>,
+    /// `none` or `fdr_bh`: correction for many tests.
+    pub fdr: String,
+    /// Smallest lag, in steps.
+    pub tau_min: usize,
+    /// Largest lag, in steps.
+    pub tau_max: usize,
+    /// Step between samples in seconds, when known.
+    pub dt: Option<f64>,
+    /// Samples used by a test in which nothing is missing.
+    pub n_samples: usize,
+    /// Recordings analysed together; no sample crosses from one to the next.
+    pub n_recordings: usize,
+    /// Seed of all random numbers.
+    pub seed: u64,
+    /// Run time in seconds; null in files, so that the same seed gives the same bytes.
+    pub run_time_s: Option<f64>,
+    /// Variables of the model, in the order of the matrices.
+    pub features: Vec<String>,
+    /// Variables that were analysed but have no link (left out of `features` by F-PCMCI).
+    pub dropped: Vec<String>,
+    /// The links found, in the order cause, effect, lag.
+    pub links: Vec<Link>,
+    /// Link marks: `""`, `-->`, `<--`, `o-o`, `x-x`.
+    pub graph: Vec<Vec<Vec<String>>>,
+    /// Strength of every tested pair; 0 where untested.
+    pub val_matrix: Vec<Vec<Vec<f64>>>,
+    /// P-value of every tested pair; 1 where untested.
+    pub p_matrix: Vec<Vec<Vec<f64>>>,
+    /// 1 where there is a link.
+    pub causal_structure: Vec<Vec<Vec<i32>>>,
+    /// Strength where there is a link.
+    pub val: Vec<Vec<Vec<f64>>>,
+    /// P-value where there is a link.
+    pub pval: Vec<Vec<Vec<f64>>>,
+    /// What the reader should know. One sentence each.
+    pub warnings: Vec<String>,
+}
+
+/// One link of a [`Model`].
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Link {
+    /// Name of the cause.
+    pub cause: String,
+    /// Name of the effect.
+    pub effect: String,
+    /// Steps from cause to effect.
+    pub lag: usize,
+    /// Strength.
+    pub value: f64,
+    /// P-value.
+    pub p_value: f64,
+    /// Mark: `-->`, or `o-o` / `x-x` when the direction at lag 0 stays open.
+    pub mark: String,
+    /// Samples of this link's test left out because something was missing.
+    pub n_lost: usize,
+}
+
+/// Matrices of a run in the reference's layout, `[cause][effect][lag 0..=tau_max]`.
+pub struct Matrices {
+    /// Link marks.
+    pub graph: Vec<Vec<Vec<String>>>,
+    /// Strengths.
+    pub val_matrix: Vec<Vec<Vec<f64>>>,
+    /// P-values.
+    pub p_matrix: Vec<Vec<Vec<f64>>>,
+    /// Samples lost; empty when not known.
+    pub n_lost: Vec<Vec<Vec<usize>>>,
+}
+
+impl Model {
+    /// Puts the matrices of a run into the model and derives from them the links and the message's matrices.
+    #[must_use]
+    pub fn with_matrices(mut self, features: Vec<String>, matrices: Matrices) -> Self {
+        let n = features.len();
+        let links_at = |lag: usize| {
+            let mark = &matrices.graph;
+            move |effect: usize, cause: usize| {
+                mark[cause][effect].get(lag).is_some_and(|m| points_to_effect(m))
+            }
+        };
+        let by_lag = |pick: &dyn Fn(usize, usize, usize) -> f64| -> Vec<Vec<Vec<f64>>> {
+            let row = |lag: usize, effect: usize| {
+                (0..n)
+                    .map(|cause| if links_at(lag)(effect, cause) { pick(cause, effect, lag) } else { 0.0 })
+                    .collect()
+            };
+            (self.tau_min..=self.tau_max).map(|lag| (0..n).map(|effect| row(lag, effect)).collect()).collect()
+        };
+        self.val = by_lag(&|i, j, lag| matrices.val_matrix[i][j][lag]);
+        self.pval = by_lag(&|i, j, lag| matrices.p_matrix[i][j][lag]);
+        let ones = by_lag(&|_, _, _| 1.0);
+        self.causal_structure = ones
+            .into_iter()
+            .map(|lag| lag.into_iter().map(|row| row.into_iter().map(|v| v as i32).collect()).collect())
+            .collect();
+        self.links = Vec::new();
+        for (i, cause) in features.iter().enumerate() {
+            for (j, effect) in features.iter().enumerate() {
+                for (lag, mark) in matrices.graph[i][j].iter().enumerate() {
+                    // An undirected pair at lag 0 stands twice in the matrix and once in the list.
+                    let undirected = matches!(mark.as_str(), "o-o" | "x-x");
+                    if !points_to_effect(mark) || (undirected && lag == 0 && i > j) {
+                        continue;
+                    }
+                    self.links.push(Link {
+                        cause: cause.clone(),
+                        effect: effect.clone(),
+                        lag,
+                        value: matrices.val_matrix[i][j][lag],
+                        p_value: matrices.p_matrix[i][j][lag],
+                        mark: mark.clone(),
+                        n_lost: matrices.n_lost.get(i).map_or(0, |to| to[j][lag]),
+                    });
+                }
+            }
+        }
+        self.features = features;
+        self.graph = matrices.graph;
+        self.val_matrix = matrices.val_matrix;
+        self.p_matrix = matrices.p_matrix;
+        self
+    }
+
+    /// Smaller p-values than this are not told apart ([`smallest_p`]).
+    pub fn smallest_p(&self) -> f64 {
+        smallest_p(&self.cond_ind_test)
+    }
+
+    /// The model as pretty JSON with a final newline, without the run time: same seed, same bytes.
+    pub fn to_file_json(&self) -> String {
+        Self { run_time_s: None, ..self.clone() }.to_json()
+    }
+
+    /// The model as pretty JSON with a final newline.
+    pub fn to_json(&self) -> String {
+        // A struct of strings, numbers and lists always serialises; NaN would become null.
+        let mut json = serde_json::to_string_pretty(self).unwrap_or_default();
+        json.push('\n');
+        json
+    }
+}
+
+/// Whether a mark is a link that the effect takes part in (`<--` is the mirror of another entry).
+fn points_to_effect(mark: &str) -> bool {
+    !mark.is_empty() && !mark.starts_with('<')
+}
+
+/// An empty model of two features for tests of what is made from models.
+#[cfg(test)]
+pub(crate) fn example() -> Model {
+    let marks = |links: &[(usize, usize)]| -> Vec<Vec<Vec<String>>> {
+        let mark = |i, j| if links.contains(&(i, j)) { "-->".to_owned() } else { String::new() };
+        (0..3).map(|i| (0..3).map(|j| vec![String::new(), mark(i, j)]).collect()).collect()
+    };
+    let graph = marks(&[(0, 0), (1, 1), (0, 1), (1, 0), (2, 0), (0, 2)]);
+    let numbers = |v: f64| vec![vec![vec![0.0, v]; 3]; 3];
+    let model = Model {
+        schema: SCHEMA.into(),
+        status: "complete".into(),
+        method: "pcmci".into(),
+        cond_ind_test: "gpdc".into(),
+        alpha: 0.05,
+        pc_alpha: Some(0.2),
+        f_alpha: None,
+        fdr: "none".into(),
+        tau_min: 1,
+        tau_max: 1,
+        dt: Some(0.3),
+        n_samples: 498,
+        n_recordings: 1,
+        seed: 1,
+        run_time_s: Some(0.1),
+        features: vec![],
+        dropped: vec![],
+        links: vec![],
+        graph: vec![],
+        val_matrix: vec![],
+        p_matrix: vec![],
+        causal_structure: vec![],
+        val: vec![],
+        pval: vec![],
+        warnings: vec![],
+    };
+    let names = ["h_v", "h_dg", "h_risk"].map(str::to_owned).to_vec();
+    model.with_matrices(
+        names,
+        Matrices { graph, val_matrix: numbers(0.49), p_matrix: numbers(0.001), n_lost: vec![] },
+    )
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_messages_matrices_have_effects_in_rows() {
+        let model = example();
+        // h_risk (2) drives h_v (0), h_dg (1) does not drive h_risk (2).
+        assert_eq!(model.causal_structure[0][0][2], 1);
+        assert_eq!(model.causal_structure[0][2][1], 0);
+        assert_eq!(model.val[0][2][1], 0.0);
+        assert_eq!(model.links.len(), 6);
+        assert_eq!((model.links[0].cause.as_str(), model.links[0].lag), ("h_v", 1));
+    }
+
+    #[test]
+    fn an_undirected_pair_is_listed_once() {
+        let o = |mark: &str| vec![mark.to_owned()];
+        let graph = vec![vec![o(""), o("o-o")], vec![o("o-o"), o("")]];
+        let half = vec![vec![vec![0.5]; 2]; 2];
+        let matrices = Matrices { graph, val_matrix: half.clone(), p_matrix: half, n_lost: vec![] };
+        let model = Model { tau_min: 0, tau_max: 0, ..example() }
+            .with_matrices(vec!["a".into(), "b".into()], matrices);
+        assert_eq!(model.links.len(), 1);
+        assert_eq!(model.causal_structure, [[[0, 1], [1, 0]]]);
+    }
+
+    #[test]
+    fn a_file_reads_back_as_the_same_model() {
+        let model = Model { run_time_s: None, ..example() };
+        let read: Model = serde_json::from_str(&model.to_file_json()).expect("reads");
+        assert_eq!(read, model);
+    }
+}

@@ -1,0 +1,51 @@
+//! Random numbers that depend on a seed and a test, not on the order of tests.
+
+use crate::ground::Node;
+
+/// A small random generator (splitmix64: Steele, Lea and Flood 2014, "Fast splittable pseudorandom number
+/// generators"): same seed, same numbers, everywhere.
+#[derive(Clone, Debug)]
+pub(crate) struct Rng(u64);
+
+impl Rng {
+    /// The generator of a seed.
+    #[cfg(test)]
+    pub(crate) fn new(seed: u64) -> Self {
+        Self(seed)
+    }
+
+    /// The generator of one test: its numbers depend on the seed and on the test, not on the order of tests.
+    pub(crate) fn for_test(seed: u64, x: Node, y: Node, z: &[Node]) -> Self {
+        let mut rng = Self(seed);
+        for node in [x, y].iter().chain(z) {
+            rng.0 = rng.next_u64() ^ ((node.var as u64) << 32 | node.lag as u64);
+        }
+        rng
+    }
+
+    /// The next integer, uniform over all 64 bits.
+    pub(crate) fn next_u64(&mut self) -> u64 {
+        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
+        let mut v = self.0;
+        v = (v ^ (v >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+        v = (v ^ (v >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+        v ^ (v >> 31)
+    }
+
+    /// A number in `[0, 1]`.
+    pub(crate) fn unit(&mut self) -> f64 {
+        self.next_u64() as f64 / u64::MAX as f64
+    }
+
+    /// A number below `n` (`n` > 0), without bias that matters for n far below 2^64.
+    pub(crate) fn below(&mut self, n: usize) -> usize {
+        ((u128::from(self.next_u64()) * n as u128) >> 64) as usize
+    }
+
+    /// Fisher-Yates.
+    pub(crate) fn shuffle<T>(&mut self, items: &mut [T]) {
+        for i in (1..items.len()).rev() {
+            items.swap(i, self.below(i + 1));
+        }
+    }
+}

@@ -1,0 +1,69 @@
+//! Rows of numbers: mean and deviation, scaling, products, ranks.
+
+use super::random::Rng;
+
+/// Whether all values are the same.
+pub(crate) fn is_constant(row: &[f64]) -> bool {
+    row.windows(2).all(|w| w[0] == w[1])
+}
+
+/// Takes the mean off and scales to norm 1; false when the row is constant.
+pub(crate) fn standardize(row: &mut [f64]) -> bool {
+    if is_constant(row) {
+        return false;
+    }
+    let n = row.len() as f64;
+    // Twice: the second pass takes off what rounding of the first left.
+    for _ in 0..2 {
+        let mean = row.iter().sum::<f64>() / n;
+        row.iter_mut().for_each(|v| *v -= mean);
+    }
+    let largest = row.iter().fold(0.0_f64, |m, v| m.max(v.abs()));
+    if largest == 0.0 || !largest.is_finite() {
+        return false;
+    }
+    row.iter_mut().for_each(|v| *v /= largest);
+    let norm = row.iter().map(|v| v * v).sum::<f64>().sqrt();
+    row.iter_mut().for_each(|v| *v /= norm);
+    true
+}
+
+/// Sum of products, in eight lanes.
+pub(crate) fn dot(a: &[f64], b: &[f64]) -> f64 {
+    let mut lanes = [0.0; 8];
+    let (a8, a_rest) = a.as_chunks::<8>();
+    let (b8, b_rest) = b.as_chunks::<8>();
+    for (x, y) in a8.iter().zip(b8) {
+        for k in 0..8 {
+            lanes[k] += x[k] * y[k];
+        }
+    }
+    let rest: f64 = a_rest.iter().zip(b_rest).map(|(x, y)| x * y).sum();
+    lanes.iter().sum::<f64>() + rest
+}
+
+/// Ranks `0..n`, each once; equal values in random order.
+pub(crate) fn random_ranks(row: &[f64], rng: &mut Rng) -> Vec<usize> {
+    let mut order: Vec<usize> = (0..row.len()).collect();
+    order.sort_by(|&a, &b| row[a].total_cmp(&row[b]));
+    for equals in order.chunk_by_mut(|&a, &b| row[a] == row[b]) {
+        rng.shuffle(equals);
+    }
+    let mut ranks = vec![0; row.len()];
+    order.iter().enumerate().for_each(|(rank, &i)| ranks[i] = rank);
+    ranks
+}
+
+/// Mean and standard deviation (by `n`).
+pub(crate) fn moments(row: &[f64]) -> (f64, f64) {
+    let n = row.len() as f64;
+    let mean = row.iter().sum::<f64>() / n;
+    (mean, (row.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / n).sqrt())
+}
+
+/// `row` with mean 0 and standard deviation 1 (by `n`); a constant row becomes 0.
+pub(crate) fn standardized(row: &[f64]) -> Vec<f64> {
+    let (mean, deviation) = moments(row);
+    let scale = if deviation > 0.0 { deviation } else { 1.0 };
+    row.iter().map(|v| (v - mean) / scale).collect()
+}

@@ -1,0 +1,70 @@
+//! What an estimator of information is.
+
+use crate::ground::{Error, Node, Result};
+
+/// How conditional mutual information is estimated.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum TeEstimator {
+    /// Linear-Gaussian, from the correlation matrix; exact null distributions.
+    #[default]
+    Gaussian,
+    /// Nearest neighbours, for dependence of any form; permutation surrogates, so that it takes longer.
+    Kraskov,
+}
+
+impl TeEstimator {
+    /// Names of all estimators.
+    pub const NAMES: &[&str] = &["gaussian", "kraskov"];
+
+    /// The name that users choose it by.
+    pub fn name(self) -> &'static str {
+        Self::NAMES[self as usize]
+    }
+}
+
+impl std::str::FromStr for TeEstimator {
+    type Err = Error;
+
+    fn from_str(text: &str) -> Result<Self> {
+        let wanted = text.to_ascii_lowercase();
+        let known = [Self::Gaussian, Self::Kraskov].into_iter().find(|known| known.name() == wanted);
+        known.ok_or_else(|| Error::unknown("te-estimator", text, Self::NAMES))
+    }
+}
+
+/// Information estimates and their null distributions on the samples of one run. Values fall under `p_*` as the
+/// share of surrogates whose statistic is not below `value`.
+pub(super) trait Estimator: Sync {
+    /// `I(target; sources | z)`.
+    fn cmi(&self, target: Node, sources: &[Node], z: &[Node]) -> f64;
+
+    /// `I(target; c | z)` of each candidate.
+    fn cmi_of_each(&self, target: Node, candidates: &[Node], z: &[Node]) -> Vec<f64> {
+        candidates.iter().map(|&candidate| self.cmi(target, &[candidate], z)).collect()
+    }
+
+    /// Of the maximum over the candidates, each given `z`.
+    fn p_max(&self, value: f64, target: Node, candidates: &[Node], z: &[Node]) -> f64;
+
+    /// Of the minimum over the sources, each given the others and `past`.
+    fn p_min(&self, value: f64, target: Node, sources: &[Node], past: &[Node]) -> f64;
+
+    /// Of all sources together.
+    fn p_joint(&self, value: f64, target: Node, sources: &[Node], z: &[Node]) -> f64;
+
+    /// Of the largest, second largest, ... over the sources, each given the others and `past`; `values` falls.
+    fn p_sequential(&self, values: &[f64], target: Node, sources: &[Node], past: &[Node]) -> Vec<f64>;
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_unknown_estimator_is_an_error_that_names_the_nearest() {
+        assert_eq!("Kraskov".parse::<TeEstimator>().unwrap(), TeEstimator::Kraskov);
+        assert_eq!("gaussian".parse::<TeEstimator>().unwrap(), TeEstimator::Gaussian);
+        let error = "gausian".parse::<TeEstimator>().unwrap_err().to_string();
+        assert!(error.contains("te-estimator") && error.contains("did you mean 'gaussian'?"), "{error}");
+    }
+}

@@ -1,0 +1,47 @@
+//! What the filter finds.
+
+use crate::ground::Node;
+
+/// A variable that informs a target.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Selected {
+    /// The variable and its lag.
+    pub source: Node,
+    /// Its information about the target given all others that were selected, in nats.
+    pub cmi: f64,
+    /// P-value of its final test.
+    pub p_value: f64,
+}
+
+/// What informs one target.
+#[derive(Clone, Debug, PartialEq)]
+pub struct TargetSelection {
+    /// The target variable.
+    pub target: usize,
+    /// Its own past, in the order of selection. The p-value is that of the whole past.
+    pub autodependency: Vec<Selected>,
+    /// The sources, in the order of selection.
+    pub sources: Vec<Selected>,
+    /// Transfer entropy of all sources together, in nats.
+    pub transfer_entropy: f64,
+    /// P-value of all sources together (omnibus test).
+    pub p_value: f64,
+}
+
+impl TargetSelection {
+    /// All that informs the target: its own past, then the sources.
+    pub fn selected(&self) -> impl Iterator<Item = &Selected> {
+        self.autodependency.iter().chain(&self.sources)
+    }
+}
+
+/// What informs every target.
+#[derive(Clone, Debug, PartialEq)]
+pub struct TeResult {
+    /// One entry per variable, in the order of the data frame.
+    pub targets: Vec<TargetSelection>,
+    /// Samples used by every estimate.
+    pub n_samples: usize,
+    /// Samples left out because some variable was missing at some lag.
+    pub n_lost: usize,
+}
