@@ -50,6 +50,16 @@ fn has(text: &str, words: &[&str]) {
 }
 
 #[test]
+fn files_with_different_steps_are_refused_and_both_are_named() {
+    let dir = folder("slow.csv", &coupled(100));
+    fs::write(dir.path().join("fast.csv"), "time,a,b\n0,1,2\n0.1,2,1\n0.2,1,3\n").expect("writes");
+    let out = roscausal(dir.path(), &["discover", "slow.csv", "fast.csv", "--test", "parcorr"]);
+    let text = String::from_utf8_lossy(&out.stderr).into_owned();
+    assert_eq!(out.status.code(), Some(1), "{text}");
+    has(&text, &["fast.csv: its step is 0.1 s, that of slow.csv is 0.25 s"]);
+}
+
+#[test]
 fn json_on_stdout_is_one_object_and_finds_the_link() {
     let dir = folder("data.csv", &coupled(300));
     let out = roscausal(

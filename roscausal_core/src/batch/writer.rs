@@ -12,14 +12,13 @@ use std::{
     time::Duration,
 };
 
-use chrono::{DateTime, format::StrftimeItems};
 use serde_json::{Map, Value as Json, json};
 
 use super::{
     journal::{self, Journal, JournalStatus},
     pool::{Limits, Pool, sidecar, sync_dir},
     postprocess::Postprocess,
-    recording::{Column, Recording},
+    recording::{Column, EndedBy, Recording},
     script::Script,
 };
 use crate::{Error, Result};
@@ -54,8 +53,6 @@ pub struct WriterConfig {
     pub raw: Pool,
     /// Folder of post-processed batches.
     pub processed: Pool,
-    /// `strftime` format of a batch's id, from the stamp of its first row (UTC).
-    pub id_format: String,
     /// Raw columns in the original's spelling.
     pub legacy_columns: bool,
     /// The raw batch goes once the post-processed one is written.
@@ -153,27 +150,10 @@ pub struct Writer {
 }
 
 impl WriterConfig {
-    /// Checks the format of ids.
-    ///
-    /// # Errors
-    /// A format that strftime does not know, as an error of the parameter `id_format`.
-    pub fn check(&self) -> Result<()> {
-        use chrono::format::Item;
-        if self.id_format.is_empty()
-            || StrftimeItems::new(&self.id_format).any(|item| matches!(item, Item::Error))
-        {
-            let reason = format!("'{}' is no strftime format; such as %Y%m%d_%H%M%S", self.id_format);
-            return Err(Error::param("id_format", reason));
-        }
-        Ok(())
-    }
-
     /// Writes a batch and post-processes it, each in one step with its journal (see [`Step`]).
     fn write(&self, job: &mut Job, journal: Option<&Journal>, status: &Mutex<WriterStatus>) -> Result<()> {
         if job.step == Step::Recorded {
-            let stamp = DateTime::from_timestamp(i64::from(job.batch.start.sec), job.batch.start.nanosec);
-            let id = stamp.unwrap_or_default().format(&self.id_format).to_string();
-            let name = free_name(&self.raw, &self.processed, &id);
+            let name = free_name(&self.raw, &self.processed, &self.raw.id(job.batch.start));
             let raw = job.batch.columns(self.legacy_columns);
             let (facts, text) = (self.metadata(job, &raw, None), csv(&job.batch, &raw));
             self.make_room(&self.raw, facts.len() + text.len(), status)?;
@@ -366,7 +346,7 @@ impl WriterConfig {
             "schema": SCHEMA,
             "software_version": env!("CARGO_PKG_VERSION"),
             "complete": batch.complete,
-            "ended_by": batch.ended_by,
+            "ended_by": batch.ended_by.map_or("", EndedBy::as_str),
             "recovered": job.recovered,
             "frame": batch.frame,
             "dt": batch.dt_ns as f64 * 1e-9,
@@ -396,9 +376,8 @@ impl Writer {
     /// Starts the thread.
     ///
     /// # Errors
-    /// A bad format of ids, or a system that gives no thread.
+    /// A folder that another node records into, or that cannot be read; a system that gives no thread.
     pub fn start(config: WriterConfig) -> Result<Self> {
-        config.check()?;
         let lock = config.raw.lock_for_recording()?;
         let left = config.recover()?;
         let number = |name: String| {

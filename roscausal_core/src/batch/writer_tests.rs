@@ -3,21 +3,21 @@ use std::{collections::BTreeMap, time::Instant};
 use super::*;
 use crate::{
     Time,
-    batch::{Table, postprocess::Feature, risk::RiskModel},
+    batch::{EndedBy, Table, Values, postprocess::Feature, risk::RiskModel},
 };
 
 fn recording(secs: f64) -> Recording {
-    let row = |v: f64| [3.0, 4.0, v, 0.0, 0.1, v, 0.0];
+    let row = |v: f64| Values::from_array([3.0, 4.0, v, 0.0, 0.1, v, 0.0]);
     Recording {
         start: Time::from_secs_f64(secs),
         dt_ns: 300_000_000,
         frame: "map".into(),
         robot: vec![row(1.0), row(2.0), row(0.1)],
-        people: BTreeMap::from([(5, vec![row(1.5), [f64::NAN; 7], row(1e-7)])]),
+        people: BTreeMap::from([(5, vec![row(1.5), Values::UNKNOWN, row(1e-7)])]),
         others: BTreeMap::new(),
         context: BTreeMap::from([("do_robot_speed".to_owned(), vec![vec![], vec![0.2], vec![0.2]])]),
         complete: true,
-        ended_by: "ts_length reached",
+        ended_by: Some(EndedBy::TsLength),
     }
 }
 
@@ -25,7 +25,6 @@ pub(super) fn config(dir: &std::path::Path, processing: Processing) -> WriterCon
     WriterConfig {
         raw: Pool::open(dir.join("raw"), "data_").expect("opens"),
         processed: Pool::open(dir.join("pp"), "data_").expect("opens"),
-        id_format: "%Y%m%d_%H%M%S".into(),
         legacy_columns: false,
         delete_raw: false,
         processing,
@@ -135,15 +134,6 @@ fn a_folder_that_is_gone_loses_no_batch_and_recording_does_not_wait() {
         thread::sleep(LOOK_AGAIN);
     }
     assert_eq!(files(&raw).len(), 8);
-}
-
-#[test]
-fn a_bad_format_of_ids_is_refused() {
-    let dir = tempfile::tempdir().expect("a folder");
-    for format in ["%Q", ""] {
-        let config = WriterConfig { id_format: format.into(), ..config(dir.path(), Processing::None) };
-        assert!(Writer::start(config).expect_err("bad").to_string().contains("id_format"));
-    }
 }
 
 #[test]

@@ -19,7 +19,7 @@ use std::{
 
 use crate::{Error, Result, batch::header, middleware::Middleware, params::ParamSpec};
 
-pub use data::{data, data_with};
+pub use data::{Recorded, data, data_task, data_with};
 pub use discovery::{discovery, discovery_with};
 pub use human::human;
 pub use markers::markers;
