@@ -7,6 +7,7 @@ mod common;
 use std::{fs, path::Path};
 
 use common::roscausal;
+use roscausal_fuzz::unit;
 use serde_json::Value;
 use tempfile::TempDir;
 
@@ -19,10 +20,7 @@ fn folder(file: &str, content: &str) -> TempDir {
 /// `a` drives `b` one step later; deterministic noise.
 fn coupled(rows: usize) -> String {
     let mut state = 7_u64;
-    let mut noise = || {
-        state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-        (state >> 33) as f64 / f64::from(1_u32 << 31) - 0.5
-    };
+    let mut noise = || unit(&mut state) - 0.5;
     let (mut a, mut b) = (0.0, 0.0);
     let mut csv = "time,a,b\n".to_owned();
     for row in 0..rows {

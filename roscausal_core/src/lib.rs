@@ -13,6 +13,7 @@ pub mod loopback;
 pub mod middleware;
 pub mod nodes;
 pub mod params;
+pub mod random;
 mod special;
 pub mod state;
 

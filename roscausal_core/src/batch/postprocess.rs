@@ -8,7 +8,7 @@ use super::{
     risk::{Body, RiskModel, risk_exponent},
     tracks::Values,
 };
-use crate::{Error, Result, batch::header};
+use crate::{Error, Result, batch::header, random::mix};
 
 /// `exp` of more is not told apart: risks stay finite.
 const LARGEST_EXPONENT: f64 = 50.0;
@@ -221,14 +221,6 @@ fn name_for(name: &str, id: u32) -> String {
         Some(rest) => format!("h_{id}_{rest}"),
         None => format!("{name}_{id}"),
     }
-}
-
-/// The finaliser of SplitMix64.
-fn mix(x: u64) -> u64 {
-    let x = x.wrapping_add(0x9e37_79b9_7f4a_7c15);
-    let x = (x ^ (x >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-    let x = (x ^ (x >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-    x ^ (x >> 31)
 }
 
 /// A standard normal number, the same for the same stream and index (Box and Muller 1958).

@@ -14,4 +14,5 @@ pub use curves::{Curve, Panel, curves};
 pub use dag::dag;
 pub use raster::{Image, rasterise};
 pub use series::series;
+pub use svg::escaped;
 pub use tsdag::tsdag;

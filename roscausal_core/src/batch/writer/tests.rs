@@ -1,6 +1,14 @@
-use std::{collections::BTreeMap, time::Instant};
+//! The writer: what is in its files, and what it does when the disk says no.
 
-use super::*;
+use std::{
+    collections::BTreeMap,
+    fs,
+    time::{Duration, Instant},
+};
+
+use serde_json::json;
+
+use super::{files::seconds, work::LOOK_AGAIN, *};
 use crate::{
     Time,
     batch::{EndedBy, Table, Values, postprocess::Feature, risk::RiskModel},

@@ -1,11 +1,12 @@
 //! What a node finds that starts where another was ended by force: at each instant a batch is whole, or recovered.
 
-use std::path::Path;
+use std::{fs, path::Path};
 
 use roscausal_msgs::{HumanState, Humans, RobotState, std_msgs::Header};
 
 use super::{
     tests::{built_in, config, files},
+    work::LOOK_AGAIN,
     *,
 };
 use crate::{
