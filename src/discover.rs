@@ -176,8 +176,7 @@ impl Data {
         let dt = common_step(files.iter().map(|file| file.user.as_path()).zip(&recordings))?;
         let mut warnings: Vec<String> = Vec::new();
         for (file, table) in files.iter().zip(&recordings) {
-            warnings
-                .extend(table.notes.iter().map(|note| format!("{}: {note}", file.user.display())));
+            warnings.extend(table.notes.iter().map(|note| format!("{}: {note}", file.user.display())));
         }
         let values = recordings.into_iter().map(|table| table.values).collect();
         Ok(Self { data: DataFrame::new(values, names)?, dt, warnings })

@@ -76,9 +76,11 @@ fn a_robot_with_neither_pose_topic_nor_frame_is_refused() {
 #[test]
 fn people_whose_topic_names_no_frame_are_seen_from_the_source_frame() {
     let bus = Loopback::lockstep();
-    for (name, value) in
-        [("people_topic", "/people"), ("people_type", "geometry_msgs/PoseArray"), ("source_frame", "base_link")]
-    {
+    for (name, value) in [
+        ("people_topic", "/people"),
+        ("people_type", "geometry_msgs/PoseArray"),
+        ("source_frame", "base_link"),
+    ] {
         bus.set_node_param("human", name, text(value));
     }
     bus.advance_to(Time::from_secs_f64(NOW));

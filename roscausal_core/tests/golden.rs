@@ -19,7 +19,8 @@ use serde_json::{Value, json};
 const NOT_BUILT: [&str; 2] = ["lpcmci_parcorr_hidden", "pcmci_cmisymb_discrete"];
 /// Shuffle tests whose random numbers differ from the reference's near a threshold, so that other conditions are chosen: the
 /// p-values of one test, the filter's p-values of the other.
-const OTHER_RANDOM_NUMBERS: [&str; 2] = ["pcmci_parcorr_var_shuffle", "fpcmci_parcorr_var_lag2_neglect_fa0.05"];
+const OTHER_RANDOM_NUMBERS: [&str; 2] =
+    ["pcmci_parcorr_var_shuffle", "fpcmci_parcorr_var_lag2_neglect_fa0.05"];
 
 /// How near a result has to be.
 #[derive(Clone, Copy)]
@@ -133,7 +134,9 @@ fn differences_of_message(golden: &Value, ours: &Value) -> Vec<String> {
     let test = &golden["test"];
     let (golden, ours) = (&golden["result"], &ours["result"]);
     let mut found = Vec::new();
-    for key in ["features", "selected_features", "causal_structure", "original_shape", "causal_structure_flat_int32"] {
+    for key in
+        ["features", "selected_features", "causal_structure", "original_shape", "causal_structure_flat_int32"]
+    {
         if !golden[key].is_null() && golden[key] != ours[key] {
             found.push(key.to_owned());
         }
@@ -310,7 +313,9 @@ fn corrected_p_values_and_a_constant_column_are_met() {
     let settings = roscausal_core::discovery::PcmciSettings::default();
     let ours =
         roscausal_core::discovery::run_pcmci(&data, test.as_ref(), &settings, &Default::default()).unwrap();
-    for (what, ours, golden) in [("value", &ours.val_matrix, &golden["val"]), ("p", &ours.p_matrix, &golden["p"])] {
+    for (what, ours, golden) in
+        [("value", &ours.val_matrix, &golden["val"]), ("p", &ours.p_matrix, &golden["p"])]
+    {
         for ((at, ours), golden) in ours.indexed_iter().zip(matrix(golden)) {
             assert!((ours - golden).abs() < 1e-9, "{what} {at:?}: {golden} {ours}");
         }

@@ -82,15 +82,10 @@ pub(crate) fn record(
 }
 
 /// Feeds what the nodes publish to all recorders until the bus ends.
-async fn listen(
-    mw: &LoopbackNode,
-    robot_topic: &str,
-    mut recorders: Vec<Recorder>,
-) -> Result<Vec<Recorder>> {
+async fn listen(mw: &LoopbackNode, robot_topic: &str, mut recorders: Vec<Recorder>) -> Result<Vec<Recorder>> {
     let inbox = Inbox::new(mw, 20_000);
     let (robot, humans) = (inbox.sender(), inbox.sender());
-    let _robot =
-        mw.subscribe(robot_topic, Qos::Volatile(1000), move |m| robot.send(Event::Robot(m)))?;
+    let _robot = mw.subscribe(robot_topic, Qos::Volatile(1000), move |m| robot.send(Event::Robot(m)))?;
     let _humans =
         mw.subscribe("/roscausal/humans", Qos::Volatile(1000), move |m| humans.send(Event::Humans(m)))?;
     let context = inbox.sender();

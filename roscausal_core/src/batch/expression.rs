@@ -4,6 +4,10 @@
 //! points; `h.x`, `h.y`, `h.theta`, `h.v`, `h.omega`, `h.gx`, `h.gy` numbers (`r.` likewise), also as `h_v`, `r_theta`;
 //! `t` is the time in seconds, `pi` the number. Operators: `+ - * / ^` and brackets. A result that is not finite
 //! (a division by zero) is NaN, a missing value.
+//!
+//! Why not a library: `exmex` 0.21 and `fasteval` 0.2 compute with numbers of one kind, so the points, the names such as
+//! `h.goal`, and the messages that name the character and what is known there would be ours all the same; `evalexpr` 13
+//! has a licence (AGPL) that a robot's maker could not use.
 
 use super::tracks::{Field, Values};
 

@@ -41,7 +41,8 @@ impl IdFormat {
     /// format has no date.
     pub fn start(&self, id: &str) -> Option<NaiveDateTime> {
         let with_time = NaiveDateTime::parse_and_remainder(id, &self.0).map(|(time, _)| time);
-        let date = || NaiveDate::parse_and_remainder(id, &self.0).map(|(date, _)| date.and_time(NaiveTime::MIN));
+        let date =
+            || NaiveDate::parse_and_remainder(id, &self.0).map(|(date, _)| date.and_time(NaiveTime::MIN));
         with_time.or_else(|_| date()).ok()
     }
 }
@@ -54,7 +55,9 @@ mod tests {
     fn an_id_tells_the_time_it_was_made_of() {
         let start = Time { sec: 1_700_000_123, nanosec: 0 };
         let time = DateTime::from_timestamp(1_700_000_123, 0).map(|time| time.naive_utc());
-        for format in ["%Y%m%d_%H%M%S", "%d.%m.%Y-%H%M%S", "%H%M%S_%d%m%y", "%s", "%d/%m/%Y %T", "%Y%m%d_%H%M%S%.3f"] {
+        for format in
+            ["%Y%m%d_%H%M%S", "%d.%m.%Y-%H%M%S", "%H%M%S_%d%m%y", "%s", "%d/%m/%Y %T", "%Y%m%d_%H%M%S%.3f"]
+        {
             let format = IdFormat::new(format).expect("a format");
             let id = format.id(start);
             assert_eq!(format.start(&id), time, "{id}");
@@ -62,7 +65,10 @@ mod tests {
             assert!(!id.contains('/'), "{id}");
         }
         let day = IdFormat::new("%j of %Y").expect("a format");
-        assert_eq!(day.start(&day.id(start)), NaiveDate::from_ymd_opt(2023, 11, 14).map(|day| day.and_time(NaiveTime::MIN)));
+        assert_eq!(
+            day.start(&day.id(start)),
+            NaiveDate::from_ymd_opt(2023, 11, 14).map(|day| day.and_time(NaiveTime::MIN))
+        );
         assert_eq!(IdFormat::default().start("kitchen"), None);
     }
 

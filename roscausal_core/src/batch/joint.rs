@@ -127,7 +127,8 @@ impl Joint {
             let mut values = tables.iter().flat_map(|(table, _)| column(table, name));
             let first = values.next();
             if values.all(|value| Some(value) == first) {
-                notes_on_context.push(format!("'{name}' is the same in all rows: the intervention is not analysed"));
+                notes_on_context
+                    .push(format!("'{name}' is the same in all rows: the intervention is not analysed"));
             } else {
                 context.push(name.clone());
             }

@@ -507,8 +507,9 @@ impl Recorder {
         let n_rows = batch.robot.len();
         let full = n_rows == self.rows_per_batch;
         if !full {
-            let known =
-                |rows: &Vec<Values>| rows.iter().rposition(|values| values.to_array().iter().any(|v| v.is_finite()));
+            let known = |rows: &Vec<Values>| {
+                rows.iter().rposition(|values| values.to_array().iter().any(|v| v.is_finite()))
+            };
             let last = batch.people.values().map(known).max().flatten().max(known(&batch.robot));
             batch.robot.truncate(last.map_or(0, |last| last + 1));
         }

@@ -1,4 +1,7 @@
 //! Reading any CSV with a header into columns of numbers; every complaint names line and column.
+//!
+//! The csv crate reads the cells. Which character separates them is our one rule, the header line, because a user can
+//! foresee it; `csv-sniffer` 0.3 guesses from statistics of the first rows, and a wrong guess has no line to point at.
 
 use std::{fmt, fs::File, io::Read, path::Path};
 
@@ -397,12 +400,17 @@ mod tests {
         let (slow, fast) = (table("time,a\n0,1\n0.3,2\n0.6,3\n"), table("time,a\n0,1\n0.1,2\n0.2,3\n"));
         let (jittery, timeless) = (table("time,a\n0,1\n0.301,2\n0.602,3\n"), table("a\n1\n2\n"));
         let step = |tables: &[&Table]| {
-            common_step(tables.iter().zip(["x.csv", "y.csv", "z.csv"]).map(|(table, name)| (Path::new(name), *table)))
+            common_step(
+                tables.iter().zip(["x.csv", "y.csv", "z.csv"]).map(|(table, name)| (Path::new(name), *table)),
+            )
         };
         assert_eq!(step(&[&timeless, &slow, &jittery]).expect("one step"), slow.dt());
         assert_eq!(step(&[&timeless]).expect("none"), None);
         let error = step(&[&slow, &timeless, &fast]).expect_err("two steps").to_string();
-        assert!(error.contains("z.csv") && error.contains("its step is 0.1 s, that of x.csv is 0.3 s"), "{error}");
+        assert!(
+            error.contains("z.csv") && error.contains("its step is 0.1 s, that of x.csv is 0.3 s"),
+            "{error}"
+        );
     }
 
     #[test]

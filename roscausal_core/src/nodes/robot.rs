@@ -56,7 +56,12 @@ pub(super) fn specs() -> Vec<ParamSpec> {
             "type of goal_topic; PoseStamped for /move_base_simple/goal and /goal_pose",
         ),
         ParamSpec::new("robot", text(""), Any, "name of the robot, the namespace of its topics; empty: none"),
-        ParamSpec::new("source_frame", text("base_footprint"), Any, "frame of the robot, used without pose_topic"),
+        ParamSpec::new(
+            "source_frame",
+            text("base_footprint"),
+            Any,
+            "frame of the robot, used without pose_topic",
+        ),
         ParamSpec::new("target_frame", text("map"), Any, "frame of the published state"),
         ParamSpec::new("queue_size", Value::Int(10), Range(1.0, 10000.0), "messages that wait for a partner"),
         ParamSpec::new(

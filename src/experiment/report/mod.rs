@@ -32,8 +32,7 @@ mod tests {
     use std::collections::BTreeMap;
 
     use super::{counts::Link, *};
-    use crate::{experiment::grid::Setting, expected::PAPER};
-
+    use crate::{expected::PAPER, experiment::grid::Setting};
 
     pub(super) fn run(length: f64, seed: u64, found: &[(&str, &str)]) -> Run {
         let links = |links: &[(&str, &str)]| -> Vec<Link> {

@@ -20,7 +20,8 @@ pub(super) fn metadata(
 ) -> Vec<u8> {
     let seconds = |row: usize| batch.stamp(row).as_secs_f64();
     let gap = |gap: Gap| json!({ "body": gap.body, "from": gap.from, "to": gap.to });
-    let imposed = |one: Imposed| json!({ "column": one.column, "value": one.value, "from": one.from, "to": one.to });
+    let imposed =
+        |one: Imposed| json!({ "column": one.column, "value": one.value, "from": one.from, "to": one.to });
     let unit = |column: &Column| json!({ "name": column.name, "unit": column.unit });
     let mut facts = json!({
         "schema": SCHEMA,
@@ -42,10 +43,10 @@ pub(super) fn metadata(
     });
     if !columns.is_empty() {
         facts["columns"] = columns.iter().map(unit).collect();
-}
+    }
     if let Some(source) = source {
         facts["source"] = json!(source);
-}
+    }
     let mut bytes = serde_json::to_vec_pretty(&facts).unwrap_or_default();
     bytes.push(b'\n');
     bytes

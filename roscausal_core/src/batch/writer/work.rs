@@ -82,7 +82,8 @@ impl Work {
     /// Writes a batch and post-processes it, each in one step with its journal (see [`Step`]).
     fn write(&self, job: &mut Job) -> Result<()> {
         if job.step == Step::Recorded {
-            let name = free_name(&self.config.raw, &self.config.processed, &self.config.raw.id(job.batch.start));
+            let name =
+                free_name(&self.config.raw, &self.config.processed, &self.config.raw.id(job.batch.start));
             let raw = job.batch.columns(self.config.legacy_columns);
             let (facts, text) = (self.metadata(job, &raw, None), csv(&job.batch, &raw));
             self.make_room(&self.config.raw, facts.len() + text.len())?;
