@@ -131,6 +131,7 @@ impl Run {
         let simulation = Simulation::new(&scenario, self.seed)?;
         let folders = Folders::fresh(&self.out)?;
         let bus = Loopback::lockstep();
+        nodes::set_subjects(&bus, &simulation);
         self.set_parameters(&bus, &folders, BATCHES);
         let (nodes, progress) = Nodes::start(&bus, &nodes::RECORDING).with_discovery();
         let mut sink = Sink::open(&bus, record)?;
@@ -139,13 +140,27 @@ impl Run {
         sink.watch()?;
         drop(announced);
 
-        let recorded = simulate(&bus, simulation, interrupt, Speed::Max, Some(&self.out));
+        let recorded = simulate(&bus, simulation, interrupt, Speed::Max, Some(&self.out))
+            .and_then(|()| self.check_batches(nodes.batches_recorded()));
         let found = recorded.and_then(|()| await_model(&folders, &nodes, &progress, interrupt));
         // A node that failed is the reason why there is no model.
         nodes.end()?;
         bus.settle();
         sink.close()?;
         Ok((folders, found?))
+    }
+
+    /// Whether there are the batches that the analysis waits for; each begins when robot and person are there together.
+    fn check_batches(&self, recorded: u64) -> Result<()> {
+        if recorded >= u64::from(BATCHES) {
+            return Ok(());
+        }
+        let length = self.duration / f64::from(BATCHES);
+        Err(Error::Data(format!(
+            "scenario '{}' gave {recorded} of the {BATCHES} batches of {length} s to analyse: its first robot and first \
+             person are not there together for long enough; see its robots and people",
+            self.scenario
+        )))
     }
 
     /// Goes on until the user ends it, with a live page: a model for each batch.
@@ -156,8 +171,9 @@ impl Run {
         let simulation = Simulation::new(&scenario, self.seed)?;
         let folders = Folders::fresh(&self.out)?;
         let bus = Loopback::lockstep();
+        nodes::set_subjects(&bus, &simulation);
         self.set_parameters(&bus, &folders, 1);
-        let web = Web::start(&bus, &args.web)?;
+        let web = Web::start(&bus, &args.web, nodes::first_robot(&simulation))?;
         let (nodes, _progress) = Nodes::start(&bus, &nodes::RECORDING).with_discovery();
         let mut sink = Sink::open(&bus, args.record.as_deref())?;
         let announced = Publisher::new(&bus.node("announcement"), &simulation)?;

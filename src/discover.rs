@@ -12,6 +12,7 @@ use roscausal_core::{
     batch::{
         Table,
         joint::{Facts, Joint},
+        table::common_step,
     },
 };
 use roscausal_discovery::{
@@ -186,11 +187,11 @@ struct Data {
 impl Data {
     /// Tables with the same columns, each a recording.
     fn of(files: &[Input], recordings: Vec<Table>) -> Result<Self> {
-        let (names, dt) = (recordings[0].names.clone(), recordings[0].dt());
+        let names = recordings[0].names.clone();
+        let dt = common_step(files.iter().map(|file| file.user.as_path()).zip(&recordings))?;
         let mut warnings: Vec<String> = Vec::new();
         for (file, table) in files.iter().zip(&recordings) {
-            warnings
-                .extend(table.warnings.iter().map(|warning| format!("{}: {warning}", file.user.display())));
+            warnings.extend(table.notes.iter().map(|note| format!("{}: {note}", file.user.display())));
         }
         let values = recordings.into_iter().map(|table| table.values).collect();
         Ok(Self { data: DataFrame::new(values, names)?, dt, warnings })

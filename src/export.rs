@@ -59,12 +59,6 @@ pub(crate) fn graphml(model: &Model) -> String {
     out
 }
 
-fn escaped(text: &str) -> String {
-    // Control characters have no place in XML.
-    let legal = text.chars().map(|c| if c.is_control() { ' ' } else { c }).collect::<String>();
-    legal.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;").replace('"', "&quot;")
-}
-
 /// The links as a table, one row per link.
 pub(crate) fn links_csv(model: &Model) -> Result<Vec<u8>> {
     let mut writer = csv::Writer::from_writer(Vec::new());

@@ -2,7 +2,11 @@
 
 use std::{
     path::Path,
-    sync::mpsc::{Receiver, channel},
+    sync::{
+        Arc,
+        atomic::{AtomicU64, Ordering},
+        mpsc::{Receiver, channel},
+    },
     thread::{self, JoinHandle},
     time::Duration,
 };
@@ -11,10 +15,11 @@ use roscausal_core::{
     Error, Result,
     loopback::{Loopback, LoopbackNode, LoopbackTask},
     middleware::Middleware,
-    nodes,
+    nodes::{self, Recorded},
     params::Value,
 };
 use roscausal_discovery::{Progress, Settings};
+use roscausal_hrisim::Simulation;
 
 use crate::folders::Folders;
 
@@ -28,6 +33,8 @@ const LOOK_AGAIN: Duration = Duration::from_millis(1);
 pub(crate) struct Nodes {
     bus: Loopback,
     recording: Vec<(&'static str, LoopbackTask<Result<()>>)>,
+    /// Batches that the data node has recorded.
+    batches: Arc<AtomicU64>,
     discovery: Option<(LoopbackNode, JoinHandle<Result<()>>)>,
 }
 
@@ -39,9 +46,24 @@ fn ended(name: &str, node: thread::Result<Result<()>>) -> Result<()> {
 impl Nodes {
     /// Starts the nodes `names` of [`RECORDING`].
     pub(crate) fn start(bus: &Loopback, names: &[&'static str]) -> Self {
-        let run = |name: &'static str| bus.start_task(name, async move |mw| nodes::run_task(name, &mw).await);
+        let batches = Arc::new(AtomicU64::new(0));
+        let run = |name: &'static str| {
+            let batches = batches.clone();
+            bus.start_task(name, async move |mw| match name {
+                "data" => {
+                    let count = |recorded: Recorded| batches.store(recorded.batches, Ordering::Relaxed);
+                    nodes::data_task(&mw, count).await
+                }
+                _ => nodes::run_task(name, &mw).await,
+            })
+        };
         let recording = names.iter().map(|&name| (name, run(name))).collect();
-        Self { bus: bus.clone(), recording, discovery: None }
+        Self { bus: bus.clone(), recording, batches, discovery: None }
+    }
+
+    /// Batches that the data node has recorded of what it has heard; they are on disk a little later.
+    pub(crate) fn batches_recorded(&self) -> u64 {
+        self.batches.load(Ordering::Relaxed)
     }
 
     /// Starts the discovery node too; the receiver tells the progress of each analysis.
@@ -81,6 +103,26 @@ impl Nodes {
         let analysed = self.discovery.take();
         recorded.and(analysed.map_or(Ok(()), |(_, thread)| ended("discovery", thread.join())))
     }
+}
+
+/// Tells the nodes whom to record: the first robot and the first person of a simulation.
+pub(crate) fn set_subjects(bus: &Loopback, simulation: &Simulation) {
+    for node in RECORDING {
+        bus.set_node_param(node, "robot", text(first_robot(simulation)));
+    }
+    for node in ["human", "data"] {
+        bus.set_node_param(node, "sel_agent", text(&first_person(simulation).to_string()));
+    }
+}
+
+/// Name of the first robot, which is the namespace of its topics; empty: none.
+pub(crate) fn first_robot(simulation: &Simulation) -> &str {
+    simulation.robots.first().map_or("", |robot| &robot.name)
+}
+
+/// Number of the first person; where only pedestrians walk, of the first of them.
+pub(crate) fn first_person(simulation: &Simulation) -> u32 {
+    simulation.people.first().map_or(1, |person| person.id)
 }
 
 /// Where the data node puts its batches.

@@ -116,7 +116,7 @@ pub(crate) fn run(args: &Args, interrupt: &Interrupt) -> Result<()> {
     let play = Play::new(&bus, &mut source.recording, &source.inputs)?;
     let (mut nodes, progress) = Nodes::start(&bus, source.inputs.nodes).with_discovery();
     sink.watch()?;
-    let web = Web::start(&bus, &args.web)?;
+    let web = Web::start(&bus, &args.web, "")?;
 
     let bar = chart::bar("playing", 1000, false);
     let mut pace = Pace::new(args.speed);

@@ -51,8 +51,8 @@ pub(crate) struct Web {
 }
 
 impl Web {
-    /// Serves the page of what happens on `bus`, if it is wanted, and says where.
-    pub(crate) fn start(bus: &Loopback, args: &WebArgs) -> Result<Option<Self>> {
+    /// Serves the page of what happens on `bus`, if it is wanted, and says where; `robot` is the namespace of the robot.
+    pub(crate) fn start(bus: &Loopback, args: &WebArgs, robot: &str) -> Result<Option<Self>> {
         if !args.web {
             return Ok(None);
         }
@@ -60,7 +60,8 @@ impl Web {
         println!("Live page: {}  (Ctrl-C ends)", server.url());
         let node = bus.node("dashboard");
         let its_own = node.clone();
-        let thread = thread::spawn(move || dashboard(&its_own, &server, SceneOptions::default()));
+        let options = SceneOptions { robot: robot.to_owned(), ..SceneOptions::default() };
+        let thread = thread::spawn(move || dashboard(&its_own, &server, options));
         Ok(Some(Self { node, thread }))
     }
 

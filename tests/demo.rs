@@ -53,6 +53,28 @@ fn the_same_seed_gives_the_same_batches_and_models_with_any_number_of_threads() 
 }
 
 #[test]
+fn every_built_in_scenario_ends_with_a_model() {
+    let dir = tempfile::tempdir().expect("a folder");
+    for scenario in roscausal_hrisim::scenario::SCENARIOS {
+        let quick = ["--duration", "60", "--method", "pcmci", "--test", "parcorr", "--out", scenario];
+        let output = demo(dir.path(), &[&["--scenario", scenario], &quick[..]].concat());
+        let text = String::from_utf8_lossy(&output.stderr).into_owned();
+        assert!(output.status.success(), "{scenario}: {text}");
+        assert!(dir.path().join(scenario).join("model.json").exists(), "{scenario}");
+    }
+}
+
+#[test]
+fn a_scenario_that_gives_no_batch_is_told_at_once() {
+    let dir = tempfile::tempdir().expect("a folder");
+    fs::write(dir.path().join("alone.toml"), "robots = []\n").expect("writes");
+    let output = demo(dir.path(), &["--scenario", "alone.toml", "--duration", "60"]);
+    let text = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert_eq!(output.status.code(), Some(1), "{text}");
+    assert!(text.contains("gave 0 of the 2 batches of 30 s"), "{text}");
+}
+
+#[test]
 fn a_folder_that_no_demo_made_is_left_alone() {
     let dir = tempfile::tempdir().expect("a folder");
     fs::create_dir_all(dir.path().join("mine/data_pool")).expect("makes");

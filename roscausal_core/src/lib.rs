@@ -14,4 +14,5 @@ pub mod params;
 pub mod state;
 
 pub use error::{Error, Result};
+pub use roscausal_discovery::mix;
 pub use roscausal_msgs::{Message, Time};

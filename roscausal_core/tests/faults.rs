@@ -22,6 +22,7 @@ use roscausal_core::{
     nodes,
     params::Value,
 };
+use roscausal_fuzz::unit;
 use roscausal_msgs::{
     CausalModelInfo, HumanState, Humans, RobotState, diagnostic_msgs::DiagnosticArray, std_msgs::Header,
 };
@@ -41,9 +42,8 @@ fn pool(dir: &Path, batches: usize) {
         let mut csv = String::from("time,a,b\n");
         let (mut a, mut state) = (0.0_f64, 17 + batch as u64);
         for row in 0..200 {
-            state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-            let b = 0.9 * a + 0.1 * ((state >> 20) % 97) as f64 / 97.0;
-            a = ((state >> 33) % 1000) as f64 / 1000.0;
+            let b = 0.9 * a + 0.1 * unit(&mut state);
+            a = unit(&mut state);
             csv += &format!("{},{a},{b}\n", f64::from(row) * 0.1);
         }
         fs::write(dir.join(format!("pp/data_{batch}.csv")), csv).expect("writes");

@@ -6,7 +6,7 @@ use std::path::Path;
 
 use roscausal_core::{
     batch::{
-        Select, Table,
+        Select, Table, Values,
         journal::{self, Header, Sample},
         postprocess::Feature,
     },
@@ -74,7 +74,8 @@ fn a_hostile_journal_is_refused_or_replayed_up_to_its_last_whole_block() {
         frame: "map".into(),
         next_row_ns: 0,
     };
-    let sample = |person, i: i64| Sample { person, stamp_ns: i * 50_000_000, values: [0.5; 7] };
+    let sample =
+        |person, i: i64| Sample { person, stamp_ns: i * 50_000_000, values: Values::from_array([0.5; 7]) };
     let samples: Vec<Sample> = (0..30).flat_map(|i| [sample(None, i), sample(Some(1), i)]).collect();
     let whole = journal::encode(&header, &samples);
     run(

@@ -74,7 +74,7 @@ pub fn dashboard<M: Middleware>(mw: &M, server: &Server, options: SceneOptions) 
     let inbox = Inbox::detached(mw, INBOX);
     let qos = Qos::Volatile(100);
     let send = inbox.sender();
-    let _robot = mw.subscribe("/roscausal/robot", qos, move |m| send.send(Event::Robot(m)))?;
+    let _robot = mw.subscribe(&options.robot_topic()?, qos, move |m| send.send(Event::Robot(m)))?;
     let send = inbox.sender();
     let _humans = mw.subscribe("/roscausal/humans", qos, move |m| send.send(Event::Humans(m)))?;
     let send = inbox.sender();

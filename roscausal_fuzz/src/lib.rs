@@ -7,9 +7,11 @@
 
 mod allocator;
 mod mutate;
+mod random;
 
 pub use allocator::Allocator;
 pub use mutate::Mutator;
+pub use random::{splitmix64, unit};
 
 use std::{
     collections::hash_map::DefaultHasher,

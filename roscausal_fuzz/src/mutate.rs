@@ -1,3 +1,7 @@
+//! Mutations: bytes and tokens changed, put in, left out, doubled.
+
+use crate::random::splitmix64;
+
 /// Numbers that lengths, counts and indices like to stumble over.
 const NUMBERS: [u64; 12] = [
     0,
@@ -61,7 +65,7 @@ impl<'a> Mutator<'a> {
             4 => input.truncate(at),
             5 => drop(input.drain(at..at + length)),
             6 => {
-                let bytes: Vec<u8> = (0..length).map(|_| self.random() as u8).collect();
+                let bytes: Vec<u8> = (0..length).map(|_| splitmix64(&mut self.state) as u8).collect();
                 insert(input, at, &bytes);
             }
             7 | 8 => {
@@ -84,7 +88,7 @@ impl<'a> Mutator<'a> {
     }
 
     fn at(&mut self, input: &mut [u8], at: usize, change: impl Fn(&mut u8, u64)) {
-        let random = self.random();
+        let random = splitmix64(&mut self.state);
         if let Some(byte) = input.get_mut(at) {
             change(byte, random);
         }
@@ -95,16 +99,7 @@ impl<'a> Mutator<'a> {
     }
 
     fn below(&mut self, limit: usize) -> usize {
-        (self.random() % limit.max(1) as u64) as usize
-    }
-
-    /// Splitmix64.
-    fn random(&mut self) -> u64 {
-        self.state = self.state.wrapping_add(0x9e37_79b9_7f4a_7c15);
-        let mut z = self.state;
-        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-        z ^ (z >> 31)
+        (splitmix64(&mut self.state) % limit.max(1) as u64) as usize
     }
 }
 

@@ -1,4 +1,9 @@
 //! The simulator's only source of chance: PCG32 (O'Neill 2014), one independent stream per consumer.
+//!
+//! Why not `rand_pcg` and `rand_distr`: `Lcg64Xsh32::new(mix(seed), mix(stream))` gives the same bits and would save eight
+//! lines, but normal and Poisson numbers of `rand_distr` come from other methods, and simulations would not be the same.
+
+use roscausal_core::mix;
 
 use crate::geometry::Vec2;
 
@@ -78,14 +83,6 @@ impl Rng {
         }
         count
     }
-}
-
-/// The finaliser of SplitMix64: spreads neighbouring seeds over all bits.
-fn mix(seed: u64) -> u64 {
-    let mut z = seed.wrapping_add(0x9E37_79B9_7F4A_7C15);
-    z = (z ^ (z >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
-    z = (z ^ (z >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
-    z ^ (z >> 31)
 }
 
 #[cfg(test)]

@@ -8,6 +8,7 @@ use std::{
 };
 
 use roscausal_core::Time;
+use roscausal_fuzz::splitmix64;
 use roscausal_msgs::{Message, nav_msgs::Odometry, people_msgs::People, std_msgs::Bool, tf2_msgs::TFMessage};
 use roscausal_recording::{Encoding, Record, Recording};
 
@@ -235,10 +236,9 @@ fn a_changed_byte_never_panics_and_costs_little() {
         let whole = read_damaged(folder.path(), &bytes).unwrap().0.len();
         let (mut opened, mut kept) = (0, 0);
         for _ in 0..300 {
-            random = random.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
             let mut damaged = bytes.clone();
-            let place = (random >> 33) as usize % bytes.len();
-            damaged[place] ^= 1 << (random >> 60 & 7);
+            let place = splitmix64(&mut random) as usize % bytes.len();
+            damaged[place] ^= 1 << (splitmix64(&mut random) & 7);
             if let Some((records, _)) = read_damaged(folder.path(), &damaged) {
                 (opened, kept) = (opened + 1, kept + records.len());
             }

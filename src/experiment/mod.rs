@@ -119,7 +119,7 @@ pub(crate) fn run(args: &Args, interrupt: &Interrupt) -> Result<()> {
         Some(Command::Merge { from, out }) => (out, merge(from, out)?),
         None => (&args.sweep.out, args.sweep.run(interrupt)?),
     };
-    for (name, text) in report::files(&runs) {
+    for (name, text) in report::files(&runs)? {
         output::write_file(out, name, text.as_bytes())?;
     }
     println!(

@@ -14,7 +14,10 @@ use roscausal_core::{
 use roscausal_hrisim::{Scenario, Simulation, node::run_lockstep};
 use roscausal_msgs::{Humans, RobotState, std_msgs::String as Text};
 
-use crate::interrupt::Interrupt;
+use crate::{
+    interrupt::Interrupt,
+    nodes::{first_person, first_robot, set_subjects},
+};
 
 /// Seconds simulated beyond the recording, until every topic has begun.
 const WARM_UP_S: f64 = 3.0;
@@ -43,8 +46,12 @@ pub(crate) fn record(
 ) -> Result<Vec<Recording>> {
     let scenario = Scenario { duration: seconds + WARM_UP_S, ..scenario.clone() };
     let mut simulation = Simulation::new(&scenario, seed)?;
-    let agent = simulation.people.first().map_or(1, |person| person.id);
     let bus = Loopback::lockstep();
+    set_subjects(&bus, &simulation);
+    let robot_topic = match first_robot(&simulation) {
+        "" => "/roscausal/robot".to_owned(),
+        name => format!("/{name}/roscausal/robot"),
+    };
     let robot = bus.start_task("robot", async |mw| nodes::run_task("robot", &mw).await);
     let human = bus.start_task("human", async |mw| nodes::run_task("human", &mw).await);
     let config = |step: &f64| RecorderConfig {
@@ -52,10 +59,10 @@ pub(crate) fn record(
         ts_length_s: None,
         max_gap_s: MAX_GAP_S.max(*step),
         subsampling: false,
-        select: Select::Ids([agent].into()),
+        select: Select::Ids([first_person(&simulation)].into()),
     };
     let recorders: Vec<Recorder> = steps.iter().map(|step| Recorder::new(config(step))).collect();
-    let recording = bus.start_task("data", async move |mw| listen(&mw, recorders).await);
+    let recording = bus.start_task("data", async move |mw| listen(&mw, &robot_topic, recorders).await);
     let done = run_lockstep(&bus, &mut simulation, 1, |_| !interrupt.is_set());
     bus.shutdown();
     let died = |_| Error::Middleware("a node died; please report it".into());
@@ -75,11 +82,10 @@ pub(crate) fn record(
 }
 
 /// Feeds what the nodes publish to all recorders until the bus ends.
-async fn listen(mw: &LoopbackNode, mut recorders: Vec<Recorder>) -> Result<Vec<Recorder>> {
+async fn listen(mw: &LoopbackNode, robot_topic: &str, mut recorders: Vec<Recorder>) -> Result<Vec<Recorder>> {
     let inbox = Inbox::new(mw, 20_000);
     let (robot, humans) = (inbox.sender(), inbox.sender());
-    let _robot =
-        mw.subscribe("/roscausal/robot", Qos::Volatile(1000), move |m| robot.send(Event::Robot(m)))?;
+    let _robot = mw.subscribe(robot_topic, Qos::Volatile(1000), move |m| robot.send(Event::Robot(m)))?;
     let _humans =
         mw.subscribe("/roscausal/humans", Qos::Volatile(1000), move |m| humans.send(Event::Humans(m)))?;
     let context = inbox.sender();

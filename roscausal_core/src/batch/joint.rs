@@ -10,7 +10,11 @@ use ndarray::Array2;
 
 use roscausal_discovery::{DataFrame, names};
 
-use super::{Table, pool::sidecar};
+use super::{
+    Table,
+    pool::sidecar,
+    table::{Note, common_step},
+};
 use crate::{Error, Result};
 
 /// Fewer rows without a missing value than this tell nothing of one person.
@@ -84,6 +88,8 @@ pub struct Joint {
     tables: Vec<(Table, Facts)>,
     /// Columns of context that vary, of all batches.
     context: Vec<String>,
+    /// The step that they share.
+    dt: Option<f64>,
     /// What the reader should know.
     pub warnings: Vec<String>,
 }
@@ -103,7 +109,7 @@ impl Joint {
     /// Reads batches and what stands beside them.
     ///
     /// # Errors
-    /// No batch, or one that cannot be read.
+    /// No batch, or one that cannot be read; batches with different steps.
     pub fn read(paths: &[impl AsRef<Path>]) -> Result<Self> {
         let read = |path: &Path| Ok((Table::read(path, None)?, Facts::read(path)));
         let tables: Vec<(Table, Facts)> =
@@ -111,7 +117,9 @@ impl Joint {
         if tables.is_empty() {
             return Err(Error::Data("there is no batch to analyse".into()));
         }
-        let mut warnings: Vec<String> = tables.iter().flat_map(|(table, _)| table.warnings.clone()).collect();
+        let of_path = paths.iter().map(AsRef::as_ref).zip(tables.iter().map(|(table, _)| table));
+        let dt = common_step(of_path)?;
+        let mut notes_on_context = Vec::new();
         let told: BTreeSet<&String> = tables
             .iter()
             .flat_map(|(table, facts)| facts.context.iter().filter(|name| table.names.contains(name)))
@@ -121,19 +129,22 @@ impl Joint {
             let mut values = tables.iter().flat_map(|(table, _)| column(table, name));
             let first = values.next();
             if values.all(|value| Some(value) == first) {
-                warnings.push(format!("'{name}' is the same in all rows: the intervention is not analysed"));
+                notes_on_context
+                    .push(format!("'{name}' is the same in all rows: the intervention is not analysed"));
             } else {
                 context.push(name.clone());
             }
         }
-        warnings
-            .retain(|warning| !context.iter().any(|name| warning.contains(&format!("'{name}' is constant"))));
-        Ok(Self { tables, context, warnings })
+        // What is constant in one batch may vary from batch to batch.
+        let varies = |note: &&Note| matches!(note, Note::Constant { column, .. } if context.contains(column));
+        let notes = tables.iter().flat_map(|(table, _)| &table.notes).filter(|note| !varies(note));
+        let warnings = notes.map(ToString::to_string).chain(notes_on_context).collect();
+        Ok(Self { tables, context, dt, warnings })
     }
 
-    /// Step between samples of the first batch, seconds.
+    /// Step between samples, seconds.
     pub fn dt(&self) -> Option<f64> {
-        self.tables[0].0.dt()
+        self.dt
     }
 
     /// Stamps of the first and the last row, seconds, where the batches have times.
@@ -339,6 +350,15 @@ mod tests {
             joint.warnings.iter().any(|warning| warning.contains("'do_human_v' is the same in all rows"))
         );
         assert_eq!((joint.span(), joint.dt()), ((Some(0.0), Some(6.0)), Some(1.0)));
+    }
+
+    #[test]
+    fn batches_with_different_steps_are_refused_and_both_are_named() {
+        let dir = tempfile::tempdir().expect("a folder");
+        let slow = batch(dir.path(), "a", "time,h_v,h_dg\n0,1,2\n0.3,2,3\n", "{}");
+        let fast = batch(dir.path(), "b", "time,h_v,h_dg\n0,1,2\n0.1,2,3\n", "{}");
+        let error = Joint::read(&[slow, fast]).expect_err("two steps").to_string();
+        assert!(error.contains("a.csv is 0.3") && error.contains("b.csv: its step is 0.1"), "{error}");
     }
 
     #[test]

@@ -14,19 +14,22 @@ use std::{
     path::{Path, PathBuf},
 };
 
-use crate::{Error, Result};
+use super::IdFormat;
+use crate::{Error, Result, Time};
 
 /// A folder of batches whose names start with a prefix.
 #[derive(Clone, Debug)]
 pub struct Pool {
     dir: PathBuf,
     prefix: String,
+    ids: IdFormat,
 }
 
 /// What a pool holds now.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Contents {
-    /// File names of the whole batches, oldest first: ids are times, so the order of the names is that of time.
+    /// File names of the whole batches, oldest first by the times that their ids tell; those whose ids tell none come
+    /// before, in the order of their names.
     pub batches: Vec<String>,
     /// Other files, which nobody touches.
     pub foreign: BTreeSet<String>,
@@ -72,7 +75,14 @@ impl Pool {
             return Err(Error::param("csv_prefix", reason));
         }
         fs::create_dir_all(&dir).map_err(|e| Error::file(&dir, e))?;
-        Ok(Self { dir, prefix: prefix.to_owned() })
+        Ok(Self { dir, prefix: prefix.to_owned(), ids: IdFormat::default() })
+    }
+
+    /// The same pool, whose batches have ids of another format.
+    #[must_use]
+    pub fn with_id_format(mut self, ids: IdFormat) -> Self {
+        self.ids = ids;
+        self
     }
 
     /// The folder.
@@ -83,6 +93,11 @@ impl Pool {
     /// Path of a file of the pool.
     pub fn path(&self, name: &str) -> PathBuf {
         self.dir.join(name)
+    }
+
+    /// The id of a batch that begins at `start`.
+    pub fn id(&self, start: Time) -> String {
+        self.ids.id(start)
     }
 
     /// The name of a new batch: prefix, id, and a counter when that name is taken.
@@ -123,7 +138,8 @@ impl Pool {
                 contents.foreign.insert(name);
             }
         }
-        contents.batches.sort();
+        let start = |name: &String| name.strip_prefix(&self.prefix).and_then(|id| self.ids.start(id));
+        contents.batches.sort_by_cached_key(|name| (start(name), name.clone()));
         Ok(contents)
     }
 

@@ -21,6 +21,21 @@ fn batches_come_oldest_first_and_foreign_files_are_told_apart() {
 }
 
 #[test]
+fn the_oldest_is_found_by_the_time_in_the_id_whatever_its_format() {
+    let (_dir, pool) = pool();
+    let pool = pool.with_id_format(IdFormat::new("%d%m%Y_%H%M%S").expect("a format"));
+    let names = ["data_31122023_235959.csv", "data_01012024_000000.csv", "data_01012024_000000_2.csv"];
+    for name in names {
+        pool.write(name, b"x").expect("writes");
+    }
+    assert_eq!(pool.contents().expect("lists").batches, names);
+    let limits = Limits { max_batches: 3, drop_oldest: true, ..Limits::default() };
+    assert_eq!(pool.make_room(limits, 1).expect("drops"), Some(vec![names[0].to_owned()]));
+    pool.write("data_kitchen.csv", b"x").expect("writes");
+    assert_eq!(pool.contents().expect("lists").batches[0], "data_kitchen.csv", "no time: by its name, first");
+}
+
+#[test]
 fn a_claimed_batch_is_nobody_elses_and_attempts_are_counted() {
     let (_dir, pool) = pool();
     pool.write("data_1.csv", b"x").expect("writes");

@@ -5,23 +5,22 @@ use std::str::FromStr;
 use roscausal_discovery::names::plain;
 
 use super::{
-    expression::{Expression, Scope, body},
+    expression::{Expression, Scope, Who},
     recording::{Column, Recording},
     risk::{Body, RiskModel, risk_exponent},
-    tracks::{FIELDS, Values},
+    tracks::Values,
 };
-use crate::{Error, Result};
+use crate::{Error, Result, mix};
 
 /// `exp` of more is not told apart: risks stay finite.
 const LARGEST_EXPONENT: f64 = 50.0;
-const UNKNOWN: Values = [f64::NAN; FIELDS.len()];
 
 /// What to compute, and how.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Postprocess {
     /// The version of the risk.
     pub risk_model: RiskModel,
-    /// The risk in a row is that of so many rows earlier (0 or 1; the published result used 1).
+    /// Each `risk(...)` in a row is that of so many rows earlier (0 or 1; the published result used 1), and nothing else is.
     pub risk_lag: usize,
     /// Standard deviation of the noise on the risk's exponent.
     pub risk_noise: f64,
@@ -71,8 +70,6 @@ pub struct Feature {
     pub name: String,
     /// What it is.
     pub expression: Expression,
-    /// It is the risk itself, and so has `risk_lag`.
-    pub lagged: bool,
 }
 
 /// The features of a batch; per person when there are several.
@@ -98,8 +95,7 @@ impl Feature {
         let text = text.trim();
         let expression = Expression::parse(text)
             .map_err(|reason| Error::param("features", format!("{name} = {reason}")))?;
-        let lagged = text.starts_with("risk(");
-        Ok(Self { name: name.to_owned(), expression, lagged })
+        Ok(Self { name: name.to_owned(), expression })
     }
 
     /// The features that `items` define (`name = expression` each; an item without `=` continues the one before,
@@ -184,24 +180,28 @@ impl Postprocess {
     ) -> Column {
         let id = person.map_or(0, |(id, _)| u64::from(id));
         let stream = mix(self.seed ^ mix(batch.start.as_nanos() as u64) ^ mix(id.wrapping_add(1)));
-        let value = |row: usize| {
+        let human = |row: usize| person.and_then(|(_, rows)| rows.get(row)).unwrap_or(&Values::UNKNOWN);
+        let risk = |row: usize, a: Who, b: Who| {
             let noise =
                 if self.risk_noise > 0.0 { self.risk_noise * normal(stream, row as u64) } else { 0.0 };
-            let risk = |a: &Body, b: &Body| {
-                let nearest = match self.obstacle {
-                    Obstacle::Robot => *b,
-                    Obstacle::Nearest => nearest(a, b, batch, row, person.map(|(id, _)| id)),
-                };
-                let exponent = risk_exponent(a, &nearest, self.risk_model, self.obs_size, self.safe_dist);
-                (exponent + noise).min(LARGEST_EXPONENT).exp()
+            let [a, b] = [a, b].map(|who| match who {
+                Who::Human => human(row).body(),
+                Who::Robot => batch.robot[row].body(),
+            });
+            let nearest = match self.obstacle {
+                Obstacle::Robot => b,
+                Obstacle::Nearest => nearest(&a, &b, batch, row, person.map(|(id, _)| id)),
             };
-            let human = person.and_then(|(_, rows)| rows.get(row)).unwrap_or(&UNKNOWN);
-            let scope =
-                Scope { time: batch.stamp(row).as_secs_f64(), robot: &batch.robot[row], human, risk: &risk };
+            let exponent = risk_exponent(&a, &nearest, self.risk_model, self.obs_size, self.safe_dist);
+            (exponent + noise).min(LARGEST_EXPONENT).exp()
+        };
+        let value = |row: usize| {
+            let time = batch.stamp(row).as_secs_f64();
+            let risk = |a, b| row.checked_sub(self.risk_lag).map_or(f64::NAN, |earlier| risk(earlier, a, b));
+            let scope = Scope { time, robot: &batch.robot[row], human: human(row), risk: &risk };
             feature.expression.value(&scope)
         };
-        let lag = if feature.lagged { self.risk_lag } else { 0 };
-        let values = (0..batch.n_rows()).map(|row| row.checked_sub(lag).map_or(f64::NAN, value)).collect();
+        let values = (0..batch.n_rows()).map(value).collect();
         Column { name, unit: "", values }
     }
 }
@@ -209,7 +209,7 @@ impl Postprocess {
 /// The nearest to `a` of `b`, the other robots, and all people but `person`.
 fn nearest(a: &Body, b: &Body, batch: &Recording, row: usize, person: Option<u32>) -> Body {
     let people = batch.people.iter().filter(|(id, _)| Some(**id) != person).map(|(_, rows)| rows);
-    let known = batch.others.values().chain(people).filter_map(|rows| rows.get(row)).map(body);
+    let known = batch.others.values().chain(people).filter_map(|rows| rows.get(row)).map(Values::body);
     let distance = |other: &Body| (other.x - a.x).hypot(other.y - a.y);
     // Who is not there, or has no heading, is nobody's obstacle.
     let bodies =
@@ -223,14 +223,6 @@ fn name_for(name: &str, id: u32) -> String {
         Some(rest) => format!("h_{id}_{rest}"),
         None => format!("{name}_{id}"),
     }
-}
-
-/// The finaliser of SplitMix64.
-fn mix(x: u64) -> u64 {
-    let x = x.wrapping_add(0x9e37_79b9_7f4a_7c15);
-    let x = (x ^ (x >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-    let x = (x ^ (x >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-    x ^ (x >> 31)
 }
 
 /// A standard normal number, the same for the same stream and index (Box and Muller 1958).
@@ -261,14 +253,19 @@ mod tests {
         }
     }
 
+    /// Somebody on the x axis, without a goal.
+    fn at_x(x: f64, theta: f64, v: f64) -> Values {
+        Values { x, y: 0.0, theta, v, omega: 0.0, ..Values::UNKNOWN }
+    }
+
     /// The robot at rest at (4, 0); people at the origin that walk along x, with a goal at (3, 4).
     fn batch(ids: &[u32], speeds: &[f64]) -> Recording {
-        let person = |v: &f64| [3.0, 4.0, 0.0, 0.0, 0.0, *v, 0.0];
+        let person = |v: &f64| Values::from_array([3.0, 4.0, 0.0, 0.0, 0.0, *v, 0.0]);
         Recording {
             start: Time::from_secs_f64(1.0),
             dt_ns: 100_000_000,
             frame: "map".into(),
-            robot: vec![[f64::NAN, f64::NAN, 4.0, 0.0, 0.0, 0.0, 0.0]; speeds.len()],
+            robot: vec![at_x(4.0, 0.0, 0.0); speeds.len()],
             people: ids
                 .iter()
                 .map(|id| (*id, speeds.iter().map(person).collect()))
@@ -276,7 +273,7 @@ mod tests {
             others: BTreeMap::new(),
             context: BTreeMap::new(),
             complete: true,
-            ended_by: "",
+            ended_by: None,
         }
     }
 
@@ -284,8 +281,8 @@ mod tests {
     fn the_nearest_robot_or_person_can_be_the_obstacle() {
         // The robot is 4 m ahead of person 3; person 7 comes towards her from 1.5 m; robot2 stands at 3 m.
         let mut crowd = batch(&[3], &[1.0]);
-        crowd.people.insert(7, vec![[f64::NAN, f64::NAN, 1.5, 0.0, std::f64::consts::PI, 1.0, 0.0]]);
-        crowd.others.insert("robot2".into(), vec![[f64::NAN, f64::NAN, 3.0, 0.0, 0.0, 0.0, 0.0]]);
+        crowd.people.insert(7, vec![at_x(1.5, std::f64::consts::PI, 1.0)]);
+        crowd.others.insert("robot2".into(), vec![at_x(3.0, 0.0, 0.0)]);
         let risk = |obstacle, batch: &Recording| {
             let features = Postprocess { obstacle, ..settings() }.run(batch).expect("computes").columns;
             features.iter().find(|column| column.name.ends_with("risk")).expect("a risk").values[0].ln()
@@ -328,6 +325,22 @@ mod tests {
     }
 
     #[test]
+    fn the_lag_is_that_of_the_risk_however_it_is_written_and_of_nothing_else() {
+        let values = |text: &str, risk_lag| {
+            let features = vec![Feature::new("it", text).expect("a feature")];
+            let late = Postprocess { risk_lag, features, ..settings() };
+            late.run(&batch(&[1], &[1.0, 0.5, 0.2])).expect("computes").columns.remove(0).values
+        };
+        let (risk, now) = (values("risk(h, r)", 0), values("h.v", 0));
+        assert_eq!(values("h.v", 1), now);
+        assert_eq!(values("risk (h , r)", 1)[1..], risk[..2]);
+        assert_eq!(values("2 * risk(h, r)", 1)[1..], [2.0 * risk[0], 2.0 * risk[1]]);
+        let sum = values("risk(h,r)+h.v", 1);
+        assert!(sum[0].is_nan());
+        assert_eq!(sum[1..], [risk[0] + now[1], risk[1] + now[2]]);
+    }
+
+    #[test]
     fn noise_is_seeded_and_of_the_size_asked_for() {
         let noisy = |seed| Postprocess { risk_noise: 0.02, seed, ..settings() };
         let speeds = vec![0.0; 4000];
@@ -343,7 +356,7 @@ mod tests {
     #[test]
     fn several_people_have_columns_of_their_own_and_absence_is_missing() {
         let mut two = batch(&[3, 7], &[1.0, 1.0]);
-        two.people.insert(7, vec![UNKNOWN, [3.0, 4.0, 0.0, 0.0, 0.0, 1.0, 0.0]]);
+        two.people.insert(7, vec![Values::UNKNOWN, Values::from_array([3.0, 4.0, 0.0, 0.0, 0.0, 1.0, 0.0])]);
         let features = settings().run(&two).expect("computes").columns;
         let names: Vec<&str> = features.iter().map(|column| column.name.as_str()).collect();
         assert_eq!(names, ["h_3_v", "h_7_v", "h_3_dg", "h_7_dg", "h_3_risk", "h_7_risk"]);

@@ -9,9 +9,9 @@ use roscausal_msgs::{
 
 use super::{
     journal::{Entry, Header, Log, Sample},
-    recording::Recording,
+    recording::{EndedBy, Recording},
     select::Select,
-    tracks::{FIELDS, Taken, Track, Values},
+    tracks::{Taken, Track, Values},
 };
 
 /// How much later than the others a message may come and still be used, seconds.
@@ -28,7 +28,6 @@ const MOST_ROWS: usize = 1_000_000;
 const FARTHEST_NS: u64 = 1 << 62;
 /// Columns of context at most.
 const MOST_CONTEXT: usize = 64;
-const UNKNOWN: Values = [f64::NAN; FIELDS.len()];
 
 /// How to record.
 #[derive(Clone, Debug, PartialEq)]
@@ -164,7 +163,7 @@ impl Recorder {
             recorder.advance(false);
         }
         recorder.advance(true);
-        recorder.close("the node was ended by force; recovered from its journal");
+        recorder.close(EndedBy::Recovery);
         Ok(recorder.take_batches())
     }
 
@@ -172,11 +171,11 @@ impl Recorder {
     pub fn robot(&mut self, state: &RobotState, now: Time) {
         let stamp = stamp_ns(state.header.stamp, now);
         if self.frame.as_ref().is_some_and(|frame| *frame != state.header.frame_id) {
-            self.restart("the robot's frame changed");
+            self.restart(EndedBy::FrameChange);
         }
         if jumps(self.newest_robot, stamp) {
             self.counts.jumps += 1;
-            self.restart("the clock jumped");
+            self.restart(EndedBy::ClockJump);
         }
         self.frame.get_or_insert_with(|| state.header.frame_id.clone());
         self.newest_robot = self.newest_robot.max(Some(stamp));
@@ -250,7 +249,7 @@ impl Recorder {
         }
         if jumps(self.newest_people, stamp) {
             self.counts.jumps += 1;
-            self.restart("the clock jumped");
+            self.restart(EndedBy::ClockJump);
         }
         self.newest_people = self.newest_people.max(Some(stamp));
         for person in &humans.humans {
@@ -284,11 +283,11 @@ impl Recorder {
     /// Ends the open batch with what is there: the node is to end.
     pub fn finish(&mut self) {
         self.advance(true);
-        self.close("the node ended");
+        self.close(EndedBy::NodeEnd);
     }
 
     /// Ends the open batch with what is there and forgets the rest: recording goes on with what comes later.
-    pub fn interrupt(&mut self, reason: &'static str) {
+    pub fn interrupt(&mut self, reason: EndedBy) {
         self.restart(reason);
     }
 
@@ -453,14 +452,14 @@ impl Recorder {
             others: BTreeMap::new(),
             context: BTreeMap::new(),
             complete: false,
-            ended_by: "",
+            ended_by: None,
         });
         let n_rows = open.robot.len();
-        open.robot.push(robot.unwrap_or(UNKNOWN));
+        open.robot.push(robot.unwrap_or(Values::UNKNOWN));
         for (id, values) in &people {
             if open.people.contains_key(id) || open.people.len() < MOST_PEOPLE {
                 let rows = open.people.entry(*id).or_default();
-                rows.resize(n_rows, UNKNOWN);
+                rows.resize(n_rows, Values::UNKNOWN);
                 rows.push(*values);
             } else {
                 self.counts.crowded += 1;
@@ -468,8 +467,8 @@ impl Recorder {
         }
         for (name, track) in &self.others {
             let rows = open.others.entry(name.clone()).or_default();
-            rows.resize(n_rows, UNKNOWN);
-            rows.push(track.at(row, max_gap, hold).unwrap_or(UNKNOWN));
+            rows.resize(n_rows, Values::UNKNOWN);
+            rows.push(track.at(row, max_gap, hold).unwrap_or(Values::UNKNOWN));
         }
         for (name, changes) in &self.context {
             let imposed = changes.iter().rev().find(|(stamp, _)| *stamp <= row);
@@ -478,7 +477,7 @@ impl Recorder {
             rows.push(imposed.map_or(Vec::new(), |(_, value)| value.clone()));
         }
         if let (Select::Nearest(number), Some(robot)) = (&self.config.select, robot) {
-            let distance = |values: &Values| (values[2] - robot[2]).hypot(values[3] - robot[3]);
+            let distance = |values: &Values| (values.x - robot.x).hypot(values.y - robot.y);
             let mut near: Vec<(f64, u32)> =
                 people.iter().map(|(id, values)| (distance(values), *id)).collect();
             near.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
@@ -486,15 +485,14 @@ impl Recorder {
         }
         self.counts.rows += 1;
         if n_rows + 1 == self.rows_per_batch {
-            self.close(if self.config.ts_length_s.is_some() {
-                "ts_length reached"
-            } else {
-                "the most rows reached"
+            self.close(match self.config.ts_length_s {
+                Some(_) => EndedBy::TsLength,
+                None => EndedBy::MostRows,
             });
         }
     }
 
-    fn close(&mut self, ended_by: &'static str) {
+    fn close(&mut self, ended_by: EndedBy) {
         let votes = std::mem::take(&mut self.votes);
         let Some(mut batch) = self.open.take() else {
             self.log.iter_mut().for_each(Log::abandon);
@@ -509,18 +507,19 @@ impl Recorder {
         let n_rows = batch.robot.len();
         let full = n_rows == self.rows_per_batch;
         if !full {
-            let known =
-                |rows: &Vec<Values>| rows.iter().rposition(|values| values.iter().any(|v| v.is_finite()));
+            let known = |rows: &Vec<Values>| {
+                rows.iter().rposition(|values| values.to_array().iter().any(|v| v.is_finite()))
+            };
             let last = batch.people.values().map(known).max().flatten().max(known(&batch.robot));
             batch.robot.truncate(last.map_or(0, |last| last + 1));
         }
         let n_rows = batch.robot.len();
-        batch.people.values_mut().for_each(|rows| rows.resize(n_rows, UNKNOWN));
-        batch.others.values_mut().for_each(|rows| rows.resize(n_rows, UNKNOWN));
+        batch.people.values_mut().for_each(|rows| rows.resize(n_rows, Values::UNKNOWN));
+        batch.others.values_mut().for_each(|rows| rows.resize(n_rows, Values::UNKNOWN));
         batch.context.values_mut().for_each(|rows| rows.resize(n_rows, Vec::new()));
-        let to_the_end = self.config.ts_length_s.is_none() && ended_by == "the node ended";
+        let to_the_end = self.config.ts_length_s.is_none() && ended_by == EndedBy::NodeEnd;
         batch.complete = full || to_the_end;
-        batch.ended_by = ended_by;
+        batch.ended_by = Some(ended_by);
         if n_rows > 0 {
             let number = self.log.as_mut().and_then(Log::end);
             self.done.push((batch, number));
@@ -529,7 +528,7 @@ impl Recorder {
         }
     }
 
-    fn restart(&mut self, reason: &'static str) {
+    fn restart(&mut self, reason: EndedBy) {
         tracing::warn!("{reason}: the batch ends here, the next one starts anew");
         self.advance(true);
         self.close(reason);
@@ -542,9 +541,16 @@ impl Recorder {
 }
 
 fn values(pose: &Pose2D, twist: &Twist, goal: &Point) -> Values {
-    let v = twist.linear.x.hypot(twist.linear.y);
     let finite = |v: f64| if v.is_finite() { v } else { f64::NAN };
-    [goal.x, goal.y, pose.x, pose.y, pose.theta, v, twist.angular.z].map(finite)
+    Values {
+        gx: finite(goal.x),
+        gy: finite(goal.y),
+        x: finite(pose.x),
+        y: finite(pose.y),
+        theta: finite(pose.theta),
+        v: finite(twist.linear.x.hypot(twist.linear.y)),
+        omega: finite(twist.angular.z),
+    }
 }
 
 fn stamp_ns(stamp: Time, now: Time) -> i64 {

@@ -1,12 +1,9 @@
 //! A batch in memory.
 
-use std::collections::BTreeMap;
+use std::{collections::BTreeMap, fmt};
 
-use super::tracks::{FIELDS, Values};
+use super::tracks::{Field, Values};
 use crate::Time;
-
-/// Spellings of the original, one per field; the TAB is its `\t` of `\theta`.
-const LEGACY: [&str; FIELDS.len()] = ["{gx}", "{gy}", "x", "y", "{\theta}", "v", "{\\omega}"];
 
 /// A recorded batch: rows at a fixed step, NaN where nothing is known.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -27,8 +24,48 @@ pub struct Recording {
     pub context: BTreeMap<String, Vec<Vec<f64>>>,
     /// It has the full length.
     pub complete: bool,
-    /// Why it ended, in words.
-    pub ended_by: &'static str,
+    /// Why it ended; `None` while it goes on.
+    pub ended_by: Option<EndedBy>,
+}
+
+/// Why a batch ended.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum EndedBy {
+    /// It had the length asked for.
+    TsLength,
+    /// It was asked to go on until the end, but had as many rows as a batch may have.
+    MostRows,
+    /// The node that records ended.
+    NodeEnd,
+    /// The clock jumped.
+    ClockJump,
+    /// The robot's frame changed.
+    FrameChange,
+    /// There was no room for more in the pool.
+    FullPool,
+    /// The node was ended by force; the batch is what its journal held.
+    Recovery,
+}
+
+impl EndedBy {
+    /// The reason in words.
+    pub fn as_str(self) -> &'static str {
+        match self {
+            Self::TsLength => "ts_length reached",
+            Self::MostRows => "the most rows reached",
+            Self::NodeEnd => "the node ended",
+            Self::ClockJump => "the clock jumped",
+            Self::FrameChange => "the robot's frame changed",
+            Self::FullPool => "the pool is full",
+            Self::Recovery => "the node was ended by force; recovered from its journal",
+        }
+    }
+}
+
+impl fmt::Display for EndedBy {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(self.as_str())
+    }
 }
 
 /// A column of a batch.
@@ -80,20 +117,22 @@ impl Recording {
 
     /// The columns behind `time`: the robot's, then each person's. `legacy`: in the original's spelling.
     pub fn columns(&self, legacy: bool) -> Vec<Column> {
-        let of = |prefix: &str, rows: &[Values], fields: &[usize]| -> Vec<Column> {
-            let column = |&field: &usize| Column {
-                name: format!("{prefix}_{}", if legacy { LEGACY[field] } else { FIELDS[field].name }),
-                unit: FIELDS[field].unit,
-                values: rows.iter().map(|row| row[field]).collect(),
-            };
-            fields.iter().map(column).collect()
+        let of = |prefix: &str, rows: &[Values], fields: [Field; 7]| {
+            fields.map(|field| Column {
+                name: format!("{prefix}_{}", if legacy { field.legacy_name() } else { field.name() }),
+                unit: field.unit(),
+                values: rows.iter().map(|row| row.get(field)).collect(),
+            })
         };
-        let mut columns = of("r", &self.robot, &[0, 1, 2, 3, 4, 5, 6]);
+        // A person's goal comes last.
+        let mut of_person = Field::ALL;
+        of_person.rotate_left(2);
+        let mut columns = of("r", &self.robot, Field::ALL).to_vec();
         for (id, rows) in &self.people {
-            columns.extend(of(&format!("h_{id}"), rows, &[2, 3, 4, 5, 6, 0, 1]));
+            columns.extend(of(&format!("h_{id}"), rows, of_person));
         }
         for (name, rows) in &self.others {
-            columns.extend(of(&format!("r_{name}"), rows, &[0, 1, 2, 3, 4, 5, 6]));
+            columns.extend(of(&format!("r_{name}"), rows, Field::ALL));
         }
         columns.extend(self.context_columns());
         columns
@@ -148,7 +187,7 @@ impl Recording {
         for (body, rows) in std::iter::once(("r".to_owned(), &self.robot)).chain(people) {
             let mut first = None;
             for row in 0..=rows.len() {
-                let missing = rows.get(row).is_some_and(|values| values[2].is_nan());
+                let missing = rows.get(row).is_some_and(|values| values.x.is_nan());
                 match (missing, first) {
                     (true, None) => first = Some(row),
                     (false, Some(from)) => {
@@ -169,7 +208,7 @@ mod tests {
     use super::*;
 
     fn recording() -> Recording {
-        let row = |x: f64| [1.0, 2.0, x, 4.0, 0.5, 0.6, 0.7];
+        let row = |x: f64| Values::from_array([1.0, 2.0, x, 4.0, 0.5, 0.6, 0.7]);
         Recording {
             start: Time::from_secs_f64(10.0),
             dt_ns: 100_000_000,
@@ -179,7 +218,7 @@ mod tests {
             others: BTreeMap::new(),
             context: BTreeMap::new(),
             complete: true,
-            ended_by: "ts_length reached",
+            ended_by: Some(EndedBy::TsLength),
         }
     }
 

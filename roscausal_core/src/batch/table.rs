@@ -1,6 +1,9 @@
 //! Reading any CSV with a header into columns of numbers; every complaint names line and column.
+//!
+//! The csv crate reads the cells. Which character separates them is our one rule, the header line, because a user can
+//! foresee it; `csv-sniffer` 0.3 guesses from statistics of the first rows, and a wrong guess has no line to point at.
 
-use std::{fs::File, io::Read, path::Path};
+use std::{fmt, fs::File, io::Read, path::Path};
 
 use csv::{ByteRecord, ReaderBuilder};
 use ndarray::Array2;
@@ -22,8 +25,75 @@ pub struct Table {
     pub values: Array2<f64>,
     /// Sample times in seconds, when the file has them.
     pub time: Option<Vec<f64>>,
-    /// What the reader should know: missing cells, constant columns. One sentence each.
-    pub warnings: Vec<String>,
+    /// What the reader should know.
+    pub notes: Vec<Note>,
+}
+
+/// What the reader of a table should know of a column; as text, one sentence.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Note {
+    /// It has no number at all.
+    Empty {
+        /// Its name.
+        column: String,
+    },
+    /// Some of its cells have no number.
+    Missing {
+        /// Its name.
+        column: String,
+        /// How many have none.
+        missing: usize,
+        /// How many cells it has.
+        cells: usize,
+    },
+    /// All its numbers are the same.
+    Constant {
+        /// Its name.
+        column: String,
+        /// That number.
+        value: f64,
+    },
+}
+
+impl fmt::Display for Note {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Empty { column } => {
+                write!(f, "column '{column}' has no number at all; leave it out with --columns")
+            }
+            Self::Missing { column, missing, cells } => write!(
+                f,
+                "column '{column}': {missing} of {cells} cells are empty or NaN; samples that need them are left out"
+            ),
+            Self::Constant { column, value } => {
+                write!(f, "column '{column}' is constant ({value}): it can be neither cause nor effect")
+            }
+        }
+    }
+}
+
+/// The step between samples that recordings of one system share, seconds; `None` where none has times.
+///
+/// # Errors
+/// A recording whose step differs by more than 1 % from that of one before it: a lag would mean two things.
+pub fn common_step<'a>(recordings: impl IntoIterator<Item = (&'a Path, &'a Table)>) -> Result<Option<f64>> {
+    let mut first: Option<(&Path, f64)> = None;
+    for (path, table) in recordings {
+        match (first, table.dt()) {
+            (Some((other, step)), Some(dt)) if (dt - step).abs() > 0.01 * step => {
+                let [dt, step] = [dt, step].map(|secs| (secs * 1e6).round() / 1e6);
+                let reason = format!(
+                    "its step is {dt} s, that of {} is {step} s; recordings of one system need one step: resample \
+                     one of them, or analyse them apart",
+                    other.display()
+                );
+                return Err(Error::file(path, reason));
+            }
+            (None, Some(dt)) => first = Some((path, dt)),
+            _ => {}
+        }
+    }
+    Ok(first.map(|(_, step)| step))
 }
 
 /// What is wrong: the file, or the choice of columns.
@@ -129,31 +199,25 @@ impl Table {
         }
         let values =
             Array2::from_shape_vec((lines.len(), columns.len()), numbers).map_err(|e| e.to_string())?;
-        let names = columns.iter().map(|&column| header[column].clone()).collect();
-        let mut table = Self { names, values, time: time_column.map(|_| time), warnings: Vec::new() };
-        table.warnings = table.notes();
-        Ok(table)
+        let names: Vec<String> = columns.iter().map(|&column| header[column].clone()).collect();
+        let notes = Self::notes_on(&names, &values);
+        Ok(Self { names, values, time: time_column.map(|_| time), notes })
     }
 
-    fn notes(&self) -> Vec<String> {
+    fn notes_on(names: &[String], values: &Array2<f64>) -> Vec<Note> {
         let mut notes = Vec::new();
-        for (name, column) in self.names.iter().zip(self.values.columns()) {
-            let missing = column.iter().filter(|v| v.is_nan()).count();
-            let mut present = column.iter().filter(|v| !v.is_nan());
-            let Some(first) = present.next() else {
-                notes.push(format!("column '{name}' has no number at all; leave it out with --columns"));
+        for (name, cells) in names.iter().zip(values.columns()) {
+            let (column, missing) = (name.clone(), cells.iter().filter(|v| v.is_nan()).count());
+            let mut present = cells.iter().copied().filter(|v| !v.is_nan());
+            let Some(value) = present.next() else {
+                notes.push(Note::Empty { column });
                 continue;
             };
             if missing > 0 {
-                notes.push(format!(
-                    "column '{name}': {missing} of {} cells are empty or NaN; samples that need them are left out",
-                    column.len()
-                ));
+                notes.push(Note::Missing { column: column.clone(), missing, cells: cells.len() });
             }
-            if present.all(|v| v == first) {
-                notes.push(format!(
-                    "column '{name}' is constant ({first}): it can be neither cause nor effect"
-                ));
+            if present.all(|v| v == value) {
+                notes.push(Note::Constant { column, value });
             }
         }
         notes
@@ -325,8 +389,30 @@ mod tests {
     fn missing_cells_and_constant_columns_are_told() {
         let table = parse("a,b,c\n1,,5\n2,NaN,5\n3,1,5\n").expect("reads");
         assert!(table.values[[0, 1]].is_nan());
-        assert!(table.warnings[0].contains("column 'b': 2 of 3 cells"));
-        assert!(table.warnings.iter().any(|w| w.contains("column 'c' is constant (5)")));
+        let missing = Note::Missing { column: "b".into(), missing: 2, cells: 3 };
+        let constant = |column: &str, value| Note::Constant { column: column.into(), value };
+        assert_eq!(table.notes, [missing, constant("b", 1.0), constant("c", 5.0)]);
+        assert!(table.notes[0].to_string().starts_with("column 'b': 2 of 3 cells"));
+        assert!(table.notes[2].to_string().starts_with("column 'c' is constant (5)"));
+    }
+
+    #[test]
+    fn recordings_of_one_system_have_one_step() {
+        let table = |text: &str| parse(text).expect("reads");
+        let (slow, fast) = (table("time,a\n0,1\n0.3,2\n0.6,3\n"), table("time,a\n0,1\n0.1,2\n0.2,3\n"));
+        let (jittery, timeless) = (table("time,a\n0,1\n0.301,2\n0.602,3\n"), table("a\n1\n2\n"));
+        let step = |tables: &[&Table]| {
+            common_step(
+                tables.iter().zip(["x.csv", "y.csv", "z.csv"]).map(|(table, name)| (Path::new(name), *table)),
+            )
+        };
+        assert_eq!(step(&[&timeless, &slow, &jittery]).expect("one step"), slow.dt());
+        assert_eq!(step(&[&timeless]).expect("none"), None);
+        let error = step(&[&slow, &timeless, &fast]).expect_err("two steps").to_string();
+        assert!(
+            error.contains("z.csv") && error.contains("its step is 0.1 s, that of x.csv is 0.3 s"),
+            "{error}"
+        );
     }
 
     #[test]

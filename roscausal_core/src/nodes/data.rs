@@ -9,7 +9,7 @@ use super::{
 };
 use crate::{
     Result,
-    batch::{recorder::Recorder, writer::Writer},
+    batch::{EndedBy, recorder::Recorder, writer::Writer},
     inbox::{Inbox, Next},
     middleware::{Middleware, Qos},
     params::Params,
@@ -56,8 +56,11 @@ pub fn data_with<M: Middleware>(mw: &M, on_progress: impl Fn(Recorded)) -> Resul
     to_its_end(data_task(mw, on_progress))
 }
 
-/// The data node as a task.
-pub(super) async fn data_task<M: Middleware>(mw: &M, on_progress: impl Fn(Recorded)) -> Result<()> {
+/// The data node as a task, with a listener for its progress.
+///
+/// # Errors
+/// As [`data`].
+pub async fn data_task<M: Middleware>(mw: &M, on_progress: impl Fn(Recorded)) -> Result<()> {
     let params = Params::read(mw, &specs())?;
     let mut recorder = Recorder::new(recorder(&params)?);
     let writer = Writer::start(writer(&params)?)?;
@@ -127,7 +130,7 @@ pub(super) async fn data_task<M: Middleware>(mw: &M, on_progress: impl Fn(Record
         }
         let is_full = writer.is_full();
         if is_full && !stopped {
-            recorder.interrupt("the pool is full");
+            recorder.interrupt(EndedBy::FullPool);
         }
         stopped = is_full;
         let now = mw.now();

@@ -8,7 +8,7 @@ use super::{path, scene_params::risk_specs};
 use crate::{
     Error, Result,
     batch::{
-        Select,
+        IdFormat, Select,
         pool::{Limits, Pool},
         postprocess::{Feature, Obstacle, Postprocess},
         recorder::RecorderConfig,
@@ -112,7 +112,7 @@ pub(super) fn specs() -> Vec<ParamSpec> {
         safe_dist,
         ParamSpec::new("delete_traj", Bool(false), Any, "delete a raw batch once it is post-processed"),
         ParamSpec::new("risk_model", text("v1_1"), OneOf(&RiskModel::NAMES), "version of the risk"),
-        ParamSpec::new("risk_lag", Int(0), Range(0.0, 1.0), "rows the risk is late by"),
+        ParamSpec::new("risk_lag", Int(0), Range(0.0, 1.0), "rows that risk(...) is late by"),
         ParamSpec::new(
             "risk_noise",
             Double(0.0),
@@ -150,16 +150,15 @@ pub(super) fn recorder(params: &Params) -> Result<RecorderConfig> {
 
 /// Where and how batches are written.
 pub(super) fn writer(params: &Params) -> Result<WriterConfig> {
-    let prefix = params.text("csv_prefix");
+    let (prefix, ids) = (params.text("csv_prefix"), IdFormat::new(&params.text("id_format"))?);
     let (raw, processed) = (path(&params.text("data_dir")), path(&params.text("pp_data_dir")));
     let processing = processing(params)?;
     if raw == processed && !matches!(processing, Processing::None) {
         return Err(Error::param("pp_data_dir", "it is data_dir too; give each its own folder"));
     }
-    let config = WriterConfig {
-        raw: Pool::open(raw, &prefix)?,
-        processed: Pool::open(processed, &prefix)?,
-        id_format: params.text("id_format"),
+    Ok(WriterConfig {
+        raw: Pool::open(raw, &prefix)?.with_id_format(ids.clone()),
+        processed: Pool::open(processed, &prefix)?.with_id_format(ids),
         legacy_columns: params.flag("legacy_columns"),
         delete_raw: params.flag("delete_traj"),
         processing,
@@ -170,9 +169,7 @@ pub(super) fn writer(params: &Params) -> Result<WriterConfig> {
             drop_oldest: params.text("pool_policy") == "drop_oldest",
         },
         journal: params.flag("journal"),
-    };
-    config.check()?;
-    Ok(config)
+    })
 }
 
 fn processing(params: &Params) -> Result<Processing> {

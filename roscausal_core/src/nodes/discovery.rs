@@ -56,7 +56,7 @@ pub fn discovery_with<M: Middleware>(
     on_progress: impl Fn(Progress) + Send + Sync + 'static,
 ) -> Result<()> {
     let params = DiscoveryParams::new(&Params::read(mw, &specs())?)?;
-    let pool = Pool::open(&params.data_dir, &params.csv_prefix)?;
+    let pool = Pool::open(&params.data_dir, &params.csv_prefix)?.with_id_format(params.ids.clone());
     let mut node = Node {
         out: Outputs::new(mw)?,
         health: Health::new(mw)?,

@@ -10,7 +10,7 @@ use roscausal_discovery::{
 
 use crate::{
     Error, Result,
-    batch::joint::People,
+    batch::{IdFormat, joint::People},
     external,
     params::{Allowed, ParamSpec, Params, Value},
 };
@@ -21,6 +21,8 @@ pub(super) struct DiscoveryParams {
     pub data_dir: PathBuf,
     pub res_dir: Option<PathBuf>,
     pub csv_prefix: String,
+    /// Format of the batches' ids, which tell their times.
+    pub ids: IdFormat,
     pub settings: Settings,
     /// The program of an external method.
     pub program: Option<PathBuf>,
@@ -45,7 +47,12 @@ pub(super) fn specs() -> Vec<ParamSpec> {
         ParamSpec::new("data_dir", text("~/roscausal/pp_pool"), Any, "folder that is watched for batches"),
         ParamSpec::new("res_dir", text(""), Any, "folder for model files; empty: publish only"),
         ParamSpec::new("csv_prefix", text("data_"), Any, "start of the batches' file names"),
-        ParamSpec::new("id_format", text("%Y%m%d_%H%M%S"), Any, "strftime format of the batches' ids"),
+        ParamSpec::new(
+            "id_format",
+            text("%Y%m%d_%H%M%S"),
+            Any,
+            "strftime format of the batches' ids, by which the oldest is found",
+        ),
         ParamSpec::new(
             "cd_method",
             text(Method::default().name()),
@@ -177,6 +184,7 @@ impl DiscoveryParams {
             data_dir: super::path(&params.text("data_dir")),
             res_dir: params.text_if_set("res_dir").map(|dir| super::path(&dir)),
             csv_prefix: params.text("csv_prefix"),
+            ids: IdFormat::new(&params.text("id_format"))?,
             settings,
             program,
             people: params.text("people").parse().map_err(|reason| Error::param("people", reason))?,

@@ -84,7 +84,12 @@ pub(super) fn specs() -> Vec<ParamSpec> {
             "pedsim_msgs/TrackedPersons whose poses are the people's goals; empty: none",
         ),
         ParamSpec::new("robot", text(""), Any, "name of the robot that nearest:N is about; empty: none"),
-        ParamSpec::new("source_frame", text("base_footprint"), Any, "frame of people whose topic names none"),
+        ParamSpec::new(
+            "source_frame",
+            text("base_footprint"),
+            Any,
+            "frame of people whose topic names none; empty: target_frame",
+        ),
         ParamSpec::new("target_frame", text("map"), Any, "frame of the published states"),
         ParamSpec::new(
             "sel_agent",
@@ -137,7 +142,9 @@ pub(super) async fn human_task<M: Middleware>(mw: &M) -> Result<()> {
     let _others = subscribe_others(mw, &params, &inbox, &select)?;
     let mut robot: Option<Pose2D> = None;
     let goal_param = params.text_if_set("goal_param").map(goal_spec);
-    let mut tracker = PeopleTracker::new(&params.text("target_frame"), params.double("person_timeout"));
+    let target_frame = params.text("target_frame");
+    let source_frame = params.text_if_set("source_frame").unwrap_or_else(|| target_frame.clone());
+    let mut tracker = PeopleTracker::new(&target_frame, &source_frame, params.double("person_timeout"));
     let (mut due, mut reports, mut published, mut unstamped) = (mw.now(), 0_u64, Time::ZERO, 0_u64);
     loop {
         match inbox.awaited(mw, Some(due.min(health.due()))).await {

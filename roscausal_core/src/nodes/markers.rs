@@ -57,11 +57,11 @@ pub(super) async fn markers_task<M: Middleware>(mw: &M) -> Result<()> {
         Wires::Ros2 => Output::Ros2(mw.advertise(TOPIC, Qos::Volatile(10))?),
         _ => Output::Ros1(mw.advertise(TOPIC, Qos::Volatile(10))?),
     };
-    let robot_input = health.input::<RobotState>("/roscausal/robot", false);
+    let robot_topic = options.robot_topic()?;
+    let robot_input = health.input::<RobotState>(&robot_topic, false);
     let humans_input = health.input::<Humans>("/roscausal/humans", true);
     let (robots, people) = (inbox.sender(), inbox.sender());
-    let _robot =
-        mw.subscribe("/roscausal/robot", Qos::Volatile(100), move |m| robots.send(Event::Robot(m)))?;
+    let _robot = mw.subscribe(&robot_topic, Qos::Volatile(100), move |m| robots.send(Event::Robot(m)))?;
     let _humans =
         mw.subscribe("/roscausal/humans", Qos::Volatile(100), move |m| people.send(Event::Humans(m)))?;
 

@@ -23,7 +23,7 @@ use crate::{
     params::{ParamSpec, nearest},
 };
 
-pub use data::{data, data_with};
+pub use data::{Recorded, data, data_task, data_with};
 pub use discovery::{discovery, discovery_with};
 pub use human::human;
 pub use markers::markers;

@@ -2,6 +2,7 @@
 
 use roscausal_msgs::{HumanState, RobotState};
 
+use super::in_namespace;
 use crate::{
     Error, Result,
     batch::Select,
@@ -22,6 +23,8 @@ pub(super) fn risk_specs() -> [ParamSpec; 2] {
 /// Whose goal and risk a picture of the scene shows.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SceneOptions {
+    /// Name of the robot, the namespace of its topics; empty: none.
+    pub robot: String,
     /// The person; of several the first.
     pub agents: Select,
     /// Radius the robot is widened by, metres.
@@ -32,7 +35,7 @@ pub struct SceneOptions {
 
 impl Default for SceneOptions {
     fn default() -> Self {
-        Self { agents: Select::Ids([1000].into()), obs_size: 2.0, safe_dist: 5.0 }
+        Self { robot: String::new(), agents: Select::Ids([1000].into()), obs_size: 2.0, safe_dist: 5.0 }
     }
 }
 
@@ -40,9 +43,21 @@ impl SceneOptions {
     /// Names, defaults, allowed values and descriptions of the parameters.
     pub fn specs() -> Vec<ParamSpec> {
         let whose = "whose goal and risk are shown: an id or nearest:1; not there: the first person";
-        let mut specs = vec![ParamSpec::new("sel_agent", Value::Str("1000".into()), Allowed::Any, whose)];
+        let robot = "name of the robot, the namespace of its topics; empty: none";
+        let mut specs = vec![
+            ParamSpec::new("robot", Value::Str(String::new()), Allowed::Any, robot),
+            ParamSpec::new("sel_agent", Value::Str("1000".into()), Allowed::Any, whose),
+        ];
         specs.extend(risk_specs());
         specs
+    }
+
+    /// The topic of the robot's state.
+    ///
+    /// # Errors
+    /// A name that is no namespace, as an error of the parameter `robot`.
+    pub fn robot_topic(&self) -> Result<String> {
+        in_namespace("robot", &self.robot, "/roscausal/robot")
     }
 
     /// The options that the parameters of [`SceneOptions::specs`] say.
@@ -52,6 +67,7 @@ impl SceneOptions {
     pub fn read(params: &Params) -> Result<Self> {
         let agents = params.text("sel_agent").parse();
         Ok(Self {
+            robot: params.text("robot"),
             agents: agents.map_err(|reason| Error::param("sel_agent", reason))?,
             obs_size: params.double("obs_size"),
             safe_dist: params.double("safe_dist"),

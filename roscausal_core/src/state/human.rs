@@ -39,6 +39,8 @@ pub struct Sighting {
 #[derive(Debug)]
 pub struct PeopleTracker {
     target_frame: String,
+    /// Frame of people whose topic names none.
+    source_frame: String,
     timeout_s: f64,
     people: BTreeMap<u32, HumanState>,
     /// The goal told from outside: that of the person the node is about.
@@ -58,10 +60,12 @@ pub struct PeopleTracker {
 }
 
 impl PeopleTracker {
-    /// People in `target_frame`; one is held for `timeout_s` after the last sighting, then is gone.
-    pub fn new(target_frame: &str, timeout_s: f64) -> Self {
+    /// People in `target_frame`, those whose topic names no frame seen in `source_frame`; one is held for `timeout_s`
+    /// after the last sighting, then is gone.
+    pub fn new(target_frame: &str, source_frame: &str, timeout_s: f64) -> Self {
         Self {
             target_frame: target_frame.trim_start_matches('/').to_owned(),
+            source_frame: source_frame.to_owned(),
             timeout_s,
             people: BTreeMap::new(),
             goal: None,
@@ -106,7 +110,7 @@ impl PeopleTracker {
     }
 
     fn frame<'a>(&'a self, header: &'a Header) -> &'a str {
-        if header.frame_id.is_empty() { &self.target_frame } else { &header.frame_id }
+        if header.frame_id.is_empty() { &self.source_frame } else { &header.frame_id }
     }
 
     /// Hears from a tracker, whomever it sees: with `stamp` the people that it no longer sees grow older.
@@ -240,7 +244,7 @@ mod tests {
 
     #[test]
     fn people_come_and_go() {
-        let mut tracker = PeopleTracker::new("map", 1.0);
+        let mut tracker = PeopleTracker::new("map", "map", 1.0);
         assert!(tracker.people(first).humans.is_empty());
         tracker.sighting(seen(7, 0.0, 1.0));
         tracker.sighting(seen(3, 0.5, 1.0));
@@ -251,7 +255,7 @@ mod tests {
 
     #[test]
     fn an_unknown_goal_is_nan_and_never_the_persons_place() {
-        let mut tracker = PeopleTracker::new("map", 1.0);
+        let mut tracker = PeopleTracker::new("map", "map", 1.0);
         tracker.sighting(seen(1, 0.0, 4.0));
         assert!(tracker.people(first).humans[0].goal.x.is_nan());
         tracker.goal(Point { x: 9.0, y: 1.0, z: 0.0 });
@@ -262,7 +266,7 @@ mod tests {
 
     #[test]
     fn the_goal_of_one_person_is_not_everybodys() {
-        let mut tracker = PeopleTracker::new("map", 1.0);
+        let mut tracker = PeopleTracker::new("map", "map", 1.0);
         tracker.goal(Point { x: 9.0, y: 1.0, z: 0.0 });
         tracker.sighting(seen(1, 0.0, 4.0));
         tracker.sighting(seen(1000, 0.0, 4.0));
@@ -272,7 +276,7 @@ mod tests {
 
     #[test]
     fn people_go_when_the_tracker_sees_nobody_any_more() {
-        let mut tracker = PeopleTracker::new("map", 1.0);
+        let mut tracker = PeopleTracker::new("map", "map", 1.0);
         tracker.sighting(seen(7, 0.0, 1.0));
         tracker.heard(Time::from_secs_f64(0.9));
         assert_eq!(ids(&tracker.people(first)), [7]);
@@ -282,7 +286,7 @@ mod tests {
 
     #[test]
     fn without_a_twist_speed_and_heading_come_from_the_change_of_place() {
-        let mut tracker = PeopleTracker::new("map", 1.0);
+        let mut tracker = PeopleTracker::new("map", "map", 1.0);
         tracker.sighting(seen(1, 0.0, 4.0));
         assert!(tracker.people(first).humans[0].twist.linear.x.is_nan());
         tracker.sighting(seen(1, 0.5, 3.5));
@@ -293,7 +297,7 @@ mod tests {
 
     #[test]
     fn a_recording_that_starts_again_starts_with_nobody() {
-        let mut tracker = PeopleTracker::new("map", 1.0);
+        let mut tracker = PeopleTracker::new("map", "map", 1.0);
         tracker.sighting(seen(1, 100.0, 4.0));
         tracker.sighting(seen(2, 1.0, 4.0));
         assert_eq!(ids(&tracker.people(first)), [2]);
@@ -316,7 +320,7 @@ mod tests {
             sighting.header.frame_id = "camera".into();
             sighting
         };
-        let mut tracker = PeopleTracker::new("map", 1.0);
+        let mut tracker = PeopleTracker::new("map", "map", 1.0);
         tracker.transforms(&place(0.9, 1.0), false);
         tracker.sighting(by_camera(1.0));
         assert!(tracker.people(first).humans.is_empty());
@@ -326,6 +330,26 @@ mod tests {
         (2..20).for_each(|t| tracker.sighting(by_camera(f64::from(t))));
         assert_eq!(tracker.without_transform, 17);
         assert!(tracker.trouble.as_deref().is_some_and(|why| why.contains("'camera'")));
+    }
+
+    #[test]
+    fn people_whose_topic_names_no_frame_are_in_the_source_frame() {
+        let mut tracker = PeopleTracker::new("map", "base_footprint", 1.0);
+        let header = Header { stamp: Time::from_secs_f64(1.0), frame_id: "map".into() };
+        let mut base = roscausal_msgs::geometry_msgs::TransformStamped {
+            header,
+            child_frame_id: "base_footprint".into(),
+            ..Default::default()
+        };
+        base.transform.translation.x = 5.0;
+        tracker.transforms(&TFMessage { transforms: vec![base] }, false);
+        let mut frameless = seen(3, 1.0, 2.0);
+        frameless.header.frame_id.clear();
+        tracker.sighting(frameless);
+        assert!((tracker.people(first).humans[0].pose2d.x - 7.0).abs() < 1e-9);
+        // A topic that names a frame is believed.
+        tracker.sighting(seen(3, 1.05, 2.0));
+        assert!((tracker.people(first).humans[0].pose2d.x - 2.0).abs() < 1e-9);
     }
 
     #[test]

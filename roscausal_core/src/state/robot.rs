@@ -13,7 +13,7 @@ use roscausal_msgs::{
 use super::{
     goals::{Goal, Goals},
     sync::Pairing,
-    tf::TfBuffer,
+    tf::{TfBuffer, planar_pose},
 };
 
 /// How long a pose waits for its transform, by the stamps, seconds.
@@ -27,6 +27,8 @@ const JUMP_S: f64 = 1.0;
 #[derive(Debug)]
 pub struct RobotTracker {
     target_frame: String,
+    /// The robot's own frame, when its place in TF is the pose.
+    pose_frame: Option<String>,
     pairing: Pairing<(Header, Pose), Odometry>,
     goals: Goals,
     /// Pairs that wait for a transform, in order.
@@ -48,6 +50,7 @@ impl RobotTracker {
     pub fn new(target_frame: &str, queue_size: usize, slop_s: f64) -> Self {
         Self {
             target_frame: target_frame.trim_start_matches('/').to_owned(),
+            pose_frame: None,
             pairing: Pairing::new(queue_size, slop_s),
             goals: Goals::default(),
             waiting: VecDeque::new(),
@@ -60,11 +63,25 @@ impl RobotTracker {
         }
     }
 
+    /// The same tracker, for a robot that no topic tells the pose of: the pose of each odometry message is the place of
+    /// the robot's frame in TF at that time.
+    #[must_use]
+    pub fn with_pose_of_frame(mut self, frame: &str) -> Self {
+        self.pose_frame = Some(frame.to_owned());
+        self
+    }
+
     /// Takes odometry; the states that it completes. `now` stands in for a stamp of 0, here and below.
     pub fn odometry(&mut self, mut message: Odometry, now: Time) -> Vec<RobotState> {
         let stamp = self.stamp(message.header.stamp, now);
         message.header.stamp = stamp;
-        let pairs = self.pairing.push_b(stamp, message);
+        let pairs = match &self.pose_frame {
+            None => self.pairing.push_b(stamp, message),
+            Some(frame) => {
+                let header = Header { stamp, frame_id: frame.clone() };
+                self.pairing.push_both(stamp, (header, Pose::default()), message)
+            }
+        };
         self.pairs(pairs)
     }
 
@@ -140,8 +157,9 @@ impl RobotTracker {
                     states.push(state);
                 }
                 Err(trouble) => {
-                    self.without_transform += u64::from(trouble.contains("frame"));
-                    self.trouble = Some(trouble);
+                    self.without_transform += u64::from(matches!(trouble, Trouble::Transform(_)));
+                    let (Trouble::Transform(reason) | Trouble::Number(reason)) = trouble;
+                    self.trouble = Some(reason);
                 }
             }
             self.waiting.pop_front();
@@ -153,8 +171,9 @@ impl RobotTracker {
         if header.frame_id.is_empty() { &self.target_frame } else { &header.frame_id }
     }
 
-    fn state(&self, header: &Header, pose: &Pose, odometry: &Odometry) -> Result<RobotState, String> {
-        let pose2d = self.tf.pose_in(&self.target_frame, self.frame(header), pose, header.stamp)?;
+    fn state(&self, header: &Header, pose: &Pose, odometry: &Odometry) -> Result<RobotState, Trouble> {
+        let place = self.tf.lookup(&self.target_frame, self.frame(header), header.stamp);
+        let pose2d = planar_pose(&place.map_err(Trouble::Transform)?, pose).map_err(Trouble::Number)?;
         let twist = &odometry.twist.twist;
         let numbers = [
             ("the pose's x", pose2d.x),
@@ -165,12 +184,13 @@ impl RobotTracker {
             ("odometry's angular.z", twist.angular.z),
         ];
         if let Some((name, number)) = numbers.iter().find(|(_, number)| !number.is_finite()) {
-            return Err(format!(
+            return Err(Trouble::Number(format!(
                 "{name} is {number} at {:.3} s; no state was made of it",
                 header.stamp.as_secs_f64()
-            ));
+            )));
         }
-        let goal = self.goals.at(header.stamp).map_or_else(|| Ok(unknown()), |goal| self.in_target(goal))?;
+        let goal = self.goals.at(header.stamp).map_or_else(|| Ok(unknown()), |goal| self.in_target(goal));
+        let goal = goal.map_err(Trouble::Transform)?;
         Ok(RobotState {
             header: Header { stamp: header.stamp, frame_id: self.target_frame.clone() },
             pose2d,
@@ -186,6 +206,14 @@ impl RobotTracker {
         // A goal is fixed in its frame: its place now is what counts.
         self.tf.point_in(&self.target_frame, &goal.frame, &goal.point, Time::ZERO)
     }
+}
+
+/// Why there is no state.
+enum Trouble {
+    /// A frame is not there, or not for that time.
+    Transform(String),
+    /// A number is not finite.
+    Number(String),
 }
 
 /// A place that is not known.
@@ -256,6 +284,7 @@ mod tests {
         robot.pose(header(2.0, "map"), pose(f64::NAN), NOW);
         assert!(robot.odometry(odometry(2.0, 0.4), NOW).is_empty());
         assert!(robot.trouble.as_ref().is_some_and(|t| t.contains("NaN")));
+        assert_eq!(robot.without_transform, 1, "only the first one lacked a transform");
     }
 
     fn place(secs: f64, x: f64) -> TFMessage {
@@ -293,6 +322,20 @@ mod tests {
         assert!(
             robot.trouble.as_deref().is_some_and(|why| why.contains("'odom' is") && why.contains("alive"))
         );
+    }
+
+    #[test]
+    fn without_a_pose_topic_the_pose_is_the_place_of_the_robots_frame() {
+        let mut robot = RobotTracker::new("map", 10, 0.1).with_pose_of_frame("odom");
+        assert!(robot.transforms(&place(1.0, 3.0), false).is_empty());
+        assert_eq!(robot.odometry(odometry(1.0, 0.4), NOW)[0].pose2d.x, 3.0);
+        // The transform is late: the state waits for it.
+        assert!(robot.odometry(odometry(1.1, 0.5), NOW).is_empty());
+        let states = robot.transforms(&place(1.2, 5.0), false);
+        assert_eq!((states.len(), states[0].twist.linear.x), (1, 0.5));
+        assert!((states[0].pose2d.x - 4.0).abs() < 1e-9);
+        assert!(robot.odometry(odometry(1.1, 0.5), NOW).is_empty(), "twice");
+        assert_eq!((robot.late(), robot.without_transform), (1, 0));
     }
 
     #[test]

@@ -82,6 +82,16 @@ impl<A, B: Clone> Pairing<A, B> {
         self.pairs()
     }
 
+    /// Takes a message of each topic, both of the same stamp; the pairs that they complete.
+    pub fn push_both(&mut self, stamp: Time, a: A, b: B) -> Vec<(A, B)> {
+        let late = self.late;
+        let mut pairs = self.push_a(stamp, a);
+        if self.late == late {
+            pairs.extend(self.push_b(stamp, b));
+        }
+        pairs
+    }
+
     /// Forgets what waits: time jumped back.
     pub fn clear(&mut self) {
         self.unpaired += self.a.len() as u64;
@@ -165,6 +175,14 @@ mod tests {
         pairing.push_b(at(1000), 3);
         assert_eq!(pairing.push_a(at(1000), 0), [(0, 1)]);
         assert_eq!(pairing.late, 2);
+    }
+
+    #[test]
+    fn messages_of_one_stamp_are_a_pair_at_once_and_late_ones_are_counted_once() {
+        let mut pairing = Pairing::new(10, 0.1);
+        assert_eq!(pairing.push_both(at(1000), 1, 2), [(1, 2)]);
+        assert_eq!(pairing.push_both(at(1000), 3, 4), []);
+        assert_eq!((pairing.push_both(at(1100), 5, 6), pairing.late), (vec![(5, 6)], 1));
     }
 
     #[test]

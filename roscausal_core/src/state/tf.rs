@@ -115,17 +115,7 @@ impl TfBuffer {
     /// # Errors
     /// As [`TfBuffer::lookup`]; a pose that is not finite.
     pub fn pose_in(&self, target: &str, source: &str, pose: &Pose, stamp: Time) -> Result<Pose2D, String> {
-        let place = self.lookup(target, source, stamp)?;
-        let inner = Transform {
-            translation: roscausal_msgs::geometry_msgs::Vector3 {
-                x: pose.position.x,
-                y: pose.position.y,
-                z: pose.position.z,
-            },
-            rotation: pose.orientation,
-        };
-        let inner = isometry(&inner).ok_or("the pose holds NaN or infinity")?;
-        Ok(planar(&(place * inner)))
+        planar_pose(&self.lookup(target, source, stamp)?, pose)
     }
 
     /// A point given in frame `source`, in frame `target`.
@@ -185,6 +175,23 @@ impl Frame {
         let rotation = p0.rotation.try_slerp(&p1.rotation, share, 1e-9).unwrap_or(p0.rotation);
         Ok(Isometry3::from_parts(translation.into(), rotation))
     }
+}
+
+/// A pose given in a frame that is at `place`, as a planar pose.
+///
+/// # Errors
+/// A pose that is not finite.
+pub fn planar_pose(place: &Isometry3<f64>, pose: &Pose) -> Result<Pose2D, String> {
+    let inner = Transform {
+        translation: roscausal_msgs::geometry_msgs::Vector3 {
+            x: pose.position.x,
+            y: pose.position.y,
+            z: pose.position.z,
+        },
+        rotation: pose.orientation,
+    };
+    let inner = isometry(&inner).ok_or("the pose holds NaN or infinity")?;
+    Ok(planar(&(place * inner)))
 }
 
 /// Planar part of a pose: position and yaw.

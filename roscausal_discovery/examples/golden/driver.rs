@@ -101,7 +101,8 @@ fn plus_of(params: &Value) -> Answer<PcmciPlusSettings> {
     Ok(plus)
 }
 
-fn run_single(case: &Value) -> Answer<Value> {
+/// Runs the single test of a case.
+pub(crate) fn run_single(case: &Value) -> Answer<Value> {
     let (test, _) = test_of(&case["test"])?;
     let (x, y) = (numbers(&case["x"])?, numbers(&case["y"])?);
     let z: Vec<Vec<f64>> = match &case["z"] {

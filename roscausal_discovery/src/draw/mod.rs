@@ -33,4 +33,5 @@ pub use dag::dag;
 #[cfg(feature = "png")]
 pub use raster::{Image, rasterise};
 pub use series::series;
+pub use svg::escaped;
 pub use tsdag::tsdag;

@@ -169,8 +169,10 @@ pub(super) fn legend(svg: &mut Svg, at: Point, smallest_p: f64, signed: bool) {
     svg.text(Point::new(at.x, y + 4.0), 12.0, "start", INK, width);
 }
 
-fn escaped(text: &str) -> String {
-    text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;").replace('"', "&quot;")
+/// A text for XML: what has a meaning there is spelled out, control characters, which have no place there, are blanks.
+pub fn escaped(text: &str) -> String {
+    let legal: String = text.chars().map(|c| if c.is_control() { ' ' } else { c }).collect();
+    legal.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;").replace('"', "&quot;")
 }
 
 /// A variable's name for people: `h_{\theta}` becomes `h_θ`.

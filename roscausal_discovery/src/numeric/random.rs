@@ -2,6 +2,19 @@
 
 use crate::ground::Node;
 
+/// The step from one state of SplitMix64 to the next.
+const STEP: u64 = 0x9e37_79b9_7f4a_7c15;
+
+/// One number of SplitMix64 (Steele, Lea and Flood 2014): it spreads neighbouring states over all 64 bits.
+///
+/// For numbers that depend on nothing but where they are used: a time, a place, a seed.
+pub fn mix(state: u64) -> u64 {
+    let v = state.wrapping_add(STEP);
+    let v = (v ^ (v >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+    let v = (v ^ (v >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+    v ^ (v >> 31)
+}
+
 /// A small random generator (splitmix64: Steele, Lea and Flood 2014, "Fast splittable pseudorandom number
 /// generators"): same seed, same numbers, everywhere.
 #[derive(Clone, Debug)]
@@ -25,11 +38,9 @@ impl Rng {
 
     /// The next integer, uniform over all 64 bits.
     pub(crate) fn next_u64(&mut self) -> u64 {
-        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
-        let mut v = self.0;
-        v = (v ^ (v >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        v = (v ^ (v >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-        v ^ (v >> 31)
+        let number = mix(self.0);
+        self.0 = self.0.wrapping_add(STEP);
+        number
     }
 
     /// A number in `[0, 1]`.

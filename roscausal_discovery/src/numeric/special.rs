@@ -4,6 +4,9 @@
 ///
 /// The finite sums for integer degrees of freedom (Abramowitz and Stegun 1964, 26.4.4 and 26.4.5): all terms are
 /// positive, so the far tail keeps its relative accuracy.
+///
+/// Why not `statrs`: its `ChiSquared::sf` (0.19) is as accurate, both within 2e-13 of scipy down to 1e-178, but differs in the
+/// last bits, so that p-values of earlier releases would not come out again.
 pub(crate) fn chi_squared_sf(x: f64, dof: usize) -> f64 {
     if dof == 0 || x <= 0.0 || x.is_nan() {
         return 1.0;

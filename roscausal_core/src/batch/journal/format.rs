@@ -1,11 +1,11 @@
 use serde::{Deserialize, Serialize};
 
-use crate::batch::{FIELDS, Values};
+use crate::batch::{Field, Values};
 
 /// The first bytes of every journal.
 pub const MAGIC: &[u8] = b"roscausal-journal/1\n";
 /// Bytes of one sample.
-const SAMPLE: usize = 1 + 4 + 8 + 8 * FIELDS.len();
+const SAMPLE: usize = 1 + 4 + 8 + 8 * Field::ALL.len();
 /// Bytes before a block: length and checksum.
 const BLOCK: usize = 8;
 /// Samples in one block at most.
@@ -39,7 +39,7 @@ pub struct Sample {
     pub person: Option<u32>,
     /// Nanoseconds.
     pub stamp_ns: i64,
-    /// Values of the [`FIELDS`].
+    /// What was measured.
     pub values: Values,
 }
 
@@ -74,7 +74,7 @@ pub(super) fn block_of(samples: &[Sample]) -> Vec<u8> {
         payload.push(u8::from(sample.person.is_some()));
         payload.extend(sample.person.unwrap_or_default().to_le_bytes());
         payload.extend(sample.stamp_ns.to_le_bytes());
-        sample.values.iter().for_each(|value| payload.extend(value.to_le_bytes()));
+        sample.values.to_array().iter().for_each(|value| payload.extend(value.to_le_bytes()));
     }
     block(&payload)
 }
@@ -113,12 +113,12 @@ fn sample(bytes: &[u8]) -> Option<Sample> {
     let (&kind, rest) = bytes.split_first()?;
     let (id, rest) = rest.split_first_chunk()?;
     let (stamp, rest) = rest.split_first_chunk()?;
-    let mut values = [0.0; FIELDS.len()];
+    let mut values = [0.0; Field::ALL.len()];
     for (value, bytes) in values.iter_mut().zip(rest.as_chunks().0) {
         *value = f64::from_le_bytes(*bytes);
     }
     let person = (kind == 1).then_some(u32::from_le_bytes(*id));
-    Some(Sample { person, stamp_ns: i64::from_le_bytes(*stamp), values })
+    Some(Sample { person, stamp_ns: i64::from_le_bytes(*stamp), values: Values::from_array(values) })
 }
 
 #[cfg(test)]
@@ -139,7 +139,7 @@ pub(crate) mod tests {
     }
 
     pub(crate) fn samples(n: i64) -> Vec<Sample> {
-        let values = |x: f64| [f64::NAN, 1.0, x, 2.0, 0.1, 0.5, 0.0];
+        let values = |x: f64| Values::from_array([f64::NAN, 1.0, x, 2.0, 0.1, 0.5, 0.0]);
         let of = |person, i: i64| Sample { person, stamp_ns: i * 50_000_000, values: values(i as f64) };
         (0..n).flat_map(|i| [of(None, i), of(Some(7), i)]).collect()
     }

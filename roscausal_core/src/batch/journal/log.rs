@@ -112,6 +112,7 @@ impl Log {
 #[cfg(test)]
 mod tests {
     use super::{super::format::tests::header, *};
+    use crate::batch::Values;
 
     fn stamps(log: &mut Log) -> Vec<i64> {
         let stamp =
@@ -120,7 +121,7 @@ mod tests {
     }
 
     fn at(stamp_ns: i64) -> Sample {
-        Sample { person: None, stamp_ns, values: [0.0; 7] }
+        Sample { person: None, stamp_ns, values: Values::from_array([0.0; 7]) }
     }
 
     #[test]

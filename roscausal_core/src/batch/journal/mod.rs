@@ -1,9 +1,9 @@
 //! The journal of the open batch: what was measured and is in no file yet, so that a crash costs little of it.
 //!
-//! The recorder notes its samples in a `log::Log`; the data node hands the notes five times a second to a
-//! [`Journal`], which appends them to `.PREFIX<number>.journal` in the pool of raw batches at once, and waits for the
-//! disk twice a second. The journal of a batch goes when the batch is a whole file (see [`super::writer`]); one that is there at a
-//! start belongs to a batch that was never written, and [`replay`] makes it one.
+//! The recorder notes its samples in a `log::Log`; the data node hands the notes every 0.2 s to a [`Journal`], which
+//! appends them to `.PREFIX<number>.journal` in the pool of raw batches at once, and waits for the disk every 0.4 s.
+//! The journal of a batch goes when the batch is a whole file (see [`super::writer`]); one that is there at a start
+//! belongs to a batch that was never written, and [`replay`] makes it one.
 
 mod file;
 mod format;
