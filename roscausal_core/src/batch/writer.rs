@@ -4,7 +4,7 @@ use std::{
     fs::{self, File},
     path::{Path, PathBuf},
     sync::{
-        Arc, Mutex, MutexGuard, PoisonError,
+        Arc, Mutex, MutexGuard,
         atomic::{AtomicBool, Ordering},
         mpsc::{Receiver, SyncSender, TrySendError, sync_channel},
     },
@@ -22,7 +22,7 @@ use super::{
     recording::{Column, Recording},
     script::Script,
 };
-use crate::{Error, Result};
+use crate::{Error, Result, gate::lock};
 
 /// Batches that may wait to be written.
 const WAITING: usize = 64;
@@ -535,10 +535,6 @@ fn remove(path: &Path) -> Result<()> {
         Err(e) if e.kind() != std::io::ErrorKind::NotFound => Err(Error::file(path, e)),
         _ => Ok(()),
     }
-}
-
-fn lock(status: &Mutex<WriterStatus>) -> MutexGuard<'_, WriterStatus> {
-    status.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 /// A name that neither folder has.

@@ -2,8 +2,8 @@
 //!
 //! The recorder notes its samples in a `log::Log`; the data node hands the notes five times a second to a
 //! [`Journal`], which appends them to `.PREFIX<number>.journal` in the pool of raw batches at once, and waits for the
-//! disk twice a second. The journal of a batch goes when the batch is a whole file (see [`super::writer`]); one that is there at a
-//! start belongs to a batch that was never written, and [`replay`] makes it one.
+//! disk every 0.4 s. The journal of a batch goes when the batch is a whole file (see [`super::writer`]); one that is there
+//! at a start belongs to a batch that was never written, and [`replay`] makes it one.
 
 mod file;
 mod format;
