@@ -2,10 +2,11 @@
 
 use std::{
     sync::{
-        Mutex, MutexGuard, PoisonError,
+        Condvar, Mutex, MutexGuard, PoisonError,
         atomic::{AtomicBool, Ordering},
     },
     thread::{self, ThreadId},
+    time::Duration,
 };
 
 /// Lets one call through at a time, until it is closed.
@@ -30,6 +31,15 @@ impl Drop for Running<'_> {
 /// Locks; what a panic left behind is taken as it is.
 pub fn lock<T: ?Sized>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
     mutex.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+/// Waits until it is notified, `at_most` so long; what a panic left behind is taken as it is.
+pub(crate) fn wait<'a, T>(
+    changed: &Condvar,
+    locked: MutexGuard<'a, T>,
+    at_most: Duration,
+) -> MutexGuard<'a, T> {
+    changed.wait_timeout(locked, at_most).unwrap_or_else(PoisonError::into_inner).0
 }
 
 impl Gate {
@@ -69,7 +79,6 @@ mod tests {
     use std::{
         panic::{AssertUnwindSafe, catch_unwind},
         sync::{Arc, mpsc::channel},
-        time::Duration,
     };
 
     use super::*;

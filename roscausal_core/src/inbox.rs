@@ -3,13 +3,17 @@
 use std::{
     collections::VecDeque,
     future::poll_fn,
-    sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError, Weak},
+    sync::{Arc, Condvar, Mutex, MutexGuard, Weak},
     task::Poll,
     thread::{self, ThreadId},
     time::Duration,
 };
 
-use crate::{Time, middleware::Middleware};
+use crate::{
+    Time,
+    gate::{lock, wait},
+    middleware::Middleware,
+};
 
 /// The longest a wait sleeps before it looks at the clock again (a simulated one moves without notice).
 const LOOK_AGAIN: Duration = Duration::from_millis(20);
@@ -89,14 +93,11 @@ struct State<E> {
 
 impl<E> Shared<E> {
     fn lock(&self) -> MutexGuard<'_, State<E>> {
-        self.state.lock().unwrap_or_else(PoisonError::into_inner)
+        lock(&self.state)
     }
 
     fn wait<'a>(&self, state: MutexGuard<'a, State<E>>, at_most: Duration) -> MutexGuard<'a, State<E>> {
-        match self.changed.wait_timeout(state, at_most) {
-            Ok((state, _)) => state,
-            Err(poisoned) => poisoned.into_inner().0,
-        }
+        wait(&self.changed, state, at_most)
     }
 }
 

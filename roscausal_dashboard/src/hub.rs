@@ -2,9 +2,10 @@
 
 use std::{
     collections::{BTreeMap, VecDeque},
-    sync::{Arc, Mutex, MutexGuard, PoisonError},
+    sync::{Arc, Mutex, MutexGuard},
 };
 
+use roscausal_core::gate::lock;
 use tokio::sync::broadcast;
 
 /// Frames that a browser may be behind before it is dropped; it comes back by itself and gets all anew.
@@ -81,7 +82,7 @@ impl Hub {
     }
 
     fn lock(&self) -> MutexGuard<'_, Kept> {
-        self.kept.lock().unwrap_or_else(PoisonError::into_inner)
+        lock(&self.kept)
     }
 }
 

@@ -1,10 +1,11 @@
 use std::{
     collections::BTreeMap,
-    sync::{Arc, Mutex, PoisonError},
+    sync::{Arc, Mutex},
 };
 
 use roscausal_core::{
     Error, Message, Result,
+    gate::lock,
     middleware::{Middleware, Qos},
 };
 use roscausal_msgs::{
@@ -78,7 +79,7 @@ impl<M: Middleware> Recorder<M> {
     pub fn finish(self) -> Result<u64> {
         drop(self.subscriptions);
         let (writer, error) = {
-            let mut written = self.written.lock().unwrap_or_else(PoisonError::into_inner);
+            let mut written = lock(&self.written);
             (written.writer.take(), written.error.take())
         };
         if let Some(error) = error {
@@ -122,7 +123,7 @@ impl<M: Middleware> Listen<'_, M> {
         let qos = if latched { Qos::Latched } else { Qos::Volatile(QUEUE) };
         self.mw.subscribe(self.topic, qos, move |message: T| {
             let now = clock.now();
-            let mut written = written.lock().unwrap_or_else(PoisonError::into_inner);
+            let mut written = lock(&written);
             let Some(writer) = &mut written.writer else { return };
             if let Err(error) = writer.write(&topic, now, &W::from(message)) {
                 tracing::error!("recording ends: {error}");

@@ -20,11 +20,6 @@ use signal_hook::{
 
 use crate::{Console, console::Targets, in_time};
 
-/// The simulator, beside [`nodes::NODES`].
-const SIMULATOR: &str = "hrisim";
-/// The live page.
-const DASHBOARD: &str = "dashboard";
-
 /// The command line, a parameter or a name is wrong: starting again will not help.
 const EXIT_USAGE: u8 = 2;
 /// Something broke: starting again may help.
@@ -72,22 +67,26 @@ pub trait Backend: Middleware {
     }
 }
 
-/// Runs the program.
-pub fn main<B: Backend>() -> ExitCode {
+/// A node's name, and what runs it until the middleware ends.
+pub type Node<B> = (&'static str, fn(&B) -> Result<()>);
+
+/// Runs the program, which can be each of [`nodes::NODES`] and of `more`.
+pub fn main<B: Backend>(more: &[Node<B>]) -> ExitCode {
+    let nodes = Nodes { more };
     let mut args = std::env::args().peekable();
     let program = args.next().unwrap_or_default();
     if args.next_if(|first| first == "--help" || first == "-h").is_some() {
-        println!("{}", usage::<B>());
+        println!("{}", nodes.usage());
         return ExitCode::SUCCESS;
     }
-    let node = node_of(&program).unwrap_or_else(|| args.next().unwrap_or_default());
-    let start = if is_node(&node) {
+    let node = nodes.named_by(&program).unwrap_or_else(|| args.next().unwrap_or_default());
+    let start = if nodes.has(&node) {
         B::read(&format!("roscausal_{node}"), args.collect())
     } else {
-        Err(format!("'{node}' is no node; {}", usage::<B>()))
+        Err(format!("'{node}' is no node; {}", nodes.usage()))
     };
     match start {
-        Ok(start) => ExitCode::from(live::<B>(&node, start)),
+        Ok(start) => ExitCode::from(live(&node, start, |mw| nodes.run(&node, mw))),
         Err(reason) => {
             eprintln!("{}: {reason}", B::PROGRAM);
             ExitCode::from(EXIT_USAGE)
@@ -95,26 +94,43 @@ pub fn main<B: Backend>() -> ExitCode {
     }
 }
 
-fn names() -> impl Iterator<Item = &'static str> {
-    nodes::NODES.into_iter().chain([SIMULATOR, DASHBOARD])
+/// The nodes that the program can be.
+struct Nodes<'a, B> {
+    /// Those beside [`nodes::NODES`].
+    more: &'a [Node<B>],
 }
 
-fn is_node(name: &str) -> bool {
-    names().any(|node| node == name)
+impl<B> Nodes<'_, B> {
+    fn names(&self) -> Vec<&'static str> {
+        nodes::NODES.into_iter().chain(self.more.iter().map(|(name, _)| *name)).collect()
+    }
+
+    fn has(&self, name: &str) -> bool {
+        self.names().contains(&name)
+    }
+
+    /// The node that a program of this path is: `data` for `/opt/ros/lib/roscausal_data`.
+    fn named_by(&self, program: &str) -> Option<String> {
+        let name = Path::new(program).file_name()?.to_str()?.strip_prefix("roscausal_")?;
+        self.has(name).then(|| name.to_owned())
+    }
 }
 
-fn node_of(program: &str) -> Option<String> {
-    let name = Path::new(program).file_name()?.to_str()?.strip_prefix("roscausal_")?;
-    is_node(name).then(|| name.to_owned())
-}
+impl<B: Backend> Nodes<'_, B> {
+    fn usage(&self) -> String {
+        format!("usage: {} {} {}", B::PROGRAM, self.names().join("|"), B::ARGUMENTS)
+    }
 
-fn usage<B: Backend>() -> String {
-    let names: Vec<_> = names().collect();
-    format!("usage: {} {} {}", B::PROGRAM, names.join("|"), B::ARGUMENTS)
+    fn run(&self, name: &str, mw: &B) -> Result<()> {
+        match self.more.iter().find(|(other, _)| *other == name) {
+            Some((_, run)) => run(mw),
+            None => nodes::run(name, mw),
+        }
+    }
 }
 
 /// The node's life, from joining the graph until it has left it; the program's exit code.
-fn live<B: Backend>(node: &str, start: B::Start) -> u8 {
+fn live<B: Backend>(node: &str, start: B::Start, run: impl FnOnce(&B) -> Result<()>) -> u8 {
     let console = Console::install(B::filter(&start));
     console.name(&format!("roscausal_{node}"));
     let told = |error: Error| {
@@ -135,7 +151,7 @@ fn live<B: Backend>(node: &str, start: B::Start) -> u8 {
         Err(error) => return told(error),
     };
     // What goes wrong is told while /rosout still takes it.
-    let code = match catch_unwind(AssertUnwindSafe(|| run(node, &mw))) {
+    let code = match catch_unwind(AssertUnwindSafe(|| run(&mw))) {
         Ok(Ok(())) if mw.failed() => EXIT_FAILED,
         Ok(Ok(())) => 0,
         Ok(Err(error)) => told(error),
@@ -146,14 +162,6 @@ fn live<B: Backend>(node: &str, start: B::Start) -> u8 {
     };
     mw.leave();
     code
-}
-
-fn run<M: Middleware>(node: &str, mw: &M) -> Result<()> {
-    match node {
-        SIMULATOR => roscausal_hrisim::node::run(mw),
-        DASHBOARD => roscausal_dashboard::run(mw),
-        name => nodes::run(name, mw),
-    }
 }
 
 /// SIGINT and SIGTERM: the first asks the node to end, the second, or too long a wait, ends it.
@@ -211,5 +219,20 @@ impl<B: Backend> Stop<B> {
         if let Some(node) = self.node.get().cloned() {
             in_time(B::LEAVE_WITHIN + B::END_WITHIN, move || node.leave());
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_program_is_the_node_that_it_is_named_after_if_that_one_is_built_in() {
+        let all = Nodes::<()> { more: &[("hrisim", |_| Ok(()))] };
+        assert_eq!(all.named_by("/opt/ros/lib/roscausal_data").as_deref(), Some("data"));
+        assert_eq!(all.named_by("roscausal_hrisim").as_deref(), Some("hrisim"));
+        assert_eq!(all.named_by("roscausal_ros2"), None);
+        let fewer = Nodes::<()> { more: &[] };
+        assert!(fewer.named_by("roscausal_hrisim").is_none() && !fewer.has("hrisim") && fewer.has("data"));
     }
 }

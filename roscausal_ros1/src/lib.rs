@@ -1,9 +1,12 @@
 //! ROS 1 backend: the [`Middleware`] of ROS-Causal on a ROS master, over rosrust.
 //!
 //! rosrust does the wire (TCPROS, the node's XML-RPC server). What it leaves open is done here: deadlines for
-//! every question, re-registration after a restart of the master, unregistration on every way out, simulated
-//! time that may start late, stop or jump back, counted losses, and a decoder that survives any bytes.
+//! every question, sockets that send at once, re-registration after a restart of the master, unregistration on every
+//! way out, simulated time that may start late, stop or jump back, counted losses, and a decoder that survives any
+//! bytes.
 
+mod master;
+mod nodelay;
 mod program;
 mod session;
 mod subscription;
@@ -21,13 +24,13 @@ use roscausal_core::{
     middleware::{Middleware, Publish, Qos, is_graph_name},
     params::{ParamSpec, Value},
 };
-use roscausal_master::{Master, Role};
 use roscausal_msgs::rosgraph_msgs::Clock;
 use roscausal_ros::{Console, in_time, lock, steady};
 
 pub use subscription::Subscription;
 
 use crate::{
+    master::{Master, Role},
     session::{PATIENCE, Session, reason},
     subscription::{Feed, Handler},
     wire::Wire,
@@ -125,6 +128,7 @@ impl Middleware for Ros1 {
         match publisher {
             Ok(mut publisher) => {
                 publisher.set_latching(qos == Qos::Latched);
+                nodelay::send_at_once();
                 let session = Arc::downgrade(&self.session);
                 Ok(Publisher { session, topic: name, id, publisher: Some(publisher) })
             }

@@ -6,5 +6,10 @@ use std::process::ExitCode;
 use roscausal_ros1::Ros1;
 
 fn main() -> ExitCode {
-    roscausal_ros::program::main::<Ros1>()
+    roscausal_ros::program::main::<Ros1>(&[
+        #[cfg(feature = "hrisim")]
+        ("hrisim", roscausal_hrisim::node::run),
+        #[cfg(feature = "dashboard")]
+        ("dashboard", roscausal_dashboard::run),
+    ])
 }

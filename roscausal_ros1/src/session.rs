@@ -10,7 +10,6 @@ use std::{
 };
 
 use roscausal_core::{Error, Result, middleware::Publish};
-use roscausal_master::{Master, Membership};
 use roscausal_msgs::{rosgraph_msgs::Log, std_msgs::Header};
 use roscausal_ros::{Clock, Life, console::Record, in_time, lock};
 use rosrust::api::{Ros, resolve};
@@ -18,6 +17,8 @@ use tracing::Level;
 
 use crate::{
     Publisher, Subscription,
+    master::{Master, Membership},
+    nodelay,
     subscription::{Feed, look_for_mismatches},
 };
 
@@ -150,6 +151,7 @@ fn watch(session: &Weak<Session>, running: &Receiver<()>) {
             session.life.end();
             continue;
         }
+        nodelay::send_at_once();
         session.clock.watch();
         if round % 5 == 0 {
             look_for_mismatches(&session);

@@ -28,8 +28,8 @@ use roscausal_msgs::{
     geometry_msgs, nav_msgs, pedsim_msgs, people_msgs, rosgraph_msgs, sensor_msgs, spencer_tracking_msgs,
     std_msgs, tf2_msgs, visualization_msgs,
 };
-use roscausal_rmw::Subscription;
 use roscausal_ros::{Console, program::Backend};
+use roscausal_ros2::Subscription;
 use roscausal_ros2::{Args, Ros2};
 
 const ROLE: ParamSpec = ParamSpec {

@@ -3,8 +3,12 @@
 use std::collections::BTreeMap;
 
 use roscausal_core::params::{Value, nearest};
-use roscausal_rcl::{BadArgument, Enclave, Names, Network, ParamFile, Remap};
 use tracing::level_filters::LevelFilter;
+
+use crate::{
+    dds,
+    rcl::{BadArgument, Enclave, Names, Network, ParamFile, Remap},
+};
 
 /// What a node was started with, all of it checked.
 #[derive(Clone, Debug)]
@@ -100,7 +104,7 @@ impl Args {
             log_level: log_level.unwrap_or(LevelFilter::INFO),
             rosout,
             network: Network::from_env(&env, &mut warnings)?,
-            enclave: Enclave::from_env(&env, enclave.as_deref(), roscausal_rmw::SECURITY, &mut warnings)?,
+            enclave: Enclave::from_env(&env, enclave.as_deref(), dds::SECURITY, &mut warnings)?,
             warnings,
         })
     }

@@ -16,13 +16,13 @@ use roscausal_core::{
     params::{ParamSpec, Value},
 };
 use roscausal_msgs::rosgraph_msgs;
-use roscausal_rcl::{Parameters, USE_SIM_TIME, ros2_name};
-use roscausal_rmw::{Participant, Publisher, Subscription};
 use roscausal_ros::{Clock, Life, lock, steady};
 use tracing::{debug, error};
 
 use crate::{
     args::Args,
+    dds::{Participant, Publisher, Subscription},
+    rcl::{Parameters, USE_SIM_TIME, ros2_name},
     services::{self, ParameterEvents},
 };
 

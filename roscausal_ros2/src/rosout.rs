@@ -5,19 +5,12 @@ use std::{
     sync::{Arc, Mutex, TryLockError},
 };
 
-use ros2_client::{
-    Log, QosProfile,
-    qos::{Durability, History, WhenFull},
-};
+use ros2_client::Log;
 use roscausal_core::Result;
-use roscausal_rmw::Writer;
 use roscausal_ros::{Console, lock};
 use tracing::Level;
 
 use crate::Ros2;
-
-/// `/rosout` keeps at most this many messages for late joiners.
-const HISTORY: usize = 200;
 
 impl Ros2 {
     /// Sends what is logged to `/rosout` as well, for as long as the node lives.
@@ -27,12 +20,7 @@ impl Ros2 {
     pub fn log_with(&self, console: &Console) -> Result<()> {
         let inner = self.inner();
         let participant = &inner.participant;
-        let topic = participant.session(|session| session.context.get_rosout_topic())?;
-        let profile = QosProfile::publisher_default()
-            .reliability_reliable(WhenFull::Fail)
-            .durability(Durability::TransientLocal)
-            .history(History::KeepLast { depth: HISTORY });
-        let outbox = Outbox::new(Writer::new(participant, topic, profile, HISTORY)?);
+        let outbox = Outbox::new(participant.rosout()?);
         let name = participant.names().logger();
         let node = Arc::downgrade(inner);
         console.forward(move |record| {

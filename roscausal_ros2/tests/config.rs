@@ -8,8 +8,7 @@ use roscausal_core::{
     nodes,
     params::{Allowed, ParamSpec, Value},
 };
-use roscausal_rcl::ParamFile;
-use roscausal_ros2::Args;
+use roscausal_ros2::{Args, ParamFile};
 
 fn path(name: &str) -> PathBuf {
     PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../config").join(name)

@@ -16,7 +16,7 @@ use roscausal_core::{
     middleware::{Middleware, Publish, Qos},
 };
 use roscausal_msgs::std_msgs;
-use roscausal_rmw::Subscription;
+use roscausal_ros2::Subscription;
 use roscausal_ros2::{Args, Ros2};
 
 const DOMAIN: u32 = 10;

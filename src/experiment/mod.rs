@@ -8,7 +8,7 @@ mod runs;
 use std::{
     path::{Path, PathBuf},
     sync::{
-        Mutex, PoisonError,
+        Mutex,
         atomic::{AtomicUsize, Ordering},
     },
     thread,
@@ -16,7 +16,7 @@ use std::{
 
 use clap::{Args as ClapArgs, Subcommand};
 use indicatif::ProgressBar;
-use roscausal_core::{Error, Result};
+use roscausal_core::{Error, Result, gate::lock};
 use roscausal_discovery::{PcAlpha, Settings};
 use roscausal_hrisim::Scenario;
 
@@ -260,20 +260,19 @@ impl Job {
 fn work_off(jobs: &[Job], workers: usize, work: impl Fn(&Job) -> Result<()> + Sync) -> Result<()> {
     let next = AtomicUsize::new(0);
     let first_error = Mutex::new(None);
-    let lock = || first_error.lock().unwrap_or_else(PoisonError::into_inner);
     thread::scope(|scope| {
         for _ in 0..workers.min(jobs.len()) {
             scope.spawn(|| {
                 while let Some(job) = jobs.get(next.fetch_add(1, Ordering::Relaxed)) {
                     if let Err(error) = work(job) {
                         next.store(jobs.len(), Ordering::Relaxed);
-                        lock().get_or_insert(error);
+                        lock(&first_error).get_or_insert(error);
                     }
                 }
             });
         }
     });
-    match lock().take() {
+    match lock(&first_error).take() {
         Some(Error::Cancelled(_)) => {
             Err(Error::Cancelled("by the user; the same command goes on where this one ended".into()))
         }

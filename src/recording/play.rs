@@ -3,11 +3,12 @@
 use std::{
     collections::BTreeMap,
     path::Path,
-    sync::{Arc, Mutex, PoisonError},
+    sync::{Arc, Mutex},
 };
 
 use roscausal_core::{
     Result, Time,
+    gate::lock,
     loopback::{Loopback, LoopbackNode, LoopbackPublisher, LoopbackSubscription},
     middleware::{Middleware, Publish, Qos},
 };
@@ -85,7 +86,7 @@ impl<'a> Play<'a> {
         let played = Played::default();
         let troubles = played.troubles.clone();
         let diagnostics = node.subscribe("/diagnostics", Qos::Volatile(10), move |m: DiagnosticArray| {
-            let mut troubles = troubles.lock().unwrap_or_else(PoisonError::into_inner);
+            let mut troubles = lock(&troubles);
             for status in m.status.into_iter().filter(|status| status.level != DiagnosticStatus::OK) {
                 troubles.insert(status.name, status.message);
             }
@@ -179,7 +180,7 @@ impl Played {
 
     /// What the nodes complained about last, in one line.
     pub(crate) fn troubles(&self) -> String {
-        let troubles = self.troubles.lock().unwrap_or_else(PoisonError::into_inner);
+        let troubles = lock(&self.troubles);
         let lines: Vec<String> = troubles.iter().map(|(node, what)| format!("{node}: {what}")).collect();
         if lines.is_empty() { "no node complained".to_owned() } else { lines.join("; ") }
     }

@@ -14,7 +14,7 @@ pub use time::*;
 pub use topics::*;
 
 use std::{
-    sync::{Arc, Mutex, PoisonError},
+    sync::{Arc, Mutex},
     thread,
     time::{Duration, Instant},
 };
@@ -23,6 +23,7 @@ use roscausal_msgs::std_msgs::Float64;
 
 use crate::{
     Result,
+    gate::lock,
     middleware::{Middleware, Publish, Qos},
 };
 
@@ -86,11 +87,11 @@ struct Heard(Arc<Mutex<Vec<f64>>>);
 impl Heard {
     fn hear(&self) -> impl FnMut(Float64) + Send + 'static {
         let heard = self.clone();
-        move |message| heard.0.lock().unwrap_or_else(PoisonError::into_inner).push(message.data)
+        move |message| lock(&heard.0).push(message.data)
     }
 
     fn all(&self) -> Vec<f64> {
-        self.0.lock().unwrap_or_else(PoisonError::into_inner).clone()
+        lock(&self.0).clone()
     }
 
     /// Without the negative numbers, which only open the connection.

@@ -3,7 +3,7 @@ use std::{
     fs::{self, File, OpenOptions},
     io::{Seek, SeekFrom, Write},
     path::PathBuf,
-    sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError},
+    sync::{Arc, Condvar, Mutex, MutexGuard},
     thread::{self, JoinHandle},
     time::{Duration, Instant},
 };
@@ -15,6 +15,7 @@ use super::{
 use crate::{
     Error, Result,
     batch::pool::{Pool, sync_dir},
+    gate::{lock, wait},
 };
 
 /// Entries that may wait for the disk: a minute of many people.
@@ -164,11 +165,11 @@ impl Drop for Journal {
 
 impl Shared {
     fn queue(&self) -> MutexGuard<'_, Queue> {
-        self.queue.lock().unwrap_or_else(PoisonError::into_inner)
+        lock(&self.queue)
     }
 
     fn files(&self) -> MutexGuard<'_, Files> {
-        self.files.lock().unwrap_or_else(PoisonError::into_inner)
+        lock(&self.files)
     }
 
     fn path(&self, number: u64) -> PathBuf {
@@ -191,11 +192,9 @@ impl Shared {
                     let synced = files.sync(&self.pool);
                     return self.tell(synced);
                 }
-                Some(due) if !troubled => {
-                    drop(self.changed.wait_timeout(queue, due).unwrap_or_else(PoisonError::into_inner));
-                }
+                Some(due) if !troubled => drop(wait(&self.changed, queue, due)),
                 // Not before something new comes: a full disk must not keep the processor busy.
-                _ => drop(self.changed.wait(queue).unwrap_or_else(PoisonError::into_inner)),
+                _ => drop(wait(&self.changed, queue, Duration::MAX)),
             }
         }
     }

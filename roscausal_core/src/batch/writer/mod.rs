@@ -8,7 +8,7 @@ mod work;
 use std::{
     fs::File,
     sync::{
-        Arc, Mutex, MutexGuard, PoisonError,
+        Arc, Mutex, MutexGuard,
         atomic::{AtomicBool, Ordering},
         mpsc::{SyncSender, TrySendError, sync_channel},
     },
@@ -29,7 +29,7 @@ use super::{
     postprocess::Postprocess,
     script::Script,
 };
-use crate::{Error, Result};
+use crate::{Error, Result, gate::lock};
 
 /// Batches that may wait to be written.
 const WAITING: usize = 64;
@@ -185,10 +185,6 @@ impl Drop for Writer {
             let _ = thread.join();
         }
     }
-}
-
-fn lock(status: &Mutex<WriterStatus>) -> MutexGuard<'_, WriterStatus> {
-    status.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 #[cfg(test)]

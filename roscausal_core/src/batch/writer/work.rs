@@ -16,7 +16,6 @@ use super::{
     Processing, WriterConfig, WriterStatus,
     files::{csv, metadata},
     job::{COMMIT, DONE, Job, Origin, Step, marker, remove},
-    lock,
 };
 use crate::{
     Error, Result,
@@ -25,6 +24,7 @@ use crate::{
         journal::Journal,
         pool::{Pool, sidecar, sync_dir},
     },
+    gate::lock,
 };
 
 /// Before a batch that could not be written is tried again.

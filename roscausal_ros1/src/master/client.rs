@@ -9,7 +9,7 @@ use std::{
 use dxr::{TryFromValue, Value as Xml};
 use roscausal_core::{Error, Result, params::Value};
 
-use crate::xmlrpc::{CallError, call, decode, encode};
+use super::xmlrpc::{CallError, call, decode, encode};
 
 /// How long one question may take.
 const PATIENCE: Duration = Duration::from_secs(2);
@@ -24,7 +24,7 @@ type Answer<T> = std::result::Result<T, CallError>;
 
 /// What a node has registered for a topic.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Role {
+pub(crate) enum Role {
     /// It sends.
     Publisher,
     /// It receives.
@@ -33,13 +33,13 @@ pub enum Role {
 
 /// A master, asked in the name of one node.
 #[derive(Clone, Debug)]
-pub struct Master {
+pub(crate) struct Master {
     /// `http://host:port/` of the master.
-    pub uri: String,
+    pub(crate) uri: String,
     /// Full name of the node.
-    pub node: String,
+    pub(crate) node: String,
     /// URI of the node's own XML-RPC server.
-    pub node_uri: String,
+    pub(crate) node_uri: String,
 }
 
 impl Master {
@@ -53,7 +53,7 @@ impl Master {
     ///
     /// # Errors
     /// No master.
-    pub fn wait(&self, keep_waiting: &dyn Fn() -> bool) -> Result<()> {
+    pub(crate) fn wait(&self, keep_waiting: &dyn Fn() -> bool) -> Result<()> {
         let mut told: Option<Instant> = None;
         while let Err(error) = self.ask::<Xml>("getPid", &[]) {
             if !keep_waiting() {
@@ -106,7 +106,7 @@ impl Master {
     ///
     /// # Errors
     /// No answer, or a value of a kind that nobody here can use.
-    pub fn param(&self, name: &str) -> Result<Option<Value>> {
+    pub(crate) fn param(&self, name: &str) -> Result<Option<Value>> {
         let value = match self.ask("getParam", &[name]) {
             Err(CallError::Refused(reason)) if reason.contains("is not set") => return Ok(None),
             answer => answer.and_then(|value| decode(value).map_err(CallError::Refused)),
@@ -118,7 +118,7 @@ impl Master {
     ///
     /// # Errors
     /// No answer, or a value that ROS 1 has no parameter for.
-    pub fn set_param(&self, name: &str, value: &Value) -> Result<()> {
+    pub(crate) fn set_param(&self, name: &str, value: &Value) -> Result<()> {
         let set = || {
             let value = encode(value).map_err(CallError::Refused)?;
             let params = vec![Xml::String(self.node.clone()), Xml::String(name.to_owned()), value];
@@ -128,7 +128,7 @@ impl Master {
     }
 
     /// Names of the node's private parameters that somebody has set; none when the master does not answer.
-    pub fn private_params(&self) -> BTreeSet<String> {
+    pub(crate) fn private_params(&self) -> BTreeSet<String> {
         let own = format!("{}/", self.node);
         let all: Vec<String> = self.ask("getParamNames", &[]).unwrap_or_default();
         // A dictionary is named once for each of its keys.
@@ -140,7 +140,7 @@ impl Master {
     ///
     /// # Errors
     /// No answer.
-    pub fn uses_sim_time(&self) -> Result<bool> {
+    pub(crate) fn uses_sim_time(&self) -> Result<bool> {
         let set = self.param("/use_sim_time").map_err(|error| Error::Middleware(error.to_string()))?;
         Ok(match set {
             Some(Value::Bool(simulated)) => simulated,

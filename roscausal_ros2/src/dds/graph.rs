@@ -11,7 +11,7 @@ use roscausal_core::gate::lock;
 use rustdds::{DomainParticipantStatusEvent as Event, GUID, StatusEvented};
 use tracing::{debug, warn};
 
-use crate::{publisher::Latched, qos::described};
+use super::{publisher::Latched, qos::described};
 
 /// The endpoints of one node and their matches; fed by [`Graph::watch`].
 #[derive(Default)]

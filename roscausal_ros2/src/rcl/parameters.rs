@@ -12,7 +12,7 @@ use roscausal_core::{
 };
 
 /// The parameters of one node.
-pub struct Parameters {
+pub(crate) struct Parameters {
     /// Values from the command line and the parameter files.
     overrides: BTreeMap<String, Value>,
     declared: Mutex<BTreeMap<String, Declared>>,
@@ -26,7 +26,7 @@ struct Declared {
 }
 
 /// The parameter that every node has: time comes from `/clock`.
-pub const USE_SIM_TIME: ParamSpec = ParamSpec {
+pub(crate) const USE_SIM_TIME: ParamSpec = ParamSpec {
     name: "use_sim_time",
     default: Value::Bool(false),
     description: "Take time from /clock",
@@ -35,7 +35,7 @@ pub const USE_SIM_TIME: ParamSpec = ParamSpec {
 
 impl Parameters {
     /// Of a node that was started with these values.
-    pub fn new(overrides: BTreeMap<String, Value>) -> Self {
+    pub(crate) fn new(overrides: BTreeMap<String, Value>) -> Self {
         Self { overrides, declared: Mutex::default() }
     }
 
@@ -47,7 +47,7 @@ impl Parameters {
     ///
     /// # Errors
     /// When the value it was started with is not allowed.
-    pub fn declare(&self, spec: &ParamSpec) -> Result<(Option<Value>, bool)> {
+    pub(crate) fn declare(&self, spec: &ParamSpec) -> Result<(Option<Value>, bool)> {
         let name = ros2_name(spec.name);
         let mut declared = self.lock();
         if let Some(known) = declared.get(&name) {
@@ -59,7 +59,7 @@ impl Parameters {
     }
 
     /// The value of now; `None` for an unknown name.
-    pub fn get(&self, name: &str) -> Option<Value> {
+    pub(crate) fn get(&self, name: &str) -> Option<Value> {
         self.lock().get(name)?.current().cloned()
     }
 
@@ -67,7 +67,7 @@ impl Parameters {
     ///
     /// # Errors
     /// The first that cannot be set, and why.
-    pub fn set(
+    pub(crate) fn set(
         &self,
         changes: Vec<(String, Option<Value>)>,
     ) -> std::result::Result<Vec<(String, Value)>, String> {
@@ -97,13 +97,13 @@ impl Parameters {
     }
 
     /// Sets a parameter from within the node, whether it is declared or not.
-    pub fn put(&self, name: &str, value: Value) {
+    pub(crate) fn put(&self, name: &str, value: Value) {
         let mut declared = self.lock();
         declared.entry(ros2_name(name)).or_insert(Declared { spec: None, value: None }).value = Some(value);
     }
 
     /// Names of parameters and the prefixes among them; `depth` 0 is any depth, prefixes are names up to a `.`.
-    pub fn list(&self, prefixes: &[String], depth: u64) -> (Vec<String>, Vec<String>) {
+    pub(crate) fn list(&self, prefixes: &[String], depth: u64) -> (Vec<String>, Vec<String>) {
         let shallow = |rest: &str| depth == 0 || (rest.matches('.').count() as u64) < depth;
         let listed = |name: &&String| {
             if prefixes.is_empty() {
@@ -121,13 +121,13 @@ impl Parameters {
     }
 
     /// What was declared under this name; `None` for what the node has set without declaring it, and for unknown names.
-    pub fn spec(&self, name: &str) -> Option<ParamSpec> {
+    pub(crate) fn spec(&self, name: &str) -> Option<ParamSpec> {
         self.lock().get(name)?.spec.clone()
     }
 
     /// Names of the parameters that the node was started with, but for those that another one names, such as
     /// `goal_param`: they are asked for when they are needed.
-    pub fn given(&self) -> Vec<String> {
+    pub(crate) fn given(&self) -> Vec<String> {
         let declared = self.lock();
         let texts = declared.values().filter_map(Declared::current);
         let named: Vec<_> = texts.map(|value| ros2_name(&value.to_string())).collect();
@@ -142,7 +142,7 @@ impl Declared {
 }
 
 /// ROS 2 has no parameters outside nodes: an absolute ROS 1 name `/a/b` is this node's `a.b`.
-pub fn ros2_name(name: &str) -> String {
+pub(crate) fn ros2_name(name: &str) -> String {
     name.strip_prefix('/').map_or_else(|| name.to_owned(), |name| name.replace('/', "."))
 }
 

@@ -7,7 +7,7 @@ use std::net::{Ipv4Addr, UdpSocket};
 
 use nix::{ifaddrs::getifaddrs, net::if_::InterfaceFlags};
 
-use roscausal_rcl::Network;
+use crate::rcl::Network;
 
 /// Participants on one machine that are told one by one, because `lo` often has no multicast.
 const PARTICIPANTS: u16 = 120;

@@ -3,9 +3,9 @@
 //!
 //! Each question has a deadline; rosrust's own client waits for ever on a master that hangs.
 
-mod master;
+mod client;
 mod membership;
 mod xmlrpc;
 
-pub use master::{Master, Role};
-pub use membership::Membership;
+pub(crate) use client::{Master, Role};
+pub(crate) use membership::Membership;

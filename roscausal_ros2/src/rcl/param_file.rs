@@ -5,7 +5,7 @@ use std::{collections::BTreeMap, path::Path};
 use roscausal_core::params::Value;
 use serde_norway::Value as Yaml;
 
-use crate::BadArgument;
+use super::BadArgument;
 
 /// Parameter values from any number of files and `-p` arguments, in their order.
 #[derive(Clone, Debug, Default)]

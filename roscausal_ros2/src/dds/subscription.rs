@@ -12,7 +12,7 @@ use roscausal_core::{Error, Message, Result, gate::Gate, middleware::Qos};
 use rustdds::{GUID, TopicDescription};
 use tracing::{error, warn};
 
-use crate::{
+use super::{
     Participant,
     graph::{Graph, sent_type},
     qos::{self, Side},
@@ -36,7 +36,7 @@ impl Participant {
     ///
     /// # Errors
     /// An illegal name, another type than the topic's, a node that has left.
-    pub fn subscribe<M: Message>(
+    pub(crate) fn subscribe<M: Message>(
         self: &Arc<Self>,
         topic: &str,
         qos: Qos,

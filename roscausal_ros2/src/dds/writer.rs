@@ -7,11 +7,11 @@ use rustdds::{
 };
 use serde::{Serialize, Serializer, ser::SerializeTuple};
 
-use crate::Participant;
+use super::Participant;
 
 /// A publisher of the library that is made anew after a number of messages: the history of a transient local
 /// one is trimmed only to what all its readers have acknowledged, and a late joiner gets all of it.
-pub struct Writer<M: Serialize> {
+pub(crate) struct Writer<M: Serialize> {
     topic: Topic,
     profile: QosProfile,
     renew_after: usize,
@@ -24,7 +24,7 @@ impl<M: Serialize> Writer<M> {
     ///
     /// # Errors
     /// When the library refuses, or the node has left.
-    pub fn new(
+    pub(super) fn new(
         participant: &Participant,
         topic: Topic,
         profile: QosProfile,
@@ -52,7 +52,7 @@ impl<M: Serialize> Writer<M> {
     ///
     /// # Errors
     /// When the library refuses, or the node has left.
-    pub fn write(&mut self, participant: &Participant, message: M) -> Result<bool> {
+    pub(crate) fn write(&mut self, participant: &Participant, message: M) -> Result<bool> {
         if self.sent >= self.renew_after {
             self.renew(participant)?;
         }

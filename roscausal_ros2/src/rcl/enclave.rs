@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use crate::{BadArgument, names::is_namespace};
+use super::{BadArgument, names::is_namespace};
 
 /// The folder of an enclave, in which every file that DDS Security needs is there.
 #[derive(Clone, Debug, PartialEq, Eq)]

@@ -5,7 +5,7 @@ use roscausal_core::{
     middleware::{is_graph_name, is_token},
 };
 
-use crate::BadArgument;
+use super::BadArgument;
 
 /// A node's full name and its remaps; turns the names used in the code into absolute ones.
 #[derive(Clone, Debug)]

@@ -10,8 +10,8 @@ use std::{
 
 use roscausal_core::{Error, Result, gate::lock};
 
-use crate::{
-    master::{Master, Role, Subscribers},
+use super::{
+    client::{Master, Role, Subscribers},
     xmlrpc::CallError,
 };
 
@@ -27,7 +27,7 @@ struct Registration {
 }
 
 /// A node's membership: whoever made it calls [`Membership::renew`] each second, and [`Membership::leave`] in the end.
-pub struct Membership {
+pub(crate) struct Membership {
     master: Master,
     next_id: AtomicU64,
     registrations: Mutex<Vec<Registration>>,
@@ -40,7 +40,7 @@ pub struct Membership {
 
 impl Membership {
     /// The membership of the node in whose name this master is asked; nothing is registered yet.
-    pub fn new(master: Master) -> Self {
+    pub(crate) fn new(master: Master) -> Self {
         Self {
             master,
             next_id: AtomicU64::new(0),
@@ -51,7 +51,7 @@ impl Membership {
     }
 
     /// The node's full name.
-    pub fn node(&self) -> &str {
+    pub(crate) fn node(&self) -> &str {
         &self.master.node
     }
 
@@ -59,7 +59,7 @@ impl Membership {
     ///
     /// # Errors
     /// When it is known not to answer: a node must not stand still for each question.
-    pub fn master(&self) -> Result<&Master> {
+    pub(crate) fn master(&self) -> Result<&Master> {
         if self.lost.load(Ordering::SeqCst) {
             return Err(Error::Middleware(format!("the ROS master at {} does not answer", self.master.uri)));
         }
@@ -67,7 +67,7 @@ impl Membership {
     }
 
     /// Keeps in mind what the node's client library registers. The number is for [`Membership::forget`].
-    pub fn keep(&self, role: Role, topic: &str, type_name: String) -> u64 {
+    pub(crate) fn keep(&self, role: Role, topic: &str, type_name: String) -> u64 {
         let id = self.next_id.fetch_add(1, Ordering::Relaxed);
         lock(&self.registrations).push(Registration { id, role, topic: topic.to_owned(), type_name });
         id
@@ -75,7 +75,7 @@ impl Membership {
 
     /// Ends a registration. The client library has by then unregistered the topic even when another handle of this
     /// node still uses it, so that one is registered again.
-    pub fn forget(&self, id: u64) {
+    pub(crate) fn forget(&self, id: u64) {
         let mut registrations = lock(&self.registrations);
         let Some(index) = registrations.iter().position(|registration| registration.id == id) else { return };
         let gone = registrations.swap_remove(index);
@@ -87,18 +87,18 @@ impl Membership {
     }
 
     /// Topics this node publishes.
-    pub fn published(&self) -> Vec<String> {
+    pub(crate) fn published(&self) -> Vec<String> {
         let registrations = lock(&self.registrations);
         registrations.iter().filter(|r| r.role == Role::Publisher).map(|r| r.topic.clone()).collect()
     }
 
     /// `(topic, type)` of all topics that have a publisher; none when the master does not answer.
-    pub fn topics(&self) -> Vec<(String, String)> {
+    pub(crate) fn topics(&self) -> Vec<(String, String)> {
         self.master().ok().and_then(|master| master.published_topics().ok()).unwrap_or_default()
     }
 
     /// The nodes registered as subscribers of a topic, at most a second ago; `None` when the master cannot tell.
-    pub fn subscribers(&self, topic: &str) -> Option<Vec<String>> {
+    pub(crate) fn subscribers(&self, topic: &str) -> Option<Vec<String>> {
         let mut known = lock(&self.subscribers);
         let (asked, subscribers) = known.as_mut()?;
         if asked.is_none_or(|asked| asked.elapsed() > BELIEVED) {
@@ -110,7 +110,7 @@ impl Membership {
 
     /// Looks whether the master still knows the node, and registers everything again when it does not. `false` when
     /// another node has taken this one's name, which then has to end.
-    pub fn renew(&self) -> bool {
+    pub(crate) fn renew(&self) -> bool {
         match self.master.registered_uri() {
             Ok(uri) if uri == self.master.node_uri => {
                 if self.lost.swap(false, Ordering::SeqCst) {
@@ -150,7 +150,7 @@ impl Membership {
     }
 
     /// Takes every registration back: no ghost stays on the master.
-    pub fn leave(&self) {
+    pub(crate) fn leave(&self) {
         let mut topics: Vec<_> =
             lock(&self.registrations).iter().map(|r| (r.role, r.topic.clone())).collect();
         // the log is the last to go

@@ -1,6 +1,6 @@
 //! Where on the network a node lives, told by the environment.
 
-use crate::BadArgument;
+use super::BadArgument;
 
 /// Where on the network a node lives.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

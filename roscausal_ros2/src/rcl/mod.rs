@@ -11,7 +11,7 @@ pub use enclave::Enclave;
 pub use names::{Names, Remap};
 pub use network::Network;
 pub use param_file::ParamFile;
-pub use parameters::{Parameters, USE_SIM_TIME, ros2_name};
+pub(crate) use parameters::{Parameters, USE_SIM_TIME, ros2_name};
 
 /// A command line or environment that a node cannot start with: one sentence for the user.
 #[derive(Clone, Debug, PartialEq, Eq)]

@@ -16,7 +16,7 @@ use roscausal_core::{
 use rustdds::{TopicDescription, no_key::SerializerAdapter, serialization::CDRSerializerAdapter};
 use tracing::warn;
 
-use crate::{
+use super::{
     Participant, Writer,
     qos::{self, Side},
 };
@@ -56,7 +56,7 @@ impl Participant {
     ///
     /// # Errors
     /// An illegal name, another type than the topic's, a node that has left.
-    pub fn advertise<M: Message>(self: &Arc<Self>, topic: &str, qos: Qos) -> Result<Publisher<M>> {
+    pub(crate) fn advertise<M: Message>(self: &Arc<Self>, topic: &str, qos: Qos) -> Result<Publisher<M>> {
         let topic = self.names().resolve(topic)?;
         let dds_topic = self.topic::<M>(&topic, qos)?;
         let dds_name = dds_topic.name();

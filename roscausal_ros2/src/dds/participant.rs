@@ -16,10 +16,9 @@ use ros2_client::{
     entities_info::ParticipantEntitiesInfo,
 };
 use roscausal_core::{Error, Message, Result, gate::lock, middleware::Qos};
-use roscausal_rcl::{Enclave, Names, Network};
 use rustdds::{DomainParticipantBuilder, RTPSEntity, Topic, TopicKind};
 
-use crate::{
+use super::{
     farewell,
     graph::{Graph, published_topics},
     qos::{self, Side},
@@ -27,14 +26,15 @@ use crate::{
     watchdog,
     writer::Writer,
 };
+use crate::rcl::{Enclave, Names, Network};
 
 /// One node's participant. It leaves the domain when it is dropped, or when it is told to.
-pub struct Participant {
+pub(crate) struct Participant {
     names: Names,
     network: Network,
     /// What it sends may be encrypted.
-    pub(crate) secured: bool,
-    pub(crate) graph: Arc<Graph>,
+    pub(super) secured: bool,
+    pub(super) graph: Arc<Graph>,
     spinner: Spinner,
     /// `None` once it has left.
     session: Arc<Mutex<Option<Session>>>,
@@ -45,11 +45,9 @@ pub struct Participant {
 }
 
 /// The library's handles, in the order in which they are dropped.
-pub struct Session {
-    /// The node.
-    pub node: ros2_client::Node,
-    /// Its participant.
-    pub context: Context,
+pub(super) struct Session {
+    pub(super) node: ros2_client::Node,
+    pub(super) context: Context,
 }
 
 /// How long a node that leaves waits for the others to hear of it.
@@ -66,7 +64,7 @@ impl Participant {
     ///
     /// # Errors
     /// When the network, or the enclave, cannot be used.
-    pub fn join(
+    pub(crate) fn join(
         names: &Names,
         network: Network,
         enclave: Option<&Enclave>,
@@ -110,7 +108,7 @@ impl Participant {
     }
 
     /// The node's name, and what its remaps make of others.
-    pub fn names(&self) -> &Names {
+    pub(crate) fn names(&self) -> &Names {
         &self.names
     }
 
@@ -118,13 +116,13 @@ impl Participant {
     ///
     /// # Errors
     /// When the node has left the graph.
-    pub fn session<T>(&self, work: impl FnOnce(&mut Session) -> T) -> Result<T> {
+    pub(super) fn session<T>(&self, work: impl FnOnce(&mut Session) -> T) -> Result<T> {
         let mut session = lock(&self.session);
         session.as_mut().map(work).ok_or_else(|| Error::Middleware("the node has left the graph".into()))
     }
 
     /// Runs a task on the thread on which all that comes is read. It must not block.
-    pub fn spawn<F: Future<Output = ()> + 'static>(
+    pub(super) fn spawn<F: Future<Output = ()> + 'static>(
         &self,
         name: impl Into<String>,
         task: impl FnOnce() -> F + Send + 'static,
@@ -133,18 +131,18 @@ impl Participant {
     }
 
     /// `(topic, package/Name)` of the topics somebody publishes, in order; none once the node has left.
-    pub fn topics(&self) -> Vec<(String, String)> {
+    pub(crate) fn topics(&self) -> Vec<(String, String)> {
         self.session(|session| published_topics(&session.context)).unwrap_or_default()
     }
 
     /// Whether a publisher may be made anew: the library's security knows one of each topic and node. There, who comes
     /// late may get what was sent before the last message, too.
-    pub(crate) fn renews(&self) -> bool {
+    pub(super) fn renews(&self) -> bool {
         !self.secured
     }
 
     /// The DDS topic behind an absolute name; refuses a second type for the same name.
-    pub(crate) fn topic<M: Message>(&self, name: &str, qos: Qos) -> Result<Topic> {
+    pub(super) fn topic<M: Message>(&self, name: &str, qos: Qos) -> Result<Topic> {
         let wanted = M::type_name();
         let reason = {
             let mut types = lock(&self.types);
@@ -170,7 +168,7 @@ impl Participant {
     ///
     /// # Errors
     /// When the publisher cannot be made.
-    pub fn announce_again(&self) -> Result<()> {
+    pub(crate) fn announce_again(&self) -> Result<()> {
         if self.secured {
             return Ok(());
         }
@@ -186,7 +184,7 @@ impl Participant {
     }
 
     /// Tells others of this node's endpoints of now, if it announces itself.
-    pub(crate) fn announce(&self) {
+    pub(super) fn announce(&self) {
         let mut announcer = lock(&self.announcer);
         let Some(announcer) = announcer.as_mut() else { return };
         if let Ok(info) = self.session(|session| session.context.participant_entities_info()) {
@@ -197,7 +195,7 @@ impl Participant {
 
     /// Leaves the domain at once; whoever comes second waits for the first: a program that ended meanwhile would stay
     /// listed.
-    pub fn leave(&self) {
+    pub(crate) fn leave(&self) {
         let _leaving = lock(&self.leaving);
         self.spinner.stop();
         let session = lock(&self.session).take();
