@@ -1,4 +1,4 @@
-//! One analysis from settings to model: the door through which commands and the discovery node come in.
+//! One analysis, from settings to model. The commands and the discovery node all enter here.
 
 use super::{
     Control, DataFrame, Fdr, FpcmciSettings, LinkAssumptions, Model, PcmciPlusSettings, PcmciResult,
@@ -13,26 +13,26 @@ use crate::{
     independence_tests::{self, CondIndTest},
 };
 
-/// Methods by the names users choose them by.
+/// The methods, by the names that users choose them by.
 const METHODS: [&str; 6] = ["fpcmci", "pcmci", "pcmciplus", "fullci", "bivci", "lagdep"];
 /// Estimators of the transfer-entropy filter.
 const ESTIMATORS: [&str; 2] = ["gaussian", "kraskov"];
-/// Corrections for many tests.
+/// Corrections for multiple testing.
 const CORRECTIONS: [&str; 2] = ["none", "fdr_bh"];
 
 /// Level of the condition selection.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub enum PcAlpha {
-    /// The method's own: 0.2, for `pcmciplus` 0.01.
+    /// The method's own default: 0.2, for `pcmciplus` 0.01.
     #[default]
     Default,
-    /// This level, in (0, 1).
+    /// A fixed level, in (0, 1).
     Fixed(f64),
     /// Chosen by a model-selection score.
     ByScore,
 }
 
-/// What to analyse, and how. Plain data; [`Settings::check`] says whether it makes sense.
+/// What to analyse, and how. Plain data; [`Settings::check`] says whether it is valid.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Settings {
     /// One of `fpcmci`, `pcmci`, `pcmciplus`, `fullci`, `bivci`, `lagdep`.
@@ -55,11 +55,11 @@ pub struct Settings {
     pub neglect_only_autodep: bool,
     /// `none` or `fdr_bh`.
     pub fdr: String,
-    /// Variables that nothing may cause.
+    /// Variables that may be causes only: no link points to them.
     pub exogenous: Vec<String>,
     /// Seed of all random numbers.
     pub seed: u64,
-    /// Memory in bytes that a test may take; `None`: no bound.
+    /// Memory in bytes that a test may take; `None`: no limit.
     pub max_memory: Option<usize>,
 }
 
@@ -83,16 +83,16 @@ impl Default for Settings {
     }
 }
 
-/// Whether the core itself has this method.
+/// Whether this is one of the built-in methods.
 pub fn is_built_in(method: &str) -> bool {
     METHODS.contains(&method)
 }
 
 impl Settings {
-    /// Whether the settings make sense by themselves.
+    /// Checks the settings on their own, without data.
     ///
     /// # Errors
-    /// The first one that does not: its name, its value, what is allowed.
+    /// The first invalid setting: its name, its value, and what is allowed.
     pub fn check(&self) -> Result<()> {
         one_of("method", &self.method, &METHODS)?;
         independence_tests::by_name(&self.cond_ind_test, &self.test_settings())?;
@@ -121,7 +121,7 @@ impl Settings {
         Ok(())
     }
 
-    /// A model that says what was asked, without result.
+    /// A model that holds the settings and no result yet.
     pub(super) fn blank_model(&self) -> Model {
         let is_filtered = self.method == "fpcmci";
         Model {
@@ -153,7 +153,7 @@ impl Settings {
         }
     }
 
-    /// The level of the condition selection; `None`: chosen by a score.
+    /// The level of the condition selection; `None` if a score chooses it.
     pub fn level_of_pc(&self) -> Option<f64> {
         match (self.pc_alpha, self.method.as_str()) {
             (PcAlpha::Fixed(alpha), _) => Some(alpha),
@@ -225,7 +225,8 @@ fn level(name: &str, value: f64) -> Result<()> {
 /// Analyses `data` with `settings` under `control`.
 ///
 /// # Errors
-/// Settings or data that do not allow it; cancellation. Out of time is no error: the model's status says so.
+/// Invalid settings, unsuitable data, or cancellation. Running out of time is not an error: the model's status says
+/// so.
 pub fn analyse(data: &DataFrame, settings: &Settings, control: &Control) -> Result<Model> {
     settings.check()?;
     settings.check_data(data)?;
@@ -242,7 +243,7 @@ pub fn analyse(data: &DataFrame, settings: &Settings, control: &Control) -> Resu
     Ok(with_result(settings.blank_model(), data.var_names().to_vec(), result))
 }
 
-/// F-PCMCI: the model has the variables that keep a link; the others are named as dropped.
+/// F-PCMCI: the model keeps the variables that have a link; the others are listed as dropped.
 fn filtered(
     data: &DataFrame,
     test: &dyn CondIndTest,

@@ -1,3 +1,9 @@
+//! Time series for causal discovery: the data frame, and the lagged samples that tests get from it.
+//!
+//! A [`DataFrame`] holds recordings of the same variables. [`Samples`] are the time indices that all tests of a run
+//! use. For one test `X _||_ Y | Z` they give the lagged rows ([`LaggedArrays`]), without the samples in which a
+//! value is missing or masked.
+
 use ndarray::{Array2, Axis};
 
 use super::Control;
@@ -24,7 +30,7 @@ impl Node {
     }
 }
 
-/// Roles in which a masked value excludes a sample: any of X, Y and Z of `X _||_ Y | Z`.
+/// The roles in `X _||_ Y | Z` in which a masked value excludes a sample.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct MaskType {
     /// A masked X excludes the sample.
@@ -70,10 +76,10 @@ pub struct DataFrame {
 }
 
 impl DataFrame {
-    /// A data frame from recordings, each `T x N` (time in rows), and the `N` names of the variables.
+    /// A data frame of recordings, each `T x N` (time in rows), and the `N` names of the variables.
     ///
     /// # Errors
-    /// No recording, no variable, or shapes that do not fit together; an infinite value.
+    /// No recording, no variable, shapes that do not match, or an infinite value.
     pub fn new(recordings: Vec<Array2<f64>>, var_names: Vec<String>) -> Result<Self> {
         if recordings.is_empty() || var_names.is_empty() {
             return Err(Error::Data(
@@ -106,7 +112,7 @@ impl DataFrame {
         })
     }
 
-    /// The same data with every value that equals `flag` taken as missing.
+    /// Treats every value that equals `flag` as missing.
     #[must_use]
     pub fn with_missing_flag(mut self, flag: f64) -> Self {
         self.recordings.iter_mut().for_each(|r| r.mapv_inplace(|v| if v == flag { f64::NAN } else { v }));
@@ -114,11 +120,11 @@ impl DataFrame {
         self
     }
 
-    /// The same data with masks, one per recording and of its shape (`true`: masked), that exclude samples in
-    /// the roles of `mask_type`.
+    /// Adds masks, one per recording and of its shape (`true`: masked). A masked value excludes a sample in the
+    /// roles of `mask_type`.
     ///
     /// # Errors
-    /// Masks whose number or shapes differ from the recordings'.
+    /// Masks whose number or shapes differ from those of the recordings.
     pub fn with_mask(mut self, masks: Vec<Array2<bool>>, mask_type: MaskType) -> Result<Self> {
         let fits = masks.len() == self.recordings.len()
             && masks.iter().zip(&self.recordings).all(|(mask, recording)| mask.dim() == recording.dim());
@@ -130,17 +136,17 @@ impl DataFrame {
         Ok(self)
     }
 
-    /// The same data; with `on`, a missing value excludes also the samples up to `2xtau_max` after it.
+    /// With `on`, a missing value also excludes the samples up to `2xtau_max` after it.
     #[must_use]
     pub fn with_remove_missing_upto_maxlag(mut self, on: bool) -> Self {
         self.remove_missing_upto_maxlag = on;
         self
     }
 
-    /// The same data with the columns `vars` only, in that order.
+    /// A data frame of the columns `vars` only, in that order.
     ///
     /// # Panics
-    /// When a column does not exist.
+    /// If a column does not exist.
     #[must_use]
     pub fn select(&self, vars: &[usize]) -> Self {
         let recordings: Vec<_> = self.recordings.iter().map(|r| r.select(Axis(1), vars)).collect();
@@ -168,7 +174,7 @@ impl DataFrame {
         self.var_names.len()
     }
 
-    /// Whether some samples may be left out of some tests: a value is missing, or a mask is in force.
+    /// Whether some tests may have to leave out samples: a value is missing, or a mask applies.
     pub fn is_incomplete(&self) -> bool {
         self.has_missing || (self.masks.is_some() && self.mask_type != MaskType::default())
     }
@@ -188,7 +194,7 @@ pub struct Samples<'a> {
     control: Control,
 }
 
-/// The rows of one test after samples with a missing node are left out.
+/// The lagged rows of one test, without the samples in which a node is missing or masked.
 #[derive(Clone, Debug, Default)]
 pub struct LaggedArrays {
     /// `n` samples of X.
@@ -202,24 +208,24 @@ pub struct LaggedArrays {
 }
 
 impl<'a> Samples<'a> {
-    /// Samples for a run with `tau_max` (`cut_off` = `2xtau_max`).
+    /// The samples of a run. A run with `tau_max` uses `cut_off` = `2xtau_max`.
     pub fn new(data: &'a DataFrame, cut_off: usize) -> Self {
         Self { data, cut_off, control: Control::default() }
     }
 
-    /// The same samples for a run that `control` watches.
+    /// The same samples, watched by `control`.
     #[must_use]
     pub fn with_control(mut self, control: Control) -> Self {
         self.control = control;
         self
     }
 
-    /// The run's control; a test that takes longer than a second calls its `check` in its loops.
+    /// The control of the run. A test that takes longer than a second calls its `check` in its loops.
     pub fn control(&self) -> &Control {
         &self.control
     }
 
-    /// The data frame behind.
+    /// The data frame that the samples come from.
     pub fn data(&self) -> &'a DataFrame {
         self.data
     }
@@ -234,12 +240,13 @@ impl<'a> Samples<'a> {
         self.data.recordings.iter().map(|r| r.nrows().saturating_sub(self.cut_off)).sum()
     }
 
-    /// Whether there is no sample at all.
+    /// Whether there is no sample.
     pub fn is_empty(&self) -> bool {
         self.len() == 0
     }
 
-    /// The samples of `x`, `y` and `z` in which none of them is missing or masked. Lags go up to `cut_off`.
+    /// The rows of `x`, `y` and `z`, without the samples in which one of them is missing or masked. Lags go up to
+    /// `cut_off`.
     pub fn arrays(&self, x: Node, y: Node, z: &[Node]) -> LaggedArrays {
         let n = self.len();
         let row = || Vec::with_capacity(n);
@@ -262,7 +269,7 @@ impl<'a> Samples<'a> {
         out
     }
 
-    /// For each sample of recording `k`: whether the test leaves it out.
+    /// For each sample of recording `k`: whether this test leaves it out.
     fn dropped(&self, k: usize, x: Node, y: Node, z: &[Node]) -> Vec<bool> {
         let (data, mask) = (self.data, self.data.mask_type);
         let n_rows = data.recordings[k].nrows();

@@ -1,6 +1,9 @@
+//! Control of the false discovery rate.
+
 use ndarray::Array3;
 
-/// Benjamini and Hochberg (1995): p-values corrected for the number of entries in `tested`. Other entries stay.
+/// P-values corrected for multiple testing (Benjamini and Hochberg 1995). Only the entries in `tested` count and
+/// change.
 pub fn fdr_bh(p_matrix: &Array3<f64>, tested: &Array3<bool>) -> Array3<f64> {
     let mut entries: Vec<((usize, usize, usize), f64)> =
         p_matrix.indexed_iter().filter(|(at, _)| tested[*at]).map(|(at, &p)| (at, p)).collect();

@@ -1,3 +1,8 @@
+//! PCMCI and its relatives: settings and entry points.
+//!
+//! [`run_pcmci`] is PC1 followed by MCI. [`run_pc_stable`] and [`run_mci`] are the two phases on their own.
+//! [`run_fullci`], [`run_bivci`] and [`get_lagged_dependencies`] test every link under fixed conditions.
+
 use super::{
     Control, DataFrame, LinkAssumptions, Node, PcmciResult, Samples, Status, TargetParents, mci::Mci,
     pc_stable::PcStable, run::Run,
@@ -7,34 +12,34 @@ use crate::{Error, Result, independence_tests::CondIndTest};
 /// Correction of p-values for the number of tests.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Fdr {
-    /// None.
+    /// No correction.
     #[default]
     None,
-    /// Benjamini and Hochberg, over the lagged links; p-values at lag 0 stay as they are.
+    /// Benjamini and Hochberg, over the lagged links. P-values at lag 0 stay as they are.
     Bh,
 }
 
-/// Settings of a run; each method reads those it knows.
+/// Settings of a run. Each method uses those that it has.
 #[derive(Clone, Debug)]
 pub struct PcmciSettings {
     /// Smallest lag of a link. Default 1 (PCMCI+: 0).
     pub tau_min: usize,
     /// Largest lag of a link. Default 1.
     pub tau_max: usize,
-    /// Level of the condition selection: one, or several of which a model-selection score chooses (per target; for
-    /// PCMCI+ one for all); empty: [`PC_ALPHAS`], or [`PCMCIPLUS_ALPHAS`]. Default 0.2, for PCMCI+ 0.01.
+    /// Significance level of the condition selection. With several levels a model-selection score chooses one, per
+    /// target (PCMCI+: one for all). Empty means [`PC_ALPHAS`] or [`PCMCIPLUS_ALPHAS`]. Default 0.2, PCMCI+: 0.01.
     pub pc_alpha: Vec<f64>,
-    /// Level of a link (`fixed_thres`: the threshold). Default 0.05.
+    /// Significance level of a link (with `fixed_thres`: the threshold). Default 0.05.
     pub alpha_level: f64,
     /// Largest condition set of PC1; `None`: no limit.
     pub max_conds_dim: Option<usize>,
-    /// Condition sets tried per size in PC1. Default 1.
+    /// Condition sets tested per size in PC1. Default 1.
     pub max_combinations: usize,
     /// How many of the effect's parents MCI conditions on; `None`: all.
     pub max_conds_py: Option<usize>,
     /// How many of the cause's parents MCI conditions on; `None`: all.
     pub max_conds_px: Option<usize>,
-    /// PCMCI+: the same for causes at a lag; `None`: as `max_conds_px`.
+    /// PCMCI+: the same for lagged causes; `None`: as `max_conds_px`.
     pub max_conds_px_lagged: Option<usize>,
     /// Correction of the p-values of links.
     pub fdr: Fdr,
@@ -42,10 +47,10 @@ pub struct PcmciSettings {
     pub link_assumptions: Option<LinkAssumptions>,
 }
 
-/// Levels that PCMCI chooses from by score when none is given.
+/// Levels from which PCMCI chooses by score if none is given.
 pub const PC_ALPHAS: [f64; 6] = [0.05, 0.1, 0.2, 0.3, 0.4, 0.5];
 
-/// Levels that PCMCI+ chooses from by score when none is given.
+/// Levels from which PCMCI+ chooses by score if none is given.
 pub const PCMCIPLUS_ALPHAS: [f64; 5] = [0.001, 0.005, 0.01, 0.025, 0.05];
 
 impl Default for PcmciSettings {
@@ -110,7 +115,7 @@ impl PcmciSettings {
         2 * self.tau_max
     }
 
-    /// The assumptions given, or all links.
+    /// The given assumptions, or all links.
     pub(crate) fn links(&self, n_vars: usize) -> LinkAssumptions {
         self.link_assumptions
             .clone()
@@ -139,10 +144,10 @@ impl PcmciSettings {
     }
 }
 
-/// PC1 alone: the parents of each target, strongest first (`graph` and matrices stay empty).
+/// PC1 alone: the parents of each target, strongest first. `graph` and matrices stay empty.
 ///
 /// # Errors
-/// Settings or data that do not fit together; a test that fails; cancellation.
+/// Settings or data that do not match, a test that fails, or cancellation.
 pub fn run_pc_stable(
     data: &DataFrame,
     test: &dyn CondIndTest,
@@ -156,11 +161,11 @@ pub fn run_pc_stable(
     })
 }
 
-/// PCMCI (Runge et al. 2019): PC1, then MCI under the parents it found.
+/// PCMCI (Runge et al. 2019): PC1 selects conditions, then MCI tests every link under them.
 ///
 /// # Errors
-/// Settings or data that do not fit together; a test that fails; cancellation. A time budget that ends is not an
-/// error: see [`PcmciResult::status`].
+/// Settings or data that do not match, a test that fails, or cancellation. Running out of time is not an error: see
+/// [`PcmciResult::status`].
 pub fn run_pcmci(
     data: &DataFrame,
     test: &dyn CondIndTest,
@@ -175,10 +180,10 @@ pub fn run_pcmci(
     })
 }
 
-/// MCI alone, under the given parents of each target, strongest first.
+/// MCI alone, given the parents of each target, strongest first.
 ///
 /// # Errors
-/// As [`run_pcmci`]; also parents of a wrong number or lag.
+/// As [`run_pcmci`]; also a wrong number of parent lists, or a parent with a wrong lag.
 pub fn run_mci(
     data: &DataFrame,
     test: &dyn CondIndTest,
@@ -199,7 +204,7 @@ pub fn run_mci(
     })
 }
 
-/// Full conditional independence: each link given all other lagged links into its target.
+/// Full conditional independence: tests each link given all other lagged links into its target.
 ///
 /// # Errors
 /// As [`run_pcmci`].
@@ -214,7 +219,7 @@ pub fn run_fullci(
     })
 }
 
-/// Bivariate conditional independence: each link given its target's own past.
+/// Bivariate conditional independence: tests each link given the past of its target.
 ///
 /// # Errors
 /// As [`run_pcmci`].
@@ -230,7 +235,7 @@ pub fn run_bivci(
     })
 }
 
-/// Unconditional dependencies at all lags.
+/// Unconditional dependence of all pairs at all lags.
 ///
 /// # Errors
 /// As [`run_pcmci`].
@@ -258,7 +263,8 @@ fn run_with_conditions(
     })
 }
 
-/// Checks, prepares the test, runs `body` (which says whether time ran out) and fills in what all results have.
+/// Checks the settings, prepares the test, runs `body` (which returns whether time ran out), and fills in the
+/// fields that all results share.
 pub(crate) fn with_run(
     data: &DataFrame,
     test: &dyn CondIndTest,

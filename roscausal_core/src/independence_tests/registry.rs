@@ -1,9 +1,11 @@
+//! The registry of independence tests: name and constructor of each.
+
 use super::{CmiKnn, CondIndTest, Gpdc, Gsquared, ParCorr, RobustParCorr, TestSettings};
 use crate::{Error, Result};
 
 type Build = fn(&TestSettings) -> Result<Box<dyn CondIndTest>>;
 
-/// All tests: one line each. A name is lower case; users may write it in any case, with `_` or `-`.
+/// All tests, one line each. Names are lower case. Users may write them in any case, with `_` or `-`.
 const TESTS: &[(&str, Build)] = &[
     ("parcorr", |s| Ok(Box::new(ParCorr::new(s)?))),
     ("gpdc", |s| Ok(Box::new(Gpdc::new(s)?))),

@@ -1,8 +1,10 @@
+//! Partial correlation of normal scores.
+
 use super::{CondIndTest, PreparedTest, Significance, TestSettings, normal::normal_scores, parcorr::Linear};
 use crate::{Result, discovery::Samples};
 
-/// [`super::ParCorr`] of normal scores: each row of a test first to ranks, then to normal quantiles. It suits
-/// variables of any marginal distribution, heavy tails and outliers.
+/// [`super::ParCorr`] on normal scores: each row of a test is replaced by its ranks, and these by normal quantiles.
+/// Take it for variables with outliers, heavy tails, or any other marginal distribution.
 #[derive(Clone, Debug)]
 pub struct RobustParCorr {
     linear: Linear,

@@ -1,16 +1,16 @@
-//! Significance and confidence by resampling in blocks.
+//! Significance and confidence by block resampling.
 
 use crate::{
     Result,
     discovery::{Control, Node},
 };
 
-/// A small random generator (splitmix64): same seed, same numbers, everywhere.
+/// A small random generator (splitmix64). The same seed gives the same numbers on every machine.
 #[derive(Clone, Debug)]
 pub(crate) struct Rng(u64);
 
 impl Rng {
-    /// The generator of one test: its numbers depend on the seed and on the test, not on the order of tests.
+    /// The generator of one test. Its numbers depend on the seed and the test, not on the order of tests.
     pub(crate) fn for_test(seed: u64, x: Node, y: Node, z: &[Node]) -> Self {
         let mut rng = Self(seed);
         for node in [x, y].iter().chain(z) {
@@ -27,12 +27,12 @@ impl Rng {
         v ^ (v >> 31)
     }
 
-    /// A number below `n` (`n` > 0), without bias that matters for n far below 2^64.
+    /// A number below `n` (`n` > 0). The bias is negligible for n far below 2^64.
     pub(crate) fn below(&mut self, n: usize) -> usize {
         ((u128::from(self.next_u64()) * n as u128) >> 64) as usize
     }
 
-    /// Fisher-Yates.
+    /// Shuffles in place (Fisher-Yates).
     pub(crate) fn shuffle<T>(&mut self, items: &mut [T]) {
         for i in (1..items.len()).rev() {
             items.swap(i, self.below(i + 1));
@@ -47,8 +47,8 @@ pub(crate) struct Resampling<'a> {
 }
 
 impl Resampling<'_> {
-    /// P-value of a two-sided test: share of surrogates, X shuffled in blocks, whose statistic is at least as
-    /// large, `(count + 1) / (samples + 1)`.
+    /// P-value of a two-sided test. X is shuffled in blocks; the p-value is the fraction of surrogates whose
+    /// statistic is at least as large, `(count + 1) / (samples + 1)`.
     pub(crate) fn shuffle_p(
         &mut self,
         x: &[f64],
@@ -78,7 +78,7 @@ impl Resampling<'_> {
         Ok((count + 1) as f64 / (samples + 1) as f64)
     }
 
-    /// Percentile interval of the statistic over block-bootstrap samples of all rows jointly.
+    /// Percentile interval of the statistic over block-bootstrap samples, drawn jointly for all rows. The tuple is
     /// `(samples, block length, level)`.
     pub(crate) fn bootstrap(
         &mut self,
@@ -113,9 +113,9 @@ impl Resampling<'_> {
     }
 }
 
-/// Block length for surrogates that keep the autocorrelation (Mader et al. 2013, Eq. 6, after Peifer et al. 2005):
-/// the decay `phi` of the envelope of the autocorrelation gives the length; the longest of the rows counts, at
-/// most a tenth of the samples. Where the decay cannot be fitted it is a twentieth.
+/// Block length for surrogates that keep the autocorrelation (Mader et al. 2013, Eq. 6, after Peifer et al. 2005).
+/// It follows from the decay `phi` of the envelope of the autocorrelation. The longest of the rows counts, up to a
+/// tenth of the samples. If the decay cannot be fitted, it is a twentieth of the samples.
 pub(crate) fn optimal_block_length(rows: &[&[f64]]) -> usize {
     let n = rows.first().map_or(0, |row| row.len());
     let longest = n / 10;
@@ -153,7 +153,7 @@ fn autocorrelation(row: &[f64], max_lag: usize) -> Vec<f64> {
 fn envelope(signal: &[f64]) -> Vec<f64> {
     let n = signal.len();
     let angle = |k: usize, t: usize| std::f64::consts::TAU * ((k * t) % n) as f64 / n as f64;
-    // Frequencies: 0 and n/2 once, those below n/2 twice, the negative ones not at all.
+    // Frequencies 0 and n/2 count once, those between them twice, and the negative ones not at all.
     let spectrum: Vec<(f64, f64)> = (0..=n / 2)
         .map(|k| {
             let weight = if k == 0 || 2 * k == n { 1.0 } else { 2.0 };
@@ -178,12 +178,12 @@ fn envelope(signal: &[f64]) -> Vec<f64> {
         .collect()
 }
 
-/// The `phi` in (0, 1) for which `a phi^k` fits `y[k]` best in the least-squares sense, `a` free.
+/// The `phi` in (0, 1) for which `a phi^k` fits `y[k]` best by least squares, with `a` free.
 fn decay(y: &[f64]) -> Option<f64> {
     if y.len() < 3 {
         return None;
     }
-    // Left of the sum of squares when the best `a` is taken: maximise <y, phi^k>^2 / <phi^k, phi^k>.
+    // With the best `a`, minimising the sum of squares means maximising <y, phi^k>^2 / <phi^k, phi^k>.
     let fit = |phi: f64| {
         let (mut power, mut with_y, mut square) = (1.0, 0.0, 0.0);
         for v in y {
@@ -234,7 +234,7 @@ mod tests {
         assert_eq!(optimal_block_length(&[&[1.0; 5]]), 1);
     }
 
-    /// Block lengths of the reference, from its folder of results where there is one.
+    /// Block lengths of the reference, from the folder of reference results if there is one.
     #[test]
     fn block_lengths_are_those_of_the_reference() {
         let beside = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../../shared/golden");

@@ -1,7 +1,7 @@
-//! Multivariate transfer entropy: which lagged variables inform a target, as the first step of F-PCMCI.
+//! Multivariate transfer entropy: which lagged variables inform a target. It is the first step of F-PCMCI.
 //!
-//! Greedy selection with hierarchical tests (Lizier and Rubinov 2012, MPI MIS preprint 25/2012; Novelli et al.
-//! 2019, doi:10.1162/netn_a_00092). All information is in nats.
+//! For each target, sources are selected greedily with hierarchical tests (Lizier and Rubinov 2012, MPI MIS
+//! preprint 25/2012; Novelli et al. 2019, doi:10.1162/netn_a_00092). All information is in nats.
 
 mod gaussian;
 mod kraskov;
@@ -20,7 +20,7 @@ pub enum TeEstimator {
     /// Linear-Gaussian, from the correlation matrix; exact null distributions.
     #[default]
     Gaussian,
-    /// Nearest neighbours, for dependence of any form; permutation surrogates, so that it takes longer.
+    /// Nearest neighbours: dependence of any form. Slower, because it needs permutation surrogates.
     Kraskov,
 }
 
@@ -45,9 +45,9 @@ pub struct TransferEntropy {
     pub min_lag: usize,
     /// Largest lag of a source in steps.
     pub max_lag: usize,
-    /// Level of each of the hierarchical tests, inside (0, 1); `f_alpha` of F-PCMCI.
+    /// Significance level of each of the hierarchical tests, in (0, 1); `f_alpha` of F-PCMCI.
     pub alpha: f64,
-    /// Seed of the surrogates; the Gaussian estimator needs none.
+    /// Seed of the surrogates (the Gaussian estimator has none).
     pub seed: u64,
 }
 
@@ -56,7 +56,7 @@ pub struct TransferEntropy {
 pub struct Selected {
     /// The variable and its lag.
     pub source: Node,
-    /// Its information about the target given all others that were selected, in nats.
+    /// Its information about the target given all other selected variables, in nats.
     pub cmi: f64,
     /// P-value of its final test.
     pub p_value: f64,
@@ -78,7 +78,7 @@ pub struct TargetSelection {
 }
 
 impl TargetSelection {
-    /// All that informs the target: its own past, then the sources.
+    /// Everything that informs the target: its own past, then the sources.
     pub fn selected(&self) -> impl Iterator<Item = &Selected> {
         self.autodependency.iter().chain(&self.sources)
     }
@@ -91,12 +91,12 @@ pub struct TeResult {
     pub targets: Vec<TargetSelection>,
     /// Samples used by every estimate.
     pub n_samples: usize,
-    /// Samples left out because some variable was missing at some lag.
+    /// Samples left out because a variable was missing at some lag.
     pub n_lost: usize,
 }
 
-/// Information estimates and their null distributions on the samples of one run. Values fall under `p_*` as the
-/// share of surrogates whose statistic is not below `value`.
+/// Information estimates and their null distributions on the samples of one run. The `p_*` methods return the
+/// fraction of surrogates whose statistic is not below `value`.
 trait Estimator: Sync {
     /// `I(target; sources | z)`.
     fn cmi(&self, target: Node, sources: &[Node], z: &[Node]) -> f64;
@@ -106,16 +106,17 @@ trait Estimator: Sync {
         candidates.iter().map(|&candidate| self.cmi(target, &[candidate], z)).collect()
     }
 
-    /// Of the maximum over the candidates, each given `z`.
+    /// P-value of the maximum over the candidates, each given `z`.
     fn p_max(&self, value: f64, target: Node, candidates: &[Node], z: &[Node]) -> f64;
 
-    /// Of the minimum over the sources, each given the others and `past`.
+    /// P-value of the minimum over the sources, each given the others and `past`.
     fn p_min(&self, value: f64, target: Node, sources: &[Node], past: &[Node]) -> f64;
 
-    /// Of all sources together.
+    /// P-value of all sources together.
     fn p_joint(&self, value: f64, target: Node, sources: &[Node], z: &[Node]) -> f64;
 
-    /// Of the largest, second largest, ... over the sources, each given the others and `past`; `values` falls.
+    /// P-values of the largest, second largest, ... over the sources, each given the others and `past`. `values` is
+    /// in falling order.
     fn p_sequential(&self, values: &[f64], target: Node, sources: &[Node], past: &[Node]) -> Vec<f64>;
 }
 
@@ -123,7 +124,7 @@ impl TransferEntropy {
     /// Selects what informs each variable. Targets run in parallel; the result does not depend on the threads.
     ///
     /// # Errors
-    /// A parameter out of its range, too few complete samples, or `control` stops the run.
+    /// A parameter out of range, too few complete samples, or a run that `control` stops.
     pub fn run(&self, data: &DataFrame, control: &Control) -> Result<TeResult> {
         self.check()?;
         let window = Window::new(data, self.max_lag)?;
