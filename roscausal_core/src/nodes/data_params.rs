@@ -19,7 +19,7 @@ use crate::{
     params::{Allowed, ParamSpec, Params, Value},
 };
 
-/// Parameters that tell where files are, not what is in them.
+/// Parameters that say where files are, not what is in them.
 const PLACES: [&str; 7] =
     ["data_dir", "pp_data_dir", "pp_script_dir", "max_pool_size", "max_pool_bytes", "pool_policy", "journal"];
 
@@ -212,7 +212,7 @@ fn processing(params: &Params) -> Result<Processing> {
     })
 }
 
-/// The parameters as noted beside each batch.
+/// The parameters that are recorded beside each batch.
 fn noted(params: &Params) -> Map<String, Json> {
     let what = params.all().filter(|(name, _)| !PLACES.contains(name));
     what.map(|(name, value)| (name.to_owned(), as_json(value))).collect()

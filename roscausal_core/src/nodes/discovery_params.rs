@@ -187,7 +187,7 @@ impl DiscoveryParams {
     }
 }
 
-/// The settings' names as this node's parameters are called.
+/// Renames the settings in an error to this node's parameters.
 fn in_the_nodes_words(error: Error) -> Error {
     match error {
         Error::Param { name, reason } => {

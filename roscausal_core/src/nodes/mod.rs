@@ -1,4 +1,5 @@
-//! The nodes: wiring only. Topic names live here; what messages mean lives in `state`, `batch` and `discovery`.
+//! The nodes: wiring only. Topic names live here; the meaning of messages lives in `state`, `batch` and
+//! `discovery`.
 
 mod data;
 mod data_params;
@@ -26,7 +27,7 @@ pub use markers::markers;
 pub use robot::robot;
 pub use scene_params::SceneOptions;
 
-/// A folder as users write it: `~` is the home folder.
+/// Expands `~` to the home folder.
 fn path(text: &str) -> PathBuf {
     match (text.strip_prefix("~/"), std::env::var_os("HOME")) {
         (Some(rest), Some(home)) => PathBuf::from(home).join(rest),
@@ -40,7 +41,7 @@ pub const NODES: [&str; 5] = ["robot", "human", "data", "discovery", "markers"];
 /// Runs the node `name` until the middleware ends.
 ///
 /// # Errors
-/// An unknown name, a parameter that is not allowed, a topic that cannot be used.
+/// An unknown name, a parameter that is not allowed, or a topic that cannot be used.
 pub fn run<M: Middleware>(name: &str, mw: &M) -> Result<()> {
     match name {
         "robot" => robot(mw),
@@ -52,11 +53,11 @@ pub fn run<M: Middleware>(name: &str, mw: &M) -> Result<()> {
     }
 }
 
-/// As [`run`], as a future for [`crate::loopback::Loopback::start_task`]; for the nodes that wait for nothing but
-/// their inbox: robot, human, data and markers.
+/// Like [`run`], as a future for [`crate::loopback::Loopback::start_task`]. Only for nodes that wait for nothing
+/// but their inbox: robot, human, data and markers.
 ///
 /// # Errors
-/// As [`run`]; the discovery node, which computes for long, is refused.
+/// As [`run`]. The discovery node is refused, because it computes for a long time.
 pub async fn run_task<M: Middleware>(name: &str, mw: &M) -> Result<()> {
     match name {
         "robot" => robot::robot_task(mw).await,
@@ -68,7 +69,7 @@ pub async fn run_task<M: Middleware>(name: &str, mw: &M) -> Result<()> {
     }
 }
 
-/// Runs a node whose thread is its own: its inbox blocks, so one poll is the node's whole life.
+/// Runs a node on a thread of its own. Its inbox blocks, so one poll runs the node to its end.
 fn to_its_end(node: impl Future<Output = Result<()>>) -> Result<()> {
     match pin!(node).poll(&mut Context::from_waker(Waker::noop())) {
         Poll::Ready(ended) => ended,
@@ -91,10 +92,10 @@ pub fn parameters(name: &str) -> Result<Vec<ParamSpec>> {
     }
 }
 
-/// A topic in the namespace of the robot `name`; the topic itself when the name is empty.
+/// A topic in the namespace of the robot `name`; the topic itself if the name is empty.
 ///
 /// # Errors
-/// A name that is no namespace, as an error of the parameter.
+/// A name that is not a namespace, as an error of the parameter.
 pub(crate) fn in_namespace(parameter: &str, name: &str, topic: &str) -> Result<String> {
     let name = name.trim().trim_matches('/');
     let legal = |c: char| c.is_ascii_alphanumeric() || c == '_';
@@ -145,7 +146,7 @@ mod tests {
         text
     }
 
-    /// `ROSCAUSAL_WRITE_DOCS=1 cargo test -p roscausal_core documented` writes the page anew.
+    /// `ROSCAUSAL_WRITE_DOCS=1 cargo test -p roscausal_core documented` rewrites the page.
     #[test]
     fn every_parameter_is_documented_as_it_is() {
         let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../docs/parameters.md");

@@ -1,4 +1,4 @@
-//! The robot node: odometry, pose, goal and TF to `/roscausal/robot`.
+//! The robot node: from odometry, pose, goal and TF to `/roscausal/robot`.
 
 use roscausal_msgs::{
     RobotState,
@@ -63,10 +63,10 @@ pub(super) fn specs() -> Vec<ParamSpec> {
     ]
 }
 
-/// The robot node: runs until the middleware ends.
+/// The robot node. It runs until the middleware ends.
 ///
 /// # Errors
-/// A parameter that is not allowed, a topic that cannot be used.
+/// A parameter that is not allowed, or a topic that cannot be used.
 pub fn robot<M: Middleware>(mw: &M) -> Result<()> {
     to_its_end(robot_task(mw))
 }

@@ -1,4 +1,4 @@
-//! The parameters of the nodes that show the scene, and of the risk.
+//! Parameters of the nodes that show the scene, and of the risk.
 
 use roscausal_msgs::{HumanState, RobotState};
 
@@ -9,7 +9,7 @@ use crate::{
     state::scene::RiskCone,
 };
 
-/// What the risk goes by: names, defaults, allowed values and descriptions.
+/// Parameters of the risk: names, defaults, allowed values and descriptions.
 pub(super) fn risk_specs() -> [ParamSpec; 2] {
     use Allowed::Range;
     use Value::Double;
@@ -19,14 +19,14 @@ pub(super) fn risk_specs() -> [ParamSpec; 2] {
     ]
 }
 
-/// Whose goal and risk a picture of the scene shows.
+/// Whose goal and risk a view of the scene shows.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SceneOptions {
-    /// The person; of several the first.
+    /// The person; the first of several.
     pub agents: Select,
-    /// Radius the robot is widened by, metres.
+    /// Radius that is added around the robot, metres.
     pub obs_size: f64,
-    /// No collision course beyond, metres.
+    /// Distance beyond which nobody is on collision course, metres.
     pub safe_dist: f64,
 }
 
@@ -45,10 +45,10 @@ impl SceneOptions {
         specs
     }
 
-    /// The options that the parameters of [`SceneOptions::specs`] say.
+    /// Reads the options from the parameters of [`SceneOptions::specs`].
     ///
     /// # Errors
-    /// A `sel_agent` that names nobody.
+    /// A `sel_agent` that selects nobody.
     pub fn read(params: &Params) -> Result<Self> {
         let agents = params.text("sel_agent").parse();
         Ok(Self {
@@ -58,7 +58,7 @@ impl SceneOptions {
         })
     }
 
-    /// The person shown; `None` when nobody is there.
+    /// The person shown; `None` if nobody is there.
     pub fn person(&self, people: &[HumanState], robot: Option<&RobotState>) -> Option<HumanState> {
         self.agents.of(people, robot.map(|robot| &robot.pose2d)).into_iter().next()
     }
