@@ -1,16 +1,16 @@
 //! The small expressions that define features: `dist(h, h.goal)`, `abs(h_v - r_v) / 2`.
 //!
-//! Values are numbers or points (`x, y`). Names: `h` and `r` are the places of person and robot; `h.goal`, `h.vel`
-//! points; `h.x`, `h.y`, `h.theta`, `h.v`, `h.omega`, `h.gx`, `h.gy` numbers (`r.` likewise), also as `h_v`, `r_theta`;
-//! `t` is the time in seconds, `pi` the number. Operators: `+ - * / ^` and brackets. A result that is not finite
-//! (a division by zero) is NaN, a missing value.
+//! Values are numbers or points (`x, y`). `h` and `r` are the positions of person and robot. `h.goal` and `h.vel`
+//! are points; `h.x`, `h.y`, `h.theta`, `h.v`, `h.omega`, `h.gx` and `h.gy` are numbers, also written as `h_v` and
+//! so on; likewise for `r`. `t` is the time in seconds, `pi` the number. Operators are `+ - * / ^` and brackets. A
+//! result that is not finite, such as a division by zero, becomes NaN, a missing value.
 
 use super::{
     risk::Body,
     tracks::{FIELDS, Values},
 };
 
-/// Functions, the number of their arguments, and what they give.
+/// Functions, the number of their arguments, and their results.
 const FUNCTIONS: [(&str, usize, Function); 17] = [
     ("dist", 2, Function::Distance),
     ("speed", 1, Function::Speed),
@@ -30,9 +30,9 @@ const FUNCTIONS: [(&str, usize, Function); 17] = [
     ("max", 2, Function::Pair(f64::max)),
     ("atan2", 2, Function::Pair(f64::atan2)),
 ];
-/// Brackets within brackets, at most.
+/// Deepest nesting of brackets.
 const DEEPEST: usize = 50;
-/// The longest expression, in bytes: each `+` is one more level of what is computed recursively.
+/// Longest expression in bytes: each `+` adds a level to the recursive evaluation.
 const LONGEST: usize = 2000;
 
 /// A checked expression.
@@ -41,7 +41,7 @@ pub struct Expression {
     root: Node,
 }
 
-/// What an expression is computed from: one row of one person.
+/// The inputs of an expression: one row of one person.
 #[derive(Clone, Copy)]
 pub struct Scope<'a> {
     /// Seconds.
@@ -50,7 +50,7 @@ pub struct Scope<'a> {
     pub robot: &'a Values,
     /// The person.
     pub human: &'a Values,
-    /// The risk that the first body runs of colliding with the second.
+    /// The risk that the first body collides with the second.
     pub risk: &'a dyn Fn(&Body, &Body) -> f64,
 }
 
@@ -94,10 +94,10 @@ enum Kind {
 }
 
 impl Expression {
-    /// Reads and checks an expression whose value is a number.
+    /// Parses and checks an expression whose value is a number.
     ///
     /// # Errors
-    /// What is wrong and where (counted from 1), and what is known.
+    /// What is wrong and where (counted from 1), and which names are known.
     pub fn parse(text: &str) -> Result<Self, String> {
         if text.len() > LONGEST {
             return Err(format!(
@@ -119,12 +119,12 @@ impl Expression {
         }
     }
 
-    /// Whether it tells something of a person.
+    /// Whether it uses anything of a person.
     pub fn mentions_human(&self) -> bool {
         self.root.mentions_human()
     }
 
-    /// The value; NaN where it is not finite.
+    /// The value; NaN if it is not finite.
     pub fn value(&self, scope: &Scope<'_>) -> f64 {
         let value = self.root.number(scope);
         if value.is_finite() { value } else { f64::NAN }
@@ -225,7 +225,7 @@ impl Scope<'_> {
     }
 }
 
-/// Place and velocity (from speed and heading) of recorded values.
+/// Position and velocity (from speed and heading) of recorded values.
 pub(super) fn body(values: &Values) -> Body {
     Body::heading(values[2], values[3], values[4], values[5])
 }

@@ -1,11 +1,11 @@
-//! Column names, in all the spellings that ROS-Causal has written.
+//! Column names, in all spellings that ROS-Causal has written.
 //!
-//! The original wrote LaTeX-like names (`r_{gx}`, `r_{\theta}`). Its `\t` became a real TAB, and a
-//! spreadsheet that took the TAB for a separator broke the name in two (`r_{` and `heta}`).
+//! The original used LaTeX-like names (`r_{gx}`, `r_{\theta}`). Its `\t` became a real TAB. A spreadsheet that took
+//! the TAB for a separator then split the name in two (`r_{` and `heta}`).
 
-/// The column names of a header line, with names repaired that a TAB broke.
+/// The column names of a header line, with names that a TAB split joined again.
 ///
-/// Returns the names and how many cells were joined away.
+/// Returns the names, and how many cells disappeared by joining.
 pub fn repaired(cells: &[String]) -> (Vec<String>, usize) {
     let mut names: Vec<String> = Vec::with_capacity(cells.len());
     for cell in cells {
@@ -26,13 +26,13 @@ pub fn plain(name: &str) -> String {
     name.chars().filter(|c| !matches!(c, '{' | '}' | '\\')).collect()
 }
 
-/// The column that a user means by `wanted`: the exact name, or the one with the same plain spelling.
+/// The column that a user means by `wanted`: the one with this name, or with the same plain spelling.
 pub fn position(names: &[String], wanted: &str) -> Option<usize> {
     let exact = names.iter().position(|name| name == wanted);
     exact.or_else(|| names.iter().position(|name| plain(name) == plain(wanted)))
 }
 
-/// The name nearest to `wanted`, if one is near enough to be meant.
+/// The name nearest to `wanted`, if one is close enough.
 pub fn nearest<'a, S: AsRef<str>>(names: &'a [S], wanted: &str) -> Option<&'a str> {
     let closeness =
         |name: &str| strsim::jaro_winkler(&plain(name).to_lowercase(), &plain(wanted).to_lowercase());

@@ -1,12 +1,14 @@
+//! The waiting samples of a robot or person (a body), and the values between two of them.
+
 use std::{
     collections::VecDeque,
     f64::consts::{PI, TAU},
 };
 
-/// The most samples of one body that wait to become rows.
+/// Most samples of one body that wait to become rows.
 const MOST: usize = 100_000;
 
-/// What is recorded of a body, in the order of its columns.
+/// The recorded quantities of a body, in the order of its columns.
 pub const FIELDS: [Field; 7] = [
     Field { name: "gx", unit: "m", kind: Kind::Held },
     Field { name: "gy", unit: "m", kind: Kind::Held },
@@ -20,26 +22,26 @@ pub const FIELDS: [Field; 7] = [
 /// One recorded quantity.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Field {
-    /// End of its column's name.
+    /// End of the column's name.
     pub name: &'static str,
     /// SI unit.
     pub unit: &'static str,
-    /// What its values between two samples are.
+    /// How values between two samples are computed.
     pub kind: Kind,
 }
 
-/// What a quantity does between two samples.
+/// How a quantity behaves between two samples.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Kind {
-    /// Changes evenly.
+    /// Changes linearly.
     Linear,
-    /// Turns evenly the shorter way round.
+    /// Turns evenly, the shorter way round.
     Angle,
     /// Keeps its last value.
     Held,
 }
 
-/// The values of all [`FIELDS`] at one instant; NaN where unknown.
+/// The values of all [`FIELDS`] at one moment; NaN if unknown.
 pub type Values = [f64; FIELDS.len()];
 
 /// The samples of one body, in order of time.
@@ -48,18 +50,18 @@ pub(super) struct Track {
     samples: VecDeque<(i64, Values)>,
 }
 
-/// What became of a sample.
+/// What happened to a sample.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Taken {
     Yes,
-    /// There is one of that stamp already; the first one counts.
+    /// There is already one with that stamp; the first one counts.
     Duplicate,
-    /// Too many samples wait; the oldest went.
+    /// Too many samples wait; the oldest was dropped.
     Crowded,
 }
 
 impl Track {
-    /// Takes a sample (stamp in nanoseconds), in order or not.
+    /// Adds a sample (stamp in nanoseconds), in order or not.
     pub(super) fn insert(&mut self, stamp: i64, values: Values) -> Taken {
         let at = self.samples.partition_point(|(earlier, _)| *earlier < stamp);
         if self.samples.get(at).is_some_and(|(same, _)| *same == stamp) {
@@ -83,8 +85,8 @@ impl Track {
         self.samples.iter()
     }
 
-    /// The values at `t`: those of a sample at `t`, or between two samples at most `max_gap` apart. With `hold`, those
-    /// of the last sample instead of values between.
+    /// The values at `t`: those of a sample at `t`, or interpolated between two samples at most `max_gap` apart.
+    /// With `hold`, those of the last sample instead of interpolated ones.
     pub(super) fn at(&self, t: i64, max_gap: i64, hold: bool) -> Option<Values> {
         let after = self.samples.partition_point(|(stamp, _)| *stamp < t);
         let next = self.samples.get(after);
@@ -110,7 +112,7 @@ impl Track {
         Some(values)
     }
 
-    /// Forgets what no row at `t` or later needs. Whether anything is left that one may need.
+    /// Drops what no row at `t` or later needs. Returns whether any sample is left that such a row may need.
     pub(super) fn forget_before(&mut self, t: i64, max_gap: i64) -> bool {
         while self.samples.get(1).is_some_and(|(second, _)| *second <= t) {
             self.samples.pop_front();

@@ -1,4 +1,4 @@
-//! Recorded batches to files, on a thread of its own, so that recording never waits for a disk or a script.
+//! Writes recorded batches to files, on a thread of its own, so that recording never waits for a disk or a script.
 
 use std::{
     fs::{self, File},
@@ -24,13 +24,13 @@ use super::{
 };
 use crate::{Error, Result};
 
-/// Batches that may wait to be written.
+/// Most batches that wait to be written.
 const WAITING: usize = 64;
-/// Before a batch that could not be written is tried again.
+/// Time before a batch that could not be written is tried again.
 const TRY_AGAIN: Duration = Duration::from_secs(1);
-/// How often the wish to end is looked for meanwhile.
+/// How often a request to end is checked meanwhile.
 const LOOK_AGAIN: Duration = Duration::from_millis(50);
-/// Ends of the names of markers (see [`Step`]).
+/// Suffixes of the names of markers (see [`Step`]).
 const COMMIT: &str = ".commit";
 const DONE: &str = ".done";
 /// Version of the metadata beside a batch.
@@ -39,11 +39,11 @@ const SCHEMA: &str = "roscausal-batch/1";
 /// What happens to a raw batch.
 #[derive(Clone, Debug)]
 pub enum Processing {
-    /// It is the result.
+    /// Nothing: the raw batch is the result.
     None,
     /// The built-in post-processing.
     BuiltIn(Postprocess),
-    /// A program of the user's own.
+    /// A program of the user.
     Script(Script),
 }
 
@@ -58,7 +58,7 @@ pub struct WriterConfig {
     pub id_format: String,
     /// Raw columns in the original's spelling.
     pub legacy_columns: bool,
-    /// The raw batch goes once the post-processed one is written.
+    /// Whether the raw batch is deleted once the post-processed one is written.
     pub delete_raw: bool,
     /// What happens to a raw batch.
     pub processing: Processing,
@@ -66,13 +66,14 @@ pub struct WriterConfig {
     pub parameters: Map<String, Json>,
     /// How much each of the two pools may hold.
     pub limits: Limits,
-    /// The open batch is journalled.
+    /// Whether the open batch is journalled.
     pub journal: bool,
 }
 
-/// How far a batch is. Between two steps lies one renaming, so that at each instant it is certain what is done:
-/// the raw batch is staged, *its journal becomes `.NAME.commit`*, the raw batch gets its name; the post-processed one is
-/// staged, *the marker becomes `.NAME.done`*, the post-processed one gets its name, the marker goes.
+/// Progress of a batch on its way to disk. Exactly one rename lies between two steps, so at any moment it is
+/// certain what is done. The raw batch is staged, *its journal becomes `.NAME.commit`*, the raw batch gets its
+/// name. The post-processed batch is staged, *the marker becomes `.NAME.done`*, the post-processed batch gets its
+/// name, the marker is removed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Step {
     Recorded,
@@ -84,11 +85,11 @@ enum Step {
 /// Where the journal of a batch is.
 #[derive(Debug)]
 enum Origin {
-    /// There is none.
+    /// There is no journal.
     None,
-    /// Kept by the [`Journal`] under this number.
+    /// The [`Journal`] has it under this number.
     Open(u64),
-    /// Left by a process that is gone.
+    /// A process that is gone left it.
     Left(PathBuf),
 }
 
@@ -115,32 +116,32 @@ impl Job {
     }
 }
 
-/// What the writer has done.
+/// State of the writer, for the diagnostics.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct WriterStatus {
     /// Batches written.
     pub written: u64,
     /// Batches post-processed.
     pub processed: u64,
-    /// Post-processings that failed; the raw batch stays.
+    /// Post-processings that failed; their raw batches stay.
     pub failed: u64,
-    /// Batches lost because the disk took none of them for too long.
+    /// Batches lost because the disk refused them for too long.
     pub lost: u64,
-    /// Batches made of what a node left that was ended by force.
+    /// Batches recovered from what a killed node left.
     pub recovered: u64,
     /// Batches dropped because the pool was full.
     pub dropped: u64,
-    /// The pool is full and nothing may be dropped: nothing more is to be recorded now.
+    /// Whether the pool is full and nothing may be dropped: recording has to stop.
     pub full: bool,
-    /// Why the last step did not go through, until one does.
+    /// Why the last step failed, until one succeeds.
     pub trouble: Option<String>,
-    /// Why the last post-processing failed, until one does not.
+    /// Why the last post-processing failed, until one succeeds.
     pub last_failure: Option<String>,
     /// Name of the last batch written.
     pub last: Option<String>,
 }
 
-/// The thread that writes; dropping it waits until all batches are written.
+/// The thread that writes. Dropping it waits until all batches are written.
 #[derive(Debug)]
 pub struct Writer {
     batches: Option<SyncSender<Job>>,
@@ -168,7 +169,7 @@ impl WriterConfig {
         Ok(())
     }
 
-    /// Writes a batch and post-processes it, each in one step with its journal (see [`Step`]).
+    /// Writes a batch and post-processes it, in step with its journal (see [`Step`]).
     fn write(&self, job: &mut Job, journal: Option<&Journal>, status: &Mutex<WriterStatus>) -> Result<()> {
         if job.step == Step::Recorded {
             let stamp = DateTime::from_timestamp(i64::from(job.batch.start.sec), job.batch.start.nanosec);
@@ -177,7 +178,7 @@ impl WriterConfig {
             let raw = job.batch.columns(self.legacy_columns);
             let (facts, text) = (self.metadata(job, &raw, None), csv(&job.batch, &raw));
             self.make_room(&self.raw, facts.len() + text.len(), status)?;
-            // The metadata first: whoever sees the batch finds them.
+            // The metadata comes first, so whoever sees the batch finds it.
             self.raw.write(&sidecar(&name), &facts)?;
             let staged = self.raw.stage(&name, &text)?;
             job.name.clone_from(&name);
@@ -226,7 +227,7 @@ impl WriterConfig {
         status.last = Some(job.name.clone());
     }
 
-    /// Post-processes a batch; whether there is a result.
+    /// Post-processes a batch. Returns whether there is a result.
     fn postprocess(&self, job: &mut Job, status: &Mutex<WriterStatus>) -> Result<bool> {
         let name = &job.name;
         let done = match &self.processing {
@@ -286,15 +287,15 @@ impl WriterConfig {
 
     fn rename(&self, from: &Path, to: &Path) -> Result<()> {
         match fs::rename(from, to) {
-            // Renamed already, before something else went wrong.
+            // It was renamed before something else failed.
             Err(e) if e.kind() == std::io::ErrorKind::NotFound && to.exists() => {}
             done => done.map_err(|e| Error::file(from, e))?,
         }
         sync_dir(self.raw.dir())
     }
 
-    /// Goes on where a process that is gone has stopped: finishes what was being written, and makes batches of journals.
-    /// What remains to be done.
+    /// Continues where a process that is gone stopped: completes what was being written, and makes batches from
+    /// journals. Returns what remains to be done.
     fn recover(&self) -> Result<Vec<Job>> {
         let mut jobs = Vec::new();
         jobs.extend(self.raw.hidden(DONE)?.into_iter().map(|name| Job::left_at(name, Step::Processed)));
@@ -311,7 +312,7 @@ impl WriterConfig {
             }
             jobs.push(job);
         }
-        // What was staged and belongs to none of these was not whole.
+        // A staged file that belongs to none of these was incomplete.
         for pool in [&self.raw, &self.processed] {
             for name in pool.hidden(".tmp")? {
                 if !jobs.iter().any(|job| job.name == name) {
@@ -336,12 +337,12 @@ impl WriterConfig {
         Ok(jobs)
     }
 
-    /// The batches of a journal that was left; one that is none is moved to `rejected/`.
+    /// The batches of a journal that was left behind. An unreadable journal is moved to `rejected/`.
     fn replayed(&self, path: &Path) -> Result<Vec<Recording>> {
         let bytes = fs::read(path).map_err(|e| Error::file(path, e))?;
         match journal::replay(&bytes) {
             Ok(batches) => Ok(batches),
-            // Killed before anything was in it.
+            // Killed before the journal had any content.
             Err(_) if bytes.len() < 4096 => remove(path).map(|()| Vec::new()),
             Err(reason) => {
                 let folder = self.raw.path("rejected");
@@ -419,24 +420,24 @@ impl Writer {
         Ok(Self { batches, journal, first_journal, _lock: lock, thread: Some(thread), ending, status })
     }
 
-    /// Number of the first journal, for [`super::recorder::Recorder::with_journal`]; `None`: no journal is kept.
+    /// Number of the first journal, for [`super::recorder::Recorder::with_journal`]; `None` if no journal is kept.
     pub fn first_journal(&self) -> Option<u64> {
         self.journal.as_ref().map(|_| self.first_journal)
     }
 
-    /// Journals what the recorder has noted; returns at once.
+    /// Journals what the recorder has reported; returns at once.
     pub fn note(&self, entries: Vec<journal::Entry>) {
         if let Some(journal) = &self.journal {
             journal.append(entries);
         }
     }
 
-    /// How the journal fares.
+    /// State of the journal.
     pub fn journal_status(&self) -> JournalStatus {
         self.journal.as_ref().map_or_else(JournalStatus::default, |journal| journal.status())
     }
 
-    /// Hands a batch over, with the number of its journal if it has one; returns at once.
+    /// Hands over a batch, with the number of its journal if it has one; returns at once.
     pub fn write(&self, batch: Recording, journal: Option<u64>) {
         let Some(batches) = &self.batches else { return };
         let origin = journal.map_or(Origin::None, Origin::Open);
@@ -452,12 +453,12 @@ impl Writer {
         }
     }
 
-    /// What has been done so far.
+    /// State of the writer so far.
     pub fn status(&self) -> WriterStatus {
         self.lock().clone()
     }
 
-    /// Whether the pool is full and nothing more is to be recorded now.
+    /// Whether the pool is full, so that recording has to stop.
     pub fn is_full(&self) -> bool {
         self.lock().full
     }
@@ -477,7 +478,7 @@ impl Drop for Writer {
     }
 }
 
-/// What the thread has.
+/// What the thread works with.
 struct Work {
     config: WriterConfig,
     journal: Option<Arc<Journal>>,
@@ -486,7 +487,8 @@ struct Work {
 }
 
 impl Work {
-    /// Writes what was left and all that comes, in order; a batch that cannot be written is tried again until the end.
+    /// Writes the batches that were left behind and all new ones, in order. A batch that cannot be written is tried
+    /// again until the node ends.
     fn run(&self, left: Vec<Job>, batches: &Receiver<Job>) {
         for job in left {
             tracing::warn!("going on with a batch that was left unfinished {}", job.name);
@@ -541,7 +543,7 @@ fn lock(status: &Mutex<WriterStatus>) -> MutexGuard<'_, WriterStatus> {
     status.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-/// A name that neither folder has.
+/// A name that exists in neither folder.
 fn free_name(raw: &Pool, processed: &Pool, id: &str) -> String {
     let mut id_and_count = id.to_owned();
     for count in 2.. {
@@ -554,7 +556,7 @@ fn free_name(raw: &Pool, processed: &Pool, id: &str) -> String {
     raw.new_name(id)
 }
 
-/// `time` and the columns; missing values are empty cells, numbers are as short as they can be and still exact.
+/// `time` and the columns. Missing values are empty cells. Numbers are as short as possible, yet exact.
 fn csv(batch: &Recording, columns: &[Column]) -> Vec<u8> {
     use std::fmt::Write;
     let mut text = String::from("time");
@@ -577,7 +579,7 @@ fn csv(batch: &Recording, columns: &[Column]) -> Vec<u8> {
     text.into_bytes()
 }
 
-/// Nanoseconds as decimal seconds, exactly.
+/// Nanoseconds as exact decimal seconds.
 fn seconds(nanos: i64) -> String {
     let (sign, nanos) = (if nanos < 0 { "-" } else { "" }, nanos.unsigned_abs());
     let text = format!("{sign}{}.{:09}", nanos / 1_000_000_000, nanos % 1_000_000_000);

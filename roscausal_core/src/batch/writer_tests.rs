@@ -1,3 +1,5 @@
+//! Tests of the writer: files, metadata, post-processing, full disks and full pools.
+
 use std::{collections::BTreeMap, time::Instant};
 
 use super::*;
