@@ -1,5 +1,5 @@
-//! Numbers of other implementations: a small set made for this repository (`tests/golden_own`), and the folder of
-//! reference results beside the repository, where there is one.
+//! Results of other implementations: a small set made for this repository (`tests/golden_own`), and the folder of
+//! reference results beside the repository if there is one.
 
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, reason = "a test fails by panicking")]
 
@@ -10,12 +10,12 @@ use std::path::{Path, PathBuf};
 
 use serde_json::Value;
 
-/// How near a result has to be.
+/// How close a result has to be.
 #[derive(Clone, Copy)]
 enum Tolerance {
     /// Relative to the p-value.
     Exact,
-    /// Residuals that enter through their ranks, p-values from a null table.
+    /// Residuals that enter through their ranks, and p-values from a null distribution.
     Table,
     /// P-values from this many surrogates.
     Surrogates(f64),
@@ -69,7 +69,7 @@ fn flat_marks(value: &Value) -> Vec<&str> {
     }
 }
 
-/// What differs between a golden case and ours; empty when all agrees.
+/// The differences between a golden case and our result; empty if they agree.
 fn differences(kind: &str, golden: &Value, ours: &Value) -> Vec<String> {
     let (test, params) = (&golden["test"], &golden["params"]);
     let (golden, ours) = (&golden["result"], &ours["result"]);
@@ -80,7 +80,7 @@ fn differences(kind: &str, golden: &Value, ours: &Value) -> Vec<String> {
     let same_parents =
         golden["pc_stage"].is_null() || golden["pc_stage"]["all_parents"] == ours["all_parents"];
     if !same_parents {
-        // A p-value from surrogates may lie on the other side of the level, and with it a condition.
+        // A p-value from surrogates may fall on the other side of the level, and change a condition with it.
         if surrogates {
             return found;
         }
@@ -116,7 +116,7 @@ fn differences(kind: &str, golden: &Value, ours: &Value) -> Vec<String> {
     found
 }
 
-/// Runs a folder's cases whose id satisfies `wanted`; gives how many there were.
+/// Runs the cases of a folder whose id satisfies `wanted`. Returns how many there were.
 fn check_folder(dir: &Path, wanted: impl Fn(&str) -> bool) -> usize {
     let mut failures = Vec::new();
     let mut count = 0;

@@ -1,4 +1,4 @@
-//! Hostile parameter files: no panic, and memory in proportion to the input.
+//! Hostile parameter files: no panic, and memory proportional to the input.
 
 use roscausal_fuzz::{Allocator, Target};
 use roscausal_rcl::ParamFile;
@@ -31,7 +31,7 @@ fn a_hostile_parameter_file_is_refused_or_read() {
             b"1e999",
             b"? ",
         ],
-        // the YAML library unfolds aliases, up to a hundred times the events that the file has
+        // the YAML library expands aliases, up to a hundred times the events of the file
         bytes_per_byte: 200_000,
     };
     target.run(|input| {

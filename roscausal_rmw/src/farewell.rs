@@ -1,7 +1,8 @@
-//! The last word of a node's DDS participant, as every vendor understands it.
+//! Announces the end of a node's DDS participant in a way that every vendor understands.
 //!
-//! The library says in the content of its message which participant ends. Fast DDS reads that from the key hash among
-//! the message's parameters alone (RTPS 2.5, section 9.6.4.8), and would list the node's topics until its lease ends.
+//! The library says in the content of its message which participant ends. Fast DDS reads that only from the key
+//! hash among the parameters of the message (RTPS 2.5, section 9.6.4.8). Without it, Fast DDS would list the node's
+//! topics until its lease ends.
 
 use std::net::{Ipv4Addr, UdpSocket};
 

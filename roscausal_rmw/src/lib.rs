@@ -1,5 +1,6 @@
-//! A ROS 2 node's place on DDS, over `ros2-client`, with what DDS vendors differ in: publishers and subscriptions, who
-//! else is there and why nothing passes, whether the library still answers, leaving so that everybody hears it.
+//! A ROS 2 node's side of DDS, over `ros2-client`, including what differs between DDS vendors. It has publishers
+//! and subscriptions, the graph and the reasons why endpoints do not match, a watchdog over the library, and an
+//! exit that every vendor notices.
 
 mod farewell;
 mod graph;

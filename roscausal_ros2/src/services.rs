@@ -24,7 +24,7 @@ use crate::{
     wire::{descriptor, from_wire, to_wire},
 };
 
-/// The topic of changes of parameters.
+/// The topic that announces changes of parameters.
 pub(crate) struct ParameterEvents {
     publisher: Publisher<raw::ParameterEvent>,
 }
@@ -33,10 +33,10 @@ fn failed(error: impl std::fmt::Display) -> Error {
     Error::Middleware(format!("parameter services: {error}"))
 }
 
-/// Offers the services of a node's parameters in the graph.
+/// Offers the parameter services of a node.
 ///
 /// # Errors
-/// When the middleware refuses.
+/// If the middleware refuses.
 pub(crate) fn serve(inner: &Arc<Inner>) -> Result<()> {
     answer(inner, "get_parameters", "GetParameters", |node, request: GetParametersRequest| {
         let value = |name: &String| to_wire(node.parameters.get(name)).into();
@@ -72,7 +72,7 @@ pub(crate) fn serve(inner: &Arc<Inner>) -> Result<()> {
 
 impl ParameterEvents {
     /// # Errors
-    /// When the middleware refuses.
+    /// If the middleware refuses.
     pub(crate) fn new(participant: &Participant) -> Result<Self> {
         let profile = QosProfile::publisher_default()
             .reliability_reliable(WhenFull::Fail)
@@ -84,7 +84,7 @@ impl ParameterEvents {
         Ok(Self { publisher: publisher.map_err(failed)? })
     }
 
-    /// Publishes on `/parameter_events` that parameters are new, or have new values.
+    /// Publishes on `/parameter_events` that parameters are new or have new values.
     pub(crate) fn announce(&self, inner: &Inner, names: &[&str], new: bool) {
         let parameter = |name: &&str| raw::Parameter {
             name: (*name).to_owned(),
@@ -100,7 +100,7 @@ impl ParameterEvents {
             changed_parameters,
             deleted_parameters: vec![],
         };
-        // An event that nobody takes is lost, as everywhere in ROS 2.
+        // An event that nobody receives is lost, as everywhere in ROS 2.
         let _ = self.publisher.publish(event);
     }
 }
@@ -114,7 +114,7 @@ fn set(node: &Arc<Inner>, changes: Vec<(String, Option<Value>)>) -> raw::SetPara
     set.inspect_err(|reason| warn!("refused: {reason}")).into()
 }
 
-/// Fast DDS and Cyclone DDS carry a request's identity in different places.
+/// Fast DDS and Cyclone DDS carry the identity of a request in different places.
 fn service_mapping() -> ServiceMapping {
     match std::env::var("RMW_IMPLEMENTATION").as_deref() {
         Ok("rmw_cyclonedds_cpp") => ServiceMapping::Cyclone,
@@ -122,7 +122,7 @@ fn service_mapping() -> ServiceMapping {
     }
 }
 
-/// Offers one service, and answers its requests for as long as the node lives.
+/// Offers one service and answers its requests for as long as the node lives.
 fn answer<Req, Resp>(
     inner: &Arc<Inner>,
     name: &str,

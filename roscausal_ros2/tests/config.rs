@@ -1,4 +1,4 @@
-//! `config/ros2.yaml` holds every parameter of every node, with its default and description. It is written by
+//! `config/ros2.yaml` holds every parameter of every node, with its default and description. To rewrite it, run
 //! `ROSCAUSAL_WRITE_DOCS=1 cargo test -p roscausal_ros2 --test config`.
 #![allow(clippy::expect_used, clippy::panic, reason = "a file that is not as it must be fails the test")]
 

@@ -1,4 +1,4 @@
-//! Hostile arguments: no panic, and memory in proportion to the input.
+//! Hostile arguments: no panic, and memory proportional to the input.
 
 use roscausal_fuzz::{Allocator, Target};
 use roscausal_ros2::Args;
@@ -19,7 +19,7 @@ fn hostile_arguments_are_refused_or_understood() {
     };
     target.run(|input| {
         let text = String::from_utf8_lossy(input);
-        // A file of that name is another test's matter.
+        // Parameter files have a test of their own.
         let args = text.split('\0').filter(|arg| *arg != "--params-file").map(str::to_owned);
         let _ = Args::parse("node", args, |_| None);
     });
