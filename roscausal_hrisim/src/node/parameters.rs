@@ -43,10 +43,10 @@ pub fn parameters() -> Vec<ParamSpec> {
     ]
 }
 
-/// The simulator as its parameters say, until its time is over or the middleware ends.
+/// Runs the simulator with its parameters, until its time is over or the middleware ends.
 ///
 /// # Errors
-/// A parameter that is not allowed, a scenario that cannot be used, a topic that the middleware refuses.
+/// A parameter that is not allowed, a scenario that cannot be used, or a topic that the middleware refuses.
 pub fn run<M: Middleware>(mw: &M) -> Result<()> {
     let params = Params::read(mw, &parameters())?;
     let mut scenario = Scenario::load(&params.text("scenario"))?;
