@@ -1,4 +1,4 @@
-//! `roscausal discover`: CSV files or recordings in, causal model out.
+//! `roscausal discover`: from CSV files or recordings to a causal model.
 
 use std::{
     path::{Path, PathBuf},
@@ -29,8 +29,8 @@ use crate::{
 /// Arguments of `roscausal discover`.
 #[derive(ClapArgs)]
 pub(crate) struct Args {
-    /// CSV files with a header, or recordings (.bag, .mcap, .db3, folders of them); several are recordings of
-    /// one system, no sample crosses from one to the next.
+    /// CSV files with a header, or recordings (.bag, .mcap, .db3, folders of them). Several files are recordings of
+    /// one system: no lagged sample spans two files.
     #[arg(required = true, value_name = "FILE")]
     files: Vec<PathBuf>,
     #[command(flatten)]
@@ -39,10 +39,11 @@ pub(crate) struct Args {
     method: MethodArgs,
     #[command(flatten)]
     means: MeansArgs,
-    /// Columns to analyse, separated by commas; default: all but the time.
+    /// Columns to analyse, separated by commas; default: all except the time.
     #[arg(long, value_delimiter = ',')]
     columns: Option<Vec<String>>,
-    /// Batches with several people: pooled (each person is a recording of one system) or joint (everybody's variables).
+    /// Batches with several people: pooled (each person is a recording of one system) or joint (everybody's
+    /// variables).
     #[arg(long, default_value = "pooled", value_parser = ["pooled", "joint"])]
     several_people: String,
     /// Seed of all random numbers.
@@ -70,7 +71,7 @@ enum Format {
     Csv,
 }
 
-/// Arguments that say how to analyse, the same for every subcommand.
+/// How to analyse; the same arguments for every subcommand.
 #[derive(ClapArgs, Clone)]
 pub(crate) struct MethodArgs {
     /// Discovery method: fpcmci, pcmci, pcmciplus, fullci, bivci, lagdep.
@@ -88,33 +89,34 @@ pub(crate) struct MethodArgs {
     /// Largest lag, in steps.
     #[arg(long, default_value_t = 1)]
     tau_max: usize,
-    /// Level of the condition selection, in (0, 1); `auto`: chosen by a score. Default: 0.2, pcmciplus 0.01.
+    /// Significance level of the condition selection, in (0, 1); `auto`: chosen by a score. Default: 0.2, pcmciplus
+    /// 0.01.
     #[arg(long)]
     pc_alpha: Option<String>,
-    /// Level of F-PCMCI's filter; default: alpha.
+    /// Significance level of F-PCMCI's filter; default: alpha.
     #[arg(long)]
     f_alpha: Option<f64>,
     /// Estimator of F-PCMCI's filter: gaussian or kraskov.
     #[arg(long, default_value = "gaussian")]
     te_estimator: String,
-    /// Correction for many tests: none or fdr_bh.
+    /// Correction for multiple testing: none or fdr_bh.
     #[arg(long, default_value = "none", default_missing_value = "fdr_bh", num_args = 0..=1)]
     fdr: String,
-    /// Columns that nothing may cause (interventions, context), separated by commas.
+    /// Columns that may be causes only (interventions, context), separated by commas.
     #[arg(long, value_delimiter = ',')]
     exogenous: Vec<String>,
 }
 
-/// Arguments that say with what means, for one analysis in the foreground.
+/// Resources of one analysis in the foreground.
 #[derive(ClapArgs, Clone)]
 pub(crate) struct MeansArgs {
-    /// Threads; default: all cores. The result does not depend on it.
+    /// Threads; default: all cores. They do not change the result.
     #[arg(long)]
     threads: Option<usize>,
-    /// Seconds after which to end with a partial result.
+    /// Seconds after which to stop with a partial result.
     #[arg(long, value_name = "SECONDS")]
     time_budget: Option<f64>,
-    /// Megabytes that a test may take; more is refused before it starts.
+    /// Megabytes that a test may take; a test that needs more is refused before it starts.
     #[arg(long, value_name = "MB")]
     max_memory: Option<usize>,
 }
@@ -149,7 +151,7 @@ pub(crate) fn run(args: &Args, interrupt: &Interrupt) -> Result<()> {
     Ok(())
 }
 
-/// A table to analyse and the user's file that it comes from.
+/// A table to analyse, and the user's file that it comes from.
 struct Input {
     table: PathBuf,
     user: PathBuf,
@@ -169,7 +171,7 @@ struct Data {
 }
 
 impl Data {
-    /// Tables with the same columns, each a recording.
+    /// Tables with the same columns, each as a recording.
     fn of(files: &[Input], recordings: Vec<Table>) -> Result<Self> {
         let (names, dt) = (recordings[0].names.clone(), recordings[0].dt());
         let mut warnings: Vec<String> = Vec::new();
@@ -182,8 +184,8 @@ impl Data {
     }
 }
 
-/// The files with what stands beside them, when that tells of interventions or of several people, and all columns are
-/// asked for. Interventions become exogenous.
+/// The files with their metadata, if that mentions interventions or several people and all columns are analysed.
+/// Interventions become exogenous.
 fn with_facts(args: &Args, files: &[Input], settings: &mut Settings) -> Result<Option<Data>> {
     let tables: Vec<&Path> = files.iter().map(|file| file.table.as_path()).collect();
     let says_more = |file: &&Path| {
@@ -201,8 +203,8 @@ fn with_facts(args: &Args, files: &[Input], settings: &mut Settings) -> Result<O
     Ok(Some(Data { data: part.data, dt: joint.dt(), warnings: joint.warnings }))
 }
 
-/// The files to analyse: the user's own, and the batches made of the user's recordings, which are in `--out`
-/// or in a folder that goes with the handle.
+/// The files to analyse: the user's own, and the batches made from the user's recordings. Those are in `--out`, or
+/// in a folder that is removed with the returned handle.
 fn tables_of(
     args: &Args,
     interrupt: &Interrupt,
@@ -281,7 +283,7 @@ impl MethodArgs {
 }
 
 impl MeansArgs {
-    /// Runs the analysis with a progress bar (unless `quiet`), the time budget and the threads asked for.
+    /// Runs the analysis with a progress bar (unless `quiet`), within the given time budget and threads.
     fn analyse(
         &self,
         data: &DataFrame,

@@ -59,7 +59,7 @@ pub struct MultiArrayDimension {
     pub label: std::string::String,
     /// Its length.
     pub size: u32,
-    /// Elements per step along this axis's outer neighbour: this size times those of the axes after it.
+    /// Elements in this axis and all inner ones: this size times those of the axes after it.
     pub stride: u32,
 }
 message!("std_msgs" MultiArrayDimension uses []);

@@ -1,4 +1,4 @@
-//! Runs counted: recall per link, scores per setting, tables and plots.
+//! Evaluates runs: recall per link, scores per setting, tables and plots.
 
 use std::{collections::BTreeMap, fmt::Write};
 
@@ -9,7 +9,7 @@ use crate::expected::PAPER;
 
 type Link = (String, String);
 
-/// The variables of an experiment; every ordered pair of two is a possible cross link.
+/// The variables of an experiment. Every ordered pair of two is a possible cross link.
 const VARIABLES: [&str; 3] = ["h_v", "h_dg", "h_risk"];
 
 /// How often one link was found with one setting.
@@ -19,8 +19,8 @@ struct Recall {
     expected: bool,
     found: usize,
     runs: usize,
-    /// Of the runs that found the link, in any scenario with the same settings otherwise, the share of those whose
-    /// scenario has it; `None` when none found it.
+    /// Of the runs of all scenarios that share the other settings and found the link: the fraction whose scenario
+    /// has it. `None` if no run found it.
     precision: Option<f64>,
 }
 
@@ -28,18 +28,18 @@ struct Recall {
 struct Group<'a> {
     setting: &'a Setting,
     runs: Vec<&'a Run>,
-    /// Those and the runs of other scenarios with the same settings otherwise.
+    /// The runs of all scenarios that share the other settings.
     all_scenarios: Vec<&'a Run>,
 }
 
-/// What is said of one setting.
+/// The scores of one setting.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Score {
-    /// Share of the expected links that were found, over all runs.
+    /// Fraction of the expected links that were found, over all runs.
     recall: f64,
-    /// Share of the links found that were expected; `None` when none was found.
+    /// Fraction of the links found that were expected; `None` if none was found.
     precision: Option<f64>,
-    /// Mean structural Hamming distance: links missing and links too many.
+    /// Mean structural Hamming distance: missing links plus extra links.
     shd: f64,
     /// Runs with exactly the expected links.
     exact: usize,
@@ -169,17 +169,17 @@ impl Group<'_> {
     }
 }
 
-/// A share in a text; `-` for none.
+/// A fraction in a text; `-` for none.
 fn shown(share: Option<f64>) -> String {
     share.map_or("-".to_owned(), |share| format!("{share:.2}"))
 }
 
-/// A share in a file; empty for none.
+/// A fraction in a file; empty for none.
 fn cell(share: Option<f64>) -> String {
     share.map_or(String::new(), |share| format!("{share:.4}"))
 }
 
-/// Wilson's interval of a share at 95 % (Wilson 1927).
+/// Wilson's 95 % interval of a fraction (Wilson 1927).
 fn wilson(found: usize, runs: usize) -> (f64, f64) {
     const Z: f64 = 1.959_963_984_540_054;
     let (n, p) = (runs.max(1) as f64, found as f64 / runs.max(1) as f64);
@@ -257,7 +257,7 @@ fn runs_csv(runs: &[Run]) -> String {
     csv
 }
 
-/// What a plot has on its horizontal axis.
+/// The horizontal axis of a plot.
 #[derive(Clone, Copy)]
 enum Factor {
     Length,
@@ -279,7 +279,7 @@ impl Factor {
         }
     }
 
-    /// The setting without this factor: equal for those on one curve.
+    /// The setting without this factor; it is the same for all points of one curve.
     fn family(self, setting: &Setting) -> String {
         let mut setting = setting.clone();
         match self {
@@ -290,14 +290,14 @@ impl Factor {
     }
 }
 
-/// Recall of each link, precision, Hamming distance and run time against one factor; of the settings that differ in
-/// that factor alone, the largest family.
+/// Recall of each link, precision, Hamming distance and run time against one factor. Uses the largest set of
+/// settings that differ in that factor alone.
 fn plot(groups: &[Group<'_>], factor: Factor) -> String {
     let mut families: BTreeMap<String, Vec<&Group<'_>>> = BTreeMap::new();
     for group in groups {
         families.entry(factor.family(group.setting)).or_default().push(group);
     }
-    // Of equals the first: `max_by_key` prefers the last, hence the reversal.
+    // The first of equals: `max_by_key` prefers the last, hence the reversal.
     let Some(mut family) = families.into_values().rev().max_by_key(Vec::len) else {
         return curves("", factor.label(), &[]);
     };
@@ -395,7 +395,7 @@ mod tests {
         assert_eq!(counts, [2, 1, 1, 1, 1, 0]);
         let score = long.score();
         assert_eq!((score.recall, score.precision), (5.0 / 8.0, Some(5.0 / 6.0)));
-        // Three missing and one too many in the second run of two.
+        // Three missing and one extra link in the second run of two.
         assert_eq!((score.shd, score.exact), (2.0, 1));
         assert_eq!((groups[0].score().precision, groups[0].score().shd), (None, 4.0));
     }
