@@ -36,13 +36,18 @@ pub fn parameters() -> Vec<ParamSpec> {
     use Allowed::{Any, Range};
     let text = |text: &str| Value::Str(text.to_owned());
     let mut specs = vec![
-        ParamSpec::new("address", text("127.0.0.1"), Any, "address to serve the page on; 0.0.0.0: all"),
-        ParamSpec::new("port", Value::Int(8321), Range(0.0, 65535.0), "port of the page; 0: any free one"),
+        ParamSpec::new(
+            "address",
+            text("127.0.0.1"),
+            Any,
+            "address on which the page is served; 0.0.0.0: all",
+        ),
+        ParamSpec::new("port", Value::Int(8321), Range(0.0, 65535.0), "port of the page; 0: any free port"),
         ParamSpec::new(
             "token",
             text(""),
             Any,
-            "who opens the page must know it; empty: none on 127.0.0.1, a random one on other addresses",
+            "token that opens the page; empty: none on 127.0.0.1, a random one on other addresses",
         ),
     ];
     specs.extend(SceneOptions::specs());

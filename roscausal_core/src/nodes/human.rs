@@ -52,7 +52,7 @@ pub(super) fn specs() -> Vec<ParamSpec> {
             "people_topic",
             text(""),
             Any,
-            "people of another tracker, of people_type; empty: none",
+            "people from another tracker, of type people_type; empty: none",
         ),
         ParamSpec::new(
             "people_type",
@@ -63,7 +63,7 @@ pub(super) fn specs() -> Vec<ParamSpec> {
                 "geometry_msgs/PoseArray",
                 "ros4hri",
             ]),
-            "type of people_topic; ros4hri: TF frames person_<id>, people_topic unused",
+            "type of people_topic; ros4hri: TF frames person_<id> instead of people_topic",
         ),
         ParamSpec::new(
             "goal_param",
@@ -83,20 +83,20 @@ pub(super) fn specs() -> Vec<ParamSpec> {
             Any,
             "pedsim_msgs/TrackedPersons whose poses are the people's goals; empty: none",
         ),
-        ParamSpec::new("robot", text(""), Any, "name of the robot that nearest:N is about; empty: none"),
+        ParamSpec::new("robot", text(""), Any, "name of the robot that nearest:N refers to; empty: none"),
         ParamSpec::new("source_frame", text("base_footprint"), Any, "frame of people whose topic names none"),
         ParamSpec::new("target_frame", text("map"), Any, "frame of the published states"),
         ParamSpec::new(
             "sel_agent",
             text("1000"),
             Any,
-            "who is on /roscausal/human; not there: the first person",
+            "person on /roscausal/human; if absent, the first person",
         ),
         ParamSpec::new(
             "person_timeout",
             Value::Double(1.0),
             Range(0.05, 60.0),
-            "seconds a person is held unseen",
+            "seconds for which a person is kept after the last sighting",
         ),
     ]
 }

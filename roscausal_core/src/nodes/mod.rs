@@ -120,18 +120,21 @@ mod tests {
 
     fn documentation() -> String {
         let mut text = String::from(
-            "# Parameters of the nodes\n\nMade from the nodes' own tables; ROS 1: `_name:=value`, ROS 2: `-p name:=value`. \
-             `True`, `\"0.1\"` and `\"\"` for none are understood.\n",
+            "# Parameters of the nodes\n\nThis page is generated from the nodes' own tables. Set a parameter with \
+             `_name:=value` (ROS 1) or `-p name:=value` (ROS 2). The spellings `True`, `\"0.1\"`, and `\"\"` for none are \
+             accepted.\n",
         );
         for node in NODES {
-            let _ =
-                write!(text, "\n## {node}\n\n| parameter | default | allowed | what |\n|---|---|---|---|\n");
+            let _ = write!(
+                text,
+                "\n## {node}\n\n| parameter | default | allowed | meaning |\n|---|---|---|---|\n"
+            );
             for spec in parameters(node).expect("a node") {
                 let allowed = match (&spec.allowed, &spec.default) {
                     (Allowed::Range(low, high), _) => format!("{low} to {high}"),
                     (Allowed::OneOf(words), _) => words.join(", "),
                     (Allowed::Any, Value::Bool(_)) => "true, false".into(),
-                    (Allowed::Any, Value::Int(_)) => "whole number".into(),
+                    (Allowed::Any, Value::Int(_)) => "integer".into(),
                     (Allowed::Any, Value::Double(_)) => "number or empty".into(),
                     (Allowed::Any, Value::Str(_)) => "text".into(),
                     (Allowed::Any, Value::List(_)) => "list".into(),

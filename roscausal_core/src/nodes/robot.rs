@@ -53,12 +53,17 @@ pub(super) fn specs() -> Vec<ParamSpec> {
         ParamSpec::new("robot", text(""), Any, "name of the robot, the namespace of its topics; empty: none"),
         ParamSpec::new("source_frame", text("base_footprint"), Any, "frame of the robot"),
         ParamSpec::new("target_frame", text("map"), Any, "frame of the published state"),
-        ParamSpec::new("queue_size", Value::Int(10), Range(1.0, 10000.0), "messages that wait for a partner"),
+        ParamSpec::new(
+            "queue_size",
+            Value::Int(10),
+            Range(1.0, 10000.0),
+            "most messages that wait for a partner",
+        ),
         ParamSpec::new(
             "slop",
             Value::Double(0.1),
             Range(0.0, 10.0),
-            "seconds between pose and odometry at most",
+            "most seconds between a pose and its odometry",
         ),
     ]
 }

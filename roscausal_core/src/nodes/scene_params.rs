@@ -14,8 +14,13 @@ pub(super) fn risk_specs() -> [ParamSpec; 2] {
     use Allowed::Range;
     use Value::Double;
     [
-        ParamSpec::new("obs_size", Double(2.0), Range(0.01, 100.0), "radius the robot is widened by, metres"),
-        ParamSpec::new("safe_dist", Double(5.0), Range(0.01, 1000.0), "no collision course beyond, metres"),
+        ParamSpec::new("obs_size", Double(2.0), Range(0.01, 100.0), "radius added around the robot, metres"),
+        ParamSpec::new(
+            "safe_dist",
+            Double(5.0),
+            Range(0.01, 1000.0),
+            "distance beyond which there is no collision course, metres",
+        ),
     ]
 }
 
@@ -39,7 +44,7 @@ impl Default for SceneOptions {
 impl SceneOptions {
     /// Names, defaults, allowed values and descriptions of the parameters.
     pub fn specs() -> Vec<ParamSpec> {
-        let whose = "whose goal and risk are shown: an id or nearest:1; not there: the first person";
+        let whose = "person whose goal and risk are shown: an id or nearest:1; if absent, the first person";
         let mut specs = vec![ParamSpec::new("sel_agent", Value::Str("1000".into()), Allowed::Any, whose)];
         specs.extend(risk_specs());
         specs

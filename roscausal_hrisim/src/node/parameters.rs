@@ -23,7 +23,7 @@ pub fn parameters() -> Vec<ParamSpec> {
             "do",
             Value::List(Vec::new()),
             Any,
-            "interventions beside those of the scenario, such as robot.speed=0.2@60..90",
+            "interventions in addition to those of the scenario, such as robot.speed=0.2@60..90",
         ),
         ParamSpec::new("seed", Value::Int(1), Range(0.0, 9e15), "seed of all random numbers"),
         ParamSpec::new(
@@ -36,10 +36,10 @@ pub fn parameters() -> Vec<ParamSpec> {
             "speed",
             Value::Double(1.0),
             Range(0.0, 1000.0),
-            "times real time; 0: as fast as the machine allows",
+            "how many times faster than real time; 0: as fast as the machine allows",
         ),
         ParamSpec::new("clock", Value::Bool(true), Any, "publish /clock and stamp with simulated time"),
-        ParamSpec::new("every", Value::Int(1), Range(1.0, 250.0), "steps of 0.04 s from message to message"),
+        ParamSpec::new("every", Value::Int(1), Range(1.0, 250.0), "steps of 0.04 s per message"),
     ]
 }
 
