@@ -44,7 +44,9 @@ fn all() -> Vec<(String, Vec<ParamSpec>)> {
 }
 
 fn generated() -> String {
-    let mut text = "# Every parameter of every node, with its default. Copy what you change.\n".to_owned();
+    let mut text =
+        "# Every parameter of every node, with its default. Copy the parameters that you change.\n"
+            .to_owned();
     for (node, specs) in all() {
         let _ = write!(text, "\n{node}:\n  ros__parameters:\n");
         for spec in specs.iter().filter(|spec| !spec.name.starts_with('/')) {
