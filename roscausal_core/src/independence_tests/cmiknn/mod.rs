@@ -26,9 +26,9 @@ const TIE_NOISE: f64 = 1e-6;
 /// permutation test (Runge 2018, AISTATS, "Conditional independence testing based on a nearest-neighbor
 /// estimator").
 ///
-/// Surrogates rearrange Y among the nearest samples in Z, or X in blocks if there is no Z. The p-value is `(count +
-/// 1) / (samples + 1)`, where `count` is the number of surrogates whose information is not below the value. All
-/// surrogates are always drawn; the test never stops early.
+/// Surrogates rearrange Y among the nearest samples in Z, or X in blocks if there is no Z. The p-value is
+/// `(count + 1) / (samples + 1)`, where `count` is the number of surrogates whose information is not below the value.
+/// All surrogates are always drawn; the test never stops early.
 #[derive(Clone, Debug)]
 pub struct CmiKnn {
     settings: TestSettings,
