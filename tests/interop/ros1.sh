@@ -1,6 +1,6 @@
 #!/bin/bash
 # Tests against a real ROS 1: roscore, rospy, roslaunch, rosbag, catkin. Ends with 'N passed, N failed'; exit 0 only
-# when all passed. Without ROS 1 it installs Debian's, when it is root on such a system.
+# if all passed. Without ROS 1 it installs Debian's packages, if it runs as root on Debian.
 #   tests/interop/ros1.sh [GROUP...]        groups: wire life restart clock laws nodes original pipeline packages,
 #                                           and figures (five minutes), which needs an otherwise idle machine
 # Each group has a master on its own port of 127.0.0.1. Only processes that were started here are ended.
