@@ -1,15 +1,18 @@
 //! The simulator as a node: it publishes like a robot and a people tracker on any middleware, and obeys commands.
 //!
-//! Topics out. A robot with a name has its topics below `/NAME`: `/mobile_base_controller/odom`, `/robot_pose`,
-//! `/tf` (`map -> odom -> base_footprint`), `/goal_pose` and, on ROS 1, `/move_base/goal`. For people:
-//! `/ped/control/teleop_persons` (scripted or driven people), `/pedsim_simulator/simulated_agents` (pedestrians),
-//! `/hri/human_goal` (topic and parameter; `/hri/human_goal_ID` for all except the first person),
-//! `/hri/human_goals` (`TrackedPersons` whose poses are everybody's goals), and `/hri/risk`. Also
-//! `/pedsim_simulator/simulated_walls`, `/clock`, and `/hri/interventions`: a JSON text `{"stamp": s, "time": s,
-//! "context": {column: [value]}}`, in which an empty list means that nothing is imposed.
+//! Topics out:
+//! - each robot (below `/NAME` if it has a name): `/mobile_base_controller/odom`, `/robot_pose`, `/goal_pose` and, on
+//!   ROS 1, `/move_base/goal`; its frames on `/tf` (`map -> odom -> base_footprint`);
+//! - people: `/ped/control/teleop_persons` (scripted or driven people), `/pedsim_simulator/simulated_agents`
+//!   (pedestrians), `/hri/human_goal` (topic and parameter; `/hri/human_goal_ID` for all except the first person),
+//!   `/hri/human_goals` (`TrackedPersons` whose poses are everybody's goals), `/hri/risk`;
+//! - the rest: `/pedsim_simulator/simulated_walls`, `/clock`, and `/hri/interventions`, a JSON text
+//!   `{"stamp": s, "time": s, "context": {column: [value]}}` in which an empty list means that nothing is imposed.
 //!
-//! Topics in: `/ped/control/cmd_vel`, `twist_mux/scaling_factor`, `/hri/control` (`pause`, `resume`, `step`, `step
-//! N`, `reset`, `autonomous`), `/hri/do` (such as `robot.speed=0.2@60..90`).
+//! Topics in:
+//! - `/ped/control/cmd_vel` and `twist_mux/scaling_factor`;
+//! - `/hri/control`: `pause`, `resume`, `step`, `step N`, `reset`, `autonomous`;
+//! - `/hri/do`: an intervention, such as `robot.speed=0.2@60..90`.
 
 mod commands;
 mod parameters;
