@@ -19,7 +19,7 @@ pub(crate) struct Args {
     /// Seed of the simulation.
     #[arg(long, default_value_t = 1)]
     seed: u64,
-    /// Seconds at most.
+    /// Maximum length of the run in seconds.
     #[arg(long, default_value_t = 300.0)]
     duration: f64,
     /// Intervene, such as `robot.speed=0.2@60..90`; may be given several times.

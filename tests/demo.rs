@@ -1,4 +1,4 @@
-//! `roscausal demo` as a newcomer calls it.
+//! `roscausal demo` as a newcomer runs it.
 
 #![allow(clippy::expect_used, clippy::panic, reason = "a test may panic: that is how it fails")]
 
@@ -13,7 +13,7 @@ fn demo(dir: &Path, args: &[&str]) -> Output {
         .expect("the command starts")
 }
 
-/// Every file below a folder, by its path in it.
+/// Every file below a folder, by its relative path.
 fn files(dir: &Path) -> BTreeMap<String, Vec<u8>> {
     let mut found = BTreeMap::new();
     let mut open = vec![dir.to_path_buf()];

@@ -1,4 +1,4 @@
-//! `roscausal discover` as its users call it: what it prints, writes and complains about.
+//! `roscausal discover` as its users run it: what it prints, what it writes, and its errors.
 
 #![allow(clippy::expect_used, clippy::panic, reason = "a test may panic: that is how it fails")]
 
@@ -17,7 +17,7 @@ fn folder(file: &str, content: &str) -> TempDir {
     dir
 }
 
-/// `a` drives `b` one step later; deterministic noise.
+/// `a` drives `b` one step later, with deterministic noise.
 fn coupled(rows: usize) -> String {
     let mut state = 7_u64;
     let mut noise = || unit(&mut state) - 0.5;

@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
-# The native GPDC against the reference's Python implementation in an embedded interpreter (feature `python`).
-# Exit 0 only when they agree; 77 when the Python packages cannot be had. Makes its own environment below target/.
+# The native GPDC against the Python reference in an embedded interpreter (feature `python`).
+# Exit 0 only if they agree; 77 if the Python packages are not available. Makes its own environment below target/.
 set -uo pipefail
 cd "$(dirname "$0")/.."
 . tests/lib.sh

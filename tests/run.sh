@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
-# All tests: Rust's own, then those against other software. Installs what they need and says loudly what it cannot
-# install. Exit code 0 only when nothing failed.
+# All tests: Rust's own, then those against other software. Installs what they need, and reports loudly what it cannot
+# install. Exit code 0 only if nothing failed.
 set -uo pipefail
 cd "$(dirname "$0")/.."
 

@@ -1,4 +1,4 @@
-//! The discovery node beside faults: budgets, disks that refuse, a second node, a method that hangs.
+//! The discovery node under faults: budgets, disks that refuse, a second node, a method that hangs.
 
 #![cfg(unix)]
 #![allow(clippy::expect_used, clippy::panic, reason = "a test may panic: that is how it fails")]
@@ -35,7 +35,7 @@ fn word(word: &str) -> Value {
     Value::Str(word.to_owned())
 }
 
-/// A pool with `batches` in which b follows a.
+/// A pool with `batches` batches in which b follows a.
 fn pool(dir: &Path, batches: usize) {
     fs::create_dir_all(dir.join("pp")).expect("makes");
     for batch in 0..batches {
@@ -226,7 +226,7 @@ fn recording_goes_on_while_an_analysis_hangs() {
         })
     };
     wait_until(|| batches() >= 5);
-    // The end is heard within a second, though the analysis hangs.
+    // A request to end is noticed within a second, although the analysis hangs.
     let end = Instant::now();
     node.end();
     assert!(end.elapsed() < Duration::from_secs(5));

@@ -1,4 +1,4 @@
-//! Hostile files and texts: no panic, and memory in proportion to the input.
+//! Hostile files and texts: no panic, and memory proportional to the input.
 
 #![allow(clippy::expect_used, reason = "a test may panic: that is how it fails")]
 
@@ -87,7 +87,7 @@ fn a_hostile_journal_is_refused_or_replayed_up_to_its_last_whole_block() {
             let _ = journal::replay(input);
         },
     );
-    // Behind checksums that fit: what a faulty disk does not make, but a hostile writer.
+    // With valid checksums: a faulty disk does not produce this, but a hostile writer does.
     run(
         "journal_header",
         &[&serde_json::to_vec(&header).expect("JSON")],

@@ -1,4 +1,4 @@
-//! The whole chain under random `kill -9`: what is in the folders afterwards.
+//! The whole chain under random `kill -9`, and what the folders hold afterwards.
 //!
 //! `ROSCAUSAL_KILLS=200 cargo test -p roscausal_core --test kill -- --nocapture` takes about eight minutes.
 
@@ -24,7 +24,7 @@ use roscausal_fuzz::unit;
 
 const FOLDER: &str = "ROSCAUSAL_KILL_FOLDER";
 const DRAIN: &str = "ROSCAUSAL_KILL_DRAIN";
-/// What a kill may cost, seconds: one, and what a busy machine may take to sync a file.
+/// The most that a kill may cost in seconds: one, plus what a busy machine may need to sync a file.
 const BOUND_S: f64 = 1.0 + 1.0;
 
 /// Not a test: the process that is killed.
@@ -81,7 +81,7 @@ fn after_random_kills_every_batch_is_whole_and_every_model_comes_out_once() {
             assert!(*before == text, "{name} changed");
         }
     }
-    // A last life without sensors finishes what is left.
+    // A last run without sensors completes what is left.
     let mut last = victim(dir, true);
     let busy = || {
         !names(&dir.join("pp"), ".csv").is_empty()
@@ -100,7 +100,7 @@ fn after_random_kills_every_batch_is_whole_and_every_model_comes_out_once() {
     account(dir, &lives);
 }
 
-/// Checks everything that is in the folders, and prints the count.
+/// Checks everything in the folders and prints the counts.
 fn account(dir: &Path, lives: &[(f64, f64)]) {
     let raw = names(&dir.join("raw"), ".csv");
     let (mut rows, mut recovered, mut incomplete) = (0, 0, 0);
@@ -132,7 +132,7 @@ fn account(dir: &Path, lives: &[(f64, f64)]) {
         names(&dir.join("pp/rejected"), "").is_empty() && names(&dir.join("raw/rejected"), "").is_empty()
     );
     assert_eq!(names(&dir.join("models"), ".json").len(), raw.len() - incomplete);
-    // What each life has recorded and lost.
+    // What each run recorded and lost.
     let (mut recording, mut most) = (0, 0.0_f64);
     for (begin, end) in lives {
         let Some(last) = times.iter().copied().filter(|t| t >= begin && t <= end).reduce(f64::max) else {
@@ -168,7 +168,7 @@ fn check_values(name: &str, table: &Table, time: &[f64]) {
     }
 }
 
-/// Names of the files of a folder that end with `end`, in order; none when there is no folder.
+/// Sorted names of the files in a folder that end with `end`; none if there is no folder.
 fn names(dir: &Path, end: &str) -> Vec<String> {
     let entries = fs::read_dir(dir).into_iter().flatten().flatten();
     let mut names: Vec<String> = entries

@@ -25,12 +25,12 @@ const NOT_BUILT: [&str; 2] = ["lpcmci_parcorr_hidden", "pcmci_cmisymb_discrete"]
 const OTHER_RANDOM_NUMBERS: [&str; 2] =
     ["pcmci_parcorr_var_shuffle", "fpcmci_parcorr_var_lag2_neglect_fa0.05"];
 
-/// How near a result has to be.
+/// How close a result has to be.
 #[derive(Clone, Copy)]
 enum Tolerance {
     /// Relative to the p-value.
     Exact,
-    /// Residuals that enter through their ranks, p-values from a null table.
+    /// Residuals that enter through their ranks, and p-values from a null distribution.
     Table,
     /// P-values from this many surrogates.
     Surrogates(f64),
@@ -95,7 +95,7 @@ fn far(what: &str, golden: &Value, ours: &Value, near: impl Fn(f64) -> f64) -> V
     both.filter(|(_, (a, b))| !is_near(*a, *b)).map(|(k, (a, b))| format!("{what} {k}: {a} {b}")).collect()
 }
 
-/// What differs between a golden case and ours; empty when all agrees.
+/// The differences between a golden case and our result; empty if they agree.
 fn differences(kind: &str, golden: &Value, ours: &Value) -> Vec<String> {
     let (test, params) = (&golden["test"], &golden["params"]);
     let (golden, ours) = (&golden["result"], &ours["result"]);

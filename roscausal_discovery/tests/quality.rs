@@ -1,4 +1,4 @@
-//! A hundred random networks: the graphs of the reference, link by link.
+//! A hundred random networks: the same graphs as the reference, link by link.
 
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, reason = "a test fails by panicking")]
 

@@ -1,8 +1,8 @@
-//! Mutations: bytes and tokens changed, put in, left out, doubled.
+//! Mutations of byte strings: bytes and tokens are changed, inserted, left out or doubled.
 
 use crate::random::splitmix64;
 
-/// Numbers that lengths, counts and indices like to stumble over.
+/// Numbers that often break lengths, counts and indices.
 const NUMBERS: [u64; 12] = [
     0,
     1,
@@ -17,10 +17,10 @@ const NUMBERS: [u64; 12] = [
     0x7fff_ffff_ffff_ffff,
     u64::MAX,
 ];
-/// The longest input that is made.
+/// Length of the longest input.
 const LONGEST: usize = 1 << 16;
 
-/// Makes inputs from those of a corpus; the same seed makes the same ones.
+/// Makes inputs from those of a corpus. The same seed makes the same inputs.
 #[derive(Debug)]
 pub struct Mutator<'a> {
     state: u64,
@@ -28,12 +28,12 @@ pub struct Mutator<'a> {
 }
 
 impl<'a> Mutator<'a> {
-    /// A mutator that also puts in `tokens`.
+    /// A mutator that also inserts `tokens`.
     pub fn new(seed: u64, tokens: &'a [&'a [u8]]) -> Self {
         Self { state: seed, tokens }
     }
 
-    /// The next input: one of the corpus after one to eight changes.
+    /// The next input: one of the corpus with one to eight changes.
     pub fn next(&mut self, corpus: &[Vec<u8>]) -> Vec<u8> {
         let mut input = self.one_of(corpus).cloned().unwrap_or_default();
         for _ in 0..=self.below(8) {

@@ -1,4 +1,4 @@
-//! The program of a backend: one of the nodes, told by the program's own name or by the first argument.
+//! The program of a backend: it runs one of the nodes, chosen by the program's own name or by the first argument.
 
 use std::{
     panic::{AssertUnwindSafe, catch_unwind},
@@ -20,12 +20,12 @@ use signal_hook::{
 
 use crate::{Console, console::Targets, in_time};
 
-/// The command line, a parameter or a name is wrong: starting again will not help.
+/// The command line, a parameter or a name is wrong: starting again does not help.
 const EXIT_USAGE: u8 = 2;
-/// Something broke: starting again may help.
+/// Something failed: starting again may help.
 pub const EXIT_FAILED: u8 = 1;
 
-/// A backend, as its program sees it.
+/// A backend, from the view of its program.
 pub trait Backend: Middleware {
     /// What the command line and the environment ask for, checked.
     type Start;
@@ -33,24 +33,26 @@ pub trait Backend: Middleware {
     const PROGRAM: &'static str;
     /// What may follow the node's name, for the usage line.
     const ARGUMENTS: &'static str;
-    /// How long after a signal the node is out of the graph, whatever it still does.
+    /// Time after a signal within which the node leaves the graph, whatever it is doing.
     const LEAVE_WITHIN: Duration;
-    /// How much later the program ends, finished or not.
+    /// Time after that within which the program ends, finished or not.
     const END_WITHIN: Duration;
 
-    /// Reads what follows the node's name on the command line. `name`: the node's, unless it is remapped.
+    /// Reads what follows the node's name on the command line. `name` is the name of the node, unless it is
+    /// remapped.
     ///
     /// # Errors
     /// One sentence for the user.
     fn read(name: &str, args: Vec<String>) -> std::result::Result<Self::Start, String>;
 
-    /// What is logged.
+    /// Which messages are logged.
     fn filter(start: &Self::Start) -> Targets;
 
-    /// Joins the graph, with the log on `/rosout`. `goes_on` is false once the program is asked to end: while nobody
-    /// answers, it waits as long.
+    /// Joins the graph and logs to `/rosout`. While nobody answers, it waits until `goes_on` is false, that is,
+    /// until the program is asked to end.
     ///
     /// # Errors
+    /// The reason why the node cannot join.
     /// What keeps the node out.
     fn join(
         start: Self::Start,
@@ -58,10 +60,10 @@ pub trait Backend: Middleware {
         goes_on: impl Fn() -> bool + Send + 'static,
     ) -> Result<Self>;
 
-    /// Leaves the graph at once, whatever the node still does; it is called more than once.
+    /// Leaves the graph at once, whatever the node is doing. It is called more than once.
     fn leave(&self);
 
-    /// True when the node ends because something broke.
+    /// Whether the node ends because something failed.
     fn failed(&self) -> bool {
         false
     }
@@ -129,7 +131,7 @@ impl<B: Backend> Nodes<'_, B> {
     }
 }
 
-/// The node's life, from joining the graph until it has left it; the program's exit code.
+/// Runs a node from joining the graph to leaving it. Returns the exit code of the program.
 fn live<B: Backend>(node: &str, start: B::Start, run: impl FnOnce(&B) -> Result<()>) -> u8 {
     let console = Console::install(B::filter(&start));
     console.name(&format!("roscausal_{node}"));
@@ -150,7 +152,7 @@ fn live<B: Backend>(node: &str, start: B::Start, run: impl FnOnce(&B) -> Result<
         Ok(mw) => mw,
         Err(error) => return told(error),
     };
-    // What goes wrong is told while /rosout still takes it.
+    // Errors are logged while /rosout still works.
     let code = match catch_unwind(AssertUnwindSafe(|| run(&mw))) {
         Ok(Ok(())) if mw.failed() => EXIT_FAILED,
         Ok(Ok(())) => 0,
@@ -164,7 +166,7 @@ fn live<B: Backend>(node: &str, start: B::Start, run: impl FnOnce(&B) -> Result<
     code
 }
 
-/// SIGINT and SIGTERM: the first asks the node to end, the second, or too long a wait, ends it.
+/// SIGINT and SIGTERM: the first signal asks the node to end; the second one, or a time-out, ends the program.
 struct Stop<B> {
     asked: AtomicBool,
     node: OnceLock<B>,
@@ -185,7 +187,7 @@ impl<B: Backend> Stop<B> {
         self.asked.load(Ordering::SeqCst)
     }
 
-    /// Names the node to be ended.
+    /// Registers the node that has to end.
     fn end_with(&self, node: &B) {
         let _ = self.node.set(node.clone());
         if self.is_asked() {
@@ -214,7 +216,7 @@ impl<B: Backend> Stop<B> {
         });
     }
 
-    /// What the node stands on may never answer.
+    /// Leaves within a deadline, because the middleware may never answer.
     fn leave_in_time(&self) {
         if let Some(node) = self.node.get().cloned() {
             in_time(B::LEAVE_WITHIN + B::END_WITHIN, move || node.leave());

@@ -1,5 +1,5 @@
-//! `roscausal_ros1 NODE [ROS arguments]`: one of the nodes of ROS-Causal on a ROS 1 master. Under another name,
-//! such as `roscausal_data`, it runs the node of that name.
+//! `roscausal_ros1 NODE [ROS arguments]` runs one of the nodes of ROS-Causal on a ROS 1 master. Under another name,
+//! such as `roscausal_data`, the program runs the node of that name.
 
 use std::process::ExitCode;
 

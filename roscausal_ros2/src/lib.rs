@@ -1,6 +1,6 @@
-//! ROS 2 backend: [`roscausal_core::middleware::Middleware`] over `ros2-client`, in pure Rust; no ROS
-//! installation is needed, to build or to run. What `rcl` does (names, parameters and their files) is in `rcl/`, the
-//! node's place on DDS in `dds/`.
+//! ROS 2 backend: [`roscausal_core::middleware::Middleware`] over `ros2-client`, in pure Rust. It needs no ROS
+//! installation, neither to build nor to run. What `rcl` does (names, parameters and their files) is in `rcl/`; the node's
+//! side of DDS is in `dds/`.
 
 mod args;
 mod dds;

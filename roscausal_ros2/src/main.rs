@@ -1,5 +1,5 @@
-//! `roscausal_ros2 NODE --ros-args ...`: one of the nodes on ROS 2. Under a link `roscausal_NODE` the node is
-//! told by the program's name.
+//! `roscausal_ros2 NODE --ros-args ...` runs one of the nodes on ROS 2. Under a link `roscausal_NODE`, the
+//! program's name selects the node.
 
 use std::process::ExitCode;
 

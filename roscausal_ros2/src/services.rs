@@ -23,15 +23,15 @@ use crate::{
     wire::{descriptor, from_wire, to_wire},
 };
 
-/// The topic of changes of parameters.
+/// The topic that announces changes of parameters.
 pub(crate) struct ParameterEvents {
     writer: Mutex<Writer<raw::ParameterEvent>>,
 }
 
-/// Offers the services of a node's parameters in the graph.
+/// Offers the parameter services of a node.
 ///
 /// # Errors
-/// When the middleware refuses.
+/// If the middleware refuses.
 pub(crate) fn serve(inner: &Arc<Inner>) -> Result<()> {
     answer(inner, "get_parameters", "GetParameters", |node, request: GetParametersRequest| {
         let value = |name: &String| to_wire(node.parameters.get(name)).into();
@@ -67,12 +67,12 @@ pub(crate) fn serve(inner: &Arc<Inner>) -> Result<()> {
 
 impl ParameterEvents {
     /// # Errors
-    /// When the middleware refuses.
+    /// If the middleware refuses.
     pub(crate) fn new(participant: &Participant) -> Result<Self> {
         Ok(Self { writer: Mutex::new(participant.parameter_events()?) })
     }
 
-    /// Publishes on `/parameter_events` that parameters are new, or have new values.
+    /// Publishes on `/parameter_events` that parameters are new or have new values.
     pub(crate) fn announce(&self, inner: &Inner, names: &[&str], new: bool) {
         let parameter = |name: &&str| raw::Parameter {
             name: (*name).to_owned(),
@@ -88,7 +88,7 @@ impl ParameterEvents {
             changed_parameters,
             deleted_parameters: vec![],
         };
-        // An event that nobody takes is lost, as everywhere in ROS 2.
+        // An event that nobody receives is lost, as everywhere in ROS 2.
         let _ = lock(&self.writer).write(&inner.participant, event);
     }
 }
@@ -102,7 +102,7 @@ fn set(node: &Arc<Inner>, changes: Vec<(String, Option<Value>)>) -> raw::SetPara
     set.inspect_err(|reason| warn!("refused: {reason}")).into()
 }
 
-/// Offers one service, and answers its requests for as long as the node lives.
+/// Offers one service and answers its requests for as long as the node lives.
 fn answer<Req, Resp>(
     inner: &Arc<Inner>,
     name: &str,

@@ -1,4 +1,4 @@
-//! Hostile arguments and parameter files: no panic, and memory in proportion to the input.
+//! Hostile arguments and parameter files: no panic, and memory proportional to the input.
 
 use roscausal_fuzz::{Allocator, Target};
 use roscausal_ros2::{Args, ParamFile};
@@ -19,7 +19,7 @@ fn hostile_arguments_are_refused_or_understood() {
     };
     target.run(|input| {
         let text = String::from_utf8_lossy(input);
-        // A file of that name is another test's matter.
+        // Parameter files have a test of their own.
         let args = text.split('\0').filter(|arg| *arg != "--params-file").map(str::to_owned);
         let _ = Args::parse("node", args, |_| None);
     });
@@ -50,7 +50,7 @@ fn a_hostile_parameter_file_is_refused_or_read() {
             b"1e999",
             b"? ",
         ],
-        // the YAML library unfolds aliases, up to a hundred times the events that the file has
+        // the YAML library expands aliases, up to a hundred times the events of the file
         bytes_per_byte: 200_000,
     };
     target.run(|input| {

@@ -1,4 +1,4 @@
-//! One simulated run as the nodes record it, at several steps at once.
+//! One simulated run as the nodes record it, at several step sizes at once.
 
 use roscausal_core::{
     Error, Result,
@@ -19,9 +19,9 @@ use crate::{
     nodes::{first_person, first_robot, set_subjects},
 };
 
-/// Seconds simulated beyond the recording, until every topic has begun.
+/// Seconds simulated in addition to the recording, until every topic has begun.
 const WARM_UP_S: f64 = 3.0;
-/// A recording is analysed as recordings of at most this length, seconds: the data node's default.
+/// A recording is analysed in parts of at most this length in seconds, the data node's default.
 const BATCH_S: f64 = 150.0;
 /// As in the data node.
 const MAX_GAP_S: f64 = 0.5;
@@ -32,11 +32,11 @@ enum Event {
     Context(String),
 }
 
-/// Simulates `seconds` of the scenario through the robot and the human node on a lockstep bus; one recording per
-/// step. The recorder is the data node's, so the rows are those that node would write.
+/// Simulates `seconds` of the scenario through the robot and the human node on a lockstep bus, and returns one
+/// recording per step size. The recorder is the data node's, so the rows are those that the node would write.
 ///
 /// # Errors
-/// A scenario or step that cannot be used, an interrupt, a failing node.
+/// A scenario or step that cannot be used, an interrupt, or a failing node.
 pub(crate) fn record(
     scenario: &Scenario,
     seed: u64,
@@ -113,7 +113,7 @@ async fn listen(mw: &LoopbackNode, robot_topic: &str, mut recorders: Vec<Recorde
 /// The first `length` seconds as batches of equal length, none longer than the data node's default.
 ///
 /// # Errors
-/// A recording that is shorter.
+/// A recording that is too short.
 pub(crate) fn batches(recording: &Recording, length: f64) -> Result<Vec<Recording>> {
     let step = recording.dt_ns as f64 * 1e-9;
     let count = (length / BATCH_S).ceil().max(1.0);

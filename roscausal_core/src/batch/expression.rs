@@ -1,9 +1,9 @@
 //! The small expressions that define features: `dist(h, h.goal)`, `abs(h_v - r_v) / 2`.
 //!
-//! Values are numbers or points (`x, y`). Names: `h` and `r` are the places of person and robot; `h.goal`, `h.vel`
-//! points; `h.x`, `h.y`, `h.theta`, `h.v`, `h.omega`, `h.gx`, `h.gy` numbers (`r.` likewise), also as `h_v`, `r_theta`;
-//! `t` is the time in seconds, `pi` the number. Operators: `+ - * / ^` and brackets. A result that is not finite
-//! (a division by zero) is NaN, a missing value.
+//! Values are numbers or points (`x, y`). `h` and `r` are the positions of person and robot. `h.goal` and `h.vel`
+//! are points; `h.x`, `h.y`, `h.theta`, `h.v`, `h.omega`, `h.gx` and `h.gy` are numbers, also written as `h_v` and
+//! so on; likewise for `r`. `t` is the time in seconds, `pi` the number. Operators are `+ - * / ^` and brackets. A
+//! result that is not finite, such as a division by zero, becomes NaN, a missing value.
 //!
 //! Why not a library: `exmex` 0.21 and `fasteval` 0.2 compute with numbers of one kind, so the points, the names such as
 //! `h.goal`, and the messages that name the character and what is known there would be ours all the same; `evalexpr` 13
@@ -11,7 +11,7 @@
 
 use super::tracks::{Field, Values};
 
-/// Functions, the number of their arguments, and what they give.
+/// Functions, the number of their arguments, and their results.
 const FUNCTIONS: [(&str, usize, Function); 17] = [
     ("dist", 2, Function::Distance),
     ("speed", 1, Function::Speed),
@@ -31,9 +31,9 @@ const FUNCTIONS: [(&str, usize, Function); 17] = [
     ("max", 2, Function::Pair(f64::max)),
     ("atan2", 2, Function::Pair(f64::atan2)),
 ];
-/// Brackets within brackets, at most.
+/// Deepest nesting of brackets.
 const DEEPEST: usize = 50;
-/// The longest expression, in bytes: each `+` is one more level of what is computed recursively.
+/// Longest expression in bytes: each `+` adds a level to the recursive evaluation.
 const LONGEST: usize = 2000;
 
 /// A checked expression.
@@ -42,7 +42,7 @@ pub struct Expression {
     root: Node,
 }
 
-/// What an expression is computed from: one row of one person.
+/// The inputs of an expression: one row of one person.
 #[derive(Clone, Copy)]
 pub struct Scope<'a> {
     /// Seconds.
@@ -51,7 +51,7 @@ pub struct Scope<'a> {
     pub robot: &'a Values,
     /// The person.
     pub human: &'a Values,
-    /// The risk that the first body runs of colliding with the second, in this row or in an earlier one.
+    /// The risk that the first body collides with the second, in this row or in an earlier one.
     pub risk: &'a dyn Fn(Who, Who) -> f64,
 }
 
@@ -98,10 +98,10 @@ enum Kind {
 }
 
 impl Expression {
-    /// Reads and checks an expression whose value is a number.
+    /// Parses and checks an expression whose value is a number.
     ///
     /// # Errors
-    /// What is wrong and where (counted from 1), and what is known.
+    /// What is wrong and where (counted from 1), and which names are known.
     pub fn parse(text: &str) -> Result<Self, String> {
         if text.len() > LONGEST {
             return Err(format!(
@@ -123,12 +123,12 @@ impl Expression {
         }
     }
 
-    /// Whether it tells something of a person.
+    /// Whether it uses anything of a person.
     pub fn mentions_human(&self) -> bool {
         self.root.mentions_human()
     }
 
-    /// The value; NaN where it is not finite.
+    /// The value; NaN if it is not finite.
     pub fn value(&self, scope: &Scope<'_>) -> f64 {
         let value = self.root.number(scope);
         if value.is_finite() { value } else { f64::NAN }

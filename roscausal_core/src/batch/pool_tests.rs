@@ -1,3 +1,5 @@
+//! Tests of the pool: claims, attempts, limits, and what a killed process leaves behind.
+
 use super::*;
 
 fn pool() -> (tempfile::TempDir, Pool) {
@@ -117,7 +119,7 @@ fn batches_of_one_model_go_together_even_when_the_process_dies_between() {
     for name in ["data_1.csv", "data_2.csv", "data_3.csv"] {
         pool.write(name, b"x").expect("writes");
     }
-    // As a process leaves it that was killed after the first of two.
+    // What a process leaves behind that was killed after the first of two.
     pool.write(".finished-data_1.csv", b"[\"data_1.csv\", \"data_2.csv\", \"data_../../x\"]")
         .expect("writes");
     fs::remove_file(pool.path("data_1.csv")).expect("removes");

@@ -1,4 +1,5 @@
-//! The built-in post-processing: recorded states to the paper's variables, or to features of the user's own.
+//! The built-in post-processing: from recorded states to the paper's variables, or to features that the user
+//! defines.
 
 use std::str::FromStr;
 
@@ -12,7 +13,7 @@ use super::{
 };
 use crate::{Error, Result, mix};
 
-/// `exp` of more is not told apart: risks stay finite.
+/// Larger exponents of the risk are cut off here, so that `exp` stays finite.
 const LARGEST_EXPONENT: f64 = 50.0;
 
 /// What to compute, and how.
@@ -20,23 +21,24 @@ const LARGEST_EXPONENT: f64 = 50.0;
 pub struct Postprocess {
     /// The version of the risk.
     pub risk_model: RiskModel,
-    /// Each `risk(...)` in a row is that of so many rows earlier (0 or 1; the published result used 1), and nothing else is.
+    /// Each `risk(...)` in a row is that of this many rows earlier (0 or 1; the published result used 1); nothing else is
+    /// lagged.
     pub risk_lag: usize,
     /// Standard deviation of the noise on the risk's exponent.
     pub risk_noise: f64,
     /// Seed of that noise.
     pub seed: u64,
-    /// Radius by which the robot is widened, metres.
+    /// Radius that is added around the robot, metres.
     pub obs_size: f64,
-    /// Farther away nobody is on collision course, metres.
+    /// Distance beyond which nobody is on collision course, metres.
     pub safe_dist: f64,
-    /// What a person may run into: the robot, or who of robots and people is nearest to her.
+    /// What a person may collide with: the robot, or the nearest of robots and people.
     pub obstacle: Obstacle,
     /// The features.
     pub features: Vec<Feature>,
 }
 
-/// What the risk of a collision is about.
+/// The obstacle that the risk is computed for.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Obstacle {
     /// The robot, as in the paper.
@@ -47,7 +49,7 @@ pub enum Obstacle {
 }
 
 impl Obstacle {
-    /// The names users choose by.
+    /// The names that users choose by.
     pub const NAMES: [&'static str; 2] = ["robot", "nearest"];
 }
 
@@ -68,11 +70,11 @@ impl FromStr for Obstacle {
 pub struct Feature {
     /// Column name.
     pub name: String,
-    /// What it is.
+    /// Its definition.
     pub expression: Expression,
 }
 
-/// The features of a batch; per person when there are several.
+/// The features of a batch, for each person if there are several.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Features {
     /// One entry per feature (and person), each with one value per row.
@@ -98,11 +100,11 @@ impl Feature {
         Ok(Self { name: name.to_owned(), expression })
     }
 
-    /// The features that `items` define (`name = expression` each; an item without `=` continues the one before,
-    /// so that a list that was split at commas is whole again). Without any, the paper's three, called `names`.
+    /// Parses features (`name = expression` each). An item without `=` continues the previous one, so a list that
+    /// was split at commas is whole again. Without items these are the paper's three features, called `names`.
     ///
     /// # Errors
-    /// A bad definition, a name that is there twice, a number of `names` other than three.
+    /// A bad definition, a duplicate name, or a number of `names` other than three.
     pub fn parse(items: &[String], names: &[String]) -> Result<Vec<Self>> {
         let mut definitions: Vec<String> = Vec::new();
         for item in items.iter().flat_map(|item| item.split(';')).filter(|item| !item.trim().is_empty()) {
@@ -147,7 +149,7 @@ impl Postprocess {
     /// Computes the features of a batch.
     ///
     /// # Errors
-    /// A batch without any person, where a feature tells of one.
+    /// A batch without people, if a feature is about a person.
     pub fn run(&self, batch: &Recording) -> Result<Features> {
         let mut columns = Vec::new();
         for feature in &self.features {
@@ -206,18 +208,18 @@ impl Postprocess {
     }
 }
 
-/// The nearest to `a` of `b`, the other robots, and all people but `person`.
+/// The body nearest to `a` among `b`, the other robots, and all people except `person`.
 fn nearest(a: &Body, b: &Body, batch: &Recording, row: usize, person: Option<u32>) -> Body {
     let people = batch.people.iter().filter(|(id, _)| Some(**id) != person).map(|(_, rows)| rows);
     let known = batch.others.values().chain(people).filter_map(|rows| rows.get(row)).map(Values::body);
     let distance = |other: &Body| (other.x - a.x).hypot(other.y - a.y);
-    // Who is not there, or has no heading, is nobody's obstacle.
+    // Bodies that are absent or have no heading are not obstacles.
     let bodies =
         std::iter::once(*b).chain(known).filter(|other| distance(other).is_finite() && other.vx.is_finite());
     bodies.min_by(|one, two| distance(one).total_cmp(&distance(two))).unwrap_or(*b)
 }
 
-/// The name of a feature of one of several people: `h_v` becomes `h_7_v`.
+/// The name of a feature if there are several people: `h_v` becomes `h_7_v`.
 fn name_for(name: &str, id: u32) -> String {
     match name.strip_prefix("h_") {
         Some(rest) => format!("h_{id}_{rest}"),
@@ -225,7 +227,7 @@ fn name_for(name: &str, id: u32) -> String {
     }
 }
 
-/// A standard normal number, the same for the same stream and index (Box and Muller 1958).
+/// A standard normal number; it depends on stream and index only (Box and Muller 1958).
 fn normal(stream: u64, index: u64) -> f64 {
     let uniform =
         |salt: u64| ((mix(stream ^ mix(2 * index + salt)) >> 11) as f64 + 0.5) / (1u64 << 53) as f64;
@@ -258,7 +260,7 @@ mod tests {
         Values { x, y: 0.0, theta, v, omega: 0.0, ..Values::UNKNOWN }
     }
 
-    /// The robot at rest at (4, 0); people at the origin that walk along x, with a goal at (3, 4).
+    /// The robot at rest at (4, 0). People at the origin walk along x and have their goal at (3, 4).
     fn batch(ids: &[u32], speeds: &[f64]) -> Recording {
         let person = |v: &f64| Values::from_array([3.0, 4.0, 0.0, 0.0, 0.0, *v, 0.0]);
         Recording {
@@ -279,7 +281,7 @@ mod tests {
 
     #[test]
     fn the_nearest_robot_or_person_can_be_the_obstacle() {
-        // The robot is 4 m ahead of person 3; person 7 comes towards her from 1.5 m; robot2 stands at 3 m.
+        // The robot is 4 m ahead of person 3. Person 7 comes towards her from 1.5 m. Robot2 stands at 3 m.
         let mut crowd = batch(&[3], &[1.0]);
         crowd.people.insert(7, vec![at_x(1.5, std::f64::consts::PI, 1.0)]);
         crowd.others.insert("robot2".into(), vec![at_x(3.0, 0.0, 0.0)]);

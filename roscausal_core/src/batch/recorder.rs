@@ -1,4 +1,4 @@
-//! States to batches: rows at a fixed step of sensor time.
+//! From states to batches: rows at a fixed step of sensor time.
 
 use std::collections::{BTreeMap, BTreeSet, VecDeque};
 
@@ -14,19 +14,19 @@ use super::{
     tracks::{Taken, Track, Values},
 };
 
-/// How much later than the others a message may come and still be used, seconds.
+/// How much later than others a message may arrive and still be used. Seconds.
 const LATENESS_S: f64 = 0.5;
-/// Stamps that go back by more mean that the clock jumped.
+/// If stamps go back by more than this, the clock has jumped.
 const JUMP_BACK_NS: i64 = 1_000_000_000;
-/// Stamps that go ahead by more, likewise.
+/// If stamps go ahead by more than this, the clock has jumped.
 const JUMP_AHEAD_NS: i64 = 60_000_000_000;
-/// The most people followed at a time and recorded in one batch.
+/// Most people who are followed at a time and recorded in one batch.
 const MOST_PEOPLE: usize = 512;
-/// A batch without `ts_length` ends here nevertheless.
+/// A batch without `ts_length` ends after this many rows.
 const MOST_ROWS: usize = 1_000_000;
-/// Stamps beyond are none (292 years): sums of them must not overflow.
+/// Larger stamps (292 years) are invalid: sums of stamps must not overflow.
 const FARTHEST_NS: u64 = 1 << 62;
-/// Columns of context at most.
+/// Most columns of interventions.
 const MOST_CONTEXT: usize = 64;
 
 /// How to record.
@@ -34,40 +34,40 @@ const MOST_CONTEXT: usize = 64;
 pub struct RecorderConfig {
     /// Step between rows, seconds.
     pub dt_s: f64,
-    /// Length of a batch, seconds; `None`: until the end.
+    /// Length of a batch in seconds; `None`: until the end.
     pub ts_length_s: Option<f64>,
-    /// Two samples farther apart are a gap: nothing is told between them. Seconds.
+    /// Two samples farther apart than this are a gap, and the rows between them are empty. Seconds.
     pub max_gap_s: f64,
-    /// Rows are real samples (the last one before each step) instead of values between two samples.
+    /// Whether rows are real samples (the last one before each step) instead of interpolated values.
     pub subsampling: bool,
-    /// Who is recorded.
+    /// The people to record.
     pub select: Select,
 }
 
-/// What the recorder has met, for the diagnostics.
+/// Counters for the diagnostics.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct RecorderCounts {
     /// Rows recorded.
     pub rows: u64,
-    /// Steps skipped because robot and person were not there together yet.
+    /// Steps skipped because robot and person were not yet there together.
     pub waited: u64,
-    /// Samples with a stamp that was there already.
+    /// Samples whose stamp had already been recorded.
     pub duplicates: u64,
     /// Samples too late for their row.
     pub late: u64,
     /// Messages in another frame than the robot's.
     pub foreign_frame: u64,
-    /// Samples dropped because too many waited, or too many people were there.
+    /// Samples dropped because too many were waiting or too many people were there.
     pub crowded: u64,
-    /// Times the clock jumped.
+    /// How often the clock jumped.
     pub jumps: u64,
 }
 
 /// Makes batches from states.
 ///
-/// Row `k` of all batches lies at `k * dt` of sensor time. A row is written once no message that matters to it can
-/// be missing: when the newest stamp is `max_gap` and 0.5 s past it. So the batches depend on the messages alone. A batch begins with
-/// the first row in which the robot and a selected person are there.
+/// Row `k` of all batches lies at `k * dt` of sensor time. A row is written once every message that matters to it
+/// must have arrived: when the newest stamp is `max_gap` and 0.5 s later. So the batches depend on the messages
+/// alone. A batch begins with the first row in which the robot and a selected person are there.
 #[derive(Debug)]
 pub struct Recorder {
     config: RecorderConfig,
@@ -77,7 +77,7 @@ pub struct Recorder {
     robot: Track,
     people: BTreeMap<u32, Track>,
     others: BTreeMap<String, Track>,
-    /// Per column of context what was imposed from which stamp on.
+    /// For each column of interventions: what is imposed, and from which stamp on.
     context: BTreeMap<String, VecDeque<(i64, Vec<f64>)>>,
     frame: Option<String>,
     newest_robot: Option<i64>,
@@ -92,7 +92,7 @@ pub struct Recorder {
 }
 
 impl Recorder {
-    /// A recorder that has seen nothing.
+    /// A recorder that has received nothing.
     pub fn new(config: RecorderConfig) -> Self {
         let dt_ns = nanos(config.dt_s).max(1);
         let rows_per_batch = match config.ts_length_s {
@@ -121,14 +121,14 @@ impl Recorder {
         }
     }
 
-    /// The same recorder, which also tells what to journal, in journals numbered from `first` on.
+    /// Makes the recorder also report what to journal. Journals are numbered from `first` on.
     #[must_use]
     pub fn with_journal(mut self, first: u64) -> Self {
         self.log = Some(Log::new(first, self.dt_ns));
         self
     }
 
-    /// The batches that the samples of a journal make; the last one may be short.
+    /// The batches that the samples of a journal make. The last one may be short.
     pub(super) fn replay(header: &Header, samples: &[Sample]) -> Result<Vec<Recording>, String> {
         let allowed = |v: f64| (0.001..=60.0).contains(&v);
         if !allowed(header.dt_s)
@@ -151,7 +151,7 @@ impl Recorder {
             let newest = recorder.newest_robot.max(recorder.newest_people).unwrap_or(header.next_row_ns);
             let beyond = newest.saturating_add(JUMP_AHEAD_NS);
             if sample.stamp_ns > beyond || sample.stamp_ns.unsigned_abs() > FARTHEST_NS {
-                // Not written by a recorder: what came before may be right.
+                // Not written by a recorder. What came before may be right.
                 break;
             }
             let newest = match sample.person {
@@ -167,7 +167,7 @@ impl Recorder {
         Ok(recorder.take_batches())
     }
 
-    /// Takes a state of the robot; `now` stands in for a stamp of 0.
+    /// Adds a state of the robot. `now` replaces a stamp of 0.
     pub fn robot(&mut self, state: &RobotState, now: Time) {
         let stamp = stamp_ns(state.header.stamp, now);
         if self.frame.as_ref().is_some_and(|frame| *frame != state.header.frame_id) {
@@ -179,7 +179,7 @@ impl Recorder {
         }
         self.frame.get_or_insert_with(|| state.header.frame_id.clone());
         self.newest_robot = self.newest_robot.max(Some(stamp));
-        // Messages a little older than the first may still come.
+        // Messages a little older than the first may still arrive.
         let first = (stamp - self.max_gap_ns - nanos(LATENESS_S)).div_euclid(self.dt_ns) * self.dt_ns;
         self.next_row.get_or_insert(first);
         if self.in_time(stamp) {
@@ -190,7 +190,7 @@ impl Recorder {
         self.advance(false);
     }
 
-    /// Takes a state of another robot; `now` stands in for a stamp of 0. Rows wait for the robot and the people only.
+    /// Adds a state of another robot. `now` replaces a stamp of 0. Rows wait for the robot and the people only.
     pub fn other_robot(&mut self, name: &str, state: &RobotState, now: Time) {
         if self.frame.as_ref().is_some_and(|frame| *frame != state.header.frame_id) {
             self.counts.foreign_frame += 1;
@@ -206,11 +206,11 @@ impl Recorder {
         }
     }
 
-    /// Takes what is imposed from now on: the JSON text `{"stamp": s, "context": {column: [value]}}`, in which an empty
-    /// list means that the system is left to itself; `now` stands in for a missing stamp.
+    /// Adds interventions: the JSON text `{"stamp": s, "context": {column: [value]}}` says what is imposed from now
+    /// on. An empty list means that nothing is imposed. `now` replaces a missing stamp.
     ///
     /// # Errors
-    /// A text that is not of this form; nothing has changed then.
+    /// A text that is not of this form; it changes nothing.
     pub fn context(&mut self, text: &str, now: Time) -> Result<(), String> {
         #[derive(serde::Deserialize)]
         struct Told {
@@ -237,8 +237,8 @@ impl Recorder {
         Ok(())
     }
 
-    /// Takes the people; `now` stands in for a stamp of 0. A person whose stamp has not changed is held by the
-    /// tracker, not seen again.
+    /// Adds the people. `now` replaces a stamp of 0. A person whose stamp has not changed was kept by the tracker,
+    /// not seen again.
     pub fn humans(&mut self, humans: &Humans, now: Time) {
         let stamp = stamp_ns(humans.header.stamp, now);
         if let Some(frame) = &self.frame
@@ -280,28 +280,29 @@ impl Recorder {
         self.advance(false);
     }
 
-    /// Ends the open batch with what is there: the node is to end.
+    /// Ends the open batch with the rows that there are, because the node ends.
     pub fn finish(&mut self) {
         self.advance(true);
         self.close(EndedBy::NodeEnd);
     }
 
-    /// Ends the open batch with what is there and forgets the rest: recording goes on with what comes later.
+    /// Ends the open batch with the rows that there are and drops the rest. Recording continues with what arrives
+    /// later.
     pub fn interrupt(&mut self, reason: EndedBy) {
         self.restart(reason);
     }
 
-    /// The batches that are done, oldest first.
+    /// The finished batches, oldest first.
     pub fn take_batches(&mut self) -> Vec<Recording> {
         self.take_numbered_batches().into_iter().map(|(batch, _)| batch).collect()
     }
 
-    /// The batches that are done, each with the number of its journal.
+    /// The finished batches, each with the number of its journal.
     pub fn take_numbered_batches(&mut self) -> Vec<(Recording, Option<u64>)> {
         std::mem::take(&mut self.done)
     }
 
-    /// What is to be journalled since the last time.
+    /// What is to be journalled since the last call.
     pub fn take_journal(&mut self) -> Vec<Entry> {
         self.log.as_mut().map_or_else(Vec::new, Log::take)
     }
@@ -312,7 +313,7 @@ impl Recorder {
         (self.open.as_ref().map_or(0, Recording::n_rows), total)
     }
 
-    /// What has been met so far.
+    /// The counters so far.
     pub fn counts(&self) -> &RecorderCounts {
         &self.counts
     }
@@ -352,10 +353,10 @@ impl Recorder {
         }
     }
 
-    /// Writes the rows that are certain; with `all`, up to the newest stamp.
+    /// Writes the rows that can no longer change; with `all`, all rows up to the newest stamp.
     fn advance(&mut self, all: bool) {
         let (Some(newest), Some(mut row)) = (self.newest_robot.max(self.newest_people), self.next_row) else {
-            // People without a robot: only the recent past may matter once it comes.
+            // People without a robot: only the recent past may matter once the robot appears.
             if let Some(newest) = self.newest_people {
                 self.forget_before(newest - self.max_gap_ns - nanos(LATENESS_S));
             }
@@ -375,7 +376,7 @@ impl Recorder {
         }
     }
 
-    /// Puts a sample in its track, and in the journal once there may be something to record.
+    /// Adds a sample to its track, and to the journal once there may be something to record.
     fn insert(&mut self, sample: Sample) -> Taken {
         let track = match sample.person {
             None => &mut self.robot,
@@ -397,7 +398,7 @@ impl Recorder {
         taken
     }
 
-    /// A journal of what rows from `next_row` on are made of.
+    /// Begins a journal of the samples that rows from `next_row` on depend on.
     fn begin_journal(&mut self, next_row: i64) {
         let header = Header {
             number: 0,

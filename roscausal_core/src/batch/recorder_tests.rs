@@ -1,3 +1,5 @@
+//! Tests of the recorder: rows, gaps, people who come and go, jumps of the clock, other frames, interventions.
+
 use roscausal_msgs::{HumanState, std_msgs::Header};
 
 use super::*;
@@ -229,7 +231,7 @@ fn another_frame_of_the_robot_ends_the_batch_and_begins_one_in_that_frame() {
     assert_eq!((before.frame.as_str(), before.complete), ("map", false));
     assert_eq!(before.ended_by, Some(EndedBy::FrameChange));
     assert_eq!((after.frame.as_str(), after.complete), ("map_of_the_second_floor", true));
-    // No row has something of both frames, and none is lost but those at the change.
+    // No row mixes the two frames, and no row is lost except those at the change.
     let end = before.start.plus_secs(0.1 * before.n_rows() as f64);
     assert!(after.start >= end && after.start.secs_since(end) < 0.25, "{end:?} {:?}", after.start);
     assert!(before.n_rows() >= 7);

@@ -5,14 +5,14 @@ use std::{collections::BTreeMap, fmt};
 use super::tracks::{Field, Values};
 use crate::Time;
 
-/// A recorded batch: rows at a fixed step, NaN where nothing is known.
+/// A recorded batch: rows at a fixed step, NaN where a value is unknown.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Recording {
     /// Stamp of the first row.
     pub start: Time,
     /// Step between rows, nanoseconds.
     pub dt_ns: i64,
-    /// Frame of all places.
+    /// Frame of all positions.
     pub frame: String,
     /// The robot, one entry per row.
     pub robot: Vec<Values>,
@@ -20,9 +20,9 @@ pub struct Recording {
     pub people: BTreeMap<u32, Vec<Values>>,
     /// Other robots by name, each with one entry per row.
     pub others: BTreeMap<String, Vec<Values>>,
-    /// What was imposed, by column of context; one entry per row, empty where nothing was.
+    /// Interventions by column, with one entry per row; empty where nothing is imposed.
     pub context: BTreeMap<String, Vec<Vec<f64>>>,
-    /// It has the full length.
+    /// The batch has its full length.
     pub complete: bool,
     /// Why it ended; `None` while it goes on.
     pub ended_by: Option<EndedBy>,
@@ -73,33 +73,33 @@ impl fmt::Display for EndedBy {
 pub struct Column {
     /// Name in the header.
     pub name: String,
-    /// Unit, where there is one.
+    /// Unit, if there is one.
     pub unit: &'static str,
     /// One value per row.
     pub values: Vec<f64>,
 }
 
-/// Rows without a value of one body.
+/// Consecutive rows in which one body has no value.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Gap {
     /// `r`, or `h_<id>`.
     pub body: String,
-    /// Stamp of the first row without, seconds.
+    /// Stamp of the first row without a value, in seconds.
     pub from: f64,
-    /// Stamp of the last row without, seconds.
+    /// Stamp of the last row without a value, in seconds.
     pub to: f64,
 }
 
-/// An intervention as far as a batch knows it.
+/// An intervention, as a batch records it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Imposed {
-    /// Column of context.
+    /// Column of the intervention.
     pub column: String,
-    /// What was imposed: a number, or the coordinates of a point.
+    /// The imposed value: a number, or the coordinates of a point.
     pub value: Vec<f64>,
-    /// Stamp of the first row with it, seconds.
+    /// Stamp of the first row with it, in seconds.
     pub from: f64,
-    /// Stamp of the last row with it, seconds.
+    /// Stamp of the last row with it, in seconds.
     pub to: f64,
 }
 
@@ -115,7 +115,7 @@ impl Recording {
         Time::from_nanos(self.start.as_nanos().saturating_add(self.dt_ns.saturating_mul(steps)))
     }
 
-    /// The columns behind `time`: the robot's, then each person's. `legacy`: in the original's spelling.
+    /// The columns after `time`: the robot's, then each person's. `legacy`: in the original's spelling.
     pub fn columns(&self, legacy: bool) -> Vec<Column> {
         let of = |prefix: &str, rows: &[Values], fields: [Field; 7]| {
             fields.map(|field| Column {
@@ -138,7 +138,7 @@ impl Recording {
         columns
     }
 
-    /// The columns of context: the value that is imposed, 1 where it is a point, 0 where nothing is.
+    /// The columns of interventions: the imposed value, 1 for a point, 0 where nothing is imposed.
     pub fn context_columns(&self) -> Vec<Column> {
         let number = |imposed: &Vec<f64>| match imposed.as_slice() {
             [] => 0.0,
@@ -153,7 +153,7 @@ impl Recording {
         self.context.iter().map(column).collect()
     }
 
-    /// When what was imposed, in the order of columns and time.
+    /// The interventions with their times, ordered by column and time.
     pub fn interventions(&self) -> Vec<Imposed> {
         let mut found: Vec<Imposed> = Vec::new();
         for (column, rows) in &self.context {
@@ -180,7 +180,7 @@ impl Recording {
         found
     }
 
-    /// Where nothing is known of a body's place.
+    /// The times at which the position of a body is unknown.
     pub fn gaps(&self) -> Vec<Gap> {
         let mut gaps = Vec::new();
         let people = self.people.iter().map(|(id, rows)| (format!("h_{id}"), rows));

@@ -1,4 +1,4 @@
-//! Reading any CSV with a header into columns of numbers; every complaint names line and column.
+//! Reads any CSV with a header into columns of numbers. Every error names line and column.
 //!
 //! The csv crate reads the cells. Which character separates them is our one rule, the header line, because a user can
 //! foresee it; `csv-sniffer` 0.3 guesses from statistics of the first rows, and a wrong guess has no line to point at.
@@ -13,19 +13,19 @@ use roscausal_discovery::{DataFrame, names};
 use super::header;
 use crate::{Error, Result};
 
-/// Names that mark the column of sample times (seconds), which is not a variable.
+/// Names of the column of sample times (seconds), which is not a variable.
 const TIME_NAMES: [&str; 4] = ["time", "t", "timestamp", "stamp"];
 
-/// A CSV file as numbers: `n_rows x n_columns`, missing cells NaN.
+/// A CSV file as numbers, `n_rows x n_columns`. Missing cells are NaN.
 #[derive(Clone, Debug)]
 pub struct Table {
-    /// Names of the variables, as in the header (repaired where a TAB broke it).
+    /// Names of the variables, as in the header (repaired if a TAB split them).
     pub names: Vec<String>,
     /// Samples, time in rows, one column per variable.
     pub values: Array2<f64>,
-    /// Sample times in seconds, when the file has them.
+    /// Sample times in seconds, if the file has them.
     pub time: Option<Vec<f64>>,
-    /// What the reader should know.
+    /// What a reader of the data should know.
     pub notes: Vec<Note>,
 }
 
@@ -96,7 +96,7 @@ pub fn common_step<'a>(recordings: impl IntoIterator<Item = (&'a Path, &'a Table
     Ok(first.map(|(_, step)| step))
 }
 
-/// What is wrong: the file, or the choice of columns.
+/// What is wrong: the file, or the selection of columns.
 #[derive(Debug)]
 enum Complaint {
     File(String),
@@ -110,12 +110,12 @@ impl<S: Into<String>> From<S> for Complaint {
 }
 
 impl Table {
-    /// Reads a CSV file with a header line; `,`, `;` or TAB between cells. With `wanted`, only those columns
-    /// are read, in that order, names in any spelling; otherwise all but the one of times.
+    /// Reads a CSV file with a header line and `,`, `;` or TAB between cells. With `wanted`, only those columns are
+    /// read, in that order, in any spelling; otherwise all columns except the times.
     ///
     /// # Errors
-    /// Unreadable or empty file, header only, duplicate names, ragged rows, text or infinite cells, time that
-    /// does not increase: each with line and column. An unknown column, with the nearest name.
+    /// With line and column: an unreadable or empty file, a header without rows, duplicate names, ragged rows, text
+    /// or infinite cells, time that does not increase. Also an unknown column, with the nearest name.
     pub fn read(path: &Path, wanted: Option<&[String]>) -> Result<Self> {
         let mut bytes = Vec::new();
         File::open(path)
@@ -124,7 +124,7 @@ impl Table {
         Self::from_bytes(&bytes, wanted, path)
     }
 
-    /// Reads a CSV file that is in memory; `path` is only named in errors.
+    /// Reads a CSV file from memory; `path` is only used in errors.
     ///
     /// # Errors
     /// As [`Table::read`].
@@ -135,7 +135,7 @@ impl Table {
         })
     }
 
-    /// Median step between samples in seconds, when the file has times.
+    /// Median step between samples in seconds, if the file has times.
     pub fn dt(&self) -> Option<f64> {
         let time = self.time.as_ref()?;
         let mut steps: Vec<f64> = time.windows(2).map(|pair| pair[1] - pair[0]).collect();
@@ -224,7 +224,7 @@ impl Table {
     }
 }
 
-/// The separator of the header line: `,` unless it has none and another one.
+/// The separator of the header line: `,`, unless only another one occurs in it.
 fn delimiter(bytes: &[u8]) -> u8 {
     let header = bytes.split(|&b| b == b'\n').find(|line| !line.trim_ascii().is_empty()).unwrap_or_default();
     [b',', b';', b'\t'].into_iter().find(|d| header.contains(d)).unwrap_or(b',')
@@ -285,7 +285,7 @@ fn cells(
     line: u64,
 ) -> std::result::Result<Vec<String>, String> {
     let mut cells = texts(record, line)?;
-    // A header that was broken in two left as many empty cells at the end of each row.
+    // A header name that was split in two leaves as many empty cells at the end of each row.
     while joined > 0 && cells.len() > expected && cells.last().is_some_and(String::is_empty) {
         cells.pop();
     }

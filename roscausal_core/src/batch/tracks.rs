@@ -1,4 +1,4 @@
-//! What is recorded of a body, and its samples in order of time.
+//! The recorded quantities of a robot or person (a body), its waiting samples, and the values between two of them.
 
 use std::{
     collections::VecDeque,
@@ -7,7 +7,7 @@ use std::{
 
 use super::risk::Body;
 
-/// The most samples of one body that wait to become rows.
+/// Most samples of one body that wait to become rows.
 const MOST: usize = 100_000;
 
 /// A recorded quantity.
@@ -33,7 +33,7 @@ impl Field {
     /// All of them, in the order of a robot's columns.
     pub const ALL: [Self; 7] = [Self::Gx, Self::Gy, Self::X, Self::Y, Self::Theta, Self::V, Self::Omega];
 
-    /// End of its column's name.
+    /// End of the column's name.
     pub fn name(self) -> &'static str {
         match self {
             Self::Gx => "gx",
@@ -141,18 +141,18 @@ pub(super) struct Track {
     samples: VecDeque<(i64, Values)>,
 }
 
-/// What became of a sample.
+/// What happened to a sample.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Taken {
     Yes,
-    /// There is one of that stamp already; the first one counts.
+    /// There is already one with that stamp; the first one counts.
     Duplicate,
-    /// Too many samples wait; the oldest went.
+    /// Too many samples wait; the oldest was dropped.
     Crowded,
 }
 
 impl Track {
-    /// Takes a sample (stamp in nanoseconds), in order or not.
+    /// Adds a sample (stamp in nanoseconds), in order or not.
     pub(super) fn insert(&mut self, stamp: i64, values: Values) -> Taken {
         let at = self.samples.partition_point(|(earlier, _)| *earlier < stamp);
         if self.samples.get(at).is_some_and(|(same, _)| *same == stamp) {
@@ -176,8 +176,8 @@ impl Track {
         self.samples.iter()
     }
 
-    /// The values at `t`: those of a sample at `t`, or between two samples at most `max_gap` apart. With `hold`, those
-    /// of the last sample instead of values between.
+    /// The values at `t`: those of a sample at `t`, or interpolated between two samples at most `max_gap` apart.
+    /// With `hold`, those of the last sample instead of interpolated ones.
     pub(super) fn at(&self, t: i64, max_gap: i64, hold: bool) -> Option<Values> {
         let after = self.samples.partition_point(|(stamp, _)| *stamp < t);
         let next = self.samples.get(after);
@@ -195,7 +195,7 @@ impl Track {
         Some(before.towards(next, share))
     }
 
-    /// Forgets what no row at `t` or later needs. Whether anything is left that one may need.
+    /// Drops what no row at `t` or later needs. Returns whether any sample is left that such a row may need.
     pub(super) fn forget_before(&mut self, t: i64, max_gap: i64) -> bool {
         while self.samples.get(1).is_some_and(|(second, _)| *second <= t) {
             self.samples.pop_front();

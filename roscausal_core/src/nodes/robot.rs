@@ -1,4 +1,4 @@
-//! The robot node: odometry, pose, goal and TF to `/roscausal/robot`.
+//! The robot node: from odometry, pose, goal and TF to `/roscausal/robot`.
 
 use roscausal_msgs::{
     RobotState,
@@ -63,20 +63,25 @@ pub(super) fn specs() -> Vec<ParamSpec> {
             "frame of the robot, used without pose_topic",
         ),
         ParamSpec::new("target_frame", text("map"), Any, "frame of the published state"),
-        ParamSpec::new("queue_size", Value::Int(10), Range(1.0, 10000.0), "messages that wait for a partner"),
+        ParamSpec::new(
+            "queue_size",
+            Value::Int(10),
+            Range(1.0, 10000.0),
+            "most messages that wait for a partner",
+        ),
         ParamSpec::new(
             "slop",
             Value::Double(0.1),
             Range(0.0, 10.0),
-            "seconds between pose and odometry at most",
+            "most seconds between a pose and its odometry",
         ),
     ]
 }
 
-/// The robot node: runs until the middleware ends.
+/// The robot node. It runs until the middleware ends.
 ///
 /// # Errors
-/// A parameter that is not allowed, a topic that cannot be used.
+/// A parameter that is not allowed, or a topic that cannot be used.
 pub fn robot<M: Middleware>(mw: &M) -> Result<()> {
     to_its_end(robot_task(mw))
 }

@@ -1,4 +1,4 @@
-//! The parameters of the nodes that show the scene, and of the risk.
+//! Parameters of the nodes that show the scene, and of the risk.
 
 use roscausal_msgs::{HumanState, RobotState};
 
@@ -10,26 +10,31 @@ use crate::{
     state::scene::RiskCone,
 };
 
-/// What the risk goes by: names, defaults, allowed values and descriptions.
+/// Parameters of the risk: names, defaults, allowed values and descriptions.
 pub(super) fn risk_specs() -> [ParamSpec; 2] {
     use Allowed::Range;
     use Value::Double;
     [
-        ParamSpec::new("obs_size", Double(2.0), Range(0.01, 100.0), "radius the robot is widened by, metres"),
-        ParamSpec::new("safe_dist", Double(5.0), Range(0.01, 1000.0), "no collision course beyond, metres"),
+        ParamSpec::new("obs_size", Double(2.0), Range(0.01, 100.0), "radius added around the robot, metres"),
+        ParamSpec::new(
+            "safe_dist",
+            Double(5.0),
+            Range(0.01, 1000.0),
+            "distance beyond which there is no collision course, metres",
+        ),
     ]
 }
 
-/// Whose goal and risk a picture of the scene shows.
+/// Whose goal and risk a view of the scene shows.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SceneOptions {
     /// Name of the robot, the namespace of its topics; empty: none.
     pub robot: String,
-    /// The person; of several the first.
+    /// The person; the first of several.
     pub agents: Select,
-    /// Radius the robot is widened by, metres.
+    /// Radius that is added around the robot, metres.
     pub obs_size: f64,
-    /// No collision course beyond, metres.
+    /// Distance beyond which nobody is on collision course, metres.
     pub safe_dist: f64,
 }
 
@@ -42,7 +47,7 @@ impl Default for SceneOptions {
 impl SceneOptions {
     /// Names, defaults, allowed values and descriptions of the parameters.
     pub fn specs() -> Vec<ParamSpec> {
-        let whose = "whose goal and risk are shown: an id or nearest:1; not there: the first person";
+        let whose = "person whose goal and risk are shown: an id or nearest:1; if absent, the first person";
         let robot = "name of the robot, the namespace of its topics; empty: none";
         let mut specs = vec![
             ParamSpec::new("robot", Value::Str(String::new()), Allowed::Any, robot),
@@ -60,10 +65,10 @@ impl SceneOptions {
         in_namespace("robot", &self.robot, "/roscausal/robot")
     }
 
-    /// The options that the parameters of [`SceneOptions::specs`] say.
+    /// Reads the options from the parameters of [`SceneOptions::specs`].
     ///
     /// # Errors
-    /// A `sel_agent` that names nobody.
+    /// A `sel_agent` that selects nobody.
     pub fn read(params: &Params) -> Result<Self> {
         let agents = params.text("sel_agent").parse();
         Ok(Self {
@@ -74,7 +79,7 @@ impl SceneOptions {
         })
     }
 
-    /// The person shown; `None` when nobody is there.
+    /// The person shown; `None` if nobody is there.
     pub fn person(&self, people: &[HumanState], robot: Option<&RobotState>) -> Option<HumanState> {
         self.agents.of(people, robot.map(|robot| &robot.pose2d)).into_iter().next()
     }

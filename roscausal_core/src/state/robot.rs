@@ -1,4 +1,4 @@
-//! Odometry, pose and goal to `RobotState`.
+//! From odometry, pose and goal to `RobotState`.
 
 use std::collections::VecDeque;
 
@@ -16,14 +16,14 @@ use super::{
     tf::{TfBuffer, planar_pose},
 };
 
-/// How long a pose waits for its transform, by the stamps, seconds.
+/// How long a pose waits for its transform, in seconds of stamps.
 pub(super) const TF_WAIT_S: f64 = 0.5;
-/// The most poses that wait for a transform.
+/// Most poses that wait for a transform.
 const MOST_WAITING: usize = 1000;
-/// Stamps that go back by more mean that the clock jumped, seconds.
+/// If stamps go back by more than this, the clock has jumped. Seconds.
 const JUMP_S: f64 = 1.0;
 
-/// The robot as its topics tell: a state for each pose that has odometry near it in time.
+/// The robot's state from its topics: one state for each pose that has odometry close to it in time.
 #[derive(Debug)]
 pub struct RobotTracker {
     target_frame: String,
@@ -37,9 +37,9 @@ pub struct RobotTracker {
     tf: TfBuffer,
     /// Pairs left out because no transform came in time.
     pub without_transform: u64,
-    /// Messages without a stamp, which got the time of their arrival.
+    /// Messages without a stamp; they get the time of arrival.
     pub unstamped: u64,
-    /// Times the clock jumped back.
+    /// How often the clock jumped back.
     pub jumps: u64,
     /// Why the last pose gave no state, if it gave none.
     pub trouble: Option<String>,
@@ -71,7 +71,7 @@ impl RobotTracker {
         self
     }
 
-    /// Takes odometry; the states that it completes. `now` stands in for a stamp of 0, here and below.
+    /// Adds odometry and returns the states that it completes. `now` replaces a stamp of 0, here and below.
     pub fn odometry(&mut self, mut message: Odometry, now: Time) -> Vec<RobotState> {
         let stamp = self.stamp(message.header.stamp, now);
         message.header.stamp = stamp;
@@ -85,7 +85,7 @@ impl RobotTracker {
         self.pairs(pairs)
     }
 
-    /// Takes a pose; the states that it completes.
+    /// Adds a pose and returns the states that it completes.
     pub fn pose(&mut self, mut header: Header, pose: Pose, now: Time) -> Vec<RobotState> {
         header.stamp = self.stamp(header.stamp, now);
         let stamp = header.stamp;
@@ -93,18 +93,18 @@ impl RobotTracker {
         self.pairs(pairs)
     }
 
-    /// Takes a goal, which holds for states from its stamp on until the next one.
+    /// Adds a goal. It applies to states from its stamp on, until the next goal.
     pub fn goal(&mut self, header: Header, point: Point, now: Time) {
         self.goals.give(header.stamp, now, Goal { frame: header.frame_id, point });
     }
 
-    /// Takes transforms (`fixed`: of `/tf_static`); the states that have waited for them.
+    /// Adds transforms (`fixed`: from `/tf_static`) and returns the states that waited for them.
     pub fn transforms(&mut self, message: &TFMessage, fixed: bool) -> Vec<RobotState> {
         self.tf.insert(message, fixed);
         self.states()
     }
 
-    /// Poses that found no odometry near them.
+    /// Poses without odometry close to them.
     pub fn unpaired(&self) -> u64 {
         self.pairing.unpaired
     }
@@ -114,7 +114,7 @@ impl RobotTracker {
         self.pairing.late
     }
 
-    /// The stamp, or `now` where there is none; a clock that jumped back starts everything anew.
+    /// The stamp, or `now` if there is none. A clock that jumped back restarts everything.
     fn stamp(&mut self, stamp: Time, now: Time) -> Time {
         let stamp = if stamp == Time::ZERO {
             self.unstamped += 1;
@@ -143,7 +143,7 @@ impl RobotTracker {
         self.states()
     }
 
-    /// The states whose transforms are there, in order; who waits too long is left out.
+    /// The states whose transforms are there, in order. A pose that waits too long is left out.
     fn states(&mut self) -> Vec<RobotState> {
         let mut states = Vec::new();
         while let Some((header, pose, odometry)) = self.waiting.front() {
@@ -203,7 +203,7 @@ impl RobotTracker {
         if goal.frame.is_empty() {
             return Ok(goal.point);
         }
-        // A goal is fixed in its frame: its place now is what counts.
+        // A goal is fixed in its frame, so the latest transform counts.
         self.tf.point_in(&self.target_frame, &goal.frame, &goal.point, Time::ZERO)
     }
 }
@@ -216,7 +216,7 @@ enum Trouble {
     Number(String),
 }
 
-/// A place that is not known.
+/// An unknown position.
 pub fn unknown() -> Point {
     Point { x: f64::NAN, y: f64::NAN, z: f64::NAN }
 }
@@ -278,7 +278,7 @@ mod tests {
         let mut robot = RobotTracker::new("map", 10, 0.1);
         robot.pose(header(1.0, "moon"), pose(3.0), NOW);
         assert!(robot.odometry(odometry(1.0, 0.4), NOW).is_empty());
-        // Its frame may come yet; half a second later nobody waits any more.
+        // Its frame may still come; half a second later nothing waits any more.
         robot.pose(header(1.5, "moon"), pose(3.0), NOW);
         assert!(robot.trouble.as_ref().is_some_and(|t| t.contains("moon")));
         robot.pose(header(2.0, "map"), pose(f64::NAN), NOW);

@@ -27,7 +27,7 @@ impl Rng {
         Self(seed)
     }
 
-    /// The generator of one test: its numbers depend on the seed and on the test, not on the order of tests.
+    /// The generator of one test. Its numbers depend on the seed and the test, not on the order of tests.
     pub(crate) fn for_test(seed: u64, x: Node, y: Node, z: &[Node]) -> Self {
         let mut rng = Self(seed);
         for node in [x, y].iter().chain(z) {
@@ -48,7 +48,7 @@ impl Rng {
         self.next_u64() as f64 / u64::MAX as f64
     }
 
-    /// A number below `n` (`n` > 0), without bias that matters for n far below 2^64.
+    /// A number below `n` (`n` > 0). The bias is negligible for n far below 2^64.
     pub(crate) fn below(&mut self, n: usize) -> usize {
         ((u128::from(self.next_u64()) * n as u128) >> 64) as usize
     }

@@ -1,4 +1,4 @@
-//! The ROS master as this node sees it: each question has a deadline.
+//! Calls to the ROS master, each with a deadline.
 
 use std::{
     collections::{BTreeMap, BTreeSet},
@@ -11,10 +11,10 @@ use roscausal_core::{Error, Result, params::Value};
 
 use super::xmlrpc::{CallError, call, decode, encode};
 
-/// How long one question may take.
+/// Time-out of one call.
 const PATIENCE: Duration = Duration::from_secs(2);
 
-/// Between two words that the master is still waited for.
+/// Time between two log lines while waiting for the master.
 const REMINDER: Duration = Duration::from_secs(10);
 
 /// Nodes that subscribe, by topic.
@@ -22,7 +22,7 @@ pub(crate) type Subscribers = BTreeMap<String, Vec<String>>;
 
 type Answer<T> = std::result::Result<T, CallError>;
 
-/// What a node has registered for a topic.
+/// A node's role on a topic.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Role {
     /// It sends.
@@ -31,7 +31,7 @@ pub(crate) enum Role {
     Subscriber,
 }
 
-/// A master, asked in the name of one node.
+/// A master, as seen by one node.
 #[derive(Clone, Debug)]
 pub(crate) struct Master {
     /// `http://host:port/` of the master.
@@ -49,7 +49,7 @@ impl Master {
         call(&self.uri, method, params, PATIENCE)
     }
 
-    /// Waits for a master that answers, as long as `keep_waiting` says so, and tells what it waits for.
+    /// Waits for a master that answers, as long as `keep_waiting` returns true, and logs what it waits for.
     ///
     /// # Errors
     /// No master.
@@ -73,7 +73,7 @@ impl Master {
         self.ask("lookupNode", &[&self.node])
     }
 
-    /// Registers for a topic, and tells the node's own server about the publishers that are there already.
+    /// Registers for a topic, and tells the node's own server about the existing publishers.
     pub(crate) fn register(&self, role: Role, topic: &str, type_name: &str) -> Answer<()> {
         let method = match role {
             Role::Publisher => "registerPublisher",
@@ -88,7 +88,7 @@ impl Master {
         Ok(())
     }
 
-    /// Takes a registration back.
+    /// Removes a registration.
     pub(crate) fn unregister(&self, role: Role, topic: &str) -> Answer<()> {
         let method = match role {
             Role::Publisher => "unregisterPublisher",
@@ -97,15 +97,15 @@ impl Master {
         self.ask::<Xml>(method, &[topic, &self.node_uri]).map(drop)
     }
 
-    /// Takes back the wish to hear of parameter changes, which rosrust registers.
+    /// Unsubscribes from parameter changes, for which rosrust registers.
     pub(crate) fn forget_params(&self) -> Answer<()> {
         self.ask::<Xml>("unsubscribeParam", &[&self.node_uri, "/"]).map(drop)
     }
 
-    /// A parameter's value by its full name; `None` when it is not set.
+    /// The value of a parameter by its full name; `None` if it is not set.
     ///
     /// # Errors
-    /// No answer, or a value of a kind that nobody here can use.
+    /// No answer, or a value of an unsupported kind.
     pub(crate) fn param(&self, name: &str) -> Result<Option<Value>> {
         let value = match self.ask("getParam", &[name]) {
             Err(CallError::Refused(reason)) if reason.contains("is not set") => return Ok(None),
@@ -114,10 +114,10 @@ impl Master {
         value.map(Some).map_err(|error| Error::param(name, error))
     }
 
-    /// Sets a parameter, by its full name.
+    /// Sets a parameter by its full name.
     ///
     /// # Errors
-    /// No answer, or a value that ROS 1 has no parameter for.
+    /// No answer, or a value that ROS 1 parameters cannot hold.
     pub(crate) fn set_param(&self, name: &str, value: &Value) -> Result<()> {
         let set = || {
             let value = encode(value).map_err(CallError::Refused)?;
@@ -127,16 +127,16 @@ impl Master {
         set().map_err(|error| Error::param(name, error))
     }
 
-    /// Names of the node's private parameters that somebody has set; none when the master does not answer.
+    /// Names of the node's private parameters that somebody has set; none if the master does not answer.
     pub(crate) fn private_params(&self) -> BTreeSet<String> {
         let own = format!("{}/", self.node);
         let all: Vec<String> = self.ask("getParamNames", &[]).unwrap_or_default();
-        // A dictionary is named once for each of its keys.
+        // A dictionary appears once for each of its keys.
         let names = all.iter().filter_map(|name| name.strip_prefix(&own)?.split('/').next());
         names.map(str::to_owned).collect()
     }
 
-    /// Whether nodes are to take their time from `/clock`.
+    /// Whether nodes take their time from `/clock`.
     ///
     /// # Errors
     /// No answer.

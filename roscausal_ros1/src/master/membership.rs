@@ -1,4 +1,4 @@
-//! What one node has registered with its master, for as long as it lives.
+//! The registrations of one node with its master, for as long as the node lives.
 
 use std::{
     sync::{
@@ -15,10 +15,10 @@ use super::{
     xmlrpc::CallError,
 };
 
-/// What the master said of the subscribers is believed for so long.
+/// How long the master's list of subscribers is reused.
 const BELIEVED: Duration = Duration::from_secs(1);
 
-/// A registration that must outlive a restart of the master.
+/// A registration that must survive a restart of the master.
 struct Registration {
     id: u64,
     role: Role,
@@ -26,20 +26,21 @@ struct Registration {
     type_name: String,
 }
 
-/// A node's membership: whoever made it calls [`Membership::renew`] each second, and [`Membership::leave`] in the end.
+/// The membership of a node. Its owner calls [`Membership::renew`] every second, and [`Membership::leave`] at the
+/// end.
 pub(crate) struct Membership {
     master: Master,
     next_id: AtomicU64,
     registrations: Mutex<Vec<Registration>>,
-    /// Who subscribes to what, as the master said at that time; `None` once a master was lost, because others
-    /// than us do not register again.
+    /// The subscribers by topic, and when the master listed them. `None` once a master was lost, because other
+    /// nodes do not register again.
     subscribers: Mutex<Option<(Option<Instant>, Subscribers)>>,
-    /// The master does not answer; asking it again is [`Membership::renew`]'s part.
+    /// The master does not answer. Only [`Membership::renew`] calls it again.
     lost: AtomicBool,
 }
 
 impl Membership {
-    /// The membership of the node in whose name this master is asked; nothing is registered yet.
+    /// The membership of the node that this master belongs to. Nothing is registered yet.
     pub(crate) fn new(master: Master) -> Self {
         Self {
             master,
@@ -55,10 +56,10 @@ impl Membership {
         &self.master.node
     }
 
-    /// The master to ask.
+    /// The master.
     ///
     /// # Errors
-    /// When it is known not to answer: a node must not stand still for each question.
+    /// If it is known not to answer: a node must not block on each call.
     pub(crate) fn master(&self) -> Result<&Master> {
         if self.lost.load(Ordering::SeqCst) {
             return Err(Error::Middleware(format!("the ROS master at {} does not answer", self.master.uri)));
@@ -66,15 +67,16 @@ impl Membership {
         Ok(&self.master)
     }
 
-    /// Keeps in mind what the node's client library registers. The number is for [`Membership::forget`].
+    /// Remembers a registration that the node's client library has made. The returned number is for
+    /// [`Membership::forget`].
     pub(crate) fn keep(&self, role: Role, topic: &str, type_name: String) -> u64 {
         let id = self.next_id.fetch_add(1, Ordering::Relaxed);
         lock(&self.registrations).push(Registration { id, role, topic: topic.to_owned(), type_name });
         id
     }
 
-    /// Ends a registration. The client library has by then unregistered the topic even when another handle of this
-    /// node still uses it, so that one is registered again.
+    /// Ends a registration. The client library has already unregistered the topic, even if another handle of this
+    /// node still uses it. In that case the topic is registered again.
     pub(crate) fn forget(&self, id: u64) {
         let mut registrations = lock(&self.registrations);
         let Some(index) = registrations.iter().position(|registration| registration.id == id) else { return };
@@ -92,12 +94,12 @@ impl Membership {
         registrations.iter().filter(|r| r.role == Role::Publisher).map(|r| r.topic.clone()).collect()
     }
 
-    /// `(topic, type)` of all topics that have a publisher; none when the master does not answer.
+    /// `(topic, type)` of all topics that have a publisher; none if the master does not answer.
     pub(crate) fn topics(&self) -> Vec<(String, String)> {
         self.master().ok().and_then(|master| master.published_topics().ok()).unwrap_or_default()
     }
 
-    /// The nodes registered as subscribers of a topic, at most a second ago; `None` when the master cannot tell.
+    /// The nodes that subscribe to a topic, as of at most a second ago; `None` if the master cannot tell.
     pub(crate) fn subscribers(&self, topic: &str) -> Option<Vec<String>> {
         let mut known = lock(&self.subscribers);
         let (asked, subscribers) = known.as_mut()?;
@@ -108,8 +110,8 @@ impl Membership {
         Some(subscribers.get(topic).cloned().unwrap_or_default())
     }
 
-    /// Looks whether the master still knows the node, and registers everything again when it does not. `false` when
-    /// another node has taken this one's name, which then has to end.
+    /// Checks whether the master still knows the node, and registers everything again if not. Returns `false` if
+    /// another node has taken this node's name; this node then has to end.
     pub(crate) fn renew(&self) -> bool {
         match self.master.registered_uri() {
             Ok(uri) if uri == self.master.node_uri => {
@@ -149,11 +151,11 @@ impl Membership {
         }
     }
 
-    /// Takes every registration back: no ghost stays on the master.
+    /// Removes all registrations, so that no dead entry stays on the master.
     pub(crate) fn leave(&self) {
         let mut topics: Vec<_> =
             lock(&self.registrations).iter().map(|r| (r.role, r.topic.clone())).collect();
-        // the log is the last to go
+        // the log is unregistered last
         topics.sort_by_key(|(_, topic)| topic == "/rosout");
         let done = topics.iter().try_for_each(|(role, topic)| self.master.unregister(*role, topic));
         if let Err(error) = done.and_then(|()| self.master.forget_params()) {

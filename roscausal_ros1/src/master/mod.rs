@@ -1,7 +1,7 @@
-//! A node's place on a ROS 1 master: parameters, who is there, and what the node has registered, which outlives a
-//! restart of the master and is taken back when the node leaves.
+//! A node's side of the ROS 1 master: parameters, other nodes, and the node's own registrations. They survive a
+//! restart of the master, and are removed when the node leaves.
 //!
-//! Each question has a deadline; rosrust's own client waits for ever on a master that hangs.
+//! Each call has a deadline; rosrust's own client waits for ever on a master that hangs.
 
 mod client;
 mod membership;

@@ -1,4 +1,4 @@
-//! XML-RPC calls with a deadline: rosrust's own wait for ever on a master or node that hangs.
+//! XML-RPC calls with a deadline. rosrust's own calls wait for ever on a master or node that hangs.
 
 use std::time::Duration;
 
@@ -6,15 +6,15 @@ use dxr::{FaultResponse, MethodCall, MethodResponse, TryFromValue, Value as Xml}
 use roscausal_core::params::Value;
 use ureq::Agent;
 
-/// The longest answer that is read; a parameter server's largest dictionaries stay far below.
+/// Size of the longest answer that is read. The largest dictionaries of a parameter server are far smaller.
 const MAX_ANSWER: u64 = 16 << 20;
 
-/// Why a call gave no value.
+/// Why a call returned no value.
 #[derive(Debug)]
 pub(crate) enum CallError {
-    /// Nobody answered, or not in time, or with something that is no XML-RPC.
+    /// No answer, a late one, or one that is not XML-RPC.
     Unreachable(String),
-    /// The other side answered that it will not.
+    /// The other side refused.
     Refused(String),
 }
 
@@ -26,7 +26,7 @@ impl std::fmt::Display for CallError {
     }
 }
 
-/// Calls `method` at `uri` (`http://host:port/`) and gives the third part of ROS's `[code, message, value]`.
+/// Calls `method` at `uri` (`http://host:port/`) and returns the third part of ROS's `[code, message, value]`.
 pub(crate) fn call<T: TryFromValue>(
     uri: &str,
     method: &str,
@@ -51,9 +51,9 @@ pub(crate) fn call<T: TryFromValue>(
     }
 }
 
-/// One HTTP request on a connection of its own; the answer's body.
+/// One HTTP request on a new connection. Returns the body of the answer.
 fn post(uri: &str, body: &str, patience: Duration) -> Result<String, String> {
-    // A proxy of the environment is for the internet, not for the robot's network.
+    // A proxy in the environment is for the internet, not for the robot's network.
     let config = Agent::config_builder().timeout_global(Some(patience)).proxy(None).build();
     let request = Agent::new_with_config(config).post(uri).content_type("text/xml");
     let read = || request.send(body)?.into_body().into_with_config().limit(MAX_ANSWER).read_to_string();
@@ -63,7 +63,7 @@ fn post(uri: &str, body: &str, patience: Duration) -> Result<String, String> {
     })
 }
 
-/// A parameter's value as XML-RPC has it.
+/// A parameter value as XML-RPC.
 pub(crate) fn encode(value: &Value) -> Result<Xml, String> {
     Ok(match value {
         Value::Bool(value) => Xml::Boolean(*value),
@@ -81,7 +81,7 @@ pub(crate) fn encode(value: &Value) -> Result<Xml, String> {
     })
 }
 
-/// A parameter's value; the error names the kind that nobody here can use.
+/// A parameter value from XML-RPC. The error names the unsupported kind.
 pub(crate) fn decode(value: Xml) -> Result<Value, String> {
     Ok(match value {
         Xml::Boolean(value) => Value::Bool(value),
@@ -139,7 +139,7 @@ mod tests {
             while let Ok(answer) = answers.recv() {
                 let (mut stream, _) = listener.accept().unwrap();
                 let _ = stream.read(&mut [0; 4096]);
-                // The caller may have had enough.
+                // The caller may have hung up.
                 let _ = stream.write_all(&answer);
             }
         });

@@ -1,7 +1,8 @@
-//! The last word of a node's DDS participant, as every vendor understands it.
+//! Announces the end of a node's DDS participant in a way that every vendor understands.
 //!
-//! The library says in the content of its message which participant ends. Fast DDS reads that from the key hash among
-//! the message's parameters alone (RTPS 2.5, section 9.6.4.8), and would list the node's topics until its lease ends.
+//! The library says in the content of its message which participant ends. Fast DDS reads that only from the key
+//! hash among the parameters of the message (RTPS 2.5, section 9.6.4.8). Without it, Fast DDS would list the node's
+//! topics until its lease ends.
 
 use std::net::{Ipv4Addr, UdpSocket};
 
@@ -9,15 +10,15 @@ use nix::{ifaddrs::getifaddrs, net::if_::InterfaceFlags};
 
 use crate::rcl::Network;
 
-/// Participants on one machine that are told one by one, because `lo` often has no multicast.
+/// Number of participants on this machine that are notified one by one, because `lo` often has no multicast.
 const PARTICIPANTS: u16 = 120;
 /// Where participants announce themselves (RTPS 2.5, section 9.6.1.4).
 const GROUP: Ipv4Addr = Ipv4Addr::new(239, 255, 0, 1);
-/// A number above that of any announcement before, so that none counts as newer.
+/// A sequence number above that of any earlier announcement, so that none counts as newer.
 const LAST: u64 = 1 << 30;
 
-/// Tells the network that the participant with this GUID has ended. What cannot be sent is not: the participant is then
-/// listed until its lease ends.
+/// Tells the network that the participant with this GUID has ended. A failure to send is ignored: the participant is
+/// then listed until its lease ends.
 pub(crate) fn send(guid: [u8; 16], network: Network) {
     let message = message(guid);
     // In high domains the ports of the last participants, or all, do not exist.

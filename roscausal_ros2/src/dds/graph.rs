@@ -1,4 +1,4 @@
-//! What a node sees of the others: who is matched with its publishers and subscriptions, and who is not and why.
+//! A node's view of the others: which endpoints match its publishers and subscriptions, and why others do not.
 
 use std::{
     collections::{BTreeSet, HashMap, HashSet},
@@ -13,7 +13,7 @@ use tracing::{debug, warn};
 
 use super::{publisher::Latched, qos::described};
 
-/// The endpoints of one node and their matches; fed by [`Graph::watch`].
+/// The endpoints of one node and their matches. [`Graph::watch`] keeps them up to date.
 #[derive(Default)]
 pub(crate) struct Graph {
     state: Mutex<State>,
@@ -23,11 +23,11 @@ pub(crate) struct Graph {
 struct State {
     /// DDS topic and type of this node's own endpoints.
     own: HashMap<GUID, (String, String)>,
-    /// Matched remote endpoints of each own one.
+    /// Matched remote endpoints of each of our endpoints.
     matched: HashMap<GUID, HashSet<GUID>>,
     /// The latched publishers, with their DDS topics.
     latched: Vec<(String, Weak<dyn Latched>)>,
-    /// What has been said already, so that it is said once.
+    /// What has been logged already, so that it is logged once.
     said: HashSet<String>,
 }
 
@@ -41,21 +41,21 @@ impl Graph {
         self.lock().own.insert(guid, (dds_topic.to_owned(), dds_type.to_owned()));
     }
 
-    /// Forgets an endpoint of this node.
+    /// Removes an endpoint of this node.
     pub(crate) fn remove(&self, guid: GUID) {
         let mut state = self.lock();
         state.own.remove(&guid);
         state.matched.remove(&guid);
     }
 
-    /// Adds a latched publisher of this node, to be told of subscribers.
+    /// Adds a latched publisher of this node, which will be notified of subscribers.
     pub(crate) fn add_latched(&self, dds_topic: String, publisher: Weak<dyn Latched>) {
         let mut state = self.lock();
         state.latched.retain(|(_, publisher)| publisher.strong_count() > 0);
         state.latched.push((dds_topic, publisher));
     }
 
-    /// How many endpoints of others are matched with this one of ours.
+    /// Number of remote endpoints that match this endpoint of ours.
     pub(crate) fn matched(&self, guid: GUID) -> usize {
         self.lock().matched.get(&guid).map_or(0, HashSet::len)
     }
@@ -131,7 +131,7 @@ fn say_once(state: &mut State, text: String) {
     }
 }
 
-/// `(topic, package/Name)` of the topics somebody publishes, in order.
+/// `(topic, package/Name)` of the topics that have a publisher, in order.
 pub(crate) fn published_topics(context: &Context) -> Vec<(String, String)> {
     let writers = context.domain_participant().discovered_writers();
     let topics = writers.iter().filter_map(|writer| {
@@ -141,7 +141,7 @@ pub(crate) fn published_topics(context: &Context) -> Vec<(String, String)> {
     topics.collect::<BTreeSet<_>>().into_iter().collect()
 }
 
-/// DDS type that another node's publisher sends; `None` for one that is not known (any more).
+/// DDS type that another node's publisher sends; `None` if the publisher is unknown or gone.
 pub(crate) fn sent_type(context: &Context, publisher: Gid) -> Option<String> {
     let writers = context.domain_participant().discovered_writers();
     let writer =
@@ -149,12 +149,12 @@ pub(crate) fn sent_type(context: &Context, publisher: Gid) -> Option<String> {
     Some(writer.publication_topic_data.type_name)
 }
 
-/// `/chatter` from `rt/chatter`; `None` for what is no ROS topic.
+/// `/chatter` from `rt/chatter`; `None` if it is not a ROS topic.
 fn ros_name(dds_topic: &str) -> Option<String> {
     dds_topic.strip_prefix("rt/").map(|name| format!("/{name}"))
 }
 
-/// `std_msgs/String` from `std_msgs::msg::dds_::String_`; `None` for what is no ROS message.
+/// `std_msgs/String` from `std_msgs::msg::dds_::String_`; `None` if it is not a ROS message.
 fn ros_type(dds_type: &str) -> Option<String> {
     let (package, name) = dds_type.split_once("::msg::dds_::")?;
     Some(format!("{package}/{}", name.strip_suffix('_')?))

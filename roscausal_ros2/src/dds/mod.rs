@@ -1,6 +1,6 @@
-//! A ROS 2 node's place on DDS, over `ros2-client`, with what DDS vendors differ in: publishers and subscriptions,
-//! services, who else is there and why nothing passes, whether the library still answers, leaving so that everybody
-//! hears it. The library's handles stay in this folder.
+//! A ROS 2 node's side of DDS, over `ros2-client`, including what differs between DDS vendors. It has publishers,
+//! subscriptions and services, the graph and the reasons why endpoints do not match, a watchdog over the library, and an
+//! exit that every vendor notices. The handles of the library stay in this folder.
 
 mod farewell;
 mod graph;

@@ -1,4 +1,4 @@
-//! One node on a domain.
+//! A node's participant on a DDS domain.
 
 use std::{
     collections::HashMap,
@@ -28,11 +28,11 @@ use super::{
 };
 use crate::rcl::{Enclave, Names, Network};
 
-/// One node's participant. It leaves the domain when it is dropped, or when it is told to.
+/// A node's participant. It leaves the domain when it is dropped, or when it is told to.
 pub(crate) struct Participant {
     names: Names,
     network: Network,
-    /// What it sends may be encrypted.
+    /// Whether what it sends may be encrypted.
     pub(super) secured: bool,
     pub(super) graph: Arc<Graph>,
     spinner: Spinner,
@@ -44,13 +44,13 @@ pub(crate) struct Participant {
     leaving: Mutex<()>,
 }
 
-/// The library's handles, in the order in which they are dropped.
+/// The handles of the library, in the order in which they are dropped.
 pub(super) struct Session {
     pub(super) node: ros2_client::Node,
     pub(super) context: Context,
 }
 
-/// How long a node that leaves waits for the others to hear of it.
+/// How long a node that leaves waits for the others to notice.
 const FAREWELL: Duration = Duration::from_millis(150);
 
 fn middleware(what: &str, reason: impl std::fmt::Display) -> Error {
@@ -58,11 +58,12 @@ fn middleware(what: &str, reason: impl std::fmt::Display) -> Error {
 }
 
 impl Participant {
-    /// Joins the domain as one node. `on_panic` is told what was being handled when a task panicked, on the thread on
-    /// which all that comes is read; `on_hang` is called when the library gives no answer any more, so that every call of
-    /// this participant may block for ever.
+    /// Joins the domain as one node. `on_panic` gets the name of a task that panicked; it runs on the thread that
+    /// reads all input. `on_hang` is called if the library no longer answers, so that every call of this
+    /// participant may block for ever.
     ///
     /// # Errors
+    /// If the network or the enclave cannot be used.
     /// When the network, or the enclave, cannot be used.
     pub(crate) fn join(
         names: &Names,
@@ -84,7 +85,7 @@ impl Participant {
             Context::from_domain_participant(participant).map_err(|error| middleware(&domain, error))?;
         let name =
             NodeName::new(names.namespace(), names.node()).map_err(|error| middleware("node name", error))?;
-        // Its parameter store knows no descriptions and its /rosout history grows for ever.
+        // Its parameter store has no descriptions, and its /rosout history grows without bound.
         let options = NodeOptions::new().enable_rosout(false).start_parameter_services(false);
         let node =
             context.new_node(name, options).map_err(|error| middleware("cannot make the node", error))?;
@@ -112,16 +113,16 @@ impl Participant {
         &self.names
     }
 
-    /// Does something with the library's handles.
+    /// Runs `work` with the handles of the library.
     ///
     /// # Errors
-    /// When the node has left the graph.
+    /// If the node has left the graph.
     pub(super) fn session<T>(&self, work: impl FnOnce(&mut Session) -> T) -> Result<T> {
         let mut session = lock(&self.session);
         session.as_mut().map(work).ok_or_else(|| Error::Middleware("the node has left the graph".into()))
     }
 
-    /// Runs a task on the thread on which all that comes is read. It must not block.
+    /// Runs a task on the thread that reads all input. The task must not block.
     pub(super) fn spawn<F: Future<Output = ()> + 'static>(
         &self,
         name: impl Into<String>,
@@ -130,18 +131,18 @@ impl Participant {
         self.spinner.spawn(name.into(), task)
     }
 
-    /// `(topic, package/Name)` of the topics somebody publishes, in order; none once the node has left.
+    /// `(topic, package/Name)` of the topics that have a publisher, in order; none once the node has left.
     pub(crate) fn topics(&self) -> Vec<(String, String)> {
         self.session(|session| published_topics(&session.context)).unwrap_or_default()
     }
 
-    /// Whether a publisher may be made anew: the library's security knows one of each topic and node. There, who comes
-    /// late may get what was sent before the last message, too.
+    /// Whether a publisher may be replaced by a new one. With security it may not, because the library then allows
+    /// one publisher per topic and node. A late joiner may then get earlier messages, too.
     pub(super) fn renews(&self) -> bool {
         !self.secured
     }
 
-    /// The DDS topic behind an absolute name; refuses a second type for the same name.
+    /// The DDS topic behind an absolute name. Refuses a second type for the same name.
     pub(super) fn topic<M: Message>(&self, name: &str, qos: Qos) -> Result<Topic> {
         let wanted = M::type_name();
         let reason = {
@@ -160,14 +161,14 @@ impl Participant {
         topic.map_err(|error| fail(error.to_string()))
     }
 
-    /// Announces the node's name and endpoints through a publisher of its own as well. The library's is the first
-    /// endpoint that others discover; when several nodes start at once, Fast DDS sometimes never matches it, and
-    /// the node is not listed by whoever was there before.
+    /// Announces the node's name and endpoints through a publisher of its own as well. The library's own publisher
+    /// is the first endpoint that others discover. If several nodes start at once, Fast DDS sometimes never matches
+    /// it. Then nodes that were there before do not list this node.
     ///
-    /// The library's security knows one publisher of each topic and node: there it stays at the library's.
+    /// With security the library allows one publisher per topic and node, so only its own is used.
     ///
     /// # Errors
-    /// When the publisher cannot be made.
+    /// If the publisher cannot be created.
     pub(crate) fn announce_again(&self) -> Result<()> {
         if self.secured {
             return Ok(());
@@ -183,18 +184,18 @@ impl Participant {
         Ok(())
     }
 
-    /// Tells others of this node's endpoints of now, if it announces itself.
+    /// Tells others the current endpoints of this node, if it announces itself.
     pub(super) fn announce(&self) {
         let mut announcer = lock(&self.announcer);
         let Some(announcer) = announcer.as_mut() else { return };
         if let Ok(info) = self.session(|session| session.context.participant_entities_info()) {
-            // One that is not taken is followed by the next.
+            // If one is not accepted, the next one follows.
             let _ = announcer.write(self, info);
         }
     }
 
-    /// Leaves the domain at once; whoever comes second waits for the first: a program that ended meanwhile would stay
-    /// listed.
+    /// Leaves the domain at once. A second caller waits for the first, because a program that ended meanwhile would
+    /// stay listed.
     pub(crate) fn leave(&self) {
         let _leaving = lock(&self.leaving);
         self.spinner.stop();
@@ -205,8 +206,8 @@ impl Participant {
             if let Some(announcer) = &mut announcer {
                 let _ = announcer.write(self, context.participant_entities_info());
             }
-            // Whoever is just discovering this node must hear that it has gone before its participant does, or
-            // lists it for ever.
+            // A node that is just discovering this one must learn that the node has gone before its participant
+            // goes. Otherwise it lists the node for ever.
             thread::sleep(FAREWELL);
             let participant = context.domain_participant().guid().to_bytes();
             drop((announcer, context));
@@ -221,7 +222,7 @@ impl Drop for Participant {
     }
 }
 
-/// Asks the library for something that it has under lock and key; false once the node has left.
+/// Asks the library for something that needs its locks. False once the node has left.
 fn answers(session: &Weak<Mutex<Option<Session>>>) -> bool {
     let Some(session) = session.upgrade() else { return false };
     let session = lock(&session);
@@ -230,11 +231,11 @@ fn answers(session: &Weak<Mutex<Option<Session>>>) -> bool {
     true
 }
 
-/// With the enclave's files, when the node has an enclave.
+/// With the files of the enclave, if the node has one.
 #[cfg(feature = "security")]
 fn secured(builder: DomainParticipantBuilder, enclave: Option<&Enclave>) -> DomainParticipantBuilder {
     let Some(enclave) = enclave else { return builder };
-    // SROS2's keys have no password.
+    // The keys of SROS2 have no password.
     let files = rustdds::DomainParticipantSecurityConfigFiles::with_ros_default_names(
         enclave.folder(),
         String::new(),
@@ -242,7 +243,7 @@ fn secured(builder: DomainParticipantBuilder, enclave: Option<&Enclave>) -> Doma
     builder.builtin_security(files)
 }
 
-/// Without DDS Security no enclave is ever found.
+/// Without DDS Security there is never an enclave.
 #[cfg(not(feature = "security"))]
 fn secured(builder: DomainParticipantBuilder, _enclave: Option<&Enclave>) -> DomainParticipantBuilder {
     builder

@@ -1,4 +1,4 @@
-//! Publishers, and what a latched one has yet to send.
+//! Publishers, and what a latched publisher still has to send.
 
 use std::{
     sync::{
@@ -21,17 +21,18 @@ use super::{
     qos::{self, Side},
 };
 
-/// After so long the library has trimmed a history to what its readers have not acknowledged; it does so every 6 s.
+/// After this time the library has reduced a history to what its readers have not acknowledged. It does so every 6
+/// s.
 const TRIMMED: Duration = Duration::from_secs(7);
-/// The most messages in the history of a latched topic, when a subscriber acknowledges none.
+/// Most messages in the history of a latched topic if a subscriber acknowledges none.
 const MOST_KEPT: usize = 20;
-/// Above this, Fast DDS with its default socket buffers repairs lost fragments slowly.
+/// Above this size, Fast DDS with its default socket buffers is slow to repair lost fragments.
 const LARGE_MESSAGE: usize = 200_000;
 
 /// A topic's publisher.
 pub struct Publisher<M: Message> {
     shared: Arc<Shared<M>>,
-    /// Messages not sent so far, because a reliable subscriber did not acknowledge the ones before.
+    /// Messages that were not sent because a reliable subscriber had not acknowledged earlier ones.
     refused: AtomicU64,
     said_large: AtomicBool,
 }
@@ -43,19 +44,19 @@ struct Shared<M: Message> {
     latch: Mutex<Latch<M>>,
 }
 
-/// The library's publisher and, on a latched topic, what it has yet to send.
+/// The library's publisher and, on a latched topic, what it still has to send.
 struct Latch<M: Message> {
     writer: Writer<M>,
-    /// The last message, for as long as nobody has asked for it.
+    /// The last message, as long as nobody has received it.
     unsent: Option<M>,
     last_sent: Option<Instant>,
 }
 
 impl Participant {
-    /// A publisher on a topic; relative names are resolved.
+    /// A publisher on a topic. Relative names are resolved.
     ///
     /// # Errors
-    /// An illegal name, another type than the topic's, a node that has left.
+    /// An illegal name, a type other than the topic's, or a node that has left.
     pub(crate) fn advertise<M: Message>(self: &Arc<Self>, topic: &str, qos: Qos) -> Result<Publisher<M>> {
         let topic = self.names().resolve(topic)?;
         let dds_topic = self.topic::<M>(&topic, qos)?;
@@ -91,8 +92,8 @@ impl<M: Message> Publisher<M> {
 }
 
 impl<M: Message> Shared<M> {
-    /// Sends to whoever listens. On a latched topic to which nobody listens the message waits for who comes: a writer
-    /// made anew for each would be one more publisher in the lists of all that run on Fast DDS.
+    /// Sends to the current subscribers. On a latched topic without subscribers the message waits for the first
+    /// one. A new writer for each message would add a publisher to the lists of all processes on Fast DDS.
     fn send(&self, message: M) -> Result<bool> {
         let mut latch = lock(&self.latch);
         if self.qos != Qos::Latched {
@@ -105,7 +106,7 @@ impl<M: Message> Shared<M> {
             latch.writer.renew(&self.participant)?;
         }
         latch.unsent = Some(message);
-        // Who comes from here on is handed it.
+        // A subscriber that comes from now on gets it through `hand_over`.
         if was_heard || latch.writer.sent > 0 || heard(&latch) {
             latch.hand_over(&self.participant)
         } else {
@@ -115,7 +116,7 @@ impl<M: Message> Shared<M> {
 }
 
 impl<M: Message> Latch<M> {
-    /// Sends what waits.
+    /// Sends the waiting message.
     fn hand_over(&mut self, participant: &Participant) -> Result<bool> {
         let Some(message) = self.unsent.take() else { return Ok(true) };
         self.last_sent = Some(Instant::now());
@@ -142,7 +143,7 @@ impl<M: Message> Publish<M> for Publisher<M> {
         self.warn_if_large(message);
         if !self.shared.send(message.clone())? {
             let refused = self.refused.fetch_add(1, Ordering::Relaxed) + 1;
-            // The 1st, 10th, 100th ...: enough to be seen, too few to flood.
+            // Logs the 1st, 10th, 100th, ...: often enough to be noticed, too rarely to flood the log.
             if 10u64.pow(refused.ilog10()) == refused {
                 warn!(
                     "topic '{}': {refused} messages not sent so far, a reliable subscriber does not acknowledge",
@@ -156,7 +157,7 @@ impl<M: Message> Publish<M> for Publisher<M> {
     fn subscriber_count(&self) -> usize {
         let Shared { participant, topic, qos, latch } = &*self.shared;
         match qos {
-            // Its writer may just be made anew, and for a moment matched with nobody.
+            // Its writer may just be in replacement, and not matched with anybody for a moment.
             Qos::Latched => {
                 participant.session(|session| session.node.subscription_count(topic)).unwrap_or(0)
             }

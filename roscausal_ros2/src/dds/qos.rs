@@ -10,15 +10,15 @@ use rustdds::{
     policy::{self, Reliability},
 };
 
-/// Which end of a topic.
+/// The two ends of a topic.
 #[derive(Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Side {
     Publisher,
     Subscriber,
 }
 
-/// Volatile topics: reliable publishers that never wait, best-effort subscribers, so that either matches
-/// anything. Latched topics: reliable and transient local, depth 1.
+/// Volatile topics have reliable publishers that never wait, and best-effort subscribers. So either end matches
+/// anything. Latched topics are reliable and transient local, with depth 1.
 pub(crate) fn profile(qos: Qos, side: Side) -> QosProfile {
     let reliable = QosProfile::publisher_default().reliability_reliable(WhenFull::Fail);
     match (qos, side) {
@@ -34,7 +34,7 @@ pub(crate) fn profile(qos: Qos, side: Side) -> QosProfile {
     }
 }
 
-/// A profile in the words of ROS 2.
+/// A profile in the terms of ROS 2.
 pub(crate) fn described(qos: &QosPolicies) -> String {
     let reliability = match qos.reliability() {
         Some(Reliability::Reliable { .. }) => "reliable",

@@ -15,7 +15,7 @@ impl Participant {
     /// `handle` makes of it, on the thread on which all that comes is read, until that is `None`.
     ///
     /// # Errors
-    /// When the library refuses, or the node has left.
+    /// If the library refuses, or the node has left.
     pub(crate) fn serve<Req, Resp>(
         &self,
         name: &str,
@@ -53,7 +53,7 @@ impl Participant {
     }
 }
 
-/// Fast DDS and Cyclone DDS carry a request's identity in different places.
+/// Fast DDS and Cyclone DDS carry the identity of a request in different places.
 fn mapping() -> ServiceMapping {
     match std::env::var("RMW_IMPLEMENTATION").as_deref() {
         Ok("rmw_cyclonedds_cpp") => ServiceMapping::Cyclone,

@@ -1,4 +1,4 @@
-//! The one thread on which everything that a node receives is read.
+//! The one thread that reads everything that a node receives.
 
 use std::{
     future::Future,
@@ -18,8 +18,8 @@ use futures::{
 };
 use roscausal_core::gate::lock;
 
-/// Makes a task's future on the spinner's thread, so that the future itself need not be `Send`. The output is
-/// the task's name when it panicked.
+/// Creates the future of a task on the spinner's thread, so the future itself need not be `Send`. Its output is the
+/// name of the task if the task panicked.
 type Start = Box<dyn FnOnce() -> LocalBoxFuture<'static, Option<String>> + Send>;
 
 /// Drives the tasks of a node: subscriptions, parameter services, discovery. No task may block.
@@ -29,10 +29,10 @@ pub(crate) struct Spinner {
 }
 
 impl Spinner {
-    /// Starts the thread. A task that panics ends alone; `on_panic` is told its name.
+    /// Starts the thread. If a task panics, only that task ends, and `on_panic` gets its name.
     ///
     /// # Errors
-    /// When the system gives no thread.
+    /// If the system cannot start a thread.
     pub(crate) fn start(on_panic: impl Fn(String) + Send + 'static) -> io::Result<Self> {
         let (tasks, incoming) = mpsc::unbounded();
         let thread = thread::Builder::new()
@@ -41,7 +41,7 @@ impl Spinner {
         Ok(Self { tasks, thread: Mutex::new(Some(thread)) })
     }
 
-    /// Runs a task until it ends or the handle aborts it; then all that it owns is dropped.
+    /// Runs a task until it ends or the handle aborts it. Then everything that it owns is dropped.
     pub(crate) fn spawn<F>(&self, name: String, task: impl FnOnce() -> F + Send + 'static) -> AbortHandle
     where
         F: Future<Output = ()> + 'static,
@@ -52,12 +52,12 @@ impl Spinner {
             let guarded = AssertUnwindSafe(task).catch_unwind();
             guarded.map(move |outcome| outcome.is_err().then_some(name)).boxed_local()
         });
-        // A spinner that has stopped runs nothing any more.
+        // A spinner that has stopped runs nothing.
         let _ = self.tasks.unbounded_send(start);
         handle
     }
 
-    /// Drops all tasks and waits for the thread, unless it is the one that calls.
+    /// Drops all tasks and waits for the thread, unless the caller is that thread.
     pub(crate) fn stop(&self) {
         self.tasks.close_channel();
         let thread = lock(&self.thread).take();

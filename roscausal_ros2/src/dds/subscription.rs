@@ -18,7 +18,7 @@ use super::{
     qos::{self, Side},
 };
 
-/// A subscription; dropping it ends it, and no callback runs afterwards.
+/// A subscription. Dropping it ends it, and no callback runs afterwards.
 pub struct Subscription {
     gate: Arc<Gate>,
     task: AbortHandle,
@@ -32,10 +32,10 @@ impl Drop for Subscription {
 }
 
 impl Participant {
-    /// Calls back with each message of a topic, on the thread on which all that comes is read.
+    /// Calls back with each message of a topic, on the thread that reads all input.
     ///
     /// # Errors
-    /// An illegal name, another type than the topic's, a node that has left.
+    /// An illegal name, a type other than the topic's, or a node that has left.
     pub(crate) fn subscribe<M: Message>(
         self: &Arc<Self>,
         topic: &str,
@@ -67,7 +67,7 @@ impl Participant {
     }
 }
 
-/// Forgets a subscription's endpoint when its task is dropped.
+/// Removes the endpoint of a subscription when its task is dropped.
 struct Registered {
     graph: Arc<Graph>,
     guid: GUID,
@@ -79,8 +79,8 @@ impl Drop for Registered {
     }
 }
 
-/// Who sends on a topic. The library delivers what is sent under the topic's name, whatever its type, and some
-/// types' bytes can be read as others.
+/// The publishers of a topic. The library delivers whatever is sent under the name of the topic, of any type, and
+/// the bytes of some types decode as others.
 struct Senders {
     node: Weak<Participant>,
     /// DDS name of the subscription's type.
@@ -89,7 +89,7 @@ struct Senders {
 }
 
 impl Senders {
-    /// Whether this publisher's messages are of the subscription's type.
+    /// Whether the messages of this publisher have the type of the subscription.
     fn fits(&mut self, publisher: Gid) -> bool {
         let (node, kind) = (&self.node, &self.kind);
         *self.known.entry(publisher).or_insert_with(|| {
@@ -111,7 +111,7 @@ async fn read<M: Message>(
     while let Some(message) = messages.next().await {
         match message {
             Ok((message, info)) if senders.fits(info.publisher_gid()) => deliver(message),
-            // The graph has said so already.
+            // The graph has logged it already.
             Ok(_) => {}
             Err(ReadError::Deserialization { reason }) => {
                 illegible += 1;

@@ -1,9 +1,10 @@
-//! A library that has locked itself up is noticed.
+//! Detects a deadlock of the DDS library.
 //!
-//! RustDDS 0.15.1 takes two of its locks in opposite orders. When a handshake ends its discovery thread holds the security
-//! plugins and asks for the list of participants (`validate_remote_participant_permissions`); its event loop holds that list
-//! and asks for the plugins (`update_participant`). Both would get by, since both only read the list; but while a third
-//! thread waits to enter an endpoint of this node there, readers wait behind it, and none of the three ever goes on.
+//! RustDDS 0.15.1 takes two of its locks in opposite orders. When a handshake ends, its discovery thread holds the
+//! security plugins and wants the list of participants (`validate_remote_participant_permissions`). Its event loop
+//! holds that list and wants the plugins (`update_participant`). Both only read the list, so both could continue.
+//! But if a third thread waits to add an endpoint of this node to the list, readers wait behind it, and none of the
+//! three can continue.
 
 use std::{
     sync::mpsc::{self, RecvTimeoutError},
@@ -11,13 +12,13 @@ use std::{
     time::Duration,
 };
 
-/// Between an answer and the next question.
+/// Time between an answer and the next question.
 const PERIOD: Duration = Duration::from_secs(1);
-/// How long one waits for an answer, twice.
+/// How long to wait for an answer; it is waited for twice.
 pub(crate) const PATIENCE: Duration = Duration::from_secs(4);
 
-/// Asks from time to time, until `ask` says that there is nothing left to ask; `on_hang` is called once, when it gives
-/// no answer.
+/// Asks from time to time until `ask` returns that there is nothing left to ask. If there is no answer, `on_hang`
+/// is called once.
 pub(crate) fn watch(
     ask: impl Fn() -> bool + Send + 'static,
     patience: Duration,
@@ -35,13 +36,13 @@ pub(crate) fn watch(
             match answers.recv_timeout(patience) {
                 Ok(()) => silent = false,
                 Err(RecvTimeoutError::Disconnected) => return,
-                // A process that was stopped for a while finds its time run out: the second wait is after that.
+                // A process that was stopped for a while finds its time-out expired. The second wait covers that.
                 Err(RecvTimeoutError::Timeout) if !silent => silent = true,
                 Err(RecvTimeoutError::Timeout) => return on_hang(),
             }
         }
     };
-    // Without these threads nobody notices.
+    // Without these threads nobody detects a deadlock.
     let _ = thread::Builder::new().name("dds question".into()).spawn(question);
     let _ = thread::Builder::new().name("dds watchdog".into()).spawn(wait);
 }
@@ -63,7 +64,7 @@ mod tests {
         watch(move || asked.lock().is_ok(), Duration::from_millis(20), move || hung.0.send(()).unwrap());
         hung.1.recv().unwrap();
         drop(held);
-        // the sender went with the only call
+        // the sender was dropped after its only call
         assert!(hung.1.recv().is_err());
     }
 

@@ -1,4 +1,4 @@
-//! The library's publisher, with a history that ends.
+//! The library's publisher, with a bounded history.
 
 use ros2_client::{QosProfile, WriteError};
 use roscausal_core::{Error, Result};
@@ -9,8 +9,9 @@ use serde::{Serialize, Serializer, ser::SerializeTuple};
 
 use super::Participant;
 
-/// A publisher of the library that is made anew after a number of messages: the history of a transient local
-/// one is trimmed only to what all its readers have acknowledged, and a late joiner gets all of it.
+/// A publisher of the library that is replaced by a new one after a number of messages. The history of a
+/// transient-local publisher is trimmed only to what all its readers have acknowledged, and a late joiner gets all
+/// of it.
 pub(crate) struct Writer<M: Serialize> {
     topic: Topic,
     profile: QosProfile,
@@ -20,10 +21,10 @@ pub(crate) struct Writer<M: Serialize> {
 }
 
 impl<M: Serialize> Writer<M> {
-    /// A publisher with this profile whose history begins anew after so many messages.
+    /// A publisher with this profile whose history starts over after this many messages.
     ///
     /// # Errors
-    /// When the library refuses, or the node has left.
+    /// If the library refuses, or the node has left.
     pub(super) fn new(
         participant: &Participant,
         topic: Topic,
@@ -48,10 +49,10 @@ impl<M: Serialize> Writer<M> {
         Ok(publisher)
     }
 
-    /// Sends; `false` when a reliable subscriber is too far behind to take it.
+    /// Sends a message. Returns `false` if a reliable subscriber is too far behind to accept it.
     ///
     /// # Errors
-    /// When the library refuses, or the node has left.
+    /// If the library refuses, or the node has left.
     pub(crate) fn write(&mut self, participant: &Participant, message: M) -> Result<bool> {
         if self.sent >= self.renew_after {
             self.renew(participant)?;
@@ -64,7 +65,7 @@ impl<M: Serialize> Writer<M> {
         }
     }
 
-    /// Begins a history anew. Fast DDS goes on counting the publisher that was.
+    /// Starts the history over. Fast DDS keeps counting the old publisher.
     pub(crate) fn renew(&mut self, participant: &Participant) -> Result<()> {
         let old = self.guid();
         self.publisher = Self::publisher(participant, &self.topic, &self.profile)?;
@@ -78,9 +79,9 @@ impl<M: Serialize> Writer<M> {
     }
 }
 
-/// A message with up to three zeros behind it, which a reader leaves unread. The library pads what it sends to a multiple of
-/// four bytes *after* it encrypted the content, and looks for the signature from the padded end: only content that needs
-/// no padding can be decrypted.
+/// A message followed by up to three zeros, which a reader ignores. The library pads what it sends to a multiple of
+/// four bytes *after* encrypting the content, and looks for the signature from the padded end. So only content that
+/// needs no padding can be decrypted.
 struct Padded<M> {
     message: M,
     zeros: usize,

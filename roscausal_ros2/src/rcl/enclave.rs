@@ -1,16 +1,16 @@
-//! Which SROS2 enclave a node uses, told by `ROS_SECURITY_*` and `--enclave` as rcl reads them.
+//! The SROS2 enclave of a node, selected by `ROS_SECURITY_*` and `--enclave` as in rcl.
 
 use std::path::{Path, PathBuf};
 
 use super::{BadArgument, names::is_namespace};
 
-/// The folder of an enclave, in which every file that DDS Security needs is there.
+/// The folder of an enclave that has every file that DDS Security needs.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Enclave {
     folder: PathBuf,
 }
 
-/// The files of an enclave, by the names that SROS2 gives them.
+/// The files of an enclave, named as SROS2 names them.
 const FILES: [&str; 6] = [
     "identity_ca.cert.pem",
     "cert.pem",
@@ -19,17 +19,17 @@ const FILES: [&str; 6] = [
     "governance.p7s",
     "permissions.p7s",
 ];
-/// A list of revoked certificates, which the DDS library does not read.
+/// A list of revoked certificates; the DDS library does not read it.
 const REVOCATIONS: &str = "crl.pem";
 
 impl Enclave {
-    /// The enclave that the environment and `--enclave` (`argument`) ask for; `None` when they ask for none, or when it
-    /// cannot be used and `ROS_SECURITY_STRATEGY` is not `Enforce`: then a warning says that the node talks in the clear.
-    /// `built_in`: the program has DDS Security.
+    /// The enclave that the environment and `--enclave` (`argument`) select. `None` if they select none. Also
+    /// `None`, with a warning that the node communicates in the clear, if the enclave cannot be used and
+    /// `ROS_SECURITY_STRATEGY` is not `Enforce`. `built_in` says whether the program has DDS Security.
     ///
     /// # Errors
-    /// A name that is no enclave's; with `Enforce`: no keystore, no such enclave, files missing, a revocation list, or a
-    /// program without DDS Security.
+    /// A name that no enclave can have. With `Enforce` also: no keystore, no such enclave, missing files, a
+    /// revocation list, or a program without DDS Security.
     pub fn from_env(
         env: impl Fn(&str) -> Option<String>,
         argument: Option<&str>,
@@ -50,7 +50,7 @@ impl Enclave {
         let enforced = match text("ROS_SECURITY_STRATEGY").as_deref() {
             Some("Enforce") => true,
             None | Some("Permissive") => false,
-            // A misspelt Enforce must not become the weaker one.
+            // A misspelt Enforce must not weaken security.
             Some(other) => {
                 return Err(BadArgument(format!(
                     "ROS_SECURITY_STRATEGY is '{other}'; use Enforce or Permissive"
@@ -110,7 +110,7 @@ impl Enclave {
     }
 }
 
-/// An enclave is named like a namespace, so it stays in its folder.
+/// An enclave is named like a namespace, so it cannot leave its folder.
 fn check_name(what: &str, name: &str) -> Result<(), BadArgument> {
     if is_namespace(name) {
         return Ok(());

@@ -1,5 +1,5 @@
-//! What ROS 2's `rcl` does for a node, as `rcl` does it: names and remaps, parameters and their files, where on the
-//! network the environment puts the node, and its enclave. It knows nothing of DDS.
+//! What ROS 2's `rcl` does for a node, done as `rcl` does it: names and remaps, parameters and their files, the
+//! node's place on the network, and its enclave. It knows nothing of DDS.
 
 mod enclave;
 mod names;
@@ -13,7 +13,7 @@ pub use network::Network;
 pub use param_file::ParamFile;
 pub(crate) use parameters::{Parameters, USE_SIM_TIME, ros2_name};
 
-/// A command line or environment that a node cannot start with: one sentence for the user.
+/// A command line or environment with which a node cannot start: one sentence for the user.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct BadArgument(pub String);
 

@@ -1,4 +1,4 @@
-//! A node's name, its namespace, and what the remaps make of the names it asks for.
+//! A node's name and namespace, and the remaps of the names that it uses.
 
 use roscausal_core::{
     Error, Result,
@@ -7,7 +7,7 @@ use roscausal_core::{
 
 use super::BadArgument;
 
-/// A node's full name and its remaps; turns the names used in the code into absolute ones.
+/// A node's full name and its remaps. Turns the names used in the code into absolute names.
 #[derive(Clone, Debug)]
 pub struct Names {
     node: String,
@@ -25,10 +25,10 @@ pub struct Remap {
 }
 
 impl Remap {
-    /// Reads a rule as it stands behind `-r`.
+    /// Reads a rule as it follows `-r`.
     ///
     /// # Errors
-    /// No `:=`, an empty side, an illegal node name or namespace.
+    /// No `:=`, an empty side, or an illegal node name or namespace.
     pub fn parse(rule: &str) -> std::result::Result<Self, BadArgument> {
         let wrong =
             |why: &str| BadArgument(format!("-r {rule}: {why}; write from:=to, such as odom:=/robot/odom"));
@@ -57,10 +57,10 @@ impl Remap {
 }
 
 impl Names {
-    /// The names of a node called `node` in the code, after the rules for its own name and namespace.
+    /// The names of a node that the code calls `node`, after the rules for its own name and namespace.
     ///
     /// # Errors
-    /// When `node` is not a legal name.
+    /// If `node` is not a legal name.
     pub fn new(node: &str, rules: Vec<Remap>) -> std::result::Result<Self, BadArgument> {
         if !is_token(node) {
             return Err(BadArgument(format!("'{node}' is not a node's name: use letters, digits and '_'")));
@@ -86,7 +86,7 @@ impl Names {
         &self.namespace
     }
 
-    /// The name under which it logs: `namespace.node`.
+    /// Name of its logger: `namespace.node`.
     pub fn logger(&self) -> String {
         self.full_name().trim_start_matches('/').replace('/', ".")
     }
@@ -96,7 +96,7 @@ impl Names {
         format!("{}/{}", self.namespace.trim_end_matches('/'), self.node)
     }
 
-    /// The absolute name of a topic after the remaps; the first rule that fits is the one applied, once.
+    /// The absolute name of a topic after the remaps. The first matching rule is applied, once.
     ///
     /// # Errors
     /// An illegal name, before or after the remap.
@@ -125,7 +125,7 @@ impl Names {
     }
 }
 
-/// `/`, or tokens after single slashes.
+/// Whether `text` is `/`, or name parts that each follow a single slash.
 pub(crate) fn is_namespace(text: &str) -> bool {
     text == "/" || (text.starts_with('/') && is_graph_name(text))
 }

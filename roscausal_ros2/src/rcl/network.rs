@@ -1,8 +1,8 @@
-//! Where on the network a node lives, told by the environment.
+//! A node's place on the network, from the environment.
 
 use super::BadArgument;
 
-/// Where on the network a node lives.
+/// A node's place on the network.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Network {
     /// `ROS_DOMAIN_ID`, 0 to 232.
@@ -12,11 +12,11 @@ pub struct Network {
 }
 
 impl Network {
-    /// Reads `ROS_DOMAIN_ID`, `ROS_LOCALHOST_ONLY` (which wins when it is 1, as in rcl) and
+    /// Reads `ROS_DOMAIN_ID`, `ROS_LOCALHOST_ONLY` (which takes precedence if it is 1, as in rcl) and
     /// `ROS_AUTOMATIC_DISCOVERY_RANGE`.
     ///
     /// # Errors
-    /// A domain above 232 or not a number; a range that is none of ROS 2's words.
+    /// A domain that is above 232 or not a number, or a range that ROS 2 does not have.
     pub fn from_env(
         env: impl Fn(&str) -> Option<String>,
         warnings: &mut Vec<String>,

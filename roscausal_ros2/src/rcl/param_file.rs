@@ -1,4 +1,4 @@
-//! Parameters from files and from `-p`: values for nodes whose names fit a pattern.
+//! Parameters from files and from `-p`: values for the nodes whose names match a pattern.
 
 use std::{collections::BTreeMap, path::Path};
 
@@ -7,15 +7,15 @@ use serde_norway::Value as Yaml;
 
 use super::BadArgument;
 
-/// Parameter values from any number of files and `-p` arguments, in their order.
+/// Parameter values from any number of files and `-p` arguments, in order.
 #[derive(Clone, Debug, Default)]
 pub struct ParamFile {
-    /// Node pattern, one item a path segment (`*` one, `**` any number), with its values.
+    /// Node patterns with their values. A pattern has one item per path segment (`*` matches one, `**` any number).
     nodes: Vec<(Vec<String>, BTreeMap<String, Value>)>,
 }
 
 impl ParamFile {
-    /// Sets one value for the nodes that `node` fits.
+    /// Sets one value for the nodes that match `node`.
     fn insert(&mut self, node: &str, name: &str, value: Value) {
         let pattern = segments(node);
         let index = self.nodes.iter().position(|(known, _)| *known == pattern).unwrap_or_else(|| {
@@ -25,10 +25,10 @@ impl ParamFile {
         self.nodes[index].1.insert(name.to_owned(), value);
     }
 
-    /// Adds a rule `[node:]name:=value` as it stands behind `-p`, the value in YAML.
+    /// Adds a rule `[node:]name:=value` as it follows `-p`, with the value in YAML.
     ///
     /// # Errors
-    /// No `:=`, no parameter's name, no value.
+    /// No `:=`, no parameter name, or no value.
     pub fn add_rule(&mut self, rule: &str) -> Result<(), BadArgument> {
         let wrong = |why: &str| BadArgument(format!("-p {rule}: {why}; write name:=value, such as dt:=0.1"));
         let (name, text) = rule.split_once(":=").ok_or_else(|| wrong("there is no ':='"))?;
@@ -43,7 +43,7 @@ impl ParamFile {
         Ok(())
     }
 
-    /// Adds a file: `node: {ros__parameters: {name: value}}`, nodes nested by namespace or written as paths.
+    /// Adds a file: `node: {ros__parameters: {name: value}}`. Nodes are nested by namespace or written as paths.
     ///
     /// # Errors
     /// A file that cannot be read, is not YAML, or is not of that form; the message names the place.
@@ -105,7 +105,8 @@ impl ParamFile {
         Ok(())
     }
 
-    /// The values for one node: those of its own name win over those of patterns, later ones over earlier.
+    /// The values for one node. Those under its own name take precedence over those of patterns, later ones over
+    /// earlier ones.
     pub fn for_node(&self, full_name: &str) -> BTreeMap<String, Value> {
         let name = segments(full_name);
         let fits = |exact: bool| {
@@ -132,10 +133,10 @@ fn fit(pattern: &[String], name: &[String]) -> bool {
     }
 }
 
-/// A parameter's value from YAML: a scalar, or a list of scalars of one type.
+/// A parameter value from YAML: a scalar, or a list of scalars of one type.
 ///
 /// # Errors
-/// No value, a list of mixed types, a list of lists, a mapping.
+/// No value, a list of mixed types, a list of lists, or a mapping.
 fn scalar_or_list(yaml: &Yaml) -> Result<Value, String> {
     Ok(match yaml {
         Yaml::Null => return Err("there is no value; write \"\" for an empty one".into()),

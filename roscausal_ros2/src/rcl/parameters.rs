@@ -1,4 +1,4 @@
-//! A node's parameters: declared with descriptions and ranges.
+//! A node's parameters, declared with descriptions and ranges.
 
 use std::{
     collections::{BTreeMap, BTreeSet},
@@ -19,13 +19,13 @@ pub(crate) struct Parameters {
 }
 
 struct Declared {
-    /// `None` for what the node itself has set without declaring it.
+    /// `None` for a parameter that the node itself has set without declaring it.
     spec: Option<ParamSpec>,
     /// `None` while nobody has set it.
     value: Option<Value>,
 }
 
-/// The parameter that every node has: time comes from `/clock`.
+/// The parameter that every node has: whether time comes from `/clock`.
 pub(crate) const USE_SIM_TIME: ParamSpec = ParamSpec {
     name: "use_sim_time",
     default: Value::Bool(false),
@@ -34,7 +34,7 @@ pub(crate) const USE_SIM_TIME: ParamSpec = ParamSpec {
 };
 
 impl Parameters {
-    /// Of a node that was started with these values.
+    /// The parameters of a node that was started with these values.
     pub(crate) fn new(overrides: BTreeMap<String, Value>) -> Self {
         Self { overrides, declared: Mutex::default() }
     }
@@ -43,10 +43,10 @@ impl Parameters {
         lock(&self.declared)
     }
 
-    /// Declares a parameter unless it is declared already. The value set for it, and whether it is new.
+    /// Declares a parameter unless it is already declared. Returns the value set for it, and whether it is new.
     ///
     /// # Errors
-    /// When the value it was started with is not allowed.
+    /// If the value that the node was started with is not allowed.
     pub(crate) fn declare(&self, spec: &ParamSpec) -> Result<(Option<Value>, bool)> {
         let name = ros2_name(spec.name);
         let mut declared = self.lock();
@@ -58,15 +58,15 @@ impl Parameters {
         Ok((value, true))
     }
 
-    /// The value of now; `None` for an unknown name.
+    /// The current value; `None` for an unknown name.
     pub(crate) fn get(&self, name: &str) -> Option<Value> {
         self.lock().get(name)?.current().cloned()
     }
 
-    /// Sets parameters, all of them or none (`None` as a value: unset). What was set is returned.
+    /// Sets parameters, all of them or none (a value `None` unsets). Returns what was set.
     ///
     /// # Errors
-    /// The first that cannot be set, and why.
+    /// The first parameter that cannot be set, and why.
     pub(crate) fn set(
         &self,
         changes: Vec<(String, Option<Value>)>,
@@ -96,13 +96,13 @@ impl Parameters {
         Ok(checked)
     }
 
-    /// Sets a parameter from within the node, whether it is declared or not.
+    /// Sets a parameter from within the node, declared or not.
     pub(crate) fn put(&self, name: &str, value: Value) {
         let mut declared = self.lock();
         declared.entry(ros2_name(name)).or_insert(Declared { spec: None, value: None }).value = Some(value);
     }
 
-    /// Names of parameters and the prefixes among them; `depth` 0 is any depth, prefixes are names up to a `.`.
+    /// Names of parameters, and their prefixes (names up to a `.`). `depth` 0 means any depth.
     pub(crate) fn list(&self, prefixes: &[String], depth: u64) -> (Vec<String>, Vec<String>) {
         let shallow = |rest: &str| depth == 0 || (rest.matches('.').count() as u64) < depth;
         let listed = |name: &&String| {
@@ -120,13 +120,14 @@ impl Parameters {
         (names, prefixes)
     }
 
-    /// What was declared under this name; `None` for what the node has set without declaring it, and for unknown names.
+    /// The specification under this name. `None` for unknown names, and for a parameter that the node has set
+    /// without declaring it.
     pub(crate) fn spec(&self, name: &str) -> Option<ParamSpec> {
         self.lock().get(name)?.spec.clone()
     }
 
-    /// Names of the parameters that the node was started with, but for those that another one names, such as
-    /// `goal_param`: they are asked for when they are needed.
+    /// Names of the parameters that the node was started with. Those that another parameter names, such as
+    /// `goal_param`, are left out: they are read when needed.
     pub(crate) fn given(&self) -> Vec<String> {
         let declared = self.lock();
         let texts = declared.values().filter_map(Declared::current);
@@ -141,7 +142,7 @@ impl Declared {
     }
 }
 
-/// ROS 2 has no parameters outside nodes: an absolute ROS 1 name `/a/b` is this node's `a.b`.
+/// ROS 2 has no global parameters, so an absolute ROS 1 name `/a/b` becomes this node's `a.b`.
 pub(crate) fn ros2_name(name: &str) -> String {
     name.strip_prefix('/').map_or_else(|| name.to_owned(), |name| name.replace('/', "."))
 }

@@ -5,7 +5,7 @@ use crate::expected::PAPER;
 
 pub(super) type Link = (String, String);
 
-/// The variables of an experiment; every ordered pair of two is a possible cross link.
+/// The variables of an experiment. Every ordered pair of two is a possible cross link.
 const VARIABLES: [&str; 3] = ["h_v", "h_dg", "h_risk"];
 
 /// How often one link was found with one setting.
@@ -15,8 +15,8 @@ pub(super) struct Recall {
     pub(super) expected: bool,
     pub(super) found: usize,
     pub(super) runs: usize,
-    /// Of the runs that found the link, in any scenario with the same settings otherwise, the share of those whose
-    /// scenario has it; `None` when none found it.
+    /// Of the runs of all scenarios that share the other settings and found the link: the fraction whose scenario
+    /// has it. `None` if no run found it.
     pub(super) precision: Option<f64>,
 }
 
@@ -24,18 +24,18 @@ pub(super) struct Recall {
 pub(super) struct Group<'a> {
     pub(super) setting: &'a Setting,
     pub(super) runs: Vec<&'a Run>,
-    /// Those and the runs of other scenarios with the same settings otherwise.
+    /// The runs of all scenarios that share the other settings.
     pub(super) all_scenarios: Vec<&'a Run>,
 }
 
-/// What is said of one setting.
+/// The scores of one setting.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Score {
-    /// Share of the expected links that were found, over all runs.
+    /// Fraction of the expected links that were found, over all runs.
     pub(super) recall: f64,
-    /// Share of the links found that were expected; `None` when none was found.
+    /// Fraction of the links found that were expected; `None` if none was found.
     pub(super) precision: Option<f64>,
-    /// Mean structural Hamming distance: links missing and links too many.
+    /// Mean structural Hamming distance: missing links plus extra links.
     pub(super) shd: f64,
     /// Runs with exactly the expected links.
     pub(super) exact: usize,
@@ -113,7 +113,7 @@ impl Group<'_> {
     }
 }
 
-/// Wilson's interval of a share at 95 % (Wilson 1927).
+/// Wilson's 95 % interval of a fraction (Wilson 1927).
 pub(super) fn wilson(found: usize, runs: usize) -> (f64, f64) {
     const Z: f64 = 1.959_963_984_540_054;
     let (n, p) = (runs.max(1) as f64, found as f64 / runs.max(1) as f64);
@@ -142,7 +142,7 @@ mod tests {
         assert_eq!(counts, [2, 1, 1, 1, 1, 0]);
         let score = long.score();
         assert_eq!((score.recall, score.precision), (5.0 / 8.0, Some(5.0 / 6.0)));
-        // Three missing and one too many in the second run of two.
+        // Three missing and one extra link in the second run of two.
         assert_eq!((score.shd, score.exact), (2.0, 1));
         assert_eq!((groups[0].score().precision, groups[0].score().shd), (None, 4.0));
     }

@@ -9,7 +9,7 @@ use super::{
     counts::{Group, Link},
 };
 
-/// What a plot has on its horizontal axis.
+/// The horizontal axis of a plot.
 #[derive(Clone, Copy)]
 pub(super) enum Factor {
     Length,
@@ -31,7 +31,7 @@ impl Factor {
         }
     }
 
-    /// The setting without this factor: equal for those on one curve.
+    /// The setting without this factor; it is the same for all points of one curve.
     fn family(self, setting: &Setting) -> String {
         let mut setting = setting.clone();
         match self {
@@ -42,14 +42,14 @@ impl Factor {
     }
 }
 
-/// Recall of each link, precision, Hamming distance and run time against one factor; of the settings that differ in
-/// that factor alone, the largest family.
+/// Recall of each link, precision, Hamming distance and run time against one factor. Uses the largest set of
+/// settings that differ in that factor alone.
 pub(super) fn plot(groups: &[Group<'_>], factor: Factor) -> String {
     let mut families: BTreeMap<String, Vec<&Group<'_>>> = BTreeMap::new();
     for group in groups {
         families.entry(factor.family(group.setting)).or_default().push(group);
     }
-    // Of equals the first: `max_by_key` prefers the last, hence the reversal.
+    // The first of equals: `max_by_key` prefers the last, hence the reversal.
     let Some(mut family) = families.into_values().rev().max_by_key(Vec::len) else {
         return curves("", factor.label(), &[]);
     };

@@ -50,12 +50,12 @@ pub(crate) fn text(runs: &[Run]) -> String {
     text
 }
 
-/// A share in a text; `-` for none.
+/// A fraction in a text; `-` for none.
 fn shown(share: Option<f64>) -> String {
     share.map_or("-".to_owned(), |share| format!("{share:.2}"))
 }
 
-/// A share in a file; empty for none.
+/// A fraction in a file; empty for none.
 fn cell(share: Option<f64>) -> String {
     share.map_or(String::new(), |share| format!("{share:.4}"))
 }

@@ -1,5 +1,5 @@
-"""Figures for docs/ros1.md, on a machine that does nothing else: messages at 1 kHz for a minute, what an idle node
-costs, and how long a message takes there and back through this backend and through rospy. Asserts what is promised."""
+"""Figures for docs/ros1.md, on an otherwise idle machine: messages at 1 kHz for a minute, what an idle node
+costs, and the round-trip time of a message through this backend and through rospy. Asserts what is promised."""
 
 import os
 import statistics
@@ -28,7 +28,7 @@ rospy.spin()
 
 
 def at_1_khz(publisher, seconds):
-    """Publishes odometry; the number of messages."""
+    """Publishes odometry. Returns the number of messages."""
     total, message, start = int(1000 * seconds), Odometry(), time.monotonic()
     message.header.frame_id, message.child_frame_id = "odom", "base_footprint"
     message.pose.pose.orientation.w = 1
@@ -75,7 +75,7 @@ def the_robot_node_takes_a_minute_of_1_khz_odometry(_):
 
 
 def used(pid):
-    """Seconds of processor time so far."""
+    """Seconds of CPU time so far."""
     fields = open("/proc/%d/stat" % pid).read().rsplit(")", 1)[1].split()
     return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
 

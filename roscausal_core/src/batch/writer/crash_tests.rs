@@ -1,4 +1,4 @@
-//! What a node finds that starts where another was ended by force: at each instant a batch is whole, or recovered.
+//! What a node finds when it starts after another was killed: at any moment a batch is complete or recovered.
 
 use std::{fs, path::Path};
 
@@ -18,7 +18,7 @@ use crate::{
     },
 };
 
-/// A robot and person 7 for 2.5 s at 50 Hz; batches of 1 s. What was recorded and what was journalled.
+/// A robot and person 7 for 2.5 s at 50 Hz, in batches of 1 s. Returns what was recorded and what was journalled.
 fn recorded(finish: bool) -> (Vec<(Recording, Option<u64>)>, Vec<journal::Entry>) {
     let mut recorder = Recorder::new(RecorderConfig {
         dt_s: 0.1,
@@ -112,7 +112,7 @@ fn the_open_batch_of_a_node_that_was_killed_is_recovered_and_marked() {
         (Some(true), Some(true)),
         "{whole}"
     );
-    // Up to the last sample that the journal holds.
+    // Up to the last sample in the journal.
     assert_eq!((cut["n_rows"].as_u64(), cut["complete"].as_bool()), (Some(5), Some(false)), "{cut}");
     assert!(cut["ended_by"].as_str().is_some_and(|why| why.contains("recovered")), "{cut}");
     assert!(dir.path().join("pp/data_19700101_000141.csv").exists());
@@ -128,7 +128,7 @@ fn a_journal_that_is_none_is_set_aside_with_a_complaint() {
     assert_eq!(files(&dir.path().join("raw/rejected")), ["data_000000006.journal"]);
 }
 
-/// The files of a run that nobody disturbs.
+/// The files of an undisturbed run.
 fn undisturbed(dir: &Path) -> Vec<(String, String)> {
     let (batches, entries) = recorded(true);
     let writer = Writer::start(config(dir, built_in())).expect("starts");
@@ -139,7 +139,7 @@ fn undisturbed(dir: &Path) -> Vec<(String, String)> {
     contents(dir)
 }
 
-/// Names and contents of all batches below a folder, without what tells of the recovery.
+/// Names and contents of all batches below a folder, without the marks of the recovery.
 fn contents(dir: &Path) -> Vec<(String, String)> {
     let mut contents = Vec::new();
     for folder in ["raw", "pp"] {
@@ -162,7 +162,7 @@ fn a_batch_comes_out_once_and_the_same_whenever_its_writer_is_killed() {
     let (raw, processed) =
         (read(&whole.path().join("raw").join(name)), read(&whole.path().join("pp").join(name)));
     let half = &raw.as_bytes()[..raw.len() / 2];
-    // The states of the folders between any two steps of `Step`, and the middles of writing.
+    // The states of the folders between any two steps of `Step`, and halfway through a write.
     let states: Vec<Vec<(&str, &[u8])>> = vec![
         vec![("raw/.data_000000005.journal", &journal)],
         vec![("raw/.data_000000005.journal", &journal), ("raw/.data_19700101_000140.csv.tmp", half)],
@@ -204,7 +204,7 @@ fn a_batch_comes_out_once_and_the_same_whenever_its_writer_is_killed() {
         }
         state.iter().for_each(|(name, bytes)| put(&dir.path().join(name), bytes));
         drop(Writer::start(config(dir.path(), built_in())).expect("starts"));
-        // A journal that is left may hold the beginning of the next batch as well.
+        // A journal that remains may also hold the beginning of the next batch.
         let found: Vec<_> =
             contents(dir.path()).into_iter().filter(|(name, _)| name.contains("000140")).collect();
         assert_eq!(found, wanted, "state {i}");
@@ -222,7 +222,7 @@ fn a_batch_comes_out_once_and_the_same_whenever_its_writer_is_killed() {
 fn a_batch_that_was_analysed_meanwhile_does_not_come_back() {
     let dir = tempfile::tempdir().expect("a folder");
     let journal = journal_of(&recorded(true).1, 5);
-    // Its post-processed batch had its name, discovery took it away, and only then would the marker have gone.
+    // The post-processed batch got its name, and discovery took it away before the marker was removed.
     put(&dir.path().join("raw/.data_19700101_000140.csv.done"), &journal);
     drop(Writer::start(config(dir.path(), built_in())).expect("starts"));
     assert!(contents(dir.path()).is_empty());

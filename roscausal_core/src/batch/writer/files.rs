@@ -52,7 +52,7 @@ pub(super) fn metadata(
     bytes
 }
 
-/// `time` and the columns; missing values are empty cells, numbers are as short as they can be and still exact.
+/// `time` and the columns. Missing values are empty cells. Numbers are as short as possible, yet exact.
 pub(super) fn csv(batch: &Recording, columns: &[Column]) -> Vec<u8> {
     use std::fmt::Write;
     let mut text = String::from("time");
@@ -75,7 +75,7 @@ pub(super) fn csv(batch: &Recording, columns: &[Column]) -> Vec<u8> {
     text.into_bytes()
 }
 
-/// Nanoseconds as decimal seconds, exactly.
+/// Nanoseconds as exact decimal seconds.
 pub(super) fn seconds(nanos: i64) -> String {
     let (sign, nanos) = (if nanos < 0 { "-" } else { "" }, nanos.unsigned_abs());
     let text = format!("{sign}{}.{:09}", nanos / 1_000_000_000, nanos % 1_000_000_000);

@@ -7,13 +7,14 @@ use std::{
 
 use crate::{Error, Result, batch::Recording};
 
-/// Ends of the names of markers (see [`Step`]).
+/// Suffixes of the names of markers (see [`Step`]).
 pub(super) const COMMIT: &str = ".commit";
 pub(super) const DONE: &str = ".done";
 
-/// How far a batch is. Between two steps lies one renaming, so that at each instant it is certain what is done:
-/// the raw batch is staged, *its journal becomes `.NAME.commit`*, the raw batch gets its name; the post-processed one is
-/// staged, *the marker becomes `.NAME.done`*, the post-processed one gets its name, the marker goes.
+/// Progress of a batch on its way to disk. Exactly one rename lies between two steps, so at any moment it is
+/// certain what is done. The raw batch is staged, *its journal becomes `.NAME.commit`*, the raw batch gets its
+/// name. The post-processed batch is staged, *the marker becomes `.NAME.done`*, the post-processed batch gets its
+/// name, the marker is removed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Step {
     Recorded,
@@ -27,9 +28,9 @@ pub(super) enum Step {
 pub(super) enum Origin {
     /// There is none.
     None,
-    /// Kept by the [`Journal`] under this number.
+    /// The [`Journal`] has it under this number.
     Open(u64),
-    /// Left by a process that is gone.
+    /// A process that is gone left it.
     Left(PathBuf),
 }
 

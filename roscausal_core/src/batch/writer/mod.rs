@@ -1,4 +1,4 @@
-//! Recorded batches to files, on a thread of its own, so that recording never waits for a disk or a script.
+//! Writes recorded batches to files, on a thread of its own, so that recording never waits for a disk or a script.
 
 mod files;
 mod job;
@@ -31,7 +31,7 @@ use super::{
 };
 use crate::{Error, Result, gate::lock};
 
-/// Batches that may wait to be written.
+/// Most batches that wait to be written.
 const WAITING: usize = 64;
 
 /// What happens to a raw batch.
@@ -41,7 +41,7 @@ pub enum Processing {
     None,
     /// The built-in post-processing.
     BuiltIn(Postprocess),
-    /// A program of the user's own.
+    /// A program of the user.
     Script(Script),
 }
 
@@ -54,7 +54,7 @@ pub struct WriterConfig {
     pub processed: Pool,
     /// Raw columns in the original's spelling.
     pub legacy_columns: bool,
-    /// The raw batch goes once the post-processed one is written.
+    /// Whether the raw batch is deleted once the post-processed one is written.
     pub delete_raw: bool,
     /// What happens to a raw batch.
     pub processing: Processing,
@@ -62,36 +62,36 @@ pub struct WriterConfig {
     pub parameters: Map<String, Json>,
     /// How much each of the two pools may hold.
     pub limits: Limits,
-    /// The open batch is journalled.
+    /// Whether the open batch is journalled.
     pub journal: bool,
 }
 
-/// What the writer has done.
+/// State of the writer, for the diagnostics.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct WriterStatus {
     /// Batches written.
     pub written: u64,
     /// Batches post-processed.
     pub processed: u64,
-    /// Post-processings that failed; the raw batch stays.
+    /// Post-processings that failed; their raw batches stay.
     pub failed: u64,
-    /// Batches lost because the disk took none of them for too long.
+    /// Batches lost because the disk refused them for too long.
     pub lost: u64,
-    /// Batches made of what a node left that was ended by force.
+    /// Batches recovered from what a killed node left.
     pub recovered: u64,
     /// Batches dropped because the pool was full.
     pub dropped: u64,
-    /// The pool is full and nothing may be dropped: nothing more is to be recorded now.
+    /// Whether the pool is full and nothing may be dropped: recording has to stop.
     pub full: bool,
-    /// Why the last step did not go through, until one does.
+    /// Why the last step failed, until one succeeds.
     pub trouble: Option<String>,
-    /// Why the last post-processing failed, until one does not.
+    /// Why the last post-processing failed, until one succeeds.
     pub last_failure: Option<String>,
     /// Name of the last batch written.
     pub last: Option<String>,
 }
 
-/// The thread that writes; dropping it waits until all batches are written.
+/// The thread that writes. Dropping it waits until all batches are written.
 #[derive(Debug)]
 pub struct Writer {
     batches: Option<SyncSender<Job>>,
@@ -129,24 +129,24 @@ impl Writer {
         Ok(Self { batches, journal, first_journal, _lock: lock, thread: Some(thread), ending, status })
     }
 
-    /// Number of the first journal, for [`super::recorder::Recorder::with_journal`]; `None`: no journal is kept.
+    /// Number of the first journal, for [`super::recorder::Recorder::with_journal`]; `None` if no journal is kept.
     pub fn first_journal(&self) -> Option<u64> {
         self.journal.as_ref().map(|_| self.first_journal)
     }
 
-    /// Journals what the recorder has noted; returns at once.
+    /// Journals what the recorder has reported; returns at once.
     pub fn note(&self, entries: Vec<journal::Entry>) {
         if let Some(journal) = &self.journal {
             journal.append(entries);
         }
     }
 
-    /// How the journal fares.
+    /// State of the journal.
     pub fn journal_status(&self) -> JournalStatus {
         self.journal.as_ref().map_or_else(JournalStatus::default, |journal| journal.status())
     }
 
-    /// Hands a batch over, with the number of its journal if it has one; returns at once.
+    /// Hands over a batch, with the number of its journal if it has one; returns at once.
     pub fn write(&self, batch: Recording, journal: Option<u64>) {
         let Some(batches) = &self.batches else { return };
         let origin = journal.map_or(Origin::None, Origin::Open);
@@ -162,12 +162,12 @@ impl Writer {
         }
     }
 
-    /// What has been done so far.
+    /// State of the writer so far.
     pub fn status(&self) -> WriterStatus {
         self.lock().clone()
     }
 
-    /// Whether the pool is full and nothing more is to be recorded now.
+    /// Whether the pool is full, so that recording has to stop.
     pub fn is_full(&self) -> bool {
         self.lock().full
     }

@@ -11,8 +11,8 @@ use crate::{
     batch::{Recording, journal, pool::Pool},
 };
 
-/// Goes on where a process that is gone has stopped: finishes what was being written, and makes batches of journals.
-/// What remains to be done.
+/// Continues where a process that is gone stopped: completes what was being written, and makes batches from
+/// journals. Returns what remains to be done.
 pub(super) fn recover(config: &WriterConfig) -> Result<Vec<Job>> {
     let mut jobs = Vec::new();
     jobs.extend(config.raw.hidden(DONE)?.into_iter().map(|name| Job::left_at(name, Step::Processed)));
@@ -29,7 +29,7 @@ pub(super) fn recover(config: &WriterConfig) -> Result<Vec<Job>> {
         }
         jobs.push(job);
     }
-    // What was staged and belongs to none of these was not whole.
+    // A staged file that belongs to none of these was incomplete.
     for pool in [&config.raw, &config.processed] {
         for name in pool.hidden(".tmp")? {
             if !jobs.iter().any(|job| job.name == name) {
@@ -54,12 +54,12 @@ pub(super) fn recover(config: &WriterConfig) -> Result<Vec<Job>> {
     Ok(jobs)
 }
 
-/// The batches of a journal that was left; one that is none is moved to `rejected/`.
+/// The batches of a journal that was left behind. An unreadable journal is moved to `rejected/`.
 fn replayed(raw: &Pool, path: &Path) -> Result<Vec<Recording>> {
     let bytes = fs::read(path).map_err(|e| Error::file(path, e))?;
     match journal::replay(&bytes) {
         Ok(batches) => Ok(batches),
-        // Killed before anything was in it.
+        // Killed before the journal had any content.
         Err(_) if bytes.len() < 4096 => remove(path).map(|()| Vec::new()),
         Err(reason) => {
             let folder = raw.path("rejected");

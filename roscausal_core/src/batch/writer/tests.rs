@@ -1,4 +1,4 @@
-//! The writer: what is in its files, and what it does when the disk says no.
+//! Tests of the writer: files, metadata, post-processing, full disks and full pools.
 
 use std::{
     collections::BTreeMap,

@@ -27,9 +27,9 @@ use crate::{
     gate::lock,
 };
 
-/// Before a batch that could not be written is tried again.
+/// Time before a batch that could not be written is tried again.
 const TRY_AGAIN: Duration = Duration::from_secs(1);
-/// How often the wish to end is looked for meanwhile.
+/// How often a request to end is checked meanwhile.
 pub(super) const LOOK_AGAIN: Duration = Duration::from_millis(50);
 
 /// What the thread has.
@@ -41,7 +41,8 @@ pub(super) struct Work {
 }
 
 impl Work {
-    /// Writes what was left and all that comes, in order; a batch that cannot be written is tried again until the end.
+    /// Writes the batches that were left behind and all new ones, in order. A batch that cannot be written is tried
+    /// again until the node ends.
     pub(super) fn run(&self, left: Vec<Job>, batches: &Receiver<Job>) {
         for job in left {
             tracing::warn!("going on with a batch that was left unfinished {}", job.name);
@@ -79,7 +80,7 @@ impl Work {
         (status.trouble, status.full) = (None, false);
     }
 
-    /// Writes a batch and post-processes it, each in one step with its journal (see [`Step`]).
+    /// Writes a batch and post-processes it, in step with its journal (see [`Step`]).
     fn write(&self, job: &mut Job) -> Result<()> {
         if job.step == Step::Recorded {
             let name =
@@ -87,7 +88,7 @@ impl Work {
             let raw = job.batch.columns(self.config.legacy_columns);
             let (facts, text) = (self.metadata(job, &raw, None), csv(&job.batch, &raw));
             self.make_room(&self.config.raw, facts.len() + text.len())?;
-            // The metadata first: whoever sees the batch finds them.
+            // The metadata comes first, so whoever sees the batch finds it.
             self.config.raw.write(&sidecar(&name), &facts)?;
             let staged = self.config.raw.stage(&name, &text)?;
             job.name.clone_from(&name);
@@ -136,7 +137,7 @@ impl Work {
         status.last = Some(job.name.clone());
     }
 
-    /// Post-processes a batch; whether there is a result.
+    /// Post-processes a batch. Returns whether there is a result.
     fn postprocess(&self, job: &mut Job) -> Result<bool> {
         let name = &job.name;
         let done = match &self.config.processing {
@@ -196,7 +197,7 @@ impl Work {
 
     fn rename(&self, from: &Path, to: &Path) -> Result<()> {
         match fs::rename(from, to) {
-            // Renamed already, before something else went wrong.
+            // It was renamed before something else failed.
             Err(e) if e.kind() == std::io::ErrorKind::NotFound && to.exists() => {}
             done => done.map_err(|e| Error::file(from, e))?,
         }
@@ -208,7 +209,7 @@ impl Work {
     }
 }
 
-/// A name that neither folder has.
+/// A name that exists in neither folder.
 fn free_name(raw: &Pool, processed: &Pool, id: &str) -> String {
     let mut id_and_count = id.to_owned();
     for count in 2.. {
