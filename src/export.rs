@@ -6,6 +6,7 @@ use roscausal_core::{
     Error, Result,
     batch::header::plain,
     discovery::{Model, model::Link},
+    draw::escaped,
 };
 
 /// The model as a directed graph for Graphviz: an edge per link, labelled with lag and strength.
