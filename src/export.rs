@@ -4,7 +4,7 @@
 use std::fmt::Write;
 
 use roscausal_core::{Error, Result};
-use roscausal_discovery::{Link, Model, names::plain};
+use roscausal_discovery::{Link, Model, draw::escaped, names::plain};
 
 /// The model as a directed graph for Graphviz: one edge per link, labelled with lag and strength.
 pub(crate) fn dot(model: &Model) -> String {
