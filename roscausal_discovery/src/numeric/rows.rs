@@ -29,6 +29,7 @@ pub(crate) fn standardize(row: &mut [f64]) -> bool {
 }
 
 /// Sum of products, in eight lanes.
+#[inline]
 pub(crate) fn dot(a: &[f64], b: &[f64]) -> f64 {
     let mut lanes = [0.0; 8];
     let (a8, a_rest) = a.as_chunks::<8>();
