@@ -314,8 +314,7 @@ fn corrected_p_values_and_a_constant_column_are_met() {
     let data = DataFrame::new(vec![values], names).unwrap();
     let test = independence_tests::by_name("parcorr", &Default::default()).unwrap();
     let settings = PcmciSettings::default();
-    let ours =
-        run_pcmci(&data, test.as_ref(), &settings, &Default::default()).unwrap();
+    let ours = run_pcmci(&data, test.as_ref(), &settings, &Default::default()).unwrap();
     for (what, ours, golden) in
         [("value", &ours.val_matrix, &golden["val"]), ("p", &ours.p_matrix, &golden["p"])]
     {

@@ -127,7 +127,6 @@ pub(super) fn wilson(found: usize, runs: usize) -> (f64, f64) {
 mod tests {
     use std::collections::BTreeMap;
 
-
     use super::{super::tests::run, *};
 
     #[test]
