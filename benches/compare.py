@@ -13,7 +13,7 @@ import time
 for name in ("OMP", "OPENBLAS", "MKL", "NUMBA"):
     os.environ[f"{name}_NUM_THREADS"] = "1"
 
-# id: what, method, test, data, tau_min, tau_max, bar against the reference, bar against antecedent
+# id: description, method, test, data, tau_min, tau_max, target ratio to the reference, target ratio to antecedent
 ROWS = {
     "gpdc3": ("PCMCI + GPDC, 3 variables, T = 500, lag 1", "pcmci", "gpdc", ("chain", 3, 500), 1, 1, 100, 1),
     "fgpdc3": ("F-PCMCI + GPDC on the same", "fpcmci", "gpdc", ("chain", 3, 500), 1, 1, 100, None),
@@ -26,7 +26,7 @@ ROWS = {
     "plus10": ("PCMCI+ + ParCorr, N = 10, T = 500, lags 0-5", "pcmciplus", "parcorr", ("var", 10, 500), 0, 5, 200, None),
     "cmiknn3": ("PCMCI + CMIknn (shuffle), N = 3, T = 500", "pcmci", "cmiknn", ("chain", 3, 500), 1, 1, 20, None),
 }
-# Ours alone.
+# Measurements of our engine alone.
 OWN = {
     "threads3": ("two threads against one, gpdc3 (wall)", ("chain", 3, 500), 1.7),
     "threads8": ("two threads against one, gpdc8 (wall)", ("chain", 8, 1000), 1.7),
@@ -36,7 +36,7 @@ OWN = {
 
 
 def make_data(kind, n, length):
-    """A random system with a fixed seed: `chain` is nonlinear, each variable driven by the one before."""
+    """A random system with a fixed seed. `chain` is nonlinear; each variable is driven by the previous one."""
     import numpy as np
 
     rng = np.random.default_rng(20240101 + 1000 * n + length)
@@ -134,7 +134,7 @@ def reference(peer, method, test, path, tau_min, tau_max):
                 pcmci.run_pcmciplus(tau_min=tau_min, tau_max=tau_max, pc_alpha=0.01)
 
     with contextlib.redirect_stdout(io.StringIO()):
-        # Few samples and, where there are surrogates, few of them.
+        # Few samples, and few surrogates if there are any.
         run(data[: 40 + 4 * tau_max], **({"sig_samples": 10} if test == "cmiknn" else {}))
         start, wall = time.process_time(), time.time()
         run(data)
@@ -144,7 +144,7 @@ def reference(peer, method, test, path, tau_min, tau_max):
 
 
 def measure(command, runs, cap):
-    """Median of the runs that end within `cap` seconds in all; `None` and the reason when none does."""
+    """Median of the runs that end within `cap` seconds in total; `None` and the reason if none does."""
     results, left = [], cap
     for _ in range(runs):
         start = time.time()

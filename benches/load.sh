@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
-# Recording under load, for N minutes each on ROS 1 (where there is a master) and ROS 2: odometry at 1 kHz and 100 people
-# at 25 Hz into a robot node, a human node and a data node in processes of their own. Prints the account, each node's
-# share of a core and its memory over time; fails where a row is missing or a limit is passed.
+# Recording under load, for N minutes each on ROS 1 (if there is a master) and ROS 2: odometry at 1 kHz and 100 people
+# at 25 Hz into a robot node, a human node and a data node, each a process of its own. Prints the counts, each node's
+# CPU usage and its memory over time. Fails if a row is missing or a limit is exceeded.
 # usage: benches/load.sh [MINUTES]      (default: 10)
 set -euo pipefail
 cd "$(dirname "$0")/.."

@@ -1,4 +1,4 @@
-//! Progress bars on a terminal, silence elsewhere.
+//! Progress bars on a terminal; nothing elsewhere.
 
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 

@@ -1,4 +1,4 @@
-//! `roscausal demo`: the simulator and the four nodes in one process; the model at the end.
+//! `roscausal demo`: the simulator and the four nodes in one process, and the model at the end.
 
 use std::{
     path::{Path, PathBuf},
@@ -34,18 +34,18 @@ use crate::{
 const DT: f64 = 0.3;
 /// Noise on the exponent of the risk, as in the authors' published result.
 const RISK_NOISE: f64 = 0.02;
-/// Seconds of the run that its picture shows.
+/// Seconds of the run that the animation shows.
 const FILM_S: f64 = 120.0;
 
 /// Batches that the demo records and analyses together, as two recordings of one system.
 const BATCHES: u32 = 2;
-/// Seconds simulated beyond the batches, until every topic has begun.
+/// Seconds simulated in addition to the batches, until every topic has begun.
 const WARM_UP_S: f64 = 3.0;
-/// Seconds that a run with a live page may go on.
+/// Longest run with a live page, in seconds.
 const ENDLESS_S: f64 = 1e7;
-/// Between two looks at the results.
+/// Time between two checks of the results.
 const LOOK_AGAIN: Duration = Duration::from_millis(50);
-/// Without any sign of the analysis for so long, something is wrong.
+/// If the analysis shows no sign of life for this long, something is wrong.
 const PATIENCE: Duration = Duration::from_secs(600);
 
 /// Arguments of `roscausal demo`.
@@ -66,18 +66,18 @@ pub(crate) struct Args {
     interventions: Vec<String>,
     #[command(flatten)]
     method: MethodArgs,
-    /// Threads of the analysis; default: all cores. The result does not depend on it.
+    /// Threads of the analysis; default: all cores. They do not change the result.
     #[arg(long)]
     threads: Option<usize>,
     /// Folder for batches, model and pictures.
     #[arg(long, value_name = "DIR", default_value = "roscausal_demo")]
     out: PathBuf,
-    /// Record every topic of the run, models and pictures too, into this MCAP file.
+    /// Record every topic of the run, including models and pictures, into this MCAP file.
     #[arg(long, value_name = "FILE.mcap")]
     record: Option<PathBuf>,
     #[command(flatten)]
     web: WebArgs,
-    /// With --web: how many times real time the simulation goes; `max`: as fast as the machine allows.
+    /// With --web: how many times faster than real time the simulation runs; `max`: as fast as the machine allows.
     #[arg(long, default_value = "5", requires = "web")]
     speed: Speed,
 }
@@ -107,7 +107,7 @@ pub(crate) fn run(args: &Args, interrupt: &Interrupt) -> Result<()> {
 /// One run of simulator and nodes, from the first message to the model.
 pub(crate) struct Run {
     pub(crate) scenario: String,
-    /// Beside those of the scenario.
+    /// In addition to those of the scenario.
     pub(crate) interventions: Vec<String>,
     pub(crate) seed: u64,
     /// Seconds to record.
@@ -118,8 +118,8 @@ pub(crate) struct Run {
 }
 
 impl Run {
-    /// Simulates, records two batches and analyses them; what the nodes wrote stays in `out`, what is published goes
-    /// into the file `record` too.
+    /// Simulates, records two batches and analyses them. The files of the nodes stay in `out`. What is published is
+    /// also recorded in the file `record`.
     fn recorded_chain(&self, record: Option<&Path>, interrupt: &Interrupt) -> Result<(Folders, Model)> {
         if !(20.0..=1e6).contains(&self.duration) {
             let reason = format!("{} is not a number of seconds from 20 to 1000000", self.duration);
@@ -131,15 +131,17 @@ impl Run {
         let simulation = Simulation::new(&scenario, self.seed)?;
         let folders = Folders::fresh(&self.out)?;
         let bus = Loopback::lockstep();
+        nodes::set_subjects(&bus, &simulation);
         self.set_parameters(&bus, &folders, BATCHES);
         let (nodes, progress) = Nodes::start(&bus, &nodes::RECORDING).with_discovery();
         let mut sink = Sink::open(&bus, record)?;
-        // Every topic is there before its first message.
+        // Every topic exists before its first message.
         let announced = Publisher::new(&bus.node("announcement"), &simulation)?;
         sink.watch()?;
         drop(announced);
 
-        let recorded = simulate(&bus, simulation, interrupt, Speed::Max, Some(&self.out));
+        let recorded = simulate(&bus, simulation, interrupt, Speed::Max, Some(&self.out))
+            .and_then(|()| self.check_batches(nodes.batches_recorded()));
         let found = recorded.and_then(|()| await_model(&folders, &nodes, &progress, interrupt));
         // A node that failed is the reason why there is no model.
         nodes.end()?;
@@ -148,7 +150,20 @@ impl Run {
         Ok((folders, found?))
     }
 
-    /// Goes on until the user ends it, with a live page: a model for each batch.
+    /// Whether there are the batches that the analysis waits for; each begins when robot and person are there together.
+    fn check_batches(&self, recorded: u64) -> Result<()> {
+        if recorded >= u64::from(BATCHES) {
+            return Ok(());
+        }
+        let length = self.duration / f64::from(BATCHES);
+        Err(Error::Data(format!(
+            "scenario '{}' gave {recorded} of the {BATCHES} batches of {length} s to analyse: its first robot and first \
+             person are not there together for long enough; see its robots and people",
+            self.scenario
+        )))
+    }
+
+    /// Runs until the user ends it, with a live page: one model for each batch.
     fn watch(&self, args: &Args, interrupt: &Interrupt) -> Result<()> {
         let mut scenario = Scenario::load(&self.scenario)?;
         scenario.duration = ENDLESS_S;
@@ -156,8 +171,9 @@ impl Run {
         let simulation = Simulation::new(&scenario, self.seed)?;
         let folders = Folders::fresh(&self.out)?;
         let bus = Loopback::lockstep();
+        nodes::set_subjects(&bus, &simulation);
         self.set_parameters(&bus, &folders, 1);
-        let web = Web::start(&bus, &args.web)?;
+        let web = Web::start(&bus, &args.web, nodes::first_robot(&simulation))?;
         let (nodes, _progress) = Nodes::start(&bus, &nodes::RECORDING).with_discovery();
         let mut sink = Sink::open(&bus, args.record.as_deref())?;
         let announced = Publisher::new(&bus.node("announcement"), &simulation)?;
@@ -190,7 +206,7 @@ impl Run {
     }
 }
 
-/// Runs the simulation to its end, with a progress bar and a picture in `out` unless it goes on without end.
+/// Runs the simulation to its end. Unless it is endless, shows a progress bar and writes an animation to `out`.
 fn simulate(
     bus: &Loopback,
     mut simulation: Simulation,

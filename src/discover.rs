@@ -1,4 +1,4 @@
-//! `roscausal discover`: CSV files or recordings in, causal model out.
+//! `roscausal discover`: from CSV files or recordings to a causal model.
 
 use std::{
     fmt::Display,
@@ -12,6 +12,7 @@ use roscausal_core::{
     batch::{
         Table,
         joint::{Facts, Joint},
+        table::common_step,
     },
 };
 use roscausal_discovery::{
@@ -32,8 +33,8 @@ use crate::{
 /// Arguments of `roscausal discover`.
 #[derive(ClapArgs)]
 pub(crate) struct Args {
-    /// CSV files with a header, or recordings (.bag, .mcap, .db3, folders of them); several are recordings of
-    /// one system, no sample crosses from one to the next.
+    /// CSV files with a header, or recordings (.bag, .mcap, .db3, folders of them). Several files are recordings of
+    /// one system: no lagged sample spans two files.
     #[arg(required = true, value_name = "FILE")]
     files: Vec<PathBuf>,
     #[command(flatten)]
@@ -42,10 +43,11 @@ pub(crate) struct Args {
     method: MethodArgs,
     #[command(flatten)]
     means: MeansArgs,
-    /// Columns to analyse, separated by commas; default: all but the time.
+    /// Columns to analyse, separated by commas; default: all except the time.
     #[arg(long, value_delimiter = ',')]
     columns: Option<Vec<String>>,
-    /// Batches with several people: pooled (each person is a recording of one system) or joint (everybody's variables).
+    /// Batches with several people: pooled (each person is a recording of one system) or joint (everybody's
+    /// variables).
     #[arg(long, default_value = "pooled", value_parser = ["pooled", "joint"])]
     several_people: String,
     /// Seed of all random numbers.
@@ -73,7 +75,7 @@ enum Format {
     Csv,
 }
 
-/// Arguments that say how to analyse, the same for every subcommand.
+/// How to analyse; the same arguments for every subcommand.
 #[derive(ClapArgs, Clone)]
 pub(crate) struct MethodArgs {
     #[arg(long, default_value = Method::default().name(), help = listed("Discovery method", Method::names()))]
@@ -89,18 +91,18 @@ pub(crate) struct MethodArgs {
     #[arg(long, default_value_t = 1)]
     tau_max: usize,
     #[arg(long, help = format!(
-        "Level of the condition selection, in (0, 1); `auto`: chosen by a score. Default: {}",
+        "Significance level of the condition selection, in (0, 1); `auto`: chosen by a score. Default: {}",
         default_of(|info| info.pc_alpha)
     ))]
     pc_alpha: Option<String>,
-    /// Level of F-PCMCI's filter; default: alpha.
+    /// Significance level of F-PCMCI's filter; default: alpha.
     #[arg(long)]
     f_alpha: Option<f64>,
     #[arg(long, default_value = TeEstimator::default().name(), help = listed("Estimator of F-PCMCI's filter", TeEstimator::NAMES))]
     te_estimator: String,
     #[arg(
         long, default_value = Fdr::None.name(), default_missing_value = Fdr::Bh.name(), num_args = 0..=1,
-        help = listed("Correction for many tests", Fdr::NAMES)
+        help = listed("Correction for multiple testing", Fdr::NAMES)
     )]
     fdr: String,
     #[arg(long, default_value = GpSearch::default().name(), help = listed(
@@ -111,21 +113,21 @@ pub(crate) struct MethodArgs {
     /// Searches of gpdc from this many random places more, of which the best counts; 0: the reference's answers.
     #[arg(long, default_value_t = 0, value_name = "N")]
     gp_restarts: usize,
-    /// Columns that nothing may cause (interventions, context), separated by commas.
+    /// Columns that may be causes only (interventions, context), separated by commas.
     #[arg(long, value_delimiter = ',')]
     exogenous: Vec<String>,
 }
 
-/// Arguments that say with what means, for one analysis in the foreground.
+/// Resources of one analysis in the foreground.
 #[derive(ClapArgs, Clone)]
 pub(crate) struct MeansArgs {
-    /// Threads; default: all cores. The result does not depend on it.
+    /// Threads; default: all cores. They do not change the result.
     #[arg(long)]
     threads: Option<usize>,
-    /// Seconds after which to end with a partial result.
+    /// Seconds after which to stop with a partial result.
     #[arg(long, value_name = "SECONDS")]
     time_budget: Option<f64>,
-    /// Megabytes that a test may take; more is refused before it starts.
+    /// Megabytes that a test may take; a test that needs more is refused before it starts.
     #[arg(long, value_name = "MB")]
     max_memory: Option<usize>,
 }
@@ -173,7 +175,7 @@ pub(crate) fn run(args: &Args, interrupt: &Interrupt) -> Result<()> {
     Ok(())
 }
 
-/// A table to analyse and the user's file that it comes from.
+/// A table to analyse, and the user's file that it comes from.
 struct Input {
     table: PathBuf,
     user: PathBuf,
@@ -193,21 +195,21 @@ struct Data {
 }
 
 impl Data {
-    /// Tables with the same columns, each a recording.
+    /// Tables with the same columns, each as a recording.
     fn of(files: &[Input], recordings: Vec<Table>) -> Result<Self> {
-        let (names, dt) = (recordings[0].names.clone(), recordings[0].dt());
+        let names = recordings[0].names.clone();
+        let dt = common_step(files.iter().map(|file| file.user.as_path()).zip(&recordings))?;
         let mut warnings: Vec<String> = Vec::new();
         for (file, table) in files.iter().zip(&recordings) {
-            warnings
-                .extend(table.warnings.iter().map(|warning| format!("{}: {warning}", file.user.display())));
+            warnings.extend(table.notes.iter().map(|note| format!("{}: {note}", file.user.display())));
         }
         let values = recordings.into_iter().map(|table| table.values).collect();
         Ok(Self { data: DataFrame::new(values, names)?, dt, warnings })
     }
 }
 
-/// The files with what stands beside them, when that tells of interventions or of several people, and all columns are
-/// asked for. Interventions become exogenous.
+/// The files with their metadata, if that mentions interventions or several people and all columns are analysed.
+/// Interventions become exogenous.
 fn with_facts(args: &Args, files: &[Input], settings: &mut Settings) -> Result<Option<Data>> {
     let tables: Vec<&Path> = files.iter().map(|file| file.table.as_path()).collect();
     let says_more = |file: &&Path| {
@@ -225,8 +227,8 @@ fn with_facts(args: &Args, files: &[Input], settings: &mut Settings) -> Result<O
     Ok(Some(Data { data: part.data, dt: joint.dt(), warnings: joint.warnings }))
 }
 
-/// The files to analyse: the user's own, and the batches made of the user's recordings, which are in `--out`
-/// or in a folder that goes with the handle.
+/// The files to analyse: the user's own, and the batches made from the user's recordings. Those are in `--out`, or
+/// in a folder that is removed with the returned handle.
 fn tables_of(
     args: &Args,
     interrupt: &Interrupt,
@@ -308,7 +310,7 @@ impl MethodArgs {
 }
 
 impl MeansArgs {
-    /// Runs the analysis with a progress bar (unless `quiet`), the time budget and the threads asked for.
+    /// Runs the analysis with a progress bar (unless `quiet`), within the given time budget and threads.
     fn analyse(
         &self,
         data: &DataFrame,

@@ -1,4 +1,4 @@
-//! The model that the paper expects, held against the one that was found.
+//! The links that the paper expects, compared with those that were found.
 
 use roscausal_discovery::Model;
 use roscausal_hrisim::Scenario;
@@ -7,8 +7,8 @@ use roscausal_hrisim::Scenario;
 pub(crate) const PAPER: [(&str, &str); 4] =
     [("h_v", "h_dg"), ("h_dg", "h_v"), ("h_risk", "h_v"), ("h_v", "h_risk")];
 
-/// The cross links that a scenario's people have: the paper's, without `h_dg -> h_v` for who never slows for a
-/// goal and without `h_risk -> h_v` for who ignores robots.
+/// The cross links that a scenario's people have: the paper's, without `h_dg -> h_v` if nobody slows down for a
+/// goal, and without `h_risk -> h_v` if nobody gives way to robots.
 pub(crate) fn links_of(scenario: &Scenario) -> Vec<(String, String)> {
     let slows = scenario.people.iter().any(|person| person.walk.slow_distance > 0.0);
     let avoids = scenario.people.iter().any(|person| person.walk.avoids);
@@ -20,7 +20,7 @@ pub(crate) fn links_of(scenario: &Scenario) -> Vec<(String, String)> {
     PAPER.iter().filter(exists).map(|(cause, effect)| ((*cause).to_owned(), (*effect).to_owned())).collect()
 }
 
-/// Which of the paper's links were found, which are missing, which are extra; links of a variable with its own
+/// Which of the paper's links were found, which are missing, and which are extra. Links of a variable with its own
 /// past are expected and not counted.
 pub(crate) fn comparison(model: &Model) -> String {
     let found: Vec<(&str, &str)> = model

@@ -1,11 +1,12 @@
-//! A model in the formats of other programs: DOT (Graphviz), GraphML (networkx, Gephi, yEd, igraph), CSV of links.
+//! A model in the formats of other programs: DOT (Graphviz), GraphML (networkx, Gephi, yEd, igraph), and CSV of
+//! links.
 
 use std::fmt::Write;
 
 use roscausal_core::{Error, Result};
-use roscausal_discovery::{Link, Model, names::plain};
+use roscausal_discovery::{Link, Model, draw::escaped, names::plain};
 
-/// The model as a directed graph for Graphviz: an edge per link, labelled with lag and strength.
+/// The model as a directed graph for Graphviz: one edge per link, labelled with lag and strength.
 pub(crate) fn dot(model: &Model) -> String {
     let mut out = String::from("digraph causal_model {\n  rankdir=LR;\n  node [shape=circle];\n");
     for name in &model.features {
@@ -32,7 +33,7 @@ fn quoted(name: &str) -> String {
     format!("\"{}\"", name.replace('\\', "\\\\").replace('"', "\\\""))
 }
 
-/// The model as GraphML; edges have `lag`, `value`, `p_value` and `mark`.
+/// The model as GraphML. Edges have `lag`, `value`, `p_value` and `mark`.
 pub(crate) fn graphml(model: &Model) -> String {
     let mut out = String::from(
         "<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n<graphml xmlns=\"http://graphml.graphdrawing.org/xmlns\">\n",
@@ -57,12 +58,6 @@ pub(crate) fn graphml(model: &Model) -> String {
     }
     out.push_str("  </graph>\n</graphml>\n");
     out
-}
-
-fn escaped(text: &str) -> String {
-    // Control characters have no place in XML.
-    let legal = text.chars().map(|c| if c.is_control() { ' ' } else { c }).collect::<String>();
-    legal.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;").replace('"', "&quot;")
 }
 
 /// The links as a table, one row per link.

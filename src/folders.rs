@@ -1,4 +1,4 @@
-//! A run's folder: pools, models, and how to tell that an analysis has ended.
+//! The folder of a run: pools, models, and the outcome of an analysis.
 
 use std::{
     fs,
@@ -8,10 +8,10 @@ use std::{
 use roscausal_core::{Error, Result, batch::pool::Pool};
 use roscausal_discovery::Model;
 
-/// Says that a folder is of a demo or replay and may be emptied by the next one.
+/// Marks a folder of a demo or replay, which the next one may empty.
 const MARK: &str = ".roscausal_demo";
 
-/// Start of the batches' names.
+/// Prefix of the batches' names.
 const PREFIX: &str = "data_";
 
 /// Where the nodes put their files.
@@ -21,7 +21,7 @@ pub(crate) struct Folders {
     pub(crate) models: PathBuf,
 }
 
-/// How far the analysis is.
+/// The state of the analysis.
 pub(crate) enum Outcome {
     Waiting,
     Model(Box<Model>),
@@ -29,7 +29,7 @@ pub(crate) enum Outcome {
 }
 
 impl Folders {
-    /// Empty folders in `out`; those of an earlier demo go, anything else is left alone and is an error.
+    /// Empty folders in `out`. Those of an earlier demo are removed; anything else is left alone and is an error.
     pub(crate) fn fresh(out: &Path) -> Result<Self> {
         let folders =
             Self { raw: out.join("data_pool"), processed: out.join("pp_pool"), models: out.join("cm_pool") };
@@ -48,7 +48,7 @@ impl Folders {
         Ok(folders)
     }
 
-    /// Whether a model or a rejection is there.
+    /// Whether there is a model or a rejection.
     pub(crate) fn outcome(&self) -> Result<Outcome> {
         if let Some(path) = self.model_files()?.first() {
             return Ok(Outcome::Model(Box::new(read_model(path)?)));
@@ -82,7 +82,7 @@ impl Folders {
         Ok(Pool::open(&self.processed, PREFIX)?.contents()?.batches.len())
     }
 
-    /// The batches behind the model.
+    /// The batches that the model was made from.
     pub(crate) fn analysed_batches(&self) -> Result<Vec<PathBuf>> {
         with_ending(&self.processed.join("analysed"), ".csv")
     }
@@ -94,7 +94,7 @@ pub(crate) fn read_model(path: &Path) -> Result<Model> {
     serde_json::from_slice(&text).map_err(|e| Error::file(path, e))
 }
 
-/// The files with this ending, in the order of their names.
+/// The files with this extension, sorted by name.
 pub(crate) fn with_ending(folder: &Path, ending: &str) -> Result<Vec<PathBuf>> {
     let entries = fs::read_dir(folder).map_err(|e| Error::file(folder, e))?;
     let named = |path: &PathBuf| {

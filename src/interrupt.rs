@@ -1,4 +1,4 @@
-//! Ctrl-C and SIGTERM as a flag that everything looks at.
+//! Ctrl-C and SIGTERM as a flag that everything checks.
 
 use std::sync::{
     Arc,
@@ -12,7 +12,7 @@ pub(crate) struct Interrupt {
 }
 
 impl Interrupt {
-    /// Catches the first Ctrl-C (or SIGTERM) as a wish to end in good order; the second one ends at once.
+    /// Turns the first Ctrl-C (or SIGTERM) into a request to end cleanly. The second one ends the process at once.
     pub(crate) fn on_ctrl_c() -> Self {
         let flag = Arc::new(AtomicBool::new(false));
         let wish = flag.clone();
@@ -28,12 +28,12 @@ impl Interrupt {
         Self { flag }
     }
 
-    /// Whether to end.
+    /// Whether the command has to end.
     pub(crate) fn is_set(&self) -> bool {
         self.flag.load(Ordering::SeqCst)
     }
 
-    /// The flag itself, for what can be cancelled.
+    /// The flag itself, for whatever can be cancelled.
     pub(crate) fn flag(&self) -> Arc<AtomicBool> {
         self.flag.clone()
     }

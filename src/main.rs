@@ -1,4 +1,4 @@
-//! The `roscausal` command: simulate, record, discover, look; no ROS needed.
+//! The `roscausal` command: simulate, record, discover, replay. It needs no ROS.
 
 mod chart;
 mod cli;

@@ -1,8 +1,13 @@
-//! The nodes on one bus: those that record as tasks of whoever drives it, the one that analyses as a thread.
+//! The nodes on one bus: those that record run as tasks of whoever drives the bus, and the one that analyses as a
+//! thread.
 
 use std::{
     path::Path,
-    sync::mpsc::{Receiver, channel},
+    sync::{
+        Arc,
+        atomic::{AtomicU64, Ordering},
+        mpsc::{Receiver, channel},
+    },
     thread::{self, JoinHandle},
     time::Duration,
 };
@@ -11,23 +16,26 @@ use roscausal_core::{
     Error, Result,
     loopback::{Loopback, LoopbackNode, LoopbackTask},
     middleware::Middleware,
-    nodes,
+    nodes::{self, Recorded},
     params::Value,
 };
 use roscausal_discovery::{Progress, Settings};
+use roscausal_hrisim::Simulation;
 
 use crate::folders::Folders;
 
 /// The nodes that record, in the order in which they take part.
 pub(crate) const RECORDING: [&str; 3] = ["robot", "human", "data"];
 
-/// Between two looks whether a node is up.
+/// Time between two checks whether a node is up.
 const LOOK_AGAIN: Duration = Duration::from_millis(1);
 
-/// The running nodes: those that record, and perhaps the one that analyses beside them.
+/// The running nodes: those that record, and perhaps the one that analyses alongside.
 pub(crate) struct Nodes {
     bus: Loopback,
     recording: Vec<(&'static str, LoopbackTask<Result<()>>)>,
+    /// Batches that the data node has recorded.
+    batches: Arc<AtomicU64>,
     discovery: Option<(LoopbackNode, JoinHandle<Result<()>>)>,
 }
 
@@ -39,12 +47,27 @@ fn ended(name: &str, node: thread::Result<Result<()>>) -> Result<()> {
 impl Nodes {
     /// Starts the nodes `names` of [`RECORDING`].
     pub(crate) fn start(bus: &Loopback, names: &[&'static str]) -> Self {
-        let run = |name: &'static str| bus.start_task(name, async move |mw| nodes::run_task(name, &mw).await);
+        let batches = Arc::new(AtomicU64::new(0));
+        let run = |name: &'static str| {
+            let batches = batches.clone();
+            bus.start_task(name, async move |mw| match name {
+                "data" => {
+                    let count = |recorded: Recorded| batches.store(recorded.batches, Ordering::Relaxed);
+                    nodes::data_task(&mw, count).await
+                }
+                _ => nodes::run_task(name, &mw).await,
+            })
+        };
         let recording = names.iter().map(|&name| (name, run(name))).collect();
-        Self { bus: bus.clone(), recording, discovery: None }
+        Self { bus: bus.clone(), recording, batches, discovery: None }
     }
 
-    /// Starts the discovery node too; the receiver tells the progress of each analysis.
+    /// Batches that the data node has recorded of what it has heard; they are on disk a little later.
+    pub(crate) fn batches_recorded(&self) -> u64 {
+        self.batches.load(Ordering::Relaxed)
+    }
+
+    /// Also starts the discovery node. The receiver gets the progress of each analysis.
     pub(crate) fn with_discovery(mut self) -> (Self, Receiver<Progress>) {
         let (sender, progress) = channel();
         let node = self.bus.node("discovery");
@@ -52,7 +75,7 @@ impl Nodes {
         // Nobody listens any more once the command ends.
         let tell = move |progress| sender.send(progress).unwrap_or_default();
         let thread = thread::spawn(move || nodes::discovery_with(&its_own, tell));
-        // Its last topic: whoever looks for topics from here on finds them all.
+        // Its last topic: whoever looks for topics from now on finds all of them.
         let is_up = || node.topics().iter().any(|(topic, _)| topic == "/roscausal/tsdag/compressed");
         while !thread.is_finished() && !is_up() {
             thread::sleep(LOOK_AGAIN);
@@ -61,18 +84,18 @@ impl Nodes {
         (self, progress)
     }
 
-    /// Whether a node has ended before its time.
+    /// Whether a node has ended too early.
     pub(crate) fn one_has_ended(&self) -> bool {
         self.recording.iter().any(|(_, node)| node.is_finished())
             || self.discovery.as_ref().is_some_and(|(_, thread)| thread.is_finished())
     }
 
-    /// Ends the nodes that record, each after the one before has left; the data node writes what it has.
+    /// Ends the nodes that record, each after the previous one has left. The data node writes what it has.
     pub(crate) fn end_recording(&mut self) -> Result<()> {
         std::mem::take(&mut self.recording).into_iter().try_for_each(|(name, node)| ended(name, node.end()))
     }
 
-    /// Ends all and waits for them. The first failure of a node is the answer.
+    /// Ends all nodes and waits for them. Returns the first failure of a node.
     pub(crate) fn end(mut self) -> Result<()> {
         if let Some((node, _)) = &self.discovery {
             node.shutdown();
@@ -83,13 +106,33 @@ impl Nodes {
     }
 }
 
-/// Where the data node puts its batches.
+/// Tells the nodes whom to record: the first robot and the first person of a simulation.
+pub(crate) fn set_subjects(bus: &Loopback, simulation: &Simulation) {
+    for node in RECORDING {
+        bus.set_node_param(node, "robot", text(first_robot(simulation)));
+    }
+    for node in ["human", "data"] {
+        bus.set_node_param(node, "sel_agent", text(&first_person(simulation).to_string()));
+    }
+}
+
+/// Name of the first robot, which is the namespace of its topics; empty: none.
+pub(crate) fn first_robot(simulation: &Simulation) -> &str {
+    simulation.robots.first().map_or("", |robot| &robot.name)
+}
+
+/// Number of the first person; where only pedestrians walk, of the first of them.
+pub(crate) fn first_person(simulation: &Simulation) -> u32 {
+    simulation.people.first().map_or(1, |person| person.id)
+}
+
+/// Sets the folders of the data node.
 pub(crate) fn set_pools(bus: &Loopback, raw: &Path, processed: &Path) {
     bus.set_node_param("data", "data_dir", text(&raw.display().to_string()));
     bus.set_node_param("data", "pp_data_dir", text(&processed.display().to_string()));
 }
 
-/// Tells the discovery node how to analyse what comes into `folders`, so many batches at a time.
+/// Configures the discovery node to analyse the batches in `folders`, with the given number of batches per model.
 pub(crate) fn set_discovery(
     bus: &Loopback,
     folders: &Folders,

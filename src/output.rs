@@ -1,4 +1,4 @@
-//! The folder of results: model, pictures, tables; each file whole or absent.
+//! The folder of results: model, pictures, tables. Each file is complete or absent.
 
 use std::{
     fs,
@@ -32,7 +32,7 @@ pub(crate) fn write_model(dir: &Path, model: &Model) -> Result<Vec<PathBuf>> {
     files.iter().map(|(name, bytes)| write_file(dir, name, bytes)).collect()
 }
 
-/// Writes a picture of the series, `name.svg`.
+/// Writes a plot of the series, `name.svg`.
 pub(crate) fn write_series(
     dir: &Path,
     name: &str,
@@ -43,7 +43,7 @@ pub(crate) fn write_series(
     write_file(dir, &format!("{name}.svg"), draw::series(names, values, dt).as_bytes())
 }
 
-/// Writes a file under a temporary name and renames it, so that nobody sees half of it.
+/// Writes a file under a temporary name and renames it, so that nobody sees an incomplete file.
 pub(crate) fn write_file(dir: &Path, name: &str, bytes: &[u8]) -> Result<PathBuf> {
     let path = dir.join(name);
     let temporary = dir.join(format!(".{name}.tmp"));
@@ -58,7 +58,7 @@ pub(crate) fn write_file(dir: &Path, name: &str, bytes: &[u8]) -> Result<PathBuf
     Ok(path)
 }
 
-/// Copies a batch and the JSON beside it into `dir`.
+/// Copies a batch and its metadata into `dir`.
 pub(crate) fn copy_batch(batch: &Path, dir: &Path) -> Result<()> {
     for path in [batch.to_path_buf(), batch.with_extension("json")] {
         let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();

@@ -1,4 +1,4 @@
-//! `roscausal replay`: a recording played to all four nodes; a model for each batch.
+//! `roscausal replay`: plays a recording to all four nodes, which make a model for each batch.
 
 use std::{
     path::PathBuf,
@@ -22,7 +22,7 @@ use crate::{
     web::{Web, WebArgs},
 };
 
-/// Between two looks at the results.
+/// Time between two checks of the results.
 const LOOK_AGAIN: Duration = Duration::from_millis(50);
 
 /// Arguments of `roscausal replay`.
@@ -37,29 +37,29 @@ pub(crate) struct Args {
     /// Seed of all random numbers.
     #[arg(long, default_value_t = 42)]
     seed: u64,
-    /// Seconds of a batch.
+    /// Length of a batch in seconds.
     #[arg(long, default_value_t = 150.0)]
     ts_length: f64,
-    /// How many times real time; `max`: as fast as the machine allows.
+    /// How many times faster than real time; `max`: as fast as the machine allows.
     #[arg(long, default_value = "max")]
     speed: Speed,
-    /// Threads of the analysis; default: all cores. The result does not depend on it.
+    /// Threads of the analysis; default: all cores. They do not change the result.
     #[arg(long)]
     threads: Option<usize>,
     /// Folder for batches and models.
     #[arg(long, value_name = "DIR", default_value = "roscausal_replay")]
     out: PathBuf,
-    /// Record every topic of the replay, models and pictures too, into this MCAP file.
+    /// Record every topic of the replay, including models and pictures, into this MCAP file.
     #[arg(long, value_name = "FILE.mcap")]
     record: Option<PathBuf>,
     #[command(flatten)]
     web: WebArgs,
 }
 
-/// How fast recorded or simulated time goes.
+/// The speed of recorded or simulated time.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum Speed {
-    /// So many times real time.
+    /// This many times real time.
     Times(f64),
     /// As fast as possible.
     Max,
@@ -77,7 +77,7 @@ impl std::str::FromStr for Speed {
     }
 }
 
-/// Holds simulated time back to its speed.
+/// Holds simulated time back to the chosen speed.
 pub(crate) struct Pace {
     speed: Speed,
     begin: Option<(Instant, Time)>,
@@ -88,7 +88,7 @@ impl Pace {
         Self { speed, begin: None }
     }
 
-    /// Waits until `now` is due, or `go_on` says false.
+    /// Waits until `now` is due, or `go_on` returns false.
     pub(crate) fn wait(&mut self, now: Time, go_on: impl Fn() -> bool) {
         let Speed::Times(times) = self.speed else { return };
         let (begin, first) = *self.begin.get_or_insert_with(|| (Instant::now(), now));
@@ -116,7 +116,7 @@ pub(crate) fn run(args: &Args, interrupt: &Interrupt) -> Result<()> {
     let play = Play::new(&bus, &mut source.recording, &source.inputs)?;
     let (mut nodes, progress) = Nodes::start(&bus, source.inputs.nodes).with_discovery();
     sink.watch()?;
-    let web = Web::start(&bus, &args.web)?;
+    let web = Web::start(&bus, &args.web, "")?;
 
     let bar = chart::bar("playing", 1000, false);
     let mut pace = Pace::new(args.speed);

@@ -2,7 +2,7 @@
 
 use roscausal_discovery::{Link, Model, names::plain};
 
-/// The model as people read it: one sentence per link, then a table of all tested pairs.
+/// The model for people: one sentence per link, then a table of all tested pairs.
 pub(crate) fn text(model: &Model) -> String {
     let mut lines = vec![headline(model)];
     if model.links.is_empty() {
@@ -57,7 +57,7 @@ pub(crate) fn sentence(model: &Model, link: &Link) -> String {
     format!("{verb}: strength {:.2}, {}", link.value, p_value(model, link.p_value))
 }
 
-/// `p < 0.001`, `p = 0.012`; a share of 500 null values that is 0 is `p < 0.002`.
+/// `p < 0.001`, `p = 0.012`; a zero fraction of 500 null values is `p < 0.002`.
 fn p_value(model: &Model, p: f64) -> String {
     let smallest = model.smallest_p();
     if p < smallest { format!("p < {smallest}") } else { format!("p = {p:.3}") }

@@ -1,4 +1,4 @@
-//! `--record FILE.mcap`: what is published goes into a file too.
+//! `--record FILE.mcap`: also writes what is published into a file.
 
 use std::path::{Path, PathBuf};
 
@@ -19,12 +19,12 @@ impl Sink {
         Ok(Self(Some((path.to_owned(), recorder))))
     }
 
-    /// Listens to all topics that are there now.
+    /// Listens to all topics that exist now.
     pub(crate) fn watch(&mut self) -> Result<()> {
         self.0.as_mut().map_or(Ok(()), |(_, recorder)| recorder.watch())
     }
 
-    /// Ends the file, and says so.
+    /// Completes the file and reports it.
     pub(crate) fn close(self) -> Result<()> {
         if let Some((path, recorder)) = self.0 {
             let messages = recorder.finish()?;

@@ -19,7 +19,7 @@ pub(crate) struct Args {
     /// Seed of the simulation.
     #[arg(long, default_value_t = 1)]
     seed: u64,
-    /// Seconds at most.
+    /// Maximum length of the run in seconds.
     #[arg(long, default_value_t = 300.0)]
     duration: f64,
     /// Intervene, such as `robot.speed=0.2@60..90`; may be given several times.
@@ -41,6 +41,7 @@ pub(crate) fn run(args: &Args) -> Result<()> {
     let simulation = Simulation::new(&scenario, args.seed)?;
     let begin = Instant::now();
     let bus = Loopback::live(move || Time::from_secs_f64(1.0 + begin.elapsed().as_secs_f64()));
+    crate::nodes::set_subjects(&bus, &simulation);
     let folder = |name: &str| Value::Str(args.out.join(name).display().to_string());
     for (name, value) in [
         ("data_dir", folder("data_pool")),

@@ -17,19 +17,19 @@ use roscausal_dashboard::{Server, dashboard};
 
 use crate::interrupt::Interrupt;
 
-/// Between two looks whether to end.
+/// Time between two checks whether to end.
 const LOOK_AGAIN: Duration = Duration::from_millis(100);
 
 /// Arguments of the live page.
 #[derive(ClapArgs, Clone, Debug)]
 pub(crate) struct WebArgs {
-    /// Show the run live on a page for a browser; Ctrl-C ends it.
+    /// Show the run live on a page in the browser; Ctrl-C ends it.
     #[arg(long)]
     web: bool,
-    /// Port of the page; 0: any free one.
+    /// Port of the page; 0: any free port.
     #[arg(long, default_value_t = 8321, requires = "web")]
     port: u16,
-    /// Address to serve the page on; others than this machine's own ask for a token.
+    /// Address to serve the page on; an address other than this machine's own requires a token.
     #[arg(long, default_value = "127.0.0.1", requires = "web")]
     address: IpAddr,
     /// Token that opens the page; default: none on 127.0.0.1, a random one on other addresses.
@@ -51,8 +51,8 @@ pub(crate) struct Web {
 }
 
 impl Web {
-    /// Serves the page of what happens on `bus`, if it is wanted, and says where.
-    pub(crate) fn start(bus: &Loopback, args: &WebArgs) -> Result<Option<Self>> {
+    /// Serves a page of what happens on `bus`, if it is wanted, and prints its address. `robot` is the robot's namespace.
+    pub(crate) fn start(bus: &Loopback, args: &WebArgs, robot: &str) -> Result<Option<Self>> {
         if !args.web {
             return Ok(None);
         }
@@ -60,11 +60,12 @@ impl Web {
         println!("Live page: {}  (Ctrl-C ends)", server.url());
         let node = bus.node("dashboard");
         let its_own = node.clone();
-        let thread = thread::spawn(move || dashboard(&its_own, &server, SceneOptions::default()));
+        let options = SceneOptions { robot: robot.to_owned(), ..SceneOptions::default() };
+        let thread = thread::spawn(move || dashboard(&its_own, &server, options));
         Ok(Some(Self { node, thread }))
     }
 
-    /// Leaves the page as it is until the user has seen enough.
+    /// Keeps the page up until the user has seen enough.
     pub(crate) fn stay(&self, bus: &Loopback, interrupt: &Interrupt) {
         while !interrupt.is_set() && !self.thread.is_finished() {
             bus.settle();
@@ -72,7 +73,7 @@ impl Web {
         }
     }
 
-    /// Ends the page.
+    /// Closes the page.
     pub(crate) fn end(self) -> Result<()> {
         self.node.shutdown();
         let died = |_| Error::Middleware("the live page died; please report it".into());

@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
-# The live page in a real browser: Debian's chromium without a window, driven by Selenium, with axe-core for
-# accessibility. Keeps screenshots in target/browser/. Ends with 'N passed, N failed'; exit 0 only when all passed, 77
-# when nothing could be tested. As root on Debian it installs what is missing.
+# The live page in a real browser: Debian's chromium, headless, driven by Selenium, with axe-core for
+# accessibility. Keeps screenshots in target/browser/. Ends with 'N passed, N failed'; exit 0 only if all passed, 77
+# if nothing could be tested. As root on Debian it installs what is missing.
 #   tests/browser.sh [--keep FILE.png]      copies the wide screenshot to FILE.png
 set -uo pipefail
 cd "$(dirname "$0")/.."

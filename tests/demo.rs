@@ -1,4 +1,4 @@
-//! `roscausal demo` as a newcomer calls it.
+//! `roscausal demo` as a newcomer runs it.
 
 #![allow(clippy::expect_used, clippy::panic, reason = "a test may panic: that is how it fails")]
 
@@ -13,7 +13,7 @@ fn demo(dir: &Path, args: &[&str]) -> Output {
         .expect("the command starts")
 }
 
-/// Every file below a folder, by its path in it.
+/// Every file below a folder, by its relative path.
 fn files(dir: &Path) -> BTreeMap<String, Vec<u8>> {
     let mut found = BTreeMap::new();
     let mut open = vec![dir.to_path_buf()];
@@ -50,6 +50,28 @@ fn the_same_seed_gives_the_same_batches_and_models_with_any_number_of_threads() 
     for (name, bytes) in &one {
         assert!(bytes == &two[name], "{name} differs");
     }
+}
+
+#[test]
+fn every_built_in_scenario_ends_with_a_model() {
+    let dir = tempfile::tempdir().expect("a folder");
+    for scenario in roscausal_hrisim::scenario::SCENARIOS {
+        let quick = ["--duration", "60", "--method", "pcmci", "--test", "parcorr", "--out", scenario];
+        let output = demo(dir.path(), &[&["--scenario", scenario], &quick[..]].concat());
+        let text = String::from_utf8_lossy(&output.stderr).into_owned();
+        assert!(output.status.success(), "{scenario}: {text}");
+        assert!(dir.path().join(scenario).join("model.json").exists(), "{scenario}");
+    }
+}
+
+#[test]
+fn a_scenario_that_gives_no_batch_is_told_at_once() {
+    let dir = tempfile::tempdir().expect("a folder");
+    fs::write(dir.path().join("alone.toml"), "robots = []\n").expect("writes");
+    let output = demo(dir.path(), &["--scenario", "alone.toml", "--duration", "60"]);
+    let text = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert_eq!(output.status.code(), Some(1), "{text}");
+    assert!(text.contains("gave 0 of the 2 batches of 30 s"), "{text}");
 }
 
 #[test]

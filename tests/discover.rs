@@ -1,4 +1,4 @@
-//! `roscausal discover` as its users call it: what it prints, writes and complains about.
+//! `roscausal discover` as its users run it: what it prints, what it writes, and its errors.
 
 #![allow(clippy::expect_used, clippy::panic, reason = "a test may panic: that is how it fails")]
 
@@ -7,6 +7,7 @@ mod common;
 use std::{fs, path::Path};
 
 use common::roscausal;
+use roscausal_fuzz::unit;
 use serde_json::Value;
 use tempfile::TempDir;
 
@@ -16,13 +17,10 @@ fn folder(file: &str, content: &str) -> TempDir {
     dir
 }
 
-/// `a` drives `b` one step later; deterministic noise.
+/// `a` drives `b` one step later, with deterministic noise.
 fn coupled(rows: usize) -> String {
     let mut state = 7_u64;
-    let mut noise = || {
-        state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-        (state >> 33) as f64 / f64::from(1_u32 << 31) - 0.5
-    };
+    let mut noise = || unit(&mut state) - 0.5;
     let (mut a, mut b) = (0.0, 0.0);
     let mut csv = "time,a,b\n".to_owned();
     for row in 0..rows {
@@ -47,6 +45,16 @@ fn has(text: &str, words: &[&str]) {
     for word in words {
         assert!(text.contains(word), "'{word}' is missing in: {text}");
     }
+}
+
+#[test]
+fn files_with_different_steps_are_refused_and_both_are_named() {
+    let dir = folder("slow.csv", &coupled(100));
+    fs::write(dir.path().join("fast.csv"), "time,a,b\n0,1,2\n0.1,2,1\n0.2,1,3\n").expect("writes");
+    let out = roscausal(dir.path(), &["discover", "slow.csv", "fast.csv", "--test", "parcorr"]);
+    let text = String::from_utf8_lossy(&out.stderr).into_owned();
+    assert_eq!(out.status.code(), Some(1), "{text}");
+    has(&text, &["fast.csv: its step is 0.1 s, that of slow.csv is 0.25 s"]);
 }
 
 #[test]

@@ -53,7 +53,7 @@ fn a_sweep_goes_on_where_it_ended() {
     let mut names: Vec<_> = fs::read_dir(&runs).expect("lists").flatten().map(|entry| entry.path()).collect();
     names.sort();
     let recall = read(dir.path(), "out/recall.csv");
-    // What is there is taken as it is; what is not is run.
+    // An existing run is taken as it is; a missing one is run.
     let marked =
         fs::read_to_string(&names[0]).expect("reads").replace("\"run_time_s\": ", "\"run_time_s\": 1000");
     fs::write(&names[0], marked).expect("writes");

@@ -1,20 +1,20 @@
-# What the test scripts share; to be sourced.
+# Functions that the test scripts share. Source this file.
 
-# Says that nothing could be tested, and why: exit code 77 for the caller.
+# Reports that nothing could be tested, and why: exit code 77 for the caller.
 give_up() {
   echo "NOT TESTED: $1" >&2
   echo "0 passed, 1 failed"
   exit 77
 }
 
-# Says that a part which must be there could not be made.
+# Reports that a required part could not be made.
 broken() {
   echo "$1" >&2
   echo "0 passed, 1 failed"
   exit 1
 }
 
-# debian PACKAGE...: installs them, as root where there is apt-get; another build's lock is waited for.
+# debian PACKAGE...: installs them if this is root and there is apt-get. Waits for the lock of another apt-get.
 debian() {
   [ "$(id -u)" = 0 ] && command -v apt-get >/dev/null || give_up "missing: $* (as root: apt-get install $*)"
   echo "installing $* ..."
@@ -28,7 +28,7 @@ debian() {
   rm -f "$log"
 }
 
-# environment FOLDER PACKAGE...: a virtual environment of Python with these packages of PyPI, made once.
+# environment FOLDER PACKAGE...: a Python virtual environment with these packages from PyPI, made once.
 environment() {
   local folder=$1
   shift
@@ -39,8 +39,8 @@ environment() {
   echo "$*" >"$folder/complete"
 }
 
-# build_all [--quiet]: builds all programs, tests and examples. Always the whole workspace: a package alone has its
-# dependencies with other features, and builds them once more.
+# build_all [--quiet]: builds all programs, tests and examples. Always the whole workspace: a single package would use
+# its dependencies with other features, and build them again.
 build_all() {
   cargo test --release --workspace --locked --no-run "$@"
 }

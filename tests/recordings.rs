@@ -1,4 +1,4 @@
-//! Recordings through the command: what was recorded gives the batches that the live run gave.
+//! Recordings through the command: a recording gives the same batches as the live run.
 
 #![allow(clippy::expect_used, clippy::panic, reason = "a test may panic: that is how it fails")]
 
@@ -61,7 +61,7 @@ fn a_replayed_run_gives_the_batches_of_the_live_run() {
     let live = tables(dir.join("live/pp_pool/analysed"));
     assert_eq!(live, tables(dir.join("again/pp_pool/analysed")));
     assert!(said(&output).contains("2 models"), "{}", said(&output));
-    // What the replay recorded has the models too.
+    // The recording made by the replay contains the models too.
     let recording = roscausal_recording::Recording::open(dir.join("again.mcap")).expect("opens");
     for (name, least) in [("/roscausal/causal_model", 1), ("/roscausal/dag", 1), ("/roscausal/robot", 1000)] {
         let topic = recording.topic(name, None).expect("is there");

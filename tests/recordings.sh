@@ -1,9 +1,9 @@
 #!/usr/bin/env bash
-# Recordings against other software: files that PyPI's rosbags and mcap, and a real rosbag where there is one, wrote
-# are read by us, and what we write is read by them. Ends with 'N passed, N failed'; exit 0 only when all passed, 77
-# when nothing could be tested. Needs python3 with venv (installs it as root on Debian); makes its own environment
+# Recordings against other software: files written by PyPI's rosbags and mcap, and by a real rosbag if there is one,
+# are read by us, and what we write is read by them. Ends with 'N passed, N failed'; exit 0 only if all passed, 77
+# if nothing could be tested. Needs python3 with venv (installs it as root on Debian); makes its own environment
 # below target/.
-#   tests/recordings.sh [--renew]     --renew writes the small files in roscausal_recording/tests/data anew
+#   tests/recordings.sh [--renew]     --renew rewrites the small files in roscausal_recording/tests/data
 set -uo pipefail
 cd "$(dirname "$0")/.."
 . tests/lib.sh
@@ -56,7 +56,7 @@ for file in walk.bag walk_mcap walk_db3; do
   "$roscausal" discover "$folder/$file" "${quick[@]}" --out "$folder/$file.found" >/dev/null 2>&1
 done
 for other in walk_mcap walk_db3; do
-  # Warnings name the file.
+  # Warnings must name the file.
   for file in walk.bag $other; do
     "$python" -c 'import json, sys; m = json.load(open(sys.argv[1])); del m["warnings"]; assert m["links"]; print(m)' \
       "$folder/$file.found/model.json" >"$folder/$file.model"

@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
-# All tests: Rust's own, then those against other software. Installs what they need and says loudly what it cannot
-# install. Exit code 0 only when nothing failed.
+# All tests: Rust's own, then those against other software. Installs what they need, and reports loudly what it cannot
+# install. Exit code 0 only if nothing failed.
 set -uo pipefail
 cd "$(dirname "$0")/.."
 
@@ -9,6 +9,8 @@ export CARGO_PROFILE_RELEASE_DEBUG_ASSERTIONS=true CARGO_PROFILE_RELEASE_OVERFLO
 
 failed=() untested=()
 cargo test --release --workspace --locked || failed+=("cargo test")
+# Once more for the eye: how many of the reference's results (tests/golden) are met.
+cargo test --release --workspace --locked --test golden -- --nocapture || failed+=("golden")
 for script in tests/gpdc_python.sh tests/recordings.sh tests/browser.sh tests/security.sh \
   tests/interop/ros2.sh tests/interop/ros1.sh tests/soak.sh; do
   "$script"

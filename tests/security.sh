@@ -1,14 +1,14 @@
 #!/usr/bin/env bash
-# DDS Security of ROS 2 with a keystore as SROS2 makes it: who has no certificate neither reads nor writes, an enclave uses
-# what it is granted, and the whole chain of nodes works. Exit code 0 only when all passed, 77 when what it needs cannot
-# be installed; the last line is 'N passed, N failed'.
+# DDS Security of ROS 2 with a keystore as SROS2 makes it: without a certificate nobody reads or writes, an enclave uses
+# only what it is granted, and the whole chain of nodes works. Exit code 0 only if all passed, 77 if what it needs cannot
+# be installed. The last line is 'N passed, N failed'.
 set -uo pipefail
 cd "$(dirname "$0")/.."
 . tests/lib.sh
 missing=()
 command -v openssl >/dev/null || missing+=(openssl)
 command -v pkg-config >/dev/null || missing+=(pkg-config)
-# The headers of the library, as the build will look for them.
+# The headers of the library, found the way the build finds them.
 pkg-config --exists openssl 2>/dev/null || missing+=(libssl-dev)
 [ ${#missing[@]} -eq 0 ] || debian "${missing[@]}"
 

@@ -1,8 +1,8 @@
 #!/usr/bin/env bash
-# Faults for N minutes (default 1): the whole chain in one process, killed at random, on a disk that fills, in a
-# folder that becomes read-only, flooded at ten times the rate; the nodes of ROS 1 with a master that is killed, those of
-# ROS 2 with a network that is cut; at the end of each an account of what went in and what came out. Ends in 'N passed,
-# N failed'.
+# Faults for N minutes (default 1). The whole chain in one process is killed at random, runs on a disk that fills up and in
+# a folder that becomes read-only, and is flooded at ten times the rate. The nodes run on ROS 1 with a master that is
+# killed, and on ROS 2 with a network that is cut. Each part ends with counts of what went in and what came out. Ends with
+# 'N passed, N failed'.
 # usage: tests/soak.sh [minutes]
 set -uo pipefail
 cd "$(dirname "$0")/.."
@@ -29,12 +29,12 @@ trap finish EXIT
 
 count() { find "$1" -maxdepth 1 -name "$2" ! -name '.*' 2>/dev/null | wc -l; }
 rows() { find "$1" -maxdepth 1 -name '*.csv' ! -name '.*' -exec cat {} + 2>/dev/null | grep -vc '^time'; }
-# What it says lies beside its folder: a full disk is no place for that.
+# Its output lies beside its folder, because the folder may be on a full disk.
 begin() { "$chain" "$@" >"$1.said" 2>"$1.log" & chain_pid=$!; }
 sent() { sed -n 's/^sent: \([0-9]*\) odometry.*/\1/p' "$1.said"; } # odometry messages, once it has ended
 end() { touch "$1/stop"; wait "$chain_pid"; local code=$?; chain_pid=; rm -f "$1/stop"; return $code; }
 
-# 1. Random kills: every batch whole, every model once, values right, the bound kept.
+# 1. Random kills: every batch complete, every model once, values right, loss within the bound.
 kills=$((minutes * 15))
 check "$kills random kill -9: every batch whole, every model once" \
     env ROSCAUSAL_KILLS=$kills cargo test --release -q --workspace --test kill -- --nocapture
@@ -50,13 +50,13 @@ wanted=$((${sent:-0} / 50))
 got=$(rows "$flood/raw")
 echo "flood: $sent odometry messages in, $got rows out (about $wanted wanted), $(count "$flood/raw" '*.csv') batches," \
     "$(count "$flood/models" '*.json') models"
-# The first and the last second may be missing: nobody is there yet, and what is not certain yet.
+# The first second may be missing because nobody is there yet, and the last because it may still change.
 check "flood: no row lost" test "$got" -ge $((wanted - 20))
 check "flood: every complete batch has a model" \
     test $(($(count "$flood/models" '*.json') + $(count "$flood/pp" '*.csv') + $(count "$flood/pp/incomplete" '*.csv'))) \
     -eq "$(count "$flood/raw" '*.csv')"
 
-# 3. A full disk that gets room again.
+# 3. A full disk that gets space again.
 if mkdir -p "$disk" && mount -t tmpfs -o size=3m tmpfs "$disk" 2>/dev/null; then
     dd if=/dev/zero of="$disk/ballast" bs=1k count=2900 status=none
     begin "$disk" 50 2 0.05 1
@@ -80,7 +80,7 @@ mkdir -p "$readonly" "$work/view"
 if mount --bind "$readonly" "$work/view" 2>/dev/null && mount -o remount,bind,ro "$work/view"; then
     begin "$readonly" 50 2 0.05 1
     sleep 5
-    # What is open stays writable: it was opened below this mount.
+    # Open files stay writable, because they were opened below this mount.
     mount --bind "$work/view" "$readonly"
     before=$(count "$readonly/raw" '*.csv')
     sleep 8
@@ -102,10 +102,10 @@ fi
 # 5. Logs that cannot be written.
 for wire in ros1 ros2; do
     nodes=$(program "roscausal_$wire")
-    # Without a master ROS 1's node waits, and says so.
+    # Without a master the ROS 1 node waits, and says so.
     ROS_MASTER_URI=http://127.0.0.1:1/ ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST timeout -s INT 4 "$nodes" robot 2>/dev/full
     code=$?
-    # 124: it lived until it was stopped.
+    # 124: it ran until it was stopped.
     check "a log that cannot be written: the node of $wire lives" test "$code" -eq 124
 done
 

@@ -32,7 +32,7 @@ pub enum Error {
         /// What is wrong, with line and column where there are any.
         reason: String,
     },
-    /// The data do not allow the analysis that was asked for.
+    /// The data does not allow the requested analysis.
     #[error("{0}")]
     Data(String),
     /// The work was cancelled or ran out of its time budget.

@@ -1,8 +1,8 @@
 //! A method in another language: a program that reads batches and answers with matrices.
 //!
-//! It is called `PROGRAM BATCH.csv [BATCH.csv ...]`, gets the settings as one JSON object on stdin, and prints one
-//! JSON object on stdout: `features`, `val_matrix` and `p_matrix` as `[cause][effect][lag 0..=tau_max]`, and
-//! optionally `graph` (marks; otherwise `-->` where p <= alpha and the lag is from tau_min on).
+//! It is called as `PROGRAM BATCH.csv [BATCH.csv ...]`. It gets the settings as one JSON object on stdin and prints
+//! one JSON object on stdout: `features`, `val_matrix` and `p_matrix` as `[cause][effect][lag 0..=tau_max]`, and
+//! optionally `graph` (marks; without it, links are `-->` where p <= alpha and the lag is at least tau_min).
 
 use std::{
     io::{Read, Write},
@@ -17,7 +17,7 @@ use serde::Deserialize;
 
 use crate::{Error, Result, params::nearest};
 
-/// What a program may print at most, in bytes.
+/// The most that a program may print, in bytes.
 const MAX_OUTPUT: u64 = 64 << 20;
 const LOOK_AGAIN: Duration = Duration::from_millis(50);
 
@@ -32,7 +32,7 @@ struct Answer {
 /// The program of the method `name` in the folder `dir`.
 ///
 /// # Errors
-/// A name that leaves the folder, or no such program; names what there is.
+/// A name that leaves the folder, or no such program; the message lists those that exist.
 pub fn program(dir: &Path, name: &str) -> Result<PathBuf> {
     if name.contains(['/', '\\']) || name.starts_with('.') {
         return Err(Error::param(
@@ -52,10 +52,10 @@ pub fn program(dir: &Path, name: &str) -> Result<PathBuf> {
     Err(Error::param("cd_method", reason))
 }
 
-/// Runs the program on `batches` and makes its answer a model; ends it when `control` says so.
+/// Runs the program on `batches` and turns its answer into a model. Ends the program when `control` says so.
 ///
 /// # Errors
-/// A program that does not start, fails, is stopped, or answers with something else than described above.
+/// A program that does not start, fails, is stopped, or gives an answer other than the one described above.
 pub fn run(
     program: &Path,
     batches: &[PathBuf],
@@ -81,7 +81,7 @@ pub fn run(
         limit_memory(&child, bytes);
     }
     if let Some(mut stdin) = child.stdin.take() {
-        // A program that does not read its settings closes the pipe; that is its own affair.
+        // A program that does not read its settings closes the pipe. That is not an error.
         let _ = stdin.write_all(parameters.to_string().as_bytes());
     }
     let stdout = child.stdout.take().ok_or_else(|| fault(&"its output cannot be read"))?;
@@ -97,7 +97,7 @@ pub fn run(
     model(answer, name, settings).map_err(|reason| fault(&reason))
 }
 
-/// What a program asks for beyond `bytes` it does not get.
+/// Limits the memory of the program to `bytes`.
 fn limit_memory(child: &Child, bytes: usize) {
     #[cfg(target_os = "linux")]
     {

@@ -1,20 +1,21 @@
-//! What stands before a subscription's callback, so that it can be ended for good from any thread.
+//! A gate in front of a subscription's callback, so that any thread can end the subscription for good.
 
 use std::{
     sync::{
-        Mutex, MutexGuard, PoisonError,
+        Condvar, Mutex, MutexGuard, PoisonError,
         atomic::{AtomicBool, Ordering},
     },
     thread::{self, ThreadId},
+    time::Duration,
 };
 
-/// Lets one call through at a time, until it is closed.
+/// Lets through one call at a time, until it is closed.
 #[derive(Debug, Default)]
 pub struct Gate {
     closed: AtomicBool,
-    /// Held while a call is under way.
+    /// Held during a call.
     running: Mutex<()>,
-    /// The thread within a call.
+    /// The thread that is inside a call.
     runs_on: Mutex<Option<ThreadId>>,
 }
 
@@ -27,13 +28,23 @@ impl Drop for Running<'_> {
     }
 }
 
-/// Locks; what a panic left behind is taken as it is.
+/// Locks. A panic of another holder is ignored: its data is used as it is.
 pub fn lock<T: ?Sized>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
     mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
+/// Waits until it is notified, `at_most` so long; what a panic left behind is taken as it is.
+pub(crate) fn wait<'a, T>(
+    changed: &Condvar,
+    locked: MutexGuard<'a, T>,
+    at_most: Duration,
+) -> MutexGuard<'a, T> {
+    changed.wait_timeout(locked, at_most).unwrap_or_else(PoisonError::into_inner).0
+}
+
 impl Gate {
-    /// Makes the call, after the one under way, unless the gate is closed. A call from within one is not made.
+    /// Makes the call after any current one has ended, unless the gate is closed. A call from inside a call is not
+    /// made.
     pub fn pass(&self, call: impl FnOnce()) {
         if self.is_mine() {
             return;
@@ -46,12 +57,13 @@ impl Gate {
         }
     }
 
-    /// Whether calls are let through.
+    /// Whether the gate is open.
     pub fn is_open(&self) -> bool {
         !self.closed.load(Ordering::SeqCst)
     }
 
-    /// Waits for the call under way, unless it is the one that closes. No call is made after this.
+    /// Closes the gate and waits for the current call, unless that call is the one that closes. No call is made
+    /// afterwards.
     pub fn close(&self) {
         self.closed.store(true, Ordering::SeqCst);
         if !self.is_mine() {
@@ -69,7 +81,6 @@ mod tests {
     use std::{
         panic::{AssertUnwindSafe, catch_unwind},
         sync::{Arc, mpsc::channel},
-        time::Duration,
     };
 
     use super::*;

@@ -1,57 +1,60 @@
-//! A node's one inbox: every subscription sends into it, one thread owns the state and takes from it.
+//! A node's only queue. Every subscription sends into it; one thread owns the state and takes events from it.
 
 use std::{
     collections::VecDeque,
     future::poll_fn,
-    sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError, Weak},
+    sync::{Arc, Condvar, Mutex, MutexGuard, Weak},
     task::Poll,
     thread::{self, ThreadId},
     time::Duration,
 };
 
-use crate::{Time, middleware::Middleware};
+use crate::{
+    Time,
+    gate::{lock, wait},
+    middleware::Middleware,
+};
 
-/// The longest a wait sleeps before it looks at the clock again (a simulated one moves without notice).
+/// The longest sleep before a wait checks the clock again. A simulated clock moves without notice.
 const LOOK_AGAIN: Duration = Duration::from_millis(20);
-/// The shortest, so that a clock that stands still just before a deadline costs nothing.
+/// The shortest sleep, so that a clock that stops just before a deadline costs no CPU.
 const LOOK_SOON: Duration = Duration::from_micros(200);
 
-/// What a middleware sees of an inbox.
+/// The middleware's view of an inbox.
 pub trait Consumer: Send + Sync {
-    /// Makes a waiting node look at the clock and at the shutdown flag again.
+    /// Makes a waiting node check the clock and the shutdown flag again.
     fn wake(&self);
 
-    /// Lets the node act on the time `now`, and blocks until it has dealt with all it was given and waits for
-    /// something later. Returns at once when the inbox is gone, belongs to the calling thread, or waits for
-    /// nobody ([`Inbox::detached`]).
+    /// Lets the node act on the time `now`. Blocks until the node has handled everything and waits for something
+    /// later. Returns at once if the inbox is gone, belongs to the calling thread, or is [`Inbox::detached`].
     fn wait_idle(&self, now: Time);
 
-    /// Lets the node act on the time `now`; whether it has dealt with all it was given and waits for something
-    /// later, so that there is no need to poll it. For nodes that run as tasks of their middleware.
+    /// Lets the node act on the time `now`. Returns whether it has handled everything and waits for something
+    /// later, so that it need not be polled. For nodes that run as tasks of their middleware.
     fn is_idle(&self, now: Time) -> bool;
 
-    /// What the node waits for now; [`Time::MAX`] when only for events, `None` while it works and when nobody
-    /// is to wait for it.
+    /// The time that the node waits for; [`Time::MAX`] if it waits for events only. `None` while it works, and if
+    /// nobody has to wait for it.
     fn deadline(&self) -> Option<Time>;
 }
 
-/// What [`Inbox::next`] gives.
+/// The result of [`Inbox::next`].
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Next<E> {
     /// The oldest waiting event.
     Event(E),
-    /// The deadline has come.
+    /// The deadline is reached.
     Deadline,
-    /// The node is to end; what is still queued has been given out before.
+    /// The node has to end. Everything that was queued has been handed out before.
     Shutdown,
 }
 
-/// A bounded queue with one reader. When full, the oldest event is dropped and counted.
+/// A bounded queue with one reader. If it is full, the oldest event is dropped and counted.
 pub struct Inbox<E> {
     shared: Arc<Shared<E>>,
 }
 
-/// The sending side of an [`Inbox`]; any number of them.
+/// The sending side of an [`Inbox`]. There may be any number of them.
 pub struct Sender<E> {
     shared: Weak<Shared<E>>,
 }
@@ -66,7 +69,7 @@ struct Shared<E> {
     task: bool,
 }
 
-/// What a look into an inbox finds.
+/// What the inbox holds at the moment.
 enum Look<'a, E> {
     Next(Next<E>),
     /// Nothing at this time.
@@ -76,12 +79,12 @@ enum Look<'a, E> {
 struct State<E> {
     queue: VecDeque<E>,
     dropped: u64,
-    /// The deadline the reader waits for, while it waits and has seen all that happened.
+    /// The deadline that the reader waits for, once it waits and has seen everything.
     waiting_for: Option<Time>,
-    /// On a lockstep middleware: the time the reader may act on, moved only by [`Consumer::wait_idle`], so
+    /// On a lockstep middleware: the time that the reader may act on. Only [`Consumer::wait_idle`] advances it, so
     /// that nodes act on a new time one after the other. `None`: the clock itself.
     granted: Option<Time>,
-    /// Asked to look at the clock and at the shutdown flag again.
+    /// A request to check the clock and the shutdown flag again.
     woken: bool,
     reader: ThreadId,
     open: bool,
@@ -89,25 +92,22 @@ struct State<E> {
 
 impl<E> Shared<E> {
     fn lock(&self) -> MutexGuard<'_, State<E>> {
-        self.state.lock().unwrap_or_else(PoisonError::into_inner)
+        lock(&self.state)
     }
 
     fn wait<'a>(&self, state: MutexGuard<'a, State<E>>, at_most: Duration) -> MutexGuard<'a, State<E>> {
-        match self.changed.wait_timeout(state, at_most) {
-            Ok((state, _)) => state,
-            Err(poisoned) => poisoned.into_inner().0,
-        }
+        wait(&self.changed, state, at_most)
     }
 }
 
 impl<E: Send + 'static> Inbox<E> {
-    /// An inbox for the node behind `mw`, which wakes it when a simulated clock moves and, on a lockstep
-    /// middleware, waits for it. The thread that makes it is the one to read it.
+    /// An inbox for the node behind `mw`. The middleware wakes it when a simulated clock moves and, in lockstep,
+    /// waits for it. The thread that creates the inbox has to read it.
     pub fn new<M: Middleware>(mw: &M, capacity: usize) -> Self {
         Self::attached(mw, capacity, false)
     }
 
-    /// An inbox that no middleware waits for: for a node that computes for long beside the others.
+    /// An inbox that no middleware waits for. For a node that computes for a long time alongside the others.
     pub fn detached<M: Middleware>(mw: &M, capacity: usize) -> Self {
         Self::attached(mw, capacity, true)
     }
@@ -134,8 +134,8 @@ impl<E: Send + 'static> Inbox<E> {
         Sender { shared: Arc::downgrade(&self.shared) }
     }
 
-    /// Waits for the next event, for `deadline` on the middleware's clock, or for the end. Blocks the thread, which
-    /// is the node's own; [`Inbox::awaited`] is for nodes that may run as tasks.
+    /// Waits for the next event, for `deadline` on the middleware's clock, or for the end of the node. Blocks the
+    /// thread, which is the node's own. Nodes that may run as tasks use [`Inbox::awaited`].
     pub fn next<M: Middleware>(&self, mw: &M, deadline: Option<Time>) -> Next<E> {
         loop {
             match self.look(mw, deadline) {
@@ -151,8 +151,8 @@ impl<E: Send + 'static> Inbox<E> {
         }
     }
 
-    /// As [`Inbox::next`]. On a middleware that polls its nodes ([`Middleware::is_task`]) the node is suspended
-    /// meanwhile; on all others this blocks, and so is never pending.
+    /// Like [`Inbox::next`]. On a middleware that polls its nodes ([`Middleware::is_task`]) the node is suspended
+    /// meanwhile. On all others this blocks, so it is never pending.
     pub async fn awaited<M: Middleware>(&self, mw: &M, deadline: Option<Time>) -> Next<E> {
         if !self.shared.task {
             return self.next(mw, deadline);
@@ -164,10 +164,10 @@ impl<E: Send + 'static> Inbox<E> {
         .await
     }
 
-    /// What there is now; when there is nothing, the inbox is marked as waiting.
+    /// What the inbox holds now. If it holds nothing, it is marked as waiting.
     fn look<M: Middleware>(&self, mw: &M, deadline: Option<Time>) -> Look<'_, E> {
         loop {
-            // Asked outside the lock: a middleware may hold a lock of its own while it wakes this inbox.
+            // Asked outside the lock, because a middleware may hold a lock of its own while it wakes this inbox.
             let (ok, clock) = (mw.is_ok(), mw.now());
             let mut state = self.shared.lock();
             state.reader = thread::current().id();
@@ -196,7 +196,7 @@ impl<E: Send + 'static> Inbox<E> {
 }
 
 impl<E> Sender<E> {
-    /// Puts an event in; the oldest goes when there is no room. Nothing happens when the inbox is gone.
+    /// Adds an event. If there is no room, the oldest one is dropped. Does nothing if the inbox is gone.
     pub fn send(&self, event: E) {
         let Some(shared) = self.shared.upgrade() else { return };
         let mut state = shared.lock();
@@ -208,7 +208,7 @@ impl<E> Sender<E> {
         state.queue.push_back(event);
         state.waiting_for = None;
         shared.changed.notify_all();
-        // Its own drop may do anything, so not under the lock.
+        // Not under the lock: dropping the event may run any code.
         drop(state);
         drop(oldest);
     }

@@ -1,5 +1,5 @@
-//! The core of ROS-Causal: the four nodes, the batches they record and analyse, and the one trait that stands between
-//! them and a middleware. Nothing here knows ROS, a network or the wall clock: time is an argument.
+//! The core of ROS-Causal: the four nodes, the batches that they record and analyse, and the trait that connects nodes
+//! to a middleware. Nothing here knows ROS, a network or the wall clock: time is an argument.
 
 pub mod batch;
 pub mod error;
@@ -14,4 +14,5 @@ pub mod params;
 pub mod state;
 
 pub use error::{Error, Result};
+pub use roscausal_discovery::mix;
 pub use roscausal_msgs::{Message, Time};

@@ -1,4 +1,4 @@
-//! Parameters: values as a middleware stores them, and the specification a node declares.
+//! Parameters: values as a middleware stores them, and the specifications that a node declares.
 
 use std::{collections::BTreeMap, fmt};
 
@@ -7,7 +7,7 @@ use crate::{Error, Result, middleware::Middleware};
 /// The known name that a user may have meant.
 pub use roscausal_discovery::names::nearest;
 
-/// A parameter value, as the ROS parameter server and ROS 2 parameters know them.
+/// A parameter value, as in the ROS 1 parameter server and in ROS 2 parameters.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Value {
     /// Boolean.
@@ -27,27 +27,27 @@ pub enum Value {
 pub struct ParamSpec {
     /// Private name (`dt`), or an absolute one (`/hri/human_goal`) for a parameter that belongs to no node.
     pub name: &'static str,
-    /// Value when nothing is set; its variant is the parameter's type.
+    /// The value if nothing is set. Its variant is the type of the parameter.
     pub default: Value,
     /// One line for `ros2 param describe` and the documentation.
     pub description: &'static str,
-    /// What is allowed.
+    /// The allowed values.
     pub allowed: Allowed,
 }
 
-/// The values a parameter may take.
+/// The values that a parameter may take.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Allowed {
     /// Any value of the default's type.
     Any,
-    /// A number from the first to the second, both included.
+    /// A number between these two, both included.
     Range(f64, f64),
     /// One of these words.
     OneOf(&'static [&'static str]),
 }
 
 impl ParamSpec {
-    /// A specification; for the static tables of the nodes.
+    /// A specification. The nodes keep them in static tables.
     pub fn new(name: &'static str, default: Value, allowed: Allowed, description: &'static str) -> Self {
         Self { name, default, description, allowed }
     }
@@ -56,17 +56,18 @@ impl ParamSpec {
         matches!(&self.allowed, Allowed::OneOf(words) if words.contains(&text))
     }
 
-    /// The value as this parameter's type, with ROS-Causal's spellings accepted: `"True"`, `"0.1"`, an integer
-    /// where a double is meant, a number where a text is meant.
+    /// The value as this parameter's type. ROS-Causal's spellings are accepted: `"True"`, `"0.1"`, an integer for a
+    /// double, a number for a text.
     ///
     /// # Errors
-    /// A value of another kind, or one that is not allowed: name, value, what is allowed.
+    /// A value of another kind, or one that is not allowed. The message has the name, the value and what is
+    /// allowed.
     pub fn checked(&self, value: Value) -> Result<Value> {
         let fault = |wanted: &str| Error::param(self.name, format!("{value} is not {wanted}"));
         let value = match (&self.default, &value) {
             (Value::Bool(_), value) => Value::Bool(value.as_bool().ok_or_else(|| fault("true or false"))?),
             (Value::Int(_), value) => Value::Int(value.as_int().ok_or_else(|| fault("a whole number"))?),
-            // "" is "none" where any number is allowed.
+            // "" means "none" where any number is allowed.
             (Value::Double(_), Value::Str(text)) if text.is_empty() && self.allowed == Allowed::Any => value,
             (Value::Double(_), value) => Value::Double(value.as_double().ok_or_else(|| fault("a number"))?),
             (Value::Str(_), Value::List(_)) => return Err(fault("a text")),
@@ -107,7 +108,7 @@ impl ParamSpec {
 }
 
 impl Value {
-    /// The value as a boolean, from any spelling of one.
+    /// The value as a boolean, from any of its spellings.
     pub fn as_bool(&self) -> Option<bool> {
         match self {
             Self::Bool(value) => Some(*value),
@@ -122,7 +123,7 @@ impl Value {
         }
     }
 
-    /// The value as a whole number, from any spelling of one.
+    /// The value as an integer, from any of its spellings.
     pub fn as_int(&self) -> Option<i64> {
         match self {
             Self::Int(value) => Some(*value),
@@ -132,7 +133,7 @@ impl Value {
         }
     }
 
-    /// The value as a number, from any spelling of one.
+    /// The value as a number, from any of its spellings.
     pub fn as_double(&self) -> Option<f64> {
         match self {
             Self::Int(value) => Some(*value as f64),
@@ -165,7 +166,7 @@ pub struct Params {
 }
 
 impl Params {
-    /// Reads and checks every parameter of `specs`; what is not set has its default.
+    /// Reads and checks every parameter of `specs`. A parameter that is not set has its default.
     ///
     /// # Errors
     /// The first parameter that is not allowed, or a parameter server that cannot be reached.
@@ -185,32 +186,32 @@ impl Params {
         Ok(Self { values })
     }
 
-    /// A flag; false when `name` is no parameter of this node.
+    /// A flag; false if this node has no parameter `name`.
     pub fn flag(&self, name: &str) -> bool {
         self.values.get(name).and_then(Value::as_bool).unwrap_or(false)
     }
 
-    /// A whole number; 0 when `name` is no parameter of this node.
+    /// An integer; 0 if this node has no parameter `name`.
     pub fn int(&self, name: &str) -> i64 {
         self.values.get(name).and_then(Value::as_int).unwrap_or(0)
     }
 
-    /// A whole number that is not negative.
+    /// An integer that is not negative.
     pub fn count(&self, name: &str) -> usize {
         usize::try_from(self.int(name)).unwrap_or(0)
     }
 
-    /// A number; NaN when `name` is no parameter of this node or an empty text.
+    /// A number; NaN if this node has no parameter `name`, or its value is an empty text.
     pub fn double(&self, name: &str) -> f64 {
         self.values.get(name).and_then(Value::as_double).unwrap_or(f64::NAN)
     }
 
-    /// A text; empty when `name` is no parameter of this node.
+    /// A text; empty if this node has no parameter `name`.
     pub fn text(&self, name: &str) -> String {
         self.values.get(name).map_or(String::new(), Value::to_string)
     }
 
-    /// A text, or `None` when it is empty.
+    /// A text; `None` if it is empty.
     pub fn text_if_set(&self, name: &str) -> Option<String> {
         Some(self.text(name)).filter(|text| !text.is_empty())
     }
@@ -229,7 +230,7 @@ impl Params {
     }
 }
 
-/// The names that no specification has, each with the nearest one that there is.
+/// The names that no specification has, each with the nearest existing name.
 fn unknown<'a>(set: &'a [String], specs: &[ParamSpec]) -> Vec<(&'a str, Option<String>)> {
     let names: Vec<&str> = specs.iter().map(|spec| spec.name).collect();
     let known = |name: &&String| names.contains(&name.as_str()) || name.as_str() == "use_sim_time";

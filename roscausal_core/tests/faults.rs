@@ -1,4 +1,4 @@
-//! The discovery node beside faults: budgets, disks that refuse, a second node, a method that hangs.
+//! The discovery node under faults: budgets, disks that refuse, a second node, a method that hangs.
 
 #![cfg(unix)]
 #![allow(clippy::expect_used, clippy::panic, reason = "a test may panic: that is how it fails")]
@@ -22,6 +22,7 @@ use roscausal_core::{
     nodes,
     params::Value,
 };
+use roscausal_fuzz::unit;
 use roscausal_msgs::{
     CausalModelInfo, HumanState, Humans, RobotState, diagnostic_msgs::DiagnosticArray, std_msgs::Header,
 };
@@ -34,16 +35,15 @@ fn word(word: &str) -> Value {
     Value::Str(word.to_owned())
 }
 
-/// A pool with `batches` in which b follows a.
+/// A pool with `batches` batches in which b follows a.
 fn pool(dir: &Path, batches: usize) {
     fs::create_dir_all(dir.join("pp")).expect("makes");
     for batch in 0..batches {
         let mut csv = String::from("time,a,b\n");
         let (mut a, mut state) = (0.0_f64, 17 + batch as u64);
         for row in 0..200 {
-            state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-            let b = 0.9 * a + 0.1 * ((state >> 20) % 97) as f64 / 97.0;
-            a = ((state >> 33) % 1000) as f64 / 1000.0;
+            let b = 0.9 * a + 0.1 * unit(&mut state);
+            a = unit(&mut state);
             csv += &format!("{},{a},{b}\n", f64::from(row) * 0.1);
         }
         fs::write(dir.join(format!("pp/data_{batch}.csv")), csv).expect("writes");
@@ -226,7 +226,7 @@ fn recording_goes_on_while_an_analysis_hangs() {
         })
     };
     wait_until(|| batches() >= 5);
-    // The end is heard within a second, though the analysis hangs.
+    // A request to end is noticed within a second, although the analysis hangs.
     let end = Instant::now();
     node.end();
     assert!(end.elapsed() < Duration::from_secs(5));

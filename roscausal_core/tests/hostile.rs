@@ -1,4 +1,4 @@
-//! Hostile files and texts: no panic, and memory in proportion to the input.
+//! Hostile files and texts: no panic, and memory proportional to the input.
 
 #![allow(clippy::expect_used, reason = "a test may panic: that is how it fails")]
 
@@ -6,7 +6,7 @@ use std::path::Path;
 
 use roscausal_core::{
     batch::{
-        Select, Table,
+        Select, Table, Values,
         journal::{self, Header, Sample},
         postprocess::Feature,
     },
@@ -74,7 +74,8 @@ fn a_hostile_journal_is_refused_or_replayed_up_to_its_last_whole_block() {
         frame: "map".into(),
         next_row_ns: 0,
     };
-    let sample = |person, i: i64| Sample { person, stamp_ns: i * 50_000_000, values: [0.5; 7] };
+    let sample =
+        |person, i: i64| Sample { person, stamp_ns: i * 50_000_000, values: Values::from_array([0.5; 7]) };
     let samples: Vec<Sample> = (0..30).flat_map(|i| [sample(None, i), sample(Some(1), i)]).collect();
     let whole = journal::encode(&header, &samples);
     run(
@@ -86,7 +87,7 @@ fn a_hostile_journal_is_refused_or_replayed_up_to_its_last_whole_block() {
             let _ = journal::replay(input);
         },
     );
-    // Behind checksums that fit: what a faulty disk does not make, but a hostile writer.
+    // With valid checksums: a faulty disk does not produce this, but a hostile writer does.
     run(
         "journal_header",
         &[&serde_json::to_vec(&header).expect("JSON")],

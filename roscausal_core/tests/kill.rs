@@ -1,4 +1,4 @@
-//! The whole chain under random `kill -9`: what is in the folders afterwards.
+//! The whole chain under random `kill -9`, and what the folders hold afterwards.
 //!
 //! `ROSCAUSAL_KILLS=200 cargo test -p roscausal_core --test kill -- --nocapture` takes about eight minutes.
 
@@ -20,10 +20,11 @@ use std::{
 
 use chain::{Chain, person_x, robot_x, wall};
 use roscausal_core::batch::Table;
+use roscausal_fuzz::unit;
 
 const FOLDER: &str = "ROSCAUSAL_KILL_FOLDER";
 const DRAIN: &str = "ROSCAUSAL_KILL_DRAIN";
-/// What a kill may cost, seconds: one, and what a busy machine may take to sync a file.
+/// The most that a kill may cost in seconds: one, plus what a busy machine may need to sync a file.
 const BOUND_S: f64 = 1.0 + 1.0;
 
 /// Not a test: the process that is killed.
@@ -62,12 +63,11 @@ fn after_random_kills_every_batch_is_whole_and_every_model_comes_out_once() {
     let kills: u32 = std::env::var("ROSCAUSAL_KILLS").ok().and_then(|n| n.parse().ok()).unwrap_or(6);
     let dir = tempfile::tempdir().expect("a folder");
     let dir = dir.path();
-    let mut random = 0x9e37_79b9_7f4a_7c15_u64;
+    let mut random = 1;
     let mut seen = BTreeMap::<String, Vec<u8>>::new();
     let mut lives = Vec::new();
     for _ in 0..kills {
-        random = random.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-        let life = 0.2 + 2.8 * (random >> 40) as f64 / f64::from(1 << 24);
+        let life = 0.2 + 2.8 * unit(&mut random);
         let mut child = victim(dir, false);
         let begin = wall();
         thread::sleep(Duration::from_secs_f64(life));
@@ -81,7 +81,7 @@ fn after_random_kills_every_batch_is_whole_and_every_model_comes_out_once() {
             assert!(*before == text, "{name} changed");
         }
     }
-    // A last life without sensors finishes what is left.
+    // A last run without sensors completes what is left.
     let mut last = victim(dir, true);
     let busy = || {
         !names(&dir.join("pp"), ".csv").is_empty()
@@ -100,7 +100,7 @@ fn after_random_kills_every_batch_is_whole_and_every_model_comes_out_once() {
     account(dir, &lives);
 }
 
-/// Checks everything that is in the folders, and prints the count.
+/// Checks everything in the folders and prints the counts.
 fn account(dir: &Path, lives: &[(f64, f64)]) {
     let raw = names(&dir.join("raw"), ".csv");
     let (mut rows, mut recovered, mut incomplete) = (0, 0, 0);
@@ -132,7 +132,7 @@ fn account(dir: &Path, lives: &[(f64, f64)]) {
         names(&dir.join("pp/rejected"), "").is_empty() && names(&dir.join("raw/rejected"), "").is_empty()
     );
     assert_eq!(names(&dir.join("models"), ".json").len(), raw.len() - incomplete);
-    // What each life has recorded and lost.
+    // What each run recorded and lost.
     let (mut recording, mut most) = (0, 0.0_f64);
     for (begin, end) in lives {
         let Some(last) = times.iter().copied().filter(|t| t >= begin && t <= end).reduce(f64::max) else {
@@ -168,7 +168,7 @@ fn check_values(name: &str, table: &Table, time: &[f64]) {
     }
 }
 
-/// Names of the files of a folder that end with `end`, in order; none when there is no folder.
+/// Sorted names of the files in a folder that end with `end`; none if there is no folder.
 fn names(dir: &Path, end: &str) -> Vec<String> {
     let entries = fs::read_dir(dir).into_iter().flatten().flatten();
     let mut names: Vec<String> = entries

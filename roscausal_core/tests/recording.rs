@@ -1,4 +1,4 @@
-//! From sensor topics to batch files, over the in-process bus with simulated time.
+//! From sensor topics to batch files, over the loopback bus with simulated time.
 
 #![allow(clippy::expect_used, clippy::panic, reason = "a test may panic: that is how it fails")]
 
@@ -32,7 +32,7 @@ use roscausal_msgs::{
     tf2_msgs::TFMessage,
 };
 
-/// The robot, human and data nodes and what a robot's sensors would publish.
+/// The robot, human and data nodes, and publishers that act as the sensors of a robot.
 struct Bench {
     bus: Loopback,
     nodes: Vec<(LoopbackNode, JoinHandle<Result<()>>)>,
@@ -41,9 +41,9 @@ struct Bench {
     people: LoopbackPublisher<TrackedPersons>,
     goal: LoopbackPublisher<PoseStamped>,
     dir: tempfile::TempDir,
-    /// Whether the robot's localisation says where it is.
+    /// Whether localisation publishes the robot's pose.
     localised: bool,
-    /// Whether the people's tracker stamps what it sees.
+    /// Whether the people tracker stamps its messages.
     tracker_stamps: bool,
 }
 
@@ -76,7 +76,7 @@ impl Bench {
         }
     }
 
-    /// Odometry at 50 Hz, pose at 10 Hz, people at 25 Hz; clock and stamps may differ.
+    /// Odometry at 50 Hz, pose at 10 Hz, people at 25 Hz. Clock and stamps may differ.
     fn run(&self, clock: std::ops::Range<f64>, stamp: f64, who: impl Fn(f64) -> Vec<u64>) {
         let steps = ((clock.end - clock.start) * 50.0).round() as u32;
         for step in 0..steps {
@@ -108,7 +108,7 @@ impl Bench {
         self.bus.settle();
     }
 
-    /// The last report of a node on `/diagnostics` while `during` runs: its message, and its figures.
+    /// The last report of a node on `/diagnostics` while `during` runs: its message and its figures.
     fn report_of(&self, node: &'static str, during: impl FnOnce()) -> (String, BTreeMap<String, String>) {
         let (send, reports) = std::sync::mpsc::channel();
         let take = move |report: DiagnosticArray| send.send(report.status).unwrap_or_default();
@@ -120,7 +120,7 @@ impl Bench {
         (last.message, last.values.into_iter().map(|pair| (pair.key, pair.value)).collect())
     }
 
-    /// Ends the nodes; the folders of raw and post-processed batches.
+    /// Ends the nodes. Returns the folders of raw and post-processed batches.
     fn end(self) -> (tempfile::TempDir, Vec<PathBuf>, Vec<PathBuf>) {
         for (node, thread) in self.nodes.into_iter().rev() {
             node.shutdown();
@@ -156,7 +156,7 @@ fn at(x: f64, y: f64, yaw: f64) -> Pose {
     Pose { position: Point { x, y, z: 0.0 }, orientation: Quaternion::from_yaw(yaw) }
 }
 
-/// A person who walks along x at a speed that changes.
+/// A person who walks along x at a varying speed.
 fn track(id: u64, t: f64) -> TrackedPerson {
     let mut track = TrackedPerson { track_id: id, ..TrackedPerson::default() };
     track.pose.pose = at(id as f64 + t.sin(), 1.0, 0.0);
@@ -249,7 +249,7 @@ fn a_batch_is_never_seen_half_written() {
     });
     bench.run(0.0..20.0, 50.0, ALL);
     bench.bus.settle();
-    // Written beside: however slow the disk is, some are there in the end.
+    // Batches are written in the background. However slow the disk is, they appear in the end.
     let written = || fs::read_dir(bench.dir.path().join("raw")).expect("lists").count() > 20;
     (0..1000).take_while(|_| !written()).for_each(|_| thread::sleep(Duration::from_millis(10)));
     over.store(true, Ordering::Relaxed);
@@ -280,7 +280,7 @@ fn a_person_who_leaves_and_returns_is_missing_in_between() {
     let column = table.names.iter().position(|name| name == "h_9_x").expect("is there");
     for (t, x) in table.time.as_ref().expect("has times").iter().zip(table.values.column(column)) {
         let there = !(12.0..14.5).contains(t);
-        // Within a sample of coming and going either is right.
+        // Within a sample of her arrival or departure, either is right.
         if (t - 12.0).abs() > 0.11 && (t - 14.5).abs() > 0.11 {
             assert_eq!(x.is_finite(), there, "at {t}");
         }
@@ -337,7 +337,7 @@ fn a_silent_topic_is_told_by_its_name_and_its_rows_stay_empty() {
         ["r_x", "h_7_x"].map(|name| table.names.iter().position(|n| n == name).expect(name));
     for (row, t) in table.time.as_ref().expect("has times").iter().enumerate() {
         let there = !(15.0..22.0).contains(t);
-        // Within a sample of its going and coming either is right.
+        // Within a sample of the gap's ends, either is right.
         if (t - 15.0).abs() > 0.21 && (t - 22.0).abs() > 0.21 {
             assert_eq!(table.values[[row, robot]].is_finite(), there, "the robot at {t}");
         }

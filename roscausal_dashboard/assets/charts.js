@@ -37,7 +37,7 @@ export class Charts {
     });
   }
 
-  /** Samples [time, v, dg, risk] from before this page was opened. */
+  /** Adds samples [time, v, dg, risk] from before this page was opened. */
   fill(samples) {
     if (this.samples.length) return;
     this.samples = samples;

@@ -1,4 +1,4 @@
-// The causal graph of one model, against the model before it. A variable keeps its place from model to model.
+// The causal graph of one model, compared with the previous one. A variable keeps its place from model to model.
 
 const SVG = "http://www.w3.org/2000/svg";
 const NODE = 34;
@@ -18,7 +18,7 @@ const towards = (from, to) => {
   return [d[0] / length, d[1] / length];
 };
 
-/** The links of `model` with `state` new or same, and those of `before` that are gone. */
+/** The links of `model`, with `state` new or same, and those links of `before` that are gone. */
 export function compared(model, before) {
   const had = new Set((before?.links ?? []).map(key));
   const has = new Set(model.links.map(key));
@@ -30,7 +30,7 @@ export function compared(model, before) {
 export function sentence(link, { dt, test }) {
   const earlier = link.lag === 0 ? "at the same time" : `at t-${link.lag}${dt > 0 ? ` (${+(link.lag * dt).toFixed(3)} s earlier)` : ""}`;
   const effect = link.cause === link.effect ? "itself" : link.effect;
-  // GPDC's p-values are shares of 500 null values: 0 is below 0.002.
+  // GPDC's p-values are fractions of 500 null values, so 0 means "below 0.002".
   const smallest = test.startsWith("gpdc") ? 0.002 : 0.001;
   const p = link.p < smallest ? `p < ${smallest}` : `p = ${link.p.toFixed(3)}`;
   return `${link.cause} ${earlier} drives ${effect}: strength ${link.value.toFixed(2)}, ${p}`;
@@ -48,7 +48,7 @@ export function drawGraph(svg, model, before) {
     const r = names.length === 1 ? 0 : radius;
     return [name, [centre[0] + r * Math.cos(angle), centre[1] + r * Math.sin(angle)]];
   }));
-  // Room for loops and their labels around the outermost nodes.
+  // Space for loops and their labels around the outermost nodes.
   const [xs, ys] = [0, 1].map((i) => [...places.values(), ...(names.length ? [] : [centre])].map((place) => place[i]));
   const [left, top] = [Math.min(...xs) - NODE - 96, Math.min(...ys) - NODE - 62];
   svg.setAttribute("viewBox", `${left} ${top} ${Math.max(...xs) + NODE + 96 - left} ${Math.max(...ys) + NODE + 62 - top}`);

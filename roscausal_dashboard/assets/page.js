@@ -1,4 +1,4 @@
-// The page: takes the events and hands them to scene, charts, graph and lists.
+// The page: receives the events and passes them to scene, charts, graph and lists.
 
 import { Charts } from "./charts.js";
 import { compared, drawGraph, sentence } from "./graph.js";
@@ -19,14 +19,14 @@ function connect() {
   const source = new EventSource("events");
   const on = (kind, act) => source.addEventListener(kind, (event) => act(JSON.parse(event.data)));
   source.onopen = () => {
-    // Whoever comes back gets everything anew.
+    // After a reconnect the server sends everything again.
     models = [];
     $("messages").replaceChildren();
     state("live", "live");
   };
   source.onerror = () => {
     state("connection lost, trying again", "lost");
-    // A browser that the server has refused for good has to ask by itself.
+    // If the server refused the connection, the browser does not retry, so the page does.
     if (source.readyState === EventSource.CLOSED) setTimeout(connect, 3000);
   };
   on("scene", (data) => {

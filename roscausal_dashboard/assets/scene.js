@@ -1,4 +1,4 @@
-// The top view: robot, people, goals, risk cone; the view grows with the places that were seen.
+// The view from above: robot, people, goals, risk cone. It grows to cover every place visited.
 
 const SVG = "http://www.w3.org/2000/svg";
 const TRAIL_S = 8;
@@ -28,7 +28,7 @@ export class Scene {
     this.trails.clear();
   }
 
-  /** Draws one scene; metres, y upwards. */
+  /** Draws one scene, in metres with y upwards. */
   show(scene) {
     if (this.time !== undefined && scene.t < this.time - 1) this.restart();
     this.time = scene.t;
@@ -59,7 +59,7 @@ export class Scene {
     this.unit = Math.max(w, h) / 24;
     const step = Math.max(w, h) > 60 ? 10 : Math.max(w, h) > 24 ? 5 : 1;
     this.grid.replaceChildren();
-    // The view may be wider or higher than the box: the grid goes on beyond it.
+    // The view may be wider or taller than the box, so the grid extends beyond it.
     const [left, top, right, bottom] = [box[0] - 2 * h, box[1] - 2 * w, box[2] + 2 * h, box[3] + 2 * w];
     const line = (at, horizontal) => {
       const ends = horizontal ? { x1: left, x2: right, y1: at, y2: at } : { x1: at, x2: at, y1: top, y2: bottom };

@@ -16,17 +16,18 @@ const NEEDS_TOKEN: &str =
 const OTHER_HOST: &str =
     "This page is served for 127.0.0.1 and localhost only; open it under one of these names.\n";
 
-/// On this machine everyone who asks for this machine; elsewhere everyone who knows the token.
+/// On this machine, everybody who asks for it by its own name. Elsewhere, everybody who knows the token.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) enum Guard {
-    /// By the name of this machine, so that no web page elsewhere can point a browser here by a name of its own.
+    /// The request must name this machine. So no web page elsewhere can reach it through a domain name that points
+    /// here.
     ThisMachine,
-    /// By this token.
+    /// The request must have this token.
     Token(String),
 }
 
 impl Guard {
-    /// The guard for an address; an empty token on another address than this machine's is drawn at random.
+    /// The guard for an address. For an empty token on an address other than this machine's, a random one is drawn.
     pub(crate) fn new(address: IpAddr, token: &str) -> Result<Self> {
         let legal = |c: char| c.is_ascii_alphanumeric() || matches!(c, '-' | '_' | '.' | '~');
         if !token.chars().all(legal) {
@@ -39,7 +40,7 @@ impl Guard {
         }
     }
 
-    /// What to append to the page's address.
+    /// What to append to the address of the page.
     pub(crate) fn suffix(&self) -> String {
         match self {
             Self::ThisMachine => String::new(),
@@ -64,7 +65,7 @@ impl Guard {
     }
 }
 
-/// Lets a request through, turns `?token=` into a cookie, or refuses.
+/// Lets a request through, turns `?token=` into a cookie, or refuses the request.
 pub(crate) async fn check(State(guard): State<Guard>, request: Request, next: Next) -> Response {
     if guard.admits(request.headers()) {
         return next.run(request).await;
@@ -81,7 +82,7 @@ pub(crate) async fn check(State(guard): State<Guard>, request: Request, next: Ne
     (StatusCode::UNAUTHORIZED, NEEDS_TOKEN).into_response()
 }
 
-/// Equal, in a time that does not tell how much of it is.
+/// Compares in a time that does not reveal how much is equal.
 fn is_same(given: &str, token: &str) -> bool {
     let differing = given.bytes().zip(token.bytes()).fold(0, |sum, (a, b)| sum | (a ^ b));
     given.len() == token.len() && differing == 0

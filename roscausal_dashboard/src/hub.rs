@@ -1,15 +1,16 @@
-//! What goes from the node to the browsers.
+//! Passes events from the node to the browsers.
 
 use std::{
     collections::{BTreeMap, VecDeque},
-    sync::{Arc, Mutex, MutexGuard, PoisonError},
+    sync::{Arc, Mutex, MutexGuard},
 };
 
+use roscausal_core::gate::lock;
 use tokio::sync::broadcast;
 
-/// Frames that a browser may be behind before it is dropped; it comes back by itself and gets all anew.
+/// Frames that a browser may fall behind before it is dropped. It reconnects by itself and gets everything again.
 const BEHIND: usize = 256;
-/// Models and messages kept for browsers that come later, of each kind.
+/// Models and messages kept for later browsers, of each kind.
 const KEPT: usize = 200;
 
 /// One event for the page.
@@ -21,16 +22,16 @@ pub(crate) struct Frame {
     pub(crate) data: Arc<str>,
 }
 
-/// Which frames a browser that comes later gets.
+/// Which frames a later browser gets.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Keep {
-    /// The last of its kind.
+    /// The last frame of its kind.
     Last,
-    /// All of its kind, the newest [`KEPT`].
+    /// All frames of its kind, up to the newest [`KEPT`].
     All,
 }
 
-/// Hands frames from the node to any number of browsers. Never blocks.
+/// Sends frames from the node to any number of browsers. Never blocks.
 #[derive(Clone)]
 pub(crate) struct Hub {
     frames: broadcast::Sender<Frame>,
@@ -52,7 +53,7 @@ impl Hub {
     pub(crate) fn send(&self, frame: Frame, keep: Keep) {
         let mut kept = self.lock();
         self.keep(&mut kept, frame.clone(), keep);
-        // Under the lock, so that a new browser gets it once: kept or sent. Nobody there is no fault.
+        // Under the lock, so that a new browser gets it exactly once. It is no error if there is no browser.
         let _ = self.frames.send(frame);
     }
 
@@ -61,7 +62,7 @@ impl Hub {
         self.keep(&mut self.lock(), frame, Keep::Last);
     }
 
-    /// What a new browser gets first, and what follows.
+    /// What a new browser gets first, and the stream of what follows.
     pub(crate) fn join(&self) -> (Vec<Frame>, broadcast::Receiver<Frame>) {
         let kept = self.lock();
         let first = kept.last.values().chain(kept.all.values().flatten()).cloned().collect();
@@ -81,7 +82,7 @@ impl Hub {
     }
 
     fn lock(&self) -> MutexGuard<'_, Kept> {
-        self.kept.lock().unwrap_or_else(PoisonError::into_inner)
+        lock(&self.kept)
     }
 }
 

@@ -1,9 +1,9 @@
 //! The live page: a node that listens on any [`roscausal_core::middleware::Middleware`] and shows in a browser what
-//! is going on. Scene from above, series of the variables, batches, causal graph with its history, health of the
-//! nodes.
+//! happens. It shows the scene from above, series of the variables, batches, the causal graph with its history, and
+//! the health of the nodes.
 //!
-//! The page's files are in the program; it asks nothing of the internet. It is served on 127.0.0.1 unless told
-//! otherwise; on another address it wants a token.
+//! The files of the page are inside the program; it loads nothing from the internet. By default it is served on
+//! 127.0.0.1. On another address it requires a token.
 
 mod guard;
 mod hub;

@@ -1,4 +1,4 @@
-//! The node: listens, and sends to the browsers.
+//! The node: listens to topics and sends events to the browsers.
 
 use std::{
     net::IpAddr,
@@ -17,11 +17,11 @@ use roscausal_msgs::{CausalModelInfo, Humans, RobotState, diagnostic_msgs::Diagn
 
 use crate::{server::Server, world::World};
 
-/// Between two scenes on the page.
+/// Time between two scenes on the page.
 const FRAME: Duration = Duration::from_millis(50);
-/// Between two looks at health and progress.
+/// Time between two updates of health and progress.
 const STATUS: Duration = Duration::from_millis(500);
-/// Messages that may wait; the oldest go, which a page can bear.
+/// Messages that may wait. The oldest are dropped, which does not harm the page.
 const INBOX: usize = 10_000;
 
 enum Event {
@@ -36,13 +36,18 @@ pub fn parameters() -> Vec<ParamSpec> {
     use Allowed::{Any, Range};
     let text = |text: &str| Value::Str(text.to_owned());
     let mut specs = vec![
-        ParamSpec::new("address", text("127.0.0.1"), Any, "address to serve the page on; 0.0.0.0: all"),
-        ParamSpec::new("port", Value::Int(8321), Range(0.0, 65535.0), "port of the page; 0: any free one"),
+        ParamSpec::new(
+            "address",
+            text("127.0.0.1"),
+            Any,
+            "address on which the page is served; 0.0.0.0: all",
+        ),
+        ParamSpec::new("port", Value::Int(8321), Range(0.0, 65535.0), "port of the page; 0: any free port"),
         ParamSpec::new(
             "token",
             text(""),
             Any,
-            "who opens the page must know it; empty: none on 127.0.0.1, a random one on other addresses",
+            "token that opens the page; empty: none on 127.0.0.1, a random one on other addresses",
         ),
     ];
     specs.extend(SceneOptions::specs());
@@ -52,7 +57,7 @@ pub fn parameters() -> Vec<ParamSpec> {
 /// The node as the backends start it: parameters, server, page.
 ///
 /// # Errors
-/// A parameter that is not allowed, a port that is in use, a topic that cannot be used.
+/// A parameter that is not allowed, a port that is in use, or a topic that cannot be used.
 pub fn run<M: Middleware>(mw: &M) -> Result<()> {
     let params = Params::read(mw, &parameters())?;
     let options = SceneOptions::read(&params)?;
@@ -66,7 +71,7 @@ pub fn run<M: Middleware>(mw: &M) -> Result<()> {
     dashboard(mw, &server, options)
 }
 
-/// Shows on `server` what is published, until the middleware ends. No other node waits for it.
+/// Shows what is published on `server`, until the middleware ends. No other node waits for it.
 ///
 /// # Errors
 /// A topic that cannot be used.
@@ -74,7 +79,7 @@ pub fn dashboard<M: Middleware>(mw: &M, server: &Server, options: SceneOptions) 
     let inbox = Inbox::detached(mw, INBOX);
     let qos = Qos::Volatile(100);
     let send = inbox.sender();
-    let _robot = mw.subscribe("/roscausal/robot", qos, move |m| send.send(Event::Robot(m)))?;
+    let _robot = mw.subscribe(&options.robot_topic()?, qos, move |m| send.send(Event::Robot(m)))?;
     let send = inbox.sender();
     let _humans = mw.subscribe("/roscausal/humans", qos, move |m| send.send(Event::Humans(m)))?;
     let send = inbox.sender();

@@ -1,4 +1,4 @@
-//! A connection whose other side must take what it is sent: one that stops reading is closed.
+//! Connections that are closed if the other side stops reading.
 
 use std::{
     future::Future,
@@ -15,9 +15,9 @@ use tokio::{
     time::{Sleep, sleep},
 };
 
-/// How long the other side may take nothing.
+/// How long the other side may stop reading.
 const PATIENCE: Duration = if cfg!(test) { Duration::from_millis(300) } else { Duration::from_secs(10) };
-/// After a failed accept (too many open files), before the next.
+/// Pause after a failed accept (too many open files).
 const PAUSE: Duration = Duration::from_millis(200);
 
 /// Accepts connections as [`Patient`] ones.
@@ -44,7 +44,7 @@ impl axum::serve::Listener for Listener {
     }
 }
 
-/// A connection that fails when a write waits too long.
+/// A connection that fails if a write waits too long.
 pub(crate) struct Patient {
     stream: TcpStream,
     waiting: Option<Pin<Box<Sleep>>>,
@@ -55,7 +55,7 @@ impl Patient {
         Self { stream, waiting: None }
     }
 
-    /// Passes a finished write on, and gives up on one that waits too long.
+    /// Passes on a write that is done, and gives up on one that waits too long.
     fn watch<T>(&mut self, context: &mut Context<'_>, written: Poll<io::Result<T>>) -> Poll<io::Result<T>> {
         if written.is_ready() {
             self.waiting = None;

@@ -30,11 +30,11 @@ use crate::{
     patience::Listener,
 };
 
-/// Browsers at a time.
+/// Most browsers at a time.
 const BROWSERS: usize = 32;
-/// Between two signs of life on a quiet stream.
+/// Time between two keep-alive messages on a quiet stream.
 const ALIVE: Duration = Duration::from_secs(5);
-/// The page may load from here only.
+/// The page may load only from this server.
 const POLICY: &str = "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' data:; \
                       connect-src 'self'; base-uri 'none'; form-action 'none'; frame-ancestors 'none'";
 
@@ -49,7 +49,7 @@ const ASSETS: [(&str, &str, &str); 7] = [
     ("/icon.svg", "image/svg+xml", include_str!("../assets/icon.svg")),
 ];
 
-/// A running web server; it ends when dropped.
+/// A running web server. It ends when dropped.
 pub struct Server {
     url: String,
     hub: Hub,
@@ -58,11 +58,11 @@ pub struct Server {
 }
 
 impl Server {
-    /// Serves the page on `address`; port 0 is any free one. `token`: see [`crate::parameters`].
+    /// Serves the page on `address`; port 0 is any free port. For `token` see [`crate::parameters`].
     ///
     /// # Errors
-    /// A port that is in use, an address that is not this machine's, a token with other characters than those of
-    /// addresses.
+    /// A port that is in use, an address that is not this machine's, or a token with characters that addresses do
+    /// not allow.
     pub fn start(address: IpAddr, port: u16, token: &str) -> Result<Self> {
         let guard = Guard::new(address, token)?;
         let listener = TcpListener::bind((address, port)).map_err(|error| refused(address, port, &error))?;
@@ -76,7 +76,7 @@ impl Server {
         let serve = move || {
             runtime.block_on(async move {
                 let Ok(listener) = tokio::net::TcpListener::from_std(listener) else { return };
-                // Open streams never end by themselves: they go with the runtime.
+                // Open streams never end by themselves; they end with the runtime.
                 tokio::select! {
                     _ = axum::serve(Listener(listener), app) => (),
                     _ = ended => (),
@@ -88,7 +88,7 @@ impl Server {
         Ok(Self { url, hub, end: Some(end), thread: Some(thread) })
     }
 
-    /// Where the page is, with the token if it needs one.
+    /// The address of the page, including the token if it needs one.
     pub fn url(&self) -> &str {
         &self.url
     }
@@ -154,7 +154,7 @@ fn app(hub: Hub, guard: Guard) -> Router {
     router.layer(middleware::from_fn_with_state(guard, guard::check))
 }
 
-/// The stream of events of one browser. One that is too far behind is let go; it comes back by itself.
+/// The event stream of one browser. A browser that is too far behind is dropped; it reconnects by itself.
 async fn events(State((hub, places)): State<(Hub, Arc<Semaphore>)>) -> Response {
     let Ok(place) = places.try_acquire_owned() else {
         let full = format!("{BROWSERS} browsers watch already; close one of them.\n");
@@ -255,7 +255,7 @@ mod tests {
         }
         assert!(reader.join().unwrap() > 60 << 20, "the browser that reads gets all");
         assert!(begin.elapsed() < Duration::from_secs(30));
-        // What the lazy one finds when it reads at last: what lay in the buffers, then the end.
+        // What the slow reader finds when it reads at last: the contents of the buffers, then the end.
         let mut chunk = vec![0; 1 << 16];
         let mut bytes = 0_u64;
         while let Ok(count @ 1..) = lazy.read(&mut chunk) {

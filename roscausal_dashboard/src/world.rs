@@ -1,4 +1,4 @@
-//! What the page shows, kept from the messages, as JSON.
+//! The state of the page, kept from the messages, as JSON.
 
 use std::collections::{BTreeMap, VecDeque};
 
@@ -18,7 +18,7 @@ use crate::hub::{Frame, Hub, Keep};
 
 /// Samples of the strip charts that a new browser gets.
 const SAMPLES: usize = 600;
-/// Stamps that go back by more: a new run.
+/// If stamps go back by more than this, a new run has begun. Seconds.
 const NEW_RUN_S: f64 = 1.0;
 
 /// The state of the page.
@@ -26,11 +26,11 @@ pub(crate) struct World {
     view: SceneOptions,
     robot: Option<RobotState>,
     humans: Humans,
-    /// Time, speed, distance to goal, risk of the person looked at.
+    /// Time, speed, distance to goal and risk of the person shown.
     samples: VecDeque<[f64; 4]>,
     nodes: BTreeMap<String, DiagnosticStatus>,
     models: u64,
-    /// Batches that the data node has written, as far as it was told.
+    /// Batches that the data node has reported as written.
     batches: u64,
     time: Time,
     scene_changed: bool,
@@ -109,7 +109,7 @@ impl World {
         }
     }
 
-    /// Sends the nodes' health and the progress if they have changed; keeps the series for later browsers.
+    /// Sends the nodes' health and the progress if they have changed. Keeps the series for later browsers.
     pub(crate) fn send_status(&mut self, hub: &Hub) {
         if std::mem::take(&mut self.status_changed) {
             hub.send(Frame { kind: "status", data: self.status_json().to_string().into() }, Keep::Last);
@@ -128,7 +128,7 @@ impl World {
         self.time = self.time.max(stamp);
     }
 
-    /// The person looked at: the one chosen, or the first.
+    /// The person shown: the selected one, or the first.
     fn person(&self) -> Option<HumanState> {
         self.view.person(&self.humans.humans, self.robot.as_ref())
     }
@@ -191,7 +191,7 @@ impl World {
         })
     }
 
-    /// A figure that one of the nodes tells in its diagnostics.
+    /// A number that one of the nodes reports in its diagnostics.
     fn figure(&self, key: &str) -> Option<u64> {
         let pairs = self.nodes.values().flat_map(|status| &status.values);
         pairs.filter(|pair| pair.key == key).find_map(|pair| pair.value.parse().ok())
@@ -241,7 +241,7 @@ fn to_goal(person: &HumanState) -> f64 {
     (person.goal.x - person.pose2d.x).hypot(person.goal.y - person.pose2d.y)
 }
 
-/// To a tenth of a millimetre; what is not finite becomes null in JSON.
+/// To a tenth of a millimetre. JSON turns values that are not finite into null.
 fn rounded(value: f64) -> f64 {
     (value * 1e4).round() / 1e4
 }

@@ -1,4 +1,4 @@
-//! CMIknn with its permutations: one test by number of samples and conditions; PCMCI on three variables.
+//! CMIknn with its permutations: one test by number of samples and conditions, and PCMCI on three variables.
 #![allow(missing_docs, clippy::unwrap_used, reason = "criterion's macros; a benchmark fails by panicking")]
 
 mod data;

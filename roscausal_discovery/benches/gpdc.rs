@@ -1,4 +1,4 @@
-//! GPDC: the null table, and one test by number of samples and conditions.
+//! GPDC: the null distribution, and one test by number of samples and conditions.
 #![allow(missing_docs, clippy::unwrap_used)]
 
 mod data;
@@ -20,7 +20,7 @@ fn benches(c: &mut Criterion) {
         let samples = Samples::new(&data, 0);
         group.bench_function(format!("null_table_500_n{n}"), |b| {
             b.iter(|| {
-                // A table is made once per process and seed.
+                // A null distribution is computed once per process and seed.
                 seed += 1;
                 let test = by_name("gpdc", &TestSettings { seed, ..TestSettings::default() }).unwrap();
                 let prepared = test.prepare(&samples).unwrap();

@@ -1,4 +1,4 @@
-//! PCMCI and PCMCI+ with ParCorr on random linear networks, one thread.
+//! PCMCI and PCMCI+ with ParCorr on random linear networks, on one thread.
 
 #![allow(missing_docs, clippy::expect_used, reason = "criterion's macros; a benchmark fails by panicking")]
 

@@ -1,7 +1,8 @@
-//! Runs one analysis once and prints what it cost, as one line of JSON: for side-by-side measurements.
+//! Runs one analysis and prints its cost as one line of JSON, for side-by-side measurements.
 //!
-//! `bench_case METHOD TEST CSV TAU_MIN TAU_MAX [THREADS]`: METHOD is `pcmci`, `pcmciplus` or `fpcmci`. CPU seconds are
-//! those of the analysis in all threads of this process, without reading the file; the peak memory is the process's.
+//! `bench_case METHOD TEST CSV TAU_MIN TAU_MAX [THREADS]`: METHOD is `pcmci`, `pcmciplus` or `fpcmci`. CPU seconds
+//! are those of the analysis in all threads of this process, without reading the file. Peak memory is that of the
+//! process.
 
 #[path = "golden/csv_file.rs"]
 mod csv_file;
@@ -42,7 +43,7 @@ fn run(args: &[String]) -> Result<String, Box<dyn std::error::Error>> {
     let test = by_name(&args[1], &TestSettings::default())?;
     let mut settings = PcmciSettings { tau_min: number(3)?, tau_max: number(4)?, ..PcmciSettings::default() };
     let control = Control::default();
-    // One thread in all: the calling thread only waits for the pool.
+    // One working thread in total: the calling thread only waits for the pool.
     let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build()?;
     let (cpu_before, start) = (cpu_seconds(), Instant::now());
     let result: Option<PcmciResult> = match args[0].as_str() {
@@ -67,7 +68,7 @@ fn run(args: &[String]) -> Result<String, Box<dyn std::error::Error>> {
     ))
 }
 
-/// CPU time of all threads of this process so far, in seconds; 0 where the system does not tell.
+/// CPU time of all threads of this process so far, in seconds; 0 if the system does not tell.
 fn cpu_seconds() -> f64 {
     let of_thread = |entry: fs::DirEntry| -> Option<f64> {
         let text = fs::read_to_string(entry.path().join("schedstat")).ok()?;

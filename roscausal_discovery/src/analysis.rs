@@ -1,4 +1,4 @@
-//! One analysis from settings to model: the door through which commands and the discovery node come in.
+//! One analysis, from settings to model. The commands and the discovery node all enter here.
 
 use crate::{
     ground::{CondIndTest, Control, DataFrame, Error, LinkAssumptions, Result, Samples, names},
@@ -14,16 +14,16 @@ use crate::{
 /// Level of the condition selection.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub enum PcAlpha {
-    /// The method's own ([`MethodInfo::pc_alpha`](crate::methods::MethodInfo::pc_alpha)).
+    /// The method's own default ([`MethodInfo::pc_alpha`](crate::methods::MethodInfo::pc_alpha)).
     #[default]
     Default,
-    /// This level, in (0, 1).
+    /// A fixed level, in (0, 1).
     Fixed(f64),
     /// Chosen by a model-selection score.
     ByScore,
 }
 
-/// What to analyse, and how. Plain data; [`Settings::check`] says whether it makes sense.
+/// What to analyse, and how. Plain data; [`Settings::check`] says whether it is valid.
 ///
 /// ```
 /// use roscausal_discovery::{PcAlpha, Settings, methods::Method};
@@ -57,7 +57,7 @@ pub struct Settings {
     pub neglect_only_autodep: bool,
     /// Correction for many tests.
     pub fdr: Fdr,
-    /// Variables that nothing may cause.
+    /// Variables that may be causes only: no link points to them.
     pub exogenous: Vec<String>,
     /// Seed of all random numbers.
     pub seed: u64,
@@ -65,7 +65,7 @@ pub struct Settings {
     pub gp_search: GpSearch,
     /// GPDC's searches from random places, of which the best counts.
     pub gp_restarts: usize,
-    /// Memory in bytes that a test may take; `None`: no bound.
+    /// Memory in bytes that a test may take; `None`: no limit.
     pub max_memory: Option<usize>,
 }
 
@@ -92,10 +92,10 @@ impl Default for Settings {
 }
 
 impl Settings {
-    /// Whether the settings make sense by themselves.
+    /// Checks the settings on their own, without data.
     ///
     /// # Errors
-    /// The first one that does not: its name, its value, what is allowed.
+    /// The first invalid setting: its name, its value, and what is allowed.
     pub fn check(&self) -> Result<()> {
         independence_tests::by_name(&self.cond_ind_test, &self.test_settings())?;
         level("alpha", self.alpha)?;
@@ -124,7 +124,7 @@ impl Settings {
         Ok(())
     }
 
-    /// A model that says what was asked, without result.
+    /// A model that holds the settings and no result yet.
     pub fn blank_model(&self) -> Model {
         Model {
             schema: model::SCHEMA.to_owned(),
@@ -155,7 +155,7 @@ impl Settings {
         }
     }
 
-    /// The level of the condition selection; `None`: chosen by a score.
+    /// The level of the condition selection; `None` if a score chooses it.
     pub fn level_of_pc(&self) -> Option<f64> {
         match self.pc_alpha {
             PcAlpha::Fixed(alpha) => Some(alpha),
@@ -236,7 +236,8 @@ fn level(name: &str, value: f64) -> Result<()> {
 /// ```
 ///
 /// # Errors
-/// Settings or data that do not allow it; cancellation. Out of time is no error: the model's status says so.
+/// Invalid settings, unsuitable data, or cancellation. Running out of time is not an error: the model's status says
+/// so.
 pub fn analyse(data: &DataFrame, settings: &Settings, control: &Control) -> Result<Model> {
     settings.check()?;
     settings.check_data(data)?;
@@ -254,7 +255,7 @@ pub fn analyse(data: &DataFrame, settings: &Settings, control: &Control) -> Resu
     Ok(with_result(settings.blank_model(), data.var_names().to_vec(), result))
 }
 
-/// F-PCMCI: the model has the variables that keep a link; the others are named as dropped.
+/// F-PCMCI: the model keeps the variables that have a link; the others are listed as dropped.
 fn filtered(
     data: &DataFrame,
     test: &dyn CondIndTest,

@@ -75,6 +75,7 @@ pub mod transfer_entropy;
 pub use analysis::{PcAlpha, Settings, analyse};
 pub use ground::*;
 pub use model::{Link, Matrices, Model, SCHEMA};
+pub use numeric::random::mix;
 
 /// The README's example runs, too.
 #[cfg(doctest)]

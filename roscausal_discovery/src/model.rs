@@ -4,18 +4,18 @@ use serde::{Deserialize, Serialize};
 
 use crate::independence_tests::smallest_p;
 
-/// Version of the object's layout; a reader refuses another major version.
+/// Version of the layout. A reader refuses another major version.
 pub const SCHEMA: &str = "roscausal/model/1";
 
-/// A causal model: what was asked, what was found. `docs/model-schema.md` describes every field.
+/// A causal model: the question and the result. `docs/model-schema.md` describes every field.
 ///
-/// Matrices `graph`, `val_matrix`, `p_matrix` are `[cause][effect][lag 0..=tau_max]`; those with the message's
-/// names (`causal_structure`, `val`, `pval`) are `[lag - tau_min][effect][cause]`, 0 where there is no link.
+/// The matrices `graph`, `val_matrix` and `p_matrix` are `[cause][effect][lag 0..=tau_max]`. Those named as in the
+/// message (`causal_structure`, `val`, `pval`) are `[lag - tau_min][effect][cause]`, with 0 where there is no link.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Model {
     /// [`SCHEMA`].
     pub schema: String,
-    /// `complete`, or `partial: ...` when the time budget ended the analysis.
+    /// `complete`, or `partial: ...` if the time budget ended the analysis.
     pub status: String,
     /// Discovery method, such as `fpcmci`.
     pub method: String,
@@ -23,21 +23,21 @@ pub struct Model {
     pub cond_ind_test: String,
     /// Significance level of a link.
     pub alpha: f64,
-    /// Level of the condition selection; absent when a score chose it per variable.
+    /// Significance level of the condition selection; `None` if a score chose it per variable.
     pub pc_alpha: Option<f64>,
-    /// Level of the transfer-entropy filter; absent without one.
+    /// Significance level of the transfer-entropy filter; `None` without a filter.
     pub f_alpha: Option<f64>,
-    /// `none` or `fdr_bh`: correction for many tests.
+    /// Correction for multiple testing: `none` or `fdr_bh`.
     pub fdr: String,
     /// Smallest lag, in steps.
     pub tau_min: usize,
     /// Largest lag, in steps.
     pub tau_max: usize,
-    /// Step between samples in seconds, when known.
+    /// Step between samples in seconds, if known.
     pub dt: Option<f64>,
-    /// Samples used by a test in which nothing is missing.
+    /// Samples that a test uses if no value is missing.
     pub n_samples: usize,
-    /// Recordings analysed together; no sample crosses from one to the next.
+    /// Recordings analysed together. No lagged sample spans two recordings.
     pub n_recordings: usize,
     /// Seed of all random numbers.
     pub seed: u64,
@@ -51,9 +51,9 @@ pub struct Model {
     pub links: Vec<Link>,
     /// Link marks: `""`, `-->`, `<--`, `o-o`, `x-x`.
     pub graph: Vec<Vec<Vec<String>>>,
-    /// Strength of every tested pair; 0 where untested.
+    /// Strength of every tested pair; 0 if not tested.
     pub val_matrix: Vec<Vec<Vec<f64>>>,
-    /// P-value of every tested pair; 1 where untested.
+    /// P-value of every tested pair; 1 if not tested.
     pub p_matrix: Vec<Vec<Vec<f64>>>,
     /// 1 where there is a link.
     pub causal_structure: Vec<Vec<Vec<i32>>>,
@@ -61,7 +61,7 @@ pub struct Model {
     pub val: Vec<Vec<Vec<f64>>>,
     /// P-value where there is a link.
     pub pval: Vec<Vec<Vec<f64>>>,
-    /// What the reader should know. One sentence each.
+    /// What a reader of the model should know, one sentence each.
     pub warnings: Vec<String>,
 }
 
@@ -78,13 +78,13 @@ pub struct Link {
     pub value: f64,
     /// P-value.
     pub p_value: f64,
-    /// Mark: `-->`, or `o-o` / `x-x` when the direction at lag 0 stays open.
+    /// Mark: `-->`, or `o-o` / `x-x` if the direction at lag 0 is open.
     pub mark: String,
-    /// Samples of this link's test left out because something was missing.
+    /// Samples that the test of this link left out because a value was missing.
     pub n_lost: usize,
 }
 
-/// Matrices of a run in the reference's layout, `[cause][effect][lag 0..=tau_max]`.
+/// Matrices of a run in tigramite's layout, `[cause][effect][lag 0..=tau_max]`.
 pub struct Matrices {
     /// Link marks.
     pub graph: Vec<Vec<Vec<String>>>,
@@ -92,12 +92,12 @@ pub struct Matrices {
     pub val_matrix: Vec<Vec<Vec<f64>>>,
     /// P-values.
     pub p_matrix: Vec<Vec<Vec<f64>>>,
-    /// Samples lost; empty when not known.
+    /// Samples left out; empty if not known.
     pub n_lost: Vec<Vec<Vec<usize>>>,
 }
 
 impl Model {
-    /// Puts the matrices of a run into the model and derives from them the links and the message's matrices.
+    /// Puts the matrices of a run into the model, and derives the links and the matrices of the message from them.
     #[must_use]
     pub fn with_matrices(mut self, features: Vec<String>, matrices: Matrices) -> Self {
         let n = features.len();
@@ -126,7 +126,7 @@ impl Model {
         for (i, cause) in features.iter().enumerate() {
             for (j, effect) in features.iter().enumerate() {
                 for (lag, mark) in matrices.graph[i][j].iter().enumerate() {
-                    // An undirected pair at lag 0 stands twice in the matrix and once in the list.
+                    // An undirected pair at lag 0 is twice in the matrix and once in the list.
                     let undirected = matches!(mark.as_str(), "o-o" | "x-x");
                     if !points_to_effect(mark) || (undirected && lag == 0 && i > j) {
                         continue;
@@ -150,7 +150,7 @@ impl Model {
         self
     }
 
-    /// Smaller p-values than this are not told apart ([`smallest_p`]).
+    /// P-values below this are indistinguishable ([`smallest_p`]).
     pub fn smallest_p(&self) -> f64 {
         smallest_p(&self.cond_ind_test)
     }
@@ -169,12 +169,12 @@ impl Model {
     }
 }
 
-/// Whether a mark is a link that the effect takes part in (`<--` is the mirror of another entry).
+/// Whether a mark is a link into the effect (`<--` is the mirror image of another entry).
 fn points_to_effect(mark: &str) -> bool {
     !mark.is_empty() && !mark.starts_with('<')
 }
 
-/// An empty model of two features for tests of what is made from models.
+/// A model of two features without links, for tests.
 #[cfg(test)]
 pub(crate) fn example() -> Model {
     let marks = |links: &[(usize, usize)]| -> Vec<Vec<Vec<String>>> {

@@ -1,5 +1,4 @@
-//! The native GPDC against the reference's Python implementation (feature `python`; `tests/gpdc_python.sh` installs what it
-//! needs).
+//! The native GPDC against the Python reference (feature `python`; `tests/gpdc_python.sh` installs what it needs).
 #![cfg(feature = "python")]
 
 use ndarray::Array2;
@@ -30,8 +29,8 @@ fn the_native_test_gives_the_values_of_the_python_one() {
                 let test = by_name(name, &TestSettings::default()).unwrap();
                 test.prepare(&samples).unwrap().run_test(Node::new(0, 0), Node::new(1, 0), &z).unwrap()
             });
-            // Both stop their searches within about 1e-4 of the optimum; two residuals that change places change
-            // the value by about 1 / n^2.
+            // Both stop their searches within about 1e-4 of the optimum. Two residuals that swap ranks change the
+            // value by about 1 / n^2.
             let allowed = if z.is_empty() { 1e-12 } else { 1e-3 };
             assert!((native.value - python.value).abs() < allowed, "{native:?} {python:?}");
             assert!((native.p_value - python.p_value).abs() <= 6e-3, "{native:?} {python:?}");

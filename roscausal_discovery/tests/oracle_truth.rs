@@ -1,4 +1,4 @@
-//! With an oracle for a test, the algorithms return the truth, on random graphs.
+//! With an oracle as the test, the methods find the true graph, on random graphs.
 
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, reason = "a test fails by panicking")]
 
@@ -71,8 +71,8 @@ proptest! {
     }
 }
 
-/// Marks at lag 0 that all graphs with the same links and the same unshielded colliders share, by trying every
-/// direction of every link.
+/// Marks at lag 0 that are common to all graphs with the same links and the same unshielded colliders, found by
+/// trying every direction of every link.
 fn class_of(n_vars: usize, links: &[(usize, usize, usize)]) -> Vec<Vec<LinkMark>> {
     let pairs: Vec<(usize, usize)> = links.iter().filter(|l| l.2 == 0).map(|l| (l.0, l.1)).collect();
     let lagged: Vec<_> = links.iter().copied().filter(|l| l.2 > 0).collect();

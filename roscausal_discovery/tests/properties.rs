@@ -1,4 +1,4 @@
-//! What holds for runs on any data: invariances, bad input, progress, time budget, cancellation.
+//! Properties of runs on any data: invariances, bad input, progress, time budget, cancellation.
 
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, reason = "a test fails by panicking")]
 
@@ -201,7 +201,7 @@ fn recordings_are_analysed_without_a_sample_across_the_boundary() {
     let data = DataFrame::new(parts, names).unwrap();
     let result = get_lagged_dependencies(&data, &parcorr(), &settings(), &Control::default()).unwrap();
     assert_eq!(result.n_samples, (90 - 4) + (110 - 4));
-    // The same from the definition: pairs (x at t - lag, y at t) of both parts, t from 4 on in each.
+    // The same computed from the definition: pairs (x at t - lag, y at t) of both parts, with t from 4 on in each.
     for ((i, j, lag), value) in result.val_matrix.indexed_iter().filter(|((_, _, lag), _)| *lag > 0) {
         let pairs: Vec<(f64, f64)> =
             (4..90).chain(94..200).map(|t| (values[[t - lag, i]], values[[t, j]])).collect();

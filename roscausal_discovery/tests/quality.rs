@@ -1,4 +1,4 @@
-//! A hundred random networks: the graphs of the reference, link by link.
+//! A hundred random networks: the same graphs as the reference, link by link.
 
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, reason = "a test fails by panicking")]
 
@@ -14,19 +14,14 @@ use roscausal_discovery::{
     methods::{PcmciPlusSettings, PcmciResult, PcmciSettings, run_pcmci, run_pcmciplus},
 };
 
-/// The folder of networks, if there is one.
-fn folder() -> Option<PathBuf> {
+/// The folder of networks.
+fn folder() -> PathBuf {
     let beside = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../shared/quality");
-    let folder = std::env::var_os("ROSCAUSAL_QUALITY").map_or(beside, PathBuf::from);
-    if folder.is_dir() {
-        return Some(folder);
-    }
-    eprintln!("SKIPPED: no networks at {}; set ROSCAUSAL_QUALITY to their folder", folder.display());
-    None
+    std::env::var_os("ROSCAUSAL_QUALITY").map_or(beside, PathBuf::from)
 }
 
 fn check(file: &str, level: f64, run: impl Fn(&DataFrame) -> PcmciResult) {
-    let Some(folder) = folder() else { return };
+    let folder = folder();
     let graphs = driver::read_json(&folder.join(file)).unwrap();
     let graphs = graphs.as_object().unwrap();
     assert_eq!(graphs.len(), 100);
@@ -51,16 +46,19 @@ fn pcmci(data: &DataFrame) -> PcmciResult {
 }
 
 #[test]
+#[ignore = "its 200 networks are not in the repository: set ROSCAUSAL_QUALITY to their folder and give --ignored"]
 fn pcmci_gives_the_graphs_of_the_reference() {
     check("graphs_A_pcmci_parcorr.json", 0.05, pcmci);
 }
 
 #[test]
+#[ignore = "its 200 networks are not in the repository: set ROSCAUSAL_QUALITY to their folder and give --ignored"]
 fn pcmci_gives_the_graphs_of_the_reference_without_links() {
     check("graphs_C_pcmci_parcorr_null.json", 0.05, pcmci);
 }
 
 #[test]
+#[ignore = "its 200 networks are not in the repository: set ROSCAUSAL_QUALITY to their folder and give --ignored"]
 fn pcmciplus_gives_the_graphs_of_the_reference() {
     check("graphs_A_pcmciplus_parcorr_a05.json", 0.05, |data| {
         let test = ParCorr::new(&TestSettings::default()).unwrap();

@@ -1,3 +1,5 @@
+//! A global allocator that measures what a decoder allocates.
+
 use std::{
     alloc::{GlobalAlloc, Layout, System},
     cell::Cell,
@@ -8,12 +10,12 @@ thread_local! {
     static PEAK: Cell<usize> = const { Cell::new(0) };
 }
 
-/// The system's allocator, which notes the most bytes that the calling thread has held.
+/// The system allocator, which also records the most bytes that the calling thread has held.
 #[derive(Debug)]
 pub struct Allocator;
 
 fn grow(bytes: usize) {
-    // A thread that ends has no more cells; what it does then is of no interest.
+    // A thread that is ending has no cells any more. What it allocates then does not matter.
     let _ = LIVE.try_with(|live| {
         live.set(live.get().wrapping_add(bytes));
         let _ = PEAK.try_with(|peak| peak.set(peak.get().max(live.get())));
@@ -24,7 +26,7 @@ fn shrink(bytes: usize) {
     let _ = LIVE.try_with(|live| live.set(live.get().saturating_sub(bytes)));
 }
 
-// An allocator cannot be written without; every call goes to the system's own with the arguments unchanged.
+// An allocator needs unsafe code. Every call goes to the system allocator with unchanged arguments.
 #[allow(unsafe_code, reason = "GlobalAlloc is an unsafe trait; each method forwards its arguments unchanged")]
 unsafe impl GlobalAlloc for Allocator {
     unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
@@ -49,14 +51,14 @@ unsafe impl GlobalAlloc for Allocator {
     }
 }
 
-/// Begins to note; what the thread holds now.
+/// Starts to measure. Returns what the thread holds now.
 pub(crate) fn begin() -> usize {
     let live = LIVE.with(Cell::get);
     PEAK.with(|peak| peak.set(live));
     live
 }
 
-/// The most that the thread has held since.
+/// The most that the thread has held since the start.
 pub(crate) fn peak() -> usize {
     PEAK.with(Cell::get)
 }

@@ -1,15 +1,17 @@
 //! Hostile input for decoders, on the stable toolchain and without instrumentation.
 //!
-//! A target is run on mutations of its corpus for `ROSCAUSAL_FUZZ_SECONDS` (1 if not set) from `ROSCAUSAL_FUZZ_SEED` (1 if
-//! not set). It must not panic, and must not allocate what a length field claims: with [`Allocator`] as the global
-//! allocator, not more than a multiple of the input. An input that does either is written into the corpus, so that it is
-//! tried first ever after.
+//! A target runs on mutations of its corpus for `ROSCAUSAL_FUZZ_SECONDS` (default 1), from the seed
+//! `ROSCAUSAL_FUZZ_SEED` (default 1). It must not panic, and it must not allocate what a length field merely
+//! claims: with [`Allocator`] as the global allocator, it may allocate at most a multiple of the input. An input
+//! that breaks either rule is written into the corpus, so that later runs try it first.
 
 mod allocator;
 mod mutate;
+mod random;
 
 pub use allocator::Allocator;
 pub use mutate::Mutator;
+pub use random::{splitmix64, unit};
 
 use std::{
     collections::hash_map::DefaultHasher,
@@ -20,26 +22,26 @@ use std::{
     time::{Duration, Instant},
 };
 
-/// What a target may allocate however short its input is, in bytes.
+/// Bytes that a target may allocate for any input, however short.
 const FREE: usize = 1 << 20;
 
 /// A decoder under test.
 pub struct Target<'a> {
     /// Folder of the corpus, in the repository.
     pub corpus: PathBuf,
-    /// Inputs beside those of the folder, such as valid messages.
+    /// Inputs in addition to those of the folder, such as valid messages.
     pub seeds: Vec<Vec<u8>>,
-    /// Words of the format, which mutations put in.
+    /// Words of the format, which mutations insert.
     pub tokens: &'a [&'a [u8]],
-    /// Bytes it may allocate per byte of input, beside one megabyte.
+    /// Bytes that it may allocate per byte of input, in addition to one megabyte.
     pub bytes_per_byte: usize,
 }
 
 impl Target<'_> {
-    /// Runs `decode` on the corpus and on mutations of it until the time is up. How many inputs there were.
+    /// Runs `decode` on the corpus and on mutations of it until the time is up. Returns the number of inputs.
     ///
     /// # Panics
-    /// With the file of the input that made `decode` panic or allocate too much.
+    /// If `decode` panics or allocates too much; the message names the file with the input.
     pub fn run(&self, decode: impl Fn(&[u8])) -> u64 {
         let mut corpus = files(&self.corpus);
         corpus.extend(self.seeds.iter().cloned());

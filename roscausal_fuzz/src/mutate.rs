@@ -1,4 +1,8 @@
-/// Numbers that lengths, counts and indices like to stumble over.
+//! Mutations of byte strings: bytes and tokens are changed, inserted, left out or doubled.
+
+use crate::random::splitmix64;
+
+/// Numbers that often break lengths, counts and indices.
 const NUMBERS: [u64; 12] = [
     0,
     1,
@@ -13,10 +17,10 @@ const NUMBERS: [u64; 12] = [
     0x7fff_ffff_ffff_ffff,
     u64::MAX,
 ];
-/// The longest input that is made.
+/// Length of the longest input.
 const LONGEST: usize = 1 << 16;
 
-/// Makes inputs from those of a corpus; the same seed makes the same ones.
+/// Makes inputs from those of a corpus. The same seed makes the same inputs.
 #[derive(Debug)]
 pub struct Mutator<'a> {
     state: u64,
@@ -24,12 +28,12 @@ pub struct Mutator<'a> {
 }
 
 impl<'a> Mutator<'a> {
-    /// A mutator that also puts in `tokens`.
+    /// A mutator that also inserts `tokens`.
     pub fn new(seed: u64, tokens: &'a [&'a [u8]]) -> Self {
         Self { state: seed, tokens }
     }
 
-    /// The next input: one of the corpus after one to eight changes.
+    /// The next input: one of the corpus with one to eight changes.
     pub fn next(&mut self, corpus: &[Vec<u8>]) -> Vec<u8> {
         let mut input = self.one_of(corpus).cloned().unwrap_or_default();
         for _ in 0..=self.below(8) {
@@ -61,7 +65,7 @@ impl<'a> Mutator<'a> {
             4 => input.truncate(at),
             5 => drop(input.drain(at..at + length)),
             6 => {
-                let bytes: Vec<u8> = (0..length).map(|_| self.random() as u8).collect();
+                let bytes: Vec<u8> = (0..length).map(|_| splitmix64(&mut self.state) as u8).collect();
                 insert(input, at, &bytes);
             }
             7 | 8 => {
@@ -84,7 +88,7 @@ impl<'a> Mutator<'a> {
     }
 
     fn at(&mut self, input: &mut [u8], at: usize, change: impl Fn(&mut u8, u64)) {
-        let random = self.random();
+        let random = splitmix64(&mut self.state);
         if let Some(byte) = input.get_mut(at) {
             change(byte, random);
         }
@@ -95,16 +99,7 @@ impl<'a> Mutator<'a> {
     }
 
     fn below(&mut self, limit: usize) -> usize {
-        (self.random() % limit.max(1) as u64) as usize
-    }
-
-    /// Splitmix64.
-    fn random(&mut self) -> u64 {
-        self.state = self.state.wrapping_add(0x9e37_79b9_7f4a_7c15);
-        let mut z = self.state;
-        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-        z ^ (z >> 31)
+        (splitmix64(&mut self.state) % limit.max(1) as u64) as usize
     }
 }
 

@@ -1,4 +1,4 @@
-//! Prints the statistics of a scenario over seeds: `cargo run --example statistics -- thor 1 20`.
+//! Prints statistics of a scenario over seeds: `cargo run --example statistics -- thor 1 20`.
 
 use roscausal_hrisim::{Scenario, statistics::Statistics};
 

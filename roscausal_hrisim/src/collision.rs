@@ -1,9 +1,9 @@
-//! When two moving bodies are on collision course, and how risky it is: the paper's post-processing, which
-//! the scripted person uses as perception and the node publishes as `/hri/risk`.
+//! When two moving bodies are on collision course, and how risky that is. It is the paper's post-processing; the
+//! scripted person uses it as her perception, and the node publishes it as `/hri/risk`.
 
 use crate::geometry::Vec2;
 
-/// A person (A) and what she may run into (B): positions and velocities in one frame.
+/// A person (A) and what she may collide with (B): positions and velocities in one frame.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Approach {
     /// Position of the person.
@@ -17,23 +17,23 @@ pub struct Approach {
 }
 
 impl Approach {
-    /// Distance, share of the person's velocity along the line to the other, and across it.
+    /// The distance, and the components of the person's velocity along and across the line to the other.
     fn parts(&self) -> (f64, f64, f64) {
         let offset = self.other_position - self.position;
         let towards = offset.unit();
         (offset.norm(), self.velocity.dot(towards), self.velocity.cross(towards))
     }
 
-    /// True when the person's place in one second lies in the triangle from her to the other widened by
-    /// `size`, nearer than `safe_distance`.
+    /// Whether the person's position one second ahead lies in the triangle from her to the other, widened by
+    /// `size`, and the other is nearer than `safe_distance`.
     pub fn is_collision_course(&self, size: f64, safe_distance: f64) -> bool {
         let (distance, along, across) = self.parts();
         let within = distance > 0.0 && along > 0.0 && along < distance;
         within && distance < safe_distance && across.abs() < size * along / distance
     }
 
-    /// Risk of collision `exp(w + [collision course] (|V_rel|/d + steer))`, where `steer` is the distance
-    /// of the person's place in one second from the nearer side of the triangle.
+    /// Risk of collision `exp(w + [collision course] (|V_rel|/d + steer))`. `steer` is the distance of the person's
+    /// position one second ahead from the nearer side of the triangle.
     pub fn risk(&self, own_weight: f64, size: f64, safe_distance: f64) -> f64 {
         let mut exponent = own_weight;
         if self.is_collision_course(size, safe_distance) {

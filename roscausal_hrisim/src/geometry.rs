@@ -23,7 +23,7 @@ impl Vec2 {
     /// The zero vector.
     pub const ZERO: Self = Self { x: 0.0, y: 0.0 };
 
-    /// From its coordinates.
+    /// A vector from its coordinates.
     pub const fn new(x: f64, y: f64) -> Self {
         Self { x, y }
     }
@@ -58,18 +58,18 @@ impl Vec2 {
         self.y.atan2(self.x)
     }
 
-    /// The vector of length 1 in the same direction; zero stays zero.
+    /// The vector of length 1 in the same direction. Zero stays zero.
     pub fn unit(self) -> Self {
         let norm = self.norm();
         if norm > 0.0 { self * (1.0 / norm) } else { Self::ZERO }
     }
 
-    /// Turned by a right angle to the left.
+    /// The vector rotated to the left by a right angle.
     pub fn left(self) -> Self {
         Self { x: -self.y, y: self.x }
     }
 
-    /// Shortened to at most `limit`.
+    /// The vector, shortened to at most `limit`.
     pub fn at_most(self, limit: f64) -> Self {
         let norm = self.norm();
         if norm > limit { self * (limit / norm) } else { self }
@@ -143,7 +143,7 @@ pub struct Segment {
 }
 
 impl Segment {
-    /// From the coordinates of both ends.
+    /// A wall from the coordinates of both ends.
     pub const fn new(ax: f64, ay: f64, bx: f64, by: f64) -> Self {
         Self { a: Vec2::new(ax, ay), b: Vec2::new(bx, by) }
     }
@@ -158,7 +158,7 @@ impl Segment {
         self.a + along * ((p - self.a).dot(along) / length2).clamp(0.0, 1.0)
     }
 
-    /// The smallest distance between two segments; 0 when they cross.
+    /// The smallest distance between two segments; 0 if they cross.
     pub fn distance(&self, other: &Self) -> f64 {
         if self.crosses(other) {
             return 0.0;
@@ -172,20 +172,21 @@ impl Segment {
         ends.into_iter().fold(f64::INFINITY, f64::min)
     }
 
-    /// True when the two have an inner point in common.
+    /// Whether the two have an inner point in common.
     pub fn crosses(&self, other: &Self) -> bool {
         let side = |s: &Self, p: Vec2| (s.b - s.a).cross(p - s.a);
         side(self, other.a) * side(self, other.b) < 0.0 && side(other, self.a) * side(other, self.b) < 0.0
     }
 }
 
-/// A convex polygon to draw points from, corners in order.
+/// A convex polygon from which points are drawn. Its corners are in order.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(transparent)]
 pub struct Area(pub Vec<Vec2>);
 
 impl Area {
-    /// A point uniform in the polygon; the corner itself for one corner, on the line for two.
+    /// A uniformly distributed point in the polygon. With one corner it is that corner, with two it lies on the
+    /// line.
     pub fn sample(&self, rng: &mut Rng) -> Vec2 {
         match self.0.as_slice() {
             [] => Vec2::ZERO,

@@ -1,9 +1,9 @@
-//! Interventions: `do(robot.speed = x)`, `do(human.v = x)`, `do(human.goal = x, y)`, `robot off`, from a
-//! start to an end.
+//! Interventions: `do(robot.speed = x)`, `do(human.v = x)`, `do(human.goal = x, y)`, `robot off`, each from a start
+//! to an end.
 //!
-//! Written `robot.speed=0.2@60..90`, `human.v=1.0@10..20`, `human.goal=3,-4@0..30`, `robot.off@100..`; with
-//! `robot[NAME]` or `human[ID]` it is for that one only. Times are seconds of simulated time; without an end
-//! it lasts for ever, without `@` it starts at once.
+//! They are written `robot.speed=0.2@60..90`, `human.v=1.0@10..20`, `human.goal=3,-4@0..30`, `robot.off@100..`.
+//! With `robot[NAME]` or `human[ID]` an intervention concerns only that one. Times are seconds of simulated time.
+//! Without an end it lasts for ever; without `@` it starts at once.
 
 use std::{fmt, str::FromStr};
 
@@ -21,7 +21,7 @@ pub enum Target {
     RobotSpeed(f64),
     /// The robot stands still.
     RobotOff,
-    /// The person's speed, m/s, whatever she wants.
+    /// The person's speed, m/s, whatever she intends.
     HumanV(f64),
     /// The person's goal, in the map frame.
     HumanGoal(Vec2),
@@ -31,29 +31,29 @@ pub enum Target {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(try_from = "String", into = "String")]
 pub struct Intervention {
-    /// What is set, to what.
+    /// What is set, and its value.
     pub target: Target,
-    /// Robot name or person id; `None`: every one.
+    /// Robot name or person id; `None`: all of them.
     pub who: Option<String>,
     /// First moment, seconds.
     pub start: f64,
-    /// First moment after it, seconds; infinite when it does not end.
+    /// First moment after it, seconds; infinite if it has no end.
     pub end: f64,
 }
 
 impl Intervention {
-    /// True from `start` on, before `end`.
+    /// Whether it is active: from `start` on, before `end`.
     pub fn is_active(&self, time: f64) -> bool {
         time >= self.start && time < self.end
     }
 
-    /// True when it is for the robot or person of this name.
+    /// Whether it concerns the robot or person of this name.
     pub(crate) fn concerns(&self, who: &str) -> bool {
         self.who.as_deref().is_none_or(|name| name == who)
     }
 
     /// Name of its context column, such as `do_robot_speed` or `do_human_v_1001`. A speed of 0 has a column of its
-    /// own, in which 1 says that it is imposed: in a column of speeds 0 means that nothing is.
+    /// own, in which 1 means "imposed", because 0 in a column of speeds means "not imposed".
     pub fn column(&self) -> String {
         let what = match self.target {
             Target::RobotOff | Target::RobotSpeed(0.0) => "do_robot_off",
@@ -65,7 +65,7 @@ impl Intervention {
         self.who.as_ref().map_or_else(|| what.to_owned(), |who| format!("{what}_{who}"))
     }
 
-    /// What its context column tells while it is in force.
+    /// The value of its context column while it is active.
     pub fn value(&self) -> Vec<f64> {
         match self.target {
             Target::RobotOff => vec![1.0],
@@ -74,7 +74,7 @@ impl Intervention {
         }
     }
 
-    /// True when both would set the same thing of the same one at some moment.
+    /// Whether both set the same thing of the same robot or person at some moment.
     pub(crate) fn overlaps(&self, other: &Self) -> bool {
         use Target::{HumanGoal, HumanV, RobotOff, RobotSpeed};
         let same = matches!(

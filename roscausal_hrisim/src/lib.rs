@@ -1,8 +1,8 @@
-//! Human-robot interaction simulator: a robot, people who react to it, pedestrians, walls; headless, seeded,
-//! faster than real time.
+//! Human-robot interaction simulator: a robot, people who react to it, pedestrians, walls. It is headless, seeded,
+//! and faster than real time.
 //!
-//! [`Simulation`] is the world without clock, input or output: a [`Scenario`] and a seed, stepped at 25 Hz. [`node`]
-//! publishes it on any middleware.
+//! [`Simulation`] is the world without clock, input or output: a [`Scenario`] and a seed, stepped at 25 Hz.
+//! [`node`] publishes it on any middleware.
 
 pub mod collision;
 pub mod geometry;

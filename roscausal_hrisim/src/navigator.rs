@@ -1,36 +1,36 @@
-//! The way of one body to its goal, corner by corner.
+//! The route of one body to its goal, corner by corner.
 
 use crate::{geometry::Vec2, world::World};
 
-/// Steps between two looks at the way ahead.
+/// Steps between two checks of the way ahead.
 const LOOK_EVERY: u64 = 5;
 /// A corner counts as passed within this distance, metres.
 const PASSED: f64 = 0.3;
 /// Space kept from walls when looking ahead, metres.
 const SIGHT: f64 = 0.3;
 
-/// A route and how much of it is left.
+/// A route, and how much of it is left.
 #[derive(Clone, Debug)]
 pub(crate) struct Navigator {
     goal: Vec2,
-    /// Corners still to pass, the next one last, the goal first.
+    /// Corners still to pass: the goal first, the next corner last.
     corners: Vec<Vec2>,
 }
 
 impl Navigator {
-    /// The way from `from` to `goal`; straight when there is no way.
+    /// The route from `from` to `goal`; a straight line if there is no route.
     pub(crate) fn new(world: &World, from: Vec2, goal: Vec2) -> Self {
         let mut corners = world.route(from, goal).unwrap_or_else(|| vec![goal]);
         corners.reverse();
         Self { goal, corners }
     }
 
-    /// Where the way ends.
+    /// The end of the route.
     pub(crate) fn goal(&self) -> Vec2 {
         self.goal
     }
 
-    /// Where to walk now: the farthest corner in sight.
+    /// The point to walk to now: the farthest corner in sight.
     pub(crate) fn target(&mut self, world: &World, position: Vec2, step: u64) -> Vec2 {
         while self.corners.len() > 1 {
             let passed = self.corners[self.corners.len() - 1].distance(position) < PASSED;

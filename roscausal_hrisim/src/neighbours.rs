@@ -1,20 +1,20 @@
-//! Who is near whom: bodies sorted into square cells.
+//! Finds nearby bodies by sorting them into square cells.
 
 use crate::geometry::Vec2;
 
-/// Bodies by cell; a cell is as wide as the range, so neighbours are in nine cells.
+/// Bodies by cell. A cell is as wide as the range, so all neighbours lie in nine cells.
 #[derive(Debug)]
 pub(crate) struct Neighbours {
     min: Vec2,
     range: f64,
     columns: usize,
     rows: usize,
-    /// First entry of each cell in `order`, and the end of the last.
+    /// First entry of each cell in `order`, and the end of the last cell.
     starts: Vec<usize>,
     order: Vec<usize>,
 }
 
-/// More cells than this are never needed: wider cells only cost a look at a few more bodies.
+/// Most cells. Wider cells only mean that a few more bodies are checked.
 const MAX_CELLS: f64 = 10_000.0;
 
 impl Neighbours {

@@ -1,4 +1,4 @@
-//! Pedestrians by the social force model, many of them: each feels its neighbours, walls and group.
+//! Pedestrians by the social force model. Each feels its neighbours, the walls and its group.
 
 use crate::{
     geometry::Vec2,
@@ -15,10 +15,10 @@ use crate::{
 
 /// Radius of the body against walls, metres.
 const BODY_RADIUS: f64 = 0.2;
-/// Below this speed the heading stays what it was, m/s.
+/// Below this speed the heading stays unchanged, m/s.
 const AT_REST: f64 = 1e-3;
 
-/// One pedestrian under way.
+/// One walking pedestrian.
 #[derive(Clone, Debug)]
 pub struct Pedestrian {
     /// Track id.
@@ -27,13 +27,13 @@ pub struct Pedestrian {
     pub position: Vec2,
     /// Velocity in the map frame, m/s.
     pub velocity: Vec2,
-    /// Direction of motion, the last one when at rest, radians.
+    /// Direction of motion; at rest the last one. Radians.
     pub theta: f64,
     /// Turning rate of that direction, rad/s.
     pub omega: f64,
-    /// Speed it likes and never exceeds, m/s.
+    /// Preferred speed, which it never exceeds, m/s.
     pub v_max: f64,
-    /// Where it goes.
+    /// Its goal.
     pub goal: Vec2,
     /// A goal is reached within this distance, metres.
     pub arrival: f64,
@@ -43,19 +43,19 @@ pub struct Pedestrian {
 }
 
 impl Pedestrian {
-    /// Standing at `position`.
+    /// A pedestrian standing at `position`.
     pub fn new(id: u32, position: Vec2, goal: Vec2, v_max: f64, group: usize) -> Self {
         let theta = (goal - position).angle();
         let velocity = Vec2::ZERO;
         Self { id, position, velocity, theta, omega: 0.0, v_max, goal, arrival: 1.0, group, navigator: None }
     }
 
-    /// True within the goal disc.
+    /// Whether it is within the goal disc.
     pub fn has_arrived(&self) -> bool {
         self.position.distance(self.goal) <= self.arrival
     }
 
-    /// Moves by one step of semi-implicit Euler under `force` (without [`desired`], which it adds).
+    /// Moves by one step of semi-implicit Euler under `force` plus [`desired`].
     fn step(&mut self, dt: f64, step: u64, world: &World, force: Vec2) {
         if self.navigator.as_ref().is_none_or(|way| way.goal() != self.goal) {
             self.navigator = Some(Navigator::new(world, self.position, self.goal));
@@ -80,7 +80,7 @@ pub struct Crowd {
 }
 
 impl Crowd {
-    /// A crowd of these pedestrians; groups are told by [`Pedestrian::group`].
+    /// A crowd of these pedestrians, with groups given by [`Pedestrian::group`].
     pub fn new(members: Vec<Pedestrian>) -> Self {
         let count = members.iter().map(|member| member.group + 1).max().unwrap_or(0);
         let mut groups = vec![Vec::new(); count];
@@ -116,7 +116,7 @@ impl Crowd {
         }
     }
 
-    /// Everything a pedestrian feels but its own will.
+    /// The forces on a pedestrian, except its own drive.
     fn force(&self, index: usize, world: &World, bodies: &[Body], near: &Neighbours) -> Vec2 {
         let me = &self.members[index];
         let mut push = Vec2::ZERO;

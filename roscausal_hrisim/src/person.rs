@@ -1,6 +1,7 @@
-//! The person of the paper: walks to goal after goal, slows near them, brakes for a robot and goes around it.
+//! The person of the paper: she walks from goal to goal, slows down near them, brakes for a robot and goes around
+//! it.
 //!
-//! A unicycle. She decides on what she saw `reaction` seconds ago; her body follows with limited
+//! She is modelled as a unicycle. She decides on what she saw `reaction` seconds ago. Her body follows with limited
 //! acceleration and turning rate.
 
 use std::collections::VecDeque;
@@ -21,38 +22,38 @@ use crate::{
 pub struct PersonParams {
     /// Speed far from the goal, m/s.
     pub speed: f64,
-    /// Most acceleration, m/s2.
+    /// Maximum acceleration, m/s2.
     pub acceleration: f64,
-    /// Most deceleration, m/s2.
+    /// Maximum deceleration, m/s2.
     pub braking: f64,
-    /// Most turning, rad/s.
+    /// Maximum turning rate, rad/s.
     pub turn_rate: f64,
-    /// Heading error at which she stands and turns, radians.
+    /// Heading error at which she stops to turn, radians.
     pub turn_in_place: f64,
-    /// Whether turning slows her at all; if not, she turns as fast as her speed needs.
+    /// Whether turning slows her down. If not, she turns as fast as her speed requires.
     pub slows_in_turns: bool,
-    /// She slows when the goal is nearer than this, metres; 0: never.
+    /// She slows down when the goal is nearer than this, metres; 0: never.
     pub slow_distance: f64,
-    /// Share of `speed` that slowing leaves at the goal; in between it is linear in the distance.
+    /// Fraction of `speed` that remains at the goal. In between, speed is linear in the distance.
     pub slow_floor: f64,
     /// Her goal is reached within this distance, metres.
     pub arrival: f64,
     /// Delay between seeing and acting, seconds.
     pub reaction: f64,
-    /// Whether she gives way to robots and people at all.
+    /// Whether she gives way to robots and people.
     pub avoids: bool,
-    /// Half-width of the triangle within which she brakes for a robot, and radius she keeps from it, metres.
+    /// Half-width of the triangle within which she brakes for a robot, and distance that she keeps from it, metres.
     pub robot_radius: f64,
     /// She brakes for robots nearer than this, metres.
     pub brake_within: f64,
-    /// Share of `speed` that braking leaves.
+    /// Fraction of `speed` that remains when braking.
     pub brake_to: f64,
     /// She steers around robots nearer than this, metres.
     pub steer_within: f64,
-    /// How irregular her pace is: she walks slower than she wants by this share times the modulus of a
-    /// standard normal that changes over `pace_time`.
+    /// How irregular her pace is. She walks slower than she intends by this fraction times the absolute value of a
+    /// standard normal, which changes over `pace_time`.
     pub pace_sd: f64,
-    /// Time over which her pace forgets itself, seconds.
+    /// Correlation time of her pace, seconds.
     pub pace_time: f64,
 }
 
@@ -80,16 +81,16 @@ impl Default for PersonParams {
     }
 }
 
-/// Radius kept from other people, metres.
+/// Distance kept from other people, metres.
 const PERSON_RADIUS: f64 = 0.7;
 /// Other people are noticed within this distance, metres.
 const PERSON_RANGE: f64 = 2.5;
 /// Radius of the body against walls, metres.
 const BODY_RADIUS: f64 = 0.25;
-/// Turning circle of one who does not slow in turns, metres: she always gets to her goal.
+/// Radius of the turning circle of a person who does not slow down in turns, metres: she always reaches her goal.
 const TURNING_CIRCLE: f64 = 0.3;
 
-/// Something that moves, as a person sees it.
+/// A moving body, as a person sees it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Body {
     pub(crate) position: Vec2,
@@ -97,14 +98,14 @@ pub(crate) struct Body {
     pub(crate) is_robot: bool,
 }
 
-/// What the person wants: a speed and a heading.
+/// What the person intends: a speed and a heading.
 #[derive(Clone, Copy, Debug)]
 struct Wish {
     v: f64,
     heading: f64,
 }
 
-/// A command from outside instead of her own will.
+/// A command from outside that replaces her own decisions.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Teleop {
     /// Forward speed, m/s.
@@ -113,7 +114,7 @@ pub struct Teleop {
     pub omega: f64,
 }
 
-/// One person under way.
+/// One walking person.
 #[derive(Clone, Debug)]
 pub struct Person {
     /// Track id.
@@ -132,18 +133,18 @@ pub struct Person {
     pub goal: Vec2,
     /// Goals reached so far.
     pub goals_reached: u64,
-    /// Followed instead of her own will while set.
+    /// If set, it replaces her own decisions.
     pub teleop: Option<Teleop>,
     wishes: VecDeque<Wish>,
     pace: f64,
-    /// Side on which she passes an obstacle: 1 left, -1 right; kept during one encounter.
+    /// The side on which she passes an obstacle: 1 left, -1 right. It stays the same during one encounter.
     side: Option<f64>,
     navigator: Option<Navigator>,
     rng: Rng,
 }
 
 impl Person {
-    /// Standing at `position`, looking to the goal.
+    /// A person standing at `position` and facing the goal.
     pub(crate) fn new(id: u32, params: PersonParams, position: Vec2, goal: Vec2, mut rng: Rng) -> Self {
         let pace = rng.normal();
         Self {
@@ -169,12 +170,12 @@ impl Person {
         Vec2::polar(self.v, self.theta)
     }
 
-    /// True within `arrival` of the goal.
+    /// Whether she is within `arrival` of the goal.
     pub fn has_arrived(&self) -> bool {
         self.position.distance(self.goal) <= self.params.arrival
     }
 
-    /// Walks for `dt` seconds among `others`; `imposed` is a speed set by an intervention, m/s.
+    /// Walks for `dt` seconds among `others`. `imposed` is a speed set by an intervention, m/s.
     pub(crate) fn step(&mut self, dt: f64, step: u64, world: &World, others: &[Body], imposed: Option<f64>) {
         let wish = self.delayed_wish(dt, step, world, others);
         let error = wrap(wish.heading - self.theta);
@@ -199,7 +200,7 @@ impl Person {
         self.position = world.moved(self.position, wanted, BODY_RADIUS);
     }
 
-    /// What she wanted `reaction` seconds ago.
+    /// What she intended `reaction` seconds ago.
     fn delayed_wish(&mut self, dt: f64, step: u64, world: &World, others: &[Body]) -> Wish {
         let wish = self.wish(dt, step, world, others);
         let delay = (self.params.reaction / dt).round() as usize;
@@ -249,17 +250,17 @@ impl Person {
         approach.is_collision_course(radius, range)
     }
 
-    /// Radius to keep from a body, and the distance at which it matters.
+    /// The distance to keep from a body, and the distance at which it matters.
     fn reach(&self, other: &Body, robot_range: f64) -> (f64, f64) {
         if other.is_robot { (self.params.robot_radius, robot_range) } else { (PERSON_RADIUS, PERSON_RANGE) }
     }
 
-    /// The heading past the nearest body that blocks the straight way to `target`.
+    /// The heading that passes the nearest body which blocks the straight way to `target`.
     fn heading_around(&mut self, others: &[Body], target: Vec2, straight: f64) -> f64 {
         let blocking = others.iter().filter_map(|other| {
             let (radius, range) = self.reach(other, self.params.steer_within);
             let distance = other.position.distance(self.position);
-            // A goal beside a robot is still reached: the circle never covers it.
+            // A goal beside a robot must stay reachable, so the circle never covers it.
             let radius = radius.min(other.position.distance(self.goal) - 0.05).max(0.4);
             let way = Segment { a: self.position, b: target };
             let ahead = (other.position - self.position).dot(target - self.position) > 0.0;

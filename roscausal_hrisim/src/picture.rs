@@ -1,4 +1,4 @@
-//! A run as an animated SVG: walls, ways, and who was where when.
+//! A run as an animated SVG: walls, paths, and everybody's positions over time.
 
 use std::fmt::Write;
 
@@ -6,12 +6,12 @@ use crate::{Simulation, geometry::Vec2, simulation::STEP};
 
 /// Steps from frame to frame: 0.4 s.
 const EVERY: u64 = 10;
-/// Frames kept; a longer run is shown from its begin.
+/// Most frames; of a longer run the first part is shown.
 const MOST_FRAMES: usize = 2_000;
-/// Side of the picture's longer edge, pixels.
+/// Length of the picture's longer side, pixels.
 const SIZE: f64 = 560.0;
 const MARGIN: f64 = 14.0;
-/// The film goes so many times faster than the run.
+/// How many times faster than the run the film is.
 const FASTER: f64 = 6.0;
 const PERSON: &str = "#0072b2";
 const ROBOT: &str = "#d55e00";
@@ -26,14 +26,14 @@ struct Frame {
     crowd: Vec<Vec2>,
 }
 
-/// What a run looked like, taken step by step.
+/// Film of a run, recorded step by step.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Film {
     frames: Vec<Frame>,
 }
 
 impl Film {
-    /// Takes the simulation as it is now, when a frame is due.
+    /// Records the current state, if a frame is due.
     pub fn take(&mut self, simulation: &Simulation) {
         if !simulation.steps().is_multiple_of(EVERY) || self.frames.len() >= MOST_FRAMES {
             return;
@@ -45,8 +45,8 @@ impl Film {
         });
     }
 
-    /// The animated picture of the first `seconds`: people blue with their goals as crosses, robots orange, pedestrians
-    /// grey; where people and robots went as lines. Without frames only the walls.
+    /// The animated picture of the first `seconds`. People are blue with crosses for goals, robots orange,
+    /// pedestrians grey; lines show the paths of people and robots. Without frames it shows only the walls.
     pub fn svg(&self, simulation: &Simulation, seconds: f64) -> String {
         let (min, max) = simulation.world().bounds();
         let extent = max - min;

@@ -1,4 +1,4 @@
-//! The plans' places, and who gets which goal when.
+//! The places of the plans, and the order of everybody's goals.
 
 use crate::{
     geometry::{Area, Vec2},
@@ -23,7 +23,7 @@ const CENTRE_AREAS: [[Vec2; 3]; 2] =
     [[p(3.5, -5.0), p(-5.0, 3.5), p(-6.5, -6.5)], [p(5.0, -3.5), p(-3.5, 5.0), p(6.5, 6.5)]];
 const CENTRE_WAYPOINTS: [Vec2; 2] = [p(-5.0, 5.0), p(5.0, -5.0)];
 
-/// The areas of a person's goals: her own, or the plan's. Empty in a crowd: anywhere.
+/// The areas of a person's goals: her own, or those of the plan. Empty in a crowd: anywhere.
 pub(crate) fn person_areas(scenario: &Scenario, person: usize) -> Vec<Area> {
     let own = scenario.people.get(person).map_or(&[][..], |spec| &spec.areas);
     if !own.is_empty() {
@@ -38,7 +38,7 @@ pub(crate) fn person_areas(scenario: &Scenario, person: usize) -> Vec<Area> {
     }
 }
 
-/// The waypoints of a robot: its own, or the plan's. Empty in a crowd: drawn at random; `robot_off` has one.
+/// The waypoints of a robot: its own, or those of the plan. Empty in a crowd: drawn at random. `robot_off` has one.
 pub(crate) fn robot_waypoints(scenario: &Scenario, robot: usize) -> Vec<Vec2> {
     let own = scenario.robots.get(robot).map_or(&[][..], |spec| &spec.waypoints);
     if !own.is_empty() {
@@ -52,7 +52,7 @@ pub(crate) fn robot_waypoints(scenario: &Scenario, robot: usize) -> Vec<Vec2> {
     }
 }
 
-/// The corners in their order around the centre, so that the fan of triangles covers the polygon once.
+/// The corners ordered around the centre, so that the fan of triangles covers the polygon once.
 fn sorted_around(corners: &[Vec2]) -> Vec<Vec2> {
     let centre = Area(corners.to_vec()).centre();
     let mut sorted = corners.to_vec();

@@ -1,10 +1,15 @@
-//! The simulator's only source of chance: PCG32 (O'Neill 2014), one independent stream per consumer.
+//! The simulator's only source of randomness: PCG32 (O'Neill 2014), with one independent stream per consumer.
+//!
+//! Why not `rand_pcg` and `rand_distr`: `Lcg64Xsh32::new(mix(seed), mix(stream))` gives the same bits and would save eight
+//! lines, but normal and Poisson numbers of `rand_distr` come from other methods, and simulations would not be the same.
+
+use roscausal_core::mix;
 
 use crate::geometry::Vec2;
 
 const MULTIPLIER: u64 = 6_364_136_223_846_793_005;
 
-/// A seeded stream of random numbers: same seed and stream, same numbers.
+/// A seeded stream of random numbers. The same seed and stream give the same numbers.
 #[derive(Clone, Debug)]
 pub struct Rng {
     state: u64,
@@ -41,7 +46,7 @@ impl Rng {
         low + (high - low) * self.unit()
     }
 
-    /// Uniform whole number in `0..n`; 0 when `n` is 0.
+    /// Uniform integer in `0..n`; 0 if `n` is 0.
     pub fn below(&mut self, n: usize) -> usize {
         ((self.unit() * n as f64) as usize).min(n.saturating_sub(1))
     }
@@ -67,7 +72,7 @@ impl Rng {
         Vec2::new(sd * self.normal(), sd * self.normal())
     }
 
-    /// Poisson with the given mean (multiplication method; for small means).
+    /// Poisson with the given mean, by the multiplication method, which suits small means.
     pub fn poisson(&mut self, mean: f64) -> usize {
         let limit = (-mean).exp();
         let mut product = self.unit();
@@ -78,14 +83,6 @@ impl Rng {
         }
         count
     }
-}
-
-/// The finaliser of SplitMix64: spreads neighbouring seeds over all bits.
-fn mix(seed: u64) -> u64 {
-    let mut z = seed.wrapping_add(0x9E37_79B9_7F4A_7C15);
-    z = (z ^ (z >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
-    z = (z ^ (z >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
-    z ^ (z >> 31)
 }
 
 #[cfg(test)]

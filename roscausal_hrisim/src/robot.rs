@@ -9,7 +9,7 @@ use crate::{
     world::World,
 };
 
-/// Slower than this it stands, m/s.
+/// Below this speed it stands, m/s.
 const STANDING: f64 = 1e-3;
 
 /// How a robot drives.
@@ -24,11 +24,11 @@ pub struct RobotParams {
     pub acceleration: f64,
     /// Shortest and longest stop at a waypoint, seconds.
     pub pause: [f64; 2],
-    /// Heading error at which it stands and turns, radians.
+    /// Heading error at which it stops to turn, radians.
     pub turn_in_place: f64,
     /// A waypoint is reached within this distance, metres.
     pub arrival: f64,
-    /// It stops for anyone within this distance ahead, metres; 0: for nobody.
+    /// It stops for anybody within this distance ahead, metres; 0: never.
     pub stop_distance: f64,
 }
 
@@ -46,10 +46,10 @@ impl Default for RobotParams {
     }
 }
 
-/// One robot under way.
+/// One driving robot.
 #[derive(Clone, Debug)]
 pub struct Robot {
-    /// Name, the namespace of its topics; empty for none.
+    /// Name, which is the namespace of its topics; may be empty.
     pub name: String,
     /// How it drives.
     pub params: RobotParams,
@@ -63,7 +63,7 @@ pub struct Robot {
     pub omega: f64,
     /// Where it started: the origin of its odometry frame.
     pub start: (Vec2, f64),
-    /// Waypoints in their order; it begins again after the last.
+    /// Waypoints in order; after the last comes the first.
     pub waypoints: Vec<Vec2>,
     /// Index of the waypoint it drives to.
     pub leg: usize,
@@ -77,14 +77,14 @@ pub struct Robot {
 /// What an intervention imposes on a robot.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(crate) struct RobotOrders {
-    /// Top speed instead of its own, m/s.
+    /// Top speed that replaces its own, m/s.
     pub(crate) speed: Option<f64>,
-    /// Stands still.
+    /// The robot stands still.
     pub(crate) off: bool,
 }
 
 impl Robot {
-    /// At its first waypoint, looking to the second; without waypoints it stands at `start`.
+    /// A robot at its first waypoint, facing the second. Without waypoints it stands at `start`.
     pub(crate) fn new(
         name: String,
         params: RobotParams,
@@ -116,12 +116,12 @@ impl Robot {
         Vec2::polar(self.v, self.theta)
     }
 
-    /// The waypoint it drives to; its own place when it has none.
+    /// The waypoint it drives to; its own position if it has none.
     pub fn goal(&self) -> Vec2 {
         self.waypoints.get(self.leg).copied().unwrap_or(self.position)
     }
 
-    /// Drives for `dt` seconds; `people` are places of all who walk.
+    /// Drives for `dt` seconds. `people` are the positions of everybody who walks.
     pub(crate) fn step(&mut self, dt: f64, step: u64, world: &World, people: &[Vec2], orders: RobotOrders) {
         let (v, omega) = self.command(dt, step, world, people, orders);
         let change = self.params.acceleration * dt;
@@ -132,7 +132,7 @@ impl Robot {
         self.position = world.moved(self.position, wanted, 0.25);
     }
 
-    /// Wanted speed and turning rate.
+    /// Intended speed and turning rate.
     fn command(
         &mut self,
         dt: f64,
@@ -168,7 +168,7 @@ impl Robot {
         ((top * aligned).min(stopping), omega)
     }
 
-    /// Goes on to the next waypoint when this one is reached.
+    /// Moves on to the next waypoint when this one is reached.
     fn pass_waypoint(&mut self) {
         if self.goal().distance(self.position) > self.params.arrival || self.waypoints.len() < 2 {
             return;

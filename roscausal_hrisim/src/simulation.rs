@@ -1,4 +1,4 @@
-//! The whole simulation, stepped at 25 Hz: same scenario and seed, same run to the last bit.
+//! The whole simulation, stepped at 25 Hz. The same scenario and seed give the same run, bit for bit.
 
 use roscausal_core::{Error, Result};
 
@@ -20,7 +20,7 @@ pub const STEP: f64 = 0.04;
 /// The same in nanoseconds.
 pub const STEP_NANOS: i64 = 40_000_000;
 
-/// Streams of chance; each consumer has one of its own, so that one more agent changes no other.
+/// Random streams. Each consumer has its own, so one more agent does not change the others.
 mod stream {
     pub(super) const PERSON: u64 = 1 << 32;
     pub(super) const GOALS: u64 = 2 << 32;
@@ -48,12 +48,12 @@ pub struct Simulation {
     robot_speed_scale: f64,
 }
 
-/// One intervention as a context variable: what is imposed now.
+/// A context variable: an intervention and its current value.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Context {
     /// Column name, such as `do_robot_speed`.
     pub name: String,
-    /// The value in force; empty when the system is left to itself.
+    /// The current value; empty if nothing is imposed.
     pub value: Vec<f64>,
 }
 
@@ -61,7 +61,7 @@ impl Simulation {
     /// The scenario at time 0.
     ///
     /// # Errors
-    /// A field of the scenario that is wrong ([`Scenario::check`]).
+    /// A wrong field of the scenario ([`Scenario::check`]).
     pub fn new(scenario: &Scenario, seed: u64) -> Result<Self> {
         scenario.check()?;
         let world = scenario.world()?;
@@ -104,7 +104,7 @@ impl Simulation {
         })
     }
 
-    /// Begins again at time 0; interventions and commands given meanwhile are gone.
+    /// Restarts at time 0. Interventions and commands given during the run are dropped.
     ///
     /// # Errors
     /// None for a scenario that has run before.
@@ -118,12 +118,12 @@ impl Simulation {
         &self.scenario
     }
 
-    /// The seed of all chance.
+    /// The seed of all randomness.
     pub fn seed(&self) -> u64 {
         self.seed
     }
 
-    /// The place.
+    /// The map.
     pub fn world(&self) -> &World {
         &self.world
     }
@@ -143,12 +143,12 @@ impl Simulation {
         self.steps
     }
 
-    /// True when the scenario's duration is over.
+    /// Whether the scenario's duration is over.
     pub fn is_over(&self) -> bool {
         self.time() >= self.scenario.duration - STEP / 2.0
     }
 
-    /// Moves everyone by one step; all of them see the same moment.
+    /// Moves everybody by one step. All of them see the same moment.
     pub fn step(&mut self) {
         let time = self.time();
         self.renew_goals(time);
@@ -220,12 +220,12 @@ impl Simulation {
         })
     }
 
-    /// All interventions, past and to come.
+    /// All interventions, past and future.
     pub fn interventions(&self) -> &[Intervention] {
         &self.interventions
     }
 
-    /// Adds an intervention; times are simulated time.
+    /// Adds an intervention, in simulated time.
     ///
     /// # Errors
     /// It overlaps another one, concerns nobody, or sets a goal that cannot be reached.
@@ -238,7 +238,7 @@ impl Simulation {
         Ok(())
     }
 
-    /// What is imposed now, one entry per context column of the run; the columns' order is fixed.
+    /// The current interventions, one entry per context column of the run, in a fixed order.
     pub fn context(&self) -> Vec<Context> {
         let time = self.time();
         let mut columns: Vec<Context> = Vec::new();
@@ -254,10 +254,10 @@ impl Simulation {
         columns
     }
 
-    /// Drives a person by hand from now on; `None` gives her back her own will.
+    /// Drives a person by hand from now on; `None` lets her walk on her own again.
     ///
     /// # Errors
-    /// There is no person of that id, or a speed is not finite.
+    /// No person with that id, or a speed that is not finite.
     pub fn teleoperate(&mut self, id: u32, command: Option<Teleop>) -> Result<()> {
         if command.is_some_and(|command| !command.v.is_finite() || !command.omega.is_finite()) {
             return Err(Error::param("cmd_vel", "a speed is not a finite number"));
@@ -269,15 +269,15 @@ impl Simulation {
         Ok(())
     }
 
-    /// Scales the robots' own top speeds (`twist_mux/scaling_factor`), from 0 to 10; else nothing changes.
+    /// Scales the robots' own top speeds (`twist_mux/scaling_factor`) by 0 to 10. Other factors are ignored.
     pub fn scale_robot_speed(&mut self, factor: f64) {
         if (0.0..=10.0).contains(&factor) {
             self.robot_speed_scale = factor;
         }
     }
 
-    /// The risk of collision with the nearest robot that a person runs, by the paper's formula with the weight
-    /// v/10 of the person's own speed; without robots that weight alone.
+    /// A person's risk of collision with the nearest robot, by the paper's formula with weight v/10 for her own
+    /// speed. Without robots it is that weight alone.
     pub fn risk(&self, person: &Person, size: f64, safe_distance: f64) -> f64 {
         let own = person.v / 10.0;
         let distance = |robot: &&Robot| robot.position.distance(person.position);
@@ -310,7 +310,7 @@ fn start_of(spec: &PersonSpec, world: &World, goals: &mut Goals, rng: &mut Rng) 
     })
 }
 
-/// A loop of four places that can be reached from each other.
+/// A loop of four positions that are reachable from each other.
 fn random_waypoints(world: &World, rng: &mut Rng) -> Vec<Vec2> {
     let mut waypoints = Vec::new();
     let (min, max) = world.bounds();

@@ -1,7 +1,6 @@
 //! The social force model: Helbing and Molnar 1995; Moussaid et al. 2009 (interaction), 2010 (groups).
 //!
-//! Forces are accelerations in m/s2. A pedestrian feels
-//! `F_des + 5.1 F_soc + 10 F_obs + F_group`.
+//! Forces are accelerations in m/s2. The force on a pedestrian is `F_des + 5.1 F_soc + 10 F_obs + F_group`.
 
 use crate::geometry::{Vec2, wrap};
 
@@ -9,14 +8,14 @@ use crate::geometry::{Vec2, wrap};
 pub const SOCIAL_WEIGHT: f64 = 5.1;
 /// Weight of [`obstacle`] in the sum.
 pub const OBSTACLE_WEIGHT: f64 = 10.0;
-/// Neighbours farther than this are not felt, metres.
+/// Neighbours farther away than this have no effect, metres.
 pub const NEIGHBOUR_RANGE: f64 = 10.0;
 /// Relaxation time of the desired velocity, seconds.
 pub const RELAXATION: f64 = 0.5;
-/// The distance of a robot counts as this part of itself.
+/// The distance to a robot counts as this fraction of itself.
 pub const ROBOT_DISTANCE_FACTOR: f64 = 0.2;
 
-/// Forces below `exp(-30)` m/s2 (1e-13) are none.
+/// Forces below `exp(-30)` m/s2 (1e-13) count as zero.
 const NEGLIGIBLE: f64 = 30.0;
 const LAMBDA: f64 = 2.0;
 const GAMMA: f64 = 0.35;
@@ -34,12 +33,12 @@ pub fn desired(v_max: f64, towards: Vec2, velocity: Vec2) -> Vec2 {
     (towards * v_max - velocity) * (1.0 / RELAXATION)
 }
 
-/// Push from one neighbour: `offset` = its position less one's own, `v_rel` = own velocity less its own,
-/// `distance_factor` 1, or [`ROBOT_DISTANCE_FACTOR`].
+/// Push from one neighbour. `offset` is the neighbour's position minus one's own, `v_rel` one's own velocity minus
+/// the neighbour's, `distance_factor` 1 or [`ROBOT_DISTANCE_FACTOR`].
 ///
-/// With the interaction direction `t = 2 v_rel + offset/|offset|`, `B = 0.35 |t|` and `theta` the angle from
-/// `t` to the neighbour: `-exp(-d/B - (3 B theta)^2) t/|t| - sign(theta) exp(-d/B - (2 B theta)^2) n`, `n` the
-/// left normal of `t`. Exactly ahead (`theta` = 0) counts as left, so both of two walkers keep to the right.
+/// With the interaction direction `t = 2 v_rel + offset/|offset|`, `B = 0.35 |t|`, `theta` the angle from `t` to
+/// the neighbour and `n` the left normal of `t`: `-exp(-d/B - (3 B theta)^2) t/|t| - sign(theta) exp(-d/B - (2 B
+/// theta)^2) n`. Exactly ahead (`theta` = 0) counts as left, so two people who meet both keep to the right.
 pub fn social(offset: Vec2, v_rel: Vec2, distance_factor: f64) -> Vec2 {
     let distance = offset.norm();
     let direction = if distance > 0.0 { offset * (1.0 / distance) } else { Vec2::new(1.0, 0.0) };
@@ -55,7 +54,7 @@ pub fn social(offset: Vec2, v_rel: Vec2, distance_factor: f64) -> Vec2 {
     }
     let t = interaction * (1.0 / length);
     let (cross, dot) = (t.cross(direction), t.dot(direction));
-    // theta >= 1 - cos(theta), which saves the arc tangent of most pairs.
+    // theta >= 1 - cos(theta), which avoids the arc tangent for most pairs.
     if (N * b * (1.0 - dot)).powi(2) + decay > NEGLIGIBLE {
         return Vec2::ZERO;
     }
@@ -72,12 +71,12 @@ pub fn obstacle(position: Vec2, nearest: Vec2) -> Vec2 {
     away.unit() * (-(away.norm() - OBSTACLE_RADIUS) / OBSTACLE_RANGE).exp()
 }
 
-/// What keeps a group together: `others` are the places of its other members, `heading` the walking
+/// The forces that keep a group together. `others` are the positions of its other members, `heading` the walking
 /// direction in radians.
 ///
-/// Gaze (3.0): walk slower by the head turn that brings the others' centre within 90 degrees; coherence
-/// (2.0): towards the group's centre when farther than `(n - 1)/2` m from it; repulsion (1.0): away from
-/// each member nearer than 0.5 m.
+/// Gaze (3.0): walk slower in proportion to the head turn that brings the centre of the others within 90 degrees.
+/// Coherence (2.0): towards the group's centre if it is farther than `(n - 1)/2` m. Repulsion (1.0): away from each
+/// member nearer than 0.5 m.
 pub fn group(position: Vec2, velocity: Vec2, heading: f64, others: &[Vec2]) -> Vec2 {
     if others.is_empty() {
         return Vec2::ZERO;

@@ -1,5 +1,5 @@
-//! What a run looks like in numbers: speeds by distance to the goal, goals, encounters, the robot's share of
-//! time at its speed. Computed on the truth, without sensor noise.
+//! Statistics of a run: speed by distance to the goal, goals, encounters, the fraction of time that the robot
+//! drives at its speed. They are computed from the truth, without sensor noise.
 
 use roscausal_core::Result;
 
@@ -7,40 +7,40 @@ use crate::{Scenario, Simulation, collision::Approach, simulation::STEP};
 
 /// Distances to the goal between which the mean speed is taken, metres.
 pub const BANDS: [(f64, f64); 4] = [(4.0, 6.0), (2.0, 3.0), (1.0, 1.5), (0.5, 1.0)];
-/// Collision courses less than this apart are one encounter, seconds.
+/// Collision courses closer together than this are one encounter, seconds.
 const SAME_ENCOUNTER: f64 = 2.0;
-/// Braking shows up to this long after the collision course, seconds.
+/// Braking may show up to this long after the collision course, seconds.
 const AFTERMATH: f64 = 1.0;
 
-/// One time on collision course with a robot.
+/// One period on collision course with a robot.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Encounter {
-    /// Its begin, seconds.
+    /// Its first moment, seconds.
     pub start: f64,
     /// Its last moment on collision course, seconds.
     pub end: f64,
-    /// Lowest speed of the person in it and shortly after, m/s.
+    /// Lowest speed of the person during it and shortly after, m/s.
     pub least_speed: f64,
-    /// Shortest distance from the robot in it and shortly after, metres.
+    /// Shortest distance from the robot during it and shortly after, metres.
     pub least_distance: f64,
 }
 
-/// The numbers of one run, for its first person and first robot.
+/// The statistics of one run, for its first person and first robot.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Statistics {
     /// Goals reached.
     pub goals: u64,
-    /// Mean speed in each of [`BANDS`], m/s; NaN where she never was.
+    /// Mean speed in each of [`BANDS`], m/s; NaN if she never was there.
     pub speeds: [f64; 4],
     /// Highest speed of the person, m/s.
     pub top_speed: f64,
     /// Highest acceleration of the person, m/s2.
     pub top_acceleration: f64,
-    /// Share of time the robot drives within 0.01 m/s of its top speed.
+    /// Fraction of time that the robot drives within 0.01 m/s of its top speed.
     pub robot_at_speed: f64,
-    /// Share of time the robot drives below 0.02 m/s.
+    /// Fraction of time that the robot drives below 0.02 m/s.
     pub robot_stopped: f64,
-    /// Share of time on collision course.
+    /// Fraction of time on collision course.
     pub collision_course: f64,
     /// The encounters.
     pub encounters: Vec<Encounter>,
@@ -50,7 +50,7 @@ impl Statistics {
     /// Runs the scenario with this seed to its end.
     ///
     /// # Errors
-    /// A field of the scenario that is wrong.
+    /// A wrong field of the scenario.
     pub fn of(scenario: &Scenario, seed: u64) -> Result<Self> {
         let mut simulation = Simulation::new(scenario, seed)?;
         let mut found = Self::default();
@@ -129,7 +129,7 @@ mod tests {
         runs.iter().map(get).sum::<f64>() / runs.len() as f64
     }
 
-    /// The published recording has one run: its figures must be typical of ours.
+    /// The published recording has one run. Its statistics must be typical of ours.
     #[test]
     fn thor_looks_like_the_published_recording() {
         let runs = runs(&Scenario::default());

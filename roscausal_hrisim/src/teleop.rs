@@ -1,4 +1,4 @@
-//! Driving the first person from a keyboard, with a small map of the place in the terminal; on any middleware.
+//! Driving the first person from the keyboard, with a small map in the terminal, on any middleware.
 //!
 //! Out: `/ped/control/cmd_vel`, `twist_mux/scaling_factor`, `/hri/control`. In, for the map:
 //! `/ped/control/teleop_persons`, `/robot_pose`, `/hri/human_goals`, `/pedsim_simulator/simulated_agents`.
@@ -28,10 +28,10 @@ use roscausal_msgs::{
 
 use crate::{geometry::Vec2, person::Teleop};
 
-/// Speeds at the keys, m/s and rad/s.
+/// Speeds set by the keys, m/s and rad/s.
 const FORWARD: f64 = 1.5;
 const TURN: f64 = 1.0;
-/// Half of the side of the map that is shown, metres, and the most rows that it takes.
+/// Half the side of the map, metres, and its maximum number of rows.
 const HALF: f64 = 10.5;
 const ROWS: usize = 32;
 const REDRAW: Duration = Duration::from_millis(100);
@@ -50,16 +50,16 @@ const KEYS: [&str; 9] = [
 /// What a key does.
 #[derive(Clone, Debug, PartialEq)]
 enum Action {
-    /// She walks so from now on.
+    /// The person walks like this from now on.
     Drive(Teleop),
     /// Scales the robots' speeds.
     Scale(f64),
-    /// A word for the simulator.
+    /// A command for the simulator.
     Control(&'static str),
     Quit,
 }
 
-/// The action of a key while she walks as `now`; `None` for keys that mean nothing.
+/// The action of a key while the person walks as `now`; `None` for keys without a meaning.
 fn action(key: KeyEvent, now: Teleop) -> Option<Action> {
     use Action::{Control, Drive, Quit, Scale};
     if key.modifiers.contains(KeyModifiers::CONTROL) {
@@ -94,7 +94,7 @@ struct View {
 }
 
 impl View {
-    /// The map as `rows` lines of text and a frame: `P` people, `x` goals, `R` the robot, `o` pedestrians.
+    /// The map as `rows` lines of text in a frame: `P` people, `x` goals, `R` the robot, `o` pedestrians.
     fn lines(&self, rows: usize) -> Vec<String> {
         // a character is about twice as high as wide
         let columns = 2 * rows;
@@ -102,7 +102,7 @@ impl View {
         let mut mark = |place: &Vec2, sign: char| {
             let column = (place.x + HALF) / (2.0 * HALF) * columns as f64;
             let row = (HALF - place.y) / (2.0 * HALF) * rows as f64;
-            // Casts saturate: who is outside of the map, or nowhere, is not drawn.
+            // Casts saturate: whoever is outside the map, or has no position, is not drawn.
             if column >= 0.0
                 && row >= 0.0
                 && let Some(cell) = map.get_mut(row as usize).and_then(|row| row.get_mut(column as usize))
@@ -120,7 +120,7 @@ impl View {
     }
 }
 
-/// All that is shown, in a terminal of `columns` and `rows`: the map as large as fits, `status`, the keys.
+/// Everything on a terminal of `columns` and `rows`: the map as large as fits, `status`, and the keys.
 fn picture(view: &View, status: String, columns: usize, rows: usize) -> Vec<String> {
     let mut keys: Vec<String> = Vec::new();
     for key in KEYS {
@@ -145,7 +145,7 @@ enum Event {
     Robot(Vec2),
 }
 
-/// Raw mode and another screen while it lives.
+/// Raw mode and an alternate screen, for as long as it lives.
 struct Screen;
 
 impl Screen {

@@ -1,4 +1,4 @@
-//! The place: walls, how far they are, and the way around them.
+//! The map: walls, distances to them, and routes around them.
 
 use std::{
     cmp::Reverse,
@@ -14,7 +14,7 @@ pub const MAPS: [&str; 4] = ["hall", "corridor", "corridor_turn", "corridor_door
 const CLEARANCE: f64 = 0.4;
 /// Cell size of the route search, metres.
 const CELL: f64 = 0.25;
-/// Cells at most; a place so large that it has more is searched with larger cells.
+/// Most cells. A larger map is searched with larger cells.
 const MAX_CELLS: f64 = 250_000.0;
 
 /// Walls in the map frame, and the free cells between them.
@@ -29,7 +29,7 @@ pub struct World {
 }
 
 impl World {
-    /// The built-in map of that name; see [`MAPS`].
+    /// The built-in map with that name; see [`MAPS`].
     pub fn named(name: &str) -> Option<Self> {
         let walls: &[Segment] = match name {
             "hall" => &HALL,
@@ -41,7 +41,7 @@ impl World {
         Some(Self::new(walls.to_vec()))
     }
 
-    /// A place with these walls.
+    /// A map with these walls.
     pub fn new(walls: Vec<Segment>) -> Self {
         let corners = || walls.iter().flat_map(|wall| [wall.a, wall.b]);
         let fold = |start: f64, get: fn(Vec2) -> f64, pick: fn(f64, f64) -> f64| {
@@ -72,7 +72,7 @@ impl World {
         (self.min, self.min + extent)
     }
 
-    /// The nearest point of any wall, `None` without walls.
+    /// The nearest point of any wall; `None` without walls.
     pub fn nearest_wall_point(&self, p: Vec2) -> Option<Vec2> {
         let points = self.walls.iter().map(|wall| wall.nearest(p));
         points.min_by(|a, b| a.distance(p).total_cmp(&b.distance(p)))
@@ -83,13 +83,13 @@ impl World {
         self.nearest_wall_point(p).map_or(f64::INFINITY, |wall| wall.distance(p))
     }
 
-    /// True when the straight way from `a` to `b` stays at least `clearance` from every wall.
+    /// Whether the straight line from `a` to `b` stays at least `clearance` away from every wall.
     pub fn is_clear(&self, a: Vec2, b: Vec2, clearance: f64) -> bool {
         let way = Segment { a, b };
         self.walls.iter().all(|wall| wall.distance(&way) >= clearance)
     }
 
-    /// Where a body of this radius is that wants to go from `from` to `to`: never in or beyond a wall.
+    /// Where a body of this radius ends up that moves from `from` to `to`: never in or beyond a wall.
     pub fn moved(&self, from: Vec2, to: Vec2, radius: f64) -> Vec2 {
         let way = Segment { a: from, b: to };
         if self.walls.iter().any(|wall| wall.crosses(&way)) {
@@ -100,7 +100,7 @@ impl World {
         if self.walls.iter().any(|wall| wall.crosses(&way)) { from } else { pushed }
     }
 
-    /// The point moved away from walls that are nearer than `radius`.
+    /// The point, moved away from walls that are nearer than `radius`.
     fn pushed_out(&self, p: Vec2, radius: f64) -> Vec2 {
         let mut point = p;
         for wall in self.walls.iter().chain(&self.walls) {
@@ -114,8 +114,8 @@ impl World {
         point
     }
 
-    /// Corner points of a way from `from` to `to` that keeps clear of walls, `to` last; `None` when there
-    /// is none. A goal nearer to a wall than a body can be is approached as far as possible.
+    /// Corner points of a route from `from` to `to` that keeps clear of walls, `to` last; `None` if there is none.
+    /// A goal too close to a wall for a body is approached as far as possible.
     pub fn route(&self, from: Vec2, to: Vec2) -> Option<Vec<Vec2>> {
         // A goal on a wall is approached from this side of it.
         let end = self.pushed_out(to + (from - to).unit() * 1e-6, CLEARANCE + 0.01);
@@ -139,13 +139,13 @@ impl World {
         Some(route)
     }
 
-    /// True within the bounding box of the walls.
+    /// Whether the point is in the bounding box of the walls.
     fn is_inside(&self, p: Vec2) -> bool {
         let (min, max) = self.bounds();
         self.walls.is_empty() || (p.x > min.x && p.x < max.x && p.y > min.y && p.y < max.y)
     }
 
-    /// A random free place with at least `clearance` from the walls, reachable from `hub`.
+    /// A random free position with at least `clearance` to the walls, reachable from `hub`.
     pub fn random_free(&self, rng: &mut crate::rng::Rng, hub: Vec2, clearance: f64) -> Option<Vec2> {
         let (min, max) = self.bounds();
         (0..1000).find_map(|_| {
@@ -158,7 +158,7 @@ impl World {
         self.min + Vec2::new((index % self.columns) as f64, (index / self.columns) as f64) * self.cell
     }
 
-    /// The free cell nearest to `p` from which `p` is in sight, within 1.5 m.
+    /// The free cell nearest to `p`, within 1.5 m, from which `p` is in sight.
     fn free_cell_near(&self, p: Vec2) -> Option<usize> {
         let reach = (1.5 / self.cell).ceil() as i64;
         let (column, row) =
@@ -181,7 +181,7 @@ impl World {
         best.map(|(_, index)| index)
     }
 
-    /// Shortest way over free cells (A*, eight neighbours), as cell centres.
+    /// Shortest path over free cells (A*, eight neighbours), as cell centres.
     fn search(&self, start: usize, end: usize) -> Option<Vec<Vec2>> {
         let goal = self.centre(end);
         let micro = |metres: f64| (metres * 1e6) as u64;
@@ -240,7 +240,7 @@ const CORRIDOR: [Segment; 4] = [
     Segment::new(-10.0, 2.0, -10.0, -2.0),
 ];
 
-/// 4 m wide, along the lower and the right side of the square.
+/// 4 m wide, along the lower and the right side of a square.
 const CORRIDOR_TURN: [Segment; 6] = [
     Segment::new(-10.0, -10.0, 10.0, -10.0),
     Segment::new(10.0, -10.0, 10.0, 10.0),
@@ -250,7 +250,7 @@ const CORRIDOR_TURN: [Segment; 6] = [
     Segment::new(-10.0, -6.0, -10.0, -10.0),
 ];
 
-/// A 4 m wide corridor with two rooms on either side, each behind a door of 1.6 m.
+/// A 4 m wide corridor with two rooms on each side, each behind a door of 1.6 m.
 const CORRIDOR_DOORS: [Segment; 12] = [
     Segment::new(-10.0, -8.0, 10.0, -8.0),
     Segment::new(10.0, -8.0, 10.0, 8.0),

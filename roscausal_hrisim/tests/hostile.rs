@@ -1,4 +1,4 @@
-//! Hostile scenario files: no panic, and memory in proportion to the file.
+//! Hostile scenario files: no panic, and memory proportional to the file.
 
 use std::path::Path;
 

@@ -24,14 +24,14 @@ fn text(text: impl std::fmt::Display) -> Value {
     Value::Str(text.to_string())
 }
 
-/// Two robots, one scripted person and four pedestrians; robot1 is slowed from 40 to 60 s.
+/// Two robots, one scripted person and four pedestrians. Robot1 is slowed down from 40 to 60 s.
 fn scenario() -> Scenario {
     let mut scenario = Scenario { duration: 84.0, ..Scenario::crowd(4, 2) };
     scenario.add_interventions(&["robot[robot1].speed=0.2@40..60".to_owned()]).expect("is one");
     scenario
 }
 
-/// Records two batches with `settings` of the data node; their post-processed files.
+/// Records two batches with `settings` for the data node. Returns their post-processed files.
 fn record(dir: &Path, settings: &[(&str, Value)]) -> Vec<PathBuf> {
     let bus = Loopback::lockstep();
     for (node, name) in [("robot", "robot1"), ("second", "robot2"), ("human", "robot1"), ("data", "robot1")] {

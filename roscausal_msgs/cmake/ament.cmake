@@ -1,4 +1,4 @@
-# ROS 2: copies of the .msg files in its spelling. `pose2D` is no legal field name there, `time` is a message.
+# ROS 2: copies of the .msg files in its spelling. There `pose2D` is not a legal field name, and `time` is a message.
 find_package(ament_cmake REQUIRED)
 find_package(builtin_interfaces REQUIRED)
 find_package(geometry_msgs REQUIRED)
@@ -13,7 +13,7 @@ foreach(file IN LISTS ROSCAUSAL_MSG_FILES)
   string(REGEX REPLACE "(^|\n)([A-Za-z0-9_/]+(\\[[0-9]*\\])?[ \t]+)pose2D" "\\1\\2pose2d" text "${text}")
   string(REGEX REPLACE "(^|\n)time([ \t[])" "\\1builtin_interfaces/Time\\2" text "${text}")
   string(REGEX REPLACE "(^|\n)duration([ \t[])" "\\1builtin_interfaces/Duration\\2" text "${text}")
-  # rosidl reads the copies while CMake configures; one that has not changed must stay as old as it is
+  # rosidl reads the copies while CMake configures. A copy that has not changed must keep its time stamp.
   set(copy "${CMAKE_CURRENT_BINARY_DIR}/ros2/msg/${file}")
   set(present "")
   if(EXISTS "${copy}")

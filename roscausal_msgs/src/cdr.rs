@@ -1,5 +1,5 @@
-//! Messages as ROS 2 sends them and as its recordings hold them: CDR (OMG, XCDR version 1) after the four
-//! bytes that name the representation.
+//! Messages as ROS 2 sends and records them: CDR (OMG, XCDR version 1), after the four bytes that name the
+//! representation.
 
 use crate::{
     Message,
@@ -9,21 +9,21 @@ use crate::{
 /// CDR, little endian, no options.
 const LITTLE_ENDIAN: [u8; 4] = [0, 1, 0, 0];
 
-/// A message's bytes, little endian, with the four bytes that say so.
+/// The bytes of a message, little endian, after the four bytes that say so.
 ///
 /// # Errors
-/// When a string or sequence is longer than 2^32 - 1.
+/// If a string or sequence is longer than 2^32 - 1.
 pub fn to_bytes<M: Message>(message: &M) -> Result<Vec<u8>, WireError> {
     let mut encoder = Encoder::new(Layout::CDR, &LITTLE_ENDIAN, 0);
     message.serialize(&mut encoder).map_err(Fault::of::<M>)?;
     Ok(encoder.finish())
 }
 
-/// The message in `bytes`, in either order of bytes. Up to three bytes of padding may follow it.
+/// The message in `bytes`, in either byte order. Up to three bytes of padding may follow it.
 ///
 /// # Errors
-/// When the bytes are not exactly one message of this type. No bytes make it panic or allocate much more
-/// than they are long.
+/// If the bytes are not exactly one message of this type. No input causes a panic, or allocates much more than its
+/// own length.
 pub fn from_bytes<M: Message>(bytes: &[u8]) -> Result<M, WireError> {
     let &[high, low, _, _] = bytes.first_chunk().ok_or_else(|| {
         Fault::Truncated { offset: 0, needed: LITTLE_ENDIAN.len(), left: bytes.len() }.of::<M>()

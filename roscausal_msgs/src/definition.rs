@@ -1,10 +1,10 @@
-//! A message type's text, and what ROS 1 derives from it.
+//! The text of a message type, and what ROS 1 derives from it.
 
 use std::{fmt::Write, sync::OnceLock};
 
 use md5::{Digest, Md5};
 
-/// The wires a message type exists on.
+/// The wire formats in which a message type exists.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Wires {
     /// The same fields in both ROS versions.
@@ -15,7 +15,7 @@ pub enum Wires {
     Ros2,
 }
 
-/// Text and dependencies of one message type; one static of it per type.
+/// Text and dependencies of one message type. Each type has one static of it.
 #[derive(Debug)]
 pub struct Definition {
     /// ROS package, such as `geometry_msgs`.
@@ -24,7 +24,7 @@ pub struct Definition {
     pub name: &'static str,
     /// The `.msg` text, in ROS 1 spelling (`time`, `duration`).
     pub text: &'static str,
-    /// Where the type exists.
+    /// The wire formats in which the type exists.
     pub wires: Wires,
     /// The types of its fields, each once.
     pub nested: &'static [fn() -> &'static Definition],
@@ -64,15 +64,15 @@ impl Definition {
         format!("{}/msg/{}", self.package, self.name)
     }
 
-    /// Whether the type itself begins with a header, whose `seq` counts a ROS 1 publisher's messages.
+    /// Whether the type itself begins with a header. Its `seq` counts the messages of a ROS 1 publisher.
     pub fn is_numbered(&self) -> bool {
         let lines = self.text.lines().map(|line| line.split('#').next().unwrap_or_default());
         let first = lines.filter_map(|line| line.split_whitespace().next()).next();
         matches!(first, Some("Header" | "std_msgs/Header"))
     }
 
-    /// The md5 by which ROS 1 checks that both ends mean the same type: of the text with its constants first,
-    /// without comments, each nested type replaced by its own md5.
+    /// The md5 by which ROS 1 checks that both ends mean the same type. It is taken of the text without comments,
+    /// with the constants first, and with each nested type replaced by its own md5.
     pub fn ros1_md5(&self) -> &str {
         self.md5.get_or_init(|| {
             let lines: Vec<_> = self.text.lines().filter_map(Line::parse).collect();
@@ -94,14 +94,14 @@ impl Definition {
         })
     }
 
-    /// The text with those of all types it uses appended, as connection headers and bags carry it.
+    /// The text, followed by those of all types that it uses, as in connection headers and bags.
     pub fn ros1_definition(&self) -> &str {
         self.ros1_text
             .get_or_init(|| self.with_nested(Self::type_name, |definition| definition.text.to_owned()))
     }
 
-    /// The same in the spelling of ROS 2 (`ros2msg`): no `seq` in the header, `builtin_interfaces` times,
-    /// legal field names.
+    /// The same in ROS 2 spelling (`ros2msg`): no `seq` in the header, `builtin_interfaces` times, legal field
+    /// names.
     pub fn ros2_definition(&self) -> &str {
         self.ros2_text.get_or_init(|| {
             let mut text = self.with_nested(Self::type_name, |definition| definition.ros2_own_text());
@@ -116,7 +116,7 @@ impl Definition {
         })
     }
 
-    /// This type and all that it uses, each once, itself first, then in the order of first use.
+    /// This type and all types that it uses, each once: first itself, then the others in order of first use.
     pub fn all(&'static self) -> Vec<&'static Definition> {
         let mut found = vec![self];
         self.append_nested(&mut found);
@@ -143,7 +143,7 @@ impl Definition {
         }
     }
 
-    /// The definition behind a field's type, `None` for the built-in types. An array is not part of the name.
+    /// The definition of a field's type; `None` for built-in types. An array is not part of the name.
     fn nested_type(&self, kind: &str) -> Option<&'static Definition> {
         let base = kind.split('[').next().unwrap_or(kind);
         self.nested.iter().map(|nested| nested()).find(|nested| match base.split_once('/') {
@@ -157,7 +157,7 @@ impl Definition {
         let mut text = String::new();
         for line in self.text.lines().filter_map(Line::parse) {
             let _ = match line {
-                // A ROS 1 string constant is the rest of the line, quotes and all.
+                // A ROS 1 string constant is the rest of the line, including quotes.
                 Line::Constant { kind: "string", name, value } if !value.starts_with('"') => {
                     writeln!(text, "string {name}=\"{value}\"")
                 }
@@ -188,7 +188,7 @@ fn hex(bytes: &[u8]) -> String {
     })
 }
 
-/// One line of a `.msg` text that means something.
+/// One line of a `.msg` text that is not a comment or empty.
 enum Line<'a> {
     Constant { kind: &'a str, name: &'a str, value: &'a str },
     Field { kind: &'a str, name: &'a str },
@@ -199,7 +199,7 @@ impl<'a> Line<'a> {
         let code = line.split('#').next().unwrap_or("").trim();
         let (kind, rest) = code.split_once(char::is_whitespace)?;
         let rest = rest.trim();
-        // A string constant may hold a '#': its value is the whole rest of the line.
+        // A string constant may contain a '#': its value is the whole rest of the line.
         let rest = match kind {
             "string" if rest.contains('=') => line.trim_start().strip_prefix(kind)?.trim(),
             _ => rest,
@@ -230,7 +230,7 @@ mod tests {
         assert_eq!(numbered("std_msgs/Header"), Some(false));
     }
 
-    /// From ROS 1: `rosmsg md5`, and for packages that are not in it the code generated from them.
+    /// From ROS 1's `rosmsg md5`, or from the generated code of packages that ROS 1 does not contain.
     const KNOWN: &[(&str, &str)] = &[
         ("actionlib_msgs/GoalID", "302881f31927c1df708a2dbab0e80ee8"),
         ("diagnostic_msgs/DiagnosticArray", "60810da900de1dd6ddd437c3503511da"),

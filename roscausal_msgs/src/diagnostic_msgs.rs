@@ -7,7 +7,7 @@ use crate::std_msgs::Header;
 /// `diagnostic_msgs/KeyValue`.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct KeyValue {
-    /// What the value is.
+    /// Name of the value.
     pub key: String,
     /// The value as text.
     pub value: String,
@@ -25,23 +25,23 @@ pub struct DiagnosticStatus {
     pub message: String,
     /// The hardware's name.
     pub hardware_id: String,
-    /// Figures.
+    /// Values, such as counters.
     pub values: Vec<KeyValue>,
 }
 message!("diagnostic_msgs" DiagnosticStatus uses [KeyValue]);
 
 impl DiagnosticStatus {
-    /// All is well.
+    /// It works.
     pub const OK: u8 = 0;
-    /// It works, but not as it should.
+    /// It works, but not as intended.
     pub const WARN: u8 = 1;
     /// It does not work.
     pub const ERROR: u8 = 2;
-    /// Nothing has been heard of it.
+    /// It has not reported.
     pub const STALE: u8 = 3;
 }
 
-/// `diagnostic_msgs/DiagnosticArray`: what `/diagnostics` carries.
+/// `diagnostic_msgs/DiagnosticArray`: the messages on `/diagnostics`.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct DiagnosticArray {
     /// Time of the report.

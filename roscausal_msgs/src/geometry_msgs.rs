@@ -41,7 +41,7 @@ pub struct Vector3 {
 }
 message!("geometry_msgs" Vector3 uses []);
 
-/// `geometry_msgs/Quaternion`: an orientation; the default is "not turned", as in ROS 2.
+/// `geometry_msgs/Quaternion`: an orientation. The default is no rotation, as in ROS 2.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Quaternion {
     /// First imaginary part.
@@ -62,13 +62,13 @@ impl Default for Quaternion {
 }
 
 impl Quaternion {
-    /// A turn by `yaw` radians about z.
+    /// A rotation by `yaw` radians about z.
     pub fn from_yaw(yaw: f64) -> Self {
         let (sin, cos) = (yaw / 2.0).sin_cos();
         Self { x: 0.0, y: 0.0, z: sin, w: cos }
     }
 
-    /// The turn about z in radians, from -pi to pi; 0 for the invalid quaternion of zeros. The length of the
+    /// The rotation about z in radians, from -pi to pi; 0 for the invalid quaternion of zeros. The length of the
     /// quaternion does not matter.
     pub fn yaw(self) -> f64 {
         let Self { x, y, z, w } = self;
@@ -79,9 +79,9 @@ impl Quaternion {
 /// `geometry_msgs/Pose`: position and orientation.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Pose {
-    /// Where.
+    /// The position.
     pub position: Point,
-    /// Turned how.
+    /// The orientation.
     pub orientation: Quaternion,
 }
 message!("geometry_msgs" Pose uses [Point, Quaternion]);
@@ -155,7 +155,7 @@ pub struct Transform {
 }
 message!("geometry_msgs" Transform uses [Vector3, Quaternion]);
 
-/// `geometry_msgs/TransformStamped`: takes points in `child_frame_id` to `header.frame_id`.
+/// `geometry_msgs/TransformStamped`: transforms points from `child_frame_id` to `header.frame_id`.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct TransformStamped {
     /// Time and parent frame.

@@ -1,15 +1,15 @@
-//! The messages of ROS-Causal and of the nodes' inputs: one Rust type each for both ROS versions.
+//! The messages of ROS-Causal and of its inputs: one Rust type each for both ROS versions.
 //!
-//! A type carries the metadata of both wires ([`Message`]); the bytes are made by serde formats: [`ros1`] and,
-//! for recordings, [`cdr`] (the ROS 2 backend's library has its own CDR). `Header` has no `seq` field here: it
-//! exists only on the ROS 1 wire, and the ROS 1 codec writes and reads it.
+//! A type has the metadata of both wire formats ([`Message`]). Serde formats turn it into bytes: [`ros1`], and
+//! [`cdr`] for recordings (the library of the ROS 2 backend has its own CDR). `Header` has no field `seq` here:
+//! only the ROS 1 wire format has it, and the ROS 1 codec reads and writes it.
 //!
-//! Where the two ROS versions differ in more than that, there are two Rust types, and
-//! [`Definition::wires`] tells which wire each is for.
+//! Types that differ in more than that between the two ROS versions are two Rust types. [`Definition::wires`] tells
+//! which wire format each belongs to.
 
 /// Implements [`Message`] for a struct: `message!("package" Name uses [Nested, ...])`. The text is
-/// `foreign/package/msg/Name.msg`; `own` takes `msg/Name.msg`; `as "path"` another file below `foreign/`; `on`
-/// names the wire when it is only one.
+/// `foreign/package/msg/Name.msg`. With `own` it is `msg/Name.msg`, with `as "path"` another file below `foreign/`.
+/// `on` names the wire format if there is only one.
 macro_rules! message {
     (own $name:ident uses [$($nested:ty),*]) => {
         message!(@ $name, "roscausal_msgs", stringify!($name), concat!("/msg/", stringify!($name), ".msg"), Both, [$($nested),*]);
@@ -83,7 +83,7 @@ pub trait Message:
     /// Type name within the package, such as `Point`.
     const NAME: &'static str;
 
-    /// Text, dependencies and what is derived from them.
+    /// The text, its dependencies, and what is derived from them.
     fn definition() -> &'static Definition;
 
     /// `package/Name`, the ROS 1 spelling.
@@ -96,12 +96,12 @@ pub trait Message:
         format!("{}/msg/{}", Self::PACKAGE, Self::NAME)
     }
 
-    /// The type's md5 on the ROS 1 wire.
+    /// The type's md5 in ROS 1.
     fn ros1_md5() -> &'static str {
         Self::definition().ros1_md5()
     }
 
-    /// The type's full text, with that of all types it uses, as ROS 1 connections and bags carry it.
+    /// The full text of the type, with those of all types it uses, as in ROS 1 connections and bags.
     fn ros1_definition() -> &'static str {
         Self::definition().ros1_definition()
     }

@@ -1,4 +1,4 @@
-//! `move_base_msgs`, which only ROS 1 has.
+//! `move_base_msgs`; only ROS 1 has it.
 
 use serde::{Deserialize, Serialize};
 
@@ -7,7 +7,7 @@ use crate::{actionlib_msgs::GoalID, geometry_msgs::PoseStamped, std_msgs::Header
 /// `move_base_msgs/MoveBaseGoal`.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct MoveBaseGoal {
-    /// Where the robot shall go.
+    /// The pose to drive to.
     pub target_pose: PoseStamped,
 }
 message!("move_base_msgs" MoveBaseGoal on Ros1 uses [PoseStamped]);
@@ -17,7 +17,7 @@ message!("move_base_msgs" MoveBaseGoal on Ros1 uses [PoseStamped]);
 pub struct MoveBaseActionGoal {
     /// Time of sending.
     pub header: Header,
-    /// The goal's name.
+    /// The id of the goal.
     pub goal_id: GoalID,
     /// The goal.
     pub goal: MoveBaseGoal,

@@ -1,4 +1,4 @@
-//! `pedsim_msgs`, of the pedestrian simulator pedsim_ros.
+//! `pedsim_msgs`, from the pedestrian simulator pedsim_ros.
 
 use serde::{Deserialize, Serialize};
 
@@ -28,14 +28,14 @@ pub struct AgentForce {
 }
 message!("pedsim_msgs" AgentForce uses [Vector3]);
 
-/// `pedsim_msgs/AgentState` as pedsim_ros has it.
+/// `pedsim_msgs/AgentState`, as in pedsim_ros.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct AgentState {
     /// Time and frame.
     pub header: Header,
-    /// The agent's number.
+    /// The agent's id.
     pub id: u64,
-    /// 0 and 1 ordinary people, 2 a robot, 3 slow or standing people.
+    /// 0 and 1: ordinary people, 2: a robot, 3: slow or standing people.
     pub r#type: u16,
     /// Such as `individual_moving`.
     pub social_state: String,
@@ -48,7 +48,7 @@ pub struct AgentState {
 }
 message!("pedsim_msgs" AgentState uses [Header, Pose, Twist, AgentForce]);
 
-/// `pedsim_msgs/AgentStates` as pedsim_ros has it.
+/// `pedsim_msgs/AgentStates`, as in pedsim_ros.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct AgentStates {
     /// Time and frame.
@@ -58,14 +58,14 @@ pub struct AgentStates {
 }
 message!("pedsim_msgs" AgentStates uses [Header, AgentState]);
 
-/// `pedsim_msgs/AgentState` as ROS-Causal_HRISim changes it: with a goal, so with another md5.
+/// `pedsim_msgs/AgentState` with a goal, as ROS-Causal_HRISim changed it. Its md5 differs.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct AgentStateWithGoal {
     /// Time and frame.
     pub header: Header,
-    /// The agent's number.
+    /// The agent's id.
     pub id: u64,
-    /// 0 and 1 ordinary people, 2 a robot, 3 slow or standing people.
+    /// 0 and 1: ordinary people, 2: a robot, 3: slow or standing people.
     pub r#type: u16,
     /// Such as `individual_moving`.
     pub social_state: String,
@@ -75,13 +75,13 @@ pub struct AgentStateWithGoal {
     pub twist: Twist,
     /// Forces.
     pub forces: AgentForce,
-    /// Where the agent is going.
+    /// The agent's goal.
     pub goal: Point,
 }
 message!("pedsim_msgs" AgentStateWithGoal as "pedsim_msgs/hrisim/AgentState" "AgentState" on Ros1
     uses [Header, Pose, Twist, AgentForce, Point]);
 
-/// `pedsim_msgs/AgentStates` as ROS-Causal_HRISim changes it.
+/// `pedsim_msgs/AgentStates`, as ROS-Causal_HRISim changed it.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct AgentStatesWithGoal {
     /// Time and frame.
@@ -115,13 +115,13 @@ message!("pedsim_msgs" LineObstacles uses [Header, LineObstacle]);
 /// `pedsim_msgs/TrackedPerson`.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct TrackedPerson {
-    /// The track's number, the same as long as the track lives.
+    /// The id of the track; it stays the same for the life of the track.
     pub track_id: u64,
-    /// The person cannot be seen now.
+    /// Whether the person is currently hidden.
     pub is_occluded: bool,
-    /// A detection belongs to the track now.
+    /// Whether a detection currently belongs to the track.
     pub is_matched: bool,
-    /// That detection's number.
+    /// The id of that detection.
     pub detection_id: u64,
     /// The track's age.
     pub age: Duration,

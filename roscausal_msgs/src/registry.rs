@@ -1,3 +1,5 @@
+//! The registry of message types: for code that learns a type only at run time.
+
 use crate::{
     CausalLink, CausalModel, CausalModelInfo, Definition, HumanState, Humans, Message, RobotState,
     actionlib_msgs as actionlib, diagnostic_msgs as diagnostic, geometry_msgs as geometry,
@@ -6,25 +8,25 @@ use crate::{
     tf2_msgs as tf2, visualization_msgs as visualization,
 };
 
-/// Something to do with a message type that is known only while running; see [`visit`].
+/// An operation on a message type that is known only at run time; see [`visit`].
 pub trait TypeVisitor {
-    /// What comes of it.
+    /// The result of the operation.
     type Output;
 
-    /// Does it with `M`.
+    /// Runs the operation with `M`.
     fn visit<M: Message>(self) -> Self::Output;
 }
 
 macro_rules! registry {
     ($($message:ty),* $(,)?) => {
-        /// All message types of this crate, for backends and recordings. A name occurs twice where the fields
-        /// of the two ROS versions differ ([`Definition::wires`]) and where two md5 of one name are in use
-        /// (pedsim's agents).
+        /// All message types of this crate, for backends and recordings. A name occurs twice if its fields differ
+        /// between the ROS versions ([`Definition::wires`]), or if two md5 sums are in use for it (pedsim's
+        /// agents).
         pub fn types() -> Vec<&'static Definition> {
             vec![$(<$message as Message>::definition()),*]
         }
 
-        /// Calls `visitor` with the type behind a definition; `None` when it is none of this crate's.
+        /// Calls `visitor` with the type of a definition; `None` if this crate does not have it.
         pub fn visit<V: TypeVisitor>(definition: &Definition, visitor: V) -> Option<V::Output> {
             $(if std::ptr::eq(<$message as Message>::definition(), definition) {
                 return Some(visitor.visit::<$message>());

@@ -1,26 +1,26 @@
-//! Messages as ROS 1 sends them and as bags hold them: little endian, no alignment, strings and sequences
-//! after their length, `seq` in every header.
+//! Messages as ROS 1 sends and records them: little endian, no alignment, lengths before strings and sequences,
+//! `seq` in every header.
 
 use crate::{
     Message,
     wire::{Decoder, Encoder, Fault, Layout, WireError},
 };
 
-/// A message's bytes. `seq` goes into its first header, as ROS 1 publishers count; further headers have 0.
+/// The bytes of a message. `seq`, the count of the publisher, goes into its first header; further headers have 0.
 ///
 /// # Errors
-/// When a string or sequence is longer than 2^32 - 1.
+/// If a string or sequence is longer than 2^32 - 1.
 pub fn to_bytes<M: Message>(message: &M, seq: u32) -> Result<Vec<u8>, WireError> {
     let mut encoder = Encoder::new(Layout::ROS1, &[], seq);
     message.serialize(&mut encoder).map_err(Fault::of::<M>)?;
     Ok(encoder.finish())
 }
 
-/// The message in `bytes`, which end with it, and the `seq` of its first header if it has one.
+/// The message in `bytes`, which must end with it, and the `seq` of its first header if it has one.
 ///
 /// # Errors
-/// When the bytes are not exactly one message of this type. No bytes make it panic or allocate much more
-/// than they are long.
+/// If the bytes are not exactly one message of this type. No input causes a panic, or allocates much more than its
+/// own length.
 pub fn from_bytes<M: Message>(bytes: &[u8]) -> Result<(M, Option<u32>), WireError> {
     let mut decoder = Decoder::new(Layout::ROS1, bytes, 0);
     let message = M::deserialize(&mut decoder).map_err(Fault::of::<M>)?;

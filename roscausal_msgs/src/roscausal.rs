@@ -1,4 +1,4 @@
-//! Our own messages; `msg/*.msg` tells the same to users of ROS.
+//! Our own messages. `msg/*.msg` documents them for users of ROS.
 
 use serde::{Deserialize, Serialize};
 
@@ -8,37 +8,37 @@ use crate::{
     std_msgs::{Float32MultiArray, Header, Int32MultiArray},
 };
 
-/// The robot's state at one instant, in the frame that the header names.
+/// The state of the robot at one moment, in the frame that the header names.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct RobotState {
     /// Stamp of the measurement; the frame of `pose2d` and `goal`.
     pub header: Header,
-    /// Position and heading. ROS 1 calls the field `pose2D`, which is no legal name in ROS 2.
+    /// Position and heading. ROS 1 calls the field `pose2D`, which is not a legal name in ROS 2.
     pub pose2d: Pose2D,
     /// Velocity of the base, in its own frame.
     pub twist: Twist,
-    /// Where the robot is going; NaN while it has no goal.
+    /// The robot's goal; NaN while it has none.
     pub goal: Point,
 }
 message!(own RobotState uses [Header, Pose2D, Twist, Point]);
 
-/// One person's state at one instant, in the frame that the header names.
+/// The state of one person at one moment, in the frame that the header names.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct HumanState {
-    /// Stamp of the measurement; the frame of all that follows.
+    /// Stamp of the measurement; the frame of all other fields.
     pub header: Header,
-    /// The tracker's number for this person.
+    /// The tracker's id for this person.
     pub id: u32,
-    /// Position and heading. ROS 1 calls the field `pose2D`, which is no legal name in ROS 2.
+    /// Position and heading. ROS 1 calls the field `pose2D`, which is not a legal name in ROS 2.
     pub pose2d: Pose2D,
     /// Velocity.
     pub twist: Twist,
-    /// Where the person is going; NaN when that is not known.
+    /// The person's goal; NaN if unknown.
     pub goal: Point,
 }
 message!(own HumanState uses [Header, Pose2D, Twist, Point]);
 
-/// All people seen at one instant.
+/// All people seen at one moment.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Humans {
     /// Stamp of the measurement; the frame of every person.
@@ -48,15 +48,15 @@ pub struct Humans {
 }
 message!(own Humans uses [Header, HumanState]);
 
-/// A causal model found in one batch; its arrays are `[lag, effect, cause]` (lag index 0 is
-/// the smallest lag), flattened in row-major order.
+/// A causal model found in one batch. Its arrays are `[lag, effect, cause]` (lag index 0 is the smallest lag),
+/// flattened in row-major order.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct CausalModel {
     /// When the analysis ended; the frame in which the batch was recorded.
     pub header: Header,
     /// The variables, in the order of the axes.
     pub features: Vec<String>,
-    /// 1 where a link was found, else 0.
+    /// 1 where a link was found, otherwise 0.
     pub causal_structure: Int32MultiArray,
     /// Test statistic of each link, 0 where there is none.
     pub val_matrix: Float32MultiArray,
@@ -80,17 +80,17 @@ pub struct CausalLink {
     pub value: f64,
     /// p-value.
     pub p_value: f64,
-    /// Share of resampled batches in which the link was found, 0 to 1; -1 when not computed.
+    /// Fraction of resampled batches in which the link was found, 0 to 1; -1 if not computed.
     pub confidence: f64,
     /// The link in words.
     pub description: String,
 }
 message!(own CausalLink uses []);
 
-/// How a [`CausalModel`] came about; published beside it with an equal header.
+/// How a [`CausalModel`] was found; published beside it with the same header.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct CausalModelInfo {
-    /// As the model's.
+    /// The same as that of the model.
     pub header: Header,
     /// Name of the batch: file name without extension.
     pub batch_id: String,
@@ -98,7 +98,7 @@ pub struct CausalModelInfo {
     pub method: String,
     /// Conditional independence test, such as `gpdc`.
     pub cond_ind_test: String,
-    /// Correction for multiple tests: `none` or `fdr_bh`.
+    /// Correction for multiple testing: `none` or `fdr_bh`.
     pub fdr_method: String,
     /// Significance level of the model's links.
     pub alpha: f64,
@@ -126,9 +126,9 @@ pub struct CausalModelInfo {
     pub candidate_features: Vec<String>,
     /// Links of the model, strongest first.
     pub links: Vec<CausalLink>,
-    /// Links that the model before this one had not, as `cause -> effect (lag n)`.
+    /// Links that the previous model did not have, as `cause -> effect (lag n)`.
     pub links_gained: Vec<String>,
-    /// Links that the model before this one had and this one has not.
+    /// Links that the previous model had and this one does not.
     pub links_lost: Vec<String>,
 }
 message!(own CausalModelInfo uses [Header, CausalLink]);

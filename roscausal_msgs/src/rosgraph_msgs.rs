@@ -7,12 +7,13 @@ use crate::{Time, std_msgs::Header};
 /// `rosgraph_msgs/Clock`: simulated time.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Clock {
-    /// Time of now.
+    /// The current time.
     pub clock: Time,
 }
 message!("rosgraph_msgs" Clock uses []);
 
-/// `rosgraph_msgs/Log`: what ROS 1's `/rosout` carries. ROS 2's is `rcl_interfaces/Log`, with other fields.
+/// `rosgraph_msgs/Log`: the messages on ROS 1's `/rosout`. ROS 2 has `rcl_interfaces/Log` instead, with other
+/// fields.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Log {
     /// Time of the message.
@@ -37,12 +38,12 @@ message!("rosgraph_msgs" Log on Ros1 uses [Header]);
 impl Log {
     /// Detail for developers.
     pub const DEBUG: u8 = 1;
-    /// News.
+    /// Information.
     pub const INFO: u8 = 2;
-    /// Something is not as it should be.
+    /// A warning.
     pub const WARN: u8 = 4;
     /// Something failed.
     pub const ERROR: u8 = 8;
-    /// The node cannot go on.
+    /// The node cannot continue.
     pub const FATAL: u8 = 16;
 }

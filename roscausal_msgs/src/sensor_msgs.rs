@@ -15,7 +15,7 @@ pub struct Image {
     pub width: u32,
     /// Such as `rgb8`.
     pub encoding: String,
-    /// 1 when numbers of more than one byte are big endian.
+    /// 1 if numbers of more than one byte are big endian.
     pub is_bigendian: u8,
     /// Bytes per row.
     pub step: u32,

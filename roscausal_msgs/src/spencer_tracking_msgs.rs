@@ -1,4 +1,4 @@
-//! `spencer_tracking_msgs`, of the SPENCER people tracker.
+//! `spencer_tracking_msgs`, from the SPENCER people tracker.
 
 use serde::{Deserialize, Serialize};
 
@@ -11,13 +11,13 @@ use crate::{
 /// `spencer_tracking_msgs/TrackedPerson`.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct TrackedPerson {
-    /// The track's number, the same as long as the track lives.
+    /// The id of the track; it stays the same for the life of the track.
     pub track_id: u64,
-    /// The person cannot be seen now.
+    /// Whether the person is currently hidden.
     pub is_occluded: bool,
-    /// A detection belongs to the track now.
+    /// Whether a detection currently belongs to the track.
     pub is_matched: bool,
-    /// That detection's number.
+    /// The id of that detection.
     pub detection_id: u64,
     /// The track's age.
     pub age: Duration,

@@ -4,7 +4,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::Time;
 
-/// `std_msgs/Header` without `seq`, which only the ROS 1 wire has.
+/// `std_msgs/Header` without `seq`, which only the ROS 1 wire format has.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Header {
     /// Time of acquisition.
@@ -59,7 +59,7 @@ pub struct MultiArrayDimension {
     pub label: std::string::String,
     /// Its length.
     pub size: u32,
-    /// Elements from here inwards: this size times those of the axes after it.
+    /// Elements in this axis and all inner ones: this size times those of the axes after it.
     pub stride: u32,
 }
 message!("std_msgs" MultiArrayDimension uses []);

@@ -4,7 +4,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::geometry_msgs::TransformStamped;
 
-/// `tf2_msgs/TFMessage`: what `/tf` and `/tf_static` carry.
+/// `tf2_msgs/TFMessage`: the messages on `/tf` and `/tf_static`.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct TFMessage {
     /// The transforms.

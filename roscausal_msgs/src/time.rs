@@ -1,8 +1,10 @@
+//! Times and durations of ROS.
+
 use serde::{Deserialize, Serialize};
 
-/// A ROS time stamp or clock reading: seconds and nanoseconds since the epoch of the clock in use.
+/// A ROS time: seconds and nanoseconds since the epoch of the clock in use.
 ///
-/// Same bytes as ROS 1's `time` and ROS 2's `builtin_interfaces/Time`. Ordered in time.
+/// It has the bytes of ROS 1's `time` and of ROS 2's `builtin_interfaces/Time`. It is ordered by time.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 pub struct Time {
     /// Whole seconds.
@@ -11,9 +13,9 @@ pub struct Time {
     pub nanosec: u32,
 }
 
-/// A length of time on the wire: seconds and nanoseconds, the latter always counted forwards.
+/// A ROS duration: seconds and nanoseconds, where the nanoseconds always count forwards.
 ///
-/// Same bytes as ROS 1's `duration` and ROS 2's `builtin_interfaces/Duration`. Ordered in length.
+/// It has the bytes of ROS 1's `duration` and of ROS 2's `builtin_interfaces/Duration`. It is ordered by length.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 pub struct Duration {
     /// Whole seconds, rounded down.
@@ -43,7 +45,7 @@ impl Time {
     /// Later than any other stamp.
     pub const MAX: Self = Self { sec: i32::MAX, nanosec: 999_999_999 };
 
-    /// A stamp from nanoseconds, saturating at the range of the wire.
+    /// A stamp from nanoseconds, limited to the range of the wire format.
     pub fn from_nanos(nanos: i64) -> Self {
         match i32::try_from(nanos.div_euclid(NANOS)) {
             Ok(sec) => Self { sec, nanosec: nanos.rem_euclid(NANOS) as u32 },
@@ -67,12 +69,12 @@ impl Time {
         f64::from(self.sec) + f64::from(self.nanosec) * 1e-9
     }
 
-    /// This stamp `secs` later (or earlier when negative).
+    /// The stamp `secs` later (earlier if negative).
     pub fn plus_secs(self, secs: f64) -> Self {
         Self::from_nanos(self.as_nanos().saturating_add((secs * 1e9).round() as i64))
     }
 
-    /// Seconds from `earlier` to this stamp; negative when this one is earlier.
+    /// Seconds from `earlier` to this stamp; negative if this one is earlier.
     pub fn secs_since(self, earlier: Self) -> f64 {
         (self.as_nanos() - earlier.as_nanos()) as f64 * 1e-9
     }

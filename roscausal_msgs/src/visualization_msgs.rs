@@ -1,4 +1,5 @@
-//! `visualization_msgs`. ROS 2's `Marker` has textures and embedded meshes that ROS 1's has not: two types.
+//! `visualization_msgs`. ROS 2's `Marker` has textures and embedded meshes, which ROS 1's lacks, so there are two
+//! types.
 
 use serde::{Deserialize, Serialize};
 
@@ -14,9 +15,9 @@ use crate::{
 pub struct Marker {
     /// Time and frame; a zero stamp means "now".
     pub header: Header,
-    /// Namespace of the number.
+    /// Namespace of the id.
     pub ns: String,
-    /// Number within the namespace; the same again replaces.
+    /// Id within the namespace. A marker with the same id replaces the previous one.
     pub id: i32,
     /// Shape: one of the constants.
     pub r#type: i32,
@@ -28,7 +29,7 @@ pub struct Marker {
     pub scale: Vector3,
     /// Colour; opacity 0 is invisible.
     pub color: ColorRGBA,
-    /// How long it is shown; 0 means for ever.
+    /// Whether it moves with its frame.
     pub lifetime: Duration,
     /// Moves with its frame.
     pub frame_locked: bool,
@@ -40,7 +41,7 @@ pub struct Marker {
     pub text: String,
     /// URI of a mesh.
     pub mesh_resource: String,
-    /// Take the colours of the mesh.
+    /// Whether to use the colours of the mesh.
     pub mesh_use_embedded_materials: bool,
 }
 message!("visualization_msgs" Marker on Ros1 uses [Header, Pose, Vector3, ColorRGBA, Point]);
@@ -50,17 +51,17 @@ impl Marker {
     pub const ARROW: i32 = 0;
     /// A box.
     pub const CUBE: i32 = 1;
-    /// A ball.
+    /// A sphere.
     pub const SPHERE: i32 = 2;
     /// A cylinder.
     pub const CYLINDER: i32 = 3;
-    /// Lines from point to point.
+    /// A line through the points.
     pub const LINE_STRIP: i32 = 4;
     /// A line for each pair of points.
     pub const LINE_LIST: i32 = 5;
     /// A box at each point.
     pub const CUBE_LIST: i32 = 6;
-    /// A ball at each point.
+    /// A sphere at each point.
     pub const SPHERE_LIST: i32 = 7;
     /// A dot at each point.
     pub const POINTS: i32 = 8;
@@ -70,11 +71,11 @@ impl Marker {
     pub const MESH_RESOURCE: i32 = 10;
     /// A triangle for each three points.
     pub const TRIANGLE_LIST: i32 = 11;
-    /// Add, or replace the one of the same number.
+    /// Add the marker, or replace the one with the same id.
     pub const ADD: i32 = 0;
-    /// Remove the one of this number.
+    /// Remove the marker with this id.
     pub const DELETE: i32 = 2;
-    /// Remove all.
+    /// Remove all markers.
     pub const DELETEALL: i32 = 3;
 }
 
@@ -86,7 +87,7 @@ pub struct MarkerArray {
 }
 message!("visualization_msgs" MarkerArray on Ros1 uses [Marker]);
 
-/// `visualization_msgs/UVCoordinate` (ROS 2 only): a place in a texture.
+/// `visualization_msgs/UVCoordinate` (ROS 2 only): a position in a texture.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct UVCoordinate {
     /// Along the width, 0 to 1.
@@ -99,7 +100,7 @@ message!("visualization_msgs" UVCoordinate on Ros2 uses []);
 /// `visualization_msgs/MeshFile` (ROS 2 only).
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct MeshFile {
-    /// File name; its extension tells the format.
+    /// File name. Its extension tells the format.
     pub filename: String,
     /// The file's bytes.
     #[serde(with = "serde_bytes")]
@@ -107,14 +108,14 @@ pub struct MeshFile {
 }
 message!("visualization_msgs" MeshFile on Ros2 uses []);
 
-/// `visualization_msgs/Marker` of ROS 2; made from a [`Marker`] with nothing in the fields that ROS 1 has not.
+/// `visualization_msgs/Marker` of ROS 2. Made from a [`Marker`], it leaves the fields that ROS 1 lacks empty.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Ros2Marker {
     /// Time and frame; a zero stamp means "now".
     pub header: Header,
-    /// Namespace of the number.
+    /// Namespace of the id.
     pub ns: String,
-    /// Number within the namespace; the same again replaces.
+    /// Id within the namespace. A marker with the same id replaces the previous one.
     pub id: i32,
     /// Shape: one of the constants.
     pub r#type: i32,
@@ -128,7 +129,7 @@ pub struct Ros2Marker {
     pub color: ColorRGBA,
     /// How long it is shown; 0 means for ever.
     pub lifetime: Duration,
-    /// Moves with its frame.
+    /// Whether it moves with its frame.
     pub frame_locked: bool,
     /// Points of lines and lists.
     pub points: Vec<Point>,
@@ -146,7 +147,7 @@ pub struct Ros2Marker {
     pub mesh_resource: String,
     /// An embedded mesh.
     pub mesh_file: MeshFile,
-    /// Take the colours of the mesh.
+    /// Whether to use the colours of the mesh.
     pub mesh_use_embedded_materials: bool,
 }
 message!("visualization_msgs" Ros2Marker as "visualization_msgs/ros2/Marker" "Marker" on Ros2

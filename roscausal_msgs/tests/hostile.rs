@@ -1,4 +1,5 @@
-//! Hostile bytes for the decoders of both wires: no panic, and no memory for what a length field only claims.
+//! Hostile bytes for the decoders of both wire formats: no panic, and no memory for what a length field merely
+//! claims.
 
 #![allow(clippy::unwrap_used, reason = "a failed unwrap fails the test, in helpers too")]
 
@@ -15,7 +16,7 @@ use roscausal_msgs::*;
 #[global_allocator]
 static ALLOCATOR: Allocator = Allocator;
 
-/// One type: reads the bytes of a message, and makes some.
+/// The codec of one type: reads the bytes of a message, and makes some.
 struct Codec {
     read: fn(&[u8]),
     make: fn(u64) -> Vec<u8>,
@@ -35,7 +36,7 @@ fn cdr_codec<M: Message>(codecs: &mut Vec<Codec>) {
     });
 }
 
-/// The first byte of an input is the type it claims to be.
+/// The first byte of an input selects its type.
 fn run(wire: &str, codecs: &[Codec]) {
     let seeds = codecs
         .iter()
@@ -45,7 +46,7 @@ fn run(wire: &str, codecs: &[Codec]) {
         corpus: format!("{}/tests/corpus/{wire}", env!("CARGO_MANIFEST_DIR")).into(),
         seeds: seeds.collect(),
         tokens: &[b"\xff\xff\xff\xff", b"\x00\x00\x00\x80", b"\x00\x00\x00\x01"],
-        // The largest element in memory for the fewest bytes on the wire: a marker of empty lists.
+        // The worst ratio of memory to bytes on the wire: markers with empty lists.
         bytes_per_byte: 64,
     };
     target.run(|input| {

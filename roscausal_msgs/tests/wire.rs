@@ -1,5 +1,5 @@
-//! The bytes of every message on both wires: equal to those of another implementation, lossless, and safe
-//! against anything that is not a message.
+//! The bytes of every message in both wire formats: equal to those of another implementation, lossless, and safe
+//! against input that is not a message.
 
 #![allow(clippy::unwrap_used, reason = "a failed unwrap fails the test, in helpers too")]
 
@@ -24,7 +24,7 @@ fn round_trips<M: Message>(seed: u64) {
     let (ros1_bytes, cdr_bytes) = (ros1::to_bytes(&message, 77).unwrap(), cdr::to_bytes(&message).unwrap());
     let (from_ros1, seq) = ros1::from_bytes::<M>(&ros1_bytes).unwrap();
     let from_cdr: M = cdr::from_bytes(&cdr_bytes).unwrap();
-    // Compared by their bytes: NaN is not equal to itself.
+    // Compared by bytes, because NaN is not equal to itself.
     for decoded in [&from_ros1, &from_cdr] {
         assert_eq!(ros1::to_bytes(decoded, 77).unwrap(), ros1_bytes, "{}", M::type_name());
         assert_eq!(cdr::to_bytes(decoded).unwrap(), cdr_bytes, "{}", M::type_name());
@@ -34,7 +34,7 @@ fn round_trips<M: Message>(seed: u64) {
     }
 }
 
-/// Every cut, and a changed byte anywhere, gives a message or an error, not a panic.
+/// Cutting the bytes anywhere, or changing any byte, gives a message or an error, never a panic.
 fn survives_damage<M: Message>(seed: u64) {
     let mut random = Random(seed);
     let message: M = random_message(seed);

@@ -1,5 +1,5 @@
-//! Writes the recording of the benchmark in `docs/recordings.md`: odometry and pose at 100 Hz, 20 people at
-//! 25 Hz, with messages of usual size.
+//! Writes the recording for the benchmark in `docs/recordings.md`: odometry and pose at 100 Hz, 20 people at 25 Hz,
+//! with messages of usual size.
 //!
 //! `cargo run --release -p roscausal_recording --example long_recording -- FILE.mcap MINUTES`
 #![allow(clippy::expect_used, reason = "an example")]
@@ -20,7 +20,7 @@ fn header(stamp: Time, frame: &str) -> Header {
     Header { stamp, frame_id: frame.into() }
 }
 
-/// Where the robot (number 0) or a person is after `t` seconds.
+/// Position of the robot (number 0) or a person after `t` seconds.
 fn place(number: u32, t: f64) -> Point {
     let (turn, phase) = (0.1 + 0.013 * f64::from(number), f64::from(number));
     Point { x: 6.0 * (turn * t + phase).cos(), y: 4.0 * (1.3 * turn * t + phase).sin(), z: 0.0 }

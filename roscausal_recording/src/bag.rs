@@ -1,5 +1,5 @@
-//! ROS 1 bags, version 2.0 (wiki.ros.org/Bags/Format/2.0). Read here and not by the crate `rosbag`, which
-//! panics on bags that are cut short or were never closed.
+//! ROS 1 bags, version 2.0 (wiki.ros.org/Bags/Format/2.0). They are read here, because the crate `rosbag` panics on
+//! bags that were cut short or never closed.
 
 use std::{collections::BTreeMap, io::Read, path::Path};
 
@@ -11,7 +11,7 @@ use crate::{
 };
 
 const MAGIC_LENGTH: u64 = "#ROSBAG V2.0\n".len() as u64;
-/// More than any recorder writes into one chunk; what claims more is damaged.
+/// More than any recorder writes into one chunk. A larger claim is damage.
 const LARGEST_CHUNK: u32 = 1 << 30;
 
 /// A record's `op` field.
@@ -38,7 +38,7 @@ impl Bag {
         Ok(bag)
     }
 
-    /// Topics and chunks from the index at the end of a bag that was closed.
+    /// Topics and chunks from the index at the end of a closed bag.
     fn read_index(&mut self) -> Parsed<()> {
         self.0.seek(MAGIC_LENGTH)?;
         let header = self.header()?;
@@ -85,7 +85,7 @@ impl Bag {
         Ok(())
     }
 
-    /// Topics and chunks from the chunks themselves; the fault at which it ended, if any.
+    /// Topics and chunks from the chunks themselves. Returns the fault that ended the scan, if any.
     fn scan(&mut self) -> Option<String> {
         let (mut pieces, mut counts) = (Vec::new(), BTreeMap::new());
         let fault = self.scan_into(&mut pieces, &mut counts).err();
@@ -159,8 +159,8 @@ impl Bag {
         Ok(())
     }
 
-    /// The content of the chunk whose header has been read, and what is wrong with it: a chunk that the file
-    /// or the compression cuts short is given as far as it goes.
+    /// The content of the chunk whose header has been read, and what is wrong with it. A chunk that is cut short by
+    /// the file or the compression is returned as far as it goes.
     fn chunk(&mut self, offset: u64, header: &Fields) -> Parsed<(Vec<u8>, Option<String>)> {
         let length = u64::from(self.length()?);
         let left = self.0.file.left();
@@ -237,7 +237,7 @@ impl Format for Bag {
     }
 }
 
-/// Calls for each whole record in a chunk's content.
+/// Calls `each` for every complete record in the content of a chunk.
 fn records(mut content: &[u8], mut each: impl FnMut(&Fields<&[u8]>, &[u8]) -> Parsed<()>) -> Parsed<()> {
     while !content.is_empty() {
         let header = block(&mut content)?;
@@ -259,7 +259,7 @@ fn u32_le(bytes: &[u8]) -> u32 {
     bytes.iter().rev().fold(0, |value, byte| value << 8 | u32::from(*byte))
 }
 
-/// A record's header: `length name=value` again and again.
+/// The header of a record: repeated `length name=value`.
 struct Fields<B = Vec<u8>>(B);
 
 impl<B: AsRef<[u8]>> Fields<B> {

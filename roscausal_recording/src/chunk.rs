@@ -1,10 +1,10 @@
-//! A chunk of an MCAP file.
+//! The chunks of an MCAP file.
 
 use std::{borrow::Cow, io::Read};
 
 use crate::source::Parsed;
 
-/// More than any recorder writes into one chunk; what claims more is damaged.
+/// More than any recorder writes into one chunk. A larger claim is damage.
 const LARGEST: u64 = 1 << 30;
 
 pub(crate) struct Chunk<'a> {
@@ -16,7 +16,7 @@ pub(crate) struct Chunk<'a> {
 }
 
 impl<'a> Chunk<'a> {
-    /// A chunk record's body; it may be cut short.
+    /// Parses the body of a chunk record, which may be cut short.
     pub(crate) fn parse(body: &'a [u8]) -> Parsed<Self> {
         let mut rest = body;
         let mut number = |size: usize| {
@@ -33,7 +33,7 @@ impl<'a> Chunk<'a> {
         Ok(Self { size, crc, compression, compressed_size, data })
     }
 
-    /// The records. Of a chunk that is not `whole`, those that can be had.
+    /// The records; of a chunk that is not `whole`, those that can be recovered.
     pub(crate) fn content(&self, whole: bool) -> Parsed<Cow<'a, [u8]>> {
         if self.size > LARGEST {
             return Err(format!("it claims a size of {} bytes", self.size));
@@ -72,7 +72,7 @@ impl<'a> Chunk<'a> {
     }
 }
 
-/// Calls for each whole record: opcode and body.
+/// Calls `each` with opcode and body of every complete record.
 pub(crate) fn records(mut content: &[u8], mut each: impl FnMut(u8, &[u8]) -> Parsed<()>) -> Parsed<()> {
     while let Some(([opcode, length @ ..], rest)) = content.split_first_chunk::<9>() {
         let length = usize::try_from(u64::from_le_bytes(*length)).unwrap_or(usize::MAX);

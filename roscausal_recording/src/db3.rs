@@ -1,4 +1,4 @@
-//! ROS 2's SQLite recordings (rosbag2's storage `sqlite3`).
+//! ROS 2's SQLite recordings (storage `sqlite3` of rosbag2).
 
 use std::{
     fs::File,
@@ -17,25 +17,26 @@ use crate::{
 
 /// Messages read at a time.
 const PAGE: usize = 256;
-/// A file that says it was so many times larger is not read: its other parts would be made up on disk.
+/// A file whose header claims this many times its size is not read: the missing parts would have to be filled in on
+/// disk.
 const MOST_MISSING: u64 = 16;
-/// No row may claim to be longer than the file and this.
+/// A row may claim at most the length of the file plus this.
 const LONGEST_BESIDE_THE_FILE: u64 = 1 << 16;
 
 pub(crate) struct Db3 {
     path: PathBuf,
     database: Connection,
     topics: Vec<Topic>,
-    /// The database's number of a topic -> index of the topic.
+    /// The database's id of a topic -> index of the topic.
     numbers: Vec<(i64, usize)>,
-    /// Recording time and row of each message, in that order.
+    /// Recording time and row of each message, in order.
     order: Vec<(i64, i64)>,
     next: usize,
     twin: Option<Twin>,
 }
 
-/// A copy of a file that is cut short, in which the missing bytes are ones. SQLite takes them for zeros in the
-/// file itself: what is the same in both is whole.
+/// A copy of a file that was cut short, in which the missing bytes are ones. In the file itself SQLite takes them
+/// for zeros. What is the same in both is intact.
 struct Twin {
     database: Connection,
     _file: tempfile::NamedTempFile,
@@ -85,7 +86,7 @@ impl Db3 {
     }
 
     fn read_topics(&mut self) -> rusqlite::Result<()> {
-        // Later versions of the format have more columns; missing ones are no fault.
+        // Later versions of the format have more columns. A missing column is not a fault.
         let columns = self.columns("topics")?;
         let profiles = if columns.iter().any(|column| column == "offered_qos_profiles") {
             "offered_qos_profiles"
@@ -117,7 +118,7 @@ impl Db3 {
         Ok(())
     }
 
-    /// The types' texts, which ROS 2 keeps since Iron.
+    /// The texts of the types, which ROS 2 stores since Iron.
     fn read_definitions(&mut self) {
         let Ok(mut statement) =
             self.database.prepare("SELECT topic_type, encoded_message_definition FROM message_definitions")
@@ -155,14 +156,14 @@ impl Db3 {
     }
 }
 
-/// How much shorter the file is than its header says; SQLite itself may not notice.
+/// How much shorter the file is than its header says. SQLite itself may not notice.
 fn missing_bytes(path: &Path) -> std::io::Result<Option<u64>> {
     let mut file = File::open(path)?;
     let mut header = [0; 100];
     file.read_exact(&mut header)?;
     let number =
         |at: usize| header[at..at + 4].iter().fold(0u64, |value, byte| value << 8 | u64::from(*byte));
-    // Writers from before 2010 leave the number of pages alone; then the two counters differ.
+    // Writers from before 2010 do not update the number of pages. Then the two counters differ.
     if number(24) != number(92) {
         return Ok(None);
     }
@@ -180,21 +181,21 @@ fn missing_bytes(path: &Path) -> std::io::Result<Option<u64>> {
     Ok(Some(missing).filter(|missing| *missing > 0))
 }
 
-/// Opens for reading. A database that was never closed has its last changes in a file beside it, which only
-/// a connection that may write can take in; where that is not possible they are left aside.
+/// Opens for reading. A database that was never closed has its last changes in a file beside it. Only a connection
+/// that may write can include them; otherwise they are ignored.
 fn connect(path: &Path, cut: bool) -> rusqlite::Result<Connection> {
     let read_only = OpenFlags::SQLITE_OPEN_READ_ONLY | OpenFlags::SQLITE_OPEN_NO_MUTEX;
     let probe =
         |database: &Connection| database.query_row("SELECT count(*) FROM sqlite_schema", [], |_| Ok(()));
     let database = Connection::open_with_flags(path, read_only)?;
     if cut {
-        // SQLite refuses a file that is shorter than its header says, but for repairs.
+        // SQLite refuses a file that is shorter than its header says, unless it is opened for repair.
         database.pragma_update(None, "writable_schema", true)?;
     }
     if probe(&database).is_ok() {
         return guarded(database, path);
     }
-    // Characters with a meaning in a URI.
+    // Characters that have a meaning in a URI.
     let name = path.to_string_lossy().replace('%', "%25").replace('?', "%3f").replace('#', "%23");
     let uri = format!("file:{name}?immutable=1");
     let database = Connection::open_with_flags(uri, read_only | OpenFlags::SQLITE_OPEN_URI)?;
@@ -202,7 +203,7 @@ fn connect(path: &Path, cut: bool) -> rusqlite::Result<Connection> {
     guarded(database, path)
 }
 
-/// A recording holds tables with rows in them. A view or a computed column may be endless or as large as it likes.
+/// A recording holds tables with rows. A view or a computed column could be endless, or arbitrarily large.
 fn guarded(database: Connection, path: &Path) -> rusqlite::Result<Connection> {
     let length = std::fs::metadata(path).map_or(u64::MAX, |file| file.len());
     let longest = i32::try_from(length.saturating_add(LONGEST_BESIDE_THE_FILE)).unwrap_or(i32::MAX);
@@ -233,7 +234,7 @@ impl Source for Db3 {
         let page = &self.order[self.next..end];
         self.next = end;
         let fail = |error: rusqlite::Error| format!("{}: {error}", self.path.display());
-        // One transaction for all of them: the file is locked once, not for each.
+        // One transaction for all of them, so the file is locked once and not for each.
         let _reading = self.database.unchecked_transaction().map_err(fail)?;
         let message = "SELECT topic_id, data FROM messages WHERE id = ?";
         let mut message = self.database.prepare(message).map_err(fail)?;
@@ -247,7 +248,7 @@ impl Source for Db3 {
                 let found = rows.next()?.ok_or(rusqlite::Error::QueryReturnedNoRows)?;
                 let number: i64 = found.get(0)?;
                 let index = self.numbers.iter().find(|(known, _)| *known == number).map(|(_, index)| *index);
-                // SQLite only fetches the bytes that are asked for.
+                // SQLite fetches only the bytes that are requested.
                 let Some(index) = index.filter(|index| wanted.get(*index) == Some(&true)) else {
                     return Ok(None);
                 };

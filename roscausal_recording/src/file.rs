@@ -1,10 +1,12 @@
+//! Reading a file at any position, without trusting any length in it.
+
 use std::{
     fs::File,
     io::{self, BufReader, Read, Seek, SeekFrom},
     path::Path,
 };
 
-/// A file that is read at any place, never past its end.
+/// A file that is read at any position, never past its end.
 pub(crate) struct Bytes {
     file: BufReader<File>,
     length: u64,
@@ -40,7 +42,7 @@ impl Bytes {
         Ok(())
     }
 
-    /// The next `count` bytes; nothing is allocated for more than the file has.
+    /// The next `count` bytes. Never allocates more than the file has.
     pub(crate) fn take(&mut self, count: u64) -> io::Result<Vec<u8>> {
         if count > self.left() {
             return Err(io::Error::new(io::ErrorKind::UnexpectedEof, "the file ends here"));

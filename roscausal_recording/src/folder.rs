@@ -1,3 +1,5 @@
+//! A folder of recordings, read as one recording.
+
 use std::path::{Path, PathBuf};
 
 use roscausal_core::{Error, Result, Time};
@@ -8,7 +10,7 @@ use crate::{
     topic::{Record, Topic, add_topic},
 };
 
-/// The recordings in a folder as one.
+/// The recordings in a folder, as one.
 pub(crate) struct Folder {
     files: Vec<File>,
     topics: Vec<Topic>,
@@ -16,7 +18,7 @@ pub(crate) struct Folder {
 
 struct File {
     source: Box<dyn Source>,
-    /// Index among the folder's topics of each of the file's.
+    /// For each topic of the file, its index among the folder's topics.
     topics: Vec<usize>,
 }
 

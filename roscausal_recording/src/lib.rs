@@ -1,12 +1,11 @@
-//! Recordings in and out.
+//! Reading and writing recordings.
 //!
-//! [`Recording`] reads what others recorded: ROS 1 bags, MCAP files (of either ROS version), ROS 2's `.db3`
-//! files, and folders of them. Its messages come in the order of their recording times, with their bytes;
-//! [`Topic::decode`] makes messages of them. What is damaged or cut short is used as far as it is whole;
-//! [`Recording::losses`] says what was lost.
+//! [`Recording`] reads ROS 1 bags, MCAP files (of either ROS version), ROS 2's `.db3` files, and folders of them.
+//! It returns messages as bytes, in the order of their recording times; [`Topic::decode`] decodes them. Damaged or
+//! truncated files are used as far as they are intact, and [`Recording::losses`] says what was lost.
 //!
-//! [`McapWriter`] writes what `ros2 bag` and Foxglove open. [`Player`] and [`Recorder`] connect either to a
-//! [`roscausal_core::middleware::Middleware`].
+//! [`McapWriter`] writes files that `ros2 bag` and Foxglove open. [`Player`] and [`Recorder`] connect reading and
+//! writing to a [`roscausal_core::middleware::Middleware`].
 
 mod bag;
 mod chunk;

@@ -1,5 +1,5 @@
-//! MCAP files (mcap.dev/spec), of either ROS version. Records are parsed by the crate `mcap`; they are found and chunks
-//! unpacked here, so that damaged ones can be used as far as they are whole and no length is trusted.
+//! MCAP files (mcap.dev/spec) of either ROS version. The crate `mcap` parses records. Finding records and unpacking
+//! chunks is done here, so that damaged files are used as far as they are intact and no length is trusted.
 
 use std::{collections::HashMap, path::Path};
 
@@ -13,13 +13,13 @@ use crate::{
     topic::{Encoding, Record, Topic, type_name},
 };
 
-/// Messages outside of chunks are read in pieces of about this size.
+/// Messages outside chunks are read in pieces of about this size.
 const PLAIN_PIECE: u64 = 1 << 20;
-/// Before a record: its opcode and its length.
+/// Length of opcode and length before a record.
 const RECORD_HEADER: u64 = 9;
-/// The footer with its header.
+/// Length of the footer with its header.
 const FOOTER: u64 = RECORD_HEADER + 8 + 8 + 4;
-/// A message record before its bytes: channel, sequence, log time, publish time.
+/// Length of a message record before its bytes: channel, sequence, log time, publish time.
 const MESSAGE_HEADER: usize = 2 + 4 + 8 + 8;
 
 pub(crate) struct McapFile {
@@ -36,7 +36,7 @@ impl McapFile {
                 this.use_summary(summary);
                 return Ok(this);
             }
-            // Closed as it should be, but without an index.
+            // Properly closed, but without an index.
             Ok(_) => None,
             Err(reason) => Some(reason),
         };
@@ -52,7 +52,7 @@ impl McapFile {
         Ok(this)
     }
 
-    /// The records of the summary, which lies before the footer at the end; `None`: there is none.
+    /// The records of the summary, which lies before the footer at the end; `None` if there is no summary.
     fn summary(&mut self) -> Parsed<Option<Summary>> {
         let footer = self.contents.file.length().checked_sub(FOOTER + mcap::MAGIC.len() as u64);
         let footer = footer.ok_or("it has no end record")?;
@@ -69,7 +69,7 @@ impl McapFile {
         if place.summary_start == 0 {
             return Ok(None);
         }
-        // The checksum is of everything from the summary to itself.
+        // The checksum covers everything from the summary up to itself.
         let checked = (footer + FOOTER - 4).checked_sub(place.summary_start);
         let end = if place.summary_offset_start == 0 { footer } else { place.summary_offset_start };
         let length = end.checked_sub(place.summary_start).filter(|_| end <= footer);
@@ -108,7 +108,7 @@ impl McapFile {
         self.contents.pieces = Pieces::new(summary.chunks.iter().map(piece).collect());
     }
 
-    /// Finds topics and pieces by reading all.
+    /// Finds topics and pieces by reading the whole file.
     ///
     /// # Errors
     /// Where and why it ended early.
@@ -169,7 +169,7 @@ impl McapFile {
         damaged.map_or(Ok(()), Err)
     }
 
-    /// Notes one message of a scan.
+    /// Counts one message of a scan.
     fn count(&mut self, body: &[u8], span: &mut Span) -> Parsed<()> {
         let (channel, stamp, _) = message(body)?;
         span.add(stamp);
@@ -180,7 +180,7 @@ impl McapFile {
         Ok(())
     }
 
-    /// Takes note of a schema or a channel.
+    /// Stores a schema or a channel.
     fn define(&mut self, opcode: u8, body: &[u8]) -> Parsed<()> {
         if !matches!(opcode, op::SCHEMA | op::CHANNEL) {
             return Ok(());
@@ -221,7 +221,7 @@ impl McapFile {
         self.contents.add(channel.id.into(), topic);
     }
 
-    /// Calls for each record in a chunk; of one that the file cuts short, as far as it goes.
+    /// Calls `each` for every record in a chunk. Of a chunk that is cut short, the records up to there.
     fn unpack(
         &mut self,
         body: &[u8],
@@ -241,7 +241,7 @@ impl McapFile {
         Ok((opcode, u64::from_le_bytes(length)))
     }
 
-    /// What the file has of the next `length` bytes.
+    /// The next `length` bytes, as far as the file has them.
     fn body(&mut self, length: u64) -> Parsed<Vec<u8>> {
         self.contents.file.take(length.min(self.contents.file.left())).map_err(|error| error.to_string())
     }
@@ -276,7 +276,7 @@ impl Format for McapFile {
     }
 }
 
-/// Messages outside of chunks, one after the other.
+/// Messages outside chunks, one after the other.
 #[derive(Default)]
 struct Plain {
     offset: u64,
@@ -298,7 +298,7 @@ impl Plain {
     }
 }
 
-/// What the summary says, as far as it is needed.
+/// The parts of the summary that are needed.
 #[derive(Default)]
 struct Summary {
     /// Name, text and number.
@@ -326,7 +326,7 @@ impl Summary {
     }
 }
 
-/// True when the summary leads to every message.
+/// Whether the summary leads to every message.
 fn is_complete(summary: &Summary, length: u64) -> bool {
     let within = |index: &ChunkIndex| {
         index.chunk_start_offset.checked_add(index.chunk_length).is_some_and(|end| end <= length)
@@ -351,7 +351,7 @@ fn time(nanos: u64) -> Time {
     Time::from_nanos(i64::try_from(nanos).unwrap_or(i64::MAX))
 }
 
-/// Durability in the YAML that ROS 2 keeps with a topic.
+/// Whether the YAML that ROS 2 stores with a topic says transient local.
 pub(crate) fn is_transient_local(profiles: &str) -> bool {
     profiles.lines().any(|line| {
         let value = line.trim().trim_start_matches("- ").strip_prefix("durability:").map(str::trim);

@@ -1,5 +1,5 @@
-//! Records of an MCAP file. The crate `mcap` makes room for what the lengths in a record claim before it looks whether
-//! the record has it: so the lengths are looked at here first.
+//! Records of an MCAP file. The crate `mcap` allocates what the lengths in a record claim before it checks that the
+//! record is that long. So the lengths are checked here first.
 
 use mcap::{
     read::parse_record,
@@ -8,14 +8,14 @@ use mcap::{
 
 use crate::source::Parsed;
 
-/// What a record is made of, as far as lengths go.
+/// A part of a record, as far as lengths are concerned.
 #[derive(Clone, Copy)]
 enum Part {
-    /// So many bytes.
+    /// A fixed number of bytes.
     Bytes(usize),
-    /// A length of four bytes, and so many bytes: a string, an array, a map of numbers.
+    /// A length of four bytes, followed by that many bytes: a string, an array, a map of numbers.
     Sized,
-    /// A length of four bytes, and a map of strings in so many bytes.
+    /// A length of four bytes, followed by a map of strings in that many bytes.
     Strings,
 }
 
@@ -31,10 +31,10 @@ fn parts(opcode: u8) -> &'static [Part] {
     }
 }
 
-/// A record.
+/// Parses a record.
 ///
 /// # Errors
-/// Why it is none.
+/// Why it is not a record.
 pub(crate) fn parse(opcode: u8, body: &[u8]) -> Parsed<Record<'_>> {
     if !lengths_hold(parts(opcode), body) {
         return Err("a record claims to be longer than it is".into());
@@ -60,7 +60,7 @@ fn lengths_hold(parts: &[Part], mut rest: &[u8]) -> bool {
     })
 }
 
-/// Takes what its length says.
+/// Takes as many bytes as its length says.
 fn sized<'a>(rest: &mut &'a [u8]) -> Option<&'a [u8]> {
     let (length, left) = rest.split_first_chunk()?;
     let (bytes, left) = left.split_at_checked(u32::from_le_bytes(*length) as usize)?;

@@ -1,3 +1,5 @@
+//! Playing a recording: into a closure, or onto a middleware.
+
 use roscausal_core::{
     Error, Message, Result,
     middleware::{Middleware, Publish, Qos},
@@ -6,11 +8,11 @@ use roscausal_msgs::{TypeVisitor, visit};
 
 use crate::{Record, Recording, Topic};
 
-/// Gives every message of the topics selected to `sink`, in the order of the recording times, until it says
-/// `false`; the number of messages given.
+/// Passes every message of the selected topics to `sink`, in the order of the recording times, until `sink` returns
+/// `false`. Returns the number of messages passed.
 ///
 /// # Errors
-/// The first of `sink`.
+/// The first error of `sink`.
 pub fn replay(
     recording: &mut Recording,
     mut sink: impl FnMut(&Topic, &Record) -> Result<bool>,
@@ -25,7 +27,7 @@ pub fn replay(
     Ok(count)
 }
 
-/// Publishes the messages of a recording on a middleware, typed, under their own names.
+/// Publishes the messages of a recording on a middleware, under their own types and names.
 pub struct Player {
     publish: Vec<Option<Box<PublishBytes>>>,
     skipped: Vec<String>,
@@ -33,11 +35,11 @@ pub struct Player {
 
 type PublishBytes = dyn FnMut(&Topic, &[u8]) -> Result<()> + Send;
 
-/// How many messages of a topic may wait.
+/// Messages of a topic that may wait.
 const QUEUE: usize = 100;
 
 impl Player {
-    /// Advertises the topics that `wanted` says yes to and whose types are known.
+    /// Advertises the topics for which `wanted` returns true and whose types are known.
     ///
     /// # Errors
     /// A topic that the middleware refuses.
@@ -63,12 +65,12 @@ impl Player {
         Ok(Self { publish, skipped })
     }
 
-    /// Topics that were wanted and are not played, because their types are unknown.
+    /// Topics that were wanted but are not played, because their types are unknown.
     pub fn skipped(&self) -> &[String] {
         &self.skipped
     }
 
-    /// Publishes one message; nothing when its topic is not played.
+    /// Publishes one message, unless its topic is not played.
     ///
     /// # Errors
     /// Bytes that are not a message of the topic's type, or a middleware that refuses it.

@@ -1,10 +1,13 @@
+//! Recording what is published on a middleware.
+
 use std::{
     collections::BTreeMap,
-    sync::{Arc, Mutex, PoisonError},
+    sync::{Arc, Mutex},
 };
 
 use roscausal_core::{
     Error, Message, Result,
+    gate::lock,
     middleware::{Middleware, Qos},
 };
 use roscausal_msgs::{
@@ -14,8 +17,8 @@ use roscausal_msgs::{
 
 use crate::McapWriter;
 
-/// Writes what is published on a middleware into an MCAP file, each message at the time of the middleware's
-/// clock when it arrived.
+/// Writes what is published on a middleware into an MCAP file. Each message is recorded at the time on the
+/// middleware's clock when it arrived.
 pub struct Recorder<M: Middleware> {
     mw: M,
     written: Arc<Mutex<Written>>,
@@ -24,22 +27,22 @@ pub struct Recorder<M: Middleware> {
 
 struct Written {
     writer: Option<McapWriter>,
-    /// The first; nothing is written after it.
+    /// The first error. Nothing is written after it.
     error: Option<Error>,
 }
 
-/// How many messages of a topic may wait.
+/// Messages of a topic that may wait.
 const QUEUE: usize = 1000;
 
 impl<M: Middleware> Recorder<M> {
-    /// A recorder that listens to nothing yet.
+    /// A recorder without any subscription.
     pub fn new(mw: &M, writer: McapWriter) -> Self {
         let written = Arc::new(Mutex::new(Written { writer: Some(writer), error: None }));
         Self { mw: mw.clone(), written, subscriptions: BTreeMap::new() }
     }
 
-    /// Subscribes to every topic published now that it does not record yet; to be called again as topics
-    /// appear. Those of unknown types are left out, with a warning each.
+    /// Subscribes to every topic that is published now and not recorded yet. Call it again as topics appear. A
+    /// topic of unknown type is left out with a warning.
     ///
     /// # Errors
     /// A topic that the middleware refuses.
@@ -61,24 +64,24 @@ impl<M: Middleware> Recorder<M> {
         Ok(())
     }
 
-    /// Records a topic, latched messages too, that need not be published yet.
+    /// Records a topic, including latched messages. It need not be published yet.
     ///
     /// # Errors
-    /// A topic that the middleware refuses, or a type that is none of `roscausal_msgs`.
+    /// A topic that the middleware refuses, or a type that `roscausal_msgs` does not have.
     pub fn record(&mut self, topic: &str, definition: &'static Definition) -> Result<()> {
         let subscription = self.subscribe(topic, definition)?;
         self.subscriptions.insert((topic.to_owned(), definition.type_name()), Some(subscription));
         Ok(())
     }
 
-    /// Ends the recording; the number of messages in it.
+    /// Ends the recording. Returns the number of messages in it.
     ///
     /// # Errors
-    /// The first error of writing: then the recording ends there.
+    /// The first error of writing, at which the recording ended.
     pub fn finish(self) -> Result<u64> {
         drop(self.subscriptions);
         let (writer, error) = {
-            let mut written = self.written.lock().unwrap_or_else(PoisonError::into_inner);
+            let mut written = lock(&self.written);
             (written.writer.take(), written.error.take())
         };
         if let Some(error) = error {
@@ -95,7 +98,7 @@ impl<M: Middleware> Recorder<M> {
             topic: topic.to_owned(),
             reason: format!("its type {} is unknown", definition.type_name()),
         };
-        // ROS 2's markers have more fields, and the file is ROS 2's.
+        // ROS 2's markers have more fields, and the file has ROS 2's types.
         if std::ptr::eq(definition, Marker::definition()) {
             return listen.to::<Marker, Ros2Marker>();
         }
@@ -116,13 +119,13 @@ impl<M: Middleware> Listen<'_, M> {
     /// Subscribes to `T` and writes it as `W`.
     fn to<T: Message, W: Message + From<T>>(self) -> Result<M::Subscription> {
         let (clock, topic, written) = (self.mw.clone(), self.topic.to_owned(), self.written.clone());
-        // A latched subscription of ROS 2 hears volatile publishers not at all; those that are latched are few
+        // In ROS 2 a latched subscription receives nothing from a volatile publisher. The latched topics are few
         // and known by name.
         let latched = LATCHED.contains(&self.topic.rsplit('/').next().unwrap_or_default());
         let qos = if latched { Qos::Latched } else { Qos::Volatile(QUEUE) };
         self.mw.subscribe(self.topic, qos, move |message: T| {
             let now = clock.now();
-            let mut written = written.lock().unwrap_or_else(PoisonError::into_inner);
+            let mut written = lock(&written);
             let Some(writer) = &mut written.writer else { return };
             if let Err(error) = writer.write(&topic, now, &W::from(message)) {
                 tracing::error!("recording ends: {error}");

@@ -1,3 +1,5 @@
+//! A recording of any format, as an iterator over its messages.
+
 use std::{
     cmp::Reverse,
     collections::BinaryHeap,
@@ -17,14 +19,14 @@ use crate::{
     topic::{Record, Topic},
 };
 
-/// A recording that is read from its first message to its last, as an iterator over [`Record`]s in the order
-/// of their recording times (of equal times, in the order of the file). Memory holds one piece of the file
-/// (about 1 MB) and what overlaps it in time.
+/// A recording, read from its first message to its last: an iterator over [`Record`]s in the order of their
+/// recording times (with equal times, in the order of the file). Memory holds one piece of the file (about 1 MB)
+/// and the pieces that overlap it in time.
 pub struct Recording {
     path: PathBuf,
     source: Box<dyn Source>,
     wanted: Vec<bool>,
-    /// What is read and not given out yet, earliest first.
+    /// Messages that were read but not returned yet, earliest first.
     waiting: BinaryHeap<Reverse<Waiting>>,
     count: u64,
     losses: Vec<String>,
@@ -55,7 +57,7 @@ impl Ord for Waiting {
     }
 }
 
-/// Opens one file by what it contains, whatever its name.
+/// Opens one file according to its contents, whatever its name.
 pub(crate) fn open_file(path: &Path, losses: &mut Vec<String>) -> Result<Box<dyn Source>> {
     let mut magic = Vec::new();
     let read = File::open(path).and_then(|file| file.take(16).read_to_end(&mut magic));
@@ -76,11 +78,11 @@ pub(crate) fn open_file(path: &Path, losses: &mut Vec<String>) -> Result<Box<dyn
 }
 
 impl Recording {
-    /// Opens a recording: a file, or a folder of them (as `ros2 bag record` makes it; `metadata.yaml` is not
+    /// Opens a recording: a file, or a folder of files as `ros2 bag record` makes it (`metadata.yaml` is not
     /// needed).
     ///
     /// # Errors
-    /// A file that cannot be read or is no recording at all. A damaged one opens; see [`Recording::losses`].
+    /// A file that cannot be read, or is not a recording. A damaged recording opens; see [`Recording::losses`].
     pub fn open(path: impl AsRef<Path>) -> Result<Self> {
         let path = path.as_ref();
         let mut losses = Vec::new();
@@ -93,15 +95,15 @@ impl Recording {
         Ok(Self { path: path.to_owned(), source, wanted, waiting: BinaryHeap::new(), count: 0, losses })
     }
 
-    /// The topics, in the order in which the recording names them.
+    /// The topics, in the order of the recording.
     pub fn topics(&self) -> &[Topic] {
         self.source.topics()
     }
 
-    /// The one topic of this name and, where `type_name` is given, of this type (`package/Name`).
+    /// The topic with this name and, if `type_name` is given, this type (`package/Name`).
     ///
     /// # Errors
-    /// No such topic: what there is, those of the type first.
+    /// No such topic. The message lists the topics, those of the type first.
     pub fn topic(&self, name: &str, type_name: Option<&str>) -> Result<usize> {
         let fits = |topic: &&Topic| type_name.is_none_or(|wanted| wanted == topic.type_name);
         let named = |topic: &&Topic| topic.name.trim_start_matches('/') == name.trim_start_matches('/');
@@ -120,22 +122,22 @@ impl Recording {
         Err(Error::file(&self.path, format!("no topic {name}{wanted}; topics{of_type} in it: {there}")))
     }
 
-    /// Gives out only topics that `wanted` says yes to; others are not even copied.
+    /// Returns only topics for which `wanted` returns true. Others are not even copied.
     pub fn select(&mut self, wanted: impl Fn(&Topic) -> bool) {
         self.wanted = self.source.topics().iter().map(wanted).collect();
     }
 
-    /// Recording times of the first and the last message, when the file tells; `None` for an empty one.
+    /// Recording times of the first and the last message, if the file tells; `None` for an empty file.
     pub fn span(&self) -> Option<(Time, Time)> {
         self.source.span()
     }
 
-    /// How much has been read, from 0 to 1.
+    /// The fraction that has been read, from 0 to 1.
     pub fn progress(&self) -> f64 {
         self.source.progress()
     }
 
-    /// What could not be read so far, one sentence each; complete after the last message.
+    /// What could not be read so far, one sentence each. Complete after the last message.
     pub fn losses(&self) -> &[String] {
         &self.losses
     }

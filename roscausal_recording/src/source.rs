@@ -1,3 +1,5 @@
+//! A file that is read piece by piece, and what the formats share.
+
 use std::{
     collections::HashMap,
     path::{Path, PathBuf},
@@ -10,37 +12,37 @@ use crate::{
     topic::{Record, Topic, add_topic},
 };
 
-/// A fault and its place, before the file's name is put to it.
+/// A fault and its position; the name of the file is added later.
 pub(crate) type Parsed<T> = std::result::Result<T, String>;
 
 /// A file that is read piece by piece.
 pub(crate) trait Source: Send {
     fn topics(&self) -> &[Topic];
 
-    /// Nothing that is still to come is earlier; `None` at the end.
+    /// A lower bound for the times of all messages still to come; `None` at the end.
     fn next_start(&self) -> Option<Time>;
 
-    /// Reads the next piece: its messages of the topics wanted, in any order.
+    /// Reads the next piece: its messages of the wanted topics, in any order.
     ///
     /// # Errors
-    /// What was lost and where, in one sentence; what is whole is in `out` all the same.
+    /// What was lost and where, in one sentence. Whatever is intact is in `out` nevertheless.
     fn load(&mut self, wanted: &[bool], out: &mut Vec<Record>) -> Parsed<()>;
 
-    /// Time of the first and of the last message, when known without reading all.
+    /// Times of the first and the last message, if known without reading everything.
     fn span(&self) -> Option<(Time, Time)>;
 
-    /// How much has been read, from 0 to 1.
+    /// The fraction that has been read, from 0 to 1.
     fn progress(&self) -> f64;
 }
 
-/// A piece of a file: where it is, and when its messages were recorded.
+/// A piece of a file: its position, and the recording times of its messages.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Piece {
     pub(crate) offset: u64,
     pub(crate) length: u64,
     pub(crate) start: Time,
     pub(crate) end: Time,
-    /// What of it the file still has.
+    /// Whether the file ends within the piece.
     pub(crate) cut: bool,
 }
 
@@ -77,18 +79,18 @@ impl Pieces {
     }
 }
 
-/// A file that consists of pieces, and what is known of it.
+/// A file that consists of pieces, and its topics.
 pub(crate) struct Contents {
     pub(crate) path: PathBuf,
     pub(crate) file: Bytes,
     pub(crate) topics: Vec<Topic>,
-    /// The file's number of a connection or channel -> index of its topic.
+    /// The file's id of a connection or channel -> index of its topic.
     pub(crate) numbers: HashMap<u32, usize>,
     pub(crate) pieces: Pieces,
 }
 
 impl Contents {
-    /// A file of which nothing is known yet.
+    /// A file before anything is known about it.
     pub(crate) fn open(path: &Path) -> Result<Self> {
         let file = Bytes::open(path).map_err(|error| Error::file(path, error))?;
         let (topics, numbers, pieces) = (Vec::new(), HashMap::new(), Pieces::default());
@@ -99,7 +101,7 @@ impl Contents {
         self.numbers.insert(number, add_topic(&mut self.topics, topic));
     }
 
-    /// Takes a message of the topic with this number in the file, if it is wanted.
+    /// Adds a message of the topic with this id in the file, if the topic is wanted.
     pub(crate) fn take(
         &self,
         (number, stamp, bytes): (u32, Time, &[u8]),
@@ -139,7 +141,7 @@ impl<F: Format> Source for F {
 
     fn load(&mut self, wanted: &[bool], out: &mut Vec<Record>) -> Parsed<()> {
         let Some(piece) = self.contents_mut().pieces.take() else { return Ok(()) };
-        // That a piece is cut has been said at the start.
+        // The start of the recording has already reported that the piece is cut.
         self.read(piece, wanted, out).or_else(|reason| {
             let (path, offset) = (self.contents().path.display(), piece.offset);
             let fault =
@@ -157,7 +159,7 @@ impl<F: Format> Source for F {
     }
 }
 
-/// First and last of some stamps.
+/// First and last of a set of stamps.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Span(pub(crate) Option<(Time, Time)>);
 

@@ -1,34 +1,36 @@
+//! Topics and messages of a recording.
+
 use roscausal_core::{Error, Message, Result, Time};
 use roscausal_msgs::{Definition, Wires, cdr, ros1, types};
 
-/// How a topic's messages are written.
+/// How the messages of a topic are encoded.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Encoding {
     /// As ROS 1 sends them.
     Ros1,
     /// As ROS 2 sends them.
     Cdr,
-    /// Something else, such as `json`; its messages are read but not decoded.
+    /// Another encoding, such as `json`. Its messages are read but not decoded.
     Other(String),
 }
 
-/// A topic of a recording. Publishers of one topic and type are one topic; a topic recorded with two types
-/// is two.
+/// A topic of a recording. All publishers of one name and type are one topic. A name that was recorded with two
+/// types is two topics.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Topic {
     /// Its name, such as `/odom`.
     pub name: String,
     /// Its type as `package/Name`.
     pub type_name: String,
-    /// How its messages are written.
+    /// How its messages are encoded.
     pub encoding: Encoding,
-    /// md5 of the type, where the recording says so (ROS 1).
+    /// md5 of the type, if the recording has it (ROS 1).
     pub md5: Option<String>,
-    /// Full text of the type as recorded; empty when the recording has none.
+    /// Full text of the type as recorded; empty if the recording has none.
     pub definition: String,
-    /// The last message was kept for late joiners (latched, transient local).
+    /// Whether the last message was kept for late joiners (latched, transient local).
     pub latched: bool,
-    /// Its messages, where the recording says how many.
+    /// Number of its messages, if the recording has it.
     pub messages: Option<u64>,
 }
 
@@ -37,9 +39,9 @@ pub struct Topic {
 pub struct Record {
     /// Index in [`crate::Recording::topics`].
     pub topic: usize,
-    /// When it was recorded, which is not the stamp of its header.
+    /// When it was recorded; not the stamp of its header.
     pub stamp: Time,
-    /// The message as its encoding has it.
+    /// The message in the encoding of its topic.
     pub bytes: Vec<u8>,
 }
 
@@ -49,8 +51,8 @@ pub(crate) fn type_name(recorded: &str) -> String {
 }
 
 impl Topic {
-    /// The message type of this crate family that the topic carries; `None` for types that it does not know, and
-    /// for known names with other fields (another md5).
+    /// The message type of `roscausal_msgs` that the topic carries; `None` for unknown types, and for known names
+    /// with other fields (another md5).
     pub fn known_type(&self) -> Option<&'static Definition> {
         let here = match self.encoding {
             Encoding::Ros1 => Wires::Ros1,
@@ -63,7 +65,7 @@ impl Topic {
         let all = types();
         let of_this_wire = |known: &&Definition| known.wires == Wires::Both || known.wires == here;
         let found = all.iter().copied().filter(named).find(of_this_wire);
-        // Our own recordings, in CDR, have the ROS 1 types of a run as well.
+        // Our own recordings, in CDR, also contain the ROS 1 types of a run.
         let foreign = || all.iter().copied().filter(named).find(|_| self.encoding == Encoding::Cdr);
         found.or_else(foreign)
     }
@@ -71,8 +73,8 @@ impl Topic {
     /// The message in `bytes`.
     ///
     /// # Errors
-    /// Another type than the topic's, another md5, an encoding that is neither ROS's, bytes that are no such
-    /// message: each with the topic.
+    /// Another type than the topic's, another md5, an encoding of neither ROS version, or bytes that are not such a
+    /// message. The error names the topic.
     pub fn decode<M: Message>(&self, bytes: &[u8]) -> Result<M> {
         let fail = |reason: String| Error::Topic { topic: self.name.clone(), reason };
         if !self.is_a(M::definition()) {
@@ -95,20 +97,20 @@ impl Topic {
         decoded.map_err(|error| fail(error.to_string()))
     }
 
-    /// True when this is the name of its type.
+    /// Whether this is the name of its type.
     fn is_a(&self, definition: &Definition) -> bool {
         let name = self.type_name.strip_prefix(definition.package).and_then(|rest| rest.strip_prefix('/'));
         name == Some(definition.name)
     }
 
-    /// True for what is one topic, told twice.
+    /// Whether two entries describe the same topic: same name, type, encoding and md5.
     pub(crate) fn is_same(&self, other: &Self) -> bool {
         (&self.name, &self.type_name, &self.encoding, &self.md5)
             == (&other.name, &other.type_name, &other.encoding, &other.md5)
     }
 }
 
-/// Adds a topic, or finds it; gives its index.
+/// Adds a topic, or finds it. Returns its index.
 pub(crate) fn add_topic(topics: &mut Vec<Topic>, topic: Topic) -> usize {
     if let Some(index) = topics.iter().position(|known| known.is_same(&topic)) {
         let known = &mut topics[index];

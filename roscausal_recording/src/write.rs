@@ -1,3 +1,5 @@
+//! Writing an MCAP file.
+
 use std::{
     collections::{BTreeMap, HashMap},
     fs::File,
@@ -9,11 +11,11 @@ use mcap::{Compression, WriteOptions, Writer, records::MessageHeader};
 use roscausal_core::{Error, Message, Result, Time};
 use roscausal_msgs::{Definition, cdr};
 
-/// Writes an MCAP file as ROS 2 does (profile `ros2`, messages in CDR, types as `ros2msg`): `ros2 bag` and
-/// Foxglove open it. The same messages give the same bytes.
+/// Writes an MCAP file as ROS 2 does (profile `ros2`, messages in CDR, types as `ros2msg`). `ros2 bag` and Foxglove
+/// open it. The same messages give the same bytes.
 ///
-/// Ended by [`McapWriter::finish`]; a file whose writer is dropped is ended as well, but nobody hears of
-/// errors; one whose process is killed lacks its last second or so and its index.
+/// End it with [`McapWriter::finish`]. A file whose writer is dropped is also ended, but its errors are lost. A
+/// file whose process is killed lacks about its last second, and its index.
 pub struct McapWriter {
     path: PathBuf,
     writer: Writer<BufWriter<File>>,
@@ -23,10 +25,10 @@ pub struct McapWriter {
 }
 
 impl McapWriter {
-    /// Makes the file; one that is there is overwritten.
+    /// Creates the file; an existing one is overwritten.
     ///
     /// # Errors
-    /// When the file cannot be made.
+    /// If the file cannot be created.
     pub fn create(path: impl AsRef<Path>) -> Result<Self> {
         let path = path.as_ref();
         let file = File::create(path).map_err(|error| Error::file(path, error))?;
@@ -42,17 +44,17 @@ impl McapWriter {
     /// Writes a message, recorded at `stamp`.
     ///
     /// # Errors
-    /// When the disk is full or the message has no bytes.
+    /// If the disk is full, or the message cannot be encoded.
     pub fn write<M: Message>(&mut self, topic: &str, stamp: Time, message: &M) -> Result<()> {
         let bytes = cdr::to_bytes(message)
             .map_err(|error| Error::Topic { topic: topic.to_owned(), reason: error.to_string() })?;
         self.write_bytes(topic, M::definition(), stamp, &bytes)
     }
 
-    /// Writes a message that is CDR already.
+    /// Writes a message that is already CDR.
     ///
     /// # Errors
-    /// When the disk is full.
+    /// If the disk is full.
     pub fn write_bytes(
         &mut self,
         topic: &str,
@@ -72,10 +74,10 @@ impl McapWriter {
         self.messages
     }
 
-    /// Writes what is left and the index, and makes sure that it is on the disk.
+    /// Writes the remaining messages and the index, and waits until they are on disk.
     ///
     /// # Errors
-    /// When the disk is full.
+    /// If the disk is full.
     pub fn finish(mut self) -> Result<()> {
         let fail = |error: &dyn std::fmt::Display| Error::file(&self.path, error);
         self.writer.finish().map_err(|error| fail(&error))?;

@@ -1,4 +1,4 @@
-//! Hostile recordings: no panic, no endless reading, and memory in proportion to the file.
+//! Hostile recordings: no panic, no endless reading, and memory proportional to the file.
 
 #![allow(clippy::expect_used, reason = "a test may panic: that is how it fails")]
 
@@ -19,7 +19,7 @@ fn run(name: &str, files: &[&str], tokens: &[&[u8]], bytes_per_byte: usize) {
         bytes_per_byte,
     };
     assert_eq!(target.seeds.len(), files.len(), "a recording is missing");
-    // In memory where that can be had: a file is written for each input.
+    // In memory if possible, because a file is written for each input.
     let memory = Path::new("/dev/shm");
     let folder = if memory.is_dir() { memory.to_owned() } else { std::env::temp_dir() };
     let file = tempfile::NamedTempFile::new_in(folder).expect("a temporary file");
@@ -55,7 +55,7 @@ fn a_hostile_bag_is_refused_or_read_as_far_as_it_is_whole() {
 
 #[test]
 fn a_hostile_compressed_bag_is_refused_or_read_as_far_as_it_is_whole() {
-    // What compresses well may become a thousand times larger, whoever claims it.
+    // Compressed data may legitimately expand a thousand times.
     run("bag_compressed", &["lz4.bag", "bz2.bag"], &[b"size=\xff\xff\xff\x3f", b"compression=none"], 20_000);
 }
 

@@ -1,5 +1,5 @@
-//! Recordings that other software wrote are read with equal contents, whole or damaged; `tests/recordings.sh`
-//! wrote those in `data` and writes fresh, longer ones for the same tests.
+//! Recordings from other software are read with equal contents, intact or damaged. `tests/recordings.sh` wrote
+//! those in `data`, and writes fresh, longer ones for the same tests.
 #![allow(clippy::unwrap_used, reason = "a failed unwrap fails the test, in helpers too")]
 
 use std::{
@@ -8,6 +8,7 @@ use std::{
 };
 
 use roscausal_core::Time;
+use roscausal_fuzz::splitmix64;
 use roscausal_msgs::{Message, nav_msgs::Odometry, people_msgs::People, std_msgs::Bool, tf2_msgs::TFMessage};
 use roscausal_recording::{Encoding, Record, Recording};
 
@@ -25,10 +26,10 @@ const FILES: [&str; 9] = [
     "unchunked.mcap",
 ];
 
-/// Written by ROS 1's own rosbag where there is one.
+/// Written by ROS 1's own rosbag, if it is installed.
 const REAL: [&str; 3] = ["real_none.bag", "real_bz2.bag", "real_lz4.bag"];
 
-/// The recordings, and how many odometry messages are in each.
+/// The recordings, and the number of odometry messages in each.
 fn recordings() -> Vec<(PathBuf, i64)> {
     let data = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data");
     let mut folders = vec![(data, 12)];
@@ -89,7 +90,7 @@ fn topics_are_named_with_type_encoding_count_and_latching() {
             let odometry = &topics[1];
             assert_eq!(odometry.md5.as_deref(), Some(Odometry::ros1_md5()), "{}", path.display());
         }
-        // The MCAP writer of the tests writes no profiles of ROS 2.
+        // The MCAP writer of the tests does not write profiles of ROS 2.
         let profiles = is_ros1 || path.ends_with("ros2_db3") || path.ends_with("ros2_mcap");
         let latched: Vec<_> = topics.iter().map(|topic| topic.latched).collect();
         assert_eq!(latched, [false, false, false, profiles], "{}", path.display());
@@ -197,7 +198,7 @@ fn what_is_no_recording_is_an_error_that_names_the_file() {
     assert!(Recording::open(folder.path().join("absent")).is_err());
 }
 
-/// Records and losses of damaged bytes; `None` when they are no recording at all.
+/// Records and losses of damaged bytes; `None` if they are not a recording.
 fn read_damaged(folder: &Path, bytes: &[u8]) -> Option<(Vec<Record>, Vec<String>)> {
     let path = folder.join("damaged");
     fs::write(&path, bytes).unwrap();
@@ -221,7 +222,7 @@ fn a_file_cut_short_gives_what_is_whole_and_says_so() {
             );
             most = most.max(records.len());
         }
-        // SQLite's pages of a table lie anywhere in its file.
+        // The pages of an SQLite table can lie anywhere in its file.
         let enough = if file.ends_with("db3") { 0 } else { whole.len() * 3 / 4 };
         assert!(most >= enough, "{file}: {most} of {} messages", whole.len());
     }
@@ -235,10 +236,9 @@ fn a_changed_byte_never_panics_and_costs_little() {
         let whole = read_damaged(folder.path(), &bytes).unwrap().0.len();
         let (mut opened, mut kept) = (0, 0);
         for _ in 0..300 {
-            random = random.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
             let mut damaged = bytes.clone();
-            let place = (random >> 33) as usize % bytes.len();
-            damaged[place] ^= 1 << (random >> 60 & 7);
+            let place = splitmix64(&mut random) as usize % bytes.len();
+            damaged[place] ^= 1 << (splitmix64(&mut random) & 7);
             if let Some((records, _)) = read_damaged(folder.path(), &damaged) {
                 (opened, kept) = (opened + 1, kept + records.len());
             }
@@ -254,7 +254,7 @@ fn a_damaged_chunk_costs_its_own_messages_only() {
         // Without compression a bag has no checksums.
         if ["lz4.bag", "bz2.bag", "ros1_zstd.mcap"].contains(&file) {
             let whole = read_damaged(folder.path(), &bytes).unwrap().0.len();
-            // Inside of the first chunk's data.
+            // Inside the data of the first chunk.
             let place = if file.ends_with(".bag") { 4096 + 100 } else { 200 };
             bytes[place..place + 8].fill(0xff);
             let (records, losses) = read_damaged(folder.path(), &bytes).unwrap();

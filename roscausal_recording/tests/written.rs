@@ -1,4 +1,4 @@
-//! What we write is read back: by ourselves here, by other software in `tests/recordings.sh`.
+//! What we write can be read back: by ourselves here, by other software in `tests/recordings.sh`.
 #![allow(clippy::unwrap_used, reason = "a failed unwrap fails the test, in helpers too")]
 
 use std::{fs, path::Path};

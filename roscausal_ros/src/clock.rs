@@ -1,4 +1,4 @@
-//! Time: the system's, or that of `/clock` where `use_sim_time` is true.
+//! Time: that of the system, or that of `/clock` if `use_sim_time` is true.
 
 use std::{
     sync::{
@@ -12,14 +12,14 @@ use roscausal_core::Time;
 
 use crate::lock;
 
-/// `/clock` silent for so long is worth a line.
+/// If `/clock` is silent for this long, a warning is logged.
 const SILENCE: Duration = Duration::from_secs(5);
 
 /// The clock in use.
 #[derive(Default)]
 pub struct Clock {
     simulated: AtomicBool,
-    /// What `/clock` last said.
+    /// The last time from `/clock`.
     nanos: AtomicI64,
     heard: Mutex<Heard>,
 }
@@ -35,14 +35,14 @@ impl Default for Heard {
     }
 }
 
-/// Time since this was first asked, by a clock that neither stops nor jumps.
+/// Time since the first call, on a clock that neither stops nor jumps.
 pub fn steady() -> Duration {
     static START: LazyLock<Instant> = LazyLock::new(Instant::now);
     START.elapsed()
 }
 
 impl Clock {
-    /// Takes time from `/clock` from now on, or from the system.
+    /// Switches between `/clock` and the system clock.
     pub fn simulate(&self, on: bool) {
         *lock(&self.heard) = Heard::default();
         self.simulated.store(on, Ordering::SeqCst);
@@ -53,7 +53,7 @@ impl Clock {
         self.simulated.load(Ordering::SeqCst)
     }
 
-    /// Time of now; 0 until the first `/clock`.
+    /// The current time; 0 until the first `/clock`.
     pub fn now(&self) -> Time {
         if self.is_simulated() {
             return Time::from_nanos(self.nanos.load(Ordering::SeqCst));
@@ -62,8 +62,8 @@ impl Clock {
         Time::from_nanos(i64::try_from(since.as_nanos()).unwrap_or(i64::MAX))
     }
 
-    /// Takes a `/clock` message. A clock that jumps back (a bag that starts anew, a simulation that is reset) is
-    /// followed, and told.
+    /// Sets the time from a `/clock` message. If the clock jumps back (a bag that restarts, a simulation that is
+    /// reset), time follows it, and the jump is logged.
     pub fn tick(&self, now: Time) {
         let before = Time::from_nanos(self.nanos.swap(now.as_nanos(), Ordering::SeqCst));
         let runs_again = {
@@ -80,7 +80,7 @@ impl Clock {
         }
     }
 
-    /// Says once when `/clock` is silent: everything then waits. To be called about once a second.
+    /// Logs once when `/clock` is silent, because everything waits then. Call it about once a second.
     pub fn watch(&self) {
         let falls_silent = {
             let mut heard = lock(&self.heard);

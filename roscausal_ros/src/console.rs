@@ -1,4 +1,4 @@
-//! Log messages: to stderr as ROS prints them, and to `/rosout`, where `rqt_console` and recordings find them.
+//! Log messages: to stderr in the format of ROS, and to `/rosout`, where `rqt_console` and recordings find them.
 
 use std::{
     cell::Cell,
@@ -25,13 +25,13 @@ use crate::lock;
 /// One log message.
 #[derive(Clone, Debug)]
 pub struct Record {
-    /// How grave it is.
+    /// Severity of the message.
     pub level: Level,
     /// The message with its fields.
     pub text: String,
-    /// Source file that it comes from.
+    /// Source file that logged it.
     pub file: String,
-    /// Module that it comes from.
+    /// Module that logged it.
     pub function: String,
     /// Line in the file.
     pub line: u32,
@@ -39,7 +39,7 @@ pub struct Record {
 
 type Forward = Arc<dyn Fn(Record) + Send + Sync>;
 
-/// Where log messages go. Cheap to clone.
+/// The destination of log messages. Cheap to clone.
 #[derive(Clone, Default)]
 pub struct Console {
     logger: Arc<Mutex<String>>,
@@ -47,25 +47,25 @@ pub struct Console {
 }
 
 thread_local! {
-    /// This thread is sending a message; what is logged meanwhile stays on the terminal.
+    /// This thread is sending a message. What it logs meanwhile goes to the terminal only.
     static BUSY: Cell<bool> = const { Cell::new(false) };
 }
 
 impl Console {
-    /// Becomes the process's log, for what passes the filter.
+    /// Becomes the log of the process, for everything that passes the filter.
     pub fn install(filter: Targets) -> Self {
         let console = Self::default();
-        // A second log in one process (tests) changes nothing.
+        // In tests, a second log in one process changes nothing.
         let _ = tracing_subscriber::registry().with(console.clone().with_filter(filter)).try_init();
         console
     }
 
-    /// Prints under this logger's name, such as `ns.robot`.
+    /// Logs under this name, such as `ns.robot`.
     pub fn name(&self, logger: &str) {
         *lock(&self.logger) = logger.to_owned();
     }
 
-    /// Sends each message there as well.
+    /// Also sends each message to `to`.
     pub fn forward(&self, to: impl Fn(Record) + Send + Sync + 'static) {
         *lock(&self.rosout) = Some(Arc::new(to));
     }
@@ -99,7 +99,7 @@ impl<S: Subscriber> Layer<S> for Console {
     }
 }
 
-/// An event's message, and its other fields behind it as `name=value`.
+/// The message of an event, followed by its other fields as `name=value`.
 #[derive(Default)]
 struct Text(String);
 

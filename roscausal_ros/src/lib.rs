@@ -1,5 +1,5 @@
-//! What the ROS 1 and ROS 2 backends share: the clock in use, a node's life, its log, and the program that runs
-//! one of the nodes from the first argument to the last signal.
+//! What the ROS 1 and ROS 2 backends share: the clock, a node's life, its log, and the program that runs a node
+//! from the first argument to the last signal.
 
 mod clock;
 pub mod console;

@@ -1,4 +1,4 @@
-//! Whether a node goes on, who waits meanwhile, and for how long.
+//! A node's life: whether it continues, who waits for it, and calls with a deadline.
 
 use std::{
     panic::{AssertUnwindSafe, catch_unwind},
@@ -23,7 +23,7 @@ pub struct Life {
 }
 
 impl Life {
-    /// False once the node is to end.
+    /// False once the node has to end.
     pub fn goes_on(&self) -> bool {
         !self.ended.load(Ordering::SeqCst)
     }
@@ -34,29 +34,30 @@ impl Life {
         self.wake();
     }
 
-    /// Names one to be woken when the clock moves or the node is to end.
+    /// Registers a consumer to wake when the clock moves or the node has to end.
     pub fn attach(&self, consumer: &Arc<dyn Consumer>) {
         let mut consumers = lock(&self.consumers);
         consumers.retain(|consumer| consumer.strong_count() > 0);
         consumers.push(Arc::downgrade(consumer));
     }
 
-    /// Makes all that wait look at the clock again.
+    /// Makes everything that waits check the clock again.
     pub fn wake(&self) {
         let consumers: Vec<_> = lock(&self.consumers).iter().filter_map(Weak::upgrade).collect();
         consumers.iter().for_each(|consumer| consumer.wake());
     }
 }
 
-/// Runs what may block for ever (ROS 1's library asks masters and nodes without deadline, ROS 2's may lock itself up)
-/// beside this thread. `None` when it is not done in time; its result is then dropped whenever it comes.
+/// Runs work that may block for ever on another thread. (ROS 1's library calls masters and nodes without a
+/// deadline; ROS 2's may deadlock.) Returns `None` if the work is not done in time; its result is then dropped
+/// whenever it arrives.
 pub fn in_time<T: Send + 'static>(
     patience: Duration,
     work: impl FnOnce() -> T + Send + 'static,
 ) -> Option<T> {
     let (sender, receiver) = mpsc::channel();
     let work = move || {
-        // a panic within drops the sender, which reads as "not done"
+        // a panic inside drops the sender, which the receiver reads as "not done"
         let _ = catch_unwind(AssertUnwindSafe(|| sender.send(work())));
     };
     thread::Builder::new().name("in time".to_owned()).spawn(work).ok()?;

@@ -1,4 +1,4 @@
-//! The program of a backend: one of the nodes, told by the program's own name or by the first argument.
+//! The program of a backend: it runs one of the nodes, chosen by the program's own name or by the first argument.
 
 use std::{
     panic::{AssertUnwindSafe, catch_unwind},
@@ -20,17 +20,12 @@ use signal_hook::{
 
 use crate::{Console, console::Targets, in_time};
 
-/// The simulator, beside [`nodes::NODES`].
-const SIMULATOR: &str = "hrisim";
-/// The live page.
-const DASHBOARD: &str = "dashboard";
-
-/// The command line, a parameter or a name is wrong: starting again will not help.
+/// The command line, a parameter or a name is wrong: starting again does not help.
 const EXIT_USAGE: u8 = 2;
-/// Something broke: starting again may help.
+/// Something failed: starting again may help.
 pub const EXIT_FAILED: u8 = 1;
 
-/// A backend, as its program sees it.
+/// A backend, from the view of its program.
 pub trait Backend: Middleware {
     /// What the command line and the environment ask for, checked.
     type Start;
@@ -38,24 +33,26 @@ pub trait Backend: Middleware {
     const PROGRAM: &'static str;
     /// What may follow the node's name, for the usage line.
     const ARGUMENTS: &'static str;
-    /// How long after a signal the node is out of the graph, whatever it still does.
+    /// Time after a signal within which the node leaves the graph, whatever it is doing.
     const LEAVE_WITHIN: Duration;
-    /// How much later the program ends, finished or not.
+    /// Time after that within which the program ends, finished or not.
     const END_WITHIN: Duration;
 
-    /// Reads what follows the node's name on the command line. `name`: the node's, unless it is remapped.
+    /// Reads what follows the node's name on the command line. `name` is the name of the node, unless it is
+    /// remapped.
     ///
     /// # Errors
     /// One sentence for the user.
     fn read(name: &str, args: Vec<String>) -> std::result::Result<Self::Start, String>;
 
-    /// What is logged.
+    /// Which messages are logged.
     fn filter(start: &Self::Start) -> Targets;
 
-    /// Joins the graph, with the log on `/rosout`. `goes_on` is false once the program is asked to end: while nobody
-    /// answers, it waits as long.
+    /// Joins the graph and logs to `/rosout`. While nobody answers, it waits until `goes_on` is false, that is,
+    /// until the program is asked to end.
     ///
     /// # Errors
+    /// The reason why the node cannot join.
     /// What keeps the node out.
     fn join(
         start: Self::Start,
@@ -63,31 +60,35 @@ pub trait Backend: Middleware {
         goes_on: impl Fn() -> bool + Send + 'static,
     ) -> Result<Self>;
 
-    /// Leaves the graph at once, whatever the node still does; it is called more than once.
+    /// Leaves the graph at once, whatever the node is doing. It is called more than once.
     fn leave(&self);
 
-    /// True when the node ends because something broke.
+    /// Whether the node ends because something failed.
     fn failed(&self) -> bool {
         false
     }
 }
 
-/// Runs the program.
-pub fn main<B: Backend>() -> ExitCode {
+/// A node's name, and what runs it until the middleware ends.
+pub type Node<B> = (&'static str, fn(&B) -> Result<()>);
+
+/// Runs the program, which can be each of [`nodes::NODES`] and of `more`.
+pub fn main<B: Backend>(more: &[Node<B>]) -> ExitCode {
+    let nodes = Nodes { more };
     let mut args = std::env::args().peekable();
     let program = args.next().unwrap_or_default();
     if args.next_if(|first| first == "--help" || first == "-h").is_some() {
-        println!("{}", usage::<B>());
+        println!("{}", nodes.usage());
         return ExitCode::SUCCESS;
     }
-    let node = node_of(&program).unwrap_or_else(|| args.next().unwrap_or_default());
-    let start = if is_node(&node) {
+    let node = nodes.named_by(&program).unwrap_or_else(|| args.next().unwrap_or_default());
+    let start = if nodes.has(&node) {
         B::read(&format!("roscausal_{node}"), args.collect())
     } else {
-        Err(format!("'{node}' is no node; {}", usage::<B>()))
+        Err(format!("'{node}' is no node; {}", nodes.usage()))
     };
     match start {
-        Ok(start) => ExitCode::from(live::<B>(&node, start)),
+        Ok(start) => ExitCode::from(live(&node, start, |mw| nodes.run(&node, mw))),
         Err(reason) => {
             eprintln!("{}: {reason}", B::PROGRAM);
             ExitCode::from(EXIT_USAGE)
@@ -95,26 +96,43 @@ pub fn main<B: Backend>() -> ExitCode {
     }
 }
 
-fn names() -> impl Iterator<Item = &'static str> {
-    nodes::NODES.into_iter().chain([SIMULATOR, DASHBOARD])
+/// The nodes that the program can be.
+struct Nodes<'a, B> {
+    /// Those beside [`nodes::NODES`].
+    more: &'a [Node<B>],
 }
 
-fn is_node(name: &str) -> bool {
-    names().any(|node| node == name)
+impl<B> Nodes<'_, B> {
+    fn names(&self) -> Vec<&'static str> {
+        nodes::NODES.into_iter().chain(self.more.iter().map(|(name, _)| *name)).collect()
+    }
+
+    fn has(&self, name: &str) -> bool {
+        self.names().contains(&name)
+    }
+
+    /// The node that a program of this path is: `data` for `/opt/ros/lib/roscausal_data`.
+    fn named_by(&self, program: &str) -> Option<String> {
+        let name = Path::new(program).file_name()?.to_str()?.strip_prefix("roscausal_")?;
+        self.has(name).then(|| name.to_owned())
+    }
 }
 
-fn node_of(program: &str) -> Option<String> {
-    let name = Path::new(program).file_name()?.to_str()?.strip_prefix("roscausal_")?;
-    is_node(name).then(|| name.to_owned())
+impl<B: Backend> Nodes<'_, B> {
+    fn usage(&self) -> String {
+        format!("usage: {} {} {}", B::PROGRAM, self.names().join("|"), B::ARGUMENTS)
+    }
+
+    fn run(&self, name: &str, mw: &B) -> Result<()> {
+        match self.more.iter().find(|(other, _)| *other == name) {
+            Some((_, run)) => run(mw),
+            None => nodes::run(name, mw),
+        }
+    }
 }
 
-fn usage<B: Backend>() -> String {
-    let names: Vec<_> = names().collect();
-    format!("usage: {} {} {}", B::PROGRAM, names.join("|"), B::ARGUMENTS)
-}
-
-/// The node's life, from joining the graph until it has left it; the program's exit code.
-fn live<B: Backend>(node: &str, start: B::Start) -> u8 {
+/// Runs a node from joining the graph to leaving it. Returns the exit code of the program.
+fn live<B: Backend>(node: &str, start: B::Start, run: impl FnOnce(&B) -> Result<()>) -> u8 {
     let console = Console::install(B::filter(&start));
     console.name(&format!("roscausal_{node}"));
     let told = |error: Error| {
@@ -134,8 +152,8 @@ fn live<B: Backend>(node: &str, start: B::Start) -> u8 {
         Ok(mw) => mw,
         Err(error) => return told(error),
     };
-    // What goes wrong is told while /rosout still takes it.
-    let code = match catch_unwind(AssertUnwindSafe(|| run(node, &mw))) {
+    // Errors are logged while /rosout still works.
+    let code = match catch_unwind(AssertUnwindSafe(|| run(&mw))) {
         Ok(Ok(())) if mw.failed() => EXIT_FAILED,
         Ok(Ok(())) => 0,
         Ok(Err(error)) => told(error),
@@ -148,15 +166,7 @@ fn live<B: Backend>(node: &str, start: B::Start) -> u8 {
     code
 }
 
-fn run<M: Middleware>(node: &str, mw: &M) -> Result<()> {
-    match node {
-        SIMULATOR => roscausal_hrisim::node::run(mw),
-        DASHBOARD => roscausal_dashboard::run(mw),
-        name => nodes::run(name, mw),
-    }
-}
-
-/// SIGINT and SIGTERM: the first asks the node to end, the second, or too long a wait, ends it.
+/// SIGINT and SIGTERM: the first signal asks the node to end; the second one, or a time-out, ends the program.
 struct Stop<B> {
     asked: AtomicBool,
     node: OnceLock<B>,
@@ -177,7 +187,7 @@ impl<B: Backend> Stop<B> {
         self.asked.load(Ordering::SeqCst)
     }
 
-    /// Names the node to be ended.
+    /// Registers the node that has to end.
     fn end_with(&self, node: &B) {
         let _ = self.node.set(node.clone());
         if self.is_asked() {
@@ -206,10 +216,25 @@ impl<B: Backend> Stop<B> {
         });
     }
 
-    /// What the node stands on may never answer.
+    /// Leaves within a deadline, because the middleware may never answer.
     fn leave_in_time(&self) {
         if let Some(node) = self.node.get().cloned() {
             in_time(B::LEAVE_WITHIN + B::END_WITHIN, move || node.leave());
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_program_is_the_node_that_it_is_named_after_if_that_one_is_built_in() {
+        let all = Nodes::<()> { more: &[("hrisim", |_| Ok(()))] };
+        assert_eq!(all.named_by("/opt/ros/lib/roscausal_data").as_deref(), Some("data"));
+        assert_eq!(all.named_by("roscausal_hrisim").as_deref(), Some("hrisim"));
+        assert_eq!(all.named_by("roscausal_ros2"), None);
+        let fewer = Nodes::<()> { more: &[] };
+        assert!(fewer.named_by("roscausal_hrisim").is_none() && !fewer.has("hrisim") && fewer.has("data"));
     }
 }

@@ -1,10 +1,15 @@
-//! The other end of the interoperability tests: one node that does as its first argument says.
+//! The other end of the interoperability tests: one node that does what its first argument says.
 //!
-//! `echo TYPE IN OUT` sends on what it gets; `latch TOPIC TEXT` latches a text; `count TYPE TOPIC` tells how many
-//! came and how many were lost; `panic TOPIC` panics at the text "panic" and echoes others on TOPIC_echo;
-//! `param NAME...` prints parameters; `set NAME` sets one of each kind; `clock` prints what the clock shows;
-//! `crash` panics after it has registered; `topics` prints the topics; `sensors SECONDS` publishes what a busy robot's
-//! sensors do and prints how much.
+//! - `echo TYPE IN OUT` sends back what it receives;
+//! - `latch TOPIC TEXT` latches a text;
+//! - `count TYPE TOPIC` reports how many messages arrived and how many were lost;
+//! - `panic TOPIC` panics at the text "panic" and echoes other texts on TOPIC_echo;
+//! - `param NAME...` prints parameters;
+//! - `set NAME` sets one parameter of each kind;
+//! - `clock` prints the time on the clock;
+//! - `crash` panics after it has registered;
+//! - `topics` prints the topics;
+//! - `sensors SECONDS` publishes like the sensors of a busy robot, and prints how much.
 
 #[path = "../../tests/soak/sensors.rs"]
 mod sensors;

@@ -1,9 +1,12 @@
-//! ROS 1 backend: the [`Middleware`] of ROS-Causal on a ROS master, over rosrust.
+//! ROS 1 backend: ROS-Causal's [`Middleware`] on a ROS master, over rosrust.
 //!
-//! rosrust does the wire (TCPROS, the node's XML-RPC server). What it leaves open is done here: deadlines for
-//! every question, re-registration after a restart of the master, unregistration on every way out, simulated
-//! time that may start late, stop or jump back, counted losses, and a decoder that survives any bytes.
+//! rosrust implements the wire protocol (TCPROS, the node's XML-RPC server). This crate adds what rosrust leaves
+//! open: deadlines for every call, sockets that send at once, registration after a restart of the master,
+//! unregistration on every way out, simulated time that may start late, stop or jump back, a count of lost messages,
+//! and a decoder that survives any bytes.
 
+mod master;
+mod nodelay;
 mod program;
 mod session;
 mod subscription;
@@ -21,37 +24,37 @@ use roscausal_core::{
     middleware::{Middleware, Publish, Qos, is_graph_name},
     params::{ParamSpec, Value},
 };
-use roscausal_master::{Master, Role};
 use roscausal_msgs::rosgraph_msgs::Clock;
 use roscausal_ros::{Console, in_time, lock, steady};
 
 pub use subscription::Subscription;
 
 use crate::{
+    master::{Master, Role},
     session::{PATIENCE, Session, reason},
     subscription::{Feed, Handler},
     wire::Wire,
 };
 
-/// The fewest messages that a latched publisher keeps for connections that are slow to take them.
+/// Least messages that a latched publisher keeps for slow connections.
 const LATCHED_QUEUE: usize = 10;
 
-/// One node on a ROS master. Cheap to clone; the clones are one node.
+/// A node on a ROS master. Cheap to clone; all clones are the same node.
 #[derive(Clone)]
 pub struct Ros1 {
     session: Arc<Session>,
 }
 
 impl Ros1 {
-    /// Joins the master at `__master:=` or `ROS_MASTER_URI` under this name (or the one of `__name:=`), with the
-    /// remappings and parameters of the command line. While no master answers, it waits as long as
-    /// `keep_waiting` says so, and tells what it waits for.
+    /// Joins the master at `__master:=` or `ROS_MASTER_URI` under this name (or that of `__name:=`), with the
+    /// remappings and parameters of the command line. While no master answers, it waits as long as `keep_waiting`
+    /// returns true, and logs what it waits for.
     ///
     /// # Errors
-    /// No master, an illegal name or argument.
+    /// No master, or an illegal name or argument.
     pub fn connect(name: &str, keep_waiting: &dyn Fn() -> bool) -> Result<Self> {
         let this = Self { session: Session::connect(name, keep_waiting)? };
-        // rosrust's own simulated clock is not used: its waits never end when /clock stops or jumps back.
+        // rosrust's own simulated clock is not used: its waits never end if /clock stops or jumps back.
         if this.session.clock.is_simulated() {
             let session = Arc::downgrade(&this.session);
             let tick = move |message: Clock| {
@@ -65,10 +68,10 @@ impl Ros1 {
         Ok(this)
     }
 
-    /// Sends what is logged to `/rosout` as well, for as long as the node lives.
+    /// Also sends log messages to `/rosout`, for as long as the node lives.
     ///
     /// # Errors
-    /// When the topic cannot be made.
+    /// If the topic cannot be created.
     pub fn log_with(&self, console: &Console) -> Result<()> {
         console.name(&self.node_name());
         let _ = self.session.rosout.set(self.advertise("/rosout", Qos::Volatile(100))?);
@@ -81,14 +84,14 @@ impl Ros1 {
         Ok(())
     }
 
-    /// Takes all registrations back, so that no ghost of this node stays on the master. Dropping the last clone
-    /// does so too; this is for ways out on which nothing is dropped.
+    /// Unregisters everything, so that no dead entry of this node stays on the master. Dropping the last clone does
+    /// the same; this method is for ways out on which nothing is dropped.
     pub fn close(&self) {
         self.session.close();
     }
 
     fn topic(&self, name: &str) -> Result<String> {
-        // rosrust itself lets more pass
+        // rosrust itself accepts more
         let resolved = if is_graph_name(name) { self.session.resolve(name) } else { None };
         resolved.ok_or_else(|| Error::Topic {
             topic: name.to_owned(),
@@ -125,6 +128,7 @@ impl Middleware for Ros1 {
         match publisher {
             Ok(mut publisher) => {
                 publisher.set_latching(qos == Qos::Latched);
+                nodelay::send_at_once();
                 let session = Arc::downgrade(&self.session);
                 Ok(Publisher { session, topic: name, id, publisher: Some(publisher) })
             }
@@ -210,7 +214,7 @@ impl Middleware for Ros1 {
         self.session.membership.topics()
     }
 
-    /// By the gaps in `header.seq`.
+    /// Counted by the gaps in `header.seq`.
     fn lost(&self) -> Vec<(String, u64)> {
         let mut lost = BTreeMap::<String, u64>::new();
         for feed in self.session.feeds() {
@@ -220,7 +224,7 @@ impl Middleware for Ros1 {
     }
 }
 
-/// A publisher of a [`Ros1`]; dropping it unregisters the topic.
+/// A publisher of a [`Ros1`]. Dropping it unregisters the topic.
 pub struct Publisher<M: Message> {
     session: Weak<Session>,
     topic: String,
@@ -239,7 +243,7 @@ impl<M: Message> Publish<M> for Publisher<M> {
     fn subscriber_count(&self) -> usize {
         let mut connected =
             self.publisher.as_ref().map(rosrust::Publisher::subscriber_names).unwrap_or_default();
-        // rosrust notices only at a later message that a subscriber has gone
+        // rosrust notices that a subscriber has gone only when it sends a later message
         if !connected.is_empty()
             && let Some(session) = self.session.upgrade()
             && let Some(registered) = session.membership.subscribers(&self.topic)

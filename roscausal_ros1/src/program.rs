@@ -28,10 +28,10 @@ impl Backend for Ros1 {
         }
     }
 
-    /// `RUST_LOG` chooses.
+    /// `RUST_LOG` sets the filter.
     fn filter(_: &String) -> Targets {
         let chosen = std::env::var("RUST_LOG").ok().and_then(|text| text.parse().ok());
-        // ROS 1's own client is chatty below warnings.
+        // ROS 1's own client logs much below warnings.
         let usual = || Targets::new().with_default(LevelFilter::INFO).with_target("hyper", LevelFilter::WARN);
         chosen.unwrap_or_else(usual)
     }

@@ -1,4 +1,4 @@
-//! One node's life on a master: joining, looking after it, leaving without a ghost.
+//! A node's life on a master: joining, watching the master, leaving without a dead entry.
 
 use std::{
     sync::{
@@ -10,7 +10,6 @@ use std::{
 };
 
 use roscausal_core::{Error, Result, middleware::Publish};
-use roscausal_master::{Master, Membership};
 use roscausal_msgs::{rosgraph_msgs::Log, std_msgs::Header};
 use roscausal_ros::{Clock, Life, console::Record, in_time, lock};
 use rosrust::api::{Ros, resolve};
@@ -18,17 +17,19 @@ use tracing::Level;
 
 use crate::{
     Publisher, Subscription,
+    master::{Master, Membership},
+    nodelay,
     subscription::{Feed, look_for_mismatches},
 };
 
-/// How long rosrust may take for what a healthy master answers in milliseconds.
+/// Time-out for calls of rosrust that a healthy master answers in milliseconds.
 pub(crate) const PATIENCE: Duration = Duration::from_secs(3);
-/// Between two looks at the master.
+/// Time between two checks of the master.
 const WATCH_PERIOD: Duration = Duration::from_secs(1);
 
 /// What the clones of a [`crate::Ros1`] share.
 pub(crate) struct Session {
-    /// Never dropped: its threads outlive it in any case, and its drop would ask the master without deadline.
+    /// Never dropped: its threads outlive it anyway, and its drop would call the master without a deadline.
     pub(crate) ros: &'static Ros,
     pub(crate) membership: Membership,
     pub(crate) clock: Clock,
@@ -36,7 +37,7 @@ pub(crate) struct Session {
     feeds: Mutex<Vec<Weak<Feed>>>,
     pub(crate) rosout: OnceLock<Publisher<Log>>,
     pub(crate) clock_subscription: OnceLock<Subscription>,
-    /// The watchdog goes on while this is there; `None` once the session has closed.
+    /// The watchdog runs while this exists; `None` once the session has closed.
     watched: Mutex<Option<Sender<()>>>,
 }
 
@@ -46,7 +47,8 @@ pub(crate) fn reason(error: &rosrust::error::Error) -> String {
 }
 
 impl Session {
-    /// Joins the master named by `__master:=` or `ROS_MASTER_URI`, and waits for it as long as `keep_waiting`.
+    /// Joins the master named by `__master:=` or `ROS_MASTER_URI`. Waits for it as long as `keep_waiting` returns
+    /// true.
     pub(crate) fn connect(name: &str, keep_waiting: &dyn Fn() -> bool) -> Result<Arc<Self>> {
         let uri = resolve::master();
         let asking = Master { uri: uri.clone(), node: format!("/{name}"), node_uri: String::new() };
@@ -91,19 +93,19 @@ impl Session {
         lock(&self.feeds).push(Arc::downgrade(feed));
     }
 
-    /// What the subscriptions know of themselves.
+    /// The state of all subscriptions.
     pub(crate) fn feeds(&self) -> Vec<Arc<Feed>> {
         let mut feeds = lock(&self.feeds);
         feeds.retain(|feed| feed.upgrade().is_some_and(|feed| feed.is_open()));
         feeds.iter().filter_map(Weak::upgrade).collect()
     }
 
-    /// False once the node is to end, and when another took this node's name or `rosnode kill` asked.
+    /// False once the node has to end, and when another node took its name or `rosnode kill` was called.
     pub(crate) fn is_ok(&self) -> bool {
         self.life.goes_on() && self.ros.is_ok()
     }
 
-    /// Publishes on `/rosout`; a line that cannot go there is on the terminal.
+    /// Publishes on `/rosout`. A line that cannot go there is on the terminal anyway.
     pub(crate) fn log(&self, record: Record) {
         let level = match record.level {
             Level::ERROR => Log::ERROR,
@@ -124,7 +126,7 @@ impl Session {
         let _ = self.rosout.get().map(|rosout| rosout.publish(&message));
     }
 
-    /// Takes every registration back, once.
+    /// Unregisters everything, once.
     pub(crate) fn close(&self) {
         self.life.end();
         if lock(&self.watched).take().is_some() {
@@ -139,7 +141,7 @@ impl Drop for Session {
     }
 }
 
-/// Looks after the master each second until the session closes.
+/// Checks the master every second until the session closes.
 fn watch(session: &Weak<Session>, running: &Receiver<()>) {
     for round in 1_u64.. {
         if running.recv_timeout(WATCH_PERIOD) != Err(RecvTimeoutError::Timeout) {
@@ -150,6 +152,7 @@ fn watch(session: &Weak<Session>, running: &Receiver<()>) {
             session.life.end();
             continue;
         }
+        nodelay::send_at_once();
         session.clock.watch();
         if round % 5 == 0 {
             look_for_mismatches(&session);

@@ -1,4 +1,4 @@
-//! Subscriptions: whose messages come, how many were lost, and why none come.
+//! Subscriptions: who sends, how many messages were lost, and why none arrive.
 
 use std::{
     collections::HashMap,
@@ -18,17 +18,17 @@ use crate::{
     wire::Wire,
 };
 
-/// What is known of one subscription.
+/// State of one subscription.
 pub(crate) struct Feed {
     pub(crate) topic: String,
     type_name: String,
     md5: &'static str,
     since: Instant,
-    /// Some publisher has accepted the connection.
+    /// A publisher has accepted the connection.
     connected: AtomicBool,
-    /// The mismatch has been told.
+    /// The mismatch has been logged.
     told: AtomicBool,
-    /// Messages that never came, by the gaps in `header.seq`.
+    /// Messages that never arrived, counted by the gaps in `header.seq`.
     pub(crate) lost: AtomicU64,
     /// Closed when the subscription is dropped.
     gate: Gate,
@@ -67,7 +67,7 @@ impl<F> Handler<F> {
         Self { feed, callback, last_seq: HashMap::new(), bad: 0 }
     }
 
-    /// Gaps count as lost; a number that goes back is a publisher that began anew.
+    /// Gaps count as lost messages. A number that goes back means that the publisher restarted.
     fn count(&mut self, seq: u32, caller: &str) {
         let Some(last) = self.last_seq.get_mut(caller) else {
             self.last_seq.insert(caller.to_owned(), seq);
@@ -83,7 +83,7 @@ impl<F> Handler<F> {
 impl<M: Message, F: FnMut(M) + Send + 'static> rosrust::SubscriptionHandler<Wire<M>> for Handler<F> {
     fn connection(&mut self, headers: HashMap<String, String>) {
         self.feed.connected.store(true, Ordering::Relaxed);
-        // a publisher that comes again numbers anew
+        // a publisher that reconnects numbers its messages from the start
         if let Some(caller) = headers.get("callerid") {
             self.last_seq.remove(caller);
         }
@@ -117,12 +117,12 @@ impl<M: Message, F: FnMut(M) + Send + 'static> rosrust::SubscriptionHandler<Wire
     }
 }
 
-/// A subscription of a [`crate::Ros1`]; dropping it unsubscribes.
+/// A subscription of a [`crate::Ros1`]. Dropping it unsubscribes.
 pub struct Subscription {
     pub(crate) session: Weak<Session>,
     pub(crate) feed: Arc<Feed>,
     pub(crate) id: u64,
-    /// Filled when the publishers known to the master have answered, unless the subscription was dropped meanwhile.
+    /// Filled once the publishers known to the master have answered, unless the subscription was dropped meanwhile.
     pub(crate) slot: Arc<Mutex<Option<rosrust::Subscriber>>>,
 }
 
@@ -137,7 +137,7 @@ impl Drop for Subscription {
     }
 }
 
-/// Says once for each subscription why nothing can come: another type, or another definition of the type.
+/// Logs once for each subscription why nothing can arrive: another type, or another definition of the type.
 pub(crate) fn look_for_mismatches(session: &Session) {
     let silent = |feed: &&Arc<Feed>| {
         !feed.connected.load(Ordering::Relaxed)

@@ -10,11 +10,11 @@ use std::{
 
 use roscausal_msgs::{Message, ros1};
 
-/// A message as rosrust carries it. Bytes that are no `M` become a reason, not a failure inside rosrust, so
-/// that the subscription can say on which topic and from whom they came.
+/// A message as rosrust carries it. Bytes that are not an `M` become a reason instead of a failure inside rosrust.
+/// So the subscription can say on which topic and from whom they came.
 #[derive(Clone, Debug)]
 pub(crate) struct Wire<M> {
-    /// `header.seq`, where the type begins with a header.
+    /// `header.seq`, if the type begins with a header.
     pub(crate) seq: Option<u32>,
     pub(crate) body: Result<M, String>,
 }

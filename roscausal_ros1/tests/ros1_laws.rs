@@ -1,12 +1,12 @@
-//! The laws of every middleware, on a real ROS master: `ROSCAUSAL_ROS1_TESTS=1` and `ROS_MASTER_URI` say that there
-//! is one (tests/interop/ros1.sh does so); without, nothing is tested.
+//! The laws of the middleware on a real ROS master. `ROSCAUSAL_ROS1_TESTS=1` and `ROS_MASTER_URI` say that there is
+//! one (`tests/interop/ros1.sh` sets them). Otherwise nothing is tested.
 
 use std::{thread, time::Duration};
 
 use roscausal_core::laws;
 use roscausal_ros1::Ros1;
 
-/// A node on the master of the environment.
+/// A node on the master that the environment names.
 #[allow(clippy::panic, reason = "a test without master has failed")]
 fn node(name: &str) -> Ros1 {
     match Ros1::connect(name, &|| false) {

@@ -1,10 +1,10 @@
-//! The other end of the interoperability tests (`tests/interop/ros2.sh`), and a small program to read for the
-//! use of the backend. What it does is told by the parameter `role`:
-//! - `echo`: for every message type, what comes on `/in/package/Name` goes out on `/out/package/Name`;
-//! - `model`: `count` causal models of `n_vars` variables and `n_lags` lags on `/model`, latched;
+//! The other end of the interoperability tests (`tests/interop/ros2.sh`). It is also a small example of how to use
+//! the backend. The parameter `role` says what it does:
+//! - `echo`: for every message type, what arrives on `/in/package/Name` is sent on `/out/package/Name`;
+//! - `model`: sends `count` causal models of `n_vars` variables and `n_lags` lags on `/model`, latched;
 //! - `names`: prints what the command line makes of the node's name, of some topics and of its parameters;
-//! - `count`: counts the odometry on `/odom` and sends as many robot states on `/state` as `count` says;
-//! - `sensors`: publishes what a busy robot's sensors do, for `count` seconds, and prints how much.
+//! - `count`: counts the odometry on `/odom`, and sends as many robot states on `/state` as `count` says;
+//! - `sensors`: publishes like the sensors of a busy robot for `count` seconds, and prints how much.
 
 #[path = "../../tests/soak/sensors.rs"]
 mod sensors;
@@ -28,8 +28,8 @@ use roscausal_msgs::{
     geometry_msgs, nav_msgs, pedsim_msgs, people_msgs, rosgraph_msgs, sensor_msgs, spencer_tracking_msgs,
     std_msgs, tf2_msgs, visualization_msgs,
 };
-use roscausal_rmw::Subscription;
 use roscausal_ros::{Console, program::Backend};
+use roscausal_ros2::Subscription;
 use roscausal_ros2::{Args, Ros2};
 
 const ROLE: ParamSpec = ParamSpec {
@@ -78,7 +78,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         }
         _ => count(&node, int("count", 1000), int("period_us", 1000))?,
     }
-    // The thread that waits for signals holds the node as well: it would not leave by itself.
+    // The thread that waits for signals holds the node as well, so it would not leave by itself.
     node.leave();
     Ok(())
 }
@@ -181,7 +181,7 @@ fn count(node: &Ros2, count: usize, period_us: usize) -> roscausal_core::Result<
     while node.is_ok() && publisher.subscriber_count() == 0 {
         sleep(Duration::from_millis(5));
     }
-    // The subscriber's side knows of the match a little later.
+    // The subscriber's side learns of the match a little later.
     sleep(Duration::from_millis(300));
     let started = Instant::now();
     for id in 0..count {

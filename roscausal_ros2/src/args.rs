@@ -3,10 +3,14 @@
 use std::collections::BTreeMap;
 
 use roscausal_core::params::{Value, nearest};
-use roscausal_rcl::{BadArgument, Enclave, Names, Network, ParamFile, Remap};
 use tracing::level_filters::LevelFilter;
 
-/// What a node was started with, all of it checked.
+use crate::{
+    dds,
+    rcl::{BadArgument, Enclave, Names, Network, ParamFile, Remap},
+};
+
+/// The arguments of a node, all checked.
 #[derive(Clone, Debug)]
 #[non_exhaustive]
 pub struct Args {
@@ -18,17 +22,17 @@ pub struct Args {
     pub log_level: LevelFilter,
     /// Whether log messages also go to `/rosout`.
     pub rosout: bool,
-    /// Where on the network the node lives.
+    /// The node's place on the network.
     pub network: Network,
-    /// The SROS2 enclave whose files the node uses; `None`: it talks in the clear.
+    /// The SROS2 enclave whose files the node uses; `None`: it communicates in the clear.
     pub enclave: Option<Enclave>,
-    /// What was read but has no effect, for the log.
+    /// Arguments that were read but have no effect, for the log.
     pub warnings: Vec<String>,
 }
 
 type Result<T> = std::result::Result<T, BadArgument>;
 
-/// The flags within `--ros-args` that take a value.
+/// Flags within `--ros-args` that take a value.
 const WITH_VALUE: [&str; 9] = [
     "-r",
     "--remap",
@@ -40,7 +44,7 @@ const WITH_VALUE: [&str; 9] = [
     "-e",
     "--enclave",
 ];
-/// The flags within `--ros-args` that stand alone.
+/// Flags within `--ros-args` that take no value.
 const SWITCHES: [&str; 6] = [
     "--enable-rosout-logs",
     "--disable-rosout-logs",
@@ -51,11 +55,11 @@ const SWITCHES: [&str; 6] = [
 ];
 
 impl Args {
-    /// Reads the arguments after the program's name, and the environment through `env`.
-    /// `node` is the node's name unless `-r __node:=` gives another.
+    /// Reads the arguments after the program's name, and the environment through `env`. `node` is the name of the
+    /// node unless `-r __node:=` gives another one.
     ///
     /// # Errors
-    /// An unknown flag, an illegal rule or value, a parameter file that is missing or not understood.
+    /// An unknown flag, an illegal rule or value, or a parameter file that is missing or malformed.
     pub fn parse(
         node: &str,
         args: impl IntoIterator<Item = String>,
@@ -100,7 +104,7 @@ impl Args {
             log_level: log_level.unwrap_or(LevelFilter::INFO),
             rosout,
             network: Network::from_env(&env, &mut warnings)?,
-            enclave: Enclave::from_env(&env, enclave.as_deref(), roscausal_rmw::SECURITY, &mut warnings)?,
+            enclave: Enclave::from_env(&env, enclave.as_deref(), dds::SECURITY, &mut warnings)?,
             warnings,
         })
     }
@@ -119,7 +123,7 @@ fn unknown(arg: &str) -> BadArgument {
     BadArgument(format!("unknown ROS argument '{arg}'{near}"))
 }
 
-/// `[logger:=]level`; a level for another logger than the node's is not ours.
+/// `[logger:=]level`. A level for a logger other than the node's does not concern this node.
 fn set_level(level: &mut Option<LevelFilter>, node: &str, text: &str) -> Result<()> {
     let (logger, word) = text.split_once(":=").map_or((None, text), |(logger, word)| (Some(logger), word));
     let filter = match word.to_ascii_lowercase().as_str() {

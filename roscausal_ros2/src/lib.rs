@@ -1,13 +1,17 @@
-//! ROS 2 backend: [`roscausal_core::middleware::Middleware`] over `ros2-client`, in pure Rust; no ROS
-//! installation is needed, to build or to run. Names, parameters and their files are in `roscausal_rcl`, the node's
-//! place on DDS in `roscausal_rmw`.
+//! ROS 2 backend: [`roscausal_core::middleware::Middleware`] over `ros2-client`, in pure Rust. It needs no ROS
+//! installation, neither to build nor to run. What `rcl` does (names, parameters and their files) is in `rcl/`; the node's
+//! side of DDS is in `dds/`.
 
 mod args;
+mod dds;
 mod node;
 mod program;
+mod rcl;
 mod rosout;
 mod services;
 mod wire;
 
 pub use args::Args;
+pub use dds::{Publisher, Subscription};
 pub use node::Ros2;
+pub use rcl::{BadArgument, Enclave, Names, Network, ParamFile, Remap};

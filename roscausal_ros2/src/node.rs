@@ -1,4 +1,4 @@
-//! The node: the trait, over its participant, its parameters and its clock.
+//! The node: the middleware trait over its participant, its parameters and its clock.
 
 use std::{
     sync::{
@@ -16,17 +16,18 @@ use roscausal_core::{
     params::{ParamSpec, Value},
 };
 use roscausal_msgs::rosgraph_msgs;
-use roscausal_rcl::{Parameters, USE_SIM_TIME, ros2_name};
-use roscausal_rmw::{Participant, Publisher, Subscription};
 use roscausal_ros::{Clock, Life, lock, steady};
 use tracing::{debug, error};
 
 use crate::{
     args::Args,
+    dds::{Participant, Publisher, Subscription},
+    rcl::{Parameters, USE_SIM_TIME, ros2_name},
     services::{self, ParameterEvents},
 };
 
-/// One node on a ROS 2 network. Cheap to clone; the clones are one node, which leaves the graph with the last.
+/// A node on a ROS 2 network. Cheap to clone; all clones are the same node. It leaves the graph when the last clone
+/// is dropped.
 #[derive(Clone)]
 pub struct Ros2 {
     inner: Arc<Inner>,
@@ -42,22 +43,22 @@ pub(crate) struct Inner {
     failed: AtomicBool,
 }
 
-/// What is said of a DDS library that gives no answer.
+/// The message for a DDS library that does not answer.
 pub(crate) const HANGS: &str = "the DDS library hangs";
-/// Between two looks at the clock; and how long after its start a node announces itself once more.
+/// Time between two checks of the clock. Also the time after its start at which a node announces itself again.
 const WATCH_PERIOD: Duration = Duration::from_secs(1);
 
 impl Ros2 {
-    /// Joins the graph as one node.
+    /// Joins the graph.
     ///
     /// # Errors
-    /// When the network cannot be used, or `use_sim_time` was given something else than a boolean.
+    /// If the network cannot be used, or `use_sim_time` is not a boolean.
     pub fn start(args: &Args) -> Result<Self> {
         Self::start_watched(args, || error!("{HANGS}"))
     }
 
-    /// As [`Ros2::start`]. `on_hang` is called when the DDS library has locked itself up, perhaps while the node is still
-    /// starting: then this never returns, and nothing that the node is asked for may.
+    /// Like [`Ros2::start`], but `on_hang` is called if the DDS library deadlocks. That may happen while the node
+    /// is still starting. Then this function never returns, and no other call to the node may.
     ///
     /// # Errors
     /// As [`Ros2::start`].
@@ -89,17 +90,17 @@ impl Ros2 {
         Ok(this)
     }
 
-    /// Leaves the graph at once, whatever the node is still doing; publishing then fails.
+    /// Leaves the graph at once, whatever the node is doing. Publishing then fails.
     pub fn leave(&self) {
         self.inner.leave();
     }
 
-    /// Ends the node as failed: what it stands on has broken.
+    /// Ends the node as failed, because the library under it has failed.
     pub fn fail(&self, reason: &str) {
         self.inner.fail(reason);
     }
 
-    /// True when the node ends because something broke, so that whoever started it should start it again.
+    /// Whether the node ends because something failed, so that it should be started again.
     pub fn failed(&self) -> bool {
         self.inner.failed.load(Ordering::SeqCst)
     }
@@ -108,7 +109,7 @@ impl Ros2 {
         &self.inner
     }
 
-    /// Announces the node again once it has started, then looks after the clock until it has left.
+    /// Announces the node again shortly after its start, then watches the clock until the node has left.
     fn watch(&self) {
         let inner = Arc::downgrade(&self.inner);
         let mut announced = false;
@@ -122,7 +123,7 @@ impl Ros2 {
             }
             node.clock.watch();
         };
-        // Without that thread only these are missing.
+        // Without that thread only these two are missing.
         let _ = thread::Builder::new().name("ros2 watch".into()).spawn(watch);
     }
 }
@@ -146,7 +147,7 @@ impl Inner {
         Ok(())
     }
 
-    /// Called for each parameter set from outside.
+    /// Called for each parameter that is set from outside.
     pub(crate) fn parameter_set(self: &Arc<Self>, name: &str, value: &Value) {
         if name == USE_SIM_TIME.name
             && let Err(error) = self.use_sim_time(*value == Value::Bool(true))

@@ -32,7 +32,7 @@ impl Backend for Ros2 {
         Targets::new()
             .with_default(LevelFilter::WARN)
             .with_target("roscausal", args.log_level)
-            // Both report as errors what is ordinary on a network.
+            // Both log ordinary network events as errors.
             .with_target("rustdds", LevelFilter::OFF)
             .with_target("ros2_client", LevelFilter::OFF)
     }
@@ -59,10 +59,10 @@ impl Backend for Ros2 {
     }
 }
 
-/// Puts a new process in the place of this one, whose library has locked itself up: it hears nothing any more, and what
-/// waits for it cannot be ended. The data node's journal holds what was recorded.
+/// Replaces this process, whose DDS library has deadlocked, by a new one. The old process receives nothing any
+/// more, and threads that wait for the library cannot be ended. The data node's journal holds what was recorded.
 fn start_anew(console: &Console, goes_on: bool) {
-    // /rosout is the library's.
+    // /rosout needs the library.
     console.forward(drop);
     if !goes_on {
         tracing::error!("{HANGS}; ended all the same");
@@ -79,7 +79,8 @@ fn start_anew(console: &Console, goes_on: bool) {
     exit(EXIT_FAILED.into());
 }
 
-/// A panic on one of the library's own threads leaves a node that hears nothing: it ends, to be started again.
+/// A panic on one of the library's own threads leaves a node that receives nothing. It ends, so that it can be
+/// started again.
 fn end_with_the_library(ros: &Ros2) {
     let ros = ros.clone();
     let ordinary = std::panic::take_hook();

@@ -5,34 +5,22 @@ use std::{
     sync::{Arc, Mutex, TryLockError},
 };
 
-use ros2_client::{
-    Log, QosProfile,
-    qos::{Durability, History, WhenFull},
-};
+use ros2_client::Log;
 use roscausal_core::Result;
-use roscausal_rmw::Writer;
 use roscausal_ros::{Console, lock};
 use tracing::Level;
 
 use crate::Ros2;
 
-/// `/rosout` keeps at most this many messages for late joiners.
-const HISTORY: usize = 200;
-
 impl Ros2 {
-    /// Sends what is logged to `/rosout` as well, for as long as the node lives.
+    /// Also sends log messages to `/rosout`, for as long as the node lives.
     ///
     /// # Errors
-    /// When the topic cannot be made.
+    /// If the topic cannot be created.
     pub fn log_with(&self, console: &Console) -> Result<()> {
         let inner = self.inner();
         let participant = &inner.participant;
-        let topic = participant.session(|session| session.context.get_rosout_topic())?;
-        let profile = QosProfile::publisher_default()
-            .reliability_reliable(WhenFull::Fail)
-            .durability(Durability::TransientLocal)
-            .history(History::KeepLast { depth: HISTORY });
-        let outbox = Outbox::new(Writer::new(participant, topic, profile, HISTORY)?);
+        let outbox = Outbox::new(participant.rosout()?);
         let name = participant.names().logger();
         let node = Arc::downgrade(inner);
         console.forward(move |record| {
@@ -58,8 +46,8 @@ impl Ros2 {
     }
 }
 
-/// Hands messages to a writer one at a time. Nobody waits: who finds another thread at the writer leaves the message
-/// to that one.
+/// Hands messages to a writer one at a time. Nobody waits: a thread that finds another one at the writer leaves its
+/// message to that one.
 struct Outbox<W, M> {
     writer: Mutex<W>,
     waiting: Mutex<VecDeque<M>>,
@@ -72,7 +60,7 @@ impl<W, M> Outbox<W, M> {
 
     fn send(&self, message: M, write: impl Fn(&mut W, M)) {
         lock(&self.waiting).push_back(message);
-        // Looks again after the writer is free: what came until then found it taken.
+        // Checks again after the writer is free: other threads may have left messages meanwhile.
         while !lock(&self.waiting).is_empty() {
             let mut writer = match self.writer.try_lock() {
                 Ok(writer) => writer,

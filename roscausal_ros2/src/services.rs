@@ -1,13 +1,11 @@
 //! The standard parameter services, and `/parameter_events`.
 
-use std::sync::Arc;
+use std::sync::{Arc, Mutex};
 
-use futures::StreamExt;
 use ros2_client::{
-    Message, Name, Publisher, QosProfile, ServiceMapping, ServiceTypeName,
+    Message,
     builtin_interfaces::Time,
     parameters::raw,
-    qos::{History, WhenFull},
     rcl_interfaces::{
         DescribeParametersRequest, DescribeParametersResponse, GetParameterTypesRequest,
         GetParameterTypesResponse, GetParametersRequest, GetParametersResponse, ListParametersRequest,
@@ -15,28 +13,25 @@ use ros2_client::{
         SetParametersResponse,
     },
 };
-use roscausal_core::{Error, Result, params::Value};
-use roscausal_rmw::Participant;
+use roscausal_core::{Result, params::Value};
+use roscausal_ros::lock;
 use tracing::warn;
 
 use crate::{
+    dds::{Participant, Writer},
     node::Inner,
     wire::{descriptor, from_wire, to_wire},
 };
 
-/// The topic of changes of parameters.
+/// The topic that announces changes of parameters.
 pub(crate) struct ParameterEvents {
-    publisher: Publisher<raw::ParameterEvent>,
+    writer: Mutex<Writer<raw::ParameterEvent>>,
 }
 
-fn failed(error: impl std::fmt::Display) -> Error {
-    Error::Middleware(format!("parameter services: {error}"))
-}
-
-/// Offers the services of a node's parameters in the graph.
+/// Offers the parameter services of a node.
 ///
 /// # Errors
-/// When the middleware refuses.
+/// If the middleware refuses.
 pub(crate) fn serve(inner: &Arc<Inner>) -> Result<()> {
     answer(inner, "get_parameters", "GetParameters", |node, request: GetParametersRequest| {
         let value = |name: &String| to_wire(node.parameters.get(name)).into();
@@ -72,19 +67,12 @@ pub(crate) fn serve(inner: &Arc<Inner>) -> Result<()> {
 
 impl ParameterEvents {
     /// # Errors
-    /// When the middleware refuses.
+    /// If the middleware refuses.
     pub(crate) fn new(participant: &Participant) -> Result<Self> {
-        let profile = QosProfile::publisher_default()
-            .reliability_reliable(WhenFull::Fail)
-            .history(History::KeepLast { depth: 1000 });
-        let publisher = participant.session(|session| {
-            let topic = session.context.get_parameter_events_topic();
-            session.node.create_publisher(&topic, Some(profile))
-        })?;
-        Ok(Self { publisher: publisher.map_err(failed)? })
+        Ok(Self { writer: Mutex::new(participant.parameter_events()?) })
     }
 
-    /// Publishes on `/parameter_events` that parameters are new, or have new values.
+    /// Publishes on `/parameter_events` that parameters are new or have new values.
     pub(crate) fn announce(&self, inner: &Inner, names: &[&str], new: bool) {
         let parameter = |name: &&str| raw::Parameter {
             name: (*name).to_owned(),
@@ -100,8 +88,8 @@ impl ParameterEvents {
             changed_parameters,
             deleted_parameters: vec![],
         };
-        // An event that nobody takes is lost, as everywhere in ROS 2.
-        let _ = self.publisher.publish(event);
+        // An event that nobody receives is lost, as everywhere in ROS 2.
+        let _ = lock(&self.writer).write(&inner.participant, event);
     }
 }
 
@@ -114,15 +102,7 @@ fn set(node: &Arc<Inner>, changes: Vec<(String, Option<Value>)>) -> raw::SetPara
     set.inspect_err(|reason| warn!("refused: {reason}")).into()
 }
 
-/// Fast DDS and Cyclone DDS carry a request's identity in different places.
-fn service_mapping() -> ServiceMapping {
-    match std::env::var("RMW_IMPLEMENTATION").as_deref() {
-        Ok("rmw_cyclonedds_cpp") => ServiceMapping::Cyclone,
-        _ => ServiceMapping::Enhanced,
-    }
-}
-
-/// Offers one service, and answers its requests for as long as the node lives.
+/// Offers one service and answers its requests for as long as the node lives.
 fn answer<Req, Resp>(
     inner: &Arc<Inner>,
     name: &str,
@@ -133,27 +113,6 @@ where
     Req: Message + Clone + Send + 'static,
     Resp: Message + Clone + Send + 'static,
 {
-    let profile = QosProfile::publisher_default().history(History::KeepLast { depth: 10 });
-    let name = Name::new(&inner.participant.names().full_name(), name).map_err(failed)?;
-    let kind = ServiceTypeName::new("rcl_interfaces", kind);
-    let server = inner.participant.session(|session| {
-        session.node.create_server::<Req, Resp>(service_mapping(), &name, &kind, profile.clone(), profile)
-    })?;
-    let server = server.map_err(failed)?;
     let node = Arc::downgrade(inner);
-    inner.participant.spawn("parameter services", move || async move {
-        let mut requests = server.receive_request_stream();
-        while let Some(request) = requests.next().await {
-            match request {
-                Ok((id, request)) => {
-                    let Some(response) = node.upgrade().map(|node| handle(&node, request)) else { return };
-                    if let Err(error) = server.async_send_response(id, response).await {
-                        warn!("a parameter service's answer was not sent: {error}");
-                    }
-                }
-                Err(error) => warn!("a request to a parameter service was not understood: {error}"),
-            }
-        }
-    });
-    Ok(())
+    inner.participant.serve(name, kind, move |request| Some(handle(&node.upgrade()?, request)))
 }

@@ -1,4 +1,4 @@
-//! Parameters as `rcl_interfaces` has them.
+//! Parameters as the messages of `rcl_interfaces`.
 
 use ros2_client::{
     ParameterValue as Wire,
@@ -37,7 +37,7 @@ pub(crate) fn descriptor(
     descriptor.into()
 }
 
-/// A value; "not set" for none.
+/// A value; "not set" for `None`.
 pub(crate) fn to_wire(value: Option<Value>) -> Wire {
     fn all<T>(items: Vec<Value>, part: impl Fn(Value) -> Option<T>) -> Vec<T> {
         items.into_iter().filter_map(part).collect()

@@ -1,4 +1,4 @@
-//! `config/ros2.yaml` holds every parameter of every node, with its default and description. It is written by
+//! `config/ros2.yaml` holds every parameter of every node, with its default and description. To rewrite it, run
 //! `ROSCAUSAL_WRITE_DOCS=1 cargo test -p roscausal_ros2 --test config`.
 #![allow(clippy::expect_used, clippy::panic, reason = "a file that is not as it must be fails the test")]
 
@@ -8,8 +8,7 @@ use roscausal_core::{
     nodes,
     params::{Allowed, ParamSpec, Value},
 };
-use roscausal_rcl::ParamFile;
-use roscausal_ros2::Args;
+use roscausal_ros2::{Args, ParamFile};
 
 fn path(name: &str) -> PathBuf {
     PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../config").join(name)
@@ -44,7 +43,9 @@ fn all() -> Vec<(String, Vec<ParamSpec>)> {
 }
 
 fn generated() -> String {
-    let mut text = "# Every parameter of every node, with its default. Copy what you change.\n".to_owned();
+    let mut text =
+        "# Every parameter of every node, with its default. Copy the parameters that you change.\n"
+            .to_owned();
     for (node, specs) in all() {
         let _ = write!(text, "\n{node}:\n  ros__parameters:\n");
         for spec in specs.iter().filter(|spec| !spec.name.starts_with('/')) {

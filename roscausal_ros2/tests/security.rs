@@ -1,5 +1,5 @@
-//! DDS Security with a real keystore: who has no certificate neither reads nor writes.
-//! `tests/security.sh` runs it; needs the program `openssl`.
+//! DDS Security with a real keystore: a node without a certificate can neither read nor write. `tests/security.sh`
+//! runs it; it needs the program `openssl`.
 #![cfg(feature = "security")]
 #![allow(clippy::expect_used, clippy::panic, reason = "a test may panic: that is how it fails")]
 
@@ -16,11 +16,11 @@ use roscausal_core::{
     middleware::{Middleware, Publish, Qos},
 };
 use roscausal_msgs::std_msgs;
-use roscausal_rmw::Subscription;
+use roscausal_ros2::Subscription;
 use roscausal_ros2::{Args, Ros2};
 
 const DOMAIN: u32 = 10;
-/// How long one waits for what must not come; two nodes find each other in 0.6 s, secured ones in a few seconds.
+/// How long to wait for what must not arrive. Two nodes find each other in 0.6 s, secured ones in a few seconds.
 const NEVER: Duration = Duration::from_secs(6);
 const SOON: Duration = Duration::from_secs(30);
 
@@ -62,7 +62,7 @@ fn has(heard: &Heard, from: &str) -> bool {
     heard.lock().expect("no panic").iter().any(|text| text == from)
 }
 
-/// Says `from` on a topic again and again.
+/// Repeats `from` on a topic.
 struct Speaker {
     said: Arc<dyn Fn() + Send + Sync>,
 }
@@ -119,11 +119,11 @@ fn a_participant_without_a_certificate_neither_reads_nor_writes() {
     let names = |node: &Ros2| node.topics().into_iter().map(|(topic, _)| topic).collect::<Vec<_>>();
     assert!(names(&recorder).contains(&"/chat".to_owned()), "{:?}", names(&recorder));
 
-    // One that comes later is let in as well.
+    // A node that joins later is admitted as well.
     let late = node("late", Some((&ours, "/recorder")));
     let (late_heard, _d) = listen(&late, "/chat");
     assert!(speak(&all, SOON, || has(&late_heard, "robot")), "who comes late hears nothing");
-    // Latched messages, each with a publisher of its own; of every length, for what is encrypted is padded.
+    // Latched messages, each with its own publisher, and of every length, because encryption pads them.
     let latched = robot.advertise::<std_msgs::String>("/latched", Qos::Latched).expect("advertises");
     let (recorder_heard, _e) = listen_to(&recorder, "/latched", Qos::Latched);
     let (clear_heard, _f) = listen_to(&clear, "/latched", Qos::Latched);
@@ -151,7 +151,7 @@ fn an_enclave_uses_only_the_topics_it_is_granted_and_bad_files_are_refused() {
         Err(error) => panic!("{error}"),
         Ok(_) => panic!("a topic that is not granted"),
     }
-    // Permissions that nobody signed.
+    // Permissions that nobody has signed.
     let enclave = store.join("enclaves/forged");
     let signed = std::fs::read_to_string(enclave.join("permissions.p7s")).expect("reads");
     std::fs::write(enclave.join("permissions.p7s"), signed.replace("2100", "2101")).expect("writes");

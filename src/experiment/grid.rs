@@ -1,10 +1,10 @@
-//! What an experiment varies: scenarios, lengths, steps, risks, tests and methods.
+//! The factors of an experiment: scenarios, lengths, steps, risks, tests and methods.
 
 use roscausal_core::{Error, Result, batch::risk::RiskModel};
 use roscausal_discovery::{Settings, methods::Method};
 use serde::{Deserialize, Serialize};
 
-/// Everything that makes a run but its seed.
+/// Everything that defines a run except its seed.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub(crate) struct Setting {
     pub(crate) scenario: String,
@@ -38,7 +38,7 @@ impl Grid {
     /// Checks every value.
     ///
     /// # Errors
-    /// The first one that is not allowed, with what is.
+    /// The first value that is not allowed, with what is allowed.
     pub(crate) fn check(&self, analysis: &Settings) -> Result<()> {
         let within = |name: &str, values: &[f64], (low, high): (f64, f64)| match values
             .iter()
@@ -60,7 +60,7 @@ impl Grid {
         Ok(self.settings(true).iter().try_for_each(|setting| setting.analysis(analysis).check())?)
     }
 
-    /// The settings of a sweep: the base, and each other value of each factor with the rest at the base; with
+    /// The settings of a sweep: the base, and every other value of each factor with the rest at the base. With
     /// `cross`, every combination.
     pub(crate) fn settings(&self, cross: bool) -> Vec<Setting> {
         let mut settings = Vec::new();
@@ -96,7 +96,7 @@ impl Grid {
 }
 
 impl Setting {
-    /// The analysis of this setting: its method and test, the rest as in `base`.
+    /// The analysis of this setting: its method and test, and the rest as in `base`.
     pub(crate) fn analysis(&self, base: &Settings) -> Settings {
         Settings {
             method: self.method,
@@ -106,7 +106,7 @@ impl Setting {
         }
     }
 
-    /// The values of the setting as cells of a table; [`Setting::HEADER`] names them.
+    /// The setting as cells of a table; [`Setting::HEADER`] names them.
     pub(crate) fn cells(&self) -> [String; 7] {
         [
             self.scenario.clone(),
@@ -124,7 +124,7 @@ impl Setting {
         ["scenario", "length_s", "step_s", "risk_model", "risk_lag", "method", "test"];
 }
 
-/// Seeds from `A..B`, both ends included, or a single one.
+/// Seeds from `A..B`, including both ends, or a single seed.
 pub(crate) fn seeds(text: &str) -> Result<Vec<u64>> {
     let fault = || Error::param("seeds", format!("'{text}' is no range of seeds; write it as 1..20"));
     let (first, last) = text.split_once("..").unwrap_or((text, text));
@@ -136,7 +136,7 @@ pub(crate) fn seeds(text: &str) -> Result<Vec<u64>> {
     Ok((first..=last).collect())
 }
 
-/// The share `I/N` of the jobs that this process does: those whose number leaves the rest `I - 1` by `N`.
+/// The part `I/N` of the jobs that this process does: those whose number modulo `N` is `I - 1`.
 pub(crate) fn shard(text: &str) -> Result<(usize, usize)> {
     let fault = || Error::param("shard", format!("'{text}' is no share; write 1/4 to 4/4 for four machines"));
     let (i, n) = text.split_once('/').ok_or_else(fault)?;

@@ -1,4 +1,4 @@
-//! `roscausal experiment`: the whole chain over seeds and settings; how often each link is found.
+//! `roscausal experiment`: runs the whole chain over seeds and settings, and counts how often each link is found.
 
 mod grid;
 mod recordings;
@@ -8,7 +8,7 @@ mod runs;
 use std::{
     path::{Path, PathBuf},
     sync::{
-        Mutex, PoisonError,
+        Mutex,
         atomic::{AtomicUsize, Ordering},
     },
     thread,
@@ -16,7 +16,7 @@ use std::{
 
 use clap::{Args as ClapArgs, Subcommand};
 use indicatif::ProgressBar;
-use roscausal_core::{Error, Result};
+use roscausal_core::{Error, Result, gate::lock};
 use roscausal_discovery::{PcAlpha, Settings};
 use roscausal_hrisim::Scenario;
 
@@ -25,7 +25,7 @@ use grid::{Grid, Setting};
 use recordings::record;
 use runs::{Common, Run};
 
-/// The scenario that is recommended for finding the paper's links, its controls, and the length to record.
+/// The recommended scenario, its controls, and the length to record.
 const RECOMMENDED: [&str; 3] = ["encounters", "encounters_ignored", "encounters_unslowed"];
 const RECOMMENDED_LENGTH: f64 = 300.0;
 
@@ -52,14 +52,14 @@ enum Command {
     },
 }
 
-/// What to run. Factors take several values, separated by commas: the first of each is the base, and one factor at
-/// a time takes its other values (with `--cross`, every combination is run).
+/// What to run. Each factor takes a list of values, separated by commas. The first values are the base; one factor
+/// at a time takes its other values (with `--cross`, every combination is run).
 #[derive(ClapArgs)]
 struct Sweep {
-    /// The recommended scenario and its two negative controls, at the recommended length; nothing else varies.
+    /// The recommended scenario and its two negative controls at the recommended length; nothing else varies.
     #[arg(long, conflicts_with_all = ["scenarios", "lengths", "steps", "risk_models", "risk_lags", "methods", "tests"])]
     default: bool,
-    /// Seeds of the simulation, both ends included.
+    /// Seeds of the simulation, including both ends.
     #[arg(long, default_value = "1..20", value_name = "A..B")]
     seeds: String,
     /// Scenarios: built-in names or TOML files.
@@ -74,7 +74,7 @@ struct Sweep {
     /// Versions of the risk: v1_1, v1_0, paper.
     #[arg(long, value_delimiter = ',', default_values_t = ["v1_1", "v1_0", "paper"].map(str::to_owned))]
     risk_models: Vec<String>,
-    /// Samples the risk is late by: 0 or 1.
+    /// Samples by which the risk is lagged: 0 or 1.
     #[arg(long, value_delimiter = ',', default_values_t = [1, 0])]
     risk_lags: Vec<usize>,
     /// Discovery methods.
@@ -101,14 +101,14 @@ struct Sweep {
     /// Largest lag, in samples.
     #[arg(long, default_value_t = 1)]
     tau_max: usize,
-    /// Runs at a time; default: one per core. The results do not depend on it.
+    /// Runs at a time; default: one per core. They do not change the results.
     #[arg(long)]
     threads: Option<usize>,
-    /// Do only a share of the work, such as 2/8; join the folders with `roscausal experiment merge`.
+    /// Do only one part of the work, such as 2/8; join the folders with `roscausal experiment merge`.
     #[arg(long, value_name = "I/N")]
     shard: Option<String>,
-    /// Folder for recall.csv, scores.csv, runs.csv, plots and one file per run; runs whose file is there are not run
-    /// again.
+    /// Folder for recall.csv, scores.csv, runs.csv, plots, and one file per run; a run whose file exists is not
+    /// repeated.
     #[arg(long, value_name = "DIR", default_value = "roscausal_experiment")]
     out: PathBuf,
 }
@@ -119,7 +119,7 @@ pub(crate) fn run(args: &Args, interrupt: &Interrupt) -> Result<()> {
         Some(Command::Merge { from, out }) => (out, merge(from, out)?),
         None => (&args.sweep.out, args.sweep.run(interrupt)?),
     };
-    for (name, text) in report::files(&runs) {
+    for (name, text) in report::files(&runs)? {
         output::write_file(out, name, text.as_bytes())?;
     }
     println!(
@@ -185,7 +185,7 @@ impl Sweep {
         Ok(settings)
     }
 
-    /// Does what is not done yet; the runs of this sweep that are there then.
+    /// Does the missing runs. Returns all runs of this sweep that exist then.
     fn run(&self, interrupt: &Interrupt) -> Result<Vec<Run>> {
         let (grid, analysis) = (self.grid()?, self.analysis()?);
         grid.check(&analysis)?;
@@ -201,7 +201,7 @@ impl Sweep {
         all.iter().filter_map(|path| Run::read(path).transpose()).collect()
     }
 
-    /// One job per scenario and seed, this shard's only.
+    /// One job per scenario and seed, only those of this shard.
     fn jobs(&self, grid: &Grid) -> Result<Vec<Job>> {
         let (i, n) = self.shard.as_deref().map_or(Ok((1, 1)), grid::shard)?;
         let settings = grid.settings(self.cross);
@@ -256,24 +256,23 @@ impl Job {
     }
 }
 
-/// Gives the jobs, in their order, to `workers` threads; the first error ends all.
+/// Passes the jobs in order to `workers` threads. The first error ends all.
 fn work_off(jobs: &[Job], workers: usize, work: impl Fn(&Job) -> Result<()> + Sync) -> Result<()> {
     let next = AtomicUsize::new(0);
     let first_error = Mutex::new(None);
-    let lock = || first_error.lock().unwrap_or_else(PoisonError::into_inner);
     thread::scope(|scope| {
         for _ in 0..workers.min(jobs.len()) {
             scope.spawn(|| {
                 while let Some(job) = jobs.get(next.fetch_add(1, Ordering::Relaxed)) {
                     if let Err(error) = work(job) {
                         next.store(jobs.len(), Ordering::Relaxed);
-                        lock().get_or_insert(error);
+                        lock(&first_error).get_or_insert(error);
                     }
                 }
             });
         }
     });
-    match lock().take() {
+    match lock(&first_error).take() {
         Some(Error::Cancelled(_)) => {
             Err(Error::Cancelled("by the user; the same command goes on where this one ended".into()))
         }

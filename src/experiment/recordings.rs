@@ -1,4 +1,4 @@
-//! One simulated run as the nodes record it, at several steps at once.
+//! One simulated run as the nodes record it, at several step sizes at once.
 
 use roscausal_core::{
     Error, Result,
@@ -14,11 +14,14 @@ use roscausal_core::{
 use roscausal_hrisim::{Scenario, Simulation, node::run_lockstep};
 use roscausal_msgs::{Humans, RobotState, std_msgs::String as Text};
 
-use crate::interrupt::Interrupt;
+use crate::{
+    interrupt::Interrupt,
+    nodes::{first_person, first_robot, set_subjects},
+};
 
-/// Seconds simulated beyond the recording, until every topic has begun.
+/// Seconds simulated in addition to the recording, until every topic has begun.
 const WARM_UP_S: f64 = 3.0;
-/// A recording is analysed as recordings of at most this length, seconds: the data node's default.
+/// A recording is analysed in parts of at most this length in seconds, the data node's default.
 const BATCH_S: f64 = 150.0;
 /// As in the data node.
 const MAX_GAP_S: f64 = 0.5;
@@ -29,11 +32,11 @@ enum Event {
     Context(String),
 }
 
-/// Simulates `seconds` of the scenario through the robot and the human node on a lockstep bus; one recording per
-/// step. The recorder is the data node's, so the rows are those that node would write.
+/// Simulates `seconds` of the scenario through the robot and the human node on a lockstep bus, and returns one
+/// recording per step size. The recorder is the data node's, so the rows are those that the node would write.
 ///
 /// # Errors
-/// A scenario or step that cannot be used, an interrupt, a failing node.
+/// A scenario or step that cannot be used, an interrupt, or a failing node.
 pub(crate) fn record(
     scenario: &Scenario,
     seed: u64,
@@ -43,8 +46,12 @@ pub(crate) fn record(
 ) -> Result<Vec<Recording>> {
     let scenario = Scenario { duration: seconds + WARM_UP_S, ..scenario.clone() };
     let mut simulation = Simulation::new(&scenario, seed)?;
-    let agent = simulation.people.first().map_or(1, |person| person.id);
     let bus = Loopback::lockstep();
+    set_subjects(&bus, &simulation);
+    let robot_topic = match first_robot(&simulation) {
+        "" => "/roscausal/robot".to_owned(),
+        name => format!("/{name}/roscausal/robot"),
+    };
     let robot = bus.start_task("robot", async |mw| nodes::run_task("robot", &mw).await);
     let human = bus.start_task("human", async |mw| nodes::run_task("human", &mw).await);
     let config = |step: &f64| RecorderConfig {
@@ -52,10 +59,10 @@ pub(crate) fn record(
         ts_length_s: None,
         max_gap_s: MAX_GAP_S.max(*step),
         subsampling: false,
-        select: Select::Ids([agent].into()),
+        select: Select::Ids([first_person(&simulation)].into()),
     };
     let recorders: Vec<Recorder> = steps.iter().map(|step| Recorder::new(config(step))).collect();
-    let recording = bus.start_task("data", async move |mw| listen(&mw, recorders).await);
+    let recording = bus.start_task("data", async move |mw| listen(&mw, &robot_topic, recorders).await);
     let done = run_lockstep(&bus, &mut simulation, 1, |_| !interrupt.is_set());
     bus.shutdown();
     let died = |_| Error::Middleware("a node died; please report it".into());
@@ -75,11 +82,10 @@ pub(crate) fn record(
 }
 
 /// Feeds what the nodes publish to all recorders until the bus ends.
-async fn listen(mw: &LoopbackNode, mut recorders: Vec<Recorder>) -> Result<Vec<Recorder>> {
+async fn listen(mw: &LoopbackNode, robot_topic: &str, mut recorders: Vec<Recorder>) -> Result<Vec<Recorder>> {
     let inbox = Inbox::new(mw, 20_000);
     let (robot, humans) = (inbox.sender(), inbox.sender());
-    let _robot =
-        mw.subscribe("/roscausal/robot", Qos::Volatile(1000), move |m| robot.send(Event::Robot(m)))?;
+    let _robot = mw.subscribe(robot_topic, Qos::Volatile(1000), move |m| robot.send(Event::Robot(m)))?;
     let _humans =
         mw.subscribe("/roscausal/humans", Qos::Volatile(1000), move |m| humans.send(Event::Humans(m)))?;
     let context = inbox.sender();
@@ -107,7 +113,7 @@ async fn listen(mw: &LoopbackNode, mut recorders: Vec<Recorder>) -> Result<Vec<R
 /// The first `length` seconds as batches of equal length, none longer than the data node's default.
 ///
 /// # Errors
-/// A recording that is shorter.
+/// A recording that is too short.
 pub(crate) fn batches(recording: &Recording, length: f64) -> Result<Vec<Recording>> {
     let step = recording.dt_ns as f64 * 1e-9;
     let count = (length / BATCH_S).ceil().max(1.0);

@@ -1,4 +1,5 @@
-//! The runs of an experiment: each in a file of its own, so that a sweep can be interrupted, spread and merged.
+//! The runs of an experiment, each in a file of its own, so that a sweep can be interrupted, distributed and
+//! merged.
 
 use std::{
     fs,
@@ -28,7 +29,7 @@ const OBS_SIZE: f64 = 2.0;
 const SAFE_DIST: f64 = 5.0;
 const NAMES: [&str; 3] = ["h_v", "h_dg", "h_risk"];
 
-/// One run: what was asked, and what was found.
+/// One run: its setting and its result.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub(crate) struct Run {
     pub(crate) setting: Setting,
@@ -45,7 +46,7 @@ pub(crate) struct Run {
     pub(crate) run_time_s: f64,
 }
 
-/// What all runs of a sweep have in common.
+/// What all runs of a sweep share.
 pub(crate) struct Common {
     pub(crate) analysis: Settings,
     pub(crate) risk_noise: f64,
@@ -58,7 +59,7 @@ impl Common {
         self.out.join(FOLDER).join(file_name(setting, seed, &self.rest(setting, scenario)))
     }
 
-    /// What a run depends on beyond its setting and seed.
+    /// What a run depends on in addition to its setting and seed.
     fn rest(&self, setting: &Setting, scenario: &Scenario) -> String {
         let analysis = setting.analysis(&self.analysis);
         format!(
@@ -91,7 +92,7 @@ impl Common {
         let (mut names, mut tables) = (Vec::new(), Vec::new());
         for batch in batches(recording, setting.length)? {
             let mut columns = postprocess.run(&batch)?.columns;
-            // What is never imposed varies nowhere.
+            // An intervention that is never active does not vary.
             let n_rows = (setting.length / setting.step).round() as usize;
             let is_idle = |rows: &Vec<Vec<f64>>| is_constant(&rows[..n_rows.min(rows.len())]);
             columns.retain(|column| !recording.context.get(&column.name).is_some_and(is_idle));
@@ -128,7 +129,7 @@ impl Run {
     /// Writes the run into the folder of runs below `out`.
     ///
     /// # Errors
-    /// What the file system says.
+    /// The error of the file system.
     pub(crate) fn write(&self, out: &Path) -> Result<()> {
         let name = file_name(&self.setting, self.seed, &self.rest);
         let mut text = serde_json::to_string_pretty(self).map_err(|e| Error::Data(e.to_string()))?;
@@ -136,10 +137,10 @@ impl Run {
         output::write_file(&out.join(FOLDER), &name, text.as_bytes()).map(drop)
     }
 
-    /// Reads a run's file; `None` when it is not there.
+    /// Reads the file of a run; `None` if it does not exist.
     ///
     /// # Errors
-    /// A file that is no run.
+    /// A file that is not a run.
     pub(crate) fn read(path: &Path) -> Result<Option<Self>> {
         match fs::read(path) {
             Ok(text) => {
@@ -153,7 +154,7 @@ impl Run {
     /// All runs below `out`, in the order of their file names.
     ///
     /// # Errors
-    /// A folder without runs, a file that is none.
+    /// A folder without runs, or a file that is not a run.
     pub(crate) fn all(out: &Path) -> Result<Vec<Self>> {
         let folder = out.join(FOLDER);
         let entries = fs::read_dir(&folder)

@@ -1,4 +1,4 @@
-//! Which topics of a recording are what: as the user says, or found by their types.
+//! The roles of a recording's topics: as the user says, or found by their types.
 
 use std::path::Path;
 
@@ -14,20 +14,20 @@ use crate::nodes::RECORDING;
 use super::play;
 use super::roles::{CHOSEN_BY_NAME, HUMAN_GOAL, Kind, PEOPLE, ROBOT_GOAL, ROBOT_ODOM, ROBOT_POSE, Role};
 
-/// The word for "the pose in the odometry".
+/// The value that means "the pose in the odometry".
 const FROM_ODOMETRY: &str = "odom";
-/// The word for "no such topic".
+/// The value that means "no such topic".
 const NONE: &str = "none";
-/// Where poses made of odometry are published.
+/// Topic of the poses taken from odometry.
 pub(crate) const ODOMETRY_POSE: &str = "/roscausal_replay/odometry_pose";
 
-/// Arguments that say what a recording's topics are.
+/// Which topics of a recording play which role.
 #[derive(ClapArgs, Clone, Debug, Default)]
 pub(crate) struct InputArgs {
     /// Recording: topic of the robot's odometry. Default for this and the next four: found by type and name.
     #[arg(long, value_name = "TOPIC")]
     robot_odom: Option<String>,
-    /// Recording: topic of the robot's pose; `odom`: the pose in the odometry, brought to the map by TF.
+    /// Recording: topic of the robot's pose; `odom`: the pose in the odometry, transformed to the map frame by TF.
     #[arg(long, value_name = "TOPIC")]
     robot_pose: Option<String>,
     /// Recording: topic of the robot's goal, or `none`.
@@ -39,20 +39,20 @@ pub(crate) struct InputArgs {
     /// Recording: topic of the person's goal, or `none`.
     #[arg(long, value_name = "TOPIC")]
     human_goal: Option<String>,
-    /// Recording: who is analysed: a number, `1,2`, `nearest:N` or `all`. Default: the nearest to the robot.
+    /// Recording: who is analysed: an id, `1,2`, `nearest:N` or `all`. Default: the person nearest to the robot.
     #[arg(long, value_name = "WHO")]
     person: Option<String>,
-    /// Recording: step of the samples, seconds.
+    /// Recording: step between samples, seconds.
     #[arg(long, value_name = "SECONDS")]
     dt: Option<f64>,
-    /// Recording: a parameter of the node robot, human or data (docs/parameters.md), such as
-    /// `data.safe_dist=4`; may be given again.
+    /// Recording: a parameter of the node robot, human or data (docs/parameters.md), such as `data.safe_dist=4`;
+    /// may be given several times.
     #[arg(long = "param", value_name = "NODE.NAME=VALUE")]
     params: Vec<String>,
 }
 
 impl InputArgs {
-    /// The first flag given, for what is no recording.
+    /// The first of these flags that was given, for input that is not a recording.
     pub(crate) fn given(&self) -> Option<&'static str> {
         let flags = [
             ("--robot-odom", self.robot_odom.is_some()),
@@ -86,7 +86,7 @@ pub(crate) struct Inputs {
 }
 
 impl Inputs {
-    /// Chooses topics by `args`, and by type and name where they say nothing.
+    /// Chooses topics by `args`, and otherwise by type and name.
     pub(crate) fn choose(recording: &Recording, path: &Path, args: &InputArgs) -> Result<Self> {
         let mut inputs = Self {
             topics: Vec::new(),
@@ -222,7 +222,7 @@ struct Chooser<'a> {
 }
 
 impl Chooser<'_> {
-    /// The topics of a role's types that can be read.
+    /// The readable topics of a role's types.
     fn candidates(&self, role: &Role) -> Vec<&Topic> {
         let fits = |topic: &&Topic| role.kind(&topic.type_name).is_some() && topic.known_type().is_some();
         self.recording.topics().iter().filter(fits).collect()
@@ -236,7 +236,7 @@ impl Chooser<'_> {
         Err(self.fault(role, &format!("there is no topic {name} that can be {}", role.what)))
     }
 
-    /// The topic of a role: the one named, or the one with a usual name, or the only one.
+    /// The topic of a role: the one that was named, or the one with a usual name, or the only one.
     fn one(&self, role: &Role, named: Option<&str>) -> Result<Option<Topic>> {
         if let Some(name) = named {
             return self.named(role, name).map(Some);
@@ -251,7 +251,8 @@ impl Chooser<'_> {
         }
     }
 
-    /// As [`Chooser::one`], but of several nobody guesses, and types that mean many things go by name only.
+    /// Like [`Chooser::one`], but it does not guess among several topics. Types with many meanings are chosen by
+    /// name only.
     fn optional(&self, role: &Role, named: Option<&str>) -> Result<Option<Topic>> {
         if named == Some(NONE) {
             return Ok(None);
@@ -316,7 +317,7 @@ impl Chooser<'_> {
         self.fault(role, &format!("nothing in it can be {}", role.what))
     }
 
-    /// The fault, what the role needs, and what there is.
+    /// An error: the fault, what the role needs, and what there is.
     fn fault(&self, role: &Role, reason: &str) -> Error {
         let types: Vec<&str> = role.kinds.iter().map(|Kind { type_name, .. }| *type_name).collect();
         let describe = |topic: &Topic| match topic.known_type() {

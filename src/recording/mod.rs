@@ -1,4 +1,4 @@
-//! Recordings in: topics found, played to the nodes on a bus of their own, batches out.
+//! Reading recordings: topics are found and played to the nodes on a bus of their own, which makes batches.
 
 mod inputs;
 mod play;
@@ -13,7 +13,7 @@ use crate::{chart, interrupt::Interrupt, nodes, nodes::Nodes};
 pub(crate) use inputs::{InputArgs, Inputs};
 pub(crate) use play::Play;
 
-/// Whether a path is a recording, by what is in it (a folder always is).
+/// Whether a path is a recording, judged by its contents (a folder always is).
 pub(crate) fn is_recording(path: &Path) -> bool {
     use std::io::Read;
     let mut start = Vec::new();
@@ -22,7 +22,7 @@ pub(crate) fn is_recording(path: &Path) -> bool {
     path.is_dir() || (read.is_ok() && magics.iter().any(|magic| start.starts_with(magic)))
 }
 
-/// A recording and what is to be played of it.
+/// A recording, and what is to be played of it.
 pub(crate) struct Source {
     pub(crate) path: PathBuf,
     pub(crate) recording: Recording,
@@ -30,7 +30,7 @@ pub(crate) struct Source {
 }
 
 impl Source {
-    /// Opens the recording and chooses its topics; says on stderr what was chosen.
+    /// Opens the recording and chooses its topics. Prints the choice on stderr.
     pub(crate) fn open(path: &Path, args: &InputArgs) -> Result<Self> {
         let recording = Recording::open(path)?;
         let inputs = Inputs::choose(&recording, path, args)?;
@@ -40,8 +40,8 @@ impl Source {
         Ok(Self { path: path.to_owned(), recording, inputs })
     }
 
-    /// Plays the recording to the recording nodes and gives the batches that they made, in `folder`: one, or
-    /// several where the recording's clock jumps.
+    /// Plays the recording to the recording nodes and returns the batches that they made in `folder`: one, or
+    /// several if the recording's clock jumps.
     pub(crate) fn batches(
         mut self,
         folder: &Path,
@@ -51,7 +51,7 @@ impl Source {
         let (raw, processed) = (folder.join("data_pool"), folder.join("pp_pool"));
         let bus = Loopback::lockstep();
         nodes::set_pools(&bus, &raw, &processed);
-        // All of it is one batch.
+        // The whole recording is one batch.
         bus.set_node_param("data", "ts_length", Value::Double(0.0));
         self.set_params(&bus);
         let play = Play::new(&bus, &mut self.recording, &self.inputs)?;
@@ -78,7 +78,7 @@ impl Source {
         Ok(batches)
     }
 
-    /// Sets the parameters that go with the topics chosen, and the user's.
+    /// Sets the parameters that follow from the chosen topics, and those of the user.
     pub(crate) fn set_params(&self, bus: &Loopback) {
         for (node, name, value) in &self.inputs.params {
             bus.set_node_param(node, name, value.clone());

@@ -3,11 +3,12 @@
 use std::{
     collections::BTreeMap,
     path::Path,
-    sync::{Arc, Mutex, PoisonError},
+    sync::{Arc, Mutex},
 };
 
 use roscausal_core::{
     Result, Time,
+    gate::lock,
     loopback::{Loopback, LoopbackNode, LoopbackPublisher, LoopbackSubscription},
     middleware::{Middleware, Publish, Qos},
 };
@@ -21,20 +22,20 @@ use roscausal_recording::{Player, Record, Recording, Topic};
 
 use super::inputs::{Inputs, ODOMETRY_POSE};
 
-/// A hole in a recording that is longer is made short.
+/// A longer hole in a recording is shortened.
 const LONGEST_HOLE_NS: i64 = 3600 * 1_000_000_000;
-/// So short.
+/// To this length.
 const AFTER_HOLE_NS: i64 = 1_000_000_000;
 type Troubles = Arc<Mutex<BTreeMap<String, String>>>;
 
-/// A recording ready to be played; the bus's clock stands at its begin.
+/// A recording that is ready to be played. The bus's clock stands at its beginning.
 pub(crate) struct Play<'a> {
     bus: Loopback,
     recording: &'a mut Recording,
     player: Player,
-    /// Name and publisher of poses made of odometry.
+    /// Topic and publisher of the poses taken from odometry.
     pose: Option<(String, LoopbackPublisher<PoseStamped>)>,
-    /// The recording's own clock decides, if it has one.
+    /// The recording's own clock; it sets the time if there is one.
     clock: Option<usize>,
     now: Time,
     last: Time,
@@ -43,23 +44,23 @@ pub(crate) struct Play<'a> {
     _node: LoopbackNode,
 }
 
-/// What came of it.
+/// The result of playing a recording.
 #[derive(Debug, Default)]
 pub(crate) struct Played {
     /// Messages played.
     pub(crate) messages: u64,
-    /// Topic -> how many of its messages could not be read, and why the first one.
+    /// For each topic: how many of its messages could not be read, and why the first one could not.
     unreadable: BTreeMap<String, (u64, String)>,
     losses: Vec<String>,
     troubles: Troubles,
 }
 
-/// The topic that tells the time of a simulation.
+/// Whether this topic carries the time of a simulation.
 fn is_clock(topic: &Topic) -> bool {
     topic.name == "/clock" && topic.type_name == "rosgraph_msgs/Clock" && topic.known_type().is_some()
 }
 
-/// The time at which a recording begins: by its own clock, if it has one, else by its recorder's.
+/// The time at which a recording begins: by its own clock if it has one, otherwise by its recorder's.
 pub(super) fn start(path: &Path, recording: &Recording) -> Result<Time> {
     let span = recording.span().map_or(Time::ZERO, |(start, _)| start);
     let Some(clock) = recording.topics().iter().position(is_clock) else { return Ok(span) };
@@ -71,7 +72,7 @@ pub(super) fn start(path: &Path, recording: &Recording) -> Result<Time> {
 }
 
 impl<'a> Play<'a> {
-    /// Advertises the topics chosen; to be called before the nodes start, so that they begin at its time.
+    /// Advertises the chosen topics. Call it before the nodes start, so that they begin at its time.
     pub(crate) fn new(bus: &Loopback, recording: &'a mut Recording, inputs: &Inputs) -> Result<Self> {
         let node = bus.node("replay");
         let chosen = |topic: &Topic| inputs.topics.contains(&topic.name) && topic.known_type().is_some();
@@ -85,13 +86,13 @@ impl<'a> Play<'a> {
         let played = Played::default();
         let troubles = played.troubles.clone();
         let diagnostics = node.subscribe("/diagnostics", Qos::Volatile(10), move |m: DiagnosticArray| {
-            let mut troubles = troubles.lock().unwrap_or_else(PoisonError::into_inner);
+            let mut troubles = lock(&troubles);
             for status in m.status.into_iter().filter(|status| status.level != DiagnosticStatus::OK) {
                 troubles.insert(status.name, status.message);
             }
         })?;
-        // Nodes that do something ten times a second do it at the same moments in every replay, and in a run that
-        // began with its clock at 0.
+        // Nodes that act ten times a second act at the same moments in every replay, and in a run whose clock began
+        // at 0.
         let start = Time { nanosec: 0, ..inputs.start };
         bus.advance_to(start);
         Ok(Self {
@@ -108,7 +109,8 @@ impl<'a> Play<'a> {
         })
     }
 
-    /// Plays all; `each` hears how far it is (0 to 1) and the bus's time, and ends it by saying false.
+    /// Plays everything. `each` gets the progress (0 to 1) and the time of the bus, and ends the playing by
+    /// returning false.
     pub(crate) fn run(mut self, mut each: impl FnMut(f64, Time) -> bool) -> Result<Played> {
         let mut seen = -1.0;
         let topics = self.recording.topics().to_vec();
@@ -136,7 +138,8 @@ impl<'a> Play<'a> {
         Ok(self.played)
     }
 
-    /// Moves the bus's clock as far as the recording's moved; never back, and over no hole longer than an hour.
+    /// Advances the bus's clock as far as the recording's has advanced: never back, and over no hole longer than an
+    /// hour.
     fn advance(&mut self, stamp: Time) {
         let step = stamp.as_nanos() - std::mem::replace(&mut self.last, stamp).as_nanos();
         if step > 0 {
@@ -146,7 +149,7 @@ impl<'a> Play<'a> {
         self.bus.advance_to(self.now);
     }
 
-    /// Publishes one message; one that cannot be read is counted.
+    /// Publishes one message. A message that cannot be read is counted.
     fn publish(&mut self, topic: &Topic, record: &Record) {
         let mut published = self.player.publish(topic, record);
         if let (Ok(()), Some((name, publisher))) = (&published, &self.pose)
@@ -164,7 +167,7 @@ impl<'a> Play<'a> {
 }
 
 impl Played {
-    /// Says on stderr what was lost.
+    /// Reports on stderr what was lost.
     pub(crate) fn tell(&self, path: &Path) {
         for loss in &self.losses {
             eprintln!("note: {loss}");
@@ -177,9 +180,9 @@ impl Played {
         }
     }
 
-    /// What the nodes complained about last, in one line.
+    /// The last complaints of the nodes, in one line.
     pub(crate) fn troubles(&self) -> String {
-        let troubles = self.troubles.lock().unwrap_or_else(PoisonError::into_inner);
+        let troubles = lock(&self.troubles);
         let lines: Vec<String> = troubles.iter().map(|(node, what)| format!("{node}: {what}")).collect();
         if lines.is_empty() { "no node complained".to_owned() } else { lines.join("; ") }
     }

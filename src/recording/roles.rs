@@ -1,24 +1,24 @@
-//! The parts that a recording's topics play, the types that can play them, and the parameters that say so.
+//! The roles of a recording's topics, the types that can fill them, and the parameters that they set.
 
-/// A part that a topic plays.
+/// A role that a topic fills.
 #[derive(Debug)]
 pub(crate) struct Role {
     /// The flag that names the topic.
     pub(crate) flag: &'static str,
-    /// In words.
+    /// Its description.
     pub(crate) what: &'static str,
     /// The node that listens.
     pub(crate) node: &'static str,
-    /// The types that can play it.
+    /// The types that can fill it.
     pub(crate) kinds: &'static [Kind],
-    /// Names that need no asking, the best first.
+    /// Names that are taken by default, the best first.
     pub(crate) usual: &'static [&'static str],
 }
 
-/// One type that can play a part.
+/// One type that can fill a role.
 #[derive(Debug)]
 pub(crate) struct Kind {
-    /// As `package/Name`.
+    /// The type as `package/Name`.
     pub(crate) type_name: &'static str,
     /// The parameter that takes the topic's name.
     pub(crate) topic_param: &'static str,
@@ -41,7 +41,7 @@ const fn kind(
     Kind { type_name, topic_param, also }
 }
 
-/// Types that mean many things: such a topic is only taken by its name.
+/// Types with many meanings: such a topic is taken only by its name.
 pub(crate) const CHOSEN_BY_NAME: [&str; 1] = ["geometry_msgs/PoseStamped"];
 
 pub(crate) const ROBOT_ODOM: Role = Role {

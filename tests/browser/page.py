@@ -27,7 +27,7 @@ def free_port():
 
 
 class Demo:
-    """A demo with a page; ends with the test."""
+    """A demo with a page; it ends with the test."""
 
     def __init__(self, roscausal, folder, *arguments):
         command = [roscausal, "demo", "--web", "--duration", "60", "--speed", "12", "--out", "out", *QUICK, *arguments]
@@ -58,7 +58,7 @@ def until(what, look, patience=PATIENCE):
     while time.monotonic() < end:
         try:
             seen = look()
-        except Exception as error:  # the page is being drawn anew
+        except Exception as error:  # the page is being redrawn
             seen, what = None, f"{what} ({error})"
         if seen:
             return seen
@@ -101,7 +101,7 @@ class Page:
 
     def violations(self):
         if not self.js("typeof window.axe === 'object'"):
-            # Through the protocol: the page itself may load nothing from elsewhere.
+            # Through the browser's protocol, because the page itself may not load anything from elsewhere.
             self.driver.execute_cdp_cmd("Runtime.evaluate", {"expression": self.axe})
         found = self.driver.execute_async_script(
             "const done = arguments[0]; axe.run().then((r) => done(r.violations.map((v) => "

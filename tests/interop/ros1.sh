@@ -1,16 +1,16 @@
 #!/bin/bash
 # Tests against a real ROS 1: roscore, rospy, roslaunch, rosbag, catkin. Ends with 'N passed, N failed'; exit 0 only
-# when all passed. Without ROS 1 it installs Debian's, when it is root on such a system.
+# if all passed. Without ROS 1 it installs Debian's packages, if it runs as root on Debian.
 #   tests/interop/ros1.sh [GROUP...]        groups: wire life restart clock laws nodes original pipeline packages,
-#                                           and figures (five minutes), which measures on a machine that is idle
-# Each group has a master on a port of its own, on 127.0.0.1; only processes that were started here are ended.
+#                                           and figures (five minutes), which needs an otherwise idle machine
+# Each group has a master on its own port of 127.0.0.1. Only processes that were started here are ended.
 set -u
 here=$(cd "$(dirname "$0")" && pwd)
 root=$(cd "$here/../.." && pwd)
 target=${CARGO_TARGET_DIR:-$root/target}
 groups=${*:-wire life restart clock laws nodes original pipeline packages}
 
-# ROS of Debian belongs to Debian's Python
+# Debian's ROS needs Debian's Python
 cargo=$(command -v cargo || echo "$HOME/.cargo/bin/cargo")
 export PATH="/usr/bin:$(dirname "$cargo"):$PATH"
 unset PYTHONPATH PYTHONHOME ROS_HOSTNAME ROS_NAMESPACE ROS_VERSION ROS_DISTRO ROS_PACKAGE_PATH CMAKE_PREFIX_PATH \
@@ -35,7 +35,7 @@ laws=$(sed -n 's|^ *Executable tests/ros1_laws.rs (\(.*\))$|\1|p' "$work/cargo.l
 case $laws in /*) ;; *) laws=$root/$laws ;; esac
 export ROSCAUSAL_PEER=$target/release/examples/ros1_peer ROSCAUSAL_NODE=$target/release/roscausal_ros1 ROSCAUSAL_LAWS=$laws
 
-# A catkin workspace with this clone, and pedsim's messages, which Debian has not.
+# A catkin workspace with this clone, and pedsim's messages, which Debian lacks.
 echo "building the catkin workspace ..."
 ws=$work/ws
 mkdir -p "$ws/src/pedsim_msgs"
@@ -56,7 +56,7 @@ for group in $groups; do
   echo "== $group"
   timeout -k 30 700 /usr/bin/python3 "$here/ros1/$group.py" 2>"$work/$group.err" | tee -a "$work/results"
   code=${PIPESTATUS[0]}
-  # a group that failed without a line of its own
+  # a group that failed without printing a line
   if [ "$code" -ne 0 ] && { [ "$code" -ne 1 ] || ! tail -50 "$work/results" | grep -q '^FAIL'; }; then
     tail -20 "$work/$group.err"
     echo "FAIL $group: ended with code $code" | tee -a "$work/results"

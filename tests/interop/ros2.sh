@@ -1,19 +1,19 @@
 #!/bin/bash
-# Our nodes against real ROS 2: rclpy over Fast DDS, colcon, and Cyclone DDS as a second vendor. Where no ROS 2
+# Our nodes against real ROS 2: rclpy over Fast DDS, colcon, and Cyclone DDS as a second vendor. If no ROS 2
 # is installed, a virtual environment with its Python wheels is made below target/ (once, about 500 MB).
 #   tests/interop/ros2.sh [PART OF A TEST'S NAME]
 # ROSCAUSAL_ROS_DISTRO=kilted tests against another distribution; ROSCAUSAL_PROFILE=debug takes the programs that
-# `cargo build -p roscausal_ros2 --bins --examples` has made, instead of having colcon build them.
-# All traffic stays on this machine. Exit code 0 only when all passed, 77 when there is no
-# ROS 2 and it cannot be had; the last line is 'N passed, N failed'.
+# `cargo build -p roscausal_ros2 --bins --examples` has made, instead of building them with colcon.
+# All traffic stays on this machine. Exit code 0 only if all passed, 77 if there is no
+# ROS 2 and it cannot be installed. The last line is 'N passed, N failed'.
 set -u
 root=$(cd "$(dirname "$0")/../.." && pwd)
 distro=${ROSCAUSAL_ROS_DISTRO:-jazzy}
 target=${CARGO_TARGET_DIR:-$root/target}
 . "$root/tests/lib.sh"
 
-# What is made once; and the workspaces, outside of the clone: ROS 1 takes every program below a package's folder for
-# one of the package's.
+# What is made once, and the workspaces. They are outside the clone, because ROS 1 takes every program below a package's
+# folder for one of that package.
 kept=$root/target/interop_ros2/$distro
 work=$(mktemp -d -t roscausal-ros2-XXXXXX)
 trap 'rm -rf "$work"' EXIT
@@ -30,7 +30,7 @@ wheels() {
     "$prefix"-rosidl-{default-generators,default-runtime,core-generators} \
     "$prefix"-ament-{cmake,package,cmake-include-directories,cmake-ros,cmake-pytest,cmake-gtest,cmake-gmock} \
     "${more[@]}" colcon-common-extensions cmake cyclonedds
-  # The wheels' CMake files name the folders of the machine that they were built on.
+  # The CMake files in the wheels contain the folders of the machine on which they were built.
   local python numpy
   python=$("$venv/bin/python" -c 'import sysconfig; print(sysconfig.get_paths()["include"])')
   numpy=$("$venv/bin/python" -c 'import numpy; print(numpy.get_include())')
@@ -68,7 +68,7 @@ use() { # the packages of one workspace
   set -u
 }
 
-# messages of others that the wheels lack
+# foreign messages that the wheels lack
 mkdir -p "$kept/foreign/src"
 python3 "$root/tests/interop/ros2/make_packages.py" "$root/roscausal_msgs/foreign" "$kept/foreign/src" \
   tf2_msgs people_msgs pedsim_msgs spencer_tracking_msgs
@@ -85,7 +85,7 @@ if [ "${ROSCAUSAL_PROFILE:-release}" = release ]; then
   ln -s "$root" "$work/ws/src/roscausal"
   build "$work/ws" --cmake-args "-DROSCAUSAL_CARGO_TARGET_DIR=$target"
   use "$work/ws"
-  # Everything compiles in a shell of ROS 2, rosrust too, which reads message definitions where the shell says.
+  # Everything compiles in a ROS 2 shell, including rosrust, which reads message definitions from where the shell says.
   (cd "$root" && export CARGO_TARGET_DIR=$target && cargo clean --release -p rosrust && build_all) >"$work/cargo.log" 2>&1 ||
     { tail -40 "$work/cargo.log"; broken "cargo does not build the workspace in a shell of ROS 2"; }
   export ROSCAUSAL_BIN=$work/ws/install/roscausal/lib/roscausal ROSCAUSAL_PEER=$target/release/examples/ros2_peer

@@ -1,4 +1,4 @@
-"""Reads what we wrote with other software (mcap, rosbags): read.py FILE"""
+"""Uses other software (mcap, rosbags) to read what we wrote: read.py FILE"""
 
 import sys
 from pathlib import Path
@@ -51,7 +51,7 @@ def by_mcap(path):
 
 
 def by_rosbags(path, topics):
-    """The types' texts are complete, and agree with those that rosbags knows."""
+    """Checks that the texts of the types are complete, and agree with those that rosbags has."""
     types = get_typestore(Stores.ROS2_JAZZY)
     for schema in topics.values():
         if schema.name not in types.types:

@@ -1,4 +1,4 @@
-"""Reads a run's recording with mcap and rosbags, every message of every topic: read_run.py FILE MODEL.json"""
+"""Reads the recording of a run with mcap and rosbags, every message of every topic: read_run.py FILE MODEL.json"""
 
 import json
 import sys

@@ -1,4 +1,4 @@
-"""Writes the bags of write.py again with the real rosbag of ROS 1, in each compression: rewrite.py FOLDER"""
+"""Rewrites the bags of write.py with the real rosbag of ROS 1, in each compression: rewrite.py FOLDER"""
 
 import sys
 from pathlib import Path

@@ -74,7 +74,7 @@ def messages(types, ros, count):
                 tags=["ä", ""],
             )
             people = kinds["people_msgs/msg/People"](header=header(nanos, "map", i), people=[person] * (i % 3))
-            # Recorded before the odometry that stands before it in the file.
+            # Recorded before the odometry that precedes it in the file.
             yield "/people", "people_msgs/msg/People", nanos, people
         if i == 3:
             odd = kinds["custom_msgs/msg/Odd"](number=7, values=np.array([1.0]))

@@ -1,8 +1,8 @@
 #!/bin/sh
-# Makes a keystore as 'ros2 security create_keystore' and 'create_enclave' make it, with openssl alone.
+# Makes a keystore like 'ros2 security create_keystore' and 'create_enclave', using only openssl.
 #   keystore.sh FOLDER ENCLAVE[=TOPIC,TOPIC...] ...
-# ENCLAVE is a name such as /robot; it may use all topics, or only those DDS topics given (rt/chatter; * stands for any).
-# Everything encrypted, nobody without a certificate: governance as SROS2 writes it.
+# ENCLAVE is a name such as /robot. It may use all topics, or only the given DDS topics (rt/chatter; * stands for any).
+# Governance as SROS2 writes it: everything is encrypted, and nobody joins without a certificate.
 set -eu
 keystore=$1
 shift

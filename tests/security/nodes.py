@@ -29,19 +29,19 @@ def run(program, folder):
         for name in NODES + ["hrisim"]:
             start(name, name, given[name], secure, "--enclave", "/roscausal")
         begin = time.time()
-        # It would take the robot's and the people's states as they are, in the clear.
+        # It would accept the robot's and the people's states as they are, in the clear.
         start("spy", "data", spy, {}, "-r", "__node:=spy")
         processes.wait_for(lambda: rows_after(folder, begin), 60, "a first batch")
         processes.wait_for(lambda: len(list((folder / "models").glob("*.json"))) >= 3, 60, "three models")
         caught = list((folder / "spy").glob("*.csv"))
         assert not caught, "without a certificate it recorded %s" % caught
-        # The same with a certificate records, which shows that it was the certificate.
+        # With a certificate the same recorder records, which shows that the certificate makes the difference.
         processes.end("spy")
         start("spy", "data", spy, secure, "-r", "__node:=spy", "--enclave", "/roscausal")
         processes.wait_for(lambda: list((folder / "spy").glob("data_*.csv")), 60, "a batch of the spy's, now with a certificate")
         for name in ["hrisim", "spy", *NODES]:
             processes.end(name)
-        # Once in some thousand starts the library locks itself up, and the node is started anew after ten seconds.
+        # Once in some thousand starts the library deadlocks, and the node restarts after ten seconds.
         account(folder, begin, late=45)
 
 

@@ -29,7 +29,7 @@ def skip(reason):
 
 
 class Processes:
-    """What was started here, and nothing else, is ended; logs are kept, and told when something goes wrong."""
+    """Ends what was started here, and nothing else. Keeps the logs, and prints them if something goes wrong."""
 
     def __init__(self, folder):
         self.folder, self.all = folder, {}
@@ -83,7 +83,7 @@ class Processes:
 
 
 def parameters(folder):
-    """Of each node; the simulator runs on the wall's clock."""
+    """Parameters of each node. The simulator runs on wall time."""
     given = {
         "hrisim": {"clock": "false", "scenario": "thor", "duration": "100000"},
         "robot": {"goal_topic": "/goal_pose", "goal_type": "PoseStamped"},
@@ -126,7 +126,7 @@ def rows_after(folder, instant):
 
 
 def account(folder, begin, cut=None, late=15):
-    """Rows lie DT apart from the first, within `late` seconds, to the last; with `cut`, a gap may lie there."""
+    """Checks that rows lie DT apart from the first, within `late` seconds, to the last. At `cut` there may be a gap."""
     recorded = list(batches(folder))
     times = [t for _, batch, _ in recorded for t in batch]
     complete = sum(facts["complete"] for _, _, facts in recorded)
@@ -138,7 +138,7 @@ def account(folder, begin, cut=None, late=15):
     print("%.0f s of messages in, %d rows out, %d missing, %d batches (%d complete), %d models, %d batches waiting" % (
         span, len(times), missing, len(recorded), complete, models, waiting), flush=True)
     assert times and times[0] < begin + late, "recording began late"
-    # the last one, which is not complete, may wait as well
+    # the last one, which is incomplete, may wait as well
     assert complete <= models + waiting <= len(recorded), "a batch without its model"
     for a, b in gaps:
         assert cut and cut[0] - 1.5 <= a and b <= cut[1] + 3.0, "rows from %.2f to %.2f are missing" % (a - begin, b - begin)
@@ -151,7 +151,7 @@ def free_port():
 
 
 def start_master(processes, folder, port):
-    """Starts a ROS master and waits until it answers; the environment of its nodes."""
+    """Starts a ROS master and waits until it answers. Returns the environment for its nodes."""
     rosmaster = "/usr/bin/rosmaster"
     if not os.path.exists(rosmaster):
         skip("no ROS master here to start (Debian: apt-get install python3-rosmaster)")
@@ -205,7 +205,7 @@ def master(program, seconds, folder):
 
 
 def end_well(processes, folder):
-    """The simulator first; the others once what is complete is analysed."""
+    """Ends the simulator first, and the others once every complete batch is analysed."""
     processes.end("hrisim")
     time.sleep(2)
     processes.wait_for(lambda: not list((folder / "pp").glob("data_*.csv")), 30, "models of all batches")

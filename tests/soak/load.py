@@ -47,7 +47,7 @@ def start(processes, wire, program, peer, seconds, folder):
 
 
 def holes(folder):
-    """Rows, and cells that are empty, but for the last second: the sensors fall silent one after the other."""
+    """Rows and empty cells, without the last second, in which the sensors stop one after the other."""
     rows, empty = 0, []
     for path, _, _ in batches(folder):
         with open(path, newline="") as file:

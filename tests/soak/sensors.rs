@@ -1,5 +1,5 @@
-//! What a busy robot's sensors publish: odometry at 1 kHz, its place at 100 Hz and people at 25 Hz, each value a function
-//! of the stamp. Both backends' peers send it.
+//! What a busy robot's sensors publish: odometry at 1 kHz, poses at 100 Hz and people at 25 Hz, each value a
+//! function of the stamp. The peers of both backends send it.
 
 use std::{
     thread::sleep,
@@ -19,7 +19,7 @@ use roscausal_msgs::{
 
 const ODOMETRY_HZ: u32 = 1000;
 
-/// Publishes for so many seconds; answers how many of odometry, places and people were sent.
+/// Publishes for this many seconds. Returns how many odometry, pose and people messages were sent.
 pub(super) fn publish<M: Middleware>(mw: &M, seconds: u32, people: u64) -> Result<[u64; 3]> {
     let odometry = mw.advertise::<Odometry>("/mobile_base_controller/odom", Qos::Volatile(1000))?;
     let place = mw.advertise::<PoseWithCovarianceStamped>("/robot_pose", Qos::Volatile(100))?;
@@ -29,7 +29,7 @@ pub(super) fn publish<M: Middleware>(mw: &M, seconds: u32, people: u64) -> Resul
     {
         sleep(Duration::from_millis(5));
     }
-    // The subscribers' side knows of the match a little later.
+    // The subscribers' side learns of the match a little later.
     sleep(Duration::from_millis(500));
     let (started, mut sent) = (Instant::now(), [0; 3]);
     for step in 0..seconds * ODOMETRY_HZ {

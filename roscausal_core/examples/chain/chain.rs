@@ -1,5 +1,5 @@
-//! The whole chain in one process over the in-process bus, with sensors whose values are known functions of the time, so
-//! that whoever reads the batches can tell whether each row is right.
+//! The whole chain in one process over the loopback bus. The sensor values are known functions of time, so a reader
+//! of the batches can check every row.
 
 use std::{
     io::Write as _,
@@ -26,26 +26,26 @@ use roscausal_msgs::{
 /// What is recorded, and how fast.
 #[derive(Clone, Debug)]
 pub(crate) struct Chain {
-    /// Folder below which everything goes: `raw`, `pp`, `models`; it ends when `stop` is there.
+    /// Folder that holds everything: `raw`, `pp`, `models`. The run ends when the file `stop` appears in it.
     pub(crate) dir: PathBuf,
     /// Odometry per second.
     pub(crate) odometry_hz: f64,
-    /// People, each seen 25 times per second.
+    /// Number of people, each seen 25 times per second.
     pub(crate) people: u32,
     /// Step and length of batches, seconds.
     pub(crate) batches: (f64, f64),
-    /// No sensors: only what is left is analysed.
+    /// No sensors: only analyse what is left.
     pub(crate) drain: bool,
     /// Further parameters, as (node, name, value).
     pub(crate) settings: Vec<(String, String, Value)>,
 }
 
-/// Where the robot is.
+/// Position of the robot.
 pub(crate) fn robot_x(t: f64) -> f64 {
     3.0 * (0.7 * t).sin()
 }
 
-/// Where a person is.
+/// Position of a person.
 pub(crate) fn person_x(id: u32, t: f64) -> f64 {
     f64::from(id) + (1.3 * t + f64::from(id)).sin()
 }
@@ -56,13 +56,13 @@ pub(crate) fn wall() -> f64 {
 }
 
 impl Chain {
-    /// A small and fast one.
+    /// A small, fast chain.
     pub(crate) fn new(dir: &Path) -> Self {
         let dir = dir.to_owned();
         Self { dir, odometry_hz: 50.0, people: 2, batches: (0.05, 1.0), drain: false, settings: Vec::new() }
     }
 
-    /// Runs until `stop` is there, then ends well. Messages sent: odometry, people.
+    /// Runs until `stop` appears, then ends cleanly. Returns the messages sent: odometry, people.
     pub(crate) fn run(&self) -> (u64, u64) {
         let bus = Loopback::live(|| Time::from_secs_f64(wall()));
         self.set_parameters(&bus);
@@ -155,14 +155,14 @@ impl Chain {
     }
 }
 
-/// Writes what the nodes suffer from to stderr, each once.
+/// Writes the problems of the nodes to stderr, each once.
 fn tell_troubles(bus: &Loopback) -> impl Drop + use<> {
     let mut told = std::collections::BTreeSet::new();
     let tell = move |message: DiagnosticArray| {
         for status in message.status {
             if status.level > DiagnosticStatus::OK && told.len() < 100 && told.insert(status.message.clone())
             {
-                // A full disk may hold stderr as well: no reason to stop.
+                // Stderr may be on the full disk as well. That is no reason to stop.
                 let _ = writeln!(std::io::stderr(), "{}: {}", status.name, status.message);
             }
         }

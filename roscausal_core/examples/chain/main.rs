@@ -1,5 +1,5 @@
-//! `chain DIR [odometry_hz] [people] [dt] [ts_length]`: records and analyses until `DIR/stop` is there, then tells what it
-//! has sent. See `tests/soak.sh`.
+//! `chain DIR [odometry_hz] [people] [dt] [ts_length]` records and analyses until `DIR/stop` appears, then prints
+//! what it has sent. See `tests/soak.sh`.
 
 #![allow(clippy::expect_used, reason = "an example ends with its first fault")]
 

@@ -1,16 +1,17 @@
 //! The small expressions that define features: `dist(h, h.goal)`, `abs(h_v - r_v) / 2`.
 //!
-//! Values are numbers or points (`x, y`). Names: `h` and `r` are the places of person and robot; `h.goal`, `h.vel`
-//! points; `h.x`, `h.y`, `h.theta`, `h.v`, `h.omega`, `h.gx`, `h.gy` numbers (`r.` likewise), also as `h_v`, `r_theta`;
-//! `t` is the time in seconds, `pi` the number. Operators: `+ - * / ^` and brackets. A result that is not finite
-//! (a division by zero) is NaN, a missing value.
+//! Values are numbers or points (`x, y`). `h` and `r` are the positions of person and robot. `h.goal` and `h.vel`
+//! are points; `h.x`, `h.y`, `h.theta`, `h.v`, `h.omega`, `h.gx` and `h.gy` are numbers, also written as `h_v` and
+//! so on; likewise for `r`. `t` is the time in seconds, `pi` the number. Operators are `+ - * / ^` and brackets. A
+//! result that is not finite, such as a division by zero, becomes NaN, a missing value.
+//!
+//! Why not a library: `exmex` 0.21 and `fasteval` 0.2 compute with numbers of one kind, so the points, the names such as
+//! `h.goal`, and the messages that name the character and what is known there would be ours all the same; `evalexpr` 13
+//! has a licence (AGPL) that a robot's maker could not use.
 
-use super::{
-    risk::Body,
-    tracks::{FIELDS, Values},
-};
+use super::tracks::{Field, Values};
 
-/// Functions, the number of their arguments, and what they give.
+/// Functions, the number of their arguments, and their results.
 const FUNCTIONS: [(&str, usize, Function); 17] = [
     ("dist", 2, Function::Distance),
     ("speed", 1, Function::Speed),
@@ -30,9 +31,9 @@ const FUNCTIONS: [(&str, usize, Function); 17] = [
     ("max", 2, Function::Pair(f64::max)),
     ("atan2", 2, Function::Pair(f64::atan2)),
 ];
-/// Brackets within brackets, at most.
+/// Deepest nesting of brackets.
 const DEEPEST: usize = 50;
-/// The longest expression, in bytes: each `+` is one more level of what is computed recursively.
+/// Longest expression in bytes: each `+` adds a level to the recursive evaluation.
 const LONGEST: usize = 2000;
 
 /// A checked expression.
@@ -41,7 +42,7 @@ pub struct Expression {
     root: Node,
 }
 
-/// What an expression is computed from: one row of one person.
+/// The inputs of an expression: one row of one person.
 #[derive(Clone, Copy)]
 pub struct Scope<'a> {
     /// Seconds.
@@ -50,8 +51,8 @@ pub struct Scope<'a> {
     pub robot: &'a Values,
     /// The person.
     pub human: &'a Values,
-    /// The risk that the first body runs of colliding with the second.
-    pub risk: &'a dyn Fn(&Body, &Body) -> f64,
+    /// The risk that the first body collides with the second, in this row or in an earlier one.
+    pub risk: &'a dyn Fn(Who, Who) -> f64,
 }
 
 #[derive(Clone, Copy, Debug)]
@@ -71,7 +72,7 @@ enum Function {
 enum Node {
     Number(f64),
     Time,
-    Field(Who, usize),
+    Field(Who, Field),
     Place(Who),
     Goal(Who),
     Velocity(Who),
@@ -81,9 +82,12 @@ enum Node {
     Call(usize, Vec<Node>),
 }
 
+/// Whom a name is about.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Who {
+pub enum Who {
+    /// The person.
     Human,
+    /// The robot.
     Robot,
 }
 
@@ -94,10 +98,10 @@ enum Kind {
 }
 
 impl Expression {
-    /// Reads and checks an expression whose value is a number.
+    /// Parses and checks an expression whose value is a number.
     ///
     /// # Errors
-    /// What is wrong and where (counted from 1), and what is known.
+    /// What is wrong and where (counted from 1), and which names are known.
     pub fn parse(text: &str) -> Result<Self, String> {
         if text.len() > LONGEST {
             return Err(format!(
@@ -119,12 +123,12 @@ impl Expression {
         }
     }
 
-    /// Whether it tells something of a person.
+    /// Whether it uses anything of a person.
     pub fn mentions_human(&self) -> bool {
         self.root.mentions_human()
     }
 
-    /// The value; NaN where it is not finite.
+    /// The value; NaN if it is not finite.
     pub fn value(&self, scope: &Scope<'_>) -> f64 {
         let value = self.root.number(scope);
         if value.is_finite() { value } else { f64::NAN }
@@ -180,7 +184,7 @@ impl Node {
         match self {
             Self::Number(value) => *value,
             Self::Time => scope.time,
-            Self::Field(who, field) => scope.values(*who)[*field],
+            Self::Field(who, field) => scope.values(*who).get(*field),
             Self::Negative(inner) => -inner.number(scope),
             Self::Binary(operator, a, b) => arithmetic(*operator, a.number(scope), b.number(scope)),
             Self::Call(function, arguments) => call(FUNCTIONS[*function].2, arguments, scope),
@@ -190,10 +194,10 @@ impl Node {
 
     fn point(&self, scope: &Scope<'_>) -> (f64, f64) {
         match self {
-            Self::Place(who) => (scope.values(*who)[2], scope.values(*who)[3]),
-            Self::Goal(who) => (scope.values(*who)[0], scope.values(*who)[1]),
+            Self::Place(who) => (scope.values(*who).x, scope.values(*who).y),
+            Self::Goal(who) => (scope.values(*who).gx, scope.values(*who).gy),
             Self::Velocity(who) => {
-                let body = body(scope.values(*who));
+                let body = scope.values(*who).body();
                 (body.vx, body.vy)
             }
             Self::Negative(inner) => {
@@ -225,23 +229,20 @@ impl Scope<'_> {
     }
 }
 
-/// Place and velocity (from speed and heading) of recorded values.
-pub(super) fn body(values: &Values) -> Body {
-    Body::heading(values[2], values[3], values[4], values[5])
-}
-
 fn call(function: Function, arguments: &[Node], scope: &Scope<'_>) -> f64 {
     let number = |i: usize| arguments.get(i).map_or(f64::NAN, |node| node.number(scope));
     let point = |i: usize| arguments.get(i).map_or((f64::NAN, f64::NAN), |node| node.point(scope));
-    let body = |i: usize| match arguments.get(i) {
-        Some(Node::Place(who)) => body(scope.values(*who)),
-        _ => Body { x: f64::NAN, ..Body::default() },
-    };
     match function {
         Function::Number(f) => f(number(0)),
         Function::Pair(f) => f(number(0), number(1)),
-        Function::Speed => body(0).speed(),
-        Function::Risk => (scope.risk)(&body(0), &body(1)),
+        Function::Speed => match arguments {
+            [Node::Place(who)] => scope.values(*who).body().speed(),
+            _ => f64::NAN,
+        },
+        Function::Risk => match arguments {
+            [Node::Place(who), Node::Place(other)] => (scope.risk)(*who, *other),
+            _ => f64::NAN,
+        },
         Function::Norm => point(0).0.hypot(point(0).1),
         Function::Angle => point(0).1.atan2(point(0).0),
         Function::Distance => (point(0).0 - point(1).0).hypot(point(0).1 - point(1).1),
@@ -356,7 +357,7 @@ impl Parser<'_> {
             "r" => Some(Who::Robot),
             _ => None,
         };
-        let field = |part: &str| FIELDS.iter().position(|field| field.name == part);
+        let field = |part: &str| Field::ALL.into_iter().find(|field| field.name() == part);
         let node = who.and_then(|who| match part {
             None => Some(Node::Place(who)),
             Some("goal") => Some(Node::Goal(who)),
@@ -431,11 +432,12 @@ impl Parser<'_> {
 mod tests {
     use super::*;
 
-    const ROBOT: Values = [0.0, 0.0, 4.0, 3.0, 0.0, 0.5, 0.0];
-    const HUMAN: Values = [1.0, 1.0, 0.0, 0.0, std::f64::consts::FRAC_PI_2, 2.0, 0.1];
+    const ROBOT: Values = Values::from_array([0.0, 0.0, 4.0, 3.0, 0.0, 0.5, 0.0]);
+    const HUMAN: Values = Values::from_array([1.0, 1.0, 0.0, 0.0, std::f64::consts::FRAC_PI_2, 2.0, 0.1]);
 
     fn value(text: &str) -> f64 {
-        let risk = |a: &Body, b: &Body| a.speed() + 10.0 * b.speed();
+        let speed = |who| if who == Who::Human { HUMAN.body().speed() } else { ROBOT.body().speed() };
+        let risk = |a, b| speed(a) + 10.0 * speed(b);
         let scope = Scope { time: 7.0, robot: &ROBOT, human: &HUMAN, risk: &risk };
         Expression::parse(text).unwrap_or_else(|e| panic!("{e}")).value(&scope)
     }

@@ -1,11 +1,11 @@
-//! Column names, in all the spellings that ROS-Causal has written.
+//! Column names, in all spellings that ROS-Causal has written.
 //!
-//! The original wrote LaTeX-like names (`r_{gx}`, `r_{\theta}`). Its `\t` became a real TAB, and a
-//! spreadsheet that took the TAB for a separator broke the name in two (`r_{` and `heta}`).
+//! The original used LaTeX-like names (`r_{gx}`, `r_{\theta}`). Its `\t` became a real TAB. A spreadsheet that took
+//! the TAB for a separator then split the name in two (`r_{` and `heta}`).
 
-/// The column names of a header line, with names repaired that a TAB broke.
+/// The column names of a header line, with names that a TAB split joined again.
 ///
-/// Returns the names and how many cells were joined away.
+/// Returns the names, and how many cells disappeared by joining.
 pub fn repaired(cells: &[String]) -> (Vec<String>, usize) {
     let mut names: Vec<String> = Vec::with_capacity(cells.len());
     for cell in cells {

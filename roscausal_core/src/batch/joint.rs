@@ -1,4 +1,4 @@
-//! Post-processed batches read back for one analysis: several recordings, several people, interventions.
+//! Reads post-processed batches back for one analysis: several recordings, several people, interventions.
 
 use std::{
     collections::{BTreeMap, BTreeSet},
@@ -10,13 +10,17 @@ use ndarray::Array2;
 
 use roscausal_discovery::{DataFrame, names};
 
-use super::{Table, pool::sidecar};
+use super::{
+    Table,
+    pool::sidecar,
+    table::{Note, common_step},
+};
 use crate::{Error, Result};
 
-/// Fewer rows without a missing value than this tell nothing of one person.
+/// A person with fewer complete rows than this is not analysed.
 const FEWEST_ROWS: usize = 30;
 
-/// What is analysed when a batch has several people.
+/// Which models are made when a batch has several people.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum People {
     /// One model: each person is a recording of the same system.
@@ -31,7 +35,7 @@ pub enum People {
 }
 
 impl People {
-    /// The names users choose by.
+    /// The names that users choose by.
     pub const NAMES: [&'static str; 4] = ["pooled", "each", "both", "joint"];
 }
 
@@ -49,21 +53,21 @@ impl FromStr for People {
     }
 }
 
-/// What the metadata beside a batch says; a batch without any is complete.
+/// What the metadata beside a batch says. A batch without metadata counts as complete.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Facts {
-    /// It has its full length.
+    /// The batch has its full length.
     pub complete: bool,
-    /// Frame of all places.
+    /// Frame of all positions.
     pub frame: String,
-    /// Columns of context.
+    /// Columns of interventions.
     pub context: Vec<String>,
-    /// Who is in it.
+    /// The people in it.
     pub ids: Vec<u32>,
 }
 
 impl Facts {
-    /// The facts of the batch at `path`.
+    /// Reads the facts of the batch at `path`.
     pub fn read(path: &Path) -> Self {
         let name = path.file_name().map_or(String::new(), |name| name.to_string_lossy().into_owned());
         let text = std::fs::read(path.with_file_name(sidecar(&name))).unwrap_or_default();
@@ -82,28 +86,30 @@ impl Facts {
 #[derive(Clone, Debug)]
 pub struct Joint {
     tables: Vec<(Table, Facts)>,
-    /// Columns of context that vary, of all batches.
+    /// Columns of interventions that vary, of all batches.
     context: Vec<String>,
-    /// What the reader should know.
+    /// The step that they share.
+    dt: Option<f64>,
+    /// What a reader of the model should know.
     pub warnings: Vec<String>,
 }
 
 /// The data of one model.
 #[derive(Clone, Debug)]
 pub struct Part {
-    /// Whose model it is, when it is one person's.
+    /// The person that the model is about, if it is about one.
     pub person: Option<u32>,
     /// The data.
     pub data: DataFrame,
-    /// The variables that nothing may cause: interventions.
+    /// The variables that may be causes only: interventions.
     pub exogenous: Vec<String>,
 }
 
 impl Joint {
-    /// Reads batches and what stands beside them.
+    /// Reads batches and their metadata.
     ///
     /// # Errors
-    /// No batch, or one that cannot be read.
+    /// No batch, or one that cannot be read; batches with different steps.
     pub fn read(paths: &[impl AsRef<Path>]) -> Result<Self> {
         let read = |path: &Path| Ok((Table::read(path, None)?, Facts::read(path)));
         let tables: Vec<(Table, Facts)> =
@@ -111,7 +117,9 @@ impl Joint {
         if tables.is_empty() {
             return Err(Error::Data("there is no batch to analyse".into()));
         }
-        let mut warnings: Vec<String> = tables.iter().flat_map(|(table, _)| table.warnings.clone()).collect();
+        let of_path = paths.iter().map(AsRef::as_ref).zip(tables.iter().map(|(table, _)| table));
+        let dt = common_step(of_path)?;
+        let mut notes_on_context = Vec::new();
         let told: BTreeSet<&String> = tables
             .iter()
             .flat_map(|(table, facts)| facts.context.iter().filter(|name| table.names.contains(name)))
@@ -121,22 +129,25 @@ impl Joint {
             let mut values = tables.iter().flat_map(|(table, _)| column(table, name));
             let first = values.next();
             if values.all(|value| Some(value) == first) {
-                warnings.push(format!("'{name}' is the same in all rows: the intervention is not analysed"));
+                notes_on_context
+                    .push(format!("'{name}' is the same in all rows: the intervention is not analysed"));
             } else {
                 context.push(name.clone());
             }
         }
-        warnings
-            .retain(|warning| !context.iter().any(|name| warning.contains(&format!("'{name}' is constant"))));
-        Ok(Self { tables, context, warnings })
+        // What is constant in one batch may vary from batch to batch.
+        let varies = |note: &&Note| matches!(note, Note::Constant { column, .. } if context.contains(column));
+        let notes = tables.iter().flat_map(|(table, _)| &table.notes).filter(|note| !varies(note));
+        let warnings = notes.map(ToString::to_string).chain(notes_on_context).collect();
+        Ok(Self { tables, context, dt, warnings })
     }
 
-    /// Step between samples of the first batch, seconds.
+    /// Step between samples, in seconds.
     pub fn dt(&self) -> Option<f64> {
-        self.tables[0].0.dt()
+        self.dt
     }
 
-    /// Stamps of the first and the last row, seconds, where the batches have times.
+    /// Stamps of the first and the last row in seconds, if the batches have times.
     pub fn span(&self) -> (Option<f64>, Option<f64>) {
         let first = self.tables.first().and_then(|(table, _)| table.time.as_ref()?.first().copied());
         (first, self.tables.last().and_then(|(table, _)| table.time.as_ref()?.last().copied()))
@@ -147,10 +158,10 @@ impl Joint {
         &self.tables[0].1.frame
     }
 
-    /// The data of each model that is asked for. With one person, or none, there is one.
+    /// The data of each requested model. With at most one person there is one model.
     ///
     /// # Errors
-    /// Batches whose columns do not fit together, nobody with enough rows.
+    /// Batches whose columns do not match, or nobody with enough rows.
     pub fn parts(&mut self, people: People) -> Result<Vec<Part>> {
         let several = self.tables.iter().any(|(_, facts)| facts.ids.len() > 1);
         if people == People::Joint || !several {
@@ -189,21 +200,22 @@ impl Joint {
         Ok(parts)
     }
 
-    /// All columns but those of context, which come last.
+    /// All columns except those of interventions, which come last.
     fn plain(&self, table: &Table, facts: &Facts) -> Named {
         let names = table.names.iter().filter(|name| !facts.context.contains(name));
         let columns: Named = names.map(|name| (name.clone(), column(table, name))).collect();
         self.with_context(columns, table)
     }
 
-    /// The columns of one person under the names that they have when she is alone, and those of nobody.
+    /// The columns of one person, under the names that they have if she is alone, and the columns that belong to
+    /// nobody.
     fn of_person(&self, table: &Table, facts: &Facts, id: u32) -> Named {
         let mut columns = Named::new();
         for name in table.names.iter().filter(|name| !facts.context.contains(name)) {
             let name_alone = match person_of(name, &facts.ids) {
                 Some((of, alone)) if of == id => alone,
                 None => name.clone(),
-                // A batch with one person has plain names.
+                // In a batch with one person the names are plain.
                 Some(_) => continue,
             };
             columns.push((name_alone, column(table, name)));
@@ -214,7 +226,7 @@ impl Joint {
     fn with_context(&self, mut columns: Named, table: &Table) -> Named {
         let of = |name: &String| match table.names.contains(name) {
             true => column(table, name),
-            // Batches from before the intervention was announced.
+            // In batches from before the intervention was announced.
             false => vec![0.0; table.values.nrows()],
         };
         columns.extend(self.context.iter().map(|name| (name.clone(), of(name))));
@@ -256,7 +268,8 @@ fn complete_rows(columns: &Named) -> usize {
     (0..rows).filter(|row| columns.iter().all(|(_, values)| values[*row].is_finite())).count()
 }
 
-/// Whose column it is, and its name when she is alone: `h_7_v` is `h_v` of 7, `near_7` is `near` of 7.
+/// The person that a column belongs to, and its name if she is alone: `h_7_v` is `h_v` of 7, `near_7` is `near` of
+/// 7.
 fn person_of(name: &str, ids: &[u32]) -> Option<(u32, String)> {
     ids.iter().find_map(|id| {
         let own = name.strip_prefix(&format!("h_{id}_")).map(|rest| format!("h_{rest}"));
@@ -339,6 +352,15 @@ mod tests {
             joint.warnings.iter().any(|warning| warning.contains("'do_human_v' is the same in all rows"))
         );
         assert_eq!((joint.span(), joint.dt()), ((Some(0.0), Some(6.0)), Some(1.0)));
+    }
+
+    #[test]
+    fn batches_with_different_steps_are_refused_and_both_are_named() {
+        let dir = tempfile::tempdir().expect("a folder");
+        let slow = batch(dir.path(), "a", "time,h_v,h_dg\n0,1,2\n0.3,2,3\n", "{}");
+        let fast = batch(dir.path(), "b", "time,h_v,h_dg\n0,1,2\n0.1,2,3\n", "{}");
+        let error = Joint::read(&[slow, fast]).expect_err("two steps").to_string();
+        assert!(error.contains("a.csv is 0.3") && error.contains("b.csv: its step is 0.1"), "{error}");
     }
 
     #[test]

@@ -2,6 +2,7 @@
 
 mod expression;
 pub mod header;
+mod id;
 pub mod joint;
 pub mod journal;
 pub mod pool;
@@ -15,7 +16,8 @@ pub mod table;
 mod tracks;
 pub mod writer;
 
-pub use recording::{Column, Gap, Imposed, Recording};
+pub use id::IdFormat;
+pub use recording::{Column, EndedBy, Gap, Imposed, Recording};
 pub use select::Select;
 pub use table::Table;
-pub use tracks::{FIELDS, Field, Kind, Values};
+pub use tracks::{Field, Values};

@@ -1,11 +1,12 @@
-//! A folder of batch files, each whole or absent, shared by the node that writes and the nodes that analyse.
+//! A folder of batch files, each complete or absent. The node that writes and the nodes that analyse share it.
 //!
-//! - `PREFIX<id>.csv` is a whole batch; beside it may stand `PREFIX<id>.json` (written before it).
-//! - `.NAME.tmp` is being written; `.NAME.lock` belongs to the node that analyses NAME and counts the attempts.
-//! - `.PREFIX<number>.journal` holds what is recorded and in no batch yet; `.NAME.commit` and `.NAME.done` are what is
-//!   left of it while NAME becomes a file (see `writer`). The node that records holds a lock on the folder.
-//! - `.finished-<name>` lists batches that are analysed and about to go together.
-//! - `rejected/` holds batches that cannot be analysed, with `NAME.reason.txt`.
+//! - `PREFIX<id>.csv` is a complete batch. `PREFIX<id>.json` may lie beside it; it is written first.
+//! - `.NAME.tmp` is being written. `.NAME.lock` belongs to the node that analyses NAME, and counts the attempts.
+//! - `.PREFIX<number>.journal` holds what is recorded but in no batch yet. While NAME becomes a file, the journal
+//!   is renamed to `.NAME.commit` and `.NAME.done` (see `writer`). The node that records holds a lock on the
+//!   folder.
+//! - `.finished-<name>` lists batches that were analysed and are about to be removed together.
+//! - `rejected/` holds batches that cannot be analysed, each with `NAME.reason.txt`.
 
 use std::{
     collections::BTreeSet,
@@ -14,21 +15,24 @@ use std::{
     path::{Path, PathBuf},
 };
 
-use crate::{Error, Result};
+use super::IdFormat;
+use crate::{Error, Result, Time};
 
 /// A folder of batches whose names start with a prefix.
 #[derive(Clone, Debug)]
 pub struct Pool {
     dir: PathBuf,
     prefix: String,
+    ids: IdFormat,
 }
 
-/// What a pool holds now.
+/// The current contents of a pool.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Contents {
-    /// File names of the whole batches, oldest first: ids are times, so the order of the names is that of time.
+    /// File names of the complete batches, oldest first, by the times in their ids. Batches whose ids hold no time come
+    /// before them, in the order of their names.
     pub batches: Vec<String>,
-    /// Other files, which nobody touches.
+    /// Other files; they are never touched.
     pub foreign: BTreeSet<String>,
 }
 
@@ -39,11 +43,11 @@ pub struct Limits {
     pub max_batches: usize,
     /// Bytes of batches and their metadata; 0: any number.
     pub max_bytes: u64,
-    /// What happens when there is no room for a new batch: the oldest one goes, or the new one has to wait.
+    /// What happens if there is no room for a new batch: the oldest one is deleted, or the new one waits.
     pub drop_oldest: bool,
 }
 
-/// A file that is whole on disk, but not under its name yet.
+/// A file that is complete on disk but does not have its name yet.
 #[derive(Debug)]
 #[must_use = "publish it, or it is not there"]
 pub(super) struct Staged {
@@ -51,7 +55,7 @@ pub(super) struct Staged {
     path: PathBuf,
 }
 
-/// A batch that is ours to analyse; dropping it gives it back.
+/// A batch that this process analyses. Dropping the claim releases the batch.
 #[derive(Debug)]
 pub struct Claim {
     lock: File,
@@ -61,10 +65,10 @@ pub struct Claim {
 }
 
 impl Pool {
-    /// Opens the folder, creating it when it is not there.
+    /// Opens the folder, and creates it if necessary.
     ///
     /// # Errors
-    /// A folder that cannot be created, a prefix that is no part of a file name.
+    /// A folder that cannot be created, or a prefix that is not allowed in a file name.
     pub fn open(dir: impl Into<PathBuf>, prefix: &str) -> Result<Self> {
         let dir = dir.into();
         if prefix.contains(['/', '\\']) || prefix.starts_with('.') {
@@ -72,7 +76,14 @@ impl Pool {
             return Err(Error::param("csv_prefix", reason));
         }
         fs::create_dir_all(&dir).map_err(|e| Error::file(&dir, e))?;
-        Ok(Self { dir, prefix: prefix.to_owned() })
+        Ok(Self { dir, prefix: prefix.to_owned(), ids: IdFormat::default() })
+    }
+
+    /// The same pool, whose batches have ids of another format.
+    #[must_use]
+    pub fn with_id_format(mut self, ids: IdFormat) -> Self {
+        self.ids = ids;
+        self
     }
 
     /// The folder.
@@ -85,7 +96,12 @@ impl Pool {
         self.dir.join(name)
     }
 
-    /// The name of a new batch: prefix, id, and a counter when that name is taken.
+    /// The id of a batch that begins at `start`.
+    pub fn id(&self, start: Time) -> String {
+        self.ids.id(start)
+    }
+
+    /// The name of a new batch: prefix, id, and a counter if the name is taken.
     pub fn new_name(&self, id: &str) -> String {
         let id: String = id.chars().map(|c| if matches!(c, '/' | '\\' | '\0') { '-' } else { c }).collect();
         let name = |suffix: &str| format!("{}{id}{suffix}.csv", self.prefix);
@@ -93,17 +109,18 @@ impl Pool {
         std::iter::once(name("")).chain((2..).map(|n| name(&format!("_{n}")))).find(free).unwrap_or_default()
     }
 
-    /// Writes a file so that it is whole or absent at any instant: temporary name, fsync, rename, fsync of the folder.
+    /// Writes a file so that it is complete or absent at any moment: temporary name, fsync, rename, fsync of the
+    /// folder.
     ///
     /// # Errors
-    /// What the file system says, with the path.
+    /// The error of the file system, with the path.
     pub fn write(&self, name: &str, bytes: &[u8]) -> Result<PathBuf> {
         let path = self.path(name);
         write_whole(&path, bytes)?;
         Ok(path)
     }
 
-    /// What the folder holds now.
+    /// The current contents of the folder.
     ///
     /// # Errors
     /// A folder that cannot be read.
@@ -123,16 +140,17 @@ impl Pool {
                 contents.foreign.insert(name);
             }
         }
-        contents.batches.sort();
+        let start = |name: &String| name.strip_prefix(&self.prefix).and_then(|id| self.ids.start(id));
+        contents.batches.sort_by_cached_key(|name| (start(name), name.clone()));
         Ok(contents)
     }
 
-    /// Writes a file that gets its name only with [`Staged::publish`].
+    /// Writes a file that gets its name only through [`Staged::publish`].
     pub(super) fn stage(&self, name: &str, bytes: &[u8]) -> Result<Staged> {
         stage(&self.path(name), bytes)
     }
 
-    /// The staged file of a name, if a process that is gone has left one.
+    /// The staged file of a name, if a process that is gone left one.
     pub(super) fn staged(&self, name: &str) -> Option<Staged> {
         let (temporary, path) = (self.path(&format!(".{name}.tmp")), self.path(name));
         temporary.exists().then_some(Staged { temporary, path })
@@ -143,7 +161,7 @@ impl Pool {
         format!(".{}{number:09}.journal", self.prefix)
     }
 
-    /// Names of the hidden files of this pool's batches that end with `suffix`, in order, without dot and suffix.
+    /// Names of the hidden files of this pool's batches that end with `suffix`, sorted, without dot and suffix.
     pub(super) fn hidden(&self, suffix: &str) -> Result<Vec<String>> {
         let mut names = Vec::new();
         for entry in fs::read_dir(&self.dir).map_err(|e| Error::file(&self.dir, e))? {
@@ -156,7 +174,7 @@ impl Pool {
         Ok(names)
     }
 
-    /// Makes this process the only one that records into this folder, for as long as the answer lives.
+    /// Makes this process the only one that records into this folder, for as long as the returned file lives.
     pub(super) fn lock_for_recording(&self) -> Result<File> {
         let fault = |e: std::io::Error| Error::file(&self.dir, e);
         let dir = File::open(&self.dir).map_err(fault)?;
@@ -171,10 +189,11 @@ impl Pool {
         }
     }
 
-    /// Makes room for a batch of `incoming` bytes. The batches dropped for it; `None` when there is no room.
+    /// Makes room for a batch of `incoming` bytes. Returns the batches that were dropped; `None` if there is no
+    /// room.
     ///
     /// # Errors
-    /// What the file system says.
+    /// The error of the file system.
     pub fn make_room(&self, limits: Limits, incoming: u64) -> Result<Option<Vec<String>>> {
         let mut dropped = Vec::new();
         if limits.max_batches == 0 && limits.max_bytes == 0 {
@@ -187,14 +206,14 @@ impl Pool {
         };
         let (mut count, mut bytes) = (names.len(), names.iter().map(|name| size(name)).sum::<u64>());
         let mut oldest = names.iter();
-        // One batch may be larger than all that is allowed: it gets an empty pool.
+        // A single batch may exceed the limit: it gets an empty pool.
         while count > 0
             && (limits.max_batches > 0 && count >= limits.max_batches
                 || limits.max_bytes > 0 && bytes + incoming > limits.max_bytes)
         {
             let Some(name) = oldest.next().filter(|_| limits.drop_oldest) else { return Ok(None) };
             let of_it = size(name);
-            // What is being analysed stays.
+            // A batch under analysis stays.
             let Some(claim) = self.claim(name)? else { continue };
             self.remove(claim)?;
             dropped.push(name.clone());
@@ -203,7 +222,8 @@ impl Pool {
         Ok(Some(dropped))
     }
 
-    /// Claims a batch for this process and counts the attempt; `None` when another node has it, or it is gone.
+    /// Claims a batch for this process and counts the attempt. `None` if another node has claimed it, or it is
+    /// gone.
     ///
     /// # Errors
     /// A lock file that cannot be written.
@@ -223,11 +243,11 @@ impl Pool {
             Err(TryLockError::Error(e)) => return Err(fault(e)),
         }
         if !is_still(&lock, &lock_path) {
-            // Another node has finished with the batch, and its lock went with it.
+            // Another node has finished with the batch and removed its lock.
             return Ok(None);
         }
         if !self.path(name).exists() {
-            // Analysed by another node between the listing and now.
+            // Analysed by another node since the folder was listed.
             fs::remove_file(&lock_path).or_else(ignore_missing).map_err(fault)?;
             return Ok(None);
         }
@@ -239,11 +259,11 @@ impl Pool {
         Ok(Some(Claim { lock, lock_path, name: name.to_owned(), attempt }))
     }
 
-    /// Removes analysed batches, or moves them into `folder`: all of them, also when this process dies meanwhile
-    /// ([`Pool::finish_all`] goes on then).
+    /// Removes analysed batches, or moves them into `folder`. It is all or nothing: if this process dies meanwhile,
+    /// [`Pool::finish_all`] continues.
     ///
     /// # Errors
-    /// What the file system says.
+    /// The error of the file system.
     pub fn finish(&self, claims: Vec<Claim>, folder: Option<&Path>) -> Result<()> {
         let list = match claims.as_slice() {
             [first, _, ..] => {
@@ -265,10 +285,10 @@ impl Pool {
         })
     }
 
-    /// Ends what a process that is gone has begun with [`Pool::finish`].
+    /// Completes what a process that is gone began with [`Pool::finish`].
     ///
     /// # Errors
-    /// What the file system says.
+    /// The error of the file system.
     pub fn finish_all(&self, folder: Option<&Path>) -> Result<()> {
         for entry in fs::read_dir(&self.dir).map_err(|e| Error::file(&self.dir, e))?.flatten() {
             let name = entry.file_name().to_string_lossy().into_owned();
@@ -295,10 +315,10 @@ impl Pool {
         Ok(())
     }
 
-    /// Removes an analysed batch with what belongs to it.
+    /// Removes an analysed batch with its metadata and lock.
     ///
     /// # Errors
-    /// What the file system says.
+    /// The error of the file system.
     pub fn remove(&self, claim: Claim) -> Result<()> {
         for path in [self.path(&claim.name), self.path(&sidecar(&claim.name))] {
             fs::remove_file(&path).or_else(ignore_missing).map_err(|e| Error::file(&path, e))?;
@@ -306,10 +326,10 @@ impl Pool {
         claim.finish()
     }
 
-    /// Moves an analysed batch, with what belongs to it, into another folder.
+    /// Moves an analysed batch with its metadata into another folder.
     ///
     /// # Errors
-    /// What the file system says.
+    /// The error of the file system.
     pub fn keep(&self, claim: Claim, folder: &Path) -> Result<()> {
         self.move_to(&claim.name, folder)?;
         claim.finish()
@@ -318,7 +338,7 @@ impl Pool {
     /// Moves a batch to `rejected/` and writes the reason beside it.
     ///
     /// # Errors
-    /// What the file system says.
+    /// The error of the file system.
     pub fn reject(&self, claim: Claim, reason: &str) -> Result<()> {
         let folder = self.dir.join("rejected");
         fs::create_dir_all(&folder).map_err(|e| Error::file(&folder, e))?;
@@ -343,15 +363,15 @@ impl Claim {
         &self.name
     }
 
-    /// How often this batch has been claimed, this time included.
+    /// How often this batch has been claimed, including this time.
     pub fn attempt(&self) -> u32 {
         self.attempt
     }
 
-    /// Gives the batch back as if this attempt had not been.
+    /// Releases the batch without counting this attempt.
     ///
     /// # Errors
-    /// What the file system says.
+    /// The error of the file system.
     pub fn abandon(mut self) -> Result<()> {
         let attempt = self.attempt.saturating_sub(1);
         let written = self.lock.seek(SeekFrom::Start(0)).and_then(|_| write!(self.lock, "{attempt:<10}"));
@@ -368,10 +388,10 @@ pub fn sidecar(name: &str) -> String {
     format!("{}.json", name.strip_suffix(".csv").unwrap_or(name))
 }
 
-/// Writes a file so that it is whole or absent at any instant, also after a loss of power.
+/// Writes a file so that it is complete or absent at any moment, even after a loss of power.
 ///
 /// # Errors
-/// What the file system says, with the path.
+/// The error of the file system, with the path.
 pub fn write_whole(path: &Path, bytes: &[u8]) -> Result<()> {
     let staged = stage(path, bytes)?;
     let temporary = staged.temporary.clone();
@@ -399,14 +419,14 @@ fn stage(path: &Path, bytes: &[u8]) -> Result<Staged> {
 }
 
 impl Staged {
-    /// Gives the file its name, in one step.
+    /// Gives the file its name in one step.
     pub(super) fn publish(self) -> Result<()> {
         fs::rename(&self.temporary, &self.path).map_err(|e| Error::file(&self.path, e))?;
         sync_dir(folder_of(&self.path))
     }
 }
 
-/// Waits until the disk knows the names in a folder.
+/// Waits until the names in a folder are on disk.
 pub(super) fn sync_dir(dir: &Path) -> Result<()> {
     File::open(dir).and_then(|dir| dir.sync_all()).map_err(|e| Error::file(dir, e))
 }
@@ -418,7 +438,7 @@ fn folder_of(path: &Path) -> &Path {
     }
 }
 
-/// Whether an open file is still the one of that name.
+/// Whether an open file is still the one with that name.
 #[cfg(unix)]
 fn is_still(file: &File, path: &Path) -> bool {
     use std::os::unix::fs::MetadataExt;

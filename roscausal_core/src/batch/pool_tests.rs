@@ -1,3 +1,5 @@
+//! Tests of the pool: claims, attempts, limits, and what a killed process leaves behind.
+
 use super::*;
 
 fn pool() -> (tempfile::TempDir, Pool) {
@@ -18,6 +20,21 @@ fn batches_come_oldest_first_and_foreign_files_are_told_apart() {
     let contents = pool.contents().expect("lists");
     assert_eq!(contents.batches, ["data_20240101_235959.csv", "data_20240102_000000.csv"]);
     assert_eq!(contents.foreign.into_iter().collect::<Vec<_>>(), ["notes.txt"]);
+}
+
+#[test]
+fn the_oldest_is_found_by_the_time_in_the_id_whatever_its_format() {
+    let (_dir, pool) = pool();
+    let pool = pool.with_id_format(IdFormat::new("%d%m%Y_%H%M%S").expect("a format"));
+    let names = ["data_31122023_235959.csv", "data_01012024_000000.csv", "data_01012024_000000_2.csv"];
+    for name in names {
+        pool.write(name, b"x").expect("writes");
+    }
+    assert_eq!(pool.contents().expect("lists").batches, names);
+    let limits = Limits { max_batches: 3, drop_oldest: true, ..Limits::default() };
+    assert_eq!(pool.make_room(limits, 1).expect("drops"), Some(vec![names[0].to_owned()]));
+    pool.write("data_kitchen.csv", b"x").expect("writes");
+    assert_eq!(pool.contents().expect("lists").batches[0], "data_kitchen.csv", "no time: by its name, first");
 }
 
 #[test]
@@ -102,7 +119,7 @@ fn batches_of_one_model_go_together_even_when_the_process_dies_between() {
     for name in ["data_1.csv", "data_2.csv", "data_3.csv"] {
         pool.write(name, b"x").expect("writes");
     }
-    // As a process leaves it that was killed after the first of two.
+    // What a process leaves behind that was killed after the first of two.
     pool.write(".finished-data_1.csv", b"[\"data_1.csv\", \"data_2.csv\", \"data_../../x\"]")
         .expect("writes");
     fs::remove_file(pool.path("data_1.csv")).expect("removes");

@@ -1,43 +1,44 @@
-//! The built-in post-processing: recorded states to the paper's variables, or to features of the user's own.
+//! The built-in post-processing: from recorded states to the paper's variables, or to features that the user
+//! defines.
 
 use std::str::FromStr;
 
 use roscausal_discovery::names::plain;
 
 use super::{
-    expression::{Expression, Scope, body},
+    expression::{Expression, Scope, Who},
     recording::{Column, Recording},
     risk::{Body, RiskModel, risk_exponent},
-    tracks::{FIELDS, Values},
+    tracks::Values,
 };
-use crate::{Error, Result};
+use crate::{Error, Result, mix};
 
-/// `exp` of more is not told apart: risks stay finite.
+/// Larger exponents of the risk are cut off here, so that `exp` stays finite.
 const LARGEST_EXPONENT: f64 = 50.0;
-const UNKNOWN: Values = [f64::NAN; FIELDS.len()];
 
 /// What to compute, and how.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Postprocess {
     /// The version of the risk.
     pub risk_model: RiskModel,
-    /// The risk in a row is that of so many rows earlier (0 or 1; the published result used 1).
+    /// Each `risk(...)` in a row is that of this many rows earlier (0 or 1; the published result used 1); nothing else is
+    /// lagged.
     pub risk_lag: usize,
     /// Standard deviation of the noise on the risk's exponent.
     pub risk_noise: f64,
     /// Seed of that noise.
     pub seed: u64,
-    /// Radius by which the robot is widened, metres.
+    /// Radius that is added around the robot, metres.
     pub obs_size: f64,
-    /// Farther away nobody is on collision course, metres.
+    /// Distance beyond which nobody is on collision course, metres.
     pub safe_dist: f64,
-    /// What a person may run into: the robot, or who of robots and people is nearest to her.
+    /// What a person may collide with: the robot, or the nearest of robots and people.
     pub obstacle: Obstacle,
     /// The features.
     pub features: Vec<Feature>,
 }
 
-/// What the risk of a collision is about.
+/// The obstacle that the risk is computed for.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Obstacle {
     /// The robot, as in the paper.
@@ -48,7 +49,7 @@ pub enum Obstacle {
 }
 
 impl Obstacle {
-    /// The names users choose by.
+    /// The names that users choose by.
     pub const NAMES: [&'static str; 2] = ["robot", "nearest"];
 }
 
@@ -69,13 +70,11 @@ impl FromStr for Obstacle {
 pub struct Feature {
     /// Column name.
     pub name: String,
-    /// What it is.
+    /// Its definition.
     pub expression: Expression,
-    /// It is the risk itself, and so has `risk_lag`.
-    pub lagged: bool,
 }
 
-/// The features of a batch; per person when there are several.
+/// The features of a batch, for each person if there are several.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Features {
     /// One entry per feature (and person), each with one value per row.
@@ -98,15 +97,14 @@ impl Feature {
         let text = text.trim();
         let expression = Expression::parse(text)
             .map_err(|reason| Error::param("features", format!("{name} = {reason}")))?;
-        let lagged = text.starts_with("risk(");
-        Ok(Self { name: name.to_owned(), expression, lagged })
+        Ok(Self { name: name.to_owned(), expression })
     }
 
-    /// The features that `items` define (`name = expression` each; an item without `=` continues the one before,
-    /// so that a list that was split at commas is whole again). Without any, the paper's three, called `names`.
+    /// Parses features (`name = expression` each). An item without `=` continues the previous one, so a list that
+    /// was split at commas is whole again. Without items these are the paper's three features, called `names`.
     ///
     /// # Errors
-    /// A bad definition, a name that is there twice, a number of `names` other than three.
+    /// A bad definition, a duplicate name, or a number of `names` other than three.
     pub fn parse(items: &[String], names: &[String]) -> Result<Vec<Self>> {
         let mut definitions: Vec<String> = Vec::new();
         for item in items.iter().flat_map(|item| item.split(';')).filter(|item| !item.trim().is_empty()) {
@@ -151,7 +149,7 @@ impl Postprocess {
     /// Computes the features of a batch.
     ///
     /// # Errors
-    /// A batch without any person, where a feature tells of one.
+    /// A batch without people, if a feature is about a person.
     pub fn run(&self, batch: &Recording) -> Result<Features> {
         let mut columns = Vec::new();
         for feature in &self.features {
@@ -184,40 +182,44 @@ impl Postprocess {
     ) -> Column {
         let id = person.map_or(0, |(id, _)| u64::from(id));
         let stream = mix(self.seed ^ mix(batch.start.as_nanos() as u64) ^ mix(id.wrapping_add(1)));
-        let value = |row: usize| {
+        let human = |row: usize| person.and_then(|(_, rows)| rows.get(row)).unwrap_or(&Values::UNKNOWN);
+        let risk = |row: usize, a: Who, b: Who| {
             let noise =
                 if self.risk_noise > 0.0 { self.risk_noise * normal(stream, row as u64) } else { 0.0 };
-            let risk = |a: &Body, b: &Body| {
-                let nearest = match self.obstacle {
-                    Obstacle::Robot => *b,
-                    Obstacle::Nearest => nearest(a, b, batch, row, person.map(|(id, _)| id)),
-                };
-                let exponent = risk_exponent(a, &nearest, self.risk_model, self.obs_size, self.safe_dist);
-                (exponent + noise).min(LARGEST_EXPONENT).exp()
+            let [a, b] = [a, b].map(|who| match who {
+                Who::Human => human(row).body(),
+                Who::Robot => batch.robot[row].body(),
+            });
+            let nearest = match self.obstacle {
+                Obstacle::Robot => b,
+                Obstacle::Nearest => nearest(&a, &b, batch, row, person.map(|(id, _)| id)),
             };
-            let human = person.and_then(|(_, rows)| rows.get(row)).unwrap_or(&UNKNOWN);
-            let scope =
-                Scope { time: batch.stamp(row).as_secs_f64(), robot: &batch.robot[row], human, risk: &risk };
+            let exponent = risk_exponent(&a, &nearest, self.risk_model, self.obs_size, self.safe_dist);
+            (exponent + noise).min(LARGEST_EXPONENT).exp()
+        };
+        let value = |row: usize| {
+            let time = batch.stamp(row).as_secs_f64();
+            let risk = |a, b| row.checked_sub(self.risk_lag).map_or(f64::NAN, |earlier| risk(earlier, a, b));
+            let scope = Scope { time, robot: &batch.robot[row], human: human(row), risk: &risk };
             feature.expression.value(&scope)
         };
-        let lag = if feature.lagged { self.risk_lag } else { 0 };
-        let values = (0..batch.n_rows()).map(|row| row.checked_sub(lag).map_or(f64::NAN, value)).collect();
+        let values = (0..batch.n_rows()).map(value).collect();
         Column { name, unit: "", values }
     }
 }
 
-/// The nearest to `a` of `b`, the other robots, and all people but `person`.
+/// The body nearest to `a` among `b`, the other robots, and all people except `person`.
 fn nearest(a: &Body, b: &Body, batch: &Recording, row: usize, person: Option<u32>) -> Body {
     let people = batch.people.iter().filter(|(id, _)| Some(**id) != person).map(|(_, rows)| rows);
-    let known = batch.others.values().chain(people).filter_map(|rows| rows.get(row)).map(body);
+    let known = batch.others.values().chain(people).filter_map(|rows| rows.get(row)).map(Values::body);
     let distance = |other: &Body| (other.x - a.x).hypot(other.y - a.y);
-    // Who is not there, or has no heading, is nobody's obstacle.
+    // Bodies that are absent or have no heading are not obstacles.
     let bodies =
         std::iter::once(*b).chain(known).filter(|other| distance(other).is_finite() && other.vx.is_finite());
     bodies.min_by(|one, two| distance(one).total_cmp(&distance(two))).unwrap_or(*b)
 }
 
-/// The name of a feature of one of several people: `h_v` becomes `h_7_v`.
+/// The name of a feature if there are several people: `h_v` becomes `h_7_v`.
 fn name_for(name: &str, id: u32) -> String {
     match name.strip_prefix("h_") {
         Some(rest) => format!("h_{id}_{rest}"),
@@ -225,15 +227,7 @@ fn name_for(name: &str, id: u32) -> String {
     }
 }
 
-/// The finaliser of SplitMix64.
-fn mix(x: u64) -> u64 {
-    let x = x.wrapping_add(0x9e37_79b9_7f4a_7c15);
-    let x = (x ^ (x >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-    let x = (x ^ (x >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-    x ^ (x >> 31)
-}
-
-/// A standard normal number, the same for the same stream and index (Box and Muller 1958).
+/// A standard normal number; it depends on stream and index only (Box and Muller 1958).
 fn normal(stream: u64, index: u64) -> f64 {
     let uniform =
         |salt: u64| ((mix(stream ^ mix(2 * index + salt)) >> 11) as f64 + 0.5) / (1u64 << 53) as f64;
@@ -261,14 +255,19 @@ mod tests {
         }
     }
 
-    /// The robot at rest at (4, 0); people at the origin that walk along x, with a goal at (3, 4).
+    /// Somebody on the x axis, without a goal.
+    fn at_x(x: f64, theta: f64, v: f64) -> Values {
+        Values { x, y: 0.0, theta, v, omega: 0.0, ..Values::UNKNOWN }
+    }
+
+    /// The robot at rest at (4, 0). People at the origin walk along x and have their goal at (3, 4).
     fn batch(ids: &[u32], speeds: &[f64]) -> Recording {
-        let person = |v: &f64| [3.0, 4.0, 0.0, 0.0, 0.0, *v, 0.0];
+        let person = |v: &f64| Values::from_array([3.0, 4.0, 0.0, 0.0, 0.0, *v, 0.0]);
         Recording {
             start: Time::from_secs_f64(1.0),
             dt_ns: 100_000_000,
             frame: "map".into(),
-            robot: vec![[f64::NAN, f64::NAN, 4.0, 0.0, 0.0, 0.0, 0.0]; speeds.len()],
+            robot: vec![at_x(4.0, 0.0, 0.0); speeds.len()],
             people: ids
                 .iter()
                 .map(|id| (*id, speeds.iter().map(person).collect()))
@@ -276,16 +275,16 @@ mod tests {
             others: BTreeMap::new(),
             context: BTreeMap::new(),
             complete: true,
-            ended_by: "",
+            ended_by: None,
         }
     }
 
     #[test]
     fn the_nearest_robot_or_person_can_be_the_obstacle() {
-        // The robot is 4 m ahead of person 3; person 7 comes towards her from 1.5 m; robot2 stands at 3 m.
+        // The robot is 4 m ahead of person 3. Person 7 comes towards her from 1.5 m. Robot2 stands at 3 m.
         let mut crowd = batch(&[3], &[1.0]);
-        crowd.people.insert(7, vec![[f64::NAN, f64::NAN, 1.5, 0.0, std::f64::consts::PI, 1.0, 0.0]]);
-        crowd.others.insert("robot2".into(), vec![[f64::NAN, f64::NAN, 3.0, 0.0, 0.0, 0.0, 0.0]]);
+        crowd.people.insert(7, vec![at_x(1.5, std::f64::consts::PI, 1.0)]);
+        crowd.others.insert("robot2".into(), vec![at_x(3.0, 0.0, 0.0)]);
         let risk = |obstacle, batch: &Recording| {
             let features = Postprocess { obstacle, ..settings() }.run(batch).expect("computes").columns;
             features.iter().find(|column| column.name.ends_with("risk")).expect("a risk").values[0].ln()
@@ -328,6 +327,22 @@ mod tests {
     }
 
     #[test]
+    fn the_lag_is_that_of_the_risk_however_it_is_written_and_of_nothing_else() {
+        let values = |text: &str, risk_lag| {
+            let features = vec![Feature::new("it", text).expect("a feature")];
+            let late = Postprocess { risk_lag, features, ..settings() };
+            late.run(&batch(&[1], &[1.0, 0.5, 0.2])).expect("computes").columns.remove(0).values
+        };
+        let (risk, now) = (values("risk(h, r)", 0), values("h.v", 0));
+        assert_eq!(values("h.v", 1), now);
+        assert_eq!(values("risk (h , r)", 1)[1..], risk[..2]);
+        assert_eq!(values("2 * risk(h, r)", 1)[1..], [2.0 * risk[0], 2.0 * risk[1]]);
+        let sum = values("risk(h,r)+h.v", 1);
+        assert!(sum[0].is_nan());
+        assert_eq!(sum[1..], [risk[0] + now[1], risk[1] + now[2]]);
+    }
+
+    #[test]
     fn noise_is_seeded_and_of_the_size_asked_for() {
         let noisy = |seed| Postprocess { risk_noise: 0.02, seed, ..settings() };
         let speeds = vec![0.0; 4000];
@@ -343,7 +358,7 @@ mod tests {
     #[test]
     fn several_people_have_columns_of_their_own_and_absence_is_missing() {
         let mut two = batch(&[3, 7], &[1.0, 1.0]);
-        two.people.insert(7, vec![UNKNOWN, [3.0, 4.0, 0.0, 0.0, 0.0, 1.0, 0.0]]);
+        two.people.insert(7, vec![Values::UNKNOWN, Values::from_array([3.0, 4.0, 0.0, 0.0, 0.0, 1.0, 0.0])]);
         let features = settings().run(&two).expect("computes").columns;
         let names: Vec<&str> = features.iter().map(|column| column.name.as_str()).collect();
         assert_eq!(names, ["h_3_v", "h_7_v", "h_3_dg", "h_7_dg", "h_3_risk", "h_7_risk"]);

@@ -1,4 +1,4 @@
-//! States to batches: rows at a fixed step of sensor time.
+//! From states to batches: rows at a fixed step of sensor time.
 
 use std::collections::{BTreeMap, BTreeSet, VecDeque};
 
@@ -9,66 +9,65 @@ use roscausal_msgs::{
 
 use super::{
     journal::{Entry, Header, Log, Sample},
-    recording::Recording,
+    recording::{EndedBy, Recording},
     select::Select,
-    tracks::{FIELDS, Taken, Track, Values},
+    tracks::{Taken, Track, Values},
 };
 
-/// How much later than the others a message may come and still be used, seconds.
+/// How much later than others a message may arrive and still be used. Seconds.
 const LATENESS_S: f64 = 0.5;
-/// Stamps that go back by more mean that the clock jumped.
+/// If stamps go back by more than this, the clock has jumped.
 const JUMP_BACK_NS: i64 = 1_000_000_000;
-/// Stamps that go ahead by more, likewise.
+/// If stamps go ahead by more than this, the clock has jumped.
 const JUMP_AHEAD_NS: i64 = 60_000_000_000;
-/// The most people followed at a time and recorded in one batch.
+/// Most people who are followed at a time and recorded in one batch.
 const MOST_PEOPLE: usize = 512;
-/// A batch without `ts_length` ends here nevertheless.
+/// A batch without `ts_length` ends after this many rows.
 const MOST_ROWS: usize = 1_000_000;
-/// Stamps beyond are none (292 years): sums of them must not overflow.
+/// Larger stamps (292 years) are invalid: sums of stamps must not overflow.
 const FARTHEST_NS: u64 = 1 << 62;
-/// Columns of context at most.
+/// Most columns of interventions.
 const MOST_CONTEXT: usize = 64;
-const UNKNOWN: Values = [f64::NAN; FIELDS.len()];
 
 /// How to record.
 #[derive(Clone, Debug, PartialEq)]
 pub struct RecorderConfig {
     /// Step between rows, seconds.
     pub dt_s: f64,
-    /// Length of a batch, seconds; `None`: until the end.
+    /// Length of a batch in seconds; `None`: until the end.
     pub ts_length_s: Option<f64>,
-    /// Two samples farther apart are a gap: nothing is told between them. Seconds.
+    /// Two samples farther apart than this are a gap, and the rows between them are empty. Seconds.
     pub max_gap_s: f64,
-    /// Rows are real samples (the last one before each step) instead of values between two samples.
+    /// Whether rows are real samples (the last one before each step) instead of interpolated values.
     pub subsampling: bool,
-    /// Who is recorded.
+    /// The people to record.
     pub select: Select,
 }
 
-/// What the recorder has met, for the diagnostics.
+/// Counters for the diagnostics.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct RecorderCounts {
     /// Rows recorded.
     pub rows: u64,
-    /// Steps skipped because robot and person were not there together yet.
+    /// Steps skipped because robot and person were not yet there together.
     pub waited: u64,
-    /// Samples with a stamp that was there already.
+    /// Samples whose stamp had already been recorded.
     pub duplicates: u64,
     /// Samples too late for their row.
     pub late: u64,
     /// Messages in another frame than the robot's.
     pub foreign_frame: u64,
-    /// Samples dropped because too many waited, or too many people were there.
+    /// Samples dropped because too many were waiting or too many people were there.
     pub crowded: u64,
-    /// Times the clock jumped.
+    /// How often the clock jumped.
     pub jumps: u64,
 }
 
 /// Makes batches from states.
 ///
-/// Row `k` of all batches lies at `k * dt` of sensor time. A row is written once no message that matters to it can
-/// be missing: when the newest stamp is `max_gap` and 0.5 s past it. So the batches depend on the messages alone. A batch begins with
-/// the first row in which the robot and a selected person are there.
+/// Row `k` of all batches lies at `k * dt` of sensor time. A row is written once every message that matters to it
+/// must have arrived: when the newest stamp is `max_gap` and 0.5 s later. So the batches depend on the messages
+/// alone. A batch begins with the first row in which the robot and a selected person are there.
 #[derive(Debug)]
 pub struct Recorder {
     config: RecorderConfig,
@@ -78,7 +77,7 @@ pub struct Recorder {
     robot: Track,
     people: BTreeMap<u32, Track>,
     others: BTreeMap<String, Track>,
-    /// Per column of context what was imposed from which stamp on.
+    /// For each column of interventions: what is imposed, and from which stamp on.
     context: BTreeMap<String, VecDeque<(i64, Vec<f64>)>>,
     frame: Option<String>,
     newest_robot: Option<i64>,
@@ -93,7 +92,7 @@ pub struct Recorder {
 }
 
 impl Recorder {
-    /// A recorder that has seen nothing.
+    /// A recorder that has received nothing.
     pub fn new(config: RecorderConfig) -> Self {
         let dt_ns = nanos(config.dt_s).max(1);
         let rows_per_batch = match config.ts_length_s {
@@ -122,14 +121,14 @@ impl Recorder {
         }
     }
 
-    /// The same recorder, which also tells what to journal, in journals numbered from `first` on.
+    /// Makes the recorder also report what to journal. Journals are numbered from `first` on.
     #[must_use]
     pub fn with_journal(mut self, first: u64) -> Self {
         self.log = Some(Log::new(first, self.dt_ns));
         self
     }
 
-    /// The batches that the samples of a journal make; the last one may be short.
+    /// The batches that the samples of a journal make. The last one may be short.
     pub(super) fn replay(header: &Header, samples: &[Sample]) -> Result<Vec<Recording>, String> {
         let allowed = |v: f64| (0.001..=60.0).contains(&v);
         if !allowed(header.dt_s)
@@ -152,7 +151,7 @@ impl Recorder {
             let newest = recorder.newest_robot.max(recorder.newest_people).unwrap_or(header.next_row_ns);
             let beyond = newest.saturating_add(JUMP_AHEAD_NS);
             if sample.stamp_ns > beyond || sample.stamp_ns.unsigned_abs() > FARTHEST_NS {
-                // Not written by a recorder: what came before may be right.
+                // Not written by a recorder. What came before may be right.
                 break;
             }
             let newest = match sample.person {
@@ -164,23 +163,23 @@ impl Recorder {
             recorder.advance(false);
         }
         recorder.advance(true);
-        recorder.close("the node was ended by force; recovered from its journal");
+        recorder.close(EndedBy::Recovery);
         Ok(recorder.take_batches())
     }
 
-    /// Takes a state of the robot; `now` stands in for a stamp of 0.
+    /// Adds a state of the robot. `now` replaces a stamp of 0.
     pub fn robot(&mut self, state: &RobotState, now: Time) {
         let stamp = stamp_ns(state.header.stamp, now);
         if self.frame.as_ref().is_some_and(|frame| *frame != state.header.frame_id) {
-            self.restart("the robot's frame changed");
+            self.restart(EndedBy::FrameChange);
         }
         if jumps(self.newest_robot, stamp) {
             self.counts.jumps += 1;
-            self.restart("the clock jumped");
+            self.restart(EndedBy::ClockJump);
         }
         self.frame.get_or_insert_with(|| state.header.frame_id.clone());
         self.newest_robot = self.newest_robot.max(Some(stamp));
-        // Messages a little older than the first may still come.
+        // Messages a little older than the first may still arrive.
         let first = (stamp - self.max_gap_ns - nanos(LATENESS_S)).div_euclid(self.dt_ns) * self.dt_ns;
         self.next_row.get_or_insert(first);
         if self.in_time(stamp) {
@@ -191,7 +190,7 @@ impl Recorder {
         self.advance(false);
     }
 
-    /// Takes a state of another robot; `now` stands in for a stamp of 0. Rows wait for the robot and the people only.
+    /// Adds a state of another robot. `now` replaces a stamp of 0. Rows wait for the robot and the people only.
     pub fn other_robot(&mut self, name: &str, state: &RobotState, now: Time) {
         if self.frame.as_ref().is_some_and(|frame| *frame != state.header.frame_id) {
             self.counts.foreign_frame += 1;
@@ -207,11 +206,11 @@ impl Recorder {
         }
     }
 
-    /// Takes what is imposed from now on: the JSON text `{"stamp": s, "context": {column: [value]}}`, in which an empty
-    /// list means that the system is left to itself; `now` stands in for a missing stamp.
+    /// Adds interventions: the JSON text `{"stamp": s, "context": {column: [value]}}` says what is imposed from now
+    /// on. An empty list means that nothing is imposed. `now` replaces a missing stamp.
     ///
     /// # Errors
-    /// A text that is not of this form; nothing has changed then.
+    /// A text that is not of this form; it changes nothing.
     pub fn context(&mut self, text: &str, now: Time) -> Result<(), String> {
         #[derive(serde::Deserialize)]
         struct Told {
@@ -238,8 +237,8 @@ impl Recorder {
         Ok(())
     }
 
-    /// Takes the people; `now` stands in for a stamp of 0. A person whose stamp has not changed is held by the
-    /// tracker, not seen again.
+    /// Adds the people. `now` replaces a stamp of 0. A person whose stamp has not changed was kept by the tracker,
+    /// not seen again.
     pub fn humans(&mut self, humans: &Humans, now: Time) {
         let stamp = stamp_ns(humans.header.stamp, now);
         if let Some(frame) = &self.frame
@@ -250,7 +249,7 @@ impl Recorder {
         }
         if jumps(self.newest_people, stamp) {
             self.counts.jumps += 1;
-            self.restart("the clock jumped");
+            self.restart(EndedBy::ClockJump);
         }
         self.newest_people = self.newest_people.max(Some(stamp));
         for person in &humans.humans {
@@ -281,28 +280,29 @@ impl Recorder {
         self.advance(false);
     }
 
-    /// Ends the open batch with what is there: the node is to end.
+    /// Ends the open batch with the rows that there are, because the node ends.
     pub fn finish(&mut self) {
         self.advance(true);
-        self.close("the node ended");
+        self.close(EndedBy::NodeEnd);
     }
 
-    /// Ends the open batch with what is there and forgets the rest: recording goes on with what comes later.
-    pub fn interrupt(&mut self, reason: &'static str) {
+    /// Ends the open batch with the rows that there are and drops the rest. Recording continues with what arrives
+    /// later.
+    pub fn interrupt(&mut self, reason: EndedBy) {
         self.restart(reason);
     }
 
-    /// The batches that are done, oldest first.
+    /// The finished batches, oldest first.
     pub fn take_batches(&mut self) -> Vec<Recording> {
         self.take_numbered_batches().into_iter().map(|(batch, _)| batch).collect()
     }
 
-    /// The batches that are done, each with the number of its journal.
+    /// The finished batches, each with the number of its journal.
     pub fn take_numbered_batches(&mut self) -> Vec<(Recording, Option<u64>)> {
         std::mem::take(&mut self.done)
     }
 
-    /// What is to be journalled since the last time.
+    /// What is to be journalled since the last call.
     pub fn take_journal(&mut self) -> Vec<Entry> {
         self.log.as_mut().map_or_else(Vec::new, Log::take)
     }
@@ -313,7 +313,7 @@ impl Recorder {
         (self.open.as_ref().map_or(0, Recording::n_rows), total)
     }
 
-    /// What has been met so far.
+    /// The counters so far.
     pub fn counts(&self) -> &RecorderCounts {
         &self.counts
     }
@@ -353,10 +353,10 @@ impl Recorder {
         }
     }
 
-    /// Writes the rows that are certain; with `all`, up to the newest stamp.
+    /// Writes the rows that can no longer change; with `all`, all rows up to the newest stamp.
     fn advance(&mut self, all: bool) {
         let (Some(newest), Some(mut row)) = (self.newest_robot.max(self.newest_people), self.next_row) else {
-            // People without a robot: only the recent past may matter once it comes.
+            // People without a robot: only the recent past may matter once the robot appears.
             if let Some(newest) = self.newest_people {
                 self.forget_before(newest - self.max_gap_ns - nanos(LATENESS_S));
             }
@@ -376,7 +376,7 @@ impl Recorder {
         }
     }
 
-    /// Puts a sample in its track, and in the journal once there may be something to record.
+    /// Adds a sample to its track, and to the journal once there may be something to record.
     fn insert(&mut self, sample: Sample) -> Taken {
         let track = match sample.person {
             None => &mut self.robot,
@@ -398,7 +398,7 @@ impl Recorder {
         taken
     }
 
-    /// A journal of what rows from `next_row` on are made of.
+    /// Begins a journal of the samples that rows from `next_row` on depend on.
     fn begin_journal(&mut self, next_row: i64) {
         let header = Header {
             number: 0,
@@ -453,14 +453,14 @@ impl Recorder {
             others: BTreeMap::new(),
             context: BTreeMap::new(),
             complete: false,
-            ended_by: "",
+            ended_by: None,
         });
         let n_rows = open.robot.len();
-        open.robot.push(robot.unwrap_or(UNKNOWN));
+        open.robot.push(robot.unwrap_or(Values::UNKNOWN));
         for (id, values) in &people {
             if open.people.contains_key(id) || open.people.len() < MOST_PEOPLE {
                 let rows = open.people.entry(*id).or_default();
-                rows.resize(n_rows, UNKNOWN);
+                rows.resize(n_rows, Values::UNKNOWN);
                 rows.push(*values);
             } else {
                 self.counts.crowded += 1;
@@ -468,8 +468,8 @@ impl Recorder {
         }
         for (name, track) in &self.others {
             let rows = open.others.entry(name.clone()).or_default();
-            rows.resize(n_rows, UNKNOWN);
-            rows.push(track.at(row, max_gap, hold).unwrap_or(UNKNOWN));
+            rows.resize(n_rows, Values::UNKNOWN);
+            rows.push(track.at(row, max_gap, hold).unwrap_or(Values::UNKNOWN));
         }
         for (name, changes) in &self.context {
             let imposed = changes.iter().rev().find(|(stamp, _)| *stamp <= row);
@@ -478,7 +478,7 @@ impl Recorder {
             rows.push(imposed.map_or(Vec::new(), |(_, value)| value.clone()));
         }
         if let (Select::Nearest(number), Some(robot)) = (&self.config.select, robot) {
-            let distance = |values: &Values| (values[2] - robot[2]).hypot(values[3] - robot[3]);
+            let distance = |values: &Values| (values.x - robot.x).hypot(values.y - robot.y);
             let mut near: Vec<(f64, u32)> =
                 people.iter().map(|(id, values)| (distance(values), *id)).collect();
             near.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
@@ -486,15 +486,14 @@ impl Recorder {
         }
         self.counts.rows += 1;
         if n_rows + 1 == self.rows_per_batch {
-            self.close(if self.config.ts_length_s.is_some() {
-                "ts_length reached"
-            } else {
-                "the most rows reached"
+            self.close(match self.config.ts_length_s {
+                Some(_) => EndedBy::TsLength,
+                None => EndedBy::MostRows,
             });
         }
     }
 
-    fn close(&mut self, ended_by: &'static str) {
+    fn close(&mut self, ended_by: EndedBy) {
         let votes = std::mem::take(&mut self.votes);
         let Some(mut batch) = self.open.take() else {
             self.log.iter_mut().for_each(Log::abandon);
@@ -509,18 +508,19 @@ impl Recorder {
         let n_rows = batch.robot.len();
         let full = n_rows == self.rows_per_batch;
         if !full {
-            let known =
-                |rows: &Vec<Values>| rows.iter().rposition(|values| values.iter().any(|v| v.is_finite()));
+            let known = |rows: &Vec<Values>| {
+                rows.iter().rposition(|values| values.to_array().iter().any(|v| v.is_finite()))
+            };
             let last = batch.people.values().map(known).max().flatten().max(known(&batch.robot));
             batch.robot.truncate(last.map_or(0, |last| last + 1));
         }
         let n_rows = batch.robot.len();
-        batch.people.values_mut().for_each(|rows| rows.resize(n_rows, UNKNOWN));
-        batch.others.values_mut().for_each(|rows| rows.resize(n_rows, UNKNOWN));
+        batch.people.values_mut().for_each(|rows| rows.resize(n_rows, Values::UNKNOWN));
+        batch.others.values_mut().for_each(|rows| rows.resize(n_rows, Values::UNKNOWN));
         batch.context.values_mut().for_each(|rows| rows.resize(n_rows, Vec::new()));
-        let to_the_end = self.config.ts_length_s.is_none() && ended_by == "the node ended";
+        let to_the_end = self.config.ts_length_s.is_none() && ended_by == EndedBy::NodeEnd;
         batch.complete = full || to_the_end;
-        batch.ended_by = ended_by;
+        batch.ended_by = Some(ended_by);
         if n_rows > 0 {
             let number = self.log.as_mut().and_then(Log::end);
             self.done.push((batch, number));
@@ -529,7 +529,7 @@ impl Recorder {
         }
     }
 
-    fn restart(&mut self, reason: &'static str) {
+    fn restart(&mut self, reason: EndedBy) {
         tracing::warn!("{reason}: the batch ends here, the next one starts anew");
         self.advance(true);
         self.close(reason);
@@ -542,9 +542,16 @@ impl Recorder {
 }
 
 fn values(pose: &Pose2D, twist: &Twist, goal: &Point) -> Values {
-    let v = twist.linear.x.hypot(twist.linear.y);
     let finite = |v: f64| if v.is_finite() { v } else { f64::NAN };
-    [goal.x, goal.y, pose.x, pose.y, pose.theta, v, twist.angular.z].map(finite)
+    Values {
+        gx: finite(goal.x),
+        gy: finite(goal.y),
+        x: finite(pose.x),
+        y: finite(pose.y),
+        theta: finite(pose.theta),
+        v: finite(twist.linear.x.hypot(twist.linear.y)),
+        omega: finite(twist.angular.z),
+    }
 }
 
 fn stamp_ns(stamp: Time, now: Time) -> i64 {

@@ -1,3 +1,5 @@
+//! Tests of the recorder: rows, gaps, people who come and go, jumps of the clock, other frames, interventions.
+
 use roscausal_msgs::{HumanState, std_msgs::Header};
 
 use super::*;
@@ -68,8 +70,8 @@ fn rows_lie_at_a_true_fixed_step_and_batches_follow_without_a_hole() {
         assert_eq!(batch.n_rows(), 10);
         for (row, (robot, person)) in batch.robot.iter().zip(&batch.people[&1]).enumerate() {
             let t = batch.stamp(row).as_secs_f64();
-            assert!((robot[2] - 10.0 * t).abs() < 1e-6 && (person[2] - 1.0 - t).abs() < 1e-6);
-            assert!((robot[5] - 0.5).abs() < 1e-12 && robot[0].is_nan());
+            assert!((robot.x - 10.0 * t).abs() < 1e-6 && (person.x - 1.0 - t).abs() < 1e-6);
+            assert!((robot.v - 0.5).abs() < 1e-12 && robot.gx.is_nan());
         }
     }
 }
@@ -94,9 +96,9 @@ fn a_person_who_leaves_and_returns_is_nan_in_between() {
     let mut recorder =
         run(config(), 5.0..9.0, |t| if (5.3..5.99).contains(&t) { vec![1] } else { vec![1, 2] });
     let batch = recorder.take_batches().remove(0);
-    let known: Vec<bool> = batch.people[&2].iter().map(|values| values[2].is_finite()).collect();
+    let known: Vec<bool> = batch.people[&2].iter().map(|values| values.x.is_finite()).collect();
     assert_eq!(known, [true, true, true, false, false, false, false, false, false, false]);
-    assert!(batch.people[&1].iter().all(|values| values[2].is_finite()));
+    assert!(batch.people[&1].iter().all(|values| values.x.is_finite()));
     assert_eq!(recorder.take_batches().len(), 0);
 }
 
@@ -104,7 +106,7 @@ fn a_person_who_leaves_and_returns_is_nan_in_between() {
 fn a_person_who_comes_late_was_not_there_before() {
     let mut recorder = run(config(), 5.0..9.0, |t| if t < 5.55 { vec![1] } else { vec![1, 2] });
     let batch = recorder.take_batches().remove(0);
-    let known: Vec<bool> = batch.people[&2].iter().map(|values| values[2].is_finite()).collect();
+    let known: Vec<bool> = batch.people[&2].iter().map(|values| values.x.is_finite()).collect();
     assert_eq!(known, [false, false, false, false, false, false, true, true, true, true]);
 }
 
@@ -140,7 +142,7 @@ fn a_gap_longer_than_max_gap_stays_nan() {
     feed(&mut recorder, 5.0..5.31, |_| vec![1]);
     feed(&mut recorder, 5.85..8.0, |_| vec![1]);
     let batch = recorder.take_batches().remove(0);
-    let known: Vec<bool> = batch.robot.iter().map(|values| values[2].is_finite()).collect();
+    let known: Vec<bool> = batch.robot.iter().map(|values| values.x.is_finite()).collect();
     assert_eq!(known, [true, true, true, true, false, false, false, false, false, true]);
 }
 
@@ -168,7 +170,7 @@ fn duplicates_and_messages_out_of_order_change_nothing() {
     for (a, b) in ordered.iter().zip(&shuffled) {
         assert_eq!(a.start, b.start);
         for (a, b) in a.robot.iter().zip(&b.robot) {
-            assert_eq!(a[2], b[2]);
+            assert_eq!(a.x, b.x);
         }
     }
 }
@@ -180,7 +182,7 @@ fn a_clock_that_goes_back_ends_the_batch_and_begins_another() {
     feed(&mut recorder, 5.0..7.0, |_| vec![1]);
     let batches = recorder.take_batches();
     assert!(!batches[0].complete);
-    assert_eq!((batches[0].n_rows(), batches[0].ended_by), (5, "the clock jumped"));
+    assert_eq!((batches[0].n_rows(), batches[0].ended_by), (5, Some(EndedBy::ClockJump)));
     assert!(batches[1].complete);
     assert!(recorder.counts().jumps >= 1);
 }
@@ -196,7 +198,7 @@ fn nan_and_infinity_become_missing_values() {
     recorder.humans(&humans(5.1, vec![person(1, 5.1)]), Time::ZERO);
     recorder.finish();
     let batch = recorder.take_batches().remove(0);
-    assert!(batch.robot[1][3].is_nan() && batch.robot[1][2].is_finite());
+    assert!(batch.robot[1].y.is_nan() && batch.robot[1].x.is_finite());
 }
 
 #[test]
@@ -227,9 +229,9 @@ fn another_frame_of_the_robot_ends_the_batch_and_begins_one_in_that_frame() {
     let batches = recorder.take_batches();
     let (before, after) = (&batches[0], &batches[1]);
     assert_eq!((before.frame.as_str(), before.complete), ("map", false));
-    assert_eq!(before.ended_by, "the robot's frame changed");
+    assert_eq!(before.ended_by, Some(EndedBy::FrameChange));
     assert_eq!((after.frame.as_str(), after.complete), ("map_of_the_second_floor", true));
-    // No row has something of both frames, and none is lost but those at the change.
+    // No row mixes the two frames, and no row is lost except those at the change.
     let end = before.start.plus_secs(0.1 * before.n_rows() as f64);
     assert!(after.start >= end && after.start.secs_since(end) < 0.25, "{end:?} {:?}", after.start);
     assert!(before.n_rows() >= 7);
@@ -287,7 +289,7 @@ fn other_robots_are_recorded_beside_the_one() {
     }
     let batch = recorder.take_batches().remove(0);
     for (row, values) in batch.others["robot2"].iter().enumerate() {
-        assert!((values[2] + batch.stamp(row).as_secs_f64()).abs() < 1e-6);
+        assert!((values.x + batch.stamp(row).as_secs_f64()).abs() < 1e-6);
     }
     assert!(batch.columns(false).iter().any(|column| column.name == "r_robot2_x"));
 }

@@ -1,21 +1,18 @@
 //! A batch in memory.
 
-use std::collections::BTreeMap;
+use std::{collections::BTreeMap, fmt};
 
-use super::tracks::{FIELDS, Values};
+use super::tracks::{Field, Values};
 use crate::Time;
 
-/// Spellings of the original, one per field; the TAB is its `\t` of `\theta`.
-const LEGACY: [&str; FIELDS.len()] = ["{gx}", "{gy}", "x", "y", "{\theta}", "v", "{\\omega}"];
-
-/// A recorded batch: rows at a fixed step, NaN where nothing is known.
+/// A recorded batch: rows at a fixed step, NaN where a value is unknown.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Recording {
     /// Stamp of the first row.
     pub start: Time,
     /// Step between rows, nanoseconds.
     pub dt_ns: i64,
-    /// Frame of all places.
+    /// Frame of all positions.
     pub frame: String,
     /// The robot, one entry per row.
     pub robot: Vec<Values>,
@@ -23,12 +20,52 @@ pub struct Recording {
     pub people: BTreeMap<u32, Vec<Values>>,
     /// Other robots by name, each with one entry per row.
     pub others: BTreeMap<String, Vec<Values>>,
-    /// What was imposed, by column of context; one entry per row, empty where nothing was.
+    /// Interventions by column, with one entry per row; empty where nothing is imposed.
     pub context: BTreeMap<String, Vec<Vec<f64>>>,
-    /// It has the full length.
+    /// The batch has its full length.
     pub complete: bool,
-    /// Why it ended, in words.
-    pub ended_by: &'static str,
+    /// Why it ended; `None` while it goes on.
+    pub ended_by: Option<EndedBy>,
+}
+
+/// Why a batch ended.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum EndedBy {
+    /// It had the length asked for.
+    TsLength,
+    /// It was asked to go on until the end, but had as many rows as a batch may have.
+    MostRows,
+    /// The node that records ended.
+    NodeEnd,
+    /// The clock jumped.
+    ClockJump,
+    /// The robot's frame changed.
+    FrameChange,
+    /// There was no room for more in the pool.
+    FullPool,
+    /// The node was ended by force; the batch is what its journal held.
+    Recovery,
+}
+
+impl EndedBy {
+    /// The reason in words.
+    pub fn as_str(self) -> &'static str {
+        match self {
+            Self::TsLength => "ts_length reached",
+            Self::MostRows => "the most rows reached",
+            Self::NodeEnd => "the node ended",
+            Self::ClockJump => "the clock jumped",
+            Self::FrameChange => "the robot's frame changed",
+            Self::FullPool => "the pool is full",
+            Self::Recovery => "the node was ended by force; recovered from its journal",
+        }
+    }
+}
+
+impl fmt::Display for EndedBy {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(self.as_str())
+    }
 }
 
 /// A column of a batch.
@@ -36,33 +73,33 @@ pub struct Recording {
 pub struct Column {
     /// Name in the header.
     pub name: String,
-    /// Unit, where there is one.
+    /// Unit, if there is one.
     pub unit: &'static str,
     /// One value per row.
     pub values: Vec<f64>,
 }
 
-/// Rows without a value of one body.
+/// Consecutive rows in which one body has no value.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Gap {
     /// `r`, or `h_<id>`.
     pub body: String,
-    /// Stamp of the first row without, seconds.
+    /// Stamp of the first row without a value, in seconds.
     pub from: f64,
-    /// Stamp of the last row without, seconds.
+    /// Stamp of the last row without a value, in seconds.
     pub to: f64,
 }
 
-/// An intervention as far as a batch knows it.
+/// An intervention, as a batch records it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Imposed {
-    /// Column of context.
+    /// Column of the intervention.
     pub column: String,
-    /// What was imposed: a number, or the coordinates of a point.
+    /// The imposed value: a number, or the coordinates of a point.
     pub value: Vec<f64>,
-    /// Stamp of the first row with it, seconds.
+    /// Stamp of the first row with it, in seconds.
     pub from: f64,
-    /// Stamp of the last row with it, seconds.
+    /// Stamp of the last row with it, in seconds.
     pub to: f64,
 }
 
@@ -78,28 +115,30 @@ impl Recording {
         Time::from_nanos(self.start.as_nanos().saturating_add(self.dt_ns.saturating_mul(steps)))
     }
 
-    /// The columns behind `time`: the robot's, then each person's. `legacy`: in the original's spelling.
+    /// The columns after `time`: the robot's, then each person's. `legacy`: in the original's spelling.
     pub fn columns(&self, legacy: bool) -> Vec<Column> {
-        let of = |prefix: &str, rows: &[Values], fields: &[usize]| -> Vec<Column> {
-            let column = |&field: &usize| Column {
-                name: format!("{prefix}_{}", if legacy { LEGACY[field] } else { FIELDS[field].name }),
-                unit: FIELDS[field].unit,
-                values: rows.iter().map(|row| row[field]).collect(),
-            };
-            fields.iter().map(column).collect()
+        let of = |prefix: &str, rows: &[Values], fields: [Field; 7]| {
+            fields.map(|field| Column {
+                name: format!("{prefix}_{}", if legacy { field.legacy_name() } else { field.name() }),
+                unit: field.unit(),
+                values: rows.iter().map(|row| row.get(field)).collect(),
+            })
         };
-        let mut columns = of("r", &self.robot, &[0, 1, 2, 3, 4, 5, 6]);
+        // A person's goal comes last.
+        let mut of_person = Field::ALL;
+        of_person.rotate_left(2);
+        let mut columns = of("r", &self.robot, Field::ALL).to_vec();
         for (id, rows) in &self.people {
-            columns.extend(of(&format!("h_{id}"), rows, &[2, 3, 4, 5, 6, 0, 1]));
+            columns.extend(of(&format!("h_{id}"), rows, of_person));
         }
         for (name, rows) in &self.others {
-            columns.extend(of(&format!("r_{name}"), rows, &[0, 1, 2, 3, 4, 5, 6]));
+            columns.extend(of(&format!("r_{name}"), rows, Field::ALL));
         }
         columns.extend(self.context_columns());
         columns
     }
 
-    /// The columns of context: the value that is imposed, 1 where it is a point, 0 where nothing is.
+    /// The columns of interventions: the imposed value, 1 for a point, 0 where nothing is imposed.
     pub fn context_columns(&self) -> Vec<Column> {
         let number = |imposed: &Vec<f64>| match imposed.as_slice() {
             [] => 0.0,
@@ -114,7 +153,7 @@ impl Recording {
         self.context.iter().map(column).collect()
     }
 
-    /// When what was imposed, in the order of columns and time.
+    /// The interventions with their times, ordered by column and time.
     pub fn interventions(&self) -> Vec<Imposed> {
         let mut found: Vec<Imposed> = Vec::new();
         for (column, rows) in &self.context {
@@ -141,14 +180,14 @@ impl Recording {
         found
     }
 
-    /// Where nothing is known of a body's place.
+    /// The times at which the position of a body is unknown.
     pub fn gaps(&self) -> Vec<Gap> {
         let mut gaps = Vec::new();
         let people = self.people.iter().map(|(id, rows)| (format!("h_{id}"), rows));
         for (body, rows) in std::iter::once(("r".to_owned(), &self.robot)).chain(people) {
             let mut first = None;
             for row in 0..=rows.len() {
-                let missing = rows.get(row).is_some_and(|values| values[2].is_nan());
+                let missing = rows.get(row).is_some_and(|values| values.x.is_nan());
                 match (missing, first) {
                     (true, None) => first = Some(row),
                     (false, Some(from)) => {
@@ -169,7 +208,7 @@ mod tests {
     use super::*;
 
     fn recording() -> Recording {
-        let row = |x: f64| [1.0, 2.0, x, 4.0, 0.5, 0.6, 0.7];
+        let row = |x: f64| Values::from_array([1.0, 2.0, x, 4.0, 0.5, 0.6, 0.7]);
         Recording {
             start: Time::from_secs_f64(10.0),
             dt_ns: 100_000_000,
@@ -179,7 +218,7 @@ mod tests {
             others: BTreeMap::new(),
             context: BTreeMap::new(),
             complete: true,
-            ended_by: "ts_length reached",
+            ended_by: Some(EndedBy::TsLength),
         }
     }
 

@@ -2,10 +2,10 @@
 
 use std::str::FromStr;
 
-/// Nearer than this, distance counts as this: bodies are not points. Metres.
+/// Distances below this count as this, because bodies are not points. Metres.
 const NEAREST: f64 = 0.1;
 
-/// Place and velocity of a person or robot, metres and seconds.
+/// Position and velocity of a person or robot, in metres and seconds.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Body {
     /// Metres.
@@ -19,7 +19,7 @@ pub struct Body {
 }
 
 impl Body {
-    /// A body that moves with speed `v` towards `theta`. One at rest needs no heading.
+    /// A body that moves with speed `v` in the direction `theta`. A body at rest needs no heading.
     pub fn heading(x: f64, y: f64, theta: f64, v: f64) -> Self {
         let (vx, vy) = if v == 0.0 { (0.0, 0.0) } else { (v * theta.cos(), v * theta.sin()) };
         Self { x, y, vx, vy }
@@ -31,12 +31,12 @@ impl Body {
     }
 }
 
-/// The versions of the risk, which differ in how the person's own speed `v` counts.
+/// The versions of the risk. They differ in how the person's own speed `v` counts.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum RiskModel {
     /// As in the paper: `v`.
     Paper,
-    /// As in release 1.0: `v`, only in collision course.
+    /// As in release 1.0: `v`, but only on collision course.
     V1_0,
     /// As in release 1.1: `v / 10`.
     #[default]
@@ -44,7 +44,7 @@ pub enum RiskModel {
 }
 
 impl RiskModel {
-    /// The names users choose by.
+    /// The names that users choose by.
     pub const NAMES: [&'static str; 3] = ["paper", "v1_0", "v1_1"];
 }
 
@@ -61,10 +61,11 @@ impl FromStr for RiskModel {
     }
 }
 
-/// The exponent of the risk that `a` runs of colliding with `b`; finite for finite bodies.
+/// The exponent of the risk that `a` collides with `b`. It is finite for finite bodies.
 ///
-/// `a` is on collision course when its place one second ahead, P, lies in the triangle from `a` to `b` widened by
-/// `obs_size`, and `b` is nearer than `safe_dist`. Then relative speed over distance counts, and how far P is from
+/// `a` is on collision course if two things hold: its position one second ahead, P, lies in the triangle from `a`
+/// to `b` widened by `obs_size`, and `b` is nearer than `safe_dist`. The exponent then contains the relative speed
+/// divided by the distance, and the distance of P to the nearer side of the triangle.
 /// the nearer side of the triangle.
 pub fn risk_exponent(a: &Body, b: &Body, model: RiskModel, obs_size: f64, safe_dist: f64) -> f64 {
     let v = a.speed();
@@ -78,7 +79,7 @@ pub fn risk_exponent(a: &Body, b: &Body, model: RiskModel, obs_size: f64, safe_d
     own + course.unwrap_or(0.0)
 }
 
-/// `|V_rel| / d + steer` on collision course, else `None`.
+/// `|V_rel| / d + steer` on collision course, otherwise `None`.
 fn collision_course(a: &Body, b: &Body, obs_size: f64, safe_dist: f64) -> Option<f64> {
     let (dx, dy) = (b.x - a.x, b.y - a.y);
     let d = dx.hypot(dy);
@@ -90,7 +91,7 @@ fn collision_course(a: &Body, b: &Body, obs_size: f64, safe_dist: f64) -> Option
     if !(along > 0.0 && along < d && lateral < obs_size * along / d) {
         return None;
     }
-    // Distance of P from the line through `a` and the triangle's corner beside `b`.
+    // Distance of P from the line through `a` and the corner of the triangle beside `b`.
     let steer = (obs_size * along - d * lateral) / d.hypot(obs_size);
     let relative = (b.vx - a.vx).hypot(b.vy - a.vy);
     Some(relative / d.max(NEAREST) + steer)

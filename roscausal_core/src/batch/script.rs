@@ -1,4 +1,4 @@
-//! Post-processing by a program of the user's own, called as the original calls it.
+//! Post-processing by a program of the user, called as the original ROS-Causal calls it.
 
 use std::{
     fs::{self, File},
@@ -11,14 +11,14 @@ use std::{
 
 use crate::{Error, Result};
 
-/// Between two looks whether the program has ended.
+/// Time between two checks whether the program has ended.
 const LOOK_AGAIN: Duration = Duration::from_millis(20);
-/// Bytes of the program's complaint that are told.
+/// Bytes of the program's error output that are reported.
 const TOLD: usize = 600;
 
-/// A program that turns a raw batch into one for the analysis:
-/// `PROGRAM --csv NAME --data_dir D --pp_data_dir P --obs_size .. --safe_dist .. --sel_agent .. --delete_traj ..`
-/// reads `D/NAME` and writes `P/NAME`.
+/// A program that turns a raw batch into one for the analysis. It is called as `PROGRAM --csv NAME --data_dir D
+/// --pp_data_dir P --obs_size .. --safe_dist .. --sel_agent .. --delete_traj ..`, reads `D/NAME` and writes
+/// `P/NAME`.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Script {
     program: PathBuf,
@@ -57,7 +57,7 @@ impl Script {
         Ok(script)
     }
 
-    /// What is passed on to the program.
+    /// The arguments that are passed on to the program.
     pub fn with_arguments(
         mut self,
         obs_size: f64,
@@ -70,10 +70,12 @@ impl Script {
         self
     }
 
-    /// Runs the program on `data_dir/name`; what it writes as `name` into the folder it is given, below `pp_data_dir`.
+    /// Runs the program on `data_dir/name`. Returns what it wrote as `name` into its output folder below
+    /// `pp_data_dir`.
     ///
     /// # Errors
-    /// A program that cannot be started, fails, takes too long or writes no output: with what it said.
+    /// A program that cannot be started, fails, takes too long or writes no output; the message has its error
+    /// output.
     pub fn run(&self, name: &str, data_dir: &Path, pp_data_dir: &Path) -> Result<Vec<u8>> {
         static RUNS: AtomicU64 = AtomicU64::new(0);
         let run = RUNS.fetch_add(1, Ordering::Relaxed);
@@ -88,7 +90,7 @@ impl Script {
         let fault = |reason: String| Error::file(&self.program, reason);
         let complaint = work.join(".complaint");
         let stderr = File::create(&complaint).map_err(|e| Error::file(&complaint, e))?;
-        // Folders end in '/': scripts join folder and name by hand.
+        // Folders end in '/', because scripts concatenate folder and name.
         let folder = |path: &Path| -> Result<String> {
             let absolute = std::path::absolute(path).map_err(|e| Error::file(path, e))?;
             Ok(format!("{}/", absolute.display()).replace("//", "/"))
@@ -131,7 +133,7 @@ impl Script {
         }
     }
 
-    /// The program itself when it may be executed, else Python for a `.py`.
+    /// The program itself if it is executable, otherwise Python for a `.py`.
     fn command(&self) -> Result<Command> {
         if is_executable(&self.program) {
             return Ok(Command::new(
@@ -159,7 +161,7 @@ fn is_executable(path: &Path) -> bool {
     path.extension().is_none_or(|extension| extension != "py")
 }
 
-/// Waits for the end; `None` when the time was up and the program was ended.
+/// Waits for the end of the program; `None` if its time was up and it was killed.
 fn wait(child: &mut Child, limit: Duration) -> std::io::Result<Option<std::process::ExitStatus>> {
     let end = Instant::now() + limit;
     loop {

@@ -1,13 +1,15 @@
+//! Which people are recorded or shown: the parameter `sel_agent`.
+
 use std::{collections::BTreeSet, fmt, str::FromStr};
 
 use roscausal_msgs::{HumanState, geometry_msgs::Pose2D};
 
-/// Which people something is about (`sel_agent`): `1000`, `3,7`, `nearest:2`, `all`.
+/// A selection of people (`sel_agent`): `1000`, `3,7`, `nearest:2`, `all`.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Select {
     /// Everybody.
     All,
-    /// These.
+    /// The people with these ids.
     Ids(BTreeSet<u32>),
     /// The `N` people who are nearest to the robot in most rows of a batch.
     Nearest(usize),
@@ -22,8 +24,8 @@ impl Select {
         }
     }
 
-    /// Those chosen of `people`, in ascending order of number, the nearest in order of distance from the robot. One
-    /// single person who is not there is replaced by the first who is.
+    /// The selected ones of `people`, in ascending order of id; for `nearest`, in order of distance from the robot.
+    /// If a single person is selected who is not there, the first person who is there takes her place.
     pub fn of(&self, people: &[HumanState], robot: Option<&Pose2D>) -> Vec<HumanState> {
         match self {
             Self::All => people.to_vec(),

@@ -1,6 +1,9 @@
-//! Reading any CSV with a header into columns of numbers; every complaint names line and column.
+//! Reads any CSV with a header into columns of numbers. Every error names line and column.
+//!
+//! The csv crate reads the cells. Which character separates them is our one rule, the header line, because a user can
+//! foresee it; `csv-sniffer` 0.3 guesses from statistics of the first rows, and a wrong guess has no line to point at.
 
-use std::{fs::File, io::Read, path::Path};
+use std::{fmt, fs::File, io::Read, path::Path};
 
 use csv::{ByteRecord, ReaderBuilder};
 use ndarray::Array2;
@@ -10,23 +13,90 @@ use roscausal_discovery::{DataFrame, names};
 use super::header;
 use crate::{Error, Result};
 
-/// Names that mark the column of sample times (seconds), which is not a variable.
+/// Names of the column of sample times (seconds), which is not a variable.
 const TIME_NAMES: [&str; 4] = ["time", "t", "timestamp", "stamp"];
 
-/// A CSV file as numbers: `n_rows x n_columns`, missing cells NaN.
+/// A CSV file as numbers, `n_rows x n_columns`. Missing cells are NaN.
 #[derive(Clone, Debug)]
 pub struct Table {
-    /// Names of the variables, as in the header (repaired where a TAB broke it).
+    /// Names of the variables, as in the header (repaired if a TAB split them).
     pub names: Vec<String>,
     /// Samples, time in rows, one column per variable.
     pub values: Array2<f64>,
-    /// Sample times in seconds, when the file has them.
+    /// Sample times in seconds, if the file has them.
     pub time: Option<Vec<f64>>,
-    /// What the reader should know: missing cells, constant columns. One sentence each.
-    pub warnings: Vec<String>,
+    /// What a reader of the data should know.
+    pub notes: Vec<Note>,
 }
 
-/// What is wrong: the file, or the choice of columns.
+/// What the reader of a table should know of a column; as text, one sentence.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Note {
+    /// It has no number at all.
+    Empty {
+        /// Its name.
+        column: String,
+    },
+    /// Some of its cells have no number.
+    Missing {
+        /// Its name.
+        column: String,
+        /// How many have none.
+        missing: usize,
+        /// How many cells it has.
+        cells: usize,
+    },
+    /// All its numbers are the same.
+    Constant {
+        /// Its name.
+        column: String,
+        /// That number.
+        value: f64,
+    },
+}
+
+impl fmt::Display for Note {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Empty { column } => {
+                write!(f, "column '{column}' has no number at all; leave it out with --columns")
+            }
+            Self::Missing { column, missing, cells } => write!(
+                f,
+                "column '{column}': {missing} of {cells} cells are empty or NaN; samples that need them are left out"
+            ),
+            Self::Constant { column, value } => {
+                write!(f, "column '{column}' is constant ({value}): it can be neither cause nor effect")
+            }
+        }
+    }
+}
+
+/// The step between samples that recordings of one system share, seconds; `None` where none has times.
+///
+/// # Errors
+/// A recording whose step differs by more than 1 % from that of one before it: a lag would mean two things.
+pub fn common_step<'a>(recordings: impl IntoIterator<Item = (&'a Path, &'a Table)>) -> Result<Option<f64>> {
+    let mut first: Option<(&Path, f64)> = None;
+    for (path, table) in recordings {
+        match (first, table.dt()) {
+            (Some((other, step)), Some(dt)) if (dt - step).abs() > 0.01 * step => {
+                let [dt, step] = [dt, step].map(|secs| (secs * 1e6).round() / 1e6);
+                let reason = format!(
+                    "its step is {dt} s, that of {} is {step} s; recordings of one system need one step: resample \
+                     one of them, or analyse them apart",
+                    other.display()
+                );
+                return Err(Error::file(path, reason));
+            }
+            (None, Some(dt)) => first = Some((path, dt)),
+            _ => {}
+        }
+    }
+    Ok(first.map(|(_, step)| step))
+}
+
+/// What is wrong: the file, or the selection of columns.
 #[derive(Debug)]
 enum Complaint {
     File(String),
@@ -40,12 +110,12 @@ impl<S: Into<String>> From<S> for Complaint {
 }
 
 impl Table {
-    /// Reads a CSV file with a header line; `,`, `;` or TAB between cells. With `wanted`, only those columns
-    /// are read, in that order, names in any spelling; otherwise all but the one of times.
+    /// Reads a CSV file with a header line and `,`, `;` or TAB between cells. With `wanted`, only those columns are
+    /// read, in that order, in any spelling; otherwise all columns except the times.
     ///
     /// # Errors
-    /// Unreadable or empty file, header only, duplicate names, ragged rows, text or infinite cells, time that
-    /// does not increase: each with line and column. An unknown column, with the nearest name.
+    /// With line and column: an unreadable or empty file, a header without rows, duplicate names, ragged rows, text
+    /// or infinite cells, time that does not increase. Also an unknown column, with the nearest name.
     pub fn read(path: &Path, wanted: Option<&[String]>) -> Result<Self> {
         let mut bytes = Vec::new();
         File::open(path)
@@ -54,7 +124,7 @@ impl Table {
         Self::from_bytes(&bytes, wanted, path)
     }
 
-    /// Reads a CSV file that is in memory; `path` is only named in errors.
+    /// Reads a CSV file from memory; `path` is only used in errors.
     ///
     /// # Errors
     /// As [`Table::read`].
@@ -65,7 +135,7 @@ impl Table {
         })
     }
 
-    /// Median step between samples in seconds, when the file has times.
+    /// Median step between samples in seconds, if the file has times.
     pub fn dt(&self) -> Option<f64> {
         let time = self.time.as_ref()?;
         let mut steps: Vec<f64> = time.windows(2).map(|pair| pair[1] - pair[0]).collect();
@@ -129,38 +199,32 @@ impl Table {
         }
         let values =
             Array2::from_shape_vec((lines.len(), columns.len()), numbers).map_err(|e| e.to_string())?;
-        let names = columns.iter().map(|&column| header[column].clone()).collect();
-        let mut table = Self { names, values, time: time_column.map(|_| time), warnings: Vec::new() };
-        table.warnings = table.notes();
-        Ok(table)
+        let names: Vec<String> = columns.iter().map(|&column| header[column].clone()).collect();
+        let notes = Self::notes_on(&names, &values);
+        Ok(Self { names, values, time: time_column.map(|_| time), notes })
     }
 
-    fn notes(&self) -> Vec<String> {
+    fn notes_on(names: &[String], values: &Array2<f64>) -> Vec<Note> {
         let mut notes = Vec::new();
-        for (name, column) in self.names.iter().zip(self.values.columns()) {
-            let missing = column.iter().filter(|v| v.is_nan()).count();
-            let mut present = column.iter().filter(|v| !v.is_nan());
-            let Some(first) = present.next() else {
-                notes.push(format!("column '{name}' has no number at all; leave it out with --columns"));
+        for (name, cells) in names.iter().zip(values.columns()) {
+            let (column, missing) = (name.clone(), cells.iter().filter(|v| v.is_nan()).count());
+            let mut present = cells.iter().copied().filter(|v| !v.is_nan());
+            let Some(value) = present.next() else {
+                notes.push(Note::Empty { column });
                 continue;
             };
             if missing > 0 {
-                notes.push(format!(
-                    "column '{name}': {missing} of {} cells are empty or NaN; samples that need them are left out",
-                    column.len()
-                ));
+                notes.push(Note::Missing { column: column.clone(), missing, cells: cells.len() });
             }
-            if present.all(|v| v == first) {
-                notes.push(format!(
-                    "column '{name}' is constant ({first}): it can be neither cause nor effect"
-                ));
+            if present.all(|v| v == value) {
+                notes.push(Note::Constant { column, value });
             }
         }
         notes
     }
 }
 
-/// The separator of the header line: `,` unless it has none and another one.
+/// The separator of the header line: `,`, unless only another one occurs in it.
 fn delimiter(bytes: &[u8]) -> u8 {
     let header = bytes.split(|&b| b == b'\n').find(|line| !line.trim_ascii().is_empty()).unwrap_or_default();
     [b',', b';', b'\t'].into_iter().find(|d| header.contains(d)).unwrap_or(b',')
@@ -221,7 +285,7 @@ fn cells(
     line: u64,
 ) -> std::result::Result<Vec<String>, String> {
     let mut cells = texts(record, line)?;
-    // A header that was broken in two left as many empty cells at the end of each row.
+    // A header name that was split in two leaves as many empty cells at the end of each row.
     while joined > 0 && cells.len() > expected && cells.last().is_some_and(String::is_empty) {
         cells.pop();
     }
@@ -325,8 +389,30 @@ mod tests {
     fn missing_cells_and_constant_columns_are_told() {
         let table = parse("a,b,c\n1,,5\n2,NaN,5\n3,1,5\n").expect("reads");
         assert!(table.values[[0, 1]].is_nan());
-        assert!(table.warnings[0].contains("column 'b': 2 of 3 cells"));
-        assert!(table.warnings.iter().any(|w| w.contains("column 'c' is constant (5)")));
+        let missing = Note::Missing { column: "b".into(), missing: 2, cells: 3 };
+        let constant = |column: &str, value| Note::Constant { column: column.into(), value };
+        assert_eq!(table.notes, [missing, constant("b", 1.0), constant("c", 5.0)]);
+        assert!(table.notes[0].to_string().starts_with("column 'b': 2 of 3 cells"));
+        assert!(table.notes[2].to_string().starts_with("column 'c' is constant (5)"));
+    }
+
+    #[test]
+    fn recordings_of_one_system_have_one_step() {
+        let table = |text: &str| parse(text).expect("reads");
+        let (slow, fast) = (table("time,a\n0,1\n0.3,2\n0.6,3\n"), table("time,a\n0,1\n0.1,2\n0.2,3\n"));
+        let (jittery, timeless) = (table("time,a\n0,1\n0.301,2\n0.602,3\n"), table("a\n1\n2\n"));
+        let step = |tables: &[&Table]| {
+            common_step(
+                tables.iter().zip(["x.csv", "y.csv", "z.csv"]).map(|(table, name)| (Path::new(name), *table)),
+            )
+        };
+        assert_eq!(step(&[&timeless, &slow, &jittery]).expect("one step"), slow.dt());
+        assert_eq!(step(&[&timeless]).expect("none"), None);
+        let error = step(&[&slow, &timeless, &fast]).expect_err("two steps").to_string();
+        assert!(
+            error.contains("z.csv") && error.contains("its step is 0.1 s, that of x.csv is 0.3 s"),
+            "{error}"
+        );
     }
 
     #[test]

@@ -1,46 +1,139 @@
+//! The recorded quantities of a robot or person (a body), its waiting samples, and the values between two of them.
+
 use std::{
     collections::VecDeque,
     f64::consts::{PI, TAU},
 };
 
-/// The most samples of one body that wait to become rows.
+use super::risk::Body;
+
+/// Most samples of one body that wait to become rows.
 const MOST: usize = 100_000;
 
-/// What is recorded of a body, in the order of its columns.
-pub const FIELDS: [Field; 7] = [
-    Field { name: "gx", unit: "m", kind: Kind::Held },
-    Field { name: "gy", unit: "m", kind: Kind::Held },
-    Field { name: "x", unit: "m", kind: Kind::Linear },
-    Field { name: "y", unit: "m", kind: Kind::Linear },
-    Field { name: "theta", unit: "rad", kind: Kind::Angle },
-    Field { name: "v", unit: "m/s", kind: Kind::Linear },
-    Field { name: "omega", unit: "rad/s", kind: Kind::Linear },
-];
-
-/// One recorded quantity.
+/// A recorded quantity.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Field {
-    /// End of its column's name.
-    pub name: &'static str,
+pub enum Field {
+    /// Where the goal is.
+    Gx,
+    /// Where the goal is.
+    Gy,
+    /// Where the body is.
+    X,
+    /// Where the body is.
+    Y,
+    /// Its heading.
+    Theta,
+    /// Its speed.
+    V,
+    /// Its turning rate.
+    Omega,
+}
+
+impl Field {
+    /// All of them, in the order of a robot's columns.
+    pub const ALL: [Self; 7] = [Self::Gx, Self::Gy, Self::X, Self::Y, Self::Theta, Self::V, Self::Omega];
+
+    /// End of the column's name.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Gx => "gx",
+            Self::Gy => "gy",
+            Self::X => "x",
+            Self::Y => "y",
+            Self::Theta => "theta",
+            Self::V => "v",
+            Self::Omega => "omega",
+        }
+    }
+
+    /// End of its column's name as ROS-Causal 1.1 spells it; the TAB is the `\t` of its `\theta`.
+    pub fn legacy_name(self) -> &'static str {
+        match self {
+            Self::Gx => "{gx}",
+            Self::Gy => "{gy}",
+            Self::Theta => "{\theta}",
+            Self::Omega => "{\\omega}",
+            other => other.name(),
+        }
+    }
+
     /// SI unit.
-    pub unit: &'static str,
-    /// What its values between two samples are.
-    pub kind: Kind,
+    pub fn unit(self) -> &'static str {
+        match self {
+            Self::Gx | Self::Gy | Self::X | Self::Y => "m",
+            Self::Theta => "rad",
+            Self::V => "m/s",
+            Self::Omega => "rad/s",
+        }
+    }
 }
 
-/// What a quantity does between two samples.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Kind {
-    /// Changes evenly.
-    Linear,
-    /// Turns evenly the shorter way round.
-    Angle,
-    /// Keeps its last value.
-    Held,
+/// What is recorded of a body at one instant; NaN where unknown.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Values {
+    /// Where the goal is, metres.
+    pub gx: f64,
+    /// Where the goal is, metres.
+    pub gy: f64,
+    /// Where the body is, metres.
+    pub x: f64,
+    /// Where the body is, metres.
+    pub y: f64,
+    /// Heading, radians.
+    pub theta: f64,
+    /// Speed, metres per second.
+    pub v: f64,
+    /// Turning rate, radians per second.
+    pub omega: f64,
 }
 
-/// The values of all [`FIELDS`] at one instant; NaN where unknown.
-pub type Values = [f64; FIELDS.len()];
+impl Values {
+    /// Nothing is known.
+    pub const UNKNOWN: Self = Self::from_array([f64::NAN; Field::ALL.len()]);
+
+    /// The values in the order of [`Field::ALL`].
+    pub const fn from_array([gx, gy, x, y, theta, v, omega]: [f64; Field::ALL.len()]) -> Self {
+        Self { gx, gy, x, y, theta, v, omega }
+    }
+
+    /// The values in the order of [`Field::ALL`].
+    pub fn to_array(self) -> [f64; Field::ALL.len()] {
+        Field::ALL.map(|field| self.get(field))
+    }
+
+    /// One value.
+    pub fn get(&self, field: Field) -> f64 {
+        match field {
+            Field::Gx => self.gx,
+            Field::Gy => self.gy,
+            Field::X => self.x,
+            Field::Y => self.y,
+            Field::Theta => self.theta,
+            Field::V => self.v,
+            Field::Omega => self.omega,
+        }
+    }
+
+    /// Place and velocity, from speed and heading.
+    pub fn body(&self) -> Body {
+        Body::heading(self.x, self.y, self.theta, self.v)
+    }
+
+    /// What is at a share of the way to `next`: places and speeds change evenly, a heading turns evenly the shorter way
+    /// round, a goal holds.
+    fn towards(&self, next: &Self, share: f64) -> Self {
+        let even = |from: f64, to: f64| from + share * (to - from);
+        Self {
+            gx: self.gx,
+            gy: self.gy,
+            x: even(self.x, next.x),
+            y: even(self.y, next.y),
+            theta: wrapped(self.theta + share * wrapped(next.theta - self.theta)),
+            v: even(self.v, next.v),
+            omega: even(self.omega, next.omega),
+        }
+    }
+}
 
 /// The samples of one body, in order of time.
 #[derive(Debug, Default)]
@@ -48,18 +141,18 @@ pub(super) struct Track {
     samples: VecDeque<(i64, Values)>,
 }
 
-/// What became of a sample.
+/// What happened to a sample.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Taken {
     Yes,
-    /// There is one of that stamp already; the first one counts.
+    /// There is already one with that stamp; the first one counts.
     Duplicate,
-    /// Too many samples wait; the oldest went.
+    /// Too many samples wait; the oldest was dropped.
     Crowded,
 }
 
 impl Track {
-    /// Takes a sample (stamp in nanoseconds), in order or not.
+    /// Adds a sample (stamp in nanoseconds), in order or not.
     pub(super) fn insert(&mut self, stamp: i64, values: Values) -> Taken {
         let at = self.samples.partition_point(|(earlier, _)| *earlier < stamp);
         if self.samples.get(at).is_some_and(|(same, _)| *same == stamp) {
@@ -83,8 +176,8 @@ impl Track {
         self.samples.iter()
     }
 
-    /// The values at `t`: those of a sample at `t`, or between two samples at most `max_gap` apart. With `hold`, those
-    /// of the last sample instead of values between.
+    /// The values at `t`: those of a sample at `t`, or interpolated between two samples at most `max_gap` apart.
+    /// With `hold`, those of the last sample instead of interpolated ones.
     pub(super) fn at(&self, t: i64, max_gap: i64, hold: bool) -> Option<Values> {
         let after = self.samples.partition_point(|(stamp, _)| *stamp < t);
         let next = self.samples.get(after);
@@ -99,18 +192,10 @@ impl Track {
             return None;
         }
         let share = if hold { 0.0 } else { (t - t0) as f64 / (t1 - t0) as f64 };
-        let mut values = *before;
-        for (i, field) in FIELDS.iter().enumerate() {
-            values[i] = match field.kind {
-                Kind::Held => before[i],
-                Kind::Linear => before[i] + share * (next[i] - before[i]),
-                Kind::Angle => wrapped(before[i] + share * wrapped(next[i] - before[i])),
-            };
-        }
-        Some(values)
+        Some(before.towards(next, share))
     }
 
-    /// Forgets what no row at `t` or later needs. Whether anything is left that one may need.
+    /// Drops what no row at `t` or later needs. Returns whether any sample is left that such a row may need.
     pub(super) fn forget_before(&mut self, t: i64, max_gap: i64) -> bool {
         while self.samples.get(1).is_some_and(|(second, _)| *second <= t) {
             self.samples.pop_front();
@@ -130,7 +215,7 @@ mod tests {
     use super::*;
 
     fn values(x: f64, theta: f64, goal: f64) -> Values {
-        [goal, goal, x, 0.0, theta, 1.0, 0.0]
+        Values::from_array([goal, goal, x, 0.0, theta, 1.0, 0.0])
     }
 
     fn track(samples: &[(i64, Values)]) -> Track {
@@ -145,12 +230,12 @@ mod tests {
     fn places_change_evenly_headings_turn_the_shorter_way_and_goals_hold() {
         let track = track(&[(100, values(1.0, 3.0, 5.0)), (200, values(2.0, -3.0, 6.0))]);
         let at = track.at(150, 100, false).expect("between");
-        assert_eq!((at[0], at[2]), (5.0, 1.5));
-        assert!((at[4].abs() - PI).abs() < 1e-12, "{}", at[4]);
+        assert_eq!((at.gx, at.x), (5.0, 1.5));
+        assert!((at.theta.abs() - PI).abs() < 1e-12, "{}", at.theta);
         let near_end = track.at(199, 100, false).expect("between");
-        assert!((near_end[4] + 3.0).abs() < 0.01);
-        assert_eq!(track.at(200, 100, false).expect("a sample")[0], 6.0);
-        assert_eq!(track.at(150, 100, true).expect("held")[2], 1.0);
+        assert!((near_end.theta + 3.0).abs() < 0.01);
+        assert_eq!(track.at(200, 100, false).expect("a sample").gx, 6.0);
+        assert_eq!(track.at(150, 100, true).expect("held").x, 1.0);
     }
 
     #[test]
@@ -168,7 +253,7 @@ mod tests {
             (200, values(9.0, 0.0, 0.0)),
         ]);
         assert_eq!(track.insert(200, values(5.0, 0.0, 0.0)), Taken::Duplicate);
-        assert_eq!(track.at(200, 100, false).expect("a sample")[2], 9.0);
+        assert_eq!(track.at(200, 100, false).expect("a sample").x, 9.0);
         assert!(track.forget_before(250, 100));
         assert_eq!(track.samples.len(), 2);
         assert!(!track.forget_before(401, 100));

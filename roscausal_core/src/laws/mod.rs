@@ -1,8 +1,8 @@
-//! What every [`Middleware`] must do, as functions that assert it: for the tests of implementations.
+//! What every [`Middleware`] must do, as functions that assert it. Implementations call them in their tests.
 //!
-//! Each law is a function whose name is the claim; [`middleware_laws`] runs all that hold on any middleware.
-//! A law waits until what it claims has come true, with a time-out, so that discovery and delivery may take
-//! their time; for what must not happen it waits [`QUIET`].
+//! Each law is a function whose name is the claim. [`middleware_laws`] runs all laws that hold on any middleware. A
+//! law waits until its claim has come true, with a time-out, because discovery and delivery take time. For what
+//! must not happen it waits [`QUIET`].
 #![allow(clippy::panic, reason = "a law that is broken fails the test that calls it")]
 
 mod parameters;
@@ -14,7 +14,7 @@ pub use time::*;
 pub use topics::*;
 
 use std::{
-    sync::{Arc, Mutex, PoisonError},
+    sync::{Arc, Mutex},
     thread,
     time::{Duration, Instant},
 };
@@ -23,6 +23,7 @@ use roscausal_msgs::std_msgs::Float64;
 
 use crate::{
     Result,
+    gate::lock,
     middleware::{Middleware, Publish, Qos},
 };
 
@@ -31,13 +32,13 @@ pub const PATIENCE: Duration = Duration::from_secs(15);
 /// How long a law waits for what must not happen.
 pub const QUIET: Duration = Duration::from_millis(300);
 
-/// Runs all laws. `new_node` joins as a node of that name, with no parameter set; `settle` lets messages
-/// arrive and time pass (at least a millisecond of the nodes' clock; it may return before all has arrived).
+/// Runs all laws. `new_node` joins as a node of the given name, with no parameter set. `settle` lets messages
+/// arrive and time pass: at least a millisecond on the nodes' clock. It may return before everything has arrived.
 ///
-/// Not among them, because ROS 2 has no parameters but nodes' own: [`absolute_parameters_are_shared`].
+/// [`absolute_parameters_are_shared`] is not included, because every ROS 2 parameter belongs to a node.
 ///
 /// # Panics
-/// When a law is broken, with the law and what happened.
+/// If a law is broken, with the law and what happened.
 pub fn middleware_laws<M: Middleware>(new_node: impl Fn(&str) -> M, settle: impl Fn()) {
     let (node, settle) = (&new_node, &settle);
     every_subscriber_hears_every_message_in_order(node, settle);
@@ -70,7 +71,7 @@ fn eventually(settle: impl Fn(), claim: &str, mut done: impl FnMut() -> bool) {
     }
 }
 
-/// Settles for as long as something that must not happen is given to happen.
+/// Settles long enough for something forbidden to happen.
 fn quietly(settle: impl Fn()) {
     let start = Instant::now();
     while start.elapsed() < QUIET {
@@ -79,21 +80,21 @@ fn quietly(settle: impl Fn()) {
     }
 }
 
-/// What came in, in order. Cheap to clone; the clones are one list.
+/// The received numbers, in order. Cheap to clone; all clones are one list.
 #[derive(Clone, Default)]
 struct Heard(Arc<Mutex<Vec<f64>>>);
 
 impl Heard {
     fn hear(&self) -> impl FnMut(Float64) + Send + 'static {
         let heard = self.clone();
-        move |message| heard.0.lock().unwrap_or_else(PoisonError::into_inner).push(message.data)
+        move |message| lock(&heard.0).push(message.data)
     }
 
     fn all(&self) -> Vec<f64> {
-        self.0.lock().unwrap_or_else(PoisonError::into_inner).clone()
+        lock(&self.0).clone()
     }
 
-    /// Without the negative numbers, which only open the connection.
+    /// The received numbers without the negative ones, which only open the connection.
     fn numbers(&self) -> Vec<f64> {
         self.all().into_iter().filter(|number| *number >= 0.0).collect()
     }
@@ -112,7 +113,8 @@ fn must<T>(result: Result<T>, claim: &str) -> T {
     }
 }
 
-/// Publishes -1 until all have heard: some middlewares lose what is sent before both ends know each other.
+/// Publishes -1 until all listeners have received it. Some middlewares lose what is sent before both ends have
+/// found each other.
 fn connect(settle: impl Fn(), publisher: &impl Publish<Float64>, listeners: &[&Heard]) {
     let start = Instant::now();
     let mut sent: Option<Instant> = None;

@@ -10,14 +10,14 @@ fn spec(name: &'static str, default: Value) -> ParamSpec {
     ParamSpec::new(name, default, Allowed::Any, "of the laws")
 }
 
-/// A parameter that nobody set is `None`, whatever its default.
+/// A parameter that nobody has set is `None`, whatever its default.
 pub fn an_unset_parameter_is_none<M: Middleware>(node: &impl Fn(&str) -> M) {
     let node = node("param_unset");
     let unset = spec("law_unset", Value::Double(0.1));
     assert_eq!(must(node.param(&unset), "ask for a parameter"), None, "an unset parameter is None");
 }
 
-/// A parameter set by the node itself reads back, with its type; set again, it tells the new value.
+/// A parameter that the node sets reads back with its type. Set again, it has the new value.
 pub fn a_set_parameter_reads_back<M: Middleware>(node: &impl Fn(&str) -> M) {
     let node = node("param_set");
     let words =
@@ -37,7 +37,7 @@ pub fn a_set_parameter_reads_back<M: Middleware>(node: &impl Fn(&str) -> M) {
     }
 }
 
-/// A private parameter of one node is not another's.
+/// A private parameter of one node is invisible to another.
 pub fn private_parameters_are_the_nodes_own<M: Middleware>(node: &impl Fn(&str) -> M) {
     let (mine, other) = (node("param_mine"), node("param_other"));
     let own = spec("law_own", Value::Int(0));
@@ -46,7 +46,7 @@ pub fn private_parameters_are_the_nodes_own<M: Middleware>(node: &impl Fn(&str) 
     assert_eq!(must(mine.param(&own), "ask for a parameter"), Some(Value::Int(1)), "it is still set");
 }
 
-/// A parameter with an absolute name is the same for all nodes. Loopback and ROS 1 only: in ROS 2 every
+/// A parameter with an absolute name is the same for all nodes. Only for loopback and ROS 1: in ROS 2 every
 /// parameter belongs to a node.
 pub fn absolute_parameters_are_shared<M: Middleware>(node: &impl Fn(&str) -> M) {
     let (writer, reader) = (node("param_writer"), node("param_reader"));

@@ -1,4 +1,4 @@
-//! Laws of inboxes: order, bounds, deadlines, the end.
+//! Laws of inboxes: order, bounds, deadlines, shutdown.
 
 use std::{sync::mpsc, thread};
 
@@ -11,7 +11,7 @@ use crate::{
     middleware::Middleware,
 };
 
-/// Runs a node's own thread until it ends.
+/// Runs a node on a thread of its own until it ends.
 fn alongside<T: Send + 'static>(
     settle: &impl Fn(),
     claim: &str,
@@ -25,7 +25,7 @@ fn alongside<T: Send + 'static>(
     }
 }
 
-/// What is sent into an inbox comes out in the same order, in the thread that owns it.
+/// Events leave an inbox in the order in which they were sent, on the thread that owns it.
 pub fn an_inbox_hands_out_events_in_order<M: Middleware>(node: &impl Fn(&str) -> M, settle: &impl Fn()) {
     let (sender, reader) = (node("inbox_sender"), node("inbox_reader"));
     let publisher = must(sender.advertise("/inbox", VOLATILE), "advertise");
@@ -52,7 +52,7 @@ pub fn an_inbox_hands_out_events_in_order<M: Middleware>(node: &impl Fn(&str) ->
     }
 }
 
-/// An inbox holds as many as it is made for; more drop the oldest, and are counted.
+/// An inbox holds as many events as it was made for. Further events drop the oldest ones, which are counted.
 pub fn a_full_inbox_drops_the_oldest_and_counts<M: Middleware>(node: &impl Fn(&str) -> M) {
     let node = node("inbox_full");
     let inbox = Inbox::new(&node, 3);
@@ -66,7 +66,7 @@ pub fn a_full_inbox_drops_the_oldest_and_counts<M: Middleware>(node: &impl Fn(&s
     sender.send(10);
 }
 
-/// A wait ends at its deadline, not before, as often as asked.
+/// A wait ends at its deadline and not before, every time.
 pub fn a_deadline_fires_and_not_early<M: Middleware>(node: &impl Fn(&str) -> M, settle: &impl Fn()) {
     let node = node("deadline");
     let late = alongside(settle, "deadlines fire", move || {
@@ -83,7 +83,7 @@ pub fn a_deadline_fires_and_not_early<M: Middleware>(node: &impl Fn(&str) -> M, 
     }
 }
 
-/// [`Middleware::shutdown`] ends the wait of a node; it still gets what was queued, and other nodes go on.
+/// [`Middleware::shutdown`] ends the wait of a node after it got what was queued. Other nodes continue.
 pub fn shutdown_wakes_an_inbox_after_what_is_queued<M: Middleware>(
     node: &impl Fn(&str) -> M,
     settle: &impl Fn(),
@@ -94,7 +94,7 @@ pub fn shutdown_wakes_an_inbox_after_what_is_queued<M: Middleware>(
     let thread = thread::spawn(move || {
         let inbox = Inbox::new(&waits, 10);
         let sender = inbox.sender();
-        // Only one that is woken gets this far.
+        // Only a node that is woken gets this far.
         let _ = ready.send(sender.clone());
         let first = inbox.next(&waits, None);
         [first, inbox.next(&waits, None), inbox.next(&waits, None)]

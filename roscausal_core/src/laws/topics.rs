@@ -5,10 +5,11 @@ use roscausal_msgs::std_msgs::{Float64, String as Text};
 use super::{Heard, VOLATILE, connect, eventually, must, publish, quietly};
 use crate::middleware::{Middleware, Publish, Qos};
 
-/// Messages that may be sent back to back: ROS 1's library drops what is more than 8.
+/// Messages that may be sent back to back. ROS 1's library drops those beyond 8.
 const BURST: usize = 5;
 
-/// Messages arrive at every subscriber, each once, in the order in which they were sent. Sent in bursts of 5.
+/// Messages arrive at every subscriber exactly once, in the order in which they were sent. They are sent in bursts
+/// of 5.
 pub fn every_subscriber_hears_every_message_in_order<M: Middleware>(
     node: &impl Fn(&str) -> M,
     settle: &impl Fn(),
@@ -35,7 +36,7 @@ pub fn every_subscriber_hears_every_message_in_order<M: Middleware>(
     }
 }
 
-/// A topic may have several publishers; a subscriber hears them all.
+/// A topic may have several publishers, and a subscriber receives from all of them.
 pub fn two_publishers_of_a_topic_are_both_heard<M: Middleware>(
     node: &impl Fn(&str) -> M,
     settle: &impl Fn(),
@@ -55,7 +56,7 @@ pub fn two_publishers_of_a_topic_are_both_heard<M: Middleware>(
     eventually(settle, "both publishers are heard", both);
 }
 
-/// After the drop of a subscription its callback does not run again, while others go on.
+/// After a subscription is dropped its callback does not run again, and other subscriptions continue.
 pub fn a_dropped_subscription_hears_nothing_more<M: Middleware>(
     node: &impl Fn(&str) -> M,
     settle: &impl Fn(),
@@ -88,8 +89,8 @@ pub fn a_dropped_subscription_is_no_longer_counted<M: Middleware>(
     eventually(settle, "a dropped subscriber is not counted", || publisher.subscriber_count() == 0);
 }
 
-/// A subscriber that comes late gets the last message of a latched topic, not those before, and only once;
-/// then it hears what is new.
+/// A late subscriber of a latched topic gets the last message, only that one, and only once. Then it gets new
+/// messages.
 pub fn a_latched_topic_gives_a_late_joiner_exactly_the_last_message<M: Middleware>(
     node: &impl Fn(&str) -> M,
     settle: &impl Fn(),
@@ -111,7 +112,7 @@ pub fn a_latched_topic_gives_a_late_joiner_exactly_the_last_message<M: Middlewar
     assert_eq!(heard.all(), [2.0, 3.0], "what is new comes once");
 }
 
-/// What was sent on a volatile topic before the subscription is not delivered.
+/// Messages sent on a volatile topic before the subscription are not delivered.
 pub fn a_volatile_topic_gives_a_late_joiner_nothing<M: Middleware>(
     node: &impl Fn(&str) -> M,
     settle: &impl Fn(),
@@ -127,7 +128,8 @@ pub fn a_volatile_topic_gives_a_late_joiner_nothing<M: Middleware>(
     assert_eq!(heard.numbers(), Vec::<f64>::new(), "a late joiner of a volatile topic gets nothing old");
 }
 
-/// With its publisher a latched message goes. (Nothing is promised while a publisher of the topic lives.)
+/// A latched message disappears with its publisher. (Nothing is promised while another publisher of the topic
+/// lives.)
 pub fn the_latched_message_of_a_dropped_publisher_is_gone<M: Middleware>(
     node: &impl Fn(&str) -> M,
     settle: &impl Fn(),
@@ -145,7 +147,7 @@ pub fn the_latched_message_of_a_dropped_publisher_is_gone<M: Middleware>(
     assert_eq!(heard.all(), Vec::<f64>::new(), "a latched message goes with its publisher");
 }
 
-/// A subscriber of another type than the publisher's gets an error or hears nothing.
+/// A subscriber of another type than the publisher's gets an error, or no messages.
 pub fn another_type_on_a_topic_is_an_error_or_silence<M: Middleware>(
     node: &impl Fn(&str) -> M,
     settle: &impl Fn(),
@@ -156,7 +158,7 @@ pub fn another_type_on_a_topic_is_an_error_or_silence<M: Middleware>(
     let _right = must(listener.subscribe("/type", VOLATILE, right.hear()), "subscribe");
     let mut hear = wrong.hear();
     let other = node("type_other");
-    // Eight bytes are a Float64, and a text of some length.
+    // The same eight bytes decode as a Float64, and as a text of some length.
     let wrong_type =
         other.subscribe("/type", VOLATILE, move |text: Text| hear(Float64 { data: text.data.len() as f64 }));
     connect(settle, &publisher, &[&right]);
@@ -183,7 +185,7 @@ pub fn relative_and_private_names_belong_to_the_node<M: Middleware>(
     connect(settle, &to_relative, &[&relative]);
 }
 
-/// A name that ROS does not allow is an error, for publishers and subscribers.
+/// A name that ROS does not allow is an error, for publishers and for subscribers.
 pub fn illegal_names_are_errors<M: Middleware>(node: &impl Fn(&str) -> M) {
     let node = node("illegal");
     for name in ["", "/", "a//b", "/a/", "1a", "/a/2b", "a b", "a-b", "a~b", "ä"] {
@@ -193,7 +195,7 @@ pub fn illegal_names_are_errors<M: Middleware>(node: &impl Fn(&str) -> M) {
     }
 }
 
-/// [`Middleware::topics`] tells what is published, by every node.
+/// [`Middleware::topics`] lists what every node publishes.
 pub fn topics_are_listed_with_their_types<M: Middleware>(node: &impl Fn(&str) -> M, settle: &impl Fn()) {
     let (sender, asker) = (node("listed_sender"), node("listed_asker"));
     let _publisher = must(sender.advertise::<Float64>("/listed", VOLATILE), "advertise");

@@ -1,12 +1,11 @@
-//! The middleware within one process: several nodes as threads, latched topics, parameters, simulated time.
+//! The middleware within one process: several nodes, latched topics, parameters, simulated time.
 //!
-//! Two ways to run:
-//! - [`Loopback::lockstep`]: time is simulated, and whoever holds the [`Loopback`] moves it
-//!   ([`Loopback::advance_to`]). Messages are delivered one at a time, in the order of publication, each
-//!   after every node has finished with the one before. So a run is the same run whatever the threads do.
-//!   Nodes are threads ([`Loopback::start`]) or, at a tenth of the cost, tasks on the driver's own thread
-//!   ([`Loopback::start_task`]).
-//! - [`Loopback::live`]: a message is delivered in `publish` itself; time is whatever clock was given.
+//! There are two ways to run it:
+//! - [`Loopback::lockstep`]: time is simulated, and the owner of the [`Loopback`] advances it
+//!   ([`Loopback::advance_to`]). Messages are delivered one at a time, in the order of publication, each after
+//!   every node has finished with the previous one. So a run is the same whatever the threads do. Nodes are threads
+//!   ([`Loopback::start`]) or, at a tenth of the cost, tasks on the driver's own thread ([`Loopback::start_task`]).
+//! - [`Loopback::live`]: `publish` itself delivers the message, and time comes from a given clock.
 
 mod node;
 mod task;
@@ -33,13 +32,13 @@ use crate::{Error, Result, Time, gate::lock, inbox::Consumer, params::Value};
 use task::Task;
 use topics::{Payload, Slot, Topic};
 
-/// How often [`Loopback::start`] looks whether the node is up.
+/// How often [`Loopback::start`] checks whether the node is up.
 const LOOK_AGAIN: Duration = Duration::from_micros(200);
 
 /// The bus that the nodes of one process share. Cheap to clone.
 ///
-/// A lockstep bus is driven ([`Loopback::advance_to`], [`Loopback::settle`]) by one thread at a time; others
-/// wait for their turn. A node must not drive it: it would wait for itself.
+/// One thread at a time drives a lockstep bus ([`Loopback::advance_to`], [`Loopback::settle`]); others wait for
+/// their turn. A node must not drive it, because it would wait for itself.
 #[derive(Clone)]
 pub struct Loopback {
     bus: Arc<Bus>,
@@ -51,7 +50,7 @@ struct Bus {
     lockstep: bool,
     next_id: AtomicU64,
     state: Mutex<BusState>,
-    /// Held by who delivers.
+    /// Held by the thread that delivers.
     driving: Mutex<()>,
     driver: Mutex<Option<ThreadId>>,
 }
@@ -65,7 +64,7 @@ enum Clock {
 struct BusState {
     topics: BTreeMap<String, Topic>,
     params: BTreeMap<String, Value>,
-    /// The nodes' "is to go on", in the order in which they joined.
+    /// The "keep running" flag of each node, in the order in which they joined.
     nodes: Vec<Weak<AtomicBool>>,
     members: Arc<Vec<Member>>,
     deliveries: VecDeque<(Arc<Slot>, Payload)>,
@@ -76,7 +75,7 @@ struct BusState {
 struct Member {
     alive: Arc<AtomicBool>,
     consumer: Weak<dyn Consumer>,
-    /// Who polls it; `None`: a thread of its own.
+    /// The task that polls it; `None`: the node has a thread of its own.
     task: Option<Weak<Task>>,
 }
 
@@ -102,7 +101,7 @@ impl BusState {
 }
 
 impl Loopback {
-    /// A bus whose time is simulated, starts at 0 and moves only by [`Loopback::advance_to`].
+    /// A bus with simulated time. It starts at 0 and advances only through [`Loopback::advance_to`].
     pub fn lockstep() -> Self {
         Self::new(Clock::Simulated(AtomicI64::new(0)), true)
     }
@@ -125,7 +124,7 @@ impl Loopback {
         }
     }
 
-    /// Joins as a node; `name` without a leading `/`. Its parameters are `/name/parameter`.
+    /// Joins as a node. `name` has no leading `/`. Parameters of the node are `/name/parameter`.
     pub fn node(&self, name: &str) -> LoopbackNode {
         let node = LoopbackNode::new(self.bus.clone(), name);
         let mut state = self.bus.lock();
@@ -134,11 +133,11 @@ impl Loopback {
         node
     }
 
-    /// Runs a node on a thread of its own, and returns once it has an inbox and waits in it, or has ended. So
-    /// nodes started one after the other take part in the same order in every run.
+    /// Runs a node on a thread of its own. Returns once the node has an inbox and waits in it, or has ended. So
+    /// nodes that are started one after the other take part in the same order in every run.
     ///
     /// # Errors
-    /// When the system gives no thread.
+    /// If the system cannot start a thread.
     pub fn start<T: Send + 'static>(
         &self,
         name: &str,
@@ -164,9 +163,10 @@ impl Loopback {
         Ok(thread)
     }
 
-    /// Runs a node as a task (lockstep only): whoever drives the bus polls it, so a message costs no change of
-    /// threads. The same run as with [`Loopback::start`]. The node must wait in [`crate::inbox::Inbox::awaited`]
-    /// alone, and runs to its inbox before this returns. Dropping the handle drops the node.
+    /// Runs a node as a task (lockstep only). Whoever drives the bus polls it, so a message needs no change of
+    /// threads. The run is the same as with [`Loopback::start`]. The node may wait only in
+    /// [`crate::inbox::Inbox::awaited`], and runs up to its inbox before this returns. Dropping the handle drops
+    /// the node.
     pub fn start_task<T, F>(&self, name: &str, run: impl FnOnce(LoopbackNode) -> F) -> LoopbackTask<T>
     where
         T: Send + 'static,
@@ -180,21 +180,21 @@ impl Loopback {
         handle
     }
 
-    /// Sets a node's private parameter before the node starts.
+    /// Sets a private parameter of a node before the node starts.
     pub fn set_node_param(&self, node: &str, name: &str, value: Value) {
         self.bus.lock().params.insert(format!("/{}/{name}", node.trim_matches('/')), value);
     }
 
-    /// Delivers all that has been published, in order, waiting for the nodes after each message. From within
-    /// a delivery it does nothing: the delivery under way goes on to the end of the queue.
+    /// Delivers everything that has been published, in order, and waits for the nodes after each message. Does
+    /// nothing if called from inside a delivery: that delivery continues to the end of the queue.
     pub fn settle(&self) {
         if let Some(_driving) = self.bus.drive() {
             self.bus.settle();
         }
     }
 
-    /// Moves simulated time (lockstep only) and lets every node do what is due, then settles. A deadline on
-    /// the way is met at its own time, before those that are later.
+    /// Advances simulated time (lockstep only), lets every node do what is due, then settles. A deadline on the way
+    /// is met at its own time, before later ones.
     pub fn advance_to(&self, now: Time) {
         let Some(_driving) = self.bus.drive() else { return };
         self.bus.settle();
@@ -208,8 +208,8 @@ impl Loopback {
         self.bus.settle();
     }
 
-    /// Asks all nodes to end: in the order in which they joined and, in lockstep, each after the one before
-    /// has left its inbox and what it published last has been delivered.
+    /// Asks all nodes to end, in the order in which they joined. In lockstep, each node is asked only after the
+    /// previous one has left its inbox and its last messages have been delivered.
     pub fn shutdown(&self) {
         let _driving = self.bus.lockstep.then(|| self.bus.drive());
         let nodes: Vec<_> = self.bus.lock().nodes.iter().filter_map(Weak::upgrade).collect();
@@ -241,7 +241,7 @@ impl Bus {
         self.next_id.fetch_add(1, Ordering::Relaxed)
     }
 
-    /// Takes the driver's seat; `None` when this thread sits there already.
+    /// Starts to drive the bus; `None` if this thread already drives it.
     fn drive(&self) -> Option<Driving<'_>> {
         let me = Some(thread::current().id());
         if *lock(&self.driver) == me {
@@ -295,7 +295,7 @@ impl Bus {
     }
 }
 
-/// The driver's seat while it is taken.
+/// The right to drive the bus, while it is held.
 struct Driving<'a> {
     bus: &'a Bus,
     _turn: MutexGuard<'a, ()>,

@@ -1,3 +1,5 @@
+//! A node's connection to the loopback bus: the implementation of `Middleware`.
+
 use std::{
     sync::{
         Arc, LazyLock, Weak,
@@ -20,7 +22,7 @@ pub struct LoopbackNode {
     bus: Arc<Bus>,
     name: Arc<str>,
     alive: Arc<AtomicBool>,
-    /// Who polls it, if it is a task.
+    /// The task that polls it, if it runs as a task.
     task: Option<Weak<Task>>,
 }
 

@@ -1,4 +1,4 @@
-//! Nodes as tasks of whoever drives the bus.
+//! Nodes that run as tasks of whoever drives the bus.
 
 use std::{
     any::Any,
@@ -12,11 +12,11 @@ use std::{
 use super::LoopbackNode;
 use crate::{gate::lock, middleware::Middleware};
 
-/// A node's future, gone once it has ended.
+/// A node's future; `None` once the node has ended.
 #[derive(Default)]
 pub(super) struct Task {
     future: Mutex<Option<Pin<Box<dyn Future<Output = ()> + Send>>>>,
-    /// What it panicked with.
+    /// The panic that ended it.
     panic: Mutex<Option<Box<dyn Any + Send>>>,
 }
 
@@ -25,7 +25,7 @@ impl Task {
     pub(super) fn poll(&self) {
         let mut slot = lock(&self.future);
         let Some(future) = slot.as_mut() else { return };
-        // The driver asks each time; nothing wakes it.
+        // The driver asks each time, so no wake-up is needed.
         let mut context = Context::from_waker(Waker::noop());
         let polled = catch_unwind(AssertUnwindSafe(|| future.as_mut().poll(&mut context).is_ready()));
         match polled {
@@ -68,10 +68,10 @@ impl<T: Send + 'static> LoopbackTask<T> {
         lock(&self.task.future).is_none()
     }
 
-    /// Asks the node to end, delivers what it published last, and gives what it returned.
+    /// Asks the node to end, delivers its last messages, and returns its result.
     ///
     /// # Errors
-    /// What the node panicked with.
+    /// The panic of the node.
     pub fn end(self) -> thread::Result<T> {
         self.node.shutdown();
         self.node.bus().settle();

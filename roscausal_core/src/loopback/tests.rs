@@ -1,3 +1,5 @@
+//! Tests of the loopback bus: order, determinism, shutdown, tasks.
+
 use std::{
     pin::pin,
     sync::{
@@ -40,7 +42,7 @@ fn live_obeys_the_laws() {
 
 type Log = Arc<Mutex<Vec<String>>>;
 
-/// A node that answers the others, acts on deadlines and writes down what it hears.
+/// A node that answers the others, acts on deadlines, and logs what it receives.
 async fn talker(node: LoopbackNode, period: f64, log: Log) {
     let name = node.node_name();
     let inbox = Inbox::new(&node, 100);
@@ -76,7 +78,8 @@ async fn talker(node: LoopbackNode, period: f64, log: Log) {
     drop(subscriptions);
 }
 
-/// Three nodes that talk, those of `tasks` as tasks and the others as threads; all that was said, in order.
+/// Three nodes that talk to each other, those in `tasks` as tasks and the others as threads. Returns all messages
+/// in order.
 fn conversation(tasks: &[&str]) -> Vec<String> {
     let bus = Loopback::lockstep();
     let log = Log::default();

@@ -1,4 +1,4 @@
-//! A bus's topics: who publishes, who listens, and the last latched message.
+//! Topics of a bus: publishers, subscribers, and the last latched message.
 
 use std::{
     any::{Any, TypeId},
@@ -26,8 +26,8 @@ pub(super) struct Topic {
     subscribers: Vec<(u64, Arc<Slot>)>,
 }
 
-/// One subscription's callback and the messages that wait for it. Calls never overlap and keep the order in
-/// which the messages were pushed.
+/// A subscription's callback and the messages that wait for it. Calls never overlap, and keep the order in which
+/// the messages were pushed.
 pub(super) struct Slot {
     gate: Gate,
     waiting: Mutex<VecDeque<Payload>>,
@@ -48,7 +48,8 @@ impl Slot {
         lock(&self.waiting).push_back(payload);
     }
 
-    /// Calls back for all that waits. What a callback publishes to itself comes after the call under way.
+    /// Calls back for every waiting message. What a callback publishes to its own topic comes after the current
+    /// call.
     pub(super) fn run(&self) {
         self.gate.pass(|| {
             let mut callback = lock(&self.callback);
@@ -59,7 +60,8 @@ impl Slot {
         });
     }
 
-    /// No call after this one, but for the one that makes it.
+    /// Ends the subscription. No call is made afterwards, except the one that is running if it ends the
+    /// subscription itself.
     fn end(&self) {
         self.gate.close();
         lock(&self.waiting).clear();
@@ -88,7 +90,7 @@ impl BusState {
         Err(Error::Topic { topic: name.to_owned(), reason })
     }
 
-    /// Forgets a topic that nobody uses.
+    /// Removes a topic that nobody uses.
     fn prune(&mut self, name: &str) {
         if self.topics.get(name).is_some_and(|topic| topic.publishers == 0 && topic.subscribers.is_empty()) {
             self.topics.remove(name);
@@ -129,7 +131,7 @@ impl<M: Message> Publish<M> for LoopbackPublisher<M> {
                 state.deliveries.extend(slots.into_iter().map(|slot| (slot, payload.clone())));
                 return Ok(());
             }
-            // Queued under the bus's lock: all subscribers see the same order.
+            // Queued under the lock of the bus, so all subscribers see the same order.
             slots.iter().for_each(|slot| slot.push(payload.clone()));
             slots
         };

@@ -1,4 +1,4 @@
-//! The data node: both states to batches in a pool.
+//! The data node: from both states to batches in a pool.
 
 use roscausal_msgs::{Humans, RobotState, std_msgs::String as Text};
 
@@ -9,13 +9,13 @@ use super::{
 };
 use crate::{
     Result,
-    batch::{recorder::Recorder, writer::Writer},
+    batch::{EndedBy, recorder::Recorder, writer::Writer},
     inbox::{Inbox, Next},
     middleware::{Middleware, Qos},
     params::Params,
 };
 
-/// Between two notes in the journal: what the end of the process costs.
+/// Seconds between two writes to the journal: what a crash of the process costs.
 const JOURNAL_EVERY_S: f64 = 0.2;
 /// Messages that may wait: more than ten seconds of a fast robot.
 const INBOX: usize = 20_000;
@@ -23,32 +23,32 @@ const INBOX: usize = 20_000;
 #[derive(PartialEq)]
 enum Event {
     Robot(RobotState),
-    /// Its place in `other_robots`.
+    /// A robot of `other_robots`, by its position in that list.
     Other(usize, RobotState),
     Humans(Humans),
     Context(String),
 }
 
-/// How far the open batch is.
+/// Progress of the open batch.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Recorded {
     /// Rows of the open batch.
     pub rows: usize,
-    /// Rows it will have; `None`: until the end.
+    /// Rows that it will have; `None`: until the end.
     pub of: Option<usize>,
     /// Batches recorded before it.
     pub batches: u64,
 }
 
-/// The data node: runs until the middleware ends, then writes what it has.
+/// The data node. It runs until the middleware ends, then writes what it has.
 ///
 /// # Errors
-/// A parameter that is not allowed, a folder that cannot be made, a topic that cannot be used.
+/// A parameter that is not allowed, a folder that cannot be created, or a topic that cannot be used.
 pub fn data<M: Middleware>(mw: &M) -> Result<()> {
     data_with(mw, |_| {})
 }
 
-/// The data node with a listener for its progress.
+/// The data node with a callback for its progress.
 ///
 /// # Errors
 /// As [`data`].
@@ -56,8 +56,11 @@ pub fn data_with<M: Middleware>(mw: &M, on_progress: impl Fn(Recorded)) -> Resul
     to_its_end(data_task(mw, on_progress))
 }
 
-/// The data node as a task.
-pub(super) async fn data_task<M: Middleware>(mw: &M, on_progress: impl Fn(Recorded)) -> Result<()> {
+/// The data node as a task, with a listener for its progress.
+///
+/// # Errors
+/// As [`data`].
+pub async fn data_task<M: Middleware>(mw: &M, on_progress: impl Fn(Recorded)) -> Result<()> {
     let params = Params::read(mw, &specs())?;
     let mut recorder = Recorder::new(recorder(&params)?);
     let writer = Writer::start(writer(&params)?)?;
@@ -94,7 +97,7 @@ pub(super) async fn data_task<M: Middleware>(mw: &M, on_progress: impl Fn(Record
     let (mut journal_due, mut refused, mut stopped) = (mw.now(), 0_u64, false);
     let mut unnoted = false;
     loop {
-        // What came last is noted in time though nothing follows it.
+        // The last samples are journalled in time even if no message follows them.
         let due = if unnoted { journal_due.min(health.due()) } else { health.due() };
         let next = inbox.awaited(mw, Some(due)).await;
         match &next {
@@ -127,12 +130,12 @@ pub(super) async fn data_task<M: Middleware>(mw: &M, on_progress: impl Fn(Record
         }
         let is_full = writer.is_full();
         if is_full && !stopped {
-            recorder.interrupt("the pool is full");
+            recorder.interrupt(EndedBy::FullPool);
         }
         stopped = is_full;
         let now = mw.now();
         let batches = recorder.take_numbered_batches();
-        // A batch's journal is complete before the batch is handed over. A clock may jump back.
+        // The journal of a batch is complete before the batch is handed over. (A clock may jump back.)
         if !batches.is_empty() || now >= journal_due || next == Next::Shutdown {
             writer.note(recorder.take_journal());
             journal_due = now.plus_secs(JOURNAL_EVERY_S);

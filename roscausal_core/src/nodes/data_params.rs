@@ -8,7 +8,7 @@ use super::{path, scene_params::risk_specs};
 use crate::{
     Error, Result,
     batch::{
-        Select,
+        IdFormat, Select,
         pool::{Limits, Pool},
         postprocess::{Feature, Obstacle, Postprocess},
         recorder::RecorderConfig,
@@ -19,7 +19,7 @@ use crate::{
     params::{Allowed, ParamSpec, Params, Value},
 };
 
-/// Parameters that tell where files are, not what is in them.
+/// Parameters that say where files are, not what is in them.
 const PLACES: [&str; 7] =
     ["data_dir", "pp_data_dir", "pp_script_dir", "max_pool_size", "max_pool_bytes", "pool_policy", "journal"];
 
@@ -37,11 +37,11 @@ pub(super) fn specs() -> Vec<ParamSpec> {
             "postprocess",
             text("auto"),
             OneOf(&["auto", "builtin", "script", "none"]),
-            "who post-processes; auto: pp_script if given, else builtin; none: raw batches are the result",
+            "who post-processes; auto: pp_script if given, otherwise builtin; none: nobody, raw batches are the result",
         ),
         ParamSpec::new("pp_script_dir", text(""), Any, "folder of pp_script"),
         ParamSpec::new("pp_script", text(""), Any, "program that post-processes a raw batch; empty: none"),
-        ParamSpec::new("pp_time_limit", Double(60.0), Range(0.1, 86400.0), "seconds pp_script may take"),
+        ParamSpec::new("pp_time_limit", Double(60.0), Range(0.1, 86400.0), "seconds that pp_script may take"),
         ParamSpec::new(
             "ts_length",
             Double(150.0),
@@ -53,39 +53,39 @@ pub(super) fn specs() -> Vec<ParamSpec> {
             "subsampling",
             Bool(false),
             Any,
-            "rows are real samples, the last before each step; false: interpolated between samples",
+            "rows are real samples, the last before each step; false: rows are interpolated",
         ),
         ParamSpec::new(
             "max_gap",
             Double(0.5),
             Range(0.001, 60.0),
-            "samples farther apart are a gap, seconds",
+            "samples farther apart than this are a gap, seconds",
         ),
         ParamSpec::new("id_format", text("%Y%m%d_%H%M%S"), Any, "strftime format of a batch's id, UTC"),
-        ParamSpec::new("csv_prefix", text("data_"), Any, "start of the batches' file names"),
+        ParamSpec::new("csv_prefix", text("data_"), Any, "prefix of the batches' file names"),
         ParamSpec::new(
             "max_pool_size",
             Int(0),
             Range(0.0, 1e9),
-            "most batches in data_dir, and in pp_data_dir; 0: any number",
+            "most batches in data_dir, and in pp_data_dir; 0: no limit",
         ),
         ParamSpec::new(
             "max_pool_bytes",
             Int(0),
             Range(0.0, 9e15),
-            "most bytes of batches in data_dir, and in pp_data_dir; 0: any number",
+            "most bytes of batches in data_dir, and in pp_data_dir; 0: no limit",
         ),
         ParamSpec::new(
             "pool_policy",
             text("drop_oldest"),
             OneOf(&["drop_oldest", "stop_recording"]),
-            "what happens when a pool is full",
+            "what to do when a pool is full",
         ),
         ParamSpec::new(
             "journal",
             Bool(true),
             Any,
-            "keep the open batch on disk too, so that a crash costs at most a second of it",
+            "also keep the open batch on disk, so that a crash costs at most about a second of it",
         ),
         ParamSpec::new("legacy_columns", Bool(false), Any, "raw columns as ROS-Causal 1.1 spells them"),
         ParamSpec::new("sel_agent", text("1000"), Any, "who is recorded: an id, ids (3,7), nearest:N, all"),
@@ -94,34 +94,39 @@ pub(super) fn specs() -> Vec<ParamSpec> {
             "other_robots",
             List(Vec::new()),
             Any,
-            "names of robots recorded beside it, such as robot2,robot3",
+            "names of other robots to record, such as robot2,robot3",
         ),
         ParamSpec::new(
             "context_topic",
             text("/hri/interventions"),
             Any,
-            "std_msgs/String with what is imposed on the system, recorded as columns; empty: none",
+            "std_msgs/String with interventions, which are recorded as columns; empty: none",
         ),
         ParamSpec::new(
             "obstacle",
             text("robot"),
             OneOf(&Obstacle::NAMES),
-            "whose collision the risk is about; nearest: of all robots and people recorded",
+            "what a person may collide with; nearest: the nearest of all recorded robots and people",
         ),
         obs_size,
         safe_dist,
         ParamSpec::new("delete_traj", Bool(false), Any, "delete a raw batch once it is post-processed"),
         ParamSpec::new("risk_model", text("v1_1"), OneOf(&RiskModel::NAMES), "version of the risk"),
-        ParamSpec::new("risk_lag", Int(0), Range(0.0, 1.0), "rows the risk is late by"),
+        ParamSpec::new("risk_lag", Int(0), Range(0.0, 1.0), "rows by which risk(...) is lagged"),
         ParamSpec::new(
             "risk_noise",
             Double(0.0),
             Range(0.0, 10.0),
-            "deviation of noise on the risk's exponent",
+            "standard deviation of the noise on the risk's exponent",
         ),
         ParamSpec::new("seed", Int(0), Range(0.0, 9e15), "seed of that noise"),
-        ParamSpec::new("feature_names", List(names), Any, "names of speed, distance to goal, risk"),
-        ParamSpec::new("features", List(Vec::new()), Any, "features of your own, each 'name = expression'"),
+        ParamSpec::new(
+            "feature_names",
+            List(names),
+            Any,
+            "names of the speed, the distance to the goal, and the risk",
+        ),
+        ParamSpec::new("features", List(Vec::new()), Any, "your own features, each 'name = expression'"),
     ]
 }
 
@@ -150,16 +155,15 @@ pub(super) fn recorder(params: &Params) -> Result<RecorderConfig> {
 
 /// Where and how batches are written.
 pub(super) fn writer(params: &Params) -> Result<WriterConfig> {
-    let prefix = params.text("csv_prefix");
+    let (prefix, ids) = (params.text("csv_prefix"), IdFormat::new(&params.text("id_format"))?);
     let (raw, processed) = (path(&params.text("data_dir")), path(&params.text("pp_data_dir")));
     let processing = processing(params)?;
     if raw == processed && !matches!(processing, Processing::None) {
         return Err(Error::param("pp_data_dir", "it is data_dir too; give each its own folder"));
     }
-    let config = WriterConfig {
-        raw: Pool::open(raw, &prefix)?,
-        processed: Pool::open(processed, &prefix)?,
-        id_format: params.text("id_format"),
+    Ok(WriterConfig {
+        raw: Pool::open(raw, &prefix)?.with_id_format(ids.clone()),
+        processed: Pool::open(processed, &prefix)?.with_id_format(ids),
         legacy_columns: params.flag("legacy_columns"),
         delete_raw: params.flag("delete_traj"),
         processing,
@@ -170,9 +174,7 @@ pub(super) fn writer(params: &Params) -> Result<WriterConfig> {
             drop_oldest: params.text("pool_policy") == "drop_oldest",
         },
         journal: params.flag("journal"),
-    };
-    config.check()?;
-    Ok(config)
+    })
 }
 
 fn processing(params: &Params) -> Result<Processing> {
@@ -212,7 +214,7 @@ fn processing(params: &Params) -> Result<Processing> {
     })
 }
 
-/// The parameters as noted beside each batch.
+/// The parameters that are recorded beside each batch.
 fn noted(params: &Params) -> Map<String, Json> {
     let what = params.all().filter(|(name, _)| !PLACES.contains(name));
     what.map(|(name, value)| (name.to_owned(), as_json(value))).collect()

@@ -34,20 +34,20 @@ use crate::{
     params::Params,
 };
 
-/// Wait before what the disk or the middleware refused is tried again.
+/// Seconds before something that the disk or the middleware refused is tried again.
 const TRY_AGAIN_S: f64 = 1.0;
-/// Wait between two looks at the pool, and at the wish to end while an analysis runs.
+/// Time between two checks of the pool, and of a request to end while an analysis runs.
 const LOOK_AGAIN: Duration = Duration::from_millis(100);
 
-/// The discovery node: runs until the middleware ends.
+/// The discovery node. It runs until the middleware ends.
 ///
 /// # Errors
-/// A parameter that is not allowed, a pool that cannot be opened, a topic that cannot be advertised.
+/// A parameter that is not allowed, a pool that cannot be opened, or a topic that cannot be advertised.
 pub fn discovery<M: Middleware>(mw: &M) -> Result<()> {
     discovery_with(mw, |_| {})
 }
 
-/// The discovery node with a listener for the progress of each analysis.
+/// The discovery node with a callback for the progress of each analysis.
 ///
 /// # Errors
 /// As [`discovery`].
@@ -56,7 +56,7 @@ pub fn discovery_with<M: Middleware>(
     on_progress: impl Fn(Progress) + Send + Sync + 'static,
 ) -> Result<()> {
     let params = DiscoveryParams::new(&Params::read(mw, &specs())?)?;
-    let pool = Pool::open(&params.data_dir, &params.csv_prefix)?;
+    let pool = Pool::open(&params.data_dir, &params.csv_prefix)?.with_id_format(params.ids.clone());
     let mut node = Node {
         out: Outputs::new(mw)?,
         health: Health::new(mw)?,
@@ -81,7 +81,7 @@ pub fn discovery_with<M: Middleware>(
                         continue;
                     }
                 }
-                // Told by the diagnostics, once.
+                // The diagnostics report it, once.
                 Err(error) => {
                     node.trouble = Some(error.to_string());
                     not_before = mw.steady() + Duration::from_secs_f64(TRY_AGAIN_S);
@@ -94,7 +94,7 @@ pub fn discovery_with<M: Middleware>(
     Ok(())
 }
 
-/// What the node has done, for the diagnostics.
+/// Counters for the diagnostics.
 #[derive(Default)]
 struct Figures {
     models: u64,
@@ -108,14 +108,14 @@ struct Node<M: Middleware> {
     health: Health<M>,
     pool: Pool,
     params: DiscoveryParams,
-    /// The model before, of each person and of all.
+    /// The previous model of each person, and of all.
     last: BTreeMap<String, Model>,
     /// Models that could not be written or published yet, with their batches.
     unsaid: Option<(VecDeque<Found>, Vec<Claim>)>,
     figures: Figures,
     trouble: Option<String>,
     foreign: usize,
-    /// Of the analysis under way: tests done, tests in all as estimated; both 0 between two.
+    /// Progress of the current analysis: tests done, and estimated tests in total. Both are 0 between analyses.
     tests: Arc<[AtomicUsize; 2]>,
     on_progress: Arc<dyn Fn(Progress) + Send + Sync>,
 }
@@ -145,7 +145,7 @@ impl<M: Middleware> Outputs<M> {
 }
 
 impl<M: Middleware> Node<M> {
-    /// Analyses the oldest batches if there are enough; whether there was anything to do.
+    /// Analyses the oldest batches if there are enough. Returns whether there was anything to do.
     fn look(&mut self, mw: &M) -> Result<bool> {
         if let Some((found, claims)) = self.unsaid.take() {
             return self.tell(mw, found, claims).map(|()| true);
@@ -176,7 +176,7 @@ impl<M: Middleware> Node<M> {
         Ok(true)
     }
 
-    /// Claims the oldest complete batches, all that one model needs or none.
+    /// Claims the oldest complete batches: all that one model needs, or none.
     fn claim(&mut self, batches: &[String]) -> Result<Vec<Claim>> {
         let mut claims = Vec::new();
         for name in batches {
@@ -212,7 +212,7 @@ impl<M: Middleware> Node<M> {
                 found.iter_mut().for_each(|(_, model, _)| model.run_time_s = Some(run_time));
                 self.tell(mw, found.into(), claims)
             }
-            // The time budget: an attempt like any other.
+            // The time budget ended it: an attempt like any other.
             Err(Error::Cancelled(reason)) if mw.is_ok() => {
                 tracing::warn!("{}: no result, {reason}", names.join(", "));
                 Ok(())
@@ -229,8 +229,8 @@ impl<M: Middleware> Node<M> {
         }
     }
 
-    /// Writes and publishes the models, then lets their batches go. Models that cannot be written are kept until they
-    /// can.
+    /// Writes and publishes the models, then releases their batches. Models that cannot be written are kept until
+    /// they can.
     fn tell(&mut self, mw: &M, mut found: VecDeque<Found>, claims: Vec<Claim>) -> Result<()> {
         while let Some((person, model, origin)) = found.pop_front() {
             if let Err(error) = self.publish(mw, &model, &origin, self.last.get(&person)) {
@@ -245,8 +245,8 @@ impl<M: Middleware> Node<M> {
         self.pool.finish(claims, self.params.keep_batches.then(|| self.pool.path("analysed")).as_deref())
     }
 
-    /// Runs the method on a thread of its own, so that a wish to end is heard within [`LOOK_AGAIN`] and the health
-    /// is told meanwhile.
+    /// Runs the method on a thread of its own. So a request to end is noticed within [`LOOK_AGAIN`], and health
+    /// reports continue.
     fn run_method(&mut self, mw: &M, paths: &[PathBuf]) -> Result<Vec<Found>> {
         let cancel = Arc::new(AtomicBool::new(false));
         let (on_progress, tests) = (self.on_progress.clone(), self.tests.clone());
@@ -284,10 +284,10 @@ impl<M: Middleware> Node<M> {
         found
     }
 
-    /// Reports the node's health if it is time to.
+    /// Reports the node's health if a report is due.
     fn report(&mut self, mw: &M) {
         let left = self.health.due().secs_since(mw.now());
-        // A clock that jumped back must not silence the reports.
+        // A clock that jumped back must not stop the reports.
         if left > 0.0 && left < 5.0 {
             return;
         }
@@ -306,7 +306,7 @@ impl<M: Middleware> Node<M> {
         self.health.report(mw, || figures, trouble.as_deref());
     }
 
-    /// Writes the model's files, then publishes: what is announced is there.
+    /// Writes the model's files, then publishes: what is announced exists.
     fn publish(&self, mw: &M, model: &Model, origin: &Origin, before: Option<&Model>) -> Result<()> {
         let (dag, tsdag) = (draw::dag(model), draw::tsdag(model));
         if let Some(dir) = &self.params.res_dir {
@@ -333,7 +333,7 @@ fn write_files(dir: &Path, model: &Model, name: &str, dag: &str, tsdag: &str) ->
     write_whole(&dir.join(format!("{name}.json")), model.to_file_json().as_bytes())
 }
 
-/// Whose model it is (empty: of all), the model, and where it comes from.
+/// Whose model it is (empty: everybody's), the model, and where it comes from.
 type Found = (String, Model, Origin);
 
 /// Reads the batches as recordings of one system and analyses them: one model, or one per person.
@@ -344,7 +344,7 @@ fn method(params: &DiscoveryParams, paths: &[PathBuf], control: &Control) -> Res
     let batch_id = paths.iter().map(stem).collect::<Vec<_>>().join("+");
     let stamp = |secs: Option<f64>| secs.map_or(Time::ZERO, Time::from_secs_f64);
     let (start, end) = joint.span();
-    // A program reads the batches itself: it has one say.
+    // A program reads the batches itself, so it makes one model.
     let people = if params.program.is_some() { People::Joint } else { params.people };
     let mut found = Vec::new();
     for part in joint.parts(people)? {
@@ -372,7 +372,7 @@ fn method(params: &DiscoveryParams, paths: &[PathBuf], control: &Control) -> Res
     Ok(found.into_iter().map(with_warnings).collect())
 }
 
-/// Lets the calling thread, and the threads and programs that it starts from now on, stand back for the others.
+/// Lowers the priority of the calling thread, and of the threads and programs that it starts from now on.
 fn be_nice(nice: i32) {
     #[cfg(target_os = "linux")]
     if nice > 0

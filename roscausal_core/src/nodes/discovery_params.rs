@@ -11,7 +11,7 @@ use roscausal_discovery::{
 
 use crate::{
     Error, Result,
-    batch::joint::People,
+    batch::{IdFormat, joint::People},
     external,
     params::{Allowed, ParamSpec, Params, Value},
 };
@@ -22,6 +22,8 @@ pub(super) struct DiscoveryParams {
     pub data_dir: PathBuf,
     pub res_dir: Option<PathBuf>,
     pub csv_prefix: String,
+    /// Format of the batches' ids, which tell their times.
+    pub ids: IdFormat,
     pub settings: Settings,
     /// The program of an external method.
     pub program: Option<PathBuf>,
@@ -43,17 +45,22 @@ pub(super) fn specs() -> Vec<ParamSpec> {
     use Value::{Bool, Double, Int};
     let text = |text: &str| Value::Str(text.to_owned());
     vec![
-        ParamSpec::new("data_dir", text("~/roscausal/pp_pool"), Any, "folder that is watched for batches"),
-        ParamSpec::new("res_dir", text(""), Any, "folder for model files; empty: publish only"),
-        ParamSpec::new("csv_prefix", text("data_"), Any, "start of the batches' file names"),
-        ParamSpec::new("id_format", text("%Y%m%d_%H%M%S"), Any, "strftime format of the batches' ids"),
+        ParamSpec::new("data_dir", text("~/roscausal/pp_pool"), Any, "folder to watch for batches"),
+        ParamSpec::new("res_dir", text(""), Any, "folder for model files; empty: only publish"),
+        ParamSpec::new("csv_prefix", text("data_"), Any, "prefix of the batches' file names"),
+        ParamSpec::new(
+            "id_format",
+            text("%Y%m%d_%H%M%S"),
+            Any,
+            "strftime format of the batches' ids, by which the oldest is found",
+        ),
         ParamSpec::new(
             "cd_method",
             text(Method::default().name()),
             Any,
             "fpcmci, pcmci, pcmciplus, fullci, bivci, lagdep, or a program in cd_method_dir",
         ),
-        ParamSpec::new("cd_method_dir", text(""), Any, "folder of methods that are programs"),
+        ParamSpec::new("cd_method_dir", text(""), Any, "folder of external methods (programs)"),
         ParamSpec::new(
             "cond_ind_test",
             text("gpdc"),
@@ -65,14 +72,19 @@ pub(super) fn specs() -> Vec<ParamSpec> {
             "pc_alpha",
             Double(0.2),
             Range(0.0, 0.999),
-            "level of the condition selection; 0: by score",
+            "significance level of the condition selection; 0: chosen by a score",
         ),
-        ParamSpec::new("f_alpha", Double(0.0), Range(0.0, 0.999), "level of the filter; 0: sig_alpha"),
+        ParamSpec::new(
+            "f_alpha",
+            Double(0.0),
+            Range(0.0, 0.999),
+            "significance level of F-PCMCI's filter; 0: as sig_alpha",
+        ),
         ParamSpec::new(
             "te_estimator",
             text(TeEstimator::default().name()),
             OneOf(TeEstimator::NAMES),
-            "estimator of the filter",
+            "estimator of F-PCMCI's filter",
         ),
         ParamSpec::new(
             "gp_search",
@@ -90,7 +102,7 @@ pub(super) fn specs() -> Vec<ParamSpec> {
             "fdr_method",
             text(Fdr::default().name()),
             OneOf(Fdr::NAMES),
-            "correction for many tests",
+            "correction for multiple testing",
         ),
         ParamSpec::new("min_lag", Int(1), Range(0.0, 1000.0), "smallest lag, in steps"),
         ParamSpec::new("max_lag", Int(1), Range(1.0, 1000.0), "largest lag, in steps"),
@@ -99,20 +111,20 @@ pub(super) fn specs() -> Vec<ParamSpec> {
             "people",
             text("pooled"),
             OneOf(&People::NAMES),
-            "models when there are several people: one of all as recordings of one system, one of each, both, or one \
-             with everybody's variables",
+            "models for several people: one of all people, as recordings of one system; one each; both; or one with \
+             everybody's variables",
         ),
         ParamSpec::new(
             "batches_per_model",
             Int(1),
             Range(1.0, 1000.0),
-            "batches analysed together for one model",
+            "number of batches analysed together for one model",
         ),
         ParamSpec::new(
             "keep_batches",
             Bool(false),
             Any,
-            "move analysed batches to analysed/ instead of deleting",
+            "move analysed batches to analysed/ instead of deleting them",
         ),
         ParamSpec::new(
             "analyse_incomplete",
@@ -124,32 +136,32 @@ pub(super) fn specs() -> Vec<ParamSpec> {
             "max_pool_size",
             Int(0),
             Range(0.0, 1e6),
-            "batches that may wait; the oldest go; 0: any",
+            "most batches that wait; the oldest are deleted; 0: no limit",
         ),
         ParamSpec::new(
             "max_attempts",
             Int(3),
             Range(1.0, 1000.0),
-            "analyses of a batch before it is rejected",
+            "number of attempts to analyse a batch before it is rejected",
         ),
         ParamSpec::new("threads", Int(0), Range(0.0, 1024.0), "threads of an analysis; 0: all cores"),
         ParamSpec::new(
             "nice",
             Int(0),
             Range(0.0, 19.0),
-            "how far an analysis stands back for other programs, as nice(1); 19: it takes what nobody wants",
+            "priority of an analysis as in nice(1): 0 normal, 19 lowest",
         ),
         ParamSpec::new(
             "time_budget",
             Double(0.0),
             Range(0.0, 1e9),
-            "seconds of an analysis by the wall's clock, also in simulated time; 0: no limit",
+            "wall time that an analysis may take, in seconds, also in simulated time; 0: no limit",
         ),
         ParamSpec::new(
             "max_memory",
             Int(0),
             Range(0.0, 1e9),
-            "megabytes that a test, or a program of cd_method_dir, may take; 0: no limit",
+            "megabytes that a test, or an external method, may take; 0: no limit",
         ),
         ParamSpec::new(
             "image_scale",
@@ -192,6 +204,7 @@ impl DiscoveryParams {
             data_dir: super::path(&params.text("data_dir")),
             res_dir: params.text_if_set("res_dir").map(|dir| super::path(&dir)),
             csv_prefix: params.text("csv_prefix"),
+            ids: IdFormat::new(&params.text("id_format"))?,
             settings,
             program,
             people: params.text("people").parse().map_err(|reason| Error::param("people", reason))?,
@@ -208,7 +221,7 @@ impl DiscoveryParams {
     }
 }
 
-/// The settings' names as this node's parameters are called.
+/// Renames the settings in an error to this node's parameters.
 fn in_the_nodes_words(error: roscausal_discovery::Error) -> Error {
     match Error::from(error) {
         Error::Param { name, reason } => {

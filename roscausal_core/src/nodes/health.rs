@@ -1,4 +1,4 @@
-//! A node's health: `/diagnostics` at 1 Hz, and a warning that says what a silent wait waits for.
+//! A node's health: `/diagnostics` at 1 Hz, and a warning if an input is silent.
 
 use roscausal_msgs::{
     Time,
@@ -11,12 +11,12 @@ use crate::{
     middleware::{Middleware, Publish, Qos},
 };
 
-/// Between two reports.
+/// Seconds between two reports.
 const PERIOD_S: f64 = 1.0;
-/// An input silent for this long is a trouble.
+/// An input that is silent for this many seconds is reported.
 const SILENT_S: f64 = 5.0;
 
-/// One node's inputs, outputs and troubles, reported once a second.
+/// Inputs, outputs and problems of one node, reported once a second.
 pub(super) struct Health<M: Middleware> {
     publisher: M::Publisher<DiagnosticArray>,
     started: Time,
@@ -40,7 +40,7 @@ impl<M: Middleware> Health<M> {
         Ok(Self { publisher, started: now, next: now, inputs: Vec::new(), outputs: 0, told: String::new() })
     }
 
-    /// Names an input; `required`: its silence is a trouble. The answer is its number for [`Health::heard`].
+    /// Registers an input. If it is `required`, its silence is reported. Returns its number for [`Health::heard`].
     pub(super) fn input<T: Message>(&mut self, topic: &str, required: bool) -> usize {
         let (topic, type_name) = (topic.to_owned(), T::type_name());
         self.inputs.push(Input { topic, type_name, required, heard: 0, last: None });
@@ -63,7 +63,7 @@ impl<M: Middleware> Health<M> {
         self.next
     }
 
-    /// Reports if it is time to; `figures` gives the node's own, `trouble` is what it suffers from.
+    /// Reports if a report is due. `figures` gives the node's own figures, `trouble` its current problem.
     pub(super) fn report<const N: usize>(
         &mut self,
         mw: &M,
@@ -72,7 +72,7 @@ impl<M: Middleware> Health<M> {
     ) {
         let now = mw.now();
         if now < self.next {
-            // A clock that jumped back must not silence the reports.
+            // A clock that jumped back must not stop the reports.
             self.next = self.next.min(now.plus_secs(PERIOD_S));
             return;
         }
@@ -118,9 +118,9 @@ impl<M: Middleware> Health<M> {
         ))
     }
 
-    /// Says a trouble once when it comes, and that it is over when it goes.
+    /// Logs a problem once when it appears, and once when it is over.
     fn tell(&mut self, message: Option<&str>) {
-        // The seconds in a message change; the trouble is the same.
+        // The seconds in a message change, but the problem is the same.
         let kind: String = message.unwrap_or_default().chars().filter(|c| !c.is_ascii_digit()).collect();
         match message {
             Some(message) if kind != self.told => tracing::warn!("{message}"),

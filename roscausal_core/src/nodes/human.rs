@@ -1,4 +1,4 @@
-//! The human node: people's topics and goals to `/roscausal/humans` and `/roscausal/human`.
+//! The human node: from people's topics and goals to `/roscausal/humans` and `/roscausal/human`.
 
 use roscausal_msgs::{
     HumanState, Humans, RobotState, Time,
@@ -17,15 +17,15 @@ use crate::{
     state::human::{PeopleTracker, Sighting, id_of, id_of_number},
 };
 
-/// Reports per second.
+/// Messages per second.
 const RATE_HZ: f64 = 10.0;
-/// Between two looks at the goal parameter, in reports.
+/// Messages between two reads of the goal parameter.
 const GOAL_EVERY: u64 = 10;
 
 enum Event {
     People(usize, Time, Vec<Sighting>),
     Goal(Point),
-    /// Goals by person.
+    /// Goals, by person.
     Goals(Vec<(u32, Point)>),
     Robot(Pose2D),
     Tf(TFMessage, bool),
@@ -52,7 +52,7 @@ pub(super) fn specs() -> Vec<ParamSpec> {
             "people_topic",
             text(""),
             Any,
-            "people of another tracker, of people_type; empty: none",
+            "people from another tracker, of type people_type; empty: none",
         ),
         ParamSpec::new(
             "people_type",
@@ -63,7 +63,7 @@ pub(super) fn specs() -> Vec<ParamSpec> {
                 "geometry_msgs/PoseArray",
                 "ros4hri",
             ]),
-            "type of people_topic; ros4hri: TF frames person_<id>, people_topic unused",
+            "type of people_topic; ros4hri: TF frames person_<id> instead of people_topic",
         ),
         ParamSpec::new(
             "goal_param",
@@ -83,28 +83,33 @@ pub(super) fn specs() -> Vec<ParamSpec> {
             Any,
             "pedsim_msgs/TrackedPersons whose poses are the people's goals; empty: none",
         ),
-        ParamSpec::new("robot", text(""), Any, "name of the robot that nearest:N is about; empty: none"),
-        ParamSpec::new("source_frame", text("base_footprint"), Any, "frame of people whose topic names none"),
+        ParamSpec::new("robot", text(""), Any, "name of the robot that nearest:N refers to; empty: none"),
+        ParamSpec::new(
+            "source_frame",
+            text("base_footprint"),
+            Any,
+            "frame of people whose topic names none; empty: target_frame",
+        ),
         ParamSpec::new("target_frame", text("map"), Any, "frame of the published states"),
         ParamSpec::new(
             "sel_agent",
             text("1000"),
             Any,
-            "who is on /roscausal/human; not there: the first person",
+            "person on /roscausal/human; if absent, the first person",
         ),
         ParamSpec::new(
             "person_timeout",
             Value::Double(1.0),
             Range(0.05, 60.0),
-            "seconds a person is held unseen",
+            "seconds for which a person is kept after the last sighting",
         ),
     ]
 }
 
-/// The human node: runs until the middleware ends.
+/// The human node. It runs until the middleware ends.
 ///
 /// # Errors
-/// A parameter that is not allowed, a topic that cannot be used.
+/// A parameter that is not allowed, or a topic that cannot be used.
 pub fn human<M: Middleware>(mw: &M) -> Result<()> {
     to_its_end(human_task(mw))
 }
@@ -137,14 +142,16 @@ pub(super) async fn human_task<M: Middleware>(mw: &M) -> Result<()> {
     let _others = subscribe_others(mw, &params, &inbox, &select)?;
     let mut robot: Option<Pose2D> = None;
     let goal_param = params.text_if_set("goal_param").map(goal_spec);
-    let mut tracker = PeopleTracker::new(&params.text("target_frame"), params.double("person_timeout"));
+    let target_frame = params.text("target_frame");
+    let source_frame = params.text_if_set("source_frame").unwrap_or_else(|| target_frame.clone());
+    let mut tracker = PeopleTracker::new(&target_frame, &source_frame, params.double("person_timeout"));
     let (mut due, mut reports, mut published, mut unstamped) = (mw.now(), 0_u64, Time::ZERO, 0_u64);
     loop {
         match inbox.awaited(mw, Some(due.min(health.due()))).await {
             Next::Shutdown => return Ok(()),
             Next::Event(Event::People(input, stamp, sightings)) => {
                 health.heard(input, mw.now());
-                // What has no stamp was seen now.
+                // A message without a stamp counts as seen now.
                 unstamped += u64::from(stamp == Time::ZERO);
                 let stamped = |stamp: Time| if stamp == Time::ZERO { mw.now() } else { stamp };
                 tracker.heard(stamped(stamp));
@@ -167,7 +174,7 @@ pub(super) async fn human_task<M: Middleware>(mw: &M) -> Result<()> {
         if now >= due {
             due = now.plus_secs(1.0 / RATE_HZ);
             if let (Some(spec), 0) = (&goal_param, reports % GOAL_EVERY)
-                // A parameter server that is away must not end the node.
+                // A parameter server that is down must not end the node.
                 && let Some(goal) = mw.param(spec).ok().flatten().and_then(|value| point(&value))
             {
                 tracker.goal(goal);
@@ -176,7 +183,7 @@ pub(super) async fn human_task<M: Middleware>(mw: &M) -> Result<()> {
             if ros4hri {
                 from_frames(&mut tracker, published);
             }
-            // The same sightings again are no news.
+            // The same sightings again are not published again.
             if tracker.newest() != published {
                 let first = |people: &[HumanState]| select.of(people, robot.as_ref()).into_iter().next();
                 let about = |people: &[HumanState]| first(people).map(|person| person.id);
@@ -200,7 +207,7 @@ pub(super) async fn human_task<M: Middleware>(mw: &M) -> Result<()> {
     }
 }
 
-/// The goals of all people, and the robot's place when people are chosen by it.
+/// Subscribes to the goals of all people, and to the robot's position if people are chosen by it.
 fn subscribe_others<M: Middleware>(
     mw: &M,
     params: &Params,
@@ -316,7 +323,7 @@ fn of_people(message: people_msgs::People) -> Vec<Sighting> {
     message.people.into_iter().map(sighting).collect()
 }
 
-/// Poses have no identity: the place in the list is the number.
+/// Poses have no identity: the position in the list serves as the id.
 fn of_poses(message: PoseArray) -> Vec<Sighting> {
     let header = message.header;
     let sighting =
@@ -332,9 +339,9 @@ fn from_frames(tracker: &mut PeopleTracker, since: Time) {
     }
 }
 
-/// The goal parameter, by the name that the user gave.
+/// The goal parameter, under the name that the user gave.
 fn goal_spec(name: String) -> ParamSpec {
-    // One small string per run of a node; the specification wants a name that lives as long as the program.
+    // One small string per run of a node. The specification needs a name that lives as long as the program.
     let name: &'static str = Box::leak(name.into_boxed_str());
     ParamSpec::new(
         name,

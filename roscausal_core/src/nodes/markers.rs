@@ -16,9 +16,9 @@ use crate::{
 };
 
 const TOPIC: &str = "/roscausal/markers";
-/// What is not told again for so long is gone.
+/// A marker that is not repeated for this long disappears.
 const LIFETIME: Duration = Duration { sec: 0, nanosec: 500_000_000 };
-/// Between two pictures at least, seconds.
+/// Least seconds between two messages.
 const PERIOD_S: f64 = 0.09;
 
 const ROBOT: [f32; 4] = [0.11, 0.31, 0.85, 1.0];
@@ -34,16 +34,16 @@ enum Event {
     Humans(Humans),
 }
 
-/// The topic as the middleware's wire has it.
+/// The topic with the type that the middleware carries.
 enum Output<M: Middleware> {
     Ros1(M::Publisher<MarkerArray>),
     Ros2(M::Publisher<Ros2MarkerArray>),
 }
 
-/// The markers node: runs until the middleware ends.
+/// The markers node. It runs until the middleware ends.
 ///
 /// # Errors
-/// A parameter that is not allowed, a topic that cannot be used.
+/// A parameter that is not allowed, or a topic that cannot be used.
 pub fn markers<M: Middleware>(mw: &M) -> Result<()> {
     to_its_end(markers_task(mw))
 }
@@ -57,11 +57,11 @@ pub(super) async fn markers_task<M: Middleware>(mw: &M) -> Result<()> {
         Wires::Ros2 => Output::Ros2(mw.advertise(TOPIC, Qos::Volatile(10))?),
         _ => Output::Ros1(mw.advertise(TOPIC, Qos::Volatile(10))?),
     };
-    let robot_input = health.input::<RobotState>("/roscausal/robot", false);
+    let robot_topic = options.robot_topic()?;
+    let robot_input = health.input::<RobotState>(&robot_topic, false);
     let humans_input = health.input::<Humans>("/roscausal/humans", true);
     let (robots, people) = (inbox.sender(), inbox.sender());
-    let _robot =
-        mw.subscribe("/roscausal/robot", Qos::Volatile(100), move |m| robots.send(Event::Robot(m)))?;
+    let _robot = mw.subscribe(&robot_topic, Qos::Volatile(100), move |m| robots.send(Event::Robot(m)))?;
     let _humans =
         mw.subscribe("/roscausal/humans", Qos::Volatile(100), move |m| people.send(Event::Humans(m)))?;
 
@@ -94,7 +94,7 @@ pub(super) async fn markers_task<M: Middleware>(mw: &M) -> Result<()> {
     }
 }
 
-/// The scene as markers; what is not known is left out.
+/// The scene as markers. What is unknown is left out.
 fn picture(robot: Option<&RobotState>, humans: &Humans, options: &SceneOptions) -> MarkerArray {
     let chosen = options.person(&humans.humans, robot);
     let mut pen = Pen { header: humans.header.clone(), markers: Vec::new() };
@@ -175,7 +175,7 @@ impl Pen {
         self.markers.push(marker);
     }
 
-    /// A goal and the line to it.
+    /// A goal, and a line to it.
     fn goal(&mut self, ns: &str, from: &Pose2D, goal: &Point) {
         if !(goal.x.is_finite() && goal.y.is_finite()) {
             return;

@@ -1,4 +1,5 @@
-//! The nodes: wiring only. Topic names live here; what messages mean lives in `state`, `batch` and `discovery`.
+//! The nodes: wiring only. Topic names live here; the meaning of messages lives in `state`, `batch` and
+//! `discovery`.
 
 mod data;
 mod data_params;
@@ -23,14 +24,14 @@ use crate::{
     params::{ParamSpec, nearest},
 };
 
-pub use data::{data, data_with};
+pub use data::{Recorded, data, data_task, data_with};
 pub use discovery::{discovery, discovery_with};
 pub use human::human;
 pub use markers::markers;
 pub use robot::robot;
 pub use scene_params::SceneOptions;
 
-/// A folder as users write it: `~` is the home folder.
+/// Expands `~` to the home folder.
 fn path(text: &str) -> PathBuf {
     match (text.strip_prefix("~/"), std::env::var_os("HOME")) {
         (Some(rest), Some(home)) => PathBuf::from(home).join(rest),
@@ -44,7 +45,7 @@ pub const NODES: [&str; 5] = ["robot", "human", "data", "discovery", "markers"];
 /// Runs the node `name` until the middleware ends.
 ///
 /// # Errors
-/// An unknown name, a parameter that is not allowed, a topic that cannot be used.
+/// An unknown name, a parameter that is not allowed, or a topic that cannot be used.
 pub fn run<M: Middleware>(name: &str, mw: &M) -> Result<()> {
     match name {
         "robot" => robot(mw),
@@ -56,11 +57,11 @@ pub fn run<M: Middleware>(name: &str, mw: &M) -> Result<()> {
     }
 }
 
-/// As [`run`], as a future for [`crate::loopback::Loopback::start_task`]; for the nodes that wait for nothing but
-/// their inbox: robot, human, data and markers.
+/// Like [`run`], as a future for [`crate::loopback::Loopback::start_task`]. Only for nodes that wait for nothing
+/// but their inbox: robot, human, data and markers.
 ///
 /// # Errors
-/// As [`run`]; the discovery node, which computes for long, is refused.
+/// As [`run`]. The discovery node is refused, because it computes for a long time.
 pub async fn run_task<M: Middleware>(name: &str, mw: &M) -> Result<()> {
     match name {
         "robot" => robot::robot_task(mw).await,
@@ -72,7 +73,7 @@ pub async fn run_task<M: Middleware>(name: &str, mw: &M) -> Result<()> {
     }
 }
 
-/// Runs a node whose thread is its own: its inbox blocks, so one poll is the node's whole life.
+/// Runs a node on a thread of its own. Its inbox blocks, so one poll runs the node to its end.
 fn to_its_end(node: impl Future<Output = Result<()>>) -> Result<()> {
     match pin!(node).poll(&mut Context::from_waker(Waker::noop())) {
         Poll::Ready(ended) => ended,
@@ -95,10 +96,10 @@ pub fn parameters(name: &str) -> Result<Vec<ParamSpec>> {
     }
 }
 
-/// A topic in the namespace of the robot `name`; the topic itself when the name is empty.
+/// A topic in the namespace of the robot `name`; the topic itself if the name is empty.
 ///
 /// # Errors
-/// A name that is no namespace, as an error of the parameter.
+/// A name that is not a namespace, as an error of the parameter.
 pub(crate) fn in_namespace(parameter: &str, name: &str, topic: &str) -> Result<String> {
     let name = name.trim().trim_matches('/');
     let legal = |c: char| c.is_ascii_alphanumeric() || c == '_';
@@ -123,18 +124,21 @@ mod tests {
 
     fn documentation() -> String {
         let mut text = String::from(
-            "# Parameters of the nodes\n\nMade from the nodes' own tables; ROS 1: `_name:=value`, ROS 2: `-p name:=value`. \
-             `True`, `\"0.1\"` and `\"\"` for none are understood.\n",
+            "# Parameters of the nodes\n\nThis page is generated from the nodes' own tables. Set a parameter with \
+             `_name:=value` (ROS 1) or `-p name:=value` (ROS 2). The spellings `True`, `\"0.1\"`, and `\"\"` for none are \
+             accepted.\n",
         );
         for node in NODES {
-            let _ =
-                write!(text, "\n## {node}\n\n| parameter | default | allowed | what |\n|---|---|---|---|\n");
+            let _ = write!(
+                text,
+                "\n## {node}\n\n| parameter | default | allowed | meaning |\n|---|---|---|---|\n"
+            );
             for spec in parameters(node).expect("a node") {
                 let allowed = match (&spec.allowed, &spec.default) {
                     (Allowed::Range(low, high), _) => format!("{low} to {high}"),
                     (Allowed::OneOf(words), _) => words.join(", "),
                     (Allowed::Any, Value::Bool(_)) => "true, false".into(),
-                    (Allowed::Any, Value::Int(_)) => "whole number".into(),
+                    (Allowed::Any, Value::Int(_)) => "integer".into(),
                     (Allowed::Any, Value::Double(_)) => "number or empty".into(),
                     (Allowed::Any, Value::Str(_)) => "text".into(),
                     (Allowed::Any, Value::List(_)) => "list".into(),
@@ -149,7 +153,7 @@ mod tests {
         text
     }
 
-    /// `ROSCAUSAL_WRITE_DOCS=1 cargo test -p roscausal_core documented` writes the page anew.
+    /// `ROSCAUSAL_WRITE_DOCS=1 cargo test -p roscausal_core documented` rewrites the page.
     #[test]
     fn every_parameter_is_documented_as_it_is() {
         let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../docs/parameters.md");

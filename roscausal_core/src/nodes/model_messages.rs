@@ -1,4 +1,4 @@
-//! A [`Model`] as the messages that the discovery node publishes.
+//! From a [`Model`] to the messages that the discovery node publishes.
 
 use roscausal_discovery::{Link, Model, draw};
 use roscausal_msgs::{
@@ -9,10 +9,10 @@ use roscausal_msgs::{
 
 use crate::Result;
 
-/// Where and when a model comes from.
+/// Where a model comes from, and from when.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Origin {
-    /// Name of the batch, without extension; several joined by `+`.
+    /// Name of the batch, without extension; several are joined by `+`.
     pub batch_id: String,
     /// Frame in which the batch was recorded.
     pub frame_id: String,
@@ -20,7 +20,7 @@ pub struct Origin {
     pub start: Time,
     /// Stamp of the last sample.
     pub end: Time,
-    /// Variables given to the method.
+    /// Variables that were given to the method.
     pub candidate_features: Vec<String>,
 }
 
@@ -48,7 +48,7 @@ pub fn causal_model(model: &Model, header: &Header) -> CausalModel {
     }
 }
 
-/// What else users need to know of the model; `before` is the model published before it.
+/// Everything else about the model. `before` is the model published previously.
 pub fn causal_model_info(
     model: &Model,
     header: &Header,
@@ -85,7 +85,7 @@ pub fn causal_model_info(
     }
 }
 
-/// A picture as a raw image and as a PNG; `scale` is pixels per unit of the drawing.
+/// A picture as a raw image and as a PNG. `scale` is pixels per unit of the drawing.
 ///
 /// # Errors
 /// A drawing that cannot be rendered.

@@ -1,4 +1,4 @@
-//! The robot node: odometry, pose, goal and TF to `/roscausal/robot`.
+//! The robot node: from odometry, pose, goal and TF to `/roscausal/robot`.
 
 use roscausal_msgs::{
     RobotState,
@@ -11,7 +11,7 @@ use roscausal_msgs::{
 
 use super::{health::Health, in_namespace, to_its_end};
 use crate::{
-    Result,
+    Error, Result,
     inbox::{Inbox, Next},
     middleware::{Middleware, Publish, Qos},
     params::{Allowed, ParamSpec, Params, Value},
@@ -20,7 +20,7 @@ use crate::{
 
 enum Event {
     Odometry(Box<Odometry>),
-    Pose(Header, Pose),
+    Pose(usize, Header, Pose),
     Goal(Header, Point),
     Tf(TFMessage, bool),
 }
@@ -36,7 +36,12 @@ pub(super) fn specs() -> Vec<ParamSpec> {
             Any,
             "nav_msgs/Odometry of the base",
         ),
-        ParamSpec::new("pose_topic", text("/robot_pose"), Any, "the localised pose"),
+        ParamSpec::new(
+            "pose_topic",
+            text("/robot_pose"),
+            Any,
+            "the localised pose; empty: the place of source_frame in TF at each odometry message",
+        ),
         ParamSpec::new(
             "pose_type",
             text("PoseWithCovarianceStamped"),
@@ -51,22 +56,32 @@ pub(super) fn specs() -> Vec<ParamSpec> {
             "type of goal_topic; PoseStamped for /move_base_simple/goal and /goal_pose",
         ),
         ParamSpec::new("robot", text(""), Any, "name of the robot, the namespace of its topics; empty: none"),
-        ParamSpec::new("source_frame", text("base_footprint"), Any, "frame of the robot"),
+        ParamSpec::new(
+            "source_frame",
+            text("base_footprint"),
+            Any,
+            "frame of the robot, used without pose_topic",
+        ),
         ParamSpec::new("target_frame", text("map"), Any, "frame of the published state"),
-        ParamSpec::new("queue_size", Value::Int(10), Range(1.0, 10000.0), "messages that wait for a partner"),
+        ParamSpec::new(
+            "queue_size",
+            Value::Int(10),
+            Range(1.0, 10000.0),
+            "most messages that wait for a partner",
+        ),
         ParamSpec::new(
             "slop",
             Value::Double(0.1),
             Range(0.0, 10.0),
-            "seconds between pose and odometry at most",
+            "most seconds between a pose and its odometry",
         ),
     ]
 }
 
-/// The robot node: runs until the middleware ends.
+/// The robot node. It runs until the middleware ends.
 ///
 /// # Errors
-/// A parameter that is not allowed, a topic that cannot be used.
+/// A parameter that is not allowed, or a topic that cannot be used.
 pub fn robot<M: Middleware>(mw: &M) -> Result<()> {
     to_its_end(robot_task(mw))
 }
@@ -79,12 +94,6 @@ pub(super) async fn robot_task<M: Middleware>(mw: &M) -> Result<()> {
     let robot = params.text("robot");
     let odom_topic = in_namespace("robot", &robot, &params.text("odom_topic"))?;
     let odom_input = health.input::<Odometry>(&odom_topic, true);
-    let pose_topic = in_namespace("robot", &robot, &params.text("pose_topic"))?;
-    let with_covariance = params.text("pose_type") == "PoseWithCovarianceStamped";
-    let pose_input = match with_covariance {
-        true => health.input::<PoseWithCovarianceStamped>(&pose_topic, true),
-        false => health.input::<PoseStamped>(&pose_topic, true),
-    };
     let state_topic = in_namespace("robot", &robot, "/roscausal/robot")?;
     let publisher = mw.advertise::<RobotState>(&state_topic, Qos::Volatile(100))?;
 
@@ -92,14 +101,7 @@ pub(super) async fn robot_task<M: Middleware>(mw: &M) -> Result<()> {
     let send = inbox.sender();
     let _odometry =
         mw.subscribe(&odom_topic, qos, move |m: Odometry| send.send(Event::Odometry(Box::new(m))))?;
-    let send = inbox.sender();
-    let _pose = if with_covariance {
-        mw.subscribe(&pose_topic, qos, move |m: PoseWithCovarianceStamped| {
-            send.send(Event::Pose(m.header, m.pose.pose))
-        })?
-    } else {
-        mw.subscribe(&pose_topic, qos, move |m: PoseStamped| send.send(Event::Pose(m.header, m.pose)))?
-    };
+    let _pose = subscribe_pose(mw, &params, &inbox, &mut health)?;
     let _goal = subscribe_goal(mw, &params, &inbox)?;
     let send = inbox.sender();
     let _tf = mw.subscribe("/tf", qos, move |m: TFMessage| send.send(Event::Tf(m, false)))?;
@@ -109,6 +111,10 @@ pub(super) async fn robot_task<M: Middleware>(mw: &M) -> Result<()> {
 
     let mut tracker =
         RobotTracker::new(&params.text("target_frame"), params.count("queue_size"), params.double("slop"));
+    if params.text_if_set("pose_topic").is_none() {
+        let no_frame = || Error::param("source_frame", "it is empty, and so is pose_topic; give one of them");
+        tracker = tracker.with_pose_of_frame(&params.text_if_set("source_frame").ok_or_else(no_frame)?);
+    }
     loop {
         let states = match inbox.awaited(mw, Some(health.due())).await {
             Next::Shutdown => return Ok(()),
@@ -122,8 +128,8 @@ pub(super) async fn robot_task<M: Middleware>(mw: &M) -> Result<()> {
                 health.heard(odom_input, mw.now());
                 tracker.odometry(*message, mw.now())
             }
-            Next::Event(Event::Pose(header, pose)) => {
-                health.heard(pose_input, mw.now());
+            Next::Event(Event::Pose(input, header, pose)) => {
+                health.heard(input, mw.now());
                 tracker.pose(header, pose, mw.now())
             }
         };
@@ -143,6 +149,28 @@ pub(super) async fn robot_task<M: Middleware>(mw: &M) -> Result<()> {
         };
         health.report(mw, figures, tracker.trouble.as_deref());
     }
+}
+
+/// Without a `pose_topic` there is no subscription.
+fn subscribe_pose<M: Middleware>(
+    mw: &M,
+    params: &Params,
+    inbox: &Inbox<Event>,
+    health: &mut Health<M>,
+) -> Result<Option<M::Subscription>> {
+    let Some(topic) = params.text_if_set("pose_topic") else { return Ok(None) };
+    let topic = in_namespace("robot", &params.text("robot"), &topic)?;
+    let (qos, send) = (Qos::Volatile(100), inbox.sender());
+    let subscription = if params.text("pose_type") == "PoseStamped" {
+        let input = health.input::<PoseStamped>(&topic, true);
+        mw.subscribe(&topic, qos, move |m: PoseStamped| send.send(Event::Pose(input, m.header, m.pose)))
+    } else {
+        let input = health.input::<PoseWithCovarianceStamped>(&topic, true);
+        mw.subscribe(&topic, qos, move |m: PoseWithCovarianceStamped| {
+            send.send(Event::Pose(input, m.header, m.pose.pose));
+        })
+    };
+    subscription.map(Some)
 }
 
 fn subscribe_goal<M: Middleware>(

@@ -1,7 +1,8 @@
-//! The parameters of the nodes that show the scene, and of the risk.
+//! Parameters of the nodes that show the scene, and of the risk.
 
 use roscausal_msgs::{HumanState, RobotState};
 
+use super::in_namespace;
 use crate::{
     Error, Result,
     batch::Select,
@@ -9,56 +10,76 @@ use crate::{
     state::scene::RiskCone,
 };
 
-/// What the risk goes by: names, defaults, allowed values and descriptions.
+/// Parameters of the risk: names, defaults, allowed values and descriptions.
 pub(super) fn risk_specs() -> [ParamSpec; 2] {
     use Allowed::Range;
     use Value::Double;
     [
-        ParamSpec::new("obs_size", Double(2.0), Range(0.01, 100.0), "radius the robot is widened by, metres"),
-        ParamSpec::new("safe_dist", Double(5.0), Range(0.01, 1000.0), "no collision course beyond, metres"),
+        ParamSpec::new("obs_size", Double(2.0), Range(0.01, 100.0), "radius added around the robot, metres"),
+        ParamSpec::new(
+            "safe_dist",
+            Double(5.0),
+            Range(0.01, 1000.0),
+            "distance beyond which there is no collision course, metres",
+        ),
     ]
 }
 
-/// Whose goal and risk a picture of the scene shows.
+/// Whose goal and risk a view of the scene shows.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SceneOptions {
-    /// The person; of several the first.
+    /// Name of the robot, the namespace of its topics; empty: none.
+    pub robot: String,
+    /// The person; the first of several.
     pub agents: Select,
-    /// Radius the robot is widened by, metres.
+    /// Radius that is added around the robot, metres.
     pub obs_size: f64,
-    /// No collision course beyond, metres.
+    /// Distance beyond which nobody is on collision course, metres.
     pub safe_dist: f64,
 }
 
 impl Default for SceneOptions {
     fn default() -> Self {
-        Self { agents: Select::Ids([1000].into()), obs_size: 2.0, safe_dist: 5.0 }
+        Self { robot: String::new(), agents: Select::Ids([1000].into()), obs_size: 2.0, safe_dist: 5.0 }
     }
 }
 
 impl SceneOptions {
     /// Names, defaults, allowed values and descriptions of the parameters.
     pub fn specs() -> Vec<ParamSpec> {
-        let whose = "whose goal and risk are shown: an id or nearest:1; not there: the first person";
-        let mut specs = vec![ParamSpec::new("sel_agent", Value::Str("1000".into()), Allowed::Any, whose)];
+        let whose = "person whose goal and risk are shown: an id or nearest:1; if absent, the first person";
+        let robot = "name of the robot, the namespace of its topics; empty: none";
+        let mut specs = vec![
+            ParamSpec::new("robot", Value::Str(String::new()), Allowed::Any, robot),
+            ParamSpec::new("sel_agent", Value::Str("1000".into()), Allowed::Any, whose),
+        ];
         specs.extend(risk_specs());
         specs
     }
 
-    /// The options that the parameters of [`SceneOptions::specs`] say.
+    /// The topic of the robot's state.
     ///
     /// # Errors
-    /// A `sel_agent` that names nobody.
+    /// A name that is no namespace, as an error of the parameter `robot`.
+    pub fn robot_topic(&self) -> Result<String> {
+        in_namespace("robot", &self.robot, "/roscausal/robot")
+    }
+
+    /// Reads the options from the parameters of [`SceneOptions::specs`].
+    ///
+    /// # Errors
+    /// A `sel_agent` that selects nobody.
     pub fn read(params: &Params) -> Result<Self> {
         let agents = params.text("sel_agent").parse();
         Ok(Self {
+            robot: params.text("robot"),
             agents: agents.map_err(|reason| Error::param("sel_agent", reason))?,
             obs_size: params.double("obs_size"),
             safe_dist: params.double("safe_dist"),
         })
     }
 
-    /// The person shown; `None` when nobody is there.
+    /// The person shown; `None` if nobody is there.
     pub fn person(&self, people: &[HumanState], robot: Option<&RobotState>) -> Option<HumanState> {
         self.agents.of(people, robot.map(|robot| &robot.pose2d)).into_iter().next()
     }

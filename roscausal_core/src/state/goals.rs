@@ -1,10 +1,12 @@
+//! Goals over time: which goal applies at a stamp.
+
 use std::collections::VecDeque;
 
 use roscausal_msgs::geometry_msgs::Point;
 
 use crate::Time;
 
-/// Goals remembered; a state older than all of them has none.
+/// Number of goals that are remembered. A state older than all of them has none.
 const KEPT: usize = 16;
 
 /// A point in a frame.
@@ -16,19 +18,18 @@ pub(super) struct Goal {
     pub(super) point: Point,
 }
 
-/// The goals given so far. A state has the goal that was in force at its stamp, whichever of the two arrived
-/// first.
+/// The goals given so far. A state gets the goal that applied at its stamp, whichever of the two arrived first.
 #[derive(Debug, Default)]
 pub(super) struct Goals {
     given: VecDeque<(Time, Goal)>,
 }
 
 impl Goals {
-    /// A goal from `stamp` on, but not later than `now` (a sender's clock may be ahead). A goal that is not
+    /// Adds a goal from `stamp` on, but no later than `now` (a sender's clock may be ahead). A goal that is not
     /// finite means "no goal from here on".
     pub(super) fn give(&mut self, stamp: Time, now: Time, goal: Goal) {
         let stamp = if stamp == Time::ZERO { now } else { stamp.min(now) };
-        // The same goal again, as a parameter that is asked each second tells it, is no news.
+        // The same goal again is no change. A parameter that is read every second repeats it.
         if self.given.back().is_some_and(|(earlier, last)| *earlier <= stamp && *last == goal) {
             return;
         }
@@ -39,14 +40,14 @@ impl Goals {
         }
     }
 
-    /// The goal in force at `stamp`.
+    /// The goal that applies at `stamp`.
     pub(super) fn at(&self, stamp: Time) -> Option<&Goal> {
         let after = self.given.partition_point(|(earlier, _)| *earlier <= stamp);
         let (_, goal) = self.given.get(after.checked_sub(1)?)?;
         (goal.point.x.is_finite() && goal.point.y.is_finite()).then_some(goal)
     }
 
-    /// The clock went back: the last goal is in force from the beginning.
+    /// After the clock jumped back: the last goal applies from the beginning.
     pub(super) fn restart(&mut self) {
         if let Some((_, goal)) = self.given.pop_back() {
             self.given.clear();

@@ -1,4 +1,4 @@
-//! People's topics and goals to `Humans`.
+//! From people's topics and goals to `Humans`.
 
 use std::collections::{BTreeMap, VecDeque};
 
@@ -17,36 +17,38 @@ use super::{
 /// The most sightings that wait for a transform.
 const MOST_WAITING: usize = 5000;
 
-/// Goals that are remembered.
+/// Most goals that are remembered.
 const MOST_GOALS: usize = 4096;
 
-/// One sighting of a person, whatever the tracker.
+/// One sighting of a person, from any tracker.
 #[derive(Clone, Debug, Default)]
 pub struct Sighting {
-    /// The tracker's number.
+    /// The tracker's id.
     pub id: u32,
     /// Stamp and frame.
     pub header: Header,
-    /// Where.
+    /// The pose.
     pub pose: Pose,
-    /// How fast, in the frame of the header; `None`: from the change of place.
+    /// The velocity, in the frame of the header; `None`: it follows from the change of position.
     pub twist: Option<Twist>,
-    /// Where to, if the tracker knows.
+    /// The goal, if the tracker knows it.
     pub goal: Option<Point>,
 }
 
-/// The people that are there now.
+/// The people who are there now.
 #[derive(Debug)]
 pub struct PeopleTracker {
     target_frame: String,
+    /// Frame of people whose topic names none.
+    source_frame: String,
     timeout_s: f64,
     people: BTreeMap<u32, HumanState>,
-    /// The goal told from outside: that of the person the node is about.
+    /// The goal that was given for the person whom the node is about.
     goal: Option<Point>,
-    /// Goals told from outside by person.
+    /// Goals that were given, by person.
     goals: BTreeMap<u32, Point>,
     newest: Time,
-    /// Sightings that wait for a transform, and the newest that has waited no longer.
+    /// Sightings that wait for a transform, and the newest one that no longer waits.
     waiting: VecDeque<Sighting>,
     placed: Time,
     /// Sightings left out because no transform came in time.
@@ -58,10 +60,12 @@ pub struct PeopleTracker {
 }
 
 impl PeopleTracker {
-    /// People in `target_frame`; one is held for `timeout_s` after the last sighting, then is gone.
-    pub fn new(target_frame: &str, timeout_s: f64) -> Self {
+    /// People in `target_frame`; people whose topic names no frame are taken to be in `source_frame`. A person is kept for
+    /// `timeout_s` after the last sighting, then removed.
+    pub fn new(target_frame: &str, source_frame: &str, timeout_s: f64) -> Self {
         Self {
             target_frame: target_frame.trim_start_matches('/').to_owned(),
+            source_frame: source_frame.to_owned(),
             timeout_s,
             people: BTreeMap::new(),
             goal: None,
@@ -75,7 +79,7 @@ impl PeopleTracker {
         }
     }
 
-    /// Takes a sighting; it waits for its transform if that is late.
+    /// Adds a sighting. It waits for its transform if that is late.
     pub fn sighting(&mut self, sighting: Sighting) {
         self.heard(sighting.header.stamp);
         self.waiting.push_back(sighting);
@@ -86,7 +90,7 @@ impl PeopleTracker {
         self.settle();
     }
 
-    /// Takes transforms (`fixed`: of `/tf_static`), for which sightings may have waited.
+    /// Adds transforms (`fixed`: from `/tf_static`). Sightings may have waited for them.
     pub fn transforms(&mut self, message: &TFMessage, fixed: bool) {
         self.tf.insert(message, fixed);
         self.settle();
@@ -106,13 +110,13 @@ impl PeopleTracker {
     }
 
     fn frame<'a>(&'a self, header: &'a Header) -> &'a str {
-        if header.frame_id.is_empty() { &self.target_frame } else { &header.frame_id }
+        if header.frame_id.is_empty() { &self.source_frame } else { &header.frame_id }
     }
 
-    /// Hears from a tracker, whomever it sees: with `stamp` the people that it no longer sees grow older.
+    /// Notes a message from a tracker, whoever is in it. With `stamp`, people who are no longer seen age.
     pub fn heard(&mut self, stamp: Time) {
         if self.newest.secs_since(stamp) > self.timeout_s {
-            // Time jumped back: a recording that starts again. Who was there then is not there now.
+            // Time jumped back: a recording restarted. The people from before are not there now.
             self.people.clear();
             self.waiting.clear();
             self.tf.restart();
@@ -121,13 +125,13 @@ impl PeopleTracker {
         self.newest = self.newest.max(stamp);
     }
 
-    /// Sets where the person that the node is about is going; not finite: nobody knows.
+    /// Sets the goal of the person whom the node is about. Not finite: unknown.
     pub fn goal(&mut self, goal: Point) {
         self.goal = Some(goal);
     }
 
-    /// Sets where one person is going; not finite: nobody knows. Goals of people who are gone are forgotten once
-    /// there are many.
+    /// Sets the goal of one person. Not finite: unknown. Goals of people who are gone are forgotten once there are
+    /// many.
     pub fn goal_of(&mut self, id: u32, goal: Point) {
         if self.goals.len() >= MOST_GOALS && !self.goals.contains_key(&id) {
             let people = &self.people;
@@ -138,8 +142,8 @@ impl PeopleTracker {
         }
     }
 
-    /// Everybody seen lately, in ascending order of id, with the stamp of the newest message. Of them, `about` names
-    /// the one whose goal is told from outside; a goal that the tracker itself tells comes first.
+    /// Everybody who was seen lately, in ascending order of id, with the stamp of the newest message. `about` picks
+    /// the person whose goal was given from outside; a goal from the tracker itself takes precedence.
     pub fn people(&mut self, about: impl FnOnce(&[HumanState]) -> Option<u32>) -> Humans {
         let (newest, timeout) = (self.newest(), self.timeout_s);
         self.people.retain(|_, person| newest.secs_since(person.header.stamp) <= timeout);
@@ -157,7 +161,7 @@ impl PeopleTracker {
         Humans { header: Header { stamp: newest, frame_id: self.target_frame.clone() }, humans }
     }
 
-    /// Up to when the people are known; 0 before the first message.
+    /// The time up to which the people are known; 0 before the first message.
     pub fn newest(&self) -> Time {
         if self.waiting.is_empty() { self.newest } else { self.placed }
     }
@@ -179,7 +183,7 @@ impl PeopleTracker {
                 }
                 twist
             }
-            // Nobody knows from one sighting how fast a person is.
+            // One sighting does not tell how fast a person is.
             (None, None) => unknown_velocity(),
         };
         if self.people.get(&id).is_some_and(|known| known.header.stamp > header.stamp) {
@@ -202,17 +206,17 @@ fn unknown_velocity() -> Twist {
     twist
 }
 
-/// A number for a person whom the tracker numbers with 64 bits: the same one where it fits, else one made from it.
+/// An id for a person whose tracker uses 64-bit numbers: the same number if it fits, otherwise a hash of it.
 pub fn id_of_number(number: u64) -> u32 {
     u32::try_from(number).unwrap_or_else(|_| hashed(&number.to_le_bytes()))
 }
 
-/// FNV-1a, kept clear of the small numbers that trackers use.
+/// FNV-1a, kept away from the small numbers that trackers use.
 fn hashed(bytes: &[u8]) -> u32 {
     bytes.iter().fold(0x811c_9dc5_u32, |h, b| (h ^ u32::from(*b)).wrapping_mul(0x0100_0193)) | 0x8000_0000
 }
 
-/// A number for a person whom the tracker names by text: the digits at its end, else one made from the text.
+/// An id for a person whose tracker uses text: the digits at its end, otherwise a hash of the text.
 pub fn id_of(name: &str) -> u32 {
     let digits: String = name.chars().rev().take_while(char::is_ascii_digit).collect();
     let number: String = digits.chars().rev().collect();
@@ -240,7 +244,7 @@ mod tests {
 
     #[test]
     fn people_come_and_go() {
-        let mut tracker = PeopleTracker::new("map", 1.0);
+        let mut tracker = PeopleTracker::new("map", "map", 1.0);
         assert!(tracker.people(first).humans.is_empty());
         tracker.sighting(seen(7, 0.0, 1.0));
         tracker.sighting(seen(3, 0.5, 1.0));
@@ -251,7 +255,7 @@ mod tests {
 
     #[test]
     fn an_unknown_goal_is_nan_and_never_the_persons_place() {
-        let mut tracker = PeopleTracker::new("map", 1.0);
+        let mut tracker = PeopleTracker::new("map", "map", 1.0);
         tracker.sighting(seen(1, 0.0, 4.0));
         assert!(tracker.people(first).humans[0].goal.x.is_nan());
         tracker.goal(Point { x: 9.0, y: 1.0, z: 0.0 });
@@ -262,7 +266,7 @@ mod tests {
 
     #[test]
     fn the_goal_of_one_person_is_not_everybodys() {
-        let mut tracker = PeopleTracker::new("map", 1.0);
+        let mut tracker = PeopleTracker::new("map", "map", 1.0);
         tracker.goal(Point { x: 9.0, y: 1.0, z: 0.0 });
         tracker.sighting(seen(1, 0.0, 4.0));
         tracker.sighting(seen(1000, 0.0, 4.0));
@@ -272,7 +276,7 @@ mod tests {
 
     #[test]
     fn people_go_when_the_tracker_sees_nobody_any_more() {
-        let mut tracker = PeopleTracker::new("map", 1.0);
+        let mut tracker = PeopleTracker::new("map", "map", 1.0);
         tracker.sighting(seen(7, 0.0, 1.0));
         tracker.heard(Time::from_secs_f64(0.9));
         assert_eq!(ids(&tracker.people(first)), [7]);
@@ -282,7 +286,7 @@ mod tests {
 
     #[test]
     fn without_a_twist_speed_and_heading_come_from_the_change_of_place() {
-        let mut tracker = PeopleTracker::new("map", 1.0);
+        let mut tracker = PeopleTracker::new("map", "map", 1.0);
         tracker.sighting(seen(1, 0.0, 4.0));
         assert!(tracker.people(first).humans[0].twist.linear.x.is_nan());
         tracker.sighting(seen(1, 0.5, 3.5));
@@ -293,7 +297,7 @@ mod tests {
 
     #[test]
     fn a_recording_that_starts_again_starts_with_nobody() {
-        let mut tracker = PeopleTracker::new("map", 1.0);
+        let mut tracker = PeopleTracker::new("map", "map", 1.0);
         tracker.sighting(seen(1, 100.0, 4.0));
         tracker.sighting(seen(2, 1.0, 4.0));
         assert_eq!(ids(&tracker.people(first)), [2]);
@@ -316,7 +320,7 @@ mod tests {
             sighting.header.frame_id = "camera".into();
             sighting
         };
-        let mut tracker = PeopleTracker::new("map", 1.0);
+        let mut tracker = PeopleTracker::new("map", "map", 1.0);
         tracker.transforms(&place(0.9, 1.0), false);
         tracker.sighting(by_camera(1.0));
         assert!(tracker.people(first).humans.is_empty());
@@ -326,6 +330,26 @@ mod tests {
         (2..20).for_each(|t| tracker.sighting(by_camera(f64::from(t))));
         assert_eq!(tracker.without_transform, 17);
         assert!(tracker.trouble.as_deref().is_some_and(|why| why.contains("'camera'")));
+    }
+
+    #[test]
+    fn people_whose_topic_names_no_frame_are_in_the_source_frame() {
+        let mut tracker = PeopleTracker::new("map", "base_footprint", 1.0);
+        let header = Header { stamp: Time::from_secs_f64(1.0), frame_id: "map".into() };
+        let mut base = roscausal_msgs::geometry_msgs::TransformStamped {
+            header,
+            child_frame_id: "base_footprint".into(),
+            ..Default::default()
+        };
+        base.transform.translation.x = 5.0;
+        tracker.transforms(&TFMessage { transforms: vec![base] }, false);
+        let mut frameless = seen(3, 1.0, 2.0);
+        frameless.header.frame_id.clear();
+        tracker.sighting(frameless);
+        assert!((tracker.people(first).humans[0].pose2d.x - 7.0).abs() < 1e-9);
+        // A topic that names a frame is believed.
+        tracker.sighting(seen(3, 1.05, 2.0));
+        assert!((tracker.people(first).humans[0].pose2d.x - 2.0).abs() < 1e-9);
     }
 
     #[test]

@@ -1,4 +1,4 @@
-//! From topics to states: what messages of sensors and trackers mean. Nothing here subscribes or publishes.
+//! From topics to states: what the messages of sensors and trackers mean. Nothing here subscribes or publishes.
 
 mod goals;
 pub mod human;

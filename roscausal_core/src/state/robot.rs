@@ -1,4 +1,4 @@
-//! Odometry, pose and goal to `RobotState`.
+//! From odometry, pose and goal to `RobotState`.
 
 use std::collections::VecDeque;
 
@@ -13,20 +13,22 @@ use roscausal_msgs::{
 use super::{
     goals::{Goal, Goals},
     sync::Pairing,
-    tf::TfBuffer,
+    tf::{TfBuffer, planar_pose},
 };
 
-/// How long a pose waits for its transform, by the stamps, seconds.
+/// How long a pose waits for its transform, in seconds of stamps.
 pub(super) const TF_WAIT_S: f64 = 0.5;
-/// The most poses that wait for a transform.
+/// Most poses that wait for a transform.
 const MOST_WAITING: usize = 1000;
-/// Stamps that go back by more mean that the clock jumped, seconds.
+/// If stamps go back by more than this, the clock has jumped. Seconds.
 const JUMP_S: f64 = 1.0;
 
-/// The robot as its topics tell: a state for each pose that has odometry near it in time.
+/// The robot's state from its topics: one state for each pose that has odometry close to it in time.
 #[derive(Debug)]
 pub struct RobotTracker {
     target_frame: String,
+    /// The robot's own frame, when its place in TF is the pose.
+    pose_frame: Option<String>,
     pairing: Pairing<(Header, Pose), Odometry>,
     goals: Goals,
     /// Pairs that wait for a transform, in order.
@@ -35,9 +37,9 @@ pub struct RobotTracker {
     tf: TfBuffer,
     /// Pairs left out because no transform came in time.
     pub without_transform: u64,
-    /// Messages without a stamp, which got the time of their arrival.
+    /// Messages without a stamp; they get the time of arrival.
     pub unstamped: u64,
-    /// Times the clock jumped back.
+    /// How often the clock jumped back.
     pub jumps: u64,
     /// Why the last pose gave no state, if it gave none.
     pub trouble: Option<String>,
@@ -48,6 +50,7 @@ impl RobotTracker {
     pub fn new(target_frame: &str, queue_size: usize, slop_s: f64) -> Self {
         Self {
             target_frame: target_frame.trim_start_matches('/').to_owned(),
+            pose_frame: None,
             pairing: Pairing::new(queue_size, slop_s),
             goals: Goals::default(),
             waiting: VecDeque::new(),
@@ -60,15 +63,29 @@ impl RobotTracker {
         }
     }
 
-    /// Takes odometry; the states that it completes. `now` stands in for a stamp of 0, here and below.
+    /// The same tracker, for a robot that no topic tells the pose of: the pose of each odometry message is the place of
+    /// the robot's frame in TF at that time.
+    #[must_use]
+    pub fn with_pose_of_frame(mut self, frame: &str) -> Self {
+        self.pose_frame = Some(frame.to_owned());
+        self
+    }
+
+    /// Adds odometry and returns the states that it completes. `now` replaces a stamp of 0, here and below.
     pub fn odometry(&mut self, mut message: Odometry, now: Time) -> Vec<RobotState> {
         let stamp = self.stamp(message.header.stamp, now);
         message.header.stamp = stamp;
-        let pairs = self.pairing.push_b(stamp, message);
+        let pairs = match &self.pose_frame {
+            None => self.pairing.push_b(stamp, message),
+            Some(frame) => {
+                let header = Header { stamp, frame_id: frame.clone() };
+                self.pairing.push_both(stamp, (header, Pose::default()), message)
+            }
+        };
         self.pairs(pairs)
     }
 
-    /// Takes a pose; the states that it completes.
+    /// Adds a pose and returns the states that it completes.
     pub fn pose(&mut self, mut header: Header, pose: Pose, now: Time) -> Vec<RobotState> {
         header.stamp = self.stamp(header.stamp, now);
         let stamp = header.stamp;
@@ -76,18 +93,18 @@ impl RobotTracker {
         self.pairs(pairs)
     }
 
-    /// Takes a goal, which holds for states from its stamp on until the next one.
+    /// Adds a goal. It applies to states from its stamp on, until the next goal.
     pub fn goal(&mut self, header: Header, point: Point, now: Time) {
         self.goals.give(header.stamp, now, Goal { frame: header.frame_id, point });
     }
 
-    /// Takes transforms (`fixed`: of `/tf_static`); the states that have waited for them.
+    /// Adds transforms (`fixed`: from `/tf_static`) and returns the states that waited for them.
     pub fn transforms(&mut self, message: &TFMessage, fixed: bool) -> Vec<RobotState> {
         self.tf.insert(message, fixed);
         self.states()
     }
 
-    /// Poses that found no odometry near them.
+    /// Poses without odometry close to them.
     pub fn unpaired(&self) -> u64 {
         self.pairing.unpaired
     }
@@ -97,7 +114,7 @@ impl RobotTracker {
         self.pairing.late
     }
 
-    /// The stamp, or `now` where there is none; a clock that jumped back starts everything anew.
+    /// The stamp, or `now` if there is none. A clock that jumped back restarts everything.
     fn stamp(&mut self, stamp: Time, now: Time) -> Time {
         let stamp = if stamp == Time::ZERO {
             self.unstamped += 1;
@@ -126,7 +143,7 @@ impl RobotTracker {
         self.states()
     }
 
-    /// The states whose transforms are there, in order; who waits too long is left out.
+    /// The states whose transforms are there, in order. A pose that waits too long is left out.
     fn states(&mut self) -> Vec<RobotState> {
         let mut states = Vec::new();
         while let Some((header, pose, odometry)) = self.waiting.front() {
@@ -140,8 +157,9 @@ impl RobotTracker {
                     states.push(state);
                 }
                 Err(trouble) => {
-                    self.without_transform += u64::from(trouble.contains("frame"));
-                    self.trouble = Some(trouble);
+                    self.without_transform += u64::from(matches!(trouble, Trouble::Transform(_)));
+                    let (Trouble::Transform(reason) | Trouble::Number(reason)) = trouble;
+                    self.trouble = Some(reason);
                 }
             }
             self.waiting.pop_front();
@@ -153,8 +171,9 @@ impl RobotTracker {
         if header.frame_id.is_empty() { &self.target_frame } else { &header.frame_id }
     }
 
-    fn state(&self, header: &Header, pose: &Pose, odometry: &Odometry) -> Result<RobotState, String> {
-        let pose2d = self.tf.pose_in(&self.target_frame, self.frame(header), pose, header.stamp)?;
+    fn state(&self, header: &Header, pose: &Pose, odometry: &Odometry) -> Result<RobotState, Trouble> {
+        let place = self.tf.lookup(&self.target_frame, self.frame(header), header.stamp);
+        let pose2d = planar_pose(&place.map_err(Trouble::Transform)?, pose).map_err(Trouble::Number)?;
         let twist = &odometry.twist.twist;
         let numbers = [
             ("the pose's x", pose2d.x),
@@ -165,12 +184,13 @@ impl RobotTracker {
             ("odometry's angular.z", twist.angular.z),
         ];
         if let Some((name, number)) = numbers.iter().find(|(_, number)| !number.is_finite()) {
-            return Err(format!(
+            return Err(Trouble::Number(format!(
                 "{name} is {number} at {:.3} s; no state was made of it",
                 header.stamp.as_secs_f64()
-            ));
+            )));
         }
-        let goal = self.goals.at(header.stamp).map_or_else(|| Ok(unknown()), |goal| self.in_target(goal))?;
+        let goal = self.goals.at(header.stamp).map_or_else(|| Ok(unknown()), |goal| self.in_target(goal));
+        let goal = goal.map_err(Trouble::Transform)?;
         Ok(RobotState {
             header: Header { stamp: header.stamp, frame_id: self.target_frame.clone() },
             pose2d,
@@ -183,12 +203,20 @@ impl RobotTracker {
         if goal.frame.is_empty() {
             return Ok(goal.point);
         }
-        // A goal is fixed in its frame: its place now is what counts.
+        // A goal is fixed in its frame, so the latest transform counts.
         self.tf.point_in(&self.target_frame, &goal.frame, &goal.point, Time::ZERO)
     }
 }
 
-/// A place that is not known.
+/// Why there is no state.
+enum Trouble {
+    /// A frame is not there, or not for that time.
+    Transform(String),
+    /// A number is not finite.
+    Number(String),
+}
+
+/// An unknown position.
 pub fn unknown() -> Point {
     Point { x: f64::NAN, y: f64::NAN, z: f64::NAN }
 }
@@ -250,12 +278,13 @@ mod tests {
         let mut robot = RobotTracker::new("map", 10, 0.1);
         robot.pose(header(1.0, "moon"), pose(3.0), NOW);
         assert!(robot.odometry(odometry(1.0, 0.4), NOW).is_empty());
-        // Its frame may come yet; half a second later nobody waits any more.
+        // Its frame may still come; half a second later nothing waits any more.
         robot.pose(header(1.5, "moon"), pose(3.0), NOW);
         assert!(robot.trouble.as_ref().is_some_and(|t| t.contains("moon")));
         robot.pose(header(2.0, "map"), pose(f64::NAN), NOW);
         assert!(robot.odometry(odometry(2.0, 0.4), NOW).is_empty());
         assert!(robot.trouble.as_ref().is_some_and(|t| t.contains("NaN")));
+        assert_eq!(robot.without_transform, 1, "only the first one lacked a transform");
     }
 
     fn place(secs: f64, x: f64) -> TFMessage {
@@ -293,6 +322,20 @@ mod tests {
         assert!(
             robot.trouble.as_deref().is_some_and(|why| why.contains("'odom' is") && why.contains("alive"))
         );
+    }
+
+    #[test]
+    fn without_a_pose_topic_the_pose_is_the_place_of_the_robots_frame() {
+        let mut robot = RobotTracker::new("map", 10, 0.1).with_pose_of_frame("odom");
+        assert!(robot.transforms(&place(1.0, 3.0), false).is_empty());
+        assert_eq!(robot.odometry(odometry(1.0, 0.4), NOW)[0].pose2d.x, 3.0);
+        // The transform is late: the state waits for it.
+        assert!(robot.odometry(odometry(1.1, 0.5), NOW).is_empty());
+        let states = robot.transforms(&place(1.2, 5.0), false);
+        assert_eq!((states.len(), states[0].twist.linear.x), (1, 0.5));
+        assert!((states[0].pose2d.x - 4.0).abs() < 1e-9);
+        assert!(robot.odometry(odometry(1.1, 0.5), NOW).is_empty(), "twice");
+        assert_eq!((robot.late(), robot.without_transform), (1, 0));
     }
 
     #[test]

@@ -1,16 +1,16 @@
-//! What is seen from above: robot, people, and the risk that the selected person runs.
+//! The scene from above: robot, people, and the risk of the selected person.
 
 use roscausal_msgs::{HumanState, RobotState, geometry_msgs::Point};
 
 use crate::batch::risk::{Body, RiskModel, risk_exponent};
 
-/// The triangle from a person to the robot widened by `obs_size`: a person whose place one second ahead lies in
+/// The triangle from a person to the robot, widened by `obs_size`. A person whose position one second ahead lies in
 /// it is on collision course.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct RiskCone {
-    /// The person's place, then the two corners beside the robot. Metres, frame of the states.
+    /// The person's position, then the two corners beside the robot. Metres, in the frame of the states.
     pub corners: [Point; 3],
-    /// The person's place one second ahead.
+    /// The person's position one second ahead.
     pub ahead: Point,
     /// The person is on collision course.
     pub collision: bool,
@@ -21,7 +21,7 @@ pub struct RiskCone {
 }
 
 impl RiskCone {
-    /// The cone of `person` towards `robot`; `None` when a place is not known or both are at one place.
+    /// The cone of `person` towards `robot`; `None` if a position is unknown or both are the same.
     pub fn new(person: &HumanState, robot: &RobotState, obs_size: f64, safe_dist: f64) -> Option<Self> {
         let (a, b) = (body_of_person(person), body_of_robot(robot));
         let (dx, dy) = (b.x - a.x, b.y - a.y);
@@ -36,7 +36,7 @@ impl RiskCone {
         Some(Self {
             corners: [point(a.x, a.y), point(b.x + nx, b.y + ny), point(b.x - nx, b.y - ny)],
             ahead: point(a.x + a.vx, a.y + a.vy),
-            // Of this version nothing is left off the collision course.
+            // In this version the exponent is positive exactly on collision course.
             collision: exponent(RiskModel::V1_0) > 0.0,
             risk,
             distance,
@@ -44,7 +44,7 @@ impl RiskCone {
     }
 }
 
-/// Metres per second of a state's planar twist.
+/// Planar speed of a twist, metres per second.
 pub fn speed(twist: &roscausal_msgs::geometry_msgs::Twist) -> f64 {
     twist.linear.x.hypot(twist.linear.y)
 }

@@ -1,36 +1,36 @@
-//! Pairs of messages of two topics whose stamps are close.
+//! Pairs messages of two topics whose stamps are close.
 
 use std::collections::VecDeque;
 
 use crate::Time;
 
-/// A stamp this much older than the last one is no late message but a clock that jumped back, seconds.
+/// A stamp that is older than the last one by more than this is not late: the clock jumped back. Seconds.
 const JUMP_S: f64 = 1.0;
-/// Messages of B younger than this wait, whatever the queue's size, seconds.
+/// Messages of B younger than this are kept whatever the size of the queue. Seconds.
 const KEEP_S: f64 = 0.5;
-/// The most messages that wait.
+/// Most messages that wait.
 const MOST: usize = 4096;
 
 /// Pairs each message of topic A with the nearest one of topic B.
 ///
-/// A pair is made once its B is known to be the nearest: when a B at or after A's stamp has come. So the pairs depend
-/// on the stamps only, not on the order in which the two topics arrive.
+/// A pair is made once its B is known to be the nearest, that is, when a B at or after A's stamp has arrived. So
+/// the pairs depend on the stamps only, not on the order in which the two topics arrive.
 #[derive(Debug)]
 pub struct Pairing<A, B> {
     a: VecDeque<(Time, A)>,
     b: VecDeque<(Time, B)>,
-    /// Stamp of the newest A, also when it waits no more.
+    /// Stamp of the newest A, even if it no longer waits.
     newest_a: Option<Time>,
     queue_size: usize,
     slop_s: f64,
-    /// Messages of A that found no partner.
+    /// Messages of A without a partner.
     pub unpaired: u64,
-    /// Messages out of order or with the stamp of the one before, which are left out.
+    /// Messages that are out of order or repeat a stamp; they are left out.
     pub late: u64,
 }
 
 impl<A, B: Clone> Pairing<A, B> {
-    /// Pairs within `slop_s` seconds; at most `queue_size` messages of each topic wait.
+    /// Pairs that are at most `slop_s` seconds apart. At most `queue_size` messages of each topic wait.
     pub fn new(queue_size: usize, slop_s: f64) -> Self {
         Self {
             a: VecDeque::new(),
@@ -43,7 +43,7 @@ impl<A, B: Clone> Pairing<A, B> {
         }
     }
 
-    /// Takes a message of topic A; the pairs that it completes.
+    /// Adds a message of topic A and returns the pairs that it completes.
     pub fn push_a(&mut self, stamp: Time, message: A) -> Vec<(A, B)> {
         match self.newest_a {
             Some(last) if last.secs_since(stamp) > JUMP_S => self.clear(),
@@ -62,7 +62,7 @@ impl<A, B: Clone> Pairing<A, B> {
         self.pairs()
     }
 
-    /// Takes a message of topic B; the pairs that it completes.
+    /// Adds a message of topic B and returns the pairs that it completes.
     pub fn push_b(&mut self, stamp: Time, message: B) -> Vec<(A, B)> {
         match self.b.back() {
             Some((last, _)) if last.secs_since(stamp) > JUMP_S => self.clear(),
@@ -73,7 +73,7 @@ impl<A, B: Clone> Pairing<A, B> {
             _ => {}
         }
         self.b.push_back((stamp, message));
-        // However fast B is, what waits reaches back far enough for a late A.
+        // However fast B is, the waiting messages reach back far enough for a late A.
         while self.b.len() > self.queue_size.max(2)
             && (self.b.len() > MOST || self.b.front().is_some_and(|(t, _)| stamp.secs_since(*t) > KEEP_S))
         {
@@ -82,7 +82,17 @@ impl<A, B: Clone> Pairing<A, B> {
         self.pairs()
     }
 
-    /// Forgets what waits: time jumped back.
+    /// Takes a message of each topic, both of the same stamp; the pairs that they complete.
+    pub fn push_both(&mut self, stamp: Time, a: A, b: B) -> Vec<(A, B)> {
+        let late = self.late;
+        let mut pairs = self.push_a(stamp, a);
+        if self.late == late {
+            pairs.extend(self.push_b(stamp, b));
+        }
+        pairs
+    }
+
+    /// Drops all waiting messages: time jumped back.
     pub fn clear(&mut self) {
         self.unpaired += self.a.len() as u64;
         self.a.clear();
@@ -97,7 +107,7 @@ impl<A, B: Clone> Pairing<A, B> {
             if *newest < stamp {
                 break;
             }
-            // Of two at the same distance the earlier one.
+            // Of two at the same distance, the earlier one.
             let distance = |(other, _): &(Time, B)| other.secs_since(stamp).abs();
             let nearest = self.b.iter().min_by(|one, two| distance(one).total_cmp(&distance(two)));
             let partner =
@@ -106,7 +116,7 @@ impl<A, B: Clone> Pairing<A, B> {
                 (Some((_, message)), Some(partner)) => pairs.push((message, partner)),
                 _ => self.unpaired += 1,
             }
-            // What is older than this A's partner can be nobody's partner any more.
+            // Nothing older than this A's partner can be a partner any more.
             while self.b.len() > 1 && self.b[1].0 <= stamp {
                 self.b.pop_front();
             }
@@ -165,6 +175,14 @@ mod tests {
         pairing.push_b(at(1000), 3);
         assert_eq!(pairing.push_a(at(1000), 0), [(0, 1)]);
         assert_eq!(pairing.late, 2);
+    }
+
+    #[test]
+    fn messages_of_one_stamp_are_a_pair_at_once_and_late_ones_are_counted_once() {
+        let mut pairing = Pairing::new(10, 0.1);
+        assert_eq!(pairing.push_both(at(1000), 1, 2), [(1, 2)]);
+        assert_eq!(pairing.push_both(at(1000), 3, 4), []);
+        assert_eq!((pairing.push_both(at(1100), 5, 6), pairing.late), (vec![(5, 6)], 1));
     }
 
     #[test]

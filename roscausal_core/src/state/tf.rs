@@ -9,18 +9,18 @@ use roscausal_msgs::{
     tf2_msgs::TFMessage,
 };
 
-/// Transforms older than this before the newest are forgotten.
+/// Transforms that are this much older than the newest are dropped. Seconds.
 const KEEP_S: f64 = 10.0;
-/// A transform is used this long before its first and after its last stamp.
+/// A transform is used for this long before its first and after its last stamp. Seconds.
 const EXTRAPOLATE_S: f64 = 0.2;
-/// Stamps that go back by more mean that the clock jumped, seconds; a smaller step is a message out of order.
+/// If stamps go back by more than this, the clock has jumped. A smaller step is a message out of order. Seconds.
 const JUMP_S: f64 = 1.0;
-/// The most frames, and the most transforms of one, that are kept.
+/// Most frames, and most transforms of one frame, that are kept.
 const MOST: usize = 4096;
-/// Deepest chain of frames; a longer one is a loop.
+/// Longest chain of frames; a longer one is a loop.
 const DEEPEST: usize = 64;
 
-/// The frames known now, each with its parent and its recent places in it.
+/// The known frames, each with its parent and its recent poses in it.
 #[derive(Debug, Default)]
 pub struct TfBuffer {
     frames: BTreeMap<String, Frame>,
@@ -34,7 +34,7 @@ struct Frame {
 }
 
 impl TfBuffer {
-    /// Takes the transforms of a message of `/tf`, or of `/tf_static` (`fixed`).
+    /// Adds the transforms of a message from `/tf`, or from `/tf_static` (`fixed`).
     pub fn insert(&mut self, message: &TFMessage, fixed: bool) {
         for transform in &message.transforms {
             let Some(place) = isometry(&transform.transform) else { continue };
@@ -61,7 +61,7 @@ impl TfBuffer {
         }
     }
 
-    /// The pose of frame `source` in frame `target` at `stamp`; stamp 0 is the latest.
+    /// The pose of frame `source` in frame `target` at `stamp`; stamp 0 means the latest.
     ///
     /// # Errors
     /// One sentence: which frame is missing, or for which time.
@@ -81,8 +81,8 @@ impl TfBuffer {
         Ok(from_target.inverse() * from_source)
     }
 
-    /// Whether [`TfBuffer::lookup`] at `stamp` may tell more once more transforms have come: frames are not connected
-    /// yet, or the last transform of one is older than `stamp`.
+    /// Whether [`TfBuffer::lookup`] at `stamp` may succeed once more transforms have arrived: the frames are not
+    /// connected yet, or the last transform of one is older than `stamp`.
     pub fn may_come(&self, target: &str, source: &str, stamp: Time) -> bool {
         let (target, source) = (clean(target), clean(source));
         if target == source || stamp == Time::ZERO {
@@ -93,12 +93,12 @@ impl TfBuffer {
         source_root != target_root || source_last.into_iter().chain(target_last).any(|last| last < stamp)
     }
 
-    /// Forgets all that is not fixed: the clock jumped.
+    /// Drops everything that is not fixed: the clock jumped.
     pub fn restart(&mut self) {
         self.frames.retain(|_, frame| frame.fixed);
     }
 
-    /// Root above a frame, and the oldest of the last stamps on the way to it.
+    /// The root above a frame, and the oldest of the last stamps on the way to it.
     fn last<'a>(&'a self, name: &'a str) -> (&'a str, Option<Time>) {
         let (mut at, mut oldest) = (name, None);
         for _ in 0..DEEPEST {
@@ -110,25 +110,15 @@ impl TfBuffer {
         (at, oldest)
     }
 
-    /// A pose given in frame `source`, as a planar pose in frame `target`.
+    /// Transforms a pose from frame `source` to a planar pose in frame `target`.
     ///
     /// # Errors
-    /// As [`TfBuffer::lookup`]; a pose that is not finite.
+    /// As [`TfBuffer::lookup`]; also a pose that is not finite.
     pub fn pose_in(&self, target: &str, source: &str, pose: &Pose, stamp: Time) -> Result<Pose2D, String> {
-        let place = self.lookup(target, source, stamp)?;
-        let inner = Transform {
-            translation: roscausal_msgs::geometry_msgs::Vector3 {
-                x: pose.position.x,
-                y: pose.position.y,
-                z: pose.position.z,
-            },
-            rotation: pose.orientation,
-        };
-        let inner = isometry(&inner).ok_or("the pose holds NaN or infinity")?;
-        Ok(planar(&(place * inner)))
+        planar_pose(&self.lookup(target, source, stamp)?, pose)
     }
 
-    /// A point given in frame `source`, in frame `target`.
+    /// Transforms a point from frame `source` to frame `target`.
     ///
     /// # Errors
     /// As [`TfBuffer::lookup`].
@@ -138,7 +128,7 @@ impl TfBuffer {
         Ok(Point { x: point.x, y: point.y, z: point.z })
     }
 
-    /// Names of the frames that start with `prefix` and have a place at or after `since`.
+    /// Names of the frames that start with `prefix` and have a pose at or after `since`.
     pub fn frames_with_prefix(&self, prefix: &str, since: Time) -> Vec<(String, Time)> {
         let stamp = |frame: &Frame| frame.places.back().map(|(stamp, _)| *stamp);
         let recent = self.frames.iter().filter(|(name, _)| name.starts_with(prefix));
@@ -187,6 +177,23 @@ impl Frame {
     }
 }
 
+/// A pose given in a frame that is at `place`, as a planar pose.
+///
+/// # Errors
+/// A pose that is not finite.
+pub fn planar_pose(place: &Isometry3<f64>, pose: &Pose) -> Result<Pose2D, String> {
+    let inner = Transform {
+        translation: roscausal_msgs::geometry_msgs::Vector3 {
+            x: pose.position.x,
+            y: pose.position.y,
+            z: pose.position.z,
+        },
+        rotation: pose.orientation,
+    };
+    let inner = isometry(&inner).ok_or("the pose holds NaN or infinity")?;
+    Ok(planar(&(place * inner)))
+}
+
 /// Planar part of a pose: position and yaw.
 pub fn planar(place: &Isometry3<f64>) -> Pose2D {
     let (_, _, yaw) = place.rotation.euler_angles();
@@ -199,7 +206,7 @@ fn isometry(transform: &Transform) -> Option<Isometry3<f64>> {
         return None;
     }
     let quaternion = Quaternion::new(r.w, r.x, r.y, r.z);
-    // A message whose orientation was never filled in has a zero quaternion: no rotation.
+    // An orientation that was never filled in is a zero quaternion; it counts as no rotation.
     let rotation = UnitQuaternion::try_new(quaternion, 1e-9).unwrap_or_else(UnitQuaternion::identity);
     Some(Isometry3::from_parts(Translation3::new(t.x, t.y, t.z), rotation))
 }

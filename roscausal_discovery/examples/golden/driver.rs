@@ -1,4 +1,4 @@
-//! Reads cases of reference results, runs them, gives the results in the same layout.
+//! Reads golden cases, runs them, and returns the results in the same layout.
 
 #[path = "csv_file.rs"]
 mod csv_file;
@@ -25,7 +25,7 @@ type Answer<T> = Result<T, String>;
 #[allow(dead_code, reason = "used by the example, not by the tests that share this file")]
 pub(crate) const KINDS: [&str; 3] = ["cases", "single", "fpcmci"];
 
-/// Names of the JSON files of a folder, sorted; none when there is no folder.
+/// Sorted names of the JSON files in a folder; none if there is no folder.
 pub(crate) fn files(folder: &Path) -> Answer<Vec<String>> {
     if !folder.is_dir() {
         return Ok(Vec::new());
@@ -79,7 +79,7 @@ fn run_case(dir: &Path, case: &Value) -> Answer<Value> {
     if let ("pcmciplus", true, Some(&last)) =
         (method, result.optimal_alpha.is_some(), levels(&settings).last())
     {
-        // The reference's list of parents is that of the level it tried last, ours that of the level chosen.
+        // The reference lists the parents of the level that it tried last; we list those of the chosen level.
         let settings = PcmciSettings { pc_alpha: vec![last], ..settings };
         let result = run_pc_stable(data, test, &settings, &control).map_err(|e| e.to_string())?;
         answer["all_parents"] = answer_of("pc_stable", &result)["all_parents"].take();
@@ -101,7 +101,8 @@ fn plus_of(params: &Value) -> Answer<PcmciPlusSettings> {
     Ok(plus)
 }
 
-fn run_single(case: &Value) -> Answer<Value> {
+/// Runs the single test of a case.
+pub(crate) fn run_single(case: &Value) -> Answer<Value> {
     let (test, _) = test_of(&case["test"])?;
     let (x, y) = (numbers(&case["x"])?, numbers(&case["y"])?);
     let z: Vec<Vec<f64>> = match &case["z"] {
@@ -129,7 +130,7 @@ fn run_single(case: &Value) -> Answer<Value> {
                "confidence": result.confidence.map(|(low, high)| [low, high]) }))
 }
 
-/// PCMCI, alone or behind the transfer-entropy filter, with the matrices as the ROS message has them.
+/// PCMCI, alone or after the transfer-entropy filter, with the matrices as in the ROS message.
 fn run_fpcmci(dir: &Path, case: &Value) -> Answer<Value> {
     let params = &case["params"];
     let (test, _) = test_of(&case["test"])?;
@@ -198,7 +199,7 @@ fn model_of(result: &PcmciResult, tau_min: usize) -> Value {
     })
 }
 
-/// A result in the reference's layout.
+/// A result in the layout of the reference.
 fn answer_of(method: &str, result: &PcmciResult) -> Value {
     let parents = |of: &dyn Fn(&Node) -> Value| -> Value {
         let list = |k: usize| result.parents[k].parents.iter().map(of).collect::<Vec<_>>();
@@ -373,7 +374,7 @@ fn numbers(value: &Value) -> Answer<Vec<f64>> {
     list.iter().map(|v| cell(v).ok_or_else(|| format!("{v} is not a number"))).collect()
 }
 
-/// Runs single tests `[X, Y, Z, ..]` on the data of a case: value and p-value of each.
+/// Runs single tests `[X, Y, Z, ..]` on the data of a case. Returns value and p-value of each.
 #[allow(dead_code, reason = "used by the test that shares this file with the example")]
 pub(crate) fn run_tests(dir: &Path, case: &Value, tests: &[&Value]) -> Answer<Vec<(f64, f64)>> {
     let (test, mask_type) = test_of(&case["test"])?;

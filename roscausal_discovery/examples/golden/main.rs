@@ -1,8 +1,8 @@
-//! Runs every case of a folder of reference results and writes what this crate finds.
+//! Runs every case in a folder of reference results and writes our results.
 //!
-//! `cargo run --release -p roscausal_discovery --example golden -- DIR OUT` reads `DIR/cases/*.json`, `DIR/single/*.json`
-//! and `DIR/fpcmci/*.json` with the data they name, and writes `OUT/cases/<id>.json`, ... for a comparison. What it
-//! cannot run it lists at the end.
+//! `cargo run --release -p roscausal_discovery --example golden -- DIR OUT` reads `DIR/cases/*.json`,
+//! `DIR/single/*.json` and `DIR/fpcmci/*.json` with the data they name. It writes `OUT/cases/<id>.json` and so on,
+//! for comparison. At the end it lists the cases that it cannot run.
 
 mod driver;
 

@@ -1,22 +1,24 @@
+//! Curves of figures over settings, such as recall against length.
+
 use super::svg::{FAINT, INK, Point, Svg};
 
 const WIDTH: f64 = 460.0;
 const HEIGHT: f64 = 250.0;
-/// Room for the numbers at the left and below.
+/// Space for the numbers on the left and below.
 const MARGIN: (f64, f64) = (52.0, 40.0);
 const TITLE: f64 = 40.0;
 const PER_ROW: usize = 2;
-/// From one name to the next.
+/// Distance from one name to the next.
 const LINE: f64 = 15.0;
-/// Of the vertical axis.
+/// Steps of the vertical axis.
 const STEPS: u32 = 4;
-/// Told apart by people who see few colours (Okabe and Ito 2008), and by their dots.
+/// Distinguishable for colour-blind readers (Okabe and Ito 2008); the dots differ too.
 const COLOURS: [&str; 6] = ["#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9"];
 
 /// A named line through points `(x, y)`; points that are not finite are left out.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Curve {
-    /// What it is.
+    /// Its name.
     pub name: String,
     /// Its points, `x` rising.
     pub points: Vec<(f64, f64)>,
@@ -33,7 +35,7 @@ pub struct Panel {
     pub curves: Vec<Curve>,
 }
 
-/// Panels over the same horizontal axis as SVG, two in a row.
+/// Panels over the same horizontal axis as SVG, two per row.
 pub fn curves(title: &str, x_label: &str, panels: &[Panel]) -> String {
     let rows = panels.len().div_ceil(PER_ROW).max(1);
     let mut svg = Svg::new(WIDTH * PER_ROW as f64, TITLE + HEIGHT * rows as f64);
@@ -81,7 +83,7 @@ fn draw(svg: &mut Svg, at: Point, x_label: &str, panel: &Panel) {
 
     let ends: Vec<f64> = points().filter(|p| p.0 >= to).map(|p| p.1).collect();
     let ends_low = ends.iter().sum::<f64>() < 0.5 * (low + high) * ends.len() as f64;
-    // The names stand below each other at the right, where the curves are not.
+    // The names are stacked on the right, where the curves are not.
     let first_name = if ends_low { top + 16.0 } else { bottom + 8.0 - LINE * panel.curves.len() as f64 };
     for (i, curve) in panel.curves.iter().enumerate() {
         let colour = COLOURS[i % COLOURS.len()];
@@ -106,17 +108,17 @@ fn draw(svg: &mut Svg, at: Point, x_label: &str, panel: &Panel) {
     }
 }
 
-/// The top of an axis from 0 that holds `largest` and has round numbers at its steps.
+/// The top of an axis that starts at 0, contains `largest`, and has round numbers at its steps.
 fn round_top(largest: f64) -> f64 {
     let step = largest / f64::from(STEPS);
     let unit = 10_f64.powf(step.log10().floor());
     let round = [1.0, 2.0, 2.5, 5.0, 10.0].map(|factor| factor * unit);
-    // a little slack, since a power of ten need not be exact
+    // A little slack, because a power of ten need not be exact.
     let enough = round.into_iter().find(|round| *round >= step * (1.0 - 1e-9));
     enough.filter(|round| *round > 0.0).map_or(1.0, |round| round * f64::from(STEPS))
 }
 
-/// A number in few characters: 300, 3.33, 0.025.
+/// A number in few characters, such as 300, 3.33 or 0.025.
 fn short(value: f64) -> String {
     let text = if value.abs() >= 100.0 { format!("{value:.0}") } else { format!("{value:.3}") };
     match text.contains('.') {

@@ -1,3 +1,5 @@
+//! The summary graph of a model.
+
 use std::f64::consts::{FRAC_PI_2, TAU};
 
 use super::svg::{FAINT, INK, Point, Stroke, Svg, display, legend};
@@ -5,8 +7,8 @@ use crate::model::{Link, Model};
 
 const NODE: f64 = 38.0;
 
-/// The summary graph as SVG: one node per variable, one arrow per pair of cause and effect, labelled with its
-/// lags; a variable that depends on its own past has a loop.
+/// The summary graph as SVG: one node per variable, and one arrow per pair of cause and effect, labelled with its
+/// lags. A variable that depends on its own past has a loop.
 pub fn dag(model: &Model) -> String {
     let n = model.features.len();
     let radius = if n <= 2 { 110.0 } else { 90.0 + 26.0 * n as f64 };
@@ -88,7 +90,7 @@ fn node(svg: &mut Svg, at: Point, name: &str) {
 fn cross_link(svg: &mut Svg, from: Point, to: Point, stroke: &Stroke, label: &str) {
     let along = from.towards(to);
     let distance = (to.x - from.x).hypot(to.y - from.y);
-    // Bent to the left of its direction, so that the arrow back takes the other side.
+    // Bent to the left of its direction, so that the arrow in the other direction takes the other side.
     let bend = Point::new((from.x + to.x) / 2.0, (from.y + to.y) / 2.0)
         .plus(along.y * distance * 0.18, -along.x * distance * 0.18);
     let leave = from.towards(bend);

@@ -1,4 +1,4 @@
-//! Pictures of a model: the summary graph, the time-series graph and the batch's series, as SVG and PNG;
+//! Pictures as SVG and PNG: the summary graph and the time series graph of a model, the series of a batch, and
 //! curves of figures over settings.
 //!
 //! The layout depends on the number and order of the variables only, so a variable stays in its place from model to model.
@@ -33,4 +33,5 @@ pub use dag::dag;
 #[cfg(feature = "png")]
 pub use raster::{Image, rasterise};
 pub use series::series;
+pub use svg::escaped;
 pub use tsdag::tsdag;

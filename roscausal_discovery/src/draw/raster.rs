@@ -1,3 +1,5 @@
+//! From SVG to pixels and PNG.
+
 use std::sync::{Arc, OnceLock};
 
 use resvg::{
@@ -7,10 +9,10 @@ use resvg::{
 
 use crate::ground::{Error, Result};
 
-/// DejaVu Sans (subset), so that text looks the same on every machine.
+/// A subset of DejaVu Sans, so that text looks the same on every machine.
 const FONT: &[u8] = include_bytes!("font/DejaVuSans-subset.ttf");
 
-/// A picture in pixels.
+/// A picture as pixels.
 pub struct Image {
     /// Pixels per row.
     pub width: u32,
@@ -22,10 +24,10 @@ pub struct Image {
     pub png: Vec<u8>,
 }
 
-/// Renders an SVG document at `scale` pixels per unit, with the embedded font only.
+/// Renders an SVG document at `scale` pixels per unit, using only the embedded font.
 ///
 /// # Errors
-/// When the document is not SVG or too large to render.
+/// If the document is not SVG or too large to render.
 pub fn rasterise(svg: &str, scale: f32) -> Result<Image> {
     static FONTS: OnceLock<Arc<fontdb::Database>> = OnceLock::new();
     let fonts = FONTS.get_or_init(|| {

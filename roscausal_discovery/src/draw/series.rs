@@ -1,3 +1,5 @@
+//! The time series of a batch.
+
 use ndarray::ArrayView2;
 
 use super::svg::{INK, Point, Svg, display};
@@ -6,7 +8,8 @@ const WIDTH: f64 = 900.0;
 const LEFT: f64 = 110.0;
 const STRIP: f64 = 110.0;
 
-/// The series of a batch as SVG, one strip per variable: `values` is `T x N`; a missing sample breaks the line.
+/// The time series of a batch as SVG, one strip per variable. `values` is `T x N`; a missing sample interrupts the
+/// line.
 pub fn series(names: &[String], values: ArrayView2<f64>, dt: Option<f64>) -> String {
     let (rows, height) = (values.nrows(), 40.0 + STRIP * names.len() as f64 + 30.0);
     let mut svg = Svg::new(WIDTH, height);

@@ -1,4 +1,4 @@
-//! The few SVG shapes that the pictures are made of.
+//! The few SVG shapes that the pictures consist of.
 
 use std::fmt::Write;
 
@@ -20,7 +20,7 @@ impl Point {
         Self::new(self.x + dx, self.y + dy)
     }
 
-    /// Unit vector from here to `other`; to the right when they are one point.
+    /// Unit vector from here to `other`; to the right if they are the same point.
     pub(super) fn towards(self, other: Self) -> Self {
         let (dx, dy) = (other.x - self.x, other.y - self.y);
         let length = dx.hypot(dy);
@@ -60,7 +60,7 @@ impl Svg {
         ));
     }
 
-    /// Text on a white plate, for labels that lie on lines.
+    /// Text on a white background, for labels on lines.
     pub(super) fn label(&mut self, at: Point, size: f64, fill: &str, text: &str) {
         let width = 0.62 * size * text.chars().count() as f64 + 6.0;
         self.raw(&format!(
@@ -73,7 +73,7 @@ impl Svg {
         self.text(at.plus(0.0, 0.36 * size), size, "middle", fill, text);
     }
 
-    /// A curved arrow (quadratic Bézier) with a head at `to`; `dash` as in `stroke-dasharray`.
+    /// A curved arrow (quadratic Bézier) with a head at `to`. `dash` is as in `stroke-dasharray`.
     pub(super) fn arrow(&mut self, from: Point, bend: Point, to: Point, stroke: &Stroke) {
         let head = 6.0 + 1.8 * stroke.width;
         let back = to.towards(bend);
@@ -126,7 +126,7 @@ pub(super) struct Stroke {
 }
 
 impl Stroke {
-    /// Width by strength, colour by sign, dashes by p-value.
+    /// The width shows the strength, the colour the sign, and the dashes the p-value.
     pub(super) fn of_link(value: f64, p_value: f64, smallest_p: f64, directed: bool) -> Self {
         let width = 1.5 + 5.0 * value.abs().min(1.0);
         let colour = if value < 0.0 { NEGATIVE } else { POSITIVE };
@@ -143,7 +143,7 @@ impl Stroke {
     }
 }
 
-/// Solid below the smallest p-value that the test tells apart, long dashes below 0.01, short ones above.
+/// Solid below the smallest p-value that the test can resolve, long dashes below 0.01, short ones above.
 pub(super) fn dash(p_value: f64, smallest_p: f64) -> &'static str {
     match p_value {
         p if p < smallest_p => "",
@@ -152,7 +152,7 @@ pub(super) fn dash(p_value: f64, smallest_p: f64) -> &'static str {
     }
 }
 
-/// The legend of widths, colours and dashes, from `at` downwards.
+/// The legend for widths, colours and dashes, from `at` downwards.
 pub(super) fn legend(svg: &mut Svg, at: Point, smallest_p: f64, signed: bool) {
     let mut y = at.y;
     let smallest = format!("p < {smallest_p}");
@@ -169,11 +169,13 @@ pub(super) fn legend(svg: &mut Svg, at: Point, smallest_p: f64, signed: bool) {
     svg.text(Point::new(at.x, y + 4.0), 12.0, "start", INK, width);
 }
 
-fn escaped(text: &str) -> String {
-    text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;").replace('"', "&quot;")
+/// A text for XML: what has a meaning there is spelled out, control characters, which have no place there, are blanks.
+pub fn escaped(text: &str) -> String {
+    let legal: String = text.chars().map(|c| if c.is_control() { ' ' } else { c }).collect();
+    legal.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;").replace('"', "&quot;")
 }
 
-/// A variable's name for people: `h_{\theta}` becomes `h_θ`.
+/// A variable's name for display: `h_{\theta}` becomes `h_θ`.
 pub(super) fn display(name: &str) -> String {
     plain(&name.replace("\\theta", "θ").replace("\\omega", "ω"))
 }

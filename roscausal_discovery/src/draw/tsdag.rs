@@ -1,3 +1,5 @@
+//! The time series graph of a model.
+
 use super::{
     dag::title,
     svg::{INK, Point, Stroke, Svg, display, legend},
@@ -8,8 +10,8 @@ const ROW: f64 = 84.0;
 const COLUMN: f64 = 150.0;
 const NODE: f64 = 9.0;
 
-/// The time-series graph as SVG: variables as rows, time as columns up to the present `t`. Links into the
-/// present are strong, their copies earlier in time faint.
+/// The time series graph as SVG. Variables are rows; time runs in columns up to the present `t`. Links into the
+/// present are strong; their copies earlier in time are faint.
 pub fn tsdag(model: &Model) -> String {
     let (n, columns) = (model.features.len(), model.tau_max + 1);
     let longest = model.features.iter().map(|name| display(name).chars().count()).max().unwrap_or(0);
@@ -58,7 +60,7 @@ pub fn tsdag(model: &Model) -> String {
 }
 
 fn arrow(svg: &mut Svg, from: Point, to: Point, stroke: &Stroke) {
-    // A link that passes over other nodes of its row or column goes round them.
+    // A link that would pass over other nodes of its row or column is bent around them.
     let over = if from.y == to.y && to.x - from.x > COLUMN * 1.5 || from.x == to.x { 0.22 } else { 0.0 };
     let along = from.towards(to);
     let length = (to.x - from.x).hypot(to.y - from.y);

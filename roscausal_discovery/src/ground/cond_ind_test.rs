@@ -6,20 +6,20 @@ use super::{
     samples::Samples,
 };
 
-/// The answer of one test.
+/// The result of one test.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TestResult {
-    /// Strength of the dependence; its range and sign are the test's own.
+    /// Strength of the dependence. Its range and sign depend on the test.
     pub value: f64,
     /// P-value in `[0, 1]`.
     pub p_value: f64,
-    /// Confidence interval of `value`, where the settings ask for one.
+    /// Confidence interval of `value`, if the settings ask for one.
     pub confidence: Option<(f64, f64)>,
     /// Samples used.
     pub n_samples: usize,
     /// Samples left out because one of the nodes was missing or masked.
     pub n_lost: usize,
-    /// Decision where the test does not decide by the p-value (`fixed_thres`); the run fills it in.
+    /// The decision, if the test does not decide by the p-value (`fixed_thres`). The run fills it in.
     pub dependent: Option<bool>,
 }
 
@@ -66,17 +66,17 @@ pub struct TestResult {
 /// # Ok::<(), roscausal_discovery::Error>(())
 /// ```
 pub trait CondIndTest: Send + Sync {
-    /// The name users choose it by, such as `parcorr`.
+    /// The name by which users choose the test, such as `parcorr`.
     fn name(&self) -> &'static str;
 
-    /// Makes it ready for the samples of one run.
+    /// Prepares the test for the samples of one run.
     ///
     /// # Errors
-    /// When the samples are too few, or do not suit the test.
+    /// If there are too few samples, or they do not suit the test.
     fn prepare<'a>(&'a self, samples: &'a Samples<'a>) -> Result<Box<dyn PreparedTest + 'a>>;
 
-    /// Whether the decision is `|value| >= threshold` (`fixed_thres`), the run's level being the threshold.
-    /// The run then sets the p-value to 0 (dependent) or 1; the test itself leaves it at 1.
+    /// Whether the decision is `|value| >= threshold` (`fixed_thres`), where the threshold is the significance
+    /// level of the run. The run then sets the p-value to 0 (dependent) or 1; the test itself leaves it at 1.
     fn decides_by_value(&self) -> bool {
         false
     }
@@ -87,13 +87,13 @@ pub trait PreparedTest: Sync {
     /// Tests `x _||_ y | z`.
     ///
     /// # Errors
-    /// When too few complete samples are left for this condition set.
+    /// If too few complete samples are left for this condition set.
     fn run_test(&self, x: Node, y: Node, z: &[Node]) -> Result<TestResult>;
 
-    /// Model-selection score of "`target` on `parents`", lower is better; for choosing `pc_alpha`.
+    /// Model-selection score of `target` given `parents`, for choosing `pc_alpha`. Lower is better.
     ///
     /// # Errors
-    /// When the test has no such score (the default).
+    /// If the test has no such score (the default).
     fn model_selection_score(&self, _target: Node, _parents: &[Node]) -> Result<f64> {
         Err(Error::param("pc_alpha", "this independence test has no model-selection score; give one value"))
     }
@@ -112,7 +112,7 @@ pub trait PreparedTest: Sync {
         None
     }
 
-    /// Whether a test takes only microseconds, so that a run spreads threads over targets, not over tests.
+    /// Whether a test takes only microseconds. A run then spreads threads over targets, not over tests.
     fn is_cheap(&self) -> bool {
         false
     }

@@ -1,4 +1,4 @@
-//! The caller's hand on a run: progress, time budget, cancellation.
+//! Control of a running analysis: progress, time budget, cancellation.
 
 use std::{
     fmt,
@@ -10,28 +10,28 @@ use std::{
 
 use super::error::{Error, Result};
 
-/// How far a run is.
+/// How far a run has come.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Progress {
-    /// Tests done.
+    /// Tests done so far.
     pub done: usize,
-    /// Tests that the run will have done at its end, as far as known now; it changes while PC1 removes links.
+    /// Estimate of the tests that the whole run takes. It changes while PC1 removes links.
     pub estimated_total: usize,
 }
 
 /// Why a run stopped before its end.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Stop {
-    /// The time budget is used up: the result so far is returned with a partial status.
+    /// The time budget is used up. The run returns what it has, with a partial status.
     OutOfTime,
-    /// The caller cancelled: the run ends with [`Error::Cancelled`].
+    /// The caller cancelled. The run ends with [`Error::Cancelled`].
     Cancelled,
 }
 
 type OnProgress = Arc<dyn Fn(Progress) + Send + Sync>;
 type OutOfTime = Arc<dyn Fn() -> bool + Send + Sync>;
 
-/// The caller's hand on a run: progress, time budget, cancellation. Clones share one state.
+/// The caller's control of a run: progress, time budget, cancellation. Clones share one state.
 ///
 /// The crate knows no clock: the time budget is a closure that says whether the time is up. Budget and cancellation are
 /// looked at before each test, and inside tests that take long.
@@ -63,28 +63,28 @@ struct State {
 }
 
 impl Control {
-    /// The same control that calls `f` after each test, from the thread that ran it.
+    /// Adds a callback that runs after each test, on the thread that ran the test.
     #[must_use]
     pub fn on_progress(mut self, f: impl Fn(Progress) + Send + Sync + 'static) -> Self {
         self.on_progress = Some(Arc::new(f));
         self
     }
 
-    /// The same control with a time budget: `f` says whether the time is up.
+    /// Adds a time budget: `f` says whether the time is up.
     #[must_use]
     pub fn out_of_time(mut self, f: impl Fn() -> bool + Send + Sync + 'static) -> Self {
         self.out_of_time = Some(Arc::new(f));
         self
     }
 
-    /// The same control with a flag that cancels the run when it becomes true.
+    /// Adds a flag that cancels the run when it becomes true.
     #[must_use]
     pub fn cancel_on(mut self, flag: Arc<AtomicBool>) -> Self {
         self.cancel = Some(flag);
         self
     }
 
-    /// Why to stop now, if at all.
+    /// The reason to stop now, if there is one.
     pub fn stop(&self) -> Option<Stop> {
         if self.cancel.as_ref().is_some_and(|flag| flag.load(Ordering::Relaxed)) {
             return Some(Stop::Cancelled);
@@ -99,10 +99,10 @@ impl Control {
         None
     }
 
-    /// Fails when the run is to stop.
+    /// Fails if the run has to stop.
     ///
     /// # Errors
-    /// [`Error::Cancelled`], for both reasons; a run tells them apart by [`Control::stop`].
+    /// [`Error::Cancelled`], for both reasons; [`Control::stop`] tells them apart.
     pub fn check(&self) -> Result<()> {
         match self.stop() {
             None => Ok(()),
@@ -116,7 +116,7 @@ impl Control {
         self.state.done.load(Ordering::Relaxed)
     }
 
-    /// Tests that all runs under this control will have done, as far as known.
+    /// Estimate of the tests that all runs under this control will have done.
     pub fn estimated_total(&self) -> usize {
         self.state.estimated_total.load(Ordering::Relaxed).max(self.done())
     }
@@ -136,7 +136,7 @@ impl Control {
         self.state.estimated_total.fetch_add(n, Ordering::Relaxed);
     }
 
-    /// Counts `n` tests as done and reports.
+    /// Counts `n` tests as done and reports the progress.
     pub(crate) fn count(&self, n: usize) {
         let done = self.state.done.fetch_add(n, Ordering::Relaxed) + n;
         if let Some(f) = &self.on_progress {

@@ -7,7 +7,7 @@ use super::{
     node::Node,
 };
 
-/// Roles in which a masked value excludes a sample: any of X, Y and Z of `X _||_ Y | Z`.
+/// The roles in `X _||_ Y | Z` in which a masked value excludes a sample.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct MaskType {
     /// A masked X excludes the sample.
@@ -67,10 +67,10 @@ pub struct DataFrame {
 }
 
 impl DataFrame {
-    /// A data frame from recordings, each `T x N` (time in rows), and the `N` names of the variables.
+    /// A data frame of recordings, each `T x N` (time in rows), and the `N` names of the variables.
     ///
     /// # Errors
-    /// No recording, no variable, or shapes that do not fit together; an infinite value.
+    /// No recording, no variable, shapes that do not match, or an infinite value.
     pub fn new(recordings: Vec<Array2<f64>>, var_names: Vec<String>) -> Result<Self> {
         if recordings.is_empty() || var_names.is_empty() {
             return Err(Error::Data(
@@ -103,7 +103,7 @@ impl DataFrame {
         })
     }
 
-    /// The same data with every value that equals `flag` taken as missing.
+    /// Treats every value that equals `flag` as missing.
     #[must_use]
     pub fn with_missing_flag(mut self, flag: f64) -> Self {
         self.recordings.iter_mut().for_each(|r| r.mapv_inplace(|v| if v == flag { f64::NAN } else { v }));
@@ -111,11 +111,11 @@ impl DataFrame {
         self
     }
 
-    /// The same data with masks, one per recording and of its shape (`true`: masked), that exclude samples in
-    /// the roles of `mask_type`.
+    /// Adds masks, one per recording and of its shape (`true`: masked). A masked value excludes a sample in the
+    /// roles of `mask_type`.
     ///
     /// # Errors
-    /// Masks whose number or shapes differ from the recordings'.
+    /// Masks whose number or shapes differ from those of the recordings.
     pub fn with_mask(mut self, masks: Vec<Array2<bool>>, mask_type: MaskType) -> Result<Self> {
         let fits = masks.len() == self.recordings.len()
             && masks.iter().zip(&self.recordings).all(|(mask, recording)| mask.dim() == recording.dim());
@@ -127,17 +127,17 @@ impl DataFrame {
         Ok(self)
     }
 
-    /// The same data; with `on`, a missing value excludes also the samples up to `2xtau_max` after it.
+    /// With `on`, a missing value also excludes the samples up to `2xtau_max` after it.
     #[must_use]
     pub fn with_remove_missing_upto_maxlag(mut self, on: bool) -> Self {
         self.remove_missing_upto_maxlag = on;
         self
     }
 
-    /// The same data with the columns `vars` only, in that order.
+    /// A data frame of the columns `vars` only, in that order.
     ///
     /// # Panics
-    /// When a column does not exist.
+    /// If a column does not exist.
     #[must_use]
     pub fn select(&self, vars: &[usize]) -> Self {
         let recordings: Vec<_> = self.recordings.iter().map(|r| r.select(Axis(1), vars)).collect();
@@ -165,7 +165,7 @@ impl DataFrame {
         self.var_names.len()
     }
 
-    /// Whether some samples may be left out of some tests: a value is missing, or a mask is in force.
+    /// Whether some tests may have to leave out samples: a value is missing, or a mask applies.
     pub fn is_incomplete(&self) -> bool {
         self.has_missing || (self.masks.is_some() && self.mask_type != MaskType::default())
     }

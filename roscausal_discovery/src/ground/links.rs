@@ -1,4 +1,4 @@
-//! What is assumed of links before anything is tested.
+//! Link assumptions: what is known beforehand about which links may exist.
 
 use std::collections::BTreeMap;
 
@@ -7,25 +7,25 @@ use super::{
     node::Node,
 };
 
-/// What is assumed of a possible link, seen from the cause to the effect.
+/// What is assumed about a possible link, read from cause to effect.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Assumption {
-    /// `-->`: exists; not tested (value 1, p-value 0).
+    /// `-->`: exists, and is not tested (value 1, p-value 0).
     Exists,
-    /// `-?>`: may exist; tested.
+    /// `-?>`: may exist, and is tested.
     Test,
-    /// `<--`: exists the other way round (lag 0 only).
+    /// `<--`: exists in the opposite direction (lag 0 only).
     ExistsBackward,
-    /// `<?-`: may exist the other way round (lag 0 only).
+    /// `<?-`: may exist in the opposite direction (lag 0 only).
     TestBackward,
-    /// `o-o`: exists, of unknown direction (lag 0 only).
+    /// `o-o`: exists, direction unknown (lag 0 only).
     ExistsUnoriented,
-    /// `o?o`: may exist, of unknown direction (lag 0 only).
+    /// `o?o`: may exist, direction unknown (lag 0 only).
     TestUnoriented,
 }
 
 impl Assumption {
-    /// The field's symbol.
+    /// The assumption as tigramite writes it.
     pub fn symbol(self) -> &'static str {
         match self {
             Self::Exists => "-->",
@@ -37,12 +37,12 @@ impl Assumption {
         }
     }
 
-    /// Whether the link is taken to exist without a test.
+    /// Whether the link counts as existing without a test.
     pub fn exists(self) -> bool {
         matches!(self, Self::Exists | Self::ExistsBackward | Self::ExistsUnoriented)
     }
 
-    /// The same link seen from its other end.
+    /// The same link, read from its other end.
     pub fn mirrored(self) -> Self {
         match self {
             Self::Exists => Self::ExistsBackward,
@@ -94,12 +94,12 @@ pub struct LinkAssumptions {
 }
 
 impl LinkAssumptions {
-    /// No link at all among `n_vars` variables.
+    /// No links among `n_vars` variables.
     pub fn none(n_vars: usize) -> Self {
         Self { targets: vec![BTreeMap::new(); n_vars] }
     }
 
-    /// Everything may exist: lagged pairs `-?>`, pairs at lag 0 `o?o`, lags `tau_min..=tau_max`.
+    /// Every link may exist: lagged pairs `-?>`, pairs at lag 0 `o?o`, lags `tau_min..=tau_max`.
     pub fn all(n_vars: usize, tau_min: usize, tau_max: usize) -> Self {
         let mut links = Self::none(n_vars);
         for (target, map) in links.targets.iter_mut().enumerate() {
@@ -115,8 +115,8 @@ impl LinkAssumptions {
         links
     }
 
-    /// The same assumptions, in which no link points to the variables `context` (such as weather, or the time of
-    /// day): they have no parents, not even their own past. At lag 0 they may only be causes.
+    /// Removes all links that point to the variables `context`, such as weather or time of day. They have no
+    /// parents, not even their own past. At lag 0 they can only be causes.
     #[must_use]
     pub fn exogenous(mut self, context: &[usize]) -> Self {
         for (target, map) in self.targets.iter_mut().enumerate() {
@@ -126,7 +126,7 @@ impl LinkAssumptions {
                 if source.lag > 0 || (is_context && other_is_context) {
                     return !is_context;
                 }
-                // One of the two is context: the link points away from it.
+                // One of the two is a context variable: the link points away from it.
                 let (free, oriented) = match (is_context, other_is_context) {
                     (true, false) => (Assumption::TestBackward, Assumption::ExistsBackward),
                     (false, true) => (Assumption::Test, Assumption::Exists),
@@ -168,7 +168,7 @@ impl LinkAssumptions {
         self.targets.len()
     }
 
-    /// What is assumed of a link; `None`: absent.
+    /// The assumption about a link; `None`: no link.
     pub fn get(&self, cause: usize, effect: usize, lag: usize) -> Option<Assumption> {
         self.targets.get(effect)?.get(&Node::new(cause, lag)).copied()
     }
@@ -178,7 +178,7 @@ impl LinkAssumptions {
         self.targets[target].iter().map(|(&node, &assumption)| (node, assumption))
     }
 
-    /// Checks that they fit the variables and lags of a run.
+    /// Checks that the assumptions match the variables and lags of a run.
     pub(crate) fn check(&self, n_vars: usize, tau_min: usize, tau_max: usize) -> Result<()> {
         if self.targets.len() != n_vars {
             return Err(Error::param(

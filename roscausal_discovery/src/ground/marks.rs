@@ -2,7 +2,7 @@
 
 use std::fmt;
 
-/// Mark of a link in a graph, seen from the cause to the effect.
+/// Mark of a link in a graph, read from cause to effect.
 ///
 /// ```
 /// use roscausal_discovery::LinkMark;
@@ -18,11 +18,11 @@ pub enum LinkMark {
     Absent,
     /// `-->`: from cause to effect.
     Forward,
-    /// `<--`: the other way round; only at lag 0.
+    /// `<--`: from effect to cause; only at lag 0.
     Backward,
-    /// `o-o`: of unknown direction; only at lag 0.
+    /// `o-o`: direction unknown; only at lag 0.
     Unoriented,
-    /// `x-x`: of contradictory direction; only at lag 0.
+    /// `x-x`: contradictory directions; only at lag 0.
     Conflict,
 }
 
@@ -38,7 +38,7 @@ impl LinkMark {
         }
     }
 
-    /// The same link seen from its other end.
+    /// The same link, read from its other end.
     pub fn mirrored(self) -> Self {
         match self {
             Self::Forward => Self::Backward,

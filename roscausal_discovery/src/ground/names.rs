@@ -15,7 +15,7 @@ pub fn position(names: &[String], wanted: &str) -> Option<usize> {
     exact.or_else(|| names.iter().position(|name| plain(name) == plain(wanted)))
 }
 
-/// The name nearest to `wanted`, if one is near enough to be meant.
+/// The name nearest to `wanted`, if one is close enough.
 ///
 /// ```
 /// use roscausal_discovery::names::nearest;

@@ -24,7 +24,7 @@ pub struct Samples<'a> {
     control: Control,
 }
 
-/// The rows of one test after samples with a missing node are left out.
+/// The lagged rows of one test, without the samples in which a node is missing or masked.
 #[derive(Clone, Debug, Default)]
 pub struct LaggedArrays {
     /// `n` samples of X.
@@ -38,24 +38,24 @@ pub struct LaggedArrays {
 }
 
 impl<'a> Samples<'a> {
-    /// Samples for a run with `tau_max` (`cut_off` = `2xtau_max`).
+    /// The samples of a run. A run with `tau_max` uses `cut_off` = `2xtau_max`.
     pub fn new(data: &'a DataFrame, cut_off: usize) -> Self {
         Self { data, cut_off, control: Control::default() }
     }
 
-    /// The same samples for a run that `control` watches.
+    /// The same samples, watched by `control`.
     #[must_use]
     pub fn with_control(mut self, control: Control) -> Self {
         self.control = control;
         self
     }
 
-    /// The run's control; a test that takes longer than a second calls its `check` in its loops.
+    /// The control of the run. A test that takes longer than a second calls its `check` in its loops.
     pub fn control(&self) -> &Control {
         &self.control
     }
 
-    /// The data frame behind.
+    /// The data frame that the samples come from.
     pub fn data(&self) -> &'a DataFrame {
         self.data
     }
@@ -70,12 +70,13 @@ impl<'a> Samples<'a> {
         self.data.recordings.iter().map(|r| r.nrows().saturating_sub(self.cut_off)).sum()
     }
 
-    /// Whether there is no sample at all.
+    /// Whether there is no sample.
     pub fn is_empty(&self) -> bool {
         self.len() == 0
     }
 
-    /// The samples of `x`, `y` and `z` in which none of them is missing or masked. Lags go up to `cut_off`.
+    /// The rows of `x`, `y` and `z`, without the samples in which one of them is missing or masked. Lags go up to
+    /// `cut_off`.
     pub fn arrays(&self, x: Node, y: Node, z: &[Node]) -> LaggedArrays {
         let n = self.len();
         let row = || Vec::with_capacity(n);
@@ -98,7 +99,7 @@ impl<'a> Samples<'a> {
         out
     }
 
-    /// For each sample of recording `k`: whether the test leaves it out.
+    /// For each sample of recording `k`: whether this test leaves it out.
     fn dropped(&self, k: usize, x: Node, y: Node, z: &[Node]) -> Vec<bool> {
         let (data, mask) = (self.data, self.data.mask_type);
         let n_rows = data.recordings[k].nrows();

@@ -1,32 +1,33 @@
-//! Partial correlations: from a correlation matrix by a growing Cholesky factor, and from the samples.
+//! Linear algebra of the partial-correlation tests: a Cholesky factor that grows from test to test, and residuals
+//! from the samples.
 
 use super::gram::Correlations;
 use crate::numeric::rows::dot;
 
-/// A pivot (share of a variable's variance that the variables before it leave) below this costs too many digits of
-/// a correlation matrix: such tests go back to the samples.
+/// Smallest pivot. A pivot is the fraction of a variable's variance that the earlier variables leave. A smaller one
+/// would cost too many digits of a correlation matrix, so such tests use the samples instead.
 const MIN_PIVOT: f64 = 1e-3;
 
-/// Share of a row's norm that may be left of it when it is a linear combination of others.
+/// Largest fraction of a row's norm that rounding may leave if the row is a linear combination of others.
 const RANK_TOLERANCE: f64 = 1e-12;
 
-/// A growing Cholesky factor. Row `i` depends only on the nodes up to `i`, so rows that the last test already
-/// computed for the same leading nodes are kept: the result is the same, to the bit, as without them.
+/// A growing Cholesky factor. Row `i` depends only on the nodes up to `i`. So rows that the previous test computed
+/// for the same leading nodes are reused, and the result is bitwise the same as without reuse.
 #[derive(Default)]
 pub(crate) struct Factor {
     nodes: Vec<usize>,
-    /// The factor by columns, each of `capacity` entries: forward substitution then runs along columns, without
-    /// the wait for a sum at each entry.
+    /// The factor by columns, each of `capacity` entries. Forward substitution then runs along columns and need not
+    /// wait for a sum at each entry.
     columns: Vec<f64>,
     capacity: usize,
     /// Inverses of the diagonal.
     inverse: Vec<f64>,
-    /// The row at work.
+    /// The row being computed.
     row: Vec<f64>,
 }
 
 impl Factor {
-    /// Extends the factor to `nodes`; `None` when a pivot is too small.
+    /// Extends the factor to `nodes`; `None` if a pivot is too small.
     fn extend(&mut self, r: &Correlations, nodes: impl Iterator<Item = usize>) -> Option<()> {
         let mut shared = true;
         let mut n = 0;
@@ -47,15 +48,15 @@ impl Factor {
         self.inverse.truncate(n);
     }
 
-    /// Leaves in `row` the entries of `node` with the first `n` columns; those after them are its covariances with the
-    /// rest of the nodes beyond those `n`. Returns what is left of the node's variance.
+    /// Computes in `row` the entries of `node` for the first `n` columns. The entries after them are its
+    /// covariances with the other nodes, given those `n`. Returns the remaining variance of the node.
     fn substitute(&mut self, r: &Correlations, node: usize, n: usize) -> f64 {
         let correlations = r.row(node);
         self.row.clear();
         self.row.extend(self.nodes.iter().map(|&other| correlations[other]));
         let mut left = correlations[node];
         let end = self.nodes.len();
-        // Four columns at a time: one pass over the rest of the row takes off all four.
+        // Four columns at a time: one pass over the rest of the row subtracts all four.
         let mut j = 0;
         while j < n {
             let width = if j + 4 <= n { 4 } else { 1 };
@@ -115,7 +116,7 @@ impl Factor {
         self.capacity = capacity;
     }
 
-    /// Partial correlation of `x` and `y` given `z`; `None` when the matrix is too near to a singular one.
+    /// Partial correlation of `x` and `y` given `z`; `None` if the matrix is too close to singular.
     pub(crate) fn partial_correlation(
         &mut self,
         r: &Correlations,
@@ -127,21 +128,21 @@ impl Factor {
             return Some(r.row(x)[y].clamp(-1.0, 1.0));
         }
         self.extend(r, z.iter().copied().chain([y]))?;
-        // The row of x up to z: its entry with y is then y's share of x beyond z.
+        // The row of x for the nodes in z. Its entry for y is then the covariance of x and y given z.
         let left = self.substitute(r, x, z.len());
         let with_y = self.row[z.len()] * self.inverse[z.len()];
         (left >= MIN_PIVOT).then(|| (with_y / left.sqrt()).clamp(-1.0, 1.0))
     }
 
-    /// Share of `y`'s variance that `z` leaves; `None` as above.
+    /// Fraction of `y`'s variance that remains given `z`; `None` as above.
     pub(crate) fn residual_variance(&mut self, r: &Correlations, y: usize, z: &[usize]) -> Option<f64> {
         self.extend(r, z.iter().copied().chain([y]))?;
         self.inverse.last().map(|inverse| 1.0 / (inverse * inverse))
     }
 }
 
-/// What is left of `row` after its projection on the orthonormal `basis` is taken off (twice, for the digits).
-/// The row has norm 1; false, and an empty row, when nothing but rounding is left.
+/// Subtracts from `row` its projection on the orthonormal `basis` (twice, for accuracy). The row has norm 1. If
+/// nothing but rounding remains, the row becomes zero and the result is false.
 fn orthogonalize(row: &mut [f64], basis: &[Vec<f64>]) -> bool {
     for _ in 0..2 {
         for q in basis {
@@ -157,7 +158,7 @@ fn orthogonalize(row: &mut [f64], basis: &[Vec<f64>]) -> bool {
     true
 }
 
-/// An orthonormal basis of what rows of norm 1 span; a row that depends on those before it adds nothing.
+/// An orthonormal basis of the span of rows of norm 1. A row that depends on earlier ones adds nothing.
 fn orthonormal_basis(rows: Vec<Vec<f64>>) -> Vec<Vec<f64>> {
     let mut basis: Vec<Vec<f64>> = Vec::with_capacity(rows.len());
     for mut row in rows {
@@ -170,8 +171,8 @@ fn orthonormal_basis(rows: Vec<Vec<f64>>) -> Vec<Vec<f64>> {
     basis
 }
 
-/// Residuals of `x` and `y` on `z` from the samples, all rows standardised (norm 1, mean 0). A residual that is
-/// zero but for rounding comes as zeros.
+/// Residuals of `x` and `y` on `z`, computed from the samples. All rows are standardised (norm 1, mean 0). A
+/// residual that is zero up to rounding is returned as zeros.
 pub(crate) fn residuals(mut x: Vec<f64>, mut y: Vec<f64>, z: Vec<Vec<f64>>) -> (Vec<f64>, Vec<f64>) {
     let basis = orthonormal_basis(z);
     orthogonalize(&mut x, &basis);

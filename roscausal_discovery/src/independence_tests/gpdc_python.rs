@@ -1,4 +1,4 @@
-//! GPDC by the Python package that computes it, in an embedded interpreter.
+//! GPDC computed by the Python reference (feature `python`).
 
 use std::{
     collections::HashMap,
@@ -10,10 +10,11 @@ use pyo3::{prelude::*, types::PyDict};
 use super::settings::{Significance, TestSettings};
 use crate::ground::{CondIndTest, Error, Node, PreparedTest, Result, Samples, TestResult};
 
-/// GPDC as the Python package `tigramite` computes it, in an interpreter inside this process: to hold the native
-/// [`super::Gpdc`] against it on one's own data. Slow; one test at a time.
+/// GPDC as the Python package `tigramite` computes it, in an embedded interpreter. Use it to compare the native
+/// [`super::Gpdc`] with the reference on your own data. It is slow and runs one test at a time.
 ///
-/// The interpreter is the one this crate was built with; `PYTHONPATH` leads it to a virtual environment's packages.
+/// The interpreter is the one that this crate was built with. `PYTHONPATH` makes the packages of a virtual
+/// environment visible to it.
 #[derive(Clone, Debug)]
 pub struct GpdcPython {
     significance: &'static str,
@@ -40,10 +41,10 @@ impl GpdcPython {
         Ok(Self { significance, sig_samples: settings.sig_samples.unwrap_or(500), seed: settings.seed })
     }
 
-    /// Whether the Python package can be imported.
+    /// Checks that the Python package can be imported.
     ///
     /// # Errors
-    /// The reason why not, and what to install.
+    /// Why it cannot, and what to install.
     pub fn check_package() -> Result<()> {
         Python::attach(|py| class(py).map(|_| ()))
     }
@@ -78,7 +79,8 @@ impl CondIndTest for GpdcPython {
 struct Prepared<'a> {
     test: &'a GpdcPython,
     samples: &'a Samples<'a>,
-    /// One Python object per number of samples: each draws its null table from the start of its random stream.
+    /// One Python object per number of samples. Each draws its null distribution from the start of its random
+    /// stream.
     objects: Mutex<HashMap<usize, Py<PyAny>>>,
 }
 
@@ -108,7 +110,7 @@ impl PreparedTest for Prepared<'_> {
             };
             call().map_err(failed)
         })?;
-        // A constant series has no value there.
+        // The Python class gives no value for a constant series.
         let (value, p_value) =
             if value.is_finite() && p_value.is_finite() { (value, p_value) } else { (0.0, 1.0) };
         Ok(TestResult {

@@ -1,18 +1,18 @@
-//! Correlations of all lagged variables of a run.
+//! The correlation matrix of all lagged variables of a run.
 
 use crate::{
     ground::{Error, Node, Result, Samples},
     numeric::rows::{dot, is_constant},
 };
 
-/// Most entries that a run's matrix may have (1 GB).
+/// Most entries that the matrix of a run may have (1 GB).
 const MAX_ENTRIES: usize = 1 << 27;
 
-/// Correlations of all lagged variables of a run, over the run's samples.
+/// Correlations of all lagged variables of a run, over its samples.
 ///
-/// Lag covariances share their sums: `sum_t x_i(t-a) x_j(t-b)` over the samples is a core that depends only on
-/// `b - a`, plus a few products at the two ends of each recording. So `N^2 lags` sums are taken, not their square.
-/// All parts are added, never subtracted: an outlier at an end costs no digits.
+/// Lagged covariances share most of their sums. `sum_t x_i(t-a) x_j(t-b)` over the samples is a core that depends
+/// only on `b - a`, plus a few products at both ends of each recording. So it takes `N^2 lags` sums instead of `N^2
+/// lags^2`. All parts are added and none is subtracted, so an outlier at an end costs no digits.
 pub(crate) struct Correlations {
     n_lags: usize,
     n_nodes: usize,
@@ -22,13 +22,13 @@ pub(crate) struct Correlations {
 }
 
 impl Correlations {
-    /// Whether the matrix of these samples fits into memory.
+    /// Whether the matrix of these samples stays within the limit.
     pub(crate) fn fits(samples: &Samples<'_>) -> bool {
         let n_nodes = samples.data().n_vars().saturating_mul(samples.cut_off() + 1);
         n_nodes.saturating_mul(n_nodes) <= MAX_ENTRIES
     }
 
-    /// Correlations of the lagged variables as they are; nothing may be missing.
+    /// Correlations of the untransformed lagged variables. No value may be missing.
     pub(crate) fn lagged(samples: &Samples<'_>) -> Result<Self> {
         let n_vars = samples.data().n_vars();
         let n_lags = samples.cut_off() + 1;
@@ -52,7 +52,7 @@ impl Correlations {
         Ok(Self::normalized(n_lags, gram.sums, &means, n, constant))
     }
 
-    /// Correlations of rows, one per node in the order of [`Correlations::index`], each already transformed.
+    /// Correlations of transformed rows, one per node in the order of [`Correlations::index`].
     pub(crate) fn of_rows(rows: &[Vec<f64>], n_lags: usize) -> Self {
         let n_nodes = rows.len();
         let n = rows.first().map_or(0, Vec::len) as f64;
@@ -94,18 +94,18 @@ impl Correlations {
         Ok(node.var * self.n_lags + node.lag)
     }
 
-    /// Whether a node has one value only.
+    /// Whether a node is constant.
     pub(crate) fn is_constant(&self, index: usize) -> bool {
         self.constant[index]
     }
 
-    /// Correlations of one node with all.
+    /// Correlations of one node with all nodes.
     pub(crate) fn row(&self, index: usize) -> &[f64] {
         &self.r[index * self.n_nodes..(index + 1) * self.n_nodes]
     }
 }
 
-/// Sums of products of `a` with each row, `put(k, sum)`; four rows at a time share the loads of `a`.
+/// Sums of products of `a` with each row, passed to `put(k, sum)`. Four rows at a time share the loads of `a`.
 fn dots<R: AsRef<[f64]>>(a: &[f64], rows: &[R], mut put: impl FnMut(usize, f64)) {
     let (fours, rest) = rows.as_chunks::<4>();
     for (k, four) in fours.iter().enumerate() {
@@ -134,7 +134,8 @@ fn dot4(a: &[f64], rows: [&[f64]; 4]) -> [f64; 4] {
     sums
 }
 
-/// Columns of each recording, `[recording][var][t]`, each variable with mean 0 and deviation 1 over all of them.
+/// Columns of each recording, `[recording][var][t]`. Each variable has mean 0 and standard deviation 1 over all
+/// recordings.
 fn standardized_columns(samples: &Samples<'_>) -> Vec<Vec<Vec<f64>>> {
     let recordings = samples.data().recordings();
     let n_vars = samples.data().n_vars();
@@ -161,7 +162,7 @@ fn window(column: &[f64], cut_off: usize, lag: usize) -> Option<&[f64]> {
     (column.len() > cut_off).then(|| &column[cut_off - lag..column.len() - lag])
 }
 
-/// For each node: whether it has one value over all recordings' windows.
+/// For each node: whether it is constant over the windows of all recordings.
 fn constant_windows(samples: &Samples<'_>) -> Vec<bool> {
     let cut_off = samples.cut_off();
     let recordings = samples.data().recordings();
@@ -243,7 +244,7 @@ impl Gram {
         }
     }
 
-    /// A recording of fewer samples than lags: the sums one by one.
+    /// For a recording with fewer samples than lags: the sums one by one.
     fn add_short(&mut self, columns: &[Vec<f64>], cut_off: usize) {
         for i in 0..self.n_vars {
             for j in 0..self.n_vars {
@@ -281,7 +282,7 @@ mod tests {
         numeric::{random::Rng, rows::standardize},
     };
 
-    /// Correlations straight from their definition.
+    /// Correlations computed directly from their definition.
     fn by_definition(samples: &Samples<'_>, x: Node, y: Node) -> f64 {
         let mut arrays = samples.arrays(x, y, &[]);
         if !standardize(&mut arrays.x) || !standardize(&mut arrays.y) {

@@ -1,4 +1,4 @@
-//! G-squared: independence of discrete variables.
+//! The G test, for discrete variables.
 
 use std::collections::HashMap;
 
@@ -11,16 +11,16 @@ use crate::{
     numeric::{random::Rng, special::chi_squared_sf},
 };
 
-/// G test of discrete variables: `G = 2 sum n ln(n / e)` over the cells of X and Y in every stratum of Z, where `e`
-/// is the count expected under independence (McDonald 2014, Handbook of Biological Statistics, "G-test of
+/// G test of discrete variables: `G = 2 sum n ln(n / e)` over the cells of X and Y in every stratum of Z. `e` is
+/// the count expected under independence (McDonald 2014, Handbook of Biological Statistics, "G-test of
 /// independence").
 ///
 /// Take it for categories, states and counts. It needs some samples for each combination of the levels of X, Y and Z, so
 /// few levels and few conditions.
 ///
-/// P-value: chi-squared; each stratum gives `(rows - 1) (columns - 1)` degrees of freedom, rows and columns
-/// without a sample left out. Without degrees of freedom the value is 0 and the p-value 1. Values are
-/// levels by equality: round measurements before use.
+/// P-value: chi-squared. Each stratum gives `(rows - 1) (columns - 1)` degrees of freedom, not counting rows and
+/// columns without a sample. Without degrees of freedom the value is 0 and the p-value 1. Equal values form a
+/// level, so discretise measurements before use.
 ///
 /// ```
 /// use roscausal_discovery::{CondIndTest, DataFrame, Node, Samples};
@@ -126,7 +126,7 @@ struct G {
     dof: usize,
 }
 
-/// Levels of a row as numbers `0..`, in the order of appearance.
+/// Levels of a row as numbers `0..`, in order of appearance.
 fn levels(row: &[f64]) -> Vec<usize> {
     let mut seen = HashMap::new();
     row.iter()
@@ -154,7 +154,7 @@ fn strata(z: &[Vec<f64>], n: usize) -> Vec<usize> {
 fn g_statistic(x: &[usize], y: &[usize], stratum: &[usize]) -> G {
     let count = |row: &[usize]| row.iter().max().map_or(0, |most| most + 1);
     let (rows, columns, n_strata) = (count(x), count(y), count(stratum));
-    // Samples by stratum, so that one small table is enough.
+    // Samples sorted by stratum, so that one small table suffices.
     let mut start = vec![0; n_strata + 1];
     stratum.iter().for_each(|&s| start[s + 1] += 1);
     (0..n_strata).for_each(|s| start[s + 1] += start[s]);
@@ -178,7 +178,7 @@ fn g_statistic(x: &[usize], y: &[usize], stratum: &[usize]) -> G {
             *cells.entry((x[i], y[i])).or_default() += 1;
         }
         let n = members.len() as f64;
-        // A map has no order of its own: sorted, so that the sum is the same every time.
+        // A map has no fixed order. Sorting makes the sum the same every time.
         let mut cells: Vec<_> = cells.iter().map(|(&cell, &observed)| (cell, observed)).collect();
         cells.sort_unstable();
         for ((a, b), observed) in cells {
@@ -188,7 +188,7 @@ fn g_statistic(x: &[usize], y: &[usize], stratum: &[usize]) -> G {
         let used = |counts: &[usize]| counts.iter().filter(|&&c| c > 0).count();
         dof += used(&of_x).saturating_sub(1) * used(&of_y).saturating_sub(1);
     }
-    // Rounding may leave a value of zero just below zero; no degrees of freedom, no dependence.
+    // Rounding may leave a zero value slightly negative. Without degrees of freedom there is no dependence.
     G { value: if dof > 0 { value.max(0.0) } else { 0.0 }, dof }
 }
 
@@ -230,7 +230,7 @@ mod tests {
 
     #[test]
     fn strata_add_up_and_explain_away() {
-        // Within each stratum X and Y are independent; pooled they are not.
+        // X and Y are independent within each stratum, but not in the pooled data.
         let cells = [
             (0.0, 0.0, 0.0, 120),
             (0.0, 1.0, 0.0, 60),

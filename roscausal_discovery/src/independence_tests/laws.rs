@@ -1,4 +1,4 @@
-//! One test body for every independence test: what holds for all of them.
+//! Laws that hold for every independence test. Each is one test body that runs over all registered tests.
 
 use ndarray::Array2;
 
@@ -9,7 +9,7 @@ use crate::{
     numeric::random::Rng,
 };
 
-/// Quick settings; randomness from one seed.
+/// Settings for quick tests, with a fixed seed.
 fn settings() -> TestSettings {
     TestSettings { sig_samples: Some(60), ..TestSettings::default() }
 }
@@ -21,8 +21,8 @@ fn each_test(mut law: impl FnMut(&str, &dyn CondIndTest)) {
     }
 }
 
-/// Whole numbers 0 to 3, or about normal ones: with columns x, y = x + noise, noise, noise, constant, copy of the
-/// third, and one with missing values.
+/// Integers 0 to 3, or roughly normal numbers. The columns are x, y = x + noise, noise, noise, a constant, a copy
+/// of the third, and one with missing values.
 fn columns(n: usize, whole: bool, seed: u64) -> DataFrame {
     let mut rng = Rng::for_test(seed, Node::new(0, 0), Node::new(0, 0), &[]);
     let mut noise = || (0..12).map(|_| rng.below(1000) as f64 / 1000.0).sum::<f64>() - 6.0;
@@ -59,7 +59,7 @@ fn n(var: usize) -> Node {
     Node::new(var, 0)
 }
 
-/// Conditions that no test may stumble over: none, some, a constant, twice the same, X's own copy.
+/// Condition sets that no test may fail on: empty, some, a constant, duplicates, X's own past.
 fn condition_sets() -> Vec<Vec<Node>> {
     vec![
         vec![],
@@ -132,7 +132,7 @@ fn samples_with_a_missing_node_are_left_out_and_counted() {
             check(name, &result);
             assert_eq!((result.n_samples, result.n_lost), (88 - lost, lost), "{name}");
         }
-        // Two lags of it: twice as many.
+        // Two lags of the same variable lose twice as many samples.
         assert_eq!(prepared.run_test(n(6), n(1), &[Node::new(6, 1)]).unwrap().n_lost, 18, "{name}");
     });
 }

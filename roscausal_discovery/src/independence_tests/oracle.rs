@@ -1,4 +1,4 @@
-//! The oracle: independence read off a known graph.
+//! A test that knows the true graph, for checking methods.
 
 use std::collections::{HashSet, VecDeque};
 
@@ -6,8 +6,8 @@ use crate::ground::{
     Assumption, CondIndTest, Error, LinkAssumptions, Node, PreparedTest, Result, Samples, TestResult,
 };
 
-/// The test that knows the truth: d-separation in a given time series graph (Pearl 1988). With it an algorithm shows
-/// what it would find with endless data. Value and p-value are 1 and 0 for dependent nodes, 0 and 1 for separated ones.
+/// A test that knows the truth: d-separation in a given time series graph (Pearl 1988). With it a method shows what
+/// it would find with infinite data. Value and p-value are 1 and 0 for dependent nodes, 0 and 1 for separated ones.
 ///
 /// Take it to study a method, or to test one: what it finds with the oracle and not with data is a matter of samples.
 ///
@@ -24,18 +24,18 @@ use crate::ground::{
 /// # Ok::<(), roscausal_discovery::Error>(())
 /// ```
 ///
-/// Paths into the past are followed until conditions of a finite window cannot open or block any more.
+/// Paths into the past are followed until a finite set of conditions can no longer open or block them.
 #[derive(Clone, Debug)]
 pub struct OracleCi {
     /// `parents[j]`: the causes of `j` at `t`, with their lags.
     parents: Vec<Vec<Node>>,
-    /// `children[i]`: the effects of `i` at `t`, and how many steps later.
+    /// `children[i]`: the effects of `i` at `t`, with the number of steps until each.
     children: Vec<Vec<Node>>,
     max_lag: usize,
 }
 
 impl OracleCi {
-    /// The oracle of the graph whose links are those that `truth` assumes to exist (`-->`, and `<--` at lag 0).
+    /// The oracle of the graph whose links `truth` assumes to exist (`-->`, and `<--` at lag 0).
     ///
     /// # Errors
     /// A link without direction, or a cycle at lag 0.
@@ -69,7 +69,7 @@ impl OracleCi {
     }
 
     fn has_cycle(&self) -> bool {
-        // Variables are taken off while one of them has no contemporaneous parent left.
+        // Removes variables that have no contemporaneous parent left, until none remains or there is a cycle.
         let mut left: HashSet<usize> = (0..self.parents.len()).collect();
         loop {
             let free = |&&v: &&usize| !self.parents[v].iter().any(|p| p.lag == 0 && left.contains(&p.var));
@@ -82,13 +82,13 @@ impl OracleCi {
 
     /// Whether `z` separates `x` from `y`.
     pub fn is_separated(&self, x: Node, y: Node, z: &[Node]) -> bool {
-        // A path that leaves the window of the nodes through the past comes back, if at all, without meeting a
-        // condition; the number of variables times the longest lag is far enough for any such detour.
+        // A path that leaves the window of the nodes into the past returns, if at all, without meeting a condition.
+        // The number of variables times the longest lag covers any such detour.
         let deepest = [x, y].iter().chain(z).map(|node| node.lag).max().unwrap_or(0);
         let horizon = deepest + self.max_lag * (self.parents.len() + 1);
         let conditions: HashSet<Node> = z.iter().copied().collect();
         let opened = self.ancestors(z, horizon);
-        // Bayes ball: (node, arrived from a child?).
+        // Bayes ball: (node, whether it was reached from a child).
         let mut seen = HashSet::new();
         let mut queue = VecDeque::from([(x, true)]);
         while let Some((node, from_child)) = queue.pop_front() {
@@ -115,7 +115,7 @@ impl OracleCi {
         true
     }
 
-    /// The nodes themselves and their ancestors: colliders there are open.
+    /// The nodes and all their ancestors: colliders there are open.
     fn ancestors(&self, nodes: &[Node], horizon: usize) -> HashSet<Node> {
         let mut found = HashSet::new();
         let mut queue: Vec<Node> = nodes.to_vec();
@@ -207,7 +207,7 @@ mod tests {
 
     #[test]
     fn a_common_driver_deep_in_the_past_is_seen() {
-        // Autocorrelated 0 and 2 share the driver 1 far back.
+        // The autocorrelated variables 0 and 2 share the driver 1 far in the past.
         let n = Node::new;
         let oracle = truth(3, &[(0, 0, 1), (2, 2, 1), (1, 0, 3), (1, 2, 3)]);
         assert!(!oracle.is_separated(n(0, 0), n(2, 0), &[]));

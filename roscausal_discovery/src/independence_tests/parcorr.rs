@@ -1,4 +1,4 @@
-//! Partial correlation: linear dependence.
+//! Linear partial correlation, and what it shares with the robust variant.
 
 use std::sync::{Mutex, PoisonError};
 
@@ -17,7 +17,8 @@ use crate::{
     },
 };
 
-/// Linear partial correlation: correlation of the residuals of X and Y after linear regression on Z.
+/// Linear partial correlation: correlation of the residuals of X and Y after linear regression on Z. Take it if
+/// dependences are linear; it is by far the fastest test.
 ///
 /// Take it first: it is by far the fastest test and has the most power where dependence is linear. It misses dependence
 /// that has no linear part, such as Y on the square of X.
@@ -72,10 +73,10 @@ impl CondIndTest for ParCorr {
     }
 }
 
-/// Makes of each row something that is then tested linearly.
+/// Transforms each row before the linear test.
 pub(crate) type Transform = fn(&mut [f64]);
 
-/// What the partial-correlation tests share: settings, and the test on prepared samples.
+/// What the partial-correlation tests share: their settings, and the test on prepared samples.
 #[derive(Clone, Debug)]
 pub(crate) struct Linear {
     pub(crate) significance: Significance,
@@ -135,7 +136,7 @@ fn transformed_correlations(samples: &Samples<'_>, transform: Transform) -> Resu
             let node = Node::new(var, lag);
             let mut row = samples.arrays(node, node, &[]).x;
             transform(&mut row);
-            // A constant row stays as it is and is found by its equal values.
+            // A constant row stays as it is; it is recognised by its equal values.
             standardize(&mut row);
             rows.push(row);
         }
@@ -148,9 +149,9 @@ struct Prepared<'a> {
     test: &'a Linear,
     samples: &'a Samples<'a>,
     transform: Option<Transform>,
-    /// Absent when samples differ from test to test.
+    /// `None` if the samples differ from test to test.
     shared: Option<Correlations>,
-    /// Factors of the last tests, one per thread at work.
+    /// Factors of the previous tests, one per working thread.
     factors: Mutex<Vec<Workspace>>,
 }
 
@@ -160,14 +161,14 @@ struct Workspace {
     z: Vec<usize>,
 }
 
-/// Rows of one test, standardised; constant rows of Z are gone.
+/// Rows of one test, standardised, without the constant rows of Z.
 struct Rows {
     x: Vec<f64>,
     y: Vec<f64>,
     z: Vec<Vec<f64>>,
     n_samples: usize,
     n_lost: usize,
-    /// X or Y has one value only.
+    /// X or Y is constant.
     constant: bool,
 }
 
@@ -186,7 +187,8 @@ impl Prepared<'_> {
         Rows { x, y, z, n_samples, n_lost, constant }
     }
 
-    /// Value from the shared matrix; `None` when the samples are needed. X or Y constant gives `Some(None)`.
+    /// The value from the shared matrix; `None` if the samples are needed. If X or Y is constant, it is
+    /// `Some(None)`.
     fn fast(&self, x: Node, y: Node, z: &[Node]) -> Result<Option<Option<f64>>> {
         let Some(r) = &self.shared else { return Ok(None) };
         let (x, y) = (r.index(x)?, r.index(y)?);
@@ -253,7 +255,7 @@ impl PreparedTest for Prepared<'_> {
         };
         let mut result =
             TestResult { value: 0.0, p_value: 1.0, confidence: None, n_samples, n_lost, dependent: None };
-        // Defined answers: a constant has no dependence, and no degrees of freedom give no evidence.
+        // Defined answers: a constant has no dependence, and without degrees of freedom there is no evidence.
         let dof = n_samples.saturating_sub(2 + z.len());
         let Some(value) = value.filter(|_| dof > 0) else {
             result.confidence = test.confidence.map(|_| (0.0, 0.0));
@@ -288,10 +290,10 @@ impl PreparedTest for Prepared<'_> {
         Ok(result)
     }
 
-    /// AIC: `n ln(RSS) + 2 (k + 1)` of the standardised target, k parents.
+    /// AIC of the standardised target: `n ln(RSS) + 2 (k + 1)` with k parents.
     fn model_selection_score(&self, target: Node, parents: &[Node]) -> Result<f64> {
         let penalty = 2.0 * (parents.len() as f64 + 1.0);
-        // A target that its parents leave nothing of: as good as rounding lets it be.
+        // Parents that determine the target: the residual is as small as rounding allows.
         let score = |n: usize, left: f64| n as f64 * (n as f64 * left.max(1e-30)).ln() + penalty;
         if let Some(r) = &self.shared {
             let target = r.index(target)?;

@@ -1,4 +1,4 @@
-//! The independence tests by name.
+//! The registry of independence tests: name and constructor of each.
 
 #[cfg(feature = "python")]
 use super::GpdcPython;

@@ -1,4 +1,4 @@
-//! Significance and confidence by resampling in blocks.
+//! Significance and confidence by block resampling.
 
 use crate::{
     ground::{Control, Result},
@@ -12,8 +12,8 @@ pub(crate) struct Resampling<'a> {
 }
 
 impl Resampling<'_> {
-    /// P-value of a two-sided test: share of surrogates, X shuffled in blocks, whose statistic is at least as
-    /// large, `(count + 1) / (samples + 1)`.
+    /// P-value of a two-sided test. X is shuffled in blocks; the p-value is the fraction of surrogates whose
+    /// statistic is at least as large, `(count + 1) / (samples + 1)`.
     pub(crate) fn shuffle_p(
         &mut self,
         x: &[f64],
@@ -43,7 +43,7 @@ impl Resampling<'_> {
         Ok((count + 1) as f64 / (samples + 1) as f64)
     }
 
-    /// Percentile interval of the statistic over block-bootstrap samples of all rows jointly.
+    /// Percentile interval of the statistic over block-bootstrap samples, drawn jointly for all rows. The tuple is
     /// `(samples, block length, level)`.
     pub(crate) fn bootstrap(
         &mut self,
@@ -78,9 +78,9 @@ impl Resampling<'_> {
     }
 }
 
-/// Block length for surrogates that keep the autocorrelation (Mader et al. 2013, Eq. 6, after Peifer et al. 2005):
-/// the decay `phi` of the envelope of the autocorrelation gives the length; the longest of the rows counts, at
-/// most a tenth of the samples. Where the decay cannot be fitted it is a twentieth.
+/// Block length for surrogates that keep the autocorrelation (Mader et al. 2013, Eq. 6, after Peifer et al. 2005).
+/// It follows from the decay `phi` of the envelope of the autocorrelation. The longest of the rows counts, up to a
+/// tenth of the samples. If the decay cannot be fitted, it is a twentieth of the samples.
 pub(crate) fn optimal_block_length(rows: &[&[f64]]) -> usize {
     let n = rows.first().map_or(0, |row| row.len());
     let longest = n / 10;
@@ -118,7 +118,7 @@ fn autocorrelation(row: &[f64], max_lag: usize) -> Vec<f64> {
 fn envelope(signal: &[f64]) -> Vec<f64> {
     let n = signal.len();
     let angle = |k: usize, t: usize| std::f64::consts::TAU * ((k * t) % n) as f64 / n as f64;
-    // Frequencies: 0 and n/2 once, those below n/2 twice, the negative ones not at all.
+    // Frequencies 0 and n/2 count once, those between them twice, and the negative ones not at all.
     let spectrum: Vec<(f64, f64)> = (0..=n / 2)
         .map(|k| {
             let weight = if k == 0 || 2 * k == n { 1.0 } else { 2.0 };
@@ -143,12 +143,12 @@ fn envelope(signal: &[f64]) -> Vec<f64> {
         .collect()
 }
 
-/// The `phi` in (0, 1) for which `a phi^k` fits `y[k]` best in the least-squares sense, `a` free.
+/// The `phi` in (0, 1) for which `a phi^k` fits `y[k]` best by least squares, with `a` free.
 fn decay(y: &[f64]) -> Option<f64> {
     if y.len() < 3 {
         return None;
     }
-    // Left of the sum of squares when the best `a` is taken: maximise <y, phi^k>^2 / <phi^k, phi^k>.
+    // With the best `a`, minimising the sum of squares means maximising <y, phi^k>^2 / <phi^k, phi^k>.
     let fit = |phi: f64| {
         let (mut power, mut with_y, mut square) = (1.0, 0.0, 0.0);
         for v in y {
@@ -199,15 +199,11 @@ mod tests {
         assert_eq!(optimal_block_length(&[&[1.0; 5]]), 1);
     }
 
-    /// Block lengths of the reference, from its folder of results where there is one.
+    /// Block lengths of the reference, from the results in the repository.
     #[test]
     fn block_lengths_are_those_of_the_reference() {
-        let beside = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../../shared/golden");
-        let folder = std::env::var_os("ROSCAUSAL_GOLDEN").map_or(beside, std::path::PathBuf::from);
-        let Ok(text) = std::fs::read_to_string(folder.join("misc.json")) else {
-            eprintln!("SKIPPED: no reference results at {}", folder.display());
-            return;
-        };
+        let folder = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../tests/golden");
+        let text = std::fs::read_to_string(folder.join("misc.json")).unwrap();
         let misc: serde_json::Value = serde_json::from_str(&text).unwrap();
         let row = |value: &serde_json::Value| -> Vec<f64> {
             value.as_array().unwrap().iter().map(|v| v.as_f64().unwrap()).collect()

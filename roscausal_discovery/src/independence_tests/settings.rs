@@ -1,22 +1,22 @@
-//! The settings of independence tests.
+//! Settings of the independence tests.
 
 use crate::ground::{Error, Result};
 
-/// How a value becomes a p-value.
+/// How a test value becomes a p-value.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Significance {
-    /// From the known distribution of the value.
+    /// From the known null distribution.
     Analytic,
-    /// From the values of data in which X is shuffled in blocks.
+    /// From surrogates in which X is shuffled in blocks.
     ShuffleTest,
-    /// No p-value: dependent when the value reaches the level, which is then a threshold.
+    /// No p-value: the nodes are dependent if the value reaches the significance level, which acts as a threshold.
     FixedThres,
 }
 
 /// How a confidence interval is computed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Confidence {
-    /// From the known distribution of the value.
+    /// From the known null distribution.
     Analytic,
     /// From block-bootstrap samples.
     Bootstrap,
@@ -71,23 +71,23 @@ impl std::str::FromStr for GpSearch {
 /// ```
 #[derive(Clone, Debug, PartialEq)]
 pub struct TestSettings {
-    /// How a value becomes a p-value.
+    /// How a test value becomes a p-value.
     pub significance: Option<Significance>,
-    /// Surrogates of a shuffle test, or size of a null table. Default 500.
+    /// Number of surrogates of a shuffle test, or size of a null distribution. Default 500.
     pub sig_samples: Option<usize>,
-    /// Block length in samples of a shuffle test; `None`: from the autocorrelation.
+    /// Block length of a shuffle test, in samples; `None`: from the autocorrelation.
     pub sig_blocklength: Option<usize>,
     /// Confidence interval, if any.
     pub confidence: Option<Confidence>,
     /// Level of the two-sided confidence interval. Default 0.9.
     pub conf_lev: f64,
-    /// Bootstrap samples. Default 100.
+    /// Number of bootstrap samples. Default 100.
     pub conf_samples: usize,
-    /// Block length in samples of the bootstrap; `None`: from the autocorrelation.
+    /// Block length of the bootstrap, in samples; `None`: from the autocorrelation.
     pub conf_blocklength: Option<usize>,
     /// Seed of all random numbers. Default 42.
     pub seed: u64,
-    /// `cmiknn`: neighbours, or the fraction of the samples where below 1. Default 0.2.
+    /// `cmiknn`: number of neighbours; below 1, the fraction of the samples. Default 0.2.
     pub knn: Option<f64>,
     /// `cmiknn`: neighbours in Z among which Y is permuted. Default 5.
     pub shuffle_neighbors: Option<usize>,
@@ -97,7 +97,7 @@ pub struct TestSettings {
     pub gp_search: GpSearch,
     /// `gpdc`: searches from this many random places more, of which the best counts. Default 0, as the reference.
     pub gp_restarts: usize,
-    /// Memory in bytes that a test may take; `None`: no bound.
+    /// Memory in bytes that a test may take; `None`: no limit.
     pub max_memory: Option<usize>,
 }
 
@@ -123,7 +123,7 @@ impl Default for TestSettings {
 }
 
 impl TestSettings {
-    /// Checks what all tests share.
+    /// Checks the settings that all tests share.
     ///
     /// # Errors
     /// The first setting that is out of its range.

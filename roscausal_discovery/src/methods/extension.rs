@@ -1,11 +1,12 @@
-//! One DAG of the class that a graph stands for.
+//! From a graph with undirected links to one DAG, as PCMCI+ needs it for its model-selection score.
 
 use ndarray::Array3;
 
 use crate::ground::{LinkMark, Node};
 
-/// Parents of each variable in one DAG of the class that a graph stands for (Dor and Tarsi 1992). Links of
-/// contradictory direction count as undirected. Where no DAG fits, the rest is directed by the order of variables.
+/// Parents of each variable in one DAG of the equivalence class that a graph stands for (Dor and Tarsi 1992). Links
+/// of contradictory direction count as undirected. If no DAG fits, the remaining links follow the order of the
+/// variables.
 pub(crate) fn dag_parents(graph: &Array3<LinkMark>) -> Vec<Vec<Node>> {
     let (n_vars, _, n_lags) = graph.dim();
     let mut parents: Vec<Vec<Node>> = (0..n_vars)
@@ -18,7 +19,7 @@ pub(crate) fn dag_parents(graph: &Array3<LinkMark>) -> Vec<Vec<Node>> {
     let adjacent = |i: usize, j: usize| graph[[i, j, 0]].is_link();
     let mut left: Vec<usize> = (0..n_vars).collect();
     while !left.is_empty() {
-        // A sink: nothing leaves it, and the neighbours without direction are adjacent to all its others.
+        // A sink: no link leaves it, and each of its undirected neighbours is adjacent to all its other neighbours.
         let is_sink = |&x: &usize| {
             let others = || left.iter().copied().filter(move |&y| y != x);
             let leaves = others().any(|y| graph[[x, y, 0]] == LinkMark::Forward);

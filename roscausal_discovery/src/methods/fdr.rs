@@ -1,4 +1,4 @@
-//! Correction for many tests.
+//! Control of the false discovery rate.
 
 use ndarray::Array3;
 
@@ -10,7 +10,7 @@ pub enum Fdr {
     /// None.
     #[default]
     None,
-    /// Benjamini and Hochberg, over the lagged links; p-values at lag 0 stay as they are.
+    /// Benjamini and Hochberg, over the lagged links. P-values at lag 0 stay as they are.
     Bh,
 }
 
@@ -33,7 +33,8 @@ impl std::str::FromStr for Fdr {
     }
 }
 
-/// Benjamini and Hochberg (1995): p-values corrected for the number of entries in `tested`. Other entries stay.
+/// P-values corrected for multiple testing (Benjamini and Hochberg 1995). Only the entries in `tested` count and
+/// change.
 ///
 /// Of the links with a corrected p-value below 0.05, one in twenty is expected to be false.
 ///

@@ -1,4 +1,4 @@
-//! F-PCMCI: PCMCI behind a transfer-entropy filter.
+//! F-PCMCI: a transfer-entropy filter in front of PCMCI.
 
 use ndarray::{Array3, Axis};
 
@@ -17,13 +17,13 @@ use crate::{
 pub struct FpcmciSettings {
     /// Estimator of the transfer-entropy filter.
     pub te_estimator: TeEstimator,
-    /// Level of the filter, inside (0, 1).
+    /// Significance level of the filter, in (0, 1).
     pub f_alpha: f64,
-    /// Whether variables that only depend on their own past are left out.
+    /// Whether to leave out variables that depend on their own past only.
     pub neglect_only_autodep: bool,
-    /// Seed of the filter's surrogates (the Gaussian estimator needs none).
+    /// Seed of the filter's surrogates (the Gaussian estimator has none).
     pub seed: u64,
-    /// PCMCI on the variables that the filter leaves: lags, levels; its link assumptions limit those of the filter.
+    /// Settings of PCMCI on the remaining variables. Its link assumptions also restrict the links of the filter.
     pub pcmci: PcmciSettings,
 }
 
@@ -39,20 +39,20 @@ impl Default for FpcmciSettings {
     }
 }
 
-/// Result of F-PCMCI. Variables are given as columns of the data frame, in rising order.
+/// Result of F-PCMCI. Variables are columns of the data frame, in rising order.
 #[derive(Clone, Debug)]
 pub struct FpcmciResult {
-    /// What informs each variable; absent when the time budget ended in the filter.
+    /// What informs each variable; `None` if the time budget ended in the filter.
     pub filter: Option<TeResult>,
-    /// Variables that the filter leaves.
+    /// Variables that remain after the filter.
     pub selected: Vec<usize>,
-    /// The filter's links among `selected` (positions in that list), as PCMCI was given them.
+    /// The filter's links among `selected` (as positions in that list), as given to PCMCI.
     pub link_assumptions: LinkAssumptions,
-    /// PCMCI on `selected`; absent when the filter leaves nothing.
+    /// PCMCI on `selected`; `None` if no variable remains.
     pub pcmci: Option<PcmciResult>,
-    /// Variables of the model: those of `selected` that PCMCI leaves a link.
+    /// Variables of the model: those of `selected` that have a link after PCMCI.
     pub features: Vec<usize>,
-    /// Whether it is complete.
+    /// Whether the run came to its end.
     pub status: Status,
 }
 
@@ -91,7 +91,7 @@ pub struct FpcmciResult {
 /// ```
 ///
 /// # Errors
-/// Settings or data that do not fit together, a test that fails, cancellation.
+/// Settings or data that do not match, a test that fails, or cancellation.
 pub fn run_fpcmci(
     data: &DataFrame,
     test: &dyn CondIndTest,
@@ -146,7 +146,7 @@ pub fn run_fpcmci(
 type PossibleLink = (usize, usize, usize, Assumption);
 
 impl FpcmciSettings {
-    /// The filter's links that the link assumptions allow, and those that they know to exist.
+    /// The filter's links that the link assumptions allow, and the links that are assumed to exist.
     fn allowed(&self, found: &TeResult, n_vars: usize) -> Result<Vec<PossibleLink>> {
         let mut links = Vec::new();
         for target in &found.targets {
@@ -173,14 +173,15 @@ impl FpcmciSettings {
     }
 }
 
-/// Variables with a link, in rising order; with `neglect_only_autodep`, a link with another variable.
+/// Variables that have a link, in rising order. With `neglect_only_autodep` a link to or from another variable is
+/// needed.
 fn connected(n_vars: usize, links: &[PossibleLink], neglect_only_autodep: bool) -> Vec<usize> {
     let counts = |&&(cause, effect, _, _): &&PossibleLink| cause != effect || !neglect_only_autodep;
     let touches = |var: usize| links.iter().filter(counts).any(|&(i, j, _, _)| i == var || j == var);
     (0..n_vars).filter(|&var| touches(var)).collect()
 }
 
-/// The links among the `selected` variables, numbered by their position there.
+/// The links among the `selected` variables, numbered by position in that list.
 fn among(selected: &[usize], links: &[PossibleLink]) -> Result<LinkAssumptions> {
     let mut assumptions = LinkAssumptions::none(selected.len());
     let position = |var: usize| selected.iter().position(|&s| s == var);
@@ -192,7 +193,7 @@ fn among(selected: &[usize], links: &[PossibleLink]) -> Result<LinkAssumptions> 
     Ok(assumptions)
 }
 
-/// The matrices of a causal model, `[lag - tau_min][effect][cause]`; values and p-values are 0 without a link.
+/// The matrices of a causal model, `[lag - tau_min][effect][cause]`. Values and p-values are 0 if there is no link.
 #[derive(Clone, Debug, PartialEq)]
 pub struct CausalMatrices {
     /// 1 where there is a link.
@@ -204,7 +205,8 @@ pub struct CausalMatrices {
 }
 
 impl PcmciResult {
-    /// Variables with a link, in rising order; with `neglect_only_autodep`, a link with another variable.
+    /// Variables that have a link, in rising order. With `neglect_only_autodep` a link to or from another variable
+    /// is needed.
     pub fn connected_features(&self, neglect_only_autodep: bool) -> Vec<usize> {
         let links: Vec<PossibleLink> = self
             .graph
@@ -215,7 +217,7 @@ impl PcmciResult {
         connected(self.graph.dim().0, &links, neglect_only_autodep)
     }
 
-    /// The same result on some of its variables.
+    /// The same result, restricted to some of its variables.
     #[must_use]
     pub fn on_features(&self, features: &[usize]) -> Self {
         fn of<T: Clone>(matrix: &Array3<T>, features: &[usize]) -> Array3<T> {
@@ -228,7 +230,7 @@ impl PcmciResult {
             q_matrix: self.q_matrix.as_ref().map(|q| of(q, features)),
             conf_matrix: self.conf_matrix.as_ref().map(|conf| of(conf, features)),
             n_lost: of(&self.n_lost, features),
-            // What follows speaks of variables by their number among all.
+            // These fields number variables in the full data.
             parents: Vec::new(),
             sepsets: Vec::new(),
             ambiguous_triples: Vec::new(),
@@ -236,7 +238,7 @@ impl PcmciResult {
         }
     }
 
-    /// The matrices of the causal model for lags from `tau_min`.
+    /// The matrices of the causal model, for lags from `tau_min` on.
     pub fn causal_matrices(&self, tau_min: usize) -> CausalMatrices {
         let (n, _, n_lags) = self.graph.dim();
         let shape = (n_lags.saturating_sub(tau_min), n, n);

@@ -1,4 +1,6 @@
-//! MCI: each link tested under the parents of both its ends.
+//! The MCI phase: momentary conditional independence tests of all possible links (Runge et al. 2019).
+//!
+//! A link `X -> Y` is tested given the parents of Y without X, and the parents of X shifted to its lag.
 
 use std::collections::HashSet;
 
@@ -11,24 +13,24 @@ use super::{
 };
 use crate::ground::{Assumption, Error, LinkAssumptions, LinkMark, Node, Result, TestResult};
 
-/// Which conditions a link is tested under.
+/// The conditions under which links are tested.
 #[derive(Clone, Debug)]
 pub(crate) struct Mci<'a> {
     pub(crate) links: &'a LinkAssumptions,
     /// Conditions of each target, strongest first.
     pub(crate) parents: &'a [Vec<Node>],
-    /// How many of the effect's, and of the cause's, count.
+    /// How many parents of the effect, and of the cause, are used.
     pub(crate) max_conds_py: Option<usize>,
     pub(crate) max_conds_px: Option<usize>,
     pub(crate) alpha_level: f64,
     pub(crate) fdr: Fdr,
-    /// Marks a pair at lag 0 by the tests in its two directions, each given the past of its own effect; else both
-    /// ends have the same conditions, and the pair is unoriented.
+    /// Whether a pair at lag 0 is marked by two tests, one for each direction, each given the past of its own
+    /// effect. Otherwise both directions have the same conditions, and the pair stays unoriented.
     pub(crate) directed: bool,
 }
 
-/// Conditions of `x _||_ (effect, 0)`: the effect's parents without `x`, then those of `x`, shifted to its lag,
-/// that are not among them.
+/// Conditions of `x _||_ (effect, 0)`: the effect's parents without `x`, then those parents of `x`, shifted to its
+/// lag, that are not yet among them.
 pub(crate) fn mci_conditions(x: Node, of_effect: &[Node], of_cause: &[Node], z: &mut Vec<Node>) {
     z.extend(of_effect.iter().copied().filter(|&node| node != x));
     for node in of_cause {
@@ -45,8 +47,8 @@ pub(crate) fn first(nodes: &[Node], limit: Option<usize>) -> &[Node] {
 }
 
 impl Mci<'_> {
-    /// Tests every possible link (momentary conditional independence, Runge et al. 2019) and writes values, p-values
-    /// and marks into `result`. Says whether the time budget ended it.
+    /// Tests every possible link and writes values, p-values and marks into `result`. Returns whether the time
+    /// budget ended the run.
     pub(crate) fn run(&self, run: &Run<'_>, result: &mut PcmciResult) -> Result<bool> {
         let tests: Vec<(usize, Vec<Node>)> = (0..run.n_vars())
             .map(|target| {
@@ -92,12 +94,12 @@ impl Mci<'_> {
         })
     }
 
-    /// Writes one test; of the two tests of a pair at lag 0 the one with the larger p-value counts.
+    /// Writes one test. Of the two tests of a pair at lag 0, the one with the larger p-value counts.
     fn put(&self, run: &Run<'_>, result: &mut PcmciResult, source: Node, target: usize, outcome: TestResult) {
         let (outcome, _) = run.decide(outcome, self.alpha_level);
         let both = [[source.var, target, source.lag], [target, source.var, 0]];
         let at = &both[..if source.lag == 0 { 2 } else { 1 }];
-        // Targets are written in order: the pair's other test is already there when the source comes first.
+        // Targets are written in order, so the other test of the pair is already there if the source comes first.
         let second = source.lag == 0 && source.var < target;
         if second && outcome.p_value <= result.p_matrix[both[0]] {
             return;
@@ -123,8 +125,8 @@ impl Mci<'_> {
         }
     }
 
-    /// Corrects the p-values and marks the links whose p-value is at most the level. `directed`: the ordered pairs
-    /// at lag 0 whose test in this direction found a dependence.
+    /// Corrects the p-values and marks the links whose p-value is at most the level. `directed` holds the ordered
+    /// pairs at lag 0 for which the test in this direction found a dependence.
     fn mark(&self, result: &mut PcmciResult, directed: &HashSet<(usize, usize)>) {
         result.q_matrix = corrected(self.fdr, self.links, &result.p_matrix);
         for target in 0..self.links.n_vars() {
@@ -148,7 +150,7 @@ impl Mci<'_> {
     }
 }
 
-/// P-values corrected over the lagged links that are assumed possible; `None` without correction.
+/// P-values corrected over the lagged links that are assumed possible; `None` without a correction.
 pub(crate) fn corrected(fdr: Fdr, links: &LinkAssumptions, p_matrix: &Array3<f64>) -> Option<Array3<f64>> {
     (fdr == Fdr::Bh).then(|| {
         let counted =
@@ -157,7 +159,7 @@ pub(crate) fn corrected(fdr: Fdr, links: &LinkAssumptions, p_matrix: &Array3<f64
     })
 }
 
-/// The mark of a link that is found where `assumption` was made.
+/// The mark of a link that was found under `assumption`.
 pub(crate) fn mark_of(assumption: Assumption) -> LinkMark {
     match assumption {
         Assumption::Exists | Assumption::Test => LinkMark::Forward,

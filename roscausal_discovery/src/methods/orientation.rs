@@ -1,4 +1,4 @@
-//! Orientation of links at lag 0: colliders, then rules.
+//! The orientation phase of PCMCI+: colliders and Meek's rules on time series graphs.
 
 use ndarray::Array3;
 
@@ -15,8 +15,8 @@ pub(crate) struct Triple {
     pub(crate) j: usize,
 }
 
-/// Unshielded triples whose link `k`-`j` has no direction yet and whose link `i`-`k` does not point away from `k`.
-/// Where both links have no direction, each triple comes once.
+/// Unshielded triples in which the link `k`-`j` has no direction yet and the link `i`-`k` does not point away from
+/// `k`. If neither link has a direction, the triple is listed once.
 pub(crate) fn unshielded_triples(graph: &Array3<LinkMark>) -> Vec<Triple> {
     let (n_vars, _, n_lags) = graph.dim();
     let mut triples = Vec::new();
@@ -41,7 +41,7 @@ pub(crate) fn unshielded_triples(graph: &Array3<LinkMark>) -> Vec<Triple> {
     triples
 }
 
-/// Points both links of each collider at its middle. A link that colliders point both ways becomes a conflict, or
+/// Points both links of each collider to its middle. A link that colliders point both ways becomes a conflict, or
 /// keeps its first direction.
 pub(crate) fn orient_colliders(
     graph: &mut Array3<LinkMark>,
@@ -66,8 +66,8 @@ fn orient(graph: &mut Array3<LinkMark>, from: usize, to: usize, conflict_resolut
     graph[[to, from, 0]] = mark.mirrored();
 }
 
-/// Orients what follows from the directions found (Meek 1995, rules 1 to 3, on time series graphs), leaving
-/// ambiguous triples alone. Links that the rules want both ways at once become conflicts.
+/// Orients the links that follow from those already oriented (Meek 1995, rules 1 to 3, on time series graphs).
+/// Ambiguous triples are left alone. A link that the rules orient both ways becomes a conflict.
 pub(crate) fn orient_by_rules(graph: &mut Array3<LinkMark>, ambiguous: &[Triple], conflict_resolution: bool) {
     loop {
         let mut any = false;
@@ -89,7 +89,7 @@ fn is_ambiguous(ambiguous: &[Triple], i: Node, k: usize, j: usize) -> bool {
     ambiguous.iter().any(|t| (t.i == i && t.k == k && t.j == j) || reversed(t))
 }
 
-/// Rule 1: `i --> k o-o j` unshielded gives `k --> j` (else `k` would be a collider).
+/// Rule 1: if `i --> k o-o j` is unshielded, then `k --> j` (otherwise `k` would be a collider).
 fn away_from_collider(graph: &Array3<LinkMark>, ambiguous: &[Triple]) -> Vec<(usize, usize)> {
     let points = |t: &Triple| graph[[t.i.var, t.k, t.i.lag]] == LinkMark::Forward;
     unshielded_triples(graph)
@@ -99,7 +99,7 @@ fn away_from_collider(graph: &Array3<LinkMark>, ambiguous: &[Triple]) -> Vec<(us
         .collect()
 }
 
-/// Rule 2: `i --> k --> j` and `i o-o j` gives `i --> j` (else there would be a cycle).
+/// Rule 2: if `i --> k --> j` and `i o-o j`, then `i --> j` (otherwise there would be a cycle).
 fn acyclic(graph: &Array3<LinkMark>, _: &[Triple]) -> Vec<(usize, usize)> {
     unoriented(graph)
         .filter(|&(i, j)| {
@@ -110,7 +110,7 @@ fn acyclic(graph: &Array3<LinkMark>, _: &[Triple]) -> Vec<(usize, usize)> {
         .collect()
 }
 
-/// Rule 3: `i o-o k --> j`, `i o-o l --> j`, `k` and `l` not adjacent, and `i o-o j` gives `i --> j`.
+/// Rule 3: if `i o-o k --> j`, `i o-o l --> j`, `i o-o j`, and `k` and `l` are not adjacent, then `i --> j`.
 fn two_ways(graph: &Array3<LinkMark>, ambiguous: &[Triple]) -> Vec<(usize, usize)> {
     unoriented(graph)
         .filter(|&(i, j)| {

@@ -1,4 +1,8 @@
-//! PC1: the condition selection.
+//! PC1, the condition selection of PCMCI: for each target, the parents that the MCI tests then condition on.
+//!
+//! It starts from all possible lagged links into the target. In round `n` each remaining candidate is tested given the `n`
+//! strongest others, and removed if it is independent. The removals of a round take effect at its end, so the order
+//! of the variables does not matter.
 
 use std::collections::HashMap;
 
@@ -8,17 +12,17 @@ use super::{
 };
 use crate::ground::{Assumption, LinkAssumptions, Node, Result, TestResult};
 
-/// What PC1 needs to know.
+/// Settings of PC1.
 #[derive(Clone, Debug)]
 pub(crate) struct PcStable<'a> {
     pub(crate) links: &'a LinkAssumptions,
-    /// One level, or several of which a score chooses one per target.
+    /// One level, or several from which a score chooses one per target.
     pub(crate) pc_alphas: &'a [f64],
     pub(crate) max_conds_dim: Option<usize>,
     pub(crate) max_combinations: usize,
 }
 
-/// Tests of one target by source and conditions, for a second level to use again.
+/// Tests of one target, by source and conditions, so that the next level can reuse them.
 type Memo = HashMap<(Node, Vec<Node>), TestResult>;
 
 /// One candidate in a round.
@@ -29,8 +33,8 @@ struct Round {
 }
 
 impl PcStable<'_> {
-    /// PC1 (Runge et al. 2019; the order-independent PC of Colombo and Maathuis 2014, one target at a time) for all
-    /// targets. Says also whether the time budget ended it.
+    /// Runs PC1 for all targets (Runge et al. 2019; the order-independent PC algorithm of Colombo and Maathuis
+    /// 2014, one target at a time). Also returns whether the time budget ended it.
     pub(crate) fn run(&self, run: &Run<'_>) -> Result<(Vec<TargetParents>, bool)> {
         let targets: Vec<usize> = (0..run.n_vars()).collect();
         let outcomes = run.map_targets(&targets, |&target| self.target(run, target));
@@ -116,7 +120,7 @@ impl PcStable<'_> {
                     }
                 }
             }
-            // Strongest first; equals keep their order.
+            // Strongest first; ties keep their order.
             next.sort_by(|a, b| b.val_min.total_cmp(&a.val_min));
             present = next;
         }
@@ -135,7 +139,7 @@ impl PcStable<'_> {
         (TargetParents { parents, candidates, optimal_pc_alpha: None }, end)
     }
 
-    /// Tests candidate `k` of `order` given the first combinations of `size` of the others.
+    /// Tests candidate `k` of `order` given the first combinations of `size` others.
     fn candidate(
         &self,
         run: &Run<'_>,
@@ -164,7 +168,7 @@ impl PcStable<'_> {
             };
             let (result, dependent) = run.decide(raw, pc_alpha);
             candidate.val_min = candidate.val_min.min(result.value.abs());
-            // At equal p-values the first test stays.
+            // At equal p-values the first test counts.
             if result.p_value > candidate.pval_max || !candidate.value.is_finite() {
                 candidate.pval_max = result.p_value;
                 candidate.value = result.value;
@@ -181,7 +185,7 @@ impl PcStable<'_> {
     }
 }
 
-/// Goes to the next combination of numbers below `n` in lexicographic order; false after the last one.
+/// Advances to the next combination of numbers below `n`, in lexicographic order; false after the last one.
 pub(crate) fn next_combination(combination: &mut [usize], n: usize) -> bool {
     let size = combination.len();
     let Some(at) = (0..size).rev().find(|&i| combination[i] < n - size + i) else { return false };

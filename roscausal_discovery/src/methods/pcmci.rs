@@ -1,4 +1,7 @@
-//! PCMCI, its two halves, and the simpler methods beside it.
+//! PCMCI and its relatives.
+//!
+//! [`run_pcmci`] is PC1 followed by MCI. [`run_pc_stable`] and [`run_mci`] are the two phases on their own.
+//! [`run_fullci`], [`run_bivci`] and [`get_lagged_dependencies`] test every link under fixed conditions.
 
 use super::{
     mci::Mci,
@@ -32,12 +35,12 @@ impl PcmciSettings {
     }
 }
 
-/// PC1 alone: the parents of each target, strongest first (`graph` and matrices stay empty).
+/// PC1 alone: the parents of each target, strongest first. `graph` and matrices stay empty.
 ///
 /// Take it to look at the condition selection of [`run_pcmci`], or to give the parents to [`run_mci`] with another test.
 ///
 /// # Errors
-/// Settings or data that do not fit together; a test that fails; cancellation.
+/// Settings or data that do not match, a test that fails, or cancellation.
 pub fn run_pc_stable(
     data: &DataFrame,
     test: &dyn CondIndTest,
@@ -84,8 +87,8 @@ pub fn run_pc_stable(
 /// ```
 ///
 /// # Errors
-/// Settings or data that do not fit together; a test that fails; cancellation. A time budget that ends is not an
-/// error: see [`PcmciResult::status`].
+/// Settings or data that do not match, a test that fails, or cancellation. Running out of time is not an error: see
+/// [`PcmciResult::status`].
 pub fn run_pcmci(
     data: &DataFrame,
     test: &dyn CondIndTest,
@@ -100,12 +103,12 @@ pub fn run_pcmci(
     })
 }
 
-/// MCI alone, under the given parents of each target, strongest first.
+/// MCI alone, given the parents of each target, strongest first.
 ///
 /// Take it when the parents are known, or come from [`run_pc_stable`] with a faster test.
 ///
 /// # Errors
-/// As [`run_pcmci`]; also parents of a wrong number or lag.
+/// As [`run_pcmci`]; also a wrong number of parent lists, or a parent with a wrong lag.
 pub fn run_mci(
     data: &DataFrame,
     test: &dyn CondIndTest,
@@ -126,7 +129,7 @@ pub fn run_mci(
     })
 }
 
-/// Full conditional independence: each link given all other lagged links into its target.
+/// Full conditional independence: tests each link given all other lagged links into its target.
 ///
 /// This is Granger causality in a regression on everything. Take it with few variables and many samples: each further
 /// variable and lag is one more condition and costs power, which is what PCMCI's selection avoids.
@@ -162,7 +165,7 @@ pub fn run_fullci(
     })
 }
 
-/// Bivariate conditional independence: each link given its target's own past.
+/// Bivariate conditional independence: tests each link given the past of its target.
 ///
 /// This is Granger's test of two variables. Take it as a quick look at pairs: a common driver of both makes a false link.
 ///
@@ -198,7 +201,7 @@ pub fn run_bivci(
     })
 }
 
-/// Unconditional dependencies at all lags.
+/// Unconditional dependence of all pairs at all lags.
 ///
 /// These are no causal links. Take them to see how far dependence reaches before choosing `tau_max`.
 ///
@@ -248,7 +251,8 @@ fn run_with_conditions(
     })
 }
 
-/// Checks, prepares the test, runs `body` (which says whether time ran out) and fills in what all results have.
+/// Checks the settings, prepares the test, runs `body` (which returns whether time ran out), and fills in the
+/// fields that all results share.
 pub(crate) fn with_run(
     data: &DataFrame,
     test: &dyn CondIndTest,

@@ -16,10 +16,11 @@ use crate::ground::{CondIndTest, Control, DataFrame, Error, LinkAssumptions, Lin
 /// How PCMCI+ tells a collider from a chain in an unshielded triple.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum ColliderRule {
-    /// By the share of separating sets that hold the middle: below half a collider, at half ambiguous.
+    /// By the fraction of separating sets that contain the middle: a collider below one half, ambiguous at one
+    /// half.
     #[default]
     Majority,
-    /// A collider when no separating set holds the middle, none when all do, else ambiguous.
+    /// A collider if no separating set contains the middle, a non-collider if all do, otherwise ambiguous.
     Conservative,
     /// By the one separating set that removed the link.
     None,
@@ -46,7 +47,7 @@ impl std::str::FromStr for ColliderRule {
 pub struct PcmciPlusSettings {
     /// How colliders are found.
     pub contemp_collider_rule: ColliderRule,
-    /// Marks links of contradictory direction `x-x`; else the first orientation stays. Default true.
+    /// Marks links of contradictory direction `x-x`; otherwise the first orientation stays. Default true.
     pub conflict_resolution: bool,
     /// Tests all lagged links again in the second phase, not only those that PC1 kept. Default false.
     pub reset_lagged_links: bool,
@@ -98,7 +99,7 @@ impl Default for PcmciPlusSettings {
 /// # Ok::<(), roscausal_discovery::Error>(())
 /// ```
 ///
-/// The level is `pc_alpha`; of several a score chooses one for all variables. `tau_min` is 0 or 1.
+/// The significance level is `pc_alpha`; from several a score chooses one for all variables. `tau_min` is 0 or 1.
 ///
 /// # Errors
 /// As [`super::run_pcmci`].
@@ -143,7 +144,7 @@ struct Level<'a, 'b> {
 }
 
 impl Level<'_, '_> {
-    /// Says whether the time budget ended it; then there are values but no links.
+    /// Returns whether the time budget ended the run; then there are values but no links.
     fn run(&self, result: &mut PcmciResult) -> Result<bool> {
         let levels = [self.pc_alpha];
         let pc = PcStable { pc_alphas: &levels, ..self.settings.pc_stable(self.links, &levels) };
@@ -189,7 +190,7 @@ impl Level<'_, '_> {
         Ok(false)
     }
 
-    /// Marks, values and p-values before the second phase: what PC1 found, and every link at lag 0.
+    /// Marks, values and p-values before the second phase: those of PC1, and every link at lag 0.
     fn start(&self, result: &mut PcmciResult, parents: &[TargetParents]) {
         for (target, found) in parents.iter().enumerate() {
             for candidate in &found.candidates {
@@ -208,15 +209,15 @@ impl Level<'_, '_> {
                     result.val_matrix[at] = 1.0;
                     result.p_matrix[at] = 0.0;
                 } else if kept {
-                    // Until its first test in this phase, which any p-value replaces. A link that PC1 removed keeps
-                    // the value that removed it.
+                    // A placeholder until the first test in this phase: any p-value replaces it. A link that PC1
+                    // removed keeps the value of the test that removed it.
                     result.p_matrix[at] = -1.0;
                 }
             }
         }
     }
 
-    /// Contemporaneous conditions, then the lagged ones of both ends.
+    /// Contemporaneous conditions, then the lagged parents of both ends.
     fn conditions(&self, parents: &[Vec<Node>], x: Node, j: usize, contemporaneous: &[Node]) -> Vec<Node> {
         let s = self.settings;
         let of_cause = if x.lag > 0 { s.max_conds_px_lagged.or(s.max_conds_px) } else { s.max_conds_px };
@@ -249,8 +250,8 @@ impl Level<'_, '_> {
         Ok((colliders, ambiguous))
     }
 
-    /// Of the sets of neighbours that separate the ends of a triple: how many hold its middle, and how many there
-    /// are; `None` when there is none.
+    /// Of the sets of neighbours that separate the ends of a triple: how many contain its middle, and how many
+    /// there are. `None` if there are none.
     fn share_with_middle(
         &self,
         skeleton: &Skeleton<'_, '_>,
@@ -291,7 +292,7 @@ impl Level<'_, '_> {
         Ok((all > 0).then_some((with, all)))
     }
 
-    /// Sum over the variables of the score of "variable on its parents", in a DAG of the graph's class.
+    /// Sum of the model-selection scores of all variables given their parents, in one DAG of the equivalence class.
     fn score(&self, result: &PcmciResult) -> Result<f64> {
         let parents = dag_parents(&result.graph);
         parents.iter().enumerate().map(|(j, parents)| self.run.score(Node::new(j, 0), parents)).sum()

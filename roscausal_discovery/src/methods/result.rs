@@ -9,11 +9,12 @@ use crate::ground::{LinkMark, Node};
 pub enum Status {
     /// All tests were done.
     Complete,
-    /// The time budget ended it: untested links have value 0, p-value 1 and no mark. The text says how far it came.
+    /// The time budget ended the run: untested links have value 0, p-value 1 and no mark. The text says how far the
+    /// run came.
     Partial(String),
 }
 
-/// What the condition selection (PC1) knows of one candidate link into a target.
+/// What the condition selection (PC1) found for one candidate link into a target.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Candidate {
     /// The source.
@@ -35,12 +36,12 @@ pub struct TargetParents {
     pub parents: Vec<Node>,
     /// All candidates, by source and then lag.
     pub candidates: Vec<Candidate>,
-    /// The level that the score chose, where several were given.
+    /// The level that the score chose, if several were given.
     pub optimal_pc_alpha: Option<f64>,
 }
 
-/// Result of a discovery run. Matrices are `[cause][effect][lag 0..=tau_max]`; where nothing was tested the value
-/// is 0, the p-value 1.
+/// Result of a discovery run. Matrices are `[cause][effect][lag 0..=tau_max]`. Entries that were not tested have
+/// value 0 and p-value 1.
 #[derive(Clone, Debug)]
 pub struct PcmciResult {
     /// Link marks.
@@ -49,21 +50,21 @@ pub struct PcmciResult {
     pub val_matrix: Array3<f64>,
     /// P-values of the tests, before any correction.
     pub p_matrix: Array3<f64>,
-    /// P-values after the correction that was asked for.
+    /// P-values after the requested correction.
     pub q_matrix: Option<Array3<f64>>,
-    /// Confidence intervals, where the test gives them.
+    /// Confidence intervals, if the test gives them.
     pub conf_matrix: Option<Array3<Option<(f64, f64)>>>,
-    /// Samples that each link's test left out because something was missing or masked.
+    /// Samples that the test of each link left out because a value was missing or masked.
     pub n_lost: Array3<usize>,
-    /// PC1 per target; empty for methods without it.
+    /// PC1 for each target; empty for methods without PC1.
     pub parents: Vec<TargetParents>,
-    /// PCMCI+: separating sets of the pairs removed at a condition set that is not empty.
+    /// PCMCI+: separating sets of the pairs that were removed with a non-empty condition set.
     pub sepsets: Vec<Sepset>,
     /// PCMCI+: unshielded triples that are neither colliders nor non-colliders.
     pub ambiguous_triples: Vec<(Node, usize, usize)>,
-    /// PCMCI+: the level that the score chose, where several were given.
+    /// PCMCI+: the level that the score chose, if several were given.
     pub optimal_alpha: Option<f64>,
-    /// Samples of a test in which nothing is missing.
+    /// Samples that a test uses if no value is missing.
     pub n_samples: usize,
     /// Tests done.
     pub n_tests: usize,
@@ -71,7 +72,7 @@ pub struct PcmciResult {
     pub remarks: Vec<String>,
     /// What the tests took, where a test tells.
     pub effort: Option<String>,
-    /// Whether it is complete.
+    /// Whether the run came to its end.
     pub status: Status,
 }
 
@@ -87,7 +88,7 @@ pub struct Sepset {
 }
 
 impl PcmciResult {
-    /// A result in which nothing has been tested yet.
+    /// A result before any test.
     pub(crate) fn untested(n_vars: usize, tau_max: usize, n_samples: usize) -> Self {
         let shape = (n_vars, n_vars, tau_max + 1);
         Self {
@@ -120,7 +121,7 @@ impl PcmciResult {
         parents
     }
 
-    /// P-values that decide: corrected ones where a correction was asked for.
+    /// The p-values that decide: the corrected ones, if a correction was requested.
     pub fn deciding_p(&self) -> &Array3<f64> {
         self.q_matrix.as_ref().unwrap_or(&self.p_matrix)
     }

@@ -1,4 +1,4 @@
-//! One run: a prepared test and the counting of what it does.
+//! One run of a method: a prepared test, its samples, and the count of tests.
 
 use std::sync::atomic::{AtomicUsize, Ordering};
 
@@ -40,11 +40,11 @@ impl<'a> Run<'a> {
         self.n_tests.load(Ordering::Relaxed)
     }
 
-    /// Tests `x _||_ y | z` without deciding.
+    /// Tests `x _||_ y | z`, without a decision.
     pub(crate) fn test(&self, x: Node, y: Node, z: &[Node]) -> Result<TestResult> {
         self.control().check()?;
         let mut result = self.test.run_test(x, y, z)?;
-        // A result has no NaN: no evidence then.
+        // Results have no NaN: it counts as no evidence.
         if result.value.is_nan() {
             result.value = 0.0;
             result.p_value = 1.0;
@@ -57,7 +57,7 @@ impl<'a> Run<'a> {
         Ok(result)
     }
 
-    /// Fills in the decision at `level`, and with `fixed_thres` the p-value that goes with it.
+    /// Fills in the decision at `level`, and with `fixed_thres` the p-value that follows from it.
     pub(crate) fn decide(&self, mut result: TestResult, level: f64) -> (TestResult, bool) {
         let dependent = if self.by_value { result.value.abs() >= level } else { result.p_value <= level };
         if self.by_value {
@@ -84,7 +84,7 @@ impl<'a> Run<'a> {
         self.test.effort()
     }
 
-    /// Maps `f` over `items` in parallel when a test is worth a task of its own; results in order.
+    /// Maps `f` over `items`, in parallel if a test is worth a task of its own. Results are in order.
     pub(crate) fn map_tests<I: Sync, T: Send>(
         &self,
         items: &[I],
@@ -93,7 +93,7 @@ impl<'a> Run<'a> {
         if self.cheap { items.iter().map(f).collect() } else { items.par_iter().map(f).collect() }
     }
 
-    /// Maps `f` over `items` in parallel; results in order.
+    /// Maps `f` over `items` in parallel. Results are in order.
     pub(crate) fn map_targets<I: Sync, T: Send>(
         &self,
         items: &[I],
@@ -102,7 +102,7 @@ impl<'a> Run<'a> {
         items.par_iter().map(f).collect()
     }
 
-    /// Whether an error means that the time budget is used up, so that what is there counts.
+    /// Whether an error means that the time budget is used up, so that the result so far counts.
     pub(crate) fn is_timeout(&self, error: &Error) -> bool {
         matches!(error, Error::Cancelled(_)) && self.control().stop() == Some(Stop::OutOfTime)
     }

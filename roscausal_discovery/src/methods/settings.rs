@@ -3,7 +3,7 @@
 use super::fdr::Fdr;
 use crate::ground::{CondIndTest, DataFrame, Error, LinkAssumptions, Result};
 
-/// Settings of a run; each method reads those it knows.
+/// Settings of a run. Each method uses those that it has.
 ///
 /// ```
 /// use roscausal_discovery::methods::{Fdr, PcmciSettings};
@@ -17,20 +17,20 @@ pub struct PcmciSettings {
     pub tau_min: usize,
     /// Largest lag of a link. Default 1.
     pub tau_max: usize,
-    /// Level of the condition selection: one, or several of which a model-selection score chooses (per target; for
-    /// PCMCI+ one for all); empty: [`PC_ALPHAS`], or [`PCMCIPLUS_ALPHAS`]. Default 0.2, for PCMCI+ 0.01.
+    /// Significance level of the condition selection. With several levels a model-selection score chooses one, per
+    /// target (PCMCI+: one for all). Empty means [`PC_ALPHAS`] or [`PCMCIPLUS_ALPHAS`]. Default 0.2, PCMCI+: 0.01.
     pub pc_alpha: Vec<f64>,
-    /// Level of a link (`fixed_thres`: the threshold). Default 0.05.
+    /// Significance level of a link (with `fixed_thres`: the threshold). Default 0.05.
     pub alpha_level: f64,
     /// Largest condition set of PC1; `None`: no limit.
     pub max_conds_dim: Option<usize>,
-    /// Condition sets tried per size in PC1. Default 1.
+    /// Condition sets tested per size in PC1. Default 1.
     pub max_combinations: usize,
     /// How many of the effect's parents MCI conditions on; `None`: all.
     pub max_conds_py: Option<usize>,
     /// How many of the cause's parents MCI conditions on; `None`: all.
     pub max_conds_px: Option<usize>,
-    /// PCMCI+: the same for causes at a lag; `None`: as `max_conds_px`.
+    /// PCMCI+: the same for lagged causes; `None`: as `max_conds_px`.
     pub max_conds_px_lagged: Option<usize>,
     /// Correction of the p-values of links.
     pub fdr: Fdr,
@@ -38,10 +38,10 @@ pub struct PcmciSettings {
     pub link_assumptions: Option<LinkAssumptions>,
 }
 
-/// Levels that PCMCI chooses from by score when none is given.
+/// Levels from which PCMCI chooses by score if none is given.
 pub const PC_ALPHAS: [f64; 6] = [0.05, 0.1, 0.2, 0.3, 0.4, 0.5];
 
-/// Levels that PCMCI+ chooses from by score when none is given.
+/// Levels from which PCMCI+ chooses by score if none is given.
 pub const PCMCIPLUS_ALPHAS: [f64; 5] = [0.001, 0.005, 0.01, 0.025, 0.05];
 
 impl Default for PcmciSettings {
@@ -106,7 +106,7 @@ impl PcmciSettings {
         2 * self.tau_max
     }
 
-    /// The assumptions given, or all links.
+    /// The given assumptions, or all links.
     pub(crate) fn links(&self, n_vars: usize) -> LinkAssumptions {
         self.link_assumptions
             .clone()

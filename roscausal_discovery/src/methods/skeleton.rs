@@ -1,4 +1,4 @@
-//! The skeleton phase of PCMCI+.
+//! The skeleton phase of PCMCI+ (Runge 2020, Algorithm 2).
 
 use std::collections::HashMap;
 
@@ -12,8 +12,7 @@ use crate::ground::{LinkAssumptions, LinkMark, Node, Result, TestResult};
 /// Conditions of a test: cause, effect, contemporaneous conditions.
 pub(crate) type Conditions<'a> = dyn Fn(Node, usize, &[Node]) -> Vec<Node> + Sync + 'a;
 
-/// The skeleton phase of PCMCI+ (Runge 2020, Algorithm 2): MCI tests of all links with growing sets of
-/// contemporaneous neighbours of the effect.
+/// Finds the skeleton: MCI tests of all links with growing sets of contemporaneous neighbours of the effect.
 pub(crate) struct Skeleton<'a, 'b> {
     pub(crate) run: &'a Run<'b>,
     pub(crate) links: &'a LinkAssumptions,
@@ -23,17 +22,17 @@ pub(crate) struct Skeleton<'a, 'b> {
     pub(crate) sepsets: HashMap<(Node, usize), Vec<Node>>,
 }
 
-/// A link in a round: the tests done, the last of which may have removed it.
+/// A link in a round, with the tests done. The last of them may have removed it.
 #[derive(Default)]
 struct Round {
-    /// One list per direction (only the first one for lagged links).
+    /// One list per direction; for lagged links only the first.
     tests: Vec<TestResult>,
     separated_by: Option<Vec<Node>>,
     any: bool,
 }
 
 impl Skeleton<'_, '_> {
-    /// Removes links from `result.graph`; says whether the time budget ended it.
+    /// Removes links from `result.graph`. Returns whether the time budget ended it.
     pub(crate) fn find(&mut self, result: &mut PcmciResult) -> Result<bool> {
         let mut strength: HashMap<(Node, usize), f64> = HashMap::new();
         for size in 0..=self.max_conds_dim.unwrap_or(usize::MAX) {
@@ -68,7 +67,7 @@ impl Skeleton<'_, '_> {
         Ok(false)
     }
 
-    /// Links to test: lagged ones, and each pair at lag 0 once (smaller variable as the cause).
+    /// Links to test: the lagged ones, and each pair at lag 0 once, with the smaller variable as the cause.
     fn present(&self, result: &PcmciResult) -> Vec<(Node, usize)> {
         let mut links = Vec::new();
         for j in 0..self.run.n_vars() {
@@ -138,7 +137,7 @@ impl Skeleton<'_, '_> {
         }
     }
 
-    /// Contemporaneous neighbours of `j`, ascending.
+    /// Contemporaneous neighbours of `j`, in ascending order.
     pub(crate) fn neighbours(&self, result: &PcmciResult, j: usize) -> Vec<Node> {
         (0..self.run.n_vars())
             .filter(|&i| result.graph[[i, j, 0]].is_link())
@@ -146,12 +145,12 @@ impl Skeleton<'_, '_> {
             .collect()
     }
 
-    /// What separated `i` from `j`; empty where nothing contemporaneous was needed.
+    /// The set that separated `i` from `j`; empty if no contemporaneous condition was needed.
     pub(crate) fn sepset(&self, i: Node, j: usize) -> &[Node] {
         self.sepsets.get(&(i, j)).map_or(&[], Vec::as_slice)
     }
 
-    /// The separating sets that are not empty, in order.
+    /// The non-empty separating sets, in order.
     pub(crate) fn listed(&self) -> Vec<Sepset> {
         let mut listed: Vec<Sepset> = self
             .sepsets

@@ -1,4 +1,4 @@
-//! Ranks and normal scores of a row.
+//! Ranks and normal scores, for the rank-based tests.
 
 use statrs::function::erf::erfc_inv;
 
@@ -7,19 +7,19 @@ pub(crate) fn normal_quantile(q: f64) -> f64 {
     -std::f64::consts::SQRT_2 * erfc_inv(2.0 * q)
 }
 
-/// Empirical distribution function of each value, `k/n`; ties take the largest rank.
+/// Empirical distribution function of each value, `k/n`; ties get the largest rank.
 pub(crate) fn uniform_ranks(row: &mut [f64]) {
     let n = row.len() as f64;
     let mut sorted = row.to_vec();
     sorted.sort_unstable_by(f64::total_cmp);
     row.iter_mut().for_each(|v| {
-        // -0.0 and 0.0 are one value.
+        // -0.0 and 0.0 are the same value.
         let value = *v;
         *v = sorted.partition_point(|s| *s <= value || s.total_cmp(&value).is_le()) as f64 / n;
     });
 }
 
-/// Each value to the normal quantile of its rank; the largest rank, 1, counts as `1 - 1e-5`.
+/// Replaces each value by the normal quantile of its rank. The largest rank, 1, counts as `1 - 1e-5`.
 pub(crate) fn normal_scores(row: &mut [f64]) {
     uniform_ranks(row);
     row.iter_mut().for_each(|v| *v = normal_quantile(if *v == 1.0 { 1.0 - 1e-5 } else { *v }));

@@ -2,6 +2,19 @@
 
 use crate::ground::Node;
 
+/// The step from one state of SplitMix64 to the next.
+const STEP: u64 = 0x9e37_79b9_7f4a_7c15;
+
+/// One number of SplitMix64 (Steele, Lea and Flood 2014): it spreads neighbouring states over all 64 bits.
+///
+/// For numbers that depend on nothing but where they are used: a time, a place, a seed.
+pub fn mix(state: u64) -> u64 {
+    let v = state.wrapping_add(STEP);
+    let v = (v ^ (v >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+    let v = (v ^ (v >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+    v ^ (v >> 31)
+}
+
 /// A small random generator (splitmix64: Steele, Lea and Flood 2014, "Fast splittable pseudorandom number
 /// generators"): same seed, same numbers, everywhere.
 #[derive(Clone, Debug)]
@@ -13,7 +26,7 @@ impl Rng {
         Self(seed)
     }
 
-    /// The generator of one test: its numbers depend on the seed and on the test, not on the order of tests.
+    /// The generator of one test. Its numbers depend on the seed and the test, not on the order of tests.
     pub(crate) fn for_test(seed: u64, x: Node, y: Node, z: &[Node]) -> Self {
         let mut rng = Self(seed);
         for node in [x, y].iter().chain(z) {
@@ -24,11 +37,9 @@ impl Rng {
 
     /// The next integer, uniform over all 64 bits.
     pub(crate) fn next_u64(&mut self) -> u64 {
-        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
-        let mut v = self.0;
-        v = (v ^ (v >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        v = (v ^ (v >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-        v ^ (v >> 31)
+        let number = mix(self.0);
+        self.0 = self.0.wrapping_add(STEP);
+        number
     }
 
     /// A number in `[0, 1]`.
@@ -36,7 +47,7 @@ impl Rng {
         self.next_u64() as f64 / u64::MAX as f64
     }
 
-    /// A number below `n` (`n` > 0), without bias that matters for n far below 2^64.
+    /// A number below `n` (`n` > 0). The bias is negligible for n far below 2^64.
     pub(crate) fn below(&mut self, n: usize) -> usize {
         ((u128::from(self.next_u64()) * n as u128) >> 64) as usize
     }

@@ -1,9 +1,12 @@
-//! Special functions of the tests' null distributions.
+//! Special functions for the null distributions of the tests.
 
 /// P(X >= x) of the chi-squared distribution with `dof` degrees of freedom; 1 for `dof` = 0 or `x` <= 0.
 ///
-/// The finite sums for integer degrees of freedom (Abramowitz and Stegun 1964, 26.4.4 and 26.4.5): all terms are
+/// Finite sums for integer degrees of freedom (Abramowitz and Stegun 1964, 26.4.4 and 26.4.5). All terms are
 /// positive, so the far tail keeps its relative accuracy.
+///
+/// Why not `statrs`: its `ChiSquared::sf` (0.19) is as accurate, both within 2e-13 of scipy down to 1e-178, but differs in the
+/// last bits, so that p-values of earlier releases would not come out again.
 pub(crate) fn chi_squared_sf(x: f64, dof: usize) -> f64 {
     if dof == 0 || x <= 0.0 || x.is_nan() {
         return 1.0;
@@ -28,7 +31,8 @@ pub(crate) fn digamma_table(n: usize) -> Vec<f64> {
     const EULER_GAMMA: f64 = 0.577_215_664_901_532_9;
     let mut table = Vec::with_capacity(n + 1);
     table.push(0.0);
-    // Summing the small terms last would lose digits: harmonic numbers with a carried remainder (Kahan).
+    // The terms become small, and plain summation would lose digits. The harmonic numbers are therefore summed with
+    // a carried remainder (Kahan).
     let (mut sum, mut carry) = (-EULER_GAMMA, 0.0);
     for k in 1..=n {
         table.push(sum);
@@ -54,7 +58,7 @@ mod tests {
         close(chi_squared_sf(5.991_464_547_107_979, 2), 0.05, 1e-13);
         close(chi_squared_sf(11.070_497_693_516_35, 5), 0.05, 1e-13);
         close(chi_squared_sf(124.342_113_404_004_08, 100), 0.05, 1e-12);
-        // Two degrees of freedom: the exponential distribution, as far as f64 reaches.
+        // With two degrees of freedom it is the exponential distribution; checked as far as f64 reaches.
         close(chi_squared_sf(1400.0, 2), (-700.0_f64).exp(), 1e-12);
         assert_eq!((chi_squared_sf(0.0, 3), chi_squared_sf(7.0, 0)), (1.0, 1.0));
     }

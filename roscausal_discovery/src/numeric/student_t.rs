@@ -1,4 +1,5 @@
-//! Student's t distribution as a correlation test needs it: tails accurate to about 1e-13 relative.
+//! Student's t distribution, as far as a correlation test needs it. Its tails are accurate to a relative error of
+//! about 1e-13.
 
 /// Two-sided p-value of a (partial) correlation `r` with `dof` degrees of freedom: the probability of
 /// `|t| >= |r| sqrt(dof / (1 - r^2))`, which is the regularised incomplete beta function
@@ -115,7 +116,8 @@ mod tests {
                     sum += term;
                     term *= (2 * k + 1) as f64 / (2 * k + 2) as f64 * (1.0 - r * r);
                 }
-                // Beyond m the same series goes on to 1 exactly: summing the rest gives the tail without loss.
+                // The same series, continued beyond m, sums to exactly 1. Summing the remaining terms gives the
+                // tail without cancellation.
                 let mut tail = 0.0;
                 for k in m..200_000 {
                     tail += term;

@@ -8,7 +8,7 @@ pub enum TeEstimator {
     /// Linear-Gaussian, from the correlation matrix; exact null distributions.
     #[default]
     Gaussian,
-    /// Nearest neighbours, for dependence of any form; permutation surrogates, so that it takes longer.
+    /// Nearest neighbours: dependence of any form. Slower, because it needs permutation surrogates.
     Kraskov,
 }
 
@@ -32,8 +32,8 @@ impl std::str::FromStr for TeEstimator {
     }
 }
 
-/// Information estimates and their null distributions on the samples of one run. Values fall under `p_*` as the
-/// share of surrogates whose statistic is not below `value`.
+/// Information estimates and their null distributions on the samples of one run. The `p_*` methods return the
+/// fraction of surrogates whose statistic is not below `value`.
 pub(super) trait Estimator: Sync {
     /// `I(target; sources | z)`.
     fn cmi(&self, target: Node, sources: &[Node], z: &[Node]) -> f64;
@@ -43,16 +43,17 @@ pub(super) trait Estimator: Sync {
         candidates.iter().map(|&candidate| self.cmi(target, &[candidate], z)).collect()
     }
 
-    /// Of the maximum over the candidates, each given `z`.
+    /// P-value of the maximum over the candidates, each given `z`.
     fn p_max(&self, value: f64, target: Node, candidates: &[Node], z: &[Node]) -> f64;
 
-    /// Of the minimum over the sources, each given the others and `past`.
+    /// P-value of the minimum over the sources, each given the others and `past`.
     fn p_min(&self, value: f64, target: Node, sources: &[Node], past: &[Node]) -> f64;
 
-    /// Of all sources together.
+    /// P-value of all sources together.
     fn p_joint(&self, value: f64, target: Node, sources: &[Node], z: &[Node]) -> f64;
 
-    /// Of the largest, second largest, ... over the sources, each given the others and `past`; `values` falls.
+    /// P-values of the largest, second largest, ... over the sources, each given the others and `past`. `values` is
+    /// in falling order.
     fn p_sequential(&self, values: &[f64], target: Node, sources: &[Node], past: &[Node]) -> Vec<f64>;
 }
 

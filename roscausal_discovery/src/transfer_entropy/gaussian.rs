@@ -1,19 +1,20 @@
-//! The linear-Gaussian estimator.
+//! The Gaussian estimator: linear dependence, with exact null distributions.
 
 use ndarray::{Array2, ArrayView2, s};
 
 use super::{estimator::Estimator, window::Window};
 use crate::{ground::Node, numeric::special::chi_squared_sf};
 
-/// A variable whose variance left by the condition set is below this share of its own adds nothing.
+/// A variable adds nothing if the condition set leaves less than this fraction of its variance.
 const COLLINEAR: f64 = 1e-13;
 
-/// Gaussian conditional mutual information from one correlation matrix of the lagged variables:
-/// `CMI = 1/2 ln(|S_xz| |S_yz| / (|S_z| |S_xyz|))`, in nats. No test passes over the samples.
+/// Gaussian conditional mutual information from one correlation matrix of the lagged variables: `CMI = 1/2
+/// ln(|S_xz| |S_yz| / (|S_z| |S_xyz|))`, in nats. No test passes over the samples.
 ///
 /// Under independence `2 n CMI` is chi-squared with one degree of freedom per source (Barnett and Bossomaier 2012,
-/// doi:10.1103/PhysRevLett.109.138105). The surrogates of the hierarchical tests would be independent draws from
-/// it; their order statistics have closed forms, used here: the p-values are those of infinitely many surrogates.
+/// doi:10.1103/PhysRevLett.109.138105). Surrogates of the hierarchical tests would be independent draws from it.
+/// Their order statistics have closed forms, which are used here: the p-values are those of infinitely many
+/// surrogates.
 pub(super) struct Gaussian {
     correlation: Array2<f64>,
     n_vars: usize,
@@ -45,13 +46,13 @@ impl Gaussian {
         node.lag * self.n_vars + node.var
     }
 
-    /// P(2 n CMI >= 2 n `value`) of one source that is independent of the target.
+    /// P(2 n CMI >= 2 n `value`) for one source that is independent of the target.
     fn p_of_one(&self, value: f64) -> f64 {
         chi_squared_sf(2.0 * self.n_samples as f64 * value, 1)
     }
 
-    /// Cholesky factor (lower) of the correlations of `nodes`, in their order. A node that the earlier ones
-    /// determine gets a zero column, which drops it.
+    /// Lower Cholesky factor of the correlations of `nodes`, in their order. A node that is determined by earlier
+    /// ones gets a zero column, which drops it.
     fn factor(&self, nodes: impl Iterator<Item = Node>) -> Array2<f64> {
         let index: Vec<usize> = nodes.map(|node| self.index(node)).collect();
         let m = index.len();
@@ -75,13 +76,13 @@ impl Estimator for Gaussian {
         let l = self.factor(order);
         let last = l.nrows() - 1;
         let explained = l.slice(s![last, z.len()..last]).iter().map(|v| v * v).sum::<f64>();
-        // A target that the sources determine has unbounded information: bounded by the rounding of f64.
+        // If the sources determine the target, its information is unbounded; f64 rounding bounds it.
         let left = l[[last, last]].powi(2).max(f64::EPSILON * explained);
         if explained > 0.0 { 0.5 * (explained / left).ln_1p() } else { 0.0 }
     }
 
     fn cmi_of_each(&self, target: Node, candidates: &[Node], z: &[Node]) -> Vec<f64> {
-        // One factorisation [z, target]; each candidate then takes one forward substitution.
+        // One factorisation of [z, target]; each candidate then needs one forward substitution.
         let l = self.factor(z.iter().copied().chain(std::iter::once(target)));
         let (m, t) = (z.len(), z.len());
         let z_index: Vec<usize> = z.iter().chain([&target]).map(|&node| self.index(node)).collect();

@@ -1,4 +1,4 @@
-//! The nearest-neighbour estimator.
+//! The nearest-neighbour estimator: dependence of any form, with permutation surrogates.
 
 use super::{estimator::Estimator, window::Window};
 use crate::{
@@ -7,7 +7,7 @@ use crate::{
     numeric::{random::Rng, rows::moments},
 };
 
-/// Nearest neighbours that set the scale (Kraskov et al. 2004 advise 2 to 4).
+/// Neighbours that set the scale (Kraskov et al. 2004 recommend 2 to 4).
 const K: usize = 4;
 /// Surrogates of the maximum statistic.
 const N_MAX: usize = 200;
@@ -17,14 +17,14 @@ const N_PERM: usize = 500;
 /// Smallest p-value that the surrogates of every test can give.
 pub(super) const SMALLEST_P: f64 = 1.0 / (N_MAX + 1) as f64;
 
-/// Conditional mutual information in nats by k = 4 nearest neighbours in the maximum norm (Kraskov, Stoegbauer and
-/// Grassberger 2004, algorithm 1, doi:10.1103/PhysRevE.69.066138; conditional form by Frenzel and Pompe 2007), of
-/// standardised variables.
+/// Conditional mutual information in nats from k = 4 nearest neighbours in the maximum norm, of standardised
+/// variables (Kraskov, Stoegbauer and Grassberger 2004, algorithm 1, doi:10.1103/PhysRevE.69.066138; conditional
+/// form by Frenzel and Pompe 2007).
 ///
 /// Surrogates permute the samples of a source at random; p-values are `(count + 1) / (surrogates + 1)`. All
 /// surrogates of a source share the distances among target and conditions.
 pub(super) struct Kraskov<'a> {
-    /// Standardised samples of each variable at each lag, lag after lag.
+    /// Standardised samples of each variable at each lag, ordered by lag, then variable.
     columns: Vec<Vec<f64>>,
     n_vars: usize,
     seed: u64,
@@ -49,8 +49,8 @@ impl<'a> Kraskov<'a> {
         &self.columns[node.lag * self.n_vars + node.var]
     }
 
-    /// Information of `sources` together, then that of `surrogates` joint permutations of them. Nothing when the
-    /// control stops the run; the caller finds out from the control.
+    /// Information of `sources` together, then that of `surrogates` joint permutations of them. Empty if the
+    /// control stops the run; the caller asks the control.
     fn information(&self, target: Node, sources: &[Node], z: &[Node], surrogates: usize) -> Vec<f64> {
         let z_rows: Vec<Vec<f64>> = z.iter().map(|&node| self.column(node).to_vec()).collect();
         let n = self.column(target).len();
@@ -120,7 +120,7 @@ impl Estimator for Kraskov<'_> {
     }
 }
 
-/// `(count + 1) / (surrogates + 1)` of surrogates that are not below `value`.
+/// `(count + 1) / (surrogates + 1)`, where `count` is the number of surrogates that are not below `value`.
 fn share(nulls: impl Iterator<Item = f64>, value: f64) -> f64 {
     let (mut count, mut all) = (0_usize, 0_usize);
     for null in nulls {
@@ -130,8 +130,8 @@ fn share(nulls: impl Iterator<Item = f64>, value: f64) -> f64 {
     (count + 1) as f64 / (all + 1) as f64
 }
 
-/// To mean 0 and deviation 1, with noise of 1e-8 that breaks ties; a constant row becomes pure noise, which carries
-/// no information.
+/// Standardises to mean 0 and standard deviation 1, with noise of 1e-8 that breaks ties. A constant row becomes
+/// pure noise, which carries no information.
 fn standardize(row: &mut [f64], rng: &mut Rng) {
     const NOISE: f64 = 1e-8;
     let (mean, deviation) = moments(row);

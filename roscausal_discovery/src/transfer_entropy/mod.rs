@@ -1,4 +1,4 @@
-//! Multivariate transfer entropy: which lagged variables inform a target, as the first step of F-PCMCI.
+//! Multivariate transfer entropy: which lagged variables inform a target. It is the first step of F-PCMCI.
 //!
 //! For each target: its own past is selected first; then the variable with the most information given all selected ones
 //! joins them, as long as it beats the largest value that chance gives; then those without information given the others
@@ -55,9 +55,9 @@ pub struct TransferEntropy {
     pub min_lag: usize,
     /// Largest lag of a source in steps.
     pub max_lag: usize,
-    /// Level of each of the hierarchical tests, inside (0, 1); `f_alpha` of F-PCMCI.
+    /// Significance level of each of the hierarchical tests, in (0, 1); `f_alpha` of F-PCMCI.
     pub alpha: f64,
-    /// Seed of the surrogates; the Gaussian estimator needs none.
+    /// Seed of the surrogates (the Gaussian estimator has none).
     pub seed: u64,
 }
 
@@ -65,7 +65,7 @@ impl TransferEntropy {
     /// Selects what informs each variable. Targets run in parallel; the result does not depend on the threads.
     ///
     /// # Errors
-    /// A parameter out of its range, too few complete samples, or `control` stops the run.
+    /// A parameter out of range, too few complete samples, or a run that `control` stops.
     pub fn run(&self, data: &DataFrame, control: &Control) -> Result<TeResult> {
         self.check()?;
         let window = Window::new(data, self.max_lag)?;

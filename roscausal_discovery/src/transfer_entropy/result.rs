@@ -7,7 +7,7 @@ use crate::ground::Node;
 pub struct Selected {
     /// The variable and its lag.
     pub source: Node,
-    /// Its information about the target given all others that were selected, in nats.
+    /// Its information about the target given all other selected variables, in nats.
     pub cmi: f64,
     /// P-value of its final test.
     pub p_value: f64,
@@ -29,7 +29,7 @@ pub struct TargetSelection {
 }
 
 impl TargetSelection {
-    /// All that informs the target: its own past, then the sources.
+    /// Everything that informs the target: its own past, then the sources.
     pub fn selected(&self) -> impl Iterator<Item = &Selected> {
         self.autodependency.iter().chain(&self.sources)
     }
@@ -42,6 +42,6 @@ pub struct TeResult {
     pub targets: Vec<TargetSelection>,
     /// Samples used by every estimate.
     pub n_samples: usize,
-    /// Samples left out because some variable was missing at some lag.
+    /// Samples left out because a variable was missing at some lag.
     pub n_lost: usize,
 }

@@ -6,13 +6,14 @@ use super::{
 };
 use crate::ground::{Control, Node, Result};
 
-/// Selects the sources of one target: the target's own past, then sources one at a time, pruning, final tests.
+/// Selects the sources of one target: first from the target's own past, then other variables one at a time, then
+/// pruning, then the final tests.
 pub(super) struct Selection<'a> {
     pub(super) estimator: &'a dyn Estimator,
     pub(super) alpha: f64,
     pub(super) n_vars: usize,
     pub(super) lags: std::ops::RangeInclusive<usize>,
-    /// Most variables that may be selected for a target: more would leave no freedom to estimate.
+    /// Most variables that may be selected for a target: more would leave no degrees of freedom to estimate.
     pub(super) limit: usize,
     pub(super) control: &'a Control,
 }
@@ -24,7 +25,7 @@ impl Selection<'_> {
 
         let own = self.greedy(present, lagged(target).collect(), &[])?;
         let autodependency = self.autodependency(present, &own);
-        // Transfer entropy is conditioned on the target's past even when that past says nothing.
+        // Transfer entropy is conditioned on the target's past even if that past is not informative.
         let past = if own.is_empty() { vec![Node::new(target, *self.lags.start())] } else { own };
 
         let others = (0..self.n_vars).filter(|&var| var != target).flat_map(lagged).collect();
@@ -35,8 +36,8 @@ impl Selection<'_> {
         Ok(TargetSelection { target, autodependency, sources, transfer_entropy, p_value })
     }
 
-    /// Takes the candidate with the largest information given all selected, as long as it beats the maximum
-    /// statistic over the remaining candidates.
+    /// Adds the candidate with the largest information given all selected ones, as long as the maximum statistic
+    /// over the remaining candidates is significant.
     fn greedy(&self, target: Node, mut candidates: Vec<Node>, given: &[Node]) -> Result<Vec<Node>> {
         let mut z = given.to_vec();
         while !candidates.is_empty() && z.len() < self.limit {
@@ -51,7 +52,7 @@ impl Selection<'_> {
         Ok(z.split_off(given.len()))
     }
 
-    /// Information of each selected past value given the other ones; the p-value is that of the whole past.
+    /// Information of each selected past value given the others; the p-value is that of the whole past.
     fn autodependency(&self, target: Node, own: &[Node]) -> Vec<Selected> {
         if own.is_empty() {
             return Vec::new();
@@ -64,8 +65,8 @@ impl Selection<'_> {
         own.iter().map(one).collect()
     }
 
-    /// Removes the source with the least information given all others, as long as the minimum statistic does not
-    /// find it significant.
+    /// Removes the source with the least information given all others, as long as the minimum statistic is not
+    /// significant.
     fn prune(&self, target: Node, past: &[Node], sources: &mut Vec<Node>) -> Result<()> {
         while !sources.is_empty() {
             self.control.check()?;
@@ -96,7 +97,7 @@ impl Selection<'_> {
         order.sort_by(|&a, &b| values[b].total_cmp(&values[a]));
         let falling: Vec<f64> = order.iter().map(|&i| values[i]).collect();
         let p = self.estimator.p_sequential(&falling, target, &sources, past);
-        // At the first source that is not significant the weaker ones fall with it.
+        // Once a source is not significant, all weaker ones are dropped with it.
         let mut p_of = vec![None; sources.len()];
         for (&i, p) in order.iter().zip(p).take_while(|(_, p)| *p < self.alpha) {
             p_of[i] = Some(p);
@@ -121,7 +122,7 @@ pub(super) fn without(nodes: &[Node], node: Node) -> Vec<Node> {
     nodes.iter().copied().filter(|&other| other != node).collect()
 }
 
-/// Position and value of the largest value, the first one of equals.
+/// Position and value of the largest value; the first of equals.
 fn first_max(values: &[f64]) -> Option<(usize, f64)> {
     let mut best: Option<(usize, f64)> = None;
     for (i, &value) in values.iter().enumerate() {

@@ -1,15 +1,17 @@
+//! Tests of the transfer-entropy filter on systems whose sources are known.
+
 use ndarray::Array2;
 
 use super::*;
 use crate::numeric::random::Rng;
 
-/// Uniform noise of unit variance, which the Gaussian estimator tolerates.
+/// Uniform noise of unit variance; the Gaussian estimator tolerates it.
 fn noise(seed: u64) -> impl FnMut() -> f64 {
     let mut rng = Rng::new(seed);
     move || (rng.unit() - 0.5) * 12.0_f64.sqrt()
 }
 
-/// `c` follows `a` at lag 1 and `b` at lag 2; `a` has a past, `b` has none; `d` only follows `c`.
+/// `c` follows `a` at lag 1 and `b` at lag 2; `a` depends on its past, `b` does not; `d` follows only `c`.
 fn system(n: usize, seed: u64) -> Array2<f64> {
     let mut e = noise(seed);
     let mut x = Array2::zeros((n, 4));
@@ -88,7 +90,7 @@ fn independent_noise_seldom_passes() {
             found += usize::from(!target.sources.is_empty());
         }
     }
-    // At the level 0.05 per target: 15 of 300 expected, standard deviation below 4.
+    // At the level 0.05 per target, 15 of 300 are expected, with a standard deviation below 4.
     assert_eq!(targets, 300);
     assert!((3..=30).contains(&found), "{found} of {targets} targets have false sources");
 }

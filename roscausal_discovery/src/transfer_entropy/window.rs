@@ -2,11 +2,11 @@
 
 use crate::ground::{DataFrame, Error, Node, Result};
 
-/// Fewest complete samples that transfer entropy is estimated from.
+/// Fewest complete samples from which transfer entropy is estimated.
 const MIN_SAMPLES: usize = 10;
 
-/// The samples of a filter: the times at which every variable at every lag `0..=max_lag` is present. One sample
-/// set serves all estimates, so that they compare; none crosses from one recording to the next.
+/// The samples of a filter: the times at which every variable is present at every lag `0..=max_lag`. All estimates
+/// use the same samples, so they are comparable. No sample spans two recordings.
 pub(super) struct Window<'a> {
     data: &'a DataFrame,
     max_lag: usize,

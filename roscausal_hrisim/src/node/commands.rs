@@ -18,7 +18,7 @@ use crate::{
 
 const FORMS: &str = "use pause, resume, step, step N, reset or autonomous";
 
-/// One command, as it came in.
+/// One command, as received.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) enum Command {
     /// `/ped/control/cmd_vel`: drives the first person.
@@ -27,22 +27,22 @@ pub(super) enum Command {
     Scale(f64),
     /// `/hri/control`: see [`FORMS`].
     Control(String),
-    /// `/hri/do`: an intervention; without times it holds from now on.
+    /// `/hri/do`: an intervention. Without times it applies from now on.
     Do(String),
 }
 
-/// Whether time goes on.
+/// Whether simulated time is running.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(super) struct Running {
     /// Time stands still.
     pub(super) paused: bool,
-    /// Steps to do although it does.
+    /// Steps to take although time stands still.
     pub(super) steps: u64,
-    /// The simulation began again.
+    /// The simulation restarted.
     pub(super) reset: bool,
 }
 
-/// Subscribes all commands into `inbox`; they end with the handle that is returned.
+/// Subscribes all commands into `inbox`. The subscriptions end when the returned handles are dropped.
 pub(super) fn subscribe<M: Middleware>(mw: &M, inbox: &Inbox<Command>) -> Result<Vec<M::Subscription>> {
     let to = || inbox.sender();
     let (teleop, scale, control, imposed): (Sender<_>, Sender<_>, Sender<_>, Sender<_>) =
@@ -66,7 +66,7 @@ pub(super) fn subscribe<M: Middleware>(mw: &M, inbox: &Inbox<Command>) -> Result
 /// Carries out one command.
 ///
 /// # Errors
-/// A command that is not understood or not allowed, with the allowed ones; nothing has changed then.
+/// A command that is unknown or not allowed, with the allowed ones. It changes nothing.
 pub(super) fn obey(command: &Command, simulation: &mut Simulation, running: &mut Running) -> Result<()> {
     match command {
         Command::Teleop(teleop) => match simulation.people.first().map(|person| person.id) {

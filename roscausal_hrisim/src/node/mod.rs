@@ -1,16 +1,18 @@
-//! The simulator as a node: publishes what a robot and a people tracker would, on any middleware, and obeys
-//! commands.
+//! The simulator as a node: it publishes like a robot and a people tracker on any middleware, and obeys commands.
 //!
-//! Topics out, for a robot with a name below `/NAME`: `/mobile_base_controller/odom`, `/robot_pose`, `/tf`
-//! (`map -> odom -> base_footprint`), `/goal_pose` and, on ROS 1, `/move_base/goal`; for people
-//! `/ped/control/teleop_persons` (scripted or driven), `/pedsim_simulator/simulated_agents` (pedestrians),
-//! `/hri/human_goal` (topic and parameter; `/hri/human_goal_ID` for all but the first person), `/hri/human_goals`
-//! (`TrackedPersons` whose poses are everybody's goals), `/hri/risk`;
-//! `/pedsim_simulator/simulated_walls`, `/clock`, and `/hri/interventions`: a JSON text
-//! `{"stamp": s, "time": s, "context": {column: [value]}}`, whose empty list means that nothing is imposed.
+//! Topics out:
+//! - each robot (below `/NAME` if it has a name): `/mobile_base_controller/odom`, `/robot_pose`, `/goal_pose` and, on
+//!   ROS 1, `/move_base/goal`; its frames on `/tf` (`map -> odom -> base_footprint`);
+//! - people: `/ped/control/teleop_persons` (scripted or driven people), `/pedsim_simulator/simulated_agents`
+//!   (pedestrians), `/hri/human_goal` (topic and parameter; `/hri/human_goal_ID` for all except the first person),
+//!   `/hri/human_goals` (`TrackedPersons` whose poses are everybody's goals), `/hri/risk`;
+//! - the rest: `/pedsim_simulator/simulated_walls`, `/clock`, and `/hri/interventions`, a JSON text
+//!   `{"stamp": s, "time": s, "context": {column: [value]}}` in which an empty list means that nothing is imposed.
 //!
-//! Topics in: `/ped/control/cmd_vel`, `twist_mux/scaling_factor`, `/hri/control` (`pause`, `resume`, `step`,
-//! `step N`, `reset`, `autonomous`), `/hri/do` (such as `robot.speed=0.2@60..90`).
+//! Topics in:
+//! - `/ped/control/cmd_vel` and `twist_mux/scaling_factor`;
+//! - `/hri/control`: `pause`, `resume`, `step`, `step N`, `reset`, `autonomous`;
+//! - `/hri/do`: an intervention, such as `robot.speed=0.2@60..90`.
 
 mod commands;
 mod parameters;
@@ -45,15 +47,15 @@ pub enum Pace {
     Max,
 }
 
-/// How the node runs.
+/// Options of the node.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Options {
     /// How fast simulated time goes.
     pub pace: Pace,
-    /// Publish `/clock` and stamp with simulated time (for nodes with `use_sim_time`); otherwise stamps are
-    /// the middleware's time, which suits real time only.
+    /// Whether to publish `/clock` and stamp with simulated time (for nodes with `use_sim_time`). Otherwise stamps
+    /// are the middleware's time, which suits real time only.
     pub clock: bool,
-    /// Publish every so many steps: 1 is 25 Hz.
+    /// Steps per message: 1 is 25 Hz.
     pub every: u64,
 }
 
@@ -87,10 +89,10 @@ impl Options {
     }
 }
 
-/// Runs `simulation` until its duration is over or the node is to end.
+/// Runs `simulation` until its duration is over or the node has to end.
 ///
 /// # Errors
-/// Wrong options, or a topic that the middleware refuses.
+/// Invalid options, or a topic that the middleware refuses.
 pub fn hrisim<M: Middleware>(mw: &M, mut simulation: Simulation, options: &Options) -> Result<Simulation> {
     options.check()?;
     let inbox = Inbox::detached(mw, 100);
@@ -122,7 +124,7 @@ pub fn hrisim<M: Middleware>(mw: &M, mut simulation: Simulation, options: &Optio
     Ok(simulation)
 }
 
-/// Which moment is due when. Time never goes back, not even when the simulation begins again.
+/// When each step is due. Time never goes back, not even when the simulation restarts.
 struct Schedule {
     begin: Instant,
     /// Stamp of tick 0.
@@ -146,13 +148,13 @@ impl Schedule {
         Time::from_nanos(self.origin.as_nanos().saturating_add(self.ticks as i64 * STEP_NANOS))
     }
 
-    /// Real time left until the next tick.
+    /// Real time until the next step.
     fn left(&self) -> Duration {
         let due = Duration::from_secs_f64((self.ticks + 1) as f64 * self.period);
         due.saturating_sub(self.begin.elapsed())
     }
 
-    /// What is due stays due while time stands still.
+    /// While time stands still, what is due stays due.
     fn stand_still(&mut self) {
         let past = Duration::from_secs_f64(self.ticks as f64 * self.period);
         let now = Instant::now();
@@ -160,7 +162,7 @@ impl Schedule {
     }
 }
 
-/// Obeys commands until the next tick is due; while paused, for a while.
+/// Obeys commands until the next step is due, or for a while when paused.
 fn wait<M: Middleware>(
     mw: &M,
     inbox: &Inbox<Command>,
@@ -186,9 +188,9 @@ fn wait<M: Middleware>(
     }
 }
 
-/// Runs `simulation` to its end on a lockstep bus, every message delivered and dealt with before the next:
-/// the same run whatever the threads do. `every` as in [`Options`]; `each_step` is called after each step
-/// and ends the run by returning false.
+/// Runs `simulation` to its end on a lockstep bus: every message is delivered and handled before the next. So the
+/// run is the same whatever the threads do. `every` is as in [`Options`]. `each_step` is called after each step; it
+/// ends the run by returning false.
 ///
 /// # Errors
 /// A topic that the bus refuses.

@@ -23,7 +23,7 @@ pub fn parameters() -> Vec<ParamSpec> {
             "do",
             Value::List(Vec::new()),
             Any,
-            "interventions beside those of the scenario, such as robot.speed=0.2@60..90",
+            "interventions in addition to those of the scenario, such as robot.speed=0.2@60..90",
         ),
         ParamSpec::new("seed", Value::Int(1), Range(0.0, 9e15), "seed of all random numbers"),
         ParamSpec::new(
@@ -36,17 +36,17 @@ pub fn parameters() -> Vec<ParamSpec> {
             "speed",
             Value::Double(1.0),
             Range(0.0, 1000.0),
-            "times real time; 0: as fast as the machine allows",
+            "how many times faster than real time; 0: as fast as the machine allows",
         ),
         ParamSpec::new("clock", Value::Bool(true), Any, "publish /clock and stamp with simulated time"),
-        ParamSpec::new("every", Value::Int(1), Range(1.0, 250.0), "steps of 0.04 s from message to message"),
+        ParamSpec::new("every", Value::Int(1), Range(1.0, 250.0), "steps of 0.04 s per message"),
     ]
 }
 
-/// The simulator as its parameters say, until its time is over or the middleware ends.
+/// Runs the simulator with its parameters, until its time is over or the middleware ends.
 ///
 /// # Errors
-/// A parameter that is not allowed, a scenario that cannot be used, a topic that the middleware refuses.
+/// A parameter that is not allowed, a scenario that cannot be used, or a topic that the middleware refuses.
 pub fn run<M: Middleware>(mw: &M) -> Result<()> {
     let params = Params::read(mw, &parameters())?;
     let mut scenario = Scenario::load(&params.text("scenario"))?;

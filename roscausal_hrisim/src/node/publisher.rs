@@ -1,4 +1,4 @@
-//! Publishes one step of a simulation: what a robot, its localisation and a people tracker publish.
+//! Publishes one step of a simulation, like a robot, its localisation and a people tracker.
 
 use roscausal_core::{
     Result, Time,
@@ -25,11 +25,11 @@ use crate::{
     simulation::Context,
 };
 
-/// Goals, walls and interventions are published when they change, and again this often, seconds.
+/// Goals, walls and interventions are published when they change, and repeated at this interval, seconds.
 const REPEAT: f64 = 1.0;
 /// Queue of the ordinary topics.
 const DEPTH: usize = 50;
-/// Radius within which `/hri/risk` counts (`obs_size`) and distance (`safe_dist`) of the paper, metres.
+/// The paper's `obs_size` and `safe_dist` for `/hri/risk`, metres.
 const RISK: (f64, f64) = (2.0, 5.0);
 
 /// The publishers of one simulation on one middleware.
@@ -45,16 +45,16 @@ pub struct Publisher<M: Middleware> {
     risk: M::Publisher<Float64>,
     tf: M::Publisher<TFMessage>,
     interventions: M::Publisher<Text>,
-    /// What was last published on the topics that tell changes, and when.
+    /// What was last published on the topics that report changes, and when.
     told: Option<Told>,
-    /// The goals' parameters cannot be set at present.
+    /// Whether the goal parameters cannot be set at present.
     without_params: bool,
 }
 
 struct RobotTopics<M: Middleware> {
     odom: M::Publisher<Odometry>,
     pose: M::Publisher<PoseWithCovarianceStamped>,
-    /// Not on ROS 2, which has no such type.
+    /// `None` on ROS 2, which lacks this type.
     action_goal: Option<M::Publisher<MoveBaseActionGoal>>,
     goal: M::Publisher<PoseStamped>,
     odom_frame: String,
@@ -164,7 +164,7 @@ impl<M: Middleware> Publisher<M> {
                 topic.publish(&PoseStamped { header: header(stamp, "map"), pose: pose_at(*goal) })?;
                 let place = Value::List(vec![Value::Double(goal.x), Value::Double(goal.y)]);
                 let set = self.mw.set_param(name, place);
-                // A master that is away is no reason to stop; the next goal or second tries again.
+                // A master that is down is no reason to stop. The next goal, or the next second, tries again.
                 if let (Err(error), false) = (&set, self.without_params) {
                     tracing::warn!("{name} is told as a topic only, not as a parameter: {error}");
                 }
@@ -280,7 +280,7 @@ impl<M: Middleware> RobotTopics<M> {
     }
 }
 
-/// A publisher that this middleware may not have.
+/// A publisher that this middleware may not support.
 fn optional<T>(publisher: Result<T>) -> Option<T> {
     publisher.inspect_err(|reason| tracing::debug!("not published: {reason}")).ok()
 }
@@ -300,7 +300,7 @@ fn pose_at(p: Vec2) -> Pose {
     Pose { position: Point { x: p.x, y: p.y, z: 0.0 }, orientation: Quaternion::default() }
 }
 
-/// Velocity in the map frame, as trackers give it.
+/// Velocity in the map frame, as trackers publish it.
 fn planar_twist(measured: Measured) -> Twist {
     let velocity = Vec2::polar(measured.v, measured.theta);
     Twist {
@@ -320,7 +320,8 @@ fn transform(stamp: Time, parent: &str, child: &str, at: Vec2, turn: f64) -> Tra
     }
 }
 
-/// `{"stamp": 61.2, "time": 61.2, "context": {"do_robot_speed": [0.2]}}`; an empty list: left to itself.
+/// `{"stamp": 61.2, "time": 61.2, "context": {"do_robot_speed": [0.2]}}`. An empty list means that nothing is
+/// imposed.
 fn context_json(stamp: Time, time: f64, context: &[Context]) -> String {
     let columns: serde_json::Map<String, serde_json::Value> =
         context.iter().map(|column| (column.name.clone(), column.value.clone().into())).collect();

@@ -1,4 +1,4 @@
-//! What a localiser and a people tracker see of the truth: the truth and seeded noise.
+//! What a localiser and a people tracker measure: the truth with seeded noise.
 
 use crate::{
     geometry::{Vec2, wrap},
@@ -9,7 +9,7 @@ use crate::{
     scenario::Noise,
 };
 
-/// A place, heading and speeds as measured, in the map frame.
+/// A measured position, heading and speed in the map frame.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Measured {
     /// Position, metres.
@@ -32,12 +32,12 @@ pub struct Sensors {
 const STREAM: u64 = 6 << 32;
 
 impl Sensors {
-    /// Sensors with this noise; their chance is a stream of its own, so noise never changes what is true.
+    /// Sensors with this noise. They have a random stream of their own, so noise never changes the truth.
     pub fn new(noise: Noise, seed: u64) -> Self {
         Self { noise, rng: Rng::new(seed, STREAM) }
     }
 
-    /// A robot as its odometry and localisation have it.
+    /// A robot, as its odometry and localisation measure it.
     pub fn robot(&mut self, robot: &Robot) -> Measured {
         Measured {
             position: robot.position + self.rng.normal2(self.noise.robot_position),
@@ -47,12 +47,12 @@ impl Sensors {
         }
     }
 
-    /// A person as a tracker has her.
+    /// A person, as a tracker measures her.
     pub fn person(&mut self, person: &Person) -> Measured {
         self.walker(person.position, person.theta, person.v, person.omega)
     }
 
-    /// A pedestrian as a tracker has it.
+    /// A pedestrian, as a tracker measures them.
     pub fn pedestrian(&mut self, walker: &Pedestrian) -> Measured {
         self.walker(walker.position, walker.theta, walker.velocity.norm(), walker.omega)
     }

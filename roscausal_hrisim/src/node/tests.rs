@@ -1,3 +1,5 @@
+//! Tests of the simulator node: topics, commands, clock, interventions.
+
 use std::sync::{Arc, Mutex};
 
 use roscausal_core::params::{Allowed, ParamSpec, Value};
@@ -52,7 +54,7 @@ fn every_topic_carries_what_is_true_within_its_noise() {
     let pose = poses.lock().unwrap().last().unwrap().pose.pose;
     assert!((pose.position.y - robot.position.y).abs() < 0.05);
 
-    // map -> odom -> base_footprint leads to the robot's pose, and the odometry agrees.
+    // map -> odom -> base_footprint gives the robot's pose, and the odometry agrees.
     let tf = tf.lock().unwrap();
     let transforms = &tf.last().unwrap().transforms;
     let (first, second) = (transforms[0].transform, transforms[1].transform);

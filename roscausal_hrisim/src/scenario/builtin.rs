@@ -18,7 +18,7 @@ pub const SCENARIOS: [&str; 7] = [
 ];
 
 impl Scenario {
-    /// The built-in scenario of that name; see [`SCENARIOS`].
+    /// The built-in scenario with that name; see [`SCENARIOS`].
     pub fn named(name: &str) -> Option<Self> {
         let plan = match name {
             "thor" => Plan::Thor,
@@ -39,18 +39,19 @@ impl Scenario {
     }
 
     /// The scenario that is recommended for finding the paper's four links, and its two controls (the person
-    /// ignores the robot; she never slows for a goal or a turn). Why it shows them:
+    /// ignores the robot, or never slows down for a goal or a turn). Why it shows the links:
     ///
-    /// - `v -> d_g`: her true pace is irregular (`pace_sd`), so the distance walked is news to the distance;
-    /// - `d_g -> v`: goals come every few seconds, she begins to slow 6 m before one, and changes speed promptly; her
-    ///   pace forgets itself within a step of 0.3 s (`pace_time`), so that her last speed does not tell already what
-    ///   the distance tells of the next one;
-    /// - `risk -> v`: robot and goals share the middle of the hall, so they meet often, and she brakes hard, but not
-    ///   within one step: her reaction and her braking take about two steps together, so that a lag of one sees them;
-    /// - `v -> risk`: the risk contains v (analyse with `risk_model` v1_1 and `risk_lag` 1);
-    /// - nothing else: goals are uniform in a square around the robot's loop, so its place does not tell how
-    ///   far the goal is, and the paper's own noise on the exponent of the risk (`risk_noise` 0.02) keeps
-    ///   risk from being a function of v that every small dependence shows through.
+    /// - `v -> d_g`: her true pace is irregular (`pace_sd`), so the distance walked adds information about the
+    ///   distance.
+    /// - `d_g -> v`: goals come every few seconds, she starts to slow down 6 m before each, and changes speed
+    ///   promptly. Her pace is nearly uncorrelated from one step of 0.3 s to the next (`pace_time`), so the
+    ///   distance still adds information to her last speed.
+    /// - `risk -> v`: robot and goals share the middle of the hall, so they meet often. She brakes hard, but not
+    ///   within one step: reaction and braking together take about two steps, so a lag of one sees them.
+    /// - `v -> risk`: the risk contains v (analyse with `risk_model` v1_1 and `risk_lag` 1).
+    /// - No other link: goals are uniform in a square around the robot's loop, so the robot's position does not
+    ///   tell how far away the goal is. The paper's own noise on the exponent of the risk (`risk_noise` 0.02) keeps
+    ///   the risk from being a function of v through which every small dependence would show.
     fn encounters(name: &str, walk: PersonParams) -> Self {
         let square = Area(vec![
             Vec2::new(-6.0, -6.0),
@@ -82,7 +83,7 @@ impl Scenario {
     }
 }
 
-/// A person on foot rather than at a keyboard: prompt, quick to turn and to brake.
+/// A person who walks rather than drives by keyboard: prompt, quick to turn and to brake.
 fn encounters_walk() -> PersonParams {
     PersonParams {
         acceleration: 2.0,
@@ -99,7 +100,7 @@ fn encounters_walk() -> PersonParams {
     }
 }
 
-/// No namespace for a single robot, else `robot1`, `robot2`, ...
+/// No namespace for a single robot, otherwise `robot1`, `robot2`, ...
 fn robot_name(index: usize, robots: usize) -> String {
     if robots == 1 { String::new() } else { format!("robot{}", index + 1) }
 }

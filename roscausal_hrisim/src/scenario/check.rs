@@ -1,4 +1,4 @@
-//! Checks of a scenario: each complaint names the field, what is wrong and what is allowed.
+//! Checks of a scenario. Each error names the field, what is wrong and what is allowed.
 
 use roscausal_core::{Error, Result};
 
@@ -10,11 +10,11 @@ use crate::{
     world::{MAPS, World},
 };
 
-/// Most agents of one kind; a guard against a slip of the keyboard.
+/// Most agents of one kind; guards against typing errors.
 const MAX_AGENTS: usize = 10_000;
 
 impl Scenario {
-    /// The place of this scenario.
+    /// The map of this scenario.
     ///
     /// # Errors
     /// An unknown map, or walls that are not finite.
@@ -37,7 +37,7 @@ impl Scenario {
     /// Checks every field.
     ///
     /// # Errors
-    /// The first field that is wrong, as a path such as `people[0].walk.speed`, with what is allowed.
+    /// The first wrong field, as a path such as `people[0].walk.speed`, with what is allowed.
     pub fn check(&self) -> Result<()> {
         let world = self.world()?;
         number("duration", self.duration, 0.04, 1e7)?;
@@ -201,7 +201,7 @@ impl Scenario {
         Err(Error::param(at, format!("'{one}' concerns no {kind}; {known}")))
     }
 
-    /// Track id of the person at this place in the list.
+    /// Track id of the person at this position in the list.
     pub fn person_id(&self, index: usize) -> u32 {
         let given = self.people.get(index).map_or(0, |person| person.id);
         if given == 0 { 1000 + index as u32 } else { given }
@@ -237,7 +237,7 @@ fn count(name: &str, value: usize) -> Result<()> {
     Err(Error::param(name, format!("{value} are too many; use 0 to {MAX_AGENTS}")))
 }
 
-/// A place must be finite, free, and reachable from `from`; `arrival` is how near one has to come.
+/// A position must be finite, free, and reachable from `from`. `arrival` is how close one has to come.
 fn place(world: &World, name: &str, p: Vec2, from: Option<Vec2>, arrival: f64) -> Result<()> {
     let at = format!("({}, {})", p.x, p.y);
     if !p.is_finite() {

@@ -1,4 +1,4 @@
-//! Scenario files in TOML; a wrong field is named with its line and column.
+//! Scenario files in TOML. An error names line and column of the field.
 
 use std::path::Path;
 
@@ -8,7 +8,7 @@ use toml::de::{DeTable, DeValue};
 use super::{SCENARIOS, Scenario};
 
 impl Scenario {
-    /// The built-in scenario `name`, or the one in the file of that name (`*.toml`).
+    /// The built-in scenario `name`, or the one in the file `name` (`*.toml`).
     ///
     /// # Errors
     /// No such scenario or file, or a wrong field in it.
@@ -30,13 +30,14 @@ impl Scenario {
     /// Reads and checks a scenario file.
     ///
     /// # Errors
-    /// The file cannot be read, or a field is unknown, of the wrong type or not allowed: with line and column.
+    /// A file that cannot be read, or a field that is unknown, of the wrong type or not allowed; with line and
+    /// column.
     pub fn from_file(path: &Path) -> Result<Self> {
         let text = std::fs::read_to_string(path).map_err(|error| Error::file(path, error))?;
         Self::from_toml(&text, path)
     }
 
-    /// Reads and checks a scenario from text; `path` is only named in errors.
+    /// Reads and checks a scenario from text; `path` is only used in errors.
     ///
     /// # Errors
     /// As [`Scenario::from_file`].
@@ -70,8 +71,8 @@ fn line_column(text: &str, offset: usize) -> String {
     format!("line {line}, column {}", before.len() - start + 1)
 }
 
-/// Where the field with a path such as `people[0].walk.speed` stands in the text, or the deepest part of
-/// the path that does.
+/// The position in the text of the field with a path such as `people[0].walk.speed`, or of the deepest part of the
+/// path that exists.
 fn offset_of(text: &str, path: &str) -> Option<usize> {
     let table = DeTable::parse(text).ok()?;
     let mut found = None;

@@ -1,4 +1,4 @@
-//! What is simulated: place, plan, people, robots, noise, interventions. Plain data, checked once.
+//! What is simulated: map, plan, people, robots, noise, interventions. Plain data, checked once.
 
 mod builtin;
 mod check;
@@ -15,20 +15,20 @@ use crate::{
 
 pub use builtin::SCENARIOS;
 
-/// Who goes where, when.
+/// Who goes where and when.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Plan {
-    /// The robot loops its waypoints; a person's goal is uniform in one of her areas, never the same area
-    /// twice running. The plan of the published data.
+    /// The robot loops through its waypoints. A person's goal is uniform in one of her areas, never twice in a row
+    /// in the same one. It is the plan of the published data.
     #[default]
     Thor,
-    /// The robot goes from corner to corner; a person's goals alternate between areas on either side of its
-    /// way, so that the paths cross.
+    /// The robot drives from corner to corner. A person's goals alternate between areas on both sides of its path,
+    /// so that the paths cross.
     PassByTheCentre,
-    /// The robot is parked; a person's goals alternate between her areas.
+    /// The robot is parked. A person's goals alternate between her areas.
     RobotOff,
-    /// Pedestrians, people and robots go to random places.
+    /// Pedestrians, people and robots go to random positions.
     Crowd,
 }
 
@@ -72,12 +72,12 @@ pub struct Scenario {
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct PersonSpec {
-    /// Track id; 0 takes 1000 plus the place in the list.
+    /// Track id; 0 means 1000 plus the position in the list.
     pub id: u32,
-    /// Where she starts; otherwise a place of her own choice among her goals.
+    /// Where she starts; by default somewhere in her goal areas.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub start: Option<Vec2>,
-    /// Convex areas her goals are drawn from; otherwise those of the plan.
+    /// Convex areas from which her goals are drawn; by default those of the plan.
     pub areas: Vec<Area>,
     /// How she walks.
     pub walk: PersonParams,
@@ -87,12 +87,12 @@ pub struct PersonSpec {
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct RobotSpec {
-    /// Namespace of its topics; empty for none.
+    /// Namespace of its topics; may be empty.
     pub name: String,
-    /// Where it starts; otherwise its first waypoint.
+    /// Where it starts; by default its first waypoint.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub start: Option<Vec2>,
-    /// Waypoints of its loop; otherwise those of the plan.
+    /// Waypoints of its loop; by default those of the plan.
     pub waypoints: Vec<Vec2>,
     /// How it drives.
     pub drive: RobotParams,
@@ -102,7 +102,7 @@ pub struct RobotSpec {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct PedestrianSpec {
-    /// How many.
+    /// Their number.
     pub count: usize,
     /// Whether they walk in groups of 1 + Poisson(1.1).
     pub groups: bool,
@@ -118,9 +118,9 @@ impl Default for PedestrianSpec {
     }
 }
 
-/// Standard deviations of what a localiser and a people tracker add, white and normal.
+/// Standard deviations of the noise that a localiser and a people tracker add; it is white and normal.
 ///
-/// The defaults are the noise of the published data for people (0.05 m, 0.028 m/s), and little for the robot.
+/// The defaults are the noise of the published data for people (0.05 m, 0.028 m/s), and a little for the robot.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Noise {
@@ -158,10 +158,11 @@ impl Default for Noise {
 }
 
 impl Scenario {
-    /// Adds interventions, each written such as `robot.speed=0.2@60..90`.
+    /// Adds interventions, written such as `robot.speed=0.2@60..90`.
     ///
     /// # Errors
-    /// A text that is none, as an error of the parameter `do`; whether they fit the scenario, [`Scenario::check`] says.
+    /// A malformed text, as an error of the parameter `do`. Whether interventions match the scenario is checked by
+    /// [`Scenario::check`].
     pub fn add_interventions(&mut self, texts: &[String]) -> roscausal_core::Result<()> {
         let mut whole: Vec<String> = Vec::new();
         for text in texts {
@@ -185,7 +186,7 @@ impl Scenario {
 }
 
 impl Noise {
-    /// No noise at all.
+    /// No noise.
     pub const NONE: Self = Self {
         person_position: 0.0,
         person_heading: 0.0,

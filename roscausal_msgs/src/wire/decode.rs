@@ -1,26 +1,28 @@
+//! The decoder for both wire formats.
+
 use serde::de::{DeserializeSeed, Deserializer, SeqAccess, Visitor};
 
 use super::{Fault, Layout};
 
-/// Reads a message's fields, one after the other. Every length is checked against the bytes that are left
-/// before anything is allocated for it.
+/// Reads the fields of a message one after the other. Every length is checked against the remaining bytes before
+/// anything is allocated for it.
 pub(crate) struct Decoder<'de> {
     layout: Layout,
     bytes: &'de [u8],
     offset: usize,
-    /// Where alignment counts from.
+    /// The position from which alignment counts.
     origin: usize,
     /// `seq` of the first header seen.
     seq: Option<u32>,
 }
 
 impl<'de> Decoder<'de> {
-    /// Reads from `origin` on, from where alignment counts.
+    /// Reads from `origin` on, from which alignment counts.
     pub(crate) fn new(layout: Layout, bytes: &'de [u8], origin: usize) -> Self {
         Self { layout, bytes, offset: origin, origin, seq: None }
     }
 
-    /// `seq` of the first header, once the message is read to its last byte but `spare`.
+    /// The `seq` of the first header, once the whole message has been read; up to `spare` bytes may remain.
     pub(crate) fn finish(self, spare: usize) -> Result<Option<u32>, Fault> {
         match self.left() {
             left if left > spare => Err(Fault::Trailing { left }),
@@ -53,7 +55,7 @@ impl<'de> Decoder<'de> {
         Ok(little_endian)
     }
 
-    /// A length, of elements of at least one byte each.
+    /// A length of elements that have at least one byte each.
     fn length(&mut self) -> Result<usize, Fault> {
         let length = u32::from_le_bytes(self.number()?);
         let left = self.left();
@@ -105,13 +107,13 @@ impl<'de> Deserializer<'de> for &mut Decoder<'de> {
         deserialize_enum(&'static str, &'static [&'static str]) "an enum"
     );
 
-    /// Anything but 0 is true, as in C.
+    /// Anything except 0 is true, as in C.
     fn deserialize_bool<V: Visitor<'de>>(self, visitor: V) -> Result<V::Value, Fault> {
         let [byte] = self.number()?;
         visitor.visit_bool(byte != 0)
     }
 
-    /// Bytes that are not UTF-8 become U+FFFD: ROS 1 does not say which encoding a string has.
+    /// Bytes that are not UTF-8 become U+FFFD, because ROS 1 does not define the encoding of strings.
     fn deserialize_string<V: Visitor<'de>>(self, visitor: V) -> Result<V::Value, Fault> {
         let mut bytes = self.prefixed()?;
         if self.layout.cdr

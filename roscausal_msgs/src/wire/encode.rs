@@ -1,21 +1,23 @@
+//! The encoder for both wire formats.
+
 use serde::ser::{
     Impossible, Serialize, SerializeSeq, SerializeStruct, SerializeTuple, SerializeTupleStruct, Serializer,
 };
 
 use super::{Fault, Layout};
 
-/// Writes a message's fields, one after the other.
+/// Writes the fields of a message one after the other.
 pub(crate) struct Encoder {
     layout: Layout,
     bytes: Vec<u8>,
-    /// Where alignment counts from.
+    /// The position from which alignment counts.
     origin: usize,
-    /// `seq` of the next header.
+    /// The `seq` of the next header.
     seq: u32,
 }
 
 impl Encoder {
-    /// Appends to `prefix`, which alignment does not count. The first header gets `seq`, later ones 0.
+    /// Appends to `prefix`, which does not count for alignment. The first header gets `seq`, later ones 0.
     pub(crate) fn new(layout: Layout, prefix: &[u8], seq: u32) -> Self {
         Self { layout, bytes: prefix.to_vec(), origin: prefix.len(), seq }
     }

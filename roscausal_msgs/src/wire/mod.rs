@@ -1,4 +1,4 @@
-//! The serde format behind both wires; [`crate::ros1`] and [`crate::cdr`] choose the layout.
+//! The serde format behind both wire formats; [`crate::ros1`] and [`crate::cdr`] choose the layout.
 
 mod decode;
 mod encode;
@@ -6,12 +6,12 @@ mod encode;
 pub(crate) use decode::Decoder;
 pub(crate) use encode::Encoder;
 
-/// What the two wires differ in.
+/// The differences between the two wire formats.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Layout {
     /// CDR: numbers are aligned to their size, strings end in NUL. ROS 1: neither, and headers carry `seq`.
     pub(crate) cdr: bool,
-    /// Order of the bytes of a number (CDR knows both).
+    /// Byte order of numbers (CDR has both).
     pub(crate) big_endian: bool,
 }
 
@@ -24,13 +24,13 @@ impl Layout {
         if self.cdr { offset.wrapping_neg() % size } else { 0 }
     }
 
-    /// Whether this struct starts with a `seq` that the Rust type has not.
+    /// Whether this struct starts with a `seq` that the Rust type lacks.
     fn has_seq(self, struct_name: &str) -> bool {
         !self.cdr && struct_name == "Header"
     }
 }
 
-/// Bytes that are not the message they should be, or a message that has no bytes.
+/// Bytes that do not decode as their message type, or a message that cannot be encoded.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("{type_name}: {fault}")]
 pub struct WireError {
@@ -46,39 +46,39 @@ pub enum Fault {
     /// The bytes end too early.
     #[error("the message is cut short: {needed} bytes needed at byte {offset}, {left} left")]
     Truncated {
-        /// Where, from the message's first byte.
+        /// The position, from the first byte of the message.
         offset: usize,
         /// Bytes needed there.
         needed: usize,
-        /// Bytes there are.
+        /// Bytes that remain.
         left: usize,
     },
-    /// A length that cannot be true.
+    /// A length that is impossible.
     #[error("a length of {length} at byte {offset}, where only {left} bytes are left; is it another type?")]
     Length {
-        /// Where, from the message's first byte.
+        /// The position, from the first byte of the message.
         offset: usize,
         /// Elements or bytes claimed.
         length: u32,
-        /// Bytes there are.
+        /// Bytes that remain.
         left: usize,
     },
-    /// Bytes after the message's last field.
+    /// Bytes after the last field of the message.
     #[error("{left} bytes too many after the last field; is it another type or version?")]
     Trailing {
-        /// How many.
+        /// Their number.
         left: usize,
     },
     /// CDR's first four bytes are unknown.
     #[error("the CDR representation {0:#06x} is not supported (allowed: 0x0000 and 0x0001)")]
     Representation(u16),
-    /// A sequence or string longer than the wire can say.
+    /// A sequence or string that is too long for the wire format.
     #[error("{0} elements are more than the wire allows")]
     TooLong(usize),
-    /// A Rust type that no ROS message has.
+    /// A Rust type that ROS messages do not have.
     #[error("{0} has no place in a ROS message")]
     Unsupported(&'static str),
-    /// What the type itself objects to.
+    /// An error from the type itself.
     #[error("{0}")]
     Custom(String),
 }

@@ -1,3 +1,5 @@
+//! A macro that runs a check for every message type.
+
 /// Calls `$check::<M>($args)` for every message type.
 macro_rules! for_every_type {
     ($check:ident $args:tt) => {

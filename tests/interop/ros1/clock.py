@@ -64,7 +64,7 @@ def a_node_records_on_through_a_clock_that_is_late_stops_and_jumps_back(roscore)
     people = rospy.Publisher("/roscausal/humans", Humans, queue_size=10)
 
     def run(start, seconds):
-        """So many simulated seconds at twice real time."""
+        """This many simulated seconds, at twice real time."""
         for step in range(int(seconds * 50)):
             now = rospy.Time.from_sec(start + step / 50)
             robot, human = RobotState(), HumanState(id=1000)
@@ -115,5 +115,5 @@ def a_signal_ends_a_node_whose_clock_never_comes(roscore):
 
 
 if __name__ == "__main__":
-    # a node of this process must not take the simulated time for its own
+    # a node in this process must not use the simulated time
     sys.exit(group.run() > 0)

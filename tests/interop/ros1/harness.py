@@ -1,4 +1,4 @@
-"""What every group of the ROS 1 interoperability tests needs: a roscore of its own, processes that are ended by
+"""What every group of ROS 1 interoperability tests needs: a roscore of its own, processes that are ended by
 pid, waits with deadlines, and lines 'ok NAME' or 'FAIL NAME: reason'."""
 
 import os
@@ -23,7 +23,7 @@ def free_port():
 
 
 def eventually(check, timeout=10.0, what="condition", period=0.02):
-    """The first true value of check(), polled; an error with `what` when none comes in time."""
+    """Polls check() and returns its first true value. Raises an error with `what` if there is none in time."""
     end = time.monotonic() + timeout
     while True:
         value = check()
@@ -35,7 +35,7 @@ def eventually(check, timeout=10.0, what="condition", period=0.02):
 
 
 class Process:
-    """A child whose output lines are kept; the end of the `with` block ends it."""
+    """A child process whose output lines are kept. The end of the `with` block ends it."""
 
     alive = []
 
@@ -97,7 +97,7 @@ def peer(*args, **more):
 
 
 class Roscore:
-    """A master (and /rosout) on a port of its own; may be killed and started anew on the same port."""
+    """A master (and /rosout) on a port of its own. It may be killed and restarted on the same port."""
 
     def __init__(self):
         self.port = free_port()
@@ -111,7 +111,7 @@ class Roscore:
 
     @property
     def master(self):
-        # a proxy each time: they keep connections that a restart breaks
+        # a new proxy each time, because proxies keep connections, which a restart breaks
         return xmlrpc.client.ServerProxy(os.environ["ROS_MASTER_URI"])
 
     def start(self):
@@ -136,7 +136,7 @@ class Roscore:
 
 
 class Group:
-    """Cases that share a roscore; run() prints a line per case and gives the number of failures."""
+    """Cases that share a roscore. run() prints a line per case and returns the number of failures."""
 
     def __init__(self):
         self.cases = []
@@ -177,7 +177,7 @@ class Group:
         return failures
 
     def clean_up(self):
-        """Ends what a case left behind, and forgets the private parameters of its nodes: the master keeps them."""
+        """Ends what a case left behind, and deletes the private parameters of its nodes, which the master keeps."""
         for process in list(Process.alive):
             if process is not self.roscore.process:
                 process.__exit__()

@@ -1,4 +1,4 @@
-"""The laws of every middleware, on a real master."""
+"""The laws of the middleware, on a real master."""
 
 import os
 import sys

@@ -1,4 +1,4 @@
-"""Coming and going: waiting for a master, and no ghost on it after signals, rosnode kill and panics."""
+"""Joining and leaving: waiting for a master, and no dead entry on it after signals, rosnode kill and panics."""
 
 import os
 import signal

@@ -1,4 +1,4 @@
-"""The nodes with rospy around them: a robot's and people's topics in, states and batches out; bags, signals, a
+"""The nodes with rospy at both ends: from a robot's and people's topics to states and batches; bags, signals, a
 restarted master."""
 
 import csv
@@ -185,7 +185,7 @@ def people_their_goal_parameter_and_an_empty_list(roscore):
         roscore.param("/hri/human_goal", [-1, 2])  # whole numbers, while it runs
         selected.one(lambda m: m.goal.x == -1 and m.goal.y == 2, what="the new goal\n" + human.text)
         people.clear()
-        time.sleep(1.5)  # longer than a person is held unseen
+        time.sleep(1.5)  # longer than an unseen person is kept
         everybody.all.clear()
         time.sleep(0.5)
         assert not any(m.humans for m in everybody.all), "people who are gone: %s" % everybody.all[-1]
@@ -263,7 +263,7 @@ class Recording:
 
 
 def check_rows(rows, fewest, flushed=False):
-    """`flushed`: at the end one of two messages of an instant may have been under way, so the last row may lack it."""
+    """`flushed`: at the end, one of two simultaneous messages may not have arrived, so the last row may lack it."""
     assert len(rows) >= fewest, "%d rows" % len(rows)
     if flushed and "" in rows[-1].values():
         rows = rows[:-1]
@@ -351,7 +351,7 @@ def a_recorded_bag_is_played_through_the_nodes(_):
         assert recorded[-1]._md5sum == RobotState._md5sum
     states = Collect("/roscausal/robot", RobotState)
     with node("robot"):
-        # only the inputs: the node makes the states anew
+        # only the inputs: the node computes the states again
         with Process("rosbag", "play", "-d", "1", folder + "/in.bag", "--topics", "/mobile_base_controller/odom",
                      "/robot_pose") as play:
             state = states.one(lambda m: m.pose2D.x == 42, what="a state from the bag\n" + play.text)

@@ -1,4 +1,4 @@
-"""ROS-Causal 1.x on both ends: rospy classes made from its message definitions alone, not from this repository's."""
+"""ROS-Causal 1.x on both ends: rospy classes made from its own message definitions, not from this repository's."""
 
 import glob
 import os
@@ -116,7 +116,7 @@ def its_publishers_states_become_a_batch_and_its_subscriber_reads_our_model(_):
 
 
 class Noise:
-    """Named random walks that stay near 0, the same at each run."""
+    """Named random walks that stay near 0; the same in each run."""
 
     def __init__(self):
         import random

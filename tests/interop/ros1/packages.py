@@ -29,14 +29,14 @@ def clean_env():
 
 
 def run(command, path, timeout=280):
-    # catkin_make_isolated goes by PWD
+    # catkin_make_isolated uses PWD
     done = subprocess.run(command, cwd=path, env={**clean_env(), "PWD": path}, capture_output=True, text=True, timeout=timeout)
     assert done.returncode == 0, "%s\n%s\n%s" % (command, done.stdout[-1500:], done.stderr[-1500:])
     return done.stdout
 
 
 def works(setup, roscore):
-    """What a user of the sourced workspace does."""
+    """Runs commands as a user of the sourced workspace would."""
     script = """set -e; . %s
       rosmsg md5 roscausal_msgs/CausalModel
       rosmsg show roscausal_msgs/RobotState
@@ -70,14 +70,14 @@ def catkin_build_builds_it(roscore):
 
 @case
 def catkin_make_isolated_installs_a_plain_clone(roscore):
-    """A clone of the last commit, so that nothing is needed that git does not have. cargo takes checkouts of one
-    repository for the same, so the clone has a target folder of its own, with the libraries that are built already."""
+    """A clone of the last commit, so that only files in git are used. To cargo two checkouts of one
+    repository are the same, so the clone has a target folder of its own, with the libraries that are already built."""
     scratch = TARGET + "/.interop_ros1"
     shutil.rmtree(scratch, ignore_errors=True)
     os.makedirs(scratch + "/target/release")
     for part in ("deps", "build", ".fingerprint"):
         run(["cp", "-a", "%s/release/%s" % (TARGET, part), scratch + "/target/release"], WORK)
-    # also where the sources are no clone themselves
+    # works even if the sources themselves are not a clone
     source = ROOT if not os.path.exists(ROOT + "/.git") else scratch + "/roscausal"
     if source != ROOT:
         run(["git", "clone", "-q", ROOT, source], WORK)

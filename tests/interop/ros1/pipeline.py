@@ -1,4 +1,4 @@
-"""The whole experiment by roslaunch: simulator and four nodes in simulated time, a rospy script gets the model."""
+"""The whole experiment with roslaunch: simulator and four nodes in simulated time. A rospy script gets the model."""
 
 import glob
 import math
@@ -29,7 +29,7 @@ NODES = {"/roscausal_%s" % name for name in ("robot", "human", "data", "discover
 @case
 def roslaunch_runs_the_experiment_and_a_model_arrives(roscore):
     folder = tempfile.mkdtemp(dir=os.environ.get("ROSCAUSAL_WORK"), prefix="experiment-")
-    # this process goes by real time
+    # this process uses real time
     got = {"models": [], "clock": []}
     rospy.Subscriber("/roscausal/causal_model", CausalModel, got["models"].append)
     from rosgraph_msgs.msg import Clock
@@ -44,7 +44,7 @@ def roslaunch_runs_the_experiment_and_a_model_arrives(roscore):
         markers = rospy.wait_for_message("/roscausal/markers", MarkerArray, 20).markers
         # a robot and people, in one frame
         assert len(markers) >= 2 and {m.header.frame_id for m in markers} == {"map"}, markers
-        # a batch in which nothing is found is a result, too, but of no use here
+        # a batch without links is a valid result, but of no use here
         model = eventually(
             lambda: next((m for m in got["models"] if m.features), None), 150,
             lambda: "a model with links; %d came, clock %s, files %s\n%s" % (

@@ -1,4 +1,4 @@
-"""A master that is killed and started anew: connections stay, nodes come back, new ones find them."""
+"""A master that is killed and restarted: connections stay, nodes register again, new nodes find them."""
 
 import sys
 import time
@@ -15,7 +15,7 @@ case = group.case
 
 @case
 def no_message_is_lost_and_nodes_are_back_within_five_seconds(roscore):
-    """rospy -> peer -> peer -> rospy, 50 messages a second, while the master goes and comes."""
+    """rospy -> peer -> peer -> rospy, 50 messages a second, while the master is stopped and restarted."""
     got = []
     out = rospy.Publisher("/a", Humans, queue_size=1000)
     rospy.Subscriber("/c", Humans, lambda m: got.append(int(m.header.frame_id)))
@@ -62,7 +62,7 @@ def no_message_is_lost_and_nodes_are_back_within_five_seconds(roscore):
 
 @case
 def nodes_started_after_the_restart_are_connected(roscore):
-    """Who starts anew finds the old ones, and is found by them."""
+    """New nodes find the old ones, and are found by them."""
     with peer("latch", "/kept", "kept", "__name:=old_publisher"), \
             peer("count", "std_msgs/String", "/news", "__name:=old_subscriber") as old:
         eventually(lambda: {"/old_publisher", "/old_subscriber"} <= roscore.nodes(), 10, "both nodes")

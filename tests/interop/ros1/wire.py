@@ -1,4 +1,4 @@
-"""Bytes: every message type there and back, latching, hostile bytes, wrong types, losses, remappings."""
+"""The wire: every message type in both directions, latching, hostile bytes, wrong types, losses, remappings."""
 
 import os
 import random
@@ -74,7 +74,7 @@ def filled(kind, rng):
 
 
 def without_seq(message):
-    """The message's bytes with every header's seq 0: it belongs to the connection, not to the content."""
+    """The message's bytes, with seq 0 in every header, because seq belongs to the connection, not to the content."""
     if hasattr(message, "__slots__"):
         if type(message).__name__ == "Header" and hasattr(message, "seq"):
             message.seq = 0
@@ -98,8 +98,8 @@ def connected(publisher, count=1):
 
 
 def relayed(out, message, got):
-    """Waits until what goes out comes back, and forgets it. That both ends know of a connection does not do: rospy
-    counts one that it has only begun, and the other side may not yet have put it on its list."""
+    """Waits until a sent message comes back, and drops it. It is not enough that both ends know of a connection: rospy
+    counts connections that it has only begun, and the other side may not have listed it yet."""
     connected(out)
     eventually(lambda: out.publish(message) or got, 10, "a first message back", 0.1)
     last = 0
@@ -110,7 +110,7 @@ def relayed(out, message, got):
 
 
 class Echo:
-    """A peer that sends back what it gets, and both rospy ends of it."""
+    """A peer that sends back what it receives, and both rospy ends of it."""
 
     def __init__(self, kind, topic):
         self.kind = kind
@@ -140,7 +140,7 @@ def round_trip(kind):
             echo.out.publish(message)
             eventually(lambda: len(echo.got) > count, 10, lambda: "message %d back: %s" % (index, echo.peer.text))
             assert to_bytes(echo.got[-1]) == sent, "message %d came back changed:\n%s" % (index, echo.got[-1])
-        # bags keep the definition that the publisher sends: it must make the same class again
+        # bags keep the definition that the publisher sends, so it must produce the same class
         header = echo.got[-1]._connection_header
         again = genpy.dynamic.generate_dynamic(kind._type, header["message_definition"])[kind._type]
         assert again._md5sum == header["md5sum"] == kind._md5sum, header
@@ -179,7 +179,7 @@ def names_are_remapped_and_pushed_into_namespaces(roscore):
 
 
 class Bytes:
-    """A message that is any bytes, under another type's name."""
+    """A message of arbitrary bytes, under the name of another type."""
 
     def __init__(self, data=b""):
         self.data = data
@@ -342,7 +342,7 @@ def a_thousand_messages_a_second_arrive(_):
             return len(last) == 2 and sum(map(int, last)) >= total and last
         came, lost = map(int, eventually(settled, 10, lambda: counter.text[-300:]))
         assert came + lost == total, "%d came, %d counted as lost, of %d" % (came, lost, total)
-        # on an idle machine nothing is lost; a starved one may starve the eight-message queue of a connection
+        # on an idle machine nothing is lost; on a busy one the eight-message queue of a connection may overflow
         assert lost <= total // 100, "%d of %d lost" % (lost, total)
     out.unregister()
     return "%d of %d lost" % (lost, total)

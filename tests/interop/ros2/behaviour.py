@@ -1,4 +1,4 @@
-"""A node as a citizen of the graph: arguments, parameters, clock, log, QoS, signals."""
+"""A node as part of the graph: arguments, parameters, clock, log, QoS, signals."""
 
 import os
 import re
@@ -39,7 +39,7 @@ my:
     bot:
       ros__parameters: {a: 7}
 """
-# Command lines that rclpy and we must read alike; %f is the file above.
+# Command lines that rclpy and we must read in the same way; %f is the file above.
 LINES = [
     "",
     "--ros-args -r __node:=bot",
@@ -80,7 +80,7 @@ def command_lines_mean_what_they_mean_to_rclpy():
         file.flush()
         for line in LINES:
             words = [word.replace("%f", file.name) for word in line.split()]
-            # "--ros-args" with nothing open behind it ends with the next one.
+            # An open "--ros-args" ends at the next one, which ours() appends.
             rcl, own = theirs(words), ours(words)
             assert rcl == own, f"{line}: rclpy says {rcl}, we say {own}"
     return f"{len(LINES)} command lines"
@@ -179,7 +179,7 @@ def incompatible_qos_and_wrong_types_are_said_with_both_sides():
         assert re.search(r"'/out/std_msgs/String'.*reliable volatile.*reliable transient_local", program.log())
         ros.until(lambda: "another node uses it for std_msgs/String" in program.log(), 10, "the type warning")
         assert "nav_msgs/Odometry" in program.log()
-        # A reliable subscriber of another type acknowledges nothing: it must not hold up the one of the right type.
+        # A reliable subscriber of another type acknowledges nothing. It must not hold up the one of the right type.
         other.node.create_subscription(Bool, "/out/std_msgs/Header", lambda _: None, RELIABLE)
         ros.until(lambda: "std_msgs/Bool" in program.log(), 10, "the type warning")
         echo = Echo(ros, "std_msgs/Header")

@@ -1,5 +1,5 @@
-"""Runs the tests of this folder against real ROS 2: each is a function marked @test; helpers to start our
-programs and to wait for something with a deadline. Nothing is ended that was not started here."""
+"""Runs the tests in this folder against real ROS 2. Each is a function marked @test. Has helpers to start our
+programs and to wait with a deadline. Only processes that were started here are ended."""
 
 import contextlib
 import os
@@ -16,7 +16,7 @@ from rclpy.executors import SingleThreadedExecutor
 
 BIN = os.environ["ROSCAUSAL_BIN"]
 PEER = os.environ["ROSCAUSAL_PEER"]
-# colcon's install folder; not there when the programs come from cargo alone
+# colcon's install folder; it does not exist if the programs come from cargo alone
 INSTALL = os.environ.get("ROSCAUSAL_INSTALL", "")
 TESTS = []
 
@@ -27,7 +27,7 @@ def test(function):
 
 
 class Ros:
-    """An rclpy node in a context of its own, spun by hand."""
+    """An rclpy node in its own context, spun by hand."""
 
     def __init__(self, name="tester", args=()):
         self.context = rclpy.Context()
@@ -37,7 +37,7 @@ class Ros:
         self.executor.add_node(self.node)
 
     def until(self, condition, seconds, what):
-        """Spins until the condition holds; an AssertionError that says what was missing when it does not."""
+        """Spins until the condition holds. If it never does, an AssertionError says what was missing."""
         end = time.monotonic() + seconds
         while not (value := condition()):
             assert time.monotonic() < end, f"{what() if callable(what) else what}: not within {seconds} s"
@@ -53,7 +53,7 @@ class Ros:
         client = self.node.create_client(kind, name)
         try:
             self.until(client.service_is_ready, 10, f"service {name}")
-            # Readiness of the client's side says nothing of the server's: ask again when nothing comes.
+            # A ready client does not mean a ready server: ask again if there is no answer.
             for _ in range(5):
                 future = client.call_async(request)
                 with contextlib.suppress(AssertionError):
@@ -67,11 +67,11 @@ class Ros:
         return [ns.rstrip("/") + "/" + name for name, ns in self.node.get_node_names_and_namespaces()]
 
     def participants(self, name_part):
-        """The DDS participants of the nodes with this in their name, as far as topics show them."""
+        """The DDS participants of the nodes whose names contain this, as far as topics show them."""
         return {prefix for prefix, name in self._endpoints() if name_part in name}
 
     def gone(self, name_part, participants):
-        """Whether nothing is left of these nodes: no name, and no topic of theirs."""
+        """Whether nothing is left of these nodes: neither a name nor a topic."""
         left = any(name_part in name for name in self.names())
         return not left and participants.isdisjoint(prefix for prefix, _ in self._endpoints())
 
@@ -115,7 +115,7 @@ class Program:
         return self.wait(seconds)
 
     def wait(self, seconds=20):
-        """The exit code, once it has ended by itself or by a signal sent before."""
+        """The exit code, once the program has ended on its own or by a signal sent before."""
         try:
             return self.process.wait(seconds)
         except subprocess.TimeoutExpired:
@@ -155,7 +155,7 @@ def main(pattern):
             note = function()
             passed += 1
             print(f"ok      {function.__name__} ({time.monotonic() - started:.1f} s){': ' + note if note else ''}")
-        except Exception as error:  # a test that breaks in any way has failed, and the next one runs
+        except Exception as error:  # whatever a test raises, it has failed, and the next one runs
             failed.append(function.__name__)
             traceback.print_exc(limit=-3, file=sys.stdout)
             print(f"FAILED  {function.__name__}: {error}")

@@ -1,4 +1,4 @@
-"""Holds one thread of a program that was started here, as if what it does never ended (Linux, ptrace)."""
+"""Stops one thread of a program that was started here, as if its current call never ended (Linux, ptrace)."""
 
 import contextlib
 import ctypes
@@ -10,7 +10,7 @@ ANY_KIND = 0x40000000
 
 
 def thread_of(process, name):
-    """The number of the thread with this name; None while there is none."""
+    """The id of the thread with this name; None while there is none."""
     for thread in os.listdir(f"/proc/{process}/task"):
         with contextlib.suppress(FileNotFoundError), open(f"/proc/{process}/task/{thread}/comm") as comm:
             if comm.read().strip() == name:
@@ -19,7 +19,7 @@ def thread_of(process, name):
 
 
 class HeldThread:
-    """Held until it is let go, or dies with its program. One thread alone may use this: ptrace asks for that."""
+    """Stopped until it is released, or dies with its program. Only one thread may use this, as ptrace requires."""
 
     def __init__(self, thread):
         self.libc = ctypes.CDLL(None, use_errno=True)
@@ -35,7 +35,7 @@ class HeldThread:
             raise OSError(code, os.strerror(code))
 
     def has_died(self):
-        """Whether it has died; who ends it waits until this was asked."""
+        """Whether it has died. The kernel keeps it until somebody asks."""
         if self.thread:
             pid, status = os.waitpid(self.thread, os.WNOHANG | ANY_KIND)
             if pid and not os.WIFSTOPPED(status):

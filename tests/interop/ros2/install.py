@@ -1,4 +1,4 @@
-"""What one colcon build of a plain clone has installed: where `ros2 run`, `ros2 launch` and Python look for it."""
+"""What a colcon build of a plain clone installs, and where: `ros2 run`, `ros2 launch` and Python must find it."""
 
 import os
 import subprocess
@@ -35,7 +35,7 @@ def the_messages_are_python_modules_with_ros2_names():
     )
     run = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, timeout=60)
     assert run.returncode == 0, run.stderr
-    # From this build, not from another that lies about.
+    # From this build, not from an earlier one.
     import roscausal_msgs
 
     assert roscausal_msgs.__file__.startswith(os.path.join(INSTALL, "roscausal") + os.sep), roscausal_msgs.__file__

@@ -1,4 +1,4 @@
-"""Reads a ROS 2 XML launch file and gives the command lines that `ros2 launch` would run. `ros2 launch` itself
+"""Reads a ROS 2 XML launch file and returns the command lines that `ros2 launch` would run. `ros2 launch` itself
 is in no package registry; what is not understood here is an error, so that the files stay within what was
 checked against launch_xml's documentation."""
 
@@ -35,7 +35,7 @@ def _read(install, path, variables, found):
                 return variables[rest]
             if kind == "find-pkg-share":
                 share = os.path.join(install, rest, "share", rest)
-                # as ament_index finds a package: by its marker
+                # like ament_index, which finds a package by its marker
                 marker = os.path.join(install, rest, "share/ament_index/resource_index/packages", rest)
                 assert os.path.exists(marker), f"{rest} is not in the ament index: no {marker}"
                 return share

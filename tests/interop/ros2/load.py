@@ -1,4 +1,4 @@
-"""Many messages, counted; and how long one takes there and back, against rclpy at the other end."""
+"""Many messages, counted, and the round-trip time of a message, against rclpy at the other end."""
 
 import os
 import re
@@ -33,7 +33,7 @@ def a_thousand_messages_a_second_arrive_each_way_for_a_minute():
         ros.until(lambda: totals, 5, "the count")
         with open(f"/proc/{program.process.pid}/status") as status:
             memory = int(re.search(r"VmRSS:\s+(\d+)", status.read())[1]) / 1000
-        # Inputs are best effort, which promises nothing; on one machine hardly anything is lost all the same.
+        # Inputs are best effort, which guarantees nothing. On one machine hardly anything is lost nevertheless.
         assert totals[-1] >= 0.99 * count, f"{totals[-1]:.0f} of {count} arrived"
         return (
             f"out, reliable: {len(frames)} of {count}, in order; in, best effort: {totals[-1]:.0f} of {count} "
@@ -42,14 +42,14 @@ def a_thousand_messages_a_second_arrive_each_way_for_a_minute():
 
 
 def round_trips(ros, name, message, count):
-    """Median and 99th percentile [ms] of the way there and back."""
+    """Median and 99th percentile [ms] of the round trip."""
     echo = Echo(ros, name)
     ros.until(echo.matched, 10, "match")
     times = []
     for number in range(count + 20):
         started = time.perf_counter()
         echo.round_trip(message)
-        # the first ones are not what is measured
+        # the first ones are a warm-up
         times += [(time.perf_counter() - started) * 1e3] if number >= 20 else []
     ros.node.destroy_publisher(echo.publisher)
     ros.node.destroy_subscription(echo.subscription)
@@ -77,7 +77,7 @@ def a_round_trip_takes_no_longer_than_through_rclpy():
     for (name, message, _), (own, own_99), (rclpy, rclpy_99) in zip(cases, ours, theirs):
         size = "" if name != "roscausal_msgs/CausalModel" else f" of {len(message.features)} variables"
         notes.append(f"{name}{size}: {own:.2f} ms (99 %: {own_99:.2f}), rclpy {rclpy:.2f} ms ({rclpy_99:.2f})")
-        # Room for a busy machine.
+        # Tolerance for a busy machine.
         assert own < 2 * rclpy + 5, notes[-1]
     return "; ".join(notes)
 

@@ -26,7 +26,7 @@ ament_package()
 
 
 def write(path, text):
-    """Only when it changed, so that nothing is built anew for nothing."""
+    """Writes only if the content changed, so that nothing is rebuilt needlessly."""
     path.parent.mkdir(parents=True, exist_ok=True)
     if not path.exists() or path.read_text() != text:
         path.write_text(text)

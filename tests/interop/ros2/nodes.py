@@ -1,5 +1,5 @@
-"""Our nodes with rclpy around them: a robot's and people's topics in; states, batches and models out; what they say
-of input that is missing or wrong; signals, and a discovery node that is killed."""
+"""Our nodes with rclpy at both ends: from a robot's and people's topics to states, batches and models; what they log
+about missing or wrong input; signals, and a discovery node that is killed."""
 
 import csv
 import glob
@@ -172,7 +172,7 @@ def people_their_goal_parameter_and_an_empty_list():
             assert results[0].successful, results
             ros.until(lambda: any(m.goal.x == -1 and m.goal.y == 2 for m in selected), 10, "the goal set while running")
             places.clear()
-            ros.spin(1.5)  # longer than a person is held unseen
+            ros.spin(1.5)  # longer than an unseen person is kept
             humans.clear()
             ros.spin(0.5)
             assert not any(m.humans for m in humans), "people who are gone"
@@ -193,7 +193,7 @@ def a_nodes_parameter_out_of_range_is_refused_with_the_reason():
 
 
 class Recording:
-    """The data node on states of a robot and a person as rclpy publishes them, at 20 Hz."""
+    """The data node, fed with states of a robot and a person that rclpy publishes at 20 Hz."""
 
     def __init__(self, ros, folder):
         State = message_class("roscausal_msgs/RobotState")
@@ -221,7 +221,7 @@ class Recording:
 def unknown_parameters_are_named_with_the_nearest():
     with node("human", "-p", "target_fram:=map", "-p", "hri.goal:=[1.0, 2.0]", "-p", "goal_param:=/hri/goal") as program, Ros() as ros:
         ros.until(lambda: "there is no parameter 'target_fram'" in program.log(), 10, "the warning")
-        # A parameter that goal_param names is asked for later.
+        # The parameter that goal_param names is read later.
         assert program.log().count("there is no parameter") == 1, program.log()
 
 

@@ -1,4 +1,4 @@
-"""The whole experiment: simulator and four nodes as the launch file starts them, in simulated time; an rclpy
+"""The whole experiment: simulator and four nodes, started as by the launch file, in simulated time. An rclpy
 subscriber that joins late gets the causal model."""
 
 import glob
@@ -17,7 +17,7 @@ from wire import LATCHED, message_class
 
 
 def parameters(folder):
-    """The installed file for the simulator, with folders of our own and a quick analysis."""
+    """The installed parameter file for the simulator, with our own folders and a quick analysis."""
     with open(os.path.join(INSTALL, "roscausal/share/roscausal/config/hrisim.yaml")) as file:
         nodes = yaml.safe_load(file)
     dirs = {name: os.path.join(folder, name) for name in ("data_dir", "pp_data_dir", "res_dir")}
@@ -25,7 +25,7 @@ def parameters(folder):
         data_dir=dirs["data_dir"], pp_data_dir=dirs["pp_data_dir"], ts_length=40.0
     )
     nodes["roscausal_discovery"]["ros__parameters"].update(
-        # without a filter the model has all three variables, whatever these 40 s hold
+        # without a filter the model always has all three variables, whatever these 40 s contain
         data_dir=dirs["pp_data_dir"], res_dir=dirs["res_dir"], cond_ind_test="parcorr", cd_method="pcmci"
     )
     nodes["roscausal_dashboard"] = {"ros__parameters": {"port": 0}}
@@ -77,7 +77,7 @@ def the_pipeline_gives_a_late_joiner_a_causal_model():
                 ros.until(lambda: nodes <= set(ros.names()), 10, "all nodes listed")
                 participants = ros.participants("roscausal")
                 assert len(participants) == len(nodes), f"{len(participants)} participants"
-                # at once: whoever has only just discovered a node hears of its end, too
+                # at once: even a participant that has only just discovered a node notices its end
                 ending = time.monotonic()
                 for program in programs:
                     program.send(signal.SIGINT)

@@ -1,4 +1,4 @@
-"""All tests; an argument runs only those with it in their name."""
+"""Runs all tests, or those whose name contains the argument."""
 
 import os
 import sys

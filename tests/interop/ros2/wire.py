@@ -28,7 +28,7 @@ def message_class(name):
 
 
 def filled(kind, rng):
-    """A message of this type, every field of it random."""
+    """A message of this type with random values in every field."""
     message = kind()
     for name, slot in zip(kind.get_fields_and_field_types(), kind.SLOT_TYPES):
         setattr(message, name, value_of(slot, rng))
@@ -69,7 +69,7 @@ class Echo:
         return self.publisher.get_subscription_count() > 0 and self.ros.node.count_publishers(f"/out/{self.name}") > 0
 
     def round_trip(self, message, seconds=5):
-        """The other side may know of the match a little later than we do: what is lost then is sent again."""
+        """The other side may learn of the match a little later than we do. What is lost until then is sent again."""
         end = time.monotonic() + seconds
         while time.monotonic() < end:
             self.back.clear()
@@ -134,7 +134,7 @@ def a_late_joiner_gets_the_last_model_and_only_that():
 
 @test
 def models_that_nobody_asks_for_leave_one_publisher_in_the_graph():
-    """Fast DDS would go on counting each that was made anew."""
+    """Fast DDS would keep counting every publisher that was replaced."""
     CausalModel = message_class("roscausal_msgs/CausalModel")
     with Ros() as ros, peer("model", count=5, n_vars=5, n_lags=2) as sender:
         ros.until(lambda: "5 models sent" in sender.log(), 10, "five models")
@@ -151,7 +151,7 @@ def models_that_nobody_asks_for_leave_one_publisher_in_the_graph():
 
 @test
 def a_model_of_a_megabyte_arrives_with_the_documented_buffer():
-    """In a process of its own: the profile is read once, when Fast DDS starts."""
+    """In a process of its own, because Fast DDS reads the profile once, when it starts."""
     with peer("model", count=1, n_vars=118, n_lags=6) as sender:
         with Ros("waiter") as ros:
             ros.until(lambda: "1 models sent" in sender.log(), 10, "the model")
@@ -183,7 +183,7 @@ def a_thousand_messages_arrive_each_way():
             time.sleep(max(0, started + (i + 1) * 0.001 - time.monotonic()))
         totals.clear()
         ros.until(lambda: totals and totals[-1] >= 1000 or len(totals) > 40, 10, "the count")
-        # Our inputs are best effort, which promises nothing; on one machine nothing should be lost all the same.
+        # Our inputs are best effort, which guarantees nothing. On one machine nothing should be lost nevertheless.
         assert totals[-1] >= 990, f"{totals[-1]:.0f} of 1000 arrived"
         return f"1000 out, {totals[-1]:.0f} in"
 

@@ -1,9 +1,11 @@
+//! The journal on disk: a thread that appends samples and syncs them.
+
 use std::{
     collections::VecDeque,
     fs::{self, File, OpenOptions},
     io::{Seek, SeekFrom, Write},
     path::PathBuf,
-    sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError},
+    sync::{Arc, Condvar, Mutex, MutexGuard},
     thread::{self, JoinHandle},
     time::{Duration, Instant},
 };
@@ -15,29 +17,31 @@ use super::{
 use crate::{
     Error, Result,
     batch::pool::{Pool, sync_dir},
+    gate::{lock, wait},
 };
 
-/// Entries that may wait for the disk: a minute of many people.
+/// Most entries that wait for the disk: a minute of many people.
 const WAITING: usize = 200_000;
-/// Samples that are written in one go.
+/// Most samples that are written at a time.
 const AT_ONCE: usize = 4096;
-/// Between two waits for the disk. What is written survives the end of the process at once, a loss of power only then.
+/// Time between two syncs. Written data survives the end of the process at once, and a loss of power after the next
+/// sync.
 const SYNC_EVERY: Duration = Duration::from_millis(400);
 
-/// The thread that keeps the journal; dropping it writes what waits.
+/// The thread that keeps the journal. Dropping it writes what is waiting.
 #[derive(Debug)]
 pub struct Journal {
     shared: Arc<Shared>,
     thread: Option<JoinHandle<()>>,
 }
 
-/// How the journal fares.
+/// State of the journal.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct JournalStatus {
-    /// Samples that are in no journal because too many waited for the disk. They are in memory nevertheless, and will be
-    /// in their batch unless the node dies before.
+    /// Samples that are in no journal because too many waited for the disk. They are still in memory, and will be
+    /// in their batch unless the node dies first.
     pub unprotected: u64,
-    /// Why nothing can be written now, if so.
+    /// Why nothing can be written now, if that is so.
     pub trouble: Option<String>,
 }
 
@@ -58,12 +62,12 @@ struct Queue {
 
 #[derive(Debug, Default)]
 struct Files {
-    /// Journals up to this number are no longer wanted.
+    /// Journals up to this number are no longer needed.
     retired: u64,
     current: u64,
-    /// File of the current journal and the bytes in it that are whole.
+    /// File of the current journal, and how many of its bytes are complete.
     open: Option<(File, PathBuf, u64)>,
-    /// When the disk was last waited for; what was written since, and whether the file itself is new.
+    /// The last sync, what was written since, and whether the file itself is new.
     synced: Option<Instant>,
     unsynced: bool,
     new: bool,
@@ -84,7 +88,7 @@ impl Files {
         Ok(())
     }
 
-    /// How long until the disk is to be waited for; `None`: it has everything.
+    /// Time until the next sync is due; `None` if everything is synced.
     fn sync_due(&self) -> Option<Duration> {
         let since = self.synced.map_or(SYNC_EVERY, |synced| synced.elapsed());
         self.unsynced.then(|| SYNC_EVERY.saturating_sub(since))
@@ -92,10 +96,10 @@ impl Files {
 }
 
 impl Journal {
-    /// Starts the thread; journals lie in the folder of `pool`.
+    /// Starts the thread. Journals lie in the folder of `pool`.
     ///
     /// # Errors
-    /// A system that gives no thread.
+    /// If the system cannot start a thread.
     pub fn start(pool: Pool) -> Result<Self> {
         let shared = Arc::new(Shared {
             pool,
@@ -111,7 +115,7 @@ impl Journal {
         Ok(Self { shared, thread: Some(thread) })
     }
 
-    /// Hands entries over; returns at once.
+    /// Hands over entries; returns at once.
     pub fn append(&self, entries: Vec<Entry>) {
         if entries.is_empty() {
             return;
@@ -128,13 +132,13 @@ impl Journal {
         self.shared.changed.notify_all();
     }
 
-    /// How it fares.
+    /// State of the journal.
     pub fn status(&self) -> JournalStatus {
         self.shared.queue().status.clone()
     }
 
-    /// The batch of journal `number` is about to become a file: its journal gets the name `marker`, and nothing is
-    /// written to it any more. Whether there was one.
+    /// The batch of journal `number` is about to become a file. Renames its journal to `marker`; nothing is written
+    /// to it any more. Returns whether there was one.
     pub(in crate::batch) fn retire(&self, number: u64, marker: &str) -> Result<bool> {
         let mut files = self.shared.files();
         self.shared.drain(&mut files);
@@ -164,18 +168,18 @@ impl Drop for Journal {
 
 impl Shared {
     fn queue(&self) -> MutexGuard<'_, Queue> {
-        self.queue.lock().unwrap_or_else(PoisonError::into_inner)
+        lock(&self.queue)
     }
 
     fn files(&self) -> MutexGuard<'_, Files> {
-        self.files.lock().unwrap_or_else(PoisonError::into_inner)
+        lock(&self.files)
     }
 
     fn path(&self, number: u64) -> PathBuf {
         self.pool.path(&self.pool.journal_name(number))
     }
 
-    /// Writes whenever something new comes; what could not be written is tried again then.
+    /// Writes whenever something new arrives. What could not be written is tried again then.
     fn work(&self) {
         loop {
             let sync_due = self.write_what_waits();
@@ -191,16 +195,14 @@ impl Shared {
                     let synced = files.sync(&self.pool);
                     return self.tell(synced);
                 }
-                Some(due) if !troubled => {
-                    drop(self.changed.wait_timeout(queue, due).unwrap_or_else(PoisonError::into_inner));
-                }
-                // Not before something new comes: a full disk must not keep the processor busy.
-                _ => drop(self.changed.wait(queue).unwrap_or_else(PoisonError::into_inner)),
+                Some(due) if !troubled => drop(wait(&self.changed, queue, due)),
+                // Not before something new arrives: a full disk must not keep the CPU busy.
+                _ => drop(wait(&self.changed, queue, Duration::MAX)),
             }
         }
     }
 
-    /// Writes, and waits for the disk when it is time to; how long until it is time again.
+    /// Writes, and syncs if that is due. Returns the time until the next sync is due.
     fn write_what_waits(&self) -> Option<Duration> {
         let mut files = self.files();
         self.drain(&mut files);
@@ -221,7 +223,7 @@ impl Shared {
         }
     }
 
-    /// Writes what waits, as far as the disk takes it.
+    /// Writes what is waiting, as far as the disk takes it.
     fn drain(&self, files: &mut Files) {
         loop {
             let batch = self.next();
@@ -244,8 +246,8 @@ impl Shared {
         }
     }
 
-    /// The oldest entries: one of another kind, or samples. They stay in the queue until they are written; only this
-    /// thread or, holding the files' lock, the writer takes them out.
+    /// The oldest entries: one of another kind, or several samples. They stay in the queue until they are written.
+    /// Only this thread, or the writer while it holds the lock of the files, takes them out.
     fn next(&self) -> Vec<Entry> {
         let queue = self.queue();
         let samples =
@@ -256,7 +258,7 @@ impl Shared {
     fn write(&self, files: &mut Files, entries: &[Entry]) -> Result<()> {
         match entries.first() {
             Some(Entry::Begin(header)) => {
-                // What was written to the one before must reach the disk without it.
+                // What was written to the previous journal must reach the disk first.
                 files.sync(&self.pool)?;
                 files.current = header.number;
                 files.open = None;
@@ -291,7 +293,7 @@ impl Shared {
                     |entry: &Entry| if let Entry::Sample(sample) = entry { Some(*sample) } else { None };
                 let samples: Vec<Sample> = entries.iter().filter_map(sample).collect();
                 let bytes = block_of(&samples);
-                // What a full disk took of the last block goes first.
+                // First removes what a full disk took of the last block.
                 let mut append = || -> std::io::Result<()> {
                     if file.seek(SeekFrom::End(0))? != *whole {
                         file.set_len(*whole)?;

@@ -1,60 +1,62 @@
+//! The file format of the journal: a header and blocks of samples, each with length and checksum.
+
 use serde::{Deserialize, Serialize};
 
-use crate::batch::{FIELDS, Values};
+use crate::batch::{Field, Values};
 
 /// The first bytes of every journal.
 pub const MAGIC: &[u8] = b"roscausal-journal/1\n";
 /// Bytes of one sample.
-const SAMPLE: usize = 1 + 4 + 8 + 8 * FIELDS.len();
+const SAMPLE: usize = 1 + 4 + 8 + 8 * Field::ALL.len();
 /// Bytes before a block: length and checksum.
 const BLOCK: usize = 8;
-/// Samples in one block at most.
+/// Most samples in one block.
 const MOST_IN_BLOCK: usize = 4096;
 
-/// What the samples of a journal are recorded with.
+/// The settings with which the samples of a journal were recorded.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Header {
     /// The journal's own number; it rises from batch to batch.
     pub number: u64,
     /// Step between rows, seconds.
     pub dt_s: f64,
-    /// Length of a batch, seconds; none: until the end.
+    /// Length of a batch in seconds; `None`: until the end.
     pub ts_length_s: Option<f64>,
     /// Two samples farther apart are a gap, seconds.
     pub max_gap_s: f64,
-    /// Rows are real samples.
+    /// Whether rows are real samples.
     pub subsampling: bool,
-    /// Who is recorded, as `sel_agent` spells it.
+    /// The people to record, in the syntax of `sel_agent`.
     pub sel_agent: String,
-    /// Frame of all places.
+    /// Frame of all positions.
     pub frame: String,
-    /// The first row that may be of this batch, nanoseconds.
+    /// The first row that may belong to this batch, in nanoseconds.
     pub next_row_ns: i64,
 }
 
-/// One sample of one body.
+/// One sample of a robot or person.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Sample {
-    /// A person's number; none: the robot.
+    /// A person's id; `None`: the robot.
     pub person: Option<u32>,
     /// Nanoseconds.
     pub stamp_ns: i64,
-    /// Values of the [`FIELDS`].
+    /// What was measured.
     pub values: Values,
 }
 
-/// What the recorder tells the journal.
+/// What the recorder reports to the journal.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Entry {
     /// A journal begins.
     Begin(Header),
-    /// A sample of the journal that has begun last.
+    /// A sample of the journal that began last.
     Sample(Sample),
-    /// The journal of this number is of no use: nothing was recorded with it.
+    /// The journal of this number is not needed: nothing was recorded with it.
     Abandon(u64),
 }
 
-/// The bytes of a whole journal.
+/// The bytes of a complete journal.
 pub fn encode(header: &Header, samples: &[Sample]) -> Vec<u8> {
     let mut bytes = begin(header);
     samples.chunks(MOST_IN_BLOCK).for_each(|samples| bytes.extend(block_of(samples)));
@@ -67,14 +69,14 @@ pub(super) fn begin(header: &Header) -> Vec<u8> {
     [MAGIC, &block(&serde_json::to_vec(header).unwrap_or_default())].concat()
 }
 
-/// Samples as they are appended: all of them or, cut short, none.
+/// A block of samples. If it is cut short, all of them are lost.
 pub(super) fn block_of(samples: &[Sample]) -> Vec<u8> {
     let mut payload = Vec::with_capacity(samples.len() * SAMPLE);
     for sample in samples {
         payload.push(u8::from(sample.person.is_some()));
         payload.extend(sample.person.unwrap_or_default().to_le_bytes());
         payload.extend(sample.stamp_ns.to_le_bytes());
-        sample.values.iter().for_each(|value| payload.extend(value.to_le_bytes()));
+        sample.values.to_array().iter().for_each(|value| payload.extend(value.to_le_bytes()));
     }
     block(&payload)
 }
@@ -84,10 +86,10 @@ fn block(payload: &[u8]) -> Vec<u8> {
     [&length, &crc32fast::hash(payload).to_le_bytes(), payload].concat()
 }
 
-/// Header and samples of a journal, up to the first block that is not whole.
+/// Header and samples of a journal, up to the first incomplete block.
 ///
 /// # Errors
-/// One sentence when the header itself is not whole.
+/// One sentence if the header itself is incomplete.
 pub fn decode(bytes: &[u8]) -> Result<(Header, Vec<Sample>), String> {
     let mut rest = bytes.strip_prefix(MAGIC).ok_or("it does not begin as a journal")?;
     let header = next_block(&mut rest).ok_or("its first block is not whole")?;
@@ -113,12 +115,12 @@ fn sample(bytes: &[u8]) -> Option<Sample> {
     let (&kind, rest) = bytes.split_first()?;
     let (id, rest) = rest.split_first_chunk()?;
     let (stamp, rest) = rest.split_first_chunk()?;
-    let mut values = [0.0; FIELDS.len()];
+    let mut values = [0.0; Field::ALL.len()];
     for (value, bytes) in values.iter_mut().zip(rest.as_chunks().0) {
         *value = f64::from_le_bytes(*bytes);
     }
     let person = (kind == 1).then_some(u32::from_le_bytes(*id));
-    Some(Sample { person, stamp_ns: i64::from_le_bytes(*stamp), values })
+    Some(Sample { person, stamp_ns: i64::from_le_bytes(*stamp), values: Values::from_array(values) })
 }
 
 #[cfg(test)]
@@ -139,7 +141,7 @@ pub(crate) mod tests {
     }
 
     pub(crate) fn samples(n: i64) -> Vec<Sample> {
-        let values = |x: f64| [f64::NAN, 1.0, x, 2.0, 0.1, 0.5, 0.0];
+        let values = |x: f64| Values::from_array([f64::NAN, 1.0, x, 2.0, 0.1, 0.5, 0.0]);
         let of = |person, i: i64| Sample { person, stamp_ns: i * 50_000_000, values: values(i as f64) };
         (0..n).flat_map(|i| [of(None, i), of(Some(7), i)]).collect()
     }

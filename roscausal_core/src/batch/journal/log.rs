@@ -1,19 +1,21 @@
+//! What the recorder reports to the journal.
+
 use std::collections::BTreeMap;
 
 use super::{Entry, Header, Sample};
 
-/// A journal without rows begins anew after so many samples, so that it stays small while nobody is recorded.
+/// A journal without rows begins again after this many samples, so that it stays small while nobody is recorded.
 const MOST_WITHOUT_ROWS: usize = 20_000;
 
-/// What the recorder notes for the journal. Of each body only those samples that a row can depend on are noted: the first
-/// and the last between two rows, and all that come late. So a journal is at most about twice as large as its batch, however
-/// fast the topics are.
+/// Collects the samples for the journal. For each robot or person it keeps only those that a row can depend on: the
+/// first and the last between two rows, and all late ones. So a journal is at most about twice as large as its
+/// batch, however fast the topics are.
 #[derive(Debug)]
 pub(in crate::batch) struct Log {
     next_number: u64,
     number: Option<u64>,
     dt_ns: i64,
-    /// The newest sample of each body, and whether it is noted.
+    /// The newest sample of each robot or person, and whether it has been collected.
     newest: BTreeMap<Option<u32>, (Sample, bool)>,
     entries: Vec<Entry>,
     noted: usize,
@@ -32,12 +34,12 @@ impl Log {
         }
     }
 
-    /// Number of the journal that is open, if one is.
+    /// Number of the open journal, if there is one.
     pub(in crate::batch) fn number(&self) -> Option<u64> {
         self.number
     }
 
-    /// Whether the open journal has grown without being of use.
+    /// Whether the open journal has grown without being useful.
     pub(in crate::batch) fn is_idle_and_large(&self) -> bool {
         self.noted > MOST_WITHOUT_ROWS
     }
@@ -52,14 +54,14 @@ impl Log {
         self.entries.push(Entry::Begin(header));
     }
 
-    /// Notes a sample, if a journal is open.
+    /// Adds a sample, if a journal is open.
     pub(in crate::batch) fn sample(&mut self, sample: Sample) {
         if self.number.is_none() {
             return;
         }
         let row = |stamp_ns: i64| stamp_ns.div_euclid(self.dt_ns);
         let noted = match self.newest.get(&sample.person) {
-            // Late: what it changes is hard to say, so it is noted.
+            // Late: its effect is hard to predict, so it is kept.
             Some((newest, _)) if sample.stamp_ns <= newest.stamp_ns => return self.note(sample),
             Some((newest, _)) if row(newest.stamp_ns) == row(sample.stamp_ns) => false,
             Some((newest, false)) => {
@@ -74,20 +76,20 @@ impl Log {
         self.newest.insert(sample.person, (sample, noted));
     }
 
-    /// The batch of the open journal is done: its number.
+    /// Ends the open journal, whose batch is complete, and returns its number.
     pub(in crate::batch) fn end(&mut self) -> Option<u64> {
         self.note_newest();
         self.number.take()
     }
 
-    /// The open journal is of no use.
+    /// Drops the open journal, which is not needed.
     pub(in crate::batch) fn abandon(&mut self) {
         if let Some(number) = self.number.take() {
             self.entries.push(Entry::Abandon(number));
         }
     }
 
-    /// All that was noted since the last time.
+    /// Everything that was collected since the last call.
     pub(in crate::batch) fn take(&mut self) -> Vec<Entry> {
         self.note_newest();
         std::mem::take(&mut self.entries)
@@ -112,6 +114,7 @@ impl Log {
 #[cfg(test)]
 mod tests {
     use super::{super::format::tests::header, *};
+    use crate::batch::Values;
 
     fn stamps(log: &mut Log) -> Vec<i64> {
         let stamp =
@@ -120,7 +123,7 @@ mod tests {
     }
 
     fn at(stamp_ns: i64) -> Sample {
-        Sample { person: None, stamp_ns, values: [0.0; 7] }
+        Sample { person: None, stamp_ns, values: Values::from_array([0.0; 7]) }
     }
 
     #[test]

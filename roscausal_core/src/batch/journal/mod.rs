@@ -1,9 +1,9 @@
-//! The journal of the open batch: what was measured and is in no file yet, so that a crash costs little of it.
+//! The journal of the open batch: what was measured but is in no file yet, so that a crash loses little of it.
 //!
-//! The recorder notes its samples in a `log::Log`; the data node hands the notes five times a second to a
-//! [`Journal`], which appends them to `.PREFIX<number>.journal` in the pool of raw batches at once, and waits for the
-//! disk twice a second. The journal of a batch goes when the batch is a whole file (see [`super::writer`]); one that is there at a
-//! start belongs to a batch that was never written, and [`replay`] makes it one.
+//! The recorder collects its samples in a `log::Log`. Every 0.2 s the data node hands them to a [`Journal`], which
+//! appends them to `.PREFIX<number>.journal` in the pool of raw batches at once, and syncs every 0.4 s. The journal is
+//! removed when its batch is a complete file (see [`super::writer`]). A journal that exists at a start belongs to a
+//! batch that was never written, and [`replay`] turns it into one.
 
 mod file;
 mod format;
@@ -15,11 +15,11 @@ pub(super) use log::Log;
 
 use super::{Recording, recorder::Recorder};
 
-/// The batches in the bytes of a journal: what the recorder would have written, the last one cut short. A journal that
-/// ends in the middle, or has bytes that were never written, counts up to there.
+/// The batches in the bytes of a journal: what the recorder would have written, the last one cut short. If the
+/// journal ends in the middle, or has bytes that were never written, it counts up to there.
 ///
 /// # Errors
-/// One sentence when not even the beginning is that of a journal.
+/// One sentence if not even the beginning is that of a journal.
 pub fn replay(bytes: &[u8]) -> Result<Vec<Recording>, String> {
     let (header, samples) = decode(bytes)?;
     Recorder::replay(&header, &samples)

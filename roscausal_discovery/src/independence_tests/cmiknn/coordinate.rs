@@ -1,32 +1,33 @@
 //! The number types in which nearest neighbours are searched: ranks as small integers, and doubles.
 
-/// A number type in which nearest neighbours are searched.
+/// A number type for the nearest-neighbour search.
 ///
-/// The functions are the inner loops of the search: inlined into code for the widest vectors of the processor.
+/// The methods are the inner loops of the search. They are inlined into code for the widest vectors of the
+/// processor.
 pub(crate) trait Coordinate: Copy + Default + PartialOrd + Send + Sync {
-    /// Distances of one sample, made ready to be counted.
+    /// Distances of one sample, prepared for counting.
     type Profile: Default;
 
     /// `out[j] = max(out[j], |at - row[j]|)`.
     fn widen(out: &mut [Self], at: Self, row: &[Self]);
 
-    /// The largest distance that counts as nearer than the `k`-th neighbour, the sample itself (distance 0) not
-    /// being a neighbour. `guess` is where the search may start; `scratch` has no meaning outside.
+    /// The largest distance that counts as nearer than the `k`-th neighbour. The sample itself (distance 0) is not
+    /// a neighbour. `guess` is a starting point for the search; `scratch` is working memory.
     fn radius(distances: &[Self], k: usize, guess: Self, scratch: &mut Vec<Self>) -> Self;
 
-    /// Samples with `max(distances[j], |at - row[j]|)` within `radius`.
+    /// Number of samples with `max(distances[j], |at - row[j]|)` within `radius`.
     fn count_within(distances: &[Self], at: Self, row: &[Self], radius: Self) -> usize;
 
-    /// Makes distances ready for [`Coordinate::look_up`].
+    /// Prepares distances for [`Coordinate::look_up`].
     fn profile(distances: &[Self], profile: &mut Self::Profile);
 
-    /// Samples with a distance within `radius`.
+    /// Number of samples with a distance within `radius`.
     fn look_up(profile: &Self::Profile, radius: Self) -> usize;
 }
 
-/// Ranks `0..n`, each once, `n` at most [`MAX_RANKS`]: distances are small integers.
+/// Ranks `0..n`, each once, with `n` at most [`MAX_RANKS`]: distances are small integers.
 impl Coordinate for i16 {
-    /// Entry `r`: samples with a distance of at most `r`.
+    /// Entry `r`: number of samples with a distance of at most `r`.
     type Profile = Vec<u16>;
 
     #[inline(always)]
@@ -102,10 +103,10 @@ impl Coordinate for i16 {
     }
 }
 
-/// Most samples whose ranks an `i16` holds together with counts of them.
+/// Most samples for which ranks and counts fit into an `i16`.
 pub(crate) const MAX_RANKS: usize = i16::MAX as usize;
 
-/// Distances below this share of the distance of the k-th neighbour count as nearer.
+/// A distance below this fraction of the distance to the k-th neighbour counts as nearer.
 const NEARER: f64 = 0.999_999_999;
 
 impl Coordinate for f64 {
@@ -124,7 +125,7 @@ impl Coordinate for f64 {
     fn radius(distances: &[f64], k: usize, _guess: f64, scratch: &mut Vec<f64>) -> f64 {
         const FEW: usize = 16;
         if k < FEW {
-            // The k + 1 smallest in rising order; most samples are farther than the last of them.
+            // The k + 1 smallest in rising order. Most samples are farther than the last of them.
             let mut nearest = [f64::INFINITY; FEW];
             for &d in distances {
                 if d < nearest[k] {

@@ -1,4 +1,4 @@
-//! Conditional mutual information by counting neighbours.
+//! The nearest-neighbour estimator of conditional mutual information.
 
 use super::coordinate::Coordinate;
 use crate::{
@@ -6,16 +6,17 @@ use crate::{
     numeric::special::digamma_table,
 };
 
-/// Conditional mutual information from nearest neighbours in the maximum norm, for data and surrogates at once.
+/// Conditional mutual information from nearest neighbours in the maximum norm, for the data and all surrogates at
+/// once.
 ///
 /// Frenzel and Pompe 2007 (doi:10.1103/PhysRevLett.99.204101): `psi(k) - <psi(k_xz) + psi(k_yz) - psi(k_z)>`, in
-/// nats; the counts are of samples nearer than the k-th neighbour in the space of X, Y and Z, the sample itself
-/// included; without Z, `k_z` is the number of samples.
+/// nats. The counts are of samples nearer than the k-th neighbour in the space of X, Y and Z, including the sample
+/// itself. Without Z, `k_z` is the number of samples.
 ///
-/// In surrogates X is another arrangement of the same numbers. What depends only on Y and Z is computed once for a
-/// sample and serves all its surrogates; memory grows with the number of samples, not with its square.
+/// In surrogates X is a rearrangement of the same numbers. What depends only on Y and Z is computed once per sample
+/// and serves all its surrogates. Memory grows with the number of samples, not with its square.
 pub(crate) struct Estimator<'a, T> {
-    /// Neighbours; at least 1 and less than the number of samples.
+    /// Number of neighbours; at least 1 and less than the number of samples.
     pub(crate) k: usize,
     /// Rows of `n` samples; usually one.
     pub(crate) y: &'a [&'a [T]],
@@ -24,7 +25,7 @@ pub(crate) struct Estimator<'a, T> {
     pub(crate) control: &'a Control,
 }
 
-/// Room for the work on one sample.
+/// Working memory for one sample.
 struct Room<T: Coordinate> {
     in_z: Vec<T>,
     in_yz: Vec<T>,
@@ -36,11 +37,11 @@ struct Room<T: Coordinate> {
 }
 
 impl<T: Coordinate> Estimator<'_, T> {
-    /// The information of each arrangement of X: a row of X (usually there is one) holds one after the other, `n`
-    /// samples each.
+    /// The information of each arrangement of X. A row of X (usually there is one) holds all arrangements one after
+    /// the other, `n` samples each.
     ///
     /// # Errors
-    /// When the control stops the run.
+    /// If the control stops the run.
     pub(crate) fn information(&self, arrangements: &[&[T]]) -> Result<Vec<f64>> {
         let n = self.y[0].len();
         let psi = digamma_table(n);
@@ -117,7 +118,7 @@ mod tests {
     use super::*;
     use crate::numeric::{random::Rng, rows::random_ranks};
 
-    /// The definition, word by word.
+    /// The definition, term by term.
     fn by_definition(x: &[f64], y: &[f64], z: &[Vec<f64>], k: usize) -> f64 {
         let n = x.len();
         let psi = digamma_table(n);
@@ -154,14 +155,14 @@ mod tests {
             let floats = Estimator { k, y: &[y], z, control: &control }.information(&[x]).unwrap();
             prop_assert!((floats[0] - by_definition(x, y, z, k)).abs() < 1e-12);
 
-            // A copy of a row adds nothing to a maximum: rows of X and of Y work together.
+            // A copy of a row does not change a maximum, so several rows of X and of Y can be tested together.
             let rows_of_y: [&[f64]; 2] = [y, y];
             let doubled = Estimator { k, y: &rows_of_y, z, control: &control }.information(&[x, x]).unwrap();
             prop_assert_eq!(doubled[0], floats[0]);
 
             let ranked: Vec<Vec<i16>> = rows.iter().map(|row| ranks(row)).collect();
             let (y, z) = (&ranked[1], &ranked[2..2 + dimensions]);
-            // The same X twice, and reversed: surrogates do not see each other.
+            // The same X twice, and reversed: surrogates do not affect each other.
             let reversed: Vec<i16> = ranked[0].iter().rev().copied().collect();
             let arrangements = [&ranked[0][..], &reversed, &ranked[0]].concat();
             let integers = Estimator { k, y: &[y], z, control: &control }.information(&[&arrangements]).unwrap();

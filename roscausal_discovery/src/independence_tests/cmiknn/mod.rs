@@ -1,4 +1,4 @@
-//! Conditional mutual information from nearest neighbours: a test without any assumption on the form of the
+//! CMIknn: conditional mutual information from nearest neighbours. It makes no assumption about the form of the
 //! dependence.
 
 mod coordinate;
@@ -22,18 +22,18 @@ use crate::{
     },
 };
 
-/// Noise that breaks ties of untransformed rows, as a share of the row's standard deviation.
+/// Noise that breaks ties in untransformed rows, as a fraction of the row's standard deviation.
 const TIE_NOISE: f64 = 1e-6;
 
-/// Conditional mutual information in nats by nearest neighbours (Frenzel and Pompe 2007), with a local permutation test
-/// (Runge 2018, AISTATS, "Conditional independence testing based on a nearest-neighbor estimator").
+/// Conditional mutual information in nats from nearest neighbours (Frenzel and Pompe 2007), with a local permutation
+/// test (Runge 2018, AISTATS, "Conditional independence testing based on a nearest-neighbor estimator").
 ///
-/// Take it where the form of the dependence is unknown, also with noise that multiplies. It needs some hundred samples, has
+/// Take it if the form of the dependence is unknown, also with multiplicative noise. It needs some hundred samples, has
 /// less power than a test that knows the form, and takes the longest.
 ///
-/// Surrogates rearrange Y among the nearest samples in Z, or X in blocks when there is no Z; the p-value is
-/// `(count + 1) / (samples + 1)` with the surrogates whose information is not below the value. All surrogates are
-/// always drawn: the p-value never comes from a search that stopped early.
+/// Surrogates rearrange Y among the nearest samples in Z, or X in blocks if there is no Z. The p-value is
+/// `(count + 1) / (samples + 1)`, where `count` is the number of surrogates whose information is not below the value.
+/// All surrogates are always drawn; the test never stops early.
 ///
 /// ```
 /// use roscausal_discovery::{CondIndTest, DataFrame, Node, Samples};
@@ -54,14 +54,14 @@ pub struct CmiKnn {
     settings: TestSettings,
     significance: Significance,
     transform: Transform,
-    /// Neighbours, or the fraction of the samples where below 1.
+    /// Number of neighbours; below 1, the fraction of the samples.
     knn: f64,
     shuffle_neighbors: usize,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Transform {
-    /// Ranks; `uniform` is the same up to the unit, and information has no unit.
+    /// Ranks. `uniform` differs only by a scale factor, and information does not depend on scale.
     Ranks,
     Standardize,
     None,
@@ -105,7 +105,7 @@ impl CmiKnn {
         Ok(Self { settings: settings.clone(), significance, transform, knn, shuffle_neighbors })
     }
 
-    /// Neighbours for `n` samples; `None` when there are not enough samples.
+    /// Number of neighbours for `n` samples; `None` if there are too few samples.
     fn neighbours(&self, n: usize) -> Option<usize> {
         let k = if self.knn < 1.0 { ((self.knn * n as f64) as usize).max(1) } else { self.knn as usize };
         (k < n).then_some(k)
@@ -160,7 +160,7 @@ impl PreparedTest for Prepared<'_> {
         (result.value, result.p_value) = self.value_and_p(&xs, &ys, &zs, &mut rng, true)?;
         if settings.confidence.is_some() {
             let mut resampling = Resampling { rng, control: self.samples.control() };
-            // Samples drawn twice are ties: broken at random, the same way each time.
+            // Samples that were drawn twice are ties. They are broken at random, in the same way each time.
             let ties = Rng::for_test(settings.seed ^ 1, x, y, z);
             let blocks = (settings.conf_samples, settings.conf_blocklength, settings.conf_lev);
             result.confidence = Some(resampling.bootstrap(&xs, &ys, &zs, blocks, |x, y, z| {
@@ -206,7 +206,7 @@ impl Prepared<'_> {
     ) -> Result<(f64, f64)> {
         let z = rows.split_off(2);
         let n = raw_x.len();
-        // Information is symmetric; which of the two moves makes a difference to surrogates only.
+        // Information is symmetric. Which of the two moves matters for surrogates only.
         let (moves, stays) = if z.is_empty() { (&rows[0], &rows[1]) } else { (&rows[1], &rows[0]) };
         let samples = match self.test.significance {
             Significance::ShuffleTest if with_p => self.test.settings.sig_samples.unwrap_or(500),
@@ -236,7 +236,7 @@ impl Prepared<'_> {
     }
 }
 
-/// The row, with a little noise when values repeat.
+/// The row, with a little noise if values repeat.
 fn without_ties(row: &[f64], rng: &mut Rng) -> Vec<f64> {
     let mut sorted = row.to_vec();
     sorted.sort_by(f64::total_cmp);

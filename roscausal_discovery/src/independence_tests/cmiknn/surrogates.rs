@@ -1,10 +1,10 @@
-//! Surrogates: permutations that keep what X and Y have in common with Z.
+//! Surrogates of CMIknn: local permutations and block permutations.
 
 use super::coordinate::Coordinate;
 use crate::numeric::random::Rng;
 
-/// The `m` nearest samples of each sample in the maximum norm of `z`, itself among them; nearest first, of equals
-/// the earliest. Flat, `m` per sample.
+/// The `m` nearest samples of each sample in the maximum norm of `z`, including itself. Nearest first; of equals
+/// the earliest first. Flat, `m` per sample.
 pub(super) fn nearest<T: Coordinate>(z: &[Vec<T>], m: usize) -> Vec<usize> {
     let n = z.first().map_or(0, Vec::len);
     let arch = pulp::Arch::new();
@@ -28,8 +28,8 @@ pub(super) fn nearest<T: Coordinate>(z: &[Vec<T>], m: usize) -> Vec<usize> {
     flat
 }
 
-/// A permutation within neighbourhoods (Runge 2018, AISTATS, Algorithm 1): samples in random order take one of
-/// their `m` neighbours in Z at random that no other took; where all are taken, any of them.
+/// A permutation within neighbourhoods (Runge 2018, AISTATS, Algorithm 1). In random order, each sample takes a
+/// random one of its `m` neighbours in Z that no other sample took. If all are taken, it takes any of them.
 pub(super) fn local_permutation(neighbours: &[usize], m: usize, rng: &mut Rng, out: &mut [usize]) {
     let n = out.len();
     let mut order: Vec<usize> = (0..n).collect();

@@ -1,3 +1,5 @@
+//! Tests of CMIknn: false positives, power, surrogates, settings.
+
 use ndarray::Array2;
 
 use super::*;
@@ -48,7 +50,7 @@ fn a_common_cause_explains_dependence_away_and_a_direct_link_stays() {
 fn false_alarms_come_at_the_level() {
     let p = |seed| run_with(fork(80, seed, false), &settings(), &Z).p_value;
     let alarms = (100..250).filter(|&seed| p(seed) <= 0.1).count();
-    // 15 of 150 expected, standard deviation below 4.
+    // 15 of 150 are expected, with a standard deviation below 4.
     assert!((3..=32).contains(&alarms), "{alarms} of 150 tests at the level 0.1 reject");
 }
 
@@ -68,7 +70,7 @@ fn ranks_do_not_see_monotone_changes() {
 #[test]
 fn the_value_of_dependent_normals_is_near_the_true_information() {
     let mut e = noise(8);
-    // Sums of twelve uniform numbers: nearly normal.
+    // Sums of twelve uniform numbers are nearly normal.
     let mut normal = || (0..12).map(|_| e()).sum::<f64>() / 2.0;
     let data = Array2::from_shape_fn((2000, 2), |_| normal());
     let r = 0.6_f64;
