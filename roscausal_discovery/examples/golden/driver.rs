@@ -8,7 +8,7 @@ use std::path::Path;
 use ndarray::{Array2, Array3};
 use roscausal_discovery::{
     CondIndTest, Control, DataFrame, LinkAssumptions, MaskType, Node, Samples,
-    independence_tests::{self, Confidence, Significance, TestSettings},
+    independence_tests::{self, Confidence, GpOptimum, Significance, TestSettings},
     methods::{
         Fdr, FpcmciSettings, PCMCIPLUS_ALPHAS, PcmciPlusSettings, PcmciResult, PcmciSettings,
         get_lagged_dependencies, run_bivci, run_fullci, run_mci, run_pc_stable, run_pcmci, run_pcmciplus,
@@ -126,8 +126,23 @@ pub(crate) fn run_single(case: &Value) -> Answer<Value> {
     let threshold = case["result"]["alpha_or_thres"].as_f64().unwrap_or(0.03);
     let dependent = test.decides_by_value().then(|| result.value.abs() >= threshold);
     let p_value = dependent.map_or(result.p_value, |d| if d { 0.0 } else { 1.0 });
-    Ok(json!({ "val": result.value, "pval": p_value, "dependent": dependent,
-               "confidence": result.confidence.map(|(low, high)| [low, high]) }))
+    let mut answer = json!({ "val": result.value, "pval": p_value, "dependent": dependent,
+                             "confidence": result.confidence.map(|(low, high)| [low, high]) });
+    for (side, target) in [("gp_x", &x), ("gp_y", &y)] {
+        if case["result"][side].is_object() {
+            answer[side] = optimum(target, &z)?;
+        }
+    }
+    Ok(answer)
+}
+
+/// Where a GPDC test's regression of `target` on the conditions `z[sample][dimension]` ends.
+fn optimum(target: &[f64], z: &[Vec<f64>]) -> Answer<Value> {
+    let rows: Vec<Vec<f64>> =
+        (0..z.first().map_or(0, Vec::len)).map(|k| z.iter().map(|sample| sample[k]).collect()).collect();
+    let found = GpOptimum::find(target, &rows, &TestSettings::default()).map_err(|e| e.to_string())?;
+    Ok(json!({ "rbf_length_scale": found.length_scale, "white_noise_level": found.noise,
+               "log_marginal_likelihood": found.log_likelihood }))
 }
 
 /// PCMCI, alone or after the transfer-entropy filter, with the matrices as in the ROS message.

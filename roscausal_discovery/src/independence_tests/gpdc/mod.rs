@@ -315,7 +315,11 @@ impl GpOptimum {
         let how = SearchSettings { search: gp_search, restarts: gp_restarts, seed };
         let target = standardized(target);
         let theta = process.fit(&target, &how, &|| Ok(()))?.theta;
-        Ok(Self { length_scale: theta.l, noise: theta.s, log_likelihood: process.log_likelihood(&target, theta) })
+        Ok(Self {
+            length_scale: theta.l,
+            noise: theta.s,
+            log_likelihood: process.log_likelihood(&target, theta),
+        })
     }
 }
 
