@@ -7,12 +7,13 @@ use crate::ground::{CondIndTest, Error, Result};
 
 type Build = fn(&TestSettings) -> Result<Box<dyn CondIndTest>>;
 
-/// P-values from a null table of 500 values are told apart down to this, all others as far as a reader wants to know.
+/// Smallest p-value of a null distribution of 500 values. The p-values of the other tests are resolved as far as a reader
+/// needs them.
 const OF_TABLE: f64 = 0.002;
 const USUAL: f64 = 0.001;
 
-/// All tests, one line each: name, smallest p-value that is told apart, how it is made. A name is lower case; users may
-/// write it in any case, with `_` or `-`.
+/// All tests, one line each: name, smallest p-value that is distinguished, constructor. Names are lower case. Users may
+/// write them in any case, with `_` or `-`.
 const TESTS: &[(&str, f64, Build)] = &[
     ("parcorr", USUAL, |s| Ok(Box::new(ParCorr::new(s)?))),
     ("gpdc", OF_TABLE, |s| Ok(Box::new(Gpdc::new(s)?))),
@@ -28,8 +29,8 @@ pub fn names() -> impl Iterator<Item = &'static str> {
     TESTS.iter().map(|(name, ..)| *name)
 }
 
-/// Smaller p-values than this are not told apart by the test `name`: GPDC's are fractions of 500 null values, so its 0 is
-/// only known to be below 0.002.
+/// P-values of the test `name` below this are indistinguishable. GPDC's p-values are fractions of 500 null values, so its 0
+/// only means "below 0.002".
 pub fn smallest_p(name: &str) -> f64 {
     let wanted = spelled(name);
     TESTS.iter().find(|(known, ..)| *known == wanted).map_or(USUAL, |(_, smallest, _)| *smallest)
