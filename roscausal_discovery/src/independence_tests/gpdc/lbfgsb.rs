@@ -13,8 +13,8 @@
 //! the same at most [`M`] pairs.
 //!
 //! The minimiser is a state that is asked where it wants the function and told what it is there. So a search can be copied
-//! and continued on a model of the function. No library does this step by step (argmin has no bounds, the `lbfgsb` crate
-//! wraps a callback), and another line search would end in other maxima.
+//! and continued on a model of the function. No library offers that: `argmin` has L-BFGS without bounds, the crate `lbfgsb` wraps
+//! C code around a callback. And another line search would end in other maxima.
 //!
 //! ```ignore
 //! let mut search = Minimizer::new([0.0; 2], bounds, Tolerances::default());

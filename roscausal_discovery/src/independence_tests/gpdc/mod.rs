@@ -45,11 +45,33 @@ const FEWEST_SAMPLES: usize = 5;
 /// Bytes for large matrices where the settings give no bound.
 const DEFAULT_MEMORY: usize = 900 << 20;
 
-/// GPDC and its settings.
+/// GPDC and its settings: the test for links that are not linear, on up to some thousand samples.
+///
+/// It assumes additive noise and conditions whose effect is smooth; where links may depend on the conditions in other ways take
+/// [`super::CmiKnn`], where they are linear [`super::ParCorr`], which is a thousand times faster. Source: Runge et al. 2019,
+/// supplement S3.
 ///
 /// Without conditions the two series are compared as they are. With conditions, X and Y are each replaced by their
 /// residuals from a Gaussian process regression on Z. Both become ranks; the value is their distance correlation, in
-/// `[0, 1]`.
+/// `[0, 1]`. Of several maxima of a regression's likelihood the one counts that L-BFGS-B reaches from `l = s = 1`.
+///
+/// ```
+/// use ndarray::Array2;
+/// use roscausal_discovery::{
+///     CondIndTest, DataFrame, Node, PreparedTest, Samples,
+///     independence_tests::{Gpdc, TestSettings},
+/// };
+///
+/// // `b` is the square of `a`, with noise: no correlation, and yet a link.
+/// let noise = |i: usize| ((12.9898 * i as f64).sin() * 43758.5453).rem_euclid(1.0) - 0.5;
+/// let values = Array2::from_shape_fn((200, 2), |(t, k)| if k == 0 { noise(t) } else { noise(t).powi(2) + 0.1 * noise(t + 500) });
+/// let data = DataFrame::new(vec![values], vec!["a".into(), "b".into()])?;
+/// let samples = Samples::new(&data, 0);
+/// let test = Gpdc::new(&TestSettings::default())?;
+/// let result = test.prepare(&samples)?.run_test(Node::new(0, 0), Node::new(1, 0), &[])?;
+/// assert!(result.p_value < 0.01);
+/// # Ok::<(), roscausal_discovery::Error>(())
+/// ```
 #[derive(Clone, Debug)]
 pub struct Gpdc {
     settings: TestSettings,

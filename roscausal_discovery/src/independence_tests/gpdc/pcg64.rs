@@ -1,6 +1,8 @@
 //! The random stream of the null tables: PCG64 (XSL-RR 128/64; O'Neill 2014) seeded through the hash of
 //! `SeedSequence` (O'Neill 2015, "Developing a `seed_seq` alternative"), so that a seed means the same numbers
 //! as in the field's Python tools.
+//!
+//! Not `rand_pcg`: it has the generator, but not `SeedSequence`, which is most of what is here.
 
 /// A PCG64 stream.
 pub(super) struct Pcg64 {
