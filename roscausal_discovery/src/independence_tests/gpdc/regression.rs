@@ -24,7 +24,7 @@ use crate::{
 };
 
 /// Errors of the gradient, for each sample, that the shared likelihoods at the start have: first one, then the other.
-const START_ERRORS: [f64; 2] = [1e-5, 1e-10];
+const START_ERRORS: [f64; 2] = [1e-7, 1e-10];
 /// A gradient whose error is so many times what was asked for is computed again.
 const TOO_LOOSE: f64 = 10.0;
 /// What the truncation may leave on the diagonal of the kernel matrix, as a fraction of the noise variance, for residuals by

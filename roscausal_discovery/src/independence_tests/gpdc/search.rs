@@ -22,9 +22,9 @@ use super::{
 };
 
 /// Likelihoods whose errors the shadows watch.
-const LOOSE: Level = Level { fraction: 1e-4, least: 1e-4, near: 1e-4, shadows: 4 };
+const LOOSE: Level = Level { fraction: 1e-4, least: 1e-4, near: 5e-5, shadows: 4 };
 /// Likelihoods whose errors are below what the path can tell.
-const TIGHT: Level = Level { fraction: 1e-8, least: 1e-8, near: 1e-4, shadows: 0 };
+const TIGHT: Level = Level { fraction: 1e-8, least: 1e-8, near: 5e-5, shadows: 0 };
 /// How many times its error a gradient or value is moved by for a shadow.
 const SAFETY: f64 = 3.0;
 /// Distance at which a shadow has left the path, in logarithms; and what each unit of the last step adds.
@@ -176,13 +176,15 @@ impl<'a> Path<'a> {
         let last = self.minimizer.best().map_or(point.x, |at| at.x);
         let apart = APART + APART_PER_STEP * distance(point.x, last);
         self.shadows.iter_mut().enumerate().all(|(number, shadow)| {
-            let here = shadow.wants().is_some_and(|wants| distance(wants, point.x) <= apart);
+            let Some(wants) = shadow.wants() else { return false };
+            // To first order, the value where the shadow is.
+            let slope = (0..2).map(|i| point.gradient[i] * (wants[i] - point.x[i])).sum::<f64>();
             // Signs that differ from shadow to shadow and from place to place.
             let signs = (number + 1) * (2 * count + 3);
             let moved = |bit: usize, error: f64| SAFETY * if signs >> bit & 1 == 0 { error } else { -error };
             let gradient = [0, 1].map(|i| point.gradient[i] + moved(i, seen.errors[i]));
-            shadow.tell(point.value + moved(2, seen.errors[1]), gradient);
-            here
+            shadow.tell(point.value + slope + moved(2, seen.errors[1]), gradient);
+            distance(wants, point.x) <= apart
         })
     }
 
