@@ -98,7 +98,7 @@ pub(crate) struct MethodArgs {
     /// Significance level of F-PCMCI's filter; default: alpha.
     #[arg(long)]
     f_alpha: Option<f64>,
-    #[arg(long, default_value = TeEstimator::default().name(), help = listed("Estimator of F-PCMCI's filter", TeEstimator::NAMES))]
+    #[arg(long, default_value = TeEstimator::default().name(), help = listed("Estimator of F-PCMCI's filter; auto: gaussian for a linear test, else gaussian+dcor", TeEstimator::NAMES))]
     te_estimator: String,
     #[arg(
         long, default_value = Fdr::None.name(), default_missing_value = Fdr::Bh.name(), num_args = 0..=1,

@@ -4,8 +4,8 @@ use crate::{
     ground::{CondIndTest, Control, DataFrame, Error, LinkAssumptions, Result, Samples, names},
     independence_tests::{self, GpSearch},
     methods::{
-        Fdr, FpcmciSettings, Method, PcmciPlusSettings, PcmciResult, PcmciSettings, Reads, Status,
-        get_lagged_dependencies, run_bivci, run_fpcmci, run_fullci, run_pcmci, run_pcmciplus,
+        Fdr, FpcmciResult, FpcmciSettings, Method, PcmciPlusSettings, PcmciResult, PcmciSettings, Reads,
+        Status, get_lagged_dependencies, run_bivci, run_fpcmci, run_fullci, run_pcmci, run_pcmciplus,
     },
     model::{self, Matrices, Model},
     transfer_entropy::TeEstimator,
@@ -79,7 +79,7 @@ impl Default for Settings {
             tau_min: 1,
             tau_max: 1,
             f_alpha: None,
-            te_estimator: TeEstimator::Gaussian,
+            te_estimator: TeEstimator::Auto,
             neglect_only_autodep: true,
             fdr: Fdr::None,
             exogenous: Vec::new(),
@@ -272,6 +272,7 @@ fn filtered(
         pcmci,
     };
     let result = run_fpcmci(data, test, &settings_of_method, control)?;
+    let remarks = remarks_on_filter(settings.te_estimator, test, &result);
     let name = |&var: &usize| data.var_names()[var].clone();
     let features: Vec<String> = result.features.iter().map(name).collect();
     let others = (0..data.n_vars()).filter(|var| !result.features.contains(var));
@@ -286,10 +287,31 @@ fn filtered(
         }
         None => blank,
     };
+    model.warnings.extend(remarks);
     if let Status::Partial(how_far) = result.status {
         model.status = format!("partial: {how_far}");
     }
     Ok(model)
+}
+
+/// What a user should know about F-PCMCI's filter.
+fn remarks_on_filter(estimator: TeEstimator, test: &dyn CondIndTest, result: &FpcmciResult) -> Vec<String> {
+    let mut remarks = Vec::new();
+    if estimator == TeEstimator::Gaussian && !test.is_linear() {
+        remarks.push(format!(
+            "the gaussian filter passes linear dependence only, so links that only {} sees may be missing; the te-estimator \
+             auto passes them too",
+            test.name()
+        ));
+    }
+    if result.filter.is_some() && result.selected.is_empty() {
+        remarks.push(
+            "the filter lets nothing through: at this level no variable informs another, so no link was tested; the method \
+             pcmci tests all"
+                .into(),
+        );
+    }
+    remarks
 }
 
 fn with_result(blank: Model, features: Vec<String>, result: PcmciResult) -> Model {

@@ -84,7 +84,7 @@ pub(super) fn specs() -> Vec<ParamSpec> {
             "te_estimator",
             text(TeEstimator::default().name()),
             OneOf(TeEstimator::NAMES),
-            "estimator of F-PCMCI's filter",
+            "estimator of F-PCMCI's filter; auto: gaussian for a linear test, else gaussian+dcor",
         ),
         ParamSpec::new(
             "gp_search",

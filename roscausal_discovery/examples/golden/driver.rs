@@ -171,6 +171,11 @@ fn run_fpcmci(dir: &Path, case: &Value) -> Answer<Value> {
         return Ok(answer);
     }
     let settings = FpcmciSettings {
+        te_estimator: params["te_estimator"]
+            .as_str()
+            .unwrap_or("gaussian")
+            .parse()
+            .map_err(|e: roscausal_discovery::Error| e.to_string())?,
         f_alpha: params["f_alpha"].as_f64().unwrap_or(0.05),
         neglect_only_autodep: neglect,
         pcmci,
@@ -187,7 +192,7 @@ fn run_fpcmci(dir: &Path, case: &Value) -> Answer<Value> {
     answer["pcmci_on_selected"] = answer_of("pcmci", pcmci);
     answer["filter"] = json!({});
     for target in result.filter.iter().flat_map(|filter| &filter.targets) {
-        let source = |s: &Selected| json!({ "cause": names[s.source.var], "lag": s.source.lag, "score_nats": s.cmi, "pval": s.p_value });
+        let source = |s: &Selected| json!({ "cause": names[s.source.var], "lag": s.source.lag, "score_nats": s.value, "pval": s.p_value });
         answer["filter"][&names[target.target]] = target.selected().map(source).collect();
     }
     answer["link_assumptions"] = (0..result.selected.len())

@@ -80,6 +80,11 @@ pub trait CondIndTest: Send + Sync {
     fn decides_by_value(&self) -> bool {
         false
     }
+
+    /// Whether the test sees linear (or monotone) dependence only. F-PCMCI's filter then looks for no more.
+    fn is_linear(&self) -> bool {
+        false
+    }
 }
 
 /// A test on the samples of one run.

@@ -52,7 +52,9 @@ mod resampling;
 mod robust_parcorr;
 mod settings;
 
+pub(crate) use cholesky::residuals;
 pub use cmiknn::CmiKnn;
+pub(crate) use gpdc::uniform_dependence;
 pub use gpdc::{GpOptimum, Gpdc};
 #[cfg(feature = "python")]
 pub use gpdc_python::GpdcPython;

@@ -64,6 +64,10 @@ impl CondIndTest for ParCorr {
         "parcorr"
     }
 
+    fn is_linear(&self) -> bool {
+        true
+    }
+
     fn prepare<'a>(&'a self, samples: &'a Samples<'a>) -> Result<Box<dyn PreparedTest + 'a>> {
         self.linear.prepare(samples, None)
     }

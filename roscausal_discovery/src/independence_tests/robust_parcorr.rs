@@ -53,6 +53,10 @@ impl CondIndTest for RobustParCorr {
         "robustparcorr"
     }
 
+    fn is_linear(&self) -> bool {
+        true
+    }
+
     fn prepare<'a>(&'a self, samples: &'a Samples<'a>) -> Result<Box<dyn PreparedTest + 'a>> {
         self.linear.prepare(samples, Some(normal_scores))
     }

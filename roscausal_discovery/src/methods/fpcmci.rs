@@ -30,7 +30,7 @@ pub struct FpcmciSettings {
 impl Default for FpcmciSettings {
     fn default() -> Self {
         Self {
-            te_estimator: TeEstimator::Gaussian,
+            te_estimator: TeEstimator::Auto,
             f_alpha: 0.05,
             neglect_only_autodep: true,
             seed: 42,
@@ -59,7 +59,8 @@ pub struct FpcmciResult {
 /// F-PCMCI: PCMCI behind a filter that leaves out what has no part in the system.
 ///
 /// 1. [`TransferEntropy`](crate::transfer_entropy::TransferEntropy) finds what informs each variable; those links are
-///    possible, and variables without one are left out.
+///    possible, and variables without one are left out. Before a test that sees more than lines the filter does too
+///    ([`TeEstimator::Auto`]); the published filter is [`TeEstimator::Gaussian`].
 /// 2. [`run_pcmci`](super::run_pcmci) tests the possible links.
 /// 3. Variables without a link are left out of the result.
 ///
@@ -100,7 +101,7 @@ pub fn run_fpcmci(
 ) -> Result<FpcmciResult> {
     settings.pcmci.check(data, test)?;
     let filter = TransferEntropy {
-        estimator: settings.te_estimator,
+        estimator: settings.te_estimator.for_test(test.is_linear()),
         min_lag: settings.pcmci.tau_min,
         max_lag: settings.pcmci.tau_max,
         alpha: settings.f_alpha,

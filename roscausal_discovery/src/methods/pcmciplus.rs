@@ -294,7 +294,7 @@ impl Level<'_, '_> {
 
     /// Sum of the model-selection scores of all variables given their parents, in one DAG of the equivalence class.
     fn score(&self, result: &PcmciResult) -> Result<f64> {
-        let parents = dag_parents(&result.graph);
+        let parents = dag_parents(&result.graph, &result.val_matrix);
         parents.iter().enumerate().map(|(j, parents)| self.run.score(Node::new(j, 0), parents)).sum()
     }
 }

@@ -26,7 +26,7 @@ pub(crate) struct Skeleton<'a, 'b> {
 #[derive(Default)]
 struct Round {
     /// One list per direction; for lagged links only the first.
-    tests: Vec<TestResult>,
+    tests: [Vec<TestResult>; 2],
     separated_by: Option<Vec<Node>>,
     any: bool,
 }
@@ -34,6 +34,14 @@ struct Round {
 impl Skeleton<'_, '_> {
     /// Removes links from `result.graph`. Returns whether the time budget ended it.
     pub(crate) fn find(&mut self, result: &mut PcmciResult) -> Result<bool> {
+        let in_time = self.rounds(result)?;
+        symmetrise(result);
+        result.p_matrix.mapv_inplace(|p| if p < 0.0 { 1.0 } else { p });
+        Ok(!in_time)
+    }
+
+    /// Rounds with growing sets, until no link has enough neighbours. Returns whether they came to their end in time.
+    fn rounds(&mut self, result: &mut PcmciResult) -> Result<bool> {
         let mut strength: HashMap<(Node, usize), f64> = HashMap::new();
         for size in 0..=self.max_conds_dim.unwrap_or(usize::MAX) {
             let neighbours: Vec<Vec<Node>> = (0..self.run.n_vars())
@@ -50,10 +58,7 @@ impl Skeleton<'_, '_> {
             let mut any = false;
             for (&(x, j), round) in links.iter().zip(rounds) {
                 let round = match round {
-                    Err(error) if self.run.is_timeout(&error) => {
-                        result.p_matrix.mapv_inplace(|p| if p < 0.0 { 1.0 } else { p });
-                        return Ok(true);
-                    }
+                    Err(error) if self.run.is_timeout(&error) => return Ok(false),
                     round => round?,
                 };
                 any |= round.any;
@@ -63,8 +68,7 @@ impl Skeleton<'_, '_> {
                 break;
             }
         }
-        result.p_matrix.mapv_inplace(|p| if p < 0.0 { 1.0 } else { p });
-        Ok(false)
+        Ok(true)
     }
 
     /// Links to test: the lagged ones, and each pair at lag 0 once, with the smaller variable as the cause.
@@ -84,7 +88,7 @@ impl Skeleton<'_, '_> {
     fn test_link(&self, neighbours: &[Vec<Node>], x: Node, j: usize, size: usize) -> Result<Round> {
         let mut round = Round::default();
         let directions = [(x, j), (Node::new(j, 0), x.var)];
-        for &(x, j) in &directions[..if x.lag == 0 { 2 } else { 1 }] {
+        for (direction, &(x, j)) in directions[..if x.lag == 0 { 2 } else { 1 }].iter().enumerate() {
             let others: Vec<Node> = neighbours[j].iter().copied().filter(|&node| node != x).collect();
             if others.len() < size {
                 continue;
@@ -96,7 +100,7 @@ impl Skeleton<'_, '_> {
                 let (outcome, dependent) =
                     self.run.decide(self.run.test(x, Node::new(j, 0), &z)?, self.level);
                 round.any = true;
-                round.tests.push(outcome);
+                round.tests[direction].push(outcome);
                 if !dependent {
                     round.separated_by = Some(set);
                     return Ok(round);
@@ -109,7 +113,9 @@ impl Skeleton<'_, '_> {
         Ok(round)
     }
 
-    /// Writes the tests of a link: its value is that of the test with the largest p-value.
+    /// Writes the tests of a link, each direction of a pair at lag 0 apart: the value is that of the test with the largest
+    /// p-value, of several the last. On strong links many p-values are 0, and the reference does so. The p-value that removes a
+    /// link counts for both directions; the value of the other one stays, as in the reference.
     fn put(
         &mut self,
         result: &mut PcmciResult,
@@ -119,19 +125,22 @@ impl Skeleton<'_, '_> {
         round: Round,
     ) {
         let ends = [(x, j), (Node::new(j, 0), x.var)];
-        for &(x, j) in &ends[..if x.lag == 0 { 2 } else { 1 }] {
+        let removed_by = round.tests.iter().rev().find_map(|tests| tests.last()).map(|test| test.p_value);
+        for (&(x, j), tests) in ends[..if x.lag == 0 { 2 } else { 1 }].iter().zip(&round.tests) {
             let at = [x.var, j, x.lag];
-            let weakest = strength.entry((x, j)).or_insert(f64::INFINITY);
-            for test in &round.tests {
-                *weakest = weakest.min(test.value.abs());
-                if test.p_value > result.p_matrix[at] {
+            for test in tests {
+                if test.p_value >= result.p_matrix[at] {
                     result.p_matrix[at] = test.p_value;
                     result.val_matrix[at] = test.value;
                     result.n_lost[at] = test.n_lost;
                 }
             }
+            let weakest = strength.entry((x, j)).or_insert(f64::INFINITY);
+            let values = round.tests.iter().flatten().map(|test| test.value.abs());
+            *weakest = values.fold(*weakest, f64::min);
             if let Some(set) = &round.separated_by {
                 result.graph[at] = LinkMark::Absent;
+                result.p_matrix[at] = result.p_matrix[at].max(removed_by.unwrap_or(-1.0));
                 self.sepsets.insert((x, j), set.clone());
             }
         }
@@ -160,5 +169,19 @@ impl Skeleton<'_, '_> {
             .collect();
         listed.sort_by_key(|sepset| (sepset.cause, sepset.effect));
         listed
+    }
+}
+
+/// Gives both directions of a pair at lag 0 the values of the one with the larger p-value, at equal ones those from the smaller
+/// variable to the larger.
+fn symmetrise(result: &mut PcmciResult) {
+    let n = result.p_matrix.dim().0;
+    for (i, j) in (0..n).flat_map(|i| (i + 1..n).map(move |j| (i, j))) {
+        let (forward, back) = ([i, j, 0], [j, i, 0]);
+        let (from, to) =
+            if result.p_matrix[forward] >= result.p_matrix[back] { (forward, back) } else { (back, forward) };
+        result.p_matrix[to] = result.p_matrix[from];
+        result.val_matrix[to] = result.val_matrix[from];
+        result.n_lost[to] = result.n_lost[from];
     }
 }

@@ -2,23 +2,38 @@
 
 use crate::ground::{Error, Node, Result};
 
-/// How conditional mutual information is estimated.
+/// How the filter sees dependence.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum TeEstimator {
-    /// Linear-Gaussian, from the correlation matrix; exact null distributions.
+    /// By the independence test of the run: `Gaussian` for a linear one, else `GaussianDcor`.
     #[default]
+    Auto,
+    /// Linear-Gaussian, from the correlation matrix; exact null distributions. The published F-PCMCI's default. It is blind to
+    /// links that are not linear.
     Gaussian,
+    /// `Gaussian`, then distance correlation for what it leaves out: dependence of any form, fast.
+    GaussianDcor,
     /// Nearest neighbours: dependence of any form. Slower, because it needs permutation surrogates.
     Kraskov,
 }
 
 impl TeEstimator {
     /// Names of all estimators.
-    pub const NAMES: &[&str] = &["gaussian", "kraskov"];
+    pub const NAMES: &[&str] = &["auto", "gaussian", "gaussian+dcor", "kraskov"];
 
     /// The name that users choose it by.
     pub fn name(self) -> &'static str {
         Self::NAMES[self as usize]
+    }
+
+    /// The estimator that goes with an independence test, for `Auto`.
+    #[must_use]
+    pub fn for_test(self, is_linear: bool) -> Self {
+        match self {
+            Self::Auto if is_linear => Self::Gaussian,
+            Self::Auto => Self::GaussianDcor,
+            chosen => chosen,
+        }
     }
 }
 
@@ -27,7 +42,8 @@ impl std::str::FromStr for TeEstimator {
 
     fn from_str(text: &str) -> Result<Self> {
         let wanted = text.to_ascii_lowercase();
-        let known = [Self::Gaussian, Self::Kraskov].into_iter().find(|known| known.name() == wanted);
+        let all = [Self::Auto, Self::Gaussian, Self::GaussianDcor, Self::Kraskov];
+        let known = all.into_iter().find(|known| known.name() == wanted);
         known.ok_or_else(|| Error::unknown("te-estimator", text, Self::NAMES))
     }
 }
@@ -67,5 +83,15 @@ mod tests {
         assert_eq!("gaussian".parse::<TeEstimator>().unwrap(), TeEstimator::Gaussian);
         let error = "gausian".parse::<TeEstimator>().unwrap_err().to_string();
         assert!(error.contains("te-estimator") && error.contains("did you mean 'gaussian'?"), "{error}");
+    }
+
+    #[test]
+    fn auto_sees_what_the_test_of_the_run_sees_and_a_chosen_estimator_stays() {
+        use TeEstimator::{Auto, Gaussian, GaussianDcor, Kraskov};
+        assert_eq!((Auto.for_test(true), Auto.for_test(false)), (Gaussian, GaussianDcor));
+        for chosen in [Gaussian, GaussianDcor, Kraskov] {
+            assert_eq!((chosen.for_test(true), chosen.for_test(false)), (chosen, chosen));
+            assert_eq!(chosen.name().parse::<TeEstimator>().unwrap(), chosen);
+        }
     }
 }

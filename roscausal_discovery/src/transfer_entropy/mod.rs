@@ -2,7 +2,8 @@
 //!
 //! For each target: its own past is selected first; then the variable with the most information given all selected ones
 //! joins them, as long as it beats the largest value that chance gives; then those without information given the others
-//! leave; a final test of all together, and one of each, decides.
+//! leave; a final test of all together, and one of each, decides. With the Gaussian estimator that finds linear dependence;
+//! `gaussian+dcor` then takes a second look for any other, pair by pair.
 //!
 //! Take it to see quickly what informs what in many variables; for links with conditions on both ends, go on to a method.
 //!
@@ -31,6 +32,7 @@
 mod estimator;
 mod gaussian;
 mod kraskov;
+mod nonlinear;
 mod result;
 mod selection;
 mod window;
@@ -38,7 +40,8 @@ mod window;
 use rayon::prelude::*;
 
 use self::{
-    estimator::Estimator, gaussian::Gaussian, kraskov::Kraskov, selection::Selection, window::Window,
+    estimator::Estimator, gaussian::Gaussian, kraskov::Kraskov, nonlinear::SecondLook, selection::Selection,
+    window::Window,
 };
 pub use self::{
     estimator::TeEstimator,
@@ -49,7 +52,7 @@ use crate::ground::{Control, DataFrame, Error, Result};
 /// Settings of a transfer-entropy filter.
 #[derive(Clone, Debug, PartialEq)]
 pub struct TransferEntropy {
-    /// Estimator of information.
+    /// Estimator of information; without a test to go by, `Auto` is `GaussianDcor`.
     pub estimator: TeEstimator,
     /// Smallest lag of a source in steps, at least 1.
     pub min_lag: usize,
@@ -70,7 +73,9 @@ impl TransferEntropy {
         self.check()?;
         let window = Window::new(data, self.max_lag)?;
         let estimator: Box<dyn Estimator> = match self.estimator {
-            TeEstimator::Gaussian => Box::new(Gaussian::new(&window)),
+            TeEstimator::Auto | TeEstimator::Gaussian | TeEstimator::GaussianDcor => {
+                Box::new(Gaussian::new(&window))
+            }
             TeEstimator::Kraskov => Box::new(Kraskov::new(&window, self.seed, control)),
         };
         let n_samples = window.times().len();
@@ -82,10 +87,15 @@ impl TransferEntropy {
             limit: n_samples.saturating_sub(3),
             control,
         };
-        let targets = (0..data.n_vars())
-            .into_par_iter()
-            .map(|target| selection.run(target))
-            .collect::<Result<Vec<_>>>()?;
+        let lags = self.min_lag..=self.max_lag;
+        let looks_again = self.estimator.for_test(false) == TeEstimator::GaussianDcor;
+        let second_look = looks_again.then(|| SecondLook::new(&window, lags, self.alpha, control));
+        let of_target = |target: usize| {
+            let mut found = selection.run(target)?;
+            second_look.as_ref().map_or(Ok(()), |look| look.add_to(&mut found))?;
+            Ok(found)
+        };
+        let targets = (0..data.n_vars()).into_par_iter().map(of_target).collect::<Result<Vec<_>>>()?;
         Ok(TeResult { targets, n_samples, n_lost: window.n_lost() })
     }
 

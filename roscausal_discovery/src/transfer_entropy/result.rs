@@ -7,8 +7,9 @@ use crate::ground::Node;
 pub struct Selected {
     /// The variable and its lag.
     pub source: Node,
-    /// Its information about the target given all other selected variables, in nats.
-    pub cmi: f64,
+    /// Its information about the target given all other selected variables, in nats; of those in
+    /// [`TargetSelection::beyond`] the distance correlation.
+    pub value: f64,
     /// P-value of its final test.
     pub p_value: f64,
 }
@@ -22,6 +23,8 @@ pub struct TargetSelection {
     pub autodependency: Vec<Selected>,
     /// The sources, in the order of selection.
     pub sources: Vec<Selected>,
+    /// What distance correlation finds beyond them ([`GaussianDcor`](super::TeEstimator::GaussianDcor)), by variable and lag.
+    pub beyond: Vec<Selected>,
     /// Transfer entropy of all sources together, in nats.
     pub transfer_entropy: f64,
     /// P-value of all sources together (omnibus test).
@@ -29,9 +32,9 @@ pub struct TargetSelection {
 }
 
 impl TargetSelection {
-    /// Everything that informs the target: its own past, then the sources.
+    /// Everything that informs the target: its own past, the sources, and what was found beyond them.
     pub fn selected(&self) -> impl Iterator<Item = &Selected> {
-        self.autodependency.iter().chain(&self.sources)
+        self.autodependency.iter().chain(&self.sources).chain(&self.beyond)
     }
 }
 

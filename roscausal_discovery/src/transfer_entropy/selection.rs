@@ -33,7 +33,7 @@ impl Selection<'_> {
         self.prune(present, &past, &mut sources)?;
         self.control.check()?;
         let (sources, transfer_entropy, p_value) = self.final_tests(present, &past, sources);
-        Ok(TargetSelection { target, autodependency, sources, transfer_entropy, p_value })
+        Ok(TargetSelection { target, autodependency, sources, beyond: Vec::new(), transfer_entropy, p_value })
     }
 
     /// Adds the candidate with the largest information given all selected ones, as long as the maximum statistic
@@ -59,8 +59,8 @@ impl Selection<'_> {
         }
         let p_value = self.estimator.p_joint(self.estimator.cmi(target, own, &[]), target, own, &[]);
         let one = |&node: &Node| {
-            let cmi = self.estimator.cmi(target, &[node], &without(own, node));
-            Selected { source: node, cmi, p_value }
+            let value = self.estimator.cmi(target, &[node], &without(own, node));
+            Selected { source: node, value, p_value }
         };
         own.iter().map(one).collect()
     }
@@ -103,7 +103,7 @@ impl Selection<'_> {
             p_of[i] = Some(p);
         }
         let kept = (0..sources.len())
-            .filter_map(|i| p_of[i].map(|p_value| Selected { source: sources[i], cmi: values[i], p_value }))
+            .filter_map(|i| p_of[i].map(|p_value| Selected { source: sources[i], value: values[i], p_value }))
             .collect();
         (kept, transfer_entropy, p_value)
     }

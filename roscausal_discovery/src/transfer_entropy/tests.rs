@@ -3,7 +3,7 @@
 use ndarray::Array2;
 
 use super::*;
-use crate::numeric::random::Rng;
+use crate::{ground::Node, numeric::random::Rng};
 
 /// Uniform noise of unit variance; the Gaussian estimator tolerates it.
 fn noise(seed: u64) -> impl FnMut() -> f64 {
@@ -45,7 +45,7 @@ fn the_sources_of_a_known_system_are_found() {
     assert!(result.targets[1].autodependency.is_empty());
     assert_eq!((result.n_samples, result.n_lost), (1498, 0));
     for target in &result.targets {
-        assert!(target.selected().all(|s| s.cmi > 0.0 && s.p_value < 0.001));
+        assert!(target.selected().all(|s| s.value > 0.0 && s.p_value < 0.001));
     }
 }
 
@@ -60,7 +60,7 @@ fn information_does_not_depend_on_units() {
     for (a, b) in a.targets.iter().zip(&b.targets) {
         assert_eq!(links(&a.sources), links(&b.sources));
         for (a, b) in a.selected().zip(b.selected()) {
-            assert!((a.cmi - b.cmi).abs() < 1e-10);
+            assert!((a.value - b.value).abs() < 1e-10);
         }
     }
 }
@@ -103,7 +103,7 @@ fn constant_and_duplicate_columns_are_harmless() {
     data.column_mut(3).assign(&a);
     let result = filter().run(&frame(vec![data]), &Control::default()).expect("runs");
     for target in &result.targets {
-        assert!(target.selected().all(|s| s.cmi.is_finite() && (0.0..=1.0).contains(&s.p_value)));
+        assert!(target.selected().all(|s| s.value.is_finite() && (0.0..=1.0).contains(&s.p_value)));
         assert!(target.selected().all(|s| s.source.var != 1));
     }
     assert_eq!(result.targets[1].selected().count(), 0);
@@ -139,7 +139,7 @@ fn nearest_neighbours_find_what_correlation_cannot_see() {
     assert!(run(TeEstimator::Gaussian).sources.is_empty());
     let found = run(TeEstimator::Kraskov);
     assert_eq!(links(&found.sources), [(0, 1)]);
-    assert!(found.sources[0].cmi > 0.3 && found.sources[0].p_value <= 0.01);
+    assert!(found.sources[0].value > 0.3 && found.sources[0].p_value <= 0.01);
     assert_eq!(found, run(TeEstimator::Kraskov));
 }
 
@@ -153,11 +153,73 @@ fn both_estimators_agree_on_linear_systems() {
     let (gaussian, kraskov) = (run(TeEstimator::Gaussian), run(TeEstimator::Kraskov));
     assert_eq!(links(&gaussian.sources), [(0, 1)]);
     assert_eq!(links(&kraskov.sources), [(0, 1)]);
-    assert!((gaussian.sources[0].cmi - kraskov.sources[0].cmi).abs() < 0.12);
+    assert!((gaussian.sources[0].value - kraskov.sources[0].value).abs() < 0.12);
 }
 
 #[test]
 fn levels_below_what_surrogates_resolve_are_refused() {
     let filter = TransferEntropy { estimator: TeEstimator::Kraskov, alpha: 0.004, ..filter() };
     assert!(filter.run(&frame(vec![system(50, 1)]), &Control::default()).is_err());
+}
+
+/// `d` follows `a` at lag 1, and for "product" `a` times `b`; all have a past of 0.4. Links that have no correlation.
+fn beyond_lines(kind: &str, n: usize, seed: u64) -> Array2<f64> {
+    let mut e = noise(seed);
+    let mut x = Array2::zeros((n, 4));
+    for t in 1..n {
+        let (a, b): (f64, f64) = (x[[t - 1, 0]], x[[t - 1, 1]]);
+        let (effect, strength) = match kind {
+            "quadratic" => (a * a, 1.0),
+            "absolute" => (a.abs(), 1.0),
+            "cosine" => ((2.0 * a).cos(), 1.0),
+            _ => (a * b, 0.3),
+        };
+        for var in 0..3 {
+            x[[t, var]] = 0.4 * x[[t - 1, var]] + e();
+        }
+        x[[t, 3]] = 0.4 * x[[t - 1, 3]] + effect + strength * e();
+    }
+    x
+}
+
+#[test]
+fn distance_correlation_finds_quadratic_absolute_cosine_and_product_links_in_11_of_12_runs() {
+    for kind in ["quadratic", "absolute", "cosine", "product"] {
+        let finds = |estimator, seed| {
+            let filter = TransferEntropy { estimator, max_lag: 1, alpha: 0.05, ..filter() };
+            let result =
+                filter.run(&frame(vec![beyond_lines(kind, 500, seed)]), &Control::default()).expect("runs");
+            result.targets[3].selected().any(|s| s.source == Node::new(0, 1))
+        };
+        let count = |estimator| (201..213).filter(|&seed| finds(estimator, seed)).count();
+        assert!(count(TeEstimator::GaussianDcor) >= 11, "{kind}: {}", count(TeEstimator::GaussianDcor));
+        assert!(count(TeEstimator::Gaussian) <= 4, "{kind} has a correlation");
+    }
+}
+
+#[test]
+fn the_second_look_adds_to_what_the_gaussian_filter_finds() {
+    let data = frame(vec![system(300, 5)]);
+    let run = |estimator| {
+        let filter = TransferEntropy { estimator, alpha: 0.05, ..filter() };
+        filter.run(&data, &Control::default()).expect("runs").targets
+    };
+    for (one, both) in run(TeEstimator::Gaussian).into_iter().zip(run(TeEstimator::GaussianDcor)) {
+        assert_eq!(one, TargetSelection { beyond: Vec::new(), ..both });
+    }
+}
+
+#[test]
+fn independent_series_pass_the_second_look_as_rarely_as_its_level_says() {
+    let alpha = 0.05;
+    let filter = TransferEntropy { estimator: TeEstimator::GaussianDcor, max_lag: 1, alpha, ..filter() };
+    let passed = |seed| {
+        let mut e = noise(seed);
+        let data = frame(vec![Array2::from_shape_simple_fn((200, 4), &mut e)]);
+        let result = filter.run(&data, &Control::default()).expect("runs");
+        result.targets.iter().map(|t| t.beyond.len()).sum::<usize>()
+    };
+    // 16 pairs in each of 100 runs; four standard errors are 0.022.
+    let rate = (1..=100).map(passed).sum::<usize>() as f64 / 1600.0;
+    assert!((rate - alpha).abs() < 0.022, "{rate}");
 }

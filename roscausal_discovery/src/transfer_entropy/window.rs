@@ -60,6 +60,12 @@ impl<'a> Window<'a> {
         self.data.recordings()[recording][[row - node.lag, node.var]]
     }
 
+    /// The samples of one node that conditional tests have, whose window is twice as long.
+    pub(super) fn column_of_tests(&self, node: Node) -> Vec<f64> {
+        let times = self.times.iter().filter(|(_, row)| *row >= 2 * self.max_lag);
+        times.map(|&at| self.value(at, node)).collect()
+    }
+
     /// The samples of one node.
     pub(super) fn column(&self, node: Node) -> Vec<f64> {
         self.times.iter().map(|&at| self.value(at, node)).collect()

@@ -40,6 +40,16 @@ use null_table::NullTable;
 use regression::{GaussianProcess, SearchSettings};
 use residuals::{ResidualCache, Residuals, is_constant, standardized};
 
+/// Distance correlation of the ranks of two series, in `[0, 1]`, and its p-value if both are series of independent samples: the
+/// fraction of 500 pairs of uniform series above it. 0 and 1 where one is constant.
+pub(crate) fn uniform_dependence(x: &[f64], y: &[f64]) -> (f64, f64) {
+    if is_constant(x) || is_constant(y) {
+        return (0.0, 1.0);
+    }
+    let value = of_ranks(&distance_correlation::ranks(x), &distance_correlation::ranks(y));
+    (value, NullTable::get(x.len(), 500, TestSettings::default().seed).share_above(value))
+}
+
 /// Samples below which a test is refused.
 const FEWEST_SAMPLES: usize = 5;
 /// Bytes for large matrices where the settings give no bound.
