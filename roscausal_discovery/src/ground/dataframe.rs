@@ -170,6 +170,12 @@ impl DataFrame {
         self.has_missing || (self.masks.is_some() && self.mask_type != MaskType::default())
     }
 
+    /// Whether missing values are the only reason to leave out a sample, and only for the tests of their nodes.
+    pub(crate) fn lacks_values_only(&self) -> bool {
+        let masked = self.masks.is_some() && self.mask_type != MaskType::default();
+        self.has_missing && !masked && !self.remove_missing_upto_maxlag
+    }
+
     /// Whether the value of `node` at time `t` excludes the sample.
     pub(super) fn excludes(&self, recording: usize, t: usize, node: Node, mask_role: bool) -> bool {
         let at = t - node.lag;

@@ -30,26 +30,15 @@ impl Correlations {
 
     /// Correlations of the untransformed lagged variables. No value may be missing.
     pub(crate) fn lagged(samples: &Samples<'_>) -> Result<Self> {
-        let n_vars = samples.data().n_vars();
-        let n_lags = samples.cut_off() + 1;
-        let columns = standardized_columns(samples);
-        let mut gram = Gram { n_vars, n_lags, sums: vec![0.0; (n_vars * n_lags).pow(2)] };
-        let mut means = vec![0.0; n_vars * n_lags];
-        for recording in &columns {
-            samples.control().check()?;
-            gram.add(recording, samples.cut_off());
-            for (var, column) in recording.iter().enumerate() {
-                for lag in 0..n_lags {
-                    if let Some(window) = window(column, n_lags - 1, lag) {
-                        means[var * n_lags + lag] += window.iter().sum::<f64>();
-                    }
-                }
-            }
-        }
+        let Sums { products, mut sums } = Sums::new(samples, &standardized_columns(samples))?;
         let n = samples.len() as f64;
-        means.iter_mut().for_each(|m| *m /= n);
-        let constant = constant_windows(samples);
-        Ok(Self::normalized(n_lags, gram.sums, &means, n, constant))
+        sums.iter_mut().for_each(|sum| *sum /= n);
+        Ok(Self::normalized(samples.cut_off() + 1, products, &sums, n, constant_windows(samples)))
+    }
+
+    /// A matrix whose nodes are 0, 1, ... at lag 0. None is constant.
+    pub(crate) fn of_matrix(r: Vec<f64>, n_nodes: usize) -> Self {
+        Self { n_lags: 1, n_nodes, r, constant: vec![false; n_nodes] }
     }
 
     /// Correlations of transformed rows, one per node in the order of [`Correlations::index`].
@@ -106,7 +95,7 @@ impl Correlations {
 }
 
 /// Sums of products of `a` with each row, passed to `put(k, sum)`. Four rows at a time share the loads of `a`.
-fn dots<R: AsRef<[f64]>>(a: &[f64], rows: &[R], mut put: impl FnMut(usize, f64)) {
+pub(super) fn dots<R: AsRef<[f64]>>(a: &[f64], rows: &[R], mut put: impl FnMut(usize, f64)) {
     let (fours, rest) = rows.as_chunks::<4>();
     for (k, four) in fours.iter().enumerate() {
         let sums = dot4(a, four.each_ref().map(|row| row.as_ref()));
@@ -134,23 +123,56 @@ fn dot4(a: &[f64], rows: [&[f64]; 4]) -> [f64; 4] {
     sums
 }
 
-/// Columns of each recording, `[recording][var][t]`. Each variable has mean 0 and standard deviation 1 over all
-/// recordings.
-fn standardized_columns(samples: &Samples<'_>) -> Vec<Vec<Vec<f64>>> {
+/// Columns of each recording, `[recording][var][t]`.
+pub(super) type Columns = Vec<Vec<Vec<f64>>>;
+
+/// Sums over the samples of a run.
+pub(super) struct Sums {
+    /// Upper triangle of the sums of products of two nodes, `n_nodes x n_nodes`, row-major.
+    pub(super) products: Vec<f64>,
+    /// Sum of each node.
+    pub(super) sums: Vec<f64>,
+}
+
+impl Sums {
+    pub(super) fn new(samples: &Samples<'_>, columns: &Columns) -> Result<Self> {
+        let (n_vars, n_lags) = (samples.data().n_vars(), samples.cut_off() + 1);
+        let mut gram = Gram { n_vars, n_lags, sums: vec![0.0; (n_vars * n_lags).pow(2)] };
+        let mut sums = vec![0.0; n_vars * n_lags];
+        for recording in columns {
+            samples.control().check()?;
+            gram.add(recording, samples.cut_off());
+            for (var, column) in recording.iter().enumerate() {
+                for lag in 0..n_lags {
+                    if let Some(window) = window(column, n_lags - 1, lag) {
+                        sums[var * n_lags + lag] += window.iter().sum::<f64>();
+                    }
+                }
+            }
+        }
+        Ok(Self { products: gram.sums, sums })
+    }
+}
+
+/// Each variable with mean 0 and standard deviation 1 over all recordings. Missing values stay missing.
+pub(super) fn standardized_columns(samples: &Samples<'_>) -> Columns {
     let recordings = samples.data().recordings();
     let n_vars = samples.data().n_vars();
-    let mut columns: Vec<Vec<Vec<f64>>> =
+    let mut columns: Columns =
         recordings.iter().map(|r| (0..n_vars).map(|var| r.column(var).to_vec()).collect()).collect();
     for var in 0..n_vars {
-        let count = columns.iter().map(|r| r[var].len()).sum::<usize>() as f64;
+        let sum_of = |columns: &Columns, f: fn(f64) -> f64| {
+            columns.iter().flat_map(|r| &r[var]).filter(|v| !v.is_nan()).map(|&v| f(v)).sum::<f64>()
+        };
+        let count = sum_of(&columns, |_| 1.0);
         for _ in 0..2 {
-            let mean = columns.iter().flat_map(|r| &r[var]).sum::<f64>() / count;
+            let mean = sum_of(&columns, |v| v) / count;
             columns.iter_mut().flat_map(|r| &mut r[var]).for_each(|v| *v -= mean);
         }
         let largest = columns.iter().flat_map(|r| &r[var]).fold(0.0_f64, |m, v| m.max(v.abs()));
         if largest > 0.0 {
             columns.iter_mut().flat_map(|r| &mut r[var]).for_each(|v| *v /= largest);
-            let deviation = (columns.iter().flat_map(|r| &r[var]).map(|v| v * v).sum::<f64>() / count).sqrt();
+            let deviation = (sum_of(&columns, |v| v * v) / count).sqrt();
             columns.iter_mut().flat_map(|r| &mut r[var]).for_each(|v| *v /= deviation);
         }
     }
@@ -158,7 +180,7 @@ fn standardized_columns(samples: &Samples<'_>) -> Vec<Vec<Vec<f64>>> {
 }
 
 /// The values of a column at `t - lag` for the samples `t = cut_off..T`.
-fn window(column: &[f64], cut_off: usize, lag: usize) -> Option<&[f64]> {
+pub(super) fn window(column: &[f64], cut_off: usize, lag: usize) -> Option<&[f64]> {
     (column.len() > cut_off).then(|| &column[cut_off - lag..column.len() - lag])
 }
 

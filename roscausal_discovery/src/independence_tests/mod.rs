@@ -43,6 +43,7 @@ mod gpdc;
 mod gpdc_python;
 mod gram;
 mod gsquared;
+mod incomplete;
 #[cfg(test)]
 mod laws;
 mod oracle;

@@ -5,6 +5,7 @@ use std::sync::{Mutex, PoisonError};
 use super::{
     cholesky::{Factor, correlation, residuals},
     gram::Correlations,
+    incomplete::Incomplete,
     resampling::Resampling,
     settings::{Confidence, Significance, TestSettings},
 };
@@ -17,8 +18,7 @@ use crate::{
     },
 };
 
-/// Linear partial correlation: correlation of the residuals of X and Y after linear regression on Z. Take it if
-/// dependences are linear; it is by far the fastest test.
+/// Linear partial correlation: correlation of the residuals of X and Y after linear regression on Z.
 ///
 /// Take it first: it is by far the fastest test and has the most power where dependence is linear. It misses dependence
 /// that has no linear part, such as Y on the square of X.
@@ -120,14 +120,25 @@ impl Linear {
                 samples.cut_off()
             )));
         }
-        let shared = if samples.data().is_incomplete() || !Correlations::fits(samples) {
+        let fits = Correlations::fits(samples);
+        let incomplete = (fits && transform.is_none() && samples.data().lacks_values_only())
+            .then(|| Incomplete::new(samples))
+            .transpose()?;
+        let shared = if samples.data().is_incomplete() || !fits {
             None
         } else if let Some(transform) = transform {
             Some(transformed_correlations(samples, transform)?)
         } else {
             Some(Correlations::lagged(samples)?)
         };
-        Ok(Box::new(Prepared { test: self, samples, transform, shared, factors: Mutex::default() }))
+        Ok(Box::new(Prepared {
+            test: self,
+            samples,
+            transform,
+            shared,
+            incomplete,
+            factors: Mutex::default(),
+        }))
     }
 }
 
@@ -155,6 +166,8 @@ struct Prepared<'a> {
     transform: Option<Transform>,
     /// `None` if the samples differ from test to test.
     shared: Option<Correlations>,
+    /// The sums from which each test takes its matrix, if values are missing.
+    incomplete: Option<Incomplete>,
     /// Factors of the previous tests, one per working thread.
     factors: Mutex<Vec<Workspace>>,
 }
@@ -163,6 +176,14 @@ struct Prepared<'a> {
 struct Workspace {
     factor: Factor,
     z: Vec<usize>,
+}
+
+/// A test from sums of products.
+struct Fast {
+    /// `None` if X or Y is constant.
+    value: Option<f64>,
+    n_samples: usize,
+    n_lost: usize,
 }
 
 /// Rows of one test, standardised, without the constant rows of Z.
@@ -191,17 +212,27 @@ impl Prepared<'_> {
         Rows { x, y, z, n_samples, n_lost, constant }
     }
 
-    /// The value from the shared matrix; `None` if the samples are needed. If X or Y is constant, it is
-    /// `Some(None)`.
-    fn fast(&self, x: Node, y: Node, z: &[Node]) -> Result<Option<Option<f64>>> {
+    /// The value from sums of products; `None` if the samples are needed.
+    fn fast(&self, x: Node, y: Node, z: &[Node]) -> Result<Option<Fast>> {
+        if let Some(sums) = &self.incomplete {
+            let nodes: Vec<Node> = [x, y].iter().chain(z).copied().collect();
+            let Some(answer) = sums.correlations(&nodes) else { return Ok(None) };
+            let others: Vec<usize> = (2..nodes.len()).collect();
+            let value = Factor::default().partial_correlation(&answer.correlations, 0, 1, &others);
+            let fast =
+                |value| Fast { value: Some(value), n_samples: answer.n_samples, n_lost: answer.n_lost };
+            return Ok(value.map(fast));
+        }
         let Some(r) = &self.shared else { return Ok(None) };
+        let fast = |value| Fast { value, n_samples: self.samples.len(), n_lost: 0 };
         let (x, y) = (r.index(x)?, r.index(y)?);
         if r.is_constant(x) || r.is_constant(y) {
-            return Ok(Some(None));
+            return Ok(Some(fast(None)));
         }
         self.with_workspace(|workspace| {
             workspace.fill(r, z)?;
-            Ok(workspace.factor.partial_correlation(r, x, y, &workspace.z).map(Some))
+            let value = workspace.factor.partial_correlation(r, x, y, &workspace.z);
+            Ok(value.map(|value| fast(Some(value))))
         })
     }
 
@@ -243,7 +274,7 @@ impl PreparedTest for Prepared<'_> {
         let mut rows = None;
         let fast = if by_samples { None } else { self.fast(x, y, z)? };
         let (value, n_samples, n_lost) = match fast {
-            Some(value) => (value, self.samples.len(), 0),
+            Some(Fast { value, n_samples, n_lost }) => (value, n_samples, n_lost),
             None => {
                 let mut r = self.rows(x, y, z);
                 let (n_samples, n_lost) = (r.n_samples, r.n_lost);
@@ -310,6 +341,17 @@ impl PreparedTest for Prepared<'_> {
             })?;
             if let Some(left) = left {
                 return Ok(score(self.samples.len(), left));
+            }
+        }
+        if let Some(sums) = &self.incomplete {
+            let nodes: Vec<Node> = [target].iter().chain(parents).copied().collect();
+            let others: Vec<usize> = (1..nodes.len()).collect();
+            let answer = sums.correlations(&nodes).and_then(|answer| {
+                let left = Factor::default().residual_variance(&answer.correlations, 0, &others)?;
+                Some(score(answer.n_samples, left))
+            });
+            if let Some(score) = answer {
+                return Ok(score);
             }
         }
         let rows = self.rows(target, target, parents);
