@@ -15,6 +15,7 @@ use roscausal_discovery::{
     methods::{
         FpcmciSettings, PcmciPlusSettings, PcmciResult, PcmciSettings, run_fpcmci, run_pcmci, run_pcmciplus,
     },
+    transfer_entropy::TeEstimator,
 };
 
 fn main() -> ExitCode {
@@ -54,7 +55,12 @@ fn run(args: &[String]) -> Result<String, Box<dyn std::error::Error>> {
             Some(pool.install(|| run_pcmciplus(&data, test.as_ref(), &settings, &plus, &control))?)
         }
         "fpcmci" => {
-            let settings = FpcmciSettings { pcmci: settings, ..FpcmciSettings::default() };
+            // The published filter: the same question as the reference is asked.
+            let settings = FpcmciSettings {
+                pcmci: settings,
+                te_estimator: TeEstimator::Gaussian,
+                ..FpcmciSettings::default()
+            };
             pool.install(|| run_fpcmci(&data, test.as_ref(), &settings, &control))?.pcmci
         }
         other => return Err(format!("method '{other}' is not pcmci, pcmciplus or fpcmci").into()),

@@ -134,7 +134,7 @@ impl GaussianProcess {
 
     /// The optimum in `(ln l, ln s)`, with minus the log marginal likelihood there.
     fn optimum(&self, target: &[f64], state: &mut State, check: &dyn Fn() -> Result<()>) -> Result<Found> {
-        search(|x, accuracy| {
+        search(target.len(), |x, accuracy| {
             check()?;
             let value = self.evaluate(target, Theta::from_logarithms(x), accuracy, state);
             let Value { value, gradient, errors, curvature, .. } = value.unwrap_or(Value::NONE);
