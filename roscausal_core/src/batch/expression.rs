@@ -27,10 +27,15 @@ const FUNCTIONS: [(&str, usize, Function); 17] = [
     ("sin", 1, Function::Number(f64::sin)),
     ("cos", 1, Function::Number(f64::cos)),
     ("wrap", 1, Function::Number(wrap)),
-    ("min", 2, Function::Pair(f64::min)),
-    ("max", 2, Function::Pair(f64::max)),
+    ("min", 2, Function::Pair(|a, b| known(a, b, f64::min))),
+    ("max", 2, Function::Pair(|a, b| known(a, b, f64::max))),
     ("atan2", 2, Function::Pair(f64::atan2)),
 ];
+/// `of` the two, if both are known: `f64::min` and `f64::max` leave out what is not.
+fn known(a: f64, b: f64, of: fn(f64, f64) -> f64) -> f64 {
+    if a.is_nan() || b.is_nan() { f64::NAN } else { of(a, b) }
+}
+
 /// Deepest nesting of brackets.
 const DEEPEST: usize = 50;
 /// Longest expression in bytes: each `+` adds a level to the recursive evaluation.

@@ -7,6 +7,7 @@ pub mod joint;
 pub mod journal;
 pub mod pool;
 pub mod postprocess;
+mod range;
 pub mod recorder;
 mod recording;
 pub mod risk;

@@ -1,19 +1,21 @@
 //! The built-in post-processing: from recorded states to the paper's variables, or to features that the user
 //! defines.
 
-use std::str::FromStr;
+use std::{cell::Cell, collections::BTreeMap, str::FromStr};
 
 use roscausal_discovery::names::plain;
 
 use super::{
     expression::{Expression, Scope, Who},
+    range::empty_impossible,
     recording::{Column, Recording},
     risk::{Body, RiskModel, risk_exponent},
     tracks::Values,
 };
 use crate::{Error, Result, mix};
 
-/// Larger exponents of the risk are cut off here, so that `exp` stays finite.
+/// Larger exponents of the risk cannot be: bodies would have to meet at more than 5 m/s at a distance of 0.1 m. The cell is
+/// emptied and counted.
 const LARGEST_EXPONENT: f64 = 50.0;
 
 /// What to compute, and how.
@@ -79,6 +81,8 @@ pub struct Feature {
 pub struct Features {
     /// One entry per feature (and person), each with one value per row.
     pub columns: Vec<Column>,
+    /// Cells that were emptied because they held what cannot be, by column: recorded ones (`h_7_v`) and risks.
+    pub emptied: BTreeMap<String, usize>,
 }
 
 impl Feature {
@@ -151,10 +155,12 @@ impl Postprocess {
     /// # Errors
     /// A batch without people, if a feature is about a person.
     pub fn run(&self, batch: &Recording) -> Result<Features> {
+        let mut batch = batch.clone();
+        let mut emptied = empty_impossible(&mut batch);
         let mut columns = Vec::new();
         for feature in &self.features {
             if !feature.expression.mentions_human() {
-                columns.push(self.column(feature, feature.name.clone(), batch, None));
+                columns.push(self.column(feature, feature.name.clone(), &batch, None, &mut emptied));
                 continue;
             }
             if batch.people.is_empty() {
@@ -166,11 +172,11 @@ impl Postprocess {
                     1 => feature.name.clone(),
                     _ => name_for(&feature.name, *id),
                 };
-                columns.push(self.column(feature, name, batch, Some((*id, rows))));
+                columns.push(self.column(feature, name, &batch, Some((*id, rows)), &mut emptied));
             }
         }
         columns.extend(batch.context_columns());
-        Ok(Features { columns })
+        Ok(Features { columns, emptied })
     }
 
     fn column(
@@ -179,7 +185,9 @@ impl Postprocess {
         name: String,
         batch: &Recording,
         person: Option<(u32, &Vec<Values>)>,
+        emptied: &mut BTreeMap<String, usize>,
     ) -> Column {
+        let impossible = Cell::new(0);
         let id = person.map_or(0, |(id, _)| u64::from(id));
         let stream = mix(self.seed ^ mix(batch.start.as_nanos() as u64) ^ mix(id.wrapping_add(1)));
         let human = |row: usize| person.and_then(|(_, rows)| rows.get(row)).unwrap_or(&Values::UNKNOWN);
@@ -195,7 +203,12 @@ impl Postprocess {
                 Obstacle::Nearest => nearest(&a, &b, batch, row, person.map(|(id, _)| id)),
             };
             let exponent = risk_exponent(&a, &nearest, self.risk_model, self.obs_size, self.safe_dist);
-            (exponent + noise).min(LARGEST_EXPONENT).exp()
+            if exponent > LARGEST_EXPONENT {
+                impossible.set(impossible.get() + 1);
+                return f64::NAN;
+            }
+            // The noise is small beside the bound.
+            (exponent + noise).exp()
         };
         let value = |row: usize| {
             let time = batch.stamp(row).as_secs_f64();
@@ -204,6 +217,9 @@ impl Postprocess {
             feature.expression.value(&scope)
         };
         let values = (0..batch.n_rows()).map(value).collect();
+        if impossible.get() > 0 {
+            *emptied.entry(name.clone()).or_default() += impossible.get();
+        }
         Column { name, unit: "", values }
     }
 }
@@ -340,6 +356,44 @@ mod tests {
         let sum = values("risk(h,r)+h.v", 1);
         assert!(sum[0].is_nan());
         assert_eq!(sum[1..], [risk[0] + now[1], risk[1] + now[2]]);
+    }
+
+    #[test]
+    fn a_person_out_of_sight_has_no_variables_and_a_silent_robot_no_risk() {
+        let mut gone = batch(&[1], &[1.0, 1.0, 1.0]);
+        gone.people.get_mut(&1).expect("she")[1] = Values::UNKNOWN;
+        gone.robot[2] = Values::UNKNOWN;
+        for risk_noise in [0.0, 0.02] {
+            let features = Postprocess { risk_noise, ..settings() }.run(&gone).expect("computes");
+            let [v, dg, risk] = [0, 1, 2].map(|i| features.columns[i].values.clone());
+            assert!(v[1].is_nan() && dg[1].is_nan() && risk[1].is_nan(), "{risk:?}");
+            assert!(v[2] == 1.0 && risk[2].is_nan(), "{risk:?}");
+            assert!(risk[0].is_finite() && features.emptied.is_empty());
+        }
+    }
+
+    #[test]
+    fn what_cannot_be_is_emptied_and_counted() {
+        let features = settings().run(&batch(&[7], &[1.0, 100.0, f64::NAN])).expect("computes");
+        assert!(features.columns[0].values[1].is_nan() && features.columns[2].values[1].is_nan());
+        assert_eq!(features.emptied, BTreeMap::from([("h_7_v".to_owned(), 1)]));
+        // Two bodies that meet at 0.1 m with 45 m/s.
+        let mut meet = batch(&[7], &[0.05]);
+        meet.people.insert(7, vec![at_x(0.0, 0.0, 0.05)]);
+        meet.robot = vec![at_x(0.1, std::f64::consts::PI, 45.0)];
+        let features = settings().run(&meet).expect("computes");
+        assert!(features.columns[2].values[0].is_nan());
+        assert_eq!(features.emptied, BTreeMap::from([("h_risk".to_owned(), 1)]));
+    }
+
+    #[test]
+    fn the_smaller_of_a_number_and_something_unknown_is_unknown() {
+        let features = vec![Feature::new("it", "min(h.v, 1) + max(2, h.v)").expect("a feature")];
+        let mut gone = batch(&[1], &[0.5]);
+        gone.people.insert(1, vec![Values::UNKNOWN]);
+        let values =
+            Postprocess { features, ..settings() }.run(&gone).expect("computes").columns.remove(0).values;
+        assert!(values[0].is_nan());
     }
 
     #[test]

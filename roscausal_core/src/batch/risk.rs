@@ -61,14 +61,17 @@ impl FromStr for RiskModel {
     }
 }
 
-/// The exponent of the risk that `a` collides with `b`. It is finite for finite bodies.
+/// The exponent of the risk that `a` collides with `b`. It is finite for finite bodies, and NaN where a place or the speed of
+/// `a` is unknown: nothing is known of a risk to or from somebody who is not there.
 ///
 /// `a` is on collision course if two things hold: its position one second ahead, P, lies in the triangle from `a`
 /// to `b` widened by `obs_size`, and `b` is nearer than `safe_dist`. The exponent then contains the relative speed
 /// divided by the distance, and the distance of P to the nearer side of the triangle.
-/// the nearer side of the triangle.
 pub fn risk_exponent(a: &Body, b: &Body, model: RiskModel, obs_size: f64, safe_dist: f64) -> f64 {
     let v = a.speed();
+    if ![a.x, a.y, b.x, b.y, v].iter().all(|value| value.is_finite()) {
+        return f64::NAN;
+    }
     let course = collision_course(a, b, obs_size, safe_dist);
     let own = match model {
         RiskModel::Paper => v,
@@ -135,6 +138,18 @@ mod tests {
         for b in [behind, far, beside] {
             assert_eq!(exponent(a, b, RiskModel::V1_1), 0.1);
             assert_eq!(exponent(a, b, RiskModel::V1_0), 0.0);
+        }
+    }
+
+    #[test]
+    fn nobody_and_no_robot_have_no_risk() {
+        let (here, gone) =
+            (Body { vx: 1.0, ..Body::default() }, Body::heading(f64::NAN, f64::NAN, f64::NAN, f64::NAN));
+        let unknown_speed = Body { vx: f64::NAN, ..Body::default() };
+        for model in [RiskModel::Paper, RiskModel::V1_0, RiskModel::V1_1] {
+            for (a, b) in [(here, gone), (gone, here), (unknown_speed, Body { x: 2.0, ..here })] {
+                assert!(exponent(a, b, model).is_nan(), "{a:?} {b:?}");
+            }
         }
     }
 

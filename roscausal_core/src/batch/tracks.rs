@@ -114,6 +114,19 @@ impl Values {
         }
     }
 
+    /// Replaces one value.
+    pub(super) fn set(&mut self, field: Field, value: f64) {
+        *match field {
+            Field::Gx => &mut self.gx,
+            Field::Gy => &mut self.gy,
+            Field::X => &mut self.x,
+            Field::Y => &mut self.y,
+            Field::Theta => &mut self.theta,
+            Field::V => &mut self.v,
+            Field::Omega => &mut self.omega,
+        } = value;
+    }
+
     /// Place and velocity, from speed and heading.
     pub fn body(&self) -> Body {
         Body::heading(self.x, self.y, self.theta, self.v)

@@ -143,6 +143,9 @@ impl Work {
         let done = match &self.config.processing {
             Processing::None => return Ok(false),
             Processing::BuiltIn(postprocess) => postprocess.run(&job.batch).map(|features| {
+                for (column, count) in &features.emptied {
+                    tracing::warn!("{name}: {count} cells of {column} are empty: they held what cannot be");
+                }
                 (self.metadata(job, &features.columns, Some(name)), csv(&job.batch, &features.columns))
             }),
             Processing::Script(script) => script
