@@ -96,9 +96,11 @@ pub(crate) fn run(args: &Args, interrupt: &Interrupt) -> Result<()> {
     if args.web.wanted() {
         return run.watch(args, interrupt);
     }
-    println!(
+    crate::terminal::say!(
         "Simulating '{}' for {} s (seed {}), recording two batches ...",
-        args.scenario, args.duration, args.seed
+        args.scenario,
+        args.duration,
+        args.seed
     );
     let (folders, model) = run.recorded_chain(args.record.as_deref(), interrupt)?;
     show(args, &folders, &model)
@@ -184,7 +186,7 @@ impl Run {
         bus.settle();
         sink.close()?;
         web.map_or(Ok(()), Web::end)?;
-        println!("{}: {} models, batches", self.out.display(), folders.model_files()?.len());
+        crate::terminal::say!("{}: {} models, batches", self.out.display(), folders.model_files()?.len());
         match simulated {
             Err(Error::Cancelled(_)) => Ok(()),
             other => other,
@@ -280,9 +282,9 @@ fn show(args: &Args, folders: &Folders, model: &Model) -> Result<()> {
             table.dt(),
         )?;
     }
-    println!("{}\n", report::text(model));
-    println!("{}\n", expected::comparison(model));
-    println!(
+    crate::terminal::say!("{}\n", report::text(model));
+    crate::terminal::say!("{}\n", expected::comparison(model));
+    crate::terminal::say!(
         "{}: batches, model.json, model.dot, model.graphml, links.csv, dag.svg, dag.png, tsdag.svg, tsdag.png, run.svg",
         args.out.display()
     );

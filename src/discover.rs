@@ -159,18 +159,21 @@ pub(crate) fn run(args: &Args, interrupt: &Interrupt) -> Result<()> {
     model.dt = dt;
     model.warnings.splice(0..0, warnings);
 
+    match args.format {
+        Format::Json => crate::terminal::print(format_args!("{}", model.to_json())),
+        Format::Dot => crate::terminal::print(format_args!("{}", export::dot(&model))),
+        Format::Graphml => crate::terminal::print(format_args!("{}", export::graphml(&model))),
+        Format::Csv => {
+            crate::terminal::print(format_args!("{}", String::from_utf8_lossy(&export::links_csv(&model)?)))
+        }
+        Format::Text => crate::terminal::say!("{}", report::text(&model)),
+    }
+    // Last: what cannot be written is at least printed.
     if let Some(dir) = &args.out {
         output::write_model(dir, &model)?;
         for (i, recording) in data.recordings().iter().enumerate() {
             output::write_series(dir, &format!("series_{}", i + 1), data.var_names(), recording.view(), dt)?;
         }
-    }
-    match args.format {
-        Format::Json => print!("{}", model.to_json()),
-        Format::Dot => print!("{}", export::dot(&model)),
-        Format::Graphml => print!("{}", export::graphml(&model)),
-        Format::Csv => print!("{}", String::from_utf8_lossy(&export::links_csv(&model)?)),
-        Format::Text => println!("{}", report::text(&model)),
     }
     Ok(())
 }

@@ -6,6 +6,8 @@ use std::fmt::Write;
 use roscausal_core::{Error, Result};
 use roscausal_discovery::{Link, Model, draw::escaped, names::plain};
 
+use crate::report;
+
 /// The model as a directed graph for Graphviz: one edge per link, labelled with lag and strength.
 pub(crate) fn dot(model: &Model) -> String {
     let mut out = String::from("digraph causal_model {\n  rankdir=LR;\n  node [shape=circle];\n");
@@ -60,15 +62,33 @@ pub(crate) fn graphml(model: &Model) -> String {
     out
 }
 
+/// A row of the table of links.
+#[derive(serde::Serialize)]
+struct Row<'a> {
+    cause: &'a str,
+    effect: &'a str,
+    lag: usize,
+    value: f64,
+    p_value: f64,
+    mark: &'a str,
+    n_lost: usize,
+    /// The p-value in words: `<0.002` where the test cannot tell smaller ones apart and `p_value` may be 0.
+    p: String,
+}
+
 /// The links as a table, one row per link.
 pub(crate) fn links_csv(model: &Model) -> Result<Vec<u8>> {
     let mut writer = csv::Writer::from_writer(Vec::new());
     let fault = |e: &dyn std::fmt::Display| Error::Data(format!("the list of links cannot be written: {e}"));
     for link in &model.links {
-        writer.serialize(link).map_err(|e| fault(&e))?;
+        let Link { cause, effect, lag, value, p_value, mark, n_lost } = link;
+        let p = report::p_cell(model, *p_value);
+        let row =
+            Row { cause, effect, lag: *lag, value: *value, p_value: *p_value, mark, n_lost: *n_lost, p };
+        writer.serialize(row).map_err(|e| fault(&e))?;
     }
     if model.links.is_empty() {
-        let header = ["cause", "effect", "lag", "value", "p_value", "mark", "n_lost"];
+        let header = ["cause", "effect", "lag", "value", "p_value", "mark", "n_lost", "p"];
         writer.write_record(header).map_err(|e| fault(&e))?;
     }
     writer.into_inner().map_err(|e| fault(&e))

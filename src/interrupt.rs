@@ -20,7 +20,7 @@ impl Interrupt {
             if wish.swap(true, Ordering::SeqCst) {
                 std::process::exit(130);
             }
-            eprintln!("ending; what is recorded is kept (again: end at once)");
+            crate::terminal::tell!("ending; what is recorded is kept (again: end at once)");
         });
         if let Err(error) = caught {
             tracing::warn!("Ctrl-C will end without saving: {error}");

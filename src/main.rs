@@ -17,6 +17,7 @@ mod replay;
 mod report;
 mod sink;
 mod teleop;
+mod terminal;
 mod web;
 
 use std::process::ExitCode;

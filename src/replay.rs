@@ -165,16 +165,16 @@ fn await_analyses(
 fn show(args: &Args, folders: &Folders, troubles: &str) -> Result<()> {
     let models = folders.model_files()?;
     for path in &models {
-        println!("{}\n{}\n", path.display(), report::text(&read_model(path)?));
+        crate::terminal::say!("{}\n{}\n", path.display(), report::text(&read_model(path)?));
     }
     for reason in folders.rejections()? {
-        eprintln!("note: {reason}");
+        crate::terminal::tell!("note: {reason}");
     }
     if models.is_empty() {
         let reason =
             format!("no model came of it; batches shorter than --ts-length are set aside; nodes: {troubles}");
         return Err(Error::file(&args.recording, reason));
     }
-    println!("{}: {} models, batches", args.out.display(), models.len());
+    crate::terminal::say!("{}: {} models, batches", args.out.display(), models.len());
     Ok(())
 }

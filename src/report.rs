@@ -29,10 +29,11 @@ fn headline(model: &Model) -> String {
     };
     let time = model.run_time_s.map_or(String::new(), |s| format!(", found in {s:.2} s"));
     format!(
-        "{} with {} (alpha {}, lags {}..{}) on {} samples{recordings}{step}: {} link{}{time}",
+        "{} with {} (alpha {}{}, lags {}..{}) on {} samples{recordings}{step}: {} link{}{time}",
         model.method.to_uppercase(),
         model.cond_ind_test,
         model.alpha,
+        if model.fdr == "none" { String::new() } else { format!(" corrected by {}", model.fdr) },
         model.tau_min,
         model.tau_max,
         model.n_samples,
@@ -63,6 +64,12 @@ fn p_value(model: &Model, p: f64) -> String {
     if p < smallest { format!("p < {smallest}") } else { format!("p = {p:.3}") }
 }
 
+/// The same for a table: `<0.001`, `0.0123`.
+pub(crate) fn p_cell(model: &Model, p: f64) -> String {
+    let smallest = model.smallest_p();
+    if p < smallest { format!("<{smallest}") } else { format!("{p:.4}") }
+}
+
 fn rounded(seconds: f64) -> f64 {
     (seconds * 1000.0).round() / 1000.0
 }
@@ -83,7 +90,8 @@ fn table(model: &Model) -> Vec<String> {
                     continue;
                 }
                 let mark = if mark.is_empty() { "-" } else { mark };
-                lines.push(format!("{cause:width$}  {effect:width$}  {lag:3}  {value:8.3}  {p:8.4}  {mark}"));
+                let p = p_cell(model, p);
+                lines.push(format!("{cause:width$}  {effect:width$}  {lag:3}  {value:8.3}  {p:>8}  {mark}"));
             }
         }
     }

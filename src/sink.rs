@@ -28,7 +28,7 @@ impl Sink {
     pub(crate) fn close(self) -> Result<()> {
         if let Some((path, recorder)) = self.0 {
             let messages = recorder.finish()?;
-            println!("{}: {messages} messages recorded", path.display());
+            crate::terminal::say!("{}: {messages} messages recorded", path.display());
         }
         Ok(())
     }

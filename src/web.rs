@@ -57,7 +57,7 @@ impl Web {
             return Ok(None);
         }
         let server = Server::start(args.address, args.port, &args.token)?;
-        println!("Live page: {}  (Ctrl-C ends)", server.url());
+        crate::terminal::say!("Live page: {}  (Ctrl-C ends)", server.url());
         let node = bus.node("dashboard");
         let its_own = node.clone();
         let options = SceneOptions { robot: robot.to_owned(), ..SceneOptions::default() };

@@ -4,7 +4,11 @@
 
 mod common;
 
-use std::{fs, path::Path};
+use std::{
+    fs,
+    path::Path,
+    process::{Command, Stdio},
+};
 
 use common::roscausal;
 use roscausal_fuzz::unit;
@@ -89,7 +93,7 @@ fn the_links_come_as_dot_graphml_and_csv() {
     let (dot, graphml, csv) = (run("dot"), run("graphml"), run("csv"));
     has(&dot, &["digraph causal_model {", "\"a\" -> \"b\" [label=\"1 · "]);
     has(&graphml, &["<graphml", "<node id=\"a\"/>", "source=\"a\" target=\"b\"><data key=\"lag\">1</data>"]);
-    has(&csv, &["cause,effect,lag,value,p_value,mark,n_lost\n", "\na,b,1,"]);
+    has(&csv, &["cause,effect,lag,value,p_value,mark,n_lost,p\n", "\na,b,1,"]);
     for (file, content) in [("model.dot", dot), ("model.graphml", graphml), ("links.csv", csv)] {
         assert_eq!(fs::read_to_string(dir.path().join("r").join(file)).expect("is there"), content, "{file}");
     }
@@ -126,6 +130,64 @@ fn any_number_of_threads_and_any_run_gives_the_same_bytes() {
     let one = model("one", "1");
     assert_eq!(one, model("two", "2"));
     assert_eq!(one, model("again", "1"));
+}
+
+#[test]
+fn a_p_value_is_never_shown_as_0_and_a_correction_is_named() {
+    let dir = folder("data.csv", &coupled(300));
+    for test in ["parcorr", "gpdc"] {
+        let args = ["discover", "data.csv", "--test", test, "--fdr", "fdr_bh", "--out", "r"];
+        let out = roscausal(dir.path(), &args);
+        let text = String::from_utf8_lossy(&out.stdout);
+        has(&text, &["corrected by fdr_bh", if test == "gpdc" { "<0.002" } else { "<0.001" }]);
+        assert!(!text.contains("0.0000"), "{text}");
+        let links = fs::read_to_string(dir.path().join("r/links.csv")).expect("is there");
+        assert!(links.lines().skip(1).any(|line| line.contains(",<0.00")), "{links}");
+    }
+}
+
+#[test]
+fn a_result_is_printed_even_if_its_folder_cannot_be_written() {
+    let dir = folder("data.csv", &coupled(300));
+    fs::write(dir.path().join("taken"), "a file").expect("writes");
+    let out = roscausal(dir.path(), &["discover", "data.csv", "--test", "parcorr", "--out", "taken"]);
+    assert_eq!(out.status.code(), Some(1));
+    has(&String::from_utf8_lossy(&out.stdout), &["drives b"]);
+    has(&String::from_utf8_lossy(&out.stderr), &["taken"]);
+}
+
+#[test]
+fn a_reader_that_has_gone_ends_nothing_and_hears_of_no_panic() {
+    let dir = folder("data.csv", &coupled(300));
+    for format in ["text", "json"] {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_roscausal"));
+        command.current_dir(dir.path()).args(["discover", "data.csv", "--test", "parcorr", "--out", format]);
+        command.args(["--format", format]).stdout(Stdio::piped()).stderr(Stdio::piped());
+        let mut child = command.spawn().expect("starts");
+        drop(child.stdout.take());
+        let out = child.wait_with_output().expect("ends");
+        let told = String::from_utf8_lossy(&out.stderr);
+        assert!(out.status.success() && !told.contains("panicked"), "{told}");
+        assert!(dir.path().join(format).join("model.json").is_file());
+    }
+}
+
+#[cfg(target_os = "linux")]
+#[test]
+fn a_full_disk_behind_the_output_is_one_sentence() {
+    let dir = folder("data.csv", &coupled(300));
+    for format in ["text", "json"] {
+        let full = fs::OpenOptions::new().write(true).open("/dev/full").expect("is there");
+        let mut command = Command::new(env!("CARGO_BIN_EXE_roscausal"));
+        command
+            .current_dir(dir.path())
+            .args(["discover", "data.csv", "--test", "parcorr", "--format", format]);
+        let out = command.stdout(full).output().expect("ends");
+        let told = String::from_utf8_lossy(&out.stderr);
+        assert_eq!(out.status.code(), Some(1), "{told}");
+        has(&told, &["error: the results cannot be written to the standard output: No space left"]);
+        assert!(!told.contains("panicked"), "{told}");
+    }
 }
 
 #[test]

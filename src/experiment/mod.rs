@@ -122,7 +122,7 @@ pub(crate) fn run(args: &Args, interrupt: &Interrupt) -> Result<()> {
     for (name, text) in report::files(&runs)? {
         output::write_file(out, name, text.as_bytes())?;
     }
-    println!(
+    crate::terminal::say!(
         "{}\n\n{}: recall.csv, scores.csv, runs.csv, length.svg, step.svg",
         report::text(&runs),
         out.display()

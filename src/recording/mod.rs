@@ -35,7 +35,7 @@ impl Source {
         let recording = Recording::open(path)?;
         let inputs = Inputs::choose(&recording, path, args)?;
         for line in &inputs.chosen {
-            eprintln!("{}: {line}", path.display());
+            crate::terminal::tell!("{}: {line}", path.display());
         }
         Ok(Self { path: path.to_owned(), recording, inputs })
     }

@@ -170,10 +170,10 @@ impl Played {
     /// Reports on stderr what was lost.
     pub(crate) fn tell(&self, path: &Path) {
         for loss in &self.losses {
-            eprintln!("note: {loss}");
+            crate::terminal::tell!("note: {loss}");
         }
         for (topic, (count, first)) in &self.unreadable {
-            eprintln!(
+            crate::terminal::tell!(
                 "note: {}: {count} messages of {topic} cannot be read, the first: {first}",
                 path.display()
             );
