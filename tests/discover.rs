@@ -196,6 +196,10 @@ fn bad_files_are_named_with_line_and_column_and_the_way_out() {
     has(&complaint("a,b\n", &[], 1), &["data.csv", "only a header"]);
     has(&complaint("a,b\n1,2\nfast,3\n", &[], 1), &["line 3", "'a'", "fast", "--columns"]);
     has(&complaint("a,b\n1,2\n3\n", &[], 1), &["line 3", "1 cell"]);
+    for end in ["\n", "\r\n", "\r"] {
+        let text = ["a,b", "1,2", "", "1,3", "fast,3", ""].join(end);
+        has(&complaint(&text, &[], 1), &["line 5", "'a'", "fast"]);
+    }
     has(&complaint("a,b,a\n1,2,3\n", &[], 1), &["column 1", "column 3", "'a'"]);
     has(&complaint("time,a,b\n1,1,1\n0,1,2\n", &[], 1), &["line 3", "time goes back"]);
     has(&complaint("a,b\n1,2\n2,3\n3,1\n", &["--test", "parcorr"], 1), &["samples", "needs at least"]);
@@ -203,6 +207,28 @@ fn bad_files_are_named_with_line_and_column_and_the_way_out() {
     let missing = roscausal(Path::new("."), &["discover", "no_such.csv"]);
     assert_eq!(missing.status.code(), Some(1));
     has(&String::from_utf8_lossy(&missing.stderr), &["no_such.csv"]);
+}
+
+#[test]
+fn a_pointer_a_web_page_and_an_archive_are_named_whatever_their_name() {
+    let lfs = "version https://git-lfs.github.com/spec/v1\noid sha256:4d7a\nsize 123456\n";
+    for (content, told) in [
+        (lfs, "Git LFS pointer to a file of 123456 bytes, not the file; get it with 'git lfs pull'"),
+        ("<!DOCTYPE html>\n<html><body>404</body></html>", "this is a web page"),
+        ("PK\u{3}\u{4}", "a ZIP archive"),
+    ] {
+        for name in ["demo.bag", "demo.mcap", "demo.csv"] {
+            let dir = folder(name, content);
+            let out = roscausal(dir.path(), &["discover", name]);
+            assert_eq!(out.status.code(), Some(1));
+            has(&String::from_utf8_lossy(&out.stderr), &[name, told]);
+        }
+    }
+    let dir = folder("demo.bag", "");
+    has(
+        &String::from_utf8_lossy(&roscausal(dir.path(), &["discover", "demo.bag"]).stderr),
+        &["the file is empty"],
+    );
 }
 
 #[test]

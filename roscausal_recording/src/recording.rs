@@ -8,7 +8,7 @@ use std::{
     path::{Path, PathBuf},
 };
 
-use roscausal_core::{Error, Result, Time};
+use roscausal_core::{Error, Result, Time, content};
 
 use crate::{
     bag::Bag,
@@ -60,7 +60,7 @@ impl Ord for Waiting {
 /// Opens one file according to its contents, whatever its name.
 pub(crate) fn open_file(path: &Path, losses: &mut Vec<String>) -> Result<Box<dyn Source>> {
     let mut magic = Vec::new();
-    let read = File::open(path).and_then(|file| file.take(16).read_to_end(&mut magic));
+    let read = File::open(path).and_then(|file| file.take(content::NEEDED as u64).read_to_end(&mut magic));
     read.map_err(|error| Error::file(path, error))?;
     Ok(match magic.as_slice() {
         magic if magic.starts_with(b"#ROSBAG V2.0\n") => Box::new(Bag::open(path, losses)?),
@@ -69,10 +69,12 @@ pub(crate) fn open_file(path: &Path, losses: &mut Vec<String>) -> Result<Box<dyn
         magic if magic.starts_with(b"#ROSBAG V") => {
             return Err(Error::file(path, "a bag of another version than 2.0; convert it with 'rosbag fix'"));
         }
-        [] => return Err(Error::file(path, "the file is empty")),
-        _ => {
+        [] => {
+            return Err(Error::file(path, "the file is empty; was the recording or its download broken off?"));
+        }
+        first => {
             let reason = "this is no recording: a ROS 1 bag, an MCAP file or a ROS 2 .db3 file is needed";
-            return Err(Error::file(path, reason));
+            return Err(Error::file(path, content::not_data(first).unwrap_or_else(|| reason.to_owned())));
         }
     })
 }

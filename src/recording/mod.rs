@@ -13,13 +13,17 @@ use crate::{chart, interrupt::Interrupt, nodes, nodes::Nodes};
 pub(crate) use inputs::{InputArgs, Inputs};
 pub(crate) use play::Play;
 
-/// Whether a path is a recording, judged by its contents (a folder always is).
+/// Names that only recordings have.
+const EXTENSIONS: [&str; 3] = ["bag", "mcap", "db3"];
+
+/// Whether a path is a recording, judged by its contents, or meant to be one by its name (a folder always is).
 pub(crate) fn is_recording(path: &Path) -> bool {
     use std::io::Read;
     let mut start = Vec::new();
     let read = std::fs::File::open(path).and_then(|file| file.take(16).read_to_end(&mut start));
     let magics: [&[u8]; 3] = [b"#ROSBAG V", b"\x89MCAP0", b"SQLite format 3\0"];
-    path.is_dir() || (read.is_ok() && magics.iter().any(|magic| start.starts_with(magic)))
+    let is_named_so = path.extension().is_some_and(|name| EXTENSIONS.iter().any(|known| name == *known));
+    path.is_dir() || is_named_so || (read.is_ok() && magics.iter().any(|magic| start.starts_with(magic)))
 }
 
 /// A recording, and what is to be played of it.

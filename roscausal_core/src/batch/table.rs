@@ -11,7 +11,7 @@ use ndarray::Array2;
 use roscausal_discovery::{DataFrame, names};
 
 use super::header;
-use crate::{Error, Result};
+use crate::{Error, Result, content::not_data};
 
 /// Names of the column of sample times (seconds), which is not a variable.
 const TIME_NAMES: [&str; 4] = ["time", "t", "timestamp", "stamp"];
@@ -152,6 +152,9 @@ impl Table {
     }
 
     fn parse(bytes: &[u8], wanted: Option<&[String]>) -> std::result::Result<Self, Complaint> {
+        if let Some(reason) = not_data(bytes) {
+            return Err(Complaint::File(reason));
+        }
         let bytes = bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes);
         if bytes.iter().all(u8::is_ascii_whitespace) {
             return Err(Complaint::from("the file is empty; a header line and rows of numbers are needed"));
@@ -177,9 +180,10 @@ impl Table {
         }
 
         let (mut numbers, mut time, mut lines) = (Vec::new(), Vec::new(), Vec::new());
+        let mut counter = Lines { bytes, at: 0, line: 1 };
         for record in records {
             let record = record.map_err(|e| e.to_string())?;
-            let line = record.position().map_or(0, csv::Position::line);
+            let line = record.position().map_or(0, |position| counter.line_of(position.byte()));
             let cells = cells(&record, header.len(), joined, line)?;
             for &column in &columns {
                 numbers.push(number(&cells[column], &header[column], line)?);
@@ -221,6 +225,33 @@ impl Table {
             }
         }
         notes
+    }
+}
+
+/// Counts the lines of a file as an editor does, whether they end in LF, CR LF or CR. (The csv crate counts a CR LF as the next
+/// record begins, and is one line behind.)
+struct Lines<'a> {
+    bytes: &'a [u8],
+    at: usize,
+    line: u64,
+}
+
+impl Lines<'_> {
+    /// The line of the record that is found from byte `from` on; `from` never goes back.
+    fn line_of(&mut self, from: u64) -> u64 {
+        let is_end = |byte: &u8| matches!(byte, b'\r' | b'\n');
+        let from = (from as usize).clamp(self.at, self.bytes.len());
+        let start = from + self.bytes[from..].iter().take_while(|byte| is_end(byte)).count();
+        for at in self.at..start {
+            let ends = match self.bytes[at] {
+                b'\n' => true,
+                b'\r' => self.bytes.get(at + 1) != Some(&b'\n'),
+                _ => false,
+            };
+            self.line += u64::from(ends);
+        }
+        self.at = start;
+        self.line
     }
 }
 

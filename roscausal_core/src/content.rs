@@ -1,0 +1,93 @@
+//! Files that are not what their name says: a pointer of Git LFS, a web page, an archive. Recognised by their first bytes.
+
+/// Bytes of a file that [`not_data`] needs.
+pub const NEEDED: usize = 512;
+
+/// First bytes of formats that hold data, but that nothing here reads; what they are; and the way out.
+const PACKED: [(&[u8], &str, &str); 11] = [
+    (b"PK\x03\x04", "a ZIP archive", "unpack it with 'unzip'"),
+    (b"\x1f\x8b", "compressed with gzip", "unpack it with 'gunzip'"),
+    (b"\x28\xb5\x2f\xfd", "compressed with Zstandard", "unpack it with 'unzstd'"),
+    (b"\xfd7zXZ\x00", "compressed with xz", "unpack it with 'unxz'"),
+    (b"BZh", "compressed with bzip2", "unpack it with 'bunzip2'"),
+    (b"7z\xbc\xaf\x27\x1c", "a 7z archive", "unpack it with '7z x'"),
+    (b"\x04\x22\x4d\x18", "compressed with LZ4", "unpack it with 'unlz4'"),
+    (b"PAR1", "a Parquet file", "convert it to CSV, such as with pandas"),
+    (b"ARROW1", "an Arrow file", "convert it to CSV, such as with pandas"),
+    (b"\x89HDF\r\n", "an HDF5 file", "convert it to CSV, such as with pandas"),
+    (b"\x93NUMPY", "a NumPy file", "convert it to CSV with numpy.savetxt and a header"),
+];
+
+/// What a file is that begins with `first`, and how to get what was meant; `None` if it may be data.
+///
+/// ```
+/// let told = roscausal_core::content::not_data(b"<!DOCTYPE html>\n<html>").unwrap();
+/// assert!(told.starts_with("this is a web page"));
+/// assert_eq!(roscausal_core::content::not_data(b"time,h_v\n0,1\n"), None);
+/// ```
+pub fn not_data(first: &[u8]) -> Option<String> {
+    if let Some((_, what, way)) = PACKED.iter().find(|(magic, ..)| first.starts_with(magic)) {
+        return Some(format!("the file is {what}; {way}"));
+    }
+    if first.get(257..262) == Some(b"ustar") {
+        return Some("the file is a tar archive; unpack it with 'tar xf'".to_owned());
+    }
+    let text = String::from_utf8_lossy(&first[..first.len().min(NEEDED)]);
+    let text = text.trim_start_matches('\u{feff}').trim_start();
+    if text.starts_with("version https://git-lfs.github.com/") {
+        let size = text.lines().find_map(|line| line.strip_prefix("size "));
+        let size = size.map_or(String::new(), |size| format!(" of {size} bytes"));
+        return Some(format!(
+            "this is a Git LFS pointer to a file{size}, not the file; get it with 'git lfs pull'"
+        ));
+    }
+    if (!text.contains('\n') && text.contains("annex/objects/")) || text.starts_with("/annex/objects/") {
+        return Some("this is a git-annex pointer, not the file; get it with 'git annex get'".to_owned());
+    }
+    let lower = text.to_lowercase();
+    if ["<!doctype html", "<html", "<head"].iter().any(|start| lower.starts_with(start)) {
+        let way =
+            "a download ended at an error or a login; open its address in a browser and save the file itself";
+        return Some(format!("this is a web page, not data; {way}"));
+    }
+    if lower.starts_with("<?xml") {
+        return Some(
+            "this is an XML document, not data; a server may have answered with an error".to_owned(),
+        );
+    }
+    None
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_pointer_a_page_and_an_archive_are_told_by_their_content_with_the_way_out() {
+        let lfs = b"version https://git-lfs.github.com/spec/v1\noid sha256:4d7a\nsize 123456\n";
+        let mut tar = vec![0; 512];
+        tar[257..262].copy_from_slice(b"ustar");
+        for (first, told) in [
+            (&lfs[..], "Git LFS pointer to a file of 123456 bytes, not the file; get it with 'git lfs pull'"),
+            (b"/annex/objects/SHA256E-s12--ab.bag\n", "'git annex get'"),
+            (b"\n <HTML><body>404", "this is a web page"),
+            (b"\xef\xbb\xbf<!doctype HTML>", "this is a web page"),
+            (b"<?xml version='1.0'?><Error>", "XML document"),
+            (b"PK\x03\x04abc", "a ZIP archive; unpack it with 'unzip'"),
+            (b"\x1f\x8b\x08", "gunzip"),
+            (&tar, "tar xf"),
+        ] {
+            let found = not_data(first);
+            assert!(found.as_deref().is_some_and(|found| found.contains(told)), "{found:?}: {told}");
+        }
+    }
+
+    #[test]
+    fn data_is_data() {
+        for first in
+            [&b"time,a,b\n0,1,2\n"[..], b"#ROSBAG V2.0\n", b"\x89MCAP0\r\n", b"", b"# a comment\na b\n"]
+        {
+            assert_eq!(not_data(first), None);
+        }
+    }
+}
