@@ -9,6 +9,8 @@ use std::{
     time::Duration,
 };
 
+pub use roscausal_discovery::lock;
+
 /// Lets through one call at a time, until it is closed.
 #[derive(Debug, Default)]
 pub struct Gate {
@@ -26,11 +28,6 @@ impl Drop for Running<'_> {
     fn drop(&mut self) {
         *lock(&self.0.runs_on) = None;
     }
-}
-
-/// Locks. A panic of another holder is ignored: its data is used as it is.
-pub fn lock<T: ?Sized>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
-    mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 /// Waits until it is notified, `at_most` so long; what a panic left behind is taken as it is.

@@ -1,4 +1,4 @@
-//! A hundred random networks: the same graphs as the reference, link by link.
+//! Two hundred random networks of `tests/golden/quality`: the same graphs as the reference, link by link.
 
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, reason = "a test fails by panicking")]
 
@@ -16,8 +16,7 @@ use roscausal_discovery::{
 
 /// The folder of networks.
 fn folder() -> PathBuf {
-    let beside = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../shared/quality");
-    std::env::var_os("ROSCAUSAL_QUALITY").map_or(beside, PathBuf::from)
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("../tests/golden/quality")
 }
 
 fn check(file: &str, level: f64, run: impl Fn(&DataFrame) -> PcmciResult) {
@@ -46,19 +45,16 @@ fn pcmci(data: &DataFrame) -> PcmciResult {
 }
 
 #[test]
-#[ignore = "its 200 networks are not in the repository: set ROSCAUSAL_QUALITY to their folder and give --ignored"]
 fn pcmci_gives_the_graphs_of_the_reference() {
     check("graphs_A_pcmci_parcorr.json", 0.05, pcmci);
 }
 
 #[test]
-#[ignore = "its 200 networks are not in the repository: set ROSCAUSAL_QUALITY to their folder and give --ignored"]
 fn pcmci_gives_the_graphs_of_the_reference_without_links() {
     check("graphs_C_pcmci_parcorr_null.json", 0.05, pcmci);
 }
 
 #[test]
-#[ignore = "its 200 networks are not in the repository: set ROSCAUSAL_QUALITY to their folder and give --ignored"]
 fn pcmciplus_gives_the_graphs_of_the_reference() {
     check("graphs_A_pcmciplus_parcorr_a05.json", 0.05, |data| {
         let test = ParCorr::new(&TestSettings::default()).unwrap();

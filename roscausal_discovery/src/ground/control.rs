@@ -3,12 +3,15 @@
 use std::{
     fmt,
     sync::{
-        Arc, Mutex, PoisonError,
+        Arc, Mutex,
         atomic::{AtomicBool, AtomicUsize, Ordering},
     },
 };
 
-use super::error::{Error, Result};
+use super::{
+    error::{Error, Result},
+    lock::lock,
+};
 
 /// How far a run has come.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -123,12 +126,12 @@ impl Control {
 
     /// What the tests of the last run took, in a sentence, where they tell.
     pub fn effort(&self) -> Option<String> {
-        self.state.effort.lock().unwrap_or_else(PoisonError::into_inner).clone()
+        lock(&self.state.effort).clone()
     }
 
     /// Keeps what the tests of a run took.
     pub(crate) fn tell(&self, effort: Option<&str>) {
-        *self.state.effort.lock().unwrap_or_else(PoisonError::into_inner) = effort.map(str::to_owned);
+        *lock(&self.state.effort) = effort.map(str::to_owned);
     }
 
     /// Adds `n` tests to the estimated total.

@@ -1,14 +1,11 @@
 //! GPDC computed by the Python reference (feature `python`).
 
-use std::{
-    collections::HashMap,
-    sync::{Mutex, PoisonError},
-};
+use std::{collections::HashMap, sync::Mutex};
 
 use pyo3::{prelude::*, types::PyDict};
 
 use super::settings::{Significance, TestSettings};
-use crate::ground::{CondIndTest, Error, Node, PreparedTest, Result, Samples, TestResult};
+use crate::ground::{CondIndTest, Error, Node, PreparedTest, Result, Samples, TestResult, lock};
 
 /// GPDC as the Python package `tigramite` computes it, in an embedded interpreter. Use it to compare the native
 /// [`super::Gpdc`] with the reference on your own data. It is slow and runs one test at a time.
@@ -126,8 +123,7 @@ impl PreparedTest for Prepared<'_> {
 
 impl Prepared<'_> {
     fn object<'py>(&self, py: Python<'py>, n: usize) -> Result<Bound<'py, PyAny>> {
-        let known =
-            self.objects.lock().unwrap_or_else(PoisonError::into_inner).get(&n).map(|o| o.clone_ref(py));
+        let known = lock(&self.objects).get(&n).map(|o| o.clone_ref(py));
         if let Some(object) = known {
             return Ok(object.into_bound(py));
         }
@@ -141,7 +137,7 @@ impl Prepared<'_> {
                 .call((), Some(&arguments))
         };
         let object = make().map_err(failed)?;
-        let mut objects = self.objects.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut objects = lock(&self.objects);
         Ok(objects.entry(n).or_insert_with(|| object.unbind()).clone_ref(py).into_bound(py))
     }
 }

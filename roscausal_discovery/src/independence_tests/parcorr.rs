@@ -1,6 +1,6 @@
 //! Linear partial correlation, and what it shares with the robust variant.
 
-use std::sync::{Mutex, PoisonError};
+use std::sync::Mutex;
 
 use super::{
     cholesky::{Factor, correlation, residuals},
@@ -10,7 +10,7 @@ use super::{
     settings::{Confidence, Significance, TestSettings},
 };
 use crate::{
-    ground::{CondIndTest, Error, LaggedArrays, Node, PreparedTest, Result, Samples, TestResult},
+    ground::{CondIndTest, Error, LaggedArrays, Node, PreparedTest, Result, Samples, TestResult, lock},
     numeric::{
         random::Rng,
         rows::standardize,
@@ -237,7 +237,7 @@ impl Prepared<'_> {
     }
 
     fn with_workspace<T>(&self, f: impl FnOnce(&mut Workspace) -> T) -> T {
-        let pool = || self.factors.lock().unwrap_or_else(PoisonError::into_inner);
+        let pool = || lock(&self.factors);
         let mut workspace = pool().pop().unwrap_or_default();
         let result = f(&mut workspace);
         pool().push(workspace);

@@ -2,6 +2,8 @@
 
 use std::sync::{Arc, Condvar, Mutex, PoisonError};
 
+use crate::ground::lock;
+
 /// Samples above which matrices are large: then they are counted, and that of the start is not kept.
 pub(super) const LARGE: usize = 2000;
 
@@ -29,7 +31,7 @@ impl Memory {
     /// Takes `bytes`, or waits for them. One who asks for more than the limit gets it when nobody else holds any, so
     /// nobody waits for ever as long as nobody asks twice.
     pub(super) fn hold(self: &Arc<Self>, bytes: usize) -> Held {
-        let mut used = self.used.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut used = lock(&self.used);
         while *used > 0 && *used + bytes > self.limit {
             used = self.freed.wait(used).unwrap_or_else(PoisonError::into_inner);
         }
@@ -40,7 +42,7 @@ impl Memory {
 
 impl Drop for Held {
     fn drop(&mut self) {
-        *self.memory.used.lock().unwrap_or_else(PoisonError::into_inner) -= self.bytes;
+        *lock(&self.memory.used) -= self.bytes;
         self.memory.freed.notify_all();
     }
 }

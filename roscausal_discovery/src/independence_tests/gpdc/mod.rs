@@ -32,13 +32,16 @@ use super::{
 };
 use crate::{
     ground::{CondIndTest, Error, LaggedArrays, Node, PreparedTest, Result, Samples, TestResult},
-    numeric::random::Rng,
+    numeric::{
+        random::Rng,
+        rows::{is_constant, standardized},
+    },
 };
 use distance_correlation::of_ranks;
 use memory::Memory;
 use null_table::NullTable;
 use regression::{GaussianProcess, SearchSettings};
-use residuals::{ResidualCache, Residuals, is_constant, standardized};
+use residuals::{ResidualCache, Residuals};
 
 /// Distance correlation of the ranks of two series, in `[0, 1]`, and its p-value if both are series of independent samples: the
 /// fraction of 500 pairs of uniform series above it. 0 and 1 where one is constant.

@@ -6,6 +6,7 @@ use std::{
 };
 
 use super::{distance_correlation::of_sorted, pcg64::Pcg64, permutation::Permutations};
+use crate::ground::lock;
 
 /// Sorted distance correlations of `samples` pairs of uniform series.
 #[derive(Debug)]
@@ -23,7 +24,7 @@ impl NullTable {
     /// The table for series of `n` samples; made once per process.
     pub(super) fn get(n: usize, samples: usize, seed: u64) -> Arc<Self> {
         let slot = {
-            let mut tables = TABLES.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
+            let mut tables = lock(&TABLES);
             tables.entry((n, samples, seed)).or_default().clone()
         };
         slot.get_or_init(|| Arc::new(Self::new(n, samples, seed))).clone()

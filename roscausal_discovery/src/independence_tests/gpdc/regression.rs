@@ -283,10 +283,10 @@ mod tests {
             likelihood::Form,
             plan::{Derivative, Plan, Precision, ROUNDING, single_error},
             real::Real,
-            residuals::standardized,
         },
         *,
     };
+    use crate::numeric::rows::standardized;
 
     const DEFAULT: SearchSettings = SearchSettings { search: GpSearch::Default, restarts: 0, seed: 42 };
 

@@ -2,7 +2,7 @@
 
 use std::{
     collections::HashMap,
-    sync::{Arc, Mutex, PoisonError},
+    sync::{Arc, Mutex},
 };
 
 use super::{
@@ -10,7 +10,10 @@ use super::{
     regression::{Fit, GaussianProcess, SearchSettings},
     theta::Theta,
 };
-use crate::ground::{Node, Result};
+use crate::{
+    ground::{Node, Result, lock},
+    numeric::rows::standardized,
+};
 
 /// What a test needs of one node given a condition set.
 #[derive(Debug)]
@@ -39,10 +42,9 @@ pub(super) struct ResidualCache(Mutex<HashMap<Key, Slot>>);
 impl ResidualCache {
     /// How many regressions are kept, and how many of them were searched twice.
     pub(super) fn counts(&self) -> (usize, usize) {
-        let slots: Vec<Slot> =
-            self.0.lock().unwrap_or_else(PoisonError::into_inner).values().cloned().collect();
+        let slots: Vec<Slot> = lock(&self.0).values().cloned().collect();
         slots.iter().fold((0, 0), |(all, twice), slot| {
-            let slot = slot.lock().unwrap_or_else(PoisonError::into_inner);
+            let slot = lock(slot);
             let regressed = slot.as_ref().filter(|residuals| residuals.theta.is_some());
             regressed.map_or((all, twice), |residuals| (all + 1, twice + usize::from(residuals.repeated)))
         })
@@ -60,10 +62,10 @@ impl ResidualCache {
         make: impl FnOnce() -> Result<Residuals>,
     ) -> Result<Arc<Residuals>> {
         let slot = {
-            let mut slots = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+            let mut slots = lock(&self.0);
             slots.entry((node, conditions.to_vec())).or_default().clone()
         };
-        let mut slot = slot.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut slot = lock(&slot);
         if let Some(residuals) = &*slot {
             return Ok(residuals.clone());
         }
@@ -101,18 +103,4 @@ impl Residuals {
         let values = if keep_values { residuals } else { Vec::new() };
         Ok(Self { ranks, values, log_likelihood, theta: Some(theta), repeated })
     }
-}
-
-/// `values` with mean 0 and variance 1 (by `n`); constant values become 0.
-pub(super) fn standardized(values: &[f64]) -> Vec<f64> {
-    let n = values.len() as f64;
-    let mean = values.iter().sum::<f64>() / n;
-    let deviation = (values.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / n).sqrt();
-    let scale = if deviation > 0.0 { deviation } else { 1.0 };
-    values.iter().map(|v| (v - mean) / scale).collect()
-}
-
-/// Whether all values are the same.
-pub(super) fn is_constant(values: &[f64]) -> bool {
-    values.windows(2).all(|pair| pair[0] == pair[1])
 }
