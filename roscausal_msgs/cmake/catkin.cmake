@@ -1,7 +1,8 @@
-# ROS 1: the .msg files as they are.
+# ROS 1: the .msg and .srv files as they are.
 find_package(catkin REQUIRED COMPONENTS message_generation std_msgs geometry_msgs)
 
 add_message_files(DIRECTORY msg FILES ${ROSCAUSAL_MSG_FILES})
+add_service_files(DIRECTORY srv FILES ${ROSCAUSAL_SRV_FILES})
 generate_messages(DEPENDENCIES std_msgs geometry_msgs)
 catkin_package(CATKIN_DEPENDS message_runtime std_msgs geometry_msgs)
 

@@ -71,27 +71,29 @@ impl Definition {
         matches!(first, Some("Header" | "std_msgs/Header"))
     }
 
-    /// The md5 by which ROS 1 checks that both ends mean the same type. It is taken of the text without comments,
-    /// with the constants first, and with each nested type replaced by its own md5.
+    /// The md5 by which ROS 1 checks that both ends mean the same type: that of [`Self::ros1_md5_text`].
     pub fn ros1_md5(&self) -> &str {
-        self.md5.get_or_init(|| {
-            let lines: Vec<_> = self.text.lines().filter_map(Line::parse).collect();
-            let mut canonical: Vec<String> = Vec::with_capacity(lines.len());
-            for line in &lines {
-                if let Line::Constant { kind, name, value } = line {
-                    canonical.push(format!("{kind} {name}={value}"));
-                }
+        self.md5.get_or_init(|| hex(&Md5::digest(self.ros1_md5_text())))
+    }
+
+    /// The text without comments, with the constants first, and with each nested type replaced by its own md5.
+    pub(crate) fn ros1_md5_text(&self) -> String {
+        let lines: Vec<_> = self.text.lines().filter_map(Line::parse).collect();
+        let mut canonical: Vec<String> = Vec::with_capacity(lines.len());
+        for line in &lines {
+            if let Line::Constant { kind, name, value } = line {
+                canonical.push(format!("{kind} {name}={value}"));
             }
-            for line in &lines {
-                if let Line::Field { kind, name } = line {
-                    canonical.push(match self.nested_type(kind) {
-                        Some(nested) => format!("{} {name}", nested.ros1_md5()),
-                        None => format!("{kind} {name}"),
-                    });
-                }
+        }
+        for line in &lines {
+            if let Line::Field { kind, name } = line {
+                canonical.push(match self.nested_type(kind) {
+                    Some(nested) => format!("{} {name}", nested.ros1_md5()),
+                    None => format!("{kind} {name}"),
+                });
             }
-            hex(&Md5::digest(canonical.join("\n")))
-        })
+        }
+        canonical.join("\n")
     }
 
     /// The text, followed by those of all types that it uses, as in connection headers and bags.
@@ -181,7 +183,7 @@ impl Definition {
     }
 }
 
-fn hex(bytes: &[u8]) -> String {
+pub(crate) fn hex(bytes: &[u8]) -> String {
     bytes.iter().fold(String::with_capacity(2 * bytes.len()), |mut hex, byte| {
         let _ = write!(hex, "{byte:02x}");
         hex
@@ -270,6 +272,15 @@ mod tests {
         ("spencer_tracking_msgs/TrackedPersons", "21c0b1a57c4933e68f39aa3802861828"),
         ("std_msgs/Bool", "8b94c1b53db61fb6aed406028ad6332a"),
         ("std_msgs/ColorRGBA", "a29a96539573343b1310c73607334b00"),
+        ("roscausal_msgs/Action", "c1a701b1cafc32c0d9486d172ad03419"),
+        ("roscausal_msgs/Contribution", "1b38a1b22d5577a53753a61ab5fc291f"),
+        ("roscausal_msgs/CostTerm", "c8522a858f4eed7eb6d414535cfcb52c"),
+        ("roscausal_msgs/Features", "be6c25a8120d5cdd59f2eb17f769d980"),
+        ("roscausal_msgs/Forecast", "47e86b32b8ecec61821a15ba35201ede"),
+        ("roscausal_msgs/Intervention", "8a30da5ec0090260fb1eb4f9aaa97645"),
+        ("roscausal_msgs/Limit", "6e7201adc9c3a47340d4f06a232da5d6"),
+        ("roscausal_msgs/Outlook", "29b084e7d7fe33f7595506bef2e42d06"),
+        ("roscausal_msgs/Prediction", "b18ade42d92e7fb75a68bde92b27f764"),
         ("std_msgs/Float32MultiArray", "6a40e0ffa6a17a503ac3f8616991b1f6"),
         ("std_msgs/Float64", "fdb28210bfa9d7c91146260178d9a584"),
         ("std_msgs/Header", "2176decaecbce78abc3b96ef049fabed"),

@@ -42,9 +42,48 @@ macro_rules! message {
     };
 }
 
+/// Implements [`Service`] for a type of `srv/Name.srv`, and [`Message`] for its question and its answer:
+/// `service!(Name: NameRequest uses [Nested, ...], NameResponse uses [...])`.
+macro_rules! service {
+    ($name:ident: $request:ident uses [$($asked:ty),*], $response:ident uses [$($told:ty),*]) => {
+        impl $crate::Service for $name {
+            const PACKAGE: &'static str = "roscausal_msgs";
+            const NAME: &'static str = stringify!($name);
+            type Request = $request;
+            type Response = $response;
+        }
+        service!(@ $name, $request, question, [$($asked),*]);
+        service!(@ $name, $response, answer, [$($told),*]);
+    };
+    (@ $name:ident, $type:ident, $part:ident, [$($nested:ty),*]) => {
+        impl $crate::Message for $type {
+            const PACKAGE: &'static str = "roscausal_msgs";
+            const NAME: &'static str = stringify!($type);
+
+            fn definition() -> &'static $crate::Definition {
+                static DEFINITION: $crate::Definition = $crate::Definition::new(
+                    "roscausal_msgs",
+                    stringify!($type),
+                    $crate::service::$part(include_str!(concat!(
+                        env!("CARGO_MANIFEST_DIR"),
+                        "/srv/",
+                        stringify!($name),
+                        ".srv"
+                    ))),
+                    $crate::Wires::Both,
+                    &[$(<$nested as $crate::Message>::definition),*],
+                );
+                &DEFINITION
+            }
+        }
+    };
+}
+
 mod definition;
+mod reasoning;
 mod registry;
 mod roscausal;
+mod service;
 mod time;
 mod wire;
 
@@ -65,8 +104,14 @@ pub mod tf2_msgs;
 pub mod visualization_msgs;
 
 pub use definition::{Definition, Wires};
+pub use reasoning::{
+    Action, Contribution, CostTerm, Effect, EffectRequest, EffectResponse, Explain, ExplainRequest,
+    ExplainResponse, Features, Forecast, Intervention, Limit, Outlook, Prediction, Status, WhatIf,
+    WhatIfRequest, WhatIfResponse,
+};
 pub use registry::{TypeVisitor, types, visit};
 pub use roscausal::{CausalLink, CausalModel, CausalModelInfo, HumanState, Humans, RobotState};
+pub use service::Service;
 pub use time::{Duration, Time};
 pub use wire::{Fault, WireError};
 

@@ -1,7 +1,8 @@
 //! The registry of message types: for code that learns a type only at run time.
 
 use crate::{
-    CausalLink, CausalModel, CausalModelInfo, Definition, HumanState, Humans, Message, RobotState,
+    Action, CausalLink, CausalModel, CausalModelInfo, Contribution, CostTerm, Definition, Features, Forecast,
+    HumanState, Humans, Intervention, Limit, Message, Outlook, Prediction, RobotState,
     actionlib_msgs as actionlib, diagnostic_msgs as diagnostic, geometry_msgs as geometry,
     move_base_msgs as move_base, nav_msgs as nav, pedsim_msgs as pedsim, people_msgs as people,
     rosgraph_msgs as rosgraph, sensor_msgs as sensor, spencer_tracking_msgs as spencer, std_msgs as std_,
@@ -43,6 +44,15 @@ registry![
     CausalModel,
     CausalLink,
     CausalModelInfo,
+    Features,
+    Intervention,
+    Action,
+    Forecast,
+    CostTerm,
+    Limit,
+    Outlook,
+    Contribution,
+    Prediction,
     std_::Header,
     std_::String,
     std_::Bool,

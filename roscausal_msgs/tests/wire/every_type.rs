@@ -10,6 +10,15 @@ macro_rules! for_every_type {
             CausalModel
             CausalLink
             CausalModelInfo
+            Features
+            Intervention
+            Action
+            Forecast
+            CostTerm
+            Limit
+            Outlook
+            Contribution
+            Prediction
             std_msgs::Header
             std_msgs::String
             std_msgs::Bool
