@@ -32,12 +32,12 @@ use crate::{
     recording::{self, InputArgs, Source},
     report,
 };
-use reading::PartArgs;
+use reading::{PartArgs, ReadArgs};
 
 /// Arguments of `roscausal discover`.
 #[derive(ClapArgs)]
 pub(crate) struct Args {
-    /// CSV files with a header, recordings (.bag, .mcap, .db3, folders of them), or the folder of a demo or a node. Several
+    /// CSV files with a header (`-`: the standard input), recordings (.bag, .mcap, .db3, folders of them), or the folder of a demo or a node. Several
     /// files are recordings of one system: no lagged sample spans two files.
     #[arg(required = true, value_name = "FILE")]
     files: Vec<PathBuf>,
@@ -47,9 +47,8 @@ pub(crate) struct Args {
     method: MethodArgs,
     #[command(flatten)]
     means: MeansArgs,
-    /// Columns to analyse, separated by commas; default: all except the time.
-    #[arg(long, value_delimiter = ',')]
-    columns: Option<Vec<String>>,
+    #[command(flatten)]
+    read: ReadArgs,
     #[command(flatten)]
     part: PartArgs,
     /// Batches with several people: pooled (each person is a recording of one system) or joint (everybody's
@@ -166,7 +165,7 @@ pub(crate) fn run(args: &Args, interrupt: &Interrupt) -> Result<()> {
     let (files, _made) = tables_of(args, interrupt, quiet)?;
     let read = match with_facts(args, &files, &mut settings)? {
         Some(data) => data,
-        None => Data::of(&files, read(args, &files)?)?,
+        None => Data::of(args.read.read(&files, args.inputs.dt())?)?,
     };
     let Data { data, dt, warnings, .. } = args.part.part(read)?;
     if let Some(told) = estimate::check(&data, &settings, &args.means)? {
@@ -207,6 +206,7 @@ struct Input {
 impl Input {
     /// A table of the user's, or those in a folder.
     fn of_table(path: &Path) -> Result<Vec<Self>> {
+        let path = if path == Path::new("-") { Path::new("/dev/stdin") } else { path };
         let tables = if path.is_dir() { folders::batches_in(path)? } else { vec![path.to_path_buf()] };
         Ok(tables.into_iter().map(|table| Self { user: table.clone(), table }).collect())
     }
@@ -223,15 +223,15 @@ struct Data {
 
 impl Data {
     /// Tables with the same columns, each as a recording.
-    fn of(files: &[Input], recordings: Vec<Table>) -> Result<Self> {
-        let names = recordings[0].names.clone();
-        let dt = common_step(files.iter().map(|file| file.user.as_path()).zip(&recordings))?;
+    fn of(tables: Vec<(Input, Table)>) -> Result<Self> {
+        let names = tables.first().map(|(_, table)| table.names.clone()).unwrap_or_default();
+        let dt = common_step(tables.iter().map(|(file, table)| (file.user.as_path(), table)))?;
         let mut warnings: Vec<String> = Vec::new();
-        for (file, table) in files.iter().zip(&recordings) {
+        for (file, table) in &tables {
             warnings.extend(table.notes.iter().map(|note| format!("{}: {note}", file.user.display())));
         }
-        let values = recordings.into_iter().map(|table| table.values).collect();
-        let recorded = files.iter().any(|file| file.table != file.user);
+        let recorded = tables.iter().any(|(file, _)| file.table != file.user);
+        let values = tables.into_iter().map(|(_, table)| table.values).collect();
         Ok(Self { data: DataFrame::new(values, names)?, dt, warnings, recorded })
     }
 }
@@ -244,7 +244,7 @@ fn with_facts(args: &Args, files: &[Input], settings: &mut Settings) -> Result<O
         let facts = Facts::read(file);
         facts.ids.len() > 1 || !facts.context.is_empty()
     };
-    if args.columns.is_some() || !tables.iter().any(says_more) {
+    if args.read.chooses_columns() || !tables.iter().any(says_more) {
         return Ok(None);
     }
     let mut joint = Joint::read(&tables)?;
@@ -291,23 +291,6 @@ fn tables_of(
         }
     }
     Ok((files, Some(temporary)))
-}
-
-/// The files as tables with the same columns in the same order.
-fn read(args: &Args, files: &[Input]) -> Result<Vec<Table>> {
-    let first = Table::read(&files[0].table, args.columns.as_deref())?;
-    let mut tables = vec![first];
-    for file in &files[1..] {
-        let names = tables[0].names.clone();
-        let table = Table::read(&file.table, Some(&names)).map_err(|error| match error {
-            Error::Param { reason, .. } => {
-                Error::file(&file.user, format!("it lacks a column of the first file: {reason}"))
-            }
-            other => other,
-        })?;
-        tables.push(table);
-    }
-    Ok(tables)
 }
 
 impl MethodArgs {

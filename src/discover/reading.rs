@@ -1,13 +1,109 @@
-//! Which part of the data is analysed: flags, and what they do to the data that was read.
+//! How tables are read, and which part of the data is analysed: flags, and what they do.
 
 use std::{ops::RangeInclusive, str::FromStr};
 
 use clap::Args as ClapArgs;
 use ndarray::{Array2, Axis, s};
-use roscausal_core::{Error, Result};
+use roscausal_core::{
+    Error, Result,
+    batch::{
+        Table,
+        table::{Reading, Resample, Steps, Unit},
+    },
+};
 use roscausal_discovery::{DataFrame, names::plain};
 
-use super::Data;
+use super::{Data, Input};
+
+/// Flags that say how tables are read.
+#[derive(ClapArgs, Clone, Debug, Default)]
+pub(crate) struct ReadArgs {
+    /// Columns to analyse, separated by commas: names, patterns (`h_*`), ranges (`h_v..h_risk`), `!name` to leave out. Default:
+    /// all except the time.
+    #[arg(long, value_delimiter = ',')]
+    columns: Option<Vec<String>>,
+    /// Table: numbers that stand for a missing value, such as -999, separated by commas; `none`: there are none.
+    #[arg(long, value_name = "NUMBER", value_delimiter = ',', allow_hyphen_values = true)]
+    missing_value: Vec<String>,
+    /// Table: turn words into codes, in alphabetical order from 0.
+    #[arg(long, value_parser = ["codes"])]
+    encode: Option<String>,
+    /// Table: name of the column of times; `none`: there is none. Default: time, t, timestamp and the like.
+    #[arg(long, value_name = "NAME")]
+    time_column: Option<String>,
+    /// Table: unit of the times: s, ms, us, ns. Default: by the column's name (`time_ms`), or the size of the numbers.
+    #[arg(long, value_name = "UNIT")]
+    time_unit: Option<Unit>,
+    /// Table: with --dt, what a row holds: last (sample), mean (since the row before), linear (interpolated).
+    #[arg(long, value_name = "HOW")]
+    resample: Option<Resample>,
+    /// Table: a longer step ends a recording, seconds. Default: five steps.
+    #[arg(long, value_name = "SECONDS")]
+    max_gap: Option<f64>,
+}
+
+impl ReadArgs {
+    /// Whether only some of the columns are wanted.
+    pub(super) fn chooses_columns(&self) -> bool {
+        self.columns.is_some()
+    }
+
+    /// Whether the user says that no number stands for a missing value.
+    pub(super) fn knows_of_missing_values(&self) -> bool {
+        !self.missing_value.is_empty()
+    }
+
+    /// The files as tables with the same columns in the same order, each at one step. `dt` is what tables are resampled to.
+    ///
+    /// # Errors
+    /// A file that cannot be read, lacks a column, or has uneven steps that nobody resamples.
+    pub(super) fn read(&self, files: &[Input], dt: Option<f64>) -> Result<Vec<(Input, Table)>> {
+        if let (Some(_), None) = (self.resample, dt) {
+            return Err(Error::param("resample", "--dt says to which step"));
+        }
+        if self.max_gap.is_some_and(|gap| gap.is_nan() || gap <= 0.0) {
+            return Err(Error::param("max-gap", "give a number of seconds above 0"));
+        }
+        let mut reading = Reading {
+            columns: self.columns.clone(),
+            missing: self.missing()?,
+            encode: self.encode.is_some(),
+            time_unit: self.time_unit,
+            time_column: self.time_column.clone(),
+            equal_times: dt.is_some(),
+        };
+        let mut tables: Vec<(Input, Table)> = Vec::new();
+        for file in files {
+            let recorded = file.table != file.user;
+            let steps = Steps {
+                // The batches of a recording have the step already.
+                dt: dt.filter(|_| !recorded),
+                how: self.resample.unwrap_or_default(),
+                max_gap: self.max_gap,
+            };
+            let first = tables.is_empty();
+            let table = Table::read_as(&file.table, &reading).map_err(|error| match error {
+                Error::Param { reason, .. } if !first => {
+                    Error::file(&file.user, format!("it lacks a column of the first file: {reason}"))
+                }
+                other => other,
+            })?;
+            let even = table.at_even_steps(&steps).map_err(|reason| Error::file(&file.user, reason))?;
+            reading.columns = even.first().map(|table| table.names.clone());
+            tables.extend(even.into_iter().map(|table| (file.clone(), table)));
+        }
+        Ok(tables)
+    }
+
+    fn missing(&self) -> Result<Vec<f64>> {
+        let number = |text: &String| {
+            text.parse().map_err(|_| {
+                Error::param("missing-value", format!("'{text}' is neither a number nor 'none'"))
+            })
+        };
+        self.missing_value.iter().filter(|text| *text != "none").map(number).collect()
+    }
+}
 
 /// Flags that choose a part of the data.
 #[derive(ClapArgs, Clone, Debug, Default)]

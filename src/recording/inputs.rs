@@ -42,7 +42,7 @@ pub(crate) struct InputArgs {
     /// Recording: who is analysed: an id, `1,2`, `nearest:N` or `all`. Default: the person nearest to the robot.
     #[arg(long, value_name = "WHO")]
     person: Option<String>,
-    /// Recording: step between samples, seconds.
+    /// Step between samples, seconds: of a recording's batches; a table is resampled to it (--resample).
     #[arg(long, value_name = "SECONDS")]
     dt: Option<f64>,
     /// Recording: length of a batch, seconds; 0: until the end. Several batches are recordings of one system. Default: as
@@ -56,6 +56,11 @@ pub(crate) struct InputArgs {
 }
 
 impl InputArgs {
+    /// The step between samples, if it was given.
+    pub(crate) fn dt(&self) -> Option<f64> {
+        self.dt
+    }
+
     /// The first of these flags that was given, for input that is not a recording.
     pub(crate) fn given(&self) -> Option<&'static str> {
         let flags = [
@@ -65,7 +70,6 @@ impl InputArgs {
             ("--people", !self.people.is_empty()),
             ("--human-goal", self.human_goal.is_some()),
             ("--person", self.person.is_some()),
-            ("--dt", self.dt.is_some()),
             ("--ts-length", self.ts_length.is_some()),
             ("--param", !self.params.is_empty()),
         ];

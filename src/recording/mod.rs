@@ -24,6 +24,10 @@ const EXTENSIONS: [&str; 3] = ["bag", "mcap", "db3"];
 /// Whether a path is a recording, judged by its contents, or meant to be one by its name; a folder, if it holds one.
 pub(crate) fn is_recording(path: &Path) -> bool {
     use std::io::Read;
+    // A pipe can be read once only, and that is for its table.
+    if path.metadata().is_ok_and(|what| !what.is_file() && !what.is_dir()) {
+        return false;
+    }
     let mut start = Vec::new();
     let read = std::fs::File::open(path).and_then(|file| file.take(16).read_to_end(&mut start));
     let magics: [&[u8]; 3] = [b"#ROSBAG V", b"\x89MCAP0", b"SQLite format 3\0"];
