@@ -1,9 +1,9 @@
 //! The command line: subcommands and logging.
 
-use clap::{Parser, Subcommand};
+use clap::{CommandFactory, Parser, Subcommand};
 use tracing_subscriber::{EnvFilter, fmt};
 
-use crate::{demo, discover, experiment, replay, teleop};
+use crate::{demo, discover, experiment, presets, replay, teleop};
 
 /// Find out what causes what between robots and people.
 #[derive(Parser)]
@@ -30,7 +30,39 @@ pub(crate) enum Command {
     Teleop(teleop::Args),
 }
 
+/// The long flags of all subcommands, without dashes.
+pub(crate) fn long_flags() -> Vec<String> {
+    let command = Cli::command();
+    let longs =
+        command.get_subcommands().flat_map(|sub| sub.get_arguments()).filter_map(|arg| arg.get_long());
+    let mut longs: Vec<String> = longs.map(str::to_owned).collect();
+    longs.sort();
+    longs.dedup();
+    longs
+}
+
+/// Whether a subcommand has a long flag.
+pub(crate) fn has_flag(subcommand: &str, flag: &str) -> bool {
+    let command = Cli::command();
+    let own = command.find_subcommand(subcommand);
+    own.is_some_and(|own| own.get_arguments().any(|arg| arg.get_long() == Some(flag)))
+}
+
 impl Cli {
+    /// Reads the command line, and puts in the settings that lie beside the data it names.
+    ///
+    /// # Errors
+    /// A file of settings that cannot be used.
+    pub(crate) fn with_presets() -> roscausal_core::Result<Self> {
+        let mut line: Vec<_> = std::env::args_os().collect();
+        let matches = Self::command().get_matches_from(&line);
+        if let Some((whole, told)) = presets::apply(&line, &matches)? {
+            told.iter().for_each(|told| crate::terminal::tell!("{told}"));
+            line = whole;
+        }
+        Ok(Self::parse_from(line))
+    }
+
     /// Logs to stderr. `RUST_LOG` takes precedence.
     pub(crate) fn start_logging(&self) {
         let default = ["warn", "info", "debug"][usize::from(self.verbose).min(2)];

@@ -23,7 +23,7 @@ use crate::{
     folders::{Folders, Outcome},
     interrupt::Interrupt,
     nodes::{self, Nodes},
-    output,
+    output, presets,
     replay::{Pace, Speed},
     report,
     sink::Sink,
@@ -135,7 +135,8 @@ impl Run {
         let bus = Loopback::lockstep();
         nodes::set_subjects(&bus, &simulation);
         self.set_parameters(&bus, &folders, BATCHES);
-        let (nodes, progress) = Nodes::start(&bus, &nodes::RECORDING).with_discovery();
+        presets::write(&self.out, &nodes::carried(&bus)?)?;
+        let (mut nodes, progress) = Nodes::start(&bus, &nodes::RECORDING).with_discovery();
         let mut sink = Sink::open(&bus, record)?;
         // Every topic exists before its first message.
         let announced = Publisher::new(&bus.node("announcement"), &simulation)?;
@@ -145,6 +146,15 @@ impl Run {
         let recorded = simulate(&bus, simulation, interrupt, Speed::Max, Some(&self.out))
             .and_then(|()| self.check_batches(nodes.batches_recorded()));
         let found = recorded.and_then(|()| await_model(&folders, &nodes, &progress, interrupt));
+        if interrupt.is_set() {
+            // The analysis may be within a long test: what is recorded comes first.
+            nodes.end_recording()?;
+            bus.settle();
+            sink.close()?;
+            interrupt.nothing_at_stake("what is recorded is kept");
+            nodes.end()?;
+            return found.map(|model| (folders, model));
+        }
         // A node that failed is the reason why there is no model.
         nodes.end()?;
         bus.settle();
@@ -176,15 +186,17 @@ impl Run {
         nodes::set_subjects(&bus, &simulation);
         self.set_parameters(&bus, &folders, 1);
         let web = Web::start(&bus, &args.web, nodes::first_robot(&simulation))?;
-        let (nodes, _progress) = Nodes::start(&bus, &nodes::RECORDING).with_discovery();
+        let (mut nodes, _progress) = Nodes::start(&bus, &nodes::RECORDING).with_discovery();
         let mut sink = Sink::open(&bus, args.record.as_deref())?;
         let announced = Publisher::new(&bus.node("announcement"), &simulation)?;
         sink.watch()?;
         drop(announced);
         let simulated = simulate(&bus, simulation, interrupt, args.speed, None);
-        nodes.end()?;
+        nodes.end_recording()?;
         bus.settle();
         sink.close()?;
+        interrupt.nothing_at_stake("what is recorded is kept");
+        nodes.end()?;
         web.map_or(Ok(()), Web::end)?;
         crate::terminal::say!("{}: {} models, batches", self.out.display(), folders.model_files()?.len());
         match simulated {
@@ -246,8 +258,7 @@ fn await_model(
     let mut last_sign = Instant::now();
     loop {
         if let Some(progress) = progress.try_iter().last() {
-            bar.set_length(progress.estimated_total as u64);
-            bar.set_position(progress.done as u64);
+            chart::show(&bar, progress);
             last_sign = Instant::now();
         }
         if nodes.one_has_ended() || last_sign.elapsed() > PATIENCE {

@@ -1,5 +1,8 @@
 //! `roscausal discover`: from CSV files or recordings to a causal model.
 
+mod estimate;
+mod reading;
+
 use std::{
     fmt::Display,
     path::{Path, PathBuf},
@@ -23,18 +26,19 @@ use roscausal_discovery::{
 };
 
 use crate::{
-    chart, export,
+    chart, export, folders,
     interrupt::Interrupt,
     output,
     recording::{self, InputArgs, Source},
     report,
 };
+use reading::{PartArgs, ReadArgs};
 
 /// Arguments of `roscausal discover`.
 #[derive(ClapArgs)]
 pub(crate) struct Args {
-    /// CSV files with a header, or recordings (.bag, .mcap, .db3, folders of them). Several files are recordings of
-    /// one system: no lagged sample spans two files.
+    /// CSV files with a header (`-`: the standard input), recordings (.bag, .mcap, .db3, folders of them), or the folder of a demo or a node. Several
+    /// files are recordings of one system: no lagged sample spans two files.
     #[arg(required = true, value_name = "FILE")]
     files: Vec<PathBuf>,
     #[command(flatten)]
@@ -43,9 +47,10 @@ pub(crate) struct Args {
     method: MethodArgs,
     #[command(flatten)]
     means: MeansArgs,
-    /// Columns to analyse, separated by commas; default: all except the time.
-    #[arg(long, value_delimiter = ',')]
-    columns: Option<Vec<String>>,
+    #[command(flatten)]
+    read: ReadArgs,
+    #[command(flatten)]
+    part: PartArgs,
     /// Batches with several people: pooled (each person is a recording of one system) or joint (everybody's
     /// variables).
     #[arg(long, default_value = "pooled", value_parser = ["pooled", "joint"])]
@@ -54,8 +59,11 @@ pub(crate) struct Args {
     #[arg(long, default_value_t = 42)]
     seed: u64,
     /// Folder for the model, its pictures and tables.
-    #[arg(long, value_name = "DIR")]
+    #[arg(short, long, value_name = "DIR")]
     out: Option<PathBuf>,
+    /// Write into --out although there are files of others.
+    #[arg(long, requires = "out")]
+    force: bool,
     /// What to print on stdout.
     #[arg(long, value_enum, default_value_t = Format::Text)]
     format: Format,
@@ -147,16 +155,25 @@ fn listed<'a>(what: &str, words: impl IntoIterator<Item = &'a (impl AsRef<str> +
 
 /// Runs `roscausal discover`.
 pub(crate) fn run(args: &Args, interrupt: &Interrupt) -> Result<()> {
+    interrupt.nothing_at_stake("there is no result yet, and nothing is written");
     let mut settings = args.method.settings(args.seed)?;
     settings.max_memory = args.means.max_memory.map(|megabytes| megabytes.saturating_mul(1_000_000));
     let quiet = args.format != Format::Text;
+    if let Some(dir) = &args.out {
+        output::claim(dir, args.force)?;
+    }
     let (files, _made) = tables_of(args, interrupt, quiet)?;
-    let Data { data, dt, warnings } = match with_facts(args, &files, &mut settings)? {
+    let read = match with_facts(args, &files, &mut settings)? {
         Some(data) => data,
-        None => Data::of(&files, read(args, &files)?)?,
+        None => Data::of(args.read.read(&files, args.inputs.dt())?)?,
     };
+    let Data { data, dt, warnings, .. } = args.part.part(read)?;
+    if let Some(told) = estimate::check(&data, &settings, &args.means)? {
+        crate::terminal::tell!("{told}");
+    }
     let mut model = args.means.analyse(&data, &settings, interrupt, quiet)?;
     model.dt = dt;
+    model.n_recordings = data.recordings().len();
     model.warnings.splice(0..0, warnings);
 
     match args.format {
@@ -170,6 +187,7 @@ pub(crate) fn run(args: &Args, interrupt: &Interrupt) -> Result<()> {
     }
     // Last: what cannot be written is at least printed.
     if let Some(dir) = &args.out {
+        interrupt.writing();
         output::write_model(dir, &model)?;
         for (i, recording) in data.recordings().iter().enumerate() {
             output::write_series(dir, &format!("series_{}", i + 1), data.var_names(), recording.view(), dt)?;
@@ -179,14 +197,18 @@ pub(crate) fn run(args: &Args, interrupt: &Interrupt) -> Result<()> {
 }
 
 /// A table to analyse, and the user's file that it comes from.
+#[derive(Clone)]
 struct Input {
     table: PathBuf,
     user: PathBuf,
 }
 
 impl Input {
-    fn of_user(file: &Path) -> Self {
-        Self { table: file.to_path_buf(), user: file.to_path_buf() }
+    /// A table of the user's, or those in a folder.
+    fn of_table(path: &Path) -> Result<Vec<Self>> {
+        let path = if path == Path::new("-") { Path::new("/dev/stdin") } else { path };
+        let tables = if path.is_dir() { folders::batches_in(path)? } else { vec![path.to_path_buf()] };
+        Ok(tables.into_iter().map(|table| Self { user: table.clone(), table }).collect())
     }
 }
 
@@ -195,19 +217,22 @@ struct Data {
     data: DataFrame,
     dt: Option<f64>,
     warnings: Vec<String>,
+    /// Whether it comes from recordings, so that a node chose the columns.
+    recorded: bool,
 }
 
 impl Data {
     /// Tables with the same columns, each as a recording.
-    fn of(files: &[Input], recordings: Vec<Table>) -> Result<Self> {
-        let names = recordings[0].names.clone();
-        let dt = common_step(files.iter().map(|file| file.user.as_path()).zip(&recordings))?;
+    fn of(tables: Vec<(Input, Table)>) -> Result<Self> {
+        let names = tables.first().map(|(_, table)| table.names.clone()).unwrap_or_default();
+        let dt = common_step(tables.iter().map(|(file, table)| (file.user.as_path(), table)))?;
         let mut warnings: Vec<String> = Vec::new();
-        for (file, table) in files.iter().zip(&recordings) {
+        for (file, table) in &tables {
             warnings.extend(table.notes.iter().map(|note| format!("{}: {note}", file.user.display())));
         }
-        let values = recordings.into_iter().map(|table| table.values).collect();
-        Ok(Self { data: DataFrame::new(values, names)?, dt, warnings })
+        let recorded = tables.iter().any(|(file, _)| file.table != file.user);
+        let values = tables.into_iter().map(|(_, table)| table.values).collect();
+        Ok(Self { data: DataFrame::new(values, names)?, dt, warnings, recorded })
     }
 }
 
@@ -219,7 +244,7 @@ fn with_facts(args: &Args, files: &[Input], settings: &mut Settings) -> Result<O
         let facts = Facts::read(file);
         facts.ids.len() > 1 || !facts.context.is_empty()
     };
-    if args.columns.is_some() || !tables.iter().any(says_more) {
+    if args.read.chooses_columns() || !tables.iter().any(says_more) {
         return Ok(None);
     }
     let mut joint = Joint::read(&tables)?;
@@ -227,7 +252,8 @@ fn with_facts(args: &Args, files: &[Input], settings: &mut Settings) -> Result<O
     // The pooled model is the last one.
     let Some(part) = joint.parts(people)?.pop() else { return Ok(None) };
     settings.exogenous.extend(part.exogenous);
-    Ok(Some(Data { data: part.data, dt: joint.dt(), warnings: joint.warnings }))
+    let recorded = files.iter().any(|file| file.table != file.user);
+    Ok(Some(Data { data: part.data, dt: joint.dt(), warnings: joint.warnings, recorded }))
 }
 
 /// The files to analyse: the user's own, and the batches made from the user's recordings. Those are in `--out`, or
@@ -237,14 +263,18 @@ fn tables_of(
     interrupt: &Interrupt,
     quiet: bool,
 ) -> Result<(Vec<Input>, Option<tempfile::TempDir>)> {
-    let recordings = args.files.iter().filter(|file| recording::is_recording(file)).count();
-    if recordings == 0 {
+    if !args.files.iter().any(|file| recording::is_recording(file)) {
         return match args.inputs.given() {
             Some(flag) => Err(Error::param(flag, "it is for recordings; these files are tables")),
-            None => Ok((args.files.iter().map(|file| Input::of_user(file)).collect(), None)),
+            None => {
+                let inputs =
+                    args.files.iter().map(|file| Input::of_table(file)).collect::<Result<Vec<_>>>()?;
+                Ok((inputs.concat(), None))
+            }
         };
     }
     let temporary = tempfile::tempdir().map_err(|e| Error::file(std::env::temp_dir(), e))?;
+    interrupt.remove_at_end(temporary.path().to_path_buf());
     let mut files = Vec::new();
     for (number, file) in args.files.iter().enumerate() {
         if recording::is_recording(file) {
@@ -257,27 +287,10 @@ fn tables_of(
                 files.push(Input { table: batch, user: file.clone() });
             }
         } else {
-            files.push(Input::of_user(file));
+            files.extend(Input::of_table(file)?);
         }
     }
     Ok((files, Some(temporary)))
-}
-
-/// The files as tables with the same columns in the same order.
-fn read(args: &Args, files: &[Input]) -> Result<Vec<Table>> {
-    let first = Table::read(&files[0].table, args.columns.as_deref())?;
-    let mut tables = vec![first];
-    for file in &files[1..] {
-        let names = tables[0].names.clone();
-        let table = Table::read(&file.table, Some(&names)).map_err(|error| match error {
-            Error::Param { reason, .. } => {
-                Error::file(&file.user, format!("it lacks a column of the first file: {reason}"))
-            }
-            other => other,
-        })?;
-        tables.push(table);
-    }
-    Ok(tables)
 }
 
 impl MethodArgs {
@@ -324,10 +337,8 @@ impl MeansArgs {
         let start = Instant::now();
         let bar = chart::bar("discovery", 0, quiet);
         let shown = bar.clone();
-        let mut control = Control::default().cancel_on(interrupt.flag()).on_progress(move |progress| {
-            shown.set_length(progress.estimated_total as u64);
-            shown.set_position(progress.done as u64);
-        });
+        let control = Control::default().cancel_on(interrupt.flag());
+        let mut control = control.on_progress(move |progress| chart::show(&shown, progress));
         if let Some(budget) = self.time_budget {
             if budget.is_nan() || budget <= 0.0 {
                 return Err(Error::param(

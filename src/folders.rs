@@ -5,11 +5,16 @@ use std::{
     path::{Path, PathBuf},
 };
 
-use roscausal_core::{Error, Result, batch::pool::Pool};
+use roscausal_core::{
+    Error, Result,
+    batch::{joint::Facts, pool::Pool},
+};
 use roscausal_discovery::Model;
 
+use crate::presets;
+
 /// Marks a folder of a demo or replay, which the next one may empty.
-const MARK: &str = ".roscausal_demo";
+pub(crate) const MARK: &str = ".roscausal_demo";
 
 /// Prefix of the batches' names.
 const PREFIX: &str = "data_";
@@ -43,6 +48,10 @@ impl Folders {
                 fs::remove_dir_all(folder).map_err(|e| Error::file(folder, e))?;
             }
             fs::create_dir_all(folder).map_err(|e| Error::file(folder, e))?;
+        }
+        let settings = out.join(presets::FILE);
+        if ours && settings.exists() {
+            fs::remove_file(&settings).map_err(|e| Error::file(settings, e))?;
         }
         fs::write(out.join(MARK), "").map_err(|e| Error::file(out, e))?;
         Ok(folders)
@@ -86,6 +95,31 @@ impl Folders {
     pub(crate) fn analysed_batches(&self) -> Result<Vec<PathBuf>> {
         with_ending(&self.processed.join("analysed"), ".csv")
     }
+}
+
+/// The batches in the folder of a demo, a replay, a result, or a node; or the CSV files in any other folder. If some batches
+/// are complete, only those.
+///
+/// # Errors
+/// A folder without any.
+pub(crate) fn batches_in(folder: &Path) -> Result<Vec<PathBuf>> {
+    let csv_files =
+        |folder: PathBuf| if folder.is_dir() { with_ending(&folder, ".csv") } else { Ok(Vec::new()) };
+    for pool in [folder.join("pp_pool"), folder.join("batches"), folder.to_path_buf()] {
+        let mut batches = csv_files(pool.join("analysed"))?;
+        batches.extend(csv_files(pool)?);
+        batches.retain(|path| path.file_name().is_some_and(|name| name != "links.csv"));
+        batches.sort_by_key(|path| path.file_name().map(ToOwned::to_owned));
+        if batches.iter().any(|batch| Facts::read(batch).complete) {
+            batches.retain(|batch| Facts::read(batch).complete);
+        }
+        if !batches.is_empty() {
+            return Ok(batches);
+        }
+    }
+    let reason = "there is nothing to analyse in this folder: no .csv, .bag, .mcap or .db3 file, and no pp_pool or batches \
+                  with some";
+    Err(Error::file(folder, reason))
 }
 
 /// The model in a file.

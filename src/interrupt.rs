@@ -1,31 +1,64 @@
-//! Ctrl-C and SIGTERM as a flag that everything checks.
+//! Ctrl-C and SIGTERM: a request to end cleanly, and an end within a second where nothing is at stake.
 
-use std::sync::{
-    Arc,
-    atomic::{AtomicBool, Ordering},
+use std::{
+    path::PathBuf,
+    process::exit,
+    sync::{
+        Arc, Mutex, PoisonError,
+        atomic::{AtomicBool, Ordering},
+    },
+    thread,
+    time::Duration,
 };
+
+/// Exit code of a command that Ctrl-C ended: 128 and the number of the signal, as shells count.
+pub(crate) const CODE: u8 = 130;
+/// How long a command has to end by itself.
+const PATIENCE: Duration = Duration::from_millis(600);
+/// Time between two looks whether something is still at stake.
+const LOOK_AGAIN: Duration = Duration::from_millis(20);
 
 /// Whether the user wants the command to end.
 #[derive(Clone)]
 pub(crate) struct Interrupt {
     flag: Arc<AtomicBool>,
+    state: Arc<Mutex<State>>,
+}
+
+struct State {
+    /// What to say when the command ends.
+    words: &'static str,
+    /// Whether an end at once loses something.
+    at_stake: bool,
+    /// Folders to remove on the way out.
+    temporary: Vec<PathBuf>,
 }
 
 impl Interrupt {
-    /// Turns the first Ctrl-C (or SIGTERM) into a request to end cleanly. The second one ends the process at once.
+    /// Turns the first Ctrl-C (or SIGTERM) into a request to end. Where nothing is at stake the process ends soon after
+    /// it, whatever it computes. The second one ends the process at once.
     pub(crate) fn on_ctrl_c() -> Self {
-        let flag = Arc::new(AtomicBool::new(false));
-        let wish = flag.clone();
+        let this = Self {
+            flag: Arc::new(AtomicBool::new(false)),
+            state: Arc::new(Mutex::new(State {
+                words: "what is recorded is kept (again: end at once)",
+                at_stake: true,
+                temporary: Vec::new(),
+            })),
+        };
+        let asked = this.clone();
         let caught = ctrlc::set_handler(move || {
-            if wish.swap(true, Ordering::SeqCst) {
-                std::process::exit(130);
+            if asked.flag.swap(true, Ordering::SeqCst) {
+                asked.leave();
             }
-            crate::terminal::tell!("ending; what is recorded is kept (again: end at once)");
+            crate::terminal::tell!("ending; {}", asked.with(|state| state.words));
+            let watch = asked.clone();
+            thread::spawn(move || watch.end_soon());
         });
         if let Err(error) = caught {
             tracing::warn!("Ctrl-C will end without saving: {error}");
         }
-        Self { flag }
+        this
     }
 
     /// Whether the command has to end.
@@ -36,5 +69,40 @@ impl Interrupt {
     /// The flag itself, for whatever can be cancelled.
     pub(crate) fn flag(&self) -> Arc<AtomicBool> {
         self.flag.clone()
+    }
+
+    /// From now on an end at once loses nothing: all that counts is on disk, or there is no result yet. `words` say so.
+    pub(crate) fn nothing_at_stake(&self, words: &'static str) {
+        self.with(|state| (state.words, state.at_stake) = (words, false));
+    }
+
+    /// From now on files are written: they are completed first.
+    pub(crate) fn writing(&self) {
+        self.with(|state| (state.words, state.at_stake) = ("the files are completed first", true));
+    }
+
+    /// A folder that an end at once removes.
+    pub(crate) fn remove_at_end(&self, folder: PathBuf) {
+        self.with(|state| state.temporary.push(folder));
+    }
+
+    fn with<T>(&self, f: impl FnOnce(&mut State) -> T) -> T {
+        f(&mut self.state.lock().unwrap_or_else(PoisonError::into_inner))
+    }
+
+    /// Ends the process once nothing is at stake, if it has not ended by itself.
+    fn end_soon(&self) {
+        thread::sleep(PATIENCE);
+        while self.with(|state| state.at_stake) {
+            thread::sleep(LOOK_AGAIN);
+        }
+        self.leave();
+    }
+
+    fn leave(&self) -> ! {
+        for folder in self.with(|state| std::mem::take(&mut state.temporary)) {
+            let _ = std::fs::remove_dir_all(folder);
+        }
+        exit(CODE.into());
     }
 }

@@ -8,10 +8,12 @@ mod expected;
 mod experiment;
 mod export;
 mod failure;
+mod flags;
 mod folders;
 mod interrupt;
 mod nodes;
 mod output;
+mod presets;
 mod recording;
 mod replay;
 mod report;
@@ -22,12 +24,13 @@ mod web;
 
 use std::process::ExitCode;
 
-use clap::Parser;
-
 fn main() -> ExitCode {
-    let cli = cli::Cli::parse();
-    cli.start_logging();
     let interrupt = interrupt::Interrupt::on_ctrl_c();
+    let cli = match cli::Cli::with_presets() {
+        Ok(cli) => cli,
+        Err(error) => return failure::exit_code(Err(error), &interrupt),
+    };
+    cli.start_logging();
     let done = match &cli.command {
         cli::Command::Demo(args) => demo::run(args, &interrupt),
         cli::Command::Replay(args) => replay::run(args, &interrupt),
@@ -35,5 +38,5 @@ fn main() -> ExitCode {
         cli::Command::Experiment(args) => experiment::run(args, &interrupt),
         cli::Command::Teleop(args) => teleop::run(args),
     };
-    failure::exit_code(done)
+    failure::exit_code(done, &interrupt)
 }

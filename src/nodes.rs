@@ -2,6 +2,7 @@
 //! thread.
 
 use std::{
+    collections::BTreeMap,
     path::Path,
     sync::{
         Arc,
@@ -160,6 +161,43 @@ pub(crate) fn set_discovery(
         ("threads", Value::Int(threads.unwrap_or(0) as i64)),
     ];
     values.into_iter().for_each(|(name, value)| bus.set_node_param("discovery", name, value));
+}
+
+/// Nodes whose parameters decide what a run gives.
+const DECIDING: [&str; 3] = ["human", "data", "discovery"];
+/// Parameters that say where things are, how the work is shared out, or how many batches make a model.
+const NOT_CARRIED: [&str; 11] = [
+    "data_dir",
+    "pp_data_dir",
+    "res_dir",
+    "batches_per_model",
+    "keep_batches",
+    "threads",
+    "robot",
+    "pp_script_dir",
+    "pp_script",
+    "cd_method_dir",
+    "people_type",
+];
+
+/// The parameters that a recording of this run carries, `NODE.PARAMETER` to value: those that were set and decide what the
+/// run gives. Of the analysis, those that are not the default.
+pub(crate) fn carried(bus: &Loopback) -> Result<BTreeMap<String, String>> {
+    let mut carried = BTreeMap::new();
+    for node in DECIDING {
+        let place = bus.node(node);
+        for spec in nodes::parameters(node)? {
+            let (name, topic) = (spec.name, spec.name.ends_with("_topic") || spec.name.ends_with("_param"));
+            if topic || name.starts_with('/') || NOT_CARRIED.contains(&name) {
+                continue;
+            }
+            let Some(value) = place.param(&spec)? else { continue };
+            if node != "discovery" || spec.checked(value.clone())? != spec.default {
+                carried.insert(format!("{node}.{name}"), value.to_string());
+            }
+        }
+    }
+    Ok(carried)
 }
 
 fn text(text: &str) -> Value {

@@ -8,9 +8,9 @@ use std::{
 
 use ndarray::ArrayView2;
 use roscausal_core::{Error, Result};
-use roscausal_discovery::{Model, draw};
+use roscausal_discovery::{Model, SCHEMA, draw};
 
-use crate::export;
+use crate::{export, folders};
 
 /// Pixels per unit of the pictures.
 const SCALE: f32 = 2.0;
@@ -41,6 +41,29 @@ pub(crate) fn write_series(
     dt: Option<f64>,
 ) -> Result<PathBuf> {
     write_file(dir, &format!("{name}.svg"), draw::series(names, values, dt).as_bytes())
+}
+
+/// Makes sure that results can be written into `dir`, before any work: it is new, empty, or holds earlier results, or `force`
+/// is given.
+///
+/// # Errors
+/// A folder with something else in it, or one that cannot be written.
+pub(crate) fn claim(dir: &Path, force: bool) -> Result<()> {
+    let fault = |e: std::io::Error| Error::file(dir, format!("no results can be written here: {e}"));
+    if dir.exists() && !force && !is_ours(dir) && fs::read_dir(dir).map_err(fault)?.next().is_some() {
+        let reason =
+            "there are files of others in this folder; choose another --out, or write into it with --force";
+        return Err(Error::file(dir, reason));
+    }
+    fs::create_dir_all(dir).map_err(fault)?;
+    let probe = dir.join(".roscausal.tmp");
+    fs::write(&probe, "").and_then(|()| fs::remove_file(&probe)).map_err(fault)
+}
+
+/// Whether an earlier command wrote its results into a folder.
+fn is_ours(dir: &Path) -> bool {
+    let model = fs::read_to_string(dir.join("model.json")).unwrap_or_default();
+    dir.join(folders::MARK).exists() || model.contains(SCHEMA.split_at(SCHEMA.len() - 1).0)
 }
 
 /// Writes a file under a temporary name and renames it, so that nobody sees an incomplete file.

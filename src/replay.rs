@@ -25,6 +25,9 @@ use crate::{
 /// Time between two checks of the results.
 const LOOK_AGAIN: Duration = Duration::from_millis(50);
 
+/// Length of a batch, in seconds, unless the recording or a flag says otherwise.
+const TS_LENGTH_S: f64 = 150.0;
+
 /// Arguments of `roscausal replay`.
 #[derive(ClapArgs)]
 pub(crate) struct Args {
@@ -37,9 +40,6 @@ pub(crate) struct Args {
     /// Seed of all random numbers.
     #[arg(long, default_value_t = 42)]
     seed: u64,
-    /// Length of a batch in seconds.
-    #[arg(long, default_value_t = 150.0)]
-    ts_length: f64,
     /// How many times faster than real time; `max`: as fast as the machine allows.
     #[arg(long, default_value = "max")]
     speed: Speed,
@@ -109,7 +109,7 @@ pub(crate) fn run(args: &Args, interrupt: &Interrupt) -> Result<()> {
     let folders = Folders::fresh(&args.out)?;
     let bus = Loopback::lockstep();
     nodes::set_pools(&bus, &folders.raw, &folders.processed);
-    bus.set_node_param("data", "ts_length", Value::Double(args.ts_length));
+    bus.set_node_param("data", "ts_length", Value::Double(TS_LENGTH_S));
     nodes::set_discovery(&bus, &folders, &settings, 1, args.threads);
     source.set_params(&bus);
     let mut sink = Sink::open(&bus, args.record.as_deref())?;
@@ -128,9 +128,22 @@ pub(crate) fn run(args: &Args, interrupt: &Interrupt) -> Result<()> {
     bar.finish_and_clear();
     let analysed =
         nodes.end_recording().and_then(|()| await_analyses(&bus, &folders, &nodes, &progress, interrupt));
+    // With a live page, Ctrl-C after the last batch is the way to leave.
+    let ended_early = interrupt.is_set();
     if let Some(web) = web {
         web.stay(&bus, interrupt);
         web.end()?;
+    }
+    if ended_early {
+        // The analysis may be within a long test: what is recorded comes first.
+        bus.settle();
+        sink.close()?;
+        interrupt.nothing_at_stake("what is recorded is kept");
+        nodes.end()?;
+        return Err(Error::Cancelled(format!(
+            "by the user; {} keeps batches and models so far",
+            args.out.display()
+        )));
     }
     nodes.end()?;
     bus.settle();
@@ -152,8 +165,7 @@ fn await_analyses(
     let bar = chart::bar("discovery", 0, false);
     while folders.waiting()? > 0 && !nodes.one_has_ended() && !interrupt.is_set() {
         if let Some(progress) = progress.try_iter().last() {
-            bar.set_length(progress.estimated_total as u64);
-            bar.set_position(progress.done as u64);
+            chart::show(&bar, progress);
         }
         bus.settle();
         std::thread::sleep(LOOK_AGAIN);

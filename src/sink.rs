@@ -8,14 +8,18 @@ use roscausal_core::{
 };
 use roscausal_recording::{McapWriter, Recorder};
 
+use crate::nodes;
+
 /// A recorder, if one is wanted.
 pub(crate) struct Sink(Option<(PathBuf, Recorder<LoopbackNode>)>);
 
 impl Sink {
-    /// Opens the file, if there is one.
+    /// Opens the file, if there is one, and writes the settings of the run into it.
     pub(crate) fn open(bus: &Loopback, path: Option<&Path>) -> Result<Self> {
         let Some(path) = path else { return Ok(Self(None)) };
-        let recorder = Recorder::new(&bus.node("recorder"), McapWriter::create(path)?);
+        let mut writer = McapWriter::create(path)?;
+        writer.write_settings(&nodes::carried(bus)?)?;
+        let recorder = Recorder::new(&bus.node("recorder"), writer);
         Ok(Self(Some((path.to_owned(), recorder))))
     }
 

@@ -147,10 +147,11 @@ fn a_p_value_is_never_shown_as_0_and_a_correction_is_named() {
 }
 
 #[test]
-fn a_result_is_printed_even_if_its_folder_cannot_be_written() {
+fn a_result_is_printed_even_if_a_file_cannot_be_written() {
     let dir = folder("data.csv", &coupled(300));
-    fs::write(dir.path().join("taken"), "a file").expect("writes");
-    let out = roscausal(dir.path(), &["discover", "data.csv", "--test", "parcorr", "--out", "taken"]);
+    fs::create_dir_all(dir.path().join("taken/model.json/is/a/folder")).expect("makes");
+    let out =
+        roscausal(dir.path(), &["discover", "data.csv", "--test", "parcorr", "--out", "taken", "--force"]);
     assert_eq!(out.status.code(), Some(1));
     has(&String::from_utf8_lossy(&out.stdout), &["drives b"]);
     has(&String::from_utf8_lossy(&out.stderr), &["taken"]);
@@ -283,4 +284,98 @@ fn missing_cells_and_constant_columns_are_told_and_survived() {
     assert_eq!(model["graph"][0][1][1], "-->");
     assert_eq!(model["graph"][2][1][1], "");
     assert_eq!(model["p_matrix"][2][1][1], 1.0);
+}
+
+#[test]
+fn an_analysis_that_cannot_end_is_refused_before_it_starts_with_what_would_fit() {
+    let rows: String = (0..120_000).map(|i| format!("{},{}\n", i * 7 % 1013, i * i % 977)).collect();
+    let told = complaint(&format!("a,b\n{rows}"), &["--max-memory", "2000"], 1);
+    has(
+        &told,
+        &[
+            "120000 rows of 2 variables would take",
+            "of memory, and 2.0 GB are free",
+            "--test parcorr",
+            "fewer rows (at most",
+        ],
+    );
+    let told = complaint(&format!("a,b\n{rows}"), &["--max-memory", "9000000", "--threads", "1"], 1);
+    has(&told, &["would take about", "days", "--rows"]);
+}
+
+/// Starts an analysis that takes minutes, sends it SIGINT, and returns how it ended.
+#[cfg(unix)]
+#[test]
+fn ctrl_c_ends_an_analysis_with_code_130_and_fitting_words() {
+    let dir = folder("data.csv", &coupled(6000));
+    let mut command = Command::new(env!("CARGO_BIN_EXE_roscausal"));
+    command
+        .current_dir(dir.path())
+        .args(["discover", "data.csv", "--method", "pcmci", "--out", "r", "--force"]);
+    let child = command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().expect("starts");
+    std::thread::sleep(std::time::Duration::from_millis(1500));
+    let kill = Command::new("kill").args(["-INT", &child.id().to_string()]).status().expect("kill is there");
+    assert!(kill.success());
+    let out = child.wait_with_output().expect("ends");
+    let told = String::from_utf8_lossy(&out.stderr);
+    assert_eq!(out.status.code(), Some(130), "{told}");
+    has(&told, &["this will take about", "ending; there is no result yet, and nothing is written"]);
+    assert!(!told.contains("recorded") && out.stdout.is_empty(), "{told}");
+}
+
+#[test]
+fn an_empty_column_is_told_first_and_left_out_when_asked() {
+    let rows: String = coupled(300).lines().skip(1).map(|line| format!("{line},\n")).collect();
+    let data = format!("time,a,b,h_dg\n{rows}");
+    for args in [&[][..], &["--method", "pcmci", "--test", "parcorr"]] {
+        has(&complaint(&data, args, 1), &["h_dg has no value at all", "--drop-empty goes on without"]);
+    }
+    let dir = folder("data.csv", &data);
+    let args = ["discover", "data.csv", "--test", "parcorr", "--drop-empty", "--format", "json"];
+    let model: Value = serde_json::from_slice(&roscausal(dir.path(), &args).stdout).expect("JSON");
+    assert_eq!(model["links"][0]["cause"], "a");
+    has(&model["warnings"].to_string(), &["left out, without any number: h_dg"]);
+}
+
+#[test]
+fn a_window_of_rows_is_analysed() {
+    let dir = folder("data.csv", &coupled(300));
+    let samples = |rows: &str| {
+        let args = [
+            "discover", "data.csv", "--method", "pcmci", "--test", "parcorr", "--format", "json", "--rows",
+            rows,
+        ];
+        let out = roscausal(dir.path(), &args);
+        serde_json::from_slice::<Value>(&out.stdout)
+            .map(|model| model["n_samples"].clone())
+            .unwrap_or_default()
+    };
+    assert_eq!(
+        [samples("101..200"), samples("..50"), samples("251..")],
+        [98.into(), 48.into(), Value::from(48)]
+    );
+    has(&complaint(&coupled(50), &["--rows", "60.."], 2), &["--rows: there are no such rows"]);
+}
+
+#[test]
+fn out_is_checked_before_the_work_and_files_of_others_are_left_alone() {
+    let dir = folder("data.csv", &coupled(200));
+    fs::create_dir(dir.path().join("mine")).expect("makes");
+    fs::write(dir.path().join("mine/thesis.txt"), "words").expect("writes");
+    let run = |out: &str, more: &[&str]| {
+        let args = [&["discover", "data.csv", "--test", "parcorr", "-o", out][..], more].concat();
+        let out = roscausal(dir.path(), &args);
+        (out.status.code(), String::from_utf8_lossy(&out.stderr).into_owned(), out.stdout.is_empty())
+    };
+    let (code, told, silent) = run("mine", &[]);
+    assert!(code == Some(1) && silent, "{told}");
+    has(&told, &["there are files of others in this folder", "--force"]);
+    assert!(!dir.path().join("mine/model.json").exists());
+    assert_eq!(run("mine", &["--force"]).0, Some(0));
+    assert!(dir.path().join("mine/thesis.txt").exists());
+    // Our own folder may be written again.
+    assert_eq!([run("new", &[]).0, run("new", &[]).0, run("mine", &[]).0], [Some(0); 3]);
+    let (code, told, silent) = run("data.csv", &[]);
+    assert!(code == Some(1) && silent, "{told}");
+    has(&told, &["data.csv", "no results can be written here"]);
 }

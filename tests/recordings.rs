@@ -72,8 +72,10 @@ fn a_replayed_run_gives_the_batches_of_the_live_run() {
 #[test]
 fn a_recording_is_analysed_as_one_batch_with_the_topics_found_in_it() {
     let dir = recorded();
-    let output =
-        roscausal(dir, &[&["discover", "run.mcap", "--dt", "0.3", "--out", "found"][..], &QUICK].concat());
+    let output = roscausal(
+        dir,
+        &[&["discover", "run.mcap", "--ts-length", "0", "--out", "found"][..], &QUICK].concat(),
+    );
     assert!(output.status.success(), "{}", said(&output));
     for line in [
         "robot odometry: /mobile_base_controller/odom (nav_msgs/Odometry)",
@@ -83,7 +85,7 @@ fn a_recording_is_analysed_as_one_batch_with_the_topics_found_in_it() {
     }
     assert_eq!(tables(dir.join("found/batches")).len(), 1);
     let named = ["--robot-odom", "/mobile_base_controller/odom", "--people", "/ped/control/teleop_persons"];
-    let args = ["discover", "run.mcap", "--dt", "0.3", "--format", "json"];
+    let args = ["discover", "run.mcap", "--ts-length=0", "--dt", "0.3", "--format", "json"];
     let again = roscausal(dir, &[&args[..], &named, &QUICK].concat());
     let model: serde_json::Value = serde_json::from_slice(&again.stdout).expect("JSON");
     assert!(model["n_samples"].as_u64().is_some_and(|n| n > 150), "{model}");
@@ -119,4 +121,80 @@ fn a_recording_cut_short_is_used_as_far_as_it_goes() {
         "{}",
         said(&output)
     );
+}
+
+fn model(dir: &Path, args: &[&str]) -> (serde_json::Value, String) {
+    let output = roscausal(dir, args);
+    assert!(output.status.success(), "{}", said(&output));
+    let text = String::from_utf8_lossy(&output.stderr).into_owned();
+    (serde_json::from_slice(&output.stdout).expect("JSON"), text)
+}
+
+#[test]
+fn a_recorded_demo_gives_the_demos_model_without_a_flag() {
+    let dir = recorded();
+    let demo: serde_json::Value =
+        serde_json::from_slice(&fs::read(dir.join("live/model.json")).expect("reads")).expect("JSON");
+    let (again, told) = model(dir, &["discover", "run.mcap", "--format", "json"]);
+    for field in ["method", "cond_ind_test", "n_recordings", "dt", "links", "val_matrix", "p_matrix", "graph"]
+    {
+        assert_eq!(again[field], demo[field], "{field}");
+    }
+    for words in ["--method=pcmci", "--test=parcorr", "data.dt=0.3", "data.risk_lag=1", "data.ts_length=30"] {
+        assert!(told.contains(words), "{words}: {told}");
+    }
+    // Replayed, it gives the demo's batches, and a model of each.
+    let output = roscausal(dir, &["replay", "run.mcap", "--out", "unasked"]);
+    assert!(said(&output).contains("2 models"), "{}", said(&output));
+    assert_eq!(tables(dir.join("live/pp_pool/analysed")), tables(dir.join("unasked/pp_pool/analysed")));
+}
+
+#[test]
+fn the_folder_of_a_demo_gives_the_demos_model() {
+    let dir = recorded();
+    let demo = fs::read(dir.join("live/model.json")).expect("reads");
+    let demo: serde_json::Value = serde_json::from_slice(&demo).expect("JSON");
+    let (again, told) = model(dir, &["discover", "live", "--format", "json"]);
+    assert!(told.contains("live/roscausal.toml: --method=pcmci --test=parcorr"), "{told}");
+    for field in ["method", "cond_ind_test", "n_recordings", "dt", "links", "p_matrix"] {
+        assert_eq!(again[field], demo[field], "{field}");
+    }
+    let (pool, _) = model(
+        dir,
+        &["discover", "live/pp_pool", "--method", "pcmci", "--test", "parcorr", "--format", "json"],
+    );
+    assert_eq!(pool["links"], demo["links"]);
+    let nothing = tempfile::tempdir().expect("a folder");
+    let output = roscausal(nothing.path(), &["discover", "."]);
+    assert!(said(&output).contains("there is nothing to analyse in this folder"), "{}", said(&output));
+}
+
+#[test]
+fn a_flag_takes_precedence_over_the_settings_of_a_recording() {
+    let dir = recorded();
+    let args =
+        ["discover", "run.mcap", "--format", "json", "--dt", "0.2", "--ts-length", "0", "--alpha", "0.01"];
+    let (model, told) = model(dir, &[&args[..], &["--method", "bivci"]].concat());
+    assert_eq!((&model["method"], &model["n_recordings"]), (&"bivci".into(), &1.into()));
+    assert!((model["dt"].as_f64().expect("a step") - 0.2).abs() < 1e-9);
+    assert_eq!(model["cond_ind_test"], "parcorr");
+    assert!(!told.contains("--method"), "{told}");
+}
+
+#[test]
+fn a_bag_has_its_settings_in_a_file_beside_it() {
+    let dir = tempfile::tempdir().expect("a folder");
+    fs::copy(recorded().join("run.mcap"), dir.path().join("walk.mcap")).expect("copies");
+    let settings =
+        "tau-max = 2\n[data]\ndt = 0.5\nts_length = 0\n[discovery]\ncond_ind_test = 'robustparcorr'\n";
+    fs::write(dir.path().join("walk.mcap.roscausal.toml"), settings).expect("writes");
+    let (model, told) = model(dir.path(), &["discover", "walk.mcap", "--format", "json"]);
+    assert_eq!(
+        (&model["tau_max"], &model["cond_ind_test"], &model["dt"]),
+        (&2.into(), &"robustparcorr".into(), &0.5.into())
+    );
+    assert!(told.contains("settings of walk.mcap.roscausal.toml: --tau-max=2"), "{told}");
+    fs::write(dir.path().join("roscausal.toml"), "tau-mx = 3\n").expect("writes");
+    let output = roscausal(dir.path(), &["discover", "walk.mcap"]);
+    assert!(said(&output).contains("did you mean 'tau-max'?"), "{}", said(&output));
 }

@@ -65,6 +65,7 @@
 
 mod analysis;
 pub mod draw;
+mod effort;
 mod ground;
 pub mod independence_tests;
 pub mod methods;
@@ -73,6 +74,7 @@ mod numeric;
 pub mod transfer_entropy;
 
 pub use analysis::{PcAlpha, Settings, analyse};
+pub use effort::Effort;
 pub use ground::*;
 pub use model::{Link, Matrices, Model, SCHEMA};
 pub use numeric::random::mix;

@@ -26,6 +26,8 @@ fn parts(opcode: u8) -> &'static [Part] {
         op::SCHEMA => &[Bytes(2), Sized, Sized, Sized],
         op::CHANNEL => &[Bytes(2 + 2), Sized, Sized, Strings],
         op::CHUNK_INDEX => &[Bytes(4 * 8), Sized, Bytes(8), Sized],
+        op::METADATA => &[Sized, Strings],
+        op::METADATA_INDEX => &[Bytes(2 * 8), Sized],
         op::STATISTICS => &[Bytes(8 + 2 + 4 * 4 + 2 * 8), Sized],
         _ => &[],
     }

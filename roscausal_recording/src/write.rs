@@ -7,9 +7,14 @@ use std::{
     path::{Path, PathBuf},
 };
 
-use mcap::{Compression, WriteOptions, Writer, records::MessageHeader};
+use mcap::{
+    Compression, WriteOptions, Writer,
+    records::{MessageHeader, Metadata},
+};
 use roscausal_core::{Error, Message, Result, Time};
 use roscausal_msgs::{Definition, cdr};
+
+use crate::settings;
 
 /// Writes an MCAP file as ROS 2 does (profile `ros2`, messages in CDR, types as `ros2msg`). `ros2 bag` and Foxglove
 /// open it. The same messages give the same bytes.
@@ -39,6 +44,16 @@ impl McapWriter {
             .compression_threads(0);
         let writer = options.create(BufWriter::new(file)).map_err(|error| Error::file(path, error))?;
         Ok(Self { path: path.to_owned(), writer, channels: HashMap::new(), messages: 0 })
+    }
+
+    /// Writes the settings that the recording is made with, `NODE.PARAMETER` to value; [`crate::settings`] reads them.
+    /// Called before the first message, they outlast a file that is cut short.
+    ///
+    /// # Errors
+    /// If the disk is full.
+    pub fn write_settings(&mut self, settings: &BTreeMap<String, String>) -> Result<()> {
+        let record = Metadata { name: settings::NAME.to_owned(), metadata: settings.clone() };
+        self.writer.write_metadata(&record).map_err(|error| Error::file(&self.path, error))
     }
 
     /// Writes a message, recorded at `stamp`.

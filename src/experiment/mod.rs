@@ -117,7 +117,10 @@ struct Sweep {
 pub(crate) fn run(args: &Args, interrupt: &Interrupt) -> Result<()> {
     let (out, runs) = match &args.command {
         Some(Command::Merge { from, out }) => (out, merge(from, out)?),
-        None => (&args.sweep.out, args.sweep.run(interrupt)?),
+        None => {
+            interrupt.nothing_at_stake("finished runs are kept");
+            (&args.sweep.out, args.sweep.run(interrupt)?)
+        }
     };
     for (name, text) in report::files(&runs)? {
         output::write_file(out, name, text.as_bytes())?;

@@ -9,7 +9,7 @@ use roscausal_core::{
 };
 use roscausal_recording::{Recording, Topic};
 
-use crate::nodes::RECORDING;
+use crate::{nodes::RECORDING, presets};
 
 use super::play;
 use super::roles::{CHOSEN_BY_NAME, HUMAN_GOAL, Kind, PEOPLE, ROBOT_GOAL, ROBOT_ODOM, ROBOT_POSE, Role};
@@ -42,9 +42,13 @@ pub(crate) struct InputArgs {
     /// Recording: who is analysed: an id, `1,2`, `nearest:N` or `all`. Default: the person nearest to the robot.
     #[arg(long, value_name = "WHO")]
     person: Option<String>,
-    /// Recording: step between samples, seconds.
+    /// Step between samples, seconds: of a recording's batches; a table is resampled to it (--resample).
     #[arg(long, value_name = "SECONDS")]
     dt: Option<f64>,
+    /// Recording: length of a batch, seconds; 0: until the end. Several batches are recordings of one system. Default: as
+    /// recorded, otherwise 0 (replay: 150).
+    #[arg(long, value_name = "SECONDS")]
+    ts_length: Option<f64>,
     /// Recording: a parameter of the node robot, human or data (docs/parameters.md), such as `data.safe_dist=4`;
     /// may be given several times.
     #[arg(long = "param", value_name = "NODE.NAME=VALUE")]
@@ -52,6 +56,11 @@ pub(crate) struct InputArgs {
 }
 
 impl InputArgs {
+    /// The step between samples, if it was given.
+    pub(crate) fn dt(&self) -> Option<f64> {
+        self.dt
+    }
+
     /// The first of these flags that was given, for input that is not a recording.
     pub(crate) fn given(&self) -> Option<&'static str> {
         let flags = [
@@ -61,7 +70,7 @@ impl InputArgs {
             ("--people", !self.people.is_empty()),
             ("--human-goal", self.human_goal.is_some()),
             ("--person", self.person.is_some()),
-            ("--dt", self.dt.is_some()),
+            ("--ts-length", self.ts_length.is_some()),
             ("--param", !self.params.is_empty()),
         ];
         flags.into_iter().find(|(_, given)| *given).map(|(flag, _)| flag)
@@ -106,6 +115,7 @@ impl Inputs {
             inputs.take_people(&chooser, args)?;
             inputs.topics.extend(["/tf", "/tf_static"].map(str::to_owned));
         }
+        inputs.set_carried(path)?;
         inputs.set_params(args)?;
         Ok(inputs)
     }
@@ -173,16 +183,47 @@ impl Inputs {
         self.params.push((node.to_owned(), name.to_owned(), Value::Str(value.to_owned())));
     }
 
+    /// Sets the parameters that the recording was made with.
+    fn set_carried(&mut self, path: &Path) -> Result<()> {
+        let mut told = Vec::new();
+        for (name, value) in presets::carried(path)? {
+            let Some((node, param)) = name.split_once('.').filter(|(node, _)| RECORDING.contains(node))
+            else {
+                continue;
+            };
+            // A recording of a later version may know more.
+            if nodes::parameters(node)?.iter().any(|spec| spec.name == param) {
+                let (node, param, value) = parse(&format!("{node}.{param}={value}"))?;
+                self.set(&node, &param, &value);
+                told.push(format!("{name}={value}"));
+            }
+        }
+        if !told.is_empty() {
+            self.chosen.push(format!("recorded with {}; used unless flags say otherwise", told.join(" ")));
+        }
+        Ok(())
+    }
+
+    /// Whether this parameter was set, by the recording or the user.
+    pub(crate) fn sets(&self, node: &str, name: &str) -> bool {
+        self.params.iter().any(|(of, param, _)| of == node && param == name)
+    }
+
     fn set_params(&mut self, args: &InputArgs) -> Result<()> {
         if let Some(person) = &args.person {
             self.set("human", "sel_agent", person);
             self.set("data", "sel_agent", person);
-        } else if !args.params.iter().any(|text| text.starts_with("data.sel_agent=")) {
+        } else if !self.sets("data", "sel_agent")
+            && !args.params.iter().any(|text| text.starts_with("data.sel_agent="))
+        {
             self.set("data", "sel_agent", "nearest:1");
             self.chosen.push("person: the nearest to the robot (--person names one)".into());
         }
         if let Some(dt) = args.dt {
             self.params.push(("data".into(), "dt".into(), Value::Double(dt)));
+        }
+        if let Some(length) = args.ts_length {
+            self.params.push(("data".into(), "ts_length".into(), Value::Double(length)));
         }
         for text in &args.params {
             let (node, name, value) = parse(text)?;

@@ -6,7 +6,12 @@ mod roles;
 
 use std::path::{Path, PathBuf};
 
-use roscausal_core::{Error, Result, batch::pool::Pool, loopback::Loopback, params::Value};
+use roscausal_core::{
+    Error, Result,
+    batch::{joint::Facts, pool::Pool},
+    loopback::Loopback,
+    params::Value,
+};
 use roscausal_recording::Recording;
 
 use crate::{chart, interrupt::Interrupt, nodes, nodes::Nodes};
@@ -16,14 +21,29 @@ pub(crate) use play::Play;
 /// Names that only recordings have.
 const EXTENSIONS: [&str; 3] = ["bag", "mcap", "db3"];
 
-/// Whether a path is a recording, judged by its contents, or meant to be one by its name (a folder always is).
+/// Whether a path is a recording, judged by its contents, or meant to be one by its name; a folder, if it holds one.
 pub(crate) fn is_recording(path: &Path) -> bool {
     use std::io::Read;
+    // A pipe can be read once only, and that is for its table.
+    if path.metadata().is_ok_and(|what| !what.is_file() && !what.is_dir()) {
+        return false;
+    }
     let mut start = Vec::new();
     let read = std::fs::File::open(path).and_then(|file| file.take(16).read_to_end(&mut start));
     let magics: [&[u8]; 3] = [b"#ROSBAG V", b"\x89MCAP0", b"SQLite format 3\0"];
     let is_named_so = path.extension().is_some_and(|name| EXTENSIONS.iter().any(|known| name == *known));
-    path.is_dir() || is_named_so || (read.is_ok() && magics.iter().any(|magic| start.starts_with(magic)))
+    if path.is_dir() {
+        return holds_recordings(path);
+    }
+    is_named_so || (read.is_ok() && magics.iter().any(|magic| start.starts_with(magic)))
+}
+
+/// Whether a folder has files with the names of recordings.
+fn holds_recordings(folder: &Path) -> bool {
+    let entries = folder.read_dir().into_iter().flatten().flatten();
+    let named =
+        |path: PathBuf| path.extension().is_some_and(|name| EXTENSIONS.iter().any(|known| name == *known));
+    entries.map(|entry| entry.path()).any(named)
 }
 
 /// A recording, and what is to be played of it.
@@ -45,7 +65,7 @@ impl Source {
     }
 
     /// Plays the recording to the recording nodes and returns the batches that they made in `folder`: one, or
-    /// several if the recording's clock jumps.
+    /// several if the recording's clock jumps or it is cut into batches. Of those, only the full ones count if there are any.
     pub(crate) fn batches(
         mut self,
         folder: &Path,
@@ -55,7 +75,7 @@ impl Source {
         let (raw, processed) = (folder.join("data_pool"), folder.join("pp_pool"));
         let bus = Loopback::lockstep();
         nodes::set_pools(&bus, &raw, &processed);
-        // The whole recording is one batch.
+        // The whole recording is one batch, unless the recording or a flag says otherwise.
         bus.set_node_param("data", "ts_length", Value::Double(0.0));
         self.set_params(&bus);
         let play = Play::new(&bus, &mut self.recording, &self.inputs)?;
@@ -73,8 +93,11 @@ impl Source {
         }
         played.tell(&self.path);
         let pool = Pool::open(&processed, "data_")?;
-        let batches: Vec<PathBuf> =
+        let mut batches: Vec<PathBuf> =
             pool.contents()?.batches.iter().map(|name| processed.join(name)).collect();
+        if self.inputs.sets("data", "ts_length") && batches.iter().any(|batch| Facts::read(batch).complete) {
+            batches.retain(|batch| Facts::read(batch).complete);
+        }
         if batches.is_empty() {
             let reason = format!("robot and people are never there together: {}", played.troubles());
             return Err(Error::file(&self.path, reason));

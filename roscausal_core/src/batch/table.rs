@@ -1,20 +1,34 @@
 //! Reads any CSV with a header into columns of numbers. Every error names line and column.
 //!
-//! The csv crate reads the cells. Which character separates them is our one rule, the header line, because a user can
-//! foresee it; `csv-sniffer` 0.3 guesses from statistics of the first rows, and a wrong guess has no line to point at.
+//! 1. `dialect`: unpacked, as UTF-8, header and separator found; the csv crate reads the cells.
+//! 2. `columns`: which ones are wanted, and which one is the time.
+//! 3. `cells`: each as a number.
+//! 4. `time`: in seconds.
+//!
+//! `steps` then brings the rows to one step.
 
-use std::{fmt, fs::File, io::Read, path::Path};
+mod cells;
+mod columns;
+mod dialect;
+mod steps;
+mod time;
 
-use csv::{ByteRecord, ReaderBuilder};
-use ndarray::Array2;
+use std::{collections::BTreeMap, fmt, fs::File, io::Read, path::Path};
 
-use roscausal_discovery::{DataFrame, names};
+use csv::{ByteRecord, ReaderBuilder, StringRecord};
+use ndarray::{Array2, Axis};
 
+use roscausal_discovery::DataFrame;
+
+use self::{
+    cells::{Cells, Codes},
+    dialect::{Layout, Separator},
+};
 use super::header;
 use crate::{Error, Result, content::not_data};
 
-/// Names of the column of sample times (seconds), which is not a variable.
-const TIME_NAMES: [&str; 4] = ["time", "t", "timestamp", "stamp"];
+pub use steps::{Resample, Steps};
+pub use time::Unit;
 
 /// A CSV file as numbers, `n_rows x n_columns`. Missing cells are NaN.
 #[derive(Clone, Debug)]
@@ -27,6 +41,24 @@ pub struct Table {
     pub time: Option<Vec<f64>>,
     /// What a reader of the data should know.
     pub notes: Vec<Note>,
+}
+
+/// How a table is read.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Reading {
+    /// Columns to read, in that order: names in any spelling, patterns with `*` and `?`, ranges `a..c`, and `!pattern` to leave
+    /// out. `None`: all except the times.
+    pub columns: Option<Vec<String>>,
+    /// Numbers that stand for a missing value, such as -999.
+    pub missing: Vec<f64>,
+    /// Words become codes; otherwise they are an error.
+    pub encode: bool,
+    /// Unit of the times, if the user says it.
+    pub time_unit: Option<Unit>,
+    /// Name of the column of times, if it is not a usual one; `Some("none")`: there is none.
+    pub time_column: Option<String>,
+    /// A time may be the same as the one before: the rows are resampled.
+    pub equal_times: bool,
 }
 
 /// What the reader of a table should know of a column; as text, one sentence.
@@ -46,6 +78,8 @@ pub enum Note {
         /// How many cells it has.
         cells: usize,
     },
+    /// What was made of the file.
+    Read(String),
     /// All its numbers are the same.
     Constant {
         /// Its name.
@@ -59,12 +93,16 @@ impl fmt::Display for Note {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Empty { column } => {
-                write!(f, "column '{column}' has no number at all; leave it out with --columns")
+                write!(
+                    f,
+                    "column '{column}' has no number at all; leave it out with --columns or --drop-empty"
+                )
             }
             Self::Missing { column, missing, cells } => write!(
                 f,
                 "column '{column}': {missing} of {cells} cells are empty or NaN; samples that need them are left out"
             ),
+            Self::Read(told) => f.write_str(told),
             Self::Constant { column, value } => {
                 write!(f, "column '{column}' is constant ({value}): it can be neither cause nor effect")
             }
@@ -84,7 +122,7 @@ pub fn common_step<'a>(recordings: impl IntoIterator<Item = (&'a Path, &'a Table
                 let [dt, step] = [dt, step].map(|secs| (secs * 1e6).round() / 1e6);
                 let reason = format!(
                     "its step is {dt} s, that of {} is {step} s; recordings of one system need one step: resample \
-                     one of them, or analyse them apart",
+                     them (--dt), or analyse them apart",
                     other.display()
                 );
                 return Err(Error::file(path, reason));
@@ -109,19 +147,31 @@ impl<S: Into<String>> From<S> for Complaint {
     }
 }
 
+type Parsed<T> = std::result::Result<T, Complaint>;
+
 impl Table {
-    /// Reads a CSV file with a header line and `,`, `;` or TAB between cells. With `wanted`, only those columns are
-    /// read, in that order, in any spelling; otherwise all columns except the times.
+    /// Reads a CSV file with a header line. With `wanted`, only those columns are read, in that order; otherwise all columns
+    /// except the times.
     ///
     /// # Errors
     /// With line and column: an unreadable or empty file, a header without rows, duplicate names, ragged rows, text
     /// or infinite cells, time that does not increase. Also an unknown column, with the nearest name.
     pub fn read(path: &Path, wanted: Option<&[String]>) -> Result<Self> {
+        Self::read_as(path, &Reading { columns: wanted.map(<[String]>::to_vec), ..Reading::default() })
+    }
+
+    /// Reads a CSV file, which may be compressed with gzip or Zstandard. It is read once, from its beginning to its end: a pipe
+    /// is a file too.
+    ///
+    /// # Errors
+    /// As [`Table::read`].
+    pub fn read_as(path: &Path, reading: &Reading) -> Result<Self> {
         let mut bytes = Vec::new();
         File::open(path)
             .and_then(|mut file| file.read_to_end(&mut bytes))
             .map_err(|e| Error::file(path, e))?;
-        Self::from_bytes(&bytes, wanted, path)
+        let bytes = dialect::unpacked(bytes).map_err(|reason| Error::file(path, reason))?;
+        Self::of_bytes(&bytes, reading, path)
     }
 
     /// Reads a CSV file from memory; `path` is only used in errors.
@@ -129,7 +179,15 @@ impl Table {
     /// # Errors
     /// As [`Table::read`].
     pub fn from_bytes(bytes: &[u8], wanted: Option<&[String]>, path: &Path) -> Result<Self> {
-        Self::parse(bytes, wanted).map_err(|complaint| match complaint {
+        Self::of_bytes(
+            bytes,
+            &Reading { columns: wanted.map(<[String]>::to_vec), ..Reading::default() },
+            path,
+        )
+    }
+
+    fn of_bytes(bytes: &[u8], reading: &Reading, path: &Path) -> Result<Self> {
+        Self::parse(bytes, reading).map_err(|complaint| match complaint {
             Complaint::File(reason) => Error::file(path, reason),
             Complaint::Columns(reason) => Error::param("columns", reason),
         })
@@ -137,10 +195,7 @@ impl Table {
 
     /// Median step between samples in seconds, if the file has times.
     pub fn dt(&self) -> Option<f64> {
-        let time = self.time.as_ref()?;
-        let mut steps: Vec<f64> = time.windows(2).map(|pair| pair[1] - pair[0]).collect();
-        steps.sort_by(f64::total_cmp);
-        steps.get(steps.len() / 2).copied()
+        self.time.as_deref().and_then(steps::median_step)
     }
 
     /// The table as one recording.
@@ -151,61 +206,24 @@ impl Table {
         Ok(DataFrame::new(vec![self.values], self.names)?)
     }
 
-    fn parse(bytes: &[u8], wanted: Option<&[String]>) -> std::result::Result<Self, Complaint> {
+    fn parse(bytes: &[u8], reading: &Reading) -> Parsed<Self> {
         if let Some(reason) = not_data(bytes) {
             return Err(Complaint::File(reason));
         }
-        let bytes = bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes);
-        if bytes.iter().all(u8::is_ascii_whitespace) {
+        let (text, encoding) = dialect::decoded(bytes);
+        if text.iter().all(u8::is_ascii_whitespace) {
             return Err(Complaint::from("the file is empty; a header line and rows of numbers are needed"));
         }
-        let mut reader = ReaderBuilder::new()
-            .has_headers(false)
-            .flexible(true)
-            .delimiter(delimiter(bytes))
-            .from_reader(bytes);
-        let mut records = reader.byte_records();
-        let first = records.next().transpose().map_err(|e| e.to_string())?.unwrap_or_default();
-        let (header, joined) = header::repaired(&texts(&first, 1)?);
-        check_names(&header)?;
-        let time_column = header.iter().position(|name| TIME_NAMES.contains(&name.to_lowercase().as_str()));
-        let columns = match wanted {
-            Some(wanted) => chosen(&header, wanted).map_err(Complaint::Columns)?,
-            None => (0..header.len()).filter(|&column| Some(column) != time_column).collect(),
-        };
-        if columns.is_empty() {
-            let reason =
-                format!("line 1: the only column is '{}'; columns of variables are needed", header[0]);
-            return Err(Complaint::File(reason));
-        }
-
-        let (mut numbers, mut time, mut lines) = (Vec::new(), Vec::new(), Vec::new());
-        let mut counter = Lines { bytes, at: 0, line: 1 };
-        for record in records {
-            let record = record.map_err(|e| e.to_string())?;
-            let line = record.position().map_or(0, |position| counter.line_of(position.byte()));
-            let cells = cells(&record, header.len(), joined, line)?;
-            for &column in &columns {
-                numbers.push(number(&cells[column], &header[column], line)?);
-            }
-            if let Some(column) = time_column {
-                time.push(number(&cells[column], &header[column], line)?);
-            }
-            lines.push(line);
-        }
-        if lines.is_empty() {
-            return Err(Complaint::from(
-                "there is only a header (line 1); rows of numbers are needed below it",
-            ));
-        }
-        if let Some(column) = time_column {
-            check_time(&time, &header[column], &lines)?;
-        }
-        let values =
-            Array2::from_shape_vec((lines.len(), columns.len()), numbers).map_err(|e| e.to_string())?;
-        let names: Vec<String> = columns.iter().map(|&column| header[column].clone()).collect();
-        let notes = Self::notes_on(&names, &values);
-        Ok(Self { names, values, time: time_column.map(|_| time), notes })
+        let layout = dialect::layout(&text);
+        let with_tabs =
+            (layout.separator == Separator::Spaces).then(|| dialect::with_tabs(&text[layout.start..]));
+        let body = with_tabs.as_deref().unwrap_or(&text[layout.start..]);
+        let mut table = Rows::new(body, &layout, reading)?.table()?;
+        // Lines are counted from the beginning of the file, and only if an error needs one.
+        table
+            .notes
+            .extend(encoding.map(|encoding| Note::Read(format!("the file is taken as text in {encoding}"))));
+        Ok(table)
     }
 
     fn notes_on(names: &[String], values: &Array2<f64>) -> Vec<Note> {
@@ -228,148 +246,323 @@ impl Table {
     }
 }
 
-/// Counts the lines of a file as an editor does, whether they end in LF, CR LF or CR. (The csv crate counts a CR LF as the next
-/// record begins, and is one line behind.)
-struct Lines<'a> {
-    bytes: &'a [u8],
-    at: usize,
-    line: u64,
+/// The rows of a file, and what is read of them.
+struct Rows<'a> {
+    /// From the header line on.
+    body: &'a [u8],
+    separator: u8,
+    reading: &'a Reading,
+    cells: Cells<'a>,
+    header: Vec<String>,
+    /// Cells that disappeared when the names were joined.
+    joined: usize,
+    /// Cells before the first name: R numbers its rows without one.
+    ahead: usize,
+    time: Option<(usize, Option<Unit>)>,
+    columns: Vec<usize>,
+    /// Lines before the header.
+    before: u64,
 }
 
-impl Lines<'_> {
-    /// The line of the record that is found from byte `from` on; `from` never goes back.
-    fn line_of(&mut self, from: u64) -> u64 {
-        let is_end = |byte: &u8| matches!(byte, b'\r' | b'\n');
-        let from = (from as usize).clamp(self.at, self.bytes.len());
-        let start = from + self.bytes[from..].iter().take_while(|byte| is_end(byte)).count();
-        for at in self.at..start {
-            let ends = match self.bytes[at] {
-                b'\n' => true,
-                b'\r' => self.bytes.get(at + 1) != Some(&b'\n'),
-                _ => false,
-            };
-            self.line += u64::from(ends);
+/// What one pass over the rows gives.
+enum Pass {
+    Done(Box<Table>),
+    /// This column has words.
+    Words(usize),
+}
+
+impl<'a> Rows<'a> {
+    fn new(body: &'a [u8], layout: &Layout, reading: &'a Reading) -> Parsed<Self> {
+        let separator = match layout.separator {
+            Separator::Byte(byte) => byte,
+            Separator::Spaces => b'\t',
+        };
+        let body = if layout.behind_hash { body.split_at(1).1 } else { body };
+        let mut records = reader(body, separator).into_byte_records();
+        let mut next = || records.next().transpose().map_err(|error| error.to_string());
+        let first = next()?.unwrap_or_default();
+        let (mut header, joined) = header::repaired(&texts(&first)?);
+        if layout.behind_hash && header.len() > 1 && header[0].is_empty() {
+            header.remove(0);
         }
-        self.at = start;
-        self.line
+        let second = next()?.unwrap_or_default();
+        let ahead = usize::from(
+            second.len() == header.len() + 1
+                && second.get(header.len()).is_some_and(|last| !last.is_empty())
+                && joined == 0
+                && row_number(&second),
+        );
+        columns::check_names(&header)?;
+        let mut this = Self {
+            body,
+            separator,
+            reading,
+            cells: Cells {
+                missing: &reading.missing,
+                decimal_comma: separator != b',',
+                encode: reading.encode,
+            },
+            header,
+            joined,
+            ahead,
+            time: None,
+            columns: Vec::new(),
+            before: layout.lines_before,
+        };
+        this.choose(&second)?;
+        Ok(this)
+    }
+
+    /// Chooses the columns and the times. A first column without a name holds row numbers, or the times if it holds dates.
+    fn choose(&mut self, first_row: &ByteRecord) -> Parsed<()> {
+        let index = columns::is_index(&self.header[0]).then_some(0);
+        let date = |column: usize| {
+            first_row.get(column + self.ahead).and_then(|cell| time::date(std::str::from_utf8(cell).ok()?))
+        };
+        self.time = match self.reading.time_column.as_deref() {
+            Some("none") => None,
+            Some(name) => {
+                let column =
+                    columns::chosen(&self.header, &[name.to_owned()], None).map_err(Complaint::Columns)?;
+                Some((column[0], None))
+            }
+            None => columns::time_column(&self.header)
+                .or_else(|| index.filter(|&column| date(column).is_some()).map(|column| (column, None))),
+        };
+        let time = self.time.map(|(column, _)| column);
+        let last = self.header.len() - 1;
+        let empty_end = (last > 0 && self.header[last].is_empty()).then_some(last);
+        self.columns = match &self.reading.columns {
+            Some(wanted) => columns::chosen(&self.header, wanted, time).map_err(Complaint::Columns)?,
+            None => (0..=last).collect(),
+        };
+        let named = self.reading.columns.is_some();
+        self.columns.retain(|&column| {
+            (named || Some(column) != time)
+                && Some(column) != index.filter(|_| !self.header[column].contains("Unnamed") || !named)
+                && Some(column) != empty_end
+        });
+        if self.columns.is_empty() {
+            let reason =
+                format!("line 1: the only column is '{}'; columns of variables are needed", self.header[0]);
+            return Err(Complaint::File(reason));
+        }
+        Ok(())
+    }
+
+    /// The table; with a pass more for each column of words, if they are to be encoded.
+    fn table(&self) -> Parsed<Table> {
+        let mut codes: BTreeMap<usize, Codes> = BTreeMap::new();
+        loop {
+            match self.pass(&mut codes)? {
+                Pass::Done(table) => return Ok(*table),
+                Pass::Words(column) => {
+                    codes.insert(column, Codes::default());
+                }
+            }
+        }
+    }
+
+    fn pass(&self, codes: &mut BTreeMap<usize, Codes>) -> Parsed<Pass> {
+        codes.values_mut().for_each(|codes| *codes = Codes::default());
+        let (mut numbers, mut time, mut places) = (Vec::new(), Vec::new(), Vec::new());
+        let mut reader = reader(self.body, self.separator);
+        let (mut bytes, mut header) = (ByteRecord::new(), true);
+        while reader.read_byte_record(&mut bytes).map_err(|e| e.to_string())? {
+            if std::mem::take(&mut header) {
+                continue;
+            }
+            let place = bytes.position().map_or(0, csv::Position::byte);
+            let row = StringRecord::from_byte_record_lossy(std::mem::take(&mut bytes));
+            self.check_width(&row, place)?;
+            for &column in &self.columns {
+                let cell = row.get(column + self.ahead).unwrap_or_default();
+                if let Some(codes) = codes.get_mut(&column) {
+                    let word = cell.trim();
+                    let is_missing = word.is_empty()
+                        || matches!(self.cells.number(word), Ok(Some(value)) if value.is_nan());
+                    numbers.push(if is_missing { f64::NAN } else { codes.of(word) });
+                    continue;
+                }
+                match self.cells.number(cell) {
+                    Ok(Some(value)) => numbers.push(value),
+                    Ok(None) if self.cells.encode => return Ok(Pass::Words(column)),
+                    Ok(None) => return Err(self.not_a_number(cell, column, place)),
+                    Err(()) => {
+                        let place = self.place(column, place);
+                        let reason =
+                            format!("{place}: '{cell}' is infinite; leave the cell empty or remove the row");
+                        return Err(reason.into());
+                    }
+                }
+            }
+            if let Some((column, _)) = self.time {
+                time.push(self.time_of(row.get(column + self.ahead).unwrap_or_default(), column, place)?);
+            }
+            places.push(place);
+            bytes = row.into_byte_record();
+        }
+        if places.is_empty() {
+            return Err(Complaint::from(
+                "there is only a header (line 1); rows of numbers are needed below it",
+            ));
+        }
+        self.finished(numbers, time, &places, codes).map(|table| Pass::Done(Box::new(table)))
+    }
+
+    fn finished(
+        &self,
+        numbers: Vec<f64>,
+        time: Vec<f64>,
+        places: &[u64],
+        codes: &BTreeMap<usize, Codes>,
+    ) -> Parsed<Table> {
+        let mut values =
+            Array2::from_shape_vec((places.len(), self.columns.len()), numbers).map_err(|e| e.to_string())?;
+        let names: Vec<String> = self.columns.iter().map(|&column| self.header[column].clone()).collect();
+        let mut told = Vec::new();
+        for (column, codes) in codes {
+            let (sorted, name) = (codes.sorted(), &self.header[*column]);
+            let Some(at) = self.columns.iter().position(|other| other == column) else { continue };
+            let recode = |value: f64| if value.is_nan() { value } else { sorted[value as usize] };
+            values.index_axis_mut(Axis(1), at).mapv_inplace(recode);
+            told.push(Note::Read(format!("words of column '{name}' as codes: {}", codes.told())));
+        }
+        let mut notes = Table::notes_on(&names, &values);
+        notes.splice(0..0, told);
+        let time = match self.time {
+            Some((column, unit)) => {
+                self.check_time(&time, column, places)?;
+                let (time, told) = time::in_seconds(time, self.reading.time_unit.or(unit));
+                notes.extend(told.map(Note::Read));
+                Some(time)
+            }
+            None => None,
+        };
+        Ok(Table { names, values, time, notes })
+    }
+
+    fn time_of(&self, cell: &str, column: usize, place: u64) -> Parsed<f64> {
+        match self.cells.number(cell) {
+            Ok(Some(time)) => Ok(time),
+            _ => time::date(cell).ok_or_else(|| {
+                let place = self.place(column, place);
+                let cell: String = cell.chars().take(40).collect();
+                Complaint::from(format!(
+                    "{place}: '{cell}' is neither a number nor a date such as 2026-11-24T08:30:00.25+01:00; correct it, or name \
+                     another column with --time-column (none: there are no times)"
+                ))
+            }),
+        }
+    }
+
+    fn check_width(&self, row: &StringRecord, place: u64) -> Parsed<()> {
+        let expected = self.header.len() + self.ahead;
+        // A header name that was split in two leaves as many empty cells at the end of each row.
+        let spare = row.len().saturating_sub(expected);
+        let empty = || row.iter().skip(expected).all(str::is_empty);
+        if row.len() == expected
+            || (spare > 0 && spare <= self.joined.max(1) && empty() && (self.joined > 0 || spare == 1))
+        {
+            return Ok(());
+        }
+        Err(Complaint::from(format!(
+            "line {} has {} cells, the header has {expected} names; every row needs one cell per name (empty for a \
+             missing value)",
+            self.line(place),
+            row.len(),
+        )))
+    }
+
+    fn not_a_number(&self, cell: &str, column: usize, place: u64) -> Complaint {
+        let (place, short) = (self.place(column, place), cell.chars().take(40).collect::<String>());
+        if time::date(cell).is_some() {
+            return Complaint::from(format!(
+                "{place}: '{short}' is a date; --time-column takes it as the time, --columns names the columns to use"
+            ));
+        }
+        Complaint::from(format!(
+            "{place}: '{short}' is not a number; correct it, leave the cell empty, name the columns to use with --columns, or \
+             turn words into codes with --encode codes"
+        ))
+    }
+
+    fn check_time(&self, time: &[f64], column: usize, places: &[u64]) -> Parsed<()> {
+        let name = &self.header[column];
+        if let Some(row) = time.iter().position(|t| t.is_nan()) {
+            return Err(Complaint::from(format!(
+                "line {}, column '{name}': the time is missing; fill it in or remove the row",
+                self.line(places[row])
+            )));
+        }
+        let wrong = |pair: &[f64]| pair[1] < pair[0] || (pair[1] == pair[0] && !self.reading.equal_times);
+        let Some(row) = time.windows(2).position(wrong) else { return Ok(()) };
+        let what = if time[row + 1] < time[row] { "goes back" } else { "stands still" };
+        let way = match what {
+            "goes back" => "sort the rows, or split the recordings into files of their own",
+            _ => "resample the rows with --dt, or split the recordings into files of their own",
+        };
+        Err(Complaint::from(format!(
+            "line {}, column '{name}': time {what} (from {} to {}); {way}",
+            self.line(places[row + 1]),
+            time[row],
+            time[row + 1]
+        )))
+    }
+
+    fn place(&self, column: usize, place: u64) -> String {
+        format!("line {}, column '{}'", self.line(place), self.header[column])
+    }
+
+    /// The line of the record that is found from byte `place` of the body on, as an editor counts, whether lines end in LF,
+    /// CR LF or CR. (The csv crate counts a CR LF as the next record begins, and is one line behind.)
+    fn line(&self, place: u64) -> u64 {
+        let is_end = |byte: &u8| matches!(byte, b'\r' | b'\n');
+        let from = (place as usize).min(self.body.len());
+        let start = from + self.body[from..].iter().take_while(|byte| is_end(byte)).count();
+        let ends = (0..start).filter(|&at| match self.body[at] {
+            b'\n' => true,
+            b'\r' => self.body.get(at + 1) != Some(&b'\n'),
+            _ => false,
+        });
+        self.before + ends.count() as u64 + 1
     }
 }
 
-/// The separator of the header line: `,`, unless only another one occurs in it.
-fn delimiter(bytes: &[u8]) -> u8 {
-    let header = bytes.split(|&b| b == b'\n').find(|line| !line.trim_ascii().is_empty()).unwrap_or_default();
-    [b',', b';', b'\t'].into_iter().find(|d| header.contains(d)).unwrap_or(b',')
+fn reader(body: &[u8], separator: u8) -> csv::Reader<&[u8]> {
+    ReaderBuilder::new()
+        .has_headers(false)
+        .flexible(true)
+        .comment(Some(b'#'))
+        .delimiter(separator)
+        .from_reader(body)
 }
 
-fn texts(record: &ByteRecord, line: u64) -> std::result::Result<Vec<String>, String> {
+/// The names of a header line.
+fn texts(record: &ByteRecord) -> std::result::Result<Vec<String>, String> {
     let text = |(column, cell): (usize, &[u8])| match std::str::from_utf8(cell) {
         Ok(text) => Ok(text.trim_matches(' ').to_owned()),
         Err(_) => {
-            Err(format!("line {line}, column {}: not text in UTF-8; save the file as UTF-8 CSV", column + 1))
+            Err(format!("line 1, column {}: not text in UTF-8; save the file as UTF-8 CSV", column + 1))
         }
     };
     record.iter().enumerate().map(text).collect()
 }
 
-fn check_names(names: &[String]) -> std::result::Result<(), String> {
-    if names.iter().all(|name| name.parse::<f64>().is_ok()) {
-        return Err(
-            "line 1 holds numbers; the first line must be a header with the names of the columns".into()
-        );
-    }
-    for (column, name) in names.iter().enumerate() {
-        if name.trim().is_empty() {
-            return Err(format!("line 1, column {}: the name is empty; name every column", column + 1));
-        }
-        if let Some(earlier) = names[..column].iter().position(|other| other == name) {
-            return Err(format!(
-                "line 1: '{name}' names both column {} and column {}; give every column a name of its own",
-                earlier + 1,
-                column + 1
-            ));
-        }
-    }
-    Ok(())
-}
-
-/// The columns of `header` that `wanted` names.
-fn chosen(header: &[String], wanted: &[String]) -> std::result::Result<Vec<usize>, String> {
-    let mut columns = Vec::new();
-    for name in wanted {
-        let Some(column) = names::position(header, name) else {
-            let hint =
-                names::nearest(header, name).map_or(String::new(), |near| format!("did you mean '{near}'? "));
-            return Err(format!("there is no column '{name}'; {hint}columns: {}", header.join(", ")));
-        };
-        if columns.contains(&column) {
-            return Err(format!("'{name}' is named twice; name each column once"));
-        }
-        columns.push(column);
-    }
-    Ok(columns)
-}
-
-fn cells(
-    record: &ByteRecord,
-    expected: usize,
-    joined: usize,
-    line: u64,
-) -> std::result::Result<Vec<String>, String> {
-    let mut cells = texts(record, line)?;
-    // A header name that was split in two leaves as many empty cells at the end of each row.
-    while joined > 0 && cells.len() > expected && cells.last().is_some_and(String::is_empty) {
-        cells.pop();
-    }
-    if cells.len() == expected {
-        return Ok(cells);
-    }
-    Err(format!(
-        "line {line} has {} cells, the header has {expected} names; every row needs one cell per name (empty for a \
-         missing value)",
-        cells.len(),
-    ))
-}
-
-fn number(cell: &str, name: &str, line: u64) -> std::result::Result<f64, String> {
-    let place = format!("line {line}, column '{name}'");
-    match cell.to_lowercase().as_str() {
-        "" | "nan" | "na" | "null" => Ok(f64::NAN),
-        lower => match lower.parse::<f64>() {
-            Ok(value) if value.is_finite() => Ok(value),
-            Ok(_) => Err(format!("{place}: '{cell}' is infinite; leave the cell empty or remove the row")),
-            Err(_) => Err(format!(
-                "{place}: '{}' is not a number; correct it, leave the cell empty, or name the columns to use with \
-                 --columns",
-                cell.chars().take(40).collect::<String>()
-            )),
-        },
-    }
-}
-
-fn check_time(time: &[f64], name: &str, lines: &[u64]) -> std::result::Result<(), String> {
-    if let Some(row) = time.iter().position(|t| t.is_nan()) {
-        return Err(format!(
-            "line {}, column '{name}': the time is missing; fill it in or remove the row",
-            lines[row]
-        ));
-    }
-    let Some(row) = time.windows(2).position(|pair| pair[1] <= pair[0]) else { return Ok(()) };
-    let what = if time[row + 1] < time[row] { "goes back" } else { "stands still" };
-    Err(format!(
-        "line {}, column '{name}': time {what} (from {} to {}); sort the rows, or split the recordings into files \
-         of their own",
-        lines[row + 1],
-        time[row],
-        time[row + 1]
-    ))
+/// Whether a row begins with a whole number, as R's rows do.
+fn row_number(record: &ByteRecord) -> bool {
+    record
+        .get(0)
+        .and_then(|cell| std::str::from_utf8(cell).ok())
+        .is_some_and(|cell| cell.trim().parse::<i64>().is_ok())
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
 
-    fn parse(text: &str) -> std::result::Result<Table, Complaint> {
-        Table::parse(text.as_bytes(), None)
+    fn parse(text: &str) -> Parsed<Table> {
+        Table::parse(text.as_bytes(), &Reading::default())
     }
 
     fn complaint(text: &str) -> String {
@@ -405,8 +598,8 @@ mod tests {
         assert!(complaint("a,b\n").contains("only a header"));
         assert_eq!(
             complaint("a,b\n1,2\n3,fast\n"),
-            "line 3, column 'b': 'fast' is not a number; correct it, leave the cell empty, or name the columns to use \
-             with --columns"
+            "line 3, column 'b': 'fast' is not a number; correct it, leave the cell empty, name the columns to use with \
+             --columns, or turn words into codes with --encode codes"
         );
         assert!(complaint("a,b\n1,2\n3\n").starts_with("line 3 has 1 cells, the header has 2 names"));
         assert!(complaint("a,b\n1,2,3\n").starts_with("line 2 has 3 cells"));
@@ -449,14 +642,16 @@ mod tests {
     #[test]
     fn only_the_wanted_columns_are_read() {
         let wanted = ["h_dg".to_owned(), "h_v".to_owned()];
-        let table = Table::parse(b"h_v,note,h_dg\n1,fast,2\n2,slow,3\n", Some(&wanted)).expect("reads");
+        let reading = Reading { columns: Some(wanted.to_vec()), ..Reading::default() };
+        let table = Table::parse(b"h_v,note,h_dg\n1,fast,2\n2,slow,3\n", &reading).expect("reads");
         assert_eq!(table.names, wanted);
         assert_eq!(table.values[[1, 0]], 3.0);
     }
 
     #[test]
     fn an_unknown_column_gets_the_nearest_name() {
-        match Table::parse(b"h_v,h_dg\n1,2\n2,3\n", Some(&["h_gd".to_owned()])) {
+        let reading = Reading { columns: Some(vec!["h_gd".to_owned()]), ..Reading::default() };
+        match Table::parse(b"h_v,h_dg\n1,2\n2,3\n", &reading) {
             Err(Complaint::Columns(reason)) => assert!(reason.contains("did you mean 'h_dg'?"), "{reason}"),
             other => panic!("{other:?}"),
         }

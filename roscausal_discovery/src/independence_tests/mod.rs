@@ -55,8 +55,8 @@ mod settings;
 
 pub(crate) use cholesky::residuals;
 pub use cmiknn::CmiKnn;
-pub(crate) use gpdc::uniform_dependence;
 pub use gpdc::{GpOptimum, Gpdc};
+pub(crate) use gpdc::{bytes as gpdc_bytes, uniform_dependence};
 #[cfg(feature = "python")]
 pub use gpdc_python::GpdcPython;
 pub use gsquared::Gsquared;

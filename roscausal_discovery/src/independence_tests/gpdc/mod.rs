@@ -134,6 +134,11 @@ impl Gpdc {
     }
 }
 
+/// Bytes that one test on `n` samples needs at the least.
+pub(crate) fn bytes(n: usize) -> usize {
+    GaussianProcess::bytes(n, 1)
+}
+
 impl CondIndTest for Gpdc {
     fn name(&self) -> &'static str {
         "gpdc"

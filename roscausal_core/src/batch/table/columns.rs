@@ -1,0 +1,191 @@
+//! The columns of a header: their names, which of them are wanted, and which one is the time.
+
+use roscausal_discovery::names;
+
+use super::time::Unit;
+
+/// Names of the column of sample times, which is not a variable; a unit may follow (`time_ms`, `Time [s]`).
+const TIME_NAMES: [&str; 12] = [
+    "time",
+    "t",
+    "timestamp",
+    "stamp",
+    "datetime",
+    "date_time",
+    "date",
+    "header.stamp",
+    "header_stamp",
+    "ros_time",
+    "rosbagtimestamp",
+    "time_stamp",
+];
+
+/// The column of times, and the unit in its name.
+pub(super) fn time_column(header: &[String]) -> Option<(usize, Option<Unit>)> {
+    header.iter().enumerate().find_map(|(column, name)| Some((column, time_name(name)?)))
+}
+
+/// Whether a name is one of a column of times, and the unit in it.
+fn time_name(name: &str) -> Option<Option<Unit>> {
+    let name = name.trim().trim_start_matches(['%', '.']).to_lowercase();
+    if TIME_NAMES.contains(&name.as_str()) {
+        return Some(None);
+    }
+    let (base, unit) = name.rsplit_once(['_', ' ', '[', '('])?;
+    let unit = unit.trim_end_matches([']', ')']).parse().ok()?;
+    let base = base.trim_end_matches(['_', ' ', '[', '(']);
+    TIME_NAMES.contains(&base).then_some(Some(unit))
+}
+
+/// Checks the names of a header. The empty name of a first column is that of pandas' index, of a last one a separator too
+/// many; both are allowed here.
+pub(super) fn check_names(names: &[String]) -> Result<(), String> {
+    if names.iter().all(|name| name.is_empty() || name.parse::<f64>().is_ok()) {
+        return Err(
+            "line 1 holds numbers; the first line must be a header with the names of the columns".into()
+        );
+    }
+    for (column, name) in names.iter().enumerate() {
+        let at_an_end = column == 0 || column + 1 == names.len();
+        if name.trim().is_empty() && !(at_an_end && names.len() > 2) {
+            return Err(format!("line 1, column {}: the name is empty; name every column", column + 1));
+        }
+        if let Some(earlier) = names[..column].iter().position(|other| other == name && !name.is_empty()) {
+            return Err(format!(
+                "line 1: '{name}' names both column {} and column {}; give every column a name of its own",
+                earlier + 1,
+                column + 1
+            ));
+        }
+    }
+    Ok(())
+}
+
+/// Whether a first column is the row numbers that pandas and R write.
+pub(super) fn is_index(name: &str) -> bool {
+    name.is_empty() || name == "Unnamed: 0"
+}
+
+/// The columns of `header` that `wanted` names: a name in any spelling, a pattern with `*` and `?`, a range `a..c`, or
+/// `!pattern`, which takes columns away (from all others if nothing else is named).
+pub(super) fn chosen(
+    header: &[String],
+    wanted: &[String],
+    time: Option<usize>,
+) -> Result<Vec<usize>, String> {
+    let is_variable = |column: &usize| Some(*column) != time;
+    let mut columns: Vec<usize> = Vec::new();
+    if wanted.iter().all(|name| name.starts_with('!')) {
+        columns.extend((0..header.len()).filter(is_variable));
+    }
+    for name in wanted {
+        if let Some(pattern) = name.strip_prefix('!') {
+            let away = matching(header, pattern)?;
+            columns.retain(|column| !away.contains(column));
+            continue;
+        }
+        let several = name.contains(['*', '?']) || name.contains("..");
+        for column in matching(header, name)? {
+            match (columns.contains(&column), several) {
+                (true, false) => return Err(format!("'{name}' is named twice; name each column once")),
+                (true, true) => {}
+                (false, _) if several && Some(column) == time => {}
+                (false, _) => columns.push(column),
+            }
+        }
+    }
+    if columns.is_empty() {
+        return Err(format!("no column is left; columns: {}", header.join(", ")));
+    }
+    Ok(columns)
+}
+
+fn matching(header: &[String], name: &str) -> Result<Vec<usize>, String> {
+    if let Some(column) = names::position(header, name) {
+        return Ok(vec![column]);
+    }
+    if let Some((from, to)) = name.split_once("..") {
+        let (from, to) = (one(header, from)?, one(header, to)?);
+        return Ok(if from <= to { (from..=to).collect() } else { (to..=from).rev().collect() });
+    }
+    if name.contains(['*', '?']) {
+        let found: Vec<usize> =
+            (0..header.len()).filter(|&column| fits(name, &names::plain(&header[column]))).collect();
+        return if found.is_empty() { Err(unknown(header, name)) } else { Ok(found) };
+    }
+    Err(unknown(header, name))
+}
+
+fn one(header: &[String], name: &str) -> Result<usize, String> {
+    names::position(header, name).ok_or_else(|| unknown(header, name))
+}
+
+fn unknown(header: &[String], name: &str) -> String {
+    let hint = names::nearest(header, name).map_or(String::new(), |near| format!("did you mean '{near}'? "));
+    format!("there is no column '{name}'; {hint}columns: {}", header.join(", "))
+}
+
+/// Whether a name fits a pattern in which `*` stands for any text and `?` for one character.
+fn fits(pattern: &str, name: &str) -> bool {
+    let (pattern, name): (Vec<char>, Vec<char>) = (pattern.chars().collect(), name.chars().collect());
+    // For each prefix of the name: whether the pattern so far fits it.
+    let mut fits: Vec<bool> = (0..=name.len()).map(|length| length == 0).collect();
+    for letter in pattern {
+        let before = fits.clone();
+        for length in 0..=name.len() {
+            fits[length] = match letter {
+                '*' => before[length] || (length > 0 && fits[length - 1]),
+                '?' => length > 0 && before[length - 1],
+                letter => length > 0 && before[length - 1] && name[length - 1] == letter,
+            };
+        }
+    }
+    fits[name.len()]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn strings(names: &str) -> Vec<String> {
+        names.split(' ').map(str::to_owned).collect()
+    }
+
+    #[test]
+    fn a_column_of_times_is_known_by_its_name_with_or_without_a_unit() {
+        for (name, unit) in [
+            ("Time", None),
+            ("%time", None),
+            ("time_ms", Some(Unit::Milliseconds)),
+            ("Time [s]", Some(Unit::Seconds)),
+            ("timestamp(ns)", Some(Unit::Nanoseconds)),
+            ("t_us", Some(Unit::Microseconds)),
+        ] {
+            assert_eq!(time_name(name), Some(unit), "{name}");
+        }
+        for name in ["time_to_goal", "step", "h_v", "time_of_day", "temperature", "dt_ms"] {
+            assert_eq!(time_name(name), None, "{name}");
+        }
+    }
+
+    #[test]
+    fn columns_are_chosen_by_name_range_pattern_and_exclusion() {
+        let header = strings("time h_v h_dg h_risk r_v");
+        let chosen = |wanted: &str| chosen(&header, &strings(wanted), Some(0)).expect("is there");
+        assert_eq!(chosen("h_dg h_v"), [2, 1]);
+        assert_eq!(chosen("h_*"), [1, 2, 3]);
+        assert_eq!(chosen("?_v"), [1, 4]);
+        assert_eq!(chosen("h_dg..r_v"), [2, 3, 4]);
+        assert_eq!(chosen("!r_*"), [1, 2, 3]);
+        assert_eq!(chosen("h_* !h_dg"), [1, 3]);
+        assert_eq!(chosen("*"), [1, 2, 3, 4]);
+    }
+
+    #[test]
+    fn a_choice_of_nothing_is_refused() {
+        let header = strings("time h_v");
+        for wanted in ["x_*", "h_w", "h_v h_v", "!h_v", "h_v..h_w"] {
+            assert!(chosen(&header, &strings(wanted), Some(0)).is_err(), "{wanted}");
+        }
+    }
+}

@@ -1,0 +1,332 @@
+//! Rows at one step: a lag must mean the same time everywhere.
+//!
+//! 1. Steps longer than the largest gap end a recording; the rows behind them are another one.
+//! 2. With a step asked for, each recording is resampled to it.
+//! 3. Otherwise the steps must be even: at most one in ten may be off by more than a quarter. What they vary by is told.
+
+use std::str::FromStr;
+
+use ndarray::{Array2, Axis, s};
+
+use super::{Note, Table};
+
+/// Steps farther than this fraction from the median are uneven.
+const UNEVEN: f64 = 0.25;
+/// The share of uneven steps from which a recording is irregular.
+const IRREGULAR: f64 = 0.1;
+/// A gap is longer than this many steps, unless the user says how long.
+const GAP_STEPS: f64 = 5.0;
+/// Even steps that vary by more than this are told.
+const WORTH_TELLING: f64 = 0.02;
+/// A table has at most this many rows after resampling.
+const MOST_ROWS: f64 = 1e8;
+
+/// How rows come to one step.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Steps {
+    /// The step to resample to, seconds; `None`: the rows stay as they are.
+    pub dt: Option<f64>,
+    /// What a resampled row holds.
+    pub how: Resample,
+    /// A longer step is a gap, seconds; `None`: five times the median (or what is resampled to, if that is longer).
+    pub max_gap: Option<f64>,
+}
+
+/// What a resampled row holds.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Resample {
+    /// The last sample at or before its time.
+    #[default]
+    Last,
+    /// The mean of the samples since the row before.
+    Mean,
+    /// The line between the samples before and after.
+    Linear,
+}
+
+impl Resample {
+    /// The names that users choose by.
+    pub const NAMES: [&'static str; 3] = ["last", "mean", "linear"];
+}
+
+impl FromStr for Resample {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        match text {
+            "last" => Ok(Self::Last),
+            "mean" => Ok(Self::Mean),
+            "linear" => Ok(Self::Linear),
+            other => Err(format!("'{other}' is unknown; allowed: {}", Self::NAMES.join(", "))),
+        }
+    }
+}
+
+/// Median step between times, seconds.
+pub(super) fn median_step(time: &[f64]) -> Option<f64> {
+    let mut steps: Vec<f64> = time.windows(2).map(|pair| pair[1] - pair[0]).collect();
+    let middle = steps.len() / 2;
+    (!steps.is_empty()).then(|| *steps.select_nth_unstable_by(middle, f64::total_cmp).1)
+}
+
+impl Table {
+    /// The rows at one step, as one table for each recording without a gap. A table without times stays as it is.
+    ///
+    /// # Errors
+    /// Uneven steps without a step to resample to; a step that gives no row, or too many; a resampled table without times.
+    pub fn at_even_steps(mut self, steps: &Steps) -> Result<Vec<Self>, String> {
+        let Some(time) = self.time.take() else {
+            return match steps.dt {
+                Some(_) => Err(
+                    "it has no times, so it cannot be resampled; leave --dt out, or name the column with \
+                                --time-column"
+                        .into(),
+                ),
+                None => Ok(vec![self]),
+            };
+        };
+        let Some(median) = median_step(&time) else {
+            self.time = Some(time);
+            return Ok(vec![self]);
+        };
+        let usual = median.max(steps.dt.unwrap_or(0.0));
+        let max_gap = steps.max_gap.unwrap_or(GAP_STEPS * usual);
+        let parts = parts(&time, max_gap);
+        let mut notes = std::mem::take(&mut self.notes);
+        if parts.len() > 1 {
+            let longest = time.windows(2).map(|pair| pair[1] - pair[0]).fold(0.0, f64::max);
+            let count = parts.len() - 1;
+            notes.push(Note::Read(format!(
+                "{count} gap{} of more than {} s (the longest {} s): analysed as {} recordings; no lag spans a gap",
+                if count == 1 { "" } else { "s" },
+                digits(max_gap),
+                digits(longest),
+                parts.len()
+            )));
+        }
+        let jitter = Jitter::of(&time, median, max_gap);
+        if steps.dt.is_none() {
+            notes.extend(jitter.checked(median)?.map(Note::Read));
+        }
+        let mut tables = Vec::new();
+        for (from, to) in parts {
+            let (values, time) = (self.values.slice(s![from..to, ..]).to_owned(), time[from..to].to_vec());
+            let (values, time) = match steps.dt {
+                Some(dt) => resampled(&values, &time, dt, steps.how, max_gap)?,
+                None => (values, time),
+            };
+            if values.nrows() > 0 {
+                tables.push(Self { names: self.names.clone(), values, time: Some(time), notes: Vec::new() });
+            }
+        }
+        let Some(first) = tables.first_mut() else { return Err("no row is left after resampling".into()) };
+        if let Some(dt) = steps.dt {
+            notes.retain(|note| matches!(note, Note::Read(_)));
+            let was = format!("from steps of about {} s (median)", digits(median));
+            notes.push(Note::Read(format!("resampled to steps of {} s {was}", digits(dt))));
+        }
+        first.notes = notes;
+        Ok(tables)
+    }
+}
+
+/// The rows without a gap between them: first, and one past the last.
+fn parts(time: &[f64], max_gap: f64) -> Vec<(usize, usize)> {
+    // Stamps have errors in their last digits.
+    let is_gap = |row: &usize| time[*row] - time[*row - 1] > max_gap * (1.0 + 1e-9);
+    let mut starts: Vec<usize> = std::iter::once(0).chain((1..time.len()).filter(is_gap)).collect();
+    starts.push(time.len());
+    starts.windows(2).map(|pair| (pair[0], pair[1])).collect()
+}
+
+/// How even the steps are, gaps left out.
+struct Jitter {
+    /// Standard deviation, in medians.
+    deviation: f64,
+    /// The share of uneven steps.
+    uneven: f64,
+}
+
+impl Jitter {
+    fn of(time: &[f64], median: f64, max_gap: f64) -> Self {
+        let off = time
+            .windows(2)
+            .map(|pair| pair[1] - pair[0])
+            .filter(|step| *step <= max_gap)
+            .map(|step| step / median - 1.0);
+        let (mut n, mut squares, mut uneven) = (0.0, 0.0, 0.0);
+        for off in off {
+            n += 1.0;
+            squares += off * off;
+            uneven += f64::from(u8::from(off.abs() > UNEVEN));
+        }
+        let n = f64::max(n, 1.0);
+        Self { deviation: (squares / n).sqrt(), uneven: uneven / n }
+    }
+
+    /// What to tell of steps that are even enough.
+    fn checked(&self, median: f64) -> Result<Option<String>, String> {
+        let (percent, median) = (|share: f64| (share * 100.0).round(), digits(median));
+        if self.uneven > IRREGULAR || !self.deviation.is_finite() {
+            return Err(format!(
+                "its steps are uneven: the median is {median} s, and {} % of them are off by more than a quarter; a lag would mean \
+                 many times. Resample it with --dt {median} --resample last (or mean, or linear)",
+                percent(self.uneven)
+            ));
+        }
+        let told = || {
+            format!("steps of {median} s vary by {} % (standard deviation)", percent(self.deviation).max(1.0))
+        };
+        Ok((self.deviation > WORTH_TELLING).then(told))
+    }
+}
+
+/// Rows at the times `k dt` within the recording. A value is missing where the samples it would need lie farther apart than
+/// `max_gap`, or are missing themselves.
+fn resampled(
+    values: &Array2<f64>,
+    time: &[f64],
+    dt: f64,
+    how: Resample,
+    max_gap: f64,
+) -> Result<(Array2<f64>, Vec<f64>), String> {
+    let (first, last) = (time[0], time[time.len() - 1]);
+    // Grids of several recordings have the same phase: that of whole multiples of the step since the first sample.
+    let count = ((last - first) / dt * (1.0 + 1e-12) + 1e-6).floor() + 1.0;
+    if !(dt > 0.0 && count <= MOST_ROWS) {
+        return Err(format!("--dt {dt} would give {count} rows; give a longer step"));
+    }
+    let grid: Vec<f64> = (0..count as usize).map(|row| first + row as f64 * dt).collect();
+    let mut out = Array2::from_elem((grid.len(), values.ncols()), f64::NAN);
+    // Stamps a little late still count for their row.
+    let late = 1e-6 * dt;
+    for (column, mut cells) in values.axis_iter(Axis(1)).zip(out.axis_iter_mut(Axis(1))) {
+        // Samples of this column that are there, and how many of them lie at or before the grid's time.
+        let there: Vec<(f64, f64)> = time
+            .iter()
+            .zip(column)
+            .filter(|(_, value)| !value.is_nan())
+            .map(|(&t, &value)| (t, value))
+            .collect();
+        let (mut before, mut since) = (0, 0);
+        for (row, &at) in grid.iter().enumerate() {
+            while there.get(before).is_some_and(|(t, _)| *t <= at + late) {
+                before += 1;
+            }
+            let Some(&(t, value)) = before.checked_sub(1).and_then(|last| there.get(last)) else { continue };
+            cells[row] = match how {
+                Resample::Last if at - t <= max_gap => value,
+                Resample::Mean if since < before => {
+                    there[since..before].iter().map(|(_, value)| value).sum::<f64>() / (before - since) as f64
+                }
+                Resample::Linear => match there.get(before) {
+                    Some(&(next, after)) if next - t <= max_gap => {
+                        value + (after - value) * ((at - t) / (next - t)).clamp(0.0, 1.0)
+                    }
+                    _ if (at - t).abs() <= late => value,
+                    _ => f64::NAN,
+                },
+                _ => f64::NAN,
+            };
+            since = before;
+        }
+    }
+    Ok((out, grid))
+}
+
+/// Six digits, without zeros at the end.
+fn digits(seconds: f64) -> f64 {
+    let scale = 10_f64.powf(5.0 - seconds.abs().max(1e-12).log10().floor());
+    (seconds * scale).round() / scale
+}
+
+#[cfg(test)]
+mod tests {
+    use ndarray::array;
+
+    use super::*;
+
+    fn table(time: &[f64], value: impl Fn(f64) -> f64) -> Table {
+        let values = Array2::from_shape_fn((time.len(), 1), |(row, _)| value(time[row]));
+        Table { names: vec!["a".into()], values, time: Some(time.to_vec()), notes: Vec::new() }
+    }
+
+    fn even(n: usize, step: f64) -> Vec<f64> {
+        (0..n).map(|row| row as f64 * step).collect()
+    }
+
+    #[test]
+    fn a_gap_ends_a_recording() {
+        let mut time = even(100, 0.1);
+        time.iter_mut().skip(40).for_each(|t| *t += 20.0);
+        let tables = table(&time, |t| t).at_even_steps(&Steps::default()).expect("even");
+        assert_eq!(tables.iter().map(|table| table.values.nrows()).collect::<Vec<_>>(), [40, 60]);
+        let told = tables[0].notes[0].to_string();
+        assert!(
+            told.starts_with("1 gap of more than 0.5 s (the longest 20.1 s): analysed as 2 recordings"),
+            "{told}"
+        );
+        let wide = Steps { max_gap: Some(30.0), ..Steps::default() };
+        assert_eq!(table(&time, |t| t).at_even_steps(&wide).expect("one").len(), 1);
+    }
+
+    #[test]
+    fn uneven_steps_are_an_error_that_says_how_to_go_on() {
+        let mut at = 0.0;
+        let time: Vec<f64> = (0..200)
+            .map(|i| {
+                at += 0.02 + 0.1 * f64::from(i * 37 % 101) / 101.0;
+                at
+            })
+            .collect();
+        let error = table(&time, |t| t).at_even_steps(&Steps::default()).expect_err("uneven");
+        assert!(
+            error.contains("uneven") && error.contains("--dt 0.") && error.contains("--resample last"),
+            "{error}"
+        );
+        let steps = Steps { dt: Some(0.1), how: Resample::Linear, max_gap: None };
+        let even = table(&time, |t| 3.0 * t).at_even_steps(&steps).expect("resampled").remove(0);
+        assert!((even.dt().expect("times") - 0.1).abs() < 1e-9);
+        let times = even.time.expect("times");
+        assert!(times.iter().zip(&even.values).all(|(t, value)| (value - 3.0 * t).abs() < 1e-9));
+    }
+
+    #[test]
+    fn a_little_jitter_is_told() {
+        let time: Vec<f64> = (0..100).map(|i| 0.1 * f64::from(i) + 0.004 * f64::from(i % 3)).collect();
+        let tables = table(&time, |t| t).at_even_steps(&Steps::default()).expect("even");
+        assert!(tables[0].notes[0].to_string().contains("vary by"), "{:?}", tables[0].notes);
+        assert!(
+            table(&even(100, 0.1), |t| t).at_even_steps(&Steps::default()).expect("even")[0].notes.is_empty()
+        );
+    }
+
+    #[test]
+    fn each_way_of_resampling_gives_what_it_says() {
+        let values = array![[0.0], [1.0], [4.0], [f64::NAN], [8.0]];
+        let time = [0.0, 0.1, 0.2, 0.3, 0.4];
+        let row = |how, dt| {
+            resampled(&values, &time, dt, how, 1.0).expect("resampled").0.into_raw_vec_and_offset().0
+        };
+        assert_eq!(row(Resample::Last, 0.2), [0.0, 4.0, 8.0]);
+        assert_eq!(row(Resample::Mean, 0.2), [0.0, 2.5, 8.0]);
+        assert_eq!(row(Resample::Linear, 0.1)[3], 6.0);
+        let held =
+            resampled(&array![[1.0], [2.0]], &[0.0, 1.0], 0.25, Resample::Last, 0.3).expect("resampled").0;
+        assert!(held[[1, 0]] == 1.0 && held[[2, 0]].is_nan() && held[[4, 0]] == 2.0);
+    }
+
+    #[test]
+    fn without_times_there_is_nothing_to_resample() {
+        let plain = || Table { time: None, ..table(&even(5, 1.0), |t| t) };
+        assert_eq!(plain().at_even_steps(&Steps::default()).expect("as it is").len(), 1);
+        assert!(plain().at_even_steps(&Steps { dt: Some(1.0), ..Steps::default() }).is_err());
+        for dt in [0.0, -1.0, f64::NAN, 1e-12] {
+            assert!(
+                table(&even(5, 1.0), |t| t)
+                    .at_even_steps(&Steps { dt: Some(dt), ..Steps::default() })
+                    .is_err()
+            );
+        }
+    }
+}

@@ -1,0 +1,177 @@
+//! Sample times: their units, and dates.
+
+use std::str::FromStr;
+
+use chrono::{DateTime, NaiveDate, NaiveDateTime, NaiveTime};
+
+/// The unit of a column of times.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Unit {
+    /// `s`
+    Seconds,
+    /// `ms`
+    Milliseconds,
+    /// `us`
+    Microseconds,
+    /// `ns`
+    Nanoseconds,
+}
+
+impl Unit {
+    /// The names that users choose by.
+    pub const NAMES: [&'static str; 4] = ["s", "ms", "us", "ns"];
+
+    /// Units in a second.
+    fn per_second(self) -> f64 {
+        match self {
+            Self::Seconds => 1.0,
+            Self::Milliseconds => 1e3,
+            Self::Microseconds => 1e6,
+            Self::Nanoseconds => 1e9,
+        }
+    }
+
+    fn plural(self) -> &'static str {
+        match self {
+            Self::Seconds => "seconds",
+            Self::Milliseconds => "milliseconds",
+            Self::Microseconds => "microseconds",
+            Self::Nanoseconds => "nanoseconds",
+        }
+    }
+}
+
+impl FromStr for Unit {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        match text {
+            "s" | "sec" | "secs" | "seconds" => Ok(Self::Seconds),
+            "ms" | "msec" | "millis" | "milliseconds" => Ok(Self::Milliseconds),
+            "us" | "µs" | "usec" | "micros" | "microseconds" => Ok(Self::Microseconds),
+            "ns" | "nsec" | "nanos" | "nanoseconds" => Ok(Self::Nanoseconds),
+            other => Err(format!("'{other}' is no unit of time; allowed: {}", Self::NAMES.join(", "))),
+        }
+    }
+}
+
+/// Times in seconds, and what to tell about their unit. `known` is the unit if the user or the header says it.
+///
+/// Without it: numbers since 1970 tell it by their size; of others, whole numbers in steps of a million and more are
+/// nanoseconds, and the rest are seconds.
+pub(super) fn in_seconds(mut time: Vec<f64>, known: Option<Unit>) -> (Vec<f64>, Option<String>) {
+    let (unit, told) = match known {
+        Some(unit) => (unit, None),
+        None => guessed(&time),
+    };
+    if unit != Unit::Seconds {
+        // The first time is taken off before the division, so that steps keep their digits.
+        let (first, per) = (time.first().copied().unwrap_or(0.0), unit.per_second());
+        time.iter_mut().for_each(|t| *t = (*t - first) / per + first / per);
+    }
+    (time, told)
+}
+
+fn guessed(time: &[f64]) -> (Unit, Option<String>) {
+    let first = time.first().copied().unwrap_or(0.0).abs();
+    // From 1973 to 5138 in each unit.
+    let since_1970 = [Unit::Seconds, Unit::Milliseconds, Unit::Microseconds, Unit::Nanoseconds];
+    if let Some(unit) = since_1970.into_iter().find(|unit| (1e8..1e11).contains(&(first / unit.per_second())))
+    {
+        let told =
+            (unit != Unit::Seconds).then(|| format!("times are taken as {} since 1970", unit.plural()));
+        return (unit, told);
+    }
+    let whole = time.iter().all(|t| t.fract() == 0.0);
+    let span = time.last().copied().unwrap_or(0.0) - time.first().copied().unwrap_or(0.0);
+    let step = span / (time.len().max(2) - 1) as f64;
+    if whole && step >= 1e6 {
+        let told = "times are taken as nanoseconds, by the size of their steps (--time-unit says otherwise)";
+        return (Unit::Nanoseconds, Some(told.into()));
+    }
+    let told = (whole && step >= 5.0).then(|| {
+        format!("times are taken as seconds, in steps of about {step:.0} (--time-unit says otherwise)")
+    });
+    (Unit::Seconds, told)
+}
+
+/// A date and time in seconds since 1970, or a time of day in seconds since midnight. ISO 8601, with or without a zone (then
+/// UTC): `2026-11-24T08:30:00.25+01:00`, `2026-11-24 08:30:00`, `2026-11-24`, `08:30:00.25`.
+pub(super) fn date(text: &str) -> Option<f64> {
+    let text = text.trim();
+    if !text.contains([':', '-', '/']) || !text.starts_with(|letter: char| letter.is_ascii_digit()) {
+        return None;
+    }
+    let seconds = |whole: i64, nanoseconds: u32| whole as f64 + f64::from(nanoseconds) * 1e-9;
+    let zoned = DateTime::parse_from_rfc3339(text)
+        .ok()
+        .or_else(|| DateTime::parse_from_str(text, "%Y-%m-%d %H:%M:%S%.f%#z").ok())
+        .or_else(|| DateTime::parse_from_str(text, "%Y-%m-%dT%H:%M:%S%.f%#z").ok())
+        .or_else(|| DateTime::parse_from_str(text, "%Y-%m-%d %H:%M:%S%.f %#z").ok());
+    if let Some(zoned) = zoned {
+        return Some(seconds(zoned.timestamp(), zoned.timestamp_subsec_nanos()));
+    }
+    let text = text.trim_end_matches('Z').trim_end_matches(" UTC");
+    for format in [
+        "%Y-%m-%dT%H:%M:%S%.f",
+        "%Y-%m-%d %H:%M:%S%.f",
+        "%Y/%m/%d %H:%M:%S%.f",
+        "%Y-%m-%d %H:%M",
+        "%Y-%m-%dT%H:%M",
+    ] {
+        if let Ok(found) = NaiveDateTime::parse_from_str(text, format) {
+            let found = found.and_utc();
+            return Some(seconds(found.timestamp(), found.timestamp_subsec_nanos()));
+        }
+    }
+    if let Ok(day) = NaiveDate::parse_from_str(text, "%Y-%m-%d") {
+        return Some(day.and_time(NaiveTime::MIN).and_utc().timestamp() as f64);
+    }
+    let of_day = NaiveTime::parse_from_str(text, "%H:%M:%S%.f").ok()?;
+    let since = of_day.signed_duration_since(NaiveTime::MIN);
+    Some(since.num_nanoseconds()? as f64 * 1e-9)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_unit_of_times_since_1970_is_their_size() {
+        for per in [1.0, 1e3, 1e6, 1e9] {
+            let start = 1_464_818_234.0;
+            let time: Vec<f64> = (0..5).map(|i| (start + 0.25 * f64::from(i)) * per).collect();
+            let (found, told) = in_seconds(time, None);
+            assert!((found[4] - found[0] - 1.0).abs() < 1e-6 && (found[0] - start).abs() < 1e-3, "{per}");
+            assert_eq!(told.is_some(), per > 1.0);
+        }
+    }
+
+    #[test]
+    fn steps_of_a_million_are_nanoseconds_and_the_user_has_the_last_word() {
+        let time = |step: f64| (0..5).map(|i| step * f64::from(i)).collect::<Vec<_>>();
+        assert_eq!(in_seconds(time(1e8), None).0, time(0.1));
+        assert_eq!(in_seconds(time(100.0), None).0, time(100.0));
+        assert!(in_seconds(time(100.0), None).1.is_some_and(|told| told.contains("--time-unit")));
+        assert_eq!(in_seconds(time(100.0), Some(Unit::Milliseconds)), (time(0.1), None));
+        assert_eq!(in_seconds(time(0.1), None), (time(0.1), None));
+    }
+
+    #[test]
+    fn dates_with_and_without_a_zone_are_seconds_since_1970() {
+        for (text, seconds) in [
+            ("1970-01-01T00:00:01Z", 1.0),
+            ("1970-01-01 01:00:01.5+01:00", 1.5),
+            ("1970-01-01T01:00:01.5+0100", 1.5),
+            ("1970-01-01 00:01:00", 60.0),
+            ("1970/01/02 00:00:00", 86400.0),
+            ("1970-01-02", 86400.0),
+            ("00:00:02.25", 2.25),
+        ] {
+            assert_eq!(date(text), Some(seconds), "{text}");
+        }
+        for text in ["", "1.5", "-3", "walk-fast", "01/02/1970 00:00:00"] {
+            assert_eq!(date(text), None, "{text}");
+        }
+    }
+}

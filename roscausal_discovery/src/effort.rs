@@ -1,0 +1,124 @@
+//! What an analysis will take, before it starts: memory, and CPU time on one core of a usual machine.
+//!
+//! The figures are rough: the number of tests depends on the links that are found, the time of one test on the data. They
+//! tell seconds from hours and from never. Times of one test come from docs/speed.md.
+
+use crate::{
+    analysis::Settings, independence_tests::gpdc_bytes, methods::Method, transfer_entropy::TeEstimator,
+};
+
+/// CPU seconds of one test of GPDC, and of CMIknn, on 500 samples.
+const GPDC_S: f64 = 0.043;
+const CMIKNN_S: f64 = 0.083;
+/// CPU seconds for each sample of a linear test.
+const LINEAR_S: f64 = 2e-9;
+/// CPU seconds for each sample of a test with ranks or counts.
+const RANKED_S: f64 = 1e-7;
+/// Rows that a kept sample takes in memory: the data, and what a test copies of it.
+const COPIES: f64 = 4.0;
+
+/// What an analysis will take.
+///
+/// ```
+/// use roscausal_discovery::{Effort, Settings};
+///
+/// let gpdc = Settings::default();
+/// let parcorr = Settings { cond_ind_test: "parcorr".into(), ..Settings::default() };
+/// // A million rows of ten variables: terabytes with GPDC, a moment with partial correlation.
+/// assert!(Effort::of(1_000_000, 10, &gpdc).bytes > 1e12);
+/// assert!(Effort::of(1_000_000, 10, &parcorr).seconds < 60.0);
+/// ```
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Effort {
+    /// Memory that it needs at the least.
+    pub bytes: f64,
+    /// CPU seconds on one core, roughly; threads share them.
+    pub seconds: f64,
+}
+
+impl Effort {
+    /// The effort for `n_samples` samples of `n_vars` variables.
+    pub fn of(n_samples: usize, n_vars: usize, settings: &Settings) -> Self {
+        let (n, vars) = (n_samples as f64, n_vars as f64);
+        let lags = settings.tau_max.saturating_sub(settings.tau_min) as f64 + 1.0;
+        let pairs = vars * vars * lags;
+        let tests = pairs * tests_per_pair(settings.method);
+        let relative = n / 500.0;
+        let of_test = match settings.cond_ind_test.as_str() {
+            "gpdc" | "gpdcpython" => GPDC_S * relative.powi(3),
+            "cmiknn" => CMIKNN_S * relative.powi(2),
+            "parcorr" => LINEAR_S * n,
+            _ => RANKED_S * n,
+        };
+        let of_pair_in_filter = match (settings.method, settings.te_estimator) {
+            (Method::Fpcmci, TeEstimator::Kraskov) => 1e-5 * n * n.max(2.0).log2(),
+            (Method::Fpcmci, _) => RANKED_S * n,
+            _ => 0.0,
+        };
+        let rows = COPIES * n * vars * (settings.tau_max as f64 + 1.0) * size_of::<f64>() as f64;
+        let matrices = if settings.cond_ind_test == "gpdc" { gpdc_bytes_of(n) } else { 0.0 };
+        Self { bytes: rows + matrices, seconds: tests * of_test + pairs * of_pair_in_filter }
+    }
+
+    /// The most samples whose effort stays within `bytes` and `seconds`.
+    pub fn most_samples(n_vars: usize, settings: &Settings, bytes: f64, seconds: f64) -> usize {
+        let fits = |n: usize| {
+            let effort = Self::of(n, n_vars, settings);
+            effort.bytes <= bytes && effort.seconds <= seconds
+        };
+        let (mut least, mut most) = (0, 1 << 40);
+        while least + 1 < most {
+            let middle = least + (most - least) / 2;
+            if fits(middle) { least = middle } else { most = middle }
+        }
+        least
+    }
+}
+
+/// PC1 and MCI, or one test of each pair.
+fn tests_per_pair(method: Method) -> f64 {
+    match method {
+        Method::Pcmciplus => 4.0,
+        Method::Fpcmci | Method::Pcmci => 3.0,
+        _ => 1.0,
+    }
+}
+
+/// [`gpdc_bytes`], also where it would not fit into a number of bytes.
+fn gpdc_bytes_of(n: f64) -> f64 {
+    const SOME: usize = 100_000;
+    if n <= SOME as f64 {
+        gpdc_bytes(n as usize) as f64
+    } else {
+        gpdc_bytes(SOME) as f64 * (n / SOME as f64).powi(2)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn more_samples_variables_and_lags_take_more() {
+        let settings =
+            |test: &str, tau_max| Settings { cond_ind_test: test.into(), tau_max, ..Settings::default() };
+        for test in ["gpdc", "cmiknn", "parcorr", "robustparcorr", "gsquared"] {
+            let effort = |n, vars, tau_max| Effort::of(n, vars, &settings(test, tau_max));
+            let base = effort(1000, 3, 1);
+            for more in [effort(2000, 3, 1), effort(1000, 6, 1), effort(1000, 3, 4)] {
+                assert!(more.seconds > base.seconds && more.bytes > base.bytes, "{test}");
+            }
+        }
+    }
+
+    #[test]
+    fn the_most_samples_fit_and_one_more_does_not() {
+        let settings = Settings::default();
+        let most = Effort::most_samples(3, &settings, 4e9, 3600.0);
+        let fits = |n| {
+            let effort = Effort::of(n, 3, &settings);
+            effort.bytes <= 4e9 && effort.seconds <= 3600.0
+        };
+        assert!(most > 1000 && fits(most) && !fits(most + 1), "{most}");
+    }
+}

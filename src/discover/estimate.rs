@@ -1,0 +1,98 @@
+//! Whether an analysis can end on this machine. One that cannot is refused before it starts, with what would fit.
+
+use std::fs;
+
+use roscausal_core::{Error, Result};
+use roscausal_discovery::{DataFrame, Effort, Settings};
+
+use super::MeansArgs;
+
+/// An analysis that takes longer than this is refused, unless a time budget ends it.
+const LONGEST_S: f64 = 86_400.0;
+/// An analysis that takes longer than this is announced.
+const WORTH_TELLING_S: f64 = 20.0;
+/// Memory of a machine that does not tell.
+const USUAL_BYTES: f64 = 16e9;
+
+/// Refuses an analysis that cannot end; returns what to tell of one that takes a while.
+///
+/// # Errors
+/// An analysis that needs more memory than there is (or `--max-memory` allows), or more than a day without `--time-budget`.
+pub(super) fn check(data: &DataFrame, settings: &Settings, means: &MeansArgs) -> Result<Option<String>> {
+    let n = data.recordings().iter().map(|recording| recording.nrows()).sum();
+    let effort = Effort::of(n, data.n_vars(), settings);
+    let cores = std::thread::available_parallelism().map_or(1, usize::from);
+    let threads = means.threads.filter(|&threads| threads > 0).unwrap_or(cores);
+    let seconds = effort.seconds / threads as f64;
+    let available = means.max_memory.map_or_else(memory, |megabytes| megabytes as f64 * 1e6);
+    let longest = if means.time_budget.is_some() { f64::INFINITY } else { LONGEST_S };
+    if effort.bytes <= available && seconds <= longest {
+        let told = format!("this will take about {}, with {}", duration(seconds), size(effort.bytes));
+        return Ok((seconds > WORTH_TELLING_S).then_some(told));
+    }
+    let most = Effort::most_samples(data.n_vars(), settings, available, longest * threads as f64);
+    let what = if effort.bytes > available {
+        format!("{} of memory, and {} are free", size(effort.bytes), size(available))
+    } else {
+        format!("about {}", duration(seconds))
+    };
+    let fewer =
+        format!("fewer rows (at most {}: a window with --rows, a longer step with --dt)", round_down(most));
+    let linear = if matches!(settings.cond_ind_test.as_str(), "parcorr" | "robustparcorr") {
+        "fewer columns (--columns)"
+    } else {
+        "--test parcorr or robustparcorr, which take any number of rows"
+    };
+    Err(Error::Data(format!(
+        "{} with {} on {n} rows of {} variables would take {what}; what would fit: {linear}, or {fewer}",
+        settings.method.name().to_uppercase(),
+        settings.cond_ind_test,
+        data.n_vars(),
+    )))
+}
+
+/// Memory that is free on this machine, in bytes.
+fn memory() -> f64 {
+    let told = fs::read_to_string("/proc/meminfo").ok();
+    let line =
+        told.as_deref().and_then(|text| text.lines().find_map(|line| line.strip_prefix("MemAvailable:")));
+    let kilobytes = line.and_then(|line| line.split_whitespace().next()?.parse::<f64>().ok());
+    kilobytes.map_or(USUAL_BYTES, |kilobytes| kilobytes * 1024.0)
+}
+
+/// `3 minutes`, `5 hours`, `120 years`.
+fn duration(seconds: f64) -> String {
+    let units =
+        [("year", 31_557_600.0), ("day", 86_400.0), ("hour", 3600.0), ("minute", 60.0), ("second", 1.0)];
+    let (unit, length) =
+        units.into_iter().find(|(_, length)| seconds >= 1.5 * length).unwrap_or(("second", 1.0));
+    let count = (seconds / length).round().max(1.0);
+    format!("{count} {unit}{}", if count == 1.0 { "" } else { "s" })
+}
+
+/// `300 MB`, `18 TB`.
+fn size(bytes: f64) -> String {
+    let (unit, length) =
+        [("TB", 1e12), ("GB", 1e9)].into_iter().find(|(_, length)| bytes >= *length).unwrap_or(("MB", 1e6));
+    let count = bytes / length;
+    if count < 10.0 { format!("{count:.1} {unit}") } else { format!("{count:.0} {unit}") }
+}
+
+/// To two digits: the estimate is rough.
+fn round_down(count: usize) -> usize {
+    let digits = count.max(1).ilog10().saturating_sub(1);
+    count / 10_usize.pow(digits) * 10_usize.pow(digits)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn durations_sizes_and_counts_are_read_at_a_glance() {
+        assert_eq!([0.2, 80.0, 7200.0, 1e9].map(duration), ["1 second", "80 seconds", "2 hours", "32 years"]);
+        assert_eq!([3e6, 2.5e9, 1.8e13].map(size), ["3.0 MB", "2.5 GB", "18 TB"]);
+        assert_eq!([0, 7, 4567, 123_456].map(round_down), [0, 7, 4500, 120_000]);
+        assert!(memory() > 1e6);
+    }
+}

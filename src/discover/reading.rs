@@ -1,0 +1,214 @@
+//! How tables are read, and which part of the data is analysed: flags, and what they do.
+
+use std::{ops::RangeInclusive, str::FromStr};
+
+use clap::Args as ClapArgs;
+use ndarray::{Array2, Axis, s};
+use roscausal_core::{
+    Error, Result,
+    batch::{
+        Table,
+        table::{Reading, Resample, Steps, Unit},
+    },
+};
+use roscausal_discovery::{DataFrame, names::plain};
+
+use super::{Data, Input};
+
+/// Flags that say how tables are read.
+#[derive(ClapArgs, Clone, Debug, Default)]
+pub(crate) struct ReadArgs {
+    /// Columns to analyse, separated by commas: names, patterns (`h_*`), ranges (`h_v..h_risk`), `!name` to leave out. Default:
+    /// all except the time.
+    #[arg(long, value_delimiter = ',')]
+    columns: Option<Vec<String>>,
+    /// Table: numbers that stand for a missing value, such as -999, separated by commas; `none`: there are none.
+    #[arg(long, value_name = "NUMBER", value_delimiter = ',', allow_hyphen_values = true)]
+    missing_value: Vec<String>,
+    /// Table: turn words into codes, in alphabetical order from 0.
+    #[arg(long, value_parser = ["codes"])]
+    encode: Option<String>,
+    /// Table: name of the column of times; `none`: there is none. Default: time, t, timestamp and the like.
+    #[arg(long, value_name = "NAME")]
+    time_column: Option<String>,
+    /// Table: unit of the times: s, ms, us, ns. Default: by the column's name (`time_ms`), or the size of the numbers.
+    #[arg(long, value_name = "UNIT")]
+    time_unit: Option<Unit>,
+    /// Table: with --dt, what a row holds: last (sample), mean (since the row before), linear (interpolated).
+    #[arg(long, value_name = "HOW")]
+    resample: Option<Resample>,
+    /// Table: a longer step ends a recording, seconds. Default: five steps.
+    #[arg(long, value_name = "SECONDS")]
+    max_gap: Option<f64>,
+}
+
+impl ReadArgs {
+    /// Whether only some of the columns are wanted.
+    pub(super) fn chooses_columns(&self) -> bool {
+        self.columns.is_some()
+    }
+
+    /// Whether the user says that no number stands for a missing value.
+    pub(super) fn knows_of_missing_values(&self) -> bool {
+        !self.missing_value.is_empty()
+    }
+
+    /// The files as tables with the same columns in the same order, each at one step. `dt` is what tables are resampled to.
+    ///
+    /// # Errors
+    /// A file that cannot be read, lacks a column, or has uneven steps that nobody resamples.
+    pub(super) fn read(&self, files: &[Input], dt: Option<f64>) -> Result<Vec<(Input, Table)>> {
+        if let (Some(_), None) = (self.resample, dt) {
+            return Err(Error::param("resample", "--dt says to which step"));
+        }
+        if self.max_gap.is_some_and(|gap| gap.is_nan() || gap <= 0.0) {
+            return Err(Error::param("max-gap", "give a number of seconds above 0"));
+        }
+        let mut reading = Reading {
+            columns: self.columns.clone(),
+            missing: self.missing()?,
+            encode: self.encode.is_some(),
+            time_unit: self.time_unit,
+            time_column: self.time_column.clone(),
+            equal_times: dt.is_some(),
+        };
+        let mut tables: Vec<(Input, Table)> = Vec::new();
+        for file in files {
+            let recorded = file.table != file.user;
+            let steps = Steps {
+                // The batches of a recording have the step already.
+                dt: dt.filter(|_| !recorded),
+                how: self.resample.unwrap_or_default(),
+                max_gap: self.max_gap,
+            };
+            let first = tables.is_empty();
+            let table = Table::read_as(&file.table, &reading).map_err(|error| match error {
+                Error::Param { reason, .. } if !first => {
+                    Error::file(&file.user, format!("it lacks a column of the first file: {reason}"))
+                }
+                other => other,
+            })?;
+            let even = table.at_even_steps(&steps).map_err(|reason| Error::file(&file.user, reason))?;
+            reading.columns = even.first().map(|table| table.names.clone());
+            tables.extend(even.into_iter().map(|table| (file.clone(), table)));
+        }
+        Ok(tables)
+    }
+
+    fn missing(&self) -> Result<Vec<f64>> {
+        let number = |text: &String| {
+            text.parse().map_err(|_| {
+                Error::param("missing-value", format!("'{text}' is neither a number nor 'none'"))
+            })
+        };
+        self.missing_value.iter().filter(|text| *text != "none").map(number).collect()
+    }
+}
+
+/// Flags that choose a part of the data.
+#[derive(ClapArgs, Clone, Debug, Default)]
+pub(crate) struct PartArgs {
+    /// Leave out columns without any number, such as the distance to a goal where no goal was recorded.
+    #[arg(long)]
+    drop_empty: bool,
+    /// Rows to analyse of each recording, such as `1..5000`: counted from 1, the last one included; either end may be left out.
+    #[arg(long, value_name = "FROM..TO")]
+    rows: Option<Rows>,
+}
+
+/// A window of rows, counted from 1.
+#[derive(Clone, Debug, PartialEq)]
+struct Rows(RangeInclusive<usize>);
+
+impl FromStr for Rows {
+    type Err = String;
+
+    fn from_str(text: &str) -> std::result::Result<Self, String> {
+        let number = |text: &str, open: usize| match text.trim() {
+            "" => Some(open),
+            text => text.parse().ok().filter(|&row: &usize| row > 0),
+        };
+        let ends =
+            text.split_once("..").and_then(|(from, to)| Some((number(from, 1)?, number(to, usize::MAX)?)));
+        match ends {
+            Some((from, to)) if from <= to => Ok(Self(from..=to)),
+            _ => Err("give FROM..TO with FROM at least 1 and at most TO, such as 1..5000".into()),
+        }
+    }
+}
+
+impl PartArgs {
+    /// The part of `data` that these flags choose.
+    ///
+    /// # Errors
+    /// A column without any number, unless it may be left out; a window without rows.
+    pub(super) fn part(&self, mut data: Data) -> Result<Data> {
+        if let Some(Rows(rows)) = &self.rows {
+            data.map_recordings(|recording| {
+                let end = recording.nrows().min(*rows.end());
+                recording.slice(s![(rows.start() - 1).min(end)..end, ..]).to_owned()
+            })?;
+        }
+        let empty: Vec<usize> = (0..data.data.n_vars()).filter(|&var| is_empty(&data.data, var)).collect();
+        if empty.is_empty() {
+            return Ok(data);
+        }
+        let names: Vec<String> = empty.iter().map(|&var| plain(&data.data.var_names()[var])).collect();
+        if !self.drop_empty {
+            return Err(Error::Data(sentence(&names, data.recorded)));
+        }
+        let kept: Vec<usize> = (0..data.data.n_vars()).filter(|var| !empty.contains(var)).collect();
+        if kept.is_empty() {
+            return Err(Error::Data("every column is empty: there is nothing to analyse".into()));
+        }
+        data.data = data.data.select(&kept);
+        data.warnings.retain(|warning| !warning.contains("has no number at all"));
+        data.warnings.push(format!("left out, without any number: {}", names.join(", ")));
+        Ok(data)
+    }
+}
+
+impl Data {
+    /// Replaces each recording; those without rows are left out.
+    fn map_recordings(&mut self, change: impl Fn(&Array2<f64>) -> Array2<f64>) -> Result<()> {
+        let changed: Vec<Array2<f64>> =
+            self.data.recordings().iter().map(change).filter(|r| r.nrows() > 0).collect();
+        if changed.is_empty() {
+            return Err(Error::param("rows", "there are no such rows"));
+        }
+        self.data = DataFrame::new(changed, self.data.var_names().to_vec())?;
+        Ok(())
+    }
+}
+
+fn is_empty(data: &DataFrame, var: usize) -> bool {
+    data.recordings()
+        .iter()
+        .all(|recording| recording.index_axis(Axis(1), var).iter().all(|value| value.is_nan()))
+}
+
+/// Why there is nothing in these columns, and what to do.
+fn sentence(names: &[String], recorded: bool) -> String {
+    let has = if names.len() == 1 { "has" } else { "have" };
+    let cause = match recorded && names.iter().any(|name| name.contains("_dg") || name.contains("_g")) {
+        true => ": the recording tells no goal of the person (--human-goal names its topic)",
+        false => "",
+    };
+    format!("{} {has} no value at all{cause}; --drop-empty goes on without", names.join(", "))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_window_is_two_numbers_of_which_each_may_be_left_out() {
+        let rows = |text: &str| text.parse::<Rows>().map(|Rows(rows)| rows);
+        assert_eq!(rows("1..500"), Ok(1..=500));
+        assert_eq!(rows("..500"), Ok(1..=500));
+        assert_eq!(rows("20.."), Ok(20..=usize::MAX));
+        for wrong in ["0..5", "7", "9..3", "a..b", "-1..3"] {
+            assert!(rows(wrong).is_err(), "{wrong}");
+        }
+    }
+}
