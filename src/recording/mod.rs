@@ -22,7 +22,11 @@ pub(crate) fn is_recording(path: &Path) -> bool {
     let mut start = Vec::new();
     let read = std::fs::File::open(path).and_then(|file| file.take(16).read_to_end(&mut start));
     let magics: [&[u8]; 3] = [b"#ROSBAG V", b"\x89MCAP0", b"SQLite format 3\0"];
-    let is_named_so = path.extension().is_some_and(|name| EXTENSIONS.iter().any(|known| name == *known));
+    let is_one =
+        |path: &Path| path.extension().is_some_and(|name| EXTENSIONS.iter().any(|known| name == *known));
+    // rosbag2 compresses whole files: run_0.mcap.zstd.
+    let is_packed = path.extension().is_some_and(|name| name == "zstd" || name == "zst");
+    let is_named_so = is_one(path) || (is_packed && is_one(&path.with_extension("")));
     path.is_dir() || is_named_so || (read.is_ok() && magics.iter().any(|magic| start.starts_with(magic)))
 }
 
