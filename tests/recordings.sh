@@ -35,7 +35,7 @@ fi
 folder=$(mktemp -d)
 trap 'rm -rf "$folder"' EXIT
 export ROSCAUSAL_RECORDINGS="$folder" ROSCAUSAL_RECORDED=3000
-check "rosbags and mcap write nine recordings" "$python" tests/recordings/write.py "$folder" "$ROSCAUSAL_RECORDED"
+check "rosbags and mcap write thirteen recordings" "$python" tests/recordings/write.py "$folder" "$ROSCAUSAL_RECORDED"
 if /usr/bin/python3 -c 'import rosbag' 2>/dev/null; then
   check "the real rosbag writes them again" /usr/bin/python3 tests/recordings/rewrite.py "$folder"
 else

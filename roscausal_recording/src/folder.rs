@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 use roscausal_core::{Error, Result, Time};
 
 use crate::{
+    packed::unpacked_name,
     recording::open_file,
     source::Source,
     topic::{Record, Topic, add_topic},
@@ -27,8 +28,13 @@ const EXTENSIONS: [&str; 3] = ["bag", "mcap", "db3"];
 impl Folder {
     pub(crate) fn open(path: &Path, losses: &mut Vec<String>) -> Result<Self> {
         let entries = path.read_dir().map_err(|error| Error::file(path, error))?;
-        let is_recording = |file: &PathBuf| {
+        let is_plain = |file: &Path| {
             file.extension().is_some_and(|extension| EXTENSIONS.iter().any(|known| extension == *known))
+        };
+        // rosbag2's player leaves what it unpacked beside the compressed file.
+        let is_recording = |file: &PathBuf| match unpacked_name(file) {
+            Some(name) => is_plain(&name) && !name.exists(),
+            None => is_plain(file),
         };
         let mut paths: Vec<_> =
             entries.filter_map(|entry| Some(entry.ok()?.path())).filter(is_recording).collect();
@@ -45,7 +51,9 @@ impl Folder {
             }
         }
         if files.is_empty() {
-            let reason = losses.pop().unwrap_or_else(|| "no .bag, .mcap or .db3 file in this folder".into());
+            let reason = losses
+                .pop()
+                .unwrap_or_else(|| "no .bag, .mcap or .db3 file in this folder, compressed or not".into());
             return Err(Error::file(path, reason));
         }
         Ok(Self { files, topics })

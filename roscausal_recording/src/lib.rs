@@ -1,6 +1,7 @@
 //! Reading and writing recordings.
 //!
-//! [`Recording`] reads ROS 1 bags, MCAP files (of either ROS version), ROS 2's `.db3` files, and folders of them.
+//! [`Recording`] reads ROS 1 bags, MCAP files (of either ROS version), ROS 2's `.db3` files, what rosbag2 compressed of
+//! these (by file or by message), and folders of them.
 //! It returns messages as bytes, in the order of their recording times; [`Topic::decode`] decodes them. Damaged or
 //! truncated files are used as far as they are intact, and [`Recording::losses`] says what was lost.
 //!
@@ -14,6 +15,7 @@ mod file;
 mod folder;
 mod mcap_file;
 mod mcap_record;
+mod packed;
 mod play;
 mod record;
 mod recording;

@@ -15,13 +15,14 @@ use crate::{
     db3::Db3,
     folder::Folder,
     mcap_file::McapFile,
+    packed::{self, Unpacked},
     source::Source,
-    topic::{Record, Topic},
+    topic::{Encoding, Record, Topic},
 };
 
 /// A recording, read from its first message to its last: an iterator over [`Record`]s in the order of their
 /// recording times (with equal times, in the order of the file). Memory holds one piece of the file (about 1 MB)
-/// and the pieces that overlap it in time.
+/// and the pieces that overlap it in time. What rosbag2 compressed, file or message, is unpacked.
 pub struct Recording {
     path: PathBuf,
     source: Box<dyn Source>,
@@ -30,6 +31,8 @@ pub struct Recording {
     waiting: BinaryHeap<Reverse<Waiting>>,
     count: u64,
     losses: Vec<String>,
+    /// Whether a message that cannot be unpacked was told.
+    told_packed: bool,
 }
 
 struct Waiting {
@@ -66,6 +69,7 @@ pub(crate) fn open_file(path: &Path, losses: &mut Vec<String>) -> Result<Box<dyn
         magic if magic.starts_with(b"#ROSBAG V2.0\n") => Box::new(Bag::open(path, losses)?),
         magic if magic.starts_with(mcap::MAGIC) => Box::new(McapFile::open(path, losses)?),
         magic if magic.starts_with(b"SQLite format 3\0") => Box::new(Db3::open(path, losses)?),
+        magic if magic.starts_with(packed::MAGIC) => Box::new(Unpacked::open(path, losses)?),
         magic if magic.starts_with(b"#ROSBAG V") => {
             return Err(Error::file(path, "a bag of another version than 2.0; convert it with 'rosbag fix'"));
         }
@@ -97,7 +101,15 @@ impl Recording {
             open_file(path, &mut losses)?
         };
         let wanted = vec![true; source.topics().len()];
-        Ok(Self { path: path.to_owned(), source, wanted, waiting: BinaryHeap::new(), count: 0, losses })
+        Ok(Self {
+            path: path.to_owned(),
+            source,
+            wanted,
+            waiting: BinaryHeap::new(),
+            count: 0,
+            losses,
+            told_packed: false,
+        })
     }
 
     /// The topics, in the order of the recording.
@@ -142,6 +154,30 @@ impl Recording {
         self.source.progress()
     }
 
+    /// Unpacks a message that was compressed by itself. A message of ROS 2 never begins as compressed data does.
+    fn unpack(&mut self, mut record: Record) -> Option<Record> {
+        let is_packed = record.bytes.starts_with(packed::MAGIC)
+            && self.source.topics().get(record.topic).is_some_and(|topic| topic.encoding == Encoding::Cdr);
+        if !is_packed {
+            return Some(record);
+        }
+        match packed::message(&record.bytes) {
+            Ok(bytes) => {
+                record.bytes = bytes;
+                Some(record)
+            }
+            Err(reason) => {
+                if !std::mem::replace(&mut self.told_packed, true) {
+                    let path = self.path.display();
+                    self.losses.push(format!(
+                        "{path}: messages that cannot be unpacked are left out, the first: {reason}"
+                    ));
+                }
+                None
+            }
+        }
+    }
+
     /// What could not be read so far, one sentence each. Complete after the last message.
     pub fn losses(&self) -> &[String] {
         &self.losses
@@ -165,6 +201,7 @@ impl Iterator for Recording {
                 self.losses.push(loss);
             }
             for record in records {
+                let Some(record) = self.unpack(record) else { continue };
                 self.count += 1;
                 self.waiting.push(Reverse(Waiting { order: (record.stamp, self.count), record }));
             }

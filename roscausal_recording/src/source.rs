@@ -54,7 +54,10 @@ pub(crate) struct Pieces {
 }
 
 impl Pieces {
+    /// The pieces in order. A damaged index may name one twice; it is read once.
     pub(crate) fn new(mut pieces: Vec<Piece>) -> Self {
+        pieces.sort_by_key(|piece| piece.offset);
+        pieces.dedup_by_key(|piece| piece.offset);
         pieces.sort_by_key(|piece| (piece.start, piece.offset));
         Self { pieces, next: 0 }
     }

@@ -89,3 +89,10 @@ fn a_hostile_database_is_refused_or_read_as_far_as_it_is_whole() {
         [b"CREATE VIEW ", b"CREATE TABLE ", b"messages", b"topics", b"\x0d\0\0\0", b"\xff\xff\xff\xff"];
     run("db3", &["ros2_db3/ros2_db3.db3"], &tokens, 64);
 }
+
+#[test]
+fn a_hostile_compressed_file_is_refused_or_read_as_far_as_it_is_whole() {
+    let files =
+        ["ros2_mcap_by_file/ros2_mcap_by_file.mcap.zstd", "ros2_mcap_by_message/ros2_mcap_by_message.mcap"];
+    run("packed", &files, &[b"\x28\xb5\x2f\xfd", b"\xff\xff\xff\xff"], 20_000);
+}

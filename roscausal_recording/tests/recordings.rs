@@ -3,9 +3,14 @@
 #![allow(clippy::unwrap_used, reason = "a failed unwrap fails the test, in helpers too")]
 
 use std::{
+    collections::HashMap,
     fs,
+    io::Write,
     path::{Path, PathBuf},
+    sync::OnceLock,
 };
+
+use proptest::{collection::vec, prelude::*};
 
 use roscausal_core::Time;
 use roscausal_fuzz::splitmix64;
@@ -14,12 +19,16 @@ use roscausal_recording::{Encoding, Record, Recording};
 
 const BEGIN: i64 = 1_700_000_000_000_000_000;
 const STEP: i64 = 100_000_000;
-const FILES: [&str; 9] = [
+const FILES: [&str; 13] = [
     "plain.bag",
     "lz4.bag",
     "bz2.bag",
     "ros2_db3",
     "ros2_mcap",
+    "ros2_db3_by_file",
+    "ros2_mcap_by_file",
+    "ros2_db3_by_message",
+    "ros2_mcap_by_message",
     "ros1_zstd.mcap",
     "ros2_lz4.mcap",
     "ros2_plain.mcap",
@@ -53,6 +62,8 @@ fn small_files() -> Vec<(&'static str, Vec<u8>)> {
         "lz4.bag",
         "bz2.bag",
         "ros2_db3/ros2_db3.db3",
+        "ros2_db3_by_file/ros2_db3_by_file.db3.zstd",
+        "ros2_mcap_by_message/ros2_mcap_by_message.mcap",
         "ros1_zstd.mcap",
         "ros2_plain.mcap",
         "unchunked.mcap",
@@ -91,10 +102,10 @@ fn topics_are_named_with_type_encoding_count_and_latching() {
             assert_eq!(odometry.md5.as_deref(), Some(Odometry::ros1_md5()), "{}", path.display());
         }
         // The MCAP writer of the tests does not write profiles of ROS 2.
-        let profiles = is_ros1 || path.ends_with("ros2_db3") || path.ends_with("ros2_mcap");
+        let profiles = is_ros1 || path.is_dir();
         let latched: Vec<_> = topics.iter().map(|topic| topic.latched).collect();
         assert_eq!(latched, [false, false, false, profiles], "{}", path.display());
-        if !path.ends_with("ros2_db3") {
+        if !path.display().to_string().contains("ros2_db3") {
             assert!(topics.iter().all(|topic| !topic.definition.is_empty()), "{}", path.display());
         }
         let (start, end) = recording.span().unwrap();
@@ -207,25 +218,149 @@ fn read_damaged(folder: &Path, bytes: &[u8]) -> Option<(Vec<Record>, Vec<String>
     Some((records, recording.losses().to_vec()))
 }
 
-#[test]
-fn a_file_cut_short_gives_what_is_whole_and_says_so() {
-    let folder = tempfile::tempdir().unwrap();
-    for (file, bytes) in small_files() {
-        let whole = read_damaged(folder.path(), &bytes).unwrap().0;
-        let mut most = 0;
-        for cut in (0..bytes.len()).step_by(97) {
-            let Some((records, losses)) = read_damaged(folder.path(), &bytes[..cut]) else { continue };
-            assert!(records.len() == whole.len() || !losses.is_empty(), "{file} cut at {cut}");
-            assert!(
-                records.iter().all(|record| whole.iter().any(|w| w.bytes == record.bytes)),
-                "{file} cut at {cut}"
-            );
-            most = most.max(records.len());
-        }
-        // The pages of an SQLite table can lie anywhere in its file.
-        let enough = if file.ends_with("db3") { 0 } else { whole.len() * 3 / 4 };
-        assert!(most >= enough, "{file}: {most} of {} messages", whole.len());
+/// How often each message is there.
+fn counted(records: Vec<Record>) -> HashMap<(i64, Vec<u8>), usize> {
+    let mut counts = HashMap::new();
+    for record in records {
+        *counts.entry((record.stamp.as_nanos(), record.bytes)).or_default() += 1;
     }
+    counts
+}
+
+/// At most as often as in the whole.
+fn is_part(part: &HashMap<(i64, Vec<u8>), usize>, whole: &HashMap<(i64, Vec<u8>), usize>) -> bool {
+    part.iter().all(|(message, count)| whole.get(message).is_some_and(|most| count <= most))
+}
+
+/// In memory if possible, because a file is written for each input.
+fn quick_folder() -> tempfile::TempDir {
+    let memory = Path::new("/dev/shm");
+    tempfile::tempdir_in(if memory.is_dir() { memory.to_owned() } else { std::env::temp_dir() }).unwrap()
+}
+
+#[test]
+fn a_file_cut_anywhere_gives_each_message_that_is_whole_once_and_says_what_is_lost() {
+    let folder = quick_folder();
+    for (file, bytes) in small_files() {
+        let whole = counted(read_damaged(folder.path(), &bytes).unwrap().0);
+        let all: usize = whole.values().sum();
+        let mut most = 0;
+        for cut in 0..bytes.len() {
+            let Some((records, losses)) = read_damaged(folder.path(), &bytes[..cut]) else { continue };
+            assert!(records.len() == all || !losses.is_empty(), "{file} cut at {cut}");
+            most = most.max(records.len());
+            assert!(is_part(&counted(records), &whole), "{file} cut at {cut}");
+        }
+        // Zstandard unpacks blocks of 128 kB as a whole, and this file is one block.
+        let enough = if file.ends_with("zstd") { 0 } else { all * 3 / 4 };
+        assert!(most >= enough, "{file}: {most} of {all} messages");
+    }
+}
+
+/// A database as rosbag2 makes it, written by SQLite: some messages are longer than a page.
+fn long_database(path: &Path, count: i64) {
+    let database = rusqlite::Connection::open(path).unwrap();
+    let create = "CREATE TABLE topics(id INTEGER PRIMARY KEY, name TEXT NOT NULL, type TEXT NOT NULL, \
+                  serialization_format TEXT NOT NULL, offered_qos_profiles TEXT NOT NULL); \
+                  CREATE TABLE messages(id INTEGER PRIMARY KEY, topic_id INTEGER NOT NULL, \
+                  timestamp INTEGER NOT NULL, data BLOB NOT NULL); \
+                  CREATE INDEX timestamp_idx ON messages (timestamp ASC); \
+                  INSERT INTO topics VALUES (1, '/odom', 'nav_msgs/msg/Odometry', 'cdr', ''); \
+                  INSERT INTO topics VALUES (2, '/image', 'sensor_msgs/msg/Image', 'cdr', ''); BEGIN;";
+    database.execute_batch(create).unwrap();
+    for number in 0..count {
+        let (topic, length) = if number % 50 == 7 { (2, 20_000) } else { (1, 720) };
+        let data: Vec<u8> = (0..length).map(|at| (at + number) as u8).collect();
+        let values = (topic, BEGIN + number * STEP, data);
+        database
+            .execute("INSERT INTO messages (topic_id, timestamp, data) VALUES (?, ?, ?)", values)
+            .unwrap();
+    }
+    database.execute_batch("COMMIT").unwrap();
+}
+
+#[test]
+fn a_database_without_its_last_15_percent_gives_what_is_there() {
+    let folder = quick_folder();
+    let path = folder.path().join("long.db3");
+    long_database(&path, 1500);
+    let bytes = fs::read(&path).unwrap();
+    let whole = counted(read_damaged(folder.path(), &bytes).unwrap().0);
+    assert_eq!(whole.values().sum::<usize>(), 1500);
+    for percent in [5, 15, 30, 60, 85, 95, 99] {
+        let (records, losses) = read_damaged(folder.path(), &bytes[..bytes.len() * percent / 100]).unwrap();
+        let least = 1500 * percent.saturating_sub(5) / 100;
+        assert!(records.len() >= least, "{percent} %: {}", records.len());
+        assert!(records.is_sorted_by_key(|record| record.stamp));
+        assert!(losses.iter().any(|loss| loss.contains("bytes at its end are missing")), "{losses:?}");
+        assert!(is_part(&counted(records), &whole), "{percent} %");
+    }
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(200))]
+
+    #[test]
+    fn a_database_with_lost_pages_gives_no_message_twice(cut in 0.0..1.0_f64, pages in vec(2_usize..200, 0..4)) {
+        static DATABASE: OnceLock<Vec<u8>> = OnceLock::new();
+        let folder = quick_folder();
+        let bytes = DATABASE.get_or_init(|| {
+            let path = folder.path().join("long.db3");
+            long_database(&path, 600);
+            fs::read(&path).unwrap()
+        });
+        let whole = counted(read_damaged(folder.path(), bytes).unwrap().0);
+        let mut damaged = bytes[..(bytes.len() as f64 * cut) as usize].to_vec();
+        for page in pages {
+            damaged.iter_mut().skip(page * 4096).take(4096).for_each(|byte| *byte = 0);
+        }
+        if let Some((records, _)) = read_damaged(folder.path(), &damaged) {
+            let stamps = |(stamp, _): &(i64, Vec<u8>)| *stamp;
+            let found = counted(records);
+            prop_assert!(found.values().all(|count| *count == 1));
+            let mut times: Vec<i64> = found.keys().map(stamps).collect();
+            times.sort_unstable();
+            times.dedup();
+            prop_assert_eq!(times.len(), found.len(), "a time of the recording has one message");
+            prop_assert!(found.keys().all(|message| whole.keys().any(|other| stamps(other) == stamps(message))));
+        }
+    }
+}
+
+#[test]
+fn a_compressed_file_beside_what_was_unpacked_of_it_is_not_read_twice() {
+    let folder = tempfile::tempdir().unwrap();
+    let data = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data");
+    fs::copy(data.join("ros2_db3_by_file/ros2_db3_by_file.db3.zstd"), folder.path().join("x.db3.zstd"))
+        .unwrap();
+    let packed = counted(Recording::open(folder.path()).unwrap().collect());
+    fs::copy(data.join("ros2_db3/ros2_db3.db3"), folder.path().join("x.db3")).unwrap();
+    assert_eq!(counted(Recording::open(folder.path()).unwrap().collect()), packed);
+}
+
+#[test]
+fn a_loss_in_a_compressed_file_names_the_users_file() {
+    let folder = tempfile::tempdir().unwrap();
+    let plain = fs::read(Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data/ros2_plain.mcap")).unwrap();
+    // In small blocks: what is cut is lost by whole blocks.
+    let mut encoder = zstd::stream::Encoder::new(Vec::new(), 1).unwrap();
+    for piece in plain.chunks(500) {
+        encoder.write_all(piece).unwrap();
+        encoder.flush().unwrap();
+    }
+    let bytes = encoder.finish().unwrap();
+    let (records, losses) = read_damaged(folder.path(), &bytes[..bytes.len() / 2]).unwrap();
+    assert!(!records.is_empty() && losses.len() >= 2, "{losses:?}");
+    assert!(
+        losses.iter().all(|loss| loss.starts_with(&format!("{}", folder.path().display()))),
+        "{losses:?}"
+    );
+    let error = {
+        let path = folder.path().join("table.csv.zst");
+        fs::write(&path, zstd::encode_all(&b"a,b\n1,2\n"[..], 1).unwrap()).unwrap();
+        Recording::open(path).err().unwrap().to_string()
+    };
+    assert!(error.contains("table.csv.zst: this is no recording"), "{error}");
 }
 
 #[test]

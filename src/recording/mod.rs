@@ -31,19 +31,23 @@ pub(crate) fn is_recording(path: &Path) -> bool {
     let mut start = Vec::new();
     let read = std::fs::File::open(path).and_then(|file| file.take(16).read_to_end(&mut start));
     let magics: [&[u8]; 3] = [b"#ROSBAG V", b"\x89MCAP0", b"SQLite format 3\0"];
-    let is_named_so = path.extension().is_some_and(|name| EXTENSIONS.iter().any(|known| name == *known));
     if path.is_dir() {
         return holds_recordings(path);
     }
-    is_named_so || (read.is_ok() && magics.iter().any(|magic| start.starts_with(magic)))
+    is_named_so(path) || (read.is_ok() && magics.iter().any(|magic| start.starts_with(magic)))
+}
+
+/// Whether a file has the name of a recording; rosbag2 compresses whole files: run_0.mcap.zstd.
+fn is_named_so(path: &Path) -> bool {
+    let is_one =
+        |path: &Path| path.extension().is_some_and(|name| EXTENSIONS.iter().any(|known| name == *known));
+    let is_packed = path.extension().is_some_and(|name| name == "zstd" || name == "zst");
+    is_one(path) || (is_packed && is_one(&path.with_extension("")))
 }
 
 /// Whether a folder has files with the names of recordings.
 fn holds_recordings(folder: &Path) -> bool {
-    let entries = folder.read_dir().into_iter().flatten().flatten();
-    let named =
-        |path: PathBuf| path.extension().is_some_and(|name| EXTENSIONS.iter().any(|known| name == *known));
-    entries.map(|entry| entry.path()).any(named)
+    folder.read_dir().into_iter().flatten().flatten().any(|entry| is_named_so(&entry.path()))
 }
 
 /// A recording, and what is to be played of it.

@@ -7,7 +7,7 @@ import numpy as np
 from mcap.writer import CompressionType, Writer as McapWriter
 from rosbags.interfaces import Qos, QosDurability, QosHistory, QosLiveliness, QosReliability, QosTime
 from rosbags.rosbag1 import Writer as BagWriter
-from rosbags.rosbag2 import StoragePlugin, Writer as Ros2Writer
+from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, Writer as Ros2Writer
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 MESSAGES = Path(__file__).parents[2] / "roscausal_msgs/foreign"
@@ -95,7 +95,7 @@ def write_bag(path, count, compression):
             writer.write(connections[topic], time, types.serialize_ros1(message, kind))
 
 
-def write_ros2(path, count, plugin):
+def write_ros2(path, count, plugin, packed=None):
     types, connections = store(2), {}
     never = QosTime(sec=2147483647, nsec=4294967295)
     static = Qos(
@@ -109,7 +109,10 @@ def write_ros2(path, count, plugin):
         liveliness_lease_duration=never,
         avoid_ros_namespace_conventions=False,
     )
-    with Ros2Writer(path, version=9, storage_plugin=plugin) as writer:
+    writer = Ros2Writer(path, version=9, storage_plugin=plugin)
+    if packed:
+        writer.set_compression(packed, CompressionFormat.ZSTD)
+    with writer:
         for topic, kind, time, message in messages(types, 2, count):
             if topic not in connections:
                 profiles = [static] if topic == "/tf_static" else []
@@ -146,6 +149,10 @@ def main():
     write_bag(folder / "bz2.bag", count, BagWriter.CompressionFormat.BZ2)
     write_ros2(folder / "ros2_db3", count, StoragePlugin.SQLITE3)
     write_ros2(folder / "ros2_mcap", count, StoragePlugin.MCAP)
+    write_ros2(folder / "ros2_db3_by_file", count, StoragePlugin.SQLITE3, CompressionMode.FILE)
+    write_ros2(folder / "ros2_mcap_by_file", count, StoragePlugin.MCAP, CompressionMode.FILE)
+    write_ros2(folder / "ros2_db3_by_message", count, StoragePlugin.SQLITE3, CompressionMode.MESSAGE)
+    write_ros2(folder / "ros2_mcap_by_message", count, StoragePlugin.MCAP, CompressionMode.MESSAGE)
     write_mcap(folder / "ros1_zstd.mcap", count, 1, compression=CompressionType.ZSTD)
     write_mcap(folder / "ros2_lz4.mcap", count, 2, compression=CompressionType.LZ4)
     write_mcap(folder / "ros2_plain.mcap", count, 2, compression=CompressionType.NONE)

@@ -1,6 +1,9 @@
 //! ROS 2's SQLite recordings (storage `sqlite3` of rosbag2).
 
+mod pages;
+
 use std::{
+    collections::HashMap,
     fs::File,
     io::Read,
     path::{Path, PathBuf},
@@ -14,12 +17,10 @@ use crate::{
     source::Source,
     topic::{Encoding, Record, Topic, add_topic, type_name},
 };
+use pages::{Message, Pages};
 
 /// Messages read at a time.
 const PAGE: usize = 256;
-/// A file whose header claims this many times its size is not read: the missing parts would have to be filled in on
-/// disk.
-const MOST_MISSING: u64 = 16;
 /// A row may claim at most the length of the file plus this.
 const LONGEST_BESIDE_THE_FILE: u64 = 1 << 16;
 
@@ -32,26 +33,13 @@ pub(crate) struct Db3 {
     /// Recording time and row of each message, in order.
     order: Vec<(i64, i64)>,
     next: usize,
-    twin: Option<Twin>,
+    damaged: Option<Damaged>,
 }
 
-/// A copy of a file that was cut short, in which the missing bytes are ones. In the file itself SQLite takes them
-/// for zeros. What is the same in both is intact.
-struct Twin {
-    database: Connection,
-    _file: tempfile::NamedTempFile,
-}
-
-impl Twin {
-    fn new(path: &Path, missing: u64) -> Result<Self> {
-        let fail =
-            |error: std::io::Error| Error::file(path, format!("it is cut short, and its copy: {error}"));
-        let mut copy = tempfile::NamedTempFile::new().map_err(fail)?;
-        std::io::copy(&mut File::open(path).map_err(fail)?, &mut copy).map_err(fail)?;
-        std::io::copy(&mut std::io::repeat(0xff).take(missing), &mut copy).map_err(fail)?;
-        let database = connect(copy.path(), true).map_err(|error| Error::file(path, error))?;
-        Ok(Self { database, _file: copy })
-    }
+/// What is left of a damaged file: its pages, and the messages by row. SQLite is asked for the topics only.
+struct Damaged {
+    pages: Pages,
+    messages: HashMap<i64, Message>,
 }
 
 impl Db3 {
@@ -66,17 +54,15 @@ impl Db3 {
             numbers: Vec::new(),
             order: Vec::new(),
             next: 0,
-            twin: None,
+            damaged: None,
         };
         this.read_topics().map_err(fail)?;
-        if let Some(missing) = missing {
-            this.twin = Some(Twin::new(path, missing)?);
-        }
-        let cut = missing.map(|missing| format!("{missing} bytes at its end are missing"));
-        let read = this.read_order("messages").map_err(|error| error.to_string());
-        if let Some(reason) = cut.or(read.err()) {
-            // The index may have lost rows that the table still has.
-            let _ = this.read_order("messages NOT INDEXED");
+        let reason = match missing {
+            Some(missing) => Some(format!("{missing} bytes at its end are missing")),
+            None => this.read_order().err().map(|error| error.to_string()),
+        };
+        if let Some(reason) = reason {
+            this.read_pages().map_err(|error| Error::file(path, error))?;
             losses.push(format!(
                 "{}: the database is damaged; it was read as far as it is whole ({reason})",
                 path.display()
@@ -135,19 +121,85 @@ impl Db3 {
         }
     }
 
-    fn read_order(&mut self, table: &str) -> rusqlite::Result<()> {
-        let mut statement = self.database.prepare(&format!("SELECT timestamp, id FROM {table}"))?;
-        let mut rows = statement.query([])?;
-        let read = loop {
-            match rows.next() {
-                Ok(Some(row)) => self.order.push((row.get(0)?, row.get(1)?)),
-                Ok(None) => break Ok(()),
-                Err(error) => break Err(error),
-            }
-        };
+    fn read_order(&mut self) -> rusqlite::Result<()> {
+        let mut statement = self.database.prepare("SELECT timestamp, id FROM messages")?;
+        for row in statement.query_map([], |row| Ok((row.get(0)?, row.get(1)?)))? {
+            self.order.push(row?);
+        }
+        drop(statement);
+        self.sort();
+        Ok(())
+    }
+
+    /// Finds the messages without SQLite.
+    fn read_pages(&mut self) -> std::io::Result<()> {
+        let mut pages = Pages::open(&self.path)?;
+        let messages: HashMap<i64, Message> =
+            pages.messages()?.into_iter().map(|message| (message.row, message)).collect();
+        self.order = messages.values().map(|message| (message.stamp, message.row)).collect();
+        self.sort();
+        self.damaged = Some(Damaged { pages, messages });
+        Ok(())
+    }
+
+    /// Puts the messages into their order, each once.
+    fn sort(&mut self) {
+        self.order.sort_unstable_by_key(|(_, row)| *row);
+        self.order.dedup_by_key(|(_, row)| *row);
         self.order.sort_unstable();
-        self.order.dedup();
-        read
+    }
+
+    /// The topic with this id in the database, if it is wanted.
+    fn wanted(&self, number: i64, wanted: &[bool]) -> Option<usize> {
+        let index = self.numbers.iter().find(|(known, _)| *known == number).map(|(_, index)| *index);
+        index.filter(|index| wanted.get(*index) == Some(&true))
+    }
+
+    /// Reads messages with SQLite. Returns how many cannot be read, and why.
+    fn load_whole(
+        &self,
+        page: &[(i64, i64)],
+        wanted: &[bool],
+        out: &mut Vec<Record>,
+    ) -> rusqlite::Result<Option<(u32, String)>> {
+        // One transaction for all of them, so the file is locked once and not for each.
+        let _reading = self.database.unchecked_transaction()?;
+        let mut message = self.database.prepare("SELECT topic_id, data FROM messages WHERE id = ?")?;
+        let mut lost = None;
+        for (stamp, row) in page {
+            let mut read = || {
+                let mut rows = message.query([row])?;
+                let found = rows.next()?.ok_or(rusqlite::Error::QueryReturnedNoRows)?;
+                // SQLite fetches only the bytes that are requested.
+                let Some(topic) = self.wanted(found.get(0)?, wanted) else { return Ok(None) };
+                Ok(Some(Record { topic, stamp: Time::from_nanos(*stamp), bytes: found.get(1)? }))
+            };
+            match read() {
+                Ok(record) => out.extend(record),
+                Err::<_, rusqlite::Error>(error) => count(&mut lost, &error),
+            }
+        }
+        Ok(lost)
+    }
+
+    /// Reads messages of a damaged file.
+    fn load_damaged(
+        &mut self,
+        page: &[(i64, i64)],
+        wanted: &[bool],
+        out: &mut Vec<Record>,
+    ) -> Option<(u32, String)> {
+        let mut lost = None;
+        let mut damaged = self.damaged.take()?;
+        for message in page.iter().filter_map(|(_, row)| damaged.messages.get(row)) {
+            let Some(topic) = self.wanted(message.topic, wanted) else { continue };
+            match damaged.pages.data(message.place) {
+                Ok(bytes) => out.push(Record { topic, stamp: Time::from_nanos(message.stamp), bytes }),
+                Err(error) => count(&mut lost, &error),
+            }
+        }
+        self.damaged = Some(damaged);
+        lost
     }
 
     fn columns(&self, table: &str) -> rusqlite::Result<Vec<String>> {
@@ -171,13 +223,7 @@ fn missing_bytes(path: &Path) -> std::io::Result<Option<u64>> {
         1 => 65536,
         size => size,
     };
-    let length = file.metadata()?.len();
-    let missing = (number(28) * page).saturating_sub(length);
-    if missing / MOST_MISSING > length {
-        let reason =
-            format!("{missing} of {} bytes are missing, too many to tell what is left", missing + length);
-        return Err(std::io::Error::other(reason));
-    }
+    let missing = (number(28) * page).saturating_sub(file.metadata()?.len());
     Ok(Some(missing).filter(|missing| *missing > 0))
 }
 
@@ -231,49 +277,15 @@ impl Source for Db3 {
 
     fn load(&mut self, wanted: &[bool], out: &mut Vec<Record>) -> std::result::Result<(), String> {
         let end = self.order.len().min(self.next + PAGE);
-        let page = &self.order[self.next..end];
+        let page = self.order[self.next..end].to_vec();
         self.next = end;
-        let fail = |error: rusqlite::Error| format!("{}: {error}", self.path.display());
-        // One transaction for all of them, so the file is locked once and not for each.
-        let _reading = self.database.unchecked_transaction().map_err(fail)?;
-        let message = "SELECT topic_id, data FROM messages WHERE id = ?";
-        let mut message = self.database.prepare(message).map_err(fail)?;
-        let whole = "SELECT data, timestamp FROM messages WHERE id = ?";
-        let twin = self.twin.as_ref().map(|twin| twin.database.prepare(whole)).transpose();
-        let mut twin = twin.map_err(fail)?;
-        let (mut lost, mut reason) = (0u32, None);
-        for (stamp, row) in page {
-            let mut read = || {
-                let mut rows = message.query([row])?;
-                let found = rows.next()?.ok_or(rusqlite::Error::QueryReturnedNoRows)?;
-                let number: i64 = found.get(0)?;
-                let index = self.numbers.iter().find(|(known, _)| *known == number).map(|(_, index)| *index);
-                // SQLite fetches only the bytes that are requested.
-                let Some(index) = index.filter(|index| wanted.get(*index) == Some(&true)) else {
-                    return Ok(None);
-                };
-                let bytes: Vec<u8> = found.get(1)?;
-                if let Some(twin) = &mut twin {
-                    let same = |row: &Row<'_>| {
-                        Ok(row.get::<_, Vec<u8>>(0)? == bytes && row.get::<_, i64>(1)? == *stamp)
-                    };
-                    if !twin.query_row([row], same)? {
-                        return Err(rusqlite::Error::QueryReturnedNoRows);
-                    }
-                }
-                Ok(Some(Record { topic: index, stamp: Time::from_nanos(*stamp), bytes }))
-            };
-            match read() {
-                Ok(record) => out.extend(record),
-                Err(error) => {
-                    lost += 1;
-                    reason = Some(error);
-                }
-            }
-        }
-        reason.map_or(Ok(()), |error: rusqlite::Error| {
-            let path = self.path.display();
-            Err(format!("{path}: {lost} messages cannot be read and are left out: {error}"))
+        let path = self.path.display().to_string();
+        let lost = match self.damaged.is_some() {
+            true => self.load_damaged(&page, wanted, out),
+            false => self.load_whole(&page, wanted, out).map_err(|error| format!("{path}: {error}"))?,
+        };
+        lost.map_or(Ok(()), |(lost, reason)| {
+            Err(format!("{path}: {lost} messages cannot be read and are left out: {reason}"))
         })
     }
 
@@ -285,4 +297,9 @@ impl Source for Db3 {
     fn progress(&self) -> f64 {
         if self.order.is_empty() { 1.0 } else { self.next as f64 / self.order.len() as f64 }
     }
+}
+
+/// Counts a message that cannot be read; the first reason is kept.
+fn count(lost: &mut Option<(u32, String)>, reason: &dyn std::fmt::Display) {
+    lost.get_or_insert_with(|| (0, reason.to_string())).0 += 1;
 }
