@@ -56,7 +56,7 @@ mod settings;
 pub(crate) use cholesky::residuals;
 pub use cmiknn::CmiKnn;
 pub(crate) use gpdc::uniform_dependence;
-pub use gpdc::{GpOptimum, Gpdc};
+pub use gpdc::{GpOptimum, GpRegression, Gpdc};
 #[cfg(feature = "python")]
 pub use gpdc_python::GpdcPython;
 pub use gsquared::Gsquared;
