@@ -1,0 +1,12 @@
+//! Reasoning on a causal model of time series: what will happen, what if, had I, why, and which action is best.
+
+#![warn(missing_docs)]
+
+pub mod effects;
+pub mod graph;
+pub mod linear;
+pub mod model;
+mod random;
+mod samples;
+
+pub use samples::{ActsOn, Samples, default_acts_on};
