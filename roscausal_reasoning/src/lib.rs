@@ -3,9 +3,11 @@
 #![warn(missing_docs)]
 
 pub mod effects;
+pub mod explain;
 pub mod graph;
 pub mod linear;
 pub mod model;
+pub mod quality;
 mod random;
 mod samples;
 
