@@ -10,5 +10,6 @@ pub mod model;
 pub mod quality;
 mod random;
 mod samples;
+mod simulate;
 
 pub use samples::{ActsOn, Samples, default_acts_on};

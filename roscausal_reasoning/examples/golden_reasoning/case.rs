@@ -17,6 +17,8 @@ pub(crate) struct Case {
     set: PathBuf,
     pub(crate) kind: String,
     pub(crate) input: Value,
+    /// Read for hyperparameters that are to be taken as given only.
+    pub(crate) expected: Value,
 }
 
 /// Sorted names of the JSON files of a folder.
@@ -36,7 +38,12 @@ impl Case {
         let text = std::fs::read_to_string(&path).map_err(|e| format!("{}: {e}", path.display()))?;
         let mut whole: Value = serde_json::from_str(&text).map_err(|e| format!("{}: {e}", path.display()))?;
         let kind = whole["kind"].as_str().ok_or("a case without a kind")?.to_owned();
-        Ok(Self { set: set.to_path_buf(), kind, input: whole["input"].take() })
+        Ok(Self {
+            set: set.to_path_buf(),
+            kind,
+            input: whole["input"].take(),
+            expected: whole["expected"].take(),
+        })
     }
 
     /// Number of variables.

@@ -5,6 +5,7 @@
 
 mod case;
 mod effects;
+mod gaussian;
 mod linear;
 
 use std::{path::Path, process::ExitCode, time::Instant};
@@ -55,6 +56,8 @@ fn answer(case: &Case) -> Answer<Value> {
         "mediation" => effects::mediation(case),
         "ambiguous" => effects::ambiguous(case),
         "linear" => linear::questions(case),
+        "gp" => gaussian::equation(case, &case.expected),
+        "support" => gaussian::support(case),
         "prediction" => linear::prediction(case),
         other => Err(format!("kind '{other}' is not part of this engine")),
     }

@@ -1,7 +1,11 @@
 //! The structural model: equations on a graph, their noise, and how sure they are.
 
+mod directed;
 pub(crate) mod equation;
+mod support;
 mod system;
 
+pub use directed::{Directed, Settings, Summary};
 pub use equation::{Equation, Equations};
+pub use support::{NEIGHBOURS, Support};
 pub use system::{Schedule, System};

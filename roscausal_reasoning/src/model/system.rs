@@ -44,6 +44,17 @@ impl Schedule {
         !self.set[step * self.n + var].is_nan()
     }
 
+    /// The value that a variable is set to at a step.
+    pub fn value(&self, step: usize, var: usize) -> Option<f64> {
+        let value = self.set[step * self.n + var];
+        (!value.is_nan()).then_some(value)
+    }
+
+    /// What is added to a variable at a step.
+    pub fn moved(&self, step: usize, var: usize) -> f64 {
+        self.shift[step * self.n + var]
+    }
+
     /// Whether a variable is set or shifted at a step.
     pub fn acts(&self, step: usize, var: usize) -> bool {
         self.is_set(step, var) || self.shift[step * self.n + var] != 0.0
