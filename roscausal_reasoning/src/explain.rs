@@ -102,7 +102,7 @@ pub fn linear(system: &System, rows: &[f64], from: usize, y: usize) -> Parts {
 }
 
 /// `y` and whatever drives it, in order of number.
-fn drivers(system: &System, y: usize) -> Vec<usize> {
+pub(crate) fn drivers(system: &System, y: usize) -> Vec<usize> {
     let mut seen = vec![false; system.len()];
     let mut open = vec![y];
     while let Some(var) = open.pop() {

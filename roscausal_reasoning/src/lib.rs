@@ -2,14 +2,17 @@
 
 #![warn(missing_docs)]
 
+pub mod answer;
 pub mod effects;
 pub mod explain;
 pub mod graph;
 pub mod linear;
 pub mod model;
 pub mod quality;
+pub mod question;
 mod random;
 mod samples;
 mod simulate;
 
+pub use model::{Facts, Settings, StructuralModel};
 pub use samples::{ActsOn, Samples, default_acts_on};

@@ -3,7 +3,7 @@
 use ndarray::{Array2, ArrayView2};
 use roscausal_discovery::{DataFrame, Error, Node, Result, names};
 
-use crate::graph::Graph;
+use crate::{graph::Graph, linear::least_squares};
 
 /// Which column of interventions says that which variable was imposed: `(column, variable)`.
 pub type ActsOn = Vec<(String, String)>;
@@ -63,12 +63,6 @@ impl Samples {
         Ok(Self { values, imposed: data.recordings().iter().map(imposed_in).collect() })
     }
 
-    /// Recordings as they are, nothing imposed.
-    pub(crate) fn plain(values: Vec<Array2<f64>>) -> Self {
-        let imposed = values.iter().map(|r| Array2::from_elem(r.dim(), false)).collect();
-        Self { values, imposed }
-    }
-
     /// With given marks of what was imposed, each of the shape of its recording.
     pub(crate) fn with_imposed(values: Vec<Array2<f64>>, imposed: Vec<Array2<bool>>) -> Option<Self> {
         let fits =
@@ -89,6 +83,28 @@ impl Samples {
     /// In how many rows a variable was imposed.
     pub fn times_imposed(&self, var: usize) -> usize {
         self.imposed.iter().map(|r| r.column(var).iter().filter(|&&is| is).count()).sum()
+    }
+
+    /// Whether an experiment imposed a node, seen from a moment.
+    pub(crate) fn was_imposed(&self, (recording, t): Moment, node: Node) -> bool {
+        self.imposed[recording][[t - node.lag, node.var]]
+    }
+
+    /// Rows, coefficient and standard error of `y` on `x` in the rows in which an experiment imposed `x` and not `y`; `None` where they
+    /// are too few or `x` does not vary.
+    pub(crate) fn effect_where_imposed(&self, x: Node, y: Node) -> Option<(usize, f64, f64)> {
+        let all = self
+            .moments(x.lag.max(y.lag))
+            .into_iter()
+            .filter(|&m| self.was_imposed(m, x) && !self.was_imposed(m, y));
+        let pair = |m: Moment| (self.at(m, x), self.at(m, y));
+        let (xs, ys): (Vec<f64>, Vec<f64>) =
+            all.map(pair).filter(|(x, y)| x.is_finite() && y.is_finite()).unzip();
+        if xs.len() < 10 {
+            return None;
+        }
+        let fit = least_squares(&ys, &[&xs]);
+        fit.dropped.is_empty().then(|| (xs.len(), fit.coefficients[0], fit.standard_errors[0]))
     }
 
     /// The moments with `memory` rows before them.

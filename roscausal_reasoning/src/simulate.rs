@@ -135,3 +135,40 @@ pub(crate) fn quantile(sorted: &[f64], q: f64) -> f64 {
     let high = (low + 1).min(sorted.len() - 1);
     sorted[low] + rest * (sorted[high] - sorted[low])
 }
+
+/// Had I: rows that were observed again, with the noise that they had, under a schedule (abduction, action, prediction: Pearl 2009). The
+/// paths are those of the members, each with the noise that it sees; beside them the rows by the equations on all data.
+/// `rows` begin with `memory` rows that stay.
+pub(crate) fn observed_again(
+    model: &Directed,
+    rows: &[f64],
+    memory: usize,
+    schedule: &Schedule,
+) -> (Ensemble, Vec<f64>) {
+    let n = model.graph.len();
+    let again = |system: &crate::model::System| {
+        let noise = system.noise(rows, memory);
+        let mut path = rows[..memory * n].to_vec();
+        system.run(&mut path, schedule, |step, var| noise[step * n + var]);
+        path
+    };
+    let steps = schedule.steps();
+    let (mut values, mut outside) = (Vec::new(), Vec::new());
+    let mut parents = Vec::new();
+    for system in &model.members {
+        let path = again(system);
+        for step in 0..steps {
+            let mut bits = 0;
+            for var in (0..n).filter(|&var| !schedule.is_set(step, var)) {
+                if let (Some(equation), Some(support)) = (&system.equations[var], &model.supports[var]) {
+                    system.parents(&path, memory + step, equation, &mut parents);
+                    bits |= if support.holds(&parents) { 0 } else { bit(var) };
+                }
+            }
+            outside.push(bits);
+        }
+        values.extend_from_slice(&path[memory * n..]);
+    }
+    let mean = again(&model.system).split_off(memory * n);
+    (Ensemble { n, steps, paths: model.members.len(), values, outside }, mean)
+}

@@ -3,6 +3,7 @@
 //! `cargo run --release -p roscausal_reasoning --example golden_reasoning -- SET OUT` reads `SET/cases/*.json` with the data they
 //! name and writes `OUT/NAME.json`, for comparison. At the end it lists the cases that it cannot run.
 
+mod answers;
 mod case;
 mod effects;
 mod gaussian;
@@ -56,6 +57,8 @@ fn answer(case: &Case) -> Answer<Value> {
         "mediation" => effects::mediation(case),
         "ambiguous" => effects::ambiguous(case),
         "linear" => linear::questions(case),
+        "nonlinear" => answers::nonlinear(case),
+        "experiment" => answers::experiment(case),
         "gp" => gaussian::equation(case, &case.expected),
         "support" => gaussian::support(case),
         "prediction" => linear::prediction(case),

@@ -43,19 +43,20 @@ impl Columns {
         }
         nodes.sort_unstable();
         nodes.dedup();
-        Self::of(samples, nodes, first)
+        Self::of(samples, nodes, first, &[])
     }
 
-    /// Of these nodes.
-    pub(crate) fn of(samples: &Samples, nodes: Vec<Node>, first: usize) -> Self {
-        let first = nodes.iter().map(|node| node.lag).max().unwrap_or(0).max(first);
+    /// Of these nodes, which are sorted, without the rows in which an experiment imposed a node of `cut`.
+    pub(crate) fn of(samples: &Samples, nodes: Vec<Node>, first: usize, cut: &[Node]) -> Self {
+        let first = nodes.iter().chain(cut).map(|node| node.lag).max().unwrap_or(0).max(first);
         let mut columns = vec![Vec::new(); nodes.len()];
         let mut stretches = Vec::new();
         for (recording, values) in samples.recordings().iter().enumerate() {
             let mut rows = 0;
             for t in first..values.nrows() {
                 let at = |&node: &Node| samples.at((recording, t), node);
-                if nodes.iter().all(|node| at(node).is_finite()) {
+                let is_cut = cut.iter().any(|&node| samples.was_imposed((recording, t), node));
+                if !is_cut && nodes.iter().all(|node| at(node).is_finite()) {
                     columns.iter_mut().zip(&nodes).for_each(|(column, node)| column.push(at(node)));
                     rows += 1;
                 }

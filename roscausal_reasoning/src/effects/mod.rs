@@ -5,4 +5,6 @@ mod mediation;
 mod products;
 
 pub use adjusted::{Adjusted, adjusted, wright};
+pub(crate) use mediation::Columns;
 pub use mediation::{Mediation, OverLags};
+pub(crate) use products::Sums;

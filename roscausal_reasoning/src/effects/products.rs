@@ -137,11 +137,6 @@ impl Sums {
         }
         (coefficients, (self.centred(target, target) - explained).max(0.0))
     }
-
-    /// Number of rows.
-    pub(crate) fn rows(&self) -> f64 {
-        self.rows
-    }
 }
 
 #[cfg(test)]

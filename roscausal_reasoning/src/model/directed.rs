@@ -149,11 +149,6 @@ impl Directed {
             supports,
         })
     }
-
-    /// The hyperparameters that a file keeps.
-    pub(crate) fn hyperparameters(&self) -> Vec<Option<Hyperparameters>> {
-        self.summaries.iter().map(|summary| summary.process).collect()
-    }
 }
 
 fn system(graph: &Graph, equations: Vec<Option<Arc<Equation>>>) -> System {

@@ -2,10 +2,14 @@
 
 mod directed;
 pub(crate) mod equation;
+mod file;
+mod structural;
 mod support;
 mod system;
 
 pub use directed::{Directed, Settings, Summary};
 pub use equation::{Equation, Equations};
+pub use file::SCHEMA;
+pub use structural::{Facts, Member, StructuralModel};
 pub use support::{NEIGHBOURS, Support};
 pub use system::{Schedule, System};

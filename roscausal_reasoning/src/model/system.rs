@@ -8,6 +8,8 @@ use super::equation::Equation;
 #[derive(Clone, Debug, PartialEq)]
 pub struct Schedule {
     n: usize,
+    /// What is acted on, also by a shift of 0.
+    touched: Vec<bool>,
     /// `[step * n + var]`: the value that is set, or NaN.
     set: Vec<f64>,
     /// What is added to the value that would be.
@@ -17,13 +19,19 @@ pub struct Schedule {
 impl Schedule {
     /// Nothing imposed on `n` variables for `steps` steps.
     pub fn free(n: usize, steps: usize) -> Self {
-        Self { n, set: vec![f64::NAN; n * steps], shift: vec![0.0; n * steps] }
+        Self {
+            n,
+            touched: vec![false; n * steps],
+            set: vec![f64::NAN; n * steps],
+            shift: vec![0.0; n * steps],
+        }
     }
 
     /// Sets a variable at a step (0: the first); what does not exist is left alone.
     pub fn set(&mut self, step: usize, var: usize, value: f64) {
         if let Some(cell) = self.set.get_mut(step * self.n + var) {
             *cell = value;
+            self.touched[step * self.n + var] = true;
         }
     }
 
@@ -31,6 +39,7 @@ impl Schedule {
     pub fn shift(&mut self, step: usize, var: usize, by: f64) {
         if let Some(cell) = self.shift.get_mut(step * self.n + var) {
             *cell += by;
+            self.touched[step * self.n + var] = true;
         }
     }
 
@@ -56,8 +65,13 @@ impl Schedule {
     }
 
     /// Whether a variable is set or shifted at a step.
-    pub fn acts(&self, step: usize, var: usize) -> bool {
-        self.is_set(step, var) || self.shift[step * self.n + var] != 0.0
+    pub fn touches(&self, step: usize, var: usize) -> bool {
+        self.touched.get(step * self.n + var).copied().unwrap_or(false)
+    }
+
+    /// Whether anything is acted on.
+    pub fn is_free(&self) -> bool {
+        !self.touched.contains(&true)
     }
 }
 
