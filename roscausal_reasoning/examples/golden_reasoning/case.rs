@@ -109,14 +109,20 @@ impl Case {
         let path = self.set.join(path.as_str().ok_or("no data file")?);
         let fail = |e: &dyn std::fmt::Display| format!("{}: {e}", path.display());
         let mut reader = csv::Reader::from_path(&path).map_err(|e| fail(&e))?;
-        let width = reader.headers().map_err(|e| fail(&e))?.len();
+        let header = reader.headers().map_err(|e| fail(&e))?.clone();
+        let wanted = self.variables()?;
+        // A column that is no variable, such as the time, is left out.
+        let is_variable = |name: &str| wanted.iter().any(|wanted| wanted == name);
+        let all = !header.iter().any(is_variable);
+        let kept: Vec<usize> = (0..header.len()).filter(|&k| all || is_variable(&header[k])).collect();
         let mut values = Vec::new();
         for record in reader.records() {
-            for cell in &record.map_err(|e| fail(&e))? {
-                values.push(cell.parse::<f64>().map_err(|e| fail(&e))?);
+            let record = record.map_err(|e| fail(&e))?;
+            for &column in &kept {
+                values.push(record[column].parse::<f64>().map_err(|e| fail(&e))?);
             }
         }
-        Array2::from_shape_vec((values.len() / width, width), values).map_err(|e| fail(&e))
+        Array2::from_shape_vec((values.len() / kept.len(), kept.len()), values).map_err(|e| fail(&e))
     }
 }
 
