@@ -12,6 +12,8 @@ use crate::{
 /// Part of the paths outside from which on a step is not supported, and from which on an action is refused.
 const LEAVING: f64 = 0.25;
 const REFUSED: f64 = 0.5;
+/// Part of the range of what was seen by which a value may lie beyond it.
+const BEYOND: f64 = 0.25;
 
 /// What one graph says of one action.
 pub(super) struct Outcome {
@@ -93,12 +95,42 @@ fn too_far(model: &Directed, past: &[f64], schedule: &Schedule, paths: &Ensemble
             (0..graph.len()).filter(|&child| child != var).filter_map(acts).collect();
         let Some(step) = children.iter().map(|(step, _)| *step).min() else { continue };
         for (_, child) in children.iter().filter(|(at, _)| *at == step) {
-            if paths.share_outside(step, bit(*child)) > REFUSED {
+            if paths.share_outside(step, bit(*child)) > REFUSED
+                || is_beyond(model, past, paths, (step, *child), var)
+            {
                 return Some(far(model, past, paths, (step, *child), var));
             }
         }
     }
     None
+}
+
+/// Whether the paths ask an equation about a mean value of the acting variable that is far beyond all that were seen. Among many
+/// parents the distance of a state may hide this.
+fn is_beyond(
+    model: &Directed,
+    past: &[f64],
+    paths: &Ensemble,
+    (step, child): (usize, usize),
+    acting: usize,
+) -> bool {
+    let Some(support) = &model.supports[child] else { return false };
+    let parents = model.graph.parents(child);
+    let beyond = |(k, parent): (usize, &Node)| {
+        let Some((low, high)) = support.range(k).filter(|_| parent.var == acting) else { return false };
+        let value = mean_of(past, paths, *parent, step);
+        let margin = BEYOND * (high - low);
+        value < low - margin || value > high + margin
+    };
+    parents.iter().enumerate().any(beyond)
+}
+
+/// The mean over the paths of a parent, seen from a step; before the first, what was.
+fn mean_of(past: &[f64], paths: &Ensemble, parent: Node, step: usize) -> f64 {
+    match step.checked_sub(parent.lag) {
+        Some(at) => paths.mean(at, parent.var),
+        None => past[(past.len() / paths.n + step - parent.lag) * paths.n + parent.var],
+    }
 }
 
 fn far(
@@ -109,13 +141,8 @@ fn far(
     acting: usize,
 ) -> String {
     let (graph, names) = (&model.graph, model.graph.names());
-    let n = names.len();
-    let before = past.len() / n;
     // The paths' mean state: what the equation is asked.
-    let value = |parent: &Node| match step.checked_sub(parent.lag) {
-        Some(at) => paths.mean(at, parent.var),
-        None => past[(before + step - parent.lag) * n + parent.var],
-    };
+    let value = |parent: &Node| mean_of(past, paths, *parent, step);
     let parents = graph.parents(child);
     let place: Vec<f64> = parents.iter().map(value).collect();
     let support = model.supports[child].as_ref();

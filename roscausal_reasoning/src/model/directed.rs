@@ -6,7 +6,7 @@ use rayon::prelude::*;
 use roscausal_discovery::{Error, Node, Result};
 
 use super::{
-    equation::{Equation, Equations, Fitted, Hyperparameters, fit, thin},
+    equation::{Equation, Equations, Fitted, Hyperparameters, fit, spread},
     support::{MOST_ROWS, NEIGHBOURS, Support},
     system::System,
 };
@@ -131,7 +131,7 @@ impl Directed {
             return Err(Error::Data(first));
         }
         let support = |fitted: &Fitted| {
-            let kept: Vec<usize> = thin(fitted.rows.len(), MOST_ROWS).collect();
+            let kept: Vec<usize> = spread(fitted.rows.len(), MOST_ROWS).collect();
             let pick = |column: &Vec<f64>| kept.iter().map(|&i| column[i]).collect::<Vec<f64>>();
             Support::new(&fitted.columns().iter().map(pick).collect::<Vec<_>>(), NEIGHBOURS)
         };

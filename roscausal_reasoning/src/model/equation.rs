@@ -183,6 +183,12 @@ pub(crate) fn thin(n: usize, most: usize) -> impl Iterator<Item = usize> {
     (0..n).step_by(n.div_ceil(most).max(1))
 }
 
+/// At most `most` of `0..n`, evenly spread.
+pub(crate) fn spread(n: usize, most: usize) -> impl Iterator<Item = usize> {
+    let count = n.min(most);
+    (0..count).map(move |i| i * n / count)
+}
+
 impl Fitted {
     /// The same equation on rows that count as often as their moments do; its hyperparameters stay.
     ///
