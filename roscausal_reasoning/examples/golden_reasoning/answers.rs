@@ -9,7 +9,7 @@ use roscausal_reasoning::{
 };
 use serde_json::{Value, json};
 
-use crate::case::{Answer, Case, count, list, number, numbers};
+use super::case::{Answer, Case, count, list, number, numbers};
 
 fn fitted(case: &Case) -> Answer<StructuralModel> {
     StructuralModel::fit(&case.frame()?, &case.graph()?, &Settings::default(), &Vec::new())

@@ -8,7 +8,7 @@ use roscausal_reasoning::{
 };
 use serde_json::{Value, json};
 
-use crate::case::{Answer, Case, count, list, matrix, node, nodes, numbers, written};
+use super::case::{Answer, Case, count, list, matrix, node, nodes, numbers, written};
 
 pub(crate) fn adjustment_sets(case: &Case) -> Answer<Value> {
     let graph = case.graph()?;

@@ -4,7 +4,7 @@ use roscausal_discovery::independence_tests::{GpRegression, TestSettings};
 use roscausal_reasoning::{linear::least_squares, model::Support};
 use serde_json::{Value, json};
 
-use crate::case::{Answer, Case, count, list, number, numbers};
+use super::case::{Answer, Case, count, list, number, numbers};
 
 fn rows(value: &Value) -> Answer<Vec<Vec<f64>>> {
     list(value)?.iter().map(numbers).collect()

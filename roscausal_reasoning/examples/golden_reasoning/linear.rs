@@ -13,7 +13,7 @@ use roscausal_reasoning::{
 };
 use serde_json::{Value, json};
 
-use crate::case::{Answer, Case, count, list, number, numbers, rows_of};
+use super::case::{Answer, Case, count, list, number, numbers, rows_of};
 
 /// Least squares equations of a graph on the rows `first..last`; with each the noise's variance.
 fn fitted(graph: &Graph, data: &Array2<f64>, first: usize, last: usize) -> (System, Vec<f64>) {

@@ -3,16 +3,15 @@
 //! `cargo run --release -p roscausal_reasoning --example golden_reasoning -- SET OUT` reads `SET/cases/*.json` with the data they
 //! name and writes `OUT/NAME.json`, for comparison. At the end it lists the cases that it cannot run.
 
-mod answers;
-mod case;
-mod effects;
-mod gaussian;
-mod linear;
+mod kinds;
 
 use std::{path::Path, process::ExitCode, time::Instant};
 
-use case::{Answer, Case};
-use serde_json::{Value, json};
+use kinds::{
+    answer,
+    case::{Answer, Case, names},
+};
+use serde_json::json;
 
 fn main() -> ExitCode {
     let args: Vec<String> = std::env::args().skip(1).collect();
@@ -32,7 +31,7 @@ fn main() -> ExitCode {
 fn run(set: &Path, out: &Path) -> Answer<()> {
     std::fs::create_dir_all(out).map_err(|e| format!("{}: {e}", out.display()))?;
     let (mut done, mut not_run) = (0, Vec::new());
-    for name in case::names(&set.join("cases"))? {
+    for name in names(&set.join("cases"))? {
         let start = Instant::now();
         match Case::read(set, &name).and_then(|case| answer(&case)) {
             Ok(result) => {
@@ -48,20 +47,4 @@ fn run(set: &Path, out: &Path) -> Answer<()> {
     println!("{done} run, {} not run", not_run.len());
     not_run.iter().for_each(|line| println!("not run: {line}"));
     Ok(())
-}
-
-fn answer(case: &Case) -> Answer<Value> {
-    match case.kind.as_str() {
-        "adjustment" => effects::adjustment_sets(case),
-        "total_effect" => effects::total_effects(case),
-        "mediation" => effects::mediation(case),
-        "ambiguous" => effects::ambiguous(case),
-        "linear" => linear::questions(case),
-        "nonlinear" => answers::nonlinear(case),
-        "experiment" => answers::experiment(case),
-        "gp" => gaussian::equation(case, &case.expected),
-        "support" => gaussian::support(case),
-        "prediction" => linear::prediction(case),
-        other => Err(format!("kind '{other}' is not part of this engine")),
-    }
 }

@@ -3,6 +3,7 @@
 mod directed;
 pub(crate) mod equation;
 mod file;
+mod graph_file;
 mod structural;
 mod support;
 mod system;
@@ -10,6 +11,7 @@ mod system;
 pub use directed::{Directed, Settings, Summary};
 pub use equation::{Equation, Equations};
 pub use file::SCHEMA;
+pub use graph_file::graph_of_json;
 pub use structural::{Facts, Member, StructuralModel};
 pub use support::{NEIGHBOURS, Support};
 pub use system::{Schedule, System};
