@@ -55,7 +55,7 @@ mod settings;
 
 pub(crate) use cholesky::residuals;
 pub use cmiknn::CmiKnn;
-pub use gpdc::{GpOptimum, Gpdc};
+pub use gpdc::{GpOptimum, GpRegression, Gpdc};
 pub(crate) use gpdc::{bytes as gpdc_bytes, uniform_dependence};
 #[cfg(feature = "python")]
 pub use gpdc_python::GpdcPython;

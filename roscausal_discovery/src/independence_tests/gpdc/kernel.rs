@@ -54,6 +54,28 @@ impl Inputs {
         self.arch.dispatch(Column { n, values, scale, j, from, kernel, derivative });
     }
 
+    /// The samples `chosen`, in that order.
+    pub(super) fn chosen(&self, chosen: &[usize]) -> Self {
+        let pick = |row: &[f64]| chosen.iter().map(|&i| row[i]).collect::<Vec<f64>>();
+        Self::new(&self.values.chunks_exact(self.n).map(pick).collect::<Vec<_>>())
+    }
+
+    /// Writes the kernel between a place, one value per dimension, and every sample into `kernel`.
+    pub(super) fn to_place(&self, l: f64, place: &[f64], kernel: &mut [f64]) {
+        let scale = -0.5 / (l * l);
+        for (i, k) in kernel.iter_mut().enumerate().take(self.n) {
+            let rows = self.values.chunks_exact(self.n).zip(place);
+            let square: f64 = rows.map(|(row, z)| (row[i] - z).powi(2)).sum();
+            *k = (scale * square).exp();
+        }
+    }
+
+    /// The sum over the samples of `weights` times the kernel between the sample and a place.
+    pub(super) fn weighted_sum(&self, l: f64, place: &[f64], weights: &[f64]) -> f64 {
+        let (n, values, scale) = (self.n, &self.values, -0.5 / (l * l));
+        self.arch.dispatch(WeightedSum { n, values, scale, place, weights })
+    }
+
     /// `dK / d ln l` between the samples of `chosen`: symmetric, column-major.
     pub(super) fn derivative_between(&self, l: f64, chosen: &[u32]) -> Buffer {
         let r = chosen.len();
@@ -77,6 +99,52 @@ struct Column<'a, T> {
     from: usize,
     kernel: &'a mut [T],
     derivative: &'a mut [T],
+}
+
+/// One call of [`Inputs::weighted_sum`].
+struct WeightedSum<'a> {
+    n: usize,
+    values: &'a [f64],
+    scale: f64,
+    place: &'a [f64],
+    weights: &'a [f64],
+}
+
+impl NullaryFnOnce for WeightedSum<'_> {
+    type Output = f64;
+
+    #[inline(always)]
+    fn call(self) -> f64 {
+        const BLOCK: usize = 32;
+        let Self { n, values, scale, place, weights } = self;
+        let rows = || values.chunks_exact(n).zip(place);
+        let blocks = n / BLOCK * BLOCK;
+        let mut sums = [0.0; BLOCK];
+        for (at, weights) in (0..blocks).step_by(BLOCK).zip(weights.chunks_exact(BLOCK)) {
+            let mut squares = [0.0_f64; BLOCK];
+            for (row, centre) in rows() {
+                let Some(row) = row[at..].first_chunk::<BLOCK>() else { continue };
+                for k in 0..BLOCK {
+                    let difference = row[k] - centre;
+                    squares[k] = difference.mul_add(difference, squares[k]);
+                }
+            }
+            for k in 0..BLOCK {
+                sums[k] = weights[k].mul_add(exp_of_negative(scale * squares[k]), sums[k]);
+            }
+        }
+        let mut lanes = [0.0; LANES];
+        for vector in sums.chunks_exact(LANES) {
+            for k in 0..LANES {
+                lanes[k] += vector[k];
+            }
+        }
+        let last = (blocks..n).map(|i| {
+            let square = rows().map(|(row, centre)| (row[i] - centre) * (row[i] - centre)).sum::<f64>();
+            weights[i] * exp_of_negative(scale * square)
+        });
+        sum_of_lanes(lanes) + last.sum::<f64>()
+    }
 }
 
 /// The columns as [`NullaryFnOnce`] of a precision, `$block` samples at a time.

@@ -17,6 +17,7 @@ mod null_table;
 mod pcg64;
 mod permutation;
 mod plan;
+mod process;
 mod real;
 mod refine;
 mod regression;
@@ -40,6 +41,7 @@ use crate::{
 use distance_correlation::of_ranks;
 use memory::Memory;
 use null_table::NullTable;
+pub use process::{GpOptimum, GpRegression};
 use regression::{GaussianProcess, SearchSettings};
 use residuals::{ResidualCache, Residuals};
 
@@ -301,65 +303,6 @@ impl PreparedGpdc<'_> {
         let rows: Vec<Vec<f64>> =
             conditions.iter().filter(|row| !is_constant(row)).map(|row| standardized(row)).collect();
         (!rows.is_empty()).then(|| GaussianProcess::new(&rows, &self.memory))
-    }
-}
-
-/// The maximum of a Gaussian process likelihood with the kernel `RBF(length_scale) + White(noise)`.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct GpOptimum {
-    /// Length scale, in standard deviations of the conditions.
-    pub length_scale: f64,
-    /// Noise variance, in variances of the target.
-    pub noise: f64,
-    /// Log marginal likelihood there.
-    pub log_likelihood: f64,
-}
-
-impl GpOptimum {
-    /// The optimum of the regression of `target` on `conditions` (one row of samples each) that a GPDC test with `settings`
-    /// takes: both are standardised first.
-    ///
-    /// ```
-    /// use roscausal_discovery::independence_tests::{GpOptimum, TestSettings};
-    ///
-    /// let z: Vec<f64> = (0..60).map(|i| f64::from(i * 37 % 60) / 10.0).collect();
-    /// let y: Vec<f64> = z.iter().enumerate().map(|(i, z)| z.sin() + 0.1 * f64::from(i as u32 * 17 % 7)).collect();
-    /// let optimum = GpOptimum::find(&y, &[z], &TestSettings::default())?;
-    /// assert!(optimum.length_scale > 0.3 && optimum.noise < 0.5);
-    /// # Ok::<(), roscausal_discovery::Error>(())
-    /// ```
-    ///
-    /// # Errors
-    /// Fewer than five samples, rows of other lengths than the target, constant or infinite values.
-    pub fn find(target: &[f64], conditions: &[Vec<f64>], settings: &TestSettings) -> Result<Self> {
-        let n = target.len();
-        if n < FEWEST_SAMPLES {
-            return Err(too_few(n));
-        }
-        if let Some(row) = conditions.iter().position(|row| row.len() != n) {
-            return Err(Error::Data(format!(
-                "condition {row} has {} samples, the target {n}",
-                conditions[row].len()
-            )));
-        }
-        let mut rows = conditions.iter().map(Vec::as_slice).chain([target]);
-        if conditions.is_empty() || rows.any(|row| is_constant(row) || !row.iter().all(|v| v.is_finite())) {
-            return Err(Error::Data(
-                "a regression needs conditions and a target that vary, of finite values".into(),
-            ));
-        }
-        let rows: Vec<Vec<f64>> = conditions.iter().map(|row| standardized(row)).collect();
-        let process =
-            GaussianProcess::new(&rows, &Memory::new(settings.max_memory.unwrap_or(DEFAULT_MEMORY)));
-        let TestSettings { gp_search, gp_restarts, seed, .. } = *settings;
-        let how = SearchSettings { search: gp_search, restarts: gp_restarts, seed };
-        let target = standardized(target);
-        let theta = process.fit(&target, &how, &|| Ok(()))?.theta;
-        Ok(Self {
-            length_scale: theta.l,
-            noise: theta.s,
-            log_likelihood: process.log_likelihood(&target, theta),
-        })
     }
 }
 

@@ -1,0 +1,367 @@
+//! How strongly does one variable drive another? Total, direct, mediated, with what it rests on.
+
+use roscausal_discovery::Node;
+use serde::{Deserialize, Serialize};
+
+use super::{
+    Status, ambiguity, caveats,
+    sentences::{listed, short, steps},
+};
+use crate::{
+    effects::{Columns, Mediation, Sums},
+    graph::{Adjustment, adjustment},
+    model::{Member, StructuralModel},
+    question::variable,
+    random,
+    simulate::quantile,
+};
+
+/// Bootstraps of the rows for an interval.
+const BOOTSTRAPS: usize = 200;
+/// Longest lag.
+const LONGEST_LAG: usize = 100;
+/// Rows of an experiment below which it says nothing alone.
+const FEWEST_IMPOSED: usize = 50;
+
+/// How strongly does one variable drive another?
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct EffectQuestion {
+    /// The cause.
+    pub cause: String,
+    /// The effect.
+    pub effect: String,
+    /// Largest lag.
+    pub max_lag: usize,
+    /// In standard deviations instead of units.
+    pub standardised: bool,
+}
+
+/// The answer to [`EffectQuestion`]. Lists are by lag, 0 first.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct EffectAnswer {
+    /// How to take it.
+    pub status: Status,
+    /// Why not OK, in a sentence.
+    pub message: String,
+    /// Effect of a unit pulse of the cause, by all paths.
+    pub total: Vec<f64>,
+    /// Lower end of its interval.
+    pub lower: Vec<f64>,
+    /// Upper end.
+    pub upper: Vec<f64>,
+    /// By the link itself.
+    pub direct: Vec<f64>,
+    /// Variables on the paths.
+    pub mediators: Vec<String>,
+    /// What passes through each at the lag of the largest total effect.
+    pub mediated: Vec<f64>,
+    /// What the regression at that lag adjusts for, such as `h_dg(t-2)`.
+    pub adjustment_set: Vec<String>,
+    /// Part of the rest of cause and effect that an unrecorded cause would have to explain to undo the effect.
+    pub robustness: f64,
+    /// All in words.
+    pub text: String,
+    /// One sentence each.
+    pub caveats: Vec<String>,
+}
+
+/// The regression at one lag.
+struct AtLag {
+    found: Adjustment,
+    coefficient: f64,
+    bounds: (f64, f64),
+    t: f64,
+    degrees: f64,
+}
+
+/// What one graph says.
+struct ByGraph {
+    lags: Vec<AtLag>,
+    mediation: Mediation,
+    /// Interval of each lag's effect by paths.
+    by_paths: Vec<(f64, f64)>,
+}
+
+/// Total, direct and mediated effect of one variable on another.
+pub fn effect(model: &StructuralModel, question: &EffectQuestion) -> EffectAnswer {
+    let refuse = |status, message| EffectAnswer {
+        status,
+        message,
+        total: Vec::new(),
+        lower: Vec::new(),
+        upper: Vec::new(),
+        direct: Vec::new(),
+        mediators: Vec::new(),
+        mediated: Vec::new(),
+        adjustment_set: Vec::new(),
+        robustness: 0.0,
+        text: String::new(),
+        caveats: Vec::new(),
+    };
+    let names = model.graph().names();
+    let asked =
+        variable(names, &question.cause).and_then(|cause| Ok((cause, variable(names, &question.effect)?)));
+    let (cause, effect) = match asked {
+        Ok(pair) => pair,
+        Err(message) => return refuse(Status::BadRequest, message),
+    };
+    if question.max_lag > LONGEST_LAG || (question.max_lag == 0 && cause == effect) {
+        let message = format!(
+            "a largest lag of {} is not answered; ask for 0 to {LONGEST_LAG}, above 0 for a variable on itself",
+            question.max_lag
+        );
+        return refuse(Status::BadRequest, message);
+    }
+    let graphs =
+        model.members().iter().map(|member| of_graph(model, member, cause, effect, question.max_lag));
+    let graphs: Vec<ByGraph> = match graphs.collect::<Result<_, String>>() {
+        Ok(graphs) => graphs,
+        Err(message) => return refuse(Status::NotSupported, message),
+    };
+    let deviations = &model.members()[0].model.deviations;
+    let unit = if question.standardised && deviations[effect] > 0.0 {
+        deviations[cause] / deviations[effect]
+    } else {
+        1.0
+    };
+    let count = graphs.len() as f64;
+    let average = |of: &dyn Fn(&ByGraph) -> f64| unit * graphs.iter().map(of).sum::<f64>() / count;
+    let lags: Vec<usize> = (0..=question.max_lag).collect();
+    let total: Vec<f64> = lags.iter().map(|&lag| average(&|g| g.lags[lag].coefficient)).collect();
+    let fold = |lag: usize, first: f64, pick: fn(f64, f64) -> f64, of: fn(&AtLag) -> f64| {
+        unit * graphs.iter().map(|g| of(&g.lags[lag])).fold(first, pick)
+    };
+    let lower =
+        lags.iter().map(|&lag| fold(lag, f64::INFINITY, f64::min, |l| l.bounds.0)).collect::<Vec<_>>();
+    let upper =
+        lags.iter().map(|&lag| fold(lag, f64::NEG_INFINITY, f64::max, |l| l.bounds.1)).collect::<Vec<_>>();
+    let direct = lags.iter().map(|&lag| {
+        average(&|g| g.mediation.system.coefficients.get(lag).map_or(0.0, |phi| phi[[effect, cause]]))
+    });
+    let direct: Vec<f64> = direct.collect();
+    let own = usize::from(cause == effect);
+    let peak = (own..=question.max_lag)
+        .max_by(|&a, &b| total[a].abs().total_cmp(&total[b].abs()).then(b.cmp(&a)))
+        .unwrap_or(0);
+    let through = |k: usize| average(&|g| g.mediation.mediated[k][peak][[effect, cause]]);
+    let passes = |k: &usize| *k != cause && *k != effect && through(*k) != 0.0;
+    let mediators: Vec<usize> = (0..names.len()).filter(passes).collect();
+    let first = &graphs[0].lags[peak];
+    let set: Vec<String> = first.found.set.iter().flatten().map(|&node| model.graph().text(node)).collect();
+    let robustness =
+        graphs.iter().map(|g| robustness(g.lags[peak].t, g.lags[peak].degrees)).fold(f64::INFINITY, f64::min);
+    let effects: Vec<f64> = graphs.iter().map(|g| g.lags[peak].coefficient * unit).collect();
+    let (status, message) = ambiguity::sentence(model, &effects, 0.0)
+        .map_or((Status::Ok, String::new()), |message| (Status::Ambiguous, message));
+    let mut answer = EffectAnswer {
+        status,
+        message,
+        mediated: mediators.iter().map(|&k| through(k)).collect(),
+        mediators: mediators.iter().map(|&k| names[k].clone()).collect(),
+        adjustment_set: set,
+        robustness,
+        total,
+        lower,
+        upper,
+        direct,
+        text: String::new(),
+        caveats: Vec::new(),
+    };
+    answer.text = text(
+        model,
+        question,
+        &answer,
+        peak,
+        graphs.iter().any(|g| g.lags.iter().any(|l| l.found.causal_path)),
+    );
+    answer.caveats = cautions(model, &graphs, (cause, effect), peak, &answer);
+    answer
+}
+
+fn of_graph(
+    model: &StructuralModel,
+    member: &Member,
+    cause: usize,
+    effect: usize,
+    max_lag: usize,
+) -> Result<ByGraph, String> {
+    let graph = &member.model.graph;
+    if let Some(reason) = &member.model.summaries[effect].missing {
+        return Err(reason.clone());
+    }
+    let (samples, seed) = (model.samples(), model.settings().seed);
+    let horizon = max_lag.max(graph.largest_lag());
+    let mediation = Mediation::fit(samples, graph, horizon, false).map_err(|e| e.to_string())?;
+    let drawn =
+        Mediation::bootstrap(samples, graph, horizon, false, BOOTSTRAPS, seed).map_err(|e| e.to_string())?;
+    let tail = 0.5 * (1.0 - model.settings().interval);
+    let by_paths =
+        (0..=max_lag).map(|lag| bounds(drawn.iter().map(|m| m.total[lag][[effect, cause]]), tail)).collect();
+    let lags =
+        (0..=max_lag).map(|lag| at_lag(model, member, Node::new(cause, lag), Node::new(effect, 0), tail));
+    Ok(ByGraph { lags: lags.collect::<Result<_, String>>()?, mediation, by_paths })
+}
+
+fn bounds(values: impl Iterator<Item = f64>, tail: f64) -> (f64, f64) {
+    let mut values: Vec<f64> = values.collect();
+    values.sort_unstable_by(f64::total_cmp);
+    (quantile(&values, tail), quantile(&values, 1.0 - tail))
+}
+
+/// The regression of the effect on the cause at one lag and the optimal set.
+fn at_lag(model: &StructuralModel, member: &Member, x: Node, y: Node, tail: f64) -> Result<AtLag, String> {
+    let found = adjustment(&member.model.graph, &[x], y);
+    let none = |coefficient, found| AtLag {
+        found,
+        coefficient,
+        bounds: (coefficient, coefficient),
+        t: 0.0,
+        degrees: 1.0,
+    };
+    if x == y {
+        return Ok(none(1.0, found));
+    }
+    let Some(set) = found.set.clone().filter(|_| found.causal_path) else { return Ok(none(0.0, found)) };
+    // Rows in which an experiment imposed what lies on the paths do not show the effect.
+    let cut: Vec<Node> = found.mediators.iter().copied().chain([y]).collect();
+    let mut nodes: Vec<Node> = set.iter().copied().chain([x, y]).collect();
+    nodes.sort_unstable();
+    let columns = Columns::of(model.samples(), nodes, found.window, &cut);
+    let position = |node: Node| columns.position(node);
+    let regressors: Vec<usize> = [x].iter().chain(&set).map(|&node| position(node)).collect();
+    let target = position(y);
+    let degrees = columns.products().rows() as f64 - regressors.len() as f64 - 1.0;
+    if degrees < 10.0 {
+        let graph = &member.model.graph;
+        return Err(format!(
+            "{} rows are too few to adjust the effect of {} for {} others; record longer",
+            columns.products().rows(),
+            graph.text(x),
+            set.len()
+        ));
+    }
+    let coefficient = |sums: &Sums| sums.regress(target, &regressors).0[0];
+    let whole = columns.products().whole();
+    let (all, rss) = whole.regress(target, &regressors);
+    let (_, own) = whole.regress(regressors[0], &regressors[1..]);
+    let error = (rss / degrees / own).sqrt();
+    let prefix = columns.products().prefix();
+    let draw = |k: usize| {
+        coefficient(&prefix.resampled(random::at(model.settings().seed, k, 6), columns.stretches()))
+    };
+    let (low, high) = bounds((0..BOOTSTRAPS).map(draw), tail);
+    let t = if error > 0.0 { all[0] / error } else { 0.0 };
+    Ok(AtLag { found, coefficient: all[0], bounds: (low.min(all[0]), high.max(all[0])), t, degrees })
+}
+
+/// The robustness value (Cinelli and Hazlett 2020): an unrecorded cause that explains this part of what is left of both cause and
+/// effect would be enough to undo the effect.
+fn robustness(t: f64, degrees: f64) -> f64 {
+    let f = t.abs() / degrees.sqrt();
+    0.5 * ((f.powi(4) + 4.0 * f * f).sqrt() - f * f)
+}
+
+fn text(
+    model: &StructuralModel,
+    question: &EffectQuestion,
+    answer: &EffectAnswer,
+    peak: usize,
+    path: bool,
+) -> String {
+    let EffectQuestion { cause, effect, .. } = question;
+    if !path {
+        return format!(
+            "{cause} has no effect on {effect} within {}: the graph has no path.",
+            steps(model, question.max_lag)
+        );
+    }
+    let when =
+        if peak == 0 { "at the same time".to_owned() } else { format!("{} later", steps(model, peak)) };
+    let unit = if question.standardised { "standard deviation" } else { "unit" };
+    let verb = if answer.total[peak] < 0.0 { "lowers" } else { "raises" };
+    let mut sentences = vec![format!(
+        "A pulse of one {unit} of {cause} {verb} {effect} the most {when}: by {} ({} to {}), {} of it directly",
+        short(answer.total[peak].abs()),
+        short(answer.lower[peak]),
+        short(answer.upper[peak]),
+        short(answer.direct[peak])
+    )];
+    if !answer.mediators.is_empty() {
+        let parts = answer
+            .mediators
+            .iter()
+            .zip(&answer.mediated)
+            .map(|(name, part)| format!("{} through {name}", short(*part)));
+        sentences.push(listed(&parts.collect::<Vec<_>>()));
+    }
+    if !answer.adjustment_set.is_empty() {
+        sentences.push(format!("Adjusted for {}", listed(&answer.adjustment_set)));
+    }
+    format!("{}.", sentences.join(". "))
+}
+
+fn cautions(
+    model: &StructuralModel,
+    graphs: &[ByGraph],
+    (cause, effect): (usize, usize),
+    peak: usize,
+    answer: &EffectAnswer,
+) -> Vec<String> {
+    let names = model.graph().names();
+    let mut said = vec![caveats::imposed(model, cause, "this effect")];
+    said.extend(from_experiment(model, (cause, effect), peak));
+    let any_path = graphs.iter().any(|g| g.lags[peak].found.causal_path);
+    if any_path && peak + usize::from(cause != effect) > 0 {
+        said.push(format!(
+            "an unrecorded cause that explains {} % of what is left of both {} and {} would be enough to undo it",
+            short(100.0 * answer.robustness),
+            names[cause],
+            names[effect]
+        ));
+    }
+    for graph in graphs {
+        let (by_set, by_paths) = (&graph.lags[peak], graph.by_paths[peak]);
+        let paths = graph.mediation.total[peak][[effect, cause]];
+        let apart = (paths < by_set.bounds.0 || paths > by_set.bounds.1)
+            && (by_set.coefficient < by_paths.0 || by_set.coefficient > by_paths.1);
+        if by_set.found.causal_path && apart {
+            said.push(format!(
+                "the graph does not fit the data: by its paths the effect is {}, by adjustment {}",
+                short(paths),
+                short(by_set.coefficient)
+            ));
+        }
+        if by_set.found.causal_path && by_set.found.set.is_none() {
+            said.push("no adjustment set exists; ask what-if, which simulates".to_owned());
+        }
+    }
+    said.extend(caveats::weakest_link(model, &caveats::strongest_path(model, cause, effect)));
+    let curved: Vec<String> = (0..names.len())
+        .filter(|&var| model.members()[0].model.summaries[var].process.is_some())
+        .map(|var| names[var].clone())
+        .collect();
+    if !curved.is_empty() {
+        let noun = if curved.len() == 1 { "equation" } else { "equations" };
+        said.push(format!(
+            "the {noun} of {} may be curved: this is the effect on average, ask what-if for the one from a state",
+            listed(&curved)
+        ));
+    }
+    said.extend(caveats::of_model(model));
+    said
+}
+
+/// The same effect from the rows alone in which an experiment imposed the cause.
+fn from_experiment(model: &StructuralModel, (cause, effect): (usize, usize), peak: usize) -> Option<String> {
+    if cause == effect || model.samples().times_imposed(cause) < FEWEST_IMPOSED {
+        return None;
+    }
+    let (x, y) = (Node::new(cause, peak), Node::new(effect, 0));
+    let (rows, coefficient, error) = model.samples().effect_where_imposed(x, y)?;
+    let name = &model.graph().names()[cause];
+    Some(format!(
+        "from the {rows} rows alone in which {name} was imposed the effect is {} (standard error {})",
+        short(coefficient),
+        short(error)
+    ))
+}

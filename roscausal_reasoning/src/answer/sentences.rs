@@ -1,0 +1,55 @@
+//! Numbers and steps in words.
+
+use crate::model::StructuralModel;
+
+/// A number in three significant digits: `0.312`, `12.5`, `1340`.
+pub(super) fn short(value: f64) -> String {
+    if !value.is_finite() {
+        return "unknown".to_owned();
+    }
+    if value == 0.0 || value.abs() < 1e-12 {
+        return "0".to_owned();
+    }
+    let digits = (2 - value.abs().log10().floor() as i64).clamp(0, 9) as usize;
+    let text = format!("{value:.digits$}");
+    let text = if text.contains('.') { text.trim_end_matches('0').trim_end_matches('.') } else { &text };
+    if text == "-0" { "0".to_owned() } else { text.to_owned() }
+}
+
+/// A number with the unit of a variable.
+pub(super) fn with_unit(model: &StructuralModel, var: usize, value: f64) -> String {
+    let name = &model.graph().names()[var];
+    let unit = model.facts.units.iter().find(|(variable, _)| variable == name);
+    unit.map_or_else(|| short(value), |(_, unit)| format!("{} {unit}", short(value)))
+}
+
+/// Some steps: `10 steps (3 s)`.
+pub(super) fn steps(model: &StructuralModel, steps: usize) -> String {
+    let word = if steps == 1 { "step" } else { "steps" };
+    match model.facts.dt {
+        Some(dt) => format!("{steps} {word} ({} s)", short(steps as f64 * dt)),
+        None => format!("{steps} {word}"),
+    }
+}
+
+/// `a`, `a and b`, `a, b and c`.
+pub(super) fn listed(names: &[String]) -> String {
+    match names {
+        [] => String::new(),
+        [one] => one.clone(),
+        [first @ .., last] => format!("{} and {last}", first.join(", ")),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn numbers_have_three_digits_and_lists_an_and() {
+        let texts: Vec<String> =
+            [0.31234, 12.55, 1340.2, -0.00456, 0.0, 1.0, 0.5].iter().map(|&v| short(v)).collect();
+        assert_eq!(texts, ["0.312", "12.6", "1340", "-0.00456", "0", "1", "0.5"]);
+        assert_eq!(listed(&["a".into(), "b".into(), "c".into()]), "a, b and c");
+    }
+}

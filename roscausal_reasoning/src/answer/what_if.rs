@@ -1,0 +1,361 @@
+//! Predict, what if, had I: paths under actions, in numbers and words.
+
+use serde::{Deserialize, Serialize};
+
+use super::{
+    Status, ambiguity, caveats,
+    ensembles::{Outcomes, outcomes},
+    plan::{Price, price, rank},
+    sentences::{listed, short, steps, with_unit},
+};
+use crate::{
+    model::{Schedule, StructuralModel},
+    question::{Situation, WhatIf},
+    simulate::quantile,
+};
+
+/// Part of a variable's deviation below which an effect is none.
+const NOTHING: f64 = 0.05;
+
+/// One variable, step by step.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Forecast {
+    /// The variable.
+    pub variable: String,
+    /// Mean at each step.
+    pub mean: Vec<f64>,
+    /// Lower end of the interval.
+    pub lower: Vec<f64>,
+    /// Upper end of the interval.
+    pub upper: Vec<f64>,
+    /// Skill over the last value, as measured on rows that the model had not seen; null where it is set or was not measured.
+    pub skill: Vec<Option<f64>>,
+}
+
+/// What one action leads to.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Outlook {
+    /// The action's name.
+    pub action: String,
+    /// Whether the data do not carry an answer; the forecasts are empty then.
+    pub refused: bool,
+    /// The variables asked for.
+    pub forecasts: Vec<Forecast>,
+    /// Steps for which the data carry the answer.
+    pub supported_steps: usize,
+    /// Mean cost.
+    pub cost: f64,
+    /// Lower end of the cost's interval.
+    pub cost_lower: f64,
+    /// Upper end.
+    pub cost_upper: f64,
+    /// Probability of keeping all limits at every step.
+    pub probability_limits: f64,
+    /// Probability of being the cheapest of the actions that can be taken.
+    pub probability_best: f64,
+    /// The same in words.
+    pub text: String,
+}
+
+/// The answer to [`WhatIf`].
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct WhatIfAnswer {
+    /// How to take it.
+    pub status: Status,
+    /// Why not OK, in a sentence.
+    pub message: String,
+    /// Step in seconds, if known.
+    pub dt: Option<f64>,
+    /// The model that answered.
+    pub model_id: String,
+    /// In the order of the actions.
+    pub outlooks: Vec<Outlook>,
+    /// Numbers of the actions that can be taken, best first; empty if nothing was to be ranked.
+    pub ranking: Vec<usize>,
+    /// One sentence each.
+    pub caveats: Vec<String>,
+}
+
+/// What will happen if nobody acts.
+pub fn predict(
+    model: &StructuralModel,
+    situation: &Situation<'_>,
+    horizon: usize,
+    paths: usize,
+    seed: u64,
+) -> WhatIfAnswer {
+    what_if(model, situation, &WhatIf { horizon, paths, seed, ..WhatIf::default() })
+}
+
+/// What will happen under each action, or would have happened; and which is best.
+pub fn what_if(model: &StructuralModel, situation: &Situation<'_>, question: &WhatIf) -> WhatIfAnswer {
+    let refuse = |status, message: String| WhatIfAnswer {
+        status,
+        message,
+        dt: model.facts.dt,
+        model_id: model.id(),
+        outlooks: Vec::new(),
+        ranking: Vec::new(),
+        caveats: Vec::new(),
+    };
+    let asked = match question.checked(model.graph().names()) {
+        Ok(asked) => asked,
+        Err(message) => return refuse(Status::BadRequest, message),
+    };
+    if let Err((status, message)) = rows_there(model, situation, question) {
+        return refuse(status, message);
+    }
+    let free = Schedule::free(model.graph().len(), question.horizon);
+    // What the actions are compared with, where graphs may disagree.
+    let baseline = (model.members().len() > 1).then(|| outcomes(model, situation, &free, question));
+    let all: Vec<Outcomes> =
+        asked.actions.iter().map(|(_, schedule)| outcomes(model, situation, schedule, question)).collect();
+    let prices: Vec<Price> = all.iter().map(|one| price(one, &asked.cost, &asked.limits)).collect();
+    let refused = |k: usize| {
+        all[k]
+            .refused
+            .as_ref()
+            .filter(|_| !question.allow_extrapolation || model_lacks(model, &asked.actions[k].1))
+    };
+    let keeps = |k: usize| asked.limits.iter().zip(&prices[k].kept).all(|((.., p), kept)| kept >= p);
+    let eligible: Vec<usize> = (0..all.len()).filter(|&k| refused(k).is_none() && keeps(k)).collect();
+    let ranked = !(asked.cost.is_empty() && asked.limits.is_empty());
+    let (ranking, best) = if ranked { rank(&prices, &eligible) } else { (Vec::new(), vec![0.0; all.len()]) };
+    let mut depends = None;
+    let mut outlooks = Vec::new();
+    for (k, (name, schedule)) in asked.actions.iter().enumerate() {
+        let mut outlook =
+            outlook(model, question, (name, schedule), &all[k], &asked.variables, refused(k).is_some());
+        let mut costs = prices[k].costs.clone();
+        costs.sort_unstable_by(f64::total_cmp);
+        let tail = 0.5 * (1.0 - model.settings().interval);
+        (outlook.cost, outlook.cost_lower, outlook.cost_upper) =
+            (prices[k].mean(), quantile(&costs, tail), quantile(&costs, 1.0 - tail));
+        outlook.probability_limits = prices[k].all_kept;
+        outlook.probability_best = best[k];
+        outlook.text = match refused(k) {
+            Some(reason) => format!("{name}: not answered: {reason}."),
+            None => {
+                text(model, situation, question, &outlook, (&asked.variables, schedule), ranked, keeps(k))
+            }
+        };
+        if let (Some(baseline), None, false) = (&baseline, &depends, schedule.is_free()) {
+            depends = asked
+                .variables
+                .iter()
+                .find_map(|&var| depends_on_link(model, &all[k], baseline, schedule, var));
+        }
+        outlooks.push(outlook);
+    }
+    let reasons: Vec<&String> = (0..all.len()).filter_map(refused).collect();
+    let (status, message) = if reasons.len() == all.len() {
+        (Status::NotSupported, reasons.first().map_or(String::new(), |reason| (*reason).clone()))
+    } else if let Some(message) = depends {
+        (Status::Ambiguous, message)
+    } else if ranked && ranking.is_empty() {
+        (Status::Ok, "no action keeps the limits".to_owned())
+    } else {
+        (Status::Ok, String::new())
+    };
+    let schedules: Vec<&Schedule> = asked.actions.iter().map(|(_, schedule)| schedule).collect();
+    let caveats = caveats::of_what_if(model, question, &schedules, &outlooks, &asked.variables);
+    WhatIfAnswer { status, message, dt: model.facts.dt, model_id: model.id(), outlooks, ranking, caveats }
+}
+
+/// Whether an equation that the action needs is missing: then nothing can be extrapolated.
+fn model_lacks(model: &StructuralModel, schedule: &Schedule) -> bool {
+    let free = |var: &usize| (0..schedule.steps()).any(|step| !schedule.is_set(step, *var));
+    let lacks =
+        |var: usize| model.members().iter().any(|member| member.model.system.equations[var].is_none());
+    (0..model.graph().len()).filter(free).any(lacks)
+}
+
+/// Whether the rows that the question needs are there.
+fn rows_there(
+    model: &StructuralModel,
+    situation: &Situation<'_>,
+    question: &WhatIf,
+) -> Result<(), (Status, String)> {
+    let (n, names, memory) = (model.graph().len(), model.graph().names(), model.graph_memory());
+    if situation.rows.ncols() != n {
+        let message = format!(
+            "the rows have {} variables and the model has {n}: {}",
+            situation.rows.ncols(),
+            names.join(", ")
+        );
+        return Err((Status::NoModel, message));
+    }
+    let (rows, now) = (situation.rows.nrows(), situation.now);
+    if now >= rows || now + 1 < memory {
+        let message = format!(
+            "row {now} is not answered: there are {rows} rows, and {memory} up to now are needed; record longer or ask for another time"
+        );
+        return Err((Status::NoData, message));
+    }
+    let last = if question.counterfactual { now + question.horizon } else { now };
+    if last >= rows {
+        let message = format!(
+            "had-I asks about rows that were observed: {} follow the row that is asked about and {} are needed; choose an \
+             earlier time or a shorter horizon",
+            rows - 1 - now,
+            question.horizon
+        );
+        return Err((Status::NoData, message));
+    }
+    // What no equation reads may be missing, but not in rows that are run again.
+    let read = |row: usize, var: usize| {
+        let lag = now + 1 - row.min(now);
+        let reads = |member: &crate::model::Member| {
+            (0..n).any(|child| member.model.graph.parents(child).iter().any(|p| p.var == var && p.lag >= lag))
+        };
+        row > now || model.members().iter().any(reads)
+    };
+    for row in now + 1 - memory..=last {
+        if let Some(var) = (0..n).find(|&var| !situation.rows[[row, var]].is_finite() && read(row, var)) {
+            let message = format!(
+                "{} is missing in row {row}, which the answer needs; ask for another time",
+                names[var]
+            );
+            return Err((Status::NoData, message));
+        }
+    }
+    Ok(())
+}
+
+fn outlook(
+    model: &StructuralModel,
+    question: &WhatIf,
+    (name, schedule): (&str, &Schedule),
+    outcomes: &Outcomes,
+    variables: &[usize],
+    refused: bool,
+) -> Outlook {
+    let n = model.graph().len();
+    let interval = model.settings().interval;
+    let forecast = |&var: &usize| {
+        let mut forecast = Forecast { variable: model.graph().names()[var].clone(), ..Forecast::default() };
+        for step in 0..question.horizon {
+            let mut means = 0.0;
+            let (mut lower, mut upper) = (f64::INFINITY, f64::NEG_INFINITY);
+            for (outcome, member) in outcomes.all.iter().zip(model.members()) {
+                let (mut low, mut high) = outcome.paths.bounds(step, var, interval);
+                if let (Some(quality), false, false) =
+                    (&member.quality, schedule.is_set(step, var), question.counterfactual)
+                {
+                    let wider = quality.widening(step, var) * (high - low);
+                    (low, high) = (low - wider, high + wider);
+                }
+                means += outcome.mean[step * n + var];
+                (lower, upper) = (lower.min(low), upper.max(high));
+            }
+            let mean = means / outcomes.all.len() as f64;
+            forecast.mean.push(mean);
+            forecast.lower.push(lower.min(mean));
+            forecast.upper.push(upper.max(mean));
+            let quality = model.members()[0]
+                .quality
+                .as_ref()
+                .filter(|_| !schedule.is_set(step, var) && !question.counterfactual);
+            forecast.skill.push(quality.and_then(|quality| quality.skill(step, var)));
+        }
+        forecast
+    };
+    Outlook {
+        action: name.to_owned(),
+        refused,
+        forecasts: if refused { Vec::new() } else { variables.iter().map(forecast).collect() },
+        supported_steps: if refused { 0 } else { outcomes.supported },
+        ..Outlook::default()
+    }
+}
+
+/// What says that the mean effect of an action on a variable depends on an open link.
+fn depends_on_link(
+    model: &StructuralModel,
+    acted: &Outcomes,
+    baseline: &Outcomes,
+    schedule: &Schedule,
+    var: usize,
+) -> Option<String> {
+    let (n, steps) = (model.graph().len(), schedule.steps());
+    let free: Vec<usize> = (0..steps).filter(|&step| !schedule.is_set(step, var)).collect();
+    let effect = |(a, b): (&super::ensembles::Outcome, &super::ensembles::Outcome)| {
+        free.iter().map(|step| a.mean[step * n + var] - b.mean[step * n + var]).sum::<f64>()
+            / free.len().max(1) as f64
+    };
+    let effects: Vec<f64> = acted.all.iter().zip(&baseline.all).map(effect).collect();
+    let nothing = NOTHING * model.members()[0].model.deviations[var];
+    ambiguity::sentence(model, &effects, nothing)
+        .map(|sentence| format!("{}: {sentence}", model.graph().names()[var]))
+}
+
+fn text(
+    model: &StructuralModel,
+    situation: &Situation<'_>,
+    question: &WhatIf,
+    outlook: &Outlook,
+    (variables, schedule): (&[usize], &Schedule),
+    ranked: bool,
+    keeps: bool,
+) -> String {
+    let last = question.horizon - 1;
+    let free: Vec<(usize, &Forecast)> = variables
+        .iter()
+        .copied()
+        .zip(&outlook.forecasts)
+        .filter(|(var, _)| !schedule.is_set(last, *var))
+        .collect();
+    let one = |(var, forecast): &(usize, &Forecast)| {
+        let now = situation.rows[[situation.now, *var]];
+        format!(
+            "{} {} -> {} ({} to {})",
+            forecast.variable,
+            short(now),
+            with_unit(model, *var, forecast.mean[last]),
+            short(forecast.lower[last]),
+            short(forecast.upper[last])
+        )
+    };
+    let parts: Vec<String> = free.iter().map(one).collect();
+    let when = steps(model, question.horizon);
+    let mut sentences = vec![if parts.is_empty() {
+        format!("{}: every variable asked for is set", outlook.action)
+    } else if question.counterfactual {
+        format!("{}, had it been done: after {when} {}", outlook.action, parts.join(", "))
+    } else {
+        format!("{}: after {when} {}", outlook.action, parts.join(", "))
+    }];
+    if outlook.supported_steps < question.horizon {
+        sentences.push(format!("the data carry it for {} of {when}", outlook.supported_steps));
+    }
+    let no_skill = |(_, forecast): &&(usize, &Forecast)| {
+        forecast.skill.iter().any(|skill| skill.is_some_and(|skill| skill <= 0.0))
+    };
+    let without: Vec<String> =
+        free.iter().filter(no_skill).map(|(_, forecast)| forecast.variable.clone()).collect();
+    if !without.is_empty() {
+        let verb = if without.len() == 1 { "is" } else { "are" };
+        sentences.push(format!(
+            "{} {verb} at some of these steps not forecast better than by the last value",
+            listed(&without)
+        ));
+    }
+    if ranked {
+        let cost = format!(
+            "cost {} ({} to {})",
+            short(outlook.cost),
+            short(outlook.cost_lower),
+            short(outlook.cost_upper)
+        );
+        let why = if keeps {
+            format!("the best with probability {}", short(outlook.probability_best))
+        } else {
+            format!(
+                "does not keep the limits (probability of keeping all: {})",
+                short(outlook.probability_limits)
+            )
+        };
+        sentences.push(format!("{cost}; {why}"));
+    }
+    format!("{}.", sentences.join(". "))
+}

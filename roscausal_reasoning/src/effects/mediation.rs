@@ -1,0 +1,207 @@
+//! How strongly variables drive, are driven and pass on, in a linear model of the graph (Runge et al. 2015).
+
+use ndarray::Array2;
+use roscausal_discovery::{Error, Node, Result};
+
+use super::products::{Products, Sums};
+use crate::{graph::Graph, linear::LinearSystem, random, samples::Samples};
+
+/// Total effects, mediated effects and their summaries at lags 0 to a horizon.
+#[derive(Clone, Debug)]
+pub struct Mediation {
+    /// The linear equations.
+    pub system: LinearSystem,
+    /// `[lag]` of `[effect, cause]`.
+    pub total: Vec<Array2<f64>>,
+    /// `[mediator][lag]` of `[effect, cause]`.
+    pub mediated: Vec<Vec<Array2<f64>>>,
+}
+
+/// How the effects of all lags become one number.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum OverLags {
+    /// The largest.
+    Largest,
+    /// Their mean.
+    Mean,
+}
+
+/// The columns of a graph's regressions: every variable at every lag that is a target or a parent.
+pub(crate) struct Columns {
+    products: Products,
+    nodes: Vec<Node>,
+    /// Rows of each recording.
+    stretches: Vec<usize>,
+}
+
+impl Columns {
+    /// From row `first` of each recording on, without rows in which a value is missing.
+    pub(crate) fn new(samples: &Samples, graph: &Graph, first: usize) -> Self {
+        let mut nodes: Vec<Node> = (0..graph.len()).map(|var| Node::new(var, 0)).collect();
+        for var in 0..graph.len() {
+            nodes.extend_from_slice(graph.parents(var));
+        }
+        nodes.sort_unstable();
+        nodes.dedup();
+        Self::of(samples, nodes, first, &[])
+    }
+
+    /// Of these nodes, which are sorted, without the rows in which an experiment imposed a node of `cut`.
+    pub(crate) fn of(samples: &Samples, nodes: Vec<Node>, first: usize, cut: &[Node]) -> Self {
+        let first = nodes.iter().chain(cut).map(|node| node.lag).max().unwrap_or(0).max(first);
+        let mut columns = vec![Vec::new(); nodes.len()];
+        let mut stretches = Vec::new();
+        for (recording, values) in samples.recordings().iter().enumerate() {
+            let mut rows = 0;
+            for t in first..values.nrows() {
+                let at = |&node: &Node| samples.at((recording, t), node);
+                let is_cut = cut.iter().any(|&node| samples.was_imposed((recording, t), node));
+                if !is_cut && nodes.iter().all(|node| at(node).is_finite()) {
+                    columns.iter_mut().zip(&nodes).for_each(|(column, node)| column.push(at(node)));
+                    rows += 1;
+                }
+            }
+            stretches.push(rows);
+        }
+        Self { products: Products::new(columns), nodes, stretches }
+    }
+
+    pub(crate) fn products(&self) -> &Products {
+        &self.products
+    }
+
+    pub(crate) fn stretches(&self) -> &[usize] {
+        &self.stretches
+    }
+
+    pub(crate) fn position(&self, node: Node) -> usize {
+        // Every node that is asked for is one of them.
+        self.nodes.binary_search(&node).unwrap_or(0)
+    }
+
+    /// The linear equations of a graph by some sums; in units of standard deviations if asked for.
+    pub(crate) fn system(&self, graph: &Graph, sums: &Sums, standardise: bool) -> LinearSystem {
+        let n = graph.len();
+        let mut coefficients = vec![Array2::zeros((n, n)); graph.largest_lag() + 1];
+        let mut intercepts = vec![0.0; n];
+        let means = self.products.means();
+        for var in 0..n {
+            let target = self.position(Node::new(var, 0));
+            let columns: Vec<usize> =
+                graph.parents(var).iter().map(|&parent| self.position(parent)).collect();
+            let (found, _) = sums.regress(target, &columns);
+            intercepts[var] = means[target];
+            for ((parent, &column), b) in graph.parents(var).iter().zip(&columns).zip(found) {
+                let deviation = sums.deviation(target);
+                let unit =
+                    if standardise && deviation > 0.0 { sums.deviation(column) / deviation } else { 1.0 };
+                coefficients[parent.lag][[var, parent.var]] = b * unit;
+                intercepts[var] -= b * means[column];
+            }
+        }
+        if standardise {
+            intercepts.fill(0.0);
+        }
+        LinearSystem { coefficients, intercepts, order: graph.order().to_vec() }
+    }
+}
+
+impl Mediation {
+    /// Fits the linear equations of a graph on the rows from `horizon` on, and follows all effects up to `horizon`.
+    ///
+    /// # Errors
+    /// Fewer rows than coefficients; pairs without a direction.
+    pub fn fit(samples: &Samples, graph: &Graph, horizon: usize, standardise: bool) -> Result<Self> {
+        let columns = columns_for(samples, graph, horizon)?;
+        Ok(Self::of(columns.system(graph, &columns.products.whole(), standardise), horizon))
+    }
+
+    /// The same on `count` moving-block bootstraps of the rows.
+    ///
+    /// # Errors
+    /// Those of [`Mediation::fit`].
+    pub fn bootstrap(
+        samples: &Samples,
+        graph: &Graph,
+        horizon: usize,
+        standardise: bool,
+        count: usize,
+        seed: u64,
+    ) -> Result<Vec<Self>> {
+        let columns = columns_for(samples, graph, horizon)?;
+        let prefix = columns.products.prefix();
+        let one = |k: usize| {
+            let sums = prefix.resampled(random::at(seed, k, 1), &columns.stretches);
+            Self::of(columns.system(graph, &sums, standardise), horizon)
+        };
+        Ok((0..count).map(one).collect())
+    }
+
+    /// The effects of known equations.
+    pub fn of(system: LinearSystem, horizon: usize) -> Self {
+        let total = system.effects(horizon);
+        let mediated = (0..system.len())
+            .map(|k| {
+                total
+                    .iter()
+                    .zip(system.effects_around(k, horizon))
+                    .map(|(all, around)| all - &around)
+                    .collect()
+            })
+            .collect();
+        Self { system, total, mediated }
+    }
+
+    /// Average causal effect of each variable on the others.
+    pub fn ace(&self, over: OverLags) -> Vec<f64> {
+        let n = self.system.len();
+        let mean = |i| (0..n).filter(|&j| j != i).map(|j| summary(&self.total, j, i, over)).sum::<f64>();
+        (0..n).map(|i| mean(i) / (n - 1).max(1) as f64).collect()
+    }
+
+    /// Average causal susceptibility of each variable to the others.
+    pub fn acs(&self, over: OverLags) -> Vec<f64> {
+        let n = self.system.len();
+        let mean = |j| (0..n).filter(|&i| i != j).map(|i| summary(&self.total, j, i, over)).sum::<f64>();
+        (0..n).map(|j| mean(j) / (n - 1).max(1) as f64).collect()
+    }
+
+    /// Average effect that each variable passes on: over ordered pairs of others; a variable with itself counts as a pair only for
+    /// [`OverLags::Mean`].
+    pub fn amce(&self, over: OverLags) -> Vec<f64> {
+        let n = self.system.len();
+        let of = |k: usize| {
+            let others: Vec<usize> = (0..n).filter(|&i| i != k).collect();
+            let pairs = others.iter().flat_map(|&i| others.iter().map(move |&j| (i, j)));
+            let pairs: Vec<_> = pairs.filter(|(i, j)| over == OverLags::Mean || i != j).collect();
+            pairs.iter().map(|&(i, j)| summary(&self.mediated[k], j, i, over)).sum::<f64>()
+                / pairs.len().max(1) as f64
+        };
+        (0..n).map(of).collect()
+    }
+}
+
+fn columns_for(samples: &Samples, graph: &Graph, horizon: usize) -> Result<Columns> {
+    if !graph.pairs().is_empty() {
+        return Err(Error::Data(
+            "the graph has pairs without a direction; take one of its orientations".into(),
+        ));
+    }
+    let columns = Columns::new(samples, graph, horizon);
+    let most = (0..graph.len()).map(|var| graph.parents(var).len()).max().unwrap_or(0);
+    if columns.products.rows() < most + 2 {
+        return Err(Error::Data(format!(
+            "{} complete rows are too few for equations of {most} parents; record longer",
+            columns.products.rows()
+        )));
+    }
+    Ok(columns)
+}
+
+fn summary(effects: &[Array2<f64>], effect: usize, cause: usize, over: OverLags) -> f64 {
+    let sizes = effects.iter().map(|lag| lag[[effect, cause]].abs());
+    match over {
+        OverLags::Largest => sizes.fold(0.0, f64::max),
+        OverLags::Mean => sizes.sum::<f64>() / effects.len().max(1) as f64,
+    }
+}

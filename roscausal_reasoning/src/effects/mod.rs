@@ -1,0 +1,10 @@
+//! Effects of one variable on another: by paths, by adjustment, through mediators.
+
+mod adjusted;
+mod mediation;
+mod products;
+
+pub use adjusted::{Adjusted, adjusted, wright};
+pub(crate) use mediation::Columns;
+pub use mediation::{Mediation, OverLags};
+pub(crate) use products::Sums;

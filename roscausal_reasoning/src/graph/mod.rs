@@ -1,0 +1,241 @@
+//! The causal graph over time that a structural model stands on: for each variable its parents, and an order within a moment.
+
+mod adjustment;
+mod orientations;
+
+use roscausal_discovery::{Error, Model, Node, Result};
+
+pub use adjustment::{Adjustment, adjustment};
+pub use orientations::{MOST_PAIRS, Orientation};
+
+/// A directed link: `cause` at `t - lag` drives `effect` at `t`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub struct Arrow {
+    /// The cause's number.
+    pub cause: usize,
+    /// The effect's number.
+    pub effect: usize,
+    /// Steps from cause to effect.
+    pub lag: usize,
+}
+
+/// Two variables that depend on each other within a moment, in a direction that the data leave open.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub struct Pair {
+    /// One variable.
+    pub a: usize,
+    /// The other.
+    pub b: usize,
+    /// `x-x`: the data speak for both directions; else `o-o`: for neither.
+    pub conflict: bool,
+}
+
+/// Variables, their parents, and the pairs without a direction.
+///
+/// ```
+/// use roscausal_reasoning::graph::{Arrow, Graph};
+///
+/// let arrow = |cause, effect, lag| Arrow { cause, effect, lag };
+/// let names = vec!["r_v".into(), "d".into()];
+/// let graph = Graph::new(names, 1, &[arrow(0, 1, 0), arrow(1, 1, 1)], &[])?;
+/// assert_eq!(graph.order(), [0, 1]);
+/// assert_eq!(graph.parents(1).len(), 2);
+/// # Ok::<(), roscausal_discovery::Error>(())
+/// ```
+#[derive(Clone, Debug, PartialEq)]
+pub struct Graph {
+    names: Vec<String>,
+    largest_lag: usize,
+    /// By variable, sorted.
+    parents: Vec<Vec<Node>>,
+    pairs: Vec<Pair>,
+    order: Vec<usize>,
+}
+
+impl Graph {
+    /// A graph of `names` with lags up to `largest_lag`.
+    ///
+    /// # Errors
+    /// No variable, two of one name, a link of a variable that does not exist or to itself at lag 0, a lag above the largest,
+    /// a circle of links at lag 0.
+    pub fn new(names: Vec<String>, largest_lag: usize, arrows: &[Arrow], pairs: &[Pair]) -> Result<Self> {
+        let n = names.len();
+        if n == 0 {
+            return Err(Error::param("graph", "it has no variable"));
+        }
+        if let Some(k) = (1..n).find(|&k| names[..k].contains(&names[k])) {
+            return Err(Error::param(
+                "graph",
+                format!("'{}' is there twice; give each variable a name of its own", names[k]),
+            ));
+        }
+        let mut parents = vec![Vec::new(); n];
+        for &Arrow { cause, effect, lag } in arrows {
+            if cause >= n || effect >= n {
+                return Err(Error::param(
+                    "graph",
+                    format!("link {cause} -> {effect}: variables are 0 to {}", n - 1),
+                ));
+            }
+            if lag > largest_lag || (lag == 0 && cause == effect) {
+                let reason = format!(
+                    "link {} -> {} at lag {lag}: lags are 0 to {largest_lag}, and above 0 for a variable on itself",
+                    names[cause], names[effect]
+                );
+                return Err(Error::param("graph", reason));
+            }
+            parents[effect].push(Node::new(cause, lag));
+        }
+        if let Some(pair) = pairs.iter().find(|pair| pair.a >= n || pair.b >= n || pair.a == pair.b) {
+            return Err(Error::param(
+                "graph",
+                format!("pair {} - {}: two of the variables 0 to {}", pair.a, pair.b, n - 1),
+            ));
+        }
+        for list in &mut parents {
+            list.sort_unstable();
+            list.dedup();
+        }
+        let Some(order) = order(&parents) else {
+            return Err(Error::param(
+                "graph",
+                "its links at lag 0 go round in a circle; turn or remove one of them",
+            ));
+        };
+        Ok(Self { names, largest_lag, parents, pairs: pairs.to_vec(), order })
+    }
+
+    /// The graph of a model, without the columns `context`: these are no variables of the system.
+    ///
+    /// # Errors
+    /// A model without variables; links at lag 0 in a circle; a link of a variable that the model does not have.
+    pub fn of_model(model: &Model, context: &[String]) -> Result<Self> {
+        let names: Vec<String> =
+            model.features.iter().filter(|name| !context.contains(name)).cloned().collect();
+        let (mut arrows, mut pairs) = (Vec::new(), Vec::new());
+        for link in model
+            .links
+            .iter()
+            .filter(|link| !context.contains(&link.cause) && !context.contains(&link.effect))
+        {
+            let find = |name: &String| {
+                let missing =
+                    || Error::param("model", format!("a link names '{name}', which is none of its features"));
+                names.iter().position(|other| other == name).ok_or_else(missing)
+            };
+            let (cause, effect) = (find(&link.cause)?, find(&link.effect)?);
+            match link.mark.as_str() {
+                "-->" => arrows.push(Arrow { cause, effect, lag: link.lag }),
+                mark => {
+                    // A pair may be listed from both ends.
+                    if !pairs.iter().any(|pair: &Pair| (pair.b, pair.a) == (cause, effect)) {
+                        pairs.push(Pair { a: cause, b: effect, conflict: mark == "x-x" });
+                    }
+                }
+            }
+        }
+        Self::new(names, model.tau_max, &arrows, &pairs)
+    }
+
+    /// Names of the variables.
+    pub fn names(&self) -> &[String] {
+        &self.names
+    }
+
+    /// Number of variables.
+    pub fn len(&self) -> usize {
+        self.names.len()
+    }
+
+    /// Whether there is no variable; never.
+    pub fn is_empty(&self) -> bool {
+        self.names.is_empty()
+    }
+
+    /// The largest lag that was looked at, which may be above that of any link.
+    pub fn largest_lag(&self) -> usize {
+        self.largest_lag
+    }
+
+    /// The largest lag of a link: the rows of the past that a prediction needs.
+    pub fn memory(&self) -> usize {
+        self.parents.iter().flatten().map(|parent| parent.lag).max().unwrap_or(0)
+    }
+
+    /// What drives a variable, sorted by variable and lag.
+    pub fn parents(&self, var: usize) -> &[Node] {
+        &self.parents[var]
+    }
+
+    /// The directed links, by effect.
+    pub fn arrows(&self) -> impl Iterator<Item = Arrow> + '_ {
+        let of = |(effect, parents): (usize, &'_ Vec<Node>)| {
+            parents.iter().map(move |p| Arrow { cause: p.var, effect, lag: p.lag }).collect::<Vec<_>>()
+        };
+        self.parents.iter().enumerate().flat_map(of)
+    }
+
+    /// The pairs without a direction.
+    pub fn pairs(&self) -> &[Pair] {
+        &self.pairs
+    }
+
+    /// The variables in an order in which those at lag 0 come before what they drive.
+    pub fn order(&self) -> &[usize] {
+        &self.order
+    }
+
+    /// A node as text: `h_dg(t-2)`, `h_dg(t)`.
+    pub fn text(&self, node: Node) -> String {
+        let name = &self.names[node.var];
+        if node.lag == 0 { format!("{name}(t)") } else { format!("{name}(t-{})", node.lag) }
+    }
+}
+
+/// The topological order at lag 0, the smallest number first where several may follow (Kahn 1962); `None` for a circle.
+fn order(parents: &[Vec<Node>]) -> Option<Vec<usize>> {
+    let mut order = Vec::with_capacity(parents.len());
+    while order.len() < parents.len() {
+        let ready = |j: &usize| {
+            !order.contains(j)
+                && parents[*j].iter().all(|parent| parent.lag > 0 || order.contains(&parent.var))
+        };
+        order.push((0..parents.len()).find(ready)?);
+    }
+    Some(order)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn arrow(cause: usize, effect: usize, lag: usize) -> Arrow {
+        Arrow { cause, effect, lag }
+    }
+
+    fn names(n: usize) -> Vec<String> {
+        (0..n).map(|k| format!("x{k}")).collect()
+    }
+
+    #[test]
+    fn causes_within_a_moment_come_first() {
+        let graph = Graph::new(names(3), 1, &[arrow(2, 0, 0), arrow(0, 1, 0), arrow(1, 2, 1)], &[]).unwrap();
+        assert_eq!(graph.order(), [2, 0, 1]);
+        assert_eq!((graph.memory(), graph.text(Node::new(1, 1)).as_str()), (1, "x1(t-1)"));
+    }
+
+    #[test]
+    fn what_is_no_graph_is_refused_in_a_sentence() {
+        let refused = |arrows: &[Arrow], pairs: &[Pair]| {
+            Graph::new(names(2), 1, arrows, pairs).unwrap_err().to_string()
+        };
+        assert!(refused(&[arrow(0, 1, 0), arrow(1, 0, 0)], &[]).contains("circle"));
+        assert!(refused(&[arrow(0, 5, 1)], &[]).contains("0 to 1"));
+        assert!(refused(&[arrow(0, 0, 0)], &[]).contains("lag 0"));
+        assert!(refused(&[arrow(0, 1, 3)], &[]).contains("lag 3"));
+        assert!(refused(&[], &[Pair { a: 0, b: 0, conflict: false }]).contains("pair"));
+        assert!(
+            Graph::new(vec!["a".into(), "a".into()], 1, &[], &[]).unwrap_err().to_string().contains("twice")
+        );
+    }
+}

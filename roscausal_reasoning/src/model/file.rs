@@ -1,0 +1,141 @@
+//! The structural model as a file beside the model: graph, rows, and what took long to find. Reading fits the lines and the members
+//! anew on the same rows with the same seed, so the answers are the same to the last bit.
+
+use ndarray::Array2;
+use roscausal_discovery::{Error, Result};
+use serde::{Deserialize, Serialize};
+
+use super::{
+    directed::{Settings, Summary},
+    structural::{Facts, StructuralModel},
+};
+use crate::{
+    graph::{Arrow, Graph, Pair},
+    quality::Quality,
+    samples::Samples,
+};
+
+/// Version of the layout. A reader refuses another major version.
+pub const SCHEMA: &str = "roscausal/structural_model/1";
+
+#[derive(Serialize, Deserialize)]
+struct File {
+    schema: String,
+    variables: Vec<String>,
+    largest_lag: usize,
+    links: Vec<Link>,
+    settings: Settings,
+    facts: Facts,
+    members: Vec<MemberFile>,
+    /// `[recording][row][variable]`; null where a value is missing.
+    rows: Vec<Vec<Vec<Option<f64>>>>,
+    /// `[recording]` of `[row, variable]` where an experiment imposed the variable.
+    imposed: Vec<Vec<(usize, usize)>>,
+}
+
+#[derive(Serialize, Deserialize)]
+struct Link {
+    cause: String,
+    effect: String,
+    lag: usize,
+    mark: String,
+}
+
+#[derive(Serialize, Deserialize)]
+struct MemberFile {
+    equations: Vec<Summary>,
+    quality: Option<Quality>,
+}
+
+impl StructuralModel {
+    /// The model as JSON with a final newline: same seed, same bytes.
+    pub fn to_json(&self) -> String {
+        let name = |var: usize| self.graph().names()[var].clone();
+        let link = |cause, effect, lag, mark: &str| Link {
+            cause: name(cause),
+            effect: name(effect),
+            lag,
+            mark: mark.to_owned(),
+        };
+        let arrows = self.graph().arrows().map(|a: Arrow| link(a.cause, a.effect, a.lag, "-->"));
+        let pairs = self
+            .graph()
+            .pairs()
+            .iter()
+            .map(|p: &Pair| link(p.a, p.b, 0, if p.conflict { "x-x" } else { "o-o" }));
+        let cell = |value: &f64| value.is_finite().then_some(*value);
+        let rows = |recording: &Array2<f64>| {
+            recording.outer_iter().map(|row| row.iter().map(cell).collect()).collect()
+        };
+        let imposed =
+            |marks: &Array2<bool>| marks.indexed_iter().filter(|(_, is)| **is).map(|(at, _)| at).collect();
+        let member = |member: &super::structural::Member| MemberFile {
+            equations: member.model.summaries.clone(),
+            quality: member.quality.clone(),
+        };
+        let file = File {
+            schema: SCHEMA.to_owned(),
+            variables: self.graph().names().to_vec(),
+            largest_lag: self.graph().largest_lag(),
+            links: arrows.chain(pairs).collect(),
+            settings: self.settings().clone(),
+            facts: self.facts.clone(),
+            members: self.members().iter().map(member).collect(),
+            rows: self.samples().recordings().iter().map(rows).collect(),
+            imposed: self.samples().imposed().iter().map(imposed).collect(),
+        };
+        // A struct of strings, numbers and lists always serialises.
+        let mut json = serde_json::to_string(&file).unwrap_or_default();
+        json.push('\n');
+        json
+    }
+
+    /// Reads what [`StructuralModel::to_json`] wrote.
+    ///
+    /// # Errors
+    /// Text of another layout, or parts that do not fit together.
+    pub fn from_json(text: &str) -> Result<Self> {
+        let broken = |reason: &dyn std::fmt::Display| {
+            Error::Data(format!("this is no structural model ({SCHEMA}): {reason}"))
+        };
+        let file: File = serde_json::from_str(text).map_err(|e| broken(&e))?;
+        if file.schema != SCHEMA {
+            return Err(broken(&format!("its schema is '{}'", file.schema)));
+        }
+        let n = file.variables.len();
+        let find = |name: &str| {
+            let position = file.variables.iter().position(|variable| variable == name);
+            position.ok_or_else(|| broken(&format!("a link names '{name}', which is none of its variables")))
+        };
+        let (mut arrows, mut pairs) = (Vec::new(), Vec::new());
+        for Link { cause, effect, lag, mark } in &file.links {
+            let (cause, effect) = (find(cause)?, find(effect)?);
+            match mark.as_str() {
+                "-->" => arrows.push(Arrow { cause, effect, lag: *lag }),
+                mark => pairs.push(Pair { a: cause, b: effect, conflict: mark == "x-x" }),
+            }
+        }
+        let recording = |rows: &Vec<Vec<Option<f64>>>| {
+            let values: Vec<f64> = rows.iter().flatten().map(|cell| cell.unwrap_or(f64::NAN)).collect();
+            let whole = rows.iter().all(|row| row.len() == n);
+            let shaped = if whole { Array2::from_shape_vec((rows.len(), n), values).ok() } else { None };
+            shaped.ok_or_else(|| broken(&format!("a row has not {n} values")))
+        };
+        let values: Vec<Array2<f64>> = file.rows.iter().map(recording).collect::<Result<_>>()?;
+        let marks = |(k, places): (usize, &Vec<(usize, usize)>)| {
+            let mut marks = Array2::from_elem(values.get(k)?.dim(), false);
+            for &place in places {
+                *marks.get_mut(place)? = true;
+            }
+            Some(marks)
+        };
+        let imposed: Option<Vec<Array2<bool>>> = file.imposed.iter().enumerate().map(marks).collect();
+        let samples = imposed.and_then(|imposed| Samples::with_imposed(values, imposed));
+        let samples = samples.ok_or_else(|| broken(&"its marks of interventions do not match its rows"))?;
+        let graph = Graph::new(file.variables, file.largest_lag, &arrows, &pairs)?;
+        let kept = file.members.into_iter().map(|member| {
+            (member.equations.iter().map(|equation| equation.process).collect(), member.quality)
+        });
+        Self::restored(samples, graph, file.settings, file.facts, kept.collect())
+    }
+}

@@ -1,0 +1,124 @@
+//! A graph from JSON: a model that discovery wrote, or one written by hand.
+
+use roscausal_discovery::{Error, Model, Result, SCHEMA as MODEL_SCHEMA};
+use serde::Deserialize;
+
+use super::structural::Facts;
+use crate::graph::{Arrow, Graph, Pair};
+
+/// What a person writes: `{"links": [{"cause": "r_v", "effect": "d", "lag": 1}]}`.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct ByHand {
+    /// Default: the names in the links.
+    #[serde(default)]
+    variables: Vec<String>,
+    links: Vec<Link>,
+    #[serde(default)]
+    units: std::collections::BTreeMap<String, String>,
+    dt: Option<f64>,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Link {
+    cause: String,
+    effect: String,
+    lag: usize,
+    #[serde(default = "directed")]
+    mark: String,
+}
+
+fn directed() -> String {
+    "-->".to_owned()
+}
+
+/// The graph of a model file (`roscausal/model/1`), or of one written by hand, without the columns `context`.
+///
+/// By hand: `links` with `cause`, `effect`, `lag` and, at lag 0, `mark` (`-->`, `o-o`, `x-x`); if wanted `variables` (default: those of the
+/// links), `units` by variable, and `dt` in seconds.
+///
+/// ```
+/// use roscausal_reasoning::model::graph_of_json;
+///
+/// let text = r#"{"links": [{"cause": "r_v", "effect": "d", "lag": 1}], "units": {"d": "m"}}"#;
+/// let (graph, facts) = graph_of_json(text, &[])?;
+/// assert_eq!((graph.names(), facts.units.len()), (&["r_v".to_string(), "d".to_string()][..], 1));
+/// # Ok::<(), roscausal_discovery::Error>(())
+/// ```
+///
+/// # Errors
+/// Text that is neither; a graph that is none ([`Graph::new`]).
+pub fn graph_of_json(text: &str, context: &[String]) -> Result<(Graph, Facts)> {
+    let json: serde_json::Value =
+        serde_json::from_str(text).map_err(|e| Error::Data(format!("this is no JSON: {e}")))?;
+    if let Some(schema) = json["schema"].as_str() {
+        if schema != MODEL_SCHEMA {
+            return Err(Error::Data(format!("its schema is '{schema}'; a model has '{MODEL_SCHEMA}'")));
+        }
+        let model: Model =
+            serde_json::from_value(json).map_err(|e| Error::Data(format!("this is no model: {e}")))?;
+        return Ok((Graph::of_model(&model, context)?, Facts::of_model(&model)));
+    }
+    let ByHand { mut variables, links, units, dt } = serde_json::from_value(json).map_err(|e| {
+        Error::Data(format!("this is no graph: {e}; write {{\"links\": [{{\"cause\": \"r_v\", \"effect\": \"d\", \"lag\": 1}}]}}"))
+    })?;
+    if variables.is_empty() {
+        for name in links.iter().flat_map(|link| [&link.cause, &link.effect]) {
+            if !variables.contains(name) {
+                variables.push(name.clone());
+            }
+        }
+    }
+    let find = |name: &String| {
+        let missing = || Error::param("variables", format!("a link names '{name}', which is none of them"));
+        variables.iter().position(|other| other == name).ok_or_else(missing)
+    };
+    let (mut arrows, mut pairs) = (Vec::new(), Vec::new());
+    for link in &links {
+        let (cause, effect) = (find(&link.cause)?, find(&link.effect)?);
+        match (link.mark.as_str(), link.lag) {
+            ("-->", lag) => arrows.push(Arrow { cause, effect, lag }),
+            (mark @ ("o-o" | "x-x"), 0) => pairs.push(Pair { a: cause, b: effect, conflict: mark == "x-x" }),
+            (mark, lag) => {
+                let reason = format!("'{mark}' at lag {lag}: a link is -->, or at lag 0 also o-o or x-x");
+                return Err(Error::param("mark", reason));
+            }
+        }
+    }
+    let largest = links.iter().map(|link| link.lag).max().unwrap_or(0);
+    if largest > MOST_LAGS {
+        return Err(Error::param("lag", format!("{largest} is too large; lags are 0 to {MOST_LAGS}")));
+    }
+    let facts = Facts { dt, units: units.into_iter().collect(), ..Facts::default() };
+    Ok((Graph::new(variables, largest, &arrows, &pairs)?, facts))
+}
+
+/// Largest lag of a graph written by hand.
+const MOST_LAGS: usize = 1000;
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_is_no_graph_is_refused_with_what_to_write() {
+        let refused = |text: &str| graph_of_json(text, &[]).unwrap_err().to_string();
+        assert!(refused("[").contains("JSON"));
+        assert!(refused("{}").contains("\"links\""));
+        assert!(refused(r#"{"links": [{"cause": "a", "effect": "b"}]}"#).contains("lag"));
+        assert!(
+            refused(r#"{"links": [{"cause": "a", "effect": "b", "lag": 1, "mark": "o-o"}]}"#)
+                .contains("lag 0")
+        );
+        assert!(
+            refused(r#"{"links": [{"cause": "a", "effect": "b", "lag": 4000000000}]}"#).contains("too large")
+        );
+        assert!(refused(r#"{"schema": "roscausal/model/9"}"#).contains("roscausal/model/1"));
+        assert!(
+            refused(r#"{"variables": ["a"], "links": [{"cause": "a", "effect": "b", "lag": 1}]}"#)
+                .contains("'b'")
+        );
+        assert!(refused(r#"{"links": []}"#).contains("no variable"));
+    }
+}

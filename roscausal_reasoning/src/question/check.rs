@@ -1,0 +1,165 @@
+//! Whether a question can be asked: each fault is one sentence with the way out.
+
+use roscausal_discovery::names;
+
+use super::{Action, GO_ON, Intervention, Kind, LONGEST_HORIZON, Limit, MOST_ACTIONS, WhatIf};
+use crate::model::Schedule;
+
+type Checked<T> = std::result::Result<T, String>;
+
+/// The number of a variable that a user names.
+pub(crate) fn variable(all: &[String], wanted: &str) -> Checked<usize> {
+    names::position(all, wanted).ok_or_else(|| {
+        let hint =
+            names::nearest(all, wanted).map_or(String::new(), |near| format!("did you mean '{near}'? "));
+        format!("there is no variable '{wanted}'; {hint}the model has {}", all.join(", "))
+    })
+}
+
+/// A question with numbers for names.
+pub(crate) struct Asked {
+    /// The actions, named.
+    pub(crate) actions: Vec<(String, Schedule)>,
+    /// Variables of the answer.
+    pub(crate) variables: Vec<usize>,
+    /// Variable and weight.
+    pub(crate) cost: Vec<(usize, f64)>,
+    /// Variable, above, below, probability.
+    pub(crate) limits: Vec<(usize, f64, f64, f64)>,
+}
+
+impl WhatIf {
+    /// Checks the question for a model of these variables.
+    pub(crate) fn checked(&self, all: &[String]) -> Checked<Asked> {
+        if !(1..=LONGEST_HORIZON).contains(&self.horizon) {
+            return Err(format!(
+                "a horizon of {} steps is not answered; ask for 1 to {LONGEST_HORIZON}",
+                self.horizon
+            ));
+        }
+        if self.actions.len() > MOST_ACTIONS {
+            return Err(format!(
+                "{} actions are too many at once; ask for at most {MOST_ACTIONS}",
+                self.actions.len()
+            ));
+        }
+        let work = self.actions.len().max(1) * self.horizon * self.paths;
+        if !(20..=100_000).contains(&self.paths) || work > 40_000_000 {
+            return Err(format!(
+                "{} paths of {} steps for {} actions are not answered; take 20 to 100000 paths, and fewer steps or actions",
+                self.paths,
+                self.horizon,
+                self.actions.len().max(1)
+            ));
+        }
+        let go_on = [Action::go_on()];
+        let asked = if self.actions.is_empty() { &go_on[..] } else { &self.actions };
+        if let Some(k) =
+            (1..asked.len()).find(|&k| asked[..k].iter().any(|other| other.name == asked[k].name))
+        {
+            return Err(format!("two actions are called '{}'; give each a name of its own", asked[k].name));
+        }
+        let action = |action: &Action| Ok((action.name.clone(), action.schedule(all, self.horizon)?));
+        let variables = match &self.variables[..] {
+            [] => (0..all.len()).collect(),
+            some => some.iter().map(|name| variable(all, name)).collect::<Checked<Vec<usize>>>()?,
+        };
+        let term = |term: &super::CostTerm| match term.weight.is_finite() {
+            true => Ok((variable(all, &term.variable)?, term.weight)),
+            false => {
+                Err(format!("the weight of {} in the cost is {}; give a number", term.variable, term.weight))
+            }
+        };
+        Ok(Asked {
+            actions: asked.iter().map(action).collect::<Checked<_>>()?,
+            variables,
+            cost: self.cost.iter().map(term).collect::<Checked<_>>()?,
+            limits: self.limits.iter().map(|limit| limit.checked(all)).collect::<Checked<_>>()?,
+        })
+    }
+}
+
+impl Limit {
+    fn checked(&self, all: &[String]) -> Checked<(usize, f64, f64, f64)> {
+        let var = variable(all, &self.variable)?;
+        let (above, below) = (self.above.unwrap_or(f64::NEG_INFINITY), self.below.unwrap_or(f64::INFINITY));
+        if above.is_nan() || below.is_nan() || (self.above.is_none() && self.below.is_none()) {
+            return Err(format!(
+                "the limit of {} has no bound; give one above or below which it is to stay",
+                self.variable
+            ));
+        }
+        if above >= below {
+            return Err(format!(
+                "nothing is above {above} and below {below}; mend the limit of {}",
+                self.variable
+            ));
+        }
+        if !(0.0..=1.0).contains(&self.probability) {
+            return Err(format!(
+                "the limit of {} asks for a probability of {}; give 0 to 1",
+                self.variable, self.probability
+            ));
+        }
+        Ok((var, above, below, self.probability))
+    }
+}
+
+impl Action {
+    fn schedule(&self, all: &[String], horizon: usize) -> Checked<Schedule> {
+        let mut schedule = Schedule::free(all.len(), horizon);
+        if self.interventions.is_empty() && self.name.trim().to_lowercase() != GO_ON {
+            return Err(format!(
+                "action '{}' does nothing: give it an intervention, such as {}=0@1..{horizon}, or call it '{GO_ON}'",
+                self.name,
+                all.last().map_or("x", String::as_str)
+            ));
+        }
+        for one in &self.interventions {
+            one.enter(&self.name, all, horizon, &mut schedule)?;
+        }
+        Ok(schedule)
+    }
+}
+
+impl Intervention {
+    fn enter(&self, action: &str, all: &[String], horizon: usize, schedule: &mut Schedule) -> Checked<()> {
+        let var = variable(all, &self.variable)?;
+        let last = if self.last_step == 0 { horizon } else { self.last_step };
+        let whose = format!("action '{action}', {}", self.variable);
+        if self.first_step == 0 {
+            return Err(format!("{whose}: step 0 is now and cannot be changed; the next sample is step 1"));
+        }
+        if last < self.first_step || last > horizon {
+            return Err(format!(
+                "{whose}: steps {}..{last} are not within 1..{horizon}, the horizon",
+                self.first_step
+            ));
+        }
+        let steps = last - self.first_step + 1;
+        if self.values.len() != 1 && self.values.len() != steps {
+            return Err(format!(
+                "{whose}: {} values for {steps} steps; give one, or one for each step",
+                self.values.len()
+            ));
+        }
+        if let Some(value) = self.values.iter().find(|value| !value.is_finite()) {
+            return Err(format!("{whose}: {value} is no value that can be set; give a finite number"));
+        }
+        for k in 0..steps {
+            let (step, value) =
+                (self.first_step - 1 + k, self.values[if self.values.len() == 1 { 0 } else { k }]);
+            if schedule.touches(step, var) {
+                return Err(format!(
+                    "{whose}: it is acted on twice at step {}; set it or shift it, once",
+                    step + 1
+                ));
+            }
+            match self.kind {
+                Kind::Set => schedule.set(step, var, value),
+                Kind::Shift => schedule.shift(step, var, value),
+            }
+        }
+        Ok(())
+    }
+}

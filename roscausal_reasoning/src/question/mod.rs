@@ -1,0 +1,141 @@
+//! Questions: what a user may ask, in plain data, and whether it can be asked at all.
+
+mod check;
+mod text;
+
+pub(crate) use check::variable;
+pub use text::{parse_action, parse_limit};
+
+use serde::{Deserialize, Serialize};
+
+/// Most steps ahead.
+pub const LONGEST_HORIZON: usize = 1000;
+/// Most actions in one question.
+pub const MOST_ACTIONS: usize = 100;
+/// The name of the action that does nothing.
+pub const GO_ON: &str = "go on";
+
+/// How a variable is acted on.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Kind {
+    /// It takes the value, whatever drives it: `do(x = value)`.
+    Set,
+    /// The value is added to what it would have been.
+    Shift,
+}
+
+/// One variable that is acted on, for some steps.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Intervention {
+    /// The variable.
+    pub variable: String,
+    /// Set or shift.
+    pub kind: Kind,
+    /// First step; 1 is the next sample.
+    pub first_step: usize,
+    /// Last step; 0: that of the horizon.
+    pub last_step: usize,
+    /// One value for all steps, or one for each.
+    pub values: Vec<f64>,
+}
+
+/// Something that might be done.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Action {
+    /// What it is called.
+    pub name: String,
+    /// What it acts on; nothing only under the name [`GO_ON`].
+    pub interventions: Vec<Intervention>,
+}
+
+impl Action {
+    /// To do nothing.
+    pub fn go_on() -> Self {
+        Self { name: GO_ON.to_owned(), interventions: Vec::new() }
+    }
+}
+
+/// A part of the cost: weight x mean of a variable over the steps.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct CostTerm {
+    /// The variable.
+    pub variable: String,
+    /// Its weight.
+    pub weight: f64,
+}
+
+/// A bound that is to hold at every step.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Limit {
+    /// The variable.
+    pub variable: String,
+    /// It is to stay above this.
+    pub above: Option<f64>,
+    /// It is to stay below this.
+    pub below: Option<f64>,
+    /// With this probability.
+    pub probability: f64,
+}
+
+/// What if: what will happen under each action, and which is best.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default)]
+pub struct WhatIf {
+    /// Had I: the same rows again, with the noise they had, under the actions.
+    pub counterfactual: bool,
+    /// Steps ahead.
+    pub horizon: usize,
+    /// The actions; none: [`Action::go_on`].
+    pub actions: Vec<Action>,
+    /// The variables of the answer; none: all.
+    pub variables: Vec<String>,
+    /// The cost by which actions are ranked.
+    pub cost: Vec<CostTerm>,
+    /// The bounds that an action must keep.
+    pub limits: Vec<Limit>,
+    /// Whether to answer where the data do not reach.
+    pub allow_extrapolation: bool,
+    /// Simulated paths.
+    pub paths: usize,
+    /// Seed of the paths.
+    pub seed: u64,
+}
+
+impl Default for WhatIf {
+    fn default() -> Self {
+        Self {
+            counterfactual: false,
+            horizon: 10,
+            actions: Vec::new(),
+            variables: Vec::new(),
+            cost: Vec::new(),
+            limits: Vec::new(),
+            allow_extrapolation: false,
+            paths: 400,
+            seed: 42,
+        }
+    }
+}
+
+/// Rows that were observed, one after the other, and the last of them that counts as known.
+#[derive(Clone, Debug)]
+pub struct Situation<'a> {
+    /// `T x N`, the model's variables.
+    pub rows: ndarray::ArrayView2<'a, f64>,
+    /// Number of the row that is now.
+    pub now: usize,
+}
+
+impl<'a> Situation<'a> {
+    /// The end of some rows.
+    pub fn newest(rows: ndarray::ArrayView2<'a, f64>) -> Self {
+        let now = rows.nrows().saturating_sub(1);
+        Self { rows, now }
+    }
+
+    /// The rows from `first` to `last`, one after the other.
+    pub(crate) fn stretch(&self, first: usize, last: usize) -> Vec<f64> {
+        self.rows.slice(ndarray::s![first..=last, ..]).iter().copied().collect()
+    }
+}
