@@ -1,5 +1,6 @@
 //! The vocabulary of causal discovery: what every test and every method speaks of. Nothing here knows a test or a method.
 
+mod complete_rows;
 mod cond_ind_test;
 mod control;
 mod dataframe;
@@ -11,6 +12,7 @@ pub mod names;
 mod node;
 mod samples;
 
+pub(crate) use complete_rows::CompleteRows;
 pub use cond_ind_test::{CondIndTest, PreparedTest, TestResult};
 pub use control::{Control, Progress, Stop};
 pub use dataframe::{DataFrame, MaskType};

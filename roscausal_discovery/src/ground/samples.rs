@@ -1,6 +1,11 @@
 //! The samples of a run: which rows of the data frame a test sees.
 
-use super::{control::Control, dataframe::DataFrame, node::Node};
+use super::{
+    complete_rows::CompleteRows,
+    control::Control,
+    dataframe::{DataFrame, MaskType},
+    node::Node,
+};
 
 /// The time indices that all tests of one run use: `cut_off..T` of each recording.
 ///
@@ -99,20 +104,48 @@ impl<'a> Samples<'a> {
         out
     }
 
+    /// The samples in which no variable is missing or masked at any lag up to the cut-off, for methods that regress on
+    /// everything at once. A mask counts in whatever role.
+    pub(crate) fn complete(&self) -> CompleteRows {
+        let (data, n_vars) = (self.data, self.data.n_vars());
+        let nodes: Vec<Node> =
+            (0..=self.cut_off).flat_map(|lag| (0..n_vars).map(move |var| Node::new(var, lag))).collect();
+        let MaskType { x, y, z } = data.mask_type;
+        let mut columns = vec![Vec::with_capacity(self.len()); nodes.len()];
+        let mut n_lost = 0;
+        for (k, recording) in data.recordings.iter().enumerate() {
+            let excludes =
+                |t: usize, masks: bool| nodes.iter().any(|&node| data.excludes(k, t, node, masks && (x || y || z)));
+            let dropped = if data.is_incomplete() { self.dropped_where(k, excludes) } else { Vec::new() };
+            for t in self.cut_off..recording.nrows() {
+                if dropped.get(t - self.cut_off) == Some(&true) {
+                    n_lost += 1;
+                    continue;
+                }
+                nodes.iter().zip(&mut columns).for_each(|(node, column)| column.push(recording[[t - node.lag, node.var]]));
+            }
+        }
+        CompleteRows { n_vars, columns, n_lost }
+    }
+
     /// For each sample of recording `k`: whether this test leaves it out.
     fn dropped(&self, k: usize, x: Node, y: Node, z: &[Node]) -> Vec<bool> {
         let (data, mask) = (self.data, self.data.mask_type);
-        let n_rows = data.recordings[k].nrows();
-        let drops = |t: usize, x_on: bool, y_on: bool, z_on: bool| {
-            data.excludes(k, t, x, x_on)
-                || data.excludes(k, t, y, y_on)
-                || z.iter().any(|&node| data.excludes(k, t, node, z_on))
-        };
-        let mut dropped: Vec<bool> =
-            (self.cut_off..n_rows).map(|t| drops(t, mask.x, mask.y, mask.z)).collect();
-        if data.remove_missing_upto_maxlag {
+        self.dropped_where(k, |t, masks| {
+            data.excludes(k, t, x, masks && mask.x)
+                || data.excludes(k, t, y, masks && mask.y)
+                || z.iter().any(|&node| data.excludes(k, t, node, masks && mask.z))
+        })
+    }
+
+    /// For each sample of recording `k`: whether it is left out. `drops(t, masks)` says whether the sample at `t` has a missing
+    /// value, or, with `masks`, a missing or masked one.
+    fn dropped_where(&self, k: usize, drops: impl Fn(usize, bool) -> bool) -> Vec<bool> {
+        let n_rows = self.data.recordings[k].nrows();
+        let mut dropped: Vec<bool> = (self.cut_off..n_rows).map(|t| drops(t, true)).collect();
+        if self.data.remove_missing_upto_maxlag {
             for t in self.cut_off..n_rows {
-                if drops(t, false, false, false) {
+                if drops(t, false) {
                     let end = (t + self.cut_off + 1).min(n_rows);
                     dropped[t - self.cut_off..end - self.cut_off].fill(true);
                 }

@@ -6,6 +6,7 @@
 //! | [`run_pcmci`] | the parents of both ends | Runge et al. 2019 |
 //! | [`run_pcmciplus`] | the parents of both ends and sets of neighbours at lag 0 | Runge 2020 |
 //! | [`run_fullci`] | all other lagged variables | Granger 1969, with all variables |
+//! | [`run_granger`] | all other lagged variables, all lags of a cause at once | Granger 1969 |
 //! | [`run_bivci`] | the past of its effect | Granger 1969 |
 //! | [`get_lagged_dependencies`] | nothing | |
 //! | [`run_pc_stable`], [`run_mci`] | the two halves of PCMCI | Runge et al. 2019 |
@@ -15,9 +16,11 @@
 //! Field words: `tau_max`, `pc_alpha`, `val_matrix`, `link_assumptions`; `matrix[i][j][tau]` is the link
 //! `X^i(t - tau) -> X^j(t)` (cause, effect, lag).
 
+mod autoregression;
 mod extension;
 mod fdr;
 mod fpcmci;
+mod granger;
 mod mci;
 mod orientation;
 mod pc_stable;
@@ -29,8 +32,10 @@ mod run;
 mod settings;
 mod skeleton;
 
+pub use autoregression::Criterion;
 pub use fdr::{Fdr, fdr_bh};
 pub use fpcmci::{CausalMatrices, FpcmciResult, FpcmciSettings, run_fpcmci};
+pub use granger::{GrangerResult, GrangerSettings, run_granger};
 pub use pcmci::{get_lagged_dependencies, run_bivci, run_fullci, run_mci, run_pc_stable, run_pcmci};
 pub use pcmciplus::{ColliderRule, PcmciPlusSettings, run_pcmciplus};
 pub use registry::{Method, MethodInfo, Reads};

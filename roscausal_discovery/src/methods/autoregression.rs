@@ -1,0 +1,135 @@
+//! Vector autoregression: every variable regressed on the past of all variables. What Granger causality and VARLiNGAM share.
+
+use crate::{
+    ground::{CompleteRows, Control, DataFrame, Error, Node, Result, Samples},
+    numeric::least_squares::LeastSquares,
+};
+
+/// A score by which the number of lags is chosen: `ln det(E'E / n)` of the residuals plus a price per coefficient. The least
+/// wins.
+///
+/// ```
+/// use roscausal_discovery::methods::Criterion;
+///
+/// assert_eq!("hqic".parse::<Criterion>()?, Criterion::Hqic);
+/// # Ok::<(), roscausal_discovery::Error>(())
+/// ```
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Criterion {
+    /// Akaike: `2 / n`.
+    Aic,
+    /// Bayes (Schwarz): `ln(n) / n`. Right in the long run; the usual choice.
+    Bic,
+    /// Hannan and Quinn: `2 ln(ln(n)) / n`.
+    Hqic,
+}
+
+impl Criterion {
+    /// The names that [`str::parse`] knows.
+    pub const NAMES: &'static [&'static str] = &["aic", "bic", "hqic"];
+
+    /// The name.
+    pub fn name(self) -> &'static str {
+        Self::NAMES[self as usize]
+    }
+
+    /// The score of `n` samples with `parameters` coefficients and this `ln det(E'E / n)`.
+    fn score(self, ln_det: f64, n: usize, parameters: usize) -> f64 {
+        let n = n as f64;
+        let price = match self {
+            Self::Aic => 2.0,
+            Self::Bic => n.ln(),
+            Self::Hqic => 2.0 * n.ln().ln(),
+        };
+        ln_det + price * parameters as f64 / n
+    }
+}
+
+impl std::str::FromStr for Criterion {
+    type Err = Error;
+
+    fn from_str(text: &str) -> Result<Self> {
+        let found = [Self::Aic, Self::Bic, Self::Hqic].into_iter().find(|criterion| criterion.name() == text);
+        found.ok_or_else(|| Error::unknown("criterion", text, Self::NAMES))
+    }
+}
+
+/// All variables regressed on all variables at lags `first..=lags`.
+pub(super) struct Autoregression {
+    /// The samples, at lags up to the largest one.
+    pub(super) rows: CompleteRows,
+    /// The causes, by lag and then variable: the columns of `fit`.
+    pub(super) causes: Vec<Node>,
+    /// Targets are the variables.
+    pub(super) fit: LeastSquares,
+    constant: bool,
+}
+
+impl Autoregression {
+    /// Fits the variables of `rows`, on a constant too if asked to.
+    ///
+    /// # Errors
+    /// Fewer samples than coefficients.
+    pub(super) fn new(
+        rows: CompleteRows,
+        lags: std::ops::RangeInclusive<usize>,
+        constant: bool,
+    ) -> Result<Self> {
+        let n_vars = rows.n_vars();
+        let causes: Vec<Node> = lags.flat_map(|lag| (0..n_vars).map(move |var| Node::new(var, lag))).collect();
+        let columns: Vec<&[f64]> = causes.iter().map(|&node| rows.column(node)).collect();
+        let targets: Vec<&[f64]> = (0..n_vars).map(|var| rows.column(Node::new(var, 0))).collect();
+        let needed = causes.len() + usize::from(constant) + 1;
+        if rows.len() < needed {
+            return Err(Error::Data(format!(
+                "{} complete samples are too few for {} coefficients of each variable: record at least {needed}, or lower \
+                 tau-max{}",
+                rows.len(),
+                needed - 1,
+                if rows.n_lost() > 0 { " (samples with a missing value are left out)" } else { "" }
+            )));
+        }
+        let fit = LeastSquares::new(&columns, &targets, constant);
+        Ok(Self { rows, causes, fit, constant })
+    }
+
+    /// The column of a cause.
+    pub(super) fn column(&self, cause: usize, lag: usize) -> Option<usize> {
+        self.causes.iter().position(|&node| node == Node::new(cause, lag))
+    }
+
+    /// The score of the number of lags.
+    pub(super) fn score(&self, criterion: Criterion) -> f64 {
+        let parameters = self.rows.n_vars() * (self.causes.len() + usize::from(self.constant));
+        criterion.score(self.fit.ln_det(), self.rows.len(), parameters)
+    }
+
+    /// What is left of the variables, one column each.
+    pub(super) fn residuals(&self) -> Vec<Vec<f64>> {
+        let n_vars = self.rows.n_vars();
+        let of = |target: usize| {
+            let mut left = self.rows.column(Node::new(target, 0)).to_vec();
+            for (k, &cause) in self.causes.iter().enumerate() {
+                let coefficient = self.fit.coefficient(target, k);
+                left.iter_mut().zip(self.rows.column(cause)).for_each(|(v, x)| *v -= coefficient * x);
+            }
+            left
+        };
+        (0..n_vars).map(of).collect()
+    }
+
+    /// The variables of which some lags are determined by other columns, so that their coefficients say nothing.
+    pub(super) fn undetermined(&self) -> Vec<usize> {
+        let mut vars: Vec<usize> =
+            (0..self.causes.len()).filter(|&k| self.fit.is_undetermined(k)).map(|k| self.causes[k].var).collect();
+        vars.sort_unstable();
+        vars.dedup();
+        vars
+    }
+}
+
+/// The complete samples of `data` with `lags` steps of past.
+pub(super) fn complete_rows(data: &DataFrame, lags: usize, control: &Control) -> Result<CompleteRows> {
+    control.check()?;
+    Ok(Samples::new(data, lags).complete())
+}

@@ -1,0 +1,264 @@
+//! Least squares of several targets on the same columns, with the statistics of its coefficients.
+//!
+//! 1. Each column is centred (if there is a constant) and scaled to norm 1, so that units do not matter.
+//! 2. Householder QR of all columns and targets together gives one triangle. Its rows hold the coefficients of the targets; what
+//!    is left below them holds the residuals, so that a nearly perfect fit loses no digits.
+//! 3. A column that the earlier ones determine is taken out, and all columns of that combination are noted: their coefficients
+//!    say nothing.
+//!
+//! Source: Golub and Van Loan 2013, "Matrix computations", 5.2 and 5.3. For example `y = 1 + 2 x` exactly: coefficient 2,
+//! residual sum 0, F infinite.
+
+use faer::Mat;
+
+/// Smallest part of a column's norm that the others leave it, if it is not determined by them.
+const DETERMINED: f64 = 1e-10;
+/// Smallest part that a column has in a combination.
+const INVOLVED: f64 = 1e-8;
+
+/// A regression of targets on columns, all of the same length.
+pub(crate) struct LeastSquares {
+    /// Rows.
+    n: usize,
+    /// The columns in the triangle.
+    kept: Vec<usize>,
+    /// Where a column is in the triangle.
+    place: Vec<Option<usize>>,
+    undetermined: Vec<bool>,
+    constant: bool,
+    /// Norms of the columns and of the targets, after centring.
+    norms: Vec<f64>,
+    target_norms: Vec<f64>,
+    /// Inverse of the triangle of the columns, by rows.
+    inverse: Vec<Vec<f64>>,
+    /// Coefficients between scaled columns, by target.
+    scaled: Vec<Vec<f64>>,
+    /// Residuals of the scaled targets, as a triangle: `[target][row]`.
+    left: Vec<Vec<f64>>,
+}
+
+/// Centres (if there is a constant) and scales to norm 1; returns mean and norm, which is 0 of a constant.
+fn scaled(row: &[f64], constant: bool) -> (Vec<f64>, f64) {
+    let mut row = row.to_vec();
+    if constant {
+        if row.windows(2).all(|pair| pair[0] == pair[1]) {
+            return (vec![0.0; row.len()], 0.0);
+        }
+        // Twice: the second pass subtracts what rounding left in the first.
+        for _ in 0..2 {
+            let mean = row.iter().sum::<f64>() / row.len() as f64;
+            row.iter_mut().for_each(|v| *v -= mean);
+        }
+    }
+    let largest = row.iter().fold(0.0_f64, |most, v| most.max(v.abs()));
+    if largest == 0.0 || !largest.is_finite() {
+        row.fill(0.0);
+        return (row, 0.0);
+    }
+    let norm = largest * row.iter().map(|v| (v / largest).powi(2)).sum::<f64>().sqrt();
+    row.iter_mut().for_each(|v| *v /= norm);
+    (row, norm)
+}
+
+impl LeastSquares {
+    /// Regresses each of `targets` on `columns`, and on a constant if asked to.
+    pub(crate) fn new(columns: &[&[f64]], targets: &[&[f64]], constant: bool) -> Self {
+        let n = columns.iter().chain(targets).next().map_or(0, |row| row.len());
+        let (columns, norms): (Vec<_>, Vec<_>) = columns.iter().map(|row| scaled(row, constant)).unzip();
+        let (targets, target_norms): (Vec<_>, Vec<_>) = targets.iter().map(|row| scaled(row, constant)).unzip();
+        let mut kept: Vec<usize> = (0..columns.len()).filter(|&k| norms[k] > 0.0).collect();
+        let mut undetermined = vec![false; columns.len()];
+        let triangle = loop {
+            let rows: Vec<&Vec<f64>> = kept.iter().map(|&k| &columns[k]).chain(&targets).collect();
+            let triangle = triangle(&rows, n);
+            let at = |i: usize, j: usize| triangle.get(j).and_then(|column| column.get(i)).copied().unwrap_or(0.0);
+            let Some(dependent) = (0..kept.len()).find(|&k| at(k, k).abs() < DETERMINED) else { break triangle };
+            // The combination of earlier columns that gives this one.
+            let mut combination = vec![0.0; dependent];
+            for i in (0..dependent).rev() {
+                let known: f64 = (i + 1..dependent).map(|j| at(i, j) * combination[j]).sum();
+                combination[i] = (at(i, dependent) - known) / at(i, i);
+            }
+            for (&k, part) in kept.iter().zip(&combination) {
+                undetermined[k] |= part.abs() > INVOLVED;
+            }
+            undetermined[kept.remove(dependent)] = true;
+        };
+        let mut place = vec![None; columns.len()];
+        kept.iter().enumerate().for_each(|(at, &k)| place[k] = Some(at));
+        let size = kept.len();
+        let inverse = inverse_of_upper(&triangle, size);
+        let scaled = triangle[size..]
+            .iter()
+            .map(|target| inverse.iter().map(|row| row.iter().zip(target).map(|(a, b)| a * b).sum()).collect())
+            .collect();
+        let left = triangle[size..].iter().map(|target| target.get(size..).unwrap_or(&[]).to_vec()).collect();
+        Self { n, kept, place, undetermined, constant, norms, target_norms, inverse, scaled, left }
+    }
+
+    /// Degrees of freedom of the residuals; 0 where the columns fit anything.
+    pub(crate) fn dof(&self) -> usize {
+        self.n.saturating_sub(self.kept.len() + usize::from(self.constant))
+    }
+
+    /// Whether the coefficient of a column says nothing, because other columns determine it.
+    pub(crate) fn is_undetermined(&self, column: usize) -> bool {
+        self.undetermined[column]
+    }
+
+    /// Coefficient of a column for a target, in their units; 0 of a column that is taken out.
+    pub(crate) fn coefficient(&self, target: usize, column: usize) -> f64 {
+        match self.place[column] {
+            Some(at) => self.scaled[target][at] * self.target_norms[target] / self.norms[column],
+            None => 0.0,
+        }
+    }
+
+    /// The coefficient between the columns scaled to one deviation.
+    pub(crate) fn standardized(&self, target: usize, column: usize) -> f64 {
+        self.place[column].map_or(0.0, |at| self.scaled[target][at])
+    }
+
+    /// Residual sum of squares of the scaled target.
+    fn scaled_rss(&self, target: usize) -> f64 {
+        self.left[target].iter().map(|v| v * v).sum()
+    }
+
+    /// Residual sum of squares of a target.
+    pub(crate) fn rss(&self, target: usize) -> f64 {
+        self.scaled_rss(target) * self.target_norms[target].powi(2)
+    }
+
+    /// `ln det(E'E / n)` of the residuals E of all targets; minus infinity where one is determined.
+    pub(crate) fn ln_det(&self) -> f64 {
+        let of = |j: usize| self.left[j].get(j).map_or(0.0, |v| v.abs()) * self.target_norms[j];
+        (0..self.left.len()).map(|j| 2.0 * of(j).ln() - (self.n as f64).ln()).sum()
+    }
+
+    /// The t statistic of a coefficient; 0 where it says nothing.
+    pub(crate) fn t(&self, target: usize, column: usize) -> f64 {
+        let Some(at) = self.place[column].filter(|_| !self.undetermined[column] && self.dof() > 0) else {
+            return 0.0;
+        };
+        let spread = self.inverse[at].iter().map(|v| v * v).sum::<f64>() * self.scaled_rss(target) / self.dof() as f64;
+        quotient(self.scaled[target][at], spread.sqrt())
+    }
+
+    /// The F statistics, by target, that the coefficients of `columns` vanish; 0 where one of them says nothing.
+    pub(crate) fn f(&self, columns: &[usize]) -> Vec<f64> {
+        let none = vec![0.0; self.scaled.len()];
+        if columns.is_empty() || self.dof() == 0 || columns.iter().any(|&k| self.undetermined[k]) {
+            return none;
+        }
+        let Some(at) = columns.iter().map(|&k| self.place[k]).collect::<Option<Vec<usize>>>() else { return none };
+        // Rows of the inverse are the columns' directions; F measures the coefficients in an orthonormal frame of them.
+        let rows: Vec<&Vec<f64>> = at.iter().map(|&at| &self.inverse[at]).collect();
+        let frame = triangle(&rows, self.kept.len());
+        let along = |target: &Vec<f64>| -> f64 {
+            let mut solved = Vec::with_capacity(at.len());
+            for (i, &at) in at.iter().enumerate() {
+                let known: f64 = solved.iter().enumerate().map(|(j, v)| frame[i][j] * v).sum();
+                solved.push((target[at] - known) / frame[i][i]);
+            }
+            solved.iter().map(|v| v * v).sum()
+        };
+        let mean = |j: usize| self.scaled_rss(j) / self.dof() as f64;
+        (0..self.scaled.len()).map(|j| quotient(along(&self.scaled[j]) / at.len() as f64, mean(j))).collect()
+    }
+}
+
+/// `a / b`, where nothing over nothing is 0.
+fn quotient(a: f64, b: f64) -> f64 {
+    if a == 0.0 { 0.0 } else { a / b }
+}
+
+/// The triangular factor of columns of length `n`: `[column][row]`, as many rows as there are columns, or `n`.
+fn triangle(columns: &[&Vec<f64>], n: usize) -> Vec<Vec<f64>> {
+    let size = columns.len();
+    if size == 0 || n == 0 {
+        return vec![Vec::new(); size];
+    }
+    let matrix = Mat::from_fn(n, size, |t, k| columns[k][t]);
+    let qr = matrix.qr();
+    let r = qr.thin_R();
+    (0..size).map(|k| (0..size.min(n)).map(|i| if i <= k { r[(i, k)] } else { 0.0 }).collect()).collect()
+}
+
+/// The inverse of the leading `size` columns of an upper triangle, by rows; entries below the diagonal are 0.
+fn inverse_of_upper(triangle: &[Vec<f64>], size: usize) -> Vec<Vec<f64>> {
+    let mut inverse = vec![vec![0.0; size]; size];
+    for j in 0..size {
+        inverse[j][j] = 1.0 / triangle[j][j];
+        for i in (0..j).rev() {
+            let known: f64 = (i + 1..=j).map(|k| triangle[k][i] * inverse[k][j]).sum();
+            inverse[i][j] = -known / triangle[i][i];
+        }
+    }
+    inverse
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::numeric::random::Rng;
+
+    fn noise(n: usize, seed: u64) -> Vec<f64> {
+        let mut rng = Rng::new(seed);
+        (0..n).map(|_| rng.unit() - 0.5).collect()
+    }
+
+    #[test]
+    fn a_line_through_four_points_has_the_textbooks_numbers() {
+        // y = 0.65 + 0.91 x; the squares of x around their mean sum to 5.
+        let (x, y) = ([1.0, 2.0, 3.0, 4.0], [2.0, 2.0, 3.0, 4.7]);
+        let fit = LeastSquares::new(&[&x], &[&y], true);
+        assert!((fit.coefficient(0, 0) - 0.91).abs() < 1e-12, "{}", fit.coefficient(0, 0));
+        let rss: f64 = x.iter().zip(y).map(|(x, y)| (y - 0.65 - 0.91 * x).powi(2)).sum();
+        assert!((fit.rss(0) - rss).abs() < 1e-12 && fit.dof() == 2);
+        let t = 0.91 / (rss / 2.0 / 5.0).sqrt();
+        assert!((fit.t(0, 0) - t).abs() < 1e-10 && (fit.f(&[0])[0] - t * t).abs() < 1e-9);
+    }
+
+    #[test]
+    fn f_is_the_gain_of_the_columns_over_what_is_left() {
+        let columns: Vec<Vec<f64>> = (0..4).map(|k| noise(40, k)).collect();
+        let y: Vec<f64> = (0..40).map(|t| columns[0][t] - 0.4 * columns[2][t] + noise(40, 9)[t]).collect();
+        let rows: Vec<&[f64]> = columns.iter().map(Vec::as_slice).collect();
+        let (all, some) = (LeastSquares::new(&rows, &[&y], true), LeastSquares::new(&rows[..2], &[&y], true));
+        let gain = (some.rss(0) - all.rss(0)) / 2.0 / (all.rss(0) / all.dof() as f64);
+        assert!((all.f(&[2, 3])[0] - gain).abs() < 1e-10 * gain);
+    }
+
+    #[test]
+    fn units_change_nothing_but_the_units() {
+        let columns: Vec<Vec<f64>> = (0..2).map(|k| noise(50, k)).collect();
+        let y: Vec<f64> = (0..50).map(|t| columns[0][t] + noise(50, 7)[t]).collect();
+        let large: Vec<f64> = columns[0].iter().map(|v| 1e6 * v - 3e8).collect();
+        let (a, b) = (
+            LeastSquares::new(&[&columns[0], &columns[1]], &[&y], true),
+            LeastSquares::new(&[&large, &columns[1]], &[&y], true),
+        );
+        assert!((a.t(0, 0) - b.t(0, 0)).abs() < 1e-6 * a.t(0, 0).abs());
+        assert!((a.coefficient(0, 0) - 1e6 * b.coefficient(0, 0)).abs() < 1e-6);
+    }
+
+    #[test]
+    fn a_column_that_others_determine_says_nothing_and_hurts_no_other() {
+        let columns: Vec<Vec<f64>> = (0..2).map(|k| noise(50, k)).collect();
+        let y: Vec<f64> = (0..50).map(|t| columns[0][t] + noise(50, 7)[t]).collect();
+        let copy: Vec<f64> = columns[1].iter().map(|v| 2.0 * v + 1.0).collect();
+        let one = LeastSquares::new(&[&columns[0], &columns[1]], &[&y], true);
+        let both = LeastSquares::new(&[&columns[0], &columns[1], &copy], &[&y], true);
+        assert_eq!((both.t(0, 1), both.t(0, 2), both.f(&[2])[0]), (0.0, 0.0, 0.0));
+        assert!(both.is_undetermined(1) && both.is_undetermined(2) && !both.is_undetermined(0));
+        assert!((one.t(0, 0) - both.t(0, 0)).abs() < 1e-9 && one.dof() == both.dof());
+    }
+
+    #[test]
+    fn a_constant_and_too_few_rows_have_defined_answers() {
+        let fit = LeastSquares::new(&[&[3.0; 5], &[1.0, 2.0, 3.0, 4.0, 6.0]], &[&[7.0; 5]], true);
+        assert_eq!((fit.t(0, 0), fit.f(&[0])[0], fit.f(&[1])[0], fit.dof()), (0.0, 0.0, 0.0, 3));
+        let few = LeastSquares::new(&[&[1.0, 2.0], &[0.0, 5.0]], &[&[7.0, 1.0]], true);
+        assert!(few.dof() == 0 && few.t(0, 0) == 0.0 && few.f(&[0])[0] == 0.0);
+    }
+}
