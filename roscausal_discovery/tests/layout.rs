@@ -89,7 +89,7 @@ fn pairs(model: &Model) -> BTreeMap<(String, String), usize> {
 fn graph(number: u64) -> Model {
     let n = 3 + (number * 57 / (GRAPHS - 1)) as usize;
     let per_variable = [0.5, 1.0, 1.5, 2.0, 3.0, 5.0, n as f64][(number % 7) as usize];
-    random_model(n, per_variable, mix(&[number, 26]))
+    random_model(n, per_variable, mix(number))
 }
 
 #[test]

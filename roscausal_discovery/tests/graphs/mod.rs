@@ -4,10 +4,10 @@ use roscausal_discovery::{Matrices, Model, Settings, mix};
 
 /// A model of `n` variables in which each ordered pair has a link at each of three lags with a chance that gives about
 /// `per_variable` pairs with links for each variable. The same seed gives the same model.
-pub fn random_model(n: usize, per_variable: f64, seed: u64) -> Model {
+pub(crate) fn random_model(n: usize, per_variable: f64, seed: u64) -> Model {
     let mut drawn = seed;
     let mut uniform = || {
-        drawn = mix(&[drawn, 1]);
+        drawn = mix(drawn);
         (drawn >> 11) as f64 / (1_u64 << 53) as f64
     };
     let lags = 3;
