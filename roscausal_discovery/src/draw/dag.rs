@@ -30,13 +30,14 @@ pub fn dag(model: &Model) -> String {
     let matrix = (model.features.len() >= MATRIX_FROM).then(|| Matrix::new(model));
     let (beside, tall) = matrix.as_ref().map_or((0.0, 0.0), Matrix::size);
     let lines = merged(&arrows, model.smallest_p());
-    let foot = MARGIN.y + plan.height.max(if model.features.is_empty() { 60.0 } else { tall }) + 24.0;
+    let foot = MARGIN.y + plan.height.max(if model.features.is_empty() { 60.0 } else { 0.0 }) + 24.0;
     let longest = lines.iter().map(|line| line.chars().count()).max().unwrap_or(0);
     let width = (MARGIN.x + plan.width + if beside > 0.0 { 40.0 + beside } else { 0.0 })
         .max(7.0 * longest as f64 + MARGIN.x)
         .max(460.0 - MARGIN.x);
     let list = if lines.is_empty() { 0.0 } else { LINE * (lines.len() + 1) as f64 };
-    let mut svg = Svg::new(width + MARGIN.x, foot + LEGEND + list);
+    let height = (foot + LEGEND + list).max(MARGIN.y + tall);
+    let mut svg = Svg::new(width + MARGIN.x, height);
     svg.text(Point::new(16.0, 26.0), 15.0, "start", INK, &title(model));
     // A small graph stands in the middle.
     let shift = if beside > 0.0 { 0.0 } else { (width - MARGIN.x - plan.width) / 2.0 };
