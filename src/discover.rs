@@ -16,14 +16,14 @@ use roscausal_core::{
     },
 };
 use roscausal_discovery::{
-    Control, DataFrame, Model, PcAlpha, Settings, analyse,
+    Control, DataFrame, Evidence, Model, PcAlpha, Settings, analyse_with_evidence,
     independence_tests::{self, GpSearch},
     methods::{Fdr, Method, MethodInfo},
     transfer_entropy::TeEstimator,
 };
 
 use crate::{
-    chart, export,
+    chart, export, html_report,
     interrupt::Interrupt,
     output,
     recording::{self, InputArgs, Source},
@@ -147,18 +147,7 @@ fn listed<'a>(what: &str, words: impl IntoIterator<Item = &'a (impl AsRef<str> +
 
 /// Runs `roscausal discover`.
 pub(crate) fn run(args: &Args, interrupt: &Interrupt) -> Result<()> {
-    let mut settings = args.method.settings(args.seed)?;
-    settings.max_memory = args.means.max_memory.map(|megabytes| megabytes.saturating_mul(1_000_000));
-    let quiet = args.format != Format::Text;
-    let (files, _made) = tables_of(args, interrupt, quiet)?;
-    let Data { data, dt, warnings } = match with_facts(args, &files, &mut settings)? {
-        Some(data) => data,
-        None => Data::of(&files, read(args, &files)?)?,
-    };
-    let mut model = args.means.analyse(&data, &settings, interrupt, quiet)?;
-    model.dt = dt;
-    model.warnings.splice(0..0, warnings);
-
+    let (model, evidence, data) = found(args, interrupt, args.format != Format::Text)?;
     match args.format {
         Format::Json => crate::terminal::print(format_args!("{}", model.to_json())),
         Format::Dot => crate::terminal::print(format_args!("{}", export::dot(&model))),
@@ -171,11 +160,51 @@ pub(crate) fn run(args: &Args, interrupt: &Interrupt) -> Result<()> {
     // Last: what cannot be written is at least printed.
     if let Some(dir) = &args.out {
         output::write_model(dir, &model)?;
+        output::write_file(dir, html_report::EVIDENCE, evidence.to_json().as_bytes())?;
         for (i, recording) in data.recordings().iter().enumerate() {
-            output::write_series(dir, &format!("series_{}", i + 1), data.var_names(), recording.view(), dt)?;
+            let name = format!("series_{}", i + 1);
+            output::write_series(dir, &name, data.var_names(), recording.view(), model.dt)?;
         }
     }
     Ok(())
+}
+
+/// The model of the files, what stands behind it, and the data.
+pub(crate) fn found(args: &Args, interrupt: &Interrupt, quiet: bool) -> Result<(Model, Evidence, DataFrame)> {
+    let mut settings = args.method.settings(args.seed)?;
+    settings.max_memory = args.means.max_memory.map(|megabytes| megabytes.saturating_mul(1_000_000));
+    let (files, _made) = tables_of(args, interrupt, quiet)?;
+    let Data { data, dt, warnings } = match with_facts(args, &files, &mut settings)? {
+        Some(data) => data,
+        None => Data::of(&files, read(args, &files)?)?,
+    };
+    let (mut model, evidence) = args.means.analyse(&data, &settings, interrupt, quiet)?;
+    model.dt = dt;
+    model.warnings.splice(0..0, warnings);
+    Ok((model, evidence, data))
+}
+
+impl Args {
+    /// The analysis of one file.
+    pub(crate) fn of_one(
+        file: &Path,
+        inputs: &InputArgs,
+        method: &MethodArgs,
+        means: &MeansArgs,
+        seed: u64,
+    ) -> Self {
+        Self {
+            files: vec![file.to_owned()],
+            inputs: inputs.clone(),
+            method: method.clone(),
+            means: means.clone(),
+            columns: None,
+            several_people: "pooled".into(),
+            seed,
+            out: None,
+            format: Format::Text,
+        }
+    }
 }
 
 /// A table to analyse, and the user's file that it comes from.
@@ -320,7 +349,7 @@ impl MeansArgs {
         settings: &Settings,
         interrupt: &Interrupt,
         quiet: bool,
-    ) -> Result<Model> {
+    ) -> Result<(Model, Evidence)> {
         let start = Instant::now();
         let bar = chart::bar("discovery", 0, quiet);
         let shown = bar.clone();
@@ -341,12 +370,12 @@ impl MeansArgs {
             .num_threads(self.threads.unwrap_or(0))
             .build()
             .map_err(|e| Error::param("threads", e))?;
-        let mut model = pool.install(|| analyse(data, settings, &control))?;
+        let (mut model, evidence) = pool.install(|| analyse_with_evidence(data, settings, &control))?;
         bar.finish_and_clear();
         if let Some(effort) = control.effort() {
             tracing::info!("{effort}");
         }
         model.run_time_s = Some(start.elapsed().as_secs_f64());
-        Ok(model)
+        Ok((model, evidence))
     }
 }

@@ -5,8 +5,8 @@ use std::{
     path::{Path, PathBuf},
 };
 
-use roscausal_core::{Error, Result, batch::pool::Pool};
-use roscausal_discovery::Model;
+use roscausal_core::{Error, Result, batch::pool::Pool, nodes::EVIDENCE_FOLDER};
+use roscausal_discovery::{Evidence, Model};
 
 /// Marks a folder of a demo or replay, which the next one may empty.
 const MARK: &str = ".roscausal_demo";
@@ -61,6 +61,13 @@ impl Folders {
         with_ending(&self.models, ".json")
     }
 
+    /// What stands behind the first model, if it was kept.
+    pub(crate) fn evidence(&self) -> Result<Option<Evidence>> {
+        let Some(path) = self.model_files()?.into_iter().next() else { return Ok(None) };
+        let name = path.file_name().unwrap_or_default();
+        read_evidence(&self.models.join(EVIDENCE_FOLDER).join(name))
+    }
+
     /// Why batches were rejected, one sentence each.
     pub(crate) fn rejections(&self) -> Result<Vec<String>> {
         let mut reasons = Vec::new();
@@ -92,6 +99,15 @@ impl Folders {
 pub(crate) fn read_model(path: &Path) -> Result<Model> {
     let text = fs::read(path).map_err(|e| Error::file(path, e))?;
     serde_json::from_slice(&text).map_err(|e| Error::file(path, e))
+}
+
+/// The evidence in a file; `None` if there is no such file.
+pub(crate) fn read_evidence(path: &Path) -> Result<Option<Evidence>> {
+    if !path.exists() {
+        return Ok(None);
+    }
+    let text = fs::read(path).map_err(|e| Error::file(path, e))?;
+    serde_json::from_slice(&text).map(Some).map_err(|e| Error::file(path, e))
 }
 
 /// The files with this extension, sorted by name.

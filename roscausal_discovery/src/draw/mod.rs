@@ -22,9 +22,11 @@
 //! ```
 
 mod arrows;
+mod axis;
 mod circle;
 mod curves;
 mod dag;
+mod evidence;
 mod layout;
 mod matrix;
 mod point;
@@ -36,6 +38,7 @@ mod tsdag;
 
 pub use curves::{Curve, Panel, curves};
 pub use dag::dag;
+pub use evidence::{lag_function, residual_scatter, scatter};
 pub use matrix::matrix;
 #[cfg(feature = "png")]
 pub use raster::{Image, rasterise};
