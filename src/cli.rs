@@ -3,7 +3,7 @@
 use clap::{CommandFactory, Parser, Subcommand};
 use tracing_subscriber::{EnvFilter, fmt};
 
-use crate::{demo, discover, experiment, presets, replay, teleop};
+use crate::{demo, discover, experiment, html_report, presets, replay, teleop};
 
 /// Find out what causes what between robots and people.
 #[derive(Parser)]
@@ -26,6 +26,8 @@ pub(crate) enum Command {
     Replay(replay::Args),
     /// Run the demo's chain over many seeds and measure how often each link is found.
     Experiment(experiment::Args),
+    /// Write a model and what stands behind it as one HTML file, to read, print and pass on.
+    Report(html_report::Args),
     /// Drive the simulated person from the keyboard, in real time, while the nodes record.
     Teleop(teleop::Args),
 }

@@ -21,6 +21,7 @@ use crate::{
     discover::MethodArgs,
     expected,
     folders::{Folders, Outcome},
+    html_report::{self, Material},
     interrupt::Interrupt,
     nodes::{self, Nodes},
     output, presets,
@@ -104,6 +105,21 @@ pub(crate) fn run(args: &Args, interrupt: &Interrupt) -> Result<()> {
     );
     let (folders, model) = run.recorded_chain(args.record.as_deref(), interrupt)?;
     show(args, &folders, &model)
+}
+
+impl Args {
+    /// The command that makes the same run again.
+    fn command(&self, model: &Model) -> String {
+        let quoted = |text: &str| format!("'{}'", text.replace('\'', "'\\''"));
+        let analysis = html_report::flags(model);
+        let done: String = self.interventions.iter().map(|text| format!(" --do {}", quoted(text))).collect();
+        let scenario = quoted(&self.scenario);
+        // The seed of the analysis is fixed; the one given is that of the simulation.
+        format!(
+            "roscausal demo --scenario {scenario} --seed {} --duration {}{done} {analysis}",
+            self.seed, self.duration
+        )
+    }
 }
 
 /// One run of simulator and nodes, from the first message to the model.
@@ -295,9 +311,26 @@ fn show(args: &Args, folders: &Folders, model: &Model) -> Result<()> {
     }
     crate::terminal::say!("{}\n", report::text(model));
     crate::terminal::say!("{}\n", expected::comparison(model));
+    let evidence = folders.evidence()?;
+    if let Some(evidence) = &evidence {
+        output::write_file(&args.out, html_report::EVIDENCE, evidence.to_json().as_bytes())?;
+    }
+    let material = Material {
+        model: model.clone(),
+        evidence,
+        name: format!("scenario {}", args.scenario),
+        command: args.command(model),
+        batches: Vec::new(),
+    };
+    let report = html_report::write_into(&args.out, &material)?;
     crate::terminal::say!(
-        "{}: batches, model.json, model.dot, model.graphml, links.csv, dag.svg, dag.png, tsdag.svg, tsdag.png, run.svg",
+        "{}: batches, model.json, evidence.json, model.dot, model.graphml, links.csv, dag.svg, dag.png, tsdag.svg, \
+         tsdag.png, run.svg",
         args.out.display()
+    );
+    crate::terminal::say!(
+        "Open {} in a browser: the graph, and the evidence of each link.",
+        report.display()
     );
     Ok(())
 }

@@ -19,14 +19,14 @@ use roscausal_core::{
     },
 };
 use roscausal_discovery::{
-    Control, DataFrame, Model, PcAlpha, Settings, analyse,
+    Control, DataFrame, Evidence, Model, PcAlpha, Settings, analyse_with_evidence,
     independence_tests::{self, GpSearch},
     methods::{Fdr, Method, MethodInfo},
     transfer_entropy::TeEstimator,
 };
 
 use crate::{
-    chart, export, folders,
+    chart, export, folders, html_report,
     interrupt::Interrupt,
     output,
     recording::{self, InputArgs, Source},
@@ -156,26 +156,10 @@ fn listed<'a>(what: &str, words: impl IntoIterator<Item = &'a (impl AsRef<str> +
 /// Runs `roscausal discover`.
 pub(crate) fn run(args: &Args, interrupt: &Interrupt) -> Result<()> {
     interrupt.nothing_at_stake("there is no result yet, and nothing is written");
-    let mut settings = args.method.settings(args.seed)?;
-    settings.max_memory = args.means.max_memory.map(|megabytes| megabytes.saturating_mul(1_000_000));
-    let quiet = args.format != Format::Text;
     if let Some(dir) = &args.out {
         output::claim(dir, args.force)?;
     }
-    let (files, _made) = tables_of(args, interrupt, quiet)?;
-    let read = match with_facts(args, &files, &mut settings)? {
-        Some(data) => data,
-        None => Data::of(args.read.read(&files, args.inputs.dt())?)?,
-    };
-    let Data { data, dt, warnings, .. } = args.part.part(read)?;
-    if let Some(told) = estimate::check(&data, &settings, &args.means)? {
-        crate::terminal::tell!("{told}");
-    }
-    let mut model = args.means.analyse(&data, &settings, interrupt, quiet)?;
-    model.dt = dt;
-    model.n_recordings = data.recordings().len();
-    model.warnings.splice(0..0, warnings);
-
+    let (model, evidence, data) = found(args, interrupt, args.format != Format::Text)?;
     match args.format {
         Format::Json => crate::terminal::print(format_args!("{}", model.to_json())),
         Format::Dot => crate::terminal::print(format_args!("{}", export::dot(&model))),
@@ -189,11 +173,58 @@ pub(crate) fn run(args: &Args, interrupt: &Interrupt) -> Result<()> {
     if let Some(dir) = &args.out {
         interrupt.writing();
         output::write_model(dir, &model)?;
+        output::write_file(dir, html_report::EVIDENCE, evidence.to_json().as_bytes())?;
         for (i, recording) in data.recordings().iter().enumerate() {
-            output::write_series(dir, &format!("series_{}", i + 1), data.var_names(), recording.view(), dt)?;
+            let name = format!("series_{}", i + 1);
+            output::write_series(dir, &name, data.var_names(), recording.view(), model.dt)?;
         }
     }
     Ok(())
+}
+
+/// The model of the files, what stands behind it, and the data.
+pub(crate) fn found(args: &Args, interrupt: &Interrupt, quiet: bool) -> Result<(Model, Evidence, DataFrame)> {
+    let mut settings = args.method.settings(args.seed)?;
+    settings.max_memory = args.means.max_memory.map(|megabytes| megabytes.saturating_mul(1_000_000));
+    let (files, _made) = tables_of(args, interrupt, quiet)?;
+    let read = match with_facts(args, &files, &mut settings)? {
+        Some(data) => data,
+        None => Data::of(args.read.read(&files, args.inputs.dt())?)?,
+    };
+    let Data { data, dt, warnings, .. } = args.part.part(read)?;
+    if let Some(told) = estimate::check(&data, &settings, &args.means)? {
+        crate::terminal::tell!("{told}");
+    }
+    let (mut model, evidence) = args.means.analyse(&data, &settings, interrupt, quiet)?;
+    model.dt = dt;
+    model.n_recordings = data.recordings().len();
+    model.warnings.splice(0..0, warnings);
+    Ok((model, evidence, data))
+}
+
+impl Args {
+    /// The analysis of one file.
+    pub(crate) fn of_one(
+        file: &Path,
+        inputs: &InputArgs,
+        method: &MethodArgs,
+        means: &MeansArgs,
+        seed: u64,
+    ) -> Self {
+        Self {
+            files: vec![file.to_owned()],
+            inputs: inputs.clone(),
+            method: method.clone(),
+            means: means.clone(),
+            read: ReadArgs::default(),
+            part: PartArgs::default(),
+            several_people: "pooled".into(),
+            seed,
+            out: None,
+            force: false,
+            format: Format::Text,
+        }
+    }
 }
 
 /// A table to analyse, and the user's file that it comes from.
@@ -333,7 +364,7 @@ impl MeansArgs {
         settings: &Settings,
         interrupt: &Interrupt,
         quiet: bool,
-    ) -> Result<Model> {
+    ) -> Result<(Model, Evidence)> {
         let start = Instant::now();
         let bar = chart::bar("discovery", 0, quiet);
         let shown = bar.clone();
@@ -352,12 +383,12 @@ impl MeansArgs {
             .num_threads(self.threads.unwrap_or(0))
             .build()
             .map_err(|e| Error::param("threads", e))?;
-        let mut model = pool.install(|| analyse(data, settings, &control))?;
+        let (mut model, evidence) = pool.install(|| analyse_with_evidence(data, settings, &control))?;
         bar.finish_and_clear();
         if let Some(effort) = control.effort() {
             tracing::info!("{effort}");
         }
         model.run_time_s = Some(start.elapsed().as_secs_f64());
-        Ok(model)
+        Ok((model, evidence))
     }
 }

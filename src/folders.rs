@@ -8,8 +8,9 @@ use std::{
 use roscausal_core::{
     Error, Result,
     batch::{joint::Facts, pool::Pool},
+    nodes::EVIDENCE_FOLDER,
 };
-use roscausal_discovery::Model;
+use roscausal_discovery::{Evidence, Model};
 
 use crate::presets;
 
@@ -70,6 +71,13 @@ impl Folders {
         with_ending(&self.models, ".json")
     }
 
+    /// What stands behind the first model, if it was kept.
+    pub(crate) fn evidence(&self) -> Result<Option<Evidence>> {
+        let Some(path) = self.model_files()?.into_iter().next() else { return Ok(None) };
+        let name = path.file_name().unwrap_or_default();
+        read_evidence(&self.models.join(EVIDENCE_FOLDER).join(name))
+    }
+
     /// Why batches were rejected, one sentence each.
     pub(crate) fn rejections(&self) -> Result<Vec<String>> {
         let mut reasons = Vec::new();
@@ -126,6 +134,15 @@ pub(crate) fn batches_in(folder: &Path) -> Result<Vec<PathBuf>> {
 pub(crate) fn read_model(path: &Path) -> Result<Model> {
     let text = fs::read(path).map_err(|e| Error::file(path, e))?;
     serde_json::from_slice(&text).map_err(|e| Error::file(path, e))
+}
+
+/// The evidence in a file; `None` if there is no such file.
+pub(crate) fn read_evidence(path: &Path) -> Result<Option<Evidence>> {
+    if !path.exists() {
+        return Ok(None);
+    }
+    let text = fs::read(path).map_err(|e| Error::file(path, e))?;
+    serde_json::from_slice(&text).map(Some).map_err(|e| Error::file(path, e))
 }
 
 /// The files with this extension, sorted by name.

@@ -10,6 +10,7 @@ mod export;
 mod failure;
 mod flags;
 mod folders;
+mod html_report;
 mod interrupt;
 mod nodes;
 mod output;
@@ -36,6 +37,7 @@ fn main() -> ExitCode {
         cli::Command::Replay(args) => replay::run(args, &interrupt),
         cli::Command::Discover(args) => discover::run(args, &interrupt),
         cli::Command::Experiment(args) => experiment::run(args, &interrupt),
+        cli::Command::Report(args) => html_report::run(args, &interrupt),
         cli::Command::Teleop(args) => teleop::run(args),
     };
     failure::exit_code(done, &interrupt)

@@ -1,6 +1,7 @@
 //! One analysis, from settings to model. The commands and the discovery node all enter here.
 
 use crate::{
+    evidence::{Evidence, Known},
     ground::{CondIndTest, Control, DataFrame, Error, LinkAssumptions, Result, Samples, names},
     independence_tests::{self, GpSearch},
     methods::{
@@ -239,12 +240,34 @@ fn level(name: &str, value: f64) -> Result<()> {
 /// Invalid settings, unsuitable data, or cancellation. Running out of time is not an error: the model's status says
 /// so.
 pub fn analyse(data: &DataFrame, settings: &Settings, control: &Control) -> Result<Model> {
+    Ok(run(data, settings, control, false)?.0)
+}
+
+/// As [`analyse`], and keeps what stands behind each link. The model is the same.
+///
+/// # Errors
+/// As [`analyse`].
+pub fn analyse_with_evidence(
+    data: &DataFrame,
+    settings: &Settings,
+    control: &Control,
+) -> Result<(Model, Evidence)> {
+    let (model, evidence) = run(data, settings, control, true)?;
+    Ok((model, evidence.unwrap_or_default()))
+}
+
+fn run(
+    data: &DataFrame,
+    settings: &Settings,
+    control: &Control,
+    keep: bool,
+) -> Result<(Model, Option<Evidence>)> {
     settings.check()?;
     settings.check_data(data)?;
     let test = independence_tests::by_name(&settings.cond_ind_test, &settings.test_settings())?;
     let (test, pcmci) = (test.as_ref(), settings.pcmci(data));
     let result = match settings.method {
-        Method::Fpcmci => return filtered(data, test, settings, pcmci, control),
+        Method::Fpcmci => return filtered(data, test, settings, pcmci, control, keep),
         Method::Pcmci => run_pcmci(data, test, &pcmci, control),
         Method::Pcmciplus => run_pcmciplus(data, test, &pcmci, &PcmciPlusSettings::default(), control),
         Method::Fullci => run_fullci(data, test, &pcmci, control),
@@ -252,7 +275,9 @@ pub fn analyse(data: &DataFrame, settings: &Settings, control: &Control) -> Resu
         Method::Lagdep => get_lagged_dependencies(data, test, &pcmci, control),
     }?;
     control.tell(result.effort.as_deref());
-    Ok(with_result(settings.blank_model(), data.var_names().to_vec(), result))
+    let model = with_result(settings.blank_model(), data.var_names().to_vec(), result.clone());
+    let evidence = keep.then(|| Evidence::gather(data, data, &model, settings.method, &Known::of(&result)));
+    Ok((model, evidence))
 }
 
 /// F-PCMCI: the model keeps the variables that have a link; the others are listed as dropped.
@@ -262,7 +287,8 @@ fn filtered(
     settings: &Settings,
     pcmci: PcmciSettings,
     control: &Control,
-) -> Result<Model> {
+    keep: bool,
+) -> Result<(Model, Option<Evidence>)> {
     let n_samples = Samples::new(data, 2 * settings.tau_max).len();
     let settings_of_method = FpcmciSettings {
         te_estimator: settings.te_estimator,
@@ -278,12 +304,18 @@ fn filtered(
     let others = (0..data.n_vars()).filter(|var| !result.features.contains(var));
     let dropped = others.map(|var| name(&var)).collect();
     let blank = Model { n_samples, dropped, ..settings.blank_model() };
+    let mut evidence = None;
     let mut model = match result.pcmci {
         Some(found) => {
             let place = |var: &usize| result.selected.iter().position(|selected| selected == var);
             control.tell(found.effort.as_deref());
             let places: Vec<usize> = result.features.iter().filter_map(place).collect();
-            with_result(blank, features, found.on_features(&places))
+            let model = with_result(blank, features, found.on_features(&places));
+            evidence = keep.then(|| {
+                let tested = data.select(&result.selected);
+                Evidence::gather(data, &tested, &model, settings.method, &Known::of(&found))
+            });
+            model
         }
         None => blank,
     };
@@ -291,7 +323,7 @@ fn filtered(
     if let Status::Partial(how_far) = result.status {
         model.status = format!("partial: {how_far}");
     }
-    Ok(model)
+    Ok((model, evidence))
 }
 
 /// What a user should know about F-PCMCI's filter.

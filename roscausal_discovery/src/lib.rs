@@ -66,6 +66,7 @@
 mod analysis;
 pub mod draw;
 mod effort;
+mod evidence;
 mod ground;
 pub mod independence_tests;
 pub mod methods;
@@ -73,8 +74,9 @@ mod model;
 mod numeric;
 pub mod transfer_entropy;
 
-pub use analysis::{PcAlpha, Settings, analyse};
 pub use effort::Effort;
+pub use analysis::{PcAlpha, Settings, analyse, analyse_with_evidence};
+pub use evidence::{AtLag, Condition, EVIDENCE_SCHEMA, Evidence, LinkEvidence, MOST_POINTS, VariableFacts};
 pub use ground::*;
 pub use model::{Link, Matrices, Model, SCHEMA};
 pub use numeric::random::mix;

@@ -10,13 +10,14 @@ use std::{
 };
 
 /// The modules of the crate from the ground up.
-const LAYERS: [&str; 9] = [
+const LAYERS: [&str; 10] = [
     "ground",
     "numeric",
     "independence_tests",
     "transfer_entropy",
     "methods",
     "model",
+    "evidence",
     "draw",
     "analysis",
     "effort",

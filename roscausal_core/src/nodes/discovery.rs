@@ -11,7 +11,7 @@ use std::{
     time::Duration,
 };
 
-use roscausal_discovery::{Control, Model, Progress, Settings, analyse, draw};
+use roscausal_discovery::{Control, Evidence, Model, Progress, Settings, analyse_with_evidence, draw};
 use roscausal_msgs::{
     CausalModel, CausalModelInfo, Time,
     sensor_msgs::{CompressedImage, Image},
@@ -33,6 +33,9 @@ use crate::{
     middleware::{Middleware, Publish, Qos},
     params::Params,
 };
+
+/// Folder beside the models that holds what stands behind them, a file of the same name for each.
+pub const EVIDENCE_FOLDER: &str = "evidence";
 
 /// Seconds before something that the disk or the middleware refused is tried again.
 const TRY_AGAIN_S: f64 = 1.0;
@@ -209,7 +212,7 @@ impl<M: Middleware> Node<M> {
         match self.run_method(mw, &paths) {
             Ok(mut found) => {
                 let run_time = (mw.steady() - start).as_secs_f64();
-                found.iter_mut().for_each(|(_, model, _)| model.run_time_s = Some(run_time));
+                found.iter_mut().for_each(|(_, model, ..)| model.run_time_s = Some(run_time));
                 self.tell(mw, found.into(), claims)
             }
             // The time budget ended it: an attempt like any other.
@@ -232,9 +235,9 @@ impl<M: Middleware> Node<M> {
     /// Writes and publishes the models, then releases their batches. Models that cannot be written are kept until
     /// they can.
     fn tell(&mut self, mw: &M, mut found: VecDeque<Found>, claims: Vec<Claim>) -> Result<()> {
-        while let Some((person, model, origin)) = found.pop_front() {
-            if let Err(error) = self.publish(mw, &model, &origin, self.last.get(&person)) {
-                found.push_front((person, model, origin));
+        while let Some((person, model, evidence, origin)) = found.pop_front() {
+            if let Err(error) = self.publish(mw, &model, evidence.as_ref(), &origin, self.last.get(&person)) {
+                found.push_front((person, model, evidence, origin));
                 self.unsaid = Some((found, claims));
                 return Err(error);
             }
@@ -307,9 +310,19 @@ impl<M: Middleware> Node<M> {
     }
 
     /// Writes the model's files, then publishes: what is announced exists.
-    fn publish(&self, mw: &M, model: &Model, origin: &Origin, before: Option<&Model>) -> Result<()> {
+    fn publish(
+        &self,
+        mw: &M,
+        model: &Model,
+        evidence: Option<&Evidence>,
+        origin: &Origin,
+        before: Option<&Model>,
+    ) -> Result<()> {
         let (dag, tsdag) = (draw::dag(model), draw::tsdag(model));
         if let Some(dir) = &self.params.res_dir {
+            if let Some(evidence) = evidence {
+                write_evidence(dir, evidence, &origin.batch_id)?;
+            }
             write_files(dir, model, &origin.batch_id, &dag, &tsdag)?;
         }
         let header = Header { stamp: mw.now(), frame_id: origin.frame_id.clone() };
@@ -333,8 +346,16 @@ fn write_files(dir: &Path, model: &Model, name: &str, dag: &str, tsdag: &str) ->
     write_whole(&dir.join(format!("{name}.json")), model.to_file_json().as_bytes())
 }
 
-/// Whose model it is (empty: everybody's), the model, and where it comes from.
-type Found = (String, Model, Origin);
+/// In a folder of its own, so that the models stay the only JSON files of theirs.
+fn write_evidence(dir: &Path, evidence: &Evidence, name: &str) -> Result<()> {
+    let dir = dir.join(EVIDENCE_FOLDER);
+    std::fs::create_dir_all(&dir).map_err(|e| Error::file(&dir, e))?;
+    write_whole(&dir.join(format!("{name}.json")), evidence.to_json().as_bytes())
+}
+
+/// Whose model it is (empty: everybody's), the model, what stands behind it (a program tells nothing), and where it comes
+/// from.
+type Found = (String, Model, Option<Evidence>, Origin);
 
 /// Reads the batches as recordings of one system and analyses them: one model, or one per person.
 fn method(params: &DiscoveryParams, paths: &[PathBuf], control: &Control) -> Result<Vec<Found>> {
@@ -349,9 +370,12 @@ fn method(params: &DiscoveryParams, paths: &[PathBuf], control: &Control) -> Res
     let mut found = Vec::new();
     for part in joint.parts(people)? {
         let settings = Settings { exogenous: part.exogenous, ..params.settings.clone() };
-        let mut model = match &params.program {
-            Some(program) => external::run(program, paths, &settings, params.threads, control)?,
-            None => in_pool(params.threads, || Ok(analyse(&part.data, &settings, control)?))?,
+        let (mut model, evidence) = match &params.program {
+            Some(program) => (external::run(program, paths, &settings, params.threads, control)?, None),
+            None => in_pool(params.threads, || {
+                let (model, evidence) = analyse_with_evidence(&part.data, &settings, control)?;
+                Ok((model, Some(evidence)))
+            })?,
         };
         model.dt = joint.dt();
         model.n_recordings = part.data.recordings().len();
@@ -363,11 +387,11 @@ fn method(params: &DiscoveryParams, paths: &[PathBuf], control: &Control) -> Res
             end: stamp(end),
             candidate_features: part.data.var_names().to_vec(),
         };
-        found.push((person, model, origin));
+        found.push((person, model, evidence, origin));
     }
-    let with_warnings = |(person, mut model, origin): Found| {
+    let with_warnings = |(person, mut model, evidence, origin): Found| {
         model.warnings.splice(0..0, joint.warnings.iter().cloned());
-        (person, model, origin)
+        (person, model, evidence, origin)
     };
     Ok(found.into_iter().map(with_warnings).collect())
 }

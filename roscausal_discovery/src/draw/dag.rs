@@ -1,69 +1,101 @@
 //! The summary graph of a model.
 
-use std::f64::consts::{FRAC_PI_2, TAU};
+use super::{
+    arrows::{Arrow, arrows, merged},
+    circle::variable,
+    layout::{Edge, MATRIX_FROM, plan},
+    matrix::Matrix,
+    point::Point,
+    svg::{FAINT, INK, Stroke, Svg, escaped, label_width, legend},
+};
+use crate::model::Model;
 
-use super::svg::{FAINT, INK, Point, Stroke, Svg, display, legend};
-use crate::model::{Link, Model};
-
-const NODE: f64 = 38.0;
+/// Left of and above the graph.
+const MARGIN: Point = Point { x: 16.0, y: 44.0 };
+/// Size of the labels.
+const TEXT: f64 = 12.0;
+/// Height of the legend below the graph.
+const LEGEND: f64 = 92.0;
+/// Height of a line below the legend.
+const LINE: f64 = 17.0;
 
 /// The summary graph as SVG: one node per variable, and one arrow per pair of cause and effect, labelled with its
-/// lags. A variable that depends on its own past has a loop.
+/// lags. A variable that depends on its own past has a loop. From 16 variables on there is a matrix beside it.
 pub fn dag(model: &Model) -> String {
-    let n = model.features.len();
-    let radius = if n <= 2 { 110.0 } else { 90.0 + 26.0 * n as f64 };
-    let size = 2.0 * (radius + NODE + 86.0);
-    let mut svg = Svg::new(size.max(440.0), size + 110.0);
-    let centre = Point::new(size.max(440.0) / 2.0, size / 2.0 + 30.0);
+    let arrows = arrows(model);
+    let edge =
+        |arrow: &Arrow<'_>| Edge { from: arrow.from, to: arrow.to, label: label_width(TEXT, &arrow.label()) };
+    let edges: Vec<Edge> = arrows.iter().map(edge).collect();
+    let plan = plan(model.features.len(), &edges);
+    let matrix = (model.features.len() >= MATRIX_FROM).then(|| Matrix::new(model));
+    let (beside, tall) = matrix.as_ref().map_or((0.0, 0.0), Matrix::size);
+    let lines = merged(&arrows, model.smallest_p());
+    let foot = MARGIN.y + plan.height.max(if model.features.is_empty() { 60.0 } else { 0.0 }) + 24.0;
+    let longest = lines.iter().map(|line| line.chars().count()).max().unwrap_or(0);
+    let width = (MARGIN.x + plan.width + if beside > 0.0 { 40.0 + beside } else { 0.0 })
+        .max(7.0 * longest as f64 + MARGIN.x)
+        .max(460.0 - MARGIN.x);
+    let list = if lines.is_empty() { 0.0 } else { LINE * (lines.len() + 1) as f64 };
+    let height = (foot + LEGEND + list).max(MARGIN.y + tall);
+    let mut svg = Svg::new(width + MARGIN.x, height);
     svg.text(Point::new(16.0, 26.0), 15.0, "start", INK, &title(model));
-    let places: Vec<Point> = (0..n)
-        .map(|i| {
-            let angle = if n == 2 { TAU / 2.0 } else { -FRAC_PI_2 } + TAU * i as f64 / n as f64;
-            let r = if n == 1 { 0.0 } else { radius };
-            centre.plus(r * angle.cos(), r * angle.sin())
-        })
-        .collect();
-    for (i, cause) in model.features.iter().enumerate() {
-        for (j, effect) in model.features.iter().enumerate() {
-            let lagged: Vec<&Link> =
-                model.links.iter().filter(|link| link.cause == *cause && link.effect == *effect).collect();
-            let Some(&strongest) = lagged.iter().max_by(|a, b| a.value.abs().total_cmp(&b.value.abs()))
-            else {
-                continue;
-            };
-            let lags: Vec<String> = lagged.iter().map(|link| link.lag.to_string()).collect();
-            let stroke = Stroke::of_link(
-                strongest.value,
-                strongest.p_value,
-                model.smallest_p(),
-                strongest.mark == "-->",
-            );
-            let label = format!("{} · {:.2}", lags.join(","), strongest.value);
-            if i == j {
-                self_loop(&mut svg, places[i], centre, &stroke, &label);
-            } else {
-                cross_link(&mut svg, places[i], places[j], &stroke, &label);
-            }
-        }
+    // A small graph stands in the middle.
+    let shift = if beside > 0.0 { 0.0 } else { (width - MARGIN.x - plan.width) / 2.0 };
+    let moved = |at: &Point| at.plus(MARGIN.x + shift, MARGIN.y);
+    let group = |arrow: &Arrow<'_>| {
+        format!(
+            "<g class=\"link\" data-cause=\"{}\" data-effect=\"{}\"><title>{}</title>",
+            escaped(&arrow.strongest.cause),
+            escaped(&arrow.strongest.effect),
+            escaped(&arrow.words(model.smallest_p()))
+        )
+    };
+    for (arrow, route) in arrows.iter().zip(&plan.routes) {
+        let link = arrow.strongest;
+        let stroke = Stroke::of_link(link.value, link.p_value, model.smallest_p(), link.mark == "-->");
+        let path: Vec<Point> = route.path.iter().map(moved).collect();
+        svg.raw(&group(arrow));
+        svg.route(&path, &stroke);
+        svg.raw("</g>");
     }
-    for (name, &place) in model.features.iter().zip(&places) {
-        node(&mut svg, place, name);
+    for (arrow, route) in arrows.iter().zip(&plan.routes) {
+        let Some(at) = &route.label else { continue };
+        svg.raw(&group(arrow));
+        svg.label(moved(at), TEXT, INK, &arrow.label());
+        svg.raw("</g>");
     }
-    if n == 0 {
-        svg.text(centre, 16.0, "middle", FAINT, "no causal link found");
+    for (name, at) in model.features.iter().zip(&plan.nodes) {
+        variable(&mut svg, moved(at), name);
     }
-    legend(
-        &mut svg,
-        Point::new(16.0, size + 30.0),
-        model.smallest_p(),
-        model.links.iter().any(|link| link.value < 0.0),
-    );
-    let note = "on an arrow: lag in steps · strength";
-    svg.text(Point::new(16.0 + 170.0, size + 34.0), 12.0, "start", INK, note);
-    if let Some(dt) = model.dt {
-        svg.text(Point::new(186.0, size + 52.0), 12.0, "start", INK, &format!("one step is {dt:.3} s"));
+    if let Some(matrix) = matrix {
+        matrix.draw(&mut svg, MARGIN.plus(plan.width + 40.0, 0.0));
     }
+    if model.features.is_empty() {
+        let middle = Point::new(MARGIN.x + width / 2.0, MARGIN.y + 40.0);
+        svg.text(middle, 16.0, "middle", FAINT, "no causal link found");
+    }
+    below(&mut svg, foot, model, plan.routes.iter().any(|route| route.label.is_none()), &lines);
     svg.finish()
+}
+
+/// The legend, and what the arrows that stand for several lags mean.
+fn below(svg: &mut Svg, foot: f64, model: &Model, bare: bool, lines: &[String]) {
+    legend(svg, Point::new(16.0, foot), model.smallest_p(), model.links.iter().any(|link| link.value < 0.0));
+    let note = if bare {
+        "strengths and lags: see the matrix"
+    } else {
+        "on an arrow: lags in steps · largest strength"
+    };
+    svg.text(Point::new(186.0, foot + 4.0), TEXT, "start", INK, note);
+    if let Some(dt) = model.dt {
+        svg.text(Point::new(186.0, foot + 22.0), TEXT, "start", INK, &format!("one step is {dt:.3} s"));
+    }
+    if !lines.is_empty() {
+        svg.text(Point::new(16.0, foot + LEGEND - 8.0), TEXT, "start", FAINT, "arrows with several lags");
+    }
+    for (row, line) in lines.iter().enumerate() {
+        svg.text(Point::new(16.0, foot + LEGEND - 8.0 + LINE * (row + 1) as f64), TEXT, "start", INK, line);
+    }
 }
 
 /// One line that says how the model was found.
@@ -75,47 +107,6 @@ pub(super) fn title(model: &Model) -> String {
         model.alpha,
         model.n_samples
     )
-}
-
-fn node(svg: &mut Svg, at: Point, name: &str) {
-    svg.raw(&format!(
-        "<circle cx=\"{:.1}\" cy=\"{:.1}\" r=\"{NODE}\" fill=\"#eef2f6\" stroke=\"{INK}\" stroke-width=\"1.6\"/>",
-        at.x, at.y
-    ));
-    let name = display(name);
-    let size = (1.5 * NODE / (0.6 * name.chars().count().max(4) as f64)).clamp(8.0, 16.0);
-    svg.text(at.plus(0.0, 0.36 * size), size, "middle", INK, &name);
-}
-
-fn cross_link(svg: &mut Svg, from: Point, to: Point, stroke: &Stroke, label: &str) {
-    let along = from.towards(to);
-    let distance = (to.x - from.x).hypot(to.y - from.y);
-    // Bent to the left of its direction, so that the arrow in the other direction takes the other side.
-    let bend = Point::new((from.x + to.x) / 2.0, (from.y + to.y) / 2.0)
-        .plus(along.y * distance * 0.18, -along.x * distance * 0.18);
-    let leave = from.towards(bend);
-    let arrive = to.towards(bend);
-    let start = from.plus(leave.x * NODE, leave.y * NODE);
-    let end = to.plus(arrive.x * (NODE + 2.0), arrive.y * (NODE + 2.0));
-    svg.arrow(start, bend, end, stroke);
-    let middle = Point::new(
-        0.25 * start.x + 0.5 * bend.x + 0.25 * end.x,
-        0.25 * start.y + 0.5 * bend.y + 0.25 * end.y,
-    );
-    svg.label(middle, 12.0, INK, label);
-}
-
-fn self_loop(svg: &mut Svg, at: Point, centre: Point, stroke: &Stroke, label: &str) {
-    let out = if at == centre { Point::new(0.0, -1.0) } else { centre.towards(at) };
-    let side = Point::new(-out.y, out.x);
-    let rim = |turn: f64| {
-        let (sin, cos) = turn.sin_cos();
-        at.plus(NODE * (out.x * cos + side.x * sin), NODE * (out.y * cos + side.y * sin))
-    };
-    let (start, end) = (rim(-0.6), rim(0.6));
-    let bend = at.plus(out.x * NODE * 3.2, out.y * NODE * 3.2);
-    svg.arrow(start, bend, end, stroke);
-    svg.label(at.plus(out.x * NODE * 2.4, out.y * NODE * 2.25), 12.0, INK, label);
 }
 
 #[cfg(test)]

@@ -1,7 +1,8 @@
 //! Pictures as SVG and PNG: the summary graph and the time series graph of a model, the series of a batch, and
 //! curves of figures over settings.
 //!
-//! The layout depends on the number and order of the variables only, so a variable stays in its place from model to model.
+//! Up to nine variables stand in places that depend on their number and order only, so a variable stays in its place from
+//! model to model.
 //! With the feature `png`, `rasterise` makes pixels of a picture.
 //!
 //! ```
@@ -20,8 +21,15 @@
 //! # Ok::<(), roscausal_discovery::Error>(())
 //! ```
 
+mod arrows;
+mod axis;
+mod circle;
 mod curves;
 mod dag;
+mod evidence;
+mod layout;
+mod matrix;
+mod point;
 #[cfg(feature = "png")]
 mod raster;
 mod series;
@@ -30,6 +38,8 @@ mod tsdag;
 
 pub use curves::{Curve, Panel, curves};
 pub use dag::dag;
+pub use evidence::{lag_function, residual_scatter, scatter};
+pub use matrix::matrix;
 #[cfg(feature = "png")]
 pub use raster::{Image, rasterise};
 pub use series::series;

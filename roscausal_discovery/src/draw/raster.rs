@@ -12,6 +12,9 @@ use crate::ground::{Error, Result};
 /// A subset of DejaVu Sans, so that text looks the same on every machine.
 const FONT: &[u8] = include_bytes!("font/DejaVuSans-subset.ttf");
 
+/// Most pixels of a picture; one that needs more gets fewer per unit.
+const MOST_PIXELS: f64 = 4e7;
+
 /// A picture as pixels.
 pub struct Image {
     /// Pixels per row.
@@ -40,6 +43,8 @@ pub fn rasterise(svg: &str, scale: f32) -> Result<Image> {
     let fault =
         |reason: &dyn std::fmt::Display| Error::Data(format!("the picture cannot be drawn: {reason}"));
     let tree = Tree::from_str(svg, &options).map_err(|e| fault(&e))?;
+    let area = f64::from(tree.size().width()) * f64::from(tree.size().height());
+    let scale = scale.min((MOST_PIXELS / area.max(1.0)).sqrt() as f32);
     let size = tree.size().to_int_size().scale_by(scale).ok_or_else(|| fault(&"its size is zero"))?;
     let mut pixels = Pixmap::new(size.width(), size.height()).ok_or_else(|| fault(&"it is too large"))?;
     resvg::render(&tree, Transform::from_scale(scale, scale), &mut pixels.as_mut());

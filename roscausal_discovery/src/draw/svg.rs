@@ -2,31 +2,9 @@
 
 use std::fmt::Write;
 
+use super::layout::cubic;
+pub(super) use super::point::Point;
 use crate::ground::names::plain;
-
-/// A point in pixels.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Point {
-    pub x: f64,
-    pub y: f64,
-}
-
-impl Point {
-    pub(super) fn new(x: f64, y: f64) -> Self {
-        Self { x, y }
-    }
-
-    pub(super) fn plus(self, dx: f64, dy: f64) -> Self {
-        Self::new(self.x + dx, self.y + dy)
-    }
-
-    /// Unit vector from here to `other`; to the right if they are the same point.
-    pub(super) fn towards(self, other: Self) -> Self {
-        let (dx, dy) = (other.x - self.x, other.y - self.y);
-        let length = dx.hypot(dy);
-        if length > 0.0 { Self::new(dx / length, dy / length) } else { Self::new(1.0, 0.0) }
-    }
-}
 
 /// An SVG document under construction.
 pub(super) struct Svg {
@@ -62,7 +40,7 @@ impl Svg {
 
     /// Text on a white background, for labels on lines.
     pub(super) fn label(&mut self, at: Point, size: f64, fill: &str, text: &str) {
-        let width = 0.62 * size * text.chars().count() as f64 + 6.0;
+        let width = label_width(size, text);
         self.raw(&format!(
             "<rect x=\"{:.1}\" y=\"{:.1}\" width=\"{width:.1}\" height=\"{:.1}\" rx=\"4\" fill=\"#ffffff\" \
              fill-opacity=\"0.85\"/>",
@@ -75,19 +53,22 @@ impl Svg {
 
     /// A curved arrow (quadratic Bézier) with a head at `to`. `dash` is as in `stroke-dasharray`.
     pub(super) fn arrow(&mut self, from: Point, bend: Point, to: Point, stroke: &Stroke) {
+        self.route(&cubic(from, bend, to), stroke);
+    }
+
+    /// An arrow along cubic Bézier curves: the start, then two control points and the end of each.
+    pub(super) fn route(&mut self, path: &[Point], stroke: &Stroke) {
+        let [start, between @ .., bend, to] = path else { return };
         let head = 6.0 + 1.8 * stroke.width;
-        let back = to.towards(bend);
+        let back = to.towards(*bend);
         let neck = to.plus(back.x * head * 0.9, back.y * head * 0.9);
-        self.raw(&format!(
-            "<path d=\"M {:.1} {:.1} Q {:.1} {:.1} {:.1} {:.1}\" fill=\"none\" {}/>",
-            from.x,
-            from.y,
-            bend.x,
-            bend.y,
-            neck.x,
-            neck.y,
-            stroke.attributes()
-        ));
+        let mut d = format!("M {:.1} {:.1} C", start.x, start.y);
+        // The line ends in the head; its last control point moves along, so that it does not overshoot.
+        let last = bend.plus(neck.x - to.x, neck.y - to.y);
+        for point in between.iter().chain([&last, &neck]) {
+            let _ = write!(d, " {:.1} {:.1}", point.x, point.y);
+        }
+        self.raw(&format!("<path d=\"{d}\" fill=\"none\" {}/>", stroke.attributes()));
         if !stroke.directed {
             return;
         }
@@ -114,6 +95,11 @@ impl Svg {
         out.push_str("</svg>\n");
         out
     }
+}
+
+/// Width of a label with its background.
+pub(super) fn label_width(size: f64, text: &str) -> f64 {
+    0.62 * size * text.chars().count() as f64 + 6.0
 }
 
 /// How a line looks.

@@ -36,6 +36,7 @@ pub use autoregression::Criterion;
 pub use fdr::{Fdr, fdr_bh};
 pub use fpcmci::{CausalMatrices, FpcmciResult, FpcmciSettings, run_fpcmci};
 pub use granger::{GrangerResult, GrangerSettings, run_granger};
+pub(crate) use mci::mci_conditions;
 pub use pcmci::{get_lagged_dependencies, run_bivci, run_fullci, run_mci, run_pc_stable, run_pcmci};
 pub use pcmciplus::{ColliderRule, PcmciPlusSettings, run_pcmciplus};
 pub use registry::{Method, MethodInfo, Reads};

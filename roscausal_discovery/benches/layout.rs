@@ -1,0 +1,23 @@
+//! How long the picture of a graph takes: 3 to 60 variables, sparse and crowded.
+
+#![allow(missing_docs, reason = "criterion's macros make undocumented functions")]
+
+#[path = "../tests/graphs/mod.rs"]
+mod graphs;
+
+use std::hint::black_box;
+
+use criterion::{Criterion, criterion_group, criterion_main};
+use roscausal_discovery::draw;
+
+fn dag(c: &mut Criterion) {
+    for (n, per_variable) in [(3, 3.0), (9, 9.0), (15, 15.0), (30, 2.0), (60, 2.0), (60, 3.0), (60, 60.0)] {
+        let model = graphs::random_model(n, per_variable, 7);
+        c.bench_function(&format!("dag of {n} variables, {} links", model.links.len()), |b| {
+            b.iter(|| draw::dag(black_box(&model)));
+        });
+    }
+}
+
+criterion_group!(benches, dag);
+criterion_main!(benches);

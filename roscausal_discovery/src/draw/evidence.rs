@@ -1,0 +1,152 @@
+//! Plots of a link's evidence: its lag function and its samples.
+
+use super::{
+    axis::Axis,
+    point::Point,
+    svg::{INK, NEGATIVE, POSITIVE, Svg, display},
+};
+use crate::evidence::LinkEvidence;
+
+const WIDTH: f64 = 300.0;
+const HEIGHT: f64 = 210.0;
+const LEFT: f64 = 50.0;
+const BOTTOM: f64 = HEIGHT - 42.0;
+const TOP: f64 = 26.0;
+const RIGHT: f64 = WIDTH - 12.0;
+
+/// Strength against lag. Full dots are significant at `alpha`; the shaded band holds what is not, where the test has a
+/// formula for it. A ring marks the lag of this link.
+pub fn lag_function(link: &LinkEvidence, alpha: f64) -> String {
+    let mut svg = frame("strength at each lag", "lag in steps", "");
+    let values = || link.lags.iter().map(|at| at.value);
+    let band = link.band.unwrap_or(0.0);
+    let y = Axis::around(values().chain([0.0, band, if band > 0.0 { -band } else { 0.0 }]), BOTTOM, TOP);
+    let first = link.lags.first().map_or(0, |at| at.lag) as f64;
+    let last = link.lags.last().map_or(1, |at| at.lag) as f64;
+    let x = Axis { low: first - 0.6, high: last + 0.6, from: LEFT, to: RIGHT };
+    if band > 0.0 {
+        svg.raw(&format!(
+            "<rect class=\"band\" x=\"{LEFT}\" y=\"{:.1}\" width=\"{:.1}\" height=\"{:.1}\" fill=\"#9aa5b1\" \
+             fill-opacity=\"0.25\"/>",
+            y.at(band),
+            RIGHT - LEFT,
+            y.at(-band) - y.at(band)
+        ));
+    }
+    y.draw_left(&mut svg, LEFT, RIGHT, 5);
+    let every = link.lags.len().div_ceil(12).max(1);
+    for (place, at) in link.lags.iter().enumerate() {
+        let (px, py) = (x.at(at.lag as f64), y.at(at.value));
+        let colour = if at.value < 0.0 { NEGATIVE } else { POSITIVE };
+        svg.raw(&format!(
+            "<path d=\"M {px:.1} {:.1} V {py:.1}\" stroke=\"{colour}\" stroke-width=\"1.6\"/>",
+            y.at(0.0)
+        ));
+        let fill = if at.p_value <= alpha { colour } else { "#ffffff" };
+        svg.raw(&format!(
+            "<circle cx=\"{px:.1}\" cy=\"{py:.1}\" r=\"3.6\" fill=\"{fill}\" stroke=\"{colour}\" stroke-width=\"1.4\"/>"
+        ));
+        if at.lag == link.lag {
+            svg.raw(&format!(
+                "<circle cx=\"{px:.1}\" cy=\"{py:.1}\" r=\"7\" fill=\"none\" stroke=\"{INK}\" stroke-width=\"1.2\"/>"
+            ));
+        }
+        if place % every == 0 {
+            svg.text(Point::new(px, BOTTOM + 14.0), 10.0, "middle", INK, &at.lag.to_string());
+        }
+    }
+    svg.raw(&format!(
+        "<path d=\"M {LEFT} {:.1} H {RIGHT}\" stroke=\"{INK}\" stroke-width=\"1\"/>",
+        y.at(0.0)
+    ));
+    svg.finish()
+}
+
+/// The samples of a link: cause at `t - lag` across, effect at `t` upwards.
+pub fn scatter(link: &LinkEvidence) -> String {
+    dots(link, "samples", &link.scatter)
+}
+
+/// What the conditions leave of cause and effect; `None` without conditions.
+pub fn residual_scatter(link: &LinkEvidence) -> Option<String> {
+    (!link.residuals.is_empty()).then(|| dots(link, "after the conditions (linear)", &link.residuals))
+}
+
+fn dots(link: &LinkEvidence, title: &str, points: &[[f32; 2]]) -> String {
+    let at = |lag: usize| if lag == 0 { "(t)".to_owned() } else { format!("(t−{lag})") };
+    let (cause, effect) = (cut(&display(&link.cause)), cut(&display(&link.effect)));
+    let mut svg = frame(title, &format!("{cause}{}", at(link.lag)), &format!("{effect}(t)"));
+    let x = Axis::around(points.iter().map(|p| f64::from(p[0])), LEFT, RIGHT);
+    let y = Axis::around(points.iter().map(|p| f64::from(p[1])), BOTTOM, TOP);
+    y.draw_left(&mut svg, LEFT, RIGHT, 5);
+    x.draw_below(&mut svg, BOTTOM, 5);
+    let mut d = String::new();
+    for p in points.iter().filter(|p| p[0].is_finite() && p[1].is_finite()) {
+        d += &format!("M{:.1} {:.1}h0", x.at(f64::from(p[0])), y.at(f64::from(p[1])));
+    }
+    svg.raw(&format!(
+        "<path class=\"dots\" d=\"{d}\" stroke=\"{NEGATIVE}\" stroke-width=\"3.4\" stroke-linecap=\"round\" \
+         stroke-opacity=\"0.55\" fill=\"none\"/>"
+    ));
+    svg.finish()
+}
+
+fn frame(title: &str, across: &str, upwards: &str) -> Svg {
+    let mut svg = Svg::new(WIDTH, HEIGHT);
+    svg.text(Point::new(LEFT, 14.0), 11.0, "start", INK, title);
+    svg.text(Point::new((LEFT + RIGHT) / 2.0, HEIGHT - 8.0), 11.0, "middle", INK, across);
+    if !upwards.is_empty() {
+        svg.text(Point::new(RIGHT, 14.0), 11.0, "end", INK, &format!("↑ {upwards}"));
+    }
+    svg.raw(&format!(
+        "<path d=\"M {LEFT} {TOP} V {BOTTOM} H {RIGHT}\" fill=\"none\" stroke=\"{INK}\" stroke-width=\"1\"/>"
+    ));
+    svg
+}
+
+fn cut(name: &str) -> String {
+    match name.chars().count() {
+        0..=16 => name.to_owned(),
+        _ => name.chars().take(15).chain(['…']).collect(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::evidence::AtLag;
+
+    fn link() -> LinkEvidence {
+        LinkEvidence {
+            cause: "<b>".into(),
+            effect: "y".into(),
+            lag: 2,
+            n_samples: 3,
+            interval: None,
+            conditions: vec![],
+            note: String::new(),
+            lags: (1..=3)
+                .map(|lag| AtLag { lag, value: 0.3, p_value: if lag == 2 { 0.01 } else { 0.5 } })
+                .collect(),
+            band: Some(0.2),
+            scatter: vec![[1.0, 2.0], [2.0, f32::NAN], [3.0, 4.0]],
+            residuals: vec![],
+        }
+    }
+
+    #[test]
+    fn the_significant_lag_is_full_and_the_links_own_lag_has_a_ring() {
+        let svg = lag_function(&link(), 0.05);
+        assert_eq!(svg.matches("r=\"3.6\" fill=\"#ffffff\"").count(), 2);
+        assert_eq!(svg.matches("r=\"7\"").count(), 1);
+        assert_eq!(svg.matches("class=\"band\"").count(), 1);
+    }
+
+    #[test]
+    fn each_finite_sample_is_a_dot_and_a_name_stays_text() {
+        let svg = scatter(&link());
+        assert_eq!(svg.matches("h0").count(), 2);
+        assert!(svg.contains("&lt;b&gt;(t−2)") && !svg.contains("NaN"));
+        assert!(residual_scatter(&link()).is_none());
+    }
+}

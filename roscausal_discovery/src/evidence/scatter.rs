@@ -1,0 +1,57 @@
+//! Scatters of a link's samples.
+
+use crate::{ground::LaggedArrays, independence_tests::residuals, numeric::rows::standardize};
+
+/// Cause against effect, and what is left of both after a linear regression on the conditions; at most `points` of each,
+/// evenly chosen.
+pub(super) fn scatters(arrays: LaggedArrays, points: usize) -> (Vec<[f32; 2]>, Vec<[f32; 2]>) {
+    let LaggedArrays { mut x, mut y, mut z, .. } = arrays;
+    let raw = thin(&x, &y, points);
+    if points == 0 || z.is_empty() {
+        return (raw, Vec::new());
+    }
+    let scale = |row: &[f64]| {
+        let mean = row.iter().sum::<f64>() / row.len() as f64;
+        row.iter().map(|v| (v - mean).powi(2)).sum::<f64>().sqrt()
+    };
+    let [scale_x, scale_y] = [&x, &y].map(|row| scale(row));
+    if !(standardize(&mut x) && standardize(&mut y)) {
+        return (raw, Vec::new());
+    }
+    z.retain_mut(|row| standardize(row));
+    let (mut x, mut y) = residuals(x, y, z);
+    x.iter_mut().for_each(|v| *v *= scale_x);
+    y.iter_mut().for_each(|v| *v *= scale_y);
+    (raw, thin(&x, &y, points))
+}
+
+fn thin(x: &[f64], y: &[f64], points: usize) -> Vec<[f32; 2]> {
+    let points = points.min(x.len());
+    let pick = |k: usize| {
+        let at = k * x.len() / points;
+        [rounded(x[at]), rounded(y[at])]
+    };
+    (0..points).map(pick).collect()
+}
+
+/// To four digits: more is not seen in a plot.
+fn rounded(value: f64) -> f32 {
+    format!("{value:.3e}").parse().unwrap_or(0.0)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_the_conditions_explain_is_gone_from_the_residuals() {
+        let z: Vec<f64> = (0..200).map(|i| f64::from(i % 7)).collect();
+        let e: Vec<f64> = (0..200).map(|i| f64::from(i * i % 13)).collect();
+        let x: Vec<f64> = z.iter().zip(&e).map(|(z, e)| 100.0 * z + e).collect();
+        let arrays = LaggedArrays { x: x.clone(), y: e.clone(), z: vec![z], n_lost: 0 };
+        let (raw, left) = scatters(arrays, 50);
+        assert_eq!((raw.len(), left.len()), (50, 50));
+        assert!(left.iter().all(|p| (p[0] - p[1]).abs() < 0.5), "{left:?}");
+        assert!(raw.iter().any(|p| p[0] > 300.0) && left.iter().all(|p| p[0].abs() < 20.0));
+    }
+}

@@ -1,0 +1,133 @@
+//! What stands behind each link: one card per link, and the batches in which it was found.
+
+use std::fmt::Write;
+
+use roscausal_discovery::{Link, LinkEvidence, Model, draw, draw::escaped, names::plain};
+
+use super::{
+    Material,
+    page::{anchor, section},
+};
+use crate::report;
+
+/// Most batches that are named.
+const NAMED: usize = 12;
+
+/// One card per link.
+pub(super) fn cards(material: &Material) -> String {
+    let model = &material.model;
+    let Some(evidence) = &material.evidence else {
+        let why = match model.links.is_empty() {
+            true => String::new(),
+            false => "<p>No evidence was kept beside this model.</p>\n".to_owned(),
+        };
+        let anchors = (0..model.links.len()).map(|place| format!("<span id=\"{}\"></span>", anchor(place)));
+        let anchors = anchors.collect::<String>();
+        return section(
+            "evidence",
+            "Evidence",
+            &if why.is_empty() { why } else { format!("{why}{anchors}\n") },
+        );
+    };
+    let card =
+        |(place, link): (usize, &Link)| evidence.of(link).map(|seen| card(material, place, link, seen));
+    let cards: String = model.links.iter().enumerate().filter_map(card).collect();
+    section("evidence", "Evidence", &cards)
+}
+
+fn card(material: &Material, place: usize, link: &Link, seen: &LinkEvidence) -> String {
+    let model = &material.model;
+    let mut facts: Vec<(&str, String)> = vec![
+        ("strength", format!("{:.4}", link.value)),
+        ("p-value", report::p_cell(model, link.p_value)),
+        ("samples", seen.n_samples.to_string()),
+    ];
+    if let Some((low, high)) = seen.interval {
+        facts.push(("interval", format!("{low:.4} to {high:.4}")));
+    }
+    if link.n_lost > 0 {
+        facts.push(("left out, a value was missing", link.n_lost.to_string()));
+    }
+    facts.push(("given", conditions(seen)));
+    if !material.batches.is_empty() {
+        facts.push(("found in", found_in(material, link)));
+    }
+    let mut out = format!(
+        "<article class=\"card\" id=\"{id}\" tabindex=\"-1\" aria-labelledby=\"{id}-title\">\n<h3 id=\"{id}-title\">{}</h3>\n<dl>\n",
+        escaped(&report::sentence(model, link)),
+        id = anchor(place)
+    );
+    for (name, value) in facts {
+        let _ = writeln!(out, "<div><dt>{name}</dt><dd>{}</dd></div>", escaped(&value));
+    }
+    out += "</dl>\n<div class=\"plots\">\n";
+    let plots = [
+        (Some(draw::lag_function(seen, model.alpha)), "Strength at each lag"),
+        ((!seen.scatter.is_empty()).then(|| draw::scatter(seen)), "Samples of cause and effect"),
+        (draw::residual_scatter(seen), "Samples after the conditions"),
+    ];
+    for (svg, name) in plots {
+        let Some(svg) = svg else { continue };
+        let named = svg.replacen("<svg ", &format!("<svg role=\"img\" aria-label=\"{name}\" "), 1);
+        out += &named;
+    }
+    out + "</div>\n<p><a href=\"#graph\">Back to the graph</a></p>\n</article>\n"
+}
+
+fn conditions(seen: &LinkEvidence) -> String {
+    let names: Vec<String> = seen
+        .conditions
+        .iter()
+        .map(|condition| match condition.lag {
+            0 => format!("{}(t)", plain(&condition.name)),
+            lag => format!("{}(t-{lag})", plain(&condition.name)),
+        })
+        .collect();
+    let names = if names.is_empty() { "nothing".to_owned() } else { names.join(", ") };
+    if seen.note.is_empty() { names } else { format!("{names}; {}", seen.note) }
+}
+
+fn has(model: &Model, link: &Link) -> bool {
+    model
+        .links
+        .iter()
+        .any(|other| other.cause == link.cause && other.effect == link.effect && other.lag == link.lag)
+}
+
+fn found_in(material: &Material, link: &Link) -> String {
+    let found: Vec<&str> = material
+        .batches
+        .iter()
+        .filter(|(_, model)| has(model, link))
+        .map(|(name, _)| name.as_str())
+        .collect();
+    let named = found.iter().take(NAMED).copied().collect::<Vec<_>>().join(", ");
+    let more = if found.len() > NAMED { ", ..." } else { "" };
+    match found.len() {
+        0 => format!("none of {} batches", material.batches.len()),
+        n => format!("{n} of {} batches: {named}{more}", material.batches.len()),
+    }
+}
+
+/// The models of single batches: how many links each has.
+pub(super) fn batches(material: &Material) -> String {
+    let mut content = String::new();
+    if material.batches.is_empty() {
+        return content;
+    }
+    content += "<div class=\"figure\" tabindex=\"0\" role=\"region\" aria-label=\"Batches\">\n<table>\n<thead><tr>\
+                <th scope=\"col\">batch</th><th scope=\"col\">samples</th><th scope=\"col\">links</th>\
+                <th scope=\"col\">of these in this report</th></tr></thead>\n<tbody>\n";
+    for (name, model) in &material.batches {
+        let shared = model.links.iter().filter(|link| has(&material.model, link)).count();
+        let _ = writeln!(
+            content,
+            "<tr><td>{}</td><td>{}</td><td>{}</td><td>{shared}</td></tr>",
+            escaped(name),
+            model.n_samples,
+            model.links.len()
+        );
+    }
+    content += "</tbody>\n</table>\n</div>\n";
+    section("batches", "Batches", &content)
+}

@@ -1,0 +1,90 @@
+//! The links as a LaTeX table, and the graph as a TikZ picture.
+
+use std::fmt::Write;
+
+use roscausal_discovery::{Model, names::plain};
+
+use crate::report;
+
+/// A table of the links: `tabular`, without packages.
+pub(super) fn table(model: &Model) -> String {
+    let mut out = String::from(
+        "\\begin{tabular}{llrrl}\n\\hline\ncause & effect & lag & strength & $p$ \\\\\n\\hline\n",
+    );
+    for link in &model.links {
+        let p = report::p_cell(model, link.p_value);
+        let p = match p.strip_prefix('<') {
+            Some(smallest) => format!("$<{smallest}$"),
+            None => format!("${p}$"),
+        };
+        let (cause, effect) = (text(&plain(&link.cause)), text(&plain(&link.effect)));
+        let _ = writeln!(out, "{cause} & {effect} & {} & ${:.3}$ & {p} \\\\", link.lag, link.value);
+    }
+    out + "\\hline\n\\end{tabular}\n"
+}
+
+/// The graph: variables on a ring, one arrow per link, labelled with its lag. It needs the package `tikz`.
+pub(super) fn tikz(model: &Model) -> String {
+    let n = model.features.len().max(1);
+    let radius = 1.2 + 0.45 * n as f64;
+    let mut out = String::from(
+        "\\begin{tikzpicture}[variable/.style={circle, draw, minimum size=1.1cm, font=\\small}, every edge/.style={draw, \
+         ->, >=stealth}]\n",
+    );
+    for (i, name) in model.features.iter().enumerate() {
+        let angle = 90.0 - 360.0 * i as f64 / n as f64;
+        let _ = writeln!(
+            out,
+            "  \\node[variable] (v{i}) at ({angle:.1}:{radius:.2}cm) {{{}}};",
+            text(&plain(name))
+        );
+    }
+    let place = |name: &str| model.features.iter().position(|feature| feature == name);
+    for link in &model.links {
+        let (Some(i), Some(j)) = (place(&link.cause), place(&link.effect)) else { continue };
+        let mut style = format!("line width={:.2}pt", 0.4 + 1.6 * link.value.abs().min(1.0));
+        if link.value < 0.0 {
+            style += ", dashed";
+        }
+        if link.mark != "-->" {
+            style += ", -";
+        }
+        let way =
+            if i == j { "loop above".to_owned() } else { format!("bend left={}", 14 + 6 * link.lag.min(5)) };
+        let _ = writeln!(
+            out,
+            "  \\path (v{i}) edge[{way}, {style}] node[fill=white, inner sep=1pt, font=\\tiny] {{{}}} (v{j});",
+            link.lag
+        );
+    }
+    out + "\\end{tikzpicture}\n"
+}
+
+/// A text for LaTeX: what has a meaning there is spelled out.
+fn text(name: &str) -> String {
+    let letter = |c: char| match c {
+        '&' | '%' | '$' | '#' | '_' | '{' | '}' => format!("\\{c}"),
+        '~' => "\\textasciitilde{}".to_owned(),
+        '^' => "\\textasciicircum{}".to_owned(),
+        '\\' => "\\textbackslash{}".to_owned(),
+        '<' => "\\textless{}".to_owned(),
+        '>' => "\\textgreater{}".to_owned(),
+        '|' => "\\textbar{}".to_owned(),
+        '"' => "''".to_owned(),
+        c if c.is_control() => " ".to_owned(),
+        c => c.to_string(),
+    };
+    name.chars().map(letter).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_name_cannot_be_a_command() {
+        assert_eq!(text("h_v"), "h\\_v");
+        assert_eq!(text("\\input{x}"), "\\textbackslash{}input\\{x\\}");
+        assert_eq!(text("a%b\nc"), "a\\%b c");
+    }
+}

@@ -1,0 +1,86 @@
+//! `roscausal report`: a model and what stands behind it as one HTML file that needs no network and runs no script.
+
+mod evidence;
+mod latex;
+mod page;
+mod source;
+
+use std::path::{Path, PathBuf};
+
+use clap::Args as ClapArgs;
+use roscausal_core::{Error, Result};
+
+use crate::{
+    discover::{MeansArgs, MethodArgs},
+    interrupt::Interrupt,
+    output,
+    recording::InputArgs,
+};
+
+pub(crate) use source::{Material, flags};
+
+/// Name of the evidence beside a `model.json`.
+pub(crate) const EVIDENCE: &str = "evidence.json";
+/// Name of the report in a folder of results.
+pub(crate) const REPORT: &str = "report.html";
+
+/// Arguments of `roscausal report`.
+#[derive(ClapArgs)]
+pub(crate) struct Args {
+    /// A folder of results (of demo, replay or discover), a model (.json), or data to analyse first (a CSV file or a
+    /// recording; the other options then say how).
+    #[arg(value_name = "DIR|MODEL|CSV")]
+    input: PathBuf,
+    /// The report.
+    #[arg(short, long, value_name = "FILE.html", default_value = REPORT)]
+    output: PathBuf,
+    /// Also write the links as a LaTeX table.
+    #[arg(long, value_name = "FILE.tex")]
+    latex: Option<PathBuf>,
+    /// Also write the graph as a TikZ picture for LaTeX.
+    #[arg(long, value_name = "FILE.tex")]
+    tikz: Option<PathBuf>,
+    #[command(flatten)]
+    inputs: InputArgs,
+    #[command(flatten)]
+    method: MethodArgs,
+    #[command(flatten)]
+    means: MeansArgs,
+    /// Seed of all random numbers.
+    #[arg(long, default_value_t = 42)]
+    seed: u64,
+}
+
+/// Runs `roscausal report`.
+pub(crate) fn run(args: &Args, interrupt: &Interrupt) -> Result<()> {
+    let material = source::read(args, interrupt)?;
+    write(&args.output, &page::html(&material))?;
+    if let Some(path) = &args.latex {
+        write(path, &latex::table(&material.model))?;
+    }
+    if let Some(path) = &args.tikz {
+        write(path, &latex::tikz(&material.model))?;
+    }
+    let links = material.model.links.len();
+    let evidence = match &material.evidence {
+        Some(_) => "",
+        None => "; no evidence was kept beside this model",
+    };
+    crate::terminal::say!(
+        "{}: {links} link{}{evidence}",
+        args.output.display(),
+        if links == 1 { "" } else { "s" }
+    );
+    Ok(())
+}
+
+/// Writes the report of a run into its folder; returns where it is.
+pub(crate) fn write_into(dir: &Path, material: &Material) -> Result<PathBuf> {
+    output::write_file(dir, REPORT, page::html(material).as_bytes())
+}
+
+fn write(path: &Path, text: &str) -> Result<()> {
+    let name = path.file_name().ok_or_else(|| Error::file(path, "this is no name of a file"))?;
+    let dir = path.parent().filter(|dir| !dir.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    output::write_file(dir, &name.to_string_lossy(), text.as_bytes()).map(|_| ())
+}

@@ -1,0 +1,227 @@
+//! The page: sections of HTML. Every text from outside goes through `escaped`; there is no script, and the page's own
+//! policy forbids any.
+
+use std::fmt::Write;
+
+use roscausal_discovery::{Model, draw, draw::escaped, names::plain};
+
+use super::{Material, evidence};
+use crate::report;
+
+/// Only the styles of the page itself; nothing is loaded, nothing runs.
+const POLICY: &str = "default-src 'none'; style-src 'unsafe-inline'; base-uri 'none'; form-action 'none'";
+
+/// The whole report.
+pub(super) fn html(material: &Material) -> String {
+    let model = &material.model;
+    let title = escaped(&format!("Causal model of {}", material.name));
+    let sections = [
+        summary(material),
+        graph(model),
+        links(model),
+        evidence::cards(material),
+        evidence::batches(material),
+        data(material),
+        settings(model),
+        caveats(model),
+        reproduce(material),
+    ];
+    format!(
+        "<!doctype html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n\
+         <meta http-equiv=\"Content-Security-Policy\" content=\"{POLICY}\">\n\
+         <meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n\
+         <meta name=\"color-scheme\" content=\"light dark\">\n<title>{title}</title>\n<style>\n{}</style>\n</head>\n<body>\n\
+         <a class=\"skip\" href=\"#main\">Skip to the content</a>\n<main id=\"main\">\n<h1>{title}</h1>\n{}</main>\n</body>\n</html>\n",
+        include_str!("style.css"),
+        sections.concat()
+    )
+}
+
+/// A section with its heading; nothing without content.
+pub(super) fn section(id: &str, title: &str, content: &str) -> String {
+    if content.is_empty() {
+        return String::new();
+    }
+    format!("<section aria-labelledby=\"{id}\">\n<h2 id=\"{id}\">{title}</h2>\n{content}</section>\n")
+}
+
+/// An anchor of a link's evidence.
+pub(super) fn anchor(place: usize) -> String {
+    format!("link-{}", place + 1)
+}
+
+fn summary(material: &Material) -> String {
+    let text = report::text(&material.model);
+    let headline = text.lines().next().unwrap_or_default();
+    let status = match material.model.status.as_str() {
+        "complete" => String::new(),
+        status => format!("<p class=\"warning\">This result is {}.</p>\n", escaped(status)),
+    };
+    format!("<p class=\"lead\">{}.</p>\n{status}", escaped(headline))
+}
+
+fn graph(model: &Model) -> String {
+    let wide = |svg: &str, name: &str| {
+        format!(
+            "<div class=\"figure\" tabindex=\"0\" role=\"region\" aria-label=\"{name}\">\n{}</div>\n",
+            asked(model, svg)
+        )
+    };
+    let mut content = String::from("<p>An arrow leads to its evidence. Hover shows all its lags.</p>\n");
+    content += &wide(&draw::dag(model), "Summary graph");
+    content += "<details><summary>In time: which step drives which</summary>\n";
+    content += &wide(&draw::tsdag(model), "Time series graph");
+    content += "</details>\n";
+    section("graph", "Graph", &content)
+}
+
+/// The picture with each arrow as an anchor to the evidence of its first link.
+fn asked(model: &Model, svg: &str) -> String {
+    let mut out = String::with_capacity(svg.len());
+    let mut open = false;
+    for line in svg.lines() {
+        let place = model.links.iter().position(|link| {
+            let (cause, effect) = (escaped(&link.cause), escaped(&link.effect));
+            line.starts_with(&format!("<g class=\"link\" data-cause=\"{cause}\" data-effect=\"{effect}\">"))
+        });
+        match place {
+            Some(place) => {
+                let title = line.split_once('>').map_or("", |(_, rest)| rest);
+                let name = escaped(&report::sentence(model, &model.links[place]));
+                let _ = writeln!(out, "<a href=\"#{}\" aria-label=\"{name}\">{title}", anchor(place));
+                open = true;
+            }
+            None if open && line == "</g>" => {
+                out.push_str("</a>\n");
+                open = false;
+            }
+            None => {
+                out.push_str(line);
+                out.push('\n');
+            }
+        }
+    }
+    out
+}
+
+fn links(model: &Model) -> String {
+    if model.links.is_empty() {
+        return section(
+            "links",
+            "Links",
+            "<p>No causal link found: every tested pair may be independent.</p>\n",
+        );
+    }
+    let mut content = String::from(
+        "<div class=\"figure\" tabindex=\"0\" role=\"region\" aria-label=\"Table of links\">\n<table>\n<thead><tr>\
+         <th scope=\"col\">cause</th><th scope=\"col\">effect</th><th scope=\"col\">lag</th><th scope=\"col\">strength</th>\
+         <th scope=\"col\">p</th><th scope=\"col\">in words</th></tr></thead>\n<tbody>\n",
+    );
+    for (place, link) in model.links.iter().enumerate() {
+        let _ = writeln!(
+            content,
+            "<tr><td>{}</td><td>{}</td><td>{}</td><td>{:.3}</td><td>{}</td><td><a href=\"#{}\">{}</a></td></tr>",
+            escaped(&plain(&link.cause)),
+            escaped(&plain(&link.effect)),
+            link.lag,
+            link.value,
+            escaped(&report::p_cell(model, link.p_value)),
+            anchor(place),
+            escaped(&report::sentence(model, link))
+        );
+    }
+    content += "</tbody>\n</table>\n</div>\n";
+    if !model.dropped.is_empty() {
+        let dropped: Vec<String> = model.dropped.iter().map(|name| escaped(&plain(name))).collect();
+        let _ = writeln!(content, "<p>Without any link: {}.</p>", dropped.join(", "));
+    }
+    section("links", "Links", &content)
+}
+
+fn data(material: &Material) -> String {
+    let Some(evidence) = &material.evidence else { return String::new() };
+    let number = |value: Option<f64>| value.map_or("–".to_owned(), |value| format!("{value:.4}"));
+    let mut content = String::new();
+    let rows: Vec<String> = evidence.rows.iter().map(ToString::to_string).collect();
+    let _ = writeln!(content, "<p>Rows of each recording: {}.</p>", rows.join(", "));
+    content += "<div class=\"figure\" tabindex=\"0\" role=\"region\" aria-label=\"Data check\">\n<table>\n<thead><tr>";
+    for name in
+        ["variable", "values", "missing", "smallest", "largest", "mean", "sd", "autocorrelation", "remark"]
+    {
+        let _ = write!(content, "<th scope=\"col\">{name}</th>");
+    }
+    content += "</tr></thead>\n<tbody>\n";
+    for facts in &evidence.variables {
+        let remark = match facts {
+            facts if facts.present == 0 => "empty",
+            facts if facts.sd.is_some_and(|sd| sd == 0.0) => "constant: it can have no link",
+            facts if facts.missing * 5 > facts.present => "more than a sixth is missing",
+            facts if facts.autocorrelation.is_some_and(|a| a > 0.98) => {
+                "neighbouring samples are nearly equal; a longer step may tell more"
+            }
+            _ => "",
+        };
+        let _ = writeln!(
+            content,
+            "<tr><td>{}</td><td>{}</td><td>{}</td><td>{}</td><td>{}</td><td>{}</td><td>{}</td><td>{}</td><td>{remark}</td></tr>",
+            escaped(&plain(&facts.name)),
+            facts.present,
+            facts.missing,
+            number(facts.min),
+            number(facts.max),
+            number(facts.mean),
+            number(facts.sd),
+            number(facts.autocorrelation)
+        );
+    }
+    content += "</tbody>\n</table>\n</div>\n";
+    section("data", "Data check", &content)
+}
+
+fn settings(model: &Model) -> String {
+    let level = |level: Option<f64>, none: &str| level.map_or(none.to_owned(), |level| level.to_string());
+    let step = model.dt.map_or("unknown".to_owned(), |dt| format!("{dt:.4} s"));
+    let rows = [
+        ("method", escaped(&model.method)),
+        ("independence test", escaped(&model.cond_ind_test)),
+        ("level of a link (alpha)", model.alpha.to_string()),
+        ("level of the condition selection", level(model.pc_alpha, "chosen by a score")),
+        ("level of the filter", level(model.f_alpha, "no filter")),
+        ("correction for many tests", escaped(&model.fdr)),
+        ("lags", format!("{} to {} steps", model.tau_min, model.tau_max)),
+        ("step", step),
+        ("samples of a test", model.n_samples.to_string()),
+        ("recordings", model.n_recordings.to_string()),
+        ("seed", model.seed.to_string()),
+    ];
+    let rows = rows.map(|(name, value)| format!("<div><dt>{name}</dt><dd>{value}</dd></div>\n"));
+    section("settings", "Settings", &format!("<dl>\n{}</dl>\n", rows.concat()))
+}
+
+fn caveats(model: &Model) -> String {
+    let mut items: Vec<String> = model.warnings.iter().map(|warning| escaped(warning)).collect();
+    items.push("A link means: no other variable that was recorded explains it. A cause of both that was not recorded can.".into());
+    items.push("The system is taken to be the same from the first sample to the last.".into());
+    items.push("An effect faster than one step appears at lag 0, or not at all.".into());
+    if model.fdr == "none" {
+        let tests = model.features.len() * model.features.len() * (model.tau_max + 1 - model.tau_min);
+        items.push(format!(
+            "About {tests} links were tested, each at level {}: about {:.1} links would appear by chance if there were none. \
+             The correction --fdr accounts for that.",
+            model.alpha,
+            model.alpha * tests as f64
+        ));
+    }
+    let items = items.iter().map(|item| format!("<li>{item}</li>\n")).collect::<String>();
+    section("caveats", "Caveats", &format!("<ul>\n{items}</ul>\n"))
+}
+
+fn reproduce(material: &Material) -> String {
+    let content = format!(
+        "<p>The same data, settings and seed give the same model, byte for byte, on any number of threads. \
+         Made with roscausal {}.</p>\n<pre tabindex=\"0\">{}</pre>\n",
+        env!("CARGO_PKG_VERSION"),
+        escaped(&material.command)
+    );
+    section("reproduce", "How to reproduce", &content)
+}

@@ -1,0 +1,150 @@
+//! What a report is made of, from a folder, a model or data.
+
+use std::{
+    fmt::Write,
+    path::{Path, PathBuf},
+};
+
+use roscausal_core::{Error, Result, nodes::EVIDENCE_FOLDER};
+use roscausal_discovery::{Evidence, Model};
+
+use super::{Args, EVIDENCE};
+use crate::{
+    discover,
+    folders::{read_evidence, read_model, with_ending},
+    interrupt::Interrupt,
+    recording,
+};
+
+/// Most variables and lags of a model that a report shows.
+const LARGEST: usize = 1000;
+
+/// What a report is made of.
+pub(crate) struct Material {
+    pub(crate) model: Model,
+    /// What stands behind the model, if it was kept.
+    pub(crate) evidence: Option<Evidence>,
+    /// Where the model comes from.
+    pub(crate) name: String,
+    /// The command that makes the same model again.
+    pub(crate) command: String,
+    /// The models of single batches, oldest first: name and model.
+    pub(crate) batches: Vec<(String, Model)>,
+}
+
+/// Reads what the arguments name.
+pub(super) fn read(args: &Args, interrupt: &Interrupt) -> Result<Material> {
+    let input = &args.input;
+    if !recording::is_recording(input) {
+        if input.is_dir() {
+            return of_folder(input);
+        }
+        if input.extension().is_some_and(|extension| extension == "json") {
+            return of_model(input, input.display().to_string());
+        }
+    }
+    let analysis = discover::Args::of_one(input, &args.inputs, &args.method, &args.means, args.seed);
+    let (model, evidence, ..) = discover::found(&analysis, interrupt, false)?;
+    let command = command(&model, &input.display().to_string());
+    Ok(Material {
+        model,
+        evidence: Some(evidence),
+        name: input.display().to_string(),
+        command,
+        batches: Vec::new(),
+    })
+}
+
+/// `model.json` in a folder; else the newest of its models in `cm_pool`, or in the folder itself.
+fn of_folder(dir: &Path) -> Result<Material> {
+    let pool = dir.join("cm_pool");
+    let pool = if pool.is_dir() { pool } else { dir.to_owned() };
+    // Other JSON files may lie there, too.
+    let mut models: Vec<(PathBuf, Model)> = with_ending(&pool, ".json")?
+        .into_iter()
+        .filter_map(|path| Some((path.clone(), read_model(&path).ok()?)))
+        .collect();
+    let own = dir.join("model.json");
+    let newest = if own.exists() { Some(own.clone()) } else { models.last().map(|(path, _)| path.clone()) };
+    let Some(newest) = newest else {
+        let reason =
+            "there is no model here; give a folder of demo, replay or discover --out, a model, or a CSV file";
+        return Err(Error::file(dir, reason));
+    };
+    models.retain(|(path, model)| *path != own && check(model, path).is_ok());
+    let stem = |path: &Path| path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
+    let mut material = of_model(&newest, dir.display().to_string())?;
+    if models.len() > 1 {
+        material.batches = models.into_iter().map(|(path, model)| (stem(&path), model)).collect();
+    }
+    Ok(material)
+}
+
+fn of_model(path: &Path, name: String) -> Result<Material> {
+    let model = read_model(path)?;
+    check(&model, path)?;
+    let dir = path.parent().unwrap_or(Path::new("."));
+    let own_name = path.file_name().unwrap_or_default();
+    let beside = match own_name.to_str() {
+        Some("model.json") => dir.join(EVIDENCE),
+        _ => dir.join(EVIDENCE_FOLDER).join(own_name),
+    };
+    let evidence = read_evidence(&beside)?.filter(|evidence| fits(evidence, &model));
+    let command = command(&model, "DATA.csv");
+    Ok(Material { model, evidence, name, command, batches: Vec::new() })
+}
+
+/// Whether evidence is that of this model.
+fn fits(evidence: &Evidence, model: &Model) -> bool {
+    evidence.links.len() == model.links.len() && model.links.iter().all(|link| evidence.of(link).is_some())
+}
+
+/// Refuses models that no analysis of ours makes, and that would be drawn for ever.
+fn check(model: &Model, path: &Path) -> Result<()> {
+    let fault = |reason: String| Err(Error::file(path, reason));
+    if !model.schema.starts_with("roscausal/model/1") {
+        return fault(format!("its schema is '{}'; this version reads roscausal/model/1", model.schema));
+    }
+    if model.tau_max < model.tau_min || model.tau_max > LARGEST || model.features.len() > LARGEST {
+        return fault(format!(
+            "{} variables with lags {} to {} are no model; a report shows up to {LARGEST} of both",
+            model.features.len(),
+            model.tau_min,
+            model.tau_max
+        ));
+    }
+    if model.links.iter().any(|link| link.lag > model.tau_max) {
+        return fault("a link has a lag above tau_max".into());
+    }
+    Ok(())
+}
+
+/// The command that makes the model again from `file`.
+fn command(model: &Model, file: &str) -> String {
+    let plain = |c: char| c.is_ascii_alphanumeric() || "._-/+".contains(c);
+    let file = match file.chars().all(plain) {
+        true => file.to_owned(),
+        false => format!("'{}'", file.replace('\'', "'\\''")),
+    };
+    format!("roscausal discover {file} {} --seed {}", flags(model), model.seed)
+}
+
+/// The flags of the analysis that made the model.
+pub(crate) fn flags(model: &Model) -> String {
+    let mut line = format!(
+        "--method {} --test {} --alpha {} --tau-min {} --tau-max {}",
+        model.method, model.cond_ind_test, model.alpha, model.tau_min, model.tau_max
+    );
+    // Writing to a String cannot fail.
+    let _ = match model.pc_alpha {
+        Some(level) => write!(line, " --pc-alpha {level}"),
+        None => write!(line, " --pc-alpha auto"),
+    };
+    if let Some(level) = model.f_alpha {
+        let _ = write!(line, " --f-alpha {level}");
+    }
+    if model.fdr != "none" {
+        let _ = write!(line, " --fdr {}", model.fdr);
+    }
+    line
+}
