@@ -35,6 +35,8 @@ impl Cli {
     pub(crate) fn start_logging(&self) {
         let default = ["warn", "info", "debug"][usize::from(self.verbose).min(2)];
         let filter = EnvFilter::try_from_default_env().unwrap_or_else(|_| EnvFilter::new(default));
-        fmt().with_env_filter(filter).with_writer(std::io::stderr).with_target(false).compact().init();
+        let log = fmt().with_env_filter(filter).with_writer(std::io::stderr).with_target(false).compact();
+        // A program that calls the command twice has its log already.
+        let _ = log.try_init();
     }
 }

@@ -1,12 +1,15 @@
 //! `roscausal discover`: from CSV files or recordings to a causal model.
 
 use std::{
+    ffi::OsString,
     fmt::Display,
     path::{Path, PathBuf},
+    sync::{Arc, atomic::AtomicBool},
     time::Instant,
 };
 
-use clap::{Args as ClapArgs, ValueEnum};
+use clap::{Args as ClapArgs, Parser, ValueEnum};
+use ndarray::Array2;
 use roscausal_core::{
     Error, Result,
     batch::{
@@ -150,11 +153,7 @@ pub(crate) fn run(args: &Args, interrupt: &Interrupt) -> Result<()> {
     let mut settings = args.method.settings(args.seed)?;
     settings.max_memory = args.means.max_memory.map(|megabytes| megabytes.saturating_mul(1_000_000));
     let quiet = args.format != Format::Text;
-    let (files, _made) = tables_of(args, interrupt, quiet)?;
-    let Data { data, dt, warnings } = match with_facts(args, &files, &mut settings)? {
-        Some(data) => data,
-        None => Data::of(&files, read(args, &files)?)?,
-    };
+    let Data { data, dt, warnings } = Data::read(args, &mut settings, interrupt, quiet)?;
     let mut model = args.means.analyse(&data, &settings, interrupt, quiet)?;
     model.dt = dt;
     model.warnings.splice(0..0, warnings);
@@ -178,6 +177,50 @@ pub(crate) fn run(args: &Args, interrupt: &Interrupt) -> Result<()> {
     Ok(())
 }
 
+/// What `roscausal discover` would analyse.
+pub struct Recordings {
+    /// Names of the variables.
+    pub names: Vec<String>,
+    /// The recordings, each `T x N`.
+    pub values: Vec<Array2<f64>>,
+    /// Step between samples in seconds, if known.
+    pub dt: Option<f64>,
+    /// Variables that may be causes only (interventions).
+    pub exogenous: Vec<String>,
+    /// What a reader of the model should know, one sentence each.
+    pub warnings: Vec<String>,
+}
+
+/// Reads the tables and recordings in `files` as `roscausal discover` does, with its options, such as `--person=7`.
+///
+/// # Errors
+/// An unknown option, a file that cannot be read, files that do not fit together, or cancellation by `cancel`.
+pub fn read_recordings(files: &[PathBuf], options: &[String], cancel: Arc<AtomicBool>) -> Result<Recordings> {
+    #[derive(Parser)]
+    struct Alone {
+        #[command(flatten)]
+        args: Args,
+    }
+    let words = std::iter::once(OsString::from("discover"))
+        .chain(options.iter().map(OsString::from))
+        .chain([OsString::from("--")])
+        .chain(files.iter().map(|file| file.clone().into_os_string()));
+    let Alone { args } = Alone::try_parse_from(words).map_err(|error| {
+        let text = error.to_string();
+        let reason = text.lines().next().unwrap_or_default().trim_start_matches("error: ");
+        Error::param("options", reason)
+    })?;
+    let mut settings = Settings::default();
+    let Data { data, dt, warnings } = Data::read(&args, &mut settings, &Interrupt::on(cancel), true)?;
+    Ok(Recordings {
+        names: data.var_names().to_vec(),
+        values: data.recordings().to_vec(),
+        dt,
+        exogenous: settings.exogenous,
+        warnings,
+    })
+}
+
 /// A table to analyse, and the user's file that it comes from.
 struct Input {
     table: PathBuf,
@@ -198,6 +241,15 @@ struct Data {
 }
 
 impl Data {
+    /// The data of the files. Interventions that they mention become exogenous in `settings`.
+    fn read(args: &Args, settings: &mut Settings, interrupt: &Interrupt, quiet: bool) -> Result<Self> {
+        let (files, _made) = tables_of(args, interrupt, quiet)?;
+        match with_facts(args, &files, settings)? {
+            Some(data) => Ok(data),
+            None => Self::of(&files, read(args, &files)?),
+        }
+    }
+
     /// Tables with the same columns, each as a recording.
     fn of(files: &[Input], recordings: Vec<Table>) -> Result<Self> {
         let names = recordings[0].names.clone();

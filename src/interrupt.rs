@@ -28,6 +28,11 @@ impl Interrupt {
         Self { flag }
     }
 
+    /// A wish that another program tells by `flag`.
+    pub(crate) fn on(flag: Arc<AtomicBool>) -> Self {
+        Self { flag }
+    }
+
     /// Whether the command has to end.
     pub(crate) fn is_set(&self) -> bool {
         self.flag.load(Ordering::SeqCst)

@@ -98,6 +98,11 @@ impl Settings {
     /// The first invalid setting: its name, its value, and what is allowed.
     pub fn check(&self) -> Result<()> {
         independence_tests::by_name(&self.cond_ind_test, &self.test_settings())?;
+        self.check_numbers()
+    }
+
+    /// Checks everything but the name of the test.
+    fn check_numbers(&self) -> Result<()> {
         level("alpha", self.alpha)?;
         if let PcAlpha::Fixed(alpha) = self.pc_alpha {
             level("pc-alpha", alpha)?;
@@ -239,10 +244,33 @@ fn level(name: &str, value: f64) -> Result<()> {
 /// Invalid settings, unsuitable data, or cancellation. Running out of time is not an error: the model's status says
 /// so.
 pub fn analyse(data: &DataFrame, settings: &Settings, control: &Control) -> Result<Model> {
-    settings.check()?;
-    settings.check_data(data)?;
     let test = independence_tests::by_name(&settings.cond_ind_test, &settings.test_settings())?;
-    let (test, pcmci) = (test.as_ref(), settings.pcmci(data));
+    analysed(data, test.as_ref(), settings, control)
+}
+
+/// Analyses `data` as [`analyse`] does, with a test of your own instead of the one that the settings name.
+///
+/// # Errors
+/// As [`analyse`], and those of the test.
+pub fn analyse_with(
+    data: &DataFrame,
+    test: &dyn CondIndTest,
+    settings: &Settings,
+    control: &Control,
+) -> Result<Model> {
+    let settings = Settings { cond_ind_test: test.name().to_owned(), ..settings.clone() };
+    analysed(data, test, &settings, control)
+}
+
+fn analysed(
+    data: &DataFrame,
+    test: &dyn CondIndTest,
+    settings: &Settings,
+    control: &Control,
+) -> Result<Model> {
+    settings.check_numbers()?;
+    settings.check_data(data)?;
+    let pcmci = settings.pcmci(data);
     let result = match settings.method {
         Method::Fpcmci => return filtered(data, test, settings, pcmci, control),
         Method::Pcmci => run_pcmci(data, test, &pcmci, control),
@@ -252,7 +280,8 @@ pub fn analyse(data: &DataFrame, settings: &Settings, control: &Control) -> Resu
         Method::Lagdep => get_lagged_dependencies(data, test, &pcmci, control),
     }?;
     control.tell(result.effort.as_deref());
-    Ok(with_result(settings.blank_model(), data.var_names().to_vec(), result))
+    let blank = Model { n_recordings: data.recordings().len(), ..settings.blank_model() };
+    Ok(with_result(blank, data.var_names().to_vec(), result))
 }
 
 /// F-PCMCI: the model keeps the variables that have a link; the others are listed as dropped.
@@ -277,7 +306,8 @@ fn filtered(
     let features: Vec<String> = result.features.iter().map(name).collect();
     let others = (0..data.n_vars()).filter(|var| !result.features.contains(var));
     let dropped = others.map(|var| name(&var)).collect();
-    let blank = Model { n_samples, dropped, ..settings.blank_model() };
+    let n_recordings = data.recordings().len();
+    let blank = Model { n_samples, n_recordings, dropped, ..settings.blank_model() };
     let mut model = match result.pcmci {
         Some(found) => {
             let place = |var: &usize| result.selected.iter().position(|selected| selected == var);

@@ -72,7 +72,7 @@ mod model;
 mod numeric;
 pub mod transfer_entropy;
 
-pub use analysis::{PcAlpha, Settings, analyse};
+pub use analysis::{PcAlpha, Settings, analyse, analyse_with};
 pub use ground::*;
 pub use model::{Link, Matrices, Model, SCHEMA};
 pub use numeric::random::mix;

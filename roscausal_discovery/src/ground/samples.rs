@@ -118,6 +118,11 @@ impl<'a> Samples<'a> {
                 }
             }
         }
+        if let Some(points) = &data.reference_points {
+            for t in self.cut_off..n_rows {
+                dropped[t - self.cut_off] |= !points[k][t];
+            }
+        }
         dropped
     }
 }
