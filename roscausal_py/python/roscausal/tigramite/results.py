@@ -78,17 +78,27 @@ def summary(results: Mapping[str, Any], conf_lev: float = 0.9, aggregation: str 
     if aggregation != "majority":
         raise NotCovered(f"aggregation='{aggregation}' is not covered by roscausal.tigramite; it has 'majority'")
     graphs = np.asarray(results["graph"])
-    marks = np.unique(graphs)
-    shares = np.array([(graphs == mark).mean(axis=0) for mark in marks])
-    best = shares.argmax(axis=0)
+    counts = {mark: (graphs == mark).sum(axis=0) for mark in np.unique(graphs)}
+    most = np.max(list(counts.values()), axis=0)
+    tied = {mark: count == most for mark, count in counts.items()}
     low, high = (1 - conf_lev) / 2, (1 + conf_lev) / 2
     values = np.asarray(results["val_matrix"])
     return {
-        "most_frequent_links": marks[best].astype("<U3"),
-        "link_frequency": shares.max(axis=0),
+        "most_frequent_links": _winner(tied, most.shape),
+        "link_frequency": np.sum(list(tied.values()), axis=0) * most / graphs.shape[0],
         "val_matrix_mean": values.mean(axis=0),
         "val_matrix_interval": np.stack([np.quantile(values, q, axis=0) for q in (low, high)], axis=3),
     }
+
+
+def _winner(tied: Mapping[str, NDArray[Any]], shape: tuple[int, ...]) -> NDArray[np.str_]:
+    """The mark of the most frequent ones that counts: no link before x-x before o-o; --> and <-- together are x-x."""
+    nowhere = np.zeros(shape, dtype=bool)
+    forward, back = tied.get("-->", nowhere), tied.get("<--", nowhere)
+    winner = np.where(forward & back, "x-x", np.where(forward, "-->", "<--")).astype("<U3")
+    for mark in ("o-o", "x-x", ""):
+        winner[tied.get(mark, nowhere)] = mark
+    return winner
 
 
 def text(
