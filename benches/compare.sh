@@ -17,5 +17,5 @@ if [ ! -e "$work/venv/complete" ]; then
     touch "$work/venv/complete"
 fi
 command -v java >/dev/null || echo "no java: the row of F-PCMCI will be empty (Debian: default-jre-headless)" >&2
-cargo build --quiet --release --workspace --bin roscausal --example bench_case
+cargo build --quiet --release --workspace --exclude roscausal_py --bin roscausal --example bench_case
 exec "$python" benches/compare.py --work "$work" "$@"

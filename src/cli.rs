@@ -55,8 +55,7 @@ impl Cli {
     ///
     /// # Errors
     /// A file of settings that cannot be used.
-    pub(crate) fn with_presets() -> roscausal_core::Result<Self> {
-        let mut line: Vec<_> = std::env::args_os().collect();
+    pub(crate) fn with_presets(mut line: Vec<std::ffi::OsString>) -> roscausal_core::Result<Self> {
         let matches = Self::command().get_matches_from(&line);
         if let Some((whole, told)) = presets::apply(&line, &matches)? {
             told.iter().for_each(|told| crate::terminal::tell!("{told}"));
@@ -69,6 +68,8 @@ impl Cli {
     pub(crate) fn start_logging(&self) {
         let default = ["warn", "info", "debug"][usize::from(self.verbose).min(2)];
         let filter = EnvFilter::try_from_default_env().unwrap_or_else(|_| EnvFilter::new(default));
-        fmt().with_env_filter(filter).with_writer(std::io::stderr).with_target(false).compact().init();
+        let log = fmt().with_env_filter(filter).with_writer(std::io::stderr).with_target(false).compact();
+        // A program that calls the command twice has its log already.
+        let _ = log.try_init();
     }
 }

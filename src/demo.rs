@@ -2,11 +2,11 @@
 
 use std::{
     path::{Path, PathBuf},
-    sync::mpsc::Receiver,
+    sync::{Arc, atomic::AtomicBool, mpsc::Receiver},
     time::{Duration, Instant},
 };
 
-use clap::Args as ClapArgs;
+use clap::{Args as ClapArgs, Parser};
 use indicatif::ProgressBar;
 use roscausal_core::{Error, Result, Time, loopback::Loopback, params::Value};
 use roscausal_discovery::{Model, Progress, Settings};
@@ -85,15 +85,7 @@ pub(crate) struct Args {
 
 /// Runs `roscausal demo`.
 pub(crate) fn run(args: &Args, interrupt: &Interrupt) -> Result<()> {
-    let run = Run {
-        scenario: args.scenario.clone(),
-        interventions: args.interventions.clone(),
-        seed: args.seed,
-        duration: args.duration,
-        settings: args.method.settings(Settings::default().seed)?,
-        threads: args.threads,
-        out: args.out.clone(),
-    };
+    let run = Run::of(args)?;
     if args.web.wanted() {
         return run.watch(args, interrupt);
     }
@@ -105,6 +97,23 @@ pub(crate) fn run(args: &Args, interrupt: &Interrupt) -> Result<()> {
     );
     let (folders, model) = run.recorded_chain(args.record.as_deref(), interrupt)?;
     show(args, &folders, &model)
+}
+
+/// The demo for other programs: what `roscausal demo --seed SEED --out OUT` does, without its text.
+///
+/// # Errors
+/// A folder that cannot be written, a run that gives no model, or cancellation by `cancel`.
+pub fn run_demo(seed: u64, out: &Path, cancel: Arc<AtomicBool>) -> Result<Model> {
+    #[derive(Parser)]
+    struct Defaults {
+        #[command(flatten)]
+        args: Args,
+    }
+    let defaults = Defaults::try_parse_from(["demo"]).map_err(|e| Error::Data(e.to_string()))?;
+    let args = Args { seed, out: out.to_owned(), ..defaults.args };
+    let (folders, model) = Run::of(&args)?.recorded_chain(None, &Interrupt::on(cancel))?;
+    write(&args, &folders, &model)?;
+    Ok(model)
 }
 
 impl Args {
@@ -136,6 +145,18 @@ pub(crate) struct Run {
 }
 
 impl Run {
+    fn of(args: &Args) -> Result<Self> {
+        Ok(Self {
+            scenario: args.scenario.clone(),
+            interventions: args.interventions.clone(),
+            seed: args.seed,
+            duration: args.duration,
+            settings: args.method.settings(Settings::default().seed)?,
+            threads: args.threads,
+            out: args.out.clone(),
+        })
+    }
+
     /// Simulates, records two batches and analyses them. The files of the nodes stay in `out`. What is published is
     /// also recorded in the file `record`.
     fn recorded_chain(&self, record: Option<&Path>, interrupt: &Interrupt) -> Result<(Folders, Model)> {
@@ -297,7 +318,7 @@ fn await_model(
     }
 }
 
-fn show(args: &Args, folders: &Folders, model: &Model) -> Result<()> {
+fn write(args: &Args, folders: &Folders, model: &Model) -> Result<()> {
     output::write_model(&args.out, model)?;
     for (i, batch) in folders.analysed_batches()?.iter().enumerate() {
         let table = roscausal_core::batch::Table::read(batch, None)?;
@@ -309,6 +330,11 @@ fn show(args: &Args, folders: &Folders, model: &Model) -> Result<()> {
             table.dt(),
         )?;
     }
+    Ok(())
+}
+
+fn show(args: &Args, folders: &Folders, model: &Model) -> Result<()> {
+    write(args, folders, model)?;
     crate::terminal::say!("{}\n", report::text(model));
     crate::terminal::say!("{}\n", expected::comparison(model));
     let evidence = folders.evidence()?;

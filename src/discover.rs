@@ -4,12 +4,15 @@ mod estimate;
 mod reading;
 
 use std::{
+    ffi::OsString,
     fmt::Display,
     path::{Path, PathBuf},
+    sync::{Arc, atomic::AtomicBool},
     time::Instant,
 };
 
-use clap::{Args as ClapArgs, ValueEnum};
+use clap::{Args as ClapArgs, Parser, ValueEnum};
+use ndarray::Array2;
 use roscausal_core::{
     Error, Result,
     batch::{
@@ -186,18 +189,12 @@ pub(crate) fn run(args: &Args, interrupt: &Interrupt) -> Result<()> {
 pub(crate) fn found(args: &Args, interrupt: &Interrupt, quiet: bool) -> Result<(Model, Evidence, DataFrame)> {
     let mut settings = args.method.settings(args.seed)?;
     settings.max_memory = args.means.max_memory.map(|megabytes| megabytes.saturating_mul(1_000_000));
-    let (files, _made) = tables_of(args, interrupt, quiet)?;
-    let read = match with_facts(args, &files, &mut settings)? {
-        Some(data) => data,
-        None => Data::of(args.read.read(&files, args.inputs.dt())?)?,
-    };
-    let Data { data, dt, warnings, .. } = args.part.part(read)?;
+    let Data { data, dt, warnings, .. } = Data::read(args, &mut settings, interrupt, quiet)?;
     if let Some(told) = estimate::check(&data, &settings, &args.means)? {
         crate::terminal::tell!("{told}");
     }
     let (mut model, evidence) = args.means.analyse(&data, &settings, interrupt, quiet)?;
     model.dt = dt;
-    model.n_recordings = data.recordings().len();
     model.warnings.splice(0..0, warnings);
     Ok((model, evidence, data))
 }
@@ -227,6 +224,50 @@ impl Args {
     }
 }
 
+/// What `roscausal discover` would analyse.
+pub struct Recordings {
+    /// Names of the variables.
+    pub names: Vec<String>,
+    /// The recordings, each `T x N`.
+    pub values: Vec<Array2<f64>>,
+    /// Step between samples in seconds, if known.
+    pub dt: Option<f64>,
+    /// Variables that may be causes only (interventions).
+    pub exogenous: Vec<String>,
+    /// What a reader of the model should know, one sentence each.
+    pub warnings: Vec<String>,
+}
+
+/// Reads the tables and recordings in `files` as `roscausal discover` does, with its options, such as `--person=7`.
+///
+/// # Errors
+/// An unknown option, a file that cannot be read, files that do not fit together, or cancellation by `cancel`.
+pub fn read_recordings(files: &[PathBuf], options: &[String], cancel: Arc<AtomicBool>) -> Result<Recordings> {
+    #[derive(Parser)]
+    struct Alone {
+        #[command(flatten)]
+        args: Args,
+    }
+    let words = std::iter::once(OsString::from("discover"))
+        .chain(options.iter().map(OsString::from))
+        .chain([OsString::from("--")])
+        .chain(files.iter().map(|file| file.clone().into_os_string()));
+    let Alone { args } = Alone::try_parse_from(words).map_err(|error| {
+        let text = error.to_string();
+        let reason = text.lines().next().unwrap_or_default().trim_start_matches("error: ");
+        Error::param("options", reason)
+    })?;
+    let mut settings = Settings::default();
+    let Data { data, dt, warnings, .. } = Data::read(&args, &mut settings, &Interrupt::on(cancel), true)?;
+    Ok(Recordings {
+        names: data.var_names().to_vec(),
+        values: data.recordings().to_vec(),
+        dt,
+        exogenous: settings.exogenous,
+        warnings,
+    })
+}
+
 /// A table to analyse, and the user's file that it comes from.
 #[derive(Clone)]
 struct Input {
@@ -253,6 +294,16 @@ struct Data {
 }
 
 impl Data {
+    /// The data of the files. Interventions that they mention become exogenous in `settings`.
+    fn read(args: &Args, settings: &mut Settings, interrupt: &Interrupt, quiet: bool) -> Result<Self> {
+        let (files, _made) = tables_of(args, interrupt, quiet)?;
+        let read = match with_facts(args, &files, settings)? {
+            Some(data) => data,
+            None => Self::of(args.read.read(&files, args.inputs.dt())?)?,
+        };
+        args.part.part(read)
+    }
+
     /// Tables with the same columns, each as a recording.
     fn of(tables: Vec<(Input, Table)>) -> Result<Self> {
         let names = tables.first().map(|(_, table)| table.names.clone()).unwrap_or_default();

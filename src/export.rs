@@ -9,7 +9,7 @@ use roscausal_discovery::{Link, Model, draw::escaped, names::plain};
 use crate::report;
 
 /// The model as a directed graph for Graphviz: one edge per link, labelled with lag and strength.
-pub(crate) fn dot(model: &Model) -> String {
+pub fn dot(model: &Model) -> String {
     let mut out = String::from("digraph causal_model {\n  rankdir=LR;\n  node [shape=circle];\n");
     for name in &model.features {
         let _ = writeln!(out, "  {};", quoted(&plain(name)));
@@ -36,7 +36,7 @@ fn quoted(name: &str) -> String {
 }
 
 /// The model as GraphML. Edges have `lag`, `value`, `p_value` and `mark`.
-pub(crate) fn graphml(model: &Model) -> String {
+pub fn graphml(model: &Model) -> String {
     let mut out = String::from(
         "<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n<graphml xmlns=\"http://graphml.graphdrawing.org/xmlns\">\n",
     );
@@ -77,7 +77,7 @@ struct Row<'a> {
 }
 
 /// The links as a table, one row per link.
-pub(crate) fn links_csv(model: &Model) -> Result<Vec<u8>> {
+pub fn links_csv(model: &Model) -> Result<Vec<u8>> {
     let mut writer = csv::Writer::from_writer(Vec::new());
     let fault = |e: &dyn std::fmt::Display| Error::Data(format!("the list of links cannot be written: {e}"));
     for link in &model.links {

@@ -1,7 +1,5 @@
 //! Errors and exit codes: 0 finished, 1 failure, 2 wrong usage, 130 ended by Ctrl-C.
 
-use std::process::ExitCode;
-
 use roscausal_core::Error;
 
 use crate::{
@@ -11,13 +9,13 @@ use crate::{
 };
 
 /// Prints an error as one sentence on stderr and returns the exit code.
-pub(crate) fn exit_code(done: Result<(), Error>, interrupt: &Interrupt) -> ExitCode {
+pub(crate) fn exit_code(done: Result<(), Error>, interrupt: &Interrupt) -> u8 {
     let Err(error) = done else {
         return match terminal::fault() {
-            None => ExitCode::SUCCESS,
+            None => 0,
             Some(fault) => {
                 terminal::tell!("error: the results cannot be written to the standard output: {fault}");
-                ExitCode::FAILURE
+                1
             }
         };
     };
@@ -27,15 +25,15 @@ pub(crate) fn exit_code(done: Result<(), Error>, interrupt: &Interrupt) -> ExitC
             if let Some(more) = reason.strip_prefix("by the user; ") {
                 terminal::tell!("{more}");
             }
-            ExitCode::from(interrupt::CODE)
+            interrupt::CODE
         }
         Error::Param { .. } => {
             tell(&error);
-            ExitCode::from(2)
+            2
         }
         _ => {
             tell(&error);
-            ExitCode::FAILURE
+            1
         }
     }
 }

@@ -34,18 +34,18 @@ struct State {
     temporary: Vec<PathBuf>,
 }
 
+impl Default for State {
+    fn default() -> Self {
+        let words = "what is recorded is kept (again: end at once)";
+        Self { words, at_stake: true, temporary: Vec::new() }
+    }
+}
+
 impl Interrupt {
     /// Turns the first Ctrl-C (or SIGTERM) into a request to end. Where nothing is at stake the process ends soon after
     /// it, whatever it computes. The second one ends the process at once.
     pub(crate) fn on_ctrl_c() -> Self {
-        let this = Self {
-            flag: Arc::new(AtomicBool::new(false)),
-            state: Arc::new(Mutex::new(State {
-                words: "what is recorded is kept (again: end at once)",
-                at_stake: true,
-                temporary: Vec::new(),
-            })),
-        };
+        let this = Self::on(Arc::new(AtomicBool::new(false)));
         let asked = this.clone();
         let caught = ctrlc::set_handler(move || {
             if asked.flag.swap(true, Ordering::SeqCst) {
@@ -59,6 +59,11 @@ impl Interrupt {
             tracing::warn!("Ctrl-C will end without saving: {error}");
         }
         this
+    }
+
+    /// A wish that another program tells by `flag`.
+    pub(crate) fn on(flag: Arc<AtomicBool>) -> Self {
+        Self { state: Arc::new(Mutex::new(State::default())), flag }
     }
 
     /// Whether the command has to end.

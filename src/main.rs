@@ -1,44 +1,7 @@
-//! The `roscausal` command: simulate, record, discover, replay. It needs no ROS.
-
-mod chart;
-mod cli;
-mod demo;
-mod discover;
-mod expected;
-mod experiment;
-mod export;
-mod failure;
-mod flags;
-mod folders;
-mod html_report;
-mod interrupt;
-mod nodes;
-mod output;
-mod presets;
-mod recording;
-mod replay;
-mod report;
-mod sink;
-mod teleop;
-mod terminal;
-mod web;
+//! The program `roscausal`: all of it is in the library, which the Python package calls as well.
 
 use std::process::ExitCode;
 
 fn main() -> ExitCode {
-    let interrupt = interrupt::Interrupt::on_ctrl_c();
-    let cli = match cli::Cli::with_presets() {
-        Ok(cli) => cli,
-        Err(error) => return failure::exit_code(Err(error), &interrupt),
-    };
-    cli.start_logging();
-    let done = match &cli.command {
-        cli::Command::Demo(args) => demo::run(args, &interrupt),
-        cli::Command::Replay(args) => replay::run(args, &interrupt),
-        cli::Command::Discover(args) => discover::run(args, &interrupt),
-        cli::Command::Experiment(args) => experiment::run(args, &interrupt),
-        cli::Command::Report(args) => html_report::run(args, &interrupt),
-        cli::Command::Teleop(args) => teleop::run(args),
-    };
-    failure::exit_code(done, &interrupt)
+    roscausal::command(std::env::args_os()).into()
 }

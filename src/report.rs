@@ -3,7 +3,7 @@
 use roscausal_discovery::{Link, Model, names::plain};
 
 /// The model for people: one sentence per link, then a table of all tested pairs.
-pub(crate) fn text(model: &Model) -> String {
+pub fn text(model: &Model) -> String {
     let mut lines = vec![headline(model)];
     if model.links.is_empty() {
         lines.push("No causal link found: every tested pair may be independent.".to_owned());

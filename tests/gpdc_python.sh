@@ -18,9 +18,9 @@ export PYO3_PYTHON=$venv/bin/python
 export LD_LIBRARY_PATH=$library${LD_LIBRARY_PATH:+:$LD_LIBRARY_PATH}
 PYTHONPATH=$("$venv/bin/python" -c "import sysconfig; print(sysconfig.get_paths()['purelib'])")
 export PYTHONPATH
-cargo test --release --locked --workspace --features roscausal_discovery/python --test gpdc_python || exit 1
+cargo test --release --locked --workspace --exclude roscausal_py --features roscausal_discovery/python --test gpdc_python || exit 1
 
-cargo build --release --locked --workspace --bin roscausal --example gp_optima || exit 1
+cargo build --release --locked --workspace --exclude roscausal_py --bin roscausal --example gp_optima || exit 1
 target=${CARGO_TARGET_DIR:-target}/release
 recordings=$(mktemp -d)
 trap 'rm -rf "$recordings"' EXIT

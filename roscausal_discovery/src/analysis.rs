@@ -99,6 +99,11 @@ impl Settings {
     /// The first invalid setting: its name, its value, and what is allowed.
     pub fn check(&self) -> Result<()> {
         independence_tests::by_name(&self.cond_ind_test, &self.test_settings())?;
+        self.check_numbers()
+    }
+
+    /// Checks everything but the name of the test.
+    fn check_numbers(&self) -> Result<()> {
         level("alpha", self.alpha)?;
         if let PcAlpha::Fixed(alpha) = self.pc_alpha {
             level("pc-alpha", alpha)?;
@@ -262,10 +267,34 @@ fn run(
     control: &Control,
     keep: bool,
 ) -> Result<(Model, Option<Evidence>)> {
-    settings.check()?;
-    settings.check_data(data)?;
     let test = independence_tests::by_name(&settings.cond_ind_test, &settings.test_settings())?;
-    let (test, pcmci) = (test.as_ref(), settings.pcmci(data));
+    analysed(data, test.as_ref(), settings, control, keep)
+}
+
+/// Analyses `data` as [`analyse`] does, with a test of your own instead of the one that the settings name.
+///
+/// # Errors
+/// As [`analyse`], and those of the test.
+pub fn analyse_with(
+    data: &DataFrame,
+    test: &dyn CondIndTest,
+    settings: &Settings,
+    control: &Control,
+) -> Result<Model> {
+    let settings = Settings { cond_ind_test: test.name().to_owned(), ..settings.clone() };
+    Ok(analysed(data, test, &settings, control, false)?.0)
+}
+
+fn analysed(
+    data: &DataFrame,
+    test: &dyn CondIndTest,
+    settings: &Settings,
+    control: &Control,
+    keep: bool,
+) -> Result<(Model, Option<Evidence>)> {
+    settings.check_numbers()?;
+    settings.check_data(data)?;
+    let pcmci = settings.pcmci(data);
     let result = match settings.method {
         Method::Fpcmci => return filtered(data, test, settings, pcmci, control, keep),
         Method::Pcmci => run_pcmci(data, test, &pcmci, control),
@@ -275,7 +304,8 @@ fn run(
         Method::Lagdep => get_lagged_dependencies(data, test, &pcmci, control),
     }?;
     control.tell(result.effort.as_deref());
-    let model = with_result(settings.blank_model(), data.var_names().to_vec(), result.clone());
+    let blank = Model { n_recordings: data.recordings().len(), ..settings.blank_model() };
+    let model = with_result(blank, data.var_names().to_vec(), result.clone());
     let evidence = keep.then(|| Evidence::gather(data, data, &model, settings.method, &Known::of(&result)));
     Ok((model, evidence))
 }
@@ -303,7 +333,8 @@ fn filtered(
     let features: Vec<String> = result.features.iter().map(name).collect();
     let others = (0..data.n_vars()).filter(|var| !result.features.contains(var));
     let dropped = others.map(|var| name(&var)).collect();
-    let blank = Model { n_samples, dropped, ..settings.blank_model() };
+    let n_recordings = data.recordings().len();
+    let blank = Model { n_samples, n_recordings, dropped, ..settings.blank_model() };
     let mut evidence = None;
     let mut model = match result.pcmci {
         Some(found) => {

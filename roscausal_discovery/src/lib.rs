@@ -74,8 +74,8 @@ mod model;
 mod numeric;
 pub mod transfer_entropy;
 
+pub use analysis::{PcAlpha, Settings, analyse, analyse_with, analyse_with_evidence};
 pub use effort::Effort;
-pub use analysis::{PcAlpha, Settings, analyse, analyse_with_evidence};
 pub use evidence::{AtLag, Condition, EVIDENCE_SCHEMA, Evidence, LinkEvidence, MOST_POINTS, VariableFacts};
 pub use ground::*;
 pub use model::{Link, Matrices, Model, SCHEMA};

@@ -63,6 +63,8 @@ pub struct DataFrame {
     masks: Option<Vec<Array2<bool>>>,
     pub(super) mask_type: MaskType,
     pub(super) remove_missing_upto_maxlag: bool,
+    /// The times that count as samples; `None`: all.
+    pub(super) reference_points: Option<Vec<Vec<bool>>>,
     has_missing: bool,
 }
 
@@ -99,6 +101,7 @@ impl DataFrame {
             masks: None,
             mask_type: MaskType::default(),
             remove_missing_upto_maxlag: false,
+            reference_points: None,
             has_missing,
         })
     }
@@ -134,6 +137,21 @@ impl DataFrame {
         self
     }
 
+    /// Restricts the samples to the times `t` at which `points` is true, one list per recording and of its length. Their past
+    /// may be any time.
+    ///
+    /// # Errors
+    /// Lists whose number or lengths differ from those of the recordings.
+    pub fn with_reference_points(mut self, points: Vec<Vec<bool>>) -> Result<Self> {
+        let fits = points.len() == self.recordings.len()
+            && points.iter().zip(&self.recordings).all(|(of, recording)| of.len() == recording.nrows());
+        if !fits {
+            return Err(Error::param("reference_points", "give one list per recording, each of its length"));
+        }
+        self.reference_points = Some(points);
+        Ok(self)
+    }
+
     /// A data frame of the columns `vars` only, in that order.
     ///
     /// # Panics
@@ -165,15 +183,16 @@ impl DataFrame {
         self.var_names.len()
     }
 
-    /// Whether some tests may have to leave out samples: a value is missing, or a mask applies.
+    /// Whether some tests may have to leave out samples: a value is missing, a mask applies, or not every time counts.
     pub fn is_incomplete(&self) -> bool {
-        self.has_missing || (self.masks.is_some() && self.mask_type != MaskType::default())
+        let masked = self.masks.is_some() && self.mask_type != MaskType::default();
+        self.has_missing || masked || self.reference_points.is_some()
     }
 
     /// Whether missing values are the only reason to leave out a sample, and only for the tests of their nodes.
     pub(crate) fn lacks_values_only(&self) -> bool {
         let masked = self.masks.is_some() && self.mask_type != MaskType::default();
-        self.has_missing && !masked && !self.remove_missing_upto_maxlag
+        self.has_missing && !masked && !self.remove_missing_upto_maxlag && self.reference_points.is_none()
     }
 
     /// Whether the value of `node` at time `t` excludes the sample.

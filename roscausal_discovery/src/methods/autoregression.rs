@@ -76,7 +76,8 @@ impl Autoregression {
         constant: bool,
     ) -> Result<Self> {
         let n_vars = rows.n_vars();
-        let causes: Vec<Node> = lags.flat_map(|lag| (0..n_vars).map(move |var| Node::new(var, lag))).collect();
+        let causes: Vec<Node> =
+            lags.flat_map(|lag| (0..n_vars).map(move |var| Node::new(var, lag))).collect();
         let columns: Vec<&[f64]> = causes.iter().map(|&node| rows.column(node)).collect();
         let targets: Vec<&[f64]> = (0..n_vars).map(|var| rows.column(Node::new(var, 0))).collect();
         let needed = causes.len() + usize::from(constant) + 1;
@@ -120,8 +121,10 @@ impl Autoregression {
 
     /// The variables of which some lags are determined by other columns, so that their coefficients say nothing.
     pub(super) fn undetermined(&self) -> Vec<usize> {
-        let mut vars: Vec<usize> =
-            (0..self.causes.len()).filter(|&k| self.fit.is_undetermined(k)).map(|k| self.causes[k].var).collect();
+        let mut vars: Vec<usize> = (0..self.causes.len())
+            .filter(|&k| self.fit.is_undetermined(k))
+            .map(|k| self.causes[k].var)
+            .collect();
         vars.sort_unstable();
         vars.dedup();
         vars

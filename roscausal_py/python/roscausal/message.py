@@ -1,0 +1,65 @@
+"""From a ROS message to a model's JSON."""
+
+from __future__ import annotations
+
+import json
+from typing import Any
+
+import numpy as np
+
+from ._native import DataError
+
+#: Fields of a model that the message of its settings has, under the same name or another.
+_OF_INFO = {
+    "method": "method",
+    "cond_ind_test": "cond_ind_test",
+    "alpha": "alpha",
+    "pc_alpha": "pc_alpha",
+    "fdr": "fdr_method",
+    "tau_min": "min_lag",
+    "tau_max": "max_lag",
+    "dt": "dt",
+    "n_samples": "n_samples",
+    "seed": "seed",
+}
+
+
+def text_of(causal_model: Any, info: Any) -> str:
+    """The JSON of the model that the message `causal_model` holds."""
+    try:
+        names = [str(name) for name in causal_model.features]
+        shape = tuple(int(length) for length in causal_model.original_shape)
+        there = np.array(causal_model.causal_structure.data).reshape(shape).astype(int)
+        val = np.array(causal_model.val_matrix.data, dtype=float).reshape(shape)
+        pval = np.array(causal_model.pval_matrix.data, dtype=float).reshape(shape)
+        n_lags, n, _ = shape
+    except (AttributeError, ValueError, TypeError) as fault:
+        raise DataError(f"this is no message roscausal_msgs/CausalModel: {fault}") from None
+    known = {name: getattr(info, field) for name, field in _OF_INFO.items()} if info is not None else {}
+    tau_min = int(known.get("tau_min", 1))
+    tau_max = tau_min + n_lags - 1
+    cube = (n, n, tau_max + 1)
+    graph, val_matrix, p_matrix = np.full(cube, "", dtype="<U3"), np.zeros(cube), np.ones(cube)
+    links = []
+    for i, j, lag in np.ndindex(n, n, n_lags):
+        at = (lag, j, i)
+        if not there[at]:
+            continue
+        both = lag + tau_min == 0 and bool(there[lag, i, j])
+        graph[i, j, lag + tau_min] = "o-o" if both else "-->"
+        val_matrix[i, j, lag + tau_min], p_matrix[i, j, lag + tau_min] = val[at], pval[at]
+        if not (both and i > j):
+            link = {"cause": names[i], "effect": names[j], "lag": lag + tau_min, "value": val[at], "p_value": pval[at]}
+            links.append({**link, "mark": "o-o" if both else "-->", "n_lost": 0})
+    fields = {
+        "schema": "roscausal/model/1", "status": "complete", "method": "unknown", "cond_ind_test": "unknown", "alpha": 0.05,
+        "pc_alpha": None, "f_alpha": None, "fdr": "none", "tau_min": tau_min, "tau_max": tau_max, "dt": None, "n_samples": 0,
+        "n_recordings": 1, "seed": 0, "run_time_s": None, "features": names, "dropped": [], "links": links,
+        "graph": graph.tolist(), "val_matrix": val_matrix.tolist(), "p_matrix": p_matrix.tolist(),
+        "causal_structure": there.tolist(), "val": val.tolist(), "pval": pval.tolist(), "warnings": [],
+    }  # fmt: skip
+    if info is None:
+        fields["warnings"] = ["the settings are unknown: the message does not hold them"]
+    else:
+        fields["dropped"] = [str(name) for name in info.candidate_features if str(name) not in names]
+    return json.dumps({**fields, **known})

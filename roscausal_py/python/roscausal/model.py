@@ -1,0 +1,358 @@
+"""A causal model: links, matrices, and what it looks like as text, table, graph and picture."""
+
+from __future__ import annotations
+
+import json
+import os
+import pathlib
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from . import _native
+from ._native import DataError, SettingError
+from .page import page
+
+if TYPE_CHECKING:
+    from .data import Recordings
+
+
+@dataclass(frozen=True)
+class Link:
+    """One link of a model.
+
+    Attributes:
+        cause: Name of the cause.
+        effect: Name of the effect.
+        lag: Steps from cause to effect.
+        value: Strength; its range depends on the test.
+        p_value: P-value; 0 means below the smallest that the test distinguishes.
+        mark: `-->`, or `o-o` / `x-x` where the direction at lag 0 is open.
+        n_lost: Samples left out because a value was missing.
+
+    Example:
+        >>> import roscausal as rc
+        >>> print(rc.Link("a", "b", 1, 0.5, 0.01, "-->", 0))
+        a at t-1 drives b: strength 0.50, p = 0.010
+    """
+
+    cause: str
+    effect: str
+    lag: int
+    value: float
+    p_value: float
+    mark: str = "-->"
+    n_lost: int = 0
+
+    def __str__(self) -> str:
+        when = f"at t-{self.lag}" if self.lag else "at the same time"
+        if self.mark == "-->":
+            what = f"{self.cause} {when} drives {'itself' if self.cause == self.effect else self.effect}"
+        else:
+            what = f"{self.cause} and {self.effect} depend on each other {when}, direction open"
+        p = "p < 0.001" if self.p_value < 0.001 else f"p = {self.p_value:.3f}"
+        return f"{what}: strength {self.value:.2f}, {p}"
+
+
+@dataclass(frozen=True)
+class Picture:
+    """A picture: notebooks show it, `save` writes it.
+
+    Attributes:
+        svg: The picture as an SVG document.
+
+    Example:
+        >>> import roscausal as rc
+        >>> rc.Picture('<svg xmlns="http://www.w3.org/2000/svg" width="9" height="9"/>').png()[1:4]
+        b'PNG'
+    """
+
+    svg: str
+
+    def _repr_svg_(self) -> str:
+        return self.svg
+
+    def png(self, scale: float = 2.0) -> bytes:
+        """The picture as PNG, with an embedded font.
+
+        Args:
+            scale: Pixels per unit.
+
+        Raises:
+            DataError: No SVG, or too large a picture.
+        """
+        return _native.picture(self.svg, scale)
+
+    def save(self, path: str | os.PathLike[str], scale: float = 2.0) -> None:
+        """Writes the picture.
+
+        Args:
+            path: A name that ends in .svg or .png.
+            scale: Pixels per unit of a PNG.
+
+        Raises:
+            SettingError: Another ending.
+            OSError: The file cannot be written.
+        """
+        file = pathlib.Path(path)
+        match file.suffix.lower():
+            case ".svg":
+                file.write_text(self.svg, encoding="utf-8")
+            case ".png":
+                file.write_bytes(self.png(scale))
+            case other:
+                raise SettingError(f"setting 'path': '{other}' is no format of a picture; give a name that ends in .svg or .png")
+
+
+class Model:
+    """A causal model. It does not change; models with equal files are equal; it can be pickled.
+
+    Args:
+        text: The model's JSON, as `to_json` gives it.
+        data: The recordings that it was found in, for `series`.
+
+    Raises:
+        DataError: Text that is not a model.
+
+    Example:
+        >>> import numpy as np, roscausal as rc
+        >>> x = np.random.default_rng(3).normal(size=(200, 2))
+        >>> x[1:, 1] += x[:-1, 0]
+        >>> model = rc.discover(x, columns=["a", "b"], method="pcmci", test="parcorr")
+        >>> model.features, str(model.graph[0, 1, 1]), model.val_matrix.shape
+        (['a', 'b'], '-->', (2, 2, 2))
+        >>> rc.Model(model.to_json()) == model
+        True
+    """
+
+    def __init__(self, text: str, data: Recordings | None = None) -> None:
+        self._file = _native.export(text, "json")
+        self._fields: dict[str, Any] = json.loads(text)
+        self._text = text
+        self._data = data
+
+    @property
+    def features(self) -> list[str]:
+        """Names of the N variables, in the order of the matrices."""
+        return list(self._fields["features"])
+
+    @property
+    def dropped(self) -> list[str]:
+        """Variables that were analysed but have no link; F-PCMCI leaves them out of `features`."""
+        return list(self._fields["dropped"])
+
+    @cached_property
+    def links(self) -> list[Link]:
+        """The links, in the order cause, effect, lag."""
+        return [Link(**link) for link in self._fields["links"]]
+
+    @cached_property
+    def graph(self) -> NDArray[np.str_]:
+        """Marks (N, N, tau_max + 1) as [cause, effect, lag]: "", "-->", "<--", "o-o", "x-x"."""
+        return _frozen(self._cube("graph", "<U3"))
+
+    @cached_property
+    def val_matrix(self) -> NDArray[np.float64]:
+        """Strengths (N, N, tau_max + 1) as [cause, effect, lag]; 0 where nothing was tested."""
+        return _frozen(self._cube("val_matrix", "f8"))
+
+    @cached_property
+    def p_matrix(self) -> NDArray[np.float64]:
+        """P-values (N, N, tau_max + 1) as [cause, effect, lag], corrected if a correction was asked for; 1 where nothing was
+        tested."""
+        return _frozen(self._cube("p_matrix", "f8"))
+
+    def _cube(self, name: str, dtype: str) -> NDArray[Any]:
+        n, lags = len(self._fields["features"]), self._fields["tau_max"] + 1
+        return np.array(self._fields[name], dtype=dtype).reshape(n, n, lags)
+
+    @property
+    def status(self) -> str:
+        """`complete`, or `partial: ...` if the time budget ended the analysis."""
+        return str(self._fields["status"])
+
+    @property
+    def dt(self) -> float | None:
+        """Seconds per step, or None."""
+        dt = self._fields["dt"]
+        return None if dt is None else float(dt)
+
+    @property
+    def warnings(self) -> list[str]:
+        """What a reader of the model should know, one sentence each."""
+        return list(self._fields["warnings"])
+
+    @property
+    def settings(self) -> dict[str, Any]:
+        """The question: method, test, levels, lags, seed, samples, run time."""
+        results = {
+            "schema", "status", "features", "dropped", "links", "graph", "val_matrix", "p_matrix", "causal_structure", "val",
+            "pval", "warnings",
+        }  # fmt: skip
+        return {name: value for name, value in self._fields.items() if name not in results}
+
+    def __str__(self) -> str:
+        """The text that the command prints."""
+        return _native.export(self._text, "text")
+
+    def __repr__(self) -> str:
+        method, test = self._fields["method"], self._fields["cond_ind_test"]
+        return f"<roscausal.Model {method} {test}: {len(self.features)} variables, {len(self.links)} links>"
+
+    def __eq__(self, other: object) -> bool:
+        return self._file == other._file if isinstance(other, Model) else NotImplemented
+
+    def __hash__(self) -> int:
+        return hash(self._file)
+
+    def __reduce__(self) -> tuple[type[Model], tuple[str]]:
+        return (Model, (self._text,))
+
+    def _repr_html_(self) -> str:
+        return page(self)
+
+    def dag(self) -> Picture:
+        """The summary graph: one node per variable, arrows with lags and strengths."""
+        return Picture(_native.export(self._text, "dag"))
+
+    def tsdag(self) -> Picture:
+        """The time series graph: variables in rows, time in columns."""
+        return Picture(_native.export(self._text, "tsdag"))
+
+    def series(self, recording: int = 0) -> Picture:
+        """The analysed series of one recording.
+
+        Args:
+            recording: Which one.
+
+        Raises:
+            DataError: The model was read from a file, so its data are not known.
+        """
+        if self._data is None:
+            raise DataError("the data of this model are not known: it comes from a file; draw the series where it was found")
+        if not 0 <= recording < len(self._data):
+            raise DataError(f"there is no recording {recording}; there are {len(self._data)}, counted from 0")
+        return Picture(_native.series(self._data.names, self._data[recording], self.dt))
+
+    def plot(self, ax: Any = None) -> Any:
+        """Draws the summary graph with matplotlib.
+
+        Args:
+            ax: Axes to draw on; None: the current ones.
+
+        Returns:
+            The axes.
+
+        Raises:
+            ImportError: matplotlib is not installed.
+        """
+        import io
+
+        import matplotlib.pyplot as plt  # type: ignore[import-not-found, import-untyped, unused-ignore]
+
+        axes = plt.gca() if ax is None else ax
+        axes.imshow(plt.imread(io.BytesIO(self.dag().png()), format="png"))
+        axes.set_axis_off()
+        return axes
+
+    def to_json(self) -> str:
+        """The bytes of `model.json`: the same data and seed give the same text. docs/model-schema.md describes it."""
+        return self._file
+
+    def save(self, path: str | os.PathLike[str]) -> None:
+        """Writes the model's file, which `rc.load` and the command read.
+
+        Args:
+            path: Such as "model.json".
+        """
+        pathlib.Path(path).write_text(self._file, encoding="utf-8")
+
+    def to_dict(self) -> dict[str, Any]:
+        """The model as plain lists and dicts, with the fields of `to_json`."""
+        fields: dict[str, Any] = json.loads(self._text)
+        return fields
+
+    def to_dot(self) -> str:
+        """The graph for Graphviz."""
+        return _native.export(self._text, "dot")
+
+    def to_graphml(self) -> str:
+        """The graph for networkx, Gephi, yEd and igraph."""
+        return _native.export(self._text, "graphml")
+
+    def to_csv(self) -> str:
+        """The links as a table with a header."""
+        return _native.export(self._text, "csv")
+
+    def to_pandas(self) -> Any:
+        """The links as a pandas table, one row each, with the fields of `Link` as columns.
+
+        Raises:
+            ImportError: pandas is not installed.
+        """
+        import pandas  # type: ignore[import-not-found, import-untyped, unused-ignore]
+
+        columns = ["cause", "effect", "lag", "value", "p_value", "mark", "n_lost"]
+        return pandas.DataFrame(self._fields["links"], columns=columns)
+
+    def to_networkx(self) -> Any:
+        """The graph as a networkx MultiDiGraph: edges have `lag`, `value`, `p_value`, `mark` and `confidence` (None without
+        resamples). A link without direction is two edges with that mark.
+
+        Raises:
+            ImportError: networkx is not installed.
+        """
+        import networkx  # type: ignore[import-not-found, import-untyped, unused-ignore]
+
+        graph = networkx.MultiDiGraph()
+        graph.add_nodes_from(self.features)
+        for link in self.links:
+            facts = {"lag": link.lag, "value": link.value, "p_value": link.p_value, "mark": link.mark, "confidence": None}
+            graph.add_edge(link.cause, link.effect, **facts)
+            if link.mark != "-->":
+                graph.add_edge(link.effect, link.cause, **facts)
+        return graph
+
+    @staticmethod
+    def from_msg(causal_model: Any, info: Any = None) -> Model:
+        """The model of a ROS message `roscausal_msgs/CausalModel`, as rclpy, rospy or rosbags give it.
+
+        Args:
+            causal_model: The message. It holds the links only: pairs without a link have strength 0 and p-value 1.
+            info: The `CausalModelInfo` published beside it, for the settings; None: they are unknown.
+
+        Raises:
+            DataError: An object without the message's fields.
+        """
+        from .message import text_of
+
+        return Model(text_of(causal_model, info))
+
+
+def _frozen(array: NDArray[Any]) -> NDArray[Any]:
+    array.flags.writeable = False
+    return array
+
+
+def load(path: str | os.PathLike[str]) -> Model:
+    """Reads a model's file.
+
+    Args:
+        path: A file that `Model.save`, the command or the discovery node wrote.
+
+    Raises:
+        DataError: A file that is not a model.
+        OSError: A file that cannot be read.
+
+    Example:
+        >>> import numpy as np, os, tempfile, roscausal as rc
+        >>> model = rc.discover(np.random.default_rng(1).normal(size=(99, 2)), method="pcmci", test="parcorr")
+        >>> file = os.path.join(tempfile.mkdtemp(), "model.json")
+        >>> model.save(file)
+        >>> rc.load(file) == model
+        True
+    """
+    return Model(pathlib.Path(path).read_text(encoding="utf-8"))

@@ -1,0 +1,29 @@
+"""A model as HTML for notebooks: picture, table of links, warnings. No script, and nothing is loaded."""
+
+from __future__ import annotations
+
+from html import escape
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from .model import Model
+
+
+def page(model: Model) -> str:
+    """The HTML of a model."""
+    settings = model.settings
+    head = f"{settings['method']} with {settings['cond_ind_test']}, alpha {settings['alpha']}, {settings['n_samples']} samples"
+    cell = "<td style='text-align:left;padding:2px 8px'>{}</td>"
+
+    def row(cells: list[object]) -> str:
+        return "<tr>" + "".join(cell.format(escape(str(each))) for each in cells) + "</tr>"
+
+    rows = [
+        row([link.cause, link.mark, link.effect, link.lag, f"{link.value:.3f}", f"{link.p_value:.3g}"]) for link in model.links
+    ]
+    header = row(["cause", "", "effect", "lag", "strength", "p-value"])
+    table = f"<table>{header}{''.join(rows)}</table>" if rows else "<p>No causal link found.</p>"
+    status = "" if model.status == "complete" else f"<p><b>{escape(model.status)}</b></p>"
+    notes = "".join(f"<li>{escape(warning)}</li>" for warning in model.warnings)
+    listed = f"<ul>{notes}</ul>" if notes else ""
+    return f"<div><p>{escape(head)}</p>{model.dag().svg}{table}{status}{listed}</div>"

@@ -1,0 +1,177 @@
+"""From data to a model in one call."""
+
+from __future__ import annotations
+
+import json
+import os
+import sys
+import tempfile
+from collections.abc import Callable, Sequence
+from typing import Any, Literal
+
+from . import _native
+from .data import recordings_of
+from .model import Model
+
+Method = Literal["fpcmci", "pcmci", "pcmciplus", "fullci", "bivci", "lagdep"]
+Progress = bool | Callable[[int, int], object] | None
+
+
+def discover(
+    data: Any,
+    *,
+    columns: Sequence[str] | None = None,
+    method: Method | str = "fpcmci",
+    test: str | Callable[..., Any] | object = "gpdc",
+    alpha: float = 0.05,
+    tau_min: int | None = None,
+    tau_max: int = 1,
+    pc_alpha: float | Literal["auto"] | None = None,
+    f_alpha: float | None = None,
+    te_estimator: str = "auto",
+    fdr: Literal["none", "fdr_bh"] = "none",
+    exogenous: Sequence[str] = (),
+    dt: float | None = None,
+    gp_search: Literal["default", "exact"] = "default",
+    gp_restarts: int = 0,
+    seed: int = 42,
+    threads: int | None = None,
+    time_budget: float | None = None,
+    max_memory: int | None = None,
+    progress: Progress = None,
+) -> Model:
+    """Finds which variable drives which, and how many steps later.
+
+    Args:
+        data: An array (T, N), times in rows; a pandas or polars table; an Arrow table; a dict of series (T,); a path of a
+            .csv, .bag, .mcap or .db3 file; what `rc.read` returns; or a list of these, as recordings of one system. NaN,
+            None and masked values are missing. A column `time` gives the step and is no variable.
+        columns: The variables to analyse, in this order; for an array: its names.
+        method: fpcmci, pcmci, pcmciplus, fullci, bivci or lagdep.
+        test: gpdc, parcorr, robustparcorr, cmiknn or gsquared; or your own: a function `f(x, y, z) -> (value, p)` of arrays
+            (n,), (n,), (n, k), or an object with `run_test_raw(x, y, z)` of arrays (n, 1), (n, 1), (n, k), or with
+            `run_test(X, Y, Z, tau_max)` of nodes `[(variable, -lag)]`.
+        alpha: Level of significance of a link, in (0, 1).
+        tau_min: Smallest lag in steps; None: 0 for pcmciplus, else 1.
+        tau_max: Largest lag in steps.
+        pc_alpha: Level of the condition selection; None: the method's own; "auto": chosen by a score.
+        f_alpha: Level of F-PCMCI's filter; None: alpha.
+        te_estimator: Estimator of F-PCMCI's filter: auto, gaussian, kraskov, ...
+        fdr: Correction for many tests.
+        exogenous: Variables that may be causes only.
+        dt: Seconds per step; None: from the data.
+        gp_search: How GPDC searches for its maxima.
+        gp_restarts: GPDC's searches from random places.
+        seed: Of all random numbers.
+        threads: None: all cores. They do not change the result.
+        time_budget: Seconds after which a partial model is returned; its `status` says so.
+        max_memory: Bytes that a test may take.
+        progress: True: a line on stderr; or a function of (tests done, estimated total).
+
+    Returns:
+        The model.
+
+    Raises:
+        DataError: Data that do not allow this analysis.
+        SettingError: A setting that is not allowed.
+        KeyboardInterrupt: Ctrl-C; the analysis has ended.
+
+    Example:
+        >>> import numpy as np, roscausal as rc
+        >>> x = np.random.default_rng(2).normal(size=(200, 2))
+        >>> x[1:, 1] += x[:-1, 0]
+        >>> model = rc.discover({"cause": x[:, 0], "effect": x[:, 1]}, method="pcmci", test="parcorr")
+        >>> print(model.links[0])
+        cause at t-1 drives effect: strength 0.65, p < 0.001
+    """
+    found = recordings_of(data, columns)
+    settings: dict[str, Any] = {
+        "method": method,
+        "alpha": alpha,
+        "tau_min": tau_min,
+        "tau_max": tau_max,
+        "pc_alpha": pc_alpha,
+        "f_alpha": f_alpha,
+        "te_estimator": te_estimator,
+        "fdr": fdr,
+        "exogenous": [*exogenous, *found.exogenous],
+        "dt": found.dt if dt is None else dt,
+        "gp_search": gp_search,
+        "gp_restarts": gp_restarts,
+        "seed": seed,
+        "threads": threads,
+        "time_budget": time_budget,
+        "max_memory": max_memory,
+        "warnings": found.warnings,
+    }
+    own = None
+    if isinstance(test, str):
+        settings["test"] = test
+    else:
+        own = test
+    frame = _native.Frame(found.arrays, found.names)
+    return Model(_native.discover(frame, as_json(settings), own, reporter(progress)), found)
+
+
+def as_json(settings: dict[str, Any]) -> str:
+    """Settings for the native module; numpy's numbers are numbers."""
+
+    def plain(value: Any) -> Any:
+        if hasattr(value, "item"):
+            return value.item()
+        raise _native.SettingError(f"a setting is {value!r}, of type {type(value).__name__}, which is neither a number nor a word")
+
+    return json.dumps(settings, default=plain)
+
+
+def reporter(progress: Progress) -> Callable[[int, int], object] | None:
+    """The callback that `progress` means."""
+    if progress is None or progress is False:
+        return None
+    return _line if progress is True else progress
+
+
+def _line(done: int, total: int) -> None:
+    """One line on stderr, written over itself; notebooks show it below the cell."""
+    share = done / total if total else 1.0
+    bar = "#" * round(30 * share)
+    end = "\n" if done >= total else ""
+    print(f"\r{bar:30} {done}/{total} tests", end=end, file=sys.stderr, flush=True)
+
+
+def demo(seed: int = 1, out: str | os.PathLike[str] | None = None) -> Model:
+    """Simulates a robot and a person, records them for 300 s and finds the causal model, as `roscausal demo` does.
+
+    Args:
+        seed: Of the simulation.
+        out: Folder for the batches, the model and the pictures; None: a temporary one, which is removed.
+
+    Returns:
+        The model of speed `h_v`, distance to the goal `h_dg` and risk `h_risk`.
+
+    Raises:
+        DataError: A folder that cannot be written.
+
+    Example:
+        >>> import roscausal as rc
+        >>> rc.demo().features
+        ['h_v', 'h_dg', 'h_risk']
+    """
+    if out is not None:
+        return Model(_native.demo(seed, out))
+    with tempfile.TemporaryDirectory() as folder:
+        return Model(_native.demo(seed, os.path.join(folder, "demo")))
+
+
+def msg_definitions() -> dict[str, str]:
+    """The texts of our ROS messages, for programs that read our bags without ROS, such as `rosbags`.
+
+    Returns:
+        Name, such as `roscausal_msgs/msg/CausalModel`, to text.
+
+    Example:
+        >>> import roscausal as rc
+        >>> "roscausal_msgs/msg/CausalModel" in rc.msg_definitions()
+        True
+    """
+    return dict(sorted(_native.messages()))

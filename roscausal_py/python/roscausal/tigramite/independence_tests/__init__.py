@@ -1,0 +1,1 @@
+"""The independence tests, each in a module of its own as in tigramite."""

@@ -1,0 +1,24 @@
+"""`GPDC`: dependence with additive noise."""
+
+from __future__ import annotations
+
+from .independence_tests_base import CondIndTest
+
+
+class GPDC(CondIndTest):
+    """Gaussian processes and distance correlation: dependence with additive noise. The keywords are those of `CondIndTest`.
+
+    Raises:
+        SettingError: A keyword or value that this test does not have.
+
+    Example:
+        >>> import numpy as np
+        >>> from roscausal.tigramite.independence_tests.gpdc import GPDC
+        >>> x = np.arange(60) * 7 % 5
+        >>> value, p = GPDC().run_test_raw(x, x * x)
+        >>> p < 0.05
+        True
+    """
+
+    measure = "gp_dc"
+    _engine = "gpdc"

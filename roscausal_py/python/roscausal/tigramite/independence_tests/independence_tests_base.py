@@ -1,0 +1,226 @@
+"""What the independence tests share: keywords, single tests on nodes and on arrays."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ... import _native
+from ..._native import DataError, SettingError
+from ..data_processing import DataFrame
+from ..refusal import NotCovered, not_covered, unknown
+
+Nodes = Sequence[tuple[int, int]]
+_CUT_OFFS = ("2xtau_max", "tau_max", "max_lag", "max_lag_or_tau_max")
+
+
+class CondIndTest:
+    """An independence test: its name and settings. Use one of the tests; this class is what they share.
+
+    Args:
+        seed: Of shuffles and bootstraps.
+        mask_type: Roles, of "x", "y", "z", in which a masked value excludes a sample.
+        significance: "analytic", "shuffle_test" or "fixed_thres".
+        sig_samples: Surrogates of a shuffle test, or size of a null distribution.
+        sig_blocklength: Block length of a shuffle test; None: from the data.
+        confidence: None, "analytic" or "bootstrap".
+        conf_lev: Level of the two-sided interval.
+        conf_samples: Bootstrap samples.
+        conf_blocklength: Block length of the bootstrap; None: from the data.
+        recycle_residuals: Only the speed depends on it; ignored.
+        verbosity: Ignored.
+
+    Raises:
+        SettingError: An unknown keyword (with the nearest), or a value that is not allowed.
+        NotImplementedError: Keywords that are not covered.
+    """
+
+    measure = ""
+    _engine = ""
+    _significance = "analytic"
+
+    def __init__(
+        self,
+        seed: int = 42,
+        mask_type: str | None = None,
+        significance: str | None = None,
+        fixed_thres: float | None = None,
+        sig_samples: int = 500,
+        sig_blocklength: int | None = None,
+        confidence: str | None = None,
+        conf_lev: float = 0.9,
+        conf_samples: int = 100,
+        conf_blocklength: int | None = None,
+        recycle_residuals: bool = False,
+        verbosity: int = 0,
+        **others: object,
+    ) -> None:
+        unknown(type(self).__name__, others, KEYWORDS)
+        not_covered(fixed_thres=fixed_thres)
+        if not self._engine:
+            raise NotCovered("a test of your own needs no base class: give PCMCI an object with run_test_raw(x, y, z)")
+        self.seed, self.mask_type, self.verbosity = seed, mask_type, verbosity
+        self.significance = self._significance if significance is None else significance
+        self.sig_samples, self.sig_blocklength = sig_samples, sig_blocklength
+        self.confidence, self.conf_lev = confidence or None, conf_lev
+        self.conf_samples, self.conf_blocklength = conf_samples, conf_blocklength
+        self.recycle_residuals = recycle_residuals
+        self.dataframe: DataFrame | None = None
+        # Settings that are not allowed are refused here, not in the run.
+        self._ask(_PAIR, (0, 0), (1, 0), [], 0)
+
+    def _own(self) -> dict[str, Any]:
+        """Settings that only this test has."""
+        return {}
+
+    @property
+    def spec(self) -> str:
+        """Name and settings, as the engine takes them."""
+        shared = {
+            "name": self._engine,
+            "seed": self.seed,
+            "significance": self.significance,
+            "sig_samples": self.sig_samples,
+            "sig_blocklength": self.sig_blocklength,
+            "confidence": self.confidence,
+            "conf_lev": self.conf_lev,
+            "conf_samples": self.conf_samples,
+            "conf_blocklength": self.conf_blocklength,
+        }
+        return json.dumps({**shared, **self._own()}, default=lambda value: value.item())
+
+    def set_dataframe(self, dataframe: DataFrame) -> None:
+        """The data of `run_test` and `get_measure`."""
+        self.dataframe = dataframe
+
+    def set_mask_type(self, mask_type: str | None) -> None:
+        """The roles in which a masked value excludes a sample."""
+        self.mask_type = mask_type
+
+    def _ask(
+        self, frame: _native.Frame, x: tuple[int, int], y: tuple[int, int], z: Nodes, cut_off: int
+    ) -> tuple[float, float, tuple[float, float] | None, int, bool]:
+        def node(given: tuple[int, int]) -> tuple[int, int]:
+            if given[1] > 0:
+                raise SettingError(f"setting 'node': ({given[0]}, {given[1]}) is in the future; lags are 0 or less")
+            return (int(given[0]), -int(given[1]))
+
+        return _native.run_test(frame, self.spec, node(x), node(y), [node(each) for each in z], cut_off)
+
+    def _on_nodes(self, X: Nodes, Y: Nodes, Z: Nodes | None, tau_max: int, cut_off: str) -> Any:
+        if self.dataframe is None:
+            raise DataError("there are no data: call set_dataframe first")
+        if cut_off not in _CUT_OFFS:
+            raise SettingError(f"setting 'cut_off': '{cut_off}' is unknown; allowed: {', '.join(_CUT_OFFS)}")
+        z = [node for node in dict.fromkeys(map(tuple, Z or [])) if node not in [*map(tuple, X), *map(tuple, Y)]]
+        if len(X) != 1 or len(Y) != 1:
+            raise NotCovered("X or Y of several nodes are not covered by roscausal.tigramite")
+        max_lag = max(abs(node[1]) for node in (*X, *Y, *z))
+        start = {"2xtau_max": 2 * tau_max, "tau_max": tau_max, "max_lag": max_lag}.get(cut_off, max(max_lag, tau_max))
+        return self._ask(self.dataframe.frame(self.mask_type), X[0], Y[0], z, start)  # type: ignore[arg-type]
+
+    def run_test(
+        self,
+        X: Nodes,
+        Y: Nodes,
+        Z: Nodes | None = None,
+        tau_max: int = 0,
+        cut_off: str = "2xtau_max",
+        alpha_or_thres: float | None = None,
+    ) -> Any:
+        """Tests X _||_ Y | Z on the data frame.
+
+        Args:
+            X: One node `[(variable, -lag)]`; so is Y.
+            Z: Nodes.
+            tau_max: Largest lag of the run, for `cut_off`.
+            cut_off: Samples at the beginning that are not used: "2xtau_max", "tau_max", "max_lag".
+            alpha_or_thres: Level, or with "fixed_thres" the threshold.
+
+        Returns:
+            (value, p-value), and the decision if `alpha_or_thres` is given.
+        """
+        return self._decided(self._on_nodes(X, Y, Z, tau_max, cut_off), alpha_or_thres)
+
+    def _decided(self, found: Any, level: float | None) -> Any:
+        value, p_value, _, _, by_value = found
+        if by_value:
+            if level is None:
+                raise SettingError("setting 'alpha_or_thres': fixed_thres needs a threshold")
+            dependent = bool(abs(value) >= level)
+            p_value = 0.0 if dependent else 1.0
+        elif level is None:
+            return value, p_value
+        else:
+            dependent = bool(p_value <= level)
+        return value, p_value, dependent
+
+    def run_test_raw(
+        self,
+        x: ArrayLike,
+        y: ArrayLike,
+        z: ArrayLike | None = None,
+        x_type: None = None,
+        y_type: None = None,
+        z_type: None = None,
+        alpha_or_thres: float | None = None,
+    ) -> Any:
+        """Tests x _||_ y | z on arrays.
+
+        Args:
+            x: (n,) or (n, 1); so is y.
+            z: (n, k), or None.
+            alpha_or_thres: Level, or with "fixed_thres" the threshold.
+
+        Returns:
+            (value, p-value), and the decision if `alpha_or_thres` is given.
+        """
+        not_covered(x_type=x_type, y_type=y_type, z_type=z_type)
+        parts = [_columns(x, "x"), _columns(y, "y"), *([] if z is None else [_columns(z, "z")])]
+        if parts[0].shape[1] != 1 or parts[1].shape[1] != 1:
+            raise NotCovered("x or y of several columns are not covered by roscausal.tigramite")
+        if len({part.shape[0] for part in parts}) != 1:
+            raise DataError(f"x, y and z have {', '.join(str(part.shape[0]) for part in parts)} samples; give the same number")
+        array = np.ascontiguousarray(np.hstack(parts))
+        frame = _native.Frame([array], [f"x{k}" for k in range(array.shape[1])])
+        found = self._ask(frame, (0, 0), (1, 0), [(k, 0) for k in range(2, array.shape[1])], 0)
+        return self._decided(found, alpha_or_thres)
+
+    def get_measure(self, X: Nodes, Y: Nodes, Z: Nodes | None = None, tau_max: int = 0, data_type: None = None) -> float:
+        """The value of the test X _||_ Y | Z on the data frame."""
+        not_covered(data_type=data_type)
+        value: float = self._on_nodes(X, Y, Z, tau_max, "2xtau_max")[0]
+        return value
+
+    def get_confidence(
+        self, X: Nodes, Y: Nodes, Z: Nodes | None = None, tau_max: int = 0, data_type: None = None
+    ) -> tuple[float, float] | None:
+        """The confidence interval of the value, if the test has one."""
+        not_covered(data_type=data_type)
+        limits: tuple[float, float] | None = self._on_nodes(X, Y, Z, tau_max, "2xtau_max")[2]
+        return limits
+
+    def __getattr__(self, name: str) -> Any:
+        if name.startswith("_"):
+            raise AttributeError(name)
+        raise NotCovered(f"{type(self).__name__}.{name} is not covered by roscausal.tigramite")
+
+
+KEYWORDS = (
+    "seed", "mask_type", "significance", "sig_samples", "sig_blocklength", "confidence", "conf_lev", "conf_samples",
+    "conf_blocklength", "recycle_residuals", "verbosity", "knn", "shuffle_neighbors", "transform", "workers",
+)  # fmt: skip
+
+#: Two independent variables, to try settings on.
+_PAIR = _native.Frame([np.ascontiguousarray((np.arange(24) * 7 % 11).reshape(12, 2).astype(float))], ["x", "y"])
+
+
+def _columns(values: ArrayLike, what: str) -> NDArray[np.float64]:
+    array = np.asarray(values, dtype=np.float64)
+    if array.ndim not in (1, 2):
+        raise DataError(f"{what} has shape {array.shape}; give (n,) or (n, k)")
+    return array.reshape(array.shape[0], -1)

@@ -1,0 +1,33 @@
+"""Refusing what is not covered, by its name."""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Iterable, Mapping
+
+from .._native import SettingError
+
+
+class NotCovered(NotImplementedError, AttributeError):
+    """Something of tigramite that roscausal does not have.
+
+    Example:
+        >>> from roscausal.tigramite.refusal import NotCovered
+        >>> issubclass(NotCovered, NotImplementedError)
+        True
+    """
+
+
+def not_covered(**given: object) -> None:
+    """Refuses the first of these arguments that was given (is neither None nor False)."""
+    for name, value in given.items():
+        if value is not None and value is not False:
+            raise NotCovered(f"{name} is not covered by roscausal.tigramite; leave it out, or use tigramite for this run")
+
+
+def unknown(where: str, given: Mapping[str, object], known: Iterable[str]) -> None:
+    """Refuses keywords that nobody knows, with the nearest known one."""
+    for name in given:
+        near = difflib.get_close_matches(name, known, 1)
+        hint = f"; did you mean '{near[0]}'?" if near else ""
+        raise SettingError(f"setting '{name}': {where} has no such keyword{hint}")

@@ -1,0 +1,124 @@
+"""What runs return, and what is made of it: graphs, lists of links, summaries of many runs, text."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .._native import SettingError
+from .refusal import NotCovered
+
+#: Marks by the engine's numbers.
+MARKS = np.array(["", "-->", "<--", "o-o", "x-x"], dtype="<U3")
+
+Links = Mapping[int, Mapping[tuple[int, int], str]]
+
+
+def link_list(assumptions: Links | None, tau_min: int, tau_max: int) -> list[list[Any]] | None:
+    """The engine's list of `{effect: {(cause, -lag): mark}}`, within these lags."""
+    if assumptions is None:
+        return None
+    links: list[list[Any]] = []
+    for effect, causes in assumptions.items():
+        for (cause, lag), mark in causes.items():
+            if lag > 0:
+                raise SettingError(f"setting 'link_assumptions': ({cause}, {lag}) is in the future; lags are 0 or less")
+            if mark != "" and tau_min <= -lag <= tau_max:
+                links.append([int(cause), int(effect), -int(lag), mark])
+    return links
+
+
+def graph_of_p(
+    p_matrix: NDArray[Any], alpha_level: float, tau_min: int, tau_max: int, link_assumptions: Links | None
+) -> NDArray[np.str_]:
+    """Marks (N, N, tau_max + 1) of the links whose p-value is at most the level."""
+    p_values = np.asarray(p_matrix)
+    graph = np.full(p_values.shape, "", dtype="<U3")
+    there = p_values <= alpha_level
+    lags = np.arange(p_values.shape[2])
+    there[:, :, (lags < tau_min) | (lags > tau_max)] = False
+    n = p_values.shape[0]
+    there[np.arange(n), np.arange(n), 0] = False
+    graph[there] = "-->"
+    graph[:, :, 0][there[:, :, 0]] = "o-o"
+    if link_assumptions is not None:
+        allowed = np.full(p_values.shape, "", dtype="<U3")
+        for cause, effect, lag, mark in link_list(link_assumptions, tau_min, tau_max) or []:
+            allowed[cause, effect, lag] = mark.replace("?", "-")
+            if lag == 0:
+                mirrored = {"-->": "<--", "<--": "-->"}
+                mark = mark.replace("?", "-")
+                allowed[effect, cause, 0] = mirrored.get(mark, mark)
+        graph = np.where(graph != "", allowed, "").astype("<U3")
+    return graph
+
+
+def graph_as_dict(graph: NDArray[Any]) -> dict[int, dict[tuple[int, int], str]]:
+    """`{effect: {(cause, -lag): mark}}`."""
+    links: dict[int, dict[tuple[int, int], str]] = {effect: {} for effect in range(graph.shape[0])}
+    for cause, effect, lag in zip(*np.where(np.asarray(graph) != "")):
+        links[int(effect)][int(cause), -int(lag)] = str(graph[cause, effect, lag])
+    return links
+
+
+def parents_of(graph: NDArray[Any], val_matrix: NDArray[Any], lagzero: bool) -> dict[int, list[tuple[int, int]]]:
+    """The parents of each variable, the strongest first."""
+    parents = {}
+    for effect, links in graph_as_dict(graph).items():
+        found = [node for node, mark in links.items() if mark == "-->" and (node[1] < 0 or lagzero)]
+        parents[effect] = sorted(found, key=lambda node: -abs(val_matrix[node[0], effect, -node[1]]))
+    return parents
+
+
+def summary(results: Mapping[str, Any], conf_lev: float = 0.9, aggregation: str = "majority") -> dict[str, Any]:
+    """The most frequent marks of many runs, how frequent they are, mean values and intervals."""
+    if aggregation != "majority":
+        raise NotCovered(f"aggregation='{aggregation}' is not covered by roscausal.tigramite; it has 'majority'")
+    graphs = np.asarray(results["graph"])
+    counts = {mark: (graphs == mark).sum(axis=0) for mark in np.unique(graphs)}
+    most = np.max(list(counts.values()), axis=0)
+    tied = {mark: count == most for mark, count in counts.items()}
+    low, high = (1 - conf_lev) / 2, (1 + conf_lev) / 2
+    values = np.asarray(results["val_matrix"])
+    return {
+        "most_frequent_links": _winner(tied, most.shape),
+        "link_frequency": np.sum(list(tied.values()), axis=0) * most / graphs.shape[0],
+        "val_matrix_mean": values.mean(axis=0),
+        "val_matrix_interval": np.stack([np.quantile(values, q, axis=0) for q in (low, high)], axis=3),
+    }
+
+
+def _winner(tied: Mapping[str, NDArray[Any]], shape: tuple[int, ...]) -> NDArray[np.str_]:
+    """The mark of the most frequent ones that counts: no link before x-x before o-o; --> and <-- together are x-x."""
+    nowhere = np.zeros(shape, dtype=bool)
+    forward, back = tied.get("-->", nowhere), tied.get("<--", nowhere)
+    winner = np.where(forward & back, "x-x", np.where(forward, "-->", "<--")).astype("<U3")
+    for mark in ("o-o", "x-x", ""):
+        winner[tied.get(mark, nowhere)] = mark
+    return winner
+
+
+def text(
+    names: Sequence[str],
+    p_matrix: NDArray[Any],
+    val_matrix: NDArray[Any],
+    conf_matrix: NDArray[Any] | None,
+    graph: NDArray[Any],
+    alpha_level: float,
+) -> str:
+    """The links as lines, in the reference's layout."""
+    lines = [f"\n## Significant links at alpha = {alpha_level}:"]
+    for effect, links in graph_as_dict(graph).items():
+        strength = {node: abs(val_matrix[node[0], effect, -node[1]]) for node in links}
+        lines.append(f"\n    Variable {names[effect]} has {len(links)} link(s):")
+        for cause, lag in sorted(links, key=lambda node: -strength[node]):
+            at = (cause, effect, -lag)
+            line = f"        ({names[cause]} {lag}): pval = {p_matrix[at]:.5f} | val = {val_matrix[at]: .3f}"
+            if conf_matrix is not None:
+                line += f" | conf = ({conf_matrix[at][0]:.3f}, {conf_matrix[at][1]:.3f})"
+            note = {"o-o": " | unoriented link", "x-x": " | unclear orientation due to conflict"}
+            lines.append(line + note.get(links[cause, lag], ""))
+    return "\n".join(lines)

@@ -1,0 +1,98 @@
+//! From settings to a model, and the words that settings take.
+
+use std::{sync::PoisonError, time::Instant};
+
+use pyo3::{prelude::*, types::PyString};
+use roscausal_discovery::{
+    CondIndTest, Result, Settings, analyse, analyse_with,
+    independence_tests::{self, by_name},
+    methods::{Fdr, Method},
+    transfer_entropy::TeEstimator,
+};
+use serde_json::json;
+
+use crate::{
+    errors::raised,
+    frame::Frame,
+    settings::{Given, of_analysis, of_test},
+    user_test::{Failure, UserTest},
+    watched::{Means, watched},
+};
+
+/// A test as the Python files give it: the JSON of its name and settings, or the user's own.
+pub(crate) fn test_of(
+    test: &Bound<'_, PyAny>,
+    tau_max: usize,
+) -> Result<(Box<dyn CondIndTest>, Option<Failure>)> {
+    if let Ok(json) = test.cast::<PyString>() {
+        let (name, settings) = of_test(&json.to_string_lossy())?;
+        return Ok((by_name(&name, &settings)?, None));
+    }
+    let own = UserTest::new(test, tau_max)?;
+    let failure = own.failure();
+    Ok((Box::new(own), Some(failure)))
+}
+
+/// The exception of the user's test, if that is why a run failed.
+pub(crate) fn own_exception(failure: Option<&Failure>, error: PyErr) -> PyErr {
+    let theirs = failure.and_then(|slot| slot.lock().unwrap_or_else(PoisonError::into_inner).take());
+    theirs.unwrap_or(error)
+}
+
+/// `threads` and `time_budget` of the settings.
+pub(crate) fn means<'py>(given: &mut Given, progress: Option<Bound<'py, PyAny>>) -> Result<Means<'py>> {
+    Ok(Means {
+        threads: given.count("threads")?.unwrap_or(0),
+        time_budget: given.number("time_budget")?,
+        progress,
+    })
+}
+
+/// The JSON of the model of `frame`. `settings` is a JSON object; `test` a user's own test, else the settings name one.
+#[pyfunction]
+#[pyo3(signature = (frame, settings, test=None, progress=None))]
+pub(crate) fn discover(
+    py: Python<'_>,
+    frame: &Frame,
+    settings: &str,
+    test: Option<Bound<'_, PyAny>>,
+    progress: Option<Bound<'_, PyAny>>,
+) -> PyResult<String> {
+    let mut given = Given::read(settings).map_err(raised)?;
+    let (dt, warnings) = (given.number("dt").map_err(raised)?, given.take("warnings"));
+    let means = means(&mut given, progress).map_err(raised)?;
+    let settings: Settings = of_analysis(&mut given).map_err(raised)?;
+    given.end().map_err(raised)?;
+    let own = test.map(|test| test_of(&test, settings.tau_max)).transpose().map_err(raised)?;
+    let (own, failure) = own.map_or((None, None), |(test, failure)| (Some(test), failure));
+    let (data, start) = (frame.data(), Instant::now());
+    let found = watched(py, &means, move |control| match &own {
+        Some(test) => analyse_with(&data, test.as_ref(), &settings, control),
+        None => analyse(&data, &settings, control),
+    });
+    let mut model = found.map_err(|error| own_exception(failure.as_ref(), error))?;
+    model.run_time_s = Some(start.elapsed().as_secs_f64());
+    model.dt = dt;
+    let warnings: Vec<String> =
+        warnings.and_then(|list| serde_json::from_value(list).ok()).unwrap_or_default();
+    model.warnings.splice(0..0, warnings);
+    Ok(model.to_json())
+}
+
+/// The words that settings take, and the methods' defaults, as JSON.
+#[pyfunction]
+pub(crate) fn words() -> String {
+    let methods: serde_json::Map<_, _> = Method::all()
+        .map(|method| {
+            let info = method.info();
+            (info.name.to_owned(), json!({ "tau_min": info.tau_min, "pc_alpha": info.pc_alpha }))
+        })
+        .collect();
+    json!({
+        "methods": methods,
+        "tests": independence_tests::names().collect::<Vec<_>>(),
+        "te_estimators": TeEstimator::NAMES,
+        "fdr": Fdr::NAMES,
+    })
+    .to_string()
+}

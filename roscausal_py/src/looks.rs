@@ -1,0 +1,41 @@
+//! A model as text, graph file or picture.
+
+use numpy::PyReadonlyArray2;
+use pyo3::{prelude::*, types::PyBytes};
+use roscausal_discovery::{Error, Model, draw};
+
+use crate::errors::{raised, raised_by_program};
+
+/// The model of this JSON as `text`, `dot`, `graphml`, `csv`, `dag`, `tsdag` (both SVG) or `json` (as in a file).
+#[pyfunction]
+pub(crate) fn export(model: &str, what: &str) -> PyResult<String> {
+    let model: Model = serde_json::from_str(model)
+        .map_err(|e| raised(Error::Data(format!("this is not a model of schema roscausal/model/1: {e}"))))?;
+    match what {
+        "text" => Ok(roscausal::text(&model)),
+        "dot" => Ok(roscausal::dot(&model)),
+        "graphml" => Ok(roscausal::graphml(&model)),
+        "csv" => {
+            let table = roscausal::links_csv(&model).map_err(raised_by_program)?;
+            Ok(String::from_utf8_lossy(&table).into_owned())
+        }
+        "dag" => Ok(draw::dag(&model)),
+        "tsdag" => Ok(draw::tsdag(&model)),
+        "json" => Ok(model.to_file_json()),
+        other => Err(raised(Error::param("what", format!("'{other}' is no format of a model")))),
+    }
+}
+
+/// The series (T, N) as SVG.
+#[pyfunction]
+#[pyo3(signature = (names, values, dt=None))]
+pub(crate) fn series(names: Vec<String>, values: PyReadonlyArray2<'_, f64>, dt: Option<f64>) -> String {
+    draw::series(&names, values.as_array(), dt)
+}
+
+/// An SVG picture as PNG, `scale` pixels per unit.
+#[pyfunction]
+pub(crate) fn picture<'py>(py: Python<'py>, svg: &str, scale: f32) -> PyResult<Bound<'py, PyBytes>> {
+    let image = py.detach(|| draw::rasterise(svg, scale)).map_err(raised)?;
+    Ok(PyBytes::new(py, &image.png))
+}

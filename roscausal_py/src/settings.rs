@@ -1,0 +1,216 @@
+//! Settings as JSON objects, as the Python files make them, read into the engine's. A key that nobody reads is an error.
+
+use roscausal_discovery::{
+    Error, LinkAssumptions, Node, PcAlpha, Result, Settings,
+    independence_tests::{Confidence, Significance, TestSettings},
+    methods::{PcmciPlusSettings, PcmciSettings},
+};
+use serde_json::{Map, Value};
+
+/// A JSON object whose keys are taken one by one.
+pub(crate) struct Given(Map<String, Value>);
+
+impl Given {
+    /// Reads the object.
+    pub(crate) fn read(json: &str) -> Result<Self> {
+        match serde_json::from_str(json) {
+            Ok(Value::Object(map)) => Ok(Self(map)),
+            _ => Err(Error::param("settings", "they are not a JSON object")),
+        }
+    }
+
+    /// A value that is given and not null.
+    pub(crate) fn take(&mut self, name: &str) -> Option<Value> {
+        self.0.remove(name).filter(|value| !value.is_null())
+    }
+
+    /// A number.
+    pub(crate) fn number(&mut self, name: &str) -> Result<Option<f64>> {
+        let wrong = |value: &Value| Error::param(name, format!("{value} is not a number"));
+        self.take(name).map(|value| value.as_f64().ok_or_else(|| wrong(&value))).transpose()
+    }
+
+    /// A whole number, not negative.
+    pub(crate) fn count(&mut self, name: &str) -> Result<Option<usize>> {
+        let wrong = |value: &Value| Error::param(name, format!("{value} is not a whole number of 0 or more"));
+        let read =
+            |value: Value| value.as_u64().and_then(|n| usize::try_from(n).ok()).ok_or_else(|| wrong(&value));
+        self.take(name).map(read).transpose()
+    }
+
+    /// A word.
+    pub(crate) fn word(&mut self, name: &str) -> Result<Option<String>> {
+        let wrong = |value: &Value| Error::param(name, format!("{value} is not a word"));
+        self.take(name)
+            .map(|value| value.as_str().map(str::to_owned).ok_or_else(|| wrong(&value)))
+            .transpose()
+    }
+
+    /// True or false.
+    pub(crate) fn flag(&mut self, name: &str) -> Result<Option<bool>> {
+        let wrong = |value: &Value| Error::param(name, format!("{value} is neither true nor false"));
+        self.take(name).map(|value| value.as_bool().ok_or_else(|| wrong(&value))).transpose()
+    }
+
+    /// A list of numbers; one number is a list of one.
+    fn numbers(&mut self, name: &str) -> Result<Option<Vec<f64>>> {
+        let wrong =
+            |value: &Value| Error::param(name, format!("{value} is not a number or a list of numbers"));
+        let read = |value: Value| match &value {
+            Value::Array(list) => list.iter().map(|v| v.as_f64().ok_or_else(|| wrong(v))).collect(),
+            other => other.as_f64().map(|v| vec![v]).ok_or_else(|| wrong(other)),
+        };
+        self.take(name).map(read).transpose()
+    }
+
+    /// Fails if a key was not taken.
+    pub(crate) fn end(self) -> Result<()> {
+        match self.0.keys().next() {
+            None => Ok(()),
+            Some(name) => Err(Error::param(name, "there is no such setting")),
+        }
+    }
+}
+
+/// The settings of an analysis, as `rc.discover` gives them.
+pub(crate) fn of_analysis(given: &mut Given) -> Result<Settings> {
+    let mut settings = Settings::default();
+    if let Some(method) = given.word("method")? {
+        settings.method = method.parse()?;
+    }
+    settings.tau_min = settings.method.info().tau_min;
+    set(&mut settings.cond_ind_test, given.word("test")?);
+    set(&mut settings.alpha, given.number("alpha")?);
+    set(&mut settings.tau_min, given.count("tau_min")?);
+    set(&mut settings.tau_max, given.count("tau_max")?);
+    settings.pc_alpha = match given.take("pc_alpha") {
+        None => PcAlpha::Default,
+        Some(Value::String(text)) if text == "auto" => PcAlpha::ByScore,
+        Some(value) => PcAlpha::Fixed(value.as_f64().ok_or_else(|| {
+            Error::param("pc_alpha", format!("{value} is neither a number in (0, 1) nor 'auto'"))
+        })?),
+    };
+    settings.f_alpha = given.number("f_alpha")?;
+    if let Some(estimator) = given.word("te_estimator")? {
+        settings.te_estimator = estimator.parse()?;
+    }
+    if let Some(fdr) = given.word("fdr")? {
+        settings.fdr = fdr.parse()?;
+    }
+    if let Some(search) = given.word("gp_search")? {
+        settings.gp_search = search.parse()?;
+    }
+    set(&mut settings.gp_restarts, given.count("gp_restarts")?);
+    settings.max_memory = given.count("max_memory")?;
+    if let Some(seed) = given.count("seed")? {
+        settings.seed = seed as u64;
+    }
+    if let Some(Value::Array(names)) = given.take("exogenous") {
+        settings.exogenous = names.iter().filter_map(Value::as_str).map(str::to_owned).collect();
+    }
+    Ok(settings)
+}
+
+/// The settings of a method, with the reference's words.
+pub(crate) fn of_method(given: &mut Given, n_vars: usize) -> Result<(PcmciSettings, PcmciPlusSettings)> {
+    let mut settings = PcmciSettings { tau_min: 0, ..PcmciSettings::default() };
+    set(&mut settings.tau_min, given.count("tau_min")?);
+    set(&mut settings.tau_max, given.count("tau_max")?);
+    // No level: a score chooses one.
+    settings.pc_alpha = given.numbers("pc_alpha")?.unwrap_or_default();
+    set(&mut settings.alpha_level, given.number("alpha_level")?);
+    settings.max_conds_dim = given.count("max_conds_dim")?;
+    set(&mut settings.max_combinations, given.count("max_combinations")?);
+    settings.max_conds_py = given.count("max_conds_py")?;
+    settings.max_conds_px = given.count("max_conds_px")?;
+    settings.max_conds_px_lagged = given.count("max_conds_px_lagged")?;
+    if let Some(fdr) = given.word("fdr_method")? {
+        settings.fdr = fdr.parse()?;
+    }
+    settings.link_assumptions =
+        given.take("link_assumptions").map(|links| links_of(&links, n_vars)).transpose()?;
+    let mut plus = PcmciPlusSettings::default();
+    if let Some(rule) = given.word("contemp_collider_rule")? {
+        plus.contemp_collider_rule = rule.parse()?;
+    }
+    set(&mut plus.conflict_resolution, given.flag("conflict_resolution")?);
+    set(&mut plus.reset_lagged_links, given.flag("reset_lagged_links")?);
+    Ok((settings, plus))
+}
+
+fn set<T>(place: &mut T, value: Option<T>) {
+    if let Some(value) = value {
+        *place = value;
+    }
+}
+
+/// `[[cause, effect, lag, mark], ..]`.
+fn links_of(value: &Value, n_vars: usize) -> Result<LinkAssumptions> {
+    let mut links = LinkAssumptions::none(n_vars);
+    for link in value.as_array().into_iter().flatten() {
+        let at = |k: usize| link[k].as_u64().and_then(|v| usize::try_from(v).ok());
+        let (Some(cause), Some(effect), Some(lag), Some(mark)) = (at(0), at(1), at(2), link[3].as_str())
+        else {
+            return Err(Error::param(
+                "link_assumptions",
+                format!("{link} is not [cause, effect, lag, mark]"),
+            ));
+        };
+        links.insert(cause, effect, lag, mark.parse()?)?;
+    }
+    Ok(links)
+}
+
+/// `[[[variable, lag], ..], ..]`: a list of nodes per target.
+pub(crate) fn parents_of(value: &Value) -> Result<Vec<Vec<Node>>> {
+    let wrong = |node: &Value| Error::param("parents", format!("{node} is not [variable, lag]"));
+    let node = |node: &Value| {
+        let at = |k: usize| node[k].as_u64().and_then(|v| usize::try_from(v).ok());
+        at(0).zip(at(1)).map(|(var, lag)| Node::new(var, lag)).ok_or_else(|| wrong(node))
+    };
+    let lists = value.as_array().into_iter().flatten();
+    lists.map(|list| list.as_array().into_iter().flatten().map(node).collect()).collect()
+}
+
+/// Name and settings of an independence test.
+pub(crate) fn of_test(json: &str) -> Result<(String, TestSettings)> {
+    let mut given = Given::read(json)?;
+    let name = given.word("name")?.unwrap_or_default();
+    let mut settings = TestSettings {
+        significance: given.word("significance")?.map(|word| significance(&word)).transpose()?,
+        sig_samples: given.count("sig_samples")?,
+        sig_blocklength: given.count("sig_blocklength")?,
+        confidence: given.word("confidence")?.map(|word| confidence(&word)).transpose()?,
+        conf_blocklength: given.count("conf_blocklength")?,
+        knn: given.number("knn")?,
+        shuffle_neighbors: given.count("shuffle_neighbors")?,
+        transform: given.word("transform")?,
+        max_memory: given.count("max_memory")?,
+        ..TestSettings::default()
+    };
+    set(&mut settings.conf_lev, given.number("conf_lev")?);
+    set(&mut settings.conf_samples, given.count("conf_samples")?);
+    set(&mut settings.seed, given.count("seed")?.map(|seed| seed as u64));
+    given.end()?;
+    Ok((name, settings))
+}
+
+fn significance(word: &str) -> Result<Significance> {
+    match word {
+        "analytic" => Ok(Significance::Analytic),
+        "shuffle_test" => Ok(Significance::ShuffleTest),
+        "fixed_thres" => Ok(Significance::FixedThres),
+        _ => {
+            let reason = format!("'{word}' is unknown; allowed: analytic, shuffle_test, fixed_thres");
+            Err(Error::param("significance", reason))
+        }
+    }
+}
+
+fn confidence(word: &str) -> Result<Confidence> {
+    match word {
+        "analytic" => Ok(Confidence::Analytic),
+        "bootstrap" => Ok(Confidence::Bootstrap),
+        _ => Err(Error::param("confidence", format!("'{word}' is unknown; allowed: analytic, bootstrap"))),
+    }
+}

@@ -1,0 +1,344 @@
+"""`rc.discover`: what it takes, what it gives, and what the command gives."""
+
+import json
+import multiprocessing
+import os
+import pathlib
+import pickle
+import signal
+import subprocess
+import sys
+import threading
+import time
+
+import numpy as np
+import pytest
+
+import roscausal as rc
+
+COMMAND = pathlib.Path(sys.executable).parent / "roscausal"
+
+
+def drives(model):
+    return {(link.cause, link.effect) for link in model.links if link.cause != link.effect}
+
+
+def written(folder, x, names="abc"):
+    path = folder / "data.csv"
+    np.savetxt(path, x, fmt="%.17g", delimiter=",", header=",".join(names), comments="")
+    return path
+
+
+@pytest.mark.parametrize("method", ["fpcmci", "pcmci", "pcmciplus", "fullci", "bivci", "lagdep"])
+def test_a_model_has_the_bytes_of_the_commands(chain, tmp_path, method):
+    path = written(tmp_path, chain)
+    subprocess.run(
+        [COMMAND, "discover", path, "--method", method, "--test", "parcorr", "--tau-max", "2", "--out", tmp_path / "out"],
+        check=True, capture_output=True,
+    )  # fmt: skip
+    model = rc.discover(chain, columns=list("abc"), method=method, test="parcorr", tau_max=2)
+    assert model.to_json() == (tmp_path / "out" / "model.json").read_text()
+    assert rc.discover(path, method=method, test="parcorr", tau_max=2) == model
+
+
+def test_several_files_are_recordings_of_one_system(chain, tmp_path, quick):
+    (tmp_path / "1").mkdir()
+    files = [written(tmp_path, chain[:150]), written(tmp_path / "1", chain[150:])]
+    model = rc.discover(files, **quick)
+    assert model == rc.discover([chain[:150], chain[150:]], columns=list("abc"), **quick)
+    assert model.settings["n_recordings"] == 2
+    assert model != rc.discover(chain, columns=list("abc"), **quick)
+
+
+def test_every_layout_of_an_array_gives_the_same_model(chain, quick):
+    model = rc.discover(chain, **quick)
+    readonly = chain.copy()
+    readonly.flags.writeable = False
+    doubled = np.repeat(chain, 2, axis=0)[::2]
+    for array in (np.asfortranarray(chain), chain.astype(">f8"), readonly, doubled, np.ma.array(chain)):
+        assert rc.discover(array, **quick) == model
+    single = rc.discover(chain.astype(np.float32), **quick)
+    assert np.allclose(single.val_matrix, model.val_matrix, atol=1e-6)
+    whole = (chain * 100).astype(np.int32)
+    assert drives(rc.discover(whole, **quick)) == drives(model)
+
+
+def test_masked_values_are_missing_values(chain, quick):
+    holes = np.zeros(chain.shape, dtype=bool)
+    holes[20:30, 1] = True
+    masked = rc.discover(np.ma.array(chain, mask=holes), **quick)
+    assert masked == rc.discover(np.where(holes, np.nan, chain), **quick)
+    assert any(link.n_lost > 0 for link in masked.links)
+
+
+def test_tables_and_dicts_give_the_model_of_their_array(chain, quick):
+    model = rc.discover(chain, columns=list("abc"), **quick)
+    assert rc.discover({name: chain[:, k] for k, name in enumerate("abc")}, **quick) == model
+    assert rc.discover(chain, columns=list("abc"), **quick).to_json() == model.to_json()
+    picked = rc.discover({name: chain[:, k] for k, name in enumerate("abc")}, columns=["c", "a"], **quick)
+    assert picked.features == ["c", "a"]
+
+
+
+
+def test_time_gives_the_step_and_is_no_variable(chain, quick):
+    times = np.arange(300) * 0.25
+    model = rc.discover({"time": times, "a": chain[:, 0], "b": chain[:, 1]}, **quick)
+    assert model.dt == 0.25 and model.features == ["a", "b"]
+    with pytest.raises(rc.DataError, match="does not rise at row 3"):
+        rc.discover({"time": np.where(np.arange(300) == 3, 0, times), "a": chain[:, 0], "b": chain[:, 1]}, **quick)
+
+
+@pytest.mark.parametrize(
+    ("data", "message"),
+    [
+        (np.zeros(30), "(T, N)"),
+        (np.zeros((3, 4, 5)), "(T, N)"),
+        (np.array([["a", "b"]]), "not numbers"),
+        (np.zeros((30, 2), complex), "not numbers"),
+        (np.zeros((0, 2)), "samples"),
+        (np.zeros((30, 1)), "only one variable"),
+        (np.full((30, 2), np.inf), "inf"),
+        ([], "empty"),
+        ([1.0, 2.0], "one variable"),
+        ({"a": [1.0, 2.0], "b": [1.0]}, "different lengths"),
+        ({"a": np.zeros(30), "b": ["x"] * 30}, "'b'"),
+        ([np.zeros((30, 2)), np.zeros((30, 3))], "recording 1"),
+        ("nowhere.csv", "nowhere.csv"),
+        (object(), "not understood"),
+    ],
+)
+def test_data_that_cannot_be_analysed_are_refused_in_a_sentence(data, message):
+    with pytest.raises(rc.DataError, match=message.replace("(", r"\(").replace(")", r"\)")):
+        rc.discover(data, method="pcmci", test="parcorr")
+
+
+@pytest.mark.parametrize(
+    ("settings", "message"),
+    [
+        ({"alpha": 0}, "alpha"),
+        ({"method": "pcmc"}, "did you mean 'pcmci'"),
+        ({"test": "parcor"}, "did you mean 'parcorr'"),
+        ({"tau_min": 3}, "tau_max"),
+        ({"tau_max": 0}, "tau_max"),
+        ({"tau_max": 1.5}, "tau_max"),
+        ({"tau_max": 400}, "tau_max"),
+        ({"fdr": "bonferroni"}, "fdr_bh"),
+        ({"pc_alpha": "score"}, "pc_alpha"),
+        ({"time_budget": -1.0}, "time_budget"),
+        ({"exogenous": ["weather"]}, "weather"),
+        ({"columns": ["x"]}, "columns"),
+        ({"test": 3}, "test"),
+        ({"alpha": object()}, "neither a number"),
+    ],
+)
+def test_settings_that_are_not_allowed_are_refused_with_pythons_names(chain, settings, message):
+    with pytest.raises(ValueError, match=message) as caught:
+        rc.discover(chain, **{"method": "pcmci", "test": "parcorr", **settings})
+    assert "--" not in str(caught.value) and isinstance(caught.value, (rc.SettingError, rc.DataError))
+
+
+def test_numpys_numbers_are_settings_like_any(chain):
+    model = rc.discover(chain, method="pcmci", test="parcorr", tau_max=np.int64(2), alpha=np.float32(0.05), seed=np.uint8(3))
+    assert model.settings["tau_max"] == 2
+
+
+def test_threads_do_not_change_the_result(chain):
+    one = rc.discover(chain, test="gpdc", threads=1)
+    assert one == rc.discover(chain, test="gpdc", threads=3)
+
+
+def test_models_come_from_many_threads_and_forks(chain, quick):
+    model, found = rc.discover(chain, **quick), []
+    threads = [threading.Thread(target=lambda: found.append(rc.discover(chain, **quick))) for _ in range(8)]
+    [thread.start() for thread in threads]
+    [thread.join() for thread in threads]
+    assert found == [model] * 8
+    if hasattr(os, "fork"):
+        with multiprocessing.get_context("fork").Pool(2) as pool:
+            assert pool.starmap(forked, [(chain, quick)] * 4) == [model] * 4
+
+
+def forked(data, settings):
+    return rc.discover(data, **settings)
+
+
+def test_progress_reaches_its_total_and_an_exception_of_it_ends_the_run(chain, capsys):
+    calls = []
+    rc.discover(chain, method="pcmci", progress=lambda done, total: calls.append((done, total)))
+    assert calls[-1][0] == calls[-1][1] > 0
+    rc.discover(chain, method="pcmci", progress=True)
+    assert "tests" in capsys.readouterr().err
+
+    def refuse(done, total):
+        raise RuntimeError("enough")
+
+    with pytest.raises(RuntimeError, match="enough"):
+        rc.discover(chain, method="pcmci", progress=refuse)
+
+
+def test_a_time_budget_gives_a_partial_model():
+    x = np.random.default_rng(1).normal(size=(400, 6))
+    model = rc.discover(x, method="pcmci", test="cmiknn", time_budget=0.2)
+    assert model.status.startswith("partial")
+    assert "partial" in model._repr_html_() and "partial" in str(model)
+
+
+def test_ctrl_c_ends_an_analysis():
+    code = (
+        "import numpy as np, roscausal as rc\nprint('start', flush=True)\n"
+        "x = np.random.default_rng(1).normal(size=(800, 8))\n"
+        "try:\n    rc.discover(x, method='pcmci', test='cmiknn')\nexcept KeyboardInterrupt:\n    print('interrupted')\n"
+    )
+    run = subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE, text=True)
+    assert run.stdout.readline() == "start\n"
+    time.sleep(0.5)
+    run.send_signal(signal.SIGINT)
+    assert run.communicate(timeout=60)[0] == "interrupted\n" and run.returncode == 0
+
+
+def correlation(x, y, z):
+    """A test of one's own: correlation of residuals."""
+    ones = np.column_stack([np.ones(len(x)), z])
+    rx, ry = (v - ones @ np.linalg.lstsq(ones, v, rcond=None)[0] for v in (x, y))
+    r = rx @ ry / np.sqrt((rx @ rx) * (ry @ ry))
+    return r, min(1.0, 2 * np.exp(-0.5 * len(x) * r * r))
+
+
+class Raw:
+    """The same as an object."""
+
+    def __init__(self):
+        self.shapes = set()
+
+    def run_test_raw(self, x, y, z=None):
+        self.shapes.add((x.shape[1], y.shape[1]))
+        return correlation(x[:, 0], y[:, 0], np.empty((len(x), 0)) if z is None else z)
+
+
+class Oracle:
+    """Knows that only 0 -> 1 at lag 1 exists."""
+
+    def run_test(self, X, Y, Z, tau_max):
+        known = X == [(0, -1)] and Y == [(1, 0)]
+        return (1.0, 0.0) if known else (0.0, 1.0)
+
+
+def test_a_users_own_test_decides(chain):
+    raw = Raw()
+    for test in (correlation, raw):
+        model = rc.discover(chain, method="pcmci", test=test)
+        assert {("x0", "x1"), ("x1", "x2")} <= drives(model)
+        assert model.settings["cond_ind_test"] == "custom"
+    assert raw.shapes == {(1, 1)}
+    assert drives(rc.discover(chain, method="pcmci", test=Oracle())) == {("x0", "x1")}
+
+
+def test_faults_of_a_users_own_test_come_out_as_they_are(chain):
+    def broken(x, y, z):
+        raise ZeroDivisionError("mine")
+
+    with pytest.raises(ZeroDivisionError, match="mine"):
+        rc.discover(chain, method="pcmci", test=broken)
+    for answer in ((float("nan"), 0.5), (0.5, 1.5), (0.5, float("nan"))):
+        with pytest.raises(rc.DataError, match=r"X = \("):
+            rc.discover(chain, method="pcmci", test=lambda x, y, z, answer=answer: answer)
+    with pytest.raises(TypeError):
+        rc.discover(chain, method="pcmci", test=lambda x, y, z: None)
+
+
+def test_a_model_stays_itself_through_files_and_pickles(chain, quick, tmp_path):
+    model = rc.discover(chain, **quick)
+    model.save(tmp_path / "model.json")
+    assert rc.load(tmp_path / "model.json") == model == pickle.loads(pickle.dumps(model))
+    assert len({model, rc.Model(model.to_json())}) == 1 and model != "model"
+    assert model.to_dict()["features"] == model.features
+    with pytest.raises(rc.DataError, match="model"):
+        rc.Model(json.dumps({"schema": "other"}))
+    with pytest.raises(ValueError):
+        model.val_matrix[0, 0, 0] = 1.0
+
+
+def test_a_model_shows_itself(chain, quick, tmp_path):
+    model = rc.discover({"<b>": chain[:, 0], "b": chain[:, 1]}, **quick)
+    html = model._repr_html_()
+    assert "<svg" in html and "&lt;b&gt;" in html and "<script" not in html and "<b></td>" not in html
+    assert "drives b" in str(model) and "2 variables" in repr(model)
+    for picture in (model.dag(), model.tsdag(), model.series()):
+        assert picture._repr_svg_().startswith("<svg")
+    model.dag().save(tmp_path / "dag.png")
+    model.series().save(tmp_path / "series.svg")
+    assert (tmp_path / "dag.png").read_bytes()[:4] == b"\x89PNG"
+    with pytest.raises(rc.SettingError, match=".pdf"):
+        model.dag().save("dag.pdf")
+    with pytest.raises(rc.DataError, match="data of this model"):
+        rc.Model(model.to_json()).series()
+    assert "digraph" in model.to_dot() and "<graphml" in model.to_graphml()
+    assert model.to_csv().startswith("cause,effect,lag")
+
+
+class Message:
+    """A ROS message: its fields."""
+
+    def __init__(self, **fields):
+        self.__dict__.update(fields)
+
+
+def test_a_ros_message_becomes_the_model_that_it_came_from(chain, quick):
+    model = rc.discover(chain, columns=list("abc"), **quick)
+    fields = model.to_dict()
+    flat = {name: Message(data=np.ravel(fields[key])) for name, key in
+            [("causal_structure", "causal_structure"), ("val_matrix", "val"), ("pval_matrix", "pval")]}  # fmt: skip
+    message = Message(features=model.features, original_shape=np.shape(fields["val"]), **flat)
+    back = rc.Model.from_msg(message)
+    assert [(link.cause, link.effect, link.lag, link.value) for link in back.links] == [
+        (link.cause, link.effect, link.lag, link.value) for link in model.links
+    ]
+    assert np.array_equal(back.graph, model.graph)
+    assert back.warnings and rc.Model.from_msg(message, INFO).settings["method"] == "pcmci"
+    with pytest.raises(rc.DataError, match="CausalModel"):
+        rc.Model.from_msg(Message())
+
+
+INFO = Message(
+    method="pcmci", cond_ind_test="parcorr", alpha=0.05, pc_alpha=0.2, fdr_method="none", min_lag=1, max_lag=2, dt=0.1,
+    n_samples=296, seed=42, candidate_features=["a", "b", "c"],
+)  # fmt: skip
+
+
+def test_the_command_comes_with_the_package(tmp_path):
+    run = subprocess.run([COMMAND, "--version"], capture_output=True, text=True, check=True)
+    assert run.stdout == f"roscausal {rc.__version__}\n"
+    run = subprocess.run([COMMAND, "discover", tmp_path / "none.csv"], capture_output=True, text=True)
+    assert run.returncode == 1 and "none.csv" in run.stderr
+
+
+def test_the_demo_is_the_commands(tmp_path):
+    subprocess.run([COMMAND, "demo", "--out", "command"], cwd=tmp_path, check=True, capture_output=True)
+    model = rc.demo(out=tmp_path / "python")
+    assert model.features == ["h_v", "h_dg", "h_risk"]
+    assert model == rc.load(tmp_path / "command" / "model.json") == rc.load(tmp_path / "python" / "model.json")
+
+
+@pytest.mark.parametrize("file", ["people.bag", "people.mcap"])
+def test_options_of_recordings_are_refused_for_what_is_none(tmp_path, file):
+    (tmp_path / file).write_bytes(b"no recording")
+    with pytest.raises(rc.DataError, match=file):
+        rc.read(tmp_path / file, person=7)
+    with pytest.raises(rc.SettingError, match="persn"):
+        rc.read(tmp_path / file, persn=7)
+
+
+def test_a_recording_is_read_as_the_command_reads_it(tmp_path):
+    subprocess.run(
+        [COMMAND, "demo", "--duration", "60", "--record", "run.mcap", "--out", "demo"],
+        cwd=tmp_path, capture_output=True, check=True,
+    )  # fmt: skip
+    subprocess.run(
+        [COMMAND, "discover", "run.mcap", "--test", "parcorr", "--method", "pcmci", "--dt", "0.3", "--out", "out"],
+        cwd=tmp_path, capture_output=True, check=True,
+    )  # fmt: skip
+    walk = rc.read(tmp_path / "run.mcap", dt=0.3)
+    model = rc.discover(walk, method="pcmci", test="parcorr")
+    assert model.dt == pytest.approx(0.3)
+    assert model == rc.load(tmp_path / "out" / "model.json")

@@ -1,0 +1,54 @@
+//! The `roscausal` command as a library: simulate, record, discover, replay. It needs no ROS.
+//!
+//! The program `roscausal` calls [`command`]; the Python package also calls the parts: [`run_demo`], [`read_recordings`], and
+//! a model in other programs' formats.
+
+mod chart;
+mod cli;
+mod demo;
+mod discover;
+mod expected;
+mod experiment;
+mod export;
+mod failure;
+mod flags;
+mod folders;
+mod html_report;
+mod interrupt;
+mod nodes;
+mod output;
+mod presets;
+mod recording;
+mod replay;
+mod report;
+mod sink;
+mod teleop;
+mod terminal;
+mod web;
+
+use std::ffi::OsString;
+
+pub use demo::run_demo;
+pub use discover::{Recordings, read_recordings};
+pub use export::{dot, graphml, links_csv};
+pub use report::text;
+
+/// Runs the command with these arguments, the first of which is its name, and returns its exit code: 0 finished,
+/// 1 failure, 2 wrong usage, 130 ended by Ctrl-C. Wrong usage and `--help` end the process.
+pub fn command<I: IntoIterator<Item = OsString>>(args: I) -> u8 {
+    let interrupt = interrupt::Interrupt::on_ctrl_c();
+    let cli = match cli::Cli::with_presets(args.into_iter().collect()) {
+        Ok(cli) => cli,
+        Err(error) => return failure::exit_code(Err(error), &interrupt),
+    };
+    cli.start_logging();
+    let done = match &cli.command {
+        cli::Command::Demo(args) => demo::run(args, &interrupt),
+        cli::Command::Replay(args) => replay::run(args, &interrupt),
+        cli::Command::Discover(args) => discover::run(args, &interrupt),
+        cli::Command::Experiment(args) => experiment::run(args, &interrupt),
+        cli::Command::Report(args) => html_report::run(args, &interrupt),
+        cli::Command::Teleop(args) => teleop::run(args),
+    };
+    failure::exit_code(done, &interrupt)
+}
