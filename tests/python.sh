@@ -15,7 +15,7 @@ failed=0
 part() { # what, then the command
   local what=$1
   shift
-  echo "== Python: $what"
+  echo "== Python: $what (after $SECONDS s)"
   "$@" || { echo "!!! FAILED: Python: $what" >&2; failed=$((failed + 1)); }
 }
 
@@ -50,13 +50,19 @@ part "the package is typed" "$clean/bin/python" -m mypy --strict --package rosca
 part "the stub is the native module" "$clean/bin/python" -m mypy.stubtest roscausal._native
 
 # The same wheel on the other Pythons of this machine.
-for python in python3.10 python3.12 python3.13; do
-  other=$made/$python
-  "$python" -c 'import sys; assert sys.version_info[:2] == tuple(map(int, "'"${python#python}"'".split(".")))' 2>/dev/null || {
-    echo "NOT TESTED: $python is not on this machine" >&2
+found() { # VERSION: a Python that runs, on the path or of pyenv
+  for candidate in "python$1" "${PYENV_ROOT:-$HOME/.pyenv}/versions/$1".*/bin/python; do
+    "$candidate" -c 'import ensurepip' 2>/dev/null && echo "$candidate" && return
+  done
+  return 1
+}
+for version in 3.10 3.11 3.12 3.13; do
+  python=$(found $version) || {
+    echo "NOT TESTED: Python $version is not on this machine" >&2
     continue
   }
+  other=$made/$version
   "$python" -m venv "$other" && "$other/bin/pip" install --quiet --disable-pip-version-check "$wheel" pytest &&
-    part "tests on $python" "$other/bin/python" -m pytest -q -p no:cacheprovider roscausal_py/tests/test_discover.py
+    part "tests on Python $version" "$other/bin/python" -m pytest -q -p no:cacheprovider roscausal_py/tests/test_discover.py
 done
 [ $failed -eq 0 ]
