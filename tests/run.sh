@@ -11,7 +11,7 @@ failed=() untested=()
 cargo test --release --workspace --exclude roscausal_py --locked || failed+=("cargo test")
 # Once more for the eye: how many of the reference's results (tests/golden) are met.
 cargo test --release --workspace --exclude roscausal_py --locked --test golden -- --nocapture || failed+=("golden")
-for script in tests/gpdc_python.sh tests/recordings.sh tests/browser.sh tests/security.sh \
+for script in tests/python.sh tests/gpdc_python.sh tests/recordings.sh tests/browser.sh tests/security.sh \
   tests/interop/ros2.sh tests/interop/ros1.sh tests/soak.sh; do
   "$script"
   case $? in

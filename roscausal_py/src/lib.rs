@@ -33,7 +33,7 @@ mod _native {
         errors::{Cancelled, DataError, SettingError},
         frame::Frame,
         looks::{export, picture, series},
-        program::{command, demo, messages, read},
+        program::{command, demo, messages, read, version},
         run::{fdr_bh, run, run_test},
     };
 }

@@ -59,3 +59,9 @@ pub(crate) fn messages() -> Vec<(String, &'static str)> {
     let own = types().into_iter().filter(|definition| definition.package == "roscausal_msgs");
     own.map(|definition| (definition.ros2_type_name(), definition.text)).collect()
 }
+
+/// The version of the package.
+#[pyfunction]
+pub(crate) fn version() -> &'static str {
+    env!("CARGO_PKG_VERSION")
+}

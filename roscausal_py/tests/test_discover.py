@@ -10,11 +10,14 @@ import subprocess
 import sys
 import threading
 import time
+import typing
 
 import numpy as np
 import pytest
 
 import roscausal as rc
+from roscausal import _native
+from roscausal.quick import Method
 
 COMMAND = pathlib.Path(sys.executable).parent / "roscausal"
 
@@ -335,10 +338,15 @@ def test_a_recording_is_read_as_the_command_reads_it(tmp_path):
         cwd=tmp_path, capture_output=True, check=True,
     )  # fmt: skip
     subprocess.run(
-        [COMMAND, "discover", "run.mcap", "--test", "parcorr", "--method", "pcmci", "--dt", "0.3", "--out", "out"],
+        [COMMAND, "discover", tmp_path / "run.mcap", "--test", "parcorr", "--method", "pcmci", "--dt", "0.3", "--out", "out"],
         cwd=tmp_path, capture_output=True, check=True,
     )  # fmt: skip
     walk = rc.read(tmp_path / "run.mcap", dt=0.3)
     model = rc.discover(walk, method="pcmci", test="parcorr")
     assert model.dt == pytest.approx(0.3)
     assert model == rc.load(tmp_path / "out" / "model.json")
+
+
+def test_the_types_name_every_method_and_the_messages_are_there():
+    assert sorted(typing.get_args(Method)) == sorted(json.loads(_native.words())["methods"])
+    assert "string[] features" in rc.msg_definitions()["roscausal_msgs/msg/CausalModel"]

@@ -7,6 +7,26 @@ from typing import Any, TypedDict, final
 import numpy as np
 from numpy.typing import NDArray
 
+__all__ = [
+    "Cancelled",
+    "DataError",
+    "Frame",
+    "SettingError",
+    "command",
+    "demo",
+    "discover",
+    "export",
+    "fdr_bh",
+    "messages",
+    "picture",
+    "read",
+    "run",
+    "run_test",
+    "series",
+    "version",
+    "words",
+]
+
 class DataError(ValueError): ...
 class SettingError(ValueError): ...
 class Cancelled(ValueError): ...
@@ -48,3 +68,4 @@ def read(paths: Sequence[str | PathLike[str]], options: Sequence[str]) -> _Read:
 def demo(seed: int, out: str | PathLike[str]) -> str: ...
 def command(args: Sequence[str]) -> int: ...
 def messages() -> list[tuple[str, str]]: ...
+def version() -> str: ...

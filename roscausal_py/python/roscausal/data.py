@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
 import os
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -67,6 +66,8 @@ class Recordings:
         """
         for name in columns:
             if name not in self.names:
+                import difflib
+
                 near = difflib.get_close_matches(name, self.names, 1)
                 hint = f"; did you mean '{near[0]}'?" if near else ""
                 known = ", ".join(self.names)
@@ -124,7 +125,7 @@ def recordings_of(data: Any, columns: Sequence[str] | None = None) -> Recordings
     """Whatever a user gives as recordings: see `rc.discover`."""
     if isinstance(columns, str):
         raise SettingError("setting 'columns': it is one word; give a list of names")
-    found, named = _convert(data)
+    found, named = _convert(data, columns)
     if columns is None:
         return found
     if not named and len(columns) == len(found.names):
@@ -134,8 +135,8 @@ def recordings_of(data: Any, columns: Sequence[str] | None = None) -> Recordings
     return found.select(columns)
 
 
-def _convert(data: Any) -> tuple[Recordings, bool]:
-    """The recordings, and whether the data brought names of their own."""
+def _convert(data: Any, wanted: Sequence[str] | None) -> tuple[Recordings, bool]:
+    """The recordings, and whether the data brought names of their own. Columns that are not wanted may hold anything."""
     if isinstance(data, Recordings):
         return data, True
     if isinstance(data, (str, os.PathLike)):
@@ -144,33 +145,36 @@ def _convert(data: Any) -> tuple[Recordings, bool]:
         array = array_of(data)
         return Recordings([f"x{k}" for k in range(array.shape[1])], [array]), False
     if isinstance(data, (list, tuple)):
-        return _several(data)
+        return _several(data, wanted)
     if isinstance(data, Mapping):
         lengths = {len(values) for values in data.values()}
         if len(lengths) > 1:
             sizes = ", ".join(f"{name}: {len(values)}" for name, values in data.items())
             raise DataError(f"the series have different lengths ({sizes}); give all of one recording the same times")
-        return _table({str(name): np.asanyarray(values) for name, values in data.items()}), True
+        return _table({str(name): np.asanyarray(values) for name, values in data.items()}, wanted), True
     if hasattr(data, "to_numpy") and hasattr(data, "columns"):
-        index = getattr(data, "index", None)
-        table = {str(name): np.asanyarray(data[name].to_numpy()) for name in data.columns}
-        return _table(table, index), True
+        names = list(data.columns)
+        repeated = next((name for name in names if names.count(name) > 1), None)
+        if repeated is not None:
+            raise DataError(f"the column '{repeated}' is there twice; rename one")
+        table = {str(name): np.asanyarray(data[name].to_numpy()) for name in names}
+        return _table(table, wanted, getattr(data, "index", None)), True
     if hasattr(data, "__arrow_c_stream__"):
-        return _table(_arrow(data)), True
+        return _table(_arrow(data), wanted), True
     raise DataError(
         f"data of type {type(data).__name__} are not understood; give an array (T, N), a pandas or polars table, a dict of "
         "series, a path, or a list of these"
     )
 
 
-def _several(data: Sequence[Any]) -> tuple[Recordings, bool]:
+def _several(data: Sequence[Any], wanted: Sequence[str] | None) -> tuple[Recordings, bool]:
     if not data:
         raise DataError("no data: the list of recordings is empty")
     if all(isinstance(each, (str, os.PathLike)) for each in data):
         return read(*data), True
     if all(np.isscalar(each) for each in data):
         raise DataError("a list of numbers is one variable; a cause and an effect need at least two, as an array (T, N)")
-    parts = [_convert(each) for each in data]
+    parts = [_convert(each, wanted) for each in data]
     first = parts[0][0]
     arrays, warnings, exogenous = [], [], list(first.exogenous)
     steps = {part.dt for part, _ in parts}
@@ -197,21 +201,20 @@ def array_of(values: Any, what: str = "the array") -> NDArray[np.float64]:
     if array.dtype.kind not in "fiub":
         raise DataError(f"{what} holds {array.dtype}, not numbers")
     if isinstance(array, np.ma.MaskedArray):
-        array = array.astype(np.float64).filled(np.nan)
+        array = np.ma.filled(array.astype(np.float64), np.nan)  # type: ignore[no-untyped-call, unused-ignore]
     return np.ascontiguousarray(array, dtype=np.float64)
 
 
-def _table(columns: Mapping[str, NDArray[Any]], index: Any = None) -> Recordings:
+def _table(columns: Mapping[str, NDArray[Any]], wanted: Sequence[str] | None, index: Any = None) -> Recordings:
     """A table of named columns. `time`, or else an index of times, gives the step."""
-    repeated = [name for name in columns if list(columns).count(name) > 1]
-    if repeated:
-        raise DataError(f"the column '{repeated[0]}' is there twice; rename one")
     dt = None
     if TIME in columns:
         dt = _step(columns[TIME])
     elif index is not None and getattr(getattr(index, "dtype", None), "kind", "") == "M":
         dt = _step(np.asarray(index))
     values = {name: column for name, column in columns.items() if name != TIME}
+    if wanted is not None and all(name in values for name in wanted):
+        values = {name: values[name] for name in wanted}
     odd = [name for name, column in values.items() if column.ndim != 1 or column.dtype.kind not in "fiub"]
     odd = [name for name in odd if not _holds_numbers(values[name])]
     if odd:
@@ -220,7 +223,7 @@ def _table(columns: Mapping[str, NDArray[Any]], index: Any = None) -> Recordings
         )
     if not values:
         raise DataError("no data: the table has no column")
-    rows = [array_of(np.ma.reshape(_numbers(column), (-1, 1)), f"'{name}'") for name, column in values.items()]
+    rows = [array_of(_numbers(column)[:, np.newaxis], f"'{name}'") for name, column in values.items()]
     return Recordings(list(values), [np.ascontiguousarray(np.hstack(rows))], dt)
 
 

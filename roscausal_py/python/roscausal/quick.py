@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import os
 import sys
-import tempfile
 from collections.abc import Callable, Sequence
 from typing import Any, Literal
 
@@ -159,6 +158,8 @@ def demo(seed: int = 1, out: str | os.PathLike[str] | None = None) -> Model:
     """
     if out is not None:
         return Model(_native.demo(seed, out))
+    import tempfile
+
     with tempfile.TemporaryDirectory() as folder:
         return Model(_native.demo(seed, os.path.join(folder, "demo")))
 

@@ -1,5 +1,5 @@
-"""The version of the package, as it was installed."""
+"""The version of the package."""
 
-from importlib import metadata
+from . import _native
 
-__version__: str = metadata.version("roscausal")
+__version__: str = _native.version()
