@@ -70,7 +70,10 @@ pub(crate) fn open_file(path: &Path, losses: &mut Vec<String>) -> Result<Box<dyn
             return Err(Error::file(path, "a bag of another version than 2.0; convert it with 'rosbag fix'"));
         }
         [] => {
-            return Err(Error::file(path, "the file is empty; was the recording or its download broken off?"));
+            return Err(Error::file(
+                path,
+                "the file is empty; was the recording or its download broken off?",
+            ));
         }
         first => {
             let reason = "this is no recording: a ROS 1 bag, an MCAP file or a ROS 2 .db3 file is needed";
