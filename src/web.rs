@@ -13,7 +13,7 @@ use roscausal_core::{
     middleware::Middleware,
     nodes::SceneOptions,
 };
-use roscausal_dashboard::{Server, dashboard};
+use roscausal_dashboard::{Server, Teller, dashboard};
 
 use crate::interrupt::Interrupt;
 
@@ -48,6 +48,7 @@ impl WebArgs {
 pub(crate) struct Web {
     node: LoopbackNode,
     thread: JoinHandle<Result<()>>,
+    teller: Teller,
 }
 
 impl Web {
@@ -61,12 +62,14 @@ impl Web {
         let node = bus.node("dashboard");
         let its_own = node.clone();
         let options = SceneOptions { robot: robot.to_owned(), ..SceneOptions::default() };
+        let teller = server.teller();
         let thread = thread::spawn(move || dashboard(&its_own, &server, options));
-        Ok(Some(Self { node, thread }))
+        Ok(Some(Self { node, thread, teller }))
     }
 
-    /// Keeps the page up until the user has seen enough.
+    /// Says that the run has ended, and keeps the page up until the user has seen enough.
     pub(crate) fn stay(&self, bus: &Loopback, interrupt: &Interrupt) {
+        self.teller.ended("ended");
         while !interrupt.is_set() && !self.thread.is_finished() {
             bus.settle();
             thread::sleep(LOOK_AGAIN);

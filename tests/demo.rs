@@ -94,3 +94,20 @@ fn an_unknown_scenario_or_method_is_bad_usage() {
         assert_eq!(output.status.code(), Some(2), "{args:?}: {text}");
     }
 }
+
+#[test]
+fn the_demo_writes_a_small_report_and_says_where() {
+    let dir = tempfile::tempdir().expect("a folder");
+    let output = demo(dir.path(), &["--duration", "60", "--method", "pcmci", "--test", "parcorr"]);
+    let text = String::from_utf8_lossy(&output.stdout).into_owned();
+    let last = text.lines().last().expect("a line");
+    assert!(last.starts_with("Open roscausal_demo/report.html in a browser"), "{last}");
+    let html = fs::read_to_string(dir.path().join("roscausal_demo/report.html")).expect("a report");
+    assert!(html.len() < 1_000_000, "{} bytes", html.len());
+    let model: serde_json::Value =
+        serde_json::from_slice(&fs::read(dir.path().join("roscausal_demo/model.json")).expect("a model"))
+            .expect("JSON");
+    let links = model["links"].as_array().expect("links").len();
+    assert!(links > 0 && html.matches("class=\"dots\"").count() >= links, "every link has its samples");
+    assert!(html.contains("roscausal demo --scenario") && !html.contains("<script"));
+}

@@ -36,7 +36,8 @@ export function sentence(link, { dt, test }) {
   return `${link.cause} ${earlier} drives ${effect}: strength ${link.value.toFixed(2)}, ${p}`;
 }
 
-export function drawGraph(svg, model, before) {
+/** Draws `model`. An arrow that is clicked, tapped or given Enter calls `ask` with its strongest link. */
+export function drawGraph(svg, model, before, ask) {
   svg.replaceChildren();
   const names = model.features;
   const links = compared(model, before);
@@ -57,7 +58,9 @@ export function drawGraph(svg, model, before) {
     const [from, to] = [places.get(group.cause), places.get(group.effect)];
     if (!from || !to) continue;
     const curve = group.cause === group.effect ? loop(from, centre) : arc(from, to);
-    arrow(svg, curve, group);
+    const asking = element("g", { class: "ask", "data-link": `${group.cause} ${group.effect} ${group.lag}` }, svg);
+    arrow(asking, curve, group);
+    if (group.state !== "gone") askable(asking, group, model, ask);
     labels.push([curve.label, `${group.lags.join(",")} · ${group.value.toFixed(2)}`, group.state]);
   }
   for (const [name, [x, y]] of places) {
@@ -73,6 +76,18 @@ export function drawGraph(svg, model, before) {
   svg.setAttribute("aria-label", `Causal graph of model ${model.number}: ${words || "no links"}`);
 }
 
+function askable(group, link, model, ask) {
+  group.setAttribute("tabindex", "0");
+  group.setAttribute("role", "button");
+  group.setAttribute("aria-label", `Evidence: ${sentence(link, model)}`);
+  group.addEventListener("click", () => ask(link));
+  group.addEventListener("keydown", (event) => {
+    if (event.key !== "Enter" && event.key !== " ") return;
+    event.preventDefault();
+    ask(link);
+  });
+}
+
 /** One arrow per pair: all lags, the strongest value. */
 function grouped(links) {
   const groups = new Map();
@@ -80,7 +95,7 @@ function grouped(links) {
     const id = `${link.cause}\n${link.effect}\n${link.state === "gone"}`;
     const group = groups.get(id) ?? { ...link, lags: [] };
     group.lags.push(link.lag);
-    if (Math.abs(link.value) > Math.abs(group.value)) group.value = link.value;
+    if (Math.abs(link.value) > Math.abs(group.value)) Object.assign(group, { value: link.value, lag: link.lag, p: link.p });
     if (link.state === "new") group.state = "new";
     groups.set(id, group);
   }
@@ -111,6 +126,7 @@ function arrow(svg, { start, bend, end }, link) {
   const d = `M ${start} Q ${bend} ${neck}`;
   const kind = `${link.state}${link.value < 0 ? " negative" : ""}`;
   if (link.state === "new") element("path", { class: "halo", d, "stroke-width": width + 8 }, svg);
+  element("path", { class: "reach", d }, svg);
   element("path", { class: `edge ${kind}`, d, "stroke-width": link.state === "gone" ? 2 : width }, svg);
   const half = size * 0.45;
   const [left, right] = [plus(neck, [-back[1], back[0]], half), plus(neck, [back[1], -back[0]], half)];

@@ -1,6 +1,7 @@
 // The page: receives the events and passes them to scene, charts, graph and lists.
 
 import { Charts } from "./charts.js";
+import { showEvidence } from "./evidence.js";
 import { compared, drawGraph, sentence } from "./graph.js";
 import { Scene } from "./scene.js";
 
@@ -12,6 +13,10 @@ const charts = new Charts($("charts"));
 let models = [];
 let shown = 0;
 let following = true;
+let ended = "";
+/** Evidence of models by their batch, newest last. */
+const evidence = new Map();
+const MOST_EVIDENCE = 20;
 
 const clock = (t) => (t > 1e8 ? new Date(t * 1000).toISOString().slice(11, 19) : `${t.toFixed(1)} s`);
 
@@ -22,10 +27,11 @@ function connect() {
     // After a reconnect the server sends everything again.
     models = [];
     $("messages").replaceChildren();
+    ended = "";
     state("live", "live");
   };
   source.onerror = () => {
-    state("connection lost, trying again", "lost");
+    state(ended ? `${ended}; the program is closed` : "connection lost, trying again", "lost");
     // If the server refused the connection, the browser does not retry, so the page does.
     if (source.readyState === EventSource.CLOSED) setTimeout(connect, 3000);
   };
@@ -38,6 +44,15 @@ function connect() {
   on("status", showStatus);
   on("model", addModel);
   on("message", addMessage);
+  on("evidence", (data) => {
+    evidence.delete(data.batch);
+    evidence.set(data.batch, data.evidence);
+    if (evidence.size > MOST_EVIDENCE) evidence.delete(evidence.keys().next().value);
+  });
+  on("ended", (text) => {
+    ended = text;
+    state(text, "ended");
+  });
 }
 
 function state(text, kind) {
@@ -106,7 +121,7 @@ function addModel(model) {
 function showModel() {
   const [model, before] = [models[shown], models[shown - 1]];
   if (!model) return;
-  drawGraph($("graph"), model, before);
+  drawGraph($("graph"), model, before, ask);
   $("model-title").textContent = `Model ${model.number}, ${clock(model.t)}: ${model.method.toUpperCase()} with ${model.test.toUpperCase()}, alpha ${model.alpha}, ${model.samples} samples from ${model.batch}`;
   const slider = $("history");
   slider.min = 1;
@@ -123,10 +138,34 @@ function showModel() {
   $("links").replaceChildren(...links.map((link) => {
     const item = document.createElement("li");
     if (link.state !== "same") item.append(make("span", link.state === "new" ? "appeared: " : "vanished: ", link.state));
-    item.append(sentence(link, model));
+    if (link.state === "gone") {
+      item.append(sentence(link, model));
+      return item;
+    }
+    const button = make("button", sentence(link, model), "asking");
+    button.type = "button";
+    button.addEventListener("click", () => ask(link));
+    item.append(button);
     return item;
   }));
   if (!links.length) $("links").replaceChildren(make("li", "no causal link found", ""));
+}
+
+/** Opens what stands behind a link of the model that is shown; Escape or Close leads back to where it was asked. */
+function ask(link) {
+  const model = models[shown];
+  const back = document.activeElement;
+  const place = $("asked");
+  const close = showEvidence(place, link, model, models, evidence.get(model.batch), sentence(link, model));
+  const end = () => {
+    place.hidden = true;
+    place.replaceChildren();
+    (back?.isConnected ? back : $("links")).focus?.();
+  };
+  close.addEventListener("click", end);
+  place.onkeydown = (event) => { if (event.key === "Escape") end(); };
+  place.focus();
+  place.scrollIntoView({ block: "nearest" });
 }
 
 function choose(index) {

@@ -12,11 +12,13 @@ use tokio::sync::broadcast;
 const BEHIND: usize = 256;
 /// Models and messages kept for later browsers, of each kind.
 const KEPT: usize = 200;
+/// Evidence kept for later browsers: it is much larger.
+const KEPT_LARGE: usize = 20;
 
 /// One event for the page.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) struct Frame {
-    /// `scene`, `status`, `series`, `model` or `message`.
+    /// `scene`, `status`, `series`, `model`, `evidence`, `message` or `ended`.
     pub(crate) kind: &'static str,
     /// JSON without line breaks.
     pub(crate) data: Arc<str>,
@@ -29,6 +31,8 @@ pub(crate) enum Keep {
     Last,
     /// All frames of its kind, up to the newest [`KEPT`].
     All,
+    /// The newest [`KEPT_LARGE`] frames of its kind.
+    Few,
 }
 
 /// Sends frames from the node to any number of browsers. Never blocks.
@@ -76,7 +80,7 @@ impl Hub {
         }
         let frames = kept.all.entry(frame.kind).or_default();
         frames.push_back(frame);
-        if frames.len() > KEPT {
+        if frames.len() > if keep == Keep::Few { KEPT_LARGE } else { KEPT } {
             frames.pop_front();
         }
     }

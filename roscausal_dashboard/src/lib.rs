@@ -13,4 +13,4 @@ mod server;
 mod world;
 
 pub use node::{dashboard, parameters, run};
-pub use server::Server;
+pub use server::{Server, Teller};

@@ -10,12 +10,18 @@ use roscausal_core::{
     Error, Result,
     inbox::{Inbox, Next},
     middleware::{Middleware, Qos},
-    nodes::SceneOptions,
+    nodes::{EVIDENCE_TOPIC, SceneOptions},
     params::{Allowed, ParamSpec, Params, Value},
 };
-use roscausal_msgs::{CausalModelInfo, Humans, RobotState, diagnostic_msgs::DiagnosticArray};
+use roscausal_msgs::{
+    CausalModelInfo, Humans, RobotState, diagnostic_msgs::DiagnosticArray, std_msgs::String as Text,
+};
 
-use crate::{server::Server, world::World};
+use crate::{
+    hub::Keep,
+    server::Server,
+    world::{World, evidence_frame},
+};
 
 /// Time between two scenes on the page.
 const FRAME: Duration = Duration::from_millis(50);
@@ -29,6 +35,7 @@ enum Event {
     Humans(Humans),
     Diagnostics(DiagnosticArray),
     Model(Box<CausalModelInfo>),
+    Evidence(Text),
 }
 
 /// Names, defaults, allowed values and descriptions of the node's parameters.
@@ -88,6 +95,10 @@ pub fn dashboard<M: Middleware>(mw: &M, server: &Server, options: SceneOptions) 
     let model = move |m| send.send(Event::Model(Box::new(m)));
     let _models = mw.subscribe("/roscausal/causal_model_info", Qos::Latched, model)?;
 
+    let send = inbox.sender();
+    let evidence = move |m| send.send(Event::Evidence(m));
+    let _evidence = mw.subscribe(EVIDENCE_TOPIC, Qos::Latched, evidence)?;
+
     let hub = server.hub();
     let mut world = World::new(options);
     let mut last_status = Instant::now();
@@ -101,6 +112,9 @@ pub fn dashboard<M: Middleware>(mw: &M, server: &Server, options: SceneOptions) 
                 Event::Humans(humans) => world.humans(humans),
                 Event::Diagnostics(message) => world.diagnostics(message, hub),
                 Event::Model(info) => world.model(&info, hub),
+                Event::Evidence(text) => {
+                    evidence_frame(&text.data).into_iter().for_each(|f| hub.send(f, Keep::Few))
+                }
             }
         }
         world.send_scene(hub);

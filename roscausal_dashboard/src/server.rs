@@ -26,7 +26,7 @@ use tokio::sync::{Semaphore, oneshot};
 
 use crate::{
     guard::{self, Guard},
-    hub::{Frame, Hub},
+    hub::{Frame, Hub, Keep},
     patience::Listener,
 };
 
@@ -39,12 +39,13 @@ const POLICY: &str = "default-src 'none'; script-src 'self'; style-src 'self'; i
                       connect-src 'self'; base-uri 'none'; form-action 'none'; frame-ancestors 'none'";
 
 /// The page's files: path, type, content.
-const ASSETS: [(&str, &str, &str); 7] = [
+const ASSETS: [(&str, &str, &str); 8] = [
     ("/", "text/html; charset=utf-8", include_str!("../assets/index.html")),
     ("/style.css", "text/css; charset=utf-8", include_str!("../assets/style.css")),
     ("/page.js", "text/javascript; charset=utf-8", include_str!("../assets/page.js")),
     ("/scene.js", "text/javascript; charset=utf-8", include_str!("../assets/scene.js")),
     ("/charts.js", "text/javascript; charset=utf-8", include_str!("../assets/charts.js")),
+    ("/evidence.js", "text/javascript; charset=utf-8", include_str!("../assets/evidence.js")),
     ("/graph.js", "text/javascript; charset=utf-8", include_str!("../assets/graph.js")),
     ("/icon.svg", "image/svg+xml", include_str!("../assets/icon.svg")),
 ];
@@ -93,8 +94,24 @@ impl Server {
         &self.url
     }
 
+    /// Tells the page when the run has ended; it lives on when the server is moved away.
+    pub fn teller(&self) -> Teller {
+        Teller(self.hub.clone())
+    }
+
     pub(crate) fn hub(&self) -> &Hub {
         &self.hub
+    }
+}
+
+/// Tells the page what no message says.
+pub struct Teller(Hub);
+
+impl Teller {
+    /// The run has ended: what is shown stays, and nothing more comes. `text` says so, in a few words.
+    pub fn ended(&self, text: &str) {
+        let data = serde_json::Value::from(text).to_string().into();
+        self.0.send(Frame { kind: "ended", data }, Keep::Last);
     }
 }
 
@@ -182,7 +199,6 @@ mod tests {
     };
 
     use super::*;
-    use crate::hub::Keep;
 
     const HERE: IpAddr = IpAddr::V4(Ipv4Addr::LOCALHOST);
 

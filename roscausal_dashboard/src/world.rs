@@ -18,6 +18,8 @@ use crate::hub::{Frame, Hub, Keep};
 
 /// Samples of the strip charts that a new browser gets.
 const SAMPLES: usize = 600;
+/// Largest evidence of one model that goes to the page, in bytes.
+const MOST_EVIDENCE: usize = 2_000_000;
 /// If stamps go back by more than this, a new run has begun. Seconds.
 const NEW_RUN_S: f64 = 1.0;
 
@@ -228,6 +230,16 @@ fn model_json(number: u64, info: &CausalModelInfo) -> Json {
     })
 }
 
+/// Evidence for the page, if it is JSON and not too large. It is written anew, because a frame has no line breaks.
+pub(crate) fn evidence_frame(text: &str) -> Option<Frame> {
+    if text.len() > MOST_EVIDENCE {
+        return None;
+    }
+    let json: Json = serde_json::from_str(text).ok()?;
+    (json["batch"].is_string() && json["evidence"]["links"].is_array())
+        .then(|| Frame { kind: "evidence", data: json.to_string().into() })
+}
+
 fn body(pose: &Pose2D, speed: f64, goal: &Point) -> Json {
     let goal = (goal.x.is_finite() && goal.y.is_finite()).then(|| point(goal));
     json!({"x": rounded(pose.x), "y": rounded(pose.y), "theta": rounded(pose.theta), "v": rounded(speed), "goal": goal})
@@ -291,6 +303,19 @@ mod tests {
         world.robot(robot(1.0));
         assert!(world.samples.is_empty() && world.humans.humans.is_empty());
         assert_eq!(world.scene_json()["t"].as_f64(), Some(1.0));
+    }
+
+    #[test]
+    fn evidence_has_no_line_breaks_and_anything_else_is_left_out() {
+        let good = "{\"batch\": \"a\\r\\nb\",\r\n \"evidence\": {\"links\": []}}";
+        let frame = evidence_frame(good).expect("a frame");
+        assert!(frame.kind == "evidence" && !frame.data.contains(['\r', '\n']), "{}", frame.data);
+        for bad in
+            ["", "[]", "{\"batch\": 1, \"evidence\": {\"links\": []}}", "{\"batch\": \"a\"}", "no JSON\r\n"]
+        {
+            assert_eq!(evidence_frame(bad), None, "{bad}");
+        }
+        assert_eq!(evidence_frame(&format!("{good}{}", " ".repeat(MOST_EVIDENCE))), None);
     }
 
     #[test]

@@ -137,8 +137,15 @@ impl<M: Middleware> Listen<'_, M> {
 }
 
 /// Last parts of the names of latched topics.
-const LATCHED: [&str; 6] =
-    ["tf_static", "causal_model", "causal_model_info", "dag", "tsdag", "robot_description"];
+const LATCHED: [&str; 7] = [
+    "tf_static",
+    "causal_model",
+    "causal_model_info",
+    "causal_evidence",
+    "dag",
+    "tsdag",
+    "robot_description",
+];
 
 impl<M: Middleware> TypeVisitor for Listen<'_, M> {
     type Output = Result<M::Subscription>;

@@ -11,6 +11,9 @@ use crate::report;
 /// Only the styles of the page itself; nothing is loaded, nothing runs.
 const POLICY: &str = "default-src 'none'; style-src 'unsafe-inline'; base-uri 'none'; form-action 'none'";
 
+/// Widest picture that shrinks with the page, in pixels.
+const FITS: f64 = 900.0;
+
 /// The whole report.
 pub(super) fn html(material: &Material) -> String {
     let model = &material.model;
@@ -62,8 +65,12 @@ fn summary(material: &Material) -> String {
 
 fn graph(model: &Model) -> String {
     let wide = |svg: &str, name: &str| {
+        let width = svg.split('"').skip_while(|part| !part.ends_with(" width=")).nth(1);
+        // A small picture shrinks with the page; a large one is scrolled, so that its names can be read.
+        let fits = width.and_then(|width| width.parse().ok()).is_some_and(|width: f64| width <= FITS);
+        let class = if fits { "figure fits" } else { "figure" };
         format!(
-            "<div class=\"figure\" tabindex=\"0\" role=\"region\" aria-label=\"{name}\">\n{}</div>\n",
+            "<div class=\"{class}\" tabindex=\"0\" role=\"region\" aria-label=\"{name}\">\n{}</div>\n",
             asked(model, svg)
         )
     };

@@ -13,7 +13,6 @@ use crate::{
     discover,
     folders::{read_evidence, read_model, with_ending},
     interrupt::Interrupt,
-    recording,
 };
 
 /// Most variables and lags of a model that a report shows.
@@ -35,13 +34,11 @@ pub(crate) struct Material {
 /// Reads what the arguments name.
 pub(super) fn read(args: &Args, interrupt: &Interrupt) -> Result<Material> {
     let input = &args.input;
-    if !recording::is_recording(input) {
-        if input.is_dir() {
-            return of_folder(input);
-        }
-        if input.extension().is_some_and(|extension| extension == "json") {
-            return of_model(input, input.display().to_string());
-        }
+    if input.is_dir() && !holds_recording(input)? {
+        return of_folder(input);
+    }
+    if input.extension().is_some_and(|extension| extension == "json") {
+        return of_model(input, input.display().to_string());
     }
     let analysis = discover::Args::of_one(input, &args.inputs, &args.method, &args.means, args.seed);
     let (model, evidence, ..) = discover::found(&analysis, interrupt, false)?;
@@ -53,6 +50,12 @@ pub(super) fn read(args: &Args, interrupt: &Interrupt) -> Result<Material> {
         command,
         batches: Vec::new(),
     })
+}
+
+/// Whether a folder is a recording, not results.
+fn holds_recording(dir: &Path) -> Result<bool> {
+    let has = |ending: &str| with_ending(dir, ending).map(|files| !files.is_empty());
+    Ok(!dir.join("model.json").exists() && (has(".bag")? || has(".mcap")? || has(".db3")?))
 }
 
 /// `model.json` in a folder; else the newest of its models in `cm_pool`, or in the folder itself.

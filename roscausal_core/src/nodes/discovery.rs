@@ -15,7 +15,7 @@ use roscausal_discovery::{Control, Evidence, Model, Progress, Settings, analyse_
 use roscausal_msgs::{
     CausalModel, CausalModelInfo, Time,
     sensor_msgs::{CompressedImage, Image},
-    std_msgs::Header,
+    std_msgs::{Header, String as Text},
 };
 
 use super::{
@@ -34,6 +34,8 @@ use crate::{
     params::Params,
 };
 
+/// Topic of what stands behind each model: JSON with `batch` (as `batch_id` of the model) and `evidence`.
+pub const EVIDENCE_TOPIC: &str = "/roscausal/causal_evidence";
 /// Folder beside the models that holds what stands behind them, a file of the same name for each.
 pub const EVIDENCE_FOLDER: &str = "evidence";
 
@@ -126,6 +128,7 @@ struct Node<M: Middleware> {
 struct Outputs<M: Middleware> {
     model: M::Publisher<CausalModel>,
     info: M::Publisher<CausalModelInfo>,
+    evidence: M::Publisher<Text>,
     dag: (M::Publisher<Image>, M::Publisher<CompressedImage>),
     tsdag: (M::Publisher<Image>, M::Publisher<CompressedImage>),
 }
@@ -135,6 +138,7 @@ impl<M: Middleware> Outputs<M> {
         Ok(Self {
             model: mw.advertise("/roscausal/causal_model", Qos::Latched)?,
             info: mw.advertise("/roscausal/causal_model_info", Qos::Latched)?,
+            evidence: mw.advertise(EVIDENCE_TOPIC, Qos::Latched)?,
             dag: (
                 mw.advertise("/roscausal/dag", Qos::Latched)?,
                 mw.advertise("/roscausal/dag/compressed", Qos::Latched)?,
@@ -330,6 +334,10 @@ impl<M: Middleware> Node<M> {
             let (image, png) = images(svg, self.params.image_scale, &header)?;
             raw.publish(&image)?;
             compressed.publish(&png)?;
+        }
+        if let Some(evidence) = evidence {
+            let data = serde_json::json!({"batch": origin.batch_id, "evidence": evidence}).to_string();
+            self.out.evidence.publish(&Text { data })?;
         }
         self.out.info.publish(&causal_model_info(model, &header, origin, before))?;
         self.out.model.publish(&causal_model(model, &header))?;

@@ -25,7 +25,7 @@ use crate::{
 };
 
 pub use data::{Recorded, data, data_task, data_with};
-pub use discovery::{EVIDENCE_FOLDER, discovery, discovery_with};
+pub use discovery::{EVIDENCE_FOLDER, EVIDENCE_TOPIC, discovery, discovery_with};
 pub use human::human;
 pub use markers::markers;
 pub use robot::robot;

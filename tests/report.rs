@@ -1,0 +1,154 @@
+//! `roscausal report` as its users run it: from data, from a model, from a folder; strangers' texts stay texts.
+
+#![allow(clippy::expect_used, clippy::panic, reason = "a test may panic: that is how it fails")]
+
+mod common;
+
+use std::{fs, path::Path};
+
+use common::roscausal;
+use roscausal_fuzz::unit;
+use serde_json::Value;
+
+const QUICK: [&str; 4] = ["--method", "pcmci", "--test", "parcorr"];
+/// Names that would run, if a browser took them for HTML.
+const HOSTILE: [&str; 3] =
+    ["<script>alert(1)</script>", "\"><img src=x onerror=alert(2)>", "</title></style></svg><iframe src=x>&"];
+
+/// Three variables, each driven by the one before it one step earlier.
+fn chain(names: [&str; 3], rows: usize) -> String {
+    let mut state = 11_u64;
+    let mut noise = || unit(&mut state) - 0.5;
+    let quoted: Vec<String> = names.iter().map(|name| format!("\"{}\"", name.replace('"', "\"\""))).collect();
+    let mut csv = format!("time,{}\n", quoted.join(","));
+    let [mut a, mut b, mut c] = [0.0; 3];
+    for row in 0..rows {
+        (a, b, c) = (0.5 * a + noise(), 0.8 * a + noise(), 0.8 * b + noise());
+        csv += &format!("{},{a},{b},{c}\n", row as f64 * 0.5);
+    }
+    csv
+}
+
+fn report(dir: &Path, args: &[&str]) -> String {
+    let all: Vec<&str> = ["report"].iter().chain(args).copied().collect();
+    let out = roscausal(dir, &all);
+    assert!(out.status.success(), "{}", String::from_utf8_lossy(&out.stderr));
+    fs::read_to_string(dir.join("report.html")).expect("a report")
+}
+
+#[test]
+fn data_give_a_report_with_each_link_its_evidence_and_the_way_to_it_again() {
+    let dir = tempfile::tempdir().expect("a folder");
+    fs::write(dir.path().join("data.csv"), chain(["a", "b", "c"], 300)).expect("writes");
+    let html =
+        report(dir.path(), &[&["data.csv", "--latex", "t.tex", "--tikz", "g.tex"][..], &QUICK].concat());
+    let out = roscausal(dir.path(), &[&["discover", "data.csv", "--format", "json"][..], &QUICK].concat());
+    let model: Value = serde_json::from_slice(&out.stdout).expect("a model");
+    let links = model["links"].as_array().expect("links");
+    assert!(links.len() >= 3, "{links:?}");
+    for (place, link) in links.iter().enumerate() {
+        let id = format!("link-{}", place + 1);
+        assert_eq!(html.matches(&format!("id=\"{id}\"")).count(), 1, "{id} has one card");
+        assert!(
+            html.matches(&format!("href=\"#{id}\"")).count() >= 2,
+            "{id} is reached from table and graph"
+        );
+        let value = format!("<dd>{:.4}</dd>", link["value"].as_f64().expect("a value"));
+        assert!(html.contains(&value), "{value}");
+    }
+    assert_eq!(html.matches("Strength at each lag").count(), links.len());
+    for words in
+        ["Data check", "Caveats", "roscausal discover data.csv --method pcmci --test parcorr", "--seed 42"]
+    {
+        assert!(html.contains(words), "{words}");
+    }
+    let tex = fs::read_to_string(dir.path().join("t.tex")).expect("a table");
+    assert_eq!(tex.matches("\\\\\n").count(), links.len() + 1);
+    assert_eq!(
+        fs::read_to_string(dir.path().join("g.tex")).expect("a graph").matches("edge[").count(),
+        links.len()
+    );
+    // The same again, byte for byte; and nothing is loaded or run.
+    let again = report(dir.path(), &[&["data.csv"][..], &QUICK].concat());
+    assert_eq!(strip_time(&html), strip_time(&again));
+    for forbidden in ["<script", "http://", "https://", "src=", "url(", "@import"] {
+        let inside = html.replace("http://www.w3.org/2000/svg", "");
+        assert!(!inside.contains(forbidden), "{forbidden}");
+    }
+}
+
+/// Without the run time in the headline.
+fn strip_time(html: &str) -> String {
+    let (before, rest) = html.split_once(", found in ").expect("a run time");
+    before.to_owned() + rest.split_once('.').expect("its end").1.trim_start_matches(|c: char| c != '<')
+}
+
+#[test]
+fn a_folder_a_model_and_the_data_give_the_same_evidence() {
+    let dir = tempfile::tempdir().expect("a folder");
+    fs::write(dir.path().join("data.csv"), chain(["a", "b", "c"], 300)).expect("writes");
+    let out = roscausal(dir.path(), &[&["discover", "data.csv", "--out", "res"][..], &QUICK].concat());
+    assert!(out.status.success());
+    let cards = |html: &str| {
+        let (_, rest) = html.split_once("id=\"evidence\"").expect("evidence");
+        rest.split_once("</section>").expect("its end").0.to_owned()
+    };
+    let of_data = cards(&report(dir.path(), &[&["data.csv"][..], &QUICK].concat()));
+    assert!(of_data.contains("class=\"dots\""));
+    assert_eq!(of_data, cards(&report(dir.path(), &["res"])));
+    assert_eq!(of_data, cards(&report(dir.path(), &["res/model.json"])));
+    fs::remove_file(dir.path().join("res/evidence.json")).expect("removes");
+    assert!(report(dir.path(), &["res"]).contains("No evidence was kept beside this model."));
+}
+
+#[test]
+fn names_from_strangers_stay_text() {
+    let dir = tempfile::tempdir().expect("a folder");
+    let file = "<b onclick=alert(3)>.csv";
+    fs::write(dir.path().join(file), chain(HOSTILE, 300)).expect("writes");
+    let html = report(dir.path(), &[&[file, "--latex", "t.tex"][..], &QUICK].concat());
+    for forbidden in ["<script", "<img", "<iframe", "<b ", "</svg><i"] {
+        assert!(!html.contains(forbidden), "{forbidden} is in the report");
+    }
+    assert_eq!(html.matches("</style>").count(), 1);
+    assert!(html.contains("&lt;script&gt;alert(1)&lt;/script&gt;"));
+    assert!(html.contains("&lt;b onclick=alert(3)&gt;.csv"));
+    // What a model says is no more trusted than its names.
+    let out = roscausal(dir.path(), &[&["discover", file, "--format", "json"][..], &QUICK].concat());
+    let mut model: Value = serde_json::from_slice(&out.stdout).expect("a model");
+    for field in ["method", "cond_ind_test", "status", "fdr"] {
+        model[field] = HOSTILE[0].into();
+    }
+    model["warnings"] = vec![HOSTILE[1]].into();
+    model["links"][0]["mark"] = HOSTILE[2].into();
+    fs::write(dir.path().join("model.json"), model.to_string()).expect("writes");
+    let html = report(dir.path(), &["model.json"]);
+    for forbidden in ["<script", "<img", "<iframe"] {
+        assert!(!html.contains(forbidden), "{forbidden} is in the report");
+    }
+}
+
+#[test]
+fn what_is_no_model_is_one_sentence() {
+    let dir = tempfile::tempdir().expect("a folder");
+    fs::write(dir.path().join("data.csv"), chain(["a", "b", "c"], 100)).expect("writes");
+    let out = roscausal(dir.path(), &[&["discover", "data.csv", "--format", "json"][..], &QUICK].concat());
+    let model: Value = serde_json::from_slice(&out.stdout).expect("a model");
+    let complaint = |json: Value, words: &str| {
+        fs::write(dir.path().join("m.json"), json.to_string()).expect("writes");
+        let out = roscausal(dir.path(), &["report", "m.json"]);
+        let said = String::from_utf8_lossy(&out.stderr).into_owned();
+        assert!(!out.status.success() && said.lines().count() == 1 && said.contains(words), "{said}");
+    };
+    let with = |field: &str, value: Value| {
+        let mut model = model.clone();
+        model[field] = value;
+        model
+    };
+    complaint(with("tau_max", 1_000_000_000_000_u64.into()), "m.json");
+    complaint(with("schema", "something/9".into()), "its schema is 'something/9'");
+    complaint(serde_json::json!({}), "m.json");
+    let out = roscausal(dir.path(), &["report", "."]);
+    // The folder holds no model.
+    assert!(String::from_utf8_lossy(&out.stderr).contains("no model here"), "{out:?}");
+}
