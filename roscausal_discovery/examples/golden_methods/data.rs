@@ -44,8 +44,7 @@ pub(crate) fn count(case: &Value, name: &str) -> Result<usize, String> {
 }
 
 /// A matrix as nested lists.
-pub(crate) fn nested<D: Dimension>(matrix: ArrayView<'_, f64, D>) -> Value 
-{
+pub(crate) fn nested<D: Dimension>(matrix: ArrayView<'_, f64, D>) -> Value {
     fn lists(values: &[f64], shape: &[usize]) -> Value {
         match shape {
             [] => values.first().copied().into(),

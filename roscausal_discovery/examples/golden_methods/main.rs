@@ -6,6 +6,7 @@
 
 mod data;
 mod granger;
+mod varlingam;
 
 use std::{path::Path, process::ExitCode, time::Instant};
 
@@ -56,6 +57,7 @@ fn run(set: &Path, out: &Path, only: &str) -> Result<(), String> {
 fn run_case(case: &Value, set: &Path) -> Result<Value, String> {
     match case["method"].as_str().unwrap_or_default() {
         "granger" => granger::run(case, set),
+        "varlingam" => varlingam::run(case, set),
         other => Err(format!("method '{other}' is not part of this engine")),
     }
 }

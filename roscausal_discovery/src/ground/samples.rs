@@ -114,15 +114,19 @@ impl<'a> Samples<'a> {
         let mut columns = vec![Vec::with_capacity(self.len()); nodes.len()];
         let mut n_lost = 0;
         for (k, recording) in data.recordings.iter().enumerate() {
-            let excludes =
-                |t: usize, masks: bool| nodes.iter().any(|&node| data.excludes(k, t, node, masks && (x || y || z)));
+            let excludes = |t: usize, masks: bool| {
+                nodes.iter().any(|&node| data.excludes(k, t, node, masks && (x || y || z)))
+            };
             let dropped = if data.is_incomplete() { self.dropped_where(k, excludes) } else { Vec::new() };
             for t in self.cut_off..recording.nrows() {
                 if dropped.get(t - self.cut_off) == Some(&true) {
                     n_lost += 1;
                     continue;
                 }
-                nodes.iter().zip(&mut columns).for_each(|(node, column)| column.push(recording[[t - node.lag, node.var]]));
+                nodes
+                    .iter()
+                    .zip(&mut columns)
+                    .for_each(|(node, column)| column.push(recording[[t - node.lag, node.var]]));
             }
         }
         CompleteRows { n_vars, columns, n_lost }

@@ -1,5 +1,7 @@
 //! Vector autoregression: every variable regressed on the past of all variables. What Granger causality and VARLiNGAM share.
 
+use ndarray::Array3;
+
 use crate::{
     ground::{CompleteRows, Control, DataFrame, Error, Node, Result, Samples},
     numeric::least_squares::LeastSquares,
@@ -76,7 +78,8 @@ impl Autoregression {
         constant: bool,
     ) -> Result<Self> {
         let n_vars = rows.n_vars();
-        let causes: Vec<Node> = lags.flat_map(|lag| (0..n_vars).map(move |var| Node::new(var, lag))).collect();
+        let causes: Vec<Node> =
+            lags.flat_map(|lag| (0..n_vars).map(move |var| Node::new(var, lag))).collect();
         let columns: Vec<&[f64]> = causes.iter().map(|&node| rows.column(node)).collect();
         let targets: Vec<&[f64]> = (0..n_vars).map(|var| rows.column(Node::new(var, 0))).collect();
         let needed = causes.len() + usize::from(constant) + 1;
@@ -96,6 +99,18 @@ impl Autoregression {
     /// The column of a cause.
     pub(super) fn column(&self, cause: usize, lag: usize) -> Option<usize> {
         self.causes.iter().position(|&node| node == Node::new(cause, lag))
+    }
+
+    /// The coefficients `[cause][effect][lag 0..=lags]`; 0 at lag 0.
+    pub(super) fn coefficients(&self, lags: usize) -> Array3<f64> {
+        let n = self.rows.n_vars();
+        let mut coefficients = Array3::zeros((n, n, lags + 1));
+        for (k, cause) in self.causes.iter().enumerate() {
+            (0..n).for_each(|effect| {
+                coefficients[[cause.var, effect, cause.lag]] = self.fit.coefficient(effect, k)
+            });
+        }
+        coefficients
     }
 
     /// The score of the number of lags.
@@ -120,8 +135,10 @@ impl Autoregression {
 
     /// The variables of which some lags are determined by other columns, so that their coefficients say nothing.
     pub(super) fn undetermined(&self) -> Vec<usize> {
-        let mut vars: Vec<usize> =
-            (0..self.causes.len()).filter(|&k| self.fit.is_undetermined(k)).map(|k| self.causes[k].var).collect();
+        let mut vars: Vec<usize> = (0..self.causes.len())
+            .filter(|&k| self.fit.is_undetermined(k))
+            .map(|k| self.causes[k].var)
+            .collect();
         vars.sort_unstable();
         vars.dedup();
         vars

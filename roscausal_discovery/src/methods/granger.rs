@@ -39,7 +39,14 @@ pub struct GrangerSettings {
 
 impl Default for GrangerSettings {
     fn default() -> Self {
-        Self { tau_min: 1, tau_max: 1, choose_lags: None, alpha_level: 0.05, fdr: Fdr::None, exogenous: Vec::new() }
+        Self {
+            tau_min: 1,
+            tau_max: 1,
+            choose_lags: None,
+            alpha_level: 0.05,
+            fdr: Fdr::None,
+            exogenous: Vec::new(),
+        }
     }
 }
 
@@ -123,7 +130,10 @@ impl GrangerSettings {
             return Err(Error::param("tau-min", "0: Granger causality knows the past only; give at least 1"));
         }
         if self.tau_max < self.tau_min {
-            return Err(Error::param("tau-max", format!("{} is below tau-min {}", self.tau_max, self.tau_min)));
+            return Err(Error::param(
+                "tau-max",
+                format!("{} is below tau-min {}", self.tau_max, self.tau_min),
+            ));
         }
         Ok(())
     }
@@ -149,7 +159,8 @@ fn tested(regression: &Autoregression, settings: &GrangerSettings, lags: usize) 
     let (fit, n) = (&regression.fit, regression.rows.n_vars());
     let lags_of_pair = lags + 1 - settings.tau_min;
     let shape = (n, n, settings.tau_max + 1);
-    let scores = [Criterion::Aic, Criterion::Bic, Criterion::Hqic].map(|criterion| regression.score(criterion));
+    let scores =
+        [Criterion::Aic, Criterion::Bic, Criterion::Hqic].map(|criterion| regression.score(criterion));
     let mut result = GrangerResult {
         links: PcmciResult::untested(n, settings.tau_max, regression.rows.len()),
         lags,
@@ -269,7 +280,11 @@ mod tests {
         let data = chain(200, 7);
         let twice = data.select(&[0, 0, 1, 2]);
         let result = run(&twice, &GrangerSettings::default());
-        assert!(result.links.remarks[0].starts_with("a, a determine each other"), "{:?}", result.links.remarks);
+        assert!(
+            result.links.remarks[0].starts_with("a, a determine each other"),
+            "{:?}",
+            result.links.remarks
+        );
         assert!(!result.links.graph[[0, 2, 1]].is_link() && !result.links.graph[[1, 2, 1]].is_link());
     }
 

@@ -96,7 +96,10 @@ mod tests {
 
     #[test]
     fn what_is_no_test_is_no_evidence() {
-        assert_eq!((f_sf(3.0, 0, 5), f_sf(3.0, 2, 0), f_sf(f64::NAN, 2, 5), f_sf(-1.0, 2, 5)), (1.0, 1.0, 1.0, 1.0));
+        assert_eq!(
+            (f_sf(3.0, 0, 5), f_sf(3.0, 2, 0), f_sf(f64::NAN, 2, 5), f_sf(-1.0, 2, 5)),
+            (1.0, 1.0, 1.0, 1.0)
+        );
         assert_eq!(f_sf(f64::INFINITY, 2, 5), 0.0);
         assert_eq!((two_sided_p_value(f64::NAN, 5), two_sided_p_value(f64::INFINITY, 5)), (1.0, 0.0));
     }

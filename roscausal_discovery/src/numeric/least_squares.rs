@@ -65,14 +65,18 @@ impl LeastSquares {
     pub(crate) fn new(columns: &[&[f64]], targets: &[&[f64]], constant: bool) -> Self {
         let n = columns.iter().chain(targets).next().map_or(0, |row| row.len());
         let (columns, norms): (Vec<_>, Vec<_>) = columns.iter().map(|row| scaled(row, constant)).unzip();
-        let (targets, target_norms): (Vec<_>, Vec<_>) = targets.iter().map(|row| scaled(row, constant)).unzip();
+        let (targets, target_norms): (Vec<_>, Vec<_>) =
+            targets.iter().map(|row| scaled(row, constant)).unzip();
         let mut kept: Vec<usize> = (0..columns.len()).filter(|&k| norms[k] > 0.0).collect();
         let mut undetermined = vec![false; columns.len()];
         let triangle = loop {
             let rows: Vec<&Vec<f64>> = kept.iter().map(|&k| &columns[k]).chain(&targets).collect();
             let triangle = triangle(&rows, n);
-            let at = |i: usize, j: usize| triangle.get(j).and_then(|column| column.get(i)).copied().unwrap_or(0.0);
-            let Some(dependent) = (0..kept.len()).find(|&k| at(k, k).abs() < DETERMINED) else { break triangle };
+            let at =
+                |i: usize, j: usize| triangle.get(j).and_then(|column| column.get(i)).copied().unwrap_or(0.0);
+            let Some(dependent) = (0..kept.len()).find(|&k| at(k, k).abs() < DETERMINED) else {
+                break triangle;
+            };
             // The combination of earlier columns that gives this one.
             let mut combination = vec![0.0; dependent];
             for i in (0..dependent).rev() {
@@ -90,7 +94,9 @@ impl LeastSquares {
         let inverse = inverse_of_upper(&triangle, size);
         let scaled = triangle[size..]
             .iter()
-            .map(|target| inverse.iter().map(|row| row.iter().zip(target).map(|(a, b)| a * b).sum()).collect())
+            .map(|target| {
+                inverse.iter().map(|row| row.iter().zip(target).map(|(a, b)| a * b).sum()).collect()
+            })
             .collect();
         let left = triangle[size..].iter().map(|target| target.get(size..).unwrap_or(&[]).to_vec()).collect();
         Self { n, kept, place, undetermined, constant, norms, target_norms, inverse, scaled, left }
@@ -140,7 +146,8 @@ impl LeastSquares {
         let Some(at) = self.place[column].filter(|_| !self.undetermined[column] && self.dof() > 0) else {
             return 0.0;
         };
-        let spread = self.inverse[at].iter().map(|v| v * v).sum::<f64>() * self.scaled_rss(target) / self.dof() as f64;
+        let spread =
+            self.inverse[at].iter().map(|v| v * v).sum::<f64>() * self.scaled_rss(target) / self.dof() as f64;
         quotient(self.scaled[target][at], spread.sqrt())
     }
 
@@ -150,7 +157,9 @@ impl LeastSquares {
         if columns.is_empty() || self.dof() == 0 || columns.iter().any(|&k| self.undetermined[k]) {
             return none;
         }
-        let Some(at) = columns.iter().map(|&k| self.place[k]).collect::<Option<Vec<usize>>>() else { return none };
+        let Some(at) = columns.iter().map(|&k| self.place[k]).collect::<Option<Vec<usize>>>() else {
+            return none;
+        };
         // Rows of the inverse are the columns' directions; F measures the coefficients in an orthonormal frame of them.
         let rows: Vec<&Vec<f64>> = at.iter().map(|&at| &self.inverse[at]).collect();
         let frame = triangle(&rows, self.kept.len());
