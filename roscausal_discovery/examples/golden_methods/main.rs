@@ -5,6 +5,7 @@
 //! lists the cases that it cannot run. One file for each family of methods.
 
 mod data;
+mod dynotears;
 mod granger;
 mod varlingam;
 
@@ -56,6 +57,7 @@ fn run(set: &Path, out: &Path, only: &str) -> Result<(), String> {
 
 fn run_case(case: &Value, set: &Path) -> Result<Value, String> {
     match case["method"].as_str().unwrap_or_default() {
+        "dynotears" => dynotears::run(case, set),
         "granger" => granger::run(case, set),
         "varlingam" => varlingam::run(case, set),
         other => Err(format!("method '{other}' is not part of this engine")),

@@ -9,6 +9,7 @@
 //! | [`run_granger`] | all other lagged variables, all lags of a cause at once | Granger 1969 |
 //! | [`run_bivci`] | the past of its effect | Granger 1969 |
 //! | [`get_lagged_dependencies`] | nothing | |
+//! | [`run_dynotears`] | (a sparse linear model without cycles) | Pamfil et al. 2020 |
 //! | [`run_varlingam`] | (a model of linear effects and noise that is not Gaussian) | Hyvärinen et al. 2010 |
 //! | [`run_pc_stable`], [`run_mci`] | the two halves of PCMCI | Runge et al. 2019 |
 //!
@@ -18,6 +19,7 @@
 //! `X^i(t - tau) -> X^j(t)` (cause, effect, lag).
 
 mod autoregression;
+mod dynotears;
 mod extension;
 mod fdr;
 mod fpcmci;
@@ -35,6 +37,7 @@ mod skeleton;
 mod varlingam;
 
 pub use autoregression::Criterion;
+pub use dynotears::{DynotearsResult, DynotearsSettings, run_dynotears};
 pub use fdr::{Fdr, fdr_bh};
 pub use fpcmci::{CausalMatrices, FpcmciResult, FpcmciSettings, run_fpcmci};
 pub use granger::{GrangerResult, GrangerSettings, run_granger};
