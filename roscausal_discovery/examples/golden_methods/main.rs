@@ -5,7 +5,9 @@
 //! lists the cases that it cannot run. One file for each family of methods.
 
 mod data;
+mod dynotears;
 mod granger;
+mod varlingam;
 
 use std::{path::Path, process::ExitCode, time::Instant};
 
@@ -55,7 +57,9 @@ fn run(set: &Path, out: &Path, only: &str) -> Result<(), String> {
 
 fn run_case(case: &Value, set: &Path) -> Result<Value, String> {
     match case["method"].as_str().unwrap_or_default() {
+        "dynotears" => dynotears::run(case, set),
         "granger" => granger::run(case, set),
+        "varlingam" => varlingam::run(case, set),
         other => Err(format!("method '{other}' is not part of this engine")),
     }
 }

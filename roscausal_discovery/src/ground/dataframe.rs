@@ -168,6 +168,15 @@ impl DataFrame {
         }
     }
 
+    /// The data with `by[var]` taken off each value of a variable.
+    pub(crate) fn shifted(&self, by: &[f64]) -> Self {
+        let mut data = self.clone();
+        for recording in &mut data.recordings {
+            recording.columns_mut().into_iter().zip(by).for_each(|(mut column, by)| column -= *by);
+        }
+        data
+    }
+
     /// The recordings, each `T x N`.
     pub fn recordings(&self) -> &[Array2<f64>] {
         &self.recordings

@@ -1,5 +1,7 @@
 //! Vector autoregression: every variable regressed on the past of all variables. What Granger causality and VARLiNGAM share.
 
+use ndarray::Array3;
+
 use crate::{
     ground::{CompleteRows, Control, DataFrame, Error, Node, Result, Samples},
     numeric::least_squares::LeastSquares,
@@ -97,6 +99,18 @@ impl Autoregression {
     /// The column of a cause.
     pub(super) fn column(&self, cause: usize, lag: usize) -> Option<usize> {
         self.causes.iter().position(|&node| node == Node::new(cause, lag))
+    }
+
+    /// The coefficients `[cause][effect][lag 0..=lags]`; 0 at lag 0.
+    pub(super) fn coefficients(&self, lags: usize) -> Array3<f64> {
+        let n = self.rows.n_vars();
+        let mut coefficients = Array3::zeros((n, n, lags + 1));
+        for (k, cause) in self.causes.iter().enumerate() {
+            (0..n).for_each(|effect| {
+                coefficients[[cause.var, effect, cause.lag]] = self.fit.coefficient(effect, k)
+            });
+        }
+        coefficients
     }
 
     /// The score of the number of lags.

@@ -9,6 +9,8 @@
 //! | [`run_granger`] | all other lagged variables, all lags of a cause at once | Granger 1969 |
 //! | [`run_bivci`] | the past of its effect | Granger 1969 |
 //! | [`get_lagged_dependencies`] | nothing | |
+//! | [`run_dynotears`] | (a sparse linear model without cycles) | Pamfil et al. 2020 |
+//! | [`run_varlingam`] | (a model of linear effects and noise that is not Gaussian) | Hyvärinen et al. 2010 |
 //! | [`run_pc_stable`], [`run_mci`] | the two halves of PCMCI | Runge et al. 2019 |
 //!
 //! [`analyse`](crate::analyse) chooses among them by [`Method`] and makes a [`Model`](crate::Model) of what they find.
@@ -17,6 +19,7 @@
 //! `X^i(t - tau) -> X^j(t)` (cause, effect, lag).
 
 mod autoregression;
+mod dynotears;
 mod extension;
 mod fdr;
 mod fpcmci;
@@ -31,8 +34,10 @@ mod result;
 mod run;
 mod settings;
 mod skeleton;
+mod varlingam;
 
 pub use autoregression::Criterion;
+pub use dynotears::{DynotearsResult, DynotearsSettings, run_dynotears};
 pub use fdr::{Fdr, fdr_bh};
 pub use fpcmci::{CausalMatrices, FpcmciResult, FpcmciSettings, run_fpcmci};
 pub use granger::{GrangerResult, GrangerSettings, run_granger};
@@ -42,3 +47,4 @@ pub use pcmciplus::{ColliderRule, PcmciPlusSettings, run_pcmciplus};
 pub use registry::{Method, MethodInfo, Reads};
 pub use result::{Candidate, PcmciResult, Sepset, Status, TargetParents};
 pub use settings::{PC_ALPHAS, PCMCIPLUS_ALPHAS, PcmciSettings};
+pub use varlingam::{VarlingamResult, VarlingamSettings, run_varlingam};
