@@ -19,7 +19,7 @@ use roscausal_core::{
     },
 };
 use roscausal_discovery::{
-    Control, DataFrame, Model, PcAlpha, Settings, analyse,
+    AboutData, Control, DataFrame, Fault, Model, PcAlpha, Settings, analyse,
     independence_tests::{self, GpSearch},
     methods::{Fdr, Method, MethodInfo},
     transfer_entropy::TeEstimator,
@@ -167,12 +167,14 @@ pub(crate) fn run(args: &Args, interrupt: &Interrupt) -> Result<()> {
         Some(data) => data,
         None => Data::of(args.read.read(&files, args.inputs.dt())?)?,
     };
-    let Data { data, dt, warnings, .. } = args.part.part(read)?;
+    let Data { data, dt, warnings, origins, .. } = args.part.part(read)?;
+    let about = look_at(&data, &origins, args, &settings)?;
     if let Some(told) = estimate::check(&data, &settings, &args.means)? {
         crate::terminal::tell!("{told}");
     }
     let mut model = args.means.analyse(&data, &settings, interrupt, quiet)?;
     model.dt = dt;
+    model.about_data = Some(about);
     model.n_recordings = data.recordings().len();
     model.warnings.splice(0..0, warnings);
 
@@ -219,6 +221,8 @@ struct Data {
     warnings: Vec<String>,
     /// Whether it comes from recordings, so that a node chose the columns.
     recorded: bool,
+    /// For each recording, the file that it comes from, if the recordings are the files.
+    origins: Vec<PathBuf>,
 }
 
 impl Data {
@@ -231,9 +235,39 @@ impl Data {
             warnings.extend(table.notes.iter().map(|note| format!("{}: {note}", file.user.display())));
         }
         let recorded = tables.iter().any(|(file, _)| file.table != file.user);
+        let origins = tables.iter().map(|(file, _)| file.user.clone()).collect();
         let values = tables.into_iter().map(|(_, table)| table.values).collect();
-        Ok(Self { data: DataFrame::new(values, names)?, dt, warnings, recorded })
+        Ok(Self { data: DataFrame::new(values, names)?, dt, warnings, recorded, origins })
     }
+}
+
+/// Looks at the data, and refuses what no analysis should take as it is, with the way out.
+fn look_at(data: &DataFrame, origins: &[PathBuf], args: &Args, settings: &Settings) -> Result<AboutData> {
+    let (about, faults) = AboutData::of(data, settings.tau_max);
+    let origin = |place: &usize| match origins.get(*place) {
+        Some(file) => file.display().to_string(),
+        None => format!("recording {}", place + 1),
+    };
+    for fault in faults {
+        let reason = match fault {
+            Fault::MissingFlag { .. } if args.read.knows_of_missing_values() => continue,
+            Fault::MissingFlag { name, value, count } => format!(
+                "{name} is {value} in {count} rows, far from all its other values: it seems to stand for a missing value; \
+                 --missing-value={value} takes it as one, --missing-value=none keeps it"
+            ),
+            Fault::Twins(a, b) => format!(
+                "{a} and {b} say the same (correlation 1): no test can tell which of them drives anything; leave one out, such as \
+                 with --columns '!{b}'"
+            ),
+            Fault::SameRecording(a, b) => format!(
+                "{} and {} hold the same rows: counted twice, they would make any link significant; leave one out",
+                origin(&a),
+                origin(&b)
+            ),
+        };
+        return Err(Error::Data(reason));
+    }
+    Ok(about)
 }
 
 /// The files with their metadata, if that mentions interventions or several people and all columns are analysed.
@@ -253,7 +287,13 @@ fn with_facts(args: &Args, files: &[Input], settings: &mut Settings) -> Result<O
     let Some(part) = joint.parts(people)?.pop() else { return Ok(None) };
     settings.exogenous.extend(part.exogenous);
     let recorded = files.iter().any(|file| file.table != file.user);
-    Ok(Some(Data { data: part.data, dt: joint.dt(), warnings: joint.warnings, recorded }))
+    Ok(Some(Data {
+        data: part.data,
+        dt: joint.dt(),
+        warnings: joint.warnings,
+        recorded,
+        origins: Vec::new(),
+    }))
 }
 
 /// The files to analyse: the user's own, and the batches made from the user's recordings. Those are in `--out`, or

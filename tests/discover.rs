@@ -379,3 +379,60 @@ fn out_is_checked_before_the_work_and_files_of_others_are_left_alone() {
     assert!(code == Some(1) && silent, "{told}");
     has(&told, &["data.csv", "no results can be written here"]);
 }
+
+#[test]
+fn data_that_no_analysis_should_take_are_refused_with_the_way_out() {
+    let data = coupled(200);
+    let with = |change: &dyn Fn(usize, &str) -> String| {
+        let rows: Vec<String> = data.lines().skip(1).enumerate().map(|(i, line)| change(i, line)).collect();
+        rows.join("\n")
+    };
+    let flagged = with(&|i, line| match (i % 20, line.rsplit_once(',')) {
+        (3, Some((rest, _))) => format!("{rest},-999"),
+        _ => line.to_owned(),
+    });
+    let flagged = format!("time,a,b\n{flagged}");
+    let told = complaint(&flagged, &["--test", "parcorr"], 1);
+    has(&told, &["b is -999 in 10 rows", "--missing-value=-999", "--missing-value=none"]);
+    let dir = folder("data.csv", &flagged);
+    for value in ["-999", "none"] {
+        let out =
+            roscausal(dir.path(), &["discover", "data.csv", "--test", "parcorr", "--missing-value", value]);
+        assert!(out.status.success(), "{}", String::from_utf8_lossy(&out.stderr));
+    }
+    let copied = with(&|_, line| {
+        format!("{line},{}", 2.0 * line.rsplit_once(',').map_or(0.0, |(_, b)| b.parse().unwrap_or(0.0)))
+    });
+    let told = complaint(&format!("time,a,b,twice_b\n{copied}"), &["--test", "parcorr"], 1);
+    has(&told, &["b and twice_b say the same", "--columns '!twice_b'"]);
+    let dir = folder("data.csv", &data);
+    let out = roscausal(dir.path(), &["discover", "data.csv", "./data.csv", "--test", "parcorr"]);
+    assert_eq!(out.status.code(), Some(1));
+    has(&String::from_utf8_lossy(&out.stderr), &["data.csv and ./data.csv hold the same rows"]);
+}
+
+#[test]
+fn what_the_data_are_like_is_printed_and_stored_in_the_model() {
+    let few: String = coupled(7).lines().map(|line| format!("{line}\n")).collect();
+    let dir = folder("data.csv", &few);
+    let quick = ["discover", "data.csv", "--method", "pcmci", "--test", "parcorr"];
+    has(
+        &String::from_utf8_lossy(&roscausal(dir.path(), &quick).stdout),
+        &["About the data: only 5 samples", "record longer"],
+    );
+    let rows: Vec<String> = coupled(400)
+        .lines()
+        .enumerate()
+        .map(|(i, line)| match i {
+            0 => format!("{line},clock"),
+            _ => format!("{line},{}", i as f64 * 0.37 + (i % 7) as f64),
+        })
+        .collect();
+    let dir = folder("data.csv", &rows.join("\n"));
+    let model: Value =
+        serde_json::from_slice(&roscausal(dir.path(), &[&quick[..], &["--format", "json"]].concat()).stdout)
+            .expect("JSON");
+    has(&model["about_data"]["remarks"].to_string(), &["clock drifts"]);
+    assert_eq!(model["about_data"]["variables"][0]["name"], "a");
+    assert!(model["about_data"]["variables"][2]["kpss"].as_f64().is_some_and(|statistic| statistic > 1.0));
+}

@@ -152,6 +152,7 @@ impl Settings {
             val: Vec::new(),
             pval: Vec::new(),
             warnings: Vec::new(),
+            about_data: None,
         }
     }
 

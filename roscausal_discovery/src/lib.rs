@@ -63,6 +63,7 @@
 
 #![warn(missing_docs)]
 
+mod about;
 mod analysis;
 pub mod draw;
 mod effort;
@@ -73,6 +74,7 @@ mod model;
 mod numeric;
 pub mod transfer_entropy;
 
+pub use about::{AboutData, AboutVariable, Fault};
 pub use analysis::{PcAlpha, Settings, analyse};
 pub use effort::Effort;
 pub use ground::*;

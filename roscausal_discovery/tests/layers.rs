@@ -10,9 +10,10 @@ use std::{
 };
 
 /// The modules of the crate from the ground up.
-const LAYERS: [&str; 9] = [
+const LAYERS: [&str; 10] = [
     "ground",
     "numeric",
+    "about",
     "independence_tests",
     "transfer_entropy",
     "methods",
