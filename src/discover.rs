@@ -1,5 +1,7 @@
 //! `roscausal discover`: from CSV files or recordings to a causal model.
 
+mod assumptions;
+mod condition;
 mod estimate;
 mod reading;
 
@@ -32,6 +34,7 @@ use crate::{
     recording::{self, InputArgs, Source},
     report,
 };
+use assumptions::AssumeArgs;
 use reading::{PartArgs, ReadArgs};
 
 /// Arguments of `roscausal discover`.
@@ -51,6 +54,8 @@ pub(crate) struct Args {
     read: ReadArgs,
     #[command(flatten)]
     part: PartArgs,
+    #[command(flatten)]
+    assume: AssumeArgs,
     /// Batches with several people: pooled (each person is a recording of one system) or joint (everybody's
     /// variables).
     #[arg(long, default_value = "pooled", value_parser = ["pooled", "joint"])]
@@ -69,8 +74,9 @@ pub(crate) struct Args {
     format: Format,
 }
 
+/// What to print of a model.
 #[derive(Clone, Copy, PartialEq, Eq, ValueEnum)]
-enum Format {
+pub(crate) enum Format {
     /// Sentences and a table.
     Text,
     /// One JSON object (docs/model-schema.md).
@@ -81,6 +87,21 @@ enum Format {
     Graphml,
     /// A table of the links.
     Csv,
+}
+
+impl Format {
+    /// Prints a model.
+    pub(crate) fn print(self, model: &Model) -> Result<()> {
+        let text = match self {
+            Self::Json => model.to_json(),
+            Self::Dot => export::dot(model),
+            Self::Graphml => export::graphml(model),
+            Self::Csv => String::from_utf8_lossy(&export::links_csv(model)?).into_owned(),
+            Self::Text => report::text(model) + "\n",
+        };
+        crate::terminal::print(format_args!("{text}"));
+        Ok(())
+    }
 }
 
 /// How to analyse; the same arguments for every subcommand.
@@ -168,6 +189,7 @@ pub(crate) fn run(args: &Args, interrupt: &Interrupt) -> Result<()> {
         None => Data::of(args.read.read(&files, args.inputs.dt())?)?,
     };
     let Data { data, dt, warnings, origins, .. } = args.part.part(read)?;
+    args.assume.set(&mut settings, data.var_names())?;
     let about = look_at(&data, &origins, args, &settings)?;
     if let Some(told) = estimate::check(&data, &settings, &args.means)? {
         crate::terminal::tell!("{told}");
@@ -178,15 +200,7 @@ pub(crate) fn run(args: &Args, interrupt: &Interrupt) -> Result<()> {
     model.n_recordings = data.recordings().len();
     model.warnings.splice(0..0, warnings);
 
-    match args.format {
-        Format::Json => crate::terminal::print(format_args!("{}", model.to_json())),
-        Format::Dot => crate::terminal::print(format_args!("{}", export::dot(&model))),
-        Format::Graphml => crate::terminal::print(format_args!("{}", export::graphml(&model))),
-        Format::Csv => {
-            crate::terminal::print(format_args!("{}", String::from_utf8_lossy(&export::links_csv(&model)?)))
-        }
-        Format::Text => crate::terminal::say!("{}", report::text(&model)),
-    }
+    args.format.print(&model)?;
     // Last: what cannot be written is at least printed.
     if let Some(dir) = &args.out {
         interrupt.writing();

@@ -2,6 +2,7 @@
 
 mod chart;
 mod cli;
+mod compare;
 mod demo;
 mod discover;
 mod expected;
@@ -17,6 +18,7 @@ mod presets;
 mod recording;
 mod replay;
 mod report;
+mod show;
 mod sink;
 mod teleop;
 mod terminal;
@@ -35,6 +37,8 @@ fn main() -> ExitCode {
         cli::Command::Demo(args) => demo::run(args, &interrupt),
         cli::Command::Replay(args) => replay::run(args, &interrupt),
         cli::Command::Discover(args) => discover::run(args, &interrupt),
+        cli::Command::Show(args) => show::run(args),
+        cli::Command::Compare(args) => compare::run(args),
         cli::Command::Experiment(args) => experiment::run(args, &interrupt),
         cli::Command::Teleop(args) => teleop::run(args),
     };
