@@ -3,7 +3,7 @@
 use clap::{CommandFactory, Parser, Subcommand};
 use tracing_subscriber::{EnvFilter, fmt};
 
-use crate::{demo, discover, experiment, html_report, presets, replay, teleop};
+use crate::{compare, demo, discover, experiment, html_report, presets, replay, show, teleop};
 
 /// Find out what causes what between robots and people.
 #[derive(Parser)]
@@ -22,6 +22,10 @@ pub(crate) enum Command {
     Demo(demo::Args),
     /// Find the causal model of CSV files or recordings (ROS 1 .bag, ROS 2 .mcap and .db3).
     Discover(discover::Args),
+    /// Print a stored model again, and draw it.
+    Show(show::Args),
+    /// Say what differs between two stored models, and draw it.
+    Compare(compare::Args),
     /// Play a recording to the nodes as if it were live: one model for each batch.
     Replay(replay::Args),
     /// Run the demo's chain over many seeds and measure how often each link is found.

@@ -1,5 +1,7 @@
 //! `roscausal discover`: from CSV files or recordings to a causal model.
 
+mod assumptions;
+mod condition;
 mod estimate;
 mod reading;
 
@@ -22,7 +24,7 @@ use roscausal_core::{
     },
 };
 use roscausal_discovery::{
-    Control, DataFrame, Evidence, Model, PcAlpha, Settings, analyse_with_evidence,
+    AboutData, Control, DataFrame, Evidence, Fault, Model, PcAlpha, Settings, analyse_with_evidence,
     independence_tests::{self, GpSearch},
     methods::{Fdr, Method, MethodInfo},
     transfer_entropy::TeEstimator,
@@ -35,6 +37,7 @@ use crate::{
     recording::{self, InputArgs, Source},
     report,
 };
+use assumptions::AssumeArgs;
 use reading::{PartArgs, ReadArgs};
 
 /// Arguments of `roscausal discover`.
@@ -54,6 +57,8 @@ pub(crate) struct Args {
     read: ReadArgs,
     #[command(flatten)]
     part: PartArgs,
+    #[command(flatten)]
+    assume: AssumeArgs,
     /// Batches with several people: pooled (each person is a recording of one system) or joint (everybody's
     /// variables).
     #[arg(long, default_value = "pooled", value_parser = ["pooled", "joint"])]
@@ -72,8 +77,9 @@ pub(crate) struct Args {
     format: Format,
 }
 
+/// What to print of a model.
 #[derive(Clone, Copy, PartialEq, Eq, ValueEnum)]
-enum Format {
+pub(crate) enum Format {
     /// Sentences and a table.
     Text,
     /// One JSON object (docs/model-schema.md).
@@ -84,6 +90,21 @@ enum Format {
     Graphml,
     /// A table of the links.
     Csv,
+}
+
+impl Format {
+    /// Prints a model.
+    pub(crate) fn print(self, model: &Model) -> Result<()> {
+        let text = match self {
+            Self::Json => model.to_json(),
+            Self::Dot => export::dot(model),
+            Self::Graphml => export::graphml(model),
+            Self::Csv => String::from_utf8_lossy(&export::links_csv(model)?).into_owned(),
+            Self::Text => report::text(model) + "\n",
+        };
+        crate::terminal::print(format_args!("{text}"));
+        Ok(())
+    }
 }
 
 /// How to analyse; the same arguments for every subcommand.
@@ -163,15 +184,7 @@ pub(crate) fn run(args: &Args, interrupt: &Interrupt) -> Result<()> {
         output::claim(dir, args.force)?;
     }
     let (model, evidence, data) = found(args, interrupt, args.format != Format::Text)?;
-    match args.format {
-        Format::Json => crate::terminal::print(format_args!("{}", model.to_json())),
-        Format::Dot => crate::terminal::print(format_args!("{}", export::dot(&model))),
-        Format::Graphml => crate::terminal::print(format_args!("{}", export::graphml(&model))),
-        Format::Csv => {
-            crate::terminal::print(format_args!("{}", String::from_utf8_lossy(&export::links_csv(&model)?)))
-        }
-        Format::Text => crate::terminal::say!("{}", report::text(&model)),
-    }
+    args.format.print(&model)?;
     // Last: what cannot be written is at least printed.
     if let Some(dir) = &args.out {
         interrupt.writing();
@@ -189,12 +202,15 @@ pub(crate) fn run(args: &Args, interrupt: &Interrupt) -> Result<()> {
 pub(crate) fn found(args: &Args, interrupt: &Interrupt, quiet: bool) -> Result<(Model, Evidence, DataFrame)> {
     let mut settings = args.method.settings(args.seed)?;
     settings.max_memory = args.means.max_memory.map(|megabytes| megabytes.saturating_mul(1_000_000));
-    let Data { data, dt, warnings, .. } = Data::read(args, &mut settings, interrupt, quiet)?;
+    let Data { data, dt, warnings, origins, .. } = Data::read(args, &mut settings, interrupt, quiet)?;
+    args.assume.set(&mut settings, data.var_names())?;
+    let about = look_at(&data, &origins, args, &settings)?;
     if let Some(told) = estimate::check(&data, &settings, &args.means)? {
         crate::terminal::tell!("{told}");
     }
     let (mut model, evidence) = args.means.analyse(&data, &settings, interrupt, quiet)?;
     model.dt = dt;
+    model.about_data = Some(about);
     model.warnings.splice(0..0, warnings);
     Ok((model, evidence, data))
 }
@@ -215,6 +231,7 @@ impl Args {
             means: means.clone(),
             read: ReadArgs::default(),
             part: PartArgs::default(),
+            assume: AssumeArgs::default(),
             several_people: "pooled".into(),
             seed,
             out: None,
@@ -291,6 +308,8 @@ struct Data {
     warnings: Vec<String>,
     /// Whether it comes from recordings, so that a node chose the columns.
     recorded: bool,
+    /// For each recording, the file that it comes from, if the recordings are the files.
+    origins: Vec<PathBuf>,
 }
 
 impl Data {
@@ -313,9 +332,39 @@ impl Data {
             warnings.extend(table.notes.iter().map(|note| format!("{}: {note}", file.user.display())));
         }
         let recorded = tables.iter().any(|(file, _)| file.table != file.user);
+        let origins = tables.iter().map(|(file, _)| file.user.clone()).collect();
         let values = tables.into_iter().map(|(_, table)| table.values).collect();
-        Ok(Self { data: DataFrame::new(values, names)?, dt, warnings, recorded })
+        Ok(Self { data: DataFrame::new(values, names)?, dt, warnings, recorded, origins })
     }
+}
+
+/// Looks at the data, and refuses what no analysis should take as it is, with the way out.
+fn look_at(data: &DataFrame, origins: &[PathBuf], args: &Args, settings: &Settings) -> Result<AboutData> {
+    let (about, faults) = AboutData::of(data, settings.tau_max);
+    let origin = |place: &usize| match origins.get(*place) {
+        Some(file) => file.display().to_string(),
+        None => format!("recording {}", place + 1),
+    };
+    for fault in faults {
+        let reason = match fault {
+            Fault::MissingFlag { .. } if args.read.knows_of_missing_values() => continue,
+            Fault::MissingFlag { name, value, count } => format!(
+                "{name} is {value} in {count} rows, far from all its other values: it seems to stand for a missing value; \
+                 --missing-value={value} takes it as one, --missing-value=none keeps it"
+            ),
+            Fault::Twins(a, b) => format!(
+                "{a} and {b} say the same (correlation 1): no test can tell which of them drives anything; leave one out, such as \
+                 with --columns '!{b}'"
+            ),
+            Fault::SameRecording(a, b) => format!(
+                "{} and {} hold the same rows: counted twice, they would make any link significant; leave one out",
+                origin(&a),
+                origin(&b)
+            ),
+        };
+        return Err(Error::Data(reason));
+    }
+    Ok(about)
 }
 
 /// The files with their metadata, if that mentions interventions or several people and all columns are analysed.
@@ -335,7 +384,13 @@ fn with_facts(args: &Args, files: &[Input], settings: &mut Settings) -> Result<O
     let Some(part) = joint.parts(people)?.pop() else { return Ok(None) };
     settings.exogenous.extend(part.exogenous);
     let recorded = files.iter().any(|file| file.table != file.user);
-    Ok(Some(Data { data: part.data, dt: joint.dt(), warnings: joint.warnings, recorded }))
+    Ok(Some(Data {
+        data: part.data,
+        dt: joint.dt(),
+        warnings: joint.warnings,
+        recorded,
+        origins: Vec::new(),
+    }))
 }
 
 /// The files to analyse: the user's own, and the batches made from the user's recordings. Those are in `--out`, or

@@ -5,6 +5,7 @@
 
 mod chart;
 mod cli;
+mod compare;
 mod demo;
 mod discover;
 mod expected;
@@ -21,6 +22,7 @@ mod presets;
 mod recording;
 mod replay;
 mod report;
+mod show;
 mod sink;
 mod teleop;
 mod terminal;
@@ -46,6 +48,8 @@ pub fn command<I: IntoIterator<Item = OsString>>(args: I) -> u8 {
         cli::Command::Demo(args) => demo::run(args, &interrupt),
         cli::Command::Replay(args) => replay::run(args, &interrupt),
         cli::Command::Discover(args) => discover::run(args, &interrupt),
+        cli::Command::Show(args) => show::run(args),
+        cli::Command::Compare(args) => compare::run(args),
         cli::Command::Experiment(args) => experiment::run(args, &interrupt),
         cli::Command::Report(args) => html_report::run(args, &interrupt),
         cli::Command::Teleop(args) => teleop::run(args),

@@ -17,8 +17,22 @@ pub fn text(model: &Model) -> String {
     if model.status != "complete" {
         lines.push(format!("This result is {}.", model.status));
     }
+    lines.extend(about_data(model));
     lines.extend(model.warnings.iter().map(|warning| format!("note: {warning}")));
     lines.join("\n")
+}
+
+/// The paragraph "About the data", if they were looked at.
+fn about_data(model: &Model) -> Option<String> {
+    let about = model.about_data.as_ref()?;
+    if about.remarks.is_empty() {
+        let fewest =
+            about.variables.iter().map(|variable| variable.effective_samples).fold(f64::INFINITY, f64::min);
+        return Some(format!(
+            "About the data: no drift, no stretches without change, no outliers; worth at least {fewest:.0} independent samples."
+        ));
+    }
+    Some(format!("About the data: {}.", about.remarks.join(". ")))
 }
 
 fn headline(model: &Model) -> String {

@@ -379,3 +379,142 @@ fn out_is_checked_before_the_work_and_files_of_others_are_left_alone() {
     assert!(code == Some(1) && silent, "{told}");
     has(&told, &["data.csv", "no results can be written here"]);
 }
+
+#[test]
+fn data_that_no_analysis_should_take_are_refused_with_the_way_out() {
+    let data = coupled(200);
+    let with = |change: &dyn Fn(usize, &str) -> String| {
+        let rows: Vec<String> = data.lines().skip(1).enumerate().map(|(i, line)| change(i, line)).collect();
+        rows.join("\n")
+    };
+    let flagged = with(&|i, line| match (i % 20, line.rsplit_once(',')) {
+        (3, Some((rest, _))) => format!("{rest},-999"),
+        _ => line.to_owned(),
+    });
+    let flagged = format!("time,a,b\n{flagged}");
+    let told = complaint(&flagged, &["--test", "parcorr"], 1);
+    has(&told, &["b is -999 in 10 rows", "--missing-value=-999", "--missing-value=none"]);
+    let dir = folder("data.csv", &flagged);
+    for value in ["-999", "none"] {
+        let out =
+            roscausal(dir.path(), &["discover", "data.csv", "--test", "parcorr", "--missing-value", value]);
+        assert!(out.status.success(), "{}", String::from_utf8_lossy(&out.stderr));
+    }
+    let copied = with(&|_, line| {
+        format!("{line},{}", 2.0 * line.rsplit_once(',').map_or(0.0, |(_, b)| b.parse().unwrap_or(0.0)))
+    });
+    let told = complaint(&format!("time,a,b,twice_b\n{copied}"), &["--test", "parcorr"], 1);
+    has(&told, &["b and twice_b say the same", "--columns '!twice_b'"]);
+    let dir = folder("data.csv", &data);
+    let out = roscausal(dir.path(), &["discover", "data.csv", "./data.csv", "--test", "parcorr"]);
+    assert_eq!(out.status.code(), Some(1));
+    has(&String::from_utf8_lossy(&out.stderr), &["data.csv and ./data.csv hold the same rows"]);
+}
+
+#[test]
+fn what_the_data_are_like_is_printed_and_stored_in_the_model() {
+    let few: String = coupled(7).lines().map(|line| format!("{line}\n")).collect();
+    let dir = folder("data.csv", &few);
+    let quick = ["discover", "data.csv", "--method", "pcmci", "--test", "parcorr"];
+    has(
+        &String::from_utf8_lossy(&roscausal(dir.path(), &quick).stdout),
+        &["About the data: only 5 samples", "record longer"],
+    );
+    let rows: Vec<String> = coupled(400)
+        .lines()
+        .enumerate()
+        .map(|(i, line)| match i {
+            0 => format!("{line},clock"),
+            _ => format!("{line},{}", i as f64 * 0.37 + (i % 7) as f64),
+        })
+        .collect();
+    let dir = folder("data.csv", &rows.join("\n"));
+    let model: Value =
+        serde_json::from_slice(&roscausal(dir.path(), &[&quick[..], &["--format", "json"]].concat()).stdout)
+            .expect("JSON");
+    has(&model["about_data"]["remarks"].to_string(), &["clock drifts"]);
+    assert_eq!(model["about_data"]["variables"][0]["name"], "a");
+    assert!(model["about_data"]["variables"][2]["kpss"].as_f64().is_some_and(|statistic| statistic > 1.0));
+}
+
+const QUICK: [&str; 6] = ["discover", "data.csv", "--method", "pcmci", "--test", "parcorr"];
+
+fn json(dir: &Path, more: &[&str]) -> Value {
+    let out = roscausal(dir, &[&QUICK[..], &["--format", "json"], more].concat());
+    assert!(out.status.success(), "{}", String::from_utf8_lossy(&out.stderr));
+    serde_json::from_slice(&out.stdout).expect("JSON")
+}
+
+#[test]
+fn what_is_known_of_links_is_kept() {
+    let dir = folder("data.csv", &coupled(300));
+    let rules = "[[link]]\ncause = 'a'\neffect = 'b'\nis = 'forbidden'\n[[link]]\ncause = 'b'\neffect = 'a'\nis = 'required'\n";
+    fs::write(dir.path().join("links.toml"), rules).expect("writes");
+    let model = json(dir.path(), &["--links", "links.toml"]);
+    assert_eq!((&model["graph"][0][1][1], &model["graph"][1][0][1]), (&"".into(), &"-->".into()));
+    assert_eq!(model["p_matrix"][1][0][1], 0.0);
+    fs::write(dir.path().join("links.toml"), rules.replace("'b'", "'c'")).expect("writes");
+    let out = roscausal(dir.path(), &[&QUICK[..], &["--links", "links.toml"]].concat());
+    has(&String::from_utf8_lossy(&out.stderr), &["links.toml: there is no variable 'c'", "variables: a, b"]);
+}
+
+#[test]
+fn how_a_test_decides_can_be_said() {
+    let dir = folder("data.csv", &coupled(300));
+    let shuffled = json(dir.path(), &["--significance", "shuffle", "--shuffles", "100"]);
+    // (k + 1) / (100 + 1)
+    let p = shuffled["p_matrix"][1][0][1].as_f64().expect("a p-value");
+    assert!((p * 101.0 - (p * 101.0).round()).abs() < 1e-9, "{p}");
+    assert_eq!(json(dir.path(), &["--max-conds", "0"])["graph"][0][1][1], "-->");
+    has(
+        &complaint(&coupled(50), &["--significance", "shufle"], 2),
+        &["--significance", "did you mean 'shuffle'"],
+    );
+    has(&complaint(&coupled(50), &["--collider-rule", "maybe"], 2), &["--collider-rule", "majority"]);
+}
+
+#[test]
+fn masked_rows_are_no_effects() {
+    let rows: Vec<String> = coupled(300)
+        .lines()
+        .enumerate()
+        .map(|(i, line)| format!("{line},{}", if i == 0 { "pause".into() } else { (i / 150).to_string() }))
+        .collect();
+    let dir = folder("data.csv", &rows.join("\n"));
+    let masked = json(dir.path(), &["--mask", "pause"]);
+    assert_eq!(masked["features"], serde_json::json!(["a", "b"]));
+    has(&masked["warnings"].to_string(), &["151 of 300 rows are masked"]);
+    assert_eq!(masked["links"].as_array().expect("links")[0]["n_lost"], 151);
+    let by_condition = json(dir.path(), &["--columns", "a,b", "--where", "a > -10 and b < 0.2"]);
+    assert!(by_condition["links"][0]["n_lost"].as_u64().is_some_and(|lost| lost > 20));
+    let out = roscausal(dir.path(), &[&QUICK[..], &["--where", "pausee == 0"]].concat());
+    has(
+        &String::from_utf8_lossy(&out.stderr),
+        &["--where: there is no column 'pausee'", "did you mean 'pause'"],
+    );
+}
+
+#[test]
+fn a_stored_model_is_shown_as_it_was_and_compared_with_another() {
+    let dir = folder("data.csv", &coupled(300));
+    let first = roscausal(dir.path(), &[&QUICK[..], &["-o", "one"]].concat());
+    let again = roscausal(dir.path(), &["show", "one/model.json", "-o", "again"]);
+    let text = String::from_utf8_lossy(&again.stdout);
+    has(&text, &["a at t-1 (0.25 s earlier) drives b", "About the data"]);
+    let without_time = |text: &str| text.lines().skip(1).collect::<Vec<_>>().join("\n");
+    assert_eq!(without_time(&text), without_time(&String::from_utf8_lossy(&first.stdout)));
+    let read = |path: &str| fs::read(dir.path().join(path)).expect("is there");
+    assert_eq!(
+        (read("one/model.json"), read("one/dag.svg")),
+        (read("again/model.json"), read("again/dag.svg"))
+    );
+
+    fs::write(dir.path().join("links.toml"), "[[link]]\ncause = 'a'\neffect = 'b'\nis = 'forbidden'\n")
+        .expect("writes");
+    roscausal(dir.path(), &[&QUICK[..], &["--links", "links.toml", "--alpha", "0.01", "-o", "two"]].concat());
+    let out = roscausal(dir.path(), &["compare", "one/model.json", "two/model.json", "-o", "difference"]);
+    let text = String::from_utf8_lossy(&out.stdout);
+    has(&text, &["alpha: 0.05, 0.01", "1 only in one/model.json\n  a at t-1", "0 only in two/model.json"]);
+    let picture = |name: &str| String::from_utf8_lossy(&read(&format!("difference/{name}"))).into_owned();
+    assert_ne!(picture("only_a.svg"), picture("both.svg"));
+}

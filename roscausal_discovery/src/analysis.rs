@@ -3,7 +3,7 @@
 use crate::{
     evidence::{Evidence, Known},
     ground::{CondIndTest, Control, DataFrame, Error, LinkAssumptions, Result, Samples, names},
-    independence_tests::{self, GpSearch},
+    independence_tests::{self, GpSearch, Significance},
     methods::{
         Fdr, FpcmciResult, FpcmciSettings, Method, PcmciPlusSettings, PcmciResult, PcmciSettings, Reads,
         Status, get_lagged_dependencies, run_bivci, run_fpcmci, run_fullci, run_pcmci, run_pcmciplus,
@@ -68,6 +68,16 @@ pub struct Settings {
     pub gp_restarts: usize,
     /// Memory in bytes that a test may take; `None`: no limit.
     pub max_memory: Option<usize>,
+    /// Which links may exist; `None`: all.
+    pub link_assumptions: Option<LinkAssumptions>,
+    /// Largest condition set of the condition selection; `None`: no limit.
+    pub max_conds: Option<usize>,
+    /// How a test value becomes a p-value; `None`: the test's own way.
+    pub significance: Option<Significance>,
+    /// Surrogates of a shuffle test, or size of a null distribution; `None`: the test's own number.
+    pub shuffles: Option<usize>,
+    /// What only PCMCI+ has.
+    pub pcmciplus: PcmciPlusSettings,
 }
 
 impl Default for Settings {
@@ -88,6 +98,11 @@ impl Default for Settings {
             gp_search: GpSearch::Default,
             gp_restarts: 0,
             max_memory: None,
+            link_assumptions: None,
+            max_conds: None,
+            significance: None,
+            shuffles: None,
+            pcmciplus: PcmciPlusSettings::default(),
         }
     }
 }
@@ -158,6 +173,7 @@ impl Settings {
             val: Vec::new(),
             pval: Vec::new(),
             warnings: Vec::new(),
+            about_data: None,
         }
     }
 
@@ -176,6 +192,8 @@ impl Settings {
             gp_search: self.gp_search,
             gp_restarts: self.gp_restarts,
             max_memory: self.max_memory,
+            significance: self.significance,
+            sig_samples: self.shuffles,
             ..Default::default()
         }
     }
@@ -183,14 +201,18 @@ impl Settings {
     fn pcmci(&self, data: &DataFrame) -> PcmciSettings {
         let context: Vec<usize> =
             self.exogenous.iter().filter_map(|name| names::position(data.var_names(), name)).collect();
-        let links = LinkAssumptions::all(data.n_vars(), self.tau_min, self.tau_max).exogenous(&context);
+        let given = self.link_assumptions.clone();
+        let restricted = given.is_some() || !context.is_empty();
+        let all = || LinkAssumptions::all(data.n_vars(), self.tau_min, self.tau_max);
+        let links = given.unwrap_or_else(all).exogenous(&context);
         PcmciSettings {
             tau_min: self.tau_min,
             tau_max: self.tau_max,
             pc_alpha: self.level_of_pc().into_iter().collect(),
             alpha_level: self.alpha,
             fdr: self.fdr,
-            link_assumptions: (!context.is_empty()).then_some(links),
+            link_assumptions: restricted.then_some(links),
+            max_conds_dim: self.max_conds,
             ..PcmciSettings::default()
         }
     }
@@ -298,7 +320,7 @@ fn analysed(
     let result = match settings.method {
         Method::Fpcmci => return filtered(data, test, settings, pcmci, control, keep),
         Method::Pcmci => run_pcmci(data, test, &pcmci, control),
-        Method::Pcmciplus => run_pcmciplus(data, test, &pcmci, &PcmciPlusSettings::default(), control),
+        Method::Pcmciplus => run_pcmciplus(data, test, &pcmci, &settings.pcmciplus, control),
         Method::Fullci => run_fullci(data, test, &pcmci, control),
         Method::Bivci => run_bivci(data, test, &pcmci, control),
         Method::Lagdep => get_lagged_dependencies(data, test, &pcmci, control),

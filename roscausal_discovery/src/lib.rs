@@ -63,6 +63,7 @@
 
 #![warn(missing_docs)]
 
+mod about;
 mod analysis;
 pub mod draw;
 mod effort;
@@ -74,6 +75,7 @@ mod model;
 mod numeric;
 pub mod transfer_entropy;
 
+pub use about::{AboutData, AboutVariable, Fault};
 pub use analysis::{PcAlpha, Settings, analyse, analyse_with, analyse_with_evidence};
 pub use effort::Effort;
 pub use evidence::{AtLag, Condition, EVIDENCE_SCHEMA, Evidence, LinkEvidence, MOST_POINTS, VariableFacts};

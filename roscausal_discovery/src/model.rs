@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::independence_tests::smallest_p;
+use crate::{about::AboutData, independence_tests::smallest_p};
 
 /// Version of the layout. A reader refuses another major version.
 pub const SCHEMA: &str = "roscausal/model/1";
@@ -63,6 +63,9 @@ pub struct Model {
     pub pval: Vec<Vec<Vec<f64>>>,
     /// What a reader of the model should know, one sentence each.
     pub warnings: Vec<String>,
+    /// What the data are like, if they were looked at.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub about_data: Option<AboutData>,
 }
 
 /// One link of a [`Model`].
@@ -209,6 +212,7 @@ pub(crate) fn example() -> Model {
         val: vec![],
         pval: vec![],
         warnings: vec![],
+        about_data: None,
     };
     let names = ["h_v", "h_dg", "h_risk"].map(str::to_owned).to_vec();
     model.with_matrices(

@@ -13,6 +13,7 @@ use std::{
 const LAYERS: [&str; 10] = [
     "ground",
     "numeric",
+    "about",
     "independence_tests",
     "transfer_entropy",
     "methods",

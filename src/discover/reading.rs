@@ -3,7 +3,7 @@
 use std::{ops::RangeInclusive, str::FromStr};
 
 use clap::Args as ClapArgs;
-use ndarray::{Array2, Axis, s};
+use ndarray::{Array2, ArrayView1, Axis, s};
 use roscausal_core::{
     Error, Result,
     batch::{
@@ -11,9 +11,12 @@ use roscausal_core::{
         table::{Reading, Resample, Steps, Unit},
     },
 };
-use roscausal_discovery::{DataFrame, names::plain};
+use roscausal_discovery::{
+    DataFrame,
+    names::{nearest, plain, position},
+};
 
-use super::{Data, Input};
+use super::{Data, Input, condition::Condition};
 
 /// Flags that say how tables are read.
 #[derive(ClapArgs, Clone, Debug, Default)]
@@ -114,6 +117,12 @@ pub(crate) struct PartArgs {
     /// Rows to analyse of each recording, such as `1..5000`: counted from 1, the last one included; either end may be left out.
     #[arg(long, value_name = "FROM..TO")]
     rows: Option<Rows>,
+    /// A column that is no variable: rows in which it is not 0 are no effects (they still count as the past of others).
+    #[arg(long, value_name = "COLUMN")]
+    mask: Option<String>,
+    /// Only rows that fulfil this are effects, such as `near < 3 and r_v > 0`: columns and numbers compared by < <= > >= == !=.
+    #[arg(long = "where", value_name = "CONDITION")]
+    condition: Option<Condition>,
 }
 
 /// A window of rows, counted from 1.
@@ -149,6 +158,7 @@ impl PartArgs {
                 recording.slice(s![(rows.start() - 1).min(end)..end, ..]).to_owned()
             })?;
         }
+        self.set_mask(&mut data)?;
         let empty: Vec<usize> = (0..data.data.n_vars()).filter(|&var| is_empty(&data.data, var)).collect();
         if empty.is_empty() {
             return Ok(data);
@@ -165,6 +175,49 @@ impl PartArgs {
         data.warnings.retain(|warning| !warning.contains("has no number at all"));
         data.warnings.push(format!("left out, without any number: {}", names.join(", ")));
         Ok(data)
+    }
+}
+
+impl PartArgs {
+    /// Masks the rows that are no effects.
+    fn set_mask(&self, data: &mut Data) -> Result<()> {
+        if self.mask.is_none() && self.condition.is_none() {
+            return Ok(());
+        }
+        let names = data.data.var_names().to_vec();
+        let column = |flag: &str, name: &str| {
+            position(&names, name).ok_or_else(|| {
+                let hint =
+                    nearest(&names, name).map_or(String::new(), |near| format!("did you mean '{near}'? "));
+                Error::param(
+                    flag,
+                    format!("there is no column '{name}'; {hint}columns: {}", names.join(", ")),
+                )
+            })
+        };
+        let by = self.mask.as_deref().map(|name| column("mask", name)).transpose()?;
+        let condition = self
+            .condition
+            .as_ref()
+            .map(|condition| condition.on(|name| column("where", name)))
+            .transpose()?;
+        let is_masked = |row: ArrayView1<'_, f64>| {
+            by.is_some_and(|by| row[by] != 0.0) || condition.as_ref().is_some_and(|condition| !condition(row))
+        };
+        let of_recording = |recording: &Array2<f64>| {
+            let rows: Vec<bool> = recording.rows().into_iter().map(is_masked).collect();
+            let columns = names.len() - usize::from(by.is_some());
+            Array2::from_shape_fn((rows.len(), columns), |(row, _)| rows[row])
+        };
+        let masks: Vec<Array2<bool>> = data.data.recordings().iter().map(of_recording).collect();
+        let masked = |mask: &Array2<bool>| mask.column(0).iter().filter(|masked| **masked).count();
+        let (rows, out): (usize, usize) =
+            masks.iter().map(|mask| (mask.nrows(), masked(mask))).fold((0, 0), |a, b| (a.0 + b.0, a.1 + b.1));
+        let kept: Vec<usize> = (0..names.len()).filter(|var| Some(*var) != by).collect();
+        data.data = data.data.select(&kept).with_mask(masks, "y".parse()?)?;
+        data.warnings
+            .push(format!("{out} of {rows} rows are masked: they are the past of others, and no effects"));
+        Ok(())
     }
 }
 

@@ -163,6 +163,17 @@ impl LinkAssumptions {
         Ok(())
     }
 
+    /// Rules the link `cause(t - lag) -> effect(t)` out; at lag 0 the pair in either direction.
+    pub fn remove(&mut self, cause: usize, effect: usize, lag: usize) {
+        for (source, target) in
+            [(cause, effect), (effect, cause)].into_iter().take(if lag == 0 { 2 } else { 1 })
+        {
+            if let Some(links) = self.targets.get_mut(target) {
+                links.remove(&Node::new(source, lag));
+            }
+        }
+    }
+
     /// Number of variables.
     pub fn n_vars(&self) -> usize {
         self.targets.len()
@@ -210,6 +221,16 @@ mod tests {
         assert_eq!(links.get(1, 0, 0), Some(Assumption::Test));
         assert_eq!(links.get(1, 2, 2), Some(Assumption::Test));
         assert_eq!(links.get(0, 2, 0), Some(Assumption::TestUnoriented));
+    }
+
+    #[test]
+    fn a_removed_link_is_gone_and_no_other() {
+        let mut links = LinkAssumptions::all(2, 0, 1);
+        links.remove(0, 1, 0);
+        links.remove(0, 1, 1);
+        assert_eq!([links.get(0, 1, 0), links.get(1, 0, 0), links.get(0, 1, 1)], [None; 3]);
+        assert_eq!(links.get(1, 0, 1), Some(Assumption::Test));
+        links.remove(7, 7, 0);
     }
 
     #[test]

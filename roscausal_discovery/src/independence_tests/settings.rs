@@ -13,6 +13,24 @@ pub enum Significance {
     FixedThres,
 }
 
+impl Significance {
+    /// The names that [`str::parse`] knows.
+    pub const NAMES: &'static [&'static str] = &["analytic", "shuffle", "threshold"];
+}
+
+impl std::str::FromStr for Significance {
+    type Err = Error;
+
+    fn from_str(text: &str) -> Result<Self> {
+        match text {
+            "analytic" => Ok(Self::Analytic),
+            "shuffle" | "shuffle_test" => Ok(Self::ShuffleTest),
+            "threshold" | "fixed_thres" => Ok(Self::FixedThres),
+            _ => Err(Error::unknown("significance", text, Self::NAMES)),
+        }
+    }
+}
+
 /// How a confidence interval is computed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Confidence {

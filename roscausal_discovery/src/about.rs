@@ -1,0 +1,443 @@
+//! What the data are like, before anything is claimed of them: samples that count, drift, values that stand still, outliers, ties,
+//! columns that say the same, and numbers that stand for a missing value.
+//!
+//! Long recordings are looked at in part: the first rows for what depends on their order, evenly spaced rows for the rest.
+//!
+//! Sources: effective sample size by the initial positive sequence of autocorrelations (Geyer 1992, Statistical Science 7);
+//! stationarity by the KPSS test of a level (Kwiatkowski, Phillips, Schmidt and Shin 1992, Journal of Econometrics 54), here of
+//! block means.
+
+use ndarray::ArrayView1;
+use serde::{Deserialize, Serialize};
+
+use crate::{
+    ground::{DataFrame, names::plain},
+    numeric::rows::{dot, is_constant, moments, standardize},
+};
+
+/// Rows that are looked at.
+const MOST_ROWS: usize = 20_000;
+/// Blocks of the test of stationarity.
+const MOST_BLOCKS: usize = 2000;
+/// Fewer rows than this say nothing of stationarity.
+const FEWEST_ROWS: usize = 40;
+/// The 1 % point of the KPSS statistic of a level.
+const KPSS_1_PERCENT: f64 = 0.739;
+/// Fewer samples than this are few.
+const FEW: usize = 50;
+/// Values farther from the median than this many robust deviations are outliers.
+const FAR: f64 = 10.0;
+/// A value that fills this share of the rows without a break stands still.
+const STILL: f64 = 0.2;
+/// Variance that a copy or a combination of other columns may leave.
+const NOTHING_LEFT: f64 = 1e-8;
+
+/// What the data are like.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct AboutData {
+    /// Each variable, in the order of the data.
+    pub variables: Vec<AboutVariable>,
+    /// What a reader should know, one sentence each.
+    pub remarks: Vec<String>,
+}
+
+/// What one variable is like.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct AboutVariable {
+    /// Its name.
+    pub name: String,
+    /// Rows without a value.
+    pub missing: usize,
+    /// Different values among the rows that were looked at.
+    pub distinct: usize,
+    /// Independent samples that the rows are worth.
+    pub effective_samples: f64,
+    /// KPSS statistic of a constant level; above 0.739 it drifts (1 %). `None`: too few rows, or constant.
+    pub kpss: Option<f64>,
+    /// Values more than ten robust deviations from the median.
+    pub outliers: usize,
+    /// Rows in which the longest stretch of one value lasts.
+    pub longest_constant: usize,
+}
+
+/// A reason why the data should not be analysed as they are.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Fault {
+    /// A number seems to stand for a missing value.
+    MissingFlag {
+        /// The variable.
+        name: String,
+        /// The number.
+        value: f64,
+        /// How often.
+        count: usize,
+    },
+    /// Two variables are the same, up to unit and offset.
+    Twins(String, String),
+    /// Two recordings hold the same rows: their places.
+    SameRecording(usize, usize),
+}
+
+impl AboutData {
+    /// Looks at the data of an analysis with lags up to `tau_max`.
+    ///
+    /// ```
+    /// use ndarray::Array2;
+    /// use roscausal_discovery::{AboutData, DataFrame, Fault};
+    ///
+    /// let values = Array2::from_shape_fn((200, 2), |(t, k)| if k == 0 { (t * t % 97) as f64 } else { t as f64 });
+    /// let data = DataFrame::new(vec![values], vec!["a".into(), "clock".into()])?;
+    /// let (about, faults) = AboutData::of(&data, 1);
+    /// assert!(about.remarks.iter().any(|remark| remark.contains("clock drifts")));
+    /// assert!(faults.is_empty());
+    /// # Ok::<(), roscausal_discovery::Error>(())
+    /// ```
+    pub fn of(data: &DataFrame, tau_max: usize) -> (Self, Vec<Fault>) {
+        let names: Vec<String> = data.var_names().iter().map(|name| plain(name)).collect();
+        let mut faults = same_recordings(data);
+        let mut about = Self::default();
+        let samples: usize = data.recordings().iter().map(|r| r.nrows().saturating_sub(2 * tau_max)).sum();
+        if samples < FEW {
+            about.remarks.push(few(samples));
+        }
+        for (var, name) in names.iter().enumerate() {
+            let (variable, remarks, fault) = look_at(data, var, name);
+            about.remarks.extend(remarks);
+            about.variables.push(variable);
+            faults.extend(fault);
+        }
+        let (twins, combined) = collinear(data, &names);
+        faults.extend(twins);
+        about.remarks.extend(combined);
+        (about, faults)
+    }
+}
+
+/// What so few samples can show: the correlation that a two-sided test at 5 % needs (Fisher's z).
+fn few(samples: usize) -> String {
+    let needed = (1.96 / (samples.max(4) as f64 - 3.0).sqrt()).tanh();
+    format!(
+        "only {samples} samples: a dependence shows only if it is stronger than about {needed:.2}, and p-values near the level \
+         say little; record longer"
+    )
+}
+
+fn look_at(data: &DataFrame, var: usize, name: &str) -> (AboutVariable, Vec<String>, Option<Fault>) {
+    let columns = || data.recordings().iter().map(|recording| recording.column(var));
+    let rows: usize = columns().map(|column| column.len()).sum();
+    let missing = columns().map(|column| column.iter().filter(|v| v.is_nan()).count()).sum();
+    let longest = data.recordings().iter().max_by_key(|recording| recording.nrows());
+    let first_rows: Vec<f64> = longest.map(|r| present(r.column(var), MOST_ROWS)).unwrap_or_default();
+    let stride = rows.div_ceil(MOST_ROWS).max(1);
+    let mut spread: Vec<f64> =
+        columns().flat_map(|c| c.to_vec()).step_by(stride).filter(|v| !v.is_nan()).collect();
+    spread.sort_by(f64::total_cmp);
+    let mut different = spread.clone();
+    different.dedup();
+    let mut about = AboutVariable {
+        name: name.to_owned(),
+        missing,
+        distinct: different.len(),
+        effective_samples: (rows - missing) as f64,
+        ..AboutVariable::default()
+    };
+    if different.len() < 2 {
+        about.longest_constant = rows - missing;
+        return (about, Vec::new(), None);
+    }
+    let mut remarks = Vec::new();
+    let share = effective_share(&first_rows);
+    about.effective_samples *= share;
+    if rows - missing >= FEW && (about.effective_samples < 30.0 || share < 0.02) {
+        remarks.push(format!(
+            "{name} changes slowly: its {} samples are worth about {:.0} independent ones; record longer or take a longer step",
+            rows - missing,
+            about.effective_samples.max(1.0)
+        ));
+    }
+    about.kpss = longest.and_then(|recording| kpss(&recording.column(var)));
+    if about.kpss.is_some_and(|statistic| statistic > KPSS_1_PERCENT) {
+        remarks.push(format!(
+            "{name} drifts: its level changes over the recording (KPSS, 1 %), which makes links that are not there; analyse a \
+             part, or its differences"
+        ));
+    }
+    let (outliers, farthest) = outliers(&spread);
+    about.outliers = outliers * stride;
+    if outliers > 0 && outliers * 100 < spread.len() {
+        remarks.push(format!(
+            "{name} has outliers, such as {farthest}: more than {FAR} robust deviations from the median; correct them, or use a \
+             test of ranks"
+        ));
+    }
+    let (length, value) = longest_constant(&first_rows);
+    about.longest_constant = length;
+    if length >= 20 && length as f64 > STILL * first_rows.len() as f64 && different.len() > 10 {
+        remarks.push(format!(
+            "{name} stands still at {value} for {length} rows: those tell nothing of what drives it"
+        ));
+    }
+    if different.len() > 2 && different.len() * 20 < spread.len() && different.len() <= 20 {
+        remarks.push(format!(
+            "{name} has only {} different values: ties blur p-values; gsquared is the test for categories",
+            different.len()
+        ));
+    }
+    (about, remarks, missing_flag(name, &spread, &different))
+}
+
+/// The values that are there, at most so many.
+fn present(column: ArrayView1<'_, f64>, most: usize) -> Vec<f64> {
+    column.iter().copied().filter(|v| !v.is_nan()).take(most).collect()
+}
+
+/// Independent samples in a sample: `1 / (1 + 2 sum of autocorrelations)`, up to the first pair of lags whose sum is not
+/// positive.
+fn effective_share(values: &[f64]) -> f64 {
+    let n = values.len();
+    let (mean, deviation) = moments(values);
+    if n < 8 || deviation == 0.0 {
+        return 1.0;
+    }
+    let centred: Vec<f64> = values.iter().map(|v| v - mean).collect();
+    let all = dot(&centred, &centred);
+    let at = |lag: usize| dot(&centred[lag..], &centred[..n - lag]) / all;
+    let (mut sum, most) = (1.0, (n / 3).min(500));
+    for lag in (1..most).step_by(2) {
+        let pair = at(lag) + at(lag + 1);
+        if pair <= 0.02 {
+            break;
+        }
+        sum += 2.0 * pair;
+    }
+    (1.0 / sum).min(1.0)
+}
+
+/// The KPSS statistic of a level, of block means.
+fn kpss(column: &ArrayView1<'_, f64>) -> Option<f64> {
+    let values = present(*column, usize::MAX);
+    let block = values.len().div_ceil(MOST_BLOCKS).max(1);
+    let means: Vec<f64> =
+        values.chunks_exact(block).map(|part| part.iter().sum::<f64>() / block as f64).collect();
+    let n = means.len();
+    let (mean, deviation) = moments(&means);
+    if n < FEWEST_ROWS || deviation == 0.0 {
+        return None;
+    }
+    let off: Vec<f64> = means.iter().map(|v| v - mean).collect();
+    let lags = (12.0 * (n as f64 / 100.0).powf(0.25)) as usize;
+    let autocovariance = |lag: usize| dot(&off[lag..], &off[..n - lag]) / n as f64;
+    let weighted = |lag: usize| 2.0 * (1.0 - lag as f64 / (lags as f64 + 1.0)) * autocovariance(lag);
+    let long_run = autocovariance(0) + (1..=lags.min(n - 1)).map(weighted).sum::<f64>();
+    let mut sum = 0.0;
+    let squares: f64 = off
+        .iter()
+        .map(|v| {
+            sum += v;
+            sum * sum
+        })
+        .sum();
+    (long_run > 0.0).then(|| squares / (n as f64).powi(2) / long_run)
+}
+
+/// How many values of a sorted sample lie far out, and the farthest.
+fn outliers(sorted: &[f64]) -> (usize, f64) {
+    let median = sorted[sorted.len() / 2];
+    let mut off: Vec<f64> = sorted.iter().map(|v| (v - median).abs()).collect();
+    let middle = off.len() / 2;
+    let robust = 1.4826 * *off.select_nth_unstable_by(middle, f64::total_cmp).1;
+    if robust == 0.0 {
+        return (0, 0.0);
+    }
+    let ends = [sorted[0], sorted[sorted.len() - 1]];
+    let farthest = if (ends[0] - median).abs() > (ends[1] - median).abs() { ends[0] } else { ends[1] };
+    (sorted.iter().filter(|v| (*v - median).abs() > FAR * robust).count(), farthest)
+}
+
+/// Length and value of the longest stretch of one value.
+fn longest_constant(values: &[f64]) -> (usize, f64) {
+    let stretches = values.chunk_by(|a, b| a == b);
+    stretches.max_by_key(|stretch| stretch.len()).map_or((0, 0.0), |stretch| (stretch.len(), stretch[0]))
+}
+
+/// A whole number such as -999, at an end of the values and far from all others.
+fn missing_flag(name: &str, sorted: &[f64], different: &[f64]) -> Option<Fault> {
+    let known = |value: f64| {
+        let digits = format!("{:.0}", value.abs());
+        let nines = digits.len() >= 2 && digits.bytes().all(|digit| digit == b'9');
+        value.fract() == 0.0 && (nines || [32767.0, 32768.0, 65535.0, 2_147_483_647.0].contains(&value.abs()))
+    };
+    let last = different.len() - 1;
+    if last < 3 {
+        return None;
+    }
+    let ends = [
+        (different[0], different[1] - different[0], different[last] - different[1]),
+        (different[last], different[last] - different[last - 1], different[last - 1] - different[0]),
+    ];
+    let (value, ..) = ends.into_iter().find(|(value, gap, range)| known(*value) && *gap > 3.0 * range)?;
+    let count = sorted.iter().filter(|v| **v == value).count();
+    Some(Fault::MissingFlag { name: name.to_owned(), value, count })
+}
+
+fn same_recordings(data: &DataFrame) -> Vec<Fault> {
+    let recordings = data.recordings();
+    let same = |a: usize, b: usize| {
+        let (a, b) = (&recordings[a], &recordings[b]);
+        a.dim() == b.dim() && a.iter().zip(b).all(|(x, y)| x == y || (x.is_nan() && y.is_nan()))
+    };
+    let pairs = (0..recordings.len()).flat_map(|b| (0..b).map(move |a| (a, b)));
+    pairs
+        .filter(|&(a, b)| recordings[a].nrows() > 1 && same(a, b))
+        .map(|(a, b)| Fault::SameRecording(a, b))
+        .take(1)
+        .collect()
+}
+
+/// Columns that are the same, and remarks on those that are combinations of others: what a Gram-Schmidt of the standardised
+/// columns leaves of each.
+fn collinear(data: &DataFrame, names: &[String]) -> (Vec<Fault>, Vec<String>) {
+    let total: usize = data.recordings().iter().map(|recording| recording.nrows()).sum();
+    let stride = total.div_ceil(MOST_ROWS).max(1);
+    let rows = || data.recordings().iter().flat_map(|recording| recording.rows().into_iter()).step_by(stride);
+    let columns: Vec<usize> = (0..names.len())
+        .filter(|&var| {
+            let there: Vec<f64> = rows().map(|row| row[var]).filter(|v| !v.is_nan()).collect();
+            !is_constant(&there)
+        })
+        .collect();
+    let complete: Vec<_> = rows().filter(|row| columns.iter().all(|&var| !row[var].is_nan())).collect();
+    let (mut twins, mut remarks): (Vec<Fault>, Vec<String>) = (Vec::new(), Vec::new());
+    if complete.len() < 2 * columns.len() + 3 {
+        return (twins, remarks);
+    }
+    let mut basis: Vec<(usize, Vec<f64>)> = Vec::new();
+    let mut standard: Vec<(usize, Vec<f64>)> = Vec::new();
+    for &var in &columns {
+        let mut column: Vec<f64> = complete.iter().map(|row| row[var]).collect();
+        if !standardize(&mut column) {
+            continue;
+        }
+        if let Some((twin, _)) =
+            standard.iter().find(|(_, other)| 1.0 - dot(other, &column).abs() < NOTHING_LEFT * 1e-2)
+        {
+            twins.push(Fault::Twins(names[*twin].clone(), names[var].clone()));
+            continue;
+        }
+        standard.push((var, column.clone()));
+        let mut from = Vec::new();
+        // Twice: the second pass subtracts what rounding left in the first.
+        for pass in 0..2 {
+            for (other, direction) in &basis {
+                let along = dot(direction, &column);
+                if pass == 0 && along.abs() > 1e-3 {
+                    from.push(names[*other].clone());
+                }
+                column.iter_mut().zip(direction).for_each(|(v, d)| *v -= along * d);
+            }
+        }
+        let left = dot(&column, &column);
+        if left < NOTHING_LEFT {
+            remarks.push(format!(
+                "{} is a combination of {}: no test can tell their parts in a link; leave one of them out",
+                names[var],
+                from.join(", ")
+            ));
+            continue;
+        }
+        column.iter_mut().for_each(|v| *v /= left.sqrt());
+        basis.push((var, column));
+    }
+    (twins, remarks)
+}
+
+#[cfg(test)]
+mod tests {
+    use ndarray::Array2;
+
+    use super::*;
+    use crate::numeric::random::Rng;
+
+    fn noise(rows: usize, columns: usize, seed: u64) -> Array2<f64> {
+        let mut rng = Rng::new(seed);
+        // Nearly normal: the sum of twelve uniform numbers.
+        Array2::from_shape_simple_fn((rows, columns), || (0..12).map(|_| rng.unit()).sum::<f64>() - 6.0)
+    }
+
+    fn of(recordings: Vec<Array2<f64>>) -> (AboutData, Vec<Fault>) {
+        let names = (0..recordings[0].ncols()).map(|var| ["a", "b", "c", "d"][var].to_owned()).collect();
+        AboutData::of(&DataFrame::new(recordings, names).unwrap(), 1)
+    }
+
+    #[test]
+    fn independent_noise_is_nothing_to_remark_on() {
+        for seed in 0..20 {
+            let (about, faults) = of(vec![noise(500, 3, seed)]);
+            assert_eq!((about.remarks, faults), (vec![], vec![]), "{seed}");
+            assert!(
+                about.variables.iter().all(|v| (300.0..=500.0).contains(&v.effective_samples)),
+                "{:?}",
+                about.variables
+            );
+        }
+    }
+
+    #[test]
+    fn each_trouble_is_told() {
+        type Change = fn(usize, f64, f64) -> f64;
+        let changes: [(&str, Change); 6] = [
+            ("drifts", |t, v, _| v + 0.02 * t as f64),
+            ("has outliers, such as 1000", |t, v, _| if t == 77 { 1000.0 } else { v }),
+            ("stands still at 3 for 200 rows", |t, v, _| if (100..300).contains(&t) { 3.0 } else { v }),
+            ("only 5 different values", |t, _, _| (t * 7 % 5) as f64),
+            ("is a combination of a, b", |_, v, other| 2.0 * v - other),
+            ("only 8 samples", |_, v, _| v),
+        ];
+        for (told, change) in changes {
+            let base = noise(if told.contains("8 samples") { 10 } else { 500 }, 3, 5);
+            let mut values = base.clone();
+            for t in 0..values.nrows() {
+                values[[t, 2]] = if told.contains("combination") {
+                    change(t, base[[t, 0]], base[[t, 1]])
+                } else {
+                    change(t, base[[t, 2]], 0.0)
+                };
+            }
+            let (about, faults) = of(vec![values]);
+            assert!(about.remarks.iter().any(|remark| remark.contains(told)), "{told}: {:?}", about.remarks);
+            assert!(faults.is_empty(), "{told}: {faults:?}");
+        }
+    }
+
+    #[test]
+    fn a_slow_variable_is_worth_few_samples() {
+        let steps = noise(2000, 2, 9);
+        let mut values = steps.clone();
+        for t in 1..2000 {
+            values[[t, 0]] = 0.99 * values[[t - 1, 0]] + steps[[t, 0]];
+        }
+        let (about, _) = of(vec![values]);
+        // In theory 2000 (1 - 0.99) / (1 + 0.99), about 10.
+        assert!(about.variables[0].effective_samples < 60.0, "{:?}", about.variables[0]);
+        assert!(
+            about.remarks.iter().any(|remark| remark.contains("a changes slowly")),
+            "{:?}",
+            about.remarks
+        );
+    }
+
+    #[test]
+    fn copies_and_flags_are_faults() {
+        let mut twin = noise(200, 3, 1);
+        for t in 0..200 {
+            twin[[t, 2]] = 7.0 - 3.0 * twin[[t, 0]];
+        }
+        assert_eq!(of(vec![twin]).1, [Fault::Twins("a".into(), "c".into())]);
+        let mut flag = noise(200, 2, 2);
+        flag[[5, 1]] = -999.0;
+        flag[[9, 1]] = -999.0;
+        assert_eq!(of(vec![flag]).1, [Fault::MissingFlag { name: "b".into(), value: -999.0, count: 2 }]);
+        let once = noise(100, 2, 3);
+        assert_eq!(of(vec![once.clone(), noise(100, 2, 4), once]).1, [Fault::SameRecording(0, 2)]);
+    }
+}

@@ -1,0 +1,133 @@
+//! `roscausal compare`: what differs between two stored models.
+
+use std::path::PathBuf;
+
+use clap::Args as ClapArgs;
+use roscausal_core::Result;
+use roscausal_discovery::{Link, Model, draw, names::plain};
+
+use crate::{folders::read_model, output, report, terminal};
+
+/// Arguments of `roscausal compare`.
+#[derive(ClapArgs)]
+pub(crate) struct Args {
+    /// The first model.
+    a: PathBuf,
+    /// The second model.
+    b: PathBuf,
+    /// Folder for pictures of the links that both have, and that only one has.
+    #[arg(short, long, value_name = "DIR")]
+    out: Option<PathBuf>,
+    /// Write into --out although there are files of others.
+    #[arg(long, requires = "out")]
+    force: bool,
+}
+
+/// The links of two models.
+struct Difference<'a> {
+    both: Vec<(&'a Link, &'a Link)>,
+    only_a: Vec<&'a Link>,
+    only_b: Vec<&'a Link>,
+}
+
+/// Runs `roscausal compare`.
+pub(crate) fn run(args: &Args) -> Result<()> {
+    let (a, b) = (read_model(&args.a)?, read_model(&args.b)?);
+    if let Some(dir) = &args.out {
+        output::claim(dir, args.force)?;
+    }
+    let difference = Difference::of(&a, &b);
+    let (first, second) = (args.a.display().to_string(), args.b.display().to_string());
+    for line in settings(&a, &b) {
+        terminal::say!("{line}");
+    }
+    terminal::say!("{} links in both", difference.both.len());
+    for (in_a, in_b) in &difference.both {
+        terminal::say!(
+            "  {} -> {} at lag {}: {:.2}, {:.2}",
+            plain(&in_a.cause),
+            plain(&in_a.effect),
+            in_a.lag,
+            in_a.value,
+            in_b.value
+        );
+    }
+    for (name, model, links) in [(&first, &a, &difference.only_a), (&second, &b, &difference.only_b)] {
+        terminal::say!("{} only in {name}", links.len());
+        for link in links {
+            terminal::say!("  {}", report::sentence(model, link));
+        }
+    }
+    let Some(dir) = &args.out else { return Ok(()) };
+    let both: Vec<&Link> = difference.both.iter().map(|(in_a, _)| *in_a).collect();
+    for (name, model, links) in [
+        ("both.svg", &a, &both),
+        ("only_a.svg", &a, &difference.only_a),
+        ("only_b.svg", &b, &difference.only_b),
+    ] {
+        output::write_file(dir, name, draw::dag(&with_links(model, links)).as_bytes())?;
+    }
+    Ok(())
+}
+
+impl<'a> Difference<'a> {
+    fn of(a: &'a Model, b: &'a Model) -> Self {
+        let twin = |link: &Link, of: &'a Model| of.links.iter().find(|other| same(link, other));
+        let both = a.links.iter().filter_map(|link| Some((link, twin(link, b)?))).collect();
+        let only_a = a.links.iter().filter(|link| twin(link, b).is_none()).collect();
+        let only_b = b.links.iter().filter(|link| twin(link, a).is_none()).collect();
+        Self { both, only_a, only_b }
+    }
+}
+
+/// Whether two links join the same variables at the same lag with the same mark.
+fn same(a: &Link, b: &Link) -> bool {
+    let key = |link: &Link| (plain(&link.cause), plain(&link.effect), link.lag, link.mark.clone());
+    key(a) == key(b)
+}
+
+/// The settings and facts in which two models differ, one line each.
+fn settings(a: &Model, b: &Model) -> Vec<String> {
+    let number = |value: Option<f64>| value.map_or("none".to_owned(), |value| value.to_string());
+    let facts = |model: &Model| {
+        [
+            ("method", model.method.clone()),
+            ("test", model.cond_ind_test.clone()),
+            ("alpha", model.alpha.to_string()),
+            ("pc-alpha", number(model.pc_alpha)),
+            ("f-alpha", number(model.f_alpha)),
+            ("fdr", model.fdr.clone()),
+            ("lags", format!("{}..{}", model.tau_min, model.tau_max)),
+            ("step", number(model.dt)),
+            ("samples", model.n_samples.to_string()),
+            ("recordings", model.n_recordings.to_string()),
+            ("seed", model.seed.to_string()),
+            ("status", model.status.clone()),
+        ]
+    };
+    let pairs = facts(a).into_iter().zip(facts(b));
+    pairs.filter(|(a, b)| a.1 != b.1).map(|(a, b)| format!("{}: {}, {}", a.0, a.1, b.1)).collect()
+}
+
+/// The model with these of its links only, for a picture.
+fn with_links(model: &Model, links: &[&Link]) -> Model {
+    let mut part = model.clone();
+    part.links.retain(|link| links.iter().any(|kept| same(kept, link)));
+    let kept = part.links.clone();
+    for (i, cause) in model.features.iter().enumerate() {
+        for (j, effect) in model.features.iter().enumerate() {
+            for lag in 0..part.graph[i][j].len() {
+                let named = |link: &Link, from: &String, to: &String| {
+                    link.cause == *from && link.effect == *to && link.lag == lag
+                };
+                let stays = kept
+                    .iter()
+                    .any(|link| named(link, cause, effect) || (lag == 0 && named(link, effect, cause)));
+                if !stays {
+                    part.graph[i][j][lag].clear();
+                }
+            }
+        }
+    }
+    part
+}

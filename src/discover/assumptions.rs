@@ -1,0 +1,198 @@
+//! What is known before the analysis, and how it tests: flags for settings of the engine that are seldom needed.
+
+use std::{fs, path::PathBuf};
+
+use clap::Args as ClapArgs;
+use roscausal_core::{Error, Result};
+use roscausal_discovery::{
+    Assumption, LinkAssumptions, Settings,
+    independence_tests::Significance,
+    methods::ColliderRule,
+    names::{nearest, position},
+};
+use serde::Deserialize;
+
+/// Flags for what is known, and for how it is tested.
+#[derive(ClapArgs, Clone, Debug, Default)]
+pub(crate) struct AssumeArgs {
+    /// File with what is known of links: required, forbidden, directed (docs/data.md).
+    #[arg(long, value_name = "FILE.toml")]
+    links: Option<PathBuf>,
+    /// Largest set of conditions in the condition selection; default: no limit.
+    #[arg(long, value_name = "N")]
+    max_conds: Option<usize>,
+    /// How a test gives its p-value: analytic, shuffle, threshold (--alpha is then the threshold). Default: the test's own way.
+    #[arg(long, value_name = "HOW")]
+    significance: Option<String>,
+    /// Surrogates of a shuffle test, or size of gpdc's null distribution. Default: 500.
+    #[arg(long, value_name = "N")]
+    shuffles: Option<usize>,
+    /// pcmciplus: how colliders are found: majority, conservative, none.
+    #[arg(long, value_name = "RULE")]
+    collider_rule: Option<String>,
+    /// pcmciplus: where orientations contradict each other, the first one stays (instead of the mark x-x).
+    #[arg(long)]
+    first_orientation: bool,
+}
+
+/// The file of `--links`.
+#[derive(Debug, Default, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct File {
+    /// No link may exist except those named here.
+    #[serde(default)]
+    only: bool,
+    #[serde(default)]
+    link: Vec<Rule>,
+}
+
+/// What is known of the links from a cause to an effect; `*` is any variable.
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Rule {
+    cause: String,
+    effect: String,
+    /// In steps; all if not given.
+    lags: Option<Vec<usize>>,
+    is: Kind,
+}
+
+#[derive(Clone, Copy, Debug, Deserialize, PartialEq)]
+#[serde(rename_all = "lowercase")]
+enum Kind {
+    /// It exists, and is not tested.
+    Required,
+    /// It does not exist.
+    Forbidden,
+    /// It may exist.
+    Allowed,
+    /// It may exist, and not the other way round.
+    Directed,
+}
+
+impl AssumeArgs {
+    /// Puts these flags into the settings for data with these variables.
+    ///
+    /// # Errors
+    /// A file that cannot be read, names a variable that does not exist, or assumes what cannot be; a setting that the test or
+    /// method does not have.
+    pub(super) fn set(&self, settings: &mut Settings, names: &[String]) -> Result<()> {
+        if let Some(file) = &self.links {
+            let text = fs::read_to_string(file).map_err(|error| Error::file(file, error))?;
+            let links = assumptions(&text, names, settings.tau_min, settings.tau_max);
+            settings.link_assumptions = Some(links.map_err(|reason| Error::file(file, reason))?);
+        }
+        settings.max_conds = self.max_conds;
+        settings.shuffles = self.shuffles;
+        settings.significance = self.significance.as_deref().map(str::parse::<Significance>).transpose()?;
+        if let Some(rule) = &self.collider_rule {
+            settings.pcmciplus.contemp_collider_rule = rule.parse::<ColliderRule>().map_err(|_| {
+                Error::param("collider-rule", format!("'{rule}' is not majority, conservative or none"))
+            })?;
+        }
+        settings.pcmciplus.conflict_resolution = !self.first_orientation;
+        Ok(settings.check()?)
+    }
+}
+
+fn assumptions(
+    text: &str,
+    names: &[String],
+    tau_min: usize,
+    tau_max: usize,
+) -> std::result::Result<LinkAssumptions, String> {
+    let file: File = toml::from_str(text).map_err(|error| error.to_string().trim().replace('\n', " "))?;
+    let mut links = match file.only {
+        true => LinkAssumptions::none(names.len()),
+        false => LinkAssumptions::all(names.len(), tau_min, tau_max),
+    };
+    for rule in &file.link {
+        let lags = rule.lags.clone().unwrap_or_else(|| (tau_min..=tau_max).collect());
+        if let Some(lag) = lags.iter().find(|lag| !(tau_min..=tau_max).contains(lag)) {
+            return Err(format!(
+                "{} -> {}: lag {lag} is not among the lags {tau_min} to {tau_max}",
+                rule.cause, rule.effect
+            ));
+        }
+        for cause in variables(&rule.cause, names)? {
+            for effect in variables(&rule.effect, names)? {
+                for &lag in lags.iter().filter(|lag| **lag > 0 || cause != effect) {
+                    rule.apply(&mut links, cause, effect, lag)?;
+                }
+            }
+        }
+    }
+    Ok(links)
+}
+
+impl Rule {
+    fn apply(
+        &self,
+        links: &mut LinkAssumptions,
+        cause: usize,
+        effect: usize,
+        lag: usize,
+    ) -> std::result::Result<(), String> {
+        let assumption = match (self.is, lag) {
+            (Kind::Forbidden, _) => {
+                links.remove(cause, effect, lag);
+                return Ok(());
+            }
+            (Kind::Required, _) => Assumption::Exists,
+            (Kind::Allowed, 0) => Assumption::TestUnoriented,
+            (Kind::Allowed | Kind::Directed, _) => Assumption::Test,
+        };
+        if self.is == Kind::Directed && lag > 0 && cause != effect {
+            links.remove(effect, cause, lag);
+        }
+        links.insert(cause, effect, lag, assumption).map_err(|error| error.to_string())
+    }
+}
+
+fn variables(name: &str, names: &[String]) -> std::result::Result<Vec<usize>, String> {
+    if name == "*" {
+        return Ok((0..names.len()).collect());
+    }
+    position(names, name).map(|place| vec![place]).ok_or_else(|| {
+        let hint = nearest(names, name).map_or(String::new(), |near| format!("did you mean '{near}'? "));
+        format!("there is no variable '{name}'; {hint}variables: {}", names.join(", "))
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn links(text: &str) -> std::result::Result<LinkAssumptions, String> {
+        assumptions(text, &["a", "b", "c"].map(str::to_owned), 0, 2)
+    }
+
+    #[test]
+    fn each_kind_of_rule_is_what_it_says() {
+        let found = links(
+            "[[link]]\ncause = 'a'\neffect = 'b'\nlags = [1]\nis = 'required'\n\
+             [[link]]\ncause = '*'\neffect = 'c'\nis = 'forbidden'\n\
+             [[link]]\ncause = 'a'\neffect = 'b'\nlags = [0, 2]\nis = 'directed'\n",
+        )
+        .expect("rules");
+        assert_eq!(found.get(0, 1, 1), Some(Assumption::Exists));
+        assert_eq!([found.get(0, 2, 1), found.get(2, 2, 2), found.get(2, 0, 0)], [None; 3]);
+        assert_eq!(found.get(2, 0, 1), Some(Assumption::Test));
+        assert_eq!((found.get(0, 1, 0), found.get(1, 0, 2)), (Some(Assumption::Test), None));
+        let only = links("only = true\n[[link]]\ncause = 'a'\neffect = 'b'\nlags = [1]\nis = 'allowed'\n")
+            .expect("rules");
+        assert_eq!((only.get(0, 1, 1), only.get(1, 1, 1)), (Some(Assumption::Test), None));
+    }
+
+    #[test]
+    fn a_wrong_rule_is_named() {
+        for (text, told) in [
+            ("[[link]]\ncause = 'a'\neffect = 'd'\nis = 'allowed'\n", "no variable 'd'"),
+            ("[[link]]\ncause = 'a'\neffect = 'b'\nlags = [3]\nis = 'allowed'\n", "lag 3 is not among"),
+            ("[[link]]\ncause = 'a'\neffect = 'b'\nis = 'likely'\n", "likely"),
+            ("links = 3\n", "links"),
+        ] {
+            assert!(links(text).expect_err(text).contains(told), "{text}");
+        }
+    }
+}
