@@ -3,7 +3,7 @@
 use clap::{Parser, Subcommand};
 use tracing_subscriber::{EnvFilter, fmt};
 
-use crate::{demo, discover, experiment, replay, teleop};
+use crate::{demo, discover, experiment, reasoning, replay, teleop};
 
 /// Find out what causes what between robots and people.
 #[derive(Parser)]
@@ -28,6 +28,14 @@ pub(crate) enum Command {
     Experiment(experiment::Args),
     /// Drive the simulated person from the keyboard, in real time, while the nodes record.
     Teleop(teleop::Args),
+    /// Say what will happen over the next steps if nobody acts, by a causal model and data.
+    Predict(reasoning::PredictArgs),
+    /// Say what will happen under each of some actions, or would have happened (--had), and which is best.
+    Whatif(reasoning::WhatIfArgs),
+    /// Say how strongly one variable drives another, directly and through others, and what that rests on.
+    Effect(reasoning::EffectArgs),
+    /// Say why a variable changed.
+    Explain(reasoning::ExplainArgs),
 }
 
 impl Cli {

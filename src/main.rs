@@ -12,6 +12,7 @@ mod folders;
 mod interrupt;
 mod nodes;
 mod output;
+mod reasoning;
 mod recording;
 mod replay;
 mod report;
@@ -34,6 +35,10 @@ fn main() -> ExitCode {
         cli::Command::Discover(args) => discover::run(args, &interrupt),
         cli::Command::Experiment(args) => experiment::run(args, &interrupt),
         cli::Command::Teleop(args) => teleop::run(args),
+        cli::Command::Predict(args) => return failure::answered(reasoning::predict(args)),
+        cli::Command::Whatif(args) => return failure::answered(reasoning::what_if(args)),
+        cli::Command::Effect(args) => return failure::answered(reasoning::effect(args)),
+        cli::Command::Explain(args) => return failure::answered(reasoning::explain(args)),
     };
     failure::exit_code(done)
 }
