@@ -20,10 +20,11 @@ fn folder() -> TempDir {
     let dir = tempfile::tempdir().expect("a temporary folder");
     let mut state = 7_u64;
     let mut noise = || unit(&mut state) - 0.5;
-    let (mut r, mut d, mut h) = (0.0, 0.0, 0.0);
+    let (mut r, mut d) = (0.0, 0.0);
     let mut csv = "time,r_v,d,h_v\n".to_owned();
     for row in 0..500 {
-        (r, d, h) = (0.7 * r + noise(), 0.5 * d - 0.6 * r + 0.3 * noise(), 0.8 * d + 0.3 * noise());
+        let h = 0.8 * d + 0.3 * noise();
+        (r, d) = (0.7 * r + noise(), 0.5 * d - 0.6 * r + 0.3 * noise());
         csv += &format!("{},{r},{d},{h}\n", row as f64 * 0.25);
     }
     fs::write(dir.path().join("run.csv"), csv).expect("writes");
@@ -60,7 +61,18 @@ fn a_prediction_is_sentences_a_table_and_notes() {
 #[test]
 fn actions_are_ranked_by_cost_within_limits() {
     let dir = folder();
-    let args = ["--action", "stop: r_v=0", "--action", "back: r_v=-0.5", "--action", "go on", "--cost", "d:-1", "--format", "json"];
+    let args = [
+        "--action",
+        "stop: r_v=0",
+        "--action",
+        "back: r_v=-0.5",
+        "--action",
+        "go on",
+        "--cost",
+        "d:-1",
+        "--format",
+        "json",
+    ];
     let (code, out, _) = asked(&dir, "whatif", &args);
     let answer = json(&out);
     assert_eq!((code, &answer["status"]), (Some(0), &Value::from("OK")));
@@ -98,7 +110,10 @@ fn effects_and_explanations_are_told_in_sentences() {
     let dir = folder();
     let (code, out, _) = asked(&dir, "effect", &["--cause", "r_v", "--effect", "h_v"]);
     assert_eq!(code, Some(0));
-    assert!(out.contains("A pulse of one unit of r_v lowers h_v the most 2 steps (0.5 s) later"), "{out}");
+    assert!(
+        out.contains("A pulse of one unit of r_v moves h_v the most 3 steps (0.75 s) later: by -0.6"),
+        "{out}"
+    );
     assert!(out.contains("through d") && out.contains("note: r_v was never imposed"), "{out}");
     let (code, out, _) = asked(&dir, "explain", &["--variable", "h_v", "--from", "100", "--to", "101"]);
     assert_eq!(code, Some(0));

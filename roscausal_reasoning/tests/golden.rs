@@ -27,7 +27,9 @@ fn compare(expected: &Value, got: &Value, tolerance: f64, path: &str) -> Vec<Str
         Value::Object(fields) => fields
             .iter()
             .filter(|(key, _)| *key != "truth" && *key != "window" && *key != "source")
-            .flat_map(|(key, item)| compare(&ordered(key, item), &ordered(key, &got[key]), tolerance, &format!("{path}.{key}")))
+            .flat_map(|(key, item)| {
+                compare(&ordered(key, item), &ordered(key, &got[key]), tolerance, &format!("{path}.{key}"))
+            })
             .collect(),
         Value::Array(items) => {
             let others = got.as_array().map_or(&[][..], Vec::as_slice);

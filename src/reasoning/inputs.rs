@@ -194,6 +194,11 @@ impl Ready {
         })
     }
 
+    /// Time of the first row of a recording, 0 if it has no times.
+    pub(super) fn start(&self, recording: usize) -> f64 {
+        self.span(recording).0
+    }
+
     fn span(&self, recording: usize) -> (f64, f64) {
         let rows = self.model.samples().recordings()[recording].nrows();
         match &self.times[recording] {

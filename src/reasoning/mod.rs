@@ -178,6 +178,7 @@ pub(crate) fn explain(args: &ExplainArgs) -> Result<Status> {
             to_row: row(args.to)?,
             horizon: args.horizon,
             seed: args.source.seed,
+            start: ready.start(situation.recording),
         };
         let answer = answer::explain(&ready.model, &situation.rows, &question);
         show(&args.source, &answer, (answer.status, &answer.message), || text::explain(&answer))

@@ -28,7 +28,7 @@ fn table(outlook: &Outlook, horizon: usize) -> Vec<String> {
         let value = |forecast: &roscausal_reasoning::answer::Forecast| {
             let (mean, lower, upper) = (forecast.mean[k], forecast.lower[k], forecast.upper[k]);
             cell(if lower == upper {
-                format!("{mean:.3} (set)")
+                format!("{mean:.3}")
             } else {
                 format!("{mean:.3} ({lower:.3} to {upper:.3})")
             })
