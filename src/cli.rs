@@ -3,7 +3,7 @@
 use clap::{CommandFactory, Parser, Subcommand};
 use tracing_subscriber::{EnvFilter, fmt};
 
-use crate::{compare, demo, discover, experiment, html_report, presets, replay, show, teleop};
+use crate::{compare, demo, discover, experiment, html_report, presets, reasoning, replay, show, teleop};
 
 /// Find out what causes what between robots and people.
 #[derive(Parser)]
@@ -34,6 +34,14 @@ pub(crate) enum Command {
     Report(html_report::Args),
     /// Drive the simulated person from the keyboard, in real time, while the nodes record.
     Teleop(teleop::Args),
+    /// Say what will happen over the next steps if nobody acts, by a causal model and data.
+    Predict(reasoning::PredictArgs),
+    /// Say what will happen under each of some actions, or would have happened (--had), and which is best.
+    Whatif(reasoning::WhatIfArgs),
+    /// Say how strongly one variable drives another, directly and through others, and what that rests on.
+    Effect(reasoning::EffectArgs),
+    /// Say why a variable changed.
+    Explain(reasoning::ExplainArgs),
 }
 
 /// The long flags of all subcommands, without dashes.

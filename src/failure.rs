@@ -1,6 +1,7 @@
-//! Errors and exit codes: 0 finished, 1 failure, 2 wrong usage, 130 ended by Ctrl-C.
+//! Errors and exit codes: 0 finished, 1 failure, 2 wrong usage, 3 a question that the data do not carry, 130 ended by Ctrl-C.
 
 use roscausal_core::Error;
+use roscausal_reasoning::answer::Status;
 
 use crate::{
     flags,
@@ -40,4 +41,15 @@ pub(crate) fn exit_code(done: Result<(), Error>, interrupt: &Interrupt) -> u8 {
 
 fn tell(error: &Error) {
     terminal::tell!("error: {}", flags::in_the_commands_words(error));
+}
+
+/// The exit code of an answer, which is printed already.
+pub(crate) fn answered(done: Result<Status, Error>, interrupt: &Interrupt) -> u8 {
+    match done {
+        Err(error) => exit_code(Err(error), interrupt),
+        Ok(Status::Ok | Status::Ambiguous) => exit_code(Ok(()), interrupt),
+        Ok(Status::NotSupported) => 3,
+        Ok(Status::BadRequest) => 2,
+        Ok(Status::NoModel | Status::NoData) => 1,
+    }
 }

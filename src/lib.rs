@@ -19,6 +19,7 @@ mod interrupt;
 mod nodes;
 mod output;
 mod presets;
+mod reasoning;
 mod recording;
 mod replay;
 mod report;
@@ -36,7 +37,7 @@ pub use export::{dot, graphml, links_csv};
 pub use report::text;
 
 /// Runs the command with these arguments, the first of which is its name, and returns its exit code: 0 finished,
-/// 1 failure, 2 wrong usage, 130 ended by Ctrl-C. Wrong usage and `--help` end the process.
+/// 1 failure, 2 wrong usage, 3 a question that the data do not carry, 130 ended by Ctrl-C. Wrong usage and `--help` end the process.
 pub fn command<I: IntoIterator<Item = OsString>>(args: I) -> u8 {
     let interrupt = interrupt::Interrupt::on_ctrl_c();
     let cli = match cli::Cli::with_presets(args.into_iter().collect()) {
@@ -53,6 +54,10 @@ pub fn command<I: IntoIterator<Item = OsString>>(args: I) -> u8 {
         cli::Command::Experiment(args) => experiment::run(args, &interrupt),
         cli::Command::Report(args) => html_report::run(args, &interrupt),
         cli::Command::Teleop(args) => teleop::run(args),
+        cli::Command::Predict(args) => return failure::answered(reasoning::predict(args), &interrupt),
+        cli::Command::Whatif(args) => return failure::answered(reasoning::what_if(args), &interrupt),
+        cli::Command::Effect(args) => return failure::answered(reasoning::effect(args), &interrupt),
+        cli::Command::Explain(args) => return failure::answered(reasoning::explain(args), &interrupt),
     };
     failure::exit_code(done, &interrupt)
 }

@@ -137,14 +137,9 @@ pub(crate) fn quantile(sorted: &[f64], q: f64) -> f64 {
 }
 
 /// Had I: rows that were observed again, with the noise that they had, under a schedule (abduction, action, prediction: Pearl 2009). The
-/// paths are those of the members, each with the noise that it sees; beside them the rows by the equations on all data.
+/// paths are those of the members, each with the noise that it sees: of a row that a member was not fitted on this is nearer to the truth.
 /// `rows` begin with `memory` rows that stay.
-pub(crate) fn observed_again(
-    model: &Directed,
-    rows: &[f64],
-    memory: usize,
-    schedule: &Schedule,
-) -> (Ensemble, Vec<f64>) {
+pub(crate) fn observed_again(model: &Directed, rows: &[f64], memory: usize, schedule: &Schedule) -> Ensemble {
     let n = model.graph.len();
     let again = |system: &crate::model::System| {
         let noise = system.noise(rows, memory);
@@ -169,6 +164,5 @@ pub(crate) fn observed_again(
         }
         values.extend_from_slice(&path[memory * n..]);
     }
-    let mean = again(&model.system).split_off(memory * n);
-    (Ensemble { n, steps, paths: model.members.len(), values, outside }, mean)
+    Ensemble { n, steps, paths: model.members.len(), values, outside }
 }

@@ -32,6 +32,7 @@ fn why(variable: &str, rows: Option<(usize, usize)>) -> ExplainQuestion {
         to_row: rows.map(|rows| rows.1),
         horizon: 10,
         seed: 1,
+        start: 0.0,
     }
 }
 

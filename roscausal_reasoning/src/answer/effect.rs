@@ -278,22 +278,16 @@ fn text(
     let when =
         if peak == 0 { "at the same time".to_owned() } else { format!("{} later", steps(model, peak)) };
     let unit = if question.standardised { "standard deviation" } else { "unit" };
-    let verb = if answer.total[peak] < 0.0 { "lowers" } else { "raises" };
+    let mut ways = vec![format!("{} directly", short(answer.direct[peak]))];
+    let through = answer.mediators.iter().zip(&answer.mediated);
+    ways.extend(through.map(|(name, part)| format!("{} through {name}", short(*part))));
     let mut sentences = vec![format!(
-        "A pulse of one {unit} of {cause} {verb} {effect} the most {when}: by {} ({} to {}), {} of it directly",
-        short(answer.total[peak].abs()),
+        "A pulse of one {unit} of {cause} moves {effect} the most {when}: by {} ({} to {}), {}",
+        short(answer.total[peak]),
         short(answer.lower[peak]),
         short(answer.upper[peak]),
-        short(answer.direct[peak])
+        listed(&ways)
     )];
-    if !answer.mediators.is_empty() {
-        let parts = answer
-            .mediators
-            .iter()
-            .zip(&answer.mediated)
-            .map(|(name, part)| format!("{} through {name}", short(*part)));
-        sentences.push(listed(&parts.collect::<Vec<_>>()));
-    }
     if !answer.adjustment_set.is_empty() {
         sentences.push(format!("Adjusted for {}", listed(&answer.adjustment_set)));
     }

@@ -45,24 +45,20 @@ pub(super) fn outcomes(
     let (mut supported, mut refused) = (schedule.steps(), None);
     for member in model.members() {
         let directed = &member.model;
-        let outcome = if question.counterfactual {
+        let past = situation.stretch(first, situation.now);
+        let paths = if question.counterfactual {
             let rows = situation.stretch(first, situation.now + schedule.steps());
-            let (paths, mean) = observed_again(directed, &rows, memory, schedule);
-            Outcome { paths, mean }
+            observed_again(directed, &rows, memory, schedule)
         } else {
-            let past = situation.stretch(first, situation.now);
-            let paths = simulate(directed, &past, schedule, question.paths, question.seed, true);
-            let n = directed.graph.len();
-            let mean = (0..schedule.steps())
-                .flat_map(|k| (0..n).map(move |v| (k, v)))
-                .map(|(k, v)| paths.mean(k, v))
-                .collect();
-            Outcome { paths, mean }
+            simulate(directed, &past, schedule, question.paths, question.seed, true)
         };
+        let cells =
+            (0..schedule.steps()).flat_map(|step| (0..directed.graph.len()).map(move |var| (step, var)));
+        let mean = cells.map(|(step, var)| paths.mean(step, var)).collect();
+        let outcome = Outcome { paths, mean };
         let share = |step: usize| outcome.paths.share_outside(step, u64::MAX);
         supported = supported
             .min((0..schedule.steps()).find(|&step| share(step) > LEAVING).unwrap_or(schedule.steps()));
-        let past = situation.stretch(first, situation.now);
         refused = refused
             .or_else(|| missing(directed, schedule))
             .or_else(|| too_far(directed, &past, schedule, &outcome.paths));

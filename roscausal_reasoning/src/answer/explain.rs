@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 
 use super::{
     Status, ambiguity, caveats,
-    sentences::{short, steps, with_unit},
+    sentences::{seconds, short, steps, with_unit},
 };
 use crate::{
     explain::{Parts, linear, shapley},
@@ -30,6 +30,8 @@ pub struct ExplainQuestion {
     pub horizon: usize,
     /// Seed of the orders, with more than 10 variables.
     pub seed: u64,
+    /// Time of the first row in seconds: for the sentence.
+    pub start: f64,
 }
 
 /// One variable's part in a change.
@@ -110,13 +112,18 @@ pub fn explain(
     let memory = model.graph_memory();
     let first = from + 1 - memory;
     let rows = situation.stretch(first, to);
-    let all: Vec<(Parts, Vec<Parts>)> = model
+    let all: Vec<Vec<Parts>> = model
         .members()
         .iter()
         .map(|member| parts_of(&member.model, &rows, memory - 1, y, question.seed))
         .collect();
     let count = all.len() as f64;
-    let average = |of: &dyn Fn(&Parts) -> f64| all.iter().map(|(parts, _)| of(parts)).sum::<f64>() / count;
+    // What a refit without some rows says of them is nearer to the truth than what the fit on them says.
+    let mean = |members: &[Parts], of: &dyn Fn(&Parts) -> f64| {
+        members.iter().map(of).sum::<f64>() / members.len() as f64
+    };
+    let average =
+        |of: &dyn Fn(&Parts) -> f64| all.iter().map(|members| mean(members, of)).sum::<f64>() / count;
     let change = average(&|parts| parts.change);
     let sign = if change < 0.0 { -1.0 } else { 1.0 };
     let tail = 0.5 * (1.0 - model.settings().interval);
@@ -124,9 +131,8 @@ pub fn explain(
     for var in 0..names.len() {
         let value = average(&|parts| parts.surprises[var]);
         let (mut lower, mut upper) = (value, value);
-        for (parts, members) in &all {
+        for members in &all {
             let mut values: Vec<f64> = members.iter().map(|member| member.surprises[var]).collect();
-            values.push(parts.surprises[var]);
             values.sort_unstable_by(f64::total_cmp);
             lower = quantile(&values, tail).min(lower);
             upper = quantile(&values, 1.0 - tail).max(upper);
@@ -140,7 +146,8 @@ pub fn explain(
     let expected = average(&|parts| parts.expected);
     let strongest = contributions.first().and_then(|c| names.iter().position(|name| *name == c.variable));
     let depends = strongest.and_then(|var| {
-        let effects: Vec<f64> = all.iter().map(|(parts, _)| parts.surprises[var]).collect();
+        let effects: Vec<f64> =
+            all.iter().map(|members| mean(members, &|parts| parts.surprises[var])).collect();
         ambiguity::sentence(model, &effects, TOLD * change.abs())
     });
     let path = contributions
@@ -155,7 +162,7 @@ pub fn explain(
     caveats.extend(caveats::of_model(model));
     let (status, message) =
         depends.map_or((Status::Ok, String::new()), |message| (Status::Ambiguous, message));
-    let text = sentence(model, y, (from, to), (change, expected), &contributions, &path);
+    let text = sentence(model, y, (from, to, question.start), (change, expected), &contributions, &path);
     ExplainAnswer {
         status,
         message,
@@ -230,13 +237,13 @@ fn lacking(model: &Directed, y: usize) -> Option<String> {
     crate::explain::drivers(&model.system, y).into_iter().find_map(|var| model.summaries[var].missing.clone())
 }
 
-/// The parts by the equations on all rows, and by each member.
-fn parts_of(model: &Directed, rows: &[f64], from: usize, y: usize, seed: u64) -> (Parts, Vec<Parts>) {
+/// The parts by each refit.
+fn parts_of(model: &Directed, rows: &[f64], from: usize, y: usize, seed: u64) -> Vec<Parts> {
     let of = |system: &System| match model.summaries.iter().all(|summary| summary.process.is_none()) {
         true => linear(system, rows, from, y),
         false => shapley(system, rows, from, y, seed),
     };
-    (of(&model.system), model.members.par_iter().map(of).collect())
+    model.members.par_iter().map(of).collect()
 }
 
 /// `0.31 because d was smaller than expected`.
@@ -262,14 +269,16 @@ fn words(
 fn sentence(
     model: &StructuralModel,
     y: usize,
-    (from, to): (usize, usize),
+    (from, to, start): (usize, usize, f64),
     (change, expected): (f64, f64),
     contributions: &[Contribution],
     path: &[usize],
 ) -> String {
     let name = &model.graph().names()[y];
     let when = match model.facts.dt {
-        Some(dt) => format!("between {} and {} s", short(from as f64 * dt), short(to as f64 * dt)),
+        Some(dt) => {
+            format!("between {} and {} s", seconds(from as f64 * dt + start), seconds(to as f64 * dt + start))
+        }
         None => format!("between row {from} and row {to}"),
     };
     let verb = if change < 0.0 { "fell" } else { "rose" };

@@ -16,6 +16,12 @@ pub(super) fn short(value: f64) -> String {
     if text == "-0" { "0".to_owned() } else { text.to_owned() }
 }
 
+/// A time in seconds, to the hundredth.
+pub(super) fn seconds(time: f64) -> String {
+    let text = format!("{time:.2}");
+    text.trim_end_matches('0').trim_end_matches('.').to_owned()
+}
+
 /// A number with the unit of a variable.
 pub(super) fn with_unit(model: &StructuralModel, var: usize, value: f64) -> String {
     let name = &model.graph().names()[var];

@@ -326,7 +326,7 @@ fn text(
         format!("{}: after {when} {}", outlook.action, parts.join(", "))
     }];
     if outlook.supported_steps < question.horizon {
-        sentences.push(format!("the data carry it for {} of {when}", outlook.supported_steps));
+        sentences.push(format!("The data carry it for {} of {when}", outlook.supported_steps));
     }
     let no_skill = |(_, forecast): &&(usize, &Forecast)| {
         forecast.skill.iter().any(|skill| skill.is_some_and(|skill| skill <= 0.0))
@@ -342,7 +342,7 @@ fn text(
     }
     if ranked {
         let cost = format!(
-            "cost {} ({} to {})",
+            "Cost {} ({} to {})",
             short(outlook.cost),
             short(outlook.cost_lower),
             short(outlook.cost_upper)

@@ -1,0 +1,222 @@
+//! What a question is asked of: a model, data, and a moment in them.
+
+use std::{fs, path::PathBuf};
+
+use clap::{Args as ClapArgs, ValueEnum};
+use roscausal_core::{
+    Error, Result,
+    batch::{Table, table::common_step},
+};
+use roscausal_discovery::{DataFrame, names};
+use roscausal_reasoning::{
+    ActsOn, Settings, StructuralModel, default_acts_on,
+    model::{Equations, SCHEMA, graph_of_json},
+    question::Situation,
+};
+
+/// The arguments that all questions share.
+#[derive(ClapArgs)]
+pub(super) struct SourceArgs {
+    /// A model of `roscausal discover`, a graph written by hand ({"links": [{"cause": "r_v", "effect": "d", "lag": 1}]}), or a
+    /// structural model (--save).
+    #[arg(value_name = "MODEL")]
+    model: PathBuf,
+    /// CSV files with a header that the equations are fitted on, separated by commas; the question is about the last. A structural
+    /// model brings its own rows.
+    #[arg(long, value_delimiter = ',', value_name = "FILE")]
+    data: Vec<PathBuf>,
+    /// Equations: auto (a Gaussian process where it predicts better than a line), linear, gp.
+    #[arg(long, default_value = "auto", value_parser = ["auto", "linear", "gp"])]
+    equations: String,
+    /// Columns of interventions and the variable that each sets, separated by commas; default: do_robot_speed=r_v,
+    /// do_robot_off=r_v, do_human_v=h_v, do_human_stop=h_v.
+    #[arg(long, value_delimiter = ',', value_name = "COLUMN=VARIABLE")]
+    acts_on: Option<Vec<String>>,
+    /// Seed of all random numbers.
+    #[arg(long, default_value_t = 42)]
+    pub(super) seed: u64,
+    /// Threads; default: all cores. They do not change the answer.
+    #[arg(long)]
+    threads: Option<usize>,
+    /// File for the structural model: with it as MODEL the next question is answered without a new fit.
+    #[arg(long, value_name = "FILE")]
+    save: Option<PathBuf>,
+    /// What to print on stdout.
+    #[arg(long, value_enum, default_value_t = Format::Text)]
+    pub(super) format: Format,
+}
+
+/// What to print.
+#[derive(Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub(super) enum Format {
+    /// Sentences and a table.
+    Text,
+    /// One JSON object.
+    Json,
+}
+
+/// A model that is ready for questions, and the rows that these are about.
+pub(super) struct Ready {
+    pub(super) model: StructuralModel,
+    /// Times of each recording, where it has them.
+    times: Vec<Option<Vec<f64>>>,
+}
+
+/// A moment in the rows.
+pub(super) struct Moment<'a> {
+    pub(super) rows: Situation<'a>,
+    pub(super) recording: usize,
+}
+
+impl<'a> std::ops::Deref for Moment<'a> {
+    type Target = Situation<'a>;
+
+    fn deref(&self) -> &Situation<'a> {
+        &self.rows
+    }
+}
+
+impl SourceArgs {
+    /// Reads and fits, then answers, in as many threads as asked for.
+    pub(super) fn with<T: Send>(&self, answer: impl FnOnce(&Ready) -> Result<T> + Send) -> Result<T> {
+        let pool = rayon::ThreadPoolBuilder::new()
+            .num_threads(self.threads.unwrap_or(0))
+            .build()
+            .map_err(|e| Error::param("threads", e))?;
+        pool.install(|| {
+            let ready = self.ready()?;
+            if let Some(path) = &self.save {
+                fs::write(path, ready.model.to_json()).map_err(|e| Error::file(path, e))?;
+            }
+            answer(&ready)
+        })
+    }
+
+    fn ready(&self) -> Result<Ready> {
+        let text = fs::read_to_string(&self.model).map_err(|e| Error::file(&self.model, e))?;
+        let of_file = |error: roscausal_discovery::Error| match error {
+            roscausal_discovery::Error::Param { name, reason } => {
+                Error::file(&self.model, format!("{name}: {reason}"))
+            }
+            other => Error::file(&self.model, other),
+        };
+        if text.contains(SCHEMA) {
+            let model = StructuralModel::from_json(&text).map_err(of_file)?;
+            if !self.data.is_empty() {
+                let reason =
+                    "a structural model has its rows with it; leave --data out, or give the graph as MODEL";
+                return Err(Error::param("data", reason));
+            }
+            let times = vec![None; model.samples().recordings().len()];
+            return Ok(Ready { model, times });
+        }
+        if self.data.is_empty() {
+            return Err(Error::param(
+                "data",
+                "a graph alone answers nothing; give the CSV files that it was found in",
+            ));
+        }
+        let acts_on = self.acts_on()?;
+        let context: Vec<String> = acts_on.iter().map(|(column, _)| column.clone()).collect();
+        let (graph, mut facts) = graph_of_json(&text, &context).map_err(of_file)?;
+        let tables: Vec<Table> =
+            self.data.iter().map(|path| Table::read(path, None)).collect::<Result<_>>()?;
+        let dt = common_step(self.data.iter().map(PathBuf::as_path).zip(&tables))?;
+        facts.dt = dt.or(facts.dt);
+        let times = tables.iter().map(|table| table.time.clone()).collect();
+        let data = self.frame(tables, graph.names(), &context)?;
+        let equations = match self.equations.as_str() {
+            "linear" => Equations::Linear,
+            "gp" => Equations::Gp,
+            _ => Equations::Auto,
+        };
+        let settings = Settings { equations, seed: self.seed, ..Settings::default() };
+        let model = StructuralModel::fit(&data, &graph, &settings, &acts_on)?.with_facts(facts);
+        Ok(Ready { model, times })
+    }
+
+    fn acts_on(&self) -> Result<ActsOn> {
+        let Some(given) = &self.acts_on else { return Ok(default_acts_on()) };
+        let pair = |text: &String| {
+            let (column, variable) = text.split_once('=').ok_or_else(|| {
+                Error::param("acts-on", format!("'{text}' is no pair; write it like do_robot_speed=r_v"))
+            })?;
+            Ok((column.trim().to_owned(), variable.trim().to_owned()))
+        };
+        given.iter().map(pair).collect()
+    }
+
+    /// The graph's variables and the columns of interventions, which a file may lack.
+    fn frame(&self, tables: Vec<Table>, variables: &[String], context: &[String]) -> Result<DataFrame> {
+        let there = |name: &&String| tables.iter().any(|table| names::position(&table.names, name).is_some());
+        let wanted: Vec<String> = variables.iter().chain(context.iter().filter(there)).cloned().collect();
+        let mut recordings = Vec::new();
+        for (table, path) in tables.iter().zip(&self.data) {
+            let mut values = ndarray::Array2::zeros((table.values.nrows(), wanted.len()));
+            for (k, name) in wanted.iter().enumerate() {
+                match names::position(&table.names, name) {
+                    Some(column) => values.column_mut(k).assign(&table.values.column(column)),
+                    None if k >= variables.len() => {}
+                    None => {
+                        let all = table.names.join(", ");
+                        let reason =
+                            format!("it has no column '{name}', which the model names; columns: {all}");
+                        return Err(Error::file(path, reason));
+                    }
+                }
+            }
+            recordings.push(values);
+        }
+        Ok(DataFrame::new(recordings, wanted)?)
+    }
+}
+
+impl Ready {
+    /// The moment of a time: in the last recording that has it; without a time the end of the last.
+    pub(super) fn situation(&self, at: Option<f64>) -> Result<Moment<'_>> {
+        let recordings = self.model.samples().recordings();
+        let last = recordings.len() - 1;
+        let Some(time) = at else {
+            return Ok(Moment { rows: Situation::newest(recordings[last].view()), recording: last });
+        };
+        let has = |k: &usize| self.row(*k, time).is_some();
+        let recording = (0..recordings.len()).rev().find(has).unwrap_or(last);
+        let now = self.row_in(recording, time)?;
+        Ok(Moment { rows: Situation { rows: recordings[recording].view(), now }, recording })
+    }
+
+    /// The last row of a recording that is not after a time.
+    pub(super) fn row_in(&self, recording: usize, time: f64) -> Result<usize> {
+        self.row(recording, time).ok_or_else(|| {
+            let (first, last) = self.span(recording);
+            let what = if self.times[recording].is_some() { "s" } else { "as row numbers" };
+            Error::Data(format!("the data have no row at {time}; they go from {first} to {last} {what}"))
+        })
+    }
+
+    /// Time of the first row of a recording, 0 if it has no times.
+    pub(super) fn start(&self, recording: usize) -> f64 {
+        self.span(recording).0
+    }
+
+    fn span(&self, recording: usize) -> (f64, f64) {
+        let rows = self.model.samples().recordings()[recording].nrows();
+        match &self.times[recording] {
+            Some(times) => (times.first().copied().unwrap_or(0.0), times.last().copied().unwrap_or(0.0)),
+            None => (0.0, rows.saturating_sub(1) as f64),
+        }
+    }
+
+    fn row(&self, recording: usize, time: f64) -> Option<usize> {
+        let (first, last) = self.span(recording);
+        // Times are rounded in files.
+        let slack = 1e-6 + self.model.facts.dt.unwrap_or(0.0) * 0.01;
+        if !(time >= first - slack && time <= last + self.model.facts.dt.unwrap_or(1.0)) {
+            return None;
+        }
+        Some(match &self.times[recording] {
+            Some(times) => times.partition_point(|&t| t <= time + slack).saturating_sub(1),
+            None => time.max(0.0) as usize,
+        })
+    }
+}
