@@ -15,6 +15,6 @@ pub use control::{Control, Progress, Stop};
 pub use dataframe::{DataFrame, MaskType};
 pub use error::{Error, Result};
 pub use links::{Assumption, LinkAssumptions};
-pub use marks::LinkMark;
+pub use marks::{LinkEnd, LinkMark};
 pub use node::Node;
 pub use samples::{LaggedArrays, Samples};

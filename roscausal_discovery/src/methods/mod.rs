@@ -18,6 +18,7 @@
 mod extension;
 mod fdr;
 mod fpcmci;
+mod lpcmci;
 mod mci;
 mod orientation;
 mod pc_stable;
@@ -31,6 +32,7 @@ mod skeleton;
 
 pub use fdr::{Fdr, fdr_bh};
 pub use fpcmci::{CausalMatrices, FpcmciResult, FpcmciSettings, run_fpcmci};
+pub use lpcmci::{LpcmciResult, LpcmciSettings, Stage, run_lpcmci};
 pub use pcmci::{get_lagged_dependencies, run_bivci, run_fullci, run_mci, run_pc_stable, run_pcmci};
 pub use pcmciplus::{ColliderRule, PcmciPlusSettings, run_pcmciplus};
 pub use registry::{Method, MethodInfo, Reads};
