@@ -4,9 +4,12 @@
 //! they name and writes `OUT/cases/<id>.json`, for comparison; with `ONLY`, the cases whose name has this text. At the end it
 //! lists the cases that it cannot run. One file for each family of methods.
 
+mod candoit;
+mod cases;
 mod data;
 mod dynotears;
 mod granger;
+mod lpcmci;
 mod varlingam;
 
 use std::{path::Path, process::ExitCode, time::Instant};
@@ -57,8 +60,10 @@ fn run(set: &Path, out: &Path, only: &str) -> Result<(), String> {
 
 fn run_case(case: &Value, set: &Path) -> Result<Value, String> {
     match case["method"].as_str().unwrap_or_default() {
+        "candoit" => candoit::run(case, set),
         "dynotears" => dynotears::run(case, set),
         "granger" => granger::run(case, set),
+        "lpcmci" => lpcmci::run(case, set),
         "varlingam" => varlingam::run(case, set),
         other => Err(format!("method '{other}' is not part of this engine")),
     }

@@ -22,6 +22,19 @@ pub enum Assumption {
     ExistsUnoriented,
     /// `o?o`: may exist, direction unknown (lag 0 only).
     TestUnoriented,
+    /// `o->`: exists, and the effect does not cause the cause. Only for methods that allow for hidden causes, as are the next
+    /// five.
+    ExistsNotBack,
+    /// `o?>`: may exist, and the effect does not cause the cause.
+    TestNotBack,
+    /// `<-o`: `o->` in the opposite direction (lag 0 only).
+    ExistsNotForward,
+    /// `<?o`: `o?>` in the opposite direction (lag 0 only).
+    TestNotForward,
+    /// `<->`: exists, and neither causes the other.
+    ExistsHidden,
+    /// `<?>`: may exist, and neither causes the other.
+    TestHidden,
 }
 
 impl Assumption {
@@ -34,12 +47,39 @@ impl Assumption {
             Self::TestBackward => "<?-",
             Self::ExistsUnoriented => "o-o",
             Self::TestUnoriented => "o?o",
+            Self::ExistsNotBack => "o->",
+            Self::TestNotBack => "o?>",
+            Self::ExistsNotForward => "<-o",
+            Self::TestNotForward => "<?o",
+            Self::ExistsHidden => "<->",
+            Self::TestHidden => "<?>",
         }
+    }
+
+    /// Whether the assumption speaks of causes that were not recorded.
+    pub fn speaks_of_hidden_causes(self) -> bool {
+        !matches!(
+            self,
+            Self::Exists
+                | Self::Test
+                | Self::ExistsBackward
+                | Self::TestBackward
+                | Self::ExistsUnoriented
+                | Self::TestUnoriented
+        )
     }
 
     /// Whether the link counts as existing without a test.
     pub fn exists(self) -> bool {
-        matches!(self, Self::Exists | Self::ExistsBackward | Self::ExistsUnoriented)
+        matches!(
+            self,
+            Self::Exists
+                | Self::ExistsBackward
+                | Self::ExistsUnoriented
+                | Self::ExistsNotBack
+                | Self::ExistsNotForward
+                | Self::ExistsHidden
+        )
     }
 
     /// The same link, read from its other end.
@@ -49,6 +89,10 @@ impl Assumption {
             Self::Test => Self::TestBackward,
             Self::ExistsBackward => Self::Exists,
             Self::TestBackward => Self::Test,
+            Self::ExistsNotBack => Self::ExistsNotForward,
+            Self::TestNotBack => Self::TestNotForward,
+            Self::ExistsNotForward => Self::ExistsNotBack,
+            Self::TestNotForward => Self::TestNotBack,
             same => same,
         }
     }
@@ -65,11 +109,18 @@ impl std::str::FromStr for Assumption {
             Self::TestBackward,
             Self::ExistsUnoriented,
             Self::TestUnoriented,
+            Self::ExistsNotBack,
+            Self::TestNotBack,
+            Self::ExistsNotForward,
+            Self::TestNotForward,
+            Self::ExistsHidden,
+            Self::TestHidden,
         ]
         .into_iter()
         .find(|a| a.symbol() == text)
         .ok_or_else(|| {
-            Error::param("link_assumptions", format!("'{text}' is not one of -->, -?>, <--, <?-, o-o, o?o"))
+            let known = "-->, -?>, <--, <?-, o-o, o?o, o->, o?>, <-o, <?o, <->, <?>";
+            Error::param("link_assumptions", format!("'{text}' is not one of {known}"))
         })
     }
 }
@@ -115,6 +166,14 @@ impl LinkAssumptions {
         links
     }
 
+    /// Every link may exist, and nothing is known of hidden causes: lagged pairs `o?>`, pairs at lag 0 `o?o`.
+    pub fn all_with_hidden_causes(n_vars: usize, tau_min: usize, tau_max: usize) -> Self {
+        let mut links = Self::all(n_vars, tau_min, tau_max);
+        let lagged = links.targets.iter_mut().flatten().filter(|(source, _)| source.lag > 0);
+        lagged.for_each(|(_, assumption)| *assumption = Assumption::TestNotBack);
+        links
+    }
+
     /// Removes all links that point to the variables `context`, such as weather or time of day. They have no
     /// parents, not even their own past. At lag 0 they can only be causes.
     #[must_use]
@@ -153,8 +212,14 @@ impl LinkAssumptions {
         if lag == 0 && cause == effect {
             return fail(format!("variable {cause} cannot drive itself at lag 0"));
         }
-        if lag > 0 && !matches!(assumption, Assumption::Exists | Assumption::Test) {
-            return fail(format!("'{}' at lag {lag}: a lagged link is --> or -?>", assumption.symbol()));
+        let lagged =
+            [Assumption::Exists, Assumption::Test, Assumption::ExistsNotBack, Assumption::TestNotBack]
+                .into_iter()
+                .chain([Assumption::ExistsHidden, Assumption::TestHidden])
+                .any(|allowed| allowed == assumption);
+        if lag > 0 && !lagged {
+            let allowed = "-->, -?>, o->, o?>, <-> or <?>";
+            return fail(format!("'{}' at lag {lag}: a lagged link is {allowed}", assumption.symbol()));
         }
         self.targets[effect].insert(Node::new(cause, lag), assumption);
         if lag == 0 {

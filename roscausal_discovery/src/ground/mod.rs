@@ -19,6 +19,6 @@ pub use dataframe::{DataFrame, MaskType};
 pub use error::{Error, Result};
 pub use links::{Assumption, LinkAssumptions};
 pub use lock::lock;
-pub use marks::LinkMark;
+pub use marks::{LinkEnd, LinkMark};
 pub use node::Node;
 pub use samples::{LaggedArrays, Samples};

@@ -165,5 +165,8 @@ pub(crate) fn mark_of(assumption: Assumption) -> LinkMark {
         Assumption::Exists | Assumption::Test => LinkMark::Forward,
         Assumption::ExistsBackward | Assumption::TestBackward => LinkMark::Backward,
         Assumption::ExistsUnoriented | Assumption::TestUnoriented => LinkMark::Unoriented,
+        Assumption::ExistsNotBack | Assumption::TestNotBack => LinkMark::CircleHead,
+        Assumption::ExistsNotForward | Assumption::TestNotForward => LinkMark::HeadCircle,
+        Assumption::ExistsHidden | Assumption::TestHidden => LinkMark::Bidirected,
     }
 }

@@ -97,7 +97,15 @@ impl PcmciSettings {
             return Err(Error::param("fdr", "fixed_thres gives no p-values to correct; choose fdr none"));
         }
         match &self.link_assumptions {
-            Some(links) => links.check(data.n_vars(), self.tau_min, self.tau_max),
+            Some(links) => {
+                let hidden = |target| links.of_target(target).find(|(_, a)| a.speaks_of_hidden_causes());
+                if let Some((_, assumption)) = (0..links.n_vars()).find_map(hidden) {
+                    let reason =
+                        format!("'{}' speaks of hidden causes, for which lpcmci allows", assumption.symbol());
+                    return Err(Error::param("link_assumptions", reason));
+                }
+                links.check(data.n_vars(), self.tau_min, self.tau_max)
+            }
             None => Ok(()),
         }
     }

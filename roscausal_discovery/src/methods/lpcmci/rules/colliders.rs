@@ -1,0 +1,126 @@
+//! The rules that find colliders in unshielded triples, and those that first test what is not final yet (R0a to R0d).
+
+use super::Proposals;
+use crate::{
+    ground::{
+        LinkEnd::{Circle, Conflict, Head, Tail},
+        Node, Result,
+    },
+    methods::lpcmci::{
+        graph::{Link, Middle, Pair, before},
+        search::Search,
+        sets::union,
+    },
+};
+
+/// A ** B ** C unshielded: tests both links given what separates A and C; where both stay and B is in no such set, heads at B.
+pub(super) fn r0a(search: &mut Search<'_, '_>, only_lagged: bool) -> Result<Proposals> {
+    let mut proposals = Proposals::default();
+    for [a, b, c] in search.graph.unshielded() {
+        let (Some(ab), Some(cb)) = (search.graph.get(a, b), search.graph.get(c, b)) else { continue };
+        let goes = test_again(search, a, b, c, ab, &mut proposals)?;
+        if test_again(search, c, b, a, cb, &mut proposals)? || goes {
+            continue;
+        }
+        let ends = [ab.right, cb.right];
+        let contradictory = [ab, cb].iter().any(|link| link.middle == Middle::Conflict);
+        let known = ends.iter().any(|end| matches!(end, Tail | Conflict)) || ends == [Head, Head];
+        if !known && !contradictory && search.separates_without(b, a, c)? {
+            collide(&mut proposals, b, a, only_lagged);
+            collide(&mut proposals, b, c, only_lagged);
+        }
+    }
+    Ok(proposals)
+}
+
+/// A **> B o!+ C unshielded: tests A-B given what separates A and C; where it stays and B is in no such set, a head at B on C-B.
+pub(super) fn r0b(search: &mut Search<'_, '_>, only_lagged: bool) -> Result<Proposals> {
+    let mut proposals = Proposals::default();
+    for ([a, b, c], [ab, bc]) in both_ways(search) {
+        if ab.right != Head || !is_open(b, c, bc) || test_again(search, a, b, c, ab, &mut proposals)? {
+            continue;
+        }
+        if ab.middle != Middle::Conflict && search.separates_without(b, a, c)? {
+            collide(&mut proposals, b, c, only_lagged);
+        }
+    }
+    Ok(proposals)
+}
+
+/// A *-* B o!+ C unshielded, B in no separating set: a head at B on C-B.
+pub(super) fn r0c(search: &mut Search<'_, '_>, only_lagged: bool) -> Result<Proposals> {
+    let mut proposals = Proposals::default();
+    for ([a, b, c], [ab, bc]) in both_ways(search) {
+        if ab.is_final() && is_open(b, c, bc) && search.separates_without(b, a, c)? {
+            collide(&mut proposals, b, c, only_lagged);
+        }
+    }
+    Ok(proposals)
+}
+
+/// A *-o B o-* C or A *-> B o-* C unshielded, B in no separating set: heads at B on both.
+pub(super) fn r0d(search: &mut Search<'_, '_>, only_lagged: bool) -> Result<Proposals> {
+    let mut proposals = Proposals::default();
+    for ([a, b, c], [ab, bc]) in both_ways(search) {
+        let fits = ab.is_final() && bc.is_final() && matches!(ab.right, Circle | Head) && bc.left == Circle;
+        if fits && search.separates_without(b, a, c)? {
+            collide(&mut proposals, b, a, only_lagged);
+            collide(&mut proposals, b, c, only_lagged);
+        }
+    }
+    Ok(proposals)
+}
+
+/// Unshielded triples in both directions, with the links A-B and B-C.
+fn both_ways(search: &Search<'_, '_>) -> Vec<([Node; 3], [Link; 2])> {
+    let turned = search.graph.unshielded().into_iter().flat_map(|[a, b, c]| [[a, b, c], [c, b, a]]);
+    let links = |[a, b, c]: [Node; 3]| Some([search.graph.get(a, b)?, search.graph.get(b, c)?]);
+    turned.filter_map(|triple| Some((triple, links(triple)?))).collect()
+}
+
+/// B o!+ C: no set of C's parents separates them.
+fn is_open(b: Node, c: Node, bc: Link) -> bool {
+    let half = if before(b, c) { Middle::Right } else { Middle::Left };
+    let exhausted = bc.middle == Middle::Both || bc.middle == half;
+    exhausted && bc.left == Circle && matches!(bc.right, Circle | Head)
+}
+
+/// B does not cause `end`.
+fn collide(proposals: &mut Proposals, b: Node, end: Node, only_lagged: bool) {
+    if !only_lagged || b.lag != end.lag {
+        proposals.head(b, end);
+    }
+}
+
+/// Tests a link A-B that is not final given each weakly minimal set that separates A and C; whether it goes.
+fn test_again(
+    search: &mut Search<'_, '_>,
+    a: Node,
+    b: Node,
+    c: Node,
+    ab: Link,
+    proposals: &mut Proposals,
+) -> Result<bool> {
+    if matches!(ab.middle, Middle::Final | Middle::Conflict) {
+        return Ok(false);
+    }
+    let (ends, shift) = Pair::of(a, c);
+    let (pair, at) = Pair::of(a, b);
+    let minimal: Vec<Vec<Node>> = search.evidence(ends).map_or(Vec::new(), |evidence| {
+        evidence.separating.iter().filter(|set| set.minimal).map(|set| set.nodes.clone()).collect()
+    });
+    let parents = search.parents(pair.x, pair.y);
+    let mut goes = false;
+    for set in minimal {
+        // What is later than both, or before the window, is left out.
+        let moved =
+            set.iter().filter_map(|node| Some(Node::new(node.var, (node.lag + shift).checked_sub(at)?)));
+        let moved: Vec<Node> = moved.filter(|node| node.lag <= search.graph.tau_max).collect();
+        let z = union(pair, &moved, &parents);
+        if search.separates(pair, &z)?.is_some() {
+            proposals.remove.push((pair, z));
+            goes = true;
+        }
+    }
+    Ok(goes)
+}

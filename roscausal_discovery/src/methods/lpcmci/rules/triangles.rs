@@ -1,0 +1,108 @@
+//! The rules on three or four nodes (Zhang 2008, R1, R2, R3, R8, on time series graphs).
+
+use super::Proposals;
+use crate::{
+    ground::{
+        LinkEnd::{Circle, Head, Tail},
+        Node, Result,
+    },
+    methods::lpcmci::{graph::Link, search::Search},
+};
+
+/// Triples A, B, C of neighbours within one window, in both directions, with whether A and C are adjacent.
+fn unshielded_both_ways(search: &Search<'_, '_>) -> Vec<[Node; 3]> {
+    search.graph.unshielded().into_iter().flat_map(|[a, b, c]| [[a, b, c], [c, b, a]]).collect()
+}
+
+/// Triples A, B, C, all adjacent, within one window, the latest at lag 0, with the links A-B, B-C and A-C.
+fn triangles(search: &Search<'_, '_>) -> Vec<([Node; 3], [Link; 3])> {
+    let graph = &search.graph;
+    let mut found = Vec::new();
+    for b in graph.nodes() {
+        let neighbours: Vec<(Node, Link)> = graph.neighbours(b).collect();
+        for &(a, ab) in &neighbours {
+            for &(c, cb) in &neighbours {
+                if a != c && (a.lag == 0 || b.lag == 0 || c.lag == 0) {
+                    let bc = Link { left: cb.right, right: cb.left, ..cb };
+                    found.extend(graph.get(a, c).map(|ac| ([a, b, c], [ab, bc, ac])));
+                }
+            }
+        }
+    }
+    found
+}
+
+pub(super) fn may_orient(a: Node, b: Node, only_lagged: bool) -> bool {
+    !only_lagged || a.lag != b.lag
+}
+
+/// A **> B o*+ C, unshielded, B in the separating sets: B --> C.
+pub(super) fn r1(search: &mut Search<'_, '_>, only_lagged: bool) -> Result<Proposals> {
+    let mut proposals = Proposals::default();
+    for [a, b, c] in unshielded_both_ways(search) {
+        let (Some(ab), Some(bc)) = (search.graph.get(a, b), search.graph.get(b, c)) else { continue };
+        let fits = ab.right == Head && bc.left == Circle && matches!(bc.right, Circle | Head);
+        if fits && may_orient(b, c, only_lagged) && search.separates_with(b, a, c)? {
+            proposals.tail(b, c);
+            proposals.head(c, b);
+        }
+    }
+    Ok(proposals)
+}
+
+/// A -*> B **> C or A **> B -*> C, and A +*o C: a head at C.
+pub(super) fn r2(search: &mut Search<'_, '_>, only_lagged: bool) -> Result<Proposals> {
+    let mut proposals = Proposals::default();
+    for ([a, _, c], [ab, bc, ac]) in triangles(search) {
+        let path = ab.right == Head && bc.right == Head && (ab.left == Tail || bc.left == Tail);
+        let open = matches!(ac.left, Circle | Head) && ac.right == Circle;
+        if path && open && may_orient(a, c, only_lagged) {
+            proposals.head(c, a);
+        }
+    }
+    Ok(proposals)
+}
+
+/// A -*> B -*> C and A o*+ C: A --> C.
+pub(super) fn r8(search: &mut Search<'_, '_>, only_lagged: bool) -> Result<Proposals> {
+    let mut proposals = Proposals::default();
+    for ([a, _, c], [ab, bc, ac]) in triangles(search) {
+        let path = [ab, bc].iter().all(|link| link.left == Tail && link.right == Head);
+        let open = ac.left == Circle && matches!(ac.right, Circle | Head);
+        if path && open && may_orient(a, c, only_lagged) {
+            proposals.tail(a, c);
+            proposals.head(c, a);
+        }
+    }
+    Ok(proposals)
+}
+
+/// A **> B <** C unshielded, A +*o D o*+ C with D in the separating sets, D +*o B: a head at B.
+pub(super) fn r3(search: &mut Search<'_, '_>, only_lagged: bool) -> Result<Proposals> {
+    let mut proposals = Proposals::default();
+    let graph = &search.graph;
+    let mut candidates = Vec::new();
+    for b in graph.nodes() {
+        let into: Vec<Node> =
+            graph.neighbours(b).filter(|(_, link)| link.right == Head).map(|(node, _)| node).collect();
+        for (d, _) in
+            graph.neighbours(b).filter(|(_, db)| matches!(db.left, Circle | Head) && db.right == Circle)
+        {
+            let open = |node: &&Node| {
+                let link = graph.get(**node, d);
+                link.is_some_and(|link| matches!(link.left, Circle | Head) && link.right == Circle)
+            };
+            let ends: Vec<Node> = into.iter().filter(open).copied().collect();
+            for (k, &a) in ends.iter().enumerate() {
+                let unshielded = ends[k + 1..].iter().filter(|&&c| !graph.adjacent(a, c));
+                candidates.extend(unshielded.map(|&c| (a, b, c, d)));
+            }
+        }
+    }
+    for (a, b, c, d) in candidates {
+        if may_orient(b, d, only_lagged) && search.separates_with(d, a, c)? {
+            proposals.head(b, d);
+        }
+    }
+    Ok(proposals)
+}

@@ -1,0 +1,82 @@
+//! Whether a node separates two others: the sets that separate them vote.
+
+use super::{
+    graph::{Pair, before},
+    search::Search,
+    sets::union,
+};
+use crate::{
+    ground::{Node, Result},
+    methods::pc_stable::next_combination,
+};
+
+impl Search<'_, '_> {
+    /// Whether more than half of the sets that separate A and C hold B.
+    pub(super) fn separates_with(&mut self, b: Node, a: Node, c: Node) -> Result<bool> {
+        let is_final = |end| self.graph.get(end, b).is_none_or(|link| link.is_final());
+        let searched = is_final(a) && is_final(c);
+        let (with, all) = self.count_votes(b, a, c, searched)?;
+        Ok(2 * with > all)
+    }
+
+    /// Whether less than half of the sets that separate A and C hold B.
+    pub(super) fn separates_without(&mut self, b: Node, a: Node, c: Node) -> Result<bool> {
+        let (with, all) = self.count_votes(b, a, c, true)?;
+        Ok(2 * with < all)
+    }
+
+    fn count_votes(&mut self, b: Node, a: Node, c: Node, searched: bool) -> Result<(usize, usize)> {
+        let (pair, shift) = Pair::of(a, c);
+        if !self.votes.contains_key(&(pair, searched)) {
+            let sets = self.voting_sets(pair, searched)?;
+            self.votes.insert((pair, searched), sets);
+        }
+        let sets = self.votes.get(&(pair, searched)).map_or(&[][..], Vec::as_slice);
+        // What is later than both is in no set.
+        let b = b.lag.checked_sub(shift).map(|lag| Node::new(b.var, lag));
+        let with = b.map_or(0, |b| sets.iter().filter(|set| set.contains(&b)).count());
+        Ok((with, sets.len()))
+    }
+
+    /// The sets on record, and those found by a search.
+    fn voting_sets(&mut self, pair: Pair, searched: bool) -> Result<Vec<Vec<Node>>> {
+        let mut sets: Vec<Vec<Node>> = Vec::new();
+        for set in self.evidence(pair).map_or(&[][..], |evidence| &evidence.separating) {
+            if !sets.contains(&set.nodes) {
+                sets.push(set.nodes.clone());
+            }
+        }
+        if !searched {
+            return Ok(sets);
+        }
+        let parents = self.parents(pair.x, pair.y);
+        let mut seen = Vec::new();
+        for (a, b) in [(pair.x, pair.y), (pair.y, pair.x)] {
+            let mut choices = self.apds(a, b);
+            choices.retain(|node| !parents.contains(node));
+            let most =
+                if a == pair.x && before_in_time(pair) { self.settings.max_cond_px } else { usize::MAX };
+            for size in 0..=choices.len().min(most) {
+                let mut combination: Vec<usize> = (0..size).collect();
+                loop {
+                    let chosen: Vec<Node> = combination.iter().map(|&k| choices[k]).collect();
+                    let z = union(pair, &chosen, &parents);
+                    if !seen.contains(&z) {
+                        if self.separates(pair, &z)?.is_some() && !sets.contains(&z) {
+                            sets.push(z.clone());
+                        }
+                        seen.push(z);
+                    }
+                    if !next_combination(&mut combination, choices.len()) {
+                        break;
+                    }
+                }
+            }
+        }
+        Ok(sets)
+    }
+}
+
+fn before_in_time(pair: Pair) -> bool {
+    before(pair.x, pair.y) && pair.x.lag > 0
+}
