@@ -10,7 +10,7 @@ use std::{
 };
 
 /// The modules of the crate from the ground up.
-const LAYERS: [&str; 10] = [
+const LAYERS: [&str; 11] = [
     "ground",
     "numeric",
     "about",
