@@ -21,6 +21,14 @@ pub enum Error {
         /// What is wrong.
         reason: String,
     },
+    /// A service cannot be offered, or gives no answer.
+    #[error("service '{service}': {reason}")]
+    Service {
+        /// Resolved service name.
+        service: String,
+        /// What is wrong.
+        reason: String,
+    },
     /// The middleware itself fails.
     #[error("middleware: {0}")]
     Middleware(String),

@@ -6,7 +6,7 @@
 
 use std::{sync::Arc, time::Duration};
 
-use roscausal_msgs::Wires;
+use roscausal_msgs::{Service, Wires};
 
 use crate::{
     Message, Result, Time,
@@ -48,12 +48,48 @@ pub trait Publish<M: Message>: Send + 'static {
     fn subscriber_count(&self) -> usize;
 }
 
+/// What a service owes its caller: one answer, now or later, from any thread. Dropped without one, it tells the caller
+/// that the node ends.
+pub struct Reply<R> {
+    answer: Option<Box<dyn FnOnce(std::result::Result<R, String>) + Send>>,
+}
+
+impl<R> Reply<R> {
+    /// The reply that hands its answer, or why there is none, to `answer`.
+    pub fn new(answer: impl FnOnce(std::result::Result<R, String>) + Send + 'static) -> Self {
+        Self { answer: Some(Box::new(answer)) }
+    }
+
+    /// Sends the answer. A caller that has gone does not get it.
+    pub fn send(mut self, response: R) {
+        if let Some(answer) = self.answer.take() {
+            answer(Ok(response));
+        }
+    }
+}
+
+impl<R> Drop for Reply<R> {
+    fn drop(&mut self) {
+        if let Some(answer) = self.answer.take() {
+            answer(Err("the node ends".to_owned()));
+        }
+    }
+}
+
+impl<R> std::fmt::Debug for Reply<R> {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str("Reply")
+    }
+}
+
 /// A node's connection to its middleware. Cheap to clone; all clones are the same node.
 pub trait Middleware: Clone + Send + Sync + 'static {
     /// The result of [`Middleware::advertise`].
     type Publisher<M: Message>: Publish<M>;
     /// The result of [`Middleware::subscribe`]. Dropping it unsubscribes; no callback runs afterwards.
     type Subscription: Send + 'static;
+    /// The result of [`Middleware::serve`]. Dropping it ends the service; no callback runs afterwards.
+    type Server: Send + 'static;
 
     /// The node's full name, such as `/roscausal_data`.
     fn node_name(&self) -> String;
@@ -75,6 +111,25 @@ pub trait Middleware: Clone + Send + Sync + 'static {
         qos: Qos,
         callback: impl FnMut(M) + Send + 'static,
     ) -> Result<Self::Subscription>;
+
+    /// Offers a service. Its callback runs on a thread of the middleware for each question and must return at once: it
+    /// sends question and [`Reply`] into an [`crate::inbox::Inbox`]. Several questions may be open at the same time.
+    ///
+    /// # Errors
+    /// An illegal name, a service that another node or this one offers already (where the middleware can tell), or a
+    /// middleware that is gone.
+    fn serve<S: Service>(
+        &self,
+        name: &str,
+        callback: impl FnMut(S::Request, Reply<S::Response>) + Send + 'static,
+    ) -> Result<Self::Server>;
+
+    /// Asks a service and waits for its answer; never longer than `patience`, which includes the wait for the service
+    /// to appear. Not for callbacks and not for nodes of a lockstep bus, which the answer would wait for.
+    ///
+    /// # Errors
+    /// No such service in time, one of another type, one that gives no answer, or a middleware that is gone.
+    fn call<S: Service>(&self, name: &str, request: &S::Request, patience: Duration) -> Result<S::Response>;
 
     /// The current value of a parameter; `None` if nobody set it. Declares the parameter if the middleware requires
     /// that.

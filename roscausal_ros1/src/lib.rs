@@ -8,6 +8,7 @@
 mod master;
 mod nodelay;
 mod program;
+mod service;
 mod session;
 mod subscription;
 mod wire;
@@ -21,12 +22,13 @@ use std::{
 use roscausal_core::{
     Error, Message, Result, Time,
     inbox::Consumer,
-    middleware::{Middleware, Publish, Qos, is_graph_name},
+    middleware::{Middleware, Publish, Qos, Reply, is_graph_name},
     params::{ParamSpec, Value},
 };
-use roscausal_msgs::rosgraph_msgs::Clock;
+use roscausal_msgs::{Service, rosgraph_msgs::Clock};
 use roscausal_ros::{Console, in_time, lock, steady};
 
+pub use service::Server;
 pub use subscription::Subscription;
 
 use crate::{
@@ -100,6 +102,13 @@ impl Ros1 {
         })
     }
 
+    fn service_name(&self, name: &str) -> Result<String> {
+        self.topic(name).map_err(|error| match error {
+            Error::Topic { topic, reason } => Error::Service { service: topic, reason },
+            other => other,
+        })
+    }
+
     fn param_name(&self, name: &str) -> Result<String> {
         let graph_name = if name.starts_with(['/', '~']) { name.to_owned() } else { format!("~{name}") };
         self.session.resolve(&graph_name).ok_or_else(|| Error::param(name, "not a legal name"))
@@ -109,6 +118,7 @@ impl Ros1 {
 impl Middleware for Ros1 {
     type Publisher<M: Message> = Publisher<M>;
     type Subscription = Subscription;
+    type Server = Server;
 
     fn node_name(&self) -> String {
         self.session.membership.node().to_owned()
@@ -169,6 +179,18 @@ impl Middleware for Ros1 {
             None => tracing::warn!("topic '{name}': a publisher does not answer; messages come when it does"),
         }
         Ok(Subscription { session: Arc::downgrade(&self.session), feed, id, slot })
+    }
+
+    fn serve<S: Service>(
+        &self,
+        name: &str,
+        callback: impl FnMut(S::Request, Reply<S::Response>) + Send + 'static,
+    ) -> Result<Server> {
+        service::serve::<S>(&self.session, self.service_name(name)?, callback)
+    }
+
+    fn call<S: Service>(&self, name: &str, request: &S::Request, patience: Duration) -> Result<S::Response> {
+        service::call::<S>(&self.session, &self.service_name(name)?, request, patience)
     }
 
     fn param(&self, spec: &ParamSpec) -> Result<Option<Value>> {

@@ -12,6 +12,6 @@ mod services;
 mod wire;
 
 pub use args::Args;
-pub use dds::{Publisher, Subscription};
+pub use dds::{Publisher, Server, Subscription};
 pub use node::Ros2;
 pub use rcl::{BadArgument, Enclave, Names, Network, ParamFile, Remap};

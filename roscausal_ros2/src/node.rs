@@ -12,16 +12,16 @@ use std::{
 use roscausal_core::{
     Message, Result, Time,
     inbox::Consumer,
-    middleware::{Middleware, Qos},
+    middleware::{Middleware, Qos, Reply},
     params::{ParamSpec, Value},
 };
-use roscausal_msgs::rosgraph_msgs;
+use roscausal_msgs::{Service, rosgraph_msgs};
 use roscausal_ros::{Clock, Life, lock, steady};
 use tracing::{debug, error};
 
 use crate::{
     args::Args,
-    dds::{Participant, Publisher, Subscription},
+    dds::{Participant, Publisher, Server, Subscription},
     rcl::{Parameters, USE_SIM_TIME, ros2_name},
     services::{self, ParameterEvents},
 };
@@ -172,6 +172,7 @@ impl Inner {
 impl Middleware for Ros2 {
     type Publisher<M: Message> = Publisher<M>;
     type Subscription = Subscription;
+    type Server = Server;
 
     fn node_name(&self) -> String {
         self.inner.participant.names().full_name()
@@ -188,6 +189,18 @@ impl Middleware for Ros2 {
         callback: impl FnMut(M) + Send + 'static,
     ) -> Result<Self::Subscription> {
         self.inner.participant.subscribe(topic, qos, callback)
+    }
+
+    fn serve<S: Service>(
+        &self,
+        name: &str,
+        callback: impl FnMut(S::Request, Reply<S::Response>) + Send + 'static,
+    ) -> Result<Server> {
+        self.inner.participant.serve::<S>(name, callback)
+    }
+
+    fn call<S: Service>(&self, name: &str, request: &S::Request, patience: Duration) -> Result<S::Response> {
+        self.inner.participant.call::<S>(name, request, patience)
     }
 
     fn param(&self, spec: &ParamSpec) -> Result<Option<Value>> {

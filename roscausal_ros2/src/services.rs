@@ -114,5 +114,5 @@ where
     Resp: Message + Clone + Send + 'static,
 {
     let node = Arc::downgrade(inner);
-    inner.participant.serve(name, kind, move |request| Some(handle(&node.upgrade()?, request)))
+    inner.participant.serve_at_once(name, kind, move |request| Some(handle(&node.upgrade()?, request)))
 }

@@ -6,10 +6,12 @@
 #![allow(clippy::panic, reason = "a law that is broken fails the test that calls it")]
 
 mod parameters;
+mod services;
 mod time;
 mod topics;
 
 pub use parameters::*;
+pub use services::*;
 pub use time::*;
 pub use topics::*;
 
@@ -52,6 +54,12 @@ pub fn middleware_laws<M: Middleware>(new_node: impl Fn(&str) -> M, settle: impl
     relative_and_private_names_belong_to_the_node(node, settle);
     illegal_names_are_errors(node);
     topics_are_listed_with_their_types(node, settle);
+    every_caller_gets_its_own_answers(node);
+    a_late_answer_holds_up_no_other(node);
+    no_answer_is_an_error(node);
+    a_caller_that_has_left_disturbs_nobody(node);
+    a_service_is_offered_once(node);
+    a_question_of_another_type_is_an_error(node);
     an_unset_parameter_is_none(node);
     a_set_parameter_reads_back(node);
     private_parameters_are_the_nodes_own(node);

@@ -8,12 +8,14 @@
 //! - [`Loopback::live`]: `publish` itself delivers the message, and time comes from a given clock.
 
 mod node;
+mod services;
 mod task;
 #[cfg(test)]
 mod tests;
 mod topics;
 
 pub use node::LoopbackNode;
+pub use services::LoopbackServer;
 pub use task::LoopbackTask;
 pub use topics::{LoopbackPublisher, LoopbackSubscription};
 
@@ -29,6 +31,7 @@ use std::{
 
 use crate::{Error, Result, Time, gate::lock, inbox::Consumer, params::Value};
 
+use services::Offer;
 use task::Task;
 use topics::{Payload, Slot, Topic};
 
@@ -63,6 +66,7 @@ enum Clock {
 #[derive(Default)]
 struct BusState {
     topics: BTreeMap<String, Topic>,
+    services: BTreeMap<String, Offer>,
     params: BTreeMap<String, Value>,
     /// The "keep running" flag of each node, in the order in which they joined.
     nodes: Vec<Weak<AtomicBool>>,
@@ -249,6 +253,13 @@ impl Bus {
         }
         let turn = lock(&self.driving);
         *lock(&self.driver) = me;
+        Some(Driving { bus: self, _turn: turn })
+    }
+
+    /// As [`Bus::drive`], but `None` also while another thread drives.
+    fn try_drive(&self) -> Option<Driving<'_>> {
+        let turn = self.driving.try_lock().ok()?;
+        *lock(&self.driver) = Some(thread::current().id());
         Some(Driving { bus: self, _turn: turn })
     }
 

@@ -8,11 +8,15 @@ use std::{
     time::{Duration, Instant},
 };
 
-use super::{Bus, Loopback, LoopbackPublisher, LoopbackSubscription, Member, task::Task};
+use roscausal_msgs::Service;
+
+use super::{
+    Bus, Loopback, LoopbackPublisher, LoopbackServer, LoopbackSubscription, Member, services, task::Task,
+};
 use crate::{
     Error, Message, Result, Time,
     inbox::Consumer,
-    middleware::{Middleware, Qos, is_token},
+    middleware::{Middleware, Qos, Reply, is_token},
     params::{ParamSpec, Value},
 };
 
@@ -68,6 +72,7 @@ impl LoopbackNode {
 impl Middleware for LoopbackNode {
     type Publisher<M: Message> = LoopbackPublisher<M>;
     type Subscription = LoopbackSubscription;
+    type Server = LoopbackServer;
 
     fn node_name(&self) -> String {
         self.name.to_string()
@@ -84,6 +89,18 @@ impl Middleware for LoopbackNode {
         callback: impl FnMut(M) + Send + 'static,
     ) -> Result<Self::Subscription> {
         LoopbackSubscription::new(&self.bus, self.resolve(topic)?, callback)
+    }
+
+    fn serve<S: Service>(
+        &self,
+        name: &str,
+        callback: impl FnMut(S::Request, Reply<S::Response>) + Send + 'static,
+    ) -> Result<LoopbackServer> {
+        LoopbackServer::new::<S>(&self.bus, self.resolve(name)?, callback)
+    }
+
+    fn call<S: Service>(&self, name: &str, request: &S::Request, patience: Duration) -> Result<S::Response> {
+        services::call::<S>(&self.bus, self.resolve(name)?, request, patience)
     }
 
     fn param(&self, spec: &ParamSpec) -> Result<Option<Value>> {

@@ -36,12 +36,16 @@ pub(super) struct Slot {
 
 impl Slot {
     fn new<M: Message>(mut callback: impl FnMut(M) + Send + 'static) -> Self {
-        let callback: Callback = Box::new(move |payload: Payload| {
+        Self::of(move |payload| {
             if let Ok(message) = payload.downcast::<M>() {
                 callback(Arc::unwrap_or_clone(message));
             }
-        });
-        Self { gate: Gate::default(), waiting: Mutex::default(), callback: Mutex::new(callback) }
+        })
+    }
+
+    /// A slot for whatever is pushed.
+    pub(super) fn of(callback: impl FnMut(Payload) + Send + 'static) -> Self {
+        Self { gate: Gate::default(), waiting: Mutex::default(), callback: Mutex::new(Box::new(callback)) }
     }
 
     pub(super) fn push(&self, payload: Payload) {
@@ -62,7 +66,7 @@ impl Slot {
 
     /// Ends the subscription. No call is made afterwards, except the one that is running if it ends the
     /// subscription itself.
-    fn end(&self) {
+    pub(super) fn end(&self) {
         self.gate.close();
         lock(&self.waiting).clear();
     }

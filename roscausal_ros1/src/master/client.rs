@@ -29,6 +29,8 @@ pub(crate) enum Role {
     Publisher,
     /// It receives.
     Subscriber,
+    /// It answers.
+    Service,
 }
 
 /// A master, as seen by one node.
@@ -73,13 +75,17 @@ impl Master {
         self.ask("lookupNode", &[&self.node])
     }
 
-    /// Registers for a topic, and tells the node's own server about the existing publishers.
-    pub(crate) fn register(&self, role: Role, topic: &str, type_name: &str) -> Answer<()> {
+    /// Registers for a topic, and tells the node's own server about the existing publishers; or registers a service.
+    /// `what` is the topic's type or the service's address.
+    pub(crate) fn register(&self, role: Role, topic: &str, what: &str) -> Answer<()> {
         let method = match role {
             Role::Publisher => "registerPublisher",
             Role::Subscriber => "registerSubscriber",
+            Role::Service => {
+                return self.ask::<Xml>("registerService", &[topic, what, &self.node_uri]).map(drop);
+            }
         };
-        let known: Vec<String> = self.ask(method, &[topic, type_name, &self.node_uri])?;
+        let known: Vec<String> = self.ask(method, &[topic, what, &self.node_uri])?;
         if role == Role::Subscriber && !known.is_empty() {
             let publishers = Xml::Array(known.into_iter().map(Xml::String).collect());
             let update = vec![Xml::String("/master".to_owned()), Xml::String(topic.to_owned()), publishers];
@@ -88,13 +94,19 @@ impl Master {
         Ok(())
     }
 
-    /// Removes a registration.
-    pub(crate) fn unregister(&self, role: Role, topic: &str) -> Answer<()> {
-        let method = match role {
-            Role::Publisher => "unregisterPublisher",
-            Role::Subscriber => "unregisterSubscriber",
+    /// Removes a registration; `what` as in [`Master::register`].
+    pub(crate) fn unregister(&self, role: Role, topic: &str, what: &str) -> Answer<()> {
+        let (method, uri) = match role {
+            Role::Publisher => ("unregisterPublisher", self.node_uri.as_str()),
+            Role::Subscriber => ("unregisterSubscriber", self.node_uri.as_str()),
+            Role::Service => ("unregisterService", what),
         };
-        self.ask::<Xml>(method, &[topic, &self.node_uri]).map(drop)
+        self.ask::<Xml>(method, &[topic, uri]).map(drop)
+    }
+
+    /// The address (`rosrpc://host:port`) of a service.
+    pub(crate) fn lookup_service(&self, service: &str) -> Answer<String> {
+        self.ask("lookupService", &[service])
     }
 
     /// Unsubscribes from parameter changes, for which rosrust registers.

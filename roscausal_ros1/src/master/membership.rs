@@ -23,7 +23,8 @@ struct Registration {
     id: u64,
     role: Role,
     topic: String,
-    type_name: String,
+    /// The topic's type, or the service's address.
+    what: String,
 }
 
 /// The membership of a node. Its owner calls [`Membership::renew`] every second, and [`Membership::leave`] at the
@@ -56,6 +57,12 @@ impl Membership {
         &self.master.node
     }
 
+    /// The host name by which others reach this node.
+    pub(crate) fn host(&self) -> &str {
+        let address = self.master.node_uri.strip_prefix("http://").unwrap_or(&self.master.node_uri);
+        address.trim_end_matches('/').rsplit_once(':').map_or(address, |(host, _)| host)
+    }
+
     /// The master.
     ///
     /// # Errors
@@ -69,9 +76,9 @@ impl Membership {
 
     /// Remembers a registration that the node's client library has made. The returned number is for
     /// [`Membership::forget`].
-    pub(crate) fn keep(&self, role: Role, topic: &str, type_name: String) -> u64 {
+    pub(crate) fn keep(&self, role: Role, topic: &str, what: String) -> u64 {
         let id = self.next_id.fetch_add(1, Ordering::Relaxed);
-        lock(&self.registrations).push(Registration { id, role, topic: topic.to_owned(), type_name });
+        lock(&self.registrations).push(Registration { id, role, topic: topic.to_owned(), what });
         id
     }
 
@@ -83,7 +90,7 @@ impl Membership {
         let gone = registrations.swap_remove(index);
         let still = registrations.iter().any(|other| other.role == gone.role && other.topic == gone.topic);
         drop(registrations);
-        if still && let Err(error) = self.master.register(gone.role, &gone.topic, &gone.type_name) {
+        if still && let Err(error) = self.master.register(gone.role, &gone.topic, &gone.what) {
             tracing::warn!("cannot register {} again: {error}", gone.topic);
         }
     }
@@ -141,11 +148,10 @@ impl Membership {
     fn register_again(&self) {
         *lock(&self.subscribers) = None;
         let registrations = lock(&self.registrations);
-        let all: Vec<_> =
-            registrations.iter().map(|r| (r.role, r.topic.clone(), r.type_name.clone())).collect();
+        let all: Vec<_> = registrations.iter().map(|r| (r.role, r.topic.clone(), r.what.clone())).collect();
         drop(registrations);
-        for (role, topic, type_name) in all {
-            if let Err(error) = self.master.register(role, &topic, &type_name) {
+        for (role, topic, what) in all {
+            if let Err(error) = self.master.register(role, &topic, &what) {
                 tracing::warn!("cannot register {topic} with the new master: {error}");
             }
         }
@@ -154,10 +160,11 @@ impl Membership {
     /// Removes all registrations, so that no dead entry stays on the master.
     pub(crate) fn leave(&self) {
         let mut topics: Vec<_> =
-            lock(&self.registrations).iter().map(|r| (r.role, r.topic.clone())).collect();
+            lock(&self.registrations).iter().map(|r| (r.role, r.topic.clone(), r.what.clone())).collect();
         // the log is unregistered last
-        topics.sort_by_key(|(_, topic)| topic == "/rosout");
-        let done = topics.iter().try_for_each(|(role, topic)| self.master.unregister(*role, topic));
+        topics.sort_by_key(|(_, topic, _)| topic == "/rosout");
+        let done =
+            topics.iter().try_for_each(|(role, topic, what)| self.master.unregister(*role, topic, what));
         if let Err(error) = done.and_then(|()| self.master.forget_params()) {
             tracing::debug!("could not unregister: {error}");
         }

@@ -2,6 +2,7 @@
 //! subscriptions and services, the graph and the reasons why endpoints do not match, a watchdog over the library, and an
 //! exit that every vendor notices. The handles of the library stay in this folder.
 
+mod client;
 mod farewell;
 mod graph;
 mod participant;
@@ -16,6 +17,7 @@ mod writer;
 
 pub(crate) use participant::Participant;
 pub use publisher::Publisher;
+pub use service::Server;
 pub use subscription::Subscription;
 pub(crate) use writer::Writer;
 

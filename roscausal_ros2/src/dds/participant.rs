@@ -1,7 +1,7 @@
 //! A node's participant on a DDS domain.
 
 use std::{
-    collections::HashMap,
+    collections::{HashMap, HashSet},
     future::Future,
     net::{IpAddr, Ipv4Addr},
     sync::{Arc, Mutex, Weak},
@@ -19,6 +19,7 @@ use roscausal_core::{Error, Message, Result, gate::lock, middleware::Qos};
 use rustdds::{DomainParticipantBuilder, RTPSEntity, Topic, TopicKind};
 
 use super::{
+    client::Askers,
     farewell,
     graph::{Graph, published_topics},
     qos::{self, Side},
@@ -40,6 +41,9 @@ pub(crate) struct Participant {
     session: Arc<Mutex<Option<Session>>>,
     /// Type of each topic that the node uses.
     types: Mutex<HashMap<String, String>>,
+    /// The services that the node offers.
+    pub(super) services: Mutex<HashSet<String>>,
+    pub(super) askers: Askers,
     announcer: Mutex<Option<Writer<ParticipantEntitiesInfo>>>,
     leaving: Mutex<()>,
 }
@@ -98,6 +102,8 @@ impl Participant {
             spinner,
             session: Arc::new(Mutex::new(Some(Session { node, context: context.clone() }))),
             types: Mutex::default(),
+            services: Mutex::default(),
+            askers: Askers::default(),
             announcer: Mutex::default(),
             leaving: Mutex::default(),
         };
@@ -199,6 +205,7 @@ impl Participant {
     pub(crate) fn leave(&self) {
         let _leaving = lock(&self.leaving);
         self.spinner.stop();
+        self.askers.leave();
         let session = lock(&self.session).take();
         if let Some(Session { node, context }) = session {
             drop(node);

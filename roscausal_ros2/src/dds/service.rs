@@ -1,60 +1,172 @@
-//! Services.
+//! Services: those that a node offers.
 
-use futures::StreamExt;
-use ros2_client::{Message, Name, QosProfile, ServiceMapping, ServiceTypeName, qos::History};
-use roscausal_core::{Error, Result};
+use std::sync::{Arc, Weak};
+
+use futures::{
+    FutureExt, StreamExt, channel::oneshot, future::AbortHandle, select, stream::FuturesUnordered,
+};
+use ros2_client::{Message as Carry, Name, QosProfile, ServiceMapping, ServiceTypeName, qos::History};
+use roscausal_core::{
+    Error, Result,
+    gate::{Gate, lock},
+    middleware::Reply,
+};
+use roscausal_msgs::{Message, Service};
+use serde::{Deserialize, Serialize};
 use tracing::warn;
 
 use super::Participant;
 
-/// Requests that wait for their answer.
+/// Requests, and answers, that wait for the other end.
 const WAITING: usize = 10;
 
+/// A message of ours as the library wants it for services.
+#[derive(Clone, Serialize, Deserialize)]
+#[serde(transparent)]
+pub(super) struct Carried<M>(pub(super) M);
+
+impl<M: Message> Carry for Carried<M> {}
+
+/// A service of a [`crate::Ros2`]. Dropping it ends the service.
+pub struct Server {
+    participant: Weak<Participant>,
+    service: String,
+    gate: Arc<Gate>,
+    task: AbortHandle,
+}
+
 impl Participant {
-    /// Offers the service `name` of this node, of the type `rcl_interfaces/kind`. Each request is answered with what
-    /// `handle` makes of it, on the thread on which all that comes is read, until that is `None`.
+    /// Offers a service for as long as the result lives. Relative names are resolved.
+    ///
+    /// # Errors
+    /// An illegal name, one that this node offers already, or a node that has left.
+    pub(crate) fn serve<S: Service>(
+        self: &Arc<Self>,
+        name: &str,
+        mut callback: impl FnMut(S::Request, Reply<S::Response>) + Send + 'static,
+    ) -> Result<Server> {
+        let service = self.service_name(name)?;
+        let fail = |reason: String| Error::Service { service: service.clone(), reason };
+        let full = Name::parse(&service).map_err(|error| fail(error.to_string()))?;
+        if !lock(&self.services).insert(service.clone()) {
+            return Err(fail("this node offers it already".to_owned()));
+        }
+        let gate = Arc::new(Gate::default());
+        let own = gate.clone();
+        let ask = move |request: Carried<S::Request>, reply: Reply<Carried<S::Response>>| {
+            let reply = Reply::new(move |answer| {
+                if let Ok(answer) = answer {
+                    reply.send(Carried(answer));
+                }
+            });
+            own.pass(|| callback(request.0, reply));
+        };
+        let kind = ServiceTypeName::new(S::PACKAGE, S::NAME);
+        let task = self.offer(&full, &service, &kind, ask).inspect_err(|_| {
+            lock(&self.services).remove(&service);
+        })?;
+        self.announce();
+        Ok(Server { participant: Arc::downgrade(self), service, gate, task })
+    }
+
+    /// Offers the service `name` of this node, of the type `rcl_interfaces/kind`, as long as the node lives. Each
+    /// request is answered with what `handle` makes of it, on the thread on which all that comes is read.
     ///
     /// # Errors
     /// If the library refuses, or the node has left.
-    pub(crate) fn serve<Req, Resp>(
+    pub(crate) fn serve_at_once<Req, Resp>(
         &self,
         name: &str,
         kind: &str,
         handle: impl Fn(Req) -> Option<Resp> + Send + 'static,
     ) -> Result<()>
     where
-        Req: Message + Clone + Send + 'static,
-        Resp: Message + Clone + Send + 'static,
+        Req: Carry + Clone + Send + 'static,
+        Resp: Carry + Clone + Send + 'static,
     {
         let failed = |reason: String| Error::Middleware(format!("service {name}: {reason}"));
         let full = Name::new(&self.names().full_name(), name).map_err(|error| failed(error.to_string()))?;
         let kind = ServiceTypeName::new("rcl_interfaces", kind);
-        let profile = QosProfile::publisher_default().history(History::KeepLast { depth: WAITING });
+        let answer = move |request, reply: Reply<Resp>| {
+            if let Some(response) = handle(request) {
+                reply.send(response);
+            }
+        };
+        self.offer::<Req, Resp>(&full, name, &kind, answer).map(drop)
+    }
+
+    /// Reads requests until the task is aborted. Any number of them may wait for their answer.
+    fn offer<Req, Resp>(
+        &self,
+        full: &Name,
+        name: &str,
+        kind: &ServiceTypeName,
+        mut ask: impl FnMut(Req, Reply<Resp>) + Send + 'static,
+    ) -> Result<AbortHandle>
+    where
+        Req: Carry + Clone + Send + 'static,
+        Resp: Carry + Clone + Send + 'static,
+    {
         let server = self.session(|session| {
-            session.node.create_server::<Req, Resp>(mapping(), &full, &kind, profile.clone(), profile)
+            session.node.create_server::<Req, Resp>(mapping(), full, kind, profile(), profile())
         })?;
-        let server = server.map_err(|error| failed(error.to_string()))?;
+        let server =
+            server.map_err(|error| Error::Service { service: name.to_owned(), reason: error.to_string() })?;
         let name = name.to_owned();
-        self.spawn(format!("service {name}"), move || async move {
+        Ok(self.spawn(format!("service {name}"), move || async move {
             let mut requests = server.receive_request_stream();
-            while let Some(request) = requests.next().await {
-                match request {
-                    Ok((id, request)) => {
-                        let Some(response) = handle(request) else { return };
-                        if let Err(error) = server.async_send_response(id, response).await {
-                            warn!("service {name}: an answer was not sent: {error}");
+            let mut open = FuturesUnordered::new();
+            loop {
+                select! {
+                    request = requests.next() => match request {
+                        Some(Ok((id, request))) => {
+                            let (sender, answer) = oneshot::channel();
+                            ask(request, Reply::new(move |answer| drop(sender.send(answer))));
+                            open.push(answer.map(move |answer| (id, answer)));
                         }
-                    }
-                    Err(error) => warn!("service {name}: a request was not understood: {error}"),
+                        Some(Err(error)) => warn!("service {name}: a request was not understood: {error}"),
+                        None => return,
+                    },
+                    // ROS 2 has no way to say that there is no answer.
+                    (id, answer) = open.select_next_some() => if let Ok(Ok(answer)) = answer
+                        && let Err(error) = server.async_send_response(id, answer).await
+                    {
+                        warn!("service {name}: an answer was not sent: {error}");
+                    },
                 }
             }
-        });
-        Ok(())
+        }))
+    }
+
+    /// The full name of a service.
+    ///
+    /// # Errors
+    /// An illegal name.
+    pub(super) fn service_name(&self, name: &str) -> Result<String> {
+        self.names().resolve(name).map_err(|error| match error {
+            Error::Topic { topic, reason } => Error::Service { service: topic, reason },
+            other => other,
+        })
     }
 }
 
+impl Drop for Server {
+    fn drop(&mut self) {
+        self.gate.close();
+        self.task.abort();
+        if let Some(participant) = self.participant.upgrade() {
+            lock(&participant.services).remove(&self.service);
+        }
+    }
+}
+
+/// Reliable, with a history for questions that come at once.
+pub(super) fn profile() -> QosProfile {
+    QosProfile::publisher_default().history(History::KeepLast { depth: WAITING })
+}
+
 /// Fast DDS and Cyclone DDS carry the identity of a request in different places.
-fn mapping() -> ServiceMapping {
+pub(super) fn mapping() -> ServiceMapping {
     match std::env::var("RMW_IMPLEMENTATION").as_deref() {
         Ok("rmw_cyclonedds_cpp") => ServiceMapping::Cyclone,
         _ => ServiceMapping::Enhanced,
