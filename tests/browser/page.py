@@ -140,6 +140,40 @@ class Page:
         assert re.search(r"drives", self.js("document.getElementById('graph').getAttribute('aria-label')"))
         assert self.text("model-title").startswith("Model ")
 
+    def a_link_is_asked_by_click_and_by_key(self):
+        def asked():
+            return self.js("!document.getElementById('asked').hidden && document.getElementById('asked').textContent")
+
+        # The newest model, so that no later one comes between arrow and answer.
+        arrow = lambda: self.driver.find_element(By.CSS_SELECTOR, "#graph .ask[role=button]")
+        said = until("a name", lambda: arrow().get_attribute("aria-label")).removeprefix("Evidence: ")
+        self.js("arguments[0].dispatchEvent(new MouseEvent('click', {bubbles: true}))", arrow())
+        until("the evidence", asked)
+        found = until("its plots", lambda: self.js("document.querySelectorAll('#asked .plots svg').length") >= 2)
+        # What is on the screen is what the model's file says.
+        shown = self.js("document.querySelector('#asked h3').textContent")
+        cause, lag = re.match(r"(\S+) at t-(\d+)", shown).groups()
+        effect = re.search(r"drives (\S+):", shown).group(1).replace("itself", cause)
+        batch = self.text("model-title").split(" samples from ")[1]
+        model = json.loads((Path(self.folder.name) / "out" / "cm_pool" / f"{batch}.json").read_text())
+        evidence = json.loads((Path(self.folder.name) / "out" / "cm_pool" / "evidence" / f"{batch}.json").read_text())
+        same = lambda link: (link["cause"], link["effect"], link["lag"]) == (cause, effect, int(lag))
+        link, seen = next(filter(same, model["links"])), next(filter(same, evidence["links"]))
+        facts = self.js("Object.fromEntries([...document.querySelectorAll('#asked dl div')].map((d) => [...d.children].map((c) => c.textContent)))")
+        assert abs(float(facts["strength"]) - link["value"]) < 1e-3, (facts, link)
+        assert int(facts["samples"]) == seen["n_samples"], facts
+        dots = self.js("document.querySelector('#asked .dots').getAttribute('d').split('M').length - 1")
+        assert dots == len(seen["scatter"]), (dots, len(seen["scatter"]))
+        self.driver.switch_to.active_element.send_keys(Keys.ESCAPE)
+        until("it is closed", lambda: self.js("document.getElementById('asked').hidden"))
+        self.js("document.querySelector('#graph .ask[role=button]').focus()")
+        self.driver.switch_to.active_element.send_keys(Keys.ENTER)
+        until("the evidence again", asked)
+        self.driver.find_element(By.ID, "asked-close").send_keys(Keys.ENTER)
+        self.driver.find_element(By.CSS_SELECTOR, "#links .asking").send_keys(Keys.ENTER)
+        until("the evidence from the list", asked)
+        assert said and found
+
     def the_history_is_a_slider_for_the_keyboard(self):
         until("three models", lambda: int(self.js("document.getElementById('history').max")) >= 3)
         slider = self.driver.find_element(By.ID, "history")
@@ -181,6 +215,8 @@ class Page:
 
     def wide_and_light_it_is_accessible(self):
         self.look(1440, 1000, "light")
+        # With the evidence of a link open.
+        self.js("document.querySelector('#links .asking').click()")
         self.picture("wide-light")
         self.violations()
 
@@ -202,10 +238,10 @@ class Page:
     def the_keyboard_reaches_everything(self):
         self.driver.find_element(By.TAG_NAME, "body").send_keys(Keys.TAB)
         reached = set()
-        for _ in range(30):
-            reached.add(self.js("document.activeElement.id || document.activeElement.className || document.activeElement.tagName"))
+        for _ in range(60):
+            reached.add(self.js("document.activeElement.id || document.activeElement.getAttribute('class') || document.activeElement.tagName"))
             self.driver.switch_to.active_element.send_keys(Keys.TAB)
-        assert {"skip", "history", "earlier", "newest", "SUMMARY", "messages"} <= reached, reached
+        assert {"skip", "history", "earlier", "newest", "SUMMARY", "messages", "ask", "asking"} <= reached, reached
 
     def the_console_is_silent(self):
         loud = [entry for entry in self.driver.get_log("browser") if entry["level"] in ("SEVERE", "WARNING")]
@@ -246,6 +282,34 @@ class Page:
                 assert "token" not in self.driver.current_url
             finally:
                 demo.end()
+
+    def a_report_opens_from_a_file_and_an_arrow_leads_to_its_evidence(self):
+        with tempfile.TemporaryDirectory() as folder:
+            command = [self.roscausal, "demo", "--duration", "60", "--out", "out", *QUICK]
+            subprocess.run(command, cwd=folder, check=True, capture_output=True, timeout=120)
+            report = Path(folder) / "out" / "report.html"
+            model = json.loads((Path(folder) / "out" / "model.json").read_text())
+            assert report.stat().st_size < 1_000_000
+            self.driver.get_log("browser")
+            self.driver.get(report.as_uri())
+            assert self.js("document.querySelectorAll('.card').length") == len(model["links"])
+            assert self.js("document.querySelectorAll('script, img, iframe, object, link').length") == 0
+            arrow = self.driver.find_element(By.CSS_SELECTOR, "#main svg a")
+            target = self.js("arguments[0].getAttribute('href')", arrow).removeprefix("#")
+            self.js("document.querySelector('#main svg a').focus()")
+            self.driver.switch_to.active_element.send_keys(Keys.ENTER)
+            until("the card", lambda: self.js("document.querySelector('.card:target')?.id") == target)
+            link = model["links"][int(target.split("-")[1]) - 1]
+            assert f"{link['value']:.4f}" in self.text(target)
+            for name, width, scheme in (("wide", 1440, "light"), ("wide", 1440, "dark"), ("tablet", 820, "light"), ("phone", 390, "light")):
+                self.look(width, 900, scheme)
+                self.driver.get(report.as_uri())
+                assert self.js("document.documentElement.scrollWidth") <= width
+                self.picture(f"report-{name}-{scheme}")
+                self.violations()
+            self.look(1440, 1000, "light")
+            loud = [entry for entry in self.driver.get_log("browser") if entry["level"] in ("SEVERE", "WARNING", "INFO")]
+            assert loud == [], loud
 
     def it_ends_and_the_page_says_so(self):
         self.driver.get(self.demo.url)

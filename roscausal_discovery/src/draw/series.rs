@@ -2,50 +2,85 @@
 
 use ndarray::ArrayView2;
 
-use super::svg::{INK, Point, Svg, display};
+use super::{
+    axis::Axis,
+    svg::{FAINT, INK, Point, Svg, display},
+};
 
 const WIDTH: f64 = 900.0;
 const LEFT: f64 = 110.0;
 const STRIP: f64 = 110.0;
 
-/// The time series of a batch as SVG, one strip per variable. `values` is `T x N`; a missing sample interrupts the
-/// line.
+/// The time series of a batch as SVG, one strip per variable with its axis, and the time below. `values` is `T x N`; a
+/// missing sample interrupts the line and is shaded.
 pub fn series(names: &[String], values: ArrayView2<f64>, dt: Option<f64>) -> String {
-    let (rows, height) = (values.nrows(), 40.0 + STRIP * names.len() as f64 + 30.0);
+    let (rows, height) = (values.nrows(), 40.0 + STRIP * names.len() as f64 + 38.0);
+    let right = WIDTH - 20.0;
     let mut svg = Svg::new(WIDTH, height);
-    let x = |row: usize| LEFT + (WIDTH - LEFT - 20.0) * row as f64 / rows.saturating_sub(1).max(1) as f64;
+    let end = rows.saturating_sub(1).max(1) as f64;
+    let time = Axis { low: 0.0, high: end * dt.unwrap_or(1.0), from: LEFT, to: right };
+    let x = |row: usize| time.at(row as f64 * dt.unwrap_or(1.0));
     for (strip, (name, column)) in names.iter().zip(values.columns()).enumerate() {
-        let finite = column.iter().copied().filter(|v| v.is_finite());
-        let low = finite.clone().fold(f64::INFINITY, f64::min);
-        let high = finite.fold(f64::NEG_INFINITY, f64::max);
         let (top, bottom) = (30.0 + STRIP * strip as f64, 30.0 + STRIP * (strip as f64 + 0.82));
-        let span = if high > low { high - low } else { 1.0 };
-        svg.text(Point::new(12.0, (top + bottom) / 2.0 + 5.0), 14.0, "start", INK, &display(name));
-        svg.raw(&format!(
-            "<path d=\"M {LEFT} {top:.1} V {bottom:.1} H {:.1}\" fill=\"none\" stroke=\"{INK}\" stroke-width=\"1\"/>",
-            WIDTH - 20.0
-        ));
-        if low.is_finite() {
-            svg.text(Point::new(LEFT - 6.0, top + 10.0), 10.0, "end", INK, &format!("{high:.3}"));
-            svg.text(Point::new(LEFT - 6.0, bottom), 10.0, "end", INK, &format!("{low:.3}"));
+        let y = Axis::around(column.iter().copied(), bottom, top);
+        svg.text(Point::new(12.0, (top + bottom) / 2.0 + 5.0), 14.0, "start", INK, &cut(&display(name)));
+        for (from, to) in gaps(column.iter().map(|v| v.is_finite())) {
+            let (left, width) = (x(from) - 0.5, x(to) - x(from) + 1.0);
+            svg.raw(&format!(
+                "<rect class=\"gap\" x=\"{left:.1}\" y=\"{top:.1}\" width=\"{width:.1}\" height=\"{:.1}\" \
+                 fill=\"{FAINT}\" fill-opacity=\"0.3\"/>",
+                bottom - top
+            ));
         }
+        if column.iter().any(|v| v.is_finite()) {
+            y.draw_left(&mut svg, LEFT, right, 3);
+        }
+        svg.raw(&format!(
+            "<path d=\"M {LEFT} {top:.1} V {bottom:.1} H {right:.1}\" fill=\"none\" stroke=\"{INK}\" stroke-width=\"1\"/>"
+        ));
         let mut path = String::new();
         let mut pen_down = false;
         for (row, value) in column.iter().enumerate() {
             if value.is_finite() {
-                let y = bottom - (bottom - top) * (value - low) / span;
-                path.push_str(&format!("{} {:.1} {y:.1} ", if pen_down { "L" } else { "M" }, x(row)));
+                path.push_str(&format!(
+                    "{} {:.1} {:.1} ",
+                    if pen_down { "L" } else { "M" },
+                    x(row),
+                    y.at(*value)
+                ));
             }
             pen_down = value.is_finite();
         }
         svg.raw(&format!("<path d=\"{path}\" fill=\"none\" stroke=\"#1d4ed8\" stroke-width=\"1.3\"/>"));
     }
-    let (length, unit) = match dt {
-        Some(dt) => (format!("{:.1}", rows.saturating_sub(1) as f64 * dt), "s"),
-        None => (rows.to_string(), "samples"),
-    };
-    svg.text(Point::new(WIDTH - 20.0, height - 10.0), 12.0, "end", INK, &format!("{length} {unit}"));
+    let below = 30.0 + STRIP * names.len() as f64 - 0.1 * STRIP;
+    time.draw_below(&mut svg, below, 8);
+    let unit = if dt.is_some() { "time in s" } else { "time in steps" };
+    svg.text(Point::new((LEFT + right) / 2.0, height - 8.0), 12.0, "middle", INK, unit);
+    if values.iter().any(|v| !v.is_finite()) {
+        svg.text(Point::new(right, height - 8.0), 12.0, "end", INK, "shaded: missing");
+    }
     svg.finish()
+}
+
+/// First and last row of each run of missing values.
+fn gaps(present: impl Iterator<Item = bool>) -> Vec<(usize, usize)> {
+    let mut gaps: Vec<(usize, usize)> = Vec::new();
+    for (row, _) in present.enumerate().filter(|(_, present)| !present) {
+        match gaps.last_mut() {
+            Some(last) if last.1 + 1 == row => last.1 = row,
+            _ => gaps.push((row, row)),
+        }
+    }
+    gaps
+}
+
+/// A name that leaves room for the numbers of its axis.
+fn cut(name: &str) -> String {
+    match name.chars().count() {
+        0..=8 => name.to_owned(),
+        _ => name.chars().take(7).chain(['…']).collect(),
+    }
 }
 
 #[cfg(test)]
@@ -61,5 +96,15 @@ mod tests {
         let line = svg.lines().find(|line| line.contains("#1d4ed8")).expect("has a line");
         assert_eq!(line.matches("M ").count(), 2);
         assert!(!svg.contains("NaN"));
+        assert_eq!(svg.matches("class=\"gap\"").count(), 1);
+        assert_eq!(gaps([true, false, false, true, false].into_iter()), [(1, 2), (4, 4)]);
+    }
+
+    #[test]
+    fn time_has_round_numbers_and_a_unit() {
+        let values = ndarray::Array2::from_shape_fn((101, 1), |(t, _)| t as f64);
+        let svg = series(&["h_v".to_owned()], values.view(), Some(0.1));
+        assert!(svg.contains("time in s") && svg.contains(">10<") && svg.contains(">2<"), "{svg}");
+        assert!(series(&["h_v".to_owned()], values.view(), None).contains("time in steps"));
     }
 }
