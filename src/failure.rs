@@ -16,7 +16,8 @@ pub(crate) fn exit_code(done: Result<(), Error>, interrupt: &Interrupt) -> ExitC
         return match terminal::fault() {
             None => ExitCode::SUCCESS,
             Some(fault) => {
-                terminal::tell!("error: the results cannot be written to the standard output: {fault}");
+                let why = "the results cannot be written to the standard output";
+                terminal::print_error(format_args!("error: {why}: {fault}\n"));
                 ExitCode::FAILURE
             }
         };
@@ -41,5 +42,5 @@ pub(crate) fn exit_code(done: Result<(), Error>, interrupt: &Interrupt) -> ExitC
 }
 
 fn tell(error: &Error) {
-    terminal::tell!("error: {}", flags::in_the_commands_words(error));
+    terminal::print_error(format_args!("error: {}\n", flags::in_the_commands_words(error)));
 }
