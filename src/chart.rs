@@ -3,11 +3,13 @@
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use roscausal_discovery::Progress;
 
+use crate::terminal;
+
 /// A bar of `total` steps (0: not known yet) named `what`, on stderr; hidden when `quiet` or not on a terminal.
 pub(crate) fn bar(what: &str, total: u64, quiet: bool) -> ProgressBar {
     // A bar of length 0 would be full.
     let bar = if total == 0 { ProgressBar::no_length() } else { ProgressBar::new(total) };
-    if quiet {
+    if quiet || terminal::is_quiet() {
         bar.set_draw_target(ProgressDrawTarget::hidden());
     }
     if let Ok(style) = ProgressStyle::with_template("{prefix:12} {wide_bar} {pos}/{len}  {elapsed} eta {eta}")

@@ -1,9 +1,18 @@
 //! The command line: subcommands and logging.
 
+use std::{
+    io::IsTerminal,
+    path::{Path, PathBuf},
+};
+
 use clap::{CommandFactory, Parser, Subcommand};
+use clap_complete::Shell;
+use roscausal_core::{Error, Result};
 use tracing_subscriber::{EnvFilter, fmt};
 
-use crate::{compare, demo, discover, experiment, html_report, presets, reasoning, replay, show, teleop};
+use crate::{
+    compare, demo, discover, experiment, html_report, output, presets, reasoning, replay, show, teleop, terminal,
+};
 
 /// Find out what causes what between robots and people.
 #[derive(Parser)]
@@ -14,6 +23,9 @@ pub(crate) struct Cli {
     /// Say more on stderr (`-v`: progress of the nodes, `-vv`: everything).
     #[arg(short, long, global = true, action = clap::ArgAction::Count)]
     verbose: u8,
+    /// Say nothing on stderr but errors.
+    #[arg(short, long, global = true, conflicts_with = "verbose")]
+    quiet: bool,
 }
 
 #[derive(Subcommand)]
@@ -32,6 +44,16 @@ pub(crate) enum Command {
     Experiment(experiment::Args),
     /// Write a model and what stands behind it as one HTML file, to read, print and pass on.
     Report(html_report::Args),
+    /// Print a script that completes this command's words in a shell: `source <(roscausal completions bash)`.
+    Completions {
+        /// The shell.
+        shell: Shell,
+    },
+    /// Write the manual pages, one for each subcommand (`man -l DIR/roscausal-discover.1`).
+    Man {
+        /// Folder for them.
+        dir: PathBuf,
+    },
     /// Drive the simulated person from the keyboard, in real time, while the nodes record.
     Teleop(teleop::Args),
     /// Say what will happen over the next steps if nobody acts, by a causal model and data.
@@ -55,6 +77,31 @@ pub(crate) fn long_flags() -> Vec<String> {
     longs
 }
 
+/// Prints the script of a shell.
+pub(crate) fn print_completions(shell: Shell) {
+    let mut script = Vec::new();
+    clap_complete::generate(shell, &mut Cli::command(), "roscausal", &mut script);
+    terminal::print(format_args!("{}", String::from_utf8_lossy(&script)));
+}
+
+/// Writes the manual pages, one for each subcommand.
+///
+/// # Errors
+/// The error of the file system.
+pub(crate) fn write_manual(dir: &Path) -> Result<()> {
+    let mut command = Cli::command();
+    command.build();
+    let pages =
+        std::iter::once(&command).chain(command.get_subcommands().filter(|sub| sub.get_name() != "help"));
+    for page in pages {
+        let name = page.get_display_name().unwrap_or("roscausal").to_owned();
+        let mut text = Vec::new();
+        clap_mangen::Man::new(page.clone()).render(&mut text).map_err(|error| Error::file(dir, error))?;
+        output::write_file(dir, &format!("{name}.1"), &text)?;
+    }
+    Ok(())
+}
+
 /// Whether a subcommand has a long flag.
 pub(crate) fn has_flag(subcommand: &str, flag: &str) -> bool {
     let command = Cli::command();
@@ -67,8 +114,11 @@ impl Cli {
     ///
     /// # Errors
     /// A file of settings that cannot be used.
-    pub(crate) fn with_presets(mut line: Vec<std::ffi::OsString>) -> roscausal_core::Result<Self> {
+    pub(crate) fn with_presets(mut line: Vec<std::ffi::OsString>) -> Result<Self> {
         let matches = Self::command().get_matches_from(&line);
+        if matches.subcommand().is_some_and(|(_, own)| own.get_flag("quiet")) {
+            terminal::be_quiet();
+        }
         if let Some((whole, told)) = presets::apply(&line, &matches)? {
             told.iter().for_each(|told| crate::terminal::tell!("{told}"));
             line = whole;
@@ -78,9 +128,17 @@ impl Cli {
 
     /// Logs to stderr. `RUST_LOG` takes precedence.
     pub(crate) fn start_logging(&self) {
-        let default = ["warn", "info", "debug"][usize::from(self.verbose).min(2)];
+        let default =
+            if self.quiet { "error" } else { ["warn", "info", "debug"][usize::from(self.verbose).min(2)] };
         let filter = EnvFilter::try_from_default_env().unwrap_or_else(|_| EnvFilter::new(default));
-        let log = fmt().with_env_filter(filter).with_writer(std::io::stderr).with_target(false).compact();
+        let colours =
+            std::io::stderr().is_terminal() && std::env::var_os("NO_COLOR").is_none_or(|set| set.is_empty());
+        let log = fmt()
+            .with_env_filter(filter)
+            .with_writer(std::io::stderr)
+            .with_target(false)
+            .with_ansi(colours)
+            .compact();
         // A program that calls the command twice has its log already.
         let _ = log.try_init();
     }

@@ -15,7 +15,8 @@ pub(crate) fn exit_code(done: Result<(), Error>, interrupt: &Interrupt) -> u8 {
         return match terminal::fault() {
             None => 0,
             Some(fault) => {
-                terminal::tell!("error: the results cannot be written to the standard output: {fault}");
+                let why = "the results cannot be written to the standard output";
+                terminal::print_error(format_args!("error: {why}: {fault}\n"));
                 1
             }
         };
@@ -40,7 +41,7 @@ pub(crate) fn exit_code(done: Result<(), Error>, interrupt: &Interrupt) -> u8 {
 }
 
 fn tell(error: &Error) {
-    terminal::tell!("error: {}", flags::in_the_commands_words(error));
+    terminal::print_error(format_args!("error: {}\n", flags::in_the_commands_words(error)));
 }
 
 /// The exit code of an answer, which is printed already.

@@ -113,6 +113,15 @@ mod tests {
     }
 
     #[test]
+    fn the_table_of_flags_and_parameters_names_every_twin() {
+        let page = include_str!("../docs/data.md");
+        for Twin { flag, node, param, .. } in &TWINS {
+            let row = format!("| `--{flag}` | {node} | `{param}` |");
+            assert!(page.contains(&row), "docs/data.md lacks: {row}");
+        }
+    }
+
+    #[test]
     fn messages_name_flags_and_leave_the_users_words_alone() {
         let error = Error::Data("tau_max = 3 needs at least 10: record longer or lower tau_max".into());
         let told = in_the_commands_words(&error);

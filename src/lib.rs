@@ -49,6 +49,11 @@ pub fn command<I: IntoIterator<Item = OsString>>(args: I) -> u8 {
         cli::Command::Demo(args) => demo::run(args, &interrupt),
         cli::Command::Replay(args) => replay::run(args, &interrupt),
         cli::Command::Discover(args) => discover::run(args, &interrupt),
+        cli::Command::Completions { shell } => {
+            cli::print_completions(*shell);
+            Ok(())
+        }
+        cli::Command::Man { dir } => cli::write_manual(dir),
         cli::Command::Show(args) => show::run(args),
         cli::Command::Compare(args) => compare::run(args),
         cli::Command::Experiment(args) => experiment::run(args, &interrupt),

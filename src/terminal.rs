@@ -6,11 +6,16 @@
 use std::{
     fmt,
     io::{self, ErrorKind, Write},
-    sync::OnceLock,
+    sync::{
+        OnceLock,
+        atomic::{AtomicBool, Ordering},
+    },
 };
 
 /// The first fault of the standard output.
 static FAULT: OnceLock<String> = OnceLock::new();
+/// Whether only errors are told.
+static QUIET: AtomicBool = AtomicBool::new(false);
 
 /// Prints to the standard output, at once.
 pub(crate) fn print(text: fmt::Arguments<'_>) {
@@ -18,6 +23,23 @@ pub(crate) fn print(text: fmt::Arguments<'_>) {
     let done = out.write_fmt(text).and_then(|()| out.flush());
     if let Err(error) = done.or_else(ignore_gone) {
         let _ = FAULT.set(error.to_string());
+    }
+}
+
+/// From now on only errors are told on the standard error.
+pub(crate) fn be_quiet() {
+    QUIET.store(true, Ordering::Relaxed);
+}
+
+/// Whether only errors are told.
+pub(crate) fn is_quiet() -> bool {
+    QUIET.load(Ordering::Relaxed)
+}
+
+/// Prints to the standard error, unless it is to be quiet.
+pub(crate) fn print_note(text: fmt::Arguments<'_>) {
+    if !is_quiet() {
+        print_error(text);
     }
 }
 
@@ -40,9 +62,9 @@ macro_rules! say {
     ($($text:tt)*) => { crate::terminal::print(format_args!("{}\n", format_args!($($text)*))) };
 }
 
-/// A line on the standard error, as `eprintln!`.
+/// A line on the standard error, as `eprintln!`, unless it is to be quiet.
 macro_rules! tell {
-    ($($text:tt)*) => { crate::terminal::print_error(format_args!("{}\n", format_args!($($text)*))) };
+    ($($text:tt)*) => { crate::terminal::print_note(format_args!("{}\n", format_args!($($text)*))) };
 }
 
 pub(crate) use {say, tell};

@@ -518,3 +518,31 @@ fn a_stored_model_is_shown_as_it_was_and_compared_with_another() {
     let picture = |name: &str| String::from_utf8_lossy(&read(&format!("difference/{name}"))).into_owned();
     assert_ne!(picture("only_a.svg"), picture("both.svg"));
 }
+
+#[test]
+fn quiet_says_nothing_but_errors_and_no_file_gets_colours() {
+    let dir = folder("data.csv", &coupled(300));
+    fs::write(dir.path().join("roscausal.toml"), "tau-max = 2\n").expect("writes");
+    let told = |more: &[&str]| {
+        let out = roscausal(dir.path(), &[&QUICK[..], more].concat());
+        assert!(!out.stdout.contains(&0x1b) && !out.stderr.contains(&0x1b), "colours in a file");
+        String::from_utf8_lossy(&out.stderr).into_owned()
+    };
+    has(&told(&[]), &["settings of roscausal.toml: --tau-max=2"]);
+    assert_eq!(told(&["--quiet"]), "");
+    has(&told(&["--quiet", "--alpha", "2"]), &["error: --alpha: 2 is not a level"]);
+}
+
+#[test]
+fn completions_and_manual_pages_name_every_subcommand() {
+    let dir = tempfile::tempdir().expect("a folder");
+    for shell in ["bash", "zsh", "fish", "elvish", "powershell"] {
+        let out = roscausal(dir.path(), &["completions", shell]);
+        has(&String::from_utf8_lossy(&out.stdout), &["discover", "replay", "compare", "tau-max"]);
+    }
+    assert!(roscausal(dir.path(), &["man", "pages"]).status.success());
+    for page in ["roscausal", "roscausal-discover", "roscausal-replay", "roscausal-show"] {
+        let text = fs::read_to_string(dir.path().join(format!("pages/{page}.1"))).expect(page);
+        assert!(text.contains(".TH"), "{page}");
+    }
+}
