@@ -317,8 +317,13 @@ fn analysed(
     settings.check_numbers()?;
     settings.check_data(data)?;
     let pcmci = settings.pcmci(data);
+    let remarks = remarks_on_levels(data, test);
     let result = match settings.method {
-        Method::Fpcmci => return filtered(data, test, settings, pcmci, control, keep),
+        Method::Fpcmci => {
+            let (mut model, evidence) = filtered(data, test, settings, pcmci, control, keep)?;
+            model.warnings.extend(remarks);
+            return Ok((model, evidence));
+        }
         Method::Pcmci => run_pcmci(data, test, &pcmci, control),
         Method::Pcmciplus => run_pcmciplus(data, test, &pcmci, &settings.pcmciplus, control),
         Method::Fullci => run_fullci(data, test, &pcmci, control),
@@ -327,10 +332,36 @@ fn analysed(
     }?;
     control.tell(result.effort.as_deref());
     let blank = Model { n_recordings: data.recordings().len(), ..settings.blank_model() };
-    let model = with_result(blank, data.var_names().to_vec(), result.clone());
+    let mut model = with_result(blank, data.var_names().to_vec(), result.clone());
+    model.warnings.extend(remarks);
     let evidence = keep.then(|| Evidence::gather(data, data, &model, settings.method, &Known::of(&result)));
     Ok((model, evidence))
 }
+
+/// Variables that a test of categories cannot judge, because almost every sample is a category of its own.
+fn remarks_on_levels(data: &DataFrame, test: &dyn CondIndTest) -> Vec<String> {
+    if test.name() != "gsquared" {
+        return Vec::new();
+    }
+    let remark = |var: usize| {
+        let values = data.recordings().iter().flat_map(|recording| recording.column(var).to_vec());
+        let values: Vec<u64> = values.filter(|v| v.is_finite()).map(|v| (v + 0.0).to_bits()).collect();
+        let levels = values.iter().collect::<std::collections::HashSet<_>>().len();
+        let few = values.len() < FEWEST_OF_A_LEVEL * levels;
+        few.then(|| {
+            format!(
+                "'{}' has {levels} different values in {} samples: gsquared is for categories and takes each value for one, so its \
+                 result on it means nothing; make categories of it, or take a test for numbers such as parcorr or gpdc",
+                data.var_names()[var],
+                values.len()
+            )
+        })
+    };
+    (0..data.n_vars()).filter_map(remark).collect()
+}
+
+/// Samples of a category that the G test needs on average (McDonald 2014, "Small numbers").
+const FEWEST_OF_A_LEVEL: usize = 5;
 
 /// F-PCMCI: the model keeps the variables that have a link; the others are listed as dropped.
 fn filtered(

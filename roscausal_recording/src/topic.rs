@@ -45,9 +45,12 @@ pub struct Record {
     pub bytes: Vec<u8>,
 }
 
-/// `package/Name` from either ROS version's spelling.
+/// `package/Name` from either ROS version's spelling. The older `tf/tfMessage` has the fields and the md5 of its successor.
 pub(crate) fn type_name(recorded: &str) -> String {
-    recorded.replace("/msg/", "/")
+    match recorded {
+        "tf/tfMessage" => "tf2_msgs/TFMessage".to_owned(),
+        recorded => recorded.replace("/msg/", "/"),
+    }
 }
 
 impl Topic {
@@ -153,6 +156,15 @@ mod tests {
         assert!(topic("pedsim_msgs/AgentStates", Encoding::Ros1, Some("00")).known_type().is_none());
         assert!(topic("visualization_msgs/MeshFile", Encoding::Ros1, None).known_type().is_none());
         assert!(topic("visualization_msgs/MeshFile", Encoding::Cdr, None).known_type().is_some());
+    }
+
+    #[test]
+    fn transforms_under_their_old_name_are_transforms() {
+        let md5 = roscausal_msgs::tf2_msgs::TFMessage::ros1_md5();
+        let tf = topic(&type_name("tf/tfMessage"), Encoding::Ros1, Some(md5));
+        assert!(
+            tf.decode::<roscausal_msgs::tf2_msgs::TFMessage>(&[0; 4]).is_ok() && tf.known_type().is_some()
+        );
     }
 
     #[test]

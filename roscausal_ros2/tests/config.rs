@@ -10,6 +10,14 @@ use roscausal_core::{
 };
 use roscausal_ros2::{Args, ParamFile};
 
+/// Where the usual robot of ROS 2, with Nav2, differs from the nodes' defaults, which are those of ROS-Causal 1.x.
+const NAV2: [(&str, &str, &str); 4] = [
+    ("roscausal_robot", "odom_topic", "/odom"),
+    ("roscausal_robot", "pose_topic", "/amcl_pose"),
+    ("roscausal_robot", "goal_topic", "/goal_pose"),
+    ("roscausal_robot", "goal_type", "PoseStamped"),
+];
+
 fn path(name: &str) -> PathBuf {
     PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../config").join(name)
 }
@@ -44,13 +52,15 @@ fn all() -> Vec<(String, Vec<ParamSpec>)> {
 
 fn generated() -> String {
     let mut text =
-        "# Every parameter of every node, with its default. Copy the parameters that you change.\n"
+        "# Every parameter of every node, with its default; the robot's topics are those of Nav2. Copy the parameters that you change.\n"
             .to_owned();
     for (node, specs) in all() {
         let _ = write!(text, "\n{node}:\n  ros__parameters:\n");
         for spec in specs.iter().filter(|spec| !spec.name.starts_with('/')) {
             let _ = writeln!(text, "    # {}{}", spec.description, allowed(spec));
-            let _ = writeln!(text, "    {}: {}", spec.name, spelled(&spec.default));
+            let nav2 = NAV2.iter().find(|(of, name, _)| (*of, *name) == (node.as_str(), spec.name));
+            let value = nav2.map_or(spec.default.clone(), |(_, _, value)| Value::Str((*value).to_owned()));
+            let _ = writeln!(text, "    {}: {}", spec.name, spelled(&value));
         }
     }
     text

@@ -176,6 +176,7 @@ impl Joint {
             }
         }
         let mut parts = Vec::new();
+        self.leave_out_empty(&mut of);
         if people != People::Pooled {
             for (id, recordings) in &of {
                 let rows: usize = recordings.iter().map(complete_rows).sum();
@@ -221,6 +222,28 @@ impl Joint {
             columns.push((name_alone, column(table, name)));
         }
         self.with_context(columns, table)
+    }
+
+    /// Leaves out the columns that are empty for everybody, such as the distance to a goal that nobody told.
+    fn leave_out_empty(&mut self, of: &mut BTreeMap<u32, Vec<Named>>) {
+        let mut full = BTreeSet::new();
+        for (name, values) in of.values().flatten().flatten() {
+            if values.iter().any(|value| value.is_finite()) {
+                full.insert(names::plain(name));
+            }
+        }
+        let mut left_out = BTreeSet::new();
+        for columns in of.values_mut().flatten() {
+            columns.retain(|(name, _)| {
+                let is_full = full.contains(&names::plain(name));
+                if !is_full {
+                    left_out.insert(name.clone());
+                }
+                is_full
+            });
+        }
+        let note = |name: &String| format!("'{name}' is empty for everybody and is not analysed");
+        self.warnings.extend(left_out.iter().map(note));
     }
 
     fn with_context(&self, mut columns: Named, table: &Table) -> Named {
@@ -334,6 +357,23 @@ mod tests {
         let mut joint = Joint::read(&[path]).expect("reads");
         assert_eq!(joint.parts(People::Each).expect("one").len(), 1);
         assert!(joint.warnings.iter().any(|warning| warning.contains("person 7: 5 rows")));
+    }
+
+    #[test]
+    fn what_nobody_told_is_left_out_and_everybody_is_analysed() {
+        let dir = tempfile::tempdir().expect("a folder");
+        let lines: String = (0..40).map(|i| format!("{i},{i}.1,{i}.2,,\n")).collect();
+        let csv = format!("time,h_3_v,h_7_v,h_3_dg,h_7_dg\n{lines}");
+        let path = batch(dir.path(), "a", &csv, r#"{"ids": [3, 7]}"#);
+        let mut joint = Joint::read(&[path]).expect("reads");
+        let parts = joint.parts(People::Both).expect("each and all");
+        assert!(parts.iter().all(|part| part.data.var_names() == ["h_v"]) && parts.len() == 3);
+        assert!(
+            joint
+                .warnings
+                .iter()
+                .any(|warning| warning == "'h_dg' is empty for everybody and is not analysed")
+        );
     }
 
     #[test]

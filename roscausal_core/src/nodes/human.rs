@@ -14,21 +14,59 @@ use crate::{
     inbox::{Inbox, Next},
     middleware::{Middleware, Publish, Qos},
     params::{Allowed, ParamSpec, Params, Value},
-    state::human::{PeopleTracker, Sighting, id_of, id_of_number},
+    state::{
+        human::{PeopleTracker, Sighting, id_of_number},
+        identity::{Names, Tracks},
+    },
 };
 
 /// Messages per second.
 const RATE_HZ: f64 = 10.0;
+/// Beginning of the names of people's frames (REP-155).
+const PERSON_FRAME: &str = "person_";
 /// Messages between two reads of the goal parameter.
 const GOAL_EVERY: u64 = 10;
 
 enum Event {
-    People(usize, Time, Vec<Sighting>),
+    People(usize, Time, Vec<(Who, Sighting)>),
     Goal(Point),
     /// Goals, by person.
     Goals(Vec<(u32, Point)>),
     Robot(Pose2D),
     Tf(TFMessage, bool),
+}
+
+/// What a tracker tells about the identity of a person.
+enum Who {
+    /// Her number, which the sighting has.
+    Number,
+    /// Her name.
+    Name(String),
+    /// Nothing.
+    Unknown,
+}
+
+/// Numbers for people whose tracker gives none.
+struct Identities {
+    names: Names,
+    tracks: Tracks,
+}
+
+impl Identities {
+    fn identify(&mut self, stamp: Time, sightings: Vec<(Who, Sighting)>) -> Vec<Sighting> {
+        let unknown = sightings.iter().filter(|(who, _)| matches!(who, Who::Unknown));
+        let places: Vec<Point> = unknown.map(|(_, sighting)| sighting.pose.position).collect();
+        let mut ids = self.tracks.ids(stamp, &places).into_iter();
+        let identified = sightings.into_iter().map(|(who, mut sighting)| {
+            match who {
+                Who::Number => {}
+                Who::Name(name) => sighting.id = self.names.number(&name),
+                Who::Unknown => sighting.id = ids.next().unwrap_or_default(),
+            }
+            sighting
+        });
+        identified.collect()
+    }
 }
 
 /// Names, defaults, allowed values and descriptions of the human node's parameters.
@@ -103,6 +141,12 @@ pub(super) fn specs() -> Vec<ParamSpec> {
             Range(0.05, 60.0),
             "seconds for which a person is kept after the last sighting",
         ),
+        ParamSpec::new(
+            "join_gate",
+            Value::Double(0.8),
+            Range(0.0, 10.0),
+            "people without identity (PoseArray): a sighting within this many metres of a track, and 2 m per second since, belongs to it",
+        ),
     ]
 }
 
@@ -145,6 +189,10 @@ pub(super) async fn human_task<M: Middleware>(mw: &M) -> Result<()> {
     let target_frame = params.text("target_frame");
     let source_frame = params.text_if_set("source_frame").unwrap_or_else(|| target_frame.clone());
     let mut tracker = PeopleTracker::new(&target_frame, &source_frame, params.double("person_timeout"));
+    let mut identities = Identities {
+        names: Names::default(),
+        tracks: Tracks::new(params.double("join_gate"), params.double("person_timeout")),
+    };
     let (mut due, mut reports, mut published, mut unstamped) = (mw.now(), 0_u64, Time::ZERO, 0_u64);
     loop {
         match inbox.awaited(mw, Some(due.min(health.due()))).await {
@@ -155,7 +203,7 @@ pub(super) async fn human_task<M: Middleware>(mw: &M) -> Result<()> {
                 unstamped += u64::from(stamp == Time::ZERO);
                 let stamped = |stamp: Time| if stamp == Time::ZERO { mw.now() } else { stamp };
                 tracker.heard(stamped(stamp));
-                for mut sighting in sightings {
+                for mut sighting in identities.identify(stamped(stamp), sightings) {
                     sighting.header.stamp = stamped(sighting.header.stamp);
                     tracker.sighting(sighting);
                 }
@@ -181,7 +229,7 @@ pub(super) async fn human_task<M: Middleware>(mw: &M) -> Result<()> {
             }
             reports += 1;
             if ros4hri {
-                from_frames(&mut tracker, published);
+                from_frames(&mut tracker, &mut identities.names, published);
             }
             // The same sightings again are not published again.
             if tracker.newest() != published {
@@ -200,6 +248,7 @@ pub(super) async fn human_task<M: Middleware>(mw: &M) -> Result<()> {
             [
                 ("no transform in time", tracker.without_transform.to_string()),
                 ("without stamp", unstamped.to_string()),
+                ("numbers of names", identities.names.told()),
                 ("dropped", inbox.dropped().to_string()),
             ]
         };
@@ -281,7 +330,7 @@ fn subscribe_people<M: Middleware>(
     Ok(subscriptions)
 }
 
-fn of_agents(message: pedsim_msgs::AgentStates) -> Vec<Sighting> {
+fn of_agents(message: pedsim_msgs::AgentStates) -> Vec<(Who, Sighting)> {
     let header = message.header;
     let sighting = |agent: pedsim_msgs::AgentState| Sighting {
         id: id_of_number(agent.id),
@@ -290,13 +339,13 @@ fn of_agents(message: pedsim_msgs::AgentStates) -> Vec<Sighting> {
         twist: Some(agent.twist),
         goal: None,
     };
-    message.agent_states.into_iter().map(sighting).collect()
+    message.agent_states.into_iter().map(|agent| (Who::Number, sighting(agent))).collect()
 }
 
 fn of_tracks(
     header: &roscausal_msgs::std_msgs::Header,
     tracks: impl Iterator<Item = (u64, roscausal_msgs::geometry_msgs::Pose, roscausal_msgs::geometry_msgs::Twist)>,
-) -> Vec<Sighting> {
+) -> Vec<(Who, Sighting)> {
     let sighting = |(id, pose, twist)| Sighting {
         id: id_of_number(id),
         header: header.clone(),
@@ -304,38 +353,37 @@ fn of_tracks(
         twist: Some(twist),
         goal: None,
     };
-    tracks.map(sighting).collect()
+    tracks.map(|track| (Who::Number, sighting(track))).collect()
 }
 
-fn of_people(message: people_msgs::People) -> Vec<Sighting> {
+fn of_people(message: people_msgs::People) -> Vec<(Who, Sighting)> {
     let header = message.header;
     let sighting = |person: people_msgs::Person| {
-        let mut sighting =
-            Sighting { id: id_of(&person.name), header: header.clone(), ..Sighting::default() };
+        let mut sighting = Sighting { header: header.clone(), ..Sighting::default() };
         let mut twist = roscausal_msgs::geometry_msgs::Twist::default();
         (twist.linear.x, twist.linear.y) = (person.velocity.x, person.velocity.y);
         let heading = person.velocity.y.atan2(person.velocity.x);
         sighting.pose.position = person.position;
         sighting.pose.orientation = roscausal_msgs::geometry_msgs::Quaternion::from_yaw(heading);
         sighting.twist = Some(twist);
-        sighting
+        (Who::Name(person.name), sighting)
     };
     message.people.into_iter().map(sighting).collect()
 }
 
-/// Poses have no identity: the position in the list serves as the id.
-fn of_poses(message: PoseArray) -> Vec<Sighting> {
+/// Poses have no identity.
+fn of_poses(message: PoseArray) -> Vec<(Who, Sighting)> {
     let header = message.header;
-    let sighting =
-        |(id, pose)| Sighting { id: id as u32, header: header.clone(), pose, ..Sighting::default() };
-    message.poses.into_iter().enumerate().map(sighting).collect()
+    let sighting = |pose| Sighting { header: header.clone(), pose, ..Sighting::default() };
+    message.poses.into_iter().map(|pose| (Who::Unknown, sighting(pose))).collect()
 }
 
 /// ROS4HRI: each person is a TF frame.
-fn from_frames(tracker: &mut PeopleTracker, since: Time) {
-    for (name, stamp) in tracker.tf.frames_with_prefix("person_", since) {
+fn from_frames(tracker: &mut PeopleTracker, names: &mut Names, since: Time) {
+    for (name, stamp) in tracker.tf.frames_with_prefix(PERSON_FRAME, since) {
         let header = roscausal_msgs::std_msgs::Header { stamp, frame_id: name.clone() };
-        tracker.sighting(Sighting { id: id_of(&name), header, ..Sighting::default() });
+        let id = names.number(name.strip_prefix(PERSON_FRAME).unwrap_or(&name));
+        tracker.sighting(Sighting { id, header, ..Sighting::default() });
     }
 }
 

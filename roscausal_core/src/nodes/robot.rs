@@ -19,7 +19,7 @@ use crate::{
 };
 
 enum Event {
-    Odometry(Box<Odometry>),
+    Odometry(usize, Box<Odometry>),
     Pose(usize, Header, Pose),
     Goal(Header, Point),
     Tf(TFMessage, bool),
@@ -34,7 +34,7 @@ pub(super) fn specs() -> Vec<ParamSpec> {
             "odom_topic",
             text("/mobile_base_controller/odom"),
             Any,
-            "nav_msgs/Odometry of the base",
+            "nav_msgs/Odometry of the base; empty: none, the speed follows from the poses",
         ),
         ParamSpec::new(
             "pose_topic",
@@ -92,15 +92,19 @@ pub(super) async fn robot_task<M: Middleware>(mw: &M) -> Result<()> {
     let mut health = Health::new(mw)?;
     let inbox = Inbox::new(mw, 1000);
     let robot = params.text("robot");
-    let odom_topic = in_namespace("robot", &robot, &params.text("odom_topic"))?;
-    let odom_input = health.input::<Odometry>(&odom_topic, true);
     let state_topic = in_namespace("robot", &robot, "/roscausal/robot")?;
     let publisher = mw.advertise::<RobotState>(&state_topic, Qos::Volatile(100))?;
 
     let qos = Qos::Volatile(100);
-    let send = inbox.sender();
-    let _odometry =
-        mw.subscribe(&odom_topic, qos, move |m: Odometry| send.send(Event::Odometry(Box::new(m))))?;
+    let _odometry = match params.text_if_set("odom_topic") {
+        Some(topic) => {
+            let topic = in_namespace("robot", &robot, &topic)?;
+            let (send, input) = (inbox.sender(), health.input::<Odometry>(&topic, true));
+            let take = move |m: Odometry| send.send(Event::Odometry(input, Box::new(m)));
+            Some(mw.subscribe(&topic, qos, take)?)
+        }
+        None => None,
+    };
     let _pose = subscribe_pose(mw, &params, &inbox, &mut health)?;
     let _goal = subscribe_goal(mw, &params, &inbox)?;
     let send = inbox.sender();
@@ -115,6 +119,9 @@ pub(super) async fn robot_task<M: Middleware>(mw: &M) -> Result<()> {
         let no_frame = || Error::param("source_frame", "it is empty, and so is pose_topic; give one of them");
         tracker = tracker.with_pose_of_frame(&params.text_if_set("source_frame").ok_or_else(no_frame)?);
     }
+    if params.text_if_set("odom_topic").is_none() {
+        tracker = tracker.without_odometry();
+    }
     loop {
         let states = match inbox.awaited(mw, Some(health.due())).await {
             Next::Shutdown => return Ok(()),
@@ -124,8 +131,8 @@ pub(super) async fn robot_task<M: Middleware>(mw: &M) -> Result<()> {
                 tracker.goal(header, goal, mw.now());
                 Vec::new()
             }
-            Next::Event(Event::Odometry(message)) => {
-                health.heard(odom_input, mw.now());
+            Next::Event(Event::Odometry(input, message)) => {
+                health.heard(input, mw.now());
                 tracker.odometry(*message, mw.now())
             }
             Next::Event(Event::Pose(input, header, pose)) => {

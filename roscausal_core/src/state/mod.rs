@@ -2,6 +2,7 @@
 
 mod goals;
 pub mod human;
+pub mod identity;
 pub mod robot;
 pub mod scene;
 pub mod sync;

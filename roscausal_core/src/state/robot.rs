@@ -4,7 +4,7 @@ use std::collections::VecDeque;
 
 use roscausal_msgs::{
     RobotState, Time,
-    geometry_msgs::{Point, Pose},
+    geometry_msgs::{Point, Pose, Pose2D},
     nav_msgs::Odometry,
     std_msgs::Header,
     tf2_msgs::TFMessage,
@@ -22,6 +22,8 @@ pub(super) const TF_WAIT_S: f64 = 0.5;
 const MOST_WAITING: usize = 1000;
 /// If stamps go back by more than this, the clock has jumped. Seconds.
 const JUMP_S: f64 = 1.0;
+/// Without odometry, the speed is that over at least the first and at most the second of these. Seconds.
+const SPEED_OVER_S: (f64, f64) = (0.1, 1.0);
 
 /// The robot's state from its topics: one state for each pose that has odometry close to it in time.
 #[derive(Debug)]
@@ -34,6 +36,8 @@ pub struct RobotTracker {
     /// Pairs that wait for a transform, in order.
     waiting: VecDeque<(Header, Pose, Odometry)>,
     newest: Option<Time>,
+    /// Without odometry: the last poses, which tell the speed.
+    past: Option<VecDeque<(Time, Pose2D)>>,
     tf: TfBuffer,
     /// Pairs left out because no transform came in time.
     pub without_transform: u64,
@@ -55,6 +59,7 @@ impl RobotTracker {
             goals: Goals::default(),
             waiting: VecDeque::new(),
             newest: None,
+            past: None,
             tf: TfBuffer::default(),
             without_transform: 0,
             unstamped: 0,
@@ -68,6 +73,14 @@ impl RobotTracker {
     #[must_use]
     pub fn with_pose_of_frame(mut self, frame: &str) -> Self {
         self.pose_frame = Some(frame.to_owned());
+        self
+    }
+
+    /// The same tracker, for a robot without odometry: each pose makes a state, and its speed follows from the poses before. If
+    /// the pose is that of a frame, each transform that moves the frame makes one.
+    #[must_use]
+    pub fn without_odometry(mut self) -> Self {
+        self.past = Some(VecDeque::new());
         self
     }
 
@@ -89,6 +102,14 @@ impl RobotTracker {
     pub fn pose(&mut self, mut header: Header, pose: Pose, now: Time) -> Vec<RobotState> {
         header.stamp = self.stamp(header.stamp, now);
         let stamp = header.stamp;
+        if let Some(past) = &self.past {
+            let waiting = self.waiting.back().map(|(header, ..)| header.stamp);
+            if waiting.max(past.back().map(|(stamp, _)| *stamp)).is_some_and(|last| last >= stamp) {
+                self.pairing.late += 1;
+                return Vec::new();
+            }
+            return self.pairs(vec![((header, pose), Odometry::default())]);
+        }
         let pairs = self.pairing.push_a(stamp, (header, pose));
         self.pairs(pairs)
     }
@@ -101,7 +122,16 @@ impl RobotTracker {
     /// Adds transforms (`fixed`: from `/tf_static`) and returns the states that waited for them.
     pub fn transforms(&mut self, message: &TFMessage, fixed: bool) -> Vec<RobotState> {
         self.tf.insert(message, fixed);
-        self.states()
+        let mut states = self.states();
+        if let (Some(frame), true, false) = (self.pose_frame.clone(), self.past.is_some(), fixed) {
+            let Some(moving) = self.tf.moving(&frame).map(str::to_owned) else { return states };
+            let moved = |child: &str| child.trim_start_matches('/') == moving;
+            for transform in message.transforms.iter().filter(|transform| moved(&transform.child_frame_id)) {
+                let header = Header { stamp: transform.header.stamp, frame_id: frame.clone() };
+                states.extend(self.pose(header, Pose::default(), transform.header.stamp));
+            }
+        }
+        states
     }
 
     /// Poses without odometry close to them.
@@ -128,6 +158,7 @@ impl RobotTracker {
             self.pairing.clear();
             self.waiting.clear();
             self.tf.restart();
+            self.past.iter_mut().for_each(VecDeque::clear);
             self.goals.restart();
         }
         self.newest = self.newest.max(Some(stamp));
@@ -154,7 +185,7 @@ impl RobotTracker {
             match self.state(header, pose, odometry) {
                 Ok(state) => {
                     self.trouble = None;
-                    states.push(state);
+                    states.extend(self.with_speed(state));
                 }
                 Err(trouble) => {
                     self.without_transform += u64::from(matches!(trouble, Trouble::Transform(_)));
@@ -197,6 +228,28 @@ impl RobotTracker {
             twist: odometry.twist.twist,
             goal,
         })
+    }
+
+    /// The state with the speed that follows from the poses before, where no odometry tells it; `None` for the first pose.
+    fn with_speed(&mut self, mut state: RobotState) -> Option<RobotState> {
+        let Some(past) = &mut self.past else { return Some(state) };
+        let (stamp, here) = (state.header.stamp, state.pose2d);
+        while past.front().is_some_and(|(first, _)| stamp.secs_since(*first) > SPEED_OVER_S.1) {
+            past.pop_front();
+        }
+        // Over a longer step the noise of the poses counts less.
+        let far = past.iter().rev().find(|(before, _)| stamp.secs_since(*before) >= SPEED_OVER_S.0 - 1e-9);
+        let before = far.or(past.front()).copied();
+        past.push_back((stamp, here));
+        let (before, there) = before?;
+        let dt = stamp.secs_since(before);
+        let (dx, dy) = ((here.x - there.x) / dt, (here.y - there.y) / dt);
+        let (sin, cos) = here.theta.sin_cos();
+        state.twist.linear.x = cos * dx + sin * dy;
+        state.twist.linear.y = cos * dy - sin * dx;
+        let turned = here.theta - there.theta;
+        state.twist.angular.z = turned.sin().atan2(turned.cos()) / dt;
+        Some(state)
     }
 
     fn in_target(&self, goal: &Goal) -> Result<Point, String> {
@@ -336,6 +389,41 @@ mod tests {
         assert!((states[0].pose2d.x - 4.0).abs() < 1e-9);
         assert!(robot.odometry(odometry(1.1, 0.5), NOW).is_empty(), "twice");
         assert_eq!((robot.late(), robot.without_transform), (1, 0));
+    }
+
+    #[test]
+    fn without_odometry_the_speed_follows_from_the_poses() {
+        let mut robot = RobotTracker::new("map", 10, 0.1).without_odometry();
+        // 0.5 m/s ahead and 0.2 rad/s to the left, at 20 Hz.
+        let mut states = Vec::new();
+        for step in 0..40 {
+            let t = 0.05 * f64::from(step);
+            let position =
+                Point { x: 0.5 / 0.2 * (0.2 * t).sin(), y: 0.5 / 0.2 * (1.0 - (0.2 * t).cos()), z: 0.0 };
+            let pose = Pose { position, orientation: Quaternion::from_yaw(0.2 * t) };
+            states.extend(robot.pose(header(1.0 + t, "map"), pose.clone(), NOW));
+            assert!(robot.pose(header(1.0 + t, "map"), pose, NOW).is_empty(), "twice");
+        }
+        assert_eq!((states.len(), robot.late()), (39, 40), "the first pose tells no speed");
+        for state in &states {
+            assert!((state.twist.linear.x - 0.5).abs() < 1e-3 && state.twist.linear.y.abs() < 0.01);
+            assert!((state.twist.angular.z - 0.2).abs() < 1e-9);
+        }
+        assert!(robot.pose(header(9.0, "map"), pose(3.0), NOW).is_empty(), "no speed over a pause");
+    }
+
+    #[test]
+    fn with_tf_alone_each_transform_that_moves_the_robots_frame_makes_a_state() {
+        let mut robot = RobotTracker::new("map", 10, 0.1).with_pose_of_frame("base").without_odometry();
+        let mut fixed = place(0.0, 0.0);
+        (fixed.transforms[0].header.frame_id, fixed.transforms[0].child_frame_id) =
+            ("odom".into(), "base".into());
+        robot.transforms(&fixed, true);
+        let states: Vec<RobotState> = (0..5)
+            .flat_map(|i| robot.transforms(&place(1.0 + 0.1 * f64::from(i), 0.1 * f64::from(i)), false))
+            .collect();
+        assert_eq!(states.len(), 4);
+        assert!(states.iter().all(|state| (state.twist.linear.x - 1.0).abs() < 1e-6));
     }
 
     #[test]

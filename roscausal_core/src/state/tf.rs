@@ -93,6 +93,19 @@ impl TfBuffer {
         source_root != target_root || source_last.into_iter().chain(target_last).any(|last| last < stamp)
     }
 
+    /// The frame that moves `frame`: itself, or the first one above it that is not fixed.
+    pub fn moving<'a>(&'a self, frame: &'a str) -> Option<&'a str> {
+        let mut at = clean(frame);
+        for _ in 0..DEEPEST {
+            let known = self.frames.get(at)?;
+            if !known.fixed {
+                return Some(at);
+            }
+            at = &known.parent;
+        }
+        None
+    }
+
     /// Drops everything that is not fixed: the clock jumped.
     pub fn restart(&mut self) {
         self.frames.retain(|_, frame| frame.fixed);
