@@ -5,8 +5,9 @@ use crate::{
     ground::{CondIndTest, Control, DataFrame, Error, LinkAssumptions, Result, Samples, names},
     independence_tests::{self, GpSearch, Significance},
     methods::{
-        Fdr, FpcmciResult, FpcmciSettings, Method, PcmciPlusSettings, PcmciResult, PcmciSettings, Reads,
-        Status, get_lagged_dependencies, run_bivci, run_fpcmci, run_fullci, run_pcmci, run_pcmciplus,
+        DynotearsSettings, Fdr, FpcmciResult, FpcmciSettings, GrangerSettings, Method, PcmciPlusSettings,
+        PcmciResult, PcmciSettings, Reads, Status, VarlingamSettings, get_lagged_dependencies, run_bivci,
+        run_dynotears, run_fpcmci, run_fullci, run_granger, run_pcmci, run_pcmciplus, run_varlingam,
     },
     model::{self, Matrices, Model},
     transfer_entropy::TeEstimator,
@@ -131,16 +132,26 @@ impl Settings {
             );
             return Err(Error::param("tau-max", reason));
         }
-        if self.tau_max == 0 {
+        let info = self.method.info();
+        if self.tau_max == 0 && !info.models_lag_zero {
             return Err(Error::param("tau-max", "0 leaves no past; give at least 1"));
         }
-        if self.tau_min == 0 && !self.method.info().lag_zero {
-            let reason = format!(
-                "0: the transfer-entropy filter of {} knows the past only; give 1, or use {}",
-                self.method,
-                Method::Pcmciplus
-            );
+        if self.tau_min == 0 && !info.lag_zero {
+            let what = if self.method.reads(Reads::FAlpha) { "the transfer-entropy filter of " } else { "" };
+            let reason =
+                format!("0: {what}{} knows the past only; give 1, or use {}", self.method, Method::Pcmciplus);
             return Err(Error::param("tau-min", reason));
+        }
+        if self.tau_min > 0 && info.models_lag_zero {
+            let reason =
+                format!("{}: {} models lag 0 too; give 0, or leave it out", self.tau_min, self.method);
+            return Err(Error::param("tau-min", reason));
+        }
+        if self.fdr != Fdr::None && !info.asks_test && self.method != Method::Granger {
+            return Err(Error::param(
+                "fdr",
+                format!("{} tests no links one by one; choose none", self.method),
+            ));
         }
         Ok(())
     }
@@ -151,7 +162,11 @@ impl Settings {
             schema: model::SCHEMA.to_owned(),
             status: "complete".to_owned(),
             method: self.method.name().to_owned(),
-            cond_ind_test: self.cond_ind_test.clone(),
+            cond_ind_test: if self.method.info().asks_test {
+                self.cond_ind_test.clone()
+            } else {
+                "none".to_owned()
+            },
             alpha: self.alpha,
             pc_alpha: self.level_of_pc(),
             f_alpha: self.method.reads(Reads::FAlpha).then_some(self.f_alpha.unwrap_or(self.alpha)),
@@ -198,9 +213,41 @@ impl Settings {
         }
     }
 
+    /// The exogenous variables by their place.
+    fn context(&self, data: &DataFrame) -> Vec<usize> {
+        self.exogenous.iter().filter_map(|name| names::position(data.var_names(), name)).collect()
+    }
+
+    fn granger(&self, data: &DataFrame) -> GrangerSettings {
+        GrangerSettings {
+            tau_min: self.tau_min,
+            tau_max: self.tau_max,
+            choose_lags: None,
+            alpha_level: self.alpha,
+            fdr: self.fdr,
+            exogenous: self.context(data),
+        }
+    }
+
+    fn varlingam(&self, data: &DataFrame) -> VarlingamSettings {
+        VarlingamSettings {
+            tau_max: self.tau_max,
+            alpha_level: self.alpha,
+            exogenous: self.context(data),
+            ..VarlingamSettings::default()
+        }
+    }
+
+    fn dynotears(&self, data: &DataFrame) -> DynotearsSettings {
+        DynotearsSettings {
+            tau_max: self.tau_max,
+            exogenous: self.context(data),
+            ..DynotearsSettings::default()
+        }
+    }
+
     fn pcmci(&self, data: &DataFrame) -> PcmciSettings {
-        let context: Vec<usize> =
-            self.exogenous.iter().filter_map(|name| names::position(data.var_names(), name)).collect();
+        let context = self.context(data);
         let given = self.link_assumptions.clone();
         let restricted = given.is_some() || !context.is_empty();
         let all = || LinkAssumptions::all(data.n_vars(), self.tau_min, self.tau_max);
@@ -329,6 +376,9 @@ fn analysed(
         Method::Fullci => run_fullci(data, test, &pcmci, control),
         Method::Bivci => run_bivci(data, test, &pcmci, control),
         Method::Lagdep => get_lagged_dependencies(data, test, &pcmci, control),
+        Method::Granger => run_granger(data, &settings.granger(data), control).map(|found| found.links),
+        Method::Varlingam => run_varlingam(data, &settings.varlingam(data), control).map(|found| found.links),
+        Method::Dynotears => run_dynotears(data, &settings.dynotears(data), control).map(|found| found.links),
     }?;
     control.tell(result.effort.as_deref());
     let blank = Model { n_recordings: data.recordings().len(), ..settings.blank_model() };
@@ -450,4 +500,51 @@ fn with_result(blank: Model, features: Vec<String>, result: PcmciResult) -> Mode
 fn nested<T>(n: usize, tau_max: usize, at: impl Fn([usize; 3]) -> T) -> Vec<Vec<Vec<T>>> {
     let lags = |i, j| (0..=tau_max).map(|lag| at([i, j, lag])).collect();
     (0..n).map(|i| (0..n).map(|j| lags(i, j)).collect()).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// `b` follows `a` one step later.
+    fn pair() -> DataFrame {
+        let noise = |i: usize| ((12.9898 * i as f64).sin() * 43758.5453).rem_euclid(1.0) - 0.5;
+        let mut values = ndarray::Array2::zeros((300, 2));
+        for t in 1..300 {
+            values[[t, 0]] = noise(2 * t);
+            values[[t, 1]] = 0.7 * values[[t - 1, 0]] + noise(2 * t + 1);
+        }
+        DataFrame::new(vec![values], vec!["a".into(), "b".into()]).unwrap()
+    }
+
+    fn settings(method: Method) -> Settings {
+        Settings { method, tau_min: method.info().tau_min, ..Settings::default() }
+    }
+
+    #[test]
+    fn every_method_finds_the_link_and_names_its_test() {
+        for method in Method::all().filter(|method| *method != Method::Lagdep) {
+            let of_method = Settings { cond_ind_test: "parcorr".into(), ..settings(method) };
+            let model = analyse(&pair(), &of_method, &Control::default()).unwrap();
+            let found =
+                model.links.iter().any(|link| link.cause == "a" && link.effect == "b" && link.lag == 1);
+            assert!(found, "{method}: {:?}", model.links);
+            let test = if method.info().asks_test { "parcorr" } else { "none" };
+            assert_eq!(model.cond_ind_test, test, "{method}");
+        }
+    }
+
+    #[test]
+    fn lag_0_alone_is_for_methods_that_model_it() {
+        for method in Method::all() {
+            let alone = Settings { tau_max: 0, tau_min: 0, ..settings(method) };
+            assert_eq!(alone.check().is_ok(), method.info().models_lag_zero, "{method}");
+            if alone.check().is_ok() {
+                let model = analyse(&pair(), &alone, &Control::default()).unwrap();
+                assert_eq!(model.graph[0][1].len(), 1, "{method}");
+            }
+        }
+        let error = Settings { tau_min: 1, ..settings(Method::Varlingam) }.check().unwrap_err().to_string();
+        assert!(error.contains("models lag 0 too"), "{error}");
+    }
 }

@@ -33,9 +33,13 @@
 //! | `pcmciplus` | [`run_pcmciplus`](methods::run_pcmciplus) | lagged links and directed links at lag 0 | when effects follow faster than the samples |
 //! | `fullci` | [`run_fullci`](methods::run_fullci) | lagged links | with few variables and many samples, to compare |
 //! | `bivci` | [`run_bivci`](methods::run_bivci) | pairs | as the Granger test of two variables |
+//! | `granger` | [`run_granger`](methods::run_granger) | lagged links, linear | as the baseline, with few variables and many samples |
+//! | `varlingam` | [`run_varlingam`](methods::run_varlingam) | lagged links and directed links at lag 0, linear | when the noise is far from Gaussian |
+//! | `dynotears` | [`run_dynotears`](methods::run_dynotears) | weights without p-values | to compare with results of others |
 //! | `lagdep` | [`get_lagged_dependencies`](methods::get_lagged_dependencies) | dependencies, not links | to choose `tau_max` before anything else |
 //!
-//! All take several recordings as one system and give a p-value for each link; none allows for hidden common causes.
+//! All take several recordings as one system and, all but `dynotears`, give a p-value for each link; none allows for hidden
+//! common causes. The last three before `lagdep` are linear models and ask no independence test.
 //! [`Method`](methods::Method) holds the names, aliases and defaults.
 //!
 //! # Independence tests

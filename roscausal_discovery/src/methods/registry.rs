@@ -34,10 +34,16 @@ pub enum Method {
     Bivci,
     /// Each link given nothing ([`get_lagged_dependencies`](super::get_lagged_dependencies)).
     Lagdep,
+    /// Regressions on the past of all variables ([`run_granger`](super::run_granger)).
+    Granger,
+    /// A linear model oriented by noise that is not Gaussian ([`run_varlingam`](super::run_varlingam)).
+    Varlingam,
+    /// A sparse linear model without cycles ([`run_dynotears`](super::run_dynotears)).
+    Dynotears,
 }
 
-/// A setting that some methods read and others do not. Every method reads the test, its level, the lags, the correction,
-/// the exogenous variables and the seed.
+/// A setting that some methods read and others do not. Every method reads the level, the lags, the exogenous variables and the
+/// seed; those that ask a test read the test and the correction, too.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Reads {
     /// Level of the condition selection.
@@ -73,6 +79,18 @@ pub struct MethodInfo {
     pub several_recordings: bool,
     /// Whether each link comes with a p-value.
     pub p_values: bool,
+    /// Whether it asks an independence test; the others are models of linear effects.
+    pub asks_test: bool,
+    /// Whether it models lag 0 alone, too: `tau_max` may be 0, and `tau_min` must be.
+    pub models_lag_zero: bool,
+    /// What must hold for its answer to be right, beyond dense enough samples and a system that does not change.
+    pub assumes: &'static str,
+    /// What it can say.
+    pub says: &'static str,
+    /// How its run time grows: `N` variables, `p` lags, `T` samples.
+    pub cost: &'static str,
+    /// When to take it.
+    pub take_it: &'static str,
 }
 
 /// What most methods have in common.
@@ -87,14 +105,29 @@ const USUAL: MethodInfo = MethodInfo {
     hidden_causes: false,
     several_recordings: true,
     p_values: true,
+    asks_test: true,
+    models_lag_zero: false,
+    assumes: "all common causes recorded",
+    says: "lagged links; pairs at lag 0 without a direction",
+    cost: "(N p)^2 tests of few conditions",
+    take_it: "as the first choice",
 };
 
 /// All methods, in the order of the enum: one entry each, which says how the method differs from the usual.
-const METHODS: [MethodInfo; 6] = {
+const METHODS: [MethodInfo; 9] = {
     use Reads::{FAlpha, NeglectOnlyAutodep, PcAlpha, TeEstimator};
     const OF_FILTER: &[Reads] = &[PcAlpha, FAlpha, TeEstimator, NeglectOnlyAutodep];
     [
-        MethodInfo { method: Method::Fpcmci, name: "fpcmci", reads: OF_FILTER, lag_zero: false, ..USUAL },
+        MethodInfo {
+            method: Method::Fpcmci,
+            name: "fpcmci",
+            reads: OF_FILTER,
+            lag_zero: false,
+            says: "lagged links",
+            cost: "as pcmci on the variables that its filter keeps",
+            take_it: "when some variables may have no part in the system, and with a slow test",
+            ..USUAL
+        },
         MethodInfo { method: Method::Pcmci, name: "pcmci", reads: &[PcAlpha], ..USUAL },
         MethodInfo {
             method: Method::Pcmciplus,
@@ -103,11 +136,73 @@ const METHODS: [MethodInfo; 6] = {
             tau_min: 0,
             pc_alpha: 0.01,
             reads: &[PcAlpha],
+            says: "lagged links; links at lag 0 with a direction where the data have one",
+            cost: "as pcmci, and sets of neighbours at lag 0",
+            take_it: "when effects follow faster than the samples",
             ..USUAL
         },
-        MethodInfo { method: Method::Fullci, name: "fullci", ..USUAL },
-        MethodInfo { method: Method::Bivci, name: "bivci", ..USUAL },
-        MethodInfo { method: Method::Lagdep, name: "lagdep", aliases: &["laggeddependencies"], ..USUAL },
+        MethodInfo {
+            method: Method::Fullci,
+            name: "fullci",
+            cost: "N^2 p tests of N p conditions",
+            take_it: "with few variables and many samples, to compare",
+            ..USUAL
+        },
+        MethodInfo {
+            method: Method::Bivci,
+            name: "bivci",
+            assumes: "no third variable drives two others",
+            says: "pairs",
+            cost: "N^2 p tests of p conditions",
+            take_it: "as the Granger test of two variables",
+            ..USUAL
+        },
+        MethodInfo {
+            method: Method::Lagdep,
+            name: "lagdep",
+            aliases: &["laggeddependencies"],
+            assumes: "nothing",
+            says: "dependencies, not links",
+            cost: "N^2 p tests without conditions",
+            take_it: "to choose tau_max before anything else",
+            ..USUAL
+        },
+        MethodInfo {
+            method: Method::Granger,
+            name: "granger",
+            lag_zero: false,
+            asks_test: false,
+            assumes: "all common causes recorded; linear effects, none within a sample",
+            says: "lagged links",
+            cost: "one regression, T (N p)^2",
+            take_it: "as the baseline, with few variables and many samples",
+            ..USUAL
+        },
+        MethodInfo {
+            method: Method::Varlingam,
+            name: "varlingam",
+            tau_min: 0,
+            asks_test: false,
+            models_lag_zero: true,
+            assumes: "all common causes recorded; linear effects, noise that is not Gaussian, no cycle within a sample",
+            says: "lagged links; links at lag 0, all with a direction",
+            cost: "T N^3 and T (N p)^2",
+            take_it: "where pcmciplus leaves lag 0 without a direction and the noise is far from Gaussian",
+            ..USUAL
+        },
+        MethodInfo {
+            method: Method::Dynotears,
+            name: "dynotears",
+            tau_min: 0,
+            p_values: false,
+            asks_test: false,
+            models_lag_zero: true,
+            assumes: "all common causes recorded; linear effects, noise of equal size, no cycle within a sample",
+            says: "weights, lagged and at lag 0; no p-values",
+            cost: "T (N p)^2 once, then steps of N^3 p",
+            take_it: "to compare with results of others",
+            ..USUAL
+        },
     ]
 };
 
@@ -130,6 +225,34 @@ impl Method {
     /// The name that users choose it by.
     pub fn name(self) -> &'static str {
         self.info().name
+    }
+
+    /// The table of all methods for a terminal: what each says, assumes and costs, and when to take it.
+    ///
+    /// ```
+    /// use roscausal_discovery::methods::Method;
+    ///
+    /// assert!(Method::table().contains("take it:  as the baseline"));
+    /// ```
+    pub fn table() -> String {
+        let yes = |flag: bool| if flag { "yes" } else { "no" };
+        let entry = |info: &MethodInfo| {
+            format!(
+                "{}\n  says:     {}\n  assumes:  {}\n  take it:  {}\n  cost:     {}\n  lag 0: {}, hidden causes: {}, several \
+                 recordings: {}, p-values: {}, independence test: {}\n",
+                info.name,
+                info.says,
+                info.assumes,
+                info.take_it,
+                info.cost,
+                yes(info.lag_zero),
+                yes(info.hidden_causes),
+                yes(info.several_recordings),
+                yes(info.p_values),
+                yes(info.asks_test)
+            )
+        };
+        METHODS.iter().map(entry).collect::<Vec<_>>().join("\n")
     }
 
     /// Whether it reads this setting.
@@ -182,6 +305,18 @@ mod tests {
             ("lagged_dependencies", Method::Lagdep),
         ] {
             assert_eq!(text.parse::<Method>().unwrap(), method, "{text}");
+        }
+    }
+
+    #[test]
+    fn the_table_says_all_of_every_method() {
+        let table = Method::table();
+        for info in Method::all().map(Method::info) {
+            for text in [info.name, info.says, info.assumes, info.take_it, info.cost] {
+                assert!(!text.is_empty() && table.contains(text), "{text}");
+            }
+            // A method that models lag 0 starts there.
+            assert!(!info.models_lag_zero || (info.lag_zero && info.tau_min == 0), "{}", info.name);
         }
     }
 

@@ -16,7 +16,7 @@ use crate::numeric::rows::dot;
 const MEMORY: usize = 12;
 const MAX_STEPS: usize = 2000;
 /// Smallest decrease that goes on, relative to the function.
-const DECREASE: f64 = 1e-13;
+const DECREASE: f64 = 1e-11;
 
 /// The minimum near `start`. `f` gives the smooth part and its gradient.
 pub(super) fn minimise(

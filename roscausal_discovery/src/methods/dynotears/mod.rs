@@ -13,6 +13,9 @@ use crate::{
 use acyclic::cycles;
 use minimise::minimise;
 
+/// Largest pull on a weight at the end of a round.
+const TOLERANCE: f64 = 1e-5;
+
 /// Settings of [`run_dynotears`].
 ///
 /// ```
@@ -232,7 +235,7 @@ impl Problem {
             let mut next = (weights.clone(), h);
             while rho < 1e20 {
                 control.check()?;
-                let found = minimise(&weights, &self.penalty, 1e-6, |weights| {
+                let found = minimise(&weights, &self.penalty, TOLERANCE, |weights| {
                     let (mut value, mut gradient) = self.misfit(weights);
                     let (h, slope) = cycles(&weights[..squares], self.n);
                     value += 0.5 * rho * h * h + alpha * h;
