@@ -4,8 +4,9 @@ use crate::{
     ground::{CondIndTest, Control, DataFrame, Error, LinkAssumptions, Result, Samples, names},
     independence_tests::{self, GpSearch},
     methods::{
-        Fdr, FpcmciResult, FpcmciSettings, Method, PcmciPlusSettings, PcmciResult, PcmciSettings, Reads,
-        Status, get_lagged_dependencies, run_bivci, run_fpcmci, run_fullci, run_pcmci, run_pcmciplus,
+        Fdr, FpcmciResult, FpcmciSettings, LpcmciSettings, Method, PcmciPlusSettings, PcmciResult,
+        PcmciSettings, Reads, Status, get_lagged_dependencies, run_bivci, run_fpcmci, run_fullci, run_lpcmci,
+        run_pcmci, run_pcmciplus,
     },
     model::{self, Matrices, Model},
     transfer_entropy::TeEstimator,
@@ -110,7 +111,9 @@ impl Settings {
             );
             return Err(Error::param("tau-max", reason));
         }
-        if self.tau_max == 0 {
+        if self.method == Method::Lpcmci {
+            self.check_lpcmci()?;
+        } else if self.tau_max == 0 {
             return Err(Error::param("tau-max", "0 leaves no past; give at least 1"));
         }
         if self.tau_min == 0 && !self.method.info().lag_zero {
@@ -122,6 +125,35 @@ impl Settings {
             return Err(Error::param("tau-min", reason));
         }
         Ok(())
+    }
+
+    /// LPCMCI has one level, no correction, and works on data without time, too.
+    fn check_lpcmci(&self) -> Result<()> {
+        if self.pc_alpha == PcAlpha::ByScore {
+            return Err(Error::param(
+                "pc-alpha",
+                "lpcmci has no score that chooses a level; give one, such as 0.05",
+            ));
+        }
+        if self.fdr != Fdr::None {
+            let reason = "a p-value of lpcmci is the largest of many tests and is not corrected; choose none";
+            return Err(Error::param("fdr", reason));
+        }
+        Ok(())
+    }
+
+    fn lpcmci(&self, data: &DataFrame) -> LpcmciSettings {
+        let of_name = |name| names::position(data.var_names(), name);
+        let context: Vec<usize> = self.exogenous.iter().filter_map(|name| of_name(name)).collect();
+        let all = LinkAssumptions::all_with_hidden_causes(data.n_vars(), self.tau_min, self.tau_max);
+        let usual = LpcmciSettings::default();
+        LpcmciSettings {
+            tau_min: self.tau_min,
+            tau_max: self.tau_max,
+            pc_alpha: self.level_of_pc().unwrap_or(usual.pc_alpha),
+            link_assumptions: (!context.is_empty()).then(|| all.exogenous(&context)),
+            ..usual
+        }
     }
 
     /// A model that holds the settings and no result yet.
@@ -250,6 +282,7 @@ pub fn analyse(data: &DataFrame, settings: &Settings, control: &Control) -> Resu
         Method::Fullci => run_fullci(data, test, &pcmci, control),
         Method::Bivci => run_bivci(data, test, &pcmci, control),
         Method::Lagdep => get_lagged_dependencies(data, test, &pcmci, control),
+        Method::Lpcmci => run_lpcmci(data, test, &settings.lpcmci(data), control).map(|found| found.result),
     }?;
     control.tell(result.effort.as_deref());
     Ok(with_result(settings.blank_model(), data.var_names().to_vec(), result))

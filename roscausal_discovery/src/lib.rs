@@ -20,8 +20,8 @@
 //! ```
 //!
 //! A correlation between two series is no link: both may follow a third one, or their own past. The methods here test
-//! each possible link given other variables at other times, and keep what no such condition explains away. They assume
-//! that all common causes were recorded, that the system does not change while it is recorded, and that the samples are
+//! each possible link given other variables at other times, and keep what no such condition explains away. All but one assume
+//! that all common causes were recorded; all assume that the system does not change while it is recorded, and that the samples are
 //! dense enough to see an effect after its cause.
 //!
 //! # Methods
@@ -34,8 +34,9 @@
 //! | `fullci` | [`run_fullci`](methods::run_fullci) | lagged links | with few variables and many samples, to compare |
 //! | `bivci` | [`run_bivci`](methods::run_bivci) | pairs | as the Granger test of two variables |
 //! | `lagdep` | [`get_lagged_dependencies`](methods::get_lagged_dependencies) | dependencies, not links | to choose `tau_max` before anything else |
+//! | `lpcmci` | [`run_lpcmci`](methods::run_lpcmci) | lagged links and links at lag 0, and where something hidden is behind them | when not everything was recorded |
 //!
-//! All take several recordings as one system and give a p-value for each link; none allows for hidden common causes.
+//! All take several recordings as one system and give a p-value for each link; only `lpcmci` allows for hidden common causes.
 //! [`Method`](methods::Method) holds the names, aliases and defaults.
 //!
 //! # Independence tests

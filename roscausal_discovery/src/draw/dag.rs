@@ -2,7 +2,7 @@
 
 use std::f64::consts::{FRAC_PI_2, TAU};
 
-use super::svg::{FAINT, INK, Point, Stroke, Svg, display, legend};
+use super::svg::{FAINT, INK, Point, Stroke, Svg, display, height_of_marks, legend, legend_of_marks};
 use crate::model::{Link, Model};
 
 const NODE: f64 = 38.0;
@@ -13,7 +13,7 @@ pub fn dag(model: &Model) -> String {
     let n = model.features.len();
     let radius = if n <= 2 { 110.0 } else { 90.0 + 26.0 * n as f64 };
     let size = 2.0 * (radius + NODE + 86.0);
-    let mut svg = Svg::new(size.max(440.0), size + 110.0);
+    let mut svg = Svg::new(size.max(440.0), size + 110.0 + height_of_marks(model));
     let centre = Point::new(size.max(440.0) / 2.0, size / 2.0 + 30.0);
     svg.text(Point::new(16.0, 26.0), 15.0, "start", INK, &title(model));
     let places: Vec<Point> = (0..n)
@@ -32,12 +32,8 @@ pub fn dag(model: &Model) -> String {
                 continue;
             };
             let lags: Vec<String> = lagged.iter().map(|link| link.lag.to_string()).collect();
-            let stroke = Stroke::of_link(
-                strongest.value,
-                strongest.p_value,
-                model.smallest_p(),
-                strongest.mark == "-->",
-            );
+            let stroke =
+                Stroke::of_link(strongest.value, strongest.p_value, model.smallest_p(), &strongest.mark);
             let label = format!("{} · {:.2}", lags.join(","), strongest.value);
             if i == j {
                 self_loop(&mut svg, places[i], centre, &stroke, &label);
@@ -58,6 +54,7 @@ pub fn dag(model: &Model) -> String {
         model.smallest_p(),
         model.links.iter().any(|link| link.value < 0.0),
     );
+    legend_of_marks(&mut svg, Point::new(16.0, size + 106.0), model);
     let note = "on an arrow: lag in steps · strength";
     svg.text(Point::new(16.0 + 170.0, size + 34.0), 12.0, "start", INK, note);
     if let Some(dt) = model.dt {
@@ -130,6 +127,19 @@ mod tests {
         // Six arrows, each a line and a head, and three strokes of the legend.
         assert_eq!(svg.matches("<path").count(), 6 * 2 + 3);
         assert!(svg.contains("h_risk"));
+    }
+
+    #[test]
+    fn an_open_end_is_a_circle_and_the_legend_explains_it_only_then() {
+        let plain = dag(&example());
+        let mut model = example();
+        let link = model.links.iter_mut().find(|link| link.cause != link.effect).unwrap();
+        link.mark = "o->".into();
+        let open = dag(&model);
+        let explained = "cause, or something not recorded drives both";
+        assert!(open.contains(explained) && !plain.contains(explained));
+        // One at the link, one in the legend.
+        assert_eq!(open.matches("<circle").count(), plain.matches("<circle").count() + 2);
     }
 
     #[test]

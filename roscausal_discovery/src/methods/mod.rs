@@ -5,6 +5,8 @@
 //! | [`run_fpcmci`] | the parents of both ends, after a filter | Castri et al. 2023 |
 //! | [`run_pcmci`] | the parents of both ends | Runge et al. 2019 |
 //! | [`run_pcmciplus`] | the parents of both ends and sets of neighbours at lag 0 | Runge 2020 |
+//! | [`run_lpcmci`] | known causes and sets of possible ones; common causes may be hidden | Gerhardus and Runge 2020 |
+//! | [`run_candoit`] | as LPCMCI, with interventions | Castri et al. 2024 |
 //! | [`run_fullci`] | all other lagged variables | Granger 1969, with all variables |
 //! | [`run_bivci`] | the past of its effect | Granger 1969 |
 //! | [`get_lagged_dependencies`] | nothing | |
@@ -15,6 +17,7 @@
 //! Field words: `tau_max`, `pc_alpha`, `val_matrix`, `link_assumptions`; `matrix[i][j][tau]` is the link
 //! `X^i(t - tau) -> X^j(t)` (cause, effect, lag).
 
+mod candoit;
 mod extension;
 mod fdr;
 mod fpcmci;
@@ -30,6 +33,7 @@ mod run;
 mod settings;
 mod skeleton;
 
+pub use candoit::{Intervened, run_candoit};
 pub use fdr::{Fdr, fdr_bh};
 pub use fpcmci::{CausalMatrices, FpcmciResult, FpcmciSettings, run_fpcmci};
 pub use lpcmci::{LpcmciResult, LpcmciSettings, Stage, run_lpcmci};

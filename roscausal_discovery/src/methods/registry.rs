@@ -34,6 +34,8 @@ pub enum Method {
     Bivci,
     /// Each link given nothing ([`get_lagged_dependencies`](super::get_lagged_dependencies)).
     Lagdep,
+    /// Links where common causes may be hidden ([`run_lpcmci`](super::run_lpcmci)).
+    Lpcmci,
 }
 
 /// A setting that some methods read and others do not. Every method reads the test, its level, the lags, the correction,
@@ -90,7 +92,7 @@ const USUAL: MethodInfo = MethodInfo {
 };
 
 /// All methods, in the order of the enum: one entry each, which says how the method differs from the usual.
-const METHODS: [MethodInfo; 6] = {
+const METHODS: [MethodInfo; 7] = {
     use Reads::{FAlpha, NeglectOnlyAutodep, PcAlpha, TeEstimator};
     const OF_FILTER: &[Reads] = &[PcAlpha, FAlpha, TeEstimator, NeglectOnlyAutodep];
     [
@@ -108,6 +110,15 @@ const METHODS: [MethodInfo; 6] = {
         MethodInfo { method: Method::Fullci, name: "fullci", ..USUAL },
         MethodInfo { method: Method::Bivci, name: "bivci", ..USUAL },
         MethodInfo { method: Method::Lagdep, name: "lagdep", aliases: &["laggeddependencies"], ..USUAL },
+        MethodInfo {
+            method: Method::Lpcmci,
+            name: "lpcmci",
+            tau_min: 0,
+            pc_alpha: 0.05,
+            reads: &[PcAlpha],
+            hidden_causes: true,
+            ..USUAL
+        },
     ]
 };
 
