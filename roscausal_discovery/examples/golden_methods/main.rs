@@ -2,10 +2,13 @@
 //!
 //! `cargo run --release -p roscausal_discovery --example golden_methods -- SET OUT [TEXT]` reads `SET/cases/*.json` whose name
 //! holds TEXT, with the data they name, and writes `OUT/cases/<id>.json`. At the end it lists the cases that it cannot run.
+//!
+//! Where SET holds a `truth.json`, it runs the experiments on its random systems and writes `OUT/graphs_<experiment>.json`.
 
 mod candoit;
 mod cases;
 mod lpcmci;
+mod quality;
 
 use std::{path::Path, process::ExitCode, time::Instant};
 
@@ -31,6 +34,9 @@ fn main() -> ExitCode {
 }
 
 fn run_all(set: &Path, out: &Path, only: &str) -> Result<(), String> {
+    if set.join("truth.json").exists() {
+        return quality::run_all(set, out, only);
+    }
     let folder = out.join("cases");
     std::fs::create_dir_all(&folder).map_err(|e| format!("{}: {e}", folder.display()))?;
     let mut not_run = Vec::new();
