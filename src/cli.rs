@@ -11,7 +11,8 @@ use roscausal_core::{Error, Result};
 use tracing_subscriber::{EnvFilter, fmt};
 
 use crate::{
-    compare, demo, discover, experiment, html_report, output, presets, reasoning, replay, show, teleop, terminal,
+    compare, demo, discover, experiment, html_report, output, presets, reasoning, replay, show, teleop,
+    terminal,
 };
 
 /// Find out what causes what between robots and people.

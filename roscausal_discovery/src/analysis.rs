@@ -5,9 +5,10 @@ use crate::{
     ground::{CondIndTest, Control, DataFrame, Error, LinkAssumptions, Result, Samples, names},
     independence_tests::{self, GpSearch, Significance},
     methods::{
-        DynotearsSettings, Fdr, FpcmciResult, FpcmciSettings, GrangerSettings, Method, PcmciPlusSettings,
-        PcmciResult, PcmciSettings, Reads, Status, VarlingamSettings, get_lagged_dependencies, run_bivci,
-        run_dynotears, run_fpcmci, run_fullci, run_granger, run_pcmci, run_pcmciplus, run_varlingam,
+        DynotearsSettings, Fdr, FpcmciResult, FpcmciSettings, GrangerSettings, LpcmciSettings, Method,
+        PcmciPlusSettings, PcmciResult, PcmciSettings, Reads, Status, VarlingamSettings,
+        get_lagged_dependencies, run_bivci, run_dynotears, run_fpcmci, run_fullci, run_granger, run_lpcmci,
+        run_pcmci, run_pcmciplus, run_varlingam,
     },
     model::{self, Matrices, Model},
     transfer_entropy::TeEstimator,
@@ -133,7 +134,9 @@ impl Settings {
             return Err(Error::param("tau-max", reason));
         }
         let info = self.method.info();
-        if self.tau_max == 0 && !info.models_lag_zero {
+        if self.method == Method::Lpcmci {
+            self.check_lpcmci()?;
+        } else if self.tau_max == 0 && !info.models_lag_zero {
             return Err(Error::param("tau-max", "0 leaves no past; give at least 1"));
         }
         if self.tau_min == 0 && !info.lag_zero {
@@ -154,6 +157,35 @@ impl Settings {
             ));
         }
         Ok(())
+    }
+
+    /// LPCMCI has one level, no correction, and works on data without time, too.
+    fn check_lpcmci(&self) -> Result<()> {
+        if self.pc_alpha == PcAlpha::ByScore {
+            return Err(Error::param(
+                "pc-alpha",
+                "lpcmci has no score that chooses a level; give one, such as 0.05",
+            ));
+        }
+        if self.fdr != Fdr::None {
+            let reason = "a p-value of lpcmci is the largest of many tests and is not corrected; choose none";
+            return Err(Error::param("fdr", reason));
+        }
+        Ok(())
+    }
+
+    fn lpcmci(&self, data: &DataFrame) -> LpcmciSettings {
+        let of_name = |name| names::position(data.var_names(), name);
+        let context: Vec<usize> = self.exogenous.iter().filter_map(|name| of_name(name)).collect();
+        let all = LinkAssumptions::all_with_hidden_causes(data.n_vars(), self.tau_min, self.tau_max);
+        let usual = LpcmciSettings::default();
+        LpcmciSettings {
+            tau_min: self.tau_min,
+            tau_max: self.tau_max,
+            pc_alpha: self.level_of_pc().unwrap_or(usual.pc_alpha),
+            link_assumptions: (!context.is_empty()).then(|| all.exogenous(&context)),
+            ..usual
+        }
     }
 
     /// A model that holds the settings and no result yet.
@@ -379,6 +411,7 @@ fn analysed(
         Method::Granger => run_granger(data, &settings.granger(data), control).map(|found| found.links),
         Method::Varlingam => run_varlingam(data, &settings.varlingam(data), control).map(|found| found.links),
         Method::Dynotears => run_dynotears(data, &settings.dynotears(data), control).map(|found| found.links),
+        Method::Lpcmci => run_lpcmci(data, test, &settings.lpcmci(data), control).map(|found| found.result),
     }?;
     control.tell(result.effort.as_deref());
     let blank = Model { n_recordings: data.recordings().len(), ..settings.blank_model() };

@@ -20,8 +20,8 @@
 //! ```
 //!
 //! A correlation between two series is no link: both may follow a third one, or their own past. The methods here test
-//! each possible link given other variables at other times, and keep what no such condition explains away. They assume
-//! that all common causes were recorded, that the system does not change while it is recorded, and that the samples are
+//! each possible link given other variables at other times, and keep what no such condition explains away. All but one assume
+//! that all common causes were recorded; all assume that the system does not change while it is recorded, and that the samples are
 //! dense enough to see an effect after its cause.
 //!
 //! # Methods
@@ -37,9 +37,10 @@
 //! | `varlingam` | [`run_varlingam`](methods::run_varlingam) | lagged links and directed links at lag 0, linear | when the noise is far from Gaussian |
 //! | `dynotears` | [`run_dynotears`](methods::run_dynotears) | weights without p-values | to compare with results of others |
 //! | `lagdep` | [`get_lagged_dependencies`](methods::get_lagged_dependencies) | dependencies, not links | to choose `tau_max` before anything else |
+//! | `lpcmci` | [`run_lpcmci`](methods::run_lpcmci) | lagged links and links at lag 0, and where something hidden is behind them | when not everything was recorded |
 //!
-//! All take several recordings as one system and, all but `dynotears`, give a p-value for each link; none allows for hidden
-//! common causes. The last three before `lagdep` are linear models and ask no independence test.
+//! All take several recordings as one system and, all but `dynotears`, give a p-value for each link; only `lpcmci` allows for
+//! hidden common causes. `granger`, `varlingam` and `dynotears` are linear models and ask no independence test.
 //! [`Method`](methods::Method) holds the names, aliases and defaults.
 //!
 //! # Independence tests

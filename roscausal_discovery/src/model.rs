@@ -49,7 +49,8 @@ pub struct Model {
     pub dropped: Vec<String>,
     /// The links found, in the order cause, effect, lag.
     pub links: Vec<Link>,
-    /// Link marks: `""`, `-->`, `<--`, `o-o`, `x-x`.
+    /// Link marks: `""`, `-->`, `<--`, `o-o`, `x-x`; where causes may be hidden also `o->`, `<->`, `x->` and, at lag 0, others
+    /// of these ends ([`LinkMark`](crate::LinkMark)).
     pub graph: Vec<Vec<Vec<String>>>,
     /// Strength of every tested pair; 0 if not tested.
     pub val_matrix: Vec<Vec<Vec<f64>>>,
@@ -81,10 +82,38 @@ pub struct Link {
     pub value: f64,
     /// P-value.
     pub p_value: f64,
-    /// Mark: `-->`, or `o-o` / `x-x` if the direction at lag 0 is open.
+    /// Mark: `-->`, or `o-o` / `x-x` if the direction at lag 0 is open; with hidden causes also `o->`, `<->` and others.
+    /// [`Link::sentence`] says what it means.
     pub mark: String,
     /// Samples that the test of this link left out because a value was missing.
     pub n_lost: usize,
+}
+
+impl Link {
+    /// What its mark means, in a plain sentence.
+    ///
+    /// ```
+    /// use roscausal_discovery::Link;
+    ///
+    /// let (cause, effect, mark) = ("h_risk".to_owned(), "h_v".to_owned(), "<->".to_owned());
+    /// let link = Link { cause, effect, lag: 1, value: 0.4, p_value: 0.001, mark, n_lost: 0 };
+    /// assert_eq!(link.sentence(), "h_risk and h_v: something not recorded drives both");
+    /// ```
+    pub fn sentence(&self) -> String {
+        let (a, b) = (&self.cause, &self.effect);
+        match self.mark.as_str() {
+            "-->" => format!("{a} causes {b}"),
+            "<->" => format!("{a} and {b}: something not recorded drives both"),
+            "o->" => format!("{a} causes {b}, or something not recorded drives both, or both of this"),
+            "o-o" => format!("{a} and {b} depend on each other; the data do not say how"),
+            "x->" => format!("{b} does not cause {a}; whether {a} causes {b} the data contradict themselves"),
+            "x-x" => format!("{a} and {b} depend on each other; the data contradict themselves on how"),
+            "x-o" | "o-x" => {
+                format!("{a} and {b} depend on each other; what the data say of how is partly contradictory")
+            }
+            _ => format!("{a} and {b} are associated"),
+        }
+    }
 }
 
 /// Matrices of a run in tigramite's layout, `[cause][effect][lag 0..=tau_max]`.
@@ -129,9 +158,7 @@ impl Model {
         for (i, cause) in features.iter().enumerate() {
             for (j, effect) in features.iter().enumerate() {
                 for (lag, mark) in matrices.graph[i][j].iter().enumerate() {
-                    // An undirected pair at lag 0 is twice in the matrix and once in the list.
-                    let undirected = matches!(mark.as_str(), "o-o" | "x-x");
-                    if !points_to_effect(mark) || (undirected && lag == 0 && i > j) {
+                    if !is_listed(mark, lag, i, j) {
                         continue;
                     }
                     self.links.push(Link {
@@ -172,7 +199,19 @@ impl Model {
     }
 }
 
-/// Whether a mark is a link into the effect (`<--` is the mirror image of another entry).
+/// Whether this entry stands for its link in the list: at lag 0 each pair is twice in the matrix, and a link with a direction
+/// is listed from its cause.
+fn is_listed(mark: &str, lag: usize, i: usize, j: usize) -> bool {
+    match (mark.starts_with('<'), mark.ends_with('>')) {
+        _ if mark.is_empty() => false,
+        (false, true) => true,
+        (true, false) => false,
+        _ => lag > 0 || i < j,
+    }
+}
+
+/// Whether a mark is a link that the effect may have from the cause (`<--` is the mirror image of another entry, and behind
+/// `<->` is something that was not recorded).
 fn points_to_effect(mark: &str) -> bool {
     !mark.is_empty() && !mark.starts_with('<')
 }
@@ -246,6 +285,19 @@ mod tests {
             .with_matrices(vec!["a".into(), "b".into()], matrices);
         assert_eq!(model.links.len(), 1);
         assert_eq!(model.causal_structure, [[[0, 1], [1, 0]]]);
+    }
+
+    #[test]
+    fn a_hidden_common_cause_is_listed_once_and_is_no_cause() {
+        let o = |lag0: &str, lag1: &str| vec![lag0.to_owned(), lag1.to_owned()];
+        let graph = vec![vec![o("", ""), o("<->", "<->")], vec![o("<->", "o->"), o("", "")]];
+        let half = vec![vec![vec![0.5; 2]; 2]; 2];
+        let matrices = Matrices { graph, val_matrix: half.clone(), p_matrix: half, n_lost: vec![] };
+        let model = Model { tau_min: 0, tau_max: 1, ..example() }
+            .with_matrices(vec!["a".into(), "b".into()], matrices);
+        let listed: Vec<_> = model.links.iter().map(|link| (link.lag, link.mark.as_str())).collect();
+        assert_eq!(listed, [(0, "<->"), (1, "<->"), (1, "o->")]);
+        assert_eq!(model.causal_structure, [[[0, 0], [0, 0]], [[0, 1], [0, 0]]]);
     }
 
     #[test]

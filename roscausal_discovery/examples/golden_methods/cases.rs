@@ -13,6 +13,8 @@ use roscausal_discovery::{
 };
 use serde_json::Value;
 
+pub(crate) use csv_file::read_csv;
+
 pub(crate) type Answer<T> = Result<T, String>;
 
 /// Sorted names of the JSON files in a folder.
@@ -42,7 +44,7 @@ pub(crate) fn data_of(case: &Value, set: &Path, joined: bool) -> Answer<DataFram
         return DataFrame::new(vec![Array2::zeros((50, n))], names).map_err(|e| e.to_string());
     }
     let files: Vec<&str> = case["csv"].as_array().into_iter().flatten().filter_map(Value::as_str).collect();
-    let tables = files.iter().map(|file| csv_file::read_csv(&set.join(file))).collect::<Answer<Vec<_>>>()?;
+    let tables = files.iter().map(|file| read_csv(&set.join(file))).collect::<Answer<Vec<_>>>()?;
     let names = tables.first().ok_or("no data file")?.0.clone();
     let mut recordings: Vec<Array2<f64>> = tables.into_iter().map(|(_, table)| table).collect();
     if joined {

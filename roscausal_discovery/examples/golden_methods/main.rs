@@ -3,6 +3,8 @@
 //! `cargo run --release -p roscausal_discovery --example golden_methods -- SET OUT [ONLY]` reads `SET/cases/*.json` with the data
 //! they name and writes `OUT/cases/<id>.json`, for comparison; with `ONLY`, the cases whose name has this text. At the end it
 //! lists the cases that it cannot run. One file for each family of methods.
+//!
+//! Where SET holds a `truth.json`, it runs the experiments on its random systems and writes `OUT/graphs_<experiment>.json`.
 
 mod candoit;
 mod cases;
@@ -10,6 +12,7 @@ mod data;
 mod dynotears;
 mod granger;
 mod lpcmci;
+mod quality;
 mod varlingam;
 
 use std::{path::Path, process::ExitCode, time::Instant};
@@ -36,6 +39,9 @@ fn main() -> ExitCode {
 }
 
 fn run(set: &Path, out: &Path, only: &str) -> Result<(), String> {
+    if set.join("truth.json").exists() {
+        return quality::run_all(set, out, only);
+    }
     let folder = out.join("cases");
     std::fs::create_dir_all(&folder).map_err(|e| format!("{}: {e}", folder.display()))?;
     let (mut done, mut not_run) = (0, Vec::new());

@@ -6,7 +6,7 @@ use super::{
     layout::{Edge, MATRIX_FROM, plan},
     matrix::Matrix,
     point::Point,
-    svg::{FAINT, INK, Stroke, Svg, escaped, label_width, legend},
+    svg::{FAINT, INK, Stroke, Svg, escaped, height_of_marks, label_width, legend, legend_of_marks},
 };
 use crate::model::Model;
 
@@ -36,7 +36,7 @@ pub fn dag(model: &Model) -> String {
         .max(7.0 * longest as f64 + MARGIN.x)
         .max(460.0 - MARGIN.x);
     let list = if lines.is_empty() { 0.0 } else { LINE * (lines.len() + 1) as f64 };
-    let height = (foot + LEGEND + list).max(MARGIN.y + tall);
+    let height = (foot + LEGEND + height_of_marks(model) + list).max(MARGIN.y + tall);
     let mut svg = Svg::new(width + MARGIN.x, height);
     svg.text(Point::new(16.0, 26.0), 15.0, "start", INK, &title(model));
     // A small graph stands in the middle.
@@ -52,7 +52,7 @@ pub fn dag(model: &Model) -> String {
     };
     for (arrow, route) in arrows.iter().zip(&plan.routes) {
         let link = arrow.strongest;
-        let stroke = Stroke::of_link(link.value, link.p_value, model.smallest_p(), link.mark == "-->");
+        let stroke = Stroke::of_link(link.value, link.p_value, model.smallest_p(), &link.mark);
         let path: Vec<Point> = route.path.iter().map(moved).collect();
         svg.raw(&group(arrow));
         svg.route(&path, &stroke);
@@ -90,6 +90,8 @@ fn below(svg: &mut Svg, foot: f64, model: &Model, bare: bool, lines: &[String]) 
     if let Some(dt) = model.dt {
         svg.text(Point::new(186.0, foot + 22.0), TEXT, "start", INK, &format!("one step is {dt:.3} s"));
     }
+    legend_of_marks(svg, Point::new(16.0, foot + LEGEND - 16.0), model);
+    let foot = foot + height_of_marks(model);
     if !lines.is_empty() {
         svg.text(Point::new(16.0, foot + LEGEND - 8.0), TEXT, "start", FAINT, "arrows with several lags");
     }
@@ -121,6 +123,19 @@ mod tests {
         // Six arrows, each a line and a head, and three strokes of the legend.
         assert_eq!(svg.matches("<path").count(), 6 * 2 + 3);
         assert!(svg.contains("h_risk"));
+    }
+
+    #[test]
+    fn an_open_end_is_a_circle_and_the_legend_explains_it_only_then() {
+        let plain = dag(&example());
+        let mut model = example();
+        let link = model.links.iter_mut().find(|link| link.cause != link.effect).unwrap();
+        link.mark = "o->".into();
+        let open = dag(&model);
+        let explained = "cause, or something not recorded drives both";
+        assert!(open.contains(explained) && !plain.contains(explained));
+        // One at the link, one in the legend.
+        assert_eq!(open.matches("<circle").count(), plain.matches("<circle").count() + 2);
     }
 
     #[test]

@@ -4,7 +4,7 @@ use std::fmt::Write;
 
 use super::layout::cubic;
 pub(super) use super::point::Point;
-use crate::ground::names::plain;
+use crate::{ground::names::plain, model::Model};
 
 /// An SVG document under construction.
 pub(super) struct Svg {
@@ -69,16 +69,42 @@ impl Svg {
             let _ = write!(d, " {:.1} {:.1}", point.x, point.y);
         }
         self.raw(&format!("<path d=\"{d}\" fill=\"none\" {}/>", stroke.attributes()));
-        if !stroke.directed {
-            return;
+        self.line_end(stroke.ends.1, *to, back, head, stroke);
+        if stroke.ends.0 != '-' {
+            let towards = start.towards(*between.first().unwrap_or(bend));
+            self.line_end(stroke.ends.0, *start, towards, head, stroke);
         }
-        let half = head * 0.45;
+    }
+
+    /// What stands at the end `tip` of a line that comes from the direction `back`: a head, a circle, a cross, or nothing.
+    fn line_end(&mut self, end: char, tip: Point, back: Point, size: f64, stroke: &Stroke) {
+        let half = size * 0.45;
+        let neck = tip.plus(back.x * size * 0.9, back.y * size * 0.9);
         let (left, right) =
             (neck.plus(-back.y * half, back.x * half), neck.plus(back.y * half, -back.x * half));
-        self.raw(&format!(
-            "<path d=\"M {:.1} {:.1} L {:.1} {:.1} L {:.1} {:.1} Z\" fill=\"{}\" fill-opacity=\"{}\"/>",
-            to.x, to.y, left.x, left.y, right.x, right.y, stroke.colour, stroke.opacity
-        ));
+        let (colour, opacity) = (stroke.colour, stroke.opacity);
+        match end {
+            '<' | '>' => self.raw(&format!(
+                "<path d=\"M {:.1} {:.1} L {:.1} {:.1} L {:.1} {:.1} Z\" fill=\"{colour}\" fill-opacity=\"{opacity}\"/>",
+                tip.x, tip.y, left.x, left.y, right.x, right.y
+            )),
+            'o' => self.raw(&format!(
+                "<circle cx=\"{:.1}\" cy=\"{:.1}\" r=\"{half:.1}\" fill=\"#ffffff\" stroke=\"{colour}\" \
+                 stroke-width=\"2\" stroke-opacity=\"{opacity}\"/>",
+                tip.x + back.x * half,
+                tip.y + back.y * half
+            )),
+            'x' => {
+                let (far, near) = (left.plus(-back.x * size * 0.9, -back.y * size * 0.9), right);
+                let (other, opposite) = (right.plus(-back.x * size * 0.9, -back.y * size * 0.9), left);
+                self.raw(&format!(
+                    "<path d=\"M {:.1} {:.1} L {:.1} {:.1} M {:.1} {:.1} L {:.1} {:.1}\" stroke=\"{colour}\" \
+                     stroke-width=\"2\" stroke-opacity=\"{opacity}\"/>",
+                    far.x, far.y, near.x, near.y, other.x, other.y, opposite.x, opposite.y
+                ));
+            }
+            _ => {}
+        }
     }
 
     pub(super) fn finish(self) -> String {
@@ -108,15 +134,16 @@ pub(super) struct Stroke {
     pub width: f64,
     pub dash: &'static str,
     pub opacity: f64,
-    pub directed: bool,
+    /// What stands at both ends, as in a mark: `('o', '>')`.
+    pub ends: (char, char),
 }
 
 impl Stroke {
     /// The width shows the strength, the colour the sign, and the dashes the p-value.
-    pub(super) fn of_link(value: f64, p_value: f64, smallest_p: f64, directed: bool) -> Self {
+    pub(super) fn of_link(value: f64, p_value: f64, smallest_p: f64, mark: &str) -> Self {
         let width = 1.5 + 5.0 * value.abs().min(1.0);
         let colour = if value < 0.0 { NEGATIVE } else { POSITIVE };
-        Self { colour, width, dash: dash(p_value, smallest_p), opacity: 1.0, directed }
+        Self { colour, width, dash: dash(p_value, smallest_p), opacity: 1.0, ends: ends_of(mark) }
     }
 
     fn attributes(&self) -> String {
@@ -127,6 +154,39 @@ impl Stroke {
             self.colour, self.width, self.opacity
         )
     }
+}
+
+/// The ends of a mark; a tail for what is none.
+fn ends_of(mark: &str) -> (char, char) {
+    let mut letters = mark.chars();
+    (letters.next().unwrap_or('-'), letters.next_back().unwrap_or('-'))
+}
+
+/// One line for each mark with a circle, a cross or two heads that is present, from `at` downwards.
+pub(super) fn legend_of_marks(svg: &mut Svg, at: Point, model: &Model) {
+    for (k, (mark, text)) in present_marks(model).into_iter().enumerate() {
+        let y = at.y + 18.0 * k as f64;
+        let stroke = Stroke { colour: INK, ends: ends_of(mark), ..Stroke::of_link(0.1, 0.0, 1.0, mark) };
+        let (from, to) = (Point::new(at.x, y), Point::new(at.x + 44.0, y));
+        svg.arrow(from, Point::new(at.x + 22.0, y), to, &stroke);
+        svg.text(Point::new(at.x + 54.0, y + 4.0), 12.0, "start", INK, text);
+    }
+}
+
+/// Height of the legend of marks.
+pub(super) fn height_of_marks(model: &Model) -> f64 {
+    18.0 * present_marks(model).len() as f64
+}
+
+fn present_marks(model: &Model) -> Vec<(&'static str, &'static str)> {
+    let known = [
+        ("o->", "cause, or something not recorded drives both"),
+        ("<->", "something not recorded drives both"),
+        ("o-o", "depend on each other, direction open"),
+        ("x->", "cause or not: contradictory"),
+        ("x-x", "direction contradictory"),
+    ];
+    known.into_iter().filter(|(mark, _)| model.links.iter().any(|link| link.mark == *mark)).collect()
 }
 
 /// Solid below the smallest p-value that the test can resolve, long dashes below 0.01, short ones above.

@@ -2,7 +2,7 @@
 
 use super::{
     dag::title,
-    svg::{INK, Point, Stroke, Svg, display, legend},
+    svg::{INK, Point, Stroke, Svg, display, height_of_marks, legend, legend_of_marks},
 };
 use crate::model::Model;
 
@@ -18,7 +18,7 @@ pub fn tsdag(model: &Model) -> String {
     let left = 50.0 + 8.5 * longest as f64;
     let width = (left + COLUMN * columns as f64).max(440.0);
     let height = 80.0 + ROW * n.max(1) as f64 + 90.0;
-    let mut svg = Svg::new(width, height);
+    let mut svg = Svg::new(width, height + height_of_marks(model));
     svg.text(Point::new(16.0, 26.0), 15.0, "start", INK, &title(model));
     let place = |row: usize, lag: usize| {
         Point::new(left + COLUMN * (model.tau_max - lag) as f64, 90.0 + ROW * row as f64)
@@ -27,8 +27,7 @@ pub fn tsdag(model: &Model) -> String {
         for link in model.links.iter().filter(|link| link.lag + shift <= model.tau_max) {
             let row = |name: &str| model.features.iter().position(|feature| feature == name);
             let (Some(i), Some(j)) = (row(&link.cause), row(&link.effect)) else { continue };
-            let mut stroke =
-                Stroke::of_link(link.value, link.p_value, model.smallest_p(), link.mark == "-->");
+            let mut stroke = Stroke::of_link(link.value, link.p_value, model.smallest_p(), &link.mark);
             if shift > 0 {
                 stroke.opacity = 0.25;
             }
@@ -56,6 +55,7 @@ pub fn tsdag(model: &Model) -> String {
         model.smallest_p(),
         model.links.iter().any(|link| link.value < 0.0),
     );
+    legend_of_marks(&mut svg, Point::new(16.0, height + 6.0), model);
     svg.finish()
 }
 

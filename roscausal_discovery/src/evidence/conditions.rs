@@ -58,6 +58,10 @@ impl<'a> Known<'a> {
             Method::Fullci => z.extend((0..n_vars).flat_map(past).filter(|node| *node != x)),
             Method::Bivci => z.extend(past(effect).filter(|node| *node != x)),
             Method::Lagdep => note = "a dependence without conditions is no causal link",
+            Method::Granger | Method::Varlingam | Method::Dynotears => {
+                note = "one linear model of all variables at once; there are no conditions of a single link";
+            }
+            Method::Lpcmci => note = "LPCMCI tests it given many sets; the weakest of these tests counts",
         }
         (z, note.to_owned())
     }

@@ -5,6 +5,8 @@
 //! | [`run_fpcmci`] | the parents of both ends, after a filter | Castri et al. 2023 |
 //! | [`run_pcmci`] | the parents of both ends | Runge et al. 2019 |
 //! | [`run_pcmciplus`] | the parents of both ends and sets of neighbours at lag 0 | Runge 2020 |
+//! | [`run_lpcmci`] | known causes and sets of possible ones; common causes may be hidden | Gerhardus and Runge 2020 |
+//! | [`run_candoit`] | as LPCMCI, with interventions | Castri et al. 2024 |
 //! | [`run_fullci`] | all other lagged variables | Granger 1969, with all variables |
 //! | [`run_granger`] | all other lagged variables, all lags of a cause at once | Granger 1969 |
 //! | [`run_bivci`] | the past of its effect | Granger 1969 |
@@ -19,6 +21,7 @@
 //! `X^i(t - tau) -> X^j(t)` (cause, effect, lag).
 
 mod autoregression;
+mod candoit;
 mod dynotears;
 mod extension;
 mod fdr;
@@ -38,6 +41,7 @@ mod skeleton;
 mod varlingam;
 
 pub use autoregression::Criterion;
+pub use candoit::{Intervened, run_candoit};
 pub use dynotears::{DynotearsResult, DynotearsSettings, run_dynotears};
 pub use fdr::{Fdr, fdr_bh};
 pub use fpcmci::{CausalMatrices, FpcmciResult, FpcmciSettings, run_fpcmci};

@@ -40,6 +40,8 @@ pub enum Method {
     Varlingam,
     /// A sparse linear model without cycles ([`run_dynotears`](super::run_dynotears)).
     Dynotears,
+    /// Links where common causes may be hidden ([`run_lpcmci`](super::run_lpcmci)).
+    Lpcmci,
 }
 
 /// A setting that some methods read and others do not. Every method reads the level, the lags, the exogenous variables and the
@@ -114,7 +116,7 @@ const USUAL: MethodInfo = MethodInfo {
 };
 
 /// All methods, in the order of the enum: one entry each, which says how the method differs from the usual.
-const METHODS: [MethodInfo; 9] = {
+const METHODS: [MethodInfo; 10] = {
     use Reads::{FAlpha, NeglectOnlyAutodep, PcAlpha, TeEstimator};
     const OF_FILTER: &[Reads] = &[PcAlpha, FAlpha, TeEstimator, NeglectOnlyAutodep];
     [
@@ -201,6 +203,19 @@ const METHODS: [MethodInfo; 9] = {
             says: "weights, lagged and at lag 0; no p-values",
             cost: "T (N p)^2 once, then steps of N^3 p",
             take_it: "to compare with results of others",
+            ..USUAL
+        },
+        MethodInfo {
+            method: Method::Lpcmci,
+            name: "lpcmci",
+            tau_min: 0,
+            pc_alpha: 0.05,
+            reads: &[PcAlpha],
+            hidden_causes: true,
+            assumes: "the system does not change, and no sample was selected",
+            says: "causes, non-causes and hidden common causes, at lag 0 and later; where it cannot tell",
+            cost: "some ten times pcmciplus",
+            take_it: "when not everything was recorded",
             ..USUAL
         },
     ]

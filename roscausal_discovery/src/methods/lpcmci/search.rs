@@ -121,13 +121,6 @@ impl<'a, 'b> Search<'a, 'b> {
             _ => Middle::Unknown,
         };
         self.graph.put(x, y, Some(Link { left, middle, right }));
-        for (a, b, end) in [(x, y, left), (y, x, right)] {
-            match end {
-                Tail => self.known.set(&self.graph, a, b, Known::Ancestor),
-                Head => self.known.set(&self.graph, a, b, Known::NonAncestor),
-                _ => {}
-            }
-        }
     }
 
     /// Puts in what is certain: `a` causes `b`, or does not.

@@ -1,10 +1,6 @@
 //! Whether a node separates two others: the sets that separate them vote.
 
-use super::{
-    graph::{Pair, before},
-    search::Search,
-    sets::union,
-};
+use super::{graph::Pair, search::Search, sets::union};
 use crate::{
     ground::{Node, Result},
     methods::pc_stable::next_combination,
@@ -13,7 +9,7 @@ use crate::{
 impl Search<'_, '_> {
     /// Whether more than half of the sets that separate A and C hold B.
     pub(super) fn separates_with(&mut self, b: Node, a: Node, c: Node) -> Result<bool> {
-        let is_final = |end| self.graph.get(end, b).is_none_or(|link| link.is_final());
+        let is_final = |end| self.graph.get(end, b).is_some_and(|link| link.is_final());
         let searched = is_final(a) && is_final(c);
         let (with, all) = self.count_votes(b, a, c, searched)?;
         Ok(2 * with > all)
@@ -54,8 +50,9 @@ impl Search<'_, '_> {
         for (a, b) in [(pair.x, pair.y), (pair.y, pair.x)] {
             let mut choices = self.apds(a, b);
             choices.retain(|node| !parents.contains(node));
-            let most =
-                if a == pair.x && before_in_time(pair) { self.settings.max_cond_px } else { usize::MAX };
+            let most = self.settings.max_p_global.unwrap_or(usize::MAX);
+            let of_cause = a == pair.x && pair.x.lag > 0;
+            let most = if of_cause { most.min(self.settings.max_cond_px) } else { most };
             for size in 0..=choices.len().min(most) {
                 let mut combination: Vec<usize> = (0..size).collect();
                 loop {
@@ -75,8 +72,4 @@ impl Search<'_, '_> {
         }
         Ok(sets)
     }
-}
-
-fn before_in_time(pair: Pair) -> bool {
-    before(pair.x, pair.y) && pair.x.lag > 0
 }

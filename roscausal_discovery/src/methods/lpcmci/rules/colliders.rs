@@ -109,13 +109,14 @@ fn test_again(
     let minimal: Vec<Vec<Node>> = search.evidence(ends).map_or(Vec::new(), |evidence| {
         evidence.separating.iter().filter(|set| set.minimal).map(|set| set.nodes.clone()).collect()
     });
-    let parents = search.parents(pair.x, pair.y);
+    // All within the window of the triple: what is later than both ends, or before the window, is left out.
+    let tau_max = search.graph.tau_max;
+    let to_pair = |node: Node| Some(Node::new(node.var, node.lag.checked_sub(at)?));
+    let parents: Vec<Node> = search.parents(a, b).into_iter().filter_map(to_pair).collect();
     let mut goes = false;
     for set in minimal {
-        // What is later than both, or before the window, is left out.
-        let moved =
-            set.iter().filter_map(|node| Some(Node::new(node.var, (node.lag + shift).checked_sub(at)?)));
-        let moved: Vec<Node> = moved.filter(|node| node.lag <= search.graph.tau_max).collect();
+        let in_window = set.iter().map(|node| node.shifted(shift)).filter(|node| node.lag <= tau_max);
+        let moved: Vec<Node> = in_window.filter_map(to_pair).collect();
         let z = union(pair, &moved, &parents);
         if search.separates(pair, &z)?.is_some() {
             proposals.remove.push((pair, z));

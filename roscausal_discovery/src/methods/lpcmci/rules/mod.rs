@@ -139,7 +139,11 @@ fn apply_causes(search: &mut Search<'_, '_>, causes: &[(Node, Node, bool)]) -> b
     }
     let mut changed = false;
     for ((a, b), (yes, no)) in said {
-        let before = search.known.get(&search.graph, a, b);
+        let assumed = search.graph.get(a, b).map(|link| link.left);
+        let before = match (search.known.get(&search.graph, a, b), assumed) {
+            (Known::Nothing, Some(LinkEnd::Tail)) => Known::Ancestor,
+            (known, _) => known,
+        };
         let (known, end) = match before {
             Known::Ambiguous => continue,
             Known::NonAncestor if yes => (Known::Ambiguous, LinkEnd::Conflict),

@@ -1,0 +1,104 @@
+//! CAnDOIT: LPCMCI on observations and interventions together.
+//!
+//! Source: Castri, Mghames, Hanheide and Bellotto 2024, Advanced Intelligent Systems, "CAnDOIT: causal discovery with
+//! observational and interventional data from time series".
+//!
+//! 1. Each intervened variable has a context column: the imposed value while it is imposed, else 0.
+//! 2. LPCMCI runs on all columns. It knows beforehand that a context drives its variable at once, that nothing drives a context
+//!    but its own past, and that contexts belong together.
+//! 3. Where an intervened variable is a condition in an ancestral phase, its contexts are conditions, too.
+//!
+//! Example: something hidden drives `x` and `y`. Where `x` was imposed, `y` does not follow: `x` does not cause `y`.
+
+use super::lpcmci::{LpcmciResult, LpcmciSettings, run_lpcmci};
+use crate::ground::{Assumption, CondIndTest, Control, DataFrame, Error, LinkAssumptions, Result};
+
+/// A variable on which values were imposed, and the column that holds them.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Intervened {
+    /// Column of the variable.
+    pub variable: usize,
+    /// Column of its context: the imposed value while it is imposed, else 0.
+    pub context: usize,
+}
+
+/// CAnDOIT: [`run_lpcmci`] with one context column per intervened variable. Each batch of interventions is a recording of its
+/// own, so no sample spans the start of an intervention.
+///
+/// Take it when something was imposed on the system in some recordings, such as a robot that stood still: it tells causes
+/// from common causes. Contexts are part of the result.
+///
+/// `extra_conditions` is the rule of the paper that contexts join their variables as conditions. The settings' link assumptions
+/// and contexts are made here and must be empty.
+///
+/// # Errors
+/// As [`run_lpcmci`]; an intervention without its column, a column with two roles, link assumptions in the settings, or
+/// `tau_max` 0.
+pub fn run_candoit(
+    data: &DataFrame,
+    test: &dyn CondIndTest,
+    settings: &LpcmciSettings,
+    interventions: &[Intervened],
+    extra_conditions: bool,
+    control: &Control,
+) -> Result<LpcmciResult> {
+    check(data, settings, interventions)?;
+    let links = assumptions(data.n_vars(), settings.tau_max, interventions)?;
+    let pairs = interventions.iter().map(|one| (one.variable, one.context));
+    let settings = LpcmciSettings {
+        tau_min: 0,
+        link_assumptions: Some(links),
+        contexts: if extra_conditions { pairs.collect() } else { Vec::new() },
+        ..settings.clone()
+    };
+    run_lpcmci(data, test, &settings, control)
+}
+
+fn check(data: &DataFrame, settings: &LpcmciSettings, interventions: &[Intervened]) -> Result<()> {
+    let fail = |reason: String| Err(Error::param("interventions", reason));
+    if interventions.is_empty() {
+        return fail("there is none; without interventions take lpcmci".to_owned());
+    }
+    if settings.tau_max == 0 {
+        return Err(Error::param("tau_max", "0 leaves no past; give at least 1"));
+    }
+    if settings.link_assumptions.is_some() || !settings.contexts.is_empty() {
+        return Err(Error::param("link_assumptions", "candoit makes them from the interventions; give none"));
+    }
+    for (k, one) in interventions.iter().enumerate() {
+        if one.variable.max(one.context) >= data.n_vars() {
+            return fail(format!("column {} does not exist", one.variable.max(one.context)));
+        }
+        let twice = interventions[..k].iter().any(|other| other.context == one.context);
+        if twice || interventions.iter().any(|other| other.variable == one.context) {
+            let name = &data.var_names()[one.context];
+            return fail(format!(
+                "'{name}' has two roles; each intervened variable needs a context column of its own"
+            ));
+        }
+    }
+    Ok(())
+}
+
+/// What is known of contexts; the other pairs are free.
+fn assumptions(n_vars: usize, tau_max: usize, interventions: &[Intervened]) -> Result<LinkAssumptions> {
+    let free = LinkAssumptions::all_with_hidden_causes(n_vars, 0, tau_max);
+    let is_context = |var: usize| interventions.iter().any(|one| one.context == var);
+    let mut links = LinkAssumptions::none(n_vars);
+    for effect in (0..n_vars).filter(|&var| !is_context(var)) {
+        for (cause, assumption) in free.of_target(effect).filter(|(cause, _)| !is_context(cause.var)) {
+            links.insert(cause.var, effect, cause.lag, assumption)?;
+        }
+    }
+    for one in interventions {
+        links.insert(one.context, one.variable, 0, Assumption::Exists)?;
+        links.insert(one.context, one.context, 1, Assumption::Exists)?;
+        for other in interventions.iter().filter(|other| other.context != one.context) {
+            links.insert(other.context, one.context, 0, Assumption::ExistsHidden)?;
+            for lag in 1..=tau_max {
+                links.insert(other.context, one.context, lag, Assumption::TestNotBack)?;
+            }
+        }
+    }
+    Ok(links)
+}
