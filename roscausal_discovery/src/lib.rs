@@ -64,6 +64,7 @@
 #![warn(missing_docs)]
 
 mod analysis;
+pub mod confidence;
 pub mod draw;
 mod ground;
 pub mod independence_tests;
@@ -74,7 +75,7 @@ pub mod transfer_entropy;
 
 pub use analysis::{PcAlpha, Settings, analyse};
 pub use ground::*;
-pub use model::{Link, Matrices, Model, SCHEMA};
+pub use model::{Advice, Confidence, Link, Matrices, Model, ResamplingFacts, SCHEMA, word_of};
 pub use numeric::random::mix;
 
 /// The README's example runs, too.

@@ -10,8 +10,17 @@ use std::{
 };
 
 /// The modules of the crate from the ground up.
-const LAYERS: [&str; 8] =
-    ["ground", "numeric", "independence_tests", "transfer_entropy", "methods", "model", "draw", "analysis"];
+const LAYERS: [&str; 9] = [
+    "ground",
+    "numeric",
+    "independence_tests",
+    "transfer_entropy",
+    "methods",
+    "model",
+    "draw",
+    "analysis",
+    "confidence",
+];
 
 /// A module as the names on the way to it; the crate itself has none.
 type Module = Vec<String>;

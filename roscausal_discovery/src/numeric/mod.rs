@@ -1,6 +1,7 @@
 //! Numbers: random ones, rows of them, and the distributions of tests. Nothing here knows a test or a method.
 
 pub(crate) mod normal;
+pub(crate) mod pcg64;
 pub(crate) mod random;
 pub(crate) mod rows;
 pub(crate) mod special;

@@ -1,6 +1,10 @@
 //! The result of an analysis as users and files see it: one versioned object.
 
+mod confidence;
+
 use serde::{Deserialize, Serialize};
+
+pub use confidence::{Advice, Confidence, ResamplingFacts, word_of};
 
 use crate::independence_tests::smallest_p;
 
@@ -63,6 +67,9 @@ pub struct Model {
     pub pval: Vec<Vec<Vec<f64>>>,
     /// What a reader of the model should know, one sentence each.
     pub warnings: Vec<String>,
+    /// How often resamples found each link; in files its fields stand beside the others, null without resamples.
+    #[serde(flatten, with = "confidence")]
+    pub confidence: Option<Box<Confidence>>,
 }
 
 /// One link of a [`Model`].
@@ -82,6 +89,15 @@ pub struct Link {
     pub mark: String,
     /// Samples that the test of this link left out because a value was missing.
     pub n_lost: usize,
+    /// Share of the resamples that have the link, whatever its mark; `None` without resamples.
+    #[serde(default)]
+    pub confidence: Option<f64>,
+    /// Percentile 5 of the strength in the resamples.
+    #[serde(default)]
+    pub value_low: Option<f64>,
+    /// Percentile 95 of the strength in the resamples.
+    #[serde(default)]
+    pub value_high: Option<f64>,
 }
 
 /// Matrices of a run in tigramite's layout, `[cause][effect][lag 0..=tau_max]`.
@@ -139,6 +155,9 @@ impl Model {
                         p_value: matrices.p_matrix[i][j][lag],
                         mark: mark.clone(),
                         n_lost: matrices.n_lost.get(i).map_or(0, |to| to[j][lag]),
+                        confidence: None,
+                        value_low: None,
+                        value_high: None,
                     });
                 }
             }
@@ -209,6 +228,7 @@ pub(crate) fn example() -> Model {
         val: vec![],
         pval: vec![],
         warnings: vec![],
+        confidence: None,
     };
     let names = ["h_v", "h_dg", "h_risk"].map(str::to_owned).to_vec();
     model.with_matrices(

@@ -1,13 +1,10 @@
-//! One analysis, from settings to model. The commands and the discovery node all enter here.
+//! What to analyse, and how.
 
 use crate::{
-    ground::{CondIndTest, Control, DataFrame, Error, LinkAssumptions, Result, Samples, names},
+    ground::{DataFrame, Error, LinkAssumptions, Result, names},
     independence_tests::{self, GpSearch},
-    methods::{
-        Fdr, FpcmciResult, FpcmciSettings, Method, PcmciPlusSettings, PcmciResult, PcmciSettings, Reads,
-        Status, get_lagged_dependencies, run_bivci, run_fpcmci, run_fullci, run_pcmci, run_pcmciplus,
-    },
-    model::{self, Matrices, Model},
+    methods::{Fdr, Method, PcmciSettings, Reads},
+    model::{self, Model},
     transfer_entropy::TeEstimator,
 };
 
@@ -152,6 +149,7 @@ impl Settings {
             val: Vec::new(),
             pval: Vec::new(),
             warnings: Vec::new(),
+            confidence: None,
         }
     }
 
@@ -164,7 +162,7 @@ impl Settings {
         }
     }
 
-    fn test_settings(&self) -> independence_tests::TestSettings {
+    pub(crate) fn test_settings(&self) -> independence_tests::TestSettings {
         independence_tests::TestSettings {
             seed: self.seed,
             gp_search: self.gp_search,
@@ -174,7 +172,7 @@ impl Settings {
         }
     }
 
-    fn pcmci(&self, data: &DataFrame) -> PcmciSettings {
+    pub(crate) fn pcmci(&self, data: &DataFrame) -> PcmciSettings {
         let context: Vec<usize> =
             self.exogenous.iter().filter_map(|name| names::position(data.var_names(), name)).collect();
         let links = LinkAssumptions::all(data.n_vars(), self.tau_min, self.tau_max).exogenous(&context);
@@ -190,7 +188,7 @@ impl Settings {
     }
 
     /// Checks that the data can be analysed with these settings at all.
-    fn check_data(&self, data: &DataFrame) -> Result<()> {
+    pub(crate) fn check_data(&self, data: &DataFrame) -> Result<()> {
         if data.n_vars() < 2 {
             return Err(Error::Data(format!(
                 "there is only one variable, '{}'; a cause and an effect need at least two columns (the time does not \
@@ -214,124 +212,4 @@ fn level(name: &str, value: f64) -> Result<()> {
         return Ok(());
     }
     Err(Error::param(name, format!("{value} is not a level; give a number between 0 and 1, such as 0.05")))
-}
-
-/// Analyses `data` with `settings` under `control`: from data to model in one call.
-///
-/// ```
-/// use roscausal_discovery::{Control, DataFrame, Settings, analyse};
-///
-/// # let noise = |i: usize| ((12.9898 * i as f64).sin() * 43758.5453).rem_euclid(1.0) - 0.5;
-/// # let mut values = ndarray::Array2::zeros((150, 2));
-/// # for t in 1..150 {
-/// #     values[[t, 0]] = noise(2 * t);
-/// #     values[[t, 1]] = 0.7 * values[[t - 1, 0]] + noise(2 * t + 1);
-/// # }
-/// # let data = DataFrame::new(vec![values], vec!["a".into(), "b".into()])?;
-/// // F-PCMCI with GPDC at lag 1.
-/// let model = analyse(&data, &Settings::default(), &Control::default())?;
-/// assert_eq!((model.features.len(), model.links.len()), (2, 1));
-/// assert!(model.to_json().contains("\"cause\": \"a\""));
-/// # Ok::<(), roscausal_discovery::Error>(())
-/// ```
-///
-/// # Errors
-/// Invalid settings, unsuitable data, or cancellation. Running out of time is not an error: the model's status says
-/// so.
-pub fn analyse(data: &DataFrame, settings: &Settings, control: &Control) -> Result<Model> {
-    settings.check()?;
-    settings.check_data(data)?;
-    let test = independence_tests::by_name(&settings.cond_ind_test, &settings.test_settings())?;
-    let (test, pcmci) = (test.as_ref(), settings.pcmci(data));
-    let result = match settings.method {
-        Method::Fpcmci => return filtered(data, test, settings, pcmci, control),
-        Method::Pcmci => run_pcmci(data, test, &pcmci, control),
-        Method::Pcmciplus => run_pcmciplus(data, test, &pcmci, &PcmciPlusSettings::default(), control),
-        Method::Fullci => run_fullci(data, test, &pcmci, control),
-        Method::Bivci => run_bivci(data, test, &pcmci, control),
-        Method::Lagdep => get_lagged_dependencies(data, test, &pcmci, control),
-    }?;
-    control.tell(result.effort.as_deref());
-    Ok(with_result(settings.blank_model(), data.var_names().to_vec(), result))
-}
-
-/// F-PCMCI: the model keeps the variables that have a link; the others are listed as dropped.
-fn filtered(
-    data: &DataFrame,
-    test: &dyn CondIndTest,
-    settings: &Settings,
-    pcmci: PcmciSettings,
-    control: &Control,
-) -> Result<Model> {
-    let n_samples = Samples::new(data, 2 * settings.tau_max).len();
-    let settings_of_method = FpcmciSettings {
-        te_estimator: settings.te_estimator,
-        f_alpha: settings.f_alpha.unwrap_or(settings.alpha),
-        neglect_only_autodep: settings.neglect_only_autodep,
-        seed: settings.seed,
-        pcmci,
-    };
-    let result = run_fpcmci(data, test, &settings_of_method, control)?;
-    let remarks = remarks_on_filter(settings.te_estimator, test, &result);
-    let name = |&var: &usize| data.var_names()[var].clone();
-    let features: Vec<String> = result.features.iter().map(name).collect();
-    let others = (0..data.n_vars()).filter(|var| !result.features.contains(var));
-    let dropped = others.map(|var| name(&var)).collect();
-    let blank = Model { n_samples, dropped, ..settings.blank_model() };
-    let mut model = match result.pcmci {
-        Some(found) => {
-            let place = |var: &usize| result.selected.iter().position(|selected| selected == var);
-            control.tell(found.effort.as_deref());
-            let places: Vec<usize> = result.features.iter().filter_map(place).collect();
-            with_result(blank, features, found.on_features(&places))
-        }
-        None => blank,
-    };
-    model.warnings.extend(remarks);
-    if let Status::Partial(how_far) = result.status {
-        model.status = format!("partial: {how_far}");
-    }
-    Ok(model)
-}
-
-/// What a user should know about F-PCMCI's filter.
-fn remarks_on_filter(estimator: TeEstimator, test: &dyn CondIndTest, result: &FpcmciResult) -> Vec<String> {
-    let mut remarks = Vec::new();
-    if estimator == TeEstimator::Gaussian && !test.is_linear() {
-        remarks.push(format!(
-            "the gaussian filter passes linear dependence only, so links that only {} sees may be missing; the te-estimator \
-             auto passes them too",
-            test.name()
-        ));
-    }
-    if result.filter.is_some() && result.selected.is_empty() {
-        remarks.push(
-            "the filter lets nothing through: at this level no variable informs another, so no link was tested; the method \
-             pcmci tests all"
-                .into(),
-        );
-    }
-    remarks
-}
-
-fn with_result(blank: Model, features: Vec<String>, result: PcmciResult) -> Model {
-    let n = features.len();
-    let matrices = Matrices {
-        graph: nested(n, blank.tau_max, |at| result.graph[at].symbol().to_owned()),
-        val_matrix: nested(n, blank.tau_max, |at| result.val_matrix[at]),
-        p_matrix: nested(n, blank.tau_max, |at| result.deciding_p()[at]),
-        n_lost: nested(n, blank.tau_max, |at| result.n_lost[at]),
-    };
-    let mut model = blank.with_matrices(features, matrices);
-    model.n_samples = result.n_samples;
-    model.warnings.extend(result.remarks);
-    if let Status::Partial(how_far) = result.status {
-        model.status = format!("partial: {how_far}");
-    }
-    model
-}
-
-fn nested<T>(n: usize, tau_max: usize, at: impl Fn([usize; 3]) -> T) -> Vec<Vec<Vec<T>>> {
-    let lags = |i, j| (0..=tau_max).map(|lag| at([i, j, lag])).collect();
-    (0..n).map(|i| (0..n).map(|j| lags(i, j)).collect()).collect()
 }
