@@ -81,7 +81,7 @@ pub fn links_csv(model: &Model) -> Result<Vec<u8>> {
     let mut writer = csv::Writer::from_writer(Vec::new());
     let fault = |e: &dyn std::fmt::Display| Error::Data(format!("the list of links cannot be written: {e}"));
     for link in &model.links {
-        let Link { cause, effect, lag, value, p_value, mark, n_lost } = link;
+        let Link { cause, effect, lag, value, p_value, mark, n_lost, .. } = link;
         let p = report::p_cell(model, *p_value);
         let row =
             Row { cause, effect, lag: *lag, value: *value, p_value: *p_value, mark, n_lost: *n_lost, p };

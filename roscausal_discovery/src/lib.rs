@@ -70,6 +70,7 @@
 
 mod about;
 mod analysis;
+pub mod confidence;
 pub mod draw;
 mod effort;
 mod evidence;
@@ -85,7 +86,7 @@ pub use analysis::{PcAlpha, Settings, analyse, analyse_with, analyse_with_eviden
 pub use effort::Effort;
 pub use evidence::{AtLag, Condition, EVIDENCE_SCHEMA, Evidence, LinkEvidence, MOST_POINTS, VariableFacts};
 pub use ground::*;
-pub use model::{Link, Matrices, Model, SCHEMA};
+pub use model::{Advice, Confidence, Link, Matrices, Model, ResamplingFacts, SCHEMA, word_of};
 pub use numeric::random::mix;
 
 /// The README's example runs, too.

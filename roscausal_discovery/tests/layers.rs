@@ -10,7 +10,7 @@ use std::{
 };
 
 /// The modules of the crate from the ground up.
-const LAYERS: [&str; 11] = [
+const LAYERS: [&str; 12] = [
     "ground",
     "numeric",
     "about",
@@ -21,6 +21,7 @@ const LAYERS: [&str; 11] = [
     "evidence",
     "draw",
     "analysis",
+    "confidence",
     "effort",
 ];
 

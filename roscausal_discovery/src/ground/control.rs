@@ -114,6 +114,11 @@ impl Control {
         }
     }
 
+    /// The same time budget and cancellation, with a count of its own that nobody is told.
+    pub(crate) fn silent(&self) -> Self {
+        Self { on_progress: None, state: Arc::default(), ..self.clone() }
+    }
+
     /// Tests done so far by all runs under this control.
     pub fn done(&self) -> usize {
         self.state.done.load(Ordering::Relaxed)

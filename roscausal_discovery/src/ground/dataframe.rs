@@ -1,5 +1,7 @@
 //! The data of an analysis: recordings of the same variables.
 
+use std::sync::Arc;
+
 use ndarray::{Array2, Axis};
 
 use super::{
@@ -58,14 +60,19 @@ impl std::str::FromStr for MaskType {
 /// ```
 #[derive(Clone, Debug)]
 pub struct DataFrame {
-    pub(super) recordings: Vec<Array2<f64>>,
+    /// Shared by the data frames that differ in their times only.
+    pub(super) recordings: Arc<Vec<Array2<f64>>>,
     var_names: Vec<String>,
-    masks: Option<Vec<Array2<bool>>>,
+    masks: Option<Arc<Vec<Array2<bool>>>>,
     pub(super) mask_type: MaskType,
     pub(super) remove_missing_upto_maxlag: bool,
     /// The times that count as samples; `None`: all.
     pub(super) reference_points: Option<Vec<Vec<bool>>>,
     has_missing: bool,
+    /// The times that are samples, by recording; `None`: all.
+    times: Option<Arc<Vec<Vec<usize>>>>,
+    /// Tells apart the draws of times from one data frame; 0: none was drawn.
+    draw: u64,
 }
 
 impl DataFrame {
@@ -96,20 +103,73 @@ impl DataFrame {
         }
         let has_missing = recordings.iter().any(|r| r.iter().any(|v| v.is_nan()));
         Ok(Self {
-            recordings,
+            recordings: Arc::new(recordings),
             var_names,
             masks: None,
             mask_type: MaskType::default(),
             remove_missing_upto_maxlag: false,
             reference_points: None,
             has_missing,
+            times: None,
+            draw: 0,
         })
+    }
+
+    /// The same recordings, of which only these times are samples: one list per recording, each time as often as it is listed.
+    /// The lags of a sample may lie before the listed times. Times that a run needs as the past of others are left out.
+    ///
+    /// ```
+    /// use ndarray::array;
+    /// use roscausal_discovery::{DataFrame, Node, Samples};
+    ///
+    /// let data = DataFrame::new(vec![array![[1.0], [2.0], [3.0], [4.0]]], vec!["a".into()])?;
+    /// let some = data.at_times(vec![vec![3, 1, 1, 0]])?;
+    /// let arrays = Samples::new(&some, 1).arrays(Node::new(0, 1), Node::new(0, 0), &[]);
+    /// assert_eq!((arrays.x, arrays.y), (vec![3.0, 1.0, 1.0], vec![4.0, 2.0, 2.0]));
+    /// # Ok::<(), roscausal_discovery::Error>(())
+    /// ```
+    ///
+    /// # Errors
+    /// A number of lists that is not that of the recordings, or a time beyond the end of its recording.
+    pub fn at_times(&self, times: Vec<Vec<usize>>) -> Result<Self> {
+        if times.len() != self.recordings.len() {
+            let (n, wanted) = (times.len(), self.recordings.len());
+            return Err(Error::param(
+                "times",
+                format!("{n} lists for {wanted} recordings; give one for each"),
+            ));
+        }
+        for (k, (list, recording)) in times.iter().zip(self.recordings.iter()).enumerate() {
+            if let Some(t) = list.iter().find(|&&t| t >= recording.nrows()) {
+                let reason = format!("{t} is beyond the {} rows of recording {k}", recording.nrows());
+                return Err(Error::param("times", reason));
+            }
+        }
+        Ok(Self { times: Some(Arc::new(times)), ..self.clone() })
+    }
+
+    /// Says that the times were drawn as number `draw`, so that tests with random numbers take others than in the other draws.
+    #[must_use]
+    pub(crate) fn as_draw(mut self, draw: u64) -> Self {
+        self.draw = draw;
+        self
+    }
+
+    /// The listed times of a recording; `None`: all.
+    pub(crate) fn times(&self, recording: usize) -> Option<&[usize]> {
+        self.times.as_ref().map(|times| times[recording].as_slice())
+    }
+
+    /// The number of the draw that chose the times; 0: none was drawn.
+    pub(crate) fn draw(&self) -> u64 {
+        self.draw
     }
 
     /// Treats every value that equals `flag` as missing.
     #[must_use]
     pub fn with_missing_flag(mut self, flag: f64) -> Self {
-        self.recordings.iter_mut().for_each(|r| r.mapv_inplace(|v| if v == flag { f64::NAN } else { v }));
+        let recordings = Arc::make_mut(&mut self.recordings);
+        recordings.iter_mut().for_each(|r| r.mapv_inplace(|v| if v == flag { f64::NAN } else { v }));
         self.has_missing = self.recordings.iter().any(|r| r.iter().any(|v| v.is_nan()));
         self
     }
@@ -121,11 +181,14 @@ impl DataFrame {
     /// Masks whose number or shapes differ from those of the recordings.
     pub fn with_mask(mut self, masks: Vec<Array2<bool>>, mask_type: MaskType) -> Result<Self> {
         let fits = masks.len() == self.recordings.len()
-            && masks.iter().zip(&self.recordings).all(|(mask, recording)| mask.dim() == recording.dim());
+            && masks
+                .iter()
+                .zip(self.recordings.iter())
+                .all(|(mask, recording)| mask.dim() == recording.dim());
         if !fits {
             return Err(Error::param("mask", "give one mask per recording, each of the recording's shape"));
         }
-        self.masks = Some(masks);
+        self.masks = Some(Arc::new(masks));
         self.mask_type = mask_type;
         Ok(self)
     }
@@ -161,9 +224,10 @@ impl DataFrame {
         let recordings: Vec<_> = self.recordings.iter().map(|r| r.select(Axis(1), vars)).collect();
         Self {
             has_missing: recordings.iter().any(|r| r.iter().any(|v| v.is_nan())),
-            recordings,
+            recordings: Arc::new(recordings),
             var_names: vars.iter().map(|&var| self.var_names[var].clone()).collect(),
-            masks: self.masks.as_ref().map(|m| m.iter().map(|m| m.select(Axis(1), vars)).collect()),
+            masks: (self.masks.as_ref())
+                .map(|m| Arc::new(m.iter().map(|m| m.select(Axis(1), vars)).collect())),
             ..self.clone()
         }
     }

@@ -7,7 +7,8 @@ use super::{
     node::Node,
 };
 
-/// The time indices that all tests of one run use: `cut_off..T` of each recording.
+/// The time indices that all tests of one run use: `cut_off..T` of each recording, or those of them that the data frame lists
+/// ([`DataFrame::at_times`]).
 ///
 /// All tests of a run see the same times, so that their values compare; the first `cut_off` samples of each recording serve
 /// as the past of the others.
@@ -27,6 +28,8 @@ pub struct Samples<'a> {
     data: &'a DataFrame,
     cut_off: usize,
     control: Control,
+    /// The listed times that are not before the cut-off, by recording.
+    times: Option<Vec<Vec<usize>>>,
 }
 
 /// The lagged rows of one test, without the samples in which a node is missing or masked.
@@ -45,7 +48,9 @@ pub struct LaggedArrays {
 impl<'a> Samples<'a> {
     /// The samples of a run. A run with `tau_max` uses `cut_off` = `2xtau_max`.
     pub fn new(data: &'a DataFrame, cut_off: usize) -> Self {
-        Self { data, cut_off, control: Control::default() }
+        let after = |times: &[usize]| times.iter().copied().filter(|&t| t >= cut_off).collect();
+        let times = (0..data.recordings.len()).map(|k| data.times(k).map(after)).collect();
+        Self { data, cut_off, control: Control::default(), times }
     }
 
     /// The same samples, watched by `control`.
@@ -72,7 +77,39 @@ impl<'a> Samples<'a> {
 
     /// Number of samples before any is left out.
     pub fn len(&self) -> usize {
-        self.data.recordings.iter().map(|r| r.nrows().saturating_sub(self.cut_off)).sum()
+        match &self.times {
+            Some(lists) => lists.iter().map(Vec::len).sum(),
+            None => self.data.recordings.iter().map(|r| r.nrows().saturating_sub(self.cut_off)).sum(),
+        }
+    }
+
+    /// Whether the samples are listed ([`DataFrame::at_times`]), not all times from the cut-off on.
+    pub fn are_listed(&self) -> bool {
+        self.times.is_some()
+    }
+
+    /// The values of `node` in the order of the samples. None may be missing.
+    pub(crate) fn values(&self, node: Node) -> Vec<f64> {
+        let mut values = Vec::with_capacity(self.len());
+        for (k, recording) in self.data.recordings.iter().enumerate() {
+            let column = recording.column(node.var);
+            self.each_time(k, |t| values.push(column[t - node.lag]));
+        }
+        values
+    }
+
+    /// For each sample of recording `k`: its time.
+    pub(crate) fn times_in(&self, k: usize) -> Vec<usize> {
+        let mut times = Vec::new();
+        self.each_time(k, |t| times.push(t));
+        times
+    }
+
+    fn each_time(&self, k: usize, f: impl FnMut(usize)) {
+        match &self.times {
+            Some(lists) => lists[k].iter().copied().for_each(f),
+            None => (self.cut_off..self.data.recordings[k].nrows()).for_each(f),
+        }
     }
 
     /// Whether there is no sample.
@@ -90,16 +127,16 @@ impl<'a> Samples<'a> {
         let incomplete = self.data.is_incomplete();
         for (k, recording) in self.data.recordings.iter().enumerate() {
             let dropped = if incomplete { self.dropped(k, x, y, z) } else { Vec::new() };
-            for t in self.cut_off..recording.nrows() {
+            self.each_time(k, |t| {
                 if incomplete && dropped[t - self.cut_off] {
                     out.n_lost += 1;
-                    continue;
+                    return;
                 }
                 let at = |node: Node| recording[[t - node.lag, node.var]];
                 out.x.push(at(x));
                 out.y.push(at(y));
                 z.iter().zip(&mut out.z).for_each(|(&node, row)| row.push(at(node)));
-            }
+            });
         }
         out
     }
@@ -118,16 +155,15 @@ impl<'a> Samples<'a> {
                 nodes.iter().any(|&node| data.excludes(k, t, node, masks && (x || y || z)))
             };
             let dropped = if data.is_incomplete() { self.dropped_where(k, excludes) } else { Vec::new() };
-            for t in self.cut_off..recording.nrows() {
+            self.each_time(k, |t| {
                 if dropped.get(t - self.cut_off) == Some(&true) {
                     n_lost += 1;
-                    continue;
+                    return;
                 }
-                nodes
-                    .iter()
-                    .zip(&mut columns)
-                    .for_each(|(node, column)| column.push(recording[[t - node.lag, node.var]]));
-            }
+                for (node, column) in nodes.iter().zip(&mut columns) {
+                    column.push(recording[[t - node.lag, node.var]]);
+                }
+            });
         }
         CompleteRows { n_vars, columns, n_lost }
     }

@@ -2,7 +2,7 @@
 
 use crate::{
     ground::{Error, Node, Result, Samples},
-    numeric::rows::{dot, is_constant},
+    numeric::rows::{dot, is_constant, standardize},
 };
 
 /// Most entries that the matrix of a run may have (1 GB).
@@ -30,10 +30,28 @@ impl Correlations {
 
     /// Correlations of the untransformed lagged variables. No value may be missing.
     pub(crate) fn lagged(samples: &Samples<'_>) -> Result<Self> {
+        if samples.are_listed() {
+            return Self::of_listed(samples);
+        }
         let Sums { products, mut sums } = Sums::new(samples, &standardized_columns(samples))?;
         let n = samples.len() as f64;
         sums.iter_mut().for_each(|sum| *sum /= n);
         Ok(Self::normalized(samples.cut_off() + 1, products, &sums, n, constant_windows(samples)))
+    }
+
+    /// Correlations of listed samples: those of two lags share no sums.
+    fn of_listed(samples: &Samples<'_>) -> Result<Self> {
+        let n_lags = samples.cut_off() + 1;
+        let mut rows = Vec::with_capacity(samples.data().n_vars() * n_lags);
+        for var in 0..samples.data().n_vars() {
+            samples.control().check()?;
+            for lag in 0..n_lags {
+                let mut row = samples.values(Node::new(var, lag));
+                standardize(&mut row);
+                rows.push(row);
+            }
+        }
+        Ok(Self::of_rows(&rows, n_lags))
     }
 
     /// A matrix whose nodes are 0, 1, ... at lag 0. None is constant.
@@ -135,6 +153,18 @@ pub(super) struct Sums {
 }
 
 impl Sums {
+    /// Of nodes whose samples lie side by side.
+    pub(super) fn of_nodes(recordings: &Columns, n_nodes: usize) -> Self {
+        let mut of = Self { products: vec![0.0; n_nodes * n_nodes], sums: vec![0.0; n_nodes] };
+        for rows in recordings {
+            for (i, row) in rows.iter().enumerate() {
+                of.sums[i] += row.iter().sum::<f64>();
+                dots(row, &rows[i..], |k, sum| of.products[i * n_nodes + i + k] += sum);
+            }
+        }
+        of
+    }
+
     pub(super) fn new(samples: &Samples<'_>, columns: &Columns) -> Result<Self> {
         let (n_vars, n_lags) = (samples.data().n_vars(), samples.cut_off() + 1);
         let mut gram = Gram { n_vars, n_lags, sums: vec![0.0; (n_vars * n_lags).pow(2)] };
@@ -299,10 +329,7 @@ mod tests {
     use proptest::prelude::*;
 
     use super::*;
-    use crate::{
-        ground::DataFrame,
-        numeric::{random::Rng, rows::standardize},
-    };
+    use crate::{ground::DataFrame, numeric::random::Rng};
 
     /// Correlations computed directly from their definition.
     fn by_definition(samples: &Samples<'_>, x: Node, y: Node) -> f64 {

@@ -8,7 +8,10 @@ use super::{
 };
 use crate::{
     ground::{CondIndTest, Error, LaggedArrays, Node, PreparedTest, Result, Samples, TestResult},
-    numeric::{random::Rng, special::chi_squared_sf},
+    numeric::{
+        random::{Rng, seed_of_draw},
+        special::chi_squared_sf,
+    },
 };
 
 /// G test of discrete variables: `G = 2 sum n ln(n / e)` over the cells of X and Y in every stratum of Z. `e` is
@@ -91,8 +94,10 @@ impl PreparedTest for Prepared<'_> {
         let settings = &self.test.settings;
         let stratum = strata(&zs, xs.len());
         let g = g_statistic(&levels(&xs), &levels(&ys), &stratum);
-        let mut resampling =
-            Resampling { rng: Rng::for_test(settings.seed, x, y, z), control: self.samples.control() };
+        let mut resampling = Resampling {
+            rng: Rng::for_test(seed_of_draw(settings.seed, self.samples.data().draw()), x, y, z),
+            control: self.samples.control(),
+        };
         let p_value = match self.test.significance {
             Significance::Analytic => chi_squared_sf(g.value, g.dof),
             Significance::FixedThres => 1.0,

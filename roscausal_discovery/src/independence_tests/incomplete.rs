@@ -24,8 +24,9 @@ const BLOCK: usize = 512;
 pub(super) struct Incomplete {
     cut_off: usize,
     n_samples: usize,
-    /// Standardised, with 0 for what is missing.
+    /// Standardised, with 0 for what is missing: one per variable, or one per node where the samples are listed.
     columns: Columns,
+    listed: bool,
     all: Sums,
     /// Which samples lack a node: bits by recording, node and sample.
     missing: Vec<Vec<Vec<u64>>>,
@@ -46,17 +47,37 @@ struct Part {
 
 impl Incomplete {
     pub(super) fn new(samples: &Samples<'_>) -> Result<Self> {
-        let cut_off = samples.cut_off();
+        let (cut_off, listed) = (samples.cut_off(), samples.are_listed());
         let mut columns = standardized_columns(samples);
-        let bits =
-            |column: &Vec<f64>, lag| window(column, cut_off, lag).map(missing_bits).unwrap_or_default();
-        let of_recording = |recording: &Vec<Vec<f64>>| {
-            recording.iter().flat_map(|column| (0..=cut_off).map(move |lag| bits(column, lag))).collect()
+        if listed {
+            columns = at_listed_times(samples, &columns);
+        }
+        let n_nodes = samples.data().n_vars() * (cut_off + 1);
+        let mut sums = Self {
+            cut_off,
+            n_samples: samples.len(),
+            columns,
+            listed,
+            all: Sums::of_nodes(&Vec::new(), n_nodes),
+            missing: Vec::new(),
         };
-        let missing = columns.iter().map(of_recording).collect();
-        columns.iter_mut().flatten().flatten().filter(|value| value.is_nan()).for_each(|value| *value = 0.0);
-        let all = Sums::new(samples, &columns)?;
-        Ok(Self { cut_off, n_samples: samples.len(), columns, all, missing })
+        let nodes = || (0..n_nodes).map(|i| Node::new(i / (cut_off + 1), i % (cut_off + 1)));
+        let bits = |k, node| sums.window(k, node).map(missing_bits).unwrap_or_default();
+        let of_recording = |k| nodes().map(|node| bits(k, node)).collect();
+        sums.missing = (0..sums.columns.len()).map(of_recording).collect();
+        let values = sums.columns.iter_mut().flatten().flatten();
+        values.filter(|value| value.is_nan()).for_each(|value| *value = 0.0);
+        sums.all =
+            if listed { Sums::of_nodes(&sums.columns, n_nodes) } else { Sums::new(samples, &sums.columns)? };
+        Ok(sums)
+    }
+
+    /// The samples of a node in recording `k`; `None` where the recording has none.
+    fn window(&self, k: usize, node: Node) -> Option<&[f64]> {
+        if self.listed {
+            return Some(&self.columns[k][self.index(node)]);
+        }
+        window(&self.columns[k][node.var], self.cut_off, node.lag)
     }
 
     /// The correlations of `nodes` over the samples in which none is missing; `None` if they need the samples themselves:
@@ -112,9 +133,9 @@ impl Incomplete {
         let k = nodes.len();
         let mut part = Part { products: vec![0.0; k * k], sums: vec![0.0; k] };
         let mut rows = vec![Vec::with_capacity(BLOCK); k];
-        for (recording, bits) in self.columns.iter().zip(bits) {
+        for (recording, bits) in bits.iter().enumerate() {
             let windows: Option<Vec<&[f64]>> =
-                nodes.iter().map(|node| window(&recording[node.var], self.cut_off, node.lag)).collect();
+                nodes.iter().map(|&node| self.window(recording, node)).collect();
             let Some(windows) = windows else { continue };
             let len = windows.first().map_or(0, |window| window.len());
             let chosen = places(bits, set, len);
@@ -128,6 +149,17 @@ impl Incomplete {
         }
         part
     }
+}
+
+/// The columns of all nodes at the listed times, from those of the variables.
+fn at_listed_times(samples: &Samples<'_>, columns: &Columns) -> Columns {
+    let of_recording = |(k, columns): (usize, &Vec<Vec<f64>>)| {
+        let times = samples.times_in(k);
+        let at = |column: &[f64], lag: usize| times.iter().map(|&t| column[t - lag]).collect();
+        let lags = |column| (0..=samples.cut_off()).map(move |lag| at(column, lag));
+        columns.iter().flat_map(|column| lags(column)).collect()
+    };
+    columns.iter().enumerate().map(of_recording).collect()
 }
 
 impl Part {

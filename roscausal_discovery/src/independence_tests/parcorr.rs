@@ -12,7 +12,7 @@ use super::{
 use crate::{
     ground::{CondIndTest, Error, LaggedArrays, Node, PreparedTest, Result, Samples, TestResult, lock},
     numeric::{
-        random::Rng,
+        random::{Rng, seed_of_draw},
         rows::standardize,
         student_t::{correlation_p_value, quantile},
     },
@@ -297,8 +297,10 @@ impl PreparedTest for Prepared<'_> {
             return Ok(result);
         };
         result.value = value;
-        let mut resampling =
-            Resampling { rng: Rng::for_test(test.seed, x, y, z), control: self.samples.control() };
+        let mut resampling = Resampling {
+            rng: Rng::for_test(seed_of_draw(test.seed, self.samples.data().draw()), x, y, z),
+            control: self.samples.control(),
+        };
         result.p_value = match (test.significance, &rows) {
             (Significance::ShuffleTest, Some((x, y, _))) => {
                 resampling.shuffle_p(x, y, test.sig_samples, test.sig_blocklength, value, correlation)?

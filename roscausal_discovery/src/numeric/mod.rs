@@ -3,6 +3,7 @@
 pub(crate) mod beta;
 pub(crate) mod least_squares;
 pub(crate) mod normal;
+pub(crate) mod pcg64;
 pub(crate) mod random;
 pub(crate) mod rows;
 pub(crate) mod special;

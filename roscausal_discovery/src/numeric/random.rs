@@ -15,6 +15,11 @@ pub fn mix(state: u64) -> u64 {
     v ^ (v >> 31)
 }
 
+/// The seed of random numbers on draw number `draw` of the data: that of the settings for the data themselves (0).
+pub(crate) fn seed_of_draw(seed: u64, draw: u64) -> u64 {
+    if draw == 0 { seed } else { mix(seed ^ mix(draw)) }
+}
+
 /// A small random generator (splitmix64: Steele, Lea and Flood 2014, "Fast splittable pseudorandom number
 /// generators"): same seed, same numbers, everywhere.
 #[derive(Clone, Debug)]

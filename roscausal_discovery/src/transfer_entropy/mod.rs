@@ -47,7 +47,10 @@ pub use self::{
     estimator::TeEstimator,
     result::{Selected, TargetSelection, TeResult},
 };
-use crate::ground::{Control, DataFrame, Error, Result};
+use crate::{
+    ground::{Control, DataFrame, Error, Result},
+    numeric::random::seed_of_draw,
+};
 
 /// Settings of a transfer-entropy filter.
 #[derive(Clone, Debug, PartialEq)]
@@ -76,7 +79,9 @@ impl TransferEntropy {
             TeEstimator::Auto | TeEstimator::Gaussian | TeEstimator::GaussianDcor => {
                 Box::new(Gaussian::new(&window))
             }
-            TeEstimator::Kraskov => Box::new(Kraskov::new(&window, self.seed, control)),
+            TeEstimator::Kraskov => {
+                Box::new(Kraskov::new(&window, seed_of_draw(self.seed, data.draw()), control))
+            }
         };
         let n_samples = window.times().len();
         let selection = Selection {

@@ -6,7 +6,8 @@ use crate::ground::{DataFrame, Error, Node, Result};
 const MIN_SAMPLES: usize = 10;
 
 /// The samples of a filter: the times at which every variable is present at every lag `0..=max_lag`. All estimates
-/// use the same samples, so they are comparable. No sample spans two recordings.
+/// use the same samples, so they are comparable. No sample spans two recordings. Of a data frame that lists its times, those
+/// times.
 pub(super) struct Window<'a> {
     data: &'a DataFrame,
     max_lag: usize,
@@ -21,12 +22,20 @@ impl<'a> Window<'a> {
         let mut n_total = 0;
         for (k, recording) in data.recordings().iter().enumerate() {
             let mut complete_rows = 0;
-            for (t, row) in recording.rows().into_iter().enumerate() {
+            let mut complete = Vec::with_capacity(recording.nrows());
+            for row in recording.rows() {
                 complete_rows = if row.iter().any(|v| v.is_nan()) { 0 } else { complete_rows + 1 };
-                n_total += usize::from(t >= max_lag);
-                if complete_rows > max_lag {
+                complete.push(complete_rows > max_lag);
+            }
+            let mut take = |t: usize| {
+                n_total += 1;
+                if complete[t] {
                     times.push((k, t));
                 }
+            };
+            match data.times(k) {
+                Some(listed) => listed.iter().filter(|&&t| t >= max_lag).for_each(|&t| take(t)),
+                None => (max_lag..recording.nrows()).for_each(take),
             }
         }
         if times.len() < MIN_SAMPLES {

@@ -17,7 +17,7 @@ use super::{
 use crate::{
     ground::{CondIndTest, Error, LaggedArrays, Node, PreparedTest, Result, Samples, TestResult},
     numeric::{
-        random::Rng,
+        random::{Rng, seed_of_draw},
         rows::{is_constant, moments, random_ranks, standardized},
     },
 };
@@ -156,12 +156,13 @@ impl PreparedTest for Prepared<'_> {
             return Ok(result);
         }
         zs.retain(|row| !is_constant(row));
-        let mut rng = Rng::for_test(settings.seed, x, y, z);
+        let seed = seed_of_draw(settings.seed, self.samples.data().draw());
+        let mut rng = Rng::for_test(seed, x, y, z);
         (result.value, result.p_value) = self.value_and_p(&xs, &ys, &zs, &mut rng, true)?;
         if settings.confidence.is_some() {
             let mut resampling = Resampling { rng, control: self.samples.control() };
             // Samples that were drawn twice are ties. They are broken at random, in the same way each time.
-            let ties = Rng::for_test(settings.seed ^ 1, x, y, z);
+            let ties = Rng::for_test(seed ^ 1, x, y, z);
             let blocks = (settings.conf_samples, settings.conf_blocklength, settings.conf_lev);
             result.confidence = Some(resampling.bootstrap(&xs, &ys, &zs, blocks, |x, y, z| {
                 self.value_and_p(&x, &y, &z, &mut ties.clone(), false).map_or(0.0, |(value, _)| value)

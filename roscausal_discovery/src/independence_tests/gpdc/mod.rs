@@ -14,7 +14,6 @@ mod local_model;
 mod low_rank;
 mod memory;
 mod null_table;
-mod pcg64;
 mod permutation;
 mod plan;
 mod process;
@@ -34,7 +33,7 @@ use super::{
 use crate::{
     ground::{CondIndTest, Error, LaggedArrays, Node, PreparedTest, Result, Samples, TestResult},
     numeric::{
-        random::Rng,
+        random::{Rng, seed_of_draw},
         rows::{is_constant, standardized},
     },
 };
@@ -190,8 +189,10 @@ impl PreparedTest for PreparedGpdc<'_> {
         let [of_x, of_y] = self.pair(x, y, &z, &arrays)?;
         result.value = of_ranks(&of_x.ranks, &of_y.ranks);
         let settings = &self.test.settings;
-        let mut resampling =
-            Resampling { rng: Rng::for_test(settings.seed, x, y, &z), control: self.samples.control() };
+        let mut resampling = Resampling {
+            rng: Rng::for_test(seed_of_draw(settings.seed, self.samples.data().draw()), x, y, &z),
+            control: self.samples.control(),
+        };
         match self.test.significance() {
             Significance::Analytic => {
                 let table = NullTable::get(n, self.test.sig_samples(), settings.seed);
@@ -327,7 +328,7 @@ mod tests {
 
     /// Columns 0 and 1 depend on column 2; column 3 on column 0.
     fn data(n: usize) -> DataFrame {
-        let mut rng = pcg64::Pcg64::new(5);
+        let mut rng = crate::numeric::pcg64::Pcg64::new(5);
         let mut values = Array2::zeros((n, 4));
         for mut row in values.rows_mut() {
             let mut noise = || rng.next_f64() - 0.5;

@@ -5,8 +5,8 @@ use std::{
     sync::{Arc, LazyLock, Mutex, OnceLock},
 };
 
-use super::{distance_correlation::of_sorted, pcg64::Pcg64, permutation::Permutations};
-use crate::ground::lock;
+use super::{distance_correlation::of_sorted, permutation::Permutations};
+use crate::{ground::lock, numeric::pcg64::Pcg64};
 
 /// Sorted distance correlations of `samples` pairs of uniform series.
 #[derive(Debug)]

@@ -328,7 +328,7 @@ mod tests {
     }
 
     fn samples(n: usize, d: usize, seed: u64) -> (Vec<Vec<f64>>, Vec<f64>) {
-        let mut rng = super::super::pcg64::Pcg64::new(seed);
+        let mut rng = crate::numeric::pcg64::Pcg64::new(seed);
         let mut row = || (0..n).map(|_| 4.0 * rng.next_f64() - 2.0).collect::<Vec<f64>>();
         let rows: Vec<Vec<f64>> = (0..d).map(|_| row()).collect();
         let noise = row();
@@ -438,7 +438,7 @@ mod tests {
     /// A function with a coarse part and a fine one has a maximum for each: the search from `l = 1` may end in the lesser.
     #[test]
     fn restarts_find_the_better_of_two_maxima_and_a_probe_says_that_it_is_there() {
-        let mut rng = super::super::pcg64::Pcg64::new(9);
+        let mut rng = crate::numeric::pcg64::Pcg64::new(9);
         let mut two_maxima = 0;
         for _ in 0..30 {
             let z: Vec<f64> = (0..120).map(|_| 4.0 * rng.next_f64() - 2.0).collect();

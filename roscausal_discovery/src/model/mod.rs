@@ -1,6 +1,10 @@
 //! The result of an analysis as users and files see it: one versioned object.
 
+mod confidence;
+
 use serde::{Deserialize, Serialize};
+
+pub use confidence::{Advice, Confidence, ResamplingFacts, word_of};
 
 use crate::{about::AboutData, independence_tests::smallest_p};
 
@@ -67,6 +71,9 @@ pub struct Model {
     /// What the data are like, if they were looked at.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub about_data: Option<AboutData>,
+    /// How often resamples found each link; in files its fields stand beside the others, null without resamples.
+    #[serde(flatten, with = "confidence")]
+    pub confidence: Option<Box<Confidence>>,
 }
 
 /// One link of a [`Model`].
@@ -87,6 +94,15 @@ pub struct Link {
     pub mark: String,
     /// Samples that the test of this link left out because a value was missing.
     pub n_lost: usize,
+    /// Share of the resamples that have the link, whatever its mark; `None` without resamples.
+    #[serde(default)]
+    pub confidence: Option<f64>,
+    /// Percentile 5 of the strength in the resamples.
+    #[serde(default)]
+    pub value_low: Option<f64>,
+    /// Percentile 95 of the strength in the resamples.
+    #[serde(default)]
+    pub value_high: Option<f64>,
 }
 
 impl Link {
@@ -96,7 +112,9 @@ impl Link {
     /// use roscausal_discovery::Link;
     ///
     /// let (cause, effect, mark) = ("h_risk".to_owned(), "h_v".to_owned(), "<->".to_owned());
-    /// let link = Link { cause, effect, lag: 1, value: 0.4, p_value: 0.001, mark, n_lost: 0 };
+    /// let (confidence, value_low, value_high) = (None, None, None);
+    /// let link =
+    ///     Link { cause, effect, lag: 1, value: 0.4, p_value: 0.001, mark, n_lost: 0, confidence, value_low, value_high };
     /// assert_eq!(link.sentence(), "h_risk and h_v: something not recorded drives both");
     /// ```
     pub fn sentence(&self) -> String {
@@ -169,6 +187,9 @@ impl Model {
                         p_value: matrices.p_matrix[i][j][lag],
                         mark: mark.clone(),
                         n_lost: matrices.n_lost.get(i).map_or(0, |to| to[j][lag]),
+                        confidence: None,
+                        value_low: None,
+                        value_high: None,
                     });
                 }
             }
@@ -252,6 +273,7 @@ pub(crate) fn example() -> Model {
         pval: vec![],
         warnings: vec![],
         about_data: None,
+        confidence: None,
     };
     let names = ["h_v", "h_dg", "h_risk"].map(str::to_owned).to_vec();
     model.with_matrices(

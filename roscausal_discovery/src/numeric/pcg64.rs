@@ -1,23 +1,33 @@
-//! The random stream of the null tables: PCG64 (XSL-RR 128/64; O'Neill 2014) seeded through the hash of
+//! The random stream of the null tables and of the draws of resamples: PCG64 (XSL-RR 128/64; O'Neill 2014) seeded through the hash of
 //! `SeedSequence` (O'Neill 2015, "Developing a `seed_seq` alternative"), so that a seed means the same numbers
 //! as in the field's Python tools.
 //!
 //! Not `rand_pcg`: it has the generator, but not `SeedSequence`, which is most of what is here.
+//!
+//! A seed has many streams, told apart by a key of 32-bit words ("spawned" streams): the words of the seed are filled up with
+//! zeros to the size of the pool, and those of the key are mixed into the pool after them.
 
 /// A PCG64 stream.
-pub(super) struct Pcg64 {
+pub(crate) struct Pcg64 {
     state: u128,
     increment: u128,
+    /// The upper half of the last integer, if only its lower half was used.
+    half: Option<u32>,
 }
 
 const MULTIPLIER: u128 = 0x2360_ed05_1fc6_5da4_4385_df64_9fcc_f645;
 
 impl Pcg64 {
     /// The stream of `seed`.
-    pub(super) fn new(seed: u64) -> Self {
-        let words = seed_sequence(seed);
+    pub(crate) fn new(seed: u64) -> Self {
+        Self::of_key(seed, &[])
+    }
+
+    /// The stream number `key` of `seed`.
+    pub(crate) fn of_key(seed: u64, key: &[u32]) -> Self {
+        let words = seed_sequence(seed, key);
         let wide = |i: usize| (u128::from(words[i]) << 64) | u128::from(words[i + 1]);
-        let mut rng = Self { state: 0, increment: (wide(2) << 1) | 1 };
+        let mut rng = Self { state: 0, increment: (wide(2) << 1) | 1, half: None };
         rng.step();
         rng.state = rng.state.wrapping_add(wide(0));
         rng.step();
@@ -25,15 +35,39 @@ impl Pcg64 {
     }
 
     /// The next integer, uniform over all 64 bits.
-    pub(super) fn next_u64(&mut self) -> u64 {
+    pub(crate) fn next_u64(&mut self) -> u64 {
         self.step();
         let folded = (self.state >> 64) as u64 ^ self.state as u64;
         folded.rotate_right((self.state >> 122) as u32)
     }
 
+    /// A number below `bound`, uniform (Lemire 2019, "Fast random integer generation in an interval"): from half an integer,
+    /// the low half first. A bound of 1 takes none.
+    pub(crate) fn below(&mut self, bound: u32) -> u32 {
+        if bound <= 1 {
+            return 0;
+        }
+        let mut product = u64::from(self.next_u32()) * u64::from(bound);
+        if (product as u32) < bound {
+            let least = bound.wrapping_neg() % bound;
+            while (product as u32) < least {
+                product = u64::from(self.next_u32()) * u64::from(bound);
+            }
+        }
+        (product >> 32) as u32
+    }
+
+    fn next_u32(&mut self) -> u32 {
+        self.half.take().unwrap_or_else(|| {
+            let number = self.next_u64();
+            self.half = Some((number >> 32) as u32);
+            number as u32
+        })
+    }
+
     /// Passes over the next `steps` integers, in `O(log steps)` (Brown 1994, "Random number generation with arbitrary
     /// strides").
-    pub(super) fn skip(&mut self, mut steps: u128) {
+    pub(crate) fn skip(&mut self, mut steps: u128) {
         let (mut multiplier, mut increment) = (MULTIPLIER, self.increment);
         while steps > 0 {
             if steps & 1 == 1 {
@@ -47,7 +81,7 @@ impl Pcg64 {
 
     /// The next double, uniform in `[0, 1)`, a multiple of 2^-53.
     #[cfg(test)]
-    pub(super) fn next_f64(&mut self) -> f64 {
+    pub(crate) fn next_f64(&mut self) -> f64 {
         (self.next_u64() >> 11) as f64 * (1.0 / (1u64 << 53) as f64)
     }
 
@@ -56,8 +90,9 @@ impl Pcg64 {
     }
 }
 
-/// Four words of state from one seed: a pool of four hashed 32-bit words, each mixed into each other one.
-fn seed_sequence(seed: u64) -> [u64; 4] {
+/// Four words of state from a seed and a key: a pool of four hashed 32-bit words, each mixed into each other one, then the
+/// words of the key into each.
+fn seed_sequence(seed: u64, key: &[u32]) -> [u64; 4] {
     const POOL: usize = 4;
     let entropy = [seed as u32, (seed >> 32) as u32];
     let mut constant = 0x43b0_d7e5_u32;
@@ -71,11 +106,18 @@ fn seed_sequence(seed: u64) -> [u64; 4] {
     for (i, word) in pool.iter_mut().enumerate() {
         *word = hash(entropy.get(i).copied().unwrap_or(0));
     }
+    let mix = |x: u32, y: u32| {
+        let mixed = x.wrapping_mul(0xca01_f9dd).wrapping_sub(y.wrapping_mul(0x4973_f715));
+        mixed ^ (mixed >> 16)
+    };
     for source in 0..POOL {
         for target in (0..POOL).filter(|&target| target != source) {
-            let (x, y) = (pool[target], hash(pool[source]));
-            let mixed = x.wrapping_mul(0xca01_f9dd).wrapping_sub(y.wrapping_mul(0x4973_f715));
-            pool[target] = mixed ^ (mixed >> 16);
+            pool[target] = mix(pool[target], hash(pool[source]));
+        }
+    }
+    for &word in key {
+        for target in &mut pool {
+            *target = mix(*target, hash(word));
         }
     }
     let mut constant = 0x8b51_f9dd_u32;

@@ -1,0 +1,132 @@
+//! The sections of the comparison, one function each.
+
+use std::{fs, path::Path};
+
+use roscausal_discovery::{
+    Control, DataFrame, Model, PcAlpha, Settings,
+    confidence::{Resampling, Scheme, analyse_resampled, bootstrap_rows},
+};
+use serde_json::{Value, json};
+
+use crate::csv_file::read_csv;
+
+type Done = Result<(), String>;
+type Section = fn(&Path, &Path) -> Done;
+
+/// All sections by name.
+pub(crate) const ALL: [(&str, Section); 4] =
+    [("draws", draws), ("boot", boot), ("calibration", calibration), ("power", power)];
+
+fn json_of(path: &Path) -> Result<Value, String> {
+    let text = fs::read_to_string(path).map_err(|e| format!("{}: {e}", path.display()))?;
+    serde_json::from_str(&text).map_err(|e| format!("{}: {e}", path.display()))
+}
+
+fn write(path: &Path, text: &str) -> Done {
+    let fail = |e: std::io::Error| format!("{}: {e}", path.display());
+    path.parent().map_or(Ok(()), fs::create_dir_all).map_err(fail)?;
+    fs::write(path, text).map_err(fail)
+}
+
+fn number(value: &Value, name: &str) -> Result<usize, String> {
+    let number = value[name].as_u64().ok_or_else(|| format!("'{name}' is no number"))?;
+    usize::try_from(number).map_err(|e| e.to_string())
+}
+
+fn draws(set: &Path, out: &Path) -> Done {
+    let cases = json_of(&set.join("draws.json"))?;
+    let mut ours = Vec::new();
+    for case in cases.as_array().ok_or("draws.json is no list")? {
+        let seed = case["seed"].as_u64().ok_or("'seed' is no number")?;
+        let (b, n) = (number(case, "resample")?, number(case, "rows")?);
+        let rows = bootstrap_rows(seed, b, n, number(case, "block")?);
+        ours.push(json!({ "first": rows[..24.min(rows.len())], "sum": rows.iter().sum::<usize>() }));
+    }
+    write(&out.join("draws.json"), &Value::from(ours).to_string())
+}
+
+/// A table, or the tables `NAME_1`, `NAME_2` .. of one system.
+fn data_of(folder: &Path, name: &str) -> Result<DataFrame, String> {
+    let one = folder.join(format!("{name}.csv"));
+    let several = (1..).map(|k| folder.join(format!("{name}_{k}.csv"))).take_while(|path| path.exists());
+    let paths: Vec<_> = if one.exists() { vec![one] } else { several.collect() };
+    let tables = paths.iter().map(|path| read_csv(path)).collect::<Result<Vec<_>, _>>()?;
+    let names = tables.first().ok_or_else(|| format!("{name}: no table"))?.0.clone();
+    DataFrame::new(tables.into_iter().map(|table| table.1).collect(), names).map_err(|e| e.to_string())
+}
+
+fn model_of(data: &DataFrame, settings: &Settings, resampling: &Resampling) -> Result<Model, String> {
+    analyse_resampled(data, settings, resampling, &Control::default()).map_err(|e| e.to_string())
+}
+
+fn boot(set: &Path, out: &Path) -> Done {
+    let folder = set.join("boot");
+    for entry in fs::read_dir(&folder).map_err(|e| e.to_string())? {
+        let path = entry.map_err(|e| e.to_string())?.path();
+        let Some(case) = path.file_name().and_then(|n| n.to_str()).and_then(|n| n.strip_suffix(".json"))
+        else {
+            continue;
+        };
+        let reference = json_of(&path)?;
+        let text =
+            |name: &str| reference[name].as_str().ok_or_else(|| format!("{case}: '{name}' is no text"));
+        let level = |name: &str| reference[name].as_f64().ok_or_else(|| format!("{case}: no '{name}'"));
+        let data = data_of(&folder, text("system")?)?;
+        let settings = Settings {
+            method: text("method")?.parse().map_err(|e: roscausal_discovery::Error| e.to_string())?,
+            cond_ind_test: text("test")?.into(),
+            tau_min: number(&reference, "tau_min")?,
+            tau_max: number(&reference, "tau_max")?,
+            pc_alpha: PcAlpha::Fixed(level("pc_alpha")?),
+            alpha: level("alpha")?,
+            seed: reference["seed"].as_u64().unwrap_or(42),
+            ..Settings::default()
+        };
+        let block = reference["block"].to_string().replace('"', "");
+        let resampling = Resampling {
+            resamples: number(&reference, "resamples")?,
+            scheme: Scheme::Bootstrap,
+            block: block.parse().map_err(|e: roscausal_discovery::Error| format!("{case}: {e}"))?,
+            ..Resampling::default()
+        };
+        let model = model_of(&data, &settings, &resampling)?;
+        write(&out.join("boot").join(format!("{case}.json")), &model.to_json())?;
+        for share in ["0.5", "0.632"] {
+            if reference.get(format!("subsample_{share}")).is_some() {
+                let number = share.parse().map_err(|_| "no share")?;
+                let subsample = Resampling { scheme: Scheme::Subsample, share: number, ..resampling.clone() };
+                let name = format!("{}_{}_sub{share}.json", text("system")?, text("test")?);
+                write(&out.join("boot").join(name), &model_of(&data, &settings, &subsample)?.to_json())?;
+            }
+        }
+    }
+    Ok(())
+}
+
+/// What the page says of both sets of small systems: PCMCI with ParCorr.
+fn usual(tau_max: usize) -> Settings {
+    Settings {
+        method: roscausal_discovery::methods::Method::Pcmci,
+        cond_ind_test: "parcorr".into(),
+        tau_max,
+        ..Settings::default()
+    }
+}
+
+fn each_system(set: &Path, out: &Path, section: &str, resampling: &Resampling) -> Done {
+    let truth = json_of(&set.join(section).join("truth.json"))?;
+    for name in truth.as_object().ok_or("truth.json is no object")?.keys() {
+        let data = data_of(&set.join(section).join("data"), name)?;
+        let model = model_of(&data, &usual(2), resampling)?;
+        write(&out.join(section).join(format!("{name}.json")), &model.to_json())?;
+    }
+    Ok(())
+}
+
+fn calibration(set: &Path, out: &Path) -> Done {
+    each_system(set, out, "calibration", &Resampling::default())
+}
+
+fn power(set: &Path, out: &Path) -> Done {
+    each_system(set, out, "power", &Resampling { resamples: 1000, ..Resampling::default() })
+}

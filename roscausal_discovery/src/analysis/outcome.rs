@@ -1,0 +1,96 @@
+//! What a method finds, before it becomes a model.
+
+use ndarray::Array3;
+
+use super::settings::Settings;
+use crate::{
+    ground::{CondIndTest, Control, DataFrame, LinkMark, Result},
+    methods::{
+        FpcmciResult, FpcmciSettings, Method, PcmciResult, Status, get_lagged_dependencies, run_bivci,
+        run_dynotears, run_fpcmci, run_fullci, run_granger, run_lpcmci, run_pcmci, run_pcmciplus,
+        run_varlingam,
+    },
+};
+
+/// The result of a method.
+pub(crate) enum Outcome {
+    /// Of one that keeps all variables.
+    Plain(Box<PcmciResult>),
+    /// Of one that leaves variables out.
+    Filtered(Box<FpcmciResult>),
+}
+
+/// Marks and values of all variables of the data, `[cause][effect][lag]`.
+pub(crate) struct Found {
+    pub(crate) graph: Array3<LinkMark>,
+    pub(crate) values: Array3<f64>,
+}
+
+impl Outcome {
+    /// Runs the method of `settings`.
+    pub(crate) fn of(
+        data: &DataFrame,
+        test: &dyn CondIndTest,
+        settings: &Settings,
+        control: &Control,
+    ) -> Result<Self> {
+        let pcmci = settings.pcmci(data);
+        let plain = match settings.method {
+            Method::Fpcmci => {
+                let settings = FpcmciSettings {
+                    te_estimator: settings.te_estimator,
+                    f_alpha: settings.f_alpha.unwrap_or(settings.alpha),
+                    neglect_only_autodep: settings.neglect_only_autodep,
+                    seed: settings.seed,
+                    pcmci,
+                };
+                return Ok(Self::Filtered(Box::new(run_fpcmci(data, test, &settings, control)?)));
+            }
+            Method::Pcmci => run_pcmci(data, test, &pcmci, control),
+            Method::Pcmciplus => run_pcmciplus(data, test, &pcmci, &settings.pcmciplus, control),
+            Method::Fullci => run_fullci(data, test, &pcmci, control),
+            Method::Bivci => run_bivci(data, test, &pcmci, control),
+            Method::Lagdep => get_lagged_dependencies(data, test, &pcmci, control),
+            Method::Granger => run_granger(data, &settings.granger(data), control).map(|found| found.links),
+            Method::Varlingam => {
+                run_varlingam(data, &settings.varlingam(data), control).map(|found| found.links)
+            }
+            Method::Dynotears => {
+                run_dynotears(data, &settings.dynotears(data), control).map(|found| found.links)
+            }
+            Method::Lpcmci => {
+                run_lpcmci(data, test, &settings.lpcmci(data), control).map(|found| found.result)
+            }
+        };
+        Ok(Self::Plain(Box::new(plain?)))
+    }
+
+    /// Whether the method came to its end.
+    pub(crate) fn is_complete(&self) -> bool {
+        let status = match self {
+            Self::Plain(result) => &result.status,
+            Self::Filtered(result) => &result.status,
+        };
+        *status == Status::Complete
+    }
+
+    /// Marks and values of all variables. One that the method leaves out has no link and the value 0.
+    pub(crate) fn found(self, n_vars: usize, tau_max: usize) -> Found {
+        let result = match self {
+            Self::Plain(result) => return Found { graph: result.graph, values: result.val_matrix },
+            Self::Filtered(result) => result,
+        };
+        let shape = (n_vars, n_vars, tau_max + 1);
+        let mut all = Found { graph: Array3::default(shape), values: Array3::zeros(shape) };
+        let Some(found) = &result.pcmci else { return all };
+        let stays = |place: usize| result.features.contains(&result.selected[place]);
+        for ((i, j, lag), &mark) in found.graph.indexed_iter() {
+            if stays(i) && stays(j) {
+                let at = [result.selected[i], result.selected[j], lag];
+                all.graph[at] = mark;
+                all.values[at] = found.val_matrix[[i, j, lag]];
+            }
+        }
+        all
+    }
+}

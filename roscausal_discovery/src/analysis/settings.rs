@@ -1,0 +1,322 @@
+//! What to analyse, and how.
+
+use crate::{
+    ground::{DataFrame, Error, LinkAssumptions, Result, names},
+    independence_tests::{self, GpSearch, Significance},
+    methods::{
+        DynotearsSettings, Fdr, GrangerSettings, LpcmciSettings, Method, PcmciPlusSettings, PcmciSettings,
+        Reads, VarlingamSettings,
+    },
+    model::{self, Model},
+    transfer_entropy::TeEstimator,
+};
+
+/// Level of the condition selection.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub enum PcAlpha {
+    /// The method's own default ([`MethodInfo::pc_alpha`](crate::methods::MethodInfo::pc_alpha)).
+    #[default]
+    Default,
+    /// A fixed level, in (0, 1).
+    Fixed(f64),
+    /// Chosen by a model-selection score.
+    ByScore,
+}
+
+/// What to analyse, and how. Plain data; [`Settings::check`] says whether it is valid.
+///
+/// ```
+/// use roscausal_discovery::{PcAlpha, Settings, methods::Method};
+///
+/// let settings = Settings { method: Method::Pcmciplus, tau_min: 0, tau_max: 3, ..Settings::default() };
+/// assert!(settings.check().is_ok());
+/// // The method's own level of the condition selection.
+/// assert_eq!((settings.pc_alpha, settings.level_of_pc()), (PcAlpha::Default, Some(0.01)));
+/// let error = Settings { tau_min: 5, ..settings }.check().unwrap_err();
+/// assert!(error.to_string().contains("tau-max"));
+/// ```
+#[derive(Clone, Debug, PartialEq)]
+pub struct Settings {
+    /// The method.
+    pub method: Method,
+    /// Name of an independence test ([`independence_tests::names`]).
+    pub cond_ind_test: String,
+    /// Significance level of a link, in (0, 1).
+    pub alpha: f64,
+    /// Level of the condition selection.
+    pub pc_alpha: PcAlpha,
+    /// Smallest lag, in steps.
+    pub tau_min: usize,
+    /// Largest lag, in steps.
+    pub tau_max: usize,
+    /// Level of the transfer-entropy filter; `None`: `alpha`.
+    pub f_alpha: Option<f64>,
+    /// Estimator of the transfer-entropy filter.
+    pub te_estimator: TeEstimator,
+    /// Whether F-PCMCI drops variables that depend on their own past only.
+    pub neglect_only_autodep: bool,
+    /// Correction for many tests.
+    pub fdr: Fdr,
+    /// Variables that may be causes only: no link points to them.
+    pub exogenous: Vec<String>,
+    /// Seed of all random numbers.
+    pub seed: u64,
+    /// How GPDC searches for the maximum of a likelihood.
+    pub gp_search: GpSearch,
+    /// GPDC's searches from random places, of which the best counts.
+    pub gp_restarts: usize,
+    /// Memory in bytes that a test may take; `None`: no limit.
+    pub max_memory: Option<usize>,
+    /// Which links may exist; `None`: all.
+    pub link_assumptions: Option<LinkAssumptions>,
+    /// Largest condition set of the condition selection; `None`: no limit.
+    pub max_conds: Option<usize>,
+    /// How a test value becomes a p-value; `None`: the test's own way.
+    pub significance: Option<Significance>,
+    /// Surrogates of a shuffle test, or size of a null distribution; `None`: the test's own number.
+    pub shuffles: Option<usize>,
+    /// What only PCMCI+ has.
+    pub pcmciplus: PcmciPlusSettings,
+}
+
+impl Default for Settings {
+    fn default() -> Self {
+        Self {
+            method: Method::Fpcmci,
+            cond_ind_test: "gpdc".into(),
+            alpha: 0.05,
+            pc_alpha: PcAlpha::Default,
+            tau_min: 1,
+            tau_max: 1,
+            f_alpha: None,
+            te_estimator: TeEstimator::Auto,
+            neglect_only_autodep: true,
+            fdr: Fdr::None,
+            exogenous: Vec::new(),
+            seed: 42,
+            gp_search: GpSearch::Default,
+            gp_restarts: 0,
+            max_memory: None,
+            link_assumptions: None,
+            max_conds: None,
+            significance: None,
+            shuffles: None,
+            pcmciplus: PcmciPlusSettings::default(),
+        }
+    }
+}
+
+impl Settings {
+    /// Checks the settings on their own, without data.
+    ///
+    /// # Errors
+    /// The first invalid setting: its name, its value, and what is allowed.
+    pub fn check(&self) -> Result<()> {
+        independence_tests::by_name(&self.cond_ind_test, &self.test_settings())?;
+        self.check_numbers()
+    }
+
+    /// Checks everything but the name of the test.
+    pub(crate) fn check_numbers(&self) -> Result<()> {
+        level("alpha", self.alpha)?;
+        if let PcAlpha::Fixed(alpha) = self.pc_alpha {
+            level("pc-alpha", alpha)?;
+        }
+        self.f_alpha.map_or(Ok(()), |alpha| level("f-alpha", alpha))?;
+        if self.tau_max < self.tau_min {
+            let reason = format!(
+                "{} is below tau-min {}; lags run from tau-min to tau-max",
+                self.tau_max, self.tau_min
+            );
+            return Err(Error::param("tau-max", reason));
+        }
+        let info = self.method.info();
+        if self.method == Method::Lpcmci {
+            self.check_lpcmci()?;
+        } else if self.tau_max == 0 && !info.models_lag_zero {
+            return Err(Error::param("tau-max", "0 leaves no past; give at least 1"));
+        }
+        if self.tau_min == 0 && !info.lag_zero {
+            let what = if self.method.reads(Reads::FAlpha) { "the transfer-entropy filter of " } else { "" };
+            let reason =
+                format!("0: {what}{} knows the past only; give 1, or use {}", self.method, Method::Pcmciplus);
+            return Err(Error::param("tau-min", reason));
+        }
+        if self.tau_min > 0 && info.models_lag_zero {
+            let reason =
+                format!("{}: {} models lag 0 too; give 0, or leave it out", self.tau_min, self.method);
+            return Err(Error::param("tau-min", reason));
+        }
+        if self.fdr != Fdr::None && !info.asks_test && self.method != Method::Granger {
+            return Err(Error::param(
+                "fdr",
+                format!("{} tests no links one by one; choose none", self.method),
+            ));
+        }
+        Ok(())
+    }
+
+    /// LPCMCI has one level, no correction, and works on data without time, too.
+    fn check_lpcmci(&self) -> Result<()> {
+        if self.pc_alpha == PcAlpha::ByScore {
+            return Err(Error::param(
+                "pc-alpha",
+                "lpcmci has no score that chooses a level; give one, such as 0.05",
+            ));
+        }
+        if self.fdr != Fdr::None {
+            let reason = "a p-value of lpcmci is the largest of many tests and is not corrected; choose none";
+            return Err(Error::param("fdr", reason));
+        }
+        Ok(())
+    }
+
+    pub(crate) fn lpcmci(&self, data: &DataFrame) -> LpcmciSettings {
+        let of_name = |name| names::position(data.var_names(), name);
+        let context: Vec<usize> = self.exogenous.iter().filter_map(|name| of_name(name)).collect();
+        let all = LinkAssumptions::all_with_hidden_causes(data.n_vars(), self.tau_min, self.tau_max);
+        let usual = LpcmciSettings::default();
+        LpcmciSettings {
+            tau_min: self.tau_min,
+            tau_max: self.tau_max,
+            pc_alpha: self.level_of_pc().unwrap_or(usual.pc_alpha),
+            link_assumptions: (!context.is_empty()).then(|| all.exogenous(&context)),
+            ..usual
+        }
+    }
+
+    /// A model that holds the settings and no result yet.
+    pub fn blank_model(&self) -> Model {
+        Model {
+            schema: model::SCHEMA.to_owned(),
+            status: "complete".to_owned(),
+            method: self.method.name().to_owned(),
+            cond_ind_test: if self.method.info().asks_test {
+                self.cond_ind_test.clone()
+            } else {
+                "none".to_owned()
+            },
+            alpha: self.alpha,
+            pc_alpha: self.level_of_pc(),
+            f_alpha: self.method.reads(Reads::FAlpha).then_some(self.f_alpha.unwrap_or(self.alpha)),
+            fdr: self.fdr.name().to_owned(),
+            tau_min: self.tau_min,
+            tau_max: self.tau_max,
+            dt: None,
+            n_samples: 0,
+            n_recordings: 1,
+            seed: self.seed,
+            run_time_s: None,
+            features: Vec::new(),
+            dropped: Vec::new(),
+            links: Vec::new(),
+            graph: Vec::new(),
+            val_matrix: Vec::new(),
+            p_matrix: Vec::new(),
+            causal_structure: Vec::new(),
+            val: Vec::new(),
+            pval: Vec::new(),
+            warnings: Vec::new(),
+            about_data: None,
+            confidence: None,
+        }
+    }
+
+    /// The level of the condition selection; `None` if a score chooses it.
+    pub fn level_of_pc(&self) -> Option<f64> {
+        match self.pc_alpha {
+            PcAlpha::Fixed(alpha) => Some(alpha),
+            PcAlpha::ByScore => None,
+            PcAlpha::Default => Some(self.method.info().pc_alpha),
+        }
+    }
+
+    pub(crate) fn test_settings(&self) -> independence_tests::TestSettings {
+        independence_tests::TestSettings {
+            seed: self.seed,
+            gp_search: self.gp_search,
+            gp_restarts: self.gp_restarts,
+            max_memory: self.max_memory,
+            significance: self.significance,
+            sig_samples: self.shuffles,
+            ..Default::default()
+        }
+    }
+
+    /// The exogenous variables by their place.
+    fn context(&self, data: &DataFrame) -> Vec<usize> {
+        self.exogenous.iter().filter_map(|name| names::position(data.var_names(), name)).collect()
+    }
+
+    pub(crate) fn granger(&self, data: &DataFrame) -> GrangerSettings {
+        GrangerSettings {
+            tau_min: self.tau_min,
+            tau_max: self.tau_max,
+            choose_lags: None,
+            alpha_level: self.alpha,
+            fdr: self.fdr,
+            exogenous: self.context(data),
+        }
+    }
+
+    pub(crate) fn varlingam(&self, data: &DataFrame) -> VarlingamSettings {
+        VarlingamSettings {
+            tau_max: self.tau_max,
+            alpha_level: self.alpha,
+            exogenous: self.context(data),
+            ..VarlingamSettings::default()
+        }
+    }
+
+    pub(crate) fn dynotears(&self, data: &DataFrame) -> DynotearsSettings {
+        DynotearsSettings {
+            tau_max: self.tau_max,
+            exogenous: self.context(data),
+            ..DynotearsSettings::default()
+        }
+    }
+
+    pub(crate) fn pcmci(&self, data: &DataFrame) -> PcmciSettings {
+        let context = self.context(data);
+        let given = self.link_assumptions.clone();
+        let restricted = given.is_some() || !context.is_empty();
+        let all = || LinkAssumptions::all(data.n_vars(), self.tau_min, self.tau_max);
+        let links = given.unwrap_or_else(all).exogenous(&context);
+        PcmciSettings {
+            tau_min: self.tau_min,
+            tau_max: self.tau_max,
+            pc_alpha: self.level_of_pc().into_iter().collect(),
+            alpha_level: self.alpha,
+            fdr: self.fdr,
+            link_assumptions: restricted.then_some(links),
+            max_conds_dim: self.max_conds,
+            ..PcmciSettings::default()
+        }
+    }
+
+    /// Checks that the data can be analysed with these settings at all.
+    pub(crate) fn check_data(&self, data: &DataFrame) -> Result<()> {
+        if data.n_vars() < 2 {
+            return Err(Error::Data(format!(
+                "there is only one variable, '{}'; a cause and an effect need at least two columns (the time does not \
+                 count)",
+                data.var_names()[0]
+            )));
+        }
+        let unknown = self.exogenous.iter().find(|name| names::position(data.var_names(), name).is_none());
+        match unknown {
+            Some(name) => {
+                let all = data.var_names().join(", ");
+                Err(Error::param("exogenous", format!("there is no variable '{name}'; variables: {all}")))
+            }
+            None => Ok(()),
+        }
+    }
+}
+
+fn level(name: &str, value: f64) -> Result<()> {
+    if value > 0.0 && value < 1.0 {
+        return Ok(());
+    }
+    Err(Error::param(name, format!("{value} is not a level; give a number between 0 and 1, such as 0.05")))
+}

@@ -1,0 +1,145 @@
+//! Shares, majorities and intervals over all resamples.
+
+use std::collections::BTreeMap;
+
+use ndarray::Array3;
+
+use crate::{
+    analysis::Found,
+    ground::LinkMark,
+    model::{Confidence, Model, ResamplingFacts},
+};
+
+/// The marks that a link may have.
+const MARKS: [LinkMark; 4] =
+    [LinkMark::Forward, LinkMark::Backward, LinkMark::Unoriented, LinkMark::Conflict];
+
+/// Counts over all variables of the data.
+pub(super) struct Summary<'a> {
+    found: &'a [Found],
+    /// Resamples by mark, in the order of [`MARKS`].
+    counts: [Array3<usize>; 4],
+}
+
+impl<'a> Summary<'a> {
+    pub(super) fn new(found: &'a [Found], (n_vars, tau_max): (usize, usize)) -> Self {
+        let mut counts = MARKS.map(|_| Array3::zeros((n_vars, n_vars, tau_max + 1)));
+        for one in found {
+            for (at, mark) in one.graph.indexed_iter() {
+                if let Some(place) = MARKS.iter().position(|known| known == mark) {
+                    counts[place][at] += 1;
+                }
+            }
+        }
+        Self { found, counts }
+    }
+
+    fn links(&self, at: [usize; 3]) -> usize {
+        self.counts.iter().map(|of_mark| of_mark[at]).sum()
+    }
+
+    fn share(&self, count: usize) -> f64 {
+        count as f64 / self.found.len() as f64
+    }
+
+    /// The mark of most resamples, if more than half have a link. Of equals the undecided one counts.
+    fn majority(&self, at: [usize; 3]) -> LinkMark {
+        if 2 * self.links(at) <= self.found.len() {
+            return LinkMark::Absent;
+        }
+        let most = self.counts.iter().map(|of_mark| of_mark[at]).max().unwrap_or_default();
+        let first: Vec<LinkMark> = MARKS
+            .into_iter()
+            .zip(&self.counts)
+            .filter(|(_, c)| c[at] == most)
+            .map(|(mark, _)| mark)
+            .collect();
+        match first.as_slice() {
+            [one] => *one,
+            several if several.contains(&LinkMark::Conflict) => LinkMark::Conflict,
+            several if several.contains(&LinkMark::Unoriented) => LinkMark::Unoriented,
+            _ => LinkMark::Conflict,
+        }
+    }
+
+    /// The share of resamples with a link at any lag.
+    fn at_any_lag(&self, i: usize, j: usize) -> f64 {
+        let any = |one: &&Found| (0..one.graph.dim().2).any(|lag| one.graph[[i, j, lag]].is_link());
+        self.share(self.found.iter().filter(any).count())
+    }
+
+    /// Mean and percentiles 5 and 95 of the values.
+    fn values(&self, at: [usize; 3]) -> [f64; 3] {
+        let mut values: Vec<f64> = self.found.iter().map(|one| one.values[at]).collect();
+        let mean = values.iter().sum::<f64>() / values.len() as f64;
+        values.sort_by(f64::total_cmp);
+        [mean, percentile(&values, 0.05), percentile(&values, 0.95)]
+    }
+
+    /// What is said of the model's features.
+    pub(super) fn on_features(
+        &self,
+        names: &[String],
+        features: &[String],
+        resampling: ResamplingFacts,
+    ) -> Confidence {
+        let vars: Vec<usize> =
+            features.iter().filter_map(|f| names.iter().position(|name| name == f)).collect();
+        let values = nested(&vars, self.counts[0].dim().2, |at| self.values(at));
+        let part = |k: usize| {
+            let lags = |lags: &Vec<[f64; 3]>| lags.iter().map(|v| v[k]).collect();
+            values.iter().map(|row| row.iter().map(lags).collect()).collect()
+        };
+        let n_lags = self.counts[0].dim().2;
+        let mut mark_frequency = BTreeMap::new();
+        for (mark, counts) in MARKS.iter().zip(&self.counts) {
+            if counts.iter().any(|&count| count > 0) {
+                let shares = nested(&vars, n_lags, |at| self.share(counts[at]));
+                mark_frequency.insert(mark.symbol().to_owned(), shares);
+            }
+        }
+        Confidence {
+            resampling,
+            link_frequency: nested(&vars, n_lags, |at| self.share(self.links(at))),
+            mark_frequency,
+            summary_frequency: (vars.iter())
+                .map(|&i| vars.iter().map(|&j| self.at_any_lag(i, j)).collect())
+                .collect(),
+            majority_graph: nested(&vars, n_lags, |at| self.majority(at).symbol().to_owned()),
+            val_mean: part(0),
+            val_low: part(1),
+            val_high: part(2),
+            advice: Vec::new(),
+        }
+    }
+
+    /// Says which variables the model leaves out although many resamples have a link of theirs.
+    pub(super) fn of_dropped(&self, names: &[String], model: &Model) -> Vec<String> {
+        let mut remarks = Vec::new();
+        for (var, name) in names.iter().enumerate().filter(|(_, name)| !model.features.contains(name)) {
+            let others = || (0..names.len()).filter(|&other| other != var);
+            let most =
+                others().map(|o| self.at_any_lag(var, o).max(self.at_any_lag(o, var))).fold(0.0, f64::max);
+            if most >= 0.3 {
+                remarks.push(format!(
+                    "'{name}' is left out of the model, but has a link to another variable in {:.0} of 100 resamples",
+                    100.0 * most
+                ));
+            }
+        }
+        remarks
+    }
+}
+
+/// A percentile of sorted values, by linear interpolation.
+fn percentile(sorted: &[f64], share: f64) -> f64 {
+    let place = share * (sorted.len() - 1) as f64;
+    let (low, part) = (place.floor() as usize, place.fract());
+    let high = (low + 1).min(sorted.len() - 1);
+    sorted[low] + part * (sorted[high] - sorted[low])
+}
+
+fn nested<T>(vars: &[usize], n_lags: usize, at: impl Fn([usize; 3]) -> T) -> Vec<Vec<Vec<T>>> {
+    let lags = |i, j| (0..n_lags).map(|lag| at([i, j, lag])).collect();
+    vars.iter().map(|&i| vars.iter().map(|&j| lags(i, j)).collect()).collect()
+}
