@@ -191,7 +191,7 @@ impl<'a> Samples<'a> {
                 }
             }
         }
-        if let Some(points) = &data.reference_points {
+        if let Some(points) = &self.data.reference_points {
             for t in self.cut_off..n_rows {
                 dropped[t - self.cut_off] |= !points[k][t];
             }

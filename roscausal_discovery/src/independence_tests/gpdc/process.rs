@@ -14,14 +14,13 @@ use super::{
     kernel::Inputs,
     memory::Memory,
     regression::{GaussianProcess, SearchSettings},
-    residuals::{is_constant, standardized},
     theta::Theta,
     too_few,
 };
 use crate::{
     ground::{Error, Result},
     independence_tests::settings::TestSettings,
-    numeric::rows::moments,
+    numeric::rows::{is_constant, moments, standardized},
 };
 
 /// The maximum of a Gaussian process likelihood with the kernel `RBF(length_scale) + White(noise)`.
