@@ -3,7 +3,7 @@
 use clap::{Parser, Subcommand};
 use tracing_subscriber::{EnvFilter, fmt};
 
-use crate::{demo, discover, experiment, replay, teleop};
+use crate::{demo, discover, experiment, replay, teleop, topics};
 
 /// Find out what causes what between robots and people.
 #[derive(Parser)]
@@ -28,6 +28,8 @@ pub(crate) enum Command {
     Experiment(experiment::Args),
     /// Drive the simulated person from the keyboard, in real time, while the nodes record.
     Teleop(teleop::Args),
+    /// List what a recording holds: topics with type, number of messages, rate and longest gap.
+    Topics(topics::Args),
 }
 
 impl Cli {

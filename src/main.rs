@@ -18,6 +18,7 @@ mod report;
 mod sink;
 mod teleop;
 mod terminal;
+mod topics;
 mod web;
 
 use std::process::ExitCode;
@@ -34,6 +35,7 @@ fn main() -> ExitCode {
         cli::Command::Discover(args) => discover::run(args, &interrupt),
         cli::Command::Experiment(args) => experiment::run(args, &interrupt),
         cli::Command::Teleop(args) => teleop::run(args),
+        cli::Command::Topics(args) => topics::run(args, &interrupt),
     };
     failure::exit_code(done)
 }
