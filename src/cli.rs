@@ -12,7 +12,7 @@ use tracing_subscriber::{EnvFilter, fmt};
 
 use crate::{
     compare, demo, discover, experiment, html_report, output, presets, reasoning, replay, show, teleop,
-    terminal,
+    terminal, topics,
 };
 
 /// Find out what causes what between robots and people.
@@ -57,6 +57,8 @@ pub(crate) enum Command {
     },
     /// Drive the simulated person from the keyboard, in real time, while the nodes record.
     Teleop(teleop::Args),
+    /// List what a recording holds: topics with type, number of messages, rate and longest gap.
+    Topics(topics::Args),
     /// Say what will happen over the next steps if nobody acts, by a causal model and data.
     Predict(reasoning::PredictArgs),
     /// Say what will happen under each of some actions, or would have happened (--had), and which is best.

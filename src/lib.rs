@@ -27,6 +27,7 @@ mod show;
 mod sink;
 mod teleop;
 mod terminal;
+mod topics;
 mod web;
 
 use std::ffi::OsString;
@@ -59,6 +60,7 @@ pub fn command<I: IntoIterator<Item = OsString>>(args: I) -> u8 {
         cli::Command::Experiment(args) => experiment::run(args, &interrupt),
         cli::Command::Report(args) => html_report::run(args, &interrupt),
         cli::Command::Teleop(args) => teleop::run(args),
+        cli::Command::Topics(args) => topics::run(args, &interrupt),
         cli::Command::Predict(args) => return failure::answered(reasoning::predict(args), &interrupt),
         cli::Command::Whatif(args) => return failure::answered(reasoning::what_if(args), &interrupt),
         cli::Command::Effect(args) => return failure::answered(reasoning::effect(args), &interrupt),

@@ -546,3 +546,18 @@ fn completions_and_manual_pages_name_every_subcommand() {
         assert!(text.contains(".TH"), "{page}");
     }
 }
+
+#[test]
+fn a_test_of_categories_says_that_measurements_are_none() {
+    let dir = tempfile::tempdir().expect("a folder");
+    let noise = |i: usize| ((12.9898 * i as f64).sin() * 43758.5453).rem_euclid(1.0);
+    let lines: String = (0..200)
+        .map(|i| format!("{},{}\n", noise(2 * i), f64::from(u8::from(noise(2 * i + 1) > 0.5))))
+        .collect();
+    std::fs::write(dir.path().join("data.csv"), format!("level,light\n{lines}")).expect("writes");
+    let output = roscausal(dir.path(), &["discover", "data.csv", "--method", "pcmci", "--test", "gsquared"]);
+    let text =
+        format!("{}{}", String::from_utf8_lossy(&output.stdout), String::from_utf8_lossy(&output.stderr));
+    assert!(text.contains("'level' has 200 different values in 200 samples"), "{text}");
+    assert!(text.contains("gsquared is for categories") && !text.contains("'light' has"), "{text}");
+}

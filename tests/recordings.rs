@@ -12,6 +12,14 @@ use std::{
 };
 
 use common::roscausal;
+use roscausal_core::Time;
+use roscausal_msgs::{
+    geometry_msgs::{Pose, PoseArray, PoseStamped, PoseWithCovarianceStamped, TransformStamped},
+    nav_msgs::Odometry,
+    std_msgs::Header,
+    tf2_msgs::TFMessage,
+};
+use roscausal_recording::McapWriter;
 
 fn said(output: &Output) -> String {
     format!("{}{}", String::from_utf8_lossy(&output.stdout), String::from_utf8_lossy(&output.stderr))
@@ -197,4 +205,147 @@ fn a_bag_has_its_settings_in_a_file_beside_it() {
     fs::write(dir.path().join("roscausal.toml"), "tau-mx = 3\n").expect("writes");
     let output = roscausal(dir.path(), &["discover", "walk.mcap"]);
     assert!(said(&output).contains("did you mean 'tau-max'?"), "{}", said(&output));
+}
+
+/// Writes 20 s of a robot that AMCL finds every 0.6 s, with a pause of 9 s, and of a person. `topics` says what is recorded.
+fn write_walk(path: &Path, topics: &[&str]) {
+    let mut writer = McapWriter::create(path).expect("creates");
+    let header =
+        |t: f64, frame: &str| Header { stamp: Time::from_secs_f64(100.0 + t), frame_id: frame.into() };
+    let mut write = |topic: &str, t: f64, write: &mut dyn FnMut(&mut McapWriter, Time)| {
+        if topics.contains(&topic) {
+            write(&mut writer, Time::from_secs_f64(100.0 + t));
+        }
+    };
+    for step in 0..400 {
+        let t = 0.05 * f64::from(step);
+        let (x, y) = (3.0 * (0.3 * t).sin(), 0.1 * (1.7 * t).sin());
+        let mut transform = |parent: &str, child: &str, x: f64, y: f64| {
+            let mut transform = TransformStamped {
+                header: header(t, parent),
+                child_frame_id: child.into(),
+                ..Default::default()
+            };
+            (transform.transform.translation.x, transform.transform.translation.y) = (x, y);
+            let message = TFMessage { transforms: vec![transform] };
+            write("/tf", t, &mut |to, stamp| to.write("/tf", stamp, &message).expect("writes"));
+        };
+        transform("map", "odom", 0.0, 0.0);
+        transform("odom", "base_link", x, y);
+        let mut odometry =
+            Odometry { header: header(t, "odom"), child_frame_id: "base_link".into(), ..Default::default() };
+        (odometry.pose.pose.position.x, odometry.pose.pose.position.y) = (x, y);
+        odometry.twist.twist.linear.x = 0.9 * (0.3 * t).cos();
+        write("/odom", t, &mut |to, stamp| to.write("/odom", stamp, &odometry).expect("writes"));
+        if step % 12 == 0 && !(6.0..15.0).contains(&t) {
+            let mut pose = PoseWithCovarianceStamped { header: header(t, "map"), ..Default::default() };
+            pose.pose.pose.position.x = x;
+            write("/amcl_pose", t, &mut |to, stamp| to.write("/amcl_pose", stamp, &pose).expect("writes"));
+        }
+        let mut pose = PoseStamped { header: header(t, "map"), ..Default::default() };
+        (pose.pose.position.x, pose.pose.position.y) = (x, y);
+        write("/robot_pose", t, &mut |to, stamp| to.write("/robot_pose", stamp, &pose).expect("writes"));
+        let mut people = PoseArray { header: header(t, "map"), ..Default::default() };
+        people.poses = vec![Pose::default(); 2];
+        people.poses[0].position.x = 2.0 + (0.8 * t).sin() + 0.2 * (5.1 * t).sin();
+        people.poses[1].position.y = 6.0 + (0.5 * t).cos() + 0.2 * (3.3 * t).sin();
+        // A tracker's list has no order.
+        if step % 7 < 3 {
+            people.poses.reverse();
+        }
+        for topic in ["/people", "/particlecloud"] {
+            write(topic, t, &mut |to, stamp| to.write(topic, stamp, &people).expect("writes"));
+        }
+    }
+    writer.finish().expect("ends");
+}
+
+fn discovered(topics: &[&str], more: &[&str]) -> Output {
+    let dir = tempfile::tempdir().expect("a folder");
+    write_walk(&dir.path().join("walk.mcap"), topics);
+    roscausal(dir.path(), &[&["discover", "walk.mcap"], more, &QUICK].concat())
+}
+
+#[test]
+fn the_robots_place_is_taken_from_what_knows_it_for_more_of_the_time_and_the_choice_is_told() {
+    let output = discovered(&["/odom", "/tf", "/amcl_pose", "/people"], &[]);
+    assert!(output.status.success(), "{}", said(&output));
+    let told = "robot pose: the pose in /odom, brought to the map by TF: it knows the robot in 100 % of the time, /amcl_pose";
+    assert!(
+        said(&output).contains(told) && said(&output).contains("in 0 % of the time"),
+        "{}",
+        said(&output)
+    );
+    let output = discovered(&["/odom", "/tf", "/robot_pose", "/people"], &[]);
+    assert!(
+        said(&output).contains("robot pose: /robot_pose (geometry_msgs/PoseStamped); it knows"),
+        "{}",
+        said(&output)
+    );
+}
+
+#[test]
+fn a_recording_with_poses_or_transforms_only_is_analysed() {
+    let output = discovered(&["/robot_pose", "/people"], &["--format", "json"]);
+    assert!(
+        output.status.success() && said(&output).contains("speed follows from the poses"),
+        "{}",
+        said(&output)
+    );
+    let output = discovered(&["/tf", "/people"], &["--format", "json"]);
+    assert!(output.status.success(), "{}", said(&output));
+    assert!(said(&output).contains("robot: the place of base_link in map by TF"), "{}", said(&output));
+    let model: serde_json::Value = serde_json::from_slice(&output.stdout).expect("JSON");
+    assert!(model["n_samples"].as_u64().is_some_and(|n| n > 150), "{model}");
+}
+
+#[test]
+fn everybody_is_analysed_where_nobodys_goal_is_known() {
+    let output = discovered(&["/robot_pose", "/people"], &["--person", "all"]);
+    assert!(output.status.success(), "{}", said(&output));
+    assert!(said(&output).contains("'h_dg' is empty for everybody and is not analysed"), "{}", said(&output));
+}
+
+#[test]
+fn particles_of_a_localisation_are_no_people() {
+    let output = discovered(&["/robot_pose", "/particlecloud"], &[]);
+    assert!(
+        !output.status.success() && said(&output).contains("nothing in it can be people"),
+        "{}",
+        said(&output)
+    );
+    let output = discovered(&["/robot_pose", "/particlecloud", "/people"], &[]);
+    assert!(said(&output).contains("people: /people (geometry_msgs/PoseArray)"), "{}", said(&output));
+}
+
+#[test]
+fn the_topics_of_a_foreign_recording_are_listed_with_rate_and_longest_gap() {
+    let bag =
+        Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/recordings/foreign/robot_localization/test2.bag");
+    let output = roscausal(Path::new("."), &["topics", &bag.display().to_string()]);
+    assert!(output.status.success(), "{}", said(&output));
+    let text = said(&output);
+    let line =
+        text.lines().find(|line| line.starts_with("/jackal_velocity_controller/odom")).expect("its line");
+    let cells: Vec<&str> = line.split_whitespace().collect();
+    assert_eq!(cells[1..3], ["nav_msgs/Odometry", "3060"], "{text}");
+    let [rate, gap] = [3, 4].map(|cell| cells[cell].parse::<f64>().expect("a number"));
+    assert!((10.0..100.0).contains(&rate) && gap >= 1.0 / rate, "{text}");
+}
+
+#[test]
+fn a_foreign_recording_without_people_is_refused_with_what_there_is() {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/recordings/foreign");
+    for (file, told) in [
+        ("robot_localization/test2.bag", "nothing in it can be people"),
+        ("leg_tracker/positive_2_extracted.bag", "nothing in it can be robot odometry"),
+        (
+            "inorbit_samples/fake_sensors_sample.bag",
+            "/my_temperature (sensor_msgs/Temperature, not readable)",
+        ),
+        ("rosbag2/talker.mcap", "/topic (std_msgs/String)"),
+    ] {
+        let output = roscausal(Path::new("."), &["discover", &folder.join(file).display().to_string()]);
+        assert!(output.status.code() == Some(1) && said(&output).contains(told), "{}", said(&output));
+    }
 }

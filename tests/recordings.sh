@@ -55,6 +55,9 @@ for file in walk.bag walk_mcap walk_db3; do
   check "roscausal discover $file" "$roscausal" discover "$folder/$file" "${quick[@]}" --robot-odom /odom --people /people
   "$roscausal" discover "$folder/$file" "${quick[@]}" --out "$folder/$file.found" >/dev/null 2>&1
 done
+head -c $(($(stat -c %s "$folder"/walk_db3/*.db3) * 85 / 100)) "$folder"/walk_db3/*.db3 >"$folder/cut.db3"
+check "roscausal discover a database without its last 15 %" bash -c '"$1" discover "$2" --method pcmci --test parcorr --format json \
+  | "$3" -c "import json, sys; n = json.load(sys.stdin)[\"n_samples\"]; print(n); assert 900 < n < 1100"' - "$roscausal" "$folder/cut.db3" "$python"
 for other in walk_mcap walk_db3; do
   # Warnings must name the file.
   for file in walk.bag $other; do

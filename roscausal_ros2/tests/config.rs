@@ -10,10 +10,12 @@ use roscausal_core::{
 };
 use roscausal_ros2::{Args, ParamFile};
 
-/// Where the usual robot of ROS 2, with Nav2, differs from the nodes' defaults, which are those of ROS-Causal 1.x.
-const NAV2: [(&str, &str, &str); 4] = [
+/// Where the usual robot of ROS 2, with Nav2, differs from the nodes' defaults, which are those of ROS-Causal 1.x. Its pose is
+/// its place in TF: `/amcl_pose` comes only now and then.
+const NAV2: [(&str, &str, &str); 5] = [
     ("roscausal_robot", "odom_topic", "/odom"),
-    ("roscausal_robot", "pose_topic", "/amcl_pose"),
+    ("roscausal_robot", "pose_topic", ""),
+    ("roscausal_robot", "source_frame", "base_link"),
     ("roscausal_robot", "goal_topic", "/goal_pose"),
     ("roscausal_robot", "goal_type", "PoseStamped"),
 ];

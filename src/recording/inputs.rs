@@ -11,13 +11,19 @@ use roscausal_recording::{Recording, Topic};
 
 use crate::{nodes::RECORDING, presets};
 
-use super::play;
-use super::roles::{CHOSEN_BY_NAME, HUMAN_GOAL, Kind, PEOPLE, ROBOT_GOAL, ROBOT_ODOM, ROBOT_POSE, Role};
+use super::roles::{
+    CHOSEN_BY_NAME, HUMAN_GOAL, Kind, NOT_PEOPLE, PEOPLE, ROBOT_GOAL, ROBOT_ODOM, ROBOT_POSE, Role,
+};
+use super::{coverage, play};
 
 /// The value that means "the pose in the odometry".
 const FROM_ODOMETRY: &str = "odom";
 /// The value that means "no such topic".
 const NONE: &str = "none";
+/// Frames of a robot's base, the best first.
+const BASES: [&str; 3] = ["base_footprint", "base_link", "base"];
+/// Odometry is taken instead of a topic of poses if it knows the robot for this much more of the time.
+const CLEARLY_MORE: f64 = 0.1;
 /// Topic of the poses taken from odometry.
 pub(crate) const ODOMETRY_POSE: &str = "/roscausal_replay/odometry_pose";
 
@@ -27,7 +33,8 @@ pub(crate) struct InputArgs {
     /// Recording: topic of the robot's odometry. Default for this and the next four: found by type and name.
     #[arg(long, value_name = "TOPIC")]
     robot_odom: Option<String>,
-    /// Recording: topic of the robot's pose; `odom`: the pose in the odometry, transformed to the map frame by TF.
+    /// Recording: topic of the robot's pose; `odom`: the pose in the odometry, transformed to the map frame by TF. Default: what
+    /// knows the robot for more of the time.
     #[arg(long, value_name = "TOPIC")]
     robot_pose: Option<String>,
     /// Recording: topic of the robot's goal, or `none`.
@@ -122,26 +129,88 @@ impl Inputs {
 
     fn take_robot(&mut self, chooser: &Chooser<'_>, args: &InputArgs) -> Result<()> {
         let odometry = chooser.one(&ROBOT_ODOM, args.robot_odom.as_deref())?;
-        let odometry = odometry.ok_or_else(|| chooser.nothing(&ROBOT_ODOM))?;
-        self.take(&ROBOT_ODOM, &odometry);
         let pose = match args.robot_pose.as_deref() {
             Some(FROM_ODOMETRY) => None,
             named => chooser.optional(&ROBOT_POSE, named)?,
         };
-        match pose {
-            Some(pose) => self.take(&ROBOT_POSE, &pose),
-            None => {
-                self.set("robot", "pose_topic", ODOMETRY_POSE);
-                self.set("robot", "pose_type", "PoseStamped");
-                self.chosen
-                    .push(format!("robot pose: the pose in {}, brought to the map by TF", odometry.name));
-                self.pose_of = Some(odometry.name);
+        match (odometry, pose) {
+            (Some(odometry), pose) => {
+                self.take(&ROBOT_ODOM, &odometry);
+                self.take_pose(chooser, args, &odometry, pose)?;
             }
+            (None, Some(pose)) => {
+                self.set("robot", "odom_topic", "");
+                self.chosen.push("robot odometry: none, the speed follows from the poses".into());
+                self.take(&ROBOT_POSE, &pose);
+            }
+            (None, None) => self.take_frame(chooser)?,
         }
         match chooser.optional(&ROBOT_GOAL, args.robot_goal.as_deref())? {
             Some(goal) => self.take(&ROBOT_GOAL, &goal),
             None => self.nobody_tells(&ROBOT_GOAL, "robot", "goal_topic"),
         }
+        Ok(())
+    }
+
+    /// The robot's pose where there is odometry: the topic that was named, otherwise what knows the robot for more of the time.
+    fn take_pose(
+        &mut self,
+        chooser: &Chooser<'_>,
+        args: &InputArgs,
+        odometry: &Topic,
+        pose: Option<Topic>,
+    ) -> Result<()> {
+        let by_tf = format!("the pose in {}, brought to the map by TF", odometry.name);
+        let mut why = String::new();
+        if let Some(pose) = pose {
+            if args.robot_pose.is_some() {
+                self.take(&ROBOT_POSE, &pose);
+                return Ok(());
+            }
+            let known = coverage::measure(chooser.path, &pose.name, &odometry.name, &target_frame(args))?;
+            let percent = |share: f64| format!("{:.0} % of the time", 100.0 * share);
+            if known.odometry <= known.pose + CLEARLY_MORE {
+                self.take(&ROBOT_POSE, &pose);
+                let chosen = format!(
+                    "it knows the robot in {}; {by_tf}: in {}",
+                    percent(known.pose),
+                    percent(known.odometry)
+                );
+                if let Some(line) = self.chosen.last_mut() {
+                    line.push_str(&format!("; {chosen}"));
+                }
+                return Ok(());
+            }
+            why = format!(
+                ": it knows the robot in {}, {} ({}) in {}",
+                percent(known.odometry),
+                pose.name,
+                pose.type_name,
+                percent(known.pose)
+            );
+        }
+        self.set("robot", "pose_topic", ODOMETRY_POSE);
+        self.set("robot", "pose_type", "PoseStamped");
+        self.chosen.push(format!("robot pose: {by_tf}{why}"));
+        self.pose_of = Some(odometry.name.clone());
+        Ok(())
+    }
+
+    /// The robot's place in TF, where nothing else tells it.
+    fn take_frame(&mut self, chooser: &Chooser<'_>) -> Result<()> {
+        let frames = coverage::frames(chooser.path)?;
+        let base = BASES.into_iter().find(|base| frames.contains(*base));
+        let map = ["map", "odom"].into_iter().find(|map| frames.contains(*map));
+        let (base, map) = base.zip(map).ok_or_else(|| chooser.nothing(&ROBOT_ODOM))?;
+        for (name, value) in
+            [("odom_topic", ""), ("pose_topic", ""), ("source_frame", base), ("target_frame", map)]
+        {
+            self.set("robot", name, value);
+        }
+        self.set("human", "target_frame", map);
+        self.chosen.push(format!(
+            "robot: the place of {base} in {map} by TF; its speed follows from it (no odometry and no pose in the recording)"
+        ));
         Ok(())
     }
 
@@ -233,6 +302,18 @@ impl Inputs {
     }
 }
 
+/// The frame of the states, as the user says.
+fn target_frame(args: &InputArgs) -> String {
+    let named = args.params.iter().find_map(|text| text.strip_prefix("robot.target_frame="));
+    named.unwrap_or("map").to_owned()
+}
+
+/// Whether a topic of poses is by its name not one of people.
+fn is_nobody(topic: &Topic) -> bool {
+    let last = topic.name.rsplit('/').next().unwrap_or_default().to_lowercase();
+    topic.type_name == "geometry_msgs/PoseArray" && NOT_PEOPLE.iter().any(|word| last.contains(word))
+}
+
 /// `NODE.NAME=VALUE`, checked against the node's own table.
 fn parse(text: &str) -> Result<(String, String, String)> {
     let fault = |reason: String| Error::param("param", reason);
@@ -282,7 +363,8 @@ impl Chooser<'_> {
         if let Some(name) = named {
             return self.named(role, name).map(Some);
         }
-        let candidates = self.candidates(role);
+        let mut candidates = self.candidates(role);
+        candidates.retain(|topic| !is_nobody(topic));
         let usual = role.usual.iter().find_map(|usual| candidates.iter().find(|topic| topic.name == *usual));
         match (usual, candidates.as_slice()) {
             (Some(usual), _) => Ok(Some((*usual).clone())),

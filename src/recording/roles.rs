@@ -44,6 +44,10 @@ const fn kind(
 /// Types with many meanings: such a topic is taken only by its name.
 pub(crate) const CHOSEN_BY_NAME: [&str; 1] = ["geometry_msgs/PoseStamped"];
 
+/// Words in the last part of the names of PoseArrays that are no people, such as AMCL's `/particlecloud`.
+pub(crate) const NOT_PEOPLE: [&str; 7] =
+    ["particle", "waypoint", "path", "plan", "goal", "grasp", "landmark"];
+
 pub(crate) const ROBOT_ODOM: Role = Role {
     flag: "--robot-odom",
     what: "robot odometry",

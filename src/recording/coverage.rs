@@ -1,0 +1,133 @@
+//! How much of a recording each way to know the robot's place covers.
+
+use std::{
+    collections::{BTreeSet, VecDeque},
+    path::Path,
+};
+
+use roscausal_core::{Result, Time, state::tf::TfBuffer};
+use roscausal_msgs::{
+    geometry_msgs::{PoseStamped, PoseWithCovarianceStamped},
+    nav_msgs::Odometry,
+    std_msgs::Header,
+    tf2_msgs::TFMessage,
+};
+use roscausal_recording::{Record, Recording, Topic};
+
+/// Between places farther apart than this the robot is not known; the data node's `max_gap`. Seconds.
+const MAX_GAP_S: f64 = 0.5;
+/// How long a place waits for its transform, as in the robot node. Seconds.
+const TF_WAIT_S: f64 = 0.5;
+/// Messages of `/tf` that are looked at for frames.
+const LOOKED_AT: usize = 2000;
+
+/// Shares of the time, from 0 to 1, in which the robot is known.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(crate) struct Coverage {
+    /// By the topic of poses.
+    pub(crate) pose: f64,
+    /// By odometry, brought to the map by TF.
+    pub(crate) odometry: f64,
+}
+
+/// Whether this is a topic of transforms.
+fn is_tf(topic: &Topic) -> bool {
+    matches!(topic.name.trim_start_matches('/'), "tf" | "tf_static")
+        && topic.type_name == "tf2_msgs/TFMessage"
+}
+
+/// Reads the whole recording.
+///
+/// # Errors
+/// A recording that cannot be opened.
+pub(crate) fn measure(path: &Path, pose: &str, odometry: &str, map: &str) -> Result<Coverage> {
+    let mut recording = Recording::open(path)?;
+    let topics = recording.topics().to_vec();
+    recording.select(|topic| topic.name == pose || topic.name == odometry || is_tf(topic));
+    let (mut by_pose, mut by_odometry) = (Known::default(), Known::default());
+    let (mut span, mut waiting, mut tf) = (None::<(Time, Time)>, VecDeque::new(), TfBuffer::default());
+    for record in recording.by_ref() {
+        let topic = &topics[record.topic];
+        if is_tf(topic) {
+            if let Ok(message) = topic.decode::<TFMessage>(&record.bytes) {
+                tf.insert(&message, topic.name.ends_with("tf_static"));
+            }
+            continue;
+        }
+        let Some(Header { stamp, frame_id }) = header(topic, &record) else { continue };
+        let (first, last) = span.unwrap_or((stamp, stamp));
+        span = Some((first.min(stamp), last.max(stamp)));
+        waiting.push_back((topic.name == pose, stamp, frame_id));
+        while waiting.front().is_some_and(|(_, stamp, _)| last.secs_since(*stamp) > TF_WAIT_S) {
+            settle(waiting.pop_front(), &tf, map, &mut by_pose, &mut by_odometry);
+        }
+    }
+    while !waiting.is_empty() {
+        settle(waiting.pop_front(), &tf, map, &mut by_pose, &mut by_odometry);
+    }
+    let length = span.map_or(0.0, |(first, last)| last.secs_since(first)).max(1e-9);
+    Ok(Coverage { pose: by_pose.seconds / length, odometry: by_odometry.seconds / length })
+}
+
+fn settle(
+    place: Option<(bool, Time, String)>,
+    tf: &TfBuffer,
+    map: &str,
+    pose: &mut Known,
+    odometry: &mut Known,
+) {
+    let Some((is_pose, stamp, frame)) = place else { return };
+    let frame = if frame.is_empty() { map } else { &frame };
+    if tf.lookup(map, frame, stamp).is_ok() {
+        if is_pose { pose.at(stamp) } else { odometry.at(stamp) }
+    }
+}
+
+/// Stamp and frame of a pose or of odometry. A stamp of 0 is the time of the recording.
+fn header(topic: &Topic, record: &Record) -> Option<Header> {
+    let bytes = &record.bytes;
+    let header = match topic.type_name.as_str() {
+        "nav_msgs/Odometry" => topic.decode::<Odometry>(bytes).ok()?.header,
+        "geometry_msgs/PoseStamped" => topic.decode::<PoseStamped>(bytes).ok()?.header,
+        _ => topic.decode::<PoseWithCovarianceStamped>(bytes).ok()?.header,
+    };
+    let stamp = if header.stamp == Time::ZERO { record.stamp } else { header.stamp };
+    Some(Header { stamp, ..header })
+}
+
+/// The time in which something is known: the steps between its stamps that are no gaps.
+#[derive(Default)]
+struct Known {
+    last: Option<Time>,
+    seconds: f64,
+}
+
+impl Known {
+    fn at(&mut self, stamp: Time) {
+        let step = self.last.map_or(0.0, |last| stamp.secs_since(last));
+        if (0.0..=MAX_GAP_S).contains(&step) {
+            self.seconds += step;
+        }
+        self.last = Some(stamp);
+    }
+}
+
+/// The frames in the first transforms of a recording.
+///
+/// # Errors
+/// A recording that cannot be opened.
+pub(crate) fn frames(path: &Path) -> Result<BTreeSet<String>> {
+    let mut recording = Recording::open(path)?;
+    let topics = recording.topics().to_vec();
+    recording.select(is_tf);
+    let mut frames = BTreeSet::new();
+    for record in recording.by_ref().take(LOOKED_AT) {
+        let Ok(message) = topics[record.topic].decode::<TFMessage>(&record.bytes) else { continue };
+        for transform in message.transforms {
+            for frame in [&transform.header.frame_id, &transform.child_frame_id] {
+                frames.insert(frame.trim_start_matches('/').to_owned());
+            }
+        }
+    }
+    Ok(frames)
+}
