@@ -130,7 +130,7 @@ pub fn explain(
     let sign = if change < 0.0 { -1.0 } else { 1.0 };
     let tail = 0.5 * (1.0 - model.settings().interval);
     let mut contributions: Vec<Contribution> = Vec::new();
-    for var in 0..names.len() {
+    for (var, name) in names.iter().enumerate() {
         let value = average(&|parts| parts.surprises[var]);
         let (mut lower, mut upper) = (value, value);
         for members in &all {
@@ -141,7 +141,7 @@ pub fn explain(
         }
         if value != 0.0 || lower != 0.0 || upper != 0.0 {
             let text = words(model, &rows, memory, (var, y), value * sign);
-            contributions.push(Contribution { variable: names[var].clone(), value, lower, upper, text });
+            contributions.push(Contribution { variable: name.clone(), value, lower, upper, text });
         }
     }
     contributions.sort_by(|a, b| b.value.abs().total_cmp(&a.value.abs()));
