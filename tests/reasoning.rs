@@ -111,7 +111,7 @@ fn effects_and_explanations_are_told_in_sentences() {
     let (code, out, _) = asked(&dir, "effect", &["--cause", "r_v", "--effect", "h_v"]);
     assert_eq!(code, Some(0));
     assert!(
-        out.contains("A pulse of one unit of r_v moves h_v the most 3 steps (0.75 s) later: by -0.6"),
+        out.contains("A pulse of one unit of r_v moves h_v the most 3 steps (0.75 s) later: by -0.5"),
         "{out}"
     );
     assert!(out.contains("through d") && out.contains("note: r_v was never imposed"), "{out}");

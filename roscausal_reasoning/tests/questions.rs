@@ -57,6 +57,7 @@ fn a_bad_question_gets_a_status_and_a_sentence_with_the_way_out() {
     bad(WhatIf { horizon: 0, ..ask(vec![]) }, "1 to 1000");
     bad(WhatIf { horizon: 1_000_000_000, ..ask(vec![]) }, "1 to 1000");
     bad(WhatIf { paths: 0, ..ask(vec![]) }, "20 to");
+    bad(WhatIf { paths: usize::MAX, ..ask(vec![]) }, "20 to");
     bad(ask((0..1000).map(|k| set(&k.to_string(), "r", 0.0)).collect()), "1000 actions");
     bad(ask(vec![set("a", "r", 0.0), set("a", "r", 1.0)]), "two actions");
     let mut both = set("a", "r", 0.0);
@@ -79,6 +80,8 @@ fn a_bad_question_gets_a_status_and_a_sentence_with_the_way_out() {
     let situation = Situation::newest(rows.view());
     assert_eq!(explain(&model, &situation, &why("x", None)).status, Status::BadRequest);
     assert_eq!(explain(&model, &situation, &why("h", Some((9, 9)))).status, Status::BadRequest);
+    let far = ExplainQuestion { horizon: 1_000_000_000, ..why("h", None) };
+    assert!(explain(&model, &situation, &far).message.contains("1 to 100"));
     // After all of them the next question is answered.
     assert_eq!(predict(&model, &situation, 5, 100, 1).status, Status::Ok);
 }

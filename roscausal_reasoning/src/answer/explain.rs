@@ -10,12 +10,14 @@ use super::{
 use crate::{
     explain::{Parts, linear, shapley},
     model::{Directed, StructuralModel, System},
-    question::{LONGEST_HORIZON, Situation, variable},
+    question::{Situation, variable},
     simulate::quantile,
 };
 
 /// Part of the change below which a contribution is not told.
 const TOLD: f64 = 0.05;
+/// Most steps that a change may take.
+const LONGEST_CHANGE: usize = 100;
 
 /// Why did a variable change?
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -128,7 +130,7 @@ pub fn explain(
     let sign = if change < 0.0 { -1.0 } else { 1.0 };
     let tail = 0.5 * (1.0 - model.settings().interval);
     let mut contributions: Vec<Contribution> = Vec::new();
-    for var in 0..names.len() {
+    for (var, name) in names.iter().enumerate() {
         let value = average(&|parts| parts.surprises[var]);
         let (mut lower, mut upper) = (value, value);
         for members in &all {
@@ -139,7 +141,7 @@ pub fn explain(
         }
         if value != 0.0 || lower != 0.0 || upper != 0.0 {
             let text = words(model, &rows, memory, (var, y), value * sign);
-            contributions.push(Contribution { variable: names[var].clone(), value, lower, upper, text });
+            contributions.push(Contribution { variable: name.clone(), value, lower, upper, text });
         }
     }
     contributions.sort_by(|a, b| b.value.abs().total_cmp(&a.value.abs()));
@@ -190,8 +192,11 @@ fn window(
     let (from, to) = match (question.from_row, question.to_row) {
         (Some(from), Some(to)) => (from, to),
         (None, None) => {
-            if question.horizon == 0 {
-                return bad("a horizon of 0 steps has no change in it; give at least 1".to_owned());
+            if !(1..=LONGEST_CHANGE).contains(&question.horizon) {
+                return bad(format!(
+                    "changes within {} steps are not looked for; ask for 1 to {LONGEST_CHANGE}",
+                    question.horizon
+                ));
             }
             let last = situation.now.min(rows.saturating_sub(1));
             let first = last.saturating_sub(question.horizon).max(memory - 1);
@@ -207,9 +212,9 @@ fn window(
         }
         _ => return bad("give both times of the change, or none for the largest one".to_owned()),
     };
-    if to <= from || to - from > LONGEST_HORIZON {
+    if to <= from || to - from > LONGEST_CHANGE {
         return bad(format!(
-            "a change from row {from} to row {to} is not explained; the second comes after the first, at most {LONGEST_HORIZON} later"
+            "a change from row {from} to row {to} is not explained; the second comes after the first, at most {LONGEST_CHANGE} later"
         ));
     }
     if to >= rows || from + 1 < memory {

@@ -8,6 +8,9 @@ use roscausal_discovery::{Error, Model, Node, Result};
 pub use adjustment::{Adjustment, adjustment};
 pub use orientations::{MOST_PAIRS, Orientation};
 
+/// Largest lag of a graph.
+const MOST_LAGS: usize = 1000;
+
 /// A directed link: `cause` at `t - lag` drives `effect` at `t`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct Arrow {
@@ -62,6 +65,12 @@ impl Graph {
         let n = names.len();
         if n == 0 {
             return Err(Error::param("graph", "it has no variable"));
+        }
+        if largest_lag > MOST_LAGS {
+            return Err(Error::param(
+                "graph",
+                format!("a largest lag of {largest_lag} is too large; lags are 0 to {MOST_LAGS}"),
+            ));
         }
         if let Some(k) = (1..n).find(|&k| names[..k].contains(&names[k])) {
             return Err(Error::param(

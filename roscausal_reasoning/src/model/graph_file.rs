@@ -87,15 +87,9 @@ pub fn graph_of_json(text: &str, context: &[String]) -> Result<(Graph, Facts)> {
         }
     }
     let largest = links.iter().map(|link| link.lag).max().unwrap_or(0);
-    if largest > MOST_LAGS {
-        return Err(Error::param("lag", format!("{largest} is too large; lags are 0 to {MOST_LAGS}")));
-    }
     let facts = Facts { dt, units: units.into_iter().collect(), ..Facts::default() };
     Ok((Graph::new(variables, largest, &arrows, &pairs)?, facts))
 }
-
-/// Largest lag of a graph written by hand.
-const MOST_LAGS: usize = 1000;
 
 #[cfg(test)]
 mod tests {

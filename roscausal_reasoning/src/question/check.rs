@@ -43,7 +43,7 @@ impl WhatIf {
                 self.actions.len()
             ));
         }
-        let work = self.actions.len().max(1) * self.horizon * self.paths;
+        let work = self.actions.len().max(1).saturating_mul(self.horizon).saturating_mul(self.paths);
         if !(20..=100_000).contains(&self.paths) || work > 40_000_000 {
             return Err(format!(
                 "{} paths of {} steps for {} actions are not answered; take 20 to 100000 paths, and fewer steps or actions",
