@@ -30,7 +30,7 @@ if wanted wheel; then
   maturin build --quiet --release --locked --manifest-path roscausal_py/Cargo.toml "${zig[@]}" --out dist
 fi
 if wanted sdist; then
-  maturin sdist --quiet --manifest-path roscausal_py/Cargo.toml --out dist
+  maturin sdist --manifest-path roscausal_py/Cargo.toml --out dist
 fi
 # One version everywhere.
 version=$(sed -n '/^\[workspace.package\]/,/^\[/s/^version = "\(.*\)"/\1/p' Cargo.toml)
