@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import csv
+import io
 import json
 import os
 import pathlib
@@ -32,6 +34,7 @@ class Link:
         p_value: P-value; 0 means below the smallest that the test distinguishes.
         mark: `-->`, or `o-o` / `x-x` where the direction at lag 0 is open.
         n_lost: Samples left out because a value was missing.
+        p: The p-value in words, such as "<0.002" where the test tells no smaller ones apart.
 
     Example:
         >>> import roscausal as rc
@@ -46,6 +49,7 @@ class Link:
     p_value: float
     mark: str = "-->"
     n_lost: int = 0
+    p: str = ""
 
     def __str__(self) -> str:
         when = f"at t-{self.lag}" if self.lag else "at the same time"
@@ -53,7 +57,7 @@ class Link:
             what = f"{self.cause} {when} drives {'itself' if self.cause == self.effect else self.effect}"
         else:
             what = f"{self.cause} and {self.effect} depend on each other {when}, direction open"
-        p = "p < 0.001" if self.p_value < 0.001 else f"p = {self.p_value:.3f}"
+        p = f"p < {self.p[1:]}" if self.p.startswith("<") else f"p = {self.p_value:.3f}"
         return f"{what}: strength {self.value:.2f}, {p}"
 
 
@@ -147,7 +151,8 @@ class Model:
     @cached_property
     def links(self) -> list[Link]:
         """The links, in the order cause, effect, lag."""
-        return [Link(**link) for link in self._fields["links"]]
+        words = [row["p"] for row in csv.DictReader(io.StringIO(self.to_csv()))]
+        return [Link(**link, p=p) for link, p in zip(self._fields["links"], words)]
 
     @cached_property
     def graph(self) -> NDArray[np.str_]:
@@ -249,8 +254,6 @@ class Model:
         Raises:
             ImportError: matplotlib is not installed.
         """
-        import io
-
         import matplotlib.pyplot as plt  # type: ignore[import-not-found, import-untyped, unused-ignore]
 
         axes = plt.gca() if ax is None else ax

@@ -19,7 +19,7 @@ def page(model: Model) -> str:
         return "<tr>" + "".join(cell.format(escape(str(each))) for each in cells) + "</tr>"
 
     rows = [
-        row([link.cause, link.mark, link.effect, link.lag, f"{link.value:.3f}", f"{link.p_value:.3g}"]) for link in model.links
+        row([link.cause, link.mark, link.effect, link.lag, f"{link.value:.3f}", link.p]) for link in model.links
     ]
     header = row(["cause", "", "effect", "lag", "strength", "p-value"])
     table = f"<table>{header}{''.join(rows)}</table>" if rows else "<p>No causal link found.</p>"

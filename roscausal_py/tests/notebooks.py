@@ -1,0 +1,21 @@
+"""The notebooks in examples/ run from top to bottom. Run by tests/python.sh where nbclient is installed."""
+
+import nbclient
+import nbformat
+import pytest
+from conftest import ROOT
+
+NOTEBOOKS = sorted((ROOT / "examples").glob("*.ipynb"))
+
+
+@pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
+def test_a_notebook_runs_and_shows_its_models(path, tmp_path):
+    notebook = nbformat.read(path, as_version=4)
+    assert not any(cell.get("outputs") for cell in notebook.cells), "clear its outputs before a commit"
+    nbclient.NotebookClient(notebook, timeout=300, resources={"metadata": {"path": str(tmp_path)}}).execute()
+    shown = [output.get("data", {}) for cell in notebook.cells for output in cell.get("outputs", [])]
+    assert any("<svg" in data.get("text/html", "") for data in shown)
+
+
+def test_there_are_notebooks():
+    assert len(NOTEBOOKS) == 3
