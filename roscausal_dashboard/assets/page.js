@@ -121,6 +121,9 @@ function addModel(model) {
 function showModel() {
   const [model, before] = [models[shown], models[shown - 1]];
   if (!model) return;
+  // What the keyboard is at is drawn anew, so it is found again afterwards.
+  const at = document.activeElement?.closest?.("#graph [data-link], #links [data-link]");
+  const kept = at && [at.closest("#graph, #links").id, at.dataset.link];
   drawGraph($("graph"), model, before, ask);
   $("model-title").textContent = `Model ${model.number}, ${clock(model.t)}: ${model.method.toUpperCase()} with ${model.test.toUpperCase()}, alpha ${model.alpha}, ${model.samples} samples from ${model.batch}`;
   const slider = $("history");
@@ -144,11 +147,13 @@ function showModel() {
     }
     const button = make("button", sentence(link, model), "asking");
     button.type = "button";
+    button.dataset.link = `${link.cause} ${link.effect} ${link.lag}`;
     button.addEventListener("click", () => ask(link));
     item.append(button);
     return item;
   }));
   if (!links.length) $("links").replaceChildren(make("li", "no causal link found", ""));
+  if (kept) [...$(kept[0]).querySelectorAll("[data-link]")].find((place) => place.dataset.link === kept[1])?.focus();
 }
 
 /** Opens what stands behind a link of the model that is shown; Escape or Close leads back to where it was asked. */

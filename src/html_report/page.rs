@@ -86,6 +86,7 @@ fn graph(model: &Model) -> String {
 fn asked(model: &Model, svg: &str) -> String {
     let mut out = String::with_capacity(svg.len());
     let mut open = false;
+    let mut named = std::collections::BTreeSet::new();
     for line in svg.lines() {
         let place = model.links.iter().position(|link| {
             let (cause, effect) = (escaped(&link.cause), escaped(&link.effect));
@@ -95,7 +96,12 @@ fn asked(model: &Model, svg: &str) -> String {
             Some(place) => {
                 let title = line.split_once('>').map_or("", |(_, rest)| rest);
                 let name = escaped(&report::sentence(model, &model.links[place]));
-                let _ = writeln!(out, "<a href=\"#{}\" aria-label=\"{name}\">{title}", anchor(place));
+                // The label leads there, too, but it is no second stop for the keyboard and not read twice.
+                let said = match named.insert(place) {
+                    true => format!("aria-label=\"{name}\""),
+                    false => "tabindex=\"-1\" aria-hidden=\"true\"".to_owned(),
+                };
+                let _ = writeln!(out, "<a href=\"#{}\" {said}>{title}", anchor(place));
                 open = true;
             }
             None if open && line == "</g>" => {
