@@ -51,6 +51,7 @@
 //! | `parcorr` | [`ParCorr`](independence_tests::ParCorr) | linear dependence | as the fastest, and with many variables |
 //! | `robustparcorr` | [`RobustParCorr`](independence_tests::RobustParCorr) | monotone dependence | with outliers or heavy tails |
 //! | `cmiknn` | [`CmiKnn`](independence_tests::CmiKnn) | dependence of any form | with time to spend |
+//! | `cmisymb` | [`CmiSymb`](independence_tests::CmiSymb) | dependence of discrete variables | with few samples for each combination of levels |
 //! | `gsquared` | [`Gsquared`](independence_tests::Gsquared) | dependence of discrete variables | for categories and counts |
 //! | (oracle) | [`OracleCi`](independence_tests::OracleCi) | what a known graph says | to study a method |
 //!

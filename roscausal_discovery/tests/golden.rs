@@ -19,7 +19,7 @@ use roscausal_discovery::{
 use serde_json::{Value, json};
 
 /// What this engine does not have.
-const NOT_BUILT: [&str; 2] = ["lpcmci_parcorr_hidden", "pcmci_cmisymb_discrete"];
+const NOT_BUILT: [&str; 1] = ["lpcmci_parcorr_hidden"];
 /// Shuffle tests whose random numbers differ from the reference's near a threshold, so that other conditions are chosen: the
 /// p-values of one test, the filter's p-values of the other.
 const OTHER_RANDOM_NUMBERS: [&str; 2] =

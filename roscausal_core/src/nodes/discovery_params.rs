@@ -65,7 +65,7 @@ pub(super) fn specs() -> Vec<ParamSpec> {
             "cond_ind_test",
             text("gpdc"),
             Any,
-            "gpdc, parcorr, robustparcorr, cmiknn or gsquared",
+            "gpdc, parcorr, robustparcorr, cmiknn, cmisymb or gsquared",
         ),
         ParamSpec::new("sig_alpha", Double(0.05), Range(1e-9, 0.999), "significance level of a link"),
         ParamSpec::new(

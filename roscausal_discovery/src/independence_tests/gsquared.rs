@@ -126,13 +126,14 @@ impl PreparedTest for Prepared<'_> {
     }
 }
 
-struct G {
-    value: f64,
-    dof: usize,
+/// The statistic and its degrees of freedom.
+pub(super) struct G {
+    pub(super) value: f64,
+    pub(super) dof: usize,
 }
 
 /// Levels of a row as numbers `0..`, in order of appearance.
-fn levels(row: &[f64]) -> Vec<usize> {
+pub(super) fn levels(row: &[f64]) -> Vec<usize> {
     let mut seen = HashMap::new();
     row.iter()
         .map(|v| {
@@ -144,7 +145,7 @@ fn levels(row: &[f64]) -> Vec<usize> {
 }
 
 /// Stratum of each sample: the combination of the levels of all rows of Z.
-fn strata(z: &[Vec<f64>], n: usize) -> Vec<usize> {
+pub(super) fn strata(z: &[Vec<f64>], n: usize) -> Vec<usize> {
     let mut stratum = vec![0; n];
     for row in z {
         let mut seen = HashMap::new();
@@ -156,7 +157,7 @@ fn strata(z: &[Vec<f64>], n: usize) -> Vec<usize> {
     stratum
 }
 
-fn g_statistic(x: &[usize], y: &[usize], stratum: &[usize]) -> G {
+pub(super) fn g_statistic(x: &[usize], y: &[usize], stratum: &[usize]) -> G {
     let count = |row: &[usize]| row.iter().max().map_or(0, |most| most + 1);
     let (rows, columns, n_strata) = (count(x), count(y), count(stratum));
     // Samples sorted by stratum, so that one small table suffices.

@@ -55,6 +55,11 @@ fn check(name: &str, result: &TestResult) {
     assert!((0.0..=1.0).contains(&result.p_value), "{name}: p-value {}", result.p_value);
 }
 
+/// Whether the test is for discrete variables.
+fn is_discrete(name: &str) -> bool {
+    matches!(name, "gsquared" | "cmisymb")
+}
+
 fn n(var: usize) -> Node {
     Node::new(var, 0)
 }
@@ -93,7 +98,7 @@ fn results_are_finite_and_p_values_between_0_and_1() {
 #[test]
 fn dependence_is_seen_and_independence_is_not_denied() {
     each_test(|name, test| {
-        let data = complete(&columns(200, name == "gsquared", 5));
+        let data = complete(&columns(200, is_discrete(name), 5));
         let samples = Samples::new(&data, 0);
         let prepared = test.prepare(&samples).unwrap();
         let p = |x, y, z: &[Node]| prepared.run_test(n(x), n(y), z).unwrap().p_value;
@@ -107,7 +112,7 @@ fn dependence_is_seen_and_independence_is_not_denied() {
 #[test]
 fn a_constant_has_no_dependence() {
     each_test(|name, test| {
-        let data = complete(&columns(80, name == "gsquared", 7));
+        let data = complete(&columns(80, is_discrete(name), 7));
         let samples = Samples::new(&data, 1);
         let prepared = test.prepare(&samples).unwrap();
         for (x, y) in [(4, 0), (0, 4)] {
@@ -122,7 +127,7 @@ fn a_constant_has_no_dependence() {
 #[test]
 fn samples_with_a_missing_node_are_left_out_and_counted() {
     each_test(|name, test| {
-        let data = columns(90, name == "gsquared", 11);
+        let data = columns(90, is_discrete(name), 11);
         let samples = Samples::new(&data, 2);
         let prepared = test.prepare(&samples).unwrap();
         for (x, y, z, lost) in
@@ -140,7 +145,7 @@ fn samples_with_a_missing_node_are_left_out_and_counted() {
 #[test]
 fn a_result_does_not_depend_on_the_tests_before_it() {
     each_test(|name, test| {
-        let data = complete(&columns(70, name == "gsquared", 13));
+        let data = complete(&columns(70, is_discrete(name), 13));
         let samples = Samples::new(&data, 2);
         let tests: Vec<(Node, Node, Vec<Node>)> = condition_sets()
             .into_iter()
@@ -180,7 +185,7 @@ fn too_few_samples_are_an_error_or_a_defined_answer() {
 #[test]
 fn any_number_of_threads_gives_the_same_bytes() {
     each_test(|name, test| {
-        let data = complete(&columns(60, name == "gsquared", 19));
+        let data = complete(&columns(60, is_discrete(name), 19));
         let settings = PcmciSettings { tau_min: 0, ..PcmciSettings::default() };
         let run = |threads: usize| {
             let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
@@ -201,7 +206,7 @@ fn fixed_thres_decides_by_the_value_alone() {
         if !test.decides_by_value() {
             continue;
         }
-        let data = complete(&columns(60, name == "gsquared", 23));
+        let data = complete(&columns(60, is_discrete(name), 23));
         let run = PcmciSettings { pc_alpha: vec![0.3], alpha_level: 0.3, ..PcmciSettings::default() };
         let result = run_pcmci(&data, test.as_ref(), &run, &Control::default()).unwrap();
         for (at, &p) in result.p_matrix.indexed_iter() {

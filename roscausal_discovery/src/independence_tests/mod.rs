@@ -7,6 +7,7 @@
 //! | [`RobustParCorr`] | the same of normal scores | Student's t | microseconds |
 //! | [`Gpdc`] | distance correlation of residuals, 0 to 1 | table of independent values | milliseconds at 500 samples |
 //! | [`CmiKnn`] | conditional mutual information, nats | local permutations | a tenth of a second at 500 samples |
+//! | [`CmiSymb`] | the same of discrete variables, nats | permutations within strata | milliseconds at 500 samples |
 //! | [`Gsquared`] | G statistic | chi-squared | microseconds |
 //! | [`OracleCi`] | 1 or 0 | 0 or 1 | none: it knows the graph |
 //!
@@ -38,6 +39,7 @@
 
 mod cholesky;
 pub(crate) mod cmiknn;
+mod cmisymb;
 mod gpdc;
 #[cfg(feature = "python")]
 mod gpdc_python;
@@ -55,6 +57,7 @@ mod settings;
 
 pub(crate) use cholesky::residuals;
 pub use cmiknn::CmiKnn;
+pub use cmisymb::CmiSymb;
 pub use gpdc::{GpOptimum, GpRegression, Gpdc};
 pub(crate) use gpdc::{bytes as gpdc_bytes, uniform_dependence};
 #[cfg(feature = "python")]

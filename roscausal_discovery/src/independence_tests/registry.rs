@@ -2,7 +2,7 @@
 
 #[cfg(feature = "python")]
 use super::GpdcPython;
-use super::{CmiKnn, Gpdc, Gsquared, ParCorr, RobustParCorr, settings::TestSettings};
+use super::{CmiKnn, CmiSymb, Gpdc, Gsquared, ParCorr, RobustParCorr, settings::TestSettings};
 use crate::ground::{CondIndTest, Error, Result};
 
 type Build = fn(&TestSettings) -> Result<Box<dyn CondIndTest>>;
@@ -21,6 +21,7 @@ const TESTS: &[(&str, f64, Build)] = &[
     ("gpdcpython", OF_TABLE, |s| Ok(Box::new(GpdcPython::new(s)?))),
     ("robustparcorr", USUAL, |s| Ok(Box::new(RobustParCorr::new(s)?))),
     ("cmiknn", USUAL, |s| Ok(Box::new(CmiKnn::new(s)?))),
+    ("cmisymb", OF_TABLE, |s| Ok(Box::new(CmiSymb::new(s)?))),
     ("gsquared", USUAL, |s| Ok(Box::new(Gsquared::new(s)?))),
 ];
 

@@ -8,6 +8,8 @@
 //!
 //! Sources: Zou 2006, JASA 101:1418; Efron, Hastie, Johnstone and Tibshirani 2004, Annals of Statistics 32:407.
 
+use crate::numeric::{least_squares::Compressed, rows::dot};
+
 /// Products between columns that were centred and scaled to norm 1.
 pub(super) struct Products {
     size: usize,
@@ -15,12 +17,13 @@ pub(super) struct Products {
 }
 
 impl Products {
-    pub(super) fn new(columns: &[Vec<f64>], dot: impl Fn(&[f64], &[f64]) -> f64) -> Self {
-        let size = columns.len();
+    pub(super) fn new(frame: &Compressed) -> Self {
+        let size = frame.len();
+        let norms: Vec<f64> = (0..size).map(|k| dot(frame.column(k), frame.column(k)).sqrt()).collect();
         let mut values = vec![0.0; size * size];
-        for i in 0..size {
-            for j in 0..=i {
-                let product = dot(&columns[i], &columns[j]);
+        for i in (0..size).filter(|&i| norms[i] > 0.0) {
+            for j in (0..=i).filter(|&j| norms[j] > 0.0) {
+                let product = dot(frame.column(i), frame.column(j)) / (norms[i] * norms[j]);
                 values[i * size + j] = product;
                 values[j * size + i] = product;
             }

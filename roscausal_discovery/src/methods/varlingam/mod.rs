@@ -14,7 +14,10 @@ use super::{
 };
 use crate::{
     ground::{CompleteRows, Control, DataFrame, Error, LinkMark, Node, Result},
-    numeric::{least_squares::LeastSquares, rows, student_t::two_sided_p_value},
+    numeric::{
+        least_squares::{Compressed, LeastSquares},
+        student_t::two_sided_p_value,
+    },
 };
 use lasso::Products;
 
@@ -196,10 +199,10 @@ struct Equation {
 }
 
 impl Equation {
-    /// The least squares on `causes`, with a constant.
-    fn fit(rows: &CompleteRows, effect: usize, causes: &[Node]) -> Self {
-        let columns: Vec<&[f64]> = causes.iter().map(|&cause| rows.column(cause)).collect();
-        let fit = LeastSquares::new(&columns, &[rows.column(Node::new(effect, 0))], true);
+    /// The least squares on `causes`, with a constant; the frame has the columns by lag, then variable.
+    fn fit(frame: &Compressed, n_vars: usize, effect: usize, causes: &[Node]) -> Self {
+        let columns: Vec<usize> = causes.iter().map(|cause| cause.lag * n_vars + cause.var).collect();
+        let fit = frame.regress(effect, &columns);
         let term = |(k, &cause): (usize, &Node)| {
             (cause, fit.coefficient(0, k), fit.standardized(0, k), two_sided_p_value(fit.t(0, k), fit.dof()))
         };
@@ -219,15 +222,13 @@ impl Model {
         // The present of all variables, then the past: as they are, or only what the past leaves of the present.
         let past: Vec<Node> = of_past.causes.clone();
         let nodes: Vec<Node> = (0..n).map(|var| Node::new(var, 0)).chain(past.iter().copied()).collect();
-        let mut columns = if settings.prune {
-            nodes.iter().map(|&node| rows.column(node).to_vec()).collect()
+        let frame = Compressed::new(&nodes.iter().map(|&node| rows.column(node)).collect::<Vec<_>>());
+        let products = if settings.prune {
+            Products::new(&frame)
         } else {
-            of_past.residuals()
+            let left = of_past.residuals();
+            Products::new(&Compressed::new(&left.iter().map(Vec::as_slice).collect::<Vec<_>>()))
         };
-        columns.iter_mut().for_each(|column| {
-            rows::standardize(column);
-        });
-        let products = Products::new(&columns, rows::dot);
         let equation = |place: usize| {
             let effect = order[place];
             if settings.exogenous.contains(&effect) {
@@ -242,7 +243,7 @@ impl Model {
             if !settings.prune {
                 causes.extend(&past);
             }
-            Equation::fit(rows, effect, &causes)
+            Equation::fit(&frame, n, effect, &causes)
         };
         let equations: Vec<Equation> = (0..n).into_par_iter().map(equation).collect();
         for Equation { effect, terms } in &equations {
