@@ -20,10 +20,10 @@ use crate::{
 const POWER: f64 = 0.842;
 /// Normal quantile of 0.9: the range holds 80 %.
 const RANGE: f64 = 1.282;
-/// Shares below this are not worth a word, those from the other on are settled.
-const UNSETTLED: std::ops::Range<f64> = 0.05..0.9;
+/// From this share on a link is settled.
+const SETTLED: f64 = 0.9;
 
-/// Puts the advice for each unsettled link into a model with a confidence.
+/// Puts the advice for each pair and lag that a resample had a link at into a model with a confidence.
 pub(super) fn add(model: &mut Model, resampling: &Resampling) {
     let Some(mut confidence) = model.confidence.take() else { return };
     let asks = Question { model, confidence: &confidence, resampling };
@@ -46,7 +46,7 @@ impl Question<'_> {
             for lag in self.model.tau_min..=self.model.tau_max {
                 let share = self.confidence.link_frequency[i][j][lag];
                 let in_model = !self.model.graph[i][j][lag].is_empty();
-                if (share > UNSETTLED.start || in_model) && share < UNSETTLED.end && (lag > 0 || i < j) {
+                if (share > 0.0 || in_model) && (lag > 0 || i < j) {
                     all.push(self.answer((i, j, lag), share, in_model));
                 }
             }
@@ -104,6 +104,9 @@ pub(super) fn found_share(resampling: &Resampling, z: f64, c: f64) -> f64 {
 
 fn sentence(advice: &Advice, n: f64) -> String {
     let found = format!("found in {:.0} of 100", 100.0 * advice.confidence);
+    if advice.confidence >= SETTLED {
+        return format!("{found}; settled");
+    }
     let Some(needed) = advice.n_needed.filter(|&needed| needed <= 10.0 * n) else {
         return format!("{found}; not settled by ten times as much");
     };
