@@ -15,11 +15,11 @@ pub fn dot(model: &Model) -> String {
         let _ = writeln!(out, "  {};", quoted(&plain(name)));
     }
     for link in &model.links {
-        let undirected = if link.mark == "-->" { "" } else { ", dir=none" };
+        let ends = ends(&link.mark);
         let colour = if link.value < 0.0 { "#1d4ed8" } else { "#c2410c" };
         let _ = writeln!(
             out,
-            "  {} -> {} [label=\"{} · {:.2}\", penwidth={:.2}, color=\"{colour}\"{undirected}];",
+            "  {} -> {} [label=\"{} · {:.2}\", penwidth={:.2}, color=\"{colour}\"{ends}];",
             quoted(&plain(&link.cause)),
             quoted(&plain(&link.effect)),
             link.lag,
@@ -29,6 +29,23 @@ pub fn dot(model: &Model) -> String {
     }
     out.push_str("}\n");
     out
+}
+
+/// The ends of an edge: heads, circles, crosses. A direction alone is Graphviz's usual edge.
+fn ends(mark: &str) -> String {
+    let shape = |end| match end {
+        'o' => "odot",
+        'x' => "tee",
+        '<' | '>' => "normal",
+        _ => "none",
+    };
+    match (mark.chars().next(), mark.chars().next_back()) {
+        (Some('-'), Some('>')) => String::new(),
+        (Some(tail), Some(head)) if mark != "o-o" && mark != "x-x" => {
+            format!(", dir=both, arrowtail={}, arrowhead={}", shape(tail), shape(head))
+        }
+        _ => ", dir=none".to_owned(),
+    }
 }
 
 fn quoted(name: &str) -> String {

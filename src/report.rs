@@ -67,6 +67,14 @@ pub(crate) fn sentence(model: &Model, link: &Link) -> String {
     let verb = match link.mark.as_str() {
         "-->" if link.cause == link.effect => format!("{cause} {earlier} drives itself"),
         "-->" => format!("{cause} {earlier} drives {effect}"),
+        "o->" if link.cause == link.effect => {
+            format!("{cause} {earlier} drives itself, or something not recorded drives it at both times")
+        }
+        "o->" => format!("{cause} {earlier} drives {effect}, or something not recorded drives both"),
+        "<->" => format!("{cause} {earlier} and {effect}: something not recorded drives both"),
+        "x->" => {
+            format!("{cause} {earlier} and {effect}: on whether it drives it the data contradict themselves")
+        }
         _ => format!("{cause} and {effect} depend on each other {earlier}, direction open"),
     };
     format!("{verb}: strength {:.2}, {}", link.value, p_value(model, link.p_value))

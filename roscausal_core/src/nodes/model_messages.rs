@@ -104,6 +104,10 @@ pub fn images(svg: &str, scale: f32, header: &Header) -> Result<(Image, Compress
 }
 
 fn causal_link(link: &Link) -> CausalLink {
+    let what = match link.mark.as_str() {
+        "-->" | "o-o" | "x-x" => short(link),
+        _ => format!("{} (lag {})", link.sentence(), link.lag),
+    };
     CausalLink {
         cause: link.cause.clone(),
         effect: link.effect.clone(),
@@ -111,7 +115,7 @@ fn causal_link(link: &Link) -> CausalLink {
         value: link.value,
         p_value: link.p_value,
         confidence: -1.0,
-        description: format!("{}: strength {:.3}, p = {:.4}", short(link), link.value, link.p_value),
+        description: format!("{what}: strength {:.3}, p = {:.4}", link.value, link.p_value),
     }
 }
 

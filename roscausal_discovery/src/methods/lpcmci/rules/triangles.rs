@@ -14,17 +14,18 @@ fn unshielded_both_ways(search: &Search<'_, '_>) -> Vec<[Node; 3]> {
     search.graph.unshielded().into_iter().flat_map(|[a, b, c]| [[a, b, c], [c, b, a]]).collect()
 }
 
-/// Triples A, B, C, all adjacent, within one window, the latest at lag 0, with the links A-B, B-C and A-C.
-fn triangles(search: &Search<'_, '_>) -> Vec<([Node; 3], [Link; 3])> {
+/// Triples A, B, C, all adjacent, within one window, the latest at lag 0, whose links A-B and B-C fit, with the nodes A and C and
+/// the link A-C.
+fn triangles(search: &Search<'_, '_>, fits: impl Fn(Link, Link) -> bool) -> Vec<(Node, Node, Link)> {
     let graph = &search.graph;
     let mut found = Vec::new();
     for b in graph.nodes() {
         let neighbours: Vec<(Node, Link)> = graph.neighbours(b).collect();
         for &(a, ab) in &neighbours {
             for &(c, cb) in &neighbours {
-                if a != c && (a.lag == 0 || b.lag == 0 || c.lag == 0) {
-                    let bc = Link { left: cb.right, right: cb.left, ..cb };
-                    found.extend(graph.get(a, c).map(|ac| ([a, b, c], [ab, bc, ac])));
+                let bc = Link { left: cb.right, right: cb.left, ..cb };
+                if fits(ab, bc) && a != c && (a.lag == 0 || b.lag == 0 || c.lag == 0) {
+                    found.extend(graph.get(a, c).map(|ac| (a, c, ac)));
                 }
             }
         }
@@ -53,10 +54,11 @@ pub(super) fn r1(search: &mut Search<'_, '_>, only_lagged: bool) -> Result<Propo
 /// A -*> B **> C or A **> B -*> C, and A +*o C: a head at C.
 pub(super) fn r2(search: &mut Search<'_, '_>, only_lagged: bool) -> Result<Proposals> {
     let mut proposals = Proposals::default();
-    for ([a, _, c], [ab, bc, ac]) in triangles(search) {
-        let path = ab.right == Head && bc.right == Head && (ab.left == Tail || bc.left == Tail);
+    let path =
+        |ab: Link, bc: Link| ab.right == Head && bc.right == Head && (ab.left == Tail || bc.left == Tail);
+    for (a, c, ac) in triangles(search, path) {
         let open = matches!(ac.left, Circle | Head) && ac.right == Circle;
-        if path && open && may_orient(a, c, only_lagged) {
+        if open && may_orient(a, c, only_lagged) {
             proposals.head(c, a);
         }
     }
@@ -66,10 +68,10 @@ pub(super) fn r2(search: &mut Search<'_, '_>, only_lagged: bool) -> Result<Propo
 /// A -*> B -*> C and A o*+ C: A --> C.
 pub(super) fn r8(search: &mut Search<'_, '_>, only_lagged: bool) -> Result<Proposals> {
     let mut proposals = Proposals::default();
-    for ([a, _, c], [ab, bc, ac]) in triangles(search) {
-        let path = [ab, bc].iter().all(|link| link.left == Tail && link.right == Head);
+    let path = |ab: Link, bc: Link| [ab, bc].iter().all(|link| link.left == Tail && link.right == Head);
+    for (a, c, ac) in triangles(search, path) {
         let open = ac.left == Circle && matches!(ac.right, Circle | Head);
-        if path && open && may_orient(a, c, only_lagged) {
+        if open && may_orient(a, c, only_lagged) {
             proposals.tail(a, c);
             proposals.head(c, a);
         }
