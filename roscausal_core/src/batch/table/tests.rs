@@ -1,0 +1,99 @@
+//! Tables in words: what is read, and what is complained of.
+
+use super::*;
+
+fn parse(text: &str) -> Parsed<Table> {
+    Table::parse(text.as_bytes(), &Reading::default())
+}
+
+fn complaint(text: &str) -> String {
+    match parse(text) {
+        Err(Complaint::File(reason)) => reason,
+        other => panic!("{text}: {other:?}"),
+    }
+}
+
+#[test]
+fn a_file_of_the_original_with_a_broken_header_is_read() {
+    let table = parse("time,r_{gx},r_{,heta},r_v\n1,2,3,4,\n1.3,2,4,4,\n").expect("reads");
+    assert_eq!(table.names, ["r_{gx}", "r_{\\theta}", "r_v"]);
+    assert_eq!(table.values[[1, 1]], 4.0);
+    assert!((table.dt().expect("has times") - 0.3).abs() < 1e-12);
+}
+
+#[test]
+fn a_header_with_a_real_tab_is_read() {
+    let table = parse("r_{\theta},r_v\n1,2\n3,4\n").expect("reads");
+    assert_eq!(table.names, ["r_{\\theta}", "r_v"]);
+}
+
+#[test]
+fn separators_of_other_countries_are_found() {
+    assert_eq!(parse("a;b\n1;2\n").expect("reads").names, ["a", "b"]);
+    assert_eq!(parse("a\tb\n1\t2\n").expect("reads").names, ["a", "b"]);
+}
+
+#[test]
+fn a_complaint_names_line_column_and_the_way_out() {
+    assert!(complaint("").contains("empty"));
+    assert!(complaint("a,b\n").contains("only a header"));
+    assert_eq!(
+        complaint("a,b\n1,2\n3,fast\n"),
+        "line 3, column 'b': 'fast' is not a number; correct it, leave the cell empty, name the columns to use with \
+         --columns, or turn words into codes with --encode codes"
+    );
+    assert!(complaint("a,b\n1,2\n3\n").starts_with("line 3 has 1 cells, the header has 2 names"));
+    assert!(complaint("a,b\n1,2,3\n").starts_with("line 2 has 3 cells"));
+    assert!(complaint("a,b,a\n1,2,3\n").contains("both column 1 and column 3"));
+    assert!(complaint("a,b\n1,inf\n").contains("infinite"));
+    assert!(complaint("time,b\n1,2\n0.5,2\n").starts_with("line 3, column 'time': time goes back"));
+    assert!(complaint("1,2\n3,4\n").contains("header"));
+}
+
+#[test]
+fn missing_cells_and_constant_columns_are_told() {
+    let table = parse("a,b,c\n1,,5\n2,NaN,5\n3,1,5\n").expect("reads");
+    assert!(table.values[[0, 1]].is_nan());
+    let missing = Note::Missing { column: "b".into(), missing: 2, cells: 3 };
+    let constant = |column: &str, value| Note::Constant { column: column.into(), value };
+    assert_eq!(table.notes, [missing, constant("b", 1.0), constant("c", 5.0)]);
+    assert!(table.notes[0].to_string().starts_with("column 'b': 2 of 3 cells"));
+    assert!(table.notes[2].to_string().starts_with("column 'c' is constant (5)"));
+}
+
+#[test]
+fn recordings_of_one_system_have_one_step() {
+    let table = |text: &str| parse(text).expect("reads");
+    let (slow, fast) = (table("time,a\n0,1\n0.3,2\n0.6,3\n"), table("time,a\n0,1\n0.1,2\n0.2,3\n"));
+    let (jittery, timeless) = (table("time,a\n0,1\n0.301,2\n0.602,3\n"), table("a\n1\n2\n"));
+    let step = |tables: &[&Table]| {
+        common_step(
+            tables.iter().zip(["x.csv", "y.csv", "z.csv"]).map(|(table, name)| (Path::new(name), *table)),
+        )
+    };
+    assert_eq!(step(&[&timeless, &slow, &jittery]).expect("one step"), slow.dt());
+    assert_eq!(step(&[&timeless]).expect("none"), None);
+    let error = step(&[&slow, &timeless, &fast]).expect_err("two steps").to_string();
+    assert!(
+        error.contains("z.csv") && error.contains("its step is 0.1 s, that of x.csv is 0.3 s"),
+        "{error}"
+    );
+}
+
+#[test]
+fn only_the_wanted_columns_are_read() {
+    let wanted = ["h_dg".to_owned(), "h_v".to_owned()];
+    let reading = Reading { columns: Some(wanted.to_vec()), ..Reading::default() };
+    let table = Table::parse(b"h_v,note,h_dg\n1,fast,2\n2,slow,3\n", &reading).expect("reads");
+    assert_eq!(table.names, wanted);
+    assert_eq!(table.values[[1, 0]], 3.0);
+}
+
+#[test]
+fn an_unknown_column_gets_the_nearest_name() {
+    let reading = Reading { columns: Some(vec!["h_gd".to_owned()]), ..Reading::default() };
+    match Table::parse(b"h_v,h_dg\n1,2\n2,3\n", &reading) {
+        Err(Complaint::Columns(reason)) => assert!(reason.contains("did you mean 'h_dg'?"), "{reason}"),
+        other => panic!("{other:?}"),
+    }
+}
