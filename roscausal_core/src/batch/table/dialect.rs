@@ -143,7 +143,8 @@ fn separator(header: &[u8], row: &[u8]) -> Separator {
     let commas = count(header, b',');
     for other in [b';', b'\t'] {
         let others = count(header, other);
-        if commas > 0 && others > 0 && others == count(row, other) && commas != count(row, b',') {
+        let not_commas = commas != count(row, b',') || !numeric(row, Separator::Byte(b','));
+        if commas > 0 && others > 0 && others == count(row, other) && not_commas {
             return Separator::Byte(other);
         }
     }

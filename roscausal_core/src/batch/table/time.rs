@@ -149,7 +149,8 @@ mod tests {
 
     #[test]
     fn steps_of_a_million_are_nanoseconds_and_the_user_has_the_last_word() {
-        let time = |step: f64| (0..5).map(|i| step * f64::from(i)).collect::<Vec<_>>();
+        // Rounded, so that 0.1 * 3 is 0.3.
+        let time = |step: f64| (0..5).map(|i| (step * f64::from(i) * 1e6).round() / 1e6).collect::<Vec<_>>();
         assert_eq!(in_seconds(time(1e8), None).0, time(0.1));
         assert_eq!(in_seconds(time(100.0), None).0, time(100.0));
         assert!(in_seconds(time(100.0), None).1.is_some_and(|told| told.contains("--time-unit")));
