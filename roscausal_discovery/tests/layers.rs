@@ -10,7 +10,7 @@ use std::{
 };
 
 /// The modules of the crate from the ground up.
-const LAYERS: [&str; 9] = [
+const LAYERS: [&str; 10] = [
     "ground",
     "numeric",
     "independence_tests",
@@ -20,6 +20,7 @@ const LAYERS: [&str; 9] = [
     "draw",
     "analysis",
     "confidence",
+    "rolling",
 ];
 
 /// A module as the names on the way to it; the crate itself has none.
