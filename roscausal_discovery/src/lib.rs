@@ -80,6 +80,7 @@ pub mod independence_tests;
 pub mod methods;
 mod model;
 mod numeric;
+pub mod rolling;
 pub mod transfer_entropy;
 
 pub use about::{AboutData, AboutVariable, Fault};

@@ -10,7 +10,7 @@ use std::{
 };
 
 /// The modules of the crate from the ground up.
-const LAYERS: [&str; 12] = [
+const LAYERS: [&str; 13] = [
     "ground",
     "numeric",
     "about",
@@ -22,6 +22,7 @@ const LAYERS: [&str; 12] = [
     "draw",
     "analysis",
     "confidence",
+    "rolling",
     "effort",
 ];
 

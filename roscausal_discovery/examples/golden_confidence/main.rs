@@ -1,7 +1,7 @@
 //! Runs the cases of a folder of reference results about confidence, and writes ours in the layout that the folder's comparison
 //! reads.
 //!
-//! `cargo run --release -p roscausal_discovery --example golden_confidence -- SET OUT [SECTION..]`; sections: draws, boot,
+//! `cargo run --release -p roscausal_discovery --example golden_confidence -- SET OUT [SECTION..]`; sections: draws, boot, window,
 //! calibration, power; without one: all.
 
 #[path = "../golden/csv_file.rs"]

@@ -5,6 +5,7 @@ use std::{fs, path::Path};
 use roscausal_discovery::{
     Control, DataFrame, Model, PcAlpha, Settings,
     confidence::{Resampling, Scheme, analyse_resampled, bootstrap_rows},
+    rolling::{Windows, roll},
 };
 use serde_json::{Value, json};
 
@@ -14,8 +15,8 @@ type Done = Result<(), String>;
 type Section = fn(&Path, &Path) -> Done;
 
 /// All sections by name.
-pub(crate) const ALL: [(&str, Section); 4] =
-    [("draws", draws), ("boot", boot), ("calibration", calibration), ("power", power)];
+pub(crate) const ALL: [(&str, Section); 5] =
+    [("draws", draws), ("boot", boot), ("window", window), ("calibration", calibration), ("power", power)];
 
 fn json_of(path: &Path) -> Result<Value, String> {
     let text = fs::read_to_string(path).map_err(|e| format!("{}: {e}", path.display()))?;
@@ -99,6 +100,31 @@ fn boot(set: &Path, out: &Path) -> Done {
                 write(&out.join("boot").join(name), &model_of(&data, &settings, &subsample)?.to_json())?;
             }
         }
+    }
+    Ok(())
+}
+
+fn window(set: &Path, out: &Path) -> Done {
+    for entry in fs::read_dir(set.join("window")).map_err(|e| e.to_string())? {
+        let path = entry.map_err(|e| e.to_string())?.path();
+        let reference = json_of(&path)?;
+        let text = |name: &str| reference[name].as_str().ok_or_else(|| format!("'{name}' is no text"));
+        let data = data_of(&set.join("boot"), text("system")?)?;
+        let settings = Settings {
+            cond_ind_test: text("test")?.into(),
+            tau_min: number(&reference, "tau_min")?,
+            ..usual(number(&reference, "tau_max")?)
+        };
+        let windows =
+            Windows { length: number(&reference, "window")?, step: number(&reference, "step")?, last: false };
+        let mut ours = Vec::new();
+        roll(&data, &settings, &windows, &Control::default(), |window| {
+            ours.push(json!(window));
+            Ok(())
+        })
+        .map_err(|e| e.to_string())?;
+        let name = path.file_name().unwrap_or_default();
+        write(&out.join("window").join(name), &json!({ "windows": ours }).to_string())?;
     }
     Ok(())
 }

@@ -1,0 +1,138 @@
+//! A model per window of time: how links come and go in one recording.
+//!
+//! A window takes the times `start..start + length`. Lags may reach before its start; the first `2 tau_max` times of a recording
+//! only serve as the past of others. Windows start at 0, `step`, `2 step` .. below `T - length`, as the reference cuts them, so
+//! one that would end exactly with the recording is left out unless [`Windows::last`] asks for it.
+//!
+//! ```
+//! use roscausal_discovery::rolling::Windows;
+//!
+//! let windows = Windows { length: 100, step: 50, last: false };
+//! assert_eq!(windows.starts(200), [0, 50]);
+//! assert_eq!(Windows { last: true, ..windows }.starts(200), [0, 50, 100]);
+//! ```
+
+use serde::{Deserialize, Serialize};
+
+use crate::{
+    analysis::{Settings, analyse},
+    ground::{Control, DataFrame, Error, Result},
+    model::Model,
+};
+
+/// How to cut recordings into windows.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Windows {
+    /// Times in a window.
+    pub length: usize,
+    /// Times from one start to the next.
+    pub step: usize,
+    /// Whether a window that ends exactly with the recording counts.
+    pub last: bool,
+}
+
+/// The model of one window.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct WindowModel {
+    /// The recording, from 0.
+    pub recording: usize,
+    /// First time of the window, in rows.
+    pub start: usize,
+    /// The time after its last one.
+    pub end: usize,
+    /// What was found in it.
+    #[serde(flatten)]
+    pub model: Model,
+}
+
+impl Windows {
+    /// The starts of the windows in a recording of `n` rows.
+    pub fn starts(&self, n: usize) -> Vec<usize> {
+        let end = (n + usize::from(self.last)).saturating_sub(self.length);
+        (0..end).step_by(self.step.max(1)).collect()
+    }
+
+    fn check(&self, data: &DataFrame) -> Result<()> {
+        if self.length == 0 || self.step == 0 {
+            return Err(Error::param("window", "window and step are numbers of rows from 1 on"));
+        }
+        let longest = data.recordings().iter().map(|r| r.nrows()).max().unwrap_or(0);
+        if self.starts(longest).is_empty() {
+            let reason = format!(
+                "{} rows leave no window in {longest} rows; give a shorter window or record longer",
+                self.length
+            );
+            return Err(Error::param("window", reason));
+        }
+        Ok(())
+    }
+}
+
+/// Analyses each window on its own, in the order of recordings and times, and passes each model to `each` as soon as it is there.
+///
+/// # Errors
+/// Invalid settings, windows that do not fit, data that do not suit the test, cancellation, or an error of `each`.
+pub fn roll(
+    data: &DataFrame,
+    settings: &Settings,
+    windows: &Windows,
+    control: &Control,
+    mut each: impl FnMut(WindowModel) -> Result<()>,
+) -> Result<()> {
+    windows.check(data)?;
+    for (recording, rows) in data.recordings().iter().enumerate() {
+        for start in windows.starts(rows.nrows()) {
+            let end = start + windows.length;
+            let mut times = vec![Vec::new(); data.recordings().len()];
+            times[recording] = (start..end).collect();
+            let model = analyse(&data.at_times(times)?, settings, control)?;
+            each(WindowModel { recording, start, end, model })?;
+        }
+    }
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use ndarray::Array2;
+
+    use super::*;
+    use crate::{methods::Method, numeric::random::Rng};
+
+    #[test]
+    fn a_link_that_vanishes_is_in_the_early_windows_only() {
+        let mut rng = Rng::new(4);
+        let mut x = Array2::zeros((600, 2));
+        for t in 1..600 {
+            x[[t, 0]] = rng.unit() - 0.5;
+            x[[t, 1]] = if t < 300 { x[[t - 1, 0]] } else { 0.0 } + rng.unit() - 0.5;
+        }
+        let data = DataFrame::new(vec![x], vec!["a".into(), "b".into()]).unwrap();
+        let settings = Settings {
+            method: Method::Pcmci,
+            cond_ind_test: "parcorr".into(),
+            alpha: 0.001,
+            ..Settings::default()
+        };
+        let mut found = Vec::new();
+        let windows = Windows { length: 150, step: 150, last: true };
+        roll(&data, &settings, &windows, &Control::default(), |window| {
+            found.push((window.start, window.model.links.iter().any(|l| l.cause == "a" && l.effect == "b")));
+            Ok(())
+        })
+        .unwrap();
+        assert_eq!(found, [(0, true), (150, true), (300, false), (450, false)]);
+    }
+
+    #[test]
+    fn a_window_longer_than_the_data_is_refused() {
+        let data = DataFrame::new(vec![Array2::zeros((50, 2))], vec!["a".into(), "b".into()]).unwrap();
+        let run = |windows: Windows| {
+            roll(&data, &Settings::default(), &windows, &Control::default(), |_| Ok(()))
+                .unwrap_err()
+                .to_string()
+        };
+        assert!(run(Windows { length: 51, step: 1, last: true }).contains("leave no window in 50 rows"));
+        assert!(run(Windows { length: 10, step: 0, last: true }).contains("from 1 on"));
+    }
+}
