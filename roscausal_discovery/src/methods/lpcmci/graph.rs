@@ -105,6 +105,7 @@ impl Graph {
     }
 
     /// The place of what concerns the node `a`, not after `b`, and `b`; `None` if they are too far apart.
+    #[inline]
     pub(crate) fn place(&self, a: Node, b: Node) -> Option<usize> {
         let lag = a.lag.checked_sub(b.lag).filter(|&lag| lag <= self.tau_max)?;
         Some((a.var * self.n_vars + b.var) * (self.tau_max + 1) + lag)
@@ -115,6 +116,7 @@ impl Graph {
     }
 
     /// The link between two nodes, read from `a` to `b`.
+    #[inline]
     pub(crate) fn get(&self, a: Node, b: Node) -> Option<Link> {
         match self.place(a, b) {
             Some(place) => self.links[place],
