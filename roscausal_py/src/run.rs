@@ -126,6 +126,9 @@ fn limits(conf: &Array3<Option<(f64, f64)>>) -> Array4<f64> {
     })
 }
 
+/// Value, p-value, confidence interval, samples used, and whether the test decides by its value.
+type Answer = (f64, f64, Option<(f64, f64)>, usize, bool);
+
 /// One test `x _||_ y | z` on nodes `(variable, lag)`: value, p-value, confidence interval, samples used, and whether the test
 /// decides by its value.
 #[pyfunction]
@@ -138,7 +141,7 @@ pub(crate) fn run_test(
     y: (usize, usize),
     z: Vec<(usize, usize)>,
     cut_off: usize,
-) -> PyResult<(f64, f64, Option<(f64, f64)>, usize, bool)> {
+) -> PyResult<Answer> {
     let data = frame.data();
     let node = |(var, lag): (usize, usize)| Node::new(var, lag);
     let (x, y, z): (_, _, Vec<Node>) = (node(x), node(y), z.into_iter().map(node).collect());
