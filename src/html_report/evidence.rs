@@ -115,7 +115,7 @@ pub(super) fn batches(material: &Material) -> String {
     if material.batches.is_empty() {
         return content;
     }
-    content += "<div class=\"figure\" tabindex=\"0\" role=\"region\" aria-label=\"Batches\">\n<table>\n<thead><tr>\
+    content += "<div class=\"figure\" tabindex=\"0\" role=\"region\" aria-label=\"Table of the batches\">\n<table>\n<thead><tr>\
                 <th scope=\"col\">batch</th><th scope=\"col\">samples</th><th scope=\"col\">links</th>\
                 <th scope=\"col\">of these in this report</th></tr></thead>\n<tbody>\n";
     for (name, model) in &material.batches {

@@ -157,7 +157,7 @@ fn data(material: &Material) -> String {
     let mut content = String::new();
     let rows: Vec<String> = evidence.rows.iter().map(ToString::to_string).collect();
     let _ = writeln!(content, "<p>Rows of each recording: {}.</p>", rows.join(", "));
-    content += "<div class=\"figure\" tabindex=\"0\" role=\"region\" aria-label=\"Data check\">\n<table>\n<thead><tr>";
+    content += "<div class=\"figure\" tabindex=\"0\" role=\"region\" aria-label=\"Table of the variables\">\n<table>\n<thead><tr>";
     for name in
         ["variable", "values", "missing", "smallest", "largest", "mean", "sd", "autocorrelation", "remark"]
     {
