@@ -207,7 +207,7 @@ impl DataFrame {
     /// Lists whose number or lengths differ from those of the recordings.
     pub fn with_reference_points(mut self, points: Vec<Vec<bool>>) -> Result<Self> {
         let fits = points.len() == self.recordings.len()
-            && points.iter().zip(&self.recordings).all(|(of, recording)| of.len() == recording.nrows());
+            && points.iter().zip(self.recordings.iter()).all(|(of, recording)| of.len() == recording.nrows());
         if !fits {
             return Err(Error::param("reference_points", "give one list per recording, each of its length"));
         }
@@ -235,7 +235,7 @@ impl DataFrame {
     /// The data with `by[var]` taken off each value of a variable.
     pub(crate) fn shifted(&self, by: &[f64]) -> Self {
         let mut data = self.clone();
-        for recording in &mut data.recordings {
+        for recording in Arc::make_mut(&mut data.recordings) {
             recording.columns_mut().into_iter().zip(by).for_each(|(mut column, by)| column -= *by);
         }
         data
