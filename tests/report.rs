@@ -21,9 +21,10 @@ fn chain(names: [&str; 3], rows: usize) -> String {
     let mut noise = || unit(&mut state) - 0.5;
     let quoted: Vec<String> = names.iter().map(|name| format!("\"{}\"", name.replace('"', "\"\""))).collect();
     let mut csv = format!("time,{}\n", quoted.join(","));
-    let [mut a, mut b, mut c] = [0.0; 3];
+    let [mut a, mut b] = [0.0; 2];
     for row in 0..rows {
-        (a, b, c) = (0.5 * a + noise(), 0.8 * a + noise(), 0.8 * b + noise());
+        let c = 0.8 * b + noise();
+        (a, b) = (0.5 * a + noise(), 0.8 * a + noise());
         csv += &format!("{},{a},{b},{c}\n", row as f64 * 0.5);
     }
     csv

@@ -1,8 +1,5 @@
 //! Reads cases: their data, independence test, link assumptions; writes matrices.
 
-#[path = "../golden/csv_file.rs"]
-mod csv_file;
-
 use std::path::Path;
 
 use ndarray::{Array2, Array3, Axis, concatenate};
@@ -13,24 +10,9 @@ use roscausal_discovery::{
 };
 use serde_json::Value;
 
-pub(crate) use csv_file::read_csv;
+pub(crate) use super::data::read_csv;
 
 pub(crate) type Answer<T> = Result<T, String>;
-
-/// Sorted names of the JSON files in a folder.
-pub(crate) fn names(folder: &Path) -> Answer<Vec<String>> {
-    let entries = std::fs::read_dir(folder).map_err(|e| format!("{}: {e}", folder.display()))?;
-    let mut names: Vec<String> =
-        entries.filter_map(|entry| entry.ok()?.file_name().into_string().ok()).collect();
-    names.retain(|name| name.ends_with(".json"));
-    names.sort();
-    Ok(names)
-}
-
-pub(crate) fn read(path: &Path) -> Answer<Value> {
-    let text = std::fs::read_to_string(path).map_err(|e| format!("{}: {e}", path.display()))?;
-    serde_json::from_str(&text).map_err(|e| format!("{}: {e}", path.display()))
-}
 
 pub(crate) fn count(value: &Value) -> Option<usize> {
     value.as_u64().map(|v| v as usize)

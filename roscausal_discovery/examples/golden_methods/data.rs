@@ -3,6 +3,8 @@
 #[path = "../golden/csv_file.rs"]
 mod csv_file;
 
+pub(crate) use csv_file::read_csv;
+
 use std::path::Path;
 
 use ndarray::{ArrayView, Dimension};
@@ -30,7 +32,7 @@ pub(crate) fn frame(case: &Value, set: &Path) -> Result<DataFrame, String> {
     let mut recordings = Vec::new();
     let mut names = Vec::new();
     for path in paths {
-        let (columns, values) = csv_file::read_csv(&set.join(path.as_str().ok_or("a path is no text")?))?;
+        let (columns, values) = read_csv(&set.join(path.as_str().ok_or("a path is no text")?))?;
         names = columns;
         recordings.push(values);
     }

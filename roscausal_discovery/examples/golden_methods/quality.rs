@@ -10,7 +10,10 @@ use roscausal_discovery::{
 };
 use serde_json::{Value, json};
 
-use crate::cases::{Answer, count, read, read_csv};
+use crate::{
+    cases::{Answer, count, read_csv},
+    data::read_json as read,
+};
 
 /// Name of the experiment, first letter of its systems, independence test.
 const EXPERIMENTS: [(&str, char, &str); 10] = [

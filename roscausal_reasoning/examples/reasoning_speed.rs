@@ -1,4 +1,4 @@
-//! CPU seconds of the calls that others offer too, on one thread: `cargo run --release -p roscausal_reasoning --example speed`.
+//! CPU seconds of the calls that others offer too, on one thread: `cargo run --release -p roscausal_reasoning --example reasoning_speed`.
 //!
 //! Linux only: the time is that of the thread, so that a busy machine does not count.
 
