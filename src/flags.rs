@@ -70,12 +70,12 @@ pub(crate) fn in_the_commands_words(error: &Error) -> String {
     }
 }
 
-/// The flag that a name means: the flag itself, its spelling with `_`, or the parameter's name.
+/// The flag that a name means: that of the parameter, the flag itself, or its spelling with `_`.
 fn flag_of(name: &str) -> Option<String> {
     let plain = name.trim_start_matches('-').replace('_', "-");
-    let known = crate::cli::long_flags().into_iter().find(|flag| *flag == plain);
     let twin = TWINS.iter().find(|twin| twin.param == name).map(|twin| twin.flag.to_owned());
-    known.or(twin).map(|flag| format!("--{flag}"))
+    let known = || crate::cli::long_flags().into_iter().find(|flag| *flag == plain);
+    twin.or_else(known).map(|flag| format!("--{flag}"))
 }
 
 /// The names with an underscore that are a node's parameter, or a setting of the library, as flags. What stands in quotes is the

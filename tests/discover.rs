@@ -289,7 +289,7 @@ fn missing_cells_and_constant_columns_are_told_and_survived() {
 
 #[test]
 fn an_analysis_that_cannot_end_is_refused_before_it_starts_with_what_would_fit() {
-    let rows: String = (0..120_000).map(|i| format!("{},{}\n", i * 7 % 1013, i * i % 977)).collect();
+    let rows: String = (0..120_000_i64).map(|i| format!("{},{}\n", i * 7 % 1013, i * i % 977)).collect();
     let told = complaint(&format!("a,b\n{rows}"), &["--max-memory", "2000"], 1);
     has(
         &told,

@@ -268,7 +268,7 @@ fn discovered(topics: &[&str], more: &[&str]) -> Output {
 
 #[test]
 fn the_robots_place_is_taken_from_what_knows_it_for_more_of_the_time_and_the_choice_is_told() {
-    let output = discovered(&["/odom", "/tf", "/amcl_pose", "/people"], &[]);
+    let output = discovered(&["/odom", "/tf", "/amcl_pose", "/people"], &["--drop-empty"]);
     assert!(output.status.success(), "{}", said(&output));
     let told = "robot pose: the pose in /odom, brought to the map by TF: it knows the robot in 100 % of the time, /amcl_pose";
     assert!(
@@ -276,7 +276,7 @@ fn the_robots_place_is_taken_from_what_knows_it_for_more_of_the_time_and_the_cho
         "{}",
         said(&output)
     );
-    let output = discovered(&["/odom", "/tf", "/robot_pose", "/people"], &[]);
+    let output = discovered(&["/odom", "/tf", "/robot_pose", "/people"], &["--drop-empty"]);
     assert!(
         said(&output).contains("robot pose: /robot_pose (geometry_msgs/PoseStamped); it knows"),
         "{}",
@@ -286,13 +286,13 @@ fn the_robots_place_is_taken_from_what_knows_it_for_more_of_the_time_and_the_cho
 
 #[test]
 fn a_recording_with_poses_or_transforms_only_is_analysed() {
-    let output = discovered(&["/robot_pose", "/people"], &["--format", "json"]);
+    let output = discovered(&["/robot_pose", "/people"], &["--drop-empty", "--format", "json"]);
     assert!(
         output.status.success() && said(&output).contains("speed follows from the poses"),
         "{}",
         said(&output)
     );
-    let output = discovered(&["/tf", "/people"], &["--format", "json"]);
+    let output = discovered(&["/tf", "/people"], &["--drop-empty", "--format", "json"]);
     assert!(output.status.success(), "{}", said(&output));
     assert!(said(&output).contains("robot: the place of base_link in map by TF"), "{}", said(&output));
     let model: serde_json::Value = serde_json::from_slice(&output.stdout).expect("JSON");

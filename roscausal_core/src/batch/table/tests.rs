@@ -43,7 +43,7 @@ fn a_complaint_names_line_column_and_the_way_out() {
          --columns, or turn words into codes with --encode codes"
     );
     assert!(complaint("a,b\n1,2\n3\n").starts_with("line 3 has 1 cells, the header has 2 names"));
-    assert!(complaint("a,b\n1,2,3\n").starts_with("line 2 has 3 cells"));
+    assert!(complaint("a,b\n1,2\n1,2,3\n").starts_with("line 3 has 3 cells"));
     assert!(complaint("a,b,a\n1,2,3\n").contains("both column 1 and column 3"));
     assert!(complaint("a,b\n1,inf\n").contains("infinite"));
     assert!(complaint("time,b\n1,2\n0.5,2\n").starts_with("line 3, column 'time': time goes back"));

@@ -69,15 +69,15 @@ pub struct LpcmciResult {
 ///
 /// # let noise = |i: usize| ((12.9898 * i as f64).sin() * 43758.5453).rem_euclid(1.0) - 0.5;
 /// // `h` drives `a` and `b`, and is not recorded.
-/// let mut values = ndarray::Array2::zeros((400, 2));
-/// for t in 2..400 {
+/// let mut values = ndarray::Array2::zeros((2000, 2));
+/// for t in 2..2000 {
 ///     let h = noise(3 * (t - 1));
 ///     values[[t, 0]] = 0.5 * values[[t - 1, 0]] + h + 0.5 * noise(3 * t + 1);
 ///     values[[t, 1]] = 0.5 * values[[t - 1, 1]] + h + 0.5 * noise(3 * t + 2);
 /// }
 /// let data = DataFrame::new(vec![values], vec!["a".into(), "b".into()])?;
 /// let test = ParCorr::new(&TestSettings::default())?;
-/// let settings = LpcmciSettings { pc_alpha: 0.01, ..LpcmciSettings::default() };
+/// let settings = LpcmciSettings { tau_max: 2, pc_alpha: 0.01, ..LpcmciSettings::default() };
 /// let found = run_lpcmci(&data, &test, &settings, &Control::default())?;
 /// assert_eq!(found.result.graph[[0, 1, 0]], LinkMark::Bidirected);
 /// # Ok::<(), roscausal_discovery::Error>(())
