@@ -88,7 +88,7 @@ impl<'a> Resamples<'a> {
             rows.into_iter().map(|row| row + self.first).collect()
         };
         let times = self.n_rows.iter().enumerate().map(of).collect();
-        let data = self.data.at_times(times)?.as_draw(b as u64 + 1);
+        let data = self.data.at_times(times)?.drawn(b as u64 + 1);
         match Outcome::of(&data, self.test.as_ref(), self.settings, &control.silent()) {
             Ok(outcome) if outcome.is_complete() => {
                 Ok(Some(outcome.found(data.n_vars(), self.settings.tau_max)))

@@ -150,7 +150,7 @@ impl DataFrame {
 
     /// Says that the times were drawn as number `draw`, so that tests with random numbers take others than in the other draws.
     #[must_use]
-    pub(crate) fn as_draw(mut self, draw: u64) -> Self {
+    pub(crate) fn drawn(mut self, draw: u64) -> Self {
         self.draw = draw;
         self
     }

@@ -6,6 +6,9 @@ use super::{
 };
 use crate::ground::{Node, Result};
 
+/// A set of conditions.
+type Nodes = Vec<Node>;
+
 impl Search<'_, '_> {
     /// Makes the smallest sets on record of a removed pair weakly minimal, by leaving out one member at a time.
     pub(super) fn make_minimal(&mut self, pair: Pair) -> Result<()> {
@@ -30,7 +33,7 @@ impl Search<'_, '_> {
     }
 
     /// The sets that are weakly minimal, and the smaller ones that separate with the smallest value.
-    fn one_level(&mut self, pair: Pair, level: &[Vec<Node>]) -> Result<(Vec<Vec<Node>>, Vec<Vec<Node>>)> {
+    fn one_level(&mut self, pair: Pair, level: &[Nodes]) -> Result<(Vec<Nodes>, Vec<Nodes>)> {
         let (mut minimal, mut smaller) = (Vec::new(), Vec::new());
         for set in level {
             let no_cause: Vec<Node> = set

@@ -255,13 +255,13 @@ impl Model {
             }
         }
         if !settings.prune {
-            model.from_residuals(of_past, &equations, lags);
+            model.take_residuals(of_past, &equations, lags);
         }
         model
     }
 
     /// Without pruning: the coefficients at lag 0 are those between residuals of the past, and `B_tau = (I - B_0) M_tau`.
-    fn from_residuals(&mut self, of_past: &Autoregression, equations: &[Equation], lags: usize) {
+    fn take_residuals(&mut self, of_past: &Autoregression, equations: &[Equation], lags: usize) {
         let residuals = of_past.residuals();
         for Equation { effect, terms } in equations {
             let causes: Vec<usize> =
