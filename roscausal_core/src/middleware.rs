@@ -48,10 +48,13 @@ pub trait Publish<M: Message>: Send + 'static {
     fn subscriber_count(&self) -> usize;
 }
 
+/// Takes an answer, or why there is none.
+type Answer<R> = Box<dyn FnOnce(std::result::Result<R, String>) + Send>;
+
 /// What a service owes its caller: one answer, now or later, from any thread. Dropped without one, it tells the caller
 /// that the node ends.
 pub struct Reply<R> {
-    answer: Option<Box<dyn FnOnce(std::result::Result<R, String>) + Send>>,
+    answer: Option<Answer<R>>,
 }
 
 impl<R> Reply<R> {

@@ -115,7 +115,7 @@ proptest! {
 #[test]
 fn a_hidden_common_cause_is_called_one() {
     // 4 is hidden and drives 0 and 2; both have causes of their own, 1 and 3, which orient the link.
-    let links = vec![(4, 0, 0), (4, 2, 0), (1, 0, 0), (3, 2, 0)];
+    let links = [(4, 0, 0), (4, 2, 0), (1, 0, 0), (3, 2, 0)];
     let mut turned = LinkAssumptions::none(ALL);
     links.iter().for_each(|&(i, j, lag)| turned.insert(i, j, lag, Assumption::Exists).unwrap());
     let test = Oracle(OracleCi::new(&turned).unwrap());

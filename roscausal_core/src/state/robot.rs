@@ -401,7 +401,7 @@ mod tests {
             let position =
                 Point { x: 0.5 / 0.2 * (0.2 * t).sin(), y: 0.5 / 0.2 * (1.0 - (0.2 * t).cos()), z: 0.0 };
             let pose = Pose { position, orientation: Quaternion::from_yaw(0.2 * t) };
-            states.extend(robot.pose(header(1.0 + t, "map"), pose.clone(), NOW));
+            states.extend(robot.pose(header(1.0 + t, "map"), pose, NOW));
             assert!(robot.pose(header(1.0 + t, "map"), pose, NOW).is_empty(), "twice");
         }
         assert_eq!((states.len(), robot.late()), (39, 40), "the first pose tells no speed");
