@@ -29,6 +29,7 @@ pub(crate) struct Cli {
     quiet: bool,
 }
 
+#[allow(clippy::large_enum_variant, reason = "there is one per run")]
 #[derive(Subcommand)]
 pub(crate) enum Command {
     /// Simulate a robot and a person, record them and find the causal model, all in one process.

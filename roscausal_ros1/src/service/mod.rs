@@ -32,13 +32,16 @@ const KNOCK: Duration = Duration::from_millis(500);
 /// Connections of one service at a time; more are closed at once.
 const MOST_CONNECTIONS: usize = 256;
 
+/// What a service does with a question.
+type Callback<S> = Box<dyn FnMut(<S as Service>::Request, Reply<<S as Service>::Response>) + Send>;
+
 /// What the connections of a service share.
 struct Shared<S: Service> {
     service: String,
     node: String,
     /// Closed when the service ends.
     gate: Gate,
-    callback: Mutex<Box<dyn FnMut(S::Request, Reply<S::Response>) + Send>>,
+    callback: Mutex<Callback<S>>,
 }
 
 /// A service of a [`crate::Ros1`]. Dropping it ends the service.

@@ -32,10 +32,15 @@ struct Asker<S: Service> {
     since: Instant,
 }
 
+/// Name and type of a service.
+type Key = (String, TypeId);
+/// An [`Asker`] of some type.
+type Idle = Box<dyn Any + Send>;
+
 /// The clients that no question uses, and the services that have been seen.
 #[derive(Default)]
 pub(super) struct Askers {
-    idle: Mutex<HashMap<(String, TypeId), Vec<Box<dyn Any + Send>>>>,
+    idle: Mutex<HashMap<Key, Vec<Idle>>>,
     seen: Mutex<HashMap<GUID, Instant>>,
 }
 
