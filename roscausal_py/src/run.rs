@@ -108,14 +108,9 @@ fn as_dict(py: Python<'_>, result: PcmciResult) -> PyResult<Bound<'_, PyDict>> {
     Ok(out)
 }
 
+/// Its place among all marks; `MARKS` in results.py has the same order.
 fn code(mark: LinkMark) -> u8 {
-    match mark {
-        LinkMark::Absent => 0,
-        LinkMark::Forward => 1,
-        LinkMark::Backward => 2,
-        LinkMark::Unoriented => 3,
-        LinkMark::Conflict => 4,
-    }
+    LinkMark::ALL.iter().position(|known| *known == mark).unwrap_or_default() as u8
 }
 
 /// Confidence limits, lower and upper; 0 where there are none, as in the reference.

@@ -11,19 +11,18 @@ use crate::{
 };
 
 /// The marks that a link may have.
-const MARKS: [LinkMark; 4] =
-    [LinkMark::Forward, LinkMark::Backward, LinkMark::Unoriented, LinkMark::Conflict];
+const MARKS: &[LinkMark] = LinkMark::ALL.as_slice().split_at(1).1;
 
 /// Counts over all variables of the data.
 pub(super) struct Summary<'a> {
     found: &'a [Found],
     /// Resamples by mark, in the order of [`MARKS`].
-    counts: [Array3<usize>; 4],
+    counts: Vec<Array3<usize>>,
 }
 
 impl<'a> Summary<'a> {
     pub(super) fn new(found: &'a [Found], (n_vars, tau_max): (usize, usize)) -> Self {
-        let mut counts = MARKS.map(|_| Array3::zeros((n_vars, n_vars, tau_max + 1)));
+        let mut counts = vec![Array3::zeros((n_vars, n_vars, tau_max + 1)); MARKS.len()];
         for one in found {
             for (at, mark) in one.graph.indexed_iter() {
                 if let Some(place) = MARKS.iter().position(|known| known == mark) {
@@ -48,12 +47,8 @@ impl<'a> Summary<'a> {
             return LinkMark::Absent;
         }
         let most = self.counts.iter().map(|of_mark| of_mark[at]).max().unwrap_or_default();
-        let first: Vec<LinkMark> = MARKS
-            .into_iter()
-            .zip(&self.counts)
-            .filter(|(_, c)| c[at] == most)
-            .map(|(mark, _)| mark)
-            .collect();
+        let first = MARKS.iter().zip(&self.counts).filter(|(_, counts)| counts[at] == most);
+        let first: Vec<LinkMark> = first.map(|(mark, _)| *mark).collect();
         match first.as_slice() {
             [one] => *one,
             several if several.contains(&LinkMark::Conflict) => LinkMark::Conflict,

@@ -65,6 +65,27 @@ pub enum LinkEnd {
 }
 
 impl LinkMark {
+    /// All marks, no link first.
+    pub const ALL: [Self; 17] = [
+        Self::Absent,
+        Self::Forward,
+        Self::Backward,
+        Self::Unoriented,
+        Self::Conflict,
+        Self::CircleHead,
+        Self::HeadCircle,
+        Self::Bidirected,
+        Self::ConflictHead,
+        Self::HeadConflict,
+        Self::CircleConflict,
+        Self::ConflictCircle,
+        Self::TailConflict,
+        Self::ConflictTail,
+        Self::TailCircle,
+        Self::CircleTail,
+        Self::TailTail,
+    ];
+
     /// The field's symbol.
     pub fn symbol(self) -> &'static str {
         match self {

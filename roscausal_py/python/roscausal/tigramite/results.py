@@ -12,7 +12,10 @@ from .._native import SettingError
 from .refusal import NotCovered
 
 #: Marks by the engine's numbers.
-MARKS = np.array(["", "-->", "<--", "o-o", "x-x"], dtype="<U3")
+MARKS = np.array(
+    ["", "-->", "<--", "o-o", "x-x", "o->", "<-o", "<->", "x->", "<-x", "o-x", "x-o", "--x", "x--", "--o", "o--", "---"],
+    dtype="<U3",
+)
 
 Links = Mapping[int, Mapping[tuple[int, int], str]]
 
