@@ -71,7 +71,7 @@ impl Definition {
         matches!(first, Some("Header" | "std_msgs/Header"))
     }
 
-    /// The md5 by which ROS 1 checks that both ends mean the same type: that of [`Self::ros1_md5_text`].
+    /// The md5 by which ROS 1 checks that both ends mean the same type: of its text without comments.
     pub fn ros1_md5(&self) -> &str {
         self.md5.get_or_init(|| hex(&Md5::digest(self.ros1_md5_text())))
     }

@@ -135,7 +135,7 @@ message!(own Contribution uses []);
 pub struct Prediction {
     /// Stamp and frame.
     pub header: Header,
-    /// Time between two samples [s].
+    /// Time between two samples, seconds.
     pub dt: f64,
     /// The structural model that was used.
     pub model_id: String,
@@ -197,7 +197,7 @@ pub struct WhatIfResponse {
     pub message: String,
     /// The sample from which it looks ahead; 0: the newest.
     pub stamp: Time,
-    /// Time between two samples [s].
+    /// Time between two samples, seconds.
     pub dt: f64,
     /// The structural model that was used.
     pub model_id: String,
@@ -259,7 +259,7 @@ pub struct EffectRequest {
     pub cause: String,
     /// The driven variable.
     pub effect: String,
-    /// Largest lag [samples]; 0: the model's.
+    /// Largest lag, samples; 0: the model's.
     pub max_lag: u32,
     /// In standard deviations instead of the variables' units.
     pub standardised: bool,

@@ -49,7 +49,7 @@ use crate::{
 /// Share of the values between the low and the high one.
 const LEVEL: f64 = 0.9;
 
-/// Analyses `data` as [`analyse`](crate::analyse) does, and resamples: the model has its fields of confidence.
+/// Analyses `data` as [`analyse`] does, and resamples: the model has its fields of confidence.
 ///
 /// The resamples run in parallel; their number of threads changes nothing. If the time budget ends, those that came to their
 /// end count, and the status is partial; below 20 there is no confidence.
