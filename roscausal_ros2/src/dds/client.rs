@@ -24,6 +24,10 @@ const LOOK_AGAIN: Duration = Duration::from_millis(1);
 /// is lost.
 const ACQUAINTED: Duration = Duration::from_millis(200);
 
+/// A question or its answer may be lost while the ends still find each other, also after the service has started anew.
+/// So it is asked again after this time, then after twice as long, and so on.
+const ASK_AGAIN: Duration = Duration::from_secs(1);
+
 type Ends<S> = Client<Carried<<S as Service>::Request>, Carried<<S as Service>::Response>>;
 
 /// A client of a service, for one question at a time.
@@ -106,10 +110,18 @@ impl Participant {
         while !self.is_acquainted(asker, service)? {
             pause(until).ok_or("nobody offers it")?;
         }
-        let id = asker.client.send_request(Carried(request.clone())).map_err(|error| error.to_string())?;
+        let mut asked = Vec::new();
+        let (mut again, mut pause_between) = (Instant::now(), ASK_AGAIN);
         loop {
+            if Instant::now() >= again {
+                asked.push(
+                    asker.client.send_request(Carried(request.clone())).map_err(|error| error.to_string())?,
+                );
+                again += pause_between;
+                pause_between *= 2;
+            }
             match asker.client.receive_response().map_err(|error| error.to_string())? {
-                Some((of, answer)) if of == id => return Ok(answer.0),
+                Some((of, answer)) if asked.contains(&of) => return Ok(answer.0),
                 // Late, to an earlier question of this client.
                 Some(_) => {}
                 None => pause(until).ok_or("no answer in time")?,
