@@ -4,7 +4,7 @@ use std::{sync::PoisonError, time::Instant};
 
 use pyo3::{prelude::*, types::PyString};
 use roscausal_discovery::{
-    CondIndTest, Result, Settings, analyse, analyse_with,
+    AboutData, CondIndTest, Result, Settings, analyse, analyse_with,
     independence_tests::{self, by_name},
     methods::{Fdr, Method},
     transfer_entropy::TeEstimator,
@@ -66,6 +66,8 @@ pub(crate) fn discover(
     let own = test.map(|test| test_of(&test, settings.tau_max)).transpose().map_err(raised)?;
     let (own, failure) = own.map_or((None, None), |(test, failure)| (Some(test), failure));
     let (data, start) = (frame.data(), Instant::now());
+    // What the command refuses, its own caller may want; what the data are like is told.
+    let (about, _) = AboutData::of(&data, settings.tau_max);
     let found = watched(py, &means, move |control| match &own {
         Some(test) => analyse_with(&data, test.as_ref(), &settings, control),
         None => analyse(&data, &settings, control),
@@ -73,6 +75,7 @@ pub(crate) fn discover(
     let mut model = found.map_err(|error| own_exception(failure.as_ref(), error))?;
     model.run_time_s = Some(start.elapsed().as_secs_f64());
     model.dt = dt;
+    model.about_data = Some(about);
     let warnings: Vec<String> =
         warnings.and_then(|list| serde_json::from_value(list).ok()).unwrap_or_default();
     model.warnings.splice(0..0, warnings);

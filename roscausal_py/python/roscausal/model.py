@@ -35,6 +35,9 @@ class Link:
         mark: `-->`, or `o-o` / `x-x` where the direction at lag 0 is open.
         n_lost: Samples left out because a value was missing.
         p: The p-value in words, such as "<0.002" where the test tells no smaller ones apart.
+        confidence: Share of the resamples that have the link; None without resamples.
+        value_low: Percentile 5 of the strength in the resamples.
+        value_high: Percentile 95 of it.
 
     Example:
         >>> import roscausal as rc
@@ -50,6 +53,9 @@ class Link:
     mark: str = "-->"
     n_lost: int = 0
     p: str = ""
+    confidence: float | None = None
+    value_low: float | None = None
+    value_high: float | None = None
 
     def __str__(self) -> str:
         when = f"at t-{self.lag}" if self.lag else "at the same time"

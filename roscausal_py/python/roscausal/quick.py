@@ -12,7 +12,9 @@ from . import _native
 from .data import recordings_of
 from .model import Model
 
-Method = Literal["fpcmci", "pcmci", "pcmciplus", "fullci", "bivci", "lagdep"]
+Method = Literal[
+    "fpcmci", "pcmci", "pcmciplus", "fullci", "bivci", "lagdep", "granger", "varlingam", "dynotears", "lpcmci"
+]
 Progress = bool | Callable[[int, int], object] | None
 
 
