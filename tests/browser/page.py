@@ -254,7 +254,7 @@ class Page:
         second = subprocess.run(command, cwd=self.folder.name, capture_output=True, text=True, timeout=30)
         assert second.returncode == 2, second
         said = second.stderr.strip()
-        assert said.startswith("error: parameter 'port'") and f"{port} on 127.0.0.1 is in use" in said, said
+        assert said.startswith("error: --port") and f"{port} on 127.0.0.1 is in use" in said, said
         assert len(said.splitlines()) == 1, said
 
     def another_name_is_refused(self):
