@@ -4,12 +4,14 @@ use std::{
     path::PathBuf,
     process::exit,
     sync::{
-        Arc, Mutex, PoisonError,
+        Arc, Mutex,
         atomic::{AtomicBool, Ordering},
     },
     thread,
     time::Duration,
 };
+
+use roscausal_discovery::lock;
 
 /// Exit code of a command that Ctrl-C ended: 128 and the number of the signal, as shells count.
 pub(crate) const CODE: u8 = 130;
@@ -92,7 +94,7 @@ impl Interrupt {
     }
 
     fn with<T>(&self, f: impl FnOnce(&mut State) -> T) -> T {
-        f(&mut self.state.lock().unwrap_or_else(PoisonError::into_inner))
+        f(&mut lock(&self.state))
     }
 
     /// Ends the process once nothing is at stake, if it has not ended by itself.

@@ -1,11 +1,12 @@
 //! From settings to a model, and the words that settings take.
 
-use std::{sync::PoisonError, time::Instant};
+use std::time::Instant;
 
 use pyo3::{prelude::*, types::PyString};
 use roscausal_discovery::{
     AboutData, CondIndTest, Result, Settings, analyse, analyse_with,
     independence_tests::{self, by_name},
+    lock,
     methods::{Fdr, Method},
     transfer_entropy::TeEstimator,
 };
@@ -35,7 +36,7 @@ pub(crate) fn test_of(
 
 /// The exception of the user's test, if that is why a run failed.
 pub(crate) fn own_exception(failure: Option<&Failure>, error: PyErr) -> PyErr {
-    let theirs = failure.and_then(|slot| slot.lock().unwrap_or_else(PoisonError::into_inner).take());
+    let theirs = failure.and_then(|slot| lock(slot).take());
     theirs.unwrap_or(error)
 }
 

@@ -5,12 +5,12 @@
 
 use std::{
     collections::HashMap,
-    sync::{Arc, Mutex, PoisonError},
+    sync::{Arc, Mutex},
 };
 
 use numpy::{IntoPyArray, PyArray2};
 use pyo3::{IntoPyObjectExt, prelude::*, types::PyDict};
-use roscausal_discovery::{CondIndTest, Error, Node, PreparedTest, Result, Samples, TestResult};
+use roscausal_discovery::{CondIndTest, Error, Node, PreparedTest, Result, Samples, TestResult, lock};
 
 /// How the object is called.
 #[derive(Clone, Copy, PartialEq, Eq)]
@@ -128,7 +128,7 @@ impl PreparedTest for Prepared<'_> {
     fn run_test(&self, x: Node, y: Node, z: &[Node]) -> Result<TestResult> {
         let question = (x, y, z.to_vec());
         // The lock is taken without the GIL, and held while Python answers: one question at a time.
-        let mut seen = self.test.seen.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut seen = lock(&self.test.seen);
         if let Some(answer) = seen.get(&question) {
             return Ok(*answer);
         }
@@ -143,7 +143,7 @@ impl PreparedTest for Prepared<'_> {
         };
         match self.test.ask(self.samples, x, y, z) {
             Err(exception) => {
-                let mut failure = self.test.failure.lock().unwrap_or_else(PoisonError::into_inner);
+                let mut failure = lock(&self.test.failure);
                 failure.get_or_insert(exception);
                 Err(Error::Data(format!("the independence test failed at {}", name())))
             }

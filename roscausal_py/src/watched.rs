@@ -3,7 +3,7 @@
 
 use std::{
     sync::{
-        Arc, Mutex, PoisonError,
+        Arc, Mutex,
         atomic::{AtomicBool, Ordering},
         mpsc::{self, Receiver, RecvTimeoutError},
     },
@@ -11,7 +11,7 @@ use std::{
 };
 
 use pyo3::{exceptions::PyRuntimeError, prelude::*};
-use roscausal_discovery::{Control, Error, Result};
+use roscausal_discovery::{Control, Error, Result, lock};
 
 use crate::errors::raised;
 
@@ -110,5 +110,5 @@ pub(crate) fn wait<T: Send + 'static>(
 }
 
 fn next<T>(told: &Mutex<Receiver<T>>) -> std::result::Result<T, RecvTimeoutError> {
-    told.lock().unwrap_or_else(PoisonError::into_inner).recv_timeout(LOOK_AGAIN)
+    lock(told).recv_timeout(LOOK_AGAIN)
 }

@@ -6,6 +6,7 @@
 //! difference is not noise.
 
 use rayon::prelude::*;
+use roscausal_discovery::quantile;
 
 use crate::{
     model::{Directed, Schedule},
@@ -123,17 +124,6 @@ impl Ensemble {
         let out = (0..self.paths).filter(|path| self.outside[path * self.steps + step] & mask != 0).count();
         out as f64 / self.paths as f64
     }
-}
-
-/// A quantile of sorted values, linear between them; NaN of none.
-pub(crate) fn quantile(sorted: &[f64], q: f64) -> f64 {
-    if sorted.is_empty() {
-        return f64::NAN;
-    }
-    let place = q * (sorted.len() - 1) as f64;
-    let (low, rest) = (place.floor() as usize, place.fract());
-    let high = (low + 1).min(sorted.len() - 1);
-    sorted[low] + rest * (sorted[high] - sorted[low])
 }
 
 /// Had I: rows that were observed again, with the noise that they had, under a schedule (abduction, action, prediction: Pearl 2009). The

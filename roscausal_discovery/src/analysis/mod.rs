@@ -11,7 +11,7 @@ use crate::{
     ground::{CondIndTest, Control, DataFrame, Result, Samples},
     independence_tests,
     methods::{FpcmciResult, PcmciResult, Status},
-    model::{Matrices, Model},
+    model::{Matrices, Model, nested},
     transfer_entropy::TeEstimator,
 };
 
@@ -186,12 +186,13 @@ fn remarks_on_filter(estimator: TeEstimator, test: &dyn CondIndTest, result: &Fp
 }
 
 fn with_result(blank: Model, features: Vec<String>, result: PcmciResult) -> Model {
-    let n = features.len();
+    let vars: Vec<usize> = (0..features.len()).collect();
+    let n_lags = blank.tau_max + 1;
     let matrices = Matrices {
-        graph: nested(n, blank.tau_max, |at| result.graph[at].symbol().to_owned()),
-        val_matrix: nested(n, blank.tau_max, |at| result.val_matrix[at]),
-        p_matrix: nested(n, blank.tau_max, |at| result.deciding_p()[at]),
-        n_lost: nested(n, blank.tau_max, |at| result.n_lost[at]),
+        graph: nested(&vars, n_lags, |at| result.graph[at].symbol().to_owned()),
+        val_matrix: nested(&vars, n_lags, |at| result.val_matrix[at]),
+        p_matrix: nested(&vars, n_lags, |at| result.deciding_p()[at]),
+        n_lost: nested(&vars, n_lags, |at| result.n_lost[at]),
     };
     let mut model = blank.with_matrices(features, matrices);
     model.n_samples = result.n_samples;
@@ -200,11 +201,6 @@ fn with_result(blank: Model, features: Vec<String>, result: PcmciResult) -> Mode
         model.status = format!("partial: {how_far}");
     }
     model
-}
-
-fn nested<T>(n: usize, tau_max: usize, at: impl Fn([usize; 3]) -> T) -> Vec<Vec<Vec<T>>> {
-    let lags = |i, j| (0..=tau_max).map(|lag| at([i, j, lag])).collect();
-    (0..n).map(|i| (0..n).map(|j| lags(i, j)).collect()).collect()
 }
 
 #[cfg(test)]

@@ -8,7 +8,7 @@ use std::sync::{
 use super::{draws, scheme::Resampling};
 use crate::{
     analysis::{Found, Outcome, Settings},
-    ground::{CondIndTest, Control, DataFrame, Result, Stop},
+    ground::{CondIndTest, Control, DataFrame, Result, Stop, lock},
     independence_tests,
     methods::Method,
 };
@@ -58,7 +58,7 @@ impl<'a> Resamples<'a> {
                 }
                 let found = self.one(b, control);
                 let stops = !matches!(found, Ok(Some(_)));
-                done.lock().unwrap_or_else(PoisonError::into_inner).push((b, found));
+                lock(&done).push((b, found));
                 control.count(per_run);
                 if stops {
                     next.store(self.resampling.resamples, Ordering::Relaxed);

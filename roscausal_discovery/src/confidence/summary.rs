@@ -7,7 +7,8 @@ use ndarray::Array3;
 use crate::{
     analysis::Found,
     ground::LinkMark,
-    model::{Confidence, Model, ResamplingFacts},
+    model::{Confidence, Model, ResamplingFacts, nested},
+    numeric::rows::quantile,
 };
 
 /// The marks that a link may have.
@@ -68,7 +69,7 @@ impl<'a> Summary<'a> {
         let mut values: Vec<f64> = self.found.iter().map(|one| one.values[at]).collect();
         let mean = values.iter().sum::<f64>() / values.len() as f64;
         values.sort_by(f64::total_cmp);
-        [mean, percentile(&values, 0.05), percentile(&values, 0.95)]
+        [mean, quantile(&values, 0.05), quantile(&values, 0.95)]
     }
 
     /// What is said of the model's features.
@@ -124,17 +125,4 @@ impl<'a> Summary<'a> {
         }
         remarks
     }
-}
-
-/// A percentile of sorted values, by linear interpolation.
-fn percentile(sorted: &[f64], share: f64) -> f64 {
-    let place = share * (sorted.len() - 1) as f64;
-    let (low, part) = (place.floor() as usize, place.fract());
-    let high = (low + 1).min(sorted.len() - 1);
-    sorted[low] + part * (sorted[high] - sorted[low])
-}
-
-fn nested<T>(vars: &[usize], n_lags: usize, at: impl Fn([usize; 3]) -> T) -> Vec<Vec<Vec<T>>> {
-    let lags = |i, j| (0..n_lags).map(|lag| at([i, j, lag])).collect();
-    vars.iter().map(|&i| vars.iter().map(|&j| lags(i, j)).collect()).collect()
 }

@@ -146,6 +146,12 @@ pub struct Matrices {
     pub n_lost: Vec<Vec<Vec<usize>>>,
 }
 
+/// A matrix in this layout, of some of the variables.
+pub(crate) fn nested<T>(vars: &[usize], n_lags: usize, at: impl Fn([usize; 3]) -> T) -> Vec<Vec<Vec<T>>> {
+    let lags = |i, j| (0..n_lags).map(|lag| at([i, j, lag])).collect();
+    vars.iter().map(|&i| vars.iter().map(|&j| lags(i, j)).collect()).collect()
+}
+
 impl Model {
     /// Puts the matrices of a run into the model, and derives the links and the matrices of the message from them.
     #[must_use]

@@ -43,6 +43,21 @@ pub(crate) fn dot(a: &[f64], b: &[f64]) -> f64 {
     lanes.iter().sum::<f64>() + rest
 }
 
+/// A quantile of sorted values, linear between them; NaN of none.
+///
+/// ```
+/// assert_eq!(roscausal_discovery::quantile(&[1.0, 2.0, 4.0], 0.75), 3.0);
+/// ```
+pub fn quantile(sorted: &[f64], q: f64) -> f64 {
+    if sorted.is_empty() {
+        return f64::NAN;
+    }
+    let place = q * (sorted.len() - 1) as f64;
+    let (low, rest) = (place.floor() as usize, place.fract());
+    let high = (low + 1).min(sorted.len() - 1);
+    sorted[low] + rest * (sorted[high] - sorted[low])
+}
+
 /// Ranks `0..n`, each once; ties are in random order.
 pub(crate) fn random_ranks(row: &[f64], rng: &mut Rng) -> Vec<usize> {
     let mut order: Vec<usize> = (0..row.len()).collect();

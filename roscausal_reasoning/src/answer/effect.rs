@@ -1,6 +1,6 @@
 //! How strongly does one variable drive another? Total, direct, mediated, with what it rests on.
 
-use roscausal_discovery::Node;
+use roscausal_discovery::{Node, quantile};
 use serde::{Deserialize, Serialize};
 
 use super::{
@@ -13,7 +13,6 @@ use crate::{
     model::{Member, StructuralModel},
     question::variable,
     random,
-    simulate::quantile,
 };
 
 /// Bootstraps of the rows for an interval.

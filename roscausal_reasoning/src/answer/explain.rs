@@ -1,6 +1,7 @@
 //! Why did it change? Each variable's surprise, in numbers and words.
 
 use rayon::prelude::*;
+use roscausal_discovery::quantile;
 use serde::{Deserialize, Serialize};
 
 use super::{
@@ -11,7 +12,6 @@ use crate::{
     explain::{Parts, linear, shapley},
     model::{Directed, StructuralModel, System},
     question::{Situation, variable},
-    simulate::quantile,
 };
 
 /// Part of the change below which a contribution is not told.

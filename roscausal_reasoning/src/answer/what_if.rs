@@ -1,5 +1,6 @@
 //! Predict, what if, had I: paths under actions, in numbers and words.
 
+use roscausal_discovery::quantile;
 use serde::{Deserialize, Serialize};
 
 use super::{
@@ -11,7 +12,6 @@ use super::{
 use crate::{
     model::{Schedule, StructuralModel},
     question::{Situation, WhatIf},
-    simulate::quantile,
 };
 
 /// Part of a variable's deviation below which an effect is none.
