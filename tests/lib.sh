@@ -20,8 +20,12 @@ debian() {
   echo "installing $* ..."
   local log
   log=$(mktemp)
-  { apt-get -q -o DPkg::Lock::Timeout=300 update && DEBIAN_FRONTEND=noninteractive apt-get -q -y \
-    -o DPkg::Lock::Timeout=300 install --no-install-recommends "$@"; } >"$log" 2>&1 || {
+  # One at a time: `apt-get update` does not wait for another.
+  {
+    flock 9
+    apt-get -q -o DPkg::Lock::Timeout=300 update && DEBIAN_FRONTEND=noninteractive apt-get -q -y \
+      -o DPkg::Lock::Timeout=300 install --no-install-recommends "$@"
+  } >"$log" 2>&1 9>"${TMPDIR:-/tmp}/roscausal-debian.lock" || {
     tail -20 "$log"
     give_up "apt-get cannot install these packages: $*"
   }

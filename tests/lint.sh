@@ -1,0 +1,12 @@
+#!/usr/bin/env bash
+# Format, lints and documentation of all crates. Exit 77 where rustup's components rustfmt and clippy are missing.
+set -euo pipefail
+cd "$(dirname "$0")/.."
+. tests/lib.sh
+
+cargo fmt --version >/dev/null 2>&1 && cargo clippy --version >/dev/null 2>&1 ||
+  give_up "rustfmt or clippy is missing (rustup component add rustfmt clippy)"
+cargo fmt --all --check
+cargo clippy --workspace --all-targets --locked -- -D warnings
+RUSTDOCFLAGS="-D warnings" cargo doc --workspace --no-deps --locked --quiet
+echo "format, lints and documentation: no remarks"
