@@ -50,6 +50,9 @@ wheel() {
   local zig=()
   target/python-tools/bin/python -c 'import ziglang' 2>/dev/null && zig=(--zig --compatibility manylinux_2_28)
   maturin build --quiet --release --locked --manifest-path roscausal_py/Cargo.toml ${zig[@]+"${zig[@]}"} --out dist
+  local bytes
+  bytes=$(stat -c %s "$(ls -t dist/roscausal-*.whl | head -1)")
+  [ "$bytes" -le 10000000 ] || broken "the wheel has $bytes bytes; nobody waits for more than 10 MB"
 }
 
 sdist() { maturin sdist --quiet --manifest-path roscausal_py/Cargo.toml --out dist; }

@@ -11,12 +11,12 @@ environment "$tools" "maturin>=1.16,<2"
 wheels=${WHEELS:-$(mktemp -d)}
 made=$(mktemp -d)
 trap 'rm -rf "$made"' EXIT
-failed=0
+failed=()
 part() { # what, then the command
   local what=$1
   shift
   echo "== Python: $what (after $SECONDS s)"
-  "$@" || { echo "!!! FAILED: Python: $what" >&2; failed=$((failed + 1)); }
+  "$@" || { echo "!!! FAILED: Python: $what" >&2; failed+=("$what"); }
 }
 
 echo "== Python: building the wheel"
@@ -25,7 +25,10 @@ PATH=$tools/bin:$PATH maturin build --quiet --release --locked --manifest-path r
 wheel=$(ls -t "$wheels"/roscausal-*.whl | head -1)
 bytes=$(stat -c %s "$wheel")
 echo "$(basename "$wheel"): $bytes bytes"
-part "the wheel has at most 10 MB" test "$bytes" -le 10000000
+# Users get at most 10 MB: packaging/release.sh sees to that. The checks that tests/run.sh builds in make the code larger.
+most=10000000
+[ "${CARGO_PROFILE_RELEASE_DEBUG_ASSERTIONS:-}" = true ] && most=13500000
+part "the wheel has at most $most bytes" test "$bytes" -le $most
 
 # A user's environment: the wheel and what it asks for.
 clean=$made/clean
@@ -66,4 +69,6 @@ for version in 3.10 3.11 3.12 3.13; do
   "$python" -m venv "$other" && "$other/bin/pip" install --quiet --disable-pip-version-check "$wheel" pytest &&
     part "tests on Python $version" "$other/bin/python" -m pytest -q -p no:cacheprovider roscausal_py/tests/test_discover.py
 done
-[ $failed -eq 0 ]
+# Once more at the end, where it is looked for.
+for what in ${failed[@]+"${failed[@]}"}; do echo "!!! FAILED: Python: $what" >&2; done
+[ ${#failed[@]} -eq 0 ]
