@@ -44,9 +44,10 @@ part "tests with nothing but numpy" "$clean/bin/python" -m pytest -q -p no:cache
 part "examples of the documentation" "$clean/bin/python" -m pytest -q -p no:cacheprovider --doctest-modules --pyargs roscausal
 
 # Programs that users have beside it.
-"$clean/bin/pip" install --quiet --disable-pip-version-check mypy pandas polars pyarrow networkx matplotlib nbclient ipykernel ||
-  give_up "pandas, polars, pyarrow, networkx, matplotlib, nbclient or mypy cannot be installed from PyPI"
+"$clean/bin/pip" install --quiet --disable-pip-version-check mypy pandas polars pyarrow networkx matplotlib nbclient ipykernel jsonschema ||
+  give_up "pandas, polars, pyarrow, networkx, matplotlib, nbclient, jsonschema or mypy cannot be installed from PyPI"
 part "tables, graphs and pictures of others" "$clean/bin/python" -m pytest -q -p no:cacheprovider roscausal_py/tests/others.py
+part "models are as their JSON Schema says" "$clean/bin/python" tests/schema.py "$clean/bin/roscausal"
 part "notebooks" "$clean/bin/python" -m pytest -q -p no:cacheprovider roscausal_py/tests/notebooks.py
 part "a user's script is typed" "$clean/bin/python" -m mypy --strict roscausal_py/tests/typed.py
 part "and runs" "$clean/bin/python" roscausal_py/tests/typed.py
