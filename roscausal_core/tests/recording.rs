@@ -23,12 +23,12 @@ use roscausal_core::{
     params::Value,
 };
 use roscausal_msgs::{
-    Humans, RobotState,
+    Features, Humans, RobotState,
     diagnostic_msgs::DiagnosticArray,
     geometry_msgs::{Point, Pose, PoseStamped, PoseWithCovarianceStamped, Quaternion},
     nav_msgs::Odometry,
     pedsim_msgs::{TrackedPerson, TrackedPersons},
-    std_msgs::Header,
+    std_msgs::{Header, String as Text},
     tf2_msgs::TFMessage,
 };
 
@@ -223,6 +223,79 @@ fn a_batch_tells_what_the_sensors_told() {
         (3.0 - table.values[[0, column("h_7_x")]]).hypot(table.values[[0, column("h_7_gy")]] - 1.0);
     assert!((features.values[[0, 1]] - distance).abs() < 1e-9);
     assert_eq!(facts(&processed[0])["ids"], serde_json::json!([7]));
+}
+
+/// What `/roscausal/features` said while `during` ran.
+fn features_of(bench: &Bench, during: impl FnOnce()) -> Vec<Features> {
+    let (send, rows) = std::sync::mpsc::channel();
+    let listener = bench.bus.node("planner");
+    let take = move |row: Features| send.send(row).unwrap_or_default();
+    let _subscription =
+        listener.subscribe(nodes::FEATURES_TOPIC, Qos::Volatile(1000), take).expect("subscribes");
+    during();
+    rows.try_iter().collect()
+}
+
+#[test]
+fn features_say_row_by_row_what_the_batches_will_hold() {
+    // With a lagged and noisy risk, which depend on the row before and on the place in the batch.
+    let settings = [
+        ("ts_length", Value::Double(2.0)),
+        ("dt", Value::Double(0.2)),
+        ("risk_lag", Value::Int(1)),
+        ("risk_noise", Value::Double(0.1)),
+        ("context_topic", text("/imposed")),
+    ];
+    let bench = Bench::new(&settings);
+    let imposed = bench.bus.node("experimenter");
+    let imposed = imposed.advertise::<Text>("/imposed", Qos::Latched).expect("advertises");
+    let said = features_of(&bench, || {
+        bench.run(10.0..13.0, 10.0, ALL);
+        let data = r#"{"stamp": 13.0, "context": {"do_robot_speed": [0.4]}}"#.to_owned();
+        imposed.publish(&Text { data }).expect("publishes");
+        bench.run(13.0..17.5, 13.0, ALL);
+    });
+    let (_dir, _, processed) = bench.end();
+    assert!(processed.len() >= 3, "{}", processed.len());
+    let mut compared = 0;
+    for path in &processed {
+        let table = Table::read(path, None).expect("reads");
+        for (row, t) in table.time.as_ref().expect("times").iter().enumerate() {
+            let stamp = Time::from_secs_f64(*t);
+            let Some(live) = said.iter().find(|live| live.header.stamp.secs_since(stamp).abs() < 1e-6) else {
+                continue;
+            };
+            for (k, name) in table.names.iter().enumerate() {
+                let written = table.values[[row, k]];
+                match live.names.iter().position(|known| known == name) {
+                    Some(at) => {
+                        let live = live.values[at];
+                        let same = (written.is_nan() && live.is_nan())
+                            || (written - live).abs() <= 1e-9 * written.abs();
+                        assert!(same, "{name} at {t}: {live} and {written} in the batch");
+                        compared += 1;
+                    }
+                    // The column of an intervention begins with the first one.
+                    None => assert!(name.starts_with("do_") && written == 0.0, "{name} at {t}"),
+                }
+            }
+        }
+    }
+    assert!(compared > 90, "{compared} cells were compared");
+    assert!(said.iter().any(|row| row.names.iter().any(|name| name == "do_robot_speed")));
+}
+
+#[test]
+fn several_people_have_their_ids_in_the_features() {
+    let bench = Bench::new(&[("ts_length", Value::Double(2.0))]);
+    let said = features_of(&bench, || bench.run(10.0..14.0, 10.0, |_| vec![7, 9]));
+    let last = said.last().expect("rows");
+    assert!(["h_7_v", "h_9_dg"].iter().all(|name| last.names.iter().any(|known| known == name)), "{last:?}");
+    bench.end();
+    let nearest = Bench::new(&[("ts_length", Value::Double(2.0)), ("sel_agent", text("nearest:1"))]);
+    let said = features_of(&nearest, || nearest.run(10.0..14.0, 10.0, |_| vec![7, 9]));
+    assert_eq!(said.last().expect("rows").names, ["h_v", "h_dg", "h_risk"]);
+    nearest.end();
 }
 
 #[test]

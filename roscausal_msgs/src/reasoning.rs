@@ -4,7 +4,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::{Time, std_msgs::Header};
 
-/// The variables of one person at one moment, as they go into the batches.
+/// The variables of one moment, as they go into the batches: those of one person, or of several with their ids (`h_7_v`).
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Features {
     /// Stamp and frame.

@@ -1,6 +1,7 @@
 //! Batches: tables of samples in files, from recording to analysis.
 
 mod expression;
+pub mod fresh;
 pub mod header;
 mod id;
 pub mod joint;

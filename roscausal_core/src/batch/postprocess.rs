@@ -160,7 +160,7 @@ impl Postprocess {
         let mut columns = Vec::new();
         for feature in &self.features {
             if !feature.expression.mentions_human() {
-                columns.push(self.column(feature, feature.name.clone(), &batch, None, &mut emptied));
+                columns.push(self.column(feature, feature.name.clone(), (&batch, 0), None, &mut emptied));
                 continue;
             }
             if batch.people.is_empty() {
@@ -172,18 +172,40 @@ impl Postprocess {
                     1 => feature.name.clone(),
                     _ => name_for(&feature.name, *id),
                 };
-                columns.push(self.column(feature, name, &batch, Some((*id, rows)), &mut emptied));
+                columns.push(self.column(feature, name, (&batch, 0), Some((*id, rows)), &mut emptied));
             }
         }
         columns.extend(batch.context_columns());
         Ok(Features { columns, emptied })
     }
 
+    /// The same of the newest row alone, while a batch is recorded: each column's name and value. `tail` has the row and, where there
+    /// is one, the row before it; `first` is the place of the tail's first row in its batch. With `by_id` names carry the person's id.
+    pub fn newest(&self, tail: &Recording, first: usize, by_id: bool) -> Vec<(String, f64)> {
+        let mut tail = tail.clone();
+        let mut emptied = empty_impossible(&mut tail);
+        let mut columns = Vec::new();
+        for feature in &self.features {
+            if !feature.expression.mentions_human() {
+                columns.push(self.column(feature, feature.name.clone(), (&tail, first), None, &mut emptied));
+                continue;
+            }
+            for (id, rows) in &tail.people {
+                let name = if by_id { name_for(&feature.name, *id) } else { feature.name.clone() };
+                columns.push(self.column(feature, name, (&tail, first), Some((*id, rows)), &mut emptied));
+            }
+        }
+        columns.extend(tail.context_columns());
+        let value = |column: Column| (column.name, column.values.last().copied().unwrap_or(f64::NAN));
+        columns.into_iter().map(value).collect()
+    }
+
+    /// One column of `batch`, whose first row is row `first` of the batch that it began.
     fn column(
         &self,
         feature: &Feature,
         name: String,
-        batch: &Recording,
+        (batch, first): (&Recording, usize),
         person: Option<(u32, &Vec<Values>)>,
         emptied: &mut BTreeMap<String, usize>,
     ) -> Column {
@@ -192,8 +214,11 @@ impl Postprocess {
         let stream = mix(self.seed ^ mix(batch.start.as_nanos() as u64) ^ mix(id.wrapping_add(1)));
         let human = |row: usize| person.and_then(|(_, rows)| rows.get(row)).unwrap_or(&Values::UNKNOWN);
         let risk = |row: usize, a: Who, b: Who| {
-            let noise =
-                if self.risk_noise > 0.0 { self.risk_noise * normal(stream, row as u64) } else { 0.0 };
+            let noise = if self.risk_noise > 0.0 {
+                self.risk_noise * normal(stream, (first + row) as u64)
+            } else {
+                0.0
+            };
             let [a, b] = [a, b].map(|who| match who {
                 Who::Human => human(row).body(),
                 Who::Robot => batch.robot[row].body(),
@@ -211,7 +236,7 @@ impl Postprocess {
             (exponent + noise).exp()
         };
         let value = |row: usize| {
-            let time = batch.stamp(row).as_secs_f64();
+            let time = batch.stamp(first + row).as_secs_f64();
             let risk = |a, b| row.checked_sub(self.risk_lag).map_or(f64::NAN, |earlier| risk(earlier, a, b));
             let scope = Scope { time, robot: &batch.robot[row], human: human(row), risk: &risk };
             feature.expression.value(&scope)

@@ -8,6 +8,7 @@ use roscausal_msgs::{
 };
 
 use super::{
+    fresh::{FreshRow, fresh_row},
     journal::{Entry, Header, Log, Sample},
     recording::{EndedBy, Recording},
     select::Select,
@@ -87,6 +88,8 @@ pub struct Recorder {
     votes: BTreeMap<u32, u64>,
     done: Vec<(Recording, Option<u64>)>,
     log: Option<Log>,
+    /// The rows since the last [`Recorder::take_rows`]; `None`: nobody wants them.
+    fresh: Option<Vec<FreshRow>>,
     seen: BTreeSet<u32>,
     counts: RecorderCounts,
 }
@@ -116,6 +119,7 @@ impl Recorder {
             votes: BTreeMap::new(),
             done: Vec::new(),
             log: None,
+            fresh: None,
             seen: BTreeSet::new(),
             counts: RecorderCounts::default(),
         }
@@ -125,6 +129,13 @@ impl Recorder {
     #[must_use]
     pub fn with_journal(mut self, first: u64) -> Self {
         self.log = Some(Log::new(first, self.dt_ns));
+        self
+    }
+
+    /// Makes the recorder also hand out each row at once ([`Recorder::take_rows`]).
+    #[must_use]
+    pub fn with_fresh_rows(mut self) -> Self {
+        self.fresh = Some(Vec::new());
         self
     }
 
@@ -302,6 +313,11 @@ impl Recorder {
         std::mem::take(&mut self.done)
     }
 
+    /// The rows recorded since the last call, oldest first.
+    pub fn take_rows(&mut self) -> Vec<FreshRow> {
+        self.fresh.as_mut().map(std::mem::take).unwrap_or_default()
+    }
+
     /// What is to be journalled since the last call.
     pub fn take_journal(&mut self) -> Vec<Entry> {
         self.log.as_mut().map_or_else(Vec::new, Log::take)
@@ -477,12 +493,18 @@ impl Recorder {
             rows.resize(n_rows, Vec::new());
             rows.push(imposed.map_or(Vec::new(), |(_, value)| value.clone()));
         }
+        let mut nearest = None;
         if let (Select::Nearest(number), Some(robot)) = (&self.config.select, robot) {
             let distance = |values: &Values| (values.x - robot.x).hypot(values.y - robot.y);
             let mut near: Vec<(f64, u32)> =
                 people.iter().map(|(id, values)| (distance(values), *id)).collect();
             near.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
-            near.iter().take(*number).for_each(|(_, id)| *self.votes.entry(*id).or_default() += 1);
+            near.truncate(*number);
+            near.iter().for_each(|(_, id)| *self.votes.entry(*id).or_default() += 1);
+            nearest = Some((*number, near.into_iter().map(|(_, id)| id).collect::<BTreeSet<u32>>()));
+        }
+        if let Some(fresh) = &mut self.fresh {
+            fresh.push(fresh_row(open, nearest.as_ref()));
         }
         self.counts.rows += 1;
         if n_rows + 1 == self.rows_per_batch {

@@ -1,6 +1,9 @@
 //! The data node: from both states to batches in a pool.
 
-use roscausal_msgs::{Humans, RobotState, std_msgs::String as Text};
+use roscausal_msgs::{
+    Features, Humans, RobotState,
+    std_msgs::{Header, String as Text},
+};
 
 use super::{
     data_params::{recorder, specs, writer},
@@ -9,11 +12,20 @@ use super::{
 };
 use crate::{
     Result,
-    batch::{EndedBy, recorder::Recorder, writer::Writer},
+    batch::{
+        EndedBy,
+        fresh::FreshRow,
+        postprocess::Postprocess,
+        recorder::Recorder,
+        writer::{Processing, Writer},
+    },
     inbox::{Inbox, Next},
-    middleware::{Middleware, Qos},
+    middleware::{Middleware, Publish, Qos},
     params::Params,
 };
+
+/// Topic of the variables, row by row.
+pub const FEATURES_TOPIC: &str = "/roscausal/features";
 
 /// Seconds between two writes to the journal: what a crash of the process costs.
 const JOURNAL_EVERY_S: f64 = 0.2;
@@ -63,7 +75,16 @@ pub fn data_with<M: Middleware>(mw: &M, on_progress: impl Fn(Recorded)) -> Resul
 pub async fn data_task<M: Middleware>(mw: &M, on_progress: impl Fn(Recorded)) -> Result<()> {
     let params = Params::read(mw, &specs())?;
     let mut recorder = Recorder::new(recorder(&params)?);
-    let writer = Writer::start(writer(&params)?)?;
+    let writing = writer(&params)?;
+    // A script post-processes files; what it would say of a row is not known before.
+    let live = match &writing.processing {
+        Processing::BuiltIn(postprocess) => {
+            recorder = recorder.with_fresh_rows();
+            Some((postprocess.clone(), mw.advertise::<Features>(FEATURES_TOPIC, Qos::Volatile(10))?))
+        }
+        Processing::Script(_) | Processing::None => None,
+    };
+    let writer = Writer::start(writing)?;
     if let Some(first) = writer.first_journal() {
         recorder = recorder.with_journal(first);
     }
@@ -128,6 +149,13 @@ pub async fn data_task<M: Middleware>(mw: &M, on_progress: impl Fn(Recorded)) ->
                 }
             }
         }
+        for row in recorder.take_rows() {
+            if let Some((postprocess, features)) = &live
+                && let Err(error) = features.publish(&of_row(postprocess, &row))
+            {
+                tracing::debug!("no features: {error}");
+            }
+        }
         let is_full = writer.is_full();
         if is_full && !stopped {
             recorder.interrupt(EndedBy::FullPool);
@@ -159,6 +187,13 @@ pub async fn data_task<M: Middleware>(mw: &M, on_progress: impl Fn(Recorded)) ->
         }
         report(mw, &mut health, &recorder, &writer, [inbox.dropped(), refused]);
     }
+}
+
+/// The variables of a row, as the batch will have them.
+fn of_row(postprocess: &Postprocess, row: &FreshRow) -> Features {
+    let header = Header { stamp: row.stamp(), frame_id: row.tail.frame.clone() };
+    let (names, values) = postprocess.newest(&row.tail, row.first, row.by_id).into_iter().unzip();
+    Features { header, names, values }
 }
 
 fn report<M: Middleware>(

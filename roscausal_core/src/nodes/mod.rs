@@ -24,7 +24,7 @@ use crate::{
     params::{ParamSpec, nearest},
 };
 
-pub use data::{Recorded, data, data_task, data_with};
+pub use data::{FEATURES_TOPIC, Recorded, data, data_task, data_with};
 pub use discovery::{EVIDENCE_FOLDER, EVIDENCE_TOPIC, discovery, discovery_with};
 pub use human::human;
 pub use markers::markers;
