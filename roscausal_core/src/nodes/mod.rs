@@ -9,6 +9,11 @@ mod health;
 mod human;
 mod markers;
 pub mod model_messages;
+mod reasoning;
+mod reasoning_messages;
+mod reasoning_params;
+mod reasoning_rows;
+mod reasoning_score;
 mod robot;
 mod scene_params;
 
@@ -28,6 +33,9 @@ pub use data::{FEATURES_TOPIC, Recorded, data, data_task, data_with};
 pub use discovery::{EVIDENCE_FOLDER, EVIDENCE_TOPIC, discovery, discovery_with};
 pub use human::human;
 pub use markers::markers;
+pub use reasoning::{
+    EFFECT_SERVICE, EXPLAIN_SERVICE, PREDICTION_TOPIC, STRUCTURAL_MODEL_TOPIC, WHAT_IF_SERVICE, reasoning,
+};
 pub use robot::robot;
 pub use scene_params::SceneOptions;
 
@@ -40,7 +48,7 @@ fn path(text: &str) -> PathBuf {
 }
 
 /// Names of the nodes, as users start them.
-pub const NODES: [&str; 5] = ["robot", "human", "data", "discovery", "markers"];
+pub const NODES: [&str; 6] = ["robot", "human", "data", "discovery", "markers", "reasoning"];
 
 /// Runs the node `name` until the middleware ends.
 ///
@@ -53,6 +61,7 @@ pub fn run<M: Middleware>(name: &str, mw: &M) -> Result<()> {
         "data" => data(mw),
         "discovery" => discovery(mw),
         "markers" => markers(mw),
+        "reasoning" => reasoning(mw),
         _ => Err(unknown_node(name)),
     }
 }
@@ -61,14 +70,16 @@ pub fn run<M: Middleware>(name: &str, mw: &M) -> Result<()> {
 /// but their inbox: robot, human, data and markers.
 ///
 /// # Errors
-/// As [`run`]. The discovery node is refused, because it computes for a long time.
+/// As [`run`]. The discovery node and the reasoning node are refused, because they compute for a long time.
 pub async fn run_task<M: Middleware>(name: &str, mw: &M) -> Result<()> {
     match name {
         "robot" => robot::robot_task(mw).await,
         "human" => human::human_task(mw).await,
         "data" => data::data_task(mw, |_| {}).await,
         "markers" => markers::markers_task(mw).await,
-        "discovery" => Err(Error::Middleware("the discovery node needs a thread of its own".into())),
+        "discovery" | "reasoning" => {
+            Err(Error::Middleware(format!("the {name} node needs a thread of its own")))
+        }
         _ => Err(unknown_node(name)),
     }
 }
@@ -92,6 +103,7 @@ pub fn parameters(name: &str) -> Result<Vec<ParamSpec>> {
         "data" => Ok(data_params::specs()),
         "discovery" => Ok(discovery_params::specs()),
         "markers" => Ok(SceneOptions::specs()),
+        "reasoning" => Ok(reasoning_params::specs()),
         _ => Err(unknown_node(name)),
     }
 }

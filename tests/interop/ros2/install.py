@@ -9,7 +9,7 @@ from ament_index_python.packages import get_package_prefix, get_package_share_di
 from harness import INSTALL, test
 from launch_reader import commands
 
-NODES = ("robot", "human", "data", "discovery", "hrisim", "dashboard", "markers")
+NODES = ("robot", "human", "data", "discovery", "hrisim", "dashboard", "markers", "reasoning")
 
 
 @test
@@ -45,11 +45,11 @@ def the_messages_are_python_modules_with_ros2_names():
 def launch_files_name_what_is_installed():
     share = get_package_share_directory("roscausal")
     assert {"hrisim.yaml", "ros2.yaml"} <= set(os.listdir(os.path.join(share, "config")))
-    more = {"dashboard": "true", "markers": "true"}
+    more = {"dashboard": "true", "markers": "true", "reasoning": "true"}
     for file, given, count in (
         ("roscausal.launch.xml", {}, 4),
         ("roscausal_hrisim.launch.xml", {}, 5),
-        ("roscausal_hrisim.launch.xml", more, 7),
+        ("roscausal_hrisim.launch.xml", more, 8),
     ):
         assert os.path.exists(os.path.join(share, "launch", file))
         found = commands(INSTALL, "roscausal", file, given)

@@ -1,0 +1,552 @@
+//! The reasoning node: the newest rows and the newest model in; predictions, and answers to questions, out. It advises and commands
+//! nothing.
+//!
+//! The node's thread owns rows and model. Equations are fitted on a thread of their own, and answers are computed by a pool of threads
+//! on copies, so that a long question holds up neither the rows nor the next question. On a lockstep bus all of it happens in line, so
+//! that a run is a function of its seed.
+
+use std::{
+    sync::{
+        Arc,
+        atomic::{AtomicUsize, Ordering},
+    },
+    thread,
+    time::Duration,
+};
+
+use rayon::{ThreadPool, ThreadPoolBuilder};
+use roscausal_discovery::DataFrame;
+use roscausal_msgs::{
+    CausalModelInfo, Effect, EffectRequest, EffectResponse, Explain, ExplainRequest, ExplainResponse,
+    Features, Prediction, Time, WhatIf, WhatIfRequest, WhatIfResponse,
+    std_msgs::{Header, String as Text},
+};
+use roscausal_reasoning::{
+    Facts, StructuralModel,
+    answer::{self, EffectQuestion, ExplainQuestion, Status},
+    graph::Graph,
+    question::Situation,
+};
+
+use super::{
+    FEATURES_TOPIC,
+    health::Health,
+    reasoning_messages::{
+        effect_response, explain_response, forecast, graph_of, structural_model, what_if, what_if_response,
+    },
+    reasoning_params::{ReasoningParams, specs},
+    reasoning_rows::{Moment, Rows},
+    reasoning_score::Score,
+};
+use crate::{
+    Error, Result,
+    inbox::{Inbox, Next, Sender},
+    middleware::{Middleware, Publish, Qos, Reply},
+    params::Params,
+};
+
+/// Topic of what will happen if nobody intervenes.
+pub const PREDICTION_TOPIC: &str = "/roscausal/prediction";
+/// Topic of the equations, as JSON.
+pub const STRUCTURAL_MODEL_TOPIC: &str = "/roscausal/structural_model";
+/// Names of the services.
+pub const WHAT_IF_SERVICE: &str = "/roscausal/what_if";
+/// Why did a variable change?
+pub const EXPLAIN_SERVICE: &str = "/roscausal/explain";
+/// How strongly does one variable drive another?
+pub const EFFECT_SERVICE: &str = "/roscausal/effect";
+
+/// Messages and questions that may wait.
+const INBOX: usize = 20_000;
+/// Questions that may be open at a time.
+const MOST_QUESTIONS: usize = 64;
+/// Predictions take at most this part of the time: after one, its cost times this passes without another.
+const REST: u32 = 4;
+/// Steps that an explanation without times looks back over.
+const LOOK_BACK: usize = 10;
+
+enum Event {
+    Features(Features),
+    Model(CausalModelInfo),
+    WhatIf(WhatIfRequest, Reply<WhatIfResponse>),
+    Explain(ExplainRequest, Reply<ExplainResponse>),
+    Effect(EffectRequest, Reply<EffectResponse>),
+    /// The fit of the graph with this number.
+    Fitted(u64, Result<StructuralModel>),
+}
+
+/// A graph to reason on, and since when there is one.
+struct Wanted {
+    number: u64,
+    graph: Graph,
+    facts: Facts,
+    since: Option<Time>,
+}
+
+struct Node<M: Middleware> {
+    mw: M,
+    params: ReasoningParams,
+    context: Vec<String>,
+    pool: Arc<ThreadPool>,
+    open: Arc<AtomicUsize>,
+    rows: Rows,
+    wanted: Option<Wanted>,
+    model: Option<Arc<StructuralModel>>,
+    /// Why there is no model.
+    refused: Option<String>,
+    fitting: bool,
+    next_fit: Time,
+    score: Score,
+    rest_until: Duration,
+    figures: [u64; 3],
+    bad_message: Option<String>,
+    prediction: M::Publisher<Prediction>,
+    structural: M::Publisher<Text>,
+    fitted: Sender<Event>,
+}
+
+/// The reasoning node. It runs until the middleware ends.
+///
+/// # Errors
+/// A parameter that is not allowed, a file that cannot be read, or a topic or service that cannot be used.
+pub fn reasoning<M: Middleware>(mw: &M) -> Result<()> {
+    let params = ReasoningParams::new(&Params::read(mw, &specs())?)?;
+    let mut health = Health::new(mw)?;
+    let inbox = Inbox::new(mw, INBOX);
+    let mut node = Node::new(mw, params, inbox.sender())?;
+    let features_input = health.input::<Features>(FEATURES_TOPIC, true);
+    let model_input = health.input::<CausalModelInfo>("/roscausal/causal_model_info", false);
+    let to = || inbox.sender();
+    let (rows, models, asked, why, strength) = (to(), to(), to(), to(), to());
+    let _what_if =
+        mw.serve::<WhatIf>(WHAT_IF_SERVICE, move |q, reply| asked.send(Event::WhatIf(q, reply)))?;
+    let _explain =
+        mw.serve::<Explain>(EXPLAIN_SERVICE, move |q, reply| why.send(Event::Explain(q, reply)))?;
+    let _effect =
+        mw.serve::<Effect>(EFFECT_SERVICE, move |q, reply| strength.send(Event::Effect(q, reply)))?;
+    let _models = match node.wanted {
+        Some(_) => None,
+        None => {
+            let take = move |info| models.send(Event::Model(info));
+            Some(mw.subscribe("/roscausal/causal_model_info", Qos::Latched, take)?)
+        }
+    };
+    let _rows =
+        mw.subscribe(FEATURES_TOPIC, Qos::Volatile(10), move |row| rows.send(Event::Features(row)))?;
+    loop {
+        match inbox.next(mw, Some(health.due().min(node.next_fit))) {
+            Next::Shutdown => return Ok(()),
+            Next::Deadline => {}
+            Next::Event(Event::Features(row)) => {
+                health.heard(features_input, mw.now());
+                if node.row(&row) {
+                    health.sent();
+                }
+            }
+            Next::Event(Event::Model(info)) => {
+                health.heard(model_input, mw.now());
+                node.new_model(&info);
+            }
+            Next::Event(Event::Fitted(number, result)) => node.take_fit(number, result),
+            Next::Event(Event::WhatIf(request, reply)) => node.what_if(request, reply),
+            Next::Event(Event::Explain(request, reply)) => node.explain(request, reply),
+            Next::Event(Event::Effect(request, reply)) => node.effect(request, reply),
+        }
+        if mw.now() >= node.next_fit {
+            node.fit();
+        }
+        node.report(&mut health, inbox.dropped());
+    }
+}
+
+impl<M: Middleware> Node<M> {
+    fn new(mw: &M, params: ReasoningParams, fitted: Sender<Event>) -> Result<Self> {
+        let pool = ThreadPoolBuilder::new()
+            .num_threads(params.threads)
+            .thread_name(|k| format!("reasoning-{k}"))
+            .panic_handler(|_| {
+                tracing::error!("an answer ended by an internal error; please report it with the question")
+            })
+            .build()
+            .map_err(|e| Error::param("threads", e))?;
+        let mut rows = Rows::new(params.max_samples, &params.person);
+        for file in &params.data {
+            rows.add_file(file)?;
+        }
+        let wanted =
+            params.graph.clone().map(|(graph, facts)| Wanted { number: 1, graph, facts, since: None });
+        Ok(Self {
+            context: params.acts_on.iter().map(|(column, _)| column.clone()).collect(),
+            pool: Arc::new(pool),
+            open: Arc::default(),
+            rows,
+            wanted,
+            model: None,
+            refused: None,
+            fitting: false,
+            next_fit: mw.now(),
+            score: Score::default(),
+            rest_until: Duration::ZERO,
+            figures: [0; 3],
+            bad_message: None,
+            prediction: mw.advertise(PREDICTION_TOPIC, Qos::Volatile(10))?,
+            structural: mw.advertise(STRUCTURAL_MODEL_TOPIC, Qos::Latched)?,
+            fitted,
+            mw: mw.clone(),
+            params,
+        })
+    }
+
+    /// Takes a row: scores what was predicted of it, and predicts. Returns whether a prediction was published.
+    fn row(&mut self, row: &Features) -> bool {
+        match self.rows.add(row) {
+            Ok(true) => self.bad_message = None,
+            Ok(false) => return false,
+            Err(reason) => {
+                self.bad_message = Some(reason);
+                return false;
+            }
+        }
+        let Some(model) = self.model.clone() else {
+            // The first rows that are enough are fitted at once.
+            if self.wanted.is_some() && self.rows.len() == self.params.min_samples {
+                self.next_fit = self.mw.now();
+            }
+            return false;
+        };
+        let Ok(moment) = self.rows.at(model.graph().names(), None) else { return false };
+        let last = moment.rows.row(moment.now).to_vec();
+        let stamp = moment.stamp(moment.now);
+        if self.rows.is_imposed(&self.context) || moment.now == 0 {
+            self.score.forget_pending();
+        }
+        let step_ns = self.rows.step_s().map_or(1, |step| (step * 1e9) as i64);
+        self.score.observed(stamp.as_nanos(), step_ns, &last, &model.members()[0].model.deviations);
+        self.predict(&model, &moment, last)
+    }
+
+    fn predict(&mut self, model: &StructuralModel, moment: &Moment, last: Vec<f64>) -> bool {
+        let start = self.mw.steady();
+        if !self.mw.is_lockstep() && start < self.rest_until {
+            return false;
+        }
+        let situation = Situation { rows: moment.rows.view(), now: moment.now };
+        let (horizon, paths, seed) =
+            (self.params.horizon, self.params.prediction_paths, self.params.settings.seed);
+        let answer = self.pool.install(|| answer::predict(model, &situation, horizon, paths, seed));
+        let end = self.mw.steady();
+        self.rest_until = end + (end - start) * REST;
+        let Some(outlook) = answer.outlooks.into_iter().next().filter(|outlook| !outlook.refused) else {
+            return false;
+        };
+        let stamp = moment.stamp(moment.now);
+        self.score.predicted(stamp.as_nanos(), last, outlook.forecasts.clone());
+        let message = Prediction {
+            header: Header { stamp, frame_id: String::new() },
+            dt: self.rows.step_s().or(answer.dt).unwrap_or(f64::NAN),
+            model_id: answer.model_id,
+            forecasts: outlook.forecasts.into_iter().map(forecast).collect(),
+            coverage: self.score.coverage(),
+        };
+        if let Err(error) = self.prediction.publish(&message) {
+            tracing::debug!("no prediction: {error}");
+        }
+        self.figures[0] += 1;
+        true
+    }
+
+    fn new_model(&mut self, info: &CausalModelInfo) {
+        match graph_of(info, &self.context) {
+            Ok((graph, facts)) => {
+                let number = self.wanted.as_ref().map_or(0, |wanted| wanted.number) + 1;
+                self.wanted = Some(Wanted { number, graph, facts, since: Some(info.header.stamp) });
+                self.next_fit = self.mw.now();
+            }
+            Err(error) => {
+                tracing::warn!("the model of {} cannot be reasoned on: {error}", info.batch_id);
+                if self.model.is_none() {
+                    self.refused = Some(error.to_string());
+                }
+            }
+        }
+    }
+
+    /// Fits the equations, on a thread of their own.
+    fn fit(&mut self) {
+        self.next_fit = self.mw.now().plus_secs(self.params.refit_every_s);
+        let Some(wanted) = &self.wanted else { return };
+        if self.fitting || self.rows.len() < self.params.min_samples {
+            return;
+        }
+        let mut facts = wanted.facts.clone();
+        let step = self.rows.step_s();
+        if let (Some(of_model), Some(step)) = (facts.dt, step)
+            && (of_model - step).abs() > 0.1 * of_model
+        {
+            let reason = format!(
+                "the model has a step of {of_model} s and the rows one of {step} s; give the data node that dt, or wait for a new model"
+            );
+            self.no_model(reason);
+            return;
+        }
+        facts.dt = facts.dt.or(step);
+        let data = match self.rows.data(wanted.graph.names(), &self.context) {
+            Ok(data) => data,
+            Err(error) => {
+                self.no_model(error.to_string());
+                return;
+            }
+        };
+        let (number, graph) = (wanted.number, wanted.graph.clone());
+        let (settings, acts_on, pool) =
+            (self.params.settings.clone(), self.params.acts_on.clone(), self.pool.clone());
+        let work = move |data: DataFrame| {
+            let fit = || StructuralModel::fit(&data, &graph, &settings, &acts_on);
+            Ok(pool.install(fit)?.with_facts(facts))
+        };
+        self.fitting = true;
+        if self.mw.is_lockstep() {
+            let fitted = work(data);
+            self.take_fit(number, fitted);
+            return;
+        }
+        let inbox = self.fitted.clone();
+        let begun = thread::Builder::new().name("reasoning-fit".into()).spawn(move || {
+            let died =
+                || Error::Data("the fit ended by an internal error; please report it with the data".into());
+            let fitted = std::panic::catch_unwind(std::panic::AssertUnwindSafe(|| work(data)));
+            inbox.send(Event::Fitted(number, fitted.unwrap_or_else(|_| Err(died()))));
+        });
+        if let Err(error) = begun {
+            self.fitting = false;
+            tracing::warn!("no thread for a fit: {error}");
+        }
+    }
+
+    fn no_model(&mut self, reason: String) {
+        if self.refused.as_ref() != Some(&reason) {
+            tracing::warn!("no model to reason on: {reason}");
+        }
+        self.refused = Some(reason);
+        self.model = None;
+        self.score.forget_pending();
+    }
+
+    fn take_fit(&mut self, number: u64, result: Result<StructuralModel>) {
+        self.fitting = false;
+        if self.wanted.as_ref().is_some_and(|wanted| wanted.number != number) {
+            // Another model came meanwhile.
+            self.next_fit = self.mw.now();
+            return;
+        }
+        match result {
+            Ok(model) => {
+                self.figures[1] += 1;
+                if let Err(error) = self.structural.publish(&Text { data: structural_model(&model) }) {
+                    tracing::warn!("the structural model is not published: {error}");
+                }
+                (self.refused, self.model) = (None, Some(Arc::new(model)));
+            }
+            Err(error) => self.no_model(error.to_string()),
+        }
+    }
+
+    /// The model, or why there is none.
+    fn ready(&self) -> std::result::Result<Arc<StructuralModel>, (Status, String)> {
+        if let Some(model) = &self.model {
+            return Ok(model.clone());
+        }
+        let (rows, least) = (self.rows.len(), self.params.min_samples);
+        Err(match (&self.refused, &self.wanted) {
+            (Some(reason), _) => (Status::NoModel, reason.clone()),
+            (None, None) => (
+                Status::NoModel,
+                "there is no causal model yet; start roscausal_discovery, or give a file as parameter graph"
+                    .into(),
+            ),
+            (None, Some(_)) if rows < least => (
+                Status::NoData,
+                format!(
+                    "there are {rows} rows and {least} are needed (min_samples); ask again later, or give batches as parameter data"
+                ),
+            ),
+            (None, Some(_)) => {
+                (Status::NoModel, "the model is being fitted; ask again in a few seconds".into())
+            }
+        })
+    }
+
+    /// Model and rows for a question about a stamp (0: the newest).
+    fn situation(
+        &self,
+        stamp: Time,
+    ) -> std::result::Result<(Arc<StructuralModel>, Moment), (Status, String)> {
+        let model = self.ready()?;
+        let stamp = (stamp != Time::ZERO).then_some(stamp);
+        let moment = self
+            .rows
+            .at(model.graph().names(), stamp)
+            .map_err(|(no_rows, reason)| (if no_rows { Status::NoData } else { Status::NoModel }, reason))?;
+        Ok((model, moment))
+    }
+
+    /// What this node adds to every answer: the model's age and its live score.
+    fn caveats(&self) -> Vec<String> {
+        let age = self.wanted.as_ref().and_then(|wanted| wanted.since).map(|since| {
+            format!("the causal model was found {:.0} s ago", self.mw.now().secs_since(since).max(0.0))
+        });
+        [age, self.score.sentence(), self.score.trouble()].into_iter().flatten().collect()
+    }
+
+    /// Computes an answer beside the node, in line on a lockstep bus.
+    fn answer<R: Send + 'static>(
+        &mut self,
+        reply: Reply<R>,
+        refuse: impl FnOnce(Status, String) -> R,
+        compute: impl FnOnce() -> R + Send + 'static,
+    ) {
+        self.figures[2] += 1;
+        if self.mw.is_lockstep() {
+            reply.send(self.pool.install(compute));
+            return;
+        }
+        if self.open.fetch_add(1, Ordering::Relaxed) >= MOST_QUESTIONS {
+            self.open.fetch_sub(1, Ordering::Relaxed);
+            let reason = format!("{MOST_QUESTIONS} questions are open; wait for their answers");
+            reply.send(refuse(Status::BadRequest, reason));
+            return;
+        }
+        let open = Open(self.open.clone());
+        self.pool.spawn(move || {
+            let _open = open;
+            reply.send(compute());
+        });
+    }
+
+    fn what_if(&mut self, request: WhatIfRequest, reply: Reply<WhatIfResponse>) {
+        let stamp = request.stamp;
+        let refuse = |status: Status, message: String| WhatIfResponse {
+            status: status as u8,
+            message,
+            stamp,
+            dt: f64::NAN,
+            ..WhatIfResponse::default()
+        };
+        let (horizon, paths, seed) = (self.params.horizon, self.params.paths, self.params.settings.seed);
+        let mut question = match what_if(request, horizon, paths, seed) {
+            Ok(question) => question,
+            Err(reason) => return reply.send(refuse(Status::BadRequest, reason)),
+        };
+        question.allow_extrapolation |= self.params.allow_extrapolation;
+        let (model, moment) = match self.situation(stamp) {
+            Ok(both) => both,
+            Err((status, reason)) => return reply.send(refuse(status, reason)),
+        };
+        let caveats = self.caveats();
+        self.answer(reply, refuse, move || {
+            let situation = Situation { rows: moment.rows.view(), now: moment.now };
+            let answer = answer::what_if(&model, &situation, &question);
+            what_if_response(answer, moment.stamp(moment.now), caveats)
+        });
+    }
+
+    fn explain(&mut self, request: ExplainRequest, reply: Reply<ExplainResponse>) {
+        let (from, to) = (request.from_time, request.to_time);
+        let refuse = |status: Status, message: String| ExplainResponse {
+            status: status as u8,
+            message,
+            from_time: from,
+            to_time: to,
+            ..ExplainResponse::default()
+        };
+        if (from == Time::ZERO) != (to == Time::ZERO) {
+            let reason = "give both times of the change, or 0 for both: the largest one of late".to_owned();
+            return reply.send(refuse(Status::BadRequest, reason));
+        }
+        let (model, moment) = match self.situation(to) {
+            Ok(both) => both,
+            Err((status, reason)) => return reply.send(refuse(status, reason)),
+        };
+        let row = |stamp: Time| moment.stamps.partition_point(|&at| at <= stamp.as_nanos()).checked_sub(1);
+        let rows = match (from == Time::ZERO, row(from)) {
+            (true, _) => (None, None),
+            (false, Some(first)) => (Some(first), Some(moment.now)),
+            (false, None) => {
+                let reason = format!(
+                    "there are no rows without a gap from {:.3} s to {:.3} s; ask for a later change",
+                    from.as_secs_f64(),
+                    to.as_secs_f64()
+                );
+                return reply.send(refuse(Status::NoData, reason));
+            }
+        };
+        let question = ExplainQuestion {
+            variable: request.variable,
+            from_row: rows.0,
+            to_row: rows.1,
+            horizon: LOOK_BACK,
+            seed: self.params.settings.seed,
+            start: moment.stamp(0).as_secs_f64(),
+        };
+        let caveats = self.caveats();
+        self.answer(reply, refuse, move || {
+            let situation = Situation { rows: moment.rows.view(), now: moment.now };
+            explain_response(answer::explain(&model, &situation, &question), &moment, caveats)
+        });
+    }
+
+    fn effect(&mut self, request: EffectRequest, reply: Reply<EffectResponse>) {
+        let refuse = |status: Status, message: String| EffectResponse {
+            status: status as u8,
+            message,
+            ..EffectResponse::default()
+        };
+        let model = match self.ready() {
+            Ok(model) => model,
+            Err((status, reason)) => return reply.send(refuse(status, reason)),
+        };
+        let max_lag = match request.max_lag {
+            0 => model.graph().largest_lag().max(1),
+            lag => lag as usize,
+        };
+        let question = EffectQuestion {
+            cause: request.cause,
+            effect: request.effect,
+            max_lag,
+            standardised: request.standardised,
+        };
+        let caveats = self.caveats();
+        self.answer(reply, refuse, move || effect_response(answer::effect(&model, &question), caveats));
+    }
+
+    fn report(&self, health: &mut Health<M>, dropped: u64) {
+        let [predictions, fits, questions] = self.figures;
+        let figure = |value: f64| if value.is_nan() { String::new() } else { format!("{value:.3}") };
+        let figures = || {
+            [
+                ("rows", self.rows.len().to_string()),
+                ("predictions", predictions.to_string()),
+                ("fits", fits.to_string()),
+                ("questions", questions.to_string()),
+                ("questions open", self.open.load(Ordering::Relaxed).to_string()),
+                ("model", self.model.as_ref().map_or(String::new(), |model| model.id())),
+                ("coverage", figure(self.score.coverage())),
+                ("skill over the last value", figure(self.score.skill())),
+                ("steps scored", self.score.rows().to_string()),
+                ("messages dropped", dropped.to_string()),
+            ]
+        };
+        let trouble =
+            self.refused.clone().or_else(|| self.score.trouble()).or_else(|| self.bad_message.clone());
+        health.report(&self.mw, figures, trouble.as_deref());
+    }
+}
+
+/// Counts a question as open until it is dropped.
+struct Open(Arc<AtomicUsize>);
+
+impl Drop for Open {
+    fn drop(&mut self) {
+        self.0.fetch_sub(1, Ordering::Relaxed);
+    }
+}

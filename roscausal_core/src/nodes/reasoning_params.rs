@@ -1,0 +1,152 @@
+//! The parameters of the reasoning node.
+
+use std::{fs, path::PathBuf};
+
+use roscausal_reasoning::{
+    ActsOn, Facts, Settings,
+    graph::Graph,
+    model::{Equations, graph_of_json},
+};
+
+use super::path;
+use crate::{
+    Error, Result,
+    params::{Allowed, ParamSpec, Params, Value},
+};
+
+/// Names, defaults, allowed values and descriptions.
+pub(super) fn specs() -> Vec<ParamSpec> {
+    use Allowed::{Any, OneOf, Range};
+    use Value::{Bool, Double, Int, List, Str};
+    let text = |text: &str| Str(text.to_owned());
+    let acts_on =
+        ["do_robot_speed=r_v", "do_robot_off=r_v", "do_human_v=h_v", "do_human_stop=h_v"].map(text).to_vec();
+    vec![
+        ParamSpec::new(
+            "equations",
+            text("auto"),
+            OneOf(&["auto", "linear", "gp"]),
+            "equations of the model; auto: a Gaussian process where it predicts better than a line",
+        ),
+        ParamSpec::new("horizon", Int(10), Range(1.0, 1000.0), "steps ahead, where a question does not say"),
+        ParamSpec::new("paths", Int(400), Range(20.0, 100_000.0), "simulated paths of an answer"),
+        ParamSpec::new(
+            "prediction_paths",
+            Int(100),
+            Range(20.0, 100_000.0),
+            "simulated paths of a prediction on /roscausal/prediction",
+        ),
+        ParamSpec::new("max_samples", Int(3000), Range(50.0, 1e6), "newest rows that are kept"),
+        ParamSpec::new("min_samples", Int(200), Range(50.0, 1e6), "rows that a model needs"),
+        ParamSpec::new(
+            "refit_every",
+            Double(60.0),
+            Range(1.0, 1e6),
+            "seconds between two fits of the equations; a new model is fitted at once",
+        ),
+        ParamSpec::new("interval", Double(0.9), Range(0.5, 0.999), "probability of an interval"),
+        ParamSpec::new("seed", Int(42), Range(0.0, 9e15), "seed of all random numbers"),
+        ParamSpec::new(
+            "acts_on",
+            List(acts_on),
+            Any,
+            "columns of interventions and the variable that each sets, such as do_robot_speed=r_v",
+        ),
+        ParamSpec::new(
+            "graph",
+            text(""),
+            Any,
+            "file with a model, or a graph written by hand, instead of the topic; empty: the topic",
+        ),
+        ParamSpec::new(
+            "data",
+            List(Vec::new()),
+            Any,
+            "batches (CSV files) whose rows are there from the start, such as after a restart",
+        ),
+        ParamSpec::new(
+            "person",
+            text(""),
+            Any,
+            "id of the person whose variables (h_7_v) the model's (h_v) are, if there are several; empty: the only one",
+        ),
+        ParamSpec::new(
+            "allow_extrapolation",
+            Bool(false),
+            Any,
+            "also answer where the data do not reach, and say so",
+        ),
+        ParamSpec::new("threads", Int(0), Range(0.0, 1024.0), "threads for answers and fits; 0: all cores"),
+    ]
+}
+
+/// The parameters, checked.
+#[derive(Clone, Debug)]
+pub(super) struct ReasoningParams {
+    pub(super) settings: Settings,
+    pub(super) horizon: usize,
+    pub(super) paths: usize,
+    pub(super) prediction_paths: usize,
+    pub(super) max_samples: usize,
+    pub(super) min_samples: usize,
+    pub(super) refit_every_s: f64,
+    pub(super) acts_on: ActsOn,
+    pub(super) graph: Option<(Graph, Facts)>,
+    pub(super) data: Vec<PathBuf>,
+    pub(super) person: String,
+    pub(super) allow_extrapolation: bool,
+    pub(super) threads: usize,
+}
+
+impl ReasoningParams {
+    /// Checks the parameters and reads the graph, if one is given.
+    pub(super) fn new(params: &Params) -> Result<Self> {
+        let equations = match params.text("equations").as_str() {
+            "linear" => Equations::Linear,
+            "gp" => Equations::Gp,
+            _ => Equations::Auto,
+        };
+        let settings = Settings {
+            equations,
+            seed: params.int("seed").unsigned_abs(),
+            interval: params.double("interval"),
+            ..Settings::default()
+        };
+        let pair = |text: &String| {
+            let (column, variable) = text.split_once('=').ok_or_else(|| {
+                Error::param("acts_on", format!("'{text}' is no pair; write it like do_robot_speed=r_v"))
+            })?;
+            Ok((column.trim().to_owned(), variable.trim().to_owned()))
+        };
+        let acts_on: ActsOn = params.list("acts_on").iter().map(pair).collect::<Result<_>>()?;
+        let (max_samples, min_samples) = (params.count("max_samples"), params.count("min_samples"));
+        if min_samples > max_samples {
+            let reason = format!("{min_samples} is more than max_samples ({max_samples}); give less");
+            return Err(Error::param("min_samples", reason));
+        }
+        let graph = match params.text_if_set("graph") {
+            None => None,
+            Some(file) => {
+                let file = path(&file);
+                let text = fs::read_to_string(&file).map_err(|e| Error::file(&file, e))?;
+                let context: Vec<String> = acts_on.iter().map(|(column, _)| column.clone()).collect();
+                Some(graph_of_json(&text, &context).map_err(|e| Error::file(&file, e))?)
+            }
+        };
+        Ok(Self {
+            settings,
+            horizon: params.count("horizon"),
+            paths: params.count("paths"),
+            prediction_paths: params.count("prediction_paths"),
+            max_samples,
+            min_samples,
+            refit_every_s: params.double("refit_every"),
+            acts_on,
+            graph,
+            data: params.list("data").iter().map(|file| path(file)).collect(),
+            person: params.text("person"),
+            allow_extrapolation: params.flag("allow_extrapolation"),
+            threads: params.count("threads"),
+        })
+    }
+}
