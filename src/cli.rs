@@ -11,7 +11,7 @@ use roscausal_core::{Error, Result};
 use tracing_subscriber::{EnvFilter, fmt};
 
 use crate::{
-    compare, demo, discover, experiment, html_report, output, presets, reasoning, replay, show, teleop,
+    compare, demo, discover, experiment, html_report, output, presets, reasoning, replay, roll, show, teleop,
     terminal, topics,
 };
 
@@ -40,6 +40,8 @@ pub(crate) enum Command {
     Show(show::Args),
     /// Say what differs between two stored models, and draw it.
     Compare(compare::Args),
+    /// Find a model per window of time or batch, and tell when a mechanism changes.
+    Roll(roll::Args),
     /// Play a recording to the nodes as if it were live: one model for each batch.
     Replay(replay::Args),
     /// Run the demo's chain over many seeds and measure how often each link is found.

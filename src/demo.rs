@@ -9,7 +9,7 @@ use std::{
 use clap::{Args as ClapArgs, Parser};
 use indicatif::ProgressBar;
 use roscausal_core::{Error, Result, Time, loopback::Loopback, params::Value};
-use roscausal_discovery::{Model, Progress, Settings};
+use roscausal_discovery::{Model, Progress, Settings, confidence::Resampling};
 use roscausal_hrisim::{
     Scenario, Simulation,
     node::{Publisher, run_lockstep},
@@ -18,7 +18,7 @@ use roscausal_hrisim::{
 
 use crate::{
     chart,
-    discover::MethodArgs,
+    discover::{MethodArgs, ResampleArgs},
     expected,
     folders::{Folders, Outcome},
     html_report::{self, Material},
@@ -40,6 +40,8 @@ const FILM_S: f64 = 120.0;
 
 /// Batches that the demo records and analyses together, as two recordings of one system.
 const BATCHES: u32 = 2;
+/// Resamples, unless the user says otherwise.
+const RESAMPLES: usize = 0;
 /// Seconds simulated in addition to the batches, until every topic has begun.
 const WARM_UP_S: f64 = 3.0;
 /// Longest run with a live page, in seconds.
@@ -67,6 +69,8 @@ pub(crate) struct Args {
     interventions: Vec<String>,
     #[command(flatten)]
     method: MethodArgs,
+    #[command(flatten)]
+    resample: ResampleArgs,
     /// Threads of the analysis; default: all cores. They do not change the result.
     #[arg(long)]
     threads: Option<usize>,
@@ -140,6 +144,7 @@ pub(crate) struct Run {
     /// Seconds to record.
     pub(crate) duration: f64,
     pub(crate) settings: Settings,
+    pub(crate) resampling: Option<Resampling>,
     pub(crate) threads: Option<usize>,
     pub(crate) out: PathBuf,
 }
@@ -152,6 +157,7 @@ impl Run {
             seed: args.seed,
             duration: args.duration,
             settings: args.method.settings(Settings::default().seed)?,
+            resampling: args.resample.or(RESAMPLES)?,
             threads: args.threads,
             out: args.out.clone(),
         })
@@ -253,7 +259,7 @@ impl Run {
         set("risk_lag", Value::Int(1));
         set("risk_noise", Value::Double(RISK_NOISE));
         set("seed", Value::Int(i64::try_from(self.seed).unwrap_or(0)));
-        nodes::set_discovery(bus, folders, &self.settings, batches, self.threads);
+        nodes::set_discovery(bus, folders, &self.settings, self.resampling.as_ref(), batches, self.threads);
     }
 }
 

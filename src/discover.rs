@@ -4,6 +4,7 @@ mod assumptions;
 mod condition;
 mod estimate;
 mod reading;
+mod resampling;
 
 use std::{
     ffi::OsString,
@@ -25,6 +26,7 @@ use roscausal_core::{
 };
 use roscausal_discovery::{
     AboutData, Control, DataFrame, Evidence, Fault, Model, PcAlpha, Settings, analyse_with_evidence,
+    confidence::{ResampleGraph, Resampled, Resampling, resample},
     independence_tests::{self, GpSearch},
     methods::{Fdr, Method, MethodInfo},
     transfer_entropy::TeEstimator,
@@ -38,7 +40,9 @@ use crate::{
     report,
 };
 use assumptions::AssumeArgs;
-use reading::{PartArgs, ReadArgs};
+pub(crate) use reading::{PartArgs, ReadArgs};
+pub(crate) use resampling::ResampleArgs;
+use resampling::{Advised, ResultArgs};
 
 /// Arguments of `roscausal discover`.
 #[derive(ClapArgs)]
@@ -53,6 +57,10 @@ pub(crate) struct Args {
     method: MethodArgs,
     #[command(flatten)]
     means: MeansArgs,
+    #[command(flatten)]
+    resample: ResampleArgs,
+    #[command(flatten)]
+    result: ResultArgs,
     #[command(flatten)]
     read: ReadArgs,
     #[command(flatten)]
@@ -95,12 +103,17 @@ pub(crate) enum Format {
 impl Format {
     /// Prints a model.
     pub(crate) fn print(self, model: &Model) -> Result<()> {
+        self.print_with(model, true)
+    }
+
+    /// As [`Format::print`]; `advice`: whether the text says how much longer to record.
+    fn print_with(self, model: &Model, advice: bool) -> Result<()> {
         let text = match self {
             Self::Json => model.to_json(),
             Self::Dot => export::dot(model),
             Self::Graphml => export::graphml(model),
             Self::Csv => String::from_utf8_lossy(&export::links_csv(model)?).into_owned(),
-            Self::Text => report::text(model) + "\n",
+            Self::Text => report::text_with(model, advice) + "\n",
         };
         crate::terminal::print(format_args!("{text}"));
         Ok(())
@@ -183,9 +196,16 @@ pub(crate) fn run(args: &Args, interrupt: &Interrupt) -> Result<()> {
     if let Some(dir) = &args.out {
         output::claim(dir, args.force)?;
     }
-    let (model, evidence, data) = found(args, interrupt, args.format != Format::Text)?;
-    args.format.print(&model)?;
+    if let Some(file) = &args.result.resample_out {
+        output::writable(file)?;
+    }
+    let Answer { model, evidence, data, graphs } = found(args, interrupt, args.format != Format::Text)?;
+    args.format.print_with(&model, args.result.advice == Advised::On)?;
     // Last: what cannot be written is at least printed.
+    if let Some(file) = &args.result.resample_out {
+        interrupt.writing();
+        output::write_at(file, json_lines(&graphs)?.as_bytes())?;
+    }
     if let Some(dir) = &args.out {
         interrupt.writing();
         output::write_model(dir, &model)?;
@@ -198,21 +218,65 @@ pub(crate) fn run(args: &Args, interrupt: &Interrupt) -> Result<()> {
     Ok(())
 }
 
-/// The model of the files, what stands behind it, and the data.
-pub(crate) fn found(args: &Args, interrupt: &Interrupt, quiet: bool) -> Result<(Model, Evidence, DataFrame)> {
+fn json_lines(graphs: &[ResampleGraph]) -> Result<String> {
+    let line = |graph: &ResampleGraph| {
+        let text = serde_json::to_string(graph);
+        text.map(|text| text + "\n").map_err(|e| Error::Data(format!("a resample cannot be written: {e}")))
+    };
+    graphs.iter().map(line).collect()
+}
+
+/// What the analysis of files gives.
+pub(crate) struct Answer {
+    pub(crate) model: Model,
+    /// What stands behind the model.
+    pub(crate) evidence: Evidence,
+    data: DataFrame,
+    /// The graphs of the resamples.
+    graphs: Vec<ResampleGraph>,
+}
+
+/// Analyses the files.
+pub(crate) fn found(args: &Args, interrupt: &Interrupt, quiet: bool) -> Result<Answer> {
     let mut settings = args.method.settings(args.seed)?;
+    let resampling = args.resample.asked()?;
     settings.max_memory = args.means.max_memory.map(|megabytes| megabytes.saturating_mul(1_000_000));
     let Data { data, dt, warnings, origins, .. } = Data::read(args, &mut settings, interrupt, quiet)?;
     args.assume.set(&mut settings, data.var_names())?;
     let about = look_at(&data, &origins, args, &settings)?;
-    if let Some(told) = estimate::check(&data, &settings, &args.means)? {
+    if let Some(told) = estimate::check(&data, &settings, resampling.as_ref(), &args.means)? {
         crate::terminal::tell!("{told}");
     }
-    let (mut model, evidence) = args.means.analyse(&data, &settings, interrupt, quiet)?;
+    let Resampled { mut model, evidence, graphs } =
+        args.means.analyse(&data, &settings, resampling.as_ref(), interrupt, quiet)?;
     model.dt = dt;
     model.about_data = Some(about);
     model.warnings.splice(0..0, warnings);
-    Ok((model, evidence, data))
+    Ok(Answer { model, evidence, data, graphs })
+}
+
+/// Files, how they are read, and how they will be analysed.
+pub(crate) struct Readable<'a> {
+    pub(crate) files: &'a [PathBuf],
+    pub(crate) inputs: &'a InputArgs,
+    pub(crate) method: &'a MethodArgs,
+    pub(crate) means: &'a MeansArgs,
+    pub(crate) read: &'a ReadArgs,
+    pub(crate) part: &'a PartArgs,
+}
+
+/// The data of files, and their step in seconds, if known; refused are those that [`found`] refuses.
+pub(crate) fn read(
+    from: &Readable<'_>,
+    settings: &mut Settings,
+    seed: u64,
+    interrupt: &Interrupt,
+) -> Result<(DataFrame, Option<f64>)> {
+    let args = Args::of(from, seed);
+    settings.max_memory = args.means.max_memory.map(|megabytes| megabytes.saturating_mul(1_000_000));
+    let Data { data, dt, origins, .. } = Data::read(&args, settings, interrupt, true)?;
+    look_at(&data, &origins, &args, settings)?;
+    Ok((data, dt))
 }
 
 impl Args {
@@ -224,13 +288,21 @@ impl Args {
         means: &MeansArgs,
         seed: u64,
     ) -> Self {
+        let (read, part) = (ReadArgs::default(), PartArgs::default());
+        let files = &[file.to_owned()];
+        Self::of(&Readable { files, inputs, method, means, read: &read, part: &part }, seed)
+    }
+
+    fn of(from: &Readable<'_>, seed: u64) -> Self {
         Self {
-            files: vec![file.to_owned()],
-            inputs: inputs.clone(),
-            method: method.clone(),
-            means: means.clone(),
-            read: ReadArgs::default(),
-            part: PartArgs::default(),
+            files: from.files.to_vec(),
+            inputs: from.inputs.clone(),
+            method: from.method.clone(),
+            means: from.means.clone(),
+            resample: ResampleArgs::default(),
+            result: ResultArgs::default(),
+            read: from.read.clone(),
+            part: from.part.clone(),
             assume: AssumeArgs::default(),
             several_people: "pooled".into(),
             seed,
@@ -463,14 +535,21 @@ impl MethodArgs {
 }
 
 impl MeansArgs {
+    /// Works with the given number of threads.
+    pub(crate) fn in_pool<T: Send>(&self, work: impl FnOnce() -> Result<T> + Send) -> Result<T> {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(self.threads.unwrap_or(0)).build();
+        pool.map_err(|e| Error::param("threads", e))?.install(work)
+    }
+
     /// Runs the analysis with a progress bar (unless `quiet`), within the given time budget and threads.
     fn analyse(
         &self,
         data: &DataFrame,
         settings: &Settings,
+        resampling: Option<&Resampling>,
         interrupt: &Interrupt,
         quiet: bool,
-    ) -> Result<(Model, Evidence)> {
+    ) -> Result<Resampled> {
         let start = Instant::now();
         let bar = chart::bar("discovery", 0, quiet);
         let shown = bar.clone();
@@ -489,12 +568,18 @@ impl MeansArgs {
             .num_threads(self.threads.unwrap_or(0))
             .build()
             .map_err(|e| Error::param("threads", e))?;
-        let (mut model, evidence) = pool.install(|| analyse_with_evidence(data, settings, &control))?;
+        let mut found = pool.install(|| match resampling {
+            Some(resampling) => resample(data, settings, resampling, &control),
+            None => {
+                let (model, evidence) = analyse_with_evidence(data, settings, &control)?;
+                Ok(Resampled { model, evidence, graphs: Vec::new() })
+            }
+        })?;
         bar.finish_and_clear();
         if let Some(effort) = control.effort() {
             tracing::info!("{effort}");
         }
-        model.run_time_s = Some(start.elapsed().as_secs_f64());
-        Ok((model, evidence))
+        found.model.run_time_s = Some(start.elapsed().as_secs_f64());
+        Ok(found)
     }
 }

@@ -17,9 +17,11 @@ pub fn dot(model: &Model) -> String {
     for link in &model.links {
         let ends = ends(&link.mark);
         let colour = if link.value < 0.0 { "#1d4ed8" } else { "#c2410c" };
+        let style = if link.confidence.is_some_and(|share| share < 0.5) { ", style=dashed" } else { "" };
+        let found = link.confidence.map_or(String::new(), |share| format!(" · {share:.2} found"));
         let _ = writeln!(
             out,
-            "  {} -> {} [label=\"{} · {:.2}\", penwidth={:.2}, color=\"{colour}\"{ends}];",
+            "  {} -> {} [label=\"{} · {:.2}{found}\", penwidth={:.2}, color=\"{colour}\"{style}{ends}];",
             quoted(&plain(&link.cause)),
             quoted(&plain(&link.effect)),
             link.lag,
@@ -57,7 +59,13 @@ pub fn graphml(model: &Model) -> String {
     let mut out = String::from(
         "<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n<graphml xmlns=\"http://graphml.graphdrawing.org/xmlns\">\n",
     );
-    for (id, kind) in [("lag", "int"), ("value", "double"), ("p_value", "double"), ("mark", "string")] {
+    for (id, kind) in [
+        ("lag", "int"),
+        ("value", "double"),
+        ("p_value", "double"),
+        ("mark", "string"),
+        ("confidence", "double"),
+    ] {
         let _ = writeln!(out, "  <key id=\"{id}\" for=\"edge\" attr.name=\"{id}\" attr.type=\"{kind}\"/>");
     }
     out.push_str("  <graph id=\"causal_model\" edgedefault=\"directed\">\n");
@@ -67,11 +75,12 @@ pub fn graphml(model: &Model) -> String {
     for (number, link) in model.links.iter().enumerate() {
         let Link { cause, effect, lag, value, p_value, mark, .. } = link;
         let (cause, effect) = (escaped(&plain(cause)), escaped(&plain(effect)));
+        let found = link.confidence.map_or(String::new(), |c| format!("<data key=\"confidence\">{c}</data>"));
         let _ = writeln!(
             out,
             "    <edge id=\"e{number}\" source=\"{cause}\" target=\"{effect}\"><data key=\"lag\">{lag}</data>\
              <data key=\"value\">{value}</data><data key=\"p_value\">{p_value}</data>\
-             <data key=\"mark\">{}</data></edge>",
+             <data key=\"mark\">{}</data>{found}</edge>",
             escaped(mark)
         );
     }
@@ -91,6 +100,10 @@ struct Row<'a> {
     n_lost: usize,
     /// The p-value in words: `<0.002` where the test cannot tell smaller ones apart and `p_value` may be 0.
     p: String,
+    /// Share of the resamples with the link, and the strengths in nine of ten of them; empty without resamples.
+    confidence: Option<f64>,
+    value_low: Option<f64>,
+    value_high: Option<f64>,
 }
 
 /// The links as a table, one row per link.
@@ -100,12 +113,35 @@ pub fn links_csv(model: &Model) -> Result<Vec<u8>> {
     for link in &model.links {
         let Link { cause, effect, lag, value, p_value, mark, n_lost, .. } = link;
         let p = report::p_cell(model, *p_value);
-        let row =
-            Row { cause, effect, lag: *lag, value: *value, p_value: *p_value, mark, n_lost: *n_lost, p };
+        let row = Row {
+            cause,
+            effect,
+            lag: *lag,
+            value: *value,
+            p_value: *p_value,
+            mark,
+            n_lost: *n_lost,
+            p,
+            confidence: link.confidence,
+            value_low: link.value_low,
+            value_high: link.value_high,
+        };
         writer.serialize(row).map_err(|e| fault(&e))?;
     }
     if model.links.is_empty() {
-        let header = ["cause", "effect", "lag", "value", "p_value", "mark", "n_lost", "p"];
+        let header = [
+            "cause",
+            "effect",
+            "lag",
+            "value",
+            "p_value",
+            "mark",
+            "n_lost",
+            "p",
+            "confidence",
+            "value_low",
+            "value_high",
+        ];
         writer.write_record(header).map_err(|e| fault(&e))?;
     }
     writer.into_inner().map_err(|e| fault(&e))

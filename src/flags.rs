@@ -22,7 +22,7 @@ const fn optional(flag: &'static str, node: &'static str, param: &'static str) -
 }
 
 /// All twins.
-pub(crate) const TWINS: [Twin; 21] = [
+pub(crate) const TWINS: [Twin; 25] = [
     twin("method", "discovery", "cd_method"),
     twin("test", "discovery", "cond_ind_test"),
     twin("alpha", "discovery", "sig_alpha"),
@@ -39,6 +39,10 @@ pub(crate) const TWINS: [Twin; 21] = [
     optional("threads", "discovery", "threads"),
     optional("time-budget", "discovery", "time_budget"),
     optional("max-memory", "discovery", "max_memory"),
+    optional("resamples", "discovery", "resamples"),
+    twin("resampling", "discovery", "resampling"),
+    twin("share", "discovery", "resample_share"),
+    twin("block", "discovery", "resample_block"),
     twin("dt", "data", "dt"),
     twin("ts-length", "data", "ts_length"),
     twin("person", "data", "sel_agent"),

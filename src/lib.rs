@@ -23,6 +23,7 @@ mod reasoning;
 mod recording;
 mod replay;
 mod report;
+mod roll;
 mod show;
 mod sink;
 mod teleop;
@@ -50,6 +51,7 @@ pub fn command<I: IntoIterator<Item = OsString>>(args: I) -> u8 {
         cli::Command::Demo(args) => demo::run(args, &interrupt),
         cli::Command::Replay(args) => replay::run(args, &interrupt),
         cli::Command::Discover(args) => discover::run(args, &interrupt),
+        cli::Command::Roll(args) => roll::run(args, &interrupt),
         cli::Command::Completions { shell } => {
             cli::print_completions(*shell);
             Ok(())

@@ -20,7 +20,7 @@ use roscausal_core::{
     nodes::{self, Recorded},
     params::Value,
 };
-use roscausal_discovery::{Progress, Settings};
+use roscausal_discovery::{Progress, Settings, confidence::Resampling};
 use roscausal_hrisim::Simulation;
 
 use crate::folders::Folders;
@@ -138,9 +138,18 @@ pub(crate) fn set_discovery(
     bus: &Loopback,
     folders: &Folders,
     settings: &Settings,
+    resampling: Option<&Resampling>,
     batches: u32,
     threads: Option<usize>,
 ) {
+    let drawn = resampling.map(|resampling| {
+        [
+            ("resamples", Value::Int(i64::try_from(resampling.resamples).unwrap_or(i64::MAX))),
+            ("resampling", text(resampling.scheme.name())),
+            ("resample_share", Value::Double(resampling.share)),
+            ("resample_block", text(&resampling.block.name())),
+        ]
+    });
     let values = [
         ("data_dir", text(&folders.processed.display().to_string())),
         ("res_dir", text(&folders.models.display().to_string())),
@@ -160,7 +169,8 @@ pub(crate) fn set_discovery(
         ("seed", Value::Int(i64::try_from(settings.seed).unwrap_or(i64::MAX))),
         ("threads", Value::Int(threads.unwrap_or(0) as i64)),
     ];
-    values.into_iter().for_each(|(name, value)| bus.set_node_param("discovery", name, value));
+    let all = values.into_iter().chain(drawn.into_iter().flatten());
+    all.for_each(|(name, value)| bus.set_node_param("discovery", name, value));
 }
 
 /// Nodes whose parameters decide what a run gives.

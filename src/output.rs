@@ -81,6 +81,28 @@ pub(crate) fn write_file(dir: &Path, name: &str, bytes: &[u8]) -> Result<PathBuf
     Ok(path)
 }
 
+/// Makes sure that a file of the user's can be written, before any work.
+///
+/// # Errors
+/// A folder that does not exist or cannot be written.
+pub(crate) fn writable(file: &Path) -> Result<()> {
+    if file.is_dir() {
+        return Err(Error::file(file, "this is a folder; give the name of a file"));
+    }
+    let folder = folder_of(file);
+    let probe = folder.join(".roscausal.tmp");
+    fs::write(&probe, "").and_then(|()| fs::remove_file(&probe)).map_err(|e| Error::file(file, e))
+}
+
+/// Writes a file of the user's: whole or not at all.
+pub(crate) fn write_at(file: &Path, bytes: &[u8]) -> Result<PathBuf> {
+    write_file(folder_of(file), &file.file_name().unwrap_or_default().to_string_lossy(), bytes)
+}
+
+fn folder_of(file: &Path) -> &Path {
+    file.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."))
+}
+
 /// Copies a batch and its metadata into `dir`.
 pub(crate) fn copy_batch(batch: &Path, dir: &Path) -> Result<()> {
     for path in [batch.to_path_buf(), batch.with_extension("json")] {

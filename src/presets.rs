@@ -24,7 +24,7 @@ use crate::{cli, flags, recording};
 /// Name of the file beside the data.
 pub(crate) const FILE: &str = "roscausal.toml";
 /// Subcommands that read data, and their positional argument.
-const READERS: [(&str, &str); 2] = [("discover", "files"), ("replay", "recording")];
+const READERS: [(&str, &str); 3] = [("discover", "files"), ("roll", "files"), ("replay", "recording")];
 
 /// Settings from one place.
 #[derive(Debug, Default, PartialEq)]

@@ -8,16 +8,20 @@ use std::{
 
 use clap::Args as ClapArgs;
 use roscausal_core::{Error, Result, Time, loopback::Loopback, params::Value};
-use roscausal_discovery::{Progress, Settings};
+use roscausal_discovery::{
+    Model, Progress, Settings,
+    rolling::{ROLLING_SCHEMA, link_counts, strips_of},
+};
 
 use crate::{
     chart,
-    discover::MethodArgs,
+    discover::{MethodArgs, ResampleArgs},
     folders::{Folders, read_model},
     interrupt::Interrupt,
     nodes::{self, Nodes},
+    output,
     recording::{InputArgs, Play, Source},
-    report,
+    report, roll,
     sink::Sink,
     web::{Web, WebArgs},
 };
@@ -37,6 +41,8 @@ pub(crate) struct Args {
     inputs: InputArgs,
     #[command(flatten)]
     method: MethodArgs,
+    #[command(flatten)]
+    resample: ResampleArgs,
     /// Seed of all random numbers.
     #[arg(long, default_value_t = 42)]
     seed: u64,
@@ -105,12 +111,13 @@ impl Pace {
 /// Runs `roscausal replay`.
 pub(crate) fn run(args: &Args, interrupt: &Interrupt) -> Result<()> {
     let settings: Settings = args.method.settings(args.seed)?;
+    let resampling = args.resample.asked()?;
     let mut source = Source::open(&args.recording, &args.inputs)?;
     let folders = Folders::fresh(&args.out)?;
     let bus = Loopback::lockstep();
     nodes::set_pools(&bus, &folders.raw, &folders.processed);
     bus.set_node_param("data", "ts_length", Value::Double(TS_LENGTH_S));
-    nodes::set_discovery(&bus, &folders, &settings, 1, args.threads);
+    nodes::set_discovery(&bus, &folders, &settings, resampling.as_ref(), 1, args.threads);
     source.set_params(&bus);
     let mut sink = Sink::open(&bus, args.record.as_deref())?;
     let play = Play::new(&bus, &mut source.recording, &source.inputs)?;
@@ -174,10 +181,30 @@ fn await_analyses(
     Ok(())
 }
 
+/// In how many of the batches each link was found: in words, as `summary.json`, and as a picture.
+fn summarise(args: &Args, files: &[PathBuf]) -> Result<()> {
+    let models = files.iter().map(|path| read_model(path)).collect::<Result<Vec<_>>>()?;
+    let counts = link_counts(&models.iter().collect::<Vec<_>>());
+    for line in roll::count_lines(&counts, "batches") {
+        crate::terminal::say!("{line}");
+    }
+    let name = |path: &PathBuf| path.file_stem().map(|name| name.to_string_lossy().into_owned());
+    let batches: Vec<Option<String>> = files.iter().map(name).collect();
+    let summary = serde_json::json!({ "schema": ROLLING_SCHEMA, "batches": batches, "links": counts });
+    output::write_file(&args.out, "summary.json", format!("{summary:#}\n").as_bytes())?;
+    let at: Vec<(f64, &Model)> = (1..).zip(&models).map(|(place, model)| (f64::from(place), model)).collect();
+    output::write_file(&args.out, "strip.svg", strips_of(&at, "batches", &[]).as_bytes())?;
+    crate::terminal::say!("{}: summary.json, strip.svg", args.out.display());
+    Ok(())
+}
+
 fn show(args: &Args, folders: &Folders, troubles: &str) -> Result<()> {
     let models = folders.model_files()?;
     for path in &models {
         crate::terminal::say!("{}\n{}\n", path.display(), report::text(&read_model(path)?));
+    }
+    if models.len() > 1 {
+        summarise(args, &models)?;
     }
     for reason in folders.rejections()? {
         crate::terminal::tell!("note: {reason}");

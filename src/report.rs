@@ -1,9 +1,14 @@
 //! A model in words and as a table.
 
-use roscausal_discovery::{Link, Model, names::plain};
+use roscausal_discovery::{Advice, Link, Model, confidence::share_that_was_real, names::plain, word_of};
 
 /// The model for people: one sentence per link, then a table of all tested pairs.
 pub fn text(model: &Model) -> String {
+    text_with(model, true)
+}
+
+/// As [`text`]; `advice`: whether it says how much longer to record for links that are not settled.
+pub(crate) fn text_with(model: &Model, advice: bool) -> String {
     let mut lines = vec![headline(model)];
     if model.links.is_empty() {
         lines.push("No causal link found: every tested pair may be independent.".to_owned());
@@ -12,8 +17,12 @@ pub fn text(model: &Model) -> String {
     if !model.dropped.is_empty() {
         lines.push(format!("Without any link: {}.", model.dropped.join(", ")));
     }
+    if advice {
+        lines.extend(advice_lines(model));
+    }
     lines.push(String::new());
     lines.extend(table(model));
+    lines.extend(words_explained(model));
     if model.status != "complete" {
         lines.push(format!("This result is {}.", model.status));
     }
@@ -77,7 +86,66 @@ pub(crate) fn sentence(model: &Model, link: &Link) -> String {
         }
         _ => format!("{cause} and {effect} depend on each other {earlier}, direction open"),
     };
-    format!("{verb}: strength {:.2}, {}", link.value, p_value(model, link.p_value))
+    format!(
+        "{verb}: strength {:.2}{}, {}{}",
+        link.value,
+        interval(link),
+        p_value(model, link.p_value),
+        found(link)
+    )
+}
+
+/// ` (0.41 to 0.55)`, the strengths in nine of ten resamples.
+fn interval(link: &Link) -> String {
+    match (link.value_low, link.value_high) {
+        (Some(low), Some(high)) => format!(" ({low:.2} to {high:.2})"),
+        _ => String::new(),
+    }
+}
+
+/// `; firm: in 97 of 100 resamples`.
+fn found(link: &Link) -> String {
+    let said = |share: f64| format!("; {}: in {:.0} of 100 resamples", word_of(share), 100.0 * share);
+    link.confidence.map_or(String::new(), said)
+}
+
+/// What would settle the links that are not settled, if they are real.
+fn advice_lines(model: &Model) -> Vec<String> {
+    let Some(confidence) = &model.confidence else { return Vec::new() };
+    let open = |advice: &&Advice| advice.confidence < 0.9 && (advice.in_model || advice.confidence > 0.05);
+    let open: Vec<&Advice> = confidence.advice.iter().filter(open).collect();
+    if open.is_empty() {
+        return vec!["Every link is settled.".to_owned()];
+    }
+    let mut lines = vec![String::new(), "Not settled:".to_owned()];
+    for Advice { cause, effect, lag, in_model, sentence, .. } in open {
+        let which = if *in_model { "" } else { " (no link of the model)" };
+        lines.push(format!("  {} -> {} at lag {lag}{which}: {sentence}", plain(cause), plain(effect)));
+    }
+    lines
+}
+
+/// What the words mean, for those that are used.
+fn words_explained(model: &Model) -> Option<String> {
+    let confidence = model.confidence.as_ref()?;
+    let mut shares: Vec<f64> = model.links.iter().filter_map(|link| link.confidence).collect();
+    shares.sort_by(|a, b| b.total_cmp(a));
+    let mut told: Vec<String> = Vec::new();
+    for share in shares {
+        let (range, real) = share_that_was_real(share);
+        let said = format!("{} ({range}) {real} of 100", word_of(share));
+        if !told.contains(&said) {
+            told.push(said);
+        }
+    }
+    let facts = &confidence.resampling;
+    Some(format!(
+        "found: share of {} {}s with the link{}{}.",
+        facts.done,
+        facts.scheme,
+        if told.is_empty() { "" } else { "; of such links, real in 200 test systems: " },
+        told.join(", ")
+    ))
 }
 
 /// `p < 0.001`, `p = 0.012`; a zero fraction of 500 null values is `p < 0.002`.
@@ -99,7 +167,10 @@ fn rounded(seconds: f64) -> f64 {
 fn table(model: &Model) -> Vec<String> {
     let names: Vec<String> = model.features.iter().map(|name| plain(name)).collect();
     let width = names.iter().map(String::len).max().unwrap_or(0).max("effect".len());
-    let mut lines = vec![format!("{:width$}  {:width$}  lag  strength   p-value  link", "cause", "effect")];
+    let found = model.confidence.as_deref().map(|confidence| &confidence.link_frequency);
+    let column = if found.is_some() { "  found" } else { "" };
+    let mut lines =
+        vec![format!("{:width$}  {:width$}  lag  strength   p-value{column}  link", "cause", "effect")];
     for (i, cause) in names.iter().enumerate() {
         for (j, effect) in names.iter().enumerate() {
             for lag in model.tau_min..=model.tau_max {
@@ -113,7 +184,10 @@ fn table(model: &Model) -> Vec<String> {
                 }
                 let mark = if mark.is_empty() { "-" } else { mark };
                 let p = p_cell(model, p);
-                lines.push(format!("{cause:width$}  {effect:width$}  {lag:3}  {value:8.3}  {p:>8}  {mark}"));
+                let share = found.map_or(String::new(), |found| format!("  {:5.2}", found[i][j][lag]));
+                lines.push(format!(
+                    "{cause:width$}  {effect:width$}  {lag:3}  {value:8.3}  {p:>8}{share}  {mark}"
+                ));
             }
         }
     }

@@ -71,6 +71,7 @@
 
 mod about;
 mod analysis;
+pub mod changes;
 pub mod confidence;
 pub mod draw;
 mod effort;

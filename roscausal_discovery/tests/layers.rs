@@ -10,7 +10,7 @@ use std::{
 };
 
 /// The modules of the crate from the ground up.
-const LAYERS: [&str; 13] = [
+const LAYERS: [&str; 14] = [
     "ground",
     "numeric",
     "about",
@@ -22,6 +22,7 @@ const LAYERS: [&str; 13] = [
     "draw",
     "analysis",
     "confidence",
+    "changes",
     "rolling",
     "effort",
 ];

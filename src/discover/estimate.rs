@@ -3,7 +3,10 @@
 use std::fs;
 
 use roscausal_core::{Error, Result};
-use roscausal_discovery::{DataFrame, Effort, Settings};
+use roscausal_discovery::{
+    DataFrame, Effort, Settings,
+    confidence::{Resampling, Scheme},
+};
 
 use super::MeansArgs;
 
@@ -18,19 +21,25 @@ const USUAL_BYTES: f64 = 16e9;
 ///
 /// # Errors
 /// An analysis that needs more memory than there is (or `--max-memory` allows), or more than a day without `--time-budget`.
-pub(super) fn check(data: &DataFrame, settings: &Settings, means: &MeansArgs) -> Result<Option<String>> {
+pub(super) fn check(
+    data: &DataFrame,
+    settings: &Settings,
+    resampling: Option<&Resampling>,
+    means: &MeansArgs,
+) -> Result<Option<String>> {
     let n = data.recordings().iter().map(|recording| recording.nrows()).sum();
     let effort = Effort::of(n, data.n_vars(), settings);
     let cores = std::thread::available_parallelism().map_or(1, usize::from);
     let threads = means.threads.filter(|&threads| threads > 0).unwrap_or(cores);
-    let seconds = effort.seconds / threads as f64;
+    let seconds = effort.seconds * (1.0 + resampling.map_or(0.0, part_of_resamples)) / threads as f64;
     let available = means.max_memory.map_or_else(memory, |megabytes| megabytes as f64 * 1e6);
     let longest = if means.time_budget.is_some() { f64::INFINITY } else { LONGEST_S };
     if effort.bytes <= available && seconds <= longest {
         let told = format!("this will take about {}, with {}", duration(seconds), size(effort.bytes));
         return Ok((seconds > WORTH_TELLING_S).then_some(told));
     }
-    let most = Effort::most_samples(data.n_vars(), settings, available, longest * threads as f64);
+    let once = 1.0 + resampling.map_or(0.0, part_of_resamples);
+    let most = Effort::most_samples(data.n_vars(), settings, available, longest * threads as f64 / once);
     let what = if effort.bytes > available {
         format!("{} of memory, and {} are free", size(effort.bytes), size(available))
     } else {
@@ -49,6 +58,12 @@ pub(super) fn check(data: &DataFrame, settings: &Settings, means: &MeansArgs) ->
         settings.cond_ind_test,
         data.n_vars(),
     )))
+}
+
+/// The time of all resamples, in analyses of all rows: a subsample has fewer, and time grows about as `n^1.6`.
+fn part_of_resamples(resampling: &Resampling) -> f64 {
+    let share = if resampling.scheme == Scheme::Subsample { resampling.share } else { 1.0 };
+    resampling.resamples as f64 * share.powf(1.6)
 }
 
 /// Memory that is free on this machine, in bytes.

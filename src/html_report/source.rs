@@ -41,7 +41,7 @@ pub(super) fn read(args: &Args, interrupt: &Interrupt) -> Result<Material> {
         return of_model(input, input.display().to_string());
     }
     let analysis = discover::Args::of_one(input, &args.inputs, &args.method, &args.means, args.seed);
-    let (model, evidence, ..) = discover::found(&analysis, interrupt, false)?;
+    let discover::Answer { model, evidence, .. } = discover::found(&analysis, interrupt, false)?;
     let command = command(&model, &input.display().to_string());
     Ok(Material {
         model,

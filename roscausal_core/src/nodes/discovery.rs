@@ -11,7 +11,9 @@ use std::{
     time::Duration,
 };
 
-use roscausal_discovery::{Control, Evidence, Model, Progress, Settings, analyse_with_evidence, draw};
+use roscausal_discovery::{
+    Control, Evidence, Model, Progress, Settings, analyse_with_evidence, confidence::resample, draw,
+};
 use roscausal_msgs::{
     CausalModel, CausalModelInfo, Time,
     sensor_msgs::{CompressedImage, Image},
@@ -381,8 +383,16 @@ fn method(params: &DiscoveryParams, paths: &[PathBuf], control: &Control) -> Res
         let (mut model, evidence) = match &params.program {
             Some(program) => (external::run(program, paths, &settings, params.threads, control)?, None),
             None => in_pool(params.threads, || {
-                let (model, evidence) = analyse_with_evidence(&part.data, &settings, control)?;
-                Ok((model, Some(evidence)))
+                Ok(match &params.resampling {
+                    Some(resampling) => {
+                        let found = resample(&part.data, &settings, resampling, control)?;
+                        (found.model, Some(found.evidence))
+                    }
+                    None => {
+                        let (model, evidence) = analyse_with_evidence(&part.data, &settings, control)?;
+                        (model, Some(evidence))
+                    }
+                })
             })?,
         };
         model.dt = joint.dt();

@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 
 use roscausal_discovery::{
     PcAlpha, Settings,
+    confidence::{Resampling, Scheme},
     independence_tests::GpSearch,
     methods::{Fdr, Method},
     transfer_entropy::TeEstimator,
@@ -37,6 +38,8 @@ pub(super) struct DiscoveryParams {
     pub nice: i32,
     pub time_budget_s: Option<f64>,
     pub image_scale: f32,
+    /// How to resample; `None`: not.
+    pub resampling: Option<Resampling>,
 }
 
 /// Names, defaults, allowed values and descriptions.
@@ -164,6 +167,30 @@ pub(super) fn specs() -> Vec<ParamSpec> {
             "megabytes that a test, or an external method, may take; 0: no limit",
         ),
         ParamSpec::new(
+            "resamples",
+            Int(0),
+            Range(0.0, 10_000.0),
+            "analyses of rows drawn from the data, for the confidence of links: 20 to 10000; 0: none",
+        ),
+        ParamSpec::new(
+            "resampling",
+            text(Scheme::default().name()),
+            OneOf(Scheme::NAMES),
+            "how rows are drawn: a share of them, each once, or as many as there are, with replacement",
+        ),
+        ParamSpec::new(
+            "resample_share",
+            Double(Resampling::default().share),
+            Range(0.01, 0.99),
+            "share of the rows in a subsample",
+        ),
+        ParamSpec::new(
+            "resample_block",
+            text("1"),
+            Any,
+            "neighbouring rows that are drawn together: a number, or cube_root of the number of rows",
+        ),
+        ParamSpec::new(
             "image_scale",
             Double(0.6),
             Range(0.1, 4.0),
@@ -200,7 +227,12 @@ impl DiscoveryParams {
         if program.is_none() {
             settings.check().map_err(in_the_nodes_words)?;
         }
+        let resampling = resampling_of(params)?;
+        if resampling.is_some() && program.is_some() {
+            return Err(Error::param("resamples", "external methods are not resampled; set it to 0"));
+        }
         Ok(Self {
+            resampling,
             data_dir: super::path(&params.text("data_dir")),
             res_dir: params.text_if_set("res_dir").map(|dir| super::path(&dir)),
             csv_prefix: params.text("csv_prefix"),
@@ -221,6 +253,21 @@ impl DiscoveryParams {
     }
 }
 
+/// How to resample; `None` without resamples.
+fn resampling_of(params: &Params) -> Result<Option<Resampling>> {
+    let resampling = Resampling {
+        resamples: params.count("resamples"),
+        scheme: params.text("resampling").parse().map_err(in_the_nodes_words)?,
+        share: params.double("resample_share"),
+        block: params.text("resample_block").parse().map_err(in_the_nodes_words)?,
+    };
+    if resampling.resamples == 0 {
+        return Ok(None);
+    }
+    resampling.check().map_err(in_the_nodes_words)?;
+    Ok(Some(resampling))
+}
+
 /// Renames the settings in an error to this node's parameters.
 fn in_the_nodes_words(error: roscausal_discovery::Error) -> Error {
     match Error::from(error) {
@@ -232,6 +279,8 @@ fn in_the_nodes_words(error: roscausal_discovery::Error) -> Error {
                 "tau-min" => "min_lag",
                 "tau-max" => "max_lag",
                 "fdr" => "fdr_method",
+                "share" => "resample_share",
+                "block" => "resample_block",
                 other => other,
             };
             Error::param(name.replace('-', "_"), reason)

@@ -1,6 +1,6 @@
 //! From a [`Model`] to the messages that the discovery node publishes.
 
-use roscausal_discovery::{Link, Model, draw};
+use roscausal_discovery::{Link, Model, draw, word_of};
 use roscausal_msgs::{
     CausalLink, CausalModel, CausalModelInfo, Time,
     sensor_msgs::{CompressedImage, Image},
@@ -108,14 +108,17 @@ fn causal_link(link: &Link) -> CausalLink {
         "-->" | "o-o" | "x-x" => short(link),
         _ => format!("{} (lag {})", link.sentence(), link.lag),
     };
+    let found = link.confidence.map_or(String::new(), |share| {
+        format!(", {}: in {:.0} of 100 resamples", word_of(share), 100.0 * share)
+    });
     CausalLink {
         cause: link.cause.clone(),
         effect: link.effect.clone(),
         lag: link.lag as u32,
         value: link.value,
         p_value: link.p_value,
-        confidence: -1.0,
-        description: format!("{what}: strength {:.3}, p = {:.4}", link.value, link.p_value),
+        confidence: link.confidence.unwrap_or(-1.0),
+        description: format!("{what}: strength {:.3}, p = {:.4}{found}", link.value, link.p_value),
     }
 }
 
@@ -157,6 +160,20 @@ mod tests {
         assert_eq!(message.causal_structure.data[2 * 3 + 1], 0);
         let labels: Vec<&str> = message.val_matrix.layout.dim.iter().map(|d| d.label.as_str()).collect();
         assert_eq!(labels, ["lag", "target", "source"]);
+    }
+
+    #[test]
+    fn a_link_carries_its_confidence_and_minus_one_without_resamples() {
+        let mut model = example();
+        let confidence = |model: &Model| {
+            let info = causal_model_info(model, &Header::default(), &Origin::default(), None);
+            (info.links[0].confidence, info.links[0].description.clone())
+        };
+        assert_eq!(confidence(&model).0, -1.0);
+        model.links[0].confidence = Some(0.41);
+        let (share, words) = confidence(&model);
+        assert_eq!(share, 0.41);
+        assert!(words.ends_with("unsure: in 41 of 100 resamples"), "{words}");
     }
 
     #[test]

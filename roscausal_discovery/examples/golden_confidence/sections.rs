@@ -4,6 +4,7 @@ use std::{fs, path::Path};
 
 use roscausal_discovery::{
     Control, DataFrame, Model, PcAlpha, Settings,
+    changes::{Detector, Levels},
     confidence::{Resampling, Scheme, analyse_resampled, bootstrap_rows},
     rolling::{Windows, roll},
 };
@@ -15,8 +16,14 @@ type Done = Result<(), String>;
 type Section = fn(&Path, &Path) -> Done;
 
 /// All sections by name.
-pub(crate) const ALL: [(&str, Section); 5] =
-    [("draws", draws), ("boot", boot), ("window", window), ("calibration", calibration), ("power", power)];
+pub(crate) const ALL: [(&str, Section); 6] = [
+    ("draws", draws),
+    ("boot", boot),
+    ("window", window),
+    ("calibration", calibration),
+    ("changes", changes),
+    ("power", power),
+];
 
 fn json_of(path: &Path) -> Result<Value, String> {
     let text = fs::read_to_string(path).map_err(|e| format!("{}: {e}", path.display()))?;
@@ -145,6 +152,29 @@ fn each_system(set: &Path, out: &Path, section: &str, resampling: &Resampling) -
         let data = data_of(&set.join(section).join("data"), name)?;
         let model = model_of(&data, &usual(2), resampling)?;
         write(&out.join(section).join(format!("{name}.json")), &model.to_json())?;
+    }
+    Ok(())
+}
+
+/// Rows of a part that the detector reads at a time, unless the number of variables asks for more.
+const CHANGE_ROWS: usize = 150;
+
+/// The linear systems: the names of the nonlinear ones begin with `n`.
+fn changes(set: &Path, out: &Path) -> Done {
+    let truth = json_of(&set.join("changes/truth.json"))?;
+    for name in
+        truth.as_object().ok_or("truth.json is no object")?.keys().filter(|name| !name.starts_with('n'))
+    {
+        let data = data_of(&set.join("changes/data"), name)?;
+        let mut detector =
+            Detector::new(data.var_names().to_vec(), 2, &[], Levels::default()).map_err(|e| e.to_string())?;
+        let rows = CHANGE_ROWS.max(detector.fewest_rows());
+        let mut events = Vec::new();
+        for recording in data.recordings() {
+            let told = detector.read_in_parts(recording.view(), rows, &Control::default());
+            events.extend(told.map_err(|e| format!("{name}: {e}"))?);
+        }
+        write(&out.join("changes").join(format!("{name}.json")), &json!({ "events": events }).to_string())?;
     }
     Ok(())
 }

@@ -29,6 +29,7 @@
 //! ```
 
 mod advice;
+mod calibration;
 mod draws;
 mod resamples;
 mod scheme;
@@ -37,19 +38,47 @@ mod summary;
 use resamples::Resamples;
 use summary::Summary;
 
+pub use calibration::share_that_was_real;
 pub use draws::bootstrap_rows;
 pub use scheme::{Block, FEWEST_RESAMPLES, MOST_RESAMPLES, Resampling, Scheme};
 
+use serde::Serialize;
+
 use crate::{
-    analysis::{Settings, analyse},
+    analysis::{Found, Settings, analyse, analyse_with_evidence},
+    evidence::Evidence,
     ground::{Control, DataFrame, Result, Stop},
-    model::{Confidence, Model, ResamplingFacts},
+    model::{Confidence, Model, ResamplingFacts, nested},
 };
 
 /// Share of the values between the low and the high one.
 const LEVEL: f64 = 0.9;
 
-/// Analyses `data` as [`analyse`] does, and resamples: the model has its fields of confidence.
+/// The graph of one resample.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct ResampleGraph {
+    /// Its number, from 0.
+    pub resample: usize,
+    /// The variables of the data, in the order of the matrices.
+    pub variables: Vec<String>,
+    /// Link marks, `[cause][effect][lag]`.
+    pub graph: Vec<Vec<Vec<String>>>,
+    /// Strengths, `[cause][effect][lag]`.
+    pub val_matrix: Vec<Vec<Vec<f64>>>,
+}
+
+/// A model with its fields of confidence, and all that it rests on.
+#[derive(Clone, Debug)]
+pub struct Resampled {
+    /// The model.
+    pub model: Model,
+    /// What stands behind its links.
+    pub evidence: Evidence,
+    /// The graph of each resample.
+    pub graphs: Vec<ResampleGraph>,
+}
+
+/// Analyses `data` as [`analyse`](crate::analyse) does, and resamples: the model has its fields of confidence.
 ///
 /// The resamples run in parallel; their number of threads changes nothing. If the time budget ends, those that came to their
 /// end count, and the status is partial; below 20 there is no confidence.
@@ -62,12 +91,38 @@ pub fn analyse_resampled(
     resampling: &Resampling,
     control: &Control,
 ) -> Result<Model> {
+    Ok(resampled(data, settings, resampling, control, false)?.model)
+}
+
+/// As [`analyse_resampled`], and keeps what stands behind the links and the graph of each resample. The model is the same.
+///
+/// # Errors
+/// As [`analyse_resampled`].
+pub fn resample(
+    data: &DataFrame,
+    settings: &Settings,
+    resampling: &Resampling,
+    control: &Control,
+) -> Result<Resampled> {
+    resampled(data, settings, resampling, control, true)
+}
+
+fn resampled(
+    data: &DataFrame,
+    settings: &Settings,
+    resampling: &Resampling,
+    control: &Control,
+    keep: bool,
+) -> Result<Resampled> {
     resampling.check()?;
     settings.check()?;
     let plan = Resamples::new(data, settings, resampling)?;
-    let mut model = analyse(data, settings, control)?;
+    let (mut model, evidence) = match keep {
+        true => analyse_with_evidence(data, settings, control)?,
+        false => (analyse(data, settings, control)?, Evidence::default()),
+    };
     if control.stop() == Some(Stop::OutOfTime) {
-        return Ok(model);
+        return Ok(Resampled { model, evidence, graphs: Vec::new() });
     }
     let found = plan.run(control)?;
     if found.len() < resampling.resamples {
@@ -77,11 +132,12 @@ pub fn analyse_resampled(
             resampling.resamples
         );
     }
-    model.warnings.extend(remarks(settings, resampling));
+    let graphs = if keep { graphs_of(&found, data.var_names()) } else { Vec::new() };
     if found.len() < FEWEST_RESAMPLES {
         model.warnings.push(format!("{} resamples are too few for a confidence", found.len()));
-        return Ok(model);
+        return Ok(Resampled { model, evidence, graphs });
     }
+    model.warnings.extend(remarks(settings, resampling));
     let facts = ResamplingFacts {
         scheme: resampling.scheme.name().into(),
         share: (resampling.scheme == Scheme::Subsample).then_some(resampling.share),
@@ -95,7 +151,21 @@ pub fn analyse_resampled(
     let summary = Summary::new(&found, (data.n_vars(), settings.tau_max));
     model.warnings.extend(summary.of_dropped(data.var_names(), &model));
     let confidence = summary.on_features(data.var_names(), &model.features, facts);
-    Ok(with_confidence(model, confidence, resampling))
+    Ok(Resampled { model: with_confidence(model, confidence, resampling), evidence, graphs })
+}
+
+fn graphs_of(found: &[Found], names: &[String]) -> Vec<ResampleGraph> {
+    let vars: Vec<usize> = (0..names.len()).collect();
+    let graph = |(resample, one): (usize, &Found)| {
+        let n_lags = one.graph.dim().2;
+        ResampleGraph {
+            resample,
+            variables: names.to_vec(),
+            graph: nested(&vars, n_lags, |at| one.graph[at].symbol().to_owned()),
+            val_matrix: nested(&vars, n_lags, |at| one.values[at]),
+        }
+    };
+    found.iter().enumerate().map(graph).collect()
 }
 
 fn with_confidence(mut model: Model, confidence: Confidence, resampling: &Resampling) -> Model {

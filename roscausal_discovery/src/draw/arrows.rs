@@ -35,6 +35,11 @@ impl<'a> Arrow<'a> {
         Some(Self { from, to, links, strongest })
     }
 
+    /// The largest share of resamples that have one of its links; `None` without resamples.
+    pub(super) fn confidence(&self) -> Option<f64> {
+        self.links.iter().filter_map(|link| link.confidence).max_by(f64::total_cmp)
+    }
+
     /// What stands on the arrow: its lags and its largest strength.
     pub(super) fn label(&self) -> String {
         let lags: Vec<usize> = self.links.iter().map(|link| link.lag).collect();
@@ -48,7 +53,8 @@ impl<'a> Arrow<'a> {
                 p if p < smallest_p => format!("p < {smallest_p}"),
                 p => format!("p = {p:.3}"),
             };
-            format!("lag {}: {:.2} ({p})", link.lag, link.value)
+            let found = link.confidence.map_or(String::new(), |share| format!(", found in {share:.2}"));
+            format!("lag {}: {:.2} ({p}{found})", link.lag, link.value)
         };
         let mark = if self.strongest.mark == "-->" { "→" } else { "–" };
         let lags: Vec<String> = self.links.iter().map(lag).collect();

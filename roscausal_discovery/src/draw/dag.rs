@@ -3,10 +3,14 @@
 use super::{
     arrows::{Arrow, arrows, merged},
     circle::variable,
-    layout::{Edge, MATRIX_FROM, plan},
+    layout::{Edge, MATRIX_FROM, Route, plan},
     matrix::Matrix,
+    maybe::{Maybe, maybes},
     point::Point,
-    svg::{FAINT, INK, Stroke, Svg, escaped, height_of_marks, label_width, legend, legend_of_marks},
+    svg::{
+        FAINT, INK, Stroke, Svg, display, escaped, height_of_marks, label_width, legend_of_marks,
+        legend_of_model,
+    },
 };
 use crate::model::Model;
 
@@ -25,7 +29,13 @@ pub fn dag(model: &Model) -> String {
     let arrows = arrows(model);
     let edge =
         |arrow: &Arrow<'_>| Edge { from: arrow.from, to: arrow.to, label: label_width(TEXT, &arrow.label()) };
-    let edges: Vec<Edge> = arrows.iter().map(edge).collect();
+    let maybes = pairs_at_any_lag(&arrows, maybes(model));
+    let faint = |maybe: &Maybe| Edge {
+        from: maybe.from,
+        to: maybe.to,
+        label: label_width(TEXT, &format!("{:.2}", maybe.share)),
+    };
+    let edges: Vec<Edge> = arrows.iter().map(edge).chain(maybes.iter().map(faint)).collect();
     let plan = plan(model.features.len(), &edges);
     let matrix = (model.features.len() >= MATRIX_FROM).then(|| Matrix::new(model));
     let (beside, tall) = matrix.as_ref().map_or((0.0, 0.0), Matrix::size);
@@ -51,8 +61,7 @@ pub fn dag(model: &Model) -> String {
         )
     };
     for (arrow, route) in arrows.iter().zip(&plan.routes) {
-        let link = arrow.strongest;
-        let stroke = Stroke::of_link(link.value, link.p_value, model.smallest_p(), &link.mark);
+        let stroke = Stroke::of(arrow.strongest, arrow.confidence(), model.smallest_p());
         let path: Vec<Point> = route.path.iter().map(moved).collect();
         svg.raw(&group(arrow));
         svg.route(&path, &stroke);
@@ -64,6 +73,8 @@ pub fn dag(model: &Model) -> String {
         svg.label(moved(at), TEXT, INK, &arrow.label());
         svg.raw("</g>");
     }
+    let between: Vec<(&Maybe, &Route)> = maybes.iter().zip(plan.routes.iter().skip(arrows.len())).collect();
+    draw_maybes(&mut svg, &between, &model.features, moved);
     for (name, at) in model.features.iter().zip(&plan.nodes) {
         variable(&mut svg, moved(at), name);
     }
@@ -78,17 +89,60 @@ pub fn dag(model: &Model) -> String {
     svg.finish()
 }
 
+/// The pairs without an arrow that many resamples link: of all lags the one found most often.
+fn pairs_at_any_lag(arrows: &[Arrow<'_>], maybes: Vec<Maybe>) -> Vec<Maybe> {
+    let mut pairs: Vec<Maybe> = Vec::new();
+    for maybe in maybes.into_iter().filter(|maybe| maybe.from != maybe.to) {
+        if arrows.iter().any(|arrow| (arrow.from, arrow.to) == (maybe.from, maybe.to)) {
+            continue;
+        }
+        match pairs.iter_mut().find(|pair| (pair.from, pair.to) == (maybe.from, maybe.to)) {
+            Some(pair) if pair.share < maybe.share => *pair = maybe,
+            Some(_) => {}
+            None => pairs.push(maybe),
+        }
+    }
+    pairs
+}
+
+/// Thin dotted lines, with the share of resamples on them.
+fn draw_maybes(
+    svg: &mut Svg,
+    between: &[(&Maybe, &Route)],
+    names: &[String],
+    moved: impl Fn(&Point) -> Point,
+) {
+    for (maybe, route) in between {
+        let words = format!(
+            "{} → {}, lag {}: no link of the model, but in {:.2} of the resamples",
+            display(&names[maybe.from]),
+            display(&names[maybe.to]),
+            maybe.lag,
+            maybe.share
+        );
+        svg.raw(&format!("<g class=\"maybe\"><title>{}</title>", escaped(&words)));
+        let path: Vec<Point> = route.path.iter().map(&moved).collect();
+        svg.route(&path, &Stroke::of_maybe(maybe.mark()));
+        if let Some(at) = &route.label {
+            svg.label(moved(at), TEXT, FAINT, &format!("{:.2}", maybe.share));
+        }
+        svg.raw("</g>");
+    }
+}
+
 /// The legend, and what the arrows that stand for several lags mean.
 fn below(svg: &mut Svg, foot: f64, model: &Model, bare: bool, lines: &[String]) {
-    legend(svg, Point::new(16.0, foot), model.smallest_p(), model.links.iter().any(|link| link.value < 0.0));
-    let note = if bare {
+    legend_of_model(svg, Point::new(16.0, foot), model);
+    let note = if model.confidence.is_some() && !bare {
+        "lags · largest strength; lines: share of resamples"
+    } else if bare {
         "strengths and lags: see the matrix"
     } else {
         "on an arrow: lags in steps · largest strength"
     };
-    svg.text(Point::new(186.0, foot + 4.0), TEXT, "start", INK, note);
+    svg.text(Point::new(216.0, foot + 4.0), TEXT, "start", INK, note);
     if let Some(dt) = model.dt {
-        svg.text(Point::new(186.0, foot + 22.0), TEXT, "start", INK, &format!("one step is {dt:.3} s"));
+        svg.text(Point::new(216.0, foot + 22.0), TEXT, "start", INK, &format!("one step is {dt:.3} s"));
     }
     legend_of_marks(svg, Point::new(16.0, foot + LEGEND - 16.0), model);
     let foot = foot + height_of_marks(model);

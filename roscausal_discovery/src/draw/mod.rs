@@ -29,10 +29,12 @@ mod dag;
 mod evidence;
 mod layout;
 mod matrix;
+mod maybe;
 mod point;
 #[cfg(feature = "png")]
 mod raster;
 mod series;
+mod strip;
 mod svg;
 mod tsdag;
 
@@ -43,5 +45,6 @@ pub use matrix::matrix;
 #[cfg(feature = "png")]
 pub use raster::{Image, rasterise};
 pub use series::series;
+pub use strip::{Strip, StripPoint, Strips, strips};
 pub use svg::escaped;
 pub use tsdag::tsdag;

@@ -4,7 +4,10 @@ use std::fmt::Write;
 
 use super::layout::cubic;
 pub(super) use super::point::Point;
-use crate::{ground::names::plain, model::Model};
+use crate::{
+    ground::names::plain,
+    model::{Link, Model},
+};
 
 /// An SVG document under construction.
 pub(super) struct Svg {
@@ -139,6 +142,20 @@ pub(super) struct Stroke {
 }
 
 impl Stroke {
+    /// A link of a model. With resamples, opacity and dashes show how often it was found; else dashes show the p-value.
+    pub(super) fn of(link: &Link, confidence: Option<f64>, smallest_p: f64) -> Self {
+        let stroke = Self::of_link(link.value, link.p_value, smallest_p, &link.mark);
+        match confidence {
+            Some(share) => Self { dash: dash_of_share(share), opacity: opacity(share), ..stroke },
+            None => stroke,
+        }
+    }
+
+    /// What is no link of the model, but was found in many resamples.
+    pub(super) fn of_maybe(mark: &str) -> Self {
+        Self { colour: FAINT, width: 1.2, dash: "1.5 4", opacity: 1.0, ends: ends_of(mark) }
+    }
+
     /// The width shows the strength, the colour the sign, and the dashes the p-value.
     pub(super) fn of_link(value: f64, p_value: f64, smallest_p: f64, mark: &str) -> Self {
         let width = 1.5 + 5.0 * value.abs().min(1.0);
@@ -198,8 +215,64 @@ pub(super) fn dash(p_value: f64, smallest_p: f64) -> &'static str {
     }
 }
 
+/// How strong a line is drawn, by the share of resamples that have the link.
+fn opacity(share: f64) -> f64 {
+    match share {
+        s if s >= 0.9 => 1.0,
+        s if s >= 0.7 => 0.75,
+        s if s >= 0.5 => 0.55,
+        _ => 0.35,
+    }
+}
+
+/// Dashes for a link that fewer than half of the resamples have.
+fn dash_of_share(share: f64) -> &'static str {
+    if share < 0.5 { "5 4" } else { "" }
+}
+
+/// From this share of the resamples on, what is no link of the model is drawn, dotted.
+pub(super) const MAYBE: f64 = 0.3;
+
+/// What opacity, dashes and dots mean in a model with resamples, from `at` downwards.
+fn legend_of_shares(svg: &mut Svg, at: Point) {
+    let rows = [(0.95, "firm: 0.9 or more"), (0.6, "likely: 0.5"), (0.4, "unsure: below")];
+    for (row, (share, text)) in rows.into_iter().enumerate() {
+        let y = at.y + 18.0 * row as f64;
+        let dash = match dash_of_share(share) {
+            "" => String::new(),
+            dash => format!(" stroke-dasharray=\"{dash}\""),
+        };
+        svg.raw(&format!(
+            "<path d=\"M {:.1} {y:.1} h 44\" stroke=\"{INK}\" stroke-width=\"3\" stroke-opacity=\"{}\"{dash}/>",
+            at.x,
+            opacity(share)
+        ));
+        svg.text(Point::new(at.x + 54.0, y + 4.0), 12.0, "start", INK, text);
+    }
+    let (x, y) = (at.x + 200.0, at.y + 36.0);
+    svg.raw(&format!(
+        "<path d=\"M {x:.1} {y:.1} h 44\" stroke=\"{FAINT}\" stroke-width=\"1.2\" stroke-dasharray=\"1.5 4\"/>"
+    ));
+    let words = format!("no link, but in {MAYBE} of the resamples");
+    svg.text(Point::new(x + 54.0, y + 4.0), 12.0, "start", INK, &words);
+}
+
+/// The legend for widths, colours and dashes of a model, from `at` downwards.
+pub(super) fn legend_of_model(svg: &mut Svg, at: Point, model: &Model) {
+    let signed = model.links.iter().any(|link| link.value < 0.0);
+    if model.confidence.is_none() {
+        return legend(svg, at, model.smallest_p(), signed);
+    }
+    legend_of_shares(svg, at);
+    svg.text(Point::new(at.x, at.y + 58.0), 12.0, "start", INK, width_words(signed));
+}
+
+fn width_words(signed: bool) -> &'static str {
+    if signed { "width: |strength|; orange +, blue −" } else { "width: strength" }
+}
+
 /// The legend for widths, colours and dashes, from `at` downwards.
-pub(super) fn legend(svg: &mut Svg, at: Point, smallest_p: f64, signed: bool) {
+fn legend(svg: &mut Svg, at: Point, smallest_p: f64, signed: bool) {
     let mut y = at.y;
     let smallest = format!("p < {smallest_p}");
     for (dash, text) in [("", smallest.as_str()), ("14 5", "p < 0.01"), ("5 4", "p ≥ 0.01")] {
@@ -211,8 +284,7 @@ pub(super) fn legend(svg: &mut Svg, at: Point, smallest_p: f64, signed: bool) {
         svg.text(Point::new(at.x + 54.0, y + 4.0), 12.0, "start", INK, text);
         y += 18.0;
     }
-    let width = if signed { "width: |strength|; orange +, blue −" } else { "width: strength" };
-    svg.text(Point::new(at.x, y + 4.0), 12.0, "start", INK, width);
+    svg.text(Point::new(at.x, y + 4.0), 12.0, "start", INK, width_words(signed));
 }
 
 /// A text for XML: what has a meaning there is spelled out, control characters, which have no place there, are blanks.

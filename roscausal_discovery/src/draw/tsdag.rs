@@ -2,7 +2,8 @@
 
 use super::{
     dag::title,
-    svg::{INK, Point, Stroke, Svg, display, height_of_marks, legend, legend_of_marks},
+    maybe::maybes,
+    svg::{FAINT, INK, Point, Stroke, Svg, display, height_of_marks, legend_of_marks, legend_of_model},
 };
 use crate::model::Model;
 
@@ -23,16 +24,28 @@ pub fn tsdag(model: &Model) -> String {
     let place = |row: usize, lag: usize| {
         Point::new(left + COLUMN * (model.tau_max - lag) as f64, 90.0 + ROW * row as f64)
     };
+    let mut numbers = Vec::new();
+    for maybe in maybes(model) {
+        let stroke = Stroke::of_maybe(maybe.mark());
+        let middle = arrow(&mut svg, place(maybe.from, maybe.lag), place(maybe.to, 0), &stroke);
+        numbers.push((middle, FAINT, maybe.share));
+    }
     for shift in (0..columns).rev() {
         for link in model.links.iter().filter(|link| link.lag + shift <= model.tau_max) {
             let row = |name: &str| model.features.iter().position(|feature| feature == name);
             let (Some(i), Some(j)) = (row(&link.cause), row(&link.effect)) else { continue };
-            let mut stroke = Stroke::of_link(link.value, link.p_value, model.smallest_p(), &link.mark);
+            let mut stroke = Stroke::of(link, link.confidence, model.smallest_p());
             if shift > 0 {
-                stroke.opacity = 0.25;
+                stroke.opacity *= 0.25;
             }
-            arrow(&mut svg, place(i, link.lag + shift), place(j, shift), &stroke);
+            let middle = arrow(&mut svg, place(i, link.lag + shift), place(j, shift), &stroke);
+            if let Some(share) = link.confidence.filter(|_| shift == 0) {
+                numbers.push((middle, INK, share));
+            }
         }
+    }
+    for (at, colour, share) in numbers {
+        svg.label(at, 11.0, colour, &format!("{share:.2}"));
     }
     for (row, name) in model.features.iter().enumerate() {
         svg.text(Point::new(16.0, place(row, 0).y + 5.0), 14.0, "start", INK, &display(name));
@@ -49,17 +62,13 @@ pub fn tsdag(model: &Model) -> String {
         let at = Point::new(place(0, lag).x, 60.0);
         svg.text(at, 13.0, "middle", INK, &if lag == 0 { "t".to_owned() } else { format!("t−{lag}") });
     }
-    legend(
-        &mut svg,
-        Point::new(16.0, height - 66.0),
-        model.smallest_p(),
-        model.links.iter().any(|link| link.value < 0.0),
-    );
+    legend_of_model(&mut svg, Point::new(16.0, height - 66.0), model);
     legend_of_marks(&mut svg, Point::new(16.0, height + 6.0), model);
     svg.finish()
 }
 
-fn arrow(svg: &mut Svg, from: Point, to: Point, stroke: &Stroke) {
+/// Draws an arrow; returns a place for its number, nearer to its cause, where fewer arrows meet than in the middle.
+fn arrow(svg: &mut Svg, from: Point, to: Point, stroke: &Stroke) -> Point {
     // A link that would pass over other nodes of its row or column is bent around them.
     let over = if from.y == to.y && to.x - from.x > COLUMN * 1.5 || from.x == to.x { 0.22 } else { 0.0 };
     let along = from.towards(to);
@@ -70,6 +79,16 @@ fn arrow(svg: &mut Svg, from: Point, to: Point, stroke: &Stroke) {
     let start = from.plus(leave.x * NODE, leave.y * NODE);
     let end = to.plus(arrive.x * (NODE + 1.0), arrive.y * (NODE + 1.0));
     svg.arrow(start, bend, end, stroke);
+    on_curve(start, bend, end, 0.3)
+}
+
+/// The point of a quadratic curve at a part of its way.
+fn on_curve(start: Point, bend: Point, end: Point, part: f64) -> Point {
+    let mix = |a: f64, b: f64, c: f64| {
+        let rest = 1.0 - part;
+        rest * rest * a + 2.0 * rest * part * b + part * part * c
+    };
+    Point::new(mix(start.x, bend.x, end.x), mix(start.y, bend.y, end.y))
 }
 
 #[cfg(test)]

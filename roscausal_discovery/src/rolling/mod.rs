@@ -12,13 +12,24 @@
 //! assert_eq!(Windows { last: true, ..windows }.starts(200), [0, 50, 100]);
 //! ```
 
+mod counts;
+mod picture;
+
+pub use counts::{LinkCount, link_counts};
+pub use picture::strips_of;
+
+use ndarray::s;
 use serde::{Deserialize, Serialize};
 
 use crate::{
     analysis::{Settings, analyse},
+    confidence::{Resampling, analyse_resampled},
     ground::{Control, DataFrame, Error, Result},
     model::Model,
 };
+
+/// Version of the layout of models over time.
+pub const ROLLING_SCHEMA: &str = "roscausal/rolling/1";
 
 /// How to cut recordings into windows.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -92,6 +103,33 @@ pub fn roll(
     Ok(())
 }
 
+/// As [`roll`], and each model has its confidence.
+///
+/// # Errors
+/// As [`roll`], and windows that are too short to draw from.
+pub fn roll_resampled(
+    data: &DataFrame,
+    settings: &Settings,
+    windows: &Windows,
+    resampling: &Resampling,
+    control: &Control,
+    mut each: impl FnMut(WindowModel) -> Result<()>,
+) -> Result<()> {
+    windows.check(data)?;
+    for (recording, rows) in data.recordings().iter().enumerate() {
+        for start in windows.starts(rows.nrows()) {
+            let end = start + windows.length;
+            // The rows before a window are the past of its first ones.
+            let from = start.saturating_sub(2 * settings.tau_max);
+            let part = rows.slice(s![from..end, ..]).to_owned();
+            let part = DataFrame::new(vec![part], data.var_names().to_vec())?;
+            let model = analyse_resampled(&part, settings, resampling, control)?;
+            each(WindowModel { recording, start, end, model })?;
+        }
+    }
+    Ok(())
+}
+
 #[cfg(test)]
 mod tests {
     use ndarray::Array2;
@@ -122,6 +160,47 @@ mod tests {
         })
         .unwrap();
         assert_eq!(found, [(0, true), (150, true), (300, false), (450, false)]);
+    }
+
+    #[test]
+    fn a_window_with_resamples_is_the_same_window() {
+        let mut rng = Rng::new(9);
+        let mut x = Array2::zeros((400, 2));
+        for t in 1..400 {
+            x[[t, 0]] = rng.unit() - 0.5;
+            x[[t, 1]] = 0.6 * x[[t - 1, 0]] + rng.unit() - 0.5;
+        }
+        let data = DataFrame::new(vec![x], vec!["a".into(), "b".into()]).unwrap();
+        let settings = Settings {
+            method: Method::Pcmci,
+            cond_ind_test: "parcorr".into(),
+            tau_max: 2,
+            ..Settings::default()
+        };
+        let windows = Windows { length: 120, step: 90, last: true };
+        let (mut plain, mut drawn) = (Vec::new(), Vec::new());
+        let keep = |all: &mut Vec<WindowModel>, window| {
+            all.push(window);
+            Ok(())
+        };
+        roll(&data, &settings, &windows, &Control::default(), |w| keep(&mut plain, w)).unwrap();
+        let resampling = Resampling { resamples: 20, ..Resampling::default() };
+        let control = Control::default();
+        roll_resampled(&data, &settings, &windows, &resampling, &control, |w| keep(&mut drawn, w)).unwrap();
+        assert_eq!(plain.len(), drawn.len());
+        for (plain, drawn) in plain.iter().zip(&drawn) {
+            assert_eq!(
+                (plain.start, plain.end, &plain.model.graph),
+                (drawn.start, drawn.end, &drawn.model.graph)
+            );
+            assert_eq!(plain.model.n_samples, drawn.model.n_samples);
+            assert!(drawn.model.links.iter().all(|link| link.confidence.is_some()));
+        }
+        let models: Vec<&Model> = drawn.iter().map(|window| &window.model).collect();
+        let count = link_counts(&models).into_iter().find(|c| c.cause == "a" && c.effect == "b").unwrap();
+        assert_eq!((count.found, count.of), (models.len(), models.len()));
+        let at: Vec<(f64, &Model)> = models.iter().map(|model| (0.0, *model)).collect();
+        assert!(strips_of(&at, "rows", &[]).contains("a → b, lag 1"));
     }
 
     #[test]

@@ -1,0 +1,148 @@
+//! Whether the mechanisms of two groups of batches differ.
+
+use super::{
+    batch::{Batch, column},
+    regression::{Slope, slope},
+};
+use crate::{
+    analysis::{Settings, analyse},
+    ground::{Control, DataFrame, Node, Result},
+    methods::Method,
+};
+
+/// A possible link.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub(super) struct Place {
+    pub(super) cause: usize,
+    pub(super) effect: usize,
+    pub(super) lag: usize,
+}
+
+/// What two groups of batches say of one possible link.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Difference {
+    pub(super) at: Place,
+    pub(super) before: Slope,
+    pub(super) after: Slope,
+    /// P-value of one slope in both.
+    pub(super) p: f64,
+    /// Corrected for the number of links (Benjamini and Hochberg).
+    pub(super) q: f64,
+}
+
+impl Difference {
+    pub(super) fn rises(&self) -> bool {
+        self.after.value > self.before.value
+    }
+}
+
+/// What compares.
+pub(super) struct Comparison<'a> {
+    pub(super) names: &'a [String],
+    pub(super) tau_max: usize,
+    /// Variables that others set: interventions, context.
+    pub(super) exogenous: &'a [usize],
+    pub(super) control: &'a Control,
+}
+
+/// The conditions of each effect, and the effects that are not compared.
+pub(super) struct Mechanisms {
+    parents: Vec<Vec<Node>>,
+    left_out: Vec<bool>,
+}
+
+impl Mechanisms {
+    /// The conditions of a possible link: the parents of its effect but the link itself.
+    pub(super) fn given(&self, at: Place) -> Vec<Node> {
+        let own = Node::new(at.cause, at.lag);
+        self.parents[at.effect].iter().copied().filter(|node| *node != own).collect()
+    }
+}
+
+impl Comparison<'_> {
+    pub(super) fn past(&self) -> usize {
+        2 * self.tau_max
+    }
+
+    /// What drives each variable, over all these batches. A variable that an intervention drives which only one of the groups has
+    /// is left out.
+    pub(super) fn mechanisms(&self, before: &[&Batch], after: &[&Batch]) -> Result<Mechanisms> {
+        let recordings = before.iter().chain(after).map(|batch| batch.values.clone()).collect();
+        let data = DataFrame::new(recordings, self.names.to_vec())?;
+        let settings = Settings {
+            method: Method::Pcmci,
+            cond_ind_test: "parcorr".into(),
+            tau_min: 1,
+            tau_max: self.tau_max,
+            exogenous: self.exogenous.iter().map(|&var| self.names[var].clone()).collect(),
+            ..Settings::default()
+        };
+        let model = analyse(&data, &settings, self.control)?;
+        let place = |name: &str| self.names.iter().position(|known| known == name);
+        let mut parents = vec![Vec::new(); self.names.len()];
+        for link in &model.links {
+            if let (Some(cause), Some(effect)) = (place(&link.cause), place(&link.effect)) {
+                parents[effect].push(Node::new(cause, link.lag));
+            }
+        }
+        let varies = |group: &[&Batch], var: usize| group.iter().any(|batch| batch.varies(var));
+        let one_sided: Vec<usize> =
+            self.exogenous.iter().copied().filter(|&var| varies(before, var) != varies(after, var)).collect();
+        let touched = |of: &Vec<Node>| of.iter().any(|node| one_sided.contains(&node.var));
+        let left_out = parents.iter().map(touched).collect();
+        Ok(Mechanisms { parents, left_out })
+    }
+
+    /// The links that are compared: all of one variable to another at lags from 1 on.
+    fn places(&self, mechanisms: &Mechanisms) -> Vec<Place> {
+        let n = self.names.len();
+        let mut all = Vec::new();
+        for effect in (0..n).filter(|&var| !mechanisms.left_out[var] && !self.exogenous.contains(&var)) {
+            for cause in (0..n).filter(|&cause| cause != effect) {
+                all.extend((1..=self.tau_max).map(|lag| Place { cause, effect, lag }));
+            }
+        }
+        all
+    }
+
+    /// The slope of a link in a group of batches.
+    pub(super) fn slope(&self, batches: &[&Batch], at: Place, mechanisms: &Mechanisms) -> Option<Slope> {
+        let of = |node: Node| column(batches, node, self.past());
+        let (y, x) = (of(Node::new(at.effect, 0)), of(Node::new(at.cause, at.lag)));
+        let given: Vec<Vec<f64>> = mechanisms.given(at).into_iter().map(of).collect();
+        let given: Vec<&[f64]> = given.iter().map(Vec::as_slice).collect();
+        slope(&y, &x, &given, batches.len())
+    }
+
+    /// Compares all links of two groups.
+    pub(super) fn differences(
+        &self,
+        before: &[&Batch],
+        after: &[&Batch],
+        mechanisms: &Mechanisms,
+    ) -> Result<Vec<Difference>> {
+        let mut found = Vec::new();
+        for at in self.places(mechanisms) {
+            self.control.check()?;
+            let slopes = (self.slope(before, at, mechanisms), self.slope(after, at, mechanisms));
+            if let (Some(before), Some(after)) = slopes {
+                let p = before.p_of_same(after);
+                found.push(Difference { at, before, after, p, q: p });
+            }
+        }
+        corrected(&mut found);
+        Ok(found)
+    }
+}
+
+/// Benjamini and Hochberg 1995: `q_(k) = min over l >= k of p_(l) n / l`.
+fn corrected(found: &mut [Difference]) {
+    let n = found.len();
+    let mut order: Vec<usize> = (0..n).collect();
+    order.sort_by(|&a, &b| found[b].p.total_cmp(&found[a].p));
+    let mut smallest: f64 = 1.0;
+    for (from_above, &place) in order.iter().enumerate() {
+        smallest = smallest.min(found[place].p * n as f64 / (n - from_above) as f64);
+        found[place].q = smallest;
+    }
+}

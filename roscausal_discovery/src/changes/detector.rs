@@ -1,0 +1,342 @@
+//! The detector: regime, suspicion, decision.
+
+use std::collections::VecDeque;
+
+use ndarray::{Array2, ArrayView2, s};
+
+use super::{
+    batch::Batch,
+    compare::{Comparison, Difference, Mechanisms, Place},
+    event::{ChangeEvent, Kind, Status},
+    when,
+};
+use crate::ground::{Control, Error, Result};
+
+/// Most rows of a regime that are compared.
+const MOST_ROWS: usize = 2000;
+/// Batches in which the time of a change is looked for.
+const LOCATED_IN: usize = 5;
+/// Earlier regimes that may be recognised.
+const REMEMBERED: usize = 8;
+/// Level at which a slope counts as none, and above which two regimes count as one.
+const NONE: f64 = 0.05;
+/// Level at which the batch after a suspected one must show the change alone.
+const ALONE: f64 = 0.01;
+
+/// The levels of the two stages, corrected for the number of links.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Levels {
+    /// Below it a change is suspected.
+    pub suspect: f64,
+    /// Below it a suspected change is confirmed.
+    pub confirm: f64,
+}
+
+impl Default for Levels {
+    fn default() -> Self {
+        Self { suspect: 0.2, confirm: 0.003 }
+    }
+}
+
+/// Reads batches one after another and tells when a mechanism changes. The [module](super) says how.
+#[derive(Clone, Debug)]
+pub struct Detector {
+    names: Vec<String>,
+    tau_max: usize,
+    exogenous: Vec<usize>,
+    levels: Levels,
+    /// The batches since the last change, oldest first.
+    regime: VecDeque<Batch>,
+    /// Number of the present regime, from 1.
+    number: usize,
+    /// Earlier regimes, oldest first.
+    closed: VecDeque<(usize, Vec<Batch>)>,
+    held: Option<Suspicion>,
+    rows: usize,
+    told: usize,
+}
+
+/// A batch that seems to differ.
+#[derive(Clone, Debug)]
+struct Suspicion {
+    batch: Batch,
+    /// The links that differ in it, most certain first, and the number of the event of those that were told.
+    links: Vec<(Place, bool, Option<String>)>,
+}
+
+impl Detector {
+    /// A detector for variables with these names. `exogenous` ones are set by others: they are no effects.
+    ///
+    /// # Errors
+    /// Fewer than two variables, a lag of 0, an exogenous variable that there is not, or levels outside (0, 1).
+    pub fn new(names: Vec<String>, tau_max: usize, exogenous: &[String], levels: Levels) -> Result<Self> {
+        if names.len() < 2 || tau_max == 0 {
+            return Err(Error::param("changes", "a change of a link needs two variables and lags from 1 on"));
+        }
+        for (name, level) in [("suspect_level", levels.suspect), ("confirm_level", levels.confirm)] {
+            if !(level > 0.0 && level < 1.0) {
+                return Err(Error::param(name, format!("{level} is not between 0 and 1")));
+            }
+        }
+        let place = |name: &String| {
+            let place = names.iter().position(|known| known == name);
+            place.ok_or_else(|| Error::param("exogenous", format!("there is no variable '{name}'")))
+        };
+        let exogenous = exogenous.iter().map(place).collect::<Result<_>>()?;
+        Ok(Self {
+            names,
+            tau_max,
+            exogenous,
+            levels,
+            regime: VecDeque::new(),
+            number: 1,
+            closed: VecDeque::new(),
+            held: None,
+            rows: 0,
+            told: 0,
+        })
+    }
+
+    /// Fewest rows of a batch: each slope needs some.
+    pub fn fewest_rows(&self) -> usize {
+        20 * (self.names.len() * self.tau_max + 1)
+    }
+
+    /// Rows read so far.
+    pub fn rows(&self) -> usize {
+        self.rows
+    }
+
+    /// Number of the present regime, from 1.
+    pub fn regime(&self) -> usize {
+        self.number
+    }
+
+    /// Reads a recording in parts of `size` rows; what is left over joins the last part. Returns what is told, in order.
+    ///
+    /// # Errors
+    /// As [`Detector::read`], and parts that are too small.
+    pub fn read_in_parts(
+        &mut self,
+        values: ArrayView2<'_, f64>,
+        size: usize,
+        control: &Control,
+    ) -> Result<Vec<ChangeEvent>> {
+        if size < self.fewest_rows() {
+            let fewest = self.fewest_rows();
+            let reason = format!(
+                "parts of {size} rows are too small for {} variables; give at least {fewest}",
+                self.names.len()
+            );
+            return Err(Error::param("change_rows", reason));
+        }
+        let n = values.nrows();
+        let parts = (n / size).max(1);
+        let mut told = Vec::new();
+        for part in 0..parts {
+            // The rows before a part are its past.
+            let from = (part * size).saturating_sub(if part == 0 { 0 } else { 2 * self.tau_max });
+            let to = if part + 1 == parts { n } else { (part + 1) * size };
+            told.extend(self.read_stretch(&values.slice(s![from..to, ..]).to_owned(), part > 0, control)?);
+        }
+        Ok(told)
+    }
+
+    /// Reads the next batch, `T x N`; its first `2 tau_max` rows serve as the past of the others. Returns what is told of it.
+    ///
+    /// A batch with missing values, or with too few rows, is passed over.
+    ///
+    /// # Errors
+    /// Another number of variables, or cancellation.
+    pub fn read(&mut self, values: &Array2<f64>, control: &Control) -> Result<Vec<ChangeEvent>> {
+        self.read_stretch(values, false, control)
+    }
+
+    /// `overlaps`: whether the first `2 tau_max` rows were read before.
+    fn read_stretch(
+        &mut self,
+        values: &Array2<f64>,
+        overlaps: bool,
+        control: &Control,
+    ) -> Result<Vec<ChangeEvent>> {
+        if values.ncols() != self.names.len() {
+            let (n, wanted) = (values.ncols(), self.names.len());
+            return Err(Error::Data(format!("a batch of {n} variables, where the others have {wanted}")));
+        }
+        let past = 2 * self.tau_max;
+        let n = values.nrows().saturating_sub(past);
+        let first = self.rows + if overlaps { 0 } else { past.min(values.nrows()) };
+        self.rows = first + n;
+        let usable = n + past >= self.fewest_rows() && values.iter().all(|v| v.is_finite());
+        if !usable {
+            return Ok(Vec::new());
+        }
+        let batch = Batch::new(values.clone(), first);
+        let mut events = Vec::new();
+        if let Some(held) = self.held.take() {
+            match self.decide(held, &batch, control, &mut events)? {
+                Some(held) => self.join(held),
+                None => return Ok(events),
+            }
+        }
+        self.suspect(batch, control, &mut events)?;
+        Ok(events)
+    }
+
+    fn comparison<'a>(&'a self, control: &'a Control) -> Comparison<'a> {
+        Comparison { names: &self.names, tau_max: self.tau_max, exogenous: &self.exogenous, control }
+    }
+
+    /// Stage one: a batch joins the regime, or is held back.
+    fn suspect(&mut self, batch: Batch, control: &Control, events: &mut Vec<ChangeEvent>) -> Result<()> {
+        let regime: Vec<&Batch> = self.regime.iter().collect();
+        if regime.is_empty() {
+            self.join(batch);
+            return Ok(());
+        }
+        let comparison = self.comparison(control);
+        let mechanisms = comparison.mechanisms(&regime, &[&batch])?;
+        let mut differences = comparison.differences(&regime, &[&batch], &mechanisms)?;
+        differences.retain(|difference| difference.q <= self.levels.suspect);
+        differences.sort_by(|a, b| a.p.total_cmp(&b.p).then(a.at.cmp(&b.at)));
+        if differences.is_empty() {
+            self.join(batch);
+            return Ok(());
+        }
+        let mut links = Vec::new();
+        let mut effects = Vec::new();
+        for difference in &differences {
+            let mut id = None;
+            if !effects.contains(&difference.at.effect) {
+                effects.push(difference.at.effect);
+                self.told += 1;
+                id = Some(format!("change-{}", self.told));
+                events.push(self.event(id.clone().unwrap_or_default(), Status::Suspected, difference));
+            }
+            links.push((difference.at, difference.rises(), id));
+        }
+        self.held = Some(Suspicion { batch, links });
+        Ok(())
+    }
+
+    /// Stage two: what the next batch says of a suspicion. Returns the batch that was held back if nothing is confirmed.
+    fn decide(
+        &mut self,
+        held: Suspicion,
+        next: &Batch,
+        control: &Control,
+        events: &mut Vec<ChangeEvent>,
+    ) -> Result<Option<Batch>> {
+        let regime: Vec<&Batch> = self.regime.iter().collect();
+        let both = [&held.batch, next];
+        let comparison = self.comparison(control);
+        let mechanisms = comparison.mechanisms(&regime, &both)?;
+        let together = comparison.differences(&regime, &both, &mechanisms)?;
+        let alone = comparison.differences(&regime, &[next], &mechanisms)?;
+        let of = |all: &[Difference], at: Place| all.iter().find(|difference| difference.at == at).copied();
+        let mut confirmed: Vec<Difference> = Vec::new();
+        for (at, rises, _) in &held.links {
+            let (Some(both), Some(next)) = (of(&together, *at), of(&alone, *at)) else { continue };
+            if both.q <= self.levels.confirm
+                && next.p <= ALONE
+                && next.rises() == *rises
+                && both.rises() == *rises
+            {
+                confirmed.push(both);
+            }
+        }
+        confirmed.sort_by(|a, b| a.p.total_cmp(&b.p).then(a.at.cmp(&b.at)));
+        let mut effects = Vec::new();
+        confirmed.retain(|difference| {
+            let is_first = !effects.contains(&difference.at.effect);
+            effects.push(difference.at.effect);
+            is_first
+        });
+        let located: Vec<&Batch> =
+            regime.iter().rev().take(LOCATED_IN - 2).rev().copied().chain(both).collect();
+        let mut told = Vec::new();
+        for difference in &confirmed {
+            let id = held
+                .links
+                .iter()
+                .find_map(|(at, _, id)| id.clone().filter(|_| at.effect == difference.at.effect));
+            let mut event = self.event(id.unwrap_or_default(), Status::Confirmed, difference);
+            event.changed_between = when::between(&comparison, &located, difference.at, &mechanisms);
+            event.regime = Some(self.number + 1);
+            event.same_as = self.known_regime(&comparison, &both)?;
+            told.push(event);
+        }
+        for (at, _, id) in &held.links {
+            let Some(id) = id.clone().filter(|_| !effects.contains(&at.effect)) else { continue };
+            if let Some(difference) = of(&together, *at) {
+                told.push(self.event(id, Status::Withdrawn, &difference));
+            }
+        }
+        events.extend(told);
+        if confirmed.is_empty() {
+            return Ok(Some(held.batch));
+        }
+        self.begin_regime(vec![held.batch, next.clone()]);
+        Ok(None)
+    }
+
+    /// The latest earlier regime whose slopes two batches have.
+    fn known_regime(&self, comparison: &Comparison<'_>, both: &[&Batch]) -> Result<Option<usize>> {
+        for (number, batches) in self.closed.iter().rev() {
+            let before: Vec<&Batch> = batches.iter().collect();
+            let mechanisms: Mechanisms = comparison.mechanisms(&before, both)?;
+            let differences = comparison.differences(&before, both, &mechanisms)?;
+            if !differences.is_empty() && differences.iter().all(|difference| difference.q > NONE) {
+                return Ok(Some(*number));
+            }
+        }
+        Ok(None)
+    }
+
+    fn begin_regime(&mut self, batches: Vec<Batch>) {
+        let old = std::mem::take(&mut self.regime).into();
+        self.closed.push_back((self.number, old));
+        if self.closed.len() > REMEMBERED {
+            self.closed.pop_front();
+        }
+        self.number += 1;
+        batches.into_iter().for_each(|batch| self.join(batch));
+    }
+
+    /// A batch joins the regime; the oldest rows beyond [`MOST_ROWS`] leave it.
+    fn join(&mut self, batch: Batch) {
+        self.regime.push_back(batch);
+        let past = 2 * self.tau_max;
+        let rows = |regime: &VecDeque<Batch>| regime.iter().map(|batch| batch.len(past)).sum::<usize>();
+        while self.regime.len() > 1 && rows(&self.regime) > MOST_ROWS {
+            self.regime.pop_front();
+        }
+    }
+
+    fn event(&self, id: String, status: Status, difference: &Difference) -> ChangeEvent {
+        let Difference { at, before, after, p, .. } = *difference;
+        let is_none = (before.p_value() > NONE, after.p_value() > NONE);
+        let kind = match is_none {
+            (true, false) => Kind::Appeared,
+            (false, true) => Kind::Vanished,
+            _ if before.value * after.value < 0.0 => Kind::Reversed,
+            _ if after.value.abs() > before.value.abs() => Kind::Stronger,
+            _ => Kind::Weaker,
+        };
+        ChangeEvent {
+            id,
+            status,
+            kind,
+            cause: self.names[at.cause].clone(),
+            effect: self.names[at.effect].clone(),
+            lag: at.lag,
+            before: before.value,
+            after: after.value,
+            p_value: p,
+            time: self.rows,
+            changed_between: None,
+            regime: None,
+            same_as: None,
+        }
+    }
+}

@@ -1,0 +1,97 @@
+//! What the detector tells.
+
+use serde::{Deserialize, Serialize};
+
+/// How sure an event is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Status {
+    /// One batch differs; the next one decides.
+    Suspected,
+    /// The next batch shows it, too.
+    Confirmed,
+    /// The next batch does not show it.
+    Withdrawn,
+}
+
+impl Status {
+    /// As it stands in files.
+    pub fn name(self) -> &'static str {
+        ["suspected", "confirmed", "withdrawn"][self as usize]
+    }
+}
+
+/// What became of a link.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Kind {
+    /// It was not there before.
+    Appeared,
+    /// It is not there any more.
+    Vanished,
+    /// It has the other sign.
+    Reversed,
+    /// It is stronger.
+    Stronger,
+    /// It is weaker.
+    Weaker,
+}
+
+impl Kind {
+    /// As it stands in files.
+    pub fn name(self) -> &'static str {
+        ["appeared", "vanished", "reversed", "stronger", "weaker"][self as usize]
+    }
+}
+
+/// A link whose mechanism changed, or seems to.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct ChangeEvent {
+    /// The same through all its stages.
+    pub id: String,
+    /// How sure it is.
+    pub status: Status,
+    /// What became of the link.
+    pub kind: Kind,
+    /// Name of the cause.
+    pub cause: String,
+    /// Name of the effect.
+    pub effect: String,
+    /// Steps from cause to effect.
+    pub lag: usize,
+    /// The slope before, in the variables' units.
+    pub before: f64,
+    /// The slope after.
+    pub after: f64,
+    /// P-value of one slope before and after.
+    pub p_value: f64,
+    /// Rows read when it was told.
+    pub time: usize,
+    /// Rows between which the link changed; of a confirmed event.
+    pub changed_between: Option<[usize; 2]>,
+    /// Number of the regime that begins; of a confirmed event. The first regime has the number 1.
+    pub regime: Option<usize>,
+    /// An earlier regime whose slopes the new one has again.
+    pub same_as: Option<usize>,
+}
+
+impl ChangeEvent {
+    /// The event in words.
+    pub fn sentence(&self) -> String {
+        let Self { cause, effect, lag, before, after, time, .. } = self;
+        let slopes = format!("slope {before:.3} before, {after:.3} after");
+        let what = match self.kind {
+            Kind::Appeared => format!("{cause} drives {effect} (lag {lag}), which it did not before"),
+            Kind::Vanished => format!("{cause} no longer drives {effect} (lag {lag})"),
+            Kind::Reversed => format!("{cause} drives {effect} (lag {lag}) in the opposite direction"),
+            Kind::Stronger => format!("{cause} drives {effect} (lag {lag}) more strongly"),
+            Kind::Weaker => format!("{cause} drives {effect} (lag {lag}) less strongly"),
+        };
+        let when = match self.changed_between {
+            Some([from, to]) => format!("; changed between rows {from} and {to}"),
+            None => String::new(),
+        };
+        let again = self.same_as.map_or(String::new(), |regime| format!("; as in regime {regime} again"));
+        format!("{} at row {time}: {what}: {slopes}{when}{again}", self.status.name())
+    }
+}

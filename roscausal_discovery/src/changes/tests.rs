@@ -1,0 +1,124 @@
+//! Laws of the detector.
+
+use ndarray::Array2;
+
+use super::*;
+use crate::{ground::Control, numeric::random::Rng};
+
+/// `a` drives `b` with the strength of each row, `c` is driven by `b`; `noise` scales the noise of `b`, `mean` moves it.
+fn series(n: usize, seed: u64, strength: impl Fn(usize) -> f64, noise: impl Fn(usize) -> f64) -> Array2<f64> {
+    let mut rng = Rng::new(seed);
+    let mut normal = || (0..12).map(|_| rng.unit()).sum::<f64>() - 6.0;
+    let mut x = Array2::zeros((n, 3));
+    for t in 1..n {
+        x[[t, 0]] = 0.5 * x[[t - 1, 0]] + normal();
+        x[[t, 1]] = 0.4 * x[[t - 1, 1]] + strength(t) * x[[t - 1, 0]] + noise(t) * normal();
+        x[[t, 2]] = 0.5 * x[[t - 1, 1]] + normal();
+    }
+    x
+}
+
+fn names() -> Vec<String> {
+    ["a", "b", "c"].map(str::to_owned).to_vec()
+}
+
+fn told(values: &Array2<f64>) -> Vec<ChangeEvent> {
+    let mut detector = Detector::new(names(), 1, &[], Levels::default()).unwrap();
+    detector.read_in_parts(values.view(), 200, &Control::default()).unwrap()
+}
+
+fn confirmed(values: &Array2<f64>) -> Vec<ChangeEvent> {
+    told(values).into_iter().filter(|event| event.status == Status::Confirmed).collect()
+}
+
+#[test]
+fn a_link_that_changes_is_confirmed_with_its_kind_and_its_time() {
+    let cases: [(f64, f64, Kind); 5] = [
+        (0.7, 0.0, Kind::Vanished),
+        (0.0, 0.7, Kind::Appeared),
+        (0.7, -0.7, Kind::Reversed),
+        (0.3, 1.0, Kind::Stronger),
+        (1.0, 0.3, Kind::Weaker),
+    ];
+    for (seed, (before, after, kind)) in (1..).zip(cases) {
+        let events = confirmed(&series(2000, seed, |t| if t < 1050 { before } else { after }, |_| 1.0));
+        assert_eq!(events.len(), 1, "{kind:?}: {events:?}");
+        let event = &events[0];
+        assert_eq!((event.cause.as_str(), event.effect.as_str(), event.lag, event.kind), ("a", "b", 1, kind));
+        assert!((event.before - before).abs() < 0.2 && (event.after - after).abs() < 0.2, "{event:?}");
+        assert!(event.time <= 1050 + 600, "{event:?}");
+        let [from, to] = event.changed_between.unwrap();
+        assert!(from <= 1050 + 40 && to + 40 >= 1050 && to - from < 300, "{event:?}");
+        assert!(event.sentence().contains("a ") && event.sentence().contains("changed between rows"));
+    }
+}
+
+#[test]
+fn a_mean_or_a_noise_that_changes_is_no_event() {
+    for seed in 1..6 {
+        let louder = series(2000, seed, |_| 0.6, |t| if t < 900 { 1.0 } else { 2.5 });
+        assert_eq!(confirmed(&louder), [], "seed {seed}");
+        let mut moved = series(2000, seed, |_| 0.6, |_| 1.0);
+        moved.column_mut(1).iter_mut().skip(900).for_each(|v| *v += 30.0);
+        assert_eq!(confirmed(&moved), [], "seed {seed}");
+    }
+}
+
+#[test]
+fn a_suspicion_keeps_its_id_and_a_regime_that_returns_is_named() {
+    let strength = |t: usize| if (1200..2600).contains(&t) { -0.6 } else { 0.6 };
+    let all = told(&series(4000, 11, strength, |_| 1.0));
+    let confirmed: Vec<&ChangeEvent> = all.iter().filter(|event| event.status == Status::Confirmed).collect();
+    assert_eq!(confirmed.len(), 2, "{all:?}");
+    assert_eq!(confirmed[1].same_as, Some(1), "{all:?}");
+    assert_eq!((confirmed[0].regime, confirmed[1].regime), (Some(2), Some(3)));
+    for event in &all {
+        let first = all.iter().find(|other| other.id == event.id).unwrap();
+        assert_eq!(first.status, Status::Suspected, "{event:?}");
+    }
+    // Each suspicion comes to its end, but for one in the last batch.
+    let ended = |id: &str| all.iter().any(|event| event.id == id && event.status != Status::Suspected);
+    assert!(all.iter().all(|event| ended(&event.id) || event.time == 4000), "{all:?}");
+}
+
+#[test]
+fn a_change_by_an_announced_intervention_is_no_event() {
+    let mut values = series(2000, 5, |_| 0.0, |_| 1.0);
+    // An intervention of the second half drives b.
+    for t in 1000..2000 {
+        values[[t, 0]] = f64::from(u8::from(t % 7 < 3));
+    }
+    values.column_mut(0).iter_mut().take(1000).for_each(|v| *v = 0.0);
+    for t in 1001..2000 {
+        values[[t, 1]] += 3.0 * values[[t - 1, 0]];
+    }
+    let mut detector = Detector::new(names(), 1, &["a".into()], Levels::default()).unwrap();
+    let told = detector.read_in_parts(values.view(), 200, &Control::default()).unwrap();
+    assert!(
+        told.iter().all(|event| event.effect != "a" && event.cause != "a" && event.effect != "b"),
+        "{told:?}"
+    );
+}
+
+#[test]
+fn what_makes_no_sense_is_refused_and_what_cannot_be_used_is_passed_over() {
+    let refused = |names: Vec<String>, tau_max, levels, says: &str| {
+        let error = Detector::new(names, tau_max, &[], levels).unwrap_err().to_string();
+        assert!(error.contains(says), "{error}");
+    };
+    refused(vec!["a".into()], 1, Levels::default(), "two variables");
+    refused(names(), 0, Levels::default(), "lags from 1 on");
+    refused(names(), 1, Levels { suspect: 1.0, confirm: 0.1 }, "'suspect_level'");
+    let mut detector = Detector::new(names(), 1, &[], Levels::default()).unwrap();
+    let values = series(400, 1, |_| 0.6, |_| 1.0);
+    let error = detector.read_in_parts(values.view(), 79, &Control::default()).unwrap_err().to_string();
+    assert!(error.contains("at least 80"), "{error}");
+    let mut gaps = values.clone();
+    gaps[[17, 1]] = f64::NAN;
+    assert_eq!(detector.read(&gaps, &Control::default()).unwrap(), []);
+    assert_eq!((detector.rows(), detector.regime()), (400, 1));
+    assert!(detector.read(&Array2::zeros((400, 2)), &Control::default()).is_err());
+    // Constant columns have no slope.
+    assert_eq!(detector.read(&Array2::zeros((400, 3)), &Control::default()).unwrap(), []);
+    assert_eq!(detector.read(&Array2::zeros((400, 3)), &Control::default()).unwrap(), []);
+}

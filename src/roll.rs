@@ -1,0 +1,307 @@
+//! `roscausal roll`: a model per window of time, or per batch, and when a mechanism changes.
+
+use std::path::{Path, PathBuf};
+
+use clap::{Args as ClapArgs, ValueEnum};
+use roscausal_core::{Error, Result};
+use roscausal_discovery::{
+    Control, DataFrame, Model, Settings,
+    changes::{ChangeEvent, Detector, Levels},
+    confidence::Resampling,
+    names::plain,
+    rolling::{
+        LinkCount, ROLLING_SCHEMA, WindowModel, Windows, link_counts, roll, roll_resampled, strips_of,
+    },
+};
+use serde_json::{Value, json};
+
+use crate::{
+    discover::{self, MeansArgs, MethodArgs, PartArgs, ReadArgs, Readable, ResampleArgs},
+    interrupt::Interrupt,
+    output,
+    recording::InputArgs,
+};
+
+/// Rows of a part that the detector reads at a time, unless the number of variables asks for more.
+const CHANGE_ROWS: usize = 150;
+
+/// Arguments of `roscausal roll`.
+#[derive(ClapArgs)]
+pub(crate) struct Args {
+    /// CSV files, recordings, or the folder of a demo or a node, as for `discover`. No window spans two of them.
+    #[arg(required = true, value_name = "FILE")]
+    files: Vec<PathBuf>,
+    /// Rows of a window.
+    #[arg(long, value_name = "ROWS", required_unless_present = "batch", conflicts_with = "batch")]
+    window: Option<usize>,
+    /// Rows from one window's start to the next. Default: half a window.
+    #[arg(long, value_name = "ROWS", requires = "window")]
+    step: Option<usize>,
+    /// Also take the window that ends exactly with the data.
+    #[arg(long, requires = "window")]
+    last: bool,
+    /// Rows of a batch: windows that follow one another.
+    #[arg(long, value_name = "ROWS")]
+    batch: Option<usize>,
+    /// Tell when a mechanism changes (docs/confidence.md).
+    #[arg(long)]
+    changes: bool,
+    /// With --changes: rows that are compared with those before at a time. Default: 150, more for many variables.
+    #[arg(long, value_name = "ROWS", requires = "changes")]
+    change_rows: Option<usize>,
+    #[command(flatten)]
+    inputs: InputArgs,
+    #[command(flatten)]
+    method: MethodArgs,
+    #[command(flatten)]
+    means: MeansArgs,
+    #[command(flatten)]
+    resample: ResampleArgs,
+    #[command(flatten)]
+    read: ReadArgs,
+    #[command(flatten)]
+    part: PartArgs,
+    /// Seed of all random numbers.
+    #[arg(long, default_value_t = 42)]
+    seed: u64,
+    /// Folder for rolling.json and a picture of the links over time.
+    #[arg(short, long, value_name = "DIR")]
+    out: Option<PathBuf>,
+    /// Write into --out although there are files of others.
+    #[arg(long, requires = "out")]
+    force: bool,
+    /// What to print while it runs.
+    #[arg(long, value_enum, default_value_t = Format::Text)]
+    format: Format,
+}
+
+/// What to print of models over time.
+#[derive(Clone, Copy, PartialEq, Eq, ValueEnum)]
+enum Format {
+    /// A line for each window and event, and a summary.
+    Text,
+    /// A JSON object on each line: a window or an event.
+    Jsonl,
+    /// A table with a row for each link of each window.
+    Csv,
+}
+
+/// Runs `roscausal roll`.
+pub(crate) fn run(args: &Args, interrupt: &Interrupt) -> Result<()> {
+    interrupt.nothing_at_stake("what was printed is all there is");
+    if let Some(dir) = &args.out {
+        output::claim(dir, args.force)?;
+    }
+    let mut settings = args.method.settings(args.seed)?;
+    let resampling = args.resample.asked()?;
+    let windows = args.windows();
+    let readable = Readable {
+        files: &args.files,
+        inputs: &args.inputs,
+        method: &args.method,
+        means: &args.means,
+        read: &args.read,
+        part: &args.part,
+    };
+    let (data, dt) = discover::read(&readable, &mut settings, args.seed, interrupt)?;
+    let control = Control::default().cancel_on(interrupt.flag());
+    let rolling = args.means.in_pool(|| {
+        let mut rolling = Rolling { format: args.format, dt, windows: Vec::new(), events: Vec::new() };
+        if args.changes {
+            rolling.events = args.events(&data, &settings, &control)?;
+        }
+        rolling.begin();
+        models(&data, &settings, &windows, resampling.as_ref(), &control, |window| rolling.take(window))?;
+        rolling.end();
+        Ok(rolling)
+    })?;
+    if let Some(dir) = &args.out {
+        interrupt.writing();
+        rolling.write(dir)?;
+    }
+    Ok(())
+}
+
+impl Args {
+    fn windows(&self) -> Windows {
+        match (self.batch, self.window) {
+            (Some(rows), _) => Windows { length: rows, step: rows, last: true },
+            (None, window) => {
+                let length = window.unwrap_or_default();
+                Windows { length, step: self.step.unwrap_or((length / 2).max(1)), last: self.last }
+            }
+        }
+    }
+
+    /// What the detector tells of the whole data, recording after recording.
+    fn events(&self, data: &DataFrame, settings: &Settings, control: &Control) -> Result<Vec<ChangeEvent>> {
+        let names = data.var_names().to_vec();
+        let mut detector = Detector::new(names, settings.tau_max, &settings.exogenous, Levels::default())?;
+        let rows = self.change_rows.unwrap_or(CHANGE_ROWS.max(detector.fewest_rows()));
+        let mut events = Vec::new();
+        for recording in data.recordings() {
+            events.extend(detector.read_in_parts(recording.view(), rows, control)?);
+        }
+        Ok(events)
+    }
+}
+
+fn models(
+    data: &DataFrame,
+    settings: &Settings,
+    windows: &Windows,
+    resampling: Option<&Resampling>,
+    control: &Control,
+    mut take: impl FnMut(WindowModel),
+) -> Result<()> {
+    let each = |window| {
+        take(window);
+        Ok(())
+    };
+    match resampling {
+        Some(resampling) => roll_resampled(data, settings, windows, resampling, control, each)?,
+        None => roll(data, settings, windows, control, each)?,
+    }
+    Ok(())
+}
+
+/// What was found so far.
+struct Rolling {
+    format: Format,
+    dt: Option<f64>,
+    windows: Vec<WindowModel>,
+    events: Vec<ChangeEvent>,
+}
+
+impl Rolling {
+    fn begin(&self) {
+        match self.format {
+            Format::Csv => crate::terminal::say!(
+                "recording,start,end,cause,effect,lag,value,p_value,mark,confidence,value_low,value_high"
+            ),
+            Format::Jsonl => {
+                let head = json!({ "schema": ROLLING_SCHEMA, "dt": self.dt, "events": self.events.len() });
+                crate::terminal::say!("{head}");
+                for event in &self.events {
+                    crate::terminal::say!("{}", json!({ "event": event }));
+                }
+            }
+            Format::Text => {
+                for event in &self.events {
+                    crate::terminal::say!("{}", event.sentence());
+                }
+            }
+        }
+    }
+
+    /// Prints a window as soon as it is there.
+    fn take(&mut self, mut window: WindowModel) {
+        window.model.dt = self.dt;
+        match self.format {
+            Format::Jsonl => crate::terminal::say!("{}", json!({ "window": self.object(&window) })),
+            Format::Csv => window.model.links.iter().for_each(|link| {
+                let number = |value: Option<f64>| value.map_or(String::new(), |value| value.to_string());
+                crate::terminal::say!(
+                    "{},{},{},{},{},{},{},{},{},{},{},{}",
+                    window.recording,
+                    window.start,
+                    window.end,
+                    quoted(&link.cause),
+                    quoted(&link.effect),
+                    link.lag,
+                    link.value,
+                    link.p_value,
+                    link.mark,
+                    number(link.confidence),
+                    number(link.value_low),
+                    number(link.value_high)
+                );
+            }),
+            Format::Text => {
+                let link = |link: &roscausal_discovery::Link| {
+                    let arrow = if link.mark == "-->" { "->" } else { link.mark.as_str() };
+                    format!(
+                        "{} {arrow} {} ({}) {:.2}",
+                        plain(&link.cause),
+                        plain(&link.effect),
+                        link.lag,
+                        link.value
+                    )
+                };
+                let links: Vec<String> = window.model.links.iter().map(link).collect();
+                let links = if links.is_empty() { "no link".to_owned() } else { links.join(", ") };
+                crate::terminal::say!("rows {} to {}: {links}", window.start, window.end);
+            }
+        }
+        self.windows.push(window);
+    }
+
+    fn end(&self) {
+        if self.format != Format::Text {
+            return;
+        }
+        for line in count_lines(&self.counts(), "windows") {
+            crate::terminal::say!("{line}");
+        }
+    }
+
+    fn counts(&self) -> Vec<LinkCount> {
+        let models: Vec<&Model> = self.windows.iter().map(|window| &window.model).collect();
+        link_counts(&models)
+    }
+
+    /// A window as it stands in files: without the run time, with the seconds of its start.
+    fn object(&self, window: &WindowModel) -> Value {
+        let mut object = json!(window);
+        object["run_time_s"] = Value::Null;
+        object["time"] = json!(self.dt.map(|dt| dt * window.start as f64));
+        object
+    }
+
+    fn write(&self, dir: &Path) -> Result<()> {
+        let windows: Vec<Value> = self.windows.iter().map(|window| self.object(window)).collect();
+        let whole = json!({
+            "schema": ROLLING_SCHEMA,
+            "dt": self.dt,
+            "windows": windows,
+            "events": self.events,
+            "links": self.counts(),
+        });
+        let text = serde_json::to_string_pretty(&whole);
+        let text = text.map_err(|e| Error::Data(format!("the models cannot be written: {e}")))? + "\n";
+        output::write_file(dir, "rolling.json", text.as_bytes())?;
+        let middle = |window: &WindowModel| 0.5 * (window.start + window.end) as f64;
+        let of_first = self.windows.iter().filter(|window| window.recording == 0);
+        let models: Vec<(f64, &Model)> = of_first.map(|window| (middle(window), &window.model)).collect();
+        let when = |event: &ChangeEvent| {
+            event.changed_between.map_or(event.time as f64, |[from, to]| 0.5 * (from + to) as f64)
+        };
+        let events: Vec<(f64, &ChangeEvent)> = self.events.iter().map(|event| (when(event), event)).collect();
+        let picture = strips_of(&models, "rows of the first recording, middle of each window", &events);
+        output::write_file(dir, "strip.svg", picture.as_bytes())?;
+        Ok(())
+    }
+}
+
+fn quoted(name: &str) -> String {
+    if name.contains([',', '"', '\n']) {
+        format!("\"{}\"", name.replace('"', "\"\""))
+    } else {
+        name.to_owned()
+    }
+}
+
+/// `h_v -> h_dg at lag 1: found in 3 of 4 windows, mean strength 0.45`, a line per link.
+pub(crate) fn count_lines(counts: &[LinkCount], what: &str) -> Vec<String> {
+    if counts.is_empty() {
+        return vec![format!("No link in any of the {what}.")];
+    }
+    let line = |count: &LinkCount| {
+        let LinkCount { cause, effect, lag, found, of, mean_value } = count;
+        let (cause, effect) = (plain(cause), plain(effect));
+        format!(
+            "{cause} -> {effect} at lag {lag}: found in {found} of {of} {what}, mean strength {mean_value:.2}"
+        )
+    };
+    std::iter::once(String::new()).chain(counts.iter().map(line)).collect()
+}
