@@ -134,15 +134,15 @@ fn draw_maybes(
 fn below(svg: &mut Svg, foot: f64, model: &Model, bare: bool, lines: &[String]) {
     legend_of_model(svg, Point::new(16.0, foot), model);
     let note = if model.confidence.is_some() && !bare {
-        "lags · largest strength; lines: share of resamples"
+        "lines: share of the resamples with the link"
     } else if bare {
         "strengths and lags: see the matrix"
     } else {
         "on an arrow: lags in steps · largest strength"
     };
-    svg.text(Point::new(216.0, foot + 4.0), TEXT, "start", INK, note);
+    svg.text(Point::new(186.0, foot + 4.0), TEXT, "start", INK, note);
     if let Some(dt) = model.dt {
-        svg.text(Point::new(216.0, foot + 22.0), TEXT, "start", INK, &format!("one step is {dt:.3} s"));
+        svg.text(Point::new(186.0, foot + 22.0), TEXT, "start", INK, &format!("one step is {dt:.3} s"));
     }
     legend_of_marks(svg, Point::new(16.0, foot + LEGEND - 16.0), model);
     let foot = foot + height_of_marks(model);

@@ -249,11 +249,11 @@ fn legend_of_shares(svg: &mut Svg, at: Point) {
         ));
         svg.text(Point::new(at.x + 54.0, y + 4.0), 12.0, "start", INK, text);
     }
-    let (x, y) = (at.x + 200.0, at.y + 36.0);
+    let (x, y) = (at.x + 170.0, at.y + 36.0);
     svg.raw(&format!(
         "<path d=\"M {x:.1} {y:.1} h 44\" stroke=\"{FAINT}\" stroke-width=\"1.2\" stroke-dasharray=\"1.5 4\"/>"
     ));
-    let words = format!("no link, but in {MAYBE} of the resamples");
+    let words = format!("no link, but in {MAYBE} or more");
     svg.text(Point::new(x + 54.0, y + 4.0), 12.0, "start", INK, &words);
 }
 
