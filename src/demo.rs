@@ -40,8 +40,6 @@ const FILM_S: f64 = 120.0;
 
 /// Batches that the demo records and analyses together, as two recordings of one system.
 const BATCHES: u32 = 2;
-/// Resamples, unless the user says otherwise.
-const RESAMPLES: usize = 0;
 /// Seconds simulated in addition to the batches, until every topic has begun.
 const WARM_UP_S: f64 = 3.0;
 /// Longest run with a live page, in seconds.
@@ -157,7 +155,7 @@ impl Run {
             seed: args.seed,
             duration: args.duration,
             settings: args.method.settings(Settings::default().seed)?,
-            resampling: args.resample.or(RESAMPLES)?,
+            resampling: args.resample.asked()?,
             threads: args.threads,
             out: args.out.clone(),
         })

@@ -39,15 +39,7 @@ impl ResampleArgs {
     /// # Errors
     /// A number that makes no sense, or a flag about resamples without any.
     pub(crate) fn asked(&self) -> Result<Option<Resampling>> {
-        self.or(0)
-    }
-
-    /// What is asked for, with so many resamples if nothing is said of their number.
-    ///
-    /// # Errors
-    /// As [`ResampleArgs::asked`].
-    pub(crate) fn or(&self, usual: usize) -> Result<Option<Resampling>> {
-        let resamples = self.resamples.unwrap_or(usual);
+        let resamples = self.resamples.unwrap_or(0);
         if resamples == 0 {
             let flags = [
                 ("resampling", self.resampling.is_some()),
@@ -86,7 +78,7 @@ pub(crate) struct ResultArgs {
     #[arg(long, value_name = "FILE", requires = "resamples")]
     pub(crate) resample_out: Option<PathBuf>,
     /// Whether to say how much longer to record until a link that is not settled would show.
-    #[arg(long, value_enum, default_value = "on", num_args = 0..=1, default_missing_value = "on")]
+    #[arg(long, value_enum, default_value = "on", num_args = 0..=1, require_equals = true, default_missing_value = "on")]
     pub(crate) advice: Advised,
 }
 
@@ -109,8 +101,8 @@ mod tests {
             resampling: scheme.map(str::to_owned),
         };
         assert_eq!(args(None, None, None, None).asked().unwrap(), None);
-        assert_eq!(args(Some(0), None, None, None).or(50).unwrap(), None);
-        assert_eq!(args(None, None, None, None).or(50).unwrap().unwrap().resamples, 50);
+        assert_eq!(args(Some(0), Some(0.5), None, None).asked().unwrap(), None);
+        assert_eq!(args(Some(50), None, None, None).asked().unwrap().unwrap().resamples, 50);
         let refused = |args: ResampleArgs, says: &str| {
             let error = args.asked().unwrap_err().to_string();
             assert!(error.contains(says), "{error}");
