@@ -6,6 +6,8 @@
 //!
 //! Types that differ in more than that between the two ROS versions are two Rust types. [`Definition::wires`] tells
 //! which wire format each belongs to.
+//!
+//! [`dynamic`] reads messages of any other type by the definition that travels with them.
 
 /// Implements [`Message`] for a struct: `message!("package" Name uses [Nested, ...])`. The text is
 /// `foreign/package/msg/Name.msg`. With `own` it is `msg/Name.msg`, with `as "path"` another file below `foreign/`.
@@ -90,6 +92,7 @@ mod wire;
 pub mod actionlib_msgs;
 pub mod cdr;
 pub mod diagnostic_msgs;
+pub mod dynamic;
 pub mod geometry_msgs;
 pub mod move_base_msgs;
 pub mod nav_msgs;
