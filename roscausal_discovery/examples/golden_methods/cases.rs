@@ -4,7 +4,7 @@ use std::path::Path;
 
 use ndarray::{Array2, Array3, Axis, concatenate};
 use roscausal_discovery::{
-    Assumption, CondIndTest, DataFrame, LinkAssumptions, Node, PreparedTest, Result as Found, Samples,
+    Assumption, CondIndTest, DataFrame, Dummy, LinkAssumptions, Node, PreparedTest, Result as Found, Samples,
     TestResult,
     independence_tests::{self, OracleCi, TestSettings},
 };
@@ -42,6 +42,8 @@ pub(crate) fn test_of(case: &Value) -> Answer<Box<dyn CondIndTest>> {
         return Ok(Box::new(Observed::new(&case["oracle"])?));
     }
     let name = case["test"]["name"].as_str().ok_or("no test")?;
+    // The vector test is what J-PCMCI+ makes of this one.
+    let name = if name == "ParCorrMult" { "parcorr" } else { name };
     independence_tests::by_name(name, &TestSettings::default()).map_err(|e| e.to_string())
 }
 
@@ -69,6 +71,7 @@ pub(crate) fn nested<T>(matrix: &Array3<T>, cell: impl Fn(&T) -> Value) -> Value
 }
 
 /// An oracle that answers for some of the variables of its graph.
+#[derive(Clone)]
 struct Observed {
     oracle: OracleCi,
     observed: Vec<usize>,
@@ -92,6 +95,11 @@ impl Observed {
 impl CondIndTest for Observed {
     fn name(&self) -> &'static str {
         "oracle"
+    }
+
+    /// It knows dummies as further variables.
+    fn with_dummies(&self, _: &[Dummy]) -> Found<Box<dyn CondIndTest + '_>> {
+        Ok(Box::new(self.clone()))
     }
 
     fn prepare<'a>(&'a self, _: &'a Samples<'a>) -> Found<Box<dyn PreparedTest + 'a>> {

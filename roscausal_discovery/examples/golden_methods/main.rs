@@ -11,6 +11,7 @@ mod cases;
 mod data;
 mod dynotears;
 mod granger;
+mod jpcmciplus;
 mod lpcmci;
 mod quality;
 mod varlingam;
@@ -69,6 +70,7 @@ fn run_case(case: &Value, set: &Path) -> Result<Value, String> {
         "candoit" => candoit::run(case, set),
         "dynotears" => dynotears::run(case, set),
         "granger" => granger::run(case, set),
+        "jpcmciplus" => jpcmciplus::run(case, set),
         "lpcmci" => lpcmci::run(case, set),
         "varlingam" => varlingam::run(case, set),
         other => Err(format!("method '{other}' is not part of this engine")),

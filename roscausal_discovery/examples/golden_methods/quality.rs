@@ -2,11 +2,14 @@
 
 use std::{collections::BTreeMap, path::Path};
 
-use ndarray::{Array2, Axis, concatenate, s};
+use ndarray::{Array2, Array3, Axis, concatenate, s};
 use roscausal_discovery::{
-    Control, DataFrame,
+    CondIndTest, Control, DataFrame, Dummy, LinkMark,
     independence_tests::{self, TestSettings},
-    methods::{Intervened, LpcmciSettings, run_candoit, run_lpcmci},
+    methods::{
+        Intervened, JpcmciPlusSettings, LpcmciSettings, NodeClass, PcmciPlusSettings, PcmciSettings,
+        run_candoit, run_jpcmciplus, run_lpcmci, run_pcmciplus,
+    },
 };
 use serde_json::{Value, json};
 
@@ -16,7 +19,7 @@ use crate::{
 };
 
 /// Name of the experiment, first letter of its systems, independence test.
-const EXPERIMENTS: [(&str, char, &str); 10] = [
+const EXPERIMENTS: [(&str, char, &str); 13] = [
     ("L_lpcmci_parcorr_a05", 'L', "parcorr"),
     ("L_lpcmci_parcorr_a01", 'L', "parcorr"),
     ("L_lpcmci_parcorr_k4", 'L', "parcorr"),
@@ -27,6 +30,9 @@ const EXPERIMENTS: [(&str, char, &str); 10] = [
     ("C_candoit_plain", 'C', "parcorr"),
     ("C_lpcmci_observed", 'C', "parcorr"),
     ("C_lpcmci_pooled", 'C', "parcorr"),
+    ("J_jpcmciplus_dummy", 'J', "parcorr"),
+    ("J_jpcmciplus_nodummy", 'J', "parcorr"),
+    ("J_pcmciplus_pooled", 'J', "parcorr"),
 ];
 
 /// Runs every experiment whose name holds `only`; writes `OUT/graphs_EXPERIMENT.json`.
@@ -76,6 +82,9 @@ fn graph_of(
     }
     let data = DataFrame::new(recordings, names[1..=columns].to_vec()).map_err(|e| e.to_string())?;
     let test = independence_tests::by_name(test, &TestSettings::default()).map_err(|e| e.to_string())?;
+    if experiment.starts_with('J') {
+        return several_recordings(experiment, test.as_ref(), system, &data);
+    }
     let settings = LpcmciSettings {
         tau_max: count(&system["tau_max"]).ok_or("no tau_max")?,
         pc_alpha: if experiment.ends_with("a01") { 0.01 } else { 0.05 },
@@ -92,7 +101,44 @@ fn graph_of(
     } else {
         run_lpcmci(&data, test.as_ref(), &settings, &control)
     };
-    let graph = found.map_err(|e| e.to_string())?.result.graph;
+    Ok(listed(&found.map_err(|e| e.to_string())?.result.graph))
+}
+
+/// Methods for several recordings that differ.
+fn several_recordings(
+    experiment: &str,
+    test: &dyn CondIndTest,
+    system: &Value,
+    data: &DataFrame,
+) -> Answer<Value> {
+    let pcmci = PcmciSettings {
+        tau_min: 0,
+        tau_max: count(&system["tau_max"]).ok_or("no tau_max")?,
+        pc_alpha: vec![0.05],
+        ..PcmciSettings::default()
+    };
+    let control = Control::default();
+    let of_class = |class: &Value| match class.as_str() {
+        Some("space_context") => Some(NodeClass::SpaceContext),
+        Some("system") => Some(NodeClass::System),
+        _ => None,
+    };
+    let classes: Vec<NodeClass> =
+        system["classes"].as_array().into_iter().flatten().filter_map(of_class).collect();
+    let is_system = |var: &usize| classes[*var] == NodeClass::System;
+    let graph = if experiment == "J_pcmciplus_pooled" {
+        let data = data.select(&(0..classes.len()).filter(is_system).collect::<Vec<_>>());
+        run_pcmciplus(&data, test, &pcmci, &PcmciPlusSettings::default(), &control).map(|found| found.graph)
+    } else {
+        let dummies = if experiment.ends_with("nodummy") { Vec::new() } else { vec![Dummy::Space] };
+        let settings = JpcmciPlusSettings { pcmci, classes, dummies, ..JpcmciPlusSettings::default() };
+        run_jpcmciplus(data, test, &settings, &control).map(|found| found.result.graph)
+    };
+    Ok(listed(&graph.map_err(|e| e.to_string())?))
+}
+
+/// The links `[cause, effect, lag, mark]`, a pair at lag 0 once.
+fn listed(graph: &Array3<LinkMark>) -> Value {
     let links = graph.indexed_iter().filter(|((i, j, lag), mark)| mark.is_link() && (*lag > 0 || i < j));
-    Ok(links.map(|((i, j, lag), mark)| json!([i, j, lag, mark.symbol()])).collect())
+    links.map(|((i, j, lag), mark)| json!([i, j, lag, mark.symbol()])).collect()
 }

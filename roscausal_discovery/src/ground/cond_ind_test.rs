@@ -85,6 +85,29 @@ pub trait CondIndTest: Send + Sync {
     fn is_linear(&self) -> bool {
         false
     }
+
+    /// The same test for data with dummies: their nodes come after the variables of the data, in this order. Default: there is
+    /// none.
+    ///
+    /// # Errors
+    /// If the test judges numbers only.
+    fn with_dummies(&self, _dummies: &[Dummy]) -> Result<Box<dyn CondIndTest + '_>> {
+        let reason = format!(
+            "{} cannot judge which recording a sample is of; take parcorr, or leave the dummy out",
+            self.name()
+        );
+        Err(Error::param("test", reason))
+    }
+}
+
+/// A variable that is no column of the data: it tells where a sample is from, and stands for all that differs there and was not
+/// recorded.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum Dummy {
+    /// Which step of its recording a sample is.
+    Time,
+    /// Which recording a sample is from.
+    Space,
 }
 
 /// A test on the samples of one run.

@@ -13,7 +13,7 @@ mod node;
 mod samples;
 
 pub(crate) use complete_rows::CompleteRows;
-pub use cond_ind_test::{CondIndTest, PreparedTest, TestResult};
+pub use cond_ind_test::{CondIndTest, Dummy, PreparedTest, TestResult};
 pub use control::{Control, Progress, Stop};
 pub use dataframe::{DataFrame, MaskType};
 pub use error::{Error, Result};

@@ -120,6 +120,17 @@ impl<'a> Samples<'a> {
     /// The rows of `x`, `y` and `z`, without the samples in which one of them is missing or masked. Lags go up to
     /// `cut_off`.
     pub fn arrays(&self, x: Node, y: Node, z: &[Node]) -> LaggedArrays {
+        self.placed(x, y, z, |_, _| ())
+    }
+
+    /// As [`Samples::arrays`], and tells `place` the recording and the time of each sample that is used, in order.
+    pub(crate) fn placed(
+        &self,
+        x: Node,
+        y: Node,
+        z: &[Node],
+        mut place: impl FnMut(usize, usize),
+    ) -> LaggedArrays {
         let n = self.len();
         let row = || Vec::with_capacity(n);
         let mut out =
@@ -136,6 +147,7 @@ impl<'a> Samples<'a> {
                 out.x.push(at(x));
                 out.y.push(at(y));
                 z.iter().zip(&mut out.z).for_each(|(&node, row)| row.push(at(node)));
+                place(k, t);
             });
         }
         out

@@ -143,7 +143,7 @@ impl Factor {
 
 /// Subtracts from `row` its projection on the orthonormal `basis` (twice, for accuracy). The row has norm 1. If
 /// nothing but rounding remains, the row becomes zero and the result is false.
-fn orthogonalize(row: &mut [f64], basis: &[Vec<f64>]) -> bool {
+pub(crate) fn orthogonalize(row: &mut [f64], basis: &[Vec<f64>]) -> bool {
     for _ in 0..2 {
         for q in basis {
             let along = dot(row, q);
@@ -159,7 +159,7 @@ fn orthogonalize(row: &mut [f64], basis: &[Vec<f64>]) -> bool {
 }
 
 /// An orthonormal basis of the span of rows of norm 1. A row that depends on earlier ones adds nothing.
-fn orthonormal_basis(rows: Vec<Vec<f64>>) -> Vec<Vec<f64>> {
+pub(crate) fn orthonormal_basis(rows: Vec<Vec<f64>>) -> Vec<Vec<f64>> {
     let mut basis: Vec<Vec<f64>> = Vec::with_capacity(rows.len());
     for mut row in rows {
         if orthogonalize(&mut row, &basis) {

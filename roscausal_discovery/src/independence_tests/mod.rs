@@ -4,6 +4,7 @@
 //! | test | value | p-value | cost of one test |
 //! |---|---|---|---|
 //! | [`ParCorr`] | partial correlation, -1 to 1 | Student's t | microseconds |
+//! | [`ParCorr`] with dummies | the same, and of which recording a sample is from | Student's t | microseconds |
 //! | [`RobustParCorr`] | the same of normal scores | Student's t | microseconds |
 //! | [`Gpdc`] | distance correlation of residuals, 0 to 1 | table of independent values | milliseconds at 500 samples |
 //! | [`CmiKnn`] | conditional mutual information, nats | local permutations | a tenth of a second at 500 samples |
@@ -50,6 +51,7 @@ mod incomplete;
 mod laws;
 mod oracle;
 mod parcorr;
+mod parcorr_mult;
 mod registry;
 mod resampling;
 mod robust_parcorr;

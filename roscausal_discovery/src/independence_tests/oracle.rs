@@ -3,7 +3,7 @@
 use std::collections::{HashSet, VecDeque};
 
 use crate::ground::{
-    Assumption, CondIndTest, Error, LinkAssumptions, Node, PreparedTest, Result, Samples, TestResult,
+    Assumption, CondIndTest, Dummy, Error, LinkAssumptions, Node, PreparedTest, Result, Samples, TestResult,
 };
 
 /// A test that knows the truth: d-separation in a given time series graph (Pearl 1988). With it a method shows what
@@ -145,6 +145,11 @@ impl OracleCi {
 impl CondIndTest for OracleCi {
     fn name(&self) -> &'static str {
         "oracle"
+    }
+
+    /// It knows dummies as further variables.
+    fn with_dummies(&self, _: &[Dummy]) -> Result<Box<dyn CondIndTest + '_>> {
+        Ok(Box::new(self.clone()))
     }
 
     fn prepare<'a>(&'a self, samples: &'a Samples<'a>) -> Result<Box<dyn PreparedTest + 'a>> {

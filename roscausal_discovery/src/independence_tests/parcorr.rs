@@ -6,11 +6,14 @@ use super::{
     cholesky::{Factor, correlation, residuals},
     gram::Correlations,
     incomplete::Incomplete,
+    parcorr_mult::ParCorrMult,
     resampling::Resampling,
     settings::{Confidence, Significance, TestSettings},
 };
 use crate::{
-    ground::{CondIndTest, Error, LaggedArrays, Node, PreparedTest, Result, Samples, TestResult, lock},
+    ground::{
+        CondIndTest, Dummy, Error, LaggedArrays, Node, PreparedTest, Result, Samples, TestResult, lock,
+    },
     numeric::{
         random::{Rng, seed_of_draw},
         rows::standardize,
@@ -70,6 +73,14 @@ impl CondIndTest for ParCorr {
 
     fn prepare<'a>(&'a self, samples: &'a Samples<'a>) -> Result<Box<dyn PreparedTest + 'a>> {
         self.linear.prepare(samples, None)
+    }
+
+    fn with_dummies(&self, dummies: &[Dummy]) -> Result<Box<dyn CondIndTest + '_>> {
+        if self.linear.significance != Significance::Analytic || self.linear.confidence.is_some() {
+            let reason = "with dummies parcorr has analytic p-values only, and no intervals; leave it out";
+            return Err(Error::param("significance", reason));
+        }
+        Ok(Box::new(ParCorrMult::new(self, dummies)))
     }
 
     fn decides_by_value(&self) -> bool {

@@ -5,6 +5,7 @@
 //! | [`run_fpcmci`] | the parents of both ends, after a filter | Castri et al. 2023 |
 //! | [`run_pcmci`] | the parents of both ends | Runge et al. 2019 |
 //! | [`run_pcmciplus`] | the parents of both ends and sets of neighbours at lag 0 | Runge 2020 |
+//! | [`run_jpcmciplus`] | as PCMCI+, and what differs between recordings | Günther et al. 2023 |
 //! | [`run_lpcmci`] | known causes and sets of possible ones; common causes may be hidden | Gerhardus and Runge 2020 |
 //! | [`run_candoit`] | as LPCMCI, with interventions | Castri et al. 2024 |
 //! | [`run_fullci`] | all other lagged variables | Granger 1969, with all variables |
@@ -27,6 +28,7 @@ mod extension;
 mod fdr;
 mod fpcmci;
 mod granger;
+mod jpcmciplus;
 mod lpcmci;
 mod mci;
 mod orientation;
@@ -46,6 +48,7 @@ pub use dynotears::{DynotearsResult, DynotearsSettings, run_dynotears};
 pub use fdr::{Fdr, fdr_bh};
 pub use fpcmci::{CausalMatrices, FpcmciResult, FpcmciSettings, run_fpcmci};
 pub use granger::{GrangerResult, GrangerSettings, run_granger};
+pub use jpcmciplus::{JpcmciPlusResult, JpcmciPlusSettings, NodeClass, run_jpcmciplus};
 pub use lpcmci::{LpcmciResult, LpcmciSettings, Stage, run_lpcmci};
 pub(crate) use mci::mci_conditions;
 pub use pcmci::{get_lagged_dependencies, run_bivci, run_fullci, run_mci, run_pc_stable, run_pcmci};

@@ -135,12 +135,12 @@ pub fn run_pcmciplus(
 }
 
 /// PCMCI+ at one level.
-struct Level<'a, 'b> {
-    run: &'a Run<'b>,
-    settings: &'a PcmciSettings,
-    plus: &'a PcmciPlusSettings,
-    links: &'a LinkAssumptions,
-    pc_alpha: f64,
+pub(super) struct Level<'a, 'b> {
+    pub(super) run: &'a Run<'b>,
+    pub(super) settings: &'a PcmciSettings,
+    pub(super) plus: &'a PcmciPlusSettings,
+    pub(super) links: &'a LinkAssumptions,
+    pub(super) pc_alpha: f64,
 }
 
 impl Level<'_, '_> {
@@ -162,23 +162,17 @@ impl Level<'_, '_> {
             level: self.pc_alpha,
             max_conds_dim: self.settings.max_conds_dim,
             conditions: &|x, j, contemporaneous| self.conditions(&conditions, x, j, contemporaneous),
+            sources: None,
+            certain: f64::INFINITY,
             sepsets: Default::default(),
         };
         if skeleton.find(result)? {
             result.graph.fill(LinkMark::Absent);
             return Ok(true);
         }
-        let (colliders, ambiguous) = match self.colliders(&skeleton, result) {
-            Err(error) if self.run.is_timeout(&error) => {
-                result.graph.fill(LinkMark::Absent);
-                return Ok(true);
-            }
-            found => found?,
-        };
-        result.sepsets = skeleton.listed();
-        orient_colliders(&mut result.graph, &colliders, self.plus.conflict_resolution);
-        orient_by_rules(&mut result.graph, &ambiguous, self.plus.conflict_resolution);
-        result.ambiguous_triples = ambiguous.iter().map(|t| (t.i, t.k, t.j)).collect();
+        if self.orient(&skeleton, result)? {
+            return Ok(true);
+        }
         result.q_matrix = corrected(self.settings.fdr, self.links, &result.p_matrix);
         if let Some(q) = &result.q_matrix {
             for (at, mark) in result.graph.indexed_iter_mut() {
@@ -190,8 +184,24 @@ impl Level<'_, '_> {
         Ok(false)
     }
 
+    /// Orients what the skeleton left. Returns whether the time budget ended it; then there are no links.
+    pub(super) fn orient(&self, skeleton: &Skeleton<'_, '_>, result: &mut PcmciResult) -> Result<bool> {
+        let (colliders, ambiguous) = match self.colliders(skeleton, result) {
+            Err(error) if self.run.is_timeout(&error) => {
+                result.graph.fill(LinkMark::Absent);
+                return Ok(true);
+            }
+            found => found?,
+        };
+        result.sepsets = skeleton.listed();
+        orient_colliders(&mut result.graph, &colliders, self.plus.conflict_resolution);
+        orient_by_rules(&mut result.graph, &ambiguous, self.plus.conflict_resolution);
+        result.ambiguous_triples = ambiguous.iter().map(|t| (t.i, t.k, t.j)).collect();
+        Ok(false)
+    }
+
     /// Marks, values and p-values before the second phase: those of PC1, and every link at lag 0.
-    fn start(&self, result: &mut PcmciResult, parents: &[TargetParents]) {
+    pub(super) fn start(&self, result: &mut PcmciResult, parents: &[TargetParents]) {
         for (target, found) in parents.iter().enumerate() {
             for candidate in &found.candidates {
                 let at = [candidate.node.var, target, candidate.node.lag];
@@ -201,7 +211,8 @@ impl Level<'_, '_> {
             }
             for (node, assumption) in self.links.of_target(target) {
                 let at = [node.var, target, node.lag];
-                let kept = node.lag == 0 || self.plus.reset_lagged_links || found.parents.contains(&node);
+                let certain = node.lag == 0 || assumption.exists() || self.plus.reset_lagged_links;
+                let kept = certain || found.parents.contains(&node);
                 if kept {
                     result.graph[at] = mark_of(assumption);
                 }
@@ -218,7 +229,13 @@ impl Level<'_, '_> {
     }
 
     /// Contemporaneous conditions, then the lagged parents of both ends.
-    fn conditions(&self, parents: &[Vec<Node>], x: Node, j: usize, contemporaneous: &[Node]) -> Vec<Node> {
+    pub(super) fn conditions(
+        &self,
+        parents: &[Vec<Node>],
+        x: Node,
+        j: usize,
+        contemporaneous: &[Node],
+    ) -> Vec<Node> {
         let s = self.settings;
         let of_cause = if x.lag > 0 { s.max_conds_px_lagged.or(s.max_conds_px) } else { s.max_conds_px };
         let mut z = contemporaneous.to_vec();

@@ -12,6 +12,8 @@ pub(crate) struct Run<'a> {
     test: Box<dyn PreparedTest + 'a>,
     by_value: bool,
     cheap: bool,
+    /// Variables of the test that are no columns of the data.
+    n_dummies: usize,
     n_tests: AtomicUsize,
 }
 
@@ -24,6 +26,7 @@ impl<'a> Run<'a> {
             test: prepared,
             by_value: test.decides_by_value(),
             cheap,
+            n_dummies: 0,
             n_tests: AtomicUsize::new(0),
         })
     }
@@ -32,8 +35,14 @@ impl<'a> Run<'a> {
         self.samples.control()
     }
 
+    /// The same run; the test knows so many dummies besides the variables of the data.
+    pub(crate) fn with_dummies(self, n_dummies: usize) -> Self {
+        Self { n_dummies, ..self }
+    }
+
+    /// Variables, dummies included.
     pub(crate) fn n_vars(&self) -> usize {
-        self.samples.data().n_vars()
+        self.samples.data().n_vars() + self.n_dummies
     }
 
     pub(crate) fn n_tests(&self) -> usize {

@@ -19,6 +19,10 @@ pub(crate) struct Skeleton<'a, 'b> {
     pub(crate) level: f64,
     pub(crate) max_conds_dim: Option<usize>,
     pub(crate) conditions: &'a Conditions<'a>,
+    /// The variables whose links are tested, as causes; `None`: all.
+    pub(crate) sources: Option<&'a [bool]>,
+    /// Strength of certain links among the neighbours, which come strongest first.
+    pub(crate) certain: f64,
     pub(crate) sepsets: HashMap<(Node, usize), Vec<Node>>,
 }
 
@@ -47,7 +51,12 @@ impl Skeleton<'_, '_> {
             let neighbours: Vec<Vec<Node>> = (0..self.run.n_vars())
                 .map(|j| {
                     let mut nodes = self.neighbours(result, j);
-                    let of = |node: &Node| strength.get(&(*node, j)).copied().unwrap_or(f64::INFINITY);
+                    let untested = |node: &Node| {
+                        let certain = self.links.get(node.var, j, 0).is_some_and(|a| a.exists());
+                        if certain { self.certain } else { f64::INFINITY }
+                    };
+                    let of =
+                        |node: &Node| strength.get(&(*node, j)).copied().unwrap_or_else(|| untested(node));
                     nodes.sort_by(|a, b| of(b).total_cmp(&of(a)));
                     nodes
                 })
@@ -77,7 +86,8 @@ impl Skeleton<'_, '_> {
         for j in 0..self.run.n_vars() {
             for (node, assumption) in self.links.of_target(j) {
                 let there = result.graph[[node.var, j, node.lag]].is_link();
-                if there && !assumption.exists() && (node.lag > 0 || node.var < j) {
+                let asked = self.is_source(node.var) || (node.lag == 0 && self.is_source(j));
+                if asked && there && !assumption.exists() && (node.lag > 0 || node.var < j) {
                     links.push((node, j));
                 }
             }
@@ -85,10 +95,17 @@ impl Skeleton<'_, '_> {
         links
     }
 
+    fn is_source(&self, var: usize) -> bool {
+        self.sources.is_none_or(|sources| sources[var])
+    }
+
     fn test_link(&self, neighbours: &[Vec<Node>], x: Node, j: usize, size: usize) -> Result<Round> {
         let mut round = Round::default();
         let directions = [(x, j), (Node::new(j, 0), x.var)];
         for (direction, &(x, j)) in directions[..if x.lag == 0 { 2 } else { 1 }].iter().enumerate() {
+            if !self.is_source(x.var) {
+                continue;
+            }
             let others: Vec<Node> = neighbours[j].iter().copied().filter(|&node| node != x).collect();
             if others.len() < size {
                 continue;
@@ -126,7 +143,9 @@ impl Skeleton<'_, '_> {
     ) {
         let ends = [(x, j), (Node::new(j, 0), x.var)];
         let removed_by = round.tests.iter().rev().find_map(|tests| tests.last()).map(|test| test.p_value);
-        for (&(x, j), tests) in ends[..if x.lag == 0 { 2 } else { 1 }].iter().zip(&round.tests) {
+        for (direction, &(x, j)) in ends[..if x.lag == 0 { 2 } else { 1 }].iter().enumerate() {
+            // Where one direction is not asked for, the other one counts for both.
+            let tests = &round.tests[if self.is_source(x.var) { direction } else { 1 - direction }];
             let at = [x.var, j, x.lag];
             for test in tests {
                 if test.p_value >= result.p_matrix[at] {
