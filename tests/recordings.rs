@@ -28,13 +28,14 @@ fn said(output: &Output) -> String {
 /// Small and quick, for tests that are not about the analysis.
 const QUICK: [&str; 4] = ["--method", "pcmci", "--test", "parcorr"];
 
-/// A folder with a live run of 60 s (`live/`) and its recording (`run.mcap`).
+/// A folder with a live run of 60 s (`live/`), in which the robot stands still for six, and its recording (`run.mcap`).
 fn recorded() -> &'static Path {
     static FOLDER: OnceLock<tempfile::TempDir> = OnceLock::new();
     let make = || {
         let dir = tempfile::tempdir().expect("a folder");
         let args = ["demo", "--seed", "3", "--duration", "60", "--out", "live", "--record", "run.mcap"];
-        let output = roscausal(dir.path(), &[&args[..], &QUICK].concat());
+        let intervention = ["--do", "robot.off@12..18"];
+        let output = roscausal(dir.path(), &[&args[..], &intervention, &QUICK].concat());
         assert!(output.status.success() && said(&output).contains("messages recorded"), "{}", said(&output));
         dir
     };
@@ -136,6 +137,15 @@ fn model(dir: &Path, args: &[&str]) -> (serde_json::Value, String) {
     assert!(output.status.success(), "{}", said(&output));
     let text = String::from_utf8_lossy(&output.stderr).into_owned();
     (serde_json::from_slice(&output.stdout).expect("JSON"), text)
+}
+
+#[test]
+fn the_interventions_of_a_recording_are_columns_as_in_the_live_run() {
+    let dir = recorded();
+    let (model, told) = model(dir, &["discover", "run.mcap", "--format", "json"]);
+    let features = model["features"].as_array().expect("names");
+    assert!(features.contains(&"do_robot_off".into()), "{features:?}");
+    assert!(told.contains("interventions: /hri/interventions"), "{told}");
 }
 
 #[test]

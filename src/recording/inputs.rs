@@ -27,6 +27,9 @@ const CLEARLY_MORE: f64 = 0.1;
 /// Topic of the poses taken from odometry.
 pub(crate) const ODOMETRY_POSE: &str = "/roscausal_replay/odometry_pose";
 
+/// Topic of the interventions, unless `data.context_topic` is another.
+const INTERVENTIONS: &str = "/hri/interventions";
+
 /// Which topics of a recording play which role.
 #[derive(ClapArgs, Clone, Debug, Default)]
 pub(crate) struct InputArgs {
@@ -122,6 +125,7 @@ impl Inputs {
             inputs.take_people(&chooser, args)?;
             inputs.topics.extend(["/tf", "/tf_static"].map(str::to_owned));
         }
+        inputs.take_interventions(&chooser, args);
         inputs.set_carried(path)?;
         inputs.set_params(args)?;
         Ok(inputs)
@@ -231,6 +235,16 @@ impl Inputs {
             None => self.nobody_tells(&HUMAN_GOAL, "human", "goal_topic"),
         }
         Ok(())
+    }
+
+    /// What was imposed during the recording, if a topic tells it: by its name alone, since many topics hold texts.
+    fn take_interventions(&mut self, chooser: &Chooser<'_>, args: &InputArgs) {
+        let named = args.params.iter().find_map(|text| text.strip_prefix("data.context_topic="));
+        let name = named.unwrap_or(INTERVENTIONS);
+        if chooser.recording.topics().iter().any(|topic| topic.name == name) {
+            self.chosen.push(format!("interventions: {name}"));
+            self.topics.push(name.to_owned());
+        }
     }
 
     fn take(&mut self, role: &Role, topic: &Topic) {
