@@ -1,81 +1,195 @@
-// Strip charts of the variables: speed, distance to goal, risk of the person shown.
+// Strip charts of the variables that the reader has chosen. Hover reads values; a drag shows the scene of that moment.
 
-const SVG = "http://www.w3.org/2000/svg";
-const WINDOW_S = 60;
-const WIDTH = 600;
-const HEIGHT = 70;
-const VARIABLES = [
-  { key: "v", name: "h_v, speed", unit: "m/s" },
-  { key: "dg", name: "h_dg, distance to goal", unit: "m" },
-  { key: "risk", name: "h_risk, risk", unit: "" },
-];
+import { clock, element, make, ticks } from "./draw.js";
+
+const [LEFT, RIGHT, TOP, BOTTOM, HEIGHT] = [46, 8, 6, 18, 96];
+const MOST_ROWS = 6000;
+/** Time between two rows that the page adds itself, seconds. */
+const EVERY_S = 0.1;
+/** In the order of the server's rows, after the time. */
+export const VARIABLES = [
+  ["h_v", "speed of the person", "m/s"], ["h_dg", "her distance to goal", "m"], ["h_risk", "her risk", ""],
+  ["distance", "person to robot", "m"], ["h_x", "person, east", "m"], ["h_y", "person, north", "m"],
+  ["h_theta", "her heading", "rad"], ["r_v", "speed of the robot", "m/s"], ["r_dg", "its distance to goal", "m"],
+  ["r_x", "robot, east", "m"], ["r_y", "robot, north", "m"], ["r_theta", "its heading", "rad"],
+].map(([key, name, unit], i) => ({ key, name, unit, column: i + 1 }));
+const FIRST = ["h_v", "h_dg", "h_risk"];
+
+/** A scene as a row of the variables. */
+export function row(scene) {
+  const person = scene.people.find((p) => p.id === scene.person);
+  const of = (b) => (b ? [b.v, b.goal ? Math.hypot(b.goal[0] - b.x, b.goal[1] - b.y) : null, b.x, b.y, b.theta] : [null, null, null, null, null]);
+  const [v, dg, x, y, theta] = of(person);
+  return [scene.t, v, dg, person?.cone?.risk ?? null, person?.cone?.distance ?? null, x, y, theta, ...of(scene.robot)];
+}
 
 export class Charts {
-  constructor(parent) {
-    this.samples = [];
-    this.charts = VARIABLES.map((variable) => {
-      const box = document.createElement("div");
-      box.className = "chart";
+  /** `seek(t)` shows the scene of a moment; `spans()` are the interventions. */
+  constructor(parent, choice, seek, spans) {
+    Object.assign(this, { parent, seek, spans, rows: [], charts: [], length: 60, told: 0 });
+    this.chosen = new Set(FIRST);
+    for (const variable of VARIABLES) {
+      const label = make("label", "");
+      const box = Object.assign(document.createElement("input"), { type: "checkbox", checked: this.chosen.has(variable.key), value: variable.key });
+      box.addEventListener("change", () => {
+        if (box.checked) this.chosen.add(variable.key);
+        else this.chosen.delete(variable.key);
+        this.build();
+      });
+      label.append(box, `${variable.key}, ${variable.name}`);
+      choice.append(label);
+    }
+    new ResizeObserver(() => this.draw()).observe(parent);
+    this.build();
+  }
+
+  build() {
+    this.charts = VARIABLES.filter((variable) => this.chosen.has(variable.key)).map((variable) => {
+      const box = make("div", "", "chart");
       const title = document.createElement("h3");
-      const value = document.createElement("span");
-      value.className = "value";
-      title.append(Object.assign(document.createElement("span"), { textContent: variable.name }), value);
-      const svg = document.createElementNS(SVG, "svg");
-      svg.setAttribute("viewBox", `0 0 ${WIDTH} ${HEIGHT}`);
-      svg.setAttribute("preserveAspectRatio", "none");
-      svg.setAttribute("role", "img");
-      svg.setAttribute("aria-label", `Course of ${variable.name} over the last ${WINDOW_S} seconds`);
-      const path = document.createElementNS(SVG, "path");
-      svg.append(path);
-      const range = document.createElement("div");
-      range.className = "range";
-      const [low, high] = [document.createElement("span"), document.createElement("span")];
-      range.append(low, high);
-      box.append(title, svg, range);
-      parent.append(box);
-      return { ...variable, path, value, low, high };
+      const value = make("span", "", "value");
+      title.append(make("span", `${variable.key}, ${variable.name}`), value);
+      const svg = element("svg", { role: "img", "aria-label": `Course of ${variable.key}, ${variable.name}`, height: HEIGHT });
+      const back = element("g", {}, svg);
+      const path = element("path", { class: "course" }, svg);
+      const cursor = element("path", { class: "cursor" }, svg);
+      box.append(title, svg);
+      this.listen(svg);
+      return { ...variable, box, svg, back, path, cursor, value };
+    });
+    this.parent.replaceChildren(...this.charts.map((chart) => chart.box));
+    if (!this.charts.length) this.parent.replaceChildren(make("p", "No variable is chosen."));
+    this.draw();
+  }
+
+  listen(svg) {
+    const at = (event) => this.from + ((event.clientX - svg.getBoundingClientRect().left - LEFT) / this.width()) * (this.to - this.from);
+    svg.addEventListener("pointermove", (event) => {
+      if (!this.rows.length) return;
+      this.hover = at(event);
+      if (event.buttons === 1) this.seek(this.hover);
+      this.read();
+    });
+    svg.addEventListener("pointerleave", () => { this.hover = undefined; this.read(); });
+    svg.addEventListener("pointerdown", (event) => {
+      if (!this.rows.length) return;
+      svg.setPointerCapture(event.pointerId);
+      this.seek(at(event));
     });
   }
 
-  /** Adds samples [time, v, dg, risk] from before this page was opened. */
-  fill(samples) {
-    if (this.samples.length) return;
-    this.samples = samples;
+  restart() {
+    this.rows = [];
+    this.now = this.hover = undefined;
+  }
+
+  /** All rows of the run, in place of those that are known. */
+  fill(rows) {
+    const last = rows.at(-1)?.[0] ?? -Infinity;
+    this.rows = [...rows, ...this.rows.filter((known) => known[0] > last)];
     this.draw();
   }
 
   add(scene) {
-    const last = this.samples.at(-1)?.[0];
-    if (last !== undefined && scene.t < last - 1) this.samples = [];
-    if (scene.v === null || (last !== undefined && scene.t <= last)) return;
-    this.samples.push([scene.t, scene.v, scene.dg, scene.risk]);
-    while (this.samples[0][0] < scene.t - WINDOW_S) this.samples.shift();
-    this.draw();
+    const last = this.rows.at(-1)?.[0];
+    if (last !== undefined && scene.t < last - 1) this.restart();
+    else if (last !== undefined && scene.t - last < EVERY_S) return;
+    this.rows.push(row(scene));
+    // A long run is kept from its beginning, with its older half twice as sparse.
+    if (this.rows.length > MOST_ROWS) this.rows = this.rows.filter((_, i) => i % 2 === 0 || i > MOST_ROWS / 2);
+  }
+
+  /** The moment that is shown; `live` if it is the newest. */
+  show(now, live) {
+    [this.now, this.live] = [now, live];
+    const time = performance.now();
+    if (time - this.told > 100) this.draw();
+  }
+
+  width() { return Math.max(40, (this.charts[0]?.svg.clientWidth ?? 600) - LEFT - RIGHT); }
+
+  window() {
+    const [first, last] = [this.rows[0][0], this.rows.at(-1)[0]];
+    if (!Number.isFinite(this.length)) return [first, Math.max(last, first + 1)];
+    // In the past the moment that is shown stands in the middle.
+    const end = this.live || this.now === undefined ? last : Math.min(last, this.now + this.length / 2);
+    return [end - this.length, end];
   }
 
   draw() {
-    const end = this.samples.at(-1)?.[0];
-    this.charts.forEach((chart, i) => {
-      const known = this.samples.filter((s) => s[i + 1] !== null);
-      if (!known.length) {
-        chart.value.textContent = "unknown";
-        return;
-      }
-      const values = known.map((s) => s[i + 1]);
-      const [low, high] = [Math.min(...values), Math.max(...values)];
-      const scale = high > low ? (HEIGHT - 12) / (high - low) : 0;
-      const at = (s) => `${(WIDTH + ((s[0] - end) / WINDOW_S) * WIDTH).toFixed(1)} ${(HEIGHT - 6 - (s[i + 1] - low) * scale).toFixed(1)}`;
-      let pen = "M";
-      let d = "";
-      for (const sample of this.samples) {
-        if (sample[i + 1] === null) { pen = "M"; continue; }
-        d += `${pen} ${at(sample)} `;
-        pen = "L";
-      }
-      chart.path.setAttribute("d", d);
-      chart.value.textContent = `${values.at(-1).toFixed(2)} ${chart.unit}`;
-      chart.low.textContent = `lowest ${low.toFixed(2)}`;
-      chart.high.textContent = `highest ${high.toFixed(2)}`;
-    });
+    this.told = performance.now();
+    if (!this.rows.length) return;
+    [this.from, this.to] = this.window();
+    const begin = this.rows.findIndex((known) => known[0] >= this.from);
+    const seen = this.rows.slice(Math.max(begin - 1, 0)).filter((known) => known[0] <= this.to + 1);
+    const width = this.width();
+    // No more points than can be told apart.
+    const stride = Math.ceil(seen.length / (2 * width));
+    const x = (t) => LEFT + ((t - this.from) / (this.to - this.from)) * width;
+    const imposed = this.spans().filter((span) => span.to >= this.from && span.from <= this.to);
+    for (const chart of this.charts) this.one(chart, seen, stride, x, width, imposed);
+    this.read();
   }
+
+  one(chart, seen, stride, x, width, imposed) {
+    const values = seen.map((known) => known[chart.column]).filter((value) => value !== null);
+    chart.svg.setAttribute("viewBox", `0 0 ${LEFT + width + RIGHT} ${HEIGHT}`);
+    chart.back.replaceChildren();
+    let low = values.reduce((a, b) => Math.min(a, b), Infinity);
+    let high = values.reduce((a, b) => Math.max(a, b), -Infinity);
+    if (!values.length) [low, high] = [0, 1];
+    if (high - low < 1e-9) [low, high] = [low - 0.5, high + 0.5];
+    const y = (value) => HEIGHT - BOTTOM - 3 - ((value - low) / (high - low)) * (HEIGHT - BOTTOM - TOP - 6);
+    const clamp = (t) => Math.min(Math.max(x(t), LEFT), LEFT + width);
+    for (const span of imposed) {
+      const bar = element("rect", { class: "imposed", x: clamp(span.from), width: Math.max(clamp(span.to) - clamp(span.from), 1), y: TOP, height: HEIGHT - BOTTOM - TOP }, chart.back);
+      element("title", {}, bar, `intervention ${span.name}`);
+    }
+    for (const [value, text] of ticks(low, high, 3)) {
+      element("path", { class: "tick", d: `M ${LEFT} ${y(value)} h ${width}` }, chart.back);
+      element("text", { x: LEFT - 5, y: y(value) + 4, "text-anchor": "end" }, chart.back, text);
+    }
+    const day = this.to > 1e8;
+    for (const [t, text] of ticks(this.from, this.to, Math.max(2, width / 110))) {
+      if (x(t) < LEFT + 12 || x(t) > LEFT + width - 14) continue;
+      element("path", { class: "tick", d: `M ${x(t)} ${HEIGHT - BOTTOM} v 4` }, chart.back);
+      element("text", { x: x(t), y: HEIGHT - 3, "text-anchor": "middle" }, chart.back, day ? clock(t) : `${text} s`);
+    }
+    element("path", { class: "axes", d: `M ${LEFT} ${TOP} V ${HEIGHT - BOTTOM} h ${width}` }, chart.back);
+    let [pen, d] = ["M", ""];
+    seen.forEach((known, i) => {
+      const value = known[chart.column];
+      if (value === null) { pen = "M"; return; }
+      if (i % stride && i !== seen.length - 1) return;
+      if (known[0] < this.from) return;
+      d += `${pen}${x(known[0]).toFixed(1)} ${y(value).toFixed(1)}`;
+      pen = "L";
+    });
+    chart.path.setAttribute("d", d);
+  }
+
+  /** The values where the pointer is, or else at the moment shown. */
+  read() {
+    if (!this.rows.length) return;
+    const t = this.hover ?? (this.live ? undefined : this.now);
+    const at = t === undefined ? this.rows.length - 1 : nearest(this.rows, t);
+    const [time, x] = [this.rows[at][0], t === undefined ? undefined : LEFT + ((this.rows[at][0] - this.from) / (this.to - this.from)) * this.width()];
+    for (const chart of this.charts) {
+      const value = this.rows[at][chart.column];
+      const text = value === null || value === undefined ? "unknown" : `${value.toFixed(2)} ${chart.unit}`.trim();
+      chart.value.textContent = t === undefined ? text : `${text} at ${clock(time)}`;
+      const within = x !== undefined && x >= LEFT && x <= LEFT + this.width();
+      chart.cursor.setAttribute("d", within ? `M ${x} ${TOP} V ${HEIGHT - BOTTOM}` : "");
+    }
+  }
+}
+
+function nearest(rows, t) {
+  let [low, high] = [0, rows.length - 1];
+  while (high - low > 1) {
+    const middle = (low + high) >> 1;
+    if (rows[middle][0] <= t) low = middle;
+    else high = middle;
+  }
+  return t - rows[low][0] <= rows[high][0] - t ? low : high;
 }

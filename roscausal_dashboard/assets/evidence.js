@@ -1,24 +1,11 @@
 // What stands behind a link: opened by click, tap or Enter. All of it comes from the model's own run; nothing is computed
 // here but where dots go.
 
-const SVG = "http://www.w3.org/2000/svg";
+import { element, make, ticks } from "./draw.js";
+
 const [WIDTH, HEIGHT, LEFT, TOP, BOTTOM] = [300, 190, 46, 22, 152];
 
-const make = (name, text, kind) => {
-  const made = document.createElement(name);
-  made.textContent = text ?? "";
-  if (kind) made.className = kind;
-  return made;
-};
-const element = (name, attributes, parent, text) => {
-  const made = document.createElementNS(SVG, name);
-  for (const [key, value] of Object.entries(attributes)) made.setAttribute(key, value);
-  if (text !== undefined) made.textContent = text;
-  parent.append(made);
-  return made;
-};
 const same = (a, b) => a.cause === b.cause && a.effect === b.effect && a.lag === b.lag;
-const number = (value) => (Math.abs(value) >= 1000 || (value !== 0 && Math.abs(value) < 0.01) ? value.toExponential(1) : String(+value.toFixed(2)));
 
 /** Shows in `place` what stands behind `link` of `model`. `seen` is the evidence of the model, if it is known. */
 export function showEvidence(place, link, model, models, seen, words) {
@@ -30,15 +17,16 @@ export function showEvidence(place, link, model, models, seen, words) {
     list.append(row);
   };
   fact("strength", link.value.toFixed(4));
-  fact("p-value", String(link.p));
+  fact("p-value", link.p !== 0 && link.p < 0.001 ? link.p.toExponential(1) : String(+link.p.toFixed(4)));
   fact("samples", String(found?.n_samples ?? model.samples));
+  if (typeof link.confidence === "number") fact("confidence", `${Math.round(100 * link.confidence)} % of the resamples have it`);
   if (found?.interval) fact("interval", found.interval.map((value) => value.toFixed(4)).join(" to "));
   if (found) {
     const given = found.conditions.map((c) => (c.lag ? `${c.name}(t-${c.lag})` : `${c.name}(t)`)).join(", ") || "nothing";
     fact("given", found.note ? `${given}; ${found.note}` : given);
   }
   const having = models.filter((other) => other.links.some((l) => same(l, link)));
-  fact("found in", `${having.length} of ${models.length} models: ${having.slice(-12).map((m) => m.batch).join(", ")}`);
+  fact("found in", `${having.length} of ${models.length} models: ${having.length > 4 ? "..., " : ""}${having.slice(-4).map((m) => m.batch).join(", ")}`);
   const plots = make("div", "", "plots");
   if (found) {
     plots.append(lagFunction(found, model.alpha));
@@ -57,7 +45,7 @@ export function showEvidence(place, link, model, models, seen, words) {
 }
 
 function frame(title) {
-  const svg = document.createElementNS(SVG, "svg");
+  const svg = element("svg");
   svg.setAttribute("viewBox", `0 0 ${WIDTH} ${HEIGHT}`);
   svg.setAttribute("role", "img");
   svg.setAttribute("aria-label", title);
@@ -74,9 +62,7 @@ function range(values) {
 
 function upwards(svg, [low, high]) {
   const y = (value) => BOTTOM - ((BOTTOM - TOP) * (value - low)) / (high - low);
-  for (const value of [low + 0.05 * (high - low), (low + high) / 2, high - 0.05 * (high - low)]) {
-    element("text", { x: LEFT - 5, y: y(value) + 4, "text-anchor": "end" }, svg, number(value));
-  }
+  for (const [value, text] of ticks(low, high, 4)) element("text", { x: LEFT - 5, y: y(value) + 4, "text-anchor": "end" }, svg, text);
   return y;
 }
 
@@ -106,9 +92,7 @@ function dots(points, title, across, up) {
   const x = (value) => LEFT + ((WIDTH - 8 - LEFT) * (value - low)) / (high - low);
   const y = upwards(svg, range(points.map((p) => p[1])));
   element("path", { class: "dots", d: points.map((p) => `M${x(p[0]).toFixed(1)} ${y(p[1]).toFixed(1)}h0`).join("") }, svg);
-  for (const value of [low + 0.05 * (high - low), high - 0.05 * (high - low)]) {
-    element("text", { x: x(value), y: BOTTOM + 15, "text-anchor": "middle" }, svg, number(value));
-  }
+  for (const [value, text] of ticks(low, high, 4)) element("text", { x: x(value), y: BOTTOM + 15, "text-anchor": "middle" }, svg, text);
   element("text", { x: (LEFT + WIDTH) / 2, y: HEIGHT - 5, "text-anchor": "middle" }, svg, across);
   element("text", { x: WIDTH - 8, y: 13, "text-anchor": "end" }, svg, `↑ ${up}`);
   return svg;

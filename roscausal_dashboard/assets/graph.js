@@ -1,15 +1,9 @@
 // The causal graph of one model, compared with the previous one. A variable keeps its place from model to model.
 
-const SVG = "http://www.w3.org/2000/svg";
+import { element } from "./draw.js";
+
 const NODE = 34;
 
-const element = (name, attributes, parent, text) => {
-  const made = document.createElementNS(SVG, name);
-  for (const [key, value] of Object.entries(attributes)) made.setAttribute(key, value);
-  if (text !== undefined) made.textContent = text;
-  parent?.append(made);
-  return made;
-};
 const key = (link) => `${link.cause}\n${link.effect}\n${link.lag}`;
 const plus = (p, q, by = 1) => [p[0] + q[0] * by, p[1] + q[1] * by];
 const towards = (from, to) => {
@@ -57,17 +51,23 @@ export function drawGraph(svg, model, before, ask) {
   for (const group of grouped(links)) {
     const [from, to] = [places.get(group.cause), places.get(group.effect)];
     if (!from || !to) continue;
-    const curve = group.cause === group.effect ? loop(from, centre) : arc(from, to);
+    const forth = names.indexOf(group.cause) < names.indexOf(group.effect);
+    const curve = group.cause === group.effect ? loop(from, centre) : arc(from, to, names.length > 4 ? centre : undefined, forth);
     const asking = element("g", { class: "ask", "data-link": `${group.cause} ${group.effect} ${group.lag}` }, svg);
     arrow(asking, curve, group);
     if (group.state !== "gone") askable(asking, group, model, ask);
-    labels.push([curve.label, `${group.lags.join(",")} · ${group.value.toFixed(2)}`, group.state]);
+    labels.push([curve, `${group.lags.join(",")} · ${group.value.toFixed(2)}`, group.state]);
   }
   for (const [name, [x, y]] of places) {
     element("circle", { class: "node", cx: x, cy: y, r: NODE }, svg);
     element("text", { x, y: y + 5, "font-size": 13 }, svg, name);
   }
-  for (const [[x, y], text, state] of labels) {
+  const taken = [...places.values()].map(([x, y]) => [x, y, NODE + 1, NODE + 1]);
+  for (const [curve, text, state] of labels) {
+    const place = free(curve, 4 * text.length + 2, taken);
+    // Where there is no room the arrow's name and the list say it.
+    if (!place) continue;
+    const [x, y] = place;
     element("rect", { class: "plate", x: x - 4 * text.length - 2, y: y - 9, width: 8 * text.length + 4, height: 18, rx: 4 }, svg);
     element("text", { x, y: y + 4, class: state === "gone" ? "quiet" : "" }, svg, text);
   }
@@ -102,10 +102,30 @@ function grouped(links) {
   return groups.values();
 }
 
-function arc(from, to) {
+/** A place on the curve where a label of this half width meets neither a variable nor another label. */
+function free({ start, bend, end, label }, half, taken) {
+  const on = (t) => [0, 1].map((i) => (1 - t) ** 2 * start[i] + 2 * t * (1 - t) * bend[i] + t ** 2 * end[i]);
+  const meets = ([x, y]) => taken.some(([ox, oy, w, h]) => Math.abs(x - ox) < half + w && Math.abs(y - oy) < 9 + h);
+  const place = [label, ...[0.42, 0.58, 0.34, 0.66, 0.27, 0.73].map(on)].find((at) => !meets(at));
+  if (place) taken.push([...place, half, 9]);
+  return place;
+}
+
+/**
+ * An arrow to another variable. On a ring of many it bends towards the centre: the chord between two places of a ring has all
+ * other places on its outer side, so it passes none of them. The way back bends more, so that both are seen.
+ */
+function arc(from, to, centre, forth) {
   const along = towards(from, to);
   const distance = Math.hypot(to[0] - from[0], to[1] - from[1]);
-  const bend = plus([(from[0] + to[0]) / 2, (from[1] + to[1]) / 2], [along[1], -along[0]], 0.18 * distance);
+  const middle = [(from[0] + to[0]) / 2, (from[1] + to[1]) / 2];
+  let [side, by] = [[along[1], -along[0]], 0.18 * distance];
+  if (centre && Math.hypot(middle[0] - centre[0], middle[1] - centre[1]) > 1) {
+    const inwards = towards(middle, centre);
+    if (side[0] * inwards[0] + side[1] * inwards[1] < 0) side = [-side[0], -side[1]];
+    by = (forth ? 0.18 : 0.36) * distance;
+  }
+  const bend = plus(middle, side, by);
   const [start, end] = [plus(from, towards(from, bend), NODE), plus(to, towards(to, bend), NODE + 2)];
   return { start, bend, end, label: [0.25 * start[0] + 0.5 * bend[0] + 0.25 * end[0], 0.25 * start[1] + 0.5 * bend[1] + 0.25 * end[1]] };
 }

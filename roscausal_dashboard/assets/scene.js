@@ -1,74 +1,104 @@
-// The view from above: robot, people, goals, risk cone. It grows to cover every place visited.
+// The scene from above: walls, robot, people, goals, risk cone, trails. It grows to cover every place visited.
 
-const SVG = "http://www.w3.org/2000/svg";
+import { element, ticks } from "./draw.js";
+import { View } from "./view.js";
+
 const TRAIL_S = 8;
+/** Time between two dots on a trail, seconds. */
+const DOT_S = 2;
 const MARGIN = 1.5;
-
-const element = (name, attributes = {}, parent) => {
-  const made = document.createElementNS(SVG, name);
-  for (const [key, value] of Object.entries(attributes)) made.setAttribute(key, value);
-  parent?.append(made);
-  return made;
-};
 
 export class Scene {
   constructor(svg, text) {
     this.svg = svg;
     this.text = text;
     this.grid = element("g", {}, svg);
+    this.plan = element("g", {}, svg);
     this.body = element("g", {}, svg);
+    this.marks = element("g", {}, svg);
     this.trails = new Map();
     this.told = 0;
+    this.known = [];
+    this.view = new View(svg, () => this.look());
     this.restart();
+    new ResizeObserver(() => this.look()).observe(svg);
   }
 
   restart() {
-    this.box = undefined;
+    this.view.box = undefined;
     this.time = undefined;
     this.trails.clear();
   }
 
+  walls(walls) {
+    this.known = walls;
+    this.plan.replaceChildren();
+    for (const [x1, y1, x2, y2] of walls) element("line", { class: "wall", x1, y1: -y1, x2, y2: -y2 }, this.plan);
+    if (this.view.box) this.grow(this.corners());
+  }
+
+  corners() { return this.known.flatMap(([x1, y1, x2, y2]) => [[x1, y1], [x2, y2]]); }
+
   /** Draws one scene, in metres with y upwards. */
   show(scene) {
-    if (this.time !== undefined && scene.t < this.time - 1) this.restart();
+    if (this.time !== undefined && scene.t < this.time - 1 && !scene.trails) this.restart();
     this.time = scene.t;
+    if (scene.trails) for (const [who, dots] of Object.entries(scene.trails)) this.trails.set(who, dots.map(([t, x, y]) => [t, x, -y]));
     const bodies = [...(scene.robot ? [scene.robot] : []), ...scene.people];
     if (!bodies.length) return;
+    if (!this.view.box) this.grow(this.corners());
     this.grow(bodies.flatMap((b) => [[b.x, b.y], ...(b.goal ? [b.goal] : [])]));
+    const chosen = scene.people.find((person) => person.id === scene.person);
+    const followed = { robot: scene.robot, person: chosen }[this.view.follow];
+    if (followed) this.view.centre([followed.x, -followed.y]);
     this.body.replaceChildren();
-    if (scene.cone) this.cone(scene.cone);
-    for (const person of scene.people) this.person(person, person.id === scene.person, scene.t);
+    if (chosen?.cone) this.cone(chosen.cone);
+    for (const person of scene.people) this.person(person, person === chosen, scene.t);
     if (scene.robot) this.robot(scene.robot, scene.t);
-    if (scene.cone) element("circle", { class: "ahead", cx: scene.cone.ahead[0], cy: -scene.cone.ahead[1], r: 0.12 }, this.body);
-    this.tell(scene);
+    if (chosen?.cone) element("circle", { class: "ahead", cx: chosen.cone.ahead[0], cy: -chosen.cone.ahead[1], r: 0.12 }, this.body);
+    this.tell(scene, chosen);
   }
 
   grow(points) {
     const known = points.filter((p) => p.every(Number.isFinite));
     if (!known.length) return;
+    const old = this.view.box ? [this.view.box[0], this.view.box[1], this.view.box[0] + this.view.box[2], this.view.box[1] + this.view.box[3]] : [Infinity, Infinity, -Infinity, -Infinity];
     const [xs, ys] = [known.map((p) => p[0]), known.map((p) => -p[1])];
-    const old = this.box ?? [Infinity, Infinity, -Infinity, -Infinity];
     const box = [
       Math.min(old[0], Math.floor(Math.min(...xs) - MARGIN)), Math.min(old[1], Math.floor(Math.min(...ys) - MARGIN)),
       Math.max(old[2], Math.ceil(Math.max(...xs) + MARGIN)), Math.max(old[3], Math.ceil(Math.max(...ys) + MARGIN)),
     ];
-    if (this.box && box.every((value, i) => value === this.box[i])) return;
-    this.box = box;
-    const [w, h] = [box[2] - box[0], box[3] - box[1]];
-    this.svg.setAttribute("viewBox", `${box[0]} ${box[1]} ${w} ${h}`);
-    this.unit = Math.max(w, h) / 24;
-    const step = Math.max(w, h) > 60 ? 10 : Math.max(w, h) > 24 ? 5 : 1;
+    if (this.view.box && box.every((value, i) => value === old[i])) return;
+    this.view.box = [box[0], box[1], box[2] - box[0], box[3] - box[1]];
+    if (!this.view.own) this.look();
+  }
+
+  /** Shows what the reader looks at: grid with its scale, sizes of letters. */
+  look() {
+    const shown = this.view.shown();
+    if (!shown || !this.svg.clientWidth) return;
+    const [left, top, w, h] = shown;
+    this.svg.setAttribute("viewBox", shown.join(" "));
+    const scale = this.view.scale();
+    this.unit = 20 / scale;
+    const [wide, tall] = [this.svg.clientWidth / scale, this.svg.clientHeight / scale];
+    const [west, north] = [left + w / 2 - wide / 2, top + h / 2 - tall / 2];
     this.grid.replaceChildren();
-    // The view may be wider or taller than the box, so the grid extends beyond it.
-    const [left, top, right, bottom] = [box[0] - 2 * h, box[1] - 2 * w, box[2] + 2 * h, box[3] + 2 * w];
-    const line = (at, horizontal) => {
-      const ends = horizontal ? { x1: left, x2: right, y1: at, y2: at } : { x1: at, x2: at, y1: top, y2: bottom };
-      element("line", { class: at === 0 ? "axis" : "grid", ...ends }, this.grid);
-    };
-    for (let x = Math.ceil(left / step) * step; x <= right; x += step) line(x, false);
-    for (let y = Math.ceil(top / step) * step; y <= bottom; y += step) line(y, true);
-    const note = element("text", { x: box[0] + 0.3 * this.unit, y: box[3] - 0.3 * this.unit, "font-size": 0.55 * this.unit }, this.grid);
-    note.textContent = `grid ${step} m`;
+    this.marks.replaceChildren();
+    const size = 0.55 * this.unit;
+    const count = Math.max(3, this.svg.clientWidth / 90);
+    const xs = ticks(west, west + wide, count);
+    const by = xs.length > 1 ? xs[1][0] - xs[0][0] : wide;
+    for (const [x, text] of xs) {
+      element("line", { class: Math.abs(x) < 1e-9 ? "axis" : "grid", x1: x, x2: x, y1: north, y2: north + tall }, this.grid);
+      if (x > west + 2 * size && x < west + wide - 3.5 * size) element("text", { class: "scale", x, y: north + tall - 0.4 * size, "font-size": size, "text-anchor": "middle" }, this.marks, text);
+    }
+    for (let i = Math.ceil(north / by); i * by <= north + tall; i++) {
+      const y = i * by;
+      element("line", { class: i === 0 ? "axis" : "grid", x1: west, x2: west + wide, y1: y, y2: y }, this.grid);
+      if (y > north + 1.5 * size && y < north + tall - 2 * size) element("text", { class: "scale", x: west + 0.3 * size, y: y + 0.35 * size, "font-size": size }, this.marks, String(+(-y).toFixed(6)));
+    }
+    element("text", { class: "scale", x: west + wide - 0.3 * size, y: north + tall - 0.4 * size, "font-size": size, "text-anchor": "end" }, this.marks, "m");
   }
 
   cone(cone) {
@@ -112,20 +142,26 @@ export class Scene {
   trail(who, body, time, kind) {
     const trail = this.trails.get(who) ?? [];
     if (!trail.length || time - trail.at(-1)[0] > 0.15) trail.push([time, body.x, -body.y]);
-    while (trail.length && trail[0][0] < time - TRAIL_S) trail.shift();
+    while (trail.length && (trail[0][0] < time - TRAIL_S || trail[0][0] > time)) trail.shift();
     this.trails.set(who, trail);
     const points = [...trail.map((p) => `${p[1]},${p[2]}`), `${body.x},${-body.y}`].join(" ");
     element("polyline", { class: `trail ${kind}`, points }, this.body);
+    // A dot for each full two seconds: close together is slow.
+    for (let i = 1; i < trail.length; i++) {
+      if (Math.floor(trail[i][0] / DOT_S) === Math.floor(trail[i - 1][0] / DOT_S)) continue;
+      element("circle", { class: `dot ${kind}`, cx: trail[i][1], cy: trail[i][2], r: 0.15 * this.unit }, this.body);
+    }
   }
 
-  tell(scene) {
+  tell(scene, chosen) {
     const now = performance.now();
-    if (now - this.told < 500) return;
+    if (now - this.told < 500 && !scene.trails) return;
     this.told = now;
     const number = (value, unit) => (value === null || value === undefined ? "unknown" : `${value.toFixed(2)} ${unit}`);
     const robot = scene.robot ? `Robot at (${scene.robot.x.toFixed(1)}, ${scene.robot.y.toFixed(1)}), ${number(scene.robot.v, "m/s")}. ` : "No robot. ";
     const people = `${scene.people.length} ${scene.people.length === 1 ? "person" : "people"}. `;
-    const course = scene.cone ? `Person ${scene.person}: ${number(scene.v, "m/s")}, ${number(scene.cone.distance, "m")} from the robot, risk ${scene.cone.risk.toFixed(2)}${scene.cone.collision ? ", on collision course" : ""}.` : "";
+    const cone = chosen?.cone;
+    const course = cone ? `Person ${chosen.id}: ${number(chosen.v, "m/s")}, ${number(cone.distance, "m")} from the robot, risk ${cone.risk?.toFixed(2) ?? "unknown"}${cone.collision ? ", on collision course" : ""}.` : "";
     this.text.textContent = robot + people + course;
   }
 }

@@ -5,8 +5,10 @@ use std::{
     sync::{Arc, Mutex, MutexGuard},
 };
 
-use roscausal_core::gate::lock;
+use roscausal_core::{gate::lock, nodes::SceneOptions};
 use tokio::sync::broadcast;
+
+use crate::history::History;
 
 /// Frames that a browser may fall behind before it is dropped. It reconnects by itself and gets everything again.
 const BEHIND: usize = 256;
@@ -18,7 +20,7 @@ const KEPT_LARGE: usize = 20;
 /// One event for the page.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) struct Frame {
-    /// `scene`, `status`, `series`, `model`, `evidence`, `message` or `ended`.
+    /// `scene`, `walls`, `status`, `model`, `evidence`, `message` or `ended`.
     pub(crate) kind: &'static str,
     /// JSON without line breaks.
     pub(crate) data: Arc<str>,
@@ -40,6 +42,7 @@ pub(crate) enum Keep {
 pub(crate) struct Hub {
     frames: broadcast::Sender<Frame>,
     kept: Arc<Mutex<Kept>>,
+    history: Arc<Mutex<History>>,
 }
 
 #[derive(Default)]
@@ -50,7 +53,8 @@ struct Kept {
 
 impl Hub {
     pub(crate) fn new() -> Self {
-        Self { frames: broadcast::channel(BEHIND).0, kept: Arc::default() }
+        let history = Arc::new(Mutex::new(History::new(SceneOptions::default())));
+        Self { frames: broadcast::channel(BEHIND).0, kept: Arc::default(), history }
     }
 
     /// Sends a frame to all browsers, and keeps it for later ones.
@@ -61,9 +65,9 @@ impl Hub {
         let _ = self.frames.send(frame);
     }
 
-    /// Keeps a frame for later browsers only.
-    pub(crate) fn keep_only(&self, frame: Frame) {
-        self.keep(&mut self.lock(), frame, Keep::Last);
+    /// The run so far. Held only for a moment: the node waits for it.
+    pub(crate) fn history(&self) -> MutexGuard<'_, History> {
+        lock(&self.history)
     }
 
     /// What a new browser gets first, and the stream of what follows.

@@ -6,7 +6,9 @@
 //! 127.0.0.1. On another address it requires a token.
 
 mod guard;
+mod history;
 mod hub;
+mod moment;
 mod node;
 mod patience;
 mod server;

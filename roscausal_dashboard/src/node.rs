@@ -14,7 +14,8 @@ use roscausal_core::{
     params::{Allowed, ParamSpec, Params, Value},
 };
 use roscausal_msgs::{
-    CausalModelInfo, Humans, RobotState, diagnostic_msgs::DiagnosticArray, std_msgs::String as Text,
+    CausalModelInfo, Humans, RobotState, diagnostic_msgs::DiagnosticArray, pedsim_msgs::LineObstacles,
+    std_msgs::String as Text,
 };
 
 use crate::{
@@ -36,6 +37,8 @@ enum Event {
     Diagnostics(DiagnosticArray),
     Model(Box<CausalModelInfo>),
     Evidence(Text),
+    Walls(LineObstacles),
+    Interventions(Text),
 }
 
 /// Names, defaults, allowed values and descriptions of the node's parameters.
@@ -99,7 +102,16 @@ pub fn dashboard<M: Middleware>(mw: &M, server: &Server, options: SceneOptions) 
     let evidence = move |m| send.send(Event::Evidence(m));
     let _evidence = mw.subscribe(EVIDENCE_TOPIC, Qos::Latched, evidence)?;
 
+    // Both exist only where somebody tells them, as the simulator does.
+    let send = inbox.sender();
+    let walls = move |m| send.send(Event::Walls(m));
+    let _walls = mw.subscribe("/pedsim_simulator/simulated_walls", Qos::Latched, walls)?;
+    let send = inbox.sender();
+    let interventions = move |m| send.send(Event::Interventions(m));
+    let _interventions = mw.subscribe("/hri/interventions", Qos::Latched, interventions)?;
+
     let hub = server.hub();
+    hub.history().show(options.clone());
     let mut world = World::new(options);
     let mut last_status = Instant::now();
     while mw.is_ok() {
@@ -108,10 +120,12 @@ pub fn dashboard<M: Middleware>(mw: &M, server: &Server, options: SceneOptions) 
         while begin.elapsed() < FRAME {
             let Next::Event(event) = inbox.next(mw, Some(mw.now())) else { break };
             match event {
-                Event::Robot(state) => world.robot(state),
-                Event::Humans(humans) => world.humans(humans),
+                Event::Robot(state) => world.robot(state, hub),
+                Event::Humans(humans) => world.humans(humans, hub),
                 Event::Diagnostics(message) => world.diagnostics(message, hub),
                 Event::Model(info) => world.model(&info, hub),
+                Event::Walls(walls) => world.walls(&walls, hub),
+                Event::Interventions(text) => world.interventions(&text.data, hub),
                 Event::Evidence(text) => {
                     evidence_frame(&text.data).into_iter().for_each(|f| hub.send(f, Keep::Few))
                 }

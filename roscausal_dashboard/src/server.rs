@@ -12,7 +12,7 @@ use std::{
 use axum::{
     Router,
     extract::State,
-    http::{StatusCode, header},
+    http::{StatusCode, Uri, header},
     middleware,
     response::{
         IntoResponse, Response,
@@ -38,15 +38,24 @@ const ALIVE: Duration = Duration::from_secs(5);
 const POLICY: &str = "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' data:; \
                       connect-src 'self'; base-uri 'none'; form-action 'none'; frame-ancestors 'none'";
 
+/// The type of a script.
+const SCRIPT: &str = "text/javascript; charset=utf-8";
+
 /// The page's files: path, type, content.
-const ASSETS: [(&str, &str, &str); 8] = [
+const ASSETS: [(&str, &str, &str); 14] = [
     ("/", "text/html; charset=utf-8", include_str!("../assets/index.html")),
     ("/style.css", "text/css; charset=utf-8", include_str!("../assets/style.css")),
-    ("/page.js", "text/javascript; charset=utf-8", include_str!("../assets/page.js")),
-    ("/scene.js", "text/javascript; charset=utf-8", include_str!("../assets/scene.js")),
-    ("/charts.js", "text/javascript; charset=utf-8", include_str!("../assets/charts.js")),
-    ("/evidence.js", "text/javascript; charset=utf-8", include_str!("../assets/evidence.js")),
-    ("/graph.js", "text/javascript; charset=utf-8", include_str!("../assets/graph.js")),
+    ("/draw.js", SCRIPT, include_str!("../assets/draw.js")),
+    ("/page.js", SCRIPT, include_str!("../assets/page.js")),
+    ("/models.js", SCRIPT, include_str!("../assets/models.js")),
+    ("/nodes.js", SCRIPT, include_str!("../assets/nodes.js")),
+    ("/scene.js", SCRIPT, include_str!("../assets/scene.js")),
+    ("/view.js", SCRIPT, include_str!("../assets/view.js")),
+    ("/moments.js", SCRIPT, include_str!("../assets/moments.js")),
+    ("/timeline.js", SCRIPT, include_str!("../assets/timeline.js")),
+    ("/charts.js", SCRIPT, include_str!("../assets/charts.js")),
+    ("/evidence.js", SCRIPT, include_str!("../assets/evidence.js")),
+    ("/graph.js", SCRIPT, include_str!("../assets/graph.js")),
     ("/icon.svg", "image/svg+xml", include_str!("../assets/icon.svg")),
 ];
 
@@ -157,7 +166,9 @@ fn refused(address: IpAddr, port: u16, error: &io::Error) -> Error {
 
 fn app(hub: Hub, guard: Guard) -> Router {
     let places = Arc::new(Semaphore::new(BROWSERS));
-    let mut router = Router::new().route("/events", get(events)).with_state((hub, places));
+    let asked =
+        Router::new().route("/scene", get(scene)).route("/series", get(series)).with_state(hub.clone());
+    let mut router = Router::new().route("/events", get(events)).with_state((hub, places)).merge(asked);
     for (path, kind, content) in ASSETS {
         let headers = [
             (header::CONTENT_TYPE, kind),
@@ -188,6 +199,36 @@ async fn events(State((hub, places)): State<(Hub, Arc<Semaphore>)>) -> Response 
         Some((Ok::<_, Infallible>(event), (first, receiver, place)))
     });
     Sse::new(stream).keep_alive(KeepAlive::new().interval(ALIVE)).into_response()
+}
+
+/// A number in the question part of an address: `/scene?t=12.5`.
+fn asked<T: std::str::FromStr>(uri: &Uri, name: &str) -> Option<T> {
+    let mut pairs = uri.query().unwrap_or_default().split('&').filter_map(|pair| pair.split_once('='));
+    pairs.find(|(key, _)| *key == name).and_then(|(_, value)| value.parse().ok())
+}
+
+/// The scene at `t`, for `person`.
+async fn scene(State(hub): State<Hub>, uri: Uri) -> Response {
+    let Some(t) = asked(&uri, "t").filter(|t: &f64| t.is_finite()) else {
+        return (StatusCode::BAD_REQUEST, "Say which moment: /scene?t=SECONDS.\n").into_response();
+    };
+    let scene = hub.history().scene(t, asked(&uri, "person"));
+    as_json(&scene)
+}
+
+/// The variables over the whole run, for `person`.
+async fn series(State(hub): State<Hub>, uri: Uri) -> Response {
+    let series = hub.history().series(asked(&uri, "person"));
+    as_json(&series)
+}
+
+fn as_json(value: &serde_json::Value) -> Response {
+    let headers = [
+        (header::CONTENT_TYPE, "application/json"),
+        (header::CACHE_CONTROL, "no-store"),
+        (header::X_CONTENT_TYPE_OPTIONS, "nosniff"),
+    ];
+    (headers, value.to_string()).into_response()
 }
 
 #[cfg(test)]
@@ -232,6 +273,9 @@ mod tests {
             assert!(text.contains("content-security-policy"), "{path}");
         }
         assert!(answer(&server, "/passwd").starts_with("HTTP/1.1 404"));
+        assert!(answer(&server, "/scene").starts_with("HTTP/1.1 400"));
+        assert!(answer(&server, "/scene?t=1").ends_with("null"));
+        assert!(answer(&server, "/series?person=x").contains("\"rows\":[]"));
         let named = |file: &str| ASSETS.iter().any(|(path, ..)| path.trim_start_matches('/') == file);
         for (_, _, content) in ASSETS {
             let names = content.split('"').filter(|text| text.ends_with(".js") || text.ends_with(".css"));

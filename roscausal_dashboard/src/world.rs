@@ -1,35 +1,36 @@
 //! The state of the page, kept from the messages, as JSON.
 
-use std::collections::{BTreeMap, VecDeque};
+use std::collections::BTreeMap;
 
-use roscausal_core::{
-    Time,
-    nodes::SceneOptions,
-    state::scene::{RiskCone, speed},
-};
+use roscausal_core::{Time, nodes::SceneOptions};
 use roscausal_msgs::{
-    CausalLink, CausalModelInfo, HumanState, Humans, RobotState,
+    CausalLink, CausalModelInfo, Humans, RobotState,
     diagnostic_msgs::{DiagnosticArray, DiagnosticStatus},
-    geometry_msgs::{Point, Pose2D},
+    pedsim_msgs::LineObstacles,
 };
 use serde_json::{Value as Json, json};
 
-use crate::hub::{Frame, Hub, Keep};
+use crate::{
+    history::NEW_RUN_S,
+    hub::{Frame, Hub, Keep},
+    moment::{Moment, rounded},
+};
 
-/// Samples of the strip charts that a new browser gets.
-const SAMPLES: usize = 600;
 /// Largest evidence of one model that goes to the page, in bytes.
 const MOST_EVIDENCE: usize = 2_000_000;
-/// If stamps go back by more than this, a new run has begun. Seconds.
-const NEW_RUN_S: f64 = 1.0;
+/// Most walls that are drawn, and most interventions that are followed.
+const MOST_WALLS: usize = 2_000;
+const MOST_COLUMNS: usize = 100;
 
 /// The state of the page.
 pub(crate) struct World {
     view: SceneOptions,
     robot: Option<RobotState>,
     humans: Humans,
-    /// Time, speed, distance to goal and risk of the person shown.
-    samples: VecDeque<[f64; 4]>,
+    /// Interventions that are on, by the name of their column.
+    imposed: BTreeMap<String, String>,
+    /// The walls as they were last sent.
+    walls: String,
     nodes: BTreeMap<String, DiagnosticStatus>,
     models: u64,
     /// Batches that the data node has reported as written.
@@ -45,7 +46,8 @@ impl World {
             view,
             robot: None,
             humans: Humans::default(),
-            samples: VecDeque::new(),
+            imposed: BTreeMap::new(),
+            walls: String::new(),
             nodes: BTreeMap::new(),
             models: 0,
             batches: 0,
@@ -55,23 +57,61 @@ impl World {
         }
     }
 
-    pub(crate) fn robot(&mut self, state: RobotState) {
+    pub(crate) fn robot(&mut self, state: RobotState, hub: &Hub) {
         self.at(state.header.stamp);
         self.robot = Some(state);
-        self.scene_changed = true;
+        self.moved(hub);
     }
 
-    pub(crate) fn humans(&mut self, humans: Humans) {
+    pub(crate) fn humans(&mut self, humans: Humans, hub: &Hub) {
         self.at(humans.header.stamp);
         self.humans = humans;
+        self.moved(hub);
+    }
+
+    fn moved(&mut self, hub: &Hub) {
         self.scene_changed = true;
-        if let Some(person) = self.person() {
-            let risk = self.cone(Some(&person)).map_or(f64::NAN, |cone| cone.risk);
-            let sample = [self.time.as_secs_f64(), speed(&person.twist), to_goal(&person), risk];
-            self.samples.push_back(sample);
-            if self.samples.len() > SAMPLES {
-                self.samples.pop_front();
+        // A recording that is played fast has many moments between two frames of the page: all of them are kept.
+        let mut history = hub.history();
+        if history.is_due(self.time.as_secs_f64()) {
+            history.push(self.moment());
+        }
+    }
+
+    /// The walls of the map, where somebody tells them.
+    pub(crate) fn walls(&mut self, walls: &LineObstacles, hub: &Hub) {
+        let ends = |wall: &roscausal_msgs::pedsim_msgs::LineObstacle| {
+            [wall.start.x, wall.start.y, wall.end.x, wall.end.y].map(rounded)
+        };
+        let known =
+            walls.obstacles.iter().map(ends).filter(|ends| ends.iter().all(|value| value.is_finite()));
+        let data = json!(known.take(MOST_WALLS).collect::<Vec<_>>()).to_string();
+        if data != self.walls {
+            self.walls.clone_from(&data);
+            hub.send(Frame { kind: "walls", data: data.into() }, Keep::Last);
+        }
+    }
+
+    /// What is imposed on the robot and the people: `{"context": {column: values}}`, empty values for what is off.
+    pub(crate) fn interventions(&mut self, text: &str, hub: &Hub) {
+        let Ok(json) = serde_json::from_str::<Json>(text) else { return };
+        let Some(columns) = json["context"].as_object() else { return };
+        for (name, values) in columns.iter().take(MOST_COLUMNS) {
+            let values: Vec<String> = values.as_array().into_iter().flatten().map(Json::to_string).collect();
+            let now = (!values.is_empty()).then(|| values.join(", "));
+            if self.imposed.get(name) == now.as_ref() {
+                continue;
             }
+            let text = match &now {
+                Some(value) => format!("intervention {name} = {value} begins"),
+                None => format!("intervention {name} ends"),
+            };
+            let details = json!({"kind": "do", "name": name, "on": now.is_some()});
+            self.tell(hub, &text, details);
+            match now {
+                Some(value) => self.imposed.insert(name.clone(), value),
+                None => self.imposed.remove(name),
+            };
         }
     }
 
@@ -79,13 +119,14 @@ impl World {
         for status in message.status {
             let level_before = self.nodes.get(&status.name).map(|before| before.level);
             if level_before != Some(status.level) && (level_before.is_some() || status.level != 0) {
-                self.say(hub, &format!("{}: {}", status.name, status.message));
+                let text = format!("{}: {}", status.name, status.message);
+                self.tell(hub, &text, json!({"kind": "health"}));
             }
             self.nodes.insert(status.name.clone(), status);
         }
         let batches = self.figure("batches written").unwrap_or(0);
         if batches > self.batches {
-            self.say(hub, &format!("batch {batches} recorded"));
+            self.tell(hub, &format!("batch {batches} recorded"), json!({"kind": "batch"}));
         }
         self.batches = batches;
         self.status_changed = true;
@@ -101,28 +142,27 @@ impl World {
             _ => String::new(),
         };
         let (number, count) = (self.models, info.links.len());
-        self.say(hub, &format!("model {number}: {count} links from {}{seconds}", info.batch_id));
+        let text = format!("model {number}: {count} links from {}{seconds}", info.batch_id);
+        self.tell(hub, &text, json!({"kind": "model"}));
     }
 
     /// Sends the scene if it has changed.
     pub(crate) fn send_scene(&mut self, hub: &Hub) {
         if std::mem::take(&mut self.scene_changed) {
-            hub.send(Frame { kind: "scene", data: self.scene_json().to_string().into() }, Keep::Last);
+            let scene = self.moment().json(&self.view, None);
+            hub.send(Frame { kind: "scene", data: scene.to_string().into() }, Keep::Last);
         }
     }
 
-    /// Sends the nodes' health and the progress if they have changed. Keeps the series for later browsers.
+    /// Sends the nodes' health and the progress if they have changed.
     pub(crate) fn send_status(&mut self, hub: &Hub) {
         if std::mem::take(&mut self.status_changed) {
             hub.send(Frame { kind: "status", data: self.status_json().to_string().into() }, Keep::Last);
         }
-        let samples: Vec<Json> = self.samples.iter().map(|s| json!(s.map(rounded))).collect();
-        hub.keep_only(Frame { kind: "series", data: Json::Array(samples).to_string().into() });
     }
 
     fn at(&mut self, stamp: Time) {
         if self.time.secs_since(stamp) > NEW_RUN_S {
-            self.samples.clear();
             self.robot = None;
             self.humans = Humans::default();
             self.time = stamp;
@@ -130,49 +170,8 @@ impl World {
         self.time = self.time.max(stamp);
     }
 
-    /// The person shown: the selected one, or the first.
-    fn person(&self) -> Option<HumanState> {
-        self.view.person(&self.humans.humans, self.robot.as_ref())
-    }
-
-    fn cone(&self, person: Option<&HumanState>) -> Option<RiskCone> {
-        self.view.cone(person?, self.robot.as_ref()?)
-    }
-
-    fn scene_json(&self) -> Json {
-        let robot = self.robot.as_ref().map(|robot| {
-            let mut json = body(&robot.pose2d, speed(&robot.twist), &robot.goal);
-            json["frame"] = json!(robot.header.frame_id);
-            json
-        });
-        let person = |person: &HumanState| {
-            let mut json = body(&person.pose2d, speed(&person.twist), &person.goal);
-            json["id"] = json!(person.id);
-            json
-        };
-        let chosen = self.person();
-        let people: Vec<Json> = self.humans.humans.iter().map(person).collect();
-        let (chosen, cone) = (chosen.as_ref(), self.cone(chosen.as_ref()));
-        let risk = cone.map(|cone| rounded(cone.risk));
-        let cone = cone.map(|cone| {
-            json!({
-                "corners": cone.corners.map(|corner| point(&corner)),
-                "ahead": point(&cone.ahead),
-                "collision": cone.collision,
-                "distance": rounded(cone.distance),
-                "risk": rounded(cone.risk),
-            })
-        });
-        json!({
-            "t": rounded(self.time.as_secs_f64()),
-            "robot": robot,
-            "people": people,
-            "person": chosen.map(|person| person.id),
-            "cone": cone,
-            "v": chosen.map(|person| rounded(speed(&person.twist))),
-            "dg": chosen.map(|person| rounded(to_goal(person))),
-            "risk": risk,
-        })
+    fn moment(&self) -> Moment {
+        Moment::new(self.time, self.robot.as_ref(), &self.humans)
     }
 
     fn status_json(&self) -> Json {
@@ -199,9 +198,11 @@ impl World {
         pairs.filter(|pair| pair.key == key).find_map(|pair| pair.value.parse().ok())
     }
 
-    fn say(&self, hub: &Hub, text: &str) {
-        let json = json!({"t": rounded(self.time.as_secs_f64()), "text": text});
-        hub.send(Frame { kind: "message", data: json.to_string().into() }, Keep::All);
+    /// Sends a message with what the timeline needs to show it.
+    fn tell(&self, hub: &Hub, text: &str, mut details: Json) {
+        details["t"] = json!(rounded(self.time.as_secs_f64()));
+        details["text"] = json!(text);
+        hub.send(Frame { kind: "message", data: details.to_string().into() }, Keep::All);
     }
 }
 
@@ -213,11 +214,14 @@ fn model_json(number: u64, info: &CausalModelInfo) -> Json {
             "lag": link.lag,
             "value": rounded(link.value),
             "p": link.p_value,
+            "confidence": (link.confidence >= 0.0).then(|| rounded(link.confidence)),
         })
     };
     json!({
         "number": number,
         "t": rounded(info.header.stamp.as_secs_f64()),
+        "from": rounded(info.start_time.as_secs_f64()),
+        "to": rounded(info.end_time.as_secs_f64()),
         "batch": info.batch_id,
         "method": info.method,
         "test": info.cond_ind_test,
@@ -240,26 +244,10 @@ pub(crate) fn evidence_frame(text: &str) -> Option<Frame> {
         .then(|| Frame { kind: "evidence", data: json.to_string().into() })
 }
 
-fn body(pose: &Pose2D, speed: f64, goal: &Point) -> Json {
-    let goal = (goal.x.is_finite() && goal.y.is_finite()).then(|| point(goal));
-    json!({"x": rounded(pose.x), "y": rounded(pose.y), "theta": rounded(pose.theta), "v": rounded(speed), "goal": goal})
-}
-
-fn point(point: &Point) -> Json {
-    json!([rounded(point.x), rounded(point.y)])
-}
-
-fn to_goal(person: &HumanState) -> f64 {
-    (person.goal.x - person.pose2d.x).hypot(person.goal.y - person.pose2d.y)
-}
-
-/// To a tenth of a millimetre. JSON turns values that are not finite into null.
-fn rounded(value: f64) -> f64 {
-    (value * 1e4).round() / 1e4
-}
-
 #[cfg(test)]
 mod tests {
+    use roscausal_msgs::{HumanState, geometry_msgs::Point, pedsim_msgs::LineObstacle};
+
     use super::*;
 
     fn world() -> World {
@@ -284,25 +272,55 @@ mod tests {
 
     #[test]
     fn the_scene_has_everybody_and_the_cone_of_the_person_chosen() {
-        let mut world = world();
-        world.robot(robot(1.0));
-        world.humans(people(1.0));
-        let scene = world.scene_json();
+        let (mut world, hub) = (world(), Hub::new());
+        world.robot(robot(1.0), &hub);
+        world.humans(people(1.0), &hub);
+        let scene = world.moment().json(&world.view, None);
         assert_eq!((scene["robot"]["x"].as_f64(), scene["person"].as_u64()), (Some(3.0), Some(1000)));
         assert_eq!(scene["people"].as_array().map(Vec::len), Some(2));
-        assert_eq!(scene["cone"]["distance"].as_f64(), Some(3.0));
+        assert_eq!(scene["people"][1]["cone"]["distance"].as_f64(), Some(3.0));
         assert!(scene["robot"]["goal"].is_null() && !scene.to_string().contains("NaN"));
-        assert_eq!(world.samples.len(), 1);
+        // The reader may choose somebody else.
+        assert_eq!(world.moment().json(&world.view, Some(7))["person"].as_u64(), Some(7));
+        assert_eq!(hub.history().series(None)["rows"].as_array().map(Vec::len), Some(1));
     }
 
     #[test]
     fn a_run_that_starts_again_starts_the_page_again() {
-        let mut world = world();
-        world.robot(robot(100.0));
-        world.humans(people(100.0));
-        world.robot(robot(1.0));
-        assert!(world.samples.is_empty() && world.humans.humans.is_empty());
-        assert_eq!(world.scene_json()["t"].as_f64(), Some(1.0));
+        let (mut world, hub) = (world(), Hub::new());
+        world.robot(robot(100.0), &hub);
+        world.humans(people(100.0), &hub);
+        world.robot(robot(1.0), &hub);
+        assert!(world.humans.humans.is_empty());
+        assert_eq!(world.moment().t, 1.0);
+        assert_eq!(hub.history().series(None)["first"].as_f64(), Some(1.0));
+    }
+
+    #[test]
+    fn an_intervention_is_told_when_it_begins_and_when_it_ends() {
+        let (mut world, hub) = (world(), Hub::new());
+        let text = |value: &str| format!("{{\"context\": {{\"do_robot_speed\": {value}, \"<b>\": []}}}}");
+        for value in ["[]", "[0.2]", "[0.2]", "[]", "no JSON"] {
+            world.interventions(&text(value), &hub);
+        }
+        let told: Vec<Json> =
+            hub.join().0.iter().map(|frame| serde_json::from_str(&frame.data).unwrap()).collect();
+        let on = |json: &Json| (json["name"].as_str().map(str::to_owned), json["on"].as_bool());
+        let name = || Some("do_robot_speed".to_owned());
+        assert_eq!(told.iter().map(on).collect::<Vec<_>>(), [(name(), Some(true)), (name(), Some(false))]);
+        assert!(told[0]["text"].as_str().unwrap().contains("= 0.2 begins"));
+    }
+
+    #[test]
+    fn walls_are_sent_once_and_those_without_a_place_never() {
+        let (mut world, hub) = (world(), Hub::new());
+        let wall = |x: f64| LineObstacle { start: Point { x, y: 0.0, z: 0.0 }, ..LineObstacle::default() };
+        let walls = LineObstacles { obstacles: vec![wall(1.0), wall(f64::NAN)], ..LineObstacles::default() };
+        let (_, mut frames) = hub.join();
+        world.walls(&walls, &hub);
+        world.walls(&walls, &hub);
+        assert_eq!(frames.try_recv().unwrap().data.as_ref(), "[[1.0,0.0,0.0,0.0]]");
+        assert!(frames.try_recv().is_err());
     }
 
     #[test]

@@ -2,7 +2,7 @@
 
 use std::fmt::Write;
 
-use roscausal_discovery::{Link, LinkEvidence, Model, draw, draw::escaped, names::plain};
+use roscausal_discovery::{Link, LinkEvidence, Model, draw, draw::escaped, names::plain, word_of};
 
 use super::{
     Material,
@@ -44,6 +44,13 @@ fn card(material: &Material, place: usize, link: &Link, seen: &LinkEvidence) -> 
     ];
     if let Some((low, high)) = seen.interval {
         facts.push(("interval", format!("{low:.4} to {high:.4}")));
+    }
+    if let Some(confidence) = link.confidence {
+        let share = format!("{}: {:.0} % of the resamples have it", word_of(confidence), 100.0 * confidence);
+        facts.push(("confidence", share));
+    }
+    if let (Some(low), Some(high)) = (link.value_low, link.value_high) {
+        facts.push(("strength in the resamples, 90 %", format!("{low:.4} to {high:.4}")));
     }
     if link.n_lost > 0 {
         facts.push(("left out, a value was missing", link.n_lost.to_string()));

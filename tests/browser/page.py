@@ -30,7 +30,7 @@ class Demo:
     """A demo with a page; it ends with the test."""
 
     def __init__(self, roscausal, folder, *arguments):
-        command = [roscausal, "demo", "--web", "--duration", "60", "--speed", "12", "--out", "out", *QUICK, *arguments]
+        command = [roscausal, "demo", "--web", "--duration", "60", "--speed", "12", "--out", "out", "--do", "robot.speed=0.3@6..14", *QUICK, *arguments]
         self.process = subprocess.Popen(command, cwd=folder, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
         line = self.process.stdout.readline()
         found = re.search(r"http://\S+", line)
@@ -126,7 +126,7 @@ class Page:
         until("words", lambda: "from the robot, risk" in self.text("scene-text"))
 
     def the_charts_grow(self):
-        length = lambda: self.js("document.querySelector('.chart path').getAttribute('d').length")
+        length = lambda: self.js("document.querySelector('.chart .course').getAttribute('d').length")
         first = until("a course", length)
         until("the course grows", lambda: length() > first + 50)
         assert len(self.driver.find_elements(By.CLASS_NAME, "chart")) == 3
@@ -211,7 +211,129 @@ class Page:
     def whoever_comes_later_sees_the_history(self):
         self.driver.refresh()
         until("models", lambda: int(self.js("document.getElementById('history').max")) >= 3)
-        until("charts", lambda: self.js("document.querySelector('.chart path').getAttribute('d')?.length ?? 0") > 1000)
+        until("charts", lambda: self.js("document.querySelector('.chart .course').getAttribute('d')?.length ?? 0") > 1000)
+
+    def a_moment_of_the_past_is_shown_as_the_server_keeps_it(self):
+        press = lambda id: self.driver.find_element(By.ID, id).send_keys(Keys.ENTER)
+        moment = lambda: float(self.text("moment").split(" s of ")[0])
+        until("half a minute", lambda: float(self.js("document.getElementById('seek').max")) > 30)
+        press("pause")
+        until("it stands still", lambda: self.text("pause") == "Play")
+        self.driver.find_element(By.ID, "seek").send_keys(Keys.HOME)
+        first = float(self.js("document.getElementById('seek').min"))
+        until("the first moment", lambda: abs(moment() - first) < 0.06)
+        # Whoever drags the slider sees the scene of that moment.
+        self.js("(document.getElementById('seek').value = 20, document.getElementById('seek').dispatchEvent(new Event('input')))")
+        kept = json.loads(urllib.request.urlopen(self.demo.url + "scene?t=20", timeout=10).read())
+        assert abs(kept["t"] - 20) < 1, kept["t"]
+        place = lambda: self.js("document.querySelector('#scene #robot g').getAttribute('transform')")
+        wanted = f"translate({kept['robot']['x']:g} {-kept['robot']['y']:g})"
+        until("the robot of that moment", lambda: place().startswith(wanted))
+        assert self.text("time") == f"{kept['t']:.1f} s"
+        press("pause")
+        until("it plays", lambda: moment() > 20.5)
+        press("follow-now")
+        until("the newest", lambda: self.js("document.getElementById('follow-now').getAttribute('aria-pressed')") == "true")
+        until("it follows", lambda: moment() > 30)
+
+    def a_chart_reads_values_and_leads_to_their_moment(self):
+        self.js("(document.getElementById('window').value = 'all', document.getElementById('window').dispatchEvent(new Event('change')))")
+        chart = self.driver.find_element(By.CSS_SELECTOR, ".chart svg")
+        self.js("arguments[0].scrollIntoView({block: 'center'})", chart)
+        webdriver.ActionChains(self.driver).move_to_element(chart).perform()
+        read = lambda: re.match(r"([\d.]+) m/s at ([\d.]+) s$", self.js("document.querySelector('.chart .value').textContent"))
+        value, at = map(float, until("a value", read).groups())
+        rows = json.loads(urllib.request.urlopen(self.demo.url + "series", timeout=10).read())["rows"]
+        near = [row[1] for row in rows if abs(row[0] - at) < 0.6]
+        assert near and min(near) - 0.006 <= value <= max(near) + 0.006, (value, near)
+        webdriver.ActionChains(self.driver).move_to_element(chart).click_and_hold().move_by_offset(-40, 0).release().perform()
+        until("a moment of the past", lambda: self.js("document.getElementById('follow-now').getAttribute('aria-pressed')") == "false")
+        until("its scene", lambda: 0 < float(self.text("time").removesuffix(" s")) < float(self.js("document.getElementById('seek').max")) - 5)
+        self.driver.find_element(By.ID, "follow-now").send_keys(Keys.ENTER)
+
+    def variables_are_chosen_by_the_reader(self):
+        self.driver.find_element(By.CSS_SELECTOR, "#choice summary").send_keys(Keys.ENTER)
+        box = lambda: self.driver.find_element(By.CSS_SELECTOR, "#variables input[value=distance]")
+        box().send_keys(Keys.SPACE)
+        until("a chart more", lambda: "distance, person to robot" in self.text("charts"))
+        assert len(self.driver.find_elements(By.CLASS_NAME, "chart")) == 4
+        assert len(self.driver.find_elements(By.CSS_SELECTOR, ".chart:first-child text")) >= 3, "ticks"
+        box().send_keys(Keys.SPACE)
+        until("a chart less", lambda: len(self.driver.find_elements(By.CLASS_NAME, "chart")) == 3)
+        assert "person 1000" in self.text("person")
+
+    def the_scene_is_zoomed_moved_and_fitted_by_keys(self):
+        seen = lambda: [float(part) for part in self.js("document.getElementById('scene').getAttribute('viewBox')").split()]
+        scene = self.driver.find_element(By.ID, "scene")
+        first = seen()
+        scene.send_keys("+")
+        until("nearer", lambda: seen()[2] < first[2])
+        near = seen()
+        scene.send_keys(Keys.ARROW_LEFT)
+        until("farther left", lambda: seen()[0] < near[0])
+        self.driver.find_element(By.ID, "fit").send_keys(Keys.ENTER)
+        until("all of it", lambda: seen()[2] >= first[2])
+        assert len(self.driver.find_elements(By.CSS_SELECTOR, "#scene .wall")) >= 4, "the walls of the map"
+
+    def the_time_line_bears_batches_models_interventions_and_changes(self):
+        count = lambda kind: self.js(f"document.querySelectorAll('#timeline {kind}').length")
+        models = lambda: int(self.js("document.getElementById('history').max"))
+        until("models", lambda: count(".model") >= min(models(), 3) and count(".batch") >= 3)
+        until("the intervention", lambda: count(".imposed") == 1)
+        assert "do_robot_speed" in self.js("document.querySelector('#timeline .imposed').textContent")
+        assert "1 intervention," in self.driver.find_element(By.ID, "timeline").get_attribute("aria-label")
+        until("changes", lambda: count(".change") >= 1)
+
+    def no_arrow_passes_a_variable_and_no_labels_overlap(self):
+        script = """
+            const [n, done] = arguments;
+            import("/graph.js").then(({ drawGraph }) => {
+              const features = [...Array(n).keys()].map((i) => `v${i}`);
+              const links = features.flatMap((cause, i) => features.flatMap((effect, j) => ((i * 7 + j * 3) % 4 && i !== j ? [] : [{ cause, effect, lag: 1, value: 0.5, p: 0.01 }])));
+              const svg = document.getElementById("graph");
+              const begin = performance.now();
+              drawGraph(svg, { number: 1, test: "parcorr", dt: 1, features, links }, undefined, () => {});
+              const took = performance.now() - begin;
+              const nodes = [...svg.querySelectorAll(".node")].map((c) => ["cx", "cy", "r"].map((key) => Number(c.getAttribute(key))));
+              let nearest = Infinity;
+              for (const group of svg.querySelectorAll(".ask")) {
+                const own = group.dataset.link.split(" ").slice(0, 2).map((name) => features.indexOf(name));
+                const path = group.querySelector(".edge");
+                const length = path.getTotalLength();
+                for (let part = 0; part <= 1; part += 0.05) {
+                  const at = path.getPointAtLength(part * length);
+                  nodes.forEach(([x, y, r], i) => { if (!own.includes(i)) nearest = Math.min(nearest, Math.hypot(at.x - x, at.y - y) - r); });
+                }
+              }
+              const plates = [...svg.querySelectorAll(".plate")].map((plate) => plate.getBBox());
+              const overlaps = plates.filter((a, i) => plates.some((b, j) => j < i && a.x < b.x + b.width && b.x < a.x + a.width && a.y < b.y + b.height && b.y < a.y + a.height));
+              done([nearest, overlaps.length, plates.length, links.length, took]);
+            });"""
+        for count in (3, 10, 30):
+            nearest, overlaps, labels, links, _ = self.driver.execute_async_script(script, count)
+            assert nearest > 0 and overlaps == 0, (count, nearest, overlaps)
+            assert labels >= (links if count == 3 else count), (count, labels, links)
+            if count == 10:
+                self.picture("ten-variables", whole=False)
+
+    def names_from_strangers_stay_text(self):
+        script = """
+            const done = arguments[0];
+            import("/models.js").then((models) => {
+              const name = '<img src=x onerror="document.title=1">';
+              const link = { cause: name, effect: name, lag: 1, value: 0.5, p: 0.01, confidence: 0.9 };
+              models.addEvidence({ batch: name, evidence: { links: [{ ...link, n_samples: 5, interval: null, conditions: [{ name, lag: 2 }],
+                note: name, lags: [{ lag: 1, value: 0.5, p_value: 0.01 }], band: 0.2, scatter: [[1, 2], [2, 3]], residuals: [[1, 2], [2, 3]] }] } });
+              models.addModel({ number: 100000, t: 1, from: 0, to: 1, batch: name, method: name, test: name, alpha: 0.05, dt: 1, samples: 5, features: [name], links: [link] });
+              document.querySelector("#links .asking").click();
+              done([document.querySelectorAll("main img").length, document.getElementById("asked").textContent, document.title]);
+            });"""
+        images, text, title = self.driver.execute_async_script(script)
+        assert images == 0 and title == "roscausal", (images, title)
+        assert "<img src=x" in text and "90 % of the resamples" in text, text
+        self.driver.refresh()
+        until("the page is live", lambda: self.text("connection") == "live")
+        until("models", lambda: int(self.js("document.getElementById('history').max")) >= 3)
 
     def wide_and_light_it_is_accessible(self):
         self.look(1440, 1000, "light")
@@ -229,20 +351,29 @@ class Page:
         self.violations()
 
     def a_phone_shows_all_of_it(self):
-        self.look(390, 844, "light")
-        assert self.js("document.documentElement.scrollWidth") <= 390
-        self.picture("phone")
-        self.violations()
+        for scheme in ("light", "dark"):
+            self.look(390, 844, scheme)
+            assert self.js("document.documentElement.scrollWidth") <= 390
+            self.picture(f"phone-{scheme}")
+            self.violations()
+        self.look(1440, 1000, "light")
+
+    def a_large_screen_is_used(self):
+        for scheme in ("light", "dark"):
+            self.look(3840, 2160, scheme)
+            assert self.js("document.querySelector('main').clientWidth") > 3600
+            self.picture(f"large-{scheme}", whole=False)
+            self.violations()
         self.look(1440, 1000, "light")
 
     def the_keyboard_reaches_everything(self):
         self.driver.find_element(By.TAG_NAME, "body").send_keys(Keys.TAB)
         reached = set()
-        for _ in range(60):
+        for _ in range(90):
             # To whatever has the focus: a new model draws the arrows anew.
             reached.add(self.js("document.activeElement.id || document.activeElement.getAttribute('class') || document.activeElement.tagName"))
             webdriver.ActionChains(self.driver).send_keys(Keys.TAB).perform()
-        assert {"skip", "history", "earlier", "newest", "SUMMARY", "messages", "ask", "asking"} <= reached, reached
+        assert {"skip", "history", "earlier", "newest", "SUMMARY", "messages", "ask", "asking", "pause", "follow-now", "seek", "scene", "fit", "window"} <= reached, reached
 
     def the_console_is_silent(self):
         loud = [entry for entry in self.driver.get_log("browser") if entry["level"] in ("SEVERE", "WARNING")]
@@ -311,6 +442,31 @@ class Page:
             self.look(1440, 1000, "light")
             loud = [entry for entry in self.driver.get_log("browser") if entry["level"] in ("SEVERE", "WARNING", "INFO")]
             assert loud == [], loud
+
+    def whoever_comes_after_the_end_of_a_replay_sees_all_of_it(self):
+        with tempfile.TemporaryDirectory() as folder:
+            record = [self.roscausal, "demo", "--duration", "40", "--out", "demo", "--record", "run.mcap", *QUICK]
+            subprocess.run(record, cwd=folder, check=True, capture_output=True, timeout=180)
+            command = [self.roscausal, "replay", "run.mcap", "--web", "--port", "0", "--out", "again", *QUICK]
+            replay = subprocess.Popen(command, cwd=folder, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True)
+            try:
+                url = re.search(r"http://\S+", replay.stdout.readline()).group(0)
+                self.driver.get(url)
+                until("the end", lambda: self.text("connection") == "ended")
+                # Now somebody comes who has seen nothing of it.
+                self.driver.refresh()
+                until("the end again", lambda: self.text("connection") == "ended")
+                span = lambda: [float(self.js(f"document.getElementById('seek').{end}")) for end in ("min", "max")]
+                until("the whole run", lambda: span()[1] - span()[0] > 35)
+                until("its batches", lambda: self.js("document.querySelectorAll('#timeline .batch').length") >= 1)
+                assert self.text("pause") == "Play" and self.text("follow-now") == "To the end"
+                self.driver.find_element(By.ID, "pause").send_keys(Keys.ENTER)
+                until("it begins again", lambda: float(self.text("moment").split(" s of ")[0]) < span()[1] - 20)
+                self.picture("ended")
+                self.violations()
+            finally:
+                replay.send_signal(signal.SIGINT)
+                replay.communicate(timeout=30)
 
     def it_ends_and_the_page_says_so(self):
         self.driver.get(self.demo.url)

@@ -11,8 +11,12 @@ const WIDTH: f64 = 900.0;
 const LEFT: f64 = 110.0;
 const STRIP: f64 = 110.0;
 
+/// How the columns of interventions begin: 0 in them means "nothing imposed".
+const IMPOSED: &str = "do_";
+
 /// The time series of a batch as SVG, one strip per variable with its axis, and the time below. `values` is `T x N`; a
-/// missing sample interrupts the line and is shaded.
+/// missing sample interrupts the line and is shaded. Where a column named `do_...` is not 0, an intervention is on: all
+/// strips are shaded in another colour.
 pub fn series(names: &[String], values: ArrayView2<f64>, dt: Option<f64>) -> String {
     let (rows, height) = (values.nrows(), 40.0 + STRIP * names.len() as f64 + 38.0);
     let right = WIDTH - 20.0;
@@ -20,10 +24,19 @@ pub fn series(names: &[String], values: ArrayView2<f64>, dt: Option<f64>) -> Str
     let end = rows.saturating_sub(1).max(1) as f64;
     let time = Axis { low: 0.0, high: end * dt.unwrap_or(1.0), from: LEFT, to: right };
     let x = |row: usize| time.at(row as f64 * dt.unwrap_or(1.0));
+    let imposed = interventions(names, values);
     for (strip, (name, column)) in names.iter().zip(values.columns()).enumerate() {
         let (top, bottom) = (30.0 + STRIP * strip as f64, 30.0 + STRIP * (strip as f64 + 0.82));
         let y = Axis::around(column.iter().copied(), bottom, top);
         svg.text(Point::new(12.0, (top + bottom) / 2.0 + 5.0), 14.0, "start", INK, &cut(&display(name)));
+        for (from, to) in &imposed {
+            let (left, width) = (x(*from) - 0.5, x(*to) - x(*from) + 1.0);
+            svg.raw(&format!(
+                "<rect class=\"imposed\" x=\"{left:.1}\" y=\"{top:.1}\" width=\"{width:.1}\" height=\"{:.1}\" \
+                 fill=\"#f59e0b\" fill-opacity=\"0.22\"/>",
+                bottom - top
+            ));
+        }
         for (from, to) in gaps(column.iter().map(|v| v.is_finite())) {
             let (left, width) = (x(from) - 0.5, x(to) - x(from) + 1.0);
             svg.raw(&format!(
@@ -57,10 +70,20 @@ pub fn series(names: &[String], values: ArrayView2<f64>, dt: Option<f64>) -> Str
     time.draw_below(&mut svg, below, 8);
     let unit = if dt.is_some() { "time in s" } else { "time in steps" };
     svg.text(Point::new((LEFT + right) / 2.0, height - 8.0), 12.0, "middle", INK, unit);
-    if values.iter().any(|v| !v.is_finite()) {
-        svg.text(Point::new(right, height - 8.0), 12.0, "end", INK, "shaded: missing");
-    }
+    let notes = [
+        (values.iter().any(|v| !v.is_finite()), "grey: missing"),
+        (!imposed.is_empty(), "orange: an intervention is on"),
+    ];
+    let notes: Vec<&str> = notes.into_iter().filter(|(there, _)| *there).map(|(_, note)| note).collect();
+    svg.text(Point::new(right, height - 8.0), 12.0, "end", INK, &notes.join(" · "));
     svg.finish()
+}
+
+/// First and last row of each time in which any intervention is on.
+fn interventions(names: &[String], values: ArrayView2<f64>) -> Vec<(usize, usize)> {
+    let columns: Vec<usize> = (0..names.len()).filter(|&i| names[i].starts_with(IMPOSED)).collect();
+    let off = |row: usize| columns.iter().all(|&i| values[[row, i]] == 0.0 || values[[row, i]].is_nan());
+    gaps((0..values.nrows()).map(off))
 }
 
 /// First and last row of each run of missing values.
@@ -98,6 +121,17 @@ mod tests {
         assert!(!svg.contains("NaN"));
         assert_eq!(svg.matches("class=\"gap\"").count(), 1);
         assert_eq!(gaps([true, false, false, true, false].into_iter()), [(1, 2), (4, 4)]);
+    }
+
+    #[test]
+    fn an_intervention_is_shaded_in_every_strip() {
+        let values = array![[0.0, 0.0], [1.0, 0.2], [2.0, 0.2], [3.0, 0.0], [4.0, 0.5]];
+        let names = ["h_v".to_owned(), "do_robot_speed".to_owned()];
+        assert_eq!(interventions(&names, values.view()), [(1, 2), (4, 4)]);
+        let svg = series(&names, values.view(), Some(0.1));
+        assert_eq!(svg.matches("class=\"imposed\"").count(), 2 * 2);
+        assert!(svg.contains("orange: an intervention is on") && !svg.contains("grey"));
+        assert!(!series(&names[..1], values.slice(ndarray::s![.., ..1]), None).contains("imposed"));
     }
 
     #[test]

@@ -1,0 +1,111 @@
+// The models of the run: history, graph, sentences, and the evidence of a link.
+
+import { clock, make } from "./draw.js";
+import { showEvidence } from "./evidence.js";
+import { compared, drawGraph, sentence } from "./graph.js";
+
+const $ = (id) => document.getElementById(id);
+/** Evidence of models by their batch, newest last. */
+const evidence = new Map();
+const MOST_EVIDENCE = 20;
+
+let models = [];
+let shown = 0;
+let following = true;
+
+/** After a reconnect the server sends everything again. */
+export function restart() { models = []; }
+
+/** All models that are known, oldest first. */
+export const known = () => models;
+
+export function addEvidence(data) {
+  evidence.delete(data.batch);
+  evidence.set(data.batch, data.evidence);
+  if (evidence.size > MOST_EVIDENCE) evidence.delete(evidence.keys().next().value);
+}
+
+/** How a model differs from the one before it. */
+export function changesOf(index) {
+  const [model, before] = [models[index], models[index - 1]];
+  if (!before) return [];
+  const told = (state) => compared(model, before).filter((link) => link.state === state);
+  return [["new", "appeared"], ["gone", "vanished"]].flatMap(([kind, word]) => {
+    const links = told(kind).map((link) => `${link.cause} to ${link.effect} (lag ${link.lag})`);
+    return links.length ? [{ t: model.t, kind, text: `model ${model.number}: ${word}: ${links.join("; ")}` }] : [];
+  });
+}
+
+export function addModel(model) {
+  const index = models.findIndex((known) => known.number === model.number);
+  if (index >= 0) models[index] = model;
+  else models.push(model);
+  if (following) shown = models.length - 1;
+  showModel();
+}
+
+function showModel() {
+  const [model, before] = [models[shown], models[shown - 1]];
+  if (!model) return;
+  // What the keyboard is at is drawn anew, so it is found again afterwards.
+  const at = document.activeElement?.closest?.("#graph [data-link], #links [data-link]");
+  const kept = at && [at.closest("#graph, #links").id, at.dataset.link];
+  drawGraph($("graph"), model, before, ask);
+  $("model-title").textContent = `Model ${model.number}, ${clock(model.t)}: ${model.method.toUpperCase()} with ${model.test.toUpperCase()}, alpha ${model.alpha}, ${model.samples} samples from ${model.batch}`;
+  const slider = $("history");
+  slider.min = 1;
+  slider.max = models.length;
+  slider.value = shown + 1;
+  slider.setAttribute("aria-valuetext", `model ${model.number} of ${models.at(-1).number}, ${clock(model.t)}`);
+  slider.disabled = models.length < 2;
+  $("history-text").textContent = `${model.number} of ${models.at(-1).number}`;
+  $("earlier").disabled = shown === 0;
+  $("later").disabled = shown === models.length - 1;
+  $("newest").disabled = models.length < 2;
+  $("newest").setAttribute("aria-pressed", String(following));
+  const links = compared(model, before);
+  $("links").replaceChildren(...links.map((link) => {
+    const item = document.createElement("li");
+    if (link.state !== "same") item.append(make("span", link.state === "new" ? "appeared: " : "vanished: ", link.state));
+    if (link.state === "gone") {
+      item.append(sentence(link, model));
+      return item;
+    }
+    const button = make("button", sentence(link, model), "asking");
+    button.type = "button";
+    button.dataset.link = `${link.cause} ${link.effect} ${link.lag}`;
+    button.addEventListener("click", () => ask(link));
+    item.append(button);
+    return item;
+  }));
+  if (!links.length) $("links").replaceChildren(make("li", "no causal link found", ""));
+  if (kept) [...$(kept[0]).querySelectorAll("[data-link]")].find((place) => place.dataset.link === kept[1])?.focus();
+}
+
+/** Opens what stands behind a link of the model that is shown; Escape or Close leads back to where it was asked. */
+function ask(link) {
+  const model = models[shown];
+  const back = document.activeElement;
+  const place = $("asked");
+  const close = showEvidence(place, link, model, models, evidence.get(model.batch), sentence(link, model));
+  const end = () => {
+    place.hidden = true;
+    place.replaceChildren();
+    (back?.isConnected ? back : $("links")).focus?.();
+  };
+  close.addEventListener("click", end);
+  place.onkeydown = (event) => { if (event.key === "Escape") end(); };
+  place.focus();
+  place.scrollIntoView({ block: "nearest" });
+}
+
+function choose(index) {
+  shown = Math.max(0, Math.min(models.length - 1, index));
+  following = shown === models.length - 1;
+  showModel();
+}
+
+$("history").addEventListener("input", (event) => choose(Number(event.target.value) - 1));
+$("earlier").addEventListener("click", () => choose(shown - 1));
+$("later").addEventListener("click", () => choose(shown + 1));
+$("newest").addEventListener("click", () => choose(models.length - 1));
