@@ -145,9 +145,9 @@ class Page:
             return self.js("!document.getElementById('asked').hidden && document.getElementById('asked').textContent")
 
         # The newest model, so that no later one comes between arrow and answer.
-        arrow = lambda: self.driver.find_element(By.CSS_SELECTOR, "#graph .ask[role=button]")
-        said = until("a name", lambda: arrow().get_attribute("aria-label")).removeprefix("Evidence: ")
-        self.js("arguments[0].dispatchEvent(new MouseEvent('click', {bubbles: true}))", arrow())
+        # Found and pressed in one step: a model that arrives draws the arrows anew.
+        said = until("a name", lambda: self.js("document.querySelector('#graph .ask[role=button]')?.getAttribute('aria-label')"))
+        self.js("document.querySelector('#graph .ask[role=button]').dispatchEvent(new MouseEvent('click', {bubbles: true}))")
         until("the evidence", asked)
         found = until("its plots", lambda: self.js("document.querySelectorAll('#asked .plots svg').length") >= 2)
         # What is on the screen is what the model's file says.
@@ -164,13 +164,14 @@ class Page:
         assert int(facts["samples"]) == seen["n_samples"], facts
         dots = self.js("document.querySelector('#asked .dots').getAttribute('d').split('M').length - 1")
         assert dots == len(seen["scatter"]), (dots, len(seen["scatter"]))
-        self.driver.switch_to.active_element.send_keys(Keys.ESCAPE)
+        webdriver.ActionChains(self.driver).send_keys(Keys.ESCAPE).perform()
         until("it is closed", lambda: self.js("document.getElementById('asked').hidden"))
         self.js("document.querySelector('#graph .ask[role=button]').focus()")
-        self.driver.switch_to.active_element.send_keys(Keys.ENTER)
+        webdriver.ActionChains(self.driver).send_keys(Keys.ENTER).perform()
         until("the evidence again", asked)
         self.driver.find_element(By.ID, "asked-close").send_keys(Keys.ENTER)
-        self.driver.find_element(By.CSS_SELECTOR, "#links .asking").send_keys(Keys.ENTER)
+        self.js("document.querySelector('#links .asking').focus()")
+        webdriver.ActionChains(self.driver).send_keys(Keys.ENTER).perform()
         until("the evidence from the list", asked)
         assert said and found
 
