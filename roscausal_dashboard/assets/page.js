@@ -54,7 +54,10 @@ function connect() {
     marks();
   });
   on("message", (message) => {
-    if (message.kind === "do") timeline.intervention(message);
+    if (message.kind === "do") {
+      timeline.intervention(message);
+      timeline.draw();
+    }
     addMessage(message);
   });
   on("ended", (text) => {
@@ -68,6 +71,8 @@ function connect() {
 function marks() {
   timeline.models = known();
   timeline.changes = [...known().flatMap((_, index) => changesOf(index)), ...changes];
+  // After the end no scene comes that would draw it.
+  timeline.draw();
 }
 
 /** The whole run, for whoever comes late or chooses another person. */
