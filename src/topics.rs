@@ -1,5 +1,7 @@
 //! `roscausal topics`: what a recording holds, topic by topic.
 
+mod signals;
+
 use std::path::PathBuf;
 
 use clap::Args as ClapArgs;
@@ -13,6 +15,9 @@ use crate::{interrupt::Interrupt, terminal};
 pub(crate) struct Args {
     /// Recording: .bag, .mcap, .db3, or a folder of them.
     recording: PathBuf,
+    /// List every number in the messages instead, as --signal takes it, with its rate, range and gaps.
+    #[arg(long)]
+    signals: bool,
 }
 
 /// What is counted of a topic.
@@ -43,6 +48,9 @@ impl Count {
 
 /// Runs `roscausal topics`: a table with one line for each topic, in the order of the names.
 pub(crate) fn run(args: &Args, interrupt: &Interrupt) -> Result<()> {
+    if args.signals {
+        return signals::run(&args.recording, interrupt);
+    }
     let mut recording = Recording::open(&args.recording)?;
     let topics = recording.topics().to_vec();
     let mut counts = vec![Count::default(); topics.len()];

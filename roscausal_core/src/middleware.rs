@@ -6,10 +6,10 @@
 
 use std::{sync::Arc, time::Duration};
 
-use roscausal_msgs::{Service, Wires};
+use roscausal_msgs::{Service, Wires, dynamic::Wire};
 
 use crate::{
-    Message, Result, Time,
+    Error, Message, Result, Time,
     inbox::Consumer,
     params::{ParamSpec, Value},
 };
@@ -34,6 +34,26 @@ pub enum Qos {
     Volatile(usize),
     /// The last message is kept for late joiners. ROS 1: latched. ROS 2: reliable, transient local, depth 1.
     Latched,
+}
+
+/// The type of a topic's messages, as it is known where they come from.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct RawType {
+    /// `package/Name`.
+    pub type_name: String,
+    /// Its text and those of the types that it uses; empty if the definition does not come with the messages.
+    pub definition: String,
+    /// How its messages are written.
+    pub wire: Wire,
+}
+
+/// A message of any type, as bytes.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Raw {
+    /// Its type.
+    pub kind: Arc<RawType>,
+    /// The message as it came.
+    pub bytes: Vec<u8>,
 }
 
 /// A topic's publisher; dropping it unregisters it.
@@ -114,6 +134,17 @@ pub trait Middleware: Clone + Send + Sync + 'static {
         qos: Qos,
         callback: impl FnMut(M) + Send + 'static,
     ) -> Result<Self::Subscription>;
+
+    /// Registers a callback for each message of a topic of any type, as bytes with their definition. The type is that of
+    /// the topic's publishers, whenever they appear.
+    ///
+    /// # Errors
+    /// As [`Middleware::advertise`], and a middleware that cannot: the default.
+    fn listen(&self, topic: &str, _callback: impl FnMut(Raw) + Send + 'static) -> Result<Self::Subscription> {
+        let reason = "this middleware does not carry messages of any type: record the topic ('rosbag record', 'ros2 bag \
+                      record') and read the recording with --signal";
+        Err(Error::Topic { topic: topic.to_owned(), reason: reason.to_owned() })
+    }
 
     /// Offers a service. Its callback runs on a thread of the middleware for each question and must return at once: it
     /// sends question and [`Reply`] into an [`crate::inbox::Inbox`]. Several questions may be open at the same time.

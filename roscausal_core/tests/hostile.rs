@@ -7,10 +7,11 @@ use std::path::Path;
 use roscausal_core::{
     batch::{
         Select, Table, Values,
-        journal::{self, Header, Sample},
+        journal::{self, Header, Sample, Subject},
         postprocess::Feature,
     },
     params::{Allowed, ParamSpec, Value},
+    signal::How,
 };
 use roscausal_discovery::Model;
 use roscausal_fuzz::{Allocator, Target};
@@ -73,10 +74,15 @@ fn a_hostile_journal_is_refused_or_replayed_up_to_its_last_whole_block() {
         sel_agent: "all".into(),
         frame: "map".into(),
         next_row_ns: 0,
+        signals: vec![
+            ("a".into(), How::Hold(1.0)),
+            ("b".into(), How::Average(1.0)),
+            ("c".into(), How::Linear),
+        ],
     };
-    let sample =
-        |person, i: i64| Sample { person, stamp_ns: i * 50_000_000, values: Values::from_array([0.5; 7]) };
-    let samples: Vec<Sample> = (0..30).flat_map(|i| [sample(None, i), sample(Some(1), i)]).collect();
+    let sample = |of, i: i64| Sample { of, stamp_ns: i * 50_000_000, values: Values::from_array([0.5; 7]) };
+    let subjects = [Subject::Robot, Subject::Person(1), Subject::Signal(0), Subject::Signal(2)];
+    let samples: Vec<Sample> = (0..30).flat_map(|i| subjects.map(|of| sample(of, i))).collect();
     let whole = journal::encode(&header, &samples);
     run(
         "journal",

@@ -1,7 +1,7 @@
 //! Topics and messages of a recording.
 
-use roscausal_core::{Error, Message, Result, Time};
-use roscausal_msgs::{Definition, Wires, cdr, ros1, types};
+use roscausal_core::{Error, Message, Result, Time, middleware::RawType};
+use roscausal_msgs::{Definition, Wires, cdr, dynamic::Wire, ros1, types};
 
 /// How the messages of a topic are encoded.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -71,6 +71,16 @@ impl Topic {
         // Our own recordings, in CDR, also contain the ROS 1 types of a run.
         let foreign = || all.iter().copied().filter(named).find(|_| self.encoding == Encoding::Cdr);
         found.or_else(foreign)
+    }
+
+    /// The type as bytes are read by it, with the definition that was recorded; `None` for an encoding of neither ROS version.
+    pub fn raw_type(&self) -> Option<RawType> {
+        let wire = match self.encoding {
+            Encoding::Ros1 => Wire::Ros1,
+            Encoding::Cdr => Wire::Cdr,
+            Encoding::Other(_) => return None,
+        };
+        Some(RawType { type_name: self.type_name.clone(), definition: self.definition.clone(), wire })
     }
 
     /// The message in `bytes`.

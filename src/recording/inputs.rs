@@ -6,6 +6,7 @@ use clap::Args as ClapArgs;
 use roscausal_core::{
     Error, Result, Time, nodes,
     params::{Value, nearest},
+    signal::{Definitions, Signal, Signals},
 };
 use roscausal_recording::{Recording, Topic};
 
@@ -20,8 +21,12 @@ use super::{coverage, play};
 const FROM_ODOMETRY: &str = "odom";
 /// The value that means "no such topic".
 const NONE: &str = "none";
+/// The value of `--person` that means "only signals".
+const NOBODY: &str = "nobody";
 /// Frames of a robot's base, the best first.
 const BASES: [&str; 3] = ["base_footprint", "base_link", "base"];
+/// How long a signal's last value counts, as in the data node. Seconds.
+const SIGNAL_MAX_AGE_S: f64 = 2.0;
 /// Odometry is taken instead of a topic of poses if it knows the robot for this much more of the time.
 const CLEARLY_MORE: f64 = 0.1;
 /// Topic of the poses taken from odometry.
@@ -49,7 +54,12 @@ pub(crate) struct InputArgs {
     /// Recording: topic of the person's goal, or `none`.
     #[arg(long, value_name = "TOPIC")]
     human_goal: Option<String>,
-    /// Recording: who is analysed: an id, `1,2`, `nearest:N` or `all`. Default: the person nearest to the robot.
+    /// Recording: a number of any topic as a variable, such as `v_cmd = /cmd_vel.linear.x`; may be given several times
+    /// (docs/signals.md). Where a recording has no robot or no people, signals are all that is read.
+    #[arg(long = "signal", value_name = "NAME = EXPRESSION")]
+    signals: Vec<String>,
+    /// Recording: who is analysed: an id, `1,2`, `nearest:N`, `all` or `nobody` (only signals). Default: the person nearest to the
+    /// robot.
     #[arg(long, value_name = "WHO")]
     person: Option<String>,
     /// Step between samples, seconds: of a recording's batches; a table is resampled to it (--resample).
@@ -79,6 +89,7 @@ impl InputArgs {
             ("--robot-goal", self.robot_goal.is_some()),
             ("--people", !self.people.is_empty()),
             ("--human-goal", self.human_goal.is_some()),
+            ("--signal", !self.signals.is_empty()),
             ("--person", self.person.is_some()),
             ("--ts-length", self.ts_length.is_some()),
             ("--param", !self.params.is_empty()),
@@ -98,6 +109,8 @@ pub(crate) struct Inputs {
     pub(crate) params: Vec<(String, String, Value)>,
     /// The odometry whose pose is published as well, on [`ODOMETRY_POSE`].
     pub(crate) pose_of: Option<String>,
+    /// Topics that are read as bytes, for signals.
+    pub(crate) signal_topics: Vec<String>,
     /// When it begins.
     pub(crate) start: Time,
     /// One line for each role: what was chosen.
@@ -112,11 +125,17 @@ impl Inputs {
             nodes: &RECORDING,
             params: Vec::new(),
             pose_of: None,
+            signal_topics: Vec::new(),
             start: play::start(path, recording)?,
             chosen: Vec::new(),
         };
         let chooser = Chooser { recording, path };
-        if args.robot_odom.is_none() && args.people.is_empty() && chooser.has_only_states() {
+        inputs.take_signals(&chooser, args)?;
+        if inputs.has_only_signals(&chooser, args) {
+            inputs.nodes = &["data"];
+            inputs.set("data", "sel_agent", NOBODY);
+            inputs.chosen.push("only signals are read, no robot and no people".into());
+        } else if args.robot_odom.is_none() && args.people.is_empty() && chooser.has_only_states() {
             inputs.nodes = &["data"];
             inputs.topics = STATES.map(|(name, _)| name.to_owned()).to_vec();
             inputs.chosen.push(format!("states: {} and {}", STATES[0].0, STATES[1].0));
@@ -129,6 +148,45 @@ impl Inputs {
         inputs.set_carried(path)?;
         inputs.set_params(args)?;
         Ok(inputs)
+    }
+
+    /// Checks the signals against the recording's definitions.
+    fn take_signals(&mut self, chooser: &Chooser<'_>, args: &InputArgs) -> Result<()> {
+        if args.signals.is_empty() {
+            return Ok(());
+        }
+        let max_age = args.params.iter().rev().find_map(|text| text.strip_prefix("data.signal_max_age="));
+        let max_age = max_age.and_then(|text| text.parse().ok()).unwrap_or(SIGNAL_MAX_AGE_S);
+        let msg_path = args.params.iter().rev().find_map(|text| text.strip_prefix("data.msg_path="));
+        let parsed = Signal::parse_all(&args.signals, max_age, "signal")?;
+        let signals = Signals::new(parsed, Definitions::of(msg_path.unwrap_or_default()));
+        for name in signals.topics() {
+            let topic = chooser.any_topic(&name)?;
+            let kind = topic.raw_type().ok_or_else(|| Error::Topic {
+                topic: name.clone(),
+                reason: "its messages are in an encoding that is not ROS's".into(),
+            })?;
+            signals.check(&name, &kind).map_err(|reason| Error::param("signal", reason))?;
+            self.chosen.push(format!("signals of {name} ({})", topic.type_name));
+            self.signal_topics.push(topic.name);
+        }
+        let texts = args.signals.iter().map(|text| Value::Str(text.clone())).collect();
+        self.params.push(("data".into(), "signals".into(), Value::List(texts)));
+        Ok(())
+    }
+
+    /// Whether signals are all that is to be read: as asked for, or because there is nothing else.
+    fn has_only_signals(&self, chooser: &Chooser<'_>, args: &InputArgs) -> bool {
+        let named = args.robot_odom.is_some() || args.robot_pose.is_some() || !args.people.is_empty();
+        let nobody = args.person.as_deref() == Some(NOBODY);
+        let has_people = chooser.candidates(&PEOPLE).into_iter().any(|topic| !is_nobody(topic));
+        let has_states = chooser.has_only_states();
+        nobody
+            || (!self.signal_topics.is_empty()
+                && !named
+                && !has_people
+                && !has_states
+                && args.person.is_none())
     }
 
     fn take_robot(&mut self, chooser: &Chooser<'_>, args: &InputArgs) -> Result<()> {
@@ -274,8 +332,8 @@ impl Inputs {
             else {
                 continue;
             };
-            // A recording of a later version may know more.
-            if nodes::parameters(node)?.iter().any(|spec| spec.name == param) {
+            // Signals are asked for by --signal. A recording of a later version may know more.
+            if param != "signals" && nodes::parameters(node)?.iter().any(|spec| spec.name == param) {
                 let (node, param, value) = parse(&format!("{node}.{param}={value}"))?;
                 self.set(&node, &param, &value);
                 told.push(format!("{name}={value}"));
@@ -293,7 +351,12 @@ impl Inputs {
     }
 
     fn set_params(&mut self, args: &InputArgs) -> Result<()> {
-        if let Some(person) = &args.person {
+        if self.nodes == ["data"]
+            && self.sets("data", "sel_agent")
+            && args.person.as_deref().is_none_or(|who| who == NOBODY)
+        {
+            // Only signals.
+        } else if let Some(person) = &args.person {
             self.set("human", "sel_agent", person);
             self.set("data", "sel_agent", person);
         } else if !self.sets("data", "sel_agent")
@@ -362,6 +425,19 @@ impl Chooser<'_> {
     fn candidates(&self, role: &Role) -> Vec<&Topic> {
         let fits = |topic: &&Topic| role.kind(&topic.type_name).is_some() && topic.known_type().is_some();
         self.recording.topics().iter().filter(fits).collect()
+    }
+
+    /// The topic of a signal, whatever its type.
+    fn any_topic(&self, name: &str) -> Result<Topic> {
+        let same = |topic: &&Topic| topic.name.trim_start_matches('/') == name.trim_start_matches('/');
+        let topics = self.recording.topics();
+        if let Some(topic) = topics.iter().find(same) {
+            return Ok(topic.clone());
+        }
+        let names: Vec<&str> = topics.iter().map(|topic| topic.name.as_str()).collect();
+        let hint = nearest(&names, name).map_or(String::new(), |near| format!("did you mean '{near}'? "));
+        let reason = format!("there is no topic {name}; {hint}topics in it: {}", names.join(", "));
+        Err(Error::file(self.path, reason))
     }
 
     fn named(&self, role: &Role, name: &str) -> Result<Topic> {

@@ -104,7 +104,11 @@ impl Source {
             batches.retain(|batch| Facts::read(batch).complete);
         }
         if batches.is_empty() {
-            let reason = format!("robot and people are never there together: {}", played.troubles());
+            let what = match self.inputs.nodes {
+                ["data"] => "nothing in it could be recorded",
+                _ => "robot and people are never there together",
+            };
+            let reason = format!("{what}: {}", played.troubles());
             return Err(Error::file(&self.path, reason));
         }
         Ok(batches)

@@ -10,7 +10,7 @@ use roscausal_core::{
     Result, Time,
     gate::lock,
     loopback::{Loopback, LoopbackNode, LoopbackPublisher, LoopbackSubscription},
-    middleware::{Middleware, Publish, Qos},
+    middleware::{Middleware, Publish, Qos, Raw, RawType},
 };
 use roscausal_msgs::{
     diagnostic_msgs::{DiagnosticArray, DiagnosticStatus},
@@ -35,13 +35,15 @@ pub(crate) struct Play<'a> {
     player: Player,
     /// Topic and publisher of the poses taken from odometry.
     pose: Option<(String, LoopbackPublisher<PoseStamped>)>,
+    /// By topic of the recording: the type of those that are published as bytes, for signals.
+    raw: Vec<Option<Arc<RawType>>>,
     /// The recording's own clock; it sets the time if there is one.
     clock: Option<usize>,
     now: Time,
     last: Time,
     played: Played,
     _diagnostics: LoopbackSubscription,
-    _node: LoopbackNode,
+    node: LoopbackNode,
 }
 
 /// The result of playing a recording.
@@ -82,7 +84,11 @@ impl<'a> Play<'a> {
             Some(topic) => Some((topic.clone(), node.advertise(ODOMETRY_POSE, Qos::Volatile(100))?)),
             None => None,
         };
-        recording.select(|topic| chosen(topic) || is_clock(topic));
+        // What is published under its type reaches signals from there.
+        let for_signals = |topic: &Topic| inputs.signal_topics.contains(&topic.name) && !chosen(topic);
+        let raw = |topic: &Topic| topic.raw_type().filter(|_| for_signals(topic)).map(Arc::new);
+        let raw = recording.topics().iter().map(raw).collect();
+        recording.select(|topic| chosen(topic) || is_clock(topic) || for_signals(topic));
         let played = Played::default();
         let troubles = played.troubles.clone();
         let diagnostics = node.subscribe("/diagnostics", Qos::Volatile(10), move |m: DiagnosticArray| {
@@ -100,12 +106,13 @@ impl<'a> Play<'a> {
             recording,
             player,
             pose,
+            raw,
             clock,
             now: start,
             last: start,
             played,
             _diagnostics: diagnostics,
-            _node: node,
+            node,
         })
     }
 
@@ -151,7 +158,13 @@ impl<'a> Play<'a> {
 
     /// Publishes one message. A message that cannot be read is counted.
     fn publish(&mut self, topic: &Topic, record: &Record) {
-        let mut published = self.player.publish(topic, record);
+        let mut published = match self.raw.get(record.topic) {
+            Some(Some(kind)) => {
+                let message = Raw { kind: kind.clone(), bytes: record.bytes.clone() };
+                self.node.publish_raw(&topic.name, message)
+            }
+            _ => self.player.publish(topic, record),
+        };
         if let (Ok(()), Some((name, publisher))) = (&published, &self.pose)
             && *name == topic.name
         {

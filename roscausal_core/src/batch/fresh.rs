@@ -33,6 +33,8 @@ pub(super) fn fresh_row(open: &Recording, nearest: Option<&(usize, BTreeSet<u32>
     let wanted = |id: &u32| nearest.is_none_or(|(_, who)| who.contains(id));
     let imposed =
         |rows: &Vec<Vec<f64>>| (first..n_rows).map(|k| rows.get(k).cloned().unwrap_or_default()).collect();
+    let measured =
+        |rows: &Vec<f64>| (first..n_rows).map(|k| rows.get(k).copied().unwrap_or(f64::NAN)).collect();
     let tail = Recording {
         start: open.start,
         dt_ns: open.dt_ns,
@@ -46,6 +48,7 @@ pub(super) fn fresh_row(open: &Recording, nearest: Option<&(usize, BTreeSet<u32>
             .collect(),
         others: open.others.iter().map(|(name, rows)| (name.clone(), tail_of(rows))).collect(),
         context: open.context.iter().map(|(name, rows)| (name.clone(), imposed(rows))).collect(),
+        signals: open.signals.iter().map(|(name, rows)| (name.clone(), measured(rows))).collect(),
         complete: false,
         ended_by: None,
     };

@@ -14,6 +14,7 @@ mod recording;
 pub mod risk;
 pub mod script;
 mod select;
+mod signal_track;
 pub mod table;
 mod tracks;
 pub mod writer;

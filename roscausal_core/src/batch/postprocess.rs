@@ -175,6 +175,7 @@ impl Postprocess {
                 columns.push(self.column(feature, name, (&batch, 0), Some((*id, rows)), &mut emptied));
             }
         }
+        columns.extend(batch.signal_columns());
         columns.extend(batch.context_columns());
         Ok(Features { columns, emptied })
     }
@@ -195,6 +196,7 @@ impl Postprocess {
                 columns.push(self.column(feature, name, (&tail, first), Some((*id, rows)), &mut emptied));
             }
         }
+        columns.extend(tail.signal_columns());
         columns.extend(tail.context_columns());
         let value = |column: Column| (column.name, column.values.last().copied().unwrap_or(f64::NAN));
         columns.into_iter().map(value).collect()
@@ -315,6 +317,7 @@ mod tests {
                 .collect::<BTreeMap<_, _>>(),
             others: BTreeMap::new(),
             context: BTreeMap::new(),
+            signals: Vec::new(),
             complete: true,
             ended_by: None,
         }

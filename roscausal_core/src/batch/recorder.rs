@@ -9,11 +9,13 @@ use roscausal_msgs::{
 
 use super::{
     fresh::{FreshRow, fresh_row},
-    journal::{Entry, Header, Log, Sample},
+    journal::{Entry, Header, Log, Sample, Subject},
     recording::{EndedBy, Recording},
     select::Select,
+    signal_track::SignalTrack,
     tracks::{Taken, Track, Values},
 };
+use crate::signal::How;
 
 /// How much later than others a message may arrive and still be used. Seconds.
 const LATENESS_S: f64 = 0.5;
@@ -68,7 +70,8 @@ pub struct RecorderCounts {
 ///
 /// Row `k` of all batches lies at `k * dt` of sensor time. A row is written once every message that matters to it
 /// must have arrived: when the newest stamp is `max_gap` and 0.5 s later. So the batches depend on the messages
-/// alone. A batch begins with the first row in which the robot and a selected person are there.
+/// alone. A batch begins with the first row in which the robot and a selected person are there; where nobody is to be
+/// recorded, with the first that has the robot or a signal, and the arrival of signals counts as a stamp.
 #[derive(Debug)]
 pub struct Recorder {
     config: RecorderConfig,
@@ -80,6 +83,9 @@ pub struct Recorder {
     others: BTreeMap<String, Track>,
     /// For each column of interventions: what is imposed, and from which stamp on.
     context: BTreeMap<String, VecDeque<(i64, Vec<f64>)>>,
+    signals: Vec<SignalTrack>,
+    /// Arrival of the newest signal. It drives the rows where nobody is to be recorded.
+    newest_signal: Option<i64>,
     frame: Option<String>,
     newest_robot: Option<i64>,
     newest_people: Option<i64>,
@@ -111,6 +117,8 @@ impl Recorder {
             people: BTreeMap::new(),
             others: BTreeMap::new(),
             context: BTreeMap::new(),
+            signals: Vec::new(),
+            newest_signal: None,
             frame: None,
             newest_robot: None,
             newest_people: None,
@@ -139,6 +147,44 @@ impl Recorder {
         self
     }
 
+    /// Makes the recorder also record signals: for each its name, and what rows hold.
+    #[must_use]
+    pub fn with_signals(mut self, signals: &[(String, How)]) -> Self {
+        self.signals = signals.iter().map(|(name, how)| SignalTrack::new(name, *how)).collect();
+        self
+    }
+
+    /// Adds a value of the signal with this number. It arrived `now`.
+    pub fn signal(&mut self, number: usize, stamp: Time, value: f64, now: Time) {
+        let (stamp, now) = (stamp.as_nanos(), now.as_nanos());
+        if self.is_driven_by_signals() {
+            if jumps(self.newest_signal, now) {
+                self.counts.jumps += 1;
+                self.restart(EndedBy::ClockJump);
+            }
+            self.newest_signal = self.newest_signal.max(Some(now));
+            let first = now.div_euclid(self.dt_ns) * self.dt_ns;
+            self.next_row.get_or_insert(first);
+        }
+        let Ok(subject) = u32::try_from(number) else { return };
+        let values = Values { x: value, ..Values::UNKNOWN };
+        let taken = self.insert(Sample { of: Subject::Signal(subject), stamp_ns: stamp, values });
+        self.count(taken);
+        if self.is_driven_by_signals() {
+            self.advance(false);
+        }
+    }
+
+    /// Whether rows wait for signals, because nobody is to be recorded.
+    fn is_driven_by_signals(&self) -> bool {
+        self.config.select == Select::Nobody
+    }
+
+    /// The newest stamp that rows wait for.
+    fn newest(&self) -> Option<i64> {
+        self.newest_robot.max(self.newest_people).max(self.newest_signal)
+    }
+
     /// The batches that the samples of a journal make. The last one may be short.
     pub(super) fn replay(header: &Header, samples: &[Sample]) -> Result<Vec<Recording>, String> {
         let allowed = |v: f64| (0.001..=60.0).contains(&v);
@@ -156,20 +202,27 @@ impl Recorder {
             subsampling: header.subsampling,
             select: header.sel_agent.parse()?,
         });
+        recorder = recorder.with_signals(&header.signals);
         recorder.frame = Some(header.frame.clone());
         recorder.next_row = Some(header.next_row_ns);
         for sample in samples {
-            let newest = recorder.newest_robot.max(recorder.newest_people).unwrap_or(header.next_row_ns);
+            let newest = recorder.newest().unwrap_or(header.next_row_ns);
             let beyond = newest.saturating_add(JUMP_AHEAD_NS);
             if sample.stamp_ns > beyond || sample.stamp_ns.unsigned_abs() > FARTHEST_NS {
                 // Not written by a recorder. What came before may be right.
                 break;
             }
-            let newest = match sample.person {
-                None => &mut recorder.newest_robot,
-                Some(_) => &mut recorder.newest_people,
+            let newest = match sample.of {
+                Subject::Robot => Some(&mut recorder.newest_robot),
+                Subject::Person(_) => Some(&mut recorder.newest_people),
+                Subject::Signal(_) if recorder.config.select == Select::Nobody => {
+                    Some(&mut recorder.newest_signal)
+                }
+                Subject::Signal(_) => None,
             };
-            *newest = (*newest).max(Some(sample.stamp_ns));
+            if let Some(newest) = newest {
+                *newest = (*newest).max(Some(sample.stamp_ns));
+            }
             recorder.insert(*sample);
             recorder.advance(false);
         }
@@ -195,7 +248,7 @@ impl Recorder {
         self.next_row.get_or_insert(first);
         if self.in_time(stamp) {
             let values = values(&state.pose2d, &state.twist, &state.goal);
-            let taken = self.insert(Sample { person: None, stamp_ns: stamp, values });
+            let taken = self.insert(Sample { of: Subject::Robot, stamp_ns: stamp, values });
             self.count(taken);
         }
         self.advance(false);
@@ -282,7 +335,7 @@ impl Recorder {
             }
             if self.in_time(stamp) {
                 let values = values(&person.pose2d, &person.twist, &person.goal);
-                match self.insert(Sample { person: Some(person.id), stamp_ns: stamp, values }) {
+                match self.insert(Sample { of: Subject::Person(person.id), stamp_ns: stamp, values }) {
                     Taken::Duplicate => {}
                     taken => self.count(taken),
                 }
@@ -371,7 +424,7 @@ impl Recorder {
 
     /// Writes the rows that can no longer change; with `all`, all rows up to the newest stamp.
     fn advance(&mut self, all: bool) {
-        let (Some(newest), Some(mut row)) = (self.newest_robot.max(self.newest_people), self.next_row) else {
+        let (Some(newest), Some(mut row)) = (self.newest(), self.next_row) else {
             // People without a robot: only the recent past may matter once the robot appears.
             if let Some(newest) = self.newest_people {
                 self.forget_before(newest - self.max_gap_ns - nanos(LATENESS_S));
@@ -385,8 +438,7 @@ impl Recorder {
         }
         self.next_row = Some(row);
         self.forget_before(row);
-        if self.open.is_none()
-            && (self.people.is_empty() || self.log.as_ref().is_some_and(Log::is_idle_and_large))
+        if self.open.is_none() && (!self.may_begin() || self.log.as_ref().is_some_and(Log::is_idle_and_large))
         {
             self.log.iter_mut().for_each(Log::abandon);
         }
@@ -394,24 +446,37 @@ impl Recorder {
 
     /// Adds a sample to its track, and to the journal once there may be something to record.
     fn insert(&mut self, sample: Sample) -> Taken {
-        let track = match sample.person {
-            None => &mut self.robot,
-            Some(id) => self.people.entry(id).or_default(),
+        let taken = match sample.of {
+            Subject::Robot => self.robot.insert(sample.stamp_ns, sample.values),
+            Subject::Person(id) => self.people.entry(id).or_default().insert(sample.stamp_ns, sample.values),
+            Subject::Signal(number) => {
+                let track = self.signals.get_mut(number as usize);
+                let crowded = track.is_some_and(|track| track.insert(sample.stamp_ns, sample.values.x));
+                if crowded { Taken::Crowded } else { Taken::Yes }
+            }
         };
-        let taken = track.insert(sample.stamp_ns, sample.values);
         if let Some(log) = &mut self.log {
             if log.number().is_some() {
                 if taken != Taken::Duplicate {
                     log.sample(sample);
                 }
-            } else if !self.robot.is_empty()
-                && !self.people.is_empty()
+            } else if self.may_begin()
                 && let Some(next_row) = self.next_row
             {
                 self.begin_journal(next_row);
             }
         }
         taken
+    }
+
+    /// Whether there is anything that a batch can begin with.
+    fn may_begin(&self) -> bool {
+        match self.config.select {
+            Select::Nobody => {
+                !self.robot.is_empty() || self.signals.iter().any(|track| track.values().next().is_some())
+            }
+            _ => !self.robot.is_empty() && !self.people.is_empty(),
+        }
     }
 
     /// Begins a journal of the samples that rows from `next_row` on depend on.
@@ -425,14 +490,19 @@ impl Recorder {
             sel_agent: self.config.select.to_string(),
             frame: self.frame.clone().unwrap_or_default(),
             next_row_ns: next_row,
+            signals: self.signals.iter().map(|track| (track.name.clone(), track.how)).collect(),
         };
         let Some(log) = &mut self.log else { return };
         log.begin(header);
-        let tracks =
-            std::iter::once((None, &self.robot)).chain(self.people.iter().map(|(id, t)| (Some(*id), t)));
-        for (person, track) in tracks {
-            let samples = track.samples().map(|&(stamp_ns, values)| Sample { person, stamp_ns, values });
+        let people = self.people.iter().map(|(id, track)| (Subject::Person(*id), track));
+        for (of, track) in std::iter::once((Subject::Robot, &self.robot)).chain(people) {
+            let samples = track.samples().map(|&(stamp_ns, values)| Sample { of, stamp_ns, values });
             samples.for_each(|sample| log.sample(sample));
+        }
+        for (number, track) in (0..).zip(&self.signals) {
+            let of = Subject::Signal(number);
+            let sample = |&(stamp_ns, x)| Sample { of, stamp_ns, values: Values { x, ..Values::UNKNOWN } };
+            track.values().map(sample).for_each(|sample| log.sample(sample));
         }
     }
 
@@ -441,6 +511,8 @@ impl Recorder {
         self.robot.forget_before(row, max_gap);
         self.people.retain(|_, track| track.forget_before(row, max_gap));
         self.others.retain(|_, track| track.forget_before(row, max_gap));
+        let dt = self.dt_ns;
+        self.signals.iter_mut().for_each(|track| track.forget_before(row, dt));
         for changes in self.context.values_mut() {
             while changes.get(1).is_some_and(|(stamp, _)| *stamp <= row) {
                 changes.pop_front();
@@ -453,7 +525,12 @@ impl Recorder {
         let robot = self.robot.at(row, max_gap, hold);
         let people: Vec<(u32, Values)> =
             self.people.iter().filter_map(|(id, track)| Some((*id, track.at(row, max_gap, hold)?))).collect();
-        if self.open.is_none() && (robot.is_none() || people.is_empty()) {
+        let signals: Vec<f64> = self.signals.iter().map(|track| track.at(row, self.dt_ns, max_gap)).collect();
+        let begins = match self.config.select {
+            Select::Nobody => robot.is_some() || signals.iter().any(|value| !value.is_nan()),
+            _ => robot.is_some() && !people.is_empty(),
+        };
+        if self.open.is_none() && !begins {
             self.counts.waited += 1;
             return;
         }
@@ -468,6 +545,7 @@ impl Recorder {
             people: BTreeMap::new(),
             others: BTreeMap::new(),
             context: BTreeMap::new(),
+            signals: self.signals.iter().map(|track| (track.name.clone(), Vec::new())).collect(),
             complete: false,
             ended_by: None,
         });
@@ -486,6 +564,9 @@ impl Recorder {
             let rows = open.others.entry(name.clone()).or_default();
             rows.resize(n_rows, Values::UNKNOWN);
             rows.push(track.at(row, max_gap, hold).unwrap_or(Values::UNKNOWN));
+        }
+        for ((_, rows), value) in open.signals.iter_mut().zip(signals) {
+            rows.push(value);
         }
         for (name, changes) in &self.context {
             let imposed = changes.iter().rev().find(|(stamp, _)| *stamp <= row);
@@ -534,12 +615,18 @@ impl Recorder {
                 rows.iter().rposition(|values| values.to_array().iter().any(|v| v.is_finite()))
             };
             let last = batch.people.values().map(known).max().flatten().max(known(&batch.robot));
+            let heard = |rows: &Vec<f64>| rows.iter().rposition(|value| !value.is_nan());
+            let last = match self.config.select {
+                Select::Nobody => last.max(batch.signals.iter().filter_map(|(_, rows)| heard(rows)).max()),
+                _ => last,
+            };
             batch.robot.truncate(last.map_or(0, |last| last + 1));
         }
         let n_rows = batch.robot.len();
         batch.people.values_mut().for_each(|rows| rows.resize(n_rows, Values::UNKNOWN));
         batch.others.values_mut().for_each(|rows| rows.resize(n_rows, Values::UNKNOWN));
         batch.context.values_mut().for_each(|rows| rows.resize(n_rows, Vec::new()));
+        batch.signals.iter_mut().for_each(|(_, rows)| rows.truncate(n_rows));
         let to_the_end = self.config.ts_length_s.is_none() && ended_by == EndedBy::NodeEnd;
         batch.complete = full || to_the_end;
         batch.ended_by = Some(ended_by);
@@ -559,7 +646,9 @@ impl Recorder {
         self.people.clear();
         self.others.clear();
         self.context.clear();
-        (self.frame, self.newest_robot, self.newest_people, self.next_row) = (None, None, None, None);
+        self.signals.iter_mut().for_each(SignalTrack::clear);
+        (self.frame, self.newest_robot, self.newest_people) = (None, None, None);
+        (self.newest_signal, self.next_row) = (None, None);
     }
 }
 

@@ -22,6 +22,8 @@ pub struct Recording {
     pub others: BTreeMap<String, Vec<Values>>,
     /// Interventions by column, with one entry per row; empty where nothing is imposed.
     pub context: BTreeMap<String, Vec<Vec<f64>>>,
+    /// Signals by name, in their order, each with one entry per row.
+    pub signals: Vec<(String, Vec<f64>)>,
     /// The batch has its full length.
     pub complete: bool,
     /// Why it ended; `None` while it goes on.
@@ -115,7 +117,13 @@ impl Recording {
         Time::from_nanos(self.start.as_nanos().saturating_add(self.dt_ns.saturating_mul(steps)))
     }
 
-    /// The columns after `time`: the robot's, then each person's. `legacy`: in the original's spelling.
+    /// Whether there is nothing but signals.
+    pub fn is_of_signals(&self) -> bool {
+        let unknown = |values: &Values| values.to_array().iter().all(|value| value.is_nan());
+        !self.signals.is_empty() && self.people.is_empty() && self.robot.iter().all(unknown)
+    }
+
+    /// The columns after `time`: the robot's, then each person's, then the signals. `legacy`: in the original's spelling.
     pub fn columns(&self, legacy: bool) -> Vec<Column> {
         let of = |prefix: &str, rows: &[Values], fields: [Field; 7]| {
             fields.map(|field| Column {
@@ -127,15 +135,29 @@ impl Recording {
         // A person's goal comes last.
         let mut of_person = Field::ALL;
         of_person.rotate_left(2);
-        let mut columns = of("r", &self.robot, Field::ALL).to_vec();
+        let mut columns = Vec::new();
+        if !self.is_of_signals() {
+            columns.extend(of("r", &self.robot, Field::ALL));
+        }
         for (id, rows) in &self.people {
             columns.extend(of(&format!("h_{id}"), rows, of_person));
         }
         for (name, rows) in &self.others {
             columns.extend(of(&format!("r_{name}"), rows, Field::ALL));
         }
+        columns.extend(self.signal_columns());
         columns.extend(self.context_columns());
         columns
+    }
+
+    /// The columns of signals.
+    pub fn signal_columns(&self) -> Vec<Column> {
+        let column = |(name, values): &(String, Vec<f64>)| Column {
+            name: name.clone(),
+            unit: "",
+            values: values.clone(),
+        };
+        self.signals.iter().map(column).collect()
     }
 
     /// The columns of interventions: the imposed value, 1 for a point, 0 where nothing is imposed.
@@ -183,6 +205,9 @@ impl Recording {
     /// The times at which the position of a body is unknown.
     pub fn gaps(&self) -> Vec<Gap> {
         let mut gaps = Vec::new();
+        if self.is_of_signals() {
+            return gaps;
+        }
         let people = self.people.iter().map(|(id, rows)| (format!("h_{id}"), rows));
         for (body, rows) in std::iter::once(("r".to_owned(), &self.robot)).chain(people) {
             let mut first = None;
@@ -217,6 +242,7 @@ mod tests {
             people: BTreeMap::from([(7, vec![row(f64::NAN), row(1.0), row(f64::NAN), row(f64::NAN)])]),
             others: BTreeMap::new(),
             context: BTreeMap::new(),
+            signals: Vec::new(),
             complete: true,
             ended_by: Some(EndedBy::TsLength),
         }

@@ -4,7 +4,7 @@ use std::{collections::BTreeSet, fmt, str::FromStr};
 
 use roscausal_msgs::{HumanState, geometry_msgs::Pose2D};
 
-/// A selection of people (`sel_agent`): `1000`, `3,7`, `nearest:2`, `all`.
+/// A selection of people (`sel_agent`): `1000`, `3,7`, `nearest:2`, `all`, `nobody`.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Select {
     /// Everybody.
@@ -13,6 +13,8 @@ pub enum Select {
     Ids(BTreeSet<u32>),
     /// The `N` people who are nearest to the robot in most rows of a batch.
     Nearest(usize),
+    /// Nobody: only the robot and signals are recorded, whichever there are.
+    Nobody,
 }
 
 impl Select {
@@ -21,6 +23,7 @@ impl Select {
         match self {
             Self::Ids(ids) => ids.contains(&id),
             Self::All | Self::Nearest(_) => true,
+            Self::Nobody => false,
         }
     }
 
@@ -29,6 +32,7 @@ impl Select {
     pub fn of(&self, people: &[HumanState], robot: Option<&Pose2D>) -> Vec<HumanState> {
         match self {
             Self::All => people.to_vec(),
+            Self::Nobody => Vec::new(),
             Self::Ids(ids) => {
                 let chosen: Vec<HumanState> =
                     people.iter().filter(|person| ids.contains(&person.id)).cloned().collect();
@@ -50,16 +54,19 @@ impl Select {
 impl FromStr for Select {
     type Err = String;
 
-    /// `all`, `nearest:N`, an id, or several separated by commas.
+    /// `all`, `nobody`, `nearest:N`, an id, or several separated by commas.
     fn from_str(text: &str) -> Result<Self, String> {
         let fault = || {
             format!(
-                "'{text}' names nobody; allowed: all, nearest:N (such as nearest:2), an id, or ids such as 3,7"
+                "'{text}' names nobody; allowed: all, nobody, nearest:N (such as nearest:2), an id, or ids such as 3,7"
             )
         };
         let text = text.trim().trim_matches(['[', ']']);
         if text.eq_ignore_ascii_case("all") || text.is_empty() {
             return Ok(Self::All);
+        }
+        if text.eq_ignore_ascii_case("nobody") {
+            return Ok(Self::Nobody);
         }
         if let Some(number) = text.strip_prefix("nearest:") {
             return match number.trim().parse() {
@@ -76,6 +83,7 @@ impl fmt::Display for Select {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::All => f.write_str("all"),
+            Self::Nobody => f.write_str("nobody"),
             Self::Nearest(number) => write!(f, "nearest:{number}"),
             Self::Ids(ids) => f.write_str(&ids.iter().map(u32::to_string).collect::<Vec<_>>().join(",")),
         }
@@ -92,11 +100,11 @@ mod tests {
         assert_eq!("[3, 7]".parse(), Ok(Select::Ids([3, 7].into())));
         assert_eq!("nearest:2".parse(), Ok(Select::Nearest(2)));
         assert_eq!("all".parse(), Ok(Select::All));
-        for select in [Select::All, Select::Nearest(2), Select::Ids([3, 7].into())] {
+        for select in [Select::All, Select::Nobody, Select::Nearest(2), Select::Ids([3, 7].into())] {
             assert_eq!(select.to_string().parse(), Ok(select));
         }
         assert!("nearest:0".parse::<Select>().is_err());
-        assert!("bob".parse::<Select>().expect_err("no id").contains("allowed: all, nearest:N"));
+        assert!("bob".parse::<Select>().expect_err("no id").contains("allowed: all, nobody, nearest:N"));
     }
 
     #[test]

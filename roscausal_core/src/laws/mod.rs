@@ -45,6 +45,7 @@ pub fn middleware_laws<M: Middleware>(new_node: impl Fn(&str) -> M, settle: impl
     let (node, settle) = (&new_node, &settle);
     every_subscriber_hears_every_message_in_order(node, settle);
     two_publishers_of_a_topic_are_both_heard(node, settle);
+    a_listener_reads_a_topic_by_its_definition(node, settle);
     a_dropped_subscription_hears_nothing_more(node, settle);
     a_dropped_subscription_is_no_longer_counted(node, settle);
     a_latched_topic_gives_a_late_joiner_exactly_the_last_message(node, settle);

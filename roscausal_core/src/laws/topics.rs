@@ -2,8 +2,15 @@
 
 use roscausal_msgs::std_msgs::{Float64, String as Text};
 
+use std::sync::{Arc, Mutex};
+
 use super::{Heard, VOLATILE, connect, eventually, must, publish, quietly};
-use crate::middleware::{Middleware, Publish, Qos};
+use crate::{
+    Time,
+    gate::lock,
+    middleware::{Middleware, Publish, Qos, Raw},
+    signal::{Definitions, Signal, Signals},
+};
 
 /// Messages that may be sent back to back. ROS 1's library drops those beyond 8.
 const BURST: usize = 5;
@@ -33,6 +40,37 @@ pub fn every_subscriber_hears_every_message_in_order<M: Middleware>(
     quietly(settle);
     for heard in [a, b, c] {
         assert_eq!(heard.numbers(), sent, "every subscriber hears every message once, in order");
+    }
+}
+
+/// A listener gets the messages of a topic as bytes, whatever their type, with a definition by which they are read; a
+/// middleware that cannot says so.
+pub fn a_listener_reads_a_topic_by_its_definition<M: Middleware>(
+    node: &impl Fn(&str) -> M,
+    settle: &impl Fn(),
+) {
+    let (sender, listener) = (node("raw_sender"), node("raw_listener"));
+    let publisher = must(sender.advertise("/raw_numbers", VOLATILE), "advertise");
+    let mut signals = Signals::new(
+        vec![must(Signal::parse("x = 2 * /raw_numbers.data", 2.0, "signals"), "a signal")],
+        Definitions::default(),
+    );
+    let heard = Arc::new(Mutex::new(Vec::new()));
+    let hears = heard.clone();
+    let listening = listener.listen("/raw_numbers", move |raw: Raw| lock(&hears).push(raw));
+    let _listening = match listening {
+        Ok(listening) => listening,
+        Err(error) => return assert!(error.to_string().contains("--signal"), "{error}"),
+    };
+    let arrives = || {
+        publish(&publisher, 21.0);
+        settle();
+        lock(&heard).len() > 1
+    };
+    eventually(settle, "a listener hears a topic of any type", arrives);
+    for raw in lock(&heard).iter() {
+        let readings = signals.heard(0, raw, Time::from_secs_f64(1.0));
+        assert_eq!(readings.first().map(|reading| reading.value), Some(42.0), "{:?}", signals.trouble());
     }
 }
 

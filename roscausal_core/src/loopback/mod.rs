@@ -66,6 +66,8 @@ enum Clock {
 #[derive(Default)]
 struct BusState {
     topics: BTreeMap<String, Topic>,
+    /// By topic: who takes its messages as bytes, whatever their type.
+    listeners: BTreeMap<String, Vec<(u64, Arc<Slot>)>>,
     services: BTreeMap<String, Offer>,
     params: BTreeMap<String, Value>,
     /// The "keep running" flag of each node, in the order in which they joined.

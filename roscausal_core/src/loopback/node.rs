@@ -12,11 +12,12 @@ use roscausal_msgs::Service;
 
 use super::{
     Bus, Loopback, LoopbackPublisher, LoopbackServer, LoopbackSubscription, Member, services, task::Task,
+    topics,
 };
 use crate::{
     Error, Message, Result, Time,
     inbox::Consumer,
-    middleware::{Middleware, Qos, Reply, is_token},
+    middleware::{Middleware, Qos, Raw, Reply, is_token},
     params::{ParamSpec, Value},
 };
 
@@ -64,6 +65,15 @@ impl LoopbackNode {
         Err(Error::Topic { topic: topic.to_owned(), reason })
     }
 
+    /// Sends a message of any type to those who listen for bytes ([`Middleware::listen`]).
+    ///
+    /// # Errors
+    /// An illegal name.
+    pub fn publish_raw(&self, topic: &str, message: Raw) -> Result<()> {
+        topics::publish_raw(&self.bus, &self.resolve(topic)?, message);
+        Ok(())
+    }
+
     fn param_key(&self, name: &str) -> String {
         if name.starts_with('/') { name.to_owned() } else { format!("{}/{name}", self.name) }
     }
@@ -89,6 +99,10 @@ impl Middleware for LoopbackNode {
         callback: impl FnMut(M) + Send + 'static,
     ) -> Result<Self::Subscription> {
         LoopbackSubscription::new(&self.bus, self.resolve(topic)?, callback)
+    }
+
+    fn listen(&self, topic: &str, callback: impl FnMut(Raw) + Send + 'static) -> Result<Self::Subscription> {
+        Ok(LoopbackSubscription::listen(&self.bus, self.resolve(topic)?, callback))
     }
 
     fn serve<S: Service>(

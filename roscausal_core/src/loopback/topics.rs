@@ -4,14 +4,16 @@ use std::{
     any::{Any, TypeId},
     collections::VecDeque,
     marker::PhantomData,
-    sync::{Arc, Mutex},
+    sync::{Arc, Mutex, MutexGuard},
 };
+
+use roscausal_msgs::{Wires, cdr, dynamic::Wire, ros1};
 
 use super::{Bus, BusState};
 use crate::{
     Error, Message, Result,
     gate::{Gate, lock},
-    middleware::{Publish, Qos},
+    middleware::{Publish, Qos, Raw, RawType},
 };
 
 pub(super) type Payload = Arc<dyn Any + Send + Sync>;
@@ -22,6 +24,8 @@ pub(super) struct Topic {
     pub(super) type_name: String,
     md5: &'static str,
     latched: Option<(u64, Payload)>,
+    /// A message of it as bytes.
+    as_raw: fn(&Payload) -> Option<Raw>,
     pub(super) publishers: usize,
     subscribers: Vec<(u64, Arc<Slot>)>,
 }
@@ -72,13 +76,35 @@ impl Slot {
     }
 }
 
+/// A message as bytes: in ROS 1's format, unless only ROS 2 has its type.
+fn as_raw<M: Message>(payload: &Payload) -> Option<Raw> {
+    let (message, definition) = (payload.downcast_ref::<M>()?, M::definition());
+    let (wire, text, bytes) = match definition.wires {
+        Wires::Ros2 => (Wire::Cdr, definition.ros2_definition(), cdr::to_bytes(message).ok()?),
+        _ => (Wire::Ros1, definition.ros1_definition(), ros1::to_bytes(message, 0).ok()?),
+    };
+    let kind = RawType { type_name: M::type_name(), definition: text.to_owned(), wire };
+    Some(Raw { kind: Arc::new(kind), bytes })
+}
+
 impl BusState {
+    /// Who takes this message as bytes, and those.
+    fn raw_deliveries(&self, topic: &str, raw: impl FnOnce() -> Option<Raw>) -> Vec<(Arc<Slot>, Payload)> {
+        let Some(listeners) = self.listeners.get(topic).filter(|listeners| !listeners.is_empty()) else {
+            return Vec::new();
+        };
+        let Some(raw) = raw() else { return Vec::new() };
+        let payload: Payload = Arc::new(raw);
+        listeners.iter().map(|(_, slot)| (slot.clone(), payload.clone())).collect()
+    }
+
     fn topic<M: Message>(&mut self, name: &str) -> Result<&mut Topic> {
         let topic = self.topics.entry(name.to_owned()).or_insert_with(|| Topic {
             type_id: TypeId::of::<M>(),
             type_name: M::type_name(),
             md5: M::ros1_md5(),
             latched: None,
+            as_raw: as_raw::<M>,
             publishers: 0,
             subscribers: Vec::new(),
         });
@@ -118,28 +144,41 @@ impl<M: Message> LoopbackPublisher<M> {
     }
 }
 
+/// Hands messages over: later, in lockstep, otherwise now.
+fn deliver(bus: &Bus, mut state: MutexGuard<'_, BusState>, deliveries: Vec<(Arc<Slot>, Payload)>) {
+    if bus.lockstep {
+        state.deliveries.extend(deliveries);
+        return;
+    }
+    // Queued under the lock of the bus, so all subscribers see the same order.
+    deliveries.iter().for_each(|(slot, payload)| slot.push(payload.clone()));
+    drop(state);
+    deliveries.iter().for_each(|(slot, _)| slot.run());
+}
+
+/// Sends a message of any type to those who listen to a topic for bytes.
+pub(super) fn publish_raw(bus: &Bus, topic: &str, message: Raw) {
+    let state = bus.lock();
+    let deliveries = state.raw_deliveries(topic, || Some(message));
+    deliver(bus, state, deliveries);
+}
+
 impl<M: Message> Publish<M> for LoopbackPublisher<M> {
     fn publish(&self, message: &M) -> Result<()> {
-        let slots: Vec<Arc<Slot>> = {
-            let mut state = self.bus.lock();
-            let topic = state.topic::<M>(&self.topic)?;
-            if topic.subscribers.is_empty() && self.qos != Qos::Latched {
-                return Ok(());
-            }
-            let payload: Payload = Arc::new(message.clone());
-            if self.qos == Qos::Latched {
-                topic.latched = Some((self.id, payload.clone()));
-            }
-            let slots: Vec<_> = topic.subscribers.iter().map(|(_, slot)| slot.clone()).collect();
-            if self.bus.lockstep {
-                state.deliveries.extend(slots.into_iter().map(|slot| (slot, payload.clone())));
-                return Ok(());
-            }
-            // Queued under the lock of the bus, so all subscribers see the same order.
-            slots.iter().for_each(|slot| slot.push(payload.clone()));
-            slots
-        };
-        slots.iter().for_each(|slot| slot.run());
+        let mut state = self.bus.lock();
+        let is_heard = state.listeners.contains_key(&self.topic);
+        let topic = state.topic::<M>(&self.topic)?;
+        if topic.subscribers.is_empty() && self.qos != Qos::Latched && !is_heard {
+            return Ok(());
+        }
+        let payload: Payload = Arc::new(message.clone());
+        if self.qos == Qos::Latched {
+            topic.latched = Some((self.id, payload.clone()));
+        }
+        let mut deliveries: Vec<_> =
+            topic.subscribers.iter().map(|(_, slot)| (slot.clone(), payload.clone())).collect();
+        deliveries.extend(state.raw_deliveries(&self.topic, || as_raw::<M>(&payload)));
+        deliver(&self.bus, state, deliveries);
         Ok(())
     }
 
@@ -189,6 +228,35 @@ impl LoopbackSubscription {
         slot.run();
         Ok(Self { bus: bus.clone(), topic, id, slot })
     }
+
+    /// A subscription to messages of any type.
+    pub(super) fn listen(
+        bus: &Arc<Bus>,
+        topic: String,
+        mut callback: impl FnMut(Raw) + Send + 'static,
+    ) -> Self {
+        let slot = Arc::new(Slot::of(move |payload| {
+            if let Ok(raw) = payload.downcast::<Raw>() {
+                callback(Arc::unwrap_or_clone(raw));
+            }
+        }));
+        let id = bus.id();
+        {
+            let mut state = bus.lock();
+            state.listeners.entry(topic.clone()).or_default().push((id, slot.clone()));
+            let latched = state.topics.get(&topic).and_then(|entry| {
+                let (_, payload) = entry.latched.as_ref()?;
+                (entry.as_raw)(payload)
+            });
+            match latched {
+                Some(raw) if bus.lockstep => state.deliveries.push_back((slot.clone(), Arc::new(raw))),
+                Some(raw) => slot.push(Arc::new(raw)),
+                None => (),
+            }
+        }
+        slot.run();
+        Self { bus: bus.clone(), topic, id, slot }
+    }
 }
 
 impl Drop for LoopbackSubscription {
@@ -199,6 +267,12 @@ impl Drop for LoopbackSubscription {
                 topic.subscribers.retain(|(id, _)| *id != self.id);
             }
             state.prune(&self.topic);
+            if let Some(listeners) = state.listeners.get_mut(&self.topic) {
+                listeners.retain(|(id, _)| *id != self.id);
+                if listeners.is_empty() {
+                    state.listeners.remove(&self.topic);
+                }
+            }
         }
         self.slot.end();
     }

@@ -6,22 +6,23 @@ use roscausal_msgs::{
 };
 
 use super::{
-    data_params::{recorder, specs, writer},
+    data_params::{recorder, signals, specs, writer},
     health::Health,
     in_namespace, to_its_end,
 };
 use crate::{
     Result,
     batch::{
-        EndedBy,
+        EndedBy, Select,
         fresh::FreshRow,
         postprocess::Postprocess,
         recorder::Recorder,
         writer::{Processing, Writer},
     },
     inbox::{Inbox, Next},
-    middleware::{Middleware, Publish, Qos},
+    middleware::{Middleware, Publish, Qos, Raw},
     params::Params,
+    signal::Signals,
 };
 
 /// Topic of the variables, row by row.
@@ -39,6 +40,8 @@ enum Event {
     Other(usize, RobotState),
     Humans(Humans),
     Context(String),
+    /// A message of a topic of signals, by its position.
+    Signal(usize, Raw),
 }
 
 /// Progress of the open batch.
@@ -74,7 +77,11 @@ pub fn data_with<M: Middleware>(mw: &M, on_progress: impl Fn(Recorded)) -> Resul
 /// As [`data`].
 pub async fn data_task<M: Middleware>(mw: &M, on_progress: impl Fn(Recorded)) -> Result<()> {
     let params = Params::read(mw, &specs())?;
-    let mut recorder = Recorder::new(recorder(&params)?);
+    let mut signals = signals(&params)?;
+    let columns: Vec<_> = signals.signals().iter().map(|signal| (signal.name.clone(), signal.how)).collect();
+    let config = recorder(&params)?;
+    let with_people = config.select != Select::Nobody;
+    let mut recorder = Recorder::new(config).with_signals(&columns);
     let writing = writer(&params)?;
     // A script post-processes files; what it would say of a row is not known before.
     let live = match &writing.processing {
@@ -92,8 +99,8 @@ pub async fn data_task<M: Middleware>(mw: &M, on_progress: impl Fn(Recorded)) ->
     let inbox = Inbox::new(mw, INBOX);
     let robot_topic = in_namespace("robot", &params.text("robot"), "/roscausal/robot")?;
     let others = params.list("other_robots");
-    let robot_input = health.input::<RobotState>(&robot_topic, true);
-    let humans_input = health.input::<Humans>("/roscausal/humans", true);
+    let robot_input = health.input::<RobotState>(&robot_topic, with_people);
+    let humans_input = health.input::<Humans>("/roscausal/humans", with_people);
     let (robot, humans) = (inbox.sender(), inbox.sender());
     let _robot = mw.subscribe(&robot_topic, Qos::Volatile(1000), move |m| robot.send(Event::Robot(m)))?;
     let _humans =
@@ -113,6 +120,12 @@ pub async fn data_task<M: Middleware>(mw: &M, on_progress: impl Fn(Recorded)) ->
         }
         None => None,
     };
+
+    let mut _listened = Vec::new();
+    for (place, topic) in signals.topics().iter().enumerate() {
+        let signal = inbox.sender();
+        _listened.push(mw.listen(topic, move |m| signal.send(Event::Signal(place, m)))?);
+    }
 
     let mut told = Recorded { rows: 0, of: None, batches: 0 };
     let (mut journal_due, mut refused, mut stopped) = (mw.now(), 0_u64, false);
@@ -138,6 +151,14 @@ pub async fn data_task<M: Middleware>(mw: &M, on_progress: impl Fn(Recorded)) ->
             Next::Event(Event::Context(text)) => {
                 if let Err(reason) = recorder.context(text, mw.now()) {
                     tracing::warn!("left out: {reason}");
+                }
+            }
+            Next::Event(Event::Signal(place, message)) => {
+                let now = mw.now();
+                for reading in signals.heard(*place, message, now) {
+                    if !stopped {
+                        recorder.signal(reading.signal, reading.stamp, reading.value, now);
+                    }
                 }
             }
             Next::Event(Event::Humans(people)) => {
@@ -185,7 +206,7 @@ pub async fn data_task<M: Middleware>(mw: &M, on_progress: impl Fn(Recorded)) ->
         if next == Next::Shutdown {
             return Ok(());
         }
-        report(mw, &mut health, &recorder, &writer, [inbox.dropped(), refused]);
+        report(mw, &mut health, &recorder, &writer, &signals, [inbox.dropped(), refused]);
     }
 }
 
@@ -201,6 +222,7 @@ fn report<M: Middleware>(
     health: &mut Health<M>,
     recorder: &Recorder,
     writer: &Writer,
+    signals: &Signals,
     [dropped, refused]: [u64; 2],
 ) {
     if mw.now() < health.due() {
@@ -225,8 +247,10 @@ fn report<M: Middleware>(
         ("in another frame", counts.foreign_frame),
         ("too many people or samples", counts.crowded),
         ("clock jumps", counts.jumps),
+        ("messages of signals not read", signals.unreadable()),
     ]
     .map(|(name, figure)| (name, figure.to_string()));
-    let trouble = status.trouble.or(status.last_failure).or(journal.trouble).or_else(|| recorder.trouble());
+    let trouble = status.trouble.or(status.last_failure).or(journal.trouble);
+    let trouble = trouble.or_else(|| signals.trouble().map(str::to_owned)).or_else(|| recorder.trouble());
     health.report(mw, || figures, trouble.as_deref());
 }

@@ -8,7 +8,7 @@ use super::{path, scene_params::risk_specs};
 use crate::{
     Error, Result,
     batch::{
-        IdFormat, Select,
+        Field, IdFormat, Select,
         pool::{Limits, Pool},
         postprocess::{Feature, Obstacle, Postprocess},
         recorder::RecorderConfig,
@@ -17,11 +17,21 @@ use crate::{
         writer::{Processing, WriterConfig},
     },
     params::{Allowed, ParamSpec, Params, Value},
+    signal::{Definitions, Signal, Signals},
 };
+use roscausal_discovery::names::plain;
 
 /// Parameters that say where files are, not what is in them.
-const PLACES: [&str; 7] =
-    ["data_dir", "pp_data_dir", "pp_script_dir", "max_pool_size", "max_pool_bytes", "pool_policy", "journal"];
+const PLACES: [&str; 8] = [
+    "msg_path",
+    "data_dir",
+    "pp_data_dir",
+    "pp_script_dir",
+    "max_pool_size",
+    "max_pool_bytes",
+    "pool_policy",
+    "journal",
+];
 
 /// Names, defaults, allowed values and descriptions.
 pub(super) fn specs() -> Vec<ParamSpec> {
@@ -88,7 +98,12 @@ pub(super) fn specs() -> Vec<ParamSpec> {
             "also keep the open batch on disk, so that a crash costs at most about a second of it",
         ),
         ParamSpec::new("legacy_columns", Bool(false), Any, "raw columns as ROS-Causal 1.1 spells them"),
-        ParamSpec::new("sel_agent", text("1000"), Any, "who is recorded: an id, ids (3,7), nearest:N, all"),
+        ParamSpec::new(
+            "sel_agent",
+            text("1000"),
+            Any,
+            "who is recorded: an id, ids (3,7), nearest:N, all; nobody: only robot and signals",
+        ),
         ParamSpec::new("robot", text(""), Any, "name of the robot, the namespace of its topics; empty: none"),
         ParamSpec::new(
             "other_robots",
@@ -127,6 +142,25 @@ pub(super) fn specs() -> Vec<ParamSpec> {
             "names of the speed, the distance to the goal, and the risk",
         ),
         ParamSpec::new("features", List(Vec::new()), Any, "your own features, each 'name = expression'"),
+        ParamSpec::new(
+            "signals",
+            List(Vec::new()),
+            Any,
+            "numbers of any topic as variables, each 'name = /topic.field' (docs/signals.md)",
+        ),
+        ParamSpec::new(
+            "signal_max_age",
+            Double(2.0),
+            Range(0.001, 1e9),
+            "seconds for which a signal's last value counts, unless the signal says hold(..., seconds)",
+        ),
+        ParamSpec::new(
+            "msg_path",
+            text(""),
+            Any,
+            "folders of .msg files (PACKAGE/msg/NAME.msg), separated by ':', for types of signals; searched before the ROS \
+             installation (AMENT_PREFIX_PATH)",
+        ),
     ]
 }
 
@@ -151,6 +185,40 @@ pub(super) fn recorder(params: &Params) -> Result<RecorderConfig> {
     let select: Select =
         params.text("sel_agent").parse().map_err(|reason| Error::param("sel_agent", reason))?;
     Ok(RecorderConfig { dt_s, ts_length_s, max_gap_s, subsampling: params.flag("subsampling"), select })
+}
+
+/// The signals to record.
+pub(super) fn signals(params: &Params) -> Result<Signals> {
+    let signals = Signal::parse_all(&params.list("signals"), params.double("signal_max_age"), "signals")?;
+    let fault = |reason: String| Err(Error::param("signals", reason));
+    let features = features(params)?;
+    for signal in &signals {
+        let name = &signal.name;
+        let is_of_person =
+            name.strip_prefix("h_").is_some_and(|rest| rest.starts_with(|c: char| c.is_ascii_digit()));
+        if is_of_person || Field::ALL.iter().any(|field| *name == format!("r_{}", field.name())) {
+            return fault(format!("'{name}' is a column of the batch already; choose another name"));
+        }
+        if features.iter().any(|feature| plain(&feature.name) == *name) {
+            return fault(format!("'{name}' is a feature, too; choose another name"));
+        }
+    }
+    if signals.is_empty() && features.is_empty() {
+        return Err(Error::param(
+            "sel_agent",
+            "nobody: there is nothing to record; give signals or features",
+        ));
+    }
+    Ok(Signals::new(signals, Definitions::of(&params.text("msg_path"))))
+}
+
+/// The features; none of the paper's where nobody is recorded.
+fn features(params: &Params) -> Result<Vec<Feature>> {
+    let own = params.list("features");
+    if own.is_empty() && params.text("sel_agent").parse() == Ok(Select::Nobody) {
+        return Ok(Vec::new());
+    }
+    Feature::parse(&own, &params.list("feature_names"))
 }
 
 /// Where and how batches are written.
@@ -209,7 +277,7 @@ fn processing(params: &Params) -> Result<Processing> {
             obs_size,
             safe_dist,
             obstacle: params.text("obstacle").parse().map_err(|reason| Error::param("obstacle", reason))?,
-            features: Feature::parse(&params.list("features"), &params.list("feature_names"))?,
+            features: features(params)?,
         }),
     })
 }

@@ -40,7 +40,7 @@ pub use robot::robot;
 pub use scene_params::SceneOptions;
 
 /// Expands `~` to the home folder.
-fn path(text: &str) -> PathBuf {
+pub(crate) fn path(text: &str) -> PathBuf {
     match (text.strip_prefix("~/"), std::env::var_os("HOME")) {
         (Some(rest), Some(home)) => PathBuf::from(home).join(rest),
         _ => PathBuf::from(text),

@@ -2,7 +2,10 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::batch::{Field, Values};
+use crate::{
+    batch::{Field, Values},
+    signal::How,
+};
 
 /// The first bytes of every journal.
 pub const MAGIC: &[u8] = b"roscausal-journal/1\n";
@@ -32,16 +35,50 @@ pub struct Header {
     pub frame: String,
     /// The first row that may belong to this batch, in nanoseconds.
     pub next_row_ns: i64,
+    /// The signals in the order of their numbers: name, and what rows hold.
+    #[serde(default)]
+    pub signals: Vec<(String, How)>,
 }
 
-/// One sample of a robot or person.
+/// What a sample is of.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Subject {
+    /// The robot.
+    Robot,
+    /// The person with this id.
+    Person(u32),
+    /// The signal with this number.
+    Signal(u32),
+}
+
+impl Subject {
+    /// Its two numbers in the file.
+    fn code(self) -> (u8, u32) {
+        match self {
+            Self::Robot => (0, 0),
+            Self::Person(id) => (1, id),
+            Self::Signal(number) => (2, number),
+        }
+    }
+
+    fn of(kind: u8, number: u32) -> Option<Self> {
+        match kind {
+            0 => Some(Self::Robot),
+            1 => Some(Self::Person(number)),
+            2 => Some(Self::Signal(number)),
+            _ => None,
+        }
+    }
+}
+
+/// One sample of the robot, a person or a signal.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Sample {
-    /// A person's id; `None`: the robot.
-    pub person: Option<u32>,
+    /// What it is of.
+    pub of: Subject,
     /// Nanoseconds.
     pub stamp_ns: i64,
-    /// What was measured.
+    /// What was measured; of a signal only `x`.
     pub values: Values,
 }
 
@@ -73,8 +110,9 @@ pub(super) fn begin(header: &Header) -> Vec<u8> {
 pub(super) fn block_of(samples: &[Sample]) -> Vec<u8> {
     let mut payload = Vec::with_capacity(samples.len() * SAMPLE);
     for sample in samples {
-        payload.push(u8::from(sample.person.is_some()));
-        payload.extend(sample.person.unwrap_or_default().to_le_bytes());
+        let (kind, number) = sample.of.code();
+        payload.push(kind);
+        payload.extend(number.to_le_bytes());
         payload.extend(sample.stamp_ns.to_le_bytes());
         sample.values.to_array().iter().for_each(|value| payload.extend(value.to_le_bytes()));
     }
@@ -119,8 +157,8 @@ fn sample(bytes: &[u8]) -> Option<Sample> {
     for (value, bytes) in values.iter_mut().zip(rest.as_chunks().0) {
         *value = f64::from_le_bytes(*bytes);
     }
-    let person = (kind == 1).then_some(u32::from_le_bytes(*id));
-    Some(Sample { person, stamp_ns: i64::from_le_bytes(*stamp), values: Values::from_array(values) })
+    let of = Subject::of(kind, u32::from_le_bytes(*id))?;
+    Some(Sample { of, stamp_ns: i64::from_le_bytes(*stamp), values: Values::from_array(values) })
 }
 
 #[cfg(test)]
@@ -137,13 +175,14 @@ pub(crate) mod tests {
             sel_agent: "all".into(),
             frame: "map".into(),
             next_row_ns: 0,
+            signals: vec![("load".into(), How::Hold(1.0))],
         }
     }
 
     pub(crate) fn samples(n: i64) -> Vec<Sample> {
         let values = |x: f64| Values::from_array([f64::NAN, 1.0, x, 2.0, 0.1, 0.5, 0.0]);
-        let of = |person, i: i64| Sample { person, stamp_ns: i * 50_000_000, values: values(i as f64) };
-        (0..n).flat_map(|i| [of(None, i), of(Some(7), i)]).collect()
+        let of = |of, i: i64| Sample { of, stamp_ns: i * 50_000_000, values: values(i as f64) };
+        (0..n).flat_map(|i| [of(Subject::Robot, i), of(Subject::Person(7), i)]).collect()
     }
 
     #[test]

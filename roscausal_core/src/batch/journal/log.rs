@@ -2,12 +2,12 @@
 
 use std::collections::BTreeMap;
 
-use super::{Entry, Header, Sample};
+use super::{Entry, Header, Sample, Subject};
 
 /// A journal without rows begins again after this many samples, so that it stays small while nobody is recorded.
 const MOST_WITHOUT_ROWS: usize = 20_000;
 
-/// Collects the samples for the journal. For each robot or person it keeps only those that a row can depend on: the
+/// Collects the samples for the journal. For each robot, person or signal it keeps only those that a row can depend on: the
 /// first and the last between two rows, and all late ones. So a journal is at most about twice as large as its
 /// batch, however fast the topics are.
 #[derive(Debug)]
@@ -15,8 +15,8 @@ pub(in crate::batch) struct Log {
     next_number: u64,
     number: Option<u64>,
     dt_ns: i64,
-    /// The newest sample of each robot or person, and whether it has been collected.
-    newest: BTreeMap<Option<u32>, (Sample, bool)>,
+    /// The newest sample of each robot, person or signal, and whether it has been collected.
+    newest: BTreeMap<Subject, (Sample, bool)>,
     entries: Vec<Entry>,
     noted: usize,
 }
@@ -60,7 +60,7 @@ impl Log {
             return;
         }
         let row = |stamp_ns: i64| stamp_ns.div_euclid(self.dt_ns);
-        let noted = match self.newest.get(&sample.person) {
+        let noted = match self.newest.get(&sample.of) {
             // Late: its effect is hard to predict, so it is kept.
             Some((newest, _)) if sample.stamp_ns <= newest.stamp_ns => return self.note(sample),
             Some((newest, _)) if row(newest.stamp_ns) == row(sample.stamp_ns) => false,
@@ -73,7 +73,7 @@ impl Log {
         if noted {
             self.note(sample);
         }
-        self.newest.insert(sample.person, (sample, noted));
+        self.newest.insert(sample.of, (sample, noted));
     }
 
     /// Ends the open journal, whose batch is complete, and returns its number.
@@ -123,7 +123,7 @@ mod tests {
     }
 
     fn at(stamp_ns: i64) -> Sample {
-        Sample { person: None, stamp_ns, values: Values::from_array([0.0; 7]) }
+        Sample { of: Subject::Robot, stamp_ns, values: Values::from_array([0.0; 7]) }
     }
 
     #[test]

@@ -10,7 +10,7 @@ mod format;
 mod log;
 
 pub use file::{Journal, JournalStatus};
-pub use format::{Entry, Header, MAGIC, Sample, decode, encode};
+pub use format::{Entry, Header, MAGIC, Sample, Subject, decode, encode};
 pub(super) use log::Log;
 
 use super::{Recording, recorder::Recorder};

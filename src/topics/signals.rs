@@ -1,0 +1,138 @@
+//! `roscausal topics --signals`: every number in the messages of a recording.
+
+use std::path::Path as File;
+
+use roscausal_core::{Error, Result, signal::Definitions};
+use roscausal_msgs::dynamic::{Found, Path, Query, Schema, Wire};
+use roscausal_recording::{Recording, Topic};
+
+use super::Count;
+use crate::{interrupt::Interrupt, terminal};
+
+/// Most numbers of one topic that are listed.
+const MOST: usize = 200;
+
+/// The numbers of one topic.
+struct Listed {
+    schema: Schema,
+    wire: Wire,
+    signals: Vec<Signal>,
+    /// Messages that could not be read.
+    unreadable: u64,
+}
+
+/// One number, or one array of numbers.
+struct Signal {
+    path: Path,
+    query: Query,
+    count: Count,
+    /// Smallest and largest value.
+    range: Option<(f64, f64)>,
+}
+
+impl Listed {
+    /// The numbers of a topic.
+    fn of(topic: &Topic, definitions: &Definitions) -> std::result::Result<Self, String> {
+        let kind = topic.raw_type().ok_or("its messages are in an encoding that is not ROS's")?;
+        let schema = definitions.schema(&kind)?;
+        let signal = |path: Path| {
+            let query = schema.query(&path).ok()?;
+            Some(Signal { path, query, count: Count::default(), range: None })
+        };
+        let signals = schema.leaves().into_iter().take(MOST).filter_map(signal).collect();
+        Ok(Self { schema, wire: kind.wire, signals, unreadable: 0 })
+    }
+
+    fn add(&mut self, record: &roscausal_recording::Record) {
+        for signal in &mut self.signals {
+            match signal.query.read(&self.schema, self.wire, &record.bytes) {
+                Ok(Found::Numbers(numbers)) => signal.add(record.stamp, &numbers),
+                Ok(Found::Text(_)) => {}
+                Err(_) => {
+                    self.unreadable += 1;
+                    return;
+                }
+            }
+        }
+    }
+}
+
+impl Signal {
+    fn add(&mut self, stamp: roscausal_core::Time, numbers: &[f64]) {
+        let known = numbers.iter().copied().filter(|number| number.is_finite());
+        for number in known {
+            let (least, most) = self.range.unwrap_or((number, number));
+            self.range = Some((least.min(number), most.max(number)));
+        }
+        if !numbers.is_empty() {
+            self.count.add(stamp);
+        }
+    }
+
+    fn line(&self, topic: &str, names: usize) -> String {
+        let (rate, gap) = match self.count.rate() {
+            Some(rate) => (format!("{rate:.2}"), format!("{:.3}", self.count.gap_s)),
+            None => ("-".to_owned(), "-".to_owned()),
+        };
+        let [least, most] = match self.range {
+            Some((least, most)) => [least, most].map(shown),
+            None => ["-".to_owned(), "-".to_owned()],
+        };
+        let name = format!("{topic}.{}", self.path);
+        format!("{name:names$}  {rate:>8}  {gap:>9}  {least:>12}  {most:>12}")
+    }
+}
+
+/// A number in at most twelve characters.
+fn shown(number: f64) -> String {
+    let plain = format!("{number}");
+    if plain.len() <= 12 { plain } else { format!("{number:.5e}") }
+}
+
+/// Prints the table.
+pub(super) fn run(path: &File, interrupt: &Interrupt) -> Result<()> {
+    let mut recording = Recording::open(path)?;
+    let topics = recording.topics().to_vec();
+    let definitions = Definitions::of("");
+    let mut listed: Vec<_> = topics.iter().map(|topic| Listed::of(topic, &definitions)).collect();
+    for record in recording.by_ref() {
+        if interrupt.is_set() {
+            return Err(Error::Cancelled("by the user".into()));
+        }
+        if let Ok(topic) = &mut listed[record.topic] {
+            topic.add(&record);
+        }
+    }
+    let mut lines: Vec<_> = topics.iter().zip(&listed).collect();
+    lines.sort_by(|a, b| (&a.0.name, &a.0.type_name).cmp(&(&b.0.name, &b.0.type_name)));
+    let width = |(topic, listed): &(&Topic, &std::result::Result<Listed, String>)| {
+        let paths = listed.iter().flat_map(|listed| &listed.signals);
+        paths.map(|signal| topic.name.len() + 1 + signal.path.to_string().len()).max()
+    };
+    let names = lines.iter().filter_map(width).max().unwrap_or(0).max(6);
+    terminal::say!(
+        "{:names$}  {:>8}  {:>9}  {:>12}  {:>12}",
+        "signal",
+        "rate, Hz",
+        "gap, s",
+        "least",
+        "most"
+    );
+    for (topic, listed) in lines {
+        match listed {
+            Ok(listed) => {
+                for signal in &listed.signals {
+                    terminal::say!("{}", signal.line(&topic.name, names));
+                }
+                if listed.unreadable > 0 {
+                    terminal::tell!("note: {}: {} messages cannot be read", topic.name, listed.unreadable);
+                }
+            }
+            Err(reason) => terminal::tell!("note: {}: {reason}", topic.name),
+        }
+    }
+    for loss in recording.losses() {
+        terminal::tell!("note: {loss}");
+    }
+    Ok(())
+}
