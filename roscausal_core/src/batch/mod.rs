@@ -16,6 +16,7 @@ pub mod script;
 mod select;
 pub mod table;
 mod tracks;
+pub mod trajectories;
 pub mod writer;
 
 pub use id::IdFormat;
