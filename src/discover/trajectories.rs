@@ -122,7 +122,7 @@ impl TrajectoryArgs {
     fn columns(&self) -> Result<BTreeMap<String, String>> {
         const ROLES: [&str; 12] =
             ["id", "time", "frame", "x", "y", "vx", "vy", "speed", "heading", "gx", "gy", "kind"];
-        let pair = |text: &String| {
+        let pair = |text: &String| -> Result<(String, String)> {
             let (role, name) =
                 text.split_once('=').filter(|(role, _)| ROLES.contains(role)).ok_or_else(|| {
                     let reason = format!("'{text}' is not ROLE=NAME; roles: {}", ROLES.join(", "));
