@@ -112,6 +112,9 @@ impl ReadArgs {
             time_column: self.time_column.clone(),
             equal_times: dt.is_some(),
         };
+        let needed = Derived::needed(&derived);
+        let of_a_feature =
+            |reason: &str| needed.iter().any(|name| reason.contains(&format!("no column '{name}'")));
         let mut tables: Vec<(Input, Table)> = Vec::new();
         for file in files {
             let steps = Steps {
@@ -125,6 +128,7 @@ impl ReadArgs {
                 Error::Param { reason, .. } if !first => {
                     Error::file(&file.user, format!("it lacks a column of the first file: {reason}"))
                 }
+                Error::Param { reason, .. } if of_a_feature(&reason) => Error::param("feature", reason),
                 other => other,
             })?;
             let even = table.at_even_steps(&steps).map_err(|reason| Error::file(&file.user, reason))?;

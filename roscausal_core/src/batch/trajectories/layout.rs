@@ -185,13 +185,7 @@ pub(super) fn of(grid: &Grid, given: &BTreeMap<String, String>) -> Result<Layout
             roles(&[("id", 1), ("x", 2), ("y", 4), ("vx", 5), ("vy", 7)]),
         ));
     }
-    // Rows are ordered by time, or by agent: then the frames are in the second column where the first one stays the same.
-    let rows = grid.columns[0].1.len();
-    let steps = |column: usize| {
-        let column = &grid.columns[column].1;
-        (1..rows).filter(|&row| column.number(row) < column.number(row - 1)).count()
-    };
-    let (frame, id) = if steps(0) == 0 || steps(0) <= steps(1) { (0, 1) } else { (1, 0) };
+    let (frame, id, rows) = (0, 1, grid.columns[0].1.len());
     let whole = |column: usize| (0..rows).all(|row| grid.columns[column].1.number(row).fract() == 0.0);
     let clock = if whole(frame) { Clock::Frame(frame) } else { Clock::Time(frame, None) };
     Ok(Layout::Long(clock, roles(&[("id", id), ("x", 2), ("y", 3)])))
