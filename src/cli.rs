@@ -1,11 +1,8 @@
 //! The command line: subcommands and logging.
 
-use std::{
-    io::IsTerminal,
-    path::{Path, PathBuf},
-};
+use std::path::{Path, PathBuf};
 
-use clap::{CommandFactory, Parser, Subcommand};
+use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
 use clap_complete::Shell;
 use roscausal_core::{Error, Result};
 use tracing_subscriber::{EnvFilter, fmt};
@@ -14,6 +11,25 @@ use crate::{
     compare, demo, discover, experiment, html_report, output, presets, reasoning, replay, roll, show, teleop,
     terminal, topics,
 };
+
+/// Examples at the end of each `--help`; a test understands each line.
+mod examples {
+    pub(super) const DEMO: &str = "Examples:\n  roscausal demo\n  roscausal demo --seed 7 --out my_demo --record run.mcap\n  roscausal demo --web --do robot.off@60..90";
+    pub(super) const DISCOVER: &str = "Examples:\n  roscausal discover data.csv\n  roscausal discover a.csv b.csv --method pcmci --test parcorr --tau-max 5 -o result\n  roscausal discover log.csv --dt 0.1 --columns 'h_*' --feature 'closing = rate(dist)'\n  roscausal discover walk.tsv --format trajectories --goal last\n  roscausal discover run.mcap --people /people --person 7";
+    pub(super) const SHOW: &str = "Examples:\n  roscausal show result/model.json\n  roscausal show result/model.json --format dot | dot -Tpdf -o model.pdf";
+    pub(super) const COMPARE: &str = "Examples:\n  roscausal compare a/model.json b/model.json\n  roscausal compare a/model.json b/model.json -o difference";
+    pub(super) const REPLAY: &str = "Examples:\n  roscausal replay run.mcap --speed 5 --web\n  roscausal replay walk.bag --people /people --person nearest:1 -o models";
+    pub(super) const EXPERIMENT: &str = "Examples:\n  roscausal experiment --seeds 501..520 --out sweep";
+    pub(super) const REPORT: &str = "Examples:\n  roscausal report result -o report.html\n  roscausal report data.csv -o report.html --latex links.tex";
+    pub(super) const TELEOP: &str = "Examples:\n  roscausal teleop";
+    pub(super) const TOPICS: &str = "Examples:\n  roscausal topics walk.bag";
+    pub(super) const PREDICT: &str = "Examples:\n  roscausal predict result/model.json --data a.csv,b.csv";
+    pub(super) const WHATIF: &str = "Examples:\n  roscausal whatif result/model.json --data a.csv --action 'stop: r_v=0' --action 'go on' --cost h_risk\n  roscausal whatif result/model.json --data a.csv --action 'stop: r_v=0' --had --at 60";
+    pub(super) const EFFECT: &str =
+        "Examples:\n  roscausal effect result/model.json --data a.csv --cause r_v --effect h_v";
+    pub(super) const EXPLAIN: &str =
+        "Examples:\n  roscausal explain result/model.json --data a.csv --variable h_v";
+}
 
 /// Find out what causes what between robots and people.
 #[derive(Parser)]
@@ -27,26 +43,36 @@ pub(crate) struct Cli {
     /// Say nothing on stderr but errors.
     #[arg(short, long, global = true, conflicts_with = "verbose")]
     quiet: bool,
+    /// Colours: auto (where a person reads; not if NO_COLOR is set), always, never.
+    #[arg(long, global = true, value_enum, default_value_t = terminal::Colour::Auto, value_name = "WHEN", hide_possible_values = true)]
+    color: terminal::Colour,
 }
 
 #[allow(clippy::large_enum_variant, reason = "there is one per run")]
 #[derive(Subcommand)]
 pub(crate) enum Command {
     /// Simulate a robot and a person, record them and find the causal model, all in one process.
+    #[command(after_help = examples::DEMO)]
     Demo(demo::Args),
     /// Find the causal model of CSV files or recordings (ROS 1 .bag, ROS 2 .mcap and .db3).
+    #[command(after_help = examples::DISCOVER)]
     Discover(discover::Args),
     /// Print a stored model again, and draw it.
+    #[command(after_help = examples::SHOW)]
     Show(show::Args),
     /// Say what differs between two stored models, and draw it.
+    #[command(after_help = examples::COMPARE)]
     Compare(compare::Args),
     /// Find a model per window of time or batch, and tell when a mechanism changes.
     Roll(roll::Args),
     /// Play a recording to the nodes as if it were live: one model for each batch.
+    #[command(after_help = examples::REPLAY)]
     Replay(replay::Args),
     /// Run the demo's chain over many seeds and measure how often each link is found.
+    #[command(after_help = examples::EXPERIMENT)]
     Experiment(experiment::Args),
     /// Write a model and what stands behind it as one HTML file, to read, print and pass on.
+    #[command(after_help = examples::REPORT)]
     Report(html_report::Args),
     /// Print a script that completes this command's words in a shell: `source <(roscausal completions bash)`.
     Completions {
@@ -59,16 +85,22 @@ pub(crate) enum Command {
         dir: PathBuf,
     },
     /// Drive the simulated person from the keyboard, in real time, while the nodes record.
+    #[command(after_help = examples::TELEOP)]
     Teleop(teleop::Args),
     /// List what a recording holds: topics with type, number of messages, rate and longest gap.
+    #[command(after_help = examples::TOPICS)]
     Topics(topics::Args),
     /// Say what will happen over the next steps if nobody acts, by a causal model and data.
+    #[command(after_help = examples::PREDICT)]
     Predict(reasoning::PredictArgs),
     /// Say what will happen under each of some actions, or would have happened (--had), and which is best.
+    #[command(after_help = examples::WHATIF)]
     Whatif(reasoning::WhatIfArgs),
     /// Say how strongly one variable drives another, directly and through others, and what that rests on.
+    #[command(after_help = examples::EFFECT)]
     Effect(reasoning::EffectArgs),
     /// Say why a variable changed.
+    #[command(after_help = examples::EXPLAIN)]
     Explain(reasoning::ExplainArgs),
 }
 
@@ -121,7 +153,9 @@ impl Cli {
     /// # Errors
     /// A file of settings that cannot be used.
     pub(crate) fn with_presets(mut line: Vec<std::ffi::OsString>) -> Result<Self> {
-        let matches = Self::command().get_matches_from(&line);
+        let colour = terminal::Colour::in_line(&line);
+        colour.choose();
+        let matches = Self::command().color(colour.for_clap()).get_matches_from(&line);
         if matches.subcommand().is_some_and(|(_, own)| own.get_flag("quiet")) {
             terminal::be_quiet();
         }
@@ -129,7 +163,11 @@ impl Cli {
             told.iter().for_each(|told| crate::terminal::tell!("{told}"));
             line = whole;
         }
-        Ok(Self::parse_from(line))
+        let mut matches = Self::command().color(colour.for_clap()).get_matches_from(line);
+        let cli =
+            Self::from_arg_matches_mut(&mut matches).map_err(|error| Error::param("arguments", error))?;
+        cli.color.choose();
+        Ok(cli)
     }
 
     /// Logs to stderr. `RUST_LOG` takes precedence.
@@ -137,15 +175,54 @@ impl Cli {
         let default =
             if self.quiet { "error" } else { ["warn", "info", "debug"][usize::from(self.verbose).min(2)] };
         let filter = EnvFilter::try_from_default_env().unwrap_or_else(|_| EnvFilter::new(default));
-        let colours =
-            std::io::stderr().is_terminal() && std::env::var_os("NO_COLOR").is_none_or(|set| set.is_empty());
         let log = fmt()
             .with_env_filter(filter)
             .with_writer(std::io::stderr)
             .with_target(false)
-            .with_ansi(colours)
+            .with_ansi(terminal::is_coloured())
             .compact();
         // A program that calls the command twice has its log already.
         let _ = log.try_init();
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The words of a line, with those in single quotes together.
+    fn words(line: &str) -> Vec<String> {
+        let quoted = line.split('\'').enumerate();
+        quoted
+            .flat_map(|(part, text)| match part % 2 {
+                0 => text.split_whitespace().map(str::to_owned).collect(),
+                _ => vec![text.to_owned()],
+            })
+            .collect()
+    }
+
+    #[test]
+    fn every_subcommand_with_flags_has_examples_that_are_understood() {
+        let command = Cli::command();
+        let mut seen = 0;
+        for sub in command.get_subcommands() {
+            let Some(help) = sub.get_after_help() else {
+                assert!(
+                    ["completions", "man"].contains(&sub.get_name()),
+                    "{} has no example",
+                    sub.get_name()
+                );
+                continue;
+            };
+            let help = help.to_string();
+            for line in help.lines().skip(1) {
+                let line = line.split(" | ").next().expect("a line").trim();
+                if let Err(error) = Cli::command().try_get_matches_from(words(line)) {
+                    panic!("{line}: {error}");
+                }
+                seen += 1;
+            }
+        }
+        assert!(seen >= 18, "{seen}");
     }
 }

@@ -73,7 +73,7 @@ pub(crate) struct Args {
     #[arg(long)]
     threads: Option<usize>,
     /// Folder for batches, model and pictures.
-    #[arg(long, value_name = "DIR", default_value = "roscausal_demo")]
+    #[arg(short, long, value_name = "DIR", default_value = "roscausal_demo")]
     out: PathBuf,
     /// Record every topic of the run, including models and pictures, into this MCAP file.
     #[arg(long, value_name = "FILE.mcap")]

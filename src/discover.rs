@@ -1,10 +1,12 @@
 //! `roscausal discover`: from CSV files or recordings to a causal model.
 
 mod assumptions;
+mod changes;
 mod condition;
 mod estimate;
 mod reading;
 mod resampling;
+mod trajectories;
 
 use std::{
     ffi::OsString,
@@ -40,9 +42,11 @@ use crate::{
     report,
 };
 use assumptions::AssumeArgs;
+use changes::ChangeArgs;
 pub(crate) use reading::{PartArgs, ReadArgs};
 pub(crate) use resampling::ResampleArgs;
 use resampling::{Advised, ResultArgs};
+use trajectories::TrajectoryArgs;
 
 /// Arguments of `roscausal discover`.
 #[derive(ClapArgs)]
@@ -66,6 +70,10 @@ pub(crate) struct Args {
     #[command(flatten)]
     part: PartArgs,
     #[command(flatten)]
+    trajectories: TrajectoryArgs,
+    #[command(flatten)]
+    changes: ChangeArgs,
+    #[command(flatten)]
     assume: AssumeArgs,
     /// Batches with several people: pooled (each person is a recording of one system) or joint (everybody's
     /// variables).
@@ -80,9 +88,40 @@ pub(crate) struct Args {
     /// Write into --out although there are files of others.
     #[arg(long, requires = "out")]
     force: bool,
-    /// What to print on stdout.
-    #[arg(long, value_enum, default_value_t = Format::Text)]
-    format: Format,
+    /// What to print on stdout; and `trajectories`: the files are tables with a row for each agent and time (ETH, UCY, ATC, THÖR), which
+    /// become the variables of the nodes. Both: `--format trajectories,json`. Default: text.
+    #[arg(long, value_enum, value_delimiter = ',')]
+    format: Vec<FormatWord>,
+}
+
+/// A word of `discover --format`: what to print, or what is read.
+#[derive(Clone, Copy, PartialEq, Eq, ValueEnum)]
+enum FormatWord {
+    /// Sentences and a table.
+    Text,
+    /// One JSON object (docs/model-schema.md).
+    Json,
+    /// A graph for Graphviz.
+    Dot,
+    /// A graph for networkx, Gephi, yEd, igraph.
+    Graphml,
+    /// A table of the links.
+    Csv,
+    /// The files have a row for each agent and time.
+    Trajectories,
+}
+
+impl FormatWord {
+    fn printed(self) -> Option<Format> {
+        match self {
+            Self::Text => Some(Format::Text),
+            Self::Json => Some(Format::Json),
+            Self::Dot => Some(Format::Dot),
+            Self::Graphml => Some(Format::Graphml),
+            Self::Csv => Some(Format::Csv),
+            Self::Trajectories => None,
+        }
+    }
 }
 
 /// What to print of a model.
@@ -109,11 +148,14 @@ impl Format {
     /// As [`Format::print`]; `advice`: whether the text says how much longer to record.
     fn print_with(self, model: &Model, advice: bool) -> Result<()> {
         let text = match self {
+            Self::Text => {
+                crate::terminal::print_report(&report::text_with(model, advice));
+                return Ok(());
+            }
             Self::Json => model.to_json(),
             Self::Dot => export::dot(model),
             Self::Graphml => export::graphml(model),
             Self::Csv => String::from_utf8_lossy(&export::links_csv(model)?).into_owned(),
-            Self::Text => report::text_with(model, advice) + "\n",
         };
         crate::terminal::print(format_args!("{text}"));
         Ok(())
@@ -193,14 +235,15 @@ fn listed<'a>(what: &str, words: impl IntoIterator<Item = &'a (impl AsRef<str> +
 /// Runs `roscausal discover`.
 pub(crate) fn run(args: &Args, interrupt: &Interrupt) -> Result<()> {
     interrupt.nothing_at_stake("there is no result yet, and nothing is written");
+    let format = args.printed()?;
     if let Some(dir) = &args.out {
         output::claim(dir, args.force)?;
     }
     if let Some(file) = &args.result.resample_out {
         output::writable(file)?;
     }
-    let Answer { model, evidence, data, graphs } = found(args, interrupt, args.format != Format::Text)?;
-    args.format.print_with(&model, args.result.advice == Advised::On)?;
+    let Answer { model, evidence, data, graphs } = found(args, interrupt, format != Format::Text)?;
+    format.print_with(&model, args.result.advice == Advised::On)?;
     // Last: what cannot be written is at least printed.
     if let Some(file) = &args.result.resample_out {
         interrupt.writing();
@@ -280,6 +323,20 @@ pub(crate) fn read(
 }
 
 impl Args {
+    /// What to print.
+    fn printed(&self) -> Result<Format> {
+        let mut printed = self.format.iter().filter_map(|word| word.printed());
+        match (printed.next(), printed.next()) {
+            (first, None) => Ok(first.unwrap_or(Format::Text)),
+            _ => Err(Error::param("format", "several are named; one is printed, --out writes all")),
+        }
+    }
+
+    /// Whether the files have a row for each agent and time.
+    fn has_trajectories(&self) -> bool {
+        self.format.contains(&FormatWord::Trajectories)
+    }
+
     /// The analysis of one file.
     pub(crate) fn of_one(
         file: &Path,
@@ -303,12 +360,14 @@ impl Args {
             result: ResultArgs::default(),
             read: from.read.clone(),
             part: from.part.clone(),
+            trajectories: TrajectoryArgs::default(),
+            changes: ChangeArgs::default(),
             assume: AssumeArgs::default(),
             several_people: "pooled".into(),
             seed,
             out: None,
             force: false,
-            format: Format::Text,
+            format: Vec::new(),
         }
     }
 }
@@ -387,12 +446,24 @@ struct Data {
 impl Data {
     /// The data of the files. Interventions that they mention become exogenous in `settings`.
     fn read(args: &Args, settings: &mut Settings, interrupt: &Interrupt, quiet: bool) -> Result<Self> {
+        if args.has_trajectories() {
+            if let Some(flag) = args.inputs.given_besides_params() {
+                return Err(Error::param(
+                    flag,
+                    "it is for recordings; of trajectories, --agent says who is analysed",
+                ));
+            }
+            return args.part.part(args.trajectories.read(args)?, &args.changes);
+        }
+        if let Some(flag) = args.trajectories.given() {
+            return Err(Error::param(flag, "it is for tables of trajectories (--format trajectories)"));
+        }
         let (files, _made) = tables_of(args, interrupt, quiet)?;
         let read = match with_facts(args, &files, settings)? {
             Some(data) => data,
             None => Self::of(args.read.read(&files, args.inputs.dt())?)?,
         };
-        args.part.part(read)
+        args.part.part(read, &args.changes)
     }
 
     /// Tables with the same columns, each as a recording.
@@ -447,7 +518,9 @@ fn with_facts(args: &Args, files: &[Input], settings: &mut Settings) -> Result<O
         let facts = Facts::read(file);
         facts.ids.len() > 1 || !facts.context.is_empty()
     };
-    if args.read.chooses_columns() || !tables.iter().any(says_more) {
+    let own = args.read.chooses_columns()
+        || (!args.read.features().is_empty() && files.iter().all(|file| file.table == file.user));
+    if own || !tables.iter().any(says_more) {
         return Ok(None);
     }
     let mut joint = Joint::read(&tables)?;
@@ -487,7 +560,7 @@ fn tables_of(
     let mut files = Vec::new();
     for (number, file) in args.files.iter().enumerate() {
         if recording::is_recording(file) {
-            let source = Source::open(file, &args.inputs)?;
+            let source = Source::open(file, &args.inputs.with_param(args.read.as_parameter()))?;
             let folder = temporary.path().join(format!("{}", number + 1));
             for batch in source.batches(&folder, interrupt, quiet)? {
                 if let Some(out) = &args.out {
@@ -515,7 +588,7 @@ impl MethodArgs {
         let method: Method = self.method.parse()?;
         let settings = Settings {
             method,
-            cond_ind_test: self.test.clone(),
+            cond_ind_test: usual_spelling(&self.test),
             alpha: self.alpha,
             pc_alpha,
             tau_min: self.tau_min.unwrap_or(method.info().tau_min),
@@ -532,6 +605,13 @@ impl MethodArgs {
         settings.check()?;
         Ok(settings)
     }
+}
+
+/// A test's name as the registry spells it, whatever its case; an unknown one as it is.
+fn usual_spelling(test: &str) -> String {
+    let plain = |name: &str| name.replace(['-', '_'], "").to_lowercase();
+    let known = independence_tests::names().find(|known| plain(known) == plain(test));
+    known.map_or_else(|| test.to_owned(), str::to_owned)
 }
 
 impl MeansArgs {

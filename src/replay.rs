@@ -53,7 +53,7 @@ pub(crate) struct Args {
     #[arg(long)]
     threads: Option<usize>,
     /// Folder for batches and models.
-    #[arg(long, value_name = "DIR", default_value = "roscausal_replay")]
+    #[arg(short, long, value_name = "DIR", default_value = "roscausal_replay")]
     out: PathBuf,
     /// Record every topic of the replay, including models and pictures, into this MCAP file.
     #[arg(long, value_name = "FILE.mcap")]

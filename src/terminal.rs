@@ -5,10 +5,10 @@
 
 use std::{
     fmt,
-    io::{self, ErrorKind, Write},
+    io::{self, ErrorKind, IsTerminal, Write},
     sync::{
         OnceLock,
-        atomic::{AtomicBool, Ordering},
+        atomic::{AtomicBool, AtomicU8, Ordering},
     },
 };
 
@@ -16,6 +16,84 @@ use std::{
 static FAULT: OnceLock<String> = OnceLock::new();
 /// Whether only errors are told.
 static QUIET: AtomicBool = AtomicBool::new(false);
+
+/// When to print in colours.
+static COLOUR: AtomicU8 = AtomicU8::new(0);
+
+/// When to print in colours: `--color`.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, clap::ValueEnum)]
+pub(crate) enum Colour {
+    /// Where a person reads, and NO_COLOR is not set.
+    #[default]
+    Auto,
+    /// Also into files and pipes.
+    Always,
+    /// Never.
+    Never,
+}
+
+impl Colour {
+    /// From now on, prints so.
+    pub(crate) fn choose(self) {
+        COLOUR.store(self as u8, Ordering::Relaxed);
+    }
+
+    /// The choice in `--color WHEN` or `--color=WHEN`, before the command line is understood: its own faults are told in colours.
+    pub(crate) fn in_line(line: &[std::ffi::OsString]) -> Self {
+        let words: Vec<&str> = line.iter().filter_map(|word| word.to_str()).collect();
+        let pair = words.windows(2).find(|pair| pair[0] == "--color").map(|pair| pair[1]);
+        match pair.or(words.iter().find_map(|word| word.strip_prefix("--color="))) {
+            Some("always") => Self::Always,
+            Some("never") => Self::Never,
+            _ => Self::Auto,
+        }
+    }
+
+    /// The choice for the messages of the command line itself.
+    pub(crate) fn for_clap(self) -> clap::ColorChoice {
+        match self {
+            Self::Auto => clap::ColorChoice::Auto,
+            Self::Always => clap::ColorChoice::Always,
+            Self::Never => clap::ColorChoice::Never,
+        }
+    }
+
+    /// Whether a stream is printed in colours; NO_COLOR counts if it is not empty (no-color.org).
+    fn shows(stream: &impl IsTerminal) -> bool {
+        let plain = || std::env::var_os("NO_COLOR").is_some_and(|set| !set.is_empty());
+        match COLOUR.load(Ordering::Relaxed) {
+            choice if choice == Self::Always as u8 => true,
+            choice if choice == Self::Never as u8 => false,
+            _ => stream.is_terminal() && !plain(),
+        }
+    }
+}
+
+/// Whether the standard error is printed in colours.
+pub(crate) fn is_coloured() -> bool {
+    Colour::shows(&io::stderr())
+}
+
+/// A text for people on the standard output: its first line is bold, notes are yellow, where colours are shown.
+pub(crate) fn print_report(text: &str) {
+    if !Colour::shows(&io::stdout()) {
+        return print(format_args!("{text}\n"));
+    }
+    let mut painted = String::new();
+    for (number, line) in text.lines().enumerate() {
+        match number {
+            0 => painted += &format!("{BOLD}{line}{PLAIN}\n"),
+            _ if line.starts_with("note: ") => painted += &format!("{YELLOW}note:{PLAIN}{}\n", &line[5..]),
+            _ => painted += &format!("{line}\n"),
+        }
+    }
+    print(format_args!("{painted}"));
+}
+
+const BOLD: &str = "\u{1b}[1m";
+const YELLOW: &str = "\u{1b}[33m";
+const RED: &str = "\u{1b}[1;31m";
+const PLAIN: &str = "\u{1b}[0m";
 
 /// Prints to the standard output, at once.
 pub(crate) fn print(text: fmt::Arguments<'_>) {
@@ -45,7 +123,12 @@ pub(crate) fn print_note(text: fmt::Arguments<'_>) {
 
 /// Prints to the standard error. If nobody can be told, nobody is.
 pub(crate) fn print_error(text: fmt::Arguments<'_>) {
-    let _ = io::stderr().lock().write_fmt(text);
+    let text = text.to_string();
+    let painted = match text.strip_prefix("error:") {
+        Some(rest) if is_coloured() => format!("{RED}error:{PLAIN}{rest}"),
+        _ => text,
+    };
+    let _ = io::stderr().lock().write_all(painted.as_bytes());
 }
 
 /// Why the standard output could not be written, if so.
@@ -68,3 +151,16 @@ macro_rules! tell {
 }
 
 pub(crate) use {say, tell};
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_choice_of_colours_is_known_before_the_line_is_understood() {
+        let choice = |line: &str| Colour::in_line(&line.split(' ').map(Into::into).collect::<Vec<_>>());
+        assert_eq!(choice("roscausal discover a.csv"), Colour::Auto);
+        assert_eq!(choice("roscausal --color never discover a.csv"), Colour::Never);
+        assert_eq!(choice("roscausal discover a.csv --color=always"), Colour::Always);
+    }
+}

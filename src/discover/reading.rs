@@ -8,7 +8,7 @@ use roscausal_core::{
     Error, Result,
     batch::{
         Table,
-        table::{Reading, Resample, Steps, Unit},
+        table::{Derived, Reading, Resample, Steps, Unit},
     },
 };
 use roscausal_discovery::{
@@ -16,7 +16,7 @@ use roscausal_discovery::{
     names::{nearest, plain, position},
 };
 
-use super::{Data, Input, condition::Condition};
+use super::{Data, Input, changes::ChangeArgs, condition::Condition};
 
 /// Flags that say how tables are read.
 #[derive(ClapArgs, Clone, Debug, Default)]
@@ -25,6 +25,10 @@ pub(crate) struct ReadArgs {
     /// all except the time.
     #[arg(long, value_delimiter = ',')]
     columns: Option<Vec<String>>,
+    /// A variable to add, such as `closing = diff(dist)`; may be given several times. Table: an expression over its columns
+    /// (docs/data.md). Recording: one over person and robot (docs/parameters.md).
+    #[arg(long = "feature", value_name = "NAME = EXPRESSION")]
+    features: Vec<String>,
     /// Table: numbers that stand for a missing value, such as -999, separated by commas; `none`: there are none.
     #[arg(long, value_name = "NUMBER", value_delimiter = ',', allow_hyphen_values = true)]
     missing_value: Vec<String>,
@@ -51,6 +55,27 @@ impl ReadArgs {
         self.columns.is_some()
     }
 
+    /// The columns that are wanted, if only some are.
+    pub(super) fn columns(&self) -> Option<&[String]> {
+        self.columns.as_deref()
+    }
+
+    /// The largest step within a recording, seconds.
+    pub(super) fn max_gap(&self) -> Option<f64> {
+        self.max_gap
+    }
+
+    /// The definitions of `--feature` as a parameter of the data node, which makes them beside the paper's three.
+    pub(super) fn as_parameter(&self) -> Option<String> {
+        const USUAL: &str = "h_v = h.v; h_dg = dist(h, h.goal); h_risk = risk(h, r)";
+        (!self.features.is_empty()).then(|| format!("data.features={USUAL}; {}", self.features.join("; ")))
+    }
+
+    /// The definitions of `--feature`.
+    pub(super) fn features(&self) -> &[String] {
+        &self.features
+    }
+
     /// Whether the user says that no number stands for a missing value.
     pub(super) fn knows_of_missing_values(&self) -> bool {
         !self.missing_value.is_empty()
@@ -67,20 +92,34 @@ impl ReadArgs {
         if self.max_gap.is_some_and(|gap| gap.is_nan() || gap <= 0.0) {
             return Err(Error::param("max-gap", "give a number of seconds above 0"));
         }
+        // Of a recording, the node has made the variables.
+        let recorded = |file: &Input| file.table != file.user;
+        let derived = match files.iter().any(|file| !recorded(file)) {
+            true => self.features.iter().map(|text| Derived::parse(text)).collect::<Result<Vec<_>>>()?,
+            false => Vec::new(),
+        };
+        if !derived.is_empty() && files.iter().any(recorded) {
+            return Err(Error::param(
+                "feature",
+                "it means one thing for tables and another for recordings; analyse them apart",
+            ));
+        }
         let mut reading = Reading {
-            columns: self.columns.clone(),
+            columns: self.wanted(&derived),
             missing: self.missing()?,
             encode: self.encode.is_some(),
             time_unit: self.time_unit,
             time_column: self.time_column.clone(),
             equal_times: dt.is_some(),
         };
+        let needed = Derived::needed(&derived);
+        let of_a_feature =
+            |reason: &str| needed.iter().any(|name| reason.contains(&format!("no column '{name}'")));
         let mut tables: Vec<(Input, Table)> = Vec::new();
         for file in files {
-            let recorded = file.table != file.user;
             let steps = Steps {
                 // The batches of a recording have the step already.
-                dt: dt.filter(|_| !recorded),
+                dt: dt.filter(|_| !recorded(file)),
                 how: self.resample.unwrap_or_default(),
                 max_gap: self.max_gap,
             };
@@ -89,16 +128,48 @@ impl ReadArgs {
                 Error::Param { reason, .. } if !first => {
                     Error::file(&file.user, format!("it lacks a column of the first file: {reason}"))
                 }
+                Error::Param { reason, .. } if of_a_feature(&reason) => Error::param("feature", reason),
                 other => other,
             })?;
             let even = table.at_even_steps(&steps).map_err(|reason| Error::file(&file.user, reason))?;
             reading.columns = even.first().map(|table| table.names.clone());
             tables.extend(even.into_iter().map(|table| (file.clone(), table)));
         }
+        if !derived.is_empty() {
+            let chosen = self.with_derived(&derived);
+            for (_, table) in &mut tables {
+                table.derive(&derived)?;
+                if let Some(chosen) = &chosen {
+                    table.keep(chosen)?;
+                }
+                let left_out = |name: &String| !table.names.contains(name);
+                table.notes.retain(|note| note.column().is_none_or(|column| !left_out(column)));
+            }
+        }
         Ok(tables)
     }
 
-    fn missing(&self) -> Result<Vec<f64>> {
+    /// The columns to read: those that are wanted, and those that the definitions need. A variable that is defined may be wanted,
+    /// too.
+    fn wanted(&self, derived: &[Derived]) -> Option<Vec<String>> {
+        let is_derived = |name: &String| derived.iter().any(|derived| plain(derived.name()) == plain(name));
+        let wanted: Vec<String> =
+            self.columns.as_ref()?.iter().filter(|name| !is_derived(name)).cloned().collect();
+        Some(
+            wanted
+                .into_iter()
+                .chain(Derived::needed(derived).iter().map(|name| format!("+{name}")))
+                .collect(),
+        )
+    }
+
+    /// What is kept of the columns: those that are wanted, and all variables that are defined.
+    fn with_derived(&self, derived: &[Derived]) -> Option<Vec<String>> {
+        let wanted = self.columns.clone()?;
+        Some(wanted.into_iter().chain(derived.iter().map(|derived| format!("+{}", derived.name()))).collect())
+    }
+
+    pub(super) fn missing(&self) -> Result<Vec<f64>> {
         let number = |text: &String| {
             text.parse().map_err(|_| {
                 Error::param("missing-value", format!("'{text}' is neither a number nor 'none'"))
@@ -147,18 +218,22 @@ impl FromStr for Rows {
 }
 
 impl PartArgs {
-    /// The part of `data` that these flags choose.
+    /// The part of `data` that these flags choose, with its values changed as asked for. Rows are chosen by their values before.
     ///
     /// # Errors
     /// A column without any number, unless it may be left out; a window without rows.
-    pub(super) fn part(&self, mut data: Data) -> Result<Data> {
+    pub(super) fn part(&self, mut data: Data, changes: &ChangeArgs) -> Result<Data> {
         if let Some(Rows(rows)) = &self.rows {
             data.map_recordings(|recording| {
                 let end = recording.nrows().min(*rows.end());
                 recording.slice(s![(rows.start() - 1).min(end)..end, ..]).to_owned()
             })?;
         }
-        self.set_mask(&mut data)?;
+        let masks = self.masks(&mut data)?;
+        changes.apply(&mut data)?;
+        if let Some(masks) = masks {
+            data.data = data.data.with_mask(masks, "y".parse()?)?;
+        }
         let empty: Vec<usize> = (0..data.data.n_vars()).filter(|&var| is_empty(&data.data, var)).collect();
         if empty.is_empty() {
             return Ok(data);
@@ -179,10 +254,10 @@ impl PartArgs {
 }
 
 impl PartArgs {
-    /// Masks the rows that are no effects.
-    fn set_mask(&self, data: &mut Data) -> Result<()> {
+    /// Which rows are no effects, for each recording; the column that says so is taken out of `data`.
+    fn masks(&self, data: &mut Data) -> Result<Option<Vec<Array2<bool>>>> {
         if self.mask.is_none() && self.condition.is_none() {
-            return Ok(());
+            return Ok(None);
         }
         let names = data.data.var_names().to_vec();
         let column = |flag: &str, name: &str| {
@@ -214,10 +289,10 @@ impl PartArgs {
         let (rows, out): (usize, usize) =
             masks.iter().map(|mask| (mask.nrows(), masked(mask))).fold((0, 0), |a, b| (a.0 + b.0, a.1 + b.1));
         let kept: Vec<usize> = (0..names.len()).filter(|var| Some(*var) != by).collect();
-        data.data = data.data.select(&kept).with_mask(masks, "y".parse()?)?;
+        data.data = data.data.select(&kept);
         data.warnings
             .push(format!("{out} of {rows} rows are masked: they are the past of others, and no effects"));
-        Ok(())
+        Ok(Some(masks))
     }
 }
 

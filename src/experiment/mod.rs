@@ -47,7 +47,7 @@ enum Command {
         #[arg(required = true, value_name = "DIR")]
         from: Vec<PathBuf>,
         /// Folder for the joined runs, tables and plots.
-        #[arg(long, value_name = "DIR", default_value = "roscausal_experiment")]
+        #[arg(short, long, value_name = "DIR", default_value = "roscausal_experiment")]
         out: PathBuf,
     },
 }
@@ -109,7 +109,7 @@ struct Sweep {
     shard: Option<String>,
     /// Folder for recall.csv, scores.csv, runs.csv, plots, and one file per run; a run whose file exists is not
     /// repeated.
-    #[arg(long, value_name = "DIR", default_value = "roscausal_experiment")]
+    #[arg(short, long, value_name = "DIR", default_value = "roscausal_experiment")]
     out: PathBuf,
 }
 

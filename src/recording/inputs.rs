@@ -81,6 +81,23 @@ impl InputArgs {
         self.dt
     }
 
+    /// The parameters of nodes, as given.
+    pub(crate) fn params(&self) -> Vec<String> {
+        self.params.clone()
+    }
+
+    /// The same flags, with a parameter more.
+    pub(crate) fn with_param(&self, param: Option<String>) -> Self {
+        let mut with = self.clone();
+        with.params.extend(param);
+        with
+    }
+
+    /// The first of these flags that was given, for tables of trajectories.
+    pub(crate) fn given_besides_params(&self) -> Option<&'static str> {
+        Self { params: Vec::new(), ..self.clone() }.given()
+    }
+
     /// The first of these flags that was given, for input that is not a recording.
     pub(crate) fn given(&self) -> Option<&'static str> {
         let flags = [
@@ -392,7 +409,7 @@ fn is_nobody(topic: &Topic) -> bool {
 }
 
 /// `NODE.NAME=VALUE`, checked against the node's own table.
-fn parse(text: &str) -> Result<(String, String, String)> {
+pub(crate) fn parse(text: &str) -> Result<(String, String, String)> {
     let fault = |reason: String| Error::param("param", reason);
     let split = text.split_once('=').and_then(|(name, value)| Some((name.split_once('.')?, value)));
     let Some(((node, name), value)) = split else {

@@ -16,7 +16,7 @@ use roscausal_core::{
 use roscausal_recording::Recording;
 
 use crate::{chart, interrupt::Interrupt, nodes, nodes::Nodes};
-pub(crate) use inputs::{InputArgs, Inputs};
+pub(crate) use inputs::{InputArgs, Inputs, parse as parameter};
 pub(crate) use play::Play;
 
 /// Names that only recordings have.

@@ -5,14 +5,21 @@
 //! so on; likewise for `r`. `t` is the time in seconds, `pi` the number. Operators are `+ - * / ^` and brackets. A
 //! result that is not finite, such as a division by zero, becomes NaN, a missing value.
 //!
+//! In a table (`--feature`), names are columns instead of bodies; odd ones stand in quotes: `"Time [s]"`. `(a, b)` is a point,
+//! `lag(x, 2)` is x two rows earlier, `diff(x)` its change since the row before, `rate(x)` that change per second. A number may
+//! carry a unit, and is then in SI units: `30 deg`, `5 kmh`, `250 ms`; so `heading * 1 deg` is in radians.
+//!
 //! Why not a library: `exmex` 0.21 and `fasteval` 0.2 compute with numbers of one kind, so the points, the names such as
 //! `h.goal`, and the messages that name the character and what is known there would be ours all the same; `evalexpr` 13
 //! has a licence (AGPL) that a robot's maker could not use.
 
+mod parser;
+
 use super::tracks::{Field, Values};
+use parser::{Names, Parser};
 
 /// Functions, the number of their arguments, and their results.
-const FUNCTIONS: [(&str, usize, Function); 17] = [
+const FUNCTIONS: [(&str, usize, Function); 25] = [
     ("dist", 2, Function::Distance),
     ("speed", 1, Function::Speed),
     ("norm", 1, Function::Norm),
@@ -24,6 +31,14 @@ const FUNCTIONS: [(&str, usize, Function); 17] = [
     ("sqrt", 1, Function::Number(f64::sqrt)),
     ("exp", 1, Function::Number(f64::exp)),
     ("log", 1, Function::Number(f64::ln)),
+    ("lag", 2, Function::Lag),
+    ("diff", 1, Function::Difference),
+    ("rate", 1, Function::Rate),
+    ("sign", 1, Function::Number(|x| if x == 0.0 { x } else { x.signum() })),
+    ("round", 1, Function::Number(f64::round)),
+    ("tanh", 1, Function::Number(f64::tanh)),
+    ("tan", 1, Function::Number(f64::tan)),
+    ("log10", 1, Function::Number(f64::log10)),
     ("sin", 1, Function::Number(f64::sin)),
     ("cos", 1, Function::Number(f64::cos)),
     ("wrap", 1, Function::Number(wrap)),
@@ -36,6 +51,30 @@ fn known(a: f64, b: f64, of: fn(f64, f64) -> f64) -> f64 {
     if a.is_nan() || b.is_nan() { f64::NAN } else { of(a, b) }
 }
 
+/// Units of a number, in SI units.
+const UNITS: [(&str, f64); 16] = [
+    ("deg", std::f64::consts::PI / 180.0),
+    ("rad", 1.0),
+    ("km", 1e3),
+    ("m", 1.0),
+    ("cm", 1e-2),
+    ("mm", 1e-3),
+    ("h", 3600.0),
+    ("min", 60.0),
+    ("s", 1.0),
+    ("ms", 1e-3),
+    ("us", 1e-6),
+    ("ns", 1e-9),
+    ("kmh", 1.0 / 3.6),
+    ("mph", 0.447_04),
+    ("g", 9.806_65),
+    ("percent", 0.01),
+];
+/// Most rows that a value may lie back.
+const LONGEST_LAG: usize = 1_000_000;
+
+/// Deepest nesting of `diff` and `rate`: each one doubles the work of a row.
+const DEEPEST_CHANGE: usize = 8;
 /// Deepest nesting of brackets.
 const DEEPEST: usize = 50;
 /// Longest expression in bytes: each `+` adds a level to the recursive evaluation.
@@ -47,21 +86,25 @@ pub struct Expression {
     root: Node,
 }
 
-/// The inputs of an expression: one row of one person.
-#[derive(Clone, Copy)]
-pub struct Scope<'a> {
+/// What an expression is evaluated on: one row of a batch or a table.
+pub trait Moment: Sized {
     /// Seconds.
-    pub time: f64,
-    /// The robot.
-    pub robot: &'a Values,
-    /// The person.
-    pub human: &'a Values,
-    /// The risk that the first body collides with the second, in this row or in an earlier one.
-    pub risk: &'a dyn Fn(Who, Who) -> f64,
+    fn time(&self) -> f64;
+    /// What is known of a body.
+    fn body(&self, who: Who) -> &Values;
+    /// The risk that the first body collides with the second.
+    fn risk(&self, a: Who, b: Who) -> f64;
+    /// The value of a column of a table.
+    fn cell(&self, column: usize) -> f64;
+    /// The row that lies this many rows earlier, if there is one.
+    fn earlier(&self, rows: usize) -> Option<Self>;
 }
 
 #[derive(Clone, Copy, Debug)]
 enum Function {
+    Lag,
+    Difference,
+    Rate,
     Distance,
     Speed,
     Norm,
@@ -81,6 +124,11 @@ enum Node {
     Place(Who),
     Goal(Who),
     Velocity(Who),
+    /// A column of a table.
+    Column(usize),
+    Pair(Box<Node>, Box<Node>),
+    /// The same, this many rows earlier.
+    Lagged(Box<Node>, usize),
     Negative(Box<Node>),
     Binary(char, Box<Node>, Box<Node>),
     /// Index into [`FUNCTIONS`].
@@ -108,17 +156,39 @@ impl Expression {
     /// # Errors
     /// What is wrong and where (counted from 1), and which names are known.
     pub fn parse(text: &str) -> Result<Self, String> {
+        Self::with_names(text, &mut Names::Bodies)
+    }
+
+    /// Parses and checks an expression about the columns of a table.
+    ///
+    /// # Errors
+    /// As [`Expression::parse`].
+    pub fn of_columns(text: &str, columns: &[String]) -> Result<Self, String> {
+        Self::with_names(text, &mut Names::Columns(columns))
+    }
+
+    /// The names of columns in an expression about a table.
+    ///
+    /// # Errors
+    /// As [`Expression::parse`], apart from unknown names.
+    pub fn names_in(text: &str) -> Result<Vec<String>, String> {
+        let mut found = Vec::new();
+        Self::with_names(text, &mut Names::Any(&mut found))?;
+        Ok(found)
+    }
+
+    fn with_names(text: &str, names: &mut Names<'_>) -> Result<Self, String> {
         if text.len() > LONGEST {
             return Err(format!(
                 "an expression of {} characters is too long; allowed: {LONGEST}",
                 text.len()
             ));
         }
-        let mut parser = Parser { text, at: 0, depth: 0 };
-        let root = parser.sum()?;
-        parser.blanks();
-        if parser.at < text.len() {
-            return Err(parser.fault("an operator or the end is missing"));
+        let root = Parser::new(text, names).whole()?;
+        if root.changes() > DEEPEST_CHANGE {
+            return Err(format!(
+                "'{text}' has more than {DEEPEST_CHANGE} diff() and rate() within each other"
+            ));
         }
         match root.kind()? {
             Kind::Number => Ok(Self { root }),
@@ -128,14 +198,31 @@ impl Expression {
         }
     }
 
+    /// Whether it needs to know what time it is.
+    pub fn mentions_time(&self) -> bool {
+        self.root.any(&|node| match node {
+            Node::Time => true,
+            Node::Call(function, _) => matches!(FUNCTIONS[*function].2, Function::Rate),
+            _ => false,
+        })
+    }
+
     /// Whether it uses anything of a person.
     pub fn mentions_human(&self) -> bool {
-        self.root.mentions_human()
+        self.root.any(&|node| {
+            matches!(
+                node,
+                Node::Field(Who::Human, _)
+                    | Node::Place(Who::Human)
+                    | Node::Goal(Who::Human)
+                    | Node::Velocity(Who::Human)
+            )
+        })
     }
 
     /// The value; NaN if it is not finite.
-    pub fn value(&self, scope: &Scope<'_>) -> f64 {
-        let value = self.root.number(scope);
+    pub fn value(&self, row: &impl Moment) -> f64 {
+        let value = self.root.number(row);
         if value.is_finite() { value } else { f64::NAN }
     }
 }
@@ -143,9 +230,13 @@ impl Expression {
 impl Node {
     fn kind(&self) -> Result<Kind, String> {
         match self {
-            Self::Number(_) | Self::Time | Self::Field(..) => Ok(Kind::Number),
+            Self::Number(_) | Self::Time | Self::Field(..) | Self::Column(_) => Ok(Kind::Number),
             Self::Place(_) | Self::Goal(_) | Self::Velocity(_) => Ok(Kind::Point),
-            Self::Negative(inner) => inner.kind(),
+            Self::Negative(inner) | Self::Lagged(inner, _) => inner.kind(),
+            Self::Pair(a, b) => match (a.kind()?, b.kind()?) {
+                (Kind::Number, Kind::Number) => Ok(Kind::Point),
+                _ => Err("a point is made of two numbers, such as (x, y)".into()),
+            },
             Self::Binary(operator, a, b) => match (operator, a.kind()?, b.kind()?) {
                 (_, Kind::Number, Kind::Number) => Ok(Kind::Number),
                 ('+' | '-', Kind::Point, Kind::Point)
@@ -156,7 +247,10 @@ impl Node {
             Self::Call(function, arguments) => {
                 let (name, _, function) = FUNCTIONS[*function];
                 let (kind, wanted) = match function {
-                    Function::Number(_) | Function::Pair(_) => (Kind::Number, "numbers"),
+                    Function::Difference => {
+                        return arguments.first().map_or(Ok(Kind::Number), Self::kind);
+                    }
+                    Function::Number(_) | Function::Pair(_) | Function::Rate => (Kind::Number, "numbers"),
                     Function::Speed | Function::Risk => {
                         let bodies = arguments.iter().all(|node| matches!(node, Self::Place(_)));
                         return if bodies { Ok(Kind::Number) } else { Err(format!("{name}() takes h or r")) };
@@ -173,50 +267,78 @@ impl Node {
         }
     }
 
-    fn mentions_human(&self) -> bool {
-        match self {
-            Self::Number(_) | Self::Time => false,
-            Self::Field(who, _) | Self::Place(who) | Self::Goal(who) | Self::Velocity(who) => {
-                *who == Who::Human
+    /// Whether this node or any within it is such.
+    fn any(&self, such: &dyn Fn(&Self) -> bool) -> bool {
+        such(self)
+            || match self {
+                Self::Negative(inner) | Self::Lagged(inner, _) => inner.any(such),
+                Self::Binary(_, a, b) | Self::Pair(a, b) => a.any(such) || b.any(such),
+                Self::Call(_, arguments) => arguments.iter().any(|argument| argument.any(such)),
+                _ => false,
             }
-            Self::Negative(inner) => inner.mentions_human(),
-            Self::Binary(_, a, b) => a.mentions_human() || b.mentions_human(),
-            Self::Call(_, arguments) => arguments.iter().any(Self::mentions_human),
+    }
+
+    /// How deep `diff` and `rate` are nested.
+    fn changes(&self) -> usize {
+        match self {
+            Self::Negative(inner) | Self::Lagged(inner, _) => inner.changes(),
+            Self::Binary(_, a, b) | Self::Pair(a, b) => a.changes().max(b.changes()),
+            Self::Call(function, arguments) => {
+                let own = matches!(FUNCTIONS[*function].2, Function::Difference | Function::Rate);
+                usize::from(own) + arguments.iter().map(Self::changes).max().unwrap_or(0)
+            }
+            _ => 0,
         }
     }
 
-    fn number(&self, scope: &Scope<'_>) -> f64 {
+    fn number(&self, row: &impl Moment) -> f64 {
         match self {
             Self::Number(value) => *value,
-            Self::Time => scope.time,
-            Self::Field(who, field) => scope.values(*who).get(*field),
-            Self::Negative(inner) => -inner.number(scope),
-            Self::Binary(operator, a, b) => arithmetic(*operator, a.number(scope), b.number(scope)),
-            Self::Call(function, arguments) => call(FUNCTIONS[*function].2, arguments, scope),
-            Self::Place(_) | Self::Goal(_) | Self::Velocity(_) => f64::NAN,
+            Self::Time => row.time(),
+            Self::Field(who, field) => row.body(*who).get(*field),
+            Self::Column(column) => row.cell(*column),
+            Self::Lagged(inner, rows) => {
+                row.earlier(*rows).map_or(f64::NAN, |earlier| inner.number(&earlier))
+            }
+            Self::Negative(inner) => -inner.number(row),
+            Self::Binary(operator, a, b) => arithmetic(*operator, a.number(row), b.number(row)),
+            Self::Call(function, arguments) => call(FUNCTIONS[*function].2, arguments, row),
+            Self::Place(_) | Self::Goal(_) | Self::Velocity(_) | Self::Pair(..) => f64::NAN,
         }
     }
 
-    fn point(&self, scope: &Scope<'_>) -> (f64, f64) {
+    fn point(&self, row: &impl Moment) -> (f64, f64) {
         match self {
-            Self::Place(who) => (scope.values(*who).x, scope.values(*who).y),
-            Self::Goal(who) => (scope.values(*who).gx, scope.values(*who).gy),
+            Self::Place(who) => (row.body(*who).x, row.body(*who).y),
+            Self::Goal(who) => (row.body(*who).gx, row.body(*who).gy),
             Self::Velocity(who) => {
-                let body = scope.values(*who).body();
+                let body = row.body(*who).body();
                 (body.vx, body.vy)
             }
+            Self::Pair(x, y) => (x.number(row), y.number(row)),
+            Self::Lagged(inner, rows) => {
+                row.earlier(*rows).map_or((f64::NAN, f64::NAN), |earlier| inner.point(&earlier))
+            }
+            Self::Call(function, arguments) => match (FUNCTIONS[*function].2, arguments.as_slice()) {
+                (Function::Difference, [inner]) => {
+                    let (x, y) = inner.point(row);
+                    let before = row.earlier(1).map_or((f64::NAN, f64::NAN), |earlier| inner.point(&earlier));
+                    (x - before.0, y - before.1)
+                }
+                _ => (f64::NAN, f64::NAN),
+            },
             Self::Negative(inner) => {
-                let (x, y) = inner.point(scope);
+                let (x, y) = inner.point(row);
                 (-x, -y)
             }
             Self::Binary(operator @ ('+' | '-'), a, b) => {
-                let (a, b) = (a.point(scope), b.point(scope));
+                let (a, b) = (a.point(row), b.point(row));
                 (arithmetic(*operator, a.0, b.0), arithmetic(*operator, a.1, b.1))
             }
             Self::Binary(operator, a, b) => {
                 let ((x, y), factor) = match a.kind() {
-                    Ok(Kind::Point) => (a.point(scope), b.number(scope)),
-                    _ => (b.point(scope), a.number(scope)),
+                    Ok(Kind::Point) => (a.point(row), b.number(row)),
+                    _ => (b.point(row), a.number(row)),
                 };
                 (arithmetic(*operator, x, factor), arithmetic(*operator, y, factor))
             }
@@ -225,27 +347,28 @@ impl Node {
     }
 }
 
-impl Scope<'_> {
-    fn values(&self, who: Who) -> &Values {
-        match who {
-            Who::Human => self.human,
-            Who::Robot => self.robot,
-        }
-    }
-}
-
-fn call(function: Function, arguments: &[Node], scope: &Scope<'_>) -> f64 {
-    let number = |i: usize| arguments.get(i).map_or(f64::NAN, |node| node.number(scope));
-    let point = |i: usize| arguments.get(i).map_or((f64::NAN, f64::NAN), |node| node.point(scope));
+fn call<M: Moment>(function: Function, arguments: &[Node], row: &M) -> f64 {
+    let number = |i: usize| arguments.get(i).map_or(f64::NAN, |node| node.number(row));
+    let point = |i: usize| arguments.get(i).map_or((f64::NAN, f64::NAN), |node| node.point(row));
     match function {
         Function::Number(f) => f(number(0)),
         Function::Pair(f) => f(number(0), number(1)),
+        Function::Difference | Function::Rate => {
+            let before = row.earlier(1);
+            let of = |part: &dyn Fn(&Node) -> f64| arguments.first().map_or(f64::NAN, part);
+            let change = of(&|node| node.number(row))
+                - of(&|node| before.as_ref().map_or(f64::NAN, |before| node.number(before)));
+            let elapsed = || row.time() - before.as_ref().map_or(f64::NAN, Moment::time);
+            if matches!(function, Function::Rate) { change / elapsed() } else { change }
+        }
+        // The parser makes a node of its own of it.
+        Function::Lag => f64::NAN,
         Function::Speed => match arguments {
-            [Node::Place(who)] => scope.values(*who).body().speed(),
+            [Node::Place(who)] => row.body(*who).body().speed(),
             _ => f64::NAN,
         },
         Function::Risk => match arguments {
-            [Node::Place(who), Node::Place(other)] => (scope.risk)(*who, *other),
+            [Node::Place(who), Node::Place(other)] => row.risk(*who, *other),
             _ => f64::NAN,
         },
         Function::Norm => point(0).0.hypot(point(0).1),
@@ -272,167 +395,6 @@ fn wrap(angle: f64) -> f64 {
     angle.sin().atan2(angle.cos())
 }
 
-struct Parser<'a> {
-    text: &'a str,
-    at: usize,
-    depth: usize,
-}
-
-impl Parser<'_> {
-    fn sum(&mut self) -> Result<Node, String> {
-        let mut left = self.product()?;
-        while let Some(operator) = self.one_of(['+', '-']) {
-            left = Node::Binary(operator, Box::new(left), Box::new(self.product()?));
-        }
-        Ok(left)
-    }
-
-    fn product(&mut self) -> Result<Node, String> {
-        let mut left = self.sign()?;
-        while let Some(operator) = self.one_of(['*', '/']) {
-            left = Node::Binary(operator, Box::new(left), Box::new(self.sign()?));
-        }
-        Ok(left)
-    }
-
-    /// `-a ^ b` is `-(a ^ b)`, `a ^ -b` is allowed.
-    fn sign(&mut self) -> Result<Node, String> {
-        self.deeper(|parser| match parser.one_of(['-', '-']) {
-            Some(_) => Ok(Node::Negative(Box::new(parser.sign()?))),
-            None => parser.power(),
-        })
-    }
-
-    fn power(&mut self) -> Result<Node, String> {
-        let base = self.atom()?;
-        match self.one_of(['^', '^']) {
-            Some(operator) => Ok(Node::Binary(operator, Box::new(base), Box::new(self.sign()?))),
-            None => Ok(base),
-        }
-    }
-
-    fn atom(&mut self) -> Result<Node, String> {
-        self.blanks();
-        match self.rest().chars().next() {
-            Some('(') => {
-                self.at += 1;
-                let inner = self.sum()?;
-                self.expect(')')?;
-                Ok(inner)
-            }
-            Some(c) if c.is_ascii_digit() || c == '.' => self.number(),
-            Some(c) if c.is_ascii_alphabetic() => self.named(),
-            _ => Err(self.fault("a number, a name or '(' is missing")),
-        }
-    }
-
-    fn number(&mut self) -> Result<Node, String> {
-        let rest = self.rest();
-        let mut end = rest.find(|c: char| !c.is_ascii_digit() && c != '.').unwrap_or(rest.len());
-        let exponent = rest[end..].strip_prefix(['e', 'E']).map(|tail| {
-            let digits = tail.strip_prefix(['+', '-']).unwrap_or(tail);
-            let n_digits = digits.find(|c: char| !c.is_ascii_digit()).unwrap_or(digits.len());
-            (n_digits, 1 + tail.len() - digits.len() + n_digits)
-        });
-        if let Some((1.., length)) = exponent {
-            end += length;
-        }
-        let number = rest[..end].parse().map_err(|_| self.fault("this is no number"))?;
-        self.at += end;
-        Ok(Node::Number(number))
-    }
-
-    fn named(&mut self) -> Result<Node, String> {
-        let start = self.at;
-        let word = |c: char| c.is_ascii_alphanumeric() || matches!(c, '_' | '.');
-        let rest = self.rest();
-        let name = rest[..rest.find(|c| !word(c)).unwrap_or(rest.len())].to_owned();
-        self.at += name.len();
-        if self.one_of(['(', '(']).is_some() {
-            return self.call(&name, start);
-        }
-        let (who, part) = match name.split_once(['.', '_']) {
-            _ if name == "t" => return Ok(Node::Time),
-            _ if name == "pi" => return Ok(Node::Number(std::f64::consts::PI)),
-            None => (name.as_str(), None),
-            Some((who, part)) => (who, Some(part)),
-        };
-        let who = match who {
-            "h" => Some(Who::Human),
-            "r" => Some(Who::Robot),
-            _ => None,
-        };
-        let field = |part: &str| Field::ALL.into_iter().find(|field| field.name() == part);
-        let node = who.and_then(|who| match part {
-            None => Some(Node::Place(who)),
-            Some("goal") => Some(Node::Goal(who)),
-            Some("vel") => Some(Node::Velocity(who)),
-            Some(part) => Some(Node::Field(who, field(part)?)),
-        });
-        node.ok_or_else(|| {
-            self.at = start;
-            let known = "h, r, h.goal, h.vel, h.x, h.y, h.theta, h.v, h.omega (r. likewise), t, pi";
-            self.fault(&format!("'{name}' is unknown; known: {known}"))
-        })
-    }
-
-    fn call(&mut self, name: &str, start: usize) -> Result<Node, String> {
-        let Some(function) = FUNCTIONS.iter().position(|(known, ..)| *known == name) else {
-            self.at = start;
-            let known: Vec<&str> = FUNCTIONS.iter().map(|(name, ..)| *name).collect();
-            return Err(self.fault(&format!("there is no function '{name}'; known: {}", known.join(", "))));
-        };
-        let mut arguments = vec![self.sum()?];
-        while self.one_of([',', ',']).is_some() {
-            arguments.push(self.sum()?);
-        }
-        self.expect(')')?;
-        let wanted = FUNCTIONS[function].1;
-        if arguments.len() != wanted {
-            self.at = start;
-            return Err(self.fault(&format!("{name}() takes {wanted} arguments, not {}", arguments.len())));
-        }
-        Ok(Node::Call(function, arguments))
-    }
-
-    fn deeper(&mut self, inner: impl FnOnce(&mut Self) -> Result<Node, String>) -> Result<Node, String> {
-        self.depth += 1;
-        if self.depth > DEEPEST {
-            return Err(self.fault("too many brackets within brackets"));
-        }
-        let node = inner(self);
-        self.depth -= 1;
-        node
-    }
-
-    fn one_of(&mut self, wanted: [char; 2]) -> Option<char> {
-        self.blanks();
-        let found = self.rest().chars().next().filter(|c| wanted.contains(c))?;
-        self.at += found.len_utf8();
-        Some(found)
-    }
-
-    fn expect(&mut self, wanted: char) -> Result<(), String> {
-        match self.one_of([wanted, wanted]) {
-            Some(_) => Ok(()),
-            None => Err(self.fault(&format!("'{wanted}' is missing"))),
-        }
-    }
-
-    fn blanks(&mut self) {
-        let rest = self.rest();
-        self.at += rest.len() - rest.trim_start().len();
-    }
-
-    fn rest(&self) -> &str {
-        self.text.get(self.at..).unwrap_or_default()
-    }
-
-    fn fault(&self, reason: &str) -> String {
-        format!("'{}', character {}: {reason}", self.text, self.at + 1)
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -440,11 +402,70 @@ mod tests {
     const ROBOT: Values = Values::from_array([0.0, 0.0, 4.0, 3.0, 0.0, 0.5, 0.0]);
     const HUMAN: Values = Values::from_array([1.0, 1.0, 0.0, 0.0, std::f64::consts::FRAC_PI_2, 2.0, 0.1]);
 
+    /// A row of a batch, or of a table with the columns x (0, 1, 4, 9, ...) and y (3).
+    struct Now(usize);
+
+    impl Moment for Now {
+        fn time(&self) -> f64 {
+            self.0 as f64
+        }
+
+        fn body(&self, who: Who) -> &Values {
+            if who == Who::Human { &HUMAN } else { &ROBOT }
+        }
+
+        fn risk(&self, a: Who, b: Who) -> f64 {
+            self.body(a).body().speed() + 10.0 * self.body(b).body().speed()
+        }
+
+        fn cell(&self, column: usize) -> f64 {
+            if column == 0 { (self.0 * self.0) as f64 } else { 3.0 }
+        }
+
+        fn earlier(&self, rows: usize) -> Option<Self> {
+            self.0.checked_sub(rows).map(Self)
+        }
+    }
+
+    #[test]
+    fn a_table_has_columns_lags_differences_points_and_units() {
+        let columns = ["x", "Goal [m]"].map(str::to_owned);
+        for (text, expected) in [
+            ("x + \"Goal [m]\"", 52.0),
+            ("lag(x, 2)", 25.0),
+            ("diff(x)", 13.0),
+            ("diff(diff(x))", 2.0),
+            ("rate(x) / 2", 6.5),
+            ("norm(4, `Goal [m]`)", 5.0),
+            ("norm((x, 0) - (40, 0))", 9.0),
+            ("angle(0, 2) / 1 deg", 90.0),
+            ("dist((0, 0), (3, 4 m))", 5.0),
+            ("norm(diff((x, t)))", 170_f64.sqrt()),
+            ("36 kmh + 500 ms + 2 km", 2010.5),
+            ("wrap(2 * 180 deg) + sign(0 - x) + lag(t, 1)", 5.0),
+        ] {
+            let value =
+                Expression::of_columns(text, &columns).unwrap_or_else(|e| panic!("{e}")).value(&Now(7));
+            assert!((value - expected).abs() < 1e-12, "{text} is {value}");
+        }
+        let first = Expression::of_columns("x + lag(x, 8)", &columns).expect("parses").value(&Now(7));
+        assert!(first.is_nan());
+        for (text, part) in [
+            ("x + goal", "'goal' is unknown; columns: x, Goal [m]"),
+            ("lag(x, 1.5)", "whole number of rows"),
+            ("5 parsecs", "'parsecs' is no unit; units: deg"),
+            ("speed(x)", "takes h or r"),
+            ("(x, 1)", "is a point"),
+            ("\"x", "quote is missing"),
+        ] {
+            let fault = Expression::of_columns(text, &columns).expect_err(text);
+            assert!(fault.contains(part), "{text}: {fault}");
+        }
+        assert_eq!(Expression::names_in("x * lag(\"a b\", 1) + pi * t"), Ok(vec!["x".into(), "a b".into()]));
+    }
+
     fn value(text: &str) -> f64 {
-        let speed = |who| if who == Who::Human { HUMAN.body().speed() } else { ROBOT.body().speed() };
-        let risk = |a, b| speed(a) + 10.0 * speed(b);
-        let scope = Scope { time: 7.0, robot: &ROBOT, human: &HUMAN, risk: &risk };
-        Expression::parse(text).unwrap_or_else(|e| panic!("{e}")).value(&scope)
+        Expression::parse(text).unwrap_or_else(|e| panic!("{e}")).value(&Now(7))
     }
 
     #[test]
@@ -490,6 +511,7 @@ mod tests {
             ("h + 1", "'+' does not go with a point"),
             ("h - r", "is a point, not a number"),
             ("(1 + 2", "')' is missing"),
+            ("lag(h.v, 1)", "lag() is for the columns of a table"),
             ("1 2", "an operator or the end is missing"),
             ("", "a number, a name or '(' is missing"),
             ("1 + é", "is missing"),
@@ -499,13 +521,15 @@ mod tests {
             assert!(fault.contains(part), "{text}: {fault}");
         }
         assert!(Expression::parse(&"(".repeat(100_000)).is_err());
+        let deep = format!("{}x{}", "diff(".repeat(20), ")".repeat(20));
+        assert!(Expression::names_in(&deep).expect_err("deep").contains("within each other"));
         assert!(Expression::parse(&"-".repeat(100_000)).is_err());
     }
 
     proptest::proptest! {
         #[test]
         fn no_text_makes_the_parser_panic(text in "[hr.vxgoal_ ()+*/^,0-9e-]{0,40}") {
-            let _ = Expression::parse(&text);
+            let _ = (Expression::parse(&text), Expression::names_in(&text));
         }
     }
 }

@@ -17,6 +17,7 @@ mod select;
 mod signal_track;
 pub mod table;
 mod tracks;
+pub mod trajectories;
 pub mod writer;
 
 pub use id::IdFormat;

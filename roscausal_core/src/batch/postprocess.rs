@@ -6,7 +6,7 @@ use std::{cell::Cell, collections::BTreeMap, str::FromStr};
 use roscausal_discovery::names::plain;
 
 use super::{
-    expression::{Expression, Scope, Who},
+    expression::{Expression, Moment, Who},
     range::empty_impossible,
     recording::{Column, Recording},
     risk::{Body, RiskModel, risk_exponent},
@@ -237,17 +237,51 @@ impl Postprocess {
             // The noise is small beside the bound.
             (exponent + noise).exp()
         };
+        let late_risk =
+            |row: usize, a, b| row.checked_sub(self.risk_lag).map_or(f64::NAN, |earlier| risk(earlier, a, b));
         let value = |row: usize| {
-            let time = batch.stamp(first + row).as_secs_f64();
-            let risk = |a, b| row.checked_sub(self.risk_lag).map_or(f64::NAN, |earlier| risk(earlier, a, b));
-            let scope = Scope { time, robot: &batch.robot[row], human: human(row), risk: &risk };
-            feature.expression.value(&scope)
+            feature.expression.value(&BatchRow { row, first, batch, people: &human, risk: &late_risk })
         };
         let values = (0..batch.n_rows()).map(value).collect();
         if impossible.get() > 0 {
             *emptied.entry(name.clone()).or_default() += impossible.get();
         }
         Column { name, unit: "", values }
+    }
+}
+
+/// A row of a batch, and the person it is about.
+struct BatchRow<'a> {
+    row: usize,
+    /// Place of the first row in the batch that it began.
+    first: usize,
+    batch: &'a Recording,
+    people: &'a dyn Fn(usize) -> &'a Values,
+    risk: &'a dyn Fn(usize, Who, Who) -> f64,
+}
+
+impl Moment for BatchRow<'_> {
+    fn time(&self) -> f64 {
+        self.batch.stamp(self.first + self.row).as_secs_f64()
+    }
+
+    fn body(&self, who: Who) -> &Values {
+        match who {
+            Who::Human => (self.people)(self.row),
+            Who::Robot => &self.batch.robot[self.row],
+        }
+    }
+
+    fn risk(&self, a: Who, b: Who) -> f64 {
+        (self.risk)(self.row, a, b)
+    }
+
+    fn cell(&self, _: usize) -> f64 {
+        f64::NAN
+    }
+
+    fn earlier(&self, rows: usize) -> Option<Self> {
+        Some(Self { row: self.row.checked_sub(rows)?, ..*self })
     }
 }
 

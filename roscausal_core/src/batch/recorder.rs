@@ -652,7 +652,7 @@ impl Recorder {
     }
 }
 
-fn values(pose: &Pose2D, twist: &Twist, goal: &Point) -> Values {
+pub(super) fn values(pose: &Pose2D, twist: &Twist, goal: &Point) -> Values {
     let finite = |v: f64| if v.is_finite() { v } else { f64::NAN };
     Values {
         gx: finite(goal.x),

@@ -5,13 +5,18 @@
 //! 3. `cells`: each as a number.
 //! 4. `time`: in seconds.
 //!
+//! `binary` reads NumPy files to the same end.
+//!
 //! `steps` then brings the rows to one step.
 
+pub(crate) mod binary;
 mod cells;
-mod columns;
+pub(crate) mod columns;
+mod derived;
 mod dialect;
+pub(crate) mod grid;
 mod steps;
-mod time;
+pub(crate) mod time;
 
 use std::{collections::BTreeMap, fmt, fs::File, io::Read, path::Path};
 
@@ -27,6 +32,7 @@ use self::{
 use super::header;
 use crate::{Error, Result, content::not_data};
 
+pub use derived::Derived;
 pub use steps::{Resample, Steps};
 pub use time::Unit;
 
@@ -89,6 +95,18 @@ pub enum Note {
     },
 }
 
+impl Note {
+    /// The column that it is about, if it is about one.
+    pub fn column(&self) -> Option<&String> {
+        match self {
+            Self::Empty { column } | Self::Missing { column, .. } | Self::Constant { column, .. } => {
+                Some(column)
+            }
+            Self::Read(_) => None,
+        }
+    }
+}
+
 impl fmt::Display for Note {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
@@ -139,6 +157,15 @@ pub fn common_step<'a>(recordings: impl IntoIterator<Item = (&'a Path, &'a Table
 enum Complaint {
     File(String),
     Columns(String),
+}
+
+impl Complaint {
+    /// The reason without its place.
+    fn reason(self) -> String {
+        match self {
+            Self::File(reason) | Self::Columns(reason) => reason,
+        }
+    }
 }
 
 impl<S: Into<String>> From<S> for Complaint {
@@ -207,6 +234,9 @@ impl Table {
     }
 
     fn parse(bytes: &[u8], reading: &Reading) -> Parsed<Self> {
+        if let Some(columns) = binary::columns(bytes) {
+            return binary::table(columns?, reading);
+        }
         if let Some(reason) = not_data(bytes) {
             return Err(Complaint::File(reason));
         }
@@ -497,17 +527,8 @@ impl<'a> Rows<'a> {
         }
         let wrong = |pair: &[f64]| pair[1] < pair[0] || (pair[1] == pair[0] && !self.reading.equal_times);
         let Some(row) = time.windows(2).position(wrong) else { return Ok(()) };
-        let what = if time[row + 1] < time[row] { "goes back" } else { "stands still" };
-        let way = match what {
-            "goes back" => "sort the rows, or split the recordings into files of their own",
-            _ => "resample the rows with --dt, or split the recordings into files of their own",
-        };
-        Err(Complaint::from(format!(
-            "line {}, column '{name}': time {what} (from {} to {}); {way}",
-            self.line(places[row + 1]),
-            time[row],
-            time[row + 1]
-        )))
+        let place = format!("line {}, column '{name}'", self.line(places[row + 1]));
+        Err(Complaint::from(out_of_order(&place, time[row], time[row + 1])))
     }
 
     fn place(&self, column: usize, place: u64) -> String {
@@ -527,6 +548,20 @@ impl<'a> Rows<'a> {
         });
         self.before + ends.count() as u64 + 1
     }
+}
+
+/// What is wrong with a time that is not after the one before it.
+fn out_of_order(place: &str, before: f64, time: f64) -> String {
+    let (what, way) = match time < before {
+        true => ("goes back", "sort the rows, or split the recordings into files of their own"),
+        false => {
+            ("stands still", "resample the rows with --dt, or split the recordings into files of their own")
+        }
+    };
+    format!(
+        "{place}: time {what} (from {before} to {time}); {way}; a table with a row for each of several people and robots: \
+         --format trajectories"
+    )
 }
 
 fn reader(body: &[u8], separator: u8) -> csv::Reader<&[u8]> {

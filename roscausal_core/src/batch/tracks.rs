@@ -152,6 +152,8 @@ impl Values {
 #[derive(Debug, Default)]
 pub(super) struct Track {
     samples: VecDeque<(i64, Values)>,
+    /// Whether all samples are there from the beginning, so that none waits for others.
+    unlimited: bool,
 }
 
 /// What happened to a sample.
@@ -165,6 +167,11 @@ pub(super) enum Taken {
 }
 
 impl Track {
+    /// A track that keeps any number of samples.
+    pub(super) fn without_limit() -> Self {
+        Self { unlimited: true, ..Self::default() }
+    }
+
     /// Adds a sample (stamp in nanoseconds), in order or not.
     pub(super) fn insert(&mut self, stamp: i64, values: Values) -> Taken {
         let at = self.samples.partition_point(|(earlier, _)| *earlier < stamp);
@@ -172,7 +179,7 @@ impl Track {
             return Taken::Duplicate;
         }
         self.samples.insert(at, (stamp, values));
-        if self.samples.len() > MOST {
+        if self.samples.len() > MOST && !self.unlimited {
             self.samples.pop_front();
             return Taken::Crowded;
         }

@@ -266,19 +266,25 @@ fn processing(params: &Params) -> Result<Processing> {
                 params.flag("delete_traj"),
             ))
         }
-        _ => Processing::BuiltIn(Postprocess {
-            risk_model: params
-                .text("risk_model")
-                .parse()
-                .map_err(|reason| Error::param("risk_model", reason))?,
-            risk_lag: params.count("risk_lag"),
-            risk_noise: params.double("risk_noise"),
-            seed: params.int("seed").unsigned_abs(),
-            obs_size,
-            safe_dist,
-            obstacle: params.text("obstacle").parse().map_err(|reason| Error::param("obstacle", reason))?,
-            features: features(params)?,
-        }),
+        _ => Processing::BuiltIn(built_in(params)?),
+    })
+}
+
+/// The built-in post-processing with these parameters.
+///
+/// # Errors
+/// A parameter that is not allowed.
+pub(super) fn built_in(params: &Params) -> Result<Postprocess> {
+    let (obs_size, safe_dist) = (params.double("obs_size"), params.double("safe_dist"));
+    Ok(Postprocess {
+        risk_model: params.text("risk_model").parse().map_err(|reason| Error::param("risk_model", reason))?,
+        risk_lag: params.count("risk_lag"),
+        risk_noise: params.double("risk_noise"),
+        seed: params.int("seed").unsigned_abs(),
+        obs_size,
+        safe_dist,
+        obstacle: params.text("obstacle").parse().map_err(|reason| Error::param("obstacle", reason))?,
+        features: features(params)?,
     })
 }
 

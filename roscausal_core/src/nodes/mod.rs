@@ -25,8 +25,10 @@ use std::{
 
 use crate::{
     Error, Result,
+    batch::postprocess::Postprocess,
+    loopback::Loopback,
     middleware::Middleware,
-    params::{ParamSpec, nearest},
+    params::{ParamSpec, Params, Value, nearest},
 };
 
 pub use data::{FEATURES_TOPIC, Recorded, data, data_task, data_with};
@@ -106,6 +108,18 @@ pub fn parameters(name: &str) -> Result<Vec<ParamSpec>> {
         "reasoning" => Ok(reasoning_params::specs()),
         _ => Err(unknown_node(name)),
     }
+}
+
+/// The data node's post-processing with these of its parameters, and the others at their defaults.
+///
+/// # Errors
+/// A parameter that is not allowed.
+pub fn postprocess(given: &[(String, Value)]) -> Result<Postprocess> {
+    let bus = Loopback::lockstep();
+    for (name, value) in given {
+        bus.set_node_param("data", name, value.clone());
+    }
+    data_params::built_in(&Params::read(&bus.node("data"), &data_params::specs())?)
 }
 
 /// A topic in the namespace of the robot `name`; the topic itself if the name is empty.

@@ -21,12 +21,12 @@ const TIME_NAMES: [&str; 12] = [
 ];
 
 /// The column of times, and the unit in its name.
-pub(super) fn time_column(header: &[String]) -> Option<(usize, Option<Unit>)> {
+pub(crate) fn time_column(header: &[String]) -> Option<(usize, Option<Unit>)> {
     header.iter().enumerate().find_map(|(column, name)| Some((column, time_name(name)?)))
 }
 
 /// Whether a name is one of a column of times, and the unit in it.
-fn time_name(name: &str) -> Option<Option<Unit>> {
+pub(crate) fn time_name(name: &str) -> Option<Option<Unit>> {
     let name = name.trim().trim_start_matches(['%', '.']).to_lowercase();
     if TIME_NAMES.contains(&name.as_str()) {
         return Some(None);
@@ -67,7 +67,7 @@ pub(super) fn is_index(name: &str) -> bool {
 }
 
 /// The columns of `header` that `wanted` names: a name in any spelling, a pattern with `*` and `?`, a range `a..c`, or
-/// `!pattern`, which takes columns away (from all others if nothing else is named).
+/// `!pattern`, which takes columns away (from all others if nothing else is named), or `+name`, which adds one that is not chosen yet.
 pub(super) fn chosen(
     header: &[String],
     wanted: &[String],
@@ -75,13 +75,23 @@ pub(super) fn chosen(
 ) -> Result<Vec<usize>, String> {
     let is_variable = |column: &usize| Some(*column) != time;
     let mut columns: Vec<usize> = Vec::new();
-    if wanted.iter().all(|name| name.starts_with('!')) {
+    if wanted.iter().any(|name| name.starts_with('!'))
+        && wanted.iter().all(|name| name.starts_with(['!', '+']))
+    {
         columns.extend((0..header.len()).filter(is_variable));
     }
     for name in wanted {
         if let Some(pattern) = name.strip_prefix('!') {
             let away = matching(header, pattern)?;
             columns.retain(|column| !away.contains(column));
+            continue;
+        }
+        if let Some(name) = name.strip_prefix('+') {
+            // The time is at hand without being a variable.
+            let more = one(header, name)?;
+            if Some(more) != time && !columns.contains(&more) {
+                columns.push(more);
+            }
             continue;
         }
         let several = name.contains(['*', '?']) || name.contains("..");
@@ -179,6 +189,7 @@ mod tests {
         assert_eq!(chosen("!r_*"), [1, 2, 3]);
         assert_eq!(chosen("h_* !h_dg"), [1, 3]);
         assert_eq!(chosen("*"), [1, 2, 3, 4]);
+        assert_eq!(chosen("h_v +h_v +r_v +time"), [1, 4]);
     }
 
     #[test]

@@ -125,7 +125,7 @@ fn is_row(line: &[u8]) -> bool {
 }
 
 /// The lines of a text with their places, whether they end in LF, CR LF or CR.
-fn lines(bytes: &[u8]) -> impl Iterator<Item = (usize, &[u8])> {
+pub(super) fn lines(bytes: &[u8]) -> impl Iterator<Item = (usize, &[u8])> {
     let mut at = 0;
     std::iter::from_fn(move || {
         let rest = bytes.get(at..).filter(|rest| !rest.is_empty())?;

@@ -59,7 +59,7 @@ impl FromStr for Unit {
 ///
 /// Without it: numbers since 1970 tell it by their size; of others, whole numbers in steps of a million and more are
 /// nanoseconds, and the rest are seconds.
-pub(super) fn in_seconds(mut time: Vec<f64>, known: Option<Unit>) -> (Vec<f64>, Option<String>) {
+pub(crate) fn in_seconds(mut time: Vec<f64>, known: Option<Unit>) -> (Vec<f64>, Option<String>) {
     let (unit, told) = match known {
         Some(unit) => (unit, None),
         None => guessed(&time),
@@ -95,9 +95,19 @@ fn guessed(time: &[f64]) -> (Unit, Option<String>) {
     (Unit::Seconds, told)
 }
 
+/// A stamp in units of which `per_second` make a second, in seconds: whole seconds and the rest apart, so that no digit is lost
+/// that a number of seconds can hold.
+pub(super) fn split_seconds(stamp: i64, per_second: f64) -> f64 {
+    if per_second < 1.0 {
+        return stamp as f64 / per_second;
+    }
+    let per = per_second as i64;
+    stamp.div_euclid(per) as f64 + stamp.rem_euclid(per) as f64 / per_second
+}
+
 /// A date and time in seconds since 1970, or a time of day in seconds since midnight. ISO 8601, with or without a zone (then
 /// UTC): `2026-11-24T08:30:00.25+01:00`, `2026-11-24 08:30:00`, `2026-11-24`, `08:30:00.25`.
-pub(super) fn date(text: &str) -> Option<f64> {
+pub(crate) fn date(text: &str) -> Option<f64> {
     let text = text.trim();
     if !text.contains([':', '-', '/']) || !text.starts_with(|letter: char| letter.is_ascii_digit()) {
         return None;

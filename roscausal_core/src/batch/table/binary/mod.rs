@@ -1,0 +1,188 @@
+//! Tables that are not text: NumPy files, recognised by their first bytes.
+//!
+//! 1. `numpy` gives columns of numbers, words or times.
+//! 2. They are chosen, encoded and checked as those of a CSV file.
+
+mod numpy;
+
+use super::{
+    Codes, Complaint, Note, Parsed, Reading, Table,
+    columns::{chosen, is_index, time_column},
+    time,
+};
+use ndarray::Array2;
+
+/// A column of any file.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) enum Column {
+    /// Missing values are NaN.
+    Numbers(Vec<f64>),
+    /// Seconds since 1970 or since midnight.
+    Times(Vec<f64>),
+    /// `None` where a word is missing.
+    Words(Vec<Option<String>>),
+    /// What it is instead, such as `List`.
+    Other(String),
+}
+
+/// The columns of a file, by name; `None` if the bytes are no such file.
+pub(in crate::batch::table) fn columns(bytes: &[u8]) -> Option<Parsed<Vec<(String, Column)>>> {
+    if bytes.starts_with(b"\x93NUMPY") {
+        return Some(numpy::array_file(bytes).map_err(Complaint::File));
+    }
+    if bytes.starts_with(b"PK\x03\x04") {
+        return numpy::archive(bytes).map(|read| read.map_err(Complaint::File));
+    }
+    None
+}
+
+/// The table of these columns.
+pub(in crate::batch::table) fn table(columns: Vec<(String, Column)>, reading: &Reading) -> Parsed<Table> {
+    let header: Vec<String> = columns.iter().map(|(name, _)| name.clone()).collect();
+    super::columns::check_names(&header)
+        .map_err(|reason| Complaint::File(reason.replace("line 1", "names")))?;
+    let time = time_place(&columns, &header, reading)?;
+    let place = time.map(|(column, _)| column);
+    let named = reading.columns.is_some();
+    let mut wanted = match &reading.columns {
+        Some(wanted) => chosen(&header, wanted, place).map_err(Complaint::Columns)?,
+        None => (0..header.len()).collect(),
+    };
+    wanted.retain(|&column| {
+        let index = is_index(&header[column]);
+        named || (Some(column) != place && !index)
+    });
+    if wanted.is_empty() {
+        return Err(Complaint::from("it has no columns besides the times; columns of variables are needed"));
+    }
+    let mut told = Vec::new();
+    let mut numbers = Vec::new();
+    for &column in &wanted {
+        numbers.push(as_numbers(&columns[column], reading, &mut told)?);
+    }
+    let rows = numbers.first().map_or(0, Vec::len);
+    if rows == 0 {
+        return Err(Complaint::from("it has no rows; rows of numbers are needed"));
+    }
+    let values = Array2::from_shape_fn((rows, wanted.len()), |(row, at)| numbers[at][row]);
+    let names: Vec<String> = wanted.iter().map(|&column| header[column].clone()).collect();
+    let mut notes = Table::notes_on(&names, &values);
+    notes.splice(0..0, told);
+    let time = match time {
+        Some((column, unit)) => Some(seconds(&columns[column], reading, unit, &mut notes)?),
+        None => None,
+    };
+    Ok(Table { names, values, time, notes })
+}
+
+/// The column of times: the one that is named so, or else the only one that holds times.
+fn time_place(
+    columns: &[(String, Column)],
+    header: &[String],
+    reading: &Reading,
+) -> Parsed<Option<(usize, Option<time::Unit>)>> {
+    match reading.time_column.as_deref() {
+        Some("none") => return Ok(None),
+        Some(name) => {
+            let found = chosen(header, &[name.to_owned()], None).map_err(Complaint::Columns)?;
+            return Ok(found.first().map(|&column| (column, None)));
+        }
+        None => {}
+    }
+    let times: Vec<usize> =
+        (0..columns.len()).filter(|&column| matches!(columns[column].1, Column::Times(_))).collect();
+    Ok(time_column(header).or(match times.as_slice() {
+        [only] => Some((*only, None)),
+        _ => None,
+    }))
+}
+
+fn as_numbers(
+    (name, column): &(String, Column),
+    reading: &Reading,
+    told: &mut Vec<Note>,
+) -> Parsed<Vec<f64>> {
+    let numbers = match column {
+        Column::Numbers(numbers) | Column::Times(numbers) => numbers.clone(),
+        Column::Words(words) if reading.encode => {
+            let mut codes = Codes::default();
+            let given: Vec<Option<f64>> =
+                words.iter().map(|word| word.as_deref().map(|word| codes.of(word))).collect();
+            let sorted = codes.sorted();
+            told.push(Note::Read(format!("words of column '{name}' as codes: {}", codes.told())));
+            return Ok(given
+                .into_iter()
+                .map(|code| code.map_or(f64::NAN, |code| sorted[code as usize]))
+                .collect());
+        }
+        Column::Words(words) => {
+            let row = words.iter().position(Option::is_some).unwrap_or(0);
+            let word: String =
+                words.get(row).cloned().flatten().unwrap_or_default().chars().take(40).collect();
+            return Err(Complaint::File(format!(
+                "row {}, column '{name}': '{word}' is not a number; name the columns to use with --columns, or turn words into \
+                 codes with --encode codes",
+                row + 1
+            )));
+        }
+        Column::Other(what) => {
+            return Err(Complaint::File(format!(
+                "column '{name}' holds {what}, not numbers; leave it out, such as with --columns '!{name}'"
+            )));
+        }
+    };
+    if let Some(row) = numbers.iter().position(|value| value.is_infinite()) {
+        return Err(Complaint::File(format!(
+            "row {}, column '{name}': the value is infinite; make it missing (NaN) or remove the row",
+            row + 1
+        )));
+    }
+    let missing = |value: f64| if reading.missing.contains(&value) { f64::NAN } else { value };
+    Ok(numbers.into_iter().map(missing).collect())
+}
+
+/// The times in seconds, in order.
+fn seconds(
+    (name, column): &(String, Column),
+    reading: &Reading,
+    unit: Option<time::Unit>,
+    notes: &mut Vec<Note>,
+) -> Parsed<Vec<f64>> {
+    let (times, told) = match column {
+        Column::Times(times) => (times.clone(), None),
+        Column::Numbers(numbers) => time::in_seconds(numbers.clone(), reading.time_unit.or(unit)),
+        Column::Words(words) => {
+            let read = |(row, word): (usize, &Option<String>)| {
+                let word = word.as_deref().unwrap_or_default();
+                time::date(word).ok_or_else(|| {
+                    format!(
+                        "row {}, column '{name}': '{word}' is no date such as 2026-11-24T08:30:00.25+01:00",
+                        row + 1
+                    )
+                })
+            };
+            (words.iter().enumerate().map(read).collect::<std::result::Result<_, _>>()?, None)
+        }
+        Column::Other(what) => {
+            return Err(Complaint::File(format!(
+                "column '{name}' holds {what}, not times; --time-column names another"
+            )));
+        }
+    };
+    notes.extend(told.map(Note::Read));
+    if let Some(row) = times.iter().position(|t| !t.is_finite()) {
+        return Err(Complaint::File(format!(
+            "row {}, column '{name}': the time is missing; remove the row",
+            row + 1
+        )));
+    }
+    let wrong = |pair: &[f64]| pair[1] < pair[0] || (pair[1] == pair[0] && !reading.equal_times);
+    if let Some(row) = times.windows(2).position(wrong) {
+        return Err(Complaint::File(super::out_of_order(
+            &format!("row {}, column '{name}'", row + 2),
+            times[row],
+            times[row + 1],
+        )));
+    }
+    Ok(times)
+}

@@ -1,0 +1,363 @@
+//! The agents in a table, and their states as the human node computes them.
+
+use std::{collections::BTreeMap, path::Path};
+
+use roscausal_msgs::geometry_msgs::{Point, Quaternion, Twist};
+use roscausal_msgs::std_msgs::Header;
+
+use super::{
+    TrajectoryReading,
+    layout::{self, Clock, Layout, PositionUnit},
+};
+use crate::{
+    Error, Result, Time,
+    batch::{
+        recorder,
+        table::{binary::Column, grid::Grid, time},
+        tracks::{Track, Values},
+    },
+    state::human::{PeopleTracker, Sighting},
+};
+
+/// Frames per second of ETH and UCY.
+const USUAL_FRAME_RATE: f64 = 25.0;
+/// Nobody who walks is as fast as this, m/s: such positions are in millimetres.
+const FASTER_THAN_ANYBODY: f64 = 20.0;
+/// A person is kept for any time, since only that person's own samples are given.
+const FOR_EVER_S: f64 = 1e12;
+
+/// What a row says of an agent.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Sample {
+    time: f64,
+    place: (f64, f64),
+    velocity: Option<(f64, f64)>,
+    heading: f64,
+    goal: (f64, f64),
+}
+
+/// A person, a robot, or a thing that moves.
+#[derive(Debug)]
+pub struct Agent {
+    /// As the table names it.
+    pub name: String,
+    /// The number in the table, or else its place in it.
+    pub id: u32,
+    is_robot: bool,
+    start: f64,
+    end: f64,
+    track: Track,
+}
+
+/// All agents of a table.
+#[derive(Debug)]
+pub struct Agents {
+    /// In the order of their first rows.
+    pub all: Vec<Agent>,
+    /// What was made of the file, one sentence each.
+    pub notes: Vec<String>,
+    usual_step: f64,
+}
+
+/// The rows of one agent, before they are states.
+#[derive(Default)]
+struct Raw {
+    is_robot: bool,
+    samples: Vec<Sample>,
+}
+
+impl Agents {
+    /// The agents in a file.
+    ///
+    /// # Errors
+    /// A file that is no table of trajectories.
+    pub fn read(path: &Path, reading: &TrajectoryReading) -> Result<Self> {
+        let fault = |reason: String| Error::file(path, reason);
+        let grid = Grid::read(path, &reading.missing, |words| layout::is_header(words, &reading.columns))?;
+        let layout = layout::of(&grid, &reading.columns).map_err(fault)?;
+        let mut notes = Vec::new();
+        let raw = raw(&grid, &layout, reading, &mut notes).map_err(fault)?;
+        Self::of(raw, reading, notes).map_err(fault)
+    }
+
+    fn of(
+        raw: Vec<(String, Raw)>,
+        reading: &TrajectoryReading,
+        mut notes: Vec<String>,
+    ) -> std::result::Result<Self, String> {
+        let mut raw: Vec<(String, Raw)> =
+            raw.into_iter().filter(|(_, raw)| !raw.samples.is_empty()).collect();
+        if raw.is_empty() {
+            return Err("nobody is in it: no row has a time, x and y".into());
+        }
+        let mut doubles = 0;
+        for (_, raw) in &mut raw {
+            raw.samples.sort_by(|a, b| a.time.total_cmp(&b.time));
+            let before = raw.samples.len();
+            raw.samples.dedup_by(|b, a| a.time == b.time);
+            doubles += before - raw.samples.len();
+        }
+        if doubles > 0 {
+            notes.push(format!("{doubles} rows are left out: the agent has one with the same time already"));
+        }
+        let unit = reading.unit.unwrap_or_else(|| guessed(&raw, &mut notes));
+        let usual_step = median(
+            raw.iter().flat_map(|(_, raw)| raw.samples.windows(2).map(|pair| pair[1].time - pair[0].time)),
+        );
+        let all = raw
+            .into_iter()
+            .enumerate()
+            .map(|(place, (name, raw))| Agent::of(name, place, &raw, unit, reading))
+            .collect();
+        Ok(Self { all, notes, usual_step: usual_step.unwrap_or(1.0) })
+    }
+
+    /// The agent of this name or number.
+    ///
+    /// # Errors
+    /// Nobody has it, as an error of the flag.
+    pub(super) fn named(&self, flag: &str, name: &str) -> Result<&Agent> {
+        let found = self.all.iter().find(|agent| agent.name == name);
+        let by_number = || self.all.iter().find(|agent| Ok(agent.id) == name.parse());
+        found.or_else(by_number).ok_or_else(|| {
+            const MOST: usize = 20;
+            let mut names: Vec<&str> = self.all.iter().take(MOST).map(|agent| agent.name.as_str()).collect();
+            if self.all.len() > MOST {
+                names.push("...");
+            }
+            Error::param(
+                flag,
+                format!(
+                    "'{name}' is nobody in this table; it has {}, nearest:N and all are allowed, too",
+                    names.join(", ")
+                ),
+            )
+        })
+    }
+
+    /// The robot, if there is one and no other.
+    pub(super) fn robot(&self) -> Option<&Agent> {
+        let mut robots = self.all.iter().filter(|agent| agent.is_robot);
+        robots.next().filter(|_| robots.next().is_none())
+    }
+
+    /// Median step between the samples of an agent, seconds.
+    pub(super) fn usual_step(&self) -> f64 {
+        self.usual_step
+    }
+
+    /// The first time of all, seconds.
+    pub(super) fn start(&self) -> f64 {
+        self.all.iter().map(|agent| agent.start).fold(f64::INFINITY, f64::min)
+    }
+}
+
+impl Agent {
+    fn of(name: String, place: usize, raw: &Raw, unit: PositionUnit, reading: &TrajectoryReading) -> Self {
+        let number = name.parse::<f64>().ok().filter(|id| id.fract() == 0.0 && (0.0..4e9).contains(id));
+        let id = number.map_or(place as u32 + 1, |id| id as u32);
+        let per_metre = unit.per_metre();
+        let scaled = |(x, y): (f64, f64)| (x / per_metre, y / per_metre);
+        let last = raw.samples.last().map(|sample| scaled(sample.place));
+        let mut tracker = PeopleTracker::new("map", "map", FOR_EVER_S);
+        let mut track = Track::without_limit();
+        for sample in &raw.samples {
+            let stamp = Time::from_secs_f64(sample.time);
+            let (x, y) = scaled(sample.place);
+            let goal = if reading.last_is_goal { last.unwrap_or((x, y)) } else { scaled(sample.goal) };
+            let mut sighting = Sighting {
+                id,
+                header: Header { stamp, frame_id: "map".into() },
+                goal: Some(Point { x: goal.0, y: goal.1, z: 0.0 }),
+                ..Sighting::default()
+            };
+            (sighting.pose.position.x, sighting.pose.position.y) = (x, y);
+            sighting.pose.orientation = turned(sample.heading(scaled));
+            sighting.twist = sample.velocity.map(|velocity| {
+                let mut twist = Twist::default();
+                (twist.linear.x, twist.linear.y) = scaled(velocity);
+                twist
+            });
+            tracker.sighting(sighting);
+            if let Some(state) = tracker.people(|_| None).humans.into_iter().next() {
+                track.insert(stamp.as_nanos(), recorder::values(&state.pose2d, &state.twist, &state.goal));
+            }
+        }
+        let time = |sample: Option<&Sample>| sample.map_or(f64::NAN, |sample| sample.time);
+        let (start, end) = (time(raw.samples.first()), time(raw.samples.last()));
+        Self { name, id, is_robot: raw.is_robot, start, end, track }
+    }
+
+    /// The values at these stamps; unknown where the agent is not there.
+    pub(super) fn rows(&self, stamps: &[i64], max_gap: i64) -> Vec<Values> {
+        stamps.iter().map(|&stamp| self.track.at(stamp, max_gap, false).unwrap_or(Values::UNKNOWN)).collect()
+    }
+
+    pub(super) fn start(&self) -> f64 {
+        self.start
+    }
+
+    pub(super) fn end(&self) -> f64 {
+        self.end
+    }
+}
+
+impl Sample {
+    /// Its heading: the one in the table, or that of its velocity.
+    fn heading(&self, scaled: impl Fn((f64, f64)) -> (f64, f64)) -> f64 {
+        match self.velocity.map(scaled) {
+            _ if !self.heading.is_nan() => self.heading,
+            Some((vx, vy)) => vy.atan2(vx),
+            None => 0.0,
+        }
+    }
+}
+
+/// A rotation about the vertical axis.
+fn turned(heading: f64) -> Quaternion {
+    let (z, w) = (heading / 2.0).sin_cos();
+    Quaternion { x: 0.0, y: 0.0, z, w }
+}
+
+/// The samples of each agent, in the order of their first rows.
+fn raw(
+    grid: &Grid,
+    layout: &Layout,
+    reading: &TrajectoryReading,
+    notes: &mut Vec<String>,
+) -> std::result::Result<Vec<(String, Raw)>, String> {
+    let (clock, rows) = match layout {
+        Layout::Long(clock, _) | Layout::Wide(clock, _) => (clock, grid.columns[0].1.len()),
+    };
+    let times = times(grid, *clock, rows, reading, notes)?;
+    let mut agents: Vec<(String, Raw)> = Vec::new();
+    let mut places: BTreeMap<String, usize> = BTreeMap::new();
+    let mut add = |name: String, is_robot: bool, sample: Sample| {
+        let place = *places.entry(name.clone()).or_insert_with(|| {
+            agents.push((name.clone(), Raw::default()));
+            agents.len() - 1
+        });
+        let raw = &mut agents[place].1;
+        raw.is_robot |= is_robot || name.to_lowercase().contains("robot");
+        if sample.time.is_finite() && sample.place.0.is_finite() && sample.place.1.is_finite() {
+            raw.samples.push(sample);
+        }
+    };
+    let nothing = (f64::NAN, f64::NAN);
+    match layout {
+        Layout::Long(_, roles) => {
+            let number = |role: &str, row: usize| {
+                roles.get(role).map_or(f64::NAN, |&column| grid.columns[column].1.number(row))
+            };
+            let text =
+                |role: &str, row: usize| roles.get(role).and_then(|&column| grid.columns[column].1.text(row));
+            for (row, &time) in times.iter().enumerate() {
+                let Some(name) = text("id", row) else { continue };
+                let kind = text("kind", row).unwrap_or_default().to_lowercase();
+                let heading = number("heading", row);
+                let (vx, vy) = match number("speed", row) {
+                    speed if roles.contains_key("vx") || speed.is_nan() => {
+                        (number("vx", row), number("vy", row))
+                    }
+                    speed => (speed * heading.cos(), speed * heading.sin()),
+                };
+                let sample = Sample {
+                    time,
+                    place: (number("x", row), number("y", row)),
+                    velocity: (vx.is_finite() && vy.is_finite()).then_some((vx, vy)),
+                    heading,
+                    goal: (number("gx", row), number("gy", row)),
+                };
+                add(name, kind.contains("robot"), sample);
+            }
+        }
+        Layout::Wide(_, bodies) => {
+            for (name, markers) in bodies {
+                for (row, &time) in times.iter().enumerate() {
+                    let place = middle(grid, markers, row);
+                    add(
+                        name.clone(),
+                        false,
+                        Sample { time, place, velocity: None, heading: f64::NAN, goal: nothing },
+                    );
+                }
+            }
+        }
+    }
+    Ok(agents)
+}
+
+/// The middle of the markers that are seen.
+fn middle(grid: &Grid, markers: &[(usize, usize)], row: usize) -> (f64, f64) {
+    let seen = markers.iter().map(|&(x, y)| (grid.columns[x].1.number(row), grid.columns[y].1.number(row)));
+    let seen: Vec<(f64, f64)> = seen.filter(|(x, y)| x.is_finite() && y.is_finite()).collect();
+    let n = seen.len() as f64;
+    (seen.iter().map(|(x, _)| x).sum::<f64>() / n, seen.iter().map(|(_, y)| y).sum::<f64>() / n)
+}
+
+/// The time of each row, seconds.
+fn times(
+    grid: &Grid,
+    clock: Clock,
+    rows: usize,
+    reading: &TrajectoryReading,
+    notes: &mut Vec<String>,
+) -> std::result::Result<Vec<f64>, String> {
+    let (column, unit) = match clock {
+        Clock::Frame(column) => {
+            let rate = reading.frame_rate.unwrap_or(USUAL_FRAME_RATE);
+            if !(rate.is_finite() && rate > 0.0) {
+                return Err(format!("--frame-rate {rate} is not a number of frames per second above 0"));
+            }
+            if reading.frame_rate.is_none() {
+                notes.push(format!("frames are taken as {rate} per second (--frame-rate says otherwise)"));
+            }
+            return Ok((0..rows).map(|row| grid.columns[column].1.number(row) / rate).collect());
+        }
+        Clock::Time(column, unit) => (column, unit),
+    };
+    match &grid.columns[column].1 {
+        Column::Times(times) => Ok(times.clone()),
+        Column::Numbers(numbers) => {
+            // Rows of different agents may come in any order; the guess of a unit needs them in the order of time.
+            let mut order: Vec<f64> = numbers.iter().copied().filter(|t| t.is_finite()).collect();
+            order.sort_by(f64::total_cmp);
+            order.dedup();
+            let first = order.first().copied().unwrap_or(0.0);
+            let (seconds, told) = time::in_seconds(order.clone(), unit);
+            notes.extend(told);
+            let (n, last) = (order.len(), order.last().copied().unwrap_or(0.0));
+            let scale = if n > 1 { (seconds[n - 1] - seconds[0]) / (last - first) } else { 1.0 };
+            let base = seconds.first().copied().unwrap_or(0.0);
+            Ok(numbers.iter().map(|t| base + (t - first) * scale).collect())
+        }
+        Column::Words(_) | Column::Other(_) => {
+            Err(format!("column '{}' holds no times: neither numbers nor dates", grid.columns[column].0))
+        }
+    }
+}
+
+/// Millimetres if the agents would be faster than anybody in metres; that is told.
+fn guessed(raw: &[(String, Raw)], notes: &mut Vec<String>) -> PositionUnit {
+    let speed = |pair: &[Sample]| {
+        let (a, b) = (pair[0].place, pair[1].place);
+        (b.0 - a.0).hypot(b.1 - a.1) / (pair[1].time - pair[0].time)
+    };
+    let speeds =
+        raw.iter().flat_map(|(_, raw)| raw.samples.windows(2).map(speed)).filter(|speed| *speed > 0.0);
+    match median(speeds) {
+        Some(usual) if usual > FASTER_THAN_ANYBODY => {
+            notes.push(format!(
+                "positions are taken as millimetres: in metres, the usual speed would be {usual:.0} m/s (--position-unit says otherwise)"
+            ));
+            PositionUnit::Millimetres
+        }
+        _ => PositionUnit::Metres,
+    }
+}
+
+fn median(values: impl Iterator<Item = f64>) -> Option<f64> {
+    let mut values: Vec<f64> = values.filter(|value| value.is_finite()).collect();
+    let middle = values.len() / 2;
+    (!values.is_empty()).then(|| *values.select_nth_unstable_by(middle, f64::total_cmp).1)
+}

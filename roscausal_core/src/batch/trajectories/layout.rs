@@ -1,0 +1,290 @@
+//! Which columns of a table say who, when and where.
+//!
+//! | layout | columns |
+//! |---|---|
+//! | named, long | `id`, `time` or `frame`, `x`, `y`, and perhaps velocity, heading, goal, kind of agent |
+//! | named, wide | `time` or `frame`, and for each body `NAME x`, `NAME y` (motion capture: its centroid, or its markers) |
+//! | without names, 8 columns, times since 1970 | ATC: time, person, x, y, z, speed, angle of motion, angle of the face |
+//! | without names, 8 columns, otherwise | BIWI: frame, person, x, z, y, and the velocity in the same order |
+//! | without names, at least 4 columns | ETH and UCY: frame, person, x, y |
+
+use std::{collections::BTreeMap, str::FromStr};
+
+use crate::batch::table::{binary::Column, columns::time_name, grid::Grid, time::Unit};
+
+/// Names of the columns of each role, in lower case and without a unit.
+const ROLES: [(&str, &[&str]); 11] = [
+    (
+        "id",
+        &[
+            "id",
+            "agent_id",
+            "ag_id",
+            "agent",
+            "agentid",
+            "person_id",
+            "personid",
+            "person",
+            "ped_id",
+            "pedestrian_id",
+            "pedestrian",
+            "ped",
+            "pid",
+            "track_id",
+            "trackid",
+            "track",
+            "object_id",
+            "obj_id",
+            "human_id",
+            "body_id",
+            "body",
+            "name",
+        ],
+    ),
+    ("frame", &["frame", "frame_id", "frameid", "frame_number", "frame_no", "frames", "framenumber"]),
+    (
+        "x",
+        &[
+            "x",
+            "pos_x",
+            "position_x",
+            "x_pos",
+            "position.x",
+            "pose.position.x",
+            "xcenter",
+            "x_center",
+            "px",
+            "x_coord",
+            "position x",
+        ],
+    ),
+    (
+        "y",
+        &[
+            "y",
+            "pos_y",
+            "position_y",
+            "y_pos",
+            "position.y",
+            "pose.position.y",
+            "ycenter",
+            "y_center",
+            "py",
+            "y_coord",
+            "position y",
+        ],
+    ),
+    ("vx", &["vx", "v_x", "vel_x", "velocity_x", "x_vel", "xvelocity", "velocity.x", "x_velocity"]),
+    ("vy", &["vy", "v_y", "vel_y", "velocity_y", "y_vel", "yvelocity", "velocity.y", "y_velocity"]),
+    ("speed", &["v", "speed", "velocity", "vel"]),
+    (
+        "heading",
+        &[
+            "heading",
+            "theta",
+            "yaw",
+            "angle",
+            "orientation",
+            "direction",
+            "motion_angle",
+            "angle of motion",
+            "psi",
+        ],
+    ),
+    ("gx", &["gx", "goal_x", "x_goal", "goal.x"]),
+    ("gy", &["gy", "goal_y", "y_goal", "goal.y"]),
+    ("kind", &["agent_type", "type", "class", "category", "kind", "role", "agent_class"]),
+];
+
+/// The roles that a user may name a column for.
+pub(super) const NAMED_ROLES: &str = "id, time, frame, x, y, vx, vy, speed, heading, gx, gy, kind";
+
+/// The unit of positions.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum PositionUnit {
+    /// `m`
+    Metres,
+    /// `cm`
+    Centimetres,
+    /// `mm`
+    Millimetres,
+}
+
+impl PositionUnit {
+    /// Units in a metre.
+    pub(super) fn per_metre(self) -> f64 {
+        match self {
+            Self::Metres => 1.0,
+            Self::Centimetres => 100.0,
+            Self::Millimetres => 1000.0,
+        }
+    }
+}
+
+impl FromStr for PositionUnit {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        match text {
+            "m" => Ok(Self::Metres),
+            "cm" => Ok(Self::Centimetres),
+            "mm" => Ok(Self::Millimetres),
+            other => Err(format!("'{other}' is no unit of positions; allowed: m, cm, mm")),
+        }
+    }
+}
+
+/// When a row is.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) enum Clock {
+    Time(usize, Option<Unit>),
+    Frame(usize),
+}
+
+/// The columns of one agent's places: averaged over its markers.
+pub(super) type Places = Vec<(usize, usize)>;
+
+/// What the columns are.
+#[derive(Debug, PartialEq)]
+pub(super) enum Layout {
+    /// A row for each agent and time; columns by role.
+    Long(Clock, BTreeMap<&'static str, usize>),
+    /// A row for each time; agents by name.
+    Wide(Clock, BTreeMap<String, Places>),
+}
+
+/// Whether these words are the names of such a table.
+pub(super) fn is_header(words: &[String], given: &BTreeMap<String, String>) -> bool {
+    let names: Vec<&str> = words.iter().map(String::as_str).collect();
+    of_names(&names, given).is_ok()
+}
+
+/// The layout of a file.
+pub(super) fn of(grid: &Grid, given: &BTreeMap<String, String>) -> Result<Layout, String> {
+    if !grid.nameless {
+        let names: Vec<&str> = grid.columns.iter().map(|(name, _)| name.as_str()).collect();
+        return of_names(&names, given);
+    }
+    let width = grid.columns.len();
+    let first = |column: usize| grid.columns.get(column).map_or(f64::NAN, |(_, column)| column.number(0));
+    if width < 4 || grid.columns.iter().take(4).any(|(_, column)| matches!(column, Column::Words(_))) {
+        return Err(
+            "no line has the names of the columns of trajectories; an agent's id, its time (or frame), x and y are needed, named \
+             so or with --trajectory-columns id=NAME,time=NAME,x=NAME,y=NAME"
+                .into(),
+        );
+    }
+    let roles = |columns: &[(&'static str, usize)]| columns.iter().copied().collect::<BTreeMap<_, _>>();
+    if width == 8 && first(0) > 1e8 {
+        let columns = [("id", 1), ("x", 2), ("y", 3), ("speed", 5), ("heading", 6)];
+        return Ok(Layout::Long(Clock::Time(0, Some(Unit::Seconds)), roles(&columns)));
+    }
+    if width == 8 {
+        return Ok(Layout::Long(
+            Clock::Frame(0),
+            roles(&[("id", 1), ("x", 2), ("y", 4), ("vx", 5), ("vy", 7)]),
+        ));
+    }
+    let (frame, id, rows) = (0, 1, grid.columns[0].1.len());
+    let whole = |column: usize| (0..rows).all(|row| grid.columns[column].1.number(row).fract() == 0.0);
+    let clock = if whole(frame) { Clock::Frame(frame) } else { Clock::Time(frame, None) };
+    Ok(Layout::Long(clock, roles(&[("id", id), ("x", 2), ("y", 3)])))
+}
+
+fn of_names(names: &[&str], given: &BTreeMap<String, String>) -> Result<Layout, String> {
+    let exactly = |name: &str| names.iter().position(|other| other.trim() == name);
+    let mut roles: BTreeMap<&'static str, usize> = BTreeMap::new();
+    for (role, usual) in ROLES {
+        let found = match given.get(role) {
+            Some(name) => Some(
+                exactly(name)
+                    .ok_or_else(|| format!("there is no column '{name}'; columns: {}", names.join(", ")))?,
+            ),
+            None => usual.iter().find_map(|usual| names.iter().position(|name| bare(name) == *usual)),
+        };
+        if let Some(column) = found {
+            roles.insert(role, column);
+        }
+    }
+    let time = match given.get("time") {
+        Some(name) => Some((
+            exactly(name)
+                .ok_or_else(|| format!("there is no column '{name}'; columns: {}", names.join(", ")))?,
+            None,
+        )),
+        None => names.iter().enumerate().find_map(|(column, name)| Some((column, time_name(name)?))),
+    };
+    let frame = roles.get("frame").copied();
+    let clock = match (time, frame) {
+        (_, Some(frame)) if given.contains_key("frame") => Clock::Frame(frame),
+        (Some((time, unit)), _) => Clock::Time(time, unit),
+        (None, Some(frame)) => Clock::Frame(frame),
+        (None, None) => return Err(lacking("time (or frame)", names)),
+    };
+    let bodies = bodies(names);
+    let long = ["id", "x", "y"].iter().all(|role| roles.contains_key(role));
+    if !long && !bodies.is_empty() {
+        return Ok(Layout::Wide(clock, bodies));
+    }
+    for role in ["id", "x", "y"] {
+        if !roles.contains_key(role) {
+            return Err(lacking(role, names));
+        }
+    }
+    Ok(Layout::Long(clock, roles))
+}
+
+fn lacking(role: &str, names: &[&str]) -> String {
+    let short = role.split(' ').next().unwrap_or(role);
+    format!(
+        "no column is called {role}; --trajectory-columns {short}=NAME names it (roles: {NAMED_ROLES}); columns: {}",
+        names.join(", ")
+    )
+}
+
+/// A name without a unit in brackets, in lower case.
+fn bare(name: &str) -> String {
+    let name = name.trim().to_lowercase();
+    let name = name.split(['[', '(']).next().unwrap_or_default().trim();
+    name.trim_end_matches("_m").trim_end_matches("_mm").to_owned()
+}
+
+/// The bodies whose places stand in columns of their own, such as `Helmet_1 Centroid_X`, `Helmet_1 - 2 X` (a marker) or `ped1_x`.
+/// A body's centroid counts for more than its markers.
+fn bodies(names: &[&str]) -> BTreeMap<String, Places> {
+    let mut centroids: BTreeMap<String, Places> = BTreeMap::new();
+    let mut markers: BTreeMap<String, Places> = BTreeMap::new();
+    for (x, name) in names.iter().enumerate() {
+        let Some(stem) = stem(name, 'x') else { continue };
+        let Some(y) = names.iter().position(|other| self::stem(other, 'y') == Some(stem)) else { continue };
+        match stem.strip_suffix("Centroid").or(stem.strip_suffix("centroid")) {
+            Some(body) => centroids.entry(clean(body)).or_default().push((x, y)),
+            None => markers.entry(clean(without_marker(stem))).or_default().push((x, y)),
+        }
+    }
+    for (body, places) in markers {
+        centroids.entry(body).or_insert(places);
+    }
+    centroids
+}
+
+/// What stands before the letter of an axis; `None` if the name does not end so.
+fn stem(name: &str, axis: char) -> Option<&str> {
+    let name = name.trim();
+    let name = name.strip_suffix("[m]").or(name.strip_suffix("[mm]")).unwrap_or(name).trim_end();
+    let rest = name.strip_suffix(axis).or_else(|| name.strip_suffix(axis.to_ascii_uppercase()))?;
+    let stem = rest.strip_suffix(['_', ' ', '.', '-', ':'])?;
+    (!stem.trim().is_empty()).then_some(stem)
+}
+
+/// `Helmet_1` for `Helmet_1 - 3`.
+fn without_marker(stem: &str) -> &str {
+    match stem.rsplit_once(" - ") {
+        Some((body, marker)) if marker.trim().chars().all(|letter| letter.is_ascii_digit()) => body,
+        _ => stem,
+    }
+}
+
+fn clean(name: &str) -> String {
+    name.trim().trim_end_matches(['_', '-', '.', ':']).trim().to_owned()
+}

@@ -1,0 +1,154 @@
+//! Tables of data sets in each layout, and the variables made of them.
+
+use std::fs;
+
+use super::*;
+use crate::nodes;
+
+/// Places of a person (7) who walks along x, and of a robot that stands at (4, 0), each 0.4 s.
+fn places() -> Vec<(f64, f64, f64)> {
+    let mut x = 0.0;
+    (0..20)
+        .map(|row| {
+            x += 0.4 * if row % 3 == 0 { 1.2 } else { 0.8 };
+            (f64::from(row) * 0.4, (x * 1e4_f64).round() / 1e4, 0.25)
+        })
+        .collect()
+}
+
+fn choice(who: &str) -> TrajectoryChoice {
+    TrajectoryChoice { who: who.into(), obstacle: None, dt: None, max_gap: None, least_rows: 3 }
+}
+
+fn read(content: &str, reading: &TrajectoryReading, choice: &TrajectoryChoice) -> Result<Walks> {
+    let dir = tempfile::tempdir().expect("a folder");
+    let file = dir.path().join("walk.csv");
+    fs::write(&file, content).expect("writes");
+    walks(&file, reading, choice, &nodes::postprocess(&[]).expect("defaults"))
+}
+
+fn text(header: &str, line: impl Fn((f64, f64, f64)) -> String) -> String {
+    let lines: String = places().into_iter().map(line).collect();
+    if header.is_empty() { lines } else { format!("{header}\n{lines}") }
+}
+
+fn one(content: &str, reading: &TrajectoryReading) -> Table {
+    let mut walks = read(content, reading, &choice("7")).unwrap_or_else(|error| panic!("{error}\n{content}"));
+    assert_eq!(walks.tables.len(), 1);
+    walks.tables.remove(0).1
+}
+
+#[test]
+fn every_layout_of_the_data_sets_gives_the_same_variables() {
+    let plain = TrajectoryReading { last_is_goal: true, ..TrajectoryReading::default() };
+    let expected = one(&text("id,time,x,y", |(t, x, y)| format!("7,{t},{x},{y}\n8,{t},4,0\n")), &plain);
+    assert_eq!(expected.names, ["h_v", "h_dg", "h_risk"]);
+    let frame = |t: f64| (t * 25.0).round();
+    let millimetres = |x: f64| (x * 1000.0).round();
+    let layouts = [
+        // ETH and UCY, by tabs and by spaces.
+        text("", |(t, x, y)| format!("{:.1}\t7.0\t{x}\t{y}\n{:.1}\t8.0\t4.0\t0.0\n", frame(t), frame(t))),
+        text("", |(t, x, y)| format!(" {} 7  {x} {y}\n {} 8  4 0\n", frame(t), frame(t))),
+        // ATC without a speed that differs: seconds since 1970, millimetres.
+        text("time,person_id,pos_x,pos_y", |(t, x, y)| {
+            format!("{:.1},7,{},{}\n{:.1},8,4000,0\n", 1.35e9 + t, millimetres(x), millimetres(y), 1.35e9 + t)
+        }),
+        // THOR-MAGNI, wide: facts before the header, millimetres, markers beside the centroid.
+        format!(
+            "FILE_ID,walk\nN_FRAMES,20\n{}",
+            text(
+                "Frame,Time,Helmet_7 - 1 X,Helmet_7 - 1 Y,Helmet_7 - 1 Z,Helmet_7 Centroid_X,Helmet_7 Centroid_Y,8 Centroid_X,8 \
+                 Centroid_Y",
+                |(t, x, y)| {
+                    format!("{},{t},9999,9999,1,{},{},4000,0\n", frame(t), millimetres(x), millimetres(y))
+                }
+            )
+        ),
+        // Stamps and words.
+        text("stamp;agent_id;agent_type;x [m];y [m]", |(t, x, y)| {
+            format!("2026-11-24 08:00:{t:06.3};7;person;{x};{y}\n2026-11-24 08:00:{t:06.3};8;person;4;0\n")
+        }),
+    ];
+    for (number, layout) in layouts.iter().enumerate() {
+        let who = if layout.contains("Helmet") { "Helmet_7" } else { "7" };
+        let reading = TrajectoryReading {
+            unit: layout
+                .contains("000")
+                .then_some(PositionUnit::Millimetres)
+                .filter(|_| !layout.contains("stamp")),
+            ..plain.clone()
+        };
+        let reading = if number < 2 { plain.clone() } else { reading };
+        let walks = read(layout, &reading, &choice(who)).unwrap_or_else(|error| panic!("{number}: {error}"));
+        let table = &walks.tables[0].1;
+        assert_eq!(table.names, expected.names, "{number}");
+        assert_eq!(table.values.dim(), expected.values.dim(), "{number}");
+        for (found, expected) in table.values.iter().zip(&expected.values) {
+            assert!(
+                (found - expected).abs() < 1e-6 || (found.is_nan() && expected.is_nan()),
+                "{number}: {found} {expected}"
+            );
+        }
+    }
+}
+
+#[test]
+fn the_variables_are_those_of_the_nodes() {
+    let content = text("id,time,x,y", |(t, x, y)| format!("7,{t},{x},{y}\nrobot,{t},4,0\n"));
+    let table = one(&content, &TrajectoryReading { last_is_goal: true, ..TrajectoryReading::default() });
+    let places = places();
+    assert!(table.values[[0, 0]].is_nan(), "one sample tells no speed");
+    let (_, x, y) = places[5];
+    let speed = (x - places[4].1) / 0.4;
+    assert!((table.values[[5, 0]] - speed).abs() < 1e-9);
+    assert!((table.values[[5, 1]] - (places[19].1 - x)).abs() < 1e-9);
+    let body = |x, y, v| Values { x, y, theta: 0.0, v, omega: 0.0, ..Values::UNKNOWN }.body();
+    let (a, b) = (body(x, y, speed), body(4.0, 0.0, 0.0));
+    let (obs_size, safe_dist) = {
+        let defaults = nodes::postprocess(&[]).expect("defaults");
+        (defaults.obs_size, defaults.safe_dist)
+    };
+    let exponent =
+        super::super::risk::risk_exponent(&a, &b, super::super::risk::RiskModel::V1_1, obs_size, safe_dist);
+    assert!((table.values[[5, 2]] - exponent.exp()).abs() < 1e-9);
+}
+
+#[test]
+fn agents_are_chosen_by_name_number_and_nearness() {
+    let line = |(t, x, y): (f64, f64, f64)| format!("7,{t},{x},{y}\n9,{t},{x},40\nrobot,{t},4,0\n");
+    let content = text("id,time,x,y", line);
+    let names = |who: &str| -> Vec<String> {
+        let walks = read(&content, &TrajectoryReading::default(), &choice(who)).expect("reads");
+        walks.tables.into_iter().map(|(name, _)| name).collect()
+    };
+    assert_eq!(names("all"), ["7", "9"]);
+    assert_eq!(names("nearest:1"), ["7"]);
+    assert_eq!(names("9,7"), ["9", "7"]);
+    let told =
+        read(&content, &TrajectoryReading::default(), &choice("12")).err().expect("nobody").to_string();
+    assert!(told.contains("'12' is nobody in this table; it has 7, 9, robot"), "{told}");
+    let walks = read(&content, &TrajectoryReading::default(), &choice("7")).expect("reads");
+    assert!(walks.notes.iter().any(|note| note.contains("the obstacle is robot")), "{:?}", walks.notes);
+    assert!(
+        walks.notes.iter().any(|note| note.contains("h_dg") && note.contains("--goal last")),
+        "{:?}",
+        walks.notes
+    );
+    assert_eq!(walks.tables[0].1.names, ["h_v", "h_risk"]);
+}
+
+#[test]
+fn what_is_no_such_table_is_one_sentence_with_the_way_out() {
+    let fault = |content: &str| {
+        read(content, &TrajectoryReading::default(), &choice("all")).err().expect("refused").to_string()
+    };
+    assert!(fault("time,a,b\n0,1,2\n").contains("--trajectory-columns"));
+    assert!(fault("hello world\n").contains("--trajectory-columns"));
+    assert!(fault("").contains("walk.csv"));
+    assert!(fault("id,time,x,y\n").contains("no rows"));
+    assert!(fault("id,time,x,y\n1,,3,4\n").contains("nobody is in it"));
+    let content = text("ped,ts,px,py", |(t, x, y)| format!("7,{t},{x},{y}\n"));
+    let columns = [("id", "ped"), ("time", "ts")].map(|(role, name)| (role.to_owned(), name.to_owned()));
+    let reading = TrajectoryReading { columns: columns.into(), ..TrajectoryReading::default() };
+    assert_eq!(one(&content, &reading).names, ["h_v"]);
+}

@@ -1,0 +1,158 @@
+//! `--difference`, `--detrend`, `--standardise`: what is done to the values before the analysis, in this order, to each recording by
+//! itself. Missing values stay missing.
+
+use clap::Args as ClapArgs;
+use ndarray::{Array2, ArrayViewMut1};
+use roscausal_core::{Error, Result};
+use roscausal_discovery::{
+    DataFrame,
+    names::{nearest, plain, position},
+};
+
+use super::Data;
+
+/// The word for all variables.
+const ALL: &str = "all";
+
+/// Flags that change the values.
+#[derive(ClapArgs, Clone, Debug, Default)]
+pub(crate) struct ChangeArgs {
+    /// Analyse the change since the row before instead of the value: of all variables, or of those named (`--difference=a,b`).
+    #[arg(long, value_name = "COLUMNS", num_args = 0..=1, require_equals = true, default_missing_value = ALL, value_delimiter = ',')]
+    difference: Vec<String>,
+    /// Take out the straight line that fits each recording best: of all variables, or of those named.
+    #[arg(long, value_name = "COLUMNS", num_args = 0..=1, require_equals = true, default_missing_value = ALL, value_delimiter = ',')]
+    detrend: Vec<String>,
+    /// Bring each recording to mean 0 and standard deviation 1, so that recordings of other sizes are alike: all variables, or
+    /// those named.
+    #[arg(
+        long, alias = "standardize", value_name = "COLUMNS", num_args = 0..=1, require_equals = true, default_missing_value = ALL,
+        value_delimiter = ','
+    )]
+    standardise: Vec<String>,
+}
+
+impl ChangeArgs {
+    /// Changes the values as the flags say, and tells so.
+    ///
+    /// # Errors
+    /// A column that is not there.
+    pub(super) fn apply(&self, data: &mut Data) -> Result<()> {
+        let steps: [(&str, &[String], fn(ArrayViewMut1<'_, f64>), &str); 3] = [
+            ("difference", &self.difference, difference, "the change since the row before is analysed of"),
+            ("detrend", &self.detrend, detrend, "a straight line is taken out of each recording of"),
+            (
+                "standardise",
+                &self.standardise,
+                standardise,
+                "each recording has mean 0 and standard deviation 1 of",
+            ),
+        ];
+        for (flag, wanted, change, told) in steps {
+            let columns = chosen(flag, wanted, data.data.var_names())?;
+            if columns.is_empty() {
+                continue;
+            }
+            let changed = |recording: &Array2<f64>| {
+                let mut recording = recording.clone();
+                columns.iter().for_each(|&column| change(recording.column_mut(column)));
+                recording
+            };
+            let recordings: Vec<Array2<f64>> = data.data.recordings().iter().map(changed).collect();
+            let names: Vec<String> =
+                columns.iter().map(|&column| plain(&data.data.var_names()[column])).collect();
+            data.data = DataFrame::new(recordings, data.data.var_names().to_vec())?;
+            data.warnings.push(format!("{told} {}", names.join(", ")));
+        }
+        Ok(())
+    }
+}
+
+/// The places of the columns that a flag names.
+fn chosen(flag: &str, wanted: &[String], names: &[String]) -> Result<Vec<usize>> {
+    if wanted.iter().any(|name| name == ALL) {
+        return Ok((0..names.len()).collect());
+    }
+    let place = |name: &String| {
+        position(names, name).ok_or_else(|| {
+            let hint = nearest(names, name).map_or(String::new(), |near| format!("did you mean '{near}'? "));
+            Error::param(flag, format!("there is no column '{name}'; {hint}columns: {}", names.join(", ")))
+        })
+    };
+    wanted.iter().map(place).collect()
+}
+
+fn difference(mut column: ArrayViewMut1<'_, f64>) {
+    let mut before = f64::NAN;
+    for value in &mut column {
+        let now = *value;
+        *value = now - before;
+        before = now;
+    }
+}
+
+/// Takes out the line of least squares over the row numbers.
+fn detrend(mut column: ArrayViewMut1<'_, f64>) {
+    let known = |column: &ArrayViewMut1<'_, f64>| -> Vec<(f64, f64)> {
+        column
+            .iter()
+            .enumerate()
+            .filter(|(_, value)| !value.is_nan())
+            .map(|(row, value)| (row as f64, *value))
+            .collect()
+    };
+    let points = known(&column);
+    let n = points.len() as f64;
+    let (x, y) = points.iter().fold((0.0, 0.0), |(x, y), point| (x + point.0 / n, y + point.1 / n));
+    let (xx, xy) = points
+        .iter()
+        .fold((0.0, 0.0), |(xx, xy), point| (xx + (point.0 - x).powi(2), xy + (point.0 - x) * (point.1 - y)));
+    let slope = if xx > 0.0 { xy / xx } else { 0.0 };
+    column.iter_mut().enumerate().for_each(|(row, value)| *value -= y + slope * (row as f64 - x));
+}
+
+fn standardise(mut column: ArrayViewMut1<'_, f64>) {
+    let known: Vec<f64> = column.iter().copied().filter(|value| !value.is_nan()).collect();
+    let n = known.len() as f64;
+    let mean = known.iter().sum::<f64>() / n;
+    let deviation = (known.iter().map(|value| (value - mean).powi(2)).sum::<f64>() / n).sqrt();
+    // A constant becomes 0.
+    let scale = if deviation > 0.0 { 1.0 / deviation } else { 0.0 };
+    column.mapv_inplace(|value| (value - mean) * scale);
+}
+
+#[cfg(test)]
+mod tests {
+    use ndarray::{Array1, array};
+
+    use super::*;
+
+    fn changed(change: fn(ArrayViewMut1<'_, f64>), mut column: Array1<f64>) -> Vec<f64> {
+        change(column.view_mut());
+        column.to_vec()
+    }
+
+    #[test]
+    fn each_change_is_what_it_says_and_missing_values_stay_missing() {
+        let found = changed(difference, array![1.0, 4.0, f64::NAN, 5.0, 7.0]);
+        assert!(
+            found[0].is_nan() && found[1] == 3.0 && found[2].is_nan() && found[3].is_nan() && found[4] == 2.0
+        );
+        let found = changed(detrend, array![1.0, 3.0, f64::NAN, 7.0]);
+        assert!(
+            found[2].is_nan() && [0, 1, 3].iter().all(|&row: &usize| found[row].abs() < 1e-12),
+            "{found:?}"
+        );
+        let found = changed(standardise, array![2.0, 4.0, f64::NAN]);
+        assert_eq!(found[..2], [-1.0, 1.0]);
+        assert_eq!(changed(standardise, array![3.0, 3.0]), [0.0, 0.0]);
+    }
+
+    #[test]
+    fn columns_are_named_or_all() {
+        let names = ["a", "b"].map(str::to_owned);
+        let found = |wanted: &str| chosen("detrend", &[wanted.to_owned()], &names);
+        assert_eq!((found("all").expect("all"), found("b").expect("b")), (vec![0, 1], vec![1]));
+        assert!(found("c").expect_err("unknown").to_string().contains("columns: a, b"));
+    }
+}

@@ -1,0 +1,135 @@
+//! `--format trajectories`: tables with one row per agent and time.
+
+use std::collections::BTreeMap;
+
+use clap::Args as ClapArgs;
+use roscausal_core::{
+    Error, Result,
+    batch::trajectories::{PositionUnit, TrajectoryChoice, TrajectoryReading, walks},
+    nodes,
+    params::Value,
+};
+
+use super::{Args, Data, Input};
+use crate::recording::parameter;
+
+/// Everybody, one recording each.
+const EVERYBODY: &str = "all";
+
+/// Flags for tables of trajectories.
+#[derive(ClapArgs, Clone, Debug, Default)]
+pub(crate) struct TrajectoryArgs {
+    /// Trajectories: who is analysed: an id or name, several (`3,7`), `nearest:N` (to the obstacle), or `all` (each agent is a
+    /// recording of one system). Default: all.
+    #[arg(long, value_name = "WHO")]
+    agent: Option<String>,
+    /// Trajectories: whom they may collide with: an id or name, or `nearest` (the nearest other agent). Default: the robot, if the
+    /// table has one, otherwise nearest.
+    #[arg(long, value_name = "WHO")]
+    obstacle: Option<String>,
+    /// Trajectories: where each agent wants to go, if the table does not tell: `last`, its last place.
+    #[arg(long, value_name = "WHERE", value_parser = ["last"])]
+    goal: Option<String>,
+    /// Trajectories: frames per second, where the table counts frames. Default: 25.
+    #[arg(long, value_name = "HZ")]
+    frame_rate: Option<f64>,
+    /// Trajectories: unit of the positions: m, cm, mm. Default: by the speeds that follow from it.
+    #[arg(long, value_name = "UNIT")]
+    position_unit: Option<PositionUnit>,
+    /// Trajectories: columns with unusual names, such as `id=ped,time=ts,x=px`. Roles: id, time, frame, x, y, vx, vy, speed, heading,
+    /// gx, gy, kind.
+    #[arg(long, value_name = "ROLE=NAME", value_delimiter = ',')]
+    trajectory_columns: Vec<String>,
+}
+
+impl TrajectoryArgs {
+    /// The first of these flags that was given, for input that is no table of trajectories.
+    pub(super) fn given(&self) -> Option<&'static str> {
+        let flags = [
+            ("--agent", self.agent.is_some()),
+            ("--obstacle", self.obstacle.is_some()),
+            ("--goal", self.goal.is_some()),
+            ("--frame-rate", self.frame_rate.is_some()),
+            ("--position-unit", self.position_unit.is_some()),
+            ("--trajectory-columns", !self.trajectory_columns.is_empty()),
+        ];
+        flags.into_iter().find(|(_, given)| *given).map(|(flag, _)| flag)
+    }
+
+    /// The variables of all agents in the files.
+    ///
+    /// # Errors
+    /// A file that is no table of trajectories, or a flag that does not go with it.
+    pub(super) fn read(&self, args: &Args) -> Result<Data> {
+        if args.several_people == "joint" {
+            return Err(Error::param(
+                "several-people",
+                "trajectories are pooled: each agent is a recording of one system",
+            ));
+        }
+        let postprocess = nodes::postprocess(&self.parameters(args)?)?;
+        let reading = TrajectoryReading {
+            frame_rate: self.frame_rate,
+            unit: self.position_unit,
+            columns: self.columns()?,
+            missing: args.read.missing()?,
+            last_is_goal: self.goal.is_some(),
+        };
+        let choice = TrajectoryChoice {
+            who: self.agent.clone().unwrap_or_else(|| EVERYBODY.to_owned()),
+            obstacle: self.obstacle.clone(),
+            dt: args.inputs.dt(),
+            max_gap: args.read.max_gap(),
+            // A few samples more than the lags take.
+            least_rows: 2 * args.method.tau_max + 4,
+        };
+        let (mut tables, mut warnings) = (Vec::new(), Vec::new());
+        for file in &args.files {
+            let found = walks(file, &reading, &choice, &postprocess)?;
+            warnings.extend(found.notes.iter().map(|note| format!("{}: {note}", file.display())));
+            for (agent, mut table) in found.tables {
+                if let Some(columns) = args.read.columns() {
+                    table.keep(columns)?;
+                }
+                let user = file.with_file_name(format!(
+                    "{} ({agent})",
+                    file.file_name().unwrap_or_default().to_string_lossy()
+                ));
+                tables.push((Input { table: file.clone(), user }, table));
+            }
+        }
+        warnings.iter().for_each(|warning| crate::terminal::tell!("{warning}"));
+        let data = Data::of(tables)?;
+        Ok(Data { warnings, recorded: false, ..data })
+    }
+
+    /// The data node's parameters: those of `--param`, and the features.
+    fn parameters(&self, args: &Args) -> Result<Vec<(String, Value)>> {
+        let mut given = Vec::new();
+        for text in args.inputs.params().into_iter().chain(args.read.as_parameter()) {
+            let (node, name, value) = parameter(&text)?;
+            if node != "data" {
+                return Err(Error::param(
+                    "param",
+                    format!("trajectories know the parameters of the node data, not of {node}"),
+                ));
+            }
+            given.push((name, Value::Str(value)));
+        }
+        Ok(given)
+    }
+
+    fn columns(&self) -> Result<BTreeMap<String, String>> {
+        const ROLES: [&str; 12] =
+            ["id", "time", "frame", "x", "y", "vx", "vy", "speed", "heading", "gx", "gy", "kind"];
+        let pair = |text: &String| -> Result<(String, String)> {
+            let (role, name) =
+                text.split_once('=').filter(|(role, _)| ROLES.contains(role)).ok_or_else(|| {
+                    let reason = format!("'{text}' is not ROLE=NAME; roles: {}", ROLES.join(", "));
+                    Error::param("trajectory-columns", reason)
+                })?;
+            Ok((role.to_owned(), name.to_owned()))
+        };
+        self.trajectory_columns.iter().map(pair).collect()
+    }
+}

@@ -1,0 +1,165 @@
+//! `roscausal discover --format trajectories`, `--feature` and what changes values: the command on tables of people and of numbers.
+
+#![allow(clippy::expect_used, clippy::panic, reason = "a test may panic: that is how it fails")]
+
+mod common;
+
+use std::{fs, path::Path};
+
+use common::roscausal;
+use roscausal_fuzz::unit;
+use serde_json::Value;
+
+fn model(dir: &Path, args: &[&str]) -> Result<Value, String> {
+    let quick = ["--method", "pcmci", "--test", "parcorr"];
+    let out = roscausal(dir, &[&["discover"], args, &quick].concat());
+    let told = String::from_utf8_lossy(&out.stderr).into_owned();
+    assert!(!told.contains("panicked"), "{told}");
+    if out.status.success() { Ok(serde_json::from_slice(&out.stdout).expect("JSON")) } else { Err(told) }
+}
+
+/// Ten people who slow down in front of a robot, as ETH ships them: frame, person, x, y.
+fn crowd() -> String {
+    let mut state = 5_u64;
+    let mut rows = String::new();
+    for person in 1..=10_u32 {
+        let (mut x, mut v, y) = (0.0, 1.0, f64::from(person) * 0.5);
+        for step in 0..60_u32 {
+            v = 0.5 * v + 0.3 + 0.4 * unit(&mut state);
+            x += 0.4 * v;
+            let frame = person * 100 + step * 10;
+            rows += &format!("{frame}\t{person}\t{x:.4}\t{y:.4}\n");
+        }
+    }
+    rows
+}
+
+#[test]
+fn people_of_a_crowd_data_set_become_recordings_with_the_nodes_variables() {
+    let dir = tempfile::tempdir().expect("a folder");
+    fs::write(dir.path().join("walk.tsv"), crowd()).expect("writes");
+    let found =
+        model(dir.path(), &["walk.tsv", "--format", "trajectories,json", "--goal", "last"]).expect("a model");
+    assert_eq!(found["features"], serde_json::json!(["h_v", "h_dg", "h_risk"]));
+    assert_eq!((&found["n_recordings"], &found["dt"]), (&10.into(), &0.4.into()));
+    let told = found["warnings"].to_string();
+    assert!(told.contains("frames are taken as 25 per second") && told.contains("10 agents"), "{told}");
+    let args =
+        ["walk.tsv", "--format", "trajectories", "--format", "json", "--agent", "3", "--obstacle", "4"];
+    let found = model(dir.path(), &args).expect("a model");
+    assert_eq!(found["features"], serde_json::json!(["h_v", "h_risk"]));
+    assert_eq!(found["n_recordings"], 1);
+    let args = [
+        "walk.tsv",
+        "--format",
+        "trajectories,json",
+        "--agent",
+        "nearest:2",
+        "--feature",
+        "near = dist(h, r)",
+        "--obstacle",
+        "4",
+    ];
+    let found = model(dir.path(), &args).expect("a model");
+    assert_eq!(found["features"], serde_json::json!(["h_v", "h_risk", "near"]));
+}
+
+#[test]
+fn a_table_of_people_is_told_apart_from_one_of_numbers() {
+    let dir = tempfile::tempdir().expect("a folder");
+    fs::write(dir.path().join("walk.csv"), "time,id,x,y\n0,1,2,3\n0,2,2,3\n1,1,2,3\n").expect("writes");
+    let told = model(dir.path(), &["walk.csv"]).expect_err("it has several people");
+    assert!(told.contains("--format trajectories"), "{told}");
+    let told = model(dir.path(), &["walk.csv", "--agent", "1"]).expect_err("no trajectories");
+    assert!(told.contains("--format trajectories"), "{told}");
+    let told = model(dir.path(), &["walk.csv", "--format", "trajectories", "--person", "1"])
+        .expect_err("for recordings");
+    assert!(told.contains("--agent"), "{told}");
+    let told = model(dir.path(), &["walk.csv", "--format", "text,json"]).expect_err("two");
+    assert!(told.contains("--format"), "{told}");
+}
+
+/// `speed` changes by what `force` was one step before.
+fn numbers() -> String {
+    let mut state = 11_u64;
+    let (mut speed, mut force) = (0.0, 0.0);
+    let mut csv = "time,speed,force,label\n".to_owned();
+    for row in 0..400 {
+        (speed, force) = (speed + force + 0.1 * (unit(&mut state) - 0.5), unit(&mut state) - 0.5);
+        csv += &format!("{},{speed:.6},{force:.6},walk\n", f64::from(row) * 0.5);
+    }
+    csv
+}
+
+#[test]
+fn variables_are_derived_from_the_columns_of_any_table() {
+    let dir = tempfile::tempdir().expect("a folder");
+    fs::write(dir.path().join("data.csv"), numbers()).expect("writes");
+    let args = [
+        "data.csv",
+        "--format",
+        "json",
+        "--columns",
+        "force",
+        "--feature",
+        "acceleration = rate(speed)",
+        "--feature",
+        "late = lag(force, 2) * 30 deg",
+    ];
+    let found = model(dir.path(), &args).expect("a model");
+    assert_eq!(found["features"], serde_json::json!(["force", "acceleration", "late"]));
+    assert_eq!(found["graph"][0][1][1], "-->", "{}", found["links"]);
+    let told = model(dir.path(), &["data.csv", "--columns", "force", "--feature", "a = rate(sped)"])
+        .expect_err("unknown");
+    assert!(told.contains("--feature") && told.contains("sped"), "{told}");
+}
+
+#[test]
+fn values_are_differenced_detrended_and_standardised_when_asked() {
+    let dir = tempfile::tempdir().expect("a folder");
+    fs::write(dir.path().join("data.csv"), numbers()).expect("writes");
+    let base = ["data.csv", "--format", "json", "--columns", "speed,force"];
+    let found = model(dir.path(), &[&base[..], &["--difference=speed"]].concat()).expect("a model");
+    assert_eq!(found["graph"][1][0][1], "-->", "{}", found["links"]);
+    assert!(found["warnings"].to_string().contains("the change since the row before is analysed of speed"));
+    for flag in ["--detrend", "--standardise", "--standardize"] {
+        let found = model(dir.path(), &[&base[..], &[flag]].concat()).expect("a model");
+        assert!(found["warnings"].to_string().contains("speed, force"), "{}", found["warnings"]);
+    }
+    let told = model(dir.path(), &[&base[..], &["--detrend=sped"]].concat()).expect_err("unknown");
+    assert!(told.contains("--detrend") && told.contains("did you mean 'speed'?"), "{told}");
+}
+
+#[test]
+fn numpy_files_give_the_model_of_the_csv_file() {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/tables");
+    let read = |file: &str, more: &[&str]| model(&folder, &[&[file, "--format", "json"], more].concat());
+    let expected = read("plain.csv", &[]).expect("a model");
+    assert_eq!(expected["graph"][0][1][1], "-->");
+    for file in ["named.npz", "matrix.npz", "fields.npy"] {
+        let found = read(file, &[]).unwrap_or_else(|told| panic!("{file}: {told}"));
+        assert_eq!(found["features"], expected["features"], "{file}");
+        assert_eq!(found["links"], expected["links"], "{file}");
+        assert!((found["dt"].as_f64().expect("a step") - 0.25).abs() < 1e-9, "{file}");
+    }
+    assert!(
+        read("words.npz", &[]).expect_err("words").contains("row 1, column 'state': 'idle' is not a number")
+    );
+    let found = read("words.npz", &["--encode", "codes"]).expect("encoded");
+    assert_eq!(found["features"], serde_json::json!(["a", "b", "state"]));
+    assert!(read("object.npy", &[]).expect_err("objects").contains("astype(float)"));
+}
+
+#[test]
+fn a_damaged_numpy_file_is_one_sentence() {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/tables");
+    let dir = tempfile::tempdir().expect("a folder");
+    for name in ["matrix.npz", "fields.npy"] {
+        let whole = fs::read(folder.join(name)).expect("is there");
+        for keep in [12, whole.len() / 3, whole.len() - 7] {
+            fs::write(dir.path().join(name), &whole[..keep]).expect("writes");
+            let told = model(dir.path(), &[name]).expect_err("cut off");
+            assert!(told.contains(name) && told.trim().lines().count() == 1, "{name} {keep}: {told}");
+        }
+    }
+}
