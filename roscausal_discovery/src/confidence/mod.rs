@@ -38,6 +38,7 @@ use resamples::Resamples;
 use summary::Summary;
 
 pub use draws::bootstrap_rows;
+pub use resamples::resample;
 pub use scheme::{Block, FEWEST_RESAMPLES, MOST_RESAMPLES, Resampling, Scheme};
 
 use crate::{
