@@ -21,3 +21,14 @@ def test_a_notebook_runs_and_shows_its_models(path, tmp_path):
 
 def test_there_are_notebooks():
     assert len(NOTEBOOKS) == 3
+
+
+def test_progress_is_one_bar_below_the_cell():
+    code = (
+        "import numpy as np, roscausal as rc\n"
+        "_ = rc.discover(np.random.default_rng(1).normal(size=(200, 3)), method='pcmci', test='parcorr', progress=True)"
+    )
+    notebook = nbformat.v4.new_notebook(cells=[nbformat.v4.new_code_cell(code)])
+    nbclient.NotebookClient(notebook, timeout=1200, startup_timeout=600).execute()
+    (shown,) = notebook.cells[0].outputs
+    assert "<progress" in shown["data"]["text/html"] and "tests" in shown["data"]["text/plain"]
