@@ -1,4 +1,4 @@
-"""Resamples and windows: `rc.discover(resamples=..)`, `rc.roll`, and the reference's `run_bootstrap_of` and `run_sliding_window_of`."""
+"""Resamples and windows: `rc.discover(resamples=..)`, `rc.roll`, `run_bootstrap_of`, `run_sliding_window_of`."""
 
 import csv
 import json

@@ -54,9 +54,8 @@ def test_a_prediction_is_the_commands(model, asked):
 
 
 def test_actions_are_ranked_as_the_command_ranks_them(model, asked):
-    found, words = asked(
-        "whatif", "--action", "stop: r_v=0", "--action", "faster: r_v+=0.5", "--cost", "d:-1", "--limit", "d>-9:0.5", "--horizon", "5"
-    )  # fmt: skip
+    actions = ["--action", "stop: r_v=0", "--action", "faster: r_v+=0.5"]
+    found, words = asked("whatif", *actions, "--cost", "d:-1", "--limit", "d>-9:0.5", "--horizon", "5")
     ours = model.whatif(["stop: r_v=0", "faster: r_v+=0.5"], 5, cost={"d": -1}, limits=["d>-9:0.5"])
     assert [outlook.action for outlook in ours.outlooks] == ["stop", "faster"] and str(ours) == words
     assert ours.ranking == found["ranking"] and ours.best.action == ours.outlooks[ours.ranking[0]].action
@@ -108,7 +107,7 @@ def test_an_explanation_is_the_commands_and_its_parts_are_the_change(model, aske
         (lambda m: m.effect("r_v", "d", -1), rc.SettingError, "max_lag"),
         (lambda m: m.explain("d", 3), rc.SettingError, "both rows"),
         (lambda m: m.structural(equations="cubic"), rc.SettingError, "linear"),
-        (lambda m: m.structural({"r_v": np.zeros(99)}), rc.DataError, "no variable 'd'"),
+        (lambda m: m.structural({"r_v": np.zeros(99), "w": np.ones(99)}), rc.DataError, "no variable 'd'"),
     ],
 )
 def test_questions_that_cannot_be_asked_are_errors(model, ask, error, message):

@@ -483,7 +483,7 @@ class Model:
         graph = networkx.MultiDiGraph()
         graph.add_nodes_from(self.features)
         for link in self.links:
-            facts = {"lag": link.lag, "value": link.value, "p_value": link.p_value, "mark": link.mark, "confidence": link.confidence}
+            facts = {name: getattr(link, name) for name in ("lag", "value", "p_value", "mark", "confidence")}
             graph.add_edge(link.cause, link.effect, **facts)
             if link.mark != "-->":
                 graph.add_edge(link.effect, link.cause, **facts)

@@ -452,7 +452,8 @@ class PCMCI:
         if aggregation != "majority" or boot_blocklength == "from_autocorrelation":
             what = boot_blocklength if aggregation == "majority" else aggregation
             raise NotCovered(f"'{what}' is not covered by roscausal.tigramite; leave it out, or use tigramite for this run")
-        if not (hasattr(self.cond_ind_test, "spec") or hasattr(self.cond_ind_test, "run_test_raw")) and hasattr(self.cond_ind_test, "run_test"):
+        test = self.cond_ind_test
+        if hasattr(test, "run_test") and not (hasattr(test, "spec") or hasattr(test, "run_test_raw")):
             raise SettingError("setting 'cond_ind_test': a test on nodes sees no data, so that resamples say nothing")
         if isinstance(boot_samples, bool) or not hasattr(boot_samples, "__index__") or boot_samples < 1:
             raise SettingError(f"setting 'boot_samples': {boot_samples!r} is not a number of draws from 1 on")
