@@ -1,7 +1,7 @@
 //! The `roscausal` command as a library: simulate, record, discover, replay. It needs no ROS.
 //!
 //! The program `roscausal` calls [`command`]; the Python package also calls the parts: [`run_demo`], [`read_recordings`], and
-//! a model in other programs' formats.
+//! models and answers in words and in other programs' formats.
 
 mod chart;
 mod cli;
@@ -36,6 +36,7 @@ use std::ffi::OsString;
 pub use demo::run_demo;
 pub use discover::{Recordings, read_recordings};
 pub use export::{dot, graphml, links_csv};
+pub use reasoning::{effect_text, explain_text, what_if_text};
 pub use report::text;
 
 /// Runs the command with these arguments, the first of which is its name, and returns its exit code: 0 finished,

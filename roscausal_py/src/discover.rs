@@ -4,7 +4,8 @@ use std::time::Instant;
 
 use pyo3::{prelude::*, types::PyString};
 use roscausal_discovery::{
-    AboutData, CondIndTest, Result, Settings, analyse, analyse_with,
+    AboutData, CondIndTest, Error, Result, Settings, analyse, analyse_with,
+    confidence::{Scheme, analyse_resampled},
     independence_tests::{self, by_name},
     lock,
     methods::{Fdr, Method},
@@ -15,7 +16,7 @@ use serde_json::json;
 use crate::{
     errors::raised,
     frame::Frame,
-    settings::{Given, of_analysis, of_test},
+    settings::{Given, of_analysis, of_resampling, of_test},
     user_test::{Failure, UserTest},
     watched::{Means, watched},
 };
@@ -60,25 +61,31 @@ pub(crate) fn discover(
     progress: Option<Bound<'_, PyAny>>,
 ) -> PyResult<String> {
     let mut given = Given::read(settings).map_err(raised)?;
-    let (dt, warnings) = (given.number("dt").map_err(raised)?, given.take("warnings"));
+    let dt = given.number("dt").map_err(raised)?;
+    let warnings = given.words("warnings").map_err(raised)?;
+    let resampling = of_resampling(&mut given).map_err(raised)?;
     let means = means(&mut given, progress).map_err(raised)?;
     let settings: Settings = of_analysis(&mut given).map_err(raised)?;
     given.end().map_err(raised)?;
+    if test.is_some() && resampling.is_some() {
+        let reason = "resamples are for the tests that have a name; with a test of your own use run_bootstrap_of of \
+                      roscausal.tigramite";
+        return Err(raised(Error::param("resamples", reason)));
+    }
     let own = test.map(|test| test_of(&test, settings.tau_max)).transpose().map_err(raised)?;
     let (own, failure) = own.map_or((None, None), |(test, failure)| (Some(test), failure));
     let (data, start) = (frame.data(), Instant::now());
     // What the command refuses, its own caller may want; what the data are like is told.
     let (about, _) = AboutData::of(&data, settings.tau_max);
-    let found = watched(py, &means, move |control| match &own {
-        Some(test) => analyse_with(&data, test.as_ref(), &settings, control),
-        None => analyse(&data, &settings, control),
+    let found = watched(py, &means, move |control| match (&own, &resampling) {
+        (Some(test), _) => analyse_with(&data, test.as_ref(), &settings, control),
+        (None, Some(resampling)) => analyse_resampled(&data, &settings, resampling, control),
+        (None, None) => analyse(&data, &settings, control),
     });
     let mut model = found.map_err(|error| own_exception(failure.as_ref(), error))?;
     model.run_time_s = Some(start.elapsed().as_secs_f64());
     model.dt = dt;
     model.about_data = Some(about);
-    let warnings: Vec<String> =
-        warnings.and_then(|list| serde_json::from_value(list).ok()).unwrap_or_default();
     model.warnings.splice(0..0, warnings);
     Ok(model.to_json())
 }
@@ -97,6 +104,7 @@ pub(crate) fn words() -> String {
         "tests": independence_tests::names().collect::<Vec<_>>(),
         "te_estimators": TeEstimator::NAMES,
         "fdr": Fdr::NAMES,
+        "resampling": Scheme::NAMES,
     })
     .to_string()
 }

@@ -4,7 +4,10 @@ use std::sync::Arc;
 
 use numpy::{PyReadonlyArray1, PyReadonlyArray2};
 use pyo3::prelude::*;
-use roscausal_discovery::DataFrame;
+use roscausal_discovery::{
+    DataFrame, Result,
+    confidence::{Resampling, Scheme, resample},
+};
 
 use crate::errors::raised;
 
@@ -45,5 +48,16 @@ impl Frame {
             data = data.with_reference_points(points).map_err(raised)?;
         }
         Ok(Self { data: Arc::new(data) })
+    }
+
+    /// Resample `number` of `seed`: as many times as there are from `first` on, drawn with replacement in blocks of `block` rows
+    /// (a number, or `cube_root`), as the reference draws them.
+    fn bootstrap(&self, seed: u64, number: usize, block: &str, first: usize) -> PyResult<Self> {
+        let draw = || -> Result<DataFrame> {
+            let scheme =
+                Resampling { scheme: Scheme::Bootstrap, block: block.parse()?, ..Resampling::default() };
+            resample(&self.data, &scheme, seed, number, first)
+        };
+        Ok(Self { data: Arc::new(draw().map_err(raised)?) })
     }
 }

@@ -8,6 +8,8 @@
 //! | `user_test` | an independence test that is a Python object |
 //! | `discover` | from settings to a model |
 //! | `run` | the methods one by one, with the reference's words |
+//! | `rolling` | a model per window |
+//! | `reasoning` | questions to a structural model |
 //! | `looks` | a model as text, graph file or picture |
 //! | `program` | recordings, the demo, the command |
 //! | `errors` | the engine's errors as Python's exceptions |
@@ -19,6 +21,8 @@ mod errors;
 mod frame;
 mod looks;
 mod program;
+mod reasoning;
+mod rolling;
 mod run;
 mod settings;
 mod user_test;
@@ -34,6 +38,8 @@ mod _native {
         frame::Frame,
         looks::{export, picture, series},
         program::{command, demo, messages, read, version},
+        reasoning::Structural,
+        rolling::roll,
         run::{fdr_bh, run, run_test},
     };
 }

@@ -16,7 +16,7 @@ use crate::{
     errors::raised,
     frame::Frame,
     settings::{Given, of_method, parents_of},
-    watched::watched,
+    watched::{Means, watched},
 };
 
 /// What is run, with all its settings.
@@ -151,7 +151,7 @@ pub(crate) fn run_test(
         return Err(raised(Error::param("node", reason)));
     }
     let (test, failure) = test_of(test, cut_off).map_err(raised)?;
-    let means = crate::watched::Means { threads: 0, time_budget: None, progress: None };
+    let means = Means::all_cores();
     let found = watched(py, &means, move |control| {
         let samples = Samples::new(&data, cut_off).with_control(control.clone());
         let result = test.prepare(&samples)?.run_test(x, y, &z)?;

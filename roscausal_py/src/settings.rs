@@ -2,6 +2,7 @@
 
 use roscausal_discovery::{
     Error, LinkAssumptions, Node, PcAlpha, Result, Settings,
+    confidence::Resampling,
     independence_tests::{Confidence, Significance, TestSettings},
     methods::{PcmciPlusSettings, PcmciSettings},
 };
@@ -52,6 +53,15 @@ impl Given {
         self.take(name).map(|value| value.as_bool().ok_or_else(|| wrong(&value))).transpose()
     }
 
+    /// A list of words; none if it is not given.
+    pub(crate) fn words(&mut self, name: &str) -> Result<Vec<String>> {
+        let wrong = |value: &Value| Error::param(name, format!("{value} is not a list of words"));
+        match self.take(name) {
+            None => Ok(Vec::new()),
+            Some(value) => serde_json::from_value(value.clone()).map_err(|_| wrong(&value)),
+        }
+    }
+
     /// A list of numbers; one number is a list of one.
     fn numbers(&mut self, name: &str) -> Result<Option<Vec<f64>>> {
         let wrong =
@@ -70,6 +80,23 @@ impl Given {
             Some(name) => Err(Error::param(name, "there is no such setting")),
         }
     }
+}
+
+/// How to resample, if that is asked for.
+pub(crate) fn of_resampling(given: &mut Given) -> Result<Option<Resampling>> {
+    let (resamples, scheme) = (given.count("resamples")?.unwrap_or(0), given.word("resampling")?);
+    let (share, block) = (given.number("share")?, given.take("block"));
+    let mut resampling = Resampling { resamples, ..Resampling::default() };
+    set(&mut resampling.scheme, scheme.map(|word| word.parse()).transpose()?);
+    set(&mut resampling.share, share);
+    if let Some(block) = block {
+        resampling.block = block.as_str().map_or_else(|| block.to_string(), str::to_owned).parse()?;
+    }
+    if resamples == 0 {
+        return Ok(None);
+    }
+    resampling.check()?;
+    Ok(Some(resampling))
 }
 
 /// The settings of an analysis, as `rc.discover` gives them.
@@ -138,7 +165,8 @@ pub(crate) fn of_method(given: &mut Given, n_vars: usize) -> Result<(PcmciSettin
     Ok((settings, plus))
 }
 
-fn set<T>(place: &mut T, value: Option<T>) {
+/// Puts a value that is given into its place.
+pub(crate) fn set<T>(place: &mut T, value: Option<T>) {
     if let Some(value) = value {
         *place = value;
     }

@@ -31,7 +31,13 @@ pub(crate) struct Means<'py> {
 }
 
 impl Means<'_> {
-    fn control(&self, cancel: Arc<AtomicBool>) -> Result<Control> {
+    /// All cores, for as long as it takes, and nobody is told.
+    pub(crate) fn all_cores() -> Self {
+        Self { threads: 0, time_budget: None, progress: None }
+    }
+
+    /// The control of a run that ends when `cancel` is set or the time is over.
+    pub(crate) fn control(&self, cancel: Arc<AtomicBool>) -> Result<Control> {
         let control = Control::default().cancel_on(cancel);
         let Some(budget) = self.time_budget else { return Ok(control) };
         if budget.is_nan() || budget <= 0.0 {
@@ -56,16 +62,14 @@ pub(crate) fn watched<T: Send + 'static>(
     let cancel = Arc::new(AtomicBool::new(false));
     let control = means.control(cancel.clone()).map_err(raised)?;
     let (threads, of_thread) = (means.threads, control.clone());
-    let done = wait(
-        py,
-        &cancel,
-        || means.report(&control),
-        move || {
-            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
-            pool.map_err(|e| Error::param("threads", e))?.install(|| work(&of_thread))
-        },
-    )?;
+    let done = wait(py, &cancel, || means.report(&control), move || in_pool(threads, || work(&of_thread)))?;
     done.map_err(raised)
+}
+
+/// Runs `work` in a pool of its own of this many threads (0: all cores).
+pub(crate) fn in_pool<T: Send>(threads: usize, work: impl FnOnce() -> Result<T> + Send) -> Result<T> {
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
+    pool.map_err(|e| Error::param("threads", e))?.install(work)
 }
 
 /// Runs `work` on a thread and waits for it, without the GIL. Signals set `cancel`.

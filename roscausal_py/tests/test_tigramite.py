@@ -43,7 +43,7 @@ def test_a_run_is_its_two_halves(pcmci):
 
 def test_what_is_not_covered_is_refused_by_its_name(pcmci, chain):
     for call, name in [
-        (lambda: pcmci.run_bootstrap_of("run_pcmci", {}), "run_bootstrap_of"),
+        (lambda: pcmci.run_bootstrap_of("run_pcmci", {}, aggregation="weighted"), "weighted"),
         (lambda: pcmci.run_pcmci(selected_links={}), "selected_links"),
         (lambda: pcmci.run_mci(val_only=True), "val_only"),
         (lambda: pp.DataFrame(chain, vector_vars={0: [(0, 0)]}), "vector_vars"),

@@ -12,6 +12,7 @@ use roscausal_reasoning::{
 use serde::Serialize;
 
 use inputs::{Format, Ready, SourceArgs};
+pub use text::{effect as effect_text, explain as explain_text, what_if as what_if_text};
 
 /// Arguments of `roscausal predict`.
 #[derive(ClapArgs)]

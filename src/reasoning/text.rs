@@ -6,7 +6,7 @@ use roscausal_reasoning::{
 };
 
 /// The outlooks of all actions.
-pub(super) fn what_if(answer: &WhatIfAnswer, question: &WhatIf) -> String {
+pub fn what_if(answer: &WhatIfAnswer, question: &WhatIf) -> String {
     let mut lines: Vec<String> = answer.outlooks.iter().map(|outlook| outlook.text.clone()).collect();
     if !answer.ranking.is_empty() {
         let names: Vec<&str> = answer.ranking.iter().map(|&k| answer.outlooks[k].action.as_str()).collect();
@@ -39,7 +39,7 @@ fn table(outlook: &Outlook, horizon: usize) -> Vec<String> {
 }
 
 /// An effect by lag.
-pub(super) fn effect(answer: &EffectAnswer) -> String {
+pub fn effect(answer: &EffectAnswer) -> String {
     let mut lines = vec![answer.text.clone()];
     if !answer.total.is_empty() {
         lines.push(String::new());
@@ -53,7 +53,7 @@ pub(super) fn effect(answer: &EffectAnswer) -> String {
 }
 
 /// A change taken apart.
-pub(super) fn explain(answer: &ExplainAnswer) -> String {
+pub fn explain(answer: &ExplainAnswer) -> String {
     let mut lines = vec![answer.text.clone()];
     if !answer.contributions.is_empty() {
         lines.push(String::new());

@@ -13,6 +13,43 @@ use crate::{
     methods::Method,
 };
 
+/// The data at the times of resample `b`, drawn from time `first` on, for methods that are run by hand.
+///
+/// A run with `tau_max` uses the times from `2 tau_max` on.
+///
+/// ```
+/// use roscausal_discovery::{DataFrame, confidence::{Resampling, resample}};
+///
+/// let data = DataFrame::new(vec![ndarray::Array2::zeros((100, 2))], vec!["a".into(), "b".into()])?;
+/// let first = resample(&data, &Resampling::default(), 42, 0, 2)?;
+/// assert_eq!(first.var_names(), data.var_names());
+/// # Ok::<(), roscausal_discovery::Error>(())
+/// ```
+///
+/// # Errors
+/// Data that are too few to draw from.
+pub fn resample(
+    data: &DataFrame,
+    resampling: &Resampling,
+    seed: u64,
+    b: usize,
+    first: usize,
+) -> Result<DataFrame> {
+    draws::check(resampling, &rows_from(data, first))?;
+    drawn(data, resampling, seed, b, first)
+}
+
+/// Number of times from `first` on, by recording.
+fn rows_from(data: &DataFrame, first: usize) -> Vec<usize> {
+    data.recordings().iter().map(|rows| rows.nrows().saturating_sub(first)).collect()
+}
+
+fn drawn(data: &DataFrame, resampling: &Resampling, seed: u64, b: usize, first: usize) -> Result<DataFrame> {
+    let of = |(k, n)| draws::rows(resampling, seed, b, k, n).into_iter().map(|row| row + first).collect();
+    let times = rows_from(data, first).into_iter().enumerate().map(of).collect();
+    Ok(data.at_times(times)?.drawn(b as u64 + 1))
+}
+
 /// The resamples of one analysis, not yet run.
 pub(super) struct Resamples<'a> {
     data: &'a DataFrame,
@@ -33,7 +70,7 @@ impl<'a> Resamples<'a> {
     ) -> Result<Self> {
         // The filter of F-PCMCI sees rows that the tests behind it do not.
         let first = if settings.method == Method::Fpcmci { settings.tau_max } else { 2 * settings.tau_max };
-        let n_rows: Vec<usize> = data.recordings().iter().map(|r| r.nrows().saturating_sub(first)).collect();
+        let n_rows = rows_from(data, first);
         draws::check(resampling, &n_rows)?;
         let test = independence_tests::by_name(&settings.cond_ind_test, &settings.test_settings())?;
         Ok(Self { data, settings, resampling, test, first, n_rows })
@@ -82,13 +119,7 @@ impl<'a> Resamples<'a> {
 
     /// Resample `b`; `None` if the time budget ends.
     fn one(&self, b: usize, control: &Control) -> Result<Option<Found>> {
-        let seed = self.settings.seed;
-        let of = |(k, &n)| {
-            let rows = draws::rows(self.resampling, seed, b, k, n);
-            rows.into_iter().map(|row| row + self.first).collect()
-        };
-        let times = self.n_rows.iter().enumerate().map(of).collect();
-        let data = self.data.at_times(times)?.drawn(b as u64 + 1);
+        let data = drawn(self.data, self.resampling, self.settings.seed, b, self.first)?;
         match Outcome::of(&data, self.test.as_ref(), self.settings, &control.silent()) {
             Ok(outcome) if outcome.is_complete() => {
                 Ok(Some(outcome.found(data.n_vars(), self.settings.tau_max)))

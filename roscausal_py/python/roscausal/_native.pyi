@@ -12,6 +12,7 @@ __all__ = [
     "DataError",
     "Frame",
     "SettingError",
+    "Structural",
     "command",
     "demo",
     "discover",
@@ -20,6 +21,7 @@ __all__ = [
     "messages",
     "picture",
     "read",
+    "roll",
     "run",
     "run_test",
     "series",
@@ -49,11 +51,30 @@ class Frame:
         remove_missing_upto_maxlag: bool = False,
         reference_points: Sequence[NDArray[np.bool_]] | None = None,
     ) -> Frame: ...
+    def bootstrap(self, seed: int, number: int, block: str, first: int) -> Frame: ...
+
+@final
+class Structural:
+    @staticmethod
+    def fit(frame: Frame, graph: str, settings: str) -> Structural: ...
+    @staticmethod
+    def read(text: str) -> Structural: ...
+    def to_json(self) -> str: ...
+    def names(self) -> list[str]: ...
+    def rows(self) -> list[int]: ...
+    def what_if(self, question: str, recording: int, now: int) -> tuple[str, str]: ...
+    def effect(self, cause: str, effect: str, max_lag: int, standardised: bool) -> tuple[str, str]: ...
+    def explain(
+        self, variable: str, recording: int, rows: tuple[int, int] | None, horizon: int, seed: int
+    ) -> tuple[str, str]: ...
 
 def discover(
     frame: Frame, settings: str, test: object | None = None, progress: Callable[[int, int], object] | None = None
 ) -> str: ...
 def words() -> str: ...
+def roll(
+    frame: Frame, settings: str, length: int, step: int, progress: Callable[[int, int], object] | None = None
+) -> list[tuple[int, int, int, str]]: ...
 def run(
     frame: Frame, method: str, settings: str, test: object, progress: Callable[[int, int], object] | None = None
 ) -> dict[str, Any]: ...

@@ -50,6 +50,21 @@ class Recordings:
     def __iter__(self) -> Iterator[NDArray[np.float64]]:
         return iter(self.arrays)
 
+    def rows(self, recording: int, start: int, end: int) -> Recordings:
+        """The rows `start` to `end - 1` of one recording, as one recording.
+
+        Args:
+            recording: Which one.
+            start: First row.
+            end: The row after the last one.
+
+        Example:
+            >>> import numpy as np, roscausal as rc
+            >>> rc.Recordings(["a", "b"], [np.zeros((9, 2))]).rows(0, 2, 5)[0].shape
+            (3, 2)
+        """
+        return Recordings(self.names, [self.arrays[recording][start:end]], self.dt, self.exogenous, self.warnings)
+
     def select(self, columns: Sequence[str]) -> Recordings:
         """The same recordings with these variables only, in this order.
 

@@ -7,9 +7,10 @@ import io
 import json
 import os
 import pathlib
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,6 +21,7 @@ from .page import page
 
 if TYPE_CHECKING:
     from .data import Recordings
+    from .reasoning import Effect, Explanation, StructuralModel, WhatIf
 
 
 @dataclass(frozen=True)
@@ -65,6 +67,47 @@ class Link:
             what = f"{self.cause} and {self.effect} depend on each other {when}, direction open"
         p = f"p < {self.p[1:]}" if self.p.startswith("<") else f"p = {self.p_value:.3f}"
         return f"{what}: strength {self.value:.2f}, {p}"
+
+
+@dataclass(frozen=True)
+class Advice:
+    """What would settle a link that the resamples leave open.
+
+    Attributes:
+        cause: Name of the cause.
+        effect: Name of the effect.
+        lag: Steps from cause to effect.
+        in_model: Whether the model has the link.
+        confidence: Share of the resamples that have it.
+        n_needed: Samples with which it would be found in four of five recordings, if it is real; None: no number can be told.
+        n_low: Lower end of the range of 80 %.
+        n_high: Upper end of that range; None: there is none.
+        minutes: Minutes of recording more, where the step is known.
+        minutes_low: Lower end of their range.
+        minutes_high: Upper end of their range.
+        sentence: All this in words.
+
+    Example:
+        >>> import numpy as np, roscausal as rc
+        >>> x = np.random.default_rng(1).normal(size=(120, 2))
+        >>> x[1:, 1] += 0.25 * x[:-1, 0]
+        >>> model = rc.discover(x, columns=["a", "b"], method="pcmci", test="parcorr", resamples=20)
+        >>> all(isinstance(advice, rc.Advice) for advice in model.advice)
+        True
+    """
+
+    cause: str
+    effect: str
+    lag: int
+    in_model: bool
+    confidence: float
+    n_needed: float | None
+    n_low: float | None
+    n_high: float | None
+    minutes: float | None
+    minutes_low: float | None
+    minutes_high: float | None
+    sentence: str
 
 
 @dataclass(frozen=True)
@@ -176,6 +219,29 @@ class Model:
         tested."""
         return _frozen(self._cube("p_matrix", "f8"))
 
+    @cached_property
+    def link_frequency(self) -> NDArray[np.float64] | None:
+        """Share of the resamples that have the link, (N, N, tau_max + 1) as [cause, effect, lag]; None without resamples."""
+        return self._of_resamples("link_frequency")
+
+    @cached_property
+    def val_low(self) -> NDArray[np.float64] | None:
+        """Percentile 5 of the strengths in the resamples, as [cause, effect, lag]; None without resamples."""
+        return self._of_resamples("val_low")
+
+    @cached_property
+    def val_high(self) -> NDArray[np.float64] | None:
+        """Percentile 95 of the strengths in the resamples, as [cause, effect, lag]; None without resamples."""
+        return self._of_resamples("val_high")
+
+    @property
+    def advice(self) -> list[Advice]:
+        """What would settle the links that the resamples leave open; empty without resamples."""
+        return [Advice(**each) for each in self._fields.get("advice") or []]
+
+    def _of_resamples(self, name: str) -> NDArray[np.float64] | None:
+        return None if self._fields.get(name) is None else _frozen(self._cube(name, "f8"))
+
     def _cube(self, name: str, dtype: str) -> NDArray[Any]:
         n, lags = len(self._fields["features"]), self._fields["tau_max"] + 1
         return np.array(self._fields[name], dtype=dtype).reshape(n, n, lags)
@@ -201,7 +267,8 @@ class Model:
         """The question: method, test, levels, lags, seed, samples, run time."""
         results = {
             "schema", "status", "features", "dropped", "links", "graph", "val_matrix", "p_matrix", "causal_structure", "val",
-            "pval", "warnings",
+            "pval", "warnings", "link_frequency", "mark_frequency", "summary_frequency", "majority_graph", "val_mean", "val_low",
+            "val_high", "advice",
         }  # fmt: skip
         return {name: value for name, value in self._fields.items() if name not in results}
 
@@ -224,6 +291,103 @@ class Model:
 
     def _repr_html_(self) -> str:
         return page(self)
+
+    def structural(
+        self,
+        data: Any = None,
+        *,
+        equations: Literal["auto", "linear", "gp"] = "auto",
+        acts_on: Mapping[str, str] | None = None,
+        seed: int = 42,
+        threads: int | None = None,
+    ) -> StructuralModel:
+        """The model with an equation for each variable: it answers questions.
+
+        Args:
+            data: The rows to fit on, as for `rc.discover`; None: those that the model was found in.
+            equations: "auto" (a Gaussian process where it predicts better than a line), "linear" or "gp".
+            acts_on: Columns of interventions to the variable that each sets; None: the demo's.
+            seed: Of all random numbers.
+            threads: None: all cores. They do not change the result.
+
+        Raises:
+            DataError: The data are not known (a model from a file), or lack a variable.
+            SettingError: A setting that is not allowed.
+        """
+        from .data import recordings_of
+        from .reasoning import StructuralModel
+
+        found = self._data if data is None else recordings_of(data)
+        if found is None:
+            raise DataError("the data of this model are not known: it comes from a file; give them: model.structural(data)")
+        given = {"equations": equations, "acts_on": acts_on, "seed": seed, "threads": threads}
+        return StructuralModel.fit(self._file, found, **given)  # type: ignore[arg-type]
+
+    @cached_property
+    def _structural(self) -> StructuralModel:
+        return self.structural()
+
+    def predict(self, horizon: int = 10, **question: Any) -> WhatIf:
+        """What will happen if nobody acts, after the last row of the data: `structural().predict`, which has all arguments.
+
+        Args:
+            horizon: Steps ahead.
+            question: `variables`, `at`, `recording`, `paths`, `seed`.
+
+        Returns:
+            The outlook under the action `go on`.
+
+        Raises:
+            DataError: The data are not known, or are too few.
+        """
+        return self._structural.predict(horizon, **question)
+
+    def whatif(self, actions: str | Sequence[str], horizon: int = 10, **question: Any) -> WhatIf:
+        """What will happen under each action, and which is best: `structural().whatif`, which has all arguments.
+
+        Args:
+            actions: Such as "stop: r_v=0" or ["slower: r_v+=-0.2", "go on"].
+            horizon: Steps ahead.
+            question: `cost`, `limits`, `had`, `variables`, `at`, `recording`, `allow_extrapolation`, `paths`, `seed`.
+
+        Returns:
+            The outlook of each action.
+
+        Raises:
+            SettingError: A question that cannot be asked.
+            DataError: The data are not known, or are too few.
+        """
+        return self._structural.whatif(actions, horizon, **question)
+
+    def effect(self, cause: str, effect: str, max_lag: int = 10, *, standardised: bool = False) -> Effect:
+        """How strongly one variable drives another, by lag: `structural().effect`.
+
+        Args:
+            cause: Its name.
+            effect: Its name.
+            max_lag: Largest lag in steps.
+            standardised: In standard deviations instead of units.
+
+        Raises:
+            SettingError: A variable that is not there.
+            DataError: The data are not known, or are too few.
+        """
+        return self._structural.effect(cause, effect, max_lag, standardised=standardised)
+
+    def explain(self, variable: str, from_row: int | None = None, to_row: int | None = None, **question: Any) -> Explanation:
+        """Why a variable changed: `structural().explain`.
+
+        Args:
+            variable: Its name.
+            from_row: The row before the change; without both rows: the largest change of the last ten rows.
+            to_row: The row after it.
+            question: `horizon`, `recording`, `seed`.
+
+        Raises:
+            SettingError: A variable that is not there.
+            DataError: The data are not known, or are too few.
+        """
+        return self._structural.explain(variable, from_row, to_row, **question)
 
     def dag(self) -> Picture:
         """The summary graph: one node per variable, arrows with lags and strengths."""
@@ -304,7 +468,7 @@ class Model:
         """
         import pandas  # type: ignore[import-not-found, import-untyped, unused-ignore]
 
-        columns = ["cause", "effect", "lag", "value", "p_value", "mark", "n_lost"]
+        columns = ["cause", "effect", "lag", "value", "p_value", "mark", "n_lost", "confidence", "value_low", "value_high"]
         return pandas.DataFrame(self._fields["links"], columns=columns)
 
     def to_networkx(self) -> Any:
@@ -319,7 +483,7 @@ class Model:
         graph = networkx.MultiDiGraph()
         graph.add_nodes_from(self.features)
         for link in self.links:
-            facts = {"lag": link.lag, "value": link.value, "p_value": link.p_value, "mark": link.mark, "confidence": None}
+            facts = {name: getattr(link, name) for name in ("lag", "value", "p_value", "mark", "confidence")}
             graph.add_edge(link.cause, link.effect, **facts)
             if link.mark != "-->":
                 graph.add_edge(link.effect, link.cause, **facts)

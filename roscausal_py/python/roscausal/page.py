@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from html import escape
 from typing import TYPE_CHECKING
 
@@ -15,15 +16,21 @@ def page(model: Model) -> str:
     head = f"{settings['method']} with {settings['cond_ind_test']}, alpha {settings['alpha']}, {settings['n_samples']} samples"
     cell = "<td style='text-align:left;padding:2px 8px'>{}</td>"
 
-    def row(cells: list[object]) -> str:
+    def row(cells: Sequence[object]) -> str:
         return "<tr>" + "".join(cell.format(escape(str(each))) for each in cells) + "</tr>"
 
+    resampled = model.link_frequency is not None
     rows = [
-        row([link.cause, link.mark, link.effect, link.lag, f"{link.value:.3f}", link.p]) for link in model.links
+        row([link.cause, link.mark, link.effect, link.lag, f"{link.value:.3f}", link.p] + [_share(link.confidence)] * resampled)
+        for link in model.links
     ]
-    header = row(["cause", "", "effect", "lag", "strength", "p-value"])
+    header = row(["cause", "", "effect", "lag", "strength", "p-value"] + ["found again"] * resampled)
     table = f"<table>{header}{''.join(rows)}</table>" if rows else "<p>No causal link found.</p>"
     status = "" if model.status == "complete" else f"<p><b>{escape(model.status)}</b></p>"
     notes = "".join(f"<li>{escape(warning)}</li>" for warning in model.warnings)
     listed = f"<ul>{notes}</ul>" if notes else ""
     return f"<div><p>{escape(head)}</p>{model.dag().svg}{table}{status}{listed}</div>"
+
+
+def _share(confidence: float | None) -> str:
+    return "" if confidence is None else f"{100 * confidence:.0f} %"

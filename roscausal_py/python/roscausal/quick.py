@@ -4,18 +4,17 @@ from __future__ import annotations
 
 import json
 import os
-import sys
 from collections.abc import Callable, Sequence
 from typing import Any, Literal
 
 from . import _native
-from .data import recordings_of
+from .data import Recordings, read, recordings_of
 from .model import Model
+from .progress import Progress, reporter
 
 Method = Literal[
     "fpcmci", "pcmci", "pcmciplus", "fullci", "bivci", "lagdep", "granger", "varlingam", "dynotears", "lpcmci"
 ]
-Progress = bool | Callable[[int, int], object] | None
 
 
 def discover(
@@ -39,6 +38,10 @@ def discover(
     threads: int | None = None,
     time_budget: float | None = None,
     max_memory: int | None = None,
+    resamples: int = 0,
+    resampling: Literal["subsample", "bootstrap"] = "subsample",
+    share: float = 0.632,
+    block: int | Literal["cube_root"] = 1,
     progress: Progress = None,
 ) -> Model:
     """Finds which variable drives which, and how many steps later.
@@ -48,8 +51,8 @@ def discover(
             .csv, .bag, .mcap or .db3 file; what `rc.read` returns; or a list of these, as recordings of one system. NaN,
             None and masked values are missing. A column `time` gives the step and is no variable.
         columns: The variables to analyse, in this order; for an array: its names.
-        method: fpcmci, pcmci, pcmciplus, fullci, bivci or lagdep.
-        test: gpdc, parcorr, robustparcorr, cmiknn or gsquared; or your own: a function `f(x, y, z) -> (value, p)` of arrays
+        method: fpcmci, pcmci, pcmciplus, lpcmci, fullci, bivci, granger, varlingam, dynotears or lagdep.
+        test: gpdc, parcorr, robustparcorr, cmiknn, gsquared or cmisymb; or your own: a function `f(x, y, z) -> (value, p)` of arrays
             (n,), (n,), (n, k), or an object with `run_test_raw(x, y, z)` of arrays (n, 1), (n, 1), (n, k), or with
             `run_test(X, Y, Z, tau_max)` of nodes `[(variable, -lag)]`.
         alpha: Level of significance of a link, in (0, 1).
@@ -67,7 +70,12 @@ def discover(
         threads: None: all cores. They do not change the result.
         time_budget: Seconds after which a partial model is returned; its `status` says so.
         max_memory: Bytes that a test may take.
-        progress: True: a line on stderr; or a function of (tests done, estimated total).
+        resamples: The analysis again on this many resamples (20 or more): links then have a `confidence`, the share of the
+            resamples that have them; the model has `link_frequency`, `val_low`, `val_high` and `advice`. 0: none.
+        resampling: "subsample" (a share of the rows) or "bootstrap" (as many rows, drawn with replacement).
+        share: Share of the rows in a subsample.
+        block: Neighbouring rows that are drawn together.
+        progress: True: a bar in a notebook, a line on stderr elsewhere; or a function of (tests done, estimated total).
 
     Returns:
         The model.
@@ -86,25 +94,12 @@ def discover(
         cause at t-1 drives effect: strength 0.65, p < 0.001
     """
     found = recordings_of(data, columns)
-    settings: dict[str, Any] = {
-        "method": method,
-        "alpha": alpha,
-        "tau_min": tau_min,
-        "tau_max": tau_max,
-        "pc_alpha": pc_alpha,
-        "f_alpha": f_alpha,
-        "te_estimator": te_estimator,
-        "fdr": fdr,
-        "exogenous": [*exogenous, *found.exogenous],
-        "dt": found.dt if dt is None else dt,
-        "gp_search": gp_search,
-        "gp_restarts": gp_restarts,
-        "seed": seed,
-        "threads": threads,
-        "time_budget": time_budget,
-        "max_memory": max_memory,
-        "warnings": found.warnings,
-    }
+    settings = settings_of(
+        found, method=method, alpha=alpha, tau_min=tau_min, tau_max=tau_max, pc_alpha=pc_alpha, f_alpha=f_alpha,
+        te_estimator=te_estimator, fdr=fdr, exogenous=exogenous, dt=dt, gp_search=gp_search, gp_restarts=gp_restarts, seed=seed,
+        threads=threads, time_budget=time_budget, max_memory=max_memory,
+    )  # fmt: skip
+    settings |= {"resamples": resamples, "resampling": resampling, "share": share, "block": block}
     own = None
     if isinstance(test, str):
         settings["test"] = test
@@ -112,6 +107,12 @@ def discover(
         own = test
     frame = _native.Frame(found.arrays, found.names)
     return Model(_native.discover(frame, as_json(settings), own, reporter(progress)), found)
+
+
+def settings_of(found: Recordings, *, exogenous: Sequence[str] = (), dt: float | None = None, **given: Any) -> dict[str, Any]:
+    """The settings of an analysis, with what the data say themselves."""
+    of_data = {"exogenous": [*exogenous, *found.exogenous], "dt": found.dt if dt is None else dt, "warnings": found.warnings}
+    return {**given, **of_data}
 
 
 def as_json(settings: dict[str, Any]) -> str:
@@ -123,21 +124,6 @@ def as_json(settings: dict[str, Any]) -> str:
         raise _native.SettingError(f"a setting is {value!r}, of type {type(value).__name__}, which is neither a number nor a word")
 
     return json.dumps(settings, default=plain)
-
-
-def reporter(progress: Progress) -> Callable[[int, int], object] | None:
-    """The callback that `progress` means."""
-    if progress is None or progress is False:
-        return None
-    return _line if progress is True else progress
-
-
-def _line(done: int, total: int) -> None:
-    """One line on stderr, written over itself; notebooks show it below the cell."""
-    share = done / total if total else 1.0
-    bar = "#" * round(30 * share)
-    end = "\n" if done >= total else ""
-    print(f"\r{bar:30} {done}/{total} tests", end=end, file=sys.stderr, flush=True)
 
 
 def demo(seed: int = 1, out: str | os.PathLike[str] | None = None) -> Model:
@@ -159,11 +145,11 @@ def demo(seed: int = 1, out: str | os.PathLike[str] | None = None) -> Model:
         ['h_v', 'h_dg', 'h_risk']
     """
     if out is not None:
-        return Model(_native.demo(seed, out))
+        return Model(_native.demo(seed, out), read(out))
     import tempfile
 
     with tempfile.TemporaryDirectory() as folder:
-        return Model(_native.demo(seed, os.path.join(folder, "demo")))
+        return demo(seed, os.path.join(folder, "demo"))
 
 
 def msg_definitions() -> dict[str, str]:

@@ -63,6 +63,7 @@ class PCMCI:
         self.pval_max: dict[int, dict[tuple[int, int], float]] = {}
         self.remarks: list[str] = []
         self._points: NDArray[Any] | None = None
+        self._draw: tuple[int, int, str] | None = None
 
     def __getattr__(self, name: str) -> Any:
         if name.startswith("_"):
@@ -73,6 +74,8 @@ class PCMCI:
         test = self.cond_ind_test
         settings["link_assumptions"] = results.link_list(links, settings["tau_min"], settings["tau_max"])
         frame = self.dataframe.frame(getattr(test, "mask_type", None), self._points)
+        if self._draw is not None:
+            frame = frame.bootstrap(*self._draw, 2 * settings["tau_max"])
         found = _native.run(frame, method, json.dumps(settings, default=_plain), getattr(test, "spec", test))
         self.remarks = found["remarks"]
         if found["candidates"]:
@@ -394,9 +397,7 @@ class PCMCI:
                 f"setting 'window_length': {window_length} (step {window_step}) does not fit into "
                 f"{self.dataframe.largest_time_step} samples"
             )
-        known = ["run_pcmci", "run_pcmciplus", "run_mci", "run_fullci", "run_bivci", "get_lagged_dependencies"]
-        if method not in known:
-            raise SettingError(f"setting 'method': '{method}' has no windows; allowed: {', '.join(known)}")
+        _repeatable(method)
         runs = []
         try:
             for start in range(0, self.dataframe.largest_time_step - window_length, window_step):
@@ -405,11 +406,68 @@ class PCMCI:
                 runs.append(getattr(self, method)(**method_args))
         finally:
             self._points = None
-        arrays = ("graph", "p_matrix", "val_matrix")
-        joined: Results = {name: np.stack([run[name] for run in runs]) for name in arrays}
-        others = {name for name in runs[0] if name not in arrays}
-        joined.update({name: {k: run[name] for k, run in enumerate(runs)} for name in others})
+        joined = results.joined(runs)
         return {"summary_results": results.summary(joined, conf_lev), "window_results": joined}
+
+    def run_bootstrap_of(
+        self,
+        method: str,
+        method_args: Mapping[str, Any],
+        boot_samples: int = 100,
+        boot_blocklength: int | str = 1,
+        conf_lev: float = 0.9,
+        aggregation: str = "majority",
+        seed: int | None = None,
+    ) -> Results:
+        """Runs a method again and again on times drawn with replacement; lags stay whole.
+
+        Args:
+            method: Such as "run_pcmci".
+            method_args: Its keywords.
+            boot_samples: Number of draws.
+            boot_blocklength: Neighbouring times that are drawn together, or "cube_root".
+            conf_lev: Level of the interval of values over the draws.
+            aggregation: "majority".
+            seed: Of the draws; None: another one each time.
+
+        Returns:
+            `boot_results`: the method's arrays with the draw as first axis; `summary_results`: see `return_summary_results`.
+
+        Raises:
+            ValueError: A method that is not there, a block that is too long, data that are too few.
+            NotImplementedError: `boot_blocklength="from_autocorrelation"`.
+
+        Example:
+            >>> import numpy as np
+            >>> from roscausal.tigramite import data_processing as pp
+            >>> from roscausal.tigramite.independence_tests.parcorr import ParCorr
+            >>> from roscausal.tigramite.pcmci import PCMCI
+            >>> x = np.random.default_rng(1).normal(size=(300, 2))
+            >>> x[1:, 1] += x[:-1, 0]
+            >>> found = PCMCI(pp.DataFrame(x), ParCorr()).run_bootstrap_of("run_pcmci", {"tau_max": 1}, boot_samples=30, seed=42)
+            >>> float(found["summary_results"]["link_frequency"][0, 1, 1])
+            1.0
+        """
+        _repeatable(method)
+        if aggregation != "majority" or boot_blocklength == "from_autocorrelation":
+            what = boot_blocklength if aggregation == "majority" else aggregation
+            raise NotCovered(f"'{what}' is not covered by roscausal.tigramite; leave it out, or use tigramite for this run")
+        test = self.cond_ind_test
+        if hasattr(test, "run_test") and not (hasattr(test, "spec") or hasattr(test, "run_test_raw")):
+            raise SettingError("setting 'cond_ind_test': a test on nodes sees no data, so that resamples say nothing")
+        if isinstance(boot_samples, bool) or not hasattr(boot_samples, "__index__") or boot_samples < 1:
+            raise SettingError(f"setting 'boot_samples': {boot_samples!r} is not a number of draws from 1 on")
+        first = int(np.random.default_rng().integers(2**32)) if seed is None else int(seed)
+        runs, verbosity = [], self.verbosity
+        try:
+            self.verbosity = 0
+            for number in range(boot_samples):
+                self._draw = (first, number, str(boot_blocklength))
+                runs.append(getattr(self, method)(**method_args))
+        finally:
+            self._draw, self.verbosity = None, verbosity
+        joined = results.joined(runs)
+        return {"summary_results": results.summary(joined, conf_lev, aggregation), "boot_results": joined}
 
     @staticmethod
     def return_summary_results(results_of_runs: Mapping[str, Any], conf_lev: float = 0.9, aggregation: str = "majority") -> Results:
@@ -518,6 +576,12 @@ class PCMCI:
         if graph is None:
             graph = results.graph_of_p(p_matrix, alpha_level, 0, p_matrix.shape[2] - 1, None)
         print(results.text(self.dataframe.names, p_matrix, val_matrix, conf_matrix, graph, alpha_level))
+
+
+def _repeatable(method: str) -> None:
+    known = ["run_pcmci", "run_pcmciplus", "run_mci", "run_fullci", "run_bivci", "get_lagged_dependencies"]
+    if method not in known:
+        raise SettingError(f"setting 'method': '{method}' cannot be run again and again; allowed: {', '.join(known)}")
 
 
 def _plain(value: Any) -> Any:

@@ -94,6 +94,14 @@ def summary(results: Mapping[str, Any], conf_lev: float = 0.9, aggregation: str 
     }
 
 
+def joined(runs: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
+    """The results of many runs: matrices with the run as first axis, all else by the number of the run."""
+    arrays = ("graph", "p_matrix", "val_matrix")
+    every: dict[str, Any] = {name: np.stack([run[name] for run in runs]) for name in arrays}
+    others = [name for name in runs[0] if name not in arrays]
+    return {**every, **{name: {k: run[name] for k, run in enumerate(runs)} for name in others}}
+
+
 def _winner(tied: Mapping[str, NDArray[Any]], shape: tuple[int, ...]) -> NDArray[np.str_]:
     """The mark of the most frequent ones that counts: no link before x-x before o-o; --> and <-- together are x-x."""
     nowhere = np.zeros(shape, dtype=bool)

@@ -1,0 +1,187 @@
+"""A model per window of time: how links come and go."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from . import _native
+from ._native import SettingError
+from .data import recordings_of
+from .model import Model
+from .progress import Progress, reporter
+from .quick import Method, as_json, settings_of
+
+
+@dataclass(frozen=True)
+class Window:
+    """One window and its model.
+
+    Attributes:
+        recording: Which recording, from 0.
+        start: First row.
+        end: The row after the last one.
+        model: What was found in these rows; their causes may lie before the first one.
+
+    Example:
+        >>> import numpy as np, roscausal as rc
+        >>> x = np.random.default_rng(1).normal(size=(300, 2))
+        >>> window = rc.roll(x, window=100, step=100, method="pcmci", test="parcorr")[1]
+        >>> window.start, window.end, window.model.features
+        (100, 200, ['x0', 'x1'])
+    """
+
+    recording: int
+    start: int
+    end: int
+    model: Model
+
+
+@dataclass(frozen=True)
+class Rolling(Sequence[Window]):
+    """The models of all windows, in the order of recordings and times: what `rc.roll` returns.
+
+    Attributes:
+        windows: The windows.
+        dt: Seconds per row, or None.
+
+    Example:
+        >>> import numpy as np, roscausal as rc
+        >>> x = np.random.default_rng(2).normal(size=(400, 2))
+        >>> x[1:200, 1] += 2 * x[:199, 0]                  # the link ends in the middle
+        >>> found = rc.roll(x, columns=["a", "b"], window=100, step=100, method="pcmci", test="parcorr", alpha=0.001)
+        >>> found.marks("a", "b", 1)
+        ['-->', '-->', '', '']
+    """
+
+    windows: list[Window]
+    dt: float | None = None
+
+    def __len__(self) -> int:
+        return len(self.windows)
+
+    def __getitem__(self, index: Any) -> Any:
+        return self.windows[index]
+
+    def __iter__(self) -> Iterator[Window]:
+        return iter(self.windows)
+
+    def marks(self, cause: str, effect: str, lag: int) -> list[str]:
+        """The mark of one link in each window; "" where there is none.
+
+        Args:
+            cause: Name of the cause.
+            effect: Name of the effect.
+            lag: Steps from cause to effect.
+
+        Raises:
+            SettingError: A name or lag that no window has.
+        """
+        places = self._places(cause, effect, lag)
+        return ["" if at is None else str(each.model.graph[at]) for each, at in zip(self.windows, places)]
+
+    def values(self, cause: str, effect: str, lag: int) -> NDArray[np.float64]:
+        """The strength of one link in each window, (windows,); NaN where F-PCMCI left a variable out.
+
+        Args:
+            cause: Name of the cause.
+            effect: Name of the effect.
+            lag: Steps from cause to effect.
+
+        Raises:
+            SettingError: A name or lag that no window has.
+        """
+        places = self._places(cause, effect, lag)
+        return np.array([np.nan if at is None else each.model.val_matrix[at] for each, at in zip(self.windows, places)])
+
+    def _places(self, cause: str, effect: str, lag: int) -> list[tuple[int, int, int] | None]:
+        first = self.windows[0].model
+        known = [*first.features, *first.dropped]
+        for name in (cause, effect):
+            if name not in known:
+                raise SettingError(f"there is no variable '{name}'; variables: {', '.join(known)}")
+        if not 0 <= lag < first.graph.shape[2]:
+            raise SettingError(f"setting 'lag': {lag} is not among 0 to {first.graph.shape[2] - 1}")
+        places: list[tuple[int, int, int] | None] = []
+        for each in self.windows:
+            names = each.model.features
+            there = cause in names and effect in names
+            places.append((names.index(cause), names.index(effect), lag) if there else None)
+        return places
+
+    def to_pandas(self) -> Any:
+        """All links of all windows as a pandas table: recording, start, end, and the columns of `Model.to_pandas`.
+
+        Raises:
+            ImportError: pandas is not installed.
+        """
+        import pandas  # type: ignore[import-not-found, import-untyped, unused-ignore]
+
+        tables = []
+        for each in self.windows:
+            table = each.model.to_pandas()
+            for place, name in enumerate(("recording", "start", "end")):
+                table.insert(place, name, getattr(each, name))
+            tables.append(table)
+        return pandas.concat(tables, ignore_index=True)
+
+
+def roll(
+    data: Any,
+    *,
+    window: int,
+    step: int | None = None,
+    columns: Sequence[str] | None = None,
+    method: Method | str = "fpcmci",
+    test: str = "gpdc",
+    progress: Progress = None,
+    **settings: Any,
+) -> Rolling:
+    """Analyses each window of the data on its own.
+
+    Args:
+        data: As for `rc.discover`. No window spans two recordings.
+        window: Rows of a window.
+        step: Rows from one window to the next; None: as many as a window has.
+        columns: The variables to analyse, in this order; for an array: its names.
+        method: As for `rc.discover`.
+        test: Name of an independence test.
+        progress: True: a bar; or a function of (windows done, windows).
+        settings: The other settings of `rc.discover`; not `resamples`.
+
+    Returns:
+        The models.
+
+    Raises:
+        DataError: Data that do not allow this analysis.
+        SettingError: A setting that is not allowed, a window longer than the data.
+
+    Example:
+        >>> import numpy as np, roscausal as rc
+        >>> x = np.random.default_rng(1).normal(size=(500, 2))
+        >>> found = rc.roll(x, window=200, step=100, method="pcmci", test="parcorr")
+        >>> [(each.start, each.end) for each in found]
+        [(0, 200), (100, 300), (200, 400), (300, 500)]
+    """
+    if not isinstance(test, str):
+        raise SettingError("setting 'test': windows need a test by its name")
+    for name in ("resamples", "resampling", "share", "block"):
+        if settings.pop(name, None):
+            raise SettingError(f"setting '{name}': windows are not resampled; call rc.discover on the rows of one window")
+    found = recordings_of(data, columns)
+    text = as_json({**settings_of(found, method=method, **settings), "test": test})
+    frame = _native.Frame(found.arrays, found.names)
+    cut = (_rows("window", window), _rows("step", window if step is None else step))
+    windows = _native.roll(frame, text, *cut, reporter(progress, "windows"))
+    models = [Window(k, start, end, Model(model, found.rows(k, start, end))) for k, start, end, model in windows]
+    return Rolling(models, models[0].model.dt)
+
+
+def _rows(name: str, value: Any) -> int:
+    if isinstance(value, bool) or not hasattr(value, "__index__") or value < 1:
+        raise SettingError(f"setting '{name}': {value!r} is not a number of rows from 1 on")
+    return int(value)

@@ -1,0 +1,67 @@
+//! A model per window.
+
+use std::sync::{
+    Arc,
+    atomic::{AtomicBool, AtomicUsize, Ordering},
+};
+
+use pyo3::prelude::*;
+use roscausal_discovery::{
+    Control, Settings,
+    rolling::{WindowModel, Windows, roll as roll_windows},
+};
+
+use crate::{
+    discover::means,
+    errors::raised,
+    frame::Frame,
+    settings::{Given, of_analysis},
+    watched::{in_pool, wait},
+};
+
+/// Recording, first row, the row after the last one, and the JSON of the model of each window.
+type OfWindows = Vec<(usize, usize, usize, String)>;
+
+/// The models of all windows of `length` rows, `step` rows apart. `progress` gets (windows done, windows).
+#[pyfunction]
+#[pyo3(signature = (frame, settings, length, step, progress=None))]
+pub(crate) fn roll(
+    py: Python<'_>,
+    frame: &Frame,
+    settings: &str,
+    length: usize,
+    step: usize,
+    progress: Option<Bound<'_, PyAny>>,
+) -> PyResult<OfWindows> {
+    let mut given = Given::read(settings).map_err(raised)?;
+    let dt = given.number("dt").map_err(raised)?;
+    let warnings = given.words("warnings").map_err(raised)?;
+    let means = means(&mut given, None).map_err(raised)?;
+    let settings: Settings = of_analysis(&mut given).map_err(raised)?;
+    given.end().map_err(raised)?;
+    let windows = Windows { length, step, last: true };
+    let (data, cancel) = (frame.data(), Arc::new(AtomicBool::new(false)));
+    let total: usize = data.recordings().iter().map(|rows| windows.starts(rows.nrows()).len()).sum();
+    let done = Arc::new(AtomicUsize::new(0));
+    let control: Control = means.control(cancel.clone()).map_err(raised)?;
+    let (threads, count) = (means.threads, done.clone());
+    let report = || {
+        let told = progress.as_ref().map(|tell| tell.call1((done.load(Ordering::Relaxed), total)));
+        told.transpose().map(drop)
+    };
+    let found = wait(py, &cancel, report, move || {
+        in_pool(threads, || {
+            let mut found = Vec::with_capacity(total);
+            roll_windows(&data, &settings, &windows, &control, |window| {
+                count.fetch_add(1, Ordering::Relaxed);
+                let WindowModel { recording, start, end, mut model } = window;
+                model.dt = dt;
+                model.warnings.splice(0..0, warnings.iter().cloned());
+                found.push((recording, start, end, model.to_json()));
+                Ok(())
+            })?;
+            Ok(found)
+        })
+    })?;
+    found.map_err(raised)
+}
