@@ -4,16 +4,15 @@ mod assumptions;
 mod changes;
 mod condition;
 mod estimate;
+mod method;
 mod reading;
 mod resampling;
 mod trajectories;
 
 use std::{
     ffi::OsString,
-    fmt::Display,
     path::{Path, PathBuf},
     sync::{Arc, atomic::AtomicBool},
-    time::Instant,
 };
 
 use clap::{Args as ClapArgs, Parser, ValueEnum};
@@ -27,15 +26,12 @@ use roscausal_core::{
     },
 };
 use roscausal_discovery::{
-    AboutData, Control, DataFrame, Evidence, Fault, Model, PcAlpha, Settings, analyse_with_evidence,
-    confidence::{ResampleGraph, Resampled, Resampling, resample},
-    independence_tests::{self, GpSearch},
-    methods::{Fdr, Method, MethodInfo},
-    transfer_entropy::TeEstimator,
+    AboutData, DataFrame, Evidence, Fault, Model, Settings,
+    confidence::{ResampleGraph, Resampled},
 };
 
 use crate::{
-    chart, export, folders, html_report,
+    export, folders, html_report,
     interrupt::Interrupt,
     output,
     recording::{self, InputArgs, Source},
@@ -43,6 +39,7 @@ use crate::{
 };
 use assumptions::AssumeArgs;
 use changes::ChangeArgs;
+pub(crate) use method::{MeansArgs, MethodArgs};
 pub(crate) use reading::{PartArgs, ReadArgs};
 pub(crate) use resampling::ResampleArgs;
 use resampling::{Advised, ResultArgs};
@@ -160,76 +157,6 @@ impl Format {
         crate::terminal::print(format_args!("{text}"));
         Ok(())
     }
-}
-
-/// How to analyse; the same arguments for every subcommand.
-#[derive(ClapArgs, Clone)]
-pub(crate) struct MethodArgs {
-    #[arg(long, default_value = Method::default().name(), help = listed("Discovery method", Method::names()))]
-    method: String,
-    #[arg(long, default_value = "gpdc", help = listed("Independence test", independence_tests::names()))]
-    test: String,
-    /// Significance level of a link, in (0, 1).
-    #[arg(long, default_value_t = 0.05)]
-    alpha: f64,
-    #[arg(long, help = format!("Smallest lag, in steps. Default: {}", default_of(|info| info.tau_min)))]
-    tau_min: Option<usize>,
-    /// Largest lag, in steps.
-    #[arg(long, default_value_t = 1)]
-    tau_max: usize,
-    #[arg(long, help = format!(
-        "Significance level of the condition selection, in (0, 1); `auto`: chosen by a score. Default: {}",
-        default_of(|info| info.pc_alpha)
-    ))]
-    pc_alpha: Option<String>,
-    /// Significance level of F-PCMCI's filter; default: alpha.
-    #[arg(long)]
-    f_alpha: Option<f64>,
-    #[arg(long, default_value = TeEstimator::default().name(), help = listed("Estimator of F-PCMCI's filter; auto: gaussian for a linear test, else gaussian+dcor", TeEstimator::NAMES))]
-    te_estimator: String,
-    #[arg(
-        long, default_value = Fdr::None.name(), default_missing_value = Fdr::Bh.name(), num_args = 0..=1,
-        help = listed("Correction for multiple testing", Fdr::NAMES)
-    )]
-    fdr: String,
-    #[arg(long, default_value = GpSearch::default().name(), help = listed(
-        "How gpdc searches for the maximum of a likelihood (exact: every likelihood exact, slow; the same maxima)",
-        GpSearch::NAMES
-    ))]
-    gp_search: String,
-    /// Searches of gpdc from this many random places more, of which the best counts; 0: the reference's answers.
-    #[arg(long, default_value_t = 0, value_name = "N")]
-    gp_restarts: usize,
-    /// Columns that may be causes only (interventions, context), separated by commas.
-    #[arg(long, value_delimiter = ',')]
-    exogenous: Vec<String>,
-}
-
-/// Resources of one analysis in the foreground.
-#[derive(ClapArgs, Clone)]
-pub(crate) struct MeansArgs {
-    /// Threads; default: all cores. They do not change the result.
-    #[arg(long)]
-    threads: Option<usize>,
-    /// Seconds after which to stop with a partial result.
-    #[arg(long, value_name = "SECONDS")]
-    time_budget: Option<f64>,
-    /// Megabytes that a test may take; a test that needs more is refused before it starts.
-    #[arg(long, value_name = "MB")]
-    max_memory: Option<usize>,
-}
-
-/// The default of most methods, then that of each other one, by name.
-fn default_of<T: PartialEq + Display>(setting: fn(&MethodInfo) -> T) -> String {
-    let usual = setting(Method::default().info());
-    let others = Method::all().map(Method::info).filter(|info| setting(info) != usual);
-    others.fold(usual.to_string(), |text, info| format!("{text}, {} {}", info.name, setting(info)))
-}
-
-/// The help of an argument that takes one of these words.
-fn listed<'a>(what: &str, words: impl IntoIterator<Item = &'a (impl AsRef<str> + ?Sized + 'a)>) -> String {
-    let words: Vec<&str> = words.into_iter().map(AsRef::as_ref).collect();
-    format!("{what}: {}", words.join(", "))
 }
 
 /// Runs `roscausal discover`.
@@ -573,93 +500,4 @@ fn tables_of(
         }
     }
     Ok((files, Some(temporary)))
-}
-
-impl MethodArgs {
-    /// The arguments as checked settings.
-    pub(crate) fn settings(&self, seed: u64) -> Result<Settings> {
-        let pc_alpha = match self.pc_alpha.as_deref() {
-            None => PcAlpha::Default,
-            Some("auto" | "none") => PcAlpha::ByScore,
-            Some(text) => PcAlpha::Fixed(text.parse().map_err(|_| {
-                Error::param("pc-alpha", format!("'{text}' is neither a number in (0, 1) nor 'auto'"))
-            })?),
-        };
-        let method: Method = self.method.parse()?;
-        let settings = Settings {
-            method,
-            cond_ind_test: usual_spelling(&self.test),
-            alpha: self.alpha,
-            pc_alpha,
-            tau_min: self.tau_min.unwrap_or(method.info().tau_min),
-            tau_max: self.tau_max,
-            f_alpha: self.f_alpha,
-            te_estimator: self.te_estimator.parse()?,
-            fdr: self.fdr.parse()?,
-            gp_search: self.gp_search.parse()?,
-            gp_restarts: self.gp_restarts,
-            exogenous: self.exogenous.clone(),
-            seed,
-            ..Settings::default()
-        };
-        settings.check()?;
-        Ok(settings)
-    }
-}
-
-/// A test's name as the registry spells it, whatever its case; an unknown one as it is.
-fn usual_spelling(test: &str) -> String {
-    let plain = |name: &str| name.replace(['-', '_'], "").to_lowercase();
-    let known = independence_tests::names().find(|known| plain(known) == plain(test));
-    known.map_or_else(|| test.to_owned(), str::to_owned)
-}
-
-impl MeansArgs {
-    /// Works with the given number of threads.
-    pub(crate) fn in_pool<T: Send>(&self, work: impl FnOnce() -> Result<T> + Send) -> Result<T> {
-        let pool = rayon::ThreadPoolBuilder::new().num_threads(self.threads.unwrap_or(0)).build();
-        pool.map_err(|e| Error::param("threads", e))?.install(work)
-    }
-
-    /// Runs the analysis with a progress bar (unless `quiet`), within the given time budget and threads.
-    fn analyse(
-        &self,
-        data: &DataFrame,
-        settings: &Settings,
-        resampling: Option<&Resampling>,
-        interrupt: &Interrupt,
-        quiet: bool,
-    ) -> Result<Resampled> {
-        let start = Instant::now();
-        let bar = chart::bar("discovery", 0, quiet);
-        let shown = bar.clone();
-        let control = Control::default().cancel_on(interrupt.flag());
-        let mut control = control.on_progress(move |progress| chart::show(&shown, progress));
-        if let Some(budget) = self.time_budget {
-            if budget.is_nan() || budget <= 0.0 {
-                return Err(Error::param(
-                    "time-budget",
-                    format!("{budget} is not a number of seconds above 0"),
-                ));
-            }
-            control = control.out_of_time(move || start.elapsed().as_secs_f64() > budget);
-        }
-        let pool = rayon::ThreadPoolBuilder::new()
-            .num_threads(self.threads.unwrap_or(0))
-            .build()
-            .map_err(|e| Error::param("threads", e))?;
-        let mut found = pool.install(|| match resampling {
-            Some(resampling) => resample(data, settings, resampling, &control),
-            None => {
-                let (model, evidence) = analyse_with_evidence(data, settings, &control)?;
-                Ok(Resampled { model, evidence, graphs: Vec::new() })
-            }
-        })?;
-        bar.finish_and_clear();
-        if let Some(effort) = control.effort() {
-            tracing::info!("{effort}");
-        }
-        found.model.run_time_s = Some(start.elapsed().as_secs_f64());
-        Ok(found)
-    }
 }

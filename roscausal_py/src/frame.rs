@@ -6,7 +6,7 @@ use numpy::{PyReadonlyArray1, PyReadonlyArray2};
 use pyo3::prelude::*;
 use roscausal_discovery::{
     DataFrame, Result,
-    confidence::{Resampling, Scheme, resample},
+    confidence::{Resampling, Scheme, data_of_resample},
 };
 
 use crate::errors::raised;
@@ -56,7 +56,7 @@ impl Frame {
         let draw = || -> Result<DataFrame> {
             let scheme =
                 Resampling { scheme: Scheme::Bootstrap, block: block.parse()?, ..Resampling::default() };
-            resample(&self.data, &scheme, seed, number, first)
+            data_of_resample(&self.data, &scheme, seed, number, first)
         };
         Ok(Self { data: Arc::new(draw().map_err(raised)?) })
     }

@@ -40,7 +40,7 @@ use summary::Summary;
 
 pub use calibration::share_that_was_real;
 pub use draws::bootstrap_rows;
-pub use resamples::resample;
+pub use resamples::data_of_resample;
 pub use scheme::{Block, FEWEST_RESAMPLES, MOST_RESAMPLES, Resampling, Scheme};
 
 use serde::Serialize;

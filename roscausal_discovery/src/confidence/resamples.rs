@@ -18,17 +18,17 @@ use crate::{
 /// A run with `tau_max` uses the times from `2 tau_max` on.
 ///
 /// ```
-/// use roscausal_discovery::{DataFrame, confidence::{Resampling, resample}};
+/// use roscausal_discovery::{DataFrame, confidence::{Resampling, data_of_resample}};
 ///
 /// let data = DataFrame::new(vec![ndarray::Array2::zeros((100, 2))], vec!["a".into(), "b".into()])?;
-/// let first = resample(&data, &Resampling::default(), 42, 0, 2)?;
+/// let first = data_of_resample(&data, &Resampling::default(), 42, 0, 2)?;
 /// assert_eq!(first.var_names(), data.var_names());
 /// # Ok::<(), roscausal_discovery::Error>(())
 /// ```
 ///
 /// # Errors
 /// Data that are too few to draw from.
-pub fn resample(
+pub fn data_of_resample(
     data: &DataFrame,
     resampling: &Resampling,
     seed: u64,
