@@ -255,6 +255,7 @@ impl<'a> Scene<'a> {
             robot: self.robot.map_or_else(|| vec![Values::UNKNOWN; stamps.len()], values),
             people: BTreeMap::from([(agent.id, values(agent))]),
             others,
+            signals: Vec::new(),
             context: BTreeMap::new(),
             complete: true,
             ended_by: Some(EndedBy::NodeEnd),
