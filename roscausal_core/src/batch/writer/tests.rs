@@ -24,6 +24,7 @@ fn recording(secs: f64) -> Recording {
         people: BTreeMap::from([(5, vec![row(1.5), Values::UNKNOWN, row(1e-7)])]),
         others: BTreeMap::new(),
         context: BTreeMap::from([("do_robot_speed".to_owned(), vec![vec![], vec![0.2], vec![0.2]])]),
+        signals: Vec::new(),
         complete: true,
         ended_by: Some(EndedBy::TsLength),
     }
