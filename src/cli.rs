@@ -15,6 +15,7 @@ use crate::{
 /// Examples at the end of each `--help`; a test understands each line.
 mod examples {
     pub(super) const DEMO: &str = "Examples:\n  roscausal demo\n  roscausal demo --seed 7 --out my_demo --record run.mcap\n  roscausal demo --web --do robot.off@60..90";
+    pub(super) const ROLL: &str = "Examples:\n  roscausal roll data.csv --window 500 --step 125\n  roscausal roll run.mcap --batch 500 --changes -o rolling\n  roscausal roll data.csv --window 300 --test parcorr --format jsonl";
     pub(super) const DISCOVER: &str = "Examples:\n  roscausal discover data.csv\n  roscausal discover a.csv b.csv --method pcmci --test parcorr --tau-max 5 -o result\n  roscausal discover log.csv --dt 0.1 --columns 'h_*' --feature 'closing = rate(dist)'\n  roscausal discover walk.tsv --format trajectories --goal last\n  roscausal discover run.mcap --people /people --person 7";
     pub(super) const SHOW: &str = "Examples:\n  roscausal show result/model.json\n  roscausal show result/model.json --format dot | dot -Tpdf -o model.pdf";
     pub(super) const COMPARE: &str = "Examples:\n  roscausal compare a/model.json b/model.json\n  roscausal compare a/model.json b/model.json -o difference";
@@ -64,6 +65,7 @@ pub(crate) enum Command {
     #[command(after_help = examples::COMPARE)]
     Compare(compare::Args),
     /// Find a model per window of time or batch, and tell when a mechanism changes.
+    #[command(after_help = examples::ROLL)]
     Roll(roll::Args),
     /// Play a recording to the nodes as if it were live: one model for each batch.
     #[command(after_help = examples::REPLAY)]

@@ -220,9 +220,11 @@ impl Table {
         })
     }
 
-    /// Median step between samples in seconds, if the file has times.
+    /// Median step between samples in seconds, if the file has times; without the noise of the times' last digits: from a
+    /// microsecond on in whole nanoseconds.
     pub fn dt(&self) -> Option<f64> {
-        self.time.as_deref().and_then(steps::median_step)
+        let step = self.time.as_deref().and_then(steps::median_step)?;
+        Some(if step < 1e-6 { step } else { (step * 1e9).round() / 1e9 })
     }
 
     /// The table as one recording.
