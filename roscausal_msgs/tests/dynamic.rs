@@ -1,5 +1,7 @@
 //! Messages read by definition: the same numbers as by type, in both wire formats, and no harm from hostile texts.
 
+#![allow(clippy::expect_used, clippy::panic, reason = "a test fails by panicking")]
+
 use roscausal_fuzz::{Allocator, Target};
 use roscausal_msgs::{
     Definition, Message, Time, cdr,

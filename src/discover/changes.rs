@@ -32,13 +32,16 @@ pub(crate) struct ChangeArgs {
     standardise: Vec<String>,
 }
 
+/// What changes one column of one recording.
+type Change = fn(ArrayViewMut1<'_, f64>);
+
 impl ChangeArgs {
     /// Changes the values as the flags say, and tells so.
     ///
     /// # Errors
     /// A column that is not there.
     pub(super) fn apply(&self, data: &mut Data) -> Result<()> {
-        let steps: [(&str, &[String], fn(ArrayViewMut1<'_, f64>), &str); 3] = [
+        let steps: [(&str, &[String], Change, &str); 3] = [
             ("difference", &self.difference, difference, "the change since the row before is analysed of"),
             ("detrend", &self.detrend, detrend, "a straight line is taken out of each recording of"),
             (

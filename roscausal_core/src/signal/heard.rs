@@ -37,12 +37,15 @@ pub struct Signals {
     unreadable: u64,
 }
 
+/// How a topic's messages are read: definition, layout, and the signals in them with their places.
+type Bindings = (Schema, Wire, Vec<(usize, Bound)>);
+
 #[derive(Debug)]
 struct Topic {
     name: String,
     kind: Option<Arc<RawType>>,
     /// `None`: its messages cannot be used.
-    bound: Option<(Schema, Wire, Vec<(usize, Bound)>)>,
+    bound: Option<Bindings>,
 }
 
 impl Signals {
@@ -75,7 +78,7 @@ impl Signals {
         self.bind(topic, kind).map(|_| ())
     }
 
-    fn bind(&self, topic: &str, kind: &RawType) -> Result<(Schema, Wire, Vec<(usize, Bound)>), String> {
+    fn bind(&self, topic: &str, kind: &RawType) -> Result<Bindings, String> {
         let schema = self.definitions.schema(kind).map_err(|reason| format!("{topic}: {reason}"))?;
         let of_topic = self.signals.iter().enumerate().filter(|(_, signal)| signal.topic == topic);
         let bind = |(place, signal): (usize, &Signal)| {

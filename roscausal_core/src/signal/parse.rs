@@ -85,8 +85,11 @@ pub(super) enum Operator {
     Unequal,
 }
 
+/// A function by its name.
+type Named = (&'static str, fn(f64) -> f64);
+
 /// Functions of one number.
-pub(super) const FUNCTIONS: [(&str, fn(f64) -> f64); 7] = [
+pub(super) const FUNCTIONS: [Named; 7] = [
     ("abs", f64::abs),
     ("sqrt", f64::sqrt),
     ("exp", f64::exp),

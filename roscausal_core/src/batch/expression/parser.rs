@@ -133,7 +133,7 @@ impl<'a, 'n> Parser<'a, 'n> {
         let inner = &self.text[start + 1..];
         let Some(length) = inner.find(quote) else { return Err(self.fault("the second quote is missing")) };
         self.at += length + 2;
-        self.column(&inner[..length].to_owned(), start)
+        self.column(&inner[..length], start)
     }
 
     fn column(&mut self, name: &str, start: usize) -> Result<Node, String> {

@@ -260,8 +260,11 @@ fn half(bits: u16) -> f64 {
     if bits >> 15 == 1 { -size } else { size }
 }
 
-/// What the header says: the fields, whether columns come first, and the shape.
-fn described(header: &str) -> Result<(Vec<(String, Kind)>, bool, Vec<usize>), String> {
+/// The fields of an array, whether columns come first, and its shape.
+type Layout = (Vec<(String, Kind)>, bool, Vec<usize>);
+
+/// What the header says.
+fn described(header: &str) -> Result<Layout, String> {
     let fault = || {
         format!(
             "the header of the NumPy file is not understood: {}",
