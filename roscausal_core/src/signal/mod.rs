@@ -15,7 +15,7 @@
 //! - Around the whole: `hold(e, 30)` (the last value for at most 30 s), `linear(e)` (between two values), `average(e)` (of
 //!   the values since the row before). Default: the last value for at most `signal_max_age`.
 //!
-//! Why not a library for the expressions: as in [`crate::batch::expression`], the names, which are paths into messages, and the
+//! Why not a library for the expressions: as in `batch::expression`, the names, which are paths into messages, and the
 //! sentences about them are most of it.
 
 mod bind;

@@ -79,7 +79,7 @@ pub struct Resampled {
     pub graphs: Vec<ResampleGraph>,
 }
 
-/// Analyses `data` as [`analyse`](crate::analyse) does, and resamples: the model has its fields of confidence.
+/// Analyses `data` as [`analyse`] does, and resamples: the model has its fields of confidence.
 ///
 /// The resamples run in parallel; their number of threads changes nothing. If the time budget ends, those that came to their
 /// end count, and the status is partial; below 20 there is no confidence.
