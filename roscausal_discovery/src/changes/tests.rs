@@ -31,6 +31,19 @@ fn confirmed(values: &Array2<f64>) -> Vec<ChangeEvent> {
     told(values).into_iter().filter(|event| event.status == Status::Confirmed).collect()
 }
 
+/// Whether the one event of a change after row 1050 says all of it: link, kind, slopes, and when.
+fn is_told(events: &[ChangeEvent], (before, after, kind): (f64, f64, Kind)) -> bool {
+    let [event] = events else { return false };
+    let of_link = (event.cause.as_str(), event.effect.as_str(), event.lag, event.kind) == ("a", "b", 1, kind);
+    let slopes = (event.before - before).abs() < 0.2 && (event.after - after).abs() < 0.2;
+    let in_time = event.time <= 1050 + 600;
+    let within = event
+        .changed_between
+        .is_some_and(|[from, to]| from <= 1050 + 40 && to + 40 >= 1050 && to - from < 300);
+    of_link && slopes && in_time && within && event.sentence().contains("changed between rows")
+}
+
+/// Each decision is a test at some level (a link that is gone still has p < 0.05 in one of twenty), so this is a law of many runs.
 #[test]
 fn a_link_that_changes_is_confirmed_with_its_kind_and_its_time() {
     let cases: [(f64, f64, Kind); 5] = [
@@ -40,16 +53,12 @@ fn a_link_that_changes_is_confirmed_with_its_kind_and_its_time() {
         (0.3, 1.0, Kind::Stronger),
         (1.0, 0.3, Kind::Weaker),
     ];
-    for (seed, (before, after, kind)) in (1..).zip(cases) {
-        let events = confirmed(&series(2000, seed, |t| if t < 1050 { before } else { after }, |_| 1.0));
-        assert_eq!(events.len(), 1, "{kind:?}: {events:?}");
-        let event = &events[0];
-        assert_eq!((event.cause.as_str(), event.effect.as_str(), event.lag, event.kind), ("a", "b", 1, kind));
-        assert!((event.before - before).abs() < 0.2 && (event.after - after).abs() < 0.2, "{event:?}");
-        assert!(event.time <= 1050 + 600, "{event:?}");
-        let [from, to] = event.changed_between.unwrap();
-        assert!(from <= 1050 + 40 && to + 40 >= 1050 && to - from < 300, "{event:?}");
-        assert!(event.sentence().contains("a ") && event.sentence().contains("changed between rows"));
+    for case in cases {
+        let (before, after, kind) = case;
+        let events =
+            |seed| confirmed(&series(2000, seed, |t| if t < 1050 { before } else { after }, |_| 1.0));
+        let right = (1..=20).filter(|&seed| is_told(&events(seed), case)).count();
+        assert!(right >= 16, "{kind:?}: {right} of 20");
     }
 }
 
@@ -89,8 +98,12 @@ fn a_change_by_an_announced_intervention_is_no_event() {
         values[[t, 0]] = f64::from(u8::from(t % 7 < 3));
     }
     values.column_mut(0).iter_mut().take(1000).for_each(|v| *v = 0.0);
+    // Its effect goes on through b's own past, and to c.
+    let mut added = 0.0;
     for t in 1001..2000 {
-        values[[t, 1]] += 3.0 * values[[t - 1, 0]];
+        values[[t, 2]] += 0.5 * added;
+        added = 3.0 * values[[t - 1, 0]] + 0.4 * added;
+        values[[t, 1]] += added;
     }
     let mut detector = Detector::new(names(), 1, &["a".into()], Levels::default()).unwrap();
     let told = detector.read_in_parts(values.view(), 200, &Control::default()).unwrap();

@@ -188,7 +188,7 @@ class Effect(_Answer):
         >>> x[1:, 1] += x[:-1, 0]
         >>> model = rc.discover(x, columns=["a", "b"], method="pcmci", test="parcorr", alpha=0.001).structural(equations="linear")
         >>> found = model.effect("a", "b", 2)
-        >>> abs(found.total[1] - 1) < 0.2, found.total.shape
+        >>> bool(abs(found.total[1] - 1) < 0.2), found.total.shape
         (True, (3,))
     """
 
@@ -273,7 +273,7 @@ class StructuralModel:
         >>> answer = model.whatif(["stop: speed=0", "go on"], horizon=5, cost={"gap": -1})
         >>> answer.status, answer["stop"]["gap"].mean.shape
         ('OK', (5,))
-        >>> abs(model.effect("speed", "gap").total[1] + 0.4) < 0.1
+        >>> bool(abs(model.effect("speed", "gap").total[1] + 0.4) < 0.1)
         True
     """
 
