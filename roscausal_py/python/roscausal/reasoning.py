@@ -246,7 +246,7 @@ class Explanation(_Answer):
         >>> model = rc.discover(x, columns=["a", "b"], method="pcmci", test="parcorr", alpha=0.001).structural(equations="linear")
         >>> found = model.explain("b", 100, 101)
         >>> parts = found.expected + sum(part.value for part in found.contributions)
-        >>> abs(parts - found.change) < 1e-9
+        >>> bool(abs(parts - found.change) < 1e-9)
         True
     """
 
