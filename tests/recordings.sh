@@ -3,7 +3,8 @@
 # are read by us, and what we write is read by them. Ends with 'N passed, N failed'; exit 0 only if all passed, 77
 # if nothing could be tested. Needs python3 with venv (installs it as root on Debian); makes its own environment
 # below target/.
-#   tests/recordings.sh [--renew]     --renew rewrites the small files in roscausal_recording/tests/data
+#   tests/recordings.sh [--renew]     --renew rewrites the small files in roscausal_recording/tests/data and
+#                                     tests/recordings/people
 set -uo pipefail
 cd "$(dirname "$0")/.."
 . tests/lib.sh
@@ -30,6 +31,9 @@ python=$here/$venv/bin/python
 if [[ "${1:-}" == --renew ]]; then
   rm -rf roscausal_recording/tests/data
   "$python" tests/recordings/write.py roscausal_recording/tests/data 12
+  rm -rf tests/recordings/people
+  mkdir tests/recordings/people
+  "$python" tests/recordings/people.py tests/recordings/people/people
 fi
 
 folder=$(mktemp -d)
@@ -45,6 +49,8 @@ build_all --quiet || give_up "the program cannot be built"
 roscausal=$(program roscausal)
 
 check "we read them with equal contents" cargo test --release --quiet --locked --workspace --exclude roscausal_py --test recordings
+check "rosbags writes the people of a dozen trackers" "$python" tests/recordings/people.py "$folder/people"
+check "we read them where they were" env ROSCAUSAL_PEOPLE="$folder" cargo test --release --quiet --locked --workspace --exclude roscausal_py --test people
 check "we write a file" cargo test --release --quiet --locked --workspace --exclude roscausal_py --test written
 check "mcap and rosbags read it back with equal contents" "$python" tests/recordings/read.py "$folder/ours.mcap"
 

@@ -12,6 +12,7 @@ pub mod loopback;
 pub mod middleware;
 pub mod nodes;
 pub mod params;
+pub mod people;
 pub mod signal;
 pub mod state;
 

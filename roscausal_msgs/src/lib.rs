@@ -94,6 +94,7 @@ pub mod cdr;
 pub mod diagnostic_msgs;
 pub mod dynamic;
 pub mod geometry_msgs;
+pub mod hri_msgs;
 pub mod move_base_msgs;
 pub mod nav_msgs;
 pub mod pedsim_msgs;

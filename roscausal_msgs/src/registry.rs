@@ -3,7 +3,7 @@
 use crate::{
     Action, CausalLink, CausalModel, CausalModelInfo, Contribution, CostTerm, Definition, Features, Forecast,
     HumanState, Humans, Intervention, Limit, Message, Outlook, Prediction, RobotState,
-    actionlib_msgs as actionlib, diagnostic_msgs as diagnostic, geometry_msgs as geometry,
+    actionlib_msgs as actionlib, diagnostic_msgs as diagnostic, geometry_msgs as geometry, hri_msgs as hri,
     move_base_msgs as move_base, nav_msgs as nav, pedsim_msgs as pedsim, people_msgs as people,
     rosgraph_msgs as rosgraph, sensor_msgs as sensor, spencer_tracking_msgs as spencer, std_msgs as std_,
     tf2_msgs as tf2, visualization_msgs as visualization,
@@ -94,6 +94,7 @@ registry![
     pedsim::Waypoints,
     spencer::TrackedPerson,
     spencer::TrackedPersons,
+    hri::IdsList,
     people::Person,
     people::People,
     sensor::Image,

@@ -22,7 +22,7 @@ use std::{
 use roscausal_core::{
     Error, Message, Result, Time,
     inbox::Consumer,
-    middleware::{Middleware, Publish, Qos, Reply, is_graph_name},
+    middleware::{Middleware, Publish, Qos, Raw, Reply, is_graph_name},
     params::{ParamSpec, Value},
 };
 use roscausal_msgs::{Service, rosgraph_msgs::Clock};
@@ -34,12 +34,14 @@ pub use subscription::Subscription;
 use crate::{
     master::{Master, Role},
     session::{PATIENCE, Session, reason},
-    subscription::{Feed, Handler},
-    wire::Wire,
+    subscription::{Feed, Handler, Listener},
+    wire::{ANY, AnyWire, Wire},
 };
 
 /// Least messages that a latched publisher keeps for slow connections.
 const LATCHED_QUEUE: usize = 10;
+/// Messages of any type that may wait.
+const LISTEN_QUEUE: usize = 1000;
 
 /// A node on a ROS master. Cheap to clone; all clones are the same node.
 #[derive(Clone)]
@@ -102,6 +104,38 @@ impl Ros1 {
         })
     }
 
+    /// Subscribes with rosrust's handler.
+    fn take_part<T: rosrust::Message, H: rosrust::SubscriptionHandler<T>>(
+        &self,
+        topic: &str,
+        queue: usize,
+        feed: Arc<Feed>,
+        type_name: String,
+        handler: H,
+    ) -> Result<Subscription> {
+        let name = feed.topic.clone();
+        self.session.add_feed(&feed);
+        let id = self.session.membership.keep(Role::Subscriber, &name, type_name);
+        let slot = Arc::new(Mutex::new(None));
+        let (session, topic) = (self.session.clone(), topic.to_owned());
+        let (own_feed, own_slot) = (feed.clone(), slot.clone());
+        let work = move || {
+            let subscriber = session.ros.subscribe_with::<T, _>(&topic, queue, handler);
+            let mut slot = lock(&own_slot);
+            *slot = subscriber.map(|it| own_feed.is_open().then_some(it)).map_err(|error| reason(&error))?;
+            Ok(())
+        };
+        match in_time(PATIENCE, work) {
+            Some(Ok(())) => {}
+            Some(Err(reason)) => {
+                self.session.membership.forget(id);
+                return Err(Error::Topic { topic: name, reason });
+            }
+            None => tracing::warn!("topic '{name}': a publisher does not answer; messages come when it does"),
+        }
+        Ok(Subscription { session: Arc::downgrade(&self.session), feed, id, slot })
+    }
+
     fn service_name(&self, name: &str) -> Result<String> {
         self.topic(name).map_err(|error| match error {
             Error::Topic { topic, reason } => Error::Service { service: topic, reason },
@@ -155,30 +189,16 @@ impl Middleware for Ros1 {
         qos: Qos,
         callback: impl FnMut(M) + Send + 'static,
     ) -> Result<Subscription> {
-        let name = self.topic(topic)?;
         let queue = if let Qos::Volatile(depth) = qos { depth.max(1) } else { LATCHED_QUEUE };
-        let feed = Feed::new::<M>(name.clone());
-        self.session.add_feed(&feed);
-        let id = self.session.membership.keep(Role::Subscriber, &name, M::type_name());
-        let slot = Arc::new(Mutex::new(None));
-        let (session, topic) = (self.session.clone(), topic.to_owned());
-        let (own_feed, own_slot) = (feed.clone(), slot.clone());
-        let work = move || {
-            let handler = Handler::new(own_feed.clone(), callback);
-            let subscriber = session.ros.subscribe_with::<Wire<M>, _>(&topic, queue, handler);
-            let mut slot = lock(&own_slot);
-            *slot = subscriber.map(|it| own_feed.is_open().then_some(it)).map_err(|error| reason(&error))?;
-            Ok(())
-        };
-        match in_time(PATIENCE, work) {
-            Some(Ok(())) => {}
-            Some(Err(reason)) => {
-                self.session.membership.forget(id);
-                return Err(Error::Topic { topic: name, reason });
-            }
-            None => tracing::warn!("topic '{name}': a publisher does not answer; messages come when it does"),
-        }
-        Ok(Subscription { session: Arc::downgrade(&self.session), feed, id, slot })
+        let feed = Feed::new::<M>(self.topic(topic)?);
+        let handler = Handler::new(feed.clone(), callback);
+        self.take_part::<Wire<M>, _>(topic, queue, feed, M::type_name(), handler)
+    }
+
+    fn listen(&self, topic: &str, callback: impl FnMut(Raw) + Send + 'static) -> Result<Subscription> {
+        let feed = Feed::of_any_type(self.topic(topic)?);
+        let handler = Listener::new(feed.clone(), callback);
+        self.take_part::<AnyWire, _>(topic, LISTEN_QUEUE, feed, ANY.to_owned(), handler)
     }
 
     fn serve<S: Service>(

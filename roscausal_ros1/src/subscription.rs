@@ -10,12 +10,17 @@ use std::{
     time::{Duration, Instant},
 };
 
-use roscausal_core::{Message, gate::Gate};
+use roscausal_core::{
+    Message,
+    gate::Gate,
+    middleware::{Raw, RawType},
+};
+use roscausal_msgs::dynamic;
 use roscausal_ros::{in_time, lock};
 
 use crate::{
     session::{PATIENCE, Session},
-    wire::Wire,
+    wire::{ANY, AnyWire, Wire},
 };
 
 /// State of one subscription.
@@ -40,6 +45,20 @@ impl Feed {
             topic,
             type_name: M::type_name(),
             md5: M::ros1_md5(),
+            since: Instant::now(),
+            connected: AtomicBool::new(false),
+            told: AtomicBool::new(false),
+            lost: AtomicU64::new(0),
+            gate: Gate::default(),
+        })
+    }
+
+    /// The state of a subscription to messages of any type.
+    pub(crate) fn of_any_type(topic: String) -> Arc<Self> {
+        Arc::new(Self {
+            topic,
+            type_name: ANY.to_owned(),
+            md5: ANY,
             since: Instant::now(),
             connected: AtomicBool::new(false),
             told: AtomicBool::new(false),
@@ -117,6 +136,47 @@ impl<M: Message, F: FnMut(M) + Send + 'static> rosrust::SubscriptionHandler<Wire
     }
 }
 
+/// rosrust's side of a subscription to messages of any type.
+pub(crate) struct Listener<F> {
+    feed: Arc<Feed>,
+    callback: F,
+    /// By publisher: what it says that it sends.
+    kinds: HashMap<String, Arc<RawType>>,
+}
+
+impl<F> Listener<F> {
+    pub(crate) fn new(feed: Arc<Feed>, callback: F) -> Self {
+        Self { feed, callback, kinds: HashMap::new() }
+    }
+}
+
+impl<F: FnMut(Raw) + Send + 'static> rosrust::SubscriptionHandler<AnyWire> for Listener<F> {
+    fn connection(&mut self, headers: HashMap<String, String>) {
+        self.feed.connected.store(true, Ordering::Relaxed);
+        let of = |name: &str| headers.get(name).cloned().unwrap_or_default();
+        let kind = RawType {
+            type_name: of("type"),
+            definition: of("message_definition"),
+            wire: dynamic::Wire::Ros1,
+        };
+        // Publishers of one type share it, so that what is bound to it stays bound.
+        let kind =
+            self.kinds.values().find(|known| ***known == kind).cloned().unwrap_or_else(|| Arc::new(kind));
+        self.kinds.insert(of("callerid"), kind);
+    }
+
+    fn message(&mut self, wire: AnyWire, caller: &str) {
+        let feed = self.feed.clone();
+        let Some(kind) = self.kinds.get(caller).cloned() else { return };
+        feed.gate.pass(|| {
+            let message = Raw { kind, bytes: wire.0 };
+            if catch_unwind(AssertUnwindSafe(|| (self.callback)(message))).is_err() {
+                tracing::error!("topic '{}': the callback panicked; the subscription goes on", feed.topic);
+            }
+        });
+    }
+}
+
 /// A subscription of a [`crate::Ros1`]. Dropping it unsubscribes.
 pub struct Subscription {
     pub(crate) session: Weak<Session>,
@@ -142,6 +202,7 @@ pub(crate) fn look_for_mismatches(session: &Session) {
     let silent = |feed: &&Arc<Feed>| {
         !feed.connected.load(Ordering::Relaxed)
             && !feed.told.load(Ordering::Relaxed)
+            && feed.type_name != ANY
             && feed.since.elapsed() > Duration::from_secs(3)
     };
     let feeds = session.feeds();

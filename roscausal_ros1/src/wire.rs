@@ -86,3 +86,41 @@ impl<M: Message> rosrust::Message for Wire<M> {
         self.seq = Some(seq.fetch_add(1, Ordering::SeqCst) as u32);
     }
 }
+
+/// ROS 1's word for any type, and for any md5.
+pub(crate) const ANY: &str = "*";
+
+/// The bytes of a message of any type.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub(crate) struct AnyWire(pub(crate) Vec<u8>);
+
+impl rosrust::RosMsg for AnyWire {
+    fn encode<W: Write>(&self, mut writer: W) -> io::Result<()> {
+        writer.write_all(&self.0)
+    }
+
+    fn decode<R: Read>(mut reader: R) -> io::Result<Self> {
+        let mut bytes = Vec::new();
+        reader.read_to_end(&mut bytes)?;
+        Ok(Self(bytes))
+    }
+
+    fn decode_slice(bytes: &[u8]) -> io::Result<Self> {
+        // the first four bytes are the length
+        Ok(Self(bytes.get(4..).unwrap_or_default().to_vec()))
+    }
+}
+
+impl rosrust::Message for AnyWire {
+    fn msg_definition() -> String {
+        String::new()
+    }
+
+    fn md5sum() -> String {
+        ANY.to_owned()
+    }
+
+    fn msg_type() -> String {
+        ANY.to_owned()
+    }
+}

@@ -12,7 +12,7 @@ use std::{
 use roscausal_core::{
     Message, Result, Time,
     inbox::Consumer,
-    middleware::{Middleware, Qos, Reply},
+    middleware::{Middleware, Qos, Raw, Reply},
     params::{ParamSpec, Value},
 };
 use roscausal_msgs::{Service, rosgraph_msgs};
@@ -189,6 +189,10 @@ impl Middleware for Ros2 {
         callback: impl FnMut(M) + Send + 'static,
     ) -> Result<Self::Subscription> {
         self.inner.participant.subscribe(topic, qos, callback)
+    }
+
+    fn listen(&self, topic: &str, callback: impl FnMut(Raw) + Send + 'static) -> Result<Subscription> {
+        self.inner.participant.listen(topic, callback)
     }
 
     fn serve<S: Service>(

@@ -1,26 +1,26 @@
 //! The roles of a recording's topics: as the user says, or found by their types.
 
-use std::path::Path;
+use std::{path::Path, sync::Arc};
 
 use clap::Args as ClapArgs;
 use roscausal_core::{
     Error, Result, Time, nodes,
     params::{Value, nearest},
+    people::Reader,
     signal::{Definitions, Signal, Signals},
 };
 use roscausal_recording::{Recording, Topic};
 
 use crate::{nodes::RECORDING, presets};
 
-use super::roles::{
-    CHOSEN_BY_NAME, HUMAN_GOAL, Kind, NOT_PEOPLE, PEOPLE, ROBOT_GOAL, ROBOT_ODOM, ROBOT_POSE, Role,
+use super::{
+    choose::{Chooser, STATES, is_nobody},
+    coverage, play,
+    roles::{HUMAN_GOAL, PEOPLE, ROBOT_GOAL, ROBOT_ODOM, ROBOT_POSE, Role},
 };
-use super::{coverage, play};
 
 /// The value that means "the pose in the odometry".
 const FROM_ODOMETRY: &str = "odom";
-/// The value that means "no such topic".
-const NONE: &str = "none";
 /// The value of `--person` that means "only signals".
 const NOBODY: &str = "nobody";
 /// Frames of a robot's base, the best first.
@@ -48,7 +48,8 @@ pub(crate) struct InputArgs {
     /// Recording: topic of the robot's goal, or `none`.
     #[arg(long, value_name = "TOPIC")]
     robot_goal: Option<String>,
-    /// Recording: topics of people, separated by commas.
+    /// Recording: topics of people of any known type (docs/people.md), separated by commas; `ros4hri`: its TF frames;
+    /// `tf:actor_*`: TF frames of this name, with the id for `*`.
     #[arg(long, value_name = "TOPIC", value_delimiter = ',')]
     people: Vec<String>,
     /// Recording: topic of the person's goal, or `none`.
@@ -126,8 +127,8 @@ pub(crate) struct Inputs {
     pub(crate) params: Vec<(String, String, Value)>,
     /// The odometry whose pose is published as well, on [`ODOMETRY_POSE`].
     pub(crate) pose_of: Option<String>,
-    /// Topics that are read as bytes, for signals.
-    pub(crate) signal_topics: Vec<String>,
+    /// Topics that are read as bytes: those of signals, and people of any type.
+    pub(crate) raw_topics: Vec<String>,
     /// When it begins.
     pub(crate) start: Time,
     /// One line for each role: what was chosen.
@@ -142,7 +143,7 @@ impl Inputs {
             nodes: &RECORDING,
             params: Vec::new(),
             pose_of: None,
-            signal_topics: Vec::new(),
+            raw_topics: Vec::new(),
             start: play::start(path, recording)?,
             chosen: Vec::new(),
         };
@@ -185,7 +186,7 @@ impl Inputs {
             })?;
             signals.check(&name, &kind).map_err(|reason| Error::param("signal", reason))?;
             self.chosen.push(format!("signals of {name} ({})", topic.type_name));
-            self.signal_topics.push(topic.name);
+            self.raw_topics.push(topic.name);
         }
         let texts = args.signals.iter().map(|text| Value::Str(text.clone())).collect();
         self.params.push(("data".into(), "signals".into(), Value::List(texts)));
@@ -196,14 +197,11 @@ impl Inputs {
     fn has_only_signals(&self, chooser: &Chooser<'_>, args: &InputArgs) -> bool {
         let named = args.robot_odom.is_some() || args.robot_pose.is_some() || !args.people.is_empty();
         let nobody = args.person.as_deref() == Some(NOBODY);
-        let has_people = chooser.candidates(&PEOPLE).into_iter().any(|topic| !is_nobody(topic));
+        let has_people = chooser.people_candidates().into_iter().any(|topic| !is_nobody(topic))
+            || !chooser.ros4hri().is_empty();
         let has_states = chooser.has_only_states();
         nobody
-            || (!self.signal_topics.is_empty()
-                && !named
-                && !has_people
-                && !has_states
-                && args.person.is_none())
+            || (!self.raw_topics.is_empty() && !named && !has_people && !has_states && args.person.is_none())
     }
 
     fn take_robot(&mut self, chooser: &Chooser<'_>, args: &InputArgs) -> Result<()> {
@@ -297,18 +295,66 @@ impl Inputs {
         for name in ["auto_people_topic", "teleop_people_topic", "people_topic"] {
             self.set("human", name, "");
         }
-        if args.people == ["ros4hri"] {
-            self.set("human", "people_type", "ros4hri");
-            self.chosen.push("people: TF frames person_<id>".into());
+        let frames = |name: &String| match name.as_str() {
+            "ros4hri" => Some(String::new()),
+            name => name.strip_prefix("tf:").map(str::to_owned),
+        };
+        if let [only] = args.people.as_slice()
+            && let Some(pattern) = frames(only)
+        {
+            self.take_people_frames(chooser, &pattern);
         } else {
-            for people in chooser.people(&args.people)? {
-                self.take(&PEOPLE, &people);
+            let topics = chooser.people(&args.people)?;
+            if topics.is_empty() {
+                self.take_people_frames(chooser, "")
+            } else {
+                self.take_people_topics(&topics, args)?
             }
         }
         match chooser.optional(&HUMAN_GOAL, args.human_goal.as_deref())? {
             Some(goal) => self.take(&HUMAN_GOAL, &goal),
             None => self.nobody_tells(&HUMAN_GOAL, "human", "goal_topic"),
         }
+        Ok(())
+    }
+
+    /// People who are TF frames.
+    fn take_people_frames(&mut self, chooser: &Chooser<'_>, pattern: &str) {
+        self.set("human", "people_type", "ros4hri");
+        self.set("human", "people_frames", pattern);
+        let lists: Vec<String> = chooser.ros4hri().into_iter().map(|topic| topic.name.clone()).collect();
+        self.chosen.push(match (pattern, lists.is_empty()) {
+            ("", true) => "people: TF frames person_<id> or body_<id> (ROS4HRI)".into(),
+            ("", false) => format!("people: TF frames of those on {} (ROS4HRI)", lists.join(" and ")),
+            (pattern, _) => format!("people: TF frames {pattern}"),
+        });
+        self.topics.extend(lists);
+    }
+
+    /// People on topics: each under its own parameter where the nodes have one, otherwise read by their definitions.
+    fn take_people_topics(&mut self, topics: &[Topic], args: &InputArgs) -> Result<()> {
+        let mut params: Vec<_> =
+            topics.iter().filter_map(Chooser::people_kind).map(|kind| kind.topic_param).collect();
+        params.sort_unstable();
+        params.dedup();
+        if params.len() == topics.len() {
+            topics.iter().for_each(|topic| self.take(&PEOPLE, topic));
+            return Ok(());
+        }
+        let msg_path = args.params.iter().rev().find_map(|text| text.strip_prefix("human.msg_path="));
+        let definitions = Arc::new(Definitions::of(msg_path.unwrap_or_default()));
+        for topic in topics {
+            let fail = |reason: String| Error::Topic { topic: topic.name.clone(), reason };
+            let kind = topic
+                .raw_type()
+                .ok_or_else(|| fail("its messages are in an encoding that is not ROS's".into()))?;
+            Reader::new(&topic.name, &[], definitions.clone()).check(&kind).map_err(fail)?;
+            self.chosen.push(format!("{}: {} ({})", PEOPLE.what, topic.name, topic.type_name));
+            self.raw_topics.push(topic.name.clone());
+        }
+        let names: Vec<&str> = topics.iter().map(|topic| topic.name.as_str()).collect();
+        self.set("human", "people_type", "auto");
+        self.set("human", "people_topic", &names.join(","));
         Ok(())
     }
 
@@ -402,12 +448,6 @@ fn target_frame(args: &InputArgs) -> String {
     named.unwrap_or("map").to_owned()
 }
 
-/// Whether a topic of poses is by its name not one of people.
-fn is_nobody(topic: &Topic) -> bool {
-    let last = topic.name.rsplit('/').next().unwrap_or_default().to_lowercase();
-    topic.type_name == "geometry_msgs/PoseArray" && NOT_PEOPLE.iter().any(|word| last.contains(word))
-}
-
 /// `NODE.NAME=VALUE`, checked against the node's own table.
 pub(crate) fn parse(text: &str) -> Result<(String, String, String)> {
     let fault = |reason: String| Error::param("param", reason);
@@ -426,148 +466,4 @@ pub(crate) fn parse(text: &str) -> Result<(String, String, String)> {
     };
     spec.checked(Value::Str(value.to_owned()))?;
     Ok((node.to_owned(), name.to_owned(), value.to_owned()))
-}
-
-/// States that ROS-Causal itself recorded.
-const STATES: [(&str, &str); 2] =
-    [("/roscausal/robot", "roscausal_msgs/RobotState"), ("/roscausal/humans", "roscausal_msgs/Humans")];
-
-struct Chooser<'a> {
-    recording: &'a Recording,
-    path: &'a Path,
-}
-
-impl Chooser<'_> {
-    /// The readable topics of a role's types.
-    fn candidates(&self, role: &Role) -> Vec<&Topic> {
-        let fits = |topic: &&Topic| role.kind(&topic.type_name).is_some() && topic.known_type().is_some();
-        self.recording.topics().iter().filter(fits).collect()
-    }
-
-    /// The topic of a signal, whatever its type.
-    fn any_topic(&self, name: &str) -> Result<Topic> {
-        let same = |topic: &&Topic| topic.name.trim_start_matches('/') == name.trim_start_matches('/');
-        let topics = self.recording.topics();
-        if let Some(topic) = topics.iter().find(same) {
-            return Ok(topic.clone());
-        }
-        let names: Vec<&str> = topics.iter().map(|topic| topic.name.as_str()).collect();
-        let hint = nearest(&names, name).map_or(String::new(), |near| format!("did you mean '{near}'? "));
-        let reason = format!("there is no topic {name}; {hint}topics in it: {}", names.join(", "));
-        Err(Error::file(self.path, reason))
-    }
-
-    fn named(&self, role: &Role, name: &str) -> Result<Topic> {
-        let same = |topic: &&&Topic| topic.name.trim_start_matches('/') == name.trim_start_matches('/');
-        if let Some(topic) = self.candidates(role).iter().find(same) {
-            return Ok((*topic).clone());
-        }
-        Err(self.fault(role, &format!("there is no topic {name} that can be {}", role.what)))
-    }
-
-    /// The topic of a role: the one that was named, or the one with a usual name, or the only one.
-    fn one(&self, role: &Role, named: Option<&str>) -> Result<Option<Topic>> {
-        if let Some(name) = named {
-            return self.named(role, name).map(Some);
-        }
-        let mut candidates = self.candidates(role);
-        candidates.retain(|topic| !is_nobody(topic));
-        let usual = role.usual.iter().find_map(|usual| candidates.iter().find(|topic| topic.name == *usual));
-        match (usual, candidates.as_slice()) {
-            (Some(usual), _) => Ok(Some((*usual).clone())),
-            (None, [only]) => Ok(Some((*only).clone())),
-            (None, []) => Ok(None),
-            (None, _) => Err(self.fault(role, &format!("several topics can be {}", role.what))),
-        }
-    }
-
-    /// Like [`Chooser::one`], but it does not guess among several topics. Types with many meanings are chosen by
-    /// name only.
-    fn optional(&self, role: &Role, named: Option<&str>) -> Result<Option<Topic>> {
-        if named == Some(NONE) {
-            return Ok(None);
-        }
-        let Some(name) = named else {
-            let candidates = self.candidates(role);
-            let usual =
-                role.usual.iter().find_map(|usual| candidates.iter().find(|topic| topic.name == *usual));
-            let own: Vec<_> = candidates
-                .iter()
-                .filter(|topic| !CHOSEN_BY_NAME.contains(&topic.type_name.as_str()))
-                .collect();
-            let only = if let [only] = own.as_slice() { Some(*only) } else { None };
-            return Ok(usual.or(only).map(|topic| (*topic).clone()));
-        };
-        self.named(role, name).map(Some)
-    }
-
-    fn people(&self, named: &[String]) -> Result<Vec<Topic>> {
-        if !named.is_empty() {
-            let topics: Vec<Topic> =
-                named.iter().map(|name| self.named(&PEOPLE, name)).collect::<Result<_>>()?;
-            let mut taken: Vec<_> = topics
-                .iter()
-                .filter_map(|topic| PEOPLE.kind(&topic.type_name))
-                .map(|kind| kind.topic_param)
-                .collect();
-            taken.sort_unstable();
-            taken.dedup();
-            if taken.len() < topics.len() {
-                return Err(Error::param(
-                    "people",
-                    "these topics have types of which only one is listened to; name one",
-                ));
-            }
-            return Ok(topics);
-        }
-        // The simulator has two, and the live node listens to both.
-        let candidates = self.candidates(&PEOPLE);
-        let usual: Vec<Topic> = candidates
-            .iter()
-            .filter(|topic| PEOPLE.usual.contains(&topic.name.as_str()))
-            .map(|topic| (*topic).clone())
-            .collect();
-        if !usual.is_empty() {
-            return Ok(usual);
-        }
-        self.one(&PEOPLE, None)?.map(|only| vec![only]).ok_or_else(|| self.nothing(&PEOPLE))
-    }
-
-    fn has_only_states(&self) -> bool {
-        let there = |(name, kind): (&str, &str)| {
-            self.recording
-                .topics()
-                .iter()
-                .any(|topic| topic.name == name && topic.type_name == kind && topic.known_type().is_some())
-        };
-        self.candidates(&ROBOT_ODOM).is_empty() && STATES.into_iter().all(there)
-    }
-
-    fn nothing(&self, role: &Role) -> Error {
-        self.fault(role, &format!("nothing in it can be {}", role.what))
-    }
-
-    /// An error: the fault, what the role needs, and what there is.
-    fn fault(&self, role: &Role, reason: &str) -> Error {
-        let types: Vec<&str> = role.kinds.iter().map(|Kind { type_name, .. }| *type_name).collect();
-        let describe = |topic: &Topic| match topic.known_type() {
-            Some(_) => format!("{} ({})", topic.name, topic.type_name),
-            None => format!("{} ({}, not readable)", topic.name, topic.type_name),
-        };
-        let candidates = self.candidates(role);
-        let there = match candidates.is_empty() {
-            true => ("topics in it", self.recording.topics().iter().map(describe).collect::<Vec<_>>()),
-            false => ("of these types", candidates.into_iter().map(describe).collect()),
-        };
-        let list = if there.1.is_empty() { "none".to_owned() } else { there.1.join(", ") };
-        Error::file(
-            self.path,
-            format!(
-                "{reason}; {} takes a topic of type {}; {}: {list}",
-                role.flag,
-                types.join(" or "),
-                there.0
-            ),
-        )
-    }
 }

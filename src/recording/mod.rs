@@ -1,5 +1,6 @@
 //! Reading recordings: topics are found and played to the nodes on a bus of their own, which makes batches.
 
+mod choose;
 mod coverage;
 mod inputs;
 mod play;

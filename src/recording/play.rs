@@ -35,7 +35,7 @@ pub(crate) struct Play<'a> {
     player: Player,
     /// Topic and publisher of the poses taken from odometry.
     pose: Option<(String, LoopbackPublisher<PoseStamped>)>,
-    /// By topic of the recording: the type of those that are published as bytes, for signals.
+    /// By topic of the recording: the type of those that are published as bytes.
     raw: Vec<Option<Arc<RawType>>>,
     /// The recording's own clock; it sets the time if there is one.
     clock: Option<usize>,
@@ -84,11 +84,11 @@ impl<'a> Play<'a> {
             Some(topic) => Some((topic.clone(), node.advertise(ODOMETRY_POSE, Qos::Volatile(100))?)),
             None => None,
         };
-        // What is published under its type reaches signals from there.
-        let for_signals = |topic: &Topic| inputs.signal_topics.contains(&topic.name) && !chosen(topic);
-        let raw = |topic: &Topic| topic.raw_type().filter(|_| for_signals(topic)).map(Arc::new);
+        // What is published under its type reaches those who listen to bytes from there.
+        let as_bytes = |topic: &Topic| inputs.raw_topics.contains(&topic.name) && !chosen(topic);
+        let raw = |topic: &Topic| topic.raw_type().filter(|_| as_bytes(topic)).map(Arc::new);
         let raw = recording.topics().iter().map(raw).collect();
-        recording.select(|topic| chosen(topic) || is_clock(topic) || for_signals(topic));
+        recording.select(|topic| chosen(topic) || is_clock(topic) || as_bytes(topic));
         let played = Played::default();
         let troubles = played.troubles.clone();
         let diagnostics = node.subscribe("/diagnostics", Qos::Volatile(10), move |m: DiagnosticArray| {

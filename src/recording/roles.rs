@@ -100,6 +100,11 @@ pub(crate) const PEOPLE: Role = Role {
     usual: &["/pedsim_simulator/simulated_agents", "/ped/control/teleop_persons"],
 };
 
+/// Topics that tell who is tracked (REP-155); the people themselves are TF frames.
+pub(crate) const ROS4HRI: [&str; 2] = ["/humans/persons/tracked", "/humans/bodies/tracked"];
+/// Beginnings of the names of those frames.
+pub(crate) const ROS4HRI_FRAMES: [&str; 2] = ["person_", "body_"];
+
 pub(crate) const HUMAN_GOAL: Role = Role {
     flag: "--human-goal",
     what: "person's goal",

@@ -42,8 +42,16 @@ impl<M: Middleware> Health<M> {
 
     /// Registers an input. If it is `required`, its silence is reported. Returns its number for [`Health::heard`].
     pub(super) fn input<T: Message>(&mut self, topic: &str, required: bool) -> usize {
-        let (topic, type_name) = (topic.to_owned(), T::type_name());
-        self.inputs.push(Input { topic, type_name, required, heard: 0, last: None });
+        self.add(topic, T::type_name(), required)
+    }
+
+    /// Registers an input of any type.
+    pub(super) fn any_input(&mut self, topic: &str, required: bool) -> usize {
+        self.add(topic, String::new(), required)
+    }
+
+    fn add(&mut self, topic: &str, type_name: String, required: bool) -> usize {
+        self.inputs.push(Input { topic: topic.to_owned(), type_name, required, heard: 0, last: None });
         self.inputs.len() - 1
     }
 
@@ -108,6 +116,9 @@ impl<M: Middleware> Health<M> {
         let quiet_since = |input: &&Input| now.secs_since(input.last.unwrap_or(self.started)) >= SILENT_S;
         let input = self.inputs.iter().filter(|input| input.required).find(quiet_since)?;
         let seconds = now.secs_since(input.last.unwrap_or(self.started));
+        if input.type_name.is_empty() {
+            return Some(format!("no messages on {} for {seconds:.0} s", input.topic));
+        }
         let same =
             mw.topics().into_iter().filter(|(topic, kind)| *kind == input.type_name && *topic != input.topic);
         let same: Vec<String> = same.map(|(topic, _)| topic).collect();

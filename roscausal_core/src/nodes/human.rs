@@ -1,9 +1,15 @@
 //! The human node: from people's topics and goals to `/roscausal/humans` and `/roscausal/human`.
 
+use std::{
+    collections::{BTreeMap, BTreeSet},
+    sync::Arc,
+};
+
 use roscausal_msgs::{
     HumanState, Humans, RobotState, Time,
     geometry_msgs::{Point, Pose2D, PoseArray, PoseStamped},
-    pedsim_msgs, people_msgs, spencer_tracking_msgs,
+    hri_msgs, pedsim_msgs, people_msgs, spencer_tracking_msgs,
+    std_msgs::Header,
     tf2_msgs::TFMessage,
 };
 
@@ -12,61 +18,37 @@ use crate::{
     Error, Result,
     batch::Select,
     inbox::{Inbox, Next},
-    middleware::{Middleware, Publish, Qos},
+    middleware::{Middleware, Publish, Qos, Raw},
     params::{Allowed, ParamSpec, Params, Value},
+    people::Reader,
+    signal::Definitions,
     state::{
         human::{PeopleTracker, Sighting, id_of_number},
-        identity::{Names, Tracks},
+        identity::{Gates, Who},
     },
 };
 
 /// Messages per second.
 const RATE_HZ: f64 = 10.0;
-/// Beginning of the names of people's frames (REP-155).
-const PERSON_FRAME: &str = "person_";
+/// Topics of ROS4HRI (REP-155): who is tracked, and the beginning of the names of their frames, the better first.
+const ROS4HRI: [(&str, &str); 2] =
+    [("/humans/persons/tracked", "person_"), ("/humans/bodies/tracked", "body_")];
+/// Ids that ROS4HRI tracked count for this long. Seconds.
+const TRACKED_S: f64 = 2.0;
 /// Messages between two reads of the goal parameter.
 const GOAL_EVERY: u64 = 10;
 
 enum Event {
     People(usize, Time, Vec<(Who, Sighting)>),
+    /// A message of any type, by the number of its reader.
+    Any(usize, Raw),
+    /// The ids that ROS4HRI tracks now, and the beginning of their frames' names.
+    Tracked(usize, Time, &'static str, Vec<String>),
     Goal(Point),
     /// Goals, by person.
     Goals(Vec<(u32, Point)>),
     Robot(Pose2D),
     Tf(TFMessage, bool),
-}
-
-/// What a tracker tells about the identity of a person.
-enum Who {
-    /// Her number, which the sighting has.
-    Number,
-    /// Her name.
-    Name(String),
-    /// Nothing.
-    Unknown,
-}
-
-/// Numbers for people whose tracker gives none.
-struct Identities {
-    names: Names,
-    tracks: Tracks,
-}
-
-impl Identities {
-    fn identify(&mut self, stamp: Time, sightings: Vec<(Who, Sighting)>) -> Vec<Sighting> {
-        let unknown = sightings.iter().filter(|(who, _)| matches!(who, Who::Unknown));
-        let places: Vec<Point> = unknown.map(|(_, sighting)| sighting.pose.position).collect();
-        let mut ids = self.tracks.ids(stamp, &places).into_iter();
-        let identified = sightings.into_iter().map(|(who, mut sighting)| {
-            match who {
-                Who::Number => {}
-                Who::Name(name) => sighting.id = self.names.number(&name),
-                Who::Unknown => sighting.id = ids.next().unwrap_or_default(),
-            }
-            sighting
-        });
-        identified.collect()
-    }
 }
 
 /// Names, defaults, allowed values and descriptions of the human node's parameters.
@@ -90,18 +72,38 @@ pub(super) fn specs() -> Vec<ParamSpec> {
             "people_topic",
             text(""),
             Any,
-            "people from another tracker, of type people_type; empty: none",
+            "people from another tracker, of type people_type; several topics separated by commas (auto only); empty: none",
         ),
         ParamSpec::new(
             "people_type",
-            text("spencer_tracking_msgs/TrackedPersons"),
+            text("auto"),
             OneOf(&[
+                "auto",
                 "spencer_tracking_msgs/TrackedPersons",
                 "people_msgs/People",
                 "geometry_msgs/PoseArray",
                 "ros4hri",
             ]),
-            "type of people_topic; ros4hri: TF frames person_<id> instead of people_topic",
+            "type of people_topic; auto: any type that people are read from (docs/people.md), found by itself; ros4hri: TF frames \
+             people_frames instead of people_topic, of those on /humans/persons/tracked",
+        ),
+        ParamSpec::new(
+            "people_frames",
+            text(""),
+            Any,
+            "ros4hri: names of people's TF frames, * for the id, such as actor_*; empty: as REP-155, person_* or body_*",
+        ),
+        ParamSpec::new(
+            "people_classes",
+            text("person,people,pedestrian,human,0"),
+            Any,
+            "auto: classes of detections, and namespaces of markers, that are people (0: people among COCO's numbers)",
+        ),
+        ParamSpec::new(
+            "msg_path",
+            text(""),
+            Any,
+            "auto on ROS 2: folders with .msg files, separated by :; then AMENT_PREFIX_PATH",
         ),
         ParamSpec::new(
             "goal_param",
@@ -147,6 +149,18 @@ pub(super) fn specs() -> Vec<ParamSpec> {
             Range(0.0, 10.0),
             "people without identity (PoseArray): a sighting within this many metres of a track, and 2 m per second since, belongs to it",
         ),
+        ParamSpec::new(
+            "rejoin_time",
+            Value::Double(0.0),
+            Range(0.0, 60.0),
+            "seconds: a new id within join_gate of somebody who was lost for at most this long is hers; 0: never",
+        ),
+        ParamSpec::new(
+            "position_noise",
+            Value::Double(0.05),
+            Range(0.0, 5.0),
+            "trackers without velocities: noise of their positions, metres, for the filter that gives velocities; 0: differences",
+        ),
     ]
 }
 
@@ -165,7 +179,8 @@ pub(super) async fn human_task<M: Middleware>(mw: &M) -> Result<()> {
     let inbox = Inbox::new(mw, 1000);
     let everybody = mw.advertise::<Humans>("/roscausal/humans", Qos::Volatile(100))?;
     let selected = mw.advertise::<HumanState>("/roscausal/human", Qos::Volatile(100))?;
-    let _inputs = subscribe_people(mw, &params, &inbox, &mut health)?;
+    let mut readers = Vec::new();
+    let _inputs = subscribe_people(mw, &params, &inbox, &mut health, &mut readers)?;
     let _goal = match params.text_if_set("goal_topic") {
         Some(topic) => {
             let send = inbox.sender();
@@ -188,25 +203,33 @@ pub(super) async fn human_task<M: Middleware>(mw: &M) -> Result<()> {
     let goal_param = params.text_if_set("goal_param").map(goal_spec);
     let target_frame = params.text("target_frame");
     let source_frame = params.text_if_set("source_frame").unwrap_or_else(|| target_frame.clone());
-    let mut tracker = PeopleTracker::new(&target_frame, &source_frame, params.double("person_timeout"));
-    let mut identities = Identities {
-        names: Names::default(),
-        tracks: Tracks::new(params.double("join_gate"), params.double("person_timeout")),
-    };
+    let timeout = params.double("person_timeout");
+    let gates =
+        Gates { metres: params.double("join_gate"), keep_s: timeout, rejoin_s: params.double("rejoin_time") };
+    let mut tracker = PeopleTracker::new(&target_frame, &source_frame, timeout)
+        .with(gates, params.double("position_noise"));
+    let mut frames = Frames::new(&params.text("people_frames"));
     let (mut due, mut reports, mut published, mut unstamped) = (mw.now(), 0_u64, Time::ZERO, 0_u64);
     loop {
         match inbox.awaited(mw, Some(due.min(health.due()))).await {
             Next::Shutdown => return Ok(()),
-            Next::Event(Event::People(input, stamp, sightings)) => {
+            Next::Event(Event::People(input, stamp, people)) => {
                 health.heard(input, mw.now());
-                // A message without a stamp counts as seen now.
                 unstamped += u64::from(stamp == Time::ZERO);
-                let stamped = |stamp: Time| if stamp == Time::ZERO { mw.now() } else { stamp };
-                tracker.heard(stamped(stamp));
-                for mut sighting in identities.identify(stamped(stamp), sightings) {
-                    sighting.header.stamp = stamped(sighting.header.stamp);
-                    tracker.sighting(sighting);
-                }
+                take(&mut tracker, stamp, people, mw.now());
+            }
+            Next::Event(Event::Any(place, message)) => {
+                let (input, reader): &mut (usize, Reader) = &mut readers[place];
+                health.heard(*input, mw.now());
+                let seen = reader.read(&message);
+                unstamped += u64::from(seen.stamp == Time::ZERO);
+                take(&mut tracker, seen.stamp, seen.people, mw.now());
+            }
+            Next::Event(Event::Tracked(input, stamp, prefix, ids)) => {
+                health.heard(input, mw.now());
+                let stamp = if stamp == Time::ZERO { mw.now() } else { stamp };
+                tracker.heard(stamp);
+                frames.tracked(prefix, stamp, ids);
             }
             Next::Event(Event::Goal(goal)) => tracker.goal(goal),
             Next::Event(Event::Goals(goals)) => {
@@ -229,7 +252,7 @@ pub(super) async fn human_task<M: Middleware>(mw: &M) -> Result<()> {
             }
             reports += 1;
             if ros4hri {
-                from_frames(&mut tracker, &mut identities.names, published);
+                frames.take(&mut tracker, published);
             }
             // The same sightings again are not published again.
             if tracker.newest() != published {
@@ -248,12 +271,26 @@ pub(super) async fn human_task<M: Middleware>(mw: &M) -> Result<()> {
             [
                 ("no transform in time", tracker.without_transform.to_string()),
                 ("without stamp", unstamped.to_string()),
-                ("numbers of names", identities.names.told()),
+                ("numbers of names", tracker.identities.names.told()),
+                (
+                    "not readable",
+                    readers.iter().map(|(_, reader)| reader.unreadable()).sum::<u64>().to_string(),
+                ),
                 ("dropped", inbox.dropped().to_string()),
             ]
         };
-        health.report(mw, figures, tracker.trouble.as_deref());
+        let unread = || readers.iter().find_map(|(_, reader)| reader.trouble());
+        health.report(mw, figures, tracker.trouble.clone().or_else(unread).as_deref());
     }
+}
+
+/// Hands the people of a message to the tracker. What has no stamp counts as seen now.
+fn take(tracker: &mut PeopleTracker, stamp: Time, mut people: Vec<(Who, Sighting)>, now: Time) {
+    let stamped = |stamp: Time| if stamp == Time::ZERO { now } else { stamp };
+    for (_, sighting) in &mut people {
+        sighting.header.stamp = stamped(sighting.header.stamp);
+    }
+    tracker.message(stamped(stamp), people);
 }
 
 /// Subscribes to the goals of all people, and to the robot's position if people are chosen by it.
@@ -286,6 +323,7 @@ fn subscribe_people<M: Middleware>(
     params: &Params,
     inbox: &Inbox<Event>,
     health: &mut Health<M>,
+    readers: &mut Vec<(usize, Reader)>,
 ) -> Result<Vec<M::Subscription>> {
     let mut subscriptions = Vec::new();
     let qos = Qos::Volatile(100);
@@ -303,7 +341,27 @@ fn subscribe_people<M: Middleware>(
         };
         subscriptions.push(mw.subscribe(&topic, qos, take)?);
     }
+    if params.text("people_type") == "ros4hri" {
+        for (topic, prefix) in ROS4HRI {
+            let (send, input) = (inbox.sender(), health.input::<hri_msgs::IdsList>(topic, false));
+            let take = move |m: hri_msgs::IdsList| {
+                send.send(Event::Tracked(input, m.header.stamp, prefix, m.ids));
+            };
+            subscriptions.push(mw.subscribe(topic, qos, take)?);
+        }
+    }
     let Some(topic) = params.text_if_set("people_topic") else { return Ok(subscriptions) };
+    if params.text("people_type") == "auto" {
+        let classes: Vec<String> = params.text("people_classes").split(',').map(str::to_owned).collect();
+        let definitions = Arc::new(Definitions::of(&params.text("msg_path")));
+        for topic in topic.split(',').map(str::trim).filter(|topic| !topic.is_empty()) {
+            let (send, place) = (inbox.sender(), readers.len());
+            let input = health.any_input(topic, true);
+            readers.push((input, Reader::new(topic, &classes, definitions.clone())));
+            subscriptions.push(mw.listen(topic, move |message| send.send(Event::Any(place, message)))?);
+        }
+        return Ok(subscriptions);
+    }
     let send = inbox.sender();
     match params.text("people_type").as_str() {
         "spencer_tracking_msgs/TrackedPersons" => {
@@ -339,11 +397,15 @@ fn of_agents(message: pedsim_msgs::AgentStates) -> Vec<(Who, Sighting)> {
         twist: Some(agent.twist),
         goal: None,
     };
-    message.agent_states.into_iter().map(|agent| (Who::Number, sighting(agent))).collect()
+    message
+        .agent_states
+        .into_iter()
+        .map(|agent| (Who::Number(id_of_number(agent.id)), sighting(agent)))
+        .collect()
 }
 
 fn of_tracks(
-    header: &roscausal_msgs::std_msgs::Header,
+    header: &Header,
     tracks: impl Iterator<Item = (u64, roscausal_msgs::geometry_msgs::Pose, roscausal_msgs::geometry_msgs::Twist)>,
 ) -> Vec<(Who, Sighting)> {
     let sighting = |(id, pose, twist)| Sighting {
@@ -353,7 +415,7 @@ fn of_tracks(
         twist: Some(twist),
         goal: None,
     };
-    tracks.map(|track| (Who::Number, sighting(track))).collect()
+    tracks.map(|track| (Who::Number(id_of_number(track.0)), sighting(track))).collect()
 }
 
 fn of_people(message: people_msgs::People) -> Vec<(Who, Sighting)> {
@@ -378,12 +440,61 @@ fn of_poses(message: PoseArray) -> Vec<(Who, Sighting)> {
     message.poses.into_iter().map(|pose| (Who::Unknown, sighting(pose))).collect()
 }
 
-/// ROS4HRI: each person is a TF frame.
-fn from_frames(tracker: &mut PeopleTracker, names: &mut Names, since: Time) {
-    for (name, stamp) in tracker.tf.frames_with_prefix(PERSON_FRAME, since) {
-        let header = roscausal_msgs::std_msgs::Header { stamp, frame_id: name.clone() };
-        let id = names.number(name.strip_prefix(PERSON_FRAME).unwrap_or(&name));
-        tracker.sighting(Sighting { id, header, ..Sighting::default() });
+/// People who are TF frames: ROS4HRI's, or those of a pattern.
+struct Frames {
+    /// Beginning and end of the names, if the user gave a pattern.
+    pattern: Option<(String, String)>,
+    /// Those who are tracked, and since when, by the beginning of their frames' names.
+    tracked: BTreeMap<&'static str, (Time, BTreeSet<String>)>,
+}
+
+impl Frames {
+    fn new(pattern: &str) -> Self {
+        let split = |pattern: &str| {
+            let (start, end) = pattern.split_once('*').unwrap_or((pattern, ""));
+            (start.trim_start_matches('/').to_owned(), end.to_owned())
+        };
+        Self {
+            pattern: Some(pattern.trim()).filter(|text| !text.is_empty()).map(split),
+            tracked: BTreeMap::new(),
+        }
+    }
+
+    fn tracked(&mut self, prefix: &'static str, stamp: Time, ids: Vec<String>) {
+        self.tracked.insert(prefix, (stamp, ids.into_iter().collect()));
+    }
+
+    /// Hands the frames that moved since then to the tracker. Persons count before bodies.
+    fn take(&self, tracker: &mut PeopleTracker, since: Time) {
+        let named = |(_, prefix): (&str, &'static str)| (prefix, "");
+        let kinds: Vec<(&str, &str)> = match &self.pattern {
+            Some((start, end)) => vec![(start, end)],
+            None => ROS4HRI.map(named).to_vec(),
+        };
+        for (start, end) in kinds {
+            let found = tracker.tf.frames_with_prefix(start, since);
+            let tracked = self.tracked.get(start).filter(|_| self.pattern.is_none());
+            let mut any = tracked.is_some_and(|(_, ids)| !ids.is_empty());
+            for (name, stamp) in found {
+                let Some(id) = name.strip_prefix(start).and_then(|rest| rest.strip_suffix(end)) else {
+                    continue;
+                };
+                // A list that was told before this place says who is still there; an old one says nothing.
+                let is_lost = tracked.is_some_and(|(told, ids)| {
+                    !ids.contains(id) && (0.0..TRACKED_S).contains(&stamp.secs_since(*told).abs())
+                });
+                if id.is_empty() || is_lost {
+                    continue;
+                }
+                any = true;
+                let who = Who::Name(id.to_owned());
+                let header = Header { stamp, frame_id: name.clone() };
+                tracker.message(stamp, vec![(who, Sighting { header, ..Sighting::default() })]);
+            }
+            if any {
+                return;
+            }
+        }
     }
 }
 

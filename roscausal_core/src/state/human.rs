@@ -2,20 +2,25 @@
 
 use std::collections::{BTreeMap, VecDeque};
 
+use nalgebra::{Isometry3, Point3, Vector3};
 use roscausal_msgs::{
     HumanState, Humans, Time,
-    geometry_msgs::{Point, Pose, Twist},
+    geometry_msgs::{Point, Pose, Pose2D, Twist},
     std_msgs::Header,
     tf2_msgs::TFMessage,
 };
 
 use super::{
+    identity::{Gates, Identities, Who},
+    motion::Motion,
     robot::{TF_WAIT_S, unknown},
-    tf::TfBuffer,
+    tf::{TfBuffer, planar_pose},
 };
 
 /// The most sightings that wait for a transform.
 const MOST_WAITING: usize = 5000;
+/// People without identity, unless the user says otherwise.
+const GATES: Gates = Gates { metres: 0.8, keep_s: 1.0, rejoin_s: 0.0 };
 
 /// Most goals that are remembered.
 const MOST_GOALS: usize = 4096;
@@ -23,7 +28,7 @@ const MOST_GOALS: usize = 4096;
 /// One sighting of a person, from any tracker.
 #[derive(Clone, Debug, Default)]
 pub struct Sighting {
-    /// The tracker's id.
+    /// The tracker's id, where it gives a number.
     pub id: u32,
     /// Stamp and frame.
     pub header: Header,
@@ -35,6 +40,20 @@ pub struct Sighting {
     pub goal: Option<Point>,
 }
 
+/// The people in one message.
+#[derive(Debug)]
+struct Message {
+    stamp: Time,
+    people: Vec<(Who, Sighting)>,
+}
+
+/// Somebody's place in the target frame.
+struct Placed {
+    who: Who,
+    sighting: Sighting,
+    pose: Pose2D,
+}
+
 /// The people who are there now.
 #[derive(Debug)]
 pub struct PeopleTracker {
@@ -43,13 +62,20 @@ pub struct PeopleTracker {
     source_frame: String,
     timeout_s: f64,
     people: BTreeMap<u32, HumanState>,
+    /// How fast those are whose tracker does not tell.
+    motions: BTreeMap<u32, Motion>,
+    /// Standard deviation of a place, metres.
+    noise_m: f64,
+    /// Who is who.
+    pub identities: Identities,
     /// The goal that was given for the person whom the node is about.
     goal: Option<Point>,
     /// Goals that were given, by person.
     goals: BTreeMap<u32, Point>,
     newest: Time,
-    /// Sightings that wait for a transform, and the newest one that no longer waits.
-    waiting: VecDeque<Sighting>,
+    /// Messages that wait for a transform, how many people are in them, and the stamp of the newest that no longer waits.
+    waiting: VecDeque<Message>,
+    people_waiting: usize,
     placed: Time,
     /// Sightings left out because no transform came in time.
     pub without_transform: u64,
@@ -68,10 +94,14 @@ impl PeopleTracker {
             source_frame: source_frame.to_owned(),
             timeout_s,
             people: BTreeMap::new(),
+            motions: BTreeMap::new(),
+            noise_m: 0.0,
+            identities: Identities::new(GATES),
             goal: None,
             goals: BTreeMap::new(),
             newest: Time::ZERO,
             waiting: VecDeque::new(),
+            people_waiting: 0,
             placed: Time::ZERO,
             without_transform: 0,
             tf: TfBuffer::default(),
@@ -79,13 +109,28 @@ impl PeopleTracker {
         }
     }
 
-    /// Adds a sighting. It waits for its transform if that is late.
+    /// The same, telling people apart within `gates`, with places that are off by `noise_m` (standard deviation; 0: exact).
+    #[must_use]
+    pub fn with(self, gates: Gates, noise_m: f64) -> Self {
+        Self { identities: Identities::new(gates), noise_m, ..self }
+    }
+
+    /// Adds a sighting of somebody whose number is known. It waits for its transform if that is late.
     pub fn sighting(&mut self, sighting: Sighting) {
-        self.heard(sighting.header.stamp);
-        self.waiting.push_back(sighting);
-        if self.waiting.len() > MOST_WAITING {
-            self.waiting.pop_front();
-            self.without_transform += 1;
+        self.message(sighting.header.stamp, vec![(Who::Number(sighting.id), sighting)]);
+    }
+
+    /// Adds the people of a message, whose ids follow from who they are and where in the target frame. They wait for their
+    /// transforms if those are late.
+    pub fn message(&mut self, stamp: Time, people: Vec<(Who, Sighting)>) {
+        self.heard(stamp);
+        self.people_waiting += people.len();
+        self.waiting.push_back(Message { stamp, people });
+        while self.people_waiting > MOST_WAITING
+            && let Some(oldest) = self.waiting.pop_front()
+        {
+            self.people_waiting -= oldest.people.len();
+            self.without_transform += oldest.people.len() as u64;
         }
         self.settle();
     }
@@ -97,15 +142,18 @@ impl PeopleTracker {
     }
 
     fn settle(&mut self) {
-        while let Some(Sighting { header, .. }) = self.waiting.front() {
-            let waited = self.newest.secs_since(header.stamp);
-            if waited < TF_WAIT_S && self.tf.may_come(&self.target_frame, self.frame(header), header.stamp) {
+        while let Some(Message { stamp, people }) = self.waiting.front() {
+            let waited = self.newest.secs_since(*stamp);
+            let may_come = |(_, Sighting { header, .. }): &(Who, Sighting)| {
+                self.tf.may_come(&self.target_frame, self.frame(header), header.stamp)
+            };
+            if waited < TF_WAIT_S && people.iter().any(may_come) {
                 return;
             }
-            let Some(sighting) = self.waiting.pop_front() else { return };
-            self.placed = self.placed.max(sighting.header.stamp);
-            self.trouble = self.place(sighting).err();
-            self.without_transform += u64::from(self.trouble.is_some());
+            let Some(Message { stamp, people }) = self.waiting.pop_front() else { return };
+            self.people_waiting -= people.len();
+            self.placed = self.placed.max(stamp);
+            self.place(stamp, people);
         }
     }
 
@@ -118,7 +166,9 @@ impl PeopleTracker {
         if self.newest.secs_since(stamp) > self.timeout_s {
             // Time jumped back: a recording restarted. The people from before are not there now.
             self.people.clear();
+            self.motions.clear();
             self.waiting.clear();
+            self.people_waiting = 0;
             self.tf.restart();
             (self.newest, self.placed) = (stamp, stamp);
         }
@@ -147,6 +197,8 @@ impl PeopleTracker {
     pub fn people(&mut self, about: impl FnOnce(&[HumanState]) -> Option<u32>) -> Humans {
         let (newest, timeout) = (self.newest(), self.timeout_s);
         self.people.retain(|_, person| newest.secs_since(person.header.stamp) <= timeout);
+        let people = &self.people;
+        self.motions.retain(|id, _| people.contains_key(id));
         let mut humans: Vec<HumanState> = self.people.values().cloned().collect();
         for person in humans.iter_mut().filter(|person| !is_known(&person.goal)) {
             if let Some(goal) = self.goals.get(&person.id).filter(|goal| is_known(goal)) {
@@ -166,33 +218,88 @@ impl PeopleTracker {
         if self.waiting.is_empty() { self.newest } else { self.placed }
     }
 
-    fn place(&mut self, sighting: Sighting) -> Result<(), String> {
-        let Sighting { id, header, pose, twist, goal } = sighting;
-        let pose2d = self.tf.pose_in(&self.target_frame, self.frame(&header), &pose, header.stamp);
-        let mut pose2d = pose2d.map_err(|trouble| format!("person {id}: {trouble}"))?;
-        let before = self.people.get(&id).filter(|before| before.header.stamp < header.stamp);
-        let twist = match (twist, before) {
-            (Some(twist), _) => twist,
-            (None, Some(before)) => {
-                let dt = header.stamp.secs_since(before.header.stamp);
-                let mut twist = Twist::default();
-                twist.linear.x = (pose2d.x - before.pose2d.x) / dt;
-                twist.linear.y = (pose2d.y - before.pose2d.y) / dt;
-                if twist.linear.x.hypot(twist.linear.y) > 0.05 {
-                    pose2d.theta = twist.linear.y.atan2(twist.linear.x);
+    /// Brings the people of a message to the target frame, finds out who they are, and takes them in.
+    fn place(&mut self, stamp: Time, people: Vec<(Who, Sighting)>) {
+        let mut placed = Vec::with_capacity(people.len());
+        let mut trouble = None;
+        for (who, mut sighting) in people {
+            match self.in_target(&mut sighting) {
+                Ok(pose) => placed.push(Placed { who, sighting, pose }),
+                Err(reason) => {
+                    self.without_transform += 1;
+                    let name = match &who {
+                        Who::Number(number) => format!("person {number}"),
+                        Who::Name(name) => format!("person '{name}'"),
+                        Who::Unknown => "a person".to_owned(),
+                    };
+                    trouble = Some(format!("{name}: {reason}"));
                 }
-                twist
             }
-            // One sighting does not tell how fast a person is.
-            (None, None) => unknown_velocity(),
-        };
-        if self.people.get(&id).is_some_and(|known| known.header.stamp > header.stamp) {
-            return Ok(());
         }
-        let header = Header { stamp: header.stamp, frame_id: self.target_frame.clone() };
-        let goal = goal.unwrap_or_else(unknown);
+        self.trouble = trouble;
+        let at = |person: &Placed| (person.who.clone(), Point { x: person.pose.x, y: person.pose.y, z: 0.0 });
+        let ids = self.identities.ids(stamp, &placed.iter().map(at).collect::<Vec<_>>());
+        for (id, Placed { sighting, pose, .. }) in ids.into_iter().zip(placed) {
+            self.take(id, sighting, pose);
+        }
+    }
+
+    /// Somebody's pose in the target frame; velocity and goal are brought there, too.
+    fn in_target(&self, sighting: &mut Sighting) -> Result<Pose2D, String> {
+        let stamp = sighting.header.stamp;
+        let place = self.tf.lookup(&self.target_frame, self.frame(&sighting.header), stamp)?;
+        // What is in that frame already stays as it is, also where parts of it are NaN.
+        if place != Isometry3::identity() {
+            if let Some(twist) = &mut sighting.twist {
+                let v = &mut twist.linear;
+                let turned = place.rotation * Vector3::new(v.x, v.y, if v.z.is_finite() { v.z } else { 0.0 });
+                (v.x, v.y, v.z) = (turned.x, turned.y, turned.z);
+            }
+            if let Some(goal) = &mut sighting.goal {
+                let moved =
+                    place * Point3::new(goal.x, goal.y, if goal.z.is_finite() { goal.z } else { 0.0 });
+                (goal.x, goal.y, goal.z) = (moved.x, moved.y, moved.z);
+            }
+        }
+        planar_pose(&place, &sighting.pose)
+    }
+
+    fn take(&mut self, id: u32, sighting: Sighting, mut pose2d: Pose2D) {
+        let stamp = sighting.header.stamp;
+        if self.people.get(&id).is_some_and(|known| known.header.stamp > stamp) {
+            return;
+        }
+        let twist = sighting.twist.unwrap_or_else(|| {
+            let twist = self.velocity(id, stamp, [pose2d.x, pose2d.y]);
+            if twist.linear.x.hypot(twist.linear.y) > 0.05 {
+                pose2d.theta = twist.linear.y.atan2(twist.linear.x);
+            }
+            twist
+        });
+        let header = Header { stamp, frame_id: self.target_frame.clone() };
+        let goal = sighting.goal.unwrap_or_else(unknown);
         self.people.insert(id, HumanState { header, id, pose2d, twist, goal });
-        Ok(())
+    }
+
+    /// How fast somebody is whose tracker does not tell. One sighting does not tell it either.
+    fn velocity(&mut self, id: u32, stamp: Time, place: [f64; 2]) -> Twist {
+        let known = self.people.contains_key(&id);
+        let velocity = match self.motions.get_mut(&id).filter(|_| known) {
+            Some(motion) => match motion.seen(stamp, place) {
+                Some(velocity) => Some(velocity),
+                // The same moment again.
+                None => return self.people.get(&id).map_or_else(unknown_velocity, |person| person.twist),
+            },
+            None => {
+                self.motions.insert(id, Motion::new(stamp, place, self.noise_m));
+                None
+            }
+        };
+        let mut twist = unknown_velocity();
+        if let Some([x, y]) = velocity {
+            (twist.linear.x, twist.linear.y) = (x, y);
+        }
+        twist
     }
 }
 
@@ -293,6 +400,63 @@ mod tests {
         let person = tracker.people(first).humans.remove(0);
         assert!((person.twist.linear.x + 1.0).abs() < 1e-9);
         assert!((person.pose2d.theta.abs() - std::f64::consts::PI).abs() < 1e-9);
+    }
+
+    #[test]
+    fn velocities_and_goals_are_brought_to_the_map_like_places() {
+        let mut tracker = PeopleTracker::new("map", "map", 1.0);
+        let mut camera = roscausal_msgs::geometry_msgs::TransformStamped {
+            header: Header { stamp: Time::from_secs_f64(1.0), frame_id: "map".into() },
+            child_frame_id: "camera".into(),
+            ..Default::default()
+        };
+        camera.transform.translation.x = 10.0;
+        camera.transform.rotation =
+            roscausal_msgs::geometry_msgs::Quaternion::from_yaw(std::f64::consts::FRAC_PI_2);
+        tracker.transforms(&TFMessage { transforms: vec![camera] }, true);
+        let mut sighting = seen(1, 1.0, 2.0);
+        sighting.header.frame_id = "camera".into();
+        let mut twist = Twist::default();
+        (twist.linear.x, twist.linear.z) = (0.5, f64::NAN);
+        (sighting.twist, sighting.goal) = (Some(twist), Some(Point { x: 4.0, y: 0.0, z: 0.0 }));
+        tracker.sighting(sighting);
+        let person = tracker.people(first).humans.remove(0);
+        assert!((person.pose2d.x - 10.0).abs() < 1e-9 && (person.pose2d.y - 2.0).abs() < 1e-9, "{person:?}");
+        assert!(
+            person.twist.linear.x.abs() < 1e-9 && (person.twist.linear.y - 0.5).abs() < 1e-9,
+            "{person:?}"
+        );
+        assert!((person.goal.x - 10.0).abs() < 1e-9 && (person.goal.y - 4.0).abs() < 1e-9, "{person:?}");
+    }
+
+    #[test]
+    fn people_without_ids_are_told_apart_in_the_map_however_the_camera_turns() {
+        let mut tracker = PeopleTracker::new("map", "map", 1.0);
+        for step in 0..20_u32 {
+            let (secs, yaw) = (1.0 + 0.1 * f64::from(step), 0.3 * f64::from(step));
+            let header = Header { stamp: Time::from_secs_f64(secs), frame_id: "map".into() };
+            let mut camera = roscausal_msgs::geometry_msgs::TransformStamped {
+                header: header.clone(),
+                child_frame_id: "camera".into(),
+                ..Default::default()
+            };
+            camera.transform.rotation = roscausal_msgs::geometry_msgs::Quaternion::from_yaw(yaw);
+            tracker.transforms(&TFMessage { transforms: vec![camera] }, false);
+            // Two who stand, 5 m in front of the camera and behind it, in turn first in the list.
+            let mut people: Vec<(Who, Sighting)> = [5.0, -5.0]
+                .into_iter()
+                .map(|x: f64| {
+                    let mut sighting = seen(0, secs, x * yaw.cos());
+                    sighting.pose.position.y = -x * yaw.sin();
+                    sighting.header.frame_id = "camera".into();
+                    (Who::Unknown, sighting)
+                })
+                .collect();
+            people.rotate_left((step % 2) as usize);
+            tracker.message(header.stamp, people);
+            let places: Vec<f64> = tracker.people(first).humans.iter().map(|p| p.pose2d.x.round()).collect();
+            assert_eq!(places, [5.0, -5.0], "step {step}");
+        }
     }
 
     #[test]

@@ -1,4 +1,5 @@
-//! Who is who: numbers for people whose tracker gives names, and for people whose tracker gives nothing but places.
+//! Who is who: numbers for people whose tracker gives names, for people whose tracker gives nothing but places, and for people
+//! whom their tracker lost and found again under another number.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -51,12 +52,132 @@ fn number_in(name: &str) -> Option<u32> {
     number.parse().ok().filter(|_| number.bytes().all(|byte| byte.is_ascii_digit()))
 }
 
+/// What a tracker tells about the identity of a person.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Who {
+    /// Her number.
+    Number(u32),
+    /// Her name.
+    Name(String),
+    /// Nothing.
+    Unknown,
+}
+
+/// How people are told apart.
+#[derive(Clone, Copy, Debug)]
+pub struct Gates {
+    /// A sighting within this many metres of a track, and 2 m for each second since, belongs to it.
+    pub metres: f64,
+    /// A track without identity ends after this many seconds.
+    pub keep_s: f64,
+    /// A new number near somebody who was lost for at most this many seconds is hers; 0: never.
+    pub rejoin_s: f64,
+}
+
+/// The ids of all people of one node.
+#[derive(Debug)]
+pub struct Identities {
+    /// Numbers of names.
+    pub names: Names,
+    tracks: Tracks,
+    lost: Lost,
+}
+
+impl Identities {
+    /// Nobody is known yet.
+    pub fn new(gates: Gates) -> Self {
+        Self {
+            names: Names::default(),
+            tracks: Tracks::new(gates.metres, gates.keep_s),
+            lost: Lost { gate_m: gates.metres, rejoin_s: gates.rejoin_s, ..Lost::default() },
+        }
+    }
+
+    /// The ids of the people of one message, who are at these places, all in one frame.
+    pub fn ids(&mut self, stamp: Time, people: &[(Who, Point)]) -> Vec<u32> {
+        let unknown = people.iter().filter(|(who, _)| *who == Who::Unknown);
+        let places: Vec<Point> = unknown.map(|(_, place)| *place).collect();
+        for (who, _) in people {
+            if let Who::Number(number) = who {
+                self.tracks.leave(*number);
+            }
+        }
+        let mut by_place = self.tracks.ids(stamp, &places).into_iter();
+        let id = |(who, _): &(Who, Point)| match who {
+            Who::Number(number) => *number,
+            Who::Name(name) => self.names.number(name),
+            Who::Unknown => by_place.next().unwrap_or_default(),
+        };
+        let ids: Vec<u32> = people.iter().map(id).collect();
+        let places: Vec<Point> = people.iter().map(|(_, place)| *place).collect();
+        if self.lost.rejoin_s > 0.0 { self.lost.found(stamp, &ids, &places) } else { ids }
+    }
+}
+
+/// Tracks that end, and begin again under another number.
+#[derive(Debug, Default)]
+struct Lost {
+    gate_m: f64,
+    rejoin_s: f64,
+    /// The person behind each number of the tracker.
+    person: BTreeMap<u32, u32>,
+    /// When and where each person was seen last.
+    last: BTreeMap<u32, (Time, Point)>,
+}
+
+impl Lost {
+    /// The people behind the tracker's numbers. A number that is new belongs to the nearest person who is missing and was
+    /// seen near there not long ago.
+    fn found(&mut self, stamp: Time, numbers: &[u32], places: &[Point]) -> Vec<u32> {
+        self.last.retain(|_, (seen, _)| (0.0..=self.rejoin_s).contains(&stamp.secs_since(*seen)));
+        if self.person.len() >= MOST {
+            let last = &self.last;
+            self.person.retain(|_, person| last.contains_key(person));
+        }
+        // A number that is known keeps its person, unless she is here already.
+        let mut here = BTreeSet::new();
+        let mut people: Vec<Option<u32>> = numbers
+            .iter()
+            .map(|number| self.person.get(number).copied().filter(|person| here.insert(*person)))
+            .collect();
+        let mut pairs = Vec::new();
+        for (place, _) in people.iter().enumerate().filter(|(_, person)| person.is_none()) {
+            for (person, (seen, at)) in self.last.iter().filter(|(person, _)| !here.contains(*person)) {
+                let distance = (places[place].x - at.x).hypot(places[place].y - at.y);
+                if distance <= self.gate_m + FASTEST * stamp.secs_since(*seen) {
+                    pairs.push((distance, place, *person));
+                }
+            }
+        }
+        pairs.sort_by(|a, b| a.0.total_cmp(&b.0).then((a.1, a.2).cmp(&(b.1, b.2))));
+        for (_, place, person) in pairs {
+            if people[place].is_none() && here.insert(person) {
+                tracing::info!("person {person} was lost and is found again as {}", numbers[place]);
+                people[place] = Some(person);
+            }
+        }
+        let mut found = Vec::with_capacity(numbers.len());
+        for (place, number) in numbers.iter().enumerate() {
+            let is_free = |id: &u32| !here.contains(id) && !self.last.contains_key(id);
+            let own = || Some(*number).filter(is_free).or_else(|| (1..).find(is_free)).unwrap_or(*number);
+            let person = people[place].unwrap_or_else(own);
+            here.insert(person);
+            self.person.insert(*number, person);
+            self.last.insert(person, (stamp, places[place]));
+            found.push(person);
+        }
+        found
+    }
+}
+
 /// Tracks of people who are seen without identity: each sighting goes to the nearest track, if that is within the gate.
 #[derive(Debug)]
 pub struct Tracks {
     gate_m: f64,
     keep_s: f64,
     next: u32,
+    /// Numbers of people whose tracker has ids.
+    taken: BTreeSet<u32>,
     tracks: Vec<(u32, Time, Point)>,
 }
 
@@ -64,7 +185,14 @@ impl Tracks {
     /// Sightings at most `gate_m` (and 2 m for each second since) from a track belong to it. A track that was not seen for
     /// `keep_s` ends.
     pub fn new(gate_m: f64, keep_s: f64) -> Self {
-        Self { gate_m, keep_s, next: 0, tracks: Vec::new() }
+        Self { gate_m, keep_s, next: 0, taken: BTreeSet::new(), tracks: Vec::new() }
+    }
+
+    /// Leaves a number to somebody else.
+    fn leave(&mut self, number: u32) {
+        if self.taken.len() < MOST {
+            self.taken.insert(number);
+        }
     }
 
     /// The ids of the people at these places, seen at the same time. The nearest pairs of track and place are joined first.
@@ -93,6 +221,9 @@ impl Tracks {
                 self.tracks[track].0
             }
             None => {
+                while self.taken.contains(&self.next) {
+                    self.next = self.next.wrapping_add(1);
+                }
                 let id = self.next;
                 self.next = self.next.wrapping_add(1);
                 if self.tracks.len() < MOST {
@@ -134,6 +265,42 @@ mod tests {
         assert_eq!(tracks.ids(secs(1.2), &[at(3.2, 0.0)]), [1]);
         assert_eq!(tracks.ids(secs(1.3), &[at(9.0, 0.0), at(3.3, 0.0)]), [2, 1]);
         assert_eq!(tracks.ids(secs(5.0), &[at(3.3, 0.0)]), [3], "a track that was lost for long has ended");
+    }
+
+    fn rejoining(rejoin_s: f64) -> Identities {
+        Identities::new(Gates { metres: 0.8, keep_s: 1.0, rejoin_s })
+    }
+
+    #[test]
+    fn somebody_who_was_lost_is_found_again_under_another_number() {
+        let secs = Time::from_secs_f64;
+        let two = [(Who::Number(4), at(0.0, 0.0)), (Who::Number(5), at(5.0, 0.0))];
+        let later = [(Who::Number(9), at(0.9, 0.0)), (Who::Number(5), at(5.2, 0.0))];
+        let mut identities = rejoining(3.0);
+        assert_eq!(identities.ids(secs(1.0), &two), [4, 5]);
+        assert_eq!(identities.ids(secs(1.1), &two[1..]), [5]);
+        assert_eq!(identities.ids(secs(2.0), &later), [4, 5], "9 is where 4 was lost");
+        assert_eq!(identities.ids(secs(2.1), &later[..1]), [4], "and stays her");
+        // The old number comes back beside the new one: somebody else.
+        let both = [(Who::Number(9), at(1.0, 0.0)), (Who::Number(4), at(1.2, 0.0))];
+        let ids = identities.ids(secs(2.2), &both);
+        assert!(ids[0] == 4 && ids[1] != 4 && ids[1] != 5, "{ids:?}");
+        // Too far, or too late: somebody new.
+        assert_eq!(identities.ids(secs(2.3), &[(Who::Number(30), at(60.0, 0.0))]), [30]);
+        assert_eq!(identities.ids(secs(20.0), &[(Who::Number(31), at(60.0, 0.0))]), [31]);
+        let mut off = rejoining(0.0);
+        off.ids(secs(1.0), &two);
+        assert_eq!(off.ids(secs(2.0), &later), [9, 5], "without the option, a new number is a new person");
+    }
+
+    #[test]
+    fn people_without_a_number_never_get_that_of_somebody_else() {
+        let mut identities = rejoining(0.0);
+        let people =
+            [(Who::Number(0), at(0.0, 0.0)), (Who::Unknown, at(5.0, 0.0)), (Who::Number(2), at(9.0, 0.0))];
+        assert_eq!(identities.ids(Time::from_secs_f64(1.0), &people), [0, 1, 2]);
+        let people = [(Who::Unknown, at(20.0, 0.0)), (Who::Unknown, at(5.1, 0.0))];
+        assert_eq!(identities.ids(Time::from_secs_f64(1.1), &people), [3, 1]);
     }
 
     proptest! {

@@ -3,6 +3,7 @@
 mod goals;
 pub mod human;
 pub mod identity;
+pub mod motion;
 pub mod robot;
 pub mod scene;
 pub mod sync;

@@ -7,7 +7,7 @@ use super::{
 use crate::wire::Fault;
 
 /// Reads a message from its first byte on.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub(super) struct Cursor<'a> {
     schema: &'a Schema,
     bytes: &'a [u8],

@@ -1,7 +1,8 @@
 //! Messages of types that this crate does not know: read by the definition that travels with them.
 //!
 //! [`Schema`] is the parsed text of a type. [`Query`] is a path into it, such as `pose.pose.position.x` or `ranges[3]`, and
-//! reads its numbers straight from the bytes of a message, of either wire format. Texts and bytes may be hostile: no
+//! reads its numbers straight from the bytes of a message, of either wire format. [`Rows`] reads the elements of an array, each
+//! with what belongs to it. Texts and bytes may be hostile: no
 //! input causes a panic, endless work, or an allocation that the bytes do not pay for.
 //!
 //! Why not a library: `roslibrust_codegen` and `rosrust_codegen` read one wire format each and make whole values of
@@ -21,11 +22,13 @@
 mod cursor;
 mod path;
 mod query;
+mod rows;
 mod schema;
 mod text;
 
 pub use path::{Path, Step};
 pub use query::{Found, Query, QueryError};
+pub use rows::Rows;
 pub use schema::{Array, Field, Kind, Schema, SchemaError, Struct};
 
 /// The wire format of a message.

@@ -61,7 +61,7 @@ pub enum QueryError {
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Hop {
+pub(super) enum Hop {
     Field(usize),
     Index(u32),
     All,
@@ -82,10 +82,10 @@ pub struct Query {
 }
 
 /// Where a path ends.
-struct End {
-    hops: Vec<Hop>,
-    kind: Kind,
-    array: Array,
+pub(super) struct End {
+    pub(super) hops: Vec<Hop>,
+    pub(super) kind: Kind,
+    pub(super) array: Array,
     several: bool,
 }
 
@@ -95,7 +95,12 @@ impl Schema {
     /// # Errors
     /// A path that the schema does not have, or that ends at a whole message.
     pub fn query(&self, path: &Path) -> Result<Query, QueryError> {
-        let mut end = self.follow(path)?;
+        self.query_in(Kind::Struct(0), path)
+    }
+
+    /// The same within a value of this kind. An empty path means the value.
+    pub(super) fn query_in(&self, from: Kind, path: &Path) -> Result<Query, QueryError> {
+        let mut end = self.follow_in(from, path)?;
         match end.kind {
             Kind::Struct(place) => {
                 let type_name = self.types[place].name.clone();
@@ -156,8 +161,12 @@ impl Schema {
         }
     }
 
-    fn follow(&self, path: &Path) -> Result<End, QueryError> {
-        let mut end = End { hops: Vec::new(), kind: Kind::Struct(0), array: Array::One, several: false };
+    pub(super) fn follow(&self, path: &Path) -> Result<End, QueryError> {
+        self.follow_in(Kind::Struct(0), path)
+    }
+
+    fn follow_in(&self, from: Kind, path: &Path) -> Result<End, QueryError> {
+        let mut end = End { hops: Vec::new(), kind: from, array: Array::One, several: false };
         for (place, step) in path.0.iter().enumerate() {
             let so_far = || Path(path.0[..place].to_vec()).to_string();
             match step {
@@ -205,14 +214,13 @@ impl Query {
     /// # Errors
     /// Bytes that are no message of this schema, as far as they were read.
     pub fn read(&self, schema: &Schema, wire: Wire, bytes: &[u8]) -> Result<Found, Fault> {
-        let mut reading = Reading {
-            cursor: Cursor::new(schema, wire, bytes)?,
-            schema,
-            query: self,
-            numbers: Vec::new(),
-            text: None,
-        };
-        reading.field(Kind::Struct(0), Array::One, &self.hops, false)?;
+        self.read_at(schema, Kind::Struct(0), Cursor::new(schema, wire, bytes)?)
+    }
+
+    /// The same from a value of this kind that begins at the cursor.
+    pub(super) fn read_at(&self, schema: &Schema, from: Kind, cursor: Cursor<'_>) -> Result<Found, Fault> {
+        let mut reading = Reading { cursor, schema, query: self, numbers: Vec::new(), text: None };
+        reading.field(from, Array::One, &self.hops, false)?;
         Ok(match (self.what, reading.text) {
             (What::Text, Some(text)) => Found::Text(text),
             _ => Found::Numbers(reading.numbers),

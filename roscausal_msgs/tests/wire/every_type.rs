@@ -60,6 +60,7 @@ macro_rules! for_every_type {
             pedsim_msgs::Waypoints
             spencer_tracking_msgs::TrackedPerson
             spencer_tracking_msgs::TrackedPersons
+            hri_msgs::IdsList
             people_msgs::Person
             people_msgs::People
             sensor_msgs::Image

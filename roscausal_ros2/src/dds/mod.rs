@@ -5,6 +5,7 @@
 mod client;
 mod farewell;
 mod graph;
+mod listen;
 mod participant;
 mod publisher;
 mod qos;

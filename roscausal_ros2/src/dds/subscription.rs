@@ -3,7 +3,7 @@
 use std::{
     collections::HashMap,
     pin::pin,
-    sync::{Arc, Weak},
+    sync::{Arc, OnceLock, Weak},
 };
 
 use futures::{StreamExt, future::AbortHandle};
@@ -20,13 +20,23 @@ use super::{
 
 /// A subscription. Dropping it ends it, and no callback runs afterwards.
 pub struct Subscription {
-    gate: Arc<Gate>,
-    task: AbortHandle,
+    pub(super) gate: Arc<Gate>,
+    /// What reads it; not there yet while a topic of any type has no publisher.
+    pub(super) task: Arc<OnceLock<AbortHandle>>,
+}
+
+impl Subscription {
+    /// A subscription that is not read yet.
+    pub(super) fn waiting() -> Self {
+        Self { gate: Arc::default(), task: Arc::default() }
+    }
 }
 
 impl Drop for Subscription {
     fn drop(&mut self) {
-        self.task.abort();
+        if let Some(task) = self.task.get() {
+            task.abort();
+        }
         self.gate.close();
     }
 }
@@ -54,16 +64,17 @@ impl Participant {
         let reader = made.map_err(fail)?;
         self.graph.add(reader.guid(), &dds_topic.name(), dds_topic.get_type().name());
         self.announce();
-        let gate = Arc::new(Gate::default());
-        let its_gate = gate.clone();
+        let subscription = Subscription::waiting();
+        let its_gate = subscription.gate.clone();
         let deliver = move |message: M| its_gate.pass(|| callback(message));
         let registered = Registered { graph: self.graph.clone(), guid: reader.guid() };
         let (node, kind) = (Arc::downgrade(self), dds_topic.get_type().name().to_owned());
         let task = self.spawn(format!("topic '{topic}'"), move || async move {
             let _registered = registered;
-            read(reader, topic, Senders { node, kind, known: HashMap::new() }, deliver).await;
+            read(reader, topic, Senders::new(node, kind), deliver).await;
         });
-        Ok(Subscription { gate, task })
+        subscription.task.get_or_init(|| task);
+        Ok(subscription)
     }
 }
 
@@ -81,7 +92,7 @@ impl Drop for Registered {
 
 /// The publishers of a topic. The library delivers whatever is sent under the name of the topic, of any type, and
 /// the bytes of some types decode as others.
-struct Senders {
+pub(super) struct Senders {
     node: Weak<Participant>,
     /// DDS name of the subscription's type.
     kind: String,
@@ -89,8 +100,12 @@ struct Senders {
 }
 
 impl Senders {
+    pub(super) fn new(node: Weak<Participant>, kind: String) -> Self {
+        Self { node, kind, known: HashMap::new() }
+    }
+
     /// Whether the messages of this publisher have the type of the subscription.
-    fn fits(&mut self, publisher: Gid) -> bool {
+    pub(super) fn fits(&mut self, publisher: Gid) -> bool {
         let (node, kind) = (&self.node, &self.kind);
         *self.known.entry(publisher).or_insert_with(|| {
             let sent =

@@ -1,0 +1,204 @@
+//! Which topic of a recording fills a role: the one that is named, otherwise by type and name.
+
+use std::path::Path;
+
+use roscausal_core::{Error, Result, params::nearest, people};
+use roscausal_recording::{Recording, Topic};
+
+use super::{
+    coverage,
+    roles::{CHOSEN_BY_NAME, Kind, NOT_PEOPLE, PEOPLE, ROBOT_ODOM, ROS4HRI, ROS4HRI_FRAMES, Role},
+};
+
+/// The value that means "no such topic".
+const NONE: &str = "none";
+
+/// States that ROS-Causal itself recorded.
+pub(super) const STATES: [(&str, &str); 2] =
+    [("/roscausal/robot", "roscausal_msgs/RobotState"), ("/roscausal/humans", "roscausal_msgs/Humans")];
+
+/// The topics of a recording, to choose from.
+pub(super) struct Chooser<'a> {
+    pub(super) recording: &'a Recording,
+    pub(super) path: &'a Path,
+}
+
+impl Chooser<'_> {
+    /// The readable topics of a role's types.
+    pub(super) fn candidates(&self, role: &Role) -> Vec<&Topic> {
+        let fits = |topic: &&Topic| role.kind(&topic.type_name).is_some() && topic.known_type().is_some();
+        self.recording.topics().iter().filter(fits).collect()
+    }
+
+    /// The topic of a signal, whatever its type.
+    pub(super) fn any_topic(&self, name: &str) -> Result<Topic> {
+        let same = |topic: &&Topic| topic.name.trim_start_matches('/') == name.trim_start_matches('/');
+        let topics = self.recording.topics();
+        if let Some(topic) = topics.iter().find(same) {
+            return Ok(topic.clone());
+        }
+        let names: Vec<&str> = topics.iter().map(|topic| topic.name.as_str()).collect();
+        let hint = nearest(&names, name).map_or(String::new(), |near| format!("did you mean '{near}'? "));
+        let reason = format!("there is no topic {name}; {hint}topics in it: {}", names.join(", "));
+        Err(Error::file(self.path, reason))
+    }
+
+    fn named(&self, role: &Role, name: &str) -> Result<Topic> {
+        let same = |topic: &&&Topic| topic.name.trim_start_matches('/') == name.trim_start_matches('/');
+        if let Some(topic) = self.candidates(role).iter().find(same) {
+            return Ok((*topic).clone());
+        }
+        Err(self.fault(role, &format!("there is no topic {name} that can be {}", role.what)))
+    }
+
+    /// The topic of a role: the one that was named, or the one with a usual name, or the only one.
+    pub(super) fn one(&self, role: &Role, named: Option<&str>) -> Result<Option<Topic>> {
+        if let Some(name) = named {
+            return self.named(role, name).map(Some);
+        }
+        let mut candidates = self.candidates(role);
+        candidates.retain(|topic| !is_nobody(topic));
+        let usual = role.usual.iter().find_map(|usual| candidates.iter().find(|topic| topic.name == *usual));
+        match (usual, candidates.as_slice()) {
+            (Some(usual), _) => Ok(Some((*usual).clone())),
+            (None, [only]) => Ok(Some((*only).clone())),
+            (None, []) => Ok(None),
+            (None, _) => Err(self.fault(role, &format!("several topics can be {}", role.what))),
+        }
+    }
+
+    /// Like [`Chooser::one`], but it does not guess among several topics. Types with many meanings are chosen by
+    /// name only.
+    pub(super) fn optional(&self, role: &Role, named: Option<&str>) -> Result<Option<Topic>> {
+        if named == Some(NONE) {
+            return Ok(None);
+        }
+        let Some(name) = named else {
+            let candidates = self.candidates(role);
+            let usual =
+                role.usual.iter().find_map(|usual| candidates.iter().find(|topic| topic.name == *usual));
+            let own: Vec<_> = candidates
+                .iter()
+                .filter(|topic| !CHOSEN_BY_NAME.contains(&topic.type_name.as_str()))
+                .collect();
+            let only = if let [only] = own.as_slice() { Some(*only) } else { None };
+            return Ok(usual.or(only).map(|topic| (*topic).clone()));
+        };
+        self.named(role, name).map(Some)
+    }
+
+    /// The topics that are named, or found by their types; none where people are TF frames.
+    pub(super) fn people(&self, named: &[String]) -> Result<Vec<Topic>> {
+        if !named.is_empty() {
+            return named.iter().map(|name| self.named_people(name)).collect();
+        }
+        // The simulator has two, and the live node listens to both.
+        let mut candidates = self.people_candidates();
+        let usual: Vec<Topic> = candidates
+            .iter()
+            .filter(|topic| PEOPLE.usual.contains(&topic.name.as_str()))
+            .map(|topic| (*topic).clone())
+            .collect();
+        if !usual.is_empty() {
+            return Ok(usual);
+        }
+        candidates.retain(|topic| !is_nobody(topic));
+        match candidates.as_slice() {
+            [only] => Ok(vec![(*only).clone()]),
+            [] if !self.ros4hri().is_empty() || self.has_people_frames()? => Ok(Vec::new()),
+            [] => Err(self.nothing(&PEOPLE)),
+            _ => Err(self.fault(&PEOPLE, "several topics can be people")),
+        }
+    }
+
+    fn named_people(&self, name: &str) -> Result<Topic> {
+        let same = |topic: &&Topic| topic.name.trim_start_matches('/') == name.trim_start_matches('/');
+        let readable =
+            |topic: &&Topic| Self::people_kind(topic).is_some() || people::layout(&topic.type_name).is_some();
+        let found = self.recording.topics().iter().filter(same).find(readable);
+        found.cloned().ok_or_else(|| {
+            self.fault(&PEOPLE, &format!("there is no topic {name} that can be {}", PEOPLE.what))
+        })
+    }
+
+    /// The parameter of the human node for a topic of people.
+    pub(super) fn people_kind(topic: &Topic) -> Option<&'static Kind> {
+        PEOPLE.kind(&topic.type_name).filter(|_| topic.known_type().is_some())
+    }
+
+    /// The topics whose type alone says that they are people.
+    pub(super) fn people_candidates(&self) -> Vec<&Topic> {
+        let fits = |topic: &&Topic| {
+            Self::people_kind(topic).is_some()
+                || (people::layout(&topic.type_name) == Some(true) && topic.raw_type().is_some())
+        };
+        self.recording.topics().iter().filter(fits).collect()
+    }
+
+    /// The topics that tell whom ROS4HRI tracks.
+    pub(super) fn ros4hri(&self) -> Vec<&Topic> {
+        let is_list = |topic: &&Topic| {
+            topic.type_name == "hri_msgs/IdsList"
+                && ROS4HRI.contains(&topic.name.as_str())
+                && topic.known_type().is_some()
+        };
+        self.recording.topics().iter().filter(is_list).collect()
+    }
+
+    fn has_people_frames(&self) -> Result<bool> {
+        let frames = coverage::frames(self.path)?;
+        Ok(frames.iter().any(|frame| ROS4HRI_FRAMES.iter().any(|start| frame.starts_with(start))))
+    }
+
+    pub(super) fn has_only_states(&self) -> bool {
+        let there = |(name, kind): (&str, &str)| {
+            self.recording
+                .topics()
+                .iter()
+                .any(|topic| topic.name == name && topic.type_name == kind && topic.known_type().is_some())
+        };
+        self.candidates(&ROBOT_ODOM).is_empty() && STATES.into_iter().all(there)
+    }
+
+    pub(super) fn nothing(&self, role: &Role) -> Error {
+        self.fault(role, &format!("nothing in it can be {}", role.what))
+    }
+
+    /// An error: the fault, what the role needs, and what there is.
+    fn fault(&self, role: &Role, reason: &str) -> Error {
+        let is_people = role.flag == PEOPLE.flag;
+        let mut types: Vec<&str> = role.kinds.iter().map(|Kind { type_name, .. }| *type_name).collect();
+        if is_people {
+            let more: Vec<&str> = people::types().filter(|name| !types.contains(name)).collect();
+            types.extend(more);
+        }
+        let candidates = || if is_people { self.people_candidates() } else { self.candidates(role) };
+        let is_read =
+            |topic: &Topic| topic.known_type().is_some() || people::layout(&topic.type_name).is_some();
+        let describe = |topic: &Topic| match is_read(topic).then_some(()) {
+            Some(()) => format!("{} ({})", topic.name, topic.type_name),
+            None => format!("{} ({}, not readable)", topic.name, topic.type_name),
+        };
+        let candidates = candidates();
+        let there = match candidates.is_empty() {
+            true => ("topics in it", self.recording.topics().iter().map(describe).collect::<Vec<_>>()),
+            false => ("of these types", candidates.into_iter().map(describe).collect()),
+        };
+        let list = if there.1.is_empty() { "none".to_owned() } else { there.1.join(", ") };
+        Error::file(
+            self.path,
+            format!(
+                "{reason}; {} takes a topic of type {}; {}: {list}",
+                role.flag,
+                types.join(" or "),
+                there.0
+            ),
+        )
+    }
+}
+
+/// Whether a topic of poses is by its name not one of people.
+pub(super) fn is_nobody(topic: &Topic) -> bool {
+    let last = topic.name.rsplit('/').next().unwrap_or_default().to_lowercase();
+    topic.type_name == "geometry_msgs/PoseArray" && NOT_PEOPLE.iter().any(|word| last.contains(word))
+}
