@@ -15,11 +15,11 @@ use common::roscausal;
 use roscausal_core::Time;
 use roscausal_msgs::{
     geometry_msgs::{Pose, PoseArray, PoseStamped, PoseWithCovarianceStamped, TransformStamped},
-    nav_msgs::Odometry,
+    nav_msgs::{Odometry, Path as Plan},
     std_msgs::Header,
     tf2_msgs::TFMessage,
 };
-use roscausal_recording::McapWriter;
+use roscausal_recording::{McapWriter, Record, Recording};
 
 fn said(output: &Output) -> String {
     format!("{}{}", String::from_utf8_lossy(&output.stdout), String::from_utf8_lossy(&output.stderr))
@@ -307,6 +307,45 @@ fn a_recording_with_poses_or_transforms_only_is_analysed() {
     assert!(said(&output).contains("robot: the place of base_link in map by TF"), "{}", said(&output));
     let model: serde_json::Value = serde_json::from_slice(&output.stdout).expect("JSON");
     assert!(model["n_samples"].as_u64().is_some_and(|n| n > 150), "{model}");
+}
+
+#[test]
+fn a_robot_in_a_namespace_has_the_transforms_of_its_namespace_and_its_goal_from_the_end_of_the_plan() {
+    let dir = tempfile::tempdir().expect("a folder");
+    write_walk(&dir.path().join("walk.mcap"), &["/odom", "/tf", "/people"]);
+    let mut walk = Recording::open(&dir.path().join("walk.mcap")).expect("opens");
+    let topics = walk.topics().to_vec();
+    let mut writer = McapWriter::create(dir.path().join("ns.mcap")).expect("a file");
+    for (place, Record { topic, stamp, bytes }) in walk.by_ref().enumerate() {
+        let topic = &topics[topic];
+        let written = match topic.name.as_str() {
+            "/odom" => writer.write("/tb3_0/odom", stamp, &topic.decode::<Odometry>(&bytes).expect("reads")),
+            "/tf" => writer.write("/tb3_0/tf", stamp, &topic.decode::<TFMessage>(&bytes).expect("reads")),
+            _ => writer.write("/people", stamp, &topic.decode::<PoseArray>(&bytes).expect("reads")),
+        };
+        written.expect("writes");
+        if place % 40 == 0 {
+            let mut end = PoseStamped::default();
+            end.pose.position.y = 5.0 + 0.01 * place as f64;
+            let header = Header { stamp, frame_id: "map".into() };
+            let plan = Plan { header, poses: vec![PoseStamped::default(), end] };
+            writer.write("/tb3_0/plan", stamp, &plan).expect("writes");
+        }
+    }
+    writer.finish().expect("ends");
+    let flags = ["replay", "ns.mcap", "--out", "out", "--ts-length", "0", "--robot-goal", "/tb3_0/plan"];
+    let output = roscausal(dir.path(), &[&flags[..], &QUICK].concat());
+    for line in ["transforms: /tb3_0/tf and /tb3_0/tf_static", "robot goal: /tb3_0/plan (nav_msgs/Path)"] {
+        assert!(said(&output).contains(line), "{}", said(&output));
+    }
+    let table = &tables(dir.path().join("out/data_pool"))[0].1;
+    let goals = table.lines().skip(10).filter_map(|row| row.split(',').nth(2)?.parse::<f64>().ok());
+    let goals: Vec<f64> = goals.collect();
+    assert!(goals.len() > 150, "{}", goals.len());
+    assert!(
+        goals[0] < 6.0 && goals[goals.len() - 1] > 10.0,
+        "the goal is the end of the newest plan: {goals:?}"
+    );
 }
 
 #[test]

@@ -13,8 +13,8 @@ use roscausal_core::{
 };
 use roscausal_msgs::{
     Humans, RobotState,
-    geometry_msgs::{Pose, PoseArray, TransformStamped},
-    nav_msgs::Odometry,
+    geometry_msgs::{Pose, PoseArray, PoseStamped, TransformStamped, TwistStamped},
+    nav_msgs::{Odometry, Path},
     std_msgs::Header,
     tf2_msgs::TFMessage,
 };
@@ -59,6 +59,78 @@ fn without_a_pose_topic_the_robot_is_where_its_frame_is() {
     bus.settle();
     let state = states.try_recv().expect("a state");
     assert_eq!((state.header.frame_id.as_str(), state.pose2d.x, state.twist.linear.x), ("map", 5.0, 0.5));
+    bus.shutdown();
+    robot.end().expect("no panic").expect("ends well");
+}
+
+#[test]
+fn a_robot_of_nav2_has_its_pose_from_odometry_and_tf_and_its_goal_from_the_end_of_the_plan() {
+    let bus = Loopback::lockstep();
+    for (name, value) in [
+        ("odom_topic", "/tb3_0/odom"),
+        ("pose_topic", "/tb3_0/odom"),
+        ("pose_type", "Odometry"),
+        ("goal_topic", "/tb3_0/plan"),
+        ("goal_type", "Path"),
+        ("tf_topic", "/tb3_0/tf"),
+    ] {
+        bus.set_node_param("robot", name, text(value));
+    }
+    bus.advance_to(Time::from_secs_f64(NOW));
+    let robot = bus.start_task("robot", async |mw| nodes::run_task("robot", &mw).await);
+    let (driver, (send, states)) = (bus.node("driver"), channel());
+    let take = move |state: RobotState| send.send(state).unwrap_or_default();
+    let _states = driver.subscribe("/roscausal/robot", Qos::Volatile(10), take).expect("subscribes");
+    let tf = driver.advertise::<TFMessage>("/tb3_0/tf_static", Qos::Latched).expect("advertises");
+    let mut transform =
+        TransformStamped { header: header("map"), child_frame_id: "odom".into(), ..Default::default() };
+    transform.transform.translation.x = 5.0;
+    tf.publish(&TFMessage { transforms: vec![transform] }).expect("publishes");
+    let plan = driver.advertise::<Path>("/tb3_0/plan", Qos::Volatile(10)).expect("advertises");
+    let at = |x: f64| {
+        let mut pose = PoseStamped::default();
+        pose.pose.position.x = x;
+        pose
+    };
+    plan.publish(&Path { header: header("map"), poses: vec![at(1.0), at(2.0), at(9.0)] }).expect("publishes");
+    // A plan that failed has no end, and changes nothing.
+    plan.publish(&Path { header: header("map"), poses: Vec::new() }).expect("publishes");
+    let odometry = driver.advertise::<Odometry>("/tb3_0/odom", Qos::Volatile(10)).expect("advertises");
+    let mut message = Odometry { header: header("odom"), ..Odometry::default() };
+    (message.pose.pose.position.x, message.twist.twist.linear.x) = (1.5, 0.4);
+    odometry.publish(&message).expect("publishes");
+    bus.settle();
+    let state = states.try_recv().expect("a state");
+    assert_eq!((state.pose2d.x, state.twist.linear.x, state.goal.x), (6.5, 0.4, 9.0));
+    bus.shutdown();
+    robot.end().expect("no panic").expect("ends well");
+}
+
+#[test]
+fn a_velocity_alone_is_odometry_where_tf_tells_the_pose() {
+    let bus = Loopback::lockstep();
+    for (name, value) in [
+        ("odom_topic", "/odometry/velocity"),
+        ("odom_type", "TwistStamped"),
+        ("pose_topic", ""),
+        ("source_frame", "base_link"),
+    ] {
+        bus.set_node_param("robot", name, text(value));
+    }
+    bus.advance_to(Time::from_secs_f64(NOW));
+    let robot = bus.start_task("robot", async |mw| nodes::run_task("robot", &mw).await);
+    let (listener, (send, states)) = (bus.node("listener"), channel());
+    let take = move |state: RobotState| send.send(state).unwrap_or_default();
+    let _states = listener.subscribe("/roscausal/robot", Qos::Volatile(10), take).expect("subscribes");
+    tell_where_base_link_is(&bus);
+    let velocity =
+        listener.advertise::<TwistStamped>("/odometry/velocity", Qos::Volatile(10)).expect("advertises");
+    let mut message = TwistStamped { header: header("base_link"), ..TwistStamped::default() };
+    message.twist.linear.x = 0.7;
+    velocity.publish(&message).expect("publishes");
+    bus.settle();
+    let state = states.try_recv().expect("a state");
+    assert_eq!((state.pose2d.x, state.twist.linear.x), (5.0, 0.7));
     bus.shutdown();
     robot.end().expect("no panic").expect("ends well");
 }

@@ -177,6 +177,16 @@ pub struct Twist {
 }
 message!("geometry_msgs" Twist uses [Vector3]);
 
+/// `geometry_msgs/TwistStamped`.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct TwistStamped {
+    /// Time and frame.
+    pub header: Header,
+    /// The velocity.
+    pub twist: Twist,
+}
+message!("geometry_msgs" TwistStamped uses [Header, Twist]);
+
 /// `geometry_msgs/TwistWithCovariance`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct TwistWithCovariance {

@@ -3,7 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use crate::{
-    geometry_msgs::{PoseWithCovariance, TwistWithCovariance},
+    geometry_msgs::{PoseStamped, PoseWithCovariance, TwistWithCovariance},
     std_msgs::Header,
 };
 
@@ -20,3 +20,13 @@ pub struct Odometry {
     pub twist: TwistWithCovariance,
 }
 message!("nav_msgs" Odometry uses [Header, PoseWithCovariance, TwistWithCovariance]);
+
+/// `nav_msgs/Path`.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Path {
+    /// Time and frame.
+    pub header: Header,
+    /// The way, from here to the goal.
+    pub poses: Vec<PoseStamped>,
+}
+message!("nav_msgs" Path uses [Header, PoseStamped]);

@@ -58,6 +58,7 @@ impl Chooser<'_> {
         }
         let mut candidates = self.candidates(role);
         candidates.retain(|topic| !is_nobody(topic));
+        candidates.retain(|topic| !CHOSEN_BY_NAME.contains(&topic.type_name.as_str()));
         let usual = role.usual.iter().find_map(|usual| candidates.iter().find(|topic| topic.name == *usual));
         match (usual, candidates.as_slice()) {
             (Some(usual), _) => Ok(Some((*usual).clone())),
@@ -74,7 +75,9 @@ impl Chooser<'_> {
             return Ok(None);
         }
         let Some(name) = named else {
-            let candidates = self.candidates(role);
+            let mut candidates = self.candidates(role);
+            // Nav2 has a /goal_pose that nobody publishes when goals come by its action.
+            candidates.retain(|topic| topic.messages != Some(0));
             let usual =
                 role.usual.iter().find_map(|usual| candidates.iter().find(|topic| topic.name == *usual));
             let own: Vec<_> = candidates
@@ -88,7 +91,7 @@ impl Chooser<'_> {
     }
 
     /// The topics that are named, or found by their types; none where people are TF frames.
-    pub(super) fn people(&self, named: &[String]) -> Result<Vec<Topic>> {
+    pub(super) fn people(&self, named: &[String], tf: &str) -> Result<Vec<Topic>> {
         if !named.is_empty() {
             return named.iter().map(|name| self.named_people(name)).collect();
         }
@@ -105,7 +108,7 @@ impl Chooser<'_> {
         candidates.retain(|topic| !is_nobody(topic));
         match candidates.as_slice() {
             [only] => Ok(vec![(*only).clone()]),
-            [] if !self.ros4hri().is_empty() || self.has_people_frames()? => Ok(Vec::new()),
+            [] if !self.ros4hri().is_empty() || self.has_people_frames(tf)? => Ok(Vec::new()),
             [] => Err(self.nothing(&PEOPLE)),
             _ => Err(self.fault(&PEOPLE, "several topics can be people")),
         }
@@ -145,8 +148,8 @@ impl Chooser<'_> {
         self.recording.topics().iter().filter(is_list).collect()
     }
 
-    fn has_people_frames(&self) -> Result<bool> {
-        let frames = coverage::frames(self.path)?;
+    fn has_people_frames(&self, tf: &str) -> Result<bool> {
+        let frames = coverage::frames(self.path, tf)?;
         Ok(frames.iter().any(|frame| ROS4HRI_FRAMES.iter().any(|start| frame.starts_with(start))))
     }
 
@@ -157,7 +160,21 @@ impl Chooser<'_> {
                 .iter()
                 .any(|topic| topic.name == name && topic.type_name == kind && topic.known_type().is_some())
         };
-        self.candidates(&ROBOT_ODOM).is_empty() && STATES.into_iter().all(there)
+        self.one(&ROBOT_ODOM, None).is_ok_and(|topic| topic.is_none()) && STATES.into_iter().all(there)
+    }
+
+    /// The topic of transforms of the robot with this topic: that of its namespace, if there is one and no other.
+    pub(super) fn tf_of(&self, topic: &str) -> String {
+        let has = |name: &str| self.recording.topics().iter().any(|topic| topic.name == name);
+        let mut space = topic;
+        while let Some((above, _)) = space.rsplit_once('/') {
+            let name = format!("{above}/tf");
+            if has(&name) {
+                return name;
+            }
+            space = above;
+        }
+        "/tf".to_owned()
     }
 
     pub(super) fn nothing(&self, role: &Role) -> Error {

@@ -30,9 +30,10 @@ pub(crate) struct Coverage {
     pub(crate) odometry: f64,
 }
 
-/// Whether this is a topic of transforms.
-fn is_tf(topic: &Topic) -> bool {
-    matches!(topic.name.trim_start_matches('/'), "tf" | "tf_static")
+/// Whether this is the topic of transforms, or that of the fixed ones.
+fn is_tf(topic: &Topic, tf: &str) -> bool {
+    let name = topic.name.trim_start_matches('/');
+    name.strip_suffix("_static").unwrap_or(name) == tf.trim_start_matches('/')
         && topic.type_name == "tf2_msgs/TFMessage"
 }
 
@@ -40,15 +41,21 @@ fn is_tf(topic: &Topic) -> bool {
 ///
 /// # Errors
 /// A recording that cannot be opened.
-pub(crate) fn measure(path: &Path, pose: &str, odometry: &str, map: &str) -> Result<Coverage> {
+pub(crate) fn measure(
+    path: &Path,
+    pose: &str,
+    odometry: &str,
+    map: &str,
+    tf_topic: &str,
+) -> Result<Coverage> {
     let mut recording = Recording::open(path)?;
     let topics = recording.topics().to_vec();
-    recording.select(|topic| topic.name == pose || topic.name == odometry || is_tf(topic));
+    recording.select(|topic| topic.name == pose || topic.name == odometry || is_tf(topic, tf_topic));
     let (mut by_pose, mut by_odometry) = (Known::default(), Known::default());
     let (mut span, mut waiting, mut tf) = (None::<(Time, Time)>, VecDeque::new(), TfBuffer::default());
     for record in recording.by_ref() {
         let topic = &topics[record.topic];
-        if is_tf(topic) {
+        if is_tf(topic, tf_topic) {
             if let Ok(message) = topic.decode::<TFMessage>(&record.bytes) {
                 tf.insert(&message, topic.name.ends_with("tf_static"));
             }
@@ -116,10 +123,10 @@ impl Known {
 ///
 /// # Errors
 /// A recording that cannot be opened.
-pub(crate) fn frames(path: &Path) -> Result<BTreeSet<String>> {
+pub(crate) fn frames(path: &Path, tf: &str) -> Result<BTreeSet<String>> {
     let mut recording = Recording::open(path)?;
     let topics = recording.topics().to_vec();
-    recording.select(is_tf);
+    recording.select(|topic| is_tf(topic, tf));
     let mut frames = BTreeSet::new();
     for record in recording.by_ref().take(LOOKED_AT) {
         let Ok(message) = topics[record.topic].decode::<TFMessage>(&record.bytes) else { continue };

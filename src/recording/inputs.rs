@@ -16,7 +16,7 @@ use crate::{nodes::RECORDING, presets};
 use super::{
     choose::{Chooser, STATES, is_nobody},
     coverage, play,
-    roles::{HUMAN_GOAL, PEOPLE, ROBOT_GOAL, ROBOT_ODOM, ROBOT_POSE, Role},
+    roles::{HUMAN_GOAL, PEOPLE, ROBOT_GOAL, ROBOT_ODOM, ROBOT_POSE, Role, VELOCITY},
 };
 
 /// The value that means "the pose in the odometry".
@@ -129,6 +129,8 @@ pub(crate) struct Inputs {
     pub(crate) pose_of: Option<String>,
     /// Topics that are read as bytes: those of signals, and people of any type.
     pub(crate) raw_topics: Vec<String>,
+    /// Topic of the transforms.
+    tf: String,
     /// When it begins.
     pub(crate) start: Time,
     /// One line for each role: what was chosen.
@@ -144,6 +146,7 @@ impl Inputs {
             params: Vec::new(),
             pose_of: None,
             raw_topics: Vec::new(),
+            tf: "/tf".to_owned(),
             start: play::start(path, recording)?,
             chosen: Vec::new(),
         };
@@ -160,7 +163,6 @@ impl Inputs {
         } else {
             inputs.take_robot(&chooser, args)?;
             inputs.take_people(&chooser, args)?;
-            inputs.topics.extend(["/tf", "/tf_static"].map(str::to_owned));
         }
         inputs.take_interventions(&chooser, args);
         inputs.set_carried(path)?;
@@ -210,7 +212,19 @@ impl Inputs {
             Some(FROM_ODOMETRY) => None,
             named => chooser.optional(&ROBOT_POSE, named)?,
         };
+        let of_robot = odometry.as_ref().or(pose.as_ref());
+        self.take_tf(&of_robot.map_or("/tf".into(), |topic| chooser.tf_of(&topic.name)));
         match (odometry, pose) {
+            (Some(odometry), pose) if odometry.type_name == VELOCITY => {
+                self.take(&ROBOT_ODOM, &odometry);
+                match pose {
+                    Some(pose) => self.take(&ROBOT_POSE, &pose),
+                    None => {
+                        let (base, map) = self.frames(chooser)?;
+                        self.chosen.push(format!("robot pose: the place of {base} in {map} by TF"));
+                    }
+                }
+            }
             (Some(odometry), pose) => {
                 self.take(&ROBOT_ODOM, &odometry);
                 self.take_pose(chooser, args, &odometry, pose)?;
@@ -244,7 +258,8 @@ impl Inputs {
                 self.take(&ROBOT_POSE, &pose);
                 return Ok(());
             }
-            let known = coverage::measure(chooser.path, &pose.name, &odometry.name, &target_frame(args))?;
+            let known =
+                coverage::measure(chooser.path, &pose.name, &odometry.name, &target_frame(args), &self.tf)?;
             let percent = |share: f64| format!("{:.0} % of the time", 100.0 * share);
             if known.odometry <= known.pose + CLEARLY_MORE {
                 self.take(&ROBOT_POSE, &pose);
@@ -275,20 +290,36 @@ impl Inputs {
 
     /// The robot's place in TF, where nothing else tells it.
     fn take_frame(&mut self, chooser: &Chooser<'_>) -> Result<()> {
-        let frames = coverage::frames(chooser.path)?;
-        let base = BASES.into_iter().find(|base| frames.contains(*base));
-        let map = ["map", "odom"].into_iter().find(|map| frames.contains(*map));
-        let (base, map) = base.zip(map).ok_or_else(|| chooser.nothing(&ROBOT_ODOM))?;
-        for (name, value) in
-            [("odom_topic", ""), ("pose_topic", ""), ("source_frame", base), ("target_frame", map)]
-        {
-            self.set("robot", name, value);
-        }
-        self.set("human", "target_frame", map);
+        let (base, map) = self.frames(chooser)?;
+        self.set("robot", "odom_topic", "");
         self.chosen.push(format!(
             "robot: the place of {base} in {map} by TF; its speed follows from it (no odometry and no pose in the recording)"
         ));
         Ok(())
+    }
+
+    /// Plays the transforms on this topic, and has them listened to.
+    fn take_tf(&mut self, tf: &str) {
+        self.topics.extend([tf.to_owned(), format!("{tf}_static")]);
+        if tf != "/tf" {
+            self.set("robot", "tf_topic", tf);
+            self.set("human", "tf_topic", tf);
+            self.chosen.push(format!("transforms: {tf} and {tf}_static"));
+        }
+        tf.clone_into(&mut self.tf);
+    }
+
+    /// Takes the robot's frame as its pose. Returns its name and that of the map.
+    fn frames(&mut self, chooser: &Chooser<'_>) -> Result<(&'static str, &'static str)> {
+        let frames = coverage::frames(chooser.path, &self.tf)?;
+        let base = BASES.into_iter().find(|base| frames.contains(*base));
+        let map = ["map", "odom"].into_iter().find(|map| frames.contains(*map));
+        let (base, map) = base.zip(map).ok_or_else(|| chooser.nothing(&ROBOT_ODOM))?;
+        for (name, value) in [("pose_topic", ""), ("source_frame", base), ("target_frame", map)] {
+            self.set("robot", name, value);
+        }
+        self.set("human", "target_frame", map);
+        Ok((base, map))
     }
 
     fn take_people(&mut self, chooser: &Chooser<'_>, args: &InputArgs) -> Result<()> {
@@ -304,7 +335,7 @@ impl Inputs {
         {
             self.take_people_frames(chooser, &pattern);
         } else {
-            let topics = chooser.people(&args.people)?;
+            let topics = chooser.people(&args.people, &self.tf)?;
             if topics.is_empty() {
                 self.take_people_frames(chooser, "")
             } else {

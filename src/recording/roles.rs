@@ -42,17 +42,24 @@ const fn kind(
 }
 
 /// Types with many meanings: such a topic is taken only by its name.
-pub(crate) const CHOSEN_BY_NAME: [&str; 1] = ["geometry_msgs/PoseStamped"];
+pub(crate) const CHOSEN_BY_NAME: [&str; 3] =
+    ["geometry_msgs/PoseStamped", "geometry_msgs/TwistStamped", "nav_msgs/Path"];
 
 /// Words in the last part of the names of PoseArrays that are no people, such as AMCL's `/particlecloud`.
 pub(crate) const NOT_PEOPLE: [&str; 7] =
     ["particle", "waypoint", "path", "plan", "goal", "grasp", "landmark"];
 
+/// Odometry that tells a velocity alone.
+pub(crate) const VELOCITY: &str = "geometry_msgs/TwistStamped";
+
 pub(crate) const ROBOT_ODOM: Role = Role {
     flag: "--robot-odom",
     what: "robot odometry",
     node: "robot",
-    kinds: &[kind("nav_msgs/Odometry", "odom_topic", &[])],
+    kinds: &[
+        kind("nav_msgs/Odometry", "odom_topic", &[("odom_type", "Odometry")]),
+        kind(VELOCITY, "odom_topic", &[("odom_type", "TwistStamped")]),
+    ],
     usual: &["/mobile_base_controller/odom", "/odom"],
 };
 
@@ -78,8 +85,9 @@ pub(crate) const ROBOT_GOAL: Role = Role {
     kinds: &[
         kind("move_base_msgs/MoveBaseActionGoal", "goal_topic", &[("goal_type", "MoveBaseActionGoal")]),
         kind("geometry_msgs/PoseStamped", "goal_topic", &[("goal_type", "PoseStamped")]),
+        kind("nav_msgs/Path", "goal_topic", &[("goal_type", "Path")]),
     ],
-    usual: &["/move_base/goal", "/goal_pose", "/move_base_simple/goal"],
+    usual: &["/move_base/goal", "/goal_pose", "/move_base_simple/goal", "/plan"],
 };
 
 pub(crate) const PEOPLE: Role = Role {

@@ -132,6 +132,12 @@ pub(super) fn specs() -> Vec<ParamSpec> {
         ),
         ParamSpec::new("target_frame", text("map"), Any, "frame of the published states"),
         ParamSpec::new(
+            "tf_topic",
+            text("/tf"),
+            Any,
+            "transforms; those that are fixed come on the same name with _static",
+        ),
+        ParamSpec::new(
             "sel_agent",
             text("1000"),
             Any,
@@ -190,10 +196,11 @@ pub(super) async fn human_task<M: Middleware>(mw: &M) -> Result<()> {
         None => None,
     };
     let (dynamic, fixed) = (inbox.sender(), inbox.sender());
-    let _tf =
-        mw.subscribe("/tf", Qos::Volatile(100), move |m: TFMessage| dynamic.send(Event::Tf(m, false)))?;
-    let _tf_static =
-        mw.subscribe("/tf_static", Qos::Latched, move |m: TFMessage| fixed.send(Event::Tf(m, true)))?;
+    let tf = params.text_if_set("tf_topic").unwrap_or_else(|| "/tf".to_owned());
+    let _tf = mw.subscribe(&tf, Qos::Volatile(100), move |m: TFMessage| dynamic.send(Event::Tf(m, false)))?;
+    let _tf_static = mw.subscribe(&format!("{tf}_static"), Qos::Latched, move |m: TFMessage| {
+        fixed.send(Event::Tf(m, true))
+    })?;
 
     let ros4hri = params.text("people_type") == "ros4hri";
     let select: Select =

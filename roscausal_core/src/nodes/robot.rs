@@ -2,9 +2,9 @@
 
 use roscausal_msgs::{
     RobotState,
-    geometry_msgs::{Point, Pose, PoseStamped, PoseWithCovarianceStamped},
+    geometry_msgs::{Point, Pose, PoseStamped, PoseWithCovarianceStamped, TwistStamped},
     move_base_msgs::MoveBaseActionGoal,
-    nav_msgs::Odometry,
+    nav_msgs::{Odometry, Path},
     std_msgs::Header,
     tf2_msgs::TFMessage,
 };
@@ -34,7 +34,13 @@ pub(super) fn specs() -> Vec<ParamSpec> {
             "odom_topic",
             text("/mobile_base_controller/odom"),
             Any,
-            "nav_msgs/Odometry of the base; empty: none, the speed follows from the poses",
+            "odometry of the base; empty: none, the speed follows from the poses",
+        ),
+        ParamSpec::new(
+            "odom_type",
+            text("Odometry"),
+            OneOf(&["Odometry", "TwistStamped"]),
+            "type of odom_topic; TwistStamped: a measured velocity alone",
         ),
         ParamSpec::new(
             "pose_topic",
@@ -45,15 +51,16 @@ pub(super) fn specs() -> Vec<ParamSpec> {
         ParamSpec::new(
             "pose_type",
             text("PoseWithCovarianceStamped"),
-            OneOf(&["PoseWithCovarianceStamped", "PoseStamped"]),
-            "type of pose_topic",
+            OneOf(&["PoseWithCovarianceStamped", "PoseStamped", "Odometry"]),
+            "type of pose_topic; Odometry: the pose in the odometry, brought to target_frame by TF",
         ),
         ParamSpec::new("goal_topic", text("/move_base/goal"), Any, "the goal; empty: none"),
         ParamSpec::new(
             "goal_type",
             text("MoveBaseActionGoal"),
-            OneOf(&["MoveBaseActionGoal", "PoseStamped"]),
-            "type of goal_topic; PoseStamped for /move_base_simple/goal and /goal_pose",
+            OneOf(&["MoveBaseActionGoal", "PoseStamped", "Path"]),
+            "type of goal_topic; PoseStamped for /move_base_simple/goal and /goal_pose; Path: the end of a plan, such as Nav2's /plan, \
+             which has the goals of NavigateToPose, too",
         ),
         ParamSpec::new("robot", text(""), Any, "name of the robot, the namespace of its topics; empty: none"),
         ParamSpec::new(
@@ -63,6 +70,12 @@ pub(super) fn specs() -> Vec<ParamSpec> {
             "frame of the robot, used without pose_topic",
         ),
         ParamSpec::new("target_frame", text("map"), Any, "frame of the published state"),
+        ParamSpec::new(
+            "tf_topic",
+            text("/tf"),
+            Any,
+            "transforms; those that are fixed come on the same name with _static; a robot in a namespace may have /NAME/tf",
+        ),
         ParamSpec::new(
             "queue_size",
             Value::Int(10),
@@ -99,19 +112,28 @@ pub(super) async fn robot_task<M: Middleware>(mw: &M) -> Result<()> {
     let _odometry = match params.text_if_set("odom_topic") {
         Some(topic) => {
             let topic = in_namespace("robot", &robot, &topic)?;
-            let (send, input) = (inbox.sender(), health.input::<Odometry>(&topic, true));
-            let take = move |m: Odometry| send.send(Event::Odometry(input, Box::new(m)));
-            Some(mw.subscribe(&topic, qos, take)?)
+            let send = inbox.sender();
+            Some(if params.text("odom_type") == "TwistStamped" {
+                let input = health.input::<TwistStamped>(&topic, true);
+                let take = move |m: TwistStamped| send.send(Event::Odometry(input, Box::new(of_twist(m))));
+                mw.subscribe(&topic, qos, take)?
+            } else {
+                let input = health.input::<Odometry>(&topic, true);
+                let take = move |m: Odometry| send.send(Event::Odometry(input, Box::new(m)));
+                mw.subscribe(&topic, qos, take)?
+            })
         }
         None => None,
     };
     let _pose = subscribe_pose(mw, &params, &inbox, &mut health)?;
     let _goal = subscribe_goal(mw, &params, &inbox)?;
     let send = inbox.sender();
-    let _tf = mw.subscribe("/tf", qos, move |m: TFMessage| send.send(Event::Tf(m, false)))?;
+    let tf = params.text_if_set("tf_topic").unwrap_or_else(|| "/tf".to_owned());
+    let _tf = mw.subscribe(&tf, qos, move |m: TFMessage| send.send(Event::Tf(m, false)))?;
     let send = inbox.sender();
-    let _tf_static =
-        mw.subscribe("/tf_static", Qos::Latched, move |m: TFMessage| send.send(Event::Tf(m, true)))?;
+    let _tf_static = mw.subscribe(&format!("{tf}_static"), Qos::Latched, move |m: TFMessage| {
+        send.send(Event::Tf(m, true))
+    })?;
 
     let mut tracker =
         RobotTracker::new(&params.text("target_frame"), params.count("queue_size"), params.double("slop"));
@@ -158,6 +180,13 @@ pub(super) async fn robot_task<M: Middleware>(mw: &M) -> Result<()> {
     }
 }
 
+/// A velocity as odometry without a place.
+fn of_twist(message: TwistStamped) -> Odometry {
+    let mut odometry = Odometry { header: message.header, ..Odometry::default() };
+    odometry.twist.twist = message.twist;
+    odometry
+}
+
 /// Without a `pose_topic` there is no subscription.
 fn subscribe_pose<M: Middleware>(
     mw: &M,
@@ -168,7 +197,10 @@ fn subscribe_pose<M: Middleware>(
     let Some(topic) = params.text_if_set("pose_topic") else { return Ok(None) };
     let topic = in_namespace("robot", &params.text("robot"), &topic)?;
     let (qos, send) = (Qos::Volatile(100), inbox.sender());
-    let subscription = if params.text("pose_type") == "PoseStamped" {
+    let subscription = if params.text("pose_type") == "Odometry" {
+        let input = health.input::<Odometry>(&topic, true);
+        mw.subscribe(&topic, qos, move |m: Odometry| send.send(Event::Pose(input, m.header, m.pose.pose)))
+    } else if params.text("pose_type") == "PoseStamped" {
         let input = health.input::<PoseStamped>(&topic, true);
         mw.subscribe(&topic, qos, move |m: PoseStamped| send.send(Event::Pose(input, m.header, m.pose)))
     } else {
@@ -191,6 +223,13 @@ fn subscribe_goal<M: Middleware>(
     let subscription = if params.text("goal_type") == "PoseStamped" {
         mw.subscribe(&topic, Qos::Volatile(10), move |m: PoseStamped| {
             send.send(Event::Goal(m.header, m.pose.position))
+        })
+    } else if params.text("goal_type") == "Path" {
+        mw.subscribe(&topic, Qos::Volatile(10), move |m: Path| {
+            // The poses of a plan may have headers of their own; those of Nav2 and move_base are in the plan's frame.
+            if let Some(end) = m.poses.last() {
+                send.send(Event::Goal(m.header, end.pose.position));
+            }
         })
     } else {
         mw.subscribe(&topic, Qos::Volatile(10), move |m: MoveBaseActionGoal| {

@@ -41,8 +41,10 @@ macro_rules! for_every_type {
             geometry_msgs::Transform
             geometry_msgs::TransformStamped
             geometry_msgs::Twist
+            geometry_msgs::TwistStamped
             geometry_msgs::TwistWithCovariance
             nav_msgs::Odometry
+            nav_msgs::Path
             tf2_msgs::TFMessage
             actionlib_msgs::GoalID
             move_base_msgs::MoveBaseGoal

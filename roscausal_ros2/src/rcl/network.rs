@@ -47,6 +47,13 @@ impl Network {
         if text("ROS_STATIC_PEERS").is_some() {
             warnings.push("ROS_STATIC_PEERS has no effect: these nodes find others by multicast only".into());
         }
+        if text("RMW_IMPLEMENTATION").as_deref() == Some("rmw_zenoh_cpp") {
+            warnings.push(
+                "RMW_IMPLEMENTATION is rmw_zenoh_cpp, another wire: this node speaks DDS and hears nothing of nodes that use it. \
+                 Run those with rmw_fastrtps_cpp or rmw_cyclonedds_cpp, or start a zenoh-bridge-ros2dds between the two"
+                    .into(),
+            );
+        }
         if let Some(old @ ("humble" | "galactic" | "foxy")) = text("ROS_DISTRO").as_deref() {
             warnings.push(format!(
                 "ROS_DISTRO is {old}, whose discovery differs: topics work, but this node is not listed by name"
@@ -59,6 +66,20 @@ impl Network {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_node_among_zenoh_nodes_says_that_it_hears_nothing_and_what_to_do() {
+        let mut warnings = Vec::new();
+        let find = |name: &str| (name == "RMW_IMPLEMENTATION").then(|| "rmw_zenoh_cpp".to_owned());
+        Network::from_env(find, &mut warnings).unwrap();
+        assert!(
+            warnings[0].contains("rmw_zenoh_cpp") && warnings[0].contains("zenoh-bridge-ros2dds"),
+            "{warnings:?}"
+        );
+        warnings.clear();
+        Network::from_env(|_| None, &mut warnings).unwrap();
+        assert!(warnings.is_empty());
+    }
 
     #[test]
     fn the_environment_places_the_node_on_the_network() {
