@@ -313,7 +313,7 @@ fn a_recording_with_poses_or_transforms_only_is_analysed() {
 fn a_robot_in_a_namespace_has_the_transforms_of_its_namespace_and_its_goal_from_the_end_of_the_plan() {
     let dir = tempfile::tempdir().expect("a folder");
     write_walk(&dir.path().join("walk.mcap"), &["/odom", "/tf", "/people"]);
-    let mut walk = Recording::open(&dir.path().join("walk.mcap")).expect("opens");
+    let mut walk = Recording::open(dir.path().join("walk.mcap")).expect("opens");
     let topics = walk.topics().to_vec();
     let mut writer = McapWriter::create(dir.path().join("ns.mcap")).expect("a file");
     for (place, Record { topic, stamp, bytes }) in walk.by_ref().enumerate() {

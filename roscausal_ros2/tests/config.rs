@@ -11,13 +11,14 @@ use roscausal_core::{
 use roscausal_ros2::{Args, ParamFile};
 
 /// Where the usual robot of ROS 2, with Nav2, differs from the nodes' defaults, which are those of ROS-Causal 1.x. Its pose is
-/// its place in TF: `/amcl_pose` comes only now and then.
+/// its place in TF: `/amcl_pose` comes only now and then. Its goal is the end of the plan: goals of the action NavigateToPose are on no
+/// topic.
 const NAV2: [(&str, &str, &str); 5] = [
     ("roscausal_robot", "odom_topic", "/odom"),
     ("roscausal_robot", "pose_topic", ""),
     ("roscausal_robot", "source_frame", "base_link"),
-    ("roscausal_robot", "goal_topic", "/goal_pose"),
-    ("roscausal_robot", "goal_type", "PoseStamped"),
+    ("roscausal_robot", "goal_topic", "/plan"),
+    ("roscausal_robot", "goal_type", "Path"),
 ];
 
 fn path(name: &str) -> PathBuf {

@@ -156,7 +156,7 @@ def poses_in_another_frame_are_transformed():
 
 @test
 def people_their_goal_parameter_and_an_empty_list():
-    given = ["-p", "people_topic:=/faces", "-p", "people_type:=geometry_msgs/PoseArray", "-p", "hri.human_goal:=[7.0, 8.0]"]
+    given = ["-p", "people_topic:=/faces", "-p", "people_type:=auto", "-p", "hri.human_goal:=[7.0, 8.0]"]
     with node("human", *given, "-p", "sel_agent:='0'") as program, Ros() as ros:
         faces = ros.node.create_publisher(PoseArray, "/faces", 10)
         humans = heard(ros, message_class("roscausal_msgs/Humans"), "/roscausal/humans")
