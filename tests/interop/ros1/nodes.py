@@ -15,12 +15,13 @@ import time
 import genpy.dynamic
 import rospy
 import tf2_ros
-from geometry_msgs.msg import PoseWithCovarianceStamped, TransformStamped
+from geometry_msgs.msg import PoseWithCovarianceStamped, TransformStamped, TwistStamped
 from move_base_msgs.msg import MoveBaseActionGoal
 from nav_msgs.msg import Odometry
 from pedsim_msgs.msg import AgentState, AgentStates, TrackedPerson, TrackedPersons
 from roscausal_msgs.msg import Humans, HumanState, RobotState
 from rosgraph_msgs.msg import Log
+from visualization_msgs.msg import Marker, MarkerArray
 
 from harness import NODE, Group, Process, eventually
 
@@ -220,6 +221,44 @@ def pedsims_own_people_are_taken_in_their_frame_by_dynamic_tf(_):
         assert [(h.id, h.pose2D.x, h.pose2D.y) for h in humans] == [(3, 3, 101), (5, 5, 101)], humans
         assert all(abs(math.hypot(h.twist.linear.x, h.twist.linear.y) - 0.5) < 1e-9 for h in humans), humans
     out.unregister()
+
+
+@case
+def people_of_a_type_that_is_found_by_itself_are_taken(_):
+    out = rospy.Publisher("/tracks", MarkerArray, queue_size=10)
+    everybody = Collect("/roscausal/humans", Humans)
+
+    def tick(stamp):
+        array = MarkerArray()
+        for number, (ns, x) in enumerate((("people", 3.0), ("walls", 4.0), ("people", 5.0))):
+            marker = Marker(ns=ns, id=number)
+            marker.header.stamp, marker.header.frame_id = stamp, "map"
+            marker.pose.position.x, marker.pose.orientation.w = x, 1
+            array.markers.append(marker)
+        out.publish(array)
+    with node("human", "_people_topic:=/tracks") as human, Publishing(20, tick):
+        humans = everybody.one(lambda m: len(m.humans) == 2, what="two markers\n" + human.text).humans
+        assert [(h.id, h.pose2D.x) for h in humans] == [(0, 3), (2, 5)], humans
+    out.unregister()
+
+
+@case
+def signals_of_any_topic_are_recorded_live(_):
+    out = rospy.Publisher("/speed", TwistStamped, queue_size=10)
+
+    def tick(stamp):
+        message = TwistStamped()
+        message.header.stamp, message.twist.linear.x = stamp, 0.25
+        out.publish(message)
+    folder = tempfile.mkdtemp(dir=os.environ.get("ROSCAUSAL_WORK"), prefix="signals-")
+    given = ["_data_dir:=" + folder, "_pp_data_dir:=%s/pp" % folder, "_ts_length:=2", "_sel_agent:=nobody"]
+    with node("data", *given, "_signals:=[v = 2 * /speed.twist.linear.x]") as data, Publishing(20, tick):
+        path = eventually(lambda: glob.glob(folder + "/data_*.csv"), 20, lambda: "a batch\n" + data.text)[0]
+    with open(path, newline="") as file:
+        values = [row["v"] for row in csv.DictReader(file)]
+    assert values.count("0.5") >= len(values) - 3 and len(values) >= 15, values
+    out.unregister()
+    return "%d rows" % len(values)
 
 
 class Recording:
