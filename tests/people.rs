@@ -150,6 +150,7 @@ fn ros4hri_people_are_those_on_the_list_and_keep_small_numbers() {
     assert!(header.contains("h_1_x") && header.contains("h_2_x"), "{header}");
     assert!(!header.contains("h_3_x"), "person_ghost is a frame that nobody tracks: {header}");
     assert!(said(&output).contains("/humans/persons/tracked"), "{}", said(&output));
+    assert!(said(&output).contains("people: 1 = anna, 2 = berta"), "it says who is who: {}", said(&output));
 }
 
 #[test]
@@ -175,6 +176,8 @@ fn several_topics_of_people_are_named_and_a_topic_without_people_is_refused() {
     assert!(said(&output).contains("/zed/objects (zed_msgs/ObjectsStamped)"), "{}", said(&output));
     let (output, _) = replayed(dir.path(), "people.bag", &["--people", "/tf"]);
     assert!(said(&output).contains("there is no topic /tf that can be people"), "{}", said(&output));
+    let (output, _) = replayed(dir.path(), "people.bag", &["--people", "/detection"]);
+    assert!(said(&output).contains("did you mean /detections?"), "{}", said(&output));
     assert!(said(&output).contains("vision_msgs/Detection3DArray"), "{}", said(&output));
 }
 

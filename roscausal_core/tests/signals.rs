@@ -12,8 +12,8 @@ use std::{fs, sync::Arc};
 use roscausal_msgs::{
     Message, cdr,
     dynamic::Wire,
-    geometry_msgs::Quaternion,
-    nav_msgs::Odometry,
+    geometry_msgs::{PoseStamped, Quaternion},
+    nav_msgs::{Odometry, Path as Plan},
     people_msgs::{People, Person},
     ros1,
 };
@@ -147,6 +147,27 @@ fn refused(text: &str) -> String {
 }
 
 #[test]
+fn the_length_of_a_plan_is_that_of_the_way_through_its_poses() {
+    let at = |x: f64, y: f64| {
+        let mut pose = PoseStamped::default();
+        (pose.pose.position.x, pose.pose.position.y) = (x, y);
+        pose
+    };
+    for (poses, length) in [
+        (vec![at(0.0, 0.0), at(3.0, 4.0), at(3.0, 6.0)], 7.0),
+        (vec![at(5.0, 5.0)], 0.0),
+        (Vec::new(), f64::NAN),
+    ] {
+        for wire in [Wire::Ros1, Wire::Cdr] {
+            let message = raw(&Plan { poses: poses.clone(), ..Plan::default() }, wire);
+            let mut left = signals(&["left = length(/plan.poses)"]);
+            let value = left.heard(0, &message, Time::from_secs_f64(1.0))[0].value;
+            assert!(value == length || (value.is_nan() && length.is_nan()), "{value}, not {length}");
+        }
+    }
+}
+
+#[test]
 fn a_bad_signal_says_what_is_wrong_and_names_the_nearest_field() {
     for (text, says) in [
         ("v = /odom.twist.twist.liner.x", "did you mean /odom.twist.twist.linear.x?"),
@@ -156,6 +177,8 @@ fn a_bad_signal_says_what_is_wrong_and_names_the_nearest_field() {
         ("v = /odom.child_frame_id", "is a text; compare it"),
         ("v = /odom.child_frame_id + 1", "a text"),
         ("v = norm(/odom.header)", "is no vector"),
+        ("v = length(/odom.pose.pose)", "is no array of points or poses"),
+        ("v = length(/odom.pose.covariance)", "is no array of points or poses"),
         ("v = /odom.twist.twist.linear.yaw", "no field"),
         ("v", "has no '='"),
         ("2v = /odom.x", "no name of a signal"),

@@ -120,7 +120,10 @@ impl Chooser<'_> {
             |topic: &&Topic| Self::people_kind(topic).is_some() || people::layout(&topic.type_name).is_some();
         let found = self.recording.topics().iter().filter(same).find(readable);
         found.cloned().ok_or_else(|| {
-            self.fault(&PEOPLE, &format!("there is no topic {name} that can be {}", PEOPLE.what))
+            let all: Vec<&str> =
+                self.recording.topics().iter().filter(readable).map(|topic| topic.name.as_str()).collect();
+            let near = nearest(&all, name).map_or(String::new(), |near| format!("; did you mean {near}?"));
+            self.fault(&PEOPLE, &format!("there is no topic {name} that can be {}{near}", PEOPLE.what))
         })
     }
 
@@ -184,11 +187,13 @@ impl Chooser<'_> {
     /// An error: the fault, what the role needs, and what there is.
     fn fault(&self, role: &Role, reason: &str) -> Error {
         let is_people = role.flag == PEOPLE.flag;
-        let mut types: Vec<&str> = role.kinds.iter().map(|Kind { type_name, .. }| *type_name).collect();
-        if is_people {
-            let more: Vec<&str> = people::types().filter(|name| !types.contains(name)).collect();
-            types.extend(more);
-        }
+        let types: Vec<&str> = role.kinds.iter().map(|Kind { type_name, .. }| *type_name).collect();
+        let types = match is_people {
+            true => "a topic of people of any tracker, such as vision_msgs/Detection3DArray, people_msgs/People or \
+                     geometry_msgs/PoseArray (docs/people.md has all types)"
+                .to_owned(),
+            false => format!("a topic of type {}", types.join(" or ")),
+        };
         let candidates = || if is_people { self.people_candidates() } else { self.candidates(role) };
         let is_read =
             |topic: &Topic| topic.known_type().is_some() || people::layout(&topic.type_name).is_some();
@@ -202,15 +207,7 @@ impl Chooser<'_> {
             false => ("of these types", candidates.into_iter().map(describe).collect()),
         };
         let list = if there.1.is_empty() { "none".to_owned() } else { there.1.join(", ") };
-        Error::file(
-            self.path,
-            format!(
-                "{reason}; {} takes a topic of type {}; {}: {list}",
-                role.flag,
-                types.join(" or "),
-                there.0
-            ),
-        )
+        Error::file(self.path, format!("{reason}; {} takes {types}; {}: {list}", role.flag, there.0))
     }
 }
 

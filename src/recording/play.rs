@@ -26,6 +26,8 @@ use super::inputs::{Inputs, ODOMETRY_POSE};
 const LONGEST_HOLE_NS: i64 = 3600 * 1_000_000_000;
 /// To this length.
 const AFTER_HOLE_NS: i64 = 1_000_000_000;
+/// What the human node calls its list of names, in diagnostics.
+const NAMES: &str = "numbers of names";
 type Troubles = Arc<Mutex<BTreeMap<String, String>>>;
 
 /// A recording that is ready to be played. The bus's clock stands at its beginning.
@@ -55,6 +57,8 @@ pub(crate) struct Played {
     unreadable: BTreeMap<String, (u64, String)>,
     losses: Vec<String>,
     troubles: Troubles,
+    /// Which number stands for which name of a person: `1 = anna`.
+    names: Arc<Mutex<String>>,
 }
 
 /// Whether this topic carries the time of a simulation.
@@ -90,8 +94,12 @@ impl<'a> Play<'a> {
         let raw = recording.topics().iter().map(raw).collect();
         recording.select(|topic| chosen(topic) || is_clock(topic) || as_bytes(topic));
         let played = Played::default();
-        let troubles = played.troubles.clone();
+        let (troubles, names) = (played.troubles.clone(), played.names.clone());
         let diagnostics = node.subscribe("/diagnostics", Qos::Volatile(10), move |m: DiagnosticArray| {
+            let told = m.status.iter().flat_map(|status| &status.values).find(|pair| pair.key == NAMES);
+            if let Some(told) = told.filter(|told| !told.value.is_empty()) {
+                lock(&names).clone_from(&told.value);
+            }
             let mut troubles = lock(&troubles);
             for status in m.status.into_iter().filter(|status| status.level != DiagnosticStatus::OK) {
                 troubles.insert(status.name, status.message);
@@ -182,6 +190,10 @@ impl<'a> Play<'a> {
 impl Played {
     /// Reports on stderr what was lost.
     pub(crate) fn tell(&self, path: &Path) {
+        let names = lock(&self.names);
+        if !names.is_empty() {
+            crate::terminal::tell!("{}: people: {names}", path.display());
+        }
         for loss in &self.losses {
             crate::terminal::tell!("note: {loss}");
         }

@@ -33,8 +33,6 @@ const RATE_HZ: f64 = 10.0;
 /// Topics of ROS4HRI (REP-155): who is tracked, and the beginning of the names of their frames, the better first.
 const ROS4HRI: [(&str, &str); 2] =
     [("/humans/persons/tracked", "person_"), ("/humans/bodies/tracked", "body_")];
-/// Ids that ROS4HRI tracked count for this long. Seconds.
-const TRACKED_S: f64 = 2.0;
 /// Messages between two reads of the goal parameter.
 const GOAL_EVERY: u64 = 10;
 
@@ -236,7 +234,7 @@ pub(super) async fn human_task<M: Middleware>(mw: &M) -> Result<()> {
                 health.heard(input, mw.now());
                 let stamp = if stamp == Time::ZERO { mw.now() } else { stamp };
                 tracker.heard(stamp);
-                frames.tracked(prefix, stamp, ids);
+                frames.tracked(prefix, ids);
             }
             Next::Event(Event::Goal(goal)) => tracker.goal(goal),
             Next::Event(Event::Goals(goals)) => {
@@ -451,8 +449,8 @@ fn of_poses(message: PoseArray) -> Vec<(Who, Sighting)> {
 struct Frames {
     /// Beginning and end of the names, if the user gave a pattern.
     pattern: Option<(String, String)>,
-    /// Those who are tracked, and since when, by the beginning of their frames' names.
-    tracked: BTreeMap<&'static str, (Time, BTreeSet<String>)>,
+    /// Those who are tracked, until the next list, by the beginning of their frames' names.
+    tracked: BTreeMap<&'static str, BTreeSet<String>>,
 }
 
 impl Frames {
@@ -467,8 +465,8 @@ impl Frames {
         }
     }
 
-    fn tracked(&mut self, prefix: &'static str, stamp: Time, ids: Vec<String>) {
-        self.tracked.insert(prefix, (stamp, ids.into_iter().collect()));
+    fn tracked(&mut self, prefix: &'static str, ids: Vec<String>) {
+        self.tracked.insert(prefix, ids.into_iter().collect());
     }
 
     /// Hands the frames that moved since then to the tracker. Persons count before bodies.
@@ -481,15 +479,12 @@ impl Frames {
         for (start, end) in kinds {
             let found = tracker.tf.frames_with_prefix(start, since);
             let tracked = self.tracked.get(start).filter(|_| self.pattern.is_none());
-            let mut any = tracked.is_some_and(|(_, ids)| !ids.is_empty());
+            let mut any = tracked.is_some_and(|ids| !ids.is_empty());
             for (name, stamp) in found {
                 let Some(id) = name.strip_prefix(start).and_then(|rest| rest.strip_suffix(end)) else {
                     continue;
                 };
-                // A list that was told before this place says who is still there; an old one says nothing.
-                let is_lost = tracked.is_some_and(|(told, ids)| {
-                    !ids.contains(id) && (0.0..TRACKED_S).contains(&stamp.secs_since(*told).abs())
-                });
+                let is_lost = tracked.is_some_and(|ids| !ids.contains(id));
                 if id.is_empty() || is_lost {
                     continue;
                 }

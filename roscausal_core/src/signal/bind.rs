@@ -35,6 +35,8 @@ enum Part {
     Of(Of, Query),
     /// Length of the vector of these numbers.
     Norm(Vec<Query>),
+    /// Length of the way through these points: their x, y and, if they have it, z.
+    Length(Vec<Query>),
     /// Of a quaternion: x, y, z, w.
     Angle(Of, [Query; 4]),
     Hertz(usize),
@@ -155,6 +157,7 @@ impl Binder<'_> {
         };
         let is_one = matches!((kind, array), (Kind::Struct(_), Array::One));
         match of {
+            Of::Length => self.way(path, array),
             Of::Roll | Of::Pitch | Of::Yaw => {
                 let found = fields(&["x", "y", "z", "w"]).filter(|_| is_one);
                 let found = found.and_then(|found| <[Query; 4]>::try_from(found).ok());
@@ -176,6 +179,24 @@ impl Binder<'_> {
                 Ok(Part::Of(of, query))
             }
         }
+    }
+
+    /// The points of an array of points or poses, with or without headers.
+    fn way(&self, path: &Path, array: Array) -> Result<Part, String> {
+        const POINTS: [&[&str]; 4] =
+            [&["pose", "position"], &["position"], &["pose", "pose", "position"], &[]];
+        let forms =
+            POINTS.into_iter().flat_map(|point| [(point, &["x", "y", "z"][..]), (point, &["x", "y"])]);
+        let found = forms.filter(|_| array != Array::One).find_map(|(point, names)| {
+            let point = point.iter().fold(path.all(), |path, name| path.field(name));
+            names
+                .iter()
+                .map(|name| self.schema.query(&point.field(name)).ok())
+                .collect::<Option<Vec<Query>>>()
+        });
+        found
+            .map(Part::Length)
+            .ok_or_else(|| format!("{}.{path} is no array of points or poses", self.signal.topic))
     }
 
     fn told(&self, path: &Path, error: &QueryError) -> String {
@@ -244,6 +265,10 @@ impl Part {
             Self::Norm(queries) => {
                 let squares = queries.iter().map(|query| one(query).map(|x| x * x));
                 squares.sum::<Result<f64, Fault>>()?.sqrt()
+            }
+            Self::Length(queries) => {
+                let parts = queries.iter().map(|query| numbers(query, scope));
+                way(&parts.collect::<Result<Vec<_>, Fault>>()?)
             }
             Self::Angle(of, [x, y, z, w]) => euler(*of, [one(x)?, one(y)?, one(z)?, one(w)?]),
             Self::Hertz(memory) => match step(memories, *memory, scope.arrived, 0.0) {
@@ -345,6 +370,16 @@ fn together(of: Of, all: &[f64]) -> f64 {
         Of::Norm => known.iter().map(|x| x * x).sum::<f64>().sqrt(),
         _ => sum,
     }
+}
+
+/// The length of the way through points whose coordinates are in these lists; NaN if there are none.
+fn way(parts: &[Vec<f64>]) -> f64 {
+    let count = parts.iter().map(Vec::len).min().unwrap_or(0);
+    if count == 0 {
+        return f64::NAN;
+    }
+    let step = |i: usize| parts.iter().map(|part| (part[i] - part[i - 1]).powi(2)).sum::<f64>().sqrt();
+    (1..count).map(step).sum()
 }
 
 /// Roll, pitch and yaw (fixed axes x, y, z, as REP-103 has them) of a quaternion of any length but 0.

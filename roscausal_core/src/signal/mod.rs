@@ -7,7 +7,7 @@
 //! The expressions:
 //! - `/topic.field.field[2].x`: a number; a truth value is 0 or 1, a time is seconds; `.roll`, `.pitch` and `.yaw` of an
 //!   orientation.
-//! - `count(p)`, `sum(p)`, `mean(p)`, `min(p)`, `max(p)` of an array, `norm(p)` of a vector or an array.
+//! - `count(p)`, `sum(p)`, `mean(p)`, `min(p)`, `max(p)` of an array, `norm(p)` of a vector or an array, `length(p)` of a way.
 //! - `rate(e)`: change per second from message to message. `hz(/topic)`: messages per second. `delay(/topic)`: seconds from
 //!   a message's stamp to its arrival.
 //! - `+ - * /`, brackets, `pi`, `abs sqrt exp log sin cos wrap min max`; comparisons `< <= > >= == !=` are 1 or 0, also with

@@ -50,6 +50,7 @@ pub(super) enum Of {
     Min,
     Max,
     Norm,
+    Length,
     Roll,
     Pitch,
     Yaw,
@@ -57,13 +58,14 @@ pub(super) enum Of {
 
 impl Of {
     /// Their names.
-    pub(super) const ALL: [(&'static str, Self); 9] = [
+    pub(super) const ALL: [(&'static str, Self); 10] = [
         ("count", Self::Count),
         ("sum", Self::Sum),
         ("mean", Self::Mean),
         ("min", Self::Min),
         ("max", Self::Max),
         ("norm", Self::Norm),
+        ("length", Self::Length),
         ("roll", Self::Roll),
         ("pitch", Self::Pitch),
         ("yaw", Self::Yaw),
