@@ -242,7 +242,8 @@ impl Detector {
                 && next.rises() == *rises
                 && both.rises() == *rises
             {
-                confirmed.push(both);
+                // The batch that was held back may have old rows: what the link is now, the later one tells alone.
+                confirmed.push(Difference { after: next.after, ..both });
             }
         }
         confirmed.sort_by(|a, b| a.p.total_cmp(&b.p).then(a.at.cmp(&b.at)));

@@ -11,7 +11,8 @@
 //!    it changed. Else it is **withdrawn**, and the batch that was held back joins the regime after all.
 //!
 //! Each batch is centred by itself, and slopes do not depend on the size of any noise, so a mean or a spread that changes is no
-//! event. A change that a batch has within itself leaves neither slope there; that is why the next one alone must show it.
+//! event. A change that a batch has within itself leaves neither slope there; that is why the next one alone must show it, and
+//! why the kind and the new slope are those of the next one alone.
 //! A regime that returns is recognised ([`ChangeEvent::same_as`]). Columns of interventions are causes that nobody compares.
 //! Sources: Chow 1960 (test of two regressions), MacKinnon and White 1985 (HC3), Huang et al. 2020 (change as change of a
 //! mechanism). The slopes are linear: a mechanism that changes its form but no slope is not seen.
