@@ -27,7 +27,7 @@ use roscausal_core::{
 };
 use roscausal_discovery::{
     AboutData, DataFrame, Evidence, Fault, Model, Settings,
-    confidence::{ResampleGraph, Resampled},
+    confidence::{ResampleGraph, Resampled, set_step},
 };
 
 use crate::{
@@ -219,7 +219,7 @@ pub(crate) fn found(args: &Args, interrupt: &Interrupt, quiet: bool) -> Result<A
     }
     let Resampled { mut model, evidence, graphs } =
         args.means.analyse(&data, &settings, resampling.as_ref(), interrupt, quiet)?;
-    model.dt = dt;
+    set_step(&mut model, dt);
     model.about_data = Some(about);
     model.warnings.splice(0..0, warnings);
     Ok(Answer { model, evidence, data, graphs })

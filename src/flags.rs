@@ -22,7 +22,7 @@ const fn optional(flag: &'static str, node: &'static str, param: &'static str) -
 }
 
 /// All twins.
-pub(crate) const TWINS: [Twin; 25] = [
+pub(crate) const TWINS: [Twin; 27] = [
     twin("method", "discovery", "cd_method"),
     twin("test", "discovery", "cond_ind_test"),
     twin("alpha", "discovery", "sig_alpha"),
@@ -43,6 +43,8 @@ pub(crate) const TWINS: [Twin; 25] = [
     twin("resampling", "discovery", "resampling"),
     twin("share", "discovery", "resample_share"),
     twin("block", "discovery", "resample_block"),
+    twin("window-batches", "discovery", "window_batches"),
+    twin("change-rows", "discovery", "change_rows"),
     twin("dt", "data", "dt"),
     twin("ts-length", "data", "ts_length"),
     twin("person", "data", "sel_agent"),

@@ -32,6 +32,13 @@ pub(crate) fn write_model(dir: &Path, model: &Model) -> Result<Vec<PathBuf>> {
     files.iter().map(|(name, bytes)| write_file(dir, name, bytes)).collect()
 }
 
+/// Writes a picture as `name.svg` and `name.png`.
+pub(crate) fn write_picture(dir: &Path, name: &str, svg: &str) -> Result<()> {
+    write_file(dir, &format!("{name}.svg"), svg.as_bytes())?;
+    write_file(dir, &format!("{name}.png"), &draw::rasterise(svg, SCALE)?.png)?;
+    Ok(())
+}
+
 /// Writes a plot of the series, `name.svg`.
 pub(crate) fn write_series(
     dir: &Path,

@@ -1,15 +1,22 @@
 //! `roscausal replay`: plays a recording to all four nodes, which make a model for each batch.
 
 use std::{
-    path::PathBuf,
+    path::{Path, PathBuf},
     sync::mpsc::Receiver,
     time::{Duration, Instant},
 };
 
 use clap::Args as ClapArgs;
-use roscausal_core::{Error, Result, Time, loopback::Loopback, params::Value};
+use roscausal_core::{
+    Error, Result, Time,
+    batch::Table,
+    loopback::Loopback,
+    nodes::{RecordedChange, recorded_changes},
+    params::Value,
+};
 use roscausal_discovery::{
     Model, Progress, Settings,
+    changes::ChangeEvent,
     rolling::{ROLLING_SCHEMA, link_counts, strips_of},
 };
 
@@ -43,6 +50,15 @@ pub(crate) struct Args {
     method: MethodArgs,
     #[command(flatten)]
     resample: ResampleArgs,
+    /// Tell when a mechanism changes, as the discovery node does (docs/confidence.md).
+    #[arg(long)]
+    changes: bool,
+    /// With --changes: rows that are compared with those before at a time; more for many variables.
+    #[arg(long, value_name = "ROWS", requires = "changes", value_parser = clap::value_parser!(u32).range(20..))]
+    change_rows: Option<u32>,
+    /// Most batches of a model: the newest ones since the last change. Default: 1, each batch alone.
+    #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..=1000))]
+    window_batches: u32,
     /// Seed of all random numbers.
     #[arg(long, default_value_t = 42)]
     seed: u64,
@@ -108,6 +124,18 @@ impl Pace {
     }
 }
 
+impl Args {
+    /// Tells the discovery node how models roll on.
+    fn set_rolling(&self, bus: &Loopback) {
+        let set = |name: &str, value: Value| bus.set_node_param("discovery", name, value);
+        set("window_batches", Value::Int(i64::from(self.window_batches)));
+        set("detect_changes", Value::Str(if self.changes { "always" } else { "never" }.to_owned()));
+        if let Some(rows) = self.change_rows {
+            set("change_rows", Value::Int(i64::from(rows)));
+        }
+    }
+}
+
 /// Runs `roscausal replay`.
 pub(crate) fn run(args: &Args, interrupt: &Interrupt) -> Result<()> {
     let settings: Settings = args.method.settings(args.seed)?;
@@ -118,6 +146,7 @@ pub(crate) fn run(args: &Args, interrupt: &Interrupt) -> Result<()> {
     nodes::set_pools(&bus, &folders.raw, &folders.processed);
     bus.set_node_param("data", "ts_length", Value::Double(TS_LENGTH_S));
     nodes::set_discovery(&bus, &folders, &settings, resampling.as_ref(), 1, args.threads);
+    args.set_rolling(&bus);
     source.set_params(&bus);
     let mut sink = Sink::open(&bus, args.record.as_deref())?;
     let play = Play::new(&bus, &mut source.recording, &source.inputs)?;
@@ -181,21 +210,51 @@ fn await_analyses(
     Ok(())
 }
 
-/// In how many of the batches each link was found: in words, as `summary.json`, and as a picture.
-fn summarise(args: &Args, files: &[PathBuf]) -> Result<()> {
+/// In how many of the batches each link was found, and what changed: in words, as `summary.json`, and as a picture.
+fn summarise(args: &Args, folders: &Folders, files: &[PathBuf]) -> Result<()> {
     let models = files.iter().map(|path| read_model(path)).collect::<Result<Vec<_>>>()?;
+    let changes = recorded_changes(&folders.models)?;
+    for change in &changes {
+        crate::terminal::say!("{}: {}", change.batch, change.event.sentence());
+    }
     let counts = link_counts(&models.iter().collect::<Vec<_>>());
     for line in roll::count_lines(&counts, "batches") {
         crate::terminal::say!("{line}");
     }
     let name = |path: &PathBuf| path.file_stem().map(|name| name.to_string_lossy().into_owned());
     let batches: Vec<Option<String>> = files.iter().map(name).collect();
-    let summary = serde_json::json!({ "schema": ROLLING_SCHEMA, "batches": batches, "links": counts });
+    let mut summary = serde_json::json!({ "schema": ROLLING_SCHEMA, "batches": batches, "links": counts });
+    if args.changes {
+        summary["changes"] = serde_json::json!(changes);
+    }
     output::write_file(&args.out, "summary.json", format!("{summary:#}\n").as_bytes())?;
-    let at: Vec<(f64, &Model)> = (1..).zip(&models).map(|(place, model)| (f64::from(place), model)).collect();
-    output::write_file(&args.out, "strip.svg", strips_of(&at, "batches", &[]).as_bytes())?;
-    crate::terminal::say!("{}: summary.json, strip.svg", args.out.display());
+    // In minutes of the recording if every batch has its times, else by the number of the batch.
+    let spans: Option<Vec<[f64; 2]>> = files.iter().map(|path| span(folders, path)).collect();
+    let begin = spans.as_ref().and_then(|spans| spans.first()).map_or(0.0, |first| first[0]);
+    let minutes = |stamp: f64| (stamp - begin) / 60.0;
+    let at: Vec<(f64, &Model)> = match &spans {
+        Some(spans) => spans.iter().map(|[a, b]| minutes(0.5 * (a + b))).zip(&models).collect(),
+        None => (1..).map(f64::from).zip(&models).collect(),
+    };
+    let place = |batch: &str| batches.iter().position(|name| name.as_deref() == Some(batch));
+    let when = |change: &RecordedChange| match (&spans, change.changed_from_to) {
+        (Some(_), Some([from, to])) => minutes(0.5 * (from + to)),
+        (Some(_), None) => minutes(change.told),
+        (None, _) => place(&change.batch).map_or(0.0, |place| place as f64 + 0.5),
+    };
+    let events: Vec<(f64, &ChangeEvent)> =
+        changes.iter().map(|change| (when(change), &change.event)).collect();
+    let unit = if spans.is_some() { "minutes, middle of each batch" } else { "batches" };
+    output::write_picture(&args.out, "strip", &strips_of(&at, unit, &events))?;
+    crate::terminal::say!("{}: summary.json, strip.svg, strip.png", args.out.display());
     Ok(())
+}
+
+/// Stamps of the first and the last row of a model's batch.
+fn span(folders: &Folders, model: &Path) -> Option<[f64; 2]> {
+    let name = Path::new(model.file_name()?).with_extension("csv");
+    let time = Table::read(&folders.processed.join("analysed").join(name), None).ok()?.time?;
+    Some([*time.first()?, *time.last()?])
 }
 
 fn show(args: &Args, folders: &Folders, troubles: &str) -> Result<()> {
@@ -203,8 +262,8 @@ fn show(args: &Args, folders: &Folders, troubles: &str) -> Result<()> {
     for path in &models {
         crate::terminal::say!("{}\n{}\n", path.display(), report::text(&read_model(path)?));
     }
-    if models.len() > 1 {
-        summarise(args, &models)?;
+    if models.len() > 1 || (args.changes && !models.is_empty()) {
+        summarise(args, folders, &models)?;
     }
     for reason in folders.rejections()? {
         crate::terminal::tell!("note: {reason}");

@@ -91,7 +91,7 @@ pub(crate) fn sentence(model: &Model, link: &Link) -> String {
         link.value,
         interval(link),
         p_value(model, link.p_value),
-        found(link)
+        found(model, link)
     )
 }
 
@@ -104,8 +104,10 @@ fn interval(link: &Link) -> String {
 }
 
 /// `; firm: in 97 of 100 resamples`.
-fn found(link: &Link) -> String {
-    let said = |share: f64| format!("; {}: in {:.0} of 100 resamples", word_of(share), 100.0 * share);
+fn found(model: &Model, link: &Link) -> String {
+    let done = model.confidence.as_ref().map_or(100, |confidence| confidence.resampling.done);
+    let count = |share: f64| share * done as f64;
+    let said = |share: f64| format!("; {}: in {:.0} of {done} resamples", word_of(share), count(share));
     link.confidence.map_or(String::new(), said)
 }
 

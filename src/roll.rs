@@ -7,7 +7,7 @@ use roscausal_core::{Error, Result};
 use roscausal_discovery::{
     Control, DataFrame, Model, Settings,
     changes::{ChangeEvent, Detector, Levels},
-    confidence::Resampling,
+    confidence::{Resampling, set_step},
     names::plain,
     rolling::{
         LinkCount, ROLLING_SCHEMA, WindowModel, Windows, link_counts, roll, roll_resampled, strips_of,
@@ -196,7 +196,7 @@ impl Rolling {
 
     /// Prints a window as soon as it is there.
     fn take(&mut self, mut window: WindowModel) {
-        window.model.dt = self.dt;
+        set_step(&mut window.model, self.dt);
         match self.format {
             Format::Jsonl => crate::terminal::say!("{}", json!({ "window": self.object(&window) })),
             Format::Csv => window.model.links.iter().for_each(|link| {
@@ -278,8 +278,7 @@ impl Rolling {
         };
         let events: Vec<(f64, &ChangeEvent)> = self.events.iter().map(|event| (when(event), event)).collect();
         let picture = strips_of(&models, "rows of the first recording, middle of each window", &events);
-        output::write_file(dir, "strip.svg", picture.as_bytes())?;
-        Ok(())
+        output::write_picture(dir, "strip", &picture)
     }
 }
 

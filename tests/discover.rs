@@ -115,7 +115,7 @@ fn resamples_give_each_link_a_word_a_share_and_an_interval() {
         &text,
         &[
             " drives b: strength 0.",
-            "firm: in 100 of 100 resamples",
+            "firm: in 40 of 40 resamples",
             "found: share of 40 subsamples",
             "hidden common cause",
         ],

@@ -266,6 +266,8 @@ mod tests {
         ("roscausal_msgs/CausalModel", "dffe9a6aaf2835bf56c67571594f45fb"),
         ("roscausal_msgs/HumanState", "90716816acd7c89906d6a039b49fe272"),
         ("roscausal_msgs/Humans", "6a4845f7410a9b3ab633d5f388b36b39"),
+        ("roscausal_msgs/ModelChange", "c911df3fa06ecfb389e8212fc3935958"),
+        ("roscausal_msgs/ModelChanges", "1e477164258feefd437fb7073a60a138"),
         ("roscausal_msgs/RobotState", "85ccda3e8061a45d573a2a8550778871"),
         ("rosgraph_msgs/Clock", "a9c97c1d230cfc112e270351a944ee47"),
         ("rosgraph_msgs/Log", "acffd30cd6b6de30f120938c17c593fb"),

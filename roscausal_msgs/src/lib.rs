@@ -114,7 +114,9 @@ pub use reasoning::{
     WhatIfRequest, WhatIfResponse,
 };
 pub use registry::{TypeVisitor, types, visit};
-pub use roscausal::{CausalLink, CausalModel, CausalModelInfo, HumanState, Humans, RobotState};
+pub use roscausal::{
+    CausalLink, CausalModel, CausalModelInfo, HumanState, Humans, ModelChange, ModelChanges, RobotState,
+};
 pub use service::Service;
 pub use time::{Duration, Time};
 pub use wire::{Fault, WireError};

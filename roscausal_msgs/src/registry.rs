@@ -2,9 +2,10 @@
 
 use crate::{
     Action, CausalLink, CausalModel, CausalModelInfo, Contribution, CostTerm, Definition, Features, Forecast,
-    HumanState, Humans, Intervention, Limit, Message, Outlook, Prediction, RobotState,
-    actionlib_msgs as actionlib, diagnostic_msgs as diagnostic, geometry_msgs as geometry, hri_msgs as hri,
-    move_base_msgs as move_base, nav_msgs as nav, pedsim_msgs as pedsim, people_msgs as people,
+    HumanState, Humans, Intervention, Limit, Message, ModelChange, ModelChanges, Outlook, Prediction,
+    RobotState, actionlib_msgs as actionlib, diagnostic_msgs as diagnostic, geometry_msgs as geometry,
+    hri_msgs as hri, move_base_msgs as move_base, nav_msgs as nav, pedsim_msgs as pedsim,
+    people_msgs as people,
     rosgraph_msgs as rosgraph, sensor_msgs as sensor, spencer_tracking_msgs as spencer, std_msgs as std_,
     tf2_msgs as tf2, visualization_msgs as visualization,
 };
@@ -44,6 +45,8 @@ registry![
     CausalModel,
     CausalLink,
     CausalModelInfo,
+    ModelChange,
+    ModelChanges,
     Features,
     Intervention,
     Action,

@@ -132,3 +132,60 @@ pub struct CausalModelInfo {
     pub links_lost: Vec<String>,
 }
 message!(own CausalModelInfo uses [Header, CausalLink]);
+
+/// A link whose mechanism changed, or seems to.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct ModelChange {
+    /// The same through all its stages.
+    pub id: String,
+    /// [`ModelChange::SUSPECTED`], [`ModelChange::CONFIRMED`] or [`ModelChange::WITHDRAWN`].
+    pub status: u8,
+    /// `appeared`, `vanished`, `reversed`, `stronger` or `weaker`.
+    pub kind: String,
+    /// Name of the driving variable.
+    pub cause: String,
+    /// Name of the driven variable.
+    pub effect: String,
+    /// Lag in samples.
+    pub lag: u32,
+    /// The slope before, in the variables' units.
+    pub before: f64,
+    /// The slope after.
+    pub after: f64,
+    /// p-value of one slope before and after.
+    pub p_value: f64,
+    /// Stamp of the last sample that was read when it was told.
+    pub told: Time,
+    /// Stamps between which the link changed; zero unless confirmed.
+    pub changed_from: Time,
+    /// The later one.
+    pub changed_to: Time,
+    /// Name of the batch with the last sample.
+    pub batch_id: String,
+    /// The change in words.
+    pub description: String,
+}
+message!(own ModelChange uses []);
+
+impl ModelChange {
+    /// One stretch of samples differs; the next one decides.
+    pub const SUSPECTED: u8 = 0;
+    /// The next one shows it, too.
+    pub const CONFIRMED: u8 = 1;
+    /// The next one does not show it.
+    pub const WITHDRAWN: u8 = 2;
+}
+
+/// The last events of mechanisms that changed, oldest first.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct ModelChanges {
+    /// When it was published; the frame of the batch.
+    pub header: Header,
+    /// Stamp of the first sample of the present regime.
+    pub regime_since: Time,
+    /// Batches of the present regime so far.
+    pub batches: u32,
+    /// At most 64.
+    pub changes: Vec<ModelChange>,
+}
+message!(own ModelChanges uses [Header, ModelChange]);

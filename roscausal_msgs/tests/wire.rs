@@ -163,6 +163,27 @@ fn bytes_are_those_of_another_implementation() {
         tags: vec![String::new(), "u".to_owned()],
     };
     equals_golden(&person, 0);
+    let change = ModelChange {
+        id: "change-1".to_owned(),
+        status: ModelChange::CONFIRMED,
+        kind: "vanished".to_owned(),
+        cause: "h_dg".to_owned(),
+        effect: "h_v".to_owned(),
+        lag: 2,
+        before: 0.5,
+        after: -0.25,
+        p_value: 1e-9,
+        told: Time { sec: 5, nanosec: 6 },
+        changed_from: Time { sec: 3, nanosec: 4 },
+        changed_to: Time { sec: 4, nanosec: 7 },
+        batch_id: "data_1".to_owned(),
+        description: "é".to_owned(),
+    };
+    let regime_since = Time { sec: 2, nanosec: 1 };
+    equals_golden(
+        &ModelChanges { header: header(8, 9, "map"), regime_since, batches: 3, changes: vec![change] },
+        4,
+    );
     equals_golden(&rosgraph_msgs::Clock { clock: Time { sec: 1, nanosec: 2 } }, 0);
     let position = Point { x: 1.0, ..Point::default() };
     equals_golden(&pedsim_msgs::Waypoint { name: "w".to_owned(), behavior: -1, position, radius: 0.5 }, 0);

@@ -5,7 +5,7 @@ use std::time::Instant;
 use pyo3::{prelude::*, types::PyString};
 use roscausal_discovery::{
     AboutData, CondIndTest, Error, Result, Settings, analyse, analyse_with,
-    confidence::{Scheme, analyse_resampled},
+    confidence::{Scheme, analyse_resampled, set_step},
     independence_tests::{self, by_name},
     lock,
     methods::{Fdr, Method},
@@ -84,7 +84,7 @@ pub(crate) fn discover(
     });
     let mut model = found.map_err(|error| own_exception(failure.as_ref(), error))?;
     model.run_time_s = Some(start.elapsed().as_secs_f64());
-    model.dt = dt;
+    set_step(&mut model, dt);
     model.about_data = Some(about);
     model.warnings.splice(0..0, warnings);
     Ok(model.to_json())

@@ -137,11 +137,12 @@ impl<M: Middleware> Listen<'_, M> {
 }
 
 /// Last parts of the names of latched topics.
-const LATCHED: [&str; 8] = [
+const LATCHED: [&str; 9] = [
     "tf_static",
     "causal_model",
     "causal_model_info",
     "causal_evidence",
+    "model_changes",
     "structural_model",
     "dag",
     "tsdag",

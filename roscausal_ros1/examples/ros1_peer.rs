@@ -31,8 +31,8 @@ use roscausal_core::{
     params::{Allowed, ParamSpec, Value},
 };
 use roscausal_msgs::{
-    CausalModel, CausalModelInfo, HumanState, Humans, RobotState, diagnostic_msgs, geometry_msgs,
-    move_base_msgs, nav_msgs, pedsim_msgs, sensor_msgs, std_msgs, tf2_msgs,
+    CausalModel, CausalModelInfo, HumanState, Humans, ModelChanges, RobotState, diagnostic_msgs,
+    geometry_msgs, move_base_msgs, nav_msgs, pedsim_msgs, sensor_msgs, std_msgs, tf2_msgs,
 };
 use roscausal_ros::{
     Console,
@@ -159,7 +159,7 @@ fn count<M: Message>(mw: &Ros1, stop: &AtomicBool, topic: &str) -> Result<()> {
 
 macro_rules! by_type {
     ($kind:expr, $call:ident $args:tt) => {
-        by_type!(@ $kind, $call $args; RobotState, HumanState, Humans, CausalModel, CausalModelInfo,
+        by_type!(@ $kind, $call $args; RobotState, HumanState, Humans, CausalModel, CausalModelInfo, ModelChanges,
             std_msgs::String, nav_msgs::Odometry, geometry_msgs::PoseWithCovarianceStamped, geometry_msgs::PoseStamped,
             geometry_msgs::PoseArray, geometry_msgs::Point, move_base_msgs::MoveBaseActionGoal, tf2_msgs::TFMessage,
             sensor_msgs::Image, sensor_msgs::CompressedImage, diagnostic_msgs::DiagnosticArray,

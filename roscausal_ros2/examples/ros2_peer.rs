@@ -24,7 +24,7 @@ use roscausal_core::{
     params::{Allowed, ParamSpec, Value},
 };
 use roscausal_msgs::{
-    CausalLink, CausalModel, CausalModelInfo, HumanState, Humans, Message, RobotState, diagnostic_msgs,
+    CausalLink, CausalModel, CausalModelInfo, HumanState, Humans, Message, ModelChange, ModelChanges, RobotState, diagnostic_msgs,
     geometry_msgs, nav_msgs, pedsim_msgs, people_msgs, rosgraph_msgs, sensor_msgs, spencer_tracking_msgs,
     std_msgs, tf2_msgs, visualization_msgs,
 };
@@ -114,6 +114,8 @@ fn echo_all(node: &Ros2) -> roscausal_core::Result<()> {
         CausalModel,
         CausalLink,
         CausalModelInfo,
+        ModelChange,
+        ModelChanges,
         std_msgs::Header,
         std_msgs::String,
         std_msgs::Bool,

@@ -103,6 +103,8 @@ pub struct Part {
     pub data: DataFrame,
     /// The variables that may be causes only: interventions.
     pub exogenous: Vec<String>,
+    /// The batch that each recording is of, by its place.
+    pub sources: Vec<usize>,
 }
 
 impl Joint {
@@ -153,6 +155,17 @@ impl Joint {
         (first, self.tables.last().and_then(|(table, _)| table.time.as_ref()?.last().copied()))
     }
 
+    /// The columns of interventions, also of those that are the same in all rows; of all batches, one after the other.
+    pub fn announced(&self) -> Vec<(String, Vec<f64>)> {
+        let names: BTreeSet<&String> = self.tables.iter().flat_map(|(_, facts)| &facts.context).collect();
+        let of = |name: &String, table: &Table| match table.names.contains(name) {
+            true => column(table, name),
+            false => vec![0.0; table.values.nrows()],
+        };
+        let all = |name: &String| self.tables.iter().flat_map(|(table, _)| of(name, table)).collect();
+        names.into_iter().map(|name| (name.clone(), all(name))).collect()
+    }
+
     /// Frame of the first batch.
     pub fn frame(&self) -> &str {
         &self.tables[0].1.frame
@@ -165,21 +178,20 @@ impl Joint {
     pub fn parts(&mut self, people: People) -> Result<Vec<Part>> {
         let several = self.tables.iter().any(|(_, facts)| facts.ids.len() > 1);
         if people == People::Joint || !several {
-            let recordings =
-                self.tables.iter().map(|(table, facts)| self.plain(table, facts)).collect::<Vec<_>>();
-            return Ok(vec![self.part(None, &recordings)?]);
+            let recordings = self.tables.iter().map(|(table, facts)| self.plain(table, facts)).enumerate();
+            return Ok(vec![self.part(None, &recordings.collect::<Vec<_>>())?]);
         }
-        let mut of: BTreeMap<u32, Vec<Named>> = BTreeMap::new();
-        for (table, facts) in &self.tables {
+        let mut of: BTreeMap<u32, Vec<(usize, Named)>> = BTreeMap::new();
+        for (place, (table, facts)) in self.tables.iter().enumerate() {
             for id in &facts.ids {
-                of.entry(*id).or_default().push(self.of_person(table, facts, *id));
+                of.entry(*id).or_default().push((place, self.of_person(table, facts, *id)));
             }
         }
         let mut parts = Vec::new();
         self.leave_out_empty(&mut of);
         if people != People::Pooled {
             for (id, recordings) in &of {
-                let rows: usize = recordings.iter().map(complete_rows).sum();
+                let rows: usize = recordings.iter().map(|(_, one)| complete_rows(one)).sum();
                 if rows >= FEWEST_ROWS {
                     parts.push(self.part(Some(*id), recordings)?);
                 } else {
@@ -189,7 +201,8 @@ impl Joint {
             }
         }
         if people != People::Each {
-            let all: Vec<Named> = of.into_values().flatten().filter(|one| complete_rows(one) > 0).collect();
+            let all: Vec<(usize, Named)> =
+                of.into_values().flatten().filter(|(_, one)| complete_rows(one) > 0).collect();
             if all.is_empty() {
                 return Err(Error::Data("no person has a row without a missing value".into()));
             }
@@ -225,15 +238,15 @@ impl Joint {
     }
 
     /// Leaves out the columns that are empty for everybody, such as the distance to a goal that nobody told.
-    fn leave_out_empty(&mut self, of: &mut BTreeMap<u32, Vec<Named>>) {
+    fn leave_out_empty(&mut self, of: &mut BTreeMap<u32, Vec<(usize, Named)>>) {
         let mut full = BTreeSet::new();
-        for (name, values) in of.values().flatten().flatten() {
+        for (name, values) in of.values().flatten().flat_map(|(_, columns)| columns) {
             if values.iter().any(|value| value.is_finite()) {
                 full.insert(names::plain(name));
             }
         }
         let mut left_out = BTreeSet::new();
-        for columns in of.values_mut().flatten() {
+        for (_, columns) in of.values_mut().flatten() {
             columns.retain(|(name, _)| {
                 let is_full = full.contains(&names::plain(name));
                 if !is_full {
@@ -256,10 +269,10 @@ impl Joint {
         columns
     }
 
-    fn part(&self, person: Option<u32>, recordings: &[Named]) -> Result<Part> {
-        let names: Vec<String> = recordings[0].iter().map(|(name, _)| name.clone()).collect();
+    fn part(&self, person: Option<u32>, recordings: &[(usize, Named)]) -> Result<Part> {
+        let names: Vec<String> = recordings[0].1.iter().map(|(name, _)| name.clone()).collect();
         let mut tables = Vec::new();
-        for columns in recordings {
+        for (_, columns) in recordings {
             let find =
                 |name: &String| columns.iter().find(|(other, _)| names::plain(other) == names::plain(name));
             let mut found = Vec::new();
@@ -274,7 +287,8 @@ impl Joint {
             let rows = found.first().map_or(0, |values| values.len());
             tables.push(Array2::from_shape_fn((rows, found.len()), |(row, i)| found[i][row]));
         }
-        Ok(Part { person, data: DataFrame::new(tables, names)?, exogenous: self.context.clone() })
+        let sources = recordings.iter().map(|(place, _)| *place).collect();
+        Ok(Part { person, data: DataFrame::new(tables, names)?, exogenous: self.context.clone(), sources })
     }
 }
 
@@ -391,6 +405,9 @@ mod tests {
         assert!(
             joint.warnings.iter().any(|warning| warning.contains("'do_human_v' is the same in all rows"))
         );
+        assert_eq!(part.sources, [0, 1]);
+        let announced = [("do_human_v", vec![0.0; 4]), ("do_robot_speed", vec![0.0, 0.0, 0.0, 0.2])];
+        assert_eq!(joint.announced(), announced.map(|(name, values)| (name.to_owned(), values)));
         assert_eq!((joint.span(), joint.dt()), ((Some(0.0), Some(6.0)), Some(1.0)));
     }
 

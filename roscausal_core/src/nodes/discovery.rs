@@ -12,10 +12,12 @@ use std::{
 };
 
 use roscausal_discovery::{
-    Control, Evidence, Model, Progress, Settings, analyse_with_evidence, confidence::resample, draw,
+    Control, Evidence, Model, Progress, Settings, analyse_with_evidence, changes::Status,
+    confidence::{resample, set_step},
+    draw,
 };
 use roscausal_msgs::{
-    CausalModel, CausalModelInfo, Time,
+    CausalModel, CausalModelInfo, ModelChanges, Time,
     sensor_msgs::{CompressedImage, Image},
     std_msgs::{Header, String as Text},
 };
@@ -23,7 +25,9 @@ use roscausal_msgs::{
 use super::{
     discovery_params::{DiscoveryParams, specs},
     health::Health,
+    model_changes::{CHANGES_TOPIC, model_changes, write_events},
     model_messages::{Origin, causal_model, causal_model_info, images},
+    regime::{NewBatch, Regime, Rolling},
 };
 use crate::{
     Error, Result,
@@ -64,8 +68,11 @@ pub fn discovery_with<M: Middleware>(
 ) -> Result<()> {
     let params = DiscoveryParams::new(&Params::read(mw, &specs())?)?;
     let pool = Pool::open(&params.data_dir, &params.csv_prefix)?.with_id_format(params.ids.clone());
+    let kept = params.keep_batches.then(|| pool.path("analysed"));
+    let rolling = params.rolling.map(|rolling| Rolling::open(&pool, rolling, kept)).transpose()?;
     let mut node = Node {
         out: Outputs::new(mw)?,
+        rolling,
         health: Health::new(mw)?,
         pool,
         params,
@@ -79,6 +86,7 @@ pub fn discovery_with<M: Middleware>(
     };
     tracing::info!("watching {} for batches", node.pool.dir().display());
     let mut not_before = Duration::ZERO;
+    node.tell_what_is_known(mw)?;
     while mw.is_ok() {
         if mw.steady() >= not_before {
             match node.look(mw) {
@@ -117,8 +125,10 @@ struct Node<M: Middleware> {
     params: DiscoveryParams,
     /// The previous model of each person, and of all.
     last: BTreeMap<String, Model>,
-    /// Models that could not be written or published yet, with their batches.
-    unsaid: Option<(VecDeque<Found>, Vec<Claim>)>,
+    /// The present regime, if models roll on.
+    rolling: Option<Rolling>,
+    /// What could not be written or published yet.
+    unsaid: Option<Unsaid>,
     figures: Figures,
     trouble: Option<String>,
     foreign: usize,
@@ -127,10 +137,18 @@ struct Node<M: Middleware> {
     on_progress: Arc<dyn Fn(Progress) + Send + Sync>,
 }
 
+/// Models and their batches; and the regime with them, until it is written and told.
+struct Unsaid {
+    found: VecDeque<Found>,
+    claims: Vec<Claim>,
+    regime: Option<Regime>,
+}
+
 struct Outputs<M: Middleware> {
     model: M::Publisher<CausalModel>,
     info: M::Publisher<CausalModelInfo>,
     evidence: M::Publisher<Text>,
+    changes: M::Publisher<ModelChanges>,
     dag: (M::Publisher<Image>, M::Publisher<CompressedImage>),
     tsdag: (M::Publisher<Image>, M::Publisher<CompressedImage>),
 }
@@ -141,6 +159,7 @@ impl<M: Middleware> Outputs<M> {
             model: mw.advertise("/roscausal/causal_model", Qos::Latched)?,
             info: mw.advertise("/roscausal/causal_model_info", Qos::Latched)?,
             evidence: mw.advertise(EVIDENCE_TOPIC, Qos::Latched)?,
+            changes: mw.advertise(CHANGES_TOPIC, Qos::Latched)?,
             dag: (
                 mw.advertise("/roscausal/dag", Qos::Latched)?,
                 mw.advertise("/roscausal/dag/compressed", Qos::Latched)?,
@@ -156,8 +175,8 @@ impl<M: Middleware> Outputs<M> {
 impl<M: Middleware> Node<M> {
     /// Analyses the oldest batches if there are enough. Returns whether there was anything to do.
     fn look(&mut self, mw: &M) -> Result<bool> {
-        if let Some((found, claims)) = self.unsaid.take() {
-            return self.tell(mw, found, claims).map(|()| true);
+        if let Some(unsaid) = self.unsaid.take() {
+            return self.tell(mw, unsaid).map(|()| true);
         }
         self.pool.finish_all(self.params.keep_batches.then(|| self.pool.path("analysed")).as_deref())?;
         let contents = self.pool.contents()?;
@@ -215,11 +234,11 @@ impl<M: Middleware> Node<M> {
         let paths: Vec<PathBuf> = names.iter().map(|name| self.pool.path(name)).collect();
         tracing::info!("analysing {}", names.join(" with "));
         let start = mw.steady();
-        match self.run_method(mw, &paths) {
-            Ok(mut found) => {
+        match self.models_of(mw, &names, &paths) {
+            Ok((mut found, regime)) => {
                 let run_time = (mw.steady() - start).as_secs_f64();
                 found.iter_mut().for_each(|(_, model, ..)| model.run_time_s = Some(run_time));
-                self.tell(mw, found.into(), claims)
+                self.tell(mw, Unsaid { found: found.into(), claims, regime })
             }
             // The time budget ended it: an attempt like any other.
             Err(Error::Cancelled(reason)) if mw.is_ok() => {
@@ -238,25 +257,94 @@ impl<M: Middleware> Node<M> {
         }
     }
 
-    /// Writes and publishes the models, then releases their batches. Models that cannot be written are kept until
-    /// they can.
-    fn tell(&mut self, mw: &M, mut found: VecDeque<Found>, claims: Vec<Claim>) -> Result<()> {
-        while let Some((person, model, evidence, origin)) = found.pop_front() {
+    /// The models of batches, and the regime with them if models roll on.
+    fn models_of(
+        &mut self,
+        mw: &M,
+        names: &[String],
+        paths: &[PathBuf],
+    ) -> Result<(Vec<Found>, Option<Regime>)> {
+        let params = self.params.clone();
+        let rolling = self.rolling.take();
+        let found = self.run_method(mw, |control| match (&rolling, names, paths) {
+            (Some(rolling), [name], [path]) => {
+                let (people, tau_max) = (people_of(&params), params.settings.tau_max);
+                let new = NewBatch { name, path, people, tau_max };
+                rolled(&params, rolling, &new, control).map(|(found, regime)| (found, Some(regime)))
+            }
+            _ => Ok((method(&params, paths, None, control)?, None)),
+        });
+        self.rolling = rolling;
+        found
+    }
+
+    /// Publishes the changes that an earlier process told, and completes what it left.
+    fn tell_what_is_known(&self, mw: &M) -> Result<()> {
+        let Some(rolling) = self.rolling.as_ref().filter(|rolling| !rolling.regime.last.is_empty()) else {
+            return Ok(());
+        };
+        rolling.tidy()?;
+        self.publish_changes(mw, &rolling.regime, "map")
+    }
+
+    /// Writes the regime, and tells what changed: what is announced is on disk.
+    fn tell_changes(&mut self, mw: &M, regime: Regime, frame_id: &str) -> Result<()> {
+        let Some(rolling) = &mut self.rolling else { return Ok(()) };
+        let told = rolling.regime.events.last().map_or(0, |told| told.number);
+        rolling.save(regime)?;
+        let Some(rolling) = &self.rolling else { return Ok(()) };
+        for told in rolling.regime.events.iter().filter(|event| event.number > told) {
+            match told.event.status {
+                Status::Confirmed => tracing::warn!("{}: {}", told.batch, told.event.sentence()),
+                _ => tracing::info!("{}: {}", told.batch, told.event.sentence()),
+            }
+        }
+        self.publish_changes(mw, &rolling.regime, frame_id)
+    }
+
+    fn publish_changes(&self, mw: &M, regime: &Regime, frame_id: &str) -> Result<()> {
+        if let Some(dir) = &self.params.res_dir {
+            write_events(dir, regime)?;
+        }
+        let header = Header { stamp: mw.now(), frame_id: frame_id.to_owned() };
+        self.out.changes.publish(&model_changes(regime, header))
+    }
+
+    /// Writes and publishes changes and models, then releases their batches. What cannot be written is kept until it can.
+    fn tell(&mut self, mw: &M, mut unsaid: Unsaid) -> Result<()> {
+        if let Some(regime) = unsaid.regime.take() {
+            let frame = unsaid.found.front().map_or(String::new(), |(.., origin)| origin.frame_id.clone());
+            if let Err(error) = self.tell_changes(mw, regime.clone(), &frame) {
+                self.unsaid = Some(Unsaid { regime: Some(regime), ..unsaid });
+                return Err(error);
+            }
+        }
+        while let Some((person, model, evidence, origin)) = unsaid.found.pop_front() {
             if let Err(error) = self.publish(mw, &model, evidence.as_ref(), &origin, self.last.get(&person)) {
-                found.push_front((person, model, evidence, origin));
-                self.unsaid = Some((found, claims));
+                unsaid.found.push_front((person, model, evidence, origin));
+                self.unsaid = Some(unsaid);
                 return Err(error);
             }
             self.figures.models += 1;
             self.health.sent();
             self.last.insert(person, model);
         }
-        self.pool.finish(claims, self.params.keep_batches.then(|| self.pool.path("analysed")).as_deref())
+        match &self.rolling {
+            Some(rolling) => rolling.finish(unsaid.claims),
+            None => {
+                let kept = self.params.keep_batches.then(|| self.pool.path("analysed"));
+                self.pool.finish(unsaid.claims, kept.as_deref())
+            }
+        }
     }
 
     /// Runs the method on a thread of its own. So a request to end is noticed within [`LOOK_AGAIN`], and health
     /// reports continue.
-    fn run_method(&mut self, mw: &M, paths: &[PathBuf]) -> Result<Vec<Found>> {
+    fn run_method<T: Send>(
+        &mut self,
+        mw: &M,
+        method: impl FnOnce(&Control) -> Result<T> + Send,
+    ) -> Result<T> {
         let cancel = Arc::new(AtomicBool::new(false));
         let (on_progress, tests) = (self.on_progress.clone(), self.tests.clone());
         let control = Control::default().cancel_on(cancel.clone()).on_progress(move |progress| {
@@ -271,11 +359,11 @@ impl<M: Middleware> Node<M> {
             }
             None => control,
         };
-        let params = self.params.clone();
+        let nice = self.params.nice;
         let found = thread::scope(|scope| {
             let work = scope.spawn(|| {
-                be_nice(params.nice);
-                method(&params, paths, &control)
+                be_nice(nice);
+                method(&control)
             });
             while !work.is_finished() {
                 if !mw.is_ok() {
@@ -303,6 +391,7 @@ impl<M: Middleware> Node<M> {
         let contents = self.pool.contents();
         let trouble = contents.as_ref().err().map(ToString::to_string).or_else(|| self.trouble.clone());
         let [done, of] = [0, 1].map(|which| self.tests[which].load(Ordering::Relaxed));
+        let regime = self.rolling.as_ref().map(|rolling| &rolling.regime);
         let figures = [
             ("batches waiting", contents.map_or(0, |contents| contents.batches.len()).to_string()),
             ("tests done", done.to_string()),
@@ -311,6 +400,10 @@ impl<M: Middleware> Node<M> {
             ("batches rejected", self.figures.rejected.to_string()),
             ("batches set aside, cut short", self.figures.incomplete.to_string()),
             ("batches dropped, pool full", self.figures.dropped.to_string()),
+            ("batches of the model", regime.map_or(0, Regime::n_batches).to_string()),
+            ("regime", regime.map_or(0, Regime::number).to_string()),
+            ("changes confirmed", regime.map_or(0, |regime| regime.count(Status::Confirmed)).to_string()),
+            ("change suspected", regime.and_then(Regime::suspicion).unwrap_or_else(|| "none".into())),
         ];
         self.health.report(mw, || figures, trouble.as_deref());
     }
@@ -367,18 +460,61 @@ fn write_evidence(dir: &Path, evidence: &Evidence, name: &str) -> Result<()> {
 /// from.
 type Found = (String, Model, Option<Evidence>, Origin);
 
-/// Reads the batches as recordings of one system and analyses them: one model, or one per person.
-fn method(params: &DiscoveryParams, paths: &[PathBuf], control: &Control) -> Result<Vec<Found>> {
+/// A program reads the batches itself, so it makes one model.
+fn people_of(params: &DiscoveryParams) -> People {
+    if params.program.is_some() { People::Joint } else { params.people }
+}
+
+/// Reads a new batch for changes, and makes the model of the present regime. If the batches before do not fit, of it alone.
+fn rolled(
+    params: &DiscoveryParams,
+    rolling: &Rolling,
+    new: &NewBatch<'_>,
+    control: &Control,
+) -> Result<(Vec<Found>, Regime)> {
+    let mut regime = rolling.regime.clone();
+    let is_new = regime.last != new.name;
+    in_pool(params.threads, || regime.read(new, &rolling.params, control))?;
+    let paths = rolling.paths(&regime, new.path);
+    let mut found = match method(params, &paths, Some(&regime), control) {
+        Err(error) if paths.len() > 1 && !matches!(error, Error::Cancelled(_)) => {
+            tracing::warn!("{}: not analysed with the batches before it: {error}", new.name);
+            regime.begin_anew();
+            method(params, &[new.path.to_owned()], Some(&regime), control)?
+        }
+        found => found?,
+    };
+    for (person, model, ..) in &mut found {
+        regime.age(person, model, is_new);
+    }
+    Ok((found, regime))
+}
+
+/// Reads the batches as recordings of one system and analyses them: one model, or one per person. A model that rolls on has the
+/// rows of the present regime, and the name of its newest batch.
+fn method(
+    params: &DiscoveryParams,
+    paths: &[PathBuf],
+    regime: Option<&Regime>,
+    control: &Control,
+) -> Result<Vec<Found>> {
     let mut joint = Joint::read(paths)?;
-    let stem =
-        |path: &PathBuf| path.file_stem().map_or(String::new(), |stem| stem.to_string_lossy().into_owned());
-    let batch_id = paths.iter().map(stem).collect::<Vec<_>>().join("+");
+    let name =
+        |path: &PathBuf| path.file_name().map_or(String::new(), |name| name.to_string_lossy().into_owned());
+    let names: Vec<String> = paths.iter().map(name).collect();
+    let stems = names.iter().map(|name| name.strip_suffix(".csv").unwrap_or(name));
+    let batch_id = match regime {
+        Some(_) => stems.last().unwrap_or_default().to_owned(),
+        None => stems.collect::<Vec<_>>().join("+"),
+    };
     let stamp = |secs: Option<f64>| secs.map_or(Time::ZERO, Time::from_secs_f64);
     let (start, end) = joint.span();
-    // A program reads the batches itself, so it makes one model.
-    let people = if params.program.is_some() { People::Joint } else { params.people };
     let mut found = Vec::new();
-    for part in joint.parts(people)? {
+    for part in joint.parts(people_of(params))? {
+        let part = match regime {
+            Some(regime) => regime.of_present(part, &names)?,
+            None => part,
+        };
         let settings = Settings { exogenous: part.exogenous, ..params.settings.clone() };
         let (mut model, evidence) = match &params.program {
             Some(program) => (external::run(program, paths, &settings, params.threads, control)?, None),
@@ -395,7 +531,7 @@ fn method(params: &DiscoveryParams, paths: &[PathBuf], control: &Control) -> Res
                 })
             })?,
         };
-        model.dt = joint.dt();
+        set_step(&mut model, joint.dt());
         model.n_recordings = part.data.recordings().len();
         let person = part.person.map_or(String::new(), |id| format!("_person_{id}"));
         let origin = Origin {

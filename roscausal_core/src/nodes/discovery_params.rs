@@ -4,12 +4,14 @@ use std::path::{Path, PathBuf};
 
 use roscausal_discovery::{
     PcAlpha, Settings,
+    changes::Levels,
     confidence::{Resampling, Scheme},
     independence_tests::GpSearch,
     methods::{Fdr, Method},
     transfer_entropy::TeEstimator,
 };
 
+use super::regime::RollParams;
 use crate::{
     Error, Result,
     batch::{IdFormat, joint::People},
@@ -40,6 +42,8 @@ pub(super) struct DiscoveryParams {
     pub image_scale: f32,
     /// How to resample; `None`: not.
     pub resampling: Option<Resampling>,
+    /// How to roll; `None`: each model is of its own batches.
+    pub rolling: Option<RollParams>,
 }
 
 /// Names, defaults, allowed values and descriptions.
@@ -191,6 +195,42 @@ pub(super) fn specs() -> Vec<ParamSpec> {
             "neighbouring rows that are drawn together: a number, or cube_root of the number of rows",
         ),
         ParamSpec::new(
+            "window_batches",
+            Int(1),
+            Range(1.0, 1000.0),
+            "most batches of a model, the newest of the present regime; a model for each new one; 1: of it alone",
+        ),
+        ParamSpec::new(
+            "window_samples",
+            Int(2000),
+            Range(0.0, 1e9),
+            "most samples of such a model, but one batch at least; 0: no limit",
+        ),
+        ParamSpec::new(
+            "detect_changes",
+            text("auto"),
+            OneOf(&DETECT),
+            "tell when a mechanism changes, on /roscausal/model_changes; auto: if window_batches is above 1",
+        ),
+        ParamSpec::new(
+            "change_rows",
+            Int(150),
+            Range(20.0, 1e6),
+            "rows that are compared with the regime at a time; more for many variables",
+        ),
+        ParamSpec::new(
+            "suspect_level",
+            Double(Levels::default().suspect),
+            Range(1e-9, 0.999),
+            "level at which a change is suspected, corrected for the number of links",
+        ),
+        ParamSpec::new(
+            "confirm_level",
+            Double(Levels::default().confirm),
+            Range(1e-9, 0.999),
+            "level at which a suspected change is confirmed",
+        ),
+        ParamSpec::new(
             "image_scale",
             Double(0.6),
             Range(0.1, 4.0),
@@ -231,8 +271,14 @@ impl DiscoveryParams {
         if resampling.is_some() && program.is_some() {
             return Err(Error::param("resamples", "external methods are not resampled; set it to 0"));
         }
+        let rolling = rolling_of(params);
+        if rolling.is_some() && params.count("batches_per_model") > 1 {
+            let reason = "with window_batches or detect_changes each batch gives a model; set it to 1";
+            return Err(Error::param("batches_per_model", reason));
+        }
         Ok(Self {
             resampling,
+            rolling,
             data_dir: super::path(&params.text("data_dir")),
             res_dir: params.text_if_set("res_dir").map(|dir| super::path(&dir)),
             csv_prefix: params.text("csv_prefix"),
@@ -251,6 +297,26 @@ impl DiscoveryParams {
             image_scale: params.double("image_scale") as f32,
         })
     }
+}
+
+/// When changes are looked for.
+const DETECT: [&str; 3] = ["auto", "always", "never"];
+
+/// How to roll; `None` with windows of one batch and without changes.
+fn rolling_of(params: &Params) -> Option<RollParams> {
+    let batches = params.count("window_batches");
+    let detects = match params.text("detect_changes").as_str() {
+        "always" => true,
+        "never" => false,
+        _ => batches > 1,
+    };
+    let levels = Levels { suspect: params.double("suspect_level"), confirm: params.double("confirm_level") };
+    (batches > 1 || detects).then_some(RollParams {
+        batches,
+        samples: params.count("window_samples"),
+        changes: detects.then_some(levels),
+        change_rows: params.count("change_rows"),
+    })
 }
 
 /// How to resample; `None` without resamples.

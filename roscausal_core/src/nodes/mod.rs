@@ -7,13 +7,16 @@ mod discovery;
 mod discovery_params;
 mod health;
 mod human;
+mod link_ages;
 mod markers;
+mod model_changes;
 pub mod model_messages;
 mod reasoning;
 mod reasoning_messages;
 mod reasoning_params;
 mod reasoning_rows;
 mod reasoning_score;
+mod regime;
 mod robot;
 mod scene_params;
 
@@ -35,6 +38,7 @@ pub use data::{FEATURES_TOPIC, Recorded, data, data_task, data_with};
 pub use discovery::{EVIDENCE_FOLDER, EVIDENCE_TOPIC, discovery, discovery_with};
 pub use human::human;
 pub use markers::markers;
+pub use model_changes::{CHANGES_FOLDER, CHANGES_TOPIC, RecordedChange, recorded_changes};
 pub use reasoning::{
     EFFECT_SERVICE, EXPLAIN_SERVICE, PREDICTION_TOPIC, STRUCTURAL_MODEL_TOPIC, WHAT_IF_SERVICE, reasoning,
 };

@@ -79,7 +79,7 @@ pub fn causal_model_info(
         run_time_s: model.run_time_s.unwrap_or(0.0),
         software_version: env!("CARGO_PKG_VERSION").to_owned(),
         candidate_features: origin.candidate_features.clone(),
-        links: links.iter().map(|link| causal_link(link)).collect(),
+        links: links.iter().map(|link| causal_link(model, link)).collect(),
         links_gained: gained,
         links_lost: lost,
     }
@@ -103,14 +103,17 @@ pub fn images(svg: &str, scale: f32, header: &Header) -> Result<(Image, Compress
     Ok((raw, CompressedImage { header: header.clone(), format: "png".to_owned(), data: pixels.png }))
 }
 
-fn causal_link(link: &Link) -> CausalLink {
+fn causal_link(model: &Model, link: &Link) -> CausalLink {
     let what = match link.mark.as_str() {
         "-->" | "o-o" | "x-x" => short(link),
         _ => format!("{} (lag {})", link.sentence(), link.lag),
     };
     let found = link.confidence.map_or(String::new(), |share| {
-        format!(", {}: in {:.0} of 100 resamples", word_of(share), 100.0 * share)
+        let done = model.confidence.as_ref().map_or(100, |confidence| confidence.resampling.done);
+        format!(", {}: in {:.0} of {done} resamples", word_of(share), share * done as f64)
     });
+    let since = link.since.map_or(String::new(), |since| format!(", in each since {since:.1} s"));
+    let age = link.seen.map_or(String::new(), |seen| format!("; in {seen} of the last 8 models{since}"));
     CausalLink {
         cause: link.cause.clone(),
         effect: link.effect.clone(),
@@ -118,7 +121,7 @@ fn causal_link(link: &Link) -> CausalLink {
         value: link.value,
         p_value: link.p_value,
         confidence: link.confidence.unwrap_or(-1.0),
-        description: format!("{what}: strength {:.3}, p = {:.4}{found}", link.value, link.p_value),
+        description: format!("{what}: strength {:.3}, p = {:.4}{found}{age}", link.value, link.p_value),
     }
 }
 

@@ -1,5 +1,7 @@
 //! Whether the mechanisms of two groups of batches differ.
 
+use serde::{Deserialize, Serialize};
+
 use super::{
     batch::{Batch, column},
     regression::{Slope, slope},
@@ -11,7 +13,7 @@ use crate::{
 };
 
 /// A possible link.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 pub(super) struct Place {
     pub(super) cause: usize,
     pub(super) effect: usize,
@@ -19,7 +21,7 @@ pub(super) struct Place {
 }
 
 /// What two groups of batches say of one possible link.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub(super) struct Difference {
     pub(super) at: Place,
     pub(super) before: Slope,
@@ -49,6 +51,8 @@ pub(super) struct Comparison<'a> {
 pub(super) struct Mechanisms {
     parents: Vec<Vec<Node>>,
     left_out: Vec<bool>,
+    /// Nothing can be compared: an intervention that only one of the groups has is constant within each batch.
+    pub(super) incomparable: bool,
 }
 
 impl Mechanisms {
@@ -64,8 +68,8 @@ impl Comparison<'_> {
         2 * self.tau_max
     }
 
-    /// What drives each variable, over all these batches. A variable that an intervention drives which only one of the groups has
-    /// is left out.
+    /// What drives each variable, over all these batches. A variable is left out that an intervention drives whose values differ
+    /// between the groups.
     pub(super) fn mechanisms(&self, before: &[&Batch], after: &[&Batch]) -> Result<Mechanisms> {
         let recordings = before.iter().chain(after).map(|batch| batch.values.clone()).collect();
         let data = DataFrame::new(recordings, self.names.to_vec())?;
@@ -85,12 +89,14 @@ impl Comparison<'_> {
                 parents[effect].push(Node::new(cause, link.lag));
             }
         }
-        let varies = |group: &[&Batch], var: usize| group.iter().any(|batch| batch.varies(var));
         let one_sided: Vec<usize> =
-            self.exogenous.iter().copied().filter(|&var| varies(before, var) != varies(after, var)).collect();
-        let touched = |of: &Vec<Node>| of.iter().any(|node| one_sided.contains(&node.var));
+            self.exogenous.iter().copied().filter(|&var| range(before, var) != range(after, var)).collect();
+        // Where it is constant within each batch, nothing says which mechanisms it touches.
+        let seen = |var: &usize| before.iter().chain(after).any(|batch| batch.varies(*var));
+        let all = !one_sided.iter().all(seen);
+        let touched = |of: &Vec<Node>| all || of.iter().any(|node| one_sided.contains(&node.var));
         let left_out = parents.iter().map(touched).collect();
-        Ok(Mechanisms { parents, left_out })
+        Ok(Mechanisms { parents, left_out, incomparable: all })
     }
 
     /// The links that are compared: all of one variable to another at lags from 1 on.
@@ -133,6 +139,12 @@ impl Comparison<'_> {
         corrected(&mut found);
         Ok(found)
     }
+}
+
+/// Smallest and largest value of a variable in a group of batches.
+fn range(group: &[&Batch], var: usize) -> [f64; 2] {
+    let ends = group.iter().filter_map(|batch| batch.ranges.get(var).copied());
+    ends.reduce(|a, b| [a[0].min(b[0]), a[1].max(b[1])]).unwrap_or_default()
 }
 
 /// Benjamini and Hochberg 1995: `q_(k) = min over l >= k of p_(l) n / l`.

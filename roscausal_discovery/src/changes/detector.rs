@@ -3,6 +3,7 @@
 use std::collections::VecDeque;
 
 use ndarray::{Array2, ArrayView2, s};
+use serde::{Deserialize, Serialize};
 
 use super::{
     batch::Batch,
@@ -24,7 +25,7 @@ const NONE: f64 = 0.05;
 const ALONE: f64 = 0.01;
 
 /// The levels of the two stages, corrected for the number of links.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Levels {
     /// Below it a change is suspected.
     pub suspect: f64,
@@ -39,7 +40,9 @@ impl Default for Levels {
 }
 
 /// Reads batches one after another and tells when a mechanism changes. The [module](super) says how.
-#[derive(Clone, Debug)]
+///
+/// It can be written to a file and read back between two batches: it goes on as if nothing had happened.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Detector {
     names: Vec<String>,
     tau_max: usize,
@@ -49,6 +52,8 @@ pub struct Detector {
     regime: VecDeque<Batch>,
     /// Number of the present regime, from 1.
     number: usize,
+    /// First row of the present regime.
+    since: usize,
     /// Earlier regimes, oldest first.
     closed: VecDeque<(usize, Vec<Batch>)>,
     held: Option<Suspicion>,
@@ -57,11 +62,11 @@ pub struct Detector {
 }
 
 /// A batch that seems to differ.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 struct Suspicion {
     batch: Batch,
-    /// The links that differ in it, most certain first, and the number of the event of those that were told.
-    links: Vec<(Place, bool, Option<String>)>,
+    /// The links that differ in it, most certain first, and the id of the event of those that were told.
+    links: Vec<(Difference, Option<String>)>,
 }
 
 impl Detector {
@@ -90,6 +95,7 @@ impl Detector {
             levels,
             regime: VecDeque::new(),
             number: 1,
+            since: 0,
             closed: VecDeque::new(),
             held: None,
             rows: 0,
@@ -110,6 +116,37 @@ impl Detector {
     /// Number of the present regime, from 1.
     pub fn regime(&self) -> usize {
         self.number
+    }
+
+    /// The row at which the present regime begins, as far as it is known: all rows from here on are of it.
+    pub fn since(&self) -> usize {
+        self.since
+    }
+
+    /// The variables, in the order of the columns.
+    pub fn names(&self) -> &[String] {
+        &self.names
+    }
+
+    /// Events told so far, all stages of one change as one.
+    pub fn told(&self) -> usize {
+        self.told
+    }
+
+    /// The same detector, whose events are numbered from `told + 1` on: for one that takes over from another.
+    #[must_use]
+    pub fn numbered_after(mut self, told: usize) -> Self {
+        self.told = told;
+        self
+    }
+
+    /// One exogenous variable more, which was 0 until now: an intervention that is announced for the first time.
+    pub fn add_exogenous(&mut self, name: &str) {
+        self.exogenous.push(self.names.len());
+        self.names.push(name.to_owned());
+        let closed = self.closed.iter_mut().flat_map(|(_, batches)| batches);
+        let held = self.held.iter_mut().map(|held| &mut held.batch);
+        self.regime.iter_mut().chain(closed).chain(held).for_each(Batch::extend);
     }
 
     /// Reads a recording in parts of `size` rows; what is left over joins the last part. Returns what is told, in order.
@@ -196,6 +233,9 @@ impl Detector {
         }
         let comparison = self.comparison(control);
         let mechanisms = comparison.mechanisms(&regime, &[&batch])?;
+        if mechanisms.incomparable {
+            return Ok(());
+        }
         let mut differences = comparison.differences(&regime, &[&batch], &mechanisms)?;
         differences.retain(|difference| difference.q <= self.levels.suspect);
         differences.sort_by(|a, b| a.p.total_cmp(&b.p).then(a.at.cmp(&b.at)));
@@ -213,7 +253,7 @@ impl Detector {
                 id = Some(format!("change-{}", self.told));
                 events.push(self.event(id.clone().unwrap_or_default(), Status::Suspected, difference));
             }
-            links.push((difference.at, difference.rises(), id));
+            links.push((*difference, id));
         }
         self.held = Some(Suspicion { batch, links });
         Ok(())
@@ -235,12 +275,12 @@ impl Detector {
         let alone = comparison.differences(&regime, &[next], &mechanisms)?;
         let of = |all: &[Difference], at: Place| all.iter().find(|difference| difference.at == at).copied();
         let mut confirmed: Vec<Difference> = Vec::new();
-        for (at, rises, _) in &held.links {
-            let (Some(both), Some(next)) = (of(&together, *at), of(&alone, *at)) else { continue };
+        for (seen, _) in &held.links {
+            let (Some(both), Some(next)) = (of(&together, seen.at), of(&alone, seen.at)) else { continue };
             if both.q <= self.levels.confirm
                 && next.p <= ALONE
-                && next.rises() == *rises
-                && both.rises() == *rises
+                && next.rises() == seen.rises()
+                && both.rises() == seen.rises()
             {
                 // The batch that was held back may have old rows: what the link is now, the later one tells alone.
                 confirmed.push(Difference { after: next.after, ..both });
@@ -260,23 +300,26 @@ impl Detector {
             let id = held
                 .links
                 .iter()
-                .find_map(|(at, _, id)| id.clone().filter(|_| at.effect == difference.at.effect));
+                .find_map(|(seen, id)| id.clone().filter(|_| seen.at.effect == difference.at.effect));
             let mut event = self.event(id.unwrap_or_default(), Status::Confirmed, difference);
             event.changed_between = when::between(&comparison, &located, difference.at, &mechanisms);
             event.regime = Some(self.number + 1);
             event.same_as = self.known_regime(&comparison, &both)?;
             told.push(event);
         }
-        for (at, _, id) in &held.links {
-            let Some(id) = id.clone().filter(|_| !effects.contains(&at.effect)) else { continue };
-            if let Some(difference) = of(&together, *at) {
-                told.push(self.event(id, Status::Withdrawn, &difference));
-            }
+        for (seen, id) in &held.links {
+            let Some(id) = id.clone().filter(|_| !effects.contains(&seen.at.effect)) else { continue };
+            // What cannot be compared any more is told with the slopes of the suspicion.
+            let difference = of(&together, seen.at).unwrap_or(*seen);
+            told.push(self.event(id, Status::Withdrawn, &difference));
         }
+        let since = told.iter().filter_map(|event| event.changed_between).map(|[_, to]| to).max();
+        let since = since.map_or(held.batch.first, |row| row.clamp(held.batch.first, next.first));
         events.extend(told);
         if confirmed.is_empty() {
             return Ok(Some(held.batch));
         }
+        self.since = since;
         self.begin_regime(vec![held.batch, next.clone()]);
         Ok(None)
     }

@@ -6,10 +6,11 @@
 //!
 //! Written out here, because the least squares of `numeric` keep sums only, and HC3 needs each sample's leverage.
 
+use serde::{Deserialize, Serialize};
 use statrs::function::erf::erfc;
 
 /// A slope and the variance of its estimate.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub(super) struct Slope {
     pub(super) value: f64,
     pub(super) variance: f64,

@@ -110,6 +110,56 @@ fn a_change_by_an_announced_intervention_is_no_event() {
     assert!(told.iter().all(|event| event.status != Status::Confirmed), "{told:?}");
 }
 
+/// An intervention that begins with a part and lasts says nothing of what it touches, so nothing is compared with it.
+#[test]
+fn an_announced_intervention_that_is_constant_within_each_part_is_no_event() {
+    let values = series(2400, 5, |t| if (1000..1600).contains(&t) { 0.0 } else { 0.8 }, |_| 1.0);
+    let mut wider = Array2::zeros((2400, 4));
+    wider.slice_mut(ndarray::s![.., ..3]).assign(&values);
+    let mut named = names();
+    named.push("do_stop".into());
+    let told = |wider: &Array2<f64>| {
+        let mut detector =
+            Detector::new(named.clone(), 1, &["do_stop".into()], Levels::default()).unwrap();
+        detector.read_in_parts(wider.view(), 200, &Control::default()).unwrap()
+    };
+    let confirmed = |events: &[ChangeEvent]| events.iter().any(|event| event.status == Status::Confirmed);
+    assert!(confirmed(&told(&wider)), "it is a change if nobody announces it");
+    wider.column_mut(3).iter_mut().skip(1000).take(600).for_each(|v| *v = 1.0);
+    assert!(!confirmed(&told(&wider)));
+    // A detector that first hears of it with the part in which it begins tells the same.
+    let mut late = Detector::new(names(), 1, &[], Levels::default()).unwrap();
+    let mut events = Vec::new();
+    for part in 0..12 {
+        let rows = ndarray::s![part * 200..(part + 1) * 200, ..];
+        if part == 5 {
+            late.add_exogenous("do_stop");
+        }
+        let part_of = |all: &Array2<f64>| all.slice(rows).to_owned();
+        let part = if part < 5 { part_of(&values) } else { part_of(&wider) };
+        events.extend(late.read(&part, &Control::default()).unwrap());
+    }
+    assert!(!confirmed(&events), "{events:?}");
+}
+
+#[test]
+fn a_detector_that_was_written_and_read_back_between_any_two_parts_tells_the_same() {
+    let values = series(3000, 4, |t| if t < 1500 { 0.7 } else { -0.3 }, |_| 1.0);
+    let whole = told(&values);
+    assert!(whole.iter().any(|event| event.status == Status::Confirmed), "{whole:?}");
+    let mut detector = Detector::new(names(), 1, &[], Levels::default()).unwrap();
+    let mut restored = detector.clone();
+    let (mut events, mut after_each) = (Vec::new(), Vec::new());
+    for part in 0..15 {
+        let rows = values.slice(ndarray::s![part * 200..(part + 1) * 200, ..]).to_owned();
+        events.extend(detector.read(&rows, &Control::default()).unwrap());
+        after_each.extend(restored.read(&rows, &Control::default()).unwrap());
+        restored = serde_json::from_str(&serde_json::to_string(&restored).unwrap()).unwrap();
+        assert_eq!(restored, detector, "part {part}");
+    }
+    assert_eq!(events, after_each);
+}
+
 #[test]
 fn what_makes_no_sense_is_refused_and_what_cannot_be_used_is_passed_over() {
     let refused = |names: Vec<String>, tau_max, levels, says: &str| {

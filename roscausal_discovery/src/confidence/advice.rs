@@ -32,6 +32,24 @@ pub(super) fn add(model: &mut Model, resampling: &Resampling) {
     model.confidence = Some(confidence);
 }
 
+/// Sets the step of a model's samples, in seconds, and says its advice in minutes.
+pub fn set_step(model: &mut Model, dt: Option<f64>) {
+    model.dt = dt;
+    let n = model.n_samples as f64;
+    if let Some(confidence) = &mut model.confidence {
+        let done = confidence.resampling.done;
+        confidence.advice.iter_mut().for_each(|advice| in_time(advice, n, done, dt));
+    }
+}
+
+fn in_time(advice: &mut Advice, n: f64, done: usize, dt: Option<f64>) {
+    let minutes = |n_needed: Option<f64>| Some((n_needed? - n).max(0.0) * dt? / 60.0);
+    advice.minutes = minutes(advice.n_needed);
+    advice.minutes_low = minutes(advice.n_low);
+    advice.minutes_high = minutes(advice.n_high);
+    advice.sentence = sentence(advice, n, done);
+}
+
 struct Question<'a> {
     model: &'a Model,
     confidence: &'a Confidence,
@@ -59,7 +77,6 @@ impl Question<'_> {
         let z = self.statistic(share, c);
         let needed = |z: f64| (z > 0.0).then(|| n * ((c + POWER) / z).powi(2));
         let (middle, low, high) = (needed(z), needed(z + RANGE), needed(z - RANGE));
-        let minutes = |n_needed: Option<f64>| Some((n_needed? - n).max(0.0) * self.model.dt? / 60.0);
         let names = &self.model.features;
         let mut advice = Advice {
             cause: names[i].clone(),
@@ -70,12 +87,12 @@ impl Question<'_> {
             n_needed: middle,
             n_low: low,
             n_high: high,
-            minutes: minutes(middle),
-            minutes_low: minutes(low),
-            minutes_high: minutes(high),
+            minutes: None,
+            minutes_low: None,
+            minutes_high: None,
             sentence: String::new(),
         };
-        advice.sentence = sentence(&advice, n);
+        in_time(&mut advice, n, self.confidence.resampling.done, self.model.dt);
         advice
     }
 
@@ -102,8 +119,8 @@ pub(super) fn found_share(resampling: &Resampling, z: f64, c: f64) -> f64 {
     below((mean - c) / deviation) + below((-mean - c) / deviation)
 }
 
-fn sentence(advice: &Advice, n: f64) -> String {
-    let found = format!("found in {:.0} of 100", 100.0 * advice.confidence);
+fn sentence(advice: &Advice, n: f64, done: usize) -> String {
+    let found = format!("found in {:.0} of {done}", done as f64 * advice.confidence);
     if advice.confidence >= SETTLED {
         return format!("{found}; settled");
     }

@@ -38,6 +38,7 @@ mod summary;
 use resamples::Resamples;
 use summary::Summary;
 
+pub use advice::set_step;
 pub use calibration::share_that_was_real;
 pub use draws::bootstrap_rows;
 pub use resamples::data_of_resample;

@@ -17,6 +17,8 @@ pub struct Strips {
     pub links: Vec<Strip>,
     /// Times at which something changed, and what.
     pub changes: Vec<(f64, String)>,
+    /// When regimes began after the first one, and their names, which begins with that of the first one; empty: no band.
+    pub regimes: Vec<(f64, String)>,
 }
 
 /// One link over time.
@@ -48,7 +50,11 @@ const WIDTH: f64 = 860.0;
 /// Height of a strip, and of the part of it that is drawn in.
 const STRIP: f64 = 62.0;
 const INNER: f64 = 46.0;
-const TOP: f64 = 44.0;
+const TOP: f64 = 64.0;
+/// Top and height of the band of regimes.
+const BAND: (f64, f64) = (38.0, 16.0);
+/// Fills of regimes, in turn.
+const SHADES: [&str; 2] = ["#dbe4ee", "#f3e3d3"];
 
 /// The picture as SVG. A full dot: the model has the link; an empty one: it does not.
 pub fn strips(of: &Strips) -> String {
@@ -65,19 +71,38 @@ pub fn strips(of: &Strips) -> String {
             escaped(what)
         ));
     }
+    draw_regimes(&mut svg, of, &time);
     for (row, strip) in of.links.iter().enumerate() {
         draw_strip(&mut svg, strip, &time, TOP + STRIP * row as f64);
     }
     if of.links.is_empty() {
         svg.text(Point::new(WIDTH / 2.0, TOP + 30.0), 15.0, "middle", FAINT, "no link in any model");
     }
-    for tick in time.ticks(8) {
-        svg.text(Point::new(time.at(tick), foot + 14.0), 10.0, "middle", INK, &format!("{tick}"));
-    }
+    time.draw_below(&mut svg, foot, 8);
     svg.text(Point::new((LEFT + WIDTH - RIGHT) / 2.0, foot + 32.0), 12.0, "middle", INK, &of.unit);
     let legend = "full: in the model; empty: not; bars: nine of ten resamples; dashed: a confirmed change";
     svg.text(Point::new(16.0, foot + 52.0), 12.0, "start", INK, legend);
     svg.finish()
+}
+
+/// A band above the strips: which regime was when. A name that does not fit is left out; it is the title, too.
+fn draw_regimes(svg: &mut Svg, of: &Strips, time: &Axis) {
+    for (place, (begin, name)) in of.regimes.iter().enumerate() {
+        let from = if place == 0 { LEFT } else { time.at(*begin).clamp(LEFT, WIDTH - RIGHT) };
+        let to = of.regimes.get(place + 1).map_or(WIDTH - RIGHT, |(end, _)| time.at(*end));
+        let (to, (top, height)) = (to.clamp(from, WIDTH - RIGHT), BAND);
+        svg.raw(&format!(
+            "<g class=\"regime\"><title>{}</title><rect x=\"{from:.1}\" y=\"{top}\" width=\"{:.1}\" height=\"{height}\" \
+             fill=\"{}\"/></g>",
+            escaped(name),
+            to - from,
+            SHADES[place % SHADES.len()]
+        ));
+        if to - from > 6.5 * name.chars().count() as f64 + 8.0 {
+            let middle = Point::new(0.5 * (from + to), top + height - 4.0);
+            svg.text(middle, 11.0, "middle", INK, name);
+        }
+    }
 }
 
 fn draw_strip(svg: &mut Svg, strip: &Strip, time: &Axis, top: f64) {
@@ -115,9 +140,12 @@ mod tests {
         let point = |time: f64, found| StripPoint { time, value: -0.3, interval: Some((-0.4, -0.1)), found };
         let strip =
             Strip { name: "a → b, lag 1".into(), points: vec![point(0.0, true), point(9.0, false)] };
-        let of = Strips { links: vec![strip], changes: vec![(4.0, "<a>".into())], ..Strips::default() };
+        let regimes = vec![(0.0, "regime 1".into()), (4.0, "regime 2".into())];
+        let of =
+            Strips { links: vec![strip], changes: vec![(4.0, "<a>".into())], regimes, ..Strips::default() };
         let svg = strips(&of);
         assert_eq!((svg.matches("<circle").count(), svg.matches("class=\"change\"").count()), (2, 1));
+        assert_eq!((svg.matches("class=\"regime\"").count(), svg.matches(">regime 2</text>").count()), (2, 1));
         assert!(svg.contains("&lt;a&gt;") && svg.contains("fill=\"#ffffff\" stroke"));
         assert!(strips(&Strips::default()).contains("no link in any model"));
     }

@@ -103,6 +103,12 @@ pub struct Link {
     /// Percentile 95 of the strength in the resamples.
     #[serde(default)]
     pub value_high: Option<f64>,
+    /// Of a model that rolls on: stamp in seconds from which on the link is in every model.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub since: Option<f64>,
+    /// Of a model that rolls on: how many of the last eight models have the link.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub seen: Option<usize>,
 }
 
 impl Link {
@@ -112,9 +118,10 @@ impl Link {
     /// use roscausal_discovery::Link;
     ///
     /// let (cause, effect, mark) = ("h_risk".to_owned(), "h_v".to_owned(), "<->".to_owned());
-    /// let (confidence, value_low, value_high) = (None, None, None);
+    /// let (confidence, value_low, value_high, since, seen) = (None, None, None, None, None);
+    /// let (value, p_value) = (0.4, 0.001);
     /// let link =
-    ///     Link { cause, effect, lag: 1, value: 0.4, p_value: 0.001, mark, n_lost: 0, confidence, value_low, value_high };
+    ///     Link { cause, effect, lag: 1, value, p_value, mark, n_lost: 0, confidence, value_low, value_high, since, seen };
     /// assert_eq!(link.sentence(), "h_risk and h_v: something not recorded drives both");
     /// ```
     pub fn sentence(&self) -> String {
@@ -196,6 +203,8 @@ impl Model {
                         confidence: None,
                         value_low: None,
                         value_high: None,
+                        since: None,
+                        seen: None,
                     });
                 }
             }

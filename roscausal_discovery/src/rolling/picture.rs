@@ -32,13 +32,34 @@ pub fn strips_of(models: &[(f64, &Model)], unit: &str, events: &[(f64, &ChangeEv
     };
     let shown =
         if n_links > MOST { format!(", the {MOST} most frequent links of {n_links}") } else { String::new() };
-    let confirmed = events.iter().filter(|(_, event)| event.status == Status::Confirmed);
+    let confirmed: Vec<&(f64, &ChangeEvent)> =
+        events.iter().filter(|(_, event)| event.status == Status::Confirmed).collect();
     strips(&Strips {
         title: format!("{} models over time{shown}", models.len()),
         unit: unit.to_owned(),
         links: counts.iter().map(strip).collect(),
-        changes: confirmed.map(|(time, event)| (*time, event.sentence())).collect(),
+        changes: confirmed.iter().map(|(time, event)| (*time, event.sentence())).collect(),
+        regimes: regimes(&confirmed),
     })
+}
+
+/// The first regime, and those that confirmed changes begin; one that is back is named as it was.
+fn regimes(confirmed: &[&(f64, &ChangeEvent)]) -> Vec<(f64, String)> {
+    let mut all: Vec<(usize, f64, String)> = Vec::new();
+    for (time, event) in confirmed {
+        let Some(number) = event.regime.filter(|number| all.iter().all(|(known, ..)| known != number)) else {
+            continue;
+        };
+        if all.is_empty() {
+            all.push((1, 0.0, "regime 1".to_owned()));
+        }
+        let name = match event.same_as {
+            Some(earlier) => format!("regime {number}, as {earlier}"),
+            None => format!("regime {number}"),
+        };
+        all.push((number, *time, name));
+    }
+    all.into_iter().map(|(_, time, name)| (time, name)).collect()
 }
 
 /// The strength of a link in a model that tested it.

@@ -10,6 +10,8 @@ macro_rules! for_every_type {
             CausalModel
             CausalLink
             CausalModelInfo
+            ModelChange
+            ModelChanges
             Features
             Intervention
             Action

@@ -40,7 +40,7 @@ def works(setup, roscore):
     script = """set -e; . %s
       rosmsg md5 roscausal_msgs/CausalModel
       rosmsg show roscausal_msgs/RobotState
-      python3 -c 'from roscausal_msgs.msg import CausalModel, CausalModelInfo; print("imported")'
+      python3 -c 'from roscausal_msgs.msg import CausalModel, CausalModelInfo, ModelChanges; print("imported")'
       roslaunch --files roscausal roscausal.launch
       roslaunch --nodes roscausal experiment.launch
     """ % setup

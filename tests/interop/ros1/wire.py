@@ -15,7 +15,7 @@ from geometry_msgs.msg import Point, PoseArray, PoseStamped, PoseWithCovarianceS
 from move_base_msgs.msg import MoveBaseActionGoal
 from nav_msgs.msg import Odometry
 from pedsim_msgs.msg import AgentStates, TrackedPersons
-from roscausal_msgs.msg import CausalModel, CausalModelInfo, Humans, HumanState, RobotState
+from roscausal_msgs.msg import CausalModel, CausalModelInfo, Humans, HumanState, ModelChanges, RobotState
 from rosgraph_msgs.msg import Log
 from sensor_msgs.msg import CompressedImage, Image
 from std_msgs.msg import String
@@ -26,7 +26,7 @@ from harness import Group, Process, eventually, peer
 group = Group()
 case = group.case
 
-TYPES = [RobotState, HumanState, Humans, CausalModel, CausalModelInfo, String, Odometry, PoseWithCovarianceStamped,
+TYPES = [RobotState, HumanState, Humans, CausalModel, CausalModelInfo, ModelChanges, String, Odometry, PoseWithCovarianceStamped,
          PoseStamped, PoseArray, Point, MoveBaseActionGoal, TFMessage, Image, CompressedImage, AgentStates,
          TrackedPersons]
 RANGES = {"int8": (-128, 127), "uint8": (0, 255), "byte": (-128, 127), "char": (0, 255), "int16": (-2**15, 2**15 - 1),

@@ -29,7 +29,7 @@ def the_nodes_are_where_ros2_run_looks():
 @test
 def the_messages_are_python_modules_with_ros2_names():
     script = (
-        "from roscausal_msgs.msg import CausalModel, CausalModelInfo, Humans, HumanState, RobotState\n"
+        "from roscausal_msgs.msg import CausalModel, CausalModelInfo, Humans, HumanState, ModelChanges, RobotState\n"
         "assert 'pose2d' in RobotState.get_fields_and_field_types() and 'pose2d' in HumanState().__slots__[2]\n"
         "print(CausalModel.__module__)"
     )

@@ -11,7 +11,8 @@ from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rosidl_parser.definition import AbstractNestedType, Array, BasicType, BoundedSequence, NamespacedType
 
 TYPES = """roscausal_msgs/RobotState roscausal_msgs/HumanState roscausal_msgs/Humans roscausal_msgs/CausalModel
-roscausal_msgs/CausalLink roscausal_msgs/CausalModelInfo std_msgs/Header std_msgs/String std_msgs/Bool
+roscausal_msgs/CausalLink roscausal_msgs/CausalModelInfo roscausal_msgs/ModelChange roscausal_msgs/ModelChanges
+std_msgs/Header std_msgs/String std_msgs/Bool
 std_msgs/Float64 std_msgs/Int32MultiArray std_msgs/Float32MultiArray geometry_msgs/Point geometry_msgs/Pose2D
 geometry_msgs/PoseStamped geometry_msgs/PoseArray geometry_msgs/PoseWithCovarianceStamped
 geometry_msgs/TransformStamped geometry_msgs/Twist nav_msgs/Odometry tf2_msgs/TFMessage sensor_msgs/Image

@@ -1,0 +1,102 @@
+//! Changes of mechanisms as messages and files.
+
+use std::{fs, path::Path};
+
+use roscausal_discovery::changes::{ChangeEvent, Status};
+use roscausal_msgs::{ModelChange, ModelChanges, Time, std_msgs::Header};
+use serde::{Deserialize, Serialize};
+
+use super::regime::Regime;
+use crate::{Error, Result, batch::pool::write_whole};
+
+/// Topic of the changes: the last 64, latched.
+pub const CHANGES_TOPIC: &str = "/roscausal/model_changes";
+/// Folder beside the models that holds a file for each event.
+pub const CHANGES_FOLDER: &str = "changes";
+
+/// An event as the node records it: with the batch that told it, and with stamps in seconds.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct RecordedChange {
+    /// Counts the events, from 1.
+    pub number: usize,
+    /// The event; its times are rows.
+    #[serde(flatten)]
+    pub event: ChangeEvent,
+    /// Name of the batch that told it, without extension.
+    pub batch: String,
+    /// Stamp of the last sample read.
+    pub told: f64,
+    /// Stamps between which the link changed; of a confirmed event.
+    pub changed_from_to: Option<[f64; 2]>,
+}
+
+/// The events that a node recorded beside its models in `dir`, oldest first.
+///
+/// # Errors
+/// A file that cannot be read.
+pub fn recorded_changes(dir: &Path) -> Result<Vec<RecordedChange>> {
+    let dir = dir.join(CHANGES_FOLDER);
+    if !dir.is_dir() {
+        return Ok(Vec::new());
+    }
+    let mut paths = Vec::new();
+    for entry in fs::read_dir(&dir).map_err(|e| Error::file(&dir, e))? {
+        let path = entry.map_err(|e| Error::file(&dir, e))?.path();
+        let name = path.file_name().map_or(String::new(), |name| name.to_string_lossy().into_owned());
+        if name.ends_with(".json") && !name.starts_with('.') {
+            paths.push(path);
+        }
+    }
+    paths.sort();
+    let read = |path: &std::path::PathBuf| {
+        let text = fs::read(path).map_err(|e| Error::file(path, e))?;
+        serde_json::from_slice(&text).map_err(|e| Error::file(path, e))
+    };
+    paths.iter().map(read).collect()
+}
+
+/// What is published of a regime.
+pub(super) fn model_changes(regime: &Regime, header: Header) -> ModelChanges {
+    let (regime_since, batches) = regime.since();
+    ModelChanges { header, regime_since, batches, changes: regime.events.iter().map(model_change).collect() }
+}
+
+fn model_change(told: &RecordedChange) -> ModelChange {
+    let event = &told.event;
+    let stamp = |end: usize| told.changed_from_to.map_or(Time::ZERO, |ends| Time::from_secs_f64(ends[end]));
+    ModelChange {
+        id: event.id.clone(),
+        status: match event.status {
+            Status::Suspected => ModelChange::SUSPECTED,
+            Status::Confirmed => ModelChange::CONFIRMED,
+            Status::Withdrawn => ModelChange::WITHDRAWN,
+        },
+        kind: event.kind.name().to_owned(),
+        cause: event.cause.clone(),
+        effect: event.effect.clone(),
+        lag: u32::try_from(event.lag).unwrap_or(u32::MAX),
+        before: event.before,
+        after: event.after,
+        p_value: event.p_value,
+        told: Time::from_secs_f64(told.told),
+        changed_from: stamp(0),
+        changed_to: stamp(1),
+        batch_id: told.batch.clone(),
+        description: event.sentence(),
+    }
+}
+
+/// Writes a file for each event, named by its number; one that is there is left alone.
+pub(super) fn write_events(dir: &Path, regime: &Regime) -> Result<()> {
+    let dir = dir.join(CHANGES_FOLDER);
+    for told in &regime.events {
+        let path = dir.join(format!("{:06}.json", told.number));
+        let text = serde_json::to_string_pretty(told).map_err(|e| Error::Data(e.to_string()))? + "\n";
+        if fs::read(&path).is_ok_and(|there| there == text.as_bytes()) {
+            continue;
+        }
+        fs::create_dir_all(&dir).map_err(|e| Error::file(&dir, e))?;
+        write_whole(&path, text.as_bytes())?;
+    }
+    Ok(())
+}
