@@ -6,7 +6,7 @@ use clap::{Args as ClapArgs, ValueEnum};
 use roscausal_core::{Error, Result};
 use roscausal_discovery::{
     Control, DataFrame, Model, Settings,
-    changes::{ChangeEvent, Detector, Levels},
+    changes::{ChangeEvent, Detector, Form, Levels},
     confidence::{Resampling, set_step},
     names::plain,
     rolling::{
@@ -136,7 +136,8 @@ impl Args {
     /// What the detector tells of the whole data, recording after recording.
     fn events(&self, data: &DataFrame, settings: &Settings, control: &Control) -> Result<Vec<ChangeEvent>> {
         let names = data.var_names().to_vec();
-        let mut detector = Detector::new(names, settings.tau_max, &settings.exogenous, Levels::default())?;
+        let detector = Detector::new(names, settings.tau_max, &settings.exogenous, Levels::default())?;
+        let mut detector = detector.of_form(Form::of_test(&settings.cond_ind_test));
         let rows = self.change_rows.unwrap_or(CHANGE_ROWS.max(detector.fewest_rows()));
         let mut events = Vec::new();
         for recording in data.recordings() {

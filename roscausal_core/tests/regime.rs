@@ -1,6 +1,6 @@
 //! The discovery node that rolls on: models of the present regime, changes of mechanisms, and random `kill -9` meanwhile.
 //!
-//! `ROSCAUSAL_KILLS=50 cargo test -p roscausal_core --test regime -- --nocapture` takes a minute.
+//! `ROSCAUSAL_KILLS=50 cargo test -p roscausal_core --test regime -- --nocapture` takes some minutes.
 
 #![cfg(unix)]
 #![allow(clippy::expect_used, clippy::panic, reason = "a test may panic: that is how it fails")]

@@ -2,7 +2,7 @@
 
 import { clock, element } from "./draw.js";
 
-const LANES = ["batches", "models", "interventions", "changes"];
+const LANES = ["batches", "models", "interventions", "changes", "regimes"];
 const [LANE, LEFT, RIGHT, TOP] = [16, 96, 8, 4];
 const HEIGHT = TOP + LANES.length * LANE + 18;
 
@@ -90,6 +90,12 @@ export class Timeline {
     }
     for (const { name, from, to } of this.imposed()) span(2, from, to, "imposed", `${name}: ${clock(from)} to ${clock(to)}`);
     for (const change of this.changes) point(3, change.t, `change ${change.kind ?? ""}`, change.text, (x, y) => (change.kind === "gone" ? `M ${x - 4} ${y - 4} l 8 8 m 0 -8 l -8 8` : `M ${x} ${y - 5} v 10 M ${x - 5} ${y} h 10`));
+    const begins = this.changes.filter((change) => change.regime).map((change) => change.t).sort((a, b) => a - b);
+    const regimes = begins.length ? [this.first, ...new Set(begins)] : [];
+    regimes.forEach((from, i) => {
+      const to = regimes[i + 1] ?? this.last;
+      span(4, from, to, `regime ${i % 2 ? "odd" : "even"}`, `regime ${i + 1}: ${clock(from)} to ${clock(to)}`);
+    });
     for (const [t, anchor] of [[this.first, "start"], [this.last, "end"]]) element("text", { x: this.x(t), y: HEIGHT - 3, "text-anchor": anchor }, this.marks, clock(t));
     const count = (n, word) => `${n} ${word}${n === 1 ? "" : "s"}`;
     this.svg.setAttribute("aria-label", `Time line from ${clock(this.first)} to ${clock(this.last)}: ${count(this.models.length, "model")}, ${count(this.imposed().length, "intervention")}, ${count(this.changes.length, "change")}`);

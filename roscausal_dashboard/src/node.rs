@@ -10,11 +10,11 @@ use roscausal_core::{
     Error, Result,
     inbox::{Inbox, Next},
     middleware::{Middleware, Qos},
-    nodes::{EVIDENCE_TOPIC, SceneOptions},
+    nodes::{CHANGES_TOPIC, EVIDENCE_TOPIC, SceneOptions},
     params::{Allowed, ParamSpec, Params, Value},
 };
 use roscausal_msgs::{
-    CausalModelInfo, Humans, RobotState, diagnostic_msgs::DiagnosticArray, pedsim_msgs::LineObstacles,
+    CausalModelInfo, ModelChanges, Humans, RobotState, diagnostic_msgs::DiagnosticArray, pedsim_msgs::LineObstacles,
     std_msgs::String as Text,
 };
 
@@ -39,6 +39,7 @@ enum Event {
     Evidence(Text),
     Walls(LineObstacles),
     Interventions(Text),
+    Changes(ModelChanges),
 }
 
 /// Names, defaults, allowed values and descriptions of the node's parameters.
@@ -101,6 +102,9 @@ pub fn dashboard<M: Middleware>(mw: &M, server: &Server, options: SceneOptions) 
     let send = inbox.sender();
     let evidence = move |m| send.send(Event::Evidence(m));
     let _evidence = mw.subscribe(EVIDENCE_TOPIC, Qos::Latched, evidence)?;
+    let send = inbox.sender();
+    let changes = move |m| send.send(Event::Changes(m));
+    let _changes = mw.subscribe(CHANGES_TOPIC, Qos::Latched, changes)?;
 
     // Both exist only where somebody tells them, as the simulator does.
     let send = inbox.sender();
@@ -124,6 +128,7 @@ pub fn dashboard<M: Middleware>(mw: &M, server: &Server, options: SceneOptions) 
                 Event::Humans(humans) => world.humans(humans, hub),
                 Event::Diagnostics(message) => world.diagnostics(message, hub),
                 Event::Model(info) => world.model(&info, hub),
+                Event::Changes(changes) => world.changes(&changes, hub),
                 Event::Walls(walls) => world.walls(&walls, hub),
                 Event::Interventions(text) => world.interventions(&text.data, hub),
                 Event::Evidence(text) => {

@@ -1,10 +1,10 @@
 //! The state of the page, kept from the messages, as JSON.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 use roscausal_core::{Time, nodes::SceneOptions};
 use roscausal_msgs::{
-    CausalLink, CausalModelInfo, Humans, RobotState,
+    CausalLink, CausalModelInfo, Humans, ModelChange, ModelChanges, RobotState,
     diagnostic_msgs::{DiagnosticArray, DiagnosticStatus},
     pedsim_msgs::LineObstacles,
 };
@@ -33,6 +33,8 @@ pub(crate) struct World {
     walls: String,
     nodes: BTreeMap<String, DiagnosticStatus>,
     models: u64,
+    /// The stages of changes that were told: id and status.
+    stages: BTreeSet<(String, u8)>,
     /// Batches that the data node has reported as written.
     batches: u64,
     time: Time,
@@ -50,6 +52,7 @@ impl World {
             walls: String::new(),
             nodes: BTreeMap::new(),
             models: 0,
+            stages: BTreeSet::new(),
             batches: 0,
             time: Time::ZERO,
             scene_changed: false,
@@ -144,6 +147,22 @@ impl World {
         let (number, count) = (self.models, info.links.len());
         let text = format!("model {number}: {count} links from {}{seconds}", info.batch_id);
         self.tell(hub, &text, json!({"kind": "model"}));
+    }
+
+    /// Changes of mechanisms: each stage once, at the time when the link changed, or, if that is not told, when it was told.
+    pub(crate) fn changes(&mut self, message: &ModelChanges, hub: &Hub) {
+        for change in &message.changes {
+            let confirmed = change.status == ModelChange::CONFIRMED;
+            if !self.stages.insert((change.id.clone(), change.status)) {
+                continue;
+            }
+            self.tell(hub, &change.description, json!({"kind": "mechanism"}));
+            let (from, to) = (change.changed_from.as_secs_f64(), change.changed_to.as_secs_f64());
+            let t = if confirmed && to > 0.0 { 0.5 * (from + to) } else { change.told.as_secs_f64() };
+            let kind = ["suspected", "confirmed", "withdrawn"].get(usize::from(change.status)).unwrap_or(&"");
+            let data = json!({"t": t, "kind": kind, "text": change.description, "regime": confirmed});
+            hub.send(Frame { kind: "change", data: data.to_string().into() }, Keep::All);
+        }
     }
 
     /// Sends the scene if it has changed.
@@ -309,6 +328,30 @@ mod tests {
         let name = || Some("do_robot_speed".to_owned());
         assert_eq!(told.iter().map(on).collect::<Vec<_>>(), [(name(), Some(true)), (name(), Some(false))]);
         assert!(told[0]["text"].as_str().unwrap().contains("= 0.2 begins"));
+    }
+
+    #[test]
+    fn each_stage_of_a_change_is_a_mark_once_and_a_confirmed_one_begins_a_regime() {
+        let (mut world, hub) = (world(), Hub::new());
+        let change = |status: u8| ModelChange {
+            id: "change-1".into(),
+            status,
+            told: Time::from_secs_f64(30.0),
+            changed_from: Time::from_secs_f64(if status == ModelChange::CONFIRMED { 10.0 } else { 0.0 }),
+            changed_to: Time::from_secs_f64(if status == ModelChange::CONFIRMED { 14.0 } else { 0.0 }),
+            description: "a no longer drives b".into(),
+            ..ModelChange::default()
+        };
+        let (first, second) = (change(ModelChange::SUSPECTED), change(ModelChange::CONFIRMED));
+        for changes in [vec![first.clone()], vec![first, second]] {
+            world.changes(&ModelChanges { changes, ..ModelChanges::default() }, &hub);
+        }
+        let frames = hub.join().0;
+        let marks = frames.iter().filter(|frame| frame.kind == "change");
+        let marks: Vec<Json> = marks.map(|frame| serde_json::from_str(&frame.data).unwrap()).collect();
+        let of = |json: &Json| (json["t"].as_f64().unwrap(), json["regime"].as_bool().unwrap());
+        assert_eq!(marks.iter().map(of).collect::<Vec<_>>(), [(30.0, false), (12.0, true)]);
+        assert_eq!(frames.iter().filter(|frame| frame.kind == "message").count(), 2);
     }
 
     #[test]

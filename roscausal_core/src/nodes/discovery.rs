@@ -12,7 +12,7 @@ use std::{
 };
 
 use roscausal_discovery::{
-    Control, Evidence, Model, Progress, Settings, analyse_with_evidence, changes::Status,
+    Control, Evidence, Model, Progress, Settings, analyse_with_evidence, changes::{Form, Status},
     confidence::{resample, set_step},
     draw,
 };
@@ -269,7 +269,8 @@ impl<M: Middleware> Node<M> {
         let found = self.run_method(mw, |control| match (&rolling, names, paths) {
             (Some(rolling), [name], [path]) => {
                 let (people, tau_max) = (people_of(&params), params.settings.tau_max);
-                let new = NewBatch { name, path, people, tau_max };
+                let form = Form::of_test(&params.settings.cond_ind_test);
+                let new = NewBatch { name, path, people, tau_max, form };
                 rolled(&params, rolling, &new, control).map(|(found, regime)| (found, Some(regime)))
             }
             _ => Ok((method(&params, paths, None, control)?, None)),

@@ -12,7 +12,7 @@ use std::{
 
 use roscausal_discovery::{
     Control, DataFrame, Model,
-    changes::{ChangeEvent, Detector, Levels, Status},
+    changes::{ChangeEvent, Detector, Form, Levels, Status},
 };
 use serde::{Deserialize, Serialize};
 
@@ -177,6 +177,7 @@ pub(super) struct NewBatch<'a> {
     pub(super) path: &'a Path,
     pub(super) people: People,
     pub(super) tau_max: usize,
+    pub(super) form: Form,
 }
 
 impl Regime {
@@ -326,15 +327,16 @@ impl Whose {
         if base.len() < 2 {
             return Ok((Vec::new(), n_changes));
         }
-        let knows = |detector: &Detector| detector.names().starts_with(&base);
+        let knows = |detector: &Detector| detector.is_for(&base, new.tau_max, levels, new.form);
         let mut detector = match self.detector.take() {
             Some(detector) if knows(&detector) => detector,
             before => {
                 if before.is_some() {
-                    tracing::warn!("{}: other variables than before: a new regime begins", new.name);
+                    let why = "other variables or settings than before";
+                    tracing::warn!("{}: {why}: a new regime begins", new.name);
                 }
                 *self = Self { since: start, ..Self::default() };
-                Detector::new(base.clone(), new.tau_max, &[], levels)?
+                Detector::new(base.clone(), new.tau_max, &[], levels)?.of_form(new.form)
             }
         }
         .numbered_after(n_changes);

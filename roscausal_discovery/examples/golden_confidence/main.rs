@@ -2,7 +2,7 @@
 //! reads.
 //!
 //! `cargo run --release -p roscausal_discovery --example golden_confidence -- SET OUT [SECTION..]`; sections: draws, boot, window,
-//! calibration, changes (of the linear systems), power; without one: all.
+//! calibration, changes, power; without one: all.
 
 #[path = "../golden/csv_file.rs"]
 mod csv_file;

@@ -4,7 +4,7 @@ use std::{fs, path::Path};
 
 use roscausal_discovery::{
     Control, DataFrame, Model, PcAlpha, Settings,
-    changes::{Detector, Levels},
+    changes::{Detector, Form, Levels},
     confidence::{Resampling, Scheme, analyse_resampled, bootstrap_rows},
     rolling::{Windows, roll},
 };
@@ -159,15 +159,15 @@ fn each_system(set: &Path, out: &Path, section: &str, resampling: &Resampling) -
 /// Rows of a part that the detector reads at a time, unless the number of variables asks for more.
 const CHANGE_ROWS: usize = 150;
 
-/// The linear systems: the names of the nonlinear ones begin with `n`.
+/// The names of the nonlinear systems begin with `n`; curves are compared there.
 fn changes(set: &Path, out: &Path) -> Done {
     let truth = json_of(&set.join("changes/truth.json"))?;
-    for name in
-        truth.as_object().ok_or("truth.json is no object")?.keys().filter(|name| !name.starts_with('n'))
-    {
+    for name in truth.as_object().ok_or("truth.json is no object")?.keys() {
         let data = data_of(&set.join("changes/data"), name)?;
-        let mut detector =
+        let form = if name.starts_with('n') { Form::Curve } else { Form::Slope };
+        let detector =
             Detector::new(data.var_names().to_vec(), 2, &[], Levels::default()).map_err(|e| e.to_string())?;
+        let mut detector = detector.of_form(form);
         let rows = CHANGE_ROWS.max(detector.fewest_rows());
         let mut events = Vec::new();
         for recording in data.recordings() {

@@ -5,6 +5,9 @@ use serde::{Deserialize, Serialize};
 
 use crate::ground::Node;
 
+/// Rows that a variable must have on either side to show what it drives.
+const SHOWN: usize = 20;
+
 /// A stretch of recorded rows. Its first `2 tau_max` rows serve only as the past of the others.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub(super) struct Batch {
@@ -46,9 +49,14 @@ impl Batch {
         self.values.nrows().saturating_sub(past)
     }
 
-    /// Whether a variable varies in it.
-    pub(super) fn varies(&self, var: usize) -> bool {
-        self.values.column(var).iter().any(|v| v.abs() > 1e-12)
+    /// Whether a variable varies in it often enough to show what it drives: in [`SHOWN`] rows it is above the middle of its
+    /// range, in as many below.
+    pub(super) fn varies(&self, var: usize, past: usize) -> bool {
+        let values: Vec<f64> = self.values.column(var).iter().skip(past).copied().collect();
+        let end = |pick: fn(f64, f64) -> f64| values.iter().copied().reduce(pick).unwrap_or_default();
+        let (low, high) = (end(f64::min), end(f64::max));
+        let above = values.iter().filter(|value| **value > 0.5 * (low + high)).count();
+        high - low > 1e-12 && above.min(values.len() - above) >= SHOWN
     }
 }
 

@@ -4,6 +4,8 @@ use serde::{Deserialize, Serialize};
 
 use super::{
     batch::{Batch, column},
+    curves,
+    event::Kind,
     regression::{Slope, slope},
 };
 use crate::{
@@ -11,6 +13,30 @@ use crate::{
     ground::{Control, DataFrame, Node, Result},
     methods::Method,
 };
+
+/// What of a mechanism is compared.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Form {
+    /// The slope of each link.
+    #[default]
+    Slope,
+    /// A smooth curve of any form.
+    Curve,
+}
+
+impl Form {
+    /// The form that goes with an independence test: a curve where the test sees more than lines.
+    pub fn of_test(test: &str) -> Self {
+        match test.replace(['-', '_'], "").as_str() {
+            "gpdc" | "gpdcpython" | "cmiknn" => Self::Curve,
+            _ => Self::Slope,
+        }
+    }
+}
+
+/// Level at which a slope counts as none.
+pub(super) const NONE: f64 = 0.05;
 
 /// A possible link.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
@@ -26,7 +52,8 @@ pub(super) struct Difference {
     pub(super) at: Place,
     pub(super) before: Slope,
     pub(super) after: Slope,
-    /// P-value of one slope in both.
+    pub(super) kind: Kind,
+    /// P-value of one mechanism in both.
     pub(super) p: f64,
     /// Corrected for the number of links (Benjamini and Hochberg).
     pub(super) q: f64,
@@ -40,6 +67,7 @@ impl Difference {
 
 /// What compares.
 pub(super) struct Comparison<'a> {
+    pub(super) form: Form,
     pub(super) names: &'a [String],
     pub(super) tau_max: usize,
     /// Variables that others set: interventions, context.
@@ -56,6 +84,11 @@ pub(super) struct Mechanisms {
 }
 
 impl Mechanisms {
+    /// What an effect is regressed on.
+    pub(super) fn inputs(&self, effect: usize) -> &[Node] {
+        &self.parents[effect]
+    }
+
     /// The conditions of a possible link: the parents of its effect but the link itself.
     pub(super) fn given(&self, at: Place) -> Vec<Node> {
         let own = Node::new(at.cause, at.lag);
@@ -71,6 +104,22 @@ impl Comparison<'_> {
     /// What drives each variable, over all these batches. A variable is left out that an intervention drives whose values differ
     /// between the groups.
     pub(super) fn mechanisms(&self, before: &[&Batch], after: &[&Batch]) -> Result<Mechanisms> {
+        let parents = match self.form {
+            Form::Slope => self.linear_parents(before, after)?,
+            Form::Curve => curves::inputs(self, before, after),
+        };
+        let one_sided: Vec<usize> =
+            self.exogenous.iter().copied().filter(|&var| range(before, var) != range(after, var)).collect();
+        // Where it is (nearly) constant within each batch, nothing says which mechanisms it touches.
+        let seen = |var: &usize| before.iter().chain(after).any(|batch| batch.varies(*var, self.past()));
+        let all = !one_sided.iter().all(seen);
+        let touched = |of: &Vec<Node>| all || of.iter().any(|node| one_sided.contains(&node.var));
+        let left_out = parents.iter().map(touched).collect();
+        Ok(Mechanisms { parents, left_out, incomparable: all })
+    }
+
+    /// The parents that PCMCI with ParCorr finds.
+    fn linear_parents(&self, before: &[&Batch], after: &[&Batch]) -> Result<Vec<Vec<Node>>> {
         let recordings = before.iter().chain(after).map(|batch| batch.values.clone()).collect();
         let data = DataFrame::new(recordings, self.names.to_vec())?;
         let settings = Settings {
@@ -89,14 +138,7 @@ impl Comparison<'_> {
                 parents[effect].push(Node::new(cause, link.lag));
             }
         }
-        let one_sided: Vec<usize> =
-            self.exogenous.iter().copied().filter(|&var| range(before, var) != range(after, var)).collect();
-        // Where it is constant within each batch, nothing says which mechanisms it touches.
-        let seen = |var: &usize| before.iter().chain(after).any(|batch| batch.varies(*var));
-        let all = !one_sided.iter().all(seen);
-        let touched = |of: &Vec<Node>| all || of.iter().any(|node| one_sided.contains(&node.var));
-        let left_out = parents.iter().map(touched).collect();
-        Ok(Mechanisms { parents, left_out, incomparable: all })
+        Ok(parents)
     }
 
     /// The links that are compared: all of one variable to another at lags from 1 on.
@@ -120,8 +162,7 @@ impl Comparison<'_> {
         slope(&y, &x, &given, batches.len())
     }
 
-    /// Compares all links of two groups.
-    pub(super) fn differences(
+    fn slopes_differ(
         &self,
         before: &[&Batch],
         after: &[&Batch],
@@ -132,12 +173,68 @@ impl Comparison<'_> {
             self.control.check()?;
             let slopes = (self.slope(before, at, mechanisms), self.slope(after, at, mechanisms));
             if let (Some(before), Some(after)) = slopes {
-                let p = before.p_of_same(after);
-                found.push(Difference { at, before, after, p, q: p });
+                let (kind, p) = (kind_of(before, after), before.p_of_same(after));
+                found.push(Difference { at, before, after, kind, p, q: p });
             }
         }
+        Ok(found)
+    }
+
+    fn curves_differ(
+        &self,
+        before: &[&Batch],
+        after: &[&Batch],
+        mechanisms: &Mechanisms,
+    ) -> Result<Vec<Difference>> {
+        let places = self.places(mechanisms);
+        let mut found = Vec::new();
+        for of_effect in places.chunk_by(|a, b| a.effect == b.effect) {
+            self.control.check()?;
+            found.extend(curves::differences_of(self, (before, after), of_effect, mechanisms)?);
+        }
+        Ok(found)
+    }
+
+    /// A difference with what the link was and is; of slopes it has that already.
+    pub(super) fn described(
+        &self,
+        difference: Difference,
+        (before, after): (&[&Batch], &[&Batch]),
+        mechanisms: &Mechanisms,
+    ) -> Difference {
+        if self.form == Form::Slope {
+            return difference;
+        }
+        match curves::describe(self, (before, after), difference.at, mechanisms) {
+            Some((before, after, kind)) => Difference { before, after, kind, ..difference },
+            None => difference,
+        }
+    }
+
+    /// Compares all links of two groups.
+    pub(super) fn differences(
+        &self,
+        before: &[&Batch],
+        after: &[&Batch],
+        mechanisms: &Mechanisms,
+    ) -> Result<Vec<Difference>> {
+        let mut found = match self.form {
+            Form::Slope => self.slopes_differ(before, after, mechanisms)?,
+            Form::Curve => self.curves_differ(before, after, mechanisms)?,
+        };
         corrected(&mut found);
         Ok(found)
+    }
+}
+
+/// What became of a slope.
+fn kind_of(before: Slope, after: Slope) -> Kind {
+    match (before.p_value() > NONE, after.p_value() > NONE) {
+        (true, false) => Kind::Appeared,
+        (false, true) => Kind::Vanished,
+        _ if before.value * after.value < 0.0 => Kind::Reversed,
+        _ if after.value.abs() > before.value.abs() => Kind::Stronger,
+        _ => Kind::Weaker,
     }
 }
 

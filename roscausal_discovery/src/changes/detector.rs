@@ -7,9 +7,9 @@ use serde::{Deserialize, Serialize};
 
 use super::{
     batch::Batch,
-    compare::{Comparison, Difference, Mechanisms, Place},
-    event::{ChangeEvent, Kind, Status},
-    when,
+    compare::{Comparison, Difference, Form, Mechanisms, NONE, Place},
+    event::{ChangeEvent, Status},
+    curves, when,
 };
 use crate::ground::{Control, Error, Result};
 
@@ -19,8 +19,8 @@ const MOST_ROWS: usize = 2000;
 const LOCATED_IN: usize = 5;
 /// Earlier regimes that may be recognised.
 const REMEMBERED: usize = 8;
-/// Level at which a slope counts as none, and above which two regimes count as one.
-const NONE: f64 = 0.05;
+/// Most rows of a regime of curves.
+const MOST_ROWS_OF_CURVES: usize = 1000;
 /// Level at which the batch after a suspected one must show the change alone.
 const ALONE: f64 = 0.01;
 
@@ -48,6 +48,7 @@ pub struct Detector {
     tau_max: usize,
     exogenous: Vec<usize>,
     levels: Levels,
+    form: Form,
     /// The batches since the last change, oldest first.
     regime: VecDeque<Batch>,
     /// Number of the present regime, from 1.
@@ -93,6 +94,7 @@ impl Detector {
             tau_max,
             exogenous,
             levels,
+            form: Form::default(),
             regime: VecDeque::new(),
             number: 1,
             since: 0,
@@ -101,6 +103,19 @@ impl Detector {
             rows: 0,
             told: 0,
         })
+    }
+
+    /// The same detector for mechanisms of another form.
+    #[must_use]
+    pub fn of_form(mut self, form: Form) -> Self {
+        self.form = form;
+        self
+    }
+
+    /// Whether this is the detector for variables that begin with these, and with these settings.
+    pub fn is_for(&self, names: &[String], tau_max: usize, levels: Levels, form: Form) -> bool {
+        let settings = (self.tau_max, self.levels, self.form) == (tau_max, levels, form);
+        settings && self.names.starts_with(names)
     }
 
     /// Fewest rows of a batch: each slope needs some.
@@ -221,7 +236,7 @@ impl Detector {
     }
 
     fn comparison<'a>(&'a self, control: &'a Control) -> Comparison<'a> {
-        Comparison { names: &self.names, tau_max: self.tau_max, exogenous: &self.exogenous, control }
+        Comparison { form: self.form, names: &self.names, tau_max: self.tau_max, exogenous: &self.exogenous, control }
     }
 
     /// Stage one: a batch joins the regime, or is held back.
@@ -245,16 +260,20 @@ impl Detector {
         }
         let mut links = Vec::new();
         let mut effects = Vec::new();
-        for difference in &differences {
+        let (mut told, mut pushed) = (self.told, Vec::new());
+        for difference in differences {
+            let difference = comparison.described(difference, (&regime, &[&batch]), &mechanisms);
             let mut id = None;
             if !effects.contains(&difference.at.effect) {
                 effects.push(difference.at.effect);
-                self.told += 1;
-                id = Some(format!("change-{}", self.told));
-                events.push(self.event(id.clone().unwrap_or_default(), Status::Suspected, difference));
+                told += 1;
+                id = Some(format!("change-{told}"));
+                pushed.push((id.clone().unwrap_or_default(), difference));
             }
-            links.push((*difference, id));
+            links.push((difference, id));
         }
+        events.extend(pushed.into_iter().map(|(id, of)| self.event(id, Status::Suspected, &of)));
+        self.told = told;
         self.held = Some(Suspicion { batch, links });
         Ok(())
     }
@@ -263,27 +282,28 @@ impl Detector {
     fn decide(
         &mut self,
         held: Suspicion,
-        next: &Batch,
+        next_batch: &Batch,
         control: &Control,
         events: &mut Vec<ChangeEvent>,
     ) -> Result<Option<Batch>> {
         let regime: Vec<&Batch> = self.regime.iter().collect();
-        let both = [&held.batch, next];
+        let both = [&held.batch, next_batch];
         let comparison = self.comparison(control);
         let mechanisms = comparison.mechanisms(&regime, &both)?;
         let together = comparison.differences(&regime, &both, &mechanisms)?;
-        let alone = comparison.differences(&regime, &[next], &mechanisms)?;
+        let alone = comparison.differences(&regime, &[next_batch], &mechanisms)?;
         let of = |all: &[Difference], at: Place| all.iter().find(|difference| difference.at == at).copied();
         let mut confirmed: Vec<Difference> = Vec::new();
         for (seen, _) in &held.links {
             let (Some(both), Some(next)) = (of(&together, seen.at), of(&alone, seen.at)) else { continue };
             if both.q <= self.levels.confirm
                 && next.p <= ALONE
-                && next.rises() == seen.rises()
-                && both.rises() == seen.rises()
+                && (self.form == Form::Curve
+                    || next.rises() == seen.rises() && both.rises() == seen.rises())
             {
                 // The batch that was held back may have old rows: what the link is now, the later one tells alone.
-                confirmed.push(Difference { after: next.after, ..both });
+                let next = comparison.described(next, (&regime, &[next_batch]), &mechanisms);
+                confirmed.push(Difference { p: both.p, q: both.q, ..next });
             }
         }
         confirmed.sort_by(|a, b| a.p.total_cmp(&b.p).then(a.at.cmp(&b.at)));
@@ -302,7 +322,12 @@ impl Detector {
                 .iter()
                 .find_map(|(seen, id)| id.clone().filter(|_| seen.at.effect == difference.at.effect));
             let mut event = self.event(id.unwrap_or_default(), Status::Confirmed, difference);
-            event.changed_between = when::between(&comparison, &located, difference.at, &mechanisms);
+            let curve = match self.form {
+                Form::Slope => None,
+                Form::Curve => curves::curve_of(&comparison, (&regime, &[next_batch]), difference.at),
+            };
+            event.changed_between =
+                when::between(&comparison, &located, difference.at, &mechanisms, curve.as_ref());
             event.regime = Some(self.number + 1);
             event.same_as = self.known_regime(&comparison, &both)?;
             told.push(event);
@@ -311,16 +336,17 @@ impl Detector {
             let Some(id) = id.clone().filter(|_| !effects.contains(&seen.at.effect)) else { continue };
             // What cannot be compared any more is told with the slopes of the suspicion.
             let difference = of(&together, seen.at).unwrap_or(*seen);
+            let difference = comparison.described(difference, (&regime, &both), &mechanisms);
             told.push(self.event(id, Status::Withdrawn, &difference));
         }
         let since = told.iter().filter_map(|event| event.changed_between).map(|[_, to]| to).max();
-        let since = since.map_or(held.batch.first, |row| row.clamp(held.batch.first, next.first));
+        let since = since.map_or(held.batch.first, |row| row.clamp(held.batch.first, next_batch.first));
         events.extend(told);
         if confirmed.is_empty() {
             return Ok(Some(held.batch));
         }
         self.since = since;
-        self.begin_regime(vec![held.batch, next.clone()]);
+        self.begin_regime(vec![held.batch, next_batch.clone()]);
         Ok(None)
     }
 
@@ -352,21 +378,14 @@ impl Detector {
         self.regime.push_back(batch);
         let past = 2 * self.tau_max;
         let rows = |regime: &VecDeque<Batch>| regime.iter().map(|batch| batch.len(past)).sum::<usize>();
-        while self.regime.len() > 1 && rows(&self.regime) > MOST_ROWS {
+        let most = if self.form == Form::Curve { MOST_ROWS_OF_CURVES } else { MOST_ROWS };
+        while self.regime.len() > 1 && rows(&self.regime) > most {
             self.regime.pop_front();
         }
     }
 
     fn event(&self, id: String, status: Status, difference: &Difference) -> ChangeEvent {
-        let Difference { at, before, after, p, .. } = *difference;
-        let is_none = (before.p_value() > NONE, after.p_value() > NONE);
-        let kind = match is_none {
-            (true, false) => Kind::Appeared,
-            (false, true) => Kind::Vanished,
-            _ if before.value * after.value < 0.0 => Kind::Reversed,
-            _ if after.value.abs() > before.value.abs() => Kind::Stronger,
-            _ => Kind::Weaker,
-        };
+        let Difference { at, before, after, kind, p, .. } = *difference;
         ChangeEvent {
             id,
             status,
@@ -376,6 +395,7 @@ impl Detector {
             lag: at.lag,
             before: before.value,
             after: after.value,
+            form: self.form,
             p_value: p,
             time: self.rows,
             changed_between: None,

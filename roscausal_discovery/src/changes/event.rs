@@ -2,6 +2,8 @@
 
 use serde::{Deserialize, Serialize};
 
+use super::compare::Form;
+
 /// How sure an event is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
@@ -59,11 +61,13 @@ pub struct ChangeEvent {
     pub effect: String,
     /// Steps from cause to effect.
     pub lag: usize,
-    /// The slope before, in the variables' units.
+    /// The slope before, in the variables' units; of curves the deviation of the cause's part of the effect.
     pub before: f64,
-    /// The slope after.
+    /// The same after; negative where a curve is turned over.
     pub after: f64,
-    /// P-value of one slope before and after.
+    /// What was compared.
+    pub form: Form,
+    /// P-value of one mechanism before and after.
     pub p_value: f64,
     /// Rows read when it was told.
     pub time: usize,
@@ -79,7 +83,8 @@ impl ChangeEvent {
     /// The event in words.
     pub fn sentence(&self) -> String {
         let Self { cause, effect, lag, before, after, time, .. } = self;
-        let slopes = format!("slope {before:.3} before, {after:.3} after");
+        let what = if self.form == Form::Slope { "slope" } else { "its part" };
+        let slopes = format!("{what} {before:.3} before, {after:.3} after");
         let what = match self.kind {
             Kind::Appeared => format!("{cause} drives {effect} (lag {lag}), which it did not before"),
             Kind::Vanished => format!("{cause} no longer drives {effect} (lag {lag})"),

@@ -15,7 +15,8 @@
 //! why the kind and the new slope are those of the next one alone.
 //! A regime that returns is recognised ([`ChangeEvent::same_as`]). Columns of interventions are causes that nobody compares.
 //! Sources: Chow 1960 (test of two regressions), MacKinnon and White 1985 (HC3), Huang et al. 2020 (change as change of a
-//! mechanism). The slopes are linear: a mechanism that changes its form but no slope is not seen.
+//! mechanism). Slopes are linear: a mechanism that changes its form but no slope is not seen by them. [`Form::Curve`] compares any
+//! smooth mechanism in the same two stages, by what a Gaussian process of both groups leaves (`curves.rs`).
 //!
 //! ```
 //! use ndarray::Array2;
@@ -42,11 +43,13 @@
 
 mod batch;
 mod compare;
+mod curves;
 mod detector;
 mod event;
 mod regression;
 mod when;
 
+pub use compare::Form;
 pub use detector::{Detector, Levels};
 pub use event::{ChangeEvent, Kind, Status};
 

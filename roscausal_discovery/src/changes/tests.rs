@@ -160,6 +160,38 @@ fn a_detector_that_was_written_and_read_back_between_any_two_parts_tells_the_sam
     assert_eq!(events, after_each);
 }
 
+/// `a` drives `b` by its size, whatever its sign: no slope shows it.
+fn bent(n: usize, seed: u64, strength: impl Fn(usize) -> f64, noise: impl Fn(usize) -> f64) -> Array2<f64> {
+    let mut rng = Rng::new(seed);
+    let mut normal = || (0..12).map(|_| rng.unit()).sum::<f64>() - 6.0;
+    let mut x = Array2::zeros((n, 3));
+    for t in 1..n {
+        let size: f64 = x[[t - 1, 0]];
+        x[[t, 0]] = 0.3 * size + noise(t) * normal();
+        x[[t, 1]] = 0.3 * x[[t - 1, 1]] + strength(t) * size.abs() + 0.5 * normal();
+        x[[t, 2]] = 0.5 * x[[t - 1, 1]] + normal();
+    }
+    x
+}
+
+#[test]
+fn a_mechanism_that_is_no_line_is_seen_by_curves_and_a_noise_that_changes_is_no_event() {
+    let told = |values: &Array2<f64>| {
+        let detector = Detector::new(names(), 1, &[], Levels::default()).unwrap();
+        let mut detector = detector.of_form(Form::of_test("gpdc"));
+        let told = detector.read_in_parts(values.view(), 200, &Control::default()).unwrap();
+        told.into_iter().filter(|event| event.status == Status::Confirmed).collect::<Vec<_>>()
+    };
+    for (after, kind) in [(0.0, Kind::Vanished), (-0.8, Kind::Reversed)] {
+        let events = told(&bent(1200, 2, |t| if t < 600 { 0.8 } else { after }, |_| 1.0));
+        let [event] = events.as_slice() else { panic!("{events:?}") };
+        assert_eq!((event.cause.as_str(), event.effect.as_str(), event.kind), ("a", "b", kind), "{event:?}");
+        let [from, to] = event.changed_between.unwrap();
+        assert!(from <= 640 && to >= 560 && to - from < 300, "{event:?}");
+    }
+    assert_eq!(told(&bent(1200, 3, |_| 0.8, |t| if t < 600 { 1.0 } else { 1.8 })), []);
+}
+
 #[test]
 fn what_makes_no_sense_is_refused_and_what_cannot_be_used_is_passed_over() {
     let refused = |names: Vec<String>, tau_max, levels, says: &str| {

@@ -12,23 +12,29 @@ use super::{
     compare::{Comparison, Mechanisms, Place},
     regression::{Conditions, dot},
 };
-use crate::ground::Node;
+use crate::{ground::Node, independence_tests::GpRegression};
 
 /// How far below the largest likelihood a row may be.
 const WITHIN: f64 = 4.0;
 /// Rows at both ends at which no break is looked for.
 const EDGE: usize = 10;
 
-/// The rows between which the link changed, of all rows read.
+/// The rows between which the link changed, of all rows read. A `curve` takes the place of the cause.
 pub(super) fn between(
     comparison: &Comparison<'_>,
     batches: &[&Batch],
     at: Place,
     mechanisms: &Mechanisms,
+    curve: Option<&GpRegression>,
 ) -> Option<[usize; 2]> {
     let past = comparison.past();
     let of = |node: Node| column(batches, node, past);
-    let (y, x) = (of(Node::new(at.effect, 0)), of(Node::new(at.cause, at.lag)));
+    let (y, mut x) = (of(Node::new(at.effect, 0)), of(Node::new(at.cause, at.lag)));
+    if let Some(curve) = curve {
+        x.iter_mut().for_each(|x| *x = curve.mean(&[*x]));
+        let mean = x.iter().sum::<f64>() / x.len().max(1) as f64;
+        x.iter_mut().for_each(|x| *x -= mean);
+    }
     let others: Vec<Vec<f64>> = mechanisms.given(at).into_iter().map(of).collect();
     let columns: Vec<&[f64]> = std::iter::once(&x).chain(&others).map(Vec::as_slice).collect();
     let there = Conditions::new(&columns)?;

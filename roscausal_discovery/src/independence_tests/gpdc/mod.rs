@@ -54,6 +54,15 @@ pub(crate) fn uniform_dependence(x: &[f64], y: &[f64]) -> (f64, f64) {
     (value, NullTable::get(x.len(), 500, TestSettings::default().seed).share_above(value))
 }
 
+/// The p-value of [`uniform_dependence`], beyond the table from a tail fitted to its largest quarter: for many tests at once.
+pub(crate) fn tail_dependence(x: &[f64], y: &[f64]) -> f64 {
+    if is_constant(x) || is_constant(y) || x.len() != y.len() {
+        return 1.0;
+    }
+    let value = of_ranks(&distance_correlation::ranks(x), &distance_correlation::ranks(y));
+    NullTable::get(x.len(), 500, TestSettings::default().seed).share_above_with_tail(value)
+}
+
 /// Samples below which a test is refused.
 const FEWEST_SAMPLES: usize = 5;
 /// Bytes for large matrices where the settings give no bound.

@@ -56,6 +56,23 @@ impl NullTable {
     }
 }
 
+impl NullTable {
+    /// The share above `value`; from the largest quarter of the table on `0.25 exp(-(value^2 - q^2) / s)` with the 75 % quantile
+    /// `q` and the mean excess `s` of the squares above it: squared distance correlations have an exponential tail.
+    pub(super) fn share_above_with_tail(&self, value: f64) -> f64 {
+        let from = (3 * self.0.len()).div_ceil(4);
+        let Some((quantile, largest)) = self.0.get(from).map(|quantile| (*quantile, &self.0[from..])) else {
+            return self.share_above(value);
+        };
+        let excess = |null: &f64| null * null - quantile * quantile;
+        let mean = largest.iter().map(excess).sum::<f64>() / largest.len() as f64;
+        match value > quantile && mean > 0.0 {
+            true => 0.25 * (-excess(&value) / mean).exp(),
+            false => self.share_above(value),
+        }
+    }
+}
+
 /// Draws `2 n` numbers for each place of `table` and writes the distance correlation of one half's ranks with the
 /// other's.
 fn fill(table: &mut [f64], n: usize, mut rng: Pcg64) {
