@@ -87,11 +87,12 @@ pub(crate) fn sentence(model: &Model, link: &Link) -> String {
         _ => format!("{cause} and {effect} depend on each other {earlier}, direction open"),
     };
     format!(
-        "{verb}: strength {:.2}{}, {}{}",
+        "{verb}: strength {:.2}{}, {}{}{}",
         link.value,
         interval(link),
         p_value(model, link.p_value),
-        found(model, link)
+        found(model, link),
+        link.size_in_words().map_or(String::new(), |words| format!("; {words}"))
     )
 }
 

@@ -92,7 +92,8 @@ fn a_replay_tells_the_changes_of_a_recording_as_a_live_node_and_as_roll() {
     let dir = dir.path();
     record(&dir.join("run.mcap"));
     let signals = ["x = /state.linear.x", "y = /state.linear.y", "z = /state.linear.z"];
-    let mut args = vec!["replay", "run.mcap", "--out", "r", "--person", "nobody", "--ts-length", "30", "--dt", "0.1"];
+    let mut args =
+        vec!["replay", "run.mcap", "--out", "r", "--person", "nobody", "--ts-length", "30", "--dt", "0.1"];
     args.extend(signals.iter().flat_map(|signal| ["--signal", signal]));
     args.extend(["--method", "pcmci", "--test", "parcorr", "--changes", "--window-batches", "3"]);
     let output = roscausal(dir, &args);
@@ -103,12 +104,19 @@ fn a_replay_tells_the_changes_of_a_recording_as_a_live_node_and_as_roll() {
     let confirmed: Vec<&RecordedChange> =
         told.iter().filter(|change| change.event.status == Status::Confirmed).collect();
     assert_eq!(confirmed.len(), 2, "{told:?}");
-    assert!(confirmed.iter().all(|change| change.event.cause == "x" && change.event.effect == "y"), "{told:?}");
+    assert!(
+        confirmed.iter().all(|change| change.event.cause == "x" && change.event.effect == "y"),
+        "{told:?}"
+    );
     assert_eq!(confirmed[1].event.same_as, Some(1), "{told:?}");
-    assert!(said.contains("x drives y (lag 1) in the opposite direction") && said.contains("found in "), "{said}");
+    assert!(
+        said.contains("x drives y (lag 1) in the opposite direction") && said.contains("found in "),
+        "{said}"
+    );
     let summary: serde_json::Value =
         serde_json::from_slice(&fs::read(dir.join("r/summary.json")).expect("is there")).expect("JSON");
-    let in_summary: Vec<RecordedChange> = serde_json::from_value(summary["changes"].clone()).expect("changes");
+    let in_summary: Vec<RecordedChange> =
+        serde_json::from_value(summary["changes"].clone()).expect("changes");
     assert_eq!(in_summary, told);
     let picture = fs::read_to_string(dir.join("r/strip.svg")).expect("is there");
     assert_eq!(picture.matches("class=\"change\"").count(), 2);
@@ -122,7 +130,11 @@ fn a_replay_tells_the_changes_of_a_recording_as_a_live_node_and_as_roll() {
 
     // And the same events from the tables.
     let mut args = vec!["roll".to_owned()];
-    args.extend(files(&dir.join("r/pp_pool/analysed"), ".csv").keys().map(|name| format!("r/pp_pool/analysed/{name}")));
+    args.extend(
+        files(&dir.join("r/pp_pool/analysed"), ".csv")
+            .keys()
+            .map(|name| format!("r/pp_pool/analysed/{name}")),
+    );
     let more = "--batch 300 --changes --method pcmci --test parcorr --format jsonl";
     args.extend(more.split(' ').map(str::to_owned));
     let output = roscausal(dir, &args.iter().map(String::as_str).collect::<Vec<_>>());

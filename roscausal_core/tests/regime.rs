@@ -193,7 +193,10 @@ fn a_change_is_told_with_its_times_the_models_forget_what_was_before_and_a_late_
         assert!(Instant::now() < end && !thread.is_finished(), "nothing is latched");
         thread::sleep(Duration::from_millis(5));
     }
-    assert_eq!(late.lock().expect("no panic").as_ref().map(|m| m.changes.clone()), Some(last.changes.clone()));
+    assert_eq!(
+        late.lock().expect("no panic").as_ref().map(|m| m.changes.clone()),
+        Some(last.changes.clone())
+    );
     node.shutdown();
     thread.join().expect("no panic").expect("ends well");
 }
@@ -207,7 +210,8 @@ fn an_announced_intervention_is_no_change_and_an_unannounced_one_is() {
         let bus = bus(dir.path(), &[("detect_changes", Value::Str("always".into()))]);
         run(&bus, dir.path());
         let events = names(&dir.path().join("models/changes"), ".json");
-        let text = |name: &String| fs::read_to_string(dir.path().join("models/changes").join(name)).expect("reads");
+        let text =
+            |name: &String| fs::read_to_string(dir.path().join("models/changes").join(name)).expect("reads");
         let confirmed = events.iter().filter(|name| text(name).contains("\"confirmed\"")).count();
         assert_eq!(confirmed > 0, !announced, "announced: {announced}, {confirmed} confirmed");
     }
@@ -237,13 +241,16 @@ fn what_cannot_go_together_is_refused() {
     let dir = tempfile::tempdir().expect("a folder");
     fs::create_dir_all(dir.path().join("pp")).expect("makes");
     let refused = |settings: &[(&str, Value)]| {
-        nodes::run("discovery", &bus(dir.path(), settings).node("discovery")).expect_err("refuses").to_string()
+        nodes::run("discovery", &bus(dir.path(), settings).node("discovery"))
+            .expect_err("refuses")
+            .to_string()
     };
     let error = refused(&[("batches_per_model", Value::Int(2))]);
     assert!(error.contains("'batches_per_model'") && error.contains("set it to 1"), "{error}");
     let error = refused(&[("detect_changes", Value::Str("perhaps".into()))]);
     assert!(error.contains("auto, always, never"), "{error}");
-    let lock = fs::create_dir_all(dir.path().join("pp/regime")).and_then(|()| fs::File::open(dir.path().join("pp/regime")));
+    let lock = fs::create_dir_all(dir.path().join("pp/regime"))
+        .and_then(|()| fs::File::open(dir.path().join("pp/regime")));
     let lock = lock.expect("opens");
     lock.try_lock().expect("locks");
     let error = refused(&[]);

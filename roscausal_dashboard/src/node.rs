@@ -14,8 +14,8 @@ use roscausal_core::{
     params::{Allowed, ParamSpec, Params, Value},
 };
 use roscausal_msgs::{
-    CausalModelInfo, ModelChanges, Humans, RobotState, diagnostic_msgs::DiagnosticArray, pedsim_msgs::LineObstacles,
-    std_msgs::String as Text,
+    CausalModelInfo, Humans, ModelChanges, RobotState, diagnostic_msgs::DiagnosticArray,
+    pedsim_msgs::LineObstacles, std_msgs::String as Text,
 };
 
 use crate::{

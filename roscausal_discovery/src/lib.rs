@@ -89,7 +89,7 @@ pub use analysis::{PcAlpha, Settings, analyse, analyse_with, analyse_with_eviden
 pub use effort::Effort;
 pub use evidence::{AtLag, Condition, EVIDENCE_SCHEMA, Evidence, LinkEvidence, MOST_POINTS, VariableFacts};
 pub use ground::*;
-pub use model::{Advice, Confidence, Link, Matrices, Model, ResamplingFacts, SCHEMA, word_of};
+pub use model::{Advice, Confidence, Link, LinkSize, Matrices, Model, ResamplingFacts, SCHEMA, word_of};
 pub use numeric::{random::mix, rows::quantile};
 
 /// The README's example runs, too.

@@ -24,9 +24,9 @@ use roscausal_core::{
     params::{Allowed, ParamSpec, Value},
 };
 use roscausal_msgs::{
-    CausalLink, CausalModel, CausalModelInfo, HumanState, Humans, Message, ModelChange, ModelChanges, RobotState, diagnostic_msgs,
-    geometry_msgs, nav_msgs, pedsim_msgs, people_msgs, rosgraph_msgs, sensor_msgs, spencer_tracking_msgs,
-    std_msgs, tf2_msgs, visualization_msgs,
+    CausalLink, CausalModel, CausalModelInfo, HumanState, Humans, Message, ModelChange, ModelChanges,
+    RobotState, diagnostic_msgs, geometry_msgs, nav_msgs, pedsim_msgs, people_msgs, rosgraph_msgs,
+    sensor_msgs, spencer_tracking_msgs, std_msgs, tf2_msgs, visualization_msgs,
 };
 use roscausal_ros::{Console, program::Backend};
 use roscausal_ros2::Subscription;

@@ -12,7 +12,8 @@ use std::{
 };
 
 use roscausal_discovery::{
-    Control, Evidence, Model, Progress, Settings, analyse_with_evidence, changes::{Form, Status},
+    Control, Evidence, Model, Progress, Settings, analyse_with_evidence,
+    changes::{Form, Status},
     confidence::{resample, set_step},
     draw,
 };
@@ -503,9 +504,9 @@ fn method(
     let name =
         |path: &PathBuf| path.file_name().map_or(String::new(), |name| name.to_string_lossy().into_owned());
     let names: Vec<String> = paths.iter().map(name).collect();
-    let stems = names.iter().map(|name| name.strip_suffix(".csv").unwrap_or(name));
+    let mut stems = names.iter().map(|name| name.strip_suffix(".csv").unwrap_or(name));
     let batch_id = match regime {
-        Some(_) => stems.last().unwrap_or_default().to_owned(),
+        Some(_) => stems.next_back().unwrap_or_default().to_owned(),
         None => stems.collect::<Vec<_>>().join("+"),
     };
     let stamp = |secs: Option<f64>| secs.map_or(Time::ZERO, Time::from_secs_f64);

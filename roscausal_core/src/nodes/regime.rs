@@ -109,7 +109,8 @@ impl Rolling {
         match lock.try_lock() {
             Ok(()) => {}
             Err(TryLockError::WouldBlock) => {
-                let reason = format!("another node keeps its regime in {}; give each its own folder", dir.display());
+                let reason =
+                    format!("another node keeps its regime in {}; give each its own folder", dir.display());
                 return Err(Error::param("data_dir", reason));
             }
             Err(TryLockError::Error(e)) => return Err(Error::file(&dir, e)),
@@ -130,7 +131,8 @@ impl Rolling {
     pub(super) fn paths(&self, regime: &Regime, new: &Path) -> Vec<PathBuf> {
         let older = regime.window.iter().filter(|(name, _)| *name != regime.last);
         let places = [Some(self.pool.path(FOLDER)), self.kept.clone()];
-        let find = |name: &String| places.iter().flatten().map(|dir| dir.join(name)).find(|path| path.exists());
+        let find =
+            |name: &String| places.iter().flatten().map(|dir| dir.join(name)).find(|path| path.exists());
         older.filter_map(|(name, _)| find(name)).chain([new.to_owned()]).collect()
     }
 
@@ -196,7 +198,8 @@ impl Regime {
             let (Some(levels), [_]) = (params.changes, part.data.recordings()) else { continue };
             let key = key(&part);
             let mut whose = self.whose.remove(&key).unwrap_or_default();
-            let told = whose.read(self.n_changes, new, &part, &announced, (start, dt), levels, params, control);
+            let told =
+                whose.read(self.n_changes, new, &part, &announced, (start, dt), levels, params, control);
             let told = match told {
                 Ok((told, n_changes)) => {
                     self.n_changes = n_changes;
@@ -238,10 +241,14 @@ impl Regime {
             .collect();
         let place = |batch: &str| self.window.iter().position(|(name, _)| name == batch);
         // A regime whose first batch has left the window has all of it.
-        let of_regime = begins.into_iter().flatten().map(|batch| place(batch).unwrap_or(0)).min().unwrap_or(0);
+        let of_regime =
+            begins.into_iter().flatten().map(|batch| place(batch).unwrap_or(0)).min().unwrap_or(0);
         let mut first = self.window.len().saturating_sub(params.batches).max(of_regime);
         let rows = |window: &[(String, usize)]| window.iter().map(|(_, rows)| rows).sum::<usize>();
-        while params.samples > 0 && first + 1 < self.window.len() && rows(&self.window[first..]) > params.samples {
+        while params.samples > 0
+            && first + 1 < self.window.len()
+            && rows(&self.window[first..]) > params.samples
+        {
             first += 1;
         }
         self.window.drain(..first);
@@ -285,7 +292,12 @@ impl Regime {
 
     /// Number of the present regime of whoever had most, from 1; 0 without detector.
     pub(super) fn number(&self) -> usize {
-        self.whose.values().filter_map(|whose| whose.detector.as_ref()).map(Detector::regime).max().unwrap_or(0)
+        self.whose
+            .values()
+            .filter_map(|whose| whose.detector.as_ref())
+            .map(Detector::regime)
+            .max()
+            .unwrap_or(0)
     }
 
     /// How many of the last events have this status.
@@ -352,7 +364,10 @@ impl Whose {
         let size = params.change_rows.max(detector.fewest_rows());
         if rows < detector.fewest_rows() {
             let fewest = detector.fewest_rows();
-            tracing::warn!("{}: {rows} rows; a change is looked for in batches of {fewest} or more", new.name);
+            tracing::warn!(
+                "{}: {rows} rows; a change is looked for in batches of {fewest} or more",
+                new.name
+            );
         }
         let before = detector.regime();
         let events = detector.read_in_parts(values.view(), size, control)?;

@@ -6,12 +6,12 @@ use super::{
     batch::{Batch, column},
     curves,
     event::Kind,
-    regression::{Slope, slope},
 };
 use crate::{
     analysis::{Settings, analyse},
     ground::{Control, DataFrame, Node, Result},
     methods::Method,
+    numeric::slope::{Slope, slope},
 };
 
 /// What of a mechanism is compared.

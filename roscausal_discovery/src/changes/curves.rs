@@ -20,11 +20,11 @@ use super::{
     batch::{Batch, column},
     compare::{Comparison, Difference, Mechanisms, Place},
     event::Kind,
-    regression::{Slope, dot},
 };
 use crate::{
     ground::{Node, Result},
     independence_tests::{GpOptimum, GpRegression, TestSettings, tail_dependence},
+    numeric::slope::{Slope, dot},
 };
 
 /// Level at which a cause is an input.
@@ -44,7 +44,10 @@ pub(super) fn inputs(comparison: &Comparison<'_>, before: &[&Batch], after: &[&B
     for effect in 0..n {
         let target = [before, after].map(|group| values(group, Node::new(effect, 0)));
         let depends = |node: Node| {
-            [before, after].iter().zip(&target).any(|(group, y)| tail_dependence(&values(group, node), y) <= INPUT)
+            [before, after]
+                .iter()
+                .zip(&target)
+                .any(|(group, y)| tail_dependence(&values(group, node), y) <= INPUT)
         };
         let lags = 1..=comparison.tau_max;
         let nodes = (0..n).flat_map(|cause| lags.clone().map(move |lag| Node::new(cause, lag)));

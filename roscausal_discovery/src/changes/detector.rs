@@ -1,6 +1,6 @@
 //! The detector: regime, suspicion, decision.
 
-use std::collections::VecDeque;
+use std::{collections::VecDeque, ops::Range};
 
 use ndarray::{Array2, ArrayView2, s};
 use serde::{Deserialize, Serialize};
@@ -8,8 +8,9 @@ use serde::{Deserialize, Serialize};
 use super::{
     batch::Batch,
     compare::{Comparison, Difference, Form, Mechanisms, NONE, Place},
+    curves,
     event::{ChangeEvent, Status},
-    curves, when,
+    when,
 };
 use crate::ground::{Control, Error, Result};
 
@@ -196,7 +197,7 @@ impl Detector {
 
     /// Reads the next batch, `T x N`; its first `2 tau_max` rows serve as the past of the others. Returns what is told of it.
     ///
-    /// A batch with missing values, or with too few rows, is passed over.
+    /// Of a batch with missing values the longest complete stretch counts. One with too few rows is passed over.
     ///
     /// # Errors
     /// Another number of variables, or cancellation.
@@ -216,14 +217,14 @@ impl Detector {
             return Err(Error::Data(format!("a batch of {n} variables, where the others have {wanted}")));
         }
         let past = 2 * self.tau_max;
-        let n = values.nrows().saturating_sub(past);
-        let first = self.rows + if overlaps { 0 } else { past.min(values.nrows()) };
-        self.rows = first + n;
-        let usable = n + past >= self.fewest_rows() && values.iter().all(|v| v.is_finite());
-        if !usable {
+        let begin = self.rows - if overlaps { past } else { 0 };
+        self.rows = begin + values.nrows();
+        let complete = complete_stretch(values);
+        if complete.len() < self.fewest_rows() {
             return Ok(Vec::new());
         }
-        let batch = Batch::new(values.clone(), first);
+        let first = begin + complete.start + past;
+        let batch = Batch::new(values.slice(s![complete, ..]).to_owned(), first);
         let mut events = Vec::new();
         if let Some(held) = self.held.take() {
             match self.decide(held, &batch, control, &mut events)? {
@@ -236,7 +237,13 @@ impl Detector {
     }
 
     fn comparison<'a>(&'a self, control: &'a Control) -> Comparison<'a> {
-        Comparison { form: self.form, names: &self.names, tau_max: self.tau_max, exogenous: &self.exogenous, control }
+        Comparison {
+            form: self.form,
+            names: &self.names,
+            tau_max: self.tau_max,
+            exogenous: &self.exogenous,
+            control,
+        }
     }
 
     /// Stage one: a batch joins the regime, or is held back.
@@ -298,8 +305,7 @@ impl Detector {
             let (Some(both), Some(next)) = (of(&together, seen.at), of(&alone, seen.at)) else { continue };
             if both.q <= self.levels.confirm
                 && next.p <= ALONE
-                && (self.form == Form::Curve
-                    || next.rises() == seen.rises() && both.rises() == seen.rises())
+                && (self.form == Form::Curve || next.rises() == seen.rises() && both.rises() == seen.rises())
             {
                 // The batch that was held back may have old rows: what the link is now, the later one tells alone.
                 let next = comparison.described(next, (&regime, &[next_batch]), &mechanisms);
@@ -403,4 +409,18 @@ impl Detector {
             same_as: None,
         }
     }
+}
+
+/// The longest run of rows without a missing value; of equal ones the first. A lagged variable lacks its first value, for example.
+fn complete_stretch(values: &Array2<f64>) -> Range<usize> {
+    let mut longest = 0..0;
+    let mut start = 0;
+    for (row, cells) in values.rows().into_iter().enumerate() {
+        if !cells.iter().all(|v| v.is_finite()) {
+            start = row + 1;
+        } else if row + 1 - start > longest.len() {
+            longest = start..row + 1;
+        }
+    }
+    longest
 }

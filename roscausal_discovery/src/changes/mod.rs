@@ -4,7 +4,7 @@
 //! each effect on each cause is compared, given what else drives the effect, in two stages:
 //!
 //! 1. The batches since the last change are the regime. A new batch is compared with them: for each link a test of one slope
-//!    in both (`regression.rs`), corrected for their number (Benjamini and Hochberg).
+//!    in both, corrected for their number (Benjamini and Hochberg).
 //! 2. If a link differs at [`Levels::suspect`], it is **suspected**, and the batch is held back. Else it joins the regime.
 //! 3. The next batch decides. If the link differs in both batches together at [`Levels::confirm`], in the new one alone, and in
 //!    the same direction, it is **confirmed**: both batches are the new regime, and `when.rs` tells the rows between which
@@ -46,7 +46,6 @@ mod compare;
 mod curves;
 mod detector;
 mod event;
-mod regression;
 mod when;
 
 pub use compare::Form;

@@ -119,8 +119,7 @@ fn an_announced_intervention_that_is_constant_within_each_part_is_no_event() {
     let mut named = names();
     named.push("do_stop".into());
     let told = |wider: &Array2<f64>| {
-        let mut detector =
-            Detector::new(named.clone(), 1, &["do_stop".into()], Levels::default()).unwrap();
+        let mut detector = Detector::new(named.clone(), 1, &["do_stop".into()], Levels::default()).unwrap();
         detector.read_in_parts(wider.view(), 200, &Control::default()).unwrap()
     };
     let confirmed = |events: &[ChangeEvent]| events.iter().any(|event| event.status == Status::Confirmed);
@@ -158,6 +157,26 @@ fn a_detector_that_was_written_and_read_back_between_any_two_parts_tells_the_sam
         assert_eq!(restored, detector, "part {part}");
     }
     assert_eq!(events, after_each);
+}
+
+#[test]
+fn a_change_is_seen_although_each_batch_lacks_its_first_value_and_some_rows() {
+    let values = series(2000, 3, |t| if t < 1000 { 0.8 } else { -0.4 }, |_| 1.0);
+    let mut detector = Detector::new(names(), 1, &[], Levels::default()).unwrap();
+    let mut events = Vec::new();
+    for batch in 0..10 {
+        let mut rows = values.slice(ndarray::s![batch * 200..(batch + 1) * 200, ..]).to_owned();
+        rows[[0, 2]] = f64::NAN;
+        rows[[180, 0]] = f64::NAN;
+        events.extend(detector.read(&rows, &Control::default()).unwrap());
+    }
+    let confirmed: Vec<&ChangeEvent> =
+        events.iter().filter(|event| event.status == Status::Confirmed).collect();
+    let [event] = confirmed.as_slice() else { panic!("{events:?}") };
+    assert_eq!((event.cause.as_str(), event.effect.as_str(), event.kind), ("a", "b", Kind::Reversed));
+    let [from, to] = event.changed_between.unwrap();
+    assert!(from <= 1040 && to >= 980 && to - from < 200, "{event:?}");
+    assert_eq!(detector.rows(), 2000);
 }
 
 /// `a` drives `b` by its size, whatever its sign: no slope shows it.

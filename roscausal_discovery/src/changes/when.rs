@@ -10,9 +10,12 @@
 use super::{
     batch::{Batch, column},
     compare::{Comparison, Mechanisms, Place},
-    regression::{Conditions, dot},
 };
-use crate::{ground::Node, independence_tests::GpRegression};
+use crate::{
+    ground::Node,
+    independence_tests::GpRegression,
+    numeric::slope::{Conditions, dot},
+};
 
 /// How far below the largest likelihood a row may be.
 const WITHIN: f64 = 4.0;

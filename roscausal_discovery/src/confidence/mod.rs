@@ -33,6 +33,7 @@ mod calibration;
 mod draws;
 mod resamples;
 mod scheme;
+mod size;
 mod summary;
 
 use resamples::Resamples;
@@ -153,7 +154,9 @@ fn resampled(
     let summary = Summary::new(&found, (data.n_vars(), settings.tau_max));
     model.warnings.extend(summary.of_dropped(data.var_names(), &model));
     let confidence = summary.on_features(data.var_names(), &model.features, facts);
-    Ok(Resampled { model: with_confidence(model, confidence, resampling), evidence, graphs })
+    let mut model = with_confidence(model, confidence, resampling);
+    size::add(&mut model, data, settings);
+    Ok(Resampled { model, evidence, graphs })
 }
 
 fn graphs_of(found: &[Found], names: &[String]) -> Vec<ResampleGraph> {

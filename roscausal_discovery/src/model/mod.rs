@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 
 pub use confidence::{Advice, Confidence, ResamplingFacts, word_of};
 
-use crate::{about::AboutData, independence_tests::smallest_p};
+use crate::{about::AboutData, ground::names::plain, independence_tests::smallest_p};
 
 /// Version of the layout. A reader refuses another major version.
 pub const SCHEMA: &str = "roscausal/model/1";
@@ -103,6 +103,9 @@ pub struct Link {
     /// Percentile 95 of the strength in the resamples.
     #[serde(default)]
     pub value_high: Option<f64>,
+    /// How much of the effect the cause moves, in the variables' units; of a model with resamples.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub size: Option<LinkSize>,
     /// Of a model that rolls on: stamp in seconds from which on the link is in every model.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub since: Option<f64>,
@@ -111,17 +114,54 @@ pub struct Link {
     pub seen: Option<usize>,
 }
 
+/// How much more of an effect goes with more of its cause, the effect's other causes being the same; in the variables' units.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct LinkSize {
+    /// This much more of the cause.
+    pub step: f64,
+    /// Gives this much more of the effect.
+    pub change: f64,
+    /// Lower end of the change's interval of 95 %.
+    pub low: f64,
+    /// Upper end.
+    pub high: f64,
+}
+
 impl Link {
+    /// Its size: `0.1 more h_risk: 0.05 to 0.2 less h_v`.
+    pub fn size_in_words(&self) -> Option<String> {
+        let LinkSize { step, low, high, .. } = self.size?;
+        let (cause, effect) = (plain(&self.cause), plain(&self.effect));
+        let number = |value: f64| {
+            let digits = (1.0 - value.abs().max(1e-12).log10().floor()).clamp(0.0, 12.0) as usize;
+            let text = format!("{value:.digits$}");
+            if text.contains('.') {
+                text.trim_end_matches('0').trim_end_matches('.').to_owned()
+            } else {
+                text
+            }
+        };
+        Some(match (low > 0.0, high < 0.0) {
+            (true, _) => {
+                format!("{} more {cause}: {} to {} more {effect}", number(step), number(low), number(high))
+            }
+            (_, true) => {
+                format!("{} more {cause}: {} to {} less {effect}", number(step), number(-high), number(-low))
+            }
+            _ => format!("{} more {cause}: no steady direction of {effect}", number(step)),
+        })
+    }
+
     /// What its mark means, in a plain sentence.
     ///
     /// ```
     /// use roscausal_discovery::Link;
     ///
     /// let (cause, effect, mark) = ("h_risk".to_owned(), "h_v".to_owned(), "<->".to_owned());
-    /// let (confidence, value_low, value_high, since, seen) = (None, None, None, None, None);
+    /// let (confidence, value_low, value_high, size, since, seen) = (None, None, None, None, None, None);
     /// let (value, p_value) = (0.4, 0.001);
     /// let link =
-    ///     Link { cause, effect, lag: 1, value, p_value, mark, n_lost: 0, confidence, value_low, value_high, since, seen };
+    ///     Link { cause, effect, lag: 1, value, p_value, mark, n_lost: 0, confidence, value_low, value_high, size, since, seen };
     /// assert_eq!(link.sentence(), "h_risk and h_v: something not recorded drives both");
     /// ```
     pub fn sentence(&self) -> String {
@@ -203,6 +243,7 @@ impl Model {
                         confidence: None,
                         value_low: None,
                         value_high: None,
+                        size: None,
                         since: None,
                         seen: None,
                     });

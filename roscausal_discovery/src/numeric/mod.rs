@@ -6,5 +6,6 @@ pub(crate) mod normal;
 pub(crate) mod pcg64;
 pub(crate) mod random;
 pub(crate) mod rows;
+pub(crate) mod slope;
 pub(crate) mod special;
 pub(crate) mod student_t;

@@ -20,14 +20,8 @@ pub fn strips_of(models: &[(f64, &Model)], unit: &str, events: &[(f64, &ChangeEv
     counts.sort_by_key(|count| std::cmp::Reverse(count.found));
     counts.truncate(MOST);
     let strip = |count: &LinkCount| Strip {
-        name: format!(
-            "{} → {}, lag {}: {}/{}",
-            plain(&count.cause),
-            plain(&count.effect),
-            count.lag,
-            count.found,
-            count.of
-        ),
+        name: format!("{} → {}", plain(&count.cause), plain(&count.effect)),
+        note: format!("lag {}: {} of {}", count.lag, count.found, count.of),
         points: models.iter().filter_map(|(time, model)| point(model, *time, count)).collect(),
     };
     let shown =

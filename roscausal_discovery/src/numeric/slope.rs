@@ -11,30 +11,30 @@ use statrs::function::erf::erfc;
 
 /// A slope and the variance of its estimate.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-pub(super) struct Slope {
-    pub(super) value: f64,
-    pub(super) variance: f64,
+pub(crate) struct Slope {
+    pub(crate) value: f64,
+    pub(crate) variance: f64,
 }
 
 impl Slope {
     /// P-value of the slope 0.
-    pub(super) fn p_value(self) -> f64 {
+    pub(crate) fn p_value(self) -> f64 {
         two_sided(self.value / self.variance.sqrt())
     }
 
     /// P-value of the two slopes being one.
-    pub(super) fn p_of_same(self, other: Self) -> f64 {
+    pub(crate) fn p_of_same(self, other: Self) -> f64 {
         two_sided((self.value - other.value) / (self.variance + other.variance).sqrt())
     }
 }
 
 /// `P(|N(0, 1)| > |z|)`; 1 where `z` is no number.
-pub(super) fn two_sided(z: f64) -> f64 {
+pub(crate) fn two_sided(z: f64) -> f64 {
     if z.is_nan() { 1.0 } else { erfc(z.abs() / std::f64::consts::SQRT_2) }
 }
 
 /// What the conditions leave of other columns.
-pub(super) struct Conditions<'a> {
+pub(crate) struct Conditions<'a> {
     columns: &'a [&'a [f64]],
     /// Lower triangle of the Cholesky factor of their products.
     factor: Vec<Vec<f64>>,
@@ -42,7 +42,7 @@ pub(super) struct Conditions<'a> {
 
 impl<'a> Conditions<'a> {
     /// Columns whose means are taken off; `None` if one is (nearly) a sum of the others.
-    pub(super) fn new(columns: &'a [&'a [f64]]) -> Option<Self> {
+    pub(crate) fn new(columns: &'a [&'a [f64]]) -> Option<Self> {
         let mut factor: Vec<Vec<f64>> = Vec::with_capacity(columns.len());
         for (i, column) in columns.iter().enumerate() {
             let mut row = Vec::with_capacity(i + 1);
@@ -84,7 +84,7 @@ impl<'a> Conditions<'a> {
     }
 
     /// The residuals of a column on the conditions.
-    pub(super) fn residuals(&self, of: &[f64]) -> Vec<f64> {
+    pub(crate) fn residuals(&self, of: &[f64]) -> Vec<f64> {
         let slopes = self.solve(self.columns.iter().map(|column| dot(column, of)).collect());
         let mut left = of.to_vec();
         for (column, slope) in self.columns.iter().zip(slopes) {
@@ -94,7 +94,7 @@ impl<'a> Conditions<'a> {
     }
 
     /// `w' G^-1 w` for the products `w` of some column with the conditions.
-    pub(super) fn explained(&self, mut products: Vec<f64>) -> f64 {
+    pub(crate) fn explained(&self, mut products: Vec<f64>) -> f64 {
         self.forward(&mut products);
         products.iter().map(|v| v * v).sum()
     }
@@ -108,7 +108,7 @@ impl<'a> Conditions<'a> {
 
 /// The slope of `y` on `x` given conditions. `n_means` means were taken off the columns. `None` if `x` does not vary beyond the
 /// conditions, or there are too few samples.
-pub(super) fn slope(y: &[f64], x: &[f64], conditions: &[&[f64]], n_means: usize) -> Option<Slope> {
+pub(crate) fn slope(y: &[f64], x: &[f64], conditions: &[&[f64]], n_means: usize) -> Option<Slope> {
     let n = y.len();
     if n < conditions.len() + n_means + 10 {
         return None;
@@ -132,7 +132,7 @@ pub(super) fn slope(y: &[f64], x: &[f64], conditions: &[&[f64]], n_means: usize)
     (variance > 0.0).then_some(Slope { value, variance })
 }
 
-pub(super) fn dot(a: &[f64], b: &[f64]) -> f64 {
+pub(crate) fn dot(a: &[f64], b: &[f64]) -> f64 {
     a.iter().zip(b).map(|(a, b)| a * b).sum()
 }
 
