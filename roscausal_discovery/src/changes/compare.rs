@@ -1,106 +1,19 @@
 //! Whether the mechanisms of two groups of batches differ.
 
-use serde::{Deserialize, Serialize};
-
 use super::{
     batch::{Batch, column},
     curves,
-    event::Kind,
+    event::{Form, Kind},
+    terms::{Comparison, Difference, Mechanisms, NONE, Place},
 };
 use crate::{
     analysis::{Settings, analyse},
-    ground::{Control, DataFrame, Node, Result},
+    ground::{DataFrame, Node, Result},
     methods::Method,
     numeric::slope::{Slope, slope},
 };
 
-/// What of a mechanism is compared.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "lowercase")]
-pub enum Form {
-    /// The slope of each link.
-    #[default]
-    Slope,
-    /// A smooth curve of any form.
-    Curve,
-}
-
-impl Form {
-    /// The form that goes with an independence test: a curve where the test sees more than lines.
-    pub fn of_test(test: &str) -> Self {
-        match test.replace(['-', '_'], "").as_str() {
-            "gpdc" | "gpdcpython" | "cmiknn" => Self::Curve,
-            _ => Self::Slope,
-        }
-    }
-}
-
-/// Level at which a slope counts as none.
-pub(super) const NONE: f64 = 0.05;
-
-/// A possible link.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
-pub(super) struct Place {
-    pub(super) cause: usize,
-    pub(super) effect: usize,
-    pub(super) lag: usize,
-}
-
-/// What two groups of batches say of one possible link.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-pub(super) struct Difference {
-    pub(super) at: Place,
-    pub(super) before: Slope,
-    pub(super) after: Slope,
-    pub(super) kind: Kind,
-    /// P-value of one mechanism in both.
-    pub(super) p: f64,
-    /// Corrected for the number of links (Benjamini and Hochberg).
-    pub(super) q: f64,
-}
-
-impl Difference {
-    pub(super) fn rises(&self) -> bool {
-        self.after.value > self.before.value
-    }
-}
-
-/// What compares.
-pub(super) struct Comparison<'a> {
-    pub(super) form: Form,
-    pub(super) names: &'a [String],
-    pub(super) tau_max: usize,
-    /// Variables that others set: interventions, context.
-    pub(super) exogenous: &'a [usize],
-    pub(super) control: &'a Control,
-}
-
-/// The conditions of each effect, and the effects that are not compared.
-pub(super) struct Mechanisms {
-    parents: Vec<Vec<Node>>,
-    left_out: Vec<bool>,
-    /// Nothing can be compared: an intervention that only one of the groups has is constant within each batch.
-    pub(super) incomparable: bool,
-}
-
-impl Mechanisms {
-    /// What an effect is regressed on.
-    pub(super) fn inputs(&self, effect: usize) -> &[Node] {
-        &self.parents[effect]
-    }
-
-    /// The conditions of a possible link: the parents of its effect but the link itself.
-    pub(super) fn given(&self, at: Place) -> Vec<Node> {
-        let own = Node::new(at.cause, at.lag);
-        self.parents[at.effect].iter().copied().filter(|node| *node != own).collect()
-    }
-}
-
 impl Comparison<'_> {
-    pub(super) fn past(&self) -> usize {
-        2 * self.tau_max
-    }
-
     /// What drives each variable, over all these batches. A variable is left out that an intervention drives whose values differ
     /// between the groups.
     pub(super) fn mechanisms(&self, before: &[&Batch], after: &[&Batch]) -> Result<Mechanisms> {

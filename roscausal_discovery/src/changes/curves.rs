@@ -18,8 +18,8 @@
 
 use super::{
     batch::{Batch, column},
-    compare::{Comparison, Difference, Mechanisms, Place},
     event::Kind,
+    terms::{Comparison, Difference, Mechanisms, Place},
 };
 use crate::{
     ground::{Node, Result},

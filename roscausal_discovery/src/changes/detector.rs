@@ -7,9 +7,9 @@ use serde::{Deserialize, Serialize};
 
 use super::{
     batch::Batch,
-    compare::{Comparison, Difference, Form, Mechanisms, NONE, Place},
     curves,
-    event::{ChangeEvent, Status},
+    event::{ChangeEvent, Form, Status},
+    terms::{Comparison, Difference, Mechanisms, NONE, Place},
     when,
 };
 use crate::ground::{Control, Error, Result};

@@ -2,7 +2,26 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::compare::Form;
+/// What of a mechanism is compared.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Form {
+    /// The slope of each link.
+    #[default]
+    Slope,
+    /// A smooth curve of any form.
+    Curve,
+}
+
+impl Form {
+    /// The form that goes with an independence test: a curve where the test sees more than lines.
+    pub fn of_test(test: &str) -> Self {
+        match test.replace(['-', '_'], "").as_str() {
+            "gpdc" | "gpdcpython" | "cmiknn" => Self::Curve,
+            _ => Self::Slope,
+        }
+    }
+}
 
 /// How sure an event is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]

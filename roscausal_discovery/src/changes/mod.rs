@@ -46,11 +46,11 @@ mod compare;
 mod curves;
 mod detector;
 mod event;
+mod terms;
 mod when;
 
-pub use compare::Form;
 pub use detector::{Detector, Levels};
-pub use event::{ChangeEvent, Kind, Status};
+pub use event::{ChangeEvent, Form, Kind, Status};
 
 #[cfg(test)]
 mod tests;

@@ -9,7 +9,7 @@
 
 use super::{
     batch::{Batch, column},
-    compare::{Comparison, Mechanisms, Place},
+    terms::{Comparison, Mechanisms, Place},
 };
 use crate::{
     ground::Node,

@@ -200,7 +200,7 @@ mod tests {
         let count = link_counts(&models).into_iter().find(|c| c.cause == "a" && c.effect == "b").unwrap();
         assert_eq!((count.found, count.of), (models.len(), models.len()));
         let at: Vec<(f64, &Model)> = models.iter().map(|model| (0.0, *model)).collect();
-        assert!(strips_of(&at, "rows", &[]).contains("a → b, lag 1"));
+        assert!(strips_of(&at, "rows", &[]).contains("a → b"));
     }
 
     #[test]
