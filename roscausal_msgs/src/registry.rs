@@ -5,9 +5,8 @@ use crate::{
     HumanState, Humans, Intervention, Limit, Message, ModelChange, ModelChanges, Outlook, Prediction,
     RobotState, actionlib_msgs as actionlib, diagnostic_msgs as diagnostic, geometry_msgs as geometry,
     hri_msgs as hri, move_base_msgs as move_base, nav_msgs as nav, pedsim_msgs as pedsim,
-    people_msgs as people,
-    rosgraph_msgs as rosgraph, sensor_msgs as sensor, spencer_tracking_msgs as spencer, std_msgs as std_,
-    tf2_msgs as tf2, visualization_msgs as visualization,
+    people_msgs as people, rosgraph_msgs as rosgraph, sensor_msgs as sensor,
+    spencer_tracking_msgs as spencer, std_msgs as std_, tf2_msgs as tf2, visualization_msgs as visualization,
 };
 
 /// An operation on a message type that is known only at run time; see [`visit`].
