@@ -40,6 +40,9 @@ class Link:
         confidence: Share of the resamples that have the link; None without resamples.
         value_low: Percentile 5 of the strength in the resamples.
         value_high: Percentile 95 of it.
+        size: With resamples `{step, change, low, high}`: this much more of the effect goes with a step more of the cause, in their units.
+        since: Of a model of a node that rolls on: stamp from which on the link is in every model.
+        seen: Of such a model: how many of the last eight models have the link.
 
     Example:
         >>> import roscausal as rc
@@ -58,6 +61,9 @@ class Link:
     confidence: float | None = None
     value_low: float | None = None
     value_high: float | None = None
+    size: dict | None = None
+    since: float | None = None
+    seen: int | None = None
 
     def __str__(self) -> str:
         when = f"at t-{self.lag}" if self.lag else "at the same time"
