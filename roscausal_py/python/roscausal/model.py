@@ -8,7 +8,7 @@ import json
 import os
 import pathlib
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -61,7 +61,7 @@ class Link:
     confidence: float | None = None
     value_low: float | None = None
     value_high: float | None = None
-    size: dict | None = None
+    size: dict | None = field(default=None, hash=False)
     since: float | None = None
     seen: int | None = None
 
