@@ -57,10 +57,12 @@ wheel() {
 
 sdist() { maturin sdist --quiet --manifest-path roscausal_py/Cargo.toml --out dist; }
 
-# The command with the list of its crates inside (`cargo audit bin` reads it).
+# The command with the list of its crates inside (`cargo audit bin` reads it), and with Parquet and Arrow: who installs a package
+# cannot build a feature. What only it has is tested first.
 audited() {
   tool auditable 0.7.7
-  cargo auditable build --quiet --release --locked -p roscausal --bin roscausal
+  cargo test --quiet --release --locked -p roscausal --features columnar --test trajectories
+  cargo auditable build --quiet --release --locked -p roscausal --features columnar --bin roscausal
 }
 
 deb() {

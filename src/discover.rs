@@ -446,6 +446,7 @@ fn with_facts(args: &Args, files: &[Input], settings: &mut Settings) -> Result<O
         facts.ids.len() > 1 || !facts.context.is_empty()
     };
     let own = args.read.chooses_columns()
+        || args.read.joins()
         || (!args.read.features().is_empty() && files.iter().all(|file| file.table == file.user));
     if own || !tables.iter().any(says_more) {
         return Ok(None);

@@ -15,7 +15,7 @@ pub(crate) fn text_with(model: &Model, advice: bool) -> String {
     }
     lines.extend(model.links.iter().map(|link| format!("  {}", sentence(model, link))));
     if !model.dropped.is_empty() {
-        lines.push(format!("Without any link: {}.", model.dropped.join(", ")));
+        lines.push(format!("Left out, without a link to another variable: {}.", model.dropped.join(", ")));
     }
     if advice {
         lines.extend(advice_lines(model));

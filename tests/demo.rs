@@ -53,6 +53,19 @@ fn the_same_seed_gives_the_same_batches_and_models_with_any_number_of_threads() 
 }
 
 #[test]
+fn the_pictures_in_the_readme_are_those_of_the_demo() {
+    let dir = tempfile::tempdir().expect("a folder");
+    let output = demo(dir.path(), &[]);
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    let docs = Path::new(env!("CARGO_MANIFEST_DIR")).join("docs");
+    for (made, shown) in [("dag.svg", "demo-dag.svg"), ("run.svg", "run.svg")] {
+        let made = fs::read(dir.path().join("roscausal_demo").join(made)).expect("the demo writes it");
+        let shown_now = fs::read(docs.join(shown)).expect("is there");
+        assert!(made == shown_now, "docs/{shown} is stale: docs/pictures.sh demo makes it anew");
+    }
+}
+
+#[test]
 fn every_built_in_scenario_ends_with_a_model() {
     let dir = tempfile::tempdir().expect("a folder");
     for scenario in roscausal_hrisim::scenario::SCENARIOS {

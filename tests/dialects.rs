@@ -150,6 +150,14 @@ fn the_same_data_in_thirty_dialects_give_the_same_model() {
             "pandas' index of dates",
             text(",a,b", |_, [t, a, b]| format!("2026-11-24 {},{a},{b}", clock(t))).into(),
         ),
+        (
+            "dates by slashes",
+            text("date,a,b", |_, [t, a, b]| format!("2026/11/24 {},{a},{b}", clock(t))).into(),
+        ),
+        (
+            "dates with the day first",
+            text("date,a,b", |_, [t, a, b]| format!("24.11.2026 {},{a},{b}", clock(t))).into(),
+        ),
         ("time of day", text("time,a,b", |_, [t, a, b]| format!("{},{a},{b}", clock(t))).into()),
     ];
     assert!(dialects.len() >= 30);

@@ -3,8 +3,12 @@
 /// Bytes of a file that [`not_data`] needs.
 pub const NEEDED: usize = 512;
 
+/// What to do with a Parquet or Arrow file that a program without the feature `columnar` gets.
+const WITHOUT_COLUMNAR: &str = "this program was built without them: convert it to CSV with pandas, give the data frame to the \
+                                Python package, or build with 'cargo install --locked --path . --features columnar'";
+
 /// First bytes of formats that hold data, but that nothing here reads; what they are; and the way out.
-const PACKED: [(&[u8], &str, &str); 11] = [
+const PACKED: [(&[u8], &str, &str); 12] = [
     (b"PK\x03\x04", "a ZIP archive", "unpack it with 'unzip'"),
     (b"\x1f\x8b", "compressed with gzip", "unpack it with 'gunzip'"),
     (b"\x28\xb5\x2f\xfd", "compressed with Zstandard", "unpack it with 'unzstd'"),
@@ -12,8 +16,9 @@ const PACKED: [(&[u8], &str, &str); 11] = [
     (b"BZh", "compressed with bzip2", "unpack it with 'bunzip2'"),
     (b"7z\xbc\xaf\x27\x1c", "a 7z archive", "unpack it with '7z x'"),
     (b"\x04\x22\x4d\x18", "compressed with LZ4", "unpack it with 'unlz4'"),
-    (b"PAR1", "a Parquet file", "convert it to CSV, such as with pandas"),
-    (b"ARROW1", "an Arrow file", "convert it to CSV, such as with pandas"),
+    (b"PAR1", "a Parquet file", WITHOUT_COLUMNAR),
+    (b"ARROW1", "an Arrow file", WITHOUT_COLUMNAR),
+    (b"\xff\xff\xff\xff", "an Arrow stream", WITHOUT_COLUMNAR),
     (b"\x89HDF\r\n", "an HDF5 file", "convert it to CSV, such as with pandas"),
     (b"\x93NUMPY", "a NumPy file", "convert it to CSV with numpy.savetxt and a header"),
 ];

@@ -106,6 +106,10 @@ impl AboutData {
             about.variables.push(variable);
             faults.extend(fault);
         }
+        about.remarks.extend(drifting(&about.variables));
+        if about.variables.iter().all(|variable| variable.distinct < 2) {
+            about.remarks.push("no variable changes: there is nothing to find".into());
+        }
         let (twins, combined) = collinear(data, &names);
         faults.extend(twins);
         about.remarks.extend(combined);
@@ -120,6 +124,21 @@ fn few(samples: usize) -> String {
         "only {samples} samples: a dependence shows only if it is stronger than about {needed:.2}, and p-values near the level \
          say little; record longer"
     )
+}
+
+/// The variables that drift, in one sentence.
+fn drifting(variables: &[AboutVariable]) -> Option<String> {
+    let drifts = |variable: &&AboutVariable| variable.kpss.is_some_and(|kpss| kpss > KPSS_1_PERCENT);
+    let names: Vec<&str> = variables.iter().filter(drifts).map(|variable| variable.name.as_str()).collect();
+    let verb = match names.len() {
+        0 => return None,
+        1 => "drifts: its level changes",
+        _ => "drift: their levels change",
+    };
+    Some(format!(
+        "{} {verb} over the recording (KPSS, 1 %), which makes links that are not there; analyse a part, or the differences",
+        names.join(", ")
+    ))
 }
 
 fn look_at(data: &DataFrame, var: usize, name: &str) -> (AboutVariable, Vec<String>, Option<Fault>) {
@@ -156,12 +175,6 @@ fn look_at(data: &DataFrame, var: usize, name: &str) -> (AboutVariable, Vec<Stri
         ));
     }
     about.kpss = longest.and_then(|recording| kpss(&recording.column(var)));
-    if about.kpss.is_some_and(|statistic| statistic > KPSS_1_PERCENT) {
-        remarks.push(format!(
-            "{name} drifts: its level changes over the recording (KPSS, 1 %), which makes links that are not there; analyse a \
-             part, or its differences"
-        ));
-    }
     let (outliers, farthest) = outliers(&spread);
     about.outliers = outliers * stride;
     if outliers > 0 && outliers * 100 < spread.len() {
@@ -407,6 +420,16 @@ mod tests {
             assert!(about.remarks.iter().any(|remark| remark.contains(told)), "{told}: {:?}", about.remarks);
             assert!(faults.is_empty(), "{told}: {faults:?}");
         }
+    }
+
+    #[test]
+    fn the_same_trouble_of_several_variables_is_one_sentence() {
+        let drift = Array2::from_shape_fn((200, 3), |(t, k)| (t * (t + 7 * k) % 97) as f64 + (t * k) as f64);
+        let (about, _) = of(vec![drift]);
+        let told = about.remarks.iter().filter(|remark| remark.contains("drift")).collect::<Vec<_>>();
+        assert!(told.len() == 1 && told[0].starts_with("b, c drift: their levels"), "{told:?}");
+        let (about, _) = of(vec![Array2::from_elem((200, 3), 1.5)]);
+        assert_eq!(about.remarks, ["no variable changes: there is nothing to find"]);
     }
 
     #[test]

@@ -1,6 +1,6 @@
 //! How tables are read, and which part of the data is analysed: flags, and what they do.
 
-use std::{ops::RangeInclusive, str::FromStr};
+use std::{ops::RangeInclusive, path::PathBuf, str::FromStr};
 
 use clap::Args as ClapArgs;
 use ndarray::{Array2, ArrayView1, Axis, s};
@@ -47,9 +47,18 @@ pub(crate) struct ReadArgs {
     /// Table: a longer step ends a recording, seconds. Default: five steps.
     #[arg(long, value_name = "SECONDS")]
     max_gap: Option<f64>,
+    /// Tables: the files are parts of one recording, such as a file for each topic: their columns stand side by side, joined by
+    /// time, and are called FILE.COLUMN. The step is --dt, or the longest of theirs.
+    #[arg(long)]
+    join: bool,
 }
 
 impl ReadArgs {
+    /// Whether the files are parts of one recording.
+    pub(super) fn joins(&self) -> bool {
+        self.join
+    }
+
     /// Whether only some of the columns are wanted.
     pub(super) fn chooses_columns(&self) -> bool {
         self.columns.is_some()
@@ -86,7 +95,7 @@ impl ReadArgs {
     /// # Errors
     /// A file that cannot be read, lacks a column, or has uneven steps that nobody resamples.
     pub(super) fn read(&self, files: &[Input], dt: Option<f64>) -> Result<Vec<(Input, Table)>> {
-        if let (Some(_), None) = (self.resample, dt) {
+        if let (Some(_), None, false) = (self.resample, dt, self.join) {
             return Err(Error::param("resample", "--dt says to which step"));
         }
         if self.max_gap.is_some_and(|gap| gap.is_nan() || gap <= 0.0) {
@@ -110,8 +119,17 @@ impl ReadArgs {
             encode: self.encode.is_some(),
             time_unit: self.time_unit,
             time_column: self.time_column.clone(),
-            equal_times: dt.is_some(),
+            equal_times: dt.is_some() || self.join,
         };
+        if self.join {
+            if files.iter().any(recorded) {
+                return Err(Error::param(
+                    "join",
+                    "it is for tables; a recording has all its topics side by side",
+                ));
+            }
+            return self.joined(files, dt, &reading, &derived);
+        }
         let needed = Derived::needed(&derived);
         let of_a_feature =
             |reason: &str| needed.iter().any(|name| reason.contains(&format!("no column '{name}'")));
@@ -147,6 +165,31 @@ impl ReadArgs {
             }
         }
         Ok(tables)
+    }
+
+    /// The files side by side, as one recording.
+    fn joined(
+        &self,
+        files: &[Input],
+        dt: Option<f64>,
+        reading: &Reading,
+        derived: &[Derived],
+    ) -> Result<Vec<(Input, Table)>> {
+        let all = Reading { columns: None, ..reading.clone() };
+        let read = |file: &Input| Ok((file.user.clone(), Table::read_as(&file.table, &all)?));
+        let tables = files.iter().map(read).collect::<Result<Vec<_>>>()?;
+        let how = Steps { dt, how: self.resample.unwrap_or_default(), max_gap: self.max_gap };
+        let mut table = Table::side_by_side(&tables, &how).map_err(|reason| Error::param("join", reason))?;
+        if !derived.is_empty() {
+            table.derive(derived)?;
+        }
+        if let Some(chosen) = self.with_derived(derived) {
+            table.keep(&chosen)?;
+        }
+        let names = table.names.clone();
+        table.notes.retain(|note| note.column().is_none_or(|column| names.contains(column)));
+        let whole = PathBuf::from("the files");
+        Ok(vec![(Input { table: whole.clone(), user: whole }, table)])
     }
 
     /// The columns to read: those that are wanted, and those that the definitions need. A variable that is defined may be wanted,
@@ -185,6 +228,9 @@ pub(crate) struct PartArgs {
     /// Leave out columns without any number, such as the distance to a goal where no goal was recorded.
     #[arg(long)]
     drop_empty: bool,
+    /// Leave out columns that hold one number only, such as the unused parts of a message.
+    #[arg(long)]
+    drop_constant: bool,
     /// Rows to analyse of each recording, such as `1..5000`: counted from 1, the last one included; either end may be left out.
     #[arg(long, value_name = "FROM..TO")]
     rows: Option<Rows>,
@@ -234,6 +280,11 @@ impl PartArgs {
         if let Some(masks) = masks {
             data.data = data.data.with_mask(masks, "y".parse()?)?;
         }
+        if self.drop_constant {
+            let constant = |&var: &usize| is_constant(&data.data, var);
+            let gone: Vec<usize> = (0..data.data.n_vars()).filter(constant).collect();
+            data.leave_out(&gone, "constant")?;
+        }
         let empty: Vec<usize> = (0..data.data.n_vars()).filter(|&var| is_empty(&data.data, var)).collect();
         if empty.is_empty() {
             return Ok(data);
@@ -242,13 +293,7 @@ impl PartArgs {
         if !self.drop_empty {
             return Err(Error::Data(sentence(&names, data.recorded)));
         }
-        let kept: Vec<usize> = (0..data.data.n_vars()).filter(|var| !empty.contains(var)).collect();
-        if kept.is_empty() {
-            return Err(Error::Data("every column is empty: there is nothing to analyse".into()));
-        }
-        data.data = data.data.select(&kept);
-        data.warnings.retain(|warning| !warning.contains("has no number at all"));
-        data.warnings.push(format!("left out, without any number: {}", names.join(", ")));
+        data.leave_out(&empty, "without any number")?;
         Ok(data)
     }
 }
@@ -297,6 +342,24 @@ impl PartArgs {
 }
 
 impl Data {
+    /// Takes variables out and tells it, with what they are.
+    fn leave_out(&mut self, variables: &[usize], what: &str) -> Result<()> {
+        if variables.is_empty() {
+            return Ok(());
+        }
+        let kept: Vec<usize> = (0..self.data.n_vars()).filter(|var| !variables.contains(var)).collect();
+        if kept.is_empty() {
+            return Err(Error::Data(format!("every column is {what}: there is nothing to analyse")));
+        }
+        let names: Vec<String> = variables.iter().map(|&var| plain(&self.data.var_names()[var])).collect();
+        self.data = self.data.select(&kept);
+        let about_one =
+            |warning: &String| names.iter().any(|name| warning.contains(&format!("column '{name}' ")));
+        self.warnings.retain(|warning| !about_one(warning));
+        self.warnings.push(format!("left out, {what}: {}", names.join(", ")));
+        Ok(())
+    }
+
     /// Replaces each recording; those without rows are left out.
     fn map_recordings(&mut self, change: impl Fn(&Array2<f64>) -> Array2<f64>) -> Result<()> {
         let changed: Vec<Array2<f64>> =
@@ -307,6 +370,14 @@ impl Data {
         self.data = DataFrame::new(changed, self.data.var_names().to_vec())?;
         Ok(())
     }
+}
+
+/// Whether a variable has one number only; one without any is empty.
+fn is_constant(data: &DataFrame, var: usize) -> bool {
+    let mut values = data.recordings().iter().flat_map(|recording| recording.column(var));
+    let mut present = values.by_ref().filter(|value| !value.is_nan());
+    let first = present.next();
+    first.is_some() && present.all(|value| Some(value) == first)
 }
 
 fn is_empty(data: &DataFrame, var: usize) -> bool {

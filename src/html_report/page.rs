@@ -146,7 +146,8 @@ fn links(model: &Model) -> String {
     content += "</tbody>\n</table>\n</div>\n";
     if !model.dropped.is_empty() {
         let dropped: Vec<String> = model.dropped.iter().map(|name| escaped(&plain(name))).collect();
-        let _ = writeln!(content, "<p>Without any link: {}.</p>", dropped.join(", "));
+        let _ =
+            writeln!(content, "<p>Left out, without a link to another variable: {}.</p>", dropped.join(", "));
     }
     section("links", "Links", &content)
 }

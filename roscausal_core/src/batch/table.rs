@@ -5,9 +5,9 @@
 //! 3. `cells`: each as a number.
 //! 4. `time`: in seconds.
 //!
-//! `binary` reads NumPy files to the same end.
+//! `binary` reads Parquet, Arrow and NumPy files to the same end.
 //!
-//! `steps` then brings the rows to one step.
+//! `steps` then brings the rows to one step, `join` several files of one recording side by side.
 
 pub(crate) mod binary;
 mod cells;
@@ -15,6 +15,7 @@ pub(crate) mod columns;
 mod derived;
 mod dialect;
 pub(crate) mod grid;
+mod join;
 mod steps;
 pub(crate) mod time;
 

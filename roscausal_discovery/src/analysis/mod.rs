@@ -182,6 +182,13 @@ fn remarks_on_filter(estimator: TeEstimator, test: &dyn CondIndTest, result: &Fp
                 .into(),
         );
     }
+    if result.status == Status::Complete && !result.selected.is_empty() && result.features.is_empty() {
+        remarks.push(format!(
+            "no link between two variables that the filter lets through is one for {}, so all variables are left out, with their \
+             links to themselves; the method pcmci tests and shows all",
+            test.name()
+        ));
+    }
     remarks
 }
 
@@ -221,6 +228,25 @@ mod tests {
 
     fn settings(method: Method) -> Settings {
         Settings { method, tau_min: method.info().tau_min, ..Settings::default() }
+    }
+
+    #[test]
+    fn a_filter_or_a_test_that_leaves_nothing_is_told() {
+        let told = |f_alpha: f64, alpha: f64| {
+            let cond_ind_test = "parcorr".into();
+            let strict =
+                Settings { cond_ind_test, alpha, f_alpha: Some(f_alpha), ..settings(Method::Fpcmci) };
+            let model = analyse(&pair(), &strict, &Control::default()).unwrap();
+            (model.dropped.len(), model.warnings.join("; "))
+        };
+        let (dropped, nothing_through) = told(1e-300, 0.05);
+        assert!(
+            dropped == 2 && nothing_through.contains("the filter lets nothing through"),
+            "{nothing_through}"
+        );
+        let (dropped, nothing_found) = told(0.05, 1e-300);
+        assert!(dropped == 2 && nothing_found.contains("all variables are left out"), "{nothing_found}");
+        assert_eq!(told(0.05, 0.05), (0, String::new()));
     }
 
     #[test]

@@ -14,6 +14,8 @@ pub(crate) struct Grid {
     pub(crate) columns: Vec<(String, Column)>,
     /// Whether the file has no header; the columns are then called 1, 2, ...
     pub(crate) nameless: bool,
+    /// Frames per second, if a comment before the rows says so: `# framerate: 25`.
+    pub(crate) frame_rate: Option<f64>,
 }
 
 impl Grid {
@@ -27,7 +29,7 @@ impl Grid {
         let bytes = dialect::unpacked(bytes).map_err(fault)?;
         if let Some(columns) = binary::columns(&bytes) {
             let columns = columns.map_err(|complaint| fault(complaint.reason()))?;
-            return Ok(Self { columns, nameless: false });
+            return Ok(Self { columns, nameless: false, frame_rate: None });
         }
         if let Some(reason) = not_data(&bytes) {
             return Err(fault(reason));
@@ -58,12 +60,32 @@ impl Grid {
             (first.map_or(0, |(start, _)| *start), best)
         });
         let body = &text[start..];
+        // A header behind `#`; what follows is its first name, not an empty one.
+        let body = body.strip_prefix(b"#").map_or(body, |rest| {
+            let spaces = rest.iter().take_while(|byte| **byte == b' ').count();
+            &rest[spaces..]
+        });
         let tabs = (separator == Separator::Spaces).then(|| dialect::with_tabs(body));
         let byte = if let Separator::Byte(byte) = separator { byte } else { b'\t' };
         let body = tabs.as_deref().unwrap_or(body);
-        let body = body.strip_prefix(b"#").unwrap_or(body);
-        columns_of(body, byte, named.is_some(), missing)
+        let grid = columns_of(body, byte, named.is_some(), missing)?;
+        Ok(Self { frame_rate: lines.iter().find_map(|(_, line)| frame_rate(line)), ..grid })
     }
+}
+
+/// The number that a comment gives as the rate of frames: `#framerate: 10`, `# frame rate = 25.00 fps`.
+fn frame_rate(line: &[u8]) -> Option<f64> {
+    let line = std::str::from_utf8(line).ok()?.trim().strip_prefix('#')?.to_lowercase();
+    let rest = ["framerate", "frame rate", "frame_rate", "fps"]
+        .iter()
+        .find_map(|name| line.trim().strip_prefix(name))?;
+    let number = rest.trim_start_matches([' ', ':', '=', '\t']).split([' ', '\t']).next()?;
+    number
+        .trim_end_matches("fps")
+        .trim_end_matches("hz")
+        .parse()
+        .ok()
+        .filter(|rate: &f64| rate.is_finite() && *rate > 0.0)
 }
 
 /// The cells of one line.
@@ -102,7 +124,7 @@ fn columns_of(body: &[u8], separator: u8, named: bool, missing: &[f64]) -> std::
     }
     let name = |place: usize| names.get(place).cloned().unwrap_or_else(|| (place + 1).to_string());
     let columns = columns.into_iter().enumerate().map(|(place, column)| (name(place), column)).collect();
-    Ok(Grid { columns, nameless: !named })
+    Ok(Grid { columns, nameless: !named, frame_rate: None })
 }
 
 impl Column {

@@ -15,7 +15,7 @@ const UNEVEN: f64 = 0.25;
 /// The share of uneven steps from which a recording is irregular.
 const IRREGULAR: f64 = 0.1;
 /// A gap is longer than this many steps, unless the user says how long.
-const GAP_STEPS: f64 = 5.0;
+pub(super) const GAP_STEPS: f64 = 5.0;
 /// Even steps that vary by more than this are told.
 const WORTH_TELLING: f64 = 0.02;
 /// A table has at most this many rows after resampling.
@@ -190,13 +190,29 @@ fn resampled(
     how: Resample,
     max_gap: f64,
 ) -> Result<(Array2<f64>, Vec<f64>), String> {
-    let (first, last) = (time[0], time[time.len() - 1]);
     // Grids of several recordings have the same phase: that of whole multiples of the step since the first sample.
+    let grid = evenly(time[0], time[time.len() - 1], dt)?;
+    Ok((at_times(values, time, &grid, dt, how, max_gap), grid))
+}
+
+/// The times `first + k dt` up to `last`.
+pub(super) fn evenly(first: f64, last: f64, dt: f64) -> Result<Vec<f64>, String> {
     let count = ((last - first) / dt * (1.0 + 1e-12) + 1e-6).floor() + 1.0;
     if !(dt > 0.0 && count <= MOST_ROWS) {
         return Err(format!("--dt {dt} would give {count} rows; give a longer step"));
     }
-    let grid: Vec<f64> = (0..count as usize).map(|row| first + row as f64 * dt).collect();
+    Ok((0..count as usize).map(|row| first + row as f64 * dt).collect())
+}
+
+/// Rows at the times of `grid`, which are `dt` apart.
+pub(super) fn at_times(
+    values: &Array2<f64>,
+    time: &[f64],
+    grid: &[f64],
+    dt: f64,
+    how: Resample,
+    max_gap: f64,
+) -> Array2<f64> {
     let mut out = Array2::from_elem((grid.len(), values.ncols()), f64::NAN);
     // Stamps a little late still count for their row.
     let late = 1e-6 * dt;
@@ -208,7 +224,9 @@ fn resampled(
             .filter(|(_, value)| !value.is_nan())
             .map(|(&t, &value)| (t, value))
             .collect();
-        let (mut before, mut since) = (0, 0);
+        let begin = grid.first().map_or(0.0, |first| first - dt + late);
+        let mut since = there.partition_point(|(t, _)| *t <= begin);
+        let mut before = since;
         for (row, &at) in grid.iter().enumerate() {
             while there.get(before).is_some_and(|(t, _)| *t <= at + late) {
                 before += 1;
@@ -231,11 +249,11 @@ fn resampled(
             since = before;
         }
     }
-    Ok((out, grid))
+    out
 }
 
 /// Six digits, without zeros at the end.
-fn digits(seconds: f64) -> f64 {
+pub(super) fn digits(seconds: f64) -> f64 {
     let scale = 10_f64.powf(5.0 - seconds.abs().max(1e-12).log10().floor());
     (seconds * scale).round() / scale
 }

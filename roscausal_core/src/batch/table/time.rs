@@ -2,7 +2,7 @@
 
 use std::str::FromStr;
 
-use chrono::{DateTime, NaiveDate, NaiveDateTime, NaiveTime};
+use chrono::{DateTime, Datelike, NaiveDate, NaiveDateTime, NaiveTime};
 
 /// The unit of a column of times.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -106,10 +106,14 @@ pub(super) fn split_seconds(stamp: i64, per_second: f64) -> f64 {
 }
 
 /// A date and time in seconds since 1970, or a time of day in seconds since midnight. ISO 8601, with or without a zone (then
-/// UTC): `2026-11-24T08:30:00.25+01:00`, `2026-11-24 08:30:00`, `2026-11-24`, `08:30:00.25`.
+/// UTC): `2026-11-24T08:30:00.25+01:00`, `2026-11-24 08:30:00`, `2026-11-24`, `08:30:00.25`; also `2026/11/24`, and `24.11.2026`
+/// with the day first. What may be day or month, such as `01/02/2026`, is none.
 pub(crate) fn date(text: &str) -> Option<f64> {
     let text = text.trim();
-    if !text.contains([':', '-', '/']) || !text.starts_with(|letter: char| letter.is_ascii_digit()) {
+    let dots = text.bytes().filter(|byte| *byte == b'.').count();
+    if !(text.contains([':', '-', '/']) || dots == 2)
+        || !text.starts_with(|letter: char| letter.is_ascii_digit())
+    {
         return None;
     }
     let seconds = |whole: i64, nanoseconds: u32| whole as f64 + f64::from(nanoseconds) * 1e-9;
@@ -128,18 +132,29 @@ pub(crate) fn date(text: &str) -> Option<f64> {
         "%Y/%m/%d %H:%M:%S%.f",
         "%Y-%m-%d %H:%M",
         "%Y-%m-%dT%H:%M",
+        "%Y/%m/%d %H:%M",
+        "%d.%m.%Y %H:%M:%S%.f",
+        "%d.%m.%Y %H:%M",
     ] {
-        if let Ok(found) = NaiveDateTime::parse_from_str(text, format) {
+        if let Some(found) = NaiveDateTime::parse_from_str(text, format).ok().filter(has_year) {
             let found = found.and_utc();
             return Some(seconds(found.timestamp(), found.timestamp_subsec_nanos()));
         }
     }
-    if let Ok(day) = NaiveDate::parse_from_str(text, "%Y-%m-%d") {
+    let day = ["%Y-%m-%d", "%Y/%m/%d", "%d.%m.%Y"]
+        .into_iter()
+        .find_map(|format| NaiveDate::parse_from_str(text, format).ok().filter(has_year));
+    if let Some(day) = day {
         return Some(day.and_time(NaiveTime::MIN).and_utc().timestamp() as f64);
     }
     let of_day = NaiveTime::parse_from_str(text, "%H:%M:%S%.f").ok()?;
     let since = of_day.signed_duration_since(NaiveTime::MIN);
     Some(since.num_nanoseconds()? as f64 * 1e-9)
+}
+
+/// Whether the year has four digits: 1.2.3 is a version.
+fn has_year(date: &impl Datelike) -> bool {
+    (1000..10_000).contains(&date.year())
 }
 
 #[cfg(test)]
@@ -177,11 +192,15 @@ mod tests {
             ("1970-01-01 00:01:00", 60.0),
             ("1970/01/02 00:00:00", 86400.0),
             ("1970-01-02", 86400.0),
+            ("1970/01/02", 86400.0),
+            ("1970/1/2 00:01", 86460.0),
+            ("2.1.1970", 86400.0),
+            ("02.01.1970 00:00:01.5", 86401.5),
             ("00:00:02.25", 2.25),
         ] {
             assert_eq!(date(text), Some(seconds), "{text}");
         }
-        for text in ["", "1.5", "-3", "walk-fast", "01/02/1970 00:00:00"] {
+        for text in ["", "1.5", "-3", "walk-fast", "01/02/1970 00:00:00", "1.2.3", "31.31.1970", "0.1.0"] {
             assert_eq!(date(text), None, "{text}");
         }
     }

@@ -76,6 +76,9 @@ impl Agents {
         let grid = Grid::read(path, &reading.missing, |words| layout::is_header(words, &reading.columns))?;
         let layout = layout::of(&grid, &reading.columns).map_err(fault)?;
         let mut notes = Vec::new();
+        let unit = reading.unit.or(layout::unit_of(&layout, &grid));
+        let frame_rate = reading.frame_rate.or(grid.frame_rate);
+        let reading = &TrajectoryReading { unit, frame_rate, ..reading.clone() };
         let raw = raw(&grid, &layout, reading, &mut notes).map_err(fault)?;
         Self::of(raw, reading, notes).map_err(fault)
     }

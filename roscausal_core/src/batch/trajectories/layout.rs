@@ -41,7 +41,7 @@ const ROLES: [(&str, &[&str]); 11] = [
             "name",
         ],
     ),
-    ("frame", &["frame", "frame_id", "frameid", "frame_number", "frame_no", "frames", "framenumber"]),
+    ("frame", &["frame", "frame_id", "frameid", "frame_number", "frame_no", "frames", "framenumber", "fr"]),
     (
         "x",
         &[
@@ -242,11 +242,22 @@ fn lacking(role: &str, names: &[&str]) -> String {
     )
 }
 
-/// A name without a unit in brackets, in lower case.
+/// A name without its unit, in lower case: `x` for `X [mm]`, `x/m`, `x_cm`.
 fn bare(name: &str) -> String {
     let name = name.trim().to_lowercase();
-    let name = name.split(['[', '(']).next().unwrap_or_default().trim();
-    name.trim_end_matches("_m").trim_end_matches("_mm").to_owned()
+    let name = name.split(['[', '(', '/']).next().unwrap_or_default().trim();
+    ["_mm", "_cm", "_m"].iter().find_map(|unit| name.strip_suffix(unit)).unwrap_or(name).to_owned()
+}
+
+/// The unit of positions that the name of a column of them tells: `x/cm`, `x [mm]`, `pos_x (m)`, `x_mm`.
+pub(super) fn unit_of(layout: &Layout, grid: &Grid) -> Option<PositionUnit> {
+    let column = match layout {
+        Layout::Long(_, roles) => *roles.get("x")?,
+        Layout::Wide(_, bodies) => bodies.values().flatten().next()?.0,
+    };
+    let name = grid.columns.get(column)?.0.trim().to_lowercase();
+    let unit = name.trim_end_matches([']', ')']);
+    unit.rsplit_once(['/', '[', '(', '_']).and_then(|(_, unit)| unit.trim().parse().ok())
 }
 
 /// The bodies whose places stand in columns of their own, such as `Helmet_1 Centroid_X`, `Helmet_1 - 2 X` (a marker) or `ped1_x`.

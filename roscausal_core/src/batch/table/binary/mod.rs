@@ -1,8 +1,10 @@
-//! Tables that are not text: NumPy files, recognised by their first bytes.
+//! Tables that are not text: Parquet, Arrow and NumPy files, recognised by their first bytes.
 //!
-//! 1. `numpy` gives columns of numbers, words or times.
+//! 1. `columnar` (Parquet, Arrow; a feature) and `numpy` give columns of numbers, words or times.
 //! 2. They are chosen, encoded and checked as those of a CSV file.
 
+#[cfg(feature = "columnar")]
+mod columnar;
 mod numpy;
 
 use super::{
@@ -11,6 +13,9 @@ use super::{
     time,
 };
 use ndarray::Array2;
+
+/// The index that pandas writes into a file.
+const PANDAS_INDEX: &str = "__index_level_0__";
 
 /// A column of any file.
 #[derive(Clone, Debug, PartialEq)]
@@ -33,6 +38,10 @@ pub(in crate::batch::table) fn columns(bytes: &[u8]) -> Option<Parsed<Vec<(Strin
     if bytes.starts_with(b"PK\x03\x04") {
         return numpy::archive(bytes).map(|read| read.map_err(Complaint::File));
     }
+    #[cfg(feature = "columnar")]
+    if let Some(read) = columnar::columns(bytes) {
+        return Some(read.map_err(Complaint::File));
+    }
     None
 }
 
@@ -49,7 +58,7 @@ pub(in crate::batch::table) fn table(columns: Vec<(String, Column)>, reading: &R
         None => (0..header.len()).collect(),
     };
     wanted.retain(|&column| {
-        let index = is_index(&header[column]);
+        let index = header[column] == PANDAS_INDEX || is_index(&header[column]);
         named || (Some(column) != place && !index)
     });
     if wanted.is_empty() {

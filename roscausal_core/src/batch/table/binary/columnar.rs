@@ -1,0 +1,171 @@
+//! Parquet and Arrow files (Feather too), by the libraries of the Arrow project.
+
+use std::io::Cursor;
+
+use arrow_array::{
+    Array, RecordBatch,
+    cast::AsArray,
+    types::{
+        Date32Type, Date64Type, Decimal128Type, Float16Type, Float32Type, Float64Type, Int8Type, Int16Type,
+        Int32Type, Int64Type, Time32MillisecondType, Time32SecondType, Time64MicrosecondType,
+        Time64NanosecondType, TimestampMicrosecondType, TimestampMillisecondType, TimestampNanosecondType,
+        TimestampSecondType, UInt8Type, UInt16Type, UInt32Type, UInt64Type,
+    },
+};
+use arrow_ipc::reader::{FileReader, StreamReader};
+use arrow_schema::{ArrowError, DataType, TimeUnit};
+use parquet::arrow::arrow_reader::ParquetRecordBatchReaderBuilder;
+
+use super::{super::time, Column};
+
+type Columns = Result<Vec<(String, Column)>, String>;
+
+/// The columns of a Parquet or Arrow file; `None` if it is neither.
+pub(super) fn columns(bytes: &[u8]) -> Option<Columns> {
+    let damaged = |what: &str, error: &dyn std::fmt::Display| {
+        format!("the {what} file is damaged or not supported: {error}")
+    };
+    if bytes.starts_with(b"PAR1") {
+        let read = || {
+            let reader = ParquetRecordBatchReaderBuilder::try_new(bytes::Bytes::copy_from_slice(bytes))
+                .and_then(|builder| builder.with_batch_size(1 << 16).build())
+                .map_err(|error| damaged("Parquet", &error))?;
+            of(reader).map_err(|error| damaged("Parquet", &error))
+        };
+        return Some(read());
+    }
+    if bytes.starts_with(b"ARROW1") {
+        let read = FileReader::try_new(Cursor::new(bytes), None).and_then(of);
+        return Some(read.map_err(|error| damaged("Arrow", &error)));
+    }
+    // The stream format begins with the mark of a message.
+    if bytes.starts_with(b"\xff\xff\xff\xff") {
+        let read = StreamReader::try_new(Cursor::new(bytes), None).and_then(of);
+        return Some(read.map_err(|error| damaged("Arrow", &error)));
+    }
+    None
+}
+
+fn of(
+    batches: impl Iterator<Item = Result<RecordBatch, ArrowError>>,
+) -> Result<Vec<(String, Column)>, ArrowError> {
+    let mut columns: Vec<(String, Column)> = Vec::new();
+    for batch in batches {
+        let batch = batch?;
+        for (place, field) in batch.schema().fields().iter().enumerate() {
+            let more = column(batch.column(place).as_ref());
+            match columns.get_mut(place) {
+                None => columns.push((field.name().clone(), more)),
+                Some((_, column)) => column.append(more),
+            }
+        }
+    }
+    Ok(columns)
+}
+
+impl Column {
+    fn append(&mut self, more: Self) {
+        match (self, more) {
+            (Self::Numbers(a), Self::Numbers(b)) | (Self::Times(a), Self::Times(b)) => a.extend(b),
+            (Self::Words(a), Self::Words(b)) => a.extend(b),
+            (column, other) => *column = other,
+        }
+    }
+}
+
+/// An array as a column; what is null is missing.
+fn column(array: &dyn Array) -> Column {
+    macro_rules! numbers {
+        ($kind:ty, $value:expr) => {
+            array
+                .as_primitive::<$kind>()
+                .iter()
+                .map(|value| value.map_or(f64::NAN, $value))
+                .collect::<Vec<f64>>()
+        };
+    }
+    let words = |words: Vec<Option<&str>>| {
+        Column::Words(words.into_iter().map(|word| word.map(str::to_owned)).collect())
+    };
+    Column::Numbers(match array.data_type() {
+        DataType::Null => vec![f64::NAN; array.len()],
+        DataType::Boolean => array
+            .as_boolean()
+            .iter()
+            .map(|value| value.map_or(f64::NAN, |value| f64::from(u8::from(value))))
+            .collect(),
+        DataType::Int8 => numbers!(Int8Type, f64::from),
+        DataType::Int16 => numbers!(Int16Type, f64::from),
+        DataType::Int32 => numbers!(Int32Type, f64::from),
+        DataType::Int64 => numbers!(Int64Type, |value| value as f64),
+        DataType::UInt8 => numbers!(UInt8Type, f64::from),
+        DataType::UInt16 => numbers!(UInt16Type, f64::from),
+        DataType::UInt32 => numbers!(UInt32Type, f64::from),
+        DataType::UInt64 => numbers!(UInt64Type, |value| value as f64),
+        DataType::Float16 => numbers!(Float16Type, |value| value.to_f64()),
+        DataType::Float32 => numbers!(Float32Type, f64::from),
+        DataType::Float64 => numbers!(Float64Type, |value| value),
+        DataType::Decimal128(_, scale) => {
+            let unit = 10_f64.powi(i32::from(*scale));
+            numbers!(Decimal128Type, |value| value as f64 / unit)
+        }
+        DataType::Utf8 => return words(array.as_string::<i32>().iter().collect()),
+        DataType::LargeUtf8 => return words(array.as_string::<i64>().iter().collect()),
+        DataType::Utf8View => return words(array.as_string_view().iter().collect()),
+        DataType::Dictionary(..) => return of_dictionary(array),
+        kind => return times(array, kind),
+    })
+}
+
+/// Stamps, dates and times of day in seconds; anything else by its name.
+fn times(array: &dyn Array, kind: &DataType) -> Column {
+    macro_rules! seconds {
+        ($kind:ty, $per:expr) => {
+            array
+                .as_primitive::<$kind>()
+                .iter()
+                .map(|value| value.map_or(f64::NAN, |value| time::split_seconds(i64::from(value), $per)))
+                .collect()
+        };
+    }
+    Column::Times(match kind {
+        DataType::Timestamp(TimeUnit::Second, _) => seconds!(TimestampSecondType, 1.0),
+        DataType::Timestamp(TimeUnit::Millisecond, _) => seconds!(TimestampMillisecondType, 1_000.0),
+        DataType::Timestamp(TimeUnit::Microsecond, _) => seconds!(TimestampMicrosecondType, 1_000_000.0),
+        DataType::Timestamp(TimeUnit::Nanosecond, _) => seconds!(TimestampNanosecondType, 1_000_000_000.0),
+        DataType::Date32 => {
+            let day = |value: Option<i32>| value.map_or(f64::NAN, |day| f64::from(day) * 86_400.0);
+            array.as_primitive::<Date32Type>().iter().map(day).collect()
+        }
+        DataType::Date64 => seconds!(Date64Type, 1_000.0),
+        DataType::Time32(TimeUnit::Second) => seconds!(Time32SecondType, 1.0),
+        DataType::Time32(_) => seconds!(Time32MillisecondType, 1_000.0),
+        DataType::Time64(TimeUnit::Microsecond) => seconds!(Time64MicrosecondType, 1_000_000.0),
+        DataType::Time64(_) => seconds!(Time64NanosecondType, 1_000_000_000.0),
+        other => {
+            let name = other.to_string();
+            return Column::Other(name.split(['(', '<']).next().unwrap_or_default().to_owned());
+        }
+    })
+}
+
+/// The values that the keys of a category stand for.
+fn of_dictionary(array: &dyn Array) -> Column {
+    let dictionary = array.as_any_dictionary();
+    let values = column(dictionary.values().as_ref());
+    let keys = dictionary.normalized_keys();
+    let key = |row: usize| (!array.is_null(row)).then(|| keys[row]);
+    match values {
+        Column::Words(words) => Column::Words(
+            (0..array.len()).map(|row| key(row).and_then(|key| words.get(key).cloned().flatten())).collect(),
+        ),
+        Column::Numbers(numbers) => Column::Numbers(
+            (0..array.len())
+                .map(|row| key(row).and_then(|key| numbers.get(key).copied()).unwrap_or(f64::NAN))
+                .collect(),
+        ),
+        Column::Times(_) | Column::Other(_) => {
+            Column::Other("categories of something else than words".into())
+        }
+    }
+}
