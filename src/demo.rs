@@ -24,7 +24,7 @@ use crate::{
     html_report::{self, Material},
     interrupt::Interrupt,
     nodes::{self, Nodes},
-    output, presets,
+    output, presets, reasoning,
     replay::{Pace, Speed},
     report,
     sink::Sink,
@@ -359,8 +359,15 @@ fn show(args: &Args, folders: &Folders, model: &Model) -> Result<()> {
         args.out.display()
     );
     crate::terminal::say!(
-        "Open {} in a browser: the graph, and the evidence of each link.",
+        "Open {} in a browser: the graph, and the evidence of each link.\n",
         report.display()
+    );
+    let asked =
+        reasoning::closing(model, &args.out.join("model.json"), &folders.analysed_batches()?, args.threads);
+    // A model that answers nothing is a result, too.
+    crate::terminal::say!(
+        "{}",
+        asked.unwrap_or_else(|error| format!("The model answers no question here: {error}."))
     );
     Ok(())
 }

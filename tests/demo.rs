@@ -41,8 +41,14 @@ fn the_same_seed_gives_the_same_batches_and_models_with_any_number_of_threads() 
         (String::from_utf8_lossy(&output.stdout).into_owned(), files(&dir.path().join(out)))
     };
     let (text, one) = run("one", "1");
-    let (_, two) = run("two", "2");
+    let (again, two) = run("two", "2");
     assert!(text.contains("Beside the paper's expected model:"), "{text}");
+    // Its last words: one what-if and one explanation, and the commands that give them.
+    let closing = |text: &str| text[text.find("What if").expect("a what-if")..].to_owned();
+    let said = closing(&text);
+    assert!(said.contains("Why did") && said.contains("go on: after 10 steps (3 s)"), "{said}");
+    assert!(said.contains("roscausal whatif one/model.json --data one/pp_pool/analysed/"), "{said}");
+    assert_eq!(said, closing(&again).replace("two/", "one/"));
     let batches = one.keys().filter(|name| name.starts_with("pp_pool/analysed/") && name.ends_with(".csv"));
     assert_eq!(batches.count(), 2);
     assert!(one.contains_key("model.json") && one.contains_key("dag.png") && one.contains_key("dag.svg"));

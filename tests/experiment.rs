@@ -100,3 +100,55 @@ fn an_intervention_is_recorded_and_nothing_causes_it() {
     assert_eq!(first["interventions"][0]["column"], "do_robot_speed");
     assert_eq!(first["interventions"][0]["value"], serde_json::json!([0.2]));
 }
+
+#[test]
+fn twin_runs_are_equal_until_the_action_and_their_answers_are_the_same_bytes_whatever_the_threads() {
+    let dir = tempfile::tempdir().expect("a folder");
+    let asked = |out: &str, threads: &str| {
+        let few = ["--seeds", "101", "--starts", "60", "--equations", "linear", "--train", "1"];
+        let args = [&["experiment", "reasoning", "--out", out, "--threads", threads], &few[..]].concat();
+        let output = roscausal(dir.path(), &args);
+        assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+        String::from_utf8_lossy(&output.stdout).into_owned()
+    };
+    let text = asked("one", "1");
+    assert!(text.contains("| too fast | 100 % | 0 |") && text.contains("by correlation"), "{text}");
+    assert!(!text.contains("NaN") && !read(dir.path(), "one/figures.json").contains("null"), "{text}");
+    let cases = read(dir.path(), "one/cases.csv");
+    // 2 actions, 10 steps, 4 variables.
+    assert_eq!(cases.lines().count(), 1 + 80);
+    let cells = |start: &str| -> Vec<f64> {
+        let line = cases.lines().find(|line| line.starts_with(start)).expect(start);
+        line.split(',').skip(5).take(2).map(|cell| cell.parse().expect("a number")).collect()
+    };
+    // What came about without and with the action, as the demo records it (the reference's numbers).
+    for (start, untouched, real) in [
+        ("101,60,stop,1,h_v,", 0.3590, 0.3590),
+        ("101,60,stop,1,r_v,", 0.8013, 0.6213),
+        ("101,60,stop,10,h_v,", 1.3788, 0.1478),
+        ("101,60,stop,10,d,", 4.3709, 3.2594),
+        ("101,60,slow,10,d,", 4.3709, 3.7314),
+    ] {
+        let got = cells(start);
+        assert!((got[0] - untouched).abs() < 1e-3 && (got[1] - real).abs() < 1e-3, "{start}: {got:?}");
+    }
+    asked("two", "2");
+    assert_eq!(cases, read(dir.path(), "two/cases.csv"));
+    assert_eq!(read(dir.path(), "one/figures.json"), read(dir.path(), "two/figures.json"));
+}
+
+#[test]
+fn an_experiment_on_what_the_model_was_fitted_on_is_bad_usage() {
+    let dir = tempfile::tempdir().expect("a folder");
+    for (more, words) in [
+        (["--seeds", "2..5"], "seed 2 is one of --train"),
+        (["--starts", "nan"], "NaN is no moment"),
+        (["--starts", "5"], "5 is no moment"),
+        (["--threads", "0"], "'threads'"),
+    ] {
+        let output = roscausal(dir.path(), &[&["experiment", "reasoning"], &more[..]].concat());
+        let text = String::from_utf8_lossy(&output.stderr).into_owned();
+        assert_eq!(output.status.code(), Some(2), "{more:?}: {text}");
+        assert!(text.contains(words), "{more:?}: {text}");
+    }
+}

@@ -464,3 +464,49 @@ proptest! {
         }
     }
 }
+
+#[test]
+fn what_something_unrecorded_may_be_behind_is_no_cause_and_no_open_pair() {
+    let names: Vec<String> = (0..3).map(|k| format!("x{k}")).collect();
+    let link = |cause: usize, effect: usize, lag, mark: &str| roscausal_discovery::Link {
+        cause: format!("x{cause}"),
+        effect: format!("x{effect}"),
+        lag,
+        value: 0.5,
+        p_value: 0.01,
+        mark: mark.to_owned(),
+        n_lost: 0,
+        confidence: None,
+        value_low: None,
+        value_high: None,
+    };
+    let noise = |i: usize| ((12.9898 * i as f64).sin() * 43758.5453).rem_euclid(1.0);
+    let rows = ndarray::Array2::from_shape_fn((60, 3), |(t, var)| noise(3 * t + var));
+    let data = roscausal_discovery::DataFrame::new(vec![rows], names.clone()).unwrap();
+    let quick = roscausal_discovery::Settings { cond_ind_test: "parcorr".into(), ..Default::default() };
+    let control = roscausal_discovery::Control::default();
+    let mut model = roscausal_discovery::analyse(&data, &quick, &control).unwrap();
+    model.features = names.clone();
+    model.links = vec![
+        link(0, 1, 1, "-->"),
+        link(1, 2, 1, "<->"),
+        link(2, 2, 1, "<->"),
+        link(2, 0, 1, "o->"),
+        link(1, 2, 0, "<->"),
+        link(0, 2, 0, "o-o"),
+        link(2, 0, 0, "o-o"),
+    ];
+    let graph = Graph::of_model(&model, &[]).unwrap();
+    assert_eq!(
+        graph.arrows().collect::<Vec<_>>(),
+        [roscausal_reasoning::graph::Arrow { cause: 0, effect: 1, lag: 1 }]
+    );
+    assert_eq!(graph.pairs(), [Pair { a: 0, b: 2, conflict: false }]);
+    // Nobody is left to think that they were seen.
+    let told = roscausal_reasoning::Facts::of_model(&model).warnings.join("; ");
+    assert!(
+        told.contains("x1 and x2: something not recorded") && told.contains("x2 causes x0, or"),
+        "{told}"
+    );
+    assert_eq!(told.matches("left out").count(), 4, "{told}");
+}

@@ -1,6 +1,8 @@
-//! `roscausal experiment`: runs the whole chain over seeds and settings, and counts how often each link is found.
+//! `roscausal experiment`: runs the whole chain over seeds and settings, and counts how often each link is found; and whether
+//! answers of reasoning are true.
 
 mod grid;
+mod reasoning;
 mod recordings;
 mod report;
 mod runs;
@@ -41,6 +43,8 @@ pub(crate) struct Args {
 
 #[derive(Subcommand)]
 enum Command {
+    /// Are answers of reasoning true? Twin runs with and without an action, beside what the model says of it.
+    Reasoning(reasoning::Args),
     /// Join the results of several `--shard`s, or of several experiments, into one folder.
     Merge {
         /// Folders that `roscausal experiment --out` made.
@@ -116,6 +120,7 @@ struct Sweep {
 /// Runs `roscausal experiment`.
 pub(crate) fn run(args: &Args, interrupt: &Interrupt) -> Result<()> {
     let (out, runs) = match &args.command {
+        Some(Command::Reasoning(args)) => return reasoning::run(args, interrupt),
         Some(Command::Merge { from, out }) => (out, merge(from, out)?),
         None => {
             interrupt.nothing_at_stake("finished runs are kept");
@@ -199,7 +204,7 @@ impl Sweep {
         };
         let all: Vec<PathBuf> = jobs.iter().flat_map(paths).collect();
         let bar = chart::bar("runs", all.len() as u64, false);
-        work_off(&jobs, self.workers()?, |job| job.run(&common, &bar, interrupt))?;
+        work_off(&jobs, workers(self.threads)?, |job| job.run(&common, &bar, interrupt))?;
         bar.finish_and_clear();
         all.iter().filter_map(|path| Run::read(path).transpose()).collect()
     }
@@ -220,13 +225,14 @@ impl Sweep {
         }
         Ok(jobs.into_iter().skip(i - 1).step_by(n).collect())
     }
+}
 
-    fn workers(&self) -> Result<usize> {
-        match self.threads {
-            Some(0) => Err(Error::param("threads", "0 does nothing; give 1 or more")),
-            Some(threads) => Ok(threads.min(1024)),
-            None => Ok(thread::available_parallelism().map_or(1, usize::from)),
-        }
+/// How many runs at a time.
+fn workers(threads: Option<usize>) -> Result<usize> {
+    match threads {
+        Some(0) => Err(Error::param("threads", "0 does nothing; give 1 or more")),
+        Some(threads) => Ok(threads.min(1024)),
+        None => Ok(thread::available_parallelism().map_or(1, usize::from)),
     }
 }
 
@@ -260,7 +266,7 @@ impl Job {
 }
 
 /// Passes the jobs in order to `workers` threads. The first error ends all.
-fn work_off(jobs: &[Job], workers: usize, work: impl Fn(&Job) -> Result<()> + Sync) -> Result<()> {
+fn work_off<J: Sync>(jobs: &[J], workers: usize, work: impl Fn(&J) -> Result<()> + Sync) -> Result<()> {
     let next = AtomicUsize::new(0);
     let first_error = Mutex::new(None);
     thread::scope(|scope| {

@@ -20,27 +20,27 @@ pub(super) struct SourceArgs {
     /// A model of `roscausal discover`, a graph written by hand ({"links": [{"cause": "r_v", "effect": "d", "lag": 1}]}), or a
     /// structural model (--save).
     #[arg(value_name = "MODEL")]
-    model: PathBuf,
+    pub(super) model: PathBuf,
     /// CSV files with a header that the equations are fitted on, separated by commas; the question is about the last. A structural
     /// model brings its own rows.
     #[arg(long, value_delimiter = ',', value_name = "FILE")]
-    data: Vec<PathBuf>,
+    pub(super) data: Vec<PathBuf>,
     /// Equations: auto (a Gaussian process where it predicts better than a line), linear, gp.
     #[arg(long, default_value = "auto", value_parser = ["auto", "linear", "gp"])]
-    equations: String,
+    pub(super) equations: String,
     /// Columns of interventions and the variable that each sets, separated by commas; default: do_robot_speed=r_v,
     /// do_robot_off=r_v, do_human_v=h_v, do_human_stop=h_v.
     #[arg(long, value_delimiter = ',', value_name = "COLUMN=VARIABLE")]
-    acts_on: Option<Vec<String>>,
+    pub(super) acts_on: Option<Vec<String>>,
     /// Seed of all random numbers.
     #[arg(long, default_value_t = 42)]
     pub(super) seed: u64,
     /// Threads; default: all cores. They do not change the answer.
     #[arg(long)]
-    threads: Option<usize>,
+    pub(super) threads: Option<usize>,
     /// File for the structural model: with it as MODEL the next question is answered without a new fit.
     #[arg(long, value_name = "FILE")]
-    save: Option<PathBuf>,
+    pub(super) save: Option<PathBuf>,
     /// What to print on stdout.
     #[arg(long, value_enum, default_value_t = Format::Text)]
     pub(super) format: Format,

@@ -1,5 +1,6 @@
 //! `roscausal predict|whatif|effect|explain`: questions to a causal model and data, without ROS.
 
+mod closing;
 mod inputs;
 mod text;
 
@@ -11,6 +12,7 @@ use roscausal_reasoning::{
 };
 use serde::Serialize;
 
+pub(crate) use closing::closing;
 use inputs::{Format, Ready, SourceArgs};
 pub use text::{effect as effect_text, explain as explain_text, what_if as what_if_text};
 

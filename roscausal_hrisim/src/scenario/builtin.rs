@@ -1,5 +1,7 @@
 //! The built-in scenarios, by name.
 
+use std::path::Path;
+
 use super::{PedestrianSpec, PersonSpec, Plan, RobotSpec, Scenario};
 use crate::{
     geometry::{Area, Vec2},
@@ -7,7 +9,7 @@ use crate::{
 };
 
 /// Names of the built-in scenarios.
-pub const SCENARIOS: [&str; 7] = [
+pub const SCENARIOS: [&str; 8] = [
     "thor",
     "pass_by_the_centre",
     "robot_off",
@@ -15,7 +17,11 @@ pub const SCENARIOS: [&str; 7] = [
     "encounters",
     "encounters_ignored",
     "encounters_unslowed",
+    "guide",
 ];
+
+/// The one that is written as a file, as users write theirs.
+const GUIDE: &str = include_str!("guide.toml");
 
 impl Scenario {
     /// The built-in scenario with that name; see [`SCENARIOS`].
@@ -24,6 +30,7 @@ impl Scenario {
             "thor" => Plan::Thor,
             "pass_by_the_centre" => Plan::PassByTheCentre,
             "robot_off" => Plan::RobotOff,
+            "guide" => return Self::from_toml(GUIDE, Path::new("guide.toml")).ok(),
             "crowd" => return Some(Self::crowd(20, 2)),
             "encounters" => return Some(Self::encounters(name, encounters_walk())),
             "encounters_ignored" => {

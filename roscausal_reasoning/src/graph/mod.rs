@@ -3,7 +3,7 @@
 mod adjustment;
 mod orientations;
 
-use roscausal_discovery::{Error, Model, Node, Result};
+use roscausal_discovery::{Error, Link, Model, Node, Result};
 
 pub use adjustment::{Adjustment, adjustment};
 pub use orientations::{MOST_PAIRS, Orientation};
@@ -114,7 +114,8 @@ impl Graph {
         Ok(Self { names, largest_lag, parents, pairs: pairs.to_vec(), order })
     }
 
-    /// The graph of a model, without the columns `context`: these are no variables of the system.
+    /// The graph of a model, without the columns `context`: these are no variables of the system. Within a moment, a pair without a
+    /// direction is open. A link that [`is_no_plain_cause`] is left out, also one of a variable with its own past.
     ///
     /// # Errors
     /// A model without variables; links at lag 0 in a circle; a link of a variable that the model does not have.
@@ -134,6 +135,7 @@ impl Graph {
             };
             let (cause, effect) = (find(&link.cause)?, find(&link.effect)?);
             match link.mark.as_str() {
+                _ if is_no_plain_cause(link) => {}
                 "-->" => arrows.push(Arrow { cause, effect, lag: link.lag }),
                 mark => {
                     // A pair may be listed from both ends.
@@ -199,6 +201,12 @@ impl Graph {
         let name = &self.names[node.var];
         if node.lag == 0 { format!("{name}(t)") } else { format!("{name}(t-{})", node.lag) }
     }
+}
+
+/// Whether a link of a model can be no cause that an equation stands for: `<->` says that something unrecorded is behind both, and a
+/// link from the past with an open mark (`o->`) that this may be so.
+pub fn is_no_plain_cause(link: &Link) -> bool {
+    link.mark == "<->" || (link.lag > 0 && link.mark != "-->")
 }
 
 /// The topological order at lag 0, the smallest number first where several may follow (Kahn 1962); `None` for a circle.

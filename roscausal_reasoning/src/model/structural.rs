@@ -8,7 +8,7 @@ use super::{
     equation::Hyperparameters,
 };
 use crate::{
-    graph::Graph,
+    graph::{Graph, is_no_plain_cause},
     quality::Quality,
     samples::{ActsOn, Samples},
 };
@@ -50,6 +50,17 @@ impl Facts {
         if model.status != "complete" {
             warnings.push(format!("the model is {}: links may be missing", model.status));
         }
+        let left_out = |link: &&roscausal_discovery::Link| is_no_plain_cause(link);
+        warnings.extend(model.links.iter().filter(left_out).map(|link| {
+            format!(
+                "the link {} {} {} at lag {} is left out ({}): effects along it are not in the answer",
+                link.cause,
+                link.mark,
+                link.effect,
+                link.lag,
+                link.sentence()
+            )
+        }));
         let p_value = |link: &roscausal_discovery::Link| {
             (link.cause.clone(), link.effect.clone(), link.lag, link.p_value)
         };

@@ -9,6 +9,7 @@ import wire  # noqa: F401
 import behaviour  # noqa: F401
 import nodes  # noqa: F401
 import load  # noqa: F401
+import reasoning  # noqa: F401
 
 for module in ("install", "pipeline", "cyclone"):
     if module != "cyclone" and "ROSCAUSAL_INSTALL" not in os.environ:

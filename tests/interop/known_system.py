@@ -1,0 +1,60 @@
+"""A system whose answers are known: the robot's speed drives the distance, the distance drives her speed. As a batch and as a graph
+for the reasoning node; without ROS, for both versions."""
+
+import json
+import os
+import random
+
+DT = 0.3
+NAMES = ("r_v", "d", "h_v")
+
+
+def step(row, noise=(0.0, 0.0, 0.0)):
+    """The next row."""
+    r_v, d, h_v = row
+    return (
+        0.12 + 0.7 * r_v + noise[0],
+        1.0 + 0.6 * d + 0.8 * r_v + noise[1],
+        0.3 + 0.5 * h_v + 0.1 * d + noise[2],
+    )
+
+
+def rows(count, seed=1):
+    rng = random.Random(seed)
+    row, found = (0.4, 3.3, 1.2), []
+    for _ in range(count):
+        row = step(row, (rng.gauss(0, 0.08), rng.gauss(0, 0.05), rng.gauss(0, 0.03)))
+        found.append(row)
+    return found
+
+
+def expected(row, steps, r_v=None):
+    """The means of the next rows; the robot's speed is set, if one is given."""
+    found = []
+    for _ in range(steps):
+        row = step(row)
+        if r_v is not None:
+            row = (r_v, *row[1:])
+        found.append(row)
+    return found
+
+
+def pulse(steps):
+    """What one unit of r_v does to h_v this many steps later."""
+    low, high = (0.0, 0.0, 0.0), (1.0, 0.0, 0.0)
+    for _ in range(steps):
+        low, high = step(low), step(high)
+    return high[2] - low[2]
+
+
+def write(folder, count=600, seed=1):
+    """A batch and a graph as files; their paths, and the rows."""
+    batch, graph = os.path.join(folder, "batch.csv"), os.path.join(folder, "graph.json")
+    found = rows(count, seed)
+    with open(batch, "w") as file:
+        file.write("time," + ",".join(NAMES) + "\n")
+        file.writelines(f"{100 + DT * i:.1f}," + ",".join(f"{x:.6f}" for x in row) + "\n" for i, row in enumerate(found))
+    links = [{"cause": a, "effect": b, "lag": 1} for a, b in (("r_v", "r_v"), ("d", "d"), ("h_v", "h_v"), ("r_v", "d"), ("d", "h_v"))]
+    with open(graph, "w") as file:
+        json.dump({"variables": NAMES, "links": links, "units": {"d": "m", "h_v": "m/s", "r_v": "m/s"}, "dt": DT}, file)
+    return batch, graph, found

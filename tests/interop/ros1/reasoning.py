@@ -1,0 +1,234 @@
+"""The reasoning node with rospy: its three services against a system whose answers are known, questions that cannot be asked, no model
+yet, ten callers at once, persistent callers, and a restart."""
+
+import math
+import os
+import signal
+import sys
+import tempfile
+import threading
+import time
+
+import rospy
+from roscausal_msgs.msg import Action, CausalLink, CausalModelInfo, CostTerm, Features, Intervention, Limit, Prediction
+from roscausal_msgs.srv import (Effect, EffectRequest, Explain, ExplainRequest, WhatIf, WhatIfRequest, WhatIfResponse)
+
+sys.path.insert(0, os.path.dirname(os.path.dirname(os.path.abspath(__file__))))
+import known_system
+from std_msgs.msg import Float64
+
+from harness import NODE, Group, Process, eventually
+
+group = Group()
+case = group.case
+OK, NOT_SUPPORTED, NO_MODEL, NO_DATA, BAD_REQUEST = (getattr(WhatIfResponse, name) for name in (
+    "OK", "NOT_SUPPORTED", "NO_MODEL", "NO_DATA", "BAD_REQUEST"))
+KINDS = {"what_if": WhatIf, "effect": Effect, "explain": Explain}
+
+
+def reasoning(roscore, batch, graph=None):
+    roscore.param("/roscausal_reasoning/data", [batch])
+    roscore.param("/roscausal_reasoning/graph", graph or "")
+    roscore.param("/roscausal_reasoning/equations", "linear")
+    roscore.param("/roscausal_reasoning/paths", 200)
+    return Process(NODE, "reasoning")
+
+
+def ask(name, request):
+    rospy.wait_for_service("/roscausal/" + name, 20)
+    return rospy.ServiceProxy("/roscausal/" + name, KINDS[name])(request)
+
+
+def answered(name, request, status=OK):
+    """The answer; asks again while the equations are being fitted."""
+    found = []
+
+    def there():
+        found.append(ask(name, request))
+        return status in (NO_MODEL, NO_DATA) or found[-1].status not in (NO_MODEL, NO_DATA)
+
+    eventually(there, 60, lambda: "an answer of %s: %s" % (name, found[-1:]), period=0.1)
+    assert found[-1].status == status, found[-1]
+    return found[-1]
+
+
+def sets(name, r_v):
+    return Action(name=name, interventions=[Intervention(variable="r_v", type=Intervention.SET, first_step=1, values=[r_v])])
+
+
+def what_if(*actions, **more):
+    return WhatIfRequest(**{"horizon": 5, "actions": list(actions), **more})
+
+
+def means(outlook, variable):
+    return next(forecast.mean for forecast in outlook.forecasts if forecast.variable == variable)
+
+
+@case
+def the_three_services_give_the_known_answers(roscore):
+    with tempfile.TemporaryDirectory() as folder:
+        batch, graph, rows = known_system.write(folder)
+        with reasoning(roscore, batch, graph):
+            question = what_if(sets("stop", 0.2), Action(name="go on"), cost=[CostTerm(variable="h_v", weight=-1.0)],
+                               limits=[Limit(variable="d", above=1.0, below=math.nan, probability=0.9)])
+            got = answered("what_if", question)
+            assert [outlook.action for outlook in got.outlooks] == ["stop", "go on"] and abs(got.dt - 0.3) < 1e-9, got
+            for outlook, r_v in zip(got.outlooks, (0.2, None)):
+                for k, row in enumerate(known_system.expected(rows[-1], 5, r_v)):
+                    for name, value in zip(known_system.NAMES, row):
+                        assert abs(means(outlook, name)[k] - value) < 0.08, (outlook.action, name, k, means(outlook, name), value)
+                assert outlook.supported_steps == 5 and outlook.probability_limits > 0.9 and outlook.text, outlook
+            assert list(got.ranking) == [1, 0] and got.outlooks[1].probability_best > 0.5, got
+            assert any("never imposed" in caveat for caveat in got.caveats), got.caveats
+            effect = answered("effect", EffectRequest(cause="r_v", effect="h_v", max_lag=4))
+            for lag in range(1, 5):
+                assert abs(effect.total[lag] - known_system.pulse(lag)) < 0.05, (lag, effect.total, known_system.pulse(lag))
+            assert "d" in effect.mediators and effect.text, effect
+            why = answered("explain", ExplainRequest(variable="h_v"))
+            parts = why.expected + sum(one.value for one in why.contributions)
+            assert abs(parts - why.change) < 1e-9 and why.text, why
+            had = answered("what_if", what_if(Action(name="go on"), counterfactual=True, stamp=rospy.Time(200)))
+            at = round((200 - 100) / known_system.DT)
+            assert all(abs(means(had.outlooks[0], "h_v")[k] - rows[at + 1 + k][2]) < 1e-4 for k in range(5)), had
+
+
+@case
+def a_question_that_cannot_be_asked_gets_a_status_and_a_sentence_and_the_next_is_answered(roscore):
+    shift = Intervention(variable="r_v", type=Intervention.SHIFT, first_step=1, values=[0.1])
+    bad = [
+        ("what_if", what_if(sets("stop", 9.0)), NOT_SUPPORTED, "seen"),
+        ("what_if", what_if(Action(name="fly", interventions=[Intervention(variable="r_w", first_step=1, values=[0])])), BAD_REQUEST, "r_v"),
+        ("what_if", what_if(Action(name="now", interventions=[Intervention(variable="r_v", first_step=0, values=[0])])), BAD_REQUEST, "step 0"),
+        ("what_if", what_if(Action(name="nothing")), BAD_REQUEST, "go on"),
+        ("what_if", what_if(sets("nan", math.nan)), BAD_REQUEST, "finite"),
+        ("what_if", what_if(sets("far", 0.3), horizon=10**9), BAD_REQUEST, "1000"),
+        ("what_if", what_if(*(sets("a%d" % k, 0.3) for k in range(1000))), BAD_REQUEST, "100"),
+        ("what_if", what_if(Action(name="both", interventions=[sets("", 0.3).interventions[0], shift])), BAD_REQUEST, "twice"),
+        ("what_if", what_if(Action(name="go on"), stamp=rospy.Time(1)), NO_DATA, ""),
+        ("what_if", what_if(Action(name="go on"), counterfactual=True), NO_DATA, "earlier"),
+        ("explain", ExplainRequest(variable="h_w"), BAD_REQUEST, "h_v"),
+        ("explain", ExplainRequest(variable="h_v", to_time=rospy.Time(150)), BAD_REQUEST, "both times"),
+        ("effect", EffectRequest(cause="r_v", effect="nobody"), BAD_REQUEST, "h_v"),
+        ("effect", EffectRequest(cause="r_v", effect="h_v", max_lag=2**32 - 1), BAD_REQUEST, ""),
+    ]
+    with tempfile.TemporaryDirectory() as folder:
+        batch, graph, _ = known_system.write(folder)
+        with reasoning(roscore, batch, graph) as program:
+            good = what_if(sets("stop", 0.2))
+            first = answered("what_if", good)
+            for name, question, status, words in bad:
+                got = ask(name, question)
+                assert got.status == status and words in got.message and len(got.message) > 20, (status, words, got)
+            assert str(answered("what_if", good).outlooks) == str(first.outlooks), "the same question, another answer"
+            assert program.child.poll() is None
+
+
+@case
+def without_a_model_the_answer_says_so_until_one_comes_and_each_row_gives_a_prediction(roscore):
+    with tempfile.TemporaryDirectory() as folder:
+        batch, _, rows = known_system.write(folder)
+        with reasoning(roscore, batch):
+            got = answered("what_if", what_if(Action(name="go on")), NO_MODEL)
+            assert "roscausal_discovery" in got.message, got
+            links = [CausalLink(cause=a, effect=b, lag=1, p_value=0.01) for a, b in (
+                ("r_v", "r_v"), ("d", "d"), ("h_v", "h_v"), ("r_v", "d"), ("d", "h_v"))]
+            info = CausalModelInfo(batch_id="batch", method="pcmci", cond_ind_test="parcorr", min_lag=1, max_lag=1, dt=0.3,
+                                   candidate_features=list(known_system.NAMES), links=links)
+            models = rospy.Publisher("/roscausal/causal_model_info", CausalModelInfo, queue_size=1, latch=True)
+            models.publish(info)
+            answered_later = lambda: ask("what_if", what_if(Action(name="go on"))).status == OK
+            eventually(answered_later, 30, "an answer after the model came", period=0.1)
+            predictions = []
+            rospy.Subscriber("/roscausal/prediction", Prediction, predictions.append)
+            stream = rospy.Publisher("/roscausal/features", Features, queue_size=10)
+            row, sent, follows = rows[-1], 0, 100 + known_system.DT * len(rows)
+
+            def tick():
+                nonlocal row, sent
+                row = known_system.step(row)
+                message = Features(names=list(known_system.NAMES), values=list(row))
+                message.header.stamp = rospy.Time.from_sec(follows + known_system.DT * sent)
+                stream.publish(message)
+                sent += 1
+                return len(predictions) >= 3
+
+            eventually(tick, 20, "three predictions", period=0.1)
+            last = predictions[-1]
+            known = rows[-1]
+            for _ in range(round((last.header.stamp.to_sec() - follows) / known_system.DT) + 1):
+                known = known_system.step(known)
+            h_v = next(forecast.mean for forecast in last.forecasts if forecast.variable == "h_v")
+            assert all(abs(h_v[k] - truth[2]) < 0.08 for k, truth in enumerate(known_system.expected(known, 5))), last
+            models.unregister()
+
+
+@case
+def ten_callers_at_once_and_persistent_ones_all_get_their_own_answer(roscore):
+    with tempfile.TemporaryDirectory() as folder:
+        batch, graph, rows = known_system.write(folder)
+        with reasoning(roscore, batch, graph):
+            answered("what_if", what_if(sets("stop", 0.2)))
+            faults = []
+
+            def caller(speed):
+                try:
+                    proxy = rospy.ServiceProxy("/roscausal/what_if", WhatIf, persistent=True)
+                    for _ in range(3):
+                        got = proxy(what_if(sets("%.2f" % speed, speed), allow_extrapolation=True))
+                        assert got.status == OK and [o.action for o in got.outlooks] == ["%.2f" % speed], got
+                        for k, truth in enumerate(known_system.expected(rows[-1], 5, speed)):
+                            assert abs(means(got.outlooks[0], "d")[k] - truth[1]) < 0.08, (speed, k, truth, got)
+                    proxy.close()
+                except Exception as error:  # told by the thread that waits
+                    faults.append((speed, error))
+
+            threads = [threading.Thread(target=caller, args=(0.1 + 0.05 * k,)) for k in range(10)]
+            for thread in threads:
+                thread.start()
+            for thread in threads:
+                thread.join(60)
+            assert not faults and not any(thread.is_alive() for thread in threads), faults
+
+
+@case
+def a_restarted_node_has_its_rows_again_and_gives_the_same_answer(roscore):
+    with tempfile.TemporaryDirectory() as folder:
+        batch, graph, _ = known_system.write(folder)
+        question = what_if(sets("stop", 0.2))
+        with reasoning(roscore, batch, graph) as program:
+            first = answered("what_if", question)
+            program.send(signal.SIGKILL)
+            program.ended(10)
+
+        def again():
+            try:
+                got = ask("what_if", question)
+            except (rospy.ServiceException, rospy.ROSException):
+                return None  # the master still names the one that was killed
+            return got if got.status == OK else None
+
+        with reasoning(roscore, batch, graph):
+            time.sleep(0.2)
+            got = eventually(again, 30, "an answer of the new node", period=0.2)
+        assert str(got.outlooks) == str(first.outlooks) and got.model_id == first.model_id
+
+
+@case
+def the_example_planner_chooses_the_speed_that_the_answers_favour(roscore):
+    """Progress pays: the fastest speed. A node that ends: the slowest."""
+    root = os.environ.get("ROSCAUSAL_ROOT", os.path.dirname(os.path.dirname(os.path.dirname(os.path.dirname(os.path.abspath(__file__))))))
+    limits = []
+    rospy.Subscriber("/speed_limit", Float64, lambda message: limits.append(message.data))
+    with tempfile.TemporaryDirectory() as folder:
+        batch, graph, _ = known_system.write(folder)
+        roscore.param("/roscausal_reasoning/allow_extrapolation", True)
+        roscore.param("/planner/cost", ["d=0.1", "r_v=-1.0"])
+        with reasoning(roscore, batch, graph) as program:
+            with Process("/usr/bin/python3", os.path.join(root, "examples/planner/planner_ros1.py")) as planner:
+                eventually(lambda: limits and limits[-1] == 0.8, 30, lambda: "0.8 m/s: %s\n%s" % (limits[-3:], planner.text))
+                program.end()
+                eventually(lambda: limits[-1] == 0.2, 20, lambda: "the slowest speed: %s\n%s" % (limits[-3:], planner.text))
+
+
+if __name__ == "__main__":
+    sys.exit(1 if group.run() else 0)

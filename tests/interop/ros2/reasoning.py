@@ -1,0 +1,217 @@
+"""The reasoning node with rclpy: its three services against a system whose answers are known, questions that cannot be asked, no
+model yet, ten callers at once, and a restart."""
+
+import math
+import os
+import signal
+import sys
+import tempfile
+
+from builtin_interfaces.msg import Time
+from rclpy.qos import QoSProfile, ReliabilityPolicy
+
+sys.path.insert(0, os.path.dirname(os.path.dirname(os.path.abspath(__file__))))
+import known_system
+from harness import Program, Ros, node, test
+from roscausal_msgs.msg import Action, CausalLink, CausalModelInfo, CostTerm, Features, Intervention, Limit, Prediction
+from roscausal_msgs.srv import Effect, Explain, WhatIf
+from std_msgs.msg import Float64
+from wire import LATCHED
+
+OK, NOT_SUPPORTED, NO_MODEL, NO_DATA, BAD_REQUEST = (getattr(WhatIf.Response, name) for name in (
+    "OK", "NOT_SUPPORTED", "NO_MODEL", "NO_DATA", "BAD_REQUEST"))
+STREAM = QoSProfile(depth=10, reliability=ReliabilityPolicy.BEST_EFFORT)
+
+
+def reasoning(batch, graph=None, *more):
+    given = ["-p", f"data:=['{batch}']", "-p", "equations:=linear", "-p", "paths:=200", *more]
+    return node("reasoning", *given, *(["-p", f"graph:={graph}"] if graph else []))
+
+
+def sets(name, r_v, last=0):
+    return Action(name=name, interventions=[Intervention(variable="r_v", type=Intervention.SET, first_step=1, last_step=last, values=[r_v])])
+
+
+def what_if(*actions, **more):
+    return WhatIf.Request(**{"horizon": 5, "actions": list(actions), **more})
+
+
+def answered(ros, kind, name, request, status=OK):
+    """The answer; asks again while the equations are being fitted."""
+    found = []
+
+    def there():
+        found.append(ros.call(kind, f"/roscausal/{name}", request))
+        return status in (NO_MODEL, NO_DATA) or found[-1].status not in (NO_MODEL, NO_DATA)
+
+    ros.until(there, 60, lambda: f"an answer of {name}: {found[-1:]}")
+    assert found[-1].status == status, found[-1]
+    return found[-1]
+
+
+def features(stamp_s, row):
+    message = Features(names=list(known_system.NAMES), values=[float(x) for x in row])
+    message.header.stamp = Time(sec=int(stamp_s), nanosec=round(stamp_s % 1 * 1e9))
+    return message
+
+
+@test
+def the_three_services_give_the_known_answers():
+    with tempfile.TemporaryDirectory() as folder:
+        batch, graph, rows = known_system.write(folder)
+        with reasoning(batch, graph), Ros() as ros:
+            question = what_if(sets("stop", 0.2), Action(name="go on"), cost=[CostTerm(variable="h_v", weight=-1.0)],
+                               limits=[Limit(variable="d", above=1.0, below=math.nan, probability=0.9)])
+            got = answered(ros, WhatIf, "what_if", question)
+            assert [outlook.action for outlook in got.outlooks] == ["stop", "go on"] and abs(got.dt - 0.3) < 1e-9, got
+            for outlook, r_v in zip(got.outlooks, (0.2, None)):
+                truth = known_system.expected(rows[-1], 5, r_v)
+                by_name = {forecast.variable: forecast for forecast in outlook.forecasts}
+                for k, row in enumerate(truth):
+                    for name, value in zip(known_system.NAMES, row):
+                        assert abs(by_name[name].mean[k] - value) < 0.08, (outlook.action, name, k, by_name[name].mean[k], value)
+                assert outlook.supported_steps == 5 and outlook.probability_limits > 0.9 and outlook.text, outlook
+            # a slow robot keeps her near, and a small distance slows her: to go on is better
+            assert list(got.ranking) == [1, 0] and got.outlooks[1].probability_best > 0.5, got
+            assert any("never imposed" in caveat for caveat in got.caveats), got.caveats
+
+            effect = answered(ros, Effect, "effect", Effect.Request(cause="r_v", effect="h_v", max_lag=4))
+            for lag in range(1, 5):
+                assert abs(effect.total[lag] - known_system.pulse(lag)) < 0.05, (lag, effect.total, known_system.pulse(lag))
+            assert "d" in effect.mediators and effect.text, effect
+
+            why = answered(ros, Explain, "explain", Explain.Request(variable="h_v"))
+            parts = why.expected + sum(one.value for one in why.contributions)
+            assert abs(parts - why.change) < 1e-9 and why.text, why
+
+            # what happened, again under an action: nothing was done, nothing changes
+            then = Time(sec=200, nanosec=0)
+            had = answered(ros, WhatIf, "what_if", what_if(Action(name="go on"), counterfactual=True, stamp=then))
+            at = round((200 - 100) / known_system.DT)
+            h_v = next(f for f in had.outlooks[0].forecasts if f.variable == "h_v")
+            assert all(abs(h_v.mean[k] - rows[at + 1 + k][2]) < 1e-4 for k in range(5)), (h_v.mean, rows[at + 1 : at + 6])
+
+
+@test
+def a_question_that_cannot_be_asked_gets_a_status_and_a_sentence_and_the_next_is_answered():
+    bad = [
+        (what_if(sets("stop", 9.0)), NOT_SUPPORTED, "seen"),
+        (what_if(Action(name="fly", interventions=[Intervention(variable="r_w", first_step=1, values=[0.0])])), BAD_REQUEST, "r_v"),
+        (what_if(Action(name="now", interventions=[Intervention(variable="r_v", first_step=0, values=[0.0])])), BAD_REQUEST, "step 0"),
+        (what_if(Action(name="nothing")), BAD_REQUEST, "go on"),
+        (what_if(sets("nan", math.nan)), BAD_REQUEST, "finite"),
+        (what_if(sets("far", 0.3), horizon=10**9), BAD_REQUEST, "1000"),
+        (what_if(*(sets(f"a{k}", 0.3) for k in range(1000))), BAD_REQUEST, "100"),
+        (what_if(Action(name="both", interventions=[sets("", 0.3).interventions[0],
+                 Intervention(variable="r_v", type=Intervention.SHIFT, first_step=1, values=[0.1])])), BAD_REQUEST, "twice"),
+        (what_if(Action(name="odd", interventions=[Intervention(variable="r_v", type=9, first_step=1, values=[0.1])])), BAD_REQUEST, "SHIFT"),
+        (what_if(Action(name="go on"), stamp=Time(sec=1, nanosec=0)), NO_DATA, ""),
+        (what_if(Action(name="go on"), counterfactual=True), NO_DATA, "earlier"),
+    ]
+    with tempfile.TemporaryDirectory() as folder:
+        batch, graph, _ = known_system.write(folder)
+        with reasoning(batch, graph) as program, Ros() as ros:
+            good = what_if(sets("stop", 0.2))
+            first = answered(ros, WhatIf, "what_if", good)
+            for question, status, words in bad:
+                got = ros.call(WhatIf, "/roscausal/what_if", question)
+                assert got.status == status and words in got.message and len(got.message) > 20, (status, words, got)
+            again = answered(ros, WhatIf, "what_if", good)
+            assert str(again.outlooks) == str(first.outlooks), "the same question, another answer"
+            for kind, name, request in (
+                (Explain, "explain", Explain.Request(variable="h_w")),
+                (Explain, "explain", Explain.Request(variable="h_v", to_time=Time(sec=150, nanosec=0))),
+                (Effect, "effect", Effect.Request(cause="r_v", effect="nobody")),
+                (Effect, "effect", Effect.Request(cause="r_v", effect="h_v", max_lag=2**32 - 1)),
+            ):
+                got = ros.call(kind, f"/roscausal/{name}", request)
+                assert got.status == BAD_REQUEST and len(got.message) > 20, got
+            assert program.process.poll() is None
+
+
+@test
+def without_a_model_the_answer_says_so_until_one_comes_and_each_row_gives_a_prediction():
+    with tempfile.TemporaryDirectory() as folder:
+        batch, _, rows = known_system.write(folder)
+        with reasoning(batch), Ros() as ros:
+            got = answered(ros, WhatIf, "what_if", what_if(Action(name="go on")), NO_MODEL)
+            assert "roscausal_discovery" in got.message, got
+            info = CausalModelInfo(batch_id="batch", method="pcmci", cond_ind_test="parcorr", min_lag=1, max_lag=1, dt=0.3,
+                                   candidate_features=list(known_system.NAMES))
+            info.links = [CausalLink(cause=a, effect=b, lag=1, p_value=0.01) for a, b in (
+                ("r_v", "r_v"), ("d", "d"), ("h_v", "h_v"), ("r_v", "d"), ("d", "h_v"))]
+            ros.node.create_publisher(CausalModelInfo, "/roscausal/causal_model_info", LATCHED).publish(info)
+            answered(ros, WhatIf, "what_if", what_if(Action(name="go on")))
+            predictions = []
+            ros.node.create_subscription(Prediction, "/roscausal/prediction", predictions.append, STREAM)
+            stream = ros.node.create_publisher(Features, "/roscausal/features", STREAM)
+            row, sent = rows[-1], [0]
+            follows = 100 + known_system.DT * len(rows)
+
+            def tick():
+                nonlocal row
+                row = known_system.step(row)
+                stream.publish(features(follows + known_system.DT * sent[0], row))
+                sent[0] += 1
+
+            timer = ros.node.create_timer(0.1, tick)
+            ros.until(lambda: len(predictions) >= 3, 20, "three predictions")
+            ros.node.destroy_timer(timer)
+            last = predictions[-1]
+            stamp = last.header.stamp.sec + 1e-9 * last.header.stamp.nanosec
+            known = rows[-1]
+            for _ in range(round((stamp - follows) / known_system.DT) + 1):
+                known = known_system.step(known)
+            h_v = next(f for f in last.forecasts if f.variable == "h_v")
+            assert all(abs(h_v.mean[k] - truth[2]) < 0.08 for k, truth in enumerate(known_system.expected(known, 5))), (stamp, h_v.mean)
+
+
+@test
+def ten_callers_at_once_all_get_their_own_answer():
+    with tempfile.TemporaryDirectory() as folder:
+        batch, graph, rows = known_system.write(folder)
+        with reasoning(batch, graph), Ros() as ros:
+            answered(ros, WhatIf, "what_if", what_if(sets("stop", 0.2)))
+            clients = [ros.node.create_client(WhatIf, "/roscausal/what_if") for _ in range(10)]
+            ros.until(lambda: all(client.service_is_ready() for client in clients), 20, "ten clients")
+            ros.spin(1)  # a ready client does not mean that the server knows it
+            speeds = [0.1 + 0.05 * k for k in range(10)]
+            questions = [[client.call_async(what_if(sets(f"{speed:.2f}", speed), allow_extrapolation=True)) for _ in range(3)]
+                         for client, speed in zip(clients, speeds)]
+            ros.until(lambda: all(future.done() for three in questions for future in three), 60, "thirty answers")
+            for three, speed in zip(questions, speeds):
+                for future in three:
+                    got = future.result()
+                    assert got.status == OK and [o.action for o in got.outlooks] == [f"{speed:.2f}"], got
+                    d = next(f for f in got.outlooks[0].forecasts if f.variable == "d")
+                    truth = known_system.expected(rows[-1], 5, speed)
+                    assert all(abs(d.mean[k] - truth[k][1]) < 0.08 for k in range(5)), (speed, d.mean, truth)
+
+
+@test
+def a_restarted_node_has_its_rows_again_and_the_same_client_its_answer():
+    with tempfile.TemporaryDirectory() as folder:
+        batch, graph, _ = known_system.write(folder)
+        question = what_if(sets("stop", 0.2))
+        with Ros() as ros:
+            with reasoning(batch, graph) as program:
+                first = answered(ros, WhatIf, "what_if", question)
+                program.end(signal.SIGKILL)
+            with reasoning(batch, graph):
+                again = answered(ros, WhatIf, "what_if", question)
+            assert str(again.outlooks) == str(first.outlooks) and again.model_id == first.model_id
+
+
+@test
+def the_example_planner_chooses_the_speed_that_the_answers_favour():
+    """Progress pays: the fastest speed. Without a node: the slowest."""
+    script = os.path.join(os.environ["ROSCAUSAL_ROOT"], "examples/planner/planner_ros2.py")
+    planner = [sys.executable, script, "--ros-args", "-p", "cost:=['d=0.1', 'r_v=-1.0']"]
+    with tempfile.TemporaryDirectory() as folder, Ros() as ros:
+        batch, graph, _ = known_system.write(folder)
+        limits = []
+        ros.node.create_subscription(Float64, "/speed_limit", lambda message: limits.append(message.data), 10)
+        with reasoning(batch, graph, "-p", "allow_extrapolation:=true") as program, Program(planner) as chooses:
+            ros.until(lambda: limits and limits[-1] == 0.8, 40, lambda: f"0.8 m/s: {limits[-3:]}\n{chooses.log()}")
+            program.end()
+            ros.until(lambda: limits[-1] == 0.2, 30, lambda: f"the slowest speed: {limits[-3:]}\n{chooses.log()}")
