@@ -144,7 +144,7 @@ fn an_experiment_on_what_the_model_was_fitted_on_is_bad_usage() {
         (["--seeds", "2..5"], "seed 2 is one of --train"),
         (["--starts", "nan"], "NaN is no moment"),
         (["--starts", "5"], "5 is no moment"),
-        (["--threads", "0"], "'threads'"),
+        (["--threads", "0"], "--threads: 0 does nothing"),
     ] {
         let output = roscausal(dir.path(), &[&["experiment", "reasoning"], &more[..]].concat());
         let text = String::from_utf8_lossy(&output.stderr).into_owned();
