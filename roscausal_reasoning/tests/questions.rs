@@ -479,6 +479,9 @@ fn what_something_unrecorded_may_be_behind_is_no_cause_and_no_open_pair() {
         confidence: None,
         value_low: None,
         value_high: None,
+        size: None,
+        since: None,
+        seen: None,
     };
     let noise = |i: usize| ((12.9898 * i as f64).sin() * 43758.5453).rem_euclid(1.0);
     let rows = ndarray::Array2::from_shape_fn((60, 3), |(t, var)| noise(3 * t + var));
