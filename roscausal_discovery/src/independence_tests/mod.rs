@@ -6,6 +6,8 @@
 //! | [`ParCorr`] | partial correlation, -1 to 1 | Student's t | microseconds |
 //! | [`ParCorr`] with dummies | the same, and of which recording a sample is from | Student's t | microseconds |
 //! | [`RobustParCorr`] | the same of normal scores | Student's t | microseconds |
+//! | [`ParCorrWls`] | the same, each sample weighted by the noise at its time | Student's t | tens of microseconds |
+//! | [`RegressionCi`] | improvement of a regression's likelihood; numbers and categories | chi-squared | tens of microseconds |
 //! | [`Gpdc`] | distance correlation of residuals, 0 to 1 | table of independent values | milliseconds at 500 samples |
 //! | [`CmiKnn`] | conditional mutual information, nats | local permutations | a tenth of a second at 500 samples |
 //! | [`CmiSymb`] | the same of discrete variables, nats | permutations within strata | milliseconds at 500 samples |
@@ -49,10 +51,13 @@ mod gsquared;
 mod incomplete;
 #[cfg(test)]
 mod laws;
+mod multinomial;
 mod oracle;
 mod parcorr;
 mod parcorr_mult;
+mod parcorr_wls;
 mod registry;
+mod regression_ci;
 mod resampling;
 mod robust_parcorr;
 mod settings;
@@ -67,6 +72,8 @@ pub use gpdc_python::GpdcPython;
 pub use gsquared::Gsquared;
 pub use oracle::OracleCi;
 pub use parcorr::ParCorr;
+pub use parcorr_wls::ParCorrWls;
 pub use registry::{by_name, names, smallest_p};
+pub use regression_ci::RegressionCi;
 pub use robust_parcorr::RobustParCorr;
 pub use settings::{Confidence, GpSearch, Significance, TestSettings};

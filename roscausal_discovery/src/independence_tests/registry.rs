@@ -2,7 +2,9 @@
 
 #[cfg(feature = "python")]
 use super::GpdcPython;
-use super::{CmiKnn, CmiSymb, Gpdc, Gsquared, ParCorr, RobustParCorr, settings::TestSettings};
+use super::{
+    CmiKnn, CmiSymb, Gpdc, Gsquared, ParCorr, ParCorrWls, RegressionCi, RobustParCorr, settings::TestSettings,
+};
 use crate::ground::{CondIndTest, Error, Result};
 
 type Build = fn(&TestSettings) -> Result<Box<dyn CondIndTest>>;
@@ -20,6 +22,8 @@ const TESTS: &[(&str, f64, Build)] = &[
     #[cfg(feature = "python")]
     ("gpdcpython", OF_TABLE, |s| Ok(Box::new(GpdcPython::new(s)?))),
     ("robustparcorr", USUAL, |s| Ok(Box::new(RobustParCorr::new(s)?))),
+    ("parcorrwls", USUAL, |s| Ok(Box::new(ParCorrWls::new(s)?))),
+    ("regressionci", USUAL, |s| Ok(Box::new(RegressionCi::new(s)?))),
     ("cmiknn", USUAL, |s| Ok(Box::new(CmiKnn::new(s)?))),
     ("cmisymb", OF_TABLE, |s| Ok(Box::new(CmiSymb::new(s)?))),
     ("gsquared", USUAL, |s| Ok(Box::new(Gsquared::new(s)?))),

@@ -1,0 +1,147 @@
+//! Multinomial logistic regression: how well numbers explain a category.
+//!
+//! Steps: the negative log-likelihood plus half the squared slopes (so that categories that are told apart perfectly have finite
+//! slopes, as in the reference) is convex; Newton's method, halving a step that does not lower it.
+//!
+//! Example: of 100 samples in two categories of equal size, explained by nothing, the deviance is `200 ln 2`.
+
+/// Newton steps after which it is as good as it gets.
+const MOST_STEPS: usize = 50;
+/// Weight of the squared constants, which only their differences would determine.
+const CONSTANTS: f64 = 1e-6;
+/// Smallest decrease that is worth another step, as a part of the value.
+const ENOUGH: f64 = 1e-12;
+
+/// Twice the negative log-likelihood of `category` (`0..n_categories` for each sample) explained by the rows of `on`.
+pub(super) fn deviance(category: &[usize], n_categories: usize, on: &[Vec<f64>]) -> f64 {
+    let fit = Fit { category, n_categories, on, width: on.len() + 1 };
+    let mut slopes = vec![0.0; n_categories * fit.width];
+    let mut value = fit.value(&slopes);
+    for _ in 0..MOST_STEPS {
+        let Some(step) = fit.step(&slopes) else { break };
+        let moved = |share: f64| -> Vec<f64> {
+            slopes.iter().zip(&step).map(|(slope, step)| slope - share * step).collect()
+        };
+        let shares = (0..30).map(|k| 0.5_f64.powi(k));
+        let Some((next, lower)) =
+            shares.map(|share| (moved(share), fit.value(&moved(share)))).find(|(_, next)| *next < value)
+        else {
+            break;
+        };
+        let gain = value - lower;
+        (slopes, value) = (next, lower);
+        if gain < ENOUGH * value.abs() {
+            break;
+        }
+    }
+    2.0 * fit.likelihood(&slopes)
+}
+
+struct Fit<'a> {
+    category: &'a [usize],
+    n_categories: usize,
+    on: &'a [Vec<f64>],
+    /// The constant and the rows.
+    width: usize,
+}
+
+impl Fit<'_> {
+    fn input(&self, row: usize, sample: usize) -> f64 {
+        if row == 0 { 1.0 } else { self.on[row - 1][sample] }
+    }
+
+    fn penalty(&self, place: usize) -> f64 {
+        if place % self.width == 0 { CONSTANTS } else { 1.0 }
+    }
+
+    /// Probabilities of the categories in a sample, and the logarithm of their sum before scaling.
+    fn probabilities(&self, slopes: &[f64], sample: usize, into: &mut [f64]) -> f64 {
+        for (k, p) in into.iter_mut().enumerate() {
+            let of = &slopes[k * self.width..(k + 1) * self.width];
+            *p = of.iter().enumerate().map(|(row, slope)| slope * self.input(row, sample)).sum();
+        }
+        let most = into.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+        let own = into[self.category[sample]];
+        into.iter_mut().for_each(|p| *p = (*p - most).exp());
+        let sum: f64 = into.iter().sum();
+        into.iter_mut().for_each(|p| *p /= sum);
+        most + sum.ln() - own
+    }
+
+    /// Negative log-likelihood.
+    fn likelihood(&self, slopes: &[f64]) -> f64 {
+        let mut p = vec![0.0; self.n_categories];
+        (0..self.category.len()).map(|sample| self.probabilities(slopes, sample, &mut p)).sum()
+    }
+
+    fn value(&self, slopes: &[f64]) -> f64 {
+        let squares = slopes.iter().enumerate().map(|(place, v)| self.penalty(place) * v * v);
+        self.likelihood(slopes) + 0.5 * squares.sum::<f64>()
+    }
+
+    /// Newton's step; `None` where the curvature has no Cholesky factor.
+    fn step(&self, slopes: &[f64]) -> Option<Vec<f64>> {
+        let (n, width) = (slopes.len(), self.width);
+        let mut gradient: Vec<f64> =
+            slopes.iter().enumerate().map(|(place, v)| self.penalty(place) * v).collect();
+        let mut curvature = vec![vec![0.0; n]; n];
+        (0..n).for_each(|place| curvature[place][place] = self.penalty(place));
+        let mut p = vec![0.0; self.n_categories];
+        for sample in 0..self.category.len() {
+            self.probabilities(slopes, sample, &mut p);
+            for a in 0..n {
+                let (k, input) = (a / width, self.input(a % width, sample));
+                let own = f64::from(u8::from(self.category[sample] == k));
+                gradient[a] += (p[k] - own) * input;
+                for b in 0..=a {
+                    let l = b / width;
+                    let together = p[k] * (f64::from(u8::from(k == l)) - p[l]);
+                    curvature[a][b] += together * input * self.input(b % width, sample);
+                }
+            }
+        }
+        solve(curvature, gradient)
+    }
+}
+
+/// Solves a symmetric positive system, of which the lower half is given, by Cholesky.
+fn solve(mut a: Vec<Vec<f64>>, mut b: Vec<f64>) -> Option<Vec<f64>> {
+    let n = b.len();
+    for i in 0..n {
+        for j in 0..=i {
+            let sum: f64 = (0..j).map(|k| a[i][k] * a[j][k]).sum();
+            let rest = a[i][j] - sum;
+            if i == j && rest <= 0.0 {
+                return None;
+            }
+            a[i][j] = if i == j { rest.sqrt() } else { rest / a[j][j] };
+        }
+        let sum: f64 = (0..i).map(|k| a[i][k] * b[k]).sum();
+        b[i] = (b[i] - sum) / a[i][i];
+    }
+    for i in (0..n).rev() {
+        let sum: f64 = (i + 1..n).map(|k| a[k][i] * b[k]).sum();
+        b[i] = (b[i] - sum) / a[i][i];
+    }
+    Some(b)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn without_anything_to_explain_it_the_deviance_is_that_of_the_shares() {
+        let category: Vec<usize> = (0..100).map(|i| usize::from(i % 4 == 0)).collect();
+        let expected = -2.0 * (25.0 * 0.25_f64.ln() + 75.0 * 0.75_f64.ln());
+        assert!((deviance(&category, 2, &[]) - expected).abs() < 1e-6);
+    }
+
+    #[test]
+    fn categories_that_are_told_apart_perfectly_have_a_small_and_finite_deviance() {
+        let row: Vec<f64> = (0..60).map(|i| f64::from(i % 3) * 10.0).collect();
+        let category: Vec<usize> = (0..60).map(|i| i % 3).collect();
+        let left = deviance(&category, 3, &[row]);
+        assert!(left > 0.0 && left < 20.0, "{left}");
+    }
+}
