@@ -26,7 +26,7 @@ use roscausal_core::{
     },
 };
 use roscausal_discovery::{
-    AboutData, DataFrame, Evidence, Fault, Model, Settings,
+    AboutData, Choice, DataFrame, Evidence, Fault, Model, Settings,
     confidence::{ResampleGraph, Resampled, set_step},
 };
 
@@ -76,6 +76,9 @@ pub(crate) struct Args {
     /// variables).
     #[arg(long, default_value = "pooled", value_parser = ["pooled", "joint"])]
     several_people: String,
+    /// With --method auto: also do what is advised.
+    #[arg(long)]
+    take_it: bool,
     /// Seed of all random numbers.
     #[arg(long, default_value_t = 42)]
     seed: u64,
@@ -163,6 +166,12 @@ impl Format {
 pub(crate) fn run(args: &Args, interrupt: &Interrupt) -> Result<()> {
     interrupt.nothing_at_stake("there is no result yet, and nothing is written");
     let format = args.printed()?;
+    if args.take_it && !args.method.is_auto() {
+        return Err(Error::param("take-it", "it is for --method auto"));
+    }
+    if args.method.is_auto() && !args.take_it {
+        return explain(args, interrupt);
+    }
     if let Some(dir) = &args.out {
         output::claim(dir, args.force)?;
     }
@@ -188,6 +197,24 @@ pub(crate) fn run(args: &Args, interrupt: &Interrupt) -> Result<()> {
     Ok(())
 }
 
+/// Says which method and test these data ask for, and why. Nothing is analysed.
+fn explain(args: &Args, interrupt: &Interrupt) -> Result<()> {
+    let mut settings = args.method.settings_for_reading(args.seed)?;
+    let Data { data, origins, .. } = Data::read(args, &mut settings, interrupt, true)?;
+    look_at(&data, &origins, args, &settings)?;
+    let choice = Choice::of(&data, &settings);
+    let chosen = args.method.chosen(&choice, &settings)?;
+    let (method, test) = (chosen.method, &chosen.cond_ind_test);
+    crate::terminal::say!("For these data I would take {method} with {test}:");
+    choice.why.iter().for_each(|reason| crate::terminal::say!("* {reason}"));
+    crate::terminal::say!("* {}: {}", method.name(), method.info().assumes);
+    crate::terminal::say!(
+        "Nothing was analysed. The same command with --method {method} --test {test} does it, or with --take-it. `roscausal methods` \
+         has all methods."
+    );
+    Ok(())
+}
+
 fn json_lines(graphs: &[ResampleGraph]) -> Result<String> {
     let line = |graph: &ResampleGraph| {
         let text = serde_json::to_string(graph);
@@ -208,10 +235,13 @@ pub(crate) struct Answer {
 
 /// Analyses the files.
 pub(crate) fn found(args: &Args, interrupt: &Interrupt, quiet: bool) -> Result<Answer> {
-    let mut settings = args.method.settings(args.seed)?;
+    let mut settings = args.method.settings_for_reading(args.seed)?;
     let resampling = args.resample.asked()?;
     settings.max_memory = args.means.max_memory.map(|megabytes| megabytes.saturating_mul(1_000_000));
     let Data { data, dt, warnings, origins, .. } = Data::read(args, &mut settings, interrupt, quiet)?;
+    if args.method.is_auto() {
+        settings = args.method.chosen(&Choice::of(&data, &settings), &settings)?;
+    }
     args.assume.set(&mut settings, data.var_names())?;
     let about = look_at(&data, &origins, args, &settings)?;
     if let Some(told) = estimate::check(&data, &settings, resampling.as_ref(), &args.means)? {
@@ -291,6 +321,7 @@ impl Args {
             changes: ChangeArgs::default(),
             assume: AssumeArgs::default(),
             several_people: "pooled".into(),
+            take_it: false,
             seed,
             out: None,
             force: false,

@@ -22,11 +22,11 @@ const fn optional(flag: &'static str, node: &'static str, param: &'static str) -
 }
 
 /// All twins.
-pub(crate) const TWINS: [Twin; 27] = [
+pub(crate) const TWINS: [Twin; 28] = [
     twin("method", "discovery", "cd_method"),
     twin("test", "discovery", "cond_ind_test"),
     twin("alpha", "discovery", "sig_alpha"),
-    twin("pc-alpha", "discovery", "pc_alpha"),
+    Twin { flag: "pc-alpha", node: "discovery", param: "pc_alpha", unset: Some("-1") },
     optional("f-alpha", "discovery", "f_alpha"),
     twin("te-estimator", "discovery", "te_estimator"),
     twin("gp-search", "discovery", "gp_search"),
@@ -34,6 +34,7 @@ pub(crate) const TWINS: [Twin; 27] = [
     twin("fdr", "discovery", "fdr_method"),
     twin("tau-min", "discovery", "min_lag"),
     twin("tau-max", "discovery", "max_lag"),
+    twin("acts-on", "discovery", "acts_on"),
     twin("seed", "discovery", "seed"),
     twin("several-people", "discovery", "people"),
     optional("threads", "discovery", "threads"),
@@ -61,6 +62,8 @@ pub(crate) fn of_parameter(node: &str, param: &str, value: &str) -> Option<(&'st
     match (twin.flag, value) {
         (_, value) if twin.unset == Some(value) => None,
         ("pc-alpha", "0") => Some(("pc-alpha", "auto".to_owned())),
+        // A list is written [a, b].
+        ("acts-on", list) => Some(("acts-on", list.trim_matches(['[', ']']).replace(", ", ","))),
         (flag, value) => Some((flag, value.to_owned())),
     }
 }
@@ -141,6 +144,9 @@ mod tests {
     fn a_parameter_that_is_not_set_is_no_flag() {
         assert_eq!(of_parameter("discovery", "f_alpha", "0"), None);
         assert_eq!(of_parameter("discovery", "pc_alpha", "0"), Some(("pc-alpha", "auto".into())));
+        assert_eq!(of_parameter("discovery", "pc_alpha", "-1"), None);
+        let pairs = of_parameter("discovery", "acts_on", "[do_a=a, do_b=b]");
+        assert_eq!(pairs, Some(("acts-on", "do_a=a,do_b=b".into())));
         assert_eq!(of_parameter("discovery", "max_lag", "3"), Some(("tau-max", "3".into())));
         assert_eq!(of_parameter("data", "risk_lag", "1"), None);
     }

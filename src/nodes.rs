@@ -20,7 +20,7 @@ use roscausal_core::{
     nodes::{self, Recorded},
     params::Value,
 };
-use roscausal_discovery::{Progress, Settings, confidence::Resampling};
+use roscausal_discovery::{PcAlpha, Progress, Settings, confidence::Resampling};
 use roscausal_hrisim::Simulation;
 
 use crate::folders::Folders;
@@ -150,6 +150,15 @@ pub(crate) fn set_discovery(
             ("resample_block", text(&resampling.block.name())),
         ]
     });
+    let pc_alpha = match settings.pc_alpha {
+        PcAlpha::Default => -1.0,
+        PcAlpha::Fixed(level) => level,
+        PcAlpha::ByScore => 0.0,
+    };
+    let given = settings.acts_on.as_ref().map(|pairs| {
+        let pair = |(column, variable): &(String, String)| text(&format!("{column}={variable}"));
+        ("acts_on", Value::List(pairs.iter().map(pair).collect()))
+    });
     let values = [
         ("data_dir", text(&folders.processed.display().to_string())),
         ("res_dir", text(&folders.models.display().to_string())),
@@ -158,7 +167,7 @@ pub(crate) fn set_discovery(
         ("cd_method", text(settings.method.name())),
         ("cond_ind_test", text(&settings.cond_ind_test)),
         ("sig_alpha", Value::Double(settings.alpha)),
-        ("pc_alpha", Value::Double(settings.level_of_pc().unwrap_or(0.0))),
+        ("pc_alpha", Value::Double(pc_alpha)),
         ("f_alpha", Value::Double(settings.f_alpha.unwrap_or(0.0))),
         ("te_estimator", text(settings.te_estimator.name())),
         ("fdr_method", text(settings.fdr.name())),
@@ -169,7 +178,7 @@ pub(crate) fn set_discovery(
         ("seed", Value::Int(i64::try_from(settings.seed).unwrap_or(i64::MAX))),
         ("threads", Value::Int(threads.unwrap_or(0) as i64)),
     ];
-    let all = values.into_iter().chain(drawn.into_iter().flatten());
+    let all = values.into_iter().chain(given).chain(drawn.into_iter().flatten());
     all.for_each(|(name, value)| bus.set_node_param("discovery", name, value));
 }
 

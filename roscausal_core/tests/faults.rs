@@ -1,4 +1,5 @@
-//! The discovery node under faults: budgets, disks that refuse, a second node, a method that hangs.
+//! The discovery node under faults: budgets, disks that refuse, a second node, a method that hangs; and on batches of people and
+//! interventions.
 
 #![cfg(unix)]
 #![allow(clippy::expect_used, clippy::panic, reason = "a test may panic: that is how it fails")]
@@ -232,4 +233,67 @@ fn recording_goes_on_while_an_analysis_hangs() {
     assert!(end.elapsed() < Duration::from_secs(5));
     bus.shutdown();
     data.join().expect("no panic").expect("ends well");
+}
+
+/// A batch and its metadata.
+fn batch(dir: &Path, name: &str, csv: &str, facts: &str) {
+    fs::create_dir_all(dir.join("pp")).expect("makes");
+    fs::write(dir.join(format!("pp/data_{name}.json")), facts).expect("writes");
+    fs::write(dir.join(format!("pp/data_{name}.csv")), csv).expect("writes");
+}
+
+/// The only model that the node makes.
+fn model_of(dir: &Path, settings: &[(&str, Value)]) -> serde_json::Value {
+    let (bus, results) = (live(), dir.join("results"));
+    let all = [&[("res_dir", text(&results)), ("min_lag", Value::Int(0))], settings].concat();
+    let node = Node::start(&bus, "discovery", dir, &all);
+    let found = models(&bus);
+    let id = found.recv_timeout(Duration::from_secs(60)).expect("a model");
+    node.end();
+    let file = fs::read_dir(&results).expect("lists").flatten().map(|entry| entry.path());
+    let mut files = file.filter(|path| path.extension().is_some_and(|end| end == "json"));
+    let file = files.next().expect(&id);
+    serde_json::from_slice(&fs::read(file).expect("reads")).expect("JSON")
+}
+
+#[test]
+fn two_people_who_differ_are_pooled_and_what_they_differ_in_makes_no_link() {
+    let dir = tempfile::tempdir().expect("a folder");
+    let mut state = 5;
+    let mut csv = "time,h_3_v,h_7_v,h_3_dg,h_7_dg\n".to_owned();
+    for row in 0..300 {
+        let [a, b, c, d] = std::array::from_fn(|_| unit(&mut state));
+        csv += &format!("{},{a},{},{b},{}\n", f64::from(row) * 0.1, c + 0.6, d + 0.6);
+    }
+    batch(dir.path(), "0", &csv, r#"{"ids": [3, 7]}"#);
+    let model = model_of(dir.path(), &[("cd_method", word("jpcmciplus"))]);
+    assert_eq!(model["features"], serde_json::json!(["h_v", "h_dg"]));
+    assert_eq!((&model["method"], &model["graph"][0][1][0]), (&"jpcmciplus".into(), &"".into()), "{model}");
+    let told = model["warnings"].to_string();
+    assert!(told.contains("the recordings differ in"), "{told}");
+}
+
+#[test]
+fn batches_with_and_without_an_intervention_make_one_model_of_candoit() {
+    let dir = tempfile::tempdir().expect("a folder");
+    let mut state = 5;
+    let mut rows = |off: bool| {
+        let mut before = 0.0;
+        let lines = (0..200).map(|row| {
+            let r_v = if off { 0.0 } else { unit(&mut state) };
+            let h_v = 0.8 * before + 0.3 * unit(&mut state);
+            before = r_v;
+            let imposed = if off { ",1" } else { "" };
+            format!("{},{r_v},{h_v}{imposed}\n", f64::from(row) * 0.1)
+        });
+        lines.collect::<String>()
+    };
+    let free = format!("time,r_v,h_v\n{}", rows(false));
+    batch(dir.path(), "0", &free, r#"{"ids": [1], "context": []}"#);
+    let off = format!("time,r_v,h_v,do_robot_off\n{}", rows(true));
+    batch(dir.path(), "1", &off, r#"{"ids": [1], "context": ["do_robot_off"]}"#);
+    let model = model_of(dir.path(), &[("cd_method", word("candoit")), ("batches_per_model", Value::Int(2))]);
+    assert_eq!(model["features"], serde_json::json!(["r_v", "h_v", "do_robot_off"]));
+    assert_eq!((&model["graph"][2][0][0], &model["pc_alpha"]), (&"-->".into(), &0.05.into()), "{model}");
+    assert_ne!(model["graph"][0][1][1], "", "{model}");
 }

@@ -1,6 +1,7 @@
 //! Runs one analysis and prints its cost as one line of JSON, for side-by-side measurements.
 //!
-//! `bench_case METHOD TEST CSV TAU_MIN TAU_MAX [THREADS]`: METHOD is `pcmci`, `pcmciplus` or `fpcmci`. CPU seconds
+//! `bench_case METHOD TEST CSV TAU_MIN TAU_MAX [THREADS]`: METHOD is any of `roscausal methods`; TEST is `none` for one that asks none.
+//! Rows with different numbers in a column `recording` are recordings of their own; a column `do_X` is an intervention on `X`. CPU seconds
 //! are those of the analysis in all threads of this process, without reading the file. Peak memory is that of the
 //! process.
 
@@ -10,10 +11,11 @@ mod csv_file;
 use std::{fs, path::Path, process::ExitCode, time::Instant};
 
 use roscausal_discovery::{
-    Control, DataFrame,
+    Control, DataFrame, Settings, analyse,
     independence_tests::{TestSettings, by_name},
     methods::{
-        FpcmciSettings, PcmciPlusSettings, PcmciResult, PcmciSettings, run_fpcmci, run_pcmci, run_pcmciplus,
+        FpcmciSettings, Method, PcmciPlusSettings, PcmciResult, PcmciSettings, run_fpcmci, run_pcmci,
+        run_pcmciplus,
     },
     transfer_entropy::TeEstimator,
 };
@@ -40,8 +42,9 @@ fn run(args: &[String]) -> Result<String, Box<dyn std::error::Error>> {
     let number = |i: usize| args[i].parse::<usize>().map_err(|e| format!("'{}': {e}", args[i]));
     let threads = if args.len() > 5 { number(5)? } else { 1 };
     let (names, table) = csv_file::read_csv(Path::new(&args[2]))?;
-    let data = DataFrame::new(vec![table], names)?;
-    let test = by_name(&args[1], &TestSettings::default())?;
+    let data = recordings(table, names)?;
+    let test_name = if args[1] == "none" { "parcorr" } else { &args[1] };
+    let test = by_name(test_name, &TestSettings::default())?;
     let mut settings = PcmciSettings { tau_min: number(3)?, tau_max: number(4)?, ..PcmciSettings::default() };
     let control = Control::default();
     // One working thread in total: the calling thread only waits for the pool.
@@ -63,15 +66,55 @@ fn run(args: &[String]) -> Result<String, Box<dyn std::error::Error>> {
             };
             pool.install(|| run_fpcmci(&data, test.as_ref(), &settings, &control))?.pcmci
         }
-        other => return Err(format!("method '{other}' is not pcmci, pcmciplus or fpcmci").into()),
+        other => {
+            let method: Method = other.parse()?;
+            let acts_on = |name: &String| Some((name.clone(), name.strip_prefix("do_")?.to_owned()));
+            let acts_on: Vec<_> = data.var_names().iter().filter_map(acts_on).collect();
+            let settings = Settings {
+                method,
+                cond_ind_test: test_name.to_owned(),
+                tau_min: number(3)?,
+                tau_max: number(4)?,
+                acts_on: (!acts_on.is_empty()).then_some(acts_on),
+                ..Settings::default()
+            };
+            let model = pool.install(|| analyse(&data, &settings, &control))?;
+            let (wall, cpu) = (start.elapsed().as_secs_f64(), cpu_seconds() - cpu_before);
+            return Ok(line(wall, cpu, model.links.len(), control.done()));
+        }
     };
     let (wall, cpu) = (start.elapsed().as_secs_f64(), cpu_seconds() - cpu_before);
     let links = result.as_ref().map_or(0, |r| r.graph.iter().filter(|mark| mark.is_link()).count());
     let tests = result.as_ref().map_or(0, |r| r.n_tests);
-    Ok(format!(
+    Ok(line(wall, cpu, links, tests))
+}
+
+fn line(wall: f64, cpu: f64, links: usize, tests: usize) -> String {
+    format!(
         r#"{{"cpu_s": {cpu}, "wall_s": {wall}, "peak_mb": {}, "links": {links}, "tests": {tests}}}"#,
         peak_megabytes().unwrap_or(0.0)
-    ))
+    )
+}
+
+/// The table as recordings: one for each number in the column `recording`, if there is one.
+fn recordings(
+    table: ndarray::Array2<f64>,
+    names: Vec<String>,
+) -> Result<DataFrame, Box<dyn std::error::Error>> {
+    let Some(place) = names.iter().position(|name| name == "recording") else {
+        return Ok(DataFrame::new(vec![table], names)?);
+    };
+    let rest: Vec<usize> = (0..names.len()).filter(|&column| column != place).collect();
+    let mut parts: Vec<Vec<usize>> = Vec::new();
+    for row in 0..table.nrows() {
+        match parts.last_mut() {
+            Some(part) if table[[part[0], place]] == table[[row, place]] => part.push(row),
+            _ => parts.push(vec![row]),
+        }
+    }
+    let of = |rows: &Vec<usize>| table.select(ndarray::Axis(0), rows).select(ndarray::Axis(1), &rest);
+    let names = rest.iter().map(|&column| names[column].clone()).collect();
+    Ok(DataFrame::new(parts.iter().map(of).collect(), names)?)
 }
 
 /// CPU time of all threads of this process so far, in seconds; 0 if the system does not tell.

@@ -206,7 +206,7 @@ fn present(column: ArrayView1<'_, f64>, most: usize) -> Vec<f64> {
 
 /// Independent samples in a sample: `1 / (1 + 2 sum of autocorrelations)`, up to the first pair of lags whose sum is not
 /// positive.
-fn effective_share(values: &[f64]) -> f64 {
+pub(crate) fn effective_share(values: &[f64]) -> f64 {
     let n = values.len();
     let (mean, deviation) = moments(values);
     if n < 8 || deviation == 0.0 {

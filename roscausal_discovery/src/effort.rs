@@ -79,6 +79,9 @@ impl Effort {
 fn tests_per_pair(method: Method) -> f64 {
     match method {
         Method::Pcmciplus => 4.0,
+        // Contexts, dummies, the system.
+        Method::Jpcmciplus => 8.0,
+        Method::Lpcmci | Method::Candoit => 16.0,
         Method::Fpcmci | Method::Pcmci => 3.0,
         _ => 1.0,
     }

@@ -38,8 +38,10 @@
 //! | `dynotears` | [`run_dynotears`](methods::run_dynotears) | weights without p-values | to compare with results of others |
 //! | `lagdep` | [`get_lagged_dependencies`](methods::get_lagged_dependencies) | dependencies, not links | to choose `tau_max` before anything else |
 //! | `lpcmci` | [`run_lpcmci`](methods::run_lpcmci) | lagged links and links at lag 0, and where something hidden is behind them | when not everything was recorded |
+//! | `candoit` | [`run_candoit`](methods::run_candoit) | the same, with interventions | when something was imposed for a while |
+//! | `jpcmciplus` | [`run_jpcmciplus`](methods::run_jpcmciplus) | as `pcmciplus`, from recordings that may differ | when several people, robots or days are pooled |
 //!
-//! All take several recordings as one system and, all but `dynotears`, give a p-value for each link; only `lpcmci` allows for
+//! All take several recordings as one system and, all but `dynotears`, give a p-value for each link; only `lpcmci` and `candoit` allow for
 //! hidden common causes. `granger`, `varlingam` and `dynotears` are linear models and ask no independence test.
 //! [`Method`](methods::Method) holds the names, aliases and defaults.
 //!
@@ -53,6 +55,8 @@
 //! | `cmiknn` | [`CmiKnn`](independence_tests::CmiKnn) | dependence of any form | with time to spend |
 //! | `cmisymb` | [`CmiSymb`](independence_tests::CmiSymb) | dependence of discrete variables | with few samples for each combination of levels |
 //! | `gsquared` | [`Gsquared`](independence_tests::Gsquared) | dependence of discrete variables | for categories and counts |
+//! | `parcorrwls` | [`ParCorrWls`](independence_tests::ParCorrWls) | linear dependence | where the noise grows and shrinks over time |
+//! | `regressionci` | [`RegressionCi`](independence_tests::RegressionCi) | linear dependence of numbers and categories | where some variables are categories |
 //! | (oracle) | [`OracleCi`](independence_tests::OracleCi) | what a known graph says | to study a method |
 //!
 //! # The way through
@@ -72,6 +76,7 @@
 mod about;
 mod analysis;
 pub mod changes;
+mod choice;
 pub mod confidence;
 pub mod draw;
 mod effort;
@@ -86,6 +91,7 @@ pub mod transfer_entropy;
 
 pub use about::{AboutData, AboutVariable, Fault};
 pub use analysis::{PcAlpha, Settings, analyse, analyse_with, analyse_with_evidence};
+pub use choice::Choice;
 pub use effort::Effort;
 pub use evidence::{AtLag, Condition, EVIDENCE_SCHEMA, Evidence, LinkEvidence, MOST_POINTS, VariableFacts};
 pub use ground::*;

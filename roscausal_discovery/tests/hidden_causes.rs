@@ -146,6 +146,6 @@ fn interventions_without_a_column_of_their_own_are_refused() {
             .to_string()
     };
     assert!(error(&[]).contains("take lpcmci"));
-    assert!(error(&[Intervened { variable: 0, context: 3 }]).contains("column 3 does not exist"));
-    assert!(error(&[Intervened { variable: 1, context: 1 }]).contains("two roles"));
+    assert!(error(&[Intervened { variable: Some(0), context: 3 }]).contains("column 3 does not exist"));
+    assert!(error(&[Intervened { variable: Some(1), context: 1 }]).contains("two roles"));
 }

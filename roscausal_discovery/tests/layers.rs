@@ -10,7 +10,7 @@ use std::{
 };
 
 /// The modules of the crate from the ground up.
-const LAYERS: [&str; 14] = [
+const LAYERS: [&str; 15] = [
     "ground",
     "numeric",
     "about",
@@ -25,6 +25,7 @@ const LAYERS: [&str; 14] = [
     "changes",
     "rolling",
     "effort",
+    "choice",
 ];
 
 /// A module as the names on the way to it; the crate itself has none.

@@ -4,7 +4,7 @@ use roscausal_discovery::{
     Error, LinkAssumptions, Node, PcAlpha, Result, Settings,
     confidence::Resampling,
     independence_tests::{Confidence, Significance, TestSettings},
-    methods::{PcmciPlusSettings, PcmciSettings},
+    methods::{ActsOn, PcmciPlusSettings, PcmciSettings},
 };
 use serde_json::{Map, Value};
 
@@ -99,6 +99,17 @@ pub(crate) fn of_resampling(given: &mut Given) -> Result<Option<Resampling>> {
     Ok(Some(resampling))
 }
 
+/// Columns of interventions to the variable that each sets.
+pub(crate) fn acts_on(pairs: &Value) -> Result<ActsOn> {
+    let wrong =
+        || Error::param("acts_on", format!("{pairs} is no dict such as {{\"do_robot_speed\": \"r_v\"}}"));
+    let Value::Object(pairs) = pairs else { return Err(wrong()) };
+    let pair = |(column, variable): (&String, &Value)| {
+        Ok((column.clone(), variable.as_str().ok_or_else(wrong)?.to_owned()))
+    };
+    pairs.iter().map(pair).collect()
+}
+
 /// The settings of an analysis, as `rc.discover` gives them.
 pub(crate) fn of_analysis(given: &mut Given) -> Result<Settings> {
     let mut settings = Settings::default();
@@ -106,6 +117,7 @@ pub(crate) fn of_analysis(given: &mut Given) -> Result<Settings> {
         settings.method = method.parse()?;
     }
     settings.tau_min = settings.method.info().tau_min;
+    settings.cond_ind_test = settings.method.info().test.to_owned();
     set(&mut settings.cond_ind_test, given.word("test")?);
     set(&mut settings.alpha, given.number("alpha")?);
     set(&mut settings.tau_min, given.count("tau_min")?);
@@ -135,6 +147,7 @@ pub(crate) fn of_analysis(given: &mut Given) -> Result<Settings> {
     if let Some(Value::Array(names)) = given.take("exogenous") {
         settings.exogenous = names.iter().filter_map(Value::as_str).map(str::to_owned).collect();
     }
+    settings.acts_on = given.take("acts_on").map(|pairs| acts_on(&pairs)).transpose()?;
     Ok(settings)
 }
 

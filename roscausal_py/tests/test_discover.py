@@ -358,3 +358,22 @@ def test_a_recording_is_read_as_the_command_reads_it(tmp_path):
 def test_the_types_name_every_method_and_the_messages_are_there():
     assert sorted(typing.get_args(Method)) == sorted(json.loads(_native.words())["methods"])
     assert "string[] features" in rc.msg_definitions()["roscausal_msgs/msg/CausalModel"]
+
+
+def test_people_who_differ_are_pooled_and_an_intervention_is_named():
+    rng = np.random.default_rng(3)
+    people = [rng.normal(size=(200, 2)) + 2 * k for k in range(2)]
+    model = rc.discover(people, columns=["speed", "distance"], method="jpcmciplus")
+    assert model.features == ["speed", "distance"] and not drives(model)
+    assert model.settings["cond_ind_test"] == "parcorr"
+    assert any("the recordings differ in" in warning for warning in model.warnings)
+    rng = np.random.default_rng(4)
+    x = rng.normal(size=(300, 3))
+    x[:, 2] = np.where(np.arange(300) % 4 == 0, 2.0, 0.0)
+    x[:, 0] += x[:, 2]
+    x[1:, 1] += 0.9 * x[:-1, 0]
+    names = ["speed", "gap", "push"]
+    model = rc.discover(x, columns=names, method="candoit", test="parcorr", acts_on={"push": "speed"})
+    assert drives(model) == {("speed", "gap"), ("push", "speed")}
+    with pytest.raises(rc.SettingError, match="no column 'pull'"):
+        rc.discover(x, columns=names, method="candoit", test="parcorr", acts_on={"pull": "speed"})

@@ -5,15 +5,7 @@ use roscausal_discovery::{DataFrame, Error, Node, Result, names};
 
 use crate::{graph::Graph, linear::least_squares};
 
-/// Which column of interventions says that which variable was imposed: `(column, variable)`.
-pub type ActsOn = Vec<(String, String)>;
-
-/// The columns that the simulator and the data node write.
-pub fn default_acts_on() -> ActsOn {
-    let pairs =
-        [("do_robot_speed", "r_v"), ("do_robot_off", "r_v"), ("do_human_v", "h_v"), ("do_human_stop", "h_v")];
-    pairs.map(|(column, variable)| (column.to_owned(), variable.to_owned())).to_vec()
-}
+pub use roscausal_discovery::methods::{ActsOn, usual_acts_on as default_acts_on};
 
 /// Recordings of a graph's variables, in its order.
 #[derive(Clone, Debug, PartialEq)]

@@ -5,10 +5,10 @@ use std::{fmt::Display, time::Instant};
 use clap::Args as ClapArgs;
 use roscausal_core::{Error, Result};
 use roscausal_discovery::{
-    Control, DataFrame, PcAlpha, Settings, analyse_with_evidence,
+    Choice, Control, DataFrame, PcAlpha, Settings, analyse_with_evidence,
     confidence::{Resampled, Resampling, resample},
     independence_tests::{self, GpSearch},
-    methods::{Fdr, Method, MethodInfo},
+    methods::{Fdr, Method, MethodInfo, acts_on_of},
     transfer_entropy::TeEstimator,
 };
 
@@ -17,10 +17,14 @@ use crate::{chart, interrupt::Interrupt};
 /// How to analyse; the same arguments for every subcommand.
 #[derive(ClapArgs, Clone)]
 pub(crate) struct MethodArgs {
-    #[arg(long, default_value = Method::default().name(), help = listed("Discovery method", Method::names()))]
+    #[arg(long, default_value = Method::default().name(), help = listed(
+        "Discovery method; for `discover` also auto: says which to take for these data and why", Method::names()
+    ))]
     pub(super) method: String,
-    #[arg(long, default_value = "gpdc", help = listed("Independence test", independence_tests::names()))]
-    pub(super) test: String,
+    #[arg(long, help = format!(
+        "{}. Default: {}", listed("Independence test", independence_tests::names()), default_of(|info| info.test)
+    ))]
+    pub(super) test: Option<String>,
     /// Significance level of a link, in (0, 1).
     #[arg(long, default_value_t = 0.05)]
     pub(super) alpha: f64,
@@ -55,7 +59,14 @@ pub(crate) struct MethodArgs {
     /// Columns that may be causes only (interventions, context), separated by commas.
     #[arg(long, value_delimiter = ',')]
     pub(super) exogenous: Vec<String>,
+    /// candoit: columns of interventions and the variable that each sets, separated by commas; default: do_robot_speed=r_v,
+    /// do_robot_off=r_v, do_human_v=h_v, do_human_stop=h_v, as far as they are there.
+    #[arg(long, value_delimiter = ',', value_name = "COLUMN=VARIABLE")]
+    pub(super) acts_on: Option<Vec<String>>,
 }
+
+/// The word for `--method` that asks for advice.
+const AUTO: &str = "auto";
 
 /// Resources of one analysis in the foreground.
 #[derive(ClapArgs, Clone)]
@@ -85,6 +96,30 @@ fn listed<'a>(what: &str, words: impl IntoIterator<Item = &'a (impl AsRef<str> +
 }
 
 impl MethodArgs {
+    /// Whether the method is to be chosen.
+    pub(super) fn is_auto(&self) -> bool {
+        self.method == AUTO
+    }
+
+    /// As [`MethodArgs::settings`], before a method is chosen: those of LPCMCI, which any data can be read for.
+    pub(super) fn settings_for_reading(&self, seed: u64) -> Result<Settings> {
+        match self.is_auto() {
+            true => Self { method: Method::Lpcmci.name().to_owned(), ..self.clone() }.settings(seed),
+            false => self.settings(seed),
+        }
+    }
+
+    /// The settings with the method and test that `choice` names, unless the user named the test or the lag.
+    pub(super) fn chosen(&self, choice: &Choice, settings: &Settings) -> Result<Settings> {
+        let mut chosen = choice.applied(settings);
+        if self.test.is_some() {
+            chosen.cond_ind_test.clone_from(&settings.cond_ind_test);
+        }
+        chosen.tau_min = self.tau_min.unwrap_or(chosen.tau_min);
+        chosen.check()?;
+        Ok(chosen)
+    }
+
     /// The arguments as checked settings.
     pub(crate) fn settings(&self, seed: u64) -> Result<Settings> {
         let pc_alpha = match self.pc_alpha.as_deref() {
@@ -97,7 +132,7 @@ impl MethodArgs {
         let method: Method = self.method.parse()?;
         let settings = Settings {
             method,
-            cond_ind_test: usual_spelling(&self.test),
+            cond_ind_test: usual_spelling(self.test.as_deref().unwrap_or(method.info().test)),
             alpha: self.alpha,
             pc_alpha,
             tau_min: self.tau_min.unwrap_or(method.info().tau_min),
@@ -108,6 +143,7 @@ impl MethodArgs {
             gp_search: self.gp_search.parse()?,
             gp_restarts: self.gp_restarts,
             exogenous: self.exogenous.clone(),
+            acts_on: self.acts_on.as_deref().map(acts_on_of).transpose()?,
             seed,
             ..Settings::default()
         };

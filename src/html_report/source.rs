@@ -135,10 +135,13 @@ fn command(model: &Model, file: &str) -> String {
 /// The flags of the analysis that made the model.
 pub(crate) fn flags(model: &Model) -> String {
     let mut line = format!(
-        "--method {} --test {} --alpha {} --tau-min {} --tau-max {}",
-        model.method, model.cond_ind_test, model.alpha, model.tau_min, model.tau_max
+        "--method {} --alpha {} --tau-min {} --tau-max {}",
+        model.method, model.alpha, model.tau_min, model.tau_max
     );
     // Writing to a String cannot fail.
+    if model.cond_ind_test != "none" {
+        let _ = write!(line, " --test {}", model.cond_ind_test);
+    }
     let _ = match model.pc_alpha {
         Some(level) => write!(line, " --pc-alpha {level}"),
         None => write!(line, " --pc-alpha auto"),

@@ -7,7 +7,7 @@ use roscausal_core::{
     Error, Result,
     batch::{Table, table::common_step},
 };
-use roscausal_discovery::{DataFrame, names};
+use roscausal_discovery::{DataFrame, methods::acts_on_of, names};
 use roscausal_reasoning::{
     ActsOn, Settings, StructuralModel, default_acts_on,
     model::{Equations, SCHEMA, graph_of_json},
@@ -137,13 +137,7 @@ impl SourceArgs {
 
     fn acts_on(&self) -> Result<ActsOn> {
         let Some(given) = &self.acts_on else { return Ok(default_acts_on()) };
-        let pair = |text: &String| {
-            let (column, variable) = text.split_once('=').ok_or_else(|| {
-                Error::param("acts-on", format!("'{text}' is no pair; write it like do_robot_speed=r_v"))
-            })?;
-            Ok((column.trim().to_owned(), variable.trim().to_owned()))
-        };
-        given.iter().map(pair).collect()
+        Ok(acts_on_of(given)?)
     }
 
     /// The graph's variables and the columns of interventions, which a file may lack.

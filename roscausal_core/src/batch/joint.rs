@@ -128,7 +128,12 @@ impl Joint {
             .collect();
         let mut context = Vec::new();
         for name in told {
-            let mut values = tables.iter().flat_map(|(table, _)| column(table, name));
+            // A batch without the column is one without the intervention.
+            let of = |table: &Table| match table.names.contains(name) {
+                true => column(table, name),
+                false => vec![0.0],
+            };
+            let mut values = tables.iter().flat_map(|(table, _)| of(table));
             let first = values.next();
             if values.all(|value| Some(value) == first) {
                 notes_on_context
@@ -402,6 +407,16 @@ mod tests {
         assert_eq!(part.data.var_names(), ["h_v", "h_dg", "do_robot_speed"]);
         assert_eq!(part.exogenous, ["do_robot_speed"]);
         assert_eq!(rows(&part), [[1.0, 2.0, 0.0, 2.0, 3.0, 0.0], [1.0, 2.0, 0.0, 2.0, 3.0, 0.2]]);
+        let all_along = batch(
+            dir.path(),
+            "c",
+            "time,h_v,h_dg,do_robot_off\n7,1,2,1\n8,2,3,1\n",
+            r#"{"ids": [1], "context": ["do_robot_off"]}"#,
+        );
+        let free = dir.path().join("a.csv");
+        let part =
+            Joint::read(&[free, all_along]).expect("reads").parts(People::Pooled).expect("one").remove(0);
+        assert_eq!(part.exogenous, ["do_robot_off"], "imposed in all of one batch and in none of the other");
         assert!(
             joint.warnings.iter().any(|warning| warning.contains("'do_human_v' is the same in all rows"))
         );

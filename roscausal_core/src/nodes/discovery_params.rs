@@ -7,7 +7,7 @@ use roscausal_discovery::{
     changes::Levels,
     confidence::{Resampling, Scheme},
     independence_tests::GpSearch,
-    methods::{Fdr, Method},
+    methods::{ActsOn, Fdr, Method, acts_on_of, usual_acts_on},
     transfer_entropy::TeEstimator,
 };
 
@@ -65,21 +65,22 @@ pub(super) fn specs() -> Vec<ParamSpec> {
             "cd_method",
             text(Method::default().name()),
             Any,
-            "fpcmci, pcmci, pcmciplus, fullci, bivci, lagdep, granger, varlingam, dynotears, lpcmci, or a program in cd_method_dir",
+            "fpcmci, pcmci, pcmciplus, fullci, bivci, lagdep, granger, varlingam, dynotears, lpcmci, candoit, jpcmciplus, or a program in cd_method_dir",
         ),
         ParamSpec::new("cd_method_dir", text(""), Any, "folder of external methods (programs)"),
         ParamSpec::new(
             "cond_ind_test",
             text("gpdc"),
             Any,
-            "gpdc, parcorr, robustparcorr, cmiknn, cmisymb or gsquared",
+            "gpdc, parcorr, robustparcorr, parcorrwls, cmiknn, cmisymb, gsquared or regressionci",
         ),
         ParamSpec::new("sig_alpha", Double(0.05), Range(1e-9, 0.999), "significance level of a link"),
         ParamSpec::new(
             "pc_alpha",
-            Double(0.2),
-            Range(0.0, 0.999),
-            "significance level of the condition selection; 0: chosen by a score",
+            Double(-1.0),
+            Range(-1.0, 0.999),
+            "significance level of the condition selection; -1: the method's own (pcmci 0.2, lpcmci 0.05, pcmciplus 0.01); 0: chosen by \
+             a score",
         ),
         ParamSpec::new(
             "f_alpha",
@@ -113,6 +114,17 @@ pub(super) fn specs() -> Vec<ParamSpec> {
         ),
         ParamSpec::new("min_lag", Int(1), Range(0.0, 1000.0), "smallest lag, in steps"),
         ParamSpec::new("max_lag", Int(1), Range(1.0, 1000.0), "largest lag, in steps"),
+        ParamSpec::new(
+            "acts_on",
+            Value::List(
+                usual_acts_on()
+                    .iter()
+                    .map(|(column, variable)| text(&format!("{column}={variable}")))
+                    .collect(),
+            ),
+            Any,
+            "candoit: columns of interventions and the variable that each sets, such as do_robot_speed=r_v",
+        ),
         ParamSpec::new("seed", Int(42), Range(0.0, 9e15), "seed of all random numbers"),
         ParamSpec::new(
             "people",
@@ -252,7 +264,12 @@ impl DiscoveryParams {
             method,
             cond_ind_test: params.text("cond_ind_test"),
             alpha: params.double("sig_alpha"),
-            pc_alpha: positive("pc_alpha").map_or(PcAlpha::ByScore, PcAlpha::Fixed),
+            pc_alpha: match params.double("pc_alpha") {
+                level if level < 0.0 => PcAlpha::Default,
+                0.0 => PcAlpha::ByScore,
+                level => PcAlpha::Fixed(level),
+            },
+            acts_on: acts_on(params)?,
             f_alpha: positive("f_alpha"),
             te_estimator: params.text("te_estimator").parse().map_err(in_the_nodes_words)?,
             fdr: params.text("fdr_method").parse().map_err(in_the_nodes_words)?,
@@ -317,6 +334,12 @@ fn rolling_of(params: &Params) -> Option<RollParams> {
         changes: detects.then_some(levels),
         change_rows: params.count("change_rows"),
     })
+}
+
+/// What interventions act on; `None`: as usual, as far as the columns are there.
+fn acts_on(params: &Params) -> Result<Option<ActsOn>> {
+    let given = acts_on_of(&params.list("acts_on")).map_err(in_the_nodes_words)?;
+    Ok(Some(given).filter(|given| *given != usual_acts_on()))
 }
 
 /// How to resample; `None` without resamples.

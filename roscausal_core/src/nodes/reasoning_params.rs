@@ -2,6 +2,7 @@
 
 use std::{fs, path::PathBuf};
 
+use roscausal_discovery::methods::acts_on_of;
 use roscausal_reasoning::{
     ActsOn, Facts, Settings,
     graph::Graph,
@@ -112,13 +113,10 @@ impl ReasoningParams {
             interval: params.double("interval"),
             ..Settings::default()
         };
-        let pair = |text: &String| {
-            let (column, variable) = text.split_once('=').ok_or_else(|| {
-                Error::param("acts_on", format!("'{text}' is no pair; write it like do_robot_speed=r_v"))
-            })?;
-            Ok((column.trim().to_owned(), variable.trim().to_owned()))
-        };
-        let acts_on: ActsOn = params.list("acts_on").iter().map(pair).collect::<Result<_>>()?;
+        let acts_on = acts_on_of(&params.list("acts_on")).map_err(|error| match Error::from(error) {
+            Error::Param { reason, .. } => Error::param("acts_on", reason),
+            other => other,
+        })?;
         let (max_samples, min_samples) = (params.count("max_samples"), params.count("min_samples"));
         if min_samples > max_samples {
             let reason = format!("{min_samples} is more than max_samples ({max_samples}); give less");

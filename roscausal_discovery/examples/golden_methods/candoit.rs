@@ -17,8 +17,9 @@ pub(crate) fn run(case: &Value, set: &Path) -> Answer<Value> {
     let data = data_of(case, set, case["reading"] == "concat")?;
     let settings = lpcmci::settings(&case["params"], data.n_vars())?;
     let listed = case["interventions"].as_array().into_iter().flatten();
-    let intervened =
-        |i: &Value| Some(Intervened { variable: count(&i["variable"])?, context: count(&i["context"])? });
+    let intervened = |i: &Value| {
+        Some(Intervened { variable: Some(count(&i["variable"])?), context: count(&i["context"])? })
+    };
     let interventions: Vec<Intervened> = listed.filter_map(intervened).collect();
     let with_rule = case["extra_conditions"].as_bool().unwrap_or(true);
     let test = test_of(case)?;

@@ -94,7 +94,8 @@ fn graph_of(
     let control = Control::default();
     let found = if with_contexts {
         let listed = system["interventions"].as_array().into_iter().flatten();
-        let intervened = |i: &Value| Some(Intervened { variable: count(&i[0])?, context: count(&i[1])? });
+        let intervened =
+            |i: &Value| Some(Intervened { variable: Some(count(&i[0])?), context: count(&i[1])? });
         let interventions: Vec<Intervened> = listed.filter_map(intervened).collect();
         let with_rule = !experiment.ends_with("plain");
         run_candoit(&data, test.as_ref(), &settings, &interventions, with_rule, &control)

@@ -1,5 +1,6 @@
 //! One analysis, from settings to model. The commands and the discovery node all enter here.
 
+mod contexts;
 mod outcome;
 mod settings;
 
@@ -226,8 +227,47 @@ mod tests {
         DataFrame::new(vec![values], vec!["a".into(), "b".into()]).unwrap()
     }
 
+    /// The pair twice, with a context for each method that has some: `do_a` sets `a` in the second recording.
+    fn pair_for(method: Method) -> DataFrame {
+        let (plain, data) = (pair().recordings()[0].clone(), pair());
+        let names = |more: &[&str]| {
+            let more = more.iter().map(|name| (*name).to_owned());
+            data.var_names().iter().cloned().chain(more).collect()
+        };
+        match method {
+            Method::Jpcmciplus => {
+                let other = plain.slice(ndarray::s![..;-1, ..]).to_owned();
+                let mut other = other + 3.0;
+                (1..300).for_each(|t| other[[t, 1]] = 0.7 * other[[t - 1, 0]] + plain[[299 - t, 0]]);
+                DataFrame::new(vec![plain, other], names(&[])).unwrap()
+            }
+            Method::Candoit => {
+                let imposed = |on: f64| {
+                    let value = |t: usize| if t % 3 == 0 { on } else { 0.0 };
+                    let mut wide = ndarray::Array2::from_shape_fn((300, 3), |(t, v)| match v {
+                        2 => value(t),
+                        0 => plain[[t, 0]] + 2.0 * value(t),
+                        _ => plain[[t, 1]],
+                    });
+                    (1..300).for_each(|t| wide[[t, 1]] += 1.4 * value(t - 1));
+                    wide
+                };
+                DataFrame::new(vec![imposed(0.0), imposed(1.0)], names(&["do_a"])).unwrap()
+            }
+            _ => data,
+        }
+    }
+
     fn settings(method: Method) -> Settings {
-        Settings { method, tau_min: method.info().tau_min, ..Settings::default() }
+        let acts_on = (method == Method::Candoit).then(|| vec![("do_a".to_owned(), "a".to_owned())]);
+        let info = method.info();
+        Settings {
+            method,
+            acts_on,
+            tau_min: info.tau_min,
+            cond_ind_test: info.test.to_owned(),
+            ..Settings::default()
+        }
     }
 
     #[test]
@@ -253,13 +293,89 @@ mod tests {
     fn every_method_finds_the_link_and_names_its_test() {
         for method in Method::all().filter(|method| *method != Method::Lagdep) {
             let of_method = Settings { cond_ind_test: "parcorr".into(), ..settings(method) };
-            let model = analyse(&pair(), &of_method, &Control::default()).unwrap();
+            let model = analyse(&pair_for(method), &of_method, &Control::default()).unwrap();
             let found =
                 model.links.iter().any(|link| link.cause == "a" && link.effect == "b" && link.lag == 1);
             assert!(found, "{method}: {:?}", model.links);
             let test = if method.info().asks_test { "parcorr" } else { "none" };
             assert_eq!(model.cond_ind_test, test, "{method}");
         }
+    }
+
+    fn refused(data: &DataFrame, settings: &Settings) -> String {
+        analyse(data, settings, &Control::default()).unwrap_err().to_string()
+    }
+
+    #[test]
+    fn the_dummy_is_no_variable_of_the_model_and_is_told() {
+        let data = pair_for(Method::Jpcmciplus);
+        let model = analyse(&data, &settings(Method::Jpcmciplus), &Control::default()).unwrap();
+        assert_eq!((model.features.len(), model.graph.len(), model.n_recordings), (2, 2, 2));
+        assert!(
+            model.warnings.iter().any(|told| told.contains("the recordings differ in a")),
+            "{:?}",
+            model.warnings
+        );
+    }
+
+    #[test]
+    fn what_is_constant_in_each_recording_is_a_context_and_nothing_drives_it() {
+        let with_age = |(k, of): (usize, &ndarray::Array2<f64>)| {
+            ndarray::Array2::from_shape_fn((300, 3), |(t, v)| if v == 2 { k as f64 } else { of[[t, v]] })
+        };
+        let wide = pair_for(Method::Jpcmciplus).recordings().iter().enumerate().map(with_age).collect();
+        let names = ["a", "b", "age"].map(str::to_owned).to_vec();
+        let data = DataFrame::new(wide, names).unwrap();
+        let model = analyse(&data, &settings(Method::Jpcmciplus), &Control::default()).unwrap();
+        assert!(model.links.iter().all(|link| link.effect != "age"), "{:?}", model.links);
+        assert!(model.warnings.iter().any(|told| told.contains("taken as contexts") && told.contains("age")));
+    }
+
+    #[test]
+    fn contexts_and_interventions_that_the_data_do_not_have_are_one_sentence() {
+        let of = settings(Method::Jpcmciplus);
+        let data = pair_for(Method::Jpcmciplus);
+        let error = refused(&data, &Settings { exogenous: vec!["b".into()], ..of.clone() });
+        assert!(error.contains("'b' varies within recording 1") && error.contains("candoit"), "{error}");
+        let error = refused(&pair(), &of);
+        assert!(error.contains("there is one") && error.contains("pcmciplus"), "{error}");
+        let error = Settings { cond_ind_test: "gpdc".into(), ..of.clone() }.check().unwrap_err().to_string();
+        assert!(error.contains("take parcorr"), "{error}");
+        assert!(Settings { pc_alpha: PcAlpha::ByScore, ..of.clone() }.check().is_err());
+        assert!(Settings { tau_min: 1, ..of.clone() }.check().is_err());
+        let long = Settings { tau_max: 200, ..of };
+        let error = refused(&data, &long);
+        assert!(error.contains("record longer"), "{error}");
+
+        let of = settings(Method::Candoit);
+        let error = refused(&pair(), &of);
+        assert!(error.contains("do_a=a") && error.contains("no column 'do_a'"), "{error}");
+        let error = refused(&pair(), &Settings { acts_on: None, ..of.clone() });
+        assert!(error.contains("no column holds one") && error.contains("take lpcmci"), "{error}");
+        let still = pair_for(Method::Candoit).recordings()[0].clone();
+        let names = ["a", "b", "do_a"].map(str::to_owned).to_vec();
+        let error = refused(&DataFrame::new(vec![still], names).unwrap(), &of);
+        assert!(error.contains("nothing was imposed"), "{error}");
+    }
+
+    #[test]
+    fn what_an_intervention_sets_is_given_and_what_was_not_recorded_may_drive_all() {
+        let data = pair_for(Method::Candoit);
+        let of = Settings { cond_ind_test: "parcorr".into(), ..settings(Method::Candoit) };
+        let model = analyse(&data, &of, &Control::default()).unwrap();
+        assert_eq!(model.graph[2][0][0], "-->");
+        assert!(model.graph[2][2].iter().all(String::is_empty));
+        assert!(model.warnings.iter().any(|told| told.contains("'do_a' drives 'a': this was given")));
+        // Named as exogenous alone, it may drive any variable, and still nothing drives it.
+        let free = Settings { acts_on: None, exogenous: vec!["do_a".into()], ..of };
+        let model = analyse(&data, &free, &Control::default()).unwrap();
+        assert_eq!(model.graph[2][0][0], "-->");
+        assert!(model.warnings.iter().any(|told| told.contains("may drive any of them")));
+        assert!(
+            model.links.iter().all(|link| link.effect != "do_a" || link.cause == "do_a"),
+            "{:?}",
+            model.links
+        );
     }
 
     #[test]

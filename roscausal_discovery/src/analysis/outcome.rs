@@ -2,13 +2,16 @@
 
 use ndarray::Array3;
 
-use super::settings::Settings;
+use super::{
+    contexts::{of_variables, remarks_on_interventions, without_their_past},
+    settings::Settings,
+};
 use crate::{
     ground::{CondIndTest, Control, DataFrame, LinkMark, Result},
     methods::{
-        FpcmciResult, FpcmciSettings, Method, PcmciResult, Status, get_lagged_dependencies, run_bivci,
-        run_dynotears, run_fpcmci, run_fullci, run_granger, run_lpcmci, run_pcmci, run_pcmciplus,
-        run_varlingam,
+        FpcmciResult, FpcmciSettings, LpcmciSettings, Method, PcmciResult, Status, get_lagged_dependencies,
+        run_bivci, run_candoit, run_dynotears, run_fpcmci, run_fullci, run_granger, run_jpcmciplus,
+        run_lpcmci, run_pcmci, run_pcmciplus, run_varlingam,
     },
 };
 
@@ -61,8 +64,29 @@ impl Outcome {
             Method::Lpcmci => {
                 run_lpcmci(data, test, &settings.lpcmci(data), control).map(|found| found.result)
             }
+            Method::Candoit => Self::candoit(data, test, settings, control),
+            Method::Jpcmciplus => {
+                let chosen = settings.jpcmciplus(data)?;
+                let found = run_jpcmciplus(data, test, &chosen, control)?;
+                Ok(of_variables(&found, data, &chosen.classes))
+            }
         };
         Ok(Self::Plain(Box::new(plain?)))
+    }
+
+    /// CAnDOIT; the interventions are part of the result, as the causes of what they set.
+    fn candoit(
+        data: &DataFrame,
+        test: &dyn CondIndTest,
+        settings: &Settings,
+        control: &Control,
+    ) -> Result<PcmciResult> {
+        let interventions = settings.interventions(data)?;
+        let lpcmci = LpcmciSettings { link_assumptions: None, ..settings.lpcmci(data) };
+        let mut result = run_candoit(data, test, &lpcmci, &interventions, true, control)?.result;
+        without_their_past(&mut result, &interventions);
+        result.remarks.extend(remarks_on_interventions(data, &interventions));
+        Ok(result)
     }
 
     /// Whether the method came to its end.

@@ -1,11 +1,11 @@
 //! What to analyse, and how.
 
 use crate::{
-    ground::{DataFrame, Error, LinkAssumptions, Result, names},
+    ground::{DataFrame, Dummy, Error, LinkAssumptions, Result, names},
     independence_tests::{self, GpSearch, Significance},
     methods::{
-        DynotearsSettings, Fdr, GrangerSettings, LpcmciSettings, Method, PcmciPlusSettings, PcmciSettings,
-        Reads, VarlingamSettings,
+        ActsOn, DynotearsSettings, Fdr, GrangerSettings, LpcmciSettings, Method, PcmciPlusSettings,
+        PcmciSettings, Reads, VarlingamSettings,
     },
     model::{self, Model},
     transfer_entropy::TeEstimator,
@@ -59,6 +59,9 @@ pub struct Settings {
     pub fdr: Fdr,
     /// Variables that may be causes only: no link points to them.
     pub exogenous: Vec<String>,
+    /// CAnDOIT: columns of interventions, and the variable that each sets; `None`: those of the simulator, as far as they are
+    /// there ([`usual_acts_on`](crate::methods::usual_acts_on)).
+    pub acts_on: Option<ActsOn>,
     /// Seed of all random numbers.
     pub seed: u64,
     /// How GPDC searches for the maximum of a likelihood.
@@ -93,6 +96,7 @@ impl Default for Settings {
             neglect_only_autodep: true,
             fdr: Fdr::None,
             exogenous: Vec::new(),
+            acts_on: None,
             seed: 42,
             gp_search: GpSearch::Default,
             gp_restarts: 0,
@@ -112,7 +116,10 @@ impl Settings {
     /// # Errors
     /// The first invalid setting: its name, its value, and what is allowed.
     pub fn check(&self) -> Result<()> {
-        independence_tests::by_name(&self.cond_ind_test, &self.test_settings())?;
+        let test = independence_tests::by_name(&self.cond_ind_test, &self.test_settings())?;
+        if self.method == Method::Jpcmciplus {
+            test.with_dummies(&[Dummy::Space])?;
+        }
         self.check_numbers()
     }
 
@@ -131,9 +138,22 @@ impl Settings {
             return Err(Error::param("tau-max", reason));
         }
         let info = self.method.info();
-        if self.method == Method::Lpcmci {
-            self.check_lpcmci()?;
-        } else if self.tau_max == 0 && !info.models_lag_zero {
+        match self.method {
+            Method::Lpcmci => self.check_lpcmci()?,
+            Method::Candoit => {
+                self.check_lpcmci()?;
+                self.check_lag_zero("interventions act at lag 0")?;
+            }
+            Method::Jpcmciplus => {
+                self.check_lag_zero("contexts act at lag 0")?;
+                if self.pc_alpha == PcAlpha::ByScore {
+                    let reason = "jpcmciplus has no score that chooses a level; give one, such as 0.01";
+                    return Err(Error::param("pc-alpha", reason));
+                }
+            }
+            _ => {}
+        }
+        if self.method != Method::Lpcmci && self.tau_max == 0 && !info.models_lag_zero {
             return Err(Error::param("tau-max", "0 leaves no past; give at least 1"));
         }
         if self.tau_min == 0 && !info.lag_zero {
@@ -147,6 +167,11 @@ impl Settings {
                 format!("{}: {} models lag 0 too; give 0, or leave it out", self.tau_min, self.method);
             return Err(Error::param("tau-min", reason));
         }
+        let of_its_own = !info.asks_test || self.method == Method::Candoit;
+        if self.link_assumptions.is_some() && of_its_own {
+            let reason = format!("{} does not read what is known of links; leave it out", self.method);
+            return Err(Error::param("links", reason));
+        }
         if self.fdr != Fdr::None && !info.asks_test && self.method != Method::Granger {
             return Err(Error::param(
                 "fdr",
@@ -156,31 +181,42 @@ impl Settings {
         Ok(())
     }
 
+    fn check_lag_zero(&self, why: &str) -> Result<()> {
+        if self.tau_min == 0 {
+            return Ok(());
+        }
+        Err(Error::param("tau-min", format!("{}: {why}; give 0, or leave it out", self.tau_min)))
+    }
+
     /// LPCMCI has one level, no correction, and works on data without time, too.
     fn check_lpcmci(&self) -> Result<()> {
         if self.pc_alpha == PcAlpha::ByScore {
             return Err(Error::param(
                 "pc-alpha",
-                "lpcmci has no score that chooses a level; give one, such as 0.05",
+                format!("{} has no score that chooses a level; give one, such as 0.05", self.method),
             ));
         }
         if self.fdr != Fdr::None {
-            let reason = "a p-value of lpcmci is the largest of many tests and is not corrected; choose none";
+            let method = self.method;
+            let reason = format!(
+                "a p-value of {method} is the largest of many tests and is not corrected; choose none"
+            );
             return Err(Error::param("fdr", reason));
         }
         Ok(())
     }
 
     pub(crate) fn lpcmci(&self, data: &DataFrame) -> LpcmciSettings {
-        let of_name = |name| names::position(data.var_names(), name);
-        let context: Vec<usize> = self.exogenous.iter().filter_map(|name| of_name(name)).collect();
-        let all = LinkAssumptions::all_with_hidden_causes(data.n_vars(), self.tau_min, self.tau_max);
+        let context = self.context(data);
+        let given = self.link_assumptions.clone().map(LinkAssumptions::allowing_hidden_causes);
+        let restricted = given.is_some() || !context.is_empty();
+        let all = || LinkAssumptions::all_with_hidden_causes(data.n_vars(), self.tau_min, self.tau_max);
         let usual = LpcmciSettings::default();
         LpcmciSettings {
             tau_min: self.tau_min,
             tau_max: self.tau_max,
             pc_alpha: self.level_of_pc().unwrap_or(usual.pc_alpha),
-            link_assumptions: (!context.is_empty()).then(|| all.exogenous(&context)),
+            link_assumptions: restricted.then(|| given.unwrap_or_else(all).exogenous(&context)),
             ..usual
         }
     }
@@ -244,7 +280,7 @@ impl Settings {
     }
 
     /// The exogenous variables by their place.
-    fn context(&self, data: &DataFrame) -> Vec<usize> {
+    pub(super) fn context(&self, data: &DataFrame) -> Vec<usize> {
         self.exogenous.iter().filter_map(|name| names::position(data.var_names(), name)).collect()
     }
 

@@ -55,13 +55,20 @@ impl<'a> Known<'a> {
                 mci_conditions(x, parents(effect), parents(x.var), &mut z);
                 note = "PCMCI+ also tests it given sets of variables at lag 0; the weakest of these tests counts";
             }
+            Method::Jpcmciplus => {
+                mci_conditions(x, parents(effect), parents(x.var), &mut z);
+                note = "J-PCMCI+ also tests it given contexts, which recording a sample is from, and sets of variables at lag 0; the \
+                        weakest of these tests counts";
+            }
             Method::Fullci => z.extend((0..n_vars).flat_map(past).filter(|node| *node != x)),
             Method::Bivci => z.extend(past(effect).filter(|node| *node != x)),
             Method::Lagdep => note = "a dependence without conditions is no causal link",
             Method::Granger | Method::Varlingam | Method::Dynotears => {
                 note = "one linear model of all variables at once; there are no conditions of a single link";
             }
-            Method::Lpcmci => note = "LPCMCI tests it given many sets; the weakest of these tests counts",
+            Method::Lpcmci | Method::Candoit => {
+                note = "it is tested given many sets; the weakest of these tests counts";
+            }
         }
         (z, note.to_owned())
     }

@@ -174,6 +174,26 @@ impl LinkAssumptions {
         links
     }
 
+    /// The same, where nothing is known of hidden causes: what may exist in one direction may also have a hidden cause.
+    ///
+    /// ```
+    /// use roscausal_discovery::{Assumption, LinkAssumptions};
+    ///
+    /// let links = LinkAssumptions::all(2, 0, 1).allowing_hidden_causes();
+    /// assert_eq!(links.get(0, 1, 1), Some(Assumption::TestNotBack));
+    /// ```
+    #[must_use]
+    pub fn allowing_hidden_causes(mut self) -> Self {
+        for assumption in self.targets.iter_mut().flat_map(BTreeMap::values_mut) {
+            *assumption = match *assumption {
+                Assumption::Test => Assumption::TestNotBack,
+                Assumption::TestBackward => Assumption::TestNotForward,
+                known => known,
+            };
+        }
+        self
+    }
+
     /// Removes all links that point to the variables `context`, such as weather or time of day. They have no
     /// parents, not even their own past. At lag 0 they can only be causes.
     #[must_use]

@@ -16,10 +16,47 @@ use crate::ground::{Assumption, CondIndTest, Control, DataFrame, Error, LinkAssu
 /// A variable on which values were imposed, and the column that holds them.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Intervened {
-    /// Column of the variable.
-    pub variable: usize,
+    /// Column of the variable; `None`: it was not recorded, so the context may drive any variable, and nothing drives it.
+    pub variable: Option<usize>,
     /// Column of its context: the imposed value while it is imposed, else 0.
     pub context: usize,
+}
+
+/// Columns of interventions, and the variable that each sets.
+pub type ActsOn = Vec<(String, String)>;
+
+/// What the simulator's interventions act on.
+///
+/// ```
+/// use roscausal_discovery::methods::usual_acts_on;
+///
+/// assert!(usual_acts_on().contains(&("do_robot_speed".into(), "r_v".into())));
+/// ```
+pub fn usual_acts_on() -> ActsOn {
+    let pairs =
+        [("do_robot_speed", "r_v"), ("do_robot_off", "r_v"), ("do_human_v", "h_v"), ("do_human_stop", "h_v")];
+    pairs.map(|(column, variable)| (column.to_owned(), variable.to_owned())).to_vec()
+}
+
+/// Reads what interventions act on.
+///
+/// ```
+/// use roscausal_discovery::methods::acts_on_of;
+///
+/// assert_eq!(acts_on_of(&["do_x=x"])?, [("do_x".to_owned(), "x".to_owned())]);
+/// # Ok::<(), roscausal_discovery::Error>(())
+/// ```
+///
+/// # Errors
+/// A text that is not `COLUMN=VARIABLE`.
+pub fn acts_on_of(texts: &[impl AsRef<str>]) -> Result<ActsOn> {
+    let pair = |text: &str| match text.split_once('=') {
+        Some((column, variable)) => Ok((column.trim().to_owned(), variable.trim().to_owned())),
+        None => {
+            Err(Error::param("acts-on", format!("'{text}' is no pair; write it like do_robot_speed=r_v")))
+        }
+    };
+    texts.iter().map(|text| pair(text.as_ref())).collect()
 }
 
 /// CAnDOIT: [`run_lpcmci`] with one context column per intervened variable. Each batch of interventions is a recording of its
@@ -44,7 +81,7 @@ pub fn run_candoit(
 ) -> Result<LpcmciResult> {
     check(data, settings, interventions)?;
     let links = assumptions(data.n_vars(), settings.tau_max, interventions)?;
-    let pairs = interventions.iter().map(|one| (one.variable, one.context));
+    let pairs = interventions.iter().filter_map(|one| Some((one.variable?, one.context)));
     let settings = LpcmciSettings {
         tau_min: 0,
         link_assumptions: Some(links),
@@ -66,11 +103,12 @@ fn check(data: &DataFrame, settings: &LpcmciSettings, interventions: &[Intervene
         return Err(Error::param("link_assumptions", "candoit makes them from the interventions; give none"));
     }
     for (k, one) in interventions.iter().enumerate() {
-        if one.variable.max(one.context) >= data.n_vars() {
-            return fail(format!("column {} does not exist", one.variable.max(one.context)));
+        let last = one.variable.map_or(one.context, |variable| variable.max(one.context));
+        if last >= data.n_vars() {
+            return fail(format!("column {last} does not exist"));
         }
         let twice = interventions[..k].iter().any(|other| other.context == one.context);
-        if twice || interventions.iter().any(|other| other.variable == one.context) {
+        if twice || interventions.iter().any(|other| other.variable == Some(one.context)) {
             let name = &data.var_names()[one.context];
             return fail(format!(
                 "'{name}' has two roles; each intervened variable needs a context column of its own"
@@ -91,7 +129,17 @@ fn assumptions(n_vars: usize, tau_max: usize, interventions: &[Intervened]) -> R
         }
     }
     for one in interventions {
-        links.insert(one.context, one.variable, 0, Assumption::Exists)?;
+        match one.variable {
+            Some(variable) => links.insert(one.context, variable, 0, Assumption::Exists)?,
+            // What it acts on was not recorded: it may drive what follows from that.
+            None => {
+                for effect in (0..n_vars).filter(|&var| !is_context(var)) {
+                    for lag in 0..=tau_max {
+                        links.insert(one.context, effect, lag, Assumption::Test)?;
+                    }
+                }
+            }
+        }
         links.insert(one.context, one.context, 1, Assumption::Exists)?;
         for other in interventions.iter().filter(|other| other.context != one.context) {
             links.insert(other.context, one.context, 0, Assumption::ExistsHidden)?;

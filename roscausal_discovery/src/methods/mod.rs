@@ -43,12 +43,13 @@ mod skeleton;
 mod varlingam;
 
 pub use autoregression::Criterion;
-pub use candoit::{Intervened, run_candoit};
+pub use candoit::{ActsOn, Intervened, acts_on_of, run_candoit, usual_acts_on};
 pub use dynotears::{DynotearsResult, DynotearsSettings, run_dynotears};
 pub use fdr::{Fdr, fdr_bh};
 pub use fpcmci::{CausalMatrices, FpcmciResult, FpcmciSettings, run_fpcmci};
 pub use granger::{GrangerResult, GrangerSettings, run_granger};
 pub use jpcmciplus::{JpcmciPlusResult, JpcmciPlusSettings, NodeClass, run_jpcmciplus};
+pub(crate) use jpcmciplus::{is_constant, is_shared};
 pub use lpcmci::{LpcmciResult, LpcmciSettings, Stage, run_lpcmci};
 pub(crate) use mci::mci_conditions;
 pub use pcmci::{get_lagged_dependencies, run_bivci, run_fullci, run_mci, run_pc_stable, run_pcmci};

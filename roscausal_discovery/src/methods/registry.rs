@@ -42,6 +42,10 @@ pub enum Method {
     Dynotears,
     /// Links where common causes may be hidden ([`run_lpcmci`](super::run_lpcmci)).
     Lpcmci,
+    /// The same, with interventions ([`run_candoit`](super::run_candoit)).
+    Candoit,
+    /// Links of several recordings that may differ ([`run_jpcmciplus`](super::run_jpcmciplus)).
+    Jpcmciplus,
 }
 
 /// A setting that some methods read and others do not. Every method reads the level, the lags, the exogenous variables and the
@@ -71,6 +75,8 @@ pub struct MethodInfo {
     pub tau_min: usize,
     /// Level of the condition selection, where the user gives none.
     pub pc_alpha: f64,
+    /// The independence test, where the user names none.
+    pub test: &'static str,
     /// The settings that it reads and not every method does.
     pub reads: &'static [Reads],
     /// Whether it tests links at lag 0.
@@ -102,6 +108,7 @@ const USUAL: MethodInfo = MethodInfo {
     aliases: &[],
     tau_min: 1,
     pc_alpha: 0.2,
+    test: "gpdc",
     reads: &[],
     lag_zero: true,
     hidden_causes: false,
@@ -116,7 +123,7 @@ const USUAL: MethodInfo = MethodInfo {
 };
 
 /// All methods, in the order of the enum: one entry each, which says how the method differs from the usual.
-const METHODS: [MethodInfo; 10] = {
+const METHODS: [MethodInfo; 12] = {
     use Reads::{FAlpha, NeglectOnlyAutodep, PcAlpha, TeEstimator};
     const OF_FILTER: &[Reads] = &[PcAlpha, FAlpha, TeEstimator, NeglectOnlyAutodep];
     [
@@ -216,6 +223,33 @@ const METHODS: [MethodInfo; 10] = {
             says: "causes, non-causes and hidden common causes, at lag 0 and later; where it cannot tell",
             cost: "some ten times pcmciplus",
             take_it: "when not everything was recorded",
+            ..USUAL
+        },
+        MethodInfo {
+            method: Method::Candoit,
+            name: "candoit",
+            tau_min: 0,
+            pc_alpha: 0.05,
+            reads: &[PcAlpha],
+            hidden_causes: true,
+            assumes: "as lpcmci; each intervention has a column: the imposed value, or 0",
+            says: "as lpcmci; interventions tell causes from common causes",
+            cost: "as lpcmci, with a column for each intervention",
+            take_it: "when something was imposed for a while, such as a robot that stood still",
+            ..USUAL
+        },
+        MethodInfo {
+            method: Method::Jpcmciplus,
+            name: "jpcmciplus",
+            aliases: &["jpcmci+"],
+            tau_min: 0,
+            pc_alpha: 0.01,
+            test: "parcorr",
+            reads: &[PcAlpha],
+            assumes: "all common causes recorded but what is constant in a recording; linear effects, the same in all recordings",
+            says: "as pcmciplus; what several recordings differ in makes no link",
+            cost: "as pcmciplus, three times",
+            take_it: "when several people, robots or days are pooled",
             ..USUAL
         },
     ]
@@ -318,6 +352,8 @@ mod tests {
             ("pcmci+", Method::Pcmciplus),
             ("pcmci_plus", Method::Pcmciplus),
             ("lagged_dependencies", Method::Lagdep),
+            ("J-PCMCI+", Method::Jpcmciplus),
+            ("CAnDOIT", Method::Candoit),
         ] {
             assert_eq!(text.parse::<Method>().unwrap(), method, "{text}");
         }

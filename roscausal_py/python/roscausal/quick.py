@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import os
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, Literal
 
 from . import _native
@@ -13,8 +13,9 @@ from .model import Model
 from .progress import Progress, reporter
 
 Method = Literal[
-    "fpcmci", "pcmci", "pcmciplus", "fullci", "bivci", "lagdep", "granger", "varlingam", "dynotears", "lpcmci"
-]
+    "fpcmci", "pcmci", "pcmciplus", "fullci", "bivci", "lagdep", "granger", "varlingam", "dynotears", "lpcmci", "candoit",
+    "jpcmciplus",
+]  # fmt: skip
 
 
 def discover(
@@ -22,7 +23,7 @@ def discover(
     *,
     columns: Sequence[str] | None = None,
     method: Method | str = "fpcmci",
-    test: str | Callable[..., Any] | object = "gpdc",
+    test: str | Callable[..., Any] | object | None = None,
     alpha: float = 0.05,
     tau_min: int | None = None,
     tau_max: int = 1,
@@ -31,6 +32,7 @@ def discover(
     te_estimator: str = "auto",
     fdr: Literal["none", "fdr_bh"] = "none",
     exogenous: Sequence[str] = (),
+    acts_on: Mapping[str, str] | None = None,
     dt: float | None = None,
     gp_search: Literal["default", "exact"] = "default",
     gp_restarts: int = 0,
@@ -51,18 +53,19 @@ def discover(
             .csv, .bag, .mcap or .db3 file; what `rc.read` returns; or a list of these, as recordings of one system. NaN,
             None and masked values are missing. A column `time` gives the step and is no variable.
         columns: The variables to analyse, in this order; for an array: its names.
-        method: fpcmci, pcmci, pcmciplus, lpcmci, fullci, bivci, granger, varlingam, dynotears or lagdep.
-        test: gpdc, parcorr, robustparcorr, cmiknn, gsquared or cmisymb; or your own: a function `f(x, y, z) -> (value, p)` of arrays
+        method: fpcmci, pcmci, pcmciplus, lpcmci, candoit, jpcmciplus, fullci, bivci, granger, varlingam, dynotears or lagdep.
+        test: None: the method's own (jpcmciplus: parcorr, else gpdc); gpdc, parcorr, robustparcorr, cmiknn, gsquared, cmisymb, parcorrwls or regressionci; or your own: a function `f(x, y, z) -> (value, p)` of arrays
             (n,), (n,), (n, k), or an object with `run_test_raw(x, y, z)` of arrays (n, 1), (n, 1), (n, k), or with
             `run_test(X, Y, Z, tau_max)` of nodes `[(variable, -lag)]`.
         alpha: Level of significance of a link, in (0, 1).
-        tau_min: Smallest lag in steps; None: 0 for pcmciplus, else 1.
+        tau_min: Smallest lag in steps; None: 0 for methods that know links at lag 0 with a direction, else 1.
         tau_max: Largest lag in steps.
         pc_alpha: Level of the condition selection; None: the method's own; "auto": chosen by a score.
         f_alpha: Level of F-PCMCI's filter; None: alpha.
         te_estimator: Estimator of F-PCMCI's filter: auto, gaussian, kraskov, ...
         fdr: Correction for many tests.
-        exogenous: Variables that may be causes only.
+        exogenous: Variables that may be causes only; for jpcmciplus: contexts.
+        acts_on: For candoit: columns of interventions to the variable that each sets; None: the demo's, as far as they are there.
         dt: Seconds per step; None: from the data.
         gp_search: How GPDC searches for its maxima.
         gp_restarts: GPDC's searches from random places.
@@ -98,10 +101,11 @@ def discover(
         found, method=method, alpha=alpha, tau_min=tau_min, tau_max=tau_max, pc_alpha=pc_alpha, f_alpha=f_alpha,
         te_estimator=te_estimator, fdr=fdr, exogenous=exogenous, dt=dt, gp_search=gp_search, gp_restarts=gp_restarts, seed=seed,
         threads=threads, time_budget=time_budget, max_memory=max_memory,
+        acts_on=None if acts_on is None else dict(acts_on),
     )  # fmt: skip
     settings |= {"resamples": resamples, "resampling": resampling, "share": share, "block": block}
     own = None
-    if isinstance(test, str):
+    if test is None or isinstance(test, str):
         settings["test"] = test
     else:
         own = test

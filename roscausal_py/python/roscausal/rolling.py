@@ -137,7 +137,7 @@ def roll(
     step: int | None = None,
     columns: Sequence[str] | None = None,
     method: Method | str = "fpcmci",
-    test: str = "gpdc",
+    test: str | None = None,
     progress: Progress = None,
     **settings: Any,
 ) -> Rolling:
@@ -149,7 +149,7 @@ def roll(
         step: Rows from one window to the next; None: as many as a window has.
         columns: The variables to analyse, in this order; for an array: its names.
         method: As for `rc.discover`.
-        test: Name of an independence test.
+        test: Name of an independence test; None: the method's own.
         progress: True: a bar; or a function of (windows done, windows).
         settings: The other settings of `rc.discover`; not `resamples`.
 
@@ -167,7 +167,7 @@ def roll(
         >>> [(each.start, each.end) for each in found]
         [(0, 200), (100, 300), (200, 400), (300, 500)]
     """
-    if not isinstance(test, str):
+    if test is not None and not isinstance(test, str):
         raise SettingError("setting 'test': windows need a test by its name")
     for name in ("resamples", "resampling", "share", "block"):
         if settings.pop(name, None):

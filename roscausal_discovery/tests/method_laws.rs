@@ -1,0 +1,147 @@
+//! Laws of the methods: what must not change their answer does not.
+
+#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, reason = "a test fails by panicking")]
+
+use std::collections::BTreeSet;
+
+use ndarray::{Array2, Axis, concatenate};
+use roscausal_discovery::{Control, DataFrame, Link, Model, Settings, analyse, methods::Method, mix};
+
+/// Uniform noise of variance 1.
+fn noise(seed: u64, i: usize) -> f64 {
+    12_f64.sqrt() * (mix(seed.wrapping_mul(1_000_003) + i as u64) as f64 / u64::MAX as f64 - 0.5)
+}
+
+/// `a` drives `b`, `b` drives `c`, each one step later; `d` is alone, and `do_d` is imposed on it now and then. Two recordings, the
+/// second of which has other levels.
+fn system(seed: u64) -> DataFrame {
+    let recording = |k: usize| {
+        let mut x = Array2::from_shape_fn((250, 5), |(t, v)| match v {
+            4 => f64::from(u8::from((t / 7) % 5 == k)),
+            _ => noise(seed, 5000 * k + 5 * t + v),
+        });
+        for t in 0..250 {
+            x[[t, 3]] += 2.0 * x[[t, 4]];
+        }
+        for t in 1..250 {
+            x[[t, 1]] += 0.7 * x[[t - 1, 0]];
+            x[[t, 2]] += 0.6 * x[[t - 1, 1]];
+        }
+        for v in 0..4 {
+            x.column_mut(v).mapv_inplace(|value| value + (k * (v + 1)) as f64 / 6.0);
+        }
+        x
+    };
+    let names = ["a", "b", "c", "d", "do_d"].map(str::to_owned).to_vec();
+    DataFrame::new(vec![recording(0), recording(1)], names).unwrap()
+}
+
+/// The columns that a method is for: interventions for CAnDOIT alone.
+fn data_for(method: Method, seed: u64) -> DataFrame {
+    let all = system(seed);
+    if method == Method::Candoit { all } else { all.select(&[0, 1, 2, 3]) }
+}
+
+fn model(data: &DataFrame, method: Method) -> Model {
+    let settings = Settings {
+        method,
+        cond_ind_test: "parcorr".into(),
+        tau_min: method.info().tau_min,
+        tau_max: 2,
+        acts_on: (method == Method::Candoit).then(|| vec![("do_d".into(), "d".into())]),
+        ..Settings::default()
+    };
+    analyse(data, &settings, &Control::default()).unwrap()
+}
+
+/// Links with their marks, as names; a pair at lag 0 is read from the end that comes first in the alphabet.
+fn links(model: &Model) -> BTreeSet<String> {
+    let turned = |mark: &str| -> String {
+        let letter = |c| match c {
+            '<' => '>',
+            '>' => '<',
+            other => other,
+        };
+        mark.chars().rev().map(letter).collect()
+    };
+    let name = |link: &Link| {
+        let Link { cause, effect, lag, mark, .. } = link;
+        match *lag == 0 && cause > effect {
+            true => format!("{effect} {cause} 0 {}", turned(mark)),
+            false => format!("{cause} {effect} {lag} {mark}"),
+        }
+    };
+    model.links.iter().map(name).collect()
+}
+
+/// The methods that find links, as opposed to dependencies.
+fn methods() -> impl Iterator<Item = Method> {
+    Method::all().filter(|method| *method != Method::Lagdep)
+}
+
+#[test]
+fn any_number_of_threads_gives_the_same_bytes() {
+    for method in Method::all() {
+        let data = data_for(method, 1);
+        let run = |threads: usize| {
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+            pool.install(|| model(&data, method).to_json())
+        };
+        assert_eq!(run(1), run(3), "{method}");
+    }
+}
+
+#[test]
+fn the_order_of_the_columns_does_not_matter() {
+    for method in methods() {
+        let differing = (0..6).filter(|&seed| {
+            let data = data_for(method, seed);
+            let turned: Vec<usize> = (0..data.n_vars()).rev().collect();
+            links(&model(&data, method)) != links(&model(&data.select(&turned), method))
+        });
+        // LPCMCI and CAnDOIT promise it up to ties in the order of their searches.
+        let allowed = usize::from(method.info().hidden_causes);
+        assert!(differing.count() <= allowed, "{method}");
+    }
+}
+
+#[test]
+fn a_copy_of_every_recording_changes_no_coefficient_and_loses_no_link() {
+    for method in methods() {
+        let data = data_for(method, 3);
+        let (once, names) = (model(&data, method), data.var_names().to_vec());
+        let twice = DataFrame::new([data.recordings(), data.recordings()].concat(), names).unwrap();
+        let twice = model(&twice, method);
+        for link in once.links.iter().filter(|link| link.value.abs() > 0.3 && link.cause != link.effect) {
+            let same = twice.links.iter().find(|other| {
+                (&other.cause, &other.effect, other.lag) == (&link.cause, &link.effect, link.lag)
+            });
+            let same = same.unwrap_or_else(|| panic!("{method}: {link:?}"));
+            // Tests may choose other conditions with more samples; a model of all variables has none.
+            if !method.info().asks_test && method != Method::Varlingam {
+                assert!((same.value - link.value).abs() < 1e-3, "{method}: {link:?} {same:?}");
+            }
+        }
+    }
+}
+
+#[test]
+fn an_irrelevant_column_changes_no_strong_link() {
+    for method in methods() {
+        let data = data_for(method, 4);
+        let wider = |k: usize, of: &Array2<f64>| {
+            let column = Array2::from_shape_fn((of.nrows(), 1), |(t, _)| noise(77, 5000 * k + t));
+            concatenate(Axis(1), &[of.view(), column.view()]).unwrap()
+        };
+        let recordings = data.recordings().iter().enumerate().map(|(k, of)| wider(k, of)).collect();
+        let names = data.var_names().iter().cloned().chain(["noise".to_owned()]).collect();
+        let wide = model(&DataFrame::new(recordings, names).unwrap(), method);
+        let plain = model(&data, method);
+        for link in plain.links.iter().filter(|link| link.value.abs() > 0.3 && link.cause != link.effect) {
+            let is_same = |other: &&Link| {
+                (&other.cause, &other.effect, other.lag) == (&link.cause, &link.effect, link.lag)
+            };
+            assert!(wide.links.iter().any(|other| is_same(&other)), "{method}: {link:?}");
+        }
+    }
+}

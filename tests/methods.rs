@@ -1,0 +1,147 @@
+//! Methods for several people and for interventions, as users of the command run them.
+
+#![allow(clippy::expect_used, clippy::panic, reason = "a test may panic: that is how it fails")]
+
+mod common;
+
+use std::{fs, path::Path};
+
+use common::roscausal;
+use roscausal_fuzz::unit;
+use serde_json::{Value, json};
+
+/// Rows of two variables that do not depend on each other, both `higher` than noise, and the person's age.
+fn person(seed: u64, higher: f64, age: u32) -> String {
+    let mut state = seed;
+    let mut row = |_| format!("{},{},{age}\n", unit(&mut state) + higher, unit(&mut state) + higher);
+    format!("speed,distance,age\n{}", (0..200).map(&mut row).collect::<String>())
+}
+
+fn two_people(dir: &Path) {
+    fs::write(dir.join("a.csv"), person(3, 0.0, 30)).expect("writes");
+    fs::write(dir.join("b.csv"), person(4, 0.5, 70)).expect("writes");
+}
+
+fn model(dir: &Path, args: &[&str]) -> Value {
+    let out = roscausal(dir, &[args, &["--format", "json"]].concat());
+    assert!(out.status.success(), "{args:?}: {}", String::from_utf8_lossy(&out.stderr));
+    serde_json::from_slice(&out.stdout).expect("JSON")
+}
+
+fn complaint(dir: &Path, args: &[&str]) -> String {
+    let out = roscausal(dir, args);
+    let text = String::from_utf8_lossy(&out.stderr).into_owned();
+    assert!(!out.status.success() && out.stdout.is_empty() && !text.contains("panicked"), "{args:?}: {text}");
+    text
+}
+
+#[test]
+fn people_who_differ_are_pooled_by_one_command_and_the_dummy_is_told() {
+    let dir = tempfile::tempdir().expect("a folder");
+    two_people(dir.path());
+    let pooled = ["discover", "a.csv", "b.csv", "--columns", "speed,distance", "--method"];
+    let blind = model(dir.path(), &[&pooled[..], &["pcmciplus", "--test", "parcorr"]].concat());
+    assert_ne!(blind["graph"][0][1][0], "", "pooled blindly, the people's difference looks like a link");
+    // It knows its test.
+    let found = model(dir.path(), &[&pooled[..], &["jpcmciplus"]].concat());
+    assert_eq!((&found["cond_ind_test"], &found["graph"][0][1][0]), (&json!("parcorr"), &json!("")));
+    assert_eq!(found["features"], json!(["speed", "distance"]));
+    assert!(found["warnings"].to_string().contains("the recordings differ in speed, distance"));
+}
+
+#[test]
+fn a_column_that_is_constant_in_each_file_is_a_context() {
+    let dir = tempfile::tempdir().expect("a folder");
+    two_people(dir.path());
+    let found = model(dir.path(), &["discover", "a.csv", "b.csv", "--method", "jpcmciplus"]);
+    assert_eq!(found["features"], json!(["speed", "distance", "age"]));
+    let told = found["warnings"].to_string();
+    assert!(told.contains("taken as contexts, which drive and are not driven: age"), "{told}");
+    assert!(found["links"].as_array().expect("links").iter().all(|link| link["effect"] != "age"));
+}
+
+#[test]
+fn the_flag_says_what_an_intervention_acts_on() {
+    let dir = tempfile::tempdir().expect("a folder");
+    let mut state = 9;
+    let mut before = 0.0;
+    let mut csv = "speed,gap,push\n".to_owned();
+    for row in 0..300 {
+        let push = if row % 4 == 0 { 2.0 } else { 0.0 };
+        let speed = push + unit(&mut state);
+        csv += &format!("{speed},{},{push}\n", 0.9 * before + 0.5 * unit(&mut state));
+        before = speed;
+    }
+    fs::write(dir.path().join("data.csv"), csv).expect("writes");
+    let args = ["discover", "data.csv", "--method", "candoit", "--test", "parcorr"];
+    let found = model(dir.path(), &[&args[..], &["--acts-on", "push=speed"]].concat());
+    assert_eq!(
+        (&found["graph"][2][0][0], &found["graph"][0][1][1]),
+        (&json!("-->"), &json!("-->")),
+        "{found}"
+    );
+    for (more, says) in [
+        (&["--acts-on", "push"][..], "--acts-on: 'push' is no pair"),
+        (&["--acts-on", "pull=speed"], "--acts-on: pull=speed: there is no column 'pull'"),
+        (&[], "--acts-on: candoit needs interventions, and no column holds one"),
+        (&["--acts-on", "push=speed", "--tau-min", "1"], "--tau-min: 1: interventions act at lag 0"),
+        (&["--acts-on", "push=speed", "--tau-max", "400"], "record longer or lower --tau-max"),
+    ] {
+        let text = complaint(dir.path(), &[&args[..], more].concat());
+        assert!(text.contains(says), "{more:?}: {text}");
+    }
+}
+
+#[test]
+fn what_jpcmciplus_cannot_answer_is_one_sentence() {
+    let dir = tempfile::tempdir().expect("a folder");
+    two_people(dir.path());
+    for (args, says) in [
+        (&["a.csv"][..], "jpcmciplus compares recordings and there is one"),
+        (&["a.csv", "b.csv", "--test", "gpdc"], "take parcorr"),
+        (&["a.csv", "b.csv", "--exogenous", "speed"], "'speed' varies within recording 1"),
+        (&["a.csv", "b.csv", "--pc-alpha", "auto"], "no score that chooses a level"),
+        (&["a.csv", "b.csv", "--tau-max", "150"], "record longer or lower --tau-max"),
+    ] {
+        let text = complaint(dir.path(), &[&["discover", "--method", "jpcmciplus"], args].concat());
+        assert!(text.contains(says) && text.trim_end().lines().count() == 1, "{args:?}: {text}");
+    }
+}
+
+#[test]
+fn the_demo_takes_interventions_with_candoit_and_pools_its_batches_with_jpcmciplus() {
+    let dir = tempfile::tempdir().expect("a folder");
+    for (method, more) in [("candoit", &["--do", "robot.off@20..40"][..]), ("jpcmciplus", &[])] {
+        let usual = ["demo", "--duration", "120", "--method", method, "--test", "parcorr", "--out", method];
+        let out = roscausal(dir.path(), &[&usual[..], more].concat());
+        assert!(out.status.success(), "{method}: {}", String::from_utf8_lossy(&out.stderr));
+        let text = fs::read(dir.path().join(method).join("model.json")).expect("a model");
+        let model: Value = serde_json::from_slice(&text).expect("JSON");
+        assert_eq!(model["method"], method);
+        let has_column = model["features"].to_string().contains("do_robot_off");
+        assert_eq!(has_column, method == "candoit", "{model}");
+    }
+}
+
+#[test]
+fn auto_says_what_it_would_take_and_why_and_does_it_only_when_asked() {
+    let dir = tempfile::tempdir().expect("a folder");
+    two_people(dir.path());
+    let args = ["discover", "a.csv", "b.csv", "--columns", "speed,distance", "--method", "auto"];
+    let out = roscausal(dir.path(), &args);
+    let text = String::from_utf8_lossy(&out.stdout).into_owned();
+    assert!(out.status.success(), "{}", String::from_utf8_lossy(&out.stderr));
+    for words in [
+        "I would take jpcmciplus with parcorr",
+        "differ in the level of speed, distance",
+        "Nothing was analysed",
+    ] {
+        assert!(text.contains(words), "{words}: {text}");
+    }
+    let found = model(dir.path(), &[&args[..], &["--take-it"]].concat());
+    assert_eq!(found["method"], "jpcmciplus");
+    let text = complaint(dir.path(), &["discover", "a.csv", "--method", "pcmci", "--take-it"]);
+    assert!(text.contains("--take-it: it is for --method auto"), "{text}");
+    let text = complaint(dir.path(), &["demo", "--method", "auto"]);
+    assert!(text.contains("there is no method 'auto'") || text.contains("unknown"), "{text}");
+}
