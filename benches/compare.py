@@ -24,6 +24,13 @@ ROWS = {
     "parcorr20": ("PCMCI + ParCorr, N = 20, T = 2000, lag 5", "pcmci", "parcorr", ("var", 20, 2000), 1, 5, 200, 2),
     "parcorr50": ("PCMCI + ParCorr, N = 50, T = 500, lag 5", "pcmci", "parcorr", ("var", 50, 500), 1, 5, 200, 2),
     "plus10": ("PCMCI+ + ParCorr, N = 10, T = 500, lags 0-5", "pcmciplus", "parcorr", ("var", 10, 500), 0, 5, 200, None),
+    "lpcmci8": ("LPCMCI + ParCorr, N = 8, T = 500, lags 0-5", "lpcmci", "parcorr", ("var", 8, 500), 0, 5, 200, 1),
+    "lpcmcigpdc": ("LPCMCI + GPDC, N = 4, T = 300, lags 0-1", "lpcmci", "gpdc", ("chain", 4, 300), 0, 1, 50, None),
+    "candoit8": ("CAnDOIT + ParCorr, N = 8 and an intervention, T = 500, lags 0-5", "candoit", "parcorr", ("imposed", 8, 500), 0, 5, 200, None),
+    "jpcmci": ("J-PCMCI+ + ParCorr, 4 variables, a context, 20 recordings of 200, lags 0-2", "jpcmciplus", "parcorr", ("people", 4, 4000), 0, 2, 200, None),
+    "granger10": ("Granger, N = 10, T = 1000, lags 1-5", "granger", "none", ("var", 10, 1000), 1, 5, 1, None),
+    "varlingam10": ("VARLiNGAM, N = 10, T = 1000, lags 0-2", "varlingam", "none", ("laplace", 10, 1000), 0, 2, 50, None),
+    "dynotears10": ("DYNOTEARS, N = 10, T = 500, lags 0-1", "dynotears", "none", ("laplace", 10, 500), 0, 1, 20, None),
     "cmiknn3": ("PCMCI + CMIknn (shuffle), N = 3, T = 500", "pcmci", "cmiknn", ("chain", 3, 500), 1, 1, 20, None),
 }
 # Measurements of our engine alone.
@@ -40,7 +47,7 @@ def make_data(kind, n, length):
     import numpy as np
 
     rng = np.random.default_rng(20240101 + 1000 * n + length)
-    noise = rng.standard_normal((length, n))
+    noise = rng.laplace(size=(length, n)) if kind == "laplace" else rng.standard_normal((length, n))
     x = np.zeros((length, n))
     if kind == "chain":
         for t in range(1, length):
@@ -55,7 +62,22 @@ def make_data(kind, n, length):
             x[t] = 0.4 * x[t - 1] + noise[t]
             for i, j, lag, c in links:
                 x[t, j] += c * x[t - lag, i]
+    if kind == "imposed":
+        # X0 is imposed in every other fifty rows.
+        imposed = np.where((np.arange(length) // 50) % 2, 1.5, 0.0)
+        x[imposed > 0, 0] = 1.5
+        x = np.column_stack([x, imposed])
+    if kind == "people":
+        # Recordings of 200 rows, each with a context and a level of its own.
+        which = np.arange(length) // 200
+        context = rng.standard_normal(length)[which]
+        x = np.column_stack([x + 0.5 * context[:, None] + rng.standard_normal((length, n))[which], context, which])
     return x
+
+
+def column_names(spec):
+    names = [f"X{i}" for i in range(spec[1])]
+    return names + {"imposed": ["do_X0"], "people": ["context", "recording"]}.get(spec[0], [])
 
 
 def recorded(work, length):
@@ -80,7 +102,7 @@ def data_file(work, spec):
 
     path = f"{work}/{spec[0]}_{spec[1]}x{spec[2]}.csv"
     if not os.path.exists(path):
-        names = ",".join(f"X{i}" for i in range(spec[1]))
+        names = ",".join(column_names(spec))
         values = recorded(work, spec[2]) if spec[0] == "thor" else make_data(*spec)
         np.savetxt(path, values, "%.17g", ",", header=names, comments="")
     return path
@@ -97,10 +119,14 @@ def reference(peer, method, test, path, tau_min, tau_max):
 
     data = np.loadtxt(path, delimiter=",", skiprows=1)
     names = [f"X{i}" for i in range(data.shape[1])]
-    if peer == "antecedent":
+    header = open(path).readline().strip().split(",")
+    if method in ("granger", "varlingam", "dynotears"):
+        run = linear(method, tau_max)
+    elif peer == "antecedent":
         from antecedent import discovery
 
-        kind = discovery.PCMCI if method == "pcmci" else discovery.PCMCIPlus
+        kind = {"pcmci": "PCMCI", "lpcmci": "LPCMCI"}.get(method, "PCMCIPlus")
+        kind = getattr(discovery, kind)
 
         def run(values):
             columns = {name: np.ascontiguousarray(values[:, i]) for i, name in enumerate(names)}
@@ -127,6 +153,18 @@ def reference(peer, method, test, path, tau_min, tau_max):
                     neglect_only_autodep=True, resfolder=None,
                 ).run()
                 return
+            if method in ("lpcmci", "candoit"):
+                from tigramite.lpcmci import LPCMCI
+
+                # CAnDOIT is LPCMCI with what is known of its context column.
+                known = context_known(len(header), tau_max) if method == "candoit" else None
+                LPCMCI(pp.DataFrame(values), make(**options), verbosity=0).run_lpcmci(
+                    tau_min=tau_min, tau_max=tau_max, pc_alpha=0.05, link_assumptions=known
+                )
+                return
+            if method == "jpcmciplus":
+                joint(values, header, tau_max)
+                return
             pcmci = PCMCI(pp.DataFrame(values), make(**options), verbosity=0)
             if method == "pcmci":
                 pcmci.run_pcmci(tau_min=tau_min, tau_max=tau_max, pc_alpha=0.2)
@@ -135,12 +173,70 @@ def reference(peer, method, test, path, tau_min, tau_max):
 
     with contextlib.redirect_stdout(io.StringIO()):
         # Few samples, and few surrogates if there are any.
-        run(data[: 40 + 4 * tau_max], **({"sig_samples": 10} if test == "cmiknn" else {}))
+        piece = data[:600] if method == "jpcmciplus" else data[: 40 + 4 * tau_max]
+        run(piece, **({"sig_samples": 10} if test == "cmiknn" else {}))
         start, wall = time.process_time(), time.time()
         run(data)
         result = {"cpu_s": time.process_time() - start, "wall_s": time.time() - wall}
     print(json.dumps(result), flush=True)
     os._exit(0)
+
+
+def linear(method, tau_max):
+    """The reference's models without independence tests."""
+    if method == "granger":
+        from statsmodels.tsa.api import VAR
+
+        def run(values, **_):
+            fit = VAR(values).fit(tau_max)
+            for effect in range(values.shape[1]):
+                for cause in range(values.shape[1]):
+                    fit.test_causality(effect, cause, kind="f")
+    elif method == "varlingam":
+        import lingam
+
+        def run(values, **_):
+            lingam.VARLiNGAM(lags=tau_max, criterion=None, prune=True).fit(values)
+    else:
+        import pandas
+        from causalnex.structure.dynotears import from_pandas_dynamic
+
+        def run(values, **_):
+            from_pandas_dynamic(pandas.DataFrame(values), p=max(tau_max, 1), lambda_w=0.1, lambda_a=0.1)
+
+    return run
+
+
+def context_known(n, tau_max):
+    """What is known of the last column, the context of the first: it drives that one, and its own past drives it."""
+    last = n - 1
+    known = {j: {} for j in range(n)}
+    for j in range(last):
+        for i in range(last):
+            for lag in range(tau_max + 1):
+                if lag or i != j:
+                    known[j][i, -lag] = "o?>" if lag else "o?o"
+    known[0][last, 0], known[last][0, 0], known[last][last, -1] = "-->", "<--", "-->"
+    return known
+
+
+def joint(values, header, tau_max):
+    """J-PCMCI+ with a context and a dummy of space."""
+    import numpy as np
+    from tigramite import data_processing as pp
+    from tigramite.independence_tests.parcorr_mult import ParCorrMult
+    from tigramite.jpcmciplus import JPCMCIplus
+
+    which, n = values[:, -1].astype(int), len(header) - 1
+    parts = [values[which == k, :-1] for k in np.unique(which)]
+    dummy = np.eye(len(parts))
+    data = {k: np.column_stack([part, np.repeat(dummy[[k]], len(part), 0)]) for k, part in enumerate(parts)}
+    vectors = {i: [(i, 0)] for i in range(n)} | {n: [(n + k, 0) for k in range(len(parts))]}
+    frame = pp.DataFrame(data, vector_vars=vectors, analysis_mode="multiple")
+    classes = {i: "system" for i in range(n - 1)} | {n - 1: "space_context", n: "space_dummy"}
+    JPCMCIplus(frame, ParCorrMult(), node_classification=classes, verbosity=0).run_jpcmciplus(
+        tau_min=0, tau_max=tau_max, pc_alpha=0.01
+    )
 
 
 def measure(command, runs, cap):
