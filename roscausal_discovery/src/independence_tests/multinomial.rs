@@ -51,7 +51,7 @@ impl Fit<'_> {
     }
 
     fn penalty(&self, place: usize) -> f64 {
-        if place % self.width == 0 { CONSTANTS } else { 1.0 }
+        if place.is_multiple_of(self.width) { CONSTANTS } else { 1.0 }
     }
 
     /// Probabilities of the categories in a sample, and the logarithm of their sum before scaling.
@@ -89,14 +89,14 @@ impl Fit<'_> {
         let mut p = vec![0.0; self.n_categories];
         for sample in 0..self.category.len() {
             self.probabilities(slopes, sample, &mut p);
-            for a in 0..n {
+            for (a, of_a) in curvature.iter_mut().enumerate() {
                 let (k, input) = (a / width, self.input(a % width, sample));
                 let own = f64::from(u8::from(self.category[sample] == k));
                 gradient[a] += (p[k] - own) * input;
-                for b in 0..=a {
+                for (b, entry) in of_a.iter_mut().enumerate().take(a + 1) {
                     let l = b / width;
                     let together = p[k] * (f64::from(u8::from(k == l)) - p[l]);
-                    curvature[a][b] += together * input * self.input(b % width, sample);
+                    *entry += together * input * self.input(b % width, sample);
                 }
             }
         }
