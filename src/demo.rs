@@ -354,8 +354,8 @@ fn show(args: &Args, folders: &Folders, model: &Model) -> Result<()> {
     };
     let report = html_report::write_into(&args.out, &material)?;
     crate::terminal::say!(
-        "{}: batches, model.json, evidence.json, model.dot, model.graphml, links.csv, dag.svg, dag.png, tsdag.svg, \
-         tsdag.png, run.svg",
+        "{}: batches, model.json, evidence.json, model.dot, model.graphml, links.csv, dag.svg, dag.png, dag.pdf, \
+         tsdag.svg, tsdag.png, tsdag.pdf, run.svg",
         args.out.display()
     );
     crate::terminal::say!(

@@ -25,8 +25,10 @@ pub(crate) fn write_model(dir: &Path, model: &Model) -> Result<Vec<PathBuf>> {
         ("model.dot", export::dot(model).into_bytes()),
         ("model.graphml", export::graphml(model).into_bytes()),
         ("dag.png", draw::rasterise(&dag, SCALE)?.png),
+        ("dag.pdf", draw::pdf(&dag)?),
         ("dag.svg", dag.into_bytes()),
         ("tsdag.png", draw::rasterise(&tsdag, SCALE)?.png),
+        ("tsdag.pdf", draw::pdf(&tsdag)?),
         ("tsdag.svg", tsdag.into_bytes()),
     ];
     files.iter().map(|(name, bytes)| write_file(dir, name, bytes)).collect()

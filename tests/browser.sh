@@ -25,6 +25,7 @@ if [ ! -f "$axe" ]; then
   npm install --silent --no-audit --no-fund --prefix target/browser-axe axe-core@4.14.1 >/dev/null ||
     give_up "axe-core cannot be installed from npm"
 fi
+prepare_only "$@"
 
 build_all --quiet || give_up "the program cannot be built"
 roscausal=$(program roscausal)

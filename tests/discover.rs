@@ -203,7 +203,17 @@ fn out_holds_model_pictures_and_links() {
     let dir = folder("data.csv", &coupled(200));
     let out = roscausal(dir.path(), &["discover", "data.csv", "--test", "parcorr", "--out", "result"]);
     assert!(out.status.success());
-    for file in ["model.json", "links.csv", "dag.svg", "dag.png", "tsdag.svg", "tsdag.png", "series_1.svg"] {
+    for file in [
+        "model.json",
+        "links.csv",
+        "dag.svg",
+        "dag.png",
+        "dag.pdf",
+        "tsdag.svg",
+        "tsdag.png",
+        "tsdag.pdf",
+        "series_1.svg",
+    ] {
         assert!(dir.path().join("result").join(file).is_file(), "{file}");
     }
 }

@@ -13,6 +13,7 @@ library=$(config LIBDIR)
 if [ ! -e "$library/$(config LDLIBRARY)" ] && [ ! -e "$(config LIBPL)/$(config LDLIBRARY)" ]; then
   debian libpython3-dev
 fi
+prepare_only "$@"
 
 export PYO3_PYTHON=$venv/bin/python
 export LD_LIBRARY_PATH=$library${LD_LIBRARY_PATH:+:$LD_LIBRARY_PATH}
@@ -20,12 +21,12 @@ PYTHONPATH=$("$venv/bin/python" -c "import sysconfig; print(sysconfig.get_paths(
 export PYTHONPATH
 cargo test --release --locked --workspace --exclude roscausal_py --features roscausal_discovery/python --test gpdc_python || exit 1
 
-cargo build --release --locked --workspace --exclude roscausal_py --bin roscausal --example gp_optima || exit 1
-target=${CARGO_TARGET_DIR:-target}/release
+build_all --quiet || exit 1
+roscausal=$(program roscausal)
 recordings=$(mktemp -d)
 trap 'rm -rf "$recordings"' EXIT
 for seed in 1 2 3; do
-  "$target/roscausal" demo --scenario thor --seed $((RANDOM + 1)) --out "$recordings/thor$seed" >/dev/null &&
-    "$target/roscausal" demo --seed $((RANDOM + 1)) --out "$recordings/encounters$seed" >/dev/null || exit 1
+  "$roscausal" demo --scenario thor --seed $((RANDOM + 1)) --out "$recordings/thor$seed" >/dev/null &&
+    "$roscausal" demo --seed $((RANDOM + 1)) --out "$recordings/encounters$seed" >/dev/null || exit 1
 done
-"$venv/bin/python" tests/gpdc/optima.py "$target/examples/gp_optima" --count "${COUNT:-500}" --recordings "$recordings"
+"$venv/bin/python" tests/gpdc/optima.py "$(program examples/gp_optima)" --count "${COUNT:-500}" --recordings "$recordings"

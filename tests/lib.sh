@@ -43,6 +43,12 @@ environment() {
   echo "$*" >"$folder/complete"
 }
 
+# prepare_only ARGUMENTS: ends a script that was called with --prepare. Each calls it when it has installed what it needs, so that
+# tests/run.sh can do this while cargo builds.
+prepare_only() {
+  [ "${1:-}" != --prepare ] || exit 0
+}
+
 # build_all [--quiet]: builds all programs, tests and examples. Always the whole workspace: a single package would use
 # its dependencies with other features, and build them again.
 build_all() {

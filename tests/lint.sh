@@ -5,7 +5,8 @@ cd "$(dirname "$0")/.."
 . tests/lib.sh
 
 cargo fmt --version >/dev/null 2>&1 && cargo clippy --version >/dev/null 2>&1 ||
-  give_up "rustfmt or clippy is missing (rustup component add rustfmt clippy)"
+  give_up "rustfmt or clippy is missing (rustup component add rustfmt clippy)"prepare_only "$@"
+
 cargo fmt --all --check
 cargo clippy --workspace --all-targets --locked -- -D warnings
 RUSTDOCFLAGS="-D warnings" cargo doc --workspace --no-deps --locked --quiet

@@ -8,6 +8,7 @@ cd "$(dirname "$0")/.."
 
 tools=$PWD/target/python-tools
 environment "$tools" "maturin>=1.16,<2"
+prepare_only "$@"
 wheels=${WHEELS:-$(mktemp -d)}
 made=$(mktemp -d)
 trap 'rm -rf "$made"' EXIT

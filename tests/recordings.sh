@@ -27,6 +27,7 @@ check() {
 venv=target/recordings-venv
 environment "$venv" rosbags==0.11.9 mcap==1.6.0 mcap-ros2-support==0.6.0
 python=$here/$venv/bin/python
+prepare_only "$@"
 
 if [[ "${1:-}" == --renew ]]; then
   rm -rf roscausal_recording/tests/data

@@ -11,6 +11,7 @@ command -v pkg-config >/dev/null || missing+=(pkg-config)
 # The headers of the library, found the way the build finds them.
 pkg-config --exists openssl 2>/dev/null || missing+=(libssl-dev)
 [ ${#missing[@]} -eq 0 ] || debian "${missing[@]}"
+prepare_only "$@"
 
 cargo build --release -q --locked --workspace --exclude roscausal_py --features roscausal_ros2/security --bins --tests || broken "the security feature does not build"
 passed=0 failed=0

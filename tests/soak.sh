@@ -14,6 +14,7 @@ check() { # check NAME COMMAND...
     if "$@"; then passed=$((passed + 1)); echo "pass: $name"; else failed=$((failed + 1)); echo "FAIL: $name"; fi
 }
 . tests/lib.sh
+prepare_only "$@"
 build_all --quiet || exit 1
 chain=$(program examples/chain)
 work=$(mktemp -d)

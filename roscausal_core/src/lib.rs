@@ -15,6 +15,7 @@ pub mod params;
 pub mod people;
 pub mod signal;
 pub mod state;
+pub mod threads;
 
 pub use error::{Error, Result};
 pub use roscausal_discovery::mix;

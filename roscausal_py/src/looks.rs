@@ -39,3 +39,10 @@ pub(crate) fn picture<'py>(py: Python<'py>, svg: &str, scale: f32) -> PyResult<B
     let image = py.detach(|| draw::rasterise(svg, scale)).map_err(raised)?;
     Ok(PyBytes::new(py, &image.png))
 }
+
+/// An SVG picture as a PDF file of one page.
+#[pyfunction]
+pub(crate) fn pdf<'py>(py: Python<'py>, svg: &str) -> PyResult<Bound<'py, PyBytes>> {
+    let file = py.detach(|| draw::pdf(svg)).map_err(raised)?;
+    Ok(PyBytes::new(py, &file))
+}

@@ -273,6 +273,8 @@ def test_a_model_shows_itself(chain, quick, tmp_path):
     model.dag().save(tmp_path / "dag.png")
     model.series().save(tmp_path / "series.svg")
     assert (tmp_path / "dag.png").read_bytes()[:4] == b"\x89PNG"
+    model.dag().save(tmp_path / "dag.pdf")
+    assert (tmp_path / "dag.pdf").read_bytes()[:5] == b"%PDF-"
     with pytest.raises(rc.SettingError, match=".pdf"):
         model.dag().save("dag.pdf")
     with pytest.raises(rc.DataError, match="data of this model"):

@@ -3,7 +3,7 @@
 use std::{fmt::Display, time::Instant};
 
 use clap::Args as ClapArgs;
-use roscausal_core::{Error, Result};
+use roscausal_core::{Error, Result, threads};
 use roscausal_discovery::{
     Choice, Control, DataFrame, PcAlpha, Settings, analyse_with_evidence,
     confidence::{Resampled, Resampling, resample},
@@ -162,8 +162,7 @@ fn usual_spelling(test: &str) -> String {
 impl MeansArgs {
     /// Works with the given number of threads.
     pub(crate) fn in_pool<T: Send>(&self, work: impl FnOnce() -> Result<T> + Send) -> Result<T> {
-        let pool = rayon::ThreadPoolBuilder::new().num_threads(self.threads.unwrap_or(0)).build();
-        pool.map_err(|e| Error::param("threads", e))?.install(work)
+        threads::in_pool(self.threads.unwrap_or(0), work)
     }
 
     /// Runs the analysis with a progress bar (unless `quiet`), within the given time budget and threads.
@@ -189,16 +188,12 @@ impl MeansArgs {
             }
             control = control.out_of_time(move || start.elapsed().as_secs_f64() > budget);
         }
-        let pool = rayon::ThreadPoolBuilder::new()
-            .num_threads(self.threads.unwrap_or(0))
-            .build()
-            .map_err(|e| Error::param("threads", e))?;
-        let mut found = pool.install(|| match resampling {
-            Some(resampling) => resample(data, settings, resampling, &control),
-            None => {
+        let mut found = self.in_pool(|| {
+            let Some(resampling) = resampling else {
                 let (model, evidence) = analyse_with_evidence(data, settings, &control)?;
-                Ok(Resampled { model, evidence, graphs: Vec::new() })
-            }
+                return Ok(Resampled { model, evidence, graphs: Vec::new() });
+            };
+            Ok(resample(data, settings, resampling, &control)?)
         })?;
         bar.finish_and_clear();
         if let Some(effort) = control.effort() {

@@ -18,7 +18,7 @@ use std::{
 
 use clap::{Args as ClapArgs, Subcommand};
 use indicatif::ProgressBar;
-use roscausal_core::{Error, Result, gate::lock};
+use roscausal_core::{Error, Result, gate::lock, threads};
 use roscausal_discovery::{PcAlpha, Settings};
 use roscausal_hrisim::Scenario;
 
@@ -254,11 +254,11 @@ impl Job {
         }
         let recorded = record(&self.scenario, self.seed, longest, &steps, interrupt)?;
         // One thread per analysis: run times are those of one core.
-        let pool =
-            rayon::ThreadPoolBuilder::new().num_threads(1).build().map_err(|e| Error::param("threads", e))?;
         for setting in open {
             let place = steps.iter().position(|step| *step == setting.step).unwrap_or(0);
-            pool.install(|| common.analyse(setting, &self.scenario, self.seed, &recorded[place], interrupt))?;
+            threads::in_pool(1, || {
+                common.analyse(setting, &self.scenario, self.seed, &recorded[place], interrupt)
+            })?;
             bar.inc(1);
         }
         Ok(())

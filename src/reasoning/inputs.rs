@@ -6,6 +6,7 @@ use clap::{Args as ClapArgs, ValueEnum};
 use roscausal_core::{
     Error, Result,
     batch::{Table, table::common_step},
+    threads,
 };
 use roscausal_discovery::{DataFrame, methods::acts_on_of, names};
 use roscausal_reasoning::{
@@ -79,11 +80,7 @@ impl<'a> std::ops::Deref for Moment<'a> {
 impl SourceArgs {
     /// Reads and fits, then answers, in as many threads as asked for.
     pub(super) fn with<T: Send>(&self, answer: impl FnOnce(&Ready) -> Result<T> + Send) -> Result<T> {
-        let pool = rayon::ThreadPoolBuilder::new()
-            .num_threads(self.threads.unwrap_or(0))
-            .build()
-            .map_err(|e| Error::param("threads", e))?;
-        pool.install(|| {
+        threads::in_pool(self.threads.unwrap_or(0), || {
             let ready = self.ready()?;
             if let Some(path) = &self.save {
                 fs::write(path, ready.model.to_json()).map_err(|e| Error::file(path, e))?;

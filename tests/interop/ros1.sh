@@ -25,6 +25,7 @@ packages="python3-rosmaster python3-roslaunch rosout rosbash python3-rospy pytho
   libstd-msgs-dev ros-nav-msgs ros-sensor-msgs python3-visualization-msgs ros-tf2-msgs ros-rosgraph-msgs ros-move-base-msgs cmake make g++"
 missing=$(for package in $packages; do dpkg -s "$package" >/dev/null 2>&1 || echo "$package"; done)
 [ -z "$missing" ] || debian $missing
+prepare_only "$@"
 
 work=$(mktemp -d -t roscausal-ros1-XXXXXX)
 trap 'rm -rf "$work"' EXIT

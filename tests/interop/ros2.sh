@@ -77,6 +77,7 @@ if [ "$stamp" != "$(cat "$kept/foreign/built" 2>/dev/null)" ]; then
   build "$kept/foreign"
   echo "$stamp" >"$kept/foreign/built"
 fi
+prepare_only "$@"
 use "$kept/foreign"
 
 if [ "${ROSCAUSAL_PROFILE:-release}" = release ]; then

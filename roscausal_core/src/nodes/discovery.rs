@@ -39,6 +39,7 @@ use crate::{
     external,
     middleware::{Middleware, Publish, Qos},
     params::Params,
+    threads::in_pool,
 };
 
 /// Topic of what stands behind each model: JSON with `batch` (as `batch_id` of the model) and `evidence`.
@@ -562,9 +563,4 @@ fn be_nice(nice: i32) {
     }
     #[cfg(not(target_os = "linux"))]
     let _ = nice;
-}
-
-fn in_pool<T: Send>(threads: usize, work: impl FnOnce() -> Result<T> + Send) -> Result<T> {
-    let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
-    pool.map_err(|e| Error::param("threads", e))?.install(work)
 }

@@ -1,9 +1,9 @@
-//! Pictures as SVG and PNG: the summary graph and the time series graph of a model, the series of a batch, and
+//! Pictures as SVG, PNG and PDF: the summary graph and the time series graph of a model, the series of a batch, and
 //! curves of figures over settings.
 //!
 //! Up to nine variables stand in places that depend on their number and order only, so a variable stays in its place from
 //! model to model.
-//! With the feature `png`, `rasterise` makes pixels of a picture.
+//! With the feature `png`, `rasterise` makes pixels of a picture; with the feature `pdf`, `pdf` makes a file for print.
 //!
 //! ```
 //! use roscausal_discovery::{Control, DataFrame, Settings, analyse, draw, methods::Method};
@@ -30,6 +30,8 @@ mod evidence;
 mod layout;
 mod matrix;
 mod maybe;
+#[cfg(feature = "pdf")]
+mod pdf;
 mod point;
 #[cfg(feature = "png")]
 mod raster;
@@ -42,9 +44,16 @@ pub use curves::{Curve, Panel, curves};
 pub use dag::dag;
 pub use evidence::{lag_function, residual_scatter, scatter};
 pub use matrix::matrix;
+#[cfg(feature = "pdf")]
+pub use pdf::pdf;
 #[cfg(feature = "png")]
 pub use raster::{Image, rasterise};
 pub use series::series;
 pub use strip::{Strip, StripPoint, Strips, strips};
 pub use svg::escaped;
 pub use tsdag::tsdag;
+
+#[cfg(feature = "png")]
+fn fault(reason: &dyn std::fmt::Display) -> crate::ground::Error {
+    crate::ground::Error::Data(format!("the picture cannot be drawn: {reason}"))
+}

@@ -7,7 +7,8 @@ use resvg::{
     usvg::{Options, Tree, fontdb},
 };
 
-use crate::ground::{Error, Result};
+use super::fault;
+use crate::ground::Result;
 
 /// A subset of DejaVu Sans, so that text looks the same on every machine.
 const FONT: &[u8] = include_bytes!("font/DejaVuSans-subset.ttf");
@@ -32,17 +33,7 @@ pub struct Image {
 /// # Errors
 /// If the document is not SVG or too large to render.
 pub fn rasterise(svg: &str, scale: f32) -> Result<Image> {
-    static FONTS: OnceLock<Arc<fontdb::Database>> = OnceLock::new();
-    let fonts = FONTS.get_or_init(|| {
-        let mut fonts = fontdb::Database::new();
-        fonts.load_font_data(FONT.to_vec());
-        fonts.set_sans_serif_family("DejaVu Sans");
-        Arc::new(fonts)
-    });
-    let options = Options { fontdb: fonts.clone(), font_family: "DejaVu Sans".into(), ..Options::default() };
-    let fault =
-        |reason: &dyn std::fmt::Display| Error::Data(format!("the picture cannot be drawn: {reason}"));
-    let tree = Tree::from_str(svg, &options).map_err(|e| fault(&e))?;
+    let tree = parsed(svg)?;
     let area = f64::from(tree.size().width()) * f64::from(tree.size().height());
     let scale = scale.min((MOST_PIXELS / area.max(1.0)).sqrt() as f32);
     let size = tree.size().to_int_size().scale_by(scale).ok_or_else(|| fault(&"its size is zero"))?;
@@ -52,6 +43,19 @@ pub fn rasterise(svg: &str, scale: f32) -> Result<Image> {
     let rgb = pixels.data().chunks_exact(4).flat_map(|pixel| [pixel[0], pixel[1], pixel[2]]).collect();
     let png = pixels.encode_png().map_err(|e| fault(&e))?;
     Ok(Image { width: size.width(), height: size.height(), rgb, png })
+}
+
+/// An SVG document with the embedded font and no other.
+pub(super) fn parsed(svg: &str) -> Result<Tree> {
+    static FONTS: OnceLock<Arc<fontdb::Database>> = OnceLock::new();
+    let fonts = FONTS.get_or_init(|| {
+        let mut fonts = fontdb::Database::new();
+        fonts.load_font_data(FONT.to_vec());
+        fonts.set_sans_serif_family("DejaVu Sans");
+        Arc::new(fonts)
+    });
+    let options = Options { fontdb: fonts.clone(), font_family: "DejaVu Sans".into(), ..Options::default() };
+    Tree::from_str(svg, &options).map_err(|e| fault(&e))
 }
 
 #[cfg(test)]

@@ -145,11 +145,19 @@ class Picture:
         """
         return _native.picture(self.svg, scale)
 
+    def pdf(self) -> bytes:
+        """The picture as a PDF file of one page, with text that can be selected.
+
+        Raises:
+            DataError: No SVG.
+        """
+        return _native.pdf(self.svg)
+
     def save(self, path: str | os.PathLike[str], scale: float = 2.0) -> None:
         """Writes the picture.
 
         Args:
-            path: A name that ends in .svg or .png.
+            path: A name that ends in .svg, .png or .pdf.
             scale: Pixels per unit of a PNG.
 
         Raises:
@@ -162,8 +170,10 @@ class Picture:
                 file.write_text(self.svg, encoding="utf-8")
             case ".png":
                 file.write_bytes(self.png(scale))
+            case ".pdf":
+                file.write_bytes(self.pdf())
             case other:
-                raise SettingError(f"setting 'path': '{other}' is no format of a picture; give a name that ends in .svg or .png")
+                raise SettingError(f"setting 'path': '{other}' is no format of a picture; give a name that ends in .svg, .png or .pdf")
 
 
 class Model:

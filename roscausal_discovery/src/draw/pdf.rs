@@ -1,0 +1,37 @@
+//! From SVG to PDF, with text as text.
+
+use svg2pdf::{ConversionOptions, PageOptions, to_pdf};
+
+use super::{fault, raster::parsed};
+use crate::ground::Result;
+
+/// The SVG document as a PDF file of one page, as large as the picture at 96 units per inch. Its text can be selected, in the
+/// embedded font.
+///
+/// # Errors
+/// If the document is not SVG.
+pub fn pdf(svg: &str) -> Result<Vec<u8>> {
+    let page = PageOptions { dpi: 96.0 };
+    to_pdf(&parsed(svg)?, ConversionOptions::default(), page).map_err(|e| fault(&e))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{draw, model::example};
+
+    #[test]
+    fn a_pdf_has_one_page_and_the_same_bytes_each_time() {
+        let svg = draw::dag(&example());
+        let (one, two) = (pdf(&svg).expect("is SVG"), pdf(&svg).expect("is SVG"));
+        assert!(one.starts_with(b"%PDF-1.") && one == two);
+        let text = String::from_utf8_lossy(&one);
+        assert!(text.contains("/Count 1") && text.contains("/FontFile2"), "{text}");
+    }
+
+    #[test]
+    fn what_is_not_svg_is_refused_in_a_sentence() {
+        let error = pdf("<html>").expect_err("is not SVG").to_string();
+        assert!(error.starts_with("the picture cannot be drawn"), "{error}");
+    }
+}
