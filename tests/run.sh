@@ -34,8 +34,6 @@ for script in "${waiting[@]}" "${waiting_too[@]}" "${computing[@]}"; do named "$
 preparing=$!
 run "building" cargo test --release --workspace --exclude roscausal_py --locked --no-run
 run "cargo test" cargo test --release --workspace --exclude roscausal_py --locked
-# Once more for the eye: how many of the reference's results (tests/golden) are met.
-run golden cargo test --release --workspace --exclude roscausal_py --locked --test golden -- --nocapture
 wait "$preparing"
 
 # Side by side: what waits for nodes, and what computes, which leaves the cores to the others when they want them.

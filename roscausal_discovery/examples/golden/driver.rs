@@ -10,8 +10,8 @@ use roscausal_discovery::{
     CondIndTest, Control, DataFrame, LinkAssumptions, MaskType, Node, Samples,
     independence_tests::{self, Confidence, GpOptimum, Significance, TestSettings},
     methods::{
-        Fdr, FpcmciSettings, PCMCIPLUS_ALPHAS, PcmciPlusSettings, PcmciResult, PcmciSettings,
-        get_lagged_dependencies, run_bivci, run_fullci, run_mci, run_pc_stable, run_pcmci, run_pcmciplus,
+        Fdr, FpcmciSettings, LpcmciSettings, PCMCIPLUS_ALPHAS, PcmciPlusSettings, PcmciResult, PcmciSettings,
+        get_lagged_dependencies, run_bivci, run_fullci, run_lpcmci, run_mci, run_pc_stable, run_pcmci, run_pcmciplus,
     },
     transfer_entropy::Selected,
 };
@@ -72,6 +72,13 @@ fn run_case(dir: &Path, case: &Value) -> Answer<Value> {
         "bivci" => run_bivci(data, test, &settings, &control),
         "lagged_dependencies" => get_lagged_dependencies(data, test, &settings, &control),
         "mci" => run_mci(data, test, &settings, &parents_of(&params["parents"], data.n_vars())?, &control),
+        "lpcmci" => {
+            let usual = LpcmciSettings::default();
+            let pc_alpha = params["pc_alpha"].as_f64().unwrap_or(usual.pc_alpha);
+            let PcmciSettings { tau_min, tau_max, .. } = settings;
+            let lpcmci = LpcmciSettings { tau_min, tau_max, pc_alpha, ..usual };
+            run_lpcmci(data, test, &lpcmci, &control).map(|found| found.result)
+        }
         other => return Err(format!("method '{other}' is not part of this engine")),
     }
     .map_err(|e| e.to_string())?;
