@@ -11,7 +11,8 @@ use roscausal_discovery::{
     independence_tests::{self, Confidence, GpOptimum, Significance, TestSettings},
     methods::{
         Fdr, FpcmciSettings, LpcmciSettings, PCMCIPLUS_ALPHAS, PcmciPlusSettings, PcmciResult, PcmciSettings,
-        get_lagged_dependencies, run_bivci, run_fullci, run_lpcmci, run_mci, run_pc_stable, run_pcmci, run_pcmciplus,
+        get_lagged_dependencies, run_bivci, run_fullci, run_lpcmci, run_mci, run_pc_stable, run_pcmci,
+        run_pcmciplus,
     },
     transfer_entropy::Selected,
 };
