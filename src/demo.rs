@@ -355,12 +355,8 @@ fn show(args: &Args, folders: &Folders, model: &Model) -> Result<()> {
     let report = html_report::write_into(&args.out, &material)?;
     crate::terminal::say!(
         "{}: batches, model.json, evidence.json, model.dot, model.graphml, links.csv, dag.svg, dag.png, dag.pdf, \
-         tsdag.svg, tsdag.png, tsdag.pdf, run.svg",
+         tsdag.svg, tsdag.png, tsdag.pdf, run.svg\n",
         args.out.display()
-    );
-    crate::terminal::say!(
-        "Open {} in a browser: the graph, and the evidence of each link.\n",
-        report.display()
     );
     let asked =
         reasoning::closing(model, &args.out.join("model.json"), &folders.analysed_batches()?, args.threads);
@@ -368,6 +364,10 @@ fn show(args: &Args, folders: &Folders, model: &Model) -> Result<()> {
     crate::terminal::say!(
         "{}",
         asked.unwrap_or_else(|error| format!("The model answers no question here: {error}."))
+    );
+    crate::terminal::say!(
+        "\nOpen {} in a browser: the graph, and the evidence of each link.",
+        report.display()
     );
     Ok(())
 }

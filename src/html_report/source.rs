@@ -134,14 +134,12 @@ fn command(model: &Model, file: &str) -> String {
 
 /// The flags of the analysis that made the model.
 pub(crate) fn flags(model: &Model) -> String {
-    let mut line = format!(
-        "--method {} --alpha {} --tau-min {} --tau-max {}",
-        model.method, model.alpha, model.tau_min, model.tau_max
-    );
+    let mut line = format!("--method {}", model.method);
     // Writing to a String cannot fail.
     if model.cond_ind_test != "none" {
         let _ = write!(line, " --test {}", model.cond_ind_test);
     }
+    let _ = write!(line, " --alpha {} --tau-min {} --tau-max {}", model.alpha, model.tau_min, model.tau_max);
     let _ = match model.pc_alpha {
         Some(level) => write!(line, " --pc-alpha {level}"),
         None => write!(line, " --pc-alpha auto"),

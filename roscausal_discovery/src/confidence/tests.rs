@@ -47,7 +47,8 @@ fn any_number_of_threads_gives_the_same_bytes() {
 
 #[test]
 fn a_strong_link_is_firm_and_an_absent_one_is_not() {
-    for method in Method::all() {
+    // These two want interventions, and several recordings.
+    for method in Method::all().filter(|method| !matches!(method, Method::Candoit | Method::Jpcmciplus)) {
         let info = method.info();
         let tau_min = if info.models_lag_zero { 0 } else { info.tau_min.max(1) };
         let settings = Settings { tau_min, ..settings(method, "parcorr") };

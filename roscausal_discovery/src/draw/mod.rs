@@ -52,8 +52,3 @@ pub use series::series;
 pub use strip::{Strip, StripPoint, Strips, strips};
 pub use svg::escaped;
 pub use tsdag::tsdag;
-
-#[cfg(feature = "png")]
-fn fault(reason: &dyn std::fmt::Display) -> crate::ground::Error {
-    crate::ground::Error::Data(format!("the picture cannot be drawn: {reason}"))
-}

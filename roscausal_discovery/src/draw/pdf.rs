@@ -2,7 +2,7 @@
 
 use svg2pdf::{ConversionOptions, PageOptions, to_pdf};
 
-use super::{fault, raster::parsed};
+use super::raster::{fault, parsed};
 use crate::ground::Result;
 
 /// The SVG document as a PDF file of one page, as large as the picture at 96 units per inch. Its text can be selected, in the
@@ -12,7 +12,24 @@ use crate::ground::Result;
 /// If the document is not SVG.
 pub fn pdf(svg: &str) -> Result<Vec<u8>> {
     let page = PageOptions { dpi: 96.0 };
-    to_pdf(&parsed(svg)?, ConversionOptions::default(), page).map_err(|e| fault(&e))
+    let file = to_pdf(&parsed(svg)?, ConversionOptions::default(), page).map_err(|e| fault(&e))?;
+    Ok(with_sorted_resources(&file))
+}
+
+/// The library writes the resources of a page in the random order of a hash map, one to a line. In sorted order a picture has the
+/// same bytes each time. No length changes, so the file's table of offsets stays true.
+fn with_sorted_resources(file: &[u8]) -> Vec<u8> {
+    let mut lines: Vec<&[u8]> = file.split_inclusive(|byte| *byte == b'\n').collect();
+    for run in lines.chunk_by_mut(|one, next| is_resource(one) && is_resource(next)) {
+        run.sort_unstable();
+    }
+    lines.concat()
+}
+
+/// A line like `  /gs3 10 0 R`.
+fn is_resource(line: &[u8]) -> bool {
+    let words = std::str::from_utf8(line).unwrap_or_default().split_ascii_whitespace();
+    matches!(words.collect::<Vec<_>>().as_slice(), [name, _, "0", "R"] if name.starts_with('/'))
 }
 
 #[cfg(test)]

@@ -7,8 +7,7 @@ use resvg::{
     usvg::{Options, Tree, fontdb},
 };
 
-use super::fault;
-use crate::ground::Result;
+use crate::ground::{Error, Result};
 
 /// A subset of DejaVu Sans, so that text looks the same on every machine.
 const FONT: &[u8] = include_bytes!("font/DejaVuSans-subset.ttf");
@@ -56,6 +55,10 @@ pub(super) fn parsed(svg: &str) -> Result<Tree> {
     });
     let options = Options { fontdb: fonts.clone(), font_family: "DejaVu Sans".into(), ..Options::default() };
     Tree::from_str(svg, &options).map_err(|e| fault(&e))
+}
+
+pub(super) fn fault(reason: &dyn std::fmt::Display) -> Error {
+    Error::Data(format!("the picture cannot be drawn: {reason}"))
 }
 
 #[cfg(test)]
