@@ -243,7 +243,7 @@ mod tests {
             }
             Method::Candoit => {
                 let imposed = |on: f64| {
-                    let value = |t: usize| if t % 3 == 0 { on } else { 0.0 };
+                    let value = |t: usize| if t.is_multiple_of(3) { on } else { 0.0 };
                     let mut wide = ndarray::Array2::from_shape_fn((300, 3), |(t, v)| match v {
                         2 => value(t),
                         0 => plain[[t, 0]] + 2.0 * value(t),
