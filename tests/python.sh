@@ -26,8 +26,7 @@ PATH=$tools/bin:$PATH maturin build --quiet --release --locked --manifest-path r
 wheel=$(ls -t "$wheels"/roscausal-*.whl | head -1)
 bytes=$(stat -c %s "$wheel")
 echo "$(basename "$wheel"): $bytes bytes"
-# Users get at most 10 MB: packaging/release.sh sees to that. The checks that tests/run.sh builds in, and its lower level of
-# optimisation, make the code larger.
+# Users get at most 10 MB: packaging/release.sh sees to that. The checks that tests/run.sh builds in make the code larger.
 most=10000000
 [ "${CARGO_PROFILE_RELEASE_DEBUG_ASSERTIONS:-}" = true ] && most=16000000
 part "the wheel has at most $most bytes" test "$bytes" -le $most

@@ -4,9 +4,8 @@
 set -uo pipefail
 cd "$(dirname "$0")/.."
 
-# Everything is built once, with the checks of a debug build. What computes is optimised as catkin and colcon build it; the rest
-# less (Cargo.toml), because compiling is most of the time here.
-export CARGO_PROFILE_RELEASE_DEBUG_ASSERTIONS=true CARGO_PROFILE_RELEASE_OVERFLOW_CHECKS=true CARGO_PROFILE_RELEASE_OPT_LEVEL=1
+# Everything is built once, optimised as catkin and colcon build it, but with the checks of a debug build.
+export CARGO_PROFILE_RELEASE_DEBUG_ASSERTIONS=true CARGO_PROFILE_RELEASE_OVERFLOW_CHECKS=true
 
 results=$(mktemp)
 trap 'rm -f "$results"' EXIT
@@ -25,12 +24,12 @@ named() { # script, then its arguments
   return "${PIPESTATUS[0]}"
 }
 
-computing=(tests/gpdc_python.sh tests/python.sh tests/lint.sh)
-waiting=(tests/interop/ros2.sh tests/security.sh tests/soak.sh)
-waiting_too=(tests/interop/ros1.sh tests/browser.sh tests/recordings.sh)
+computing=(tests/gpdc_python.sh tests/recordings.sh tests/python.sh tests/lint.sh)
+# One after the other: each builds the programs of its own version of ROS in place.
+waiting=(tests/interop/ros2.sh tests/interop/ros1.sh tests/browser.sh tests/security.sh tests/soak.sh)
 
 # What the scripts need is fetched while cargo builds. Where this fails the script itself tells it, below.
-for script in "${waiting[@]}" "${waiting_too[@]}" "${computing[@]}"; do named "$script" --prepare; done &
+for script in "${waiting[@]}" "${computing[@]}"; do named "$script" --prepare; done &
 preparing=$!
 run "building" cargo test --release --workspace --exclude roscausal_py --locked --no-run
 run "cargo test" cargo test --release --workspace --exclude roscausal_py --locked
@@ -38,7 +37,6 @@ wait "$preparing"
 
 # Side by side: what waits for nodes, and what computes, which leaves the cores to the others when they want them.
 lane "${waiting[@]}" &
-lane "${waiting_too[@]}" &
 lane "${computing[@]}" &
 renice -n 10 -p $! >/dev/null 2>&1 || true
 wait
