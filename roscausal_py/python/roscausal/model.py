@@ -61,7 +61,7 @@ class Link:
     confidence: float | None = None
     value_low: float | None = None
     value_high: float | None = None
-    size: dict | None = field(default=None, hash=False)
+    size: dict[str, Any] | None = field(default=None, hash=False)
     since: float | None = None
     seen: int | None = None
 
