@@ -7,7 +7,10 @@ use std::{
 
 use roscausal_core::{
     Error, Result,
-    batch::{joint::Facts, pool::Pool},
+    batch::{
+        joint::Facts,
+        pool::{Pool, with_ending},
+    },
     nodes::EVIDENCE_FOLDER,
 };
 use roscausal_discovery::{Evidence, Model};
@@ -143,16 +146,4 @@ pub(crate) fn read_evidence(path: &Path) -> Result<Option<Evidence>> {
     }
     let text = fs::read(path).map_err(|e| Error::file(path, e))?;
     serde_json::from_slice(&text).map(Some).map_err(|e| Error::file(path, e))
-}
-
-/// The files with this extension, sorted by name.
-pub(crate) fn with_ending(folder: &Path, ending: &str) -> Result<Vec<PathBuf>> {
-    let entries = fs::read_dir(folder).map_err(|e| Error::file(folder, e))?;
-    let named = |path: &PathBuf| {
-        let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
-        name.ends_with(ending) && !name.starts_with('.')
-    };
-    let mut paths: Vec<PathBuf> = entries.flatten().map(|entry| entry.path()).filter(named).collect();
-    paths.sort();
-    Ok(paths)
 }

@@ -5,13 +5,13 @@ use std::{
     path::{Path, PathBuf},
 };
 
-use roscausal_core::{Error, Result, nodes::EVIDENCE_FOLDER};
+use roscausal_core::{Error, Result, batch::pool::with_ending, nodes::EVIDENCE_FOLDER};
 use roscausal_discovery::{Evidence, Model};
 
 use super::{Args, EVIDENCE};
 use crate::{
     discover,
-    folders::{read_evidence, read_model, with_ending},
+    folders::{read_evidence, read_model},
     interrupt::Interrupt,
 };
 

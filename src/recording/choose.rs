@@ -194,14 +194,13 @@ impl Chooser<'_> {
                 .to_owned(),
             false => format!("a topic of type {}", types.join(" or ")),
         };
-        let candidates = || if is_people { self.people_candidates() } else { self.candidates(role) };
+        let candidates = if is_people { self.people_candidates() } else { self.candidates(role) };
         let is_read =
             |topic: &Topic| topic.known_type().is_some() || people::layout(&topic.type_name).is_some();
-        let describe = |topic: &Topic| match is_read(topic).then_some(()) {
-            Some(()) => format!("{} ({})", topic.name, topic.type_name),
-            None => format!("{} ({}, not readable)", topic.name, topic.type_name),
+        let describe = |topic: &Topic| match is_read(topic) {
+            true => format!("{} ({})", topic.name, topic.type_name),
+            false => format!("{} ({}, not readable)", topic.name, topic.type_name),
         };
-        let candidates = candidates();
         let there = match candidates.is_empty() {
             true => ("topics in it", self.recording.topics().iter().map(describe).collect::<Vec<_>>()),
             false => ("of these types", candidates.into_iter().map(describe).collect()),

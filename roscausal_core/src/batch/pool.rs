@@ -388,6 +388,23 @@ pub fn sidecar(name: &str) -> String {
     format!("{}.json", name.strip_suffix(".csv").unwrap_or(name))
 }
 
+/// The complete files in a folder whose names end so, sorted by name.
+///
+/// # Errors
+/// A folder that cannot be listed.
+pub fn with_ending(folder: &Path, ending: &str) -> Result<Vec<PathBuf>> {
+    let entries = fs::read_dir(folder).map_err(|e| Error::file(folder, e))?;
+    let named = |path: &PathBuf| {
+        let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
+        name.ends_with(ending) && !name.starts_with('.')
+    };
+    let paths = entries.map(|entry| entry.map(|entry| entry.path()).map_err(|e| Error::file(folder, e)));
+    let mut paths = paths.collect::<Result<Vec<_>>>()?;
+    paths.retain(named);
+    paths.sort();
+    Ok(paths)
+}
+
 /// Writes a file so that it is complete or absent at any moment, even after a loss of power.
 ///
 /// # Errors

@@ -7,7 +7,10 @@ use roscausal_msgs::{ModelChange, ModelChanges, Time, std_msgs::Header};
 use serde::{Deserialize, Serialize};
 
 use super::regime::Regime;
-use crate::{Error, Result, batch::pool::write_whole};
+use crate::{
+    Error, Result,
+    batch::pool::{with_ending, write_whole},
+};
 
 /// Topic of the changes: the last 64, latched.
 pub const CHANGES_TOPIC: &str = "/roscausal/model_changes";
@@ -39,20 +42,11 @@ pub fn recorded_changes(dir: &Path) -> Result<Vec<RecordedChange>> {
     if !dir.is_dir() {
         return Ok(Vec::new());
     }
-    let mut paths = Vec::new();
-    for entry in fs::read_dir(&dir).map_err(|e| Error::file(&dir, e))? {
-        let path = entry.map_err(|e| Error::file(&dir, e))?.path();
-        let name = path.file_name().map_or(String::new(), |name| name.to_string_lossy().into_owned());
-        if name.ends_with(".json") && !name.starts_with('.') {
-            paths.push(path);
-        }
-    }
-    paths.sort();
     let read = |path: &std::path::PathBuf| {
         let text = fs::read(path).map_err(|e| Error::file(path, e))?;
         serde_json::from_slice(&text).map_err(|e| Error::file(path, e))
     };
-    paths.iter().map(read).collect()
+    with_ending(&dir, ".json")?.iter().map(read).collect()
 }
 
 /// What is published of a regime.

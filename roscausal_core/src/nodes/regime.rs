@@ -200,22 +200,14 @@ impl Regime {
             let mut whose = self.whose.remove(&key).unwrap_or_default();
             let told =
                 whose.read(self.n_changes, new, &part, &announced, (start, dt), levels, params, control);
-            let told = match told {
-                Ok((told, n_changes)) => {
-                    self.n_changes = n_changes;
-                    told
-                }
-                Err(error) => {
-                    self.whose.insert(key, whose);
-                    return Err(error);
-                }
-            };
+            self.whose.insert(key, whose);
+            let (told, n_changes) = told?;
+            self.n_changes = n_changes;
             for (event, told, changed) in told {
                 self.n_events += 1;
                 let (number, batch) = (self.n_events, stem(new.name));
                 self.events.push(RecordedChange { number, event, batch, told, changed_from_to: changed });
             }
-            self.whose.insert(key, whose);
         }
         let surplus = self.events.len().saturating_sub(EVENTS);
         self.events.drain(..surplus);
