@@ -13,9 +13,9 @@
 
 mod common;
 
-use std::{fs, path::Path, process::Output, sync::Arc};
+use std::{path::Path, process::Output, sync::Arc};
 
-use common::roscausal;
+use common::{csv_files, roscausal};
 use roscausal_core::{
     Time,
     loopback::Loopback,
@@ -41,23 +41,6 @@ fn file(name: &str) -> String {
 
 fn said(output: &Output) -> String {
     format!("{}{}", String::from_utf8_lossy(&output.stdout), String::from_utf8_lossy(&output.stderr))
-}
-
-/// The raw batches of a folder, by name.
-fn batches(folder: &Path) -> Vec<(String, String)> {
-    let entries = fs::read_dir(folder).unwrap_or_else(|error| panic!("{}: {error}", folder.display()));
-    let mut found: Vec<(String, String)> = entries
-        .flatten()
-        .filter(|entry| entry.path().extension().is_some_and(|extension| extension == "csv"))
-        .map(|entry| {
-            (
-                entry.file_name().to_string_lossy().into_owned(),
-                fs::read_to_string(entry.path()).expect("reads"),
-            )
-        })
-        .collect();
-    found.sort();
-    found
 }
 
 /// Where each of the two is, and how fast, `t` seconds after the beginning.
@@ -138,7 +121,7 @@ fn replayed(dir: &Path, recording: &str, flags: &[&str]) -> (Output, Vec<(String
     let recording = file(recording);
     let output = roscausal(dir, &[&["replay", &recording, "--out", "out"][..], &quick, flags].concat());
     let folder = dir.join("out").join("data_pool");
-    (output, if folder.is_dir() { batches(&folder) } else { Vec::new() })
+    (output, if folder.is_dir() { csv_files(&folder) } else { Vec::new() })
 }
 
 #[test]
@@ -231,7 +214,7 @@ fn live(dir: &Path, topic: &str) -> Vec<(String, String)> {
     robot.end().expect("no panic").expect("ends well");
     human.end().expect("no panic").expect("ends well");
     data.join().expect("ends").expect("records");
-    batches(&dir.join("raw"))
+    csv_files(&dir.join("raw"))
 }
 
 #[test]

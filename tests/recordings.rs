@@ -4,14 +4,9 @@
 
 mod common;
 
-use std::{
-    fs,
-    path::{Path, PathBuf},
-    process::Output,
-    sync::OnceLock,
-};
+use std::{fs, path::Path, process::Output, sync::OnceLock};
 
-use common::roscausal;
+use common::{csv_files, roscausal};
 use roscausal_core::Time;
 use roscausal_msgs::{
     geometry_msgs::{Pose, PoseArray, PoseStamped, PoseWithCovarianceStamped, TransformStamped},
@@ -42,20 +37,6 @@ fn recorded() -> &'static Path {
     FOLDER.get_or_init(make).path()
 }
 
-fn tables(folder: PathBuf) -> Vec<(String, String)> {
-    let mut found: Vec<(String, String)> = fs::read_dir(&folder)
-        .unwrap_or_else(|error| panic!("{}: {error}", folder.display()))
-        .flatten()
-        .filter(|entry| entry.path().extension().is_some_and(|extension| extension == "csv"))
-        .map(|entry| {
-            let text = fs::read_to_string(entry.path()).expect("reads");
-            (entry.file_name().to_string_lossy().into_owned(), text)
-        })
-        .collect();
-    found.sort();
-    found
-}
-
 #[test]
 fn a_replayed_run_gives_the_batches_of_the_live_run() {
     let dir = recorded();
@@ -64,11 +45,11 @@ fn a_replayed_run_gives_the_batches_of_the_live_run() {
     let record = ["--record", "again.mcap"];
     let output = roscausal(dir, &[&args[..], &demo, &record, &QUICK].concat());
     assert!(output.status.success(), "{}", said(&output));
-    let live = tables(dir.join("live/data_pool"));
+    let live = csv_files(&dir.join("live/data_pool"));
     assert!(live.len() >= 2);
-    assert_eq!(live[..2], tables(dir.join("again/data_pool"))[..2]);
-    let live = tables(dir.join("live/pp_pool/analysed"));
-    assert_eq!(live, tables(dir.join("again/pp_pool/analysed")));
+    assert_eq!(live[..2], csv_files(&dir.join("again/data_pool"))[..2]);
+    let live = csv_files(&dir.join("live/pp_pool/analysed"));
+    assert_eq!(live, csv_files(&dir.join("again/pp_pool/analysed")));
     assert!(said(&output).contains("2 models"), "{}", said(&output));
     // The recording made by the replay contains the models too.
     let recording = roscausal_recording::Recording::open(dir.join("again.mcap")).expect("opens");
@@ -92,7 +73,7 @@ fn a_recording_is_analysed_as_one_batch_with_the_topics_found_in_it() {
     ] {
         assert!(said(&output).contains(line), "{}", said(&output));
     }
-    assert_eq!(tables(dir.join("found/batches")).len(), 1);
+    assert_eq!(csv_files(&dir.join("found/batches")).len(), 1);
     let named = ["--robot-odom", "/mobile_base_controller/odom", "--people", "/ped/control/teleop_persons"];
     let args = ["discover", "run.mcap", "--ts-length=0", "--dt", "0.3", "--format", "json"];
     let again = roscausal(dir, &[&args[..], &named, &QUICK].concat());
@@ -164,7 +145,10 @@ fn a_recorded_demo_gives_the_demos_model_without_a_flag() {
     // Replayed, it gives the demo's batches, and a model of each.
     let output = roscausal(dir, &["replay", "run.mcap", "--out", "unasked"]);
     assert!(said(&output).contains("2 models"), "{}", said(&output));
-    assert_eq!(tables(dir.join("live/pp_pool/analysed")), tables(dir.join("unasked/pp_pool/analysed")));
+    assert_eq!(
+        csv_files(&dir.join("live/pp_pool/analysed")),
+        csv_files(&dir.join("unasked/pp_pool/analysed"))
+    );
 }
 
 #[test]
@@ -338,7 +322,7 @@ fn a_robot_in_a_namespace_has_the_transforms_of_its_namespace_and_its_goal_from_
     for line in ["transforms: /tb3_0/tf and /tb3_0/tf_static", "robot goal: /tb3_0/plan (nav_msgs/Path)"] {
         assert!(said(&output).contains(line), "{}", said(&output));
     }
-    let table = &tables(dir.path().join("out/data_pool"))[0].1;
+    let table = &csv_files(&dir.path().join("out/data_pool"))[0].1;
     let goals = table.lines().skip(10).filter_map(|row| row.split(',').nth(2)?.parse::<f64>().ok());
     let goals: Vec<f64> = goals.collect();
     assert!(goals.len() > 150, "{}", goals.len());

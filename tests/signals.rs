@@ -11,12 +11,11 @@
 mod common;
 
 use std::{
-    fs,
     path::{Path, PathBuf},
     process::Output,
 };
 
-use common::roscausal;
+use common::{csv_files, roscausal};
 use roscausal_core::{
     Time,
     loopback::Loopback,
@@ -37,26 +36,11 @@ fn foreign(file: &str) -> String {
     format!("{}/tests/recordings/foreign/{file}", env!("CARGO_MANIFEST_DIR"))
 }
 
-/// The raw batches of a folder, by name.
-fn batches(folder: &Path) -> Vec<(String, String)> {
-    let mut found: Vec<(String, String)> = fs::read_dir(folder)
-        .unwrap_or_else(|error| panic!("{}: {error}", folder.display()))
-        .flatten()
-        .filter(|entry| entry.path().extension().is_some_and(|extension| extension == "csv"))
-        .map(|entry| {
-            let text = fs::read_to_string(entry.path()).expect("reads");
-            (entry.file_name().to_string_lossy().into_owned(), text)
-        })
-        .collect();
-    found.sort();
-    found
-}
-
 /// Replays a recording and returns its raw batches.
 fn replayed(dir: &Path, recording: &str, out: &str, flags: &[&str]) -> (Output, Vec<(String, String)>) {
     let output = roscausal(dir, &[&["replay", recording, "--out", out][..], flags, &QUICK].concat());
     let folder = dir.join(out).join("data_pool");
-    let found = if folder.is_dir() { batches(&folder) } else { Vec::new() };
+    let found = if folder.is_dir() { csv_files(&folder) } else { Vec::new() };
     (output, found)
 }
 
@@ -199,7 +183,7 @@ fn live(dir: &Path) -> Vec<(String, String)> {
     }
     bus.shutdown();
     thread.join().expect("ends").expect("records");
-    batches(&dir.join("raw"))
+    csv_files(&dir.join("raw"))
 }
 
 fn recorded(path: PathBuf) {

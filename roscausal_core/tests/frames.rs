@@ -31,12 +31,23 @@ fn header(frame: &str) -> Header {
 
 /// `/tf` says that `base_link` is 5 m along x of `map`.
 fn tell_where_base_link_is(bus: &Loopback) {
-    let tf = bus.node("localisation").advertise::<TFMessage>("/tf", Qos::Volatile(10)).expect("advertises");
+    tell_where(bus, "base_link", "/tf", Qos::Volatile(10));
+}
+
+/// A topic of transforms says that `frame` is 5 m along x of `map`.
+fn tell_where(bus: &Loopback, frame: &str, topic: &str, qos: Qos) {
+    let tf = bus.node("localisation").advertise::<TFMessage>(topic, qos).expect("advertises");
     let mut transform =
-        TransformStamped { header: header("map"), child_frame_id: "base_link".into(), ..Default::default() };
+        TransformStamped { header: header("map"), child_frame_id: frame.into(), ..Default::default() };
     transform.transform.translation.x = 5.0;
     tf.publish(&TFMessage { transforms: vec![transform] }).expect("publishes");
     bus.settle();
+}
+
+fn set(bus: &Loopback, node: &str, params: &[(&str, &str)]) {
+    for (name, value) in params {
+        bus.set_node_param(node, name, text(value));
+    }
 }
 
 #[test]
@@ -66,26 +77,21 @@ fn without_a_pose_topic_the_robot_is_where_its_frame_is() {
 #[test]
 fn a_robot_of_nav2_has_its_pose_from_odometry_and_tf_and_its_goal_from_the_end_of_the_plan() {
     let bus = Loopback::lockstep();
-    for (name, value) in [
+    let params = [
         ("odom_topic", "/tb3_0/odom"),
         ("pose_topic", "/tb3_0/odom"),
         ("pose_type", "Odometry"),
         ("goal_topic", "/tb3_0/plan"),
         ("goal_type", "Path"),
         ("tf_topic", "/tb3_0/tf"),
-    ] {
-        bus.set_node_param("robot", name, text(value));
-    }
+    ];
+    set(&bus, "robot", &params);
     bus.advance_to(Time::from_secs_f64(NOW));
     let robot = bus.start_task("robot", async |mw| nodes::run_task("robot", &mw).await);
     let (driver, (send, states)) = (bus.node("driver"), channel());
     let take = move |state: RobotState| send.send(state).unwrap_or_default();
     let _states = driver.subscribe("/roscausal/robot", Qos::Volatile(10), take).expect("subscribes");
-    let tf = driver.advertise::<TFMessage>("/tb3_0/tf_static", Qos::Latched).expect("advertises");
-    let mut transform =
-        TransformStamped { header: header("map"), child_frame_id: "odom".into(), ..Default::default() };
-    transform.transform.translation.x = 5.0;
-    tf.publish(&TFMessage { transforms: vec![transform] }).expect("publishes");
+    tell_where(&bus, "odom", "/tb3_0/tf_static", Qos::Latched);
     let plan = driver.advertise::<Path>("/tb3_0/plan", Qos::Volatile(10)).expect("advertises");
     let at = |x: f64| {
         let mut pose = PoseStamped::default();
@@ -109,14 +115,13 @@ fn a_robot_of_nav2_has_its_pose_from_odometry_and_tf_and_its_goal_from_the_end_o
 #[test]
 fn a_velocity_alone_is_odometry_where_tf_tells_the_pose() {
     let bus = Loopback::lockstep();
-    for (name, value) in [
+    let params = [
         ("odom_topic", "/odometry/velocity"),
         ("odom_type", "TwistStamped"),
         ("pose_topic", ""),
         ("source_frame", "base_link"),
-    ] {
-        bus.set_node_param("robot", name, text(value));
-    }
+    ];
+    set(&bus, "robot", &params);
     bus.advance_to(Time::from_secs_f64(NOW));
     let robot = bus.start_task("robot", async |mw| nodes::run_task("robot", &mw).await);
     let (listener, (send, states)) = (bus.node("listener"), channel());
@@ -148,13 +153,12 @@ fn a_robot_with_neither_pose_topic_nor_frame_is_refused() {
 #[test]
 fn people_whose_topic_names_no_frame_are_seen_from_the_source_frame() {
     let bus = Loopback::lockstep();
-    for (name, value) in [
+    let params = [
         ("people_topic", "/people"),
         ("people_type", "geometry_msgs/PoseArray"),
         ("source_frame", "base_link"),
-    ] {
-        bus.set_node_param("human", name, text(value));
-    }
+    ];
+    set(&bus, "human", &params);
     bus.advance_to(Time::from_secs_f64(NOW));
     let human = bus.start_task("human", async |mw| nodes::run_task("human", &mw).await);
     let (listener, (send, states)) = (bus.node("listener"), channel());

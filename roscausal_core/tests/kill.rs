@@ -8,6 +8,7 @@
 #[allow(dead_code, reason = "the example uses the rest")]
 #[path = "../examples/chain/chain.rs"]
 mod chain;
+mod common;
 
 use std::{
     collections::BTreeMap,
@@ -19,6 +20,7 @@ use std::{
 };
 
 use chain::{Chain, person_x, robot_x, wall};
+use common::names;
 use roscausal_core::batch::Table;
 use roscausal_fuzz::unit;
 
@@ -166,15 +168,4 @@ fn check_values(name: &str, table: &Table, time: &[f64]) {
             assert!((t - time[row - 1] - 0.05).abs() < 1e-6, "{name}: row {row}");
         }
     }
-}
-
-/// Sorted names of the files in a folder that end with `end`; none if there is no folder.
-fn names(dir: &Path, end: &str) -> Vec<String> {
-    let entries = fs::read_dir(dir).into_iter().flatten().flatten();
-    let mut names: Vec<String> = entries
-        .map(|entry| entry.file_name().to_string_lossy().into_owned())
-        .filter(|name| !name.starts_with('.') && name.ends_with(end))
-        .collect();
-    names.sort();
-    names
 }

@@ -5,6 +5,8 @@
 #![cfg(unix)]
 #![allow(clippy::expect_used, clippy::panic, reason = "a test may panic: that is how it fails")]
 
+mod common;
+
 use std::{
     collections::BTreeMap,
     fs,
@@ -15,6 +17,7 @@ use std::{
     time::{Duration, Instant},
 };
 
+use common::names;
 use roscausal_core::{
     Time,
     loopback::Loopback,
@@ -86,17 +89,6 @@ fn run(bus: &Loopback, dir: &Path) {
     }
     node.shutdown();
     thread.join().expect("no panic").expect("ends well");
-}
-
-/// Sorted names of the files in a folder that end with `end`; none if there is no folder.
-fn names(dir: &Path, end: &str) -> Vec<String> {
-    let entries = fs::read_dir(dir).into_iter().flatten().flatten();
-    let mut names: Vec<String> = entries
-        .map(|entry| entry.file_name().to_string_lossy().into_owned())
-        .filter(|name| !name.starts_with('.') && name.ends_with(end))
-        .collect();
-    names.sort();
-    names
 }
 
 /// Every file that a run leaves: models, events, and the regime with its batches.
