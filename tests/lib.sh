@@ -49,16 +49,20 @@ prepare_only() {
   [ "${1:-}" != --prepare ] || exit 0
 }
 
-# build_all [--quiet]: builds all programs, tests and examples. Always the whole workspace: a single package would use
-# its dependencies with other features, and build them again.
+# What cargo is told: the profile that Cargo.toml makes for tests, and always the whole workspace: a single package would use its
+# dependencies with other features, and build them again.
+profile=checked
+workspace=(--profile "$profile" --workspace --exclude roscausal_py --locked)
+
+# build_all [--quiet]: builds all programs, tests and examples.
 build_all() {
-  cargo test --release --workspace --exclude roscausal_py --locked --no-run "$@"
+  cargo test "${workspace[@]}" --no-run "$@"
 }
 
 # program NAME: where cargo puts a program.
 program() {
   case ${CARGO_TARGET_DIR:-} in
-    /*) echo "$CARGO_TARGET_DIR/release/$1" ;;
-    *) echo "$PWD/${CARGO_TARGET_DIR:-target}/release/$1" ;;
+    /*) echo "$CARGO_TARGET_DIR/$profile/$1" ;;
+    *) echo "$PWD/${CARGO_TARGET_DIR:-target}/$profile/$1" ;;
   esac
 }

@@ -49,10 +49,10 @@ fi
 build_all --quiet || give_up "the program cannot be built"
 roscausal=$(program roscausal)
 
-check "we read them with equal contents" cargo test --release --quiet --locked --workspace --exclude roscausal_py --test recordings
+check "we read them with equal contents" cargo test --quiet "${workspace[@]}" --test recordings
 check "rosbags writes the people of a dozen trackers" "$python" tests/recordings/people.py "$folder/people"
-check "we read them where they were" env ROSCAUSAL_PEOPLE="$folder" cargo test --release --quiet --locked --workspace --exclude roscausal_py --test people
-check "we write a file" cargo test --release --quiet --locked --workspace --exclude roscausal_py --test written
+check "we read them where they were" env ROSCAUSAL_PEOPLE="$folder" cargo test --quiet "${workspace[@]}" --test people
+check "we write a file" cargo test --quiet "${workspace[@]}" --test written
 check "mcap and rosbags read it back with equal contents" "$python" tests/recordings/read.py "$folder/ours.mcap"
 
 # The commands, on a bag that rosbags wrote.

@@ -1,47 +1,55 @@
 #!/usr/bin/env bash
 # All tests: Rust's own, then those against other software, format, lints and documentation. Installs what they need, and
-# reports loudly what it cannot install. Exit code 0 only if nothing failed. Ends with the time of each part.
+# reports loudly what it cannot install. Exit code 0 only if nothing failed. Ends with the time of each part, what failed, and
+# the lines that said so.
 set -uo pipefail
 cd "$(dirname "$0")/.."
+. tests/lib.sh
 
-# Everything is built once, optimised as catkin and colcon build it, but with the checks of a debug build.
-export CARGO_PROFILE_RELEASE_DEBUG_ASSERTIONS=true CARGO_PROFILE_RELEASE_OVERFLOW_CHECKS=true
-
-results=$(mktemp)
-trap 'rm -f "$results"' EXIT
-run() { # what, then the command
+kept=$(mktemp -d)
+trap 'rm -rf "$kept"' EXIT
+run() { # what, then the command; its output stays until the end
   local what=$1 begun=$SECONDS
+  local log=$kept/${what//\//_}.log
   shift
-  "$@"
-  echo "$? $((SECONDS - begun)) $what" >>"$results"
+  (
+    "$@" 2>&1
+    code=$?
+    # CPU time of what it has started: the second line, as minutes and seconds of user and system
+    times | awk -v code=$code -v wall=$((SECONDS - begun)) -v what="$what" 'NR == 2 {
+      split($1, user, /[ms]/); split($2, system, /[ms]/)
+      printf "%d %d %d %s\n", code, wall, 60 * (user[1] + system[1]) + user[2] + system[2], what
+    }' >>"$kept/results"
+  ) | tee "$log"
 }
 # One script after the other; each line of output bears its script's name.
 lane() {
-  for script in "$@"; do run "$script" named "$script"; done
-}
-named() { # script, then its arguments
-  "$@" 2>&1 | sed -u "s|^|$(basename "$1" .sh): |"
-  return "${PIPESTATUS[0]}"
+  for script in "$@"; do run "$script" "$script" | sed -u "s|^|$(basename "$script" .sh): |"; done
 }
 
-computing=(tests/gpdc_python.sh tests/recordings.sh tests/python.sh tests/lint.sh)
-# One after the other: each builds the programs of its own version of ROS in place.
+computing=(tests/python.sh tests/gpdc_python.sh tests/recordings.sh tests/lint.sh)
 waiting=(tests/interop/ros2.sh tests/interop/ros1.sh tests/browser.sh tests/security.sh tests/soak.sh)
 
 # What the scripts need is fetched while cargo builds. Where this fails the script itself tells it, below.
-for script in "${waiting[@]}" "${computing[@]}"; do named "$script" --prepare; done &
+for script in "${waiting[@]}" "${computing[@]}"; do "$script" --prepare 2>&1 | sed -u "s|^|$(basename "$script" .sh): |"; done &
 preparing=$!
-run "building" cargo test --release --workspace --exclude roscausal_py --locked --no-run
-run "cargo test" cargo test --release --workspace --exclude roscausal_py --locked
+run "building" build_all
+run "cargo test" cargo test "${workspace[@]}"
 wait "$preparing"
 
 # Side by side: what waits for nodes, and what computes, which leaves the cores to the others when they want them.
 lane "${waiting[@]}" &
-lane "${computing[@]}" &
-renice -n 10 -p $! >/dev/null 2>&1 || true
+{
+  renice -n 10 -p "$BASHPID" >/dev/null 2>&1 || true
+  lane "${computing[@]}"
+} &
 wait
 
-sed -n 's/^[0-9]* \([0-9]*\) \(.*\)/\2: \1 s/p' "$results"
-sed -n 's/^77 [0-9]* \(.*\)/!!! NOT TESTED: \1 could not install what it needs (see above)/p' "$results" >&2
-sed -n '/^\(0\|77\) /!s/^[0-9]* [0-9]* \(.*\)/!!! FAILED: \1/p' "$results" >&2
-! grep -qvE '^(0|77) ' "$results"
+sed -n 's/^[0-9]* \([0-9]*\) \([0-9]*\) \(.*\)/\3: \1 s, \2 s of CPU/p' "$kept/results"
+sed -n 's/^77 [0-9]* [0-9]* \(.*\)/!!! NOT TESTED: \1 could not install what it needs (see above)/p' "$kept/results" >&2
+while read -r code _ _ what; do
+  [[ $code = 0 || $code = 77 ]] && continue
+  echo "!!! FAILED: $what" >&2
+  grep -hE -A 8 '^(FAIL|!!! )|FAILED|^error|panicked at' "$kept/${what//\//_}.log" | head -60 >&2
+done <"$kept/results"
+! grep -qvE '^(0|77) ' "$kept/results"

@@ -13,9 +13,10 @@ pkg-config --exists openssl 2>/dev/null || missing+=(libssl-dev)
 [ ${#missing[@]} -eq 0 ] || debian "${missing[@]}"
 prepare_only "$@"
 
-cargo build --release -q --locked --workspace --exclude roscausal_py --features roscausal_ros2/security --bins --tests || broken "the security feature does not build"
+secured=("${workspace[@]}" --features roscausal_ros2/security)
+cargo test -q --no-run "${secured[@]}" --bin roscausal_ros2 --test security || broken "the security feature does not build"
 passed=0 failed=0
-for test in "cargo test --release -q --locked --workspace --exclude roscausal_py --features roscausal_ros2/security --test security" \
+for test in "cargo test -q ${secured[*]} --test security" \
   "python3 tests/security/nodes.py $(program roscausal_ros2)"; do
   if $test; then passed=$((passed + 1)); echo "pass: $test"; else failed=$((failed + 1)); echo "FAIL: $test"; fi
 done

@@ -38,7 +38,7 @@ end() { touch "$1/stop"; wait "$chain_pid"; local code=$?; chain_pid=; rm -f "$1
 # 1. Random kills: every batch complete, every model once, values right, loss within the bound.
 kills=$((minutes * 15))
 check "$kills random kill -9: every batch whole, every model once" \
-    env ROSCAUSAL_KILLS=$kills cargo test --release -q --workspace --exclude roscausal_py --test kill -- --nocapture
+    env ROSCAUSAL_KILLS=$kills cargo test -q "${workspace[@]}" --test kill -- --nocapture
 
 # 2. Ten times the rate.
 flood=$work/flood

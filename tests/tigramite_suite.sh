@@ -16,7 +16,7 @@ made=$(mktemp -d)
 trap 'rm -rf "$made"' EXIT
 if [ -z "${WHEEL:-}" ]; then
   environment "$PWD/target/python-tools" "maturin>=1.16,<2"
-  PATH=$PWD/target/python-tools/bin:$PATH maturin build --quiet --release --locked --manifest-path roscausal_py/Cargo.toml \
+  PATH=$PWD/target/python-tools/bin:$PATH maturin build --quiet --profile "$profile" --locked --manifest-path roscausal_py/Cargo.toml \
     --out "$made" || broken "the wheel does not build"
   WHEEL=$(ls "$made"/*.whl)
 fi

