@@ -39,9 +39,24 @@ pub fn rasterise(svg: &str, scale: f32) -> Result<Image> {
     let mut pixels = Pixmap::new(size.width(), size.height()).ok_or_else(|| fault(&"it is too large"))?;
     resvg::render(&tree, Transform::from_scale(scale, scale), &mut pixels.as_mut());
     // The background is opaque white, so premultiplied colours are plain colours.
-    let rgb = pixels.data().chunks_exact(4).flat_map(|pixel| [pixel[0], pixel[1], pixel[2]]).collect();
-    let png = pixels.encode_png().map_err(|e| fault(&e))?;
+    let rgb: Vec<u8> =
+        pixels.data().chunks_exact(4).flat_map(|pixel| [pixel[0], pixel[1], pixel[2]]).collect();
+    let png = encoded(size.width(), size.height(), &rgb).map_err(|e| fault(&e))?;
     Ok(Image { width: size.width(), height: size.height(), rgb, png })
+}
+
+/// A PNG file, compressed well: a node writes two for each batch.
+fn encoded(width: u32, height: u32, rgb: &[u8]) -> std::result::Result<Vec<u8>, png::EncodingError> {
+    let mut file = Vec::new();
+    let mut encoder = png::Encoder::new(&mut file, width, height);
+    encoder.set_color(png::ColorType::Rgb);
+    encoder.set_depth(png::BitDepth::Eight);
+    encoder.set_compression(png::Compression::Default);
+    encoder.set_filter(png::FilterType::NoFilter);
+    let mut writer = encoder.write_header()?;
+    writer.write_image_data(rgb)?;
+    writer.finish()?;
+    Ok(file)
 }
 
 /// An SVG document with the embedded font and no other.
@@ -73,5 +88,11 @@ mod tests {
         assert_eq!(one.png, two.png);
         assert_eq!(one.rgb.len(), (one.width * one.height * 3) as usize);
         assert!(one.rgb.chunks_exact(3).filter(|p| p[0] < 128).count() > 500);
+    }
+
+    #[test]
+    fn a_picture_of_a_small_graph_is_a_small_file() {
+        let image = rasterise(&draw::dag(&example()), 3.0).expect("renders");
+        assert!(image.png.len() < image.rgb.len() / 50, "{} bytes for {}", image.png.len(), image.rgb.len());
     }
 }
