@@ -150,14 +150,23 @@ pub(crate) fn has_flag(subcommand: &str, flag: &str) -> bool {
 }
 
 impl Cli {
-    /// Reads the command line, and puts in the settings that lie beside the data it names.
+    /// Reads the command line, and puts in the settings that lie beside the data it names. `None` if it asked for help or the
+    /// version, which is printed then. Wrong usage ends the process.
     ///
     /// # Errors
     /// A file of settings that cannot be used.
-    pub(crate) fn with_presets(mut line: Vec<std::ffi::OsString>) -> Result<Self> {
+    pub(crate) fn with_presets(mut line: Vec<std::ffi::OsString>) -> Result<Option<Self>> {
         let colour = terminal::Colour::in_line(&line);
         colour.choose();
-        let matches = Self::command().color(colour.for_clap()).get_matches_from(&line);
+        let matches = match Self::command().color(colour.for_clap()).try_get_matches_from(&line) {
+            Ok(matches) => matches,
+            Err(error) if error.use_stderr() => error.exit(),
+            Err(asked_for) => {
+                // clap itself would not say that the text could not be written.
+                terminal::print_styled(&asked_for.render());
+                return Ok(None);
+            }
+        };
         if matches.subcommand().is_some_and(|(_, own)| own.get_flag("quiet")) {
             terminal::be_quiet();
         }
@@ -169,7 +178,7 @@ impl Cli {
         let cli =
             Self::from_arg_matches_mut(&mut matches).map_err(|error| Error::param("arguments", error))?;
         cli.color.choose();
-        Ok(cli)
+        Ok(Some(cli))
     }
 
     /// Logs to stderr. `RUST_LOG` takes precedence.

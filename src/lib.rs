@@ -40,11 +40,12 @@ pub use reasoning::{effect_text, explain_text, what_if_text};
 pub use report::text;
 
 /// Runs the command with these arguments, the first of which is its name, and returns its exit code: 0 finished,
-/// 1 failure, 2 wrong usage, 3 a question that the data do not carry, 130 ended by Ctrl-C. Wrong usage and `--help` end the process.
+/// 1 failure, 2 wrong usage, 3 a question that the data do not carry, 130 ended by Ctrl-C. Wrong usage ends the process.
 pub fn command<I: IntoIterator<Item = OsString>>(args: I) -> u8 {
     let interrupt = interrupt::Interrupt::on_ctrl_c();
     let cli = match cli::Cli::with_presets(args.into_iter().collect()) {
-        Ok(cli) => cli,
+        Ok(Some(cli)) => cli,
+        Ok(None) => return failure::exit_code(Ok(()), &interrupt),
         Err(error) => return failure::exit_code(Err(error), &interrupt),
     };
     cli.start_logging();

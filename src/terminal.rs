@@ -90,6 +90,14 @@ pub(crate) fn print_report(text: &str) {
     print(format_args!("{painted}"));
 }
 
+/// A text of the command line itself, such as its help, on the standard output.
+pub(crate) fn print_styled(text: &clap::builder::StyledStr) {
+    match Colour::shows(&io::stdout()) {
+        true => print(format_args!("{}", text.ansi())),
+        false => print(format_args!("{text}")),
+    }
+}
+
 const BOLD: &str = "\u{1b}[1m";
 const YELLOW: &str = "\u{1b}[33m";
 const RED: &str = "\u{1b}[1;31m";
