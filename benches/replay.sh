@@ -6,6 +6,7 @@ set -euo pipefail
 [ $# -gt 0 ] || set -- 15 30
 cd "$(dirname "$0")/.."
 . tests/lib.sh
+profile=release
 work=$PWD/target/replay
 mkdir -p "$work"
 environment "$work/venv" rosbags==0.11.9

@@ -13,6 +13,7 @@
 set -euo pipefail
 cd "$(dirname "$0")/.."
 . tests/lib.sh
+profile=release
 
 parts=(wheel sdist deb source crates sbom)
 usage() { echo "usage: packaging/release.sh --dry-run [--only $(IFS='|'; echo "${parts[*]}")]" >&2; exit 2; }
@@ -61,7 +62,7 @@ sdist() { maturin sdist --quiet --manifest-path roscausal_py/Cargo.toml --out di
 # cannot build a feature. What only it has is tested first.
 audited() {
   tool auditable 0.7.7
-  cargo test --quiet --release --locked -p roscausal --features columnar --test trajectories
+  cargo test --quiet --release --locked -p roscausal -p roscausal_core --features columnar --test columnar
   cargo auditable build --quiet --release --locked -p roscausal --features columnar --bin roscausal
 }
 

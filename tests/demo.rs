@@ -72,6 +72,23 @@ fn the_pictures_in_the_readme_are_those_of_the_demo() {
 }
 
 #[test]
+fn every_picture_of_the_readme_and_of_the_page_is_made_by_the_script() {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let script = std::fs::read_to_string(root.join("docs/pictures.sh")).expect("the script");
+    let mut seen = 0;
+    for (page, folder) in [("README.md", ""), ("docs/dashboard.md", "docs/")] {
+        let text = std::fs::read_to_string(root.join(page)).expect("the page");
+        for part in text.split("<img src=\"").skip(1) {
+            let picture = format!("{folder}{}", part.split('"').next().expect("its name"));
+            assert!(root.join(&picture).is_file(), "{page}: there is no {picture}");
+            assert!(script.contains(&format!(" {picture}\n")), "docs/pictures.sh does not make {picture}");
+            seen += 1;
+        }
+    }
+    assert!(seen >= 4, "{seen}");
+}
+
+#[test]
 fn every_built_in_scenario_ends_with_a_model() {
     let dir = tempfile::tempdir().expect("a folder");
     for scenario in roscausal_hrisim::scenario::SCENARIOS {

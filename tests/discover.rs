@@ -290,6 +290,26 @@ fn a_full_disk_behind_the_output_is_one_sentence() {
     }
 }
 
+#[cfg(target_os = "linux")]
+#[test]
+fn help_that_cannot_be_written_is_one_sentence_and_a_failure() {
+    for args in [&["--help"][..], &["discover", "--help"], &["help", "replay"], &["--version"]] {
+        let run = |out: Stdio| {
+            Command::new(env!("CARGO_BIN_EXE_roscausal")).args(args).stdout(out).output().expect("ends")
+        };
+        let full = fs::OpenOptions::new().write(true).open("/dev/full").expect("is there");
+        let out = run(full.into());
+        let told = String::from_utf8_lossy(&out.stderr);
+        assert_eq!(out.status.code(), Some(1), "{args:?}: {told}");
+        has(&told, &["error: the results cannot be written to the standard output: No space left"]);
+        assert_eq!(told.lines().count(), 1, "{told}");
+        let out = run(Stdio::piped());
+        assert!(out.status.success() && out.stderr.is_empty(), "{args:?}");
+        assert!(out.stdout.starts_with(b"roscausal ") || out.stdout.windows(6).any(|at| at == b"Usage:"));
+        assert!(!out.stdout.contains(&0x1b), "{args:?}");
+    }
+}
+
 #[test]
 fn bad_files_are_named_with_line_and_column_and_the_way_out() {
     has(&complaint("", &[], 1), &["data.csv", "empty"]);
@@ -652,16 +672,21 @@ fn completions_and_manual_pages_name_every_subcommand() {
 }
 
 #[test]
-fn a_test_of_categories_says_that_measurements_are_none() {
-    let dir = tempfile::tempdir().expect("a folder");
+fn a_test_of_categories_refuses_measurements_and_names_the_way_out() {
     let noise = |i: usize| ((12.9898 * i as f64).sin() * 43758.5453).rem_euclid(1.0);
-    let lines: String = (0..200)
-        .map(|i| format!("{},{}\n", noise(2 * i), f64::from(u8::from(noise(2 * i + 1) > 0.5))))
-        .collect();
-    std::fs::write(dir.path().join("data.csv"), format!("level,light\n{lines}")).expect("writes");
-    let output = roscausal(dir.path(), &["discover", "data.csv", "--method", "pcmci", "--test", "gsquared"]);
-    let text =
-        format!("{}{}", String::from_utf8_lossy(&output.stdout), String::from_utf8_lossy(&output.stderr));
-    assert!(text.contains("'level' has 200 different values in 200 samples"), "{text}");
-    assert!(text.contains("gsquared is for categories") && !text.contains("'light' has"), "{text}");
+    let switch = |i: usize| f64::from(u8::from(noise(i) > 0.5));
+    let table = |level: &dyn Fn(usize) -> f64| {
+        let rows: String = (0..200).map(|i| format!("{},{}\n", level(2 * i), switch(2 * i + 1))).collect();
+        format!("level,light\n{rows}")
+    };
+    for test in ["gsquared", "cmisymb"] {
+        let told = complaint(&table(&noise), &["--method", "pcmci", "--test", test], 1);
+        has(&told, &[test, "'level' has 200 different values in 200 samples", "parcorr", "round(level)"]);
+        assert!(!told.contains("'light'"), "{told}");
+        assert_eq!(told.lines().filter(|line| line.starts_with("error: ")).count(), 1, "{told}");
+    }
+    // Categories that are not whole numbers are categories.
+    let dir = folder("data.csv", &table(&|i| 0.25 * switch(i)));
+    let out = roscausal(dir.path(), &["discover", "data.csv", "--method", "pcmci", "--test", "gsquared"]);
+    assert!(out.status.success(), "{}", String::from_utf8_lossy(&out.stderr));
 }

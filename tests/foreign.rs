@@ -125,6 +125,18 @@ fn a_public_table_of_an_economy_is_read() {
 }
 
 #[test]
+fn a_public_table_of_quarters_is_read() {
+    let model = of("danish_data");
+    assert_eq!(model["features"], serde_json::json!(["lrm", "lry", "lpy", "ibo", "ide"]));
+    // 55 quarters; the first has no difference, and the lag takes one.
+    assert_eq!(model["n_samples"], 53);
+    // Three months.
+    let step = model["dt"].as_f64().expect("a step");
+    assert!((step / 86_400.0 - 91.3).abs() < 1.0, "{step}");
+    assert!(model["links"].as_array().is_some_and(|links| !links.is_empty()), "{model}");
+}
+
+#[test]
 fn a_robots_bag_of_another_project_is_read() {
     let model = of("robot_localization");
     assert_eq!(model["features"], serde_json::json!(["v", "gyro"]));
@@ -139,11 +151,18 @@ fn bags_without_anything_that_changes_are_listed() {
 }
 
 #[test]
+fn six_data_sets_and_more_are_analysed_not_only_listed() {
+    let analysed = documented().iter().filter(|line| line.starts_with("roscausal discover ")).count();
+    assert!(analysed >= 6, "{analysed}");
+}
+
+#[test]
 fn every_documented_command_is_of_one_of_these() {
     let tested = [
         "bagpy",
         "seattle-weather",
         "us-employment",
+        "danish_data",
         "macrodata",
         "robot_localization",
         "inorbit",

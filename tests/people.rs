@@ -137,6 +137,80 @@ fn ros4hri_people_are_those_on_the_list_and_keep_small_numbers() {
 }
 
 #[test]
+fn a_person_is_chosen_by_her_name() {
+    for (recording, people) in
+        [("people_mcap", "ros4hri"), ("people.bag", "/pedestrians"), ("people.bag", "tf:person_*")]
+    {
+        let column = |who: &str| {
+            let dir = tempfile::tempdir().expect("a folder");
+            let (output, tables) = replayed(dir.path(), recording, &["--people", people, "--person", who]);
+            let table = tables.into_iter().next().unwrap_or_else(|| panic!("{}", said(&output))).1;
+            let mut lines = table.lines().map(|line| line.split(',').map(str::to_owned).collect::<Vec<_>>());
+            let header = lines.next().expect("a header");
+            let place = header.iter().position(|name| name.starts_with("h_") && name.ends_with("_y"));
+            let place = place.unwrap_or_else(|| panic!("{header:?}"));
+            let ys: Vec<f64> = lines.filter_map(|row| row[place].parse().ok()).collect();
+            assert!(ys.len() >= 40, "{recording} {people} {who}: {}", ys.len());
+            ys.iter().sum::<f64>() / ys.len() as f64
+        };
+        // Berta is not the first whom the tracker tells of.
+        for (who, y) in [("anna", 1.0), ("berta", -1.0)] {
+            assert!((column(who) - y).abs() < 1e-3, "{recording} {people} {who}: {}", column(who));
+        }
+        let dir = tempfile::tempdir().expect("a folder");
+        let (output, _) = replayed(dir.path(), recording, &["--people", people, "--person", "ana"]);
+        for part in ["nobody called 'ana'", "did you mean 'anna'?", "anna, berta"] {
+            assert!(said(&output).contains(part), "{part}: {}", said(&output));
+        }
+    }
+    let dir = tempfile::tempdir().expect("a folder");
+    let (output, _) =
+        replayed(dir.path(), "people.bag", &["--people", "/people_tracked", "--person", "anna"]);
+    assert!(said(&output).contains("nobody in it has a name; choose by number"), "{}", said(&output));
+}
+
+#[test]
+fn velocity_engagement_and_gaze_of_ros4hri_are_variables_of_the_person_by_name() {
+    let dir = tempfile::tempdir().expect("a folder");
+    let signals = [
+        "--signal",
+        "engaged = /humans/persons/{person}/engagement_status.level == 3",
+        "--signal",
+        "vx = /humans/bodies/{body}/velocity.twist.linear.x",
+        "--signal",
+        "looks = only(/humans/interactions/gaze.receiver == \"robot\", /humans/interactions/gaze.sender == \"{person}\")",
+    ];
+    let flags = [&["--people", "ros4hri", "--person", "berta"][..], &signals].concat();
+    let (output, tables) = replayed(dir.path(), "people_mcap", &flags);
+    let table = &tables.first().unwrap_or_else(|| panic!("{}", said(&output))).1;
+    let mut lines = table.lines().map(|line| line.split(',').collect::<Vec<_>>());
+    let header = lines.next().expect("a header");
+    let column = |name: &str| {
+        let place = header.iter().position(|other| *other == name);
+        place.unwrap_or_else(|| panic!("no {name} in {header:?}"))
+    };
+    let (time, engaged, vx, looks) = (column("time"), column("engaged"), column("vx"), column("looks"));
+    let rows: Vec<[f64; 4]> = lines
+        .map(|row| [time, engaged, vx, looks].map(|place| row[place].parse().unwrap_or(f64::NAN)))
+        .collect();
+    assert!(rows.len() >= 40, "{}", rows.len());
+    let begin = rows[0][0].floor();
+    for [time, engaged, vx, looks] in &rows {
+        // Between two messages, of which there are five in a second; berta is number 2.
+        let tenths = ((time - begin) * 10.0).round() as i64;
+        let i = tenths / 2;
+        if tenths % 2 == 0 || i < 1 {
+            continue;
+        }
+        let expected = [u8::from((i + 2) % 4 < 2), u8::from((i + 2) % 6 < 3)].map(f64::from);
+        assert_eq!([*engaged, *looks], expected, "at {time}");
+        assert!((vx + 0.6).abs() < 1e-9, "at {time}: {vx}");
+    }
+    let (output, _) = replayed(dir.path(), "people_mcap", &[&["--people", "ros4hri"][..], &signals].concat());
+    assert!(said(&output).contains("stand for one person; name her"), "{}", said(&output));
+}
+
+#[test]
 fn one_topic_per_person_and_frames_by_pattern_are_people() {
     for (people, says) in [
         ("/person_1/pose,/person_2/pose", "/person_2/pose (geometry_msgs/PoseStamped)"),

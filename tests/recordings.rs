@@ -382,3 +382,130 @@ fn a_foreign_recording_without_people_is_refused_with_what_there_is() {
         assert!(output.status.code() == Some(1) && said(&output).contains(told), "{}", said(&output));
     }
 }
+
+/// Two robots in namespaces, one with a localisation, on one topic of transforms, and two people.
+fn write_fleet(path: &Path) {
+    let single = path.with_file_name("single.mcap");
+    write_walk(&single, &["/odom", "/tf", "/people"]);
+    let mut walk = Recording::open(single).expect("opens");
+    let topics = walk.topics().to_vec();
+    let mut writer = McapWriter::create(path).expect("a file");
+    for Record { topic, stamp, bytes } in walk.by_ref() {
+        let topic = &topics[topic];
+        match topic.name.as_str() {
+            "/odom" => {
+                for (robot, away) in [("tb3_0", 0.0), ("tb3_1", 2.5)] {
+                    let mut odometry = topic.decode::<Odometry>(&bytes).expect("reads");
+                    odometry.header.frame_id = format!("{robot}/odom");
+                    odometry.child_frame_id = format!("{robot}/base_link");
+                    odometry.pose.pose.position.y += away;
+                    writer.write(&format!("/{robot}/odom"), stamp, &odometry).expect("writes");
+                    writer.write(&format!("/{robot}/odometry/filtered"), stamp, &odometry).expect("writes");
+                    let mut goal = PoseStamped::default();
+                    (goal.header.frame_id, goal.header.stamp) = ("map".into(), stamp);
+                    goal.pose.position.y = 9.0 + away;
+                    writer.write(&format!("/{robot}/goal_pose"), stamp, &goal).expect("writes");
+                }
+            }
+            "/tf" => {
+                let one = topic.decode::<TFMessage>(&bytes).expect("reads");
+                let mut transforms = Vec::new();
+                for (robot, away) in [("tb3_0", 0.0), ("tb3_1", 2.5)] {
+                    for mut transform in one.transforms.clone() {
+                        for frame in [&mut transform.header.frame_id, &mut transform.child_frame_id] {
+                            if frame != "map" {
+                                *frame = format!("{robot}/{frame}");
+                            }
+                        }
+                        if transform.header.frame_id != "map" {
+                            transform.transform.translation.y += away;
+                        }
+                        transforms.push(transform);
+                    }
+                }
+                writer.write("/tf", stamp, &TFMessage { transforms }).expect("writes");
+            }
+            _ => writer
+                .write("/people", stamp, &topic.decode::<PoseArray>(&bytes).expect("reads"))
+                .expect("writes"),
+        }
+    }
+    writer.finish().expect("ends");
+}
+
+/// The numbers in a column (`r_y`, `h_x`) of the only batch that `replay` makes of the fleet with these flags, and what it says.
+fn of_fleet(flags: &[&str], column: &str) -> (Vec<f64>, String) {
+    let dir = tempfile::tempdir().expect("a folder");
+    write_fleet(&dir.path().join("fleet.mcap"));
+    let replay = ["replay", "fleet.mcap", "--out", "out", "--ts-length", "0"];
+    let output = roscausal(dir.path(), &[&replay[..], flags, &QUICK].concat());
+    let pool = dir.path().join("out/data_pool");
+    let tables = if pool.is_dir() { csv_files(&pool) } else { Vec::new() };
+    let mut lines = tables.first().map_or("", |(_, table)| table.as_str()).lines();
+    let (of, what) = column.split_once('_').expect("of whom, and what");
+    let is_it = |name: &str| name == column || name.starts_with(of) && name.ends_with(&format!("_{what}"));
+    let Some(place) = lines.next().map(|header| header.split(',').position(is_it).expect("the column"))
+    else {
+        return (Vec::new(), said(&output));
+    };
+    (lines.filter_map(|row| row.split(',').nth(place)?.parse().ok()).collect(), said(&output))
+}
+
+#[test]
+fn one_of_several_robots_is_chosen_by_its_name_with_all_its_topics() {
+    let (none, told) = of_fleet(&[], "r_y");
+    assert!(none.is_empty(), "{told}");
+    for part in ["several topics can be robot odometry", "of the robots tb3_0, tb3_1", "--robot NAME"] {
+        assert!(told.contains(part), "{part}: {told}");
+    }
+    let (_, told) = of_fleet(&["--robot", "tb3_2"], "r_y");
+    assert!(told.contains("there is no robot 'tb3_2'") && told.contains("tb3_0, tb3_1"), "{told}");
+    for (robot, away) in [("tb3_0", 0.0), ("tb3_1", 2.5)] {
+        let (ys, told) = of_fleet(&["--robot", robot], "r_y");
+        for line in [format!("robot odometry: /{robot}/odom "), format!("robot goal: /{robot}/goal_pose ")] {
+            assert!(told.contains(&line), "{line}: {told}");
+        }
+        let mean = ys.iter().sum::<f64>() / ys.len() as f64;
+        assert!(ys.len() > 150 && (mean - away).abs() < 0.3, "{robot}: {mean} of {} rows", ys.len());
+    }
+}
+
+#[test]
+fn other_robots_may_take_the_place_of_people() {
+    let (ys, told) = of_fleet(&["--robot", "tb3_0", "--people", "robots"], "h_y");
+    assert!(told.contains("people: /tb3_1/odom (nav_msgs/Odometry)"), "{told}");
+    // It drives 2.5 m beside the robot.
+    assert!(
+        ys.len() > 150 && ys.iter().all(|y| (y - 2.5).abs() < 0.2),
+        "{} rows: {:?}",
+        ys.len(),
+        ys.first()
+    );
+    let told = discovered(&["/odom", "/tf", "/people"], &["--people", "robots"]);
+    assert!(said(&told).contains("there is no other robot"), "{}", said(&told));
+}
+
+#[test]
+fn a_fleet_that_is_only_in_tf_is_told_apart_by_the_names_of_its_frames() {
+    let dir = tempfile::tempdir().expect("a folder");
+    write_fleet(&dir.path().join("fleet.mcap"));
+    let mut fleet = Recording::open(dir.path().join("fleet.mcap")).expect("opens");
+    let topics = fleet.topics().to_vec();
+    let mut writer = McapWriter::create(dir.path().join("frames.mcap")).expect("a file");
+    for Record { topic, stamp, bytes } in fleet.by_ref() {
+        let topic = &topics[topic];
+        match topic.name.as_str() {
+            "/tf" => writer.write("/tf", stamp, &topic.decode::<TFMessage>(&bytes).expect("reads")),
+            "/people" => writer.write("/people", stamp, &topic.decode::<PoseArray>(&bytes).expect("reads")),
+            _ => Ok(()),
+        }
+        .expect("writes");
+    }
+    writer.finish().expect("ends");
+    let run = |flags: &[&str]| {
+        said(&roscausal(dir.path(), &[&["discover", "frames.mcap", "--drop-empty"], flags, &QUICK].concat()))
+    };
+    assert!(run(&[]).contains("TF has the robots tb3_0, tb3_1"), "{}", run(&[]));
+    let told = run(&["--robot", "tb3_1"]);
+    assert!(told.contains("robot: the place of tb3_1/base_link in map by TF"), "{told}");
+}

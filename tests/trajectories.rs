@@ -150,42 +150,6 @@ fn numpy_files_give_the_model_of_the_csv_file() {
     assert!(read("object.npy", &[]).expect_err("objects").contains("astype(float)"));
 }
 
-#[cfg(feature = "columnar")]
-#[test]
-fn parquet_and_arrow_files_give_the_model_of_the_csv_file() {
-    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/tables");
-    let read = |file: &str, more: &[&str]| model(&folder, &[&[file, "--format", "json"], more].concat());
-    let expected = read("plain.csv", &[]).expect("a model");
-    for file in ["stamps.parquet", "groups.parquet", "feather.arrow", "stream.arrows"] {
-        let found = read(file, &[]).unwrap_or_else(|told| panic!("{file}: {told}"));
-        assert_eq!(found["features"], expected["features"], "{file}");
-        assert_eq!(found["links"], expected["links"], "{file}");
-        assert!((found["dt"].as_f64().expect("a step") - 0.25).abs() < 1e-9, "{file}");
-    }
-    let found = read("index.parquet", &[]).expect("the row numbers of pandas are no variable");
-    assert_eq!((&found["features"], &found["n_samples"]), (&expected["features"], &193.into()));
-    assert!(
-        read("words.parquet", &[]).expect_err("words").contains("column 'state': 'idle' is not a number")
-    );
-    let found = read("words.parquet", &["--encode", "codes"]).expect("encoded");
-    assert_eq!(found["features"], serde_json::json!(["a", "b", "state", "flag", "n"]));
-}
-
-#[cfg(feature = "columnar")]
-#[test]
-fn a_damaged_parquet_or_arrow_file_is_one_sentence() {
-    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/tables");
-    let dir = tempfile::tempdir().expect("a folder");
-    for name in ["groups.parquet", "feather.arrow", "stream.arrows"] {
-        let whole = fs::read(folder.join(name)).expect("is there");
-        for keep in [12, whole.len() / 3, whole.len() - 40] {
-            fs::write(dir.path().join(name), &whole[..keep]).expect("writes");
-            let told = model(dir.path(), &[name]).expect_err("cut off");
-            assert!(told.contains(name) && told.trim().lines().count() == 1, "{name} {keep}: {told}");
-        }
-    }
-}
-
 #[cfg(not(feature = "columnar"))]
 #[test]
 fn a_program_without_parquet_and_arrow_says_so_and_the_way_out() {

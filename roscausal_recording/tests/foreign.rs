@@ -17,7 +17,7 @@ fn path(file: &str) -> PathBuf {
 type Expected = (&'static str, &'static [(&'static str, &'static str, usize)]);
 
 const TEXT: &str = "std_msgs/String";
-const FILES: [Expected; 12] = [
+const FILES: [Expected; 13] = [
     (
         "inorbit_samples/fake_sensors_sample.bag",
         &[
@@ -70,6 +70,14 @@ const FILES: [Expected; 12] = [
         "rosbag2_bag_v2/test_bag_end_to_end.bag",
         &[("int_topic", "std_msgs/Int32", 3), ("rosout", "rosgraph_msgs/Log", 5), ("string_topic", TEXT, 3)],
     ),
+    (
+        "rosbag2_bag_v2/test_bag_multiple_connections.bag",
+        &[
+            ("/int_test_topic", "std_msgs/Int32", 2),
+            ("/rosout", "rosgraph_msgs/Log", 2),
+            ("/test_topic", TEXT, 2),
+        ],
+    ),
 ];
 
 #[test]
@@ -90,6 +98,27 @@ fn recordings_of_other_projects_have_the_messages_that_other_software_counts() {
             counts.iter().map(|((name, kind), count)| (name.as_str(), kind.as_str(), *count)).collect();
         assert_eq!(counts, expected, "{file}");
     }
+}
+
+#[test]
+fn every_foreign_recording_is_tested_and_has_its_source_and_licence() {
+    let readme = std::fs::read_to_string(path("README.md")).unwrap();
+    let (mut files, mut projects) = (Vec::new(), 0);
+    for project in std::fs::read_dir(path("")).unwrap().map(|entry| entry.unwrap()) {
+        if !project.file_type().unwrap().is_dir() {
+            continue;
+        }
+        projects += 1;
+        let name = project.file_name().to_string_lossy().into_owned();
+        assert!(readme.contains(&format!("`{name}/")), "README.md does not name the source of {name}");
+        assert!(project.path().join("LICENSE").is_file(), "{name}");
+        let recordings = std::fs::read_dir(project.path()).unwrap().map(|entry| entry.unwrap().file_name());
+        let recordings = recordings.filter(|file| file != "LICENSE");
+        files.extend(recordings.map(|file| format!("{name}/{}", file.to_string_lossy())));
+    }
+    files.sort();
+    assert_eq!(files, FILES.map(|(file, _)| file.to_owned()));
+    assert!(files.len() >= 8 && projects >= 4, "{} files of {projects} projects", files.len());
 }
 
 #[test]

@@ -4,6 +4,7 @@
 
 mod args;
 mod dds;
+mod distribution;
 mod node;
 mod program;
 mod rcl;

@@ -7,7 +7,8 @@ use roscausal_recording::{Recording, Topic};
 
 use super::{
     coverage,
-    roles::{CHOSEN_BY_NAME, Kind, NOT_PEOPLE, PEOPLE, ROBOT_ODOM, ROS4HRI, ROS4HRI_FRAMES, Role},
+    robots::{self, LOCALISED, ODOMETRY, Robot, Space},
+    roles::{BASES, CHOSEN_BY_NAME, Kind, NOT_PEOPLE, PEOPLE, ROBOT_ODOM, ROS4HRI, ROS4HRI_FRAMES, Role},
 };
 
 /// The value that means "no such topic".
@@ -21,13 +22,72 @@ pub(super) const STATES: [(&str, &str); 2] =
 pub(super) struct Chooser<'a> {
     pub(super) recording: &'a Recording,
     pub(super) path: &'a Path,
+    /// Whose topics count for the roles of the robot.
+    pub(super) robot: Space,
 }
 
 impl Chooser<'_> {
-    /// The readable topics of a role's types.
+    /// The readable topics of a role's types; of a role of the robot, those of its namespace.
     pub(super) fn candidates(&self, role: &Role) -> Vec<&Topic> {
         let fits = |topic: &&Topic| role.kind(&topic.type_name).is_some() && topic.known_type().is_some();
-        self.recording.topics().iter().filter(fits).collect()
+        let all = self.recording.topics().iter().filter(fits);
+        if role.node == "robot" { self.robot.narrowed(all.collect()) } else { all.collect() }
+    }
+
+    /// The first usual name that one of these topics has, within the robot's namespace if it is a role of the robot.
+    fn usual<'t>(&self, role: &Role, candidates: &[&'t Topic]) -> Option<&'t Topic> {
+        let short = |topic: &Topic| match role.node {
+            "robot" => self.robot.within(&topic.name).to_owned(),
+            _ => topic.name.clone(),
+        };
+        role.usual.iter().find_map(|usual| candidates.iter().find(|topic| short(topic) == *usual).copied())
+    }
+
+    /// The robots in namespaces, by their odometry and poses.
+    pub(super) fn robots(&self) -> Vec<Robot<'_>> {
+        let tells = |topic: &&Topic| {
+            [ODOMETRY, LOCALISED].contains(&topic.type_name.as_str()) && topic.known_type().is_some()
+        };
+        robots::of(self.recording.topics().iter().filter(tells).collect())
+    }
+
+    /// The namespace of the robot that the user names.
+    pub(super) fn named_robot(&self, name: &str) -> Result<Space> {
+        let robots = self.robots();
+        let known = robots.iter().any(|robot| robot.is_called(name));
+        let framed =
+            if known { Vec::new() } else { robots::framed(&coverage::frames(self.path, "/tf")?, &BASES) };
+        robots::named(name, &robots, &framed)
+    }
+
+    /// A topic for each of the robots that are not the one with the topics `own`: its odometry, if `transforms` of all are heard,
+    /// otherwise its pose.
+    pub(super) fn other_robots(&self, own: &[String], transforms: bool) -> Result<Vec<String>> {
+        let robots = self.robots();
+        let others =
+            robots.iter().filter(|robot| robot.topics.iter().all(|topic| !own.contains(&topic.name)));
+        let wanted = if transforms { ODOMETRY } else { LOCALISED };
+        let topic = |robot: &Robot<'_>| {
+            let best = robot.topics.iter().find(|topic| topic.type_name == wanted);
+            best.or(robot.topics.first()).map(|topic| topic.name.clone())
+        };
+        let topics: Vec<String> = others.filter_map(topic).collect();
+        match topics.is_empty() {
+            true => Err(Error::file(
+                self.path,
+                "--people robots: there is no other robot in a namespace of its own; name the topics of those who move",
+            )),
+            false => Ok(topics),
+        }
+    }
+
+    /// The error where several robots are TF frames.
+    pub(super) fn several_frames(&self, robots: &[String]) -> Error {
+        let what = format!(
+            "TF has the robots {}, and no topic tells which one is meant; --robot NAME chooses one",
+            robots.join(", ")
+        );
+        Error::file(self.path, what)
     }
 
     /// The topic of a signal, whatever its type.
@@ -44,9 +104,16 @@ impl Chooser<'_> {
     }
 
     fn named(&self, role: &Role, name: &str) -> Result<Topic> {
-        let same = |topic: &&&Topic| topic.name.trim_start_matches('/') == name.trim_start_matches('/');
-        if let Some(topic) = self.candidates(role).iter().find(same) {
-            return Ok((*topic).clone());
+        let name_of = |topic: &Topic| topic.name.trim_start_matches('/').to_owned();
+        let fits = |topic: &&Topic| role.kind(&topic.type_name).is_some() && topic.known_type().is_some();
+        let (inside, wanted) = (self.robot.inside(name), name.trim_start_matches('/'));
+        let all = || self.recording.topics().iter().filter(fits);
+        let found = all().find(|topic| name_of(topic) == wanted).or_else(|| {
+            all()
+                .find(|topic| role.node == "robot" && inside.as_ref().is_some_and(|name| topic.name == *name))
+        });
+        if let Some(topic) = found {
+            return Ok(topic.clone());
         }
         Err(self.fault(role, &format!("there is no topic {name} that can be {}", role.what)))
     }
@@ -59,12 +126,18 @@ impl Chooser<'_> {
         let mut candidates = self.candidates(role);
         candidates.retain(|topic| !is_nobody(topic));
         candidates.retain(|topic| !CHOSEN_BY_NAME.contains(&topic.type_name.as_str()));
-        let usual = role.usual.iter().find_map(|usual| candidates.iter().find(|topic| topic.name == *usual));
-        match (usual, candidates.as_slice()) {
-            (Some(usual), _) => Ok(Some((*usual).clone())),
+        match (self.usual(role, &candidates), candidates.as_slice()) {
+            (Some(usual), _) => Ok(Some(usual.clone())),
             (None, [only]) => Ok(Some((*only).clone())),
             (None, []) => Ok(None),
-            (None, _) => Err(self.fault(role, &format!("several topics can be {}", role.what))),
+            (None, _) => {
+                let robots = self.robots();
+                let way = match robots.len() > 1 && role.node == "robot" {
+                    true => format!(", of the robots {} (--robot NAME chooses one)", robots::names(&robots)),
+                    false => String::new(),
+                };
+                Err(self.fault(role, &format!("several topics can be {}{way}", role.what)))
+            }
         }
     }
 
@@ -78,14 +151,14 @@ impl Chooser<'_> {
             let mut candidates = self.candidates(role);
             // Nav2 has a /goal_pose that nobody publishes when goals come by its action.
             candidates.retain(|topic| topic.messages != Some(0));
-            let usual =
-                role.usual.iter().find_map(|usual| candidates.iter().find(|topic| topic.name == *usual));
-            let own: Vec<_> = candidates
+            let usual = self.usual(role, &candidates);
+            let own: Vec<&Topic> = candidates
                 .iter()
+                .copied()
                 .filter(|topic| !CHOSEN_BY_NAME.contains(&topic.type_name.as_str()))
                 .collect();
             let only = if let [only] = own.as_slice() { Some(*only) } else { None };
-            return Ok(usual.or(only).map(|topic| (*topic).clone()));
+            return Ok(usual.or(only).cloned());
         };
         self.named(role, name).map(Some)
     }

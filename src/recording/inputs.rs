@@ -15,16 +15,17 @@ use crate::{nodes::RECORDING, presets};
 
 use super::{
     choose::{Chooser, STATES, is_nobody},
-    coverage, play,
-    roles::{HUMAN_GOAL, PEOPLE, ROBOT_GOAL, ROBOT_ODOM, ROBOT_POSE, Role, VELOCITY},
+    coverage, persons, play,
+    robots::{self, Space},
+    roles::{BASES, HUMAN_GOAL, PEOPLE, ROBOT_GOAL, ROBOT_ODOM, ROBOT_POSE, ROS4HRI_FRAMES, Role, VELOCITY},
 };
 
 /// The value that means "the pose in the odometry".
 const FROM_ODOMETRY: &str = "odom";
+/// The value of `--people` that means "the other robots".
+const OTHER_ROBOTS: &str = "robots";
 /// The value of `--person` that means "only signals".
 const NOBODY: &str = "nobody";
-/// Frames of a robot's base, the best first.
-const BASES: [&str; 3] = ["base_footprint", "base_link", "base"];
 /// How long a signal's last value counts, as in the data node. Seconds.
 const SIGNAL_MAX_AGE_S: f64 = 2.0;
 /// Odometry is taken instead of a topic of poses if it knows the robot for this much more of the time.
@@ -38,6 +39,10 @@ const INTERVENTIONS: &str = "/hri/interventions";
 /// Which topics of a recording play which role.
 #[derive(ClapArgs, Clone, Debug, Default)]
 pub(crate) struct InputArgs {
+    /// Recording of several robots: which one, by its namespace (`tb3_0` for /tb3_0/odom). The others may be the people
+    /// (`--people robots`).
+    #[arg(long, value_name = "NAME")]
+    robot: Option<String>,
     /// Recording: topic of the robot's odometry. Default for this and the next four: found by type and name.
     #[arg(long, value_name = "TOPIC")]
     robot_odom: Option<String>,
@@ -49,7 +54,7 @@ pub(crate) struct InputArgs {
     #[arg(long, value_name = "TOPIC")]
     robot_goal: Option<String>,
     /// Recording: topics of people of any known type (docs/people.md), separated by commas; `ros4hri`: its TF frames;
-    /// `tf:actor_*`: TF frames of this name, with the id for `*`.
+    /// `tf:actor_*`: TF frames of this name, with the id for `*`; `robots`: the other robots.
     #[arg(long, value_name = "TOPIC", value_delimiter = ',')]
     people: Vec<String>,
     /// Recording: topic of the person's goal, or `none`.
@@ -59,8 +64,8 @@ pub(crate) struct InputArgs {
     /// (docs/signals.md). Where a recording has no robot or no people, signals are all that is read.
     #[arg(long = "signal", value_name = "NAME = EXPRESSION")]
     signals: Vec<String>,
-    /// Recording: who is analysed: an id, `1,2`, `nearest:N`, `all` or `nobody` (only signals). Default: the person nearest to the
-    /// robot.
+    /// Recording: who is analysed: an id or a name, `1,2`, `nearest:N`, `all` or `nobody` (only signals). Default: the person nearest
+    /// to the robot.
     #[arg(long, value_name = "WHO")]
     person: Option<String>,
     /// Step between samples, seconds: of a recording's batches; a table is resampled to it (--resample).
@@ -102,6 +107,7 @@ impl InputArgs {
     /// The first of these flags that was given, for input that is not a recording.
     pub(crate) fn given(&self) -> Option<&'static str> {
         let flags = [
+            ("--robot", self.robot.is_some()),
             ("--robot-odom", self.robot_odom.is_some()),
             ("--robot-pose", self.robot_pose.is_some()),
             ("--robot-goal", self.robot_goal.is_some()),
@@ -150,18 +156,25 @@ impl Inputs {
             start: play::start(path, recording)?,
             chosen: Vec::new(),
         };
-        let chooser = Chooser { recording, path };
+        let mut chooser = Chooser { recording, path, robot: Space::Any };
+        if let Some(name) = &args.robot {
+            chooser.robot = chooser.named_robot(name)?;
+        }
         inputs.take_signals(&chooser, args)?;
         if inputs.has_only_signals(&chooser, args) {
             inputs.nodes = &["data"];
             inputs.set("data", "sel_agent", NOBODY);
             inputs.chosen.push("only signals are read, no robot and no people".into());
-        } else if args.robot_odom.is_none() && args.people.is_empty() && chooser.has_only_states() {
+        } else if args.robot.is_none()
+            && args.robot_odom.is_none()
+            && args.people.is_empty()
+            && chooser.has_only_states()
+        {
             inputs.nodes = &["data"];
             inputs.topics = STATES.map(|(name, _)| name.to_owned()).to_vec();
             inputs.chosen.push(format!("states: {} and {}", STATES[0].0, STATES[1].0));
         } else {
-            inputs.take_robot(&chooser, args)?;
+            inputs.take_robot(&mut chooser, args)?;
             inputs.take_people(&chooser, args)?;
         }
         inputs.take_interventions(&chooser, args);
@@ -178,7 +191,9 @@ impl Inputs {
         let max_age = args.params.iter().rev().find_map(|text| text.strip_prefix("data.signal_max_age="));
         let max_age = max_age.and_then(|text| text.parse().ok()).unwrap_or(SIGNAL_MAX_AGE_S);
         let msg_path = args.params.iter().rev().find_map(|text| text.strip_prefix("data.msg_path="));
-        let parsed = Signal::parse_all(&args.signals, max_age, "signal")?;
+        let texts = args.signals.iter().map(|text| persons::named(text, args.person.as_deref(), chooser));
+        let texts: Vec<String> = texts.collect::<Result<_>>()?;
+        let parsed = Signal::parse_all(&texts, max_age, "signal")?;
         let signals = Signals::new(parsed, Definitions::of(msg_path.unwrap_or_default()));
         for name in signals.topics() {
             let topic = chooser.any_topic(&name)?;
@@ -190,14 +205,17 @@ impl Inputs {
             self.chosen.push(format!("signals of {name} ({})", topic.type_name));
             self.raw_topics.push(topic.name);
         }
-        let texts = args.signals.iter().map(|text| Value::Str(text.clone())).collect();
+        let texts = texts.into_iter().map(Value::Str).collect();
         self.params.push(("data".into(), "signals".into(), Value::List(texts)));
         Ok(())
     }
 
     /// Whether signals are all that is to be read: as asked for, or because there is nothing else.
     fn has_only_signals(&self, chooser: &Chooser<'_>, args: &InputArgs) -> bool {
-        let named = args.robot_odom.is_some() || args.robot_pose.is_some() || !args.people.is_empty();
+        let named = args.robot.is_some()
+            || args.robot_odom.is_some()
+            || args.robot_pose.is_some()
+            || !args.people.is_empty();
         let nobody = args.person.as_deref() == Some(NOBODY);
         let has_people = chooser.people_candidates().into_iter().any(|topic| !is_nobody(topic))
             || !chooser.ros4hri().is_empty();
@@ -206,8 +224,14 @@ impl Inputs {
             || (!self.raw_topics.is_empty() && !named && !has_people && !has_states && args.person.is_none())
     }
 
-    fn take_robot(&mut self, chooser: &Chooser<'_>, args: &InputArgs) -> Result<()> {
+    fn take_robot(&mut self, chooser: &mut Chooser<'_>, args: &InputArgs) -> Result<()> {
         let odometry = chooser.one(&ROBOT_ODOM, args.robot_odom.as_deref())?;
+        if let (Space::Any, Some(odometry)) = (&chooser.robot, &odometry)
+            && let Some(path) = robots::path_of(&odometry.name)
+        {
+            chooser.robot = Space::Found(path);
+        }
+        let chooser = &*chooser;
         let pose = match args.robot_pose.as_deref() {
             Some(FROM_ODOMETRY) => None,
             named => chooser.optional(&ROBOT_POSE, named)?,
@@ -310,15 +334,26 @@ impl Inputs {
     }
 
     /// Takes the robot's frame as its pose. Returns its name and that of the map.
-    fn frames(&mut self, chooser: &Chooser<'_>) -> Result<(&'static str, &'static str)> {
+    fn frames(&mut self, chooser: &Chooser<'_>) -> Result<(String, String)> {
         let frames = coverage::frames(chooser.path, &self.tf)?;
-        let base = BASES.into_iter().find(|base| frames.contains(*base));
-        let map = ["map", "odom"].into_iter().find(|map| frames.contains(*map));
-        let (base, map) = base.zip(map).ok_or_else(|| chooser.nothing(&ROBOT_ODOM))?;
-        for (name, value) in [("pose_topic", ""), ("source_frame", base), ("target_frame", map)] {
+        // A fleet's frames bear the robots' names.
+        let known = |names: &[&str]| {
+            let spellings = |name: &&str| [chooser.robot.frame(name), Some((*name).to_owned())];
+            names.iter().flat_map(spellings).flatten().find(|name| frames.contains(name))
+        };
+        let (base, map) = known(&BASES).zip(known(&["map", "odom"])).ok_or_else(|| {
+            let robots = robots::framed(&frames, &BASES);
+            match robots.is_empty() {
+                true => chooser.nothing(&ROBOT_ODOM),
+                false => chooser.several_frames(&robots),
+            }
+        })?;
+        for (name, value) in
+            [("pose_topic", ""), ("source_frame", base.as_str()), ("target_frame", map.as_str())]
+        {
             self.set("robot", name, value);
         }
-        self.set("human", "target_frame", map);
+        self.set("human", "target_frame", &map);
         Ok((base, map))
     }
 
@@ -333,13 +368,18 @@ impl Inputs {
         if let [only] = args.people.as_slice()
             && let Some(pattern) = frames(only)
         {
-            self.take_people_frames(chooser, &pattern);
+            self.take_people_frames(chooser, &pattern, args)?;
         } else {
-            let topics = chooser.people(&args.people, &self.tf)?;
+            let mut named = args.people.clone();
+            if let Some(place) = named.iter().position(|name| name == OTHER_ROBOTS) {
+                named.splice(place..=place, chooser.other_robots(&self.topics, self.tf == "/tf")?);
+            }
+            let topics = chooser.people(&named, &self.tf)?;
             if topics.is_empty() {
-                self.take_people_frames(chooser, "")
+                self.take_people_frames(chooser, "", args)?;
             } else {
-                self.take_people_topics(&topics, args)?
+                self.take_people_topics(&topics, args)?;
+                self.check_names(chooser, args, &persons::Source::Topics(&topics))?;
             }
         }
         match chooser.optional(&HUMAN_GOAL, args.human_goal.as_deref())? {
@@ -350,7 +390,7 @@ impl Inputs {
     }
 
     /// People who are TF frames.
-    fn take_people_frames(&mut self, chooser: &Chooser<'_>, pattern: &str) {
+    fn take_people_frames(&mut self, chooser: &Chooser<'_>, pattern: &str, args: &InputArgs) -> Result<()> {
         self.set("human", "people_type", "ros4hri");
         self.set("human", "people_frames", pattern);
         let lists: Vec<String> = chooser.ros4hri().into_iter().map(|topic| topic.name.clone()).collect();
@@ -360,6 +400,26 @@ impl Inputs {
             (pattern, _) => format!("people: TF frames {pattern}"),
         });
         self.topics.extend(lists);
+        let forms = match pattern.split_once('*') {
+            Some((start, end)) => vec![(start.trim_start_matches('/').to_owned(), end.to_owned())],
+            None if pattern.is_empty() => {
+                ROS4HRI_FRAMES.map(|start| (start.to_owned(), String::new())).to_vec()
+            }
+            None => vec![(pattern.trim_start_matches('/').to_owned(), String::new())],
+        };
+        let tf = self.tf.clone();
+        self.check_names(chooser, args, &persons::Source::Frames(&tf, forms))
+    }
+
+    /// Checks that those whom `--person` names are there.
+    fn check_names(
+        &self,
+        chooser: &Chooser<'_>,
+        args: &InputArgs,
+        source: &persons::Source<'_>,
+    ) -> Result<()> {
+        let names = args.person.as_deref().map_or_else(Vec::new, |who| persons::chosen(who).names);
+        if names.is_empty() { Ok(()) } else { persons::check(chooser, &names, source) }
     }
 
     /// People on topics: each under its own parameter where the nodes have one, otherwise read by their definitions.
@@ -451,8 +511,12 @@ impl Inputs {
         {
             // Only signals.
         } else if let Some(person) = &args.person {
-            self.set("human", "sel_agent", person);
-            self.set("data", "sel_agent", person);
+            let persons::Chosen { select, names } = persons::chosen(person);
+            if !names.is_empty() {
+                self.set("human", "people_names", &names.join(","));
+            }
+            self.set("human", "sel_agent", &select);
+            self.set("data", "sel_agent", &select);
         } else if !self.sets("data", "sel_agent")
             && !args.params.iter().any(|text| text.starts_with("data.sel_agent="))
         {

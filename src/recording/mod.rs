@@ -3,7 +3,9 @@
 mod choose;
 mod coverage;
 mod inputs;
+mod persons;
 mod play;
+mod robots;
 mod roles;
 
 use std::path::{Path, PathBuf};

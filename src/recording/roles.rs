@@ -41,6 +41,9 @@ const fn kind(
     Kind { type_name, topic_param, also }
 }
 
+/// Frames of a robot's base, the best first.
+pub(crate) const BASES: [&str; 3] = ["base_footprint", "base_link", "base"];
+
 /// Types with many meanings: such a topic is taken only by its name.
 pub(crate) const CHOSEN_BY_NAME: [&str; 3] =
     ["geometry_msgs/PoseStamped", "geometry_msgs/TwistStamped", "nav_msgs/Path"];

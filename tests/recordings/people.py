@@ -27,6 +27,9 @@ TYPES = {
     "float32[6] position_covariance\nfloat32[3] velocity\nbool tracking_available\nint8 tracking_state\nint8 action_state\n",
     "zed_msgs/ObjectsStamped": HEADER + "zed_msgs/Object[] objects\n",
     "hri_msgs/IdsList": HEADER + "string[] ids\n",
+    "hri_msgs/EngagementLevel": HEADER
+    + "uint8 UNKNOWN=0\nuint8 DISENGAGED=1\nuint8 ENGAGING=2\nuint8 ENGAGED=3\nuint8 DISENGAGING=4\nuint8 level\n",
+    "hri_msgs/Gaze": HEADER + "string sender\nstring receiver\n",
     "leg_tracker/Person": "geometry_msgs/Pose pose\nuint32 id\n",
     "leg_tracker/PersonArray": HEADER + "leg_tracker/Person[] people\n",
     "people_msgs/PositionMeasurement": HEADER
@@ -193,6 +196,14 @@ def seen(s, when, i, nanos, t):
     kind = "zed_msgs/ObjectsStamped"
     yield "/zed/objects", kind, when, s.make(kind, header=s.header(nanos, "camera_optical"), objects=objects)
     yield one("/humans/persons/tracked", "hri_msgs/IdsList", ids=["anna", "berta"])
+    for number, name, _, _, vx, vy in people(t):
+        # REP-155: a person's body and face have ids of their own; one topic of gaze for all.
+        yield f"/humans/persons/{name}/body_id", "std_msgs/String", when, s.make("std_msgs/String", data=f"body{number}")
+        level = 3 if (i + number) % 4 < 2 else 1
+        yield one(f"/humans/persons/{name}/engagement_status", "hri_msgs/EngagementLevel", level=level)
+        yield one(f"/humans/bodies/body{number}/velocity", "geometry_msgs/TwistStamped", twist=s.twist(vx, vy))
+        looks_at = "robot" if (i + number) % 6 < 3 else "screen"
+        yield one("/humans/interactions/gaze", "hri_msgs/Gaze", sender=name, receiver=looks_at)
     yield one(
         "/people_tracked",
         "leg_tracker/PersonArray",

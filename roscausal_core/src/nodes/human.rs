@@ -98,6 +98,13 @@ pub(super) fn specs() -> Vec<ParamSpec> {
             "auto: classes of detections, and namespaces of markers, that are people (0: people among COCO's numbers)",
         ),
         ParamSpec::new(
+            "people_names",
+            text(""),
+            Any,
+            "names of people, separated by commas, who get their numbers before all others: the number in the name, otherwise the \
+             smallest free one",
+        ),
+        ParamSpec::new(
             "msg_path",
             text(""),
             Any,
@@ -213,6 +220,9 @@ pub(super) async fn human_task<M: Middleware>(mw: &M) -> Result<()> {
         Gates { metres: params.double("join_gate"), keep_s: timeout, rejoin_s: params.double("rejoin_time") };
     let mut tracker = PeopleTracker::new(&target_frame, &source_frame, timeout)
         .with(gates, params.double("position_noise"));
+    for name in params.text("people_names").split(',').map(str::trim).filter(|name| !name.is_empty()) {
+        tracker.identities.names.number(name);
+    }
     let mut frames = Frames::new(&params.text("people_frames"));
     let (mut due, mut reports, mut published, mut unstamped) = (mw.now(), 0_u64, Time::ZERO, 0_u64);
     loop {

@@ -23,6 +23,8 @@ pub(super) struct Scope<'a> {
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Bound {
     root: Part,
+    /// Which messages count: those where this is not 0.
+    only: Option<Part>,
     /// Stamp and value of the message before, for each place that remembers one.
     memories: Vec<Option<(Time, f64)>>,
 }
@@ -58,11 +60,13 @@ impl Signal {
     /// # Errors
     /// A field that the messages do not have, with the nearest that exists, or one that is no number.
     pub(super) fn bind(&self, schema: &Schema) -> Result<Bound, String> {
-        let root = Binder { schema, signal: self }.part(&self.root)?;
+        let binder = Binder { schema, signal: self };
+        let root = binder.part(&self.root)?;
+        let only = self.only.as_ref().map(|only| binder.number(only)).transpose()?;
         if is_text(&root) {
             return Err(format!("{} is a text; compare it: == \"...\"", self.text));
         }
-        Ok(Bound { root, memories: vec![None; self.memories] })
+        Ok(Bound { root, only, memories: vec![None; self.memories] })
     }
 }
 
@@ -240,13 +244,19 @@ fn angle(path: &Path) -> Option<(Of, Path)> {
 }
 
 impl Bound {
-    /// The value in a message; NaN where it has none.
+    /// The value in a message; NaN where it has none. `None`: the message does not count.
     ///
     /// # Errors
     /// Bytes that are no such message.
-    pub(super) fn value(&mut self, scope: &Scope<'_>) -> Result<f64, Fault> {
+    pub(super) fn value(&mut self, scope: &Scope<'_>) -> Result<Option<f64>, Fault> {
+        if let Some(only) = &self.only {
+            let holds = only.value(scope, &mut self.memories)?;
+            if holds.is_nan() || holds == 0.0 {
+                return Ok(None);
+            }
+        }
         let value = self.root.value(scope, &mut self.memories)?;
-        Ok(if value.is_finite() { value } else { f64::NAN })
+        Ok(Some(if value.is_finite() { value } else { f64::NAN }))
     }
 }
 

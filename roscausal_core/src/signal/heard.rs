@@ -135,8 +135,11 @@ fn read(
     let header = schema.stamp(wire, bytes)?.filter(|stamp| *stamp != Time::ZERO);
     let stamp = header.filter(|stamp| stamp.secs_since(arrived).abs() <= OTHER_CLOCK_S).unwrap_or(arrived);
     let scope = Scope { schema, wire, bytes, header, stamp, arrived };
-    bound
-        .iter_mut()
-        .map(|(signal, bound)| Ok(Reading { signal: *signal, stamp, value: bound.value(&scope)? }))
-        .collect()
+    let mut readings = Vec::with_capacity(bound.len());
+    for (signal, bound) in bound {
+        if let Some(value) = bound.value(&scope)? {
+            readings.push(Reading { signal: *signal, stamp, value });
+        }
+    }
+    Ok(readings)
 }

@@ -13,7 +13,8 @@
 //! - `+ - * /`, brackets, `pi`, `abs sqrt exp log sin cos wrap min max`; comparisons `< <= > >= == !=` are 1 or 0, also with
 //!   a text: `/battery.state == "full"`.
 //! - Around the whole: `hold(e, 30)` (the last value for at most 30 s), `linear(e)` (between two values), `average(e)` (of
-//!   the values since the row before). Default: the last value for at most `signal_max_age`.
+//!   the values since the row before). Default: the last value for at most `signal_max_age`. Within them, `only(e, condition)`:
+//!   only messages count in which the condition is not 0.
 //!
 //! Why not a library for the expressions: as in `batch::expression`, the names, which are paths into messages, and the
 //! sentences about them are most of it.

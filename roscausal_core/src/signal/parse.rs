@@ -35,6 +35,8 @@ pub struct Signal {
     /// What rows hold.
     pub how: How,
     pub(super) root: Node,
+    /// Only messages count in which this is not 0.
+    pub(super) only: Option<Node>,
     /// Places where an evaluation remembers the message before.
     pub(super) memories: usize,
     /// The expression as written.
@@ -147,14 +149,14 @@ impl Signal {
             )));
         }
         let expression = expression.trim();
-        let mut parser = Parser { text: expression, at: 0, depth: 0, topic: None, memories: 0 };
+        let mut parser = Parser { text: expression, at: 0, depth: 0, topic: None, memories: 0, only: None };
         let parsed = parser.whole(max_age);
         let (root, how) = parsed.map_err(|reason| fault(format!("{name} = {expression}: {reason}")))?;
         let topic = parser.topic.ok_or_else(|| {
             fault(format!("{name} = {expression}: it names no topic; write such as '{EXAMPLE}'"))
         })?;
         let (name, text) = (name.to_owned(), expression.to_owned());
-        Ok(Self { name, topic, how, root, memories: parser.memories, text })
+        Ok(Self { name, topic, how, root, only: parser.only, memories: parser.memories, text })
     }
 
     /// Signals from a list that may have been cut at commas: an item without `name =` continues the one before.
@@ -190,6 +192,7 @@ struct Parser<'a> {
     depth: usize,
     topic: Option<String>,
     memories: usize,
+    only: Option<Node>,
 }
 
 type Parsed<T> = std::result::Result<T, String>;
@@ -198,7 +201,7 @@ impl Parser<'_> {
     /// The expression to its end, and what rows hold of it.
     fn whole(&mut self, max_age: f64) -> Parsed<(Node, How)> {
         let parsed = if self.word("hold(") {
-            let inner = self.comparison()?;
+            let inner = self.counted()?;
             self.expect(',')?;
             let seconds = self.number()?;
             if !(seconds > 0.0 && seconds <= LONGEST_HOLD_S) {
@@ -207,19 +210,36 @@ impl Parser<'_> {
             self.expect(')')?;
             (inner, How::Hold(seconds))
         } else if self.word("linear(") {
-            (self.closed()?, How::Linear)
+            (self.closed_counted()?, How::Linear)
         } else if self.word("average(") {
-            (self.closed()?, How::Average(max_age))
+            (self.closed_counted()?, How::Average(max_age))
         } else {
-            (self.comparison()?, How::Hold(max_age))
+            (self.counted()?, How::Hold(max_age))
         };
         self.blanks();
         if self.at < self.text.len() {
-            return Err(
-                self.fault("an operator or the end is missing; hold, linear and average go around the whole")
-            );
+            return Err(self.fault(
+                "an operator or the end is missing; hold, linear, average and only go around the whole",
+            ));
         }
         Ok(parsed)
+    }
+
+    /// An expression, and with `only(e, condition)` which messages count.
+    fn counted(&mut self) -> Parsed<Node> {
+        if !self.word("only(") {
+            return self.comparison();
+        }
+        let inner = self.comparison()?;
+        self.expect(',')?;
+        self.only = Some(self.closed()?);
+        Ok(inner)
+    }
+
+    fn closed_counted(&mut self) -> Parsed<Node> {
+        let inner = self.counted()?;
+        self.expect(')')?;
+        Ok(inner)
     }
 
     fn closed(&mut self) -> Parsed<Node> {
@@ -335,7 +355,7 @@ impl Parser<'_> {
             let known: Vec<&str> =
                 Of::ALL.iter().map(|(name, _)| *name).chain(FUNCTIONS.map(|(name, _)| name)).collect();
             return Err(self.fault(&format!(
-                "'{name}' is no function; known: {}, rate, hz, delay; around the whole: hold, linear, average",
+                "'{name}' is no function; known: {}, rate, hz, delay; around the whole: hold, linear, average, only",
                 known.join(", ")
             )));
         };

@@ -7,9 +7,11 @@ mod settings;
 pub(crate) use outcome::{Found, Outcome};
 pub use settings::{PcAlpha, Settings};
 
+use std::collections::HashSet;
+
 use crate::{
     evidence::{Evidence, Known},
-    ground::{CondIndTest, Control, DataFrame, Result, Samples},
+    ground::{CondIndTest, Control, DataFrame, Error, Result, Samples},
     independence_tests,
     methods::{FpcmciResult, PcmciResult, Status},
     model::{Matrices, Model, nested},
@@ -88,7 +90,8 @@ fn analysed(
 ) -> Result<(Model, Option<Evidence>)> {
     settings.check_numbers()?;
     settings.check_data(data)?;
-    let (mut model, evidence) = match Outcome::of(data, test, settings, control)? {
+    check_levels(data, test)?;
+    Ok(match Outcome::of(data, test, settings, control)? {
         Outcome::Filtered(result) => filtered(data, test, settings, &result, control, keep),
         Outcome::Plain(result) => {
             control.tell(result.effort.as_deref());
@@ -98,35 +101,36 @@ fn analysed(
                 keep.then(|| Evidence::gather(data, data, &model, settings.method, &Known::of(&result)));
             (model, evidence)
         }
-    };
-    model.warnings.extend(remarks_on_levels(data, test));
-    Ok((model, evidence))
+    })
 }
 
-/// Variables that a test of categories cannot judge, because almost every sample is a category of its own.
-fn remarks_on_levels(data: &DataFrame, test: &dyn CondIndTest) -> Vec<String> {
-    if test.name() != "gsquared" {
-        return Vec::new();
+/// Refuses measurements where the test counts categories: where almost every sample is a category of its own, its results mean
+/// nothing.
+fn check_levels(data: &DataFrame, test: &dyn CondIndTest) -> Result<()> {
+    if !matches!(test.name(), "gsquared" | "cmisymb") {
+        return Ok(());
     }
-    let remark = |var: usize| {
+    for (var, name) in data.var_names().iter().enumerate() {
         let values = data.recordings().iter().flat_map(|recording| recording.column(var).to_vec());
-        let values: Vec<u64> = values.filter(|v| v.is_finite()).map(|v| (v + 0.0).to_bits()).collect();
-        let levels = values.iter().collect::<std::collections::HashSet<_>>().len();
-        let few = values.len() < FEWEST_OF_A_LEVEL * levels;
-        few.then(|| {
-            format!(
-                "'{}' has {levels} different values in {} samples: gsquared is for categories and takes each value for one, so its \
-                 result on it means nothing; make categories of it, or take a test for numbers such as parcorr or gpdc",
-                data.var_names()[var],
+        let values: Vec<f64> = values.filter(|v| v.is_finite()).collect();
+        let levels = values.iter().map(|v| (v + 0.0).to_bits()).collect::<HashSet<_>>().len();
+        let are_whole = values.iter().all(|v| v.fract() == 0.0);
+        if values.len() < FEWEST_OF_A_LEVEL * levels && (!are_whole || levels > MOST_WHOLE_LEVELS) {
+            return Err(Error::Data(format!(
+                "{} is a test of categories, but '{name}' has {levels} different values in {} samples, so it is a measurement; \
+                 take a test of numbers (parcorr, gpdc or cmiknn), or bring it to a few levels, as round({name}) does",
+                test.name(),
                 values.len()
-            )
-        })
-    };
-    (0..data.n_vars()).filter_map(remark).collect()
+            )));
+        }
+    }
+    Ok(())
 }
 
 /// Samples of a category that the G test needs on average (McDonald 2014, "Small numbers").
 const FEWEST_OF_A_LEVEL: usize = 5;
+/// So many whole numbers may be categories, however few samples there are.
+const MOST_WHOLE_LEVELS: usize = 10;
 
 /// F-PCMCI: the model keeps the variables that have a link; the others are listed as dropped.
 fn filtered(

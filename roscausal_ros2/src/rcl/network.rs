@@ -1,6 +1,7 @@
 //! A node's place on the network, from the environment.
 
 use super::BadArgument;
+use crate::distribution;
 
 /// A node's place on the network.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -54,11 +55,7 @@ impl Network {
                     .into(),
             );
         }
-        if let Some(old @ ("humble" | "galactic" | "foxy")) = text("ROS_DISTRO").as_deref() {
-            warnings.push(format!(
-                "ROS_DISTRO is {old}, whose discovery differs: topics work, but this node is not listed by name"
-            ));
-        }
+        warnings.extend(text("ROS_DISTRO").and_then(|distro| distribution::mismatch(&distro)));
         Ok(Self { domain_id, localhost_only })
     }
 }

@@ -3,6 +3,7 @@
 import os
 import subprocess
 import sys
+import tempfile
 
 from ament_index_python.packages import get_package_prefix, get_package_share_directory
 
@@ -24,6 +25,19 @@ def the_nodes_are_where_ros2_run_looks():
         assert run.returncode == 2 and "x:=" in run.stderr, run.stderr
         run = subprocess.run([path, "--help"], capture_output=True, text=True, timeout=20)
         assert run.returncode == 0 and "usage" in run.stdout, run.stdout
+
+
+@test
+def the_build_takes_the_layout_of_the_shells_distribution():
+    root = os.environ["ROSCAUSAL_ROOT"]
+    script = os.path.join(root, "roscausal_ros2/cmake/distribution.cmake")
+    for distro, feature in (("humble", "humble"), ("galactic", "humble"), ("jazzy", "jazzy"), ("rolling", "jazzy")):
+        with tempfile.NamedTemporaryFile("w", suffix=".cmake") as asks:
+            asks.write(f'include({script})\nmessage("built for ${{ROSCAUSAL_DISTRIBUTION}}")\n')
+            asks.flush()
+            env = {**os.environ, "ROS_DISTRO": distro}
+            run = subprocess.run(["cmake", "-P", asks.name], env=env, capture_output=True, text=True, timeout=20)
+        assert run.returncode == 0 and run.stderr.split()[-1] == feature, (distro, run.stderr)
 
 
 @test

@@ -107,9 +107,12 @@ pub(super) fn split_seconds(stamp: i64, per_second: f64) -> f64 {
 
 /// A date and time in seconds since 1970, or a time of day in seconds since midnight. ISO 8601, with or without a zone (then
 /// UTC): `2026-11-24T08:30:00.25+01:00`, `2026-11-24 08:30:00`, `2026-11-24`, `08:30:00.25`; also `2026/11/24`, and `24.11.2026`
-/// with the day first. What may be day or month, such as `01/02/2026`, is none.
+/// with the day first, and a quarter, `1974Q1`. What may be day or month, such as `01/02/2026`, is none.
 pub(crate) fn date(text: &str) -> Option<f64> {
     let text = text.trim();
+    if let Some((year, quarter)) = text.split_once('Q') {
+        return quarter_begins(year.trim_end_matches(['-', ' ']), quarter);
+    }
     let dots = text.bytes().filter(|byte| *byte == b'.').count();
     if !(text.contains([':', '-', '/']) || dots == 2)
         || !text.starts_with(|letter: char| letter.is_ascii_digit())
@@ -150,6 +153,19 @@ pub(crate) fn date(text: &str) -> Option<f64> {
     let of_day = NaiveTime::parse_from_str(text, "%H:%M:%S%.f").ok()?;
     let since = of_day.signed_duration_since(NaiveTime::MIN);
     Some(since.num_nanoseconds()? as f64 * 1e-9)
+}
+
+/// When a quarter of a year begins, in seconds since 1970.
+fn quarter_begins(year: &str, quarter: &str) -> Option<f64> {
+    let month = match quarter {
+        "1" => 1,
+        "2" => 4,
+        "3" => 7,
+        "4" => 10,
+        _ => return None,
+    };
+    let day = NaiveDate::from_ymd_opt(year.parse().ok()?, month, 1).filter(has_year)?;
+    Some(day.and_time(NaiveTime::MIN).and_utc().timestamp() as f64)
 }
 
 /// Whether the year has four digits: 1.2.3 is a version.
@@ -197,10 +213,23 @@ mod tests {
             ("2.1.1970", 86400.0),
             ("02.01.1970 00:00:01.5", 86401.5),
             ("00:00:02.25", 2.25),
+            ("1970Q2", 90.0 * 86400.0),
+            ("1970-Q1", 0.0),
         ] {
             assert_eq!(date(text), Some(seconds), "{text}");
         }
-        for text in ["", "1.5", "-3", "walk-fast", "01/02/1970 00:00:00", "1.2.3", "31.31.1970", "0.1.0"] {
+        for text in [
+            "",
+            "1.5",
+            "-3",
+            "walk-fast",
+            "01/02/1970 00:00:00",
+            "1.2.3",
+            "31.31.1970",
+            "0.1.0",
+            "1970Q5",
+            "Q1",
+        ] {
             assert_eq!(date(text), None, "{text}");
         }
     }

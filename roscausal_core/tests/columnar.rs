@@ -1,0 +1,56 @@
+//! Parquet and Arrow files (feature `columnar`), written by pyarrow, pandas and polars with `tests/tables/write.py`.
+
+#![allow(clippy::expect_used, clippy::panic, reason = "a test may panic: that is how it fails")]
+
+use std::{
+    fs,
+    path::{Path, PathBuf},
+};
+
+use roscausal_core::batch::{Table, table::Reading};
+
+fn tables() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("../tests/tables")
+}
+
+fn read(path: &Path, encode: bool) -> Result<Table, String> {
+    Table::read_as(path, &Reading { encode, ..Reading::default() }).map_err(|error| error.to_string())
+}
+
+#[test]
+fn parquet_and_arrow_files_are_the_table_of_the_csv_file() {
+    let expected = read(&tables().join("plain.csv"), false).expect("a table");
+    for file in ["stamps.parquet", "groups.parquet", "feather.arrow", "stream.arrows"] {
+        let found = read(&tables().join(file), false).unwrap_or_else(|told| panic!("{file}: {told}"));
+        assert_eq!(found.names, expected.names, "{file}");
+        assert_eq!(found.values.dim(), expected.values.dim(), "{file}");
+        let pairs = found.values.iter().zip(&expected.values);
+        assert!(pairs.into_iter().all(|(a, b)| (a - b).abs() < 1e-12), "{file}");
+        let step = found.dt().expect("times");
+        assert!((step - 0.25).abs() < 1e-9, "{file}: {step}");
+    }
+    let found = read(&tables().join("index.parquet"), false).expect("row numbers of pandas are no variable");
+    assert_eq!(found.names, expected.names);
+}
+
+#[test]
+fn words_of_a_parquet_file_are_refused_by_column_or_encoded() {
+    let told = read(&tables().join("words.parquet"), false).expect_err("words");
+    assert!(told.contains("column 'state': 'idle' is not a number"), "{told}");
+    let found = read(&tables().join("words.parquet"), true).expect("encoded");
+    assert_eq!(found.names, ["a", "b", "state", "flag", "n"]);
+}
+
+#[test]
+fn a_damaged_parquet_or_arrow_file_is_one_sentence() {
+    let dir = tempfile::tempdir().expect("a folder");
+    for name in ["groups.parquet", "feather.arrow", "stream.arrows"] {
+        let whole = fs::read(tables().join(name)).expect("is there");
+        for keep in [12, whole.len() / 3, whole.len() - 40] {
+            let path = dir.path().join(name);
+            fs::write(&path, &whole[..keep]).expect("writes");
+            let told = read(&path, false).expect_err("cut off");
+            assert!(told.contains(name) && told.trim().lines().count() == 1, "{name} {keep}: {told}");
+        }
+    }
+}
