@@ -227,7 +227,8 @@ impl Run {
         nodes::set_subjects(&bus, &simulation);
         self.set_parameters(&bus, &folders, 1);
         let web = Web::start(&bus, &args.web, nodes::first_robot(&simulation))?;
-        let (mut nodes, _progress) = Nodes::start(&bus, &nodes::RECORDING).with_discovery();
+        let (nodes, _progress) = Nodes::start(&bus, &nodes::RECORDING).with_discovery();
+        let mut nodes = nodes.with_reasoning(true);
         let mut sink = Sink::open(&bus, args.record.as_deref())?;
         let announced = Publisher::new(&bus.node("announcement"), &simulation)?;
         sink.watch()?;

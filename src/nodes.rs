@@ -38,6 +38,8 @@ pub(crate) struct Nodes {
     /// Batches that the data node has recorded.
     batches: Arc<AtomicU64>,
     discovery: Option<(LoopbackNode, JoinHandle<Result<()>>)>,
+    /// Beside the bus, for whoever watches.
+    reasoning: Option<(LoopbackNode, JoinHandle<Result<()>>)>,
 }
 
 /// What a node returned, however it ended.
@@ -60,7 +62,7 @@ impl Nodes {
             })
         };
         let recording = names.iter().map(|&name| (name, run(name))).collect();
-        Self { bus: bus.clone(), recording, batches, discovery: None }
+        Self { bus: bus.clone(), recording, batches, discovery: None, reasoning: None }
     }
 
     /// Batches that the data node has recorded of what it has heard; they are on disk a little later.
@@ -77,18 +79,30 @@ impl Nodes {
         let tell = move |progress| sender.send(progress).unwrap_or_default();
         let thread = thread::spawn(move || nodes::discovery_with(&its_own, tell));
         // Its last topic: whoever looks for topics from now on finds all of them.
-        let is_up = || node.topics().iter().any(|(topic, _)| topic == "/roscausal/tsdag/compressed");
-        while !thread.is_finished() && !is_up() {
-            thread::sleep(LOOK_AGAIN);
-        }
+        await_topic(&node, &thread, "/roscausal/tsdag/compressed");
         self.discovery = Some((node, thread));
         (self, progress)
+    }
+
+    /// If somebody watches, also starts the reasoning node, on one thread and beside the bus, which does not wait for it.
+    pub(crate) fn with_reasoning(mut self, watched: bool) -> Self {
+        if watched {
+            self.bus.set_node_param("reasoning", "threads", Value::Int(1));
+            let node = self.bus.node("reasoning");
+            let its_own = node.clone();
+            let thread = thread::spawn(move || nodes::reasoning_beside(&its_own));
+            await_topic(&node, &thread, nodes::STRUCTURAL_MODEL_TOPIC);
+            self.reasoning = Some((node, thread));
+        }
+        self
     }
 
     /// Whether a node has ended too early.
     pub(crate) fn one_has_ended(&self) -> bool {
         self.recording.iter().any(|(_, node)| node.is_finished())
-            || self.discovery.as_ref().is_some_and(|(_, thread)| thread.is_finished())
+            || [&self.discovery, &self.reasoning]
+                .into_iter()
+                .any(|node| node.as_ref().is_some_and(|(_, thread)| thread.is_finished()))
     }
 
     /// Ends the nodes that record, each after the previous one has left. The data node writes what it has.
@@ -98,12 +112,24 @@ impl Nodes {
 
     /// Ends all nodes and waits for them. Returns the first failure of a node.
     pub(crate) fn end(mut self) -> Result<()> {
-        if let Some((node, _)) = &self.discovery {
+        for (node, _) in [&self.discovery, &self.reasoning].into_iter().flatten() {
             node.shutdown();
         }
+        let join = |name, node: Option<(LoopbackNode, JoinHandle<Result<()>>)>| {
+            node.map_or(Ok(()), |(_, thread)| ended(name, thread.join()))
+        };
         let recorded = self.end_recording();
-        let analysed = self.discovery.take();
-        recorded.and(analysed.map_or(Ok(()), |(_, thread)| ended("discovery", thread.join())))
+        let analysed = join("discovery", self.discovery.take());
+        let reasoned = join("reasoning", self.reasoning.take());
+        recorded.and(analysed).and(reasoned)
+    }
+}
+
+/// Waits until a node that runs on this thread has this topic.
+fn await_topic(node: &LoopbackNode, thread: &JoinHandle<Result<()>>, wanted: &str) {
+    let is_up = || node.topics().iter().any(|(topic, _)| topic == wanted);
+    while !thread.is_finished() && !is_up() {
+        thread::sleep(LOOK_AGAIN);
     }
 }
 

@@ -72,7 +72,12 @@ pub(crate) fn claim(dir: &Path, force: bool) -> Result<()> {
 /// Whether an earlier command wrote its results into a folder.
 fn is_ours(dir: &Path) -> bool {
     let model = fs::read_to_string(dir.join("model.json")).unwrap_or_default();
-    dir.join(folders::MARK).exists() || model.contains(SCHEMA.split_at(SCHEMA.len() - 1).0)
+    // What `roscausal predict` and `whatif` write.
+    let answered =
+        |name: &&str| ["svg", "json"].iter().all(|ending| dir.join(format!("{name}.{ending}")).exists());
+    dir.join(folders::MARK).exists()
+        || model.contains(SCHEMA.split_at(SCHEMA.len() - 1).0)
+        || ["predict", "whatif"].iter().any(answered)
 }
 
 /// Writes a file under a temporary name and renames it, so that nobody sees an incomplete file.

@@ -150,7 +150,8 @@ pub(crate) fn run(args: &Args, interrupt: &Interrupt) -> Result<()> {
     source.set_params(&bus);
     let mut sink = Sink::open(&bus, args.record.as_deref())?;
     let play = Play::new(&bus, &mut source.recording, &source.inputs)?;
-    let (mut nodes, progress) = Nodes::start(&bus, source.inputs.nodes).with_discovery();
+    let (nodes, progress) = Nodes::start(&bus, source.inputs.nodes).with_discovery();
+    let mut nodes = nodes.with_reasoning(args.web.wanted());
     sink.watch()?;
     let web = Web::start(&bus, &args.web, "")?;
 

@@ -152,3 +152,41 @@ fn an_experiment_on_what_the_model_was_fitted_on_is_bad_usage() {
         assert!(text.contains(words), "{more:?}: {text}");
     }
 }
+
+#[test]
+fn a_planner_that_asks_is_set_beside_fixed_speeds_with_the_same_bytes_whatever_the_threads() {
+    let dir = tempfile::tempdir().expect("a folder");
+    let tried = |out: &str, threads: &str| {
+        let few = ["--seeds", "101..102", "--train", "1", "--legs", "1", "--equations", "linear"];
+        let args = [&["experiment", "planner", "--out", out, "--threads", threads], &few[..]].concat();
+        let output = roscausal(dir.path(), &args);
+        assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+        String::from_utf8_lossy(&output.stdout).into_owned()
+    };
+    let text = tried("one", "1");
+    assert!(text.contains("| planner that asks what if | 2 of 2 |") && !text.contains("NaN"), "{text}");
+    let trials = read(dir.path(), "one/trials.csv");
+    let cells = |seed: u32, policy: &str| -> Vec<f64> {
+        let start = format!("{seed},\"{policy}");
+        let line = trials.lines().find(|line| line.starts_with(&start)).expect(policy);
+        let after = line.rsplit_once("\",").expect("a name in quotes").1;
+        after.split(',').map(|cell| cell.parse().expect("a number")).collect()
+    };
+    for seed in [101, 102] {
+        let (slow, fast, planner) =
+            (cells(seed, "always 0.2"), cells(seed, "always 0.8"), cells(seed, "planner"));
+        // Sooner with more speed; the planner is neither slower than the slowest nor faster than the fastest.
+        assert!(fast[0] <= planner[0] && planner[0] <= slow[0] && fast[0] < slow[0], "{trials}");
+        // It asked about twice a second, and got answers that it could use.
+        assert!(
+            (planner[0] * 2.0 - planner[5]).abs() < 0.1 * planner[5] + 2.0 && planner[6] > 0.5 * planner[5],
+            "{trials}"
+        );
+        assert!(slow[5] == 0.0 && slow[1] >= 1.0, "{trials}");
+    }
+    tried("two", "2");
+    assert_eq!(trials, read(dir.path(), "two/trials.csv"));
+    let output = roscausal(dir.path(), &["experiment", "planner", "--seeds", "4..9"]);
+    assert_eq!(output.status.code(), Some(2));
+    assert!(String::from_utf8_lossy(&output.stderr).contains("seed 4 is one of --train"));
+}

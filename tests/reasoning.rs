@@ -154,3 +154,90 @@ fn a_bad_question_is_one_sentence_and_code_2() {
     let (code, _, err) = run(&dir, &["predict", "run.csv", "--data", "run.csv"]);
     assert!(code == Some(1) && err.contains("no JSON"), "{err}");
 }
+
+/// The numbers of all paths of a class in a picture, path by path.
+fn paths(svg: &str, class: &str) -> Vec<Vec<f64>> {
+    let of_class = svg.lines().filter(|line| line.contains(&format!("class=\"{class}\"")));
+    let numbers = |line: &str| {
+        let d = line.split_once(" d=\"").and_then(|(_, rest)| rest.split_once('"')).expect("a path").0;
+        d.split_whitespace().filter_map(|word| word.parse().ok()).collect()
+    };
+    of_class.map(numbers).collect()
+}
+
+#[test]
+fn fan_charts_show_each_candidate_with_past_bands_and_action() {
+    let dir = folder();
+    let args = [
+        "--action",
+        "go on",
+        "--action",
+        "stop: r_v=0@1..4",
+        "--action",
+        "race: r_v=9",
+        "--at",
+        "100",
+        "--horizon",
+        "6",
+        "--units",
+        "r_v=m/s",
+        "--out",
+        "fans",
+    ];
+    let (code, _, err) = asked(&dir, "whatif", &args);
+    assert_eq!(code, Some(0), "{err}");
+    let read = |name: &str| fs::read(dir.path().join("fans").join(name)).expect(name);
+    let svg = String::from_utf8(read("whatif.svg")).expect("text");
+    for words in [
+        "go on",
+        "stop",
+        "race",
+        "do not reach",
+        "m/s",
+        ">m<",
+        "time from now in s",
+        "50 %",
+        "90 %",
+        "observed",
+    ] {
+        assert!(svg.contains(words), "{words}: {svg}");
+    }
+    // Two actions are answered, three variables each; the one with a speed that was never seen is not.
+    assert_eq!(["inner", "outer", "median"].map(|class| paths(&svg, class).len()), [6, 6, 6]);
+    assert_eq!(svg.matches("class=\"action\"").count(), 2 * 3);
+    // The picture is what the answer says: the higher the value, the smaller its y.
+    let answer = json(&String::from_utf8(read("whatif.json")).expect("text"));
+    let median: Vec<f64> = answer["outlooks"][0]["forecasts"][1]["median"]
+        .as_array()
+        .expect("a list")
+        .iter()
+        .map(|value| value.as_f64().expect("a number"))
+        .collect();
+    let drawn: Vec<f64> = paths(&svg, "median")[1].chunks(2).skip(1).map(|point| point[1]).collect();
+    assert_eq!(median.len(), drawn.len());
+    for k in 1..median.len() {
+        assert!((median[k] - median[k - 1]) * (drawn[k] - drawn[k - 1]) <= 0.01, "{median:?} {drawn:?}");
+    }
+    assert!(read("whatif.png").starts_with(b"\x89PNG") && read("whatif.pdf").starts_with(b"%PDF"));
+    // Again into its own folder, and beside it a prediction; never among files of others.
+    assert_eq!(asked(&dir, "whatif", &args).0, Some(0));
+    assert_eq!(asked(&dir, "predict", &["--out", "fans"]).0, Some(0));
+    let svg = String::from_utf8(read("predict.svg")).expect("text");
+    assert_eq!((paths(&svg, "median").len(), svg.matches("class=\"action\"").count()), (3, 0));
+    assert!(!svg.contains("observed"), "nothing follows the last row");
+    let (code, _, err) = asked(&dir, "predict", &["--out", "."]);
+    assert!(code == Some(1) && err.contains("--force"), "{err}");
+}
+
+#[test]
+fn units_are_those_given_or_of_the_batch_and_a_wrong_one_is_named() {
+    let dir = folder();
+    let columns = r#"{"columns": [{"name": "r_v", "unit": "m/s"}, {"name": "d", "unit": "km"}, {"name": "x", "unit": "s"}]}"#;
+    fs::write(dir.path().join("run.json"), columns).expect("writes");
+    let (_, out, _) = asked(&dir, "predict", &["--units", "h_v=furlongs"]);
+    let first = out.lines().next().unwrap_or_default();
+    // The graph's own unit goes before that of the file.
+    assert!(first.contains(" m/s (") && first.contains(" m (") && first.contains(" furlongs ("), "{first}");
+    let (code, _, err) = asked(&dir, "predict", &["--units", "speed=m"]);
+    assert!(code == Some(2) && err.contains("variables: r_v, d, h_v"), "{err}");
+}

@@ -1,9 +1,12 @@
 // Strip charts of the variables that the reader has chosen. Hover reads values; a drag shows the scene of that moment.
 
+import { band, line } from "./ahead.js";
 import { clock, element, make, ticks } from "./draw.js";
 
 const [LEFT, RIGHT, TOP, BOTTOM, HEIGHT] = [46, 8, 6, 18, 96];
 const MOST_ROWS = 6000;
+/** A prediction from this long before or after the newest row is of no use any more, seconds. */
+const STALE_S = 10;
 /** Time between two rows that the page adds itself, seconds. */
 const EVERY_S = 0.1;
 /** In the order of the server's rows, after the time. */
@@ -26,7 +29,7 @@ export function row(scene) {
 export class Charts {
   /** `seek(t)` shows the scene of a moment; `spans()` are the interventions. */
   constructor(parent, choice, seek, spans) {
-    Object.assign(this, { parent, seek, spans, rows: [], charts: [], length: 60, told: 0 });
+    Object.assign(this, { parent, seek, spans, rows: [], charts: [], length: 60, told: 0, ahead: [], other: false });
     this.chosen = new Set(FIRST);
     for (const variable of VARIABLES) {
       const label = make("label", "");
@@ -116,10 +119,23 @@ export class Charts {
     return [end - this.length, end];
   }
 
+  /** The fans that begin where the rows end, and when the longest of them ends; none in the past. */
+  fans() {
+    const last = this.rows.at(-1)[0];
+    const fresh = this.live ? this.ahead.filter((fan) => Math.abs(fan.t - last) < STALE_S) : [];
+    const end = (fan) => fan.t + fan.dt * Math.max(0, ...[...fan.forecasts.values()].map((forecast) => forecast.mean.length));
+    return [fresh, Math.max(last, ...fresh.map(end))];
+  }
+
+  /** The fan of a variable; those of a person are of the one of the settings. */
+  fanOf(chart, fan) { return this.other && (chart.key.startsWith("h_") || chart.key === "distance") ? undefined : fan.forecasts.get(chart.key); }
+
   draw() {
     this.told = performance.now();
     if (!this.rows.length) return;
     [this.from, this.to] = this.window();
+    const [fans, end] = this.fans();
+    this.to = Math.max(this.to, end);
     const begin = this.rows.findIndex((known) => known[0] >= this.from);
     const seen = this.rows.slice(Math.max(begin - 1, 0)).filter((known) => known[0] <= this.to + 1);
     const width = this.width();
@@ -127,12 +143,13 @@ export class Charts {
     const stride = Math.ceil(seen.length / (2 * width));
     const x = (t) => LEFT + ((t - this.from) / (this.to - this.from)) * width;
     const imposed = this.spans().filter((span) => span.to >= this.from && span.from <= this.to);
-    for (const chart of this.charts) this.one(chart, seen, stride, x, width, imposed);
+    for (const chart of this.charts) this.one(chart, seen, stride, x, width, imposed, fans);
     this.read();
   }
 
-  one(chart, seen, stride, x, width, imposed) {
-    const values = seen.map((known) => known[chart.column]).filter((value) => value !== null);
+  one(chart, seen, stride, x, width, imposed, fans) {
+    const coming = fans.map((fan) => [fan, this.fanOf(chart, fan)]).filter(([, forecast]) => forecast);
+    const values = [...seen.map((known) => known[chart.column]), ...coming.flatMap(([, forecast]) => [...forecast.lower, ...forecast.upper])].filter((value) => value !== null);
     chart.svg.setAttribute("viewBox", `0 0 ${LEFT + width + RIGHT} ${HEIGHT}`);
     chart.back.replaceChildren();
     let low = values.reduce((a, b) => Math.min(a, b), Infinity);
@@ -156,6 +173,12 @@ export class Charts {
       element("text", { x: x(t), y: HEIGHT - 3, "text-anchor": "middle" }, chart.back, day ? clock(t) : `${text} s`);
     }
     element("path", { class: "axes", d: `M ${LEFT} ${TOP} V ${HEIGHT - BOTTOM} h ${width}` }, chart.back);
+    for (const [fan, forecast] of coming) {
+      const course = (all) => all.map((value, k) => [fan.t + (k + 1) * fan.dt, value]);
+      const area = element("path", { class: `fan ${fan.kind}`, d: band(course(forecast.lower), course(forecast.upper), x, y) }, chart.back);
+      element("title", {}, area, fan.name ?? "prediction, if nobody acts");
+      element("path", { class: `coming ${fan.kind}`, d: line(course(forecast.mean), x, y) }, chart.back);
+    }
     let [pen, d] = ["M", ""];
     seen.forEach((known, i) => {
       const value = known[chart.column];

@@ -3,6 +3,7 @@
 import { clock, make } from "./draw.js";
 import { showEvidence } from "./evidence.js";
 import { compared, drawGraph, sentence } from "./graph.js";
+import { MANY, drawMatrix } from "./matrix.js";
 
 const $ = (id) => document.getElementById(id);
 /** Evidence of models by their batch, newest last. */
@@ -48,9 +49,11 @@ function showModel() {
   const [model, before] = [models[shown], models[shown - 1]];
   if (!model) return;
   // What the keyboard is at is drawn anew, so it is found again afterwards.
-  const at = document.activeElement?.closest?.("#graph [data-link], #links [data-link]");
-  const kept = at && [at.closest("#graph, #links").id, at.dataset.link];
+  const at = document.activeElement?.closest?.("#graph [data-link], #matrix [data-link], #links [data-link]");
+  const kept = at && [at.closest("#graph, #matrix, #links").id, at.dataset.link];
   drawGraph($("graph"), model, before, ask);
+  $("matrix-box").hidden = model.features.length < MANY;
+  if (!$("matrix-box").hidden) drawMatrix($("matrix"), model, ask);
   $("model-title").textContent = `Model ${model.number}, ${clock(model.t)}: ${model.method.toUpperCase()} with ${model.test.toUpperCase()}, alpha ${model.alpha}, ${model.samples} samples from ${model.batch}`;
   const slider = $("history");
   slider.min = 1;

@@ -1,5 +1,6 @@
 // The page: receives the events and passes them to scene, charts, time line, models and lists.
 
+import { Ahead } from "./ahead.js";
 import { Charts } from "./charts.js";
 import { clock } from "./draw.js";
 import { addEvidence, addModel, changesOf, known, restart } from "./models.js";
@@ -10,10 +11,15 @@ import { Timeline } from "./timeline.js";
 
 const $ = (id) => document.getElementById(id);
 
-const scene = new Scene($("scene"), $("scene-text"));
+const scene = new Scene($("scene"), $("scene-text"), (who) => {
+  const list = $(who === "robot" ? "follow" : "person");
+  list.value = String(who);
+  list.dispatchEvent(new Event("change"));
+});
 const moments = new Moments(showScene, showTime);
 const timeline = new Timeline($("timeline"), (t) => moments.seek(t));
 const charts = new Charts($("charts"), $("variables"), (t) => moments.seek(t), () => timeline.imposed());
+const ahead = new Ahead(charts);
 let ended = "";
 /** Change events of the discovery node, where it sends them. */
 let changes = [];
@@ -24,6 +30,7 @@ function connect() {
   source.onopen = () => {
     restart();
     timeline.restart();
+    ahead.restart();
     changes = [];
     $("messages").replaceChildren();
     ended = "";
@@ -60,6 +67,8 @@ function connect() {
     }
     addMessage(message);
   });
+  on("prediction", (news) => ahead.prediction(news));
+  on("explanation", (answer) => ahead.explanation(answer));
   on("ended", (text) => {
     ended = text;
     moments.ended = true;
@@ -138,6 +147,7 @@ $("window").addEventListener("change", (event) => {
 $("person").addEventListener("change", (event) => {
   moments.person = event.target.value === "" ? undefined : Number(event.target.value);
   charts.restart();
+  charts.other = moments.person !== undefined;
   scene.trails.clear();
   loadRun();
   if (moments.live && !moments.ended) return;

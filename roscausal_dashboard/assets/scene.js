@@ -7,10 +7,14 @@ const TRAIL_S = 8;
 /** Time between two dots on a trail, seconds. */
 const DOT_S = 2;
 const MARGIN = 1.5;
+/** How near a click has to be to somebody, in pixels, and how far a pointer may move in a click. */
+const [NEAR, STILL] = [16, 4];
 
 export class Scene {
-  constructor(svg, text) {
+  /** `choose("robot")` or `choose(id)` is called when the reader clicks on somebody. */
+  constructor(svg, text, choose) {
     this.svg = svg;
+    this.bodies = [];
     this.text = text;
     this.grid = element("g", {}, svg);
     this.plan = element("g", {}, svg);
@@ -21,7 +25,22 @@ export class Scene {
     this.known = [];
     this.view = new View(svg, () => this.look());
     this.restart();
+    this.pressed = [0, 0];
+    // By place: what is drawn is replaced with each scene.
+    svg.addEventListener("pointerdown", (event) => { this.pressed = [event.clientX, event.clientY]; });
+    svg.addEventListener("click", (event) => {
+      if (!this.view.box || Math.hypot(event.clientX - this.pressed[0], event.clientY - this.pressed[1]) > STILL) return;
+      const who = this.at(this.view.place(event));
+      if (who !== undefined) choose(who);
+    });
     new ResizeObserver(() => this.look()).observe(svg);
+  }
+
+  /** Whoever is nearest to a place, if near enough. */
+  at([x, y]) {
+    const reach = Math.max(0.45, NEAR / this.view.scale());
+    const far = this.bodies.map(([who, body]) => [Math.hypot(body.x - x, -body.y - y), who]).filter(([distance]) => distance <= reach);
+    return far.sort((a, b) => a[0] - b[0])[0]?.[1];
   }
 
   restart() {
@@ -45,6 +64,7 @@ export class Scene {
     this.time = scene.t;
     if (scene.trails) for (const [who, dots] of Object.entries(scene.trails)) this.trails.set(who, dots.map(([t, x, y]) => [t, x, -y]));
     const bodies = [...(scene.robot ? [scene.robot] : []), ...scene.people];
+    this.bodies = [...(scene.robot ? [["robot", scene.robot]] : []), ...scene.people.map((person) => [person.id, person])];
     if (!bodies.length) return;
     if (!this.view.box) this.grow(this.corners());
     this.grow(bodies.flatMap((b) => [[b.x, b.y], ...(b.goal ? [b.goal] : [])]));

@@ -2,13 +2,13 @@
 
 use std::{
     collections::{BTreeMap, VecDeque},
-    sync::{Arc, Mutex, MutexGuard},
+    sync::{Arc, Mutex, MutexGuard, mpsc::SyncSender},
 };
 
 use roscausal_core::{gate::lock, nodes::SceneOptions};
 use tokio::sync::broadcast;
 
-use crate::history::History;
+use crate::{ahead::Ahead, history::History, questions::Asked};
 
 /// Frames that a browser may fall behind before it is dropped. It reconnects by itself and gets everything again.
 const BEHIND: usize = 256;
@@ -20,7 +20,7 @@ const KEPT_LARGE: usize = 20;
 /// One event for the page.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) struct Frame {
-    /// `scene`, `walls`, `status`, `model`, `evidence`, `change`, `message` or `ended`.
+    /// `scene`, `walls`, `status`, `model`, `evidence`, `change`, `prediction`, `explanation`, `message` or `ended`.
     pub(crate) kind: &'static str,
     /// JSON without line breaks.
     pub(crate) data: Arc<str>,
@@ -43,6 +43,9 @@ pub(crate) struct Hub {
     frames: broadcast::Sender<Frame>,
     kept: Arc<Mutex<Kept>>,
     history: Arc<Mutex<History>>,
+    ahead: Arc<Mutex<Ahead>>,
+    /// Where readers' questions go; `None`: there is nobody who answers.
+    questions: Arc<Mutex<Option<SyncSender<Asked>>>>,
 }
 
 #[derive(Default)]
@@ -54,7 +57,13 @@ struct Kept {
 impl Hub {
     pub(crate) fn new() -> Self {
         let history = Arc::new(Mutex::new(History::new(SceneOptions::default())));
-        Self { frames: broadcast::channel(BEHIND).0, kept: Arc::default(), history }
+        Self {
+            frames: broadcast::channel(BEHIND).0,
+            kept: Arc::default(),
+            history,
+            ahead: Arc::default(),
+            questions: Arc::default(),
+        }
     }
 
     /// Sends a frame to all browsers, and keeps it for later ones.
@@ -68,6 +77,21 @@ impl Hub {
     /// The run so far. Held only for a moment: the node waits for it.
     pub(crate) fn history(&self) -> MutexGuard<'_, History> {
         lock(&self.history)
+    }
+
+    /// What may come. Held only for a moment, as the history.
+    pub(crate) fn ahead(&self) -> MutexGuard<'_, Ahead> {
+        lock(&self.ahead)
+    }
+
+    /// Who answers readers' questions from now on.
+    pub(crate) fn ask_at(&self, questions: Option<SyncSender<Asked>>) {
+        *lock(&self.questions) = questions;
+    }
+
+    /// Passes a question on. Returns whether somebody will answer it.
+    pub(crate) fn ask(&self, asked: Asked) -> bool {
+        lock(&self.questions).as_ref().is_some_and(|questions| questions.try_send(asked).is_ok())
     }
 
     /// What a new browser gets first, and the stream of what follows.

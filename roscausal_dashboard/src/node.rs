@@ -10,16 +10,17 @@ use roscausal_core::{
     Error, Result,
     inbox::{Inbox, Next},
     middleware::{Middleware, Qos},
-    nodes::{CHANGES_TOPIC, EVIDENCE_TOPIC, SceneOptions},
+    nodes::{CHANGES_TOPIC, EVIDENCE_TOPIC, FEATURES_TOPIC, PREDICTION_TOPIC, SceneOptions},
     params::{Allowed, ParamSpec, Params, Value},
 };
 use roscausal_msgs::{
-    CausalModelInfo, Humans, ModelChanges, RobotState, diagnostic_msgs::DiagnosticArray,
-    pedsim_msgs::LineObstacles, std_msgs::String as Text,
+    CausalModelInfo, Features, Humans, ModelChanges, Prediction, RobotState,
+    diagnostic_msgs::DiagnosticArray, pedsim_msgs::LineObstacles, std_msgs::String as Text,
 };
 
 use crate::{
-    hub::Keep,
+    hub::{Frame, Keep},
+    questions,
     server::Server,
     world::{World, evidence_frame},
 };
@@ -40,6 +41,8 @@ enum Event {
     Walls(LineObstacles),
     Interventions(Text),
     Changes(ModelChanges),
+    Features(Features),
+    Prediction(Prediction),
 }
 
 /// Names, defaults, allowed values and descriptions of the node's parameters.
@@ -106,6 +109,12 @@ pub fn dashboard<M: Middleware>(mw: &M, server: &Server, options: SceneOptions) 
     let changes = move |m| send.send(Event::Changes(m));
     let _changes = mw.subscribe(CHANGES_TOPIC, Qos::Latched, changes)?;
 
+    let few = Qos::Volatile(10);
+    let send = inbox.sender();
+    let _features = mw.subscribe(FEATURES_TOPIC, few, move |m| send.send(Event::Features(m)))?;
+    let send = inbox.sender();
+    let _predictions = mw.subscribe(PREDICTION_TOPIC, few, move |m| send.send(Event::Prediction(m)))?;
+
     // Both exist only where somebody tells them, as the simulator does.
     let send = inbox.sender();
     let walls = move |m| send.send(Event::Walls(m));
@@ -116,6 +125,7 @@ pub fn dashboard<M: Middleware>(mw: &M, server: &Server, options: SceneOptions) 
 
     let hub = server.hub();
     hub.history().show(options.clone());
+    hub.ask_at(Some(questions::answer(mw, hub)?));
     let mut world = World::new(options);
     let mut last_status = Instant::now();
     while mw.is_ok() {
@@ -129,6 +139,8 @@ pub fn dashboard<M: Middleware>(mw: &M, server: &Server, options: SceneOptions) 
                 Event::Diagnostics(message) => world.diagnostics(message, hub),
                 Event::Model(info) => world.model(&info, hub),
                 Event::Changes(changes) => world.changes(&changes, hub),
+                Event::Features(row) => hub.ahead().row(&row),
+                Event::Prediction(prediction) => hub.ahead().prediction(prediction),
                 Event::Walls(walls) => world.walls(&walls, hub),
                 Event::Interventions(text) => world.interventions(&text.data, hub),
                 Event::Evidence(text) => {
@@ -137,11 +149,16 @@ pub fn dashboard<M: Middleware>(mw: &M, server: &Server, options: SceneOptions) 
             }
         }
         world.send_scene(hub);
+        let news = hub.ahead().news();
+        if let Some(news) = news {
+            hub.send(Frame { kind: "prediction", data: news.to_string().into() }, Keep::Last);
+        }
         if last_status.elapsed() >= STATUS {
             last_status = Instant::now();
             world.send_status(hub);
         }
         thread::sleep(FRAME);
     }
+    hub.ask_at(None);
     Ok(())
 }

@@ -12,7 +12,7 @@ use std::{
 use axum::{
     Router,
     extract::State,
-    http::{StatusCode, Uri, header},
+    http::{HeaderMap, StatusCode, Uri, header},
     middleware,
     response::{
         IntoResponse, Response,
@@ -28,6 +28,7 @@ use crate::{
     guard::{self, Guard},
     hub::{Frame, Hub, Keep},
     patience::Listener,
+    questions::{Asked, Question},
 };
 
 /// Most browsers at a time.
@@ -42,7 +43,7 @@ const POLICY: &str = "default-src 'none'; script-src 'self'; style-src 'self'; i
 const SCRIPT: &str = "text/javascript; charset=utf-8";
 
 /// The page's files: path, type, content.
-const ASSETS: [(&str, &str, &str); 14] = [
+const ASSETS: [(&str, &str, &str); 16] = [
     ("/", "text/html; charset=utf-8", include_str!("../assets/index.html")),
     ("/style.css", "text/css; charset=utf-8", include_str!("../assets/style.css")),
     ("/draw.js", SCRIPT, include_str!("../assets/draw.js")),
@@ -55,6 +56,8 @@ const ASSETS: [(&str, &str, &str); 14] = [
     ("/timeline.js", SCRIPT, include_str!("../assets/timeline.js")),
     ("/charts.js", SCRIPT, include_str!("../assets/charts.js")),
     ("/evidence.js", SCRIPT, include_str!("../assets/evidence.js")),
+    ("/ahead.js", SCRIPT, include_str!("../assets/ahead.js")),
+    ("/matrix.js", SCRIPT, include_str!("../assets/matrix.js")),
     ("/graph.js", SCRIPT, include_str!("../assets/graph.js")),
     ("/icon.svg", "image/svg+xml", include_str!("../assets/icon.svg")),
 ];
@@ -166,8 +169,12 @@ fn refused(address: IpAddr, port: u16, error: &io::Error) -> Error {
 
 fn app(hub: Hub, guard: Guard) -> Router {
     let places = Arc::new(Semaphore::new(BROWSERS));
-    let asked =
-        Router::new().route("/scene", get(scene)).route("/series", get(series)).with_state(hub.clone());
+    let asked = Router::new()
+        .route("/scene", get(scene))
+        .route("/series", get(series))
+        .route("/whatif", get(what_if))
+        .route("/explain", get(explain))
+        .with_state(hub.clone());
     let mut router = Router::new().route("/events", get(events)).with_state((hub, places)).merge(asked);
     for (path, kind, content) in ASSETS {
         let headers = [
@@ -220,6 +227,54 @@ async fn scene(State(hub): State<Hub>, uri: Uri) -> Response {
 async fn series(State(hub): State<Hub>, uri: Uri) -> Response {
     let series = hub.history().series(asked(&uri, "person"));
     as_json(&series)
+}
+
+/// What if: see [`Question::what_if`] for `/whatif?q=`.
+async fn what_if(State(hub): State<Hub>, headers: HeaderMap, uri: Uri) -> Response {
+    ask(&hub, &headers, &uri, Question::what_if).await
+}
+
+/// Why: see [`Question::explain`] for `/explain?q=`.
+async fn explain(State(hub): State<Hub>, headers: HeaderMap, uri: Uri) -> Response {
+    ask(&hub, &headers, &uri, Question::explain).await
+}
+
+/// Passes a question on to the reasoning node and waits for its answer. A page elsewhere may not make this machine compute.
+async fn ask(
+    hub: &Hub,
+    headers: &HeaderMap,
+    uri: &Uri,
+    parse: fn(&str) -> std::result::Result<Question, &'static str>,
+) -> Response {
+    let site = headers.get("sec-fetch-site").map_or("same-origin", |site| site.to_str().unwrap_or_default());
+    if !matches!(site, "same-origin" | "none") {
+        return (StatusCode::FORBIDDEN, "Questions are for the page itself.\n").into_response();
+    }
+    let text = asked::<String>(uri, "q").and_then(|text| decoded(&text)).unwrap_or_default();
+    let question = match parse(&text) {
+        Ok(question) => question,
+        Err(reason) => return (StatusCode::BAD_REQUEST, reason).into_response(),
+    };
+    let (reply, answer) = oneshot::channel();
+    let busy = (StatusCode::SERVICE_UNAVAILABLE, "Other questions are open; ask again.\n");
+    if !hub.ask(Asked { question, reply }) {
+        return busy.into_response();
+    }
+    answer.await.map_or_else(|_| busy.into_response(), |answer| as_json(&answer))
+}
+
+/// The text behind `%20` and its kin; `None` if it is none.
+fn decoded(text: &str) -> Option<String> {
+    let mut bytes = Vec::with_capacity(text.len());
+    let mut rest = text.bytes();
+    while let Some(byte) = rest.next() {
+        let digit = |byte: Option<u8>| char::from(byte?).to_digit(16);
+        bytes.push(match byte {
+            b'%' => u8::try_from(16 * digit(rest.next())? + digit(rest.next())?).ok()?,
+            other => other,
+        });
+    }
+    String::from_utf8(bytes).ok()
 }
 
 fn as_json(value: &serde_json::Value) -> Response {
@@ -276,10 +331,29 @@ mod tests {
         assert!(answer(&server, "/scene").starts_with("HTTP/1.1 400"));
         assert!(answer(&server, "/scene?t=1").ends_with("null"));
         assert!(answer(&server, "/series?person=x").contains("\"rows\":[]"));
+        // Nobody answers questions yet.
+        assert!(answer(&server, "/whatif?q=%7B%22actions%22:[]%7D").starts_with("HTTP/1.1 503"));
+        for bad in ["/whatif", "/whatif?q=%7", "/whatif?q=%ff", "/explain?q=%7B%7D"] {
+            assert!(answer(&server, bad).starts_with("HTTP/1.1 400"), "{bad}");
+        }
         let named = |file: &str| ASSETS.iter().any(|(path, ..)| path.trim_start_matches('/') == file);
         for (_, _, content) in ASSETS {
             let names = content.split('"').filter(|text| text.ends_with(".js") || text.ends_with(".css"));
             assert!(names.map(|name| name.trim_start_matches("./")).all(named));
+        }
+    }
+
+    #[test]
+    fn a_page_elsewhere_may_not_ask() {
+        let server = Server::start(HERE, 0, "").unwrap();
+        for (site, code) in [("cross-site", "403"), ("same-site", "403"), ("same-origin", "503")] {
+            let mut stream = TcpStream::connect((HERE, port(&server))).unwrap();
+            let ask =
+                "GET /whatif?q=%7B%22actions%22:[]%7D HTTP/1.1\r\nHost: localhost\r\nConnection: close\r\n";
+            write!(stream, "{ask}Sec-Fetch-Site: {site}\r\n\r\n").unwrap();
+            let mut text = String::new();
+            stream.read_to_string(&mut text).unwrap();
+            assert_eq!(&text[9..12], code, "{site}: {text}");
         }
     }
 

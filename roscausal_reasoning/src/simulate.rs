@@ -113,10 +113,16 @@ impl Ensemble {
 
     /// The quantiles `(1 - interval) / 2` and its counterpart.
     pub(crate) fn bounds(&self, step: usize, var: usize, interval: f64) -> (f64, f64) {
+        let tail = 0.5 * (1.0 - interval);
+        let [low, high] = self.quantiles(step, var, [tail, 1.0 - tail]);
+        (low, high)
+    }
+
+    /// The values that these shares of the paths lie below.
+    pub(crate) fn quantiles<const K: usize>(&self, step: usize, var: usize, shares: [f64; K]) -> [f64; K] {
         let mut values: Vec<f64> = (0..self.paths).map(|path| self.at(path, step, var)).collect();
         values.sort_unstable_by(f64::total_cmp);
-        let tail = 0.5 * (1.0 - interval);
-        (quantile(&values, tail), quantile(&values, 1.0 - tail))
+        shares.map(|share| quantile(&values, share))
     }
 
     /// The part of the paths that at this step ask an equation of `mask` outside its support.

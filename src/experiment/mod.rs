@@ -1,7 +1,8 @@
-//! `roscausal experiment`: runs the whole chain over seeds and settings, and counts how often each link is found; and whether
-//! answers of reasoning are true.
+//! `roscausal experiment`: runs the whole chain over seeds and settings, and counts how often each link is found; whether answers
+//! of reasoning are true; and whether a planner that asks does better.
 
 mod grid;
+mod planner;
 mod reasoning;
 mod recordings;
 mod report;
@@ -45,6 +46,8 @@ pub(crate) struct Args {
 enum Command {
     /// Are answers of reasoning true? Twin runs with and without an action, beside what the model says of it.
     Reasoning(reasoning::Args),
+    /// Does a robot that asks what-if before it drives do better? Risk and time to the goal, with and without.
+    Planner(planner::Args),
     /// Join the results of several `--shard`s, or of several experiments, into one folder.
     Merge {
         /// Folders that `roscausal experiment --out` made.
@@ -121,6 +124,7 @@ struct Sweep {
 pub(crate) fn run(args: &Args, interrupt: &Interrupt) -> Result<()> {
     let (out, runs) = match &args.command {
         Some(Command::Reasoning(args)) => return reasoning::run(args, interrupt),
+        Some(Command::Planner(args)) => return planner::run(args, interrupt),
         Some(Command::Merge { from, out }) => (out, merge(from, out)?),
         None => {
             interrupt.nothing_at_stake("finished runs are kept");
@@ -288,4 +292,25 @@ fn work_off<J: Sync>(jobs: &[J], workers: usize, work: impl Fn(&J) -> Result<()>
         Some(error) => Err(error),
         None => Ok(()),
     }
+}
+
+/// Does the work for each seed, several at a time; results in the order of the seeds.
+fn in_order<T: Send>(
+    seeds: &[u64],
+    workers: usize,
+    what: &str,
+    work: impl Fn(&u64) -> Result<T> + Sync,
+) -> Result<Vec<T>> {
+    let bar = chart::bar(what, seeds.len() as u64, false);
+    let done = Mutex::new(Vec::new());
+    work_off(seeds, workers, |seed| {
+        let result = work(seed)?;
+        lock(&done).push((*seed, result));
+        bar.inc(1);
+        Ok(())
+    })?;
+    bar.finish_and_clear();
+    let mut done = std::mem::take(&mut *lock(&done));
+    done.sort_by_key(|(seed, _)| *seed);
+    Ok(done.into_iter().map(|(_, result)| result).collect())
 }

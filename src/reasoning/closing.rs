@@ -35,6 +35,7 @@ pub(crate) fn closing(
         data: data.to_vec(),
         equations: "auto".to_owned(),
         acts_on: None,
+        units: Vec::new(),
         seed: 42,
         threads,
         save: None,

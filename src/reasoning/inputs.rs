@@ -1,6 +1,9 @@
 //! What a question is asked of: a model, data, and a moment in them.
 
-use std::{fs, path::PathBuf};
+use std::{
+    fs,
+    path::{Path, PathBuf},
+};
 
 use clap::{Args as ClapArgs, ValueEnum};
 use roscausal_core::{
@@ -10,7 +13,7 @@ use roscausal_core::{
 };
 use roscausal_discovery::{DataFrame, methods::acts_on_of, names};
 use roscausal_reasoning::{
-    ActsOn, Settings, StructuralModel, default_acts_on,
+    ActsOn, Facts, Settings, StructuralModel, default_acts_on,
     model::{Equations, SCHEMA, graph_of_json},
     question::Situation,
 };
@@ -33,6 +36,9 @@ pub(super) struct SourceArgs {
     /// do_robot_off=r_v, do_human_v=h_v, do_human_stop=h_v.
     #[arg(long, value_delimiter = ',', value_name = "COLUMN=VARIABLE")]
     pub(super) acts_on: Option<Vec<String>>,
+    /// Units of variables for sentences and axes, separated by commas; those that the files of batches name need not be given.
+    #[arg(long, value_delimiter = ',', value_name = "VARIABLE=UNIT")]
+    pub(super) units: Vec<String>,
     /// Seed of all random numbers.
     #[arg(long, default_value_t = 42)]
     pub(super) seed: u64,
@@ -105,7 +111,8 @@ impl SourceArgs {
                 return Err(Error::param("data", reason));
             }
             let times = vec![None; model.samples().recordings().len()];
-            return Ok(Ready { model, times });
+            let facts = self.with_units(model.facts.clone(), model.graph().names())?;
+            return Ok(Ready { model: model.with_facts(facts), times });
         }
         if self.data.is_empty() {
             return Err(Error::param(
@@ -120,6 +127,7 @@ impl SourceArgs {
             self.data.iter().map(|path| Table::read(path, None)).collect::<Result<_>>()?;
         let dt = common_step(self.data.iter().map(PathBuf::as_path).zip(&tables))?;
         facts.dt = dt.or(facts.dt);
+        let facts = self.with_units(facts, graph.names())?;
         let times = tables.iter().map(|table| table.time.clone()).collect();
         let data = self.frame(tables, graph.names(), &context)?;
         let equations = match self.equations.as_str() {
@@ -130,6 +138,34 @@ impl SourceArgs {
         let settings = Settings { equations, seed: self.seed, ..Settings::default() };
         let model = StructuralModel::fit(&data, &graph, &settings, &acts_on)?.with_facts(facts);
         Ok(Ready { model, times })
+    }
+
+    /// Units of `--units`, else those that the graph has, else those of a batch's `.json`.
+    fn with_units(&self, mut facts: Facts, variables: &[String]) -> Result<Facts> {
+        let mut add = |name: &str, unit: &str| {
+            facts.units.retain(|(known, _)| known != name);
+            facts.units.push((name.to_owned(), unit.to_owned()));
+        };
+        for given in &self.units {
+            let (name, unit) = given.split_once('=').unwrap_or((given, ""));
+            if names::position(variables, name).is_none() || unit.trim().is_empty() {
+                let all = variables.join(", ");
+                let reason =
+                    format!("'{given}' gives no variable a unit; write it like d=m; variables: {all}");
+                return Err(Error::param("units", reason));
+            }
+            add(name, unit.trim());
+        }
+        for path in &self.data {
+            for (name, unit) in batch_units(&path.with_extension("json")) {
+                if names::position(variables, &name).is_some()
+                    && facts.units.iter().all(|(known, _)| *known != name)
+                {
+                    facts.units.push((name, unit));
+                }
+            }
+        }
+        Ok(facts)
     }
 
     fn acts_on(&self) -> Result<ActsOn> {
@@ -160,6 +196,17 @@ impl SourceArgs {
         }
         Ok(DataFrame::new(recordings, wanted)?)
     }
+}
+
+/// The units that a file beside a batch names; none where there is no such file.
+fn batch_units(path: &Path) -> Vec<(String, String)> {
+    let text = fs::read_to_string(path).unwrap_or_default();
+    let json: serde_json::Value = serde_json::from_str(&text).unwrap_or_default();
+    let columns = json["columns"].as_array().into_iter().flatten();
+    let pair = |column: &serde_json::Value| {
+        Some((column["name"].as_str()?.to_owned(), column["unit"].as_str()?.to_owned()))
+    };
+    columns.filter_map(pair).filter(|(_, unit)| !unit.is_empty()).collect()
 }
 
 impl Ready {

@@ -2,6 +2,7 @@
 
 mod closing;
 mod inputs;
+mod picture;
 mod text;
 
 use clap::Args as ClapArgs;
@@ -14,6 +15,7 @@ use serde::Serialize;
 
 pub(crate) use closing::closing;
 use inputs::{Format, Ready, SourceArgs};
+use picture::PictureArgs;
 pub use text::{effect as effect_text, explain as explain_text, what_if as what_if_text};
 
 /// Arguments of `roscausal predict`.
@@ -41,6 +43,8 @@ struct AheadArgs {
     /// Simulated paths.
     #[arg(long, default_value_t = 400)]
     paths: usize,
+    #[command(flatten)]
+    picture: PictureArgs,
 }
 
 /// Arguments of `roscausal whatif`.
@@ -110,7 +114,7 @@ pub(crate) struct ExplainArgs {
 /// Runs `roscausal predict`.
 pub(crate) fn predict(args: &PredictArgs) -> Result<Status> {
     let actions = vec![Action::go_on()];
-    outlook(&args.source, &args.ahead, WhatIf { actions, ..WhatIf::default() })
+    outlook("predict", &args.source, &args.ahead, WhatIf { actions, ..WhatIf::default() })
 }
 
 /// Runs `roscausal whatif`.
@@ -126,7 +130,7 @@ pub(crate) fn what_if(args: &WhatIfArgs) -> Result<Status> {
         allow_extrapolation: args.allow_extrapolation,
         ..WhatIf::default()
     };
-    outlook(&args.source, &args.ahead, question)
+    outlook("whatif", &args.source, &args.ahead, question)
 }
 
 fn cost(text: &str) -> Result<CostTerm> {
@@ -141,7 +145,9 @@ fn cost(text: &str) -> Result<CostTerm> {
     Ok(CostTerm { variable: variable.trim().to_owned(), weight })
 }
 
-fn outlook(source: &SourceArgs, ahead: &AheadArgs, question: WhatIf) -> Result<Status> {
+/// Answers, prints and draws; the files have the name of the command.
+fn outlook(command: &str, source: &SourceArgs, ahead: &AheadArgs, question: WhatIf) -> Result<Status> {
+    ahead.picture.claim()?;
     let question = WhatIf {
         horizon: ahead.horizon,
         variables: ahead.variables.clone(),
@@ -152,6 +158,7 @@ fn outlook(source: &SourceArgs, ahead: &AheadArgs, question: WhatIf) -> Result<S
     source.with(|ready: &Ready| {
         let situation = ready.situation(ahead.at)?;
         let answer = answer::what_if(&ready.model, &situation, &question);
+        ahead.picture.write(command, &ready.model, &situation, (&question, &answer))?;
         show(source, &answer, (answer.status, &answer.message), || text::what_if(&answer, &question))
     })
 }

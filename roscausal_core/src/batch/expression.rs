@@ -14,6 +14,7 @@
 //! has a licence (AGPL) that a robot's maker could not use.
 
 mod parser;
+mod unit;
 
 use super::tracks::{Field, Values};
 use parser::{Names, Parser};

@@ -246,7 +246,7 @@ impl Postprocess {
         if impossible.get() > 0 {
             *emptied.entry(name.clone()).or_default() += impossible.get();
         }
-        Column { name, unit: "", values }
+        Column { name, unit: feature.expression.unit(), values }
     }
 }
 

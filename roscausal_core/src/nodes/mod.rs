@@ -41,6 +41,7 @@ pub use markers::markers;
 pub use model_changes::{CHANGES_FOLDER, CHANGES_TOPIC, RecordedChange, recorded_changes};
 pub use reasoning::{
     EFFECT_SERVICE, EXPLAIN_SERVICE, PREDICTION_TOPIC, STRUCTURAL_MODEL_TOPIC, WHAT_IF_SERVICE, reasoning,
+    reasoning_beside,
 };
 pub use robot::robot;
 pub use scene_params::SceneOptions;

@@ -2,8 +2,8 @@
 //! nothing.
 //!
 //! The node's thread owns rows and model. Equations are fitted on a thread of their own, and answers are computed by a pool of threads
-//! on copies, so that a long question holds up neither the rows nor the next question. On a lockstep bus all of it happens in line, so
-//! that a run is a function of its seed.
+//! on copies, so that a long question or a fit holds up neither the rows nor the next question. On a lockstep bus all of it happens in line, so
+//! that a run is a function of its seed, unless it runs beside the bus.
 
 use std::{
     sync::{
@@ -85,9 +85,13 @@ struct Wanted {
 
 struct Node<M: Middleware> {
     mw: M,
+    /// Whether fits and answers hold up the bus, so that a run is a function of its seed.
+    in_line: bool,
     params: ReasoningParams,
     context: Vec<String>,
     pool: Arc<ThreadPool>,
+    /// For fits: they take seconds, and no answer waits for them.
+    fits: Arc<ThreadPool>,
     open: Arc<AtomicUsize>,
     rows: Rows,
     wanted: Option<Wanted>,
@@ -110,10 +114,22 @@ struct Node<M: Middleware> {
 /// # Errors
 /// A parameter that is not allowed, a file that cannot be read, or a topic or service that cannot be used.
 pub fn reasoning<M: Middleware>(mw: &M) -> Result<()> {
+    with_inbox(mw, Inbox::new(mw, INBOX), mw.is_lockstep())
+}
+
+/// The reasoning node beside a lockstep bus, which does not wait for it: for a run that somebody watches. What it answers depends on
+/// when it is asked; nothing else of the run depends on it.
+///
+/// # Errors
+/// As [`reasoning`].
+pub fn reasoning_beside<M: Middleware>(mw: &M) -> Result<()> {
+    with_inbox(mw, Inbox::detached(mw, INBOX), false)
+}
+
+fn with_inbox<M: Middleware>(mw: &M, inbox: Inbox<Event>, in_line: bool) -> Result<()> {
     let params = ReasoningParams::new(&Params::read(mw, &specs())?)?;
     let mut health = Health::new(mw)?;
-    let inbox = Inbox::new(mw, INBOX);
-    let mut node = Node::new(mw, params, inbox.sender())?;
+    let mut node = Node::new(mw, params, inbox.sender(), in_line)?;
     let features_input = health.input::<Features>(FEATURES_TOPIC, true);
     let model_input = health.input::<CausalModelInfo>("/roscausal/causal_model_info", false);
     let to = || inbox.sender();
@@ -160,15 +176,8 @@ pub fn reasoning<M: Middleware>(mw: &M) -> Result<()> {
 }
 
 impl<M: Middleware> Node<M> {
-    fn new(mw: &M, params: ReasoningParams, fitted: Sender<Event>) -> Result<Self> {
-        let pool = ThreadPoolBuilder::new()
-            .num_threads(params.threads)
-            .thread_name(|k| format!("reasoning-{k}"))
-            .panic_handler(|_| {
-                tracing::error!("an answer ended by an internal error; please report it with the question")
-            })
-            .build()
-            .map_err(|e| Error::param("threads", e))?;
+    fn new(mw: &M, params: ReasoningParams, fitted: Sender<Event>, in_line: bool) -> Result<Self> {
+        let (pool, fits) = (pool("reasoning", params.threads)?, pool("reasoning-fit", params.threads)?);
         let mut rows = Rows::new(params.max_samples, &params.person);
         for file in &params.data {
             rows.add_file(file)?;
@@ -177,7 +186,8 @@ impl<M: Middleware> Node<M> {
             params.graph.clone().map(|(graph, facts)| Wanted { number: 1, graph, facts, since: None });
         Ok(Self {
             context: params.acts_on.iter().map(|(column, _)| column.clone()).collect(),
-            pool: Arc::new(pool),
+            pool,
+            fits,
             open: Arc::default(),
             rows,
             wanted,
@@ -193,6 +203,7 @@ impl<M: Middleware> Node<M> {
             structural: mw.advertise(STRUCTURAL_MODEL_TOPIC, Qos::Latched)?,
             fitted,
             mw: mw.clone(),
+            in_line,
             params,
         })
     }
@@ -227,7 +238,7 @@ impl<M: Middleware> Node<M> {
 
     fn predict(&mut self, model: &StructuralModel, moment: &Moment, last: Vec<f64>) -> bool {
         let start = self.mw.steady();
-        if !self.mw.is_lockstep() && start < self.rest_until {
+        if !self.in_line && start < self.rest_until {
             return false;
         }
         let situation = Situation { rows: moment.rows.view(), now: moment.now };
@@ -299,13 +310,13 @@ impl<M: Middleware> Node<M> {
         };
         let (number, graph) = (wanted.number, wanted.graph.clone());
         let (settings, acts_on, pool) =
-            (self.params.settings.clone(), self.params.acts_on.clone(), self.pool.clone());
+            (self.params.settings.clone(), self.params.acts_on.clone(), self.fits.clone());
         let work = move |data: DataFrame| {
             let fit = || StructuralModel::fit(&data, &graph, &settings, &acts_on);
             Ok(pool.install(fit)?.with_facts(facts))
         };
         self.fitting = true;
-        if self.mw.is_lockstep() {
+        if self.in_line {
             let fitted = work(data);
             self.take_fit(number, fitted);
             return;
@@ -406,7 +417,7 @@ impl<M: Middleware> Node<M> {
         compute: impl FnOnce() -> R + Send + 'static,
     ) {
         self.figures[2] += 1;
-        if self.mw.is_lockstep() {
+        if self.in_line {
             reply.send(self.pool.install(compute));
             return;
         }
@@ -540,6 +551,14 @@ impl<M: Middleware> Node<M> {
             self.refused.clone().or_else(|| self.score.trouble()).or_else(|| self.bad_message.clone());
         health.report(&self.mw, figures, trouble.as_deref());
     }
+}
+
+/// Threads for a kind of work; 0: all cores.
+fn pool(name: &'static str, threads: usize) -> Result<Arc<ThreadPool>> {
+    let died = |_| tracing::error!("a thread ended by an internal error; please report it with the question");
+    let builder = ThreadPoolBuilder::new().num_threads(threads).panic_handler(died);
+    let pool = builder.thread_name(move |k| format!("{name}-{k}")).build();
+    pool.map(Arc::new).map_err(|e| Error::param("threads", e))
 }
 
 /// Counts a question as open until it is dropped.

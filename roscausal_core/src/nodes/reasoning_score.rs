@@ -142,6 +142,7 @@ mod tests {
             lower: vec![0.5, 1.5],
             upper: vec![1.5, 2.5],
             skill: Vec::new(),
+            ..Forecast::default()
         };
         score.predicted(0, vec![0.0], vec![forecast]);
         score.observed(10, 10, &[1.0], &[1.0]);

@@ -1,6 +1,7 @@
 //! The links as a matrix, effects in rows and causes in columns: readable where a graph is crowded.
 //!
-//! Each lag has its place and colour within a cell, and the disc is as large as the strength; a ring is a negative link.
+//! Each lag has its place and colour within a cell, and the disc is as large as the confidence, without resamples as the strength; a
+//! ring is a negative link.
 
 use super::{
     point::Point,
@@ -86,19 +87,22 @@ impl<'a> Matrix<'a> {
                 cell * cause as f64 + within(slot % self.side),
                 cell * effect as f64 + within(slot / self.side),
             );
+            let found = link.confidence.map_or(String::new(), |share| format!(", found in {share:.2}"));
             let words = format!(
-                "{} → {}, lag {}: {:.2}, p {:.4}",
+                "{} → {}, lag {}: {:.2}, p {:.4}{found}",
                 display(&link.cause),
                 display(&link.effect),
                 link.lag,
                 link.value,
                 link.p_value
             );
-            self.disc(svg, disc, link.lag, link.value, &words);
+            let size = link.confidence.unwrap_or(link.value.abs());
+            self.disc(svg, disc, link.lag, size.copysign(link.value), &words);
         }
         self.legend(svg, Point::new(at.x, corner.y + grid + 18.0));
     }
 
+    /// A disc of this size from 0 to 1; a ring if it is negative.
     fn disc(&self, svg: &mut Svg, at: Point, lag: usize, value: f64, words: &str) {
         let radius = (5.5 * value.abs().min(1.0).sqrt()).max(1.5);
         let colour = self.colour(lag);
@@ -131,8 +135,13 @@ impl<'a> Matrix<'a> {
         }
         let mut x = at.x + 6.0;
         let y = at.y + 22.0;
+        let what = if self.model.links.iter().any(|link| link.confidence.is_some()) {
+            "confidence 1"
+        } else {
+            "strength 1"
+        };
         for (value, text, width) in
-            [(0.1, "0.1", 36.0), (0.5, "0.5", 36.0), (1.0, "strength 1", 82.0), (-1.0, "negative", 60.0)]
+            [(0.1, "0.1", 36.0), (0.5, "0.5", 36.0), (1.0, what, 96.0), (-1.0, "negative", 60.0)]
         {
             self.disc(svg, Point::new(x, y), self.model.tau_min, value, "");
             svg.text(Point::new(x + 9.0, y + 4.0), TEXT, "start", INK, text);
@@ -157,7 +166,8 @@ fn cut(name: &str) -> String {
     name.chars().take(LETTERS - 1).chain(['…']).collect()
 }
 
-/// The matrix of a model as SVG: effects in rows, causes in columns, the lag by place and colour, the strength by size.
+/// The matrix of a model as SVG: effects in rows, causes in columns, the lag by place and colour, the confidence by
+/// size; without resamples the strength.
 pub fn matrix(model: &Model) -> String {
     let matrix = Matrix::new(model);
     let (width, height) = matrix.size();
@@ -176,6 +186,26 @@ mod tests {
         let svg = matrix(&example());
         assert_eq!(svg.matches("lag 1: 0.49").count(), 6);
         assert_eq!(svg.matches(">h_risk<").count(), 2);
+    }
+
+    #[test]
+    fn a_surer_link_has_a_larger_disc_whatever_its_strength() {
+        let mut model = example();
+        for (link, share) in model.links.iter_mut().zip([0.9, 0.4]) {
+            link.confidence = Some(share);
+        }
+        let svg = matrix(&model);
+        let radius = |words: &str| -> f64 {
+            let line = svg.lines().find(|line| line.contains(words)).expect(words);
+            line.split_once(" r=\"")
+                .and_then(|(_, rest)| rest.split_once('"'))
+                .expect("a radius")
+                .0
+                .parse()
+                .unwrap()
+        };
+        assert!(radius("found in 0.90") > radius("found in 0.40"), "{svg}");
+        assert!(svg.contains("confidence 1") && !matrix(&example()).contains("confidence"));
     }
 
     #[test]

@@ -1,5 +1,5 @@
-//! Pictures as SVG, PNG and PDF: the summary graph and the time series graph of a model, the series of a batch, and
-//! curves of figures over settings.
+//! Pictures as SVG, PNG and PDF: the summary graph and the time series graph of a model, the series of a batch, fan charts of what
+//! may come, and curves of figures over settings.
 //!
 //! Up to nine variables stand in places that depend on their number and order only, so a variable stays in its place from
 //! model to model.
@@ -27,6 +27,7 @@ mod circle;
 mod curves;
 mod dag;
 mod evidence;
+mod fans;
 mod layout;
 mod matrix;
 mod maybe;
@@ -43,6 +44,7 @@ mod tsdag;
 pub use curves::{Curve, Panel, curves};
 pub use dag::dag;
 pub use evidence::{lag_function, residual_scatter, scatter};
+pub use fans::{Candidate, Fan, FanChart, fans};
 pub use matrix::matrix;
 #[cfg(feature = "pdf")]
 pub use pdf::pdf;

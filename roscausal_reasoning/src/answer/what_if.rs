@@ -28,6 +28,15 @@ pub struct Forecast {
     pub lower: Vec<f64>,
     /// Upper end of the interval.
     pub upper: Vec<f64>,
+    /// Median at each step.
+    #[serde(default)]
+    pub median: Vec<f64>,
+    /// Lower end of the interval that half of the outcomes lie in; it is widened in the proportion of the other one.
+    #[serde(default)]
+    pub inner_lower: Vec<f64>,
+    /// Upper end of it.
+    #[serde(default)]
+    pub inner_upper: Vec<f64>,
     /// Skill over the last value, as measured on rows that the model had not seen; null where it is set or was not measured.
     pub skill: Vec<Option<f64>>,
 }
@@ -231,27 +240,39 @@ fn outlook(
     refused: bool,
 ) -> Outlook {
     let n = model.graph().len();
-    let interval = model.settings().interval;
+    let tail = 0.5 * (1.0 - model.settings().interval);
+    let shares = [tail, 0.25, 0.5, 0.75, 1.0 - tail];
     let forecast = |&var: &usize| {
         let mut forecast = Forecast { variable: model.graph().names()[var].clone(), ..Forecast::default() };
         for step in 0..question.horizon {
-            let mut means = 0.0;
+            let (mut means, mut medians) = (0.0, 0.0);
             let (mut lower, mut upper) = (f64::INFINITY, f64::NEG_INFINITY);
+            let (mut inner_lower, mut inner_upper) = (lower, upper);
             for (outcome, member) in outcomes.all.iter().zip(model.members()) {
-                let (mut low, mut high) = outcome.paths.bounds(step, var, interval);
-                if let (Some(quality), false, false) =
-                    (&member.quality, schedule.is_set(step, var), question.counterfactual)
-                {
-                    let wider = quality.widening(step, var) * (high - low);
-                    (low, high) = (low - wider, high + wider);
-                }
+                let [low, inner_low, median, inner_high, high] = outcome.paths.quantiles(step, var, shares);
+                let wider = match &member.quality {
+                    Some(quality) if !schedule.is_set(step, var) && !question.counterfactual => {
+                        quality.widening(step, var)
+                    }
+                    _ => 0.0,
+                };
+                let (by, inner_by) = (wider * (high - low), wider * (inner_high - inner_low));
                 means += outcome.mean[step * n + var];
-                (lower, upper) = (lower.min(low), upper.max(high));
+                medians += median;
+                (lower, upper) = (lower.min(low - by), upper.max(high + by));
+                inner_lower = inner_lower.min(inner_low - inner_by);
+                inner_upper = inner_upper.max(inner_high + inner_by);
             }
-            let mean = means / outcomes.all.len() as f64;
+            let members = outcomes.all.len() as f64;
+            let mean = means / members;
+            (lower, upper) = (lower.min(mean), upper.max(mean));
+            let within = |value: f64| value.max(lower).min(upper);
             forecast.mean.push(mean);
-            forecast.lower.push(lower.min(mean));
-            forecast.upper.push(upper.max(mean));
+            forecast.lower.push(lower);
+            forecast.upper.push(upper);
+            forecast.median.push(within(medians / members));
+            forecast.inner_lower.push(within(inner_lower));
+            forecast.inner_upper.push(within(inner_upper));
             let quality = model.members()[0]
                 .quality
                 .as_ref()

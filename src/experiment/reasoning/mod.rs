@@ -13,20 +13,20 @@ mod figures;
 mod tables;
 mod twins;
 
-use std::{path::PathBuf, sync::Mutex};
+use std::path::PathBuf;
 
 use clap::Args as ClapArgs;
 use ndarray::Array2;
 use rayon::prelude::*;
-use roscausal_core::{Error, Result, gate::lock};
+use roscausal_core::{Error, Result};
 use roscausal_discovery::{Control, DataFrame, Model, Settings, analyse};
 use roscausal_hrisim::Scenario;
 use roscausal_reasoning::{
     Facts, Settings as Fit, StructuralModel, default_acts_on, graph::Graph, model::Equations,
 };
 
-use super::{grid, work_off, workers};
-use crate::{chart, interrupt::Interrupt, output};
+use super::{grid, in_order, workers};
+use crate::{interrupt::Interrupt, output};
 use asked::Case;
 use figures::Figures;
 use twins::{Twins, walk};
@@ -177,25 +177,4 @@ fn deviations(walks: &[Array2<f64>]) -> Vec<f64> {
         (all.iter().map(|x| (x - mean).powi(2)).sum::<f64>() / all.len() as f64).sqrt()
     };
     (0..FEATURES.len()).map(deviation).collect()
-}
-
-/// Does the work for each seed, several at a time; results in the order of the seeds.
-fn in_order<T: Send>(
-    seeds: &[u64],
-    workers: usize,
-    what: &str,
-    work: impl Fn(&u64) -> Result<T> + Sync,
-) -> Result<Vec<T>> {
-    let bar = chart::bar(what, seeds.len() as u64, false);
-    let done = Mutex::new(Vec::new());
-    work_off(seeds, workers, |seed| {
-        let result = work(seed)?;
-        lock(&done).push((*seed, result));
-        bar.inc(1);
-        Ok(())
-    })?;
-    bar.finish_and_clear();
-    let mut done = std::mem::take(&mut *lock(&done));
-    done.sort_by_key(|(seed, _)| *seed);
-    Ok(done.into_iter().map(|(_, result)| result).collect())
 }

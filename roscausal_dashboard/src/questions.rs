@@ -1,0 +1,246 @@
+//! Questions of the page's readers to the reasoning node, and its answers as JSON. They are asked one after the other on a thread of
+//! their own, so that a long answer holds up neither the page nor the topics.
+
+use std::{
+    sync::mpsc::{Receiver, SyncSender, sync_channel},
+    thread,
+    time::Duration,
+};
+
+use roscausal_core::{
+    Error, Result,
+    middleware::Middleware,
+    nodes::{EXPLAIN_SERVICE, WHAT_IF_SERVICE},
+};
+use roscausal_msgs::{
+    Action, Contribution, CostTerm, Explain, ExplainRequest, ExplainResponse, Intervention, Outlook, Status,
+    Time, WhatIf, WhatIfRequest, WhatIfResponse,
+};
+use serde_json::{Value as Json, json};
+use tokio::sync::oneshot;
+
+use crate::{
+    ahead::forecasts,
+    hub::{Frame, Hub, Keep},
+    moment::rounded,
+};
+
+/// How long an answer may take.
+const PATIENCE: Duration = Duration::from_secs(5);
+/// Questions that may wait.
+const WAITING: usize = 8;
+/// Most actions of one question, most steps, and the longest name.
+const MOST_ACTIONS: usize = 8;
+const MOST_STEPS: u64 = 100;
+const LONGEST_NAME: usize = 200;
+
+/// What a reader asks.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) enum Question {
+    WhatIf(WhatIfRequest),
+    Explain(ExplainRequest),
+}
+
+/// A question and who waits for its answer.
+pub(crate) struct Asked {
+    pub(crate) question: Question,
+    pub(crate) reply: oneshot::Sender<Json>,
+}
+
+impl Question {
+    /// `{"actions": [{"variable": "r_v", "value": 0.4}, ...], "cost": {"variable": "h_risk", "weight": 1}, "horizon": 10}`: what if each
+    /// variable were set to the value, beside going on. Without a horizon it is the node's.
+    pub(crate) fn what_if(text: &str) -> std::result::Result<Self, &'static str> {
+        let json: Json = serde_json::from_str(text).map_err(|_| "The question is no JSON.\n")?;
+        let actions = json["actions"].as_array().ok_or("The question has no list of actions.\n")?;
+        if actions.len() > MOST_ACTIONS {
+            return Err("There are too many actions in one question.\n");
+        }
+        let mut request = WhatIfRequest {
+            actions: vec![Action { name: "go on".into(), interventions: Vec::new() }],
+            horizon: u32::try_from(json["horizon"].as_u64().unwrap_or(0).min(MOST_STEPS)).unwrap_or_default(),
+            ..WhatIfRequest::default()
+        };
+        for action in actions {
+            let (variable, value) = term(action, "value")?;
+            let one = Intervention {
+                variable: variable.clone(),
+                kind: Intervention::SET,
+                first_step: 1,
+                last_step: 0,
+                values: vec![value],
+            };
+            let name = format!("{variable} = {}", rounded(value));
+            if request.actions.iter().all(|known| known.name != name) {
+                request.actions.push(Action { name, interventions: vec![one] });
+            }
+        }
+        if !json["cost"].is_null() {
+            let (variable, weight) = term(&json["cost"], "weight")?;
+            request.cost.push(CostTerm { variable, weight });
+        }
+        Ok(Self::WhatIf(request))
+    }
+
+    /// `{"variable": "h_v"}`: why did it change, by the largest change of late?
+    pub(crate) fn explain(text: &str) -> std::result::Result<Self, &'static str> {
+        let json: Json = serde_json::from_str(text).map_err(|_| "The question is no JSON.\n")?;
+        let variable = name(&json)?;
+        Ok(Self::Explain(ExplainRequest { variable, from_time: Time::ZERO, to_time: Time::ZERO }))
+    }
+}
+
+fn name(json: &Json) -> std::result::Result<String, &'static str> {
+    let name = json["variable"].as_str().filter(|name| !name.is_empty() && name.len() <= LONGEST_NAME);
+    name.map(str::to_owned).ok_or("The question names no variable.\n")
+}
+
+fn term(json: &Json, number: &str) -> std::result::Result<(String, f64), &'static str> {
+    let value = json[number].as_f64().filter(|value| value.is_finite()).ok_or("A number is missing.\n")?;
+    Ok((name(json)?, value))
+}
+
+/// Answers questions by the services of the reasoning node, until the returned sender is dropped.
+///
+/// # Errors
+/// No thread.
+pub(crate) fn answer<M: Middleware>(mw: &M, hub: &Hub) -> Result<SyncSender<Asked>> {
+    let (sender, asked): (_, Receiver<Asked>) = sync_channel(WAITING);
+    let (mw, hub) = (mw.clone(), hub.clone());
+    let work = move || {
+        for Asked { question, reply } in asked {
+            // Whoever has closed the page waits for nothing.
+            if !reply.is_closed() {
+                drop(reply.send(answered(&mw, &hub, &question)));
+            }
+        }
+    };
+    let begun = thread::Builder::new().name("dashboard-questions".into()).spawn(work);
+    begun.map_err(|error| Error::Middleware(format!("no thread for questions: {error}")))?;
+    Ok(sender)
+}
+
+fn answered<M: Middleware>(mw: &M, hub: &Hub, question: &Question) -> Json {
+    let failed = |error: Error| {
+        let message = format!("{error}; the node roscausal_reasoning answers such questions: is it running?");
+        json!({"status": "NO_ANSWER", "message": message})
+    };
+    match question {
+        Question::WhatIf(request) => match mw.call::<WhatIf>(WHAT_IF_SERVICE, request, PATIENCE) {
+            Ok(response) => {
+                let past = hub.ahead().past(response.stamp.as_secs_f64());
+                what_if_json(&response, past)
+            }
+            Err(error) => failed(error),
+        },
+        Question::Explain(request) => match mw.call::<Explain>(EXPLAIN_SERVICE, request, PATIENCE) {
+            Ok(response) => {
+                let json = explain_json(&request.variable, &response);
+                // Everybody sees the last explanation.
+                if response.status == Status::Ok as u8 {
+                    let frame = Frame { kind: "explanation", data: json.to_string().into() };
+                    hub.send(frame, Keep::Last);
+                }
+                json
+            }
+            Err(error) => failed(error),
+        },
+    }
+}
+
+/// A status by its name in docs/reasoning.md.
+fn status(number: u8) -> &'static str {
+    let names = ["OK", "NOT_SUPPORTED", "AMBIGUOUS", "NO_MODEL", "NO_DATA", "BAD_REQUEST"];
+    names.get(usize::from(number)).copied().unwrap_or("NO_ANSWER")
+}
+
+fn what_if_json(response: &WhatIfResponse, past: Json) -> Json {
+    let outlook = |one: &Outlook| {
+        json!({
+            "action": one.action,
+            "supported": one.supported_steps,
+            "cost": one.cost,
+            "best": one.probability_best,
+            "text": one.text,
+            "forecasts": forecasts(&one.forecasts),
+        })
+    };
+    json!({
+        "status": status(response.status),
+        "message": response.message,
+        "t": rounded(response.stamp.as_secs_f64()),
+        "dt": response.dt,
+        "model": response.model_id,
+        "outlooks": response.outlooks.iter().map(outlook).collect::<Vec<_>>(),
+        "ranking": response.ranking,
+        "caveats": response.caveats,
+        "past": past,
+    })
+}
+
+fn explain_json(variable: &str, response: &ExplainResponse) -> Json {
+    let part = |one: &Contribution| json!({"variable": one.variable, "value": one.value, "lower": one.lower, "upper": one.upper});
+    json!({
+        "status": status(response.status),
+        "message": response.message,
+        "variable": variable,
+        "from": rounded(response.from_time.as_secs_f64()),
+        "to": rounded(response.to_time.as_secs_f64()),
+        "change": response.change,
+        "expected": response.expected,
+        "parts": response.contributions.iter().map(part).collect::<Vec<_>>(),
+        "text": response.text,
+        "caveats": response.caveats,
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_question_sets_one_variable_per_action_beside_going_on() {
+        let text = r#"{"actions": [{"variable": "r_v", "value": 0.4}, {"variable": "r_v", "value": 0.4}, {"variable": "r_v", "value": 0}],
+            "cost": {"variable": "<b>", "weight": -1}, "horizon": 1000000}"#;
+        let Ok(Question::WhatIf(request)) = Question::what_if(text) else { panic!("no question") };
+        let names: Vec<&str> = request.actions.iter().map(|action| action.name.as_str()).collect();
+        assert_eq!(names, ["go on", "r_v = 0.4", "r_v = 0"]);
+        assert_eq!(request.actions[1].interventions[0].values, [0.4]);
+        assert_eq!((request.horizon, request.cost[0].variable.as_str()), (100, "<b>"));
+        assert!(!request.allow_extrapolation);
+    }
+
+    #[test]
+    fn what_is_no_question_is_refused() {
+        let long = format!(r#"{{"actions": [{{"variable": "{}", "value": 1}}]}}"#, "x".repeat(300));
+        let many = format!(r#"{{"actions": [{}]}}"#, vec![r#"{"variable": "x", "value": 1}"#; 9].join(","));
+        for bad in [
+            "",
+            "[]",
+            "{}",
+            r#"{"actions": [{"variable": "x"}]}"#,
+            r#"{"actions": [{"value": 1}]}"#,
+            r#"{"actions": [{"variable": "x", "value": 1e999}]}"#,
+            r#"{"actions": [], "cost": {"variable": "x"}}"#,
+            &long,
+            &many,
+        ] {
+            assert!(Question::what_if(bad).is_err(), "{bad}");
+        }
+        assert!(Question::explain(r#"{"variable": ""}"#).is_err() && Question::explain("no").is_err());
+        assert!(Question::explain(r#"{"variable": "h_v"}"#).is_ok());
+    }
+
+    #[test]
+    fn an_answer_keeps_its_status_and_unknown_numbers_are_null() {
+        let outlook = Outlook { action: "go on".into(), cost: f64::NAN, ..Outlook::default() };
+        let response =
+            WhatIfResponse { status: 1, dt: 0.3, outlooks: vec![outlook], ..WhatIfResponse::default() };
+        let json = what_if_json(&response, Json::Null);
+        assert_eq!(
+            (json["status"].as_str(), &json["outlooks"][0]["cost"]),
+            (Some("NOT_SUPPORTED"), &Json::Null)
+        );
+        assert_eq!(status(99), "NO_ANSWER");
+    }
+}

@@ -1,0 +1,210 @@
+//! `roscausal experiment planner`: does a robot that asks before it drives do better?
+//!
+//! 1. Exploration (`--train`): the robot drives, and every few seconds a top speed is drawn for it, or its own is left. The data node
+//!    records these runs with the columns of the interventions, and a model is found in them.
+//! 2. Trial (`--seeds`): the same runs under each policy: always one of the speeds, a rule of distance, and a planner as in
+//!    `examples/planner`, which asks the reasoning node twice a second what each speed leads to and takes the best. All nodes are the
+//!    real ones, on a lockstep bus.
+//!
+//! A trial ends at the goal: when the robot has reached so many waypoints. Risk is measured on the simulation itself, at 25 Hz.
+
+mod drive;
+mod table;
+
+use std::path::{Path, PathBuf};
+
+use clap::Args as ClapArgs;
+use ndarray::Array2;
+use roscausal_core::{Error, Result, batch::Table};
+use roscausal_discovery::{Control, DataFrame, Model, Settings, analyse};
+use roscausal_hrisim::{Scenario, rng::Rng};
+
+use super::{grid, in_order, workers};
+use crate::{interrupt::Interrupt, output};
+use drive::{Drive, Nodes, Policy, Question};
+
+/// The variables of the model.
+const FEATURES: [&str; 5] =
+    ["h_v = h.v", "h_dg = dist(h, h.goal)", "d = dist(h, r)", "r_v = r.v", "h_risk = risk(h, r)"];
+/// Speeds between which the planner chooses, m/s.
+const SPEEDS: [f64; 3] = [0.2, 0.5, 0.8];
+/// Step between rows in seconds.
+const DT: f64 = 0.3;
+/// Length of an exploration, and of one drawn speed in it, seconds.
+const TRAINING_S: f64 = 300.0;
+const DRAWN_S: f64 = 6.0;
+/// The rule drives slowly within this distance of the person, metres.
+const NEAR: f64 = 2.5;
+/// Steps ahead that the planner asks about.
+const HORIZON: u32 = 10;
+
+/// Arguments of `roscausal experiment planner`.
+#[derive(ClapArgs)]
+pub(super) struct Args {
+    /// Scenario of one person and one robot: a built-in name or a TOML file.
+    #[arg(long, default_value = "encounters")]
+    scenario: String,
+    /// Seeds of the explorations in which the model is found, including both ends.
+    #[arg(long, default_value = "1..4", value_name = "A..B")]
+    train: String,
+    /// Seeds of the trials, including both ends.
+    #[arg(long, default_value = "101..120", value_name = "A..B")]
+    seeds: String,
+    /// Waypoints that the robot has to reach.
+    #[arg(long, default_value_t = 8)]
+    legs: u64,
+    /// What the planner's cost counts beside the risk, per m/s of speed: more hurries.
+    #[arg(long, default_value_t = 0.2)]
+    hurry: f64,
+    /// Discovery method.
+    #[arg(long, default_value = "pcmci")]
+    method: String,
+    /// Independence test.
+    #[arg(long, default_value = "parcorr")]
+    test: String,
+    /// Largest lag, in samples.
+    #[arg(long, default_value_t = 2)]
+    tau_max: usize,
+    /// Equations: auto (a Gaussian process where it predicts better than a line), linear, gp.
+    #[arg(long, default_value = "auto", value_parser = ["auto", "linear", "gp"])]
+    equations: String,
+    /// Runs at a time; default: one per core. They do not change the results.
+    #[arg(long)]
+    threads: Option<usize>,
+    /// Folder for model.json, the explorations, trials.csv and table.md.
+    #[arg(short, long, value_name = "DIR", default_value = "roscausal_experiment_planner")]
+    out: PathBuf,
+}
+
+/// One trial.
+struct Trial {
+    seed: u64,
+    policy: Policy,
+    drive: Drive,
+}
+
+/// Runs `roscausal experiment planner`.
+pub(super) fn run(args: &Args, interrupt: &Interrupt) -> Result<()> {
+    interrupt.nothing_at_stake("nothing is written before the end");
+    let scenario = Scenario::load(&args.scenario)?;
+    let (train, seeds) = (grid::seeds(&args.train)?, grid::seeds(&args.seeds)?);
+    args.check(&train, &seeds)?;
+    let workers = workers(args.threads)?;
+    let explorations = args.out.join("exploration");
+    let batches: Vec<PathBuf> = in_order(&train, workers, "explorations", |seed| {
+        let scenario = explored(&scenario, *seed)?;
+        drive::explore(&scenario, *seed, TRAINING_S, &explorations.join(seed.to_string()), interrupt)
+    })?
+    .into_iter()
+    .flatten()
+    .collect();
+    let found = args.found(&batches, interrupt)?;
+    output::write_model(&args.out, &found)?;
+    let nodes = Nodes {
+        graph: args.out.join("model.json"),
+        data: batches,
+        equations: args.equations.clone(),
+        question: Question { cost: vec![("h_risk", 1.0), ("r_v", -args.hurry)], horizon: HORIZON },
+    };
+    let policies: Vec<Policy> =
+        SPEEDS.map(Policy::Always).into_iter().chain([Policy::Rule, Policy::Planner]).collect();
+    let of_seed = |seed: &u64| -> Result<Vec<Trial>> {
+        let one = |policy: &Policy| {
+            let drive = drive::trial(&scenario, *seed, *policy, args.legs, &nodes, interrupt)?;
+            Ok(Trial { seed: *seed, policy: *policy, drive })
+        };
+        policies.iter().map(one).collect()
+    };
+    let trials: Vec<Trial> = in_order(&seeds, workers, "trials", of_seed)?.into_iter().flatten().collect();
+    let markdown = table::markdown(&policies, &trials);
+    output::write_file(&args.out, "trials.csv", table::csv(&trials).as_bytes())?;
+    output::write_file(&args.out, "table.md", markdown.as_bytes())?;
+    crate::terminal::say!(
+        "{} trials of {} waypoints in '{}', with a model of the explorations {}.\nLinks (lag): {}.\n\n{markdown}\n{}: \
+         model.json, trials.csv, table.md",
+        seeds.len(),
+        args.legs,
+        args.scenario,
+        args.train,
+        links(&found),
+        args.out.display()
+    );
+    Ok(())
+}
+
+impl Args {
+    fn check(&self, train: &[u64], seeds: &[u64]) -> Result<()> {
+        if let Some(seed) = seeds.iter().find(|seed| train.contains(seed)) {
+            let reason =
+                format!("seed {seed} is one of --train, too; a planner is not tried where it learned");
+            return Err(Error::param("seeds", reason));
+        }
+        if !(1..=1000).contains(&self.legs) {
+            return Err(Error::param(
+                "legs",
+                format!("{} is not a number of waypoints from 1 to 1000", self.legs),
+            ));
+        }
+        if !(0.0..=1e6).contains(&self.hurry) {
+            return Err(Error::param("hurry", format!("{} is not a number from 0 to 1e6", self.hurry)));
+        }
+        Ok(())
+    }
+
+    /// The model of the explorations.
+    fn found(&self, batches: &[PathBuf], interrupt: &Interrupt) -> Result<Model> {
+        let rows = batches.iter().map(|path| rows(path)).collect::<Result<_>>()?;
+        let data = DataFrame::new(rows, names())?;
+        let method: roscausal_discovery::methods::Method = self.method.parse()?;
+        let settings = Settings {
+            method,
+            cond_ind_test: self.test.clone(),
+            tau_min: method.info().tau_min,
+            tau_max: self.tau_max,
+            ..Settings::default()
+        };
+        settings.check()?;
+        let mut found = analyse(&data, &settings, &Control::default().cancel_on(interrupt.flag()))?;
+        found.dt = Some(DT);
+        Ok(found)
+    }
+}
+
+/// The variables of a batch.
+fn rows(path: &Path) -> Result<Array2<f64>> {
+    let table = Table::read(path, None)?;
+    let column = |name: &String| {
+        let found = table.names.iter().position(|known| known == name);
+        found.ok_or_else(|| Error::file(path, format!("it has no column '{name}'")))
+    };
+    let columns = names().iter().map(column).collect::<Result<Vec<usize>>>()?;
+    Ok(table.values.select(ndarray::Axis(1), &columns))
+}
+
+/// Names of the variables.
+fn names() -> Vec<String> {
+    FEATURES.iter().map(|item| item.split(' ').next().unwrap_or_default().to_owned()).collect()
+}
+
+/// The scenario with a top speed drawn for the robot every few seconds: one of the planner's, or its own.
+fn explored(scenario: &Scenario, seed: u64) -> Result<Scenario> {
+    let mut rng = Rng::new(seed, 977);
+    let mut texts = Vec::new();
+    for k in 0..(TRAINING_S / DRAWN_S) as usize {
+        // Four equal parts, the last of which is its own speed.
+        let part = rng.uniform(0.0, SPEEDS.len() as f64 + 1.0) as usize;
+        if let Some(speed) = SPEEDS.get(part) {
+            texts.push(format!("robot.speed={speed}@{}..{}", k as f64 * DRAWN_S, (k + 1) as f64 * DRAWN_S));
+        }
+    }
+    let mut scenario = scenario.clone();
+    scenario.add_interventions(&texts)?;
+    Ok(scenario)
+}
+
+fn links(found: &Model) -> String {
+    let others = found.links.iter().filter(|link| link.cause != link.effect);
+    let all: Vec<String> =
+        others.map(|link| format!("{} -> {} ({})", link.cause, link.effect, link.lag)).collect();
+    all.join(", ")
+}
