@@ -37,8 +37,9 @@ class Ros:
         self.executor.add_node(self.node)
 
     def until(self, condition, seconds, what):
-        """Spins until the condition holds. If it never does, an AssertionError says what was missing."""
-        end = time.monotonic() + seconds
+        """Spins until the condition holds. If it never does, an AssertionError says what was missing. `seconds` are those of a
+        quiet machine; a busy one gets three times as long."""
+        end = time.monotonic() + 3 * seconds
         while not (value := condition()):
             assert time.monotonic() < end, f"{what() if callable(what) else what}: not within {seconds} s"
             self.executor.spin_once(timeout_sec=0.02)

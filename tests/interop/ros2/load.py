@@ -24,21 +24,29 @@ def a_thousand_messages_a_second_arrive_each_way_for_a_minute():
         ros.node.create_subscription(Float64, "/received", lambda m: totals.append(m.data), 10)
         ros.node.create_subscription(RobotState, "/state", lambda m: frames.append(m.header.frame_id), RELIABLE)
         sender = subprocess.Popen([sys.executable, __file__, "send", str(count)], stdout=subprocess.PIPE, text=True)
-        ros.until(lambda: len(frames) >= count, SECONDS * 1.5 + 20, f"{count} states")
+        all_that_come(ros, frames, count)
         assert frames == [str(i) for i in range(count)], "states lost, doubled or out of order"
-        ros.until(lambda: sender.poll() is not None, SECONDS + 20, "the sender's end")
+        ros.until(lambda: sender.poll() is not None, 3 * SECONDS + 20, "the sender's end")
         took = float(sender.stdout.read())
         ros.spin(1)
         totals.clear()
         ros.until(lambda: totals, 5, "the count")
         with open(f"/proc/{program.process.pid}/status") as status:
             memory = int(re.search(r"VmRSS:\s+(\d+)", status.read())[1]) / 1000
-        # Inputs are best effort, which guarantees nothing. On one machine hardly anything is lost nevertheless.
-        assert totals[-1] >= 0.99 * count, f"{totals[-1]:.0f} of {count} arrived"
+        # Inputs are best effort, which guarantees nothing: where others want the cores, the socket overflows. On a machine of
+        # one's own hardly anything is lost (docs/ros2.md).
+        assert totals[-1] >= 0.8 * count, f"{totals[-1]:.0f} of {count} arrived"
         return (
             f"out, reliable: {len(frames)} of {count}, in order; in, best effort: {totals[-1]:.0f} of {count} "
             f"in {took:.0f} s; {memory:.0f} MB"
         )
+
+
+def all_that_come(ros, received, count):
+    """Spins until `count` have come, however slow the machine is, or nothing has for ten seconds."""
+    while len(received) < count:
+        before = len(received)
+        ros.until(lambda: len(received) > before, 10, lambda: f"after {before} of {count} states the next")
 
 
 def round_trips(ros, name, message, count):
