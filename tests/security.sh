@@ -14,7 +14,7 @@ pkg-config --exists openssl 2>/dev/null || missing+=(libssl-dev)
 prepare_only "$@"
 
 secured=("${workspace[@]}" --features roscausal_ros2/security)
-cargo test -q --no-run "${secured[@]}" --bin roscausal_ros2 --test security || broken "the security feature does not build"
+nice cargo test -q --no-run "${secured[@]}" --bin roscausal_ros2 --test security || broken "the security feature does not build"
 passed=0 failed=0
 for test in "cargo test -q ${secured[*]} --test security" \
   "python3 tests/security/nodes.py $(program roscausal_ros2)"; do
