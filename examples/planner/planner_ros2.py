@@ -25,6 +25,9 @@ class Planner(Node):
         self.variable = self.declare_parameter("variable", "r_v").value
         self.cost = self.declare_parameter("cost", ["h_risk=1.0", "r_v=-0.2"]).value
         self.limits = self.create_publisher(Float64, "/speed_limit", 1)
+        # For robots that take a factor of their own top speed, such as the simulator's; 0: none.
+        self.own_speed = self.declare_parameter("own_speed", 0.0).value
+        self.factors = self.create_publisher(Float64, "twist_mux/scaling_factor", 1) if self.own_speed > 0 else None
         self.what_if = self.create_client(WhatIf, "/roscausal/what_if")
         self.open, self.asked, self.said = None, 0.0, None
         self.create_timer(0.5, self.ask)
@@ -49,6 +52,8 @@ class Planner(Node):
     def take(self, answer):
         speed, why = choice(answer)
         self.limits.publish(Float64(data=speed))
+        if self.factors:
+            self.factors.publish(Float64(data=speed / self.own_speed))
         if speed != self.said:
             self.get_logger().info(f"speed limit {speed:g} m/s: {why}")
             self.said = speed

@@ -105,8 +105,10 @@ export class Charts {
   /** The moment that is shown; `live` if it is the newest. */
   show(now, live) {
     [this.now, this.live] = [now, live];
-    const time = performance.now();
-    if (time - this.told > 100) this.draw();
+    // Not more often than something would be seen to move: half a pixel.
+    const pause = Math.min(Math.max((500 * (this.to - this.from)) / this.width(), 100), 1000) || 100;
+    if (performance.now() - this.told > pause) this.draw();
+    else if (!live) this.read();
   }
 
   width() { return Math.max(40, (this.charts[0]?.svg.clientWidth ?? 600) - LEFT - RIGHT); }

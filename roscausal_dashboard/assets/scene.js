@@ -18,7 +18,11 @@ export class Scene {
     this.text = text;
     this.grid = element("g", {}, svg);
     this.plan = element("g", {}, svg);
+    // What belongs to the person chosen, all people, and the robot. People keep their elements: there may be a hundred.
     this.body = element("g", {}, svg);
+    this.crowd = element("g", {}, svg);
+    this.over = element("g", {}, svg);
+    this.drawn = new Map();
     this.marks = element("g", {}, svg);
     this.trails = new Map();
     this.told = 0;
@@ -46,6 +50,8 @@ export class Scene {
   restart() {
     this.view.box = undefined;
     this.time = undefined;
+    this.drawn.clear();
+    this.crowd.replaceChildren();
     this.trails.clear();
   }
 
@@ -72,10 +78,13 @@ export class Scene {
     const followed = { robot: scene.robot, person: chosen }[this.view.follow];
     if (followed) this.view.centre([followed.x, -followed.y]);
     this.body.replaceChildren();
+    this.over.replaceChildren();
     if (chosen?.cone) this.cone(chosen.cone);
+    const here = new Set(scene.people.map((person) => person.id));
+    for (const [id, { group }] of this.drawn) if (!here.has(id)) { group.remove(); this.drawn.delete(id); }
     for (const person of scene.people) this.person(person, person === chosen, scene.t);
     if (scene.robot) this.robot(scene.robot, scene.t);
-    if (chosen?.cone) element("circle", { class: "ahead", cx: chosen.cone.ahead[0], cy: -chosen.cone.ahead[1], r: 0.12 }, this.body);
+    if (chosen?.cone) element("circle", { class: "ahead", cx: chosen.cone.ahead[0], cy: -chosen.cone.ahead[1], r: 0.12 }, this.over);
     this.tell(scene, chosen);
   }
 
@@ -127,23 +136,34 @@ export class Scene {
   }
 
   person(person, chosen, time) {
-    const group = element("g", { class: chosen ? "someone chosen" : "someone" }, this.body);
     if (chosen) {
-      this.trail("person", person, time, "chosen-trail");
-      this.goal(person, group);
+      this.trail("person", person, time, "chosen-trail", this.body);
+      this.goal(person, this.body);
     }
+    const known = this.drawn.get(person.id) ?? this.somebody(person.id);
+    const set = (part, name, value) => { if (part.getAttribute(name) !== value) part.setAttribute(name, value); };
+    set(known.group, "class", chosen ? "someone chosen" : "someone");
+    set(known.place, "transform", `translate(${person.x} ${-person.y})`);
+    set(known.nose, "transform", `rotate(${-(person.theta ?? 0) * 180 / Math.PI})`);
+    set(known.label, "font-size", String(0.6 * this.unit));
+  }
+
+  /** The elements of a person, for as long as she is there. */
+  somebody(id) {
     const r = 0.3;
-    const place = element("g", { transform: `translate(${person.x} ${-person.y})` }, group);
+    const group = element("g", { class: "someone" }, this.crowd);
+    const place = element("g", {}, group);
     element("circle", { class: "person", r }, place);
-    const turn = -(person.theta ?? 0) * 180 / Math.PI;
-    element("path", { class: "nose", d: `M ${0.9 * r} 0 L ${0.15 * r} ${0.42 * r} L ${0.15 * r} ${-0.42 * r} Z`, transform: `rotate(${turn})` }, place);
-    const label = element("text", { class: "label", x: 0.42, y: -0.3, "font-size": 0.6 * this.unit }, place);
-    label.textContent = person.id;
+    const nose = element("path", { class: "nose", d: `M ${0.9 * r} 0 L ${0.15 * r} ${0.42 * r} L ${0.15 * r} ${-0.42 * r} Z` }, place);
+    const label = element("text", { class: "label", x: 0.42, y: -0.3 }, place, id);
+    const known = { group, place, nose, label };
+    this.drawn.set(id, known);
+    return known;
   }
 
   robot(robot, time) {
-    this.trail("robot", robot, time, "robot-trail");
-    const group = element("g", { id: "robot" }, this.body);
+    this.trail("robot", robot, time, "robot-trail", this.over);
+    const group = element("g", { id: "robot" }, this.over);
     this.goal(robot, group);
     const turn = -(robot.theta ?? 0) * 180 / Math.PI;
     const place = element("g", { transform: `translate(${robot.x} ${-robot.y}) rotate(${turn})` }, group);
@@ -159,17 +179,17 @@ export class Scene {
     element("path", { class: "goal", d: `M ${x - 0.12} ${y} h 0.24 M ${x} ${y - 0.12} v 0.24` }, group);
   }
 
-  trail(who, body, time, kind) {
+  trail(who, body, time, kind, layer) {
     const trail = this.trails.get(who) ?? [];
     if (!trail.length || time - trail.at(-1)[0] > 0.15) trail.push([time, body.x, -body.y]);
     while (trail.length && (trail[0][0] < time - TRAIL_S || trail[0][0] > time)) trail.shift();
     this.trails.set(who, trail);
     const points = [...trail.map((p) => `${p[1]},${p[2]}`), `${body.x},${-body.y}`].join(" ");
-    element("polyline", { class: `trail ${kind}`, points }, this.body);
+    element("polyline", { class: `trail ${kind}`, points }, layer);
     // A dot for each full two seconds: close together is slow.
     for (let i = 1; i < trail.length; i++) {
       if (Math.floor(trail[i][0] / DOT_S) === Math.floor(trail[i - 1][0] / DOT_S)) continue;
-      element("circle", { class: `dot ${kind}`, cx: trail[i][1], cy: trail[i][2], r: 0.15 * this.unit }, this.body);
+      element("circle", { class: `dot ${kind}`, cx: trail[i][1], cy: trail[i][2], r: 0.15 * this.unit }, layer);
     }
   }
 

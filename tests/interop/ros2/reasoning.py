@@ -1,6 +1,7 @@
 """The reasoning node with rclpy: its three services against a system whose answers are known, questions that cannot be asked, no
 model yet, ten callers at once, and a restart."""
 
+import contextlib
 import math
 import os
 import signal
@@ -13,7 +14,7 @@ from rclpy.qos import QoSProfile, ReliabilityPolicy
 sys.path.insert(0, os.path.dirname(os.path.dirname(os.path.abspath(__file__))))
 import known_system
 from harness import Program, Ros, node, test
-from roscausal_msgs.msg import Action, CausalLink, CausalModelInfo, CostTerm, Features, Intervention, Limit, Prediction
+from roscausal_msgs.msg import Action, CausalLink, CausalModelInfo, CostTerm, Features, Intervention, Limit, Prediction, RobotState
 from roscausal_msgs.srv import Effect, Explain, WhatIf
 from std_msgs.msg import Float64
 from wire import LATCHED
@@ -215,3 +216,35 @@ def the_example_planner_chooses_the_speed_that_the_answers_favour():
             ros.until(lambda: limits and limits[-1] == 0.8, 40, lambda: f"0.8 m/s: {limits[-3:]}\n{chooses.log()}")
             program.end()
             ros.until(lambda: limits[-1] == 0.2, 30, lambda: f"the slowest speed: {limits[-3:]}\n{chooses.log()}")
+
+
+@test
+def the_example_planner_drives_the_simulators_robot_at_the_speed_it_chose():
+    """Simulator, robot, human, data and reasoning node, and the planner, each a process of its own. While answers come the robot drives
+    at the speed that they favour, which is above its own; when they end, at the slowest."""
+    script = os.path.join(os.environ["ROSCAUSAL_ROOT"], "examples/planner/planner_ros2.py")
+    planner = [sys.executable, script, "--ros-args", "-p", "own_speed:=0.5", "-p", "cost:=['d=0.1', 'r_v=-1.0']"]
+    features = ["'r_v = r.v'", "'d = dist(h, r)'", "'h_v = h.v'"]
+    with contextlib.ExitStack() as running, tempfile.TemporaryDirectory() as folder, Ros() as ros:
+        batch, graph, _ = known_system.write(folder)
+        speeds, rows = [], []
+        ros.node.create_subscription(RobotState, "/roscausal/robot", lambda m: speeds.append(math.hypot(m.twist.linear.x, m.twist.linear.y)), 10)
+        ros.node.create_subscription(Features, "/roscausal/features", rows.append, STREAM)
+        start = lambda name, *args: running.enter_context(node(name, *args))
+        start("hrisim", "-p", "scenario:=encounters")
+        start("robot", "-p", "goal_topic:=/goal_pose", "-p", "goal_type:=PoseStamped")
+        start("human", "-p", "source_frame:=map")
+        start("data", "-p", f"data_dir:={folder}/raw", "-p", f"pp_data_dir:={folder}/pp", "-p", f"dt:={known_system.DT}",
+              "-p", f"features:=[{', '.join(features)}]")
+        # The equations are those of the known system; the rows that are asked about are the simulator's.
+        program = start("reasoning", "-p", f"data:=['{batch}']", "-p", f"graph:={graph}", "-p", "equations:=linear", "-p", "paths:=100",
+                        "-p", "refit_every:=3600.0", "-p", "allow_extrapolation:=true")
+        chooses = running.enter_context(Program(planner))
+        ros.until(lambda: len(rows) >= 5, 40, "five rows of the simulator")
+        ros.until(lambda: speeds and speeds[-1] > 0.7, 60, lambda: f"0.8 m/s: {speeds[-3:]}\n{chooses.log()}")
+        program.end()
+        ros.until(lambda: "no answer: the slowest" in chooses.log(), 30, lambda: f"the slowest: {chooses.log()}")
+        ros.spin(3)
+        del speeds[:]
+        ros.spin(4)
+        assert speeds and max(speeds) < 0.25, speeds
