@@ -198,13 +198,33 @@ def linear(method, tau_max):
         def run(values, **_):
             lingam.VARLiNGAM(lags=tau_max, criterion=None, prune=True).fit(values)
     else:
-        import pandas
-        from causalnex.structure.dynotears import from_pandas_dynamic
+        import numpy as np
+
+        from_numpy_dynamic = dynotears()
 
         def run(values, **_):
-            from_pandas_dynamic(pandas.DataFrame(values), p=max(tau_max, 1), lambda_w=0.1, lambda_a=0.1)
+            p = max(tau_max, 1)
+            past = np.hstack([values[p - lag : len(values) - lag] for lag in range(1, p + 1)])
+            from_numpy_dynamic(values[p:], past, lambda_w=0.1, lambda_a=0.1)
 
     return run
+
+
+def dynotears():
+    """causalnex's function. Importing the package would import PyTorch, which this part of it does not use."""
+    import importlib.util
+    import types
+
+    where = importlib.util.find_spec("causalnex").submodule_search_locations[0]
+    for name, folder in ("causalnex", where), ("causalnex.structure", f"{where}/structure"):
+        sys.modules[name] = types.ModuleType(name)
+        sys.modules[name].__path__ = [folder]
+    from causalnex.structure.structuremodel import StructureModel
+
+    sys.modules["causalnex.structure"].StructureModel = StructureModel
+    from causalnex.structure.dynotears import from_numpy_dynamic
+
+    return from_numpy_dynamic
 
 
 def context_known(n, tau_max):
@@ -234,7 +254,7 @@ def joint(values, header, tau_max):
     vectors = {i: [(i, 0)] for i in range(n)} | {n: [(n + k, 0) for k in range(len(parts))]}
     frame = pp.DataFrame(data, vector_vars=vectors, analysis_mode="multiple")
     classes = {i: "system" for i in range(n - 1)} | {n - 1: "space_context", n: "space_dummy"}
-    JPCMCIplus(frame, ParCorrMult(), node_classification=classes, verbosity=0).run_jpcmciplus(
+    JPCMCIplus(dataframe=frame, cond_ind_test=ParCorrMult(), node_classification=classes, verbosity=0).run_jpcmciplus(
         tau_min=0, tau_max=tau_max, pc_alpha=0.01
     )
 

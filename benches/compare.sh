@@ -12,7 +12,8 @@ if [ ! -e "$work/venv/complete" ]; then
     python3 -m venv "$work/venv"
     "$python" -m pip install --quiet tigramite==5.2.10.1 numpy==2.3.5 numba scikit-learn dcor matplotlib networkx \
         antecedent==2.4.1 lingam==1.12.2
-    "$python" -m pip install --quiet --no-deps causalnex==0.12.2
+    # It asks for an older Python and for PyTorch, which its DYNOTEARS does without.
+    "$python" -m pip install --quiet --no-deps --ignore-requires-python causalnex==0.12.2
     # A plain install of fpcmci pulls in gigabytes and still fails to import. This is what it really imports.
     "$python" -m pip install --quiet --no-warn-conflicts --no-deps fpcmci==4.4.1 idtxl-uv==1.6.1 netgraph rectangle-packer grandalf
     "$python" -m pip install --quiet --no-warn-conflicts numpy==2.3.5 jpype1 pandas ruptures statsmodels h5py

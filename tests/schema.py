@@ -21,6 +21,8 @@ CASES = [
     ["--method", "granger"],
     ["--method", "varlingam"],
     ["--method", "dynotears"],
+    ["--method", "timino", "--test", "parcorr"],
+    ["--method", "tsfci", "--test", "parcorr"],
 ]
 
 

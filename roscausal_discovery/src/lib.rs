@@ -36,12 +36,14 @@
 //! | `granger` | [`run_granger`](methods::run_granger) | lagged links, linear | as the baseline, with few variables and many samples |
 //! | `varlingam` | [`run_varlingam`](methods::run_varlingam) | lagged links and directed links at lag 0, linear | when the noise is far from Gaussian |
 //! | `dynotears` | [`run_dynotears`](methods::run_dynotears) | weights without p-values | to compare with results of others |
+//! | `timino` | [`run_timino`](methods::run_timino) | which variable drives which, linear or not, and where it cannot tell | when no answer is better than a wrong one |
 //! | `lagdep` | [`get_lagged_dependencies`](methods::get_lagged_dependencies) | dependencies, not links | to choose `tau_max` before anything else |
 //! | `lpcmci` | [`run_lpcmci`](methods::run_lpcmci) | lagged links and links at lag 0, and where something hidden is behind them | when not everything was recorded |
 //! | `candoit` | [`run_candoit`](methods::run_candoit) | the same, with interventions | when something was imposed for a while |
+//! | `tsfci` | [`run_tsfci`](methods::run_tsfci) | as `lpcmci`, with fewer links | to compare with results of others |
 //! | `jpcmciplus` | [`run_jpcmciplus`](methods::run_jpcmciplus) | as `pcmciplus`, from recordings that may differ | when several people, robots or days are pooled |
 //!
-//! All take several recordings as one system and, all but `dynotears`, give a p-value for each link; only `lpcmci` and `candoit` allow for
+//! All take several recordings as one system and, all but `dynotears`, give a p-value for each link; only `lpcmci`, `candoit` and `tsfci` allow for
 //! hidden common causes. `granger`, `varlingam` and `dynotears` are linear models and ask no independence test.
 //! [`Method`](methods::Method) holds the names, aliases and defaults.
 //!

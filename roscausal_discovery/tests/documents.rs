@@ -27,12 +27,12 @@ fn the_front_page_says_of_each_method_and_test_what_the_registries_hold() {
     assert!(
         page.contains("All take several recordings as one system and, all but `dynotears`, give a p-value")
     );
-    assert!(page.contains("only `lpcmci` and `candoit` allow for"));
+    assert!(page.contains("only `lpcmci`, `candoit` and `tsfci` allow for"));
     for info in Method::all().map(Method::info) {
         assert!(info.several_recordings, "{}", info.name);
         assert_eq!(info.p_values, info.name != "dynotears", "{}", info.name);
     }
     let with_hidden: Vec<&str> =
         Method::all().map(Method::info).filter(|info| info.hidden_causes).map(|info| info.name).collect();
-    assert_eq!(with_hidden, ["lpcmci", "candoit"]);
+    assert_eq!(with_hidden, ["lpcmci", "candoit", "tsfci"]);
 }

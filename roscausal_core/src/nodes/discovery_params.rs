@@ -65,7 +65,7 @@ pub(super) fn specs() -> Vec<ParamSpec> {
             "cd_method",
             text(Method::default().name()),
             Any,
-            "fpcmci, pcmci, pcmciplus, fullci, bivci, lagdep, granger, varlingam, dynotears, lpcmci, candoit, jpcmciplus, or a program in cd_method_dir",
+            "fpcmci, pcmci, pcmciplus, fullci, bivci, lagdep, granger, varlingam, dynotears, timino, lpcmci, candoit, tsfci, jpcmciplus, or a program in cd_method_dir",
         ),
         ParamSpec::new("cd_method_dir", text(""), Any, "folder of external methods (programs)"),
         ParamSpec::new(

@@ -11,7 +11,7 @@ use crate::{
     methods::{
         FpcmciResult, FpcmciSettings, LpcmciSettings, Method, PcmciResult, Status, get_lagged_dependencies,
         run_bivci, run_candoit, run_dynotears, run_fpcmci, run_fullci, run_granger, run_jpcmciplus,
-        run_lpcmci, run_pcmci, run_pcmciplus, run_varlingam,
+        run_lpcmci, run_pcmci, run_pcmciplus, run_timino, run_tsfci, run_varlingam,
     },
 };
 
@@ -61,6 +61,10 @@ impl Outcome {
             Method::Dynotears => {
                 run_dynotears(data, &settings.dynotears(data), control).map(|found| found.links)
             }
+            Method::Timino => {
+                run_timino(data, &settings.timino(data, test.name())?, control).map(|found| found.links)
+            }
+            Method::Tsfci => run_tsfci(data, test, &settings.tsfci(data), control),
             Method::Lpcmci => {
                 run_lpcmci(data, test, &settings.lpcmci(data), control).map(|found| found.result)
             }

@@ -5,7 +5,7 @@ use crate::{
     independence_tests::{self, GpSearch, Significance},
     methods::{
         ActsOn, DynotearsSettings, Fdr, GrangerSettings, LpcmciSettings, Method, PcmciPlusSettings,
-        PcmciSettings, Reads, VarlingamSettings,
+        PcmciSettings, Reads, TiminoModel, TiminoSettings, TsfciSettings, VarlingamSettings,
     },
     model::{self, Model},
     transfer_entropy::TeEstimator,
@@ -120,6 +120,9 @@ impl Settings {
         if self.method == Method::Jpcmciplus {
             test.with_dummies(&[Dummy::Space])?;
         }
+        if self.method == Method::Timino {
+            TiminoModel::of_test(test.name())?;
+        }
         self.check_numbers()
     }
 
@@ -139,7 +142,7 @@ impl Settings {
         }
         let info = self.method.info();
         match self.method {
-            Method::Lpcmci => self.check_lpcmci()?,
+            Method::Lpcmci | Method::Tsfci => self.check_lpcmci()?,
             Method::Candoit => {
                 self.check_lpcmci()?;
                 self.check_lag_zero("interventions act at lag 0")?;
@@ -153,7 +156,8 @@ impl Settings {
             }
             _ => {}
         }
-        if self.method != Method::Lpcmci && self.tau_max == 0 && !info.models_lag_zero {
+        let is_fci_there = matches!(self.method, Method::Lpcmci | Method::Tsfci);
+        if !is_fci_there && self.tau_max == 0 && !info.models_lag_zero {
             return Err(Error::param("tau-max", "0 leaves no past; give at least 1"));
         }
         if self.tau_min == 0 && !info.lag_zero {
@@ -167,12 +171,13 @@ impl Settings {
                 format!("{}: {} models lag 0 too; give 0, or leave it out", self.tau_min, self.method);
             return Err(Error::param("tau-min", reason));
         }
-        let of_its_own = !info.asks_test || self.method == Method::Candoit;
+        let of_its_own = !info.asks_test || matches!(self.method, Method::Candoit | Method::Timino);
         if self.link_assumptions.is_some() && of_its_own {
             let reason = format!("{} does not read what is known of links; leave it out", self.method);
             return Err(Error::param("links", reason));
         }
-        if self.fdr != Fdr::None && !info.asks_test && self.method != Method::Granger {
+        let tests_none = (!info.asks_test && self.method != Method::Granger) || self.method == Method::Timino;
+        if self.fdr != Fdr::None && tests_none {
             return Err(Error::param(
                 "fdr",
                 format!("{} tests no links one by one; choose none", self.method),
@@ -188,7 +193,7 @@ impl Settings {
         Err(Error::param("tau-min", format!("{}: {why}; give 0, or leave it out", self.tau_min)))
     }
 
-    /// LPCMCI has one level, no correction, and works on data without time, too.
+    /// LPCMCI and tsFCI have one level, no correction, and work on data without time, too.
     fn check_lpcmci(&self) -> Result<()> {
         if self.pc_alpha == PcAlpha::ByScore {
             return Err(Error::param(
@@ -219,6 +224,26 @@ impl Settings {
             link_assumptions: restricted.then(|| given.unwrap_or_else(all).exogenous(&context)),
             ..usual
         }
+    }
+
+    pub(crate) fn tsfci(&self, data: &DataFrame) -> TsfciSettings {
+        let LpcmciSettings { tau_min, tau_max, pc_alpha, link_assumptions, .. } = self.lpcmci(data);
+        TsfciSettings { tau_min, tau_max, pc_alpha, max_conds: self.max_conds, link_assumptions }
+    }
+
+    /// What TiMINo takes; its model is that of the test.
+    ///
+    /// # Errors
+    /// A test that has no regression of its own.
+    pub(crate) fn timino(&self, data: &DataFrame, test: &str) -> Result<TiminoSettings> {
+        Ok(TiminoSettings {
+            tau_min: self.tau_min,
+            tau_max: self.tau_max,
+            alpha_level: self.alpha,
+            model: TiminoModel::of_test(test)?,
+            exogenous: self.context(data),
+            test: self.test_settings(),
+        })
     }
 
     /// A model that holds the settings and no result yet.

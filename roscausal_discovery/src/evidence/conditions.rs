@@ -66,7 +66,10 @@ impl<'a> Known<'a> {
             Method::Granger | Method::Varlingam | Method::Dynotears => {
                 note = "one linear model of all variables at once; there are no conditions of a single link";
             }
-            Method::Lpcmci | Method::Candoit => {
+            Method::Timino => {
+                note = "what is left of the effect without this cause depends on it; there are no conditions of a single link";
+            }
+            Method::Lpcmci | Method::Candoit | Method::Tsfci => {
                 note = "it is tested given many sets; the weakest of these tests counts";
             }
         }

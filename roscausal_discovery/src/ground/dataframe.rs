@@ -241,6 +241,18 @@ impl DataFrame {
         data
     }
 
+    /// The data with the mean of each variable in each recording taken off.
+    pub(crate) fn centred(&self) -> Self {
+        let mut data = self.clone();
+        for recording in Arc::make_mut(&mut data.recordings) {
+            for mut column in recording.columns_mut() {
+                let (sum, n) = column.iter().filter(|v| !v.is_nan()).fold((0.0, 0), |(s, n), v| (s + v, n + 1));
+                column.mapv_inplace(|v| v - sum / f64::from(n.max(1)));
+            }
+        }
+        data
+    }
+
     /// The recordings, each `T x N`.
     pub fn recordings(&self) -> &[Array2<f64>] {
         &self.recordings

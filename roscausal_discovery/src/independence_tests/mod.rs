@@ -66,7 +66,7 @@ pub(crate) use cholesky::residuals;
 pub use cmiknn::CmiKnn;
 pub use cmisymb::CmiSymb;
 pub use gpdc::{GpOptimum, GpRegression, Gpdc};
-pub(crate) use gpdc::{bytes as gpdc_bytes, tail_dependence, uniform_dependence};
+pub(crate) use gpdc::{bytes as gpdc_bytes, dependence, gp_residuals, tail_dependence, uniform_dependence};
 #[cfg(feature = "python")]
 pub use gpdc_python::GpdcPython;
 pub use gsquared::Gsquared;

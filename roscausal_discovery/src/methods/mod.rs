@@ -8,12 +8,14 @@
 //! | [`run_jpcmciplus`] | as PCMCI+, and what differs between recordings | Günther et al. 2023 |
 //! | [`run_lpcmci`] | known causes and sets of possible ones; common causes may be hidden | Gerhardus and Runge 2020 |
 //! | [`run_candoit`] | as LPCMCI, with interventions | Castri et al. 2024 |
+//! | [`run_tsfci`] | sets of neighbours in a window; common causes may be hidden | Entner and Hoyer 2010 |
 //! | [`run_fullci`] | all other lagged variables | Granger 1969, with all variables |
 //! | [`run_granger`] | all other lagged variables, all lags of a cause at once | Granger 1969 |
 //! | [`run_bivci`] | the past of its effect | Granger 1969 |
 //! | [`get_lagged_dependencies`] | nothing | |
 //! | [`run_dynotears`] | (a sparse linear model without cycles) | Pamfil et al. 2020 |
 //! | [`run_varlingam`] | (a model of linear effects and noise that is not Gaussian) | Hyvärinen et al. 2010 |
+//! | [`run_timino`] | (models whose noise must be independent) | Peters et al. 2013 |
 //! | [`run_pc_stable`], [`run_mci`] | the two halves of PCMCI | Runge et al. 2019 |
 //!
 //! [`analyse`](crate::analyse) chooses among them by [`Method`] and makes a [`Model`](crate::Model) of what they find.
@@ -40,6 +42,7 @@ mod result;
 mod run;
 mod settings;
 mod skeleton;
+mod timino;
 mod varlingam;
 
 pub use autoregression::Criterion;
@@ -50,11 +53,12 @@ pub use fpcmci::{CausalMatrices, FpcmciResult, FpcmciSettings, run_fpcmci};
 pub use granger::{GrangerResult, GrangerSettings, run_granger};
 pub use jpcmciplus::{JpcmciPlusResult, JpcmciPlusSettings, NodeClass, run_jpcmciplus};
 pub(crate) use jpcmciplus::{is_constant, is_shared};
-pub use lpcmci::{LpcmciResult, LpcmciSettings, Stage, run_lpcmci};
+pub use lpcmci::{LpcmciResult, LpcmciSettings, Stage, TsfciSettings, run_lpcmci, run_tsfci};
 pub(crate) use mci::mci_conditions;
 pub use pcmci::{get_lagged_dependencies, run_bivci, run_fullci, run_mci, run_pc_stable, run_pcmci};
 pub use pcmciplus::{ColliderRule, PcmciPlusSettings, run_pcmciplus};
 pub use registry::{Method, MethodInfo, Reads};
 pub use result::{Candidate, PcmciResult, Sepset, Status, TargetParents};
 pub use settings::{PC_ALPHAS, PCMCIPLUS_ALPHAS, PcmciSettings};
+pub use timino::{TiminoModel, TiminoResult, TiminoSettings, run_timino};
 pub use varlingam::{VarlingamResult, VarlingamSettings, run_varlingam};

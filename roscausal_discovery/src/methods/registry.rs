@@ -40,10 +40,14 @@ pub enum Method {
     Varlingam,
     /// A sparse linear model without cycles ([`run_dynotears`](super::run_dynotears)).
     Dynotears,
+    /// Models whose noise must be independent ([`run_timino`](super::run_timino)).
+    Timino,
     /// Links where common causes may be hidden ([`run_lpcmci`](super::run_lpcmci)).
     Lpcmci,
     /// The same, with interventions ([`run_candoit`](super::run_candoit)).
     Candoit,
+    /// The same question as LPCMCI's, the older way ([`run_tsfci`](super::run_tsfci)).
+    Tsfci,
     /// Links of several recordings that may differ ([`run_jpcmciplus`](super::run_jpcmciplus)).
     Jpcmciplus,
 }
@@ -87,7 +91,7 @@ pub struct MethodInfo {
     pub several_recordings: bool,
     /// Whether each link comes with a p-value.
     pub p_values: bool,
-    /// Whether it asks an independence test; the others are models of linear effects.
+    /// Whether it asks an independence test (TiMINo: for a regression); the others are models of linear effects.
     pub asks_test: bool,
     /// Whether it models lag 0 alone, too: `tau_max` may be 0, and `tau_min` must be.
     pub models_lag_zero: bool,
@@ -123,7 +127,7 @@ const USUAL: MethodInfo = MethodInfo {
 };
 
 /// All methods, in the order of the enum: one entry each, which says how the method differs from the usual.
-const METHODS: [MethodInfo; 12] = {
+const METHODS: [MethodInfo; 14] = {
     use Reads::{FAlpha, NeglectOnlyAutodep, PcAlpha, TeEstimator};
     const OF_FILTER: &[Reads] = &[PcAlpha, FAlpha, TeEstimator, NeglectOnlyAutodep];
     [
@@ -213,6 +217,16 @@ const METHODS: [MethodInfo; 12] = {
             ..USUAL
         },
         MethodInfo {
+            method: Method::Timino,
+            name: "timino",
+            tau_min: 0,
+            assumes: "noise that is independent of the causes and added to their effect; its test names the model: parcorr a line, gpdc any smooth form",
+            says: "which variable drives which, and where it cannot tell; lags at which that shows",
+            cost: "N^2 regressions on N p causes",
+            take_it: "where effects are not linear or the noise is far from Gaussian, and no answer is better than a wrong one",
+            ..USUAL
+        },
+        MethodInfo {
             method: Method::Lpcmci,
             name: "lpcmci",
             tau_min: 0,
@@ -236,6 +250,19 @@ const METHODS: [MethodInfo; 12] = {
             says: "as lpcmci; interventions tell causes from common causes",
             cost: "as lpcmci, with a column for each intervention",
             take_it: "when something was imposed for a while, such as a robot that stood still",
+            ..USUAL
+        },
+        MethodInfo {
+            method: Method::Tsfci,
+            name: "tsfci",
+            tau_min: 0,
+            pc_alpha: 0.05,
+            reads: &[PcAlpha],
+            hidden_causes: true,
+            assumes: "as lpcmci",
+            says: "as lpcmci, with fewer links where variables depend on their own past",
+            cost: "doubles with each variable and lag",
+            take_it: "to compare with results of others",
             ..USUAL
         },
         MethodInfo {

@@ -13,8 +13,8 @@ from .model import Model
 from .progress import Progress, reporter
 
 Method = Literal[
-    "fpcmci", "pcmci", "pcmciplus", "fullci", "bivci", "lagdep", "granger", "varlingam", "dynotears", "lpcmci", "candoit",
-    "jpcmciplus",
+    "fpcmci", "pcmci", "pcmciplus", "fullci", "bivci", "lagdep", "granger", "varlingam", "dynotears", "timino", "lpcmci",
+    "candoit", "tsfci", "jpcmciplus",
 ]  # fmt: skip
 
 
@@ -53,7 +53,8 @@ def discover(
             .csv, .bag, .mcap or .db3 file; what `rc.read` returns; or a list of these, as recordings of one system. NaN,
             None and masked values are missing. A column `time` gives the step and is no variable.
         columns: The variables to analyse, in this order; for an array: its names.
-        method: fpcmci, pcmci, pcmciplus, lpcmci, candoit, jpcmciplus, fullci, bivci, granger, varlingam, dynotears or lagdep.
+        method: fpcmci, pcmci, pcmciplus, lpcmci, candoit, jpcmciplus, tsfci, timino, fullci, bivci, granger, varlingam, dynotears
+            or lagdep.
         test: None: the method's own (jpcmciplus: parcorr, else gpdc); gpdc, parcorr, robustparcorr, cmiknn, gsquared, cmisymb, parcorrwls or regressionci; or your own: a function `f(x, y, z) -> (value, p)` of arrays
             (n,), (n,), (n, k), or an object with `run_test_raw(x, y, z)` of arrays (n, 1), (n, 1), (n, k), or with
             `run_test(X, Y, Z, tau_max)` of nodes `[(variable, -lag)]`.

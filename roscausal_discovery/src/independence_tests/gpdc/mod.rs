@@ -54,13 +54,43 @@ pub(crate) fn uniform_dependence(x: &[f64], y: &[f64]) -> (f64, f64) {
     (value, NullTable::get(x.len(), 500, TestSettings::default().seed).share_above(value))
 }
 
-/// The p-value of [`uniform_dependence`], beyond the table from a tail fitted to its largest quarter: for many tests at once.
-pub(crate) fn tail_dependence(x: &[f64], y: &[f64]) -> f64 {
+/// The value of [`uniform_dependence`] and its p-value, beyond the table from a tail fitted to its largest quarter: for many tests
+/// at once.
+pub(crate) fn dependence(x: &[f64], y: &[f64]) -> (f64, f64) {
     if is_constant(x) || is_constant(y) || x.len() != y.len() {
-        return 1.0;
+        return (0.0, 1.0);
     }
     let value = of_ranks(&distance_correlation::ranks(x), &distance_correlation::ranks(y));
-    NullTable::get(x.len(), 500, TestSettings::default().seed).share_above_with_tail(value)
+    (value, NullTable::get(x.len(), 500, TestSettings::default().seed).share_above_with_tail(value))
+}
+
+/// The p-value of [`dependence`].
+pub(crate) fn tail_dependence(x: &[f64], y: &[f64]) -> f64 {
+    dependence(x, y).1
+}
+
+/// What GPDC's regression of `target` on `conditions` leaves, in deviations of the target; `target` without conditions. None may be
+/// constant.
+///
+/// # Errors
+/// Fewer than five samples, matrices larger than the settings allow, or those of `check`.
+pub(crate) fn gp_residuals(
+    target: &[f64],
+    conditions: &[&[f64]],
+    settings: &TestSettings,
+    check: &dyn Fn() -> Result<()>,
+) -> Result<Vec<f64>> {
+    if target.len() < FEWEST_SAMPLES {
+        return Err(too_few(target.len()));
+    }
+    if conditions.is_empty() {
+        return Ok(target.to_vec());
+    }
+    let memory = Gpdc { settings: settings.clone() }.memory(target.len())?;
+    let rows: Vec<Vec<f64>> = conditions.iter().map(|row| standardized(row)).collect();
+    let how = SearchSettings { search: settings.gp_search, restarts: settings.gp_restarts, seed: settings.seed };
+    let process = GaussianProcess::new(&rows, &memory);
+    Ok(Residuals::new(target, Some(&process), &how, true, check)?.values)
 }
 
 /// Samples below which a test is refused.

@@ -9,6 +9,8 @@
 //! 3. Non-ancestral phase: also conditions on nodes over which a path through hidden causes may run.
 //! 4. The rules run once more ([`rules`]), and what is left open stays a circle.
 //!
+//! [`tsfci`] is the older method for the same question, with the same graph and rules.
+//!
 //! Example: `x` and `y` are both driven by something that nobody recorded. PCMCI+ draws a cause; LPCMCI draws `<->`, or a circle
 //! where the data cannot tell.
 
@@ -20,9 +22,11 @@ mod rules;
 mod search;
 mod sets;
 mod settings;
+mod tsfci;
 mod votes;
 
 pub use settings::LpcmciSettings;
+pub use tsfci::{TsfciSettings, run_tsfci};
 
 use self::{
     graph::{Middle, Pair},

@@ -52,6 +52,8 @@ pub(super) struct Search<'a, 'b> {
     pub(super) votes: HashMap<(Pair, bool), Vec<Vec<Node>>>,
     pub(super) n_asked: usize,
     pub(super) phase: String,
+    /// As FCI does: only the sets on record vote, and answers are not kept, because there may be millions.
+    as_fci: bool,
 }
 
 impl<'a, 'b> Search<'a, 'b> {
@@ -71,9 +73,21 @@ impl<'a, 'b> Search<'a, 'b> {
             votes: HashMap::new(),
             n_asked: 0,
             phase: "start".to_owned(),
+            as_fci: false,
         };
         search.initialise(&[]);
         search
+    }
+
+    /// The same search, in which only the sets on record vote and no answer is kept.
+    pub(super) fn as_fci(mut self) -> Self {
+        self.as_fci = true;
+        self
+    }
+
+    /// Whether further separating sets are searched when sets vote.
+    pub(super) fn searches_votes(&self) -> bool {
+        !self.as_fci
     }
 
     /// The graph before any test: what the assumptions allow, and the causes that are remembered.
@@ -101,6 +115,22 @@ impl<'a, 'b> Search<'a, 'b> {
         }
         for &(cause, effect) in remembered {
             self.learn(cause, effect, true);
+        }
+    }
+
+    fn assumption(&self, pair: Pair) -> Option<Assumption> {
+        self.assumptions.get(pair.x.var, pair.y.var, pair.x.lag)
+    }
+
+    /// Whether a link is known to exist, so that it is not tested.
+    pub(super) fn is_certain(&self, pair: Pair) -> bool {
+        self.assumption(pair).is_some_and(Assumption::exists)
+    }
+
+    /// Puts a link back to what is assumed of it.
+    pub(super) fn assume_again(&mut self, pair: Pair) {
+        if let Some(assumption) = self.assumption(pair) {
+            self.assume(pair.x, pair.y, assumption);
         }
     }
 
@@ -195,7 +225,9 @@ impl<'a, 'b> Search<'a, 'b> {
                 let (result, dependent) = self.run.decide(result, self.settings.pc_alpha);
                 let answer =
                     Answer { value: result.value, p_value: result.p_value, n_lost: result.n_lost, dependent };
-                self.answers.insert(key, answer);
+                if !self.as_fci {
+                    self.answers.insert(key, answer);
+                }
                 answer
             }
         };

@@ -10,14 +10,14 @@ impl Search<'_, '_> {
     /// Whether more than half of the sets that separate A and C hold B.
     pub(super) fn separates_with(&mut self, b: Node, a: Node, c: Node) -> Result<bool> {
         let is_final = |end| self.graph.get(end, b).is_some_and(|link| link.is_final());
-        let searched = is_final(a) && is_final(c);
+        let searched = self.searches_votes() && is_final(a) && is_final(c);
         let (with, all) = self.count_votes(b, a, c, searched)?;
         Ok(2 * with > all)
     }
 
     /// Whether less than half of the sets that separate A and C hold B.
     pub(super) fn separates_without(&mut self, b: Node, a: Node, c: Node) -> Result<bool> {
-        let (with, all) = self.count_votes(b, a, c, true)?;
+        let (with, all) = self.count_votes(b, a, c, self.searches_votes())?;
         Ok(2 * with < all)
     }
 

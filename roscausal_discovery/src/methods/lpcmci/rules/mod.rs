@@ -17,12 +17,14 @@ use super::{
 use crate::ground::{LinkEnd, Node, Result};
 
 /// Which rules run.
-#[derive(Clone, Copy, PartialEq, Eq)]
+#[derive(Clone, Copy)]
 pub(super) enum Rules {
     /// Those that need no collider rule.
     Short,
     /// All.
     Long,
+    /// The one that finds colliders between links that are final.
+    Colliders,
 }
 
 /// What a rule found.
@@ -51,6 +53,7 @@ impl Proposals {
 type Rule = fn(&mut Search<'_, '_>, bool) -> Result<Proposals>;
 
 const SHORT: &[Rule] = &[paths::apr, triangles::r8, triangles::r2, triangles::r1, paths::r9, paths::r10];
+const COLLIDERS: &[Rule] = &[colliders::r0d];
 const LONG: &[Rule] = &[
     paths::apr,
     triangles::r8,
@@ -69,7 +72,11 @@ const LONG: &[Rule] = &[
 /// Runs a list of rules until none of them changes anything; whether one did. With `only_lagged` links at lag 0 are not
 /// oriented.
 pub(super) fn apply_rules(search: &mut Search<'_, '_>, rules: Rules, only_lagged: bool) -> Result<bool> {
-    let rules = if rules == Rules::Short { SHORT } else { LONG };
+    let rules = match rules {
+        Rules::Short => SHORT,
+        Rules::Long => LONG,
+        Rules::Colliders => COLLIDERS,
+    };
     let mut changed = false;
     let mut at = 0;
     while let Some(rule) = rules.get(at) {
