@@ -239,6 +239,7 @@ pub(crate) fn found(args: &Args, interrupt: &Interrupt, quiet: bool) -> Result<A
     let resampling = args.resample.asked()?;
     settings.max_memory = args.means.max_memory.map(|megabytes| megabytes.saturating_mul(1_000_000));
     let Data { data, dt, warnings, origins, .. } = Data::read(args, &mut settings, interrupt, quiet)?;
+    let data = args.assume.vectors(data)?;
     if args.method.is_auto() {
         settings = args.method.chosen(&Choice::of(&data, &settings), &settings)?;
     }

@@ -145,3 +145,89 @@ fn auto_says_what_it_would_take_and_why_and_does_it_only_when_asked() {
     let text = complaint(dir.path(), &["demo", "--method", "auto"]);
     assert!(text.contains("there is no method 'auto'") || text.contains("unknown"), "{text}");
 }
+
+/// `x` and `y` of a place, of which `y` drives `speed` one step later; `speed` drives the square of itself into `risk`.
+fn walk() -> String {
+    let (mut state, mut csv) = (5, "x,y,speed,risk\n".to_owned());
+    let (mut y_before, mut speed_before) = (0.0, 0.0);
+    for _ in 0..250 {
+        let y = unit(&mut state) - 0.5;
+        let speed: f64 = 0.9 * y_before + 0.4 * (unit(&mut state) - 0.5);
+        let risk = 2.0 * speed_before * speed_before + 0.05 * unit(&mut state);
+        csv += &format!("{},{y},{speed},{risk}\n", unit(&mut state));
+        (y_before, speed_before) = (y, speed);
+    }
+    csv
+}
+
+#[test]
+fn columns_that_belong_together_are_one_variable() {
+    let dir = tempfile::tempdir().expect("a folder");
+    fs::write(dir.path().join("data.csv"), walk()).expect("writes");
+    let args =
+        ["discover", "data.csv", "--columns", "x,y,speed", "--vector", "place=x+y", "--method", "pcmci"];
+    let found = model(dir.path(), &[&args[..], &["--test", "parcorrmult"]].concat());
+    assert_eq!(found["features"], json!(["place", "speed"]));
+    assert_eq!((&found["graph"][0][1][1], &found["graph"][1][0][1]), (&json!("-->"), &json!("")), "{found}");
+    for (more, says) in [
+        (&["--test", "parcorr"][..], "'place' has several; take the test parcorrmult"),
+        (&["--method", "granger"], "'place' has several; take the test parcorrmult"),
+        (&["--vector", "place"], "--vector: 'place' is no vector; write it like place=x+y"),
+        (&["--vector", "place=x+z"], "there is no column 'z'"),
+        (&["--vector", "place=x+x"], "named twice"),
+    ] {
+        let args: Vec<&str> = match more[0] {
+            "--vector" => [&args[..4], more].concat(),
+            "--method" => [&args[..6], more].concat(),
+            _ => [&args[..], more].concat(),
+        };
+        let text = complaint(dir.path(), &args);
+        assert!(text.contains(says) && text.trim_end().lines().count() == 1, "{more:?}: {text}");
+    }
+}
+
+#[test]
+fn gpdc_takes_null_distributions_that_are_given() {
+    let dir = tempfile::tempdir().expect("a folder");
+    fs::write(dir.path().join("data.csv"), walk()).expect("writes");
+    // All values above what distance correlation can be: nothing is a link.
+    fs::write(dir.path().join("null.csv"), "248\n2\n3\n").expect("writes");
+    let args = ["discover", "data.csv", "--columns", "y,speed", "--method", "pcmci"];
+    let own = model(dir.path(), &args);
+    let given = model(dir.path(), &[&args[..], &["--null-dist", "null.csv"]].concat());
+    assert_eq!((&own["graph"][0][1][1], &given["graph"][0][1][1]), (&json!("-->"), &json!("")));
+    let text =
+        complaint(dir.path(), &[&args[..], &["--null-dist", "null.csv", "--test", "parcorr"]].concat());
+    assert!(text.contains("it is for --test gpdc"), "{text}");
+    fs::write(dir.path().join("null.csv"), "many\n2\n").expect("writes");
+    let text = complaint(dir.path(), &[&args[..], &["--null-dist", "null.csv"]].concat());
+    assert!(text.contains("'many' is no number of samples"), "{text}");
+}
+
+#[test]
+fn timino_sees_a_square_and_tsfci_the_marks_of_lpcmci() {
+    let dir = tempfile::tempdir().expect("a folder");
+    fs::write(dir.path().join("data.csv"), walk()).expect("writes");
+    let timino = ["discover", "data.csv", "--columns", "speed,risk", "--method", "timino"];
+    let found = model(dir.path(), &timino);
+    assert_eq!(
+        (&found["cond_ind_test"], &found["graph"][0][1][1]),
+        (&json!("gpdc"), &json!("-->")),
+        "{found}"
+    );
+    let line = model(dir.path(), &[&timino[..], &["--test", "parcorr"]].concat());
+    assert!(line["warnings"].to_string().contains("undecided: speed, risk"), "{line}");
+    for (more, says) in [
+        (&["--test", "cmiknn"][..], "cmiknn is no regression; take parcorr for linear effects"),
+        (&["--fdr"], "timino tests no links one by one"),
+        (&["--tau-min", "0", "--tau-max", "0"], "0 leaves no past"),
+    ] {
+        let text = complaint(dir.path(), &[&timino[..], more].concat());
+        assert!(text.contains(says) && text.trim_end().lines().count() == 1, "{more:?}: {text}");
+    }
+    let tsfci = ["discover", "data.csv", "--columns", "x,y,speed", "--method", "tsfci", "--test", "parcorr"];
+    let found = model(dir.path(), &tsfci);
+    assert_eq!(found["graph"][1][2][1], "o->", "{found}");
+    let stopped = model(dir.path(), &[&tsfci[..], &["--time-budget", "0.000001"]].concat());
+    assert!(stopped["status"].as_str().expect("a status").starts_with("partial: "), "{stopped}");
+}

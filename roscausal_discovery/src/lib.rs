@@ -58,6 +58,7 @@
 //! | `cmisymb` | [`CmiSymb`](independence_tests::CmiSymb) | dependence of discrete variables | with few samples for each combination of levels |
 //! | `gsquared` | [`Gsquared`](independence_tests::Gsquared) | dependence of discrete variables | for categories and counts |
 //! | `parcorrwls` | [`ParCorrWls`](independence_tests::ParCorrWls) | linear dependence | where the noise grows and shrinks over time |
+//! | `parcorrmult` | [`ParCorrVector`](independence_tests::ParCorrVector) | linear dependence of vectors | where some variables have several columns |
 //! | `regressionci` | [`RegressionCi`](independence_tests::RegressionCi) | linear dependence of numbers and categories | where some variables are categories |
 //! | (oracle) | [`OracleCi`](independence_tests::OracleCi) | what a known graph says | to study a method |
 //!

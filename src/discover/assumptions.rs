@@ -1,12 +1,12 @@
 //! What is known before the analysis, and how it tests: flags for settings of the engine that are seldom needed.
 
-use std::{fs, path::PathBuf};
+use std::{fs, path::PathBuf, sync::Arc};
 
 use clap::Args as ClapArgs;
 use roscausal_core::{Error, Result};
 use roscausal_discovery::{
-    Assumption, LinkAssumptions, Settings,
-    independence_tests::Significance,
+    Assumption, DataFrame, LinkAssumptions, Settings,
+    independence_tests::{NullDistributions, Significance},
     methods::ColliderRule,
     names::{nearest, position},
 };
@@ -27,6 +27,13 @@ pub(crate) struct AssumeArgs {
     /// Surrogates of a shuffle test, or size of gpdc's null distribution. Default: 500.
     #[arg(long, value_name = "N")]
     shuffles: Option<usize>,
+    /// gpdc: null distributions to hold its values against, where the number of samples is one of theirs; columns separated by commas,
+    /// the first row has the numbers of samples.
+    #[arg(long, value_name = "FILE.csv")]
+    null_dist: Option<PathBuf>,
+    /// Variables of several columns, separated by commas, for --test parcorrmult: place=x+y.
+    #[arg(long, value_name = "NAME=COLUMN+COLUMN", value_delimiter = ',')]
+    vector: Vec<String>,
     /// pcmciplus: how colliders are found: majority, conservative, none.
     #[arg(long, value_name = "RULE")]
     collider_rule: Option<String>,
@@ -84,6 +91,7 @@ impl AssumeArgs {
         }
         settings.max_conds = self.max_conds;
         settings.shuffles = self.shuffles;
+        settings.null_distributions = self.null_distributions(settings)?;
         settings.significance = self.significance.as_deref().map(str::parse::<Significance>).transpose()?;
         if let Some(rule) = &self.collider_rule {
             settings.pcmciplus.contemp_collider_rule = rule.parse::<ColliderRule>().map_err(|_| {
@@ -92,6 +100,49 @@ impl AssumeArgs {
         }
         settings.pcmciplus.conflict_resolution = !self.first_orientation;
         Ok(settings.check()?)
+    }
+}
+
+impl AssumeArgs {
+    fn null_distributions(&self, settings: &Settings) -> Result<Option<Arc<NullDistributions>>> {
+        let Some(file) = &self.null_dist else { return Ok(None) };
+        if settings.cond_ind_test != "gpdc" {
+            let reason = format!(
+                "{} makes its p-values in another way; it is for --test gpdc",
+                settings.cond_ind_test
+            );
+            return Err(Error::param("null-dist", reason));
+        }
+        let text = fs::read_to_string(file).map_err(|error| Error::file(file, error))?;
+        Ok(Some(Arc::new(NullDistributions::parse(&text)?)))
+    }
+
+    /// The data in which columns that belong together are one variable.
+    ///
+    /// # Errors
+    /// A text that is not `NAME=COLUMN+COLUMN`, a column that does not exist, or is in two variables.
+    pub(super) fn vectors(&self, data: DataFrame) -> Result<DataFrame> {
+        if self.vector.is_empty() {
+            return Ok(data);
+        }
+        let place = |column: &str| {
+            position(data.var_names(), column).ok_or_else(|| {
+                let all = data.var_names().join(", ");
+                Error::param("vector", format!("there is no column '{column}' (columns: {all})"))
+            })
+        };
+        let group = |text: &String| -> Result<(String, Vec<usize>)> {
+            let Some((name, columns)) = text.split_once('=') else {
+                return Err(Error::param(
+                    "vector",
+                    format!("'{text}' is no vector; write it like place=x+y"),
+                ));
+            };
+            let columns = columns.split('+').map(|column| place(column.trim())).collect::<Result<_>>()?;
+            Ok((name.trim().to_owned(), columns))
+        };
+        let groups = self.vector.iter().map(group).collect::<Result<Vec<_>>>()?;
+        Ok(data.with_vectors(&groups)?)
     }
 }
 

@@ -72,7 +72,7 @@ pub(super) fn specs() -> Vec<ParamSpec> {
             "cond_ind_test",
             text("gpdc"),
             Any,
-            "gpdc, parcorr, robustparcorr, parcorrwls, cmiknn, cmisymb, gsquared or regressionci",
+            "gpdc, parcorr, robustparcorr, parcorrwls, parcorrmult, cmiknn, cmisymb, gsquared or regressionci",
         ),
         ParamSpec::new("sig_alpha", Double(0.05), Range(1e-9, 0.999), "significance level of a link"),
         ParamSpec::new(

@@ -3,12 +3,12 @@
 #[path = "csv_file.rs"]
 mod csv_file;
 
-use std::path::Path;
+use std::{path::Path, sync::Arc};
 
 use ndarray::{Array2, Array3};
 use roscausal_discovery::{
     CondIndTest, Control, DataFrame, LinkAssumptions, MaskType, Node, Samples,
-    independence_tests::{self, Confidence, GpOptimum, Significance, TestSettings},
+    independence_tests::{self, Confidence, GpOptimum, NullDistributions, Significance, TestSettings},
     methods::{
         Fdr, FpcmciSettings, LpcmciSettings, PCMCIPLUS_ALPHAS, PcmciPlusSettings, PcmciResult, PcmciSettings,
         get_lagged_dependencies, run_bivci, run_fullci, run_lpcmci, run_mci, run_pc_stable, run_pcmci,
@@ -114,9 +114,49 @@ fn plus_of(params: &Value) -> Answer<PcmciPlusSettings> {
     Ok(plus)
 }
 
+/// Runs the single test of a case whose X, Y and nodes of Z are vectors: `x[sample][component]`, `z[sample][component]` with the
+/// number of components of each node in `z_dims`.
+fn run_vectors(case: &Value, test: &dyn CondIndTest) -> Answer<Value> {
+    let rows = |value: &Value| -> Answer<Vec<Vec<f64>>> {
+        value.as_array().into_iter().flatten().map(numbers).collect()
+    };
+    let (x, y, z) = (rows(&case["x"])?, rows(&case["y"])?, rows(&case["z"])?);
+    let mut dims = vec![x[0].len(), y[0].len()];
+    dims.extend(
+        case["z_dims"].as_array().into_iter().flatten().filter_map(Value::as_u64).map(|d| d as usize),
+    );
+    let joined: Vec<f64> = (0..x.len())
+        .flat_map(|t| [x.get(t), y.get(t), z.get(t)].into_iter().flatten().flatten().copied())
+        .collect();
+    let n_columns = dims.iter().sum();
+    let values = Array2::from_shape_vec((x.len(), n_columns), joined).map_err(|e| e.to_string())?;
+    let names = (0..n_columns).map(|k| format!("V{k}")).collect();
+    let mut first = 0;
+    let groups: Vec<(String, Vec<usize>)> = dims
+        .iter()
+        .enumerate()
+        .map(|(k, dim)| {
+            first += dim;
+            (format!("N{k}"), (first - dim..first).collect())
+        })
+        .collect();
+    let data = DataFrame::new(vec![values], names).and_then(|data| data.with_vectors(&groups));
+    let data = data.map_err(|e| e.to_string())?;
+    let samples = Samples::new(&data, 0);
+    let conditions: Vec<Node> = (2..dims.len()).map(|k| Node::new(k, 0)).collect();
+    let result = test
+        .prepare(&samples)
+        .and_then(|prepared| prepared.run_test(Node::new(0, 0), Node::new(1, 0), &conditions))
+        .map_err(|e| e.to_string())?;
+    Ok(json!({ "val": result.value, "pval": result.p_value }))
+}
+
 /// Runs the single test of a case.
 pub(crate) fn run_single(case: &Value) -> Answer<Value> {
     let (test, _) = test_of(&case["test"])?;
+    if case["x"][0].is_array() {
+        return run_vectors(case, test.as_ref());
+    }
     let (x, y) = (numbers(&case["x"])?, numbers(&case["y"])?);
     let z: Vec<Vec<f64>> = match &case["z"] {
         Value::Null => Vec::new(),
@@ -301,6 +341,15 @@ fn test_of(spec: &Value) -> Answer<(Box<dyn CondIndTest>, MaskType)> {
             "knn" => settings.knn = value.as_f64(),
             "shuffle_neighbors" => settings.shuffle_neighbors = count(value)?,
             "transform" => settings.transform = Some(value.as_str().unwrap_or("none").to_owned()),
+            "null_distributions" => {
+                let of_size = |(size, values): (&String, &Value)| {
+                    Ok((size.parse::<usize>().map_err(|e| e.to_string())?, numbers(values)?))
+                };
+                let given = value.as_object().ok_or("null distributions are no object")?;
+                let given = given.iter().map(of_size).collect::<Answer<Vec<_>>>()?;
+                let given = NullDistributions::new(given).map_err(|e| e.to_string())?;
+                settings.null_distributions = Some(Arc::new(given));
+            }
             "workers" | "verbosity" | "recycle_residuals" => {}
             other => return Err(format!("option '{other}' of the test is unknown")),
         }

@@ -386,8 +386,7 @@ mod tests {
     fn lag_0_alone_is_for_methods_that_model_it() {
         for method in Method::all() {
             let alone = Settings { tau_max: 0, tau_min: 0, ..settings(method) };
-            let models_it =
-                method.info().models_lag_zero || matches!(method, Method::Lpcmci | Method::Tsfci);
+            let models_it = method.info().models_lag_zero || matches!(method, Method::Lpcmci | Method::Tsfci);
             assert_eq!(alone.check().is_ok(), models_it, "{method}");
             if alone.check().is_ok() {
                 let model = analyse(&pair(), &alone, &Control::default()).unwrap();

@@ -1,8 +1,10 @@
 //! What to analyse, and how.
 
+use std::sync::Arc;
+
 use crate::{
     ground::{DataFrame, Dummy, Error, LinkAssumptions, Result, names},
-    independence_tests::{self, GpSearch, Significance},
+    independence_tests::{self, GpSearch, NullDistributions, Significance},
     methods::{
         ActsOn, DynotearsSettings, Fdr, GrangerSettings, LpcmciSettings, Method, PcmciPlusSettings,
         PcmciSettings, Reads, TiminoModel, TiminoSettings, TsfciSettings, VarlingamSettings,
@@ -78,6 +80,8 @@ pub struct Settings {
     pub significance: Option<Significance>,
     /// Surrogates of a shuffle test, or size of a null distribution; `None`: the test's own number.
     pub shuffles: Option<usize>,
+    /// GPDC's null distributions for some numbers of samples; else its own.
+    pub null_distributions: Option<Arc<NullDistributions>>,
     /// What only PCMCI+ has.
     pub pcmciplus: PcmciPlusSettings,
 }
@@ -105,6 +109,7 @@ impl Default for Settings {
             max_conds: None,
             significance: None,
             shuffles: None,
+            null_distributions: None,
             pcmciplus: PcmciPlusSettings::default(),
         }
     }
@@ -300,6 +305,7 @@ impl Settings {
             max_memory: self.max_memory,
             significance: self.significance,
             sig_samples: self.shuffles,
+            null_distributions: self.null_distributions.clone(),
             ..Default::default()
         }
     }

@@ -86,6 +86,11 @@ pub trait CondIndTest: Send + Sync {
         false
     }
 
+    /// Whether the test looks at all components of variables that have several ([`DataFrame::with_vectors`](super::DataFrame::with_vectors)).
+    fn judges_vectors(&self) -> bool {
+        false
+    }
+
     /// The same test for data with dummies: their nodes come after the variables of the data, in this order. Default: there is
     /// none.
     ///

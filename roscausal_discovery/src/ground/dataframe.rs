@@ -7,6 +7,7 @@ use ndarray::{Array2, Axis};
 use super::{
     error::{Error, Result},
     node::Node,
+    vectors::Vectors,
 };
 
 /// The roles in `X _||_ Y | Z` in which a masked value excludes a sample.
@@ -73,6 +74,8 @@ pub struct DataFrame {
     times: Option<Arc<Vec<Vec<usize>>>>,
     /// Tells apart the draws of times from one data frame; 0: none was drawn.
     draw: u64,
+    /// The further components of variables; `None`: each is one column.
+    vectors: Option<Vectors>,
 }
 
 impl DataFrame {
@@ -112,6 +115,7 @@ impl DataFrame {
             has_missing,
             times: None,
             draw: 0,
+            vectors: None,
         })
     }
 
@@ -165,7 +169,7 @@ impl DataFrame {
         self.draw
     }
 
-    /// Treats every value that equals `flag` as missing.
+    /// Treats every value that equals `flag` as missing. The further components of vectors keep theirs.
     #[must_use]
     pub fn with_missing_flag(mut self, flag: f64) -> Self {
         let recordings = Arc::make_mut(&mut self.recordings);
@@ -222,8 +226,11 @@ impl DataFrame {
     #[must_use]
     pub fn select(&self, vars: &[usize]) -> Self {
         let recordings: Vec<_> = self.recordings.iter().map(|r| r.select(Axis(1), vars)).collect();
+        let vectors = self.vectors.as_ref().map(|vectors| vectors.select(vars));
+        let of_vectors = vectors.as_ref().is_some_and(Vectors::has_missing);
         Self {
-            has_missing: recordings.iter().any(|r| r.iter().any(|v| v.is_nan())),
+            has_missing: of_vectors || recordings.iter().any(|r| r.iter().any(|v| v.is_nan())),
+            vectors,
             recordings: Arc::new(recordings),
             var_names: vars.iter().map(|&var| self.var_names[var].clone()).collect(),
             masks: (self.masks.as_ref())
@@ -246,7 +253,8 @@ impl DataFrame {
         let mut data = self.clone();
         for recording in Arc::make_mut(&mut data.recordings) {
             for mut column in recording.columns_mut() {
-                let (sum, n) = column.iter().filter(|v| !v.is_nan()).fold((0.0, 0), |(s, n), v| (s + v, n + 1));
+                let (sum, n) =
+                    column.iter().filter(|v| !v.is_nan()).fold((0.0, 0), |(s, n), v| (s + v, n + 1));
                 column.mapv_inplace(|v| v - sum / f64::from(n.max(1)));
             }
         }
@@ -284,6 +292,23 @@ impl DataFrame {
     pub(super) fn excludes(&self, recording: usize, t: usize, node: Node, mask_role: bool) -> bool {
         let at = t - node.lag;
         let masked = || self.masks.as_ref().is_some_and(|masks| masks[recording][[at, node.var]]);
-        self.recordings[recording][[at, node.var]].is_nan() || (mask_role && masked())
+        let in_vector = || self.vectors.as_ref().is_some_and(|of| of.is_missing(recording, at, node.var));
+        self.recordings[recording][[at, node.var]].is_nan() || in_vector() || (mask_role && masked())
+    }
+
+    pub(super) fn is_masked(&self) -> bool {
+        self.masks.is_some()
+    }
+
+    pub(super) fn vectors(&self) -> Option<&Vectors> {
+        self.vectors.as_ref()
+    }
+
+    /// The same data with names for the variables and further components of them.
+    pub(super) fn of_vectors(mut self, names: Vec<String>, vectors: Vectors) -> Self {
+        self.has_missing |= vectors.has_missing();
+        self.var_names = names;
+        self.vectors = Some(vectors);
+        self
     }
 }

@@ -1,6 +1,7 @@
 //! The vocabulary of causal discovery: what every test and every method speaks of. Nothing here knows a test or a method.
 
 mod complete_rows;
+mod components;
 mod cond_ind_test;
 mod control;
 mod dataframe;
@@ -11,8 +12,10 @@ mod marks;
 pub mod names;
 mod node;
 mod samples;
+mod vectors;
 
 pub(crate) use complete_rows::CompleteRows;
+pub(crate) use components::Components;
 pub use cond_ind_test::{CondIndTest, Dummy, PreparedTest, TestResult};
 pub use control::{Control, Progress, Stop};
 pub use dataframe::{DataFrame, MaskType};

@@ -52,9 +52,11 @@ mod incomplete;
 #[cfg(test)]
 mod laws;
 mod multinomial;
+mod null_distributions;
 mod oracle;
 mod parcorr;
 mod parcorr_mult;
+mod parcorr_vector;
 mod parcorr_wls;
 mod registry;
 mod regression_ci;
@@ -70,8 +72,10 @@ pub(crate) use gpdc::{bytes as gpdc_bytes, dependence, gp_residuals, tail_depend
 #[cfg(feature = "python")]
 pub use gpdc_python::GpdcPython;
 pub use gsquared::Gsquared;
+pub use null_distributions::NullDistributions;
 pub use oracle::OracleCi;
 pub use parcorr::ParCorr;
+pub use parcorr_vector::ParCorrVector;
 pub use parcorr_wls::ParCorrWls;
 pub use registry::{by_name, names, smallest_p};
 pub use regression_ci::RegressionCi;

@@ -3,7 +3,8 @@
 #[cfg(feature = "python")]
 use super::GpdcPython;
 use super::{
-    CmiKnn, CmiSymb, Gpdc, Gsquared, ParCorr, ParCorrWls, RegressionCi, RobustParCorr, settings::TestSettings,
+    CmiKnn, CmiSymb, Gpdc, Gsquared, ParCorr, ParCorrVector, ParCorrWls, RegressionCi, RobustParCorr,
+    settings::TestSettings,
 };
 use crate::ground::{CondIndTest, Error, Result};
 
@@ -23,6 +24,7 @@ const TESTS: &[(&str, f64, Build)] = &[
     ("gpdcpython", OF_TABLE, |s| Ok(Box::new(GpdcPython::new(s)?))),
     ("robustparcorr", USUAL, |s| Ok(Box::new(RobustParCorr::new(s)?))),
     ("parcorrwls", USUAL, |s| Ok(Box::new(ParCorrWls::new(s)?))),
+    ("parcorrmult", USUAL, |s| Ok(Box::new(ParCorrVector::new(s)?))),
     ("regressionci", USUAL, |s| Ok(Box::new(RegressionCi::new(s)?))),
     ("cmiknn", USUAL, |s| Ok(Box::new(CmiKnn::new(s)?))),
     ("cmisymb", OF_TABLE, |s| Ok(Box::new(CmiSymb::new(s)?))),

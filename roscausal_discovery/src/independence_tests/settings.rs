@@ -1,5 +1,8 @@
 //! Settings of the independence tests.
 
+use std::sync::Arc;
+
+use super::null_distributions::NullDistributions;
 use crate::ground::{Error, Result};
 
 /// How a test value becomes a p-value.
@@ -115,6 +118,8 @@ pub struct TestSettings {
     pub gp_search: GpSearch,
     /// `gpdc`: searches from this many random places more, of which the best counts. Default 0, as the reference.
     pub gp_restarts: usize,
+    /// `gpdc`: null distributions to take where the number of samples is one of theirs; else its own.
+    pub null_distributions: Option<Arc<NullDistributions>>,
     /// Memory in bytes that a test may take; `None`: no limit.
     pub max_memory: Option<usize>,
 }
@@ -135,6 +140,7 @@ impl Default for TestSettings {
             transform: None,
             gp_search: GpSearch::Default,
             gp_restarts: 0,
+            null_distributions: None,
             max_memory: None,
         }
     }

@@ -99,7 +99,7 @@ pub fn run_fpcmci(
     settings: &FpcmciSettings,
     control: &Control,
 ) -> Result<FpcmciResult> {
-    settings.pcmci.check(data, test)?;
+    settings.pcmci.check(data.of_scalars("the filter of fpcmci")?, test)?;
     let filter = TransferEntropy {
         estimator: settings.te_estimator.for_test(test.is_linear()),
         min_lag: settings.pcmci.tau_min,

@@ -19,6 +19,9 @@ pub(crate) struct Run<'a> {
 
 impl<'a> Run<'a> {
     pub(crate) fn new(test: &'a dyn CondIndTest, samples: &'a Samples<'a>) -> Result<Self> {
+        if !test.judges_vectors() {
+            samples.data().of_scalars(test.name())?;
+        }
         let prepared = test.prepare(samples)?;
         let cheap = prepared.is_cheap();
         Ok(Self {

@@ -56,7 +56,9 @@ impl TiminoModel {
             "gpdc" => Ok(Self::GaussianProcess),
             other => Err(Error::param(
                 "test",
-                format!("timino regresses, and {other} is no regression; take parcorr for linear effects, gpdc for others"),
+                format!(
+                    "timino regresses, and {other} is no regression; take parcorr for linear effects, gpdc for others"
+                ),
             )),
         }
     }
@@ -145,7 +147,7 @@ pub fn run_timino(data: &DataFrame, settings: &TiminoSettings, control: &Control
     settings.check()?;
     let n_vars = data.n_vars();
     let of_data = Samples::new(data, 2 * settings.tau_max).len();
-    let centred = data.centred();
+    let centred = data.of_scalars("timino")?.centred();
     let rows = Samples::new(&centred, 2 * settings.tau_max).complete();
     let models = Models { data, rows, settings, control };
     models.check()?;
@@ -180,7 +182,10 @@ impl TiminoSettings {
             return Err(Error::param("tau-max", "0 leaves no past; give at least 1"));
         }
         if self.tau_max < self.tau_min {
-            return Err(Error::param("tau-max", format!("{} is below tau-min {}", self.tau_max, self.tau_min)));
+            return Err(Error::param(
+                "tau-max",
+                format!("{} is below tau-min {}", self.tau_max, self.tau_min),
+            ));
         }
         Ok(())
     }
@@ -261,7 +266,8 @@ impl Models<'_> {
     /// The smallest p-value of a rest with any of `others` at any lag, times their number.
     fn smallest_p(&self, rest: &[f64], others: &BTreeSet<usize>) -> f64 {
         let all: Vec<usize> = others.iter().copied().collect();
-        let smallest = |&other: &usize| self.with(rest, other).into_iter().map(|(_, p)| p).fold(1.0, f64::min);
+        let smallest =
+            |&other: &usize| self.with(rest, other).into_iter().map(|(_, p)| p).fold(1.0, f64::min);
         let least = all.par_iter().map(smallest).reduce(|| 1.0, f64::min);
         (least * (all.len() * (2 * self.settings.tau_max + 1)) as f64).min(1.0)
     }
@@ -313,7 +319,10 @@ impl Models<'_> {
                 match least {
                     Some((&cause, (p, _))) if *p > self.settings.alpha_level => causes.remove(&cause),
                     _ => {
-                        asked.iter().zip(&found).for_each(|(&cause, (_, rest))| self.show(result, cause, effect, rest));
+                        asked
+                            .iter()
+                            .zip(&found)
+                            .for_each(|(&cause, (_, rest))| self.show(result, cause, effect, rest));
                         break;
                     }
                 };
@@ -437,10 +446,15 @@ mod tests {
     fn what_cannot_be_ordered_is_one_sentence() {
         let values = Array2::from_shape_fn((100, 2), |(t, v)| noise(7, t + 500 * v));
         let twice = frame(values.clone()).select(&[0, 0, 1]);
-        let error = run_timino(&twice, &TiminoSettings::default(), &Control::default()).unwrap_err().to_string();
+        let error =
+            run_timino(&twice, &TiminoSettings::default(), &Control::default()).unwrap_err().to_string();
         assert!(error.contains("determine each other"), "{error}");
         let short = frame(values.slice(ndarray::s![..8, ..]).to_owned());
-        let error = run_timino(&short, &TiminoSettings { tau_max: 2, ..TiminoSettings::default() }, &Control::default());
+        let error = run_timino(
+            &short,
+            &TiminoSettings { tau_max: 2, ..TiminoSettings::default() },
+            &Control::default(),
+        );
         assert!(error.unwrap_err().to_string().contains("too few for"));
     }
 

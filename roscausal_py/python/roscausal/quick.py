@@ -55,7 +55,7 @@ def discover(
         columns: The variables to analyse, in this order; for an array: its names.
         method: fpcmci, pcmci, pcmciplus, lpcmci, candoit, jpcmciplus, tsfci, timino, fullci, bivci, granger, varlingam, dynotears
             or lagdep.
-        test: None: the method's own (jpcmciplus: parcorr, else gpdc); gpdc, parcorr, robustparcorr, cmiknn, gsquared, cmisymb, parcorrwls or regressionci; or your own: a function `f(x, y, z) -> (value, p)` of arrays
+        test: None: the method's own (jpcmciplus: parcorr, else gpdc); gpdc, parcorr, robustparcorr, cmiknn, gsquared, cmisymb, parcorrwls, parcorrmult or regressionci; or your own: a function `f(x, y, z) -> (value, p)` of arrays
             (n,), (n,), (n, k), or an object with `run_test_raw(x, y, z)` of arrays (n, 1), (n, 1), (n, k), or with
             `run_test(X, Y, Z, tau_max)` of nodes `[(variable, -lag)]`.
         alpha: Level of significance of a link, in (0, 1).

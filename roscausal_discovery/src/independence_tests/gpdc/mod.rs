@@ -88,7 +88,8 @@ pub(crate) fn gp_residuals(
     }
     let memory = Gpdc { settings: settings.clone() }.memory(target.len())?;
     let rows: Vec<Vec<f64>> = conditions.iter().map(|row| standardized(row)).collect();
-    let how = SearchSettings { search: settings.gp_search, restarts: settings.gp_restarts, seed: settings.seed };
+    let how =
+        SearchSettings { search: settings.gp_search, restarts: settings.gp_restarts, seed: settings.seed };
     let process = GaussianProcess::new(&rows, &memory);
     Ok(Residuals::new(target, Some(&process), &how, true, check)?.values)
 }
@@ -132,7 +133,7 @@ pub struct Gpdc {
 
 impl Gpdc {
     /// The test with `settings`: `significance` (`analytic`, the default: from a table of values of independent
-    /// uniform series, of `sig_samples` entries; `shuffle_test`: of the residuals; or `fixed_thres`), `confidence`
+    /// uniform series, of `sig_samples` entries, or of `null_distributions` where it has the number of samples; `shuffle_test`: of the residuals; or `fixed_thres`), `confidence`
     /// (`bootstrap`: each sample is regressed anew), `seed`, `max_memory`.
     ///
     /// # Errors
@@ -234,8 +235,11 @@ impl PreparedTest for PreparedGpdc<'_> {
         };
         match self.test.significance() {
             Significance::Analytic => {
-                let table = NullTable::get(n, self.test.sig_samples(), settings.seed);
-                result.p_value = table.share_above(result.value);
+                let own =
+                    || NullTable::get(n, self.test.sig_samples(), settings.seed).share_above(result.value);
+                let given = settings.null_distributions.as_ref();
+                result.p_value =
+                    given.and_then(|given| given.share_above(n, result.value)).unwrap_or_else(own);
             }
             Significance::ShuffleTest => {
                 let length =

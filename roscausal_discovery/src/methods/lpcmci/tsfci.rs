@@ -13,7 +13,8 @@
 //! 3. All marks but those of time are forgotten. Colliders are marked again, then the rules run until nothing changes.
 //!
 //! Example: hidden `h` drives `x` and `y`. LPCMCI and tsFCI draw the same `<->` where a test knows the truth; on data tsFCI misses
-//! more, because it never conditions on the past that it knows to be causes.
+//! more, because it never conditions on the past that it knows to be causes. An end may stay open that LPCMCI tells: what LPCMCI
+//! learns while there are more links stays known.
 
 use super::{
     LpcmciSettings, found,
@@ -155,7 +156,8 @@ impl Search<'_, '_> {
     fn given_possible_d_separation(&mut self) -> Result<()> {
         let mut pairs = self.open_pairs();
         let ends = |pair: &Pair| if pair.x.lag == 0 { vec![pair.y, pair.x] } else { vec![pair.y] };
-        let of = |pair: &Pair| ends(pair).into_iter().map(|end| self.possible_d_separation(end, *pair)).collect();
+        let of =
+            |pair: &Pair| ends(pair).into_iter().map(|end| self.possible_d_separation(end, *pair)).collect();
         let mut choices: Vec<Vec<Vec<Node>>> = pairs.iter().map(of).collect();
         let mut size = 0;
         while self.tests_of_size(&pairs, &choices, size)? {
