@@ -228,6 +228,4 @@ fn timino_sees_a_square_and_tsfci_the_marks_of_lpcmci() {
     let tsfci = ["discover", "data.csv", "--columns", "x,y,speed", "--method", "tsfci", "--test", "parcorr"];
     let found = model(dir.path(), &tsfci);
     assert_eq!(found["graph"][1][2][1], "o->", "{found}");
-    let stopped = model(dir.path(), &[&tsfci[..], &["--time-budget", "0.000001"]].concat());
-    assert!(stopped["status"].as_str().expect("a status").starts_with("partial: "), "{stopped}");
 }
