@@ -339,3 +339,24 @@ fn ten_callers_at_once_get_the_same_answer_while_rows_arrive() {
     }
     bench.end();
 }
+
+#[test]
+fn models_that_come_faster_than_fits_end_do_not_keep_the_node_without_one() {
+    let bus = Loopback::live(|| Time::from_secs_f64(1000.0 + STEP * 300.0));
+    // Gaussian processes: a fit takes longer than the next model.
+    let bench = Bench::new(bus, &[("equations", Value::Str("gp".into())), ("threads", Value::Int(1))]);
+    for (t, values) in rows(300).into_iter().enumerate() {
+        bench.features.publish(&row(t, values)).expect("publishes");
+    }
+    let begun = Instant::now();
+    loop {
+        bench.models.publish(&model(["r_v", "d"])).expect("publishes");
+        let answer = bench.ask(&WhatIfRequest::default());
+        if answer.status == Status::Ok as u8 {
+            break;
+        }
+        assert!(begun.elapsed() < PATIENCE, "{answer:?}");
+        thread::sleep(Duration::from_millis(2));
+    }
+    bench.end();
+}

@@ -20,12 +20,17 @@ export function compared(model, before) {
   return [...links, ...(before?.links ?? []).filter((link) => !has.has(key(link))).map((link) => ({ ...link, state: "gone" }))];
 }
 
+/** GPDC's p-values are fractions of 500 null values, so 0 means "below 0.002". */
+const smallestP = (test) => (test.startsWith("gpdc") ? 0.002 : 0.001);
+
+/** Solid below the smallest p-value that is told, long dashes below 0.01, short ones above: as in the pictures of `roscausal show`. */
+const dash = (p, test) => (p < smallestP(test) ? "none" : p < 0.01 ? "14 5" : "5 4");
+
 /** A link as a sentence. */
 export function sentence(link, { dt, test }) {
   const earlier = link.lag === 0 ? "at the same time" : `at t-${link.lag}${dt > 0 ? ` (${+(link.lag * dt).toFixed(3)} s earlier)` : ""}`;
   const effect = link.cause === link.effect ? "itself" : link.effect;
-  // GPDC's p-values are fractions of 500 null values, so 0 means "below 0.002".
-  const smallest = test.startsWith("gpdc") ? 0.002 : 0.001;
+  const smallest = smallestP(test);
   const p = link.p < smallest ? `p < ${smallest}` : `p = ${link.p.toFixed(3)}`;
   return `${link.cause} ${earlier} drives ${effect}: strength ${link.value.toFixed(2)}, ${p}`;
 }
@@ -54,7 +59,7 @@ export function drawGraph(svg, model, before, ask) {
     const forth = names.indexOf(group.cause) < names.indexOf(group.effect);
     const curve = group.cause === group.effect ? loop(from, centre) : arc(from, to, names.length > 4 ? centre : undefined, forth);
     const asking = element("g", { class: "ask", "data-link": `${group.cause} ${group.effect} ${group.lag}` }, svg);
-    arrow(asking, curve, group);
+    arrow(asking, curve, group, dash(group.p, model.test));
     if (group.state !== "gone") askable(asking, group, model, ask);
     labels.push([curve, `${group.lags.join(",")} · ${group.value.toFixed(2)}`, group.state]);
   }
@@ -138,7 +143,7 @@ function loop(at, centre) {
   return { start: rim(-0.6), bend: plus(at, out, 3.1 * NODE), end: rim(0.62), label: plus(at, out, peak + 14 + 20 * Math.abs(out[0])) };
 }
 
-function arrow(svg, { start, bend, end }, link) {
+function arrow(svg, { start, bend, end }, link, dashes) {
   const width = 1.5 + 5 * Math.min(Math.abs(link.value), 1);
   const size = 6 + 1.8 * width;
   const back = towards(end, bend);
@@ -147,7 +152,7 @@ function arrow(svg, { start, bend, end }, link) {
   const kind = `${link.state}${link.value < 0 ? " negative" : ""}`;
   if (link.state === "new") element("path", { class: "halo", d, "stroke-width": width + 8 }, svg);
   element("path", { class: "reach", d }, svg);
-  element("path", { class: `edge ${kind}`, d, "stroke-width": link.state === "gone" ? 2 : width }, svg);
+  element("path", { class: `edge ${kind}`, d, "stroke-width": link.state === "gone" ? 2 : width, "stroke-dasharray": dashes }, svg);
   const half = size * 0.45;
   const [left, right] = [plus(neck, [-back[1], back[0]], half), plus(neck, [back[1], -back[0]], half)];
   element("path", { class: `head ${kind}`, d: `M ${end} L ${left} L ${right} Z` }, svg);

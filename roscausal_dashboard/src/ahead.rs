@@ -7,8 +7,9 @@ use serde_json::{Value as Json, json};
 
 use crate::{history::NEW_RUN_S, moment::rounded};
 
-/// Rows that are kept: what a chart shows of the past.
+/// Rows that a chart shows of the past, and rows that are kept: an answer may be about a row of some time ago.
 const ROWS: usize = 40;
+const KEPT: usize = 1000;
 /// Most variables of a message that are shown, and most steps.
 const MOST_VARIABLES: usize = 64;
 const MOST_STEPS: usize = 200;
@@ -40,7 +41,7 @@ impl Ahead {
             }
         }
         self.rows.push_back((t, row.values.clone()));
-        if self.rows.len() > ROWS {
+        if self.rows.len() > KEPT {
             self.rows.pop_front();
         }
     }
@@ -73,7 +74,8 @@ impl Ahead {
 
     /// The rows up to a time: times, and the values of each variable, null where unknown.
     pub(crate) fn past(&self, until: f64) -> Json {
-        let known: Vec<&(f64, Vec<f64>)> = self.rows.iter().filter(|(t, _)| *t <= until + 1e-6).collect();
+        let end = self.rows.partition_point(|(t, _)| *t <= until + 1e-6);
+        let known: Vec<&(f64, Vec<f64>)> = self.rows.range(end.saturating_sub(ROWS)..end).collect();
         let of = |k: usize| -> Vec<Json> {
             known.iter().map(|(_, values)| json!(values.get(k).copied().map(rounded))).collect()
         };
@@ -141,8 +143,8 @@ mod tests {
             ahead.row(&row(f64::from(k), &[f64::from(k)]));
         }
         let past = ahead.past(97.0);
-        assert_eq!(past["t"].as_array().map(Vec::len), Some(ROWS - 2));
-        assert_eq!(past["values"][0][1][ROWS - 3].as_f64(), Some(97.0));
+        assert_eq!(past["t"].as_array().map(Vec::len), Some(ROWS));
+        assert_eq!(past["values"][0][1][ROWS - 1].as_f64(), Some(97.0));
         ahead.row(&row(1.0, &[5.0]));
         assert_eq!(ahead.past(9.0), json!({"t": [1.0], "values": [["v0", [5.0]]]}));
         ahead.row(&row(2.0, &[5.0, 6.0]));

@@ -141,6 +141,12 @@ class Page:
         until("its links", lambda: "drives" in self.text("links"))
         assert re.search(r"drives", self.js("document.getElementById('graph').getAttribute('aria-label')"))
         assert self.text("model-title").startswith("Model ")
+        # How sure a link is shows in its dashes: the p-value is in the arrow's name.
+        arrows = self.js("[...document.querySelectorAll('#graph .ask[role=button]')].map((a) => [a.getAttribute('aria-label').split(', ').at(-1), a.querySelector('.edge').getAttribute('stroke-dasharray')])")
+        for said, dashes in arrows:
+            p = 0 if said.startswith("p <") else float(said.removeprefix("p = "))
+            # Rounded, this may be on either side.
+            assert p == 0.01 or dashes == ("none" if p == 0 else "14 5" if p < 0.01 else "5 4"), (said, dashes)
 
     def a_link_is_asked_by_click_and_by_key(self):
         def asked():
@@ -324,7 +330,7 @@ class Page:
         press("pause")
         until("it stands still", lambda: self.text("pause") == "Play")
         self.js("(document.getElementById('seek').value = 21, document.getElementById('seek').dispatchEvent(new Event('input')))")
-        until("the moment", lambda: abs(float(self.text("moment").split(" s of ")[0]) - 21) < 1)
+        until("the scene of that moment", lambda: abs(float(self.text("time").split(" ")[0]) - 21) < 1)
         scene = self.driver.find_element(By.ID, "scene")
         self.js("arguments[0].scrollIntoView({block: 'center'})", scene)
 

@@ -99,6 +99,9 @@ struct Node<M: Middleware> {
     /// Why there is no model.
     refused: Option<String>,
     fitting: bool,
+    /// Since when there is the graph of the model, and that of the fit that was begun last.
+    since: Option<Time>,
+    fitted_since: Option<Time>,
     next_fit: Time,
     score: Score,
     rest_until: Duration,
@@ -194,6 +197,8 @@ impl<M: Middleware> Node<M> {
             model: None,
             refused: None,
             fitting: false,
+            since: None,
+            fitted_since: None,
             next_fit: mw.now(),
             score: Score::default(),
             rest_until: Duration::ZERO,
@@ -315,7 +320,7 @@ impl<M: Middleware> Node<M> {
             let fit = || StructuralModel::fit(&data, &graph, &settings, &acts_on);
             Ok(pool.install(fit)?.with_facts(facts))
         };
-        self.fitting = true;
+        (self.fitting, self.fitted_since) = (true, wanted.since);
         if self.in_line {
             let fitted = work(data);
             self.take_fit(number, fitted);
@@ -343,12 +348,13 @@ impl<M: Middleware> Node<M> {
         self.score.forget_pending();
     }
 
+    /// Takes a fit. If another model came meanwhile, that one is fitted next, and this one serves until then: models may come faster
+    /// than fits end.
     fn take_fit(&mut self, number: u64, result: Result<StructuralModel>) {
         self.fitting = false;
-        if self.wanted.as_ref().is_some_and(|wanted| wanted.number != number) {
-            // Another model came meanwhile.
+        let newest = self.wanted.as_ref().is_none_or(|wanted| wanted.number == number);
+        if !newest {
             self.next_fit = self.mw.now();
-            return;
         }
         match result {
             Ok(model) => {
@@ -357,8 +363,10 @@ impl<M: Middleware> Node<M> {
                     tracing::warn!("the structural model is not published: {error}");
                 }
                 (self.refused, self.model) = (None, Some(Arc::new(model)));
+                self.since = self.fitted_since;
             }
-            Err(error) => self.no_model(error.to_string()),
+            Err(error) if newest => self.no_model(error.to_string()),
+            Err(_) => {}
         }
     }
 
@@ -403,7 +411,7 @@ impl<M: Middleware> Node<M> {
 
     /// What this node adds to every answer: the model's age and its live score.
     fn caveats(&self) -> Vec<String> {
-        let age = self.wanted.as_ref().and_then(|wanted| wanted.since).map(|since| {
+        let age = self.since.map(|since| {
             format!("the causal model was found {:.0} s ago", self.mw.now().secs_since(since).max(0.0))
         });
         [age, self.score.sentence(), self.score.trouble()].into_iter().flatten().collect()

@@ -7,6 +7,7 @@ import os
 import signal
 import sys
 import tempfile
+import time
 
 from builtin_interfaces.msg import Time
 from rclpy.qos import QoSProfile, ReliabilityPolicy
@@ -248,3 +249,22 @@ def the_example_planner_drives_the_simulators_robot_at_the_speed_it_chose():
         del speeds[:]
         ros.spin(4)
         assert speeds and max(speeds) < 0.25, speeds
+
+
+@test
+def a_question_that_needs_no_computation_there_and_back():
+    """What a service adds to the computation: questions that are refused at once. The note has the figure."""
+    with tempfile.TemporaryDirectory() as folder, Ros() as ros:
+        batch, graph, _ = known_system.write(folder)
+        with reasoning(batch, graph):
+            answered(ros, WhatIf, "what_if", what_if(sets("stop", 0.2)))
+            client = ros.node.create_client(Effect, "/roscausal/effect")
+            ros.until(client.service_is_ready, 20, "the service")
+            took = []
+            for _ in range(100):
+                start = time.monotonic()
+                future = client.call_async(Effect.Request(cause="r_v", effect="nobody"))
+                ros.until(future.done, 10, "an answer")
+                took.append(time.monotonic() - start)
+                assert future.result().status == BAD_REQUEST, future.result()
+            return f"median {1000 * sorted(took)[50]:.1f} ms"
