@@ -26,15 +26,21 @@ def scenario(**change):
 # Name: scenario and further flags of the simulator.
 RUNS = {
     "encounters": (None, []),
-    # She neither slows down for a goal nor gives way: her pace alone moves her distance and the risk.
-    "pace": (scenario(avoids=False, slow_distance=0.0, slows_in_turns=False, pace_time=1.5, pace_sd=0.5), []),
+    # She neither slows down for a goal nor gives way: her pace alone moves her distance and the risk. The tracker is good at places and
+    # bad at speeds: a risk of exact speeds would be the pace itself, and differences of inexact places depend on each other.
+    "pace": (
+        scenario(avoids=False, slow_distance=0.0, slows_in_turns=False, pace_time=1.5, pace_sd=0.5)
+        + "[noise]\nperson_position = 0.01\nperson_speed = 0.3\n", [],
+    ),
     "stopped": (None, ["--do", "robot.off@60..120"]),
     "slow": (scenario(speed=1.0), []),
     "quick": (scenario(speed=1.9), []),
 }
 PARCORR = ["--test", "parcorr"]
 # How fast the distance to her goal falls, and the risk: both follow from her speed. It has outliers, where a new goal begins.
-CLOSING = ["--feature", "closing = rate(h_dg)", "--test", "robustparcorr", "--tau-max", "2"]
+CLOSING = ["--feature", "closing = rate(h_dg)", "--test", "robustparcorr"]
+# The setting of this case was chosen on seeds 2001 to 2010; its seeds start at 3001.
+LATER = {"pace": 2500}
 # Name: runs that are pooled, columns, further flags, true links among them, pairs that a hidden cause ties, methods.
 CASES = {
     "all recorded": (["encounters"], "h_v,h_dg,h_risk", PARCORR, TRUE, set(), METHODS),
@@ -46,6 +52,7 @@ CASES = {
 
 
 def simulate(command, out, name, seed):
+    seed += LATER.get(name, 0)
     folder = out / "runs" / f"{name}_{seed}"
     if not (folder / "model.json").exists():
         text, more = RUNS[name]

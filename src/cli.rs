@@ -76,6 +76,8 @@ pub(crate) enum Command {
     /// Write a model and what stands behind it as one HTML file, to read, print and pass on.
     #[command(after_help = examples::REPORT)]
     Report(html_report::Args),
+    /// Print what each discovery method says, assumes and costs, and when to take it.
+    Methods,
     /// Print a script that completes this command's words in a shell: `source <(roscausal completions bash)`.
     Completions {
         /// The shell.
@@ -219,7 +221,7 @@ mod tests {
         for sub in command.get_subcommands() {
             let Some(help) = sub.get_after_help() else {
                 assert!(
-                    ["completions", "man"].contains(&sub.get_name()),
+                    ["completions", "man", "methods"].contains(&sub.get_name()),
                     "{} has no example",
                     sub.get_name()
                 );

@@ -33,6 +33,8 @@ mod web;
 
 use std::ffi::OsString;
 
+use roscausal_discovery::methods::Method;
+
 pub use demo::run_demo;
 pub use discover::{Recordings, read_recordings};
 pub use export::{dot, graphml, links_csv};
@@ -54,6 +56,10 @@ pub fn command<I: IntoIterator<Item = OsString>>(args: I) -> u8 {
         cli::Command::Replay(args) => replay::run(args, &interrupt),
         cli::Command::Discover(args) => discover::run(args, &interrupt),
         cli::Command::Roll(args) => roll::run(args, &interrupt),
+        cli::Command::Methods => {
+            terminal::print(format_args!("{}", Method::table()));
+            Ok(())
+        }
         cli::Command::Completions { shell } => {
             cli::print_completions(*shell);
             Ok(())

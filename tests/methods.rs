@@ -229,3 +229,13 @@ fn timino_sees_a_square_and_tsfci_the_marks_of_lpcmci() {
     let found = model(dir.path(), &tsfci);
     assert_eq!(found["graph"][1][2][1], "o->", "{found}");
 }
+
+#[test]
+fn the_table_of_methods_is_printed() {
+    let out = roscausal(Path::new("."), &["methods"]);
+    let text = String::from_utf8_lossy(&out.stdout).into_owned();
+    assert!(out.status.success() && out.stderr.is_empty(), "{text}");
+    for method in ["fpcmci", "lpcmci", "tsfci", "timino"] {
+        assert!(text.contains(&format!("{method}\n  says:  ")), "{method}: {text}");
+    }
+}
