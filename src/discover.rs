@@ -253,6 +253,7 @@ pub(crate) fn found(args: &Args, interrupt: &Interrupt, quiet: bool) -> Result<A
     set_step(&mut model, dt);
     model.about_data = Some(about);
     model.warnings.splice(0..0, warnings);
+    model.warnings.extend(assumptions::told(&settings, data.var_names()));
     Ok(Answer { model, evidence, data, graphs })
 }
 
@@ -412,7 +413,7 @@ impl Data {
                     "it is for recordings; of trajectories, --agent says who is analysed",
                 ));
             }
-            return args.part.part(args.trajectories.read(args)?, &args.changes);
+            return args.part.part(args.trajectories.read(args)?, &args.changes, None);
         }
         if let Some(flag) = args.trajectories.given() {
             return Err(Error::param(flag, "it is for tables of trajectories (--format trajectories)"));
@@ -420,9 +421,11 @@ impl Data {
         let (files, _made) = tables_of(args, interrupt, quiet)?;
         let read = match with_facts(args, &files, settings)? {
             Some(data) => data,
-            None => Self::of(args.read.read(&files, args.inputs.dt())?)?,
+            None => Self::of(args.read.read(&files, args.inputs.dt(), &args.part.columns())?)?,
         };
-        args.part.part(read, &args.changes)
+        let besides = args.part.columns();
+        let variables = if besides.is_empty() { None } else { args.read.variables(read.recorded)? };
+        args.part.part(read, &args.changes, variables.as_deref())
     }
 
     /// Tables with the same columns, each as a recording.

@@ -598,6 +598,41 @@ fn how_a_test_decides_can_be_said() {
 }
 
 #[test]
+fn fewer_shuffles_than_the_level_needs_are_refused() {
+    let few = |more: &[&str]| {
+        let args = ["--test", "parcorr", "--significance", "shuffle", "--method"];
+        complaint(&coupled(200), &[&args[..], more].concat(), 2)
+    };
+    has(
+        &few(&["pcmci+", "--shuffles", "50"]),
+        &["--shuffles", "0.0196", "level 0.01", "at least 100", "--pc-alpha"],
+    );
+    has(&few(&["pcmci", "--shuffles", "10"]), &["0.0909", "level 0.05", "at least 20", "--alpha"]);
+}
+
+#[test]
+fn a_column_that_chooses_rows_need_not_be_a_variable() {
+    let mut csv = "a,b,c,pause\n".to_owned();
+    for (row, line) in coupled(300).lines().skip(1).enumerate() {
+        let cells: Vec<&str> = line.split(',').skip(1).collect();
+        csv += &format!("{},{},{}\n", cells.join(","), (row * 7 % 31), u8::from(row % 10 < 3));
+    }
+    let dir = folder("data.csv", &csv);
+    for choice in [&["--mask", "pause"][..], &["--where", "pause < 0.5 and c >= 0"]] {
+        for columns in ["a,b", "!c,!pause"] {
+            let args = ["discover", "data.csv", "--method", "pcmci", "--test", "parcorr", "--format", "json"];
+            let out = roscausal(dir.path(), &[&args[..], &["--columns", columns], choice].concat());
+            assert!(out.status.success(), "{}", String::from_utf8_lossy(&out.stderr));
+            let model: Value = serde_json::from_slice(&out.stdout).expect("JSON");
+            assert_eq!(model["features"], serde_json::json!(["a", "b"]));
+            has(&model["warnings"].to_string(), &["90 of 300 rows are masked"]);
+        }
+    }
+    let told = complaint(&csv, &["--test", "parcorr", "--columns", "a,b", "--mask", "pauze"], 2);
+    has(&told, &["--mask", "there is no column 'pauze'", "did you mean 'pause'?"]);
+}
+
+#[test]
 fn masked_rows_are_no_effects() {
     let rows: Vec<String> = coupled(300)
         .lines()

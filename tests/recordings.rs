@@ -294,6 +294,40 @@ fn a_recording_with_poses_or_transforms_only_is_analysed() {
 }
 
 #[test]
+fn a_recording_without_a_map_and_without_goals_is_analysed_in_the_odometrys_frame() {
+    let dir = tempfile::tempdir().expect("a folder");
+    let whole = dir.path().join("whole.mcap");
+    write_walk(&whole, &["/odom", "/people"]);
+    let mut walk = Recording::open(whole).expect("opens");
+    let topics = walk.topics().to_vec();
+    let mut writer = McapWriter::create(dir.path().join("walk.mcap")).expect("a file");
+    for Record { topic, stamp, bytes } in walk.by_ref() {
+        let topic = &topics[topic];
+        match topic.decode::<PoseArray>(&bytes) {
+            Ok(mut people) if topic.name == "/people" => {
+                people.header.frame_id = "odom".into();
+                writer.write("/people", stamp, &people)
+            }
+            _ => writer.write("/odom", stamp, &topic.decode::<Odometry>(&bytes).expect("reads")),
+        }
+        .expect("writes");
+    }
+    writer.finish().expect("ends");
+    let run = |more: &[&str]| roscausal(dir.path(), &[&["discover", "walk.mcap"], more, &QUICK].concat());
+    let output = run(&[]);
+    let told = said(&output);
+    assert!(!output.status.success(), "{told}");
+    for part in ["h_dg has no value at all", "the frame odom of /odom", "--drop-empty"] {
+        assert!(told.contains(part), "{part}: {told}");
+    }
+    let output = run(&["--drop-empty", "--format", "json"]);
+    assert!(output.status.success(), "{}", said(&output));
+    let model: serde_json::Value = serde_json::from_slice(&output.stdout).expect("JSON");
+    assert_eq!(model["features"], serde_json::json!(["h_v", "h_risk"]));
+    assert!(model["n_samples"].as_u64().is_some_and(|n| n > 150), "{model}");
+}
+
+#[test]
 fn a_robot_in_a_namespace_has_the_transforms_of_its_namespace_and_its_goal_from_the_end_of_the_plan() {
     let dir = tempfile::tempdir().expect("a folder");
     write_walk(&dir.path().join("walk.mcap"), &["/odom", "/tf", "/people"]);

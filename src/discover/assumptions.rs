@@ -7,8 +7,8 @@ use roscausal_core::{Error, Result};
 use roscausal_discovery::{
     Assumption, DataFrame, LinkAssumptions, Settings,
     independence_tests::{NullDistributions, Significance},
-    methods::ColliderRule,
-    names::{nearest, position},
+    methods::{ColliderRule, Method},
+    names::{nearest, plain, position},
 };
 use serde::Deserialize;
 
@@ -99,6 +99,7 @@ impl AssumeArgs {
             })?;
         }
         settings.pcmciplus.conflict_resolution = !self.first_orientation;
+        check_shuffles(settings)?;
         Ok(settings.check()?)
     }
 }
@@ -144,6 +145,48 @@ impl AssumeArgs {
         let groups = self.vector.iter().map(group).collect::<Result<Vec<_>>>()?;
         Ok(data.with_vectors(&groups)?)
     }
+}
+
+/// What to tell of links that are known to exist: they were not tested.
+pub(super) fn told(settings: &Settings, names: &[String]) -> Option<String> {
+    let known = settings.link_assumptions.as_ref()?;
+    let mut links = Vec::new();
+    for (cause, of) in names.iter().enumerate() {
+        for (effect, to) in names.iter().enumerate() {
+            let exists = |lag: &usize| known.get(cause, effect, *lag) == Some(Assumption::Exists);
+            let lags = (settings.tau_min..=settings.tau_max).filter(exists);
+            links.extend(lags.map(|lag| format!("{} -> {} at lag {lag}", plain(of), plain(to))));
+        }
+    }
+    let listed = links.join(", ");
+    (!links.is_empty())
+        .then(|| format!("known beforehand and not tested, which a strength of 1 means: {listed}"))
+}
+
+/// Refuses fewer shuffles than the level needs: with `n` of them no p-value is below `1 / (n + 1)`, and nothing would be found.
+fn check_shuffles(settings: &Settings) -> Result<()> {
+    let Some(shuffles) = settings.shuffles.filter(|_| settings.significance != Some(Significance::Analytic))
+    else {
+        return Ok(());
+    };
+    // These methods have one level.
+    let by_pc =
+        matches!(settings.method, Method::Pcmciplus | Method::Lpcmci | Method::Candoit | Method::Jpcmciplus);
+    let level = if by_pc { settings.level_of_pc().unwrap_or(settings.alpha) } else { settings.alpha };
+    let smallest = 1.0 / (shuffles as f64 + 1.0);
+    if smallest <= level {
+        return Ok(());
+    }
+    let flag = if by_pc { "pc-alpha" } else { "alpha" };
+    let needed = (1.0 / level).ceil();
+    Err(Error::param(
+        "shuffles",
+        format!(
+            "with {shuffles} the smallest p-value is {smallest:.4}, above the level {level} of {}, so nothing could be found; give at \
+             least {needed}, or a higher level (--{flag})",
+            settings.method
+        ),
+    ))
 }
 
 fn assumptions(

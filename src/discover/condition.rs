@@ -46,6 +46,15 @@ fn term(text: &str) -> Term {
 }
 
 impl Condition {
+    /// The columns in it.
+    pub(super) fn columns(&self) -> impl Iterator<Item = &str> {
+        let terms = self.0.iter().flat_map(|(left, _, right)| [left, right]);
+        terms.filter_map(|term| match term {
+            Term::Column(name) => Some(name.as_str()),
+            Term::Number(_) => None,
+        })
+    }
+
     /// The condition as a function of a row; `column` finds the place of a name.
     pub(super) fn on(&self, column: impl Fn(&str) -> Result<usize>) -> Result<Test> {
         // A number, or the place of a column.

@@ -94,7 +94,14 @@ impl ReadArgs {
     ///
     /// # Errors
     /// A file that cannot be read, lacks a column, or has uneven steps that nobody resamples.
-    pub(super) fn read(&self, files: &[Input], dt: Option<f64>) -> Result<Vec<(Input, Table)>> {
+    ///
+    /// Columns that only choose rows (`besides`) are read, too.
+    pub(super) fn read(
+        &self,
+        files: &[Input],
+        dt: Option<f64>,
+        besides: &[&str],
+    ) -> Result<Vec<(Input, Table)>> {
         if let (Some(_), None, false) = (self.resample, dt, self.join) {
             return Err(Error::param("resample", "--dt says to which step"));
         }
@@ -114,7 +121,7 @@ impl ReadArgs {
             ));
         }
         let mut reading = Reading {
-            columns: self.wanted(&derived),
+            columns: self.wanted(&derived, besides),
             missing: self.missing()?,
             encode: self.encode.is_some(),
             time_unit: self.time_unit,
@@ -128,11 +135,13 @@ impl ReadArgs {
                     "it is for tables; a recording has all its topics side by side",
                 ));
             }
-            return self.joined(files, dt, &reading, &derived);
+            return self.joined(files, dt, &reading, &derived, besides);
         }
         let needed = Derived::needed(&derived);
         let of_a_feature =
             |reason: &str| needed.iter().any(|name| reason.contains(&format!("no column '{name}'")));
+        let of_a_mask =
+            |reason: &str| besides.iter().any(|name| reason.contains(&format!("no column '{name}'")));
         let mut tables: Vec<(Input, Table)> = Vec::new();
         for file in files {
             let steps = Steps {
@@ -147,6 +156,7 @@ impl ReadArgs {
                     Error::file(&file.user, format!("it lacks a column of the first file: {reason}"))
                 }
                 Error::Param { reason, .. } if of_a_feature(&reason) => Error::param("feature", reason),
+                Error::Param { reason, .. } if of_a_mask(&reason) => Error::param("where and --mask", reason),
                 other => other,
             })?;
             let even = table.at_even_steps(&steps).map_err(|reason| Error::file(&file.user, reason))?;
@@ -154,7 +164,7 @@ impl ReadArgs {
             tables.extend(even.into_iter().map(|table| (file.clone(), table)));
         }
         if !derived.is_empty() {
-            let chosen = self.with_derived(&derived);
+            let chosen = self.with_derived(&derived, besides);
             for (_, table) in &mut tables {
                 table.derive(&derived)?;
                 if let Some(chosen) = &chosen {
@@ -174,6 +184,7 @@ impl ReadArgs {
         dt: Option<f64>,
         reading: &Reading,
         derived: &[Derived],
+        besides: &[&str],
     ) -> Result<Vec<(Input, Table)>> {
         let all = Reading { columns: None, ..reading.clone() };
         let read = |file: &Input| Ok((file.user.clone(), Table::read_as(&file.table, &all)?));
@@ -183,7 +194,7 @@ impl ReadArgs {
         if !derived.is_empty() {
             table.derive(derived)?;
         }
-        if let Some(chosen) = self.with_derived(derived) {
+        if let Some(chosen) = self.with_derived(derived, besides) {
             table.keep(&chosen)?;
         }
         let names = table.names.clone();
@@ -192,24 +203,30 @@ impl ReadArgs {
         Ok(vec![(Input { table: whole.clone(), user: whole }, table)])
     }
 
-    /// The columns to read: those that are wanted, and those that the definitions need. A variable that is defined may be wanted,
-    /// too.
-    fn wanted(&self, derived: &[Derived]) -> Option<Vec<String>> {
-        let is_derived = |name: &String| derived.iter().any(|derived| plain(derived.name()) == plain(name));
-        let wanted: Vec<String> =
-            self.columns.as_ref()?.iter().filter(|name| !is_derived(name)).cloned().collect();
-        Some(
-            wanted
-                .into_iter()
-                .chain(Derived::needed(derived).iter().map(|name| format!("+{name}")))
-                .collect(),
-        )
+    /// The columns to read: those that are wanted, and those that the definitions and `besides` need. A variable that is defined
+    /// may be wanted, too.
+    fn wanted(&self, derived: &[Derived], besides: &[&str]) -> Option<Vec<String>> {
+        let is_derived = |name: &str| derived.iter().any(|derived| plain(derived.name()) == plain(name));
+        let wanted = self.columns.as_ref()?.iter().filter(|name| !is_derived(name)).cloned();
+        let needed = Derived::needed(derived).iter().map(|name| format!("+{name}")).collect::<Vec<_>>();
+        let besides = besides.iter().filter(|name| !is_derived(name)).map(|name| format!("+{name}"));
+        Some(wanted.chain(needed).chain(besides).collect())
     }
 
-    /// What is kept of the columns: those that are wanted, and all variables that are defined.
-    fn with_derived(&self, derived: &[Derived]) -> Option<Vec<String>> {
-        let wanted = self.columns.clone()?;
-        Some(wanted.into_iter().chain(derived.iter().map(|derived| format!("+{}", derived.name()))).collect())
+    /// What is kept of the columns: those that are wanted, all variables that are defined, and for now those that choose rows.
+    fn with_derived(&self, derived: &[Derived], besides: &[&str]) -> Option<Vec<String>> {
+        let names = derived.iter().map(Derived::name).chain(besides.iter().copied());
+        Some(self.columns.clone()?.into_iter().chain(names.map(|name| format!("+{name}"))).collect())
+    }
+
+    /// The variables among the columns that were read, if only some of the columns are wanted. `recorded`: a node has made them.
+    ///
+    /// # Errors
+    /// A definition that is none.
+    pub(super) fn variables(&self, recorded: bool) -> Result<Option<Vec<String>>> {
+        let features = if recorded { &[][..] } else { &self.features[..] };
+        let derived = features.iter().map(|text| Derived::parse(text)).collect::<Result<Vec<_>>>()?;
+        Ok(self.with_derived(&derived, &[]))
     }
 
     pub(super) fn missing(&self) -> Result<Vec<f64>> {
@@ -268,14 +285,19 @@ impl PartArgs {
     ///
     /// # Errors
     /// A column without any number, unless it may be left out; a window without rows.
-    pub(super) fn part(&self, mut data: Data, changes: &ChangeArgs) -> Result<Data> {
+    pub(super) fn part(
+        &self,
+        mut data: Data,
+        changes: &ChangeArgs,
+        variables: Option<&[String]>,
+    ) -> Result<Data> {
         if let Some(Rows(rows)) = &self.rows {
             data.map_recordings(|recording| {
                 let end = recording.nrows().min(*rows.end());
                 recording.slice(s![(rows.start() - 1).min(end)..end, ..]).to_owned()
             })?;
         }
-        let masks = self.masks(&mut data)?;
+        let masks = self.masks(&mut data, variables)?;
         changes.apply(&mut data)?;
         if let Some(masks) = masks {
             data.data = data.data.with_mask(masks, "y".parse()?)?;
@@ -299,8 +321,15 @@ impl PartArgs {
 }
 
 impl PartArgs {
-    /// Which rows are no effects, for each recording; the column that says so is taken out of `data`.
-    fn masks(&self, data: &mut Data) -> Result<Option<Vec<Array2<bool>>>> {
+    /// The columns that choose rows.
+    pub(super) fn columns(&self) -> Vec<&str> {
+        let of_condition = self.condition.iter().flat_map(Condition::columns);
+        self.mask.as_deref().into_iter().chain(of_condition).collect()
+    }
+
+    /// Which rows are no effects, for each recording; the column that says so is taken out of `data`, and so is what is none of the
+    /// `variables`.
+    fn masks(&self, data: &mut Data, variables: Option<&[String]>) -> Result<Option<Vec<Array2<bool>>>> {
         if self.mask.is_none() && self.condition.is_none() {
             return Ok(None);
         }
@@ -324,16 +353,27 @@ impl PartArgs {
         let is_masked = |row: ArrayView1<'_, f64>| {
             by.is_some_and(|by| row[by] != 0.0) || condition.as_ref().is_some_and(|condition| !condition(row))
         };
+        // What was to be left out may not have been read at all.
+        let is_there = |name: &&String| {
+            let pattern = name.strip_prefix('!').map(|pattern| vec![pattern.to_owned()]);
+            pattern.is_none_or(|pattern| Table::places(&names, &pattern).is_ok())
+        };
+        let variables: Vec<String> = variables.unwrap_or_default().iter().filter(is_there).cloned().collect();
+        let chosen = match variables.is_empty() {
+            true => None,
+            false => Some(Table::places(&names, &variables)?),
+        };
+        let is_kept =
+            |var: &usize| Some(*var) != by && chosen.as_ref().is_none_or(|chosen| chosen.contains(var));
+        let kept: Vec<usize> = (0..names.len()).filter(is_kept).collect();
         let of_recording = |recording: &Array2<f64>| {
             let rows: Vec<bool> = recording.rows().into_iter().map(is_masked).collect();
-            let columns = names.len() - usize::from(by.is_some());
-            Array2::from_shape_fn((rows.len(), columns), |(row, _)| rows[row])
+            Array2::from_shape_fn((rows.len(), kept.len()), |(row, _)| rows[row])
         };
         let masks: Vec<Array2<bool>> = data.data.recordings().iter().map(of_recording).collect();
         let masked = |mask: &Array2<bool>| mask.column(0).iter().filter(|masked| **masked).count();
         let (rows, out): (usize, usize) =
             masks.iter().map(|mask| (mask.nrows(), masked(mask))).fold((0, 0), |a, b| (a.0 + b.0, a.1 + b.1));
-        let kept: Vec<usize> = (0..names.len()).filter(|var| Some(*var) != by).collect();
         data.data = data.data.select(&kept);
         data.warnings
             .push(format!("{out} of {rows} rows are masked: they are the past of others, and no effects"));

@@ -119,6 +119,33 @@ impl Known {
     }
 }
 
+/// The frame of the first message of a topic of poses or odometry.
+///
+/// # Errors
+/// A recording that cannot be opened.
+pub(crate) fn frame_of(path: &Path, name: &str) -> Result<Option<String>> {
+    let mut recording = Recording::open(path)?;
+    let topics = recording.topics().to_vec();
+    recording.select(|topic| topic.name == name);
+    let headers = recording.by_ref().map(|record| header(&topics[record.topic], &record));
+    Ok(headers.take(LOOKED_AT).flatten().next().map(|header| header.frame_id))
+}
+
+/// Whether the transforms of a recording have this frame.
+///
+/// # Errors
+/// A recording that cannot be opened.
+pub(crate) fn has_frame(path: &Path, tf: &str, frame: &str) -> Result<bool> {
+    let mut recording = Recording::open(path)?;
+    let topics = recording.topics().to_vec();
+    recording.select(|topic| is_tf(topic, tf));
+    let is_it = |name: &str| name.trim_start_matches('/') == frame;
+    Ok(recording.by_ref().any(|record| {
+        let message = topics[record.topic].decode::<TFMessage>(&record.bytes).unwrap_or_default();
+        message.transforms.iter().any(|t| is_it(&t.header.frame_id) || is_it(&t.child_frame_id))
+    }))
+}
+
 /// The frames in the first transforms of a recording.
 ///
 /// # Errors

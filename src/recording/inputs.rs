@@ -242,7 +242,10 @@ impl Inputs {
             (Some(odometry), pose) if odometry.type_name == VELOCITY => {
                 self.take(&ROBOT_ODOM, &odometry);
                 match pose {
-                    Some(pose) => self.take(&ROBOT_POSE, &pose),
+                    Some(pose) => {
+                        self.take(&ROBOT_POSE, &pose);
+                        self.take_target(chooser, args, &pose.name)?;
+                    }
                     None => {
                         let (base, map) = self.frames(chooser)?;
                         self.chosen.push(format!("robot pose: the place of {base} in {map} by TF"));
@@ -251,12 +254,16 @@ impl Inputs {
             }
             (Some(odometry), pose) => {
                 self.take(&ROBOT_ODOM, &odometry);
+                let known = pose.as_ref().map(|pose| pose.name.clone());
                 self.take_pose(chooser, args, &odometry, pose)?;
+                let place = known.filter(|_| self.pose_of.is_none()).unwrap_or(odometry.name);
+                self.take_target(chooser, args, &place)?;
             }
             (None, Some(pose)) => {
                 self.set("robot", "odom_topic", "");
                 self.chosen.push("robot odometry: none, the speed follows from the poses".into());
                 self.take(&ROBOT_POSE, &pose);
+                self.take_target(chooser, args, &pose.name)?;
             }
             (None, None) => self.take_frame(chooser)?,
         }
@@ -309,6 +316,27 @@ impl Inputs {
         self.set("robot", "pose_type", "PoseStamped");
         self.chosen.push(format!("robot pose: {by_tf}{why}"));
         self.pose_of = Some(odometry.name.clone());
+        Ok(())
+    }
+
+    /// The frame of all states where nothing knows a map: that of the robot's places.
+    fn take_target(&mut self, chooser: &Chooser<'_>, args: &InputArgs, place: &str) -> Result<()> {
+        let is_named = args
+            .params
+            .iter()
+            .any(|text| text.split_once('=').is_some_and(|(name, _)| name.ends_with(".target_frame")));
+        let frame = coverage::frame_of(chooser.path, place)?.unwrap_or_default();
+        let frame = frame.trim_start_matches('/');
+        let map = target_frame(args);
+        if is_named || frame.is_empty() || frame == map || coverage::has_frame(chooser.path, &self.tf, &map)?
+        {
+            return Ok(());
+        }
+        for node in ["robot", "human"] {
+            self.set(node, "target_frame", frame);
+        }
+        self.chosen
+            .push(format!("all places in the frame {frame} of {place}: no transform leads to a frame {map}"));
         Ok(())
     }
 

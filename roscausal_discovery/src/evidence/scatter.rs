@@ -2,13 +2,19 @@
 
 use crate::{ground::LaggedArrays, independence_tests::residuals, numeric::rows::standardize};
 
+/// Samples that the regression is made of; of more, evenly chosen ones tell the same.
+const MOST_SAMPLES: usize = 20_000;
+
 /// Cause against effect, and what is left of both after a linear regression on the conditions; at most `points` of each,
-/// evenly chosen.
+/// evenly chosen. The regression is one of at most [`MOST_SAMPLES`] samples.
 pub(super) fn scatters(arrays: LaggedArrays, points: usize) -> (Vec<[f32; 2]>, Vec<[f32; 2]>) {
     let LaggedArrays { mut x, mut y, mut z, .. } = arrays;
     let raw = thin(&x, &y, points);
     if points == 0 || z.is_empty() {
         return (raw, Vec::new());
+    }
+    for row in [&mut x, &mut y].into_iter().chain(&mut z) {
+        keep_even(row);
     }
     let scale = |row: &[f64]| {
         let mean = row.iter().sum::<f64>() / row.len() as f64;
@@ -23,6 +29,14 @@ pub(super) fn scatters(arrays: LaggedArrays, points: usize) -> (Vec<[f32; 2]>, V
     x.iter_mut().for_each(|v| *v *= scale_x);
     y.iter_mut().for_each(|v| *v *= scale_y);
     (raw, thin(&x, &y, points))
+}
+
+/// At most [`MOST_SAMPLES`] of the values, in even steps.
+fn keep_even(row: &mut Vec<f64>) {
+    let step = row.len().div_ceil(MOST_SAMPLES);
+    if step > 1 {
+        *row = row.iter().copied().step_by(step).collect();
+    }
 }
 
 fn thin(x: &[f64], y: &[f64], points: usize) -> Vec<[f32; 2]> {

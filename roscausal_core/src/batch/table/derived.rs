@@ -132,11 +132,18 @@ impl Table {
     /// # Errors
     /// A name that is not there, as an error of the parameter `columns`.
     pub fn keep(&mut self, wanted: &[String]) -> Result<()> {
-        let kept = super::columns::chosen(&self.names, wanted, None)
-            .map_err(|reason| Error::param("columns", reason))?;
+        let kept = Self::places(&self.names, wanted)?;
         self.values = self.values.select(ndarray::Axis(1), &kept);
         self.names = kept.iter().map(|&column| self.names[column].clone()).collect();
         Ok(())
+    }
+
+    /// The places of the columns that `wanted` chooses of these names, as [`Table::keep`].
+    ///
+    /// # Errors
+    /// As [`Table::keep`].
+    pub fn places(names: &[String], wanted: &[String]) -> Result<Vec<usize>> {
+        super::columns::chosen(names, wanted, None).map_err(|reason| Error::param("columns", reason))
     }
 }
 
