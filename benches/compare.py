@@ -32,12 +32,18 @@ ROWS = {
     "varlingam10": ("VARLiNGAM, N = 10, T = 1000, lags 0-2", "varlingam", "none", ("laplace", 10, 1000), 0, 2, 50, None),
     "dynotears10": ("DYNOTEARS, N = 10, T = 500, lags 0-1", "dynotears", "none", ("laplace", 10, 500), 0, 1, 20, None),
     "cmiknn3": ("PCMCI + CMIknn (shuffle), N = 3, T = 500", "pcmci", "cmiknn", ("chain", 3, 500), 1, 1, 20, None),
+    "boot5": ("100 bootstraps of PCMCI + ParCorr, N = 5, T = 500, lags 1-2", "pcmci", "parcorr", ("var", 5, 500), 1, 2, 200, None),
 }
+# Rows that are resampled: how rows are drawn, and how often.
+RESAMPLED = {"boot5": ("bootstrap", 100)}
 # Measurements of our engine alone.
 OWN = {
     "threads3": ("two threads against one, gpdc3 (wall)", ("chain", 3, 500), 1.7),
     "threads8": ("two threads against one, gpdc8 (wall)", ("chain", 8, 1000), 1.7),
     "memory": ("peak memory, gpdc3", ("chain", 3, 500), 30),
+    "sub3": ("100 subsamples of PCMCI + GPDC, 3 variables, T = 500, lag 1 (CPU seconds)", ("chain", 3, 500), 8),
+    "boot1000": ("peak memory of 1000 bootstraps of PCMCI + ParCorr, N = 5, T = 500, lags 1-2, above that of one run", ("var", 5, 500), 40),
+    "threadsboot": ("two threads against one, 10000 bootstraps of the same (wall)", ("var", 5, 500), 1.8),
     "gpdc5840": ("GPDC, 8 variables x 5840 samples", ("chain", 8, 5840), 1000),
 }
 
@@ -108,7 +114,7 @@ def data_file(work, spec):
     return path
 
 
-def reference(peer, method, test, path, tau_min, tau_max):
+def reference(peer, method, test, path, tau_min, tau_max, resamples=0):
     """One warm-up on a short piece (compilation by numba, start of Java), then one timed run: CPU seconds."""
     import contextlib
     import io
@@ -166,7 +172,11 @@ def reference(peer, method, test, path, tau_min, tau_max):
                 joint(values, header, tau_max)
                 return
             pcmci = PCMCI(pp.DataFrame(values), make(**options), verbosity=0)
-            if method == "pcmci":
+            if resamples:
+                settings = {"tau_min": tau_min, "tau_max": tau_max, "pc_alpha": 0.2}
+                few = min(resamples, 2 if len(values) < len(data) else resamples)
+                pcmci.run_bootstrap_of("run_pcmci", settings, boot_samples=few, boot_blocklength=1, seed=42)
+            elif method == "pcmci":
                 pcmci.run_pcmci(tau_min=tau_min, tau_max=tau_max, pc_alpha=0.2)
             else:
                 pcmci.run_pcmciplus(tau_min=tau_min, tau_max=tau_max, pc_alpha=0.01)
@@ -290,13 +300,14 @@ def compare(row, options, ours):
     what, method, test, spec, tau_min, tau_max, bar, bar_antecedent = ROWS[row]
     path = data_file(options.work, spec)
     arguments = [method, test, path, str(tau_min), str(tau_max)]
-    mine, failure = measure([ours, *arguments], options.runs, options.cap)
+    drawn = ["1", *map(str, RESAMPLED[row])] if row in RESAMPLED else []
+    mine, failure = measure([ours, *arguments, *drawn], options.runs, options.cap)
     columns = [what, show(mine, failure)]
     for peer, wanted in (("reference", bar), ("antecedent", bar_antecedent)):
         if wanted is None:
             columns += ["-", "-", "-"]
             continue
-        command = [sys.executable, __file__, "--peer", peer, *arguments]
+        command = [sys.executable, __file__, "--peer", peer, *arguments, *drawn[2:]]
         theirs, failure = measure(command, options.runs, options.cap)
         if mine and theirs:
             ratio = median(theirs, "cpu_s") / max(median(mine, "cpu_s"), 1e-9)
@@ -310,6 +321,9 @@ def compare(row, options, ours):
 
 def own(row, options, ours):
     what, spec, bar = OWN[row]
+    if row in ("sub3", "boot1000", "threadsboot"):
+        resampled(row, options, ours)
+        return
     command = [ours, "pcmci", "gpdc", data_file(options.work, spec), "1", "1"]
     runs, failure = measure([*command, "1"], 1 if row == "gpdc5840" else options.runs, options.cap)
     if not runs:
@@ -322,10 +336,30 @@ def own(row, options, ours):
         print(f"- {what}: {median(runs, 'peak_mb'):.1f} MB (bar {bar} MB), {median(runs, 'cpu_s'):.3g} CPU s", flush=True)
 
 
+def resampled(row, options, ours):
+    what, spec, bar = OWN[row]
+    path = data_file(options.work, spec)
+
+    def runs(test, tau_max, *drawn):
+        results, failure = measure([ours, "pcmci", test, path, "1", tau_max, *drawn], options.runs, options.cap)
+        if not results:
+            sys.exit(f"{row}: {failure}")
+        return results
+
+    if row == "sub3":
+        print(f"- {what}: {median(runs('gpdc', '1', '1', 'subsample', '100'), 'cpu_s'):.3g} s (bar {bar} s)", flush=True)
+    elif row == "boot1000":
+        many, one = (median(runs("parcorr", "2", *drawn), "peak_mb") for drawn in (["1", "bootstrap", "1000"], ["1"]))
+        print(f"- {what}: {many - one:.1f} MB (bar {bar} MB)", flush=True)
+    else:
+        one, two = (median(runs("parcorr", "2", threads, "bootstrap", "10000"), "wall_s") for threads in "12")
+        print(f"- {what}: {one:.3g} s and {two:.3g} s, {one / two:.2f} x (bar {bar} x)", flush=True)
+
+
 def main():
     if "--peer" in sys.argv:
         peer, method, test, path, tau_min, tau_max = sys.argv[2:8]
-        reference(peer, method, test, path, int(tau_min), int(tau_max))
+        reference(peer, method, test, path, int(tau_min), int(tau_max), int((sys.argv[8:] or ["0"])[0]))
     parser = argparse.ArgumentParser(prog="compare.sh")
     parser.add_argument("--work", required=True, help=argparse.SUPPRESS)
     parser.add_argument("--rows", default=",".join([*ROWS, *OWN]), help="rows to run, by commas")

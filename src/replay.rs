@@ -53,8 +53,9 @@ pub(crate) struct Args {
     /// Tell when a mechanism changes, as the discovery node does (docs/confidence.md).
     #[arg(long)]
     changes: bool,
-    /// With --changes: rows that are compared with those before at a time; more for many variables.
-    #[arg(long, value_name = "ROWS", requires = "changes", value_parser = clap::value_parser!(u32).range(20..))]
+    /// With --changes: rows that are compared with those before at a time, more for many variables. Default: 0, each batch as a
+    /// whole.
+    #[arg(long, value_name = "ROWS", requires = "changes", value_parser = clap::value_parser!(u32).range(..=1_000_000))]
     change_rows: Option<u32>,
     /// Most batches of a model: the newest ones since the last change. Default: 1, each batch alone.
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..=1000))]

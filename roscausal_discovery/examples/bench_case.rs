@@ -1,6 +1,7 @@
 //! Runs one analysis and prints its cost as one line of JSON, for side-by-side measurements.
 //!
-//! `bench_case METHOD TEST CSV TAU_MIN TAU_MAX [THREADS]`: METHOD is any of `roscausal methods`; TEST is `none` for one that asks none.
+//! `bench_case METHOD TEST CSV TAU_MIN TAU_MAX [THREADS [SCHEME RESAMPLES]]`: METHOD is any of `roscausal methods`; TEST is `none` for
+//! one that asks none; SCHEME is how rows are drawn.
 //! Rows with different numbers in a column `recording` are recordings of their own; a column `do_X` is an intervention on `X`. CPU seconds
 //! are those of the analysis in all threads of this process, without reading the file. Peak memory is that of the
 //! process.
@@ -12,6 +13,7 @@ use std::{fs, path::Path, process::ExitCode, time::Instant};
 
 use roscausal_discovery::{
     Control, DataFrame, Settings, analyse,
+    confidence::{Resampling, analyse_resampled},
     independence_tests::{TestSettings, by_name},
     methods::{
         FpcmciSettings, Method, PcmciPlusSettings, PcmciResult, PcmciSettings, run_fpcmci, run_pcmci,
@@ -22,8 +24,8 @@ use roscausal_discovery::{
 
 fn main() -> ExitCode {
     let args: Vec<String> = std::env::args().skip(1).collect();
-    let (5 | 6) = args.len() else {
-        eprintln!("usage: bench_case METHOD TEST CSV TAU_MIN TAU_MAX [THREADS]");
+    let (5 | 6 | 8) = args.len() else {
+        eprintln!("usage: bench_case METHOD TEST CSV TAU_MIN TAU_MAX [THREADS [SCHEME RESAMPLES]]");
         return ExitCode::from(2);
     };
     match run(&args) {
@@ -50,6 +52,20 @@ fn run(args: &[String]) -> Result<String, Box<dyn std::error::Error>> {
     // One working thread in total: the calling thread only waits for the pool.
     let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build()?;
     let (cpu_before, start) = (cpu_seconds(), Instant::now());
+    if args.len() == 8 {
+        let resampling =
+            Resampling { resamples: number(7)?, scheme: args[6].parse()?, ..Resampling::default() };
+        let settings = Settings {
+            method: args[0].parse()?,
+            cond_ind_test: test_name.to_owned(),
+            tau_min: number(3)?,
+            tau_max: number(4)?,
+            ..Settings::default()
+        };
+        let model = pool.install(|| analyse_resampled(&data, &settings, &resampling, &control))?;
+        let (wall, cpu) = (start.elapsed().as_secs_f64(), cpu_seconds() - cpu_before);
+        return Ok(line(wall, cpu, model.links.len(), control.done()));
+    }
     let result: Option<PcmciResult> = match args[0].as_str() {
         "pcmci" => Some(pool.install(|| run_pcmci(&data, test.as_ref(), &settings, &control))?),
         "pcmciplus" => {

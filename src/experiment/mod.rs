@@ -1,6 +1,7 @@
 //! `roscausal experiment`: runs the whole chain over seeds and settings, and counts how often each link is found; whether answers
 //! of reasoning are true; and whether a planner that asks does better.
 
+mod changes;
 mod grid;
 mod planner;
 mod reasoning;
@@ -23,7 +24,7 @@ use roscausal_core::{Error, Result, gate::lock, threads};
 use roscausal_discovery::{PcAlpha, Settings};
 use roscausal_hrisim::Scenario;
 
-use crate::{chart, interrupt::Interrupt, output};
+use crate::{chart, discover::ResampleArgs, interrupt::Interrupt, output};
 use grid::{Grid, Setting};
 use recordings::record;
 use runs::{Common, Run};
@@ -48,6 +49,8 @@ enum Command {
     Reasoning(reasoning::Args),
     /// Does a robot that asks what-if before it drives do better? Risk and time to the goal, with and without.
     Planner(planner::Args),
+    /// How soon is a change told that nobody announced, and how often one that is not there?
+    Changes(changes::Args),
     /// Join the results of several `--shard`s, or of several experiments, into one folder.
     Merge {
         /// Folders that `roscausal experiment --out` made.
@@ -108,6 +111,8 @@ struct Sweep {
     /// Largest lag, in samples.
     #[arg(long, default_value_t = 1)]
     tau_max: usize,
+    #[command(flatten)]
+    resample: ResampleArgs,
     /// Runs at a time; default: one per core. They do not change the results.
     #[arg(long)]
     threads: Option<usize>,
@@ -125,6 +130,7 @@ pub(crate) fn run(args: &Args, interrupt: &Interrupt) -> Result<()> {
     let (out, runs) = match &args.command {
         Some(Command::Reasoning(args)) => return reasoning::run(args, interrupt),
         Some(Command::Planner(args)) => return planner::run(args, interrupt),
+        Some(Command::Changes(args)) => return changes::run(args, interrupt),
         Some(Command::Merge { from, out }) => (out, merge(from, out)?),
         None => {
             interrupt.nothing_at_stake("finished runs are kept");
@@ -201,7 +207,12 @@ impl Sweep {
     fn run(&self, interrupt: &Interrupt) -> Result<Vec<Run>> {
         let (grid, analysis) = (self.grid()?, self.analysis()?);
         grid.check(&analysis)?;
-        let common = Common { analysis, risk_noise: self.risk_noise, out: self.out.clone() };
+        let common = Common {
+            analysis,
+            resampling: self.resample.asked()?,
+            risk_noise: self.risk_noise,
+            out: self.out.clone(),
+        };
         let jobs = self.jobs(&grid)?;
         let paths = |job: &Job| -> Vec<PathBuf> {
             job.settings.iter().map(|setting| common.path(setting, &job.scenario, job.seed)).collect()
@@ -269,6 +280,27 @@ impl Job {
     }
 }
 
+/// Does the work for each seed, several at a time; results in the order of the seeds.
+fn in_order<T: Send>(
+    seeds: &[u64],
+    workers: usize,
+    what: &str,
+    work: impl Fn(&u64) -> Result<T> + Sync,
+) -> Result<Vec<T>> {
+    let bar = chart::bar(what, seeds.len() as u64, false);
+    let done = Mutex::new(Vec::new());
+    work_off(seeds, workers, |seed| {
+        let result = work(seed)?;
+        lock(&done).push((*seed, result));
+        bar.inc(1);
+        Ok(())
+    })?;
+    bar.finish_and_clear();
+    let mut done = std::mem::take(&mut *lock(&done));
+    done.sort_by_key(|(seed, _)| *seed);
+    Ok(done.into_iter().map(|(_, result)| result).collect())
+}
+
 /// Passes the jobs in order to `workers` threads. The first error ends all.
 fn work_off<J: Sync>(jobs: &[J], workers: usize, work: impl Fn(&J) -> Result<()> + Sync) -> Result<()> {
     let next = AtomicUsize::new(0);
@@ -292,25 +324,4 @@ fn work_off<J: Sync>(jobs: &[J], workers: usize, work: impl Fn(&J) -> Result<()>
         Some(error) => Err(error),
         None => Ok(()),
     }
-}
-
-/// Does the work for each seed, several at a time; results in the order of the seeds.
-fn in_order<T: Send>(
-    seeds: &[u64],
-    workers: usize,
-    what: &str,
-    work: impl Fn(&u64) -> Result<T> + Sync,
-) -> Result<Vec<T>> {
-    let bar = chart::bar(what, seeds.len() as u64, false);
-    let done = Mutex::new(Vec::new());
-    work_off(seeds, workers, |seed| {
-        let result = work(seed)?;
-        lock(&done).push((*seed, result));
-        bar.inc(1);
-        Ok(())
-    })?;
-    bar.finish_and_clear();
-    let mut done = std::mem::take(&mut *lock(&done));
-    done.sort_by_key(|(seed, _)| *seed);
-    Ok(done.into_iter().map(|(_, result)| result).collect())
 }

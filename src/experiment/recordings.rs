@@ -123,6 +123,11 @@ pub(crate) fn batches(recording: &Recording, length: f64) -> Result<Vec<Recordin
         let reason = format!("{} rows were recorded for {length} s at {step} s", recording.n_rows());
         return Err(Error::Data(reason));
     }
+    Ok(cut(recording, rows, count))
+}
+
+/// The first `count` batches of `rows` rows each.
+pub(super) fn cut(recording: &Recording, rows: usize, count: usize) -> Vec<Recording> {
     let cut = |batch: usize| {
         let range = batch * rows..(batch + 1) * rows;
         Recording {
@@ -142,5 +147,5 @@ pub(crate) fn batches(recording: &Recording, length: f64) -> Result<Vec<Recordin
             ..recording.clone()
         }
     };
-    Ok((0..count).map(cut).collect())
+    (0..count).map(cut).collect()
 }

@@ -15,7 +15,10 @@ use roscausal_core::{
         postprocess::{Feature, Obstacle, Postprocess},
     },
 };
-use roscausal_discovery::{Control, DataFrame, Settings, analyse};
+use roscausal_discovery::{
+    Control, DataFrame, Model, Settings, analyse,
+    confidence::{Resampling, analyse_resampled},
+};
 use roscausal_hrisim::Scenario;
 use serde::{Deserialize, Serialize};
 
@@ -25,9 +28,9 @@ use crate::{expected, interrupt::Interrupt, output};
 /// Folder of the run files.
 const FOLDER: &str = "runs";
 /// As in the paper: metres, and the names of speed, distance to goal and risk.
-const OBS_SIZE: f64 = 2.0;
-const SAFE_DIST: f64 = 5.0;
-const NAMES: [&str; 3] = ["h_v", "h_dg", "h_risk"];
+pub(super) const OBS_SIZE: f64 = 2.0;
+pub(super) const SAFE_DIST: f64 = 5.0;
+pub(super) const NAMES: [&str; 3] = ["h_v", "h_dg", "h_risk"];
 
 /// One run: its setting and its result.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -42,13 +45,25 @@ pub(crate) struct Run {
     pub(crate) found: Vec<(String, String)>,
     /// Cross links that the scenario has.
     pub(crate) expected: Vec<(String, String)>,
+    /// With resamples: each possible cross link and its share.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub(crate) shares: Vec<Share>,
     /// Wall time of the analysis on one core, seconds.
     pub(crate) run_time_s: f64,
+}
+
+/// The share of the resamples in which there is a link, at any lag.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub(crate) struct Share {
+    pub(crate) cause: String,
+    pub(crate) effect: String,
+    pub(crate) share: f64,
 }
 
 /// What all runs of a sweep share.
 pub(crate) struct Common {
     pub(crate) analysis: Settings,
+    pub(crate) resampling: Option<Resampling>,
     pub(crate) risk_noise: f64,
     pub(crate) out: PathBuf,
 }
@@ -62,8 +77,9 @@ impl Common {
     /// What a run depends on in addition to its setting and seed.
     fn rest(&self, setting: &Setting, scenario: &Scenario) -> String {
         let analysis = setting.analysis(&self.analysis);
+        let resampling = self.resampling.as_ref().map_or(String::new(), |of| format!(" {of:?}"));
         format!(
-            "version {} risk_noise {} {:016x} {analysis:?}",
+            "version {} risk_noise {} {:016x} {analysis:?}{resampling}",
             env!("CARGO_PKG_VERSION"),
             self.risk_noise,
             hash(&format!("{scenario:?}"))
@@ -105,7 +121,10 @@ impl Common {
         let data = DataFrame::new(tables, names)?;
         let control = Control::default().cancel_on(interrupt.flag());
         let start = Instant::now();
-        let model = analyse(&data, &settings, &control)?;
+        let model = match &self.resampling {
+            Some(resampling) => analyse_resampled(&data, &settings, resampling, &control)?,
+            None => analyse(&data, &settings, &control)?,
+        };
         let run_time_s = start.elapsed().as_secs_f64();
         let mut found: Vec<(String, String)> =
             model.links.iter().map(|link| (link.cause.clone(), link.effect.clone())).collect();
@@ -119,13 +138,34 @@ impl Common {
             n_samples: model.n_samples,
             found,
             expected: expected::links_of(scenario),
+            shares: shares(&model),
             run_time_s,
         };
         run.write(&self.out)
     }
 }
 
+/// The shares of all cross links among the paper's variables.
+fn shares(model: &Model) -> Vec<Share> {
+    let Some(confidence) = &model.confidence else { return Vec::new() };
+    let mut shares = Vec::new();
+    for (cause, row) in model.features.iter().zip(&confidence.summary_frequency) {
+        for (effect, share) in model.features.iter().zip(row) {
+            let of_paper = [cause, effect].iter().all(|name| NAMES.contains(&name.as_str()));
+            if cause != effect && of_paper {
+                shares.push(Share { cause: cause.clone(), effect: effect.clone(), share: *share });
+            }
+        }
+    }
+    shares
+}
+
 impl Run {
+    /// Whether the scenario has the link of a share.
+    pub(crate) fn has(&self, share: &Share) -> bool {
+        self.expected.iter().any(|(cause, effect)| *cause == share.cause && *effect == share.effect)
+    }
+
     /// Writes the run into the folder of runs below `out`.
     ///
     /// # Errors

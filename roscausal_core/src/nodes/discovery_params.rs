@@ -226,9 +226,9 @@ pub(super) fn specs() -> Vec<ParamSpec> {
         ),
         ParamSpec::new(
             "change_rows",
-            Int(150),
-            Range(20.0, 1e6),
-            "rows that are compared with the regime at a time; more for many variables",
+            Int(0),
+            Range(0.0, 1e6),
+            "rows that are compared with the regime at a time, more for many variables; 0: each batch as a whole",
         ),
         ParamSpec::new(
             "suspect_level",

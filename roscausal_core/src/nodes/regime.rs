@@ -42,7 +42,7 @@ pub(super) struct RollParams {
     pub(super) samples: usize,
     /// Whether changes are looked for, and by which levels.
     pub(super) changes: Option<Levels>,
-    /// Rows that are compared at a time.
+    /// Rows that are compared at a time; 0: each batch as a whole.
     pub(super) change_rows: usize,
 }
 
@@ -353,7 +353,8 @@ impl Whose {
         let values = columns(&part.data, detector.names(), announced);
         let first = detector.rows();
         let rows = values.nrows();
-        let size = params.change_rows.max(detector.fewest_rows());
+        let size =
+            if params.change_rows == 0 { rows } else { params.change_rows }.max(detector.fewest_rows());
         if rows < detector.fewest_rows() {
             let fewest = detector.fewest_rows();
             tracing::warn!(

@@ -25,7 +25,9 @@ impl Comparison<'_> {
             self.exogenous.iter().copied().filter(|&var| range(before, var) != range(after, var)).collect();
         // Where it is (nearly) constant within each batch, nothing says which mechanisms it touches.
         let seen = |var: &usize| before.iter().chain(after).any(|batch| batch.varies(*var, self.past()));
-        let all = !one_sided.iter().all(seen);
+        // What is switched on in one group only may touch a mechanism in any form, also one that no slope shows.
+        let switched = |var: &usize| [before, after].iter().any(|group| constant(range(group, *var)));
+        let all = one_sided.iter().any(switched) || !one_sided.iter().all(seen);
         let touched = |of: &Vec<Node>| all || of.iter().any(|node| one_sided.contains(&node.var));
         let left_out = parents.iter().map(touched).collect();
         Ok(Mechanisms { parents, left_out, incomparable: all })
@@ -86,8 +88,8 @@ impl Comparison<'_> {
             self.control.check()?;
             let slopes = (self.slope(before, at, mechanisms), self.slope(after, at, mechanisms));
             if let (Some(before), Some(after)) = slopes {
-                let (kind, p) = (kind_of(before, after), before.p_of_same(after));
-                found.push(Difference { at, before, after, kind, p, q: p });
+                let (kind, z) = (kind_of(before, after), before.z_of_same(after));
+                found.push(Difference { at, before, after, kind, z, p: 1.0, q: 1.0 });
             }
         }
         Ok(found)
@@ -135,6 +137,7 @@ impl Comparison<'_> {
             Form::Slope => self.slopes_differ(before, after, mechanisms)?,
             Form::Curve => self.curves_differ(before, after, mechanisms)?,
         };
+        found.iter_mut().for_each(|link| link.p = self.yardstick.p_value(link.at, link.z));
         corrected(&mut found);
         Ok(found)
     }
@@ -149,6 +152,10 @@ fn kind_of(before: Slope, after: Slope) -> Kind {
         _ if after.value.abs() > before.value.abs() => Kind::Stronger,
         _ => Kind::Weaker,
     }
+}
+
+fn constant([low, high]: [f64; 2]) -> bool {
+    high - low <= 1e-12
 }
 
 /// Smallest and largest value of a variable in a group of batches.

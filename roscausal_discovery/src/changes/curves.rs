@@ -24,13 +24,18 @@ use super::{
 use crate::{
     ground::{Node, Result},
     independence_tests::{GpOptimum, GpRegression, TestSettings, tail_dependence},
-    numeric::slope::{Slope, dot},
+    numeric::{
+        normal::normal_quantile,
+        slope::{Slope, dot},
+    },
 };
 
 /// Level at which a cause is an input.
 const INPUT: f64 = 0.2;
 /// Level at which there is a link.
 const LINK: f64 = 0.05;
+/// Smallest p-value that is told from others.
+const SMALLEST: f64 = 1e-300;
 /// Rows that choose the hyperparameters.
 const SEARCHED: usize = 400;
 /// Most rows of a regression, the newest ones.
@@ -74,7 +79,8 @@ pub(super) fn differences_of(
     let none = Slope { value: 0.0, variance: 1.0 };
     let difference = |at: &Place| {
         let p = tail_dependence(&left, &of(after, Node::new(at.cause, at.lag)));
-        Difference { at: *at, before: none, after: none, kind: Kind::Weaker, p, q: p }
+        let z = -normal_quantile(0.5 * p.max(SMALLEST));
+        Difference { at: *at, before: none, after: none, kind: Kind::Weaker, z, p: 1.0, q: 1.0 }
     };
     Ok(places.iter().map(difference).collect())
 }

@@ -11,11 +11,15 @@ use super::{
     event::{ChangeEvent, Form, Status},
     terms::{Comparison, Difference, Mechanisms, NONE, Place},
     when,
+    yardstick::Yardstick,
 };
 use crate::ground::{Control, Error, Result};
 
-/// Most rows of a regime that are compared.
+/// Most rows of a regime that are compared; but this many parts, however long.
 const MOST_ROWS: usize = 2000;
+const PARTS: usize = 8;
+/// Comparisons that come before the first suspicion: they make the yardstick.
+const FIRST: usize = 2;
 /// Batches in which the time of a change is looked for.
 const LOCATED_IN: usize = 5;
 /// Earlier regimes that may be recognised.
@@ -24,6 +28,9 @@ const REMEMBERED: usize = 8;
 const MOST_ROWS_OF_CURVES: usize = 1000;
 /// Level at which the batch after a suspected one must show the change alone.
 const ALONE: f64 = 0.01;
+/// The same for curves, and how much larger the level of confirmation is for them.
+const ALONE_OF_CURVES: f64 = 0.02;
+const OF_CURVES: f64 = 10.0 / 3.0;
 
 /// The levels of the two stages, corrected for the number of links.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -59,6 +66,8 @@ pub struct Detector {
     /// Earlier regimes, oldest first.
     closed: VecDeque<(usize, Vec<Batch>)>,
     held: Option<Suspicion>,
+    #[serde(default)]
+    yardstick: Yardstick,
     rows: usize,
     told: usize,
 }
@@ -69,6 +78,8 @@ struct Suspicion {
     batch: Batch,
     /// The links that differ in it, most certain first, and the id of the event of those that were told.
     links: Vec<(Difference, Option<String>)>,
+    /// How far each link was from the regime.
+    all: Vec<(Place, f64)>,
 }
 
 impl Detector {
@@ -101,6 +112,7 @@ impl Detector {
             since: 0,
             closed: VecDeque::new(),
             held: None,
+            yardstick: Yardstick::default(),
             rows: 0,
             told: 0,
         })
@@ -242,6 +254,7 @@ impl Detector {
             names: &self.names,
             tau_max: self.tau_max,
             exogenous: &self.exogenous,
+            yardstick: &self.yardstick,
             control,
         }
     }
@@ -259,9 +272,12 @@ impl Detector {
             return Ok(());
         }
         let mut differences = comparison.differences(&regime, &[&batch], &mechanisms)?;
-        differences.retain(|difference| difference.q <= self.levels.suspect);
+        let all: Vec<(Place, f64)> = differences.iter().map(|link| (link.at, link.z)).collect();
+        let begins = self.yardstick.comparisons() < FIRST;
+        differences.retain(|difference| !begins && difference.q <= self.levels.suspect);
         differences.sort_by(|a, b| a.p.total_cmp(&b.p).then(a.at.cmp(&b.at)));
         if differences.is_empty() {
+            self.yardstick.add(all);
             self.join(batch);
             return Ok(());
         }
@@ -281,7 +297,7 @@ impl Detector {
         }
         events.extend(pushed.into_iter().map(|(id, of)| self.event(id, Status::Suspected, &of)));
         self.told = told;
-        self.held = Some(Suspicion { batch, links });
+        self.held = Some(Suspicion { batch, links, all });
         Ok(())
     }
 
@@ -300,11 +316,16 @@ impl Detector {
         let together = comparison.differences(&regime, &both, &mechanisms)?;
         let alone = comparison.differences(&regime, &[next_batch], &mechanisms)?;
         let of = |all: &[Difference], at: Place| all.iter().find(|difference| difference.at == at).copied();
+        // A part shows less of a curve than of a slope.
+        let (confirm, alone_level) = match self.form {
+            Form::Slope => (self.levels.confirm, ALONE),
+            Form::Curve => (self.levels.confirm * OF_CURVES, ALONE_OF_CURVES),
+        };
         let mut confirmed: Vec<Difference> = Vec::new();
         for (seen, _) in &held.links {
             let (Some(both), Some(next)) = (of(&together, seen.at), of(&alone, seen.at)) else { continue };
-            if both.q <= self.levels.confirm
-                && next.p <= ALONE
+            if both.q <= confirm
+                && next.p <= alone_level
                 && (self.form == Form::Curve || next.rises() == seen.rises() && both.rises() == seen.rises())
             {
                 // The batch that was held back may have old rows: what the link is now, the later one tells alone.
@@ -349,9 +370,11 @@ impl Detector {
         let since = since.map_or(held.batch.first, |row| row.clamp(held.batch.first, next_batch.first));
         events.extend(told);
         if confirmed.is_empty() {
+            self.yardstick.add(held.all);
             return Ok(Some(held.batch));
         }
         self.since = since;
+        self.yardstick.forget();
         self.begin_regime(vec![held.batch, next_batch.clone()]);
         Ok(None)
     }
@@ -385,7 +408,8 @@ impl Detector {
         let past = 2 * self.tau_max;
         let rows = |regime: &VecDeque<Batch>| regime.iter().map(|batch| batch.len(past)).sum::<usize>();
         let most = if self.form == Form::Curve { MOST_ROWS_OF_CURVES } else { MOST_ROWS };
-        while self.regime.len() > 1 && rows(&self.regime) > most {
+        let parts = if self.form == Form::Curve { 1 } else { PARTS };
+        while self.regime.len() > parts && rows(&self.regime) > most {
             self.regime.pop_front();
         }
     }

@@ -10,6 +10,9 @@
 //!    the same direction, it is **confirmed**: both batches are the new regime, and `when.rs` tells the rows between which
 //!    it changed. Else it is **withdrawn**, and the batch that was held back joins the regime after all.
 //!
+//! How much a link differs from batch to batch while nothing changes is learnt on the way (`yardstick.rs`): rows that hang
+//! together, as those of one encounter, would else show changes all the time. So nothing is suspected before the fourth batch.
+//!
 //! Each batch is centred by itself, and slopes do not depend on the size of any noise, so a mean or a spread that changes is no
 //! event. A change that a batch has within itself leaves neither slope there; that is why the next one alone must show it, and
 //! why the kind and the new slope are those of the next one alone.
@@ -48,6 +51,7 @@ mod detector;
 mod event;
 mod terms;
 mod when;
+mod yardstick;
 
 pub use detector::{Detector, Levels};
 pub use event::{ChangeEvent, Form, Kind, Status};

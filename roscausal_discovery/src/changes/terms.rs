@@ -2,7 +2,10 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::event::{Form, Kind};
+use super::{
+    event::{Form, Kind},
+    yardstick::Yardstick,
+};
 use crate::{
     ground::{Control, Node},
     numeric::slope::Slope,
@@ -26,7 +29,9 @@ pub(super) struct Difference {
     pub(super) before: Slope,
     pub(super) after: Slope,
     pub(super) kind: Kind,
-    /// P-value of one mechanism in both.
+    /// How far the two are apart, in standard deviations of independent rows.
+    pub(super) z: f64,
+    /// P-value of one mechanism in both, by the yardstick.
     pub(super) p: f64,
     /// Corrected for the number of links (Benjamini and Hochberg).
     pub(super) q: f64,
@@ -45,6 +50,7 @@ pub(super) struct Comparison<'a> {
     pub(super) tau_max: usize,
     /// Variables that others set: interventions, context.
     pub(super) exogenous: &'a [usize],
+    pub(super) yardstick: &'a Yardstick,
     pub(super) control: &'a Control,
 }
 

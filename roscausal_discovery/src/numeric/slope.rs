@@ -22,9 +22,10 @@ impl Slope {
         two_sided(self.value / self.variance.sqrt())
     }
 
-    /// P-value of the two slopes being one.
-    pub(crate) fn p_of_same(self, other: Self) -> f64 {
-        two_sided((self.value - other.value) / (self.variance + other.variance).sqrt())
+    /// How far two slopes are apart, in standard deviations of their difference; 0 where that is no number.
+    pub(crate) fn z_of_same(self, other: Self) -> f64 {
+        let z = (self.value - other.value) / (self.variance + other.variance).sqrt();
+        if z.is_nan() { 0.0 } else { z }
     }
 }
 

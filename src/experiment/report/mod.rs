@@ -2,6 +2,7 @@
 
 mod counts;
 mod plots;
+mod shares;
 mod tables;
 
 use roscausal_core::Result;
@@ -13,7 +14,10 @@ use self::{
 };
 use super::runs::Run;
 
-pub(super) use tables::text;
+/// The tables as text.
+pub(super) fn text(runs: &[Run]) -> String {
+    tables::text(runs) + &shares::table(runs)
+}
 
 /// Name and text of every file.
 pub(super) fn files(runs: &[Run]) -> Result<Vec<(&'static str, String)>> {
@@ -56,6 +60,7 @@ mod tests {
             n_samples: 100,
             found: links(found),
             expected: links(&PAPER),
+            shares: Vec::new(),
             run_time_s: 0.5 * length,
         }
     }

@@ -19,10 +19,12 @@ from geometry_msgs.msg import PoseWithCovarianceStamped, TransformStamped, Twist
 from move_base_msgs.msg import MoveBaseActionGoal
 from nav_msgs.msg import Odometry
 from pedsim_msgs.msg import AgentState, AgentStates, TrackedPerson, TrackedPersons
-from roscausal_msgs.msg import Humans, HumanState, RobotState
+from roscausal_msgs.msg import Humans, HumanState, ModelChanges, RobotState
 from rosgraph_msgs.msg import Log
 from visualization_msgs.msg import Marker, MarkerArray
 
+sys.path.insert(0, os.path.dirname(os.path.dirname(os.path.abspath(__file__))))
+import switched_off
 from harness import NODE, Group, Process, eventually
 
 group = Group()
@@ -421,6 +423,19 @@ def diagnostics_tell_what_comes_and_what_was_lost(_):
         eventually(lambda: int(status()[1]["lost /roscausal/robot"]) == lost + 7, 10, lambda: status())
         assert int(status()[1]["received /roscausal/robot"]) > before
     subscriber.unregister()
+
+
+@case
+def a_change_that_nobody_announced_is_told_to_who_comes_late(_):
+    folder, told = tempfile.mkdtemp(dir=os.environ.get("ROSCAUSAL_WORK"), prefix="changes-"), []
+    switched_off.write(folder)
+    with node("discovery", "_data_dir:=" + folder, "_res_dir:=" + folder + "/models", "_cond_ind_test:=parcorr",
+              "_cd_method:=pcmci", "_window_batches:=4"):
+        eventually(lambda: not glob.glob(folder + "/*.csv"), 60, "the batches analysed")
+        subscriber = rospy.Subscriber("/roscausal/model_changes", ModelChanges, told.append)
+        eventually(lambda: told and switched_off.confirmed(told[-1]), 20, lambda: told)
+    subscriber.unregister()
+    return switched_off.check(told[-1])
 
 
 @case

@@ -8,6 +8,7 @@ import math
 import os
 import re
 import signal
+import sys
 import tempfile
 import time
 
@@ -18,6 +19,8 @@ from rcl_interfaces.msg import Log, Parameter, ParameterType, ParameterValue
 from rcl_interfaces.srv import SetParameters
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 
+sys.path.insert(0, os.path.dirname(os.path.dirname(os.path.abspath(__file__))))
+import switched_off
 from harness import Ros, node, test
 from held_thread import HeldThread, thread_of
 from wire import LATCHED, RELIABLE, message_class
@@ -306,6 +309,24 @@ def a_killed_discovery_node_leaves_no_stale_model_and_is_found_again():
         with node("discovery", *given):
             batch(folder, "data_20240101_000100.csv", 2)
             assert models(15, True) == ["data_20240101_000100"]
+
+
+@test
+def a_change_that_nobody_announced_is_told_to_who_comes_late():
+    ModelChanges = message_class("roscausal_msgs/ModelChanges")
+    with tempfile.TemporaryDirectory() as folder:
+        switched_off.write(folder)
+        given = {"data_dir": folder, "res_dir": folder + "/models", "cond_ind_test": "parcorr", "cd_method": "pcmci"}
+        given["window_batches"] = 4
+        with node("discovery", *[word for pair in given.items() for word in ("-p", "%s:=%s" % pair)]):
+            end = time.monotonic() + 60
+            while glob.glob(folder + "/*.csv"):
+                assert time.monotonic() < end, os.listdir(folder)
+                time.sleep(0.1)
+            with Ros("late") as ros:
+                told = heard(ros, ModelChanges, "/roscausal/model_changes", LATCHED)
+                ros.until(lambda: told and switched_off.confirmed(told[-1]), 20, lambda: f"a change: {told}")
+                return switched_off.check(told[-1])
 
 
 @test
