@@ -22,7 +22,7 @@ use crate::{
     recording::InputArgs,
 };
 
-/// Rows of a part that the detector reads at a time without batches, unless the number of variables asks for more.
+/// Rows of a part that the detector reads at a time, unless the number of variables asks for more.
 const CHANGE_ROWS: usize = 150;
 
 /// Arguments of `roscausal roll`.
@@ -46,8 +46,7 @@ pub(crate) struct Args {
     /// Tell when a mechanism changes (docs/confidence.md).
     #[arg(long)]
     changes: bool,
-    /// With --changes: rows that are compared with those before at a time. Default: those of --batch, else 150; more for many
-    /// variables.
+    /// With --changes: rows that are compared with those before at a time. Default: 150, more for many variables.
     #[arg(long, value_name = "ROWS", requires = "changes")]
     change_rows: Option<usize>,
     #[command(flatten)]
@@ -139,8 +138,7 @@ impl Args {
         let names = data.var_names().to_vec();
         let detector = Detector::new(names, settings.tau_max, &settings.exogenous, Levels::default())?;
         let mut detector = detector.of_form(Form::of_test(&settings.cond_ind_test));
-        let usual = self.batch.unwrap_or(CHANGE_ROWS).max(detector.fewest_rows());
-        let rows = self.change_rows.unwrap_or(usual);
+        let rows = self.change_rows.unwrap_or(CHANGE_ROWS.max(detector.fewest_rows()));
         let mut events = Vec::new();
         for recording in data.recordings() {
             events.extend(detector.read_in_parts(recording.view(), rows, control)?);

@@ -15,11 +15,10 @@ run() { # what, then the command; its output stays until the end
   (
     "$@" 2>&1
     code=$?
-    # CPU time of what it has started: the second line, as minutes and seconds of user and system
-    times | awk -v code=$code -v wall=$((SECONDS - begun)) -v what="$what" 'NR == 2 {
-      split($1, user, /[ms]/); split($2, system, /[ms]/)
-      printf "%d %d %d %s\n", code, wall, 60 * (user[1] + system[1]) + user[2] + system[2], what
-    }' >>"$kept/results"
+    # the CPU time of what it has started: the second line, as 1m2.345s of user and 0m1.234s of system
+    times | awk -v code=$code -v wall=$((SECONDS - begun)) -v what="$what" \
+      'NR == 2 { split($0, t, /[ms ]+/); printf "%d %d %d %s\n", code, wall, 60 * (t[1] + t[3]) + t[2] + t[4], what }' \
+      >>"$kept/results"
   ) | tee "$log"
 }
 # One script after the other; each line of output bears its script's name.
@@ -37,7 +36,7 @@ export CARGO_BUILD_JOBS=$(($(nproc) + 1))
 for script in "${waiting[@]}" "${waiting_too[@]}" "${computing[@]}"; do "$script" --prepare 2>&1 | sed -u "s|^|$(basename "$script" .sh): |"; done &
 preparing=$!
 run "building" build_all
-run "cargo test" cargo test "${workspace[@]}"
+run "cargo test" cargo test "${workspace[@]}" --no-fail-fast
 wait "$preparing"
 
 # Side by side: what waits for nodes, and what computes, which leaves the cores to the others when they want them.
@@ -56,4 +55,6 @@ while read -r code _ _ what; do
   echo "!!! FAILED: $what" >&2
   grep -hE -A 8 '^(FAIL|!!! )|FAILED|^error|panicked at' "$kept/${what//\//_}.log" | head -60 >&2
 done <"$kept/results"
+parts=$((2 + ${#waiting[@]} + ${#waiting_too[@]} + ${#computing[@]}))
+[ "$(wc -l <"$kept/results")" = "$parts" ] || { echo "!!! FAILED: not all of the $parts parts have told how they ended" >&2; exit 1; }
 ! grep -qvE '^(0|77) ' "$kept/results"

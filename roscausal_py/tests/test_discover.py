@@ -190,6 +190,8 @@ def test_a_time_budget_gives_a_partial_model():
 
 def test_ctrl_c_ends_an_analysis():
     code = (
+        # Whoever starts the tests in the background of a shell has the signal ignored.
+        "import signal\nsignal.signal(signal.SIGINT, signal.default_int_handler)\n"
         "import numpy as np, roscausal as rc\nx = np.random.default_rng(1).normal(size=(800, 8))\n"
         "told = lambda done, total: print('running', flush=True)\n"
         "try:\n    rc.discover(x, method='pcmci', test='cmiknn', progress=told)\n"

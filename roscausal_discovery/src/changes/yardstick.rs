@@ -22,7 +22,6 @@ use super::terms::Place;
 use crate::numeric::student_t::two_sided_p_value;
 
 /// Weight of the variance of all links in that of one, and of the variance 1 in that of all, in comparisons.
-
 const LINK: f64 = 10.0;
 const ALL: f64 = 20.0;
 /// Weight of the normal distribution's fourth power.

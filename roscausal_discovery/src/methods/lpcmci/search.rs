@@ -80,7 +80,7 @@ impl<'a, 'b> Search<'a, 'b> {
     }
 
     /// The same search, in which only the sets on record vote and no answer is kept.
-    pub(super) fn as_fci(mut self) -> Self {
+    pub(super) fn like_fci(mut self) -> Self {
         self.as_fci = true;
         self
     }

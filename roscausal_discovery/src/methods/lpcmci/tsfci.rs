@@ -103,7 +103,7 @@ pub fn run_tsfci(
     settings.check(data, test)?;
     let samples = Samples::new(data, 2 * settings.tau_max).with_control(control.clone());
     let run = Run::new(test, &samples)?;
-    let mut search = Search::new(&run, &settings).as_fci();
+    let mut search = Search::new(&run, &settings).like_fci();
     let ended = all_phases(&mut search);
     let mut result = found(&search);
     match ended {
