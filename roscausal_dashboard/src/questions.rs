@@ -213,7 +213,7 @@ mod tests {
     #[test]
     fn what_is_no_question_is_refused() {
         let long = format!(r#"{{"actions": [{{"variable": "{}", "value": 1}}]}}"#, "x".repeat(300));
-        let many = format!(r#"{{"actions": [{}]}}"#, vec![r#"{"variable": "x", "value": 1}"#; 9].join(","));
+        let many = format!(r#"{{"actions": [{}]}}"#, [r#"{"variable": "x", "value": 1}"#; 9].join(","));
         for bad in [
             "",
             "[]",

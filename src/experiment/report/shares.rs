@@ -30,7 +30,7 @@ pub(super) fn table(runs: &[Run]) -> String {
         let (all, real) = (of_class().count(), of_class().filter(|(run, share)| run.has(share)).count());
         let name = match (low, high) {
             (low, high) if high > 1.0 => format!("from {low}"),
-            (low, high) if low == 0.0 => format!("below {high}"),
+            (0.0, high) => format!("below {high}"),
             (low, high) => format!("{low} to {high}"),
         };
         let percent = match all {
