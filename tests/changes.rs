@@ -143,7 +143,7 @@ fn a_replay_tells_the_changes_of_a_recording_as_a_live_node_and_as_roll() {
             .keys()
             .map(|name| format!("r/pp_pool/analysed/{name}")),
     );
-    let more = "--batch 300 --changes --method pcmci --test parcorr --format jsonl";
+    let more = "--batch 300 --changes --change-rows 300 --method pcmci --test parcorr --format jsonl";
     args.extend(more.split(' ').map(str::to_owned));
     let output = roscausal(dir, &args.iter().map(String::as_str).collect::<Vec<_>>());
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));

@@ -4,7 +4,8 @@ use super::{
     batch::{Batch, column},
     curves,
     event::{Form, Kind},
-    terms::{Comparison, Difference, Mechanisms, NONE, Place},
+    place::Place,
+    terms::{Comparison, Difference, Mechanisms, NONE},
 };
 use crate::{
     analysis::{Settings, analyse},

@@ -19,7 +19,8 @@
 use super::{
     batch::{Batch, column},
     event::Kind,
-    terms::{Comparison, Difference, Mechanisms, Place},
+    place::Place,
+    terms::{Comparison, Difference, Mechanisms},
 };
 use crate::{
     ground::{Node, Result},

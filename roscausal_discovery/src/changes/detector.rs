@@ -9,7 +9,8 @@ use super::{
     batch::Batch,
     curves,
     event::{ChangeEvent, Form, Status},
-    terms::{Comparison, Difference, Mechanisms, NONE, Place},
+    place::Place,
+    terms::{Comparison, Difference, Mechanisms, NONE},
     when,
     yardstick::Yardstick,
 };

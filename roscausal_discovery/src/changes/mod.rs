@@ -49,6 +49,7 @@ mod compare;
 mod curves;
 mod detector;
 mod event;
+mod place;
 mod terms;
 mod when;
 mod yardstick;

@@ -4,6 +4,7 @@ use serde::{Deserialize, Serialize};
 
 use super::{
     event::{Form, Kind},
+    place::Place,
     yardstick::Yardstick,
 };
 use crate::{
@@ -13,14 +14,6 @@ use crate::{
 
 /// Level at which a slope counts as none.
 pub(super) const NONE: f64 = 0.05;
-
-/// A possible link.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
-pub(super) struct Place {
-    pub(super) cause: usize,
-    pub(super) effect: usize,
-    pub(super) lag: usize,
-}
 
 /// What two groups of batches say of one possible link.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]

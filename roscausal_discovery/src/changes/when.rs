@@ -9,7 +9,8 @@
 
 use super::{
     batch::{Batch, column},
-    terms::{Comparison, Mechanisms, Place},
+    place::Place,
+    terms::{Comparison, Mechanisms},
 };
 use crate::{
     ground::Node,

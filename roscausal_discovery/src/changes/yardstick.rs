@@ -18,7 +18,7 @@ use std::collections::VecDeque;
 
 use serde::{Deserialize, Serialize};
 
-use super::terms::Place;
+use super::place::Place;
 use crate::numeric::student_t::two_sided_p_value;
 
 /// Weight of the variance of all links in that of one, and of the variance 1 in that of all, in comparisons.
