@@ -4,22 +4,16 @@
 #![allow(clippy::expect_used, clippy::panic, reason = "a test may panic: that is how it fails")]
 
 mod common;
+#[path = "common/discovery.rs"]
+mod discovery;
 
-use std::{
-    collections::BTreeMap,
-    fs,
-    path::Path,
-    thread,
-    time::{Duration, Instant},
-};
+use std::{collections::BTreeMap, fs, path::Path};
 
 use common::roscausal;
+use discovery::discover;
 use roscausal_core::{
     Time,
-    loopback::Loopback,
-    middleware::Middleware,
-    nodes::{self, RecordedChange, recorded_changes},
-    params::Value,
+    nodes::{RecordedChange, recorded_changes},
 };
 use roscausal_discovery::changes::{ChangeEvent, Status};
 use roscausal_fuzz::unit;
@@ -56,42 +50,13 @@ fn files(folder: &Path, end: &str) -> BTreeMap<String, Vec<u8>> {
         .collect()
 }
 
-/// Whether a batch waits in a pool. Asks for names only: a node may take the batch meanwhile.
-fn waiting(pool: &Path) -> bool {
-    fs::read_dir(pool).into_iter().flatten().flatten().any(|entry| {
-        let name = entry.file_name().to_string_lossy().into_owned();
-        name.ends_with(".csv") && !name.starts_with('.')
-    })
-}
-
 /// Puts the batches of a replay before a live node, and waits until it has read them.
 fn live(replayed: &Path, dir: &Path) {
     fs::create_dir_all(dir.join("pp")).expect("makes");
     for (name, bytes) in files(&replayed.join("pp_pool/analysed"), "") {
         fs::write(dir.join("pp").join(name), bytes).expect("writes");
     }
-    let bus = Loopback::live(|| Time::from_secs_f64(9000.0));
-    let text = |path: &Path| Value::Str(path.display().to_string());
-    for (name, value) in [
-        ("data_dir", text(&dir.join("pp"))),
-        ("res_dir", text(&dir.join("models"))),
-        ("cd_method", Value::Str("pcmci".into())),
-        ("cond_ind_test", Value::Str("parcorr".into())),
-        ("window_batches", Value::Int(3)),
-        ("threads", Value::Int(1)),
-    ] {
-        bus.set_node_param("discovery", name, value);
-    }
-    let node = bus.node("discovery");
-    let its_own = node.clone();
-    let thread = thread::spawn(move || nodes::run("discovery", &its_own));
-    let end = Instant::now() + Duration::from_secs(120);
-    while waiting(&dir.join("pp")) {
-        assert!(Instant::now() < end && !thread.is_finished(), "it does not come to an end");
-        thread::sleep(Duration::from_millis(5));
-    }
-    node.shutdown();
-    thread.join().expect("no panic").expect("ends well");
+    discover(dir, 9000.0, 3);
 }
 
 #[test]

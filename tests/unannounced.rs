@@ -3,17 +3,14 @@
 
 #![allow(clippy::expect_used, clippy::panic, reason = "a test may panic: that is how it fails")]
 
-use std::{
-    fs,
-    path::Path,
-    thread,
-    time::{Duration, Instant},
-};
+#[path = "common/discovery.rs"]
+mod discovery;
 
+use std::{path::Path, thread};
+
+use discovery::discover;
 use roscausal_core::{
-    Time,
     loopback::Loopback,
-    middleware::Middleware,
     nodes::{self, RecordedChange, recorded_changes},
     params::Value,
 };
@@ -67,37 +64,9 @@ fn record(dir: &Path, scenario: &Scenario, seed: u64, announced: bool) {
     }
 }
 
-fn waiting(pool: &Path) -> bool {
-    fs::read_dir(pool).into_iter().flatten().flatten().any(|entry| {
-        let name = entry.file_name().to_string_lossy().into_owned();
-        name.ends_with(".csv") && !name.starts_with('.')
-    })
-}
-
 /// What the discovery node tells of the batches.
 fn told(dir: &Path) -> Vec<RecordedChange> {
-    let bus = Loopback::live(|| Time::from_secs_f64(1e5));
-    let text = |name: &str| Value::Str(dir.join(name).display().to_string());
-    for (name, value) in [
-        ("data_dir", text("pp")),
-        ("res_dir", text("models")),
-        ("cd_method", Value::Str("pcmci".into())),
-        ("cond_ind_test", Value::Str("parcorr".into())),
-        ("window_batches", Value::Int(4)),
-        ("threads", Value::Int(1)),
-    ] {
-        bus.set_node_param("discovery", name, value);
-    }
-    let node = bus.node("discovery");
-    let its_own = node.clone();
-    let thread = thread::spawn(move || nodes::run("discovery", &its_own));
-    let end = Instant::now() + Duration::from_secs(300);
-    while waiting(&dir.join("pp")) {
-        assert!(Instant::now() < end && !thread.is_finished(), "it does not come to an end");
-        thread::sleep(Duration::from_millis(5));
-    }
-    node.shutdown();
-    thread.join().expect("no panic").expect("ends well");
+    discover(dir, 1e5, 4);
     recorded_changes(&dir.join("models")).expect("reads")
 }
 

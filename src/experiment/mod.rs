@@ -3,6 +3,7 @@
 
 mod changes;
 mod grid;
+mod model;
 mod planner;
 mod reasoning;
 mod recordings;

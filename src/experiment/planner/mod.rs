@@ -16,10 +16,10 @@ use std::path::{Path, PathBuf};
 use clap::Args as ClapArgs;
 use ndarray::Array2;
 use roscausal_core::{Error, Result, batch::Table};
-use roscausal_discovery::{Control, DataFrame, Model, Settings, analyse};
+use roscausal_discovery::{DataFrame, Model};
 use roscausal_hrisim::{Scenario, rng::Rng};
 
-use super::{grid, in_order, workers};
+use super::{grid, in_order, model, workers};
 use crate::{interrupt::Interrupt, output};
 use drive::{Drive, Nodes, Policy, Question};
 
@@ -126,7 +126,7 @@ pub(super) fn run(args: &Args, interrupt: &Interrupt) -> Result<()> {
         args.legs,
         args.scenario,
         args.train,
-        links(&found),
+        model::links(&found),
         args.out.display()
     );
     Ok(())
@@ -134,11 +134,7 @@ pub(super) fn run(args: &Args, interrupt: &Interrupt) -> Result<()> {
 
 impl Args {
     fn check(&self, train: &[u64], seeds: &[u64]) -> Result<()> {
-        if let Some(seed) = seeds.iter().find(|seed| train.contains(seed)) {
-            let reason =
-                format!("seed {seed} is one of --train, too; a planner is not tried where it learned");
-            return Err(Error::param("seeds", reason));
-        }
+        model::apart(train, seeds, "a planner is not tried where it learned")?;
         if !(1..=1000).contains(&self.legs) {
             return Err(Error::param(
                 "legs",
@@ -154,19 +150,8 @@ impl Args {
     /// The model of the explorations.
     fn found(&self, batches: &[PathBuf], interrupt: &Interrupt) -> Result<Model> {
         let rows = batches.iter().map(|path| rows(path)).collect::<Result<_>>()?;
-        let data = DataFrame::new(rows, names())?;
-        let method: roscausal_discovery::methods::Method = self.method.parse()?;
-        let settings = Settings {
-            method,
-            cond_ind_test: self.test.clone(),
-            tau_min: method.info().tau_min,
-            tau_max: self.tau_max,
-            ..Settings::default()
-        };
-        settings.check()?;
-        let mut found = analyse(&data, &settings, &Control::default().cancel_on(interrupt.flag()))?;
-        found.dt = Some(DT);
-        Ok(found)
+        let data = DataFrame::new(rows, model::names(&FEATURES))?;
+        model::found(&data, (&self.method, &self.test), self.tau_max, DT, interrupt)
     }
 }
 
@@ -177,13 +162,8 @@ fn rows(path: &Path) -> Result<Array2<f64>> {
         let found = table.names.iter().position(|known| known == name);
         found.ok_or_else(|| Error::file(path, format!("it has no column '{name}'")))
     };
-    let columns = names().iter().map(column).collect::<Result<Vec<usize>>>()?;
+    let columns = model::names(&FEATURES).iter().map(column).collect::<Result<Vec<usize>>>()?;
     Ok(table.values.select(ndarray::Axis(1), &columns))
-}
-
-/// Names of the variables.
-fn names() -> Vec<String> {
-    FEATURES.iter().map(|item| item.split(' ').next().unwrap_or_default().to_owned()).collect()
 }
 
 /// The scenario with a top speed drawn for the robot every few seconds: one of the planner's, or its own.
@@ -200,11 +180,4 @@ fn explored(scenario: &Scenario, seed: u64) -> Result<Scenario> {
     let mut scenario = scenario.clone();
     scenario.add_interventions(&texts)?;
     Ok(scenario)
-}
-
-fn links(found: &Model) -> String {
-    let others = found.links.iter().filter(|link| link.cause != link.effect);
-    let all: Vec<String> =
-        others.map(|link| format!("{} -> {} ({})", link.cause, link.effect, link.lag)).collect();
-    all.join(", ")
 }

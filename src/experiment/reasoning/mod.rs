@@ -19,13 +19,13 @@ use clap::Args as ClapArgs;
 use ndarray::Array2;
 use rayon::prelude::*;
 use roscausal_core::{Error, Result};
-use roscausal_discovery::{Control, DataFrame, Model, Settings, analyse};
+use roscausal_discovery::{DataFrame, Model};
 use roscausal_hrisim::Scenario;
 use roscausal_reasoning::{
     Facts, Settings as Fit, StructuralModel, default_acts_on, graph::Graph, model::Equations,
 };
 
-use super::{grid, in_order, workers};
+use super::{grid, in_order, model, workers};
 use crate::{interrupt::Interrupt, output};
 use asked::Case;
 use figures::Figures;
@@ -87,11 +87,7 @@ pub(super) fn run(args: &Args, interrupt: &Interrupt) -> Result<()> {
     args.check()?;
     let train = grid::seeds(&args.train)?;
     let seeds = grid::seeds(&args.seeds)?;
-    if let Some(seed) = seeds.iter().find(|seed| train.contains(seed)) {
-        let reason =
-            format!("seed {seed} is one of --train, too; a model is not tried on what it was fitted on");
-        return Err(Error::param("seeds", reason));
-    }
+    model::apart(&train, &seeds, "a model is not tried on what it was fitted on")?;
     let workers = workers(args.threads)?;
     let training = in_order(&train, workers, "walks", |seed| {
         walk(&scenario, *seed, TRAINING_S, interrupt).map(|walk| walk.rows)
@@ -139,17 +135,7 @@ impl Args {
     /// The graph that discovery finds in the walks, and the structural model on it.
     fn fitted(&self, walks: &[Array2<f64>], interrupt: &Interrupt) -> Result<(Model, StructuralModel)> {
         let data = DataFrame::new(walks.to_vec(), names())?;
-        let method: roscausal_discovery::methods::Method = self.method.parse()?;
-        let settings = Settings {
-            method,
-            cond_ind_test: self.test.clone(),
-            tau_min: method.info().tau_min,
-            tau_max: self.tau_max,
-            ..Settings::default()
-        };
-        settings.check()?;
-        let mut found = analyse(&data, &settings, &Control::default().cancel_on(interrupt.flag()))?;
-        found.dt = Some(DT);
+        let found = model::found(&data, (&self.method, &self.test), self.tau_max, DT, interrupt)?;
         let equations = match self.equations.as_str() {
             "linear" => Equations::Linear,
             "gp" => Equations::Gp,
@@ -165,7 +151,7 @@ impl Args {
 
 /// Names of the variables.
 fn names() -> Vec<String> {
-    FEATURES.iter().map(|item| item.split(' ').next().unwrap_or_default().to_owned()).collect()
+    model::names(&FEATURES)
 }
 
 /// Standard deviation of each variable in the walks for the fit: errors of all are added up in these units.

@@ -5,15 +5,10 @@ use std::fmt::Write;
 use roscausal_discovery::Model;
 
 use super::{ACTIONS, Args, FEATURES, REACH, asked::Case, figures::Cell, figures::Figures, names};
+use crate::experiment::model;
 
 /// What the experiment found, for people.
 pub(super) fn text(figures: &Figures, found: &Model, args: &Args) -> String {
-    let links: Vec<String> = found
-        .links
-        .iter()
-        .filter(|link| link.cause != link.effect)
-        .map(|link| format!("{} -> {} ({})", link.cause, link.effect, link.lag))
-        .collect();
     let mut text = format!(
         "{} moments of the walks {}, with a model of the walks {} ({} with {}, {} equations).\nLinks (lag): {}.\n\n",
         figures.moments,
@@ -22,7 +17,7 @@ pub(super) fn text(figures: &Figures, found: &Model, args: &Args) -> String {
         args.method,
         args.test,
         args.equations,
-        links.join(", ")
+        model::links(found)
     );
     let header: String =
         figures.cells.iter().map(|cell| format!(" {}: {} |", cell.action, cell.variable)).collect();
