@@ -148,8 +148,12 @@ fn look_at(data: &DataFrame, var: usize, name: &str) -> (AboutVariable, Vec<Stri
     let longest = data.recordings().iter().max_by_key(|recording| recording.nrows());
     let first_rows: Vec<f64> = longest.map(|r| present(r.column(var), MOST_ROWS)).unwrap_or_default();
     let stride = rows.div_ceil(MOST_ROWS).max(1);
-    let mut spread: Vec<f64> =
-        columns().flat_map(|c| c.to_vec()).step_by(stride).filter(|v| !v.is_nan()).collect();
+    let (mut spread, mut row) = (Vec::with_capacity(rows.div_ceil(stride)), 0);
+    for column in columns() {
+        spread.extend(column.iter().skip(row).step_by(stride).filter(|v| !v.is_nan()));
+        // Where the next recording goes on.
+        row = (row + stride - column.len() % stride) % stride;
+    }
     spread.sort_by(f64::total_cmp);
     let mut different = spread.clone();
     different.dedup();

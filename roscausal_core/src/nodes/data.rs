@@ -32,6 +32,8 @@ pub const FEATURES_TOPIC: &str = "/roscausal/features";
 const JOURNAL_EVERY_S: f64 = 0.2;
 /// Messages that may wait: more than ten seconds of a fast robot.
 const INBOX: usize = 20_000;
+/// Messages of people that may wait in the middleware: eight seconds of a fast tracker. A hundred people make 30 kB each.
+const WAITING_PEOPLE: usize = 200;
 
 #[derive(PartialEq)]
 enum Event {
@@ -96,15 +98,16 @@ pub async fn data_task<M: Middleware>(mw: &M, on_progress: impl Fn(Recorded)) ->
         recorder = recorder.with_journal(first);
     }
     let mut health = Health::new(mw)?;
-    let inbox = Inbox::new(mw, INBOX);
+    let inbox = Inbox::gathering(mw, INBOX);
     let robot_topic = in_namespace("robot", &params.text("robot"), "/roscausal/robot")?;
     let others = params.list("other_robots");
     let robot_input = health.input::<RobotState>(&robot_topic, with_people);
     let humans_input = health.input::<Humans>("/roscausal/humans", with_people);
     let (robot, humans) = (inbox.sender(), inbox.sender());
     let _robot = mw.subscribe(&robot_topic, Qos::Volatile(1000), move |m| robot.send(Event::Robot(m)))?;
-    let _humans =
-        mw.subscribe("/roscausal/humans", Qos::Volatile(1000), move |m| humans.send(Event::Humans(m)))?;
+    let _humans = mw.subscribe("/roscausal/humans", Qos::Volatile(WAITING_PEOPLE), move |m| {
+        humans.send(Event::Humans(m))
+    })?;
 
     let mut _others = Vec::new();
     for (place, name) in others.iter().enumerate() {

@@ -139,15 +139,19 @@ fn gathered(
     let data = samples.data();
     let (x, y) = (Node::new(cause, link.lag), Node::new(effect, 0));
     let (z, note) = known.conditions(method, x, effect, data.n_vars(), [model.tau_min, model.tau_max]);
-    let arrays = samples.arrays(x, y, &z);
-    let n_samples = arrays.x.len();
+    let mut drawn = 0;
+    let (n_samples, arrays) = samples.some(x, y, &z, |n| {
+        let (at, first) = scatter::positions(n, points);
+        drawn = first;
+        at
+    });
     let linear = ["parcorr", "robustparcorr"].contains(&model.cond_ind_test.as_str());
     let dof = n_samples.saturating_sub(2 + z.len());
     let band = (linear && dof > 0).then(|| {
         let t = quantile(1.0 - model.alpha / 2.0, dof);
         t / (dof as f64 + t * t).sqrt()
     });
-    let (scatter, residuals) = scatter::scatters(arrays, points);
+    let (scatter, residuals) = scatter::scatters(arrays, drawn);
     let place = |name: &str| model.features.iter().position(|feature| feature == name);
     let lags = match (place(&link.cause), place(&link.effect)) {
         (Some(i), Some(j)) => (model.tau_min..=model.tau_max)

@@ -5,16 +5,24 @@ use crate::{ground::LaggedArrays, independence_tests::residuals, numeric::rows::
 /// Samples that the regression is made of; of more, evenly chosen ones tell the same.
 const MOST_SAMPLES: usize = 20_000;
 
-/// Cause against effect, and what is left of both after a linear regression on the conditions; at most `points` of each,
-/// evenly chosen. The regression is one of at most [`MOST_SAMPLES`] samples.
-pub(super) fn scatters(arrays: LaggedArrays, points: usize) -> (Vec<[f32; 2]>, Vec<[f32; 2]>) {
+/// Which of `n` samples [`scatters`] wants: first those that are drawn, at most `points`, then those of the regression; both evenly
+/// chosen. And the number of the former.
+pub(super) fn positions(n: usize, points: usize) -> (Vec<usize>, usize) {
+    let drawn = points.min(n);
+    let step = n.div_ceil(MOST_SAMPLES).max(1);
+    ((0..drawn).map(|k| k * n / drawn).chain((0..n).step_by(step)).collect(), drawn)
+}
+
+/// Cause against effect, and what is left of both after a linear regression on the conditions. `arrays` has the samples of
+/// [`positions`]: the first `drawn` are drawn as they are, the regression is one of the others.
+pub(super) fn scatters(arrays: LaggedArrays, drawn: usize) -> (Vec<[f32; 2]>, Vec<[f32; 2]>) {
     let LaggedArrays { mut x, mut y, mut z, .. } = arrays;
-    let raw = thin(&x, &y, points);
-    if points == 0 || z.is_empty() {
+    let raw = thin(&x[..drawn], &y[..drawn], drawn);
+    if drawn == 0 || z.is_empty() {
         return (raw, Vec::new());
     }
     for row in [&mut x, &mut y].into_iter().chain(&mut z) {
-        keep_even(row);
+        row.drain(..drawn);
     }
     let scale = |row: &[f64]| {
         let mean = row.iter().sum::<f64>() / row.len() as f64;
@@ -28,15 +36,7 @@ pub(super) fn scatters(arrays: LaggedArrays, points: usize) -> (Vec<[f32; 2]>, V
     let (mut x, mut y) = residuals(x, y, z);
     x.iter_mut().for_each(|v| *v *= scale_x);
     y.iter_mut().for_each(|v| *v *= scale_y);
-    (raw, thin(&x, &y, points))
-}
-
-/// At most [`MOST_SAMPLES`] of the values, in even steps.
-fn keep_even(row: &mut Vec<f64>) {
-    let step = row.len().div_ceil(MOST_SAMPLES);
-    if step > 1 {
-        *row = row.iter().copied().step_by(step).collect();
-    }
+    (raw, thin(&x, &y, drawn))
 }
 
 fn thin(x: &[f64], y: &[f64], points: usize) -> Vec<[f32; 2]> {
@@ -62,8 +62,11 @@ mod tests {
         let z: Vec<f64> = (0..200).map(|i| f64::from(i % 7)).collect();
         let e: Vec<f64> = (0..200).map(|i| f64::from(i * i % 13)).collect();
         let x: Vec<f64> = z.iter().zip(&e).map(|(z, e)| 100.0 * z + e).collect();
-        let arrays = LaggedArrays { x: x.clone(), y: e.clone(), z: vec![z], n_lost: 0 };
-        let (raw, left) = scatters(arrays, 50);
+        let (at, drawn) = positions(200, 50);
+        assert_eq!((at.len(), drawn), (250, 50));
+        let some = |row: &[f64]| at.iter().map(|&i| row[i]).collect::<Vec<f64>>();
+        let arrays = LaggedArrays { x: some(&x), y: some(&e), z: vec![some(&z)], n_lost: 0 };
+        let (raw, left) = scatters(arrays, drawn);
         assert_eq!((raw.len(), left.len()), (50, 50));
         assert!(left.iter().all(|p| (p[0] - p[1]).abs() < 0.5), "{left:?}");
         assert!(raw.iter().any(|p| p[0] > 300.0) && left.iter().all(|p| p[0].abs() < 20.0));

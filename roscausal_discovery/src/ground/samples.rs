@@ -1,5 +1,7 @@
 //! The samples of a run: which rows of the data frame a test sees.
 
+use ndarray::s;
+
 use super::{
     complete_rows::CompleteRows,
     control::Control,
@@ -123,6 +125,41 @@ impl<'a> Samples<'a> {
         self.placed(x, y, z, |_, _| ())
     }
 
+    /// How many samples [`Samples::arrays`] has, and those of them at these positions, which get that number. Where no sample is
+    /// left out the others are not copied.
+    pub(crate) fn some(
+        &self,
+        x: Node,
+        y: Node,
+        z: &[Node],
+        positions: impl FnOnce(usize) -> Vec<usize>,
+    ) -> (usize, LaggedArrays) {
+        if self.data.is_incomplete() || self.times.is_some() {
+            let all = self.arrays(x, y, z);
+            let at = positions(all.x.len());
+            let picked = |row: &Vec<f64>| at.iter().map(|&i| row[i]).collect();
+            let z = all.z.iter().map(picked).collect();
+            return (
+                all.x.len(),
+                LaggedArrays { x: picked(&all.x), y: picked(&all.y), z, n_lost: all.n_lost },
+            );
+        }
+        let n = self.len();
+        let place = |mut i: usize| {
+            for recording in self.data.recordings.iter() {
+                let length = recording.nrows().saturating_sub(self.cut_off);
+                if i < length {
+                    return Some((recording, self.cut_off + i));
+                }
+                i -= length;
+            }
+            None
+        };
+        let places: Vec<_> = positions(n).into_iter().filter_map(place).collect();
+        let row = |&node: &Node| places.iter().map(|(of, t)| of[[t - node.lag, node.var]]).collect();
+        (n, LaggedArrays { x: row(&x), y: row(&y), z: z.iter().map(row).collect(), n_lost: 0 })
+    }
+
     /// As [`Samples::arrays`], and tells `place` the recording and the time of each sample that is used, in order.
     pub(crate) fn placed(
         &self,
@@ -137,6 +174,21 @@ impl<'a> Samples<'a> {
             LaggedArrays { x: row(), y: row(), z: (0..z.len()).map(|_| row()).collect(), n_lost: 0 };
         let incomplete = self.data.is_incomplete();
         for (k, recording) in self.data.recordings.iter().enumerate() {
+            if !incomplete && self.times.is_none() {
+                // Column after column: many times faster than sample after sample.
+                let times = self.cut_off..recording.nrows();
+                if times.is_empty() {
+                    continue;
+                }
+                let extend = |row: &mut Vec<f64>, node: Node| {
+                    row.extend(recording.slice(s![times.start - node.lag..times.end - node.lag, node.var]));
+                };
+                extend(&mut out.x, x);
+                extend(&mut out.y, y);
+                z.iter().zip(&mut out.z).for_each(|(&node, row)| extend(row, node));
+                times.for_each(|t| place(k, t));
+                continue;
+            }
             let dropped = if incomplete { self.dropped(k, x, y, z) } else { Vec::new() };
             self.each_time(k, |t| {
                 if incomplete && dropped[t - self.cut_off] {

@@ -1,0 +1,143 @@
+//! One row of a batch, and the batch's end.
+
+use std::collections::{BTreeMap, BTreeSet};
+
+use roscausal_msgs::Time;
+
+use super::{MOST_PEOPLE, Recorder};
+use crate::batch::{
+    fresh::fresh_row,
+    journal::Log,
+    recording::{EndedBy, Recording},
+    select::Select,
+    tracks::Values,
+};
+
+impl Recorder {
+    /// Writes the row at this stamp, in nanoseconds, to the open batch, or opens one if there is anything to begin with.
+    pub(super) fn record(&mut self, row: i64) {
+        let (max_gap, hold) = (self.max_gap_ns, self.config.subsampling);
+        let robot = self.robot.at(row, max_gap, hold);
+        let people: Vec<(u32, Values)> =
+            self.people.iter().filter_map(|(id, track)| Some((*id, track.at(row, max_gap, hold)?))).collect();
+        let signals: Vec<f64> = self.signals.iter().map(|track| track.at(row, self.dt_ns, max_gap)).collect();
+        let begins = match self.config.select {
+            Select::Nobody => robot.is_some() || signals.iter().any(|value| !value.is_nan()),
+            _ => robot.is_some() && !people.is_empty(),
+        };
+        if self.open.is_none() && !begins {
+            self.counts.waited += 1;
+            return;
+        }
+        if self.log.as_ref().is_some_and(|log| log.number().is_none()) {
+            self.begin_journal(row);
+        }
+        let open = self.open.get_or_insert_with(|| Recording {
+            start: Time::from_nanos(row),
+            dt_ns: self.dt_ns,
+            frame: self.frame.clone().unwrap_or_default(),
+            robot: Vec::new(),
+            people: BTreeMap::new(),
+            others: BTreeMap::new(),
+            context: BTreeMap::new(),
+            signals: self.signals.iter().map(|track| (track.name.clone(), Vec::new())).collect(),
+            complete: false,
+            ended_by: None,
+        });
+        let n_rows = open.robot.len();
+        open.robot.push(robot.unwrap_or(Values::UNKNOWN));
+        for (id, values) in &people {
+            if open.people.contains_key(id) || open.people.len() < MOST_PEOPLE {
+                let rows = open.people.entry(*id).or_default();
+                rows.resize(n_rows, Values::UNKNOWN);
+                rows.push(*values);
+            } else {
+                self.counts.crowded += 1;
+            }
+        }
+        for (name, track) in &self.others {
+            let rows = open.others.entry(name.clone()).or_default();
+            rows.resize(n_rows, Values::UNKNOWN);
+            rows.push(track.at(row, max_gap, hold).unwrap_or(Values::UNKNOWN));
+        }
+        for ((_, rows), value) in open.signals.iter_mut().zip(signals) {
+            rows.push(value);
+        }
+        for (name, changes) in &self.context {
+            let imposed = changes.iter().rev().find(|(stamp, _)| *stamp <= row);
+            let rows = open.context.entry(name.clone()).or_default();
+            rows.resize(n_rows, Vec::new());
+            rows.push(imposed.map_or(Vec::new(), |(_, value)| value.clone()));
+        }
+        let nearest = nearest(&self.config.select, robot, &people);
+        for id in nearest.iter().flat_map(|(_, ids)| ids) {
+            *self.votes.entry(*id).or_default() += 1;
+        }
+        if let Some(fresh) = &mut self.fresh {
+            fresh.push(fresh_row(open, nearest.as_ref()));
+        }
+        self.counts.rows += 1;
+        if n_rows + 1 == self.rows_per_batch {
+            self.close(match self.config.ts_length_s {
+                Some(_) => EndedBy::TsLength,
+                None => EndedBy::MostRows,
+            });
+        }
+    }
+
+    /// Ends the open batch: the nearest people are chosen, and empty rows at its end are left out.
+    pub(super) fn close(&mut self, ended_by: EndedBy) {
+        let votes = std::mem::take(&mut self.votes);
+        let Some(mut batch) = self.open.take() else {
+            self.log.iter_mut().for_each(Log::abandon);
+            return;
+        };
+        if let Select::Nearest(number) = self.config.select {
+            let mut by_votes: Vec<(u64, u32)> = votes.iter().map(|(id, votes)| (*votes, *id)).collect();
+            by_votes.sort_by(|a, b| b.0.cmp(&a.0).then(a.1.cmp(&b.1)));
+            let kept: BTreeSet<u32> = by_votes.iter().take(number).map(|(_, id)| *id).collect();
+            batch.people.retain(|id, _| kept.contains(id));
+        }
+        let n_rows = batch.robot.len();
+        let full = n_rows == self.rows_per_batch;
+        if !full {
+            let known = |rows: &Vec<Values>| {
+                rows.iter().rposition(|values| values.to_array().iter().any(|v| v.is_finite()))
+            };
+            let last = batch.people.values().map(known).max().flatten().max(known(&batch.robot));
+            let heard = |rows: &Vec<f64>| rows.iter().rposition(|value| !value.is_nan());
+            let last = match self.config.select {
+                Select::Nobody => last.max(batch.signals.iter().filter_map(|(_, rows)| heard(rows)).max()),
+                _ => last,
+            };
+            batch.robot.truncate(last.map_or(0, |last| last + 1));
+        }
+        let n_rows = batch.robot.len();
+        batch.people.values_mut().for_each(|rows| rows.resize(n_rows, Values::UNKNOWN));
+        batch.others.values_mut().for_each(|rows| rows.resize(n_rows, Values::UNKNOWN));
+        batch.context.values_mut().for_each(|rows| rows.resize(n_rows, Vec::new()));
+        batch.signals.iter_mut().for_each(|(_, rows)| rows.truncate(n_rows));
+        let to_the_end = self.config.ts_length_s.is_none() && ended_by == EndedBy::NodeEnd;
+        batch.complete = full || to_the_end;
+        batch.ended_by = Some(ended_by);
+        if n_rows > 0 {
+            let number = self.log.as_mut().and_then(Log::end);
+            self.done.push((batch, number));
+        } else {
+            self.log.iter_mut().for_each(Log::abandon);
+        }
+    }
+}
+
+/// Where the nearest people are to be recorded: how many, and who they are in this row.
+fn nearest(
+    select: &Select,
+    robot: Option<Values>,
+    people: &[(u32, Values)],
+) -> Option<(usize, BTreeSet<u32>)> {
+    let (Select::Nearest(number), Some(robot)) = (select, robot) else { return None };
+    let distance = |values: &Values| (values.x - robot.x).hypot(values.y - robot.y);
+    let mut near: Vec<(f64, u32)> = people.iter().map(|(id, values)| (distance(values), *id)).collect();
+    near.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+    Some((*number, near.into_iter().take(*number).map(|(_, id)| id).collect()))
+}

@@ -1,0 +1,327 @@
+//! What is done with data: what is refused, what is told, and what the user says of them.
+
+use std::{fs, path::Path};
+
+use serde_json::Value;
+
+use super::{QUICK, common::roscausal, complaint, coupled, folder, has};
+
+#[test]
+fn files_with_different_steps_are_refused_and_both_are_named() {
+    let dir = folder("slow.csv", &coupled(100));
+    fs::write(dir.path().join("fast.csv"), "time,a,b\n0,1,2\n0.1,2,1\n0.2,1,3\n").expect("writes");
+    let out = roscausal(dir.path(), &["discover", "slow.csv", "fast.csv", "--test", "parcorr"]);
+    let text = String::from_utf8_lossy(&out.stderr).into_owned();
+    assert_eq!(out.status.code(), Some(1), "{text}");
+    has(&text, &["fast.csv: its step is 0.1 s, that of slow.csv is 0.25 s"]);
+}
+
+#[test]
+fn bad_files_are_named_with_line_and_column_and_the_way_out() {
+    has(&complaint("", &[], 1), &["data.csv", "empty"]);
+    has(&complaint("a,b\n", &[], 1), &["data.csv", "only a header"]);
+    has(&complaint("a,b\n1,2\nfast,3\n", &[], 1), &["line 3", "'a'", "fast", "--columns"]);
+    has(&complaint("a,b\n1,2\n3\n", &[], 1), &["line 3", "1 cell"]);
+    for end in ["\n", "\r\n", "\r"] {
+        let text = ["a,b", "1,2", "", "1,3", "fast,3", ""].join(end);
+        has(&complaint(&text, &[], 1), &["line 5", "'a'", "fast"]);
+    }
+    has(&complaint("a,b,a\n1,2,3\n", &[], 1), &["column 1", "column 3", "'a'"]);
+    has(&complaint("time,a,b\n1,1,1\n0,1,2\n", &[], 1), &["line 3", "time goes back"]);
+    has(&complaint("a,b\n1,2\n2,3\n3,1\n", &["--test", "parcorr"], 1), &["samples", "needs at least"]);
+    has(&complaint("a\n1\n2\n", &[], 1), &["one variable", "two"]);
+    let missing = roscausal(Path::new("."), &["discover", "no_such.csv"]);
+    assert_eq!(missing.status.code(), Some(1));
+    has(&String::from_utf8_lossy(&missing.stderr), &["no_such.csv"]);
+}
+
+#[test]
+fn a_pointer_a_web_page_and_an_archive_are_named_whatever_their_name() {
+    let lfs = "version https://git-lfs.github.com/spec/v1\noid sha256:4d7a\nsize 123456\n";
+    for (content, told) in [
+        (lfs, "Git LFS pointer to a file of 123456 bytes, not the file; get it with 'git lfs pull'"),
+        ("<!DOCTYPE html>\n<html><body>404</body></html>", "this is a web page"),
+        ("PK\u{3}\u{4}", "a ZIP archive"),
+    ] {
+        for name in ["demo.bag", "demo.mcap", "demo.csv"] {
+            let dir = folder(name, content);
+            let out = roscausal(dir.path(), &["discover", name]);
+            assert_eq!(out.status.code(), Some(1));
+            has(&String::from_utf8_lossy(&out.stderr), &[name, told]);
+        }
+    }
+    let dir = folder("demo.bag", "");
+    has(
+        &String::from_utf8_lossy(&roscausal(dir.path(), &["discover", "demo.bag"]).stderr),
+        &["the file is empty"],
+    );
+}
+
+#[test]
+fn missing_cells_and_constant_columns_are_told_and_survived() {
+    let data = coupled(200);
+    let rows: Vec<String> = data
+        .lines()
+        .enumerate()
+        .map(|(i, line)| match i {
+            0 => "time,a,b,c".to_owned(),
+            2 => "0.25,,NaN,1".to_owned(),
+            _ => format!("{line},1"),
+        })
+        .collect();
+    let dir = folder("data.csv", &rows.join("\n"));
+    let out = roscausal(
+        dir.path(),
+        &["discover", "data.csv", "--method", "pcmci", "--test", "parcorr", "--format", "json"],
+    );
+    assert!(out.status.success(), "{}", String::from_utf8_lossy(&out.stderr));
+    let text = String::from_utf8_lossy(&out.stdout);
+    let model: Value = serde_json::from_str(&text).expect("JSON");
+    has(&model["warnings"].to_string(), &["'a': 1 of 200", "'c' is constant"]);
+    assert_eq!(model["graph"][0][1][1], "-->");
+    assert_eq!(model["graph"][2][1][1], "");
+    assert_eq!(model["p_matrix"][2][1][1], 1.0);
+}
+
+#[test]
+fn an_analysis_that_cannot_end_is_refused_before_it_starts_with_what_would_fit() {
+    let rows: String = (0..120_000_i64).map(|i| format!("{},{}\n", i * 7 % 1013, i * i % 977)).collect();
+    let told = complaint(&format!("a,b\n{rows}"), &["--max-memory", "2000"], 1);
+    has(
+        &told,
+        &[
+            "120000 rows of 2 variables would take",
+            "of memory, and 2.0 GB are free",
+            "--test parcorr",
+            "fewer rows (at most",
+        ],
+    );
+    let told = complaint(&format!("a,b\n{rows}"), &["--max-memory", "9000000", "--threads", "1"], 1);
+    has(&told, &["would take about", "days", "--rows"]);
+}
+
+#[test]
+fn an_empty_column_is_told_first_and_left_out_when_asked() {
+    let rows: String = coupled(300).lines().skip(1).map(|line| format!("{line},\n")).collect();
+    let data = format!("time,a,b,h_dg\n{rows}");
+    for args in [&[][..], &["--method", "pcmci", "--test", "parcorr"]] {
+        has(&complaint(&data, args, 1), &["h_dg has no value at all", "--drop-empty goes on without"]);
+    }
+    let dir = folder("data.csv", &data);
+    let args = ["discover", "data.csv", "--test", "parcorr", "--drop-empty", "--format", "json"];
+    let model: Value = serde_json::from_slice(&roscausal(dir.path(), &args).stdout).expect("JSON");
+    assert_eq!(model["links"][0]["cause"], "a");
+    has(&model["warnings"].to_string(), &["left out, without any number: h_dg"]);
+}
+
+#[test]
+fn a_window_of_rows_is_analysed() {
+    let dir = folder("data.csv", &coupled(300));
+    let samples = |rows: &str| {
+        let args = [
+            "discover", "data.csv", "--method", "pcmci", "--test", "parcorr", "--format", "json", "--rows",
+            rows,
+        ];
+        let out = roscausal(dir.path(), &args);
+        serde_json::from_slice::<Value>(&out.stdout)
+            .map(|model| model["n_samples"].clone())
+            .unwrap_or_default()
+    };
+    assert_eq!(
+        [samples("101..200"), samples("..50"), samples("251..")],
+        [98.into(), 48.into(), Value::from(48)]
+    );
+    has(&complaint(&coupled(50), &["--rows", "60.."], 2), &["--rows: there are no such rows"]);
+}
+
+#[test]
+fn data_that_no_analysis_should_take_are_refused_with_the_way_out() {
+    let data = coupled(200);
+    let with = |change: &dyn Fn(usize, &str) -> String| {
+        let rows: Vec<String> = data.lines().skip(1).enumerate().map(|(i, line)| change(i, line)).collect();
+        rows.join("\n")
+    };
+    let flagged = with(&|i, line| match (i % 20, line.rsplit_once(',')) {
+        (3, Some((rest, _))) => format!("{rest},-999"),
+        _ => line.to_owned(),
+    });
+    let flagged = format!("time,a,b\n{flagged}");
+    let told = complaint(&flagged, &["--test", "parcorr"], 1);
+    has(&told, &["b is -999 in 10 rows", "--missing-value=-999", "--missing-value=none"]);
+    let dir = folder("data.csv", &flagged);
+    for value in ["-999", "none"] {
+        let out =
+            roscausal(dir.path(), &["discover", "data.csv", "--test", "parcorr", "--missing-value", value]);
+        assert!(out.status.success(), "{}", String::from_utf8_lossy(&out.stderr));
+    }
+    let copied = with(&|_, line| {
+        format!("{line},{}", 2.0 * line.rsplit_once(',').map_or(0.0, |(_, b)| b.parse().unwrap_or(0.0)))
+    });
+    let told = complaint(&format!("time,a,b,twice_b\n{copied}"), &["--test", "parcorr"], 1);
+    has(&told, &["b and twice_b say the same", "--columns '!twice_b'"]);
+    let dir = folder("data.csv", &data);
+    let out = roscausal(dir.path(), &["discover", "data.csv", "./data.csv", "--test", "parcorr"]);
+    assert_eq!(out.status.code(), Some(1));
+    has(&String::from_utf8_lossy(&out.stderr), &["data.csv and ./data.csv hold the same rows"]);
+}
+
+#[test]
+fn what_the_data_are_like_is_printed_and_stored_in_the_model() {
+    let few: String = coupled(7).lines().map(|line| format!("{line}\n")).collect();
+    let dir = folder("data.csv", &few);
+    let quick = ["discover", "data.csv", "--method", "pcmci", "--test", "parcorr"];
+    has(
+        &String::from_utf8_lossy(&roscausal(dir.path(), &quick).stdout),
+        &["About the data: only 5 samples", "record longer"],
+    );
+    let rows: Vec<String> = coupled(400)
+        .lines()
+        .enumerate()
+        .map(|(i, line)| match i {
+            0 => format!("{line},clock"),
+            _ => format!("{line},{}", i as f64 * 0.37 + (i % 7) as f64),
+        })
+        .collect();
+    let dir = folder("data.csv", &rows.join("\n"));
+    let model: Value =
+        serde_json::from_slice(&roscausal(dir.path(), &[&quick[..], &["--format", "json"]].concat()).stdout)
+            .expect("JSON");
+    has(&model["about_data"]["remarks"].to_string(), &["clock drifts"]);
+    assert_eq!(model["about_data"]["variables"][0]["name"], "a");
+    assert!(model["about_data"]["variables"][2]["kpss"].as_f64().is_some_and(|statistic| statistic > 1.0));
+}
+
+fn json(dir: &Path, more: &[&str]) -> Value {
+    let out = roscausal(dir, &[&QUICK[..], &["--format", "json"], more].concat());
+    assert!(out.status.success(), "{}", String::from_utf8_lossy(&out.stderr));
+    serde_json::from_slice(&out.stdout).expect("JSON")
+}
+
+#[test]
+fn what_is_known_of_links_is_kept() {
+    let dir = folder("data.csv", &coupled(300));
+    let rules = "[[link]]\ncause = 'a'\neffect = 'b'\nis = 'forbidden'\n[[link]]\ncause = 'b'\neffect = 'a'\nis = 'required'\n";
+    fs::write(dir.path().join("links.toml"), rules).expect("writes");
+    let model = json(dir.path(), &["--links", "links.toml"]);
+    assert_eq!((&model["graph"][0][1][1], &model["graph"][1][0][1]), (&"".into(), &"-->".into()));
+    assert_eq!(model["p_matrix"][1][0][1], 0.0);
+    fs::write(dir.path().join("links.toml"), rules.replace("'b'", "'c'")).expect("writes");
+    let out = roscausal(dir.path(), &[&QUICK[..], &["--links", "links.toml"]].concat());
+    has(&String::from_utf8_lossy(&out.stderr), &["links.toml: there is no variable 'c'", "variables: a, b"]);
+}
+
+#[test]
+fn how_a_test_decides_can_be_said() {
+    let dir = folder("data.csv", &coupled(300));
+    let shuffled = json(dir.path(), &["--significance", "shuffle", "--shuffles", "100"]);
+    // (k + 1) / (100 + 1)
+    let p = shuffled["p_matrix"][1][0][1].as_f64().expect("a p-value");
+    assert!((p * 101.0 - (p * 101.0).round()).abs() < 1e-9, "{p}");
+    assert_eq!(json(dir.path(), &["--max-conds", "0"])["graph"][0][1][1], "-->");
+    has(
+        &complaint(&coupled(50), &["--significance", "shufle"], 2),
+        &["--significance", "did you mean 'shuffle'"],
+    );
+    has(&complaint(&coupled(50), &["--collider-rule", "maybe"], 2), &["--collider-rule", "majority"]);
+}
+
+#[test]
+fn fewer_shuffles_than_the_level_needs_are_refused() {
+    let few = |more: &[&str]| {
+        let args = ["--test", "parcorr", "--significance", "shuffle", "--method"];
+        complaint(&coupled(200), &[&args[..], more].concat(), 2)
+    };
+    has(
+        &few(&["pcmci+", "--shuffles", "50"]),
+        &["--shuffles", "0.0196", "level 0.01", "at least 100", "--pc-alpha"],
+    );
+    has(&few(&["pcmci", "--shuffles", "10"]), &["0.0909", "level 0.05", "at least 20", "--alpha"]);
+}
+
+#[test]
+fn a_column_that_chooses_rows_need_not_be_a_variable() {
+    let mut csv = "a,b,c,pause\n".to_owned();
+    for (row, line) in coupled(300).lines().skip(1).enumerate() {
+        let cells: Vec<&str> = line.split(',').skip(1).collect();
+        csv += &format!("{},{},{}\n", cells.join(","), (row * 7 % 31), u8::from(row % 10 < 3));
+    }
+    let dir = folder("data.csv", &csv);
+    for choice in [&["--mask", "pause"][..], &["--where", "pause < 0.5 and c >= 0"]] {
+        for columns in ["a,b", "!c,!pause"] {
+            let args = ["discover", "data.csv", "--method", "pcmci", "--test", "parcorr", "--format", "json"];
+            let out = roscausal(dir.path(), &[&args[..], &["--columns", columns], choice].concat());
+            assert!(out.status.success(), "{}", String::from_utf8_lossy(&out.stderr));
+            let model: Value = serde_json::from_slice(&out.stdout).expect("JSON");
+            assert_eq!(model["features"], serde_json::json!(["a", "b"]));
+            has(&model["warnings"].to_string(), &["90 of 300 rows are masked"]);
+        }
+    }
+    let told = complaint(&csv, &["--test", "parcorr", "--columns", "a,b", "--mask", "pauze"], 2);
+    has(&told, &["--mask", "there is no column 'pauze'", "did you mean 'pause'?"]);
+}
+
+#[test]
+fn masked_rows_are_no_effects() {
+    let rows: Vec<String> = coupled(300)
+        .lines()
+        .enumerate()
+        .map(|(i, line)| format!("{line},{}", if i == 0 { "pause".into() } else { (i / 150).to_string() }))
+        .collect();
+    let dir = folder("data.csv", &rows.join("\n"));
+    let masked = json(dir.path(), &["--mask", "pause"]);
+    assert_eq!(masked["features"], serde_json::json!(["a", "b"]));
+    has(&masked["warnings"].to_string(), &["151 of 300 rows are masked"]);
+    assert_eq!(masked["links"].as_array().expect("links")[0]["n_lost"], 151);
+    let by_condition = json(dir.path(), &["--columns", "a,b", "--where", "a > -10 and b < 0.2"]);
+    assert!(by_condition["links"][0]["n_lost"].as_u64().is_some_and(|lost| lost > 20));
+    let out = roscausal(dir.path(), &[&QUICK[..], &["--where", "pausee == 0"]].concat());
+    has(
+        &String::from_utf8_lossy(&out.stderr),
+        &["--where: there is no column 'pausee'", "did you mean 'pause'"],
+    );
+}
+
+#[test]
+fn a_stored_model_is_shown_as_it_was_and_compared_with_another() {
+    let dir = folder("data.csv", &coupled(300));
+    let first = roscausal(dir.path(), &[&QUICK[..], &["-o", "one"]].concat());
+    let again = roscausal(dir.path(), &["show", "one/model.json", "-o", "again"]);
+    let text = String::from_utf8_lossy(&again.stdout);
+    has(&text, &["a at t-1 (0.25 s earlier) drives b", "About the data"]);
+    let without_time = |text: &str| text.lines().skip(1).collect::<Vec<_>>().join("\n");
+    assert_eq!(without_time(&text), without_time(&String::from_utf8_lossy(&first.stdout)));
+    let read = |path: &str| fs::read(dir.path().join(path)).expect("is there");
+    assert_eq!(
+        (read("one/model.json"), read("one/dag.svg")),
+        (read("again/model.json"), read("again/dag.svg"))
+    );
+
+    fs::write(dir.path().join("links.toml"), "[[link]]\ncause = 'a'\neffect = 'b'\nis = 'forbidden'\n")
+        .expect("writes");
+    roscausal(dir.path(), &[&QUICK[..], &["--links", "links.toml", "--alpha", "0.01", "-o", "two"]].concat());
+    let out = roscausal(dir.path(), &["compare", "one/model.json", "two/model.json", "-o", "difference"]);
+    let text = String::from_utf8_lossy(&out.stdout);
+    has(&text, &["alpha: 0.05, 0.01", "1 only in one/model.json\n  a at t-1", "0 only in two/model.json"]);
+    let picture = |name: &str| String::from_utf8_lossy(&read(&format!("difference/{name}"))).into_owned();
+    assert_ne!(picture("only_a.svg"), picture("both.svg"));
+}
+
+#[test]
+fn a_test_of_categories_refuses_measurements_and_names_the_way_out() {
+    let noise = |i: usize| ((12.9898 * i as f64).sin() * 43758.5453).rem_euclid(1.0);
+    let switch = |i: usize| f64::from(u8::from(noise(i) > 0.5));
+    let table = |level: &dyn Fn(usize) -> f64| {
+        let rows: String = (0..200).map(|i| format!("{},{}\n", level(2 * i), switch(2 * i + 1))).collect();
+        format!("level,light\n{rows}")
+    };
+    for test in ["gsquared", "cmisymb"] {
+        let told = complaint(&table(&noise), &["--method", "pcmci", "--test", test], 1);
+        has(&told, &[test, "'level' has 200 different values in 200 samples", "parcorr", "round(level)"]);
+        assert!(!told.contains("'light'"), "{told}");
+        assert_eq!(told.lines().filter(|line| line.starts_with("error: ")).count(), 1, "{told}");
+    }
+    // Categories that are not whole numbers are categories.
+    let dir = folder("data.csv", &table(&|i| 0.25 * switch(i)));
+    let out = roscausal(dir.path(), &["discover", "data.csv", "--method", "pcmci", "--test", "gsquared"]);
+    assert!(out.status.success(), "{}", String::from_utf8_lossy(&out.stderr));
+}
