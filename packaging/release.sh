@@ -1,21 +1,23 @@
 #!/usr/bin/env bash
 # packaging/release.sh --dry-run [--only PART]: makes what a release consists of, into dist/, with checksums. Publishes nothing.
 # PART is one of
-#   wheel    the Python package for this machine
 #   sdist    the Python package as source
+#   wheel    the Python package for x86_64, built from this source
+#   aarch64  the same for 64-bit ARM, cross-built (needs rustup)
 #   deb      the command for Debian and Ubuntu
-#   source   the repository with all crates that it needs: builds without a network (CMake: -DROSCAUSAL_VENDOR=vendor)
+#   source   the repository with all crates that it needs: builds without a network
+#   rosdebian  folders debian/ for ROS 2 humble and jazzy, to be laid over that source
 #   crates   the crates as crates.io would get them; they are checked, and stay in target/package
 #   sbom     what is in the command: a list of all crates in CycloneDX
 #
-# With ziglang in the same environment as maturin (`pip install ziglang`) the wheel fits every Linux with glibc 2.28 or newer;
-# without it, those with the glibc of this machine.
+# All programs are linked by zig (from PyPI) against glibc 2.28: they run on Debian 10, Ubuntu 20.04, RHEL 8 and newer, wherever they are
+# built.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 . tests/lib.sh
-profile=release
+target=x86_64-unknown-linux-gnu
 
-parts=(wheel sdist deb source crates sbom)
+parts=(sdist wheel aarch64 deb source rosdebian crates sbom)
 usage() { echo "usage: packaging/release.sh --dry-run [--only $(IFS='|'; echo "${parts[*]}")]" >&2; exit 2; }
 only= dry=
 while [ $# -gt 0 ]; do
@@ -34,43 +36,70 @@ SOURCE_DATE_EPOCH=$(git log -1 --format=%ct 2>/dev/null || stat -c %Y CHANGELOG.
 export SOURCE_DATE_EPOCH
 export RUSTFLAGS="--remap-path-prefix=$PWD=/roscausal --remap-path-prefix=${CARGO_HOME:-$HOME/.cargo}=/cargo ${RUSTFLAGS-}"
 
-# tool NAME VERSION: a subcommand of cargo, built once into target/tools.
+# tool NAME VERSION: a subcommand of cargo, built once into target/tools; unoptimised, since it is quick enough.
 tool() {
-  [ -x "target/tools/bin/cargo-$1" ] || cargo install --quiet --locked --root target/tools "cargo-$1@$2" ||
+  [ -x "target/tools/bin/cargo-$1" ] || cargo install --quiet --locked --debug --root target/tools "cargo-$1@$2" ||
     give_up "cargo-$1 cannot be installed from crates.io"
   export PATH=$PWD/target/tools/bin:$PATH
 }
 
-maturin() {
-  local tools=$PWD/target/python-tools
-  environment "$tools" "maturin>=1.16,<2"
-  PATH=$tools/bin:$PATH "$tools/bin/maturin" "$@"
+# What links programs for an old glibc, from PyPI.
+zig() {
+  environment "$PWD/target/release-tools" "maturin>=1.16,<2" ziglang==0.17.1 cargo-zigbuild==0.24.1
+  export PATH=$PWD/target/release-tools/bin:$PATH
 }
 
-wheel() {
-  local zig=()
-  target/python-tools/bin/python -c 'import ziglang' 2>/dev/null && zig=(--zig --compatibility manylinux_2_28)
-  maturin build --quiet --release --locked --manifest-path roscausal_py/Cargo.toml ${zig[@]+"${zig[@]}"} --out dist
-  local bytes
+# wheel_of TARGET: the package for this kind of machine, built in a folder that has the source distribution and nothing else.
+wheel_of() {
+  local bytes name=roscausal-$version
+  [ -e "dist/$name.tar.gz" ] || sdist
+  rm -rf target/sdist && mkdir -p target/sdist && tar -xz -C target/sdist -f "dist/$name.tar.gz"
+  zig
+  CARGO_TARGET_DIR=${CARGO_TARGET_DIR:-$PWD/target} maturin build --quiet --profile wheel --locked --manifest-path "target/sdist/$name/roscausal_py/Cargo.toml" \
+    --target "$1" --zig --compatibility manylinux_2_28 --out dist
   bytes=$(stat -c %s "$(ls -t dist/roscausal-*.whl | head -1)")
   [ "$bytes" -le 10000000 ] || broken "the wheel has $bytes bytes; nobody waits for more than 10 MB"
 }
 
-sdist() { maturin sdist --quiet --manifest-path roscausal_py/Cargo.toml --out dist; }
+wheel() { wheel_of $target; }
 
-# The command with the list of its crates inside (`cargo audit bin` reads it), and with Parquet and Arrow: who installs a package
-# cannot build a feature. What only it has is tested first.
+# Cross-built; the standard library for it comes from rustup.
+aarch64() {
+  rustup target add aarch64-unknown-linux-gnu >/dev/null 2>&1 || give_up "rustup cannot add aarch64-unknown-linux-gnu"
+  wheel_of aarch64-unknown-linux-gnu
+}
+
+# maturin leaves out what the package does not need, but not the line that takes rustdds from third_party/, where then is none; and
+# the lock file becomes that of the crates that are there.
+sdist() {
+  local made name=roscausal-$version
+  made=$(mktemp -d)
+  zig
+  maturin sdist --manifest-path roscausal_py/Cargo.toml --out "$made"
+  tar -xz -C "$made" -f "$made/$name.tar.gz"
+  sed -i '/^# One change that services need/d; /^\[patch.crates-io\]/,/^$/d' "$made/$name/Cargo.toml"
+  (cd "$made/$name" && cargo metadata --quiet --format-version 1 --manifest-path roscausal_py/Cargo.toml >/dev/null) ||
+    broken "the Python package's source is not whole"
+  archive "$made" "$name" | gzip -9n >"dist/$name.tar.gz"
+  rm -rf "$made"
+}
+
+# archive FOLDER NAME: FOLDER/NAME as a tar file without a trace of this machine.
+archive() { tar --sort=name --mtime="@$SOURCE_DATE_EPOCH" --owner=0 --group=0 --numeric-owner -C "$1" -c "$2"; }
+
+# The command with the list of its crates inside (`cargo audit bin` reads it), and with Parquet and Arrow (tests/recordings.sh tests
+# them): who installs a package cannot build a feature.
 audited() {
+  zig
   tool auditable 0.7.7
-  cargo test --quiet --release --locked -p roscausal -p roscausal_core --features columnar --test columnar
-  cargo auditable build --quiet --release --locked -p roscausal --features columnar --bin roscausal
+  cargo auditable zigbuild --quiet --release --locked -p roscausal --features columnar --bin roscausal --target $target.2.28
 }
 
 deb() {
   tool deb 3.8.0
   audited
   local made=target/package program
-  program=$(program roscausal)
+  program=${CARGO_TARGET_DIR:-target}/$target/release/roscausal
   rm -rf $made/man $made/completions
   mkdir -p $made/completions
   "$program" man $made/man
@@ -79,19 +108,71 @@ deb() {
   "$program" completions zsh >$made/completions/_roscausal
   "$program" completions fish >$made/completions/roscausal.fish
   gzip -9nc CHANGELOG.rst >$made/changelog.gz
-  cargo deb --quiet --locked --no-build -p roscausal --output dist/
+  printf 'roscausal (%s-1) unstable; urgency=medium\n\n  * Version %s; changelog.gz says what is new.\n\n -- %s  %s\n' "$version" "$version" \
+    "$(sed -n 's/^maintainer = "\(.*\)"/\1/p' Cargo.toml)" "$(date -R -u -d "@$SOURCE_DATE_EPOCH")" >$made/changelog.Debian
+  cargo deb --quiet --locked --no-build --target $target -p roscausal --output dist/
 }
 
+# Debian's tools delete files that look like leftovers (dh_clean), so the crates lose theirs, and the word of them.
 source_archive() {
   local name=roscausal-$version-vendored made
   made=$(mktemp -d)
   git archive --prefix="$name/" HEAD | tar -x -C "$made"
   cargo vendor --quiet --locked --versioned-dirs "$made/$name/vendor" >/dev/null
-  tar --sort=name --mtime="@$SOURCE_DATE_EPOCH" --owner=0 --group=0 --numeric-owner -C "$made" -c "$name" | xz -T0 -6 >"dist/$name.tar.xz"
+  python3 - "$made/$name/vendor" <<'END'
+import fnmatch, json, pathlib, sys
+
+for listed in pathlib.Path(sys.argv[1]).glob("*/.cargo-checksum.json"):
+    known = json.loads(listed.read_text())
+    for file in list(known["files"]):
+        if any(fnmatch.fnmatch(pathlib.Path(file).name, form) for form in ("*.orig", "*.rej", "*~", "*.bak", "#*#", "TAGS", ".SUMS")):
+            listed.parent.joinpath(file).unlink()
+            del known["files"][file]
+    listed.write_text(json.dumps(known))
+END
+  archive "$made" "$name" | xz -T0 -6 >"dist/$name.tar.xz"
   rm -rf "$made"
 }
 
-crates() { cargo package --quiet --workspace --exclude-lockfile --no-verify --allow-dirty; ls target/package/*.crate; }
+# The folders debian/ of the ROS 2 package, by bloom, without its index on the network: unpacked over the vendored source,
+# `dpkg-buildpackage -b` makes ros-DISTRIBUTION-roscausal. cargo comes from rustup, since Ubuntu's is too old.
+rosdebian() {
+  environment "$PWD/target/bloom" bloom==0.14.4 setuptools==80.9.0
+  local made release distribution system dependencies
+  made=$(mktemp -d)
+  dependencies=$(sed -n '/condition="$ROS_VERSION != 2"/d; s/.*_\?depend[^>]*>\([a-z0-9_]*\)<.*/\1/p' package.xml | sort -u)
+  for release in humble:jammy jazzy:noble; do
+    distribution=${release%:*} system=${release#*:}
+    mkdir -p "$made/$distribution"/{sources,package}
+    printf '%%YAML 1.1\n---\ndistributions:\n  %s:\n    distribution: [distribution.yaml]\n    distribution_status: active\n    distribution_type: ros2\n    python_version: 3\ntype: index\nversion: 4\n' \
+      "$distribution" >"$made/$distribution/index-v4.yaml"
+    printf '%%YAML 1.1\n---\nrelease_platforms:\n  ubuntu: [%s]\nrepositories: {}\ntype: distribution\nversion: 2\n' "$system" >"$made/$distribution/distribution.yaml"
+    for dependency in $dependencies; do
+      echo "$dependency: {ubuntu: [ros-$distribution-${dependency//_/-}]}"
+    done >"$made/$distribution/rosdep.yaml"
+    echo "yaml file://$made/$distribution/rosdep.yaml" >"$made/$distribution/sources/10-local.list"
+    cp package.xml CHANGELOG.rst "$made/$distribution/package/"
+    (
+      cd "$made/$distribution/package"
+      export ROSDISTRO_INDEX_URL=file://$made/$distribution/index-v4.yaml ROSDEP_SOURCE_PATH=$made/$distribution/sources ROS_HOME=$made/$distribution/home
+      export ROS_VERSION=2 ROS_DISTRO=$distribution PATH=$OLDPWD/target/bloom/bin:$PATH
+      rosdep update --rosdistro "$distribution" && bloom-generate rosdebian --os-name ubuntu --os-version "$system" --ros-distro "$distribution"
+    ) >"$made/log" 2>&1 </dev/null || { tail -20 "$made/log"; broken "bloom does not make the debian folder for $distribution"; }
+    archive "$made/$distribution/package" debian | xz -6 >"dist/roscausal-$version-debian-$distribution.tar.xz"
+  done
+  rm -rf "$made"
+}
+
+# Each is built from what is packed, in the order of their dependencies.
+crates() {
+  local members
+  members=$(cargo metadata --quiet --format-version 1 --no-deps | python3 -c 'import json, sys
+for package in json.load(sys.stdin)["packages"]:
+    if package["publish"] != []: print("-p", package["name"])')
+  rm -f target/package/*.crate
+  cargo package --quiet --locked --allow-dirty $members
+  ls target/package/*.crate
+}
 
 sbom() {
   tool cyclonedx 0.5.9

@@ -85,6 +85,19 @@ def test_a_flag_marks_missing_values_and_a_mask_excluded_ones(chain):
     assert not np.allclose(half["val_matrix"], ignored["val_matrix"])
 
 
+def test_every_layout_of_an_array_gives_the_same_numbers(chain, pcmci):
+    values = pcmci.run_pcmci(tau_max=2)["val_matrix"]
+    readonly = chain.copy()
+    readonly.flags.writeable = False
+    for array in (np.asfortranarray(chain), chain.astype(">f8"), readonly, np.repeat(chain, 2, axis=0)[::2]):
+        assert np.array_equal(PCMCI(pp.DataFrame(array), ParCorr()).run_pcmci(tau_max=2)["val_matrix"], values)
+    single = PCMCI(pp.DataFrame(chain.astype(np.float32)), ParCorr()).run_pcmci(tau_max=2)["val_matrix"]
+    assert np.allclose(single, values, atol=1e-6) and single.dtype == np.float64
+    for shape in ((300,), (3, 4, 5), (0, 3)):
+        with pytest.raises(ValueError):
+            PCMCI(pp.DataFrame(np.zeros(shape)), ParCorr()).run_pcmci()
+
+
 def test_datasets_with_offsets_share_reference_points(chain):
     parts = {"x": chain[:150], "y": chain[150:]}
     frame = pp.DataFrame(parts, analysis_mode="multiple", time_offsets={"x": 0, "y": 150}, reference_points=np.arange(2, 150))
