@@ -176,8 +176,8 @@ for package in json.load(sys.stdin)["packages"]:
 
 sbom() {
   tool cyclonedx 0.5.9
-  cargo cyclonedx --quiet --format json --spec-version 1.5 --manifest-path Cargo.toml --override-filename roscausal-sbom
-  mv roscausal-sbom.json "dist/roscausal-$version-sbom.json"
+  cargo cyclonedx --quiet --format json --spec-version 1.5 --features columnar --manifest-path Cargo.toml --override-filename roscausal-sbom
+  sed "s#file://$PWD#file:///roscausal#g" roscausal-sbom.json >"dist/roscausal-$version-sbom.json"
   find . -name roscausal-sbom.json -not -path './target/*' -delete
 }
 

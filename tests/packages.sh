@@ -53,6 +53,7 @@ files() {
   unzip -qo "$wheel" -d "$work/wheel"
   check "the wheel needs glibc 2.28 or an older one" old_enough "$work"/wheel/roscausal/_native*.so
   sbom=$(made "roscausal-$version-sbom.json") || exit 1
+  check "it has no folder of this machine" sh -c "! grep -q '$PWD' '$sbom'"
   check "the list of crates names each with its licence" python3 - "$sbom" <<'END'
 import json, sys
 listed = json.load(open(sys.argv[1]))
@@ -170,7 +171,7 @@ offline() {
   export CARGO_HOME=$work/cargo_home CARGO_PROFILE_DEV_OPT_LEVEL=0 CARGO_PROFILE_DEV_DEBUG=false
   check "there is no network: one interface, the loopback" test "$(unshare -n sed -n 's/^ *\([a-z0-9]*\):.*/\1/p' /proc/net/dev)" = lo
   check "it takes Debian's way of cleaning" sh -c "cd '$source' && ! find vendor -name '*.orig' -o -name '*~' | grep ."
-  check "CMake takes the vendored source by itself" unshare -n cmake -S "$source" -B "$work/build" -DROSCAUSAL_PROFILE=dev \
+  check "CMake takes the vendored source by itself" unshare -n cmake -S "$source" -B "$work/build" -DROSCAUSAL_PROFILE=dev -DPYTHON_EXECUTABLE=/usr/bin/python3 \
     -DCMAKE_INSTALL_PREFIX="$work/install"
   check "and builds it" unshare -n cmake --build "$work/build"
   check "and installs it" unshare -n cmake --install "$work/build"
