@@ -104,6 +104,7 @@ pub(crate) fn run(args: &Args, interrupt: &Interrupt) -> Result<()> {
         part: &args.part,
     };
     let (data, dt) = discover::read(&readable, &mut settings, args.seed, interrupt)?;
+    args.check_batch(&data)?;
     let control = Control::default().cancel_on(interrupt.flag());
     let rolling = args.means.in_pool(|| {
         let mut rolling = Rolling { format: args.format, dt, windows: Vec::new(), events: Vec::new() };
@@ -130,6 +131,21 @@ impl Args {
                 let length = window.unwrap_or_default();
                 Windows { length, step: self.step.unwrap_or((length / 2).max(1)), last: self.last }
             }
+        }
+    }
+
+    /// A batch is a window to the library; users hear of what they gave.
+    fn check_batch(&self, data: &DataFrame) -> Result<()> {
+        let longest = data.recordings().iter().map(|rows| rows.nrows()).max().unwrap_or(0);
+        match self.batch {
+            Some(0) => Err(Error::param("batch", "a batch has rows; give 1 or more")),
+            Some(rows) if rows > longest => {
+                let reason = format!(
+                    "{rows} rows leave no batch in {longest} rows; give shorter batches or record longer"
+                );
+                Err(Error::param("batch", reason))
+            }
+            _ => Ok(()),
         }
     }
 

@@ -81,6 +81,8 @@ fn resamples_give_each_link_a_word_a_share_and_an_interval() {
         (&["--resamples", "19"][..], "--resamples: 19 is not from 20 to 10000"),
         (&["--share", "0.5"], "--share: it is for --resamples"),
         (&["--resamples", "50", "--share", "1"], "--share: 1 is not between 0 and 1"),
+        (&["--resamples", "50", "--share", "0"], "--share: 0 is not between 0 and 1"),
+        (&["--resamples", "50", "--rows", "1..13"], "needs at least 20"),
         (&["--resamples", "50", "--block", "400"], "--block: blocks of 400 rows are as long as recording 1"),
     ] {
         let out = run(more);
@@ -129,7 +131,9 @@ fn roll_prints_windows_and_events_as_they_come() {
     let text = String::from_utf8_lossy(&run(&["--batch", "400"]).stdout).into_owned();
     has(&text, &["rows 0 to 400: a -> b (1)", "a -> b at lag 1: found in 2 of 4 windows"]);
     let error = String::from_utf8_lossy(&run(&["--window", "1700"]).stderr).into_owned();
-    has(&error, &["1700 rows leave no window in 1600 rows"]);
+    has(&error, &["--window: 1700 rows leave no window in 1600 rows"]);
+    let error = String::from_utf8_lossy(&run(&["--batch", "1700"]).stderr).into_owned();
+    has(&error, &["--batch: 1700 rows leave no batch in 1600 rows"]);
 }
 
 #[test]

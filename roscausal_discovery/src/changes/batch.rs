@@ -7,6 +7,8 @@ use crate::ground::Node;
 
 /// Rows that a variable must have on either side to show what it drives.
 const SHOWN: usize = 20;
+/// Fewest rows of a batch of which a part is left out.
+const LEFT: usize = 20;
 
 /// A stretch of recorded rows. Its first `2 tau_max` rows serve only as the past of the others.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -33,6 +35,17 @@ impl Batch {
             column -= mean;
         }
         Self { values, first, ranges }
+    }
+
+    /// What is left of it from a row on, of all rows read; `None` if that is next to nothing. It keeps its ranges, as bounds.
+    pub(super) fn from_row(&self, row: usize, past: usize) -> Option<Self> {
+        let gone = row.saturating_sub(self.first);
+        let left = self.len(past).saturating_sub(gone);
+        (left >= LEFT).then(|| Self {
+            values: self.values.slice(s![gone.., ..]).to_owned(),
+            first: self.first + gone,
+            ranges: self.ranges.clone(),
+        })
     }
 
     /// The batch with one variable more, which was 0 all the time.

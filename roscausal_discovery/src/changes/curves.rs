@@ -2,14 +2,10 @@
 //!
 //! 1. The inputs of an effect are its own past and every cause that it depends on at 0.2 (distance correlation of ranks), before
 //!    or after.
-//! 2. One Gaussian process of the effect on its inputs, over the rows before and after together. Its hyperparameters are those of
+//! 2. Rows after whose inputs lie beyond those before are left out: nobody knows the curve there, so a wider spread is no change.
+//! 3. One Gaussian process of the effect on its inputs, over the rows before and after together. Its hyperparameters are those of
 //!    at most 400 of the rows.
-//! 3. Of the rows after, the residuals and the values of each cause become ranks. If the mechanism is the same, they are
-//!    independent: the p-value of their distance correlation.
-//!
-//! The p-value is from the table of values of independent uniform series. Beyond the table, where the correction for many links
-//! needs it, from a tail fitted to the table's largest quarter: `0.25 exp(-(d^2 - q^2) / s)` with its 75 % quantile `q` and the
-//! mean excess `s` of the squares above it. Ranks within the rows after are robust to a cause whose spread changes.
+//! 4. For each cause the score test of a curve that only the rows after have (`score.rs`).
 //!
 //! What became of a link follows from the curve that it had: the slope `b` of what the other inputs leave of the effect on
 //! that curve is 1 if nothing changed, 0 if the link is gone, and negative if it is reversed.
@@ -20,6 +16,7 @@ use super::{
     batch::{Batch, column},
     event::Kind,
     place::Place,
+    score::Score,
     terms::{Comparison, Difference, Mechanisms},
 };
 use crate::{
@@ -27,6 +24,7 @@ use crate::{
     independence_tests::{GpOptimum, GpRegression, TestSettings, tail_dependence},
     numeric::{
         normal::normal_quantile,
+        rows::quantile,
         slope::{Slope, dot},
     },
 };
@@ -39,8 +37,12 @@ const LINK: f64 = 0.05;
 const SMALLEST: f64 = 1e-300;
 /// Rows that choose the hyperparameters.
 const SEARCHED: usize = 400;
-/// Most rows of a regression, the newest ones.
+/// Share of the rows before beyond which, at either end, rows after are left out; and fewest rows that must be left of them.
+const OUTER: f64 = 0.01;
+const FEWEST: usize = 40;
+/// Most rows of a regression, the newest ones, and how many of them may be rows after.
 const MOST: usize = 1200;
+const MOST_AFTER: usize = 600;
 
 /// The inputs of each effect.
 pub(super) fn inputs(comparison: &Comparison<'_>, before: &[&Batch], after: &[&Batch]) -> Vec<Vec<Node>> {
@@ -71,19 +73,51 @@ pub(super) fn differences_of(
 ) -> Result<Vec<Difference>> {
     let Some(first) = places.first() else { return Ok(Vec::new()) };
     let together: Vec<&Batch> = before.iter().chain(after).copied().collect();
-    let of = |group: &[&Batch], node: Node| column(group, node, comparison.past());
+    let of = |node: Node| column(&together, node, comparison.past());
     // Each batch is centred by itself, so the rows after are the last ones of all.
-    let y = of(&together, Node::new(first.effect, 0));
-    let x: Vec<Vec<f64>> = mechanisms.inputs(first.effect).iter().map(|&node| of(&together, node)).collect();
-    let n_after = of(after, Node::new(first.effect, 0)).len();
-    let Some(left) = residuals(&y, &x, n_after) else { return Ok(Vec::new()) };
+    let mut y = of(Node::new(first.effect, 0));
+    let n_before = column(before, Node::new(first.effect, 0), comparison.past()).len();
+    let mut x: Vec<Vec<f64>> = mechanisms.inputs(first.effect).iter().map(|&node| of(node)).collect();
+    let known = known_rows(&x, n_before);
+    let n_after = known.iter().filter(|t| **t >= n_before).count();
+    if n_after < FEWEST {
+        return Ok(Vec::new());
+    }
+    // Of a long part every so many rows, and the newest ones before it.
+    let (known_before, known_after) = known.split_at(known.len() - n_after);
+    let known_after: Vec<usize> = known_after.iter().step_by(n_after.div_ceil(MOST_AFTER)).copied().collect();
+    let n_after = known_after.len();
+    let begin = known_before.len().saturating_sub(MOST - n_after);
+    let chosen: Vec<usize> = known_before[begin..].iter().chain(&known_after).copied().collect();
+    let pick = |values: &Vec<f64>| chosen.iter().map(|&t| values[t]).collect::<Vec<f64>>();
+    y = pick(&y);
+    x.iter_mut().for_each(|row| *row = pick(row));
+    let Some(regression) = fitted(&y, &x) else { return Ok(Vec::new()) };
+    comparison.control.check()?;
+    let score = Score::new(&regression, n_after)?;
     let none = Slope { value: 0.0, variance: 1.0 };
     let difference = |at: &Place| {
-        let p = tail_dependence(&left, &of(after, Node::new(at.cause, at.lag)));
+        let p = score.p_value(&pick(&of(Node::new(at.cause, at.lag))));
         let z = -normal_quantile(0.5 * p.max(SMALLEST));
         Difference { at: *at, before: none, after: none, kind: Kind::Weaker, z, p: 1.0, q: 1.0 }
     };
     Ok(places.iter().map(difference).collect())
+}
+
+/// The rows before, and those after whose inputs all lie between the outer [`OUTER`] of the ones before: beyond them nobody knows
+/// the curve that there was.
+fn known_rows(inputs: &[Vec<f64>], n_before: usize) -> Vec<usize> {
+    let ends = |values: &Vec<f64>| {
+        let mut sorted = values[..n_before].to_vec();
+        sorted.sort_unstable_by(f64::total_cmp);
+        [OUTER, 1.0 - OUTER].map(|q| quantile(&sorted, q))
+    };
+    let ranges: Vec<[f64; 2]> = inputs.iter().map(ends).collect();
+    let within = |t: usize| {
+        inputs.iter().zip(&ranges).all(|(values, [low, high])| (*low..=*high).contains(&values[t]))
+    };
+    let n = inputs.first().map_or(0, Vec::len);
+    (0..n).filter(|&t| t < n_before || within(t)).collect()
 }
 
 /// What the link was and is: the deviation of its part of the effect before, the same after with its sign against the curve

@@ -29,9 +29,6 @@ const REMEMBERED: usize = 8;
 const MOST_ROWS_OF_CURVES: usize = 1000;
 /// Level at which the batch after a suspected one must show the change alone.
 const ALONE: f64 = 0.01;
-/// The same for curves, and how much larger the level of confirmation is for them.
-const ALONE_OF_CURVES: f64 = 0.02;
-const OF_CURVES: f64 = 10.0 / 3.0;
 
 /// The levels of the two stages, corrected for the number of links.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -317,16 +314,11 @@ impl Detector {
         let together = comparison.differences(&regime, &both, &mechanisms)?;
         let alone = comparison.differences(&regime, &[next_batch], &mechanisms)?;
         let of = |all: &[Difference], at: Place| all.iter().find(|difference| difference.at == at).copied();
-        // A part shows less of a curve than of a slope.
-        let (confirm, alone_level) = match self.form {
-            Form::Slope => (self.levels.confirm, ALONE),
-            Form::Curve => (self.levels.confirm * OF_CURVES, ALONE_OF_CURVES),
-        };
         let mut confirmed: Vec<Difference> = Vec::new();
         for (seen, _) in &held.links {
             let (Some(both), Some(next)) = (of(&together, seen.at), of(&alone, seen.at)) else { continue };
-            if both.q <= confirm
-                && next.p <= alone_level
+            if both.q <= self.levels.confirm
+                && next.p <= ALONE
                 && (self.form == Form::Curve || next.rises() == seen.rises() && both.rises() == seen.rises())
             {
                 // The batch that was held back may have old rows: what the link is now, the later one tells alone.
@@ -376,7 +368,9 @@ impl Detector {
         }
         self.since = since;
         self.yardstick.forget();
-        self.begin_regime(vec![held.batch, next_batch.clone()]);
+        // Rows from before the change would make the new regime differ from what follows.
+        let held = held.batch.from_row(since, 2 * self.tau_max);
+        self.begin_regime(held.into_iter().chain([next_batch.clone()]).collect());
         Ok(None)
     }
 

@@ -7,8 +7,8 @@
 //!    in both, corrected for their number (Benjamini and Hochberg).
 //! 2. If a link differs at [`Levels::suspect`], it is **suspected**, and the batch is held back. Else it joins the regime.
 //! 3. The next batch decides. If the link differs in both batches together at [`Levels::confirm`], in the new one alone, and in
-//!    the same direction, it is **confirmed**: both batches are the new regime, and `when.rs` tells the rows between which
-//!    it changed. Else it is **withdrawn**, and the batch that was held back joins the regime after all.
+//!    the same direction, it is **confirmed**: `when.rs` tells the rows between which it changed, and what comes after them in
+//!    both batches is the new regime. Else it is **withdrawn**, and the batch that was held back joins the regime after all.
 //!
 //! How much a link differs from batch to batch while nothing changes is learnt on the way (`yardstick.rs`): rows that hang
 //! together, as those of one encounter, would else show changes all the time. So nothing is suspected before the fourth batch.
@@ -19,7 +19,7 @@
 //! A regime that returns is recognised ([`ChangeEvent::same_as`]). Columns of interventions are causes that nobody compares.
 //! Sources: Chow 1960 (test of two regressions), MacKinnon and White 1985 (HC3), Huang et al. 2020 (change as change of a
 //! mechanism). Slopes are linear: a mechanism that changes its form but no slope is not seen by them. [`Form::Curve`] compares any
-//! smooth mechanism in the same two stages, by what a Gaussian process of both groups leaves (`curves.rs`).
+//! smooth mechanism in the same two stages, by a score test on a Gaussian process of both groups (`curves.rs`).
 //!
 //! ```
 //! use ndarray::Array2;
@@ -50,6 +50,7 @@ mod curves;
 mod detector;
 mod event;
 mod place;
+mod score;
 mod terms;
 mod when;
 mod yardstick;

@@ -6,7 +6,7 @@
 //!
 //! Resample `b` has the stream number `b` of the seed; from the second recording on, stream number `(b, recording)`.
 
-use super::scheme::{FEWEST_BLOCKS, Resampling, Scheme};
+use super::scheme::{FEWEST_BLOCKS, FEWEST_ROWS, Resampling, Scheme};
 use crate::{
     ground::{Error, Result},
     numeric::pcg64::Pcg64,
@@ -14,6 +14,13 @@ use crate::{
 
 /// Checks that recordings of `n_rows` rows are long enough to draw from.
 pub(super) fn check(resampling: &Resampling, n_rows: &[usize]) -> Result<()> {
+    let all: usize = n_rows.iter().sum();
+    if all < FEWEST_ROWS {
+        return Err(Error::Data(format!(
+            "resampling draws from {all} rows (those whose lags are recorded, too) and needs at least {FEWEST_ROWS}: record longer, \
+             or leave the resamples out"
+        )));
+    }
     let mut n_blocks = 0;
     for (k, &n) in n_rows.iter().enumerate().filter(|(_, n)| **n > 0) {
         let length = resampling.block.length(n);

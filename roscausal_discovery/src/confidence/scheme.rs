@@ -77,6 +77,8 @@ pub const FEWEST_RESAMPLES: usize = 20;
 pub const MOST_RESAMPLES: usize = 10_000;
 /// Fewest blocks of a recording set from which rows are drawn.
 pub(crate) const FEWEST_BLOCKS: usize = 10;
+/// Fewest rows of all recordings from which rows are drawn.
+pub(crate) const FEWEST_ROWS: usize = 20;
 
 /// How often and how to resample. [`Resampling::check`] says whether it is valid.
 #[derive(Clone, Debug, PartialEq)]

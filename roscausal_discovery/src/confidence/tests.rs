@@ -94,6 +94,27 @@ fn a_time_budget_that_ends_leaves_the_resamples_that_were_done() {
     assert_eq!(of(&whole.unwrap()).resampling.done, 40);
 }
 
+/// Each resample asks at least once whether time is up, so a budget that is up at the first question leaves few or none.
+#[test]
+fn a_time_budget_that_ends_before_the_twentieth_resample_leaves_the_model_without_confidence() {
+    let asks = std::sync::Arc::new(std::sync::atomic::AtomicUsize::new(0));
+    let settings = settings(Method::Pcmci, "parcorr");
+    let count = asks.clone();
+    let counting = Control::default().out_of_time(move || {
+        count.fetch_add(1, std::sync::atomic::Ordering::Relaxed);
+        false
+    });
+    analyse(&data(200, 7), &settings, &counting).unwrap();
+    // The whole run has its time, and one resample about as much again.
+    let most = 2 * asks.swap(0, std::sync::atomic::Ordering::Relaxed);
+    let control = Control::default()
+        .out_of_time(move || asks.fetch_add(1, std::sync::atomic::Ordering::Relaxed) > most);
+    let model = analyse_resampled(&data(200, 7), &settings, &resampling(100), &control).unwrap();
+    assert!(model.status.starts_with("partial: the time budget ended after"), "{}", model.status);
+    assert!(model.confidence.is_none() && !model.links.is_empty(), "{:?}", model.status);
+    assert!(model.warnings.iter().any(|w| w.contains("too few for a confidence")), "{:?}", model.warnings);
+}
+
 #[test]
 fn numbers_that_make_no_sense_are_refused_in_a_sentence() {
     let refused = |resampling: Resampling, n: usize, says: &str| {
@@ -106,7 +127,17 @@ fn numbers_that_make_no_sense_are_refused_in_a_sentence() {
     refused(Resampling { share: 1.0, ..resampling(20) }, 100, "'share'");
     refused(Resampling { block: Block::Rows(100), ..resampling(20) }, 100, "'block'");
     refused(Resampling { block: Block::Rows(30), ..resampling(20) }, 100, "at least 10");
-    refused(resampling(20), 8, "at least 10");
+    // Two of them are only the past of others.
+    refused(resampling(20), 21, "draws from 19 rows");
+    assert!(
+        analyse_resampled(
+            &data(22, 1),
+            &settings(Method::Pcmci, "parcorr"),
+            &resampling(20),
+            &Control::default()
+        )
+        .is_ok()
+    );
     assert!("1.5".parse::<Block>().is_err() && "0".parse::<Block>().is_err());
     assert!("bootstap".parse::<Scheme>().unwrap_err().to_string().contains("did you mean 'bootstrap'?"));
 }

@@ -228,6 +228,14 @@ impl GpRegression {
             .collect())
     }
 
+    /// The inverse `A` of the samples' covariance matrix, noise included, and `A y`: both of standardised values.
+    ///
+    /// # Errors
+    /// A regression that is resampled: its counts are not kept.
+    pub(crate) fn precision(&self) -> Result<(Mat<f64>, &[f64])> {
+        Ok((self.factor()?.inverse(), &self.weights))
+    }
+
     fn factor(&self) -> Result<Llt<f64>> {
         if self.log_likelihood.is_nan() {
             return Err(Error::Data(
