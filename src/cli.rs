@@ -110,10 +110,14 @@ pub(crate) enum Command {
 
 /// The long flags of all subcommands, without dashes.
 pub(crate) fn long_flags() -> Vec<String> {
-    let command = Cli::command();
-    let longs =
-        command.get_subcommands().flat_map(|sub| sub.get_arguments()).filter_map(|arg| arg.get_long());
-    let mut longs: Vec<String> = longs.map(str::to_owned).collect();
+    fn collect(command: &clap::Command, longs: &mut Vec<String>) {
+        for sub in command.get_subcommands() {
+            longs.extend(sub.get_arguments().filter_map(|arg| arg.get_long()).map(str::to_owned));
+            collect(sub, longs);
+        }
+    }
+    let mut longs = Vec::new();
+    collect(&Cli::command(), &mut longs);
     longs.sort();
     longs.dedup();
     longs

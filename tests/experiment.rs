@@ -190,3 +190,100 @@ fn a_planner_that_asks_is_set_beside_fixed_speeds_with_the_same_bytes_whatever_t
     assert_eq!(output.status.code(), Some(2));
     assert!(String::from_utf8_lossy(&output.stderr).contains("seed 4 is one of --train"));
 }
+
+#[test]
+fn changes_that_nobody_announced_are_told_announced_ones_are_not_and_threads_change_nothing() {
+    let dir = tempfile::tempdir().expect("a folder");
+    let told = |out: &str, more: &[&str]| {
+        let few = ["--seeds", "1..2", "--before", "1800", "--after", "900", "--do", "robot.off", "--waiting"];
+        let args = [&["experiment", "changes", "--out", out], &few[..], more].concat();
+        let output = roscausal(dir.path(), &args);
+        assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+        let text = String::from_utf8_lossy(&output.stdout).into_owned();
+        (text, read(dir.path(), &format!("{out}/changes.csv")))
+    };
+    let (text, csv) = told("one", &["--threads", "1"]);
+    assert!(text.contains("robot.off not announced, 2 runs, batches of 300 s at 0.3 s, parcorr"), "{text}");
+    assert!(text.contains("told in ") && text.contains("false alarms: ") && !text.contains("NaN"), "{text}");
+    assert_eq!(csv.lines().next(), Some("seed,action_s,told_s,kind,cause,effect,lag,before,after,p_value"));
+    let rows: Vec<Vec<&str>> = csv.lines().skip(1).map(|line| line.split(',').collect()).collect();
+    let number = |cell: &str| -> f64 { cell.parse().expect("a number") };
+    // Each event is of a seed, is told at the end of a batch, and has the moment at which the robot first waited after 1800 s.
+    assert!(rows.iter().all(|row| ["1", "2"].contains(&row[0])), "{csv}");
+    assert!(rows.iter().all(|row| (number(row[2]) % 300.0).abs() < 0.3), "{csv}");
+    assert!(rows.iter().all(|row| (1795.0..2400.0).contains(&number(row[1]))), "{csv}");
+    let after = |row: &&Vec<&str>| number(row[2]) > number(row[1]);
+    assert!(rows.iter().any(|row| after(&row)), "nobody is told of it: {csv}");
+    assert_eq!(told("two", &["--threads", "2"]).1, csv);
+    // What is announced is no change.
+    let (text, announced) = told("announced", &["--announced"]);
+    assert!(text.contains("robot.off announced"), "{text}");
+    let of = |csv: &str| {
+        csv.lines().skip(1).filter(|line| after(&&line.split(',').collect::<Vec<&str>>())).count()
+    };
+    assert_eq!(of(&announced), 0, "{announced}");
+    // Without an action all that is told is a false alarm.
+    let args =
+        ["experiment", "changes", "--out", "none", "--seeds", "1..1", "--before", "1800", "--after", "0"];
+    let output = roscausal(dir.path(), &args);
+    let text = String::from_utf8_lossy(&output.stdout).into_owned();
+    assert!(
+        output.status.success() && text.contains("unchanged") && text.contains("in 0.5 h without"),
+        "{text}"
+    );
+}
+
+#[test]
+fn an_experiment_on_changes_that_makes_no_sense_is_bad_usage() {
+    let dir = tempfile::tempdir().expect("a folder");
+    for (more, words) in [
+        (&["--do", "robot.off@30..60"][..], "--do: 'robot.off@30..60' has a time"),
+        (&["--before", "100"], "--before: 100 is not a number of seconds from 600"),
+        (&["--dt", "0"], "--dt"),
+        (&["--do", "robot.off", "--after", "10"], "--after"),
+        (&["--waiting"], "--do"),
+        (&["--scenario", "thr"], "thr"),
+    ] {
+        let output = roscausal(dir.path(), &[&["experiment", "changes"], more].concat());
+        let text = String::from_utf8_lossy(&output.stderr).into_owned();
+        assert_eq!(output.status.code(), Some(2), "{more:?}: {text}");
+        assert!(text.contains(words), "{more:?}: {text}");
+    }
+}
+
+#[test]
+fn resamples_give_a_sweep_the_table_of_what_shares_meant_and_shards_merge_to_it() {
+    let dir = tempfile::tempdir().expect("a folder");
+    let done = |output: Output| {
+        assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+        String::from_utf8_lossy(&output.stdout).into_owned()
+    };
+    let whole = done(sweep(dir.path(), "whole", &["--resamples", "20", "--threads", "1"]));
+    let table = |text: &str| {
+        text.split_once("What a share of resamples meant")
+            .map(|(_, rest)| rest.split("\n\n").next().unwrap_or_default().to_owned())
+    };
+    let shown = table(&whole).expect("a table");
+    assert!(shown.starts_with(", in 9 runs:"), "{shown}");
+    let links: usize = shown
+        .lines()
+        .filter(|line| {
+            line.contains("firm")
+                || line.contains("likely")
+                || line.contains("unsure")
+                || line.contains("absent")
+        })
+        .map(|line| line.split('|').nth(3).expect("a cell").trim().parse::<usize>().expect("a number"))
+        .sum();
+    // 9 runs with 6 possible cross links.
+    assert_eq!(links, 54, "{shown}");
+    done(sweep(dir.path(), "one", &["--shard", "1/2", "--resamples", "20", "--threads", "2"]));
+    done(sweep(dir.path(), "two", &["--shard", "2/2", "--resamples", "20"]));
+    let joined = done(roscausal(dir.path(), &["experiment", "merge", "one", "two", "--out", "joined"]));
+    assert_eq!(table(&joined).expect("a table"), shown);
+    assert!(table(&done(sweep(dir.path(), "without", &[]))).is_none());
+    // The runs without resamples are others: none is taken for one with them.
+    let output = sweep(dir.path(), "bad", &["--resamples", "5"]);
+    assert_eq!(output.status.code(), Some(2));
+    assert!(String::from_utf8_lossy(&output.stderr).contains("--resamples: 5 is not from 20"));
+}

@@ -10,7 +10,7 @@ use std::sync::{
 use ndarray::{Array2, Axis};
 use proptest::prelude::*;
 use roscausal_discovery::{
-    Control, DataFrame, Error, LinkAssumptions,
+    Control, DataFrame, Error, LinkAssumptions, Settings, analyse,
     independence_tests::{ParCorr, RobustParCorr, TestSettings},
     methods::{
         Fdr, PcmciPlusSettings, PcmciResult, PcmciSettings, Status, get_lagged_dependencies, run_bivci,
@@ -224,6 +224,26 @@ fn a_time_budget_gives_a_partial_result() {
     assert!(result.n_tests <= 41);
     for (at, mark) in result.graph.indexed_iter() {
         assert!(!mark.is_link() || result.p_matrix[at] <= 0.05);
+    }
+}
+
+#[test]
+fn a_time_budget_that_is_up_before_the_first_test_gives_a_partial_result_with_every_method_of_tests() {
+    for method in ["pcmci", "pcmciplus", "lpcmci", "tsfci"] {
+        for test in ["parcorr", "robustparcorr", "gpdc"] {
+            let settings = Settings {
+                method: method.parse().unwrap(),
+                cond_ind_test: test.into(),
+                ..Settings::default()
+            };
+            let control = Control::default().out_of_time(|| true);
+            let model = analyse(&data_of(chain(1, 200)), &settings, &control).unwrap();
+            assert!(
+                model.status.starts_with("partial: the time budget ended"),
+                "{method} {test}: {}",
+                model.status
+            );
+        }
     }
 }
 

@@ -138,13 +138,7 @@ impl Settings {
             level("pc-alpha", alpha)?;
         }
         self.f_alpha.map_or(Ok(()), |alpha| level("f-alpha", alpha))?;
-        if self.tau_max < self.tau_min {
-            let reason = format!(
-                "{} is below tau-min {}; lags run from tau-min to tau-max",
-                self.tau_max, self.tau_min
-            );
-            return Err(Error::param("tau-max", reason));
-        }
+        Error::check_lags(self.tau_min, self.tau_max)?;
         let info = self.method.info();
         match self.method {
             Method::Lpcmci | Method::Tsfci => self.check_lpcmci()?,

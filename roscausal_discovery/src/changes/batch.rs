@@ -10,8 +10,9 @@ const SHOWN: usize = 20;
 /// Fewest rows of a batch of which a part is left out.
 const LEFT: usize = 20;
 
-/// A stretch of recorded rows. Its first `2 tau_max` rows serve only as the past of the others.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+/// A stretch of recorded rows. Its first `2 tau_max` rows serve only as the past of the others. A row counts if nothing is missing in
+/// it and in its past.
+#[derive(Clone, Debug, Serialize, Deserialize)]
 pub(super) struct Batch {
     /// `T x N`.
     #[serde(with = "rows")]
@@ -22,16 +23,27 @@ pub(super) struct Batch {
     pub(super) ranges: Vec<[f64; 2]>,
 }
 
+/// Missing values are equal.
+impl PartialEq for Batch {
+    fn eq(&self, other: &Self) -> bool {
+        let same = |(a, b): (&f64, &f64)| a == b || a.is_nan() && b.is_nan();
+        self.first == other.first
+            && self.ranges == other.ranges
+            && self.values.dim() == other.values.dim()
+            && self.values.iter().zip(&other.values).all(same)
+    }
+}
+
 impl Batch {
     /// The batch with the mean of each variable taken off: a mean that moves is no change of a mechanism.
     pub(super) fn new(mut values: Array2<f64>, first: usize) -> Self {
-        let range = |column: ndarray::ArrayView1<'_, f64>| {
-            let fold = |pick: fn(f64, f64) -> f64| column.iter().copied().reduce(pick).unwrap_or_default();
-            [fold(f64::min), fold(f64::max)]
-        };
-        let ranges = values.columns().into_iter().map(range).collect();
+        let mut ranges = Vec::with_capacity(values.ncols());
         for mut column in values.columns_mut() {
-            let mean = column.mean().unwrap_or_default();
+            column.iter_mut().filter(|v| !v.is_finite()).for_each(|v| *v = f64::NAN);
+            let known = || column.iter().copied().filter(|v| v.is_finite());
+            let fold = |pick: fn(f64, f64) -> f64| known().reduce(pick).unwrap_or_default();
+            ranges.push([fold(f64::min), fold(f64::max)]);
+            let mean = known().sum::<f64>() / known().count().max(1) as f64;
             column -= mean;
         }
         Self { values, first, ranges }
@@ -39,13 +51,13 @@ impl Batch {
 
     /// What is left of it from a row on, of all rows read; `None` if that is next to nothing. It keeps its ranges, as bounds.
     pub(super) fn from_row(&self, row: usize, past: usize) -> Option<Self> {
-        let gone = row.saturating_sub(self.first);
-        let left = self.len(past).saturating_sub(gone);
-        (left >= LEFT).then(|| Self {
+        let gone = row.saturating_sub(self.first).min(self.values.nrows());
+        let left = Self {
             values: self.values.slice(s![gone.., ..]).to_owned(),
             first: self.first + gone,
             ranges: self.ranges.clone(),
-        })
+        };
+        (left.len(past) >= LEFT).then_some(left)
     }
 
     /// The batch with one variable more, which was 0 all the time.
@@ -57,15 +69,28 @@ impl Batch {
         self.ranges.push([0.0; 2]);
     }
 
-    /// Rows that count.
+    /// The rows that count, from 0 after the first `past` ones.
+    pub(super) fn rows(&self, past: usize) -> Vec<usize> {
+        let (mut rows, mut complete) = (Vec::new(), 0);
+        for (t, cells) in self.values.rows().into_iter().enumerate() {
+            complete = if cells.iter().all(|v| v.is_finite()) { complete + 1 } else { 0 };
+            if complete > past {
+                rows.push(t - past);
+            }
+        }
+        rows
+    }
+
+    /// How many rows count.
     pub(super) fn len(&self, past: usize) -> usize {
-        self.values.nrows().saturating_sub(past)
+        self.rows(past).len()
     }
 
     /// Whether a variable varies in it often enough to show what it drives: in [`SHOWN`] rows it is above the middle of its
     /// range, in as many below.
     pub(super) fn varies(&self, var: usize, past: usize) -> bool {
-        let values: Vec<f64> = self.values.column(var).iter().skip(past).copied().collect();
+        let column = self.values.column(var);
+        let values: Vec<f64> = column.iter().skip(past).copied().filter(|v| v.is_finite()).collect();
         let end = |pick: fn(f64, f64) -> f64| values.iter().copied().reduce(pick).unwrap_or_default();
         let (low, high) = (end(f64::min), end(f64::max));
         let above = values.iter().filter(|value| **value > 0.5 * (low + high)).count();
@@ -78,10 +103,10 @@ pub(super) fn column(batches: &[&Batch], node: Node, past: usize) -> Vec<f64> {
     let mut all = Vec::new();
     for batch in batches {
         let from = past - node.lag;
-        let n = batch.len(past);
+        let rows = batch.rows(past);
         let part = batch.values.index_axis(Axis(1), node.var);
-        let mean = part.iter().skip(from).take(n).sum::<f64>() / n.max(1) as f64;
-        all.extend(part.iter().skip(from).take(n).map(|v| v - mean));
+        let mean = rows.iter().map(|t| part[from + t]).sum::<f64>() / rows.len().max(1) as f64;
+        all.extend(rows.iter().map(|t| part[from + t] - mean));
     }
     all
 }
@@ -91,13 +116,21 @@ mod rows {
     use ndarray::Array2;
     use serde::{Deserialize, Deserializer, Serialize, Serializer, de::Error};
 
+    /// A missing value is `null`.
     pub(super) fn serialize<S: Serializer>(values: &Array2<f64>, to: S) -> Result<S::Ok, S::Error> {
-        values.rows().into_iter().map(|row| row.to_vec()).collect::<Vec<_>>().serialize(to)
+        let cell = |v: &f64| v.is_finite().then_some(*v);
+        values
+            .rows()
+            .into_iter()
+            .map(|row| row.iter().map(cell).collect())
+            .collect::<Vec<Vec<_>>>()
+            .serialize(to)
     }
 
     pub(super) fn deserialize<'de, D: Deserializer<'de>>(from: D) -> Result<Array2<f64>, D::Error> {
-        let rows = Vec::<Vec<f64>>::deserialize(from)?;
+        let rows = Vec::<Vec<Option<f64>>>::deserialize(from)?;
         let shape = (rows.len(), rows.first().map_or(0, Vec::len));
-        Array2::from_shape_vec(shape, rows.into_iter().flatten().collect()).map_err(D::Error::custom)
+        let cells = rows.into_iter().flatten().map(|cell| cell.unwrap_or(f64::NAN)).collect();
+        Array2::from_shape_vec(shape, cells).map_err(D::Error::custom)
     }
 }

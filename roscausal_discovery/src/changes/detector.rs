@@ -1,6 +1,6 @@
 //! The detector: regime, suspicion, decision.
 
-use std::{collections::VecDeque, ops::Range};
+use std::collections::VecDeque;
 
 use ndarray::{Array2, ArrayView2, s};
 use serde::{Deserialize, Serialize};
@@ -207,7 +207,7 @@ impl Detector {
 
     /// Reads the next batch, `T x N`; its first `2 tau_max` rows serve as the past of the others. Returns what is told of it.
     ///
-    /// Of a batch with missing values the longest complete stretch counts. One with too few rows is passed over.
+    /// A row counts if nothing is missing in it and in the `2 tau_max` rows before it. A batch with too few such rows is passed over.
     ///
     /// # Errors
     /// Another number of variables, or cancellation.
@@ -229,12 +229,10 @@ impl Detector {
         let past = 2 * self.tau_max;
         let begin = self.rows - if overlaps { past } else { 0 };
         self.rows = begin + values.nrows();
-        let complete = complete_stretch(values);
-        if complete.len() < self.fewest_rows() {
+        let batch = Batch::new(values.clone(), begin + past);
+        if batch.len(past) + past < self.fewest_rows() {
             return Ok(Vec::new());
         }
-        let first = begin + complete.start + past;
-        let batch = Batch::new(values.slice(s![complete, ..]).to_owned(), first);
         let mut events = Vec::new();
         if let Some(held) = self.held.take() {
             match self.decide(held, &batch, control, &mut events)? {
@@ -428,18 +426,4 @@ impl Detector {
             same_as: None,
         }
     }
-}
-
-/// The longest run of rows without a missing value; of equal ones the first. A lagged variable lacks its first value, for example.
-fn complete_stretch(values: &Array2<f64>) -> Range<usize> {
-    let mut longest = 0..0;
-    let mut start = 0;
-    for (row, cells) in values.rows().into_iter().enumerate() {
-        if !cells.iter().all(|v| v.is_finite()) {
-            start = row + 1;
-        } else if row + 1 - start > longest.len() {
-            longest = start..row + 1;
-        }
-    }
-    longest
 }

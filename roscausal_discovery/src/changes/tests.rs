@@ -159,6 +159,33 @@ fn a_detector_that_was_written_and_read_back_between_any_two_parts_tells_the_sam
     assert_eq!(events, after_each);
 }
 
+/// A fifth of the rows lack a value, here and there, as where messages are lost: no batch has a long complete stretch.
+#[test]
+fn a_change_is_seen_although_values_are_missing_everywhere_and_a_detector_written_meanwhile_goes_on() {
+    let mut values = series(4000, 3, |t| if t < 2000 { 0.8 } else { -0.4 }, |_| 1.0);
+    let mut rng = Rng::new(9);
+    for t in 0..4000 {
+        if rng.unit() < 0.2 {
+            values[[t, (3.0 * rng.unit()) as usize]] = f64::NAN;
+        }
+    }
+    let mut detector = Detector::new(names(), 1, &[], Levels::default()).unwrap();
+    let mut events = Vec::new();
+    for part in 0..10 {
+        let rows = values.slice(ndarray::s![part * 400..(part + 1) * 400, ..]).to_owned();
+        events.extend(detector.read(&rows, &Control::default()).unwrap());
+        let restored: Detector = serde_json::from_str(&serde_json::to_string(&detector).unwrap()).unwrap();
+        assert_eq!(restored, detector, "part {part}");
+        detector = restored;
+    }
+    let confirmed: Vec<&ChangeEvent> =
+        events.iter().filter(|event| event.status == Status::Confirmed).collect();
+    let [event] = confirmed.as_slice() else { panic!("{events:?}") };
+    assert_eq!((event.cause.as_str(), event.effect.as_str(), event.kind), ("a", "b", Kind::Reversed));
+    let [from, to] = event.changed_between.unwrap();
+    assert!(from <= 2040 && to >= 1980 && to - from < 200, "{event:?}");
+}
+
 #[test]
 fn a_change_is_seen_although_each_batch_lacks_its_first_value_and_some_rows() {
     let values = series(2000, 3, |t| if t < 1000 { 0.8 } else { -0.4 }, |_| 1.0);
@@ -225,7 +252,7 @@ fn what_makes_no_sense_is_refused_and_what_cannot_be_used_is_passed_over() {
     let error = detector.read_in_parts(values.view(), 79, &Control::default()).unwrap_err().to_string();
     assert!(error.contains("at least 80"), "{error}");
     let mut gaps = values.clone();
-    gaps[[17, 1]] = f64::NAN;
+    (0..400).step_by(3).for_each(|t| gaps[[t, 1]] = f64::NAN);
     assert_eq!(detector.read(&gaps, &Control::default()).unwrap(), []);
     assert_eq!((detector.rows(), detector.regime()), (400, 1));
     assert!(detector.read(&Array2::zeros((400, 2)), &Control::default()).is_err());

@@ -45,7 +45,7 @@ pub(super) fn between(
     let residuals = there.residuals(&y);
     let (n, rss) = (y.len(), dot(&residuals, &residuals));
     let rows: Vec<usize> =
-        (batches.iter()).flat_map(|batch| (0..batch.len(past)).map(|t| batch.first + t)).collect();
+        (batches.iter()).flat_map(|batch| batch.rows(past).into_iter().map(|t| batch.first + t)).collect();
     let mut products = vec![0.0; columns.len()];
     let (mut squares, mut with_residuals) = (0.0, 0.0);
     let mut likelihoods = Vec::new();

@@ -114,6 +114,18 @@ impl Control {
         }
     }
 
+    /// Fails if the caller cancelled the run. For what comes before the first test and takes no time of its own to speak of: a run
+    /// whose time is up still says how far it came.
+    ///
+    /// # Errors
+    /// [`Error::Cancelled`].
+    pub(crate) fn check_cancelled(&self) -> Result<()> {
+        match self.stop() {
+            Some(Stop::Cancelled) => self.check(),
+            _ => Ok(()),
+        }
+    }
+
     /// The same time budget and cancellation, with a count of its own that nobody is told.
     pub(crate) fn silent(&self) -> Self {
         Self { on_progress: None, state: Arc::default(), ..self.clone() }

@@ -31,6 +31,15 @@ impl Error {
         Self::param(name, format!("'{value}' is unknown; {hint}allowed: {}", allowed.join(", ")))
     }
 
+    /// Refuses a largest lag below the smallest one.
+    pub(crate) fn check_lags(tau_min: usize, tau_max: usize) -> Result<()> {
+        if tau_max < tau_min {
+            let reason = format!("{tau_max} is below tau-min {tau_min}; lags run from tau-min to tau-max");
+            return Err(Self::param("tau-max", reason));
+        }
+        Ok(())
+    }
+
     /// An [`Error::Param`] from any displayable reason.
     pub fn param(name: impl Into<String>, reason: impl std::fmt::Display) -> Self {
         Self::Param { name: name.into(), reason: reason.to_string() }

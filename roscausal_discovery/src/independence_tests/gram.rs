@@ -44,7 +44,7 @@ impl Correlations {
         let n_lags = samples.cut_off() + 1;
         let mut rows = Vec::with_capacity(samples.data().n_vars() * n_lags);
         for var in 0..samples.data().n_vars() {
-            samples.control().check()?;
+            samples.control().check_cancelled()?;
             for lag in 0..n_lags {
                 let mut row = samples.values(Node::new(var, lag));
                 standardize(&mut row);
@@ -170,7 +170,7 @@ impl Sums {
         let mut gram = Gram { n_vars, n_lags, sums: vec![0.0; (n_vars * n_lags).pow(2)] };
         let mut sums = vec![0.0; n_vars * n_lags];
         for recording in columns {
-            samples.control().check()?;
+            samples.control().check_cancelled()?;
             gram.add(recording, samples.cut_off());
             for (var, column) in recording.iter().enumerate() {
                 for lag in 0..n_lags {

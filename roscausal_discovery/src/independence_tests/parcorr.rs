@@ -158,7 +158,7 @@ fn transformed_correlations(samples: &Samples<'_>, transform: Transform) -> Resu
     let mut rows = Vec::with_capacity(samples.data().n_vars() * n_lags);
     for var in 0..samples.data().n_vars() {
         for lag in 0..n_lags {
-            samples.control().check()?;
+            samples.control().check_cancelled()?;
             let node = Node::new(var, lag);
             let mut row = samples.arrays(node, node, &[]).x;
             transform(&mut row);

@@ -129,13 +129,7 @@ impl GrangerSettings {
         if self.tau_min == 0 {
             return Err(Error::param("tau-min", "0: Granger causality knows the past only; give at least 1"));
         }
-        if self.tau_max < self.tau_min {
-            return Err(Error::param(
-                "tau-max",
-                format!("{} is below tau-min {}", self.tau_max, self.tau_min),
-            ));
-        }
-        Ok(())
+        Error::check_lags(self.tau_min, self.tau_max)
     }
 
     /// The largest lag: `tau_max`, or the one with the least score, all on the samples of `tau_max`.

@@ -181,13 +181,7 @@ impl TiminoSettings {
         if self.tau_max == 0 {
             return Err(Error::param("tau-max", "0 leaves no past; give at least 1"));
         }
-        if self.tau_max < self.tau_min {
-            return Err(Error::param(
-                "tau-max",
-                format!("{} is below tau-min {}", self.tau_max, self.tau_min),
-            ));
-        }
-        Ok(())
+        Error::check_lags(self.tau_min, self.tau_max)
     }
 }
 

@@ -1,6 +1,7 @@
 """The reasoning node with rospy: its three services against a system whose answers are known, questions that cannot be asked, no model
 yet, ten callers at once, persistent callers, and a restart."""
 
+import contextlib
 import math
 import os
 import signal
@@ -10,7 +11,7 @@ import threading
 import time
 
 import rospy
-from roscausal_msgs.msg import Action, CausalLink, CausalModelInfo, CostTerm, Features, Intervention, Limit, Prediction
+from roscausal_msgs.msg import Action, CausalLink, CausalModelInfo, CostTerm, Features, Intervention, Limit, Prediction, RobotState
 from roscausal_msgs.srv import (Effect, EffectRequest, Explain, ExplainRequest, WhatIf, WhatIfRequest, WhatIfResponse)
 
 sys.path.insert(0, os.path.dirname(os.path.dirname(os.path.abspath(__file__))))
@@ -228,6 +229,67 @@ def the_example_planner_chooses_the_speed_that_the_answers_favour(roscore):
                 eventually(lambda: limits and limits[-1] == 0.8, 30, lambda: "0.8 m/s: %s\n%s" % (limits[-3:], planner.text))
                 program.end()
                 eventually(lambda: limits[-1] == 0.2, 20, lambda: "the slowest speed: %s\n%s" % (limits[-3:], planner.text))
+
+
+@case
+def the_example_planner_drives_the_simulators_robot_at_the_speed_it_chose(roscore):
+    """Simulator, robot, human, data and reasoning node, and the planner, each a process of its own. While answers come the robot drives
+    at the speed that they favour, which is above its own; when they end, at the slowest."""
+    root = os.environ.get("ROSCAUSAL_ROOT", os.path.dirname(os.path.dirname(os.path.dirname(os.path.dirname(os.path.abspath(__file__))))))
+    speeds, rows = [], []
+    heard = [rospy.Subscriber("/roscausal/robot", RobotState, lambda m: speeds.append(math.hypot(m.twist.linear.x, m.twist.linear.y))),
+             rospy.Subscriber("/roscausal/features", Features, rows.append)]
+    with contextlib.ExitStack() as running, tempfile.TemporaryDirectory() as folder:
+        batch, graph, _ = known_system.write(folder)
+        given = {
+            "roscausal_hrisim/scenario": "encounters", "roscausal_robot/goal_topic": "/goal_pose", "roscausal_robot/goal_type": "PoseStamped",
+            "roscausal_human/source_frame": "map", "roscausal_data/data_dir": folder + "/raw", "roscausal_data/pp_data_dir": folder + "/pp",
+            "roscausal_data/dt": known_system.DT, "roscausal_data/features": ["r_v = r.v", "d = dist(h, r)", "h_v = h.v"],
+            # The equations are those of the known system; the rows that are asked about are the simulator's.
+            "roscausal_reasoning/refit_every": 3600.0, "roscausal_reasoning/allow_extrapolation": True,
+            "planner/cost": ["d=0.1", "r_v=-1.0"], "planner/own_speed": 0.5}
+        for name, value in given.items():
+            roscore.param("/" + name, value)
+        roscore.param("/use_sim_time", True)
+        try:
+            for name in ("robot", "human", "data", "hrisim"):
+                running.enter_context(Process(NODE, name))
+            program = running.enter_context(reasoning(roscore, batch, graph))
+            planner = running.enter_context(Process("/usr/bin/python3", os.path.join(root, "examples/planner/planner_ros1.py")))
+            eventually(lambda: len(rows) >= 5, 60, "five rows of the simulator", period=0.1)
+            eventually(lambda: speeds and speeds[-1] > 0.7, 120, lambda: "0.8 m/s: %s\n%s" % (speeds[-3:], planner.text), period=0.1)
+            program.end()
+            eventually(lambda: "no answer: the slowest" in planner.text, 60, lambda: "the slowest: " + planner.text, period=0.1)
+            time.sleep(3)
+            del speeds[:]
+            time.sleep(4)
+            assert speeds and max(speeds) < 0.25, speeds
+        finally:
+            roscore.param("/use_sim_time", False)
+            for name in {name.split("/")[0] for name in given}:
+                roscore.master.deleteParam("/harness", "/" + name)
+            for subscriber in heard:
+                subscriber.unregister()
+
+
+@case
+def a_question_that_needs_no_computation_there_and_back(roscore):
+    """What a service adds to the computation: questions that are refused at once. The note has the figure."""
+    with tempfile.TemporaryDirectory() as folder:
+        batch, graph, _ = known_system.write(folder)
+        with reasoning(roscore, batch, graph):
+            answered("what_if", what_if(sets("stop", 0.2)))
+            medians = []
+            for persistent in (False, True):
+                proxy, took = rospy.ServiceProxy("/roscausal/effect", Effect, persistent=persistent), []
+                for _ in range(100):
+                    start = time.monotonic()
+                    got = proxy(EffectRequest(cause="r_v", effect="nobody"))
+                    took.append(time.monotonic() - start)
+                    assert got.status == BAD_REQUEST, got
+                proxy.close()
+                medians.append(1000 * sorted(took)[50])
+            return "median %.1f ms, %.1f ms over a connection that stays" % tuple(medians)
 
 
 if __name__ == "__main__":
