@@ -61,13 +61,17 @@ impl<T: Real> Incomplete<T> {
         self.columns.numbers(self.n * self.rank())
     }
 
+    /// The memory of `L`, which its first `n r` numbers are.
+    pub(super) fn into_columns(self) -> Buffer {
+        self.columns
+    }
+
     /// Takes more pivots until no remainder exceeds `tolerance`; `None` where the rank exceeds `max_rank`, or is about
     /// to. `max_rank` is at most that of [`Incomplete::new`], and `n` for no limit; `l` is the same on every call.
     pub(super) fn extend(&mut self, inputs: &Inputs, l: f64, tolerance: f64, max_rank: usize) -> Option<()> {
         let n = self.n;
-        let arch = Arch::new();
         loop {
-            let largest = arch.dispatch(Largest(&self.remainder)).double();
+            let largest = self.largest();
             if largest <= tolerance {
                 return Some(());
             }
@@ -81,56 +85,77 @@ impl<T: Real> Incomplete<T> {
             {
                 return None;
             }
-            let least = tolerance.max(SHARE_OF_LARGEST * largest);
-            let (mut candidates, in_order) = self.candidates(least, tolerance);
-            let width = candidates.len();
-            let (before, panel) = self.columns.numbers_mut::<T>((k + width) * n).split_at_mut(k * n);
-            for (column, &pivot) in panel.chunks_exact_mut(n).zip(&candidates) {
-                T::column(inputs, l, pivot as usize, 0, column, &mut []);
+            self.take_panel(inputs, l, tolerance, largest);
+        }
+    }
+
+    /// Takes more pivots until no remainder exceeds `tolerance` or the rank is `rank`, which is at most that of [`Incomplete::new`].
+    pub(super) fn extend_to_rank(&mut self, inputs: &Inputs, l: f64, tolerance: f64, rank: usize) {
+        while self.rank() < rank.min(self.n) {
+            let largest = self.largest();
+            if largest <= tolerance {
+                return;
             }
-            if k > 0 {
-                let mut rows = Buffer::of::<T>(k * width);
-                let rows = rows.numbers_mut::<T>(k * width);
-                for (row, &pivot) in rows.chunks_exact_mut(k).zip(&candidates) {
-                    row.iter_mut()
-                        .zip(before.chunks_exact(n))
-                        .for_each(|(to, column)| *to = column[pivot as usize]);
-                }
-                matmul::matmul(
-                    MatMut::from_column_major_slice_mut(panel, n, width),
-                    Accum::Add,
-                    MatRef::from_column_major_slice(before, n, k),
-                    MatRef::from_column_major_slice(rows, k, width),
-                    T::from_double(-1.0),
-                    Par::Seq,
-                );
+            self.take_panel(inputs, l, tolerance, largest);
+        }
+    }
+
+    fn largest(&self) -> f64 {
+        Arch::new().dispatch(Largest(&self.remainder)).double()
+    }
+
+    /// Takes the pivots of one panel; `largest` is the largest remainder.
+    fn take_panel(&mut self, inputs: &Inputs, l: f64, tolerance: f64, largest: f64) {
+        let (n, k, arch) = (self.n, self.rank(), Arch::new());
+        let least = tolerance.max(SHARE_OF_LARGEST * largest);
+        let (mut candidates, in_order) = self.candidates(least, tolerance);
+        let width = candidates.len();
+        let (before, panel) = self.columns.numbers_mut::<T>((k + width) * n).split_at_mut(k * n);
+        for (column, &pivot) in panel.chunks_exact_mut(n).zip(&candidates) {
+            T::column(inputs, l, pivot as usize, 0, column, &mut []);
+        }
+        if k > 0 {
+            let mut rows = Buffer::of::<T>(k * width);
+            let rows = rows.numbers_mut::<T>(k * width);
+            for (row, &pivot) in rows.chunks_exact_mut(k).zip(&candidates) {
+                row.iter_mut()
+                    .zip(before.chunks_exact(n))
+                    .for_each(|(to, column)| *to = column[pivot as usize]);
             }
-            let mut taken = 0;
-            for next in 0..width {
-                let best =
-                    if in_order { next } else { taken + largest_of(&self.remainder, &candidates[taken..]) };
-                let pivot = candidates[best] as usize;
-                let left = self.remainder[pivot].double();
-                if left < least || left <= tolerance {
-                    if in_order {
-                        continue;
-                    }
-                    break;
+            matmul::matmul(
+                MatMut::from_column_major_slice_mut(panel, n, width),
+                Accum::Add,
+                MatRef::from_column_major_slice(before, n, k),
+                MatRef::from_column_major_slice(rows, k, width),
+                T::from_double(-1.0),
+                Par::Seq,
+            );
+        }
+        let mut taken = 0;
+        for next in 0..width {
+            let best =
+                if in_order { next } else { taken + largest_of(&self.remainder, &candidates[taken..]) };
+            let pivot = candidates[best] as usize;
+            let left = self.remainder[pivot].double();
+            if left < least || left <= tolerance {
+                if in_order {
+                    continue;
                 }
-                candidates.swap(taken, best);
-                if best > taken {
-                    let (left, right) = panel.split_at_mut(best * n);
-                    left[taken * n..(taken + 1) * n].swap_with_slice(&mut right[..n]);
-                }
-                let (before, now) = panel.split_at_mut(taken * n);
-                let diagonal = left.sqrt();
-                let (remainder, scale) = (&mut self.remainder[..], T::from_double(1.0 / diagonal));
-                arch.dispatch(NextColumn { before, now: &mut now[..n], remainder, pivot, scale });
-                now[pivot] = T::from_double(diagonal);
-                self.remainder[pivot] = T::NEG_INFINITY;
-                self.pivots.push(pivot as u32);
-                taken += 1;
+                break;
             }
+            candidates.swap(taken, best);
+            if best > taken {
+                let (left, right) = panel.split_at_mut(best * n);
+                left[taken * n..(taken + 1) * n].swap_with_slice(&mut right[..n]);
+            }
+            let (before, now) = panel.split_at_mut(taken * n);
+            let diagonal = left.sqrt();
+            let (remainder, scale) = (&mut self.remainder[..], T::from_double(1.0 / diagonal));
+            arch.dispatch(NextColumn { before, now: &mut now[..n], remainder, pivot, scale });
+            now[pivot] = T::from_double(diagonal);
+            self.remainder[pivot] = T::NEG_INFINITY;
+            self.pivots.push(pivot as u32);
+            taken += 1;
         }
     }
 

@@ -61,6 +61,11 @@ impl Inputs {
         Self::new(&self.values.chunks_exact(self.n).map(pick).collect::<Vec<_>>())
     }
 
+    /// The place of sample `i`, one value per dimension.
+    pub(super) fn place(&self, i: usize) -> Vec<f64> {
+        self.values.chunks_exact(self.n).map(|row| row[i]).collect()
+    }
+
     /// Writes the kernel between a place, one value per dimension, and every sample into `kernel`.
     pub(super) fn to_place(&self, l: f64, place: &[f64], kernel: &mut [f64]) {
         let scale = -0.5 / (l * l);

@@ -66,7 +66,7 @@ impl Value {
 
 impl Likelihood {
     /// The form that is the fastest at `theta` for a gradient with this `error`; `None` where `K + s I` is not positive
-    /// definite in double precision.
+    /// definite in double precision, and on more than [`LARGE`] samples where its rank is too high.
     pub(super) fn for_search(
         inputs: &Inputs,
         theta: Theta,
@@ -81,6 +81,9 @@ impl Likelihood {
             if let Some(form) = Form::of_low_rank(inputs, theta, plan, forecast, None) {
                 return Some(Self { theta, form, plan: Some(plan), _held: held });
             }
+        }
+        if n > LARGE {
+            return None;
         }
         if single_error(n, theta) <= error {
             let held = hold(memory, n, Dense::<f32>::bytes(n));

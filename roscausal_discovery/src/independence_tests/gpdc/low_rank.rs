@@ -257,7 +257,7 @@ fn product<T: Real>(left: &[T], right: &[T], r: usize) -> Buffer {
 }
 
 /// `factor' factor`, `r x r`, its lower triangle; zeros above.
-fn symmetric_product<T: Real>(factor: &[T], r: usize) -> Buffer {
+pub(super) fn symmetric_product<T: Real>(factor: &[T], r: usize) -> Buffer {
     let n = factor.len() / r.max(1);
     let factor = MatRef::from_column_major_slice(factor, n, r);
     let mut product = Buffer::of::<T>(r * r);

@@ -7,8 +7,10 @@ mod distance_correlation;
 mod factorisation;
 mod incomplete;
 mod kernel;
+mod large;
 mod lbfgsb;
 mod likelihood;
+mod limit_law;
 mod line_search;
 mod local_model;
 mod low_rank;
@@ -16,6 +18,7 @@ mod memory;
 mod null_table;
 mod permutation;
 mod plan;
+mod preconditioner;
 mod process;
 mod real;
 mod refine;
@@ -28,7 +31,7 @@ use std::sync::Arc;
 
 use super::{
     resampling::{Resampling, optimal_block_length},
-    settings::{Confidence, Significance, TestSettings},
+    settings::{Confidence, GpSearch, Significance, TestSettings},
 };
 use crate::{
     ground::{CondIndTest, Error, LaggedArrays, Node, PreparedTest, Result, Samples, TestResult},
@@ -38,20 +41,20 @@ use crate::{
     },
 };
 use distance_correlation::of_ranks;
-use memory::Memory;
+use memory::{LARGE, Memory};
 use null_table::NullTable;
 pub use process::{GpOptimum, GpRegression};
 use regression::{GaussianProcess, SearchSettings};
 use residuals::{ResidualCache, Residuals};
 
 /// Distance correlation of the ranks of two series, in `[0, 1]`, and its p-value if both are series of independent samples: the
-/// fraction of 500 pairs of uniform series above it. 0 and 1 where one is constant.
+/// fraction of 500 pairs of uniform series above it, or above 2000 samples that of all pairs by the limit law. 0 and 1 where one is constant.
 pub(crate) fn uniform_dependence(x: &[f64], y: &[f64]) -> (f64, f64) {
     if is_constant(x) || is_constant(y) {
         return (0.0, 1.0);
     }
     let value = of_ranks(&distance_correlation::ranks(x), &distance_correlation::ranks(y));
-    (value, NullTable::get(x.len(), 500, TestSettings::default().seed).share_above(value))
+    (value, share_above(x.len(), value, None, TestSettings::default().seed))
 }
 
 /// The value of [`uniform_dependence`] and its p-value, beyond the table from a tail fitted to its largest quarter: for many tests
@@ -61,7 +64,20 @@ pub(crate) fn dependence(x: &[f64], y: &[f64]) -> (f64, f64) {
         return (0.0, 1.0);
     }
     let value = of_ranks(&distance_correlation::ranks(x), &distance_correlation::ranks(y));
-    (value, NullTable::get(x.len(), 500, TestSettings::default().seed).share_above_with_tail(value))
+    if x.len() > LARGE {
+        return (value, limit_law::survival(x.len(), value));
+    }
+    let table = NullTable::get(x.len(), DEFAULT_TABLE, TestSettings::default().seed);
+    (value, table.share_above_with_tail(value))
+}
+
+/// The share of pairs of independent uniform series of `n` samples above `value`: by the table of so many `pairs`; where no number of
+/// pairs is asked for, by one of [`DEFAULT_TABLE`] pairs, or by the limit law above [`LARGE`] samples.
+fn share_above(n: usize, value: f64, pairs: Option<usize>, seed: u64) -> f64 {
+    match pairs {
+        None if n > LARGE => limit_law::survival(n, value),
+        pairs => NullTable::get(n, pairs.unwrap_or(DEFAULT_TABLE), seed).share_above(value),
+    }
 }
 
 /// The p-value of [`dependence`].
@@ -96,6 +112,8 @@ pub(crate) fn gp_residuals(
 
 /// Samples below which a test is refused.
 const FEWEST_SAMPLES: usize = 5;
+/// Pairs of uniform series in a table of null values.
+const DEFAULT_TABLE: usize = 500;
 /// Bytes for large matrices where the settings give no bound.
 const DEFAULT_MEMORY: usize = 900 << 20;
 
@@ -133,7 +151,8 @@ pub struct Gpdc {
 
 impl Gpdc {
     /// The test with `settings`: `significance` (`analytic`, the default: from a table of values of independent
-    /// uniform series, of `sig_samples` entries, or of `null_distributions` where it has the number of samples; `shuffle_test`: of the residuals; or `fixed_thres`), `confidence`
+    /// uniform series, of `sig_samples` entries, or of `null_distributions` where it has the number of samples, and above 2000 samples
+    /// from the limit law unless `sig_samples` is given; `shuffle_test`: of the residuals; or `fixed_thres`), `confidence`
     /// (`bootstrap`: each sample is regressed anew), `seed`, `max_memory`.
     ///
     /// # Errors
@@ -153,13 +172,13 @@ impl Gpdc {
     }
 
     fn sig_samples(&self) -> usize {
-        self.settings.sig_samples.unwrap_or(500)
+        self.settings.sig_samples.unwrap_or(DEFAULT_TABLE)
     }
 
     /// The memory for large matrices; refuses what would not fit.
     fn memory(&self, n: usize) -> Result<Arc<Memory>> {
         let threads = rayon::current_num_threads();
-        let needed = GaussianProcess::bytes(n, threads);
+        let needed = GaussianProcess::bytes(n, threads, self.settings.gp_search);
         match self.settings.max_memory {
             Some(allowed) if needed > allowed => Err(Error::param(
                 "max_memory",
@@ -177,7 +196,7 @@ impl Gpdc {
 
 /// Bytes that one test on `n` samples needs at the least.
 pub(crate) fn bytes(n: usize) -> usize {
-    GaussianProcess::bytes(n, 1)
+    GaussianProcess::bytes(n, 1, GpSearch::Default)
 }
 
 impl CondIndTest for Gpdc {
@@ -235,8 +254,7 @@ impl PreparedTest for PreparedGpdc<'_> {
         };
         match self.test.significance() {
             Significance::Analytic => {
-                let own =
-                    || NullTable::get(n, self.test.sig_samples(), settings.seed).share_above(result.value);
+                let own = || share_above(n, result.value, settings.sig_samples, settings.seed);
                 let given = settings.null_distributions.as_ref();
                 result.p_value =
                     given.and_then(|given| given.share_above(n, result.value)).unwrap_or_else(own);
@@ -316,9 +334,15 @@ impl PreparedTest for PreparedGpdc<'_> {
     }
 
     fn effort(&self) -> Option<String> {
-        let (all, twice) = self.residuals.counts();
+        let [all, twice, by_few] = self.residuals.counts();
+        let few = match by_few {
+            0 => String::new(),
+            _ => format!("; the length scale and noise of {by_few} are those of some of the samples"),
+        };
         (all > 0).then(|| {
-            format!("gpdc: {all} regressions; the path of {twice} was searched again with tight likelihoods")
+            format!(
+                "gpdc: {all} regressions; the path of {twice} was searched again with tight likelihoods{few}"
+            )
         })
     }
 }

@@ -49,6 +49,11 @@ impl NullTable {
         Self(table)
     }
 
+    #[cfg(test)]
+    pub(super) fn values(&self) -> &[f64] {
+        &self.0
+    }
+
     /// Share of the table strictly above `value`.
     pub(super) fn share_above(&self, value: f64) -> f64 {
         let not_above = self.0.partition_point(|&null| null <= value);

@@ -1,6 +1,6 @@
 //! How exact a likelihood is to be, and by which form: the plan of one evaluation.
 
-use super::{kernel::Inputs, theta::Theta};
+use super::{kernel::Inputs, memory::LARGE, theta::Theta};
 
 /// Fractions of the noise variance that the truncation may leave on the diagonal of the kernel matrix: tightest, loosest.
 const FRACTIONS: [f64; 2] = [1e-13, 1e-2];
@@ -162,7 +162,17 @@ pub(super) fn single_error(n: usize, theta: Theta) -> f64 {
     }
 }
 
-/// Rank up to which the low-rank form is the faster one.
+/// Samples times squared rank that a likelihood on many samples may take: some tenths of a second.
+const MOST_WORK: f64 = 2.5e9;
+/// A rank that is allowed on any number of samples.
+const LEAST_RANK: usize = 64;
+
+/// Rank up to which the low-rank form is the faster one; on more than [`LARGE`] samples, where there is no other form, the one that
+/// can be waited for.
 pub(super) fn max_rank(n: usize) -> usize {
-    2 * n / 5
+    let faster = 2 * n / 5;
+    if n <= LARGE {
+        return faster;
+    }
+    faster.min(((MOST_WORK / n as f64).sqrt() as usize).max(LEAST_RANK))
 }

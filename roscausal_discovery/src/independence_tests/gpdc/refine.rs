@@ -13,6 +13,9 @@ use super::{
 const EXACT: f64 = 1e-10;
 /// Products after which the factorisation is too far away.
 const MOST_PRODUCTS: usize = 25;
+/// The same where the matrix is not kept, and there is no other factorisation to turn to.
+const EXACT_BY_ROWS: f64 = 1e-7;
+const MOST_PRODUCTS_BY_ROWS: usize = 1000;
 
 /// `(K + s I)^-1 y` at `theta`; `approximate` solves nearly the same equations. `None` where it is too far away.
 pub(super) fn solve(
@@ -34,15 +37,49 @@ pub(super) fn solve(
     let arch = Arch::new();
     let times = |x: &[f64]| {
         let mut product = vec![0.0; n];
-        arch.dispatch(SymmetricProduct { columns: &columns, x, product: &mut product });
+        arch.dispatch(SymmetricProduct { columns: &columns, first: 0, x, product: &mut product });
         product
     };
-    let enough = EXACT * EXACT * dot(y, y);
+    conjugate_gradients(times, y, approximate, EXACT, MOST_PRODUCTS)
+}
+
+/// The same with memory for `n` numbers only: each column of the matrix is computed when it is needed. As exact as the ranks of the
+/// residuals need it.
+pub(super) fn solve_by_rows(
+    inputs: &Inputs,
+    theta: Theta,
+    y: &[f64],
+    approximate: impl Fn(&[f64]) -> Vec<f64>,
+) -> Option<Vec<f64>> {
+    let (n, arch) = (y.len(), Arch::new());
+    let mut room = Buffer::any(n);
+    let times = |x: &[f64]| {
+        let mut product = vec![0.0; n];
+        for j in 0..n {
+            let column = &mut room[..n - j];
+            inputs.column(theta.l, j, j, column, &mut []);
+            column[0] += theta.s;
+            arch.dispatch(SymmetricProduct { columns: column, first: j, x, product: &mut product });
+        }
+        product
+    };
+    conjugate_gradients(times, y, approximate, EXACT_BY_ROWS, MOST_PRODUCTS_BY_ROWS)
+}
+
+/// The solution with the matrix that `times` multiplies by, to a residual norm of `exact` times that of `y`.
+fn conjugate_gradients(
+    mut times: impl FnMut(&[f64]) -> Vec<f64>,
+    y: &[f64],
+    approximate: impl Fn(&[f64]) -> Vec<f64>,
+    exact: f64,
+    most_products: usize,
+) -> Option<Vec<f64>> {
+    let enough = exact * exact * dot(y, y);
     let mut solution = approximate(y);
     let mut rest: Vec<f64> = y.iter().zip(times(&solution)).map(|(y, ax)| y - ax).collect();
     let mut direction = approximate(&rest);
     let mut fit = dot(&rest, &direction);
-    for _ in 0..MOST_PRODUCTS {
+    for _ in 0..most_products {
         if dot(&rest, &rest) <= enough {
             return Some(solution);
         }
@@ -62,9 +99,11 @@ fn add(sum: &mut [f64], values: &[f64], factor: f64) {
     sum.iter_mut().zip(values).for_each(|(sum, value)| *sum += factor * value);
 }
 
-/// `product += A x` of a symmetric matrix by its `columns` from the diagonal down: each is read once for both triangles.
+/// `product += A x` of a symmetric matrix by its `columns` from the diagonal down, as many as there are from the `first` on: each is
+/// read once for both triangles.
 struct SymmetricProduct<'a> {
     columns: &'a [f64],
+    first: usize,
     x: &'a [f64],
     product: &'a mut [f64],
 }
@@ -75,8 +114,11 @@ impl NullaryFnOnce for SymmetricProduct<'_> {
     #[inline(always)]
     fn call(self) {
         const LANES: usize = 32;
-        let Self { mut columns, x, product } = self;
-        for j in 0..x.len() {
+        let Self { mut columns, first, x, product } = self;
+        for j in first..x.len() {
+            if columns.is_empty() {
+                return;
+            }
             let (column, rest) = columns.split_at(x.len() - j);
             columns = rest;
             let (x_j, x_below) = (x[j], &x[j + 1..]);
@@ -115,6 +157,8 @@ mod tests {
         let inputs = Inputs::new(std::slice::from_ref(&row));
         let theta = Theta { l: 1.0, s: 0.5 };
         let solution = solve(&inputs, theta, &y, |r| r.iter().map(|r| r / 2.0).collect()).unwrap();
+        let by_rows = solve_by_rows(&inputs, theta, &y, |r| r.iter().map(|r| r / 2.0).collect()).unwrap();
+        assert!(solution.iter().zip(&by_rows).all(|(a, b)| (a - b).abs() < 1e-5));
         for i in 0..80 {
             let kernel = |j: usize| (-0.5 * (row[i] - row[j]).powi(2)).exp();
             let product = (0..80).map(|j| kernel(j) * solution[j]).sum::<f64>() + 0.5 * solution[i];

@@ -7,6 +7,7 @@ use super::{
     factorisation::Factorisation,
     incomplete::Incomplete,
     kernel::Inputs,
+    large,
     lbfgsb::Point,
     likelihood::{Likelihood, Value},
     local_model::Seen,
@@ -31,6 +32,9 @@ const TOO_LOOSE: f64 = 10.0;
 /// a factorisation of low rank, which is one below this part of the samples.
 const EXACT: f64 = 1e-11;
 const LOW: usize = 16;
+
+/// Length scale, in deviations of the conditions, from which on a regression has found next to nothing.
+const NOTHING_FOUND: f64 = 30.0;
 
 /// Log likelihood by which another maximum is a better one.
 const BETTER: f64 = 1e-3;
@@ -57,6 +61,8 @@ pub(super) struct GaussianProcess {
     /// Every search starts at the same point: its factorisation is shared. A looser one, and a tighter one for targets that the
     /// first is too loose for.
     starts: [OnceLock<Option<Likelihood>>; 2],
+    /// The regression on some of many samples.
+    few: OnceLock<Box<Self>>,
     memory: Arc<Memory>,
 }
 
@@ -68,6 +74,8 @@ pub(super) struct Fit {
     pub(super) log_likelihood: f64,
     /// Whether the search was repeated with tight likelihoods.
     pub(super) repeated: bool,
+    /// Whether the maximum is that of some of the samples, because the rank of all is too high.
+    pub(super) by_few: bool,
     /// Target minus the mean of the process, per sample.
     pub(super) residuals: Vec<f64>,
 }
@@ -84,12 +92,20 @@ struct State {
 impl GaussianProcess {
     /// A regression on `conditions`: one row of samples per dimension, standardised.
     pub(super) fn new(conditions: &[Vec<f64>], memory: &Arc<Memory>) -> Self {
-        Self { inputs: Inputs::new(conditions), starts: Default::default(), memory: memory.clone() }
+        Self::of(Inputs::new(conditions), memory)
+    }
+
+    fn of(inputs: Inputs, memory: &Arc<Memory>) -> Self {
+        Self { inputs, starts: Default::default(), few: OnceLock::new(), memory: memory.clone() }
     }
 
     /// Bytes that fits on `n` samples need at the least, on any number of `threads`.
-    pub(super) fn bytes(n: usize, threads: usize) -> usize {
-        let one = Dense::<f64>::bytes(n).max(LowRank::<f64>::bytes(n, max_rank(n)));
+    pub(super) fn bytes(n: usize, threads: usize, search: GpSearch) -> usize {
+        let low_rank = LowRank::<f64>::bytes(n, max_rank(n));
+        if n > LARGE && search == GpSearch::Default {
+            return low_rank;
+        }
+        let one = Dense::<f64>::bytes(n).max(low_rank);
         // Of few samples each thread keeps the factorisations of the start.
         if n > LARGE { one } else { 2 * one * threads }
     }
@@ -97,7 +113,8 @@ impl GaussianProcess {
     /// Fits the standardised `target`: the maximum of the marginal likelihood that L-BFGS-B reaches from `l = s = 1`, or, with
     /// [`SearchSettings::restarts`], the best that it reaches from several places. `check` is called before each evaluation.
     ///
-    /// The residuals are exact at the optimum.
+    /// The residuals are exact at the optimum. On more than [`LARGE`] samples the maximum is that of some of them, improved on all
+    /// ([`large`]), unless [`GpSearch::Exact`] is asked for.
     ///
     /// # Errors
     /// Those of `check`.
@@ -107,29 +124,79 @@ impl GaussianProcess {
         how: &SearchSettings,
         check: &dyn Fn() -> Result<()>,
     ) -> Result<Fit> {
-        let mut state = State { forecast: Forecast::new(target.len()), start: 0, last: None };
-        let (mut optimum, mut repeated) = match how.search {
-            GpSearch::Exact => (self.exact(target, Theta::START, check)?, false),
-            GpSearch::Default => {
-                let found = self.optimum(target, &mut state, check)?;
-                (found.optimum, found.repeated)
+        if target.len() > LARGE && how.search == GpSearch::Default {
+            return self.fit_many(target, how, check);
+        }
+        let (Found { optimum, repeated }, state) = self.best_optimum(target, how, check)?;
+        let theta = Theta::from_logarithms(optimum.x);
+        let alpha = self.alpha(target, theta, state).ok_or_else(no_covariance)?;
+        Ok(Fit {
+            theta,
+            log_likelihood: -optimum.value,
+            repeated,
+            by_few: false,
+            residuals: residuals(theta, alpha),
+        })
+    }
+
+    /// The same on many samples.
+    fn fit_many(&self, target: &[f64], how: &SearchSettings, check: &dyn Fn() -> Result<()>) -> Result<Fit> {
+        let n = target.len();
+        let chosen = large::few_of(n);
+        let few = self.few.get_or_init(|| Box::new(Self::of(self.inputs.chosen(&chosen), &self.memory)));
+        let few_targets: Vec<f64> = chosen.iter().map(|&i| target[i]).collect();
+        let (Found { optimum, repeated }, _) = few.best_optimum(&few_targets, how, check)?;
+        let share = n as f64 / chosen.len() as f64;
+        let climb = |start: Theta| {
+            let few = large::curvatures(&few.inputs, &few_targets, start, &self.memory);
+            let hessian = few.unwrap_or([[1.0, 0.0], [0.0, 1.0]]).map(|row| row.map(|of_few| share * of_few));
+            large::climb(&self.inputs, target, start, hessian, &self.memory, check)
+        };
+        let start = Theta::from_logarithms(optimum.x);
+        let mut found = climb(start)?;
+        if let Some(at) = found.as_ref().filter(|at| at.theta.l > NOTHING_FOUND) {
+            // What some samples are too few to show, all may.
+            let typical = Theta { l: (self.inputs.dimensions() as f64).sqrt(), s: at.theta.s };
+            if let Some((better, _)) = self.better_elsewhere(target, typical, at.log_likelihood, check)?
+                && let Some(other) = climb(better)?.filter(|other| other.log_likelihood > at.log_likelihood)
+            {
+                found = Some(other);
             }
+        }
+        let by_few = found.is_none();
+        let at = found.unwrap_or_else(|| large::Maximum {
+            theta: start,
+            log_likelihood: -share * optimum.value,
+            pivots: Vec::new(),
+        });
+        check()?;
+        let alpha = large::solve(&self.inputs, at.theta, target, &at.pivots, &self.memory)
+            .ok_or_else(no_covariance)?;
+        let residuals = residuals(at.theta, alpha);
+        Ok(Fit { theta: at.theta, log_likelihood: at.log_likelihood, repeated, by_few, residuals })
+    }
+
+    /// The optimum, the best of several searches if asked for, and what the search to it leaves.
+    fn best_optimum(
+        &self,
+        target: &[f64],
+        how: &SearchSettings,
+        check: &dyn Fn() -> Result<()>,
+    ) -> Result<(Found, State)> {
+        let mut state = State { forecast: Forecast::new(target.len()), start: 0, last: None };
+        let mut best = match how.search {
+            GpSearch::Exact => Found { optimum: self.exact(target, Theta::START, check)?, repeated: false },
+            GpSearch::Default => self.optimum(target, &mut state, check)?,
         };
         let mut rng = Rng::new(how.seed);
         for _ in 0..how.restarts {
             let found = self.exact(target, Theta::random(&mut rng), check)?;
-            if found.value < optimum.value - BETTER {
-                (optimum, repeated) = (found, false);
+            if found.value < best.optimum.value - BETTER {
+                best = Found { optimum: found, repeated: false };
                 state = State { forecast: Forecast::new(target.len()), start: 0, last: None };
             }
         }
-        let theta = Theta::from_logarithms(optimum.x);
-        let alpha = self.alpha(target, theta, state).ok_or_else(|| {
-            Error::Data("a Gaussian process has no positive definite covariance on these samples".into())
-        })?;
-        // y - K (K + s I)^-1 y = s (K + s I)^-1 y
-        let residuals = alpha.iter().map(|a| theta.s * a).collect();
-        Ok(Fit { theta, log_likelihood: -optimum.value, repeated, residuals })
+        Ok((best, state))
     }
 
     /// The optimum in `(ln l, ln s)`, with minus the log marginal likelihood there.
@@ -272,6 +339,15 @@ impl GaussianProcess {
             Some(value)
         })
     }
+}
+
+/// `y - K (K + s I)^-1 y = s (K + s I)^-1 y`.
+fn residuals(theta: Theta, alpha: Vec<f64>) -> Vec<f64> {
+    alpha.into_iter().map(|a| theta.s * a).collect()
+}
+
+fn no_covariance() -> Error {
+    Error::Data("a Gaussian process has no positive definite covariance on these samples".into())
 }
 
 #[cfg(test)]

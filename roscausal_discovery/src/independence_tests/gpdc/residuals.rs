@@ -29,6 +29,8 @@ pub(super) struct Residuals {
     pub(super) theta: Option<Theta>,
     /// Whether its search was repeated with tight likelihoods.
     pub(super) repeated: bool,
+    /// Whether the optimum is that of some of the samples.
+    pub(super) by_few: bool,
 }
 
 /// A node and its conditions, sorted.
@@ -40,13 +42,15 @@ type Slot = Arc<Mutex<Option<Arc<Residuals>>>>;
 pub(super) struct ResidualCache(Mutex<HashMap<Key, Slot>>);
 
 impl ResidualCache {
-    /// How many regressions are kept, and how many of them were searched twice.
-    pub(super) fn counts(&self) -> (usize, usize) {
+    /// How many regressions are kept, how many of them were searched twice, and of how many the optimum is that of some of the samples.
+    pub(super) fn counts(&self) -> [usize; 3] {
         let slots: Vec<Slot> = lock(&self.0).values().cloned().collect();
-        slots.iter().fold((0, 0), |(all, twice), slot| {
+        slots.iter().fold([0; 3], |[all, twice, by_few], slot| {
             let slot = lock(slot);
             let regressed = slot.as_ref().filter(|residuals| residuals.theta.is_some());
-            regressed.map_or((all, twice), |residuals| (all + 1, twice + usize::from(residuals.repeated)))
+            regressed.map_or([all, twice, by_few], |of| {
+                [all + 1, twice + usize::from(of.repeated), by_few + usize::from(of.by_few)]
+            })
         })
     }
 
@@ -95,12 +99,13 @@ impl Residuals {
                 log_likelihood: f64::NEG_INFINITY,
                 theta: None,
                 repeated: false,
+                by_few: false,
             });
         };
-        let Fit { theta, log_likelihood, repeated, residuals } =
+        let Fit { theta, log_likelihood, repeated, by_few, residuals } =
             process.fit(&standardized(target), how, check)?;
         let ranks = ranks(&residuals);
         let values = if keep_values { residuals } else { Vec::new() };
-        Ok(Self { ranks, values, log_likelihood, theta: Some(theta), repeated })
+        Ok(Self { ranks, values, log_likelihood, theta: Some(theta), repeated, by_few })
     }
 }
