@@ -80,6 +80,8 @@ pub struct Settings {
     pub significance: Option<Significance>,
     /// Surrogates of a shuffle test, or size of a null distribution; `None`: the test's own number.
     pub shuffles: Option<usize>,
+    /// CMIknn: surrogates that reach a test's value and end it; `None`: all are drawn.
+    pub shuffle_stop: Option<usize>,
     /// GPDC's null distributions for some numbers of samples; else its own.
     pub null_distributions: Option<Arc<NullDistributions>>,
     /// What only PCMCI+ has.
@@ -109,6 +111,7 @@ impl Default for Settings {
             max_conds: None,
             significance: None,
             shuffles: None,
+            shuffle_stop: None,
             null_distributions: None,
             pcmciplus: PcmciPlusSettings::default(),
         }
@@ -299,6 +302,7 @@ impl Settings {
             max_memory: self.max_memory,
             significance: self.significance,
             sig_samples: self.shuffles,
+            shuffle_stop: self.shuffle_stop,
             null_distributions: self.null_distributions.clone(),
             ..Default::default()
         }

@@ -112,6 +112,8 @@ pub struct TestSettings {
     pub knn: Option<f64>,
     /// `cmiknn`: neighbours in Z among which Y is permuted. Default 5.
     pub shuffle_neighbors: Option<usize>,
+    /// `cmiknn`: a test ends once so many surrogates have reached its value; `None` (default, as the reference): all are drawn.
+    pub shuffle_stop: Option<usize>,
     /// `cmiknn`: `ranks` (default), `uniform`, `standardize` or `none`.
     pub transform: Option<String>,
     /// `gpdc`: how the maximum of a likelihood is searched for.
@@ -137,6 +139,7 @@ impl Default for TestSettings {
             seed: 42,
             knn: None,
             shuffle_neighbors: None,
+            shuffle_stop: None,
             transform: None,
             gp_search: GpSearch::Default,
             gp_restarts: 0,
@@ -158,6 +161,7 @@ impl TestSettings {
         };
         positive("sig_samples", self.sig_samples)?;
         positive("sig_blocklength", self.sig_blocklength)?;
+        positive("shuffle_stop", self.shuffle_stop)?;
         positive("conf_samples", Some(self.conf_samples))?;
         positive("conf_blocklength", self.conf_blocklength)?;
         if !(0.0..1.0).contains(&self.conf_lev) || self.conf_lev == 0.0 {

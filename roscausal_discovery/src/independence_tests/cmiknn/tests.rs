@@ -55,6 +55,35 @@ fn false_alarms_come_at_the_level() {
 }
 
 #[test]
+fn a_test_that_stops_gives_the_share_of_those_drawn_until_then() {
+    for (seed, direct) in [(1, false), (2, false), (3, false), (1, true)] {
+        let all = run_with(fork(120, seed, direct), &settings(), &Z);
+        let stopping = |stop| TestSettings { shuffle_stop: Some(stop), ..settings() };
+        let stopped = run_with(fork(120, seed, direct), &stopping(10), &Z);
+        assert_eq!(all.value, stopped.value);
+        let count = (all.p_value * 200.0).round() as usize - 1;
+        if count < 10 {
+            // Fewer than ten of all reach the value: nothing stops, and nothing changes.
+            assert_eq!(stopped.p_value, all.p_value);
+        } else {
+            // Ten of those drawn, which are at most all.
+            let drawn = 10.0 / stopped.p_value;
+            assert!((drawn - drawn.round()).abs() < 1e-9 && (10.0..=199.0).contains(&drawn), "{drawn}");
+        }
+        // One that cannot be reached stops nothing, in batches or at once.
+        assert_eq!(run_with(fork(120, seed, direct), &stopping(count + 1), &Z).p_value, all.p_value);
+    }
+}
+
+#[test]
+fn false_alarms_of_a_test_that_stops_come_at_the_level() {
+    let settings = TestSettings { shuffle_stop: Some(5), ..settings() };
+    let p = |seed| run_with(fork(80, seed, false), &settings, &Z).p_value;
+    let alarms = (100..250).filter(|&seed| p(seed) <= 0.1).count();
+    assert!((3..=32).contains(&alarms), "{alarms} of 150 tests at the level 0.1 reject");
+}
+
+#[test]
 fn ranks_do_not_see_monotone_changes() {
     let data = fork(150, 5, true);
     let bent = data.mapv(|v| (3.0 * v).exp());
