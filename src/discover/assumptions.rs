@@ -28,7 +28,7 @@ pub(crate) struct AssumeArgs {
     #[arg(long, value_name = "N")]
     shuffles: Option<usize>,
     /// cmiknn: end the surrogates of a test once so many reach its value; the p-value is then their share of those drawn. Default:
-    /// all are drawn. With 20, an absent link takes a tenth of the time.
+    /// all are drawn.
     #[arg(long, value_name = "N")]
     shuffle_stop: Option<usize>,
     /// gpdc: null distributions to hold its values against, where the number of samples is one of theirs; columns separated by commas,
