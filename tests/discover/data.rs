@@ -86,17 +86,18 @@ fn missing_cells_and_constant_columns_are_told_and_survived() {
 #[test]
 fn an_analysis_that_cannot_end_is_refused_before_it_starts_with_what_would_fit() {
     let rows: String = (0..120_000_i64).map(|i| format!("{},{}\n", i * 7 % 1013, i * i % 977)).collect();
-    let told = complaint(&format!("a,b\n{rows}"), &["--max-memory", "2000"], 1);
+    let told = complaint(&format!("a,b\n{rows}"), &["--max-memory", "100"], 1);
     has(
         &told,
         &[
             "120000 rows of 2 variables would take",
-            "of memory, and 2.0 GB are free",
+            "of memory, and 100 MB are free",
             "--test parcorr",
             "fewer rows (at most",
         ],
     );
-    let told = complaint(&format!("a,b\n{rows}"), &["--max-memory", "9000000", "--threads", "1"], 1);
+    let long = ["--max-memory", "9000000", "--threads", "1", "--tau-max", "200"];
+    let told = complaint(&format!("a,b\n{rows}"), &long, 1);
     has(&told, &["would take about", "days", "--rows"]);
 }
 

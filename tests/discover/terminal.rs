@@ -101,11 +101,11 @@ fn numbers_out_of_range_are_bad_usage() {
     has(&complaint(&data, &["--tau-min", "3", "--tau-max", "1"], 2), &["tau"]);
 }
 
-/// Starts an analysis that takes minutes, sends it SIGINT, and returns how it ended.
+/// Starts an analysis that takes a while, sends it SIGINT, and returns how it ended.
 #[cfg(unix)]
 #[test]
 fn ctrl_c_ends_an_analysis_with_code_130_and_fitting_words() {
-    let dir = folder("data.csv", &coupled(6000));
+    let dir = folder("data.csv", &coupled(20_000));
     let mut command = Command::new(env!("CARGO_BIN_EXE_roscausal"));
     command
         .current_dir(dir.path())
