@@ -88,7 +88,7 @@ wheel() {
   local wheel python venv here=()
   wheel=$(made "roscausal-$version-*manylinux_2_28_x86_64.whl") || exit 1
   # The first lines of Python in the package's README, and what the demo's model is.
-  sed -n '/^```python/,/^```/{/^```/d; p}; /^```$/q' roscausal_py/README.md >"$work/readme.py"
+  awk '/^```python/ { on = 1; next } /^```/ { if (on) exit } on' roscausal_py/README.md >"$work/readme.py"
   grep -q rc.demo "$work/readme.py" || broken "the README of the package does not begin with the demo"
   echo 'assert model.features == ["h_v", "h_dg", "h_risk"]
 assert {("h_v", "h_dg"), ("h_dg", "h_v")} <= {(link.cause, link.effect) for link in model.links}
