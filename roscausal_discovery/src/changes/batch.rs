@@ -50,7 +50,7 @@ impl Batch {
     }
 
     /// What is left of it from a row on, of all rows read; `None` if that is next to nothing. It keeps its ranges, as bounds.
-    pub(super) fn from_row(&self, row: usize, past: usize) -> Option<Self> {
+    pub(super) fn without_rows_before(&self, row: usize, past: usize) -> Option<Self> {
         let gone = row.saturating_sub(self.first).min(self.values.nrows());
         let left = Self {
             values: self.values.slice(s![gone.., ..]).to_owned(),

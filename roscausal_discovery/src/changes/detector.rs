@@ -367,7 +367,7 @@ impl Detector {
         self.since = since;
         self.yardstick.forget();
         // Rows from before the change would make the new regime differ from what follows.
-        let held = held.batch.from_row(since, 2 * self.tau_max);
+        let held = held.batch.without_rows_before(since, 2 * self.tau_max);
         self.begin_regime(held.into_iter().chain([next_batch.clone()]).collect());
         Ok(None)
     }

@@ -117,7 +117,7 @@ const DEFAULT_TABLE: usize = 500;
 /// Bytes for large matrices where the settings give no bound.
 const DEFAULT_MEMORY: usize = 900 << 20;
 
-/// GPDC and its settings: the test for links that are not linear, on up to some thousand samples.
+/// GPDC and its settings: the test for links that are not linear, on up to some ten thousand samples.
 ///
 /// It assumes additive noise and conditions whose effect is smooth; where links may depend on the conditions in other ways take
 /// [`super::CmiKnn`], where they are linear [`super::ParCorr`], which is a thousand times faster. Source: Runge et al. 2019,
