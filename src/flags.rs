@@ -84,7 +84,9 @@ fn flag_of(name: &str) -> Option<String> {
     let plain = name.trim_start_matches('-').replace('_', "-");
     let twin = TWINS.iter().find(|twin| twin.param == name).map(|twin| twin.flag.to_owned());
     let known = || crate::cli::long_flags().into_iter().find(|flag| *flag == plain);
-    twin.or_else(known).map(|flag| format!("--{flag}"))
+    // `topics` has a flag of the parameter's name.
+    let signal = (name == "signals").then(|| "signal".to_owned());
+    twin.or(signal).or_else(known).map(|flag| format!("--{flag}"))
 }
 
 /// The names with an underscore that are a node's parameter, or a setting of the library, as flags. What stands in quotes is the

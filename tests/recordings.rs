@@ -406,14 +406,40 @@ fn a_foreign_recording_without_people_is_refused_with_what_there_is() {
     for (file, told) in [
         ("robot_localization/test2.bag", "nothing in it can be people"),
         ("leg_tracker/positive_2_extracted.bag", "nothing in it can be robot odometry"),
-        (
-            "inorbit_samples/fake_sensors_sample.bag",
-            "/my_temperature (sensor_msgs/Temperature, not readable)",
-        ),
+        ("inorbit_samples/fake_sensors_sample.bag", "/my_temperature (sensor_msgs/Temperature)"),
         ("rosbag2/talker.mcap", "/topic (std_msgs/String)"),
     ] {
         let output = roscausal(Path::new("."), &["discover", &folder.join(file).display().to_string()]);
         assert!(output.status.code() == Some(1) && said(&output).contains(told), "{}", said(&output));
+    }
+}
+
+#[test]
+fn a_recording_without_a_role_is_pointed_to_signals_and_nothing_in_it_is_called_unreadable() {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/recordings/foreign");
+    let bag = folder.join("inorbit_samples/fake_sensors_sample.bag").display().to_string();
+    let output = roscausal(Path::new("."), &["discover", &bag]);
+    assert!(!said(&output).contains("not readable"), "{}", said(&output));
+    let hint =
+        "--signal 'v = /topic.field' reads any number of any topic (roscausal topics --signals lists them)";
+    assert!(said(&output).contains(hint), "{}", said(&output));
+}
+
+#[test]
+fn a_recording_that_was_broken_off_before_its_first_message_is_called_so_with_what_was_lost() {
+    let dir = tempfile::tempdir().expect("a folder");
+    let people = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/recordings/people/people.bag");
+    let whole = fs::read(people).expect("reads");
+    fs::write(dir.path().join("cut.bag"), &whole[..4096]).expect("writes");
+    fs::write(dir.path().join("empty.bag"), "#ROSBAG V2.0\n").expect("writes");
+    for file in ["cut.bag", "empty.bag"] {
+        for more in [&[][..], &["--signal", "v = /odom.twist.twist.linear.x"]] {
+            let output = roscausal(dir.path(), &[&["discover", file], more].concat());
+            assert!(output.status.code() == Some(1), "{}", said(&output));
+            let told = format!("{file}: it holds no messages; was it broken off? (");
+            assert!(said(&output).contains(&told), "{}", said(&output));
+            assert!(!said(&output).contains("robot odometry"), "{}", said(&output));
+        }
     }
 }
 

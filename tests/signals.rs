@@ -106,8 +106,20 @@ fn signals_of_another_projects_sensors_become_a_table() {
     let bag = foreign("inorbit_samples/fake_sensors_sample.bag");
     let output = roscausal(dir.path(), &["topics", &bag, "--signals"]);
     assert!(output.status.success(), "{}", said(&output));
-    for line in ["/my_temperature.temperature", "/my_magnetic_field.magnetic_field.x"] {
-        assert!(said(&output).contains(line), "{}", said(&output));
+    let types = |output: &Output, name: &str| {
+        let text = said(output);
+        let line = text.lines().find(|line| line.split_whitespace().next() == Some(name));
+        let line = line.unwrap_or_else(|| panic!("{name}: {text}"));
+        line.split_whitespace().nth(1).expect("a type").to_owned()
+    };
+    for (name, kind) in [
+        ("signal", "type"),
+        ("/my_temperature.temperature", "float64"),
+        ("/my_temperature.header.stamp", "time"),
+        ("/my_magnetic_field.magnetic_field.x", "float64"),
+        ("/my_magnetic_field.magnetic_field_covariance[*]", "float64[9]"),
+    ] {
+        assert_eq!(types(&output, name), kind, "{}", said(&output));
     }
     let signals = [
         "--signal",
@@ -222,9 +234,28 @@ fn mistakes_in_signals_name_what_there_is() {
         ("v = /cmd_vel.linear.xx", "did you mean /cmd_vel.linear.x?"),
         ("v = /cmd_vel.linear", "fields: linear.x, linear.y, linear.z"),
         ("v : /cmd_vel.linear.x", "has no '='"),
+        ("v = raet(/cmd_vel.linear.x)", "'raet' is no function; did you mean rate?"),
+        ("v = /odom.pose.pose.orientation.yaw2", "did you mean /odom.pose.pose.orientation.yaw?"),
+        ("yaw = yaw(/odom.pose.pose.orientatoin)", "did you mean /odom.pose.pose.orientation"),
     ] {
         let output = roscausal(dir.path(), &["discover", "run.mcap", "--signal", signal]);
         assert!(!output.status.success(), "{signal}: {}", said(&output));
         assert!(said(&output).contains(says), "{signal}: {}", said(&output));
     }
+}
+
+#[test]
+fn a_signal_has_the_name_of_a_robots_column_where_only_signals_are_read_and_is_refused_by_its_flag_beside_a_robot()
+ {
+    let dir = tempfile::tempdir().expect("a folder");
+    recorded(dir.path().join("run.mcap"));
+    let signal = ["--signal", "r_v = /odom.twist.twist.linear.x", "--ts-length", "0"];
+    let (output, tables) = replayed(dir.path(), "run.mcap", "out", &signal);
+    assert!(!tables.is_empty(), "{}", said(&output));
+    assert!(tables[0].1.starts_with("time,r_v\n") && known(&tables[0].1, "r_v") > 0.99, "{}", said(&output));
+    let people = format!("{}/tests/recordings/people/people.bag", env!("CARGO_MANIFEST_DIR"));
+    let output =
+        roscausal(dir.path(), &["discover", &people, "--people", "/pedestrians", signal[0], signal[1]]);
+    let told = "--signal: 'r_v' is a column of the batch already";
+    assert!(!output.status.success() && said(&output).contains(told), "{}", said(&output));
 }

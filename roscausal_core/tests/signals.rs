@@ -186,6 +186,8 @@ fn a_bad_signal_says_what_is_wrong_and_names_the_nearest_field() {
         ("v = /a.x + /b.x", "reads one topic"),
         ("v = /odom.x +", "is missing"),
         ("v = foo(/odom.x)", "'foo' is no function"),
+        ("v = raet(/odom.x)", "'raet' is no function; did you mean rate? known: count"),
+        ("v = /odom.pose.pose.orientation.yaw2", "did you mean /odom.pose.pose.orientation.yaw?"),
         ("v = odom.x", "a topic begins with '/'"),
         ("v = hold(/odom.x, 0)", "more than 0"),
         ("v = /odom..x", "no path"),
@@ -242,6 +244,66 @@ fn definitions_come_from_folders_of_msg_files() {
     let error = definitions.schema(&kind("my_msgs/None")).expect_err("is nowhere");
     assert!(error.contains("msg_path"), "{error}");
     assert!(definitions.schema(&kind("../etc/passwd")).is_err());
+}
+
+/// A feedback of Nav2's action with this much way to go, in CDR: an id of 16 bytes, a pose (stamp, frame `map`, seven numbers
+/// that are aligned to 8 bytes), two durations, a count, and the distance.
+fn feedback(left: f32, recoveries: i16) -> Vec<u8> {
+    let mut bytes = vec![7_u8; 16];
+    bytes.extend([5_i32.to_le_bytes(), 0_i32.to_le_bytes(), 4_i32.to_le_bytes()].concat());
+    bytes.extend(b"map\0");
+    for number in [1.0_f64, 2.0, 0.0, 0.0, 0.0, 0.0, 1.0] {
+        bytes.resize(bytes.len().next_multiple_of(8), 0);
+        bytes.extend(number.to_le_bytes());
+    }
+    bytes.extend([3_i32, 0, 9, 0].map(i32::to_le_bytes).concat());
+    bytes.extend(recoveries.to_le_bytes());
+    bytes.extend([0, 0]);
+    bytes.extend(left.to_le_bytes());
+    [&[0, 1, 0, 0][..], &bytes].concat()
+}
+
+#[test]
+fn the_feedback_of_nav2s_action_is_read_without_a_definition_and_with_one_in_idl() {
+    let idl =
+        format!("{}\nIDL: nav2_msgs/action/NavigateToPose_FeedbackMessage\nmodule x {{}};\n", "=".repeat(80));
+    for definition in [String::new(), idl] {
+        let kind = RawType {
+            type_name: "nav2_msgs/action/NavigateToPose_FeedbackMessage".into(),
+            definition,
+            wire: Wire::Cdr,
+        };
+        let mut signals = signals(&[
+            "left = /navigate_to_pose/_action/feedback.feedback.distance_remaining",
+            "since = /navigate_to_pose/_action/feedback.feedback.navigation_time",
+            "again = /navigate_to_pose/_action/feedback.feedback.number_of_recoveries",
+            "x = /navigate_to_pose/_action/feedback.feedback.current_pose.pose.position.x",
+        ]);
+        let message = Raw { kind: Arc::new(kind), bytes: feedback(6.5, 2) };
+        let readings = signals.heard(0, &message, Time::from_secs_f64(5.0));
+        let values: Vec<f64> = readings.iter().map(|reading| reading.value).collect();
+        assert_eq!((values, signals.trouble()), (vec![6.5, 3.0, 2.0, 1.0], None));
+    }
+}
+
+#[test]
+fn the_feedback_of_any_action_is_defined_by_its_action_file() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let dir = folder.path().join("share/dock_msgs/action");
+    fs::create_dir_all(&dir).expect("a folder");
+    fs::write(dir.join("Dock.action"), "string dock\n---\nbool done\n---\nfloat32 charge\nState state\n")
+        .expect("writes");
+    fs::create_dir_all(folder.path().join("share/dock_msgs/msg")).expect("a folder");
+    fs::write(folder.path().join("share/dock_msgs/msg/State.msg"), "uint8 code\n").expect("writes");
+    let kind = |name: &str| RawType { type_name: name.into(), definition: String::new(), wire: Wire::Cdr };
+    let definitions = Definitions::in_folders(vec![folder.path().to_owned()]);
+    let schema = definitions.schema(&kind("dock_msgs/action/Dock_FeedbackMessage")).expect("is found");
+    let leaves: Vec<String> = schema.leaves().iter().map(ToString::to_string).collect();
+    assert_eq!(leaves, ["goal_id.uuid[*]", "feedback.charge", "feedback.state.code"]);
+    for name in ["dock_msgs/action/Undock_FeedbackMessage", "dock_msgs/action/Dock", "dock_msgs/action/../x"]
+    {
+        assert!(definitions.schema(&kind(name)).is_err(), "{name}");
+    }
 }
 
 fn with_signals(select: Select, hows: &[(&str, How)]) -> Recorder {

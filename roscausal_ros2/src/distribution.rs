@@ -15,14 +15,18 @@ compile_error!(
 /// Distributions whose identifiers have 24 bytes.
 const EARLY: [&str; 3] = ["humble", "galactic", "foxy"];
 
+/// Bytes of an identifier.
+fn gid_length(ros_distro: &str) -> usize {
+    if EARLY.contains(&ros_distro) { 24 } else { 16 }
+}
+
 /// What to tell where `ROS_DISTRO` is one that this program is not built for.
 pub(crate) fn mismatch(ros_distro: &str) -> Option<String> {
-    let (is_early, built_early) = (EARLY.contains(&ros_distro), GID_LENGTH == 24);
-    let (built_for, feature) = match built_early {
-        true => ("humble and those before", "jazzy"),
-        false => ("iron and all later ones", "humble"),
+    let (built_for, feature) = match GID_LENGTH {
+        24 => ("humble and those before", "jazzy"),
+        _ => ("iron and all later ones", "humble"),
     };
-    (is_early != built_early).then(|| {
+    (gid_length(ros_distro) != GID_LENGTH).then(|| {
         format!(
             "ROS_DISTRO is {ros_distro}, but this program is built for {built_for}: topics work, but nodes are not listed by name. \
              Build it in a shell of {ros_distro} with colcon, or with cargo and --no-default-features --features \
@@ -57,6 +61,59 @@ mod tests {
         parts.concat()
     }
 
+    /// The message of ros2-client with identifiers of this many bytes: its fields in its order. The features choose one length for a
+    /// whole build; here are both.
+    macro_rules! message {
+        ($layout:ident, $length:literal) => {
+            mod $layout {
+                #[derive(serde::Serialize)]
+                pub(super) struct Gid([u8; $length]);
+                #[derive(serde::Serialize)]
+                pub(super) struct Node {
+                    pub(super) node_namespace: String,
+                    pub(super) node_name: String,
+                    pub(super) reader_gid_seq: Vec<Gid>,
+                    pub(super) writer_gid_seq: Vec<Gid>,
+                }
+                #[derive(serde::Serialize)]
+                pub(super) struct Info {
+                    pub(super) gid: Gid,
+                    pub(super) node_entities_info_seq: Vec<Node>,
+                }
+
+                use rustdds::no_key::SerializerAdapter as _;
+
+                pub(super) fn bytes(participant: [u8; 16], reader: [u8; 16]) -> Vec<u8> {
+                    let gid =
+                        |guid: [u8; 16]| Gid(std::array::from_fn(|i| guid.get(i).copied().unwrap_or(0)));
+                    let node = Node {
+                        node_namespace: "/lab".into(),
+                        node_name: "robot".into(),
+                        reader_gid_seq: vec![gid(reader)],
+                        writer_gid_seq: Vec::new(),
+                    };
+                    let info = Info { gid: gid(participant), node_entities_info_seq: vec![node] };
+                    super::CDRSerializerAdapter::<Info>::to_bytes(&info).expect("bytes").to_vec()
+                }
+            }
+        };
+    }
+    message!(early, 24);
+    message!(late, 16);
+
+    #[test]
+    fn the_message_of_discovery_has_the_layout_of_humble_and_of_all_later_distributions_in_one_build() {
+        let participant: [u8; 16] = std::array::from_fn(|i| i as u8 + 1);
+        let reader: [u8; 16] = std::array::from_fn(|i| i as u8 + 101);
+        let of = |distro: &str| match gid_length(distro) {
+            24 => early::bytes(participant, reader),
+            _ => late::bytes(participant, reader),
+        };
+        for (distro, length) in [("humble", 24), ("jazzy", 16), ("kilted", 16), ("lyrical", 16)] {
+            assert_eq!(of(distro), by_definition(length, participant, reader), "{distro}");
+        }
+    }
+
     #[test]
     fn the_message_of_discovery_has_the_layout_of_the_distribution() {
         let participant: [u8; 16] = std::array::from_fn(|i| i as u8 + 1);
@@ -64,15 +121,19 @@ mod tests {
         let mut node = NodeEntitiesInfo::new(NodeName::new("/lab", "robot").expect("is a name"));
         node.add_reader(Gid::from(GUID::from_bytes(reader)));
         let message = ParticipantEntitiesInfo::new(Gid::from(GUID::from_bytes(participant)), vec![node]);
-        let length = if cfg!(feature = "jazzy") { 16 } else { 24 };
+        let (length, same) = match cfg!(feature = "jazzy") {
+            true => (16, late::bytes(participant, reader)),
+            false => (24, early::bytes(participant, reader)),
+        };
         let bytes = CDRSerializerAdapter::<ParticipantEntitiesInfo>::to_bytes(&message).expect("bytes");
         assert_eq!(bytes.as_ref(), by_definition(length, participant, reader));
+        assert_eq!(bytes.as_ref(), same);
     }
 
     #[test]
     fn a_distribution_with_another_layout_is_told_with_the_way_out() {
         let (same, other) = match cfg!(feature = "jazzy") {
-            true => (["iron", "jazzy", "kilted", "rolling"], ["humble", "galactic", "foxy"]),
+            true => (["iron", "jazzy", "kilted", "lyrical"], ["humble", "galactic", "foxy"]),
             false => (["humble", "galactic", "foxy", "humble"], ["iron", "jazzy", "kilted"]),
         };
         assert!(same.iter().all(|distro| mismatch(distro).is_none()));

@@ -26,6 +26,21 @@ pub(super) struct Chooser<'a> {
     pub(super) robot: Space,
 }
 
+impl<'a> Chooser<'a> {
+    /// The topics of a recording.
+    ///
+    /// # Errors
+    /// It has none.
+    pub(super) fn of(recording: &'a Recording, path: &'a Path) -> Result<Self> {
+        match recording.topics().is_empty() {
+            true => {
+                Err(Error::file(path, format!("it holds no messages; was it broken off?{}", losses(path))))
+            }
+            false => Ok(Self { recording, path, robot: Space::Any }),
+        }
+    }
+}
+
 impl Chooser<'_> {
     /// The readable topics of a role's types; of a role of the robot, those of its namespace.
     pub(super) fn candidates(&self, role: &Role) -> Vec<&Topic> {
@@ -181,7 +196,7 @@ impl Chooser<'_> {
         candidates.retain(|topic| !is_nobody(topic));
         match candidates.as_slice() {
             [only] => Ok(vec![(*only).clone()]),
-            [] if !self.ros4hri().is_empty() || self.has_people_frames(tf)? => Ok(Vec::new()),
+            [] if !self.ros4hri().is_empty() || self.people_frames(tf)?.is_some() => Ok(Vec::new()),
             [] => Err(self.nothing(&PEOPLE)),
             _ => Err(self.fault(&PEOPLE, "several topics can be people")),
         }
@@ -224,9 +239,10 @@ impl Chooser<'_> {
         self.recording.topics().iter().filter(is_list).collect()
     }
 
-    fn has_people_frames(&self, tf: &str) -> Result<bool> {
+    /// The beginning of the names of people's frames, the better first, if there are such frames.
+    pub(super) fn people_frames(&self, tf: &str) -> Result<Option<&'static str>> {
         let frames = coverage::frames(self.path, tf)?;
-        Ok(frames.iter().any(|frame| ROS4HRI_FRAMES.iter().any(|start| frame.starts_with(start))))
+        Ok(ROS4HRI_FRAMES.into_iter().find(|start| frames.iter().any(|frame| frame.starts_with(start))))
     }
 
     pub(super) fn has_only_states(&self) -> bool {
@@ -268,19 +284,32 @@ impl Chooser<'_> {
             false => format!("a topic of type {}", types.join(" or ")),
         };
         let candidates = if is_people { self.people_candidates() } else { self.candidates(role) };
-        let is_read =
-            |topic: &Topic| topic.known_type().is_some() || people::layout(&topic.type_name).is_some();
-        let describe = |topic: &Topic| match is_read(topic) {
-            true => format!("{} ({})", topic.name, topic.type_name),
-            false => format!("{} ({}, not readable)", topic.name, topic.type_name),
-        };
-        let there = match candidates.is_empty() {
-            true => ("topics in it", self.recording.topics().iter().map(describe).collect::<Vec<_>>()),
-            false => ("of these types", candidates.into_iter().map(describe).collect()),
-        };
-        let list = if there.1.is_empty() { "none".to_owned() } else { there.1.join(", ") };
-        Error::file(self.path, format!("{reason}; {} takes {types}; {}: {list}", role.flag, there.0))
+        let describe = |topic: &Topic| format!("{} ({})", topic.name, topic.type_name);
+        if candidates.is_empty() {
+            let all: Vec<String> = self.recording.topics().iter().map(describe).collect();
+            return Error::file(
+                self.path,
+                format!(
+                    "{reason}; {} takes {types}; topics in it: {}; --signal 'v = /topic.field' reads any number of any topic \
+                     (roscausal topics --signals lists them)",
+                    role.flag,
+                    all.join(", ")
+                ),
+            );
+        }
+        let list: Vec<String> = candidates.into_iter().map(describe).collect();
+        Error::file(
+            self.path,
+            format!("{reason}; {} takes {types}; of these types: {}", role.flag, list.join(", ")),
+        )
     }
+}
+
+/// What of a recording could not be read, as the end of a sentence about it.
+fn losses(path: &Path) -> String {
+    let Ok(mut recording) = Recording::open(path) else { return String::new() };
+    recording.by_ref().for_each(drop);
+    recording.losses().iter().map(|loss| format!(" ({loss})")).collect()
 }
 
 /// Whether a topic of poses is by its name not one of people.

@@ -156,7 +156,7 @@ impl Inputs {
             start: play::start(path, recording)?,
             chosen: Vec::new(),
         };
-        let mut chooser = Chooser { recording, path, robot: Space::Any };
+        let mut chooser = Chooser::of(recording, path)?;
         if let Some(name) = &args.robot {
             chooser.robot = chooser.named_robot(name)?;
         }
@@ -418,15 +418,21 @@ impl Inputs {
     }
 
     /// People who are TF frames.
+    /// Without a pattern: those on the lists of ROS4HRI; without a list, all of the same names.
     fn take_people_frames(&mut self, chooser: &Chooser<'_>, pattern: &str, args: &InputArgs) -> Result<()> {
-        self.set("human", "people_type", "ros4hri");
-        self.set("human", "people_frames", pattern);
         let lists: Vec<String> = chooser.ros4hri().into_iter().map(|topic| topic.name.clone()).collect();
+        let unlisted = match pattern.is_empty() && lists.is_empty() {
+            true => format!("{}*", chooser.people_frames(&self.tf)?.unwrap_or(ROS4HRI_FRAMES[0])),
+            false => String::new(),
+        };
         self.chosen.push(match (pattern, lists.is_empty()) {
-            ("", true) => "people: TF frames person_<id> or body_<id> (ROS4HRI)".into(),
+            ("", true) => format!("people: all TF frames {unlisted}, since no topic says who is tracked"),
             ("", false) => format!("people: TF frames of those on {} (ROS4HRI)", lists.join(" and ")),
             (pattern, _) => format!("people: TF frames {pattern}"),
         });
+        let pattern = if unlisted.is_empty() { pattern } else { &unlisted };
+        self.set("human", "people_type", "ros4hri");
+        self.set("human", "people_frames", pattern);
         self.topics.extend(lists);
         let forms = match pattern.split_once('*') {
             Some((start, end)) => vec![(start.trim_start_matches('/').to_owned(), end.to_owned())],

@@ -3,7 +3,7 @@
 use std::path::Path as File;
 
 use roscausal_core::{Error, Result, signal::Definitions};
-use roscausal_msgs::dynamic::{Found, Path, Query, Schema, Wire};
+use roscausal_msgs::dynamic::{Array, Found, Kind, Path, Query, Schema, Step, Wire};
 use roscausal_recording::{Recording, Topic};
 
 use super::Count;
@@ -24,6 +24,8 @@ struct Listed {
 /// One number, or one array of numbers.
 struct Signal {
     path: Path,
+    /// Type of the field: `float64`, `float32[]`.
+    kind: String,
     query: Query,
     count: Count,
     /// Smallest and largest value.
@@ -37,7 +39,8 @@ impl Listed {
         let schema = definitions.schema(&kind)?;
         let signal = |path: Path| {
             let query = schema.query(&path).ok()?;
-            Some(Signal { path, query, count: Count::default(), range: None })
+            let kind = kind_of(&schema, &path);
+            Some(Signal { path, kind, query, count: Count::default(), range: None })
         };
         let signals = schema.leaves().into_iter().take(MOST).filter_map(signal).collect();
         Ok(Self { schema, wire: kind.wire, signals, unreadable: 0 })
@@ -69,7 +72,7 @@ impl Signal {
         }
     }
 
-    fn line(&self, topic: &str, names: usize) -> String {
+    fn line(&self, topic: &str, names: usize, kinds: usize) -> String {
         let (rate, gap) = match self.count.rate() {
             Some(rate) => (format!("{rate:.2}"), format!("{:.3}", self.count.gap_s)),
             None => ("-".to_owned(), "-".to_owned()),
@@ -79,7 +82,34 @@ impl Signal {
             None => ["-".to_owned(), "-".to_owned()],
         };
         let name = format!("{topic}.{}", self.path);
-        format!("{name:names$}  {rate:>8}  {gap:>9}  {least:>12}  {most:>12}")
+        let kind = &self.kind;
+        format!("{name:names$}  {kind:kinds$}  {rate:>8}  {gap:>9}  {least:>12}  {most:>12}")
+    }
+}
+
+/// The type of the field at a path, as `.msg` files write it.
+fn kind_of(schema: &Schema, path: &Path) -> String {
+    let field = match path.0.split_last() {
+        Some((Step::All, array)) => Path(array.to_vec()),
+        _ => path.clone(),
+    };
+    let Ok((kind, array)) = schema.at(&field) else { return String::new() };
+    let bits = |bytes: u8| u32::from(bytes) * 8;
+    let kind = match kind {
+        Kind::Bool => "bool".to_owned(),
+        Kind::Unsigned(bytes) => format!("uint{}", bits(bytes)),
+        Kind::Signed(bytes) => format!("int{}", bits(bytes)),
+        Kind::Float(bytes) => format!("float{}", bits(bytes)),
+        Kind::Time => "time".to_owned(),
+        Kind::Duration => "duration".to_owned(),
+        Kind::Text => "string".to_owned(),
+        Kind::WideText => "wstring".to_owned(),
+        Kind::Struct(_) => schema.nested(kind).map_or_else(String::new, |nested| nested.name.clone()),
+    };
+    match array {
+        Array::One => kind,
+        Array::Fixed(length) => format!("{kind}[{length}]"),
+        Array::Any => format!("{kind}[]"),
     }
 }
 
@@ -110,9 +140,12 @@ pub(super) fn run(path: &File, interrupt: &Interrupt) -> Result<()> {
         paths.map(|signal| topic.name.len() + 1 + signal.path.to_string().len()).max()
     };
     let names = lines.iter().filter_map(width).max().unwrap_or(0).max(6);
+    let signals = lines.iter().flat_map(|(_, listed)| listed.iter()).flat_map(|listed| &listed.signals);
+    let kinds = signals.map(|signal| signal.kind.len()).max().unwrap_or(0).max(4);
     terminal::say!(
-        "{:names$}  {:>8}  {:>9}  {:>12}  {:>12}",
+        "{:names$}  {:kinds$}  {:>8}  {:>9}  {:>12}  {:>12}",
         "signal",
+        "type",
         "rate, Hz",
         "gap, s",
         "least",
@@ -122,7 +155,7 @@ pub(super) fn run(path: &File, interrupt: &Interrupt) -> Result<()> {
         match listed {
             Ok(listed) => {
                 for signal in &listed.signals {
-                    terminal::say!("{}", signal.line(&topic.name, names));
+                    terminal::say!("{}", signal.line(&topic.name, names, kinds));
                 }
                 if listed.unreadable > 0 {
                     terminal::tell!("note: {}: {} messages cannot be read", topic.name, listed.unreadable);

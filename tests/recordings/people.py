@@ -1,5 +1,8 @@
 """Two people and a robot, seen by trackers of many types, as a ROS 1 bag and an MCAP with equal places: people.py PREFIX [SECONDS]
 
+Beside them small MCAPs of what goes wrong: PREFIX_late (who is tracked is told from the third second on), PREFIX_bodies (only bodies are
+tracked, and frames of persons stray about), PREFIX_renamed (a tracker loses one for 0.8 s and then calls her by another number).
+
 One topic for each type, with what real trackers do: another order in each message, things that are no people, an empty list, and a
 camera that turns with the robot. The texts of the types are those of their packages.
 """
@@ -310,23 +313,92 @@ def seen(s, when, i, nanos, t):
             for _, name, x, y, vx, vy in both
         ],
     )
+    markers = [marker(s, head, "people", number, x, y) for number, _, x, y, *_ in both]
+    markers += [marker(s, head, "walls", number, 0.0, 3.0) for number in (1, 2)]
+    yield "/markers", "visualization_msgs/MarkerArray", when, s.make("visualization_msgs/MarkerArray", markers=markers)
     yield one("/poses", "geometry_msgs/PoseArray", poses=[s.pose(x, y) for _, _, x, y, *_ in both])
     for number, _, x, y, *_ in both:
         yield one(f"/person_{number}/pose", "geometry_msgs/PoseStamped", pose=s.pose(x, y))
 
 
+def marker(s, head, space, number, x, y):
+    fields = dict(
+        header=head,
+        ns=space,
+        id=number,
+        type=3,
+        action=0,
+        pose=s.pose(x, y),
+        scale=s.vector(0.5, 0.5, 1.7),
+        color=s.make("std_msgs/ColorRGBA", r=0.0, g=1.0, b=0.0, a=1.0),
+        lifetime=s.make("builtin_interfaces/Duration", sec=0, nanosec=0),
+        frame_locked=False,
+        points=[],
+        colors=[],
+        text="",
+        mesh_resource="",
+        mesh_use_embedded_materials=False,
+    )
+    if s.ros == 2:
+        empty = np.zeros(0, dtype=np.uint8)
+        fields.update(
+            texture_resource="",
+            texture=s.make("sensor_msgs/CompressedImage", header=head, format="", data=empty),
+            uv_coordinates=[],
+            mesh_file=s.make("visualization_msgs/MeshFile", filename="", data=empty),
+        )
+    return s.make("visualization_msgs/Marker", **fields)
+
+
+def late(scene, seconds):
+    for topic, kind, time, message in messages(scene, seconds):
+        is_list = topic == "/humans/persons/tracked"
+        if topic in ("/odom", "/tf", "/tf_static") or (is_list and time >= BEGIN + 2 * 10**9):
+            yield topic, kind, time, message
+
+
+def bodies(scene, seconds):
+    s = scene
+    for topic, kind, time, message in messages(scene, seconds):
+        if topic == "/tf":
+            for (*_, x, y, _, _), body in zip(people((time - BEGIN) * 1e-9), ("b17", "b99")):
+                message.transforms.append(s.transform(time, "odom", f"body_{body}", x, y, s.turn()))
+        if topic in ("/odom", "/tf", "/tf_static"):
+            yield topic, kind, time, message
+        if topic == "/odom" and (time - BEGIN) % (4 * STEP) == 0:
+            ids = s.make("hri_msgs/IdsList", header=s.header(time, "map"), ids=["b17", "b99"])
+            yield "/humans/bodies/tracked", "hri_msgs/IdsList", time + 1000, ids
+
+
+def renamed(scene, seconds):
+    for topic, kind, time, message in messages(scene, seconds):
+        after = (time - BEGIN) * 1e-9
+        if topic == "/people_tracked":
+            message.people[:] = [one for one in message.people if one.id == 1 and not 2.0 <= after < 2.8]
+            for person in message.people:
+                person.id = 1 if after < 2.0 else 77
+        if topic in ("/odom", "/tf", "/tf_static", "/people_tracked"):
+            yield topic, kind, time, message
+
+
 def main():
     prefix, seconds = sys.argv[1], float(sys.argv[2]) if len(sys.argv) > 2 else 6.0
-    for ros in (1, 2):
+    for ros, ending, scenes in (
+        (1, ".bag", messages),
+        (2, "_mcap", messages),
+        (2, "_late", late),
+        (2, "_bodies", bodies),
+        (2, "_renamed", renamed),
+    ):
         scene, connections = Scene(ros), {}
         if ros == 1:
-            writer = BagWriter(Path(f"{prefix}.bag"))
+            writer = BagWriter(Path(f"{prefix}{ending}"))
             writer.set_compression(BagWriter.CompressionFormat.BZ2)
         else:
-            writer = Ros2Writer(Path(f"{prefix}_mcap"), version=9, storage_plugin=StoragePlugin.MCAP)
+            writer = Ros2Writer(Path(f"{prefix}{ending}"), version=9, storage_plugin=StoragePlugin.MCAP)
             writer.set_compression(CompressionMode.FILE, CompressionFormat.ZSTD)
         with writer:
-            for topic, kind, time, message in messages(scene, seconds):
+            for topic, kind, time, message in scenes(scene, seconds):
                 kind = kind.replace("/", "/msg/")
                 if topic not in connections:
                     connections[topic] = writer.add_connection(topic, kind, typestore=scene.types)

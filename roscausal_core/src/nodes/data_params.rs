@@ -192,11 +192,13 @@ pub(super) fn signals(params: &Params) -> Result<Signals> {
     let signals = Signal::parse_all(&params.list("signals"), params.double("signal_max_age"), "signals")?;
     let fault = |reason: String| Err(Error::param("signals", reason));
     let features = features(params)?;
+    let only_signals = params.text("sel_agent").parse() == Ok(Select::Nobody);
     for signal in &signals {
         let name = &signal.name;
         let is_of_person =
             name.strip_prefix("h_").is_some_and(|rest| rest.starts_with(|c: char| c.is_ascii_digit()));
-        if is_of_person || Field::ALL.iter().any(|field| *name == format!("r_{}", field.name())) {
+        let is_of_robot = Field::ALL.iter().any(|field| *name == format!("r_{}", field.name()));
+        if !only_signals && (is_of_person || is_of_robot) {
             return fault(format!("'{name}' is a column of the batch already; choose another name"));
         }
         if features.iter().any(|feature| plain(&feature.name) == *name) {

@@ -83,13 +83,14 @@ pub(super) fn specs() -> Vec<ParamSpec> {
                 "ros4hri",
             ]),
             "type of people_topic; auto: any type that people are read from (docs/people.md), found by itself; ros4hri: TF frames \
-             people_frames instead of people_topic, of those on /humans/persons/tracked",
+             people_frames instead of people_topic, of those on /humans/persons/tracked, otherwise /humans/bodies/tracked",
         ),
         ParamSpec::new(
             "people_frames",
             text(""),
             Any,
-            "ros4hri: names of people's TF frames, * for the id, such as actor_*; empty: as REP-155, person_* or body_*",
+            "ros4hri: names of people's TF frames, * for the id, such as actor_*; empty: as REP-155, person_* or body_* of those on \
+             the lists",
         ),
         ParamSpec::new(
             "people_classes",
@@ -295,7 +296,8 @@ pub(super) async fn human_task<M: Middleware>(mw: &M) -> Result<()> {
             ]
         };
         let unread = || readers.iter().find_map(|(_, reader)| reader.trouble());
-        health.report(mw, figures, tracker.trouble.clone().or_else(unread).as_deref());
+        let unlisted = || ros4hri.then(|| frames.trouble()).flatten();
+        health.report(mw, figures, tracker.trouble.clone().or_else(unread).or_else(unlisted).as_deref());
     }
 }
 
@@ -479,25 +481,30 @@ impl Frames {
         self.tracked.insert(prefix, ids.into_iter().collect());
     }
 
-    /// Hands the frames that moved since then to the tracker. Persons count before bodies.
+    /// What keeps everybody from being seen: nobody says who is tracked.
+    fn trouble(&self) -> Option<String> {
+        let [(persons, start), (bodies, _)] = ROS4HRI;
+        (self.pattern.is_none() && self.tracked.is_empty()).then(|| {
+            format!(
+                "nobody says who is tracked, on {persons} or {bodies}; the parameter people_frames: '{start}*' takes all such frames"
+            )
+        })
+    }
+
+    /// Hands the frames that moved since then to the tracker. Persons count before bodies. Without a pattern only those on a list
+    /// count: a frame outlives the person, and who is not on the list is not tracked.
     fn take(&self, tracker: &mut PeopleTracker, since: Time) {
-        let named = |(_, prefix): (&str, &'static str)| (prefix, "");
         let kinds: Vec<(&str, &str)> = match &self.pattern {
             Some((start, end)) => vec![(start, end)],
-            None => ROS4HRI.map(named).to_vec(),
+            None => ROS4HRI.map(|(_, start)| (start, "")).to_vec(),
         };
         for (start, end) in kinds {
-            let found = tracker.tf.frames_with_prefix(start, since);
-            let tracked = self.tracked.get(start).filter(|_| self.pattern.is_none());
-            let mut any = tracked.is_some_and(|ids| !ids.is_empty());
-            for (name, stamp) in found {
-                let Some(id) = name.strip_prefix(start).and_then(|rest| rest.strip_suffix(end)) else {
-                    continue;
-                };
-                let is_lost = tracked.is_some_and(|ids| !ids.contains(id));
-                if id.is_empty() || is_lost {
-                    continue;
-                }
+            let listed = self.tracked.get(start);
+            let counts = |id: &str| self.pattern.is_some() || listed.is_some_and(|ids| ids.contains(id));
+            let mut any = self.pattern.is_none() && listed.is_some_and(|ids| !ids.is_empty());
+            for (name, stamp) in tracker.tf.frames_with_prefix(start, since) {
+                let id = name.strip_prefix(start).and_then(|rest| rest.strip_suffix(end));
+                let Some(id) = id.filter(|id| !id.is_empty() && counts(id)) else { continue };
                 any = true;
                 let who = Who::Name(id.to_owned());
                 let header = Header { stamp, frame_id: name.clone() };

@@ -210,9 +210,14 @@ impl Binder<'_> {
         }
     }
 
-    /// What is wrong with a path that is not there: the nearest that is.
+    /// What is wrong with a path that is not there: the nearest that is, angles of orientations among them.
     fn fault(&self, path: &Path) -> String {
-        let leaves: Vec<String> = self.schema.leaves().iter().map(Path::to_string).collect();
+        let mut leaves: Vec<String> = self.schema.leaves().iter().map(Path::to_string).collect();
+        let orientations: Vec<String> =
+            leaves.iter().filter_map(|leaf| leaf.strip_suffix("orientation.w").map(str::to_owned)).collect();
+        for angle in ["roll", "pitch", "yaw"] {
+            leaves.extend(orientations.iter().map(|before| format!("{before}orientation.{angle}")));
+        }
         let type_name = &self.schema.root().name;
         let near = nearest(&leaves, &path.to_string());
         let hint = near.map_or_else(

@@ -3,7 +3,7 @@
 use roscausal_msgs::dynamic::Path;
 use serde::{Deserialize, Serialize};
 
-use crate::{Error, Result, middleware::is_token};
+use crate::{Error, Result, middleware::is_token, params::nearest};
 
 /// Longest text of a signal, bytes.
 const LONGEST: usize = 1000;
@@ -102,6 +102,9 @@ pub(super) const FUNCTIONS: [Named; 7] = [
     ("cos", f64::cos),
     ("wrap", wrap),
 ];
+
+/// Functions that go around the whole.
+const WHOLE: [&str; 4] = ["hold", "linear", "average", "only"];
 
 /// The angle between -pi and pi.
 pub(super) fn wrap(angle: f64) -> f64 {
@@ -352,11 +355,14 @@ impl Parser<'_> {
         }
         let Some((_, of)) = Of::ALL.iter().find(|(known, _)| *known == name) else {
             self.at = begin;
-            let known: Vec<&str> =
-                Of::ALL.iter().map(|(name, _)| *name).chain(FUNCTIONS.map(|(name, _)| name)).collect();
+            let known = Of::ALL.iter().map(|(name, _)| *name).chain(FUNCTIONS.map(|(name, _)| name));
+            let known: Vec<&str> = known.chain(["rate", "hz", "delay"]).collect();
+            let all: Vec<&str> = known.iter().copied().chain(WHOLE).collect();
+            let hint = nearest(&all, name).map_or(String::new(), |near| format!("did you mean {near}? "));
             return Err(self.fault(&format!(
-                "'{name}' is no function; known: {}, rate, hz, delay; around the whole: hold, linear, average, only",
-                known.join(", ")
+                "'{name}' is no function; {hint}known: {}; around the whole: {}",
+                known.join(", "),
+                WHOLE.join(", ")
             )));
         };
         let inner = self.comparison()?;

@@ -154,10 +154,15 @@ fn ros_name(dds_topic: &str) -> Option<String> {
     dds_topic.strip_prefix("rt/").map(|name| format!("/{name}"))
 }
 
-/// `std_msgs/String` from `std_msgs::msg::dds_::String_`; `None` if it is not a ROS message.
+/// `std_msgs/String` from `std_msgs::msg::dds_::String_`, and `nav2_msgs/action/NavigateToPose_FeedbackMessage` of an action; `None` if
+/// it is not a ROS message.
 fn ros_type(dds_type: &str) -> Option<String> {
+    let plain = |name: &str| name.strip_suffix('_').map(str::to_owned);
+    if let Some((package, name)) = dds_type.split_once("::action::dds_::") {
+        return Some(format!("{package}/action/{}", plain(name)?));
+    }
     let (package, name) = dds_type.split_once("::msg::dds_::")?;
-    Some(format!("{package}/{}", name.strip_suffix('_')?))
+    Some(format!("{package}/{}", plain(name)?))
 }
 
 #[cfg(test)]
@@ -169,6 +174,10 @@ mod tests {
         assert_eq!(ros_name("rt/a/b").unwrap(), "/a/b");
         assert_eq!(ros_name("rq/a/b"), None);
         assert_eq!(ros_type("std_msgs::msg::dds_::String_").unwrap(), "std_msgs/String");
+        assert_eq!(
+            ros_type("nav2_msgs::action::dds_::NavigateToPose_FeedbackMessage_").unwrap(),
+            "nav2_msgs/action/NavigateToPose_FeedbackMessage"
+        );
         assert_eq!(ros_type("rcl_interfaces::srv::dds_::GetParameters_Request_"), None);
     }
 }

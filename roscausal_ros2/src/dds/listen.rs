@@ -76,7 +76,8 @@ impl Participant {
         let fail = |reason: String| Error::Topic { topic: name.to_owned(), reason };
         let (package, short) =
             kind.split_once('/').ok_or_else(|| fail(format!("'{kind}' is no type of a message")))?;
-        let dds_type = format!("{package}::msg::dds_::{short}_");
+        let (folder, short) = short.split_once('/').unwrap_or(("msg", short));
+        let dds_type = format!("{package}::{folder}::dds_::{short}_");
         let made = self.session(|session| {
             let (participant, qos) = (session.context.domain_participant(), qos());
             let topic =

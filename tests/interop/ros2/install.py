@@ -31,7 +31,14 @@ def the_nodes_are_where_ros2_run_looks():
 def the_build_takes_the_layout_of_the_shells_distribution():
     root = os.environ["ROSCAUSAL_ROOT"]
     script = os.path.join(root, "roscausal_ros2/cmake/distribution.cmake")
-    for distro, feature in (("humble", "humble"), ("galactic", "humble"), ("jazzy", "jazzy"), ("rolling", "jazzy")):
+    for distro, feature in (
+        ("humble", "humble"),
+        ("galactic", "humble"),
+        ("jazzy", "jazzy"),
+        ("kilted", "jazzy"),
+        ("lyrical", "jazzy"),
+        ("rolling", "jazzy"),
+    ):
         with tempfile.NamedTemporaryFile("w", suffix=".cmake") as asks:
             asks.write(f'include({script})\nmessage("built for ${{ROSCAUSAL_DISTRIBUTION}}")\n')
             asks.flush()

@@ -20,6 +20,7 @@ from nav_msgs.msg import Odometry
 from rcl_interfaces.msg import Log, Parameter, ParameterType, ParameterValue
 from rcl_interfaces.srv import SetParameters
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from sensor_msgs.msg import FluidPressure
 
 sys.path.insert(0, os.path.dirname(os.path.dirname(os.path.abspath(__file__))))
 import switched_off
@@ -75,6 +76,36 @@ def heard(ros, kind, topic, qos=10):
     found = []
     ros.node.create_subscription(kind, topic, found.append, qos)
     return found
+
+
+@test
+def a_signal_of_a_type_that_only_a_msg_folder_knows_is_recorded_live():
+    """rclpy has the type; our node reads it by the text in `msg_path`."""
+    with tempfile.TemporaryDirectory() as folder, Ros() as ros:
+        for package, name, text in (
+            ("sensor_msgs", "FluidPressure", "std_msgs/Header header\nfloat64 fluid_pressure # Pascals\nfloat64 variance\n"),
+            ("std_msgs", "Header", "builtin_interfaces/Time stamp\nstring frame_id\n"),
+        ):
+            texts = os.path.join(folder, "share", package, "msg")
+            os.makedirs(texts)
+            with open(os.path.join(texts, f"{name}.msg"), "w") as file:
+                file.write(text)
+        out = ros.node.create_publisher(FluidPressure, "/air", 10)
+
+        def tick(stamp):
+            message = FluidPressure(fluid_pressure=101325.0)
+            message.header.stamp = stamp
+            out.publish(message)
+
+        given = ["data_dir:=" + folder, "pp_data_dir:=" + folder + "/pp", "ts_length:=2.0", "sel_agent:=nobody"]
+        given += ["msg_path:=" + folder, "signals:=['bar = /air.fluid_pressure / 100000']"]
+        words = [word for one in given for word in ("-p", one)]
+        with node("data", *words, env={"AMENT_PREFIX_PATH": ""}), Sending(ros, tick):
+            path = ros.until(lambda: glob.glob(folder + "/*.csv"), 20, "a batch")[0]
+        with open(path, newline="") as file:
+            values = [row["bar"] for row in csv.DictReader(file)]
+    assert values.count("1.01325") >= len(values) - 3 and len(values) >= 15, values
+    return f"{len(values)} rows"
 
 
 @test
