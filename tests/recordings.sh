@@ -78,6 +78,40 @@ for other in walk_mcap walk_db3; do
   check "walk.bag and $other give one model" cmp "$folder/walk.bag.model" "$folder/$other.model"
 done
 
+# Robots as they record themselves, by rosbags: what is said of the choice, and what the tables hold.
+says() { # SENTENCE, then a command
+  local sentence=$1
+  shift
+  "$@" >"$folder/said" 2>&1 && grep -qF -- "$sentence" "$folder/said" || { cat "$folder/said"; return 1; }
+}
+check "rosbags writes robots of AMCL, of TF alone and of Nav2" "$python" tests/recordings/robots.py "$folder/robots"
+check "a robot that AMCL finds now and then has its place by odometry and TF" says \
+  "robot pose: the pose in /odom, brought to the map by TF: it knows the robot in 100 % of the time" \
+  "$roscausal" discover "$folder/robots_amcl.bag" "${quick[@]}" --drop-empty
+check "its particles are no people" grep -qF "people: /people (geometry_msgs/PoseArray)" "$folder/said"
+for file in robots_oldtf.bag robots_frames; do
+  check "the robot of $file, where there is TF alone, is a frame" says "robot: the place of base_link in map by TF" \
+    "$roscausal" discover "$folder/$file" "${quick[@]}" --drop-empty
+done
+nav2=(--robot-goal /tb3_0/plan --signal 'left = length(/tb3_0/plan.poses)'
+  --signal 'to_go = /tb3_0/navigate_to_pose/_action/feedback.feedback.distance_remaining'
+  --signal 'v_cmd = /tb3_0/cmd_vel.twist.linear.x')
+check "goal, plan, stamped commands and the action's feedback of Nav2 become columns" bash -c '
+  "$1" replay "$2/robots_nav2" --out "$2/nav2" --method pcmci --test parcorr --ts-length 0 "${@:4}" && "$3" -c "
+import csv, glob, sys
+rows = list(csv.DictReader(open(glob.glob(sys.argv[1] + \"/nav2/data_pool/*.csv\")[0])))
+values = [[float(row[name] or \"nan\") for name in (\"r_x\", \"r_gx\", \"left\", \"to_go\", \"v_cmd\")] for row in rows]
+known = [row for row in values if all(value == value for value in row)]
+assert len(known) > 190, len(known)
+for x, goal, left, to_go, v_cmd in known:
+    assert goal == 14 and abs(left - to_go) < 1e-4 and abs(left - (14 - x)) < 0.1 and 0 < v_cmd < 1, (x, goal, left, to_go, v_cmd)
+" "$2"' - "$roscausal" "$folder" "$python" "${nav2[@]}"
+signals=(--person nobody --signal 'v_cmd = /tb3_0/cmd_vel.twist.linear.x' --signal 'v = /tb3_0/odom.twist.twist.linear.x')
+check "signals alone give a model" "$roscausal" discover "$folder/robots_nav2" "${quick[@]}" --ts-length 0 "${signals[@]}" --out "$folder/commands"
+check "a command that is a signal is an action: faster commands, a faster robot" says "Best first: faster" \
+  bash -c '"$1" whatif "$2/model.json" --data "$(ls "$2"/batches/*.csv)" --variables v --cost v:-1 \
+    --action "faster: v_cmd=0.6" --action "slower: v_cmd=0.4"' - "$roscausal" "$folder/commands"
+
 cd "$folder"
 check "roscausal demo --record" "$roscausal" demo --seed 3 --duration 60 --out demo --record demo.mcap "${quick[@]}"
 check "every topic of the demo is read back by mcap and rosbags" "$python" "$here/tests/recordings/read_run.py" demo.mcap demo/model.json
