@@ -50,12 +50,12 @@ fn headline(model: &Model) -> String {
         1 => String::new(),
         n => format!(" from {n} recordings"),
     };
+    let (level_name, level) = model.link_level_in_words();
     let time = model.run_time_s.map_or(String::new(), |s| format!(", found in {s:.2} s"));
     format!(
-        "{} with {} (alpha {}{}, lags {}..{}) on {} samples{recordings}{step}: {} link{}{time}",
+        "{} with {} ({level_name} {level}{}, lags {}..{}) on {} samples{recordings}{step}: {} link{}{time}",
         model.method.to_uppercase(),
         model.cond_ind_test,
-        model.alpha,
         if model.fdr == "none" { String::new() } else { format!(" corrected by {}", model.fdr) },
         model.tau_min,
         model.tau_max,

@@ -7,7 +7,7 @@ use roscausal_core::{Error, Result};
 use roscausal_discovery::{
     Assumption, DataFrame, LinkAssumptions, Settings,
     independence_tests::{NullDistributions, Significance},
-    methods::{ColliderRule, Method},
+    methods::ColliderRule,
     names::{nearest, plain, position},
 };
 use serde::Deserialize;
@@ -174,9 +174,7 @@ fn check_shuffles(settings: &Settings) -> Result<()> {
     else {
         return Ok(());
     };
-    // These methods have one level.
-    let by_pc =
-        matches!(settings.method, Method::Pcmciplus | Method::Lpcmci | Method::Candoit | Method::Jpcmciplus);
+    let by_pc = settings.method.info().one_level;
     let level = if by_pc { settings.level_of_pc().unwrap_or(settings.alpha) } else { settings.alpha };
     let smallest = 1.0 / (shuffles as f64 + 1.0);
     if smallest <= level {

@@ -69,7 +69,7 @@ fn card(material: &Material, place: usize, link: &Link, seen: &LinkEvidence) -> 
     }
     out += "</dl>\n<div class=\"plots\">\n";
     let plots = [
-        (Some(draw::lag_function(seen, model.alpha)), "Strength at each lag"),
+        (Some(draw::lag_function(seen, model.link_level().unwrap_or(model.alpha))), "Strength at each lag"),
         ((!seen.scatter.is_empty()).then(|| draw::scatter(seen)), "Samples of cause and effect"),
         (draw::residual_scatter(seen), "Samples after the conditions"),
     ];

@@ -195,10 +195,11 @@ fn data(material: &Material) -> String {
 fn settings(model: &Model) -> String {
     let level = |level: Option<f64>, none: &str| level.map_or(none.to_owned(), |level| level.to_string());
     let step = model.dt.map_or("unknown".to_owned(), |dt| format!("{dt:.4} s"));
+    let (level_name, level_text) = model.link_level_in_words();
     let rows = [
         ("method", escaped(&model.method)),
         ("independence test", escaped(&model.cond_ind_test)),
-        ("level of a link (alpha)", model.alpha.to_string()),
+        ("level of a link", format!("{level_text} ({level_name})")),
         ("level of the condition selection", level(model.pc_alpha, "chosen by a score")),
         ("level of the filter", level(model.f_alpha, "no filter")),
         ("correction for many tests", escaped(&model.fdr)),
@@ -218,12 +219,13 @@ fn caveats(model: &Model) -> String {
     items.push("The system is taken to be the same from the first sample to the last.".into());
     items.push("An effect faster than one step appears at lag 0, or not at all.".into());
     if model.fdr == "none" {
+        let level = model.link_level().unwrap_or(model.alpha);
         let tests = model.features.len() * model.features.len() * (model.tau_max + 1 - model.tau_min);
         items.push(format!(
             "About {tests} links were tested, each at level {}: about {:.1} links would appear by chance if there were none. \
              The correction --fdr accounts for that.",
-            model.alpha,
-            model.alpha * tests as f64
+            level,
+            level * tests as f64
         ));
     }
     let items = items.iter().map(|item| format!("<li>{item}</li>\n")).collect::<String>();

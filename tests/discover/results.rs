@@ -192,3 +192,18 @@ fn a_p_value_is_never_shown_as_0_and_a_correction_is_named() {
         assert!(links.lines().skip(1).any(|line| line.contains(",<0.00")), "{links}");
     }
 }
+
+/// PCMCI+ and the methods that allow for hidden causes read no other level than `pc_alpha`.
+#[test]
+fn the_heading_names_the_level_that_decided() {
+    let dir = folder("data.csv", &coupled(200));
+    for (method, level) in
+        [("pcmci", "(alpha 0.03,"), ("pcmci+", "(pc_alpha 0.01,"), ("lpcmci", "(pc_alpha 0.05,")]
+    {
+        let out = roscausal(
+            dir.path(),
+            &["discover", "data.csv", "--method", method, "--test", "parcorr", "--alpha", "0.03"],
+        );
+        has(&String::from_utf8_lossy(&out.stdout), &[level]);
+    }
+}

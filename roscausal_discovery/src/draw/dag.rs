@@ -157,10 +157,10 @@ fn below(svg: &mut Svg, foot: f64, model: &Model, bare: bool, lines: &[String]) 
 /// One line that says how the model was found.
 pub(super) fn title(model: &Model) -> String {
     format!(
-        "{} · {} · α = {} · {} samples",
+        "{} · {} · {} · {} samples",
         model.method.to_uppercase(),
         model.cond_ind_test.to_uppercase(),
-        model.alpha,
+        model.link_level().map_or("α by score".to_owned(), |level| format!("α = {level}")),
         model.n_samples
     )
 }

@@ -148,7 +148,7 @@ fn gathered(
     let linear = ["parcorr", "robustparcorr"].contains(&model.cond_ind_test.as_str());
     let dof = n_samples.saturating_sub(2 + z.len());
     let band = (linear && dof > 0).then(|| {
-        let t = quantile(1.0 - model.alpha / 2.0, dof);
+        let t = quantile(1.0 - model.link_level().unwrap_or(model.alpha) / 2.0, dof);
         t / (dof as f64 + t * t).sqrt()
     });
     let (scatter, residuals) = scatter::scatters(arrays, drawn);

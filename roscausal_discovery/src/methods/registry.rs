@@ -79,6 +79,8 @@ pub struct MethodInfo {
     pub tau_min: usize,
     /// Level of the condition selection, where the user gives none.
     pub pc_alpha: f64,
+    /// Whether that level decides on the links, too, and `alpha` is not read.
+    pub one_level: bool,
     /// The independence test, where the user names none.
     pub test: &'static str,
     /// The settings that it reads and not every method does.
@@ -112,6 +114,7 @@ const USUAL: MethodInfo = MethodInfo {
     aliases: &[],
     tau_min: 1,
     pc_alpha: 0.2,
+    one_level: false,
     test: "gpdc",
     reads: &[],
     lag_zero: true,
@@ -148,6 +151,7 @@ const METHODS: [MethodInfo; 14] = {
             aliases: &["pcmci+"],
             tau_min: 0,
             pc_alpha: 0.01,
+            one_level: true,
             reads: &[PcAlpha],
             says: "lagged links; links at lag 0 with a direction where the data have one",
             cost: "as pcmci, and sets of neighbours at lag 0",
@@ -231,6 +235,7 @@ const METHODS: [MethodInfo; 14] = {
             name: "lpcmci",
             tau_min: 0,
             pc_alpha: 0.05,
+            one_level: true,
             reads: &[PcAlpha],
             hidden_causes: true,
             assumes: "the system does not change, and no sample was selected",
@@ -244,6 +249,7 @@ const METHODS: [MethodInfo; 14] = {
             name: "candoit",
             tau_min: 0,
             pc_alpha: 0.05,
+            one_level: true,
             reads: &[PcAlpha],
             hidden_causes: true,
             assumes: "as lpcmci; each intervention has a column: the imposed value, or 0",
@@ -257,6 +263,7 @@ const METHODS: [MethodInfo; 14] = {
             name: "tsfci",
             tau_min: 0,
             pc_alpha: 0.05,
+            one_level: true,
             reads: &[PcAlpha],
             hidden_causes: true,
             assumes: "as lpcmci",
@@ -271,6 +278,7 @@ const METHODS: [MethodInfo; 14] = {
             aliases: &["jpcmci+"],
             tau_min: 0,
             pc_alpha: 0.01,
+            one_level: true,
             test: "parcorr",
             reads: &[PcAlpha],
             assumes: "all common causes recorded but what is constant in a recording; linear effects, the same in all recordings",

@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 
 pub use confidence::{Advice, Confidence, ResamplingFacts, word_of};
 
-use crate::{about::AboutData, ground::names::plain, independence_tests::smallest_p};
+use crate::{about::AboutData, ground::names::plain, independence_tests::smallest_p, methods::Method};
 
 /// Version of the layout. A reader refuses another major version.
 pub const SCHEMA: &str = "roscausal/model/1";
@@ -200,6 +200,18 @@ pub(crate) fn nested<T>(vars: &[usize], n_lags: usize, at: impl Fn([usize; 3]) -
 }
 
 impl Model {
+    /// The level that decided on the links: `pc_alpha` where the method has no other; `None` if a score chose it for each variable.
+    pub fn link_level(&self) -> Option<f64> {
+        let one = self.method.parse::<Method>().is_ok_and(|method| method.info().one_level);
+        if one { self.pc_alpha } else { Some(self.alpha) }
+    }
+
+    /// The name of [`Model::link_level`], and the level as text.
+    pub fn link_level_in_words(&self) -> (&'static str, String) {
+        let name = if self.link_level() == Some(self.alpha) { "alpha" } else { "pc_alpha" };
+        (name, self.link_level().map_or("chosen by a score".to_owned(), |level| level.to_string()))
+    }
+
     /// Puts the matrices of a run into the model, and derives the links and the matrices of the message from them.
     #[must_use]
     pub fn with_matrices(mut self, features: Vec<String>, matrices: Matrices) -> Self {
