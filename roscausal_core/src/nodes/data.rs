@@ -32,8 +32,8 @@ pub const FEATURES_TOPIC: &str = "/roscausal/features";
 const JOURNAL_EVERY_S: f64 = 0.2;
 /// Messages that may wait: more than ten seconds of a fast robot.
 const INBOX: usize = 20_000;
-/// Messages of people that may wait in the middleware: eight seconds of a fast tracker. A hundred people make 30 kB each.
-const WAITING_PEOPLE: usize = 200;
+/// Messages of people that may wait in the middleware: four seconds of a fast tracker. A hundred people make 30 kB each.
+const WAITING_PEOPLE: usize = 100;
 
 #[derive(PartialEq)]
 enum Event {

@@ -33,7 +33,7 @@ use super::{
 /// Time between two looks for a publisher.
 const LOOK_EVERY: Duration = Duration::from_millis(200);
 /// Messages that may wait. The library keeps as many of each topic, read or not, and one of a hundred people has 30 kB.
-const DEPTH: i32 = 250;
+const DEPTH: i32 = 100;
 
 impl Participant {
     /// Calls back with each message of a topic, of the type that its first publisher has.
