@@ -32,7 +32,9 @@ export function sentence(link, { dt, test }) {
   const effect = link.cause === link.effect ? "itself" : link.effect;
   const smallest = smallestP(test);
   const p = link.p < smallest ? `p < ${smallest}` : `p = ${link.p.toFixed(3)}`;
-  return `${link.cause} ${earlier} drives ${effect}: strength ${link.value.toFixed(2)}, ${p}`;
+  // What is no arrow of a cause comes in the node's own words.
+  const words = link.words ?? `${link.cause} ${earlier} drives ${effect}`;
+  return `${words}: strength ${link.value.toFixed(2)}, ${p}`;
 }
 
 /** Draws `model`. An arrow that is clicked, tapped or given Enter calls `ask` with its strongest link. */
@@ -77,7 +79,7 @@ export function drawGraph(svg, model, before, ask) {
     element("text", { x, y: y + 4, class: state === "gone" ? "quiet" : "" }, svg, text);
   }
   if (!links.length) element("text", { x: centre[0], y: centre[1], class: "quiet" }, svg, "no causal link found");
-  const words = model.links.map((link) => `${link.cause} at lag ${link.lag} drives ${link.effect}`).join("; ");
+  const words = model.links.map((link) => link.words ?? `${link.cause} at lag ${link.lag} drives ${link.effect}`).join("; ");
   svg.setAttribute("aria-label", `Causal graph of model ${model.number}: ${words || "no links"}`);
 }
 
@@ -100,7 +102,7 @@ function grouped(links) {
     const id = `${link.cause}\n${link.effect}\n${link.state === "gone"}`;
     const group = groups.get(id) ?? { ...link, lags: [] };
     group.lags.push(link.lag);
-    if (Math.abs(link.value) > Math.abs(group.value)) Object.assign(group, { value: link.value, lag: link.lag, p: link.p });
+    if (Math.abs(link.value) > Math.abs(group.value)) Object.assign(group, { value: link.value, lag: link.lag, p: link.p, mark: link.mark, words: link.words });
     if (link.state === "new") group.state = "new";
     groups.set(id, group);
   }
@@ -147,13 +149,38 @@ function arrow(svg, { start, bend, end }, link, dashes) {
   const width = 1.5 + 5 * Math.min(Math.abs(link.value), 1);
   const size = 6 + 1.8 * width;
   const back = towards(end, bend);
-  const neck = plus(end, back, size * 0.9);
+  const neck = (link.mark ?? "-->")[2] === ">" ? plus(end, back, size * 0.9) : end;
   const d = `M ${start} Q ${bend} ${neck}`;
   const kind = `${link.state}${link.value < 0 ? " negative" : ""}`;
   if (link.state === "new") element("path", { class: "halo", d, "stroke-width": width + 8 }, svg);
   element("path", { class: "reach", d }, svg);
   element("path", { class: `edge ${kind}`, d, "stroke-width": link.state === "gone" ? 2 : width, "stroke-dasharray": dashes }, svg);
+  const [tail, , tip] = link.mark ?? "-->";
+  ending(svg, tip, end, back, size, kind);
+  ending(svg, tail, start, towards(start, bend), size, kind);
+}
+
+/** The end of a link at `at`, seen from which the link goes `back`: a head, a circle where the data do not tell, a cross where they contradict themselves. */
+function ending(svg, mark, at, back, size, kind) {
   const half = size * 0.45;
-  const [left, right] = [plus(neck, [-back[1], back[0]], half), plus(neck, [back[1], -back[0]], half)];
-  element("path", { class: `head ${kind}`, d: `M ${end} L ${left} L ${right} Z` }, svg);
+  const aside = [-back[1], back[0]];
+  const corner = (along, side) => plus(plus(at, back, along), aside, side);
+  if (mark === ">" || mark === "<") {
+    element("path", { class: `head ${kind}`, d: `M ${at} L ${corner(0.9 * size, half)} L ${corner(0.9 * size, -half)} Z` }, svg);
+  } else if (mark === "o") {
+    const [cx, cy] = plus(at, back, half);
+    element("circle", { class: `end ${kind}`, cx, cy, r: half }, svg);
+  } else if (mark === "x") {
+    element("path", { class: `end ${kind}`, d: `M ${corner(0, half)} L ${corner(2 * half, -half)} M ${corner(0, -half)} L ${corner(2 * half, half)}` }, svg);
+  }
+}
+
+const ENDS = { o: "a circle: the data do not tell whether there is a head", x: "a cross: the data contradict themselves" };
+
+/** What the ends of these links mean, of those that are there. */
+export function endsExplained(links) {
+  const marks = links.map((link) => link.mark ?? "-->");
+  const told = Object.keys(ENDS).filter((end) => marks.some((mark) => mark.includes(end))).map((end) => ENDS[end]);
+  if (marks.includes("<->")) told.unshift("two heads: something not recorded drives both");
+  return told.length ? `Ends of links: ${told.join("; ")}.` : "";
 }

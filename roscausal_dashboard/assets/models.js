@@ -2,7 +2,7 @@
 
 import { clock, make } from "./draw.js";
 import { showEvidence } from "./evidence.js";
-import { compared, drawGraph, sentence } from "./graph.js";
+import { compared, drawGraph, endsExplained, sentence } from "./graph.js";
 import { MANY, drawMatrix } from "./matrix.js";
 
 const $ = (id) => document.getElementById(id);
@@ -67,6 +67,7 @@ function showModel() {
   $("newest").disabled = models.length < 2;
   $("newest").setAttribute("aria-pressed", String(following));
   const links = compared(model, before);
+  $("ends").textContent = endsExplained(model.links);
   $("links").replaceChildren(...links.map((link) => {
     const item = document.createElement("li");
     if (link.state !== "same") item.append(make("span", link.state === "new" ? "appeared: " : "vanished: ", link.state));

@@ -2,7 +2,10 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use roscausal_core::{Time, nodes::SceneOptions};
+use roscausal_core::{
+    Time,
+    nodes::{SceneOptions, model_messages::mark_of},
+};
 use roscausal_msgs::{
     CausalLink, CausalModelInfo, Humans, ModelChange, ModelChanges, RobotState,
     diagnostic_msgs::{DiagnosticArray, DiagnosticStatus},
@@ -227,7 +230,12 @@ impl World {
 
 fn model_json(number: u64, info: &CausalModelInfo) -> Json {
     let link = |link: &CausalLink| {
+        let mark = mark_of(link);
+        // What the arrow of a cause does not say.
+        let words = link.description.split(": strength").next().filter(|_| mark != "-->");
         json!({
+            "mark": mark,
+            "words": words,
             "cause": link.cause,
             "effect": link.effect,
             "lag": link.lag,

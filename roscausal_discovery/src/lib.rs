@@ -98,7 +98,9 @@ pub use choice::Choice;
 pub use effort::Effort;
 pub use evidence::{AtLag, Condition, EVIDENCE_SCHEMA, Evidence, LinkEvidence, MOST_POINTS, VariableFacts};
 pub use ground::*;
-pub use model::{Advice, Confidence, Link, LinkSize, Matrices, Model, ResamplingFacts, SCHEMA, word_of};
+pub use model::{
+    Advice, Confidence, Link, LinkSize, Matrices, Model, ResamplingFacts, SCHEMA, sentence_of, word_of,
+};
 pub use numeric::{random::mix, rows::quantile};
 
 /// The README's example runs, too.

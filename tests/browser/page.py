@@ -325,6 +325,24 @@ class Page:
             if count == 10:
                 self.picture("ten-variables", whole=False)
 
+    def the_ends_of_links_say_what_the_data_do_not_tell(self):
+        drawn = self.driver.execute_async_script("""
+            const done = arguments[0];
+            import("/graph.js").then(({ drawGraph, endsExplained, sentence }) => {
+              const link = (cause, effect, mark, words) => ({ cause, effect, mark, words, lag: 1, value: 0.5, p: 0.01 });
+              const links = [link("a", "b", "-->"), link("b", "c", "<->", "b and c: something not recorded drives both (lag 1)"), link("a", "c", "o->"), link("c", "c", "x-x")];
+              const svg = document.getElementById("graph");
+              drawGraph(svg, { number: 1, test: "parcorr", dt: 1, features: ["a", "b", "c"], links }, undefined, () => {});
+              const count = (group, what) => group.querySelectorAll(what).length;
+              const ends = [...svg.querySelectorAll(".ask")].map((group) => [count(group, ".head"), count(group, "circle.end"), count(group, "path.end")]);
+              done([ends, sentence(links[1], { dt: 1, test: "parcorr" }), endsExplained(links), endsExplained([links[0]])]);
+            });""")
+        ends, words, legend, plain = drawn
+        assert ends == [[1, 0, 0], [2, 0, 0], [1, 1, 0], [0, 0, 2]], ends
+        assert words.startswith("b and c: something not recorded drives both"), words
+        assert "two heads" in legend and "circle" in legend and "cross" in legend and plain == "", (legend, plain)
+        self.picture("ends-of-links", whole=False)
+
     def a_click_on_somebody_in_the_scene_chooses_her(self):
         press = lambda id: self.driver.find_element(By.ID, id).send_keys(Keys.ENTER)
         press("pause")

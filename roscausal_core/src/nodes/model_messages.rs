@@ -1,6 +1,6 @@
 //! From a [`Model`] to the messages that the discovery node publishes.
 
-use roscausal_discovery::{Link, Model, draw, word_of};
+use roscausal_discovery::{Link, Model, draw, sentence_of, word_of};
 use roscausal_msgs::{
     CausalLink, CausalModel, CausalModelInfo, Time,
     sensor_msgs::{CompressedImage, Image},
@@ -105,7 +105,7 @@ pub fn images(svg: &str, scale: f32, header: &Header) -> Result<(Image, Compress
 
 fn causal_link(model: &Model, link: &Link) -> CausalLink {
     let what = match link.mark.as_str() {
-        "-->" | "o-o" | "x-x" => short(link),
+        "-->" | "o-o" => short(link),
         _ => format!("{} (lag {})", link.sentence(), link.lag),
     };
     let found = link.confidence.map_or(String::new(), |share| {
@@ -123,6 +123,16 @@ fn causal_link(model: &Model, link: &Link) -> CausalLink {
         confidence: link.confidence.unwrap_or(-1.0),
         description: format!("{what}: strength {:.3}, p = {:.4}{found}{age}", link.value, link.p_value),
     }
+}
+
+/// The mark of a link of a message, such as `<->`. The message has no field for it: its description says it.
+pub fn mark_of(link: &CausalLink) -> &'static str {
+    let (cause, effect) = (&link.cause, &link.effect);
+    let says = |mark: &&str| link.description.starts_with(&sentence_of(cause, effect, mark));
+    if link.description.starts_with(&format!("{cause} -- {effect} ")) {
+        return "o-o";
+    }
+    ["<->", "o->", "x->", "x-x", "x-o"].into_iter().find(says).unwrap_or("-->")
 }
 
 fn short(link: &Link) -> String {
@@ -177,6 +187,18 @@ mod tests {
         let (share, words) = confidence(&model);
         assert_eq!(share, 0.41);
         assert!(words.ends_with("unsure: in 41 of 100 resamples"), "{words}");
+    }
+
+    #[test]
+    fn the_mark_of_each_link_can_be_read_from_its_message() {
+        let mut model = example();
+        for (link, mark) in model.links.iter_mut().zip(["-->", "<->", "o->", "o-o", "x->", "x-x"]) {
+            link.mark = mark.to_owned();
+        }
+        let info = causal_model_info(&model, &Header::default(), &Origin::default(), None);
+        let read: Vec<&str> = info.links.iter().map(mark_of).collect();
+        let written: Vec<&str> = model.links.iter().map(|link| link.mark.as_str()).collect();
+        assert_eq!(read, written);
     }
 
     #[test]

@@ -165,19 +165,23 @@ impl Link {
     /// assert_eq!(link.sentence(), "h_risk and h_v: something not recorded drives both");
     /// ```
     pub fn sentence(&self) -> String {
-        let (a, b) = (&self.cause, &self.effect);
-        match self.mark.as_str() {
-            "-->" => format!("{a} causes {b}"),
-            "<->" => format!("{a} and {b}: something not recorded drives both"),
-            "o->" => format!("{a} causes {b}, or something not recorded drives both, or both of this"),
-            "o-o" => format!("{a} and {b} depend on each other; the data do not say how"),
-            "x->" => format!("{b} does not cause {a}; whether {a} causes {b} the data contradict themselves"),
-            "x-x" => format!("{a} and {b} depend on each other; the data contradict themselves on how"),
-            "x-o" | "o-x" => {
-                format!("{a} and {b} depend on each other; what the data say of how is partly contradictory")
-            }
-            _ => format!("{a} and {b} are associated"),
+        sentence_of(&self.cause, &self.effect, &self.mark)
+    }
+}
+
+/// What a mark between `a` (the cause, where there is one) and `b` says.
+pub fn sentence_of(a: &str, b: &str, mark: &str) -> String {
+    match mark {
+        "-->" => format!("{a} causes {b}"),
+        "<->" => format!("{a} and {b}: something not recorded drives both"),
+        "o->" => format!("{a} causes {b}, or something not recorded drives both, or both of this"),
+        "o-o" => format!("{a} and {b} depend on each other; the data do not say how"),
+        "x->" => format!("{b} does not cause {a}; whether {a} causes {b} the data contradict themselves"),
+        "x-x" => format!("{a} and {b} depend on each other; the data contradict themselves on how"),
+        "x-o" | "o-x" => {
+            format!("{a} and {b} depend on each other; what the data say of how is partly contradictory")
         }
+        _ => format!("{a} and {b} are associated"),
     }
 }
 
