@@ -90,7 +90,7 @@ pub(crate) struct Args {
     force: bool,
     /// What to print on stdout; and `trajectories`: the files are tables with a row for each agent and time (ETH, UCY, ATC, THÖR), which
     /// become the variables of the nodes. Both: `--format trajectories,json`. Default: text.
-    #[arg(long, value_enum, value_delimiter = ',')]
+    #[arg(long, value_enum, value_delimiter = ',', ignore_case = true)]
     format: Vec<FormatWord>,
 }
 
@@ -179,14 +179,14 @@ pub(crate) fn run(args: &Args, interrupt: &Interrupt) -> Result<()> {
         output::writable(file)?;
     }
     let Answer { model, evidence, data, graphs } = found(args, interrupt, format != Format::Text)?;
+    // From here on there is a result.
+    interrupt.writing();
     format.print_with(&model, args.result.advice == Advised::On)?;
     // Last: what cannot be written is at least printed.
     if let Some(file) = &args.result.resample_out {
-        interrupt.writing();
         output::write_at(file, json_lines(&graphs)?.as_bytes())?;
     }
     if let Some(dir) = &args.out {
-        interrupt.writing();
         output::write_model(dir, &model)?;
         output::write_file(dir, html_report::EVIDENCE, evidence.to_json().as_bytes())?;
         for (i, recording) in data.recordings().iter().enumerate() {
@@ -252,6 +252,7 @@ pub(crate) fn found(args: &Args, interrupt: &Interrupt, quiet: bool) -> Result<A
         args.means.analyse(&data, &settings, resampling.as_ref(), interrupt, quiet)?;
     set_step(&mut model, dt);
     model.about_data = Some(about);
+    assumptions::mark_required(&mut model, &settings, data.var_names());
     model.warnings.splice(0..0, warnings);
     model.warnings.extend(assumptions::told(&settings, data.var_names()));
     Ok(Answer { model, evidence, data, graphs })
@@ -434,7 +435,18 @@ impl Data {
         let dt = common_step(tables.iter().map(|(file, table)| (file.user.as_path(), table)))?;
         let mut warnings: Vec<String> = Vec::new();
         for (file, table) in &tables {
-            warnings.extend(table.notes.iter().map(|note| format!("{}: {note}", file.user.display())));
+            // Several batches of one recording say their own names.
+            let name = match file.table.file_name() {
+                Some(batch) if file.table != file.user => {
+                    format!("{} ({})", file.user.display(), batch.display())
+                }
+                _ => file.user.display().to_string(),
+            };
+            for note in table.notes.iter().map(|note| format!("{name}: {note}")) {
+                if !warnings.contains(&note) {
+                    warnings.push(note);
+                }
+            }
         }
         let recorded = tables.iter().any(|(file, _)| file.table != file.user);
         let origins = tables.iter().map(|(file, _)| file.user.clone()).collect();

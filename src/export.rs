@@ -112,7 +112,7 @@ pub fn links_csv(model: &Model) -> Result<Vec<u8>> {
     let fault = |e: &dyn std::fmt::Display| Error::Data(format!("the list of links cannot be written: {e}"));
     for link in &model.links {
         let Link { cause, effect, lag, value, p_value, mark, n_lost, .. } = link;
-        let p = report::p_cell(model, *p_value);
+        let p = if link.required { "required".to_owned() } else { report::p_cell(model, *p_value) };
         let row = Row {
             cause,
             effect,

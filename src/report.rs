@@ -86,6 +86,9 @@ pub(crate) fn sentence(model: &Model, link: &Link) -> String {
         }
         _ => format!("{cause} and {effect} depend on each other {earlier}, direction open"),
     };
+    if link.required {
+        return format!("{verb}: required, not tested");
+    }
     format!(
         "{verb}: strength {:.2}{}, {}{}{}",
         link.value,

@@ -31,6 +31,8 @@ const FAR: f64 = 10.0;
 const STILL: f64 = 0.2;
 /// Variance that a copy or a combination of other columns may leave.
 const NOTHING_LEFT: f64 = 1e-8;
+/// Variance that a near copy leaves, such as a rounded one: too little to tell its part in a link from rounding.
+const LITTLE_LEFT: f64 = 1e-4;
 
 /// What the data are like.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -181,12 +183,14 @@ fn look_at(data: &DataFrame, var: usize, name: &str) -> (AboutVariable, Vec<Stri
     about.kpss = longest.and_then(|recording| kpss(&recording.column(var)));
     let (outliers, farthest) = outliers(&spread);
     about.outliers = outliers * stride;
-    if outliers > 0 && outliers * 100 < spread.len() {
+    if outliers > 0 && outliers * 10 < spread.len() {
+        let many = if outliers * 100 < spread.len() { "" } else { " in more than 1 % of the rows" };
         remarks.push(format!(
-            "{name} has outliers, such as {farthest}: more than {FAR} robust deviations from the median; correct them, or use a \
+            "{name} has outliers{many}, such as {farthest}: more than {FAR} robust deviations from the median; correct them, or use a \
              test of ranks"
         ));
     }
+    remarks.extend(below_zero(name, &spread, &different));
     let (length, value) = longest_constant(&first_rows);
     about.longest_constant = length;
     if length >= 20 && length as f64 > STILL * first_rows.len() as f64 && different.len() > 10 {
@@ -280,9 +284,12 @@ fn longest_constant(values: &[f64]) -> (usize, f64) {
 /// A whole number such as -999, at an end of the values and far from all others.
 fn missing_flag(name: &str, sorted: &[f64], different: &[f64]) -> Option<Fault> {
     let known = |value: f64| {
+        // Measurements do not repeat so large a number.
+        let huge = value.abs() >= 1e6 && sorted.iter().filter(|v| **v == value).nth(2).is_some();
         let digits = format!("{:.0}", value.abs());
         let nines = digits.len() >= 2 && digits.bytes().all(|digit| digit == b'9');
-        value.fract() == 0.0 && (nines || [32767.0, 32768.0, 65535.0, 2_147_483_647.0].contains(&value.abs()))
+        value.fract() == 0.0
+            && (huge || nines || [32767.0, 32768.0, 65535.0, 2_147_483_647.0].contains(&value.abs()))
     };
     let last = different.len() - 1;
     if last < 3 {
@@ -295,6 +302,19 @@ fn missing_flag(name: &str, sorted: &[f64], different: &[f64]) -> Option<Fault> 
     let (value, ..) = ends.into_iter().find(|(value, gap, range)| known(*value) && *gap > 3.0 * range)?;
     let count = sorted.iter().filter(|v| **v == value).count();
     Some(Fault::MissingFlag { name: name.to_owned(), value, count })
+}
+
+/// A remark on one whole number below zero that stands again and again among values that are not: -1 for "unknown".
+fn below_zero(name: &str, sorted: &[f64], different: &[f64]) -> Option<String> {
+    let (value, count) = (different[0], sorted.partition_point(|v| *v <= different[0]));
+    let lone = value < 0.0 && value.fract() == 0.0 && different[1] >= 0.0 && count > 2;
+    // Of a count or a category nothing can be told.
+    (lone && different.len() * 2 > sorted.len() - count).then(|| {
+        format!(
+            "{name} is {value} in {count} rows and below 0 in no other: if that stands for a missing value, --missing-value={value} \
+             takes it as one"
+        )
+    })
 }
 
 fn same_recordings(data: &DataFrame) -> Vec<Fault> {
@@ -362,6 +382,15 @@ fn collinear(data: &DataFrame, names: &[String]) -> (Vec<Fault>, Vec<String>) {
             ));
             continue;
         }
+        if left < LITTLE_LEFT {
+            remarks.push(format!(
+                "{} is nearly a combination of {} ({:.4} % of its variance is its own): links of one may stand for links of the other; \
+                 leave one of them out",
+                names[var],
+                from.join(", "),
+                100.0 * left
+            ));
+        }
         column.iter_mut().for_each(|v| *v /= left.sqrt());
         basis.push((var, column));
     }
@@ -384,6 +413,29 @@ mod tests {
     fn of(recordings: Vec<Array2<f64>>) -> (AboutData, Vec<Fault>) {
         let names = (0..recordings[0].ncols()).map(|var| ["a", "b", "c", "d"][var].to_owned()).collect();
         AboutData::of(&DataFrame::new(recordings, names).unwrap(), 1)
+    }
+
+    #[test]
+    fn a_number_that_stands_for_nothing_and_a_rounded_copy_are_told() {
+        let mut rows = noise(500, 4, 3);
+        for (t, mut row) in rows.outer_iter_mut().enumerate() {
+            row[1] = row[0].abs() + 0.1;
+            row[2] = if t % 17 == 0 { 1e20 } else { row[2] };
+            row[3] = (100.0 * row[0]).round() / 100.0;
+            if t % 20 == 0 {
+                row[1] = -1.0;
+            }
+        }
+        let (about, faults) = of(vec![rows]);
+        let told = about.remarks.join("\n");
+        assert!(
+            told.contains("b is -1 in 25 rows") && told.contains("d is nearly a combination of a"),
+            "{told}"
+        );
+        assert!(
+            matches!(&faults[..], [Fault::MissingFlag { name, value, count: 30 }] if name == "c" && *value == 1e20),
+            "{faults:?}"
+        );
     }
 
     #[test]

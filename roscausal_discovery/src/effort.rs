@@ -46,7 +46,10 @@ impl Effort {
         let pairs = vars * vars * lags;
         let tests = pairs * tests_per_pair(settings.method);
         let relative = n / 500.0;
-        let of_test = match settings.cond_ind_test.as_str() {
+        // Models without a test: a regression on all causes for each pair.
+        let test = if settings.method.info().asks_test { settings.cond_ind_test.as_str() } else { "none" };
+        let of_test = match test {
+            "none" => LINEAR_S * n * vars,
             "gpdc" if n > MANY => GPDC_S * (MANY / 500.0).powi(3) * (n / MANY),
             "gpdc" | "gpdcpython" => GPDC_S * relative.powi(3),
             "cmiknn" => CMIKNN_S * relative.powi(2),
@@ -59,7 +62,7 @@ impl Effort {
             _ => 0.0,
         };
         let rows = COPIES * n * vars * (settings.tau_max as f64 + 1.0) * size_of::<f64>() as f64;
-        let matrices = if settings.cond_ind_test == "gpdc" { gpdc_bytes(n_samples) as f64 } else { 0.0 };
+        let matrices = if test == "gpdc" { gpdc_bytes(n_samples) as f64 } else { 0.0 };
         Self { bytes: rows + matrices, seconds: tests * of_test + pairs * of_pair_in_filter }
     }
 
@@ -106,6 +109,14 @@ mod tests {
             for more in [effort(2000, 3, 1), effort(1000, 6, 1), effort(1000, 3, 4)] {
                 assert!(more.seconds > base.seconds && more.bytes > base.bytes, "{test}");
             }
+        }
+    }
+
+    #[test]
+    fn a_method_without_a_test_takes_no_memory_for_one() {
+        for method in [Method::Granger, Method::Varlingam, Method::Dynotears] {
+            let effort = Effort::of(200_000, 10, &Settings { method, ..Settings::default() });
+            assert!(effort.bytes < 1e9 && effort.seconds < 60.0, "{method}: {effort:?}");
         }
     }
 

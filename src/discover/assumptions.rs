@@ -5,9 +5,9 @@ use std::{fs, path::PathBuf, sync::Arc};
 use clap::Args as ClapArgs;
 use roscausal_core::{Error, Result};
 use roscausal_discovery::{
-    Assumption, DataFrame, LinkAssumptions, Settings,
+    Assumption, DataFrame, LinkAssumptions, Model, Settings,
     independence_tests::{NullDistributions, Significance},
-    methods::ColliderRule,
+    methods::{ColliderRule, Method},
     names::{nearest, plain, position},
 };
 use serde::Deserialize;
@@ -102,6 +102,14 @@ impl AssumeArgs {
             settings.pcmciplus.contemp_collider_rule = rule.parse::<ColliderRule>().map_err(|_| {
                 Error::param("collider-rule", format!("'{rule}' is not majority, conservative or none"))
             })?;
+            let orients = [Method::Pcmciplus, Method::Jpcmciplus];
+            if !orients.contains(&settings.method) {
+                let reason = format!(
+                    "{} has no colliders at lag 0; it is for pcmciplus and jpcmciplus",
+                    settings.method
+                );
+                return Err(Error::param("collider-rule", reason));
+            }
         }
         settings.pcmciplus.conflict_resolution = !self.first_orientation;
         check_shuffles(settings)?;
@@ -149,6 +157,17 @@ impl AssumeArgs {
         };
         let groups = self.vector.iter().map(group).collect::<Result<Vec<_>>>()?;
         Ok(data.with_vectors(&groups)?)
+    }
+}
+
+/// Marks the links of the model that were required: they were not tested.
+pub(super) fn mark_required(model: &mut Model, settings: &Settings, names: &[String]) {
+    let Some(known) = settings.link_assumptions.as_ref() else { return };
+    for link in &mut model.links {
+        let (cause, effect) = (position(names, &link.cause), position(names, &link.effect));
+        if let (Some(cause), Some(effect)) = (cause, effect) {
+            link.required = known.get(cause, effect, link.lag) == Some(Assumption::Exists);
+        }
     }
 }
 

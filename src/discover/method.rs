@@ -26,7 +26,7 @@ pub(crate) struct MethodArgs {
     ))]
     pub(super) test: Option<String>,
     /// Significance level of a link, in (0, 1).
-    #[arg(long, default_value_t = 0.05)]
+    #[arg(long, default_value_t = 0.05, allow_negative_numbers = true)]
     pub(super) alpha: f64,
     #[arg(long, help = format!("Smallest lag, in steps. Default: {}", default_of(|info| info.tau_min)))]
     pub(super) tau_min: Option<usize>,
@@ -39,7 +39,7 @@ pub(crate) struct MethodArgs {
     ))]
     pub(super) pc_alpha: Option<String>,
     /// Significance level of F-PCMCI's filter; default: alpha.
-    #[arg(long)]
+    #[arg(long, allow_negative_numbers = true)]
     pub(super) f_alpha: Option<f64>,
     #[arg(long, default_value = TeEstimator::default().name(), help = listed("Estimator of F-PCMCI's filter; auto: gaussian for a linear test, else gaussian+dcor", TeEstimator::NAMES))]
     pub(super) te_estimator: String,

@@ -38,7 +38,7 @@ pub(crate) struct ReadArgs {
     /// Table: name of the column of times; `none`: there is none. Default: time, t, timestamp and the like.
     #[arg(long, value_name = "NAME")]
     time_column: Option<String>,
-    /// Table: unit of the times: s, ms, us, ns. Default: by the column's name (`time_ms`), or the size of the numbers.
+    /// Table: unit of the times: s, ms, us, ns, min, h. Default: by the column's name (`time_ms`), or the size of the numbers.
     #[arg(long, value_name = "UNIT")]
     time_unit: Option<Unit>,
     /// Table: with --dt, what a row holds: last (sample), mean (since the row before), linear (interpolated).
@@ -104,6 +104,9 @@ impl ReadArgs {
     ) -> Result<Vec<(Input, Table)>> {
         if let (Some(_), None, false) = (self.resample, dt, self.join) {
             return Err(Error::param("resample", "--dt says to which step"));
+        }
+        if dt.is_some_and(|dt| !(dt > 0.0 && dt.is_finite())) {
+            return Err(Error::param("dt", "give a number of seconds above 0"));
         }
         if self.max_gap.is_some_and(|gap| gap.is_nan() || gap <= 0.0) {
             return Err(Error::param("max-gap", "give a number of seconds above 0"));

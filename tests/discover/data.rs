@@ -326,3 +326,59 @@ fn a_test_of_categories_refuses_measurements_and_names_the_way_out() {
     let out = roscausal(dir.path(), &["discover", "data.csv", "--method", "pcmci", "--test", "gsquared"]);
     assert!(out.status.success(), "{}", String::from_utf8_lossy(&out.stderr));
 }
+
+#[test]
+fn a_step_below_that_of_the_data_is_told_and_none_at_all_is_refused() {
+    for dt in ["0", "-1"] {
+        has(&complaint(&coupled(100), &[&format!("--dt={dt}")], 2), &["--dt", "above 0"]);
+    }
+    let dir = folder("data.csv", &coupled(100));
+    let model = json(dir.path(), &["--dt", "0.02", "--resample", "linear"]);
+    has(&model["warnings"].to_string(), &["most rows are made up between samples"]);
+}
+
+#[test]
+fn times_in_minutes_hours_and_elapsed_seconds_are_no_variables() {
+    for name in ["Time [h]", "time_min", "elapsed", "seconds", "'time'"] {
+        let dir = folder("data.csv", &coupled(100).replacen("time", name, 1));
+        let model = json(dir.path(), &[]);
+        assert_eq!(model["features"].as_array().map(Vec::len), Some(2), "{name}");
+        let dt = match name {
+            "Time [h]" => 900.0,
+            "time_min" => 15.0,
+            _ => 0.25,
+        };
+        assert!(
+            model["dt"].as_f64().is_some_and(|found| (found - dt).abs() < 1e-9 * dt),
+            "{name}: {}",
+            model["dt"]
+        );
+    }
+}
+
+#[test]
+fn a_required_link_is_not_said_to_have_been_tested() {
+    let dir = folder("data.csv", &coupled(200));
+    fs::write(dir.path().join("known.toml"), "[[link]]\ncause = 'b'\neffect = 'a'\nis = 'required'\n")
+        .expect("writes");
+    let out = roscausal(dir.path(), &[&QUICK[..], &["--links", "known.toml"]].concat());
+    has(&String::from_utf8_lossy(&out.stdout), &["drives a: required, not tested"]);
+}
+
+#[test]
+fn an_option_that_the_method_does_not_read_is_refused() {
+    has(
+        &complaint(&coupled(100), &["--method", "pcmci", "--collider-rule", "none"], 2),
+        &["it is for pcmciplus"],
+    );
+}
+
+#[test]
+fn words_are_understood_in_any_case() {
+    let dir = folder("data.csv", &coupled(100));
+    let out = roscausal(
+        dir.path(),
+        &[&QUICK[..], &["--fdr", "FDR_BH", "--format", "JSON", "--time-unit", "MS"]].concat(),
+    );
+    assert!(out.status.success(), "{}", String::from_utf8_lossy(&out.stderr));
+}

@@ -28,7 +28,7 @@ impl std::str::FromStr for Fdr {
     type Err = Error;
 
     fn from_str(text: &str) -> Result<Self> {
-        let known = [Self::None, Self::Bh].into_iter().find(|known| known.name() == text);
+        let known = [Self::None, Self::Bh].into_iter().find(|known| known.name().eq_ignore_ascii_case(text));
         known.ok_or_else(|| Error::unknown("fdr", text, Self::NAMES))
     }
 }

@@ -112,6 +112,9 @@ pub struct Link {
     /// Of a model that rolls on: how many of the last eight models have the link.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub seen: Option<usize>,
+    /// Whether it was required beforehand: then it was not tested, and strength and p-value are 1 and 0 by definition.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub required: bool,
 }
 
 /// How much more of an effect goes with more of its cause, the effect's other causes being the same; in the variables' units.
@@ -159,9 +162,9 @@ impl Link {
     ///
     /// let (cause, effect, mark) = ("h_risk".to_owned(), "h_v".to_owned(), "<->".to_owned());
     /// let (confidence, value_low, value_high, size, since, seen) = (None, None, None, None, None, None);
-    /// let (value, p_value) = (0.4, 0.001);
+    /// let (value, p_value, required) = (0.4, 0.001, false);
     /// let link =
-    ///     Link { cause, effect, lag: 1, value, p_value, mark, n_lost: 0, confidence, value_low, value_high, size, since, seen };
+    ///     Link { cause, effect, lag: 1, value, p_value, mark, n_lost: 0, confidence, value_low, value_high, size, since, seen, required };
     /// assert_eq!(link.sentence(), "h_risk and h_v: something not recorded drives both");
     /// ```
     pub fn sentence(&self) -> String {
@@ -262,6 +265,7 @@ impl Model {
                         size: None,
                         since: None,
                         seen: None,
+                        required: false,
                     });
                 }
             }

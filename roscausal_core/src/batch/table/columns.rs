@@ -5,7 +5,7 @@ use roscausal_discovery::names;
 use super::time::Unit;
 
 /// Names of the column of sample times, which is not a variable; a unit may follow (`time_ms`, `Time [s]`).
-const TIME_NAMES: [&str; 12] = [
+const TIME_NAMES: [&str; 14] = [
     "time",
     "t",
     "timestamp",
@@ -18,6 +18,8 @@ const TIME_NAMES: [&str; 12] = [
     "ros_time",
     "rosbagtimestamp",
     "time_stamp",
+    "elapsed",
+    "elapsed_time",
 ];
 
 /// The column of times, and the unit in its name.
@@ -27,7 +29,10 @@ pub(crate) fn time_column(header: &[String]) -> Option<(usize, Option<Unit>)> {
 
 /// Whether a name is one of a column of times, and the unit in it.
 pub(crate) fn time_name(name: &str) -> Option<Option<Unit>> {
-    let name = name.trim().trim_start_matches(['%', '.']).to_lowercase();
+    let name = name.trim().trim_matches('\'').trim_start_matches(['%', '.']).to_lowercase();
+    if ["seconds", "secs"].contains(&name.as_str()) {
+        return Some(Some(Unit::Seconds));
+    }
     if TIME_NAMES.contains(&name.as_str()) {
         return Some(None);
     }

@@ -123,7 +123,13 @@ impl Table {
         if let Some(dt) = steps.dt {
             notes.retain(|note| matches!(note, Note::Read(_)));
             let was = format!("from steps of about {} s (median)", digits(median));
-            notes.push(Note::Read(format!("resampled to steps of {} s {was}", digits(dt))));
+            let made_up = match dt < 0.75 * median {
+                true => {
+                    ": most rows are made up between samples, and tests count them as samples; give a longer --dt"
+                }
+                false => "",
+            };
+            notes.push(Note::Read(format!("resampled to steps of {} s {was}{made_up}", digits(dt))));
         }
         first.notes = notes;
         Ok(tables)

@@ -15,11 +15,15 @@ pub enum Unit {
     Microseconds,
     /// `ns`
     Nanoseconds,
+    /// `min`
+    Minutes,
+    /// `h`
+    Hours,
 }
 
 impl Unit {
     /// The names that users choose by.
-    pub const NAMES: [&'static str; 4] = ["s", "ms", "us", "ns"];
+    pub const NAMES: [&'static str; 6] = ["s", "ms", "us", "ns", "min", "h"];
 
     /// Units in a second.
     fn per_second(self) -> f64 {
@@ -28,6 +32,8 @@ impl Unit {
             Self::Milliseconds => 1e3,
             Self::Microseconds => 1e6,
             Self::Nanoseconds => 1e9,
+            Self::Minutes => 1.0 / 60.0,
+            Self::Hours => 1.0 / 3600.0,
         }
     }
 
@@ -37,6 +43,8 @@ impl Unit {
             Self::Milliseconds => "milliseconds",
             Self::Microseconds => "microseconds",
             Self::Nanoseconds => "nanoseconds",
+            Self::Minutes => "minutes",
+            Self::Hours => "hours",
         }
     }
 }
@@ -45,12 +53,14 @@ impl FromStr for Unit {
     type Err = String;
 
     fn from_str(text: &str) -> Result<Self, String> {
-        match text {
+        match text.to_lowercase().as_str() {
             "s" | "sec" | "secs" | "seconds" => Ok(Self::Seconds),
             "ms" | "msec" | "millis" | "milliseconds" => Ok(Self::Milliseconds),
             "us" | "µs" | "usec" | "micros" | "microseconds" => Ok(Self::Microseconds),
             "ns" | "nsec" | "nanos" | "nanoseconds" => Ok(Self::Nanoseconds),
-            other => Err(format!("'{other}' is no unit of time; allowed: {}", Self::NAMES.join(", "))),
+            "min" | "mins" | "minutes" => Ok(Self::Minutes),
+            "h" | "hr" | "hrs" | "hours" => Ok(Self::Hours),
+            _ => Err(format!("'{text}' is no unit of time; allowed: {}", Self::NAMES.join(", "))),
         }
     }
 }
