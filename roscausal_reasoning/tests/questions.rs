@@ -481,6 +481,7 @@ fn what_something_unrecorded_may_be_behind_is_no_cause_and_no_open_pair() {
         value_high: None,
         size: None,
         since: None,
+        required: false,
         seen: None,
     };
     let noise = |i: usize| ((12.9898 * i as f64).sin() * 43758.5453).rem_euclid(1.0);
