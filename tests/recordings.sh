@@ -4,7 +4,7 @@
 # if nothing could be tested. Needs python3 with venv (installs it as root on Debian); makes its own environment
 # below target/.
 #   tests/recordings.sh [--renew]     --renew rewrites the small files in roscausal_recording/tests/data and
-#                                     tests/recordings/people
+#                                     tests/recordings/people and tests/recordings/robots_nav2
 set -uo pipefail
 cd "$(dirname "$0")/.."
 . tests/lib.sh
@@ -35,6 +35,11 @@ if [[ "${1:-}" == --renew ]]; then
   rm -rf tests/recordings/people
   mkdir tests/recordings/people
   "$python" tests/recordings/people.py tests/recordings/people/people
+  robots=$(mktemp -d)
+  "$python" tests/recordings/robots.py "$robots/robots"
+  rm -rf tests/recordings/robots_nav2
+  mv "$robots/robots_nav2" tests/recordings/
+  rm -rf "$robots"
 fi
 
 folder=$(mktemp -d)

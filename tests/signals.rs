@@ -13,18 +13,19 @@ mod common;
 use std::{
     path::{Path, PathBuf},
     process::Output,
+    sync::Arc,
 };
 
 use common::{csv_files, roscausal};
 use roscausal_core::{
     Time,
     loopback::Loopback,
-    middleware::{Middleware, Publish, Qos},
+    middleware::{Middleware, Publish, Qos, Raw},
     nodes,
     params::Value,
 };
 use roscausal_msgs::{geometry_msgs::Twist, nav_msgs::Odometry};
-use roscausal_recording::McapWriter;
+use roscausal_recording::{McapWriter, Player, Recording};
 
 const QUICK: [&str; 4] = ["--method", "pcmci", "--test", "parcorr"];
 
@@ -258,4 +259,88 @@ fn a_signal_has_the_name_of_a_robots_column_where_only_signals_are_read_and_is_r
         roscausal(dir.path(), &["discover", &people, "--people", "/pedestrians", signal[0], signal[1]]);
     let told = "--signal: 'r_v' is a column of the batch already";
     assert!(!output.status.success() && said(&output).contains(told), "{}", said(&output));
+}
+
+const NAV2: [&str; 3] = [
+    "left = length(/tb3_0/plan.poses)",
+    "to_go = /tb3_0/navigate_to_pose/_action/feedback.feedback.distance_remaining",
+    "v_cmd = /tb3_0/cmd_vel.twist.linear.x",
+];
+
+/// The raw batches that the nodes record of a robot under Nav2, from the messages that `tests/recordings/robots.py` wrote.
+fn live_of_nav2(dir: &Path, recording: &str) -> Vec<(String, String)> {
+    let bus = Loopback::lockstep();
+    let text =
+        |node: &str, name: &str, value: &str| bus.set_node_param(node, name, Value::Str(value.to_owned()));
+    for (name, folder) in [("data_dir", "raw"), ("pp_data_dir", "pp")] {
+        text("data", name, &dir.join(folder).display().to_string());
+    }
+    for (node, name, value) in [
+        ("robot", "odom_topic", "/tb3_0/odom"),
+        ("robot", "pose_topic", ""),
+        ("robot", "source_frame", "base_link"),
+        ("robot", "tf_topic", "/tb3_0/tf"),
+        ("robot", "goal_topic", "/tb3_0/plan"),
+        ("robot", "goal_type", "Path"),
+        ("human", "tf_topic", "/tb3_0/tf"),
+        ("human", "auto_people_topic", ""),
+        ("human", "teleop_people_topic", ""),
+        ("human", "people_topic", "/people"),
+        ("human", "people_type", "geometry_msgs/PoseArray"),
+        ("human", "goal_topic", ""),
+        ("data", "sel_agent", "all"),
+    ] {
+        text(node, name, value);
+    }
+    bus.set_node_param("data", "ts_length", Value::Double(0.0));
+    let signals = NAV2.map(|signal| Value::Str(signal.to_owned())).to_vec();
+    bus.set_node_param("data", "signals", Value::List(signals));
+    let mut recording = Recording::open(Path::new(recording)).expect("opens");
+    let (start, _) = recording.span().expect("has messages");
+    bus.advance_to(Time { nanosec: 0, ..start });
+    let robot = bus.start_task("robot", async |mw| nodes::run_task("robot", &mw).await);
+    let human = bus.start_task("human", async |mw| nodes::run_task("human", &mw).await);
+    let data = bus.start("data", |mw| nodes::data(&mw)).expect("starts");
+    let driver = bus.node("driver");
+    let all = recording.topics().to_vec();
+    let kinds: Vec<_> = all.iter().map(|topic| topic.raw_type().map(Arc::new)).collect();
+    let mut player = Player::new(&driver, &recording, |of| of.known_type().is_some()).expect("plays");
+    for record in recording.by_ref() {
+        bus.advance_to(record.stamp);
+        let of = &all[record.topic];
+        match kinds[record.topic].clone().filter(|_| of.known_type().is_none()) {
+            Some(kind) => {
+                driver.publish_raw(&of.name, Raw { kind, bytes: record.bytes.clone() }).expect("is sent")
+            }
+            None => player.publish(of, &record).expect("is sent"),
+        }
+        bus.settle();
+    }
+    bus.shutdown();
+    robot.end().expect("no panic").expect("ends well");
+    human.end().expect("no panic").expect("ends well");
+    data.join().expect("ends").expect("records");
+    csv_files(&dir.join("raw"))
+}
+
+#[test]
+fn a_replay_of_a_robot_under_nav2_gives_what_the_nodes_record_to_the_byte() {
+    let dir = tempfile::tempdir().expect("a folder");
+    let recording = format!("{}/tests/recordings/robots_nav2", env!("CARGO_MANIFEST_DIR"));
+    let live = live_of_nav2(dir.path(), &recording);
+    let signals = NAV2.iter().flat_map(|text| ["--signal", text]);
+    let flags = ["--robot-goal", "/tb3_0/plan", "--person", "all", "--ts-length", "0"];
+    let same = ["--param", "robot.pose_topic=", "--param", "robot.source_frame=base_link"];
+    let flags: Vec<&str> = flags.into_iter().chain(same).chain(signals).collect();
+    let (output, again) = replayed(dir.path(), &recording, "again", &flags);
+    assert!(!again.is_empty(), "{}", said(&output));
+    assert_eq!(live, again);
+    for name in ["r_x", "r_gx", "left", "to_go", "v_cmd"] {
+        assert!(known(&live[0].1, name) > 0.97, "{name}: {}", known(&live[0].1, name));
+    }
+    let time =
+        live[0].1.lines().nth(100).and_then(|row| row.split(',').next()?.parse().ok()).expect("a time");
+    let of = |column: &str| at(&live[0].1, time, column);
+    // The plan is a line from the robot to its goal, 14 m ahead.
+    assert!((of("left") - of("to_go")).abs() < 1e-5 && (of("left") - (14.0 - of("r_x"))).abs() < 0.1);
 }

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 from rosbags.rosbag1 import Writer as BagWriter
-from rosbags.rosbag2 import StoragePlugin, Writer as Ros2Writer
+from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, Writer as Ros2Writer
 from rosbags.typesys import get_types_from_msg
 
 from people import Scene
@@ -110,7 +110,10 @@ def main():
         (2, "_nav2", of_nav2),
     ):
         scene, connections, path = Scene(ros), {}, Path(f"{prefix}{ending}")
-        with BagWriter(path) if ros == 1 else Ros2Writer(path, version=9, storage_plugin=StoragePlugin.MCAP) as writer:
+        writer = BagWriter(path) if ros == 1 else Ros2Writer(path, version=9, storage_plugin=StoragePlugin.MCAP)
+        if ros == 2:
+            writer.set_compression(CompressionMode.FILE, CompressionFormat.ZSTD)
+        with writer:
             for topic, kind, time, message in sorted(of(scene), key=lambda one: one[2]):
                 if kind.count("/") == 1:
                     kind = kind.replace("/", "/msg/")
