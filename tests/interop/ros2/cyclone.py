@@ -1,6 +1,9 @@
 """A second vendor's DDS: Cyclone DDS through its own Python binding, with no ROS code on that side."""
 
+import csv
+import glob
 import os
+import tempfile
 import time
 from dataclasses import dataclass
 
@@ -15,13 +18,13 @@ from cyclonedds.core import Policy, Qos
 from cyclonedds.domain import DomainParticipant
 from cyclonedds.idl import IdlStruct
 from cyclonedds.idl.annotations import final
-from cyclonedds.idl.types import array, float32, float64, int32, sequence, uint32
+from cyclonedds.idl.types import array, float32, float64, int16, int32, sequence, uint8, uint32
 from cyclonedds.pub import DataWriter
 from cyclonedds.sub import DataReader
 from cyclonedds.topic import Topic
 from cyclonedds.util import duration
 
-from harness import peer, test
+from harness import node, peer, test
 
 
 def ros(package, name):
@@ -96,6 +99,30 @@ class PoseWithCovarianceStamped(IdlStruct, **ros("geometry_msgs", "PoseWithCovar
     pose: PoseWithCovariance
 
 
+@dataclass
+@final
+class PoseStamped(IdlStruct, **ros("geometry_msgs", "PoseStamped")):
+    header: Header
+    pose: array[float64, 7]
+
+
+@dataclass
+@final
+class Feedback(IdlStruct, typename="nav2_msgs::action::dds_::NavigateToPose_Feedback_"):
+    current_pose: PoseStamped
+    navigation_time: Time
+    estimated_time_remaining: Time
+    number_of_recoveries: int16
+    distance_remaining: float32
+
+
+@dataclass
+@final
+class FeedbackMessage(IdlStruct, typename="nav2_msgs::action::dds_::NavigateToPose_FeedbackMessage_"):
+    goal_id: array[uint8, 16]
+    feedback: Feedback
+
+
 def qos(latched=False):
     return Qos(
         Policy.Reliability.Reliable(duration(milliseconds=100)),
@@ -135,3 +162,25 @@ def cyclone_dds_gets_the_latched_model_and_messages_both_ways():
         sent = PoseWithCovarianceStamped(Header(Time(5, 6), "map"), pose)
         back = take(reader, 15, lambda: writer.write(sent))
         assert back[0] == sent, back[0]
+
+
+@test
+def the_feedback_of_nav2s_action_is_recorded_live_without_a_definition():
+    participant = DomainParticipant(int(os.environ["ROS_DOMAIN_ID"]))
+    topic = Topic(participant, "rt/navigate_to_pose/_action/feedback", FeedbackMessage)
+    writer = DataWriter(participant, topic, qos=qos())
+    here = PoseStamped(Header(Time(5, 6), "map"), [0.0] * 7)
+    message = FeedbackMessage([7] * 16, Feedback(here, Time(3, 0), Time(4, 0), 2, 6.5))
+    with tempfile.TemporaryDirectory() as folder:
+        given = ["data_dir:=" + folder, "pp_data_dir:=" + folder + "/pp", "ts_length:=2.0", "sel_agent:=nobody"]
+        given.append("signals:=['left = /navigate_to_pose/_action/feedback.feedback.distance_remaining']")
+        with node("data", *(word for one in given for word in ("-p", one)), env={"AMENT_PREFIX_PATH": ""}):
+            end = time.monotonic() + 60
+            while not (paths := glob.glob(folder + "/*.csv")):
+                assert time.monotonic() < end, "no batch"
+                writer.write(message)
+                time.sleep(0.05)
+        with open(paths[0], newline="") as file:
+            values = [row["left"] for row in csv.DictReader(file)]
+    assert values.count("6.5") >= len(values) - 3 and len(values) >= 15, values
+    return f"{len(values)} rows"
