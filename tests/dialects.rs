@@ -86,6 +86,7 @@ fn the_same_data_in_thirty_dialects_give_the_same_model() {
         ("CR", unix.replace('\n', "\r").into()),
         ("a mark of UTF-8", format!("\u{feff}{unix}").into()),
         ("UTF-16", utf16(&unix, true)),
+        ("a comment in the last line, which has no end", format!("{unix}# end").into()),
         ("UTF-16 without a mark", utf16(&unix, false)),
         ("Latin-1", [b"# gr\xf6\xdfe\n", unix.as_bytes()].concat()),
         ("gzip", gzip(&unix)),

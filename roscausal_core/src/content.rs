@@ -8,7 +8,7 @@ const WITHOUT_COLUMNAR: &str = "this program was built without them: convert it 
                                 Python package, or build with 'cargo install --locked --path . --features columnar'";
 
 /// First bytes of formats that hold data, but that nothing here reads; what they are; and the way out.
-const PACKED: [(&[u8], &str, &str); 12] = [
+const PACKED: [(&[u8], &str, &str); 16] = [
     (b"PK\x03\x04", "a ZIP archive", "unpack it with 'unzip'"),
     (b"\x1f\x8b", "compressed with gzip", "unpack it with 'gunzip'"),
     (b"\x28\xb5\x2f\xfd", "compressed with Zstandard", "unpack it with 'unzstd'"),
@@ -21,6 +21,10 @@ const PACKED: [(&[u8], &str, &str); 12] = [
     (b"\xff\xff\xff\xff", "an Arrow stream", WITHOUT_COLUMNAR),
     (b"\x89HDF\r\n", "an HDF5 file", "convert it to CSV, such as with pandas"),
     (b"\x93NUMPY", "a NumPy file", "convert it to CSV with numpy.savetxt and a header"),
+    (b"MATLAB 5.0", "a MATLAB file", "convert it to CSV, such as with scipy.io.loadmat"),
+    (b"\x80\x04\x95", "a pickle of Python", "write the data with pandas' to_csv"),
+    (b"\x80\x05\x95", "a pickle of Python", "write the data with pandas' to_csv"),
+    (b"%PDF", "a PDF document", "take the data that it was made from"),
 ];
 
 /// What a file is that begins with `first`, and how to get what was meant; `None` if it may be data.
@@ -60,7 +64,27 @@ pub fn not_data(first: &[u8]) -> Option<String> {
             "this is an XML document, not data; a server may have answered with an error".to_owned(),
         );
     }
+    if text.starts_with('{') || text.starts_with("[{") {
+        return Some(
+            "this is JSON, not a table; a model is printed by 'roscausal show', and pandas' read_json and to_csv make a table of rows"
+                .to_owned(),
+        );
+    }
     None
+}
+
+/// What bytes are that were taken for a table and hold none: a recording through a pipe, or no text at all.
+pub fn not_a_table(first: &[u8]) -> Option<&'static str> {
+    let recording = [&b"#ROSBAG V"[..], b"\x89MCAP0", b"SQLite format 3"];
+    if recording.iter().any(|magic| first.starts_with(magic)) {
+        return Some(
+            "this is a recording; give the file by its name, such as run.mcap: a recording is not read from a pipe",
+        );
+    }
+    let control = |byte: &u8| *byte < 9 || (14..27).contains(byte);
+    first.iter().take(NEEDED).any(control).then_some(
+        "this is no text; a table is CSV, Parquet, Arrow or NumPy's .npz, a recording .bag, .mcap or .db3",
+    )
 }
 
 #[cfg(test)]
@@ -81,10 +105,21 @@ mod tests {
             (b"PK\x03\x04abc", "a ZIP archive; unpack it with 'unzip'"),
             (b"\x1f\x8b\x08", "gunzip"),
             (&tar, "tar xf"),
+            (b"{\"schema\": \"roscausal/model/1\"", "roscausal show"),
+            (b"%PDF-1.7\n", "a PDF document"),
+            (b"MATLAB 5.0 MAT-file", "scipy.io.loadmat"),
         ] {
             let found = not_data(first);
             assert!(found.as_deref().is_some_and(|found| found.contains(told)), "{found:?}: {told}");
         }
+    }
+
+    #[test]
+    fn a_recording_in_a_pipe_and_bytes_that_are_no_text_are_told() {
+        assert!(not_a_table(b"\x89MCAP0\r\n").is_some_and(|told| told.contains("recording")));
+        assert!(not_a_table(b"#ROSBAG V2.0\n").is_some_and(|told| told.contains("by its name")));
+        assert!(not_a_table(b"a,b\n1\x00,2\n").is_some_and(|told| told.contains("no text")));
+        assert_eq!(not_a_table(b"# caf\xc3\xa9\r\ntime\ta\x0b\n0,1\n"), None);
     }
 
     #[test]

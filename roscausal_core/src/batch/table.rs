@@ -243,7 +243,7 @@ impl Table {
         if let Some(reason) = not_data(bytes) {
             return Err(Complaint::File(reason));
         }
-        let (text, encoding) = dialect::decoded(bytes);
+        let (text, encoding) = dialect::text_of(bytes).map_err(Complaint::File)?;
         if text.iter().all(u8::is_ascii_whitespace) {
             return Err(Complaint::from("the file is empty; a header line and rows of numbers are needed"));
         }

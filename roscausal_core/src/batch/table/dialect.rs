@@ -5,6 +5,8 @@
 
 use std::{borrow::Cow, io::Read};
 
+use crate::content::not_a_table;
+
 /// A packed file may grow to at most this many bytes.
 const MOST_UNPACKED: u64 = 1 << 36;
 
@@ -213,6 +215,26 @@ pub(super) fn with_tabs(bytes: &[u8]) -> Vec<u8> {
         }
     }
     out
+}
+
+/// The text of a table, as [`decoded`], without a comment in the last line that no line end follows: the library takes that for a
+/// row.
+///
+/// # Errors
+/// What the bytes are, if they hold no text.
+pub(super) fn text_of(bytes: &[u8]) -> Result<(Cow<'_, [u8]>, Option<&'static str>), String> {
+    let (mut text, encoding) = decoded(bytes);
+    if let Some(reason) = not_a_table(&text) {
+        return Err(reason.to_owned());
+    }
+    let last = text.iter().rposition(|byte| *byte == b'\n').map_or(0, |end| end + 1);
+    if last > 0 && text[last..].starts_with(b"#") {
+        match &mut text {
+            Cow::Borrowed(text) => *text = &text[..last],
+            Cow::Owned(text) => text.truncate(last),
+        }
+    }
+    Ok((text, encoding))
 }
 
 #[cfg(test)]

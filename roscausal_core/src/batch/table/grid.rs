@@ -34,7 +34,7 @@ impl Grid {
         if let Some(reason) = not_data(&bytes) {
             return Err(fault(reason));
         }
-        Self::of_text(&dialect::decoded(&bytes).0, missing, is_header).map_err(fault)
+        dialect::text_of(&bytes).and_then(|(text, _)| Self::of_text(&text, missing, is_header)).map_err(fault)
     }
 
     fn of_text(
