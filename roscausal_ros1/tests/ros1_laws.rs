@@ -6,13 +6,17 @@ use std::{thread, time::Duration};
 use roscausal_core::laws;
 use roscausal_ros1::Ros1;
 
-/// A node on the master that the environment names.
+/// A node on the master that the environment names. On a busy machine the master does not answer each question in time.
 #[allow(clippy::panic, reason = "a test without master has failed")]
 fn node(name: &str) -> Ros1 {
-    match Ros1::connect(name, &|| false) {
-        Ok(node) => node,
-        Err(error) => panic!("{error}"),
+    let mut failed = None;
+    for _ in 0..5 {
+        match Ros1::connect(name, &|| false) {
+            Ok(node) => return node,
+            Err(error) => failed = Some(error),
+        }
     }
+    panic!("{name} is on no master: {failed:?}")
 }
 
 #[test]

@@ -1,7 +1,6 @@
 """The nodes with rospy at both ends: from a robot's and people's topics to states and batches; bags, signals, a
 restarted master."""
 
-import contextlib
 import csv
 import glob
 import math
@@ -26,7 +25,6 @@ from visualization_msgs.msg import Marker, MarkerArray
 
 sys.path.insert(0, os.path.dirname(os.path.dirname(os.path.abspath(__file__))))
 import switched_off
-import unannounced
 from harness import NODE, Group, Process, eventually
 
 group = Group()
@@ -438,31 +436,6 @@ def a_change_that_nobody_announced_is_told_to_who_comes_late(_):
         eventually(lambda: told and switched_off.confirmed(told[-1]), 20, lambda: told)
     subscriber.unregister()
     return switched_off.check(told[-1])
-
-
-@case
-def a_robot_that_is_switched_off_without_a_word_is_told_as_a_change_of_the_risk_within_three_batches(roscore):
-    """Simulator and four nodes, each a process of its own, in simulated time that is faster than real time."""
-    folder, told = tempfile.mkdtemp(dir=os.environ.get("ROSCAUSAL_WORK"), prefix="unannounced-"), []
-    subscriber = rospy.Subscriber("/roscausal/model_changes", ModelChanges, told.append)
-    more = {"robot": {"goal_topic": "/goal_pose", "goal_type": "PoseStamped"}, "human": {"source_frame": "map"}}
-    roscore.param("/use_sim_time", True)
-    try:
-        with contextlib.ExitStack() as running:
-            for name, settings in unannounced.settings(folder).items():
-                for key, value in {**settings, **more.get(name, {})}.items():
-                    roscore.param("/roscausal_%s/%s" % (name, key), value)
-                if name == "hrisim":
-                    time.sleep(2)  # the others find each other
-                running.enter_context(node(name))
-            risk = lambda: told and any("h_risk" in (change.cause, change.effect) for change in unannounced.confirmed(told[-1]))
-            eventually(risk, 3 * unannounced.PATIENCE, lambda: "a change of the risk: %s %s" % (told[-1:], sorted(os.listdir(folder))))
-    finally:
-        roscore.param("/use_sim_time", False)
-        for name in unannounced.settings(folder):
-            roscore.master.deleteParam("/harness", "/roscausal_" + name)
-        subscriber.unregister()
-    return unannounced.check(told[-1])
 
 
 @case

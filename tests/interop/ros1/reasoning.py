@@ -239,7 +239,7 @@ def the_example_planner_drives_the_simulators_robot_at_the_speed_it_chose(roscor
     speeds, rows = [], []
     heard = [rospy.Subscriber("/roscausal/robot", RobotState, lambda m: speeds.append(math.hypot(m.twist.linear.x, m.twist.linear.y))),
              rospy.Subscriber("/roscausal/features", Features, rows.append)]
-    with contextlib.ExitStack() as running, tempfile.TemporaryDirectory() as folder:
+    with tempfile.TemporaryDirectory() as folder, contextlib.ExitStack() as running:
         batch, graph, _ = known_system.write(folder)
         given = {
             "roscausal_hrisim/scenario": "encounters", "roscausal_robot/goal_topic": "/goal_pose", "roscausal_robot/goal_type": "PoseStamped",

@@ -1,7 +1,6 @@
 """Our nodes with rclpy at both ends: from a robot's and people's topics to states, batches and models; what they log
 about missing or wrong input; signals, and a discovery node that is killed."""
 
-import contextlib
 import csv
 import glob
 import json
@@ -13,7 +12,6 @@ import sys
 import tempfile
 import time
 
-import yaml
 from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import PoseArray, PoseStamped, PoseWithCovarianceStamped, Pose, TransformStamped
 from nav_msgs.msg import Odometry
@@ -24,7 +22,6 @@ from sensor_msgs.msg import FluidPressure
 
 sys.path.insert(0, os.path.dirname(os.path.dirname(os.path.abspath(__file__))))
 import switched_off
-import unannounced
 from harness import Ros, node, test
 from held_thread import HeldThread, thread_of
 from wire import LATCHED, RELIABLE, message_class
@@ -361,24 +358,6 @@ def a_change_that_nobody_announced_is_told_to_who_comes_late():
                 told = heard(ros, ModelChanges, "/roscausal/model_changes", LATCHED)
                 ros.until(lambda: told and switched_off.confirmed(told[-1]), 20, lambda: f"a change: {told}")
                 return switched_off.check(told[-1])
-
-
-@test
-def a_robot_that_is_switched_off_without_a_word_is_told_as_a_change_of_the_risk_within_three_batches():
-    """Simulator and four nodes, each a process of its own, in simulated time that is faster than real time."""
-    ModelChanges = message_class("roscausal_msgs/ModelChanges")
-    more = {"robot": {"goal_topic": "/goal_pose", "goal_type": "PoseStamped"}, "human": {"source_frame": "map"}}
-    with contextlib.ExitStack() as running, tempfile.TemporaryDirectory() as folder, Ros() as ros:
-        told = heard(ros, ModelChanges, "/roscausal/model_changes", LATCHED)
-        for name, settings in unannounced.settings(folder).items():
-            given = {"use_sim_time": name != "hrisim", **settings, **more.get(name, {})}
-            given = [f"{key}:={yaml.safe_dump(value, default_flow_style=True).splitlines()[0]}" for key, value in given.items()]
-            if name == "hrisim":
-                ros.spin(2)  # the others find each other
-            running.enter_context(node(name, *[word for one in given for word in ("-p", one)]))
-        risk = lambda: told and any("h_risk" in (change.cause, change.effect) for change in unannounced.confirmed(told[-1]))
-        ros.until(risk, unannounced.PATIENCE, lambda: f"a change of the risk: {told[-1:]} {sorted(os.listdir(folder))}")
-        return unannounced.check(told[-1])
 
 
 @test

@@ -226,7 +226,7 @@ def the_example_planner_drives_the_simulators_robot_at_the_speed_it_chose():
     script = os.path.join(os.environ["ROSCAUSAL_ROOT"], "examples/planner/planner_ros2.py")
     planner = [sys.executable, script, "--ros-args", "-p", "own_speed:=0.5", "-p", "cost:=['d=0.1', 'r_v=-1.0']"]
     features = ["'r_v = r.v'", "'d = dist(h, r)'", "'h_v = h.v'"]
-    with contextlib.ExitStack() as running, tempfile.TemporaryDirectory() as folder, Ros() as ros:
+    with tempfile.TemporaryDirectory() as folder, Ros() as ros, contextlib.ExitStack() as running:
         batch, graph, _ = known_system.write(folder)
         speeds, rows = [], []
         ros.node.create_subscription(RobotState, "/roscausal/robot", lambda m: speeds.append(math.hypot(m.twist.linear.x, m.twist.linear.y)), 10)
