@@ -16,8 +16,8 @@ use roscausal_discovery::{
     confidence::{Resampling, analyse_resampled},
     independence_tests::{TestSettings, by_name},
     methods::{
-        FpcmciSettings, Method, PcmciPlusSettings, PcmciResult, PcmciSettings, run_fpcmci, run_pcmci,
-        run_pcmciplus,
+        FpcmciSettings, Intervened, LpcmciSettings, Method, PcmciPlusSettings, PcmciResult, PcmciSettings,
+        run_candoit, run_fpcmci, run_pcmci, run_pcmciplus,
     },
     transfer_entropy::TeEstimator,
 };
@@ -81,6 +81,20 @@ fn run(args: &[String]) -> Result<String, Box<dyn std::error::Error>> {
                 ..FpcmciSettings::default()
             };
             pool.install(|| run_fpcmci(&data, test.as_ref(), &settings, &control))?.pcmci
+        }
+        "candoit" => {
+            // Without the rule that contexts join their variables as conditions: the reference's LPCMCI, which is told of the context,
+            // has none, and asks the same question.
+            let column = |name: &str| data.var_names().iter().position(|other| other == name);
+            let intervened = |name: &String| {
+                let variable = column(name.strip_prefix("do_")?);
+                Some(Intervened { variable, context: column(name)? })
+            };
+            let interventions: Vec<Intervened> = data.var_names().iter().filter_map(intervened).collect();
+            let settings = LpcmciSettings { tau_max: number(4)?, ..LpcmciSettings::default() };
+            let found = pool
+                .install(|| run_candoit(&data, test.as_ref(), &settings, &interventions, false, &control))?;
+            Some(found.result)
         }
         other => {
             let method: Method = other.parse()?;
