@@ -31,7 +31,7 @@ use self::{
     dialect::{Layout, Separator},
 };
 use super::header;
-use crate::{Error, Result, content::not_data};
+use crate::{Error, Result};
 
 pub use derived::Derived;
 pub use steps::{Resample, Steps};
@@ -239,9 +239,6 @@ impl Table {
     fn parse(bytes: &[u8], reading: &Reading) -> Parsed<Self> {
         if let Some(columns) = binary::columns(bytes) {
             return binary::table(columns?, reading);
-        }
-        if let Some(reason) = not_data(bytes) {
-            return Err(Complaint::File(reason));
         }
         let (text, encoding) = dialect::text_of(bytes).map_err(Complaint::File)?;
         if text.iter().all(u8::is_ascii_whitespace) {

@@ -1,7 +1,5 @@
 //! The samples of a run: which rows of the data frame a test sees.
 
-use ndarray::s;
-
 use super::{
     complete_rows::CompleteRows,
     control::Control,
@@ -168,30 +166,21 @@ impl<'a> Samples<'a> {
         z: &[Node],
         mut place: impl FnMut(usize, usize),
     ) -> LaggedArrays {
+        if !self.data.is_incomplete() {
+            for k in 0..self.data.recordings.len() {
+                self.each_time(k, |t| place(k, t));
+            }
+            let z = z.iter().map(|&node| self.values(node)).collect();
+            return LaggedArrays { x: self.values(x), y: self.values(y), z, n_lost: 0 };
+        }
         let n = self.len();
         let row = || Vec::with_capacity(n);
         let mut out =
             LaggedArrays { x: row(), y: row(), z: (0..z.len()).map(|_| row()).collect(), n_lost: 0 };
-        let incomplete = self.data.is_incomplete();
         for (k, recording) in self.data.recordings.iter().enumerate() {
-            if !incomplete && self.times.is_none() {
-                // Column after column: many times faster than sample after sample.
-                let times = self.cut_off..recording.nrows();
-                if times.is_empty() {
-                    continue;
-                }
-                let extend = |row: &mut Vec<f64>, node: Node| {
-                    row.extend(recording.slice(s![times.start - node.lag..times.end - node.lag, node.var]));
-                };
-                extend(&mut out.x, x);
-                extend(&mut out.y, y);
-                z.iter().zip(&mut out.z).for_each(|(&node, row)| extend(row, node));
-                times.for_each(|t| place(k, t));
-                continue;
-            }
-            let dropped = if incomplete { self.dropped(k, x, y, z) } else { Vec::new() };
+            let dropped = self.dropped(k, x, y, z);
             self.each_time(k, |t| {
-                if incomplete && dropped[t - self.cut_off] {
+                if dropped[t - self.cut_off] {
                     out.n_lost += 1;
                     return;
                 }

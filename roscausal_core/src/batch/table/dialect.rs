@@ -5,7 +5,7 @@
 
 use std::{borrow::Cow, io::Read};
 
-use crate::content::not_a_table;
+use crate::content::{not_a_table, not_data};
 
 /// A packed file may grow to at most this many bytes.
 const MOST_UNPACKED: u64 = 1 << 36;
@@ -221,8 +221,11 @@ pub(super) fn with_tabs(bytes: &[u8]) -> Vec<u8> {
 /// row.
 ///
 /// # Errors
-/// What the bytes are, if they hold no text.
+/// What the bytes are, if they hold no table as text.
 pub(super) fn text_of(bytes: &[u8]) -> Result<(Cow<'_, [u8]>, Option<&'static str>), String> {
+    if let Some(reason) = not_data(bytes) {
+        return Err(reason);
+    }
     let (mut text, encoding) = decoded(bytes);
     if let Some(reason) = not_a_table(&text) {
         return Err(reason.to_owned());

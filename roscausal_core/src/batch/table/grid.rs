@@ -4,7 +4,7 @@
 use std::path::Path;
 
 use super::{Cells, Separator, binary, binary::Column, dialect, reader, time};
-use crate::{Error, Result, content::not_data};
+use crate::{Error, Result};
 
 /// The first lines, among which the header is looked for.
 const HEAD: usize = 200;
@@ -30,9 +30,6 @@ impl Grid {
         if let Some(columns) = binary::columns(&bytes) {
             let columns = columns.map_err(|complaint| fault(complaint.reason()))?;
             return Ok(Self { columns, nameless: false, frame_rate: None });
-        }
-        if let Some(reason) = not_data(&bytes) {
-            return Err(fault(reason));
         }
         dialect::text_of(&bytes).and_then(|(text, _)| Self::of_text(&text, missing, is_header)).map_err(fault)
     }
