@@ -12,21 +12,21 @@
 )]
 
 mod common;
+#[path = "common/live.rs"]
+mod live;
 
 use std::{path::Path, process::Output, sync::Arc};
 
 use common::{csv_files, roscausal};
+use live::Live;
 use roscausal_core::{
     Time,
-    loopback::Loopback,
     middleware::Raw,
-    nodes,
-    params::Value,
     people::Reader,
     state::{human::PeopleTracker, identity::Gates},
 };
 use roscausal_msgs::tf2_msgs::TFMessage;
-use roscausal_recording::{Player, Recording};
+use roscausal_recording::{Recording, Topic};
 
 const RECORDINGS: [&str; 2] = ["people.bag", "people_mcap"];
 const GATES: Gates = Gates { metres: 0.8, keep_s: 1.0, rejoin_s: 0.0 };
@@ -328,18 +328,12 @@ fn several_topics_of_people_are_named_and_a_topic_without_people_is_refused() {
 
 /// The raw batches that the nodes record from the messages as they come. `people` is what `--people` takes.
 fn live(dir: &Path, recording: &str, people: &str) -> Vec<(String, String)> {
-    let bus = Loopback::lockstep();
-    let text =
-        |node: &str, name: &str, value: &str| bus.set_node_param(node, name, Value::Str(value.to_owned()));
-    for (name, folder) in [("data_dir", "raw"), ("pp_data_dir", "pp")] {
-        text("data", name, &dir.join(folder).display().to_string());
-    }
     let (kind, topics, frames) = match people.strip_prefix("tf:") {
         Some(frames) => ("ros4hri", "", frames),
         None if people == "ros4hri" => ("ros4hri", "", ""),
         None => ("auto", people, ""),
     };
-    for (node, name, value) in [
+    let texts = [
         ("robot", "odom_topic", "/odom"),
         ("robot", "pose_topic", ""),
         ("robot", "source_frame", "base_link"),
@@ -350,45 +344,12 @@ fn live(dir: &Path, recording: &str, people: &str) -> Vec<(String, String)> {
         ("human", "people_type", kind),
         ("human", "people_frames", frames),
         ("human", "goal_topic", ""),
-        ("data", "sel_agent", "all"),
-    ] {
-        text(node, name, value);
-    }
-    bus.set_node_param("data", "ts_length", Value::Double(0.0));
-    let mut recording = Recording::open(Path::new(&file(recording))).expect("opens");
-    let (start, _) = recording.span().expect("has messages");
-    bus.advance_to(Time { nanosec: 0, ..start });
-    let robot = bus.start_task("robot", async |mw| nodes::run_task("robot", &mw).await);
-    let human = bus.start_task("human", async |mw| nodes::run_task("human", &mw).await);
-    let data = bus.start("data", |mw| nodes::data(&mw)).expect("starts");
-    let driver = bus.node("driver");
-    let all = recording.topics().to_vec();
-    let is_raw = |name: &str| topics.split(',').any(|topic| topic == name);
-    let kinds: Vec<_> = all.iter().map(|topic| topic.raw_type().map(Arc::new)).collect();
-    recording.select(|of| {
-        is_raw(&of.name)
-            || of.name == "/odom"
-            || of.name.starts_with("/tf")
-            || of.type_name == "hri_msgs/IdsList"
-    });
-    let mut player =
-        Player::new(&driver, &recording, |of| !is_raw(&of.name) && of.known_type().is_some()).expect("plays");
-    for record in recording.by_ref() {
-        bus.advance_to(record.stamp);
-        let of = &all[record.topic];
-        match kinds[record.topic].clone().filter(|_| is_raw(&of.name)) {
-            Some(kind) => {
-                driver.publish_raw(&of.name, Raw { kind, bytes: record.bytes.clone() }).expect("is sent")
-            }
-            None => player.publish(of, &record).expect("is sent"),
-        }
-        bus.settle();
-    }
-    bus.shutdown();
-    robot.end().expect("no panic").expect("ends well");
-    human.end().expect("no panic").expect("ends well");
-    data.join().expect("ends").expect("records");
-    csv_files(&dir.join("raw"))
+    ];
+    let raw = |of: &Topic| topics.split(',').any(|topic| topic == of.name);
+    let wanted = |of: &Topic| {
+        raw(of) || of.name == "/odom" || of.name.starts_with("/tf") || of.type_name == "hri_msgs/IdsList"
+    };
+    Live { texts: &texts, signals: &[], wanted: &wanted, raw: &raw }.record(dir, &file(recording))
 }
 
 #[test]

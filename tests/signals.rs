@@ -9,23 +9,25 @@
 )]
 
 mod common;
+#[path = "common/live.rs"]
+mod live;
 
 use std::{
     path::{Path, PathBuf},
     process::Output,
-    sync::Arc,
 };
 
 use common::{csv_files, roscausal};
+use live::Live;
 use roscausal_core::{
     Time,
     loopback::Loopback,
-    middleware::{Middleware, Publish, Qos, Raw},
+    middleware::{Middleware, Publish, Qos},
     nodes,
     params::Value,
 };
 use roscausal_msgs::{geometry_msgs::Twist, nav_msgs::Odometry};
-use roscausal_recording::{McapWriter, Player, Recording};
+use roscausal_recording::{McapWriter, Topic};
 
 const QUICK: [&str; 4] = ["--method", "pcmci", "--test", "parcorr"];
 
@@ -269,13 +271,7 @@ const NAV2: [&str; 3] = [
 
 /// The raw batches that the nodes record of a robot under Nav2, from the messages that `tests/recordings/robots.py` wrote.
 fn live_of_nav2(dir: &Path, recording: &str) -> Vec<(String, String)> {
-    let bus = Loopback::lockstep();
-    let text =
-        |node: &str, name: &str, value: &str| bus.set_node_param(node, name, Value::Str(value.to_owned()));
-    for (name, folder) in [("data_dir", "raw"), ("pp_data_dir", "pp")] {
-        text("data", name, &dir.join(folder).display().to_string());
-    }
-    for (node, name, value) in [
+    let texts = [
         ("robot", "odom_topic", "/tb3_0/odom"),
         ("robot", "pose_topic", ""),
         ("robot", "source_frame", "base_link"),
@@ -288,39 +284,9 @@ fn live_of_nav2(dir: &Path, recording: &str) -> Vec<(String, String)> {
         ("human", "people_topic", "/people"),
         ("human", "people_type", "geometry_msgs/PoseArray"),
         ("human", "goal_topic", ""),
-        ("data", "sel_agent", "all"),
-    ] {
-        text(node, name, value);
-    }
-    bus.set_node_param("data", "ts_length", Value::Double(0.0));
-    let signals = NAV2.map(|signal| Value::Str(signal.to_owned())).to_vec();
-    bus.set_node_param("data", "signals", Value::List(signals));
-    let mut recording = Recording::open(Path::new(recording)).expect("opens");
-    let (start, _) = recording.span().expect("has messages");
-    bus.advance_to(Time { nanosec: 0, ..start });
-    let robot = bus.start_task("robot", async |mw| nodes::run_task("robot", &mw).await);
-    let human = bus.start_task("human", async |mw| nodes::run_task("human", &mw).await);
-    let data = bus.start("data", |mw| nodes::data(&mw)).expect("starts");
-    let driver = bus.node("driver");
-    let all = recording.topics().to_vec();
-    let kinds: Vec<_> = all.iter().map(|topic| topic.raw_type().map(Arc::new)).collect();
-    let mut player = Player::new(&driver, &recording, |of| of.known_type().is_some()).expect("plays");
-    for record in recording.by_ref() {
-        bus.advance_to(record.stamp);
-        let of = &all[record.topic];
-        match kinds[record.topic].clone().filter(|_| of.known_type().is_none()) {
-            Some(kind) => {
-                driver.publish_raw(&of.name, Raw { kind, bytes: record.bytes.clone() }).expect("is sent")
-            }
-            None => player.publish(of, &record).expect("is sent"),
-        }
-        bus.settle();
-    }
-    bus.shutdown();
-    robot.end().expect("no panic").expect("ends well");
-    human.end().expect("no panic").expect("ends well");
-    data.join().expect("ends").expect("records");
-    csv_files(&dir.join("raw"))
+    ];
+    let raw = |of: &Topic| of.known_type().is_none();
+    Live { texts: &texts, signals: &NAV2, wanted: &|_| true, raw: &raw }.record(dir, recording)
 }
 
 #[test]
