@@ -9,6 +9,7 @@
 #   rosdebian  folders debian/ for ROS 2 humble and jazzy, to be laid over that source
 #   crates   the crates as crates.io would get them; they are checked, and stay in target/package
 #   sbom     what is in the command: a list of all crates in CycloneDX
+#   plan     which archives and installers cargo-dist would make of a tag (dist-workspace.toml); it makes none of them
 #
 # All programs are linked by zig (from PyPI) against glibc 2.28: they run on Debian 10, Ubuntu 20.04, RHEL 8 and newer, wherever they are
 # built.
@@ -17,7 +18,7 @@ cd "$(dirname "$0")/.."
 . tests/lib.sh
 target=x86_64-unknown-linux-gnu
 
-parts=(sdist wheel aarch64 deb source rosdebian crates sbom)
+parts=(sdist wheel aarch64 deb source rosdebian crates sbom plan)
 usage() { echo "usage: packaging/release.sh --dry-run [--only $(IFS='|'; echo "${parts[*]}")]" >&2; exit 2; }
 only= dry=
 while [ $# -gt 0 ]; do
@@ -179,6 +180,14 @@ sbom() {
   cargo cyclonedx --quiet --format json --spec-version 1.5 --features columnar --manifest-path Cargo.toml --override-filename roscausal-sbom
   sed "s#file://$PWD#file:///roscausal#g" roscausal-sbom.json >"dist/roscausal-$version-sbom.json"
   find . -name roscausal-sbom.json -not -path './target/*' -delete
+}
+
+# cargo-dist from its authors' crate: some minutes, once.
+plan() {
+  local dist=target/dist-tools/bin/dist
+  [ -x "$dist" ] || cargo install --quiet --locked --root target/dist-tools cargo-dist@0.34.0 || give_up "cargo-dist cannot be installed from crates.io"
+  "$dist" plan --no-local-paths --output-format=json >target/dist-tools/plan.json || broken "cargo-dist has no plan for dist-workspace.toml"
+  mv target/dist-tools/plan.json "dist/roscausal-$version-dist-plan.json"
 }
 
 # Fails if a file of another version lies in dist/, and writes the checksums.
