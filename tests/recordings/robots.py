@@ -2,7 +2,9 @@
 
 PREFIX_amcl.bag: odometry, TF, and AMCL, which finds the robot every 0.6 s with a pause of 9 s, and its particles. PREFIX_oldtf.bag: TF
 alone, of the older type tf/tfMessage. PREFIX_frames: TF alone, ROS 2. PREFIX_nav2: a robot in the namespace tb3_0 under Nav2, with plan,
-stamped commands and the feedback of the action navigate_to_pose, which comes without a definition: no .msg file has it.
+stamped commands and the feedback of the action navigate_to_pose, which comes without a definition: no .msg file has it. PREFIX_fleet:
+two robots in the namespaces tb3_0 and tb3_1, 2.5 m apart, with goals and a localisation, on one topic of transforms; PREFIX_crowd: the
+same two, of which TF alone tells.
 """
 
 import math
@@ -89,6 +91,36 @@ def of_nav2(s):
         yield "/tb3_0/navigate_to_pose/_action/feedback", ACTION + "FeedbackMessage", nanos, whole
 
 
+def of_fleet(s):
+    robots = [("tb3_0", 0.0), ("tb3_1", 2.5)]
+    for topic, kind, nanos, message in messages(s):
+        if topic == "/tf":
+            frames = []
+            for robot, away in robots:
+                for frame in message.transforms:
+                    parent, child = frame.header.frame_id, frame.child_frame_id
+                    parent, at = (parent, 0.0) if parent == "map" else (f"{robot}/{parent}", away)
+                    place = frame.transform.translation
+                    frames.append(s.transform(nanos, parent, f"{robot}/{child}", place.x, place.y + at, frame.transform.rotation))
+            yield topic, kind, nanos, s.make(kind, transforms=frames)
+        elif topic == "/odom":
+            for robot, away in robots:
+                place = message.pose.pose.position
+                pose = s.make("geometry_msgs/PoseWithCovariance", pose=s.pose(place.x, place.y + away), covariance=np.zeros(36))
+                own = {"header": s.header(nanos, f"{robot}/odom"), "child_frame_id": f"{robot}/base_link"}
+                odometry = s.make(kind, pose=pose, twist=message.twist, **own)
+                yield f"/{robot}/odom", kind, nanos, odometry
+                yield f"/{robot}/odometry/filtered", kind, nanos, odometry
+                goal = s.make("geometry_msgs/PoseStamped", header=s.header(nanos, "map"), pose=s.pose(0.0, 9.0 + away))
+                yield f"/{robot}/goal_pose", "geometry_msgs/PoseStamped", nanos, goal
+        elif topic == "/people":
+            yield topic, kind, nanos, message
+
+
+def of_crowd(s):
+    return (one for one in of_fleet(s) if one[0] in ("/tf", "/people"))
+
+
 def only(*topics):
     return lambda scene: (one for one in messages(scene) if one[0] in topics)
 
@@ -108,6 +140,8 @@ def main():
         (1, "_oldtf.bag", old_tf),
         (2, "_frames", only("/tf", "/people")),
         (2, "_nav2", of_nav2),
+        (2, "_fleet", of_fleet),
+        (2, "_crowd", of_crowd),
     ):
         scene, connections, path = Scene(ros), {}, Path(f"{prefix}{ending}")
         writer = BagWriter(path) if ros == 1 else Ros2Writer(path, version=9, storage_plugin=StoragePlugin.MCAP)

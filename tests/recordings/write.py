@@ -1,10 +1,13 @@
-"""Writes recordings with other software (rosbags, mcap), for our reader: write.py FOLDER MESSAGES"""
+"""Writes recordings with other software (rosbags, mcap, mcap-ros1-support, mcap-ros2-support), for our reader: write.py FOLDER MESSAGES"""
 
 import sys
 from pathlib import Path
 
 import numpy as np
 from mcap.writer import CompressionType, Writer as McapWriter
+from mcap_ros1._vendor.genpy.dynamic import generate_dynamic
+from mcap_ros1.writer import Writer as Ros1SupportWriter
+from mcap_ros2.writer import Writer as Ros2SupportWriter
 from rosbags.interfaces import Qos, QosDurability, QosHistory, QosLiveliness, QosReliability, QosTime
 from rosbags.rosbag1 import Writer as BagWriter
 from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, Writer as Ros2Writer
@@ -141,6 +144,42 @@ def write_mcap(path, count, ros, **options):
         writer.finish()
 
 
+def write_ros1_support(path, count):
+    """Messages that genpy, ROS 1's own library for Python, encodes: those of rosbags, decoded by it."""
+    types, kinds = store(1), {}
+    with open(path, "wb") as file:
+        writer = Ros1SupportWriter(file, chunk_size=4096)
+        for number, (topic, kind, time, message) in enumerate(messages(types, 1, count)):
+            name = kind.replace("/msg/", "/")
+            if name not in kinds:
+                kinds[name] = generate_dynamic(name, types.generate_msgdef(kind, ros_version=1)[0])[name]
+            own = kinds[name]()
+            own.deserialize(bytes(types.serialize_ros1(message, kind)))
+            writer.write_message(topic, own, time, time, number)
+        writer.finish()
+
+
+def plain(value):
+    """A message of rosbags as the library takes it: dictionaries, lists and numbers."""
+    if hasattr(value, "__dataclass_fields__"):
+        return {name: plain(getattr(value, name)) for name in value.__dataclass_fields__ if name != "__msgtype__"}
+    if isinstance(value, np.ndarray):
+        return value.tolist()
+    return [plain(one) for one in value] if isinstance(value, list) else value
+
+
+def write_ros2_support(path, count):
+    """Messages that mcap-ros2-support encodes from the definition."""
+    types, schemas = store(2), {}
+    with open(path, "wb") as file:
+        writer = Ros2SupportWriter(file, chunk_size=4096)
+        for number, (topic, kind, time, message) in enumerate(messages(types, 2, count)):
+            if kind not in schemas:
+                schemas[kind] = writer.register_msgdef(kind, types.generate_msgdef(kind, ros_version=2)[0])
+            writer.write_message(topic, schemas[kind], plain(message), time, time, number)
+        writer.finish()
+
+
 def main():
     folder, count = Path(sys.argv[1]), int(sys.argv[2])
     folder.mkdir(parents=True, exist_ok=True)
@@ -157,6 +196,8 @@ def main():
     write_mcap(folder / "ros2_lz4.mcap", count, 2, compression=CompressionType.LZ4)
     write_mcap(folder / "ros2_plain.mcap", count, 2, compression=CompressionType.NONE)
     write_mcap(folder / "unchunked.mcap", count, 2, use_chunking=False)
+    write_ros1_support(folder / "ros1_support.mcap", count)
+    write_ros2_support(folder / "ros2_support.mcap", count)
 
 
 if __name__ == "__main__":
