@@ -105,7 +105,7 @@ fn run(args: &[String]) -> Result<String, Box<dyn std::error::Error>> {
                 cond_ind_test: test_name.to_owned(),
                 tau_min: number(3)?,
                 tau_max: number(4)?,
-                acts_on: (!acts_on.is_empty()).then_some(acts_on),
+                acts_on: (method == Method::Candoit && !acts_on.is_empty()).then_some(acts_on),
                 ..Settings::default()
             };
             let model = pool.install(|| analyse(&data, &settings, &control))?;

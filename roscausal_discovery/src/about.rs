@@ -98,7 +98,8 @@ impl AboutData {
         let names: Vec<String> = data.var_names().iter().map(|name| plain(name)).collect();
         let mut faults = same_recordings(data);
         let mut about = Self::default();
-        let samples: usize = data.recordings().iter().map(|r| r.nrows().saturating_sub(2 * tau_max)).sum();
+        let past = tau_max.saturating_mul(2);
+        let samples: usize = data.recordings().iter().map(|r| r.nrows().saturating_sub(past)).sum();
         if samples < FEW {
             about.remarks.push(few(samples));
         }
@@ -486,6 +487,13 @@ mod tests {
         assert!(told.len() == 1 && told[0].starts_with("b, c drift: their levels"), "{told:?}");
         let (about, _) = of(vec![Array2::from_elem((200, 3), 1.5)]);
         assert_eq!(about.remarks, ["no variable changes: there is nothing to find"]);
+    }
+
+    #[test]
+    fn lags_beyond_all_rows_leave_no_sample() {
+        let data = DataFrame::new(vec![noise(60, 2, 1)], vec!["a".into(), "b".into()]).unwrap();
+        let (about, _) = AboutData::of(&data, usize::MAX);
+        assert!(about.remarks[0].starts_with("only 0 samples"), "{:?}", about.remarks);
     }
 
     #[test]

@@ -189,3 +189,43 @@ fn what_a_dummy_cannot_be_asked_is_one_sentence() {
     let error = test.prepare(&Samples::new(&uneven.unwrap(), 0)).err().unwrap().to_string();
     assert!(error.contains("equal length"), "{error}");
 }
+
+/// A column that no test asks about, with a hole, sends every test to the samples. Recordings differ by up to thirty thousand deviations.
+#[test]
+fn sums_over_recordings_give_what_the_samples_give() {
+    let wide = |hole: bool| {
+        let more = |(k, r): (usize, &Array2<f64>)| {
+            Array2::from_shape_fn((r.nrows(), 5), |(t, v)| match v {
+                0..3 => r[[t, v]] + if v == 1 { 1e4 * ((k * k) % 5) as f64 } else { 0.0 },
+                3 => (k % 3) as f64,
+                _ if hole && t == 30 => f64::NAN,
+                _ => noise(11, 99 * k + t),
+            })
+        };
+        let recordings = levels(6, false).recordings().iter().enumerate().map(more).collect();
+        DataFrame::new(recordings, ["a", "b", "c", "context", "other"].map(String::from).to_vec()).unwrap()
+    };
+    let (whole, holed) = (wide(false), wide(true));
+    let (samples, holed_samples) = (Samples::new(&whole, 2), Samples::new(&holed, 2));
+    let plain = parcorr();
+    for dummies in [&[Dummy::Space][..], &[Dummy::Time], &[Dummy::Space, Dummy::Time]] {
+        let test = plain.with_dummies(dummies).unwrap();
+        let (fast, slow) = (test.prepare(&samples).unwrap(), test.prepare(&holed_samples).unwrap());
+        let nodes = [(0, 1), (1, 0), (1, 1), (2, 0), (2, 2), (3, 0), (5, 0), (6, 0)];
+        let nodes: Vec<Node> =
+            nodes[..6 + dummies.len()].iter().map(|&(var, lag)| Node::new(var, lag)).collect();
+        for (k, &x) in nodes.iter().enumerate() {
+            for &y in nodes.iter().filter(|y| **y != x && y.var < 3) {
+                for size in 0..4 {
+                    let z: Vec<Node> = (1..=size).map(|m| nodes[(k + 2 * m) % nodes.len()]).collect();
+                    if z.contains(&x) || z.contains(&y) {
+                        continue;
+                    }
+                    let (a, b) = (fast.run_test(x, y, &z).unwrap(), slow.run_test(x, y, &z).unwrap());
+                    assert!((a.value.abs() - b.value.abs()).abs() < 1e-9, "{x:?} {y:?} {z:?}: {a:?} {b:?}");
+                    assert!((a.p_value - b.p_value).abs() < 1e-7, "{x:?} {y:?} {z:?}: {a:?} {b:?}");
+                }
+            }
+        }
+    }
+}

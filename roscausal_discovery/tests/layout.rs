@@ -6,11 +6,8 @@ mod graphs;
 
 use std::collections::BTreeMap;
 
-use graphs::random_model;
-use roscausal_discovery::{Model, draw, mix};
-
-/// Graphs that are drawn.
-const GRAPHS: u64 = 200;
+use graphs::{GRAPHS, any_graph, random_model};
+use roscausal_discovery::{Model, draw};
 
 /// What a picture of a graph consists of.
 #[derive(Default)]
@@ -85,18 +82,11 @@ fn pairs(model: &Model) -> BTreeMap<(String, String), usize> {
     pairs
 }
 
-/// Sizes from 3 to 60, sparse to dense.
-fn graph(number: u64) -> Model {
-    let n = 3 + (number * 57 / (GRAPHS - 1)) as usize;
-    let per_variable = [0.5, 1.0, 1.5, 2.0, 3.0, 5.0, n as f64][(number % 7) as usize];
-    random_model(n, per_variable, mix(number))
-}
-
 #[test]
 fn no_arrow_passes_within_a_circle_that_is_not_its_own_and_no_two_labels_overlap() {
     let mut labelled = 0;
     for number in 0..GRAPHS {
-        let model = graph(number);
+        let model = any_graph(number);
         let n = model.features.len();
         let svg = draw::dag(&model);
         let picture = parse(&svg);
@@ -149,7 +139,7 @@ fn no_arrow_passes_within_a_circle_that_is_not_its_own_and_no_two_labels_overlap
 #[test]
 fn a_picture_is_no_larger_than_what_is_in_it() {
     for number in (0..GRAPHS).step_by(9) {
-        let model = graph(number);
+        let model = any_graph(number);
         let picture = parse(&draw::dag(&model));
         let left = picture.circles.iter().map(|c| c.1[0] - c.2);
         let right = picture.circles.iter().map(|c| c.1[0] + c.2).chain(picture.labels.iter().map(|l| l[2]));

@@ -71,6 +71,22 @@ fn granger_has_the_references_statistics() {
 }
 
 #[test]
+fn a_mean_of_a_million_deviations_costs_granger_no_digits() {
+    // Multiples of 2^-20, so that the shifted column holds the same numbers exactly. A regression on raw columns loses six digits.
+    let small = system(5, 200).mapv(|v| (v * 1048576.0).round() / 1048576.0);
+    let mut far = small.clone();
+    far.column_mut(0).mapv_inplace(|v| v + 524288.0);
+    let settings = GrangerSettings::default();
+    let of = |values| run_granger(&frame(vec![values]), &settings, &Control::default()).unwrap();
+    let (here, there) = (of(small), of(far));
+    for (name, a, b) in [("F", &here.f_matrix, &there.f_matrix), ("p", &here.fp_matrix, &there.fp_matrix)] {
+        for (at, (a, b)) in a.iter().zip(b).enumerate() {
+            assert!((a / b - 1.0).abs() < 1e-10, "{name} {at}: {a} {b}");
+        }
+    }
+}
+
+#[test]
 fn varlingam_has_the_references_order_and_coefficients() {
     for (file, case, ours) in cases("varlingam", varlingam::run) {
         assert_eq!(case["result"]["causal_order"], ours["causal_order"], "{file}");

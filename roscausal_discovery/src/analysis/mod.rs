@@ -12,7 +12,6 @@ use std::collections::HashSet;
 use crate::{
     evidence::{Evidence, Known},
     ground::{CondIndTest, Control, DataFrame, Error, Result, Samples},
-    independence_tests,
     methods::{FpcmciResult, PcmciResult, Status},
     model::{Matrices, Model, nested},
     transfer_entropy::TeEstimator,
@@ -63,7 +62,7 @@ fn run(
     control: &Control,
     keep: bool,
 ) -> Result<(Model, Option<Evidence>)> {
-    let test = independence_tests::by_name(&settings.cond_ind_test, &settings.test_settings())?;
+    let test = settings.test()?;
     analysed(data, test.as_ref(), settings, control, keep)
 }
 
@@ -89,6 +88,8 @@ fn analysed(
     keep: bool,
 ) -> Result<(Model, Option<Evidence>)> {
     settings.check_numbers()?;
+    settings.check_p_values(test.name())?;
+    settings.check_gaussian_process(test.name())?;
     settings.check_data(data)?;
     check_levels(data, test)?;
     Ok(match Outcome::of(data, test, settings, control)? {
@@ -217,8 +218,13 @@ fn with_result(blank: Model, features: Vec<String>, result: PcmciResult) -> Mode
 
 #[cfg(test)]
 mod tests {
+    use std::sync::Arc;
+
     use super::*;
-    use crate::methods::Method;
+    use crate::{
+        independence_tests::{NullDistributions, Significance},
+        methods::Method,
+    };
 
     /// `b` follows `a` one step later.
     fn pair() -> DataFrame {
@@ -363,6 +369,63 @@ mod tests {
     }
 
     #[test]
+    fn what_says_how_p_values_are_made_is_refused_where_nobody_reads_it() {
+        let of = |method, test: &str| Settings { cond_ind_test: test.into(), ..settings(method) };
+        let nulls = Some(Arc::new(NullDistributions::new(vec![(248, vec![0.1, 0.2])]).unwrap()));
+        let (shuffle, shuffles) = (Some(Significance::ShuffleTest), Some(100));
+        let with_nulls = |given: Settings| Settings { null_distributions: nulls.clone(), ..given };
+        let threshold =
+            Settings { significance: Some(Significance::FixedThres), ..of(Method::Pcmci, "cmiknn") };
+        for (given, says) in [
+            (
+                Settings { significance: shuffle, ..with_nulls(of(Method::Pcmci, "gpdc")) },
+                "'null-dist': the significance",
+            ),
+            (with_nulls(of(Method::Pcmci, "parcorr")), "'null-dist': parcorr makes"),
+            (with_nulls(of(Method::Timino, "gpdc")), "'null-dist': timino asks no test"),
+            (
+                Settings { shuffles, ..of(Method::Pcmci, "parcorr") },
+                "'shuffles': parcorr draws no surrogates",
+            ),
+            (Settings { shuffles, ..threshold }, "'shuffles': cmiknn draws no surrogates"),
+            (Settings { shuffles, ..of(Method::Granger, "gpdc") }, "'shuffles': granger asks no test"),
+            (
+                Settings { significance: shuffle, ..of(Method::Varlingam, "gpdc") },
+                "'significance': varlingam asks no test",
+            ),
+        ] {
+            let error = given.check().unwrap_err().to_string();
+            assert!(error.contains(says), "{error}");
+        }
+        assert!(with_nulls(of(Method::Pcmci, "gpdc")).check().is_ok());
+        for (test, significance) in
+            [("gpdc", None), ("cmiknn", None), ("parcorr", shuffle), ("gpdc", shuffle)]
+        {
+            let read = Settings { shuffles, significance, ..of(Method::Pcmci, test) };
+            assert!(read.check().is_ok(), "{test} {significance:?}");
+        }
+    }
+
+    #[test]
+    fn lags_beyond_the_data_are_refused_before_anything_is_made_for_them() {
+        for method in Method::all() {
+            let of = |tau_max| Settings { tau_max, cond_ind_test: "parcorr".into(), ..settings(method) };
+            for tau_max in [1_000_000_000, usize::MAX] {
+                let error = of(tau_max).check().unwrap_err().to_string();
+                assert!(
+                    error.contains(&format!("'tau-max': {tau_max} is above 100000")),
+                    "{method}: {error}"
+                );
+            }
+            let known = Settings { exogenous: vec!["a".into()], ..of(100_000) };
+            for settings in [of(100_000), known] {
+                let error = refused(&pair_for(method), &settings);
+                assert!(error.contains("has 300 samples; tau_max = 100000 needs"), "{method}: {error}");
+            }
+        }
+    }
+
+    #[test]
     fn what_an_intervention_sets_is_given_and_what_was_not_recorded_may_drive_all() {
         let data = pair_for(Method::Candoit);
         let of = Settings { cond_ind_test: "parcorr".into(), ..settings(Method::Candoit) };
@@ -380,6 +443,92 @@ mod tests {
             "{:?}",
             model.links
         );
+    }
+
+    #[test]
+    fn what_is_given_and_not_read_is_refused_and_what_is_not_given_never() {
+        use crate::{independence_tests::GpSearch, methods::Reads};
+        for method in Method::all() {
+            let usual = settings(method);
+            assert!(usual.check().is_ok(), "{method}");
+            let pairs = Some(vec![("do_a".to_owned(), "a".to_owned())]);
+            for (name, reads, given) in [
+                ("pc-alpha", Reads::PcAlpha, Settings { pc_alpha: PcAlpha::Fixed(0.1), ..usual.clone() }),
+                ("f-alpha", Reads::FAlpha, Settings { f_alpha: Some(0.1), ..usual.clone() }),
+                (
+                    "te-estimator",
+                    Reads::TeEstimator,
+                    Settings { te_estimator: TeEstimator::Gaussian, ..usual.clone() },
+                ),
+                ("acts-on", Reads::ActsOn, Settings { acts_on: pairs, ..usual.clone() }),
+            ] {
+                match given.check() {
+                    Ok(()) => assert!(method.reads(reads), "{method} takes {name} and does not read it"),
+                    Err(error) => {
+                        let (error, readers) = (error.to_string(), Method::names_that_read(reads));
+                        assert!(!method.reads(reads) && error.contains(&format!("'{name}'")), "{error}");
+                        assert!(error.contains(&format!("it is for {readers}")), "{error}");
+                    }
+                }
+            }
+            let of_process = [
+                Settings { gp_restarts: 2, ..usual.clone() },
+                Settings { gp_search: GpSearch::Exact, ..usual.clone() },
+            ];
+            for given in of_process {
+                let reads = method.info().asks_test && given.cond_ind_test == "gpdc";
+                assert_eq!(given.check().is_ok(), reads, "{method}");
+                assert!(Settings { cond_ind_test: "parcorr".into(), ..given }.check().is_err(), "{method}");
+            }
+        }
+    }
+
+    #[test]
+    fn a_threshold_is_alpha_also_where_a_method_has_one_level_only() {
+        for method in Method::all() {
+            let of =
+                Settings { alpha: 0.3, significance: Some(Significance::FixedThres), ..settings(method) };
+            let info = method.info();
+            let expected = if info.one_level { 0.3 } else { info.pc_alpha };
+            assert_eq!(of.level_of_pc(), Some(expected), "{method}");
+            let given = Settings { pc_alpha: PcAlpha::Fixed(0.4), ..of.clone() };
+            assert_eq!(given.level_of_pc(), Some(0.4), "{method}");
+            let by_p = Settings { significance: None, ..of };
+            assert_eq!(by_p.level_of_pc(), Some(info.pc_alpha), "{method}");
+        }
+    }
+
+    #[test]
+    fn a_link_that_must_exist_and_ends_in_an_exogenous_variable_is_refused_and_both_are_named() {
+        use crate::ground::{Assumption, LinkAssumptions};
+        for (method, lag) in [(Method::Pcmci, 1), (Method::Pcmciplus, 0), (Method::Lpcmci, 1)] {
+            let mut links = LinkAssumptions::all(2, 0, 1);
+            links.insert(0, 1, lag, Assumption::Exists).unwrap();
+            let of = Settings {
+                cond_ind_test: "parcorr".into(),
+                tau_min: 0,
+                link_assumptions: Some(links),
+                ..settings(method)
+            };
+            let error = refused(&pair(), &Settings { exogenous: vec!["b".into()], ..of.clone() });
+            assert!(error.contains(&format!("a -> b at lag {lag} is required")), "{error}");
+            assert!(error.contains("'b' is exogenous"), "{error}");
+            // The cause may be exogenous.
+            let other = Settings { exogenous: vec!["a".into()], ..of };
+            assert!(analyse(&pair(), &other, &Control::default()).is_ok(), "{method}");
+        }
+        // Of a pair without a direction the one away from an exogenous variable is left, but not between two of them.
+        let mut links = LinkAssumptions::all(2, 0, 1);
+        links.insert(0, 1, 0, Assumption::ExistsUnoriented).unwrap();
+        let exogenous = |names: &[&str]| Settings {
+            cond_ind_test: "parcorr".into(),
+            link_assumptions: Some(links.clone()),
+            exogenous: names.iter().map(|name| (*name).to_owned()).collect(),
+            ..settings(Method::Pcmciplus)
+        };
+        assert!(analyse(&pair(), &exogenous(&["b"]), &Control::default()).is_ok());
+        let error = refused(&pair(), &exogenous(&["a", "b"]));
+        assert!(error.contains("b -> a at lag 0 is required, but 'a' is exogenous"), "{error}");
     }
 
     #[test]

@@ -7,7 +7,7 @@ use super::{
     settings::Settings,
 };
 use crate::{
-    ground::{CondIndTest, Control, DataFrame, LinkMark, Result},
+    ground::{CondIndTest, Control, DataFrame, Error, LinkMark, Result, Samples, Stop},
     methods::{
         FpcmciResult, FpcmciSettings, LpcmciSettings, Method, PcmciResult, Status, get_lagged_dependencies,
         run_bivci, run_candoit, run_dynotears, run_fpcmci, run_fullci, run_granger, run_jpcmciplus,
@@ -27,6 +27,16 @@ pub(crate) enum Outcome {
 pub(crate) struct Found {
     pub(crate) graph: Array3<LinkMark>,
     pub(crate) values: Array3<f64>,
+}
+
+/// Of a model of all variables at once, whose links are known at its end only: the time was up before.
+fn nothing_yet(data: &DataFrame, settings: &Settings) -> PcmciResult {
+    let n_samples = Samples::new(data, settings.tau_max).len();
+    let how_far = format!("the time budget ended {} before its model was found", settings.method);
+    PcmciResult {
+        status: Status::Partial(how_far),
+        ..PcmciResult::untested(data.n_vars(), settings.tau_max, n_samples)
+    }
 }
 
 impl Outcome {
@@ -75,7 +85,13 @@ impl Outcome {
                 Ok(of_variables(&found, data, &chosen.classes))
             }
         };
-        Ok(Self::Plain(Box::new(plain?)))
+        let plain = match plain {
+            Err(Error::Cancelled(_)) if control.stop() == Some(Stop::OutOfTime) => {
+                nothing_yet(data, settings)
+            }
+            plain => plain?,
+        };
+        Ok(Self::Plain(Box::new(plain)))
     }
 
     /// CAnDOIT; the interventions are part of the result, as the causes of what they set.
@@ -87,7 +103,8 @@ impl Outcome {
     ) -> Result<PcmciResult> {
         let interventions = settings.interventions(data)?;
         let lpcmci = LpcmciSettings { link_assumptions: None, ..settings.lpcmci(data) };
-        let mut result = run_candoit(data, test, &lpcmci, &interventions, true, control)?.result;
+        let mut result =
+            run_candoit(data, test, &lpcmci, &interventions, settings.extra_conditions, control)?.result;
         without_their_past(&mut result, &interventions);
         result.remarks.extend(remarks_on_interventions(data, &interventions));
         Ok(result)

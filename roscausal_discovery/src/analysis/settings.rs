@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use crate::{
-    ground::{DataFrame, Dummy, Error, LinkAssumptions, Result, names},
+    ground::{Assumption, CondIndTest, DataFrame, Dummy, Error, LinkAssumptions, Result, names},
     independence_tests::{self, GpSearch, NullDistributions, Significance},
     methods::{
         ActsOn, DynotearsSettings, Fdr, GrangerSettings, LpcmciSettings, Method, PcmciPlusSettings,
@@ -49,7 +49,7 @@ pub struct Settings {
     pub pc_alpha: PcAlpha,
     /// Smallest lag, in steps.
     pub tau_min: usize,
-    /// Largest lag, in steps.
+    /// Largest lag, in steps; at most 100,000.
     pub tau_max: usize,
     /// Level of the transfer-entropy filter; `None`: `alpha`.
     pub f_alpha: Option<f64>,
@@ -74,11 +74,15 @@ pub struct Settings {
     pub max_memory: Option<usize>,
     /// Which links may exist; `None`: all.
     pub link_assumptions: Option<LinkAssumptions>,
-    /// Largest condition set of the condition selection; `None`: no limit.
+    /// Largest condition set of the condition selection (LPCMCI: beyond the conditions that are always there); `None`: no limit.
     pub max_conds: Option<usize>,
+    /// LPCMCI and CAnDOIT: sets of conditions tested per pair, side and size; `None`: all.
+    pub max_sets: Option<usize>,
+    /// CAnDOIT: whether contexts join their variables as conditions, as published.
+    pub extra_conditions: bool,
     /// How a test value becomes a p-value; `None`: the test's own way.
     pub significance: Option<Significance>,
-    /// Surrogates of a shuffle test, or size of a null distribution; `None`: the test's own number.
+    /// Surrogates of a shuffle test, or size of a null distribution, up to a million; `None`: the test's own number.
     pub shuffles: Option<usize>,
     /// CMIknn: surrogates that reach a test's value and end it; `None`: all are drawn.
     pub shuffle_stop: Option<usize>,
@@ -109,6 +113,8 @@ impl Default for Settings {
             max_memory: None,
             link_assumptions: None,
             max_conds: None,
+            max_sets: None,
+            extra_conditions: true,
             significance: None,
             shuffles: None,
             shuffle_stop: None,
@@ -124,13 +130,15 @@ impl Settings {
     /// # Errors
     /// The first invalid setting: its name, its value, and what is allowed.
     pub fn check(&self) -> Result<()> {
-        let test = independence_tests::by_name(&self.cond_ind_test, &self.test_settings())?;
+        let test = self.test()?;
         if self.method == Method::Jpcmciplus {
             test.with_dummies(&[Dummy::Space])?;
         }
         if self.method == Method::Timino {
             TiminoModel::of_test(test.name())?;
         }
+        self.check_p_values(test.name())?;
+        self.check_gaussian_process(test.name())?;
         self.check_numbers()
     }
 
@@ -142,6 +150,7 @@ impl Settings {
         }
         self.f_alpha.map_or(Ok(()), |alpha| level("f-alpha", alpha))?;
         Error::check_lags(self.tau_min, self.tau_max)?;
+        self.check_readers()?;
         let info = self.method.info();
         match self.method {
             Method::Lpcmci | Method::Tsfci => self.check_lpcmci()?,
@@ -188,6 +197,72 @@ impl Settings {
         Ok(())
     }
 
+    /// Refuses what says how p-values are made where the method asks for none, or the test makes them in another way.
+    pub(crate) fn check_p_values(&self, test: &str) -> Result<()> {
+        let (method, how) = (self.method, self.significance);
+        let (nulls, shuffles) = (self.null_distributions.is_some(), self.shuffles.is_some());
+        let given = [("null-dist", nulls), ("shuffles", shuffles), ("significance", how.is_some())];
+        // TiMINo takes the regression of a test, and no p-values.
+        let asks = method.info().asks_test && method != Method::Timino;
+        if let Some((name, _)) = given.into_iter().find(|(_, is_given)| *is_given && !asks) {
+            return Err(Error::param(name, format!("{method} asks no test for a p-value; leave it out")));
+        }
+        if nulls && test != "gpdc" {
+            let reason = format!("{test} makes its p-values in another way; it is for the test gpdc");
+            return Err(Error::param("null-dist", reason));
+        }
+        if nulls && how.is_some_and(|how| how != Significance::Analytic) {
+            let reason = "the significance that is asked for takes none; give analytic, or leave it out";
+            return Err(Error::param("null-dist", reason));
+        }
+        if shuffles && !independence_tests::draws(test, how) {
+            let reason =
+                format!("{test} draws no surrogates here; give the significance shuffle, or leave it out");
+            return Err(Error::param("shuffles", reason));
+        }
+        Ok(())
+    }
+
+    /// How a Gaussian process is fitted is GPDC's.
+    pub(crate) fn check_gaussian_process(&self, test: &str) -> Result<()> {
+        let given =
+            [("gp-restarts", self.gp_restarts > 0), ("gp-search", self.gp_search != GpSearch::Default)];
+        let Some((name, _)) = given.into_iter().find(|(_, is_given)| *is_given) else { return Ok(()) };
+        let method = self.method;
+        let why = match method.info().asks_test {
+            true if test == "gpdc" => return Ok(()),
+            true => format!("{test} fits no Gaussian process"),
+            false => format!("{method} asks no test"),
+        };
+        Err(Error::param(name, format!("{why}; it is for the test gpdc")))
+    }
+
+    /// Refuses settings that the method does not read.
+    fn check_readers(&self) -> Result<()> {
+        let has_estimator = self.te_estimator != TeEstimator::Auto;
+        let given = [
+            ("pc-alpha", self.pc_alpha != PcAlpha::Default, Reads::PcAlpha, "chooses no conditions"),
+            ("f-alpha", self.f_alpha.is_some(), Reads::FAlpha, "has no filter"),
+            ("te-estimator", has_estimator, Reads::TeEstimator, "has no filter"),
+            ("acts-on", self.acts_on.is_some(), Reads::ActsOn, "knows of no interventions"),
+            ("max-conds", self.max_conds.is_some(), Reads::MaxConds, "chooses no conditions"),
+            ("max-sets", self.max_sets.is_some(), Reads::MaxSets, "has no such limit"),
+            (
+                "extra-conditions",
+                !self.extra_conditions,
+                Reads::ExtraConditions,
+                "has no contexts of interventions",
+            ),
+        ];
+        for (name, is_given, setting, why) in given {
+            if is_given && !self.method.reads(setting) {
+                let readers = Method::names_that_read(setting);
+                return Err(Error::param(name, format!("{} {why}; it is for {readers}", self.method)));
+            }
+        }
+        Ok(())
+    }
+
     fn check_lag_zero(&self, why: &str) -> Result<()> {
         if self.tau_min == 0 {
             return Ok(());
@@ -210,6 +285,10 @@ impl Settings {
             );
             return Err(Error::param("fdr", reason));
         }
+        // A link that is never tested looks certain.
+        if self.max_sets == Some(0) {
+            return Err(Error::param("max-sets", "0 tests nothing; give at least 1, or leave it out"));
+        }
         Ok(())
     }
 
@@ -224,6 +303,8 @@ impl Settings {
             tau_max: self.tau_max,
             pc_alpha: self.level_of_pc().unwrap_or(usual.pc_alpha),
             link_assumptions: restricted.then(|| given.unwrap_or_else(all).exogenous(&context)),
+            max_p_global: self.max_conds,
+            max_q_global: self.max_sets,
             ..usual
         }
     }
@@ -285,13 +366,25 @@ impl Settings {
         }
     }
 
-    /// The level of the condition selection; `None` if a score chooses it.
+    /// The level of the condition selection; `None` if a score chooses it. Of a method that has no other, it is `alpha` where
+    /// values are held against a threshold: its own default is a p-value's.
     pub fn level_of_pc(&self) -> Option<f64> {
+        let is_threshold = self.significance == Some(Significance::FixedThres);
         match self.pc_alpha {
             PcAlpha::Fixed(alpha) => Some(alpha),
             PcAlpha::ByScore => None,
+            PcAlpha::Default if is_threshold && self.method.info().one_level => Some(self.alpha),
             PcAlpha::Default => Some(self.method.info().pc_alpha),
         }
+    }
+
+    /// The test that is named.
+    ///
+    /// # Errors
+    /// A test that there is not, or settings that it does not allow, in the words of these.
+    pub(crate) fn test(&self) -> Result<Box<dyn CondIndTest>> {
+        let test = independence_tests::by_name(&self.cond_ind_test, &self.test_settings());
+        test.map_err(in_words_of_settings)
     }
 
     pub(crate) fn test_settings(&self) -> independence_tests::TestSettings {
@@ -346,14 +439,13 @@ impl Settings {
         let given = self.link_assumptions.clone();
         let restricted = given.is_some() || !context.is_empty();
         let all = || LinkAssumptions::all(data.n_vars(), self.tau_min, self.tau_max);
-        let links = given.unwrap_or_else(all).exogenous(&context);
         PcmciSettings {
             tau_min: self.tau_min,
             tau_max: self.tau_max,
             pc_alpha: self.level_of_pc().into_iter().collect(),
             alpha_level: self.alpha,
             fdr: self.fdr,
-            link_assumptions: restricted.then_some(links),
+            link_assumptions: restricted.then(|| given.unwrap_or_else(all).exogenous(&context)),
             max_conds_dim: self.max_conds,
             ..PcmciSettings::default()
         }
@@ -368,14 +460,53 @@ impl Settings {
                 data.var_names()[0]
             )));
         }
+        // Before anything is made for each pair and lag. Models without a test look back once, tests also at the cause's past.
+        let cut_off = self.tau_max.saturating_mul(if self.method.info().asks_test { 2 } else { 1 });
+        data.check_length(self.tau_max, cut_off)?;
         let unknown = self.exogenous.iter().find(|name| names::position(data.var_names(), name).is_none());
         match unknown {
             Some(name) => {
                 let all = data.var_names().join(", ");
                 Err(Error::param("exogenous", format!("there is no variable '{name}'; variables: {all}")))
             }
-            None => Ok(()),
+            None => self.check_required_links(data),
         }
+    }
+
+    /// Refuses links that are known to exist and end in a variable that nothing drives.
+    fn check_required_links(&self, data: &DataFrame) -> Result<()> {
+        let known = self.link_assumptions.as_ref().filter(|known| known.n_vars() == data.n_vars());
+        let Some(known) = known else { return Ok(()) };
+        let context = self.context(data);
+        for &effect in &context {
+            let required = known.of_target(effect).find(|(cause, what)| match what {
+                // The other end names these.
+                Assumption::ExistsBackward | Assumption::ExistsNotForward => false,
+                Assumption::Exists | Assumption::ExistsNotBack => true,
+                // Of an open direction the one away from the variable is left, unless nothing drives the other one, either.
+                what => what.exists() && (cause.lag > 0 || context.contains(&cause.var)),
+            });
+            if let Some((cause, _)) = required {
+                let name = |var: usize| names::plain(&data.var_names()[var]);
+                let reason = format!(
+                    "{} -> {} at lag {} is required, but '{}' is exogenous, so nothing drives it; take back one of the two",
+                    name(cause.var),
+                    name(effect),
+                    cause.lag,
+                    name(effect)
+                );
+                return Err(Error::param("links", reason));
+            }
+        }
+        Ok(())
+    }
+}
+
+/// An error of a test: what it calls `sig_samples` is `shuffles` here.
+fn in_words_of_settings(error: Error) -> Error {
+    match error {
+        Error::Param { name, reason } if name == "sig_samples" => Error::param("shuffles", reason),
+        error => error,
     }
 }
 

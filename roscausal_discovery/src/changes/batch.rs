@@ -11,7 +11,7 @@ const SHOWN: usize = 20;
 const LEFT: usize = 20;
 
 /// A stretch of recorded rows. Its first `2 tau_max` rows serve only as the past of the others. A row counts if nothing is missing in
-/// it and in its past.
+/// it and in its past, and if it is not masked.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub(super) struct Batch {
     /// `T x N`.
@@ -21,6 +21,9 @@ pub(super) struct Batch {
     pub(super) first: usize,
     /// Smallest and largest value of each variable, before the mean was taken off.
     pub(super) ranges: Vec<[f64; 2]>,
+    /// Whether each row is no effect; empty: each may be one.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    masked: Vec<bool>,
 }
 
 /// Missing values are equal.
@@ -29,6 +32,7 @@ impl PartialEq for Batch {
         let same = |(a, b): (&f64, &f64)| a == b || a.is_nan() && b.is_nan();
         self.first == other.first
             && self.ranges == other.ranges
+            && self.masked == other.masked
             && self.values.dim() == other.values.dim()
             && self.values.iter().zip(&other.values).all(same)
     }
@@ -46,7 +50,22 @@ impl Batch {
             let mean = known().sum::<f64>() / known().count().max(1) as f64;
             column -= mean;
         }
-        Self { values, first, ranges }
+        Self { values, first, ranges, masked: Vec::new() }
+    }
+
+    /// The batch in which these rows are no effects: one word for each row, or none.
+    pub(super) fn with_masked(self, masked: Vec<bool>) -> Self {
+        Self { masked, ..self }
+    }
+
+    /// Whether a row is masked.
+    pub(super) fn is_masked(&self) -> bool {
+        self.masked.contains(&true)
+    }
+
+    /// Which cells are masked.
+    pub(super) fn mask(&self) -> Array2<bool> {
+        Array2::from_shape_fn(self.values.dim(), |(t, _)| self.masked.get(t) == Some(&true))
     }
 
     /// What is left of it from a row on, of all rows read; `None` if that is next to nothing. It keeps its ranges, as bounds.
@@ -56,6 +75,7 @@ impl Batch {
             values: self.values.slice(s![gone.., ..]).to_owned(),
             first: self.first + gone,
             ranges: self.ranges.clone(),
+            masked: self.masked.get(gone..).unwrap_or_default().to_vec(),
         };
         (left.len(past) >= LEFT).then_some(left)
     }
@@ -74,7 +94,7 @@ impl Batch {
         let (mut rows, mut complete) = (Vec::new(), 0);
         for (t, cells) in self.values.rows().into_iter().enumerate() {
             complete = if cells.iter().all(|v| v.is_finite()) { complete + 1 } else { 0 };
-            if complete > past {
+            if complete > past && self.masked.get(t) != Some(&true) {
                 rows.push(t - past);
             }
         }

@@ -9,7 +9,7 @@ use super::{
 };
 use crate::{
     analysis::{Settings, analyse},
-    ground::{DataFrame, Node, Result},
+    ground::{DataFrame, MaskType, Node, Result},
     methods::Method,
     numeric::slope::{Slope, slope},
 };
@@ -37,7 +37,7 @@ impl Comparison<'_> {
     /// The parents that PCMCI with ParCorr finds.
     fn linear_parents(&self, before: &[&Batch], after: &[&Batch]) -> Result<Vec<Vec<Node>>> {
         let recordings = before.iter().chain(after).map(|batch| batch.values.clone()).collect();
-        let data = DataFrame::new(recordings, self.names.to_vec())?;
+        let data = with_masks(DataFrame::new(recordings, self.names.to_vec())?, before, after)?;
         let settings = Settings {
             method: Method::Pcmci,
             cond_ind_test: "parcorr".into(),
@@ -142,6 +142,16 @@ impl Comparison<'_> {
         corrected(&mut found);
         Ok(found)
     }
+}
+
+/// The data of these batches, with their masks if one of them has some.
+fn with_masks(data: DataFrame, before: &[&Batch], after: &[&Batch]) -> Result<DataFrame> {
+    let batches = || before.iter().chain(after);
+    if !batches().any(|batch| batch.is_masked()) {
+        return Ok(data);
+    }
+    let masks = batches().map(|batch| batch.mask()).collect();
+    data.with_mask(masks, MaskType { y: true, ..MaskType::default() })
 }
 
 /// What became of a slope.

@@ -84,11 +84,12 @@ impl Detector {
     /// A detector for variables with these names. `exogenous` ones are set by others: they are no effects.
     ///
     /// # Errors
-    /// Fewer than two variables, a lag of 0, an exogenous variable that there is not, or levels outside (0, 1).
+    /// Fewer than two variables, a lag of 0 or one that is too large, an exogenous variable that there is not, or levels outside (0, 1).
     pub fn new(names: Vec<String>, tau_max: usize, exogenous: &[String], levels: Levels) -> Result<Self> {
         if names.len() < 2 || tau_max == 0 {
             return Err(Error::param("changes", "a change of a link needs two variables and lags from 1 on"));
         }
+        Error::check_lags(1, tau_max)?;
         for (name, level) in [("suspect_level", levels.suspect), ("confirm_level", levels.confirm)] {
             if !(level > 0.0 && level < 1.0) {
                 return Err(Error::param(name, format!("{level} is not between 0 and 1")));
@@ -123,10 +124,20 @@ impl Detector {
         self
     }
 
-    /// Whether this is the detector for variables that begin with these, and with these settings.
-    pub fn is_for(&self, names: &[String], tau_max: usize, levels: Levels, form: Form) -> bool {
+    /// Whether this is the detector for variables that begin with these, of which `exogenous` ones are set by others, and with
+    /// these settings.
+    pub fn is_for(
+        &self,
+        names: &[String],
+        exogenous: &[String],
+        tau_max: usize,
+        levels: Levels,
+        form: Form,
+    ) -> bool {
         let settings = (self.tau_max, self.levels, self.form) == (tau_max, levels, form);
-        settings && self.names.starts_with(names)
+        let of_these = self.exogenous.iter().filter(|&&var| var < names.len());
+        let are_same = of_these.filter_map(|&var| self.names.get(var)).eq(exogenous);
+        settings && self.names.starts_with(names) && are_same
     }
 
     /// Fewest rows of a batch: each slope needs some.
@@ -185,6 +196,26 @@ impl Detector {
         size: usize,
         control: &Control,
     ) -> Result<Vec<ChangeEvent>> {
+        self.read_in_masked_parts(values, &[], size, control)
+    }
+
+    /// As [`Detector::read_in_parts`]. Rows that are `masked` are no effects, but still the past of others; there is a word for each
+    /// row, or none at all.
+    ///
+    /// # Errors
+    /// As [`Detector::read_in_parts`], and a mask of another length.
+    pub fn read_in_masked_parts(
+        &mut self,
+        values: ArrayView2<'_, f64>,
+        masked: &[bool],
+        size: usize,
+        control: &Control,
+    ) -> Result<Vec<ChangeEvent>> {
+        if !masked.is_empty() && masked.len() != values.nrows() {
+            let (given, rows) = (masked.len(), values.nrows());
+            let reason = format!("it is for {given} rows, and the recording has {rows}; give one for each");
+            return Err(Error::param("mask", reason));
+        }
         if size < self.fewest_rows() {
             let fewest = self.fewest_rows();
             let reason = format!(
@@ -200,7 +231,9 @@ impl Detector {
             // The rows before a part are its past.
             let from = (part * size).saturating_sub(if part == 0 { 0 } else { 2 * self.tau_max });
             let to = if part + 1 == parts { n } else { (part + 1) * size };
-            told.extend(self.read_stretch(&values.slice(s![from..to, ..]).to_owned(), part > 0, control)?);
+            let masked = masked.get(from..to).unwrap_or_default().to_vec();
+            let rows = values.slice(s![from..to, ..]).to_owned();
+            told.extend(self.read_stretch(&rows, masked, part > 0, control)?);
         }
         Ok(told)
     }
@@ -212,13 +245,14 @@ impl Detector {
     /// # Errors
     /// Another number of variables, or cancellation.
     pub fn read(&mut self, values: &Array2<f64>, control: &Control) -> Result<Vec<ChangeEvent>> {
-        self.read_stretch(values, false, control)
+        self.read_stretch(values, Vec::new(), false, control)
     }
 
     /// `overlaps`: whether the first `2 tau_max` rows were read before.
     fn read_stretch(
         &mut self,
         values: &Array2<f64>,
+        masked: Vec<bool>,
         overlaps: bool,
         control: &Control,
     ) -> Result<Vec<ChangeEvent>> {
@@ -229,7 +263,7 @@ impl Detector {
         let past = 2 * self.tau_max;
         let begin = self.rows - if overlaps { past } else { 0 };
         self.rows = begin + values.nrows();
-        let batch = Batch::new(values.clone(), begin + past);
+        let batch = Batch::new(values.clone(), begin + past).with_masked(masked);
         if batch.len(past) + past < self.fewest_rows() {
             return Ok(Vec::new());
         }

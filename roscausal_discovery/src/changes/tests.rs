@@ -239,6 +239,25 @@ fn a_mechanism_that_is_no_line_is_seen_by_curves_and_a_noise_that_changes_is_no_
 }
 
 #[test]
+fn a_mechanism_that_changes_only_in_masked_rows_is_no_event() {
+    let masked: Vec<bool> = (0..4000).map(|t| t % 4 != 0).collect();
+    let values = series(4000, 6, |t| if t >= 2000 && masked[t] { -0.8 } else { 0.8 }, |_| 1.0);
+    let told = |masked: &[bool]| {
+        let mut detector = Detector::new(names(), 1, &[], Levels::default()).unwrap();
+        let told = detector.read_in_masked_parts(values.view(), masked, 400, &Control::default()).unwrap();
+        let restored: Detector = serde_json::from_str(&serde_json::to_string(&detector).unwrap()).unwrap();
+        assert_eq!(restored, detector);
+        told.into_iter().filter(|event| event.status == Status::Confirmed).collect::<Vec<_>>()
+    };
+    let without = told(&[]);
+    assert!(without.iter().any(|event| event.cause == "a" && event.effect == "b"), "{without:?}");
+    assert_eq!(told(&masked), []);
+    let mut detector = Detector::new(names(), 1, &[], Levels::default()).unwrap();
+    let short = detector.read_in_masked_parts(values.view(), &masked[..3999], 400, &Control::default());
+    assert!(short.unwrap_err().to_string().contains("3999 rows, and the recording has 4000"));
+}
+
+#[test]
 fn what_makes_no_sense_is_refused_and_what_cannot_be_used_is_passed_over() {
     let refused = |names: Vec<String>, tau_max, levels, says: &str| {
         let error = Detector::new(names, tau_max, &[], levels).unwrap_err().to_string();
@@ -246,6 +265,7 @@ fn what_makes_no_sense_is_refused_and_what_cannot_be_used_is_passed_over() {
     };
     refused(vec!["a".into()], 1, Levels::default(), "two variables");
     refused(names(), 0, Levels::default(), "lags from 1 on");
+    refused(names(), usize::MAX, Levels::default(), "is above 100000");
     refused(names(), 1, Levels { suspect: 1.0, confirm: 0.1 }, "'suspect_level'");
     let mut detector = Detector::new(names(), 1, &[], Levels::default()).unwrap();
     let values = series(400, 1, |_| 0.6, |_| 1.0);

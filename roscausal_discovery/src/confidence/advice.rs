@@ -73,7 +73,8 @@ impl Question<'_> {
     }
 
     fn answer(&self, (i, j, lag): (usize, usize, usize), share: f64, in_model: bool) -> Advice {
-        let (n, c) = (self.model.n_samples as f64, -normal_quantile(0.5 * self.model.alpha));
+        let level = self.model.link_level().unwrap_or(self.model.alpha);
+        let (n, c) = (self.model.n_samples as f64, -normal_quantile(0.5 * level));
         let z = self.statistic(share, c);
         let needed = |z: f64| (z > 0.0).then(|| n * ((c + POWER) / z).powi(2));
         let (middle, low, high) = (needed(z), needed(z + RANGE), needed(z - RANGE));

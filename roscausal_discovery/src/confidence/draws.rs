@@ -24,7 +24,8 @@ pub(super) fn check(resampling: &Resampling, n_rows: &[usize]) -> Result<()> {
     let mut n_blocks = 0;
     for (k, &n) in n_rows.iter().enumerate().filter(|(_, n)| **n > 0) {
         let length = resampling.block.length(n);
-        if length >= n {
+        // The only row is a block.
+        if length >= n.max(2) {
             let reason = format!("blocks of {length} rows are as long as recording {}, which has {n}", k + 1);
             return Err(Error::param("block", format!("{reason}; give shorter blocks")));
         }

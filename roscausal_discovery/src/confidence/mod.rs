@@ -124,16 +124,18 @@ fn resampled(
         true => analyse_with_evidence(data, settings, control)?,
         false => (analyse(data, settings, control)?, Evidence::default()),
     };
+    let ended_after = |done: usize| {
+        format!("partial: the time budget ended after {done} of {} resamples", resampling.resamples)
+    };
     if control.stop() == Some(Stop::OutOfTime) {
+        if model.status == "complete" {
+            model.status = ended_after(0);
+        }
         return Ok(Resampled { model, evidence, graphs: Vec::new() });
     }
     let found = plan.run(control)?;
     if found.len() < resampling.resamples {
-        model.status = format!(
-            "partial: the time budget ended after {} of {} resamples",
-            found.len(),
-            resampling.resamples
-        );
+        model.status = ended_after(found.len());
     }
     let graphs = if keep { graphs_of(&found, data.var_names()) } else { Vec::new() };
     if found.len() < FEWEST_RESAMPLES {

@@ -9,7 +9,6 @@ use super::{draws, scheme::Resampling};
 use crate::{
     analysis::{Found, Outcome, Settings},
     ground::{CondIndTest, Control, DataFrame, Result, Stop, lock},
-    independence_tests,
     methods::Method,
 };
 
@@ -72,7 +71,7 @@ impl<'a> Resamples<'a> {
         let first = if settings.method == Method::Fpcmci { settings.tau_max } else { 2 * settings.tau_max };
         let n_rows = rows_from(data, first);
         draws::check(resampling, &n_rows)?;
-        let test = independence_tests::by_name(&settings.cond_ind_test, &settings.test_settings())?;
+        let test = settings.test()?;
         Ok(Self { data, settings, resampling, test, first, n_rows })
     }
 

@@ -10,6 +10,7 @@ use ndarray::{Array2, Axis};
 use super::{
     dataframe::DataFrame,
     error::{Error, Result},
+    names,
     node::Node,
     samples::Samples,
     vectors::Vectors,
@@ -26,7 +27,54 @@ pub(crate) struct Components {
     pub(crate) n_lost: usize,
 }
 
+/// Variables of several columns: the name of each, and the names of its columns.
+pub type VectorNames = Vec<(String, Vec<String>)>;
+
+/// Reads which columns belong together.
+///
+/// ```
+/// use roscausal_discovery::vectors_of;
+///
+/// assert_eq!(vectors_of(&["place=x+y"])?, [("place".to_owned(), vec!["x".to_owned(), "y".to_owned()])]);
+/// assert!(vectors_of(&["=x+y"]).is_err());
+/// # Ok::<(), roscausal_discovery::Error>(())
+/// ```
+///
+/// # Errors
+/// A text that is not `NAME=COLUMN+COLUMN`.
+pub fn vectors_of(texts: &[impl AsRef<str>]) -> Result<VectorNames> {
+    let group = |text: &str| match text.split_once('=') {
+        Some((name, columns)) if !name.trim().is_empty() => {
+            let columns = columns.split('+').map(|column| column.trim().to_owned());
+            Ok((name.trim().to_owned(), columns.collect()))
+        }
+        _ => Err(Error::param("vector", format!("'{text}' is no vector; write it like place=x+y"))),
+    };
+    texts.iter().map(|text| group(text.as_ref())).collect()
+}
+
 impl DataFrame {
+    /// As [`DataFrame::with_vectors`], with the names of the columns.
+    ///
+    /// # Errors
+    /// A column that does not exist, and those of [`DataFrame::with_vectors`].
+    pub fn with_named_vectors(self, vectors: &[(String, Vec<String>)]) -> Result<Self> {
+        if vectors.is_empty() {
+            return Ok(self);
+        }
+        let place = |column: &String| {
+            names::position(self.var_names(), column).ok_or_else(|| {
+                let all = self.var_names().join(", ");
+                Error::param("vector", format!("there is no column '{column}' (columns: {all})"))
+            })
+        };
+        let group = |(name, columns): &(String, Vec<String>)| {
+            Ok((name.clone(), columns.iter().map(place).collect::<Result<Vec<usize>>>()?))
+        };
+        let groups = vectors.iter().map(group).collect::<Result<Vec<_>>>()?;
+        self.with_vectors(&groups)
+    }
+
     /// The data in which each of `groups`, a name and columns, is one variable of several components. It stands where its first
     /// column was.
     ///

@@ -1,8 +1,8 @@
 //! The data of an analysis: recordings of the same variables.
 
-use std::sync::Arc;
+use std::{ops::Range, sync::Arc};
 
-use ndarray::{Array2, Axis};
+use ndarray::{Array2, ArrayView1, Axis, s};
 
 use super::{
     error::{Error, Result},
@@ -239,6 +239,38 @@ impl DataFrame {
         }
     }
 
+    /// Some rows of one recording as data of their own, with what belongs to them: masks, reference points, further components of
+    /// vectors. All of their times are samples.
+    ///
+    /// # Panics
+    /// If there is no such recording, or if it does not have these rows.
+    pub(crate) fn stretch(&self, recording: usize, rows: Range<usize>) -> Self {
+        let Range { start, end } = rows;
+        let values = self.recordings[recording].slice(s![start..end, ..]).to_owned();
+        let mask_of = |masks: &Arc<Vec<Array2<bool>>>| masks[recording].slice(s![start..end, ..]).to_owned();
+        let points_of = |points: &Vec<Vec<bool>>| vec![points[recording][start..end].to_vec()];
+        let vectors = self.vectors.as_ref().map(|vectors| vectors.stretch(recording, start..end));
+        let of_vectors = vectors.as_ref().is_some_and(Vectors::has_missing);
+        Self {
+            has_missing: of_vectors || values.iter().any(|v| v.is_nan()),
+            recordings: Arc::new(vec![values]),
+            masks: self.masks.as_ref().map(|masks| Arc::new(vec![mask_of(masks)])),
+            reference_points: self.reference_points.as_ref().map(points_of),
+            times: None,
+            draw: 0,
+            vectors,
+            ..self.clone()
+        }
+    }
+
+    /// For each row of a recording, whether it holds a value that is masked as an effect; empty if there is no such mask.
+    pub fn masked_effects(&self, recording: usize) -> Vec<bool> {
+        let masks = self.masks.as_ref().filter(|_| self.mask_type.y);
+        let is_masked = |row: ArrayView1<'_, bool>| row.iter().any(|masked| *masked);
+        let of = |mask: &Array2<bool>| mask.rows().into_iter().map(is_masked).collect();
+        masks.and_then(|masks| masks.get(recording)).map_or_else(Vec::new, of)
+    }
+
     /// The data with `by[var]` taken off each value of a variable.
     pub(crate) fn shifted(&self, by: &[f64]) -> Self {
         let mut data = self.clone();
@@ -264,6 +296,18 @@ impl DataFrame {
     /// The recordings, each `T x N`.
     pub fn recordings(&self) -> &[Array2<f64>] {
         &self.recordings
+    }
+
+    /// Refuses a largest lag for which no recording is long enough: the first `cut_off` rows of each only serve as the past of others.
+    pub(crate) fn check_length(&self, tau_max: usize, cut_off: usize) -> Result<()> {
+        let longest = self.recordings.iter().map(|recording| recording.nrows()).max().unwrap_or(0);
+        if longest > cut_off {
+            return Ok(());
+        }
+        Err(Error::Data(format!(
+            "the longest recording has {longest} samples; tau_max = {tau_max} needs at least {}: record longer or lower tau_max",
+            cut_off.saturating_add(4)
+        )))
     }
 
     /// Names of the variables.

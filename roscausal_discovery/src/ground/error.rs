@@ -2,6 +2,9 @@
 
 use super::names::nearest;
 
+/// Largest lag of an analysis: more would take memory for pairs and lags that nobody reads.
+pub(crate) const MOST_LAG: usize = 100_000;
+
 /// What went wrong, where, and what to do about it: each message is one sentence for the user.
 #[derive(Debug, thiserror::Error)]
 pub enum Error {
@@ -31,10 +34,16 @@ impl Error {
         Self::param(name, format!("'{value}' is unknown; {hint}allowed: {}", allowed.join(", ")))
     }
 
-    /// Refuses a largest lag below the smallest one.
+    /// Refuses a largest lag below the smallest one, or above [`MOST_LAG`].
     pub(crate) fn check_lags(tau_min: usize, tau_max: usize) -> Result<()> {
         if tau_max < tau_min {
             let reason = format!("{tau_max} is below tau-min {tau_min}; lags run from tau-min to tau-max");
+            return Err(Self::param("tau-max", reason));
+        }
+        if tau_max > MOST_LAG {
+            let reason = format!(
+                "{tau_max} is above {MOST_LAG}; give a smaller lag, or take a longer step between rows"
+            );
             return Err(Self::param("tau-max", reason));
         }
         Ok(())

@@ -16,6 +16,7 @@ mod vectors;
 
 pub(crate) use complete_rows::CompleteRows;
 pub(crate) use components::Components;
+pub use components::{VectorNames, vectors_of};
 pub use cond_ind_test::{CondIndTest, Dummy, PreparedTest, TestResult};
 pub use control::{Control, Progress, Stop};
 pub use dataframe::{DataFrame, MaskType};

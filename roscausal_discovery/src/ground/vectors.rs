@@ -2,9 +2,9 @@
 //!
 //! Example: the variable `place` is the columns `x` and `y`; `x` stands among the recordings, `y` here.
 
-use std::sync::Arc;
+use std::{ops::Range, sync::Arc};
 
-use ndarray::Array2;
+use ndarray::{Array2, s};
 
 /// The further columns of vectors; the first one of each stands among the recordings of the data frame.
 #[derive(Clone, Debug)]
@@ -18,6 +18,13 @@ pub(super) struct Vectors {
 impl Vectors {
     pub(super) fn select(&self, vars: &[usize]) -> Self {
         Self { columns: self.columns.clone(), of: vars.iter().map(|&var| self.of[var].clone()).collect() }
+    }
+
+    /// Those of some rows of one recording.
+    pub(super) fn stretch(&self, recording: usize, rows: Range<usize>) -> Self {
+        let Range { start, end } = rows;
+        let columns = self.columns[recording].slice(s![start..end, ..]).to_owned();
+        Self { columns: Arc::new(vec![columns]), of: self.of.clone() }
     }
 
     pub(super) fn is_missing(&self, recording: usize, at: usize, var: usize) -> bool {

@@ -134,6 +134,25 @@ impl Factor {
         (left >= MIN_PIVOT).then(|| (with_y / left.sqrt()).clamp(-1.0, 1.0))
     }
 
+    /// The factor of `nodes`; `None` as above.
+    pub(crate) fn set(&mut self, r: &Correlations, nodes: &[usize]) -> Option<()> {
+        self.extend(r, nodes.iter().copied())
+    }
+
+    /// Solves the lower triangle of the nodes for a right side: products of another row with the nodes become its products with
+    /// what each node has beyond the earlier ones, of norm 1.
+    pub(crate) fn forward(&mut self, right: impl Iterator<Item = f64>) -> &[f64] {
+        self.row.clear();
+        self.row.extend(right);
+        for j in 0..self.nodes.len() {
+            let entry = self.row[j] * self.inverse[j];
+            self.row[j] = entry;
+            let column = &self.columns[j * self.capacity + j + 1..j * self.capacity + self.nodes.len()];
+            self.row[j + 1..].iter_mut().zip(column).for_each(|(value, factor)| *value -= entry * factor);
+        }
+        &self.row
+    }
+
     /// Fraction of `y`'s variance that remains given `z`; `None` as above.
     pub(crate) fn residual_variance(&mut self, r: &Correlations, y: usize, z: &[usize]) -> Option<f64> {
         self.extend(r, z.iter().copied().chain([y]))?;

@@ -8,6 +8,9 @@ use crate::{
 /// Most entries that the matrix of a run may have (1 GB).
 const MAX_ENTRIES: usize = 1 << 27;
 
+/// What is below this share of a variable is what rounding leaves of it.
+pub(super) const ROUNDING: f64 = 1e-10;
+
 /// Correlations of all lagged variables of a run, over its samples.
 ///
 /// Lagged covariances share most of their sums. `sum_t x_i(t-a) x_j(t-b)` over the samples is a core that depends
@@ -37,6 +40,37 @@ impl Correlations {
         let n = samples.len() as f64;
         sums.iter_mut().for_each(|sum| *sum /= n);
         Ok(Self::normalized(samples.cut_off() + 1, products, &sums, n, constant_windows(samples)))
+    }
+
+    /// Correlations within recordings: the mean of each recording is taken off, which is to regress on which recording a sample is
+    /// of. What leaves nothing is constant. No value may be missing, and no sample listed.
+    pub(crate) fn within_recordings(samples: &Samples<'_>) -> Result<Self> {
+        let mut columns = standardized_columns(samples);
+        // Off whole columns first: then little is left to take off windows, and no digits are lost.
+        for column in columns.iter_mut().flatten().filter(|column| !column.is_empty()) {
+            for _ in 0..2 {
+                let mean = column.iter().sum::<f64>() / column.len() as f64;
+                column.iter_mut().for_each(|v| *v -= mean);
+            }
+        }
+        let n_nodes = samples.data().n_vars() * (samples.cut_off() + 1);
+        let mut all = vec![0.0; n_nodes * n_nodes];
+        for recording in columns {
+            let len = recording.first().map_or(0, |column| column.len().saturating_sub(samples.cut_off()));
+            if len == 0 {
+                continue;
+            }
+            let Sums { products, sums } = Sums::new(samples, &vec![recording])?;
+            for i in 0..n_nodes {
+                let mean = sums[i] / len as f64;
+                for j in i..n_nodes {
+                    all[i * n_nodes + j] += products[i * n_nodes + j] - mean * sums[j];
+                }
+            }
+        }
+        let n = samples.len() as f64;
+        let constant = (0..n_nodes).map(|i| all[i * n_nodes + i] < ROUNDING * ROUNDING * n).collect();
+        Ok(Self::normalized(samples.cut_off() + 1, all, &vec![0.0; n_nodes], n, constant))
     }
 
     /// Correlations of listed samples: those of two lags share no sums.

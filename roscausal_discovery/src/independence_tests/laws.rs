@@ -223,6 +223,8 @@ fn settings_out_of_range_are_refused_by_name() {
             TestSettings { conf_lev: 1.5, ..settings() },
             TestSettings { sig_samples: Some(0), ..settings() },
             TestSettings { sig_blocklength: Some(0), ..settings() },
+            TestSettings { sig_samples: Some(1_000_000_000_000), ..settings() },
+            TestSettings { conf_samples: usize::MAX, ..settings() },
         ] {
             assert!(by_name(name, &bad).is_err(), "{name} {bad:?}");
         }

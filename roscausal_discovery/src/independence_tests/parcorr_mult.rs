@@ -6,8 +6,8 @@
 //! built:
 //!
 //! 1. A dummy in Z: to regress on its columns is to subtract the mean of each recording (of each step).
-//! 2. A dummy as X: each of its columns is correlated with Y, given Z. Products of such a column are sums over one recording. The
-//!    largest correlation counts, and the p-value is multiplied by the number of columns.
+//! 2. A dummy as X: each of its columns is correlated with Y, given Z. Products of such a column are sums over one recording, taken
+//!    once per run. The largest correlation counts, and the p-value is multiplied by the number of columns.
 //!
 //! Every column takes a degree of freedom, also where a dummy is named twice, at two lags.
 //!
@@ -17,7 +17,7 @@ use std::sync::{Mutex, OnceLock};
 
 use super::{
     cholesky::{Factor, correlation, orthogonalize, orthonormal_basis, residuals},
-    gram::Correlations,
+    gram::{Correlations, ROUNDING, standardized_columns, window},
 };
 use crate::{
     ground::{
@@ -114,14 +114,26 @@ struct Prepared<'a> {
     dummies: &'a [Dummy],
     /// Columns of a dummy, by place: those that are not 0 in all samples.
     columns: [usize; 2],
-    /// Correlations of the lagged variables given each set of dummies but the empty one, when first asked for.
-    absorbed: [OnceLock<Absorbed>; 3],
+    /// Correlations of the lagged variables given each set of dummies, when first asked for.
+    absorbed: [OnceLock<Absorbed>; 4],
 }
 
 /// Correlations given dummies, and the factors of previous tests on them.
 struct Absorbed {
     correlations: Correlations,
+    /// For each dummy that is not given: what its columns leave of themselves, and their products with the lagged variables.
+    columns: [Vec<Column>; 2],
     factors: Mutex<Vec<Factor>>,
+}
+
+/// A column of a dummy: 1 in the samples of one group.
+struct Column {
+    /// Samples of the group.
+    size: f64,
+    /// Sum of squares that the constant, or the other dummy, leaves of it.
+    left: f64,
+    /// Products with the lagged variables, which have norm 1: their sums over the group.
+    products: Vec<f64>,
 }
 
 /// The rows of one test.
@@ -163,8 +175,8 @@ impl Groups {
     }
 }
 
-/// A residual below this share of its variable is what rounding leaves.
-const ROUNDING: f64 = 1e-10;
+/// A column of a dummy of which less than this share is left is compared by the samples.
+const FEW_DIGITS: f64 = 1e-6;
 /// Rounds of centring by two dummies. Where all recordings are complete, the first is exact.
 const MOST_ROUNDS: usize = 1000;
 
@@ -187,6 +199,48 @@ fn absorb(row: &mut [f64], groups: &[Groups; 2], absorbs: Absorbs) -> bool {
     }
     // Standardised again: rounding leaves a mean.
     standardize(row)
+}
+
+/// What is left of the square of each column of a dummy, without what the constant, or the other dummy, explains.
+fn left_of_columns(dummy: Dummy, groups: &[Groups; 2], absorbs: Absorbs) -> Vec<f64> {
+    let (own, other) = (&groups[place(dummy)], &groups[1 - place(dummy)]);
+    let n_samples = own.of_sample.len() as f64;
+    if !absorbs[1 - place(dummy)] {
+        return own.sizes.iter().map(|size| size - size * size / n_samples).collect();
+    }
+    let mut shared = vec![vec![0.0; other.sizes.len()]; own.sizes.len()];
+    own.of_sample.iter().zip(&other.of_sample).for_each(|(&g, &h)| shared[g][h] += 1.0);
+    let explained =
+        |row: &Vec<f64>| row.iter().zip(&other.sizes).map(|(s, n)| s * s / n.max(1.0)).sum::<f64>();
+    own.sizes.iter().zip(&shared).map(|(size, row)| size - explained(row)).collect()
+}
+
+/// The columns of a dummy beside the `rows` of the lagged variables, which have norm 1; none if it is given.
+fn columns(dummy: Dummy, rows: &[Vec<f64>], groups: &[Groups; 2], absorbs: Absorbs) -> Vec<Column> {
+    if absorbs[place(dummy)] {
+        return Vec::new();
+    }
+    let own = &groups[place(dummy)];
+    let sums: Vec<Vec<f64>> = rows.iter().map(|row| own.sums(row)).collect();
+    let left = left_of_columns(dummy, groups, absorbs);
+    let column = |(group, left): (usize, f64)| Column {
+        size: own.sizes[group],
+        left,
+        products: sums.iter().map(|sums| sums[group]).collect(),
+    };
+    left.into_iter().enumerate().map(column).collect()
+}
+
+/// The indices of the nodes that vary.
+fn varying(r: &Correlations, z: &[Node]) -> Result<Vec<usize>> {
+    let mut indices = Vec::with_capacity(z.len());
+    for &node in z {
+        let index = r.index(node)?;
+        if !r.is_constant(index) {
+            indices.push(index);
+        }
+    }
+    Ok(indices)
 }
 
 impl Prepared<'_> {
@@ -215,8 +269,11 @@ impl Prepared<'_> {
         if self.samples.data().is_incomplete() || !Correlations::fits(self.samples) {
             return None;
         }
-        let slot = usize::from(absorbs[0]) + 2 * usize::from(absorbs[1]) - 1;
+        let slot = usize::from(absorbs[0]) + 2 * usize::from(absorbs[1]);
         Some(self.absorbed[slot].get_or_init(|| {
+            if let Some(Ok(quick)) = self.of_recordings(absorbs) {
+                return quick;
+            }
             let n_lags = self.samples.cut_off() + 1;
             let nodes =
                 (0..self.samples.data().n_vars()).flat_map(|var| (0..n_lags).map(move |lag| (var, lag)));
@@ -227,26 +284,105 @@ impl Prepared<'_> {
                 row
             };
             let rows: Vec<Vec<f64>> = nodes.map(row).collect();
-            Absorbed { correlations: Correlations::of_rows(&rows, n_lags), factors: Mutex::default() }
+            Absorbed {
+                correlations: Correlations::of_rows(&rows, n_lags),
+                columns: [Dummy::Time, Dummy::Space].map(|dummy| match self.dummies.contains(&dummy) {
+                    true => columns(dummy, &rows, &groups, absorbs),
+                    false => Vec::new(),
+                }),
+                factors: Mutex::default(),
+            }
         }))
+    }
+
+    /// The same from sums that lags share, if no dummy is of time.
+    fn of_recordings(&self, absorbs: Absorbs) -> Option<Result<Absorbed>> {
+        if self.dummies.contains(&Dummy::Time) || self.samples.are_listed() {
+            return None;
+        }
+        let correlations = match absorbs {
+            [_, true] => Correlations::within_recordings(self.samples),
+            _ => Correlations::lagged(self.samples),
+        };
+        let columns = [Vec::new(), if absorbs[1] { Vec::new() } else { self.columns_of_recordings() }];
+        Some(correlations.map(|correlations| Absorbed { correlations, columns, factors: Mutex::default() }))
+    }
+
+    /// The columns of the dummy of recordings, by their place.
+    fn columns_of_recordings(&self) -> Vec<Column> {
+        let (n_lags, n) = (self.samples.cut_off() + 1, self.samples.len() as f64);
+        let values = standardized_columns(self.samples);
+        let size = |recording: &Vec<Vec<f64>>| {
+            recording.first().map_or(0, |column| column.len().saturating_sub(n_lags - 1)) as f64
+        };
+        let mut columns: Vec<Column> = values
+            .iter()
+            .map(|recording| Column {
+                size: size(recording),
+                left: size(recording) - size(recording) * size(recording) / n,
+                products: Vec::new(),
+            })
+            .collect();
+        for (var, lag) in
+            (0..self.samples.data().n_vars()).flat_map(|var| (0..n_lags).map(move |lag| (var, lag)))
+        {
+            let of = |recording: &Vec<Vec<f64>>| {
+                let values = window(&recording[var], n_lags - 1, lag).unwrap_or(&[]);
+                (values.iter().sum::<f64>(), dot(values, values))
+            };
+            let sums: Vec<(f64, f64)> = values.iter().map(of).collect();
+            let mean = sums.iter().map(|sums| sums.0).sum::<f64>() / n;
+            let norm = (sums.iter().map(|sums| sums.1).sum::<f64>() - n * mean * mean).max(0.0).sqrt();
+            for (column, (sum, _)) in columns.iter_mut().zip(sums) {
+                column.products.push(if norm > 0.0 { (sum - column.size * mean) / norm } else { 0.0 });
+            }
+        }
+        columns
     }
 
     /// Two variables given dummies and variables. `None` if it takes the samples.
     fn fast(&self, x: Node, y: Node, z: &[Node], absorbs: Absorbs) -> Result<Option<f64>> {
-        let Some(Absorbed { correlations: r, factors }) = self.absorbed(absorbs) else { return Ok(None) };
+        let Some(Absorbed { correlations: r, factors, .. }) = self.absorbed(absorbs) else { return Ok(None) };
         let (x, y) = (r.index(x)?, r.index(y)?);
         if r.is_constant(x) || r.is_constant(y) {
             return Ok(Some(0.0));
         }
-        let mut others = Vec::with_capacity(z.len());
-        for &node in z {
-            let index = r.index(node)?;
-            if !r.is_constant(index) {
-                others.push(index);
-            }
-        }
+        let others = varying(r, z)?;
         let mut factor = lock(factors).pop().unwrap_or_default();
         let value = factor.partial_correlation(r, x, y, &others);
+        lock(factors).push(factor);
+        Ok(value)
+    }
+
+    /// A dummy and a variable given variables, from sums over groups. `None` if it takes the samples.
+    fn fast_vector(&self, dummy: Dummy, y: Node, z: &[Node], absorbs: Absorbs) -> Result<Option<f64>> {
+        let Some(Absorbed { correlations: r, columns, factors }) = self.absorbed(absorbs) else {
+            return Ok(None);
+        };
+        let y = r.index(y)?;
+        if r.is_constant(y) {
+            return Ok(Some(0.0));
+        }
+        let mut nodes = varying(r, z)?;
+        nodes.push(y);
+        let mut factor = lock(factors).pop().unwrap_or_default();
+        let value = factor.set(r, &nodes).and_then(|()| {
+            let mut value = 0.0_f64;
+            for column in columns[place(dummy)].iter().filter(|column| column.size > 0.0) {
+                let (of_y, of_z) =
+                    factor.forward(nodes.iter().map(|&node| column.products[node])).split_last()?;
+                let left = column.left - of_z.iter().map(|v| v * v).sum::<f64>();
+                // Little is left: that takes more digits.
+                if left < FEW_DIGITS * column.size {
+                    return None;
+                }
+                let of_column = (of_y / left.sqrt()).clamp(-1.0, 1.0);
+                if of_column.abs() > value.abs() {
+                    value = of_column;
+                }
+            }
+            Some(value)
+        });
         lock(factors).push(factor);
         Ok(value)
     }
@@ -270,29 +406,22 @@ impl Prepared<'_> {
     }
 
     /// A dummy and a variable given variables and, it may be, the other dummy: the largest correlation of a column.
-    fn vector(&self, dummy: Dummy, y: Node, z: &[Node], absorbs: Absorbs) -> (f64, usize, usize) {
+    fn vector(&self, dummy: Dummy, y: Node, z: &[Node], absorbs: Absorbs) -> Result<(f64, usize, usize)> {
+        if let Some(value) = self.fast_vector(dummy, y, z, absorbs)? {
+            return Ok((value, self.samples.len(), 0));
+        }
         let Rows { mut y, mut z, n_lost, groups, .. } = self.rows(y, y, z);
         let n_samples = y.len();
         if n_samples < 2 || !absorb(&mut y, &groups, absorbs) {
-            return (0.0, n_samples, n_lost);
+            return Ok((0.0, n_samples, n_lost));
         }
         z.retain_mut(|row| absorb(row, &groups, absorbs));
         let basis = orthonormal_basis(z);
         if !orthogonalize(&mut y, &basis) {
-            return (0.0, n_samples, n_lost);
+            return Ok((0.0, n_samples, n_lost));
         }
         let own = &groups[place(dummy)];
-        let other = &groups[1 - place(dummy)];
-        // What is left of the square of each column, without what the constant (or the other dummy) and Z explain.
-        let mut left: Vec<f64> = if absorbs[1 - place(dummy)] {
-            let mut shared = vec![vec![0.0; other.sizes.len()]; own.sizes.len()];
-            own.of_sample.iter().zip(&other.of_sample).for_each(|(&g, &h)| shared[g][h] += 1.0);
-            let explained =
-                |row: &Vec<f64>| row.iter().zip(&other.sizes).map(|(s, n)| s * s / n.max(1.0)).sum::<f64>();
-            own.sizes.iter().zip(&shared).map(|(size, row)| size - explained(row)).collect()
-        } else {
-            own.sizes.iter().map(|size| size - size * size / n_samples as f64).collect()
-        };
+        let mut left = left_of_columns(dummy, &groups, absorbs);
         for q in &basis {
             left.iter_mut().zip(own.sums(q)).for_each(|(left, sum)| *left -= sum * sum);
         }
@@ -305,7 +434,7 @@ impl Prepared<'_> {
                 value = of_column;
             }
         }
-        (value, n_samples, n_lost)
+        Ok((value, n_samples, n_lost))
     }
 }
 
@@ -318,8 +447,8 @@ impl PreparedTest for Prepared<'_> {
         let (value, n_samples, n_lost) = match (self.dummy(x), self.dummy(y)) {
             (None, None) if of_z.is_empty() => return self.plain.run_test(x, y, z),
             (None, None) => self.scalar(x, y, &variables, absorbs)?,
-            (Some(dummy), None) => self.vector(dummy, y, &variables, absorbs),
-            (None, Some(dummy)) => self.vector(dummy, x, &variables, absorbs),
+            (Some(dummy), None) => self.vector(dummy, y, &variables, absorbs)?,
+            (None, Some(dummy)) => self.vector(dummy, x, &variables, absorbs)?,
             // Which recording and which step a sample is from is no question to the data.
             (Some(_), Some(_)) => (0.0, self.samples.len(), 0),
         };

@@ -4,7 +4,7 @@
 use super::GpdcPython;
 use super::{
     CmiKnn, CmiSymb, Gpdc, Gsquared, ParCorr, ParCorrVector, ParCorrWls, RegressionCi, RobustParCorr,
-    settings::TestSettings,
+    settings::{Significance, TestSettings},
 };
 use crate::ground::{CondIndTest, Error, Result};
 
@@ -41,6 +41,19 @@ pub fn names() -> impl Iterator<Item = &'static str> {
 pub fn smallest_p(name: &str) -> f64 {
     let wanted = spelled(name);
     TESTS.iter().find(|(known, ..)| *known == wanted).map_or(USUAL, |(_, smallest, _)| *smallest)
+}
+
+/// Whether the test `name` draws surrogates, or values of a null distribution, where its p-values are made in this way.
+pub(crate) fn draws(name: &str, significance: Option<Significance>) -> bool {
+    let name = spelled(name);
+    let (has_table, shuffles) =
+        (["gpdc", "gpdcpython"].contains(&name.as_str()), ["cmiknn", "cmisymb"].contains(&name.as_str()));
+    match significance {
+        None => has_table || shuffles,
+        Some(Significance::Analytic) => has_table,
+        Some(Significance::ShuffleTest) => true,
+        Some(Significance::FixedThres) => false,
+    }
 }
 
 /// A name as the registry spells it.

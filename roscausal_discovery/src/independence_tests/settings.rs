@@ -5,6 +5,9 @@ use std::sync::Arc;
 use super::null_distributions::NullDistributions;
 use crate::ground::{Error, Result};
 
+/// Most surrogates, and samples of a bootstrap: they tell a p-value to a millionth.
+pub const MOST_SURROGATES: usize = 1_000_000;
+
 /// How a test value becomes a p-value.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Significance {
@@ -94,7 +97,7 @@ impl std::str::FromStr for GpSearch {
 pub struct TestSettings {
     /// How a test value becomes a p-value.
     pub significance: Option<Significance>,
-    /// Number of surrogates of a shuffle test, or size of a null distribution. Default 500.
+    /// Number of surrogates of a shuffle test, or size of a null distribution, up to [`MOST_SURROGATES`]. Default 500.
     pub sig_samples: Option<usize>,
     /// Block length of a shuffle test, in samples; `None`: from the autocorrelation.
     pub sig_blocklength: Option<usize>,
@@ -102,7 +105,7 @@ pub struct TestSettings {
     pub confidence: Option<Confidence>,
     /// Level of the two-sided confidence interval. Default 0.9.
     pub conf_lev: f64,
-    /// Number of bootstrap samples. Default 100.
+    /// Number of bootstrap samples, up to [`MOST_SURROGATES`]. Default 100.
     pub conf_samples: usize,
     /// Block length of the bootstrap, in samples; `None`: from the autocorrelation.
     pub conf_blocklength: Option<usize>,
@@ -159,10 +162,19 @@ impl TestSettings {
             Some(0) => Err(Error::param(name, "0 is not allowed; give 1 or more")),
             _ => Ok(()),
         };
-        positive("sig_samples", self.sig_samples)?;
+        let bounded = |name: &str, value: Option<usize>| match value {
+            Some(n) if n > MOST_SURROGATES => {
+                let reason = format!(
+                    "{n} is above {MOST_SURROGATES}, which tell a p-value to a millionth; give fewer"
+                );
+                Err(Error::param(name, reason))
+            }
+            value => positive(name, value),
+        };
+        bounded("sig_samples", self.sig_samples)?;
         positive("sig_blocklength", self.sig_blocklength)?;
         positive("shuffle_stop", self.shuffle_stop)?;
-        positive("conf_samples", Some(self.conf_samples))?;
+        bounded("conf_samples", Some(self.conf_samples))?;
         positive("conf_blocklength", self.conf_blocklength)?;
         if !(0.0..1.0).contains(&self.conf_lev) || self.conf_lev == 0.0 {
             return Err(Error::param("conf_lev", format!("{} is not between 0 and 1", self.conf_lev)));

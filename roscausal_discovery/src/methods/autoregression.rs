@@ -148,5 +148,6 @@ impl Autoregression {
 /// The complete samples of `data` with `lags` steps of past.
 pub(super) fn complete_rows(data: &DataFrame, lags: usize, control: &Control) -> Result<CompleteRows> {
     control.check()?;
+    data.check_length(lags, lags)?;
     Ok(Samples::new(data.of_scalars("a model of all variables at once")?, lags).complete())
 }

@@ -44,6 +44,7 @@ pub fn usual_acts_on() -> ActsOn {
 /// use roscausal_discovery::methods::acts_on_of;
 ///
 /// assert_eq!(acts_on_of(&["do_x=x"])?, [("do_x".to_owned(), "x".to_owned())]);
+/// assert!(acts_on_of(&["do_x=x", "do_x=y"]).is_err());
 /// # Ok::<(), roscausal_discovery::Error>(())
 /// ```
 ///
@@ -56,7 +57,15 @@ pub fn acts_on_of(texts: &[impl AsRef<str>]) -> Result<ActsOn> {
             Err(Error::param("acts-on", format!("'{text}' is no pair; write it like do_robot_speed=r_v")))
         }
     };
-    texts.iter().map(|text| pair(text.as_ref())).collect()
+    let pairs: ActsOn = texts.iter().map(|text| pair(text.as_ref())).collect::<Result<_>>()?;
+    for (k, (column, variable)) in pairs.iter().enumerate() {
+        let twice = pairs[..k].iter().find(|(known, other)| known == column && other != variable);
+        if let Some((_, other)) = twice {
+            let reason = format!("'{column}' is to set both '{other}' and '{variable}'; name one of them");
+            return Err(Error::param("acts-on", reason));
+        }
+    }
+    Ok(pairs)
 }
 
 /// CAnDOIT: [`run_lpcmci`] with one context column per intervened variable. Each batch of interventions is a recording of its
@@ -115,7 +124,7 @@ fn check(data: &DataFrame, settings: &LpcmciSettings, interventions: &[Intervene
             ));
         }
     }
-    Ok(())
+    data.check_length(settings.tau_max, settings.tau_max.saturating_mul(2))
 }
 
 /// What is known of contexts; the other pairs are free.

@@ -64,6 +64,16 @@ pub enum Reads {
     TeEstimator,
     /// Whether variables that depend on their own past only are left out.
     NeglectOnlyAutodep,
+    /// How links at lag 0 are oriented: the rule for colliders, and what happens where orientations contradict each other.
+    Orientation,
+    /// Largest set of conditions that is chosen from more.
+    MaxConds,
+    /// Most sets of conditions of one size for a pair.
+    MaxSets,
+    /// Whether contexts of interventions join their variables as conditions.
+    ExtraConditions,
+    /// Which variable each column of interventions sets.
+    ActsOn,
 }
 
 /// What there is to know of a method.
@@ -131,8 +141,11 @@ const USUAL: MethodInfo = MethodInfo {
 
 /// All methods, in the order of the enum: one entry each, which says how the method differs from the usual.
 const METHODS: [MethodInfo; 14] = {
-    use Reads::{FAlpha, NeglectOnlyAutodep, PcAlpha, TeEstimator};
-    const OF_FILTER: &[Reads] = &[PcAlpha, FAlpha, TeEstimator, NeglectOnlyAutodep];
+    use Reads::{
+        ActsOn, ExtraConditions, FAlpha, MaxConds, MaxSets, NeglectOnlyAutodep, Orientation, PcAlpha,
+        TeEstimator,
+    };
+    const OF_FILTER: &[Reads] = &[PcAlpha, MaxConds, FAlpha, TeEstimator, NeglectOnlyAutodep];
     [
         MethodInfo {
             method: Method::Fpcmci,
@@ -144,7 +157,7 @@ const METHODS: [MethodInfo; 14] = {
             take_it: "when some variables may have no part in the system, and with a slow test",
             ..USUAL
         },
-        MethodInfo { method: Method::Pcmci, name: "pcmci", reads: &[PcAlpha], ..USUAL },
+        MethodInfo { method: Method::Pcmci, name: "pcmci", reads: &[PcAlpha, MaxConds], ..USUAL },
         MethodInfo {
             method: Method::Pcmciplus,
             name: "pcmciplus",
@@ -152,7 +165,7 @@ const METHODS: [MethodInfo; 14] = {
             tau_min: 0,
             pc_alpha: 0.01,
             one_level: true,
-            reads: &[PcAlpha],
+            reads: &[PcAlpha, MaxConds, Orientation],
             says: "lagged links; links at lag 0 with a direction where the data have one",
             cost: "as pcmci, and sets of neighbours at lag 0",
             take_it: "when effects follow faster than the samples",
@@ -236,7 +249,7 @@ const METHODS: [MethodInfo; 14] = {
             tau_min: 0,
             pc_alpha: 0.05,
             one_level: true,
-            reads: &[PcAlpha],
+            reads: &[PcAlpha, MaxConds, MaxSets],
             hidden_causes: true,
             assumes: "the system does not change, and no sample was selected",
             says: "causes, non-causes and hidden common causes, at lag 0 and later; where it cannot tell",
@@ -250,7 +263,7 @@ const METHODS: [MethodInfo; 14] = {
             tau_min: 0,
             pc_alpha: 0.05,
             one_level: true,
-            reads: &[PcAlpha],
+            reads: &[PcAlpha, MaxConds, MaxSets, ExtraConditions, ActsOn],
             hidden_causes: true,
             assumes: "as lpcmci; each intervention has a column: the imposed value, or 0",
             says: "as lpcmci; interventions tell causes from common causes",
@@ -264,7 +277,7 @@ const METHODS: [MethodInfo; 14] = {
             tau_min: 0,
             pc_alpha: 0.05,
             one_level: true,
-            reads: &[PcAlpha],
+            reads: &[PcAlpha, MaxConds],
             hidden_causes: true,
             assumes: "as lpcmci",
             says: "as lpcmci, with fewer links where variables depend on their own past",
@@ -280,7 +293,7 @@ const METHODS: [MethodInfo; 14] = {
             pc_alpha: 0.01,
             one_level: true,
             test: "parcorr",
-            reads: &[PcAlpha],
+            reads: &[PcAlpha, MaxConds, Orientation],
             assumes: "all common causes recorded but what is constant in a recording; linear effects, the same in all recordings",
             says: "as pcmciplus; what several recordings differ in makes no link",
             cost: "as pcmciplus, three times",
@@ -337,6 +350,15 @@ impl Method {
             )
         };
         METHODS.iter().map(entry).collect::<Vec<_>>().join("\n")
+    }
+
+    /// Names of the methods that read this setting.
+    pub fn names_that_read(setting: Reads) -> String {
+        let readers: Vec<&str> = Self::all().filter(|method| method.reads(setting)).map(Self::name).collect();
+        match readers.as_slice() {
+            [others @ .., last] if !others.is_empty() => format!("{} and {last}", others.join(", ")),
+            one => one.concat(),
+        }
     }
 
     /// Whether it reads this setting.

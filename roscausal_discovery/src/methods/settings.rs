@@ -71,16 +71,7 @@ impl PcmciSettings {
                 format!("{} is larger than tau_max = {}", self.tau_min, self.tau_max),
             ));
         }
-        let longest = data.recordings().iter().map(|r| r.nrows()).max().unwrap_or(0);
-        let cut_off = self.cut_off();
-        if longest <= cut_off {
-            return Err(Error::Data(format!(
-                "the longest recording has {longest} samples; tau_max = {} needs at least {}: record longer or \
-                 lower tau_max",
-                self.tau_max,
-                cut_off + 4
-            )));
-        }
+        data.check_length(self.tau_max, self.cut_off())?;
         for (name, value) in
             self.pc_alpha.iter().map(|a| ("pc_alpha", *a)).chain([("alpha", self.alpha_level)])
         {
@@ -111,7 +102,7 @@ impl PcmciSettings {
     }
 
     pub(crate) fn cut_off(&self) -> usize {
-        2 * self.tau_max
+        self.tau_max.saturating_mul(2)
     }
 
     /// The given assumptions, or all links.

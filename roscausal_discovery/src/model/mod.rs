@@ -206,16 +206,20 @@ pub(crate) fn nested<T>(vars: &[usize], n_lags: usize, at: impl Fn([usize; 3]) -
     vars.iter().map(|&i| vars.iter().map(|&j| lags(i, j)).collect()).collect()
 }
 
+/// Whether a method, by its name, has one level only, `pc_alpha`, which also decides on the links.
+pub fn decides_by_pc_alpha(method: &str) -> bool {
+    method.parse::<Method>().is_ok_and(|method| method.info().one_level)
+}
+
 impl Model {
     /// The level that decided on the links: `pc_alpha` where the method has no other; `None` if a score chose it for each variable.
     pub fn link_level(&self) -> Option<f64> {
-        let one = self.method.parse::<Method>().is_ok_and(|method| method.info().one_level);
-        if one { self.pc_alpha } else { Some(self.alpha) }
+        if decides_by_pc_alpha(&self.method) { self.pc_alpha } else { Some(self.alpha) }
     }
 
     /// The name of [`Model::link_level`], and the level as text.
     pub fn link_level_in_words(&self) -> (&'static str, String) {
-        let name = if self.link_level() == Some(self.alpha) { "alpha" } else { "pc_alpha" };
+        let name = if decides_by_pc_alpha(&self.method) { "pc_alpha" } else { "alpha" };
         (name, self.link_level().map_or("chosen by a score".to_owned(), |level| level.to_string()))
     }
 
@@ -371,6 +375,17 @@ mod tests {
         assert_eq!(model.val[0][2][1], 0.0);
         assert_eq!(model.links.len(), 6);
         assert_eq!((model.links[0].cause.as_str(), model.links[0].lag), ("h_v", 1));
+    }
+
+    #[test]
+    fn the_level_that_decided_is_told_by_its_name_also_where_both_are_equal() {
+        let told = |method: &str, pc_alpha| {
+            let method = method.to_owned();
+            Model { method, pc_alpha, ..example() }.link_level_in_words()
+        };
+        assert_eq!(told("pcmci", Some(0.2)), ("alpha", "0.05".to_owned()));
+        assert_eq!(told("pcmciplus", Some(0.05)), ("pc_alpha", "0.05".to_owned()));
+        assert_eq!(told("lpcmci", None), ("pc_alpha", "chosen by a score".to_owned()));
     }
 
     #[test]

@@ -18,13 +18,15 @@ mod picture;
 pub use counts::{LinkCount, link_counts};
 pub use picture::strips_of;
 
-use ndarray::s;
+use std::ops::Range;
+
 use serde::{Deserialize, Serialize};
 
 use crate::{
     analysis::{Settings, analyse},
     confidence::{Resampling, analyse_resampled},
-    ground::{Control, DataFrame, Error, Result},
+    ground::{Control, DataFrame, Error, Result, Stop},
+    methods::Status,
     model::Model,
 };
 
@@ -63,9 +65,26 @@ impl Windows {
         (0..end).step_by(self.step.max(1)).collect()
     }
 
-    fn check(&self, data: &DataFrame) -> Result<()> {
+    /// Recording and start of each window, in order.
+    fn places(&self, data: &DataFrame) -> Vec<(usize, usize)> {
+        let recordings = data.recordings().iter().enumerate();
+        recordings
+            .flat_map(|(k, rows)| self.starts(rows.nrows()).into_iter().map(move |start| (k, start)))
+            .collect()
+    }
+
+    fn check(&self, data: &DataFrame, tau_max: usize) -> Result<()> {
         if self.length == 0 || self.step == 0 {
             return Err(Error::param("window", "window and step are numbers of rows from 1 on"));
+        }
+        let past = tau_max.saturating_mul(2);
+        if self.length <= past {
+            let reason = format!(
+                "at the start of a recording {} rows have no sample, since the first {past} only serve as the past of others (tau_max \
+                 = {tau_max}); give more than {past}, or a lower tau_max",
+                self.length
+            );
+            return Err(Error::param("window", reason));
         }
         let longest = data.recordings().iter().map(|r| r.nrows()).max().unwrap_or(0);
         if self.starts(longest).is_empty() {
@@ -81,6 +100,9 @@ impl Windows {
 
 /// Analyses each window on its own, in the order of recordings and times, and passes each model to `each` as soon as it is there.
 ///
+/// The time budget of `control` is that of all windows together. If it ends, the windows that came to their end count: the status
+/// says how many they are.
+///
 /// # Errors
 /// Invalid settings, windows that do not fit, data that do not suit the test, cancellation, or an error of `each`.
 pub fn roll(
@@ -88,19 +110,15 @@ pub fn roll(
     settings: &Settings,
     windows: &Windows,
     control: &Control,
-    mut each: impl FnMut(WindowModel) -> Result<()>,
-) -> Result<()> {
-    windows.check(data)?;
-    for (recording, rows) in data.recordings().iter().enumerate() {
-        for start in windows.starts(rows.nrows()) {
-            let end = start + windows.length;
-            let mut times = vec![Vec::new(); data.recordings().len()];
-            times[recording] = (start..end).collect();
-            let model = analyse(&data.at_times(times)?, settings, control)?;
-            each(WindowModel { recording, start, end, model })?;
-        }
-    }
-    Ok(())
+    each: impl FnMut(WindowModel) -> Result<()>,
+) -> Result<Status> {
+    windows.check(data, settings.tau_max)?;
+    let model_of = |recording: usize, rows: Range<usize>| {
+        let mut times = vec![Vec::new(); data.recordings().len()];
+        times[recording] = rows.collect();
+        analyse(&data.at_times(times)?, settings, control)
+    };
+    in_turn(data, windows, control, model_of, each)
 }
 
 /// As [`roll`], and each model has its confidence.
@@ -113,25 +131,53 @@ pub fn roll_resampled(
     windows: &Windows,
     resampling: &Resampling,
     control: &Control,
+    each: impl FnMut(WindowModel) -> Result<()>,
+) -> Result<Status> {
+    windows.check(data, settings.tau_max)?;
+    let model_of = |recording: usize, rows: Range<usize>| {
+        // The rows before a window are the past of its first ones.
+        let from = rows.start.saturating_sub(2 * settings.tau_max);
+        analyse_resampled(&data.stretch(recording, from..rows.end), settings, resampling, control)
+    };
+    in_turn(data, windows, control, model_of, each)
+}
+
+/// Whether an error means that the time budget is used up.
+fn is_timeout(error: &Error, control: &Control) -> bool {
+    matches!(error, Error::Cancelled(_)) && control.stop() == Some(Stop::OutOfTime)
+}
+
+/// Finds the model of one window after another, until the time budget ends.
+fn in_turn(
+    data: &DataFrame,
+    windows: &Windows,
+    control: &Control,
+    model_of: impl Fn(usize, Range<usize>) -> Result<Model>,
     mut each: impl FnMut(WindowModel) -> Result<()>,
-) -> Result<()> {
-    windows.check(data)?;
-    for (recording, rows) in data.recordings().iter().enumerate() {
-        for start in windows.starts(rows.nrows()) {
-            let end = start + windows.length;
-            // The rows before a window are the past of its first ones.
-            let from = start.saturating_sub(2 * settings.tau_max);
-            let part = rows.slice(s![from..end, ..]).to_owned();
-            let part = DataFrame::new(vec![part], data.var_names().to_vec())?;
-            let model = analyse_resampled(&part, settings, resampling, control)?;
-            each(WindowModel { recording, start, end, model })?;
-        }
+) -> Result<Status> {
+    let places = windows.places(data);
+    for (done, &(recording, start)) in places.iter().enumerate() {
+        let end = start + windows.length;
+        let model = match model_of(recording, start..end) {
+            Ok(model) if model.status == "complete" => model,
+            Err(error) if !is_timeout(&error, control) => return Err(error),
+            _ => {
+                let how_far = format!("the time budget ended after {done} of {} windows", places.len());
+                return Ok(Status::Partial(how_far));
+            }
+        };
+        each(WindowModel { recording, start, end, model })?;
     }
-    Ok(())
+    Ok(Status::Complete)
 }
 
 #[cfg(test)]
 mod tests {
+    use std::sync::{
+        Arc,
+        atomic::{AtomicUsize, Ordering},
+    };
+
     use ndarray::Array2;
 
     use super::*;
@@ -204,6 +250,82 @@ mod tests {
     }
 
     #[test]
+    fn a_window_with_resamples_keeps_the_mask_of_its_own_rows() {
+        let mut rng = Rng::new(12);
+        let mut x = Array2::zeros((400, 2));
+        // Only in the rows that are masked `a` drives `b`.
+        let is_masked = |t: usize| t % 200 >= 60;
+        for t in 1..400 {
+            x[[t, 0]] = rng.unit() - 0.5;
+            x[[t, 1]] = if is_masked(t) { 2.0 * x[[t - 1, 0]] } else { 0.0 } + rng.unit() - 0.5;
+        }
+        let data = DataFrame::new(vec![x], vec!["a".into(), "b".into()]).unwrap();
+        let mask = Array2::from_shape_fn((400, 2), |(t, _)| is_masked(t));
+        let masked = data.clone().with_mask(vec![mask], "y".parse().unwrap()).unwrap();
+        let settings = Settings {
+            method: Method::Pcmci,
+            cond_ind_test: "parcorr".into(),
+            alpha: 0.001,
+            ..Settings::default()
+        };
+        let windows = Windows { length: 200, step: 200, last: true };
+        let resampling = Resampling { resamples: 20, ..Resampling::default() };
+        let control = Control::default();
+        let models_of = |data: &DataFrame| {
+            let (mut plain, mut drawn) = (Vec::new(), Vec::new());
+            roll(data, &settings, &windows, &control, |window| {
+                plain.push(window.model);
+                Ok(())
+            })
+            .unwrap();
+            roll_resampled(data, &settings, &windows, &resampling, &control, |window| {
+                drawn.push(window.model);
+                Ok(())
+            })
+            .unwrap();
+            (plain, drawn)
+        };
+        let found = |models: &[Model]| -> Vec<bool> {
+            let is_link = |model: &Model| model.links.iter().any(|l| l.cause == "a" && l.effect == "b");
+            models.iter().map(is_link).collect()
+        };
+        let (plain, drawn) = models_of(&data);
+        assert_eq!((found(&plain), found(&drawn)), (vec![true; 2], vec![true; 2]));
+        let (plain, drawn) = models_of(&masked);
+        assert_eq!((found(&plain), found(&drawn)), (vec![false; 2], vec![false; 2]));
+        for (plain, drawn) in plain.iter().zip(&drawn) {
+            assert_eq!((&plain.graph, plain.n_samples), (&drawn.graph, drawn.n_samples));
+        }
+    }
+
+    #[test]
+    fn the_time_budget_is_that_of_all_windows_and_those_that_came_to_their_end_count() {
+        let mut rng = Rng::new(3);
+        let x = Array2::from_shape_simple_fn((400, 2), || rng.unit());
+        let data = DataFrame::new(vec![x], vec!["a".into(), "b".into()]).unwrap();
+        let settings =
+            Settings { method: Method::Pcmci, cond_ind_test: "parcorr".into(), ..Settings::default() };
+        let windows = Windows { length: 100, step: 100, last: true };
+        let resampling = Resampling { resamples: 20, ..Resampling::default() };
+        for resampled in [false, true] {
+            let done = Arc::new(AtomicUsize::new(0));
+            let seen = done.clone();
+            let control = Control::default().out_of_time(move || seen.load(Ordering::Relaxed) >= 2);
+            let each = |window: WindowModel| {
+                assert_eq!(window.model.status, "complete");
+                done.fetch_add(1, Ordering::Relaxed);
+                Ok(())
+            };
+            let status = match resampled {
+                true => roll_resampled(&data, &settings, &windows, &resampling, &control, each),
+                false => roll(&data, &settings, &windows, &control, each),
+            };
+            let told = Status::Partial("the time budget ended after 2 of 4 windows".into());
+            assert_eq!((status.unwrap(), done.load(Ordering::Relaxed)), (told, 2), "{resampled}");
+        }
+    }
+
+    #[test]
     fn a_window_longer_than_the_data_is_refused() {
         let data = DataFrame::new(vec![Array2::zeros((50, 2))], vec!["a".into(), "b".into()]).unwrap();
         let run = |windows: Windows| {
@@ -213,5 +335,23 @@ mod tests {
         };
         assert!(run(Windows { length: 51, step: 1, last: true }).contains("leave no window in 50 rows"));
         assert!(run(Windows { length: 10, step: 0, last: true }).contains("from 1 on"));
+    }
+
+    #[test]
+    fn a_window_without_a_sample_of_its_own_is_refused() {
+        let x = Array2::from_shape_fn((50, 2), |(t, k)| ((t * t + 7 * k) % 11) as f64);
+        let data = DataFrame::new(vec![x], vec!["a".into(), "b".into()]).unwrap();
+        let settings = Settings { tau_max: 3, ..Settings::default() };
+        let windows = Windows { length: 6, step: 6, last: true };
+        let (control, resampling) =
+            (Control::default(), Resampling { resamples: 20, ..Resampling::default() });
+        for error in [
+            roll(&data, &settings, &windows, &control, |_| Ok(())),
+            roll_resampled(&data, &settings, &windows, &resampling, &control, |_| Ok(())),
+        ] {
+            let error = error.unwrap_err().to_string();
+            assert!(error.contains("'window'") && error.contains("6 rows have no sample"), "{error}");
+            assert!(error.contains("give more than 6, or a lower tau_max"), "{error}");
+        }
     }
 }

@@ -1,6 +1,18 @@
 //! Random models to draw.
 
+#![allow(dead_code, reason = "not everybody who draws uses all of it")]
+
 use roscausal_discovery::{Matrices, Model, Settings, mix};
+
+/// Graphs of [`any_graph`].
+pub(crate) const GRAPHS: u64 = 200;
+
+/// Graph `number` of [`GRAPHS`]: from 3 to 60 variables, sparse to dense.
+pub(crate) fn any_graph(number: u64) -> Model {
+    let n = 3 + (number * 57 / (GRAPHS - 1)) as usize;
+    let per_variable = [0.5, 1.0, 1.5, 2.0, 3.0, 5.0, n as f64][(number % 7) as usize];
+    random_model(n, per_variable, mix(number))
+}
 
 /// A model of `n` variables in which each ordered pair has a link at each of three lags with a chance that gives about
 /// `per_variable` pairs with links for each variable. The same seed gives the same model.

@@ -24,6 +24,8 @@ use crate::{
 
 /// Noise that breaks ties in untransformed rows, as a fraction of the row's standard deviation.
 const TIE_NOISE: f64 = 1e-6;
+/// Values of surrogates that are held in memory at once; 500 surrogates of 100,000 samples are fewer.
+const AT_ONCE: usize = 1 << 26;
 
 /// Conditional mutual information in nats from nearest neighbours (Frenzel and Pompe 2007), with a local permutation
 /// test (Runge 2018, AISTATS, "Conditional independence testing based on a nearest-neighbor estimator").
@@ -223,10 +225,11 @@ impl Prepared<'_> {
         let k = self.test.neighbours(n).unwrap_or(1);
         let estimator = Estimator { k, y: &[stays], z: &z, control: self.samples.control() };
         let stop = self.test.settings.shuffle_stop.unwrap_or(usize::MAX);
-        // All at once share more of the work; with a stop, as many as are drawn at the least, then twice as many and so on.
+        // All at once, as far as memory goes, share more of the work; with a stop, as many as are drawn at the least, then twice as
+        // many and so on.
         let (mut drawn, mut count, mut value) = (0, 0, None);
         loop {
-            let batch = stop.max(drawn).min(samples - drawn);
+            let batch = stop.max(drawn).min(samples - drawn).min((AT_ONCE / n.max(1)).max(1));
             let mut arrangements = Vec::with_capacity((batch + 1) * n);
             if value.is_none() {
                 arrangements.extend_from_slice(moves);

@@ -418,6 +418,6 @@ mod tests {
         assert!(run_dynotears(&chain(50, 1), &settings, &Control::default()).is_err());
         let settings = DynotearsSettings { tau_max: 60, ..DynotearsSettings::default() };
         let error = run_dynotears(&chain(50, 1), &settings, &Control::default()).unwrap_err().to_string();
-        assert!(error.contains("0 complete samples"), "{error}");
+        assert!(error.contains("has 50 samples; tau_max = 60"), "{error}");
     }
 }

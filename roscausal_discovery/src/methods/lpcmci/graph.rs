@@ -97,11 +97,23 @@ pub(crate) struct Graph {
     pub(crate) tau_max: usize,
     /// By first variable, second variable, lag; a pair at lag 0 stands at both places.
     links: Vec<Option<Link>>,
+    /// For each node of the window a bit for each node that it is adjacent to.
+    adjacency: Vec<u64>,
+    /// Words of the bits of one node.
+    words: usize,
 }
 
 impl Graph {
     pub(crate) fn new(n_vars: usize, tau_max: usize) -> Self {
-        Self { n_vars, tau_max, links: vec![None; n_vars * n_vars * (tau_max + 1)] }
+        let n_nodes = n_vars * (tau_max + 1);
+        let words = n_nodes.div_ceil(64);
+        Self {
+            n_vars,
+            tau_max,
+            links: vec![None; n_vars * n_nodes],
+            adjacency: vec![0; n_nodes * words],
+            words,
+        }
     }
 
     /// The place of what concerns the node `a`, not after `b`, and `b`; `None` if they are too far apart.
@@ -109,6 +121,18 @@ impl Graph {
     pub(crate) fn place(&self, a: Node, b: Node) -> Option<usize> {
         let lag = a.lag.checked_sub(b.lag).filter(|&lag| lag <= self.tau_max)?;
         Some((a.var * self.n_vars + b.var) * (self.tau_max + 1) + lag)
+    }
+
+    /// Nodes of the window.
+    pub(crate) fn n_nodes(&self) -> usize {
+        self.n_vars * (self.tau_max + 1)
+    }
+
+    /// The place of a node of the window among all of them.
+    #[inline]
+    pub(crate) fn index(&self, node: Node) -> usize {
+        debug_assert!(node.lag <= self.tau_max, "{node:?} is not in the window");
+        node.var * (self.tau_max + 1) + node.lag
     }
 
     pub(crate) fn n_places(&self) -> usize {
@@ -124,17 +148,37 @@ impl Graph {
         }
     }
 
+    /// Whether two nodes of the window are adjacent.
+    #[inline]
     pub(crate) fn adjacent(&self, a: Node, b: Node) -> bool {
-        self.get(a, b).is_some()
+        let (a, b) = (self.index(a), self.index(b));
+        self.adjacency[a * self.words + b / 64] >> (b % 64) & 1 == 1
+    }
+
+    /// Says of a pair, at all times at which it lies in the window, whether it is adjacent.
+    fn put_adjacent(&mut self, a: Node, b: Node, there: bool) {
+        let latest = a.lag.min(b.lag);
+        for shift in 0..=self.tau_max.saturating_sub(a.lag.max(b.lag) - latest) {
+            let of = |node: Node| self.index(Node::new(node.var, node.lag - latest + shift));
+            let (a, b) = (of(a), of(b));
+            for (from, to) in [(a, b), (b, a)] {
+                let word = &mut self.adjacency[from * self.words + to / 64];
+                *word = *word & !(1 << (to % 64)) | u64::from(there) << (to % 64);
+            }
+        }
     }
 
     /// Puts a link between two nodes, read from `a` to `b`, or takes it away.
     pub(crate) fn put(&mut self, a: Node, b: Node, link: Option<Link>) {
+        let mut was = link.is_some();
         if let Some(place) = self.place(a, b) {
-            self.links[place] = link;
+            was = std::mem::replace(&mut self.links[place], link).is_some();
         }
         if let Some(place) = self.place(b, a) {
-            self.links[place] = link.map(Link::turned);
+            was = std::mem::replace(&mut self.links[place], link.map(Link::turned)).is_some();
+        }
+        if was != link.is_some() {
+            self.put_adjacent(a, b, link.is_some());
         }
     }
 
@@ -152,7 +196,19 @@ impl Graph {
 
     /// The neighbours of `a` in the window, with the link read from each to `a`.
     pub(crate) fn neighbours(&self, a: Node) -> impl Iterator<Item = (Node, Link)> + '_ {
-        self.nodes().filter_map(move |node| Some((node, self.get(node, a)?)))
+        let row = self.index(a) * self.words;
+        let mut bits = self.adjacency[row..row + self.words].iter().copied();
+        let (mut word, mut first) = (bits.next().unwrap_or(0), 0);
+        std::iter::from_fn(move || {
+            while word == 0 {
+                word = bits.next()?;
+                first += 64;
+            }
+            let index = first + word.trailing_zeros() as usize;
+            word &= word - 1;
+            let node = Node::new(index / (self.tau_max + 1), index % (self.tau_max + 1));
+            Some((node, self.get(node, a)?))
+        })
     }
 
     /// All links once, read from the node before to the node after, which is at lag 0.

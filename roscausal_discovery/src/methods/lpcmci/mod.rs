@@ -14,6 +14,7 @@
 //! Example: `x` and `y` are both driven by something that nobody recorded. PCMCI+ draws a cause; LPCMCI draws `<->`, or a circle
 //! where the data cannot tell.
 
+mod answers;
 mod graph;
 mod knowledge;
 mod minimal;

@@ -3,6 +3,7 @@
 use std::collections::HashMap;
 
 use super::{
+    answers::{Answer, Answers},
     graph::{Graph, Link, Middle, Pair},
     knowledge::{Knowledge, Known},
     settings::LpcmciSettings,
@@ -30,15 +31,6 @@ pub(super) struct Evidence {
     pub(super) separating: Vec<Separating>,
 }
 
-/// What one test said.
-#[derive(Clone, Copy)]
-struct Answer {
-    value: f64,
-    p_value: f64,
-    n_lost: usize,
-    dependent: bool,
-}
-
 pub(super) struct Search<'a, 'b> {
     pub(super) run: &'a Run<'b>,
     pub(super) settings: &'a LpcmciSettings,
@@ -46,8 +38,7 @@ pub(super) struct Search<'a, 'b> {
     pub(super) graph: Graph,
     pub(super) known: Knowledge,
     evidence: Vec<Evidence>,
-    /// All tests so far. LPCMCI asks many of them again.
-    answers: HashMap<(Pair, Vec<Node>), Answer>,
+    answers: Answers,
     /// The sets that vote, by pair and whether new ones are searched; emptied when the graph changes.
     pub(super) votes: HashMap<(Pair, bool), Vec<Vec<Node>>>,
     pub(super) n_asked: usize,
@@ -69,7 +60,7 @@ impl<'a, 'b> Search<'a, 'b> {
             graph,
             known,
             evidence: Vec::new(),
-            answers: HashMap::new(),
+            answers: Answers::default(),
             votes: HashMap::new(),
             n_asked: 0,
             phase: "start".to_owned(),
@@ -217,16 +208,16 @@ impl<'a, 'b> Search<'a, 'b> {
     /// Tests a pair given `z`, which is sorted and holds neither of them: the value if they are independent.
     pub(super) fn separates(&mut self, pair: Pair, z: &[Node]) -> Result<Option<f64>> {
         self.n_asked += 1;
-        let key = (pair, z.to_vec());
-        let answer = match self.answers.get(&key) {
-            Some(&answer) => answer,
+        let known = if self.as_fci { None } else { self.answers.get(&self.graph, pair, z) };
+        let answer = match known {
+            Some(answer) => answer,
             None => {
                 let result = self.run.test(pair.x, pair.y, z)?;
                 let (result, dependent) = self.run.decide(result, self.settings.pc_alpha);
                 let answer =
                     Answer { value: result.value, p_value: result.p_value, n_lost: result.n_lost, dependent };
                 if !self.as_fci {
-                    self.answers.insert(key, answer);
+                    self.answers.keep(answer);
                 }
                 answer
             }

@@ -67,13 +67,16 @@ impl Search<'_, '_> {
             *node != b && node.lag >= b.lag && no_tail && !self.is_no_ancestor(*node, b)
         });
         let mut open: Vec<(Node, Node)> = starts.map(|(node, _)| (node, a)).collect();
-        let mut visited = open.clone();
+        let n_nodes = self.graph.n_nodes();
+        let mut visited = vec![false; n_nodes * n_nodes];
+        let step_at = |(to, from): (Node, Node)| self.graph.index(to) * n_nodes + self.graph.index(from);
+        open.iter().for_each(|&step| visited[step_at(step)] = true);
         while let Some((w, v)) = open.pop() {
             found.push(w);
             let Some(from) = self.graph.get(v, w) else { continue };
             for (u, link) in self.graph.neighbours(w) {
                 let step = (u, w);
-                if [a, b, v].contains(&u) || visited.contains(&step) {
+                if [a, b, v].contains(&u) || visited[step_at(step)] {
                     continue;
                 }
                 let no_tail = link.right != LinkEnd::Tail && from.right != LinkEnd::Tail;
@@ -81,7 +84,7 @@ impl Search<'_, '_> {
                 let no_descendant = !self.is_ancestor(a, u) && !self.is_ancestor(b, u);
                 let may_cause = !(self.is_no_ancestor(u, a) && self.is_no_ancestor(u, b));
                 if no_tail && (self.graph.adjacent(u, v) || no_circle) && no_descendant && may_cause {
-                    visited.push(step);
+                    visited[step_at(step)] = true;
                     open.push(step);
                 }
             }

@@ -19,7 +19,7 @@ pub struct LpcmciSettings {
     pub max_p_global: Option<usize>,
     /// The same in the non-ancestral phase alone.
     pub max_p_non_ancestral: Option<usize>,
-    /// Sets tested per pair, side and size; `None`: all.
+    /// Sets tested per pair, side and size, 1 or more; `None`: all.
     pub max_q_global: Option<usize>,
     /// The same in the non-ancestral phase alone.
     pub max_q_non_ancestral: Option<usize>,
@@ -63,13 +63,12 @@ impl LpcmciSettings {
             let reason = format!("{} is larger than tau_max = {}", self.tau_min, self.tau_max);
             return Err(Error::param("tau_min", reason));
         }
-        let longest = data.recordings().iter().map(|r| r.nrows()).max().unwrap_or(0);
-        if longest <= 2 * self.tau_max {
-            return Err(Error::Data(format!(
-                "the longest recording has {longest} samples; tau_max = {} needs at least {}: record longer or lower tau_max",
-                self.tau_max,
-                2 * self.tau_max + 4
-            )));
+        data.check_length(self.tau_max, self.tau_max.saturating_mul(2))?;
+        // A link that is never tested looks certain.
+        let numbers_of_sets =
+            [("max_q_global", self.max_q_global), ("max_q_non_ancestral", self.max_q_non_ancestral)];
+        if let Some((name, _)) = numbers_of_sets.into_iter().find(|(_, most)| *most == Some(0)) {
+            return Err(Error::param(name, "0 tests nothing; give at least 1, or None for all"));
         }
         let threshold = test.decides_by_value() && self.pc_alpha > 0.0 && self.pc_alpha.is_finite();
         if !(threshold || self.pc_alpha > 0.0 && self.pc_alpha < 1.0) {
@@ -81,5 +80,26 @@ impl LpcmciSettings {
         self.link_assumptions
             .as_ref()
             .map_or(Ok(()), |links| links.check(data.n_vars(), self.tau_min, self.tau_max))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use ndarray::Array2;
+
+    use super::*;
+    use crate::independence_tests::{ParCorr, TestSettings};
+
+    #[test]
+    fn a_phase_that_would_test_no_set_is_refused() {
+        let data = DataFrame::new(vec![Array2::zeros((50, 2))], vec!["a".into(), "b".into()]).unwrap();
+        let test = ParCorr::new(&TestSettings::default()).unwrap();
+        let of = |max_q_global, max_q_non_ancestral| {
+            let settings = LpcmciSettings { max_q_global, max_q_non_ancestral, ..LpcmciSettings::default() };
+            settings.check(&data, &test).map_err(|error| error.to_string())
+        };
+        assert!(of(Some(0), None).unwrap_err().contains("'max_q_global': 0 tests nothing"));
+        assert!(of(Some(3), Some(0)).unwrap_err().contains("'max_q_non_ancestral': 0 tests nothing"));
+        assert_eq!(of(Some(1), Some(1)), Ok(()));
     }
 }

@@ -220,11 +220,17 @@ impl Search<'_, '_> {
     fn possible_d_separation(&self, end: Node, pair: Pair) -> Vec<Node> {
         let mut open: Vec<(Node, Node)> = self.graph.neighbours(end).map(|(node, _)| (end, node)).collect();
         let mut visited = open.clone();
+        let n_nodes = self.graph.n_nodes();
+        let mut seen = vec![false; n_nodes * n_nodes];
+        let step_at = |from: Node, to: Node| self.graph.index(from) * n_nodes + self.graph.index(to);
+        open.iter().for_each(|&(from, to)| seen[step_at(from, to)] = true);
         while let Some((v, w)) = open.pop() {
             let into = self.graph.get(v, w).is_some_and(|link| link.right == LinkEnd::Head);
             for (u, link) in self.graph.neighbours(w).filter(|(u, _)| *u != v && *u != end) {
                 let collider = into && link.right == LinkEnd::Head;
-                if (collider || self.graph.adjacent(u, v)) && !visited.contains(&(w, u)) {
+                if (collider || self.graph.adjacent(u, v))
+                    && !std::mem::replace(&mut seen[step_at(w, u)], true)
+                {
                     visited.push((w, u));
                     open.push((w, u));
                 }

@@ -1,5 +1,7 @@
 //! Whether a node separates two others: the sets that separate them vote.
 
+use rustc_hash::FxHashSet;
+
 use super::{graph::Pair, search::Search, sets::union};
 use crate::{
     ground::{Node, Result},
@@ -46,7 +48,7 @@ impl Search<'_, '_> {
             return Ok(sets);
         }
         let parents = self.parents(pair.x, pair.y);
-        let mut seen = Vec::new();
+        let mut seen = FxHashSet::default();
         for (a, b) in [(pair.x, pair.y), (pair.y, pair.x)] {
             let mut choices = self.apds(a, b);
             choices.retain(|node| !parents.contains(node));
@@ -58,11 +60,8 @@ impl Search<'_, '_> {
                 loop {
                     let chosen: Vec<Node> = combination.iter().map(|&k| choices[k]).collect();
                     let z = union(pair, &chosen, &parents);
-                    if !seen.contains(&z) {
-                        if self.separates(pair, &z)?.is_some() && !sets.contains(&z) {
-                            sets.push(z.clone());
-                        }
-                        seen.push(z);
+                    if seen.insert(z.clone()) && self.separates(pair, &z)?.is_some() && !sets.contains(&z) {
+                        sets.push(z);
                     }
                     if !next_combination(&mut combination, choices.len()) {
                         break;

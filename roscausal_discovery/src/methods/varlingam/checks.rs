@@ -2,6 +2,8 @@
 
 use rayon::prelude::*;
 
+use super::dependence;
+
 use crate::{
     independence_tests::uniform_dependence,
     methods::result::PcmciResult,
@@ -34,8 +36,11 @@ pub(super) fn remarks(
         said.push("a choice of the causal order was nearly a tie, so directions at lag 0 may turn with a few more samples".into());
     }
     let pairs: Vec<(usize, usize)> = (0..n).flat_map(|i| (i + 1..n).map(move |j| (i, j))).collect();
-    let p_values: Vec<f64> =
-        pairs.par_iter().map(|&(i, j)| uniform_dependence(&residuals[i], &residuals[j]).1).collect();
+    let p_values: Vec<f64> = match residuals.first().is_some_and(|values| values.len() >= dependence::FEWEST)
+    {
+        true => dependence::p_values(residuals, &pairs),
+        false => pairs.par_iter().map(|&(i, j)| uniform_dependence(&residuals[i], &residuals[j]).1).collect(),
+    };
     let level = LEVEL / pairs.len().max(1) as f64;
     let dependent: Vec<String> = pairs
         .iter()

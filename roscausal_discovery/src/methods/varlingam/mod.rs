@@ -1,6 +1,7 @@
 //! VARLiNGAM: linear effects, oriented at lag 0 by noise that is not Gaussian.
 
 mod checks;
+mod dependence;
 mod entropy;
 mod lasso;
 mod order;
