@@ -8,11 +8,11 @@ use ndarray::Array2;
 use roscausal_discovery::{DataFrame, Node, Result, mix};
 use roscausal_reasoning::{
     Samples, Settings, StructuralModel,
-    answer::{ExplainQuestion, explain, what_if},
+    answer::{EffectQuestion, ExplainQuestion, effect, explain, what_if},
     effects::{Mediation, adjusted},
     graph::{Arrow, Graph, adjustment},
     model::Equations,
-    question::{Action, Intervention, Kind, Situation, WhatIf},
+    question::{Action, Intervention, Situation, WhatIf},
 };
 
 /// CPU time of this thread in seconds.
@@ -77,15 +77,34 @@ fn linear(n: usize, rows: usize) -> Result<()> {
     Ok(())
 }
 
+/// A chain, without data, with room for lags that are not there.
+fn graph_alone(n: usize) -> Result<()> {
+    let arrow = |cause, effect| Arrow { cause, effect, lag: 1 };
+    let arrows: Vec<Arrow> = (0..n).flat_map(|j| [arrow(j, j), arrow(j.saturating_sub(1), j)]).collect();
+    let graph = Graph::new((0..n).map(|j| format!("x{j}")).collect(), 3, &arrows, &[])?;
+    time(&format!("adjustment at lag 4, {n} variables"), 21, || {
+        adjustment(&graph, &[Node::new(0, 4)], Node::new(1, 0))
+    });
+    Ok(())
+}
+
+/// Three Gaussian processes on the first 600 rows, and what they expect in the next 200, each from the rows before it.
+fn one_step() -> Result<()> {
+    let (graph, data) = system(3, 800)?;
+    let all = data.recordings()[0].clone();
+    let first = DataFrame::new(vec![all.slice(ndarray::s![..600, ..]).to_owned()], graph.names().to_vec())?;
+    let rows: Vec<f64> = all.iter().copied().collect();
+    let settings = Settings { equations: Equations::Gp, members: 1, check: false, ..Settings::default() };
+    time("fit and 200 one-step answers, Gp, 3 equations, 600 rows", 3, || -> Result<f64> {
+        let model = StructuralModel::fit(&first, &graph, &settings, &Vec::new())?;
+        let (system, mut scratch) = (&model.members()[0].model.system, Vec::new());
+        Ok((600..800).map(|t| (0..3).map(|j| system.expected(&rows, t, j, &mut scratch)).sum::<f64>()).sum())
+    });
+    Ok(())
+}
+
 fn set(steps: usize) -> Vec<Action> {
-    let one = Intervention {
-        variable: "x0".into(),
-        kind: Kind::Set,
-        first_step: 1,
-        last_step: steps,
-        values: vec![0.2],
-    };
-    vec![Action { name: "set".into(), interventions: vec![one] }]
+    vec![Action::one("set", Intervention::set("x0", [0.2]).during(1, steps))]
 }
 
 fn simulation(equations: Equations, rows: usize) -> Result<()> {
@@ -118,12 +137,17 @@ fn simulation(equations: Equations, rows: usize) -> Result<()> {
         start: 0.0,
     };
     time(&format!("explain, {name}"), 11, || explain(&model, &situation, &why));
+    let pulse = EffectQuestion { cause: "x0".into(), effect: "x1".into(), max_lag: 3, standardised: false };
+    time(&format!("effect up to lag 3 with its bootstraps, {name}"), 5, || effect(&model, &pulse));
     Ok(())
 }
 
 fn all() -> Result<()> {
     linear(3, 1000)?;
     linear(8, 2000)?;
+    graph_alone(5)?;
+    graph_alone(6)?;
+    one_step()?;
     simulation(Equations::Linear, 1000)?;
     simulation(Equations::Gp, 502)?;
     simulation(Equations::Gp, 802)

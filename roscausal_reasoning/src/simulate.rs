@@ -87,7 +87,7 @@ impl Run<'_> {
                         system.parents(&self.rows, first + step, equation, &mut self.parents);
                         if let Some(outside) = outside.as_deref_mut()
                             && let Some(support) = &model.supports[var]
-                            && !support.holds(&self.parents)
+                            && support.is_left(&self.parents)
                         {
                             outside[step] |= bit(var);
                         }
@@ -153,7 +153,7 @@ pub(crate) fn observed_again(model: &Directed, rows: &[f64], memory: usize, sche
             for var in (0..n).filter(|&var| !schedule.is_set(step, var)) {
                 if let (Some(equation), Some(support)) = (&system.equations[var], &model.supports[var]) {
                     system.parents(&path, memory + step, equation, &mut parents);
-                    bits |= if support.holds(&parents) { 0 } else { bit(var) };
+                    bits |= if support.is_left(&parents) { bit(var) } else { 0 };
                 }
             }
             outside.push(bits);

@@ -439,6 +439,13 @@ fn a_file_reads_back_as_a_model_with_the_same_answers() {
     for broken in ["", "{}", "[1]", r#"{"schema": "roscausal/structural_model/2"}"#] {
         assert!(StructuralModel::from_json(broken).unwrap_err().to_string().contains("no structural model"));
     }
+    // Of another version its fields may be others: the version is what is told.
+    let other = StructuralModel::from_json(r#"{"schema": "roscausal/structural_model/2", "rows": {}}"#);
+    assert!(other.unwrap_err().to_string().contains("structural_model/2'; fit it anew"));
+    let whole = chain_model(300).to_json();
+    for end in (1..whole.len() - 1).step_by(whole.len() / 40) {
+        assert!(StructuralModel::from_json(&whole[..end]).is_err(), "cut off after {end} bytes");
+    }
 }
 
 proptest! {

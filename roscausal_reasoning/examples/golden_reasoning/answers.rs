@@ -5,7 +5,7 @@ use roscausal_reasoning::{
     StructuralModel,
     answer::{Outlook, WhatIfAnswer, what_if},
     model::Settings,
-    question::{Action, Intervention, Kind, Situation, WhatIf},
+    question::{Action, Intervention, Situation, WhatIf},
 };
 use serde_json::{Value, json};
 
@@ -51,13 +51,11 @@ pub(crate) fn nonlinear(case: &Case) -> Answer<Value> {
         let (row, horizon) = (count(&query["row"])?, count(&query["horizon"])?);
         let one = |one: &Value| {
             let step = count(&one["step"])?;
-            Ok(Intervention {
-                variable: names[count(&one["var"])?].clone(),
-                kind: if one["type"] == "set" { Kind::Set } else { Kind::Shift },
-                first_step: step,
-                last_step: step,
-                values: vec![number(&one["value"])?],
-            })
+            let (variable, value) = (&names[count(&one["var"])?], [number(&one["value"])?]);
+            let set = one["type"] == "set";
+            let one =
+                if set { Intervention::set(variable, value) } else { Intervention::shift(variable, value) };
+            Ok(one.during(step, step))
         };
         let acts: Vec<Intervention> =
             list(&query["interventions"])?.iter().map(one).collect::<Answer<_>>()?;
@@ -74,18 +72,7 @@ pub(crate) fn experiment(case: &Case) -> Answer<Value> {
     let (model, names) = (fitted(case)?, case.variables()?);
     let acting = names[count(&case.input["action_variable"])?].clone();
     let horizon = count(&case.input["horizon"])?;
-    let set = |values: Vec<f64>| {
-        (
-            horizon,
-            vec![Intervention {
-                variable: acting.clone(),
-                kind: Kind::Set,
-                first_step: 1,
-                last_step: 0,
-                values,
-            }],
-        )
-    };
+    let set = |values: Vec<f64>| (horizon, vec![Intervention::set(&acting, values)]);
     let table = |rows: &Value| -> Answer<Array2<f64>> {
         let rows = list(rows)?.iter().map(numbers).collect::<Answer<Vec<_>>>()?;
         Array2::from_shape_vec((rows.len(), names.len()), rows.concat()).map_err(|e| e.to_string())
@@ -122,14 +109,7 @@ fn too_fast(
     variable: &str,
     horizon: usize,
 ) -> bool {
-    let set = Intervention {
-        variable: variable.to_owned(),
-        kind: Kind::Set,
-        first_step: 1,
-        last_step: 0,
-        values: vec![1.2],
-    };
-    let action = Action { name: "too fast".to_owned(), interventions: vec![set] };
+    let action = Action::one("too fast", Intervention::set(variable, [1.2]));
     let question = WhatIf { horizon, actions: vec![action], ..WhatIf::default() };
     what_if(model, &Situation { rows, now }, &question)
         .outlooks

@@ -127,6 +127,14 @@ pub(super) fn of_model(model: &StructuralModel) -> Vec<String> {
                     listed(&summary.dropped)
                 ));
             }
+            if summary.alone > 0 {
+                let rows =
+                    if summary.alone == 1 { "1 row".to_owned() } else { format!("{} rows", summary.alone) };
+                caveats.push(format!(
+                    "the equation of {name} has a coefficient that rests on one row alone ({rows} left out of its noise); record more \
+                     rows like that"
+                ));
+            }
         }
     }
     if !model.facts.dropped.is_empty() {

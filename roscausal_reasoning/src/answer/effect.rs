@@ -8,7 +8,7 @@ use super::{
     sentences::{listed, short, steps},
 };
 use crate::{
-    effects::{Columns, Mediation, Sums},
+    effects::{Columns, Paths, Sums},
     graph::{Adjustment, adjustment},
     model::{Member, StructuralModel},
     question::variable,
@@ -17,8 +17,8 @@ use crate::{
 
 /// Bootstraps of the rows for an interval.
 const BOOTSTRAPS: usize = 200;
-/// Longest lag.
-const LONGEST_LAG: usize = 100;
+/// Longest lag that an effect is asked for.
+pub const LONGEST_LAG: usize = 100;
 /// Rows of an experiment below which it says nothing alone.
 const FEWEST_IMPOSED: usize = 50;
 
@@ -76,7 +76,7 @@ struct AtLag {
 /// What one graph says.
 struct ByGraph {
     lags: Vec<AtLag>,
-    mediation: Mediation,
+    paths: Paths,
     /// Interval of each lag's effect by paths.
     by_paths: Vec<(f64, f64)>,
 }
@@ -134,17 +134,14 @@ pub fn effect(model: &StructuralModel, question: &EffectQuestion) -> EffectAnswe
         lags.iter().map(|&lag| fold(lag, f64::INFINITY, f64::min, |l| l.bounds.0)).collect::<Vec<_>>();
     let upper =
         lags.iter().map(|&lag| fold(lag, f64::NEG_INFINITY, f64::max, |l| l.bounds.1)).collect::<Vec<_>>();
-    let direct = lags.iter().map(|&lag| {
-        average(&|g| g.mediation.system.coefficients.get(lag).map_or(0.0, |phi| phi[[effect, cause]]))
-    });
-    let direct: Vec<f64> = direct.collect();
+    let direct: Vec<f64> = lags.iter().map(|&lag| average(&|g| g.paths.direct(lag))).collect();
     let own = usize::from(cause == effect);
     let peak = (own..=question.max_lag)
         .max_by(|&a, &b| total[a].abs().total_cmp(&total[b].abs()).then(b.cmp(&a)))
         .unwrap_or(0);
-    let through = |k: usize| average(&|g| g.mediation.mediated[k][peak][[effect, cause]]);
-    let passes = |k: &usize| *k != cause && *k != effect && through(*k) != 0.0;
-    let mediators: Vec<usize> = (0..names.len()).filter(passes).collect();
+    let through = |k: usize| (k, average(&|g| g.paths.through(k, peak)));
+    let others = (0..names.len()).filter(|&k| k != cause && k != effect);
+    let mediators: Vec<(usize, f64)> = others.map(through).filter(|(_, part)| *part != 0.0).collect();
     let first = &graphs[0].lags[peak];
     let set: Vec<String> = first.found.set.iter().flatten().map(|&node| model.graph().text(node)).collect();
     let robustness =
@@ -155,8 +152,8 @@ pub fn effect(model: &StructuralModel, question: &EffectQuestion) -> EffectAnswe
     let mut answer = EffectAnswer {
         status,
         message,
-        mediated: mediators.iter().map(|&k| through(k)).collect(),
-        mediators: mediators.iter().map(|&k| names[k].clone()).collect(),
+        mediated: mediators.iter().map(|(_, part)| *part).collect(),
+        mediators: mediators.iter().map(|(k, _)| names[*k].clone()).collect(),
         adjustment_set: set,
         robustness,
         total,
@@ -190,15 +187,13 @@ fn of_graph(
     }
     let (samples, seed) = (model.samples(), model.settings().seed);
     let horizon = max_lag.max(graph.largest_lag());
-    let mediation = Mediation::fit(samples, graph, horizon, false).map_err(|e| e.to_string())?;
-    let drawn =
-        Mediation::bootstrap(samples, graph, horizon, false, BOOTSTRAPS, seed).map_err(|e| e.to_string())?;
+    let paths = Paths::fit(samples, graph, (cause, effect), horizon, (BOOTSTRAPS, seed));
+    let paths = paths.map_err(|e| e.to_string())?;
     let tail = 0.5 * (1.0 - model.settings().interval);
-    let by_paths =
-        (0..=max_lag).map(|lag| bounds(drawn.iter().map(|m| m.total[lag][[effect, cause]]), tail)).collect();
+    let by_paths = (0..=max_lag).map(|lag| bounds(paths.drawn.iter().map(|lags| lags[lag]), tail)).collect();
     let lags =
         (0..=max_lag).map(|lag| at_lag(model, member, Node::new(cause, lag), Node::new(effect, 0), tail));
-    Ok(ByGraph { lags: lags.collect::<Result<_, String>>()?, mediation, by_paths })
+    Ok(ByGraph { lags: lags.collect::<Result<_, String>>()?, paths, by_paths })
 }
 
 fn bounds(values: impl Iterator<Item = f64>, tail: f64) -> (f64, f64) {
@@ -241,6 +236,12 @@ fn at_lag(model: &StructuralModel, member: &Member, x: Node, y: Node, tail: f64)
     }
     let coefficient = |sums: &Sums| sums.regress(target, &regressors).0[0];
     let whole = columns.products().whole();
+    if whole.deviation(regressors[0]) == 0.0 {
+        let name = &member.model.graph.names()[x.var];
+        return Err(format!(
+            "{name} has one value in all rows, which say nothing of its effect; record it with others"
+        ));
+    }
     let (all, rss) = whole.regress(target, &regressors);
     let (_, own) = whole.regress(regressors[0], &regressors[1..]);
     let error = (rss / degrees / own).sqrt();
@@ -314,7 +315,7 @@ fn cautions(
     }
     for graph in graphs {
         let (by_set, by_paths) = (&graph.lags[peak], graph.by_paths[peak]);
-        let paths = graph.mediation.total[peak][[effect, cause]];
+        let paths = graph.paths.total[peak];
         let apart = (paths < by_set.bounds.0 || paths > by_set.bounds.1)
             && (by_set.coefficient < by_paths.0 || by_set.coefficient > by_paths.1);
         if by_set.found.causal_path && apart {

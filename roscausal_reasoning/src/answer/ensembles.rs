@@ -32,12 +32,13 @@ pub(super) struct Outcomes {
     pub(super) refused: Option<String>,
 }
 
-/// Simulates an action, or runs the observed rows again under it.
+/// Simulates an action, or runs the observed rows again under it. What is not `needed` for the answer may be missing.
 pub(super) fn outcomes(
     model: &StructuralModel,
     situation: &Situation<'_>,
     schedule: &Schedule,
     question: &WhatIf,
+    needed: &[bool],
 ) -> Outcomes {
     let memory = model.graph_memory();
     let first = situation.now + 1 - memory;
@@ -60,7 +61,7 @@ pub(super) fn outcomes(
         supported = supported
             .min((0..schedule.steps()).find(|&step| share(step) > LEAVING).unwrap_or(schedule.steps()));
         refused = refused
-            .or_else(|| missing(directed, schedule))
+            .or_else(|| missing(directed, schedule, needed))
             .or_else(|| too_far(directed, &past, schedule, &outcome.paths));
         all.push(outcome);
     }
@@ -68,8 +69,8 @@ pub(super) fn outcomes(
 }
 
 /// An equation that is needed and could not be fitted.
-fn missing(model: &Directed, schedule: &Schedule) -> Option<String> {
-    let free = |var: &usize| (0..schedule.steps()).any(|step| !schedule.is_set(step, *var));
+fn missing(model: &Directed, schedule: &Schedule, needed: &[bool]) -> Option<String> {
+    let free = |var: &usize| needed[*var] && (0..schedule.steps()).any(|step| !schedule.is_set(step, *var));
     let var = (0..model.graph.len()).filter(free).find(|&var| model.system.equations[var].is_none())?;
     model.summaries[var].missing.clone()
 }

@@ -225,8 +225,14 @@ fn window(
         );
         return Err((Status::NoData, message));
     }
+    // What does not drive the variable may be missing.
+    let drives = |var: usize| {
+        model.members().iter().any(|member| crate::explain::drivers(&member.model.system, y).contains(&var))
+    };
+    let needed: Vec<bool> = (0..model.graph().len()).map(drives).collect();
     let part = situation.rows.slice(ndarray::s![from + 1 - memory..=to, ..]);
-    if let Some(((row, var), _)) = part.indexed_iter().find(|(_, value)| !value.is_finite()) {
+    let is_gap = |var: usize, value: f64| needed[var] && !value.is_finite();
+    if let Some(((row, var), _)) = part.indexed_iter().find(|((_, var), value)| is_gap(*var, **value)) {
         let name = &model.graph().names()[var];
         let message = format!(
             "{name} is missing in row {}, which the explanation needs; ask for another time",

@@ -11,7 +11,7 @@ mod what_if;
 
 use serde::{Deserialize, Serialize};
 
-pub use effect::{EffectAnswer, EffectQuestion, effect};
+pub use effect::{EffectAnswer, EffectQuestion, LONGEST_LAG, effect};
 pub use explain::{Contribution, ExplainAnswer, ExplainQuestion, explain};
 pub use what_if::{Forecast, Outlook, WhatIfAnswer, predict, what_if};
 

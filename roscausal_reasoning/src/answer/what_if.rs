@@ -11,7 +11,7 @@ use super::{
 };
 use crate::{
     model::{Schedule, StructuralModel},
-    question::{Situation, WhatIf},
+    question::{Asked, Situation, WhatIf},
 };
 
 /// Part of a variable's deviation below which an effect is none.
@@ -107,24 +107,26 @@ pub fn what_if(model: &StructuralModel, situation: &Situation<'_>, question: &Wh
         ranking: Vec::new(),
         caveats: Vec::new(),
     };
-    let asked = match question.checked(model.graph().names()) {
+    let (graphs, refits) = (model.members().len(), model.settings().members);
+    let asked = match question.checked(model.graph().names(), graphs, refits) {
         Ok(asked) => asked,
         Err(message) => return refuse(Status::BadRequest, message),
     };
-    if let Err((status, message)) = rows_there(model, situation, question) {
+    let needed = needed(model, &asked);
+    if let Err((status, message)) = rows_there(model, situation, question, &needed) {
         return refuse(status, message);
     }
     let free = Schedule::free(model.graph().len(), question.horizon);
     // What the actions are compared with, where graphs may disagree.
-    let baseline = (model.members().len() > 1).then(|| outcomes(model, situation, &free, question));
-    let all: Vec<Outcomes> =
-        asked.actions.iter().map(|(_, schedule)| outcomes(model, situation, schedule, question)).collect();
+    let of = |schedule: &Schedule| outcomes(model, situation, schedule, question, &needed);
+    let baseline = (model.members().len() > 1).then(|| of(&free));
+    let all: Vec<Outcomes> = asked.actions.iter().map(|(_, schedule)| of(schedule)).collect();
     let prices: Vec<Price> = all.iter().map(|one| price(one, &asked.cost, &asked.limits)).collect();
     let refused = |k: usize| {
         all[k]
             .refused
             .as_ref()
-            .filter(|_| !question.allow_extrapolation || model_lacks(model, &asked.actions[k].1))
+            .filter(|_| !question.allow_extrapolation || model_lacks(model, &asked.actions[k].1, &needed))
     };
     let keeps = |k: usize| asked.limits.iter().zip(&prices[k].kept).all(|((.., p), kept)| kept >= p);
     let eligible: Vec<usize> = (0..all.len()).filter(|&k| refused(k).is_none() && keeps(k)).collect();
@@ -171,9 +173,25 @@ pub fn what_if(model: &StructuralModel, situation: &Situation<'_>, question: &Wh
     WhatIfAnswer { status, message, dt: model.facts.dt, model_id: model.id(), outlooks, ranking, caveats }
 }
 
+/// By variable: whether the answer is about it, or about something that it drives.
+fn needed(model: &StructuralModel, asked: &Asked) -> Vec<bool> {
+    let mut open = asked.variables.clone();
+    open.extend(asked.cost.iter().map(|(var, _)| *var));
+    open.extend(asked.limits.iter().map(|(var, ..)| *var));
+    let mut needed = vec![false; model.graph().len()];
+    while let Some(var) = open.pop() {
+        if !std::mem::replace(&mut needed[var], true) {
+            for member in model.members() {
+                open.extend(member.model.graph.parents(var).iter().map(|parent| parent.var));
+            }
+        }
+    }
+    needed
+}
+
 /// Whether an equation that the action needs is missing: then nothing can be extrapolated.
-fn model_lacks(model: &StructuralModel, schedule: &Schedule) -> bool {
-    let free = |var: &usize| (0..schedule.steps()).any(|step| !schedule.is_set(step, *var));
+fn model_lacks(model: &StructuralModel, schedule: &Schedule, needed: &[bool]) -> bool {
+    let free = |var: &usize| needed[*var] && (0..schedule.steps()).any(|step| !schedule.is_set(step, *var));
     let lacks =
         |var: usize| model.members().iter().any(|member| member.model.system.equations[var].is_none());
     (0..model.graph().len()).filter(free).any(lacks)
@@ -184,6 +202,7 @@ fn rows_there(
     model: &StructuralModel,
     situation: &Situation<'_>,
     question: &WhatIf,
+    needed: &[bool],
 ) -> Result<(), (Status, String)> {
     let (n, names, memory) = (model.graph().len(), model.graph().names(), model.graph_memory());
     if situation.rows.ncols() != n {
@@ -215,9 +234,11 @@ fn rows_there(
     let read = |row: usize, var: usize| {
         let lag = now + 1 - row.min(now);
         let reads = |member: &crate::model::Member| {
-            (0..n).any(|child| member.model.graph.parents(child).iter().any(|p| p.var == var && p.lag >= lag))
+            let by =
+                |child: usize| member.model.graph.parents(child).iter().any(|p| p.var == var && p.lag >= lag);
+            (0..n).any(|child| needed[child] && by(child))
         };
-        row > now || model.members().iter().any(reads)
+        (row > now && needed[var]) || model.members().iter().any(reads)
     };
     for row in now + 1 - memory..=last {
         if let Some(var) = (0..n).find(|&var| !situation.rows[[row, var]].is_finite() && read(row, var)) {

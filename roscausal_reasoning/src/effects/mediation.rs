@@ -35,10 +35,11 @@ pub(crate) struct Columns {
 }
 
 impl Columns {
-    /// From row `first` of each recording on, without rows in which a value is missing.
-    pub(crate) fn new(samples: &Samples, graph: &Graph, first: usize) -> Self {
-        let mut nodes: Vec<Node> = (0..graph.len()).map(|var| Node::new(var, 0)).collect();
-        for var in 0..graph.len() {
+    /// Those of the equations of `variables`, from row `first` of each recording on, without rows in which one of their values is
+    /// missing.
+    fn new(samples: &Samples, graph: &Graph, variables: &[usize], first: usize) -> Self {
+        let mut nodes: Vec<Node> = variables.iter().map(|&var| Node::new(var, 0)).collect();
+        for &var in variables {
             nodes.extend_from_slice(graph.parents(var));
         }
         nodes.sort_unstable();
@@ -79,13 +80,19 @@ impl Columns {
         self.nodes.binary_search(&node).unwrap_or(0)
     }
 
-    /// The linear equations of a graph by some sums; in units of standard deviations if asked for.
-    pub(crate) fn system(&self, graph: &Graph, sums: &Sums, standardise: bool) -> LinearSystem {
+    /// The linear equations of `variables` by some sums; in units of standard deviations if asked for. Other variables have no parents.
+    pub(super) fn system(
+        &self,
+        graph: &Graph,
+        variables: &[usize],
+        sums: &Sums,
+        standardise: bool,
+    ) -> LinearSystem {
         let n = graph.len();
         let mut coefficients = vec![Array2::zeros((n, n)); graph.largest_lag() + 1];
         let mut intercepts = vec![0.0; n];
         let means = self.products.means();
-        for var in 0..n {
+        for &var in variables {
             let target = self.position(Node::new(var, 0));
             let columns: Vec<usize> =
                 graph.parents(var).iter().map(|&parent| self.position(parent)).collect();
@@ -112,8 +119,9 @@ impl Mediation {
     /// # Errors
     /// Fewer rows than coefficients; pairs without a direction.
     pub fn fit(samples: &Samples, graph: &Graph, horizon: usize, standardise: bool) -> Result<Self> {
-        let columns = columns_for(samples, graph, horizon)?;
-        Ok(Self::of(columns.system(graph, &columns.products.whole(), standardise), horizon))
+        let all: Vec<usize> = (0..graph.len()).collect();
+        let columns = columns_for(samples, graph, &all, horizon)?;
+        Ok(Self::of(columns.system(graph, &all, &columns.products.whole(), standardise), horizon))
     }
 
     /// The same on `count` moving-block bootstraps of the rows.
@@ -128,11 +136,12 @@ impl Mediation {
         count: usize,
         seed: u64,
     ) -> Result<Vec<Self>> {
-        let columns = columns_for(samples, graph, horizon)?;
+        let all: Vec<usize> = (0..graph.len()).collect();
+        let columns = columns_for(samples, graph, &all, horizon)?;
         let prefix = columns.products.prefix();
         let one = |k: usize| {
             let sums = prefix.resampled(random::at(seed, k, 1), &columns.stretches);
-            Self::of(columns.system(graph, &sums, standardise), horizon)
+            Self::of(columns.system(graph, &all, &sums, standardise), horizon)
         };
         Ok((0..count).map(one).collect())
     }
@@ -181,15 +190,21 @@ impl Mediation {
     }
 }
 
-fn columns_for(samples: &Samples, graph: &Graph, horizon: usize) -> Result<Columns> {
+/// The columns of the equations of `variables`, which may be none.
+pub(super) fn columns_for(
+    samples: &Samples,
+    graph: &Graph,
+    variables: &[usize],
+    horizon: usize,
+) -> Result<Columns> {
     if !graph.pairs().is_empty() {
         return Err(Error::Data(
             "the graph has pairs without a direction; take one of its orientations".into(),
         ));
     }
-    let columns = Columns::new(samples, graph, horizon);
-    let most = (0..graph.len()).map(|var| graph.parents(var).len()).max().unwrap_or(0);
-    if columns.products.rows() < most + 2 {
+    let columns = Columns::new(samples, graph, variables, horizon);
+    let most = variables.iter().map(|&var| graph.parents(var).len()).max().unwrap_or(0);
+    if !variables.is_empty() && columns.products.rows() < most + 2 {
         return Err(Error::Data(format!(
             "{} complete rows are too few for equations of {most} parents; record longer",
             columns.products.rows()

@@ -2,9 +2,11 @@
 
 mod adjusted;
 mod mediation;
+mod paths;
 mod products;
 
 pub use adjusted::{Adjusted, adjusted, wright};
 pub(crate) use mediation::Columns;
 pub use mediation::{Mediation, OverLags};
+pub(crate) use paths::Paths;
 pub(crate) use products::Sums;

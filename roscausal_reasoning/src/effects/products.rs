@@ -1,6 +1,9 @@
 //! Sums of products of columns: what every linear regression among them follows from, for all rows or for a bootstrap's.
 
-use crate::{linear::Factor, random};
+use crate::{
+    linear::{CONSTANT, Factor},
+    random,
+};
 
 /// Columns with mean 0, row by row.
 pub(crate) struct Products {
@@ -37,6 +40,10 @@ impl Products {
         let centre = |column: &mut Vec<f64>| {
             let mean = column.iter().sum::<f64>() / n.max(1) as f64;
             column.iter_mut().for_each(|v| *v -= mean);
+            // What rounding leaves of a constant is no variance.
+            if column.iter().all(|v| v.abs() <= CONSTANT * mean.abs()) {
+                column.fill(0.0);
+            }
             mean
         };
         let means = columns.iter_mut().map(centre).collect();

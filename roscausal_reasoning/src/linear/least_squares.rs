@@ -5,6 +5,8 @@
 
 /// Part of a column's norm, squared, below which earlier columns explain it.
 const RANK_TOLERANCE: f64 = 1e-11;
+/// What is left of a column beside this share of its mean is what rounding leaves of a constant.
+pub(crate) const CONSTANT: f64 = 1e-13;
 
 /// A fit of `target = intercept + sum of coefficients x columns`.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -125,7 +127,7 @@ pub(crate) fn weighted<C: AsRef<[f64]>>(target: &[f64], columns: &[C], counts: O
     for column in columns {
         let (centre, mut values) = centred(column.as_ref());
         let norm = product(&values, &values).sqrt();
-        let constant = norm <= 1e-13 * total.sqrt() * centre.abs();
+        let constant = norm <= CONSTANT * total.sqrt() * centre.abs();
         values.iter_mut().for_each(|v| *v = if constant { 0.0 } else { *v / norm });
         means.push(centre);
         norms.push(norm);

@@ -3,6 +3,6 @@
 mod least_squares;
 mod system;
 
-pub(crate) use least_squares::{Factor, weighted};
+pub(crate) use least_squares::{CONSTANT, Factor, weighted};
 pub use least_squares::{Fit, least_squares};
 pub use system::LinearSystem;

@@ -76,6 +76,9 @@ pub struct Summary {
     pub process: Option<(f64, f64)>,
     /// Parents that others explain.
     pub dropped: Vec<String>,
+    /// Rows that alone decide on a coefficient, such as the only one in which a parent is not 0. They are no part of the noise.
+    #[serde(default, skip_serializing_if = "is_zero")]
+    pub alone: usize,
     /// Root mean square of the left-out residuals.
     pub rmse: f64,
 }
@@ -151,6 +154,11 @@ impl Directed {
     }
 }
 
+/// Whether a file need not say how many.
+fn is_zero(count: &usize) -> bool {
+    *count == 0
+}
+
 fn system(graph: &Graph, equations: Vec<Option<Arc<Equation>>>) -> System {
     System { equations, order: graph.order().to_vec(), memory: graph.memory() }
 }
@@ -187,6 +195,7 @@ fn summary(graph: &Graph, fit: &std::result::Result<Fitted, String>) -> Summary 
             coefficients: fit.line.coefficients.clone(),
             process: fit.hyperparameters,
             dropped: fit.dropped.iter().map(|&node: &Node| graph.text(node)).collect(),
+            alone: fit.alone,
             rmse: fit.mean_square.sqrt(),
         },
     }

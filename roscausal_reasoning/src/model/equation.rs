@@ -22,6 +22,8 @@ const WORTH_IT: f64 = 0.98;
 /// Rows that an equation needs: at least, and for each coefficient.
 const FEWEST_ROWS: usize = 50;
 const ROWS_PER_COEFFICIENT: usize = 10;
+/// How near to 1 a leverage is where the row alone decides on a coefficient. What the row would leave without itself is then 0/0.
+const ALONE: f64 = 1e-10;
 
 /// Which equations are fitted.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
@@ -80,9 +82,11 @@ pub(crate) struct Fitted {
     pub(crate) residuals: Vec<f64>,
     /// Parents that others explain.
     pub(crate) dropped: Vec<Node>,
+    /// How many rows alone decide on a coefficient: their residuals are unknown.
+    pub(crate) alone: usize,
     /// The line alone.
     pub(crate) line: Fit,
-    /// Mean square of the residuals.
+    /// Mean square of the residuals that are known.
     pub(crate) mean_square: f64,
     pub(crate) hyperparameters: Option<Hyperparameters>,
     /// What resampling needs: the target and each parent's values by training row.
@@ -93,7 +97,7 @@ pub(crate) struct Fitted {
 /// Fits the equation of `var` on `moments`. With `known`, no hyperparameters are searched: those given are taken, or none.
 ///
 /// # Errors
-/// In one sentence: too few rows.
+/// In one sentence: too few rows, or values that are too large to compute with.
 pub(crate) fn fit(
     samples: &Samples,
     moments: &[Moment],
@@ -115,6 +119,15 @@ pub(crate) fn fit(
     let target = value(Node::new(var, 0));
     let columns: Vec<Vec<f64>> = parents.iter().map(|&parent| value(parent)).collect();
     let line = weighted(&target, &columns, None);
+    let alone: Vec<bool> = line.leverages.iter().map(|h| !parents.is_empty() && 1.0 - h < ALONE).collect();
+    let kept: Vec<usize> = (0..rows.len()).filter(|&i| !alone[i]).collect();
+    if kept.len() < needed {
+        return Err(format!(
+            "the equation of {name} has {} rows beside those that alone decide on a coefficient, and needs {needed} (too few rows); \
+             record longer",
+            kept.len()
+        ));
+    }
     let mut equation = Equation::line(parents, line.intercept, &line.coefficients);
     // Without parents the noise is the sample itself, shifted by its mean.
     let left_out = |i: usize| {
@@ -130,8 +143,10 @@ pub(crate) fn fit(
     {
         let thinned: Vec<usize> = thin(rows.len(), GP_ROWS).collect();
         let square = |values: &mut dyn Iterator<Item = f64>| values.map(|v| v * v).sum::<f64>();
-        let by_line = square(&mut thinned.iter().map(|&i| own[i]));
-        let by_process = square(&mut without.iter().copied());
+        let by_line = square(&mut thinned.iter().filter(|i| !alone[**i]).map(|&i| own[i]));
+        let by_process = square(
+            &mut thinned.iter().zip(&without).filter(|(i, _)| !alone[**i]).map(|(_, residual)| *residual),
+        );
         if known.is_some() || kind == Equations::Gp || by_process < WORTH_IT * by_line {
             let optimum = process.optimum();
             hyperparameters = Some((optimum.length_scale, optimum.noise));
@@ -144,15 +159,23 @@ pub(crate) fn fit(
             thinned.iter().zip(without).for_each(|(&i, residual)| own[i] = residual);
         }
     }
-    let mean_square = own.iter().map(|e| e * e).sum::<f64>() / own.len() as f64;
+    let mean_square = kept.iter().map(|&i| own[i] * own[i]).sum::<f64>() / kept.len() as f64;
+    let slopes_are_finite = line.coefficients.iter().all(|slope| slope.is_finite());
+    if !slopes_are_finite || !mean_square.is_finite() || !line.intercept.is_finite() {
+        return Err(format!(
+            "the equation of {name} cannot be computed: its values or those of its parents are too large; take out the largest ones, or \
+             record in another unit"
+        ));
+    }
     let mut residuals = vec![f64::NAN; moments.len()];
-    rows.iter().zip(own).for_each(|(&m, residual)| residuals[m] = residual);
+    kept.iter().for_each(|&i| residuals[rows[i]] = own[i]);
     let dropped = line.dropped.iter().map(|&k| parents[k]).collect();
     Ok(Fitted {
         equation: Arc::new(equation),
         rows,
         residuals,
         dropped,
+        alone: alone.len() - kept.len(),
         line,
         mean_square,
         hyperparameters,

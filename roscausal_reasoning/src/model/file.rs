@@ -18,6 +18,12 @@ use crate::{
 /// Version of the layout. A reader refuses another major version.
 pub const SCHEMA: &str = "roscausal/structural_model/1";
 
+/// What a file of any version has.
+#[derive(Deserialize)]
+struct Head {
+    schema: String,
+}
+
 #[derive(Serialize, Deserialize)]
 struct File {
     schema: String,
@@ -98,10 +104,11 @@ impl StructuralModel {
         let broken = |reason: &dyn std::fmt::Display| {
             Error::Data(format!("this is no structural model ({SCHEMA}): {reason}"))
         };
-        let file: File = serde_json::from_str(text).map_err(|e| broken(&e))?;
-        if file.schema != SCHEMA {
-            return Err(broken(&format!("its schema is '{}'", file.schema)));
+        let head: Head = serde_json::from_str(text).map_err(|e| broken(&e))?;
+        if head.schema != SCHEMA {
+            return Err(broken(&format!("its schema is '{}'; fit it anew with this version", head.schema)));
         }
+        let file: File = serde_json::from_str(text).map_err(|e| broken(&e))?;
         let n = file.variables.len();
         let find = |name: &str| {
             let position = file.variables.iter().position(|variable| variable == name);

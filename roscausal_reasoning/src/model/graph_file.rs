@@ -48,7 +48,7 @@ fn directed() -> String {
 /// ```
 ///
 /// # Errors
-/// Text that is neither; a graph that is none ([`Graph::new`]).
+/// Text that is neither; a graph that is none ([`Graph::new`]); a step that is not above 0.
 pub fn graph_of_json(text: &str, context: &[String]) -> Result<(Graph, Facts)> {
     let json: serde_json::Value =
         serde_json::from_str(text).map_err(|e| Error::Data(format!("this is no JSON: {e}")))?;
@@ -63,6 +63,9 @@ pub fn graph_of_json(text: &str, context: &[String]) -> Result<(Graph, Facts)> {
     let ByHand { mut variables, links, units, dt } = serde_json::from_value(json).map_err(|e| {
         Error::Data(format!("this is no graph: {e}; write {{\"links\": [{{\"cause\": \"r_v\", \"effect\": \"d\", \"lag\": 1}}]}}"))
     })?;
+    if let Some(dt) = dt.filter(|dt| *dt <= 0.0) {
+        return Err(Error::param("dt", format!("{dt} is no step between rows; give seconds above 0")));
+    }
     if variables.is_empty() {
         for name in links.iter().flat_map(|link| [&link.cause, &link.effect]) {
             if !variables.contains(name) {
@@ -114,5 +117,9 @@ mod tests {
                 .contains("'b'")
         );
         assert!(refused(r#"{"links": []}"#).contains("no variable"));
+        assert!(
+            refused(r#"{"dt": -0.3, "links": [{"cause": "a", "effect": "b", "lag": 1}]}"#)
+                .contains("above 0")
+        );
     }
 }

@@ -73,6 +73,11 @@ impl Support {
         self.search(&standard, None, Some(self.limit)) <= self.limit
     }
 
+    /// Whether a state is known and outside.
+    pub(crate) fn is_left(&self, place: &[f64]) -> bool {
+        !self.holds(place) && !place.iter().any(|value| value.is_nan())
+    }
+
     /// The column whose value is farthest from what was seen: its number and how many deviations it is beyond the mean.
     pub fn farthest(&self, place: &[f64]) -> Option<usize> {
         let beyond = |k: &usize| {
@@ -149,6 +154,13 @@ mod tests {
         assert!(support.holds(&[3.0, 4.0]) && support.holds(&[19.0, 0.5]));
         assert!(!support.holds(&[40.0, 4.0]) && !support.holds(&[-20.0, 40.0]));
         assert_eq!((support.farthest(&[40.0, 4.0]), support.range(0)), (Some(0), Some((0.0, 19.0))));
+    }
+
+    #[test]
+    fn what_is_unknown_is_nowhere() {
+        let support = grid();
+        assert!(support.is_left(&[40.0, 4.0]) && !support.is_left(&[3.0, 4.0]));
+        assert!(!support.is_left(&[f64::NAN, 4.0]) && !support.holds(&[f64::NAN, 4.0]));
     }
 
     #[test]

@@ -2,8 +2,11 @@
 
 use roscausal_discovery::names;
 
-use super::{Action, GO_ON, Intervention, Kind, LONGEST_HORIZON, Limit, MOST_ACTIONS, WhatIf};
+use super::{Action, GO_ON, Intervention, Kind, LONGEST_HORIZON, Limit, MOST_ACTIONS, MOST_NUMBERS, WhatIf};
 use crate::model::Schedule;
+
+/// Numbers that an action holds for each step and variable beside its paths: what it sets, and what is forecast.
+const BESIDE: usize = 10;
 
 type Checked<T> = std::result::Result<T, String>;
 
@@ -29,8 +32,8 @@ pub(crate) struct Asked {
 }
 
 impl WhatIf {
-    /// Checks the question for a model of these variables.
-    pub(crate) fn checked(&self, all: &[String]) -> Checked<Asked> {
+    /// Checks the question for a model of these variables, that may stand for so many `graphs` with so many `refits` each.
+    pub(crate) fn checked(&self, all: &[String], graphs: usize, refits: usize) -> Checked<Asked> {
         if !(1..=LONGEST_HORIZON).contains(&self.horizon) {
             return Err(format!(
                 "a horizon of {} steps is not answered; ask for 1 to {LONGEST_HORIZON}",
@@ -43,15 +46,10 @@ impl WhatIf {
                 self.actions.len()
             ));
         }
-        let work = self.actions.len().max(1).saturating_mul(self.horizon).saturating_mul(self.paths);
-        if !(20..=100_000).contains(&self.paths) || work > 40_000_000 {
-            return Err(format!(
-                "{} paths of {} steps for {} actions are not answered; take 20 to 100000 paths, and fewer steps or actions",
-                self.paths,
-                self.horizon,
-                self.actions.len().max(1)
-            ));
+        if !(20..=100_000).contains(&self.paths) {
+            return Err(format!("{} paths are not simulated; take 20 to 100000", self.paths));
         }
+        self.has_room(all.len(), graphs, refits)?;
         let go_on = [Action::go_on()];
         let asked = if self.actions.is_empty() { &go_on[..] } else { &self.actions };
         if let Some(k) =
@@ -76,6 +74,25 @@ impl WhatIf {
             cost: self.cost.iter().map(term).collect::<Checked<_>>()?,
             limits: self.limits.iter().map(|limit| limit.checked(all)).collect::<Checked<_>>()?,
         })
+    }
+
+    /// Whether what is held at once fits into memory: every action's paths under every graph; of had-I these are the refits.
+    fn has_room(&self, variables: usize, graphs: usize, refits: usize) -> Checked<()> {
+        let paths = if self.counterfactual { refits } else { self.paths };
+        let asked = self.actions.len().max(1);
+        // Where graphs may disagree, going on is simulated beside the actions.
+        let actions = asked + usize::from(graphs > 1);
+        // A path has a number for each variable, and one for where it leaves what was seen.
+        let cells = actions.saturating_mul(self.horizon).saturating_mul(variables.saturating_add(1));
+        let numbers = cells.saturating_mul(paths.saturating_mul(graphs).saturating_add(BESIDE));
+        if numbers <= MOST_NUMBERS {
+            return Ok(());
+        }
+        Err(format!(
+            "actions x steps x paths x variables x graphs = {asked} x {} x {paths} x {variables} x {graphs} need too much memory; ask for \
+             fewer actions, steps or paths",
+            self.horizon
+        ))
     }
 }
 

@@ -3,7 +3,7 @@
 mod check;
 mod text;
 
-pub(crate) use check::variable;
+pub(crate) use check::{Asked, variable};
 pub use text::{parse_action, parse_limit};
 
 use serde::{Deserialize, Serialize};
@@ -12,6 +12,8 @@ use serde::{Deserialize, Serialize};
 pub const LONGEST_HORIZON: usize = 1000;
 /// Most actions in one question.
 pub const MOST_ACTIONS: usize = 100;
+/// Most numbers that the answer to one question holds at a time: 400 MB.
+pub const MOST_NUMBERS: usize = 50_000_000;
 /// The name of the action that does nothing.
 pub const GO_ON: &str = "go on";
 
@@ -40,6 +42,28 @@ pub struct Intervention {
     pub values: Vec<f64>,
 }
 
+impl Intervention {
+    /// The variable takes the value at all steps, or one value at each. Example: `Intervention::set("r_v", [0.2]).during(1, 3)`.
+    pub fn set(variable: impl Into<String>, values: impl Into<Vec<f64>>) -> Self {
+        Self::new(Kind::Set, variable.into(), values.into())
+    }
+
+    /// The value is added to the variable at all steps, or one value at each.
+    pub fn shift(variable: impl Into<String>, values: impl Into<Vec<f64>>) -> Self {
+        Self::new(Kind::Shift, variable.into(), values.into())
+    }
+
+    fn new(kind: Kind, variable: String, values: Vec<f64>) -> Self {
+        Self { variable, kind, first_step: 1, last_step: 0, values }
+    }
+
+    /// Only for these steps.
+    #[must_use]
+    pub fn during(self, first_step: usize, last_step: usize) -> Self {
+        Self { first_step, last_step, ..self }
+    }
+}
+
 /// Something that might be done.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Action {
@@ -50,6 +74,11 @@ pub struct Action {
 }
 
 impl Action {
+    /// To act on one variable.
+    pub fn one(name: impl Into<String>, intervention: Intervention) -> Self {
+        Self { name: name.into(), interventions: vec![intervention] }
+    }
+
     /// To do nothing.
     pub fn go_on() -> Self {
         Self { name: GO_ON.to_owned(), interventions: Vec::new() }

@@ -44,19 +44,18 @@ fn intervention(text: &str) -> Result<Intervention, String> {
     let step = |text: &str| text.trim().parse::<usize>().map_err(|_| fault());
     let (first_step, last_step) = match steps.map(|steps| steps.split_once("..").ok_or(steps)) {
         None => (1, 0),
-        Some(Ok((first, last))) => (step(first)?, step(last)?),
+        // Among the settings 0 stands for the end of the question.
+        Some(Ok((first, last))) => match (step(first)?, step(last)?) {
+            (_, 0) => return Err(fault()),
+            steps => steps,
+        },
         Some(Err(one)) => (step(one)?, step(one)?),
     };
     if variable.is_empty() {
         return Err(fault());
     }
-    Ok(Intervention {
-        variable: variable.to_owned(),
-        kind,
-        first_step,
-        last_step,
-        values: values.map_err(|_| fault())?,
-    })
+    let values = values.map_err(|_| fault())?;
+    Ok(Intervention::new(kind, variable.to_owned(), values).during(first_step, last_step))
 }
 
 /// Reads a limit: `d>1.5:0.95`, `h_risk<2`. A variable, the bound that it is to stay above or below, and the probability (default 0.95).
@@ -98,7 +97,7 @@ mod tests {
 
     #[test]
     fn what_cannot_be_read_is_refused_with_an_example() {
-        for text in ["stop: r_v", "=3", "a=x", "a=1@x", "a=1@1..", "a=1@-1"] {
+        for text in ["stop: r_v", "=3", "a=x", "a=1@x", "a=1@1..", "a=1@-1", "a=1@5..0"] {
             assert!(parse_action(text).unwrap_err().contains("r_v=0@1..10"), "{text}");
         }
         for text in ["d", "d>x", ">1", "d>1:p"] {
