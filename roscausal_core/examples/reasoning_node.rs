@@ -84,9 +84,7 @@ fn time(times: usize, mut call: impl FnMut() -> Result<()>) -> Result<f64> {
 }
 
 fn what_if(node: &LoopbackNode) -> Result<u8> {
-    let one =
-        Intervention { variable: "x0".into(), first_step: 1, values: vec![0.2], ..Intervention::default() };
-    let action = Action { name: "set".into(), interventions: vec![one] };
+    let action = Action::one("set", Intervention::set("x0", [0.2]));
     let question = WhatIfRequest { horizon: 10, actions: vec![action], ..WhatIfRequest::default() };
     Ok(node.call::<WhatIf>(nodes::WHAT_IF_SERVICE, &question, PATIENCE)?.status)
 }

@@ -274,6 +274,49 @@ fn two_people_who_differ_are_pooled_and_what_they_differ_in_makes_no_link() {
 }
 
 #[test]
+fn columns_that_belong_together_are_one_variable_of_the_nodes_model() {
+    let dir = tempfile::tempdir().expect("a folder");
+    let (mut state, mut y_before) = (5, 0.0);
+    let mut csv = "time,h_x,h_y,h_v\n".to_owned();
+    for row in 0..300 {
+        let [x, y, noise] = std::array::from_fn(|_| unit(&mut state));
+        csv += &format!("{},{x},{y},{}\n", f64::from(row) * 0.1, 0.9 * y_before + 0.4 * noise);
+        y_before = y;
+    }
+    batch(dir.path(), "0", &csv, r#"{"ids": [1]}"#);
+    let settings = [
+        ("vectors", Value::List(vec![word("place=h_x+h_y")])),
+        ("cd_method", word("pcmci")),
+        ("cond_ind_test", word("parcorrmult")),
+        ("min_lag", Value::Int(1)),
+    ];
+    let model = model_of(dir.path(), &settings);
+    assert_eq!(model["features"], serde_json::json!(["place", "h_v"]));
+    assert_eq!((&model["graph"][0][1][1], &model["graph"][1][0][1]), (&"-->".into(), &"".into()), "{model}");
+}
+
+#[test]
+fn nothing_drives_what_the_node_is_told_is_exogenous() {
+    let arrow = |settings: &[(&str, Value)]| {
+        let dir = tempfile::tempdir().expect("a folder");
+        let (mut state, mut before) = (5, 0.0);
+        let mut csv = "time,h_v,h_dg\n".to_owned();
+        for row in 0..300 {
+            let [h_v, noise] = std::array::from_fn(|_| unit(&mut state));
+            csv += &format!("{},{h_v},{}\n", f64::from(row) * 0.1, 0.9 * before + 0.4 * noise);
+            before = h_v;
+        }
+        batch(dir.path(), "0", &csv, r#"{"ids": [1]}"#);
+        let usual =
+            [("cd_method", word("pcmci")), ("cond_ind_test", word("parcorr")), ("min_lag", Value::Int(1))];
+        let model = model_of(dir.path(), &[&usual[..], settings].concat());
+        model["graph"][0][1][1].as_str().expect("a mark").to_owned()
+    };
+    assert_eq!(arrow(&[]), "-->");
+    assert_eq!(arrow(&[("exogenous", Value::List(vec![word("h_dg")]))]), "");
+}
+
+#[test]
 fn batches_with_and_without_an_intervention_make_one_model_of_candoit() {
     let dir = tempfile::tempdir().expect("a folder");
     let mut state = 5;

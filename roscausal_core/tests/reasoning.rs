@@ -123,14 +123,7 @@ impl Bench {
 }
 
 fn set(name: &str, variable: &str, value: f64) -> Action {
-    let one = Intervention {
-        variable: variable.into(),
-        kind: Intervention::SET,
-        first_step: 1,
-        last_step: 0,
-        values: vec![value],
-    };
-    Action { name: name.into(), interventions: vec![one] }
+    Action::one(name, Intervention::set(variable, [value]))
 }
 
 fn slow_or_fast() -> WhatIfRequest {
@@ -208,6 +201,24 @@ fn each_row_is_predicted_and_each_prediction_scored() {
     let latched = models.try_iter().last().expect("is latched").data;
     let json: serde_json::Value = serde_json::from_str(&latched).expect("JSON");
     assert!(json["model_id"] == last.model_id.as_str() && latched.len() < 100_000, "{latched}");
+    bench.end();
+}
+
+#[test]
+fn predictions_that_need_too_much_memory_are_missed_aloud() {
+    let settings = [("horizon", Value::Int(1000)), ("prediction_paths", Value::Int(100_000))];
+    let bench = Bench::new(Loopback::lockstep(), &settings);
+    let (_one, predictions) = listen::<Prediction>(&bench, nodes::PREDICTION_TOPIC, Qos::Volatile(1000));
+    let (_two, reports) = listen::<DiagnosticArray>(&bench, "/diagnostics", Qos::Volatile(1000));
+    bench.models.publish(&model(["r_v", "d"])).expect("publishes");
+    bench.tell(0..230);
+    let report = reports.try_iter().flat_map(|report| report.status).filter(|s| s.name == "reasoning").last();
+    let report = report.expect("a report a second");
+    assert!(
+        report.message.contains("no predictions") && report.message.contains("too much memory"),
+        "{report:?}"
+    );
+    assert_eq!(predictions.try_iter().count(), 0);
     bench.end();
 }
 

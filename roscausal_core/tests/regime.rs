@@ -210,6 +210,19 @@ fn an_announced_intervention_is_no_change_and_an_unannounced_one_is() {
 }
 
 #[test]
+fn a_variable_that_the_user_calls_exogenous_has_no_causes_and_no_changes() {
+    let dir = tempfile::tempdir().expect("a folder");
+    let dir = dir.path();
+    pool(dir, 12, twice, |_| false);
+    let exogenous = Value::List(vec![Value::Str("b".into())]);
+    run(&bus(dir, &[("exogenous", exogenous)]), dir);
+    let told = nodes::recorded_changes(&dir.join("models")).expect("reads");
+    assert!(told.iter().all(|change| change.event.effect != "b"), "{told:?}");
+    let links = model(dir, 11).links;
+    assert!(links.iter().any(|link| link.effect == "c") && links.iter().all(|link| link.effect != "b"));
+}
+
+#[test]
 fn batches_that_do_not_fit_begin_a_new_regime_and_none_is_rejected() {
     let dir = tempfile::tempdir().expect("a folder");
     let dir = dir.path();

@@ -74,7 +74,10 @@ export class Ahead {
     if (anew) $("act-shown").textContent = "move the slider";
   }
 
-  get chosen() { return { variable: $("act-variable").value, value: +Number($("act-value").value).toFixed(4) }; }
+  get chosen() {
+    const slider = $("act-value");
+    return { variable: $("act-variable").value, value: +Number(slider.value).toFixed(decimals(slider.max - slider.min)) };
+  }
 
   /** The reader has moved the slider, or asks for another ranking. */
   act() {
@@ -176,6 +179,9 @@ export class Ahead {
   }
 }
 
+/** Decimals that tell a thousandth of a range: four, and more where the range is small. */
+const decimals = (range) => (range > 0 ? Math.min(Math.max(4, 3 - Math.floor(Math.log10(range))), 100) : 4);
+
 const short = (value) => (value === null || value === undefined ? "unknown" : String(+value.toPrecision(3)));
 
 /** The server's answer; a sentence where there is none. */
@@ -195,7 +201,7 @@ const forecastOf = (one, name) => one.forecasts.find((forecast) => forecast.vari
 function span(outlooks, past, name) {
   const values = [...pastOf(past, name), ...outlooks.flatMap((one) => { const f = forecastOf(one, name); return f ? [...f.lower, ...f.upper] : []; })].filter((value) => value !== null);
   const [low, high] = values.length ? [Math.min(...values), Math.max(...values)] : [0, 1];
-  return high - low < 1e-9 ? [low - 0.5, high + 0.5] : [low, high];
+  return high - low <= 1e-9 * Math.max(Math.abs(low), Math.abs(high)) ? [low - 0.5, high + 0.5] : [low, high];
 }
 
 function candidate(one, answer, shown, ranges, best) {

@@ -29,7 +29,7 @@ export function showEvidence(place, link, model, models, seen, words) {
   fact("found in", `${having.length} of ${models.length} models: ${having.length > 4 ? "..., " : ""}${having.slice(-4).map((m) => m.batch).join(", ")}`);
   const plots = make("div", "", "plots");
   if (found) {
-    plots.append(lagFunction(found, model.alpha));
+    plots.append(lagFunction(found, model.level));
     plots.append(dots(found.scatter, "Samples", `${found.cause}(t-${found.lag})`, `${found.effect}(t)`));
     if (found.residuals.length) plots.append(dots(found.residuals, "After the conditions (linear)", `${found.cause}(t-${found.lag})`, `${found.effect}(t)`));
   }
@@ -66,7 +66,7 @@ function upwards(svg, [low, high]) {
   return y;
 }
 
-function lagFunction(found, alpha) {
+function lagFunction(found, level) {
   const svg = frame("Strength at each lag");
   const band = found.band ?? 0;
   const y = upwards(svg, range([...found.lags.map((at) => at.value), 0, band, -band]));
@@ -77,7 +77,7 @@ function lagFunction(found, alpha) {
   for (const at of found.lags) {
     const kind = at.value < 0 ? "stem negative" : "stem";
     element("path", { class: kind, d: `M ${x(at.lag)} ${y(0)} V ${y(at.value)}` }, svg);
-    element("circle", { class: at.p_value <= alpha ? `${kind} full` : kind, cx: x(at.lag), cy: y(at.value), r: 3.6 }, svg);
+    element("circle", { class: level !== null && at.p_value <= level ? `${kind} full` : kind, cx: x(at.lag), cy: y(at.value), r: 3.6 }, svg);
     if (at.lag === found.lag) element("circle", { class: "own", cx: x(at.lag), cy: y(at.value), r: 7 }, svg);
     element("text", { x: x(at.lag), y: BOTTOM + 15, "text-anchor": "middle" }, svg, String(at.lag));
   }

@@ -54,7 +54,7 @@ function showModel() {
   drawGraph($("graph"), model, before, ask);
   $("matrix-box").hidden = model.features.length < MANY;
   if (!$("matrix-box").hidden) drawMatrix($("matrix"), model, ask);
-  $("model-title").textContent = `Model ${model.number}, ${clock(model.t)}: ${model.method.toUpperCase()} with ${model.test.toUpperCase()}, alpha ${model.alpha}, ${model.samples} samples from ${model.batch}`;
+  $("model-title").textContent = `Model ${model.number}, ${clock(model.t)}: ${model.method.toUpperCase()} with ${model.test.toUpperCase()}, ${model.level_name} ${model.level ?? "chosen by a score"}, ${model.samples} samples from ${model.batch}`;
   const slider = $("history");
   slider.min = 1;
   slider.max = models.length;

@@ -5,7 +5,10 @@ use std::collections::{BTreeMap, VecDeque};
 use roscausal_msgs::{Features, Forecast, Prediction};
 use serde_json::{Value as Json, json};
 
-use crate::{history::NEW_RUN_S, moment::rounded};
+use crate::{
+    history::NEW_RUN_S,
+    moment::{fine, rounded},
+};
 
 /// Rows that a chart shows of the past, and rows that are kept: an answer may be about a row of some time ago.
 const ROWS: usize = 40;
@@ -57,9 +60,7 @@ impl Ahead {
         let prediction = self.prediction.as_ref().filter(|_| std::mem::take(&mut self.changed))?;
         let forecasts = forecasts(&prediction.forecasts);
         let range = |one: &Forecast| {
-            self.seen
-                .get(&one.variable)
-                .map(|(low, high)| json!([one.variable, rounded(*low), rounded(*high)]))
+            self.seen.get(&one.variable).map(|(low, high)| json!([one.variable, fine(*low), fine(*high)]))
         };
         let seen: Vec<Json> = prediction.forecasts.iter().take(MOST_VARIABLES).filter_map(range).collect();
         Some(json!({
@@ -77,7 +78,7 @@ impl Ahead {
         let end = self.rows.partition_point(|(t, _)| *t <= until + 1e-6);
         let known: Vec<&(f64, Vec<f64>)> = self.rows.range(end.saturating_sub(ROWS)..end).collect();
         let of = |k: usize| -> Vec<Json> {
-            known.iter().map(|(_, values)| json!(values.get(k).copied().map(rounded))).collect()
+            known.iter().map(|(_, values)| json!(values.get(k).copied().map(fine))).collect()
         };
         let values: Vec<Json> = self
             .names
@@ -92,7 +93,7 @@ impl Ahead {
 
 /// Forecasts for the page; what is not finite is null.
 pub(crate) fn forecasts(all: &[Forecast]) -> Vec<Json> {
-    let numbers = |values: &[f64]| values.iter().take(MOST_STEPS).map(|v| rounded(*v)).collect::<Vec<_>>();
+    let numbers = |values: &[f64]| values.iter().take(MOST_STEPS).map(|v| fine(*v)).collect::<Vec<_>>();
     let one = |forecast: &Forecast| {
         json!({
             "variable": forecast.variable,
@@ -134,6 +135,25 @@ mod tests {
         assert_eq!(news["seen"], json!([["v0", -1.0, 0.5]]));
         assert_eq!(news["forecasts"][0]["mean"], json!([0.1, null]));
         assert!(news["coverage"].is_null() && ahead.news().is_none());
+    }
+
+    #[test]
+    fn a_small_variable_keeps_its_digits() {
+        let mut ahead = Ahead::default();
+        ahead.row(&row(0.0, &[1e-9, 0.123_456]));
+        ahead.row(&row(0.3, &[-2.5e-9, 1.0]));
+        let of = |variable: &str, mean: f64| Forecast {
+            variable: variable.into(),
+            mean: vec![mean],
+            ..Forecast::default()
+        };
+        let all = vec![of("v0", 1.234_56e-9), of("v1", 0.123_456)];
+        ahead.prediction(Prediction { forecasts: all, ..Prediction::default() });
+        let news = ahead.news().expect("a prediction");
+        assert_eq!(news["seen"], json!([["v0", -2.5e-9, 1e-9], ["v1", 0.1235, 1.0]]));
+        assert_eq!(news["forecasts"][0]["mean"], json!([1.235e-9]));
+        assert_eq!(news["forecasts"][1]["mean"], json!([0.1235]));
+        assert_eq!(ahead.past(1.0)["values"][0], json!(["v0", [1e-9, -2.5e-9]]));
     }
 
     #[test]

@@ -143,6 +143,15 @@ fn point(point: &Point) -> Json {
     json!([rounded(point.x), rounded(point.y)])
 }
 
+/// Like [`rounded`], but with four digits of a small value: the unit of a variable may be anything.
+pub(crate) fn fine(value: f64) -> f64 {
+    let near = rounded(value);
+    if near.abs() >= 0.1 || !value.is_finite() {
+        return near;
+    }
+    format!("{value:.3e}").parse().unwrap_or(near)
+}
+
 /// To a tenth of a millimetre. JSON turns values that are not finite into null.
 pub(crate) fn rounded(value: f64) -> f64 {
     (value * 1e4).round() / 1e4

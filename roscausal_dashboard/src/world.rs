@@ -4,7 +4,10 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use roscausal_core::{
     Time,
-    nodes::{SceneOptions, model_messages::mark_of},
+    nodes::{
+        SceneOptions,
+        model_messages::{link_level, mark_of},
+    },
 };
 use roscausal_msgs::{
     CausalLink, CausalModelInfo, Humans, ModelChange, ModelChanges, RobotState,
@@ -244,6 +247,7 @@ fn model_json(number: u64, info: &CausalModelInfo) -> Json {
             "confidence": (link.confidence >= 0.0).then(|| rounded(link.confidence)),
         })
     };
+    let (level_name, level) = link_level(info);
     json!({
         "number": number,
         "t": rounded(info.header.stamp.as_secs_f64()),
@@ -252,7 +256,8 @@ fn model_json(number: u64, info: &CausalModelInfo) -> Json {
         "batch": info.batch_id,
         "method": info.method,
         "test": info.cond_ind_test,
-        "alpha": info.alpha,
+        "level_name": level_name,
+        "level": level,
         "dt": info.dt,
         "samples": info.n_samples,
         "seconds": rounded(info.run_time_s),
@@ -310,6 +315,26 @@ mod tests {
         // The reader may choose somebody else.
         assert_eq!(world.moment().json(&world.view, Some(7))["person"].as_u64(), Some(7));
         assert_eq!(hub.history().series(None)["rows"].as_array().map(Vec::len), Some(1));
+    }
+
+    #[test]
+    fn a_model_tells_the_level_that_decided_on_its_links() {
+        let told = |method: &str, pc_alpha| {
+            let info = CausalModelInfo {
+                method: method.into(),
+                alpha: 0.05,
+                pc_alpha,
+                ..CausalModelInfo::default()
+            };
+            let json = model_json(1, &info);
+            (json["level_name"].as_str().map(str::to_owned), json["level"].as_f64())
+        };
+        assert_eq!(told("pcmci", 0.2), (Some("alpha".to_owned()), Some(0.05)));
+        assert_eq!(told("lpcmci", 0.01), (Some("pc_alpha".to_owned()), Some(0.01)));
+        // Equal levels are not mixed up; 0 stands for a choice by score.
+        assert_eq!(told("pcmciplus", 0.05), (Some("pc_alpha".to_owned()), Some(0.05)));
+        assert_eq!(told("pcmciplus", 0.0), (Some("pc_alpha".to_owned()), None));
+        assert_eq!(told("somebody's own", 0.2), (Some("alpha".to_owned()), Some(0.05)));
     }
 
     #[test]

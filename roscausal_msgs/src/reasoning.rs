@@ -38,6 +38,22 @@ impl Intervention {
     pub const SET: u8 = 0;
     /// The variable is moved by this value.
     pub const SHIFT: u8 = 1;
+
+    /// The variable has the value from the next sample to the end of the question, or one value at each of these steps.
+    pub fn set(variable: impl Into<String>, values: impl Into<Vec<f64>>) -> Self {
+        Self {
+            variable: variable.into(),
+            kind: Self::SET,
+            first_step: 1,
+            last_step: 0,
+            values: values.into(),
+        }
+    }
+
+    /// The variable is moved by the value from the next sample to the end of the question.
+    pub fn shift(variable: impl Into<String>, values: impl Into<Vec<f64>>) -> Self {
+        Self { kind: Self::SHIFT, ..Self::set(variable, values) }
+    }
 }
 
 /// Something that the robot could do.
@@ -49,6 +65,13 @@ pub struct Action {
     pub interventions: Vec<Intervention>,
 }
 message!(own Action uses [Intervention]);
+
+impl Action {
+    /// To act on one variable.
+    pub fn one(name: impl Into<String>, intervention: Intervention) -> Self {
+        Self { name: name.into(), interventions: vec![intervention] }
+    }
+}
 
 /// What one variable is expected to do, step by step.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]

@@ -24,7 +24,7 @@ use roscausal_msgs::{
 };
 
 use super::{
-    discovery_params::{DiscoveryParams, specs},
+    discovery_params::{DiscoveryParams, in_the_nodes_words, specs},
     health::Health,
     model_changes::{CHANGES_TOPIC, model_changes, write_events},
     model_messages::{Origin, causal_model, causal_model_info, images},
@@ -33,7 +33,7 @@ use super::{
 use crate::{
     Error, Result,
     batch::{
-        joint::{Facts, Joint, People},
+        joint::{Facts, Joint, Part, People},
         pool::{Claim, Pool, write_whole},
     },
     external,
@@ -272,7 +272,8 @@ impl<M: Middleware> Node<M> {
             (Some(rolling), [name], [path]) => {
                 let (people, tau_max) = (people_of(&params), params.settings.tau_max);
                 let form = Form::of_test(&params.settings.cond_ind_test);
-                let new = NewBatch { name, path, people, tau_max, form };
+                let exogenous = &params.settings.exogenous;
+                let new = NewBatch { name, path, people, tau_max, form, exogenous };
                 rolled(&params, rolling, &new, control).map(|(found, regime)| (found, Some(regime)))
             }
             _ => Ok((method(&params, paths, None, control)?, None)),
@@ -518,7 +519,10 @@ fn method(
             Some(regime) => regime.of_present(part, &names)?,
             None => part,
         };
-        let settings = Settings { exogenous: part.exogenous, ..params.settings.clone() };
+        let data = part.data.with_named_vectors(&params.vectors).map_err(in_the_nodes_words)?;
+        let part = Part { data, ..part };
+        let exogenous = [params.settings.exogenous.as_slice(), part.exogenous.as_slice()].concat();
+        let settings = Settings { exogenous, ..params.settings.clone() };
         let (mut model, evidence) = match &params.program {
             Some(program) => (external::run(program, paths, &settings, params.threads, control)?, None),
             None => in_pool(params.threads, || {

@@ -1,14 +1,18 @@
 //! The parameters of the discovery node.
 
-use std::path::{Path, PathBuf};
+use std::{
+    path::{Path, PathBuf},
+    sync::Arc,
+};
 
 use roscausal_discovery::{
-    PcAlpha, Settings,
+    PcAlpha, Settings, VectorNames,
     changes::Levels,
     confidence::{Resampling, Scheme},
-    independence_tests::GpSearch,
+    independence_tests::{GpSearch, NullDistributions, by_name},
     methods::{ActsOn, Fdr, Method, acts_on_of, usual_acts_on},
     transfer_entropy::TeEstimator,
+    vectors_of,
 };
 
 use super::regime::RollParams;
@@ -40,6 +44,8 @@ pub(super) struct DiscoveryParams {
     pub nice: i32,
     pub time_budget_s: Option<f64>,
     pub image_scale: f32,
+    /// Columns that are one variable.
+    pub vectors: VectorNames,
     /// How to resample; `None`: not.
     pub resampling: Option<Resampling>,
     /// How to roll; `None`: each model is of its own batches.
@@ -107,6 +113,18 @@ pub(super) fn specs() -> Vec<ParamSpec> {
             "gpdc: searches from this many random places more, of which the best counts",
         ),
         ParamSpec::new(
+            "null_dist",
+            text(""),
+            Any,
+            "gpdc: CSV file of null distributions; the first row has the numbers of samples; empty: its own",
+        ),
+        ParamSpec::new(
+            "vectors",
+            Value::List(Vec::new()),
+            Any,
+            "parcorrmult: columns that are one variable, such as place=h_x+h_y",
+        ),
+        ParamSpec::new(
             "fdr_method",
             text(Fdr::default().name()),
             OneOf(Fdr::NAMES),
@@ -114,6 +132,12 @@ pub(super) fn specs() -> Vec<ParamSpec> {
         ),
         ParamSpec::new("min_lag", Int(1), Range(0.0, 1000.0), "smallest lag, in steps"),
         ParamSpec::new("max_lag", Int(1), Range(1.0, 1000.0), "largest lag, in steps"),
+        ParamSpec::new(
+            "exogenous",
+            Value::List(Vec::new()),
+            Any,
+            "variables that may be causes only, such as weather; columns of interventions are so without being named",
+        ),
         ParamSpec::new(
             "acts_on",
             Value::List(
@@ -124,6 +148,18 @@ pub(super) fn specs() -> Vec<ParamSpec> {
             ),
             Any,
             "candoit: columns of interventions and the variable that each sets, such as do_robot_speed=r_v",
+        ),
+        ParamSpec::new(
+            "extra_conditions",
+            Bool(true),
+            Any,
+            "candoit: contexts of interventions join their variables as conditions, as published; false takes far fewer tests",
+        ),
+        ParamSpec::new(
+            "max_sets",
+            Int(0),
+            Range(0.0, 1e9),
+            "lpcmci, candoit: sets of conditions of one size that are tested for a pair, from each of its ends; 0: all",
         ),
         ParamSpec::new("seed", Int(42), Range(0.0, 9e15), "seed of all random numbers"),
         ParamSpec::new(
@@ -265,16 +301,20 @@ impl DiscoveryParams {
             cond_ind_test: params.text("cond_ind_test"),
             alpha: params.double("sig_alpha"),
             pc_alpha: match params.double("pc_alpha") {
-                level if level < 0.0 => PcAlpha::Default,
+                level if level <= -1.0 => PcAlpha::Default,
                 0.0 => PcAlpha::ByScore,
                 level => PcAlpha::Fixed(level),
             },
+            exogenous: params.list("exogenous"),
             acts_on: acts_on(params)?,
             f_alpha: positive("f_alpha"),
             te_estimator: params.text("te_estimator").parse().map_err(in_the_nodes_words)?,
             fdr: params.text("fdr_method").parse().map_err(in_the_nodes_words)?,
             gp_search: params.text("gp_search").parse().map_err(in_the_nodes_words)?,
             gp_restarts: params.count("gp_restarts"),
+            null_distributions: null_distributions(params)?,
+            extra_conditions: params.flag("extra_conditions"),
+            max_sets: Some(params.count("max_sets")).filter(|&most| most > 0),
             tau_min: params.count("min_lag"),
             tau_max: params.count("max_lag"),
             seed: params.int("seed").unsigned_abs(),
@@ -293,7 +333,9 @@ impl DiscoveryParams {
             let reason = "with window_batches or detect_changes each batch gives a model; set it to 1";
             return Err(Error::param("batches_per_model", reason));
         }
+        let vectors = vectors(params, &settings, program.is_some() || rolling.is_some())?;
         Ok(Self {
+            vectors,
             resampling,
             rolling,
             data_dir: super::path(&params.text("data_dir")),
@@ -342,6 +384,38 @@ fn acts_on(params: &Params) -> Result<Option<ActsOn>> {
     Ok(Some(given).filter(|given| *given != usual_acts_on()))
 }
 
+/// The file of null distributions; `None` if none is named.
+fn null_distributions(params: &Params) -> Result<Option<Arc<NullDistributions>>> {
+    let Some(file) = params.text_if_set("null_dist") else { return Ok(None) };
+    let file = super::path(&file);
+    let text = std::fs::read_to_string(&file).map_err(|error| Error::file(&file, error))?;
+    Ok(Some(Arc::new(NullDistributions::parse(&text).map_err(in_the_nodes_words)?)))
+}
+
+/// The columns that are one variable. Those who read the columns one by one have none: programs, and the search for changes.
+fn vectors(params: &Params, settings: &Settings, one_by_one: bool) -> Result<VectorNames> {
+    let vectors = vectors_of(&params.list("vectors")).map_err(in_the_nodes_words)?;
+    if vectors.is_empty() {
+        return Ok(vectors);
+    }
+    let fail = |reason: String| Err(Error::param("vectors", reason));
+    if one_by_one {
+        return fail(
+            "external methods, windows and changes take each column for a variable; leave it empty".into(),
+        );
+    }
+    let test = by_name(&settings.cond_ind_test, &Default::default()).map_err(in_the_nodes_words)?;
+    // F-PCMCI's filter reads columns; what asks no test does so too.
+    let by_columns = settings.method == Method::Fpcmci || !settings.method.info().asks_test;
+    if by_columns || !test.judges_vectors() {
+        return fail(format!(
+            "{} takes each variable for one column; take cond_ind_test parcorrmult with a method that asks a test, such as pcmci",
+            if by_columns { settings.method.name() } else { test.name() }
+        ));
+    }
+    Ok(vectors)
+}
+
 /// How to resample; `None` without resamples.
 fn resampling_of(params: &Params) -> Result<Option<Resampling>> {
     let resampling = Resampling {
@@ -358,7 +432,7 @@ fn resampling_of(params: &Params) -> Result<Option<Resampling>> {
 }
 
 /// Renames the settings in an error to this node's parameters.
-fn in_the_nodes_words(error: roscausal_discovery::Error) -> Error {
+pub(super) fn in_the_nodes_words(error: roscausal_discovery::Error) -> Error {
     match Error::from(error) {
         Error::Param { name, reason } => {
             let name = match name.as_str() {
@@ -370,6 +444,7 @@ fn in_the_nodes_words(error: roscausal_discovery::Error) -> Error {
                 "fdr" => "fdr_method",
                 "share" => "resample_share",
                 "block" => "resample_block",
+                "vector" => "vectors",
                 other => other,
             };
             Error::param(name.replace('-', "_"), reason)
@@ -392,6 +467,76 @@ mod tests {
         assert!(Method::names().all(|name| described("cd_method").contains(name)));
         let mut tests = independence_tests::names().filter(|name| *name != "gpdcpython");
         assert!(tests.all(|name| described("cond_ind_test").contains(name)));
+    }
+
+    fn checked(given: &[(&str, Value)]) -> Result<DiscoveryParams> {
+        let bus = Loopback::lockstep();
+        given.iter().for_each(|(name, value)| bus.set_node_param("discovery", name, value.clone()));
+        let params = Params::read(&bus.node("discovery"), &specs())?;
+        DiscoveryParams::new(&params)
+    }
+
+    #[test]
+    fn null_distributions_and_vectors_are_read_or_refused_in_one_sentence_before_the_first_batch() {
+        let dir = tempfile::tempdir().expect("a folder");
+        let file = dir.path().join("null.csv");
+        std::fs::write(&file, "248\n0.1\n0.2\n").expect("writes");
+        let word = |text: &str| Value::Str(text.to_owned());
+        let null = ("null_dist", word(&file.to_string_lossy()));
+        let place = ("vectors", Value::List(vec![word("place=h_x+h_y")]));
+        let (pcmci, mult) = (("cd_method", word("pcmci")), ("cond_ind_test", word("parcorrmult")));
+        let params = checked(std::slice::from_ref(&null)).expect("a table");
+        assert_eq!(
+            params.settings.null_distributions.and_then(|given| given.share_above(248, 0.15)),
+            Some(0.5)
+        );
+        let params = checked(&[place.clone(), pcmci.clone(), mult.clone()]).expect("a vector");
+        assert_eq!(params.vectors, [("place".to_owned(), vec!["h_x".to_owned(), "h_y".to_owned()])]);
+        for (given, says) in [
+            (vec![null, ("cond_ind_test", word("parcorr"))], "null_dist"),
+            (vec![("null_dist", word("/nowhere/null.csv"))], "/nowhere/null.csv"),
+            (vec![place.clone(), pcmci.clone()], "take cond_ind_test parcorrmult"),
+            (vec![place.clone(), mult.clone()], "fpcmci takes each variable"),
+            (
+                vec![place.clone(), mult.clone(), ("cd_method", word("granger"))],
+                "granger takes each variable",
+            ),
+            (vec![place, pcmci, mult, ("window_batches", Value::Int(3))], "windows and changes"),
+            (vec![("vectors", Value::List(vec![word("place")]))], "'place' is no vector"),
+        ] {
+            let error = checked(&given).err().expect(says).to_string();
+            assert!(error.contains(says) && error.lines().count() == 1, "{says}: {error}");
+        }
+    }
+
+    #[test]
+    fn the_exogenous_variables_are_those_that_the_user_names() {
+        let weather = Value::List(vec![Value::Str("weather".into())]);
+        let named = |given: &[(&str, Value)]| checked(given).expect("allowed").settings.exogenous;
+        assert_eq!(named(&[("exogenous", weather)]), ["weather"]);
+        assert!(named(&[]).is_empty());
+    }
+
+    #[test]
+    fn a_parameter_that_is_set_and_not_read_is_refused_with_those_who_read_it() {
+        let word = |text: &str| Value::Str(text.to_owned());
+        let method = ("cd_method", word("granger"));
+        let effect = Value::List(vec![word("do_a=a")]);
+        for (name, value, says) in [
+            ("pc_alpha", Value::Double(0.1), "it is for fpcmci, pcmci, "),
+            ("f_alpha", Value::Double(0.1), "it is for fpcmci"),
+            ("te_estimator", word("gaussian"), "it is for fpcmci"),
+            ("acts_on", effect, "it is for candoit"),
+            ("gp_restarts", Value::Int(2), "it is for the test gpdc"),
+        ] {
+            let error = checked(&[method.clone(), (name, value)]).err().expect(name).to_string();
+            assert!(error.contains(&format!("'{name}'")) && error.contains(says), "{error}");
+        }
+        // The defaults are not given.
+        let usual = usual_acts_on().iter().map(|(of, sets)| word(&format!("{of}={sets}"))).collect();
+        let unset = [("f_alpha", Value::Double(0.0)), ("pc_alpha", Value::Double(-1.0))];
+        let unset = [&[method, ("acts_on", Value::List(usual))], &unset[..]].concat();
+        assert!(checked(&unset).is_ok());
     }
 
     #[test]

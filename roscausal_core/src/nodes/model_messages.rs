@@ -1,6 +1,6 @@
 //! From a [`Model`] to the messages that the discovery node publishes.
 
-use roscausal_discovery::{Link, Model, draw, sentence_of, word_of};
+use roscausal_discovery::{Link, Model, decides_by_pc_alpha, draw, sentence_of, word_of};
 use roscausal_msgs::{
     CausalLink, CausalModel, CausalModelInfo, Time,
     sensor_msgs::{CompressedImage, Image},
@@ -82,6 +82,15 @@ pub fn causal_model_info(
         links: links.iter().map(|link| causal_link(model, link)).collect(),
         links_gained: gained,
         links_lost: lost,
+    }
+}
+
+/// The level that decided on the links of a model, with its name: that of [`Model::link_level`]. No value: a score chose it for each
+/// variable.
+pub fn link_level(info: &CausalModelInfo) -> (&'static str, Option<f64>) {
+    match decides_by_pc_alpha(&info.method) {
+        true => ("pc_alpha", Some(info.pc_alpha).filter(|level| *level > 0.0)),
+        false => ("alpha", Some(info.alpha)),
     }
 }
 

@@ -252,6 +252,10 @@ impl<M: Middleware> Node<M> {
         let answer = self.pool.install(|| answer::predict(model, &situation, horizon, paths, seed));
         let end = self.mw.steady();
         self.rest_until = end + (end - start) * REST;
+        if answer.status == Status::BadRequest {
+            self.bad_message =
+                Some(format!("no predictions (parameters horizon and prediction_paths): {}", answer.message));
+        }
         let Some(outlook) = answer.outlooks.into_iter().next().filter(|outlook| !outlook.refused) else {
             return false;
         };
@@ -525,7 +529,7 @@ impl<M: Middleware> Node<M> {
             Err((status, reason)) => return reply.send(refuse(status, reason)),
         };
         let max_lag = match request.max_lag {
-            0 => model.graph().largest_lag().max(1),
+            0 => model.graph().largest_lag().clamp(1, answer::LONGEST_LAG),
             lag => lag as usize,
         };
         let question = EffectQuestion {

@@ -9,7 +9,7 @@ use roscausal_reasoning::{
     Facts, StructuralModel,
     answer::{EffectAnswer, ExplainAnswer, Forecast as OwnForecast, WhatIfAnswer},
     graph::{Arrow, Graph, Pair},
-    question::{Action, CostTerm, Intervention as OwnIntervention, Kind, Limit, WhatIf},
+    question::{Action, CostTerm, Intervention as OwnIntervention, Limit, WhatIf},
 };
 use serde_json::{Value as Json, json};
 
@@ -72,22 +72,16 @@ pub(super) fn what_if(
     seed: u64,
 ) -> Result<WhatIf, String> {
     let own = |one: Intervention| {
-        let kind = match one.kind {
-            Intervention::SET => Kind::Set,
-            Intervention::SHIFT => Kind::Shift,
+        let made = match one.kind {
+            Intervention::SET => OwnIntervention::set(one.variable, one.values),
+            Intervention::SHIFT => OwnIntervention::shift(one.variable, one.values),
             other => {
                 return Err(format!(
                     "type {other} of an intervention is unknown; it is SET (0) or SHIFT (1)"
                 ));
             }
         };
-        Ok(OwnIntervention {
-            variable: one.variable,
-            kind,
-            first_step: one.first_step as usize,
-            last_step: one.last_step as usize,
-            values: one.values,
-        })
+        Ok(made.during(one.first_step as usize, one.last_step as usize))
     };
     let mut actions = Vec::new();
     for action in request.actions {

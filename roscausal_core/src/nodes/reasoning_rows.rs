@@ -132,7 +132,8 @@ impl Rows {
                     row.len() - 1
                 }
             };
-            row[column] = *value;
+            // As in batches: one infinite value would refuse every fit until its row is gone.
+            row[column] = if value.is_finite() { *value } else { f64::NAN };
         }
         self.rows.push_back(Row { stamp_ns, segment: self.segment, values: row });
         while self.rows.len() > self.most {
@@ -282,4 +283,24 @@ fn matrix(rows: &[&Row], columns: &[usize]) -> Array2<f64> {
     Array2::from_shape_fn((rows.len(), columns.len()), |(row, k)| {
         rows[row].values.get(columns[k]).copied().unwrap_or(f64::NAN)
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use roscausal_msgs::std_msgs::Header;
+
+    use super::*;
+
+    #[test]
+    fn an_infinite_value_is_a_missing_one_and_the_rows_are_still_data() {
+        let mut rows = Rows::new(10, "");
+        for (t, value) in [1.0, f64::INFINITY, f64::NEG_INFINITY, 2.0].into_iter().enumerate() {
+            let header = Header { stamp: Time::from_secs_f64(t as f64), frame_id: String::new() };
+            let row = Features { header, names: vec!["d".into()], values: vec![value] };
+            assert_eq!(rows.add(&row), Ok(true));
+        }
+        let data = rows.data(&["d".to_owned()], &[]).expect("rows that can be fitted on");
+        let known: Vec<bool> = data.recordings()[0].iter().map(|value| value.is_finite()).collect();
+        assert_eq!(known, [true, false, false, true]);
+    }
 }

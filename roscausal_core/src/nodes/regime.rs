@@ -13,6 +13,7 @@ use std::{
 use roscausal_discovery::{
     Control, DataFrame, Model,
     changes::{ChangeEvent, Detector, Form, Levels, Status},
+    names::position,
 };
 use serde::{Deserialize, Serialize};
 
@@ -180,6 +181,8 @@ pub(super) struct NewBatch<'a> {
     pub(super) people: People,
     pub(super) tau_max: usize,
     pub(super) form: Form,
+    /// Variables that the user calls exogenous: they are no effects.
+    pub(super) exogenous: &'a [String],
 }
 
 impl Regime {
@@ -331,7 +334,9 @@ impl Whose {
         if base.len() < 2 {
             return Ok((Vec::new(), n_changes));
         }
-        let knows = |detector: &Detector| detector.is_for(&base, new.tau_max, levels, new.form);
+        let given: Vec<String> =
+            base.iter().filter(|name| position(new.exogenous, name).is_some()).cloned().collect();
+        let knows = |detector: &Detector| detector.is_for(&base, &given, new.tau_max, levels, new.form);
         let mut detector = match self.detector.take() {
             Some(detector) if knows(&detector) => detector,
             before => {
@@ -340,7 +345,7 @@ impl Whose {
                     tracing::warn!("{}: {why}: a new regime begins", new.name);
                 }
                 *self = Self { since: start, ..Self::default() };
-                Detector::new(base.clone(), new.tau_max, &[], levels)?.of_form(new.form)
+                Detector::new(base.clone(), new.tau_max, &given, levels)?.of_form(new.form)
             }
         }
         .numbered_after(n_changes);

@@ -116,15 +116,15 @@ pub(super) fn split_seconds(stamp: i64, per_second: f64) -> f64 {
 }
 
 /// A date and time in seconds since 1970, or a time of day in seconds since midnight. ISO 8601, with or without a zone (then
-/// UTC): `2026-11-24T08:30:00.25+01:00`, `2026-11-24 08:30:00`, `2026-11-24`, `08:30:00.25`; also `2026/11/24`, and `24.11.2026`
-/// with the day first, and a quarter, `1974Q1`. What may be day or month, such as `01/02/2026`, is none.
+/// UTC): `2026-11-24T08:30:00.25+01:00`, `2026-11-24 08:30:00`, `2026-11-24`, `08:30:00.25`, `20261124T083000Z`; also `2026/11/24`,
+/// `24.11.2026` with the day first, `08:30:00 PM`, and a quarter, `1974Q1`. What may be day or month, such as `01/02/2026`, is none.
 pub(crate) fn date(text: &str) -> Option<f64> {
     let text = text.trim();
     if let Some((year, quarter)) = text.split_once('Q') {
         return quarter_begins(year.trim_end_matches(['-', ' ']), quarter);
     }
     let dots = text.bytes().filter(|byte| *byte == b'.').count();
-    if !(text.contains([':', '-', '/']) || dots == 2)
+    if !(text.contains([':', '-', '/', 'T']) || dots == 2)
         || !text.starts_with(|letter: char| letter.is_ascii_digit())
     {
         return None;
@@ -134,7 +134,8 @@ pub(crate) fn date(text: &str) -> Option<f64> {
         .ok()
         .or_else(|| DateTime::parse_from_str(text, "%Y-%m-%d %H:%M:%S%.f%#z").ok())
         .or_else(|| DateTime::parse_from_str(text, "%Y-%m-%dT%H:%M:%S%.f%#z").ok())
-        .or_else(|| DateTime::parse_from_str(text, "%Y-%m-%d %H:%M:%S%.f %#z").ok());
+        .or_else(|| DateTime::parse_from_str(text, "%Y-%m-%d %H:%M:%S%.f %#z").ok())
+        .or_else(|| DateTime::parse_from_str(text, "%Y%m%dT%H%M%S%.f%#z").ok());
     if let Some(zoned) = zoned {
         return Some(seconds(zoned.timestamp(), zoned.timestamp_subsec_nanos()));
     }
@@ -148,6 +149,13 @@ pub(crate) fn date(text: &str) -> Option<f64> {
         "%Y/%m/%d %H:%M",
         "%d.%m.%Y %H:%M:%S%.f",
         "%d.%m.%Y %H:%M",
+        "%Y%m%dT%H%M%S%.f",
+        "%Y%m%dT%H%M",
+        "%Y-%m-%d %I:%M:%S%.f %p",
+        "%Y-%m-%d %I:%M %p",
+        "%Y/%m/%d %I:%M:%S%.f %p",
+        "%Y/%m/%d %I:%M %p",
+        "%d.%m.%Y %I:%M:%S%.f %p",
     ] {
         if let Some(found) = NaiveDateTime::parse_from_str(text, format).ok().filter(has_year) {
             let found = found.and_utc();
@@ -160,7 +168,9 @@ pub(crate) fn date(text: &str) -> Option<f64> {
     if let Some(day) = day {
         return Some(day.and_time(NaiveTime::MIN).and_utc().timestamp() as f64);
     }
-    let of_day = NaiveTime::parse_from_str(text, "%H:%M:%S%.f").ok()?;
+    let of_day = ["%H:%M:%S%.f", "%I:%M:%S%.f %p", "%I:%M %p"]
+        .into_iter()
+        .find_map(|format| NaiveTime::parse_from_str(text, format).ok())?;
     let since = of_day.signed_duration_since(NaiveTime::MIN);
     Some(since.num_nanoseconds()? as f64 * 1e-9)
 }
@@ -225,6 +235,15 @@ mod tests {
             ("00:00:02.25", 2.25),
             ("1970Q2", 90.0 * 86400.0),
             ("1970-Q1", 0.0),
+            ("19700102T000001Z", 86401.0),
+            ("19700102T010001.5+0100", 86401.5),
+            ("19700102T000001.5", 86401.5),
+            ("19700102T0001", 86460.0),
+            ("1970-01-02 12:00:01 AM", 86401.0),
+            ("1970/01/01 12:01 pm", 43260.0),
+            ("2.1.1970 01:00:00 PM", 133_200.0),
+            ("1:00:02 PM", 46802.0),
+            ("12:30 AM", 1800.0),
         ] {
             assert_eq!(date(text), Some(seconds), "{text}");
         }
@@ -233,6 +252,10 @@ mod tests {
             "1.5",
             "-3",
             "walk-fast",
+            "3T",
+            "20261124",
+            "13:00 PM",
+            "12:30",
             "01/02/1970 00:00:00",
             "1.2.3",
             "31.31.1970",

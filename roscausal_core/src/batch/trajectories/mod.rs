@@ -173,6 +173,9 @@ impl<'a> Scene<'a> {
         if !(dt.is_finite() && dt > 0.0) {
             return Err(Error::param("dt", format!("{dt} is not a number of seconds above 0")));
         }
+        if let Some(gap) = choice.max_gap.filter(|gap| gap.is_nan() || *gap <= 0.0) {
+            return Err(Error::param("max-gap", format!("{gap} is not a number of seconds above 0")));
+        }
         let max_gap = choice.max_gap.unwrap_or_else(|| USUAL_GAP.max(GAP_STEPS * usual));
         Ok(Self { agents, robot, dt, max_gap, start: agents.start() })
     }
