@@ -1,6 +1,6 @@
 //! From settings to a model, and the words that settings take.
 
-use std::time::Instant;
+use std::{sync::Arc, time::Instant};
 
 use pyo3::{prelude::*, types::PyString};
 use roscausal_discovery::{
@@ -16,7 +16,7 @@ use serde_json::json;
 use crate::{
     errors::raised,
     frame::Frame,
-    settings::{Given, of_analysis, of_resampling, of_test},
+    settings::{Given, of_analysis, of_resampling, of_step, of_test, vectors},
     user_test::{Failure, UserTest},
     watched::{Means, watched},
 };
@@ -61,10 +61,11 @@ pub(crate) fn discover(
     progress: Option<Bound<'_, PyAny>>,
 ) -> PyResult<String> {
     let mut given = Given::read(settings).map_err(raised)?;
-    let dt = given.number("dt").map_err(raised)?;
+    let dt = of_step(&mut given).map_err(raised)?;
     let warnings = given.words("warnings").map_err(raised)?;
     let resampling = of_resampling(&mut given).map_err(raised)?;
     let means = means(&mut given, progress).map_err(raised)?;
+    let vectors = vectors(&mut given).map_err(raised)?;
     let settings: Settings = of_analysis(&mut given).map_err(raised)?;
     given.end().map_err(raised)?;
     if test.is_some() && resampling.is_some() {
@@ -74,7 +75,10 @@ pub(crate) fn discover(
     }
     let own = test.map(|test| test_of(&test, settings.tau_max)).transpose().map_err(raised)?;
     let (own, failure) = own.map_or((None, None), |(test, failure)| (Some(test), failure));
-    let (data, start) = (frame.data(), Instant::now());
+    let (mut data, start) = (frame.data(), Instant::now());
+    if !vectors.is_empty() {
+        data = Arc::new((*data).clone().with_named_vectors(&vectors).map_err(raised)?);
+    }
     // What the command refuses, its own caller may want; what the data are like is told.
     let (about, _) = AboutData::of(&data, settings.tau_max);
     let found = watched(py, &means, move |control| match (&own, &resampling) {

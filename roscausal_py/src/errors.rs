@@ -26,16 +26,22 @@ create_exception!(
 );
 
 /// The command's spelling of a setting, and Python's.
-const DASHED: [(&str, &str); 12] = [
+const DASHED: [(&str, &str); 18] = [
     ("tau-max", "tau_max"),
     ("tau-min", "tau_min"),
     ("pc-alpha", "pc_alpha"),
     ("f-alpha", "f_alpha"),
     ("te-estimator", "te_estimator"),
     ("gp-search", "gp_search"),
+    ("acts-on", "acts_on"),
     ("gp-restarts", "gp_restarts"),
     ("time-budget", "time_budget"),
     ("max-memory", "max_memory"),
+    ("null-dist", "null_dist"),
+    ("max-conds", "max_conds"),
+    ("max-sets", "max_sets"),
+    ("extra-conditions", "extra_conditions"),
+    ("setting 'vector'", "setting 'vectors'"),
     ("robot-odom", "robot_odom"),
     ("several-people", "several_people"),
     ("human-goal", "human_goal"),

@@ -6,7 +6,8 @@ use roscausal_discovery::{Error, Model, draw};
 
 use crate::errors::{raised, raised_by_program};
 
-/// The model of this JSON as `text`, `dot`, `graphml`, `csv`, `dag`, `tsdag` (both SVG) or `json` (as in a file).
+/// The model of this JSON as `text`, `dot`, `graphml`, `csv`, `dag`, `tsdag` (both SVG) or `json` (as in a file), or the `level` that
+/// decided on its links, with its name.
 #[pyfunction]
 pub(crate) fn export(model: &str, what: &str) -> PyResult<String> {
     let model: Model = serde_json::from_str(model)
@@ -22,6 +23,10 @@ pub(crate) fn export(model: &str, what: &str) -> PyResult<String> {
         "dag" => Ok(draw::dag(&model)),
         "tsdag" => Ok(draw::tsdag(&model)),
         "json" => Ok(model.to_file_json()),
+        "level" => {
+            let (name, level) = model.link_level_in_words();
+            Ok(format!("{name} {level}"))
+        }
         other => Err(raised(Error::param("what", format!("'{other}' is no format of a model")))),
     }
 }

@@ -24,7 +24,7 @@ fn cancellable<T: Send + 'static>(
 }
 
 /// The tables and recordings in `paths`, read with the options of `roscausal discover`: names, arrays (T, N), step, exogenous
-/// variables, warnings.
+/// variables, warnings, rows that are no effects.
 #[pyfunction]
 pub(crate) fn read(py: Python<'_>, paths: Vec<PathBuf>, options: Vec<String>) -> PyResult<Bound<'_, PyDict>> {
     let found = cancellable(py, move |cancel| roscausal::read_recordings(&paths, &options, cancel))?;
@@ -37,6 +37,7 @@ pub(crate) fn read(py: Python<'_>, paths: Vec<PathBuf>, options: Vec<String>) ->
     out.set_item("dt", found.dt)?;
     out.set_item("exogenous", found.exogenous)?;
     out.set_item("warnings", found.warnings)?;
+    out.set_item("masked", found.masked.into_iter().map(|rows| rows.into_pyarray(py)).collect::<Vec<_>>())?;
     Ok(out)
 }
 

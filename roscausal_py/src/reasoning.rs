@@ -19,7 +19,7 @@ use crate::{
     discover::means,
     errors::{DataError, SettingError, in_pythons_words, raised},
     frame::Frame,
-    settings::{Given, set},
+    settings::{Given, of_step, set},
     watched::{Means, watched},
 };
 
@@ -39,7 +39,7 @@ impl Structural {
     fn fit(py: Python<'_>, frame: &Frame, graph: &str, settings: &str) -> PyResult<Self> {
         let mut given = Given::read(settings).map_err(raised)?;
         let means = means(&mut given, None).map_err(raised)?;
-        let dt = given.number("dt").map_err(raised)?;
+        let dt = of_step(&mut given).map_err(raised)?;
         let (settings, acts_on) = of_fit(&mut given).map_err(raised)?;
         given.end().map_err(raised)?;
         let (data, graph) = (frame.data(), graph.to_owned());

@@ -8,6 +8,7 @@ use std::sync::{
 use pyo3::prelude::*;
 use roscausal_discovery::{
     Control, Settings,
+    methods::Status,
     rolling::{WindowModel, Windows, roll as roll_windows},
 };
 
@@ -15,14 +16,14 @@ use crate::{
     discover::means,
     errors::raised,
     frame::Frame,
-    settings::{Given, of_analysis},
+    settings::{Given, of_analysis, of_step},
     watched::{in_pool, wait},
 };
 
 /// Recording, first row, the row after the last one, and the JSON of the model of each window.
 type OfWindows = Vec<(usize, usize, usize, String)>;
 
-/// The models of all windows of `length` rows, `step` rows apart. `progress` gets (windows done, windows).
+/// The models of all windows of `length` rows, `step` rows apart, and whether these are all. `progress` gets (windows done, windows).
 #[pyfunction]
 #[pyo3(signature = (frame, settings, length, step, progress=None))]
 pub(crate) fn roll(
@@ -32,9 +33,9 @@ pub(crate) fn roll(
     length: usize,
     step: usize,
     progress: Option<Bound<'_, PyAny>>,
-) -> PyResult<OfWindows> {
+) -> PyResult<(OfWindows, String)> {
     let mut given = Given::read(settings).map_err(raised)?;
-    let dt = given.number("dt").map_err(raised)?;
+    let dt = of_step(&mut given).map_err(raised)?;
     let warnings = given.words("warnings").map_err(raised)?;
     let means = means(&mut given, None).map_err(raised)?;
     let settings: Settings = of_analysis(&mut given).map_err(raised)?;
@@ -52,7 +53,7 @@ pub(crate) fn roll(
     let found = wait(py, &cancel, report, move || {
         in_pool(threads, || {
             let mut found = Vec::with_capacity(total);
-            roll_windows(&data, &settings, &windows, &control, |window| {
+            let status = roll_windows(&data, &settings, &windows, &control, |window| {
                 count.fetch_add(1, Ordering::Relaxed);
                 let WindowModel { recording, start, end, mut model } = window;
                 model.dt = dt;
@@ -60,7 +61,11 @@ pub(crate) fn roll(
                 found.push((recording, start, end, model.to_json()));
                 Ok(())
             })?;
-            Ok(found)
+            let status = match status {
+                Status::Complete => "complete".to_owned(),
+                Status::Partial(how_far) => format!("partial: {how_far}"),
+            };
+            Ok((found, status))
         })
     })?;
     found.map_err(raised)

@@ -1,9 +1,11 @@
 //! Settings as JSON objects, as the Python files make them, read into the engine's. A key that nobody reads is an error.
 
+use std::sync::Arc;
+
 use roscausal_discovery::{
-    Error, LinkAssumptions, Node, PcAlpha, Result, Settings,
+    Error, LinkAssumptions, Node, PcAlpha, Result, Settings, VectorNames,
     confidence::Resampling,
-    independence_tests::{Confidence, Significance, TestSettings},
+    independence_tests::{Confidence, NullDistributions, Significance, TestSettings},
     methods::{ActsOn, PcmciPlusSettings, PcmciSettings},
 };
 use serde_json::{Map, Value};
@@ -99,6 +101,17 @@ pub(crate) fn of_resampling(given: &mut Given) -> Result<Option<Resampling>> {
     Ok(Some(resampling))
 }
 
+/// Seconds per row, if they are given.
+pub(crate) fn of_step(given: &mut Given) -> Result<Option<f64>> {
+    match given.number("dt")? {
+        Some(dt) if dt <= 0.0 => Err(Error::param(
+            "dt",
+            format!("{dt} is not a number of seconds above 0; leave it out if there is none"),
+        )),
+        dt => Ok(dt),
+    }
+}
+
 /// Columns of interventions to the variable that each sets.
 pub(crate) fn acts_on(pairs: &Value) -> Result<ActsOn> {
     let wrong =
@@ -108,6 +121,30 @@ pub(crate) fn acts_on(pairs: &Value) -> Result<ActsOn> {
         Ok((column.clone(), variable.as_str().ok_or_else(wrong)?.to_owned()))
     };
     pairs.iter().map(pair).collect()
+}
+
+/// Variables of several columns to the names of these.
+pub(crate) fn vectors(given: &mut Given) -> Result<VectorNames> {
+    let Some(value) = given.take("vectors") else { return Ok(Vec::new()) };
+    let wrong =
+        || Error::param("vectors", format!("{value} is no dict such as {{\"place\": [\"x\", \"y\"]}}"));
+    let groups: Map<String, Value> = serde_json::from_value(value.clone()).map_err(|_| wrong())?;
+    let columns = |value: Value| serde_json::from_value::<Vec<String>>(value).map_err(|_| wrong());
+    groups.into_iter().map(|(name, value)| Ok((name, columns(value)?))).collect()
+}
+
+/// Null distributions by the number of samples, or the text of a table of them.
+fn null_distributions(value: &Value) -> Result<NullDistributions> {
+    let wrong = || Error::param("null_dist", "it is neither a file nor a dict such as {298: [0.05, 0.08]}");
+    if let Value::String(text) = value {
+        return NullDistributions::parse(text);
+    }
+    let Value::Object(given) = value else { return Err(wrong()) };
+    let one = |(size, values): (&String, &Value)| {
+        let size = size.parse::<usize>().map_err(|_| wrong())?;
+        Ok((size, serde_json::from_value::<Vec<f64>>(values.clone()).map_err(|_| wrong())?))
+    };
+    NullDistributions::new(given.iter().map(one).collect::<Result<Vec<_>>>()?)
 }
 
 /// The settings of an analysis, as `rc.discover` gives them.
@@ -140,13 +177,16 @@ pub(crate) fn of_analysis(given: &mut Given) -> Result<Settings> {
         settings.gp_search = search.parse()?;
     }
     set(&mut settings.gp_restarts, given.count("gp_restarts")?);
+    let nulls = given.take("null_dist").map(|nulls| null_distributions(&nulls)).transpose()?;
+    settings.null_distributions = nulls.map(Arc::new);
     settings.max_memory = given.count("max_memory")?;
+    settings.max_conds = given.count("max_conds")?;
+    settings.max_sets = given.count("max_sets")?;
+    set(&mut settings.extra_conditions, given.flag("extra_conditions")?);
     if let Some(seed) = given.count("seed")? {
         settings.seed = seed as u64;
     }
-    if let Some(Value::Array(names)) = given.take("exogenous") {
-        settings.exogenous = names.iter().filter_map(Value::as_str).map(str::to_owned).collect();
-    }
+    settings.exogenous = given.words("exogenous")?;
     settings.acts_on = given.take("acts_on").map(|pairs| acts_on(&pairs)).transpose()?;
     Ok(settings)
 }

@@ -84,6 +84,14 @@ def test_windows_give_the_references_numbers_and_those_of_roll():
         assert window.model.val_matrix == pytest.approx(matrix, abs=1e-10)
 
 
+def test_a_time_budget_ends_the_windows_and_says_after_how_many(chain, quick):
+    none = rc.roll(chain, window=100, **quick, time_budget=1e-9)
+    assert len(none) == 0 and none.status == "partial: the time budget ended after 0 of 3 windows"
+    assert none.marks("x0", "x1", 1) == []
+    every = rc.roll(chain, window=100, **quick, time_budget=3600)
+    assert len(every) == 3 and every.status == "complete"
+
+
 def test_resamples_say_how_often_a_link_is_found(chain, quick):
     model = rc.discover(chain, columns=list("abc"), **quick, resamples=40)
     shares = {(link.cause, link.effect, link.lag): link.confidence for link in model.links}

@@ -125,10 +125,18 @@ def test_data_that_cannot_be_analysed_are_refused_in_a_sentence(data, message):
         ({"tau_max": 0}, "tau_max"),
         ({"tau_max": 1.5}, "tau_max"),
         ({"tau_max": 400}, "tau_max"),
+        ({"tau_max": 10**9}, "tau_max.*above 100000"),
+        ({"tau_max": 10**19}, "tau_max.*above 100000"),
         ({"fdr": "bonferroni"}, "fdr_bh"),
         ({"pc_alpha": "score"}, "pc_alpha"),
         ({"time_budget": -1.0}, "time_budget"),
         ({"exogenous": ["weather"]}, "weather"),
+        ({"te_estimator": "gaussian"}, "te_estimator.*it is for fpcmci"),
+        ({"f_alpha": 0.1}, "f_alpha.*it is for fpcmci"),
+        ({"acts_on": {"a": "b"}}, "acts_on.*it is for candoit"),
+        ({"gp_restarts": 2}, "gp_restarts.*it is for the test gpdc"),
+        ({"dt": 0}, "'dt': 0 is not a number of seconds above 0"),
+        ({"dt": -0.5}, "'dt': -0.5 is not"),
         ({"columns": ["x"]}, "columns"),
         ({"test": 3}, "test"),
         ({"alpha": object()}, "neither a number"),
@@ -138,6 +146,13 @@ def test_settings_that_are_not_allowed_are_refused_with_pythons_names(chain, set
     with pytest.raises(ValueError, match=message) as caught:
         rc.discover(chain, **{"method": "pcmci", "test": "parcorr", **settings})
     assert "--" not in str(caught.value) and isinstance(caught.value, (rc.SettingError, rc.DataError))
+
+
+def test_windows_and_recordings_with_a_step_of_no_seconds_are_refused(chain, quick):
+    with pytest.raises(rc.SettingError, match="'dt': 0 is not"):
+        rc.roll(chain, window=50, dt=0, **quick)
+    with pytest.raises(rc.SettingError, match="'dt': 0 is not"):
+        rc.discover(rc.Recordings(["a", "b"], [np.zeros((60, 2))], dt=0), **quick)
 
 
 def test_numpys_numbers_are_settings_like_any(chain):
@@ -359,6 +374,22 @@ def test_a_recording_is_read_as_the_command_reads_it(tmp_path):
     assert model == rc.load(tmp_path / "out" / "model.json")
 
 
+def test_rows_that_where_leaves_out_are_no_effects_in_python_and_in_windows_too(tmp_path):
+    x = np.random.default_rng(5).normal(size=(400, 2))
+    pause = np.arange(400) % 2
+    x[1:, 1] += 2 * x[:-1, 0] * pause[1:]
+    table = np.column_stack([x, pause])
+    np.savetxt(tmp_path / "data.csv", table, fmt="%.9f", delimiter=",", header="a,b,pause", comments="")
+    every = rc.read(tmp_path / "data.csv", columns=["a", "b"])
+    some = rc.read(tmp_path / "data.csv", columns=["a", "b"], where="pause < 0.5")
+    assert every.masked == [] and some.masked[0].sum() == 200 and some.rows(0, 0, 10).masked[0].sum() == 5
+    quick = {"method": "pcmci", "test": "parcorr", "alpha": 0.001}
+    marks = [rc.discover(data, **quick).graph[0, 1, 1] for data in (every, some, [some.rows(0, 0, 200), some.rows(0, 200, 400)])]
+    assert marks == ["-->", "", ""]
+    assert rc.roll(every, window=200, **quick).marks("a", "b", 1) == ["-->", "-->"]
+    assert rc.roll(some, window=200, **quick).marks("a", "b", 1) == ["", ""]
+
+
 def test_the_types_name_every_method_and_the_messages_are_there():
     assert sorted(typing.get_args(Method)) == sorted(json.loads(_native.words())["methods"])
     assert "string[] features" in rc.msg_definitions()["roscausal_msgs/msg/CausalModel"]
@@ -381,3 +412,57 @@ def test_people_who_differ_are_pooled_and_an_intervention_is_named():
     assert drives(model) == {("speed", "gap"), ("push", "speed")}
     with pytest.raises(rc.SettingError, match="no column 'pull'"):
         rc.discover(x, columns=names, method="candoit", test="parcorr", acts_on={"pull": "speed"})
+
+
+def test_columns_that_belong_together_are_one_variable():
+    x = np.random.default_rng(4).normal(size=(300, 3))
+    x[1:, 2] += 0.9 * x[:-1, 1]
+    usual = {"columns": ["x", "y", "speed"], "method": "pcmci", "test": "parcorrmult"}
+    model = rc.discover(x, vectors={"place": ["x", "y"]}, **usual)
+    assert model.features == ["place", "speed"]
+    assert drives(model) == {("place", "speed")}
+    with pytest.raises(rc.SettingError, match="no column 'z'"):
+        rc.discover(x, vectors={"place": ["x", "z"]}, **usual)
+    with pytest.raises(rc.SettingError, match="'place' has several"):
+        rc.discover(x, vectors={"place": ["x", "y"]}, **(usual | {"test": "parcorr"}))
+
+
+def test_gpdc_takes_null_distributions_from_a_dict_or_a_file(tmp_path):
+    x = np.random.default_rng(4).normal(size=(150, 2))
+    x[1:, 1] += 2.0 * x[:-1, 0]
+    usual = {"columns": ["a", "b"], "method": "pcmci"}
+    assert drives(rc.discover(x, **usual)) == {("a", "b")}
+    # All values are above what a distance correlation can be, so nothing is a link.
+    assert drives(rc.discover(x, null_dist={148: [2.0, 3.0]}, **usual)) == set()
+    (tmp_path / "null.csv").write_text("148\n2\n3\n")
+    assert drives(rc.discover(x, null_dist=tmp_path / "null.csv", **usual)) == set()
+    with pytest.raises(rc.SettingError, match="for the test gpdc"):
+        rc.discover(x, null_dist={148: [2.0]}, test="parcorr", **usual)
+
+
+def test_candoit_with_and_without_its_rule_and_limits_that_other_methods_do_not_have():
+    rng = np.random.default_rng(3)
+    x = rng.normal(size=(300, 3))
+    x[:, 2] = np.where(np.arange(300) % 4 == 0, 2.0, 0.0)
+    x[:, 0] += x[:, 2]
+    x[1:, 1] += 0.9 * x[:-1, 0]
+    usual = {"columns": ["speed", "gap", "push"], "method": "candoit", "test": "parcorr", "acts_on": {"push": "speed"}}
+    with_rule, without = (rc.discover(x, extra_conditions=rule, **usual) for rule in (True, False))
+    assert ("speed", "gap") in drives(without)
+    assert not np.array_equal(with_rule.p_matrix, without.p_matrix)
+    assert ("speed", "gap") in drives(rc.discover(x, max_sets=1, max_conds=2, **usual))
+    with pytest.raises(rc.SettingError, match="lpcmci and candoit"):
+        rc.discover(x, method="pcmci", test="parcorr", max_sets=1)
+
+
+def test_the_page_of_a_notebook_names_the_level_that_decided():
+    x = np.random.default_rng(5).normal(size=(200, 2))
+    for method, level in (("pcmci", "alpha 0.05"), ("pcmciplus", "pc_alpha 0.01")):
+        assert f", {level}, " in rc.discover(x, method=method, test="parcorr", alpha=0.05)._repr_html_()
+
+
+@pytest.mark.parametrize(("given", "says"), [({"exogenous": [2]}, "exogenous"), ({"alpha": float("nan")}, "'alpha': nan"), ({"max_sets": 0, "method": "lpcmci"}, "max_sets")])
+def test_a_setting_of_the_wrong_kind_is_refused_by_its_name(given, says):
+    x = np.random.default_rng(5).normal(size=(200, 2))
+    with pytest.raises(rc.SettingError, match=says):
+        rc.discover(x, **({"method": "pcmci", "test": "parcorr"} | given))

@@ -40,6 +40,7 @@ class _Read(TypedDict):
     dt: float | None
     exogenous: list[str]
     warnings: list[str]
+    masked: list[NDArray[np.bool_]]
 
 @final
 class Frame:
@@ -75,7 +76,7 @@ def discover(
 def words() -> str: ...
 def roll(
     frame: Frame, settings: str, length: int, step: int, progress: Callable[[int, int], object] | None = None
-) -> list[tuple[int, int, int, str]]: ...
+) -> tuple[list[tuple[int, int, int, str]], str]: ...
 def run(
     frame: Frame, method: str, settings: str, test: object, progress: Callable[[int, int], object] | None = None
 ) -> dict[str, Any]: ...

@@ -27,6 +27,7 @@ class Recordings:
         dt: Step between samples in seconds, or None.
         exogenous: Variables that may be causes only, such as interventions.
         warnings: What a reader of the model should know, one sentence each.
+        masked: For each recording one bool (T,), True where a row is the past of others and no effect; empty: all may be effects.
 
     Example:
         >>> import numpy as np, roscausal as rc
@@ -40,6 +41,7 @@ class Recordings:
     dt: float | None = None
     exogenous: list[str] = field(default_factory=list)
     warnings: list[str] = field(default_factory=list)
+    masked: list[NDArray[np.bool_]] = field(default_factory=list)
 
     def __len__(self) -> int:
         return len(self.arrays)
@@ -63,7 +65,8 @@ class Recordings:
             >>> rc.Recordings(["a", "b"], [np.zeros((9, 2))]).rows(0, 2, 5)[0].shape
             (3, 2)
         """
-        return Recordings(self.names, [self.arrays[recording][start:end]], self.dt, self.exogenous, self.warnings)
+        masked = [rows[start:end] for rows in self.masked[recording : recording + 1]]
+        return Recordings(self.names, [self.arrays[recording][start:end]], self.dt, self.exogenous, self.warnings, masked)
 
     def select(self, columns: Sequence[str]) -> Recordings:
         """The same recordings with these variables only, in this order.
@@ -90,7 +93,7 @@ class Recordings:
         places = [self.names.index(name) for name in columns]
         arrays = [np.ascontiguousarray(array[:, places]) for array in self.arrays]
         exogenous = [name for name in self.exogenous if name in columns]
-        return Recordings(list(columns), arrays, self.dt, exogenous, self.warnings)
+        return Recordings(list(columns), arrays, self.dt, exogenous, self.warnings, self.masked)
 
 
 def read(*paths: str | os.PathLike[str], **options: object) -> Recordings:
@@ -119,7 +122,9 @@ def read(*paths: str | os.PathLike[str], **options: object) -> Recordings:
     if not paths:
         raise SettingError("setting 'paths': give at least one file")
     found = _native.read([os.fspath(path) for path in paths], _flags(options))
-    return Recordings(found["names"], found["arrays"], found["dt"], found["exogenous"], found["warnings"])
+    return Recordings(
+        found["names"], found["arrays"], found["dt"], found["exogenous"], found["warnings"], found["masked"]
+    )  # fmt: skip
 
 
 def _flags(options: Mapping[str, object]) -> list[str]:
@@ -144,10 +149,18 @@ def recordings_of(data: Any, columns: Sequence[str] | None = None) -> Recordings
     if columns is None:
         return found
     if not named and len(columns) == len(found.names):
-        return Recordings(list(columns), found.arrays, found.dt, found.exogenous, found.warnings)
+        return Recordings(list(columns), found.arrays, found.dt, found.exogenous, found.warnings, found.masked)
     if not named:
         raise SettingError(f"setting 'columns': {len(columns)} names for {len(found.names)} columns")
     return found.select(columns)
+
+
+def frame_of(found: Recordings) -> _native.Frame:
+    """The recordings as the engine takes them."""
+    if not found.masked:
+        return _native.Frame(found.arrays, found.names)
+    masks = [np.repeat(rows[:, np.newaxis], len(found.names), axis=1) for rows in found.masked]
+    return _native.Frame(found.arrays, found.names, masks, "y")
 
 
 def _convert(data: Any, wanted: Sequence[str] | None) -> tuple[Recordings, bool]:
@@ -191,7 +204,7 @@ def _several(data: Sequence[Any], wanted: Sequence[str] | None) -> tuple[Recordi
         raise DataError("a list of numbers is one variable; a cause and an effect need at least two, as an array (T, N)")
     parts = [_convert(each, wanted) for each in data]
     first = parts[0][0]
-    arrays, warnings, exogenous = [], [], list(first.exogenous)
+    arrays, warnings, masked, exogenous = [], [], [], list(first.exogenous)
     steps = {part.dt for part, _ in parts}
     for number, (part, named) in enumerate(parts):
         if named and sorted(part.names) != sorted(first.names):
@@ -202,10 +215,12 @@ def _several(data: Sequence[Any], wanted: Sequence[str] | None) -> tuple[Recordi
             raise DataError(f"recording {number} has {len(part.names)} columns, but recording 0 has {len(first.names)}")
         arrays += (part.select(first.names) if named else part).arrays
         warnings += part.warnings
+        masked += part.masked or [np.zeros(len(array), dtype=np.bool_) for array in part.arrays]
     if len(steps) > 1:
         listed = ", ".join(str(step) for step in sorted(steps, key=str))
         raise DataError(f"the recordings have different time steps ({listed}); resample them to one")
-    return Recordings(first.names, arrays, first.dt, exogenous, warnings), parts[0][1]
+    masked = masked if any(rows.any() for rows in masked) else []
+    return Recordings(first.names, arrays, first.dt, exogenous, warnings, masked), parts[0][1]
 
 
 def array_of(values: Any, what: str = "the array") -> NDArray[np.float64]:

@@ -306,7 +306,7 @@ class Model:
         return (Model, (self._text,))
 
     def _repr_html_(self) -> str:
-        return page(self)
+        return page(self, _native.export(self._text, "level"))
 
     def structural(
         self,

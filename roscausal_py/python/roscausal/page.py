@@ -10,10 +10,10 @@ if TYPE_CHECKING:
     from .model import Model
 
 
-def page(model: Model) -> str:
-    """The HTML of a model."""
+def page(model: Model, level: str) -> str:
+    """The HTML of a model, with the level that decided on its links."""
     settings = model.settings
-    head = f"{settings['method']} with {settings['cond_ind_test']}, alpha {settings['alpha']}, {settings['n_samples']} samples"
+    head = f"{settings['method']} with {settings['cond_ind_test']}, {level}, {settings['n_samples']} samples"
     cell = "<td style='text-align:left;padding:2px 8px'>{}</td>"
 
     def row(cells: Sequence[object]) -> str:

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import json
+import math
 import os
 from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
 from typing import Any, Literal
 
 from . import _native
-from .data import Recordings, read, recordings_of
+from .data import Recordings, frame_of, read, recordings_of
 from .model import Model
 from .progress import Progress, reporter
 
@@ -36,6 +38,11 @@ def discover(
     dt: float | None = None,
     gp_search: Literal["default", "exact"] = "default",
     gp_restarts: int = 0,
+    null_dist: str | os.PathLike[str] | Mapping[int, Sequence[float]] | None = None,
+    vectors: Mapping[str, Sequence[str]] | None = None,
+    max_conds: int | None = None,
+    max_sets: int | None = None,
+    extra_conditions: bool = True,
     seed: int = 42,
     threads: int | None = None,
     time_budget: float | None = None,
@@ -60,7 +67,7 @@ def discover(
             `run_test(X, Y, Z, tau_max)` of nodes `[(variable, -lag)]`.
         alpha: Level of significance of a link, in (0, 1).
         tau_min: Smallest lag in steps; None: 0 for methods that know links at lag 0 with a direction, else 1.
-        tau_max: Largest lag in steps.
+        tau_max: Largest lag in steps, at most 100000.
         pc_alpha: Level of the condition selection; None: the method's own; "auto": chosen by a score.
         f_alpha: Level of F-PCMCI's filter; None: alpha.
         te_estimator: Estimator of F-PCMCI's filter: auto, gaussian, kraskov, ...
@@ -70,6 +77,12 @@ def discover(
         dt: Seconds per step; None: from the data.
         gp_search: How GPDC searches for its maxima.
         gp_restarts: GPDC's searches from random places.
+        null_dist: For gpdc: null distributions, as a dict from the number of samples to values, or a CSV file whose first row has
+            the numbers of samples; where it has none for a test, gpdc's own.
+        max_conds: Largest set of conditions in the condition selection; None: no limit.
+        max_sets: For lpcmci and candoit: sets of conditions of one size tested for a pair, from each of its ends; None: all.
+        extra_conditions: For candoit: whether contexts of interventions join their variables as conditions, as published.
+        vectors: For parcorrmult: columns that are one variable, such as `{"place": ["x", "y"]}`.
         seed: Of all random numbers.
         threads: None: all cores. They do not change the result.
         time_budget: Seconds after which a partial model is returned; its `status` says so.
@@ -102,22 +115,36 @@ def discover(
         found, method=method, alpha=alpha, tau_min=tau_min, tau_max=tau_max, pc_alpha=pc_alpha, f_alpha=f_alpha,
         te_estimator=te_estimator, fdr=fdr, exogenous=exogenous, dt=dt, gp_search=gp_search, gp_restarts=gp_restarts, seed=seed,
         threads=threads, time_budget=time_budget, max_memory=max_memory,
-        acts_on=None if acts_on is None else dict(acts_on),
+        acts_on=None if acts_on is None else dict(acts_on), max_conds=max_conds, max_sets=max_sets,
+        extra_conditions=extra_conditions,
     )  # fmt: skip
     settings |= {"resamples": resamples, "resampling": resampling, "share": share, "block": block}
+    settings["vectors"] = None if vectors is None else {name: list(columns) for name, columns in vectors.items()}
+    settings["null_dist"] = nulls_of(null_dist)
     own = None
     if test is None or isinstance(test, str):
         settings["test"] = test
     else:
         own = test
-    frame = _native.Frame(found.arrays, found.names)
-    return Model(_native.discover(frame, as_json(settings), own, reporter(progress)), found)
+    return Model(_native.discover(frame_of(found), as_json(settings), own, reporter(progress)), found)
 
 
 def settings_of(found: Recordings, *, exogenous: Sequence[str] = (), dt: float | None = None, **given: Any) -> dict[str, Any]:
     """The settings of an analysis, with what the data say themselves."""
     of_data = {"exogenous": [*exogenous, *found.exogenous], "dt": found.dt if dt is None else dt, "warnings": found.warnings}
     return {**given, **of_data}
+
+
+def nulls_of(given: str | os.PathLike[str] | Mapping[int, Sequence[float]] | None) -> str | dict[int, list[float]] | None:
+    """Null distributions as the native module takes them: the text of a file, or numbers."""
+    if given is None:
+        return None
+    if isinstance(given, Mapping):
+        return {int(size): [float(value) for value in values] for size, values in given.items()}
+    try:
+        return Path(given).read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        raise _native.DataError(f"{given}: {error}") from None
 
 
 def as_json(settings: dict[str, Any]) -> str:
@@ -128,6 +155,9 @@ def as_json(settings: dict[str, Any]) -> str:
             return value.item()
         raise _native.SettingError(f"a setting is {value!r}, of type {type(value).__name__}, which is neither a number nor a word")
 
+    for name, value in settings.items():
+        if isinstance(value, float) and not math.isfinite(value):
+            raise _native.SettingError(f"setting '{name}': {value} is not a finite number")
     return json.dumps(settings, default=plain)
 
 

@@ -11,10 +11,10 @@ from numpy.typing import NDArray
 
 from . import _native
 from ._native import SettingError
-from .data import recordings_of
+from .data import frame_of, recordings_of
 from .model import Model
 from .progress import Progress, reporter
-from .quick import Method, as_json, settings_of
+from .quick import Method, as_json, nulls_of, settings_of
 
 
 @dataclass(frozen=True)
@@ -48,6 +48,7 @@ class Rolling(Sequence[Window]):
     Attributes:
         windows: The windows.
         dt: Seconds per row, or None.
+        status: `complete`, or `partial: ...` if the time budget ended before the last window; the ones before are there.
 
     Example:
         >>> import numpy as np, roscausal as rc
@@ -60,6 +61,7 @@ class Rolling(Sequence[Window]):
 
     windows: list[Window]
     dt: float | None = None
+    status: str = "complete"
 
     def __len__(self) -> int:
         return len(self.windows)
@@ -99,6 +101,8 @@ class Rolling(Sequence[Window]):
         return np.array([np.nan if at is None else each.model.val_matrix[at] for each, at in zip(self.windows, places)])
 
     def _places(self, cause: str, effect: str, lag: int) -> list[tuple[int, int, int] | None]:
+        if not self.windows:
+            return []
         first = self.windows[0].model
         known = [*first.features, *first.dropped]
         for name in (cause, effect):
@@ -127,7 +131,7 @@ class Rolling(Sequence[Window]):
             for place, name in enumerate(("recording", "start", "end")):
                 table.insert(place, name, getattr(each, name))
             tables.append(table)
-        return pandas.concat(tables, ignore_index=True)
+        return pandas.concat(tables, ignore_index=True) if tables else pandas.DataFrame()
 
 
 def roll(
@@ -151,7 +155,7 @@ def roll(
         method: As for `rc.discover`.
         test: Name of an independence test; None: the method's own.
         progress: True: a bar; or a function of (windows done, windows).
-        settings: The other settings of `rc.discover`; not `resamples`.
+        settings: The other settings of `rc.discover`; not `resamples` and `vectors`. `time_budget` is that of all windows together.
 
     Returns:
         The models.
@@ -172,13 +176,13 @@ def roll(
     for name in ("resamples", "resampling", "share", "block"):
         if settings.pop(name, None):
             raise SettingError(f"setting '{name}': windows are not resampled; call rc.discover on the rows of one window")
+    settings["null_dist"] = nulls_of(settings.get("null_dist"))
     found = recordings_of(data, columns)
     text = as_json({**settings_of(found, method=method, **settings), "test": test})
-    frame = _native.Frame(found.arrays, found.names)
     cut = (_rows("window", window), _rows("step", window if step is None else step))
-    windows = _native.roll(frame, text, *cut, reporter(progress, "windows"))
+    windows, status = _native.roll(frame_of(found), text, *cut, reporter(progress, "windows"))
     models = [Window(k, start, end, Model(model, found.rows(k, start, end))) for k, start, end, model in windows]
-    return Rolling(models, models[0].model.dt)
+    return Rolling(models, models[0].model.dt if models else found.dt, status)
 
 
 def _rows(name: str, value: Any) -> int:
