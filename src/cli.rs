@@ -5,7 +5,8 @@ use std::path::{Path, PathBuf};
 use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
 use clap_complete::Shell;
 use roscausal_core::{Error, Result};
-use tracing_subscriber::{EnvFilter, fmt};
+use tracing_subscriber::filter::{LevelFilter, Targets};
+use tracing_subscriber::{Layer as _, fmt, layer::SubscriberExt as _, util::SubscriberInitExt as _};
 
 use crate::{
     compare, demo, discover, experiment, html_report, output, presets, reasoning, replay, roll, show, teleop,
@@ -189,17 +190,18 @@ impl Cli {
 
     /// Logs to stderr. `RUST_LOG` takes precedence.
     pub(crate) fn start_logging(&self) {
-        let default =
-            if self.quiet { "error" } else { ["warn", "info", "debug"][usize::from(self.verbose).min(2)] };
-        let filter = EnvFilter::try_from_default_env().unwrap_or_else(|_| EnvFilter::new(default));
-        let log = fmt()
-            .with_env_filter(filter)
+        const LEVELS: [LevelFilter; 3] = [LevelFilter::WARN, LevelFilter::INFO, LevelFilter::DEBUG];
+        let default = if self.quiet { LevelFilter::ERROR } else { LEVELS[usize::from(self.verbose).min(2)] };
+        // As the nodes read it: without spans and fields, which would bring a library of regular expressions.
+        let chosen = std::env::var("RUST_LOG").ok().and_then(|text| text.parse::<Targets>().ok());
+        let log = fmt::layer()
             .with_writer(std::io::stderr)
             .with_target(false)
             .with_ansi(terminal::is_coloured())
-            .compact();
+            .compact()
+            .with_filter(chosen.unwrap_or_else(|| Targets::new().with_default(default)));
         // A program that calls the command twice has its log already.
-        let _ = log.try_init();
+        let _ = tracing_subscriber::registry().with(log).try_init();
     }
 }
 

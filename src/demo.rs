@@ -27,7 +27,7 @@ use crate::{
     output, presets, reasoning,
     replay::{Pace, Speed},
     report,
-    sink::Sink,
+    sink::{Sink, SinkArgs},
     web::{Web, WebArgs},
 };
 
@@ -75,9 +75,8 @@ pub(crate) struct Args {
     /// Folder for batches, model and pictures.
     #[arg(short, long, value_name = "DIR", default_value = "roscausal_demo")]
     out: PathBuf,
-    /// Record every topic of the run, including models and pictures, into this MCAP file.
-    #[arg(long, value_name = "FILE.mcap")]
-    record: Option<PathBuf>,
+    #[command(flatten)]
+    sink: SinkArgs,
     #[command(flatten)]
     web: WebArgs,
     /// With --web: how many times faster than real time the simulation runs; `max`: as fast as the machine allows.
@@ -88,8 +87,9 @@ pub(crate) struct Args {
 /// Runs `roscausal demo`.
 pub(crate) fn run(args: &Args, interrupt: &Interrupt) -> Result<()> {
     let run = Run::of(args)?;
+    let record = args.sink.claim()?;
     if args.web.wanted() {
-        return run.watch(args, interrupt);
+        return run.watch(args, record, interrupt);
     }
     crate::terminal::say!(
         "Simulating '{}' for {} s (seed {}), recording two batches ...",
@@ -97,7 +97,7 @@ pub(crate) fn run(args: &Args, interrupt: &Interrupt) -> Result<()> {
         args.duration,
         args.seed
     );
-    let (folders, model) = run.recorded_chain(args.record.as_deref(), interrupt)?;
+    let (folders, model) = run.recorded_chain(record, interrupt)?;
     show(args, &folders, &model)
 }
 
@@ -124,10 +124,14 @@ impl Args {
         let quoted = |text: &str| format!("'{}'", text.replace('\'', "'\\''"));
         let analysis = html_report::flags(model);
         let done: String = self.interventions.iter().map(|text| format!(" --do {}", quoted(text))).collect();
+        let exogenous = match self.method.exogenous() {
+            [] => String::new(),
+            names => format!(" --exogenous {}", quoted(&names.join(","))),
+        };
         let scenario = quoted(&self.scenario);
         // The seed of the analysis is fixed; the one given is that of the simulation.
         format!(
-            "roscausal demo --scenario {scenario} --seed {} --duration {}{done} {analysis}",
+            "roscausal demo --scenario {scenario} --seed {} --duration {}{done} {analysis}{exogenous}",
             self.seed, self.duration
         )
     }
@@ -149,6 +153,7 @@ pub(crate) struct Run {
 
 impl Run {
     fn of(args: &Args) -> Result<Self> {
+        nodes::check_seed(args.seed)?;
         Ok(Self {
             scenario: args.scenario.clone(),
             interventions: args.interventions.clone(),
@@ -217,7 +222,7 @@ impl Run {
     }
 
     /// Runs until the user ends it, with a live page: one model for each batch.
-    fn watch(&self, args: &Args, interrupt: &Interrupt) -> Result<()> {
+    fn watch(&self, args: &Args, record: Option<&Path>, interrupt: &Interrupt) -> Result<()> {
         let mut scenario = Scenario::load(&self.scenario)?;
         scenario.duration = ENDLESS_S;
         scenario.add_interventions(&self.interventions)?;
@@ -229,7 +234,7 @@ impl Run {
         let web = Web::start(&bus, &args.web, nodes::first_robot(&simulation))?;
         let (nodes, _progress) = Nodes::start(&bus, &nodes::RECORDING).with_discovery();
         let mut nodes = nodes.with_reasoning(true);
-        let mut sink = Sink::open(&bus, args.record.as_deref())?;
+        let mut sink = Sink::open(&bus, record)?;
         let announced = Publisher::new(&bus.node("announcement"), &simulation)?;
         sink.watch()?;
         drop(announced);

@@ -85,8 +85,8 @@ pub(crate) struct Args {
     /// Folder for the model, its pictures and tables.
     #[arg(short, long, value_name = "DIR")]
     out: Option<PathBuf>,
-    /// Write into --out although there are files of others.
-    #[arg(long, requires = "out")]
+    /// Write into --out although there are files of others, and over the file of --resample-out.
+    #[arg(long)]
     force: bool,
     /// What to print on stdout; and `trajectories`: the files are tables with a row for each agent and time (ETH, UCY, ATC, THÖR), which
     /// become the variables of the nodes. Both: `--format trajectories,json`. Default: text.
@@ -176,7 +176,7 @@ pub(crate) fn run(args: &Args, interrupt: &Interrupt) -> Result<()> {
         output::claim(dir, args.force)?;
     }
     if let Some(file) = &args.result.resample_out {
-        output::writable(file)?;
+        output::claim_file(file, RESAMPLE_MARK, args.force)?;
     }
     let Answer { model, evidence, data, graphs } = found(args, interrupt, format != Format::Text)?;
     // From here on there is a result.
@@ -214,6 +214,9 @@ fn explain(args: &Args, interrupt: &Interrupt) -> Result<()> {
     );
     Ok(())
 }
+
+/// What a file of [`json_lines`] begins with.
+const RESAMPLE_MARK: &str = "{\"resample\":";
 
 fn json_lines(graphs: &[ResampleGraph]) -> Result<String> {
     let line = |graph: &ResampleGraph| {
@@ -345,6 +348,8 @@ pub struct Recordings {
     pub exogenous: Vec<String>,
     /// What a reader of the model should know, one sentence each.
     pub warnings: Vec<String>,
+    /// For each recording the rows that `--where` or `--mask` makes no effects; empty if there are none.
+    pub masked: Vec<Vec<bool>>,
 }
 
 /// Reads the tables and recordings in `files` as `roscausal discover` does, with its options, such as `--person=7`.
@@ -368,7 +373,11 @@ pub fn read_recordings(files: &[PathBuf], options: &[String], cancel: Arc<Atomic
     })?;
     let mut settings = Settings::default();
     let Data { data, dt, warnings, .. } = Data::read(&args, &mut settings, &Interrupt::on(cancel), true)?;
+    let of_each = |place| data.masked_effects(place);
+    let masked: Vec<Vec<bool>> = (0..data.recordings().len()).map(of_each).collect();
+    let is_masked = masked.iter().any(|rows| rows.contains(&true));
     Ok(Recordings {
+        masked: if is_masked { masked } else { Vec::new() },
         names: data.var_names().to_vec(),
         values: data.recordings().to_vec(),
         dt,

@@ -21,31 +21,59 @@ const fn optional(flag: &'static str, node: &'static str, param: &'static str) -
     Twin { flag, node, param, unset: Some("0") }
 }
 
+/// Of a text or a list, which may be empty.
+const fn filled(flag: &'static str, node: &'static str, param: &'static str) -> Twin {
+    unless(flag, node, param, "")
+}
+
+/// Of which one value is as good as none.
+const fn unless(flag: &'static str, node: &'static str, param: &'static str, unset: &'static str) -> Twin {
+    Twin { flag, node, param, unset: Some(unset) }
+}
+
+impl Twin {
+    /// Whether a value of the parameter means "not set", in any spelling: 0.0 is 0, and [] is nothing.
+    fn is_unset(&self, value: &str) -> bool {
+        let plain = value.trim_matches(['[', ']']);
+        let same = |unset: &str| match (plain.parse::<f64>(), unset.parse::<f64>()) {
+            (Ok(one), Ok(other)) => one == other,
+            _ => plain == unset,
+        };
+        self.unset.is_some_and(same)
+    }
+}
+
 /// All twins.
-pub(crate) const TWINS: [Twin; 28] = [
+pub(crate) static TWINS: [Twin; 33] = [
     twin("method", "discovery", "cd_method"),
     twin("test", "discovery", "cond_ind_test"),
     twin("alpha", "discovery", "sig_alpha"),
-    Twin { flag: "pc-alpha", node: "discovery", param: "pc_alpha", unset: Some("-1") },
+    unless("pc-alpha", "discovery", "pc_alpha", "-1"),
     optional("f-alpha", "discovery", "f_alpha"),
     twin("te-estimator", "discovery", "te_estimator"),
     twin("gp-search", "discovery", "gp_search"),
     twin("gp-restarts", "discovery", "gp_restarts"),
+    filled("null-dist", "discovery", "null_dist"),
+    filled("vector", "discovery", "vectors"),
     twin("fdr", "discovery", "fdr_method"),
     twin("tau-min", "discovery", "min_lag"),
     twin("tau-max", "discovery", "max_lag"),
-    twin("acts-on", "discovery", "acts_on"),
+    filled("exogenous", "discovery", "exogenous"),
+    filled("acts-on", "discovery", "acts_on"),
+    optional("max-sets", "discovery", "max_sets"),
+    unless("no-extra-conditions", "discovery", "extra_conditions", "true"),
     twin("seed", "discovery", "seed"),
     twin("several-people", "discovery", "people"),
     optional("threads", "discovery", "threads"),
     optional("time-budget", "discovery", "time_budget"),
     optional("max-memory", "discovery", "max_memory"),
     optional("resamples", "discovery", "resamples"),
-    twin("resampling", "discovery", "resampling"),
-    twin("share", "discovery", "resample_share"),
-    twin("block", "discovery", "resample_block"),
+    // Without resamples their flags are refused, and the defaults say nothing.
+    unless("resampling", "discovery", "resampling", "subsample"),
+    unless("share", "discovery", "resample_share", "0.632"),
+    unless("block", "discovery", "resample_block", "1"),
     twin("window-batches", "discovery", "window_batches"),
-    twin("change-rows", "discovery", "change_rows"),
+    optional("change-rows", "discovery", "change_rows"),
     twin("dt", "data", "dt"),
     twin("ts-length", "data", "ts_length"),
     twin("person", "data", "sel_agent"),
@@ -53,17 +81,33 @@ pub(crate) const TWINS: [Twin; 28] = [
     twin("human-goal", "human", "goal_topic"),
 ];
 
+/// The twin of a node's parameter.
+fn twin_of(node: &str, param: &str) -> Option<&'static Twin> {
+    TWINS.iter().find(|twin| twin.node == node && twin.param == param)
+}
+
+/// Whether a node's parameter has a value that means "not set", which its flag has no word for.
+pub(crate) fn is_unset(node: &str, param: &str, value: &str) -> bool {
+    twin_of(node, param).is_some_and(|twin| twin.is_unset(value))
+}
+
 /// Flag and value for a node's parameter; `None` if no flag means it, or it is not set.
 ///
 /// # Example
 /// `discovery.max_lag = 3` is `--tau-max 3`; `discovery.pc_alpha = 0` is `--pc-alpha auto`.
 pub(crate) fn of_parameter(node: &str, param: &str, value: &str) -> Option<(&'static str, String)> {
-    let twin = TWINS.iter().find(|twin| twin.node == node && twin.param == param)?;
+    let twin = twin_of(node, param)?;
     match (twin.flag, value) {
-        (_, value) if twin.unset == Some(value) => None,
-        ("pc-alpha", "0") => Some(("pc-alpha", "auto".to_owned())),
+        (_, value) if twin.is_unset(value) => None,
+        // A flag takes no empty value: what that means, the parameter says.
+        (_, "") => None,
+        // A flag without a value.
+        ("no-extra-conditions", value) => (value == "false").then(|| ("no-extra-conditions", String::new())),
+        ("pc-alpha", value) if value.parse::<f64>() == Ok(0.0) => Some(("pc-alpha", "auto".to_owned())),
         // A list is written [a, b].
-        ("acts-on", list) => Some(("acts-on", list.trim_matches(['[', ']']).replace(", ", ","))),
+        (flag @ ("acts-on" | "exogenous" | "vector"), list) => {
+            Some((flag, list.trim_matches(['[', ']']).replace(", ", ",")))
+        }
         (flag, value) => Some((flag, value.to_owned())),
     }
 }
@@ -82,7 +126,8 @@ pub(crate) fn in_the_commands_words(error: &Error) -> String {
 /// The flag that a name means: that of the parameter, the flag itself, or its spelling with `_`.
 fn flag_of(name: &str) -> Option<String> {
     let plain = name.trim_start_matches('-').replace('_', "-");
-    let twin = TWINS.iter().find(|twin| twin.param == name).map(|twin| twin.flag.to_owned());
+    let is_it = |twin: &&Twin| twin.param.replace('_', "-") == plain;
+    let twin = TWINS.iter().find(is_it).map(|twin| twin.flag.to_owned());
     let known = || crate::cli::long_flags().into_iter().find(|flag| *flag == plain);
     // `topics` has a flag of the parameter's name.
     let signal = (name == "signals").then(|| "signal".to_owned());
@@ -149,7 +194,47 @@ mod tests {
         assert_eq!(of_parameter("discovery", "pc_alpha", "-1"), None);
         let pairs = of_parameter("discovery", "acts_on", "[do_a=a, do_b=b]");
         assert_eq!(pairs, Some(("acts-on", "do_a=a,do_b=b".into())));
+        let vectors = of_parameter("discovery", "vectors", "[place=x+y, force=fx+fy]");
+        assert_eq!(vectors, Some(("vector", "place=x+y,force=fx+fy".into())));
+        assert_eq!(of_parameter("discovery", "vectors", ""), None);
+        let causes = of_parameter("discovery", "exogenous", "[weather, hour]");
+        assert_eq!(causes, Some(("exogenous", "weather,hour".into())));
+        let rule = |value: &str| of_parameter("discovery", "extra_conditions", value);
+        assert_eq!((rule("false"), rule("true")), (Some(("no-extra-conditions", String::new())), None));
         assert_eq!(of_parameter("discovery", "max_lag", "3"), Some(("tau-max", "3".into())));
         assert_eq!(of_parameter("data", "risk_lag", "1"), None);
+    }
+
+    #[test]
+    fn what_is_not_set_is_told_in_any_spelling_from_what_no_flag_means() {
+        for (param, value) in [
+            ("f_alpha", "0.0"),
+            ("pc_alpha", "-1.0"),
+            ("resamples", "0"),
+            ("resample_share", "0.632"),
+            ("acts_on", "[]"),
+            ("extra_conditions", "true"),
+        ] {
+            assert!(is_unset("discovery", param, value), "{param}");
+            assert_eq!(of_parameter("discovery", param, value), None, "{param}");
+        }
+        assert_eq!(of_parameter("discovery", "pc_alpha", "0.0"), Some(("pc-alpha", "auto".into())));
+        for (node, param, value) in
+            [("discovery", "resamples", "20"), ("data", "risk_lag", "0"), ("robot", "odom_topic", "")]
+        {
+            assert!(!is_unset(node, param, value), "{param}");
+        }
+        // No odometry, which is not the same as none named.
+        assert_eq!(of_parameter("robot", "odom_topic", ""), None);
+    }
+
+    #[test]
+    fn what_a_twin_calls_unset_is_the_default_of_the_node() {
+        for twin in TWINS.iter().filter(|twin| twin.flag != "acts-on") {
+            let Some(unset) = twin.unset else { continue };
+            let specs = roscausal_core::nodes::parameters(twin.node).expect("a node");
+            let default = &specs.iter().find(|spec| spec.name == twin.param).expect("a parameter").default;
+            assert!(twin.is_unset(&default.to_string()), "--{}: {unset} is not {default}", twin.flag);
+        }
     }
 }

@@ -185,6 +185,7 @@ pub(crate) fn set_discovery(
         let pair = |(column, variable): &(String, String)| text(&format!("{column}={variable}"));
         ("acts_on", Value::List(pairs.iter().map(pair).collect()))
     });
+    let exogenous = settings.exogenous.iter().map(|name| text(name)).collect();
     let values = [
         ("data_dir", text(&folders.processed.display().to_string())),
         ("res_dir", text(&folders.models.display().to_string())),
@@ -201,6 +202,7 @@ pub(crate) fn set_discovery(
         ("gp_restarts", Value::Int(i64::try_from(settings.gp_restarts).unwrap_or(i64::MAX))),
         ("min_lag", Value::Int(settings.tau_min as i64)),
         ("max_lag", Value::Int(settings.tau_max as i64)),
+        ("exogenous", Value::List(exogenous)),
         ("seed", Value::Int(i64::try_from(settings.seed).unwrap_or(i64::MAX))),
         ("threads", Value::Int(threads.unwrap_or(0) as i64)),
     ];
@@ -208,10 +210,27 @@ pub(crate) fn set_discovery(
     all.for_each(|(name, value)| bus.set_node_param("discovery", name, value));
 }
 
+/// Largest seed that a node takes.
+const LARGEST_SEED: u64 = 9_000_000_000_000_000;
+
+/// Refuses a seed that the nodes do not take.
+///
+/// # Errors
+/// It is too large.
+pub(crate) fn check_seed(seed: u64) -> Result<()> {
+    if seed <= LARGEST_SEED {
+        return Ok(());
+    }
+    Err(Error::param(
+        "seed",
+        format!("{seed} is more than the nodes take; give a number from 0 to {LARGEST_SEED}"),
+    ))
+}
+
 /// Nodes whose parameters decide what a run gives.
 const DECIDING: [&str; 3] = ["human", "data", "discovery"];
 /// Parameters that say where things are, how the work is shared out, or how many batches make a model.
-const NOT_CARRIED: [&str; 11] = [
+const NOT_CARRIED: [&str; 12] = [
     "data_dir",
     "pp_data_dir",
     "res_dir",
@@ -222,6 +241,7 @@ const NOT_CARRIED: [&str; 11] = [
     "pp_script_dir",
     "pp_script",
     "cd_method_dir",
+    "null_dist",
     "people_type",
 ];
 
@@ -247,4 +267,25 @@ pub(crate) fn carried(bus: &Loopback) -> Result<BTreeMap<String, String>> {
 
 fn text(text: &str) -> Value {
     Value::Str(text.to_owned())
+}
+
+#[cfg(test)]
+mod tests {
+    use roscausal_core::params::Allowed;
+
+    use super::*;
+
+    #[test]
+    fn a_seed_is_refused_where_the_nodes_would_refuse_it() {
+        for node in ["data", "discovery"] {
+            let specs = nodes::parameters(node).expect("a node");
+            let seed = specs.iter().find(|spec| spec.name == "seed").expect("a seed");
+            assert_eq!(seed.allowed, Allowed::Range(0.0, LARGEST_SEED as f64), "{node}");
+        }
+        assert!(check_seed(LARGEST_SEED).is_ok());
+        for seed in [LARGEST_SEED + 1, 1 << 63, u64::MAX] {
+            let error = check_seed(seed).expect_err("too large").to_string();
+            assert!(error.contains(&format!("{seed} is more than the nodes take")), "{error}");
+        }
+    }
 }

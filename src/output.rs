@@ -2,7 +2,7 @@
 
 use std::{
     fs,
-    io::Write,
+    io::{Read, Write},
     path::{Path, PathBuf},
 };
 
@@ -95,21 +95,48 @@ pub(crate) fn write_file(dir: &Path, name: &str, bytes: &[u8]) -> Result<PathBuf
     Ok(path)
 }
 
-/// Makes sure that a file of the user's can be written, before any work.
+/// How much of a file is read to see whose it is.
+const BEGINNING: u64 = 2048;
+
+/// Makes sure that a file that the user named can be written, before any work: it is new, empty, or an earlier result of the
+/// same kind, which has `mark` near its beginning, or `force` is given.
 ///
 /// # Errors
-/// A folder that does not exist or cannot be written.
-pub(crate) fn writable(file: &Path) -> Result<()> {
+/// A file of others, a folder, or one in which nothing can be written.
+pub(crate) fn claim_file(file: &Path, mark: &str, force: bool) -> Result<()> {
     if file.is_dir() {
         return Err(Error::file(file, "this is a folder; give the name of a file"));
     }
+    if is_device(file) {
+        return Ok(());
+    }
+    if file.exists() && !force && !begins_with(file, mark).map_err(|e| Error::file(file, e))? {
+        let reason = "there is another file of this name; choose another name, or overwrite it with --force";
+        return Err(Error::file(file, reason));
+    }
     let folder = folder_of(file);
+    fs::create_dir_all(folder).map_err(|e| Error::file(file, e))?;
     let probe = folder.join(".roscausal.tmp");
     fs::write(&probe, "").and_then(|()| fs::remove_file(&probe)).map_err(|e| Error::file(file, e))
 }
 
-/// Writes a file of the user's: whole or not at all.
+/// Whether a file is empty, or has the mark near its beginning.
+fn begins_with(file: &Path, mark: &str) -> std::io::Result<bool> {
+    let mut bytes = Vec::new();
+    fs::File::open(file)?.take(BEGINNING).read_to_end(&mut bytes)?;
+    Ok(bytes.is_empty() || bytes.windows(mark.len()).any(|part| part == mark.as_bytes()))
+}
+
+/// Whether this is neither a file nor a folder, such as `/dev/stdout` or a pipe.
+fn is_device(file: &Path) -> bool {
+    fs::metadata(file).is_ok_and(|found| !found.is_file() && !found.is_dir())
+}
+
+/// Writes a file of the user's: whole or not at all, except into a device.
 pub(crate) fn write_at(file: &Path, bytes: &[u8]) -> Result<PathBuf> {
+    if is_device(file) {
+        return fs::write(file, bytes).map(|()| file.to_owned()).map_err(|e| Error::file(file, e));
+    }
     write_file(folder_of(file), &file.file_name().unwrap_or_default().to_string_lossy(), bytes)
 }
 

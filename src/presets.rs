@@ -17,6 +17,10 @@ use std::{
 
 use clap::{ArgMatches, parser::ValueSource};
 use roscausal_core::{Error, Result, params::nearest};
+use roscausal_discovery::{
+    independence_tests::Significance,
+    methods::{Method, Reads},
+};
 use toml::{Table, Value};
 
 use crate::{cli, flags, recording};
@@ -25,6 +29,23 @@ use crate::{cli, flags, recording};
 pub(crate) const FILE: &str = "roscausal.toml";
 /// Subcommands that read data, and their positional argument.
 const READERS: [(&str, &str); 3] = [("discover", "files"), ("roll", "files"), ("replay", "recording")];
+/// Flags that only some methods read.
+const OF_METHODS: [(&str, Reads); 6] = [
+    ("pc-alpha", Reads::PcAlpha),
+    ("f-alpha", Reads::FAlpha),
+    ("te-estimator", Reads::TeEstimator),
+    ("max-sets", Reads::MaxSets),
+    ("no-extra-conditions", Reads::ExtraConditions),
+    ("acts-on", Reads::ActsOn),
+];
+/// Flags that only some tests read, spelled without dashes and underscores. With the significance of surrogates all read how many.
+const OF_TESTS: [(&str, &[&str]); 5] = [
+    ("gp-search", &["gpdc"]),
+    ("gp-restarts", &["gpdc"]),
+    ("null-dist", &["gpdc"]),
+    ("shuffle-stop", &["cmiknn"]),
+    ("shuffles", &["gpdc", "gpdcpython", "cmiknn", "cmisymb"]),
+];
 
 /// Settings from one place.
 #[derive(Debug, Default, PartialEq)]
@@ -44,10 +65,13 @@ pub(crate) fn apply(line: &[OsString], matches: &ArgMatches) -> Result<Option<(V
     let data: Vec<&PathBuf> = own.get_many::<PathBuf>(positional).into_iter().flatten().collect();
     let (mut preset, mut told): (Vec<OsString>, Vec<String>) = (Vec::new(), Vec::new());
     let mut taken: Vec<String> = Vec::new();
-    for found in find(&data)? {
+    let all = find(&data)?;
+    let shuffles = is_by_shuffles(own, &all);
+    for found in all {
         let mut used = Vec::new();
         for (flag, values) in &found.flags {
-            if !cli::has_flag(name, flag) || taken.contains(flag) || is_given(own, flag) {
+            let says_nothing = || is_given(own, flag) || !suits(own, flag, shuffles);
+            if !cli::has_flag(name, flag) || taken.contains(flag) || says_nothing() {
                 continue;
             }
             taken.push(flag.clone());
@@ -75,6 +99,38 @@ fn is_given(own: &ArgMatches, flag: &str) -> bool {
     let given =
         |id: &str| own.try_contains_id(id).is_ok() && own.value_source(id) == Some(ValueSource::CommandLine);
     given(&id)
+}
+
+/// Whether p-values are to come from surrogates: by the user's word, else by the one beside the data.
+fn is_by_shuffles(own: &ArgMatches, all: &[Found]) -> bool {
+    let given = own.try_get_one::<String>("significance").ok().flatten();
+    let mut flags = all.iter().flat_map(|found| &found.flags);
+    let beside = || flags.find(|(flag, _)| flag == "significance").and_then(|(_, values)| values.first());
+    let how = given.or_else(beside).and_then(|word| word.parse::<Significance>().ok());
+    how == Some(Significance::ShuffleTest)
+}
+
+/// Whether a flag says something to the method and the test that the user names, for which it may not have been set. `shuffles`:
+/// whether any test draws surrogates.
+fn suits(own: &ArgMatches, flag: &str, shuffles: bool) -> bool {
+    let named = |id: &str| own.get_one::<String>(id).filter(|_| is_given(own, id));
+    let method = named("method").and_then(|name| name.parse::<Method>().ok());
+    let of_methods = OF_METHODS.iter().find(|(name, _)| *name == flag);
+    if let (Some(method), Some((_, setting))) = (method, of_methods) {
+        return method.reads(*setting);
+    }
+    let of_tests = OF_TESTS.iter().find(|(name, _)| *name == flag);
+    let says_how = of_tests.is_some() || flag == "significance";
+    // TiMINo takes the regression of a test, and no p-values.
+    if says_how && method.is_some_and(|method| !method.info().asks_test || method == Method::Timino) {
+        return false;
+    }
+    if flag == "shuffles" && shuffles {
+        return true;
+    }
+    let spelled = |name: &String| name.replace(['-', '_'], "").to_lowercase();
+    let (Some((_, tests)), Some(test)) = (of_tests, named("test").map(spelled)) else { return true };
+    tests.contains(&test.as_str())
 }
 
 /// The settings beside each of these files or folders, in the order in which they count.
@@ -169,6 +225,7 @@ fn flags_in(table: &Table, file: &Path) -> Result<Vec<(String, Vec<String>)>> {
                 let value = texts(&value).join(",");
                 found.push(match flags::of_parameter(key, &param, &value) {
                     Some((flag, value)) => (flag.to_owned(), vec![value]),
+                    None if flags::is_unset(key, &param, &value) => continue,
                     None => ("param".into(), vec![format!("{key}.{param}={value}")]),
                 });
             }

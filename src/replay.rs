@@ -29,7 +29,7 @@ use crate::{
     output,
     recording::{InputArgs, Play, Source},
     report, roll,
-    sink::Sink,
+    sink::{Sink, SinkArgs},
     web::{Web, WebArgs},
 };
 
@@ -72,9 +72,8 @@ pub(crate) struct Args {
     /// Folder for batches and models.
     #[arg(short, long, value_name = "DIR", default_value = "roscausal_replay")]
     out: PathBuf,
-    /// Record every topic of the replay, including models and pictures, into this MCAP file.
-    #[arg(long, value_name = "FILE.mcap")]
-    record: Option<PathBuf>,
+    #[command(flatten)]
+    sink: SinkArgs,
     #[command(flatten)]
     web: WebArgs,
 }
@@ -139,8 +138,10 @@ impl Args {
 
 /// Runs `roscausal replay`.
 pub(crate) fn run(args: &Args, interrupt: &Interrupt) -> Result<()> {
+    nodes::check_seed(args.seed)?;
     let settings: Settings = args.method.settings(args.seed)?;
     let resampling = args.resample.asked()?;
+    let record = args.sink.claim_beside(&args.recording)?;
     let mut source = Source::open(&args.recording, &args.inputs)?;
     let folders = Folders::fresh(&args.out)?;
     let bus = Loopback::lockstep();
@@ -149,7 +150,7 @@ pub(crate) fn run(args: &Args, interrupt: &Interrupt) -> Result<()> {
     nodes::set_discovery(&bus, &folders, &settings, resampling.as_ref(), 1, args.threads);
     args.set_rolling(&bus);
     source.set_params(&bus);
-    let mut sink = Sink::open(&bus, args.record.as_deref())?;
+    let mut sink = Sink::open(&bus, record)?;
     let play = Play::new(&bus, &mut source.recording, &source.inputs)?;
     let (nodes, progress) = Nodes::start(&bus, source.inputs.nodes).with_discovery();
     let mut nodes = nodes.with_reasoning(args.web.wanted());

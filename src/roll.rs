@@ -5,9 +5,10 @@ use std::path::{Path, PathBuf};
 use clap::{Args as ClapArgs, ValueEnum};
 use roscausal_core::{Error, Result};
 use roscausal_discovery::{
-    Control, DataFrame, Model, Settings,
+    Control, DataFrame, Model, Settings, Stop,
     changes::{ChangeEvent, Detector, Form, Levels},
     confidence::{Resampling, set_step},
+    methods::Status,
     names::plain,
     rolling::{
         LinkCount, ROLLING_SCHEMA, WindowModel, Windows, link_counts, roll, roll_resampled, strips_of,
@@ -80,7 +81,7 @@ pub(crate) struct Args {
 enum Format {
     /// A line for each window and event, and a summary.
     Text,
-    /// A JSON object on each line: a window or an event.
+    /// A JSON object on each line: a window or an event; the last one has the status.
     Jsonl,
     /// A table with a row for each link of each window.
     Csv,
@@ -104,15 +105,18 @@ pub(crate) fn run(args: &Args, interrupt: &Interrupt) -> Result<()> {
         part: &args.part,
     };
     let (data, dt) = discover::read(&readable, &mut settings, args.seed, interrupt)?;
-    args.check_batch(&data)?;
-    let control = Control::default().cancel_on(interrupt.flag());
+    args.check_batch(&data, settings.tau_max)?;
+    let control = args.means.within_budget(Control::default().cancel_on(interrupt.flag()))?;
     let rolling = args.means.in_pool(|| {
-        let mut rolling = Rolling { format: args.format, dt, windows: Vec::new(), events: Vec::new() };
+        let mut rolling = Rolling::new(args.format, dt);
         if args.changes {
-            rolling.events = args.events(&data, &settings, &control)?;
+            rolling.status = args.events(&data, &settings, &control, &mut rolling.events)?;
         }
         rolling.begin();
-        models(&data, &settings, &windows, resampling.as_ref(), &control, |window| rolling.take(window))?;
+        if rolling.status == Status::Complete {
+            let take = |window| rolling.take(window);
+            rolling.status = models(&data, &settings, &windows, resampling.as_ref(), &control, take)?;
+        }
         rolling.end();
         Ok(rolling)
     })?;
@@ -135,7 +139,8 @@ impl Args {
     }
 
     /// A batch is a window to the library; users hear of what they gave.
-    fn check_batch(&self, data: &DataFrame) -> Result<()> {
+    fn check_batch(&self, data: &DataFrame, tau_max: usize) -> Result<()> {
+        let past = tau_max.saturating_mul(2);
         let longest = data.recordings().iter().map(|rows| rows.nrows()).max().unwrap_or(0);
         match self.batch {
             Some(0) => Err(Error::param("batch", "a batch has rows; give 1 or more")),
@@ -145,21 +150,41 @@ impl Args {
                 );
                 Err(Error::param("batch", reason))
             }
+            Some(rows) if rows <= past => {
+                let reason = format!(
+                    "the first batch of {rows} rows has no sample, since {past} rows only serve as the past of others; give more than \
+                     {past}, or a lower --tau-max"
+                );
+                Err(Error::param("batch", reason))
+            }
             _ => Ok(()),
         }
     }
 
-    /// What the detector tells of the whole data, recording after recording.
-    fn events(&self, data: &DataFrame, settings: &Settings, control: &Control) -> Result<Vec<ChangeEvent>> {
+    /// Adds what the detector tells of the whole data, recording after recording, to `events`.
+    fn events(
+        &self,
+        data: &DataFrame,
+        settings: &Settings,
+        control: &Control,
+        events: &mut Vec<ChangeEvent>,
+    ) -> Result<Status> {
         let names = data.var_names().to_vec();
         let detector = Detector::new(names, settings.tau_max, &settings.exogenous, Levels::default())?;
         let mut detector = detector.of_form(Form::of_test(&settings.cond_ind_test));
         let rows = self.change_rows.unwrap_or(CHANGE_ROWS.max(detector.fewest_rows()));
-        let mut events = Vec::new();
-        for recording in data.recordings() {
-            events.extend(detector.read_in_parts(recording.view(), rows, control)?);
+        for (place, recording) in data.recordings().iter().enumerate() {
+            let masked = data.masked_effects(place);
+            match detector.read_in_masked_parts(recording.view(), &masked, rows, control) {
+                Err(roscausal_discovery::Error::Cancelled(_)) if control.stop() == Some(Stop::OutOfTime) => {
+                    let how_far =
+                        "the time budget ended before all changes and the first window were looked for";
+                    return Ok(Status::Partial(how_far.into()));
+                }
+                told => events.extend(told?),
+            }
         }
-        Ok(events)
+        Ok(Status::Complete)
     }
 }
 
@@ -170,16 +195,15 @@ fn models(
     resampling: Option<&Resampling>,
     control: &Control,
     mut take: impl FnMut(WindowModel),
-) -> Result<()> {
+) -> Result<Status> {
     let each = |window| {
         take(window);
         Ok(())
     };
-    match resampling {
+    Ok(match resampling {
         Some(resampling) => roll_resampled(data, settings, windows, resampling, control, each)?,
         None => roll(data, settings, windows, control, each)?,
-    }
-    Ok(())
+    })
 }
 
 /// What was found so far.
@@ -188,9 +212,14 @@ struct Rolling {
     dt: Option<f64>,
     windows: Vec<WindowModel>,
     events: Vec<ChangeEvent>,
+    status: Status,
 }
 
 impl Rolling {
+    fn new(format: Format, dt: Option<f64>) -> Self {
+        Self { format, dt, windows: Vec::new(), events: Vec::new(), status: Status::Complete }
+    }
+
     fn begin(&self) {
         match self.format {
             Format::Csv => crate::terminal::say!(
@@ -253,8 +282,22 @@ impl Rolling {
         self.windows.push(window);
     }
 
+    /// `complete`, or `partial: ..` as the status of a model.
+    fn status(&self) -> String {
+        match &self.status {
+            Status::Complete => "complete".into(),
+            Status::Partial(how_far) => format!("partial: {how_far}"),
+        }
+    }
+
     fn end(&self) {
-        if self.format != Format::Text {
+        if self.status != Status::Complete {
+            crate::terminal::tell!("{}", self.status());
+        }
+        if self.format == Format::Jsonl {
+            crate::terminal::say!("{}", json!({ "status": self.status() }));
+        }
+        if self.format != Format::Text || self.windows.is_empty() {
             return;
         }
         for line in count_lines(&self.counts(), "windows") {
@@ -279,6 +322,7 @@ impl Rolling {
         let windows: Vec<Value> = self.windows.iter().map(|window| self.object(window)).collect();
         let whole = json!({
             "schema": ROLLING_SCHEMA,
+            "status": self.status(),
             "dt": self.dt,
             "windows": windows,
             "events": self.events,

@@ -132,6 +132,19 @@ fn an_unknown_scenario_or_method_is_bad_usage() {
 }
 
 #[test]
+fn a_seed_that_the_nodes_cannot_hold_is_refused_before_anything_is_simulated() {
+    let dir = tempfile::tempdir().expect("a folder");
+    for seed in ["9000000000000001", "9223372036854775808", "18446744073709551615"] {
+        let output = demo(dir.path(), &["--seed", seed]);
+        let text = String::from_utf8_lossy(&output.stderr).into_owned();
+        assert_eq!((output.status.code(), output.stdout.len()), (Some(2), 0), "{text}");
+        assert!(text.contains(&format!("--seed: {seed} is more than the nodes take")), "{text}");
+        assert_eq!(text.trim_end().lines().count(), 1, "{text}");
+    }
+    assert!(!dir.path().join("roscausal_demo").exists());
+}
+
+#[test]
 fn the_demo_writes_a_small_report_and_says_where() {
     let dir = tempfile::tempdir().expect("a folder");
     let output = demo(dir.path(), &["--duration", "60", "--method", "pcmci", "--test", "parcorr"]);

@@ -1,7 +1,9 @@
 # Functions that the test scripts share. Source this file.
 
-# Reports that nothing could be tested, and why: exit code 77 for the caller.
+# Reports that nothing could be tested, and why: exit code 77 for the caller. If something has failed before, in a script that counts
+# or lists it in `failed`, that stays a failure.
 give_up() {
+  [ "${failed[*]:-0}" = 0 ] || broken "$1"
   echo "NOT TESTED: $1" >&2
   echo "0 passed, 1 failed"
   exit 77

@@ -80,6 +80,13 @@ fn the_flag_says_what_an_intervention_acts_on() {
         (&json!("-->"), &json!("-->")),
         "{found}"
     );
+    // The rule that contexts join their variables as conditions shows in the p-values.
+    let plain =
+        model(dir.path(), &[&args[..], &["--acts-on", "push=speed", "--no-extra-conditions"]].concat());
+    assert!(plain["graph"][0][1][1] == "-->" && plain["p_matrix"] != found["p_matrix"], "{plain}");
+    // One set of each size: no fewer links.
+    let few = model(dir.path(), &[&args[..], &["--acts-on", "push=speed", "--max-sets", "1"]].concat());
+    assert_eq!(few["graph"][0][1][1], "-->", "{few}");
     for (more, says) in [
         (&["--acts-on", "push"][..], "--acts-on: 'push' is no pair"),
         (&["--acts-on", "pull=speed"], "--acts-on: pull=speed: there is no column 'pull'"),
@@ -198,7 +205,9 @@ fn gpdc_takes_null_distributions_that_are_given() {
     assert_eq!((&own["graph"][0][1][1], &given["graph"][0][1][1]), (&json!("-->"), &json!("")));
     let text =
         complaint(dir.path(), &[&args[..], &["--null-dist", "null.csv", "--test", "parcorr"]].concat());
-    assert!(text.contains("it is for --test gpdc"), "{text}");
+    assert!(text.contains("it is for the test gpdc"), "{text}");
+    let granger = ["discover", "data.csv", "--method", "granger", "--null-dist", "null.csv"];
+    assert!(complaint(dir.path(), &granger).contains("granger asks no test"));
     fs::write(dir.path().join("null.csv"), "many\n2\n").expect("writes");
     let text = complaint(dir.path(), &[&args[..], &["--null-dist", "null.csv"]].concat());
     assert!(text.contains("'many' is no number of samples"), "{text}");
@@ -228,6 +237,66 @@ fn timino_sees_a_square_and_tsfci_the_marks_of_lpcmci() {
     let tsfci = ["discover", "data.csv", "--columns", "x,y,speed", "--method", "tsfci", "--test", "parcorr"];
     let found = model(dir.path(), &tsfci);
     assert_eq!(found["graph"][1][2][1], "o->", "{found}");
+}
+
+#[test]
+fn a_setting_that_a_method_does_not_read_is_refused_with_the_methods_that_do() {
+    let dir = tempfile::tempdir().expect("a folder");
+    fs::write(dir.path().join("data.csv"), walk()).expect("writes");
+    let orients = "it is for pcmciplus and jpcmciplus";
+    for (more, says) in [
+        (&["--method", "lpcmci", "--collider-rule", "none"][..], orients),
+        (&["--method", "granger", "--first-orientation"], orients),
+        (
+            &["--method", "granger", "--max-conds", "2"],
+            "--max-conds: granger chooses no conditions; it is for fpcmci, pcmci, ",
+        ),
+        (
+            &["--method", "pcmci", "--max-sets", "2"],
+            "--max-sets: pcmci has no such limit; it is for lpcmci and candoit",
+        ),
+        (
+            &["--method", "granger", "--pc-alpha", "0.1"],
+            "--pc-alpha: granger chooses no conditions; it is for fpcmci, pcmci, ",
+        ),
+        (&["--method", "pcmci", "--f-alpha", "0.1"], "--f-alpha: pcmci has no filter; it is for fpcmci"),
+        (&["--method", "pcmci", "--te-estimator", "gaussian"], "--te-estimator: pcmci has no filter"),
+        (
+            &["--method", "lpcmci", "--acts-on", "x=speed"],
+            "--acts-on: lpcmci knows of no interventions; it is for candoit",
+        ),
+        (
+            &["--method", "pcmci", "--gp-restarts", "2"],
+            "--gp-restarts: parcorr fits no Gaussian process; it is for the test gpdc",
+        ),
+        (&["--method", "auto", "--take-it", "--f-alpha", "0.1"], "--f-alpha: lpcmci has no filter"),
+        (&["--method", "lpcmci", "--max-sets", "0"], "--max-sets: 0 tests nothing"),
+        (&["--method", "pcmci", "--shuffle-stop", "5"], "--shuffle-stop: parcorr has no such end"),
+        (
+            &["--method", "lpcmci", "--no-extra-conditions"],
+            "--no-extra-conditions: lpcmci has no contexts of interventions; it is for candoit",
+        ),
+    ] {
+        let text = complaint(dir.path(), &[&["discover", "data.csv", "--test", "parcorr"], more].concat());
+        assert!(text.contains(says) && text.trim_end().lines().count() == 1, "{more:?}: {text}");
+    }
+}
+
+#[test]
+fn settings_beside_the_data_are_taken_as_given_unless_the_user_names_a_method_that_does_not_read_them() {
+    let dir = tempfile::tempdir().expect("a folder");
+    fs::write(dir.path().join("data.csv"), walk()).expect("writes");
+    let settings = "te-estimator = 'gaussian'\npc-alpha = 0.1\ngp-restarts = 1\nshuffles = 50\nsignificance = 'shuffle'\nalpha = 0.01\n";
+    fs::write(dir.path().join("roscausal.toml"), settings).expect("writes");
+    let args = ["discover", "data.csv", "--method", "granger", "--test", "parcorr"];
+    assert_eq!(model(dir.path(), &args)["alpha"], 0.01);
+    let out = roscausal(dir.path(), &args);
+    let told = String::from_utf8_lossy(&out.stderr).into_owned();
+    assert!(told.contains("settings of roscausal.toml: --alpha=0.01\n"), "{told}");
+    let settings = format!("method = 'granger'\n{settings}");
+    fs::write(dir.path().join("roscausal.toml"), settings).expect("writes");
+    let text = complaint(dir.path(), &["discover", "data.csv"]);
+    assert!(text.contains("--gp-restarts: granger asks no test"), "{text}");
 }
 
 #[test]

@@ -3,6 +3,7 @@
 # so tests/run.sh leaves it out. PART is one of
 #   files    checksums, tags of wheels, the list of crates
 #   rosdebian  the folders debian/ of the ROS package
+#   plan     what cargo-dist would make of a tag
 #   wheel    in a clean environment of each Python 3.10 to 3.13 that is here: numpy alone, README's lines, the same model everywhere
 #   deb      lintian; a minimal Debian: installed, the demo as a user, purged without a trace
 #   image    the steps of the Dockerfile's second stage, in the same minimal Debian
@@ -13,7 +14,7 @@ cd "$(dirname "$0")/.."
 . tests/lib.sh
 
 parts=("$@")
-[ $# -gt 0 ] || parts=(files rosdebian wheel deb image offline)
+[ $# -gt 0 ] || parts=(files rosdebian plan wheel deb image offline)
 version=$(sed -n '/^\[workspace.package\]/,/^\[/s/^version = "\(.*\)"/\1/p' Cargo.toml)
 work=$(mktemp -d)
 trap 'rm -rf --one-file-system "$work"' EXIT
@@ -60,6 +61,22 @@ listed = json.load(open(sys.argv[1]))
 crates = {crate["name"]: crate for crate in listed["components"]}
 assert listed["bomFormat"] == "CycloneDX" and {"faer", "roscausal_discovery", "parquet"} <= set(crates), sorted(crates)
 assert not [name for name, crate in crates.items() if not crate.get("licenses")]
+END
+}
+
+# What cargo-dist would make: the command alone, for each system of dist-workspace.toml.
+plan() {
+  local plan
+  plan=$(made "roscausal-$version-dist-plan.json") || exit 1
+  check "cargo-dist plans an archive of the command for each system, and of nothing else" python3 - "$plan" dist-workspace.toml <<'END'
+import json, pathlib, re, sys
+plan = json.load(open(sys.argv[1]))
+systems = re.search(r"targets = \[(.*?)\]", pathlib.Path(sys.argv[2]).read_text(), re.S)[1]
+archives = [made for made in plan["artifacts"].values() if made["kind"] == "executable-zip"]
+assert [release["app_name"] for release in plan["releases"]] == ["roscausal"], plan["releases"]
+assert sorted(sum((made["target_triples"] for made in archives), [])) == sorted(re.findall(r'"(.*?)"', systems)), archives
+for made in archives:
+    assert [part["name"] for part in made["assets"] if part["kind"] == "executable"] == ["roscausal"], made
 END
 }
 

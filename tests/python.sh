@@ -53,6 +53,9 @@ part "a user's script is typed" "$clean/bin/python" -m mypy --strict roscausal_p
 part "and runs" "$clean/bin/python" roscausal_py/tests/typed.py
 part "the package is typed" "$clean/bin/python" -m mypy --strict --package roscausal
 part "the stub is the native module" "$clean/bin/python" -m mypy.stubtest roscausal._native
+"$clean/bin/pip" install --quiet --disable-pip-version-check "ray>=2.40" distributed fsspec s3fs "aiobotocore[boto3]" "moto[s3]" flask flask-cors ||
+  give_up "ray, distributed, s3fs or moto cannot be installed from PyPI"
+part "a fleet's recordings on one machine, on Ray and on Dask" "$clean/bin/python" -m pytest -q -p no:cacheprovider roscausal_py/tests/fleet.py
 
 # The same wheel on the other Pythons of this machine.
 found() { # VERSION: a Python that runs, on the path or of pyenv

@@ -60,6 +60,29 @@ fn a_replayed_run_gives_the_batches_of_the_live_run() {
 }
 
 #[test]
+fn a_replay_and_a_demo_draw_no_link_to_a_variable_that_is_exogenous() {
+    let dir = recorded();
+    let replay = ["replay", "run.mcap", "--out", "fixed", "--ts-length", "30"];
+    let demo = ["demo", "--seed", "3", "--duration", "60", "--out", "simulated"];
+    for (args, folder) in [(&replay[..], "fixed/cm_pool"), (&demo, "simulated/cm_pool")] {
+        let output = roscausal(dir, &[args, &["--exogenous", "h_dg"], &QUICK].concat());
+        assert!(output.status.success(), "{}", said(&output));
+        let files = fs::read_dir(dir.join(folder)).expect("lists").flatten().map(|entry| entry.path());
+        let models = files.filter(|path| path.extension().is_some_and(|end| end == "json"));
+        let read = |path: std::path::PathBuf| -> serde_json::Value {
+            serde_json::from_slice(&fs::read(path).expect("reads")).expect("JSON")
+        };
+        let models: Vec<serde_json::Value> = models.map(read).collect();
+        assert!(!models.is_empty(), "{folder}");
+        for link in models.iter().flat_map(|model| model["links"].as_array().expect("links")) {
+            assert_ne!(link["effect"], "h_dg", "{folder}");
+        }
+    }
+    let html = fs::read_to_string(dir.join("simulated/report.html")).expect("a report");
+    assert!(html.contains("--exogenous"), "the command that makes the run again says it");
+}
+
+#[test]
 fn a_recording_is_analysed_as_one_batch_with_the_topics_found_in_it() {
     let dir = recorded();
     let output = roscausal(
@@ -443,61 +466,16 @@ fn a_recording_that_was_broken_off_before_its_first_message_is_called_so_with_wh
     }
 }
 
-/// Two robots in namespaces, one with a localisation, on one topic of transforms, and two people.
-fn write_fleet(path: &Path) {
-    let single = path.with_file_name("single.mcap");
-    write_walk(&single, &["/odom", "/tf", "/people"]);
-    let mut walk = Recording::open(single).expect("opens");
-    let topics = walk.topics().to_vec();
-    let mut writer = McapWriter::create(path).expect("a file");
-    for Record { topic, stamp, bytes } in walk.by_ref() {
-        let topic = &topics[topic];
-        match topic.name.as_str() {
-            "/odom" => {
-                for (robot, away) in [("tb3_0", 0.0), ("tb3_1", 2.5)] {
-                    let mut odometry = topic.decode::<Odometry>(&bytes).expect("reads");
-                    odometry.header.frame_id = format!("{robot}/odom");
-                    odometry.child_frame_id = format!("{robot}/base_link");
-                    odometry.pose.pose.position.y += away;
-                    writer.write(&format!("/{robot}/odom"), stamp, &odometry).expect("writes");
-                    writer.write(&format!("/{robot}/odometry/filtered"), stamp, &odometry).expect("writes");
-                    let mut goal = PoseStamped::default();
-                    (goal.header.frame_id, goal.header.stamp) = ("map".into(), stamp);
-                    goal.pose.position.y = 9.0 + away;
-                    writer.write(&format!("/{robot}/goal_pose"), stamp, &goal).expect("writes");
-                }
-            }
-            "/tf" => {
-                let one = topic.decode::<TFMessage>(&bytes).expect("reads");
-                let mut transforms = Vec::new();
-                for (robot, away) in [("tb3_0", 0.0), ("tb3_1", 2.5)] {
-                    for mut transform in one.transforms.clone() {
-                        for frame in [&mut transform.header.frame_id, &mut transform.child_frame_id] {
-                            if frame != "map" {
-                                *frame = format!("{robot}/{frame}");
-                            }
-                        }
-                        if transform.header.frame_id != "map" {
-                            transform.transform.translation.y += away;
-                        }
-                        transforms.push(transform);
-                    }
-                }
-                writer.write("/tf", stamp, &TFMessage { transforms }).expect("writes");
-            }
-            _ => writer
-                .write("/people", stamp, &topic.decode::<PoseArray>(&bytes).expect("reads"))
-                .expect("writes"),
-        }
-    }
-    writer.finish().expect("ends");
+/// Two robots in namespaces and two people, which rosbags wrote (`tests/recordings/robots.py`): `fleet` with all topics, `crowd` with
+/// transforms and people alone.
+fn robots(which: &str) -> String {
+    format!("{}/tests/recordings/robots_{which}", env!("CARGO_MANIFEST_DIR"))
 }
 
 /// The numbers in a column (`r_y`, `h_x`) of the only batch that `replay` makes of the fleet with these flags, and what it says.
 fn of_fleet(flags: &[&str], column: &str) -> (Vec<f64>, String) {
-    let dir = tempfile::tempdir().expect("a folder");
-    write_fleet(&dir.path().join("fleet.mcap"));
-    let replay = ["replay", "fleet.mcap", "--out", "out", "--ts-length", "0"];
+    let (dir, fleet) = (tempfile::tempdir().expect("a folder"), robots("fleet"));
+    let replay = ["replay", &fleet, "--out", "out", "--ts-length", "0"];
     let output = roscausal(dir.path(), &[&replay[..], flags, &QUICK].concat());
     let pool = dir.path().join("out/data_pool");
     let tables = if pool.is_dir() { csv_files(&pool) } else { Vec::new() };
@@ -547,23 +525,9 @@ fn other_robots_may_take_the_place_of_people() {
 
 #[test]
 fn a_fleet_that_is_only_in_tf_is_told_apart_by_the_names_of_its_frames() {
-    let dir = tempfile::tempdir().expect("a folder");
-    write_fleet(&dir.path().join("fleet.mcap"));
-    let mut fleet = Recording::open(dir.path().join("fleet.mcap")).expect("opens");
-    let topics = fleet.topics().to_vec();
-    let mut writer = McapWriter::create(dir.path().join("frames.mcap")).expect("a file");
-    for Record { topic, stamp, bytes } in fleet.by_ref() {
-        let topic = &topics[topic];
-        match topic.name.as_str() {
-            "/tf" => writer.write("/tf", stamp, &topic.decode::<TFMessage>(&bytes).expect("reads")),
-            "/people" => writer.write("/people", stamp, &topic.decode::<PoseArray>(&bytes).expect("reads")),
-            _ => Ok(()),
-        }
-        .expect("writes");
-    }
-    writer.finish().expect("ends");
+    let (dir, crowd) = (tempfile::tempdir().expect("a folder"), robots("crowd"));
     let run = |flags: &[&str]| {
-        said(&roscausal(dir.path(), &[&["discover", "frames.mcap", "--drop-empty"], flags, &QUICK].concat()))
+        said(&roscausal(dir.path(), &[&["discover", &crowd, "--drop-empty"], flags, &QUICK].concat()))
     };
     assert!(run(&[]).contains("TF has the robots tb3_0, tb3_1"), "{}", run(&[]));
     let told = run(&["--robot", "tb3_1"]);

@@ -85,6 +85,16 @@ fn strip_time(html: &str) -> String {
 }
 
 #[test]
+fn the_command_in_a_report_has_no_flag_that_its_method_refuses() {
+    let dir = tempfile::tempdir().expect("a folder");
+    fs::write(dir.path().join("data.csv"), chain(["a", "b", "c"], 300)).expect("writes");
+    for (method, reads) in [("granger", false), ("pcmci", true)] {
+        let html = report(dir.path(), &["data.csv", "--method", method, "--test", "parcorr"]);
+        assert_eq!(html.contains("--pc-alpha"), reads, "{method}");
+    }
+}
+
+#[test]
 fn a_folder_a_model_and_the_data_give_the_same_evidence() {
     let dir = tempfile::tempdir().expect("a folder");
     fs::write(dir.path().join("data.csv"), chain(["a", "b", "c"], 300)).expect("writes");
@@ -152,4 +162,63 @@ fn what_is_no_model_is_one_sentence() {
     let out = roscausal(dir.path(), &["report", "."]);
     // The folder holds no model.
     assert!(String::from_utf8_lossy(&out.stderr).contains("no model here"), "{out:?}");
+}
+
+#[test]
+fn a_file_of_others_is_not_overwritten_unless_told_to_and_an_earlier_result_may_be() {
+    let dir = tempfile::tempdir().expect("a folder");
+    let at = |name: &str| dir.path().join(name);
+    fs::write(at("data.csv"), chain(["a", "b", "c"], 200)).expect("writes");
+    let run = |args: &[&str]| {
+        let out = roscausal(dir.path(), args);
+        (out.status.code(), String::from_utf8_lossy(&out.stderr).into_owned())
+    };
+    let quick = |args: &[&'static str]| [args, &QUICK].concat();
+    let resampled = ["discover", "data.csv", "--resamples", "20", "--resample-out", "mine"];
+    assert_eq!(run(&quick(&["discover", "data.csv", "--out", "found"])).0, Some(0));
+    let predict = ["predict", "found/model.json", "--data", "data.csv", "--save", "mine"];
+    let commands = [
+        quick(&["report", "data.csv", "-o", "mine"]),
+        quick(&["report", "data.csv", "--latex", "mine"]),
+        quick(&["report", "data.csv", "--tikz", "mine"]),
+        quick(&resampled),
+        predict.to_vec(),
+        vec!["demo", "--record", "mine"],
+        vec!["replay", "no_such.mcap", "--record", "mine"],
+    ];
+    for command in &commands {
+        // It speaks of roscausal, but is none of its files.
+        fs::write(at("mine"), "my thesis on roscausal 0.1").expect("writes");
+        let (code, told) = run(command);
+        assert!(code == Some(1) && told.contains("mine") && told.contains("--force"), "{command:?}: {told}");
+        assert_eq!(fs::read(at("mine")).expect("reads"), b"my thesis on roscausal 0.1", "{command:?}");
+    }
+    // None has begun its work: nothing else was written.
+    assert!(!at("roscausal_demo").exists() && !at("roscausal_replay").exists());
+    for command in &commands[..5] {
+        fs::write(at("mine"), "my thesis").expect("writes");
+        let forced = [&command[..], &["--force"]].concat();
+        assert_eq!(run(&forced).0, Some(0), "{command:?}");
+        assert_ne!(fs::read(at("mine")).expect("reads"), b"my thesis", "{command:?}");
+        assert_eq!(run(command).0, Some(0), "an earlier result gives way: {command:?}");
+    }
+}
+
+#[test]
+fn a_recording_may_be_made_anew_but_not_over_the_one_that_is_read() {
+    let dir = tempfile::tempdir().expect("a folder");
+    let run = dir.path().join("run.mcap");
+    roscausal_recording::McapWriter::create(&run).and_then(|writer| writer.finish()).expect("writes");
+    let before = fs::read(&run).expect("reads");
+    for (read, more) in [("run.mcap", None), (".", None), ("run.mcap", Some("--force"))] {
+        let args: Vec<&str> = ["replay", read, "--record", "run.mcap"].into_iter().chain(more).collect();
+        let out = roscausal(dir.path(), &args);
+        let told = String::from_utf8_lossy(&out.stderr).into_owned();
+        assert!(out.status.code() == Some(1) && told.contains("read at the same time"), "{told}");
+        assert_eq!(fs::read(&run).expect("reads"), before);
+    }
+    // A recording of ours gives way: what fails is the scenario.
+    let out = roscausal(dir.path(), &["demo", "--scenario", "no_such.toml", "--record", "run.mcap"]);
+    let told = String::from_utf8_lossy(&out.stderr).into_owned();
+    assert!(told.contains("no_such") && !told.contains("--force"), "{told}");
 }

@@ -65,6 +65,18 @@ fn people_of_a_crowd_data_set_become_recordings_with_the_nodes_variables() {
 }
 
 #[test]
+fn a_longest_gap_that_is_no_length_of_time_is_refused() {
+    let dir = tempfile::tempdir().expect("a folder");
+    fs::write(dir.path().join("walk.tsv"), crowd()).expect("writes");
+    for gap in ["nan", "0", "-1"] {
+        let flag = format!("--max-gap={gap}");
+        let args = ["walk.tsv", "--format", "trajectories,json", flag.as_str()];
+        let told = model(dir.path(), &args).expect_err(gap).to_lowercase();
+        assert!(told.contains(&format!("--max-gap: {gap} is not a number of seconds above 0")), "{told}");
+    }
+}
+
+#[test]
 fn a_table_of_people_is_told_apart_from_one_of_numbers() {
     let dir = tempfile::tempdir().expect("a folder");
     fs::write(dir.path().join("walk.csv"), "time,id,x,y\n0,1,2,3\n0,2,2,3\n1,1,2,3\n").expect("writes");

@@ -7,8 +7,9 @@ use roscausal_core::{Error, Result};
 use roscausal_discovery::{
     Assumption, DataFrame, LinkAssumptions, Model, Settings,
     independence_tests::{NullDistributions, Significance},
-    methods::{ColliderRule, Method},
+    methods::{ColliderRule, Method, Reads},
     names::{nearest, plain, position},
+    vectors_of,
 };
 use serde::Deserialize;
 
@@ -18,13 +19,19 @@ pub(crate) struct AssumeArgs {
     /// File with what is known of links: required, forbidden, directed (docs/data.md).
     #[arg(long, value_name = "FILE.toml")]
     links: Option<PathBuf>,
-    /// Largest set of conditions in the condition selection; default: no limit.
+    /// Largest set of conditions in the condition selection (lpcmci: beyond those that are always there); default: no limit.
     #[arg(long, value_name = "N")]
     max_conds: Option<usize>,
+    /// lpcmci, candoit: sets of conditions of one size that are tested for a pair, from each of its ends; default: all.
+    #[arg(long, value_name = "N")]
+    max_sets: Option<usize>,
+    /// candoit: contexts of interventions do not join their variables as conditions, which takes far fewer tests.
+    #[arg(long)]
+    no_extra_conditions: bool,
     /// How a test gives its p-value: analytic, shuffle, threshold (--alpha is then the threshold). Default: the test's own way.
     #[arg(long, value_name = "HOW")]
     significance: Option<String>,
-    /// Surrogates of a shuffle test, or size of gpdc's null distribution. Default: 500.
+    /// Surrogates of a shuffle test, or size of gpdc's null distribution, up to 1000000. Default: 500.
     #[arg(long, value_name = "N")]
     shuffles: Option<usize>,
     /// cmiknn: end the surrogates of a test once so many reach its value; the p-value is then their share of those drawn. Default:
@@ -38,10 +45,10 @@ pub(crate) struct AssumeArgs {
     /// Variables of several columns, separated by commas, for --test parcorrmult: place=x+y.
     #[arg(long, value_name = "NAME=COLUMN+COLUMN", value_delimiter = ',')]
     vector: Vec<String>,
-    /// pcmciplus: how colliders are found: majority, conservative, none.
+    /// pcmciplus, jpcmciplus: how colliders are found: majority, conservative, none.
     #[arg(long, value_name = "RULE")]
     collider_rule: Option<String>,
-    /// pcmciplus: where orientations contradict each other, the first one stays (instead of the mark x-x).
+    /// pcmciplus, jpcmciplus: where orientations contradict each other, the first one stays (instead of the mark x-x).
     #[arg(long)]
     first_orientation: bool,
 }
@@ -94,39 +101,42 @@ impl AssumeArgs {
             settings.link_assumptions = Some(links.map_err(|reason| Error::file(file, reason))?);
         }
         settings.max_conds = self.max_conds;
+        settings.max_sets = self.max_sets;
+        settings.extra_conditions = !self.no_extra_conditions;
         settings.shuffles = self.shuffles;
         settings.shuffle_stop = self.shuffle_stop;
-        settings.null_distributions = self.null_distributions(settings)?;
+        settings.null_distributions = self.null_distributions()?;
         settings.significance = self.significance.as_deref().map(str::parse::<Significance>).transpose()?;
         if let Some(rule) = &self.collider_rule {
             settings.pcmciplus.contemp_collider_rule = rule.parse::<ColliderRule>().map_err(|_| {
                 Error::param("collider-rule", format!("'{rule}' is not majority, conservative or none"))
             })?;
-            let orients = [Method::Pcmciplus, Method::Jpcmciplus];
-            if !orients.contains(&settings.method) {
+        }
+        for (flag, given) in
+            [("collider-rule", self.collider_rule.is_some()), ("first-orientation", self.first_orientation)]
+        {
+            if given && !settings.method.reads(Reads::Orientation) {
                 let reason = format!(
-                    "{} has no colliders at lag 0; it is for pcmciplus and jpcmciplus",
-                    settings.method
+                    "{} has no colliders at lag 0; it is for {}",
+                    settings.method,
+                    Method::names_that_read(Reads::Orientation)
                 );
-                return Err(Error::param("collider-rule", reason));
+                return Err(Error::param(flag, reason));
             }
         }
         settings.pcmciplus.conflict_resolution = !self.first_orientation;
-        check_shuffles(settings)?;
-        Ok(settings.check()?)
+        if self.shuffle_stop.is_some() && settings.cond_ind_test != "cmiknn" {
+            let reason = format!("{} has no such end; it is for the test cmiknn", settings.cond_ind_test);
+            return Err(Error::param("shuffle-stop", reason));
+        }
+        settings.check()?;
+        check_shuffles(settings)
     }
 }
 
 impl AssumeArgs {
-    fn null_distributions(&self, settings: &Settings) -> Result<Option<Arc<NullDistributions>>> {
+    fn null_distributions(&self) -> Result<Option<Arc<NullDistributions>>> {
         let Some(file) = &self.null_dist else { return Ok(None) };
-        if settings.cond_ind_test != "gpdc" {
-            let reason = format!(
-                "{} makes its p-values in another way; it is for --test gpdc",
-                settings.cond_ind_test
-            );
-            return Err(Error::param("null-dist", reason));
-        }
         let text = fs::read_to_string(file).map_err(|error| Error::file(file, error))?;
         Ok(Some(Arc::new(NullDistributions::parse(&text)?)))
     }
@@ -136,27 +146,7 @@ impl AssumeArgs {
     /// # Errors
     /// A text that is not `NAME=COLUMN+COLUMN`, a column that does not exist, or is in two variables.
     pub(super) fn vectors(&self, data: DataFrame) -> Result<DataFrame> {
-        if self.vector.is_empty() {
-            return Ok(data);
-        }
-        let place = |column: &str| {
-            position(data.var_names(), column).ok_or_else(|| {
-                let all = data.var_names().join(", ");
-                Error::param("vector", format!("there is no column '{column}' (columns: {all})"))
-            })
-        };
-        let group = |text: &String| -> Result<(String, Vec<usize>)> {
-            let Some((name, columns)) = text.split_once('=') else {
-                return Err(Error::param(
-                    "vector",
-                    format!("'{text}' is no vector; write it like place=x+y"),
-                ));
-            };
-            let columns = columns.split('+').map(|column| place(column.trim())).collect::<Result<_>>()?;
-            Ok((name.trim().to_owned(), columns))
-        };
-        let groups = self.vector.iter().map(group).collect::<Result<Vec<_>>>()?;
-        Ok(data.with_vectors(&groups)?)
+        Ok(data.with_named_vectors(&vectors_of(&self.vector)?)?)
     }
 }
 
@@ -224,18 +214,29 @@ fn assumptions(
     };
     for rule in &file.link {
         let lags = rule.lags.clone().unwrap_or_else(|| (tau_min..=tau_max).collect());
+        if lags.is_empty() {
+            let (cause, effect) = (&rule.cause, &rule.effect);
+            return Err(format!("{cause} -> {effect}: lags names none; give some, or leave it out for all"));
+        }
         if let Some(lag) = lags.iter().find(|lag| !(tau_min..=tau_max).contains(lag)) {
             return Err(format!(
                 "{} -> {}: lag {lag} is not among the lags {tau_min} to {tau_max}",
                 rule.cause, rule.effect
             ));
         }
+        let mut fits = false;
         for cause in variables(&rule.cause, names)? {
             for effect in variables(&rule.effect, names)? {
                 for &lag in lags.iter().filter(|lag| **lag > 0 || cause != effect) {
                     rule.apply(&mut links, cause, effect, lag)?;
+                    fits = true;
                 }
             }
+        }
+        if !fits {
+            let reason =
+                "a variable does not drive itself at lag 0; give lags from 1 on, or leave the rule out";
+            return Err(format!("{} -> {}: {reason}", rule.cause, rule.effect));
         }
     }
     Ok(links)
@@ -301,10 +302,21 @@ mod tests {
     }
 
     #[test]
+    fn a_rule_that_does_not_mention_lags_is_for_all_of_them() {
+        let found = links("[[link]]\ncause = 'a'\neffect = 'b'\nis = 'required'\n").expect("a rule");
+        assert_eq!([0, 1, 2].map(|lag| found.get(0, 1, lag)), [Some(Assumption::Exists); 3]);
+    }
+
+    #[test]
     fn a_wrong_rule_is_named() {
         for (text, told) in [
             ("[[link]]\ncause = 'a'\neffect = 'd'\nis = 'allowed'\n", "no variable 'd'"),
             ("[[link]]\ncause = 'a'\neffect = 'b'\nlags = [3]\nis = 'allowed'\n", "lag 3 is not among"),
+            ("[[link]]\ncause = 'a'\neffect = 'b'\nlags = []\nis = 'required'\n", "a -> b: lags names none"),
+            (
+                "[[link]]\ncause = 'a'\neffect = 'a'\nlags = [0]\nis = 'required'\n",
+                "does not drive itself at lag 0",
+            ),
             ("[[link]]\ncause = 'a'\neffect = 'b'\nis = 'likely'\n", "likely"),
             ("links = 3\n", "links"),
         ] {

@@ -30,7 +30,7 @@ pub(crate) struct MethodArgs {
     pub(super) alpha: f64,
     #[arg(long, help = format!("Smallest lag, in steps. Default: {}", default_of(|info| info.tau_min)))]
     pub(super) tau_min: Option<usize>,
-    /// Largest lag, in steps.
+    /// Largest lag, in steps; at most 100000.
     #[arg(long, default_value_t = 1)]
     pub(super) tau_max: usize,
     #[arg(long, help = format!(
@@ -74,7 +74,7 @@ pub(crate) struct MeansArgs {
     /// Threads; default: all cores. They do not change the result.
     #[arg(long)]
     pub(super) threads: Option<usize>,
-    /// Seconds after which to stop with a partial result.
+    /// Seconds after which to stop with a partial result (roll: with the windows that came to their end).
     #[arg(long, value_name = "SECONDS")]
     pub(super) time_budget: Option<f64>,
     /// Megabytes that a test may take; a test that needs more is refused before it starts.
@@ -96,17 +96,34 @@ fn listed<'a>(what: &str, words: impl IntoIterator<Item = &'a (impl AsRef<str> +
 }
 
 impl MethodArgs {
+    /// The columns that may be causes only.
+    pub(crate) fn exogenous(&self) -> &[String] {
+        &self.exogenous
+    }
+
     /// Whether the method is to be chosen.
     pub(super) fn is_auto(&self) -> bool {
         self.method == AUTO
     }
 
-    /// As [`MethodArgs::settings`], before a method is chosen: those of LPCMCI, which any data can be read for.
+    /// As [`MethodArgs::settings`], before a method is chosen: those of LPCMCI, which any data can be read for. Whether the chosen
+    /// method reads them is checked once it is known.
     pub(super) fn settings_for_reading(&self, seed: u64) -> Result<Settings> {
-        match self.is_auto() {
-            true => Self { method: Method::Lpcmci.name().to_owned(), ..self.clone() }.settings(seed),
-            false => self.settings(seed),
+        if !self.is_auto() {
+            return self.settings(seed);
         }
+        let given = Self { method: Method::Lpcmci.name().to_owned(), ..self.clone() }.unchecked(seed)?;
+        let usual = Settings::default();
+        let of_any = Settings {
+            f_alpha: None,
+            te_estimator: usual.te_estimator,
+            acts_on: None,
+            gp_search: usual.gp_search,
+            gp_restarts: usual.gp_restarts,
+            ..given.clone()
+        };
+        of_any.check()?;
+        Ok(given)
     }
 
     /// The settings with the method and test that `choice` names, unless the user named the test or the lag.
@@ -122,6 +139,12 @@ impl MethodArgs {
 
     /// The arguments as checked settings.
     pub(crate) fn settings(&self, seed: u64) -> Result<Settings> {
+        let settings = self.unchecked(seed)?;
+        settings.check()?;
+        Ok(settings)
+    }
+
+    fn unchecked(&self, seed: u64) -> Result<Settings> {
         let pc_alpha = match self.pc_alpha.as_deref() {
             None => PcAlpha::Default,
             Some("auto" | "none") => PcAlpha::ByScore,
@@ -130,7 +153,7 @@ impl MethodArgs {
             })?),
         };
         let method: Method = self.method.parse()?;
-        let settings = Settings {
+        Ok(Settings {
             method,
             cond_ind_test: usual_spelling(self.test.as_deref().unwrap_or(method.info().test)),
             alpha: self.alpha,
@@ -146,9 +169,7 @@ impl MethodArgs {
             acts_on: self.acts_on.as_deref().map(acts_on_of).transpose()?,
             seed,
             ..Settings::default()
-        };
-        settings.check()?;
-        Ok(settings)
+        })
     }
 }
 
@@ -165,6 +186,20 @@ impl MeansArgs {
         threads::in_pool(self.threads.unwrap_or(0), work)
     }
 
+    /// The control of a run that begins now and ends when the time budget is used up.
+    ///
+    /// # Errors
+    /// A budget that is no time.
+    pub(crate) fn within_budget(&self, control: Control) -> Result<Control> {
+        let Some(budget) = self.time_budget else { return Ok(control) };
+        if budget.is_nan() || budget <= 0.0 {
+            let reason = format!("{budget} is not a number of seconds above 0");
+            return Err(Error::param("time-budget", reason));
+        }
+        let start = Instant::now();
+        Ok(control.out_of_time(move || start.elapsed().as_secs_f64() > budget))
+    }
+
     /// Runs the analysis with a progress bar (unless `quiet`), within the given time budget and threads.
     pub(super) fn analyse(
         &self,
@@ -178,16 +213,8 @@ impl MeansArgs {
         let bar = chart::bar("discovery", 0, quiet);
         let shown = bar.clone();
         let control = Control::default().cancel_on(interrupt.flag());
-        let mut control = control.on_progress(move |progress| chart::show(&shown, progress));
-        if let Some(budget) = self.time_budget {
-            if budget.is_nan() || budget <= 0.0 {
-                return Err(Error::param(
-                    "time-budget",
-                    format!("{budget} is not a number of seconds above 0"),
-                ));
-            }
-            control = control.out_of_time(move || start.elapsed().as_secs_f64() > budget);
-        }
+        let control = control.on_progress(move |progress| chart::show(&shown, progress));
+        let control = self.within_budget(control)?;
         let mut found = self.in_pool(|| {
             let Some(resampling) = resampling else {
                 let (model, evidence) = analyse_with_evidence(data, settings, &control)?;

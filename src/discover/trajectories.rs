@@ -81,7 +81,7 @@ impl TrajectoryArgs {
             dt: args.inputs.dt(),
             max_gap: args.read.max_gap(),
             // A few samples more than the lags take.
-            least_rows: 2 * args.method.tau_max + 4,
+            least_rows: args.method.tau_max.saturating_mul(2).saturating_add(4),
         };
         let (mut tables, mut warnings) = (Vec::new(), Vec::new());
         for file in &args.files {

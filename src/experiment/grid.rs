@@ -1,7 +1,10 @@
 //! The factors of an experiment: scenarios, lengths, steps, risks, tests and methods.
 
 use roscausal_core::{Error, Result, batch::risk::RiskModel};
-use roscausal_discovery::{Settings, methods::Method};
+use roscausal_discovery::{
+    PcAlpha, Settings,
+    methods::{Method, Reads},
+};
 use serde::{Deserialize, Serialize};
 
 /// Everything that defines a run except its seed.
@@ -57,6 +60,14 @@ impl Grid {
         if let Some(lag) = self.risk_lags.iter().find(|lag| **lag > 1) {
             return Err(Error::param("risk-lags", format!("{lag} is not allowed; use 0 or 1")));
         }
+        let reads = |method: &Method| method.reads(Reads::PcAlpha);
+        if analysis.pc_alpha != PcAlpha::Default && !self.methods.iter().any(reads) {
+            let reason = format!(
+                "none of these methods chooses conditions; it is for {}",
+                Method::names_that_read(Reads::PcAlpha)
+            );
+            return Err(Error::param("pc-alpha", reason));
+        }
         Ok(self.settings(true).iter().try_for_each(|setting| setting.analysis(analysis).check())?)
     }
 
@@ -96,9 +107,11 @@ impl Grid {
 }
 
 impl Setting {
-    /// The analysis of this setting: its method and test, and the rest as in `base`.
+    /// The analysis of this setting: its method and test, and the rest as in `base`, as far as the method reads it.
     pub(crate) fn analysis(&self, base: &Settings) -> Settings {
+        let reads = self.method.reads(Reads::PcAlpha);
         Settings {
+            pc_alpha: if reads { base.pc_alpha } else { PcAlpha::Default },
             method: self.method,
             cond_ind_test: self.test.clone(),
             tau_min: self.method.info().tau_min,
@@ -185,6 +198,23 @@ mod tests {
         assert!(refusal(|grid| grid.risk_lags.push(2)).contains("0 or 1"));
         assert!(refusal(|grid| grid.tests.push("gpcd".into())).contains("gpdc"));
         assert!(grid().check(&Settings::default()).is_ok());
+    }
+
+    #[test]
+    fn a_level_of_conditions_is_for_those_methods_of_a_sweep_that_choose_some() {
+        let base = Settings { pc_alpha: PcAlpha::Fixed(0.1), ..Settings::default() };
+        let mut grid = grid();
+        grid.methods.push(Method::Granger);
+        assert!(grid.check(&base).is_ok());
+        let of = |method: Method| {
+            let settings = grid.settings(true);
+            let setting = settings.iter().find(|setting| setting.method == method).expect("is there");
+            setting.analysis(&base).pc_alpha
+        };
+        assert_eq!((of(Method::Pcmci), of(Method::Granger)), (PcAlpha::Fixed(0.1), PcAlpha::Default));
+        grid.methods = vec![Method::Granger];
+        let error = grid.check(&base).expect_err("nobody reads it").to_string();
+        assert!(error.contains("'pc-alpha': none of these methods"), "{error}");
     }
 
     #[test]

@@ -6,11 +6,13 @@ use roscausal_discovery::{Model, names::plain};
 
 use crate::report;
 
+/// What every file begins with, by which a later one knows that it may take its place.
+pub(super) const MARK: &str = "% made by roscausal report\n";
+
 /// A table of the links: `tabular`, without packages.
 pub(super) fn table(model: &Model) -> String {
-    let mut out = String::from(
-        "\\begin{tabular}{llrrl}\n\\hline\ncause & effect & lag & strength & $p$ \\\\\n\\hline\n",
-    );
+    let mut out = String::from(MARK)
+        + "\\begin{tabular}{llrrl}\n\\hline\ncause & effect & lag & strength & $p$ \\\\\n\\hline\n";
     for link in &model.links {
         let p = report::p_cell(model, link.p_value);
         let p = match p.strip_prefix('<') {
@@ -27,10 +29,9 @@ pub(super) fn table(model: &Model) -> String {
 pub(super) fn tikz(model: &Model) -> String {
     let n = model.features.len().max(1);
     let radius = 1.2 + 0.45 * n as f64;
-    let mut out = String::from(
-        "\\begin{tikzpicture}[variable/.style={circle, draw, minimum size=1.1cm, font=\\small}, every edge/.style={draw, \
-         ->, >=stealth}]\n",
-    );
+    let mut out = String::from(MARK)
+        + "\\begin{tikzpicture}[variable/.style={circle, draw, minimum size=1.1cm, font=\\small}, every edge/.style={draw, \
+         ->, >=stealth}]\n";
     for (i, name) in model.features.iter().enumerate() {
         let angle = 90.0 - 360.0 * i as f64 / n as f64;
         let _ = writeln!(

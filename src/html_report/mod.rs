@@ -8,7 +8,7 @@ mod source;
 use std::path::{Path, PathBuf};
 
 use clap::Args as ClapArgs;
-use roscausal_core::{Error, Result};
+use roscausal_core::Result;
 
 use crate::{
     discover::{MeansArgs, MethodArgs},
@@ -40,6 +40,9 @@ pub(crate) struct Args {
     /// Also write the graph as a TikZ picture for LaTeX.
     #[arg(long, value_name = "FILE.tex")]
     tikz: Option<PathBuf>,
+    /// Overwrite files of these names although no report of roscausal is in them.
+    #[arg(long)]
+    force: bool,
     #[command(flatten)]
     inputs: InputArgs,
     #[command(flatten)]
@@ -53,13 +56,17 @@ pub(crate) struct Args {
 
 /// Runs `roscausal report`.
 pub(crate) fn run(args: &Args, interrupt: &Interrupt) -> Result<()> {
+    output::claim_file(&args.output, page::MARK, args.force)?;
+    for path in args.latex.iter().chain(&args.tikz) {
+        output::claim_file(path, latex::MARK, args.force)?;
+    }
     let material = source::read(args, interrupt)?;
-    write(&args.output, &page::html(&material))?;
+    output::write_at(&args.output, page::html(&material).as_bytes())?;
     if let Some(path) = &args.latex {
-        write(path, &latex::table(&material.model))?;
+        output::write_at(path, latex::table(&material.model).as_bytes())?;
     }
     if let Some(path) = &args.tikz {
-        write(path, &latex::tikz(&material.model))?;
+        output::write_at(path, latex::tikz(&material.model).as_bytes())?;
     }
     let links = material.model.links.len();
     let evidence = match &material.evidence {
@@ -77,10 +84,4 @@ pub(crate) fn run(args: &Args, interrupt: &Interrupt) -> Result<()> {
 /// Writes the report of a run into its folder; returns where it is.
 pub(crate) fn write_into(dir: &Path, material: &Material) -> Result<PathBuf> {
     output::write_file(dir, REPORT, page::html(material).as_bytes())
-}
-
-fn write(path: &Path, text: &str) -> Result<()> {
-    let name = path.file_name().ok_or_else(|| Error::file(path, "this is no name of a file"))?;
-    let dir = path.parent().filter(|dir| !dir.as_os_str().is_empty()).unwrap_or(Path::new("."));
-    output::write_file(dir, &name.to_string_lossy(), text.as_bytes()).map(|_| ())
 }

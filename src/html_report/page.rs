@@ -11,6 +11,9 @@ use crate::report;
 /// Only the styles of the page itself; nothing is loaded, nothing runs.
 const POLICY: &str = "default-src 'none'; style-src 'unsafe-inline'; base-uri 'none'; form-action 'none'";
 
+/// What every report has near its beginning, by which a later one knows that it may take its place.
+pub(super) const MARK: &str = "<meta name=\"generator\" content=\"roscausal\">";
+
 /// Widest picture that shrinks with the page, in pixels.
 const FITS: f64 = 900.0;
 
@@ -33,7 +36,7 @@ pub(super) fn html(material: &Material) -> String {
         "<!doctype html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n\
          <meta http-equiv=\"Content-Security-Policy\" content=\"{POLICY}\">\n\
          <meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n\
-         <meta name=\"color-scheme\" content=\"light dark\">\n<title>{title}</title>\n<style>\n{}</style>\n</head>\n<body>\n\
+         <meta name=\"color-scheme\" content=\"light dark\">\n{MARK}\n<title>{title}</title>\n<style>\n{}</style>\n</head>\n<body>\n\
          <a class=\"skip\" href=\"#main\">Skip to the content</a>\n<main id=\"main\">\n<h1>{title}</h1>\n{}</main>\n</body>\n</html>\n",
         include_str!("style.css"),
         sections.concat()

@@ -6,7 +6,10 @@ use std::{
 };
 
 use roscausal_core::{Error, Result, batch::pool::with_ending, nodes::EVIDENCE_FOLDER};
-use roscausal_discovery::{Evidence, Model};
+use roscausal_discovery::{
+    Evidence, Model,
+    methods::{Method, Reads},
+};
 
 use super::{Args, EVIDENCE};
 use crate::{
@@ -140,10 +143,11 @@ pub(crate) fn flags(model: &Model) -> String {
         let _ = write!(line, " --test {}", model.cond_ind_test);
     }
     let _ = write!(line, " --alpha {} --tau-min {} --tau-max {}", model.alpha, model.tau_min, model.tau_max);
-    let _ = match model.pc_alpha {
-        Some(level) => write!(line, " --pc-alpha {level}"),
-        None => write!(line, " --pc-alpha auto"),
-    };
+    // A method of others has a name that is not known here.
+    if model.method.parse::<Method>().map_or(true, |method| method.reads(Reads::PcAlpha)) {
+        let level = model.pc_alpha.map_or("auto".to_owned(), |level| level.to_string());
+        let _ = write!(line, " --pc-alpha {level}");
+    }
     if let Some(level) = model.f_alpha {
         let _ = write!(line, " --f-alpha {level}");
     }

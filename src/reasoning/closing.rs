@@ -39,6 +39,7 @@ pub(crate) fn closing(
         seed: 42,
         threads,
         save: None,
+        force: false,
         format: Format::Text,
     };
     source.with(|ready| {

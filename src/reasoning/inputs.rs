@@ -18,6 +18,8 @@ use roscausal_reasoning::{
     question::Situation,
 };
 
+use crate::output;
+
 /// The arguments that all questions share.
 #[derive(ClapArgs)]
 pub(super) struct SourceArgs {
@@ -48,6 +50,9 @@ pub(super) struct SourceArgs {
     /// File for the structural model: with it as MODEL the next question is answered without a new fit.
     #[arg(long, value_name = "FILE")]
     pub(super) save: Option<PathBuf>,
+    /// Overwrite what others made: the file of --save, and files in --out.
+    #[arg(long)]
+    pub(super) force: bool,
     /// What to print on stdout.
     #[arg(long, value_enum, default_value_t = Format::Text)]
     pub(super) format: Format,
@@ -86,10 +91,13 @@ impl<'a> std::ops::Deref for Moment<'a> {
 impl SourceArgs {
     /// Reads and fits, then answers, in as many threads as asked for.
     pub(super) fn with<T: Send>(&self, answer: impl FnOnce(&Ready) -> Result<T> + Send) -> Result<T> {
+        if let Some(path) = &self.save {
+            output::claim_file(path, SCHEMA, self.force)?;
+        }
         threads::in_pool(self.threads.unwrap_or(0), || {
             let ready = self.ready()?;
             if let Some(path) = &self.save {
-                fs::write(path, ready.model.to_json()).map_err(|e| Error::file(path, e))?;
+                output::write_at(path, ready.model.to_json().as_bytes())?;
             }
             answer(&ready)
         })
@@ -103,7 +111,8 @@ impl SourceArgs {
             }
             other => Error::file(&self.model, other),
         };
-        if text.contains(SCHEMA) {
+        // Of whatever version: one that cannot be read says so.
+        if text.contains(SCHEMA.trim_end_matches(|c: char| c.is_ascii_digit())) {
             let model = StructuralModel::from_json(&text).map_err(of_file)?;
             if !self.data.is_empty() {
                 let reason =

@@ -147,7 +147,7 @@ fn cost(text: &str) -> Result<CostTerm> {
 
 /// Answers, prints and draws; the files have the name of the command.
 fn outlook(command: &str, source: &SourceArgs, ahead: &AheadArgs, question: WhatIf) -> Result<Status> {
-    ahead.picture.claim()?;
+    ahead.picture.claim(source.force)?;
     let question = WhatIf {
         horizon: ahead.horizon,
         variables: ahead.variables.clone(),

@@ -28,15 +28,12 @@ pub(super) struct PictureArgs {
     /// Folder for fan charts (SVG, PNG and PDF) and the answer as JSON, named as the command.
     #[arg(short, long, value_name = "DIR")]
     out: Option<PathBuf>,
-    /// Write into --out although there are files of others.
-    #[arg(long, requires = "out")]
-    force: bool,
 }
 
 impl PictureArgs {
     /// Makes sure that it can be written, before any work.
-    pub(super) fn claim(&self) -> Result<()> {
-        self.out.as_deref().map_or(Ok(()), |dir| output::claim(dir, self.force))
+    pub(super) fn claim(&self, force: bool) -> Result<()> {
+        self.out.as_deref().map_or(Ok(()), |dir| output::claim(dir, force))
     }
 
     /// Writes the answer as `name.svg`, `name.png`, `name.pdf` and `name.json`.

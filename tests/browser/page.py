@@ -443,7 +443,7 @@ class Page:
             import("/models.js").then((models) => {
               const features = [...Array(20).keys()].map((i) => `v${i}`);
               const links = features.slice(1).flatMap((effect, i) => [1, 2].map((lag) => ({ cause: `v${i}`, effect, lag, value: i % 2 ? -0.4 : 0.4, p: 0.01, confidence: (i + 1) / 20 })));
-              models.addModel({ number: 90000, t: 1, from: 0, to: 1, batch: "b", method: "pcmci", test: "parcorr", alpha: 0.05, dt: 1, samples: 5, features, links });
+              models.addModel({ number: 90000, t: 1, from: 0, to: 1, batch: "b", method: "pcmci", test: "parcorr", level_name: "alpha", level: 0.05, dt: 1, samples: 5, features, links });
               const cells = [...document.querySelectorAll("#matrix .cell")];
               const of = (cell) => cell.querySelector(".mark");
               const width = (name) => Number(of(cells.find((cell) => cell.dataset.link === name)).getAttribute("width"));
@@ -472,7 +472,7 @@ class Page:
               const link = { cause: name, effect: name, lag: 1, value: 0.5, p: 0.01, confidence: 0.9 };
               models.addEvidence({ batch: name, evidence: { links: [{ ...link, n_samples: 5, interval: null, conditions: [{ name, lag: 2 }],
                 note: name, lags: [{ lag: 1, value: 0.5, p_value: 0.01 }], band: 0.2, scatter: [[1, 2], [2, 3]], residuals: [[1, 2], [2, 3]] }] } });
-              models.addModel({ number: 100000, t: 1, from: 0, to: 1, batch: name, method: name, test: name, alpha: 0.05, dt: 1, samples: 5, features: [name], links: [link] });
+              models.addModel({ number: 100000, t: 1, from: 0, to: 1, batch: name, method: name, test: name, level_name: "alpha", level: 0.05, dt: 1, samples: 5, features: [name], links: [link] });
               document.querySelector("#links .asking").click();
               return import("/ahead.js").then(({ Ahead }) => {
                 const forecast = { variable: name, mean: [1, 1], lower: [0, 0], upper: [2, 2] };

@@ -209,6 +209,14 @@ fn what_is_known_of_links_is_kept() {
     fs::write(dir.path().join("links.toml"), rules.replace("'b'", "'c'")).expect("writes");
     let out = roscausal(dir.path(), &[&QUICK[..], &["--links", "links.toml"]].concat());
     has(&String::from_utf8_lossy(&out.stderr), &["links.toml: there is no variable 'c'", "variables: a, b"]);
+    // Nothing drives what is exogenous, so a link to it cannot be known.
+    fs::write(dir.path().join("links.toml"), rules).expect("writes");
+    let out = roscausal(dir.path(), &[&QUICK[..], &["--links", "links.toml", "--exogenous", "a"]].concat());
+    assert!(!out.status.success() && out.stdout.is_empty());
+    has(
+        &String::from_utf8_lossy(&out.stderr),
+        &["--links: b -> a at lag 1 is required, but 'a' is exogenous"],
+    );
 }
 
 #[test]
@@ -227,6 +235,23 @@ fn how_a_test_decides_can_be_said() {
 }
 
 #[test]
+fn the_threshold_of_a_value_is_the_users_alpha_whatever_the_method() {
+    let dir = folder("data.csv", &coupled(300));
+    for method in ["pcmci", "pcmciplus", "lpcmci"] {
+        let n_links = |alpha: &str| {
+            let args = ["discover", "data.csv", "--method", method, "--test", "parcorr", "--format", "json"];
+            let threshold = ["--significance", "threshold", "--alpha", alpha];
+            let out = roscausal(dir.path(), &[&args[..], &threshold].concat());
+            assert!(out.status.success(), "{}", String::from_utf8_lossy(&out.stderr));
+            let model: Value = serde_json::from_slice(&out.stdout).expect("JSON");
+            model["links"].as_array().expect("links").len()
+        };
+        assert!(n_links("0.3") > 0, "{method}");
+        assert_eq!(n_links("0.99"), 0, "{method}: no partial correlation is as high");
+    }
+}
+
+#[test]
 fn fewer_shuffles_than_the_level_needs_are_refused() {
     let few = |more: &[&str]| {
         let args = ["--test", "parcorr", "--significance", "shuffle", "--method"];
@@ -237,6 +262,33 @@ fn fewer_shuffles_than_the_level_needs_are_refused() {
         &["--shuffles", "0.0196", "level 0.01", "at least 100", "--pc-alpha"],
     );
     has(&few(&["pcmci", "--shuffles", "10"]), &["0.0909", "level 0.05", "at least 20", "--alpha"]);
+}
+
+#[test]
+fn shuffles_and_null_distributions_that_no_test_reads_are_refused() {
+    let told = |more: &[&str]| complaint(&coupled(200), &[&["--method", "pcmci"][..], more].concat(), 2);
+    has(
+        &told(&["--test", "parcorr", "--shuffles", "10"]),
+        &["--shuffles: parcorr draws no surrogates here", "the significance shuffle"],
+    );
+    let dir = folder("null.csv", "198\n0.1\n0.2\n");
+    let file = dir.path().join("null.csv");
+    let file = file.to_str().expect("a path of text");
+    has(
+        &told(&["--test", "gpdc", "--null-dist", file, "--significance", "shuffle"]),
+        &["--null-dist: the significance that is asked for takes none", "give analytic"],
+    );
+}
+
+#[test]
+fn more_shuffles_than_any_p_value_needs_are_refused() {
+    for test in ["cmiknn", "gpdc"] {
+        let args = ["--method", "pcmci", "--test", test, "--shuffles", "1000000000000"];
+        has(
+            &complaint(&coupled(50), &args, 2),
+            &["--shuffles: 1000000000000 is above 1000000", "give fewer"],
+        );
+    }
 }
 
 #[test]

@@ -2,6 +2,7 @@
 
 use std::fs;
 
+use roscausal_fuzz::unit;
 use serde_json::Value;
 
 use super::{common::roscausal, coupled, folder, has};
@@ -130,10 +131,55 @@ fn roll_prints_windows_and_events_as_they_come() {
     assert!(picture.contains("class=\"change\""));
     let text = String::from_utf8_lossy(&run(&["--batch", "400"]).stdout).into_owned();
     has(&text, &["rows 0 to 400: a -> b (1)", "a -> b at lag 1: found in 2 of 4 windows"]);
+    let out = run(&["--batch", "400", "--format", "jsonl", "--time-budget", "1e-9", "--out", "r", "--force"]);
+    assert!(out.status.success(), "{}", String::from_utf8_lossy(&out.stderr));
+    let told = "partial: the time budget ended after 0 of 4 windows";
+    has(&String::from_utf8_lossy(&out.stderr), &[told]);
+    has(&String::from_utf8_lossy(&out.stdout), &[&format!("{{\"status\":\"{told}\"}}")]);
+    let rolling = fs::read_to_string(dir.path().join("r/rolling.json")).expect("is there");
+    has(&rolling, &[&format!("\"status\": \"{told}\""), "\"windows\": []"]);
+    let out = run(&["--batch", "400", "--changes", "--time-budget", "1e-9"]);
+    has(&String::from_utf8_lossy(&out.stderr), &["partial: the time budget ended before all changes"]);
     let error = String::from_utf8_lossy(&run(&["--window", "1700"]).stderr).into_owned();
     has(&error, &["--window: 1700 rows leave no window in 1600 rows"]);
     let error = String::from_utf8_lossy(&run(&["--batch", "1700"]).stderr).into_owned();
     has(&error, &["--batch: 1700 rows leave no batch in 1600 rows"]);
+    let error = String::from_utf8_lossy(&run(&["--window", "2"]).stderr).into_owned();
+    has(&error, &["--window: at the start of a recording 2 rows have no sample", "or a lower --tau-max"]);
+    let error = String::from_utf8_lossy(&run(&["--batch", "10", "--tau-max", "5"]).stderr).into_owned();
+    has(
+        &error,
+        &["--batch: the first batch of 10 rows has no sample", "give more than 10, or a lower --tau-max"],
+    );
+}
+
+#[test]
+fn roll_leaves_masked_rows_out_of_windows_resamples_and_changes() {
+    // In every other row `a` drives `b`, and only in the second half.
+    let mut state = 11_u64;
+    let mut noise = || unit(&mut state) - 0.5;
+    let (mut text, mut a) = (String::from("a,b,pause\n"), 0.0);
+    for t in 0..1600 {
+        let pause = t % 2;
+        let b = if t >= 800 && pause == 1 { 2.0 * a } else { 0.0 } + noise();
+        a = noise();
+        text += &format!("{a},{b},{pause}\n");
+    }
+    let dir = folder("data.csv", &text);
+    let usual = "roll data.csv --method pcmci --test parcorr --alpha 0.001 --columns a,b --batch 400 --changes \
+                 --change-rows 160 --format jsonl";
+    let found = |more: &[&str]| -> (Vec<bool>, bool) {
+        let out = roscausal(dir.path(), &[&usual.split_whitespace().collect::<Vec<_>>()[..], more].concat());
+        assert!(out.status.success(), "{}", String::from_utf8_lossy(&out.stderr));
+        let lines = String::from_utf8_lossy(&out.stdout).into_owned();
+        let lines: Vec<Value> = lines.lines().map(|line| serde_json::from_str(line).expect("JSON")).collect();
+        let windows = lines.iter().map(|line| &line["window"]).filter(|window| window.is_object());
+        let links = windows.map(|window| window["graph"][0][1][1] == "-->").collect();
+        (links, lines.iter().any(|line| line["event"]["status"] == "confirmed"))
+    };
+    assert_eq!(found(&[]), (vec![false, false, true, true], true));
+    assert_eq!(found(&["--mask", "pause"]), (vec![false; 4], false));
+    assert_eq!(found(&["--where", "pause < 0.5", "--resamples", "20"]), (vec![false; 4], false));
 }
 
 #[test]

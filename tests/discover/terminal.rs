@@ -99,6 +99,9 @@ fn numbers_out_of_range_are_bad_usage() {
         has(&complaint(&data, &args, 2), &[args[0].trim_start_matches('-')]);
     }
     has(&complaint(&data, &["--tau-min", "3", "--tau-max", "1"], 2), &["tau"]);
+    for lag in ["1000000000", "18446744073709551615"] {
+        has(&complaint(&data, &["--tau-max", lag], 2), &[&format!("--tau-max: {lag} is above 100000")]);
+    }
 }
 
 /// Starts an analysis that takes a while, sends it SIGINT, and returns how it ended.
@@ -161,6 +164,35 @@ fn quiet_says_nothing_but_errors_and_no_file_gets_colours() {
     has(&told(&[]), &["settings of roscausal.toml: --tau-max=2"]);
     assert_eq!(told(&["--quiet"]), "");
     has(&told(&["--quiet", "--alpha", "2"]), &["error: --alpha: 2 is not a level"]);
+}
+
+#[test]
+fn a_parameter_beside_the_data_that_is_not_set_is_left_out() {
+    let dir = folder("data.csv", &coupled(300));
+    let unset = "resamples = 0\nresampling = 'subsample'\nresample_share = 0.632\nresample_block = '1'\nf_alpha = 0.0\n\
+                 pc_alpha = -1.0\nthreads = 0\ntime_budget = 0.0\nvectors = []\nacts_on = []\n";
+    fs::write(dir.path().join("roscausal.toml"), format!("[discovery]\n{unset}max_lag = 2\n"))
+        .expect("writes");
+    let out = roscausal(dir.path(), &QUICK);
+    let told = String::from_utf8_lossy(&out.stderr).into_owned();
+    assert!(out.status.success(), "{told}");
+    has(&told, &["settings of roscausal.toml: --tau-max=2\n"]);
+}
+
+#[test]
+fn shuffles_beside_the_data_are_left_out_only_where_the_named_test_draws_none() {
+    let dir = folder("data.csv", &coupled(300));
+    fs::write(dir.path().join("roscausal.toml"), "significance = 'shuffle'\nshuffles = 100\n")
+        .expect("writes");
+    let told = |more: &[&str]| {
+        let out = roscausal(dir.path(), &[&QUICK[..], more].concat());
+        let told = String::from_utf8_lossy(&out.stderr).into_owned();
+        assert!(out.status.success(), "{told}");
+        told
+    };
+    has(&told(&[]), &["--shuffles=100", "--significance=shuffle"]);
+    has(&told(&["--significance", "shuffle"]), &["settings of roscausal.toml: --shuffles=100\n"]);
+    assert!(!told(&["--significance", "analytic"]).contains("--shuffles"));
 }
 
 #[test]

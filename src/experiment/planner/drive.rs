@@ -228,16 +228,7 @@ impl Drive {
 
     /// The best of the speeds; the slowest if no answer can be used.
     fn ask(&mut self, planner: &LoopbackNode, question: &Question) -> Result<f64> {
-        let set = |speed: f64| {
-            let one = Intervention {
-                variable: "r_v".into(),
-                kind: Intervention::SET,
-                first_step: 1,
-                last_step: 0,
-                values: vec![speed],
-            };
-            Action { name: speed.to_string(), interventions: vec![one] }
-        };
+        let set = |speed: f64| Action::one(speed.to_string(), Intervention::set("r_v", [speed]));
         let term =
             |(variable, weight): &(&str, f64)| CostTerm { variable: (*variable).into(), weight: *weight };
         let request = WhatIfRequest {

@@ -5,7 +5,7 @@ use roscausal_core::{Error, Result};
 use roscausal_reasoning::{
     StructuralModel,
     answer::{Outlook, Status, what_if},
-    question::{Action, Intervention, Kind, Situation, WhatIf},
+    question::{Action, Intervention, Situation, WhatIf},
 };
 
 use super::{ACTING, ACTIONS, FEATURES, REACH, STEPS, names, twins::Twins};
@@ -124,8 +124,7 @@ fn seen(model: &StructuralModel) -> (f64, f64) {
 fn set(name: &str, values: Vec<f64>, horizon: usize) -> WhatIf {
     let variable = names().swap_remove(ACTING);
     let values = if values.len() > 1 { values[..horizon].to_vec() } else { values };
-    let set = Intervention { variable, kind: Kind::Set, first_step: 1, last_step: 0, values };
-    let actions = vec![Action { name: name.to_owned(), interventions: vec![set] }];
+    let actions = vec![Action::one(name, Intervention::set(variable, values))];
     WhatIf { horizon, actions, ..WhatIf::default() }
 }
 

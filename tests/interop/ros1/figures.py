@@ -11,6 +11,10 @@ import genpy.dynamic
 import rospy
 from nav_msgs.msg import Odometry
 
+sys.path.insert(0, os.path.dirname(os.path.dirname(os.path.abspath(__file__))))
+import known_system
+from roscausal_msgs.msg import Features, Prediction
+
 from harness import NODE, Group, Process, eventually, peer
 
 group = Group()
@@ -111,6 +115,43 @@ def an_idle_node_of_rospy(_):
         time.sleep(10)
         cpu = (used(relay.pid) - before) / (time.monotonic() - start)
         return "%.2f %% of a core, %.1f MB" % (100 * cpu, memory(relay.pid))
+
+
+@case
+def the_reasoning_node_at_3_rows_a_second(roscore):
+    """With three Gaussian processes: each row gives a prediction, and every minute a fit."""
+    names, step = list(known_system.NAMES), known_system.DT
+    with tempfile.TemporaryDirectory() as folder:
+        batch, graph, _ = known_system.write(folder)
+        for name, value in {"data": [batch], "graph": graph, "equations": "gp"}.items():
+            roscore.param("/roscausal_reasoning/" + name, value)
+        got, rows = [], known_system.rows(20000, seed=2)
+        predictions = rospy.Subscriber("/roscausal/prediction", Prediction, got.append)
+        stream = rospy.Publisher("/roscausal/features", Features, queue_size=10)
+
+        def publish(number):
+            message = Features(names=names, values=rows[number])
+            message.header.stamp = rospy.Time.from_sec(1000 + step * number)
+            stream.publish(message)
+            time.sleep(step)
+
+        with Process(NODE, "reasoning") as node:
+            eventually(stream.get_num_connections, 20, node.text)
+            number = 0
+            while not got:
+                assert number < 300, node.text
+                publish(number)
+                number += 1
+            seen, sent, before, start = len(got), number, used(node.pid), time.monotonic()
+            while time.monotonic() - start < SECONDS:
+                publish(number)
+                number += 1
+            cpu, size = (used(node.pid) - before) / (time.monotonic() - start), memory(node.pid)
+        predictions.unregister()
+        stream.unregister()
+        assert len(got) - seen > 0.8 * (number - sent), (len(got) - seen, number - sent)
+        assert cpu < 0.05 and size < 40, "%.2f %% of a core, %.1f MB" % (100 * cpu, size)
+        return "%.2f %% of a core, %.1f MB" % (100 * cpu, size)
 
 
 def there_and_back(process, pause):

@@ -5,10 +5,14 @@ import re
 import statistics
 import subprocess
 import sys
+import tempfile
 import time
 
-from harness import Ros, peer, test
+from harness import Ros, node, peer, test
 from nav_msgs.msg import Odometry
+from reasoning import STREAM, features, known_system, reasoning
+from roscausal_msgs.msg import Features, Prediction
+from roscausal_msgs.srv import Effect
 from std_msgs.msg import Float64
 from wire import RELIABLE, Echo, message_class, model
 
@@ -90,6 +94,88 @@ def a_round_trip_takes_no_longer_than_through_rclpy():
     return "; ".join(notes)
 
 
+@test
+def a_question_that_needs_no_computation_there_and_back():
+    """What a service adds to the computation: questions that are refused at once, to our node and to a server in rclpy."""
+    with tempfile.TemporaryDirectory() as folder:
+        batch, graph, _ = known_system.write(folder)
+        with reasoning(batch, graph), Ros() as ros:
+            other = subprocess.Popen([sys.executable, __file__, "refuse"])
+            try:
+                medians = [asked(ros, name) for name in ("/roscausal/effect", "/rclpy_effect")]
+            finally:
+                other.terminate()
+                other.wait(20)
+    return "median %.2f ms; a server in rclpy %.2f ms" % tuple(medians)
+
+
+def asked(ros, name):
+    """Median [ms] of 200 questions to one client."""
+    client = ros.node.create_client(Effect, name)
+    ros.until(client.service_is_ready, 20, f"service {name}")
+    ros.spin(0.5)
+    took, request = [], Effect.Request(cause="r_v", effect="nobody")
+    for _ in range(200):
+        started = time.perf_counter()
+        future = client.call_async(request)
+        ros.until(future.done, 10, f"an answer of {name}")
+        took.append((time.perf_counter() - started) * 1e3)
+        assert future.result().status in (Effect.Response.BAD_REQUEST, Effect.Response.NO_MODEL), future.result()
+    ros.node.destroy_client(client)
+    return statistics.median(took)
+
+
+@test
+def the_reasoning_node_predicts_with_each_of_3_rows_a_second():
+    """With three Gaussian processes. The note says what it costs."""
+    step, seconds = known_system.DT, SECONDS
+    with tempfile.TemporaryDirectory() as folder:
+        batch, graph, _ = known_system.write(folder)
+        given = ["-p", f"data:=['{batch}']", "-p", f"graph:={graph}", "-p", "equations:=gp"]
+        with node("reasoning", *given) as program, Ros() as ros:
+            got, rows = [], known_system.rows(20000, seed=2)
+            ros.node.create_subscription(Prediction, "/roscausal/prediction", got.append, STREAM)
+            stream = ros.node.create_publisher(Features, "/roscausal/features", STREAM)
+
+            def publish(number):
+                stream.publish(features(1000 + step * number, rows[number]))
+                ros.spin(step)
+
+            number = 0
+            while not got:
+                assert number < 300, program.log()
+                publish(number)
+                number += 1
+            pid = program.process.pid
+            seen, sent, before, start = len(got), number, used(pid), time.monotonic()
+            while time.monotonic() - start < seconds:
+                publish(number)
+                number += 1
+            cpu = (used(pid) - before) / (time.monotonic() - start)
+            assert len(got) - seen > 0.8 * (number - sent), (len(got) - seen, number - sent)
+            with open(f"/proc/{pid}/status") as status:
+                memory = int(re.search(r"VmRSS:\s+(\d+)", status.read())[1]) / 1000
+    return f"{100 * cpu:.1f} % of a core, {memory:.0f} MB"
+
+
+def used(pid):
+    """Seconds of CPU time so far."""
+    with open(f"/proc/{pid}/stat") as stat:
+        fields = stat.read().rsplit(")", 1)[1].split()
+    return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
+
+
+def refuse():
+    """A service that refuses every question, in rclpy."""
+    with Ros("refuses") as ros:
+        def answer(_, response):
+            response.status = Effect.Response.BAD_REQUEST
+            return response
+
+        ros.node.create_service(Effect, "/rclpy_effect", answer)
+        ros.executor.spin()
+
+
 def send(count):
     with Ros("sender") as ros:
         publisher = ros.node.create_publisher(Odometry, "/odom", RELIABLE)
@@ -114,4 +200,4 @@ def echo(names):
 
 
 if __name__ == "__main__":
-    send(int(sys.argv[2])) if sys.argv[1] == "send" else echo(sys.argv[2:])
+    {"send": lambda: send(int(sys.argv[2])), "refuse": refuse, "echo": lambda: echo(sys.argv[2:])}[sys.argv[1]]()
