@@ -18,7 +18,7 @@ use std::{
 use clap::{ArgMatches, parser::ValueSource};
 use roscausal_core::{Error, Result, params::nearest};
 use roscausal_discovery::{
-    independence_tests::Significance,
+    independence_tests::{Significance, draws, spelled},
     methods::{Method, Reads},
 };
 use toml::{Table, Value};
@@ -38,14 +38,11 @@ const OF_METHODS: [(&str, Reads); 6] = [
     ("no-extra-conditions", Reads::ExtraConditions),
     ("acts-on", Reads::ActsOn),
 ];
-/// Flags that only some tests read, spelled without dashes and underscores. With the significance of surrogates all read how many.
-const OF_TESTS: [(&str, &[&str]); 5] = [
-    ("gp-search", &["gpdc"]),
-    ("gp-restarts", &["gpdc"]),
-    ("null-dist", &["gpdc"]),
-    ("shuffle-stop", &["cmiknn"]),
-    ("shuffles", &["gpdc", "gpdcpython", "cmiknn", "cmisymb"]),
-];
+/// Flags that only one test reads.
+const OF_TESTS: [(&str, &str); 4] =
+    [("gp-search", "gpdc"), ("gp-restarts", "gpdc"), ("null-dist", "gpdc"), ("shuffle-stop", "cmiknn")];
+/// Flags that say how p-values are made, beside those of one test.
+const OF_P_VALUES: [&str; 2] = ["significance", "shuffles"];
 
 /// Settings from one place.
 #[derive(Debug, Default, PartialEq)]
@@ -119,18 +116,16 @@ fn suits(own: &ArgMatches, flag: &str, shuffles: bool) -> bool {
     if let (Some(method), Some((_, setting))) = (method, of_methods) {
         return method.reads(*setting);
     }
-    let of_tests = OF_TESTS.iter().find(|(name, _)| *name == flag);
-    let says_how = of_tests.is_some() || flag == "significance";
-    // TiMINo takes the regression of a test, and no p-values.
-    if says_how && method.is_some_and(|method| !method.info().asks_test || method == Method::Timino) {
+    let of_test = OF_TESTS.iter().find(|(name, _)| *name == flag);
+    let says_how = of_test.is_some() || OF_P_VALUES.contains(&flag);
+    if says_how && method.is_some_and(|method| !method.asks_for_p_values()) {
         return false;
     }
-    if flag == "shuffles" && shuffles {
-        return true;
+    let Some(test) = named("test") else { return true };
+    if flag == "shuffles" {
+        return draws(test, shuffles.then_some(Significance::ShuffleTest));
     }
-    let spelled = |name: &String| name.replace(['-', '_'], "").to_lowercase();
-    let (Some((_, tests)), Some(test)) = (of_tests, named("test").map(spelled)) else { return true };
-    tests.contains(&test.as_str())
+    of_test.is_none_or(|(_, reader)| spelled(test) == *reader)
 }
 
 /// The settings beside each of these files or folders, in the order in which they count.

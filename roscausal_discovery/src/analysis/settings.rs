@@ -182,12 +182,12 @@ impl Settings {
                 format!("{}: {} models lag 0 too; give 0, or leave it out", self.tau_min, self.method);
             return Err(Error::param("tau-min", reason));
         }
-        let of_its_own = !info.asks_test || matches!(self.method, Method::Candoit | Method::Timino);
+        let of_its_own = !self.method.asks_for_p_values() || self.method == Method::Candoit;
         if self.link_assumptions.is_some() && of_its_own {
             let reason = format!("{} does not read what is known of links; leave it out", self.method);
             return Err(Error::param("links", reason));
         }
-        let tests_none = (!info.asks_test && self.method != Method::Granger) || self.method == Method::Timino;
+        let tests_none = !self.method.asks_for_p_values() && self.method != Method::Granger;
         if self.fdr != Fdr::None && tests_none {
             return Err(Error::param(
                 "fdr",
@@ -202,8 +202,7 @@ impl Settings {
         let (method, how) = (self.method, self.significance);
         let (nulls, shuffles) = (self.null_distributions.is_some(), self.shuffles.is_some());
         let given = [("null-dist", nulls), ("shuffles", shuffles), ("significance", how.is_some())];
-        // TiMINo takes the regression of a test, and no p-values.
-        let asks = method.info().asks_test && method != Method::Timino;
+        let asks = method.asks_for_p_values();
         if let Some((name, _)) = given.into_iter().find(|(_, is_given)| *is_given && !asks) {
             return Err(Error::param(name, format!("{method} asks no test for a p-value; leave it out")));
         }

@@ -44,7 +44,7 @@ pub fn smallest_p(name: &str) -> f64 {
 }
 
 /// Whether the test `name` draws surrogates, or values of a null distribution, where its p-values are made in this way.
-pub(crate) fn draws(name: &str, significance: Option<Significance>) -> bool {
+pub fn draws(name: &str, significance: Option<Significance>) -> bool {
     let name = spelled(name);
     let (has_table, shuffles) =
         (["gpdc", "gpdcpython"].contains(&name.as_str()), ["cmiknn", "cmisymb"].contains(&name.as_str()));
@@ -56,8 +56,8 @@ pub(crate) fn draws(name: &str, significance: Option<Significance>) -> bool {
     }
 }
 
-/// A name as the registry spells it.
-fn spelled(name: &str) -> String {
+/// A name as the registry spells it: lower case, without `_` and `-`.
+pub fn spelled(name: &str) -> String {
     name.chars().filter(|c| !"_-".contains(*c)).flat_map(char::to_lowercase).collect()
 }
 

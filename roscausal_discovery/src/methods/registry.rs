@@ -361,6 +361,11 @@ impl Method {
         }
     }
 
+    /// Whether it asks a test for p-values. TiMINo takes the regression of a test, and none of its p-values.
+    pub fn asks_for_p_values(self) -> bool {
+        self.info().asks_test && self != Self::Timino
+    }
+
     /// Whether it reads this setting.
     pub fn reads(self, setting: Reads) -> bool {
         self.info().reads.contains(&setting)
