@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use clap::{Args as ClapArgs, ValueEnum};
 use roscausal_core::{Error, Result};
 use roscausal_discovery::{
-    Control, DataFrame, Model, Settings, Stop,
+    Control, DataFrame, Model, Settings,
     changes::{ChangeEvent, Detector, Form, Levels},
     confidence::{Resampling, set_step},
     methods::Status,
@@ -176,7 +176,7 @@ impl Args {
         for (place, recording) in data.recordings().iter().enumerate() {
             let masked = data.masked_effects(place);
             match detector.read_in_masked_parts(recording.view(), &masked, rows, control) {
-                Err(roscausal_discovery::Error::Cancelled(_)) if control.stop() == Some(Stop::OutOfTime) => {
+                Err(error) if control.is_timeout(&error) => {
                     let how_far =
                         "the time budget ended before all changes and the first window were looked for";
                     return Ok(Status::Partial(how_far.into()));
@@ -282,20 +282,12 @@ impl Rolling {
         self.windows.push(window);
     }
 
-    /// `complete`, or `partial: ..` as the status of a model.
-    fn status(&self) -> String {
-        match &self.status {
-            Status::Complete => "complete".into(),
-            Status::Partial(how_far) => format!("partial: {how_far}"),
-        }
-    }
-
     fn end(&self) {
         if self.status != Status::Complete {
-            crate::terminal::tell!("{}", self.status());
+            crate::terminal::tell!("{}", self.status);
         }
         if self.format == Format::Jsonl {
-            crate::terminal::say!("{}", json!({ "status": self.status() }));
+            crate::terminal::say!("{}", json!({ "status": self.status.to_string() }));
         }
         if self.format != Format::Text || self.windows.is_empty() {
             return;
@@ -322,7 +314,7 @@ impl Rolling {
         let windows: Vec<Value> = self.windows.iter().map(|window| self.object(window)).collect();
         let whole = json!({
             "schema": ROLLING_SCHEMA,
-            "status": self.status(),
+            "status": self.status.to_string(),
             "dt": self.dt,
             "windows": windows,
             "events": self.events,

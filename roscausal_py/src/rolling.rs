@@ -8,7 +8,6 @@ use std::sync::{
 use pyo3::prelude::*;
 use roscausal_discovery::{
     Control, Settings,
-    methods::Status,
     rolling::{WindowModel, Windows, roll as roll_windows},
 };
 
@@ -61,11 +60,7 @@ pub(crate) fn roll(
                 found.push((recording, start, end, model.to_json()));
                 Ok(())
             })?;
-            let status = match status {
-                Status::Complete => "complete".to_owned(),
-                Status::Partial(how_far) => format!("partial: {how_far}"),
-            };
-            Ok((found, status))
+            Ok((found, status.to_string()))
         })
     })?;
     found.map_err(raised)

@@ -165,8 +165,8 @@ fn filtered(
         None => blank,
     };
     model.warnings.extend(remarks_on_filter(settings.te_estimator, test, result));
-    if let Status::Partial(how_far) = &result.status {
-        model.status = format!("partial: {how_far}");
+    if result.status != Status::Complete {
+        model.status = result.status.to_string();
     }
     (model, evidence)
 }
@@ -210,9 +210,7 @@ fn with_result(blank: Model, features: Vec<String>, result: PcmciResult) -> Mode
     let mut model = blank.with_matrices(features, matrices);
     model.n_samples = result.n_samples;
     model.warnings.extend(result.remarks);
-    if let Status::Partial(how_far) = result.status {
-        model.status = format!("partial: {how_far}");
-    }
+    model.status = result.status.to_string();
     model
 }
 

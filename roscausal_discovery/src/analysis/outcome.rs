@@ -7,7 +7,7 @@ use super::{
     settings::Settings,
 };
 use crate::{
-    ground::{CondIndTest, Control, DataFrame, Error, LinkMark, Result, Samples, Stop},
+    ground::{CondIndTest, Control, DataFrame, LinkMark, Result, Samples},
     methods::{
         FpcmciResult, FpcmciSettings, LpcmciSettings, Method, PcmciResult, Status, get_lagged_dependencies,
         run_bivci, run_candoit, run_dynotears, run_fpcmci, run_fullci, run_granger, run_jpcmciplus,
@@ -86,9 +86,7 @@ impl Outcome {
             }
         };
         let plain = match plain {
-            Err(Error::Cancelled(_)) if control.stop() == Some(Stop::OutOfTime) => {
-                nothing_yet(data, settings)
-            }
+            Err(error) if control.is_timeout(&error) => nothing_yet(data, settings),
             plain => plain?,
         };
         Ok(Self::Plain(Box::new(plain)))

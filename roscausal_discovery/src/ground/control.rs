@@ -114,6 +114,11 @@ impl Control {
         }
     }
 
+    /// Whether an error means that the time budget is used up, so that the result so far counts.
+    pub fn is_timeout(&self, error: &Error) -> bool {
+        matches!(error, Error::Cancelled(_)) && self.stop() == Some(Stop::OutOfTime)
+    }
+
     /// Fails if the caller cancelled the run. For what comes before the first test and takes no time of its own to speak of: a run
     /// whose time is up still says how far it came.
     ///

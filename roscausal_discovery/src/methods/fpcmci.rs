@@ -8,7 +8,7 @@ use super::{
     settings::PcmciSettings,
 };
 use crate::{
-    ground::{Assumption, CondIndTest, Control, DataFrame, Error, LinkAssumptions, Result, Stop},
+    ground::{Assumption, CondIndTest, Control, DataFrame, LinkAssumptions, Result},
     transfer_entropy::{TeEstimator, TeResult, TransferEntropy},
 };
 
@@ -116,7 +116,7 @@ pub fn run_fpcmci(
         status: Status::Complete,
     };
     let found = match filter.run(data, control) {
-        Err(Error::Cancelled(_)) if control.stop() == Some(Stop::OutOfTime) => {
+        Err(error) if control.is_timeout(&error) => {
             result.status =
                 Status::Partial("the time budget ended the run in the transfer-entropy filter".into());
             return Ok(result);

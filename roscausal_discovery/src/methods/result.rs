@@ -1,5 +1,7 @@
 //! What a run finds: graph, values, p-values, and how far it came.
 
+use std::fmt;
+
 use ndarray::Array3;
 
 use crate::ground::{LinkMark, Node};
@@ -12,6 +14,16 @@ pub enum Status {
     /// The time budget ended the run: untested links have value 0, p-value 1 and no mark. The text says how far the
     /// run came.
     Partial(String),
+}
+
+impl fmt::Display for Status {
+    /// As the status of a model: `complete`, or `partial: ` and how far the run came.
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Complete => f.write_str("complete"),
+            Self::Partial(how_far) => write!(f, "partial: {how_far}"),
+        }
+    }
 }
 
 /// What the condition selection (PC1) found for one candidate link into a target.

@@ -4,7 +4,7 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 
 use rayon::prelude::*;
 
-use crate::ground::{CondIndTest, Control, Error, Node, PreparedTest, Result, Samples, Stop, TestResult};
+use crate::ground::{CondIndTest, Control, Error, Node, PreparedTest, Result, Samples, TestResult};
 
 /// One run: a prepared test, its samples, and the counting of tests.
 pub(crate) struct Run<'a> {
@@ -122,6 +122,6 @@ impl<'a> Run<'a> {
 
     /// Whether an error means that the time budget is used up, so that the result so far counts.
     pub(crate) fn is_timeout(&self, error: &Error) -> bool {
-        matches!(error, Error::Cancelled(_)) && self.control().stop() == Some(Stop::OutOfTime)
+        self.control().is_timeout(error)
     }
 }

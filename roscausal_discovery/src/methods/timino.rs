@@ -19,7 +19,7 @@ use rayon::prelude::*;
 
 use super::result::{PcmciResult, Status};
 use crate::{
-    ground::{CompleteRows, Control, DataFrame, Error, LinkMark, Node, Result, Samples, Stop},
+    ground::{CompleteRows, Control, DataFrame, Error, LinkMark, Node, Result, Samples},
     independence_tests::{TestSettings, dependence, gp_residuals},
     numeric::{
         least_squares::LeastSquares,
@@ -159,7 +159,7 @@ pub fn run_timino(data: &DataFrame, settings: &TiminoSettings, control: &Control
     };
     result.links.n_lost.fill(models.rows.n_lost());
     match models.order(&mut result).and_then(|()| models.causes(&mut result)) {
-        Err(Error::Cancelled(_)) if control.stop() == Some(Stop::OutOfTime) => {
+        Err(error) if control.is_timeout(&error) => {
             let how_far = format!("the time budget ended the search after {} models", result.links.n_tests);
             result.links.status = Status::Partial(how_far);
         }

@@ -25,7 +25,7 @@ use serde::{Deserialize, Serialize};
 use crate::{
     analysis::{Settings, analyse},
     confidence::{Resampling, analyse_resampled},
-    ground::{Control, DataFrame, Error, Result, Stop},
+    ground::{Control, DataFrame, Error, Result},
     methods::Status,
     model::Model,
 };
@@ -142,11 +142,6 @@ pub fn roll_resampled(
     in_turn(data, windows, control, model_of, each)
 }
 
-/// Whether an error means that the time budget is used up.
-fn is_timeout(error: &Error, control: &Control) -> bool {
-    matches!(error, Error::Cancelled(_)) && control.stop() == Some(Stop::OutOfTime)
-}
-
 /// Finds the model of one window after another, until the time budget ends.
 fn in_turn(
     data: &DataFrame,
@@ -160,7 +155,7 @@ fn in_turn(
         let end = start + windows.length;
         let model = match model_of(recording, start..end) {
             Ok(model) if model.status == "complete" => model,
-            Err(error) if !is_timeout(&error, control) => return Err(error),
+            Err(error) if !control.is_timeout(&error) => return Err(error),
             _ => {
                 let how_far = format!("the time budget ended after {done} of {} windows", places.len());
                 return Ok(Status::Partial(how_far));
