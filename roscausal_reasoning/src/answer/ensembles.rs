@@ -70,7 +70,7 @@ pub(super) fn outcomes(
 
 /// An equation that is needed and could not be fitted.
 fn missing(model: &Directed, schedule: &Schedule, needed: &[bool]) -> Option<String> {
-    let free = |var: &usize| needed[*var] && (0..schedule.steps()).any(|step| !schedule.is_set(step, *var));
+    let free = |var: &usize| needed[*var] && !schedule.is_always_set(*var);
     let var = (0..model.graph.len()).filter(free).find(|&var| model.system.equations[var].is_none())?;
     model.summaries[var].missing.clone()
 }

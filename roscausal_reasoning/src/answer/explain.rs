@@ -226,10 +226,10 @@ fn window(
         return Err((Status::NoData, message));
     }
     // What does not drive the variable may be missing.
-    let drives = |var: usize| {
-        model.members().iter().any(|member| crate::explain::drivers(&member.model.system, y).contains(&var))
-    };
-    let needed: Vec<bool> = (0..model.graph().len()).map(drives).collect();
+    let mut needed = vec![false; model.graph().len()];
+    for member in model.members() {
+        crate::explain::drivers(&member.model.system, y).into_iter().for_each(|var| needed[var] = true);
+    }
     let part = situation.rows.slice(ndarray::s![from + 1 - memory..=to, ..]);
     let is_gap = |var: usize, value: f64| needed[var] && !value.is_finite();
     if let Some(((row, var), _)) = part.indexed_iter().find(|((_, var), value)| is_gap(*var, **value)) {

@@ -191,7 +191,7 @@ fn needed(model: &StructuralModel, asked: &Asked) -> Vec<bool> {
 
 /// Whether an equation that the action needs is missing: then nothing can be extrapolated.
 fn model_lacks(model: &StructuralModel, schedule: &Schedule, needed: &[bool]) -> bool {
-    let free = |var: &usize| needed[*var] && (0..schedule.steps()).any(|step| !schedule.is_set(step, *var));
+    let free = |var: &usize| needed[*var] && !schedule.is_always_set(*var);
     let lacks =
         |var: usize| model.members().iter().any(|member| member.model.system.equations[var].is_none());
     (0..model.graph().len()).filter(free).any(lacks)

@@ -53,6 +53,11 @@ impl Schedule {
         !self.set[step * self.n + var].is_nan()
     }
 
+    /// Whether a variable is set at all steps: then its equation is not asked.
+    pub(crate) fn is_always_set(&self, var: usize) -> bool {
+        (0..self.steps()).all(|step| self.is_set(step, var))
+    }
+
     /// The value that a variable is set to at a step.
     pub fn value(&self, step: usize, var: usize) -> Option<f64> {
         let value = self.set[step * self.n + var];
