@@ -76,8 +76,10 @@ def catkin_make_isolated_installs_a_plain_clone(roscore):
     scratch = TARGET + "/.interop_ros1"
     shutil.rmtree(scratch, ignore_errors=True)
     os.makedirs("%s/target/%s" % (scratch, PROFILE))
-    for part in ("deps", "build", ".fingerprint"):
-        run(["cp", "-a", "%s/%s/%s" % (TARGET, PROFILE, part), "%s/target/%s" % (scratch, PROFILE)], WORK)
+    built = "%s/%s" % (TARGET, PROFILE)
+    # under cargo's own lock: a build going on beside this would take files away while they are copied
+    run(["flock", built + "/.cargo-lock", "cp", "-a", *("%s/%s" % (built, part) for part in ("deps", "build", ".fingerprint")),
+         "%s/target/%s" % (scratch, PROFILE)], WORK, 580)
     # works even if the sources themselves are not a clone
     source = ROOT if not os.path.exists(ROOT + "/.git") else scratch + "/roscausal"
     if source != ROOT:
