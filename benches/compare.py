@@ -385,7 +385,7 @@ def main():
     peers = ", ".join(f"{p} {version(p)}" for p in ("tigramite", "fpcmci", "idtxl-uv", "antecedent", "numpy", "numba"))
     print(f"{cpu}, {os.cpu_count()} cores; Python {platform.python_version()}, {peers}.")
     print(f"CPU seconds of one analysis in one thread, median of (n) runs, at most {options.runs} and {options.cap:.0f} s per")
-    print("cell; the references warmed up by a short run in the same process, which is not counted.\n")
+    print("cell; all warmed up by a short run in the same process, which is not counted.\n")
     if any(row in ROWS for row in wanted):
         print("| work | ours | reference | ratio | bar | antecedent | ratio | bar |")
         print("| --- | --- | --- | --- | --- | --- | --- | --- |", flush=True)

@@ -34,30 +34,29 @@ fn regularized(a: f64, b: f64, x: f64, y: f64) -> f64 {
     p.clamp(0.0, 1.0)
 }
 
-/// Continued fraction of the incomplete beta function (Abramowitz and Stegun 26.5.8), by Lentz's method.
+/// Continued fraction of the incomplete beta function (Abramowitz and Stegun 26.5.8), by Wallis's recurrence for its numerators and
+/// denominators, scaled after each pair of terms so that the denominator is 1: one division waits for another, where Lentz's
+/// method has two.
 pub(crate) fn continued_fraction(a: f64, b: f64, x: f64) -> f64 {
     const TINY: f64 = 1e-300;
     let away_from_zero = |v: f64| if v.abs() < TINY { TINY } else { v };
-    let mut c = 1.0;
-    let mut d = 1.0 / away_from_zero(1.0 - (a + b) * x / (a + 1.0));
-    let mut h = d;
+    let first = 1.0 / away_from_zero(1.0 - (a + b) * x / (a + 1.0));
+    // The last numerator over the last denominator is the value so far; the ones before are scaled alike.
+    let (mut before, mut below_before, mut value) = (first, first, first);
     for m in 1..100_000 {
         let m = f64::from(m);
         let m2 = a + 2.0 * m;
         let even = m * (b - m) * x / ((m2 - 1.0) * m2);
-        d = 1.0 / away_from_zero(1.0 + even * d);
-        c = away_from_zero(1.0 + even / c);
-        h *= d * c;
         let odd = -(a + m) * (a + b + m) * x / (m2 * (m2 + 1.0));
-        d = 1.0 / away_from_zero(1.0 + odd * d);
-        c = away_from_zero(1.0 + odd / c);
-        let step = d * c;
-        h *= step;
-        if (step - 1.0).abs() < 2e-16 {
+        let (above, below) = (value + even * before, 1.0 + even * below_before);
+        let (next, scale) = (above + odd * value, 1.0 / away_from_zero(below + odd));
+        let last = value;
+        (before, below_before, value) = (above * scale, below * scale, next * scale);
+        if (value - last).abs() < 2e-16 * value.abs() {
             break;
         }
     }
-    h
+    value
 }
 
 #[cfg(test)]

@@ -11,6 +11,8 @@
 
 use faer::Mat;
 
+use super::rows::{dot, is_constant, largest, sum};
+
 /// Smallest part of a column's norm that the others leave it, if it is not determined by them.
 const DETERMINED: f64 = 1e-10;
 /// Smallest part that a column has in a combination.
@@ -37,27 +39,33 @@ pub(crate) struct LeastSquares {
     left: Vec<Vec<f64>>,
 }
 
-/// Centres (if there is a constant) and scales to norm 1; returns mean and norm, which is 0 of a constant.
-fn scaled(row: &[f64], constant: bool) -> (Vec<f64>, f64) {
-    let mut row = row.to_vec();
+/// Centres (if there is a constant) and scales to norm 1; returns the norm, which is 0 of a constant.
+fn scale(row: &mut [f64], constant: bool) -> f64 {
     if constant {
-        if row.windows(2).all(|pair| pair[0] == pair[1]) {
-            return (vec![0.0; row.len()], 0.0);
+        if is_constant(row) {
+            row.fill(0.0);
+            return 0.0;
         }
         // Twice: the second pass subtracts what rounding left in the first.
         for _ in 0..2 {
-            let mean = row.iter().sum::<f64>() / row.len() as f64;
+            let mean = sum(row) / row.len() as f64;
             row.iter_mut().for_each(|v| *v -= mean);
         }
     }
-    let largest = row.iter().fold(0.0_f64, |most, v| most.max(v.abs()));
-    if largest == 0.0 || !largest.is_finite() {
+    // By the largest value first: the square of a number like 1e200 is none.
+    let largest = largest(row);
+    if !(1.0 / largest).is_normal() {
         row.fill(0.0);
-        return (row, 0.0);
+        return 0.0;
     }
-    let norm = largest * row.iter().map(|v| (v / largest).powi(2)).sum::<f64>().sqrt();
-    row.iter_mut().for_each(|v| *v /= norm);
-    (row, norm)
+    multiply(row, 1.0 / largest);
+    let norm = dot(row, row).sqrt();
+    multiply(row, 1.0 / norm);
+    largest * norm
+}
+
+fn multiply(row: &mut [f64], factor: f64) {
+    row.iter_mut().for_each(|v| *v *= factor);
 }
 
 /// Columns turned into a frame in which they are as short as they are many. All lengths and angles stay, so that every regression
@@ -72,9 +80,9 @@ impl Compressed {
     /// The centred columns, all of the same length.
     pub(crate) fn new(columns: &[&[f64]]) -> Self {
         let n = columns.first().map_or(0, |row| row.len());
-        let (rows, norms): (Vec<_>, Vec<_>) = columns.iter().map(|row| scaled(row, true)).unzip();
-        let mut columns = triangle(&rows.iter().collect::<Vec<_>>(), n);
-        columns.iter_mut().zip(norms).for_each(|(column, norm)| column.iter_mut().for_each(|v| *v *= norm));
+        let (matrix, norms) = scaled(columns, n, true);
+        let mut columns = triangle(matrix);
+        columns.iter_mut().zip(norms).for_each(|(column, norm)| multiply(column, norm));
         Self { n, columns }
     }
 
@@ -101,18 +109,23 @@ impl LeastSquares {
     /// Regresses each of `targets` on `columns`, and on a constant if asked to.
     pub(crate) fn new(columns: &[&[f64]], targets: &[&[f64]], constant: bool) -> Self {
         let n = columns.iter().chain(targets).next().map_or(0, |row| row.len());
-        let (columns, norms): (Vec<_>, Vec<_>) = columns.iter().map(|row| scaled(row, constant)).unzip();
-        let (targets, target_norms): (Vec<_>, Vec<_>) =
-            targets.iter().map(|row| scaled(row, constant)).unzip();
-        let mut kept: Vec<usize> = (0..columns.len()).filter(|&k| norms[k] > 0.0).collect();
+        let mut kept: Vec<usize> = (0..columns.len()).collect();
+        let mut norms = vec![0.0; columns.len()];
         let mut undetermined = vec![false; columns.len()];
-        let triangle = loop {
-            let rows: Vec<&Vec<f64>> = kept.iter().map(|&k| &columns[k]).chain(&targets).collect();
-            let triangle = triangle(&rows, n);
+        let (triangle, target_norms) = loop {
+            let rows: Vec<&[f64]> = kept.iter().map(|&k| columns[k]).chain(targets.iter().copied()).collect();
+            let (matrix, mut norms_now) = scaled(&rows, n, constant);
+            let target_norms = norms_now.split_off(kept.len());
+            kept.iter().zip(norms_now).for_each(|(&k, norm)| norms[k] = norm);
+            let constants = kept.extract_if(.., |k| norms[*k] == 0.0).count();
+            if constants > 0 {
+                continue;
+            }
+            let triangle = triangle(matrix);
             let at =
                 |i: usize, j: usize| triangle.get(j).and_then(|column| column.get(i)).copied().unwrap_or(0.0);
             let Some(dependent) = (0..kept.len()).find(|&k| at(k, k).abs() < DETERMINED) else {
-                break triangle;
+                break (triangle, target_norms);
             };
             // The combination of earlier columns that gives this one.
             let mut combination = vec![0.0; dependent];
@@ -198,8 +211,7 @@ impl LeastSquares {
             return none;
         };
         // Rows of the inverse are the columns' directions; F measures the coefficients in an orthonormal frame of them.
-        let rows: Vec<&Vec<f64>> = at.iter().map(|&at| &self.inverse[at]).collect();
-        let frame = triangle(&rows, self.kept.len());
+        let frame = triangle(Mat::from_fn(self.kept.len(), at.len(), |i, j| self.inverse[at[j]][i]));
         let along = |target: &Vec<f64>| -> f64 {
             let mut solved = Vec::with_capacity(at.len());
             for (i, &at) in at.iter().enumerate() {
@@ -218,13 +230,24 @@ fn quotient(a: f64, b: f64) -> f64 {
     if a == 0.0 { 0.0 } else { a / b }
 }
 
-/// The triangular factor of columns of length `n`: `[column][row]`, as many rows as there are columns, or `n`.
-fn triangle(columns: &[&Vec<f64>], n: usize) -> Vec<Vec<f64>> {
-    let size = columns.len();
+/// Columns of length `n`, each centred if there is a constant and scaled to norm 1; and their norms.
+fn scaled(columns: &[&[f64]], n: usize, constant: bool) -> (Mat<f64>, Vec<f64>) {
+    let mut matrix = Mat::zeros(n, columns.len());
+    let scaled = |(k, column): (usize, &&[f64])| {
+        let room = matrix.col_as_slice_mut(k);
+        room.copy_from_slice(column);
+        scale(room, constant)
+    };
+    let norms = columns.iter().enumerate().map(scaled).collect();
+    (matrix, norms)
+}
+
+/// The triangular factor of a matrix: `[column][row]`, as many rows as there are columns, or rows of the matrix.
+fn triangle(matrix: Mat<f64>) -> Vec<Vec<f64>> {
+    let (n, size) = (matrix.nrows(), matrix.ncols());
     if size == 0 || n == 0 {
         return vec![Vec::new(); size];
     }
-    let matrix = Mat::from_fn(n, size, |t, k| columns[k][t]);
     let qr = matrix.qr();
     let r = qr.thin_R();
     (0..size).map(|k| (0..size.min(n)).map(|i| if i <= k { r[(i, k)] } else { 0.0 }).collect()).collect()

@@ -43,6 +43,33 @@ pub(crate) fn dot(a: &[f64], b: &[f64]) -> f64 {
     lanes.iter().sum::<f64>() + rest
 }
 
+/// Sum, in eight lanes: one addition does not wait for the last.
+#[inline]
+pub(crate) fn sum(row: &[f64]) -> f64 {
+    let mut lanes = [0.0; 8];
+    let (eights, rest) = row.as_chunks::<8>();
+    for eight in eights {
+        for k in 0..8 {
+            lanes[k] += eight[k];
+        }
+    }
+    lanes.iter().sum::<f64>() + rest.iter().sum::<f64>()
+}
+
+/// The largest size of a value, in eight lanes; 0 of none.
+#[inline]
+pub(crate) fn largest(row: &[f64]) -> f64 {
+    let larger = |most: f64, v: &f64| if v.abs() > most { v.abs() } else { most };
+    let mut lanes = [0.0; 8];
+    let (eights, rest) = row.as_chunks::<8>();
+    for eight in eights {
+        for k in 0..8 {
+            lanes[k] = larger(lanes[k], &eight[k]);
+        }
+    }
+    lanes.iter().chain(rest).fold(0.0, larger)
+}
+
 /// A quantile of sorted values, linear between them; NaN of none.
 ///
 /// ```

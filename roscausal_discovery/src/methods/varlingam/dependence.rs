@@ -14,63 +14,62 @@
 
 use std::f64::consts::PI;
 
+use faer::{Accum, Mat, MatRef, Par, linalg::matmul::matmul};
 use rayon::prelude::*;
 use statrs::function::gamma::checked_gamma_ur;
 
-use crate::numeric::rows::dot;
+use crate::numeric::rows::sum;
 
 /// Frequencies of each series.
 const FREQUENCIES: usize = 6;
 /// The normal law of the sums takes so many samples.
 pub(super) const FEWEST: usize = 100;
 
-/// The cosines of the ranks of a series, one row of mean 0 for each frequency. Equal values share the middle of their ranks.
-struct Waves(Vec<Vec<f64>>);
-
-impl Waves {
-    fn new(values: &[f64]) -> Self {
-        let n = values.len();
-        let mut order: Vec<usize> = (0..n).collect();
-        order.sort_unstable_by(|&a, &b| values[a].total_cmp(&values[b]));
-        let mut rows = vec![vec![0.0; n]; FREQUENCIES];
-        let mut rank = 0;
-        for equal in order.chunk_by(|&a, &b| values[a] == values[b]) {
-            let middle = rank as f64 + 0.5 * equal.len() as f64;
-            rank += equal.len();
-            let twice = 2.0 * (PI * middle / n as f64).cos();
-            // cos((k + 1) a) = 2 cos(a) cos(k a) - cos((k - 1) a)
-            let (mut before, mut now) = (1.0, 0.5 * twice);
-            for row in &mut rows {
-                equal.iter().for_each(|&at| row[at] = now);
-                (before, now) = (now, twice * now - before);
-            }
+/// Writes the cosines of the ranks of a series, one column of mean 0 for each frequency. Equal values share the middle of their ranks.
+/// `cosines[m]` is `cos(pi m / 2n)`.
+fn write_waves(values: &[f64], cosines: &[f64], waves: &mut [f64]) {
+    let n = values.len();
+    let mut order: Vec<(f64, usize)> = values.iter().copied().zip(0..).collect();
+    order.sort_unstable_by(|a, b| a.0.total_cmp(&b.0));
+    let mut rank = 0;
+    for equal in order.chunk_by(|a, b| a.0 == b.0) {
+        let first = cosines[2 * rank + equal.len()];
+        rank += equal.len();
+        // cos((k + 1) a) = 2 cos(a) cos(k a) - cos((k - 1) a)
+        let (mut before, mut now) = (1.0, first);
+        for column in waves.chunks_exact_mut(n) {
+            equal.iter().for_each(|&(_, at)| column[at] = now);
+            (before, now) = (now, 2.0 * first * now - before);
         }
-        for row in &mut rows {
-            let mean = row.iter().sum::<f64>() / n.max(1) as f64;
-            row.iter_mut().for_each(|v| *v -= mean);
-        }
-        Self(rows)
+    }
+    for column in waves.chunks_exact_mut(n.max(1)) {
+        let mean = sum(column) / n as f64;
+        column.iter_mut().for_each(|v| *v -= mean);
     }
 }
 
 /// The p-values that the pairs are independent.
 pub(super) fn p_values(series: &[Vec<f64>], pairs: &[(usize, usize)]) -> Vec<f64> {
-    let waves: Vec<Waves> = series.par_iter().map(|values| Waves::new(values)).collect();
-    pairs.par_iter().map(|&(i, j)| survival(statistic(&waves[i], &waves[j]))).collect()
+    let n = series.first().map_or(0, Vec::len);
+    let mut waves = vec![0.0; n * series.len() * FREQUENCIES];
+    let cosines: Vec<f64> = (0..=2 * n).map(|m| (0.5 * PI * m as f64 / n as f64).cos()).collect();
+    let rooms = waves.par_chunks_exact_mut((n * FREQUENCIES).max(1));
+    rooms.zip(series).for_each(|(room, values)| write_waves(values, &cosines, room));
+    let columns = MatRef::from_column_major_slice(&waves, n, series.len() * FREQUENCIES);
+    let mut products = Mat::zeros(columns.ncols(), columns.ncols());
+    matmul(products.as_mut(), Accum::Replace, columns.transpose(), columns, 1.0, Par::Seq);
+    let statistic = |&(x, y): &(usize, usize)| {
+        let frequencies = (0..FREQUENCIES).flat_map(|j| (0..FREQUENCIES).map(move |k| (j, k)));
+        let part = |(j, k): (usize, usize)| {
+            weight(j + 1, k + 1) * products[(x * FREQUENCIES + j, y * FREQUENCIES + k)].powi(2)
+        };
+        4.0 / n.max(1) as f64 * frequencies.map(part).sum::<f64>()
+    };
+    pairs.iter().map(|pair| survival(statistic(pair))).collect()
 }
 
 fn weight(j: usize, k: usize) -> f64 {
     90.0 / (PI.powi(4) * ((j * j * k * k) as f64))
-}
-
-fn statistic(x: &Waves, y: &Waves) -> f64 {
-    let mut sum = 0.0;
-    for (j, a) in (1..).zip(&x.0) {
-        for (k, b) in (1..).zip(&y.0) {
-            sum += weight(j, k) * 4.0 * dot(a, b).powi(2) / a.len().max(1) as f64;
-        }
-    }
-    sum
 }
 
 /// Probability that the weighted sum of squares of independent standard normal variables exceeds `x`.

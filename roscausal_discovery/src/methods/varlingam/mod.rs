@@ -122,9 +122,14 @@ pub fn run_varlingam(
     };
     let lags = lags(data, settings, control)?;
     let of_past = Autoregression::new(complete_rows(data, lags, control)?, 1..=lags, false)?;
-    determined(data, &of_past)?;
-    let order = order::causal_order(&of_past.residuals(), &settings.exogenous, control)?;
-    let model = Model::new(&of_past, &order.variables, lags, settings);
+    // The present of all variables, then the past.
+    let present = (0..data.n_vars()).map(|var| Node::new(var, 0));
+    let nodes: Vec<Node> = present.chain(of_past.causes.iter().copied()).collect();
+    let frame = Compressed::new(&nodes.iter().map(|&node| of_past.rows.column(node)).collect::<Vec<_>>());
+    determined(data.var_names(), &frame)?;
+    let left = of_past.residuals();
+    let order = order::causal_order(&left, &settings.exogenous, control)?;
+    let model = Model::new(&of_past, (&nodes, &frame), &left, &order.variables, settings);
     let mut links = model.links(&of_past, lags, settings);
     if settings.check_residuals {
         links.remarks =
@@ -169,12 +174,12 @@ fn lags(data: &DataFrame, settings: &VarlingamSettings, control: &Control) -> Re
 }
 
 /// Refuses variables that others determine: no order of them is right.
-fn determined(data: &DataFrame, of_past: &Autoregression) -> Result<()> {
-    let present: Vec<&[f64]> = (0..data.n_vars()).map(|var| of_past.rows.column(Node::new(var, 0))).collect();
-    let together = LeastSquares::new(&present, &[], true);
-    let vars: Vec<&str> = (0..data.n_vars())
+fn determined(names: &[String], frame: &Compressed) -> Result<()> {
+    let present: Vec<&[f64]> = (0..names.len()).map(|var| frame.column(var)).collect();
+    let together = LeastSquares::new(&present, &[], false);
+    let vars: Vec<&str> = (0..names.len())
         .filter(|&var| together.is_undetermined(var))
-        .map(|var| data.var_names()[var].as_str())
+        .map(|var| names[var].as_str())
         .collect();
     if vars.is_empty() {
         return Ok(());
@@ -212,22 +217,27 @@ impl Equation {
 }
 
 impl Model {
-    fn new(of_past: &Autoregression, order: &[usize], lags: usize, settings: &VarlingamSettings) -> Self {
-        let (rows, n) = (&of_past.rows, of_past.rows.n_vars());
+    /// From the regression on the past, the nodes and their columns in a frame, what the past leaves of each variable, and the
+    /// causal order.
+    fn new(
+        of_past: &Autoregression,
+        (nodes, frame): (&[Node], &Compressed),
+        left: &[Vec<f64>],
+        order: &[usize],
+        settings: &VarlingamSettings,
+    ) -> Self {
+        let n = of_past.rows.n_vars();
+        let lags = of_past.causes.len() / n.max(1);
         let shape = (n, n, lags + 1);
         let mut model = Self {
             adjacency: Array3::zeros(shape),
             standardized: Array3::zeros(shape),
             p_values: Array3::ones(shape),
         };
-        // The present of all variables, then the past: as they are, or only what the past leaves of the present.
-        let past: Vec<Node> = of_past.causes.clone();
-        let nodes: Vec<Node> = (0..n).map(|var| Node::new(var, 0)).chain(past.iter().copied()).collect();
-        let frame = Compressed::new(&nodes.iter().map(|&node| rows.column(node)).collect::<Vec<_>>());
+        // Chosen among the present and the past as they are, or among what the past leaves of the present.
         let products = if settings.prune {
-            Products::new(&frame)
+            Products::new(frame)
         } else {
-            let left = of_past.residuals();
             Products::new(&Compressed::new(&left.iter().map(Vec::as_slice).collect::<Vec<_>>()))
         };
         let equation = |place: usize| {
@@ -239,12 +249,12 @@ impl Model {
             if settings.prune {
                 candidates.extend(n..nodes.len());
             }
-            let found = lasso::support(&products, effect, &candidates, rows.len());
+            let found = lasso::support(&products, effect, &candidates, of_past.rows.len());
             let mut causes: Vec<Node> = found.iter().map(|&k| nodes[k]).collect();
             if !settings.prune {
-                causes.extend(&past);
+                causes.extend(&of_past.causes);
             }
-            Equation::fit(&frame, n, effect, &causes)
+            Equation::fit(frame, n, effect, &causes)
         };
         let equations: Vec<Equation> = (0..n).into_par_iter().map(equation).collect();
         for Equation { effect, terms } in &equations {
@@ -256,14 +266,19 @@ impl Model {
             }
         }
         if !settings.prune {
-            model.take_residuals(of_past, &equations, lags);
+            model.take_residuals(of_past, left, &equations, lags);
         }
         model
     }
 
     /// Without pruning: the coefficients at lag 0 are those between residuals of the past, and `B_tau = (I - B_0) M_tau`.
-    fn take_residuals(&mut self, of_past: &Autoregression, equations: &[Equation], lags: usize) {
-        let residuals = of_past.residuals();
+    fn take_residuals(
+        &mut self,
+        of_past: &Autoregression,
+        residuals: &[Vec<f64>],
+        equations: &[Equation],
+        lags: usize,
+    ) {
         for Equation { effect, terms } in equations {
             let causes: Vec<usize> =
                 terms.iter().filter(|term| term.0.lag == 0).map(|term| term.0.var).collect();

@@ -15,7 +15,7 @@ use rayon::prelude::*;
 use super::entropy::entropy;
 use crate::{
     ground::{Control, Result},
-    numeric::rows::dot,
+    numeric::rows::{dot, sum},
 };
 
 /// The variables from first cause to last effect.
@@ -35,7 +35,7 @@ struct Centred {
 impl Centred {
     fn new(mut values: Vec<f64>) -> Self {
         let n = values.len().max(1) as f64;
-        let mean = values.iter().sum::<f64>() / n;
+        let mean = sum(&values) / n;
         values.iter_mut().for_each(|v| *v -= mean);
         let variance = dot(&values, &values) / n;
         Self { values, variance }
