@@ -12,6 +12,8 @@ import time
 
 for name in ("OMP", "OPENBLAS", "MKL", "NUMBA"):
     os.environ[f"{name}_NUM_THREADS"] = "1"
+# The reference's resamples in its own process: CPU seconds of others would not be counted, and they would hold its pipe.
+os.environ["LOKY_MAX_CPU_COUNT"] = "1"
 
 # id: description, method, test, data, tau_min, tau_max, target ratio to the reference, target ratio to antecedent
 ROWS = {
