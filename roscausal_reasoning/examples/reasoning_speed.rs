@@ -111,6 +111,10 @@ fn simulation(equations: Equations, rows: usize) -> Result<()> {
     let (graph, data) = system(3, rows)?;
     let settings = Settings { equations, check: false, ..Settings::default() };
     let name = format!("{equations:?}, 3 equations, {rows} rows");
+    let alone = Settings { members: 1, ..settings.clone() };
+    time(&format!("fit without bootstraps, {name}"), 3, || {
+        StructuralModel::fit(&data, &graph, &alone, &Vec::new())
+    });
     time(&format!("fit with 20 members, {name}"), 3, || {
         StructuralModel::fit(&data, &graph, &settings, &Vec::new())
     });

@@ -69,6 +69,21 @@ impl Factor {
         solved
     }
 
+    /// The kept columns made orthonormal: `X L^-T`.
+    fn orthonormal(&self, columns: &[Vec<f64>]) -> Vec<Vec<f64>> {
+        let mut made: Vec<Vec<f64>> = Vec::with_capacity(self.rows.len());
+        for (row, &k) in self.rows.iter().zip(&self.kept) {
+            let mut column = columns[k].clone();
+            for (before, factor) in made.iter().zip(row) {
+                column.iter_mut().zip(before).for_each(|(v, b)| *v -= factor * b);
+            }
+            let diagonal = row[made.len()];
+            column.iter_mut().for_each(|v| *v /= diagonal);
+            made.push(column);
+        }
+        made
+    }
+
     /// The solution by kept column.
     pub(crate) fn solve(&self, b: impl Fn(usize) -> f64) -> Vec<f64> {
         let mut x = self.half(b);
@@ -153,9 +168,10 @@ pub(crate) fn weighted<C: AsRef<[f64]>>(target: &[f64], columns: &[C], counts: O
         let inverse = factor.solve(|other| f64::from(u8::from(other == k)))[position];
         standard_errors[k] = (variance * inverse).max(0.0).sqrt() / norms[k];
     }
-    let leverages = (0..n)
-        .map(|i| 1.0 / total + factor.half(|k| scaled[k][i]).iter().map(|v| v * v).sum::<f64>())
-        .collect();
+    let mut leverages = vec![1.0 / total; n];
+    for column in factor.orthonormal(&scaled) {
+        leverages.iter_mut().zip(column).for_each(|(h, v)| *h += v * v);
+    }
     let intercept = target_mean - coefficients.iter().zip(&means).map(|(b, m)| b * m).sum::<f64>();
     let dropped = (0..columns.len()).filter(|k| !factor.kept().contains(k)).collect();
     Fit { intercept, coefficients, dropped, residuals, leverages, variance, standard_errors }
