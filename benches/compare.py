@@ -28,7 +28,7 @@ ROWS = {
     "plus10": ("PCMCI+ + ParCorr, N = 10, T = 500, lags 0-5", "pcmciplus", "parcorr", ("var", 10, 500), 0, 5, 200, None),
     "lpcmci8": ("LPCMCI + ParCorr, N = 8, T = 500, lags 0-5", "lpcmci", "parcorr", ("var", 8, 500), 0, 5, 200, 1),
     "lpcmcigpdc": ("LPCMCI + GPDC, N = 4, T = 300, lags 0-1", "lpcmci", "gpdc", ("chain", 4, 300), 0, 1, 50, None),
-    "candoit8": ("CAnDOIT + ParCorr, N = 8 and an intervention, T = 500, lags 0-5", "candoit", "parcorr", ("imposed", 8, 500), 0, 5, 200, None),
+    "candoit8": ("CAnDOIT + ParCorr, N = 8 and an intervention, T = 500, lags 0-2", "candoit", "parcorr", ("imposed", 8, 500), 0, 2, 200, None),
     "jpcmci": ("J-PCMCI+ + ParCorr, 4 variables, a context, 20 recordings of 200, lags 0-2", "jpcmciplus", "parcorr", ("people", 4, 4000), 0, 2, 200, None),
     "granger10": ("Granger, N = 10, T = 1000, lags 1-5", "granger", "none", ("var", 10, 1000), 1, 5, 1, None),
     "varlingam10": ("VARLiNGAM, N = 10, T = 1000, lags 0-2", "varlingam", "none", ("laplace", 10, 1000), 0, 2, 50, None),
@@ -66,14 +66,15 @@ def make_data(kind, n, length):
     else:
         # Two cross links per variable on average, at random lags; contraction keeps it stationary.
         links = [(rng.integers(n), j, rng.integers(1, 6), rng.choice([-0.2, 0.2])) for j in range(n) for _ in "ab"]
+        # X0 is imposed in every other fifty rows.
+        imposed = np.where((np.arange(length) // 50) % 2, 1.5, 0.0) if kind == "imposed" else np.zeros(length)
         for t in range(5, length):
             x[t] = 0.4 * x[t - 1] + noise[t]
             for i, j, lag, c in links:
                 x[t, j] += c * x[t - lag, i]
+            if imposed[t]:
+                x[t, 0] = imposed[t]
     if kind == "imposed":
-        # X0 is imposed in every other fifty rows.
-        imposed = np.where((np.arange(length) // 50) % 2, 1.5, 0.0)
-        x[imposed > 0, 0] = 1.5
         x = np.column_stack([x, imposed])
     if kind == "people":
         # Recordings of 200 rows, each with a context and a level of its own.
@@ -400,4 +401,5 @@ def main():
             own(row, options, ours)
 
 
-main()
+if __name__ == "__main__":
+    main()

@@ -1,6 +1,7 @@
 #!/bin/sh
 # The same data through this engine and through the Python references, side by side; prints the table in Markdown.
 # usage: benches/compare.sh [--rows gpdc3,parcorr20,...] [--runs N] [--cap SECONDS] [--list]
+#        benches/compare.sh --sizes [--rows pcmci-gpdc,...] [--cap SECONDS] [--pictures FOLDER]     a table over sizes, and pictures
 #        benches/compare.sh --reasoning [--rows mediation3,...] [--cap SECONDS] [--list]      the questions of reasoning
 # It makes its virtual environment under target/compare; F-PCMCI needs Java (Debian: default-jre-headless).
 set -eu
@@ -33,4 +34,8 @@ if [ "${1:-}" = --reasoning ]; then
 fi
 command -v java >/dev/null || echo "no java: the row of F-PCMCI will be empty (Debian: default-jre-headless)" >&2
 cargo build --quiet --release --workspace --exclude roscausal_py --bin roscausal --example bench_case
+if [ "${1:-}" = --sizes ]; then
+    shift
+    exec "$python" benches/sizes.py --work "$work" "$@"
+fi
 exec "$python" benches/compare.py --work "$work" "$@"

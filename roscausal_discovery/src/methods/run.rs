@@ -86,6 +86,9 @@ impl<'a> Run<'a> {
 
     /// What the reader should know about each variable given the parents that were found, in the order of the variables.
     pub(crate) fn remarks(&self, parents: &[Vec<Node>]) -> Result<Vec<String>> {
+        if self.control().is_silent() {
+            return Ok(Vec::new());
+        }
         let effects: Vec<_> = parents.iter().enumerate().filter(|(_, parents)| !parents.is_empty()).collect();
         let of = |(effect, parents): &(usize, &Vec<Node>)| self.test.remark(Node::new(*effect, 0), parents);
         let found: Result<Vec<String>> =

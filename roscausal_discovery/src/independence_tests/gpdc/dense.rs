@@ -23,7 +23,7 @@ use super::{
 };
 
 /// Columns that are multiplied at a time.
-const BLOCK: usize = 96;
+const BLOCK: usize = 48;
 /// Columns that are transposed at a time: one cache line.
 const LINE: usize = 8;
 

@@ -26,6 +26,8 @@ pub(super) struct Incomplete<T> {
     remainder: Vec<T>,
     /// Pivots of another factorisation that have not been candidates yet.
     hints: Vec<u32>,
+    /// Room for those that may be candidates.
+    above: Vec<(T, u32)>,
 }
 
 impl<T: Real> Incomplete<T> {
@@ -39,7 +41,7 @@ impl<T: Real> Incomplete<T> {
         let columns = Buffer::of::<T>((max_rank + PANEL) * n);
         let hints = hints.iter().rev().copied().collect();
         let remainder = vec![T::from_double(1.0); n];
-        Self { n, columns, pivots: Vec::with_capacity(max_rank + PANEL), remainder, hints }
+        Self { n, columns, pivots: Vec::with_capacity(max_rank + PANEL), remainder, hints, above: Vec::new() }
     }
 
     /// Pivots in their order.
@@ -179,16 +181,23 @@ impl<T: Real> Incomplete<T> {
             // All remainders are 1: any sample is as good as any other.
             return (vec![0], true);
         }
-        let mut above: Vec<u32> =
-            (0..self.n as u32).filter(|&i| self.remainder[i as usize].double() > tolerance).collect();
-        let remainder = |i: u32| self.remainder[i as usize].double();
-        let order = |a: &u32, b: &u32| remainder(*b).total_cmp(&remainder(*a)).then(a.cmp(b));
-        if above.len() > width {
-            above.select_nth_unstable_by(width, order);
-            above.truncate(width);
+        // With their remainders, so that a comparison looks nowhere else. Remainders only fall: what is below `least` now is not taken.
+        let may_be_taken = |rest: f64| rest >= least && rest > tolerance;
+        self.above.clear();
+        self.above.extend(
+            (0..)
+                .zip(&self.remainder)
+                .filter(|(_, rest)| may_be_taken(rest.double()))
+                .map(|(i, rest)| (*rest, i)),
+        );
+        let order = |a: &(T, u32), b: &(T, u32)| b.0.double().total_cmp(&a.0.double()).then(a.1.cmp(&b.1));
+        if self.above.len() > width {
+            self.above.select_nth_unstable_by(width, order);
+            self.above.truncate(width);
         }
-        above.sort_unstable_by(order);
-        (above, false)
+        self.above.sort_unstable_by(order);
+        candidates.extend(self.above.iter().map(|(_, i)| i));
+        (candidates, false)
     }
 }
 

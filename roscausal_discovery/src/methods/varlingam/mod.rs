@@ -131,7 +131,7 @@ pub fn run_varlingam(
     let order = order::causal_order(&left, &settings.exogenous, control)?;
     let model = Model::new(&of_past, (&nodes, &frame), &left, &order.variables, settings);
     let mut links = model.links(&of_past, lags, settings);
-    if settings.check_residuals {
+    if settings.check_residuals && !control.is_silent() {
         links.remarks =
             checks::remarks(data.var_names(), &model.residuals(&of_past.rows), &order.margins, &links);
     }
