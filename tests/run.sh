@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
 # All tests: Rust's own, then those against other software, format, lints and documentation. Installs what they need, and
-# reports loudly what it cannot install. Exit code 0 only if nothing failed. Ends with the time of each part, what failed, and
-# the lines that said so.
+# reports loudly what it cannot install. Exit code 0 only if nothing failed. Ends with the time of each part, what failed, the
+# lines that said so, and the end of its output.
 set -uo pipefail
 cd "$(dirname "$0")/.."
 . tests/lib.sh
@@ -54,6 +54,8 @@ while read -r code _ _ what; do
   [[ $code = 0 || $code = 77 ]] && continue
   echo "!!! FAILED: $what" >&2
   grep -hE -A 8 '^(FAIL|!!! )|FAILED|^error|panicked at' "$kept/${what//\//_}.log" | head -60 >&2
+  echo "--- the end of its output:" >&2
+  tail -25 "$kept/${what//\//_}.log" >&2
 done <"$kept/results"
 parts=$((2 + ${#waiting[@]} + ${#waiting_too[@]} + ${#computing[@]}))
 [ "$(wc -l <"$kept/results")" = "$parts" ] || { echo "!!! FAILED: not all of the $parts parts have told how they ended" >&2; exit 1; }
