@@ -7,6 +7,7 @@ use std::{
         Arc, Mutex, Weak,
         atomic::{AtomicBool, AtomicU64, Ordering},
     },
+    thread,
     time::{Duration, Instant},
 };
 
@@ -16,7 +17,7 @@ use roscausal_core::{
     middleware::{Raw, RawType},
 };
 use roscausal_msgs::dynamic;
-use roscausal_ros::{in_time, lock};
+use roscausal_ros::{Pace, in_time, lock};
 
 use crate::{
     session::{PATIENCE, Session},
@@ -142,11 +143,12 @@ pub(crate) struct Listener<F> {
     callback: F,
     /// By publisher: what it says that it sends.
     kinds: HashMap<String, Arc<RawType>>,
+    pace: Pace,
 }
 
 impl<F> Listener<F> {
     pub(crate) fn new(feed: Arc<Feed>, callback: F) -> Self {
-        Self { feed, callback, kinds: HashMap::new() }
+        Self { feed, callback, kinds: HashMap::new(), pace: Pace::new(Instant::now()) }
     }
 }
 
@@ -174,6 +176,9 @@ impl<F: FnMut(Raw) + Send + 'static> rosrust::SubscriptionHandler<AnyWire> for L
                 tracing::error!("topic '{}': the callback panicked; the subscription goes on", feed.topic);
             }
         });
+        if let Some(time) = self.pace.rest(Instant::now()) {
+            thread::sleep(time);
+        }
     }
 }
 

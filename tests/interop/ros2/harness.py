@@ -2,6 +2,7 @@
 programs and to wait with a deadline. Only processes that were started here are ended."""
 
 import contextlib
+import faulthandler
 import os
 import signal
 import subprocess
@@ -19,6 +20,10 @@ PEER = os.environ["ROSCAUSAL_PEER"]
 # colcon's install folder; it does not exist if the programs come from cargo alone
 INSTALL = os.environ.get("ROSCAUSAL_INSTALL", "")
 TESTS = []
+# the programs that run now, to be ended with this one
+RUNNING = set()
+# [s] that a test may take; on a busy machine the longest takes 100
+LONGEST = 300
 
 
 def test(function):
@@ -102,6 +107,7 @@ class Program:
         self.process = subprocess.Popen(
             command, stdout=self.log_file, stderr=subprocess.STDOUT, env={**os.environ, **(env or {})}
         )
+        RUNNING.add(self)
 
     def log(self):
         self.log_file.seek(0)
@@ -131,6 +137,7 @@ class Program:
         if self.process.poll() is None:
             self.process.kill()
         self.process.wait()
+        RUNNING.discard(self)
         if kind is not None:
             print("    the program's log:\n      " + "\n      ".join(self.log().splitlines()[-30:]))
 
@@ -144,13 +151,24 @@ def node(name, *args, env=None):
     return Program([os.path.join(BIN, "roscausal_ros2"), name, "--ros-args", *args], env)
 
 
+def hang(name):
+    """Ends all, with the place where each thread waits: a test that never returns cannot be ended alone."""
+    print(f"FAILED  {name}: has not ended after {LONGEST} s. Its threads wait at:", flush=True)
+    faulthandler.dump_traceback(sys.stdout)
+    for program in RUNNING:
+        print(f"    the log of {program.process.args}:\n      " + "\n      ".join(program.log().splitlines()[-30:]))
+        program.process.kill()
+    sys.stdout.flush()
+    os._exit(1)
+
+
 def main(pattern):
     passed, failed = 0, []
     for function in TESTS:
         if pattern and pattern not in function.__name__:
             continue
         started = time.monotonic()
-        watchdog = threading.Timer(180, lambda: os.kill(os.getpid(), signal.SIGTERM))
+        watchdog = threading.Timer(LONGEST, hang, [function.__name__])
         watchdog.start()
         try:
             note = function()

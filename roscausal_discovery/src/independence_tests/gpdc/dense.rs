@@ -18,7 +18,7 @@ use super::{
     buffer::Buffer,
     factorisation::{Factorisation, Solution, Traces},
     kernel::Inputs,
-    real::Real,
+    real::{Real, lower_times},
     theta::Theta,
 };
 
@@ -92,12 +92,8 @@ impl<T: Real> Dense<T> {
     }
 
     /// `L^-1 y`, of a factorisation for a search.
-    fn half(&self, y: Vec<T>) -> Vec<T> {
-        let mut sums = vec![T::zeroed(); self.n];
-        for (j, column) in self.view().chunks_exact(self.n).enumerate() {
-            T::add_multiple(&mut sums[j..], &column[j..], y[j]);
-        }
-        sums
+    fn half(&self, y: &[T]) -> Vec<T> {
+        lower_times(self.view(), y)
     }
 }
 
@@ -115,7 +111,7 @@ impl<T: Real> Factorisation for Dense<T> {
         let (parts, weights) = (self.view(), alpha.iter().map(|&a| T::from_double(a)).collect::<Vec<T>>());
         let column = |(j, column): (usize, &[T])| alpha[j] * T::dot(&column[..j], &weights[..j]);
         let derivative = 2.0 * parts.chunks_exact(self.n).enumerate().map(column).sum::<f64>();
-        let half = self.half(weights);
+        let half = self.half(&weights);
         Solution { alpha, squared: T::dot(&half, &half), derivative }
     }
 
@@ -124,7 +120,7 @@ impl<T: Real> Factorisation for Dense<T> {
         let mut half: Vec<T> = y.iter().map(|&y| T::from_double(y)).collect();
         let right = || MatRef::from_column_major_slice(self.view(), n, n);
         if self.inverted {
-            half = self.half(half);
+            half = self.half(&half);
             let columns = self.view().chunks_exact(n).enumerate();
             return columns.map(|(j, column)| T::dot(&column[j..], &half[j..])).collect();
         }

@@ -19,8 +19,6 @@ pub(super) trait Real:
     fn double(self) -> f64;
     /// `self * factor + sum`, rounded once.
     fn mul_add(self, factor: Self, sum: Self) -> Self;
-    /// `sums += factor * values`.
-    fn add_multiple(sums: &mut [Self], values: &[Self], factor: Self);
     /// Sum of products in partial sums of a fixed order.
     fn dot(a: &[Self], b: &[Self]) -> f64;
     /// [`Inputs::column`] in this precision.
@@ -56,10 +54,6 @@ macro_rules! real {
                 self.mul_add(factor, sum)
             }
 
-            fn add_multiple(sums: &mut [Self], values: &[Self], factor: Self) {
-                sums.iter_mut().zip(values).for_each(|(sum, value)| *sum += value * factor);
-            }
-
             fn dot(a: &[Self], b: &[Self]) -> f64 {
                 $dot(a, b)
             }
@@ -89,6 +83,57 @@ pub(super) fn add_columns<T: Real>(sums: &mut [f64], columns: &[T], factors: &[f
 /// The products of `values` with columns in any precision, added up in double.
 pub(super) fn products_with_columns<T: Real>(columns: &[T], values: &[f64]) -> Vec<f64> {
     Arch::new().dispatch(ProductsWithColumns { columns, values })
+}
+
+/// `L y`, of which `columns` have `L` below and on the diagonal, whatever stands above it.
+pub(super) fn lower_times<T: Real>(columns: &[T], y: &[T]) -> Vec<T> {
+    Arch::new().dispatch(LowerTimes { columns, y })
+}
+
+struct LowerTimes<'a, T> {
+    columns: &'a [T],
+    y: &'a [T],
+}
+
+impl<T: Real> NullaryFnOnce for LowerTimes<'_, T> {
+    type Output = Vec<T>;
+
+    #[inline(always)]
+    fn call(self) -> Vec<T> {
+        const AT_A_TIME: usize = 4;
+        let Self { columns, y } = self;
+        let n = y.len();
+        let mut sums = vec![T::zeroed(); n];
+        let mut blocks = columns.chunks_exact(AT_A_TIME * n.max(1));
+        let mut j = 0;
+        for block in blocks.by_ref() {
+            // the triangle on the diagonal, then what is below it of all four columns at a time
+            let below = j + AT_A_TIME;
+            for (k, column) in block.chunks_exact(n).enumerate() {
+                for i in j + k..below {
+                    sums[i] = column[i].mul_add(y[j + k], sums[i]);
+                }
+            }
+            let mut parts = block.chunks_exact(n).map(|column| &column[below..]);
+            let (Some(a), Some(b), Some(c), Some(d)) =
+                (parts.next(), parts.next(), parts.next(), parts.next())
+            else {
+                continue;
+            };
+            let (fa, fb, fc, fd) = (y[j], y[j + 1], y[j + 2], y[j + 3]);
+            for ((((sum, a), b), c), d) in sums[below..].iter_mut().zip(a).zip(b).zip(c).zip(d) {
+                *sum = d.mul_add(fd, c.mul_add(fc, b.mul_add(fb, a.mul_add(fa, *sum))));
+            }
+            j = below;
+        }
+        for column in blocks.remainder().chunks_exact(n.max(1)) {
+            for i in j..n {
+                sums[i] = column[i].mul_add(y[j], sums[i]);
+            }
+            j += 1;
+        }
+        sums
+    }
 }
 
 struct AddColumns<'a, T> {
@@ -152,5 +197,20 @@ impl<T: Real> NullaryFnOnce for ProductsWithColumns<'_, T> {
             products.push(sums[0] + last);
         }
         products
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_lower_triangle_times_a_vector_ignores_what_is_above_the_diagonal() {
+        for n in 0..20 {
+            let columns: Vec<f64> = (0..n * n).map(|i| ((i * 7919) % 101) as f64 - 50.0).collect();
+            let y: Vec<f64> = (0..n).map(|i| i as f64 - 3.5).collect();
+            let row = |i: usize| (0..=i).map(|j| columns[j * n + i] * y[j]).sum::<f64>();
+            assert_eq!(lower_times(&columns, &y), (0..n).map(row).collect::<Vec<_>>(), "{n}");
+        }
     }
 }
