@@ -1,6 +1,6 @@
 //! The rows that equations are fitted on: recordings, and where an experiment imposed a variable.
 
-use ndarray::{Array2, ArrayView2};
+use ndarray::Array2;
 use roscausal_discovery::{DataFrame, Error, Node, Result, names};
 
 use crate::{graph::Graph, linear::least_squares};
@@ -13,6 +13,8 @@ pub struct Samples {
     values: Vec<Array2<f64>>,
     /// Whether a variable was imposed; none where no column says so.
     imposed: Vec<Array2<bool>>,
+    /// For each recording the rows that are the past of others and no effect; empty for none.
+    masked: Vec<Vec<bool>>,
 }
 
 /// A moment: number of the recording, and row.
@@ -20,7 +22,7 @@ pub(crate) type Moment = (usize, usize);
 
 impl Samples {
     /// The columns of `data` that are the graph's variables. Where a column of `acts_on` is neither 0 nor missing, its variable
-    /// was imposed.
+    /// was imposed. Rows that the data mask as effects train no equation and count for no effect; forecasts are scored on all rows.
     ///
     /// # Errors
     /// A variable that the data do not have, or that an entry of `acts_on` names and the graph does not have is no error.
@@ -52,14 +54,22 @@ impl Samples {
             }
             imposed
         };
-        Ok(Self { values, imposed: data.recordings().iter().map(imposed_in).collect() })
+        let masked = (0..data.recordings().len()).map(|recording| data.masked_effects(recording)).collect();
+        Ok(Self { values, imposed: data.recordings().iter().map(imposed_in).collect(), masked })
     }
 
-    /// With given marks of what was imposed, each of the shape of its recording.
-    pub(crate) fn with_imposed(values: Vec<Array2<f64>>, imposed: Vec<Array2<bool>>) -> Option<Self> {
-        let fits =
-            values.len() == imposed.len() && values.iter().zip(&imposed).all(|(v, i)| v.dim() == i.dim());
-        fits.then_some(Self { values, imposed })
+    /// With given marks of what was imposed, each of the shape of its recording, and of what is no effect, as long as its recording or
+    /// empty.
+    pub(crate) fn with_marks(
+        values: Vec<Array2<f64>>,
+        imposed: Vec<Array2<bool>>,
+        masked: Vec<Vec<bool>>,
+    ) -> Option<Self> {
+        let fits = values.len() == imposed.len()
+            && values.len() == masked.len()
+            && values.iter().zip(&imposed).all(|(v, i)| v.dim() == i.dim())
+            && values.iter().zip(&masked).all(|(v, m)| m.is_empty() || m.len() == v.nrows());
+        fits.then_some(Self { values, imposed, masked })
     }
 
     /// The recordings.
@@ -70,6 +80,16 @@ impl Samples {
     /// Where variables were imposed.
     pub(crate) fn imposed(&self) -> &[Array2<bool>] {
         &self.imposed
+    }
+
+    /// Rows that are no effect, as [`Samples::with_marks`] takes them.
+    pub(crate) fn masked(&self) -> &[Vec<bool>] {
+        &self.masked
+    }
+
+    /// Whether what happens at a moment counts as an effect of what was before.
+    pub(crate) fn is_effect(&self, (recording, t): Moment) -> bool {
+        !self.masked[recording].get(t).copied().unwrap_or(false)
     }
 
     /// In how many rows a variable was imposed.
@@ -88,7 +108,7 @@ impl Samples {
         let all = self
             .moments(x.lag.max(y.lag))
             .into_iter()
-            .filter(|&m| self.was_imposed(m, x) && !self.was_imposed(m, y));
+            .filter(|&m| self.is_effect(m) && self.was_imposed(m, x) && !self.was_imposed(m, y));
         let pair = |m: Moment| (self.at(m, x), self.at(m, y));
         let (xs, ys): (Vec<f64>, Vec<f64>) =
             all.map(pair).filter(|(x, y)| x.is_finite() && y.is_finite()).unzip();
@@ -110,9 +130,10 @@ impl Samples {
         self.values[recording][[t - node.lag, node.var]]
     }
 
-    /// Whether a moment trains the equation of `var`: nothing missing, `var` not imposed.
+    /// Whether a moment trains the equation of `var`: nothing missing, the row not masked, `var` not imposed.
     pub(crate) fn trains(&self, moment: Moment, var: usize, parents: &[Node]) -> bool {
-        !self.imposed[moment.0][[moment.1, var]]
+        self.is_effect(moment)
+            && !self.imposed[moment.0][[moment.1, var]]
             && self.at(moment, Node::new(var, 0)).is_finite()
             && parents.iter().all(|&parent| self.at(moment, parent).is_finite())
     }
@@ -120,21 +141,15 @@ impl Samples {
     /// The first rows of each recording, a fraction of them, and the rest with `memory` rows of the first part before it.
     pub(crate) fn split(&self, fraction: f64, memory: usize) -> (Self, Self) {
         let cut = |r: usize| (r as f64 * fraction).round() as usize;
-        let head = |a: ArrayView2<'_, f64>| a.slice(ndarray::s![..cut(a.nrows()), ..]).to_owned();
-        let tail = |a: ArrayView2<'_, f64>| {
-            a.slice(ndarray::s![cut(a.nrows()).saturating_sub(memory).., ..]).to_owned()
+        let part = |of: &dyn Fn(usize) -> std::ops::Range<usize>| Self {
+            values: self.values.iter().map(|a| rows(a, of(a.nrows()))).collect(),
+            imposed: self.imposed.iter().map(|a| rows(a, of(a.nrows()))).collect(),
+            masked: self.masked.iter().map(|a| a.get(of(a.len())).unwrap_or_default().to_vec()).collect(),
         };
-        let head_of = |a: &Array2<bool>| a.slice(ndarray::s![..cut(a.nrows()), ..]).to_owned();
-        let tail_of =
-            |a: &Array2<bool>| a.slice(ndarray::s![cut(a.nrows()).saturating_sub(memory).., ..]).to_owned();
-        let first = Self {
-            values: self.values.iter().map(|r| head(r.view())).collect(),
-            imposed: self.imposed.iter().map(head_of).collect(),
-        };
-        let rest = Self {
-            values: self.values.iter().map(|r| tail(r.view())).collect(),
-            imposed: self.imposed.iter().map(tail_of).collect(),
-        };
-        (first, rest)
+        (part(&|n| 0..cut(n)), part(&|n| cut(n).saturating_sub(memory)..n))
     }
+}
+
+fn rows<T: Copy>(of: &Array2<T>, range: std::ops::Range<usize>) -> Array2<T> {
+    of.slice(ndarray::s![range, ..]).to_owned()
 }

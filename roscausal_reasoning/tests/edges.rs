@@ -45,6 +45,33 @@ fn a_row_that_alone_decides_on_a_coefficient_is_no_noise_and_the_file_reads_back
 }
 
 #[test]
+fn rows_that_are_masked_train_no_equation_and_count_for_no_effect() {
+    // In the masked rows d follows r the other way round. (The row after them follows them no more.)
+    let mut values = chain(1, 800);
+    let turned = |t: usize| t % 200 >= 120;
+    let masked = |t: usize| turned(t) || t % 200 == 0;
+    for t in 1..800 {
+        if turned(t) {
+            values[[t, 1]] = 5.0 * values[[t - 1, 0]];
+        }
+    }
+    let settings = Settings { equations: Equations::Linear, check: false, ..Settings::default() };
+    let fit = |data: &DataFrame| StructuralModel::fit(data, &chain_graph(), &settings, &Vec::new()).unwrap();
+    let mask = Array2::from_shape_fn(values.dim(), |(t, _)| masked(t));
+    let model = fit(&frame(values.clone()).with_mask(vec![mask], "y".parse().unwrap()).unwrap());
+    let question = EffectQuestion { cause: "r".into(), effect: "d".into(), max_lag: 2, standardised: false };
+    let total = |model: &StructuralModel| effect(model, &question).total[1];
+    let free = total(&lines(chain(1, 800)));
+    assert!((total(&model) - free).abs() < 0.1 * free.abs(), "{} {free}", total(&model));
+    assert!(total(&lines(values)) > 0.0, "without the mask the other rows decide");
+    assert!(model.members()[0].model.summaries[1].rows <= 480);
+    let read = StructuralModel::from_json(&model.to_json()).unwrap();
+    assert_eq!((read.to_json(), total(&read)), (model.to_json(), total(&model)));
+    let beyond = model.to_json().replace("\"masked\":[[", "\"masked\":[[800,");
+    assert!(StructuralModel::from_json(&beyond).is_err());
+}
+
+#[test]
 fn values_too_large_to_compute_with_refuse_their_equation_and_the_file_reads_back() {
     let mut values = chain(1, 400);
     values[[200, 2]] = 1e300;

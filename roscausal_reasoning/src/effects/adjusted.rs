@@ -26,7 +26,7 @@ pub struct Adjusted {
     means: Vec<f64>,
 }
 
-/// Regresses `y` on `x` and `set`, on the rows from `first` on in which nothing is missing.
+/// Regresses `y` on `x` and `set`, on the rows from `first` on in which nothing is missing and that are not masked.
 pub fn adjusted(samples: &Samples, x: &[Node], y: Node, set: &[Node], first: usize) -> Adjusted {
     let nodes: Vec<Node> = x.iter().chain(set).copied().collect();
     let mut columns = vec![Vec::new(); nodes.len()];
@@ -34,7 +34,8 @@ pub fn adjusted(samples: &Samples, x: &[Node], y: Node, set: &[Node], first: usi
     for (recording, values) in samples.recordings().iter().enumerate() {
         for t in first..values.nrows() {
             let at = |node: Node| samples.at((recording, t), node);
-            if at(y).is_finite() && nodes.iter().all(|&node| at(node).is_finite()) {
+            let counts = samples.is_effect((recording, t)) && at(y).is_finite();
+            if counts && nodes.iter().all(|&node| at(node).is_finite()) {
                 target.push(at(y));
                 columns.iter_mut().zip(&nodes).for_each(|(column, &node)| column.push(at(node)));
             }

@@ -57,7 +57,8 @@ impl Columns {
             for t in first..values.nrows() {
                 let at = |&node: &Node| samples.at((recording, t), node);
                 let is_cut = cut.iter().any(|&node| samples.was_imposed((recording, t), node));
-                if !is_cut && nodes.iter().all(|node| at(node).is_finite()) {
+                let counts = samples.is_effect((recording, t)) && !is_cut;
+                if counts && nodes.iter().all(|node| at(node).is_finite()) {
                     columns.iter_mut().zip(&nodes).for_each(|(column, node)| column.push(at(node)));
                     rows += 1;
                 }

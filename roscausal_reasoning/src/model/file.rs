@@ -37,6 +37,9 @@ struct File {
     rows: Vec<Vec<Vec<Option<f64>>>>,
     /// `[recording]` of `[row, variable]` where an experiment imposed the variable.
     imposed: Vec<Vec<(usize, usize)>>,
+    /// `[recording]` of the rows that are no effects; left out where there are none.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    masked: Vec<Vec<usize>>,
 }
 
 #[derive(Serialize, Deserialize)]
@@ -75,6 +78,8 @@ impl StructuralModel {
         };
         let imposed =
             |marks: &Array2<bool>| marks.indexed_iter().filter(|(_, is)| **is).map(|(at, _)| at).collect();
+        let numbers = |marks: &Vec<bool>| (0..).zip(marks).filter(|(_, is)| **is).map(|(t, _)| t).collect();
+        let masked: Vec<Vec<usize>> = self.samples().masked().iter().map(numbers).collect();
         let member = |member: &super::structural::Member| MemberFile {
             equations: member.model.summaries.clone(),
             quality: member.quality.clone(),
@@ -89,6 +94,7 @@ impl StructuralModel {
             members: self.members().iter().map(member).collect(),
             rows: self.samples().recordings().iter().map(rows).collect(),
             imposed: self.samples().imposed().iter().map(imposed).collect(),
+            masked: if masked.iter().all(Vec::is_empty) { Vec::new() } else { masked },
         };
         // A struct of strings, numbers and lists always serialises.
         let mut json = serde_json::to_string(&file).unwrap_or_default();
@@ -137,8 +143,21 @@ impl StructuralModel {
             Some(marks)
         };
         let imposed: Option<Vec<Array2<bool>>> = file.imposed.iter().enumerate().map(marks).collect();
-        let samples = imposed.and_then(|imposed| Samples::with_imposed(values, imposed));
-        let samples = samples.ok_or_else(|| broken(&"its marks of interventions do not match its rows"))?;
+        let masked: Option<Vec<Vec<bool>>> = values
+            .iter()
+            .enumerate()
+            .map(|(k, values)| {
+                let rows = file.masked.get(k).map_or(&[][..], Vec::as_slice);
+                let mut marks = vec![false; if rows.is_empty() { 0 } else { values.nrows() }];
+                for &row in rows {
+                    *marks.get_mut(row)? = true;
+                }
+                Some(marks)
+            })
+            .collect();
+        let samples =
+            imposed.zip(masked).and_then(|(imposed, masked)| Samples::with_marks(values, imposed, masked));
+        let samples = samples.ok_or_else(|| broken(&"its marks of rows do not match its rows"))?;
         let graph = Graph::new(file.variables, file.largest_lag, &arrows, &pairs)?;
         let kept = file.members.into_iter().map(|member| {
             (member.equations.iter().map(|equation| equation.process).collect(), member.quality)
