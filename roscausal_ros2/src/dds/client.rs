@@ -15,7 +15,7 @@ use rustdds::GUID;
 
 use super::{
     Participant,
-    service::{Carried, mapping, profile},
+    service::{Carried, answers, mapping, requests},
 };
 
 /// Time between two looks for a service, or for an answer.
@@ -91,8 +91,8 @@ impl Participant {
                 mapping(),
                 &full,
                 &kind,
-                profile(),
-                profile(),
+                requests(),
+                answers(),
             )
         })?;
         let client = client.map_err(|error| fail(error.to_string()))?;

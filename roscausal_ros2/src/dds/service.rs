@@ -17,8 +17,10 @@ use tracing::warn;
 
 use super::Participant;
 
-/// Requests, and answers, that wait for the other end.
-const WAITING: usize = 10;
+/// Requests that wait to be read: as many callers may ask at once.
+const REQUESTS: usize = 100;
+/// Answers that are kept for who has not got them; they may be large.
+const ANSWERS: usize = 10;
 
 /// A message of ours as the library wants it for services.
 #[derive(Clone, Serialize, Deserialize)]
@@ -108,7 +110,7 @@ impl Participant {
         Resp: Carry + Clone + Send + 'static,
     {
         let server = self.session(|session| {
-            session.node.create_server::<Req, Resp>(mapping(), full, kind, profile(), profile())
+            session.node.create_server::<Req, Resp>(mapping(), full, kind, requests(), answers())
         })?;
         let server =
             server.map_err(|error| Error::Service { service: name.to_owned(), reason: error.to_string() })?;
@@ -161,8 +163,13 @@ impl Drop for Server {
 }
 
 /// Reliable, with a history for questions that come at once.
-pub(super) fn profile() -> QosProfile {
-    QosProfile::publisher_default().history(History::KeepLast { depth: WAITING })
+pub(super) fn requests() -> QosProfile {
+    QosProfile::publisher_default().history(History::KeepLast { depth: REQUESTS })
+}
+
+/// The same for answers.
+pub(super) fn answers() -> QosProfile {
+    QosProfile::publisher_default().history(History::KeepLast { depth: ANSWERS })
 }
 
 /// Fast DDS and Cyclone DDS carry the identity of a request in different places.
