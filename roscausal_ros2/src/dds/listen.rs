@@ -8,7 +8,7 @@ use std::{
     pin::pin,
     sync::{Arc, Weak},
     thread,
-    time::{Duration, Instant},
+    time::Duration,
 };
 
 use futures::StreamExt;
@@ -19,7 +19,6 @@ use roscausal_core::{
     middleware::{Raw, RawType},
 };
 use roscausal_msgs::dynamic::Wire;
-use roscausal_ros::Pace;
 use rustdds::{
     QosPolicies, QosPolicyBuilder, RepresentationIdentifier, TopicKind,
     no_key::{Decode, DefaultDecoder, DeserializerAdapter, SimpleDataReader},
@@ -114,16 +113,11 @@ async fn read(
     mut deliver: impl FnMut(Vec<u8>),
 ) {
     let mut messages = pin!(reader.as_async_stream());
-    let mut pace = Pace::new(Instant::now());
     while let Some(message) = messages.next().await {
         match message {
             Ok(message) if senders.fits(Gid::from(message.writer_guid())) => deliver(message.into_value()),
             Ok(_) => {}
             Err(error) => tracing::warn!("a message was not read: {error}"),
-        }
-        // The whole spinner rests: what the other tasks take waits no longer than this.
-        if let Some(time) = pace.rest(Instant::now()) {
-            thread::sleep(time);
         }
     }
 }
