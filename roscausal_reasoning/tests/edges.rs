@@ -49,7 +49,7 @@ fn rows_that_are_masked_train_no_equation_and_count_for_no_effect() {
     // In the masked rows d follows r the other way round. (The row after them follows them no more.)
     let mut values = chain(1, 800);
     let turned = |t: usize| t % 200 >= 120;
-    let masked = |t: usize| turned(t) || t % 200 == 0;
+    let masked = |t: usize| turned(t) || t.is_multiple_of(200);
     for t in 1..800 {
         if turned(t) {
             values[[t, 1]] = 5.0 * values[[t - 1, 0]];

@@ -1,14 +1,12 @@
-//! What the ROS 1 and ROS 2 backends share: the clock, a node's life, its log, rests under load, and the program that runs a node
-//! from the first argument to the last signal.
+//! What the ROS 1 and ROS 2 backends share: the clock, a node's life, its log, and the program that runs a node from the first
+//! argument to the last signal.
 
 mod clock;
 pub mod console;
 mod life;
-mod pace;
 pub mod program;
 
 pub use clock::{Clock, steady};
 pub use console::Console;
 pub use life::{Life, in_time};
-pub use pace::Pace;
 pub use roscausal_core::gate::lock;

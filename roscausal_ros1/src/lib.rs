@@ -7,6 +7,7 @@
 
 mod master;
 mod nodelay;
+mod pace;
 mod program;
 mod service;
 mod session;

@@ -17,9 +17,10 @@ use roscausal_core::{
     middleware::{Raw, RawType},
 };
 use roscausal_msgs::dynamic;
-use roscausal_ros::{Pace, in_time, lock};
+use roscausal_ros::{in_time, lock};
 
 use crate::{
+    pace::Pace,
     session::{PATIENCE, Session},
     wire::{ANY, AnyWire, Wire},
 };
