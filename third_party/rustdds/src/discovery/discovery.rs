@@ -195,6 +195,7 @@ enum DiscoveryTimerEvent {
   ParticipantCleanup,
   TopicCleanup,
   PublishParticipantMessage,
+  AnnounceEndpointsAgain,
   #[cfg(feature = "security")]
   CachedSecureMessageResend,
 }
@@ -256,6 +257,9 @@ pub(crate) struct Discovery {
   // resend timers), so discovery uses a single timer background thread.
   discovery_timer: SharedTimer<DiscoveryTimerEvent>,
 
+  // When to announce our endpoints once more, after a participant was discovered.
+  announce_again_at: Option<std::time::Instant>,
+
   // If security is enabled, this field contains a SecureDiscovery struct, an appendix
   // which is used for Secure functionality
   security_opt: Option<SecureDiscovery>,
@@ -300,6 +304,8 @@ pub(crate) struct Discovery {
 
 impl Discovery {
   const PARTICIPANT_CLEANUP_PERIOD: StdDuration = StdDuration::from_secs(2);
+  // How long no new participant has appeared before endpoints are announced again
+  const ANNOUNCE_AGAIN_AFTER: StdDuration = StdDuration::from_secs(2);
   const TOPIC_CLEANUP_PERIOD: StdDuration = StdDuration::from_secs(60); // timer for cleaning up inactive topics
   const SPDP_PUBLISH_PERIOD: StdDuration = StdDuration::from_secs(10);
   const CHECK_PARTICIPANT_MESSAGES: StdDuration = StdDuration::from_secs(1);
@@ -677,6 +683,7 @@ impl Discovery {
       dcps_participant_message, // liveliness messages
 
       discovery_timer,
+      announce_again_at: None,
 
       security_opt,
       #[cfg(feature = "security")]
@@ -888,6 +895,7 @@ impl Discovery {
                     DiscoveryTimerEvent::PublishParticipantMessage,
                   );
                 }
+                DiscoveryTimerEvent::AnnounceEndpointsAgain => self.announce_endpoints_again(),
                 #[cfg(feature = "security")]
                 DiscoveryTimerEvent::CachedSecureMessageResend => {
                   self.on_secure_discovery_message_resend_triggered();
@@ -1083,6 +1091,7 @@ impl Discovery {
           StdDuration::from_millis(10),
           DiscoveryTimerEvent::SendParticipantInfo { reschedule: false },
         );
+        self.announce_endpoints_later();
       }
 
       // This may be a rediscovery of a previously seen participant that
@@ -1097,6 +1106,51 @@ impl Discovery {
       self.sedp_receive_publication(Some(guid_prefix));
       debug!("Participant rediscovery finished");
     }
+  }
+
+  // Plans to announce all endpoints again, once no participant has appeared for
+  // a while.
+  //
+  // When several participants appear at once, Fast DDS 2.14 acknowledges
+  // announcements without acting on them (seen in about one of ten starts of
+  // seven nodes), and never learns of these endpoints.
+  fn announce_endpoints_later(&mut self) {
+    let planned = self.announce_again_at.is_some();
+    self.announce_again_at = Some(std::time::Instant::now() + Self::ANNOUNCE_AGAIN_AFTER);
+    if !planned {
+      self.discovery_timer.borrow_mut().set_timeout(
+        Self::ANNOUNCE_AGAIN_AFTER,
+        DiscoveryTimerEvent::AnnounceEndpointsAgain,
+      );
+    }
+  }
+
+  // Announces all endpoints again, or waits longer if participants have appeared
+  // meanwhile. Who knows them takes it as an update that changes nothing.
+  fn announce_endpoints_again(&mut self) {
+    let Some(at) = self.announce_again_at else {
+      return;
+    };
+    let left = at.saturating_duration_since(std::time::Instant::now());
+    if !left.is_zero() {
+      self
+        .discovery_timer
+        .borrow_mut()
+        .set_timeout(left, DiscoveryTimerEvent::AnnounceEndpointsAgain);
+      return;
+    }
+    self.announce_again_at = None;
+    let db = discovery_db_read(&self.discovery_db);
+    self.dcps_subscription.writer.renew(|| {
+      for reader in db.get_all_local_topic_readers() {
+        self.sedp_publish_single_user_reader(reader);
+      }
+    });
+    self.dcps_publication.writer.renew(|| {
+      for writer in db.get_all_local_topic_writers() {
+        self.sedp_publish_single_user_writer(writer);
+      }
+    });
   }
 
   fn process_participant_dispose(&mut self, participant_guidp: GuidPrefix) {

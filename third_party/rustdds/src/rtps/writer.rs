@@ -1679,8 +1679,11 @@ impl Writer {
           self.send_buffer.first_change_sequence_number(),
         )
       } else {
-        // try to keep all
-        self.send_buffer.first_change_sequence_number()
+        // try to keep all but what later samples have replaced
+        max(
+          self.send_buffer.first_change_sequence_number(),
+          self.send_buffer.superseded_before(),
+        )
       };
       // Never evict samples that some matched (reliable) reader has not yet
       // acknowledged: clamp the keeper to at most the all-acked point so that
@@ -1977,6 +1980,15 @@ impl Writer {
       "update_reader_proxy topic={:?} reader_proxy={reader_proxy:?}",
       self.my_topic_name
     );
+    // Discovery knows its own endpoints. Its own built-in readers, matched by
+    // topic like others, never acknowledge where all locators are loopback: the
+    // HEARTBEATs, and the answers of all others, would never end.
+    if self.is_reliable()
+      && !self.my_guid.entity_id.kind().is_user_defined()
+      && reader_proxy.remote_reader_guid.prefix == self.my_guid.prefix
+    {
+      return;
+    }
     match self.qos_policies.compliance_failure_wrt(requested_qos) {
       // matched QoS
       None => {

@@ -36,6 +36,9 @@ struct Inner {
   changes: BTreeMap<SequenceNumber, CacheChange>,
   first_seq: SequenceNumber, // oldest still retained (default 1)
   last_seq: SequenceNumber,  // latest allocated (default 0 == nothing yet)
+  // Everything before this has been said again by later samples, so it may go
+  // once all matched readers have acknowledged it, whatever the History says.
+  superseded_before: SequenceNumber,
 
   // --- flow control ---
   // Maximum number of unacknowledged samples a reliable writer may have
@@ -124,6 +127,7 @@ impl WriterSendBuffer {
           changes: BTreeMap::new(),
           first_seq: SequenceNumber::new(1),
           last_seq: SequenceNumber::new(0),
+          superseded_before: SequenceNumber::new(1),
           window_limit: window_limit.max(1),
           acked_before: SequenceNumber::new(1),
           reliable_readers_present: false,
@@ -354,6 +358,16 @@ impl WriterSendBuffer {
   /// The sequence number of the latest allocated sample (0 if none yet).
   pub fn last_change_sequence_number(&self) -> SequenceNumber {
     self.shared.inner.lock().unwrap().last_seq
+  }
+
+  /// The Writer has said again all that matters of the samples before `sn`.
+  pub fn supersede_before(&self, sn: SequenceNumber) {
+    self.shared.inner.lock().unwrap().superseded_before = sn;
+  }
+
+  /// See `supersede_before`; 1 if nothing was superseded.
+  pub fn superseded_before(&self) -> SequenceNumber {
+    self.shared.inner.lock().unwrap().superseded_before
   }
 
   /// Number of samples currently retained in the buffer. Test-only.

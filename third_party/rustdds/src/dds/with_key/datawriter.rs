@@ -404,6 +404,14 @@ where
     }
   }
 
+  /// Says everything again: calls `again`, which writes the present state of
+  /// all instances. The samples before it may go once they are acknowledged.
+  pub(crate) fn renew(&self, again: impl FnOnce()) {
+    let last = self.send_buffer.last_change_sequence_number();
+    again();
+    self.send_buffer.supersede_before(last.plus_1());
+  }
+
   /// This operation blocks the calling thread until either all data written by
   /// the reliable DataWriter entities is acknowledged by all
   /// matched reliable DataReader entities, or else the duration specified by
