@@ -4,6 +4,7 @@
 mod clock;
 pub mod console;
 mod life;
+mod memory;
 pub mod program;
 
 pub use clock::{Clock, steady};

@@ -18,7 +18,7 @@ use signal_hook::{
     iterator::Signals,
 };
 
-use crate::{Console, console::Targets, in_time};
+use crate::{Console, console::Targets, in_time, memory};
 
 /// The command line, a parameter or a name is wrong: starting again does not help.
 const EXIT_USAGE: u8 = 2;
@@ -82,6 +82,10 @@ pub fn main<B: Backend>(more: &[Node<B>]) -> ExitCode {
         return ExitCode::SUCCESS;
     }
     let node = nodes.named_by(&program).unwrap_or_else(|| args.next().unwrap_or_default());
+    // Fits of a minute apart would hold for good what they need for a second.
+    if node == "reasoning" {
+        memory::give_back_large_blocks();
+    }
     let start = if nodes.has(&node) {
         B::read(&format!("roscausal_{node}"), args.collect())
     } else {
