@@ -137,6 +137,11 @@ impl Participant {
         self.spinner.spawn(name.into(), task)
     }
 
+    /// See [`Spinner::rest`].
+    pub(super) fn rest(&self) {
+        self.spinner.rest();
+    }
+
     /// `(topic, package/Name)` of the topics that have a publisher, in order; none once the node has left.
     pub(crate) fn topics(&self) -> Vec<(String, String)> {
         self.session(|session| published_topics(&session.context)).unwrap_or_default()
