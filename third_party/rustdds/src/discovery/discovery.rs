@@ -1115,6 +1115,10 @@ impl Discovery {
   // announcements without acting on them (seen in about one of ten starts of
   // seven nodes), and never learns of these endpoints.
   fn announce_endpoints_later(&mut self) {
+    // With security, endpoints are announced as keys are exchanged.
+    if self.security_opt.is_some() {
+      return;
+    }
     let planned = self.announce_again_at.is_some();
     self.announce_again_at = Some(std::time::Instant::now() + Self::ANNOUNCE_AGAIN_AFTER);
     if !planned {

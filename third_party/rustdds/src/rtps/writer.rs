@@ -1983,7 +1983,9 @@ impl Writer {
     // Discovery knows its own endpoints. Its own built-in readers, matched by
     // topic like others, never acknowledge where all locators are loopback: the
     // HEARTBEATs, and the answers of all others, would never end.
+    // (With security all stays as it was.)
     if self.is_reliable()
+      && self.security_plugins.is_none()
       && !self.my_guid.entity_id.kind().is_user_defined()
       && reader_proxy.remote_reader_guid.prefix == self.my_guid.prefix
     {
