@@ -2,7 +2,8 @@
 //!
 //! Waking a thread costs the kernel more than a signal's message costs us: at 1 kHz it was a third of the data node's CPU time.
 //! What comes during a rest waits in the subscription's queue. Each rest is as long as the last [`FEW`] messages took, so about as
-//! many wait at its end: at 1 kHz a rest of 8 ms. (Under ROS 2 nothing rests: with rests, signals were lost under load.)
+//! many wait at its end: at 1 kHz a rest of 8 ms. (Under ROS 2 one thread reads all topics, and rests for all of them at once:
+//! `roscausal_ros2/src/dds/spinner.rs`.)
 
 use std::time::{Duration, Instant};
 

@@ -715,14 +715,7 @@ impl Discovery {
     // but better make sure.
     // TODO: Check if there can acually be any. If not, then this code is
     // unnecessary.
-    let db = discovery_db_read(&self.discovery_db);
-    for reader in db.get_all_local_topic_readers() {
-      self.sedp_publish_single_user_reader(reader);
-    }
-    for writer in db.get_all_local_topic_writers() {
-      self.sedp_publish_single_user_writer(writer);
-    }
-    drop(db);
+    self.announce_endpoints();
 
     if self.discovery_started_sender.send(Ok(())).is_err() {
       error!("Discovery start notification send failed: main thread receiver dropped");
@@ -1119,31 +1112,26 @@ impl Discovery {
     if self.security_opt.is_some() {
       return;
     }
-    let planned = self.announce_again_at.is_some();
     self.announce_again_at = Some(std::time::Instant::now() + Self::ANNOUNCE_AGAIN_AFTER);
-    if !planned {
-      self.discovery_timer.borrow_mut().set_timeout(
-        Self::ANNOUNCE_AGAIN_AFTER,
-        DiscoveryTimerEvent::AnnounceEndpointsAgain,
-      );
+    self.discovery_timer.borrow_mut().set_timeout(
+      Self::ANNOUNCE_AGAIN_AFTER,
+      DiscoveryTimerEvent::AnnounceEndpointsAgain,
+    );
+  }
+
+  // Announces all endpoints again, unless participants have appeared meanwhile:
+  // they have a timeout of their own.
+  fn announce_endpoints_again(&mut self) {
+    let now = std::time::Instant::now();
+    if self.announce_again_at.is_some_and(|at| at <= now) {
+      self.announce_again_at = None;
+      self.announce_endpoints();
     }
   }
 
-  // Announces all endpoints again, or waits longer if participants have appeared
-  // meanwhile. Who knows them takes it as an update that changes nothing.
-  fn announce_endpoints_again(&mut self) {
-    let Some(at) = self.announce_again_at else {
-      return;
-    };
-    let left = at.saturating_duration_since(std::time::Instant::now());
-    if !left.is_zero() {
-      self
-        .discovery_timer
-        .borrow_mut()
-        .set_timeout(left, DiscoveryTimerEvent::AnnounceEndpointsAgain);
-      return;
-    }
-    self.announce_again_at = None;
+  // Announces all endpoints. Who knows them takes it as an update that changes
+  // nothing.
+  fn announce_endpoints(&self) {
     let db = discovery_db_read(&self.discovery_db);
     self.dcps_subscription.writer.renew(|| {
       for reader in db.get_all_local_topic_readers() {
@@ -2163,7 +2151,9 @@ impl Discovery {
     // Security spec
     QosPolicyBuilder::new()
       .reliability(Reliability::BestEffort) // Important!
-      .history(History::KeepLast { depth: 1 })
+      // Local change. One history holds the messages of all participants, each of which writes to all of its peers in one
+      // go: with a depth of 1 the handshake meant for us was lost whenever one for another participant followed it.
+      .history(History::KeepLast { depth: 64 })
       .build()
   }
 

@@ -1680,10 +1680,7 @@ impl Writer {
         )
       } else {
         // try to keep all but what later samples have replaced
-        max(
-          self.send_buffer.first_change_sequence_number(),
-          self.send_buffer.superseded_before(),
-        )
+        self.send_buffer.superseded_before()
       };
       // Never evict samples that some matched (reliable) reader has not yet
       // acknowledged: clamp the keeper to at most the all-acked point so that
