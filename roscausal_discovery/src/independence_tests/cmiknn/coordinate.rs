@@ -1,5 +1,27 @@
 //! The number types in which nearest neighbours are searched: ranks as small integers, and doubles.
 
+use pulp::{Arch, Simd, WithSimd};
+
+/// [`Coordinate::widen`] with the widest vectors of the processor.
+pub(super) fn widen<T: Coordinate>(out: &mut [T], at: T, row: &[T]) {
+    Arch::new().dispatch(Widen { out, at, row });
+}
+
+struct Widen<'a, T> {
+    out: &'a mut [T],
+    at: T,
+    row: &'a [T],
+}
+
+impl<T: Coordinate> WithSimd for Widen<'_, T> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, _: S) {
+        T::widen(self.out, self.at, self.row);
+    }
+}
+
 /// A number type for the nearest-neighbour search.
 ///
 /// The methods are the inner loops of the search. They are inlined into code for the widest vectors of the

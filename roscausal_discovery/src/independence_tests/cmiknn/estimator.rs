@@ -1,5 +1,7 @@
 //! The nearest-neighbour estimator of conditional mutual information.
 
+use pulp::{Arch, Simd, WithSimd};
+
 use super::coordinate::Coordinate;
 use crate::{
     ground::{Control, Result},
@@ -55,12 +57,19 @@ impl<T: Coordinate> Estimator<'_, T> {
             z_profile: T::Profile::default(),
             yz_profile: T::Profile::default(),
         };
-        let arch = pulp::Arch::new();
+        let arch = Arch::new();
         for i in 0..n {
             if i % 16 == 0 {
                 self.control.check()?;
             }
-            arch.dispatch(|| self.add_sample(i, arrangements, &psi, &mut room, &mut sums));
+            arch.dispatch(AddSample {
+                estimator: self,
+                i,
+                arrangements,
+                psi: &psi,
+                room: &mut room,
+                sums: &mut sums,
+            });
         }
         Ok(sums.iter().map(|sum| psi[self.k] - sum / n as f64).collect())
     }
@@ -108,6 +117,25 @@ impl<T: Coordinate> Estimator<'_, T> {
             let k_z = T::look_up(&room.z_profile, radius);
             *sum += psi[k_xz] + psi[k_yz] - psi[k_z];
         }
+    }
+}
+
+/// [`Estimator::add_sample`] for the widest vectors: a closure need not be inlined into code for them, this is.
+struct AddSample<'a, 'e, T: Coordinate> {
+    estimator: &'a Estimator<'e, T>,
+    i: usize,
+    arrangements: &'a [&'a [T]],
+    psi: &'a [f64],
+    room: &'a mut Room<T>,
+    sums: &'a mut [f64],
+}
+
+impl<T: Coordinate> WithSimd for AddSample<'_, '_, T> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, _: S) {
+        self.estimator.add_sample(self.i, self.arrangements, self.psi, self.room, self.sums);
     }
 }
 

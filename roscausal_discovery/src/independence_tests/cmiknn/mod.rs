@@ -3,6 +3,7 @@
 
 mod coordinate;
 mod estimator;
+mod ranked;
 mod surrogates;
 
 pub(crate) use self::estimator::Estimator;
@@ -24,8 +25,8 @@ use crate::{
 
 /// Noise that breaks ties in untransformed rows, as a fraction of the row's standard deviation.
 const TIE_NOISE: f64 = 1e-6;
-/// Values of surrogates that are held in memory at once; 500 surrogates of 100,000 samples are fewer.
-const AT_ONCE: usize = 1 << 26;
+/// Values of surrogates that are held in memory at once; 500 surrogates of 32,000 samples are fewer.
+const AT_ONCE: usize = 1 << 24;
 
 /// Conditional mutual information in nats from nearest neighbours (Frenzel and Pompe 2007), with a local permutation
 /// test (Runge 2018, AISTATS, "Conditional independence testing based on a nearest-neighbor estimator").
@@ -189,7 +190,7 @@ impl Prepared<'_> {
         if self.test.transform == Transform::Ranks && x.len() <= MAX_RANKS {
             let rows =
                 rows().map(|row| random_ranks(row, rng).iter().map(|&rank| rank as i16).collect()).collect();
-            return self.of_rows::<i16>(x, rows, rng, with_p);
+            return self.of_rows::<i16>(x, rows, rng, with_p, ranked::information);
         }
         let rows = rows()
             .map(|row| match self.test.transform {
@@ -198,16 +199,19 @@ impl Prepared<'_> {
                 Transform::None => without_ties(row, rng),
             })
             .collect();
-        self.of_rows::<f64>(x, rows, rng, with_p)
+        self.of_rows::<f64>(x, rows, rng, with_p, |estimator, arrangements| {
+            estimator.information(&[arrangements])
+        })
     }
 
-    /// Value and p-value from the transformed rows X, Y, Z...
+    /// Value and p-value from the transformed rows X, Y, Z..., by the `information` of arrangements of one of them.
     fn of_rows<T: Coordinate>(
         &self,
         raw_x: &[f64],
         mut rows: Vec<Vec<T>>,
         rng: &mut Rng,
         with_p: bool,
+        information: impl Fn(&Estimator<'_, T>, &[T]) -> Result<Vec<f64>>,
     ) -> Result<(f64, f64)> {
         let z = rows.split_off(2);
         let n = raw_x.len();
@@ -242,7 +246,7 @@ impl Prepared<'_> {
                 }
                 arrangements.extend(order.iter().map(|&i| moves[i]));
             }
-            let values = estimator.information(&[&arrangements])?;
+            let values = information(&estimator, &arrangements)?;
             let nulls = if value.is_none() { &values[1..] } else { &values[..] };
             let of_data = *value.get_or_insert(values[0]);
             for &null in nulls {

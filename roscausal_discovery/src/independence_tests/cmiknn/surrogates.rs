@@ -1,18 +1,17 @@
 //! Surrogates of CMIknn: local permutations and block permutations.
 
-use super::coordinate::Coordinate;
+use super::coordinate::{Coordinate, widen};
 use crate::numeric::random::Rng;
 
 /// The `m` nearest samples of each sample in the maximum norm of `z`, including itself. Nearest first; of equals
 /// the earliest first. Flat, `m` per sample.
 pub(super) fn nearest<T: Coordinate>(z: &[Vec<T>], m: usize) -> Vec<usize> {
     let n = z.first().map_or(0, Vec::len);
-    let arch = pulp::Arch::new();
     let mut distances = vec![T::default(); n];
     let mut flat = Vec::with_capacity(n * m);
     for i in 0..n {
         distances.fill(T::default());
-        arch.dispatch(|| z.iter().for_each(|row| T::widen(&mut distances, row[i], row)));
+        z.iter().for_each(|row| widen(&mut distances, row[i], row));
         let start = flat.len();
         for (j, &d) in distances.iter().enumerate() {
             if flat.len() - start == m {

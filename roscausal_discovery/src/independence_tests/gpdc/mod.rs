@@ -358,7 +358,8 @@ impl PreparedGpdc<'_> {
             // With samples left out, another test of the same node and conditions may have other samples.
             if arrays.n_lost == 0 { self.residuals.get(node, z, make) } else { make().map(Arc::new) }
         };
-        Ok([of(x, &arrays.x)?, of(y, &arrays.y)?])
+        let (x, y) = rayon::join(|| of(x, &arrays.x), || of(y, &arrays.y));
+        Ok([x?, y?])
     }
 
     fn how(&self) -> SearchSettings {

@@ -2,7 +2,7 @@
 
 use std::{
     collections::HashMap,
-    sync::{Arc, Mutex},
+    sync::{Arc, Mutex, TryLockError},
 };
 
 use super::{
@@ -55,7 +55,8 @@ impl ResidualCache {
     }
 
     /// The residuals of `node` given `conditions`, computed by `make` if they are not there yet. Who asks while another
-    /// thread computes them waits for that one.
+    /// thread computes them does other work of the pool, and waits for that one if there is none. `make` must not use the
+    /// pool: it could be given work that waits for itself.
     ///
     /// # Errors
     /// Those of `make`; nothing is kept then.
@@ -69,7 +70,13 @@ impl ResidualCache {
             let mut slots = lock(&self.0);
             slots.entry((node, conditions.to_vec())).or_default().clone()
         };
-        let mut slot = lock(&slot);
+        let mut slot = loop {
+            match slot.try_lock() {
+                Ok(free) => break free,
+                Err(TryLockError::WouldBlock) if rayon::yield_now() == Some(rayon::Yield::Executed) => {}
+                Err(_) => break lock(&slot),
+            }
+        };
         if let Some(residuals) = &*slot {
             return Ok(residuals.clone());
         }
