@@ -24,14 +24,15 @@ use super::{
 use crate::{ground::Result, numeric::special::digamma_table};
 
 /// Samples that one arrangement is held against before the next: what is read of an arrangement stays in the nearest cache.
-const TILE: usize = 16;
+const TILE: usize = 32;
 /// Places of X with a guess of their own.
 const GUESSES: usize = 32;
-const PASS: f64 = 250.0;
 /// Distances that the walk looks at together.
-const STRIDE: usize = 12;
+const STRIDE: usize = 16;
 /// Another pass is quicker than as many steps, and one more for each [`PASS`] samples.
 const FAR: f64 = 4.0;
+/// Samples that a pass takes in the time of a step.
+const PASS: f64 = 400.0;
 
 /// Samples by a number from 0 below their number: a counting sort.
 #[derive(Default)]
