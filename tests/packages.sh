@@ -7,7 +7,7 @@
 #   wheel    in a clean environment of each Python 3.10 to 3.13 that is here: numpy alone, README's lines, the same model everywhere
 #   deb      lintian; a minimal Debian: installed, the demo as a user, purged without a trace
 #   image    the steps of the Dockerfile's second stage, in the same minimal Debian
-#   offline  the vendored source builds with CMake where there is no network (needs catkin or ament)
+#   offline  the vendored source builds with CMake where there is no network (with Debian's catkin, or the shell's ROS)
 # Ends with 'N passed, N failed'. Exit 77 when the tools cannot be had.
 set -uo pipefail
 cd "$(dirname "$0")/.."
@@ -180,6 +180,15 @@ offline() {
   local archive
   archive=$(made "roscausal-$version-vendored.tar.xz") || exit 1
   command -v cmake >/dev/null || debian cmake make g++
+  # ROS 1 of Debian, unless the shell has a ROS. What catkin wants for two packages of messages and their nodes.
+  local package missing=()
+  if [ -z "${ROS_VERSION-}" ]; then
+    for package in catkin ros-message-generation ros-message-runtime python3-genmsg python3-genpy python3-gencpp ros-geometry-msgs \
+      libgeometry-msgs-dev ros-std-msgs libstd-msgs-dev python3-geometry-msgs python3-std-msgs; do
+      dpkg -s "$package" >/dev/null 2>&1 || missing+=("$package")
+    done
+    [ ${#missing[@]} -eq 0 ] || debian "${missing[@]}"
+  fi
   tar -xJ -C "$work" -f "$archive"
   local source=$work/roscausal-$version-vendored
   # Nothing that cargo has fetched before is there; the tools are.
