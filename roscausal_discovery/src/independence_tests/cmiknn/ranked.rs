@@ -205,7 +205,8 @@ impl Sample {
             Arch::new().dispatch(Within { radius: radius as i16, at, x: of.x, others })
         };
         let last = of.x.len() - 1;
-        let guess = &mut self.guesses[at as usize * GUESSES / of.x.len()];
+        let place = at as usize * GUESSES / of.x.len();
+        let guess = &mut self.guesses[place];
         let mut r = guess.radius;
         let mut count = within(&self.in_yz, r);
         loop {
@@ -233,7 +234,7 @@ impl Sample {
         } else {
             self.walk_up(of, r, count, k, density)
         };
-        self.guesses[at as usize * GUESSES / of.x.len()].radius = r;
+        self.guesses[place].radius = r;
         let in_xz = if self.by_z.up_to(0) == of.x.len() { of.between(at, r) } else { within(&self.in_z, r) };
         (r, in_xz)
     }
