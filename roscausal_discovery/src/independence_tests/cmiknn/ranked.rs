@@ -1,19 +1,17 @@
-//! The nearest neighbours of ranks, for many arrangements of one row X: by one pass and a short walk for each.
+//! The nearest neighbours of ranks, for many arrangements of one row X: by a few passes over bytes for each.
 //!
-//! The information is that of [`Estimator`]. Y and Z do not move, so the distances of a sample in Z and in (Y, Z) are sorted once, by
-//! counting, since distances of ranks are small integers. Then, for each arrangement:
+//! The information is that of [`Estimator`]. Y and Z do not move, so a sample's distances in Z and in (Y, Z) serve all arrangements.
+//! Then, for each arrangement:
 //!
-//! 1. Guess the radius of the k nearest: that of this sample in an arrangement before, with X about where it is now.
-//! 2. A pass counts the samples within it in (X, Y, Z). If the count is far from `k`, guess again, by how the count grew from pass to
-//!    pass.
-//! 3. Walk from there to the radius, one distance after the other. The samples at a distance `r` are on the sorted lists: those with
-//!    `r` in (Y, Z), and those whose X is `r` above or below.
-//! 4. A pass counts the samples within the radius in (X, Z); without Z the sorted list of X has the number.
+//! 1. Guess the radius of the k nearest: about that of this sample in the arrangements before, with X about where it is now.
+//! 2. A pass computes the distances in (X, Y, Z) from there, a byte each: a radius is an integer, and it is seldom more than a hundred
+//!    away from the guess.
+//! 3. Passes over the bytes count the samples within a radius. The next radius is where the count would be `k`, by how fast it
+//!    grows. About four passes find it, for about two samples are at each distance.
+//! 4. A pass counts the samples within the radius in (X, Z); without Z a table of X has the number.
 //!
-//! About the radius there are about two samples for each distance, so the walk is short. A bisection takes seven passes and more.
-//!
-//! Example: `k = 1`, and at the guess 5 there are 4 samples within. At distance 5 is one and at 4 are two, so 1 is within 3, the
-//! sample itself: the nearest neighbours are 4 away, and the radius is 3.
+//! Example: `k = 1`, and at the guess 5 there are 4 samples within. The count grows by 1 with each distance, so the next radius is
+//! 5 - 2.5, say 3, and 1 is within it, the sample itself. Within 4 there are 2, so the radius is 3.
 
 use pulp::{Arch, Simd, WithSimd};
 
@@ -27,90 +25,242 @@ use crate::{ground::Result, numeric::special::digamma_table};
 const TILE: usize = 32;
 /// Places of X with a guess of their own.
 const GUESSES: usize = 32;
-/// Distances that the walk looks at together.
-const STRIDE: usize = 16;
-/// Another pass is quicker than as many steps, and one more for each [`PASS`] samples.
-const FAR: f64 = 4.0;
-/// Samples that a pass takes in the time of a step.
-const PASS: f64 = 400.0;
-
-/// Samples by a number from 0 below their number: a counting sort.
-#[derive(Default)]
-struct Sorted {
-    /// Entry `v`: how many numbers are below `v`.
-    starts: Vec<u16>,
-    samples: Vec<u16>,
-}
-
-impl Sorted {
-    fn sort(&mut self, numbers: &[i16]) {
-        self.count(numbers);
-        self.samples.resize(numbers.len(), 0);
-        // Filling from the back turns the end of each number into its start, which is one entry too far on.
-        for (sample, &v) in numbers.iter().enumerate().rev() {
-            let place = &mut self.starts[v as usize + 1];
-            *place -= 1;
-            self.samples[usize::from(*place)] = sample as u16;
-        }
-        self.starts.remove(0);
-        self.starts.push(numbers.len() as u16);
-    }
-
-    /// Counts alone, for [`Sorted::up_to`].
-    fn count(&mut self, numbers: &[i16]) {
-        self.starts.clear();
-        self.starts.resize(numbers.len() + 2, 0);
-        for &v in numbers {
-            self.starts[v as usize + 1] += 1;
-        }
-        for v in 1..self.starts.len() {
-            self.starts[v] += self.starts[v - 1];
-        }
-    }
-
-    /// The samples with a number from `low` to below `high`.
-    fn between(&self, low: usize, high: usize) -> &[u16] {
-        &self.samples[usize::from(self.starts[low])..usize::from(self.starts[high])]
-    }
-
-    /// How many have `v` or less.
-    fn up_to(&self, v: usize) -> usize {
-        usize::from(self.starts[v + 1])
-    }
-}
+/// Parts of a distance that guesses are made of.
+const UNIT: isize = 256;
+/// A guess learns from a radius this part of the difference.
+const LEARNT: isize = 8;
+/// Steps by how fast the count grows; then by halves, which is sure to end soon.
+const STEPS: usize = 8;
+/// Distances on either side of a guess that bytes have room for.
+const REACH: usize = 127;
+/// Rows are filled up to whole blocks: a pass has no rest that is less than a vector.
+const BLOCK: usize = 128;
+/// Radii are so far apart, at the least, that tell how fast the count grows.
+const APART: usize = 32;
 
 /// An arrangement of X.
-struct Arrangement<'a> {
-    x: &'a [i16],
-    sorted: Sorted,
+struct Arrangement {
+    /// Whole [`BLOCK`]s; what is beyond the samples counts for nothing, since the other distances are infinite there.
+    x: Vec<i16>,
+    /// Entry `v`: how many X are at most `v`.
+    up_to: Vec<u16>,
 }
 
-impl Arrangement<'_> {
+impl Arrangement {
+    fn new(ranks: &[i16]) -> Self {
+        let mut up_to = Vec::new();
+        i16::profile(ranks, &mut up_to);
+        let mut x = ranks.to_vec();
+        x.resize(ranks.len().next_multiple_of(BLOCK), 0);
+        Self { x, up_to }
+    }
+
     /// How many X are within `r` of `at`.
     fn between(&self, at: i16, r: usize) -> usize {
-        let (at, last) = (at as usize, self.x.len() - 1);
-        let below = if at > r { self.sorted.up_to(at - r - 1) } else { 0 };
-        self.sorted.up_to((at + r).min(last)) - below
+        let (at, last) = (at as usize, self.up_to.len() - 1);
+        let below = if at > r { self.up_to[at - r - 1] } else { 0 };
+        usize::from(self.up_to[(at + r).min(last)] - below)
     }
 }
 
 /// One sample: its distances to all.
+#[derive(Default)]
 struct Sample {
     number: usize,
+    /// Whole [`BLOCK`]s, filled up with the largest number.
     in_z: Vec<i16>,
     in_yz: Vec<i16>,
-    by_z: Sorted,
-    by_yz: Sorted,
-    /// By where X is, since the radius depends on it.
-    guesses: [Guess; GUESSES],
+    /// Entry `r`: how many are within `r`.
+    within_z: Vec<u16>,
+    within_yz: Vec<u16>,
+    /// Radii in parts of [`UNIT`], by where X is, since they depend on it; `None` before the first.
+    guesses: [Option<isize>; GUESSES],
+    /// The radius of the last arrangement.
+    last: usize,
+    /// Distances for each sample more, about the radius, in parts of [`UNIT`].
+    slope: isize,
 }
 
-/// What an arrangement tells of the next.
-#[derive(Clone, Copy, Default)]
-struct Guess {
-    radius: usize,
-    /// Samples for each distance, about the radius.
-    density: f64,
+/// The distances of one sample in (X, Y, Z), a byte each.
+struct Near {
+    /// Less than [`Near::first`] is 0, more than a byte has room for is 255. Whole [`BLOCK`]s.
+    bytes: Vec<u8>,
+    first: usize,
+}
+
+/// The information of each arrangement of X; `arrangements` holds them one after the other, each of ranks from 0 below the number of
+/// samples.
+///
+/// # Errors
+/// If the control stops the run.
+pub(super) fn information(estimator: &Estimator<'_, i16>, arrangements: &[i16]) -> Result<Vec<f64>> {
+    let n = estimator.y[0].len();
+    let psi = digamma_table(n);
+    let arrangements: Vec<Arrangement> = arrangements.chunks_exact(n).map(Arrangement::new).collect();
+    let mut sums = vec![0.0; arrangements.len()];
+    let mut tile: Vec<Sample> = (0..TILE.min(n)).map(|_| Sample::default()).collect();
+    let mut near = Near { bytes: vec![u8::MAX; n.next_multiple_of(BLOCK)], first: 0 };
+    for first in (0..n).step_by(TILE) {
+        estimator.control.check()?;
+        let tile = &mut tile[..TILE.min(n - first)];
+        for (number, sample) in (first..).zip(tile.iter_mut()) {
+            sample.place(estimator, number);
+        }
+        for (arrangement, sum) in arrangements.iter().zip(&mut sums) {
+            for sample in &mut *tile {
+                let radius = sample.radius(arrangement, estimator.k, &mut near);
+                let k_xz = sample.within_xz(arrangement, radius);
+                let (k_yz, k_z) = (sample.within_yz[radius], sample.within_z[radius]);
+                *sum += psi[k_xz] + psi[usize::from(k_yz)] - psi[usize::from(k_z)];
+            }
+        }
+    }
+    Ok(sums.iter().map(|sum| psi[estimator.k] - sum / n as f64).collect())
+}
+
+impl Sample {
+    /// Becomes the sample with this number.
+    fn place(&mut self, estimator: &Estimator<'_, i16>, number: usize) {
+        let n = estimator.y[0].len();
+        self.number = number;
+        self.in_z.clear();
+        self.in_z.resize(n, 0);
+        for row in estimator.z {
+            widen(&mut self.in_z, row[number], row);
+        }
+        self.in_yz.clone_from(&self.in_z);
+        for row in estimator.y {
+            widen(&mut self.in_yz, row[number], row);
+        }
+        i16::profile(&self.in_z, &mut self.within_z);
+        i16::profile(&self.in_yz, &mut self.within_yz);
+        for distances in [&mut self.in_z, &mut self.in_yz] {
+            distances.resize(n.next_multiple_of(BLOCK), i16::MAX);
+        }
+        (self.guesses, self.last, self.slope) = ([None; GUESSES], n / 2, UNIT);
+    }
+
+    /// The largest distance below that of the `k`-th neighbour in (X, Y, Z).
+    fn radius(&mut self, of: &Arrangement, k: usize, near: &mut Near) -> usize {
+        let n = of.up_to.len();
+        let at = of.x[self.number];
+        let guess = &mut self.guesses[at as usize * GUESSES / n];
+        let mut r = guess.map_or(self.last, |radius| (radius / UNIT) as usize);
+        near.fill(at, &of.x, &self.in_yz, r);
+        // Within 0 there is only the sample itself, within the number of samples there are all.
+        let (mut below, mut above) = (0, n - 1);
+        let mut before = None;
+        for step in 0.. {
+            r = r.clamp(below + 1, (above - 1).max(below + 1));
+            if !near.has(r) {
+                near.fill(at, &of.x, &self.in_yz, r);
+            }
+            let count = near.within(r);
+            if count <= k {
+                below = r;
+            } else {
+                above = r;
+            }
+            if above - below <= 1 {
+                break;
+            }
+            let missing = k as isize - count as isize;
+            if let Some((other, then)) = before.replace((r, count))
+                && r.abs_diff(other) >= APART
+                && count != then
+            {
+                self.slope = UNIT * (r as isize - other as isize) / (count as isize - then as isize);
+            }
+            let steps = (2 * missing + 1) * self.slope / (2 * UNIT);
+            r = if step < STEPS { r.saturating_add_signed(steps) } else { below.midpoint(above) };
+        }
+        let radius = below as isize * UNIT;
+        *guess = Some(guess.map_or(radius, |before| before + (radius - before) / LEARNT));
+        self.last = below;
+        below
+    }
+
+    /// How many samples are within `radius` in (X, Z).
+    fn within_xz(&self, of: &Arrangement, radius: usize) -> usize {
+        let at = of.x[self.number];
+        if usize::from(self.within_z[0]) == of.up_to.len() {
+            return of.between(at, radius);
+        }
+        Arch::new().dispatch(Within { radius: radius as i16, at, x: &of.x, others: &self.in_z })
+    }
+}
+
+impl Near {
+    /// Becomes the distances to the sample that is at `at` in X and has the distances `others` in the other dimensions; those about
+    /// `middle` exactly.
+    fn fill(&mut self, at: i16, x: &[i16], others: &[i16], middle: usize) {
+        self.first = middle.saturating_sub(REACH);
+        Arch::new().dispatch(Narrow { bytes: &mut self.bytes, first: self.first as u16, at, x, others });
+    }
+
+    /// Whether the samples within `r` can be counted.
+    fn has(&self, r: usize) -> bool {
+        (self.first..self.first + usize::from(u8::MAX)).contains(&r)
+    }
+
+    /// How many samples are within `r`.
+    fn within(&self, r: usize) -> usize {
+        Arch::new().dispatch(UpTo { bytes: &self.bytes, last: (r - self.first) as u8 })
+    }
+}
+
+/// The pass of [`Near::fill`].
+struct Narrow<'a> {
+    bytes: &'a mut [u8],
+    first: u16,
+    at: i16,
+    x: &'a [i16],
+    others: &'a [i16],
+}
+
+impl WithSimd for Narrow<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, _: S) {
+        for ((byte, &v), &d) in self.bytes.iter_mut().zip(self.x).zip(self.others) {
+            let apart = self.at.wrapping_sub(v).max(v.wrapping_sub(self.at));
+            *byte = (d.max(apart) as u16).saturating_sub(self.first).min(u16::from(u8::MAX)) as u8;
+        }
+    }
+}
+
+/// The pass of [`Near::within`]: how many bytes are at most `last`.
+struct UpTo<'a> {
+    bytes: &'a [u8],
+    last: u8,
+}
+
+impl WithSimd for UpTo<'_> {
+    type Output = usize;
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, simd: S) -> usize {
+        let (vectors, rest) = S::as_simd_u8s(self.bytes);
+        let (last, one) = (simd.splat_u8s(self.last), simd.splat_u8s(1));
+        let mut count = rest.iter().filter(|&&byte| byte <= self.last).count();
+        // As many as a byte can count.
+        for part in vectors.chunks(usize::from(u8::MAX)) {
+            let mut lanes = simd.splat_u8s(0);
+            for &bytes in part {
+                let mask = simd.less_than_or_equal_u8s(bytes, last);
+                if size_of::<S::m8s>() == size_of::<S::u8s>() {
+                    lanes = simd.add_u8s(lanes, simd.and_u8s(bytemuck::cast(mask), one));
+                } else {
+                    // AVX-512 has masks of 64 bits.
+                    count += bytemuck::cast::<S::m8s, u64>(mask).count_ones() as usize;
+                }
+            }
+            let lanes: &[u8] = bytemuck::cast_slice(std::slice::from_ref(&lanes));
+            count += lanes.iter().map(|&lane| usize::from(lane)).sum::<usize>();
+        }
+        count
+    }
 }
 
 /// A pass: how many samples are within a radius, of one whose X is `at`.
@@ -131,174 +281,6 @@ impl WithSimd for Within<'_> {
     }
 }
 
-/// Distances to look at together for so many samples.
-fn strides(samples: usize, density: f64) -> usize {
-    ((samples as f64 / density) as usize + 2).min(STRIDE)
-}
-
-/// The information of each arrangement of X; `arrangements` holds them one after the other, each of ranks from 0 below the number of
-/// samples.
-///
-/// # Errors
-/// If the control stops the run.
-pub(super) fn information(estimator: &Estimator<'_, i16>, arrangements: &[i16]) -> Result<Vec<f64>> {
-    let n = estimator.y[0].len();
-    let psi = digamma_table(n);
-    let arrange = |x| {
-        let mut sorted = Sorted::default();
-        sorted.sort(x);
-        Arrangement { x, sorted }
-    };
-    let arrangements: Vec<Arrangement<'_>> = arrangements.chunks_exact(n).map(arrange).collect();
-    let mut sums = vec![0.0; arrangements.len()];
-    let mut tile: Vec<Sample> = (0..TILE.min(n)).map(|_| Sample::new()).collect();
-    for first in (0..n).step_by(TILE) {
-        estimator.control.check()?;
-        let tile = &mut tile[..TILE.min(n - first)];
-        for (number, sample) in (first..).zip(tile.iter_mut()) {
-            sample.place(estimator, number);
-        }
-        for (arrangement, sum) in arrangements.iter().zip(&mut sums) {
-            for sample in &mut *tile {
-                let (radius, k_xz) = sample.radius(arrangement, estimator.k);
-                *sum += psi[k_xz] + psi[sample.by_yz.up_to(radius)] - psi[sample.by_z.up_to(radius)];
-            }
-        }
-    }
-    Ok(sums.iter().map(|sum| psi[estimator.k] - sum / n as f64).collect())
-}
-
-impl Sample {
-    fn new() -> Self {
-        Self {
-            number: 0,
-            in_z: Vec::new(),
-            in_yz: Vec::new(),
-            by_z: Sorted::default(),
-            by_yz: Sorted::default(),
-            guesses: [Guess::default(); GUESSES],
-        }
-    }
-
-    /// Becomes the sample with this number.
-    fn place(&mut self, estimator: &Estimator<'_, i16>, number: usize) {
-        let n = estimator.y[0].len();
-        self.number = number;
-        self.guesses = [Guess { radius: n / 2, density: 1.0 }; GUESSES];
-        self.in_z.clear();
-        self.in_z.resize(n, 0);
-        for row in estimator.z {
-            widen(&mut self.in_z, row[number], row);
-        }
-        self.in_yz.clone_from(&self.in_z);
-        for row in estimator.y {
-            widen(&mut self.in_yz, row[number], row);
-        }
-        self.by_z.count(&self.in_z);
-        self.by_yz.sort(&self.in_yz);
-    }
-
-    /// The largest distance below that of the `k`-th neighbour in (X, Y, Z), and how many samples are within it in (X, Z).
-    fn radius(&mut self, of: &Arrangement<'_>, k: usize) -> (usize, usize) {
-        let at = of.x[self.number];
-        let within = |others, radius: usize| {
-            Arch::new().dispatch(Within { radius: radius as i16, at, x: of.x, others })
-        };
-        let last = of.x.len() - 1;
-        let place = at as usize * GUESSES / of.x.len();
-        let guess = &mut self.guesses[place];
-        let mut r = guess.radius;
-        let mut count = within(&self.in_yz, r);
-        loop {
-            let steps = (k as f64 + 0.5 - count as f64) / guess.density;
-            if steps.abs() < FAR + of.x.len() as f64 / PASS {
-                break;
-            }
-            let next = (r as f64 + steps).clamp(0.0, last as f64) as usize;
-            let there = within(&self.in_yz, next);
-            let density = (there as f64 - count as f64) / (next as f64 - r as f64);
-            // Where the density misleads, the walk is sure to arrive.
-            let nearer = there.abs_diff(k) < count.abs_diff(k);
-            if next != r && density > 0.0 {
-                guess.density = density;
-            }
-            if !nearer {
-                break;
-            }
-            (r, count) = (next, there);
-        }
-        let density = guess.density;
-        // Within 0 there is only the sample itself, within the number of samples there are all.
-        let r = if count > k {
-            self.walk_down(of, r, count, k, density)
-        } else {
-            self.walk_up(of, r, count, k, density)
-        };
-        self.guesses[place].radius = r;
-        let in_xz = if self.by_z.up_to(0) == of.x.len() { of.between(at, r) } else { within(&self.in_z, r) };
-        (r, in_xz)
-    }
-
-    /// The radius, from a larger one that has `count` samples, and `density` about it.
-    fn walk_down(
-        &self,
-        of: &Arrangement<'_>,
-        mut r: usize,
-        mut count: usize,
-        k: usize,
-        density: f64,
-    ) -> usize {
-        loop {
-            let steps = strides(count - k, density).min(r);
-            for found in self.at_distances(of, r + 1 - steps, steps)[..steps].iter().rev() {
-                count -= found;
-                r -= 1;
-                if count <= k {
-                    return r;
-                }
-            }
-        }
-    }
-
-    /// The same from one that is not larger.
-    fn walk_up(&self, of: &Arrangement<'_>, mut r: usize, mut count: usize, k: usize, density: f64) -> usize {
-        loop {
-            let steps = strides(k + 1 - count, density).min(of.x.len() - 1 - r);
-            for found in &self.at_distances(of, r + 1, steps)[..steps] {
-                count += found;
-                if count > k {
-                    return r;
-                }
-                r += 1;
-            }
-        }
-    }
-
-    /// How many samples are at each of some distances, from `first` on, which is at least 1.
-    #[inline]
-    fn at_distances(&self, of: &Arrangement<'_>, first: usize, steps: usize) -> [usize; STRIDE] {
-        let (n, at) = (of.x.len(), of.x[self.number] as usize);
-        let mut counts = [0; STRIDE];
-        // The farthest of their coordinates is X ...
-        let above = of.sorted.between((at + first).min(n), (at + first + steps).min(n));
-        let below = of.sorted.between((at + 1).saturating_sub(first + steps), (at + 1).saturating_sub(first));
-        for side in [above, below] {
-            for &j in side {
-                let apart = usize::from(of.x[usize::from(j)].abs_diff(at as i16));
-                let in_others = self.in_yz[usize::from(j)] as usize;
-                counts[(apart - first) % STRIDE] += usize::from(in_others <= apart);
-            }
-        }
-        // ... or it is not.
-        for &j in self.by_yz.between(first, first + steps) {
-            let apart = self.in_yz[usize::from(j)] as usize;
-            let in_x = usize::from(of.x[usize::from(j)].abs_diff(at as i16));
-            counts[(apart - first) % STRIDE] += usize::from(in_x < apart);
-        }
-        counts
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use proptest::prelude::*;
@@ -309,17 +291,19 @@ mod tests {
         numeric::{random::Rng, rows::random_ranks},
     };
 
-    #[test]
-    fn a_counting_sort_lists_each_sample_once() {
-        let mut sorted = Sorted::default();
-        sorted.sort(&[3, 0, 3, 1]);
-        let between = |low, high| sorted.between(low, high).to_vec();
-        assert_eq!([between(0, 2), between(2, 3), between(3, 4)], [vec![1, 3], vec![], vec![0, 2]]);
-        assert_eq!((0..4).map(|v| sorted.up_to(v)).collect::<Vec<_>>(), [1, 2, 2, 4]);
+    fn ranked(row: &[f64]) -> Vec<i16> {
+        random_ranks(row, &mut Rng::new(1)).iter().map(|&rank| rank as i16).collect()
+    }
+
+    /// By passes and by bisection: byte for byte.
+    fn both(k: usize, rows: &[Vec<i16>], arrangements: &[i16]) -> (Vec<f64>, Vec<f64>) {
+        let control = Control::default();
+        let estimator = Estimator { k, y: &[&rows[0]], z: &rows[1..], control: &control };
+        (information(&estimator, arrangements).unwrap(), estimator.information(&[arrangements]).unwrap())
     }
 
     proptest! {
-        /// Byte for byte, with repeated values in the arrangements as local permutations leave them.
+        /// With repeated values in the arrangements as local permutations leave them.
         #[test]
         fn it_is_the_information_that_bisection_finds(
             values in prop::collection::vec(-1e3..1e3_f64, 60 * 4),
@@ -327,13 +311,25 @@ mod tests {
             dimensions in 0..3_usize,
             k in 1..59_usize,
         ) {
-            let rank = |row: &[f64]| random_ranks(row, &mut Rng::new(1)).iter().map(|&r| r as i16).collect();
-            let rows: Vec<Vec<i16>> = values.chunks(60).map(rank).collect();
-            let arrangements = [&rows[0][..], &drawn].concat();
-            let control = Control::default();
-            let estimator = Estimator { k, y: &[&rows[1][..]], z: &rows[2..2 + dimensions], control: &control };
-            let expected = estimator.information(&[&arrangements]).unwrap();
-            prop_assert_eq!(information(&estimator, &arrangements).unwrap(), expected);
+            let rows: Vec<Vec<i16>> = values.chunks(60).map(ranked).collect();
+            let (found, expected) = both(k, &rows[1..2 + dimensions], &[&rows[0][..], &drawn].concat());
+            prop_assert_eq!(found, expected);
+        }
+    }
+
+    #[test]
+    fn a_radius_far_from_the_guess_is_found_too() {
+        let n = 900;
+        let mut rng = Rng::new(7);
+        let mut row = || ranked(&(0..n).map(|_| rng.unit()).collect::<Vec<_>>());
+        let rows = [row(), row(), row()];
+        // A random one and one in order in turn: what one tells is wrong for the next.
+        let arrangements = [row(), rows[0].clone(), row(), rows[0].clone()].concat();
+        for k in [1, 90, 500, n - 1] {
+            for rows in [&rows[..1], &rows[..]] {
+                let (found, expected) = both(k, rows, &arrangements);
+                assert_eq!(found, expected, "k = {k}, {} dimensions", rows.len());
+            }
         }
     }
 
