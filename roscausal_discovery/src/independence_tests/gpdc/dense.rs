@@ -1,21 +1,21 @@
 //! The marginal likelihood by the whole kernel matrix: exact but for rounding, `n^3` operations, two matrices of `n^2`
 //! numbers in single or double precision.
 
-use std::marker::PhantomData;
+use std::{marker::PhantomData, ops::Range};
 
 use faer::{
     Accum, MatMut, MatRef, Par,
-    dyn_stack::{MemBuffer, MemStack},
     linalg::{
-        cholesky::llt,
-        matmul, triangular_inverse,
+        matmul,
         triangular_solve::{solve_lower_triangular_in_place, solve_upper_triangular_in_place},
     },
     prelude::ReborrowMut,
 };
 
 use super::{
+    blocks::{SHARED, factorise, invert},
     buffer::Buffer,
+    cores::Cores,
     factorisation::{Factorisation, Solution, Traces},
     kernel::Inputs,
     real::{Real, lower_times},
@@ -46,22 +46,15 @@ impl<T: Real> Dense<T> {
     }
 
     /// The factorisation at `theta`, for a search with its gradient; `None` where `A` is not positive definite in this
-    /// precision.
-    pub(super) fn new(inputs: &Inputs, theta: Theta, for_search: bool) -> Option<Self> {
+    /// precision. An idle one of the `cores` takes half of it, from [`SHARED`] samples on.
+    pub(super) fn new(inputs: &Inputs, theta: Theta, for_search: bool, cores: &Cores) -> Option<Self> {
         let n = inputs.len();
         let (mut factor, mut parts) =
             (Buffer::of::<T>(n * n), Buffer::of::<T>(if for_search { n * n } else { 0 }));
-        fill::<T>(inputs, theta, factor.numbers_mut(n * n), for_search.then(|| parts.numbers_mut(n * n)));
+        let derivatives = for_search.then(|| parts.numbers_mut(n * n));
+        fill::<T>(inputs, theta, factor.numbers_mut(n * n), derivatives, cores);
         let matrix = factor.numbers_mut::<T>(n * n);
-        let scratch = llt::factor::cholesky_in_place_scratch::<T>(n, Par::Seq, Default::default());
-        llt::factor::cholesky_in_place(
-            MatMut::from_column_major_slice_mut(matrix, n, n),
-            Default::default(),
-            Par::Seq,
-            MemStack::new(&mut MemBuffer::new(scratch)),
-            Default::default(),
-        )
-        .ok()?;
+        factorise(MatMut::from_column_major_slice_mut(matrix, n, n), cores)?;
         let log_determinant = 2.0 * matrix.iter().step_by(n + 1).map(|d| d.double().ln()).sum::<f64>();
         if !for_search {
             let traces = Traces::default();
@@ -75,13 +68,13 @@ impl<T: Real> Dense<T> {
             });
         }
         let inverse = parts.numbers_mut::<T>(n * n);
-        triangular_inverse::invert_lower_triangular(
+        invert(
             MatMut::from_column_major_slice_mut(inverse, n, n),
             MatRef::from_column_major_slice(matrix, n, n),
-            Par::Seq,
+            cores,
         );
         let square = |(j, column): (usize, &[T])| T::dot(&column[j..], &column[j..]);
-        let (derivative, squared) = traces_of_products(inverse, n);
+        let (derivative, squared) = traces_of_products(inverse, n, cores);
         let traces =
             Traces { inverse: inverse.chunks_exact(n).enumerate().map(square).sum(), squared, derivative };
         Some(Self { n, parts, inverted: true, log_determinant, traces, precision: PhantomData })
@@ -132,36 +125,69 @@ impl<T: Real> Factorisation for Dense<T> {
 }
 
 /// Writes `A` on and below the diagonal of `factor`, and `dK / d ln l` above the diagonal of `parts`.
-fn fill<T: Real>(inputs: &Inputs, theta: Theta, factor: &mut [T], mut parts: Option<&mut [T]>) {
+fn fill<T: Real>(inputs: &Inputs, theta: Theta, factor: &mut [T], parts: Option<&mut [T]>, cores: &Cores) {
     let n = inputs.len();
+    // Half of the triangle is in these columns.
+    let half = if n < SHARED { n } else { (n as f64 * (1.0 - 0.5_f64.sqrt())) as usize };
+    let (left, right) = factor.split_at_mut(half * n);
+    let rows = parts.map(|parts| parts.chunks_exact_mut(n).map(|column| column.split_at_mut(half)).unzip());
+    let (upper, lower): (Option<Vec<_>>, Option<Vec<_>>) = rows.unzip();
+    cores.both(
+        || fill_columns(inputs, theta, 0, left, upper),
+        || fill_columns(inputs, theta, half, right, lower),
+    );
+}
+
+/// The columns of `A` from `start` on that `columns` has room for, and those rows of `dK / d ln l`, of which `rows` has each column.
+fn fill_columns<T: Real>(
+    inputs: &Inputs,
+    theta: Theta,
+    start: usize,
+    columns: &mut [T],
+    mut rows: Option<Vec<&mut [T]>>,
+) {
+    let n = inputs.len();
+    let end = start + columns.len() / n;
     let mut derivatives = vec![T::zeroed(); LINE * n];
-    for first in (0..n).step_by(LINE) {
+    for first in (start..end).step_by(LINE) {
         let height = n - first;
-        let lines = LINE.min(height);
+        let lines = LINE.min(end - first);
         for (k, derivative) in derivatives.chunks_exact_mut(n).take(lines).enumerate() {
             let j = first + k;
-            let derivative = if parts.is_some() { &mut derivative[..height] } else { &mut [] };
-            let kernel = &mut factor[j * n + first..(j + 1) * n];
+            let derivative = if rows.is_some() { &mut derivative[..height] } else { &mut [] };
+            let kernel = &mut columns[(j - start) * n + first..(j - start + 1) * n];
             T::column(inputs, theta.l, j, first, kernel, derivative);
             kernel[k] = T::from_double(1.0 + theta.s);
         }
-        let Some(parts) = parts.as_deref_mut() else { continue };
+        let Some(rows) = rows.as_deref_mut() else { continue };
         for i in first + 1..n {
-            let line = &mut parts[i * n + first..][..lines.min(i - first)];
+            let line = &mut rows[i][first - start..][..lines.min(i - first)];
             line.iter_mut().enumerate().for_each(|(k, value)| *value = derivatives[k * n + i - first]);
         }
     }
 }
 
 /// `tr(A^-1 D)` and `tr(A^-2)`, where `A^-1 = L^-T L^-1`, from the lower triangle `L^-1` and the symmetric `D` above the
-/// diagonal of `parts`, block by block.
-fn traces_of_products<T: Real>(parts: &[T], n: usize) -> (f64, f64) {
+/// diagonal of `parts`.
+fn traces_of_products<T: Real>(parts: &[T], n: usize, cores: &Cores) -> (f64, f64) {
+    if n < SHARED {
+        return traces_of_rows(parts, n, 0..n);
+    }
+    // The upper rows are short and have much below them, the lower ones the other way round: as much in sum.
+    let half = n / 2 / BLOCK * BLOCK;
+    let (mut upper, mut lower) = ((0.0, 0.0), (0.0, 0.0));
+    cores.both(|| upper = traces_of_rows(parts, n, 0..half), || lower = traces_of_rows(parts, n, half..n));
+    (upper.0 + lower.0, upper.1 + lower.1)
+}
+
+/// What these rows of `A^-1` add to the traces, block by block; they begin with a whole block.
+fn traces_of_rows<T: Real>(parts: &[T], n: usize, rows: Range<usize>) -> (f64, f64) {
     let inverse = MatRef::from_column_major_slice(parts, n, n);
     let (mut product, mut diagonal) = (vec![T::zeroed(); BLOCK * BLOCK], vec![T::zeroed(); BLOCK * BLOCK]);
     let one = T::from_double(1.0);
     let (mut trace, mut squared) = (0.0, 0.0);
-    for row in (0..n).step_by(BLOCK) {
-        let height = BLOCK.min(n - row);
+    for row in rows.clone().step_by(BLOCK) {
+        let height = BLOCK.min(rows.end - row);
         let below = inverse.subrows(row + height, n - row - height);
         // The block of L^-1 on the diagonal, without the part of D above it.
         for (k, column) in diagonal.chunks_exact_mut(height).take(height).enumerate() {
@@ -189,4 +215,47 @@ fn traces_of_products<T: Real>(parts: &[T], n: usize) -> (f64, f64) {
         }
     }
     (2.0 * trace, squared)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{super::cores::ONE, *};
+
+    const N: usize = 650;
+    const THETA: Theta = Theta { l: 0.3, s: 0.2 };
+
+    fn inputs() -> Inputs {
+        let noise = |i: usize| ((12.9898 * i as f64).sin() * 43_758.545_3).rem_euclid(1.0) * 4.0 - 2.0;
+        Inputs::new(&[0, 1].map(|k| (0..N).map(|i| noise(2 * i + k)).collect::<Vec<_>>()))
+    }
+
+    #[test]
+    fn an_idle_core_changes_no_byte() {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(2).build().unwrap();
+        let y: Vec<f64> = (0..N).map(|i| (0.1 * i as f64).sin()).collect();
+        let numbers = |cores: &Cores| {
+            let at = Dense::<f64>::new(&inputs(), THETA, true, cores).unwrap();
+            let (Traces { inverse, squared, derivative }, solution) = (at.traces(), at.solve(&y));
+            let found = vec![at.log_determinant(), inverse, squared, derivative, solution.derivative];
+            [found, solution.alpha].concat().into_iter().map(f64::to_bits).collect::<Vec<_>>()
+        };
+        assert_eq!(pool.install(|| numbers(&Cores::of_pool())), numbers(&ONE));
+    }
+
+    #[test]
+    fn traces_of_halves_are_derivatives_of_the_determinant() {
+        let at = |theta| Dense::<f64>::new(&inputs(), theta, true, &ONE).unwrap();
+        let step = 1e-4;
+        let longer = |by: f64| at(Theta { l: THETA.l * by.exp(), ..THETA });
+        let noisier = |by: f64| at(Theta { s: THETA.s + by, ..THETA });
+        let difference = |above: f64, below: f64| (above - below) / (2.0 * step);
+        let Traces { inverse, squared, derivative } = at(THETA).traces();
+        let by_l = difference(longer(step).log_determinant, longer(-step).log_determinant);
+        assert!((by_l / derivative - 1.0).abs() < 1e-5, "{by_l} {derivative}");
+        let (above, below) = (noisier(step), noisier(-step));
+        let by_s = difference(above.log_determinant, below.log_determinant);
+        assert!((by_s / inverse - 1.0).abs() < 1e-5, "{by_s} {inverse}");
+        let twice = difference(above.traces.inverse, below.traces.inverse);
+        assert!((-twice / squared - 1.0).abs() < 1e-5, "{twice} {squared}");
+    }
 }

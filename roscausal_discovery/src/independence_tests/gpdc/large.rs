@@ -18,10 +18,10 @@ use super::{
     kernel::Inputs,
     likelihood::{Likelihood, Value},
     low_rank::LowRank,
-    memory::{Held, Memory},
     plan::{Forecast, ROUNDING, max_rank},
     preconditioner::Preconditioner,
     refine,
+    resources::{Held, Resources},
     theta::{BOUNDS, Theta},
 };
 use crate::ground::Result;
@@ -64,11 +64,16 @@ pub(super) struct Maximum {
 pub(super) type Hessian = [[f64; 2]; 2];
 
 /// The second derivatives on few samples; `None` where there is no likelihood.
-pub(super) fn curvatures(inputs: &Inputs, y: &[f64], at: Theta, memory: &Arc<Memory>) -> Option<Hessian> {
+pub(super) fn curvatures(
+    inputs: &Inputs,
+    y: &[f64],
+    at: Theta,
+    resources: &Arc<Resources>,
+) -> Option<Hessian> {
     let mut forecast = Forecast::new(y.len());
     let mut look = |by: f64| {
         let theta = Theta { l: at.l * by.exp(), s: at.s };
-        Some(Likelihood::for_search(inputs, theta, CURVATURE_ERROR, &mut forecast, memory)?.evaluate(y))
+        Some(Likelihood::for_search(inputs, theta, CURVATURE_ERROR, &mut forecast, resources)?.evaluate(y))
     };
     let (below, above) = (look(-APART)?, look(APART)?);
     let change = |i: usize| (above.gradient[i] - below.gradient[i]) / (2.0 * APART);
@@ -86,7 +91,7 @@ pub(super) fn climb(
     y: &[f64],
     start: Theta,
     mut hessian: Hessian,
-    memory: &Arc<Memory>,
+    resources: &Arc<Resources>,
     check: &dyn Fn() -> Result<()>,
 ) -> Result<Option<Maximum>> {
     let mut forecast = Forecast::new(y.len());
@@ -97,7 +102,7 @@ pub(super) fn climb(
         check()?;
         let error = (2.0 * LEFT * least_curvature(&hessian).max(FLAT)).sqrt();
         let theta = Theta::from_logarithms(x);
-        let at = Likelihood::for_search(inputs, theta, error, &mut forecast, memory);
+        let at = Likelihood::for_search(inputs, theta, error, &mut forecast, resources);
         let value = at.map(|at| {
             let value = at.evaluate(y);
             at.plan().inspect(|plan| forecast.learn(y.len(), theta.s, *plan, value.truncation));
@@ -177,11 +182,11 @@ pub(super) fn solve(
     theta: Theta,
     y: &[f64],
     pivots: &[u32],
-    memory: &Arc<Memory>,
+    resources: &Arc<Resources>,
 ) -> Option<Vec<f64>> {
     let n = y.len();
     let most = max_rank(n);
-    let _held: Held = memory.hold(Incomplete::<f64>::bytes(n, most));
+    let _held: Held = resources.hold(Incomplete::<f64>::bytes(n, most));
     let tolerance = (FRACTION * theta.s.min(1.0)).max(ROUNDING);
     let mut factor = Incomplete::<f64>::new(n, most, pivots);
     if factor.extend(inputs, theta.l, tolerance, most).is_some() {
@@ -240,9 +245,9 @@ mod tests {
     fn the_maximum_and_the_residuals_are_those_of_the_whole_matrix() {
         for conditions in 1..3 {
             let (rows, y) = samples(conditions, 7);
-            let (inputs, memory) = (Inputs::new(&rows), Memory::new(usize::MAX));
-            let fit = GaussianProcess::new(&rows, &memory).fit(&y, &SETTINGS, &|| Ok(())).unwrap();
-            let at = |theta| Likelihood::whole(&inputs, theta, true, &memory).unwrap();
+            let (inputs, resources) = (Inputs::new(&rows), Resources::new(usize::MAX));
+            let fit = GaussianProcess::new(&rows, &resources).fit(&y, &SETTINGS, &|| Ok(())).unwrap();
+            let at = |theta| Likelihood::whole(&inputs, theta, true, &resources).unwrap();
             let (whole, beside) = (at(fit.theta), at(Theta { l: fit.theta.l * APART.exp(), s: fit.theta.s }));
             let (exact, beside) = (whole.evaluate(&y), beside.evaluate(&y));
             let change = |i: usize| (beside.gradient[i] - exact.gradient[i]) / APART;
@@ -260,9 +265,9 @@ mod tests {
         let (rows, _) = samples(5, 8);
         // It depends on all conditions together, over short distances.
         let y: Vec<f64> = (0..N).map(|i| rows.iter().map(|row| 1.5 * row[i]).sum::<f64>().sin()).collect();
-        let (y, memory) = (standardized(&y), Memory::new(usize::MAX));
-        let fit = GaussianProcess::new(&rows, &memory).fit(&y, &SETTINGS, &|| Ok(())).unwrap();
-        let whole = Likelihood::whole(&Inputs::new(&rows), fit.theta, false, &memory).unwrap();
+        let (y, resources) = (standardized(&y), Resources::new(usize::MAX));
+        let fit = GaussianProcess::new(&rows, &resources).fit(&y, &SETTINGS, &|| Ok(())).unwrap();
+        let whole = Likelihood::whole(&Inputs::new(&rows), fit.theta, false, &resources).unwrap();
         let off = off(&whole, &y, &fit);
         assert!(fit.by_few && off < 1e-4, "{off:e}");
     }

@@ -8,9 +8,9 @@ use super::{
     incomplete::Incomplete,
     kernel::{Inputs, dot},
     low_rank::LowRank,
-    memory::{Held, LARGE, Memory},
     plan::{Forecast, Plan, Precision, max_rank, single_error},
     real::Real,
+    resources::{Held, LARGE, Resources},
     theta::Theta,
 };
 
@@ -72,12 +72,12 @@ impl Likelihood {
         theta: Theta,
         error: f64,
         forecast: &mut Forecast,
-        memory: &Arc<Memory>,
+        resources: &Arc<Resources>,
     ) -> Option<Self> {
         let n = inputs.len();
         let plan = forecast.plan(inputs, theta, error);
         if !forecast.expects_too_high_rank(inputs, theta.l, plan.tolerance) {
-            let held = hold(memory, n, LowRank::<f64>::bytes(n, max_rank(n)));
+            let held = hold(resources, n, LowRank::<f64>::bytes(n, max_rank(n)));
             if let Some(form) = Form::of_low_rank(inputs, theta, plan, forecast, None) {
                 return Some(Self { theta, form, plan: Some(plan), _held: held });
             }
@@ -86,12 +86,12 @@ impl Likelihood {
             return None;
         }
         if single_error(n, theta) <= error {
-            let held = hold(memory, n, Dense::<f32>::bytes(n));
-            if let Some(at) = Dense::new(inputs, theta, true) {
+            let held = hold(resources, n, Dense::<f32>::bytes(n));
+            if let Some(at) = Dense::new(inputs, theta, true, resources.cores(n)) {
                 return Some(Self { theta, form: Form::DenseSingle(at), plan: None, _held: held });
             }
         }
-        Self::whole(inputs, theta, true, memory)
+        Self::whole(inputs, theta, true, resources)
     }
 
     /// One for residuals: its value and [`Likelihood::alpha`] only, exact.
@@ -99,16 +99,16 @@ impl Likelihood {
         inputs: &Inputs,
         theta: Theta,
         forecast: &mut Forecast,
-        memory: &Arc<Memory>,
+        resources: &Arc<Resources>,
     ) -> Option<Self> {
         let (n, plan) = (inputs.len(), Plan::for_residuals(theta));
         if !forecast.expects_too_high_rank(inputs, theta.l, plan.tolerance) {
-            let held = hold(memory, n, LowRank::<f64>::bytes(n, max_rank(n)));
+            let held = hold(resources, n, LowRank::<f64>::bytes(n, max_rank(n)));
             if let Some(form) = Form::of_low_rank(inputs, theta, plan, forecast, None) {
                 return Some(Self { theta, form, plan: Some(plan), _held: held });
             }
         }
-        Self::whole(inputs, theta, false, memory)
+        Self::whole(inputs, theta, false, resources)
     }
 
     /// By the whole matrix in double precision.
@@ -116,10 +116,11 @@ impl Likelihood {
         inputs: &Inputs,
         theta: Theta,
         for_search: bool,
-        memory: &Arc<Memory>,
+        resources: &Arc<Resources>,
     ) -> Option<Self> {
-        let held = hold(memory, inputs.len(), Dense::<f64>::bytes(inputs.len()));
-        let at = Dense::new(inputs, theta, for_search)?;
+        let n = inputs.len();
+        let held = hold(resources, n, Dense::<f64>::bytes(n));
+        let at = Dense::new(inputs, theta, for_search, resources.cores(n))?;
         Some(Self { theta, form: Form::Dense(at), plan: None, _held: held })
     }
 
@@ -129,7 +130,7 @@ impl Likelihood {
         inputs: &Inputs,
         error: f64,
         forecast: &mut Forecast,
-        memory: &Arc<Memory>,
+        resources: &Arc<Resources>,
     ) -> Option<Self> {
         let plan = forecast.plan(inputs, self.theta, error);
         let Self { theta, form, plan: before, _held } = self;
@@ -147,7 +148,7 @@ impl Likelihood {
             return Some(Self { theta, form, plan: Some(plan), _held });
         }
         drop(_held);
-        Self::for_search(inputs, theta, error, forecast, memory)
+        Self::for_search(inputs, theta, error, forecast, resources)
     }
 
     #[cfg(test)]
@@ -247,6 +248,6 @@ fn low_rank<T: Real>(
 }
 
 /// Memory for a large matrix; small ones are not counted.
-fn hold(memory: &Arc<Memory>, n: usize, bytes: usize) -> Option<Held> {
-    (n > LARGE).then(|| memory.hold(bytes))
+fn hold(resources: &Arc<Resources>, n: usize, bytes: usize) -> Option<Held> {
+    (n > LARGE).then(|| resources.hold(bytes))
 }

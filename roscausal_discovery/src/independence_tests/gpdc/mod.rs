@@ -1,7 +1,9 @@
 //! GPDC: distance correlation of the residuals of Gaussian process regressions (Runge et al. 2019, supplement S3):
 //! a test for nonlinear dependence with additive noise.
 
+mod blocks;
 mod buffer;
+mod cores;
 mod dense;
 mod distance_correlation;
 mod factorisation;
@@ -14,7 +16,6 @@ mod limit_law;
 mod line_search;
 mod local_model;
 mod low_rank;
-mod memory;
 mod null_table;
 mod permutation;
 mod plan;
@@ -24,6 +25,7 @@ mod real;
 mod refine;
 mod regression;
 mod residuals;
+mod resources;
 mod search;
 mod theta;
 
@@ -41,11 +43,11 @@ use crate::{
     },
 };
 use distance_correlation::of_ranks;
-use memory::{LARGE, Memory};
 use null_table::NullTable;
 pub use process::{GpOptimum, GpRegression};
 use regression::{GaussianProcess, SearchSettings};
 use residuals::{ResidualCache, Residuals};
+use resources::{LARGE, Resources};
 
 /// Distance correlation of the ranks of two series, in `[0, 1]`, and its p-value if both are series of independent samples: the
 /// fraction of 500 pairs of uniform series above it, or above 2000 samples that of all pairs by the limit law. 0 and 1 where one is constant.
@@ -102,11 +104,11 @@ pub(crate) fn gp_residuals(
     if conditions.is_empty() {
         return Ok(target.to_vec());
     }
-    let memory = Gpdc { settings: settings.clone() }.memory(target.len())?;
+    let resources = Gpdc { settings: settings.clone() }.resources(target.len())?;
     let rows: Vec<Vec<f64>> = conditions.iter().map(|row| standardized(row)).collect();
     let how =
         SearchSettings { search: settings.gp_search, restarts: settings.gp_restarts, seed: settings.seed };
-    let process = GaussianProcess::new(&rows, &memory);
+    let process = GaussianProcess::new(&rows, &resources);
     Ok(Residuals::new(target, Some(&process), &how, true, check)?.values)
 }
 
@@ -175,8 +177,8 @@ impl Gpdc {
         self.settings.sig_samples.unwrap_or(DEFAULT_TABLE)
     }
 
-    /// The memory for large matrices; refuses what would not fit.
-    fn memory(&self, n: usize) -> Result<Arc<Memory>> {
+    /// What the tests share; refuses what would not fit into memory.
+    fn resources(&self, n: usize) -> Result<Arc<Resources>> {
         let threads = rayon::current_num_threads();
         let needed = GaussianProcess::bytes(n, threads, self.settings.gp_search);
         match self.settings.max_memory {
@@ -189,7 +191,7 @@ impl Gpdc {
                     allowed >> 20
                 ),
             )),
-            allowed => Ok(Memory::new(allowed.unwrap_or(DEFAULT_MEMORY))),
+            allowed => Ok(Resources::new(allowed.unwrap_or(DEFAULT_MEMORY))),
         }
     }
 }
@@ -209,8 +211,8 @@ impl CondIndTest for Gpdc {
         if n < FEWEST_SAMPLES {
             return Err(too_few(n));
         }
-        let memory = self.memory(n)?;
-        Ok(Box::new(PreparedGpdc { test: self, samples, memory, residuals: ResidualCache::default() }))
+        let resources = self.resources(n)?;
+        Ok(Box::new(PreparedGpdc { test: self, samples, resources, residuals: ResidualCache::default() }))
     }
 
     fn decides_by_value(&self) -> bool {
@@ -222,7 +224,7 @@ impl CondIndTest for Gpdc {
 struct PreparedGpdc<'a> {
     test: &'a Gpdc,
     samples: &'a Samples<'a>,
-    memory: Arc<Memory>,
+    resources: Arc<Resources>,
     residuals: ResidualCache,
 }
 
@@ -371,7 +373,7 @@ impl PreparedGpdc<'_> {
     fn regression(&self, conditions: &[Vec<f64>]) -> Option<GaussianProcess> {
         let rows: Vec<Vec<f64>> =
             conditions.iter().filter(|row| !is_constant(row)).map(|row| standardized(row)).collect();
-        (!rows.is_empty()).then(|| GaussianProcess::new(&rows, &self.memory))
+        (!rows.is_empty()).then(|| GaussianProcess::new(&rows, &self.resources))
     }
 }
 

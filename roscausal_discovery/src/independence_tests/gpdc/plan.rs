@@ -1,6 +1,6 @@
 //! How exact a likelihood is to be, and by which form: the plan of one evaluation.
 
-use super::{kernel::Inputs, memory::LARGE, theta::Theta};
+use super::{kernel::Inputs, resources::LARGE, theta::Theta};
 
 /// Fractions of the noise variance that the truncation may leave on the diagonal of the kernel matrix: tightest, loosest.
 const FRACTIONS: [f64; 2] = [1e-13, 1e-2];

@@ -12,8 +12,8 @@ use faer::{
 use super::{
     DEFAULT_MEMORY, FEWEST_SAMPLES,
     kernel::Inputs,
-    memory::Memory,
     regression::{GaussianProcess, SearchSettings},
+    resources::Resources,
     theta::Theta,
     too_few,
 };
@@ -54,7 +54,7 @@ impl GpOptimum {
         check(target, conditions)?;
         let rows: Vec<Vec<f64>> = conditions.iter().map(|row| standardized(row)).collect();
         let process =
-            GaussianProcess::new(&rows, &Memory::new(settings.max_memory.unwrap_or(DEFAULT_MEMORY)));
+            GaussianProcess::new(&rows, &Resources::new(settings.max_memory.unwrap_or(DEFAULT_MEMORY)));
         let TestSettings { gp_search, gp_restarts, seed, .. } = *settings;
         let how = SearchSettings { search: gp_search, restarts: gp_restarts, seed };
         let target = standardized(target);

@@ -12,9 +12,9 @@ use super::{
     likelihood::{Likelihood, Value},
     local_model::Seen,
     low_rank::LowRank,
-    memory::{LARGE, Memory},
     plan::{Forecast, ROUNDING, max_rank},
     refine,
+    resources::{LARGE, Resources},
     search::{Accuracy, Found, search, textbook},
     theta::Theta,
 };
@@ -63,7 +63,7 @@ pub(super) struct GaussianProcess {
     starts: [OnceLock<Option<Likelihood>>; 2],
     /// The regression on some of many samples.
     few: OnceLock<Box<Self>>,
-    memory: Arc<Memory>,
+    resources: Arc<Resources>,
 }
 
 /// A fit at the optimum.
@@ -91,12 +91,12 @@ struct State {
 
 impl GaussianProcess {
     /// A regression on `conditions`: one row of samples per dimension, standardised.
-    pub(super) fn new(conditions: &[Vec<f64>], memory: &Arc<Memory>) -> Self {
-        Self::of(Inputs::new(conditions), memory)
+    pub(super) fn new(conditions: &[Vec<f64>], resources: &Arc<Resources>) -> Self {
+        Self::of(Inputs::new(conditions), resources)
     }
 
-    fn of(inputs: Inputs, memory: &Arc<Memory>) -> Self {
-        Self { inputs, starts: Default::default(), few: OnceLock::new(), memory: memory.clone() }
+    fn of(inputs: Inputs, resources: &Arc<Resources>) -> Self {
+        Self { inputs, starts: Default::default(), few: OnceLock::new(), resources: resources.clone() }
     }
 
     /// Bytes that fits on `n` samples need at the least, on any number of `threads`.
@@ -124,6 +124,7 @@ impl GaussianProcess {
         how: &SearchSettings,
         check: &dyn Fn() -> Result<()>,
     ) -> Result<Fit> {
+        let _work = self.resources.work();
         if target.len() > LARGE && how.search == GpSearch::Default {
             return self.fit_many(target, how, check);
         }
@@ -143,14 +144,14 @@ impl GaussianProcess {
     fn fit_many(&self, target: &[f64], how: &SearchSettings, check: &dyn Fn() -> Result<()>) -> Result<Fit> {
         let n = target.len();
         let chosen = large::few_of(n);
-        let few = self.few.get_or_init(|| Box::new(Self::of(self.inputs.chosen(&chosen), &self.memory)));
+        let few = self.few.get_or_init(|| Box::new(Self::of(self.inputs.chosen(&chosen), &self.resources)));
         let few_targets: Vec<f64> = chosen.iter().map(|&i| target[i]).collect();
         let (Found { optimum, repeated }, _) = few.best_optimum(&few_targets, how, check)?;
         let share = n as f64 / chosen.len() as f64;
         let climb = |start: Theta| {
-            let few = large::curvatures(&few.inputs, &few_targets, start, &self.memory);
+            let few = large::curvatures(&few.inputs, &few_targets, start, &self.resources);
             let hessian = few.unwrap_or([[1.0, 0.0], [0.0, 1.0]]).map(|row| row.map(|of_few| share * of_few));
-            large::climb(&self.inputs, target, start, hessian, &self.memory, check)
+            large::climb(&self.inputs, target, start, hessian, &self.resources, check)
         };
         let start = Theta::from_logarithms(optimum.x);
         let mut found = climb(start)?;
@@ -170,7 +171,7 @@ impl GaussianProcess {
             pivots: Vec::new(),
         });
         check()?;
-        let alpha = large::solve(&self.inputs, at.theta, target, &at.pivots, &self.memory)
+        let alpha = large::solve(&self.inputs, at.theta, target, &at.pivots, &self.resources)
             .ok_or_else(no_covariance)?;
         let residuals = residuals(at.theta, alpha);
         Ok(Fit { theta: at.theta, log_likelihood: at.log_likelihood, repeated, by_few, residuals })
@@ -213,7 +214,7 @@ impl GaussianProcess {
     fn exact(&self, target: &[f64], start: Theta, check: &dyn Fn() -> Result<()>) -> Result<Point<2>> {
         textbook(start.logarithms(), |x| {
             check()?;
-            let at = Likelihood::whole(&self.inputs, Theta::from_logarithms(x), true, &self.memory);
+            let at = Likelihood::whole(&self.inputs, Theta::from_logarithms(x), true, &self.resources);
             let Value { value, gradient, .. } = at.map_or(Value::NONE, |at| at.evaluate(target));
             Ok((value, gradient))
         })
@@ -221,7 +222,7 @@ impl GaussianProcess {
 
     /// The log marginal likelihood at `theta`, exact; minus infinity where there is none.
     pub(super) fn log_likelihood(&self, target: &[f64], theta: Theta) -> f64 {
-        let at = Likelihood::whole(&self.inputs, theta, true, &self.memory);
+        let at = Likelihood::whole(&self.inputs, theta, true, &self.resources);
         -at.map_or(Value::NONE, |at| at.evaluate(target)).value
     }
 
@@ -241,7 +242,7 @@ impl GaussianProcess {
         let mut forecast = Forecast::new(target.len());
         let mut look = |theta: Theta| {
             check()?;
-            let at = Likelihood::for_search(&self.inputs, theta, PROBE_ERROR, &mut forecast, &self.memory);
+            let at = Likelihood::for_search(&self.inputs, theta, PROBE_ERROR, &mut forecast, &self.resources);
             Ok::<_, Error>(at.map_or(Value::NONE, |at| at.evaluate(target)))
         };
         let mut best: Option<(Theta, f64)> = None;
@@ -286,7 +287,7 @@ impl GaussianProcess {
             }
         }
         drop(nearest);
-        let end = Likelihood::for_residuals(&self.inputs, theta, &mut state.forecast, &self.memory)?;
+        let end = Likelihood::for_residuals(&self.inputs, theta, &mut state.forecast, &self.resources)?;
         Some(end.alpha(y))
     }
 
@@ -298,13 +299,13 @@ impl GaussianProcess {
             return self.at_start(y, accuracy, state);
         }
         let expected = accuracy.expected.min(0.1 * n as f64);
-        let (inputs, forecast, memory) = (&self.inputs, &mut state.forecast, &self.memory);
-        let mut at = Likelihood::for_search(inputs, theta, accuracy.error(expected), forecast, memory)?;
+        let (inputs, forecast, resources) = (&self.inputs, &mut state.forecast, &self.resources);
+        let mut at = Likelihood::for_search(inputs, theta, accuracy.error(expected), forecast, resources)?;
         let mut value = at.evaluate(y);
         at.plan().inspect(|plan| forecast.learn(n, theta.s, *plan, value.truncation));
         let wanted = accuracy.error(value.steepness());
         if value.error() > TOO_LOOSE * wanted && !at.is_exact() {
-            at = at.tightened(inputs, wanted, forecast, memory)?;
+            at = at.tightened(inputs, wanted, forecast, resources)?;
             value = at.evaluate(y);
             at.plan().inspect(|plan| forecast.learn(n, theta.s, *plan, value.truncation));
         }
@@ -323,8 +324,17 @@ impl GaussianProcess {
             let error = error * n as f64;
             // Asked before: what is recorded is the same whoever made the shared start.
             let tolerance = fresh.plan(&self.inputs, theta, error).tolerance;
-            let make = || Likelihood::for_search(&self.inputs, theta, error, &mut fresh, &self.memory);
-            let start = start.get_or_init(make).as_ref()?;
+            let mut make = || Likelihood::for_search(&self.inputs, theta, error, &mut fresh, &self.resources);
+            // Made before it is kept, maybe twice at the same time: a lock held meanwhile could be asked for by a test that this thread
+            // is given while it waits for half a matrix.
+            let start = match start.get() {
+                Some(start) => start,
+                None => {
+                    let made = make();
+                    start.get_or_init(|| made)
+                }
+            }
+            .as_ref()?;
             let value = start.evaluate(y);
             let is_last = number + 1 == START_ERRORS.len();
             if !is_last && !start.is_exact() && value.error() > TOO_LOOSE * accuracy.error(value.steepness())
@@ -356,6 +366,7 @@ mod tests {
 
     use super::{
         super::{
+            cores::ONE,
             likelihood::Form,
             plan::{Derivative, Plan, Precision, ROUNDING, single_error},
             real::Real,
@@ -380,7 +391,7 @@ mod tests {
     }
 
     fn dense(inputs: &Inputs, theta: Theta, for_search: bool) -> Likelihood {
-        Likelihood::of(theta, Form::Dense(Dense::new(inputs, theta, for_search).unwrap()), None)
+        Likelihood::of(theta, Form::Dense(Dense::new(inputs, theta, for_search, &ONE).unwrap()), None)
     }
 
     fn low_rank(
@@ -454,7 +465,7 @@ mod tests {
             }
             // Single precision, where the search would use it.
             if single_error(n, theta).is_finite() {
-                let form = Form::DenseSingle(Dense::new(&inputs, theta, true).unwrap());
+                let form = Form::DenseSingle(Dense::new(&inputs, theta, true, &ONE).unwrap());
                 let Value { value: single_value, gradient: single_gradient, .. } =
                     Likelihood::of(theta, form, None).evaluate(&y);
                 let limit = 1e-5 * (1.0 + 0.01 / theta.s) * value.abs().max(1.0);
@@ -498,7 +509,7 @@ mod tests {
             let y: Vec<f64> = signal.iter().zip(&noise[0]).map(|(y, e)| strength * y + e).collect();
             let rows: Vec<_> = rows.iter().map(|row| standardized(row)).collect();
             let y = standardized(&y);
-            let process = GaussianProcess::new(&rows, &Memory::new(0));
+            let process = GaussianProcess::new(&rows, &Resources::new(0));
             let check = || Ok(());
             let found = process.fit(&y, &DEFAULT, &check).unwrap();
             let exact = process.exact(&y, Theta::START, &check).unwrap();
@@ -520,7 +531,7 @@ mod tests {
             let z: Vec<f64> = (0..120).map(|_| 4.0 * rng.next_f64() - 2.0).collect();
             let y: Vec<f64> = z.iter().map(|z| z + 0.8 * (9.0 * z).sin() + 0.3 * rng.next_f64()).collect();
             let (rows, y) = (vec![standardized(&z)], standardized(&y));
-            let process = GaussianProcess::new(&rows, &Memory::new(0));
+            let process = GaussianProcess::new(&rows, &Resources::new(0));
             let alone = process.fit(&y, &DEFAULT, &|| Ok(())).unwrap();
             let settings = SearchSettings { restarts: 8, ..DEFAULT };
             let best = process.fit(&y, &settings, &|| Ok(())).unwrap();
@@ -542,7 +553,7 @@ mod tests {
         let (rows, _) = samples(200, 1, 1);
         let (_, noise) = samples(200, 1, 2);
         let y: Vec<f64> = rows[0].iter().zip(&noise).map(|(z, e)| (2.0 * z).sin() + 0.1 * e).collect();
-        let fit = GaussianProcess::new(&rows, &Memory::new(0)).fit(&y, &DEFAULT, &|| Ok(())).unwrap();
+        let fit = GaussianProcess::new(&rows, &Resources::new(0)).fit(&y, &DEFAULT, &|| Ok(())).unwrap();
         let left = fit.residuals.iter().zip(&noise).map(|(r, e)| (r - 0.1 * e).abs()).sum::<f64>() / 200.0;
         assert!(left < 0.03, "{left}");
     }
@@ -551,6 +562,6 @@ mod tests {
     fn a_fit_that_is_cancelled_ends() {
         let (rows, y) = samples(30, 1, 3);
         let cancelled = || Err(Error::Cancelled("now".into()));
-        assert!(GaussianProcess::new(&rows, &Memory::new(0)).fit(&y, &DEFAULT, &cancelled).is_err());
+        assert!(GaussianProcess::new(&rows, &Resources::new(0)).fit(&y, &DEFAULT, &cancelled).is_err());
     }
 }

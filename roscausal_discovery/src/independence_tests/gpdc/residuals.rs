@@ -1,8 +1,11 @@
 //! Residuals of nodes on condition sets, computed once per run.
 
 use std::{
+    cell::Cell,
     collections::HashMap,
     sync::{Arc, Mutex, TryLockError},
+    thread,
+    time::Duration,
 };
 
 use super::{
@@ -33,6 +36,14 @@ pub(super) struct Residuals {
     pub(super) by_few: bool,
 }
 
+/// How long a thread waits before it looks again whether there is work.
+const NAP: Duration = Duration::from_micros(50);
+
+thread_local! {
+    /// How many residuals this thread is about to compute, one above the other on its stack.
+    static COMPUTES: Cell<usize> = const { Cell::new(0) };
+}
+
 /// A node and its conditions, sorted.
 type Key = (Node, Vec<Node>);
 type Slot = Arc<Mutex<Option<Arc<Residuals>>>>;
@@ -55,8 +66,8 @@ impl ResidualCache {
     }
 
     /// The residuals of `node` given `conditions`, computed by `make` if they are not there yet. Who asks while another
-    /// thread computes them does other work of the pool, and waits for that one if there is none. `make` must not use the
-    /// pool: it could be given work that waits for itself.
+    /// thread computes them does other work of the pool, and waits for that one if there is none. But who computes some already, and
+    /// was given this test while it waits for half a matrix, computes these too: the other thread could wait for the first ones.
     ///
     /// # Errors
     /// Those of `make`; nothing is kept then.
@@ -73,14 +84,22 @@ impl ResidualCache {
         let mut slot = loop {
             match slot.try_lock() {
                 Ok(free) => break free,
+                Err(TryLockError::WouldBlock) if COMPUTES.get() > 0 => return make().map(Arc::new),
                 Err(TryLockError::WouldBlock) if rayon::yield_now() == Some(rayon::Yield::Executed) => {}
+                // Asleep it would not be there for half a matrix.
+                Err(TryLockError::WouldBlock) if rayon::current_thread_index().is_some() => {
+                    thread::sleep(NAP)
+                }
                 Err(_) => break lock(&slot),
             }
         };
         if let Some(residuals) = &*slot {
             return Ok(residuals.clone());
         }
-        let residuals = Arc::new(make()?);
+        COMPUTES.set(COMPUTES.get() + 1);
+        let made = make();
+        COMPUTES.set(COMPUTES.get() - 1);
+        let residuals = Arc::new(made?);
         *slot = Some(residuals.clone());
         Ok(residuals)
     }
@@ -114,5 +133,24 @@ impl Residuals {
         let ranks = ranks(&residuals);
         let values = if keep_values { residuals } else { Vec::new() };
         Ok(Self { ranks, values, log_likelihood, theta: Some(theta), repeated, by_few })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A thread that waits for half a matrix may be given a test that asks for what it is about to compute.
+    #[test]
+    fn who_computes_residuals_does_not_wait_for_them() {
+        let cache = ResidualCache::default();
+        let how = SearchSettings { search: Default::default(), restarts: 0, seed: 1 };
+        let make = || Residuals::new(&[1.0, 2.0, 4.0], None, &how, false, &|| Ok(()));
+        let node = Node::new(0, 0);
+        let outer = cache.get(node, &[], || {
+            assert_eq!(cache.get(node, &[], make).unwrap().ranks, make()?.ranks);
+            make()
+        });
+        assert_eq!(outer.unwrap().ranks, cache.get(node, &[], || unreachable!()).unwrap().ranks);
     }
 }
