@@ -6,10 +6,12 @@ use std::{
     ops::{Deref, DerefMut},
 };
 
-/// Buffers with more doubles go back to the system at once (2 MB each at 500 samples).
-const LARGEST_KEPT: usize = 1 << 20;
+/// Buffers with more doubles (32 MB) go back to the system at once: above 10,000 samples memory is dearer than time.
+const LARGEST_KEPT: usize = 4 << 20;
+/// Doubles that a thread keeps (72 MB): those of a likelihood on 5000 samples.
+const MOST_KEPT: usize = 9 << 20;
 /// Buffers that a thread keeps.
-const MOST_KEPT: usize = 16;
+const MOST_BUFFERS: usize = 16;
 /// Lengths are rounded up to multiples of this, so that similar arrays share memory.
 const GRAIN: usize = 512;
 
@@ -28,7 +30,12 @@ impl Buffer {
     pub(super) fn any(n: usize) -> Self {
         let fitting = SPARE.with_borrow_mut(|spare| {
             let fits = spare.iter().enumerate().filter(|(_, memory)| memory.len() >= n);
-            fits.min_by_key(|(_, memory)| memory.len()).map(|(k, _)| k).map(|k| spare.swap_remove(k))
+            let best = fits.min_by_key(|(_, memory)| memory.len()).map(|(k, _)| k);
+            if best.is_none() && n > LARGEST_KEPT {
+                // What is spare would come on top.
+                spare.clear();
+            }
+            best.map(|k| spare.swap_remove(k))
         });
         Self { memory: fitting.unwrap_or_else(|| vec![0.0; n.next_multiple_of(GRAIN)]), n }
     }
@@ -72,17 +79,19 @@ impl DerefMut for Buffer {
 impl Drop for Buffer {
     fn drop(&mut self) {
         let memory = std::mem::take(&mut self.memory);
-        if memory.capacity() <= LARGEST_KEPT {
-            // A thread that ends has no spare list any more: then the memory is freed.
-            let _ = SPARE.try_with(|spare| {
-                let mut spare = spare.borrow_mut();
-                spare.push(memory);
-                if spare.len() > MOST_KEPT {
-                    // The smallest is the cheapest to make again.
-                    let smallest = (0..spare.len()).min_by_key(|&k| spare[k].len());
-                    smallest.map(|k| spare.swap_remove(k));
-                }
-            });
-        }
+        // A thread that ends has no spare list any more: then the memory is freed.
+        let _ = SPARE.try_with(|spare| {
+            let mut spare = spare.borrow_mut();
+            let kept: usize = spare.iter().map(Vec::len).sum();
+            if memory.len() > LARGEST_KEPT || kept + memory.len() > MOST_KEPT {
+                return;
+            }
+            spare.push(memory);
+            if spare.len() > MOST_BUFFERS {
+                // The smallest is the cheapest to make again.
+                let smallest = (0..spare.len()).min_by_key(|&k| spare[k].len());
+                smallest.map(|k| spare.swap_remove(k));
+            }
+        });
     }
 }
