@@ -26,9 +26,9 @@ const TILE: usize = 32;
 /// Places of X with a guess of their own.
 const GUESSES: usize = 32;
 /// Parts of a distance that guesses are made of.
-const UNIT: isize = 256;
+const UNIT: i64 = 256;
 /// A guess learns from a radius this part of the difference.
-const LEARNT: isize = 8;
+const LEARNT: i64 = 8;
 /// Steps by how fast the count grows; then by halves, which is sure to end soon.
 const STEPS: usize = 8;
 /// Distances on either side of a guess that bytes have room for.
@@ -74,11 +74,11 @@ struct Sample {
     within_z: Vec<u16>,
     within_yz: Vec<u16>,
     /// Radii in parts of [`UNIT`], by where X is, since they depend on it; `None` before the first.
-    guesses: [Option<isize>; GUESSES],
+    guesses: [Option<i64>; GUESSES],
     /// The radius of the last arrangement.
     last: usize,
     /// Distances for each sample more, about the radius, in parts of [`UNIT`].
-    slope: isize,
+    slope: i64,
 }
 
 /// The distances of one sample in (X, Y, Z), a byte each.
@@ -164,17 +164,17 @@ impl Sample {
             if above - below <= 1 {
                 break;
             }
-            let missing = k as isize - count as isize;
+            let missing = k as i64 - count as i64;
             if let Some((other, then)) = before.replace((r, count))
                 && r.abs_diff(other) >= APART
                 && count != then
             {
-                self.slope = UNIT * (r as isize - other as isize) / (count as isize - then as isize);
+                self.slope = UNIT * (r as i64 - other as i64) / (count as i64 - then as i64);
             }
             let steps = (2 * missing + 1) * self.slope / (2 * UNIT);
-            r = if step < STEPS { r.saturating_add_signed(steps) } else { below.midpoint(above) };
+            r = if step < STEPS { (r as i64 + steps).max(0) as usize } else { below.midpoint(above) };
         }
-        let radius = below as isize * UNIT;
+        let radius = below as i64 * UNIT;
         *guess = Some(guess.map_or(radius, |before| before + (radius - before) / LEARNT));
         self.last = below;
         below
