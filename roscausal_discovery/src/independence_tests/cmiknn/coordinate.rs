@@ -47,6 +47,12 @@ pub(crate) trait Coordinate: Copy + Default + PartialOrd + Send + Sync {
     fn look_up(profile: &Self::Profile, radius: Self) -> usize;
 }
 
+/// The distance of two ranks.
+#[inline(always)]
+pub(super) fn apart(a: i16, b: i16) -> i16 {
+    a.wrapping_sub(b).max(b.wrapping_sub(a))
+}
+
 /// Ranks `0..n`, each once, with `n` at most [`MAX_RANKS`]: distances are small integers.
 impl Coordinate for i16 {
     /// Entry `r`: number of samples with a distance of at most `r`.
@@ -55,8 +61,7 @@ impl Coordinate for i16 {
     #[inline(always)]
     fn widen(out: &mut [i16], at: i16, row: &[i16]) {
         for (out, &v) in out.iter_mut().zip(row) {
-            let apart = at.wrapping_sub(v);
-            *out = (*out).max(apart.max(v.wrapping_sub(at)));
+            *out = (*out).max(apart(at, v));
         }
     }
 
@@ -100,8 +105,7 @@ impl Coordinate for i16 {
     fn count_within(distances: &[i16], at: i16, row: &[i16], radius: i16) -> usize {
         let mut count = 0_i16;
         for (&d, &v) in distances.iter().zip(row) {
-            let apart = at.wrapping_sub(v).max(v.wrapping_sub(at));
-            count += i16::from(d.max(apart) <= radius);
+            count += i16::from(d.max(apart(at, v)) <= radius);
         }
         count as usize
     }

@@ -16,7 +16,7 @@
 use pulp::{Arch, Simd, WithSimd};
 
 use super::{
-    coordinate::{Coordinate, widen},
+    coordinate::{Coordinate, apart, widen},
     estimator::Estimator,
 };
 use crate::{ground::Result, numeric::special::digamma_table};
@@ -224,8 +224,8 @@ impl WithSimd for Narrow<'_> {
     #[inline(always)]
     fn with_simd<S: Simd>(self, _: S) {
         for ((byte, &v), &d) in self.bytes.iter_mut().zip(self.x).zip(self.others) {
-            let apart = self.at.wrapping_sub(v).max(v.wrapping_sub(self.at));
-            *byte = (d.max(apart) as u16).saturating_sub(self.first).min(u16::from(u8::MAX)) as u8;
+            *byte =
+                (d.max(apart(self.at, v)) as u16).saturating_sub(self.first).min(u16::from(u8::MAX)) as u8;
         }
     }
 }

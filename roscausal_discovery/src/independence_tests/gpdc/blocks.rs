@@ -35,12 +35,8 @@ pub(super) const SHARED: usize = 600;
 const WHOLE: usize = 256;
 
 /// Writes `L` of `A = L L'` over the lower triangle of `A`; `None` where `A` is not positive definite in this precision.
-pub(super) fn factorise<T: Real>(mut matrix: MatMut<'_, T>, cores: &Cores) -> Option<()> {
-    let n = matrix.nrows();
-    if n < SHARED {
-        return whole(matrix);
-    }
-    cut(matrix.rb_mut(), cores)
+pub(super) fn factorise<T: Real>(matrix: MatMut<'_, T>, cores: &Cores) -> Option<()> {
+    if matrix.nrows() < SHARED { whole(matrix) } else { cut(matrix, cores) }
 }
 
 fn whole<T: Real>(matrix: MatMut<'_, T>) -> Option<()> {
