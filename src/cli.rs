@@ -157,12 +157,12 @@ pub(crate) fn has_flag(subcommand: &str, flag: &str) -> bool {
 }
 
 impl Cli {
-    /// Reads the command line, and puts in the settings that lie beside the data it names. `None` if it asked for help or the
+    /// Reads the command line, and puts in the settings of files: the user's and the data's. `None` if it asked for help or the
     /// version, which is printed then. Wrong usage ends the process.
     ///
     /// # Errors
     /// A file of settings that cannot be used.
-    pub(crate) fn with_presets(mut line: Vec<std::ffi::OsString>) -> Result<Option<Self>> {
+    pub(crate) fn with_presets(line: Vec<std::ffi::OsString>) -> Result<Option<Self>> {
         let colour = terminal::Colour::in_line(&line);
         colour.choose();
         let matches = match Self::command().color(colour.for_clap()).try_get_matches_from(&line) {
@@ -177,11 +177,9 @@ impl Cli {
         if matches.subcommand().is_some_and(|(_, own)| own.get_flag("quiet")) {
             terminal::be_quiet();
         }
-        if let Some((whole, told)) = presets::apply(&line, &matches)? {
-            told.iter().for_each(|told| crate::terminal::tell!("{told}"));
-            line = whole;
-        }
-        let mut matches = Self::command().color(colour.for_clap()).get_matches_from(line);
+        let (whole, told) = presets::apply(&line, &matches)?;
+        told.iter().for_each(|told| crate::terminal::tell!("{told}"));
+        let mut matches = Self::command().color(colour.for_clap()).get_matches_from(whole);
         let cli =
             Self::from_arg_matches_mut(&mut matches).map_err(|error| Error::param("arguments", error))?;
         cli.color.choose();

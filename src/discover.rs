@@ -503,6 +503,7 @@ fn with_facts(args: &Args, files: &[Input], settings: &mut Settings) -> Result<O
     };
     let own = args.read.chooses_columns()
         || args.read.joins()
+        || (args.inputs.ignores_settings() && files.iter().all(|file| file.table == file.user))
         || (!args.read.features().is_empty() && files.iter().all(|file| file.table == file.user));
     if own || !tables.iter().any(says_more) {
         return Ok(None);

@@ -86,6 +86,16 @@ fn twin_of(node: &str, param: &str) -> Option<&'static Twin> {
     TWINS.iter().find(|twin| twin.node == node && twin.param == param)
 }
 
+/// Node and name of the parameter that a flag is.
+pub(crate) fn twin_of_flag(flag: &str) -> Option<(&'static str, &'static str)> {
+    TWINS.iter().find(|twin| twin.flag == flag).map(|twin| (twin.node, twin.param))
+}
+
+/// The flag, without dashes, that is a node's parameter.
+pub(crate) fn flag_of_parameter(node: &str, param: &str) -> Option<&'static str> {
+    twin_of(node, param).map(|twin| twin.flag)
+}
+
 /// Whether a node's parameter has a value that means "not set", which its flag has no word for.
 pub(crate) fn is_unset(node: &str, param: &str, value: &str) -> bool {
     twin_of(node, param).is_some_and(|twin| twin.is_unset(value))

@@ -29,6 +29,7 @@ mod sink;
 mod teleop;
 mod terminal;
 mod topics;
+mod travel;
 mod web;
 
 use std::ffi::OsString;

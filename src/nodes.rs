@@ -229,31 +229,17 @@ pub(crate) fn check_seed(seed: u64) -> Result<()> {
 
 /// Nodes whose parameters decide what a run gives.
 const DECIDING: [&str; 3] = ["human", "data", "discovery"];
-/// Parameters that say where things are, how the work is shared out, or how many batches make a model.
-const NOT_CARRIED: [&str; 12] = [
-    "data_dir",
-    "pp_data_dir",
-    "res_dir",
-    "batches_per_model",
-    "keep_batches",
-    "threads",
-    "robot",
-    "pp_script_dir",
-    "pp_script",
-    "cd_method_dir",
-    "null_dist",
-    "people_type",
-];
+/// Parameters of the data that follow from the topics, which whoever reads a recording finds anew.
+const FOUND_ANEW: [&str; 2] = ["robot", "people_type"];
 
-/// The parameters that a recording of this run carries, `NODE.PARAMETER` to value: those that were set and decide what the
-/// run gives. Of the analysis, those that are not the default.
+/// The parameters that a recording of this run carries, `NODE.PARAMETER` to value: those that were set and that data may decide. Of the analysis, those that are not the default.
 pub(crate) fn carried(bus: &Loopback) -> Result<BTreeMap<String, String>> {
     let mut carried = BTreeMap::new();
     for node in DECIDING {
         let place = bus.node(node);
         for spec in nodes::parameters(node)? {
             let (name, topic) = (spec.name, spec.name.ends_with("_topic") || spec.name.ends_with("_param"));
-            if topic || name.starts_with('/') || NOT_CARRIED.contains(&name) {
+            if topic || name.starts_with('/') || !spec.of_data || FOUND_ANEW.contains(&name) {
                 continue;
             }
             let Some(value) = place.param(&spec)? else { continue };

@@ -1,9 +1,14 @@
-//! Settings that lie beside the data: those that a recording was made with, and `roscausal.toml`.
+//! Settings in files: the user's own, and those that come with data.
 //!
 //! They become flags, placed before the user's own. A flag that the user gives takes precedence, and what is used is told.
 //! Sources, the first one that names a flag wins:
-//! 1. the recording's own: metadata in an MCAP file, or `FILE.roscausal.toml` beside any recording;
-//! 2. `roscausal.toml` in the data's folder.
+//! 1. `roscausal.toml` in the working folder: the user's own;
+//! 2. the recording's: metadata in an MCAP file, or `FILE.roscausal.toml` beside any recording;
+//! 3. `roscausal.toml` in the data's folder;
+//! 4. `roscausal/roscausal.toml` in the user's configuration folder: the user's own.
+//!
+//! What comes with data may be a stranger's, so only settings of the allow list in `travel.rs` are taken from there. The file in
+//! the working folder comes with the data where both are the same folder.
 //!
 //! In these files the keys are the command's flags (`tau-max = 3`) and, in tables, the nodes' parameters
 //! (`[data]`, `risk_lag = 1`).
@@ -23,10 +28,13 @@ use roscausal_discovery::{
 };
 use toml::{Table, Value};
 
-use crate::{cli, flags, recording};
+use crate::{cli, flags, nodes::RECORDING, recording, travel};
 
-/// Name of the file beside the data.
+/// Name of a file of settings.
 pub(crate) const FILE: &str = "roscausal.toml";
+/// The flag that leaves all of them out, as clap names it and as it is written.
+const IGNORE: &str = "ignore_settings";
+const IGNORE_FLAG: &str = "ignore-settings";
 /// Subcommands that read data, and their positional argument.
 const READERS: [(&str, &str); 3] = [("discover", "files"), ("roll", "files"), ("replay", "recording")];
 /// Flags that only some methods read.
@@ -50,44 +58,73 @@ struct Found {
     place: PathBuf,
     /// Flag, without dashes, and its values.
     flags: Vec<(String, Vec<String>)>,
+    /// What came with the data and is none of theirs to say, as [`travel::told`] writes it.
+    left_out: Vec<String>,
 }
 
-/// The command line with the presets of its data put in, and what to tell about them; `None` if there are none.
+/// The command line with the settings of files put in, and what to tell about them.
 ///
 /// # Errors
 /// A file of settings that cannot be read, or names a flag that does not exist.
-pub(crate) fn apply(line: &[OsString], matches: &ArgMatches) -> Result<Option<(Vec<OsString>, Vec<String>)>> {
-    let Some((name, own)) = matches.subcommand() else { return Ok(None) };
-    let Some((_, positional)) = READERS.iter().find(|(reader, _)| *reader == name) else { return Ok(None) };
-    let data: Vec<&PathBuf> = own.get_many::<PathBuf>(positional).into_iter().flatten().collect();
+pub(crate) fn apply(line: &[OsString], matches: &ArgMatches) -> Result<(Vec<OsString>, Vec<String>)> {
+    let nothing = || (line.to_vec(), Vec::new());
+    let Some((name, own)) = matches.subcommand() else { return Ok(nothing()) };
+    let Some((_, positional)) = READERS.iter().find(|(reader, _)| *reader == name) else {
+        return Ok(nothing());
+    };
+    if own.get_flag(IGNORE) {
+        return Ok(nothing());
+    }
+    let data: Vec<&Path> =
+        own.get_many::<PathBuf>(positional).into_iter().flatten().map(AsRef::as_ref).collect();
     let (mut preset, mut told): (Vec<OsString>, Vec<String>) = (Vec::new(), Vec::new());
     let mut taken: Vec<String> = Vec::new();
     let all = find(&data)?;
     let shuffles = is_by_shuffles(own, &all);
     for found in all {
-        let mut used = Vec::new();
+        let (mut used, mut unknown) = (Vec::new(), Vec::new());
+        let before = taken.clone();
         for (flag, values) in &found.flags {
-            let says_nothing = || is_given(own, flag) || !suits(own, flag, shuffles);
-            if !cli::has_flag(name, flag) || taken.contains(flag) || says_nothing() {
+            if !cli::has_flag(name, flag) {
+                unknown.push(format!("--{flag}"));
                 continue;
             }
-            taken.push(flag.clone());
+            if is_given(own, flag) || !suits(own, flag, shuffles) {
+                continue;
+            }
             for value in values {
+                let key = key_of(flag, value);
+                if before.contains(&key) {
+                    continue;
+                }
+                taken.push(key);
                 let words = if value.is_empty() { format!("--{flag}") } else { format!("--{flag}={value}") };
                 used.push(words.clone());
                 preset.push(words.into());
             }
         }
-        if !used.is_empty() {
-            told.push(format!("settings of {}: {}", found.place.display(), used.join(" ")));
+        let place = found.place.display();
+        if !unknown.is_empty() {
+            told.push(format!("{place}: {name} does not have {}: not used", unknown.join(", ")));
         }
+        if !used.is_empty() {
+            told.push(format!("settings of {place}: {}", used.join(" ")));
+        }
+        told.extend(travel::sentence(&found.place, &found.left_out));
     }
-    let Some(at) = line.iter().position(|word| word == name).filter(|_| !preset.is_empty()) else {
-        return Ok(None);
-    };
     let mut whole = line.to_vec();
-    whole.splice(at + 1..=at, preset);
-    Ok(Some((whole, told)))
+    if let Some(at) = line.iter().position(|word| word == name).filter(|_| !preset.is_empty()) {
+        whole.splice(at + 1..=at, preset);
+    }
+    Ok((whole, told))
+}
+
+/// What a flag's value decides, of which the first place that names it counts: the flag, or the parameter in `--param`.
+fn key_of(flag: &str, value: &str) -> String {
+    match value.split_once('=').filter(|_| flag == "param") {
+        Some((parameter, _)) => format!("param {parameter}"),
+        None => flag.to_owned(),
+    }
 }
 
 /// Whether the user gave this flag. `--param` may be given by both.
@@ -128,47 +165,142 @@ fn suits(own: &ArgMatches, flag: &str, shuffles: bool) -> bool {
     of_test.is_none_or(|(_, reader)| spelled(test) == *reader)
 }
 
-/// The settings beside each of these files or folders, in the order in which they count.
-fn find(data: &[&PathBuf]) -> Result<Vec<Found>> {
+/// The settings for these files or folders of data, in the order in which they count.
+fn find(data: &[&Path]) -> Result<Vec<Found>> {
+    let beside = folders_beside(data);
+    let is_beside = |folder: &Path| {
+        folder.canonicalize().is_ok_and(|folder| {
+            beside.iter().any(|other| other.canonicalize().is_ok_and(|other| other == folder))
+        })
+    };
+    let here = Path::new(".");
+    let mut found = Vec::new();
+    if !is_beside(here) {
+        found.extend(own(Path::new(FILE))?);
+    }
+    let ignores =
+        |found: &[Found]| found.iter().any(|place| place.flags.iter().any(|(flag, _)| flag == IGNORE_FLAG));
+    let configuration = configuration().into_iter().map(|file| own(&file)).collect::<Result<Vec<_>>>()?;
+    let configuration: Vec<Found> = configuration.into_iter().flatten().collect();
+    if !ignores(&found) && !ignores(&configuration) {
+        found.extend(with_the_data(data, &beside)?);
+    }
+    found.extend(configuration);
+    Ok(found)
+}
+
+/// The user's files of settings in the user's configuration folder.
+fn configuration() -> Vec<PathBuf> {
+    let set = |name: &str| std::env::var_os(name).filter(|set| !set.is_empty()).map(PathBuf::from);
+    let folder = set("XDG_CONFIG_HOME").or_else(|| Some(set("HOME")?.join(".config")));
+    folder.map(|folder| folder.join("roscausal").join(FILE)).into_iter().collect()
+}
+
+/// A file of the user's own.
+fn own(file: &Path) -> Result<Option<Found>> {
+    if !file.is_file() {
+        return Ok(None);
+    }
+    Ok(Some(Found { flags: flags_in(&read(file)?, file)?, place: file.to_owned(), left_out: Vec::new() }))
+}
+
+/// The folders whose settings came with these data: that of a file; a folder itself, and the one that it lies in.
+fn folders_beside(data: &[&Path]) -> Vec<PathBuf> {
+    let parent = |path: &Path| {
+        path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new(".")).to_owned()
+    };
+    let of = |path: &&Path| path.is_dir().then(|| path.to_path_buf()).into_iter().chain([parent(path)]);
+    data.iter().flat_map(of).collect()
+}
+
+/// The settings that came with these data, as far as data may decide them.
+fn with_the_data(data: &[&Path], folders: &[PathBuf]) -> Result<Vec<Found>> {
     let mut found: Vec<Found> = Vec::new();
     for path in data.iter().filter(|path| recording::is_recording(path)) {
-        let carried = carried(path)?;
         let flag = |(name, value): (&String, &String)| {
             let (node, param) = name.split_once('.')?;
             // The step and the people belong to each recording by itself.
             (node == "discovery").then(|| flags::of_parameter(node, param, value)).flatten()
         };
-        let flags =
-            carried.iter().filter_map(flag).map(|(flag, value)| (flag.to_owned(), vec![value])).collect();
-        found.push(Found { place: (*path).clone(), flags });
+        let flags = carried(path)?
+            .used
+            .iter()
+            .filter_map(flag)
+            .map(|(flag, value)| (flag.to_owned(), vec![value]))
+            .collect();
+        // What a recording may not decide is told where its parameters are used.
+        found.push(Found { place: path.to_path_buf(), flags, left_out: Vec::new() });
         let sidecar = sidecar(path);
         if sidecar.is_file() {
-            found.push(Found { flags: flags_in(&read(&sidecar)?, &sidecar)?, place: sidecar });
+            found.push(allowed(flags_in(&read(&sidecar)?, &sidecar)?, sidecar));
         }
     }
-    for path in data {
-        let folder = if path.is_dir() { path.as_path() } else { path.parent().unwrap_or(Path::new("")) };
-        let file = folder.join(FILE);
+    for folder in folders {
+        let file = folder.strip_prefix(".").unwrap_or(folder).join(FILE);
         if file.is_file() && found.iter().all(|found| found.place != file) {
-            found.push(Found { flags: flags_in(&read(&file)?, &file)?, place: file });
+            found.push(allowed(flags_in(&read(&file)?, &file)?, file));
         }
     }
     Ok(found)
 }
 
-/// The nodes' parameters that a recording carries, `NODE.PARAMETER` to value: its own, and those of the file beside it.
+/// What data may decide of the flags that a file beside them names.
+fn allowed(flags: Vec<(String, Vec<String>)>, place: PathBuf) -> Found {
+    let mut found = Found { place, ..Found::default() };
+    for (flag, values) in flags {
+        let (used, left_out): (Vec<_>, Vec<_>) =
+            values.into_iter().partition(|value| travel::may_say(&flag, std::slice::from_ref(value)));
+        for value in left_out {
+            let parameter = value.split_once('=').filter(|_| flag == "param");
+            let told = match parameter.and_then(|(name, _)| name.split_once('.')) {
+                Some((node, param)) => travel::told(node, param),
+                None => format!("--{flag}"),
+            };
+            if !found.left_out.contains(&told) {
+                found.left_out.push(told);
+            }
+        }
+        if !used.is_empty() {
+            found.flags.push((flag, used));
+        }
+    }
+    found
+}
+
+/// What a recording carries: parameters of nodes, `NODE.PARAMETER`.
+#[derive(Default)]
+pub(crate) struct Carried {
+    /// Those that data may decide, with their values.
+    pub(crate) used: BTreeMap<String, String>,
+    /// The others, as [`travel::told`] writes them.
+    pub(crate) left_out: Vec<String>,
+}
+
+/// The nodes' parameters that a recording carries: its own, and those of the file beside it.
 ///
 /// # Errors
 /// A file of settings that cannot be read.
-pub(crate) fn carried(path: &Path) -> Result<BTreeMap<String, String>> {
-    let mut carried = roscausal_recording::settings(path);
+pub(crate) fn carried(path: &Path) -> Result<Carried> {
+    let mut all = roscausal_recording::settings(path);
     let file = sidecar(path);
     if file.is_file() {
         for (node, value) in read(&file)? {
             let Value::Table(params) = value else { continue };
             for (param, value) in params {
-                carried.insert(format!("{node}.{param}"), texts(&value).join(","));
+                all.insert(format!("{node}.{param}"), texts(&value).join(","));
             }
+        }
+    }
+    let mut carried = Carried::default();
+    for (name, value) in all {
+        let Some((node, param)) =
+            name.split_once('.').filter(|(node, _)| *node == "discovery" || RECORDING.contains(node))
+        else {
+            continue;
+        };
+        match travel::may_set(node, param, &value) {
+            true => drop(carried.used.insert(name, value)),
+            false => carried.left_out.push(travel::told(node, param)),
         }
     }
     Ok(carried)

@@ -33,6 +33,9 @@ pub struct ParamSpec {
     pub description: &'static str,
     /// The allowed values.
     pub allowed: Allowed,
+    /// Whether it describes the data or their analysis, so that settings that come with data may set it: never a path, a
+    /// program, a pool, or what an analysis may cost.
+    pub of_data: bool,
 }
 
 /// The values that a parameter may take.
@@ -48,8 +51,23 @@ pub enum Allowed {
 
 impl ParamSpec {
     /// A specification. The nodes keep them in static tables.
-    pub fn new(name: &'static str, default: Value, allowed: Allowed, description: &'static str) -> Self {
-        Self { name, default, description, allowed }
+    pub const fn new(
+        name: &'static str,
+        default: Value,
+        allowed: Allowed,
+        description: &'static str,
+    ) -> Self {
+        Self { name, default, description, allowed, of_data: false }
+    }
+
+    /// The specification of a parameter that settings that come with data may set ([`ParamSpec::of_data`]).
+    pub const fn of_data(
+        name: &'static str,
+        default: Value,
+        allowed: Allowed,
+        description: &'static str,
+    ) -> Self {
+        Self { name, default, description, allowed, of_data: true }
     }
 
     fn is_word(&self, text: &str) -> bool {

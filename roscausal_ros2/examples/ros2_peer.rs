@@ -32,16 +32,15 @@ use roscausal_ros::{Console, program::Backend};
 use roscausal_ros2::Subscription;
 use roscausal_ros2::{Args, Ros2};
 
-const ROLE: ParamSpec = ParamSpec {
-    name: "role",
-    default: Value::Str(String::new()),
-    description: "What this peer does",
-    allowed: Allowed::OneOf(&["echo", "model", "count", "sensors"]),
-};
+const ROLE: ParamSpec = ParamSpec::new(
+    "role",
+    Value::Str(String::new()),
+    Allowed::OneOf(&["echo", "model", "count", "sensors"]),
+    "What this peer does",
+);
 
 const fn number(name: &'static str, default: i64) -> ParamSpec {
-    let description = "A whole number";
-    ParamSpec { name, default: Value::Int(default), description, allowed: Allowed::Range(0.0, 1e6) }
+    ParamSpec::new(name, Value::Int(default), Allowed::Range(0.0, 1e6), "A whole number")
 }
 
 fn main() -> Result<(), Box<dyn Error>> {

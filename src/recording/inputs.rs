@@ -11,7 +11,7 @@ use roscausal_core::{
 };
 use roscausal_recording::{Recording, Topic};
 
-use crate::{nodes::RECORDING, presets};
+use crate::{nodes::RECORDING, presets, travel};
 
 use super::{
     choose::{Chooser, STATES, is_nobody},
@@ -79,9 +79,18 @@ pub(crate) struct InputArgs {
     /// may be given several times.
     #[arg(long = "param", value_name = "NODE.NAME=VALUE")]
     params: Vec<String>,
+    /// Use no settings from files: neither those that came with the data (in a recording, `FILE.roscausal.toml`, `roscausal.toml`
+    /// and a batch's .json beside it) nor your own.
+    #[arg(long)]
+    ignore_settings: bool,
 }
 
 impl InputArgs {
+    /// Whether settings of files are left out.
+    pub(crate) fn ignores_settings(&self) -> bool {
+        self.ignore_settings
+    }
+
     /// The step between samples, if it was given.
     pub(crate) fn dt(&self) -> Option<f64> {
         self.dt
@@ -178,7 +187,9 @@ impl Inputs {
             inputs.take_people(&chooser, args)?;
         }
         inputs.take_interventions(&chooser, args);
-        inputs.set_carried(path)?;
+        if !args.ignore_settings {
+            inputs.set_carried(path)?;
+        }
         inputs.set_params(args)?;
         Ok(inputs)
     }
@@ -512,23 +523,30 @@ impl Inputs {
         self.params.push((node.to_owned(), name.to_owned(), Value::Str(value.to_owned())));
     }
 
-    /// Sets the parameters that the recording was made with.
+    /// Sets the parameters that the recording was made with, as far as data may decide them.
     fn set_carried(&mut self, path: &Path) -> Result<()> {
         let mut told = Vec::new();
-        for (name, value) in presets::carried(path)? {
-            let Some((node, param)) = name.split_once('.').filter(|(node, _)| RECORDING.contains(node))
-            else {
+        let carried = presets::carried(path)?;
+        for (name, value) in carried.used {
+            // Signals are asked for by --signal.
+            let of_nodes = |node: &str| RECORDING.contains(&node);
+            if name == "data.signals" || !name.split_once('.').is_some_and(|(node, _)| of_nodes(node)) {
                 continue;
-            };
-            // Signals are asked for by --signal. A recording of a later version may know more.
-            if param != "signals" && nodes::parameters(node)?.iter().any(|spec| spec.name == param) {
-                let (node, param, value) = parse(&format!("{node}.{param}={value}"))?;
-                self.set(&node, &param, &value);
-                told.push(format!("{name}={value}"));
             }
+            let (node, param, value) = parse(&format!("{name}={value}")).map_err(|error| {
+                Error::file(
+                    path,
+                    format!("a setting that it carries: {error}; --ignore-settings leaves them out"),
+                )
+            })?;
+            self.set(&node, &param, &value);
+            told.push(format!("{name}={value}"));
         }
         if !told.is_empty() {
             self.chosen.push(format!("recorded with {}; used unless flags say otherwise", told.join(" ")));
+        }
+        if let Some(sentence) = travel::sentence(path, &carried.left_out) {
+            crate::terminal::tell!("{sentence}");
         }
         Ok(())
     }

@@ -43,7 +43,7 @@ pub(super) fn specs() -> Vec<ParamSpec> {
     vec![
         ParamSpec::new("data_dir", text("~/roscausal/data_pool"), Any, "folder of raw batches"),
         ParamSpec::new("pp_data_dir", text("~/roscausal/pp_pool"), Any, "folder of post-processed batches"),
-        ParamSpec::new(
+        ParamSpec::of_data(
             "postprocess",
             text("auto"),
             OneOf(&["auto", "builtin", "script", "none"]),
@@ -52,20 +52,20 @@ pub(super) fn specs() -> Vec<ParamSpec> {
         ParamSpec::new("pp_script_dir", text(""), Any, "folder of pp_script"),
         ParamSpec::new("pp_script", text(""), Any, "program that post-processes a raw batch; empty: none"),
         ParamSpec::new("pp_time_limit", Double(60.0), Range(0.1, 86400.0), "seconds that pp_script may take"),
-        ParamSpec::new(
+        ParamSpec::of_data(
             "ts_length",
             Double(150.0),
             Any,
             "length of a batch in seconds; empty or 0: until the end",
         ),
-        ParamSpec::new("dt", Double(0.1), Range(0.001, 60.0), "step between rows in seconds"),
-        ParamSpec::new(
+        ParamSpec::of_data("dt", Double(0.1), Range(0.001, 60.0), "step between rows in seconds"),
+        ParamSpec::of_data(
             "subsampling",
             Bool(false),
             Any,
             "rows are real samples, the last before each step; false: rows are interpolated",
         ),
-        ParamSpec::new(
+        ParamSpec::of_data(
             "max_gap",
             Double(0.5),
             Range(0.001, 60.0),
@@ -97,27 +97,32 @@ pub(super) fn specs() -> Vec<ParamSpec> {
             Any,
             "also keep the open batch on disk, so that a crash costs at most about a second of it",
         ),
-        ParamSpec::new("legacy_columns", Bool(false), Any, "raw columns as ROS-Causal 1.1 spells them"),
-        ParamSpec::new(
+        ParamSpec::of_data("legacy_columns", Bool(false), Any, "raw columns as ROS-Causal 1.1 spells them"),
+        ParamSpec::of_data(
             "sel_agent",
             text("1000"),
             Any,
             "who is recorded: an id, ids (3,7), nearest:N, all; nobody: only robot and signals",
         ),
-        ParamSpec::new("robot", text(""), Any, "name of the robot, the namespace of its topics; empty: none"),
-        ParamSpec::new(
+        ParamSpec::of_data(
+            "robot",
+            text(""),
+            Any,
+            "name of the robot, the namespace of its topics; empty: none",
+        ),
+        ParamSpec::of_data(
             "other_robots",
             List(Vec::new()),
             Any,
             "names of other robots to record, such as robot2,robot3",
         ),
-        ParamSpec::new(
+        ParamSpec::of_data(
             "context_topic",
             text("/hri/interventions"),
             Any,
             "std_msgs/String with interventions, which are recorded as columns; empty: none",
         ),
-        ParamSpec::new(
+        ParamSpec::of_data(
             "obstacle",
             text("robot"),
             OneOf(&Obstacle::NAMES),
@@ -126,29 +131,29 @@ pub(super) fn specs() -> Vec<ParamSpec> {
         obs_size,
         safe_dist,
         ParamSpec::new("delete_traj", Bool(false), Any, "delete a raw batch once it is post-processed"),
-        ParamSpec::new("risk_model", text("v1_1"), OneOf(&RiskModel::NAMES), "version of the risk"),
-        ParamSpec::new("risk_lag", Int(0), Range(0.0, 1.0), "rows by which risk(...) is lagged"),
-        ParamSpec::new(
+        ParamSpec::of_data("risk_model", text("v1_1"), OneOf(&RiskModel::NAMES), "version of the risk"),
+        ParamSpec::of_data("risk_lag", Int(0), Range(0.0, 1.0), "rows by which risk(...) is lagged"),
+        ParamSpec::of_data(
             "risk_noise",
             Double(0.0),
             Range(0.0, 10.0),
             "standard deviation of the noise on the risk's exponent",
         ),
-        ParamSpec::new("seed", Int(0), Range(0.0, 9e15), "seed of that noise"),
-        ParamSpec::new(
+        ParamSpec::of_data("seed", Int(0), Range(0.0, 9e15), "seed of that noise"),
+        ParamSpec::of_data(
             "feature_names",
             List(names),
             Any,
             "names of the speed, the distance to the goal, and the risk",
         ),
-        ParamSpec::new("features", List(Vec::new()), Any, "your own features, each 'name = expression'"),
-        ParamSpec::new(
+        ParamSpec::of_data("features", List(Vec::new()), Any, "your own features, each 'name = expression'"),
+        ParamSpec::of_data(
             "signals",
             List(Vec::new()),
             Any,
             "numbers of any topic as variables, each 'name = /topic.field' (docs/signals.md)",
         ),
-        ParamSpec::new(
+        ParamSpec::of_data(
             "signal_max_age",
             Double(2.0),
             Range(0.001, 1e9),

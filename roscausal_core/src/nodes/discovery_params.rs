@@ -67,46 +67,46 @@ pub(super) fn specs() -> Vec<ParamSpec> {
             Any,
             "strftime format of the batches' ids, by which the oldest is found",
         ),
-        ParamSpec::new(
+        ParamSpec::of_data(
             "cd_method",
             text(Method::default().name()),
             Any,
             "fpcmci, pcmci, pcmciplus, fullci, bivci, lagdep, granger, varlingam, dynotears, timino, lpcmci, candoit, tsfci, jpcmciplus, or a program in cd_method_dir",
         ),
         ParamSpec::new("cd_method_dir", text(""), Any, "folder of external methods (programs)"),
-        ParamSpec::new(
+        ParamSpec::of_data(
             "cond_ind_test",
             text("gpdc"),
             Any,
             "gpdc, parcorr, robustparcorr, parcorrwls, parcorrmult, cmiknn, cmisymb, gsquared or regressionci",
         ),
-        ParamSpec::new("sig_alpha", Double(0.05), Range(1e-9, 0.999), "significance level of a link"),
-        ParamSpec::new(
+        ParamSpec::of_data("sig_alpha", Double(0.05), Range(1e-9, 0.999), "significance level of a link"),
+        ParamSpec::of_data(
             "pc_alpha",
             Double(-1.0),
             Range(-1.0, 0.999),
             "significance level of the condition selection; -1: the method's own (pcmci 0.2, lpcmci 0.05, pcmciplus 0.01); 0: chosen by \
              a score",
         ),
-        ParamSpec::new(
+        ParamSpec::of_data(
             "f_alpha",
             Double(0.0),
             Range(0.0, 0.999),
             "significance level of F-PCMCI's filter; 0: as sig_alpha",
         ),
-        ParamSpec::new(
+        ParamSpec::of_data(
             "te_estimator",
             text(TeEstimator::default().name()),
             OneOf(TeEstimator::NAMES),
             "estimator of F-PCMCI's filter; auto: gaussian for a linear test, else gaussian+dcor",
         ),
-        ParamSpec::new(
+        ParamSpec::of_data(
             "gp_search",
             text(GpSearch::default().name()),
             OneOf(GpSearch::NAMES),
             "gpdc: likelihoods as exact as they must be, or all exact (slow; the same maxima)",
         ),
-        ParamSpec::new(
+        ParamSpec::of_data(
             "gp_restarts",
             Int(0),
             Range(0.0, 1000.0),
@@ -118,27 +118,27 @@ pub(super) fn specs() -> Vec<ParamSpec> {
             Any,
             "gpdc: CSV file of null distributions; the first row has the numbers of samples; empty: its own",
         ),
-        ParamSpec::new(
+        ParamSpec::of_data(
             "vectors",
             Value::List(Vec::new()),
             Any,
             "parcorrmult: columns that are one variable, such as place=h_x+h_y",
         ),
-        ParamSpec::new(
+        ParamSpec::of_data(
             "fdr_method",
             text(Fdr::default().name()),
             OneOf(Fdr::NAMES),
             "correction for multiple testing",
         ),
-        ParamSpec::new("min_lag", Int(1), Range(0.0, 1000.0), "smallest lag, in steps"),
-        ParamSpec::new("max_lag", Int(1), Range(1.0, 1000.0), "largest lag, in steps"),
-        ParamSpec::new(
+        ParamSpec::of_data("min_lag", Int(1), Range(0.0, 1000.0), "smallest lag, in steps"),
+        ParamSpec::of_data("max_lag", Int(1), Range(1.0, 1000.0), "largest lag, in steps"),
+        ParamSpec::of_data(
             "exogenous",
             Value::List(Vec::new()),
             Any,
             "variables that may be causes only, such as weather; columns of interventions are so without being named",
         ),
-        ParamSpec::new(
+        ParamSpec::of_data(
             "acts_on",
             Value::List(
                 usual_acts_on()
@@ -149,20 +149,20 @@ pub(super) fn specs() -> Vec<ParamSpec> {
             Any,
             "candoit: columns of interventions and the variable that each sets, such as do_robot_speed=r_v",
         ),
-        ParamSpec::new(
+        ParamSpec::of_data(
             "extra_conditions",
             Bool(true),
             Any,
             "candoit: contexts of interventions join their variables as conditions, as published; false takes far fewer tests",
         ),
-        ParamSpec::new(
+        ParamSpec::of_data(
             "max_sets",
             Int(0),
             Range(0.0, 1e9),
             "lpcmci, candoit: sets of conditions of one size that are tested for a pair, from each of its ends; 0: all",
         ),
-        ParamSpec::new("seed", Int(42), Range(0.0, 9e15), "seed of all random numbers"),
-        ParamSpec::new(
+        ParamSpec::of_data("seed", Int(42), Range(0.0, 9e15), "seed of all random numbers"),
+        ParamSpec::of_data(
             "people",
             text("pooled"),
             OneOf(&People::NAMES),
@@ -218,61 +218,61 @@ pub(super) fn specs() -> Vec<ParamSpec> {
             Range(0.0, 1e9),
             "megabytes that a test, or an external method, may take; 0: no limit",
         ),
-        ParamSpec::new(
+        ParamSpec::of_data(
             "resamples",
             Int(0),
             Range(0.0, 10_000.0),
             "analyses of rows drawn from the data, for the confidence of links: 20 to 10000; 0: none",
         ),
-        ParamSpec::new(
+        ParamSpec::of_data(
             "resampling",
             text(Scheme::default().name()),
             OneOf(Scheme::NAMES),
             "how rows are drawn: a share of them, each once, or as many as there are, with replacement",
         ),
-        ParamSpec::new(
+        ParamSpec::of_data(
             "resample_share",
             Double(Resampling::default().share),
             Range(0.01, 0.99),
             "share of the rows in a subsample",
         ),
-        ParamSpec::new(
+        ParamSpec::of_data(
             "resample_block",
             text("1"),
             Any,
             "neighbouring rows that are drawn together: a number, or cube_root of the number of rows",
         ),
-        ParamSpec::new(
+        ParamSpec::of_data(
             "window_batches",
             Int(1),
             Range(1.0, 1000.0),
             "most batches of a model, the newest of the present regime; a model for each new one; 1: of it alone",
         ),
-        ParamSpec::new(
+        ParamSpec::of_data(
             "window_samples",
             Int(2000),
             Range(0.0, 1e9),
             "most samples of such a model, but one batch at least; 0: no limit",
         ),
-        ParamSpec::new(
+        ParamSpec::of_data(
             "detect_changes",
             text("auto"),
             OneOf(&DETECT),
             "tell when a mechanism changes, on /roscausal/model_changes; auto: if window_batches is above 1",
         ),
-        ParamSpec::new(
+        ParamSpec::of_data(
             "change_rows",
             Int(0),
             Range(0.0, 1e6),
             "rows that are compared with the regime at a time, more for many variables; 0: each batch as a whole",
         ),
-        ParamSpec::new(
+        ParamSpec::of_data(
             "suspect_level",
             Double(Levels::default().suspect),
             Range(1e-9, 0.999),
             "level at which a change is suspected, corrected for the number of links",
         ),
-        ParamSpec::new(
+        ParamSpec::of_data(
             "confirm_level",
             Double(Levels::default().confirm),
             Range(1e-9, 0.999),

@@ -15,8 +15,13 @@ pub(super) fn risk_specs() -> [ParamSpec; 2] {
     use Allowed::Range;
     use Value::Double;
     [
-        ParamSpec::new("obs_size", Double(2.0), Range(0.01, 100.0), "radius added around the robot, metres"),
-        ParamSpec::new(
+        ParamSpec::of_data(
+            "obs_size",
+            Double(2.0),
+            Range(0.01, 100.0),
+            "radius added around the robot, metres",
+        ),
+        ParamSpec::of_data(
             "safe_dist",
             Double(5.0),
             Range(0.01, 1000.0),

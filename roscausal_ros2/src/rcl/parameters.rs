@@ -26,12 +26,8 @@ struct Declared {
 }
 
 /// The parameter that every node has: whether time comes from `/clock`.
-pub(crate) const USE_SIM_TIME: ParamSpec = ParamSpec {
-    name: "use_sim_time",
-    default: Value::Bool(false),
-    description: "Take time from /clock",
-    allowed: Allowed::Any,
-};
+pub(crate) const USE_SIM_TIME: ParamSpec =
+    ParamSpec::new("use_sim_time", Value::Bool(false), Allowed::Any, "Take time from /clock");
 
 impl Parameters {
     /// The parameters of a node that was started with these values.
@@ -151,12 +147,8 @@ pub(crate) fn ros2_name(name: &str) -> String {
 mod tests {
     use super::*;
 
-    const RATE: ParamSpec = ParamSpec {
-        name: "rate",
-        default: Value::Double(1.0),
-        description: "of the test",
-        allowed: Allowed::Range(0.0, 10.0),
-    };
+    const RATE: ParamSpec =
+        ParamSpec::new("rate", Value::Double(1.0), Allowed::Range(0.0, 10.0), "of the test");
 
     fn node(overrides: &[(&str, Value)]) -> Parameters {
         Parameters::new(overrides.iter().map(|(name, value)| ((*name).to_owned(), value.clone())).collect())
