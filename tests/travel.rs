@@ -210,7 +210,8 @@ fn lines() -> Vec<Vec<&'static str>> {
         lines.push([&discover(what)[..], &QUICK, &["--out", "OUT/found"]].concat());
         lines.push([&["roll", what, "--window", "40", "--out", "OUT/rolled"][..], &QUICK].concat());
         if what.ends_with("mcap") || what == "metadata" {
-            lines.push([&["replay", what, "--ts-length", "10", "--out", "OUT/replayed"][..], &QUICK].concat());
+            lines
+                .push([&["replay", what, "--ts-length", "10", "--out", "OUT/replayed"][..], &QUICK].concat());
             lines.push(vec!["topics", what]);
         }
         if what != "batch" && what != "metadata" {
