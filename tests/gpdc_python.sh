@@ -19,7 +19,7 @@ export PYO3_PYTHON=$venv/bin/python
 export LD_LIBRARY_PATH=$library${LD_LIBRARY_PATH:+:$LD_LIBRARY_PATH}
 PYTHONPATH=$("$venv/bin/python" -c "import sysconfig; print(sysconfig.get_paths()['purelib'])")
 export PYTHONPATH
-cargo test "${workspace[@]}" --features roscausal_discovery/python --test gpdc_python || exit 1
+special gpdc_python cargo test "${workspace[@]}" --features roscausal_discovery/python --test gpdc_python || exit 1
 
 build_all --quiet || exit 1
 roscausal=$(program roscausal)

@@ -34,6 +34,17 @@ debian() {
   rm -f "$log"
 }
 
+# What a catkin workspace with the packages of this repository is built with.
+debian_catkin=(cmake make g++ catkin ros-message-generation ros-message-runtime python3-genmsg python3-genpy python3-gencpp
+  ros-geometry-msgs libgeometry-msgs-dev python3-geometry-msgs ros-std-msgs libstd-msgs-dev python3-std-msgs)
+
+# debian_missing PACKAGE...: installs those that are not there.
+debian_missing() {
+  local package missing=()
+  for package in "$@"; do dpkg -s "$package" >/dev/null 2>&1 || missing+=("$package"); done
+  [ ${#missing[@]} -eq 0 ] || debian "${missing[@]}"
+}
+
 # environment FOLDER PACKAGE...: a Python virtual environment with these packages from PyPI, made once.
 environment() {
   local folder=$1
@@ -67,4 +78,13 @@ program() {
     /*) echo "$CARGO_TARGET_DIR/$profile/$1" ;;
     *) echo "$PWD/${CARGO_TARGET_DIR:-target}/$profile/$1" ;;
   esac
+}
+
+# special NAME COMMAND...: runs a cargo command that builds with other features than the rest, or the function `program`. Its programs lie
+# in target/NAME, where no other script's build replaces them; everything else is shared with the other builds, and so is cargo's lock.
+# (Cargo before 1.91 ignores CARGO_BUILD_BUILD_DIR, and builds everything anew there.)
+special() {
+  local built=${CARGO_TARGET_DIR:-target} name=$1
+  shift
+  CARGO_BUILD_BUILD_DIR=$built CARGO_TARGET_DIR=$built/$name "$@"
 }

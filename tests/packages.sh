@@ -180,15 +180,8 @@ offline() {
   local archive
   archive=$(made "roscausal-$version-vendored.tar.xz") || exit 1
   command -v cmake >/dev/null || debian cmake make g++
-  # ROS 1 of Debian, unless the shell has a ROS. What catkin wants for two packages of messages and their nodes.
-  local package missing=()
-  if [ -z "${ROS_VERSION-}" ]; then
-    for package in catkin ros-message-generation ros-message-runtime python3-genmsg python3-genpy python3-gencpp ros-geometry-msgs \
-      libgeometry-msgs-dev ros-std-msgs libstd-msgs-dev python3-geometry-msgs python3-std-msgs; do
-      dpkg -s "$package" >/dev/null 2>&1 || missing+=("$package")
-    done
-    [ ${#missing[@]} -eq 0 ] || debian "${missing[@]}"
-  fi
+  # ROS 1 of Debian, unless the shell has a ROS.
+  [ -n "${ROS_VERSION-}" ] || debian_missing "${debian_catkin[@]}"
   tar -xJ -C "$work" -f "$archive"
   local source=$work/roscausal-$version-vendored
   # Nothing that cargo has fetched before is there; the tools are.

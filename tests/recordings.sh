@@ -64,7 +64,7 @@ check "we write a file" cargo test --quiet "${workspace[@]}" --test written
 check "mcap and rosbags read it back with equal contents" "$python" tests/recordings/read.py "$folder/ours.mcap"
 
 # A feature, and crates that nothing else needs: built for this test alone.
-check "Parquet and Arrow files of pandas, polars and pyarrow are read" cargo test --quiet "${workspace[@]}" \
+check "Parquet and Arrow files of pandas, polars and pyarrow are read" special columnar cargo test --quiet "${workspace[@]}" \
   --features roscausal_core/columnar --test columnar
 
 # The commands, on a bag that rosbags wrote.

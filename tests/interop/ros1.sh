@@ -18,13 +18,10 @@ unset PYTHONPATH PYTHONHOME ROS_HOSTNAME ROS_NAMESPACE ROS_VERSION ROS_DISTRO RO
 export PYTHONDONTWRITEBYTECODE=1
 
 . "$root/tests/lib.sh"
-packages="python3-rosmaster python3-roslaunch rosout rosbash python3-rospy python3-rostopic python3-rosparam
-  python3-rosnode python3-rosbag python3-rosmsg python3-rosservice python3-geometry-msgs python3-nav-msgs
-  python3-sensor-msgs python3-std-msgs python3-tf2-ros python3-move-base-msgs catkin catkin-tools ros-message-generation
-  ros-message-runtime python3-genmsg python3-genpy python3-gencpp ros-geometry-msgs libgeometry-msgs-dev ros-std-msgs
-  libstd-msgs-dev ros-nav-msgs ros-sensor-msgs python3-visualization-msgs ros-tf2-msgs ros-rosgraph-msgs ros-move-base-msgs cmake make g++"
-missing=$(for package in $packages; do dpkg -s "$package" >/dev/null 2>&1 || echo "$package"; done)
-[ -z "$missing" ] || debian $missing
+debian_missing "${debian_catkin[@]}" catkin-tools python3-rosmaster python3-roslaunch rosout rosbash python3-rospy python3-rostopic \
+  python3-rosparam python3-rosnode python3-rosbag python3-rosmsg python3-rosservice python3-nav-msgs python3-sensor-msgs \
+  python3-tf2-ros python3-move-base-msgs python3-visualization-msgs ros-nav-msgs ros-sensor-msgs ros-tf2-msgs ros-rosgraph-msgs \
+  ros-move-base-msgs
 prepare_only "$@"
 
 work=$(mktemp -d -t roscausal-ros1-XXXXXX)
