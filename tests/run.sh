@@ -50,6 +50,8 @@ wait
 
 sed -n 's/^[0-9]* \([0-9]*\) \([0-9]*\) \(.*\)/\3: \1 s, \2 s of CPU/p' "$kept/results"
 sed -n 's/^77 [0-9]* [0-9]* \(.*\)/!!! NOT TESTED: \1 could not install what it needs (see above)/p' "$kept/results" >&2
+# What a part that passed has left out.
+grep -hE '^(!!! )?NOT TESTED: ' "$kept"/*.log | sed -E 's/^(!!! )?/!!! /' >&2
 while read -r code _ _ what; do
   [[ $code = 0 || $code = 77 ]] && continue
   echo "!!! FAILED: $what" >&2
