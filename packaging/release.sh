@@ -78,7 +78,7 @@ sdist() {
   zig
   maturin sdist --manifest-path roscausal_py/Cargo.toml --out "$made"
   tar -xz -C "$made" -f "$made/$name.tar.gz"
-  sed -i '/^# One change that services need/d; /^\[patch.crates-io\]/,/^$/d' "$made/$name/Cargo.toml"
+  sed -i '/^# With four changes; third_party/d; /^\[patch.crates-io\]/,/^$/d' "$made/$name/Cargo.toml"
   (cd "$made/$name" && cargo metadata --quiet --format-version 1 --manifest-path roscausal_py/Cargo.toml >/dev/null) ||
     broken "the Python package's source is not whole"
   archive "$made" "$name" | gzip -9n >"dist/$name.tar.gz"

@@ -2151,8 +2151,9 @@ impl Discovery {
     // Security spec
     QosPolicyBuilder::new()
       .reliability(Reliability::BestEffort) // Important!
-      // Local change. One history holds the messages of all participants, each of which writes to all of its peers in one
-      // go: with a depth of 1 the handshake meant for us was lost whenever one for another participant followed it.
+      // One history holds the messages of all participants, each of which writes
+      // to all of its peers in one go. With a depth of 1 the handshake meant for
+      // us is lost whenever one for another participant follows it.
       .history(History::KeepLast { depth: 64 })
       .build()
   }

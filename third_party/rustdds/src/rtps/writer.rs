@@ -2959,6 +2959,21 @@ mod tests {
       }
     }
 
+    #[test]
+    fn builtin_writer_does_not_match_readers_of_its_own_participant() {
+      let builtin = Discovery::builtin_subscriber_qos();
+      let user = Fixture::user(1, 8, None).writer.qos_policies;
+      for (mut f, qos, matched) in [
+        (Fixture::sedp(1, 8), builtin, 1),
+        (Fixture::user(1, 8, None), user, 2),
+      ] {
+        let own = GUID::new(f.writer.my_guid.prefix, f.reader_guid.entity_id);
+        let own = RtpsReaderProxy::new(own, qos.clone(), false);
+        f.writer.update_reader_proxy(&own, &qos);
+        assert_eq!(f.writer.readers.len(), matched);
+      }
+    }
+
     // Built-in and user Writers alike answer an ACKNACK only after
     // nack_response_delay, from the SendRepairData timer.
     #[test]

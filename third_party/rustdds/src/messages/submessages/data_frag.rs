@@ -301,8 +301,8 @@ impl<C: Context> Writable<C> for DataFrag {
     writer.write_value(&self.fragments_in_submessage)?;
     writer.write_value(&self.fragment_size)?;
     writer.write_value(&self.data_size)?;
-    // Changed for roscausal: the list itself, whatever is in it. An `Option` would be written with a byte before it, and `len_serialized`
-    // counts an empty list, too.
+    // The list itself: an `Option` is written with a byte before it. An empty
+    // list, too, has a sentinel, which `len_serialized` counts.
     if let Some(inline_qos) = &self.inline_qos {
       writer.write_value(inline_qos)?;
     }
@@ -327,7 +327,12 @@ mod tests {
   use speedy::{Endianness, Writable};
 
   use super::*;
-  use crate::messages::submessages::submessages::DATAFRAG_Flags;
+  use crate::{
+    messages::submessages::{
+      elements::parameter::Parameter, submessages::DATAFRAG_Flags,
+    },
+    structure::parameter_id::ParameterId,
+  };
 
   fn serialize_body(df: &DataFrag) -> Bytes {
     let mut buf = Vec::new();
@@ -397,5 +402,30 @@ mod tests {
     };
     let bytes = serialize_body(&df);
     assert!(DataFrag::deserialize(&bytes, BitFlags::<DATAFRAG_Flags>::empty()).is_err());
+  }
+
+  #[test]
+  fn inline_qos_is_written_as_it_is_read_and_counted() {
+    let mut parameters = ParameterList::new();
+    parameters.push(Parameter::new(
+      ParameterId::PID_RELATED_SAMPLE_IDENTITY,
+      vec![7; 24],
+    ));
+    for inline_qos in [ParameterList::new(), parameters] {
+      let df = DataFrag {
+        writer_sn: SequenceNumber::new(1),
+        fragment_starting_num: FragmentNumber::new(1),
+        fragments_in_submessage: 1,
+        fragment_size: 256,
+        data_size: 512,
+        inline_qos: Some(inline_qos),
+        serialized_payload: Bytes::from(vec![1u8; 256]),
+        ..Default::default()
+      };
+      let bytes = serialize_body(&df);
+      assert_eq!(bytes.len(), df.len_serialized());
+      let flags = DATAFRAG_Flags::Endianness | DATAFRAG_Flags::InlineQos;
+      assert_eq!(DataFrag::deserialize(&bytes, flags).unwrap(), df);
+    }
   }
 }
