@@ -11,6 +11,7 @@ use roscausal_core::{
         joint::Facts,
         pool::{Pool, with_ending},
     },
+    bounded,
     nodes::EVIDENCE_FOLDER,
 };
 use roscausal_discovery::{Evidence, Model};
@@ -133,17 +134,17 @@ pub(crate) fn batches_in(folder: &Path) -> Result<Vec<PathBuf>> {
     Err(Error::file(folder, reason))
 }
 
-/// The model in a file.
+/// The model in a file, checked.
 pub(crate) fn read_model(path: &Path) -> Result<Model> {
-    let text = fs::read(path).map_err(|e| Error::file(path, e))?;
-    serde_json::from_slice(&text).map_err(|e| Error::file(path, e))
+    let text = bounded::read(path, bounded::MODEL)?;
+    Model::from_json(&text).map_err(|e| Error::file(path, e))
 }
 
-/// The evidence in a file; `None` if there is no such file.
+/// The evidence in a file, checked; `None` if there is no such file.
 pub(crate) fn read_evidence(path: &Path) -> Result<Option<Evidence>> {
     if !path.exists() {
         return Ok(None);
     }
-    let text = fs::read(path).map_err(|e| Error::file(path, e))?;
-    serde_json::from_slice(&text).map(Some).map_err(|e| Error::file(path, e))
+    let text = bounded::read(path, bounded::MODEL)?;
+    Evidence::from_json(&text).map(Some).map_err(|e| Error::file(path, e))
 }

@@ -16,12 +16,11 @@
 use std::{
     collections::BTreeMap,
     ffi::OsString,
-    fs,
     path::{Path, PathBuf},
 };
 
 use clap::{ArgMatches, parser::ValueSource};
-use roscausal_core::{Error, Result, params::nearest};
+use roscausal_core::{Error, Result, bounded, params::nearest};
 use roscausal_discovery::{
     independence_tests::{Significance, draws, spelled},
     methods::{Method, Reads},
@@ -335,7 +334,7 @@ fn sidecar(recording: &Path) -> PathBuf {
 }
 
 fn read(file: &Path) -> Result<Table> {
-    let text = fs::read_to_string(file).map_err(|error| Error::file(file, error))?;
+    let text = bounded::read_settings(file)?;
     text.parse::<Table>().map_err(|error| Error::file(file, error.to_string().trim().replace('\n', " ")))
 }
 

@@ -131,12 +131,19 @@ fn names_from_strangers_stay_text() {
         model[field] = HOSTILE[0].into();
     }
     model["warnings"] = vec![HOSTILE[1]].into();
-    model["links"][0]["mark"] = HOSTILE[2].into();
     fs::write(dir.path().join("model.json"), model.to_string()).expect("writes");
     let html = report(dir.path(), &["model.json"]);
     for forbidden in ["<script", "<img", "<iframe"] {
         assert!(!html.contains(forbidden), "{forbidden} is in the report");
     }
+    // What is no mark is no model.
+    model["links"][0]["mark"] = HOSTILE[2].into();
+    fs::write(dir.path().join("model.json"), model.to_string()).expect("writes");
+    let out = roscausal(dir.path(), &["report", "model.json"]);
+    assert!(
+        !out.status.success() && String::from_utf8_lossy(&out.stderr).contains("has the mark"),
+        "{out:?}"
+    );
 }
 
 #[test]
@@ -157,7 +164,7 @@ fn what_is_no_model_is_one_sentence() {
         model
     };
     complaint(with("tau_max", 1_000_000_000_000_u64.into()), "m.json");
-    complaint(with("schema", "something/9".into()), "its schema is 'something/9'");
+    complaint(with("schema", "something/9".into()), "its schema is 'something/9'; this program reads");
     complaint(serde_json::json!({}), "m.json");
     let out = roscausal(dir.path(), &["report", "."]);
     // The folder holds no model.

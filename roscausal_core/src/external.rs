@@ -2,7 +2,8 @@
 //!
 //! It is called as `PROGRAM BATCH.csv [BATCH.csv ...]`. It gets the settings as one JSON object on stdin and prints
 //! one JSON object on stdout: `features`, `val_matrix` and `p_matrix` as `[cause][effect][lag 0..=tau_max]`, and
-//! optionally `graph` (marks; without it, links are `-->` where p <= alpha and the lag is at least tau_min).
+//! optionally `graph` (marks, at lag 0 from both ends; without it, links are `-->` where p <= alpha and the lag is at least tau_min, and
+//! `o-o` where that holds of a pair at lag 0 in both directions).
 
 use std::{
     io::{Read, Write},
@@ -12,7 +13,7 @@ use std::{
     time::Duration,
 };
 
-use roscausal_discovery::{Control, Matrices, Model, Settings};
+use roscausal_discovery::{Control, LinkMark, Matrices, Model, Settings};
 use serde::Deserialize;
 
 use crate::{Error, Result, params::nearest};
@@ -139,23 +140,28 @@ fn model(answer: Answer, method: String, settings: &Settings) -> std::result::Re
     let n = answer.features.len();
     check_shape("val_matrix", &answer.val_matrix, n, settings.tau_max)?;
     check_shape("p_matrix", &answer.p_matrix, n, settings.tau_max)?;
-    let graph = match answer.graph {
-        Some(graph) => graph,
-        None => {
-            let mark = |lag: usize, p: f64| {
-                let link = lag >= settings.tau_min && p <= settings.alpha;
-                if link { "-->".to_owned() } else { String::new() }
-            };
-            let marks = |ps: &Vec<f64>| ps.iter().enumerate().map(|(lag, &p)| mark(lag, p)).collect();
-            answer.p_matrix.iter().map(|row| row.iter().map(marks).collect()).collect()
-        }
+    let found = |i: usize, j: usize, lag: usize| {
+        lag >= settings.tau_min && answer.p_matrix[i][j][lag] <= settings.alpha && (lag > 0 || i != j)
     };
+    let mark = |i: usize, j: usize, lag: usize| {
+        let mark = match (found(i, j, lag), lag == 0 && found(j, i, lag)) {
+            (true, true) => LinkMark::Unoriented,
+            (true, false) => LinkMark::Forward,
+            (false, true) => LinkMark::Backward,
+            (false, false) => LinkMark::Absent,
+        };
+        mark.symbol().to_owned()
+    };
+    let of = |i, j| (0..=settings.tau_max).map(|lag| mark(i, j, lag)).collect();
+    let graph = answer.graph.unwrap_or_else(|| (0..n).map(|i| (0..n).map(|j| of(i, j)).collect()).collect());
     check_shape("graph", &graph, n, settings.tau_max)?;
     let matrices =
         Matrices { graph, val_matrix: answer.val_matrix, p_matrix: answer.p_matrix, n_lost: Vec::new() };
     // What the program filters, it alone knows.
     let blank = Model { method, f_alpha: None, ..settings.blank_model() };
-    Ok(blank.with_matrices(answer.features, matrices))
+    let model = blank.with_matrices(answer.features, matrices);
+    model.check().map_err(|error| error.to_string())?;
+    Ok(model)
 }
 
 fn check_shape<T>(
@@ -192,6 +198,35 @@ mod tests {
         assert_eq!(model.links.len(), 1);
         assert_eq!((model.method.as_str(), model.f_alpha), ("method", None));
         assert_eq!((model.links[0].cause.as_str(), model.links[0].effect.as_str()), ("a", "b"));
+    }
+
+    #[test]
+    fn what_a_program_answers_is_checked_as_a_file_is() {
+        let settings = Settings { tau_min: 0, tau_max: 0, ..Settings::default() };
+        let answer = |p: [f64; 2], graph: Option<[&str; 2]>, names: [&str; 2]| {
+            let of =
+                |[ab, ba]: [f64; 2], none: f64| vec![vec![vec![none], vec![ab]], vec![vec![ba], vec![none]]];
+            let graph = graph.map(|[ab, ba]| {
+                let mark = |mark: &str| vec![mark.to_owned()];
+                vec![vec![mark(""), mark(ab)], vec![mark(ba), mark("")]]
+            });
+            let features = names.map(str::to_owned).to_vec();
+            Answer { features, val_matrix: of([0.5, 0.5], 0.0), p_matrix: of(p, 1.0), graph }
+        };
+        let model = |given| super::model(given, "method".into(), &settings);
+        let marks = |p| model(answer(p, None, ["a", "b"])).expect("a model").graph.concat().concat();
+        assert_eq!(marks([0.01, 0.01]), ["", "o-o", "o-o", ""]);
+        assert_eq!(marks([0.9, 0.01]), ["", "<--", "-->", ""]);
+        for (told, given) in [
+            ("the other way round", answer([0.01; 2], Some(["-->", ""]), ["a", "b"])),
+            ("not a mark", answer([0.01; 2], Some(["->", "<-"]), ["a", "b"])),
+            ("not a number from 0 to 1", answer([-1.0, 0.5], None, ["a", "b"])),
+            ("there twice", answer([0.5; 2], None, ["a", "a"])),
+            ("no name", answer([0.5; 2], None, ["a", ""])),
+        ] {
+            let error = model(given).expect_err(told);
+            assert!(error.contains(told), "{error}");
+        }
     }
 
     #[test]

@@ -2,6 +2,7 @@
 //! to a middleware. Nothing here knows ROS, a network or the wall clock: time is an argument.
 
 pub mod batch;
+pub mod bounded;
 pub mod content;
 pub mod error;
 pub mod external;

@@ -10,8 +10,7 @@ use crate::errors::{raised, raised_by_program};
 /// decided on its links, with its name.
 #[pyfunction]
 pub(crate) fn export(model: &str, what: &str) -> PyResult<String> {
-    let model: Model = serde_json::from_str(model)
-        .map_err(|e| raised(Error::Data(format!("this is not a model of schema roscausal/model/1: {e}"))))?;
+    let model = Model::from_json(model.as_bytes()).map_err(raised)?;
     match what {
         "text" => Ok(roscausal::text(&model)),
         "dot" => Ok(roscausal::dot(&model)),

@@ -3,15 +3,17 @@
 use std::{fs, path::PathBuf, sync::Arc};
 
 use clap::Args as ClapArgs;
-use roscausal_core::{Error, Result};
+use roscausal_core::{Error, Result, bounded};
 use roscausal_discovery::{
-    Assumption, DataFrame, LinkAssumptions, Model, Settings,
+    Assumption, DataFrame, LinkAssumptions, LinkRule, Model, Settings,
     independence_tests::{NullDistributions, Significance},
     methods::{ColliderRule, Method, Reads},
-    names::{nearest, plain, position},
+    names::{plain, position},
+    text::{line_of, reason_of},
     vectors_of,
 };
 use serde::Deserialize;
+use toml::Spanned;
 
 /// Flags for what is known, and for how it is tested.
 #[derive(ClapArgs, Clone, Debug, Default)]
@@ -61,31 +63,7 @@ struct File {
     #[serde(default)]
     only: bool,
     #[serde(default)]
-    link: Vec<Rule>,
-}
-
-/// What is known of the links from a cause to an effect; `*` is any variable.
-#[derive(Debug, Deserialize)]
-#[serde(deny_unknown_fields)]
-struct Rule {
-    cause: String,
-    effect: String,
-    /// In steps; all if not given.
-    lags: Option<Vec<usize>>,
-    is: Kind,
-}
-
-#[derive(Clone, Copy, Debug, Deserialize, PartialEq)]
-#[serde(rename_all = "lowercase")]
-enum Kind {
-    /// It exists, and is not tested.
-    Required,
-    /// It does not exist.
-    Forbidden,
-    /// It may exist.
-    Allowed,
-    /// It may exist, and not the other way round.
-    Directed,
+    link: Vec<Spanned<LinkRule>>,
 }
 
 impl AssumeArgs {
@@ -96,8 +74,9 @@ impl AssumeArgs {
     /// method does not have.
     pub(super) fn set(&self, settings: &mut Settings, names: &[String]) -> Result<()> {
         if let Some(file) = &self.links {
-            let text = fs::read_to_string(file).map_err(|error| Error::file(file, error))?;
-            let links = assumptions(&text, names, settings.tau_min, settings.tau_max);
+            let text = bounded::read_settings(file)?;
+            let exogenous = settings.exogenous.iter().filter_map(|name| position(names, name)).collect();
+            let links = assumptions(&text, names, [settings.tau_min, settings.tau_max], exogenous);
             settings.link_assumptions = Some(links.map_err(|reason| Error::file(file, reason))?);
         }
         settings.max_conds = self.max_conds;
@@ -204,76 +183,19 @@ fn check_shuffles(settings: &Settings) -> Result<()> {
 fn assumptions(
     text: &str,
     names: &[String],
-    tau_min: usize,
-    tau_max: usize,
+    lags: [usize; 2],
+    exogenous: Vec<usize>,
 ) -> std::result::Result<LinkAssumptions, String> {
-    let file: File = toml::from_str(text).map_err(|error| error.to_string().trim().replace('\n', " "))?;
-    let mut links = match file.only {
-        true => LinkAssumptions::none(names.len()),
-        false => LinkAssumptions::all(names.len(), tau_min, tau_max),
+    let file: File = toml::from_str(text).map_err(|error| {
+        let line = line_of(text.as_bytes(), error.span().map_or(0, |span| span.start));
+        format!("line {line}: {}", reason_of(error.message()))
+    })?;
+    let rule = |rule: Spanned<LinkRule>| {
+        let place = format!("line {}", line_of(text.as_bytes(), rule.span().start));
+        LinkRule { place, ..rule.into_inner() }
     };
-    for rule in &file.link {
-        let lags = rule.lags.clone().unwrap_or_else(|| (tau_min..=tau_max).collect());
-        if lags.is_empty() {
-            let (cause, effect) = (&rule.cause, &rule.effect);
-            return Err(format!("{cause} -> {effect}: lags names none; give some, or leave it out for all"));
-        }
-        if let Some(lag) = lags.iter().find(|lag| !(tau_min..=tau_max).contains(lag)) {
-            return Err(format!(
-                "{} -> {}: lag {lag} is not among the lags {tau_min} to {tau_max}",
-                rule.cause, rule.effect
-            ));
-        }
-        let mut fits = false;
-        for cause in variables(&rule.cause, names)? {
-            for effect in variables(&rule.effect, names)? {
-                for &lag in lags.iter().filter(|lag| **lag > 0 || cause != effect) {
-                    rule.apply(&mut links, cause, effect, lag)?;
-                    fits = true;
-                }
-            }
-        }
-        if !fits {
-            let reason =
-                "a variable does not drive itself at lag 0; give lags from 1 on, or leave the rule out";
-            return Err(format!("{} -> {}: {reason}", rule.cause, rule.effect));
-        }
-    }
-    Ok(links)
-}
-
-impl Rule {
-    fn apply(
-        &self,
-        links: &mut LinkAssumptions,
-        cause: usize,
-        effect: usize,
-        lag: usize,
-    ) -> std::result::Result<(), String> {
-        let assumption = match (self.is, lag) {
-            (Kind::Forbidden, _) => {
-                links.remove(cause, effect, lag);
-                return Ok(());
-            }
-            (Kind::Required, _) => Assumption::Exists,
-            (Kind::Allowed, 0) => Assumption::TestUnoriented,
-            (Kind::Allowed | Kind::Directed, _) => Assumption::Test,
-        };
-        if self.is == Kind::Directed && lag > 0 && cause != effect {
-            links.remove(effect, cause, lag);
-        }
-        links.insert(cause, effect, lag, assumption).map_err(|error| error.to_string())
-    }
-}
-
-fn variables(name: &str, names: &[String]) -> std::result::Result<Vec<usize>, String> {
-    if name == "*" {
-        return Ok((0..names.len()).collect());
-    }
-    position(names, name).map(|place| vec![place]).ok_or_else(|| {
-        let hint = nearest(names, name).map_or(String::new(), |near| format!("did you mean '{near}'? "));
-        format!("there is no variable '{name}'; {hint}variables: {}", names.join(", "))
-    })
+    let rules: Vec<LinkRule> = file.link.into_iter().map(rule).collect();
+    LinkAssumptions::of_rules(&rules, file.only, names, lags, &exogenous).map_err(|error| error.to_string())
 }
 
 #[cfg(test)]
@@ -281,7 +203,7 @@ mod tests {
     use super::*;
 
     fn links(text: &str) -> std::result::Result<LinkAssumptions, String> {
-        assumptions(text, &["a", "b", "c"].map(str::to_owned), 0, 2)
+        assumptions(text, &["a", "b", "c"].map(str::to_owned), [0, 2], vec![])
     }
 
     #[test]
@@ -312,7 +234,10 @@ mod tests {
         for (text, told) in [
             ("[[link]]\ncause = 'a'\neffect = 'd'\nis = 'allowed'\n", "no variable 'd'"),
             ("[[link]]\ncause = 'a'\neffect = 'b'\nlags = [3]\nis = 'allowed'\n", "lag 3 is not among"),
-            ("[[link]]\ncause = 'a'\neffect = 'b'\nlags = []\nis = 'required'\n", "a -> b: lags names none"),
+            (
+                "[[link]]\ncause = 'a'\neffect = 'b'\nlags = []\nis = 'required'\n",
+                "'a' -> 'b': lags names none",
+            ),
             (
                 "[[link]]\ncause = 'a'\neffect = 'a'\nlags = [0]\nis = 'required'\n",
                 "does not drive itself at lag 0",

@@ -9,7 +9,7 @@ use clap::{Args as ClapArgs, ValueEnum};
 use roscausal_core::{
     Error, Result,
     batch::{Table, table::common_step},
-    threads,
+    bounded, threads,
 };
 use roscausal_discovery::{DataFrame, methods::acts_on_of, names};
 use roscausal_reasoning::{
@@ -104,7 +104,7 @@ impl SourceArgs {
     }
 
     fn ready(&self) -> Result<Ready> {
-        let text = fs::read_to_string(&self.model).map_err(|e| Error::file(&self.model, e))?;
+        let text = bounded::read_text(&self.model, bounded::MODEL)?;
         let of_file = |error: roscausal_discovery::Error| match error {
             roscausal_discovery::Error::Param { name, reason } => {
                 Error::file(&self.model, format!("{name}: {reason}"))

@@ -134,14 +134,18 @@ fn causal_link(model: &Model, link: &Link) -> CausalLink {
     }
 }
 
-/// The mark of a link of a message, such as `<->`. The message has no field for it: its description says it.
+/// The mark of a link of a message, such as `<->`. The message has no field for it: its description says it, and none says `-->`. Of a
+/// description that says nothing of these, the mark that claims least.
 pub fn mark_of(link: &CausalLink) -> &'static str {
     let (cause, effect) = (&link.cause, &link.effect);
-    let says = |mark: &&str| link.description.starts_with(&sentence_of(cause, effect, mark));
+    if link.description.is_empty() || link.description.starts_with(&format!("{cause} -> {effect} ")) {
+        return "-->";
+    }
     if link.description.starts_with(&format!("{cause} -- {effect} ")) {
         return "o-o";
     }
-    ["<->", "o->", "x->", "x-x", "x-o"].into_iter().find(says).unwrap_or("-->")
+    let says = |mark: &&str| link.description.starts_with(&sentence_of(cause, effect, mark));
+    ["<->", "o->", "x->", "x-x", "x-o"].into_iter().find(says).unwrap_or("x-x")
 }
 
 fn short(link: &Link) -> String {
@@ -208,6 +212,10 @@ mod tests {
         let read: Vec<&str> = info.links.iter().map(mark_of).collect();
         let written: Vec<&str> = model.links.iter().map(|link| link.mark.as_str()).collect();
         assert_eq!(read, written);
+        let of = |description: &str| {
+            mark_of(&CausalLink { description: description.into(), ..CausalLink::default() })
+        };
+        assert_eq!([of(""), of("h_v and h_dg are associated (lag 0)")], ["-->", "x-x"]);
     }
 
     #[test]

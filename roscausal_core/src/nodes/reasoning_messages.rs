@@ -1,9 +1,14 @@
 //! Questions from messages, and answers as messages.
 
-use roscausal_discovery::Error;
+use std::collections::{HashMap, HashSet};
+
+use roscausal_discovery::{
+    Error,
+    text::{check_step, is_share, quoted},
+};
 use roscausal_msgs::{
-    CausalModelInfo, Contribution, EffectResponse, ExplainResponse, Forecast, Intervention, Outlook, Time,
-    WhatIfRequest, WhatIfResponse,
+    CausalLink, CausalModelInfo, Contribution, EffectResponse, ExplainResponse, Forecast, Intervention,
+    Outlook, Time, WhatIfRequest, WhatIfResponse,
 };
 use roscausal_reasoning::{
     Facts, StructuralModel,
@@ -13,53 +18,67 @@ use roscausal_reasoning::{
 };
 use serde_json::{Value as Json, json};
 
-use super::reasoning_rows::Moment;
+use super::{model_messages::mark_of, reasoning_rows::Moment};
 
 /// The graph of a model that was published, without the columns `context`. Within a moment, a pair that is not `cause -> effect` may
 /// go either way.
+///
+/// # Errors
+/// What is no graph ([`Graph::new`]), no step, or no p-value.
 pub(super) fn graph_of(info: &CausalModelInfo, context: &[String]) -> Result<(Graph, Facts), Error> {
     let is_context = |name: &String| context.contains(name) || name.starts_with("do_");
-    let links: Vec<_> =
+    let links: Vec<&CausalLink> =
         info.links.iter().filter(|link| !is_context(&link.cause) && !is_context(&link.effect)).collect();
     let mut names: Vec<String> =
         info.candidate_features.iter().filter(|name| !is_context(name)).cloned().collect();
+    let mut places: HashMap<String, usize> = names.iter().cloned().zip(0..).collect();
     for name in links.iter().flat_map(|link| [&link.cause, &link.effect]) {
-        if !names.contains(name) {
+        if !places.contains_key(name) {
+            places.insert(name.clone(), names.len());
             names.push(name.clone());
         }
     }
-    let mut facts = Facts {
-        dt: Some(info.dt).filter(|dt| *dt > 0.0 && dt.is_finite()),
-        method: format!("{} with {}", info.method, info.cond_ind_test),
-        ..Facts::default()
-    };
+    // The message has 0 for a step that is not known.
+    let dt = Some(info.dt).filter(|dt| *dt != 0.0);
+    check_step(dt)?;
+    let mut facts =
+        Facts { dt, method: format!("{} with {}", info.method, info.cond_ind_test), ..Facts::default() };
     let (mut arrows, mut pairs): (Vec<Arrow>, Vec<Pair>) = (Vec::new(), Vec::new());
+    let within_a_moment: HashSet<(&str, &str)> = links
+        .iter()
+        .filter(|link| link.lag == 0)
+        .map(|link| (link.cause.as_str(), link.effect.as_str()))
+        .collect();
     for link in &links {
-        let place = |wanted: &String| names.iter().position(|name| name == wanted).unwrap_or_default();
+        let place = |wanted: &String| places.get(wanted).copied().unwrap_or_default();
         let (cause, effect, lag) = (place(&link.cause), place(&link.effect), link.lag as usize);
-        let directed = link.description.is_empty()
-            || link.description.starts_with(&format!("{} -> {} (lag", link.cause, link.effect));
+        if !is_share(link.p_value) {
+            let (cause, effect) = (quoted(&link.cause), quoted(&link.effect));
+            let reason =
+                format!("the p-value of {cause} -> {effect} at lag {lag} is {}, not 0 to 1", link.p_value);
+            return Err(Error::Data(reason));
+        }
         let both_ways = lag == 0
-            && links
-                .iter()
-                .any(|other| other.lag == 0 && other.cause == link.effect && other.effect == link.cause);
-        if directed && !both_ways {
-            arrows.push(Arrow { cause, effect, lag });
-        } else if lag == 0 {
-            if !pairs
-                .iter()
-                .any(|pair| (pair.b, pair.a) == (cause, effect) || (pair.a, pair.b) == (cause, effect))
-            {
-                pairs.push(Pair { a: cause, b: effect, conflict: true });
+            && cause != effect
+            && within_a_moment.contains(&(link.effect.as_str(), link.cause.as_str()));
+        match mark_of(link) {
+            "-->" if !both_ways => arrows.push(Arrow { cause, effect, lag }),
+            // Listed from both ends it is still one pair.
+            _ if both_ways && cause > effect => continue,
+            mark if lag == 0 && mark != "<->" => {
+                pairs.push(Pair { a: cause, b: effect, conflict: mark == "x-x" || mark == "-->" });
             }
-        } else {
-            facts.warnings.push(format!("the link '{}' is no plain cause and is left out", link.description));
-            continue;
+            _ => {
+                facts
+                    .warnings
+                    .push(format!("the link '{}' is no plain cause and is left out", link.description));
+                continue;
+            }
         }
         facts.p_values.push((link.cause.clone(), link.effect.clone(), lag, link.p_value));
     }
-    let linked = |name: &&String| links.iter().any(|link| link.cause == **name || link.effect == **name);
-    facts.dropped = names.iter().filter(|name| !linked(name)).cloned().collect();
+    let linked: HashSet<&String> = links.iter().flat_map(|link| [&link.cause, &link.effect]).collect();
+    facts.dropped = names.iter().filter(|name| !linked.contains(name)).cloned().collect();
     let largest = links.iter().map(|link| link.lag).max().unwrap_or(0).max(info.max_lag);
     Ok((Graph::new(names, largest as usize, &arrows, &pairs)?, facts))
 }
@@ -215,7 +234,7 @@ pub(super) fn structural_model(model: &StructuralModel) -> String {
 
 #[cfg(test)]
 mod tests {
-    use roscausal_msgs::CausalLink;
+    use roscausal_discovery::sentence_of;
 
     use super::*;
 
@@ -246,8 +265,66 @@ mod tests {
         let (graph, facts) = graph_of(&info, &["do_robot_speed".to_owned()]).expect("a graph");
         assert_eq!(graph.names(), ["h_v", "d", "r_v"]);
         assert_eq!(graph.arrows().collect::<Vec<_>>(), [Arrow { cause: 2, effect: 1, lag: 1 }]);
-        assert_eq!(graph.pairs(), [Pair { a: 0, b: 1, conflict: true }]);
+        assert_eq!(graph.pairs(), [Pair { a: 0, b: 1, conflict: false }]);
         assert_eq!((graph.largest_lag(), facts.warnings.len(), facts.dt), (2, 1, None));
+    }
+
+    #[test]
+    fn a_message_is_the_graph_that_the_file_of_its_model_is() {
+        let marks = [("o-o", false), ("x-x", true), ("o->", false)];
+        for (mark, conflict) in marks {
+            let description = match mark {
+                "o-o" => "b -- c (lag 0): strength 0.5, p = 0.01".to_owned(),
+                mark => format!("{} (lag 0): strength 0.5, p = 0.01", sentence_of("b", "c", mark)),
+            };
+            let open = CausalLink { description, ..link("b", "c", 0, "") };
+            let links = vec![link("a", "b", 0, "->"), open];
+            let info = CausalModelInfo { links, ..CausalModelInfo::default() };
+            let (graph, _) = graph_of(&info, &[]).expect("a graph");
+            assert_eq!(graph.pairs(), [Pair { a: 1, b: 2, conflict }], "{mark}");
+        }
+        let links = vec![link("a", "b", 0, "<->"), link("a", "b", 1, "->")];
+        let hidden = CausalLink { description: sentence_of("a", "b", "<->"), ..links[0].clone() };
+        let info = CausalModelInfo {
+            max_lag: 1,
+            links: vec![hidden, links[1].clone()],
+            ..CausalModelInfo::default()
+        };
+        let (graph, facts) = graph_of(&info, &[]).expect("a graph");
+        assert_eq!((graph.pairs().len(), graph.arrows().count(), facts.warnings.len()), (0, 1, 1));
+    }
+
+    #[test]
+    fn a_message_that_is_no_model_is_refused_in_a_sentence() {
+        let whole = CausalModelInfo {
+            max_lag: 1,
+            candidate_features: ["a", "b"].map(str::to_owned).to_vec(),
+            links: vec![link("a", "b", 1, "->")],
+            ..CausalModelInfo::default()
+        };
+        assert!(graph_of(&whole, &[]).is_ok());
+        let refused = |change: &dyn Fn(&mut CausalModelInfo)| {
+            let mut info = whole.clone();
+            change(&mut info);
+            graph_of(&info, &[]).expect_err("no graph").to_string()
+        };
+        for (told, change) in [
+            ("too large", (&|info| info.max_lag = u32::MAX) as &dyn Fn(&mut CausalModelInfo)),
+            ("too large", &|info| info.links[0].lag = 4_000_000_000),
+            ("too many", &|info| info.candidate_features = (0..3000).map(|k| format!("x{k}")).collect()),
+            ("there twice", &|info| info.candidate_features.push("a".into())),
+            ("has no name", &|info| info.candidate_features.push(String::new())),
+            ("there twice", &|info| info.links.push(info.links[0].clone())),
+            ("lag 0", &|info| info.links.push(link("a", "a", 0, "->"))),
+            ("no step", &|info| info.dt = f64::NAN),
+            ("no step", &|info| info.dt = -0.1),
+            ("no step", &|info| info.dt = 1e300),
+            ("p-value", &|info| info.links[0].p_value = f64::NAN),
+            ("p-value", &|info| info.links[0].p_value = 2.0),
+        ] {
+            let error = refused(change);
+            assert!(error.contains(told), "{told}: {error}");
+        }
     }
 
     #[test]

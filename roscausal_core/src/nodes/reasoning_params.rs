@@ -1,6 +1,6 @@
 //! The parameters of the reasoning node.
 
-use std::{fs, path::PathBuf};
+use std::path::PathBuf;
 
 use roscausal_discovery::methods::acts_on_of;
 use roscausal_reasoning::{
@@ -11,7 +11,7 @@ use roscausal_reasoning::{
 
 use super::path;
 use crate::{
-    Error, Result,
+    Error, Result, bounded,
     params::{Allowed, ParamSpec, Params, Value},
 };
 
@@ -126,7 +126,7 @@ impl ReasoningParams {
             None => None,
             Some(file) => {
                 let file = path(&file);
-                let text = fs::read_to_string(&file).map_err(|e| Error::file(&file, e))?;
+                let text = bounded::read_text(&file, bounded::MODEL)?;
                 let context: Vec<String> = acts_on.iter().map(|(column, _)| column.clone()).collect();
                 Some(graph_of_json(&text, &context).map_err(|e| Error::file(&file, e))?)
             }

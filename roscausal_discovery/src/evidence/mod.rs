@@ -7,6 +7,7 @@
 //! The size is limited: scatters are thinned evenly, the same way each time, so that all of them together have at most
 //! [`MOST_POINTS`] points.
 
+mod check;
 mod conditions;
 mod facts;
 mod scatter;
@@ -33,8 +34,8 @@ const POINTS: usize = 300;
 /// Fewest points of a scatter; if there are more links than that leaves room for, the strongest have scatters.
 const FEWEST: usize = 100;
 
-/// What stands behind a [`Model`].
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+/// What stands behind a [`Model`]. Reading it checks it ([`Evidence::check`]).
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct Evidence {
     /// [`EVIDENCE_SCHEMA`].
     pub schema: String,
@@ -96,6 +97,13 @@ impl Evidence {
     /// The evidence of a link.
     pub fn of(&self, link: &Link) -> Option<&LinkEvidence> {
         self.links.iter().find(|e| e.cause == link.cause && e.effect == link.effect && e.lag == link.lag)
+    }
+
+    /// Whether this is the evidence of a model: of each of its links, at its lags.
+    pub fn is_of(&self, model: &Model) -> bool {
+        let within = |link: &LinkEvidence| link.lags.iter().all(|at| at.lag <= model.tau_max);
+        self.links.len() == model.links.len()
+            && model.links.iter().all(|link| self.of(link).is_some_and(within))
     }
 
     /// What stands behind `model`, found by `method` in the columns of `data` that it tested (`all`: those it was given).

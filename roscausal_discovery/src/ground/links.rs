@@ -1,6 +1,6 @@
 //! Link assumptions: what is known beforehand about which links may exist.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 use super::{
     error::{Error, Result},
@@ -80,6 +80,18 @@ impl Assumption {
                 | Self::ExistsNotForward
                 | Self::ExistsHidden
         )
+    }
+
+    /// Whether two statements of one link cannot both be meant: one is more than "may exist", or they are of opposite directions.
+    fn contradicts(self, other: Self) -> bool {
+        let backward = |a: Self| {
+            matches!(
+                a,
+                Self::ExistsBackward | Self::TestBackward | Self::ExistsNotForward | Self::TestNotForward
+            )
+        };
+        let open = |a: Self| a.mirrored() == a;
+        self != other && (self.exists() || !open(self) && !open(other) && backward(self) != backward(other))
     }
 
     /// The same link, read from its other end.
@@ -222,7 +234,8 @@ impl LinkAssumptions {
     /// Assumes the link `cause(t - lag) -> effect(t)`; at lag 0 also its mirror image.
     ///
     /// # Errors
-    /// A variable that does not exist, a variable on itself at lag 0, a lagged link that is not `-->` or `-?>`.
+    /// A variable that does not exist, a variable on itself at lag 0, a lagged link that is not `-->` or `-?>`; at lag 0 a pair that is
+    /// already known in another way, such as from its other end.
     pub fn insert(&mut self, cause: usize, effect: usize, lag: usize, assumption: Assumption) -> Result<()> {
         let fail = |reason: String| Err(Error::param("link_assumptions", reason));
         let n_vars = self.targets.len();
@@ -240,6 +253,12 @@ impl LinkAssumptions {
         if lag > 0 && !lagged {
             let allowed = "-->, -?>, o->, o?>, <-> or <?>";
             return fail(format!("'{}' at lag {lag}: a lagged link is {allowed}", assumption.symbol()));
+        }
+        if let Some(known) = self.get(cause, effect, lag).filter(|known| known.contradicts(assumption)) {
+            let (known, new) = (known.symbol(), assumption.symbol());
+            return fail(format!(
+                "link {cause} -> {effect} at lag {lag} is both '{known}' and '{new}'; give one of them"
+            ));
         }
         self.targets[effect].insert(Node::new(cause, lag), assumption);
         if lag == 0 {
@@ -290,7 +309,45 @@ impl LinkAssumptions {
                 ));
             }
         }
-        Ok(())
+        let exists = |effect: &BTreeMap<Node, Assumption>| {
+            let of = effect.iter().filter(|(cause, what)| cause.lag == 0 && **what == Assumption::Exists);
+            of.map(|(cause, _)| cause.var).collect::<Vec<_>>()
+        };
+        match circle_of(&self.targets.iter().map(exists).collect::<Vec<_>>()) {
+            Some(circle) => Err(Error::param(
+                "link_assumptions",
+                format!(
+                    "the links that exist at lag 0 go round in a circle of the variables {circle:?}; take one back"
+                ),
+            )),
+            None => Ok(()),
+        }
+    }
+}
+
+/// A circle of variables, each of which drives the next and the last the first; `causes` lists those of each variable.
+pub(super) fn circle_of(causes: &[Vec<usize>]) -> Option<Vec<usize>> {
+    let mut left: BTreeSet<usize> = (0..causes.len()).collect();
+    loop {
+        let is_free = |var: &usize| !causes[*var].iter().any(|cause| left.contains(cause));
+        let free: Vec<usize> = left.iter().copied().filter(is_free).collect();
+        if free.is_empty() {
+            break;
+        }
+        for var in free {
+            left.remove(&var);
+        }
+    }
+    // Each that is left has a cause that is left: the way back comes round.
+    let mut way = vec![*left.first()?];
+    loop {
+        let cause = causes[*way.last()?].iter().copied().find(|cause| left.contains(cause))?;
+        if let Some(start) = way.iter().position(|var| *var == cause) {
+            way.drain(..start);
+            way.reverse();
+            return Some(way);
+        }
+        way.push(cause);
     }
 }
 
@@ -316,6 +373,32 @@ mod tests {
         assert_eq!([links.get(0, 1, 0), links.get(1, 0, 0), links.get(0, 1, 1)], [None; 3]);
         assert_eq!(links.get(1, 0, 1), Some(Assumption::Test));
         links.remove(7, 7, 0);
+    }
+
+    #[test]
+    fn a_pair_at_lag_zero_is_one_statement_and_no_circle() {
+        let mut links = LinkAssumptions::all(3, 0, 1);
+        links.insert(0, 1, 0, Assumption::Exists).unwrap();
+        links.insert(1, 0, 0, Assumption::ExistsBackward).unwrap();
+        let error = links.insert(1, 0, 0, Assumption::Exists).unwrap_err().to_string();
+        assert!(error.contains("both '<--' and '-->'"), "{error}");
+        assert!(links.insert(1, 0, 0, Assumption::TestBackward).is_err());
+        assert!(
+            links.insert(0, 2, 0, Assumption::Test).is_ok()
+                && links.insert(2, 0, 0, Assumption::Test).is_err()
+        );
+        assert!(links.check(3, 0, 1).is_ok());
+        links = LinkAssumptions::none(3);
+        for (cause, effect) in [(0, 1), (1, 2), (2, 0)] {
+            links.insert(cause, effect, 0, Assumption::Exists).unwrap();
+        }
+        assert!(links.check(3, 0, 1).unwrap_err().to_string().contains("circle of the variables"));
+    }
+
+    #[test]
+    fn a_circle_is_found_and_nothing_else() {
+        assert_eq!(circle_of(&[vec![], vec![0], vec![0, 1]]), None);
+        assert_eq!(circle_of(&[vec![], vec![0, 3], vec![1], vec![2], vec![3]]), Some(vec![2, 3, 1]));
     }
 
     #[test]

@@ -1,5 +1,6 @@
 //! The result of an analysis as users and files see it: one versioned object.
 
+mod check;
 mod confidence;
 
 use serde::{Deserialize, Serialize};
@@ -15,7 +16,9 @@ pub const SCHEMA: &str = "roscausal/model/1";
 ///
 /// The matrices `graph`, `val_matrix` and `p_matrix` are `[cause][effect][lag 0..=tau_max]`. Those named as in the
 /// message (`causal_structure`, `val`, `pval`) are `[lag - tau_min][effect][cause]`, with 0 where there is no link.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+///
+/// Reading one checks it ([`Model::check`]): no text becomes a model whose parts do not fit together.
+#[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Model {
     /// [`SCHEMA`].
     pub schema: String,
@@ -69,10 +72,10 @@ pub struct Model {
     /// What a reader of the model should know, one sentence each.
     pub warnings: Vec<String>,
     /// What the data are like, if they were looked at.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub about_data: Option<AboutData>,
     /// How often resamples found each link; in files its fields stand beside the others, null without resamples.
-    #[serde(flatten, with = "confidence")]
+    #[serde(flatten, serialize_with = "confidence::serialize")]
     pub confidence: Option<Box<Confidence>>,
 }
 

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use roscausal_core::{Error, Result};
+use roscausal_core::{Error, Result, bounded};
 use toml::de::{DeTable, DeValue};
 
 use super::{SCENARIOS, Scenario};
@@ -33,7 +33,7 @@ impl Scenario {
     /// A file that cannot be read, or a field that is unknown, of the wrong type or not allowed; with line and
     /// column.
     pub fn from_file(path: &Path) -> Result<Self> {
-        let text = std::fs::read_to_string(path).map_err(|error| Error::file(path, error))?;
+        let text = bounded::read_settings(path)?;
         Self::from_toml(&text, path)
     }
 

@@ -3,13 +3,20 @@
 mod adjustment;
 mod orientations;
 
-use roscausal_discovery::{Error, Link, Model, Node, Result};
+use std::collections::{HashMap, HashSet};
+
+use roscausal_discovery::{
+    Error, Link, Model, Node, Result,
+    text::{check_names, quoted},
+};
 
 pub use adjustment::{Adjustment, adjustment};
 pub use orientations::{MOST_PAIRS, Orientation};
 
 /// Largest lag of a graph.
 const MOST_LAGS: usize = 1000;
+/// Most places for links of a graph: variables times variables times lags.
+const MOST_PLACES: usize = 4_000_000;
 
 /// A directed link: `cause` at `t - lag` drives `effect` at `t`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
@@ -59,8 +66,8 @@ impl Graph {
     /// A graph of `names` with lags up to `largest_lag`.
     ///
     /// # Errors
-    /// No variable, two of one name, a link of a variable that does not exist or to itself at lag 0, a lag above the largest,
-    /// a circle of links at lag 0.
+    /// No variable, too many, one without a name, two of one name; a link of a variable that does not exist or to itself at lag 0, a lag
+    /// above the largest, a link twice, a circle of links at lag 0.
     pub fn new(names: Vec<String>, largest_lag: usize, arrows: &[Arrow], pairs: &[Pair]) -> Result<Self> {
         let n = names.len();
         if n == 0 {
@@ -72,12 +79,20 @@ impl Graph {
                 format!("a largest lag of {largest_lag} is too large; lags are 0 to {MOST_LAGS}"),
             ));
         }
-        if let Some(k) = (1..n).find(|&k| names[..k].contains(&names[k])) {
-            return Err(Error::param(
-                "graph",
-                format!("'{}' is there twice; give each variable a name of its own", names[k]),
-            ));
+        if n.saturating_mul(n).saturating_mul(largest_lag + 1) > MOST_PLACES {
+            let reason = format!(
+                "{n} variables with lags up to {largest_lag} are too many to reason on; leave some out"
+            );
+            return Err(Error::param("graph", reason));
         }
+        check_names(&names).map_err(|error| Error::param("graph", error))?;
+        let twice = |cause: usize, effect: usize, lag: usize| {
+            let (cause, effect) = (quoted(&names[cause]), quoted(&names[effect]));
+            Err(Error::param(
+                "graph",
+                format!("the link {cause} -> {effect} at lag {lag} is there twice; keep one"),
+            ))
+        };
         let mut parents = vec![Vec::new(); n];
         for &Arrow { cause, effect, lag } in arrows {
             if cause >= n || effect >= n {
@@ -89,7 +104,8 @@ impl Graph {
             if lag > largest_lag || (lag == 0 && cause == effect) {
                 let reason = format!(
                     "link {} -> {} at lag {lag}: lags are 0 to {largest_lag}, and above 0 for a variable on itself",
-                    names[cause], names[effect]
+                    quoted(&names[cause]),
+                    quoted(&names[effect])
                 );
                 return Err(Error::param("graph", reason));
             }
@@ -101,9 +117,21 @@ impl Graph {
                 format!("pair {} - {}: two of the variables 0 to {}", pair.a, pair.b, n - 1),
             ));
         }
-        for list in &mut parents {
+        let either_way = |a: usize, b: usize| (a.min(b), a.max(b));
+        let mut open = HashSet::new();
+        if let Some(pair) = pairs.iter().find(|pair| !open.insert(either_way(pair.a, pair.b))) {
+            return twice(pair.a, pair.b, 0);
+        }
+        let is_open =
+            |arrow: &&Arrow| arrow.lag == 0 && open.contains(&either_way(arrow.cause, arrow.effect));
+        if let Some(arrow) = arrows.iter().find(is_open) {
+            return twice(arrow.cause, arrow.effect, 0);
+        }
+        for (effect, list) in parents.iter_mut().enumerate() {
             list.sort_unstable();
-            list.dedup();
+            if let Some(k) = (1..list.len()).find(|&k| list[k] == list[k - 1]) {
+                return twice(list[k].var, effect, list[k].lag);
+            }
         }
         let Some(order) = order(&parents) else {
             return Err(Error::param(
@@ -122,16 +150,21 @@ impl Graph {
     pub fn of_model(model: &Model, context: &[String]) -> Result<Self> {
         let names: Vec<String> =
             model.features.iter().filter(|name| !context.contains(name)).cloned().collect();
-        let (mut arrows, mut pairs) = (Vec::new(), Vec::new());
+        let (mut arrows, mut pairs, mut open) = (Vec::new(), Vec::new(), HashSet::new());
+        let places: HashMap<&String, usize> = names.iter().zip(0..).collect();
         for link in model
             .links
             .iter()
             .filter(|link| !context.contains(&link.cause) && !context.contains(&link.effect))
         {
             let find = |name: &String| {
-                let missing =
-                    || Error::param("model", format!("a link names '{name}', which is none of its features"));
-                names.iter().position(|other| other == name).ok_or_else(missing)
+                let missing = || {
+                    Error::param(
+                        "model",
+                        format!("a link names {}, which is none of its features", quoted(name)),
+                    )
+                };
+                places.get(name).copied().ok_or_else(missing)
             };
             let (cause, effect) = (find(&link.cause)?, find(&link.effect)?);
             match link.mark.as_str() {
@@ -139,7 +172,7 @@ impl Graph {
                 "-->" => arrows.push(Arrow { cause, effect, lag: link.lag }),
                 mark => {
                     // A pair may be listed from both ends.
-                    if !pairs.iter().any(|pair: &Pair| (pair.b, pair.a) == (cause, effect)) {
+                    if open.insert((cause.min(effect), cause.max(effect))) {
                         pairs.push(Pair { a: cause, b: effect, conflict: mark == "x-x" });
                     }
                 }
@@ -212,12 +245,13 @@ pub fn is_no_plain_cause(link: &Link) -> bool {
 /// The topological order at lag 0, the smallest number first where several may follow (Kahn 1962); `None` for a circle.
 fn order(parents: &[Vec<Node>]) -> Option<Vec<usize>> {
     let mut order = Vec::with_capacity(parents.len());
+    let mut placed = vec![false; parents.len()];
     while order.len() < parents.len() {
-        let ready = |j: &usize| {
-            !order.contains(j)
-                && parents[*j].iter().all(|parent| parent.lag > 0 || order.contains(&parent.var))
-        };
-        order.push((0..parents.len()).find(ready)?);
+        let ready =
+            |j: &usize| !placed[*j] && parents[*j].iter().all(|parent| parent.lag > 0 || placed[parent.var]);
+        let next = (0..parents.len()).find(ready)?;
+        placed[next] = true;
+        order.push(next);
     }
     Some(order)
 }
@@ -251,6 +285,12 @@ mod tests {
         assert!(refused(&[arrow(0, 0, 0)], &[]).contains("lag 0"));
         assert!(refused(&[arrow(0, 1, 3)], &[]).contains("lag 3"));
         assert!(refused(&[], &[Pair { a: 0, b: 0, conflict: false }]).contains("pair"));
+        assert!(refused(&[arrow(0, 1, 1), arrow(0, 1, 1)], &[]).contains("twice"));
+        let pair = |a, b| Pair { a, b, conflict: false };
+        assert!(refused(&[arrow(0, 1, 0)], &[pair(1, 0)]).contains("twice"));
+        assert!(refused(&[], &[pair(0, 1), pair(1, 0)]).contains("twice"));
+        assert!(Graph::new(names(2000), 1, &[], &[]).unwrap_err().to_string().contains("too many"));
+        assert!(Graph::new(vec![" ".into()], 1, &[], &[]).unwrap_err().to_string().contains("no name"));
         assert!(
             Graph::new(vec!["a".into(), "a".into()], 1, &[], &[]).unwrap_err().to_string().contains("twice")
         );

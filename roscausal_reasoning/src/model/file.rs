@@ -2,7 +2,10 @@
 //! anew on the same rows with the same seed, so the answers are the same to the last bit.
 
 use ndarray::Array2;
-use roscausal_discovery::{Error, Result};
+use roscausal_discovery::{
+    Error, Result,
+    text::{check_nesting, check_schema, check_step, is_share, quoted, reason_of},
+};
 use serde::{Deserialize, Serialize};
 
 use super::{
@@ -54,6 +57,33 @@ struct Link {
 struct MemberFile {
     equations: Vec<Summary>,
     quality: Option<Quality>,
+}
+
+impl File {
+    /// What no fit would find: facts that cannot be, and parts of another size than the graph's.
+    fn check(&self) -> std::result::Result<(), String> {
+        check_step(self.facts.dt).map_err(|error| error.to_string())?;
+        let n = self.variables.len();
+        if self.rows.iter().all(Vec::is_empty) || self.rows.last().is_some_and(Vec::is_empty) {
+            return Err("it has no rows at its end".into());
+        }
+        if let Some((cause, effect, ..)) = self.facts.p_values.iter().find(|fact| !is_share(fact.3)) {
+            return Err(format!("the p-value of {} -> {} is not 0 to 1", quoted(cause), quoted(effect)));
+        }
+        for member in &self.members {
+            let processes = member.equations.iter().filter_map(|equation| equation.process);
+            if processes.into_iter().any(|(scale, noise)| !(scale > 0.0 && noise >= 0.0)) {
+                return Err("an equation has a length scale that is not above 0, or a noise below 0".into());
+            }
+            let Some(quality) = &member.quality else { continue };
+            let skills = quality.skill_over_persistence.iter().chain(&quality.skill_over_var).map(Vec::len);
+            let rows = skills.chain(quality.widening.iter().map(Vec::len)).chain([quality.coverage.len()]);
+            if rows.into_iter().any(|length| length != n) {
+                return Err(format!("its quality is not of {n} variables"));
+            }
+        }
+        Ok(())
+    }
 }
 
 impl StructuralModel {
@@ -110,22 +140,27 @@ impl StructuralModel {
         let broken = |reason: &dyn std::fmt::Display| {
             Error::Data(format!("this is no structural model ({SCHEMA}): {reason}"))
         };
-        let head: Head = serde_json::from_str(text).map_err(|e| broken(&e))?;
-        if head.schema != SCHEMA {
-            return Err(broken(&format!("its schema is '{}'; fit it anew with this version", head.schema)));
-        }
-        let file: File = serde_json::from_str(text).map_err(|e| broken(&e))?;
+        check_nesting(text.as_bytes()).map_err(|e| broken(&e))?;
+        let head: Head = serde_json::from_str(text).map_err(|e| broken(&reason_of(e)))?;
+        check_schema(&head.schema, SCHEMA)?;
+        let file: File = serde_json::from_str(text).map_err(|e| broken(&reason_of(e)))?;
+        file.check().map_err(|reason| broken(&reason))?;
         let n = file.variables.len();
         let find = |name: &str| {
             let position = file.variables.iter().position(|variable| variable == name);
-            position.ok_or_else(|| broken(&format!("a link names '{name}', which is none of its variables")))
+            position.ok_or_else(|| {
+                broken(&format!("a link names {}, which is none of its variables", quoted(name)))
+            })
         };
         let (mut arrows, mut pairs) = (Vec::new(), Vec::new());
         for Link { cause, effect, lag, mark } in &file.links {
             let (cause, effect) = (find(cause)?, find(effect)?);
             match mark.as_str() {
                 "-->" => arrows.push(Arrow { cause, effect, lag: *lag }),
-                mark => pairs.push(Pair { a: cause, b: effect, conflict: mark == "x-x" }),
+                "o-o" | "x-x" if *lag == 0 => {
+                    pairs.push(Pair { a: cause, b: effect, conflict: mark == "x-x" })
+                }
+                mark => return Err(broken(&format!("{} at lag {lag} is no mark of a link", quoted(mark)))),
             }
         }
         let recording = |rows: &Vec<Vec<Option<f64>>>| {

@@ -1,10 +1,21 @@
 //! A graph from JSON: a model that discovery wrote, or one written by hand.
 
-use roscausal_discovery::{Error, Model, Result, SCHEMA as MODEL_SCHEMA};
+use std::collections::{HashMap, HashSet};
+
+use roscausal_discovery::{
+    Error, Model, Result,
+    text::{check_nesting, check_step, quoted, reason_of},
+};
 use serde::Deserialize;
 
 use super::structural::Facts;
 use crate::graph::{Arrow, Graph, Pair};
+
+/// What tells a model from a graph that a person wrote.
+#[derive(Deserialize)]
+struct Head {
+    schema: Option<String>,
+}
 
 /// What a person writes: `{"links": [{"cause": "r_v", "effect": "d", "lag": 1}]}`.
 #[derive(Deserialize)]
@@ -50,41 +61,38 @@ fn directed() -> String {
 /// # Errors
 /// Text that is neither; a graph that is none ([`Graph::new`]); a step that is not above 0.
 pub fn graph_of_json(text: &str, context: &[String]) -> Result<(Graph, Facts)> {
-    let json: serde_json::Value =
-        serde_json::from_str(text).map_err(|e| Error::Data(format!("this is no JSON: {e}")))?;
-    if let Some(schema) = json["schema"].as_str() {
-        if schema != MODEL_SCHEMA {
-            return Err(Error::Data(format!("its schema is '{schema}'; a model has '{MODEL_SCHEMA}'")));
-        }
-        let model: Model =
-            serde_json::from_value(json).map_err(|e| Error::Data(format!("this is no model: {e}")))?;
+    check_nesting(text.as_bytes())?;
+    let head: Head = serde_json::from_str(text)
+        .map_err(|e| Error::Data(format!("this is no graph in JSON: {}", reason_of(e))))?;
+    if head.schema.is_some() {
+        let model = Model::from_json(text.as_bytes())?;
         return Ok((Graph::of_model(&model, context)?, Facts::of_model(&model)));
     }
-    let ByHand { mut variables, links, units, dt } = serde_json::from_value(json).map_err(|e| {
-        Error::Data(format!("this is no graph: {e}; write {{\"links\": [{{\"cause\": \"r_v\", \"effect\": \"d\", \"lag\": 1}}]}}"))
+    let ByHand { mut variables, links, units, dt } = serde_json::from_str(text).map_err(|e| {
+        let example = r#"{"links": [{"cause": "r_v", "effect": "d", "lag": 1}]}"#;
+        Error::Data(format!("this is no graph: {}; write {example}", reason_of(e)))
     })?;
-    if let Some(dt) = dt.filter(|dt| *dt <= 0.0) {
-        return Err(Error::param("dt", format!("{dt} is no step between rows; give seconds above 0")));
-    }
+    check_step(dt)?;
     if variables.is_empty() {
-        for name in links.iter().flat_map(|link| [&link.cause, &link.effect]) {
-            if !variables.contains(name) {
-                variables.push(name.clone());
-            }
-        }
+        let mut known = HashSet::new();
+        let names = links.iter().flat_map(|link| [&link.cause, &link.effect]);
+        variables = names.filter(|name| known.insert(*name)).cloned().collect();
     }
-    let find = |name: &String| {
-        let missing = || Error::param("variables", format!("a link names '{name}', which is none of them"));
-        variables.iter().position(|other| other == name).ok_or_else(missing)
+    let places: HashMap<&String, usize> = variables.iter().zip(0..).collect();
+    let find = |what: &str, name: &String| {
+        let missing = || Error::param("variables", format!("{what} {}, which is none of them", quoted(name)));
+        places.get(name).copied().ok_or_else(missing)
     };
+    units.keys().try_for_each(|name| find("units has", name).map(drop))?;
     let (mut arrows, mut pairs) = (Vec::new(), Vec::new());
     for link in &links {
-        let (cause, effect) = (find(&link.cause)?, find(&link.effect)?);
+        let (cause, effect) = (find("a link names", &link.cause)?, find("a link names", &link.effect)?);
         match (link.mark.as_str(), link.lag) {
             ("-->", lag) => arrows.push(Arrow { cause, effect, lag }),
             (mark @ ("o-o" | "x-x"), 0) => pairs.push(Pair { a: cause, b: effect, conflict: mark == "x-x" }),
             (mark, lag) => {
-                let reason = format!("'{mark}' at lag {lag}: a link is -->, or at lag 0 also o-o or x-x");
+                let reason =
+                    format!("{} at lag {lag}: a link is -->, or at lag 0 also o-o or x-x", quoted(mark));
                 return Err(Error::param("mark", reason));
             }
         }
@@ -121,5 +129,10 @@ mod tests {
             refused(r#"{"dt": -0.3, "links": [{"cause": "a", "effect": "b", "lag": 1}]}"#)
                 .contains("above 0")
         );
+        assert!(
+            refused(r#"{"units": {"c": "m"}, "links": [{"cause": "a", "effect": "b", "lag": 1}]}"#)
+                .contains("units has 'c'")
+        );
+        assert!(refused(&"[".repeat(100)).contains("nests deeper"));
     }
 }

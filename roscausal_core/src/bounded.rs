@@ -1,0 +1,64 @@
+//! Files that others wrote, read up to a size: no file fills the memory.
+
+use std::{fs::File, io::Read, path::Path};
+
+use roscausal_discovery::text::check_nesting;
+
+use crate::{Error, Result};
+
+/// Most bytes of a file of settings, or of what is known of links.
+pub const SETTINGS: u64 = 1 << 20;
+/// Most bytes of a model, its evidence, or a structural model with its rows.
+pub const MODEL: u64 = 512 << 20;
+
+/// The bytes of a file of at most `most`.
+///
+/// # Errors
+/// A file that cannot be read, or is larger.
+pub fn read(path: &Path, most: u64) -> Result<Vec<u8>> {
+    let mut bytes = Vec::new();
+    let file = File::open(path).map_err(|e| Error::file(path, e))?;
+    file.take(most + 1).read_to_end(&mut bytes).map_err(|e| Error::file(path, e))?;
+    if bytes.len() as u64 > most {
+        let reason =
+            format!("the file is larger than {} MB, which no such file is; give another", most >> 20);
+        return Err(Error::file(path, reason));
+    }
+    Ok(bytes)
+}
+
+/// The text of a file of at most `most` bytes.
+///
+/// # Errors
+/// As [`read`], and bytes that are no UTF-8.
+pub fn read_text(path: &Path, most: u64) -> Result<String> {
+    String::from_utf8(read(path, most)?).map_err(|_| Error::file(path, "the file is no text (UTF-8)"))
+}
+
+/// The text of a file of settings in TOML: at most [`SETTINGS`] bytes that nest no deeper than
+/// [`MOST_NESTING`](roscausal_discovery::text::MOST_NESTING).
+///
+/// # Errors
+/// As [`read_text`], and deeper nesting.
+pub fn read_settings(path: &Path) -> Result<String> {
+    let text = read_text(path, SETTINGS)?;
+    check_nesting(text.as_bytes()).map_err(|e| Error::file(path, e))?;
+    Ok(text)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_file_is_read_up_to_its_bound() {
+        let dir = tempfile::tempdir().expect("a folder");
+        let path = dir.path().join("settings.toml");
+        std::fs::write(&path, "#".repeat(1 << 20)).expect("writes");
+        assert_eq!(read_settings(&path).expect("fits").len(), 1 << 20);
+        std::fs::write(&path, "#".repeat((1 << 20) + 1)).expect("writes");
+        assert!(read_settings(&path).expect_err("too large").to_string().contains("larger than 1 MB"));
+        std::fs::write(&path, format!("a = {}", "[".repeat(65))).expect("writes");
+        assert!(read_settings(&path).expect_err("too deep").to_string().contains("line 1 nests deeper"));
+    }
+}

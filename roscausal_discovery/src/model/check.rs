@@ -1,0 +1,302 @@
+//! The one check of a model: everything that reads one goes through it, so what is drawn, compared or asked is whole.
+
+use std::collections::{HashMap, HashSet};
+
+use serde::{Deserialize, Deserializer, de::Error as _};
+
+use super::{Confidence, Link, LinkSize, Model, SCHEMA, confidence, is_listed};
+use crate::{
+    about::AboutData,
+    ground::{
+        Error, LinkEnd, LinkMark, Result,
+        text::{check_names, check_nesting, check_schema, check_step, is_share, quoted, reason_of},
+    },
+};
+
+/// Bytes of a model's file beyond those of its matrices, and for each of their places.
+const BYTES: usize = 1 << 20;
+const BYTES_OF_A_PLACE: usize = 4096;
+
+type Checked = std::result::Result<(), String>;
+
+/// What says how large a model is, before its matrices are read.
+#[derive(Deserialize)]
+struct Head {
+    schema: String,
+    #[serde(default)]
+    features: Vec<String>,
+    #[serde(default)]
+    tau_max: u64,
+}
+
+impl Model {
+    /// Reads the model in the text of a file.
+    ///
+    /// ```
+    /// use roscausal_discovery::Model;
+    ///
+    /// let error = Model::from_json(br#"{"schema": "roscausal/model/2"}"#).unwrap_err().to_string();
+    /// assert!(error.contains("this program reads 'roscausal/model/1'"), "{error}");
+    /// ```
+    ///
+    /// # Errors
+    /// Text that is not a model of [`SCHEMA`], or one of which two parts do not fit together.
+    pub fn from_json(text: &[u8]) -> Result<Self> {
+        check_nesting(text).map_err(|e| invalid(&e))?;
+        let head: Head = serde_json::from_slice(text).map_err(|e| invalid(&reason_of(e)))?;
+        check_schema(&head.schema, SCHEMA)?;
+        let lags = usize::try_from(head.tau_max).unwrap_or(usize::MAX).saturating_add(1);
+        let places = head.features.len().saturating_mul(head.features.len()).saturating_mul(lags);
+        let most = places.saturating_mul(BYTES_OF_A_PLACE).saturating_add(BYTES);
+        if text.len() > most {
+            let n = head.features.len();
+            let reason = format!("{} bytes are too many for {n} variables and {lags} lags", text.len());
+            return Err(invalid(&reason));
+        }
+        serde_json::from_slice(text).map_err(|e| invalid(&reason_of(e)))
+    }
+
+    /// Checks version, names, lags, marks and numbers, and that all parts are of one size and say the same.
+    ///
+    /// # Errors
+    /// The first fault, in a sentence.
+    pub fn check(&self) -> Result<()> {
+        check_schema(&self.schema, SCHEMA)?;
+        self.parts().map_err(|reason| invalid(&reason))
+    }
+
+    fn parts(&self) -> Checked {
+        let text = |error: Error| error.to_string();
+        Error::check_lags(self.tau_min, self.tau_max).map_err(text)?;
+        check_names(self.features.iter().chain(&self.dropped)).map_err(text)?;
+        check_step(self.dt).map_err(text)?;
+        let levels = [("alpha", Some(self.alpha)), ("pc_alpha", self.pc_alpha), ("f_alpha", self.f_alpha)];
+        for (name, level) in levels.into_iter().chain([("run_time_s", self.run_time_s)]) {
+            if let Some(value) = level.filter(|value| !(value.is_finite() && *value >= 0.0)) {
+                return Err(format!("{name} is {value}; it is a number from 0 on"));
+            }
+        }
+        let (n, lags) = (self.features.len(), self.tau_max + 1);
+        for (name, size) in [
+            ("graph", sized(&self.graph, [n, n, lags])),
+            ("val_matrix", sized(&self.val_matrix, [n, n, lags])),
+            ("p_matrix", sized(&self.p_matrix, [n, n, lags])),
+            ("causal_structure", sized(&self.causal_structure, [lags - self.tau_min, n, n])),
+            ("val", sized(&self.val, [lags - self.tau_min, n, n])),
+            ("pval", sized(&self.pval, [lags - self.tau_min, n, n])),
+        ] {
+            size.map_err(|size| format!("{name} is not of the size {size}"))?;
+        }
+        for (name, matrix) in [("val_matrix", &self.val_matrix), ("val", &self.val)] {
+            check_numbers(name, matrix, "finite", f64::is_finite)?;
+        }
+        for (name, matrix) in [("p_matrix", &self.p_matrix), ("pval", &self.pval)] {
+            check_numbers(name, matrix, "a number from 0 to 1", is_share)?;
+        }
+        if let Some(odd) =
+            self.causal_structure.iter().flatten().flatten().find(|cell| !matches!(cell, 0 | 1))
+        {
+            return Err(format!("causal_structure holds {odd}; it is 1 for a link and 0 for none"));
+        }
+        self.marks()?;
+        self.listed()?;
+        self.confidence.as_deref().map_or(Ok(()), |confidence| self.resampled(confidence))
+    }
+
+    /// The marks of the graph: known, at lag 0 the same from both ends, and no cause after its effect.
+    fn marks(&self) -> Checked {
+        for (i, of) in self.graph.iter().enumerate() {
+            for (j, marks) in of.iter().enumerate() {
+                for (lag, mark) in marks.iter().enumerate().filter(|(_, mark)| !mark.is_empty()) {
+                    let link = || self.name_of(i, j, lag);
+                    let known = known_mark(mark).map_err(|reason| format!("graph, {}: {reason}", link()))?;
+                    if lag < self.tau_min || (lag == 0 && i == j) {
+                        return Err(format!("graph has a link {}, which cannot be", link()));
+                    }
+                    let (left, right) = known.ends().unwrap_or((LinkEnd::Tail, LinkEnd::Head));
+                    if lag > 0
+                        && (right == LinkEnd::Tail || (left == LinkEnd::Head && right != LinkEnd::Head))
+                    {
+                        return Err(format!(
+                            "graph has {mark} for {}: the effect comes before its cause",
+                            link()
+                        ));
+                    }
+                    if lag == 0 && self.graph[j][i][0] != known.mirrored().symbol() {
+                        let back = quoted(&self.graph[j][i][0]);
+                        return Err(format!(
+                            "graph has {mark} for {} and {back} the other way round",
+                            link()
+                        ));
+                    }
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// The list of links: those of the graph, each once, with numbers that can be.
+    fn listed(&self) -> Checked {
+        let places: HashMap<&str, usize> = self.features.iter().map(String::as_str).zip(0..).collect();
+        let mut listed = HashSet::new();
+        for (k, link) in self.links.iter().enumerate() {
+            let of = |name: &String| {
+                let unknown =
+                    || format!("links[{k}] names {}, which is not one of its features", quoted(name));
+                places.get(name.as_str()).copied().ok_or_else(unknown)
+            };
+            let place = (of(&link.cause)?, of(&link.effect)?, link.lag);
+            let mark = self.graph[place.0][place.1].get(link.lag).ok_or_else(|| {
+                format!("links[{k}] has lag {}; lags are {} to {}", link.lag, self.tau_min, self.tau_max)
+            })?;
+            let name = || self.name_of(place.0, place.1, place.2);
+            if link.mark.is_empty() || *mark != link.mark {
+                let (own, of_graph) = (quoted(&link.mark), quoted(mark));
+                return Err(format!("links[{k}], {}, has the mark {own}, and graph has {of_graph}", name()));
+            }
+            if !listed.insert(place) {
+                return Err(format!("links has {} twice", name()));
+            }
+            check_link(link).map_err(|reason| format!("links[{k}], {}: {reason}", name()))?;
+        }
+        for (i, of) in self.graph.iter().enumerate() {
+            for (j, marks) in of.iter().enumerate() {
+                for (lag, mark) in marks.iter().enumerate() {
+                    if is_listed(mark, lag, i, j) && !listed.contains(&(i, j, lag)) {
+                        return Err(format!("graph has {}, and links has it not", self.name_of(i, j, lag)));
+                    }
+                }
+            }
+        }
+        Ok(())
+    }
+
+    fn resampled(&self, of: &Confidence) -> Checked {
+        let (n, lags) = (self.features.len(), self.tau_max + 1);
+        let matrices = [("link_frequency", &of.link_frequency), ("val_mean", &of.val_mean)];
+        let matrices = matrices.into_iter().chain([("val_low", &of.val_low), ("val_high", &of.val_high)]);
+        let by_mark = of.mark_frequency.iter().map(|(mark, matrix)| (mark.as_str(), matrix));
+        for (name, matrix) in matrices.chain(by_mark.clone()) {
+            sized(matrix, [n, n, lags])
+                .map_err(|size| format!("{} is not of the size {size}", quoted(name)))?;
+            check_numbers(name, matrix, "finite", f64::is_finite)?;
+        }
+        for (name, matrix) in by_mark.chain([("link_frequency", &of.link_frequency)]) {
+            check_numbers(name, matrix, "a number from 0 to 1", is_share)?;
+        }
+        let square = of.summary_frequency.len() == n && of.summary_frequency.iter().all(|row| row.len() == n);
+        if !square || of.summary_frequency.iter().flatten().any(|share| !is_share(*share)) {
+            return Err(format!("summary_frequency is not {n} x {n} numbers from 0 to 1"));
+        }
+        sized(&of.majority_graph, [n, n, lags])
+            .map_err(|size| format!("majority_graph is not of the size {size}"))?;
+        let marks = of.majority_graph.iter().flatten().flatten().chain(of.mark_frequency.keys());
+        marks.map(|mark| known_mark(mark)).try_for_each(|mark| mark.map(drop))?;
+        let facts = &of.resampling;
+        if facts.done > facts.asked
+            || !is_share(facts.level)
+            || facts.share.is_some_and(|share| !is_share(share))
+        {
+            return Err(
+                "resampling has more resamples done than asked for, or a share that is not 0 to 1".into()
+            );
+        }
+        for advice in &of.advice {
+            let [cause, effect] = [&advice.cause, &advice.effect];
+            if let Some(name) = [cause, effect].into_iter().find(|name| !self.features.contains(name)) {
+                return Err(format!("advice names {}, which is not one of its features", quoted(name)));
+            }
+            if advice.lag > self.tau_max || !is_share(advice.confidence) {
+                return Err(format!(
+                    "advice on {} -> {} has no lag or share that can be",
+                    quoted(cause),
+                    quoted(effect)
+                ));
+            }
+        }
+        Ok(())
+    }
+
+    fn name_of(&self, cause: usize, effect: usize, lag: usize) -> String {
+        format!("{} -> {} at lag {lag}", quoted(&self.features[cause]), quoted(&self.features[effect]))
+    }
+}
+
+fn check_link(link: &Link) -> Checked {
+    let sizes = link.size.map(|LinkSize { step, change, low, high }| [step, change, low, high]);
+    let numbers = [Some(link.value), link.value_low, link.value_high, link.since].into_iter().flatten();
+    if numbers.chain(sizes.into_iter().flatten()).any(|number| !number.is_finite()) {
+        return Err("a number is not finite".into());
+    }
+    if !is_share(link.p_value) || link.confidence.is_some_and(|share| !is_share(share)) {
+        return Err("p_value and confidence are numbers from 0 to 1".into());
+    }
+    Ok(())
+}
+
+fn known_mark(mark: &str) -> std::result::Result<LinkMark, String> {
+    let known = LinkMark::ALL.into_iter().find(|known| known.symbol() == mark);
+    known.ok_or_else(|| {
+        let all: Vec<&str> = LinkMark::ALL.iter().skip(1).map(|mark| mark.symbol()).collect();
+        format!("{} is not a mark; marks are {}", quoted(mark), all.join(" "))
+    })
+}
+
+/// Whether a matrix has this size; else the size as text.
+fn sized<T>(matrix: &[Vec<Vec<T>>], [a, b, c]: [usize; 3]) -> Checked {
+    let fits =
+        matrix.len() == a && matrix.iter().all(|of| of.len() == b && of.iter().all(|row| row.len() == c));
+    if fits { Ok(()) } else { Err(format!("{a} x {b} x {c}")) }
+}
+
+fn check_numbers(name: &str, matrix: &[Vec<Vec<f64>>], what: &str, is: fn(f64) -> bool) -> Checked {
+    let odd = matrix.iter().flatten().flatten().find(|value| !is(**value));
+    odd.map_or(Ok(()), |odd| Err(format!("{} holds {odd}, which is not {what}", quoted(name))))
+}
+
+fn invalid(reason: &dyn std::fmt::Display) -> Error {
+    Error::Data(format!("not a valid model ({SCHEMA}): {reason}"))
+}
+
+/// The fields of a model as they are in a file, before they are checked.
+#[derive(Deserialize)]
+#[serde(remote = "Model")]
+struct Unchecked {
+    schema: String,
+    status: String,
+    method: String,
+    cond_ind_test: String,
+    alpha: f64,
+    pc_alpha: Option<f64>,
+    f_alpha: Option<f64>,
+    fdr: String,
+    tau_min: usize,
+    tau_max: usize,
+    dt: Option<f64>,
+    n_samples: usize,
+    n_recordings: usize,
+    seed: u64,
+    run_time_s: Option<f64>,
+    features: Vec<String>,
+    dropped: Vec<String>,
+    links: Vec<Link>,
+    graph: Vec<Vec<Vec<String>>>,
+    val_matrix: Vec<Vec<Vec<f64>>>,
+    p_matrix: Vec<Vec<Vec<f64>>>,
+    causal_structure: Vec<Vec<Vec<i32>>>,
+    val: Vec<Vec<Vec<f64>>>,
+    pval: Vec<Vec<Vec<f64>>>,
+    warnings: Vec<String>,
+    #[serde(default)]
+    about_data: Option<AboutData>,
+    #[serde(flatten, with = "confidence")]
+    confidence: Option<Box<Confidence>>,
+}
+
+impl<'de> Deserialize<'de> for Model {
+    fn deserialize<D: Deserializer<'de>>(from: D) -> std::result::Result<Self, D::Error> {
+        let model = Unchecked::deserialize(from)?;
+        model.check().map_err(D::Error::custom)?;
+        Ok(model)
+    }
+}
