@@ -6,7 +6,7 @@ use clap::Args as ClapArgs;
 use roscausal_core::Result;
 use roscausal_discovery::{Link, Model, draw, names::plain};
 
-use crate::{folders::read_model, output, report, terminal};
+use crate::{folders::read_model, output, report, results::Results, terminal};
 
 /// Arguments of `roscausal compare`.
 #[derive(ClapArgs)]
@@ -33,9 +33,7 @@ struct Difference<'a> {
 /// Runs `roscausal compare`.
 pub(crate) fn run(args: &Args) -> Result<()> {
     let (a, b) = (read_model(&args.a)?, read_model(&args.b)?);
-    if let Some(dir) = &args.out {
-        output::claim(dir, args.force)?;
-    }
+    let results = Results::wanted(args.out.as_deref(), args.force, &[args.a.clone(), args.b.clone()])?;
     let difference = Difference::of(&a, &b);
     let (first, second) = (args.a.display().to_string(), args.b.display().to_string());
     for line in settings(&a, &b) {
@@ -58,16 +56,18 @@ pub(crate) fn run(args: &Args) -> Result<()> {
             terminal::say!("  {}", report::sentence(model, link));
         }
     }
-    let Some(dir) = &args.out else { return Ok(()) };
+    let Some(results) = results else { return Ok(()) };
     let both: Vec<&Link> = difference.both.iter().map(|(in_a, _)| *in_a).collect();
-    for (name, model, links) in [
+    let pictures = [
         ("both.svg", &a, &both),
         ("only_a.svg", &a, &difference.only_a),
         ("only_b.svg", &b, &difference.only_b),
-    ] {
-        output::write_file(dir, name, draw::dag(&with_links(model, links)).as_bytes())?;
-    }
-    Ok(())
+    ];
+    results.write(|dir| {
+        pictures.into_iter().try_for_each(|(name, model, links)| {
+            output::write_file(dir, name, draw::dag(&with_links(model, links)).as_bytes()).map(drop)
+        })
+    })
 }
 
 impl<'a> Difference<'a> {

@@ -98,6 +98,8 @@ pub(crate) fn run(args: &Args, interrupt: &Interrupt) -> Result<()> {
         args.seed
     );
     let (folders, model) = run.recorded_chain(record, interrupt)?;
+    // What is found is written as a whole.
+    interrupt.writing();
     show(args, &folders, &model)
 }
 
@@ -114,7 +116,7 @@ pub fn run_demo(seed: u64, out: &Path, cancel: Arc<AtomicBool>) -> Result<Model>
     let defaults = Defaults::try_parse_from(["demo"]).map_err(|e| Error::Data(e.to_string()))?;
     let args = Args { seed, out: out.to_owned(), ..defaults.args };
     let (folders, model) = Run::of(&args)?.recorded_chain(None, &Interrupt::on(cancel))?;
-    write(&args, &folders, &model)?;
+    write(&folders, &model).and_then(|()| folders.keep()).map_err(|error| folders.named(error))?;
     Ok(model)
 }
 
@@ -166,8 +168,8 @@ impl Run {
         })
     }
 
-    /// Simulates, records two batches and analyses them. The files of the nodes stay in `out`. What is published is
-    /// also recorded in the file `record`.
+    /// Simulates, records two batches and analyses them. The files of the nodes are in the folder in which the run works, where
+    /// the caller keeps them; without a model they are kept here. What is published is also recorded in the file `record`.
     fn recorded_chain(&self, record: Option<&Path>, interrupt: &Interrupt) -> Result<(Folders, Model)> {
         if !(20.0..=1e6).contains(&self.duration) {
             let reason = format!("{} is not a number of seconds from 20 to 1000000", self.duration);
@@ -177,11 +179,26 @@ impl Run {
         scenario.duration = self.duration + WARM_UP_S;
         scenario.add_interventions(&self.interventions)?;
         let simulation = Simulation::new(&scenario, self.seed)?;
-        let folders = Folders::fresh(&self.out)?;
+        let folders = Folders::begin(&self.out, &[], interrupt)?;
+        let ended = self.chain(simulation, &folders, record, interrupt);
+        match ended.map_err(|error| folders.named(error))? {
+            Ok(model) => Ok((folders, model)),
+            Err(error) => folders.keep().and(Err(folders.named(error))),
+        }
+    }
+
+    /// The model of the run, or why there is none although the nodes ended well.
+    fn chain(
+        &self,
+        simulation: Simulation,
+        folders: &Folders,
+        record: Option<&Path>,
+        interrupt: &Interrupt,
+    ) -> Result<Result<Model>> {
         let bus = Loopback::lockstep();
         nodes::set_subjects(&bus, &simulation);
-        self.set_parameters(&bus, &folders, BATCHES);
-        presets::write(&self.out, &nodes::carried(&bus)?)?;
+        self.set_parameters(&bus, folders, BATCHES);
+        presets::write(&folders.dir, &nodes::carried(&bus)?)?;
         let (mut nodes, progress) = Nodes::start(&bus, &nodes::RECORDING).with_discovery();
         let mut sink = Sink::open(&bus, record)?;
         // Every topic exists before its first message.
@@ -189,9 +206,9 @@ impl Run {
         sink.watch()?;
         drop(announced);
 
-        let recorded = simulate(&bus, simulation, interrupt, Speed::Max, Some(&self.out))
+        let recorded = simulate(&bus, simulation, interrupt, Speed::Max, Some(&folders.dir))
             .and_then(|()| self.check_batches(nodes.batches_recorded()));
-        let found = recorded.and_then(|()| await_model(&folders, &nodes, &progress, interrupt));
+        let found = recorded.and_then(|()| await_model(folders, &nodes, &progress, interrupt));
         if interrupt.is_set() {
             // The analysis may be within a long test: what is recorded comes first.
             nodes.end_recording()?;
@@ -199,13 +216,13 @@ impl Run {
             sink.close()?;
             interrupt.nothing_at_stake("what is recorded is kept");
             nodes.end()?;
-            return found.map(|model| (folders, model));
+            return Ok(found);
         }
         // A node that failed is the reason why there is no model.
         nodes.end()?;
         bus.settle();
         sink.close()?;
-        Ok((folders, found?))
+        Ok(found)
     }
 
     /// Whether there are the batches that the analysis waits for; each begins when robot and person are there together.
@@ -227,10 +244,29 @@ impl Run {
         scenario.duration = ENDLESS_S;
         scenario.add_interventions(&self.interventions)?;
         let simulation = Simulation::new(&scenario, self.seed)?;
-        let folders = Folders::fresh(&self.out)?;
+        let folders = Folders::begin(&self.out, &[], interrupt)?;
+        let ended = self.live(args, simulation, &folders, record, interrupt);
+        let simulated = ended.map_err(|error| folders.named(error))?;
+        let folders = folders.keep()?;
+        crate::terminal::say!("{}: {} models, batches", self.out.display(), folders.model_files()?.len());
+        match simulated {
+            Err(Error::Cancelled(_)) => Ok(()),
+            other => other,
+        }
+    }
+
+    /// The run with a live page: how the simulation ended, although the nodes ended well.
+    fn live(
+        &self,
+        args: &Args,
+        simulation: Simulation,
+        folders: &Folders,
+        record: Option<&Path>,
+        interrupt: &Interrupt,
+    ) -> Result<Result<()>> {
         let bus = Loopback::lockstep();
         nodes::set_subjects(&bus, &simulation);
-        self.set_parameters(&bus, &folders, 1);
+        self.set_parameters(&bus, folders, 1);
         let web = Web::start(&bus, &args.web, nodes::first_robot(&simulation))?;
         let (nodes, _progress) = Nodes::start(&bus, &nodes::RECORDING).with_discovery();
         let mut nodes = nodes.with_reasoning(true);
@@ -245,11 +281,7 @@ impl Run {
         interrupt.nothing_at_stake("what is recorded is kept");
         nodes.end()?;
         web.map_or(Ok(()), Web::end)?;
-        crate::terminal::say!("{}: {} models, batches", self.out.display(), folders.model_files()?.len());
-        match simulated {
-            Err(Error::Cancelled(_)) => Ok(()),
-            other => other,
-        }
+        Ok(simulated)
     }
 
     /// Sets the nodes' parameters as a launch file would.
@@ -309,10 +341,7 @@ fn await_model(
             last_sign = Instant::now();
         }
         if nodes.one_has_ended() || last_sign.elapsed() > PATIENCE {
-            return Err(Error::Data(format!(
-                "no analysis came to its end; see {}",
-                folders.processed.display()
-            )));
+            return Err(Error::file(&folders.processed, "no analysis came to its end"));
         }
         match folders.outcome()? {
             Outcome::Waiting if interrupt.is_set() => {
@@ -328,28 +357,21 @@ fn await_model(
     }
 }
 
-fn write(args: &Args, folders: &Folders, model: &Model) -> Result<()> {
-    output::write_model(&args.out, model)?;
+fn write(folders: &Folders, model: &Model) -> Result<()> {
+    output::write_model(&folders.dir, model)?;
     for (i, batch) in folders.analysed_batches()?.iter().enumerate() {
         let table = roscausal_core::batch::Table::read(batch, None)?;
-        output::write_series(
-            &args.out,
-            &format!("series_{}", i + 1),
-            &table.names,
-            table.values.view(),
-            table.dt(),
-        )?;
+        let (name, dt) = (format!("series_{}", i + 1), table.dt());
+        output::write_series(&folders.dir, &name, &table.names, table.values.view(), dt)?;
     }
     Ok(())
 }
 
-fn show(args: &Args, folders: &Folders, model: &Model) -> Result<()> {
-    write(args, folders, model)?;
-    crate::terminal::say!("{}\n", report::text(model));
-    crate::terminal::say!("{}\n", expected::comparison(model));
+/// Writes what a look at the model needs: the report and the evidence.
+fn write_report(args: &Args, folders: &Folders, model: &Model) -> Result<()> {
     let evidence = folders.evidence()?;
     if let Some(evidence) = &evidence {
-        output::write_file(&args.out, html_report::EVIDENCE, evidence.to_json().as_bytes())?;
+        output::write_file(&folders.dir, html_report::EVIDENCE, evidence.to_json().as_bytes())?;
     }
     let material = Material {
         model: model.clone(),
@@ -358,7 +380,14 @@ fn show(args: &Args, folders: &Folders, model: &Model) -> Result<()> {
         command: args.command(model),
         batches: Vec::new(),
     };
-    let report = html_report::write_into(&args.out, &material)?;
+    html_report::write_into(&folders.dir, &material)
+}
+
+fn show(args: &Args, folders: &Folders, model: &Model) -> Result<()> {
+    let written = write(folders, model).and_then(|()| write_report(args, folders, model));
+    crate::terminal::say!("{}\n", report::text(model));
+    crate::terminal::say!("{}\n", expected::comparison(model));
+    let folders = written.and_then(|()| folders.keep()).map_err(|error| folders.named(error))?;
     crate::terminal::say!(
         "{}: batches, model.json, evidence.json, model.dot, model.graphml, links.csv, dag.svg, dag.png, dag.pdf, \
          tsdag.svg, tsdag.png, tsdag.pdf, run.svg\n",
@@ -373,7 +402,7 @@ fn show(args: &Args, folders: &Folders, model: &Model) -> Result<()> {
     );
     crate::terminal::say!(
         "\nOpen {} in a browser: the graph, and the evidence of each link.",
-        report.display()
+        args.out.join(html_report::REPORT).display()
     );
     Ok(())
 }

@@ -36,6 +36,7 @@ use crate::{
     output,
     recording::{self, InputArgs, Source},
     report,
+    results::{Results, check_whole},
 };
 use assumptions::AssumeArgs;
 use changes::ChangeArgs;
@@ -172,13 +173,16 @@ pub(crate) fn run(args: &Args, interrupt: &Interrupt) -> Result<()> {
     if args.method.is_auto() && !args.take_it {
         return explain(args, interrupt);
     }
-    if let Some(dir) = &args.out {
-        output::claim(dir, args.force)?;
+    let results = Results::wanted(args.out.as_deref(), args.force, &args.files)?;
+    if let Some(results) = &results {
+        interrupt.remove_at_end(results.temporary());
     }
     if let Some(file) = &args.result.resample_out {
         output::claim_file(file, RESAMPLE_MARK, args.force)?;
     }
-    let Answer { model, evidence, data, graphs } = found(args, interrupt, format != Format::Text)?;
+    let keep = results.as_ref().map(|results| results.folder().join("batches"));
+    let Answer { model, evidence, data, graphs } =
+        found_and_kept(args, interrupt, format != Format::Text, keep.as_deref())?;
     // From here on there is a result.
     interrupt.writing();
     format.print_with(&model, args.result.advice == Advised::On)?;
@@ -186,21 +190,22 @@ pub(crate) fn run(args: &Args, interrupt: &Interrupt) -> Result<()> {
     if let Some(file) = &args.result.resample_out {
         output::write_at(file, json_lines(&graphs)?.as_bytes())?;
     }
-    if let Some(dir) = &args.out {
+    let Some(results) = results else { return Ok(()) };
+    results.write(|dir| {
         output::write_model(dir, &model)?;
         output::write_file(dir, html_report::EVIDENCE, evidence.to_json().as_bytes())?;
         for (i, recording) in data.recordings().iter().enumerate() {
             let name = format!("series_{}", i + 1);
             output::write_series(dir, &name, data.var_names(), recording.view(), model.dt)?;
         }
-    }
-    Ok(())
+        Ok(())
+    })
 }
 
 /// Says which method and test these data ask for, and why. Nothing is analysed.
 fn explain(args: &Args, interrupt: &Interrupt) -> Result<()> {
     let mut settings = args.method.settings_for_reading(args.seed)?;
-    let Data { data, origins, .. } = Data::read(args, &mut settings, interrupt, true)?;
+    let Data { data, origins, .. } = Data::read(args, &mut settings, interrupt, true, None)?;
     look_at(&data, &origins, args, &settings)?;
     let choice = Choice::of(&data, &settings);
     let chosen = args.method.chosen(&choice, &settings)?;
@@ -238,10 +243,15 @@ pub(crate) struct Answer {
 
 /// Analyses the files.
 pub(crate) fn found(args: &Args, interrupt: &Interrupt, quiet: bool) -> Result<Answer> {
+    found_and_kept(args, interrupt, quiet, None)
+}
+
+/// As [`found`]; the batches that are made of recordings are also put into the folder `keep`.
+fn found_and_kept(args: &Args, interrupt: &Interrupt, quiet: bool, keep: Option<&Path>) -> Result<Answer> {
     let mut settings = args.method.settings_for_reading(args.seed)?;
     let resampling = args.resample.asked()?;
     settings.max_memory = args.means.max_memory.map(|megabytes| megabytes.saturating_mul(1_000_000));
-    let Data { data, dt, warnings, origins, .. } = Data::read(args, &mut settings, interrupt, quiet)?;
+    let Data { data, dt, warnings, origins, .. } = Data::read(args, &mut settings, interrupt, quiet, keep)?;
     let data = args.assume.vectors(data)?;
     if args.method.is_auto() {
         settings = args.method.chosen(&Choice::of(&data, &settings), &settings)?;
@@ -280,7 +290,7 @@ pub(crate) fn read(
 ) -> Result<(DataFrame, Option<f64>)> {
     let args = Args::of(from, seed);
     settings.max_memory = args.means.max_memory.map(|megabytes| megabytes.saturating_mul(1_000_000));
-    let Data { data, dt, origins, .. } = Data::read(&args, settings, interrupt, true)?;
+    let Data { data, dt, origins, .. } = Data::read(&args, settings, interrupt, true, None)?;
     look_at(&data, &origins, &args, settings)?;
     Ok((data, dt))
 }
@@ -372,7 +382,8 @@ pub fn read_recordings(files: &[PathBuf], options: &[String], cancel: Arc<Atomic
         Error::param("options", reason)
     })?;
     let mut settings = Settings::default();
-    let Data { data, dt, warnings, .. } = Data::read(&args, &mut settings, &Interrupt::on(cancel), true)?;
+    let Data { data, dt, warnings, .. } =
+        Data::read(&args, &mut settings, &Interrupt::on(cancel), true, None)?;
     let of_each = |place| data.masked_effects(place);
     let masked: Vec<Vec<bool>> = (0..data.recordings().len()).map(of_each).collect();
     let is_masked = masked.iter().any(|rows| rows.contains(&true));
@@ -397,6 +408,7 @@ impl Input {
     /// A table of the user's, or those in a folder.
     fn of_table(path: &Path) -> Result<Vec<Self>> {
         let path = if path == Path::new("-") { Path::new("/dev/stdin") } else { path };
+        check_whole(path)?;
         let tables = if path.is_dir() { folders::batches_in(path)? } else { vec![path.to_path_buf()] };
         Ok(tables.into_iter().map(|table| Self { user: table.clone(), table }).collect())
     }
@@ -415,7 +427,13 @@ struct Data {
 
 impl Data {
     /// The data of the files. Interventions that they mention become exogenous in `settings`.
-    fn read(args: &Args, settings: &mut Settings, interrupt: &Interrupt, quiet: bool) -> Result<Self> {
+    fn read(
+        args: &Args,
+        settings: &mut Settings,
+        interrupt: &Interrupt,
+        quiet: bool,
+        keep: Option<&Path>,
+    ) -> Result<Self> {
         if args.has_trajectories() {
             if let Some(flag) = args.inputs.given_besides_params() {
                 return Err(Error::param(
@@ -428,7 +446,7 @@ impl Data {
         if let Some(flag) = args.trajectories.given() {
             return Err(Error::param(flag, "it is for tables of trajectories (--format trajectories)"));
         }
-        let (files, _made) = tables_of(args, interrupt, quiet)?;
+        let (files, _made) = tables_of(args, interrupt, quiet, keep)?;
         let read = match with_facts(args, &files, settings)? {
             Some(data) => data,
             None => Self::of(args.read.read(&files, args.inputs.dt(), &args.part.columns())?)?,
@@ -523,12 +541,13 @@ fn with_facts(args: &Args, files: &[Input], settings: &mut Settings) -> Result<O
     }))
 }
 
-/// The files to analyse: the user's own, and the batches made from the user's recordings. Those are in `--out`, or
-/// in a folder that is removed with the returned handle.
+/// The files to analyse: the user's own, and the batches made from the user's recordings. Those are in a folder that is removed
+/// with the returned handle, and also in `keep`.
 fn tables_of(
     args: &Args,
     interrupt: &Interrupt,
     quiet: bool,
+    keep: Option<&Path>,
 ) -> Result<(Vec<Input>, Option<tempfile::TempDir>)> {
     if !args.files.iter().any(|file| recording::is_recording(file)) {
         return match args.inputs.given() {
@@ -548,8 +567,8 @@ fn tables_of(
             let source = Source::open(file, &args.inputs.with_param(args.read.as_parameter()))?;
             let folder = temporary.path().join(format!("{}", number + 1));
             for batch in source.batches(&folder, interrupt, quiet)? {
-                if let Some(out) = &args.out {
-                    output::copy_batch(&batch, &out.join("batches"))?;
+                if let Some(folder) = keep {
+                    output::copy_batch(&batch, folder)?;
                 }
                 files.push(Input { table: batch, user: file.clone() });
             }

@@ -1,8 +1,9 @@
-//! The folder of a run: pools, models, and the outcome of an analysis.
+//! The folder of a run of nodes: pools, models, and the outcome of an analysis.
 
 use std::{
     fs,
     path::{Path, PathBuf},
+    sync::{Arc, Mutex},
 };
 
 use roscausal_core::{
@@ -14,21 +15,26 @@ use roscausal_core::{
     bounded,
     nodes::EVIDENCE_FOLDER,
 };
-use roscausal_discovery::{Evidence, Model};
+use roscausal_discovery::{Evidence, Model, lock};
 
-use crate::presets;
-
-/// Marks a folder of a demo or replay, which the next one may empty.
-pub(crate) const MARK: &str = ".roscausal_demo";
+use crate::{
+    interrupt::Interrupt,
+    results::{Results, check_whole, renamed},
+};
 
 /// Prefix of the batches' names.
 const PREFIX: &str = "data_";
 
-/// Where the nodes put their files.
+/// Where the nodes put their files: first where the run works, later where its results are.
 pub(crate) struct Folders {
+    pub(crate) dir: PathBuf,
     pub(crate) raw: PathBuf,
     pub(crate) processed: PathBuf,
     pub(crate) models: PathBuf,
+    /// The folder of the results.
+    out: PathBuf,
+    /// Until the results are kept; shared with an end of the process at once.
+    results: Arc<Mutex<Option<Results>>>,
 }
 
 /// The state of the analysis.
@@ -39,27 +45,33 @@ pub(crate) enum Outcome {
 }
 
 impl Folders {
-    /// Empty folders in `out`. Those of an earlier demo are removed; anything else is left alone and is an error.
-    pub(crate) fn fresh(out: &Path) -> Result<Self> {
-        let folders =
-            Self { raw: out.join("data_pool"), processed: out.join("pp_pool"), models: out.join("cm_pool") };
-        let ours = out.join(MARK).exists();
+    /// Empty folders of a run with results in `out`. If the process is ended at once, what is recorded is kept.
+    pub(crate) fn begin(out: &Path, reads: &[PathBuf], interrupt: &Interrupt) -> Result<Self> {
+        let results = Results::begin(out, None, reads)?;
+        let dir = results.folder();
+        let folders = Self::in_dir(dir, out, Arc::new(Mutex::new(Some(results))));
         for folder in [&folders.raw, &folders.processed, &folders.models] {
-            if folder.exists() && !ours {
-                let reason = "there is something here that no demo or replay made; choose another --out";
-                return Err(Error::file(folder, reason));
-            }
-            if folder.exists() {
-                fs::remove_dir_all(folder).map_err(|e| Error::file(folder, e))?;
-            }
-            fs::create_dir_all(folder).map_err(|e| Error::file(folder, e))?;
+            fs::create_dir_all(folder).map_err(|e| folders.named(Error::file(folder, e)))?;
         }
-        let settings = out.join(presets::FILE);
-        if ours && settings.exists() {
-            fs::remove_file(&settings).map_err(|e| Error::file(settings, e))?;
-        }
-        fs::write(out.join(MARK), "").map_err(|e| Error::file(out, e))?;
+        let (results, raw) = (folders.results.clone(), folders.raw.clone());
+        interrupt.do_at_end(move || drop(keep(&results, &raw)));
         Ok(folders)
+    }
+
+    fn in_dir(dir: PathBuf, out: &Path, results: Arc<Mutex<Option<Results>>>) -> Self {
+        let [raw, processed, models] = ["data_pool", "pp_pool", "cm_pool"].map(|name| dir.join(name));
+        Self { dir, raw, processed, models, out: out.to_owned(), results }
+    }
+
+    /// What the run has made takes the place of the results before, unless no batch was recorded. Returns where it is then.
+    pub(crate) fn keep(&self) -> Result<Self> {
+        keep(&self.results, &self.raw)?;
+        Ok(Self::in_dir(self.out.clone(), &self.out, self.results.clone()))
+    }
+
+    /// An error in words about the folder of the results.
+    pub(crate) fn named(&self, error: Error) -> Error {
+        renamed(error, &self.dir, &self.out)
     }
 
     /// Whether there is a model or a rejection.
@@ -92,7 +104,7 @@ impl Folders {
             }
             for path in with_ending(&rejected, ".reason.txt")? {
                 let reason = fs::read_to_string(&path).map_err(|e| Error::file(&path, e))?;
-                reasons.push(format!("{}: {}", path.display(), reason.trim()));
+                reasons.push(self.named(Error::file(&path, reason.trim())).to_string());
             }
         }
         Ok(reasons)
@@ -106,6 +118,16 @@ impl Folders {
     /// The batches that the model was made from.
     pub(crate) fn analysed_batches(&self) -> Result<Vec<PathBuf>> {
         with_ending(&self.processed.join("analysed"), ".csv")
+    }
+}
+
+/// Keeps the results if there is a batch; else all stays as it was.
+fn keep(results: &Mutex<Option<Results>>, raw: &Path) -> Result<()> {
+    // Held to the end: whoever comes second waits.
+    let mut results = lock(results);
+    match results.take() {
+        Some(results) if !with_ending(raw, ".csv")?.is_empty() => results.finish(),
+        _ => Ok(()),
     }
 }
 
@@ -136,6 +158,7 @@ pub(crate) fn batches_in(folder: &Path) -> Result<Vec<PathBuf>> {
 
 /// The model in a file, checked.
 pub(crate) fn read_model(path: &Path) -> Result<Model> {
+    check_whole(path)?;
     let text = bounded::read(path, bounded::MODEL)?;
     Model::from_json(&text).map_err(|e| Error::file(path, e))
 }

@@ -32,14 +32,14 @@ struct State {
     words: &'static str,
     /// Whether an end at once loses something.
     at_stake: bool,
-    /// Folders to remove on the way out.
-    temporary: Vec<PathBuf>,
+    /// What is done on the way out.
+    last: Vec<Box<dyn FnOnce() + Send>>,
 }
 
 impl Default for State {
     fn default() -> Self {
         let words = "what is recorded is kept (again: end at once)";
-        Self { words, at_stake: true, temporary: Vec::new() }
+        Self { words, at_stake: true, last: Vec::new() }
     }
 }
 
@@ -90,7 +90,12 @@ impl Interrupt {
 
     /// A folder that an end at once removes.
     pub(crate) fn remove_at_end(&self, folder: PathBuf) {
-        self.with(|state| state.temporary.push(folder));
+        self.do_at_end(move || drop(std::fs::remove_dir_all(folder)));
+    }
+
+    /// What an end at once does first; soon done.
+    pub(crate) fn do_at_end(&self, last: impl FnOnce() + Send + 'static) {
+        self.with(|state| state.last.push(Box::new(last)));
     }
 
     fn with<T>(&self, f: impl FnOnce(&mut State) -> T) -> T {
@@ -107,8 +112,8 @@ impl Interrupt {
     }
 
     fn leave(&self) -> ! {
-        for folder in self.with(|state| std::mem::take(&mut state.temporary)) {
-            let _ = std::fs::remove_dir_all(folder);
+        for last in self.with(|state| std::mem::take(&mut state.last)) {
+            last();
         }
         exit(CODE.into());
     }

@@ -23,6 +23,7 @@ mod reasoning;
 mod recording;
 mod replay;
 mod report;
+mod results;
 mod roll;
 mod show;
 mod sink;

@@ -1,16 +1,16 @@
-//! The folder of results: model, pictures, tables. Each file is complete or absent.
+//! Files of results: models, pictures, tables. Each is complete or absent; `results.rs` makes a set of them.
 
 use std::{
     fs,
-    io::{Read, Write},
+    io::Read,
     path::{Path, PathBuf},
 };
 
 use ndarray::ArrayView2;
-use roscausal_core::{Error, Result};
-use roscausal_discovery::{Model, SCHEMA, draw};
+use roscausal_core::{Error, Result, batch::pool::write_whole};
+use roscausal_discovery::{Model, draw};
 
-use crate::{export, folders};
+use crate::export;
 
 /// Pixels per unit of the pictures.
 const SCALE: f32 = 2.0;
@@ -52,46 +52,10 @@ pub(crate) fn write_series(
     write_file(dir, &format!("{name}.svg"), draw::series(names, values, dt).as_bytes())
 }
 
-/// Makes sure that results can be written into `dir`, before any work: it is new, empty, or holds earlier results, or `force`
-/// is given.
-///
-/// # Errors
-/// A folder with something else in it, or one that cannot be written.
-pub(crate) fn claim(dir: &Path, force: bool) -> Result<()> {
-    let fault = |e: std::io::Error| Error::file(dir, format!("no results can be written here: {e}"));
-    if dir.exists() && !force && !is_ours(dir) && fs::read_dir(dir).map_err(fault)?.next().is_some() {
-        let reason =
-            "there are files of others in this folder; choose another --out, or write into it with --force";
-        return Err(Error::file(dir, reason));
-    }
-    fs::create_dir_all(dir).map_err(fault)?;
-    let probe = dir.join(".roscausal.tmp");
-    fs::write(&probe, "").and_then(|()| fs::remove_file(&probe)).map_err(fault)
-}
-
-/// Whether an earlier command wrote its results into a folder.
-fn is_ours(dir: &Path) -> bool {
-    let model = fs::read_to_string(dir.join("model.json")).unwrap_or_default();
-    // What `roscausal predict` and `whatif` write.
-    let answered =
-        |name: &&str| ["svg", "json"].iter().all(|ending| dir.join(format!("{name}.{ending}")).exists());
-    dir.join(folders::MARK).exists()
-        || model.contains(SCHEMA.split_at(SCHEMA.len() - 1).0)
-        || ["predict", "whatif"].iter().any(answered)
-}
-
-/// Writes a file under a temporary name and renames it, so that nobody sees an incomplete file.
+/// Writes a file so that nobody sees an incomplete one.
 pub(crate) fn write_file(dir: &Path, name: &str, bytes: &[u8]) -> Result<PathBuf> {
     let path = dir.join(name);
-    let temporary = dir.join(format!(".{name}.tmp"));
-    let write = || -> std::io::Result<()> {
-        fs::create_dir_all(dir)?;
-        let mut file = fs::File::create(&temporary)?;
-        file.write_all(bytes)?;
-        file.sync_all()?;
-        fs::rename(&temporary, &path)
-    };
-    write().map_err(|e| Error::file(&path, e))?;
+    write_whole(&path, bytes)?;
     Ok(path)
 }
 
@@ -116,8 +80,7 @@ pub(crate) fn claim_file(file: &Path, mark: &str, force: bool) -> Result<()> {
     }
     let folder = folder_of(file);
     fs::create_dir_all(folder).map_err(|e| Error::file(file, e))?;
-    let probe = folder.join(".roscausal.tmp");
-    fs::write(&probe, "").and_then(|()| fs::remove_file(&probe)).map_err(|e| Error::file(file, e))
+    tempfile::tempfile_in(folder).map(drop).map_err(|e| Error::file(file, e))
 }
 
 /// Whether a file is empty, or has the mark near its beginning.

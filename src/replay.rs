@@ -134,6 +134,56 @@ impl Args {
             set("change_rows", Value::Int(i64::from(rows)));
         }
     }
+
+    /// Plays the recording to the nodes, until all is analysed. The inner error, although the nodes ended well: it was the user.
+    fn play(
+        &self,
+        bus: &Loopback,
+        source: &mut Source,
+        folders: &Folders,
+        record: Option<&Path>,
+        interrupt: &Interrupt,
+    ) -> Result<Result<String>> {
+        let mut sink = Sink::open(bus, record)?;
+        let play = Play::new(bus, &mut source.recording, &source.inputs)?;
+        let (nodes, progress) = Nodes::start(bus, source.inputs.nodes).with_discovery();
+        let mut nodes = nodes.with_reasoning(self.web.wanted());
+        sink.watch()?;
+        let web = Web::start(bus, &self.web, "")?;
+
+        let bar = chart::bar("playing", 1000, false);
+        let mut pace = Pace::new(self.speed);
+        let played = play.run(|progress, now| {
+            bar.set_position((progress * 1000.0) as u64);
+            pace.wait(now, || !interrupt.is_set());
+            !interrupt.is_set() && !nodes.one_has_ended()
+        });
+        bar.finish_and_clear();
+        let analysed =
+            nodes.end_recording().and_then(|()| await_analyses(bus, folders, &nodes, &progress, interrupt));
+        // With a live page, Ctrl-C after the last batch is the way to leave.
+        let ended_early = interrupt.is_set();
+        if let Some(web) = web {
+            web.stay(bus, interrupt);
+            web.end()?;
+        }
+        if ended_early {
+            // The analysis may be within a long test: what is recorded comes first.
+            bus.settle();
+            sink.close()?;
+            interrupt.nothing_at_stake("what is recorded is kept");
+            nodes.end()?;
+            let out = self.out.display();
+            return Ok(Err(Error::Cancelled(format!("by the user; {out} keeps batches and models so far"))));
+        }
+        nodes.end()?;
+        bus.settle();
+        sink.close()?;
+        let played = played?;
+        played.tell(&self.recording);
+        analysed?;
+        Ok(Ok(played.troubles()))
+    }
 }
 
 /// Runs `roscausal replay`.
@@ -143,54 +193,19 @@ pub(crate) fn run(args: &Args, interrupt: &Interrupt) -> Result<()> {
     let resampling = args.resample.asked()?;
     let record = args.sink.claim_beside(&args.recording)?;
     let mut source = Source::open(&args.recording, &args.inputs)?;
-    let folders = Folders::fresh(&args.out)?;
+    let folders = Folders::begin(&args.out, std::slice::from_ref(&args.recording), interrupt)?;
     let bus = Loopback::lockstep();
     nodes::set_pools(&bus, &folders.raw, &folders.processed);
     bus.set_node_param("data", "ts_length", Value::Double(TS_LENGTH_S));
     nodes::set_discovery(&bus, &folders, &settings, resampling.as_ref(), 1, args.threads);
     args.set_rolling(&bus);
     source.set_params(&bus);
-    let mut sink = Sink::open(&bus, record)?;
-    let play = Play::new(&bus, &mut source.recording, &source.inputs)?;
-    let (nodes, progress) = Nodes::start(&bus, source.inputs.nodes).with_discovery();
-    let mut nodes = nodes.with_reasoning(args.web.wanted());
-    sink.watch()?;
-    let web = Web::start(&bus, &args.web, "")?;
-
-    let bar = chart::bar("playing", 1000, false);
-    let mut pace = Pace::new(args.speed);
-    let played = play.run(|progress, now| {
-        bar.set_position((progress * 1000.0) as u64);
-        pace.wait(now, || !interrupt.is_set());
-        !interrupt.is_set() && !nodes.one_has_ended()
-    });
-    bar.finish_and_clear();
-    let analysed =
-        nodes.end_recording().and_then(|()| await_analyses(&bus, &folders, &nodes, &progress, interrupt));
-    // With a live page, Ctrl-C after the last batch is the way to leave.
-    let ended_early = interrupt.is_set();
-    if let Some(web) = web {
-        web.stay(&bus, interrupt);
-        web.end()?;
-    }
-    if ended_early {
-        // The analysis may be within a long test: what is recorded comes first.
-        bus.settle();
-        sink.close()?;
-        interrupt.nothing_at_stake("what is recorded is kept");
-        nodes.end()?;
-        return Err(Error::Cancelled(format!(
-            "by the user; {} keeps batches and models so far",
-            args.out.display()
-        )));
-    }
-    nodes.end()?;
-    bus.settle();
-    sink.close()?;
-    let played = played?;
-    played.tell(&args.recording);
-    analysed?;
-    show(args, &folders, &played.troubles())
+    let ended = args.play(&bus, &mut source, &folders, record, interrupt);
+    let troubles = match ended.map_err(|error| folders.named(error))? {
+        Err(error @ Error::Cancelled(_)) => return folders.keep().and(Err(error)),
+        other => other?,
+    };
+    show(args, &folders, &troubles)
 }
 
 /// Waits until no batch is left to analyse.
@@ -214,23 +229,20 @@ fn await_analyses(
 }
 
 /// In how many of the batches each link was found, and what changed: in words, as `summary.json`, and as a picture.
-fn summarise(args: &Args, folders: &Folders, files: &[PathBuf]) -> Result<()> {
+fn summarise(args: &Args, folders: &Folders, files: &[PathBuf]) -> Result<Vec<String>> {
     let models = files.iter().map(|path| read_model(path)).collect::<Result<Vec<_>>>()?;
     let changes = recorded_changes(&folders.models)?;
-    for change in &changes {
-        crate::terminal::say!("{}: {}", change.batch, change.event.sentence());
-    }
+    let sentence = |change: &RecordedChange| format!("{}: {}", change.batch, change.event.sentence());
+    let mut lines: Vec<String> = changes.iter().map(sentence).collect();
     let counts = link_counts(&models.iter().collect::<Vec<_>>());
-    for line in roll::count_lines(&counts, "batches") {
-        crate::terminal::say!("{line}");
-    }
+    lines.extend(roll::count_lines(&counts, "batches"));
     let name = |path: &PathBuf| path.file_stem().map(|name| name.to_string_lossy().into_owned());
     let batches: Vec<Option<String>> = files.iter().map(name).collect();
     let mut summary = serde_json::json!({ "schema": ROLLING_SCHEMA, "batches": batches, "links": counts });
     if args.changes {
         summary["changes"] = serde_json::json!(changes);
     }
-    output::write_file(&args.out, "summary.json", format!("{summary:#}\n").as_bytes())?;
+    output::write_file(&folders.dir, "summary.json", format!("{summary:#}\n").as_bytes())?;
     // In minutes of the recording if every batch has its times, else by the number of the batch.
     let spans: Option<Vec<[f64; 2]>> = files.iter().map(|path| span(folders, path)).collect();
     let begin = spans.as_ref().and_then(|spans| spans.first()).map_or(0.0, |first| first[0]);
@@ -248,9 +260,9 @@ fn summarise(args: &Args, folders: &Folders, files: &[PathBuf]) -> Result<()> {
     let events: Vec<(f64, &ChangeEvent)> =
         changes.iter().map(|change| (when(change), &change.event)).collect();
     let unit = if spans.is_some() { "minutes, middle of each batch" } else { "batches" };
-    output::write_picture(&args.out, "strip", &strips_of(&at, unit, &events))?;
-    crate::terminal::say!("{}: summary.json, strip.svg, strip.png", args.out.display());
-    Ok(())
+    output::write_picture(&folders.dir, "strip", &strips_of(&at, unit, &events))?;
+    lines.push(format!("{}: summary.json, strip.svg, strip.png", args.out.display()));
+    Ok(lines)
 }
 
 /// Stamps of the first and the last row of a model's batch.
@@ -262,13 +274,21 @@ fn span(folders: &Folders, model: &Path) -> Option<[f64; 2]> {
 
 fn show(args: &Args, folders: &Folders, troubles: &str) -> Result<()> {
     let models = folders.model_files()?;
-    for path in &models {
-        crate::terminal::say!("{}\n{}\n", path.display(), report::text(&read_model(path)?));
+    let summary = if models.len() > 1 || (args.changes && !models.is_empty()) {
+        summarise(args, folders, &models).map_err(|error| folders.named(error))?
+    } else {
+        Vec::new()
+    };
+    let reasons = folders.rejections()?;
+    let folders = folders.keep().map_err(|error| folders.named(error))?;
+    for name in models.iter().filter_map(|path| path.file_name()) {
+        let path = folders.models.join(name);
+        crate::terminal::say!("{}\n{}\n", path.display(), report::text(&read_model(&path)?));
     }
-    if models.len() > 1 || (args.changes && !models.is_empty()) {
-        summarise(args, folders, &models)?;
+    for line in summary {
+        crate::terminal::say!("{line}");
     }
-    for reason in folders.rejections()? {
+    for reason in reasons {
         crate::terminal::tell!("note: {reason}");
     }
     if models.is_empty() {

@@ -21,6 +21,7 @@ use crate::{
     interrupt::Interrupt,
     output,
     recording::InputArgs,
+    results::Results,
 };
 
 /// Rows of a part that the detector reads at a time, unless the number of variables asks for more.
@@ -90,8 +91,9 @@ enum Format {
 /// Runs `roscausal roll`.
 pub(crate) fn run(args: &Args, interrupt: &Interrupt) -> Result<()> {
     interrupt.nothing_at_stake("what was printed is all there is");
-    if let Some(dir) = &args.out {
-        output::claim(dir, args.force)?;
+    let results = Results::wanted(args.out.as_deref(), args.force, &args.files)?;
+    if let Some(results) = &results {
+        interrupt.remove_at_end(results.temporary());
     }
     let mut settings = args.method.settings(args.seed)?;
     let resampling = args.resample.asked()?;
@@ -120,11 +122,9 @@ pub(crate) fn run(args: &Args, interrupt: &Interrupt) -> Result<()> {
         rolling.end();
         Ok(rolling)
     })?;
-    if let Some(dir) = &args.out {
-        interrupt.writing();
-        rolling.write(dir)?;
-    }
-    Ok(())
+    let Some(results) = results else { return Ok(()) };
+    interrupt.writing();
+    results.write(|dir| rolling.write(dir))
 }
 
 impl Args {

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use clap::Args as ClapArgs;
 use roscausal_core::Result;
 
-use crate::{discover::Format, folders::read_model, output};
+use crate::{discover::Format, folders::read_model, output, results::Results};
 
 /// Arguments of `roscausal show`.
 #[derive(ClapArgs)]
@@ -26,9 +26,7 @@ pub(crate) struct Args {
 /// Runs `roscausal show`.
 pub(crate) fn run(args: &Args) -> Result<()> {
     let model = read_model(&args.model)?;
-    if let Some(dir) = &args.out {
-        output::claim(dir, args.force)?;
-    }
+    let results = Results::wanted(args.out.as_deref(), args.force, std::slice::from_ref(&args.model))?;
     args.format.print(&model)?;
-    args.out.as_deref().map_or(Ok(()), |dir| output::write_model(dir, &model).map(drop))
+    results.map_or(Ok(()), |results| results.write(|dir| output::write_model(dir, &model).map(drop)))
 }

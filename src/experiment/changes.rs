@@ -23,7 +23,7 @@ use roscausal_discovery::{
 use roscausal_hrisim::{Intervention, Scenario, Simulation};
 
 use super::{grid, in_order, recordings, runs, workers};
-use crate::{interrupt::Interrupt, output};
+use crate::{interrupt::Interrupt, output, results::Results};
 
 /// Noise on the risk's exponent, as in the demo.
 const RISK_NOISE: f64 = 0.02;
@@ -95,9 +95,10 @@ pub(super) fn run(args: &Args, interrupt: &Interrupt) -> Result<()> {
     let scenario = Scenario::load(&args.scenario)?;
     args.check()?;
     let seeds = grid::seeds(&args.seeds)?;
+    let results = Results::begin(&args.out, None, &[])?;
     let told =
         in_order(&seeds, workers(args.threads)?, "runs", |seed| args.one(&scenario, *seed, interrupt))?;
-    output::write_file(&args.out, "changes.csv", args.csv(&told).as_bytes())?;
+    results.write(|dir| output::write_file(dir, "changes.csv", args.csv(&told).as_bytes()).map(drop))?;
     crate::terminal::say!("{}\n{}: changes.csv", args.text(&told), args.out.display());
     Ok(())
 }

@@ -25,7 +25,7 @@ use roscausal_core::{Error, Result, gate::lock, threads};
 use roscausal_discovery::{PcAlpha, Settings};
 use roscausal_hrisim::Scenario;
 
-use crate::{chart, discover::ResampleArgs, interrupt::Interrupt, output};
+use crate::{chart, discover::ResampleArgs, interrupt::Interrupt, output, results::Results};
 use grid::{Grid, Setting};
 use recordings::record;
 use runs::{Common, Run};
@@ -128,19 +128,23 @@ struct Sweep {
 
 /// Runs `roscausal experiment`.
 pub(crate) fn run(args: &Args, interrupt: &Interrupt) -> Result<()> {
-    let (out, runs) = match &args.command {
+    // The files of runs are no part of the set: a sweep goes on with them.
+    let begin = |out: &Path| Results::begin(out, Some(true), &[]);
+    let (out, results, runs) = match &args.command {
         Some(Command::Reasoning(args)) => return reasoning::run(args, interrupt),
         Some(Command::Planner(args)) => return planner::run(args, interrupt),
         Some(Command::Changes(args)) => return changes::run(args, interrupt),
-        Some(Command::Merge { from, out }) => (out, merge(from, out)?),
+        Some(Command::Merge { from, out }) => (out, begin(out)?, merge(from, out)?),
         None => {
             interrupt.nothing_at_stake("finished runs are kept");
-            (&args.sweep.out, args.sweep.run(interrupt)?)
+            let out = &args.sweep.out;
+            (out, begin(out)?, args.sweep.run(interrupt)?)
         }
     };
-    for (name, text) in report::files(&runs)? {
-        output::write_file(out, name, text.as_bytes())?;
-    }
+    let files = report::files(&runs)?;
+    results.write(|dir| {
+        files.iter().try_for_each(|(name, text)| output::write_file(dir, name, text.as_bytes()).map(drop))
+    })?;
     crate::terminal::say!(
         "{}\n\n{}: recall.csv, scores.csv, runs.csv, length.svg, step.svg",
         report::text(&runs),

@@ -81,7 +81,7 @@ pub(crate) fn run(args: &Args, interrupt: &Interrupt) -> Result<()> {
     Ok(())
 }
 
-/// Writes the report of a run into its folder; returns where it is.
-pub(crate) fn write_into(dir: &Path, material: &Material) -> Result<PathBuf> {
-    output::write_file(dir, REPORT, page::html(material).as_bytes())
+/// Writes the report of a run into its folder.
+pub(crate) fn write_into(dir: &Path, material: &Material) -> Result<()> {
+    output::write_file(dir, REPORT, page::html(material).as_bytes()).map(drop)
 }

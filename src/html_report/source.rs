@@ -16,6 +16,7 @@ use crate::{
     discover,
     folders::{read_evidence, read_model},
     interrupt::Interrupt,
+    results::check_whole,
 };
 
 /// Most variables and lags of a model that a report shows.
@@ -37,6 +38,7 @@ pub(crate) struct Material {
 /// Reads what the arguments name.
 pub(super) fn read(args: &Args, interrupt: &Interrupt) -> Result<Material> {
     let input = &args.input;
+    check_whole(input)?;
     if input.is_dir() && !holds_recording(input)? {
         return of_folder(input);
     }

@@ -18,7 +18,7 @@ use roscausal_reasoning::{
     question::Situation,
 };
 
-use crate::output;
+use crate::{output, results::check_whole};
 
 /// The arguments that all questions share.
 #[derive(ClapArgs)]
@@ -104,6 +104,7 @@ impl SourceArgs {
     }
 
     fn ready(&self) -> Result<Ready> {
+        std::iter::once(&self.model).chain(&self.data).try_for_each(|path| check_whole(path))?;
         let text = bounded::read_text(&self.model, bounded::MODEL)?;
         let of_file = |error: roscausal_discovery::Error| match error {
             roscausal_discovery::Error::Param { name, reason } => {

@@ -147,7 +147,8 @@ fn cost(text: &str) -> Result<CostTerm> {
 
 /// Answers, prints and draws; the files have the name of the command.
 fn outlook(command: &str, source: &SourceArgs, ahead: &AheadArgs, question: WhatIf) -> Result<Status> {
-    ahead.picture.claim(source.force)?;
+    let reads = [std::slice::from_ref(&source.model), &source.data].concat();
+    let results = ahead.picture.results(source.force, &reads)?;
     let question = WhatIf {
         horizon: ahead.horizon,
         variables: ahead.variables.clone(),
@@ -158,7 +159,9 @@ fn outlook(command: &str, source: &SourceArgs, ahead: &AheadArgs, question: What
     source.with(|ready: &Ready| {
         let situation = ready.situation(ahead.at)?;
         let answer = answer::what_if(&ready.model, &situation, &question);
-        ahead.picture.write(command, &ready.model, &situation, (&question, &answer))?;
+        if let Some(results) = results {
+            picture::write(results, command, &ready.model, &situation, (&question, &answer))?;
+        }
         show(source, &answer, (answer.status, &answer.message), || text::what_if(&answer, &question))
     })
 }

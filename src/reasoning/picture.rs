@@ -15,7 +15,7 @@ use roscausal_reasoning::{
     question::{Situation, WhatIf},
 };
 
-use crate::output;
+use crate::{output, results::Results};
 
 /// Fewest rows of the past that are drawn, where they are there.
 const PAST: usize = 10;
@@ -31,27 +31,30 @@ pub(super) struct PictureArgs {
 }
 
 impl PictureArgs {
-    /// Makes sure that it can be written, before any work.
-    pub(super) fn claim(&self, force: bool) -> Result<()> {
-        self.out.as_deref().map_or(Ok(()), |dir| output::claim(dir, force))
+    /// Takes the folder, before any work. `reads`: what the answer is made from.
+    pub(super) fn results(&self, force: bool, reads: &[PathBuf]) -> Result<Option<Results>> {
+        Results::wanted(self.out.as_deref(), force, reads)
     }
+}
 
-    /// Writes the answer as `name.svg`, `name.png`, `name.pdf` and `name.json`.
-    pub(super) fn write(
-        &self,
-        name: &str,
-        model: &StructuralModel,
-        situation: &Situation<'_>,
-        (question, answer): (&WhatIf, &WhatIfAnswer),
-    ) -> Result<()> {
-        let Some(dir) = self.out.as_deref().filter(|_| !answer.outlooks.is_empty()) else { return Ok(()) };
-        let json = serde_json::to_string_pretty(answer).map_err(|e| Error::Data(e.to_string()))?;
-        let svg = picture(model, situation, question, answer);
+/// Writes the answer as `name.svg`, `name.png`, `name.pdf` and `name.json`; without an outlook nothing.
+pub(super) fn write(
+    results: Results,
+    name: &str,
+    model: &StructuralModel,
+    situation: &Situation<'_>,
+    (question, answer): (&WhatIf, &WhatIfAnswer),
+) -> Result<()> {
+    if answer.outlooks.is_empty() {
+        return Ok(());
+    }
+    let json = serde_json::to_string_pretty(answer).map_err(|e| Error::Data(e.to_string()))?;
+    let svg = picture(model, situation, question, answer);
+    results.write(|dir| {
         output::write_file(dir, &format!("{name}.pdf"), &roscausal_discovery::draw::pdf(&svg)?)?;
         output::write_picture(dir, name, &svg)?;
-        output::write_file(dir, &format!("{name}.json"), json.as_bytes())?;
-        Ok(())
-    }
+        output::write_file(dir, &format!("{name}.json"), json.as_bytes()).map(drop)
+    })
 }
 
 /// The answer as fan charts: a column for each action.

@@ -163,8 +163,10 @@ class Page:
         cause, lag = re.match(r"(\S+) at t-(\d+)", shown).groups()
         effect = re.search(r"drives (\S+):", shown).group(1).replace("itself", cause)
         batch = self.text("model-title").split(" samples from ")[1]
-        model = json.loads((Path(self.folder.name) / "out" / "cm_pool" / f"{batch}.json").read_text())
-        evidence = json.loads((Path(self.folder.name) / "out" / "cm_pool" / "evidence" / f"{batch}.json").read_text())
+        # Until its end a run works in a folder of its own within the one of its results.
+        models = next((Path(self.folder.name) / "out").glob(".roscausal/work-*/set/cm_pool"))
+        model = json.loads((models / f"{batch}.json").read_text())
+        evidence = json.loads((models / "evidence" / f"{batch}.json").read_text())
         same = lambda link: (link["cause"], link["effect"], link["lag"]) == (cause, effect, int(lag))
         link, seen = next(filter(same, model["links"])), next(filter(same, evidence["links"]))
         facts = self.js("Object.fromEntries([...document.querySelectorAll('#asked dl div')].map((d) => [...d.children].map((c) => c.textContent)))")

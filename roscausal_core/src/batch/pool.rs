@@ -1,7 +1,7 @@
 //! A folder of batch files, each complete or absent. The node that writes and the nodes that analyse share it.
 //!
 //! - `PREFIX<id>.csv` is a complete batch. `PREFIX<id>.json` may lie beside it; it is written first.
-//! - `.NAME.tmp` is being written. `.NAME.lock` belongs to the node that analyses NAME, and counts the attempts.
+//! - `.NAME.tmp` and `.NAME.*.tmp` are being written. `.NAME.lock` belongs to the node that analyses NAME, and counts the attempts.
 //! - `.PREFIX<number>.journal` holds what is recorded but in no batch yet. While NAME becomes a file, the journal
 //!   is renamed to `.NAME.commit` and `.NAME.done` (see `writer`). The node that records holds a lock on the
 //!   folder.
@@ -410,21 +410,29 @@ pub fn with_ending(folder: &Path, ending: &str) -> Result<Vec<PathBuf>> {
 /// # Errors
 /// The error of the file system, with the path.
 pub fn write_whole(path: &Path, bytes: &[u8]) -> Result<()> {
-    let staged = stage(path, bytes)?;
-    let temporary = staged.temporary.clone();
-    staged.publish().inspect_err(|_| {
-        let _ = fs::remove_file(temporary);
-    })
+    let (dir, name) = (folder_of(path), file_name(path)?);
+    let write = || -> std::io::Result<()> {
+        fs::create_dir_all(dir)?;
+        // The name is this process's own: nobody else writes into the file, and no link that lies there is followed.
+        let mut file = tempfile::Builder::new()
+            .prefix(&format!(".{name}."))
+            .suffix(".tmp")
+            .make_in(dir, |path| OpenOptions::new().write(true).create_new(true).open(path))?;
+        file.write_all(bytes)?;
+        file.as_file().sync_all()?;
+        file.persist(path).map(drop).map_err(|error| error.error)
+    };
+    write().map_err(|e| Error::file(path, e))?;
+    sync_dir(dir)
 }
 
+/// The temporary name is fixed, because recovery looks for it. A file or link that lies there is removed first.
 fn stage(path: &Path, bytes: &[u8]) -> Result<Staged> {
-    let Some(name) = path.file_name() else {
-        return Err(Error::file(path, "not the name of a file"));
-    };
-    let temporary = folder_of(path).join(format!(".{}.tmp", name.to_string_lossy()));
+    let temporary = folder_of(path).join(format!(".{}.tmp", file_name(path)?));
     let write = || -> std::io::Result<()> {
         fs::create_dir_all(folder_of(path))?;
-        let mut file = File::create(&temporary)?;
+        fs::remove_file(&temporary).or_else(ignore_missing)?;
+        let mut file = OpenOptions::new().write(true).create_new(true).open(&temporary)?;
         file.write_all(bytes)?;
         file.sync_all()
     };
@@ -433,6 +441,11 @@ fn stage(path: &Path, bytes: &[u8]) -> Result<Staged> {
         Error::file(path, e)
     })?;
     Ok(Staged { temporary, path: path.to_owned() })
+}
+
+fn file_name(path: &Path) -> Result<String> {
+    let name = path.file_name().ok_or_else(|| Error::file(path, "not the name of a file"))?;
+    Ok(name.to_string_lossy().into_owned())
 }
 
 impl Staged {
@@ -455,18 +468,19 @@ fn folder_of(path: &Path) -> &Path {
     }
 }
 
-/// Whether an open file is still the one with that name.
+/// Whether an open file is still the one with that name, which is no link.
 #[cfg(unix)]
-fn is_still(file: &File, path: &Path) -> bool {
+pub fn is_still(file: &File, path: &Path) -> bool {
     use std::os::unix::fs::MetadataExt;
-    match (file.metadata(), fs::metadata(path)) {
+    match (file.metadata(), fs::symlink_metadata(path)) {
         (Ok(open), Ok(named)) => (open.dev(), open.ino()) == (named.dev(), named.ino()),
         _ => false,
     }
 }
 
+/// Whether an open file is still the one with that name, which is no link.
 #[cfg(not(unix))]
-fn is_still(_file: &File, path: &Path) -> bool {
+pub fn is_still(_file: &File, path: &Path) -> bool {
     path.exists()
 }
 

@@ -96,11 +96,6 @@ pub(super) fn explore(
     let mut simulation = Simulation::new(&scenario, seed)?;
     let bus = Loopback::lockstep();
     let (raw, processed) = (out.join("raw"), out.join("processed"));
-    for folder in [&raw, &processed] {
-        if folder.exists() {
-            std::fs::remove_dir_all(folder).map_err(|e| Error::file(folder, e))?;
-        }
-    }
     let nodes = recording(&bus, &simulation, &raw, &processed, seconds);
     let run = roscausal_hrisim::node::run_lockstep(&bus, &mut simulation, 1, |_| !interrupt.is_set());
     nodes.end()?;

@@ -20,7 +20,7 @@ use roscausal_discovery::{DataFrame, Model};
 use roscausal_hrisim::{Scenario, rng::Rng};
 
 use super::{grid, in_order, model, workers};
-use crate::{interrupt::Interrupt, output};
+use crate::{interrupt::Interrupt, output, results::Results};
 use drive::{Drive, Nodes, Policy, Question};
 
 /// The variables of the model.
@@ -90,7 +90,10 @@ pub(super) fn run(args: &Args, interrupt: &Interrupt) -> Result<()> {
     let (train, seeds) = (grid::seeds(&args.train)?, grid::seeds(&args.seeds)?);
     args.check(&train, &seeds)?;
     let workers = workers(args.threads)?;
-    let explorations = args.out.join("exploration");
+    let results = Results::begin(&args.out, None, &[])?;
+    interrupt.remove_at_end(results.temporary());
+    let dir = results.folder();
+    let explorations = dir.join("exploration");
     let batches: Vec<PathBuf> = in_order(&train, workers, "explorations", |seed| {
         let scenario = explored(&scenario, *seed)?;
         drive::explore(&scenario, *seed, TRAINING_S, &explorations.join(seed.to_string()), interrupt)
@@ -99,9 +102,9 @@ pub(super) fn run(args: &Args, interrupt: &Interrupt) -> Result<()> {
     .flatten()
     .collect();
     let found = args.found(&batches, interrupt)?;
-    output::write_model(&args.out, &found)?;
+    output::write_model(&dir, &found)?;
     let nodes = Nodes {
-        graph: args.out.join("model.json"),
+        graph: dir.join("model.json"),
         data: batches,
         equations: args.equations.clone(),
         question: Question { cost: vec![("h_risk", 1.0), ("r_v", -args.hurry)], horizon: HORIZON },
@@ -117,8 +120,10 @@ pub(super) fn run(args: &Args, interrupt: &Interrupt) -> Result<()> {
     };
     let trials: Vec<Trial> = in_order(&seeds, workers, "trials", of_seed)?.into_iter().flatten().collect();
     let markdown = table::markdown(&policies, &trials);
-    output::write_file(&args.out, "trials.csv", table::csv(&trials).as_bytes())?;
-    output::write_file(&args.out, "table.md", markdown.as_bytes())?;
+    results.write(|dir| {
+        output::write_file(dir, "trials.csv", table::csv(&trials).as_bytes())?;
+        output::write_file(dir, "table.md", markdown.as_bytes()).map(drop)
+    })?;
     crate::terminal::say!(
         "{} trials of {} waypoints in '{}', with a model of the explorations {}.\nLinks (lag): {}.\n\n{markdown}\n{}: \
          model.json, trials.csv, table.md",

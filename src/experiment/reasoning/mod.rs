@@ -26,7 +26,7 @@ use roscausal_reasoning::{
 };
 
 use super::{grid, in_order, model, workers};
-use crate::{interrupt::Interrupt, output};
+use crate::{interrupt::Interrupt, output, results::Results};
 use asked::Case;
 use figures::Figures;
 use twins::{Twins, walk};
@@ -89,6 +89,7 @@ pub(super) fn run(args: &Args, interrupt: &Interrupt) -> Result<()> {
     let seeds = grid::seeds(&args.seeds)?;
     model::apart(&train, &seeds, "a model is not tried on what it was fitted on")?;
     let workers = workers(args.threads)?;
+    let results = Results::begin(&args.out, None, &[])?;
     let training = in_order(&train, workers, "walks", |seed| {
         walk(&scenario, *seed, TRAINING_S, interrupt).map(|walk| walk.rows)
     })?;
@@ -106,11 +107,13 @@ pub(super) fn run(args: &Args, interrupt: &Interrupt) -> Result<()> {
         twins.par_iter().map(|one| Case::ask(&model, one, &correlation)).collect::<Result<_>>()
     })?;
     let figures = Figures::of(&cases, &deviations(&training));
-    output::write_model(&args.out, &found)?;
-    output::write_file(&args.out, "cases.csv", tables::csv(&cases).as_bytes())?;
     let mut json = serde_json::to_string_pretty(&figures).map_err(|e| Error::Data(e.to_string()))?;
     json.push('\n');
-    output::write_file(&args.out, "figures.json", json.as_bytes())?;
+    results.write(|dir| {
+        output::write_model(dir, &found)?;
+        output::write_file(dir, "cases.csv", tables::csv(&cases).as_bytes())?;
+        output::write_file(dir, "figures.json", json.as_bytes()).map(drop)
+    })?;
     crate::terminal::say!(
         "{}\n{}: model.json, cases.csv, figures.json",
         tables::text(&figures, &found, args),

@@ -1,0 +1,390 @@
+//! A folder of results (`--out`): it belongs to one run, whose files take the place of the set before together.
+//!
+//! In `.roscausal/` within the folder, so that nothing but the folder itself has to be writable:
+//! - `lock` is locked by the run that has the folder, and names its process; the kernel releases it when the process ends.
+//! - `list.json` names the files of the set. No other file is ever replaced or removed.
+//! - `work-*/set/` is where a run works. The next run removes what a killed one left.
+//! - `new/` is a complete set. From the moment that `work-*` gets this name the set counts, and each file moves to its place;
+//!   whoever has the lock next goes on with it if the process is killed meanwhile. The list moves last.
+
+use std::{
+    collections::BTreeSet,
+    fs::{self, File, OpenOptions, TryLockError},
+    io::{ErrorKind, Read, Write},
+    path::{Component, Path, PathBuf},
+    process,
+};
+
+use roscausal_core::{
+    Error, Result,
+    batch::pool::{is_still, write_whole},
+};
+use serde::{Deserialize, Serialize};
+use tempfile::TempDir;
+
+/// Folder of what this file keeps about the results.
+const HOME: &str = ".roscausal";
+const LOCK: &str = "lock";
+const LIST: &str = "list.json";
+const WORK: &str = "work-";
+const NEW: &str = "new";
+const SET: &str = "set";
+/// How often the lock is tried while other runs come and go.
+const ATTEMPTS: usize = 10;
+
+/// The folder of a run that holds it. Dropped before [`Results::finish`], the set before stays as it was.
+pub(crate) struct Results {
+    dir: PathBuf,
+    force: bool,
+    /// Files of the set before.
+    old: BTreeSet<PathBuf>,
+    // The order of the fields is that in which they are dropped.
+    work: TempDir,
+    _lock: Lock,
+}
+
+/// The files of a set, relative to the folder.
+#[derive(Default, Serialize, Deserialize)]
+struct List {
+    files: BTreeSet<PathBuf>,
+    /// Files of the set before that this one does not have.
+    #[serde(default)]
+    gone: BTreeSet<PathBuf>,
+}
+
+impl Results {
+    /// Takes a folder for this run, before any work: it is new, empty, or holds the results of an earlier run, or `force` is
+    /// given (`None`: the command has no such flag). `reads`: the files and folders that the run reads.
+    ///
+    /// # Errors
+    /// A folder with files of others, one that another run has, one that cannot be written, or one whose results the run reads.
+    pub(crate) fn begin(dir: &Path, force: Option<bool>, reads: &[PathBuf]) -> Result<Self> {
+        if force != Some(true) && holds_files_of_others(dir).map_err(|e| unwritable(dir, e))? {
+            let way = if force.is_some() { ", or write into it with --force" } else { "" };
+            let reason = format!("there are files of others in this folder; choose another --out{way}");
+            return Err(Error::file(dir, reason));
+        }
+        let lock = Lock::take(dir)?;
+        complete(dir)?;
+        let home = dir.join(HOME);
+        for entry in fs::read_dir(&home).map_err(|e| unwritable(dir, e))?.flatten() {
+            if entry.file_name().to_string_lossy().starts_with(WORK) && is_folder(&entry.path()) {
+                fs::remove_dir_all(entry.path()).map_err(|e| unwritable(dir, e))?;
+            }
+        }
+        let old = List::read(&home.join(LIST))?.unwrap_or_default().files;
+        let made = || -> std::io::Result<TempDir> {
+            let work = tempfile::Builder::new().prefix(WORK).tempdir_in(&home)?;
+            fs::create_dir(work.path().join(SET))?;
+            Ok(work)
+        };
+        let work = made().map_err(|e| unwritable(dir, e))?;
+        let results = Self { dir: dir.to_owned(), force: force == Some(true), old, work, _lock: lock };
+        reads.iter().try_for_each(|path| results.spare(path))?;
+        Ok(results)
+    }
+
+    /// [`Results::begin`] where there is a `--out`.
+    pub(crate) fn wanted(dir: Option<&Path>, force: bool, reads: &[PathBuf]) -> Result<Option<Self>> {
+        dir.map(|dir| Self::begin(dir, Some(force), reads)).transpose()
+    }
+
+    /// Where the run writes its files.
+    pub(crate) fn folder(&self) -> PathBuf {
+        self.work.path().join(SET)
+    }
+
+    /// What an end of the process at once may remove.
+    pub(crate) fn temporary(&self) -> PathBuf {
+        self.work.path().to_owned()
+    }
+
+    /// Writes files into [`Results::folder`], which makes the whole set, and lets it take its place. Errors name the final place.
+    pub(crate) fn write(self, files: impl FnOnce(&Path) -> Result<()>) -> Result<()> {
+        let folder = self.folder();
+        files(&folder).map_err(|error| renamed(error, &folder, &self.dir))?;
+        self.finish()
+    }
+
+    /// The files in [`Results::folder`] take the place of the set before.
+    ///
+    /// # Errors
+    /// A file of others with the name of a result, or the file system's. Until the set is complete in the folder, all stays as
+    /// it was.
+    pub(crate) fn finish(self) -> Result<()> {
+        self.commit()?;
+        complete(&self.dir)
+    }
+
+    /// From here on the new set counts.
+    fn commit(&self) -> Result<()> {
+        let mut files = BTreeSet::new();
+        collect(&self.folder(), Path::new(""), &mut files).map_err(|e| Error::file(&self.dir, e))?;
+        self.check(&files)?;
+        let gone = self.old.difference(&files).cloned().collect();
+        let text = serde_json::to_vec(&List { files, gone }).map_err(|e| Error::file(&self.dir, e))?;
+        let home = self.dir.join(HOME);
+        let renamed_to_new = || -> std::io::Result<()> {
+            fs::rename(self.work.path(), home.join(NEW))?;
+            File::open(&home)?.sync_all()
+        };
+        write_whole(&self.work.path().join(LIST), &text)
+            .and_then(|()| renamed_to_new().map_err(|e| Error::file(&self.dir, e)))
+            .map_err(|error| renamed(error, self.work.path(), &self.dir))
+    }
+
+    /// Makes sure that every file can get its place.
+    fn check(&self, files: &BTreeSet<PathBuf>) -> Result<()> {
+        let mut folders = BTreeSet::from([self.dir.clone()]);
+        for file in files {
+            let path = self.dir.join(file);
+            let Some(place) = inside(&self.dir, file) else {
+                return Err(Error::file(
+                    path,
+                    "a link or file of others is where a folder of results has to be",
+                ));
+            };
+            match fs::symlink_metadata(&place) {
+                Ok(found) if found.is_dir() => {
+                    return Err(Error::file(path, "a folder of others has the name of a result"));
+                }
+                Ok(_) if !self.force && !self.old.contains(file) => {
+                    let reason =
+                        "a file of others has the name of a result; move it, or choose another --out";
+                    return Err(Error::file(path, reason));
+                }
+                _ => {}
+            }
+            folders.extend(place.parent().map(Path::to_owned));
+        }
+        // A file of no content, moved as the others will be: this finds what no rights or numbers tell.
+        let probe = |folder: &Path| -> std::io::Result<()> {
+            fs::create_dir_all(folder)?;
+            let probe = tempfile::Builder::new().prefix(".probe-").tempfile_in(self.work.path())?;
+            let moved = folder.join(probe.path().file_name().unwrap_or_default());
+            probe.persist_noclobber(&moved).map_err(|error| error.error)?;
+            fs::remove_file(moved)
+        };
+        folders.iter().try_for_each(|folder| probe(folder).map_err(|e| Error::file(folder, e)))
+    }
+
+    /// Refuses to replace what the run reads.
+    fn spare(&self, read: &Path) -> Result<()> {
+        let (Ok(root), Ok(real)) = (self.dir.canonicalize(), read.canonicalize()) else { return Ok(()) };
+        if let Ok(below) = real.strip_prefix(root)
+            && self.old.iter().any(|file| file.starts_with(below))
+        {
+            let reason =
+                format!("the results in {} would replace it; choose another --out", self.dir.display());
+            return Err(Error::file(read, reason));
+        }
+        Ok(())
+    }
+}
+
+/// Refuses to read from a set of which one part is old and one new. It changes nothing: only a run with this folder as `--out`
+/// may.
+///
+/// # Errors
+/// A run was killed while its results moved to their places.
+pub(crate) fn check_whole(path: &Path) -> Result<()> {
+    match path.ancestors().find(|folder| is_folder(&folder.join(HOME).join(NEW))) {
+        None => Ok(()),
+        Some(folder) => {
+            let reason = "a run was ended by force while it replaced these results; start it again with the same --out";
+            Err(Error::file(if folder == Path::new("") { Path::new(".") } else { folder }, reason))
+        }
+    }
+}
+
+/// An error about a file in the folder `from`, in words about the folder `to`.
+pub(crate) fn renamed(error: Error, from: &Path, to: &Path) -> Error {
+    match error {
+        Error::File { path, reason } => match path.strip_prefix(from) {
+            Ok(below) => Error::File { path: to.join(below), reason },
+            Err(_) => Error::File { path, reason },
+        },
+        other => other,
+    }
+}
+
+fn unwritable(dir: &Path, error: std::io::Error) -> Error {
+    Error::file(dir, format!("no results can be written here: {error}"))
+}
+
+/// Whether there is anything in a folder in which no run has left results.
+fn holds_files_of_others(dir: &Path) -> std::io::Result<bool> {
+    let home = dir.join(HOME);
+    if !dir.exists() || (is_folder(&home) && [LIST, NEW].iter().any(|name| home.join(name).exists())) {
+        return Ok(false);
+    }
+    for entry in fs::read_dir(dir)? {
+        if entry?.file_name() != HOME || !is_folder(&home) {
+            return Ok(true);
+        }
+    }
+    Ok(false)
+}
+
+fn is_folder(path: &Path) -> bool {
+    fs::symlink_metadata(path).is_ok_and(|found| found.is_dir())
+}
+
+/// Where a file of a list is, unless its name leads out of the folder, or through a link.
+fn inside(root: &Path, file: &Path) -> Option<PathBuf> {
+    let mut place = root.to_owned();
+    for (depth, part) in file.components().enumerate() {
+        let Component::Normal(name) = part else { return None };
+        let leads_on = depth == 0 || is_folder(&place) || fs::symlink_metadata(&place).is_err();
+        if !leads_on || (depth == 0 && name == HOME) {
+            return None;
+        }
+        place.push(name);
+    }
+    (place != root).then_some(place)
+}
+
+/// The files below a folder, but those that are still being written.
+fn collect(root: &Path, below: &Path, files: &mut BTreeSet<PathBuf>) -> std::io::Result<()> {
+    for entry in fs::read_dir(root.join(below))? {
+        let entry = entry?;
+        let (kind, path) = (entry.file_type()?, below.join(entry.file_name()));
+        let name = entry.file_name().to_string_lossy().into_owned();
+        if kind.is_dir() {
+            collect(root, &path, files)?;
+        } else if kind.is_file() && !(name.starts_with('.') && name.ends_with(".tmp")) {
+            files.insert(path);
+        }
+    }
+    Ok(())
+}
+
+/// Moves a complete set to its place, if there is one that a run has left on its way there.
+fn complete(dir: &Path) -> Result<()> {
+    let home = dir.join(HOME);
+    let new = home.join(NEW);
+    if !is_folder(&new) {
+        return Ok(());
+    }
+    let fault = |e: std::io::Error| {
+        let reason =
+            "the results are replaced only in part, and the next run into this folder goes on with it";
+        Error::file(dir, format!("{e}; {reason}"))
+    };
+    if let Some(list) = List::read(&new.join(LIST))? {
+        for file in &list.files {
+            let from = Some(new.join(SET)).filter(|set| is_folder(set)).and_then(|set| inside(&set, file));
+            if let (Some(from), Some(to)) = (from, inside(dir, file)) {
+                fs::create_dir_all(to.parent().unwrap_or(dir)).map_err(fault)?;
+                fs::rename(from, to).or_else(ignore_missing).map_err(fault)?;
+            }
+        }
+        for place in list.gone.iter().filter_map(|file| inside(dir, file)) {
+            fs::remove_file(&place).or_else(ignore_missing).map_err(fault)?;
+            // The folders that only the old set had.
+            for folder in place.ancestors().skip(1).take_while(|folder| *folder != dir) {
+                if fs::remove_dir(folder).is_err() {
+                    break;
+                }
+            }
+        }
+        fs::rename(new.join(LIST), home.join(LIST)).map_err(fault)?;
+    }
+    fs::remove_dir_all(&new).map_err(fault)
+}
+
+fn ignore_missing(error: std::io::Error) -> std::io::Result<()> {
+    match error.kind() {
+        // A folder of the user's own has taken the name, or a file that of a folder.
+        ErrorKind::NotFound | ErrorKind::IsADirectory | ErrorKind::NotADirectory => Ok(()),
+        _ => Err(error),
+    }
+}
+
+impl List {
+    /// `None` if there is none.
+    fn read(path: &Path) -> Result<Option<Self>> {
+        match fs::read(path) {
+            Ok(text) => serde_json::from_slice(&text)
+                .map(Some)
+                .map_err(|e| Error::file(path, format!("no list of results: {e}; choose another --out"))),
+            Err(error) if error.kind() == ErrorKind::NotFound => Ok(None),
+            Err(error) => Err(Error::file(path, error)),
+        }
+    }
+}
+
+/// The lock on a folder, while it is held.
+struct Lock {
+    file: File,
+    dir: PathBuf,
+    /// Whether the folder is there only for this run.
+    is_new: bool,
+}
+
+impl Lock {
+    fn take(dir: &Path) -> Result<Self> {
+        let is_new = !dir.exists();
+        let (home, path) = (dir.join(HOME), dir.join(HOME).join(LOCK));
+        for _ in 0..ATTEMPTS {
+            fs::create_dir_all(dir).map_err(|e| unwritable(dir, e))?;
+            match fs::create_dir(&home) {
+                Err(error) if !is_folder(&home) => return Err(unwritable(dir, error)),
+                _ => {}
+            }
+            // Nothing is written through a link.
+            if fs::symlink_metadata(&path).is_ok_and(|found| !found.is_file()) {
+                return Err(Error::file(
+                    path,
+                    "this is no lock of a run; remove it, or choose another --out",
+                ));
+            }
+            let opened = OpenOptions::new().read(true).write(true).create(true).truncate(false).open(&path);
+            let mut file = match opened {
+                Ok(file) => file,
+                // Removed with its folder by the run before.
+                Err(error) if error.kind() == ErrorKind::NotFound => continue,
+                Err(error) => return Err(unwritable(dir, error)),
+            };
+            match file.try_lock() {
+                Ok(()) => {}
+                // A file system without locks.
+                Err(TryLockError::Error(error)) if error.kind() == ErrorKind::Unsupported => {}
+                Err(TryLockError::Error(error)) => return Err(unwritable(dir, error)),
+                Err(TryLockError::WouldBlock) => {
+                    let mut process = String::new();
+                    let _ = file.take(20).read_to_string(&mut process);
+                    let reason = format!(
+                        "process {} writes its results into this folder; wait for its end, or choose another --out",
+                        process.trim()
+                    );
+                    return Err(Error::file(dir, reason));
+                }
+            }
+            if is_still(&file, &path) {
+                file.set_len(0)
+                    .and_then(|()| write!(file, "{}", process::id()))
+                    .map_err(|e| unwritable(dir, e))?;
+                return Ok(Self { file, dir: dir.to_owned(), is_new });
+            }
+        }
+        Err(Error::file(dir, "other runs write their results into this folder; choose another --out"))
+    }
+}
+
+impl Drop for Lock {
+    fn drop(&mut self) {
+        // Each folder only if nothing else is in it.
+        let home = self.dir.join(HOME);
+        let _ = fs::remove_file(home.join(LOCK));
+        let _ = fs::remove_dir(home);
+        if self.is_new {
+            let _ = fs::remove_dir(&self.dir);
+        }
+        let _ = self.file.unlock();
+    }
+}
+
+#[cfg(test)]
+#[path = "results_tests.rs"]
+mod tests;

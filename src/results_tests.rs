@@ -1,0 +1,209 @@
+//! Tests of a folder of results: broken off at every step, files of others, links, and lists that others wrote.
+
+use std::collections::BTreeMap;
+
+use super::*;
+
+const OLD: [&str; 4] = ["a.json", "b.svg", "extra/d.csv", "sub/c.csv"];
+const NEW_SET: [&str; 4] = ["a.json", "new/e.csv", "sub/c.csv", "sub/f.csv"];
+const OTHERS: [&str; 3] = ["mine.txt", "extra/mine.txt", "others/list.json"];
+
+fn put(dir: &Path, names: &[&str], text: &str) {
+    for name in names {
+        let path = dir.join(name);
+        fs::create_dir_all(path.parent().expect("a folder")).expect("makes");
+        fs::write(path, text).expect("writes");
+    }
+}
+
+/// All files but those that are kept about the results.
+fn files(dir: &Path) -> BTreeMap<String, String> {
+    let mut found = BTreeSet::new();
+    collect(dir, Path::new(""), &mut found).expect("lists");
+    let seen = found.iter().filter(|path| !path.starts_with(HOME));
+    seen.map(|path| (path.display().to_string(), fs::read_to_string(dir.join(path)).expect("reads")))
+        .collect()
+}
+
+fn expected(sets: &[(&[&str], &str)]) -> BTreeMap<String, String> {
+    let all = |(names, text): &(&[&str], &str)| {
+        let text = (*text).to_owned();
+        names.iter().map(|name| ((*name).to_owned(), text.clone())).collect::<Vec<_>>()
+    };
+    sets.iter().flat_map(all).collect()
+}
+
+fn begin(dir: &Path) -> Result<Results> {
+    Results::begin(dir, Some(false), &[])
+}
+
+/// A folder with an old set, and files that others put there since.
+fn older() -> TempDir {
+    let dir = tempfile::tempdir().expect("a folder");
+    begin(dir.path())
+        .and_then(|results| {
+            results.write(|folder| {
+                put(folder, &OLD, "old");
+                Ok(())
+            })
+        })
+        .expect("writes");
+    put(dir.path(), &OTHERS, "mine");
+    dir
+}
+
+#[test]
+fn a_set_leaves_nothing_of_the_one_before_and_all_files_of_others() {
+    let dir = older();
+    assert_eq!(files(dir.path()), expected(&[(&OLD, "old"), (&OTHERS, "mine")]));
+    let results = begin(dir.path()).expect("begins");
+    put(&results.folder(), &NEW_SET, "new");
+    assert_eq!(files(dir.path()), expected(&[(&OLD, "old"), (&OTHERS, "mine")]));
+    results.finish().expect("ends");
+    assert_eq!(files(dir.path()), expected(&[(&NEW_SET, "new"), (&OTHERS, "mine")]));
+    let left = fs::read_dir(dir.path().join(HOME)).expect("lists").flatten().map(|entry| entry.file_name());
+    assert_eq!(left.collect::<Vec<_>>(), [LIST], "nothing but the list stays");
+}
+
+#[test]
+fn a_run_that_breaks_off_at_any_step_leaves_the_old_set_or_one_that_the_next_run_completes() {
+    // Each move of a file, each removal, the list, and what is left of the folder afterwards.
+    let steps = NEW_SET.len() + 2 + 2;
+    for step in 0..=steps {
+        let dir = older();
+        let results = begin(dir.path()).expect("begins");
+        put(&results.folder(), &NEW_SET, "new");
+        results.commit().expect("is complete");
+        drop(results);
+        let (home, new) = (dir.path().join(HOME), dir.path().join(HOME).join(NEW));
+        let moves = NEW_SET.map(|name| (new.join(SET).join(name), dir.path().join(name)));
+        for (from, to) in moves.iter().take(step) {
+            fs::create_dir_all(to.parent().expect("a folder")).expect("makes");
+            fs::rename(from, to).expect("moves");
+        }
+        for name in ["b.svg", "extra/d.csv"].iter().take(step.saturating_sub(NEW_SET.len())) {
+            fs::remove_file(dir.path().join(name)).expect("removes");
+        }
+        if step >= steps - 1 {
+            fs::rename(new.join(LIST), home.join(LIST)).expect("moves");
+        }
+        if step == steps {
+            fs::remove_dir_all(&new).expect("removes");
+        }
+        let told = check_whole(&dir.path().join("sub/c.csv"));
+        assert_eq!(told.is_err(), step < steps, "{step}: {told:?}");
+        // A run that begins, and makes nothing.
+        drop(begin(dir.path()).expect("begins"));
+        assert_eq!(files(dir.path()), expected(&[(&NEW_SET, "new"), (&OTHERS, "mine")]), "{step}");
+        assert!(check_whole(dir.path()).is_ok(), "{step}");
+        let results = begin(dir.path()).expect("begins");
+        put(&results.folder(), &OLD, "old");
+        results.finish().expect("ends");
+        assert_eq!(files(dir.path()), expected(&[(&OLD, "old"), (&OTHERS, "mine")]), "{step}");
+    }
+}
+
+#[test]
+fn what_a_killed_run_was_working_on_is_removed_and_the_old_set_is_whole() {
+    let dir = older();
+    put(&dir.path().join(HOME), &["work-abc/set/a.json", "work-abc/list.json", LOCK], "half");
+    drop(begin(dir.path()).expect("begins"));
+    assert_eq!(files(dir.path()), expected(&[(&OLD, "old"), (&OTHERS, "mine")]));
+    assert!(!dir.path().join(HOME).join("work-abc").exists());
+}
+
+#[test]
+fn a_folder_has_one_run_at_a_time_and_the_second_names_the_process() {
+    let dir = tempfile::tempdir().expect("a folder");
+    let out = dir.path().join("new/out");
+    let first = begin(&out).expect("begins");
+    let told = begin(&out).err().expect("is held").to_string();
+    assert!(told.contains(&format!("process {} writes its results", process::id())), "{told}");
+    drop(first);
+    assert!(!out.exists(), "a run without results leaves no folder that it made");
+    drop(begin(&out).expect("is free"));
+}
+
+#[test]
+fn a_file_of_others_gives_way_to_force_only_and_a_folder_never() {
+    let dir = older();
+    put(dir.path(), &["taken.json"], "mine");
+    let finish = |force: bool, name: &str| {
+        let results = Results::begin(dir.path(), Some(force), &[]).expect("begins");
+        put(&results.folder(), &["a.json", name], "new");
+        results.finish().map_err(|error| error.to_string())
+    };
+    for (force, name) in [(false, "taken.json"), (true, "others"), (true, "mine.txt/below.csv")] {
+        let told = finish(force, name).expect_err("is refused");
+        assert!(told.contains("of others") && told.contains(name), "{told}");
+        let mine = [&OTHERS[..], &["taken.json"]].concat();
+        assert_eq!(files(dir.path()), expected(&[(&OLD, "old"), (&mine, "mine")]), "{name}");
+    }
+    finish(true, "taken.json").expect("is replaced");
+    assert_eq!(files(dir.path()), expected(&[(&["a.json", "taken.json"], "new"), (&OTHERS, "mine")]));
+}
+
+#[test]
+fn what_a_run_reads_is_not_replaced_by_its_results() {
+    let dir = older();
+    for read in ["a.json", "sub", "."] {
+        let told =
+            Results::begin(dir.path(), Some(true), &[dir.path().join(read)]).err().expect("is refused");
+        assert!(told.to_string().contains("would replace it"), "{told}");
+    }
+    drop(Results::begin(dir.path(), Some(true), &[dir.path().join("mine.txt")]).expect("is spared"));
+}
+
+#[test]
+fn the_list_of_a_stranger_names_no_file_outside_the_folder() {
+    let outside = tempfile::tempdir().expect("a folder");
+    put(outside.path(), &["thesis.txt"], "mine");
+    let thesis = outside.path().join("thesis.txt");
+    let absolute = thesis.display().to_string();
+    for at in [LIST, "new/list.json"] {
+        let dir = older();
+        let climbing = format!("../{}/thesis.txt", outside.path().file_name().expect("a name").display());
+        let names = [absolute.as_str(), &climbing, "link/thesis.txt", ".roscausal/list.json", "", "."];
+        std::os::unix::fs::symlink(outside.path(), dir.path().join("link")).expect("links");
+        let home = dir.path().join(HOME);
+        put(&home, &[at], &serde_json::json!({ "files": names, "gone": names }).to_string());
+        if at != LIST {
+            std::os::unix::fs::symlink(outside.path(), home.join("new/set")).expect("links");
+            fs::write(
+                home.join(at),
+                serde_json::json!({ "files": ["thesis.txt"], "gone": names }).to_string(),
+            )
+            .expect("writes");
+        }
+        let results = begin(dir.path()).expect("begins");
+        put(&results.folder(), &["a.json"], "new");
+        let _ = results.finish();
+        assert_eq!(fs::read_to_string(&thesis).expect("is there"), "mine", "{at}");
+        assert!(!dir.path().join("thesis.txt").exists());
+    }
+}
+
+#[test]
+fn nothing_is_written_through_a_link() {
+    let (dir, outside) = (tempfile::tempdir().expect("a folder"), tempfile::tempdir().expect("a folder"));
+    let victim = outside.path().join("victim");
+    fs::write(&victim, "mine").expect("writes");
+    let force = || Results::begin(dir.path(), Some(true), &[]);
+    std::os::unix::fs::symlink(outside.path(), dir.path().join(HOME)).expect("links");
+    assert!(begin(dir.path()).is_err() && force().is_err());
+    fs::remove_file(dir.path().join(HOME)).expect("removes");
+    fs::create_dir(dir.path().join(HOME)).expect("makes");
+    std::os::unix::fs::symlink(&victim, dir.path().join(HOME).join(LOCK)).expect("links");
+    assert!(begin(dir.path()).is_err() && force().is_err());
+    fs::remove_file(dir.path().join(HOME).join(LOCK)).expect("removes");
+    // A result with the name of a link takes its place; what the link names stays.
+    std::os::unix::fs::symlink(&victim, dir.path().join("a.json")).expect("links");
+    std::os::unix::fs::symlink(&victim, dir.path().join(".a.json.tmp")).expect("links");
+    let results = force().expect("begins");
+    put(&results.folder(), &["a.json"], "new");
+    results.finish().expect("ends");
+    assert_eq!(fs::read_to_string(&victim).expect("is there"), "mine");
+    assert_eq!(fs::read_to_string(dir.path().join("a.json")).expect("is there"), "new");
+    let left: Vec<_> = fs::read_dir(outside.path()).expect("lists").flatten().collect();
+    assert_eq!(left.len(), 1);
+}
