@@ -84,7 +84,7 @@ impl Structural {
         let (answer, text) = watched(py, &Means::all_cores(), move |_| {
             let rows = &model.samples().recordings()[recording];
             let answer = answer::what_if(&model, &Situation { rows: rows.view(), now }, &question);
-            let text = what_if_text(&answer, &question);
+            let text = what_if_text(&answer);
             Ok((answer, text))
         })?;
         answered(answer.status, &answer.message)?;

@@ -92,6 +92,15 @@ impl Samples {
         !self.masked[recording].get(t).copied().unwrap_or(false)
     }
 
+    /// The smallest and the largest value that a variable was recorded with; `None` if it never was.
+    pub(crate) fn range(&self, var: usize) -> Option<(f64, f64)> {
+        let values = self.values.iter().flat_map(|r| r.column(var)).filter(|value| value.is_finite());
+        values.fold(None, |ends, &value| {
+            let (low, high) = ends.unwrap_or((value, value));
+            Some((value.min(low), value.max(high)))
+        })
+    }
+
     /// In how many rows a variable was imposed.
     pub fn times_imposed(&self, var: usize) -> usize {
         self.imposed.iter().map(|r| r.column(var).iter().filter(|&&is| is).count()).sum()

@@ -162,7 +162,7 @@ fn outlook(command: &str, source: &SourceArgs, ahead: &AheadArgs, question: What
         if let Some(results) = results {
             picture::write(results, command, &ready.model, &situation, (&question, &answer))?;
         }
-        show(source, &answer, (answer.status, &answer.message), || text::what_if(&answer, &question))
+        show(source, &answer, (answer.status, &answer.message), || text::what_if(&answer))
     })
 }
 

@@ -88,7 +88,7 @@ fn picture(
         };
         Candidate {
             name: outlook.action.clone(),
-            note: note(outlook, question, !answer.ranking.is_empty()),
+            note: note(outlook, question, (!answer.ranking.is_empty()).then(|| answer.ranking.contains(&k))),
             fans: outlook.forecasts.iter().map(fan).collect(),
             carried: outlook.supported_steps,
             acts: interventions.iter().map(act).collect(),
@@ -115,7 +115,7 @@ fn fan(forecast: &Forecast) -> Fan {
 }
 
 /// What stands below an action's name.
-fn note(outlook: &Outlook, question: &WhatIf, ranked: bool) -> String {
+fn note(outlook: &Outlook, question: &WhatIf, ranked: Option<bool>) -> String {
     if outlook.refused {
         let start = format!("{}: ", outlook.action);
         return outlook.text.strip_prefix(&start).unwrap_or(&outlook.text).to_owned();
@@ -124,9 +124,11 @@ fn note(outlook: &Outlook, question: &WhatIf, ranked: bool) -> String {
     if question.counterfactual {
         notes.push("had it been done".to_owned());
     }
-    if ranked {
-        notes
-            .push(format!("cost {:.3}, best with probability {:.2}", outlook.cost, outlook.probability_best));
+    match ranked {
+        Some(true) => notes
+            .push(format!("cost {:.3}, best with probability {:.2}", outlook.cost, outlook.probability_best)),
+        Some(false) => notes.push("not ranked".to_owned()),
+        None => {}
     }
     if !question.limits.is_empty() {
         notes.push(format!("limits kept with probability {:.2}", outlook.probability_limits));

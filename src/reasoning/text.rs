@@ -1,12 +1,9 @@
 //! Answers for people: sentences, then a table, then what they rest on.
 
-use roscausal_reasoning::{
-    answer::{EffectAnswer, ExplainAnswer, Outlook, WhatIfAnswer},
-    question::WhatIf,
-};
+use roscausal_reasoning::answer::{EffectAnswer, ExplainAnswer, Outlook, WhatIfAnswer};
 
 /// The outlooks of all actions.
-pub fn what_if(answer: &WhatIfAnswer, question: &WhatIf) -> String {
+pub fn what_if(answer: &WhatIfAnswer) -> String {
     let mut lines: Vec<String> = answer.outlooks.iter().map(|outlook| outlook.text.clone()).collect();
     if !answer.ranking.is_empty() {
         let names: Vec<&str> = answer.ranking.iter().map(|&k| answer.outlooks[k].action.as_str()).collect();
@@ -15,16 +12,17 @@ pub fn what_if(answer: &WhatIfAnswer, question: &WhatIf) -> String {
     for outlook in answer.outlooks.iter().filter(|outlook| !outlook.refused) {
         lines.push(String::new());
         lines.push(format!("{}: mean (interval), step by step", outlook.action));
-        lines.extend(table(outlook, question.horizon));
+        lines.extend(table(outlook));
     }
     finished(lines, &answer.caveats)
 }
 
-fn table(outlook: &Outlook, horizon: usize) -> Vec<String> {
+fn table(outlook: &Outlook) -> Vec<String> {
     let cell = |text: String| format!("{text:>26}");
     let header: String = outlook.forecasts.iter().map(|forecast| cell(forecast.variable.clone())).collect();
     let mut lines = vec![format!("step{header}")];
-    for k in 0..horizon {
+    let steps = outlook.forecasts.first().map_or(0, |forecast| forecast.mean.len());
+    for k in 0..steps {
         let value = |forecast: &roscausal_reasoning::answer::Forecast| {
             let (mean, lower, upper) = (forecast.mean[k], forecast.lower[k], forecast.upper[k]);
             cell(if lower == upper {

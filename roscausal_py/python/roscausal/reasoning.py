@@ -55,9 +55,9 @@ class Outlook:
     Attributes:
         action: Its name.
         refused: Whether the data do not carry an answer; `forecasts` is empty then.
-        forecasts: One for each variable that was asked for.
+        forecasts: One for each variable that was asked for, for the steps that the data carry.
         supported_steps: Steps for which the data carry the answer.
-        cost: Mean cost.
+        cost: Mean cost over the steps that the data carry for all ranked actions; NaN if refused.
         cost_lower: Lower end of its interval.
         cost_upper: Upper end of it.
         probability_limits: Probability of keeping all limits at every step.
@@ -121,7 +121,7 @@ class WhatIf(_Answer):
         message: Why it is not OK, in a sentence.
         caveats: What it rests on, one sentence each.
         outlooks: One for each action, in the order of the question.
-        ranking: Places of the actions that can be taken, the best first; empty if nothing was to be ranked.
+        ranking: Places of the actions that can be taken, the best first; empty if none can, or if there is nothing to rank by.
         dt: Seconds per step, or None.
 
     Example:
@@ -491,7 +491,8 @@ def _outlook(found: dict[str, Any]) -> Outlook:
         Forecast(each["variable"], *(array(each[name]) for name in ("mean", "lower", "upper", "skill")))
         for each in found["forecasts"]
     ]
-    return Outlook(**{**found, "forecasts": forecasts})
+    costs = {name: float("nan") if found[name] is None else found[name] for name in ("cost", "cost_lower", "cost_upper")}
+    return Outlook(**{**found, **costs, "forecasts": forecasts})
 
 
 def _whole(name: str, value: Any) -> int:

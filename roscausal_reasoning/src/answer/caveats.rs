@@ -1,12 +1,13 @@
 //! What an answer rests on, one sentence each.
 
 use super::{
-    sentences::{listed, short},
+    plan::{Plan, moved},
+    sentences::{listed, no_effect, short},
     what_if::Outlook,
 };
 use crate::{
-    model::{Schedule, StructuralModel},
-    question::WhatIf,
+    model::StructuralModel,
+    question::{Asked, WhatIf},
 };
 
 /// Coverage below which intervals are said to have been too narrow.
@@ -16,13 +17,14 @@ const NARROW: f64 = 0.05;
 pub(super) fn of_what_if(
     model: &StructuralModel,
     question: &WhatIf,
-    schedules: &[&Schedule],
+    asked: &Asked,
     outlooks: &[Outlook],
-    variables: &[usize],
+    plan: &Plan,
 ) -> Vec<String> {
-    let acted = |var: &usize| schedules.iter().any(|s| (0..s.steps()).any(|step| s.touches(step, *var)));
+    let acted = |var: &usize| asked.actions.iter().any(|(_, schedule)| schedule.acting().contains(var));
     let acting: Vec<usize> = (0..model.graph().len()).filter(acted).collect();
     let mut caveats: Vec<String> = acting.iter().map(|&var| imposed(model, var, "what follows")).collect();
+    caveats.extend(unmoved(model, question, asked, outlooks, plan));
     if question.counterfactual {
         caveats.push(
             "had-I takes the noise of each row for what else happened then, and adds it whatever is done (additive noise); its \
@@ -35,13 +37,54 @@ pub(super) fn of_what_if(
         outlooks.iter().filter(short_of).map(|outlook| format!("'{}'", outlook.action)).collect();
     if !beyond.is_empty() {
         caveats.push(format!(
-            "{} leads where the data do not reach; from there on the answer is a guess along the trend",
-            listed(&beyond)
+            "{} leads where the data do not reach; {}",
+            listed(&beyond),
+            if question.answered_steps(0) > 0 {
+                "from there on the answer is a guess along the trend"
+            } else {
+                "the answer ends there"
+            }
         ));
     }
-    caveats.extend(quality(model, variables));
+    caveats.extend(quality(model, &asked.variables));
     caveats.extend(of_model(model));
     caveats
+}
+
+/// What the answered actions do not move of what was asked for: an equal forecast is not to be taken for a finding.
+fn unmoved(
+    model: &StructuralModel,
+    question: &WhatIf,
+    asked: &Asked,
+    outlooks: &[Outlook],
+    plan: &Plan,
+) -> Vec<String> {
+    let (targets, mut said) = (asked.targets(), Vec::new());
+    for (k, (_, schedule)) in asked.actions.iter().enumerate() {
+        if schedule.is_free() || outlooks[k].refused {
+            continue;
+        }
+        let (acting, moved) = (schedule.acting(), moved(model, schedule, question.horizon));
+        // Where all variables are asked for, those that stay as they are need no note, unless all others do.
+        let all = !question.variables.is_empty()
+            || !asked.variables.iter().any(|var| moved[*var] && !acting.contains(var));
+        let still =
+            |var: &usize| !moved[*var] && (targets.contains(var) || (all && asked.variables.contains(var)));
+        let still: Vec<usize> = (0..moved.len()).filter(still).collect();
+        if still.is_empty() {
+            continue;
+        }
+        let mut sentence = no_effect(model, &acting, &still, question.horizon);
+        if plan.ranking.contains(&k) && still.iter().any(|var| targets.contains(var)) {
+            let rest = targets.iter().filter(|var| moved[**var]);
+            let rest: Vec<String> = rest.map(|&var| model.graph().names()[var].clone()).collect();
+            sentence += &format!("; it is ranked by {} alone", listed(&rest));
+        }
+        if !said.contains(&sentence) {
+            said.push(sentence);
+        }
+    }
+    said
 }
 
 /// Whether a variable was ever set by experiment.

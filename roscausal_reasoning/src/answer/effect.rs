@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 
 use super::{
     Status, ambiguity, caveats,
-    sentences::{listed, short, steps},
+    sentences::{listed, no_effect, short, steps},
 };
 use crate::{
     effects::{Columns, Paths, Sums},
@@ -163,13 +163,12 @@ pub fn effect(model: &StructuralModel, question: &EffectQuestion) -> EffectAnswe
         text: String::new(),
         caveats: Vec::new(),
     };
-    answer.text = text(
-        model,
-        question,
-        &answer,
-        peak,
-        graphs.iter().any(|g| g.lags.iter().any(|l| l.found.causal_path)),
-    );
+    let path = graphs.iter().any(|g| g.lags.iter().any(|l| l.found.causal_path));
+    answer.text = if path {
+        text(model, question, &answer, peak)
+    } else {
+        format!("{}.", no_effect(model, &[cause], &[effect], question.max_lag))
+    };
     answer.caveats = cautions(model, &graphs, (cause, effect), peak, &answer);
     answer
 }
@@ -261,24 +260,19 @@ fn robustness(t: f64, degrees: f64) -> f64 {
     0.5 * ((f.powi(4) + 4.0 * f * f).sqrt() - f * f)
 }
 
-fn text(
-    model: &StructuralModel,
-    question: &EffectQuestion,
-    answer: &EffectAnswer,
-    peak: usize,
-    path: bool,
-) -> String {
+fn text(model: &StructuralModel, question: &EffectQuestion, answer: &EffectAnswer, peak: usize) -> String {
     let EffectQuestion { cause, effect, .. } = question;
-    if !path {
-        return format!(
-            "{cause} has no effect on {effect} within {}: the graph has no path.",
-            steps(model, question.max_lag)
-        );
-    }
     let when =
         if peak == 0 { "at the same time".to_owned() } else { format!("{} later", steps(model, peak)) };
     let unit = if question.standardised { "standard deviation" } else { "unit" };
     let mut ways = vec![format!("{} directly", short(answer.direct[peak]))];
+    let strongest =
+        (0..answer.direct.len()).max_by(|&a, &b| answer.direct[a].abs().total_cmp(&answer.direct[b].abs()));
+    if let Some(lag) = strongest.filter(|&lag| answer.direct[peak] == 0.0 && answer.direct[lag] != 0.0) {
+        let when =
+            if lag == 0 { "at the same time".to_owned() } else { format!("after {}", steps(model, lag)) };
+        ways[0] += &format!(" at that lag (the link itself acts {when}: {})", short(answer.direct[lag]));
+    }
     let through = answer.mediators.iter().zip(&answer.mediated);
     ways.extend(through.map(|(name, part)| format!("{} through {name}", short(*part))));
     let mut sentences = vec![format!(

@@ -12,8 +12,8 @@ use crate::{
 /// Part of the paths outside from which on a step is not supported, and from which on an action is refused.
 const LEAVING: f64 = 0.25;
 const REFUSED: f64 = 0.5;
-/// Part of the range of what was seen by which a value may lie beyond it.
-const BEYOND: f64 = 0.25;
+/// Part of the recorded range by which a value may lie beyond it, as a sensor rounds.
+const ROUNDING: f64 = 0.01;
 
 /// What one graph says of one action.
 pub(super) struct Outcome {
@@ -30,6 +30,8 @@ pub(super) struct Outcomes {
     pub(super) supported: usize,
     /// Why the action is refused.
     pub(super) refused: Option<String>,
+    /// What the action leads its own variable to, at a later step, that was never seen.
+    pub(super) unseen: Option<String>,
 }
 
 /// Simulates an action, or runs the observed rows again under it. What is not `needed` for the answer may be missing.
@@ -43,7 +45,8 @@ pub(super) fn outcomes(
     let memory = model.graph_memory();
     let first = situation.now + 1 - memory;
     let mut all = Vec::new();
-    let (mut supported, mut refused) = (schedule.steps(), None);
+    let mut supported = schedule.steps();
+    let (mut refused, mut unseen) = (None, None);
     for member in model.members() {
         let directed = &member.model;
         let past = situation.stretch(first, situation.now);
@@ -57,15 +60,19 @@ pub(super) fn outcomes(
             (0..schedule.steps()).flat_map(|step| (0..directed.graph.len()).map(move |var| (step, var)));
         let mean = cells.map(|(step, var)| paths.mean(step, var)).collect();
         let outcome = Outcome { paths, mean };
-        let share = |step: usize| outcome.paths.share_outside(step, u64::MAX);
-        supported = supported
-            .min((0..schedule.steps()).find(|&step| share(step) > LEAVING).unwrap_or(schedule.steps()));
+        let left = |step: &usize| outcome.paths.share_outside(*step, u64::MAX) > LEAVING;
+        let new = Unseen::of(model, schedule, &outcome.paths);
+        let ends = [(0..schedule.steps()).find(left), new.step];
+        supported = ends.into_iter().flatten().fold(supported, usize::min);
         refused = refused
             .or_else(|| missing(directed, schedule, needed))
-            .or_else(|| too_far(directed, &past, schedule, &outcome.paths));
+            .or(new.at_once)
+            .or_else(|| too_far(directed, &past, schedule, &outcome.paths))
+            .or_else(|| (supported == 0).then(|| no_step(directed, &past, &outcome.paths)));
+        unseen = unseen.or(new.reason);
         all.push(outcome);
     }
-    Outcomes { all, supported, refused }
+    Outcomes { all, supported, refused, unseen }
 }
 
 /// An equation that is needed and could not be fitted.
@@ -73,6 +80,60 @@ fn missing(model: &Directed, schedule: &Schedule, needed: &[bool]) -> Option<Str
     let free = |var: &usize| needed[*var] && !schedule.is_always_set(*var);
     let var = (0..model.graph.len()).filter(free).find(|&var| model.system.equations[var].is_none())?;
     model.summaries[var].missing.clone()
+}
+
+/// Where an action leads its own variables to values that were never recorded, whatever the graph says of them.
+#[derive(Default)]
+struct Unseen {
+    /// The first such step.
+    step: Option<usize>,
+    /// What the data do not reach there.
+    reason: Option<String>,
+    /// The same if it refuses the action: a value that is set, or the first one of a shift.
+    at_once: Option<String>,
+}
+
+impl Unseen {
+    fn of(model: &StructuralModel, schedule: &Schedule, paths: &Ensemble) -> Self {
+        let mut unseen = Self::default();
+        let touched = |var: usize| (0..schedule.steps()).filter(move |&step| schedule.touches(step, var));
+        for var in 0..paths.n {
+            let Some(start) = touched(var).next() else { continue };
+            let seen = model.samples().range(var);
+            let value = |step: usize| schedule.value(step, var).unwrap_or_else(|| paths.mean(step, var));
+            let new = touched(var).filter(|&step| !is_seen(seen, value(step)));
+            for step in new {
+                let reason = || not_reached(&model.graph().names()[var], value(step), seen, "");
+                if unseen.step.is_none_or(|first| step < first) {
+                    (unseen.step, unseen.reason) = (Some(step), Some(reason()));
+                }
+                if unseen.at_once.is_none() && (schedule.is_set(step, var) || step == start) {
+                    unseen.at_once = Some(reason());
+                }
+            }
+        }
+        unseen
+    }
+}
+
+/// Whether a value lies within what was recorded; one that is unknown is nowhere.
+fn is_seen(seen: Option<(f64, f64)>, value: f64) -> bool {
+    let Some((low, high)) = seen else { return false };
+    let margin = ROUNDING * (high - low) + 1e-9 * low.abs().max(high.abs());
+    value.is_nan() || (value >= low - margin && value <= high + margin)
+}
+
+/// `the data do not reach r_v = 9 (seen: r_v from 0.2 to 0.8) ...; ask within what was seen, or record it`.
+fn not_reached(name: &str, value: f64, seen: Option<(f64, f64)>, depends: &str) -> String {
+    let seen = match seen {
+        Some((low, high)) if low == high => format!("seen: {name} = {} in every row", short(low)),
+        Some((low, high)) => format!("seen: {name} from {} to {}", short(low), short(high)),
+        None => format!("seen: no value of {name}"),
+    };
+    format!(
+        "the data do not reach {name} = {} ({seen}){depends}; ask within what was seen, or record it",
+        short(value)
+    )
 }
 
 /// A value that acts on another variable where the data do not reach: which, and what was seen.
@@ -92,34 +153,19 @@ fn too_far(model: &Directed, past: &[f64], schedule: &Schedule, paths: &Ensemble
             (0..graph.len()).filter(|&child| child != var).filter_map(acts).collect();
         let Some(step) = children.iter().map(|(step, _)| *step).min() else { continue };
         for (_, child) in children.iter().filter(|(at, _)| *at == step) {
-            if paths.share_outside(step, bit(*child)) > REFUSED
-                || is_beyond(model, past, paths, (step, *child), var)
-            {
-                return Some(far(model, past, paths, (step, *child), var));
+            if paths.share_outside(step, bit(*child)) > REFUSED {
+                return Some(far(model, past, paths, (step, *child), true));
             }
         }
     }
     None
 }
 
-/// Whether the paths ask an equation about a mean value of the acting variable that is far beyond all that were seen. Among many
-/// parents the distance of a state may hide this.
-fn is_beyond(
-    model: &Directed,
-    past: &[f64],
-    paths: &Ensemble,
-    (step, child): (usize, usize),
-    acting: usize,
-) -> bool {
-    let Some(support) = &model.supports[child] else { return false };
-    let parents = model.graph.parents(child);
-    let beyond = |(k, parent): (usize, &Node)| {
-        let Some((low, high)) = support.range(k).filter(|_| parent.var == acting) else { return false };
-        let value = mean_of(past, paths, *parent, step);
-        let margin = BEYOND * (high - low);
-        value < low - margin || value > high + margin
-    };
-    parents.iter().enumerate().any(beyond)
+/// Why not even the first step is supported: the equation that most paths ask outside its support.
+fn no_step(model: &Directed, past: &[f64], paths: &Ensemble) -> String {
+    let share = |var: usize| paths.share_outside(0, bit(var));
+    let child = (0..paths.n).max_by(|&a, &b| share(a).total_cmp(&share(b))).unwrap_or(0);
+    far(model, past, paths, (0, child), false)
 }
 
 /// The mean over the paths of a parent, seen from a step; before the first, what was.
@@ -130,12 +176,14 @@ fn mean_of(past: &[f64], paths: &Ensemble, parent: Node, step: usize) -> f64 {
     }
 }
 
+/// What of a variable's parents the data do not reach at a step. `acting`: an action
+/// led there; else the moment itself is like that.
 fn far(
     model: &Directed,
     past: &[f64],
     paths: &Ensemble,
     (step, child): (usize, usize),
-    acting: usize,
+    acting: bool,
 ) -> String {
     let (graph, names) = (&model.graph, model.graph.names());
     // The paths' mean state: what the equation is asked.
@@ -146,23 +194,20 @@ fn far(
     let Some((k, (low, high))) =
         support.and_then(|s| s.farthest(&place).and_then(|k| Some((k, s.range(k)?))))
     else {
-        return format!("the data do not reach where {} acts on {}", names[acting], names[child]);
+        return format!("the data do not reach the state on which {} depends", names[child]);
     };
-    let beyond = place[k] < low || place[k] > high;
-    let seen = format!("{} from {} to {}", names[parents[k].var], short(low), short(high));
-    let what = format!("{} = {}", names[parents[k].var], short(place[k]));
-    if beyond {
-        format!(
-            "the data do not reach {what} (seen: {seen}), on which {} depends; ask within what was seen, or record it",
-            names[child]
-        )
-    } else {
-        format!(
-            "the data have {seen}, but never {what} together with a state like this one, on which {} depends; ask for less of a \
-             change, or record it",
-            names[child]
-        )
+    let name = &names[parents[k].var];
+    let depends = format!(", on which {} depends", names[child]);
+    if place[k] < low || place[k] > high {
+        return not_reached(name, place[k], Some((low, high)), &depends);
     }
+    let ask = if acting { "ask for less of a change" } else { "ask about another moment" };
+    format!(
+        "the data have {name} from {} to {}, but never {name} = {} together with a state like this one{depends}; {ask}, or record it",
+        short(low),
+        short(high),
+        short(place[k])
+    )
 }
 
 impl StructuralModel {

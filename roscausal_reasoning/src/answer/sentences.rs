@@ -47,6 +47,25 @@ pub(super) fn listed(names: &[String]) -> String {
     }
 }
 
+/// `r_v has no effect on h_risk and d within 10 steps (3 s): the graph has no path`.
+pub(super) fn no_effect(
+    model: &StructuralModel,
+    causes: &[usize],
+    effects: &[usize],
+    within: usize,
+) -> String {
+    let named = |vars: &[usize]| {
+        listed(&vars.iter().map(|&var| model.graph().names()[var].clone()).collect::<Vec<_>>())
+    };
+    let verb = if causes.len() == 1 { "has" } else { "have" };
+    format!(
+        "{} {verb} no effect on {} within {}: the graph has no path",
+        named(causes),
+        named(effects),
+        steps(model, within)
+    )
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 use super::{
     Status, ambiguity, caveats,
     ensembles::{Outcomes, outcomes},
-    plan::{Price, price, rank},
+    plan::Plan,
     sentences::{listed, short, steps, with_unit},
 };
 use crate::{
@@ -48,11 +48,12 @@ pub struct Outlook {
     pub action: String,
     /// Whether the data do not carry an answer; the forecasts are empty then.
     pub refused: bool,
-    /// The variables asked for.
+    /// The variables asked for. Forecasts end with the last supported step, unless extrapolation was asked for; had-I
+    /// has all steps.
     pub forecasts: Vec<Forecast>,
     /// Steps for which the data carry the answer.
     pub supported_steps: usize,
-    /// Mean cost.
+    /// Mean cost over the steps that the data carry for all ranked actions; NaN where the action is refused.
     pub cost: f64,
     /// Lower end of the cost's interval.
     pub cost_lower: f64,
@@ -79,7 +80,7 @@ pub struct WhatIfAnswer {
     pub model_id: String,
     /// In the order of the actions.
     pub outlooks: Vec<Outlook>,
-    /// Numbers of the actions that can be taken, best first; empty if nothing was to be ranked.
+    /// Numbers of the actions that can be taken, best first; empty if none can, or if there is nothing to rank by.
     pub ranking: Vec<usize>,
     /// One sentence each.
     pub caveats: Vec<String>,
@@ -121,33 +122,28 @@ pub fn what_if(model: &StructuralModel, situation: &Situation<'_>, question: &Wh
     let of = |schedule: &Schedule| outcomes(model, situation, schedule, question, &needed);
     let baseline = (model.members().len() > 1).then(|| of(&free));
     let all: Vec<Outcomes> = asked.actions.iter().map(|(_, schedule)| of(schedule)).collect();
-    let prices: Vec<Price> = all.iter().map(|one| price(one, &asked.cost, &asked.limits)).collect();
+    let plan = Plan::of(model, &asked, &all, question.horizon);
     let refused = |k: usize| {
         all[k]
             .refused
             .as_ref()
             .filter(|_| !question.allow_extrapolation || model_lacks(model, &asked.actions[k].1, &needed))
     };
-    let keeps = |k: usize| asked.limits.iter().zip(&prices[k].kept).all(|((.., p), kept)| kept >= p);
-    let eligible: Vec<usize> = (0..all.len()).filter(|&k| refused(k).is_none() && keeps(k)).collect();
-    let ranked = !(asked.cost.is_empty() && asked.limits.is_empty());
-    let (ranking, best) = if ranked { rank(&prices, &eligible) } else { (Vec::new(), vec![0.0; all.len()]) };
+    let ranked = !asked.targets().is_empty();
     let mut depends = None;
     let mut outlooks = Vec::new();
     for (k, (name, schedule)) in asked.actions.iter().enumerate() {
         let mut outlook =
             outlook(model, question, (name, schedule), &all[k], &asked.variables, refused(k).is_some());
-        let mut costs = prices[k].costs.clone();
-        costs.sort_unstable_by(f64::total_cmp);
-        let tail = 0.5 * (1.0 - model.settings().interval);
-        (outlook.cost, outlook.cost_lower, outlook.cost_upper) =
-            (prices[k].mean(), quantile(&costs, tail), quantile(&costs, 1.0 - tail));
-        outlook.probability_limits = prices[k].all_kept;
-        outlook.probability_best = best[k];
         outlook.text = match refused(k) {
-            Some(reason) => format!("{name}: not answered: {reason}."),
+            Some(reason) => {
+                (outlook.cost, outlook.cost_lower, outlook.cost_upper) = (f64::NAN, f64::NAN, f64::NAN);
+                format!("{name}: not answered: {reason}.")
+            }
             None => {
-                text(model, situation, question, &outlook, (&asked.variables, schedule), ranked, keeps(k))
+                outlook.priced(&plan, k, 0.5 * (1.0 - model.settings().interval));
+                let plan = ranked.then_some((&plan, k));
+                text(model, situation, question, &outlook, (&asked.variables, schedule), plan)
             }
         };
         if let (Some(baseline), None, false) = (&baseline, &depends, schedule.is_free()) {
@@ -163,14 +159,34 @@ pub fn what_if(model: &StructuralModel, situation: &Situation<'_>, question: &Wh
         (Status::NotSupported, reasons.first().map_or(String::new(), |reason| (*reason).clone()))
     } else if let Some(message) = depends {
         (Status::Ambiguous, message)
-    } else if ranked && ranking.is_empty() {
-        (Status::Ok, "no action keeps the limits".to_owned())
+    } else if ranked && plan.ranking.is_empty() {
+        let answered: Vec<usize> = (0..all.len()).filter(|&k| refused(k).is_none()).collect();
+        (Status::Ok, plan.why_empty(&asked, &answered))
     } else {
         (Status::Ok, String::new())
     };
-    let schedules: Vec<&Schedule> = asked.actions.iter().map(|(_, schedule)| schedule).collect();
-    let caveats = caveats::of_what_if(model, question, &schedules, &outlooks, &asked.variables);
-    WhatIfAnswer { status, message, dt: model.facts.dt, model_id: model.id(), outlooks, ranking, caveats }
+    let caveats = caveats::of_what_if(model, question, &asked, &outlooks, &plan);
+    WhatIfAnswer {
+        status,
+        message,
+        dt: model.facts.dt,
+        model_id: model.id(),
+        outlooks,
+        ranking: plan.ranking,
+        caveats,
+    }
+}
+
+impl Outlook {
+    /// Enters what the plan says of action `k`; `tail` is the part of the costs beyond each end of the interval.
+    fn priced(&mut self, plan: &Plan, k: usize, tail: f64) {
+        let price = &plan.prices[k];
+        let mut costs = price.costs.clone();
+        costs.sort_unstable_by(f64::total_cmp);
+        (self.cost, self.cost_lower, self.cost_upper) =
+            (price.mean(), quantile(&costs, tail), quantile(&costs, 1.0 - tail));
+        (self.probability_limits, self.probability_best) = (price.all_kept, plan.best[k]);
+    }
 }
 
 /// By variable: whether the answer is about it, or about something that it drives.
@@ -261,11 +277,12 @@ fn outlook(
     refused: bool,
 ) -> Outlook {
     let n = model.graph().len();
+    let steps = question.answered_steps(outcomes.supported);
     let tail = 0.5 * (1.0 - model.settings().interval);
     let shares = [tail, 0.25, 0.5, 0.75, 1.0 - tail];
     let forecast = |&var: &usize| {
         let mut forecast = Forecast { variable: model.graph().names()[var].clone(), ..Forecast::default() };
-        for step in 0..question.horizon {
+        for step in 0..steps {
             let (mut means, mut medians) = (0.0, 0.0);
             let (mut lower, mut upper) = (f64::INFINITY, f64::NEG_INFINITY);
             let (mut inner_lower, mut inner_upper) = (lower, upper);
@@ -337,10 +354,9 @@ fn text(
     question: &WhatIf,
     outlook: &Outlook,
     (variables, schedule): (&[usize], &Schedule),
-    ranked: bool,
-    keeps: bool,
+    plan: Option<(&Plan, usize)>,
 ) -> String {
-    let last = question.horizon - 1;
+    let last = question.answered_steps(outlook.supported_steps) - 1;
     let free: Vec<(usize, &Forecast)> = variables
         .iter()
         .copied()
@@ -359,7 +375,7 @@ fn text(
         )
     };
     let parts: Vec<String> = free.iter().map(one).collect();
-    let when = steps(model, question.horizon);
+    let when = steps(model, last + 1);
     let mut sentences = vec![if parts.is_empty() {
         format!("{}: every variable asked for is set", outlook.action)
     } else if question.counterfactual {
@@ -368,7 +384,8 @@ fn text(
         format!("{}: after {when} {}", outlook.action, parts.join(", "))
     }];
     if outlook.supported_steps < question.horizon {
-        sentences.push(format!("The data carry it for {} of {when}", outlook.supported_steps));
+        let horizon = steps(model, question.horizon);
+        sentences.push(format!("The data carry it for {} of {horizon}", outlook.supported_steps));
     }
     let no_skill = |(_, forecast): &&(usize, &Forecast)| {
         forecast.skill.iter().any(|skill| skill.is_some_and(|skill| skill <= 0.0))
@@ -382,20 +399,19 @@ fn text(
             listed(&without)
         ));
     }
-    if ranked {
-        let cost = format!(
+    if let Some((plan, k)) = plan {
+        let mut cost = format!(
             "Cost {} ({} to {})",
             short(outlook.cost),
             short(outlook.cost_lower),
             short(outlook.cost_upper)
         );
-        let why = if keeps {
-            format!("the best with probability {}", short(outlook.probability_best))
-        } else {
-            format!(
-                "does not keep the limits (probability of keeping all: {})",
-                short(outlook.probability_limits)
-            )
+        if plan.steps < question.horizon {
+            cost += &format!(" over {}", steps(model, plan.steps));
+        }
+        let why = match &plan.left_out[k] {
+            Some(reason) => format!("not ranked: {reason}"),
+            None => format!("the best with probability {}", short(outlook.probability_best)),
         };
         sentences.push(format!("{cost}; {why}"));
     }

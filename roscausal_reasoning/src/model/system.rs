@@ -74,6 +74,12 @@ impl Schedule {
         self.touched.get(step * self.n + var).copied().unwrap_or(false)
     }
 
+    /// The variables that are acted on.
+    pub(crate) fn acting(&self) -> Vec<usize> {
+        let is = |var: &usize| (0..self.steps()).any(|step| self.touches(step, *var));
+        (0..self.n).filter(is).collect()
+    }
+
     /// Whether anything is acted on.
     pub fn is_free(&self) -> bool {
         !self.touched.contains(&true)

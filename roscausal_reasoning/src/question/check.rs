@@ -31,6 +31,20 @@ pub(crate) struct Asked {
     pub(crate) limits: Vec<(usize, f64, f64, f64)>,
 }
 
+impl Asked {
+    /// What the actions are ranked by: the variables of the cost, or of the limits where there is no cost.
+    pub(crate) fn targets(&self) -> Vec<usize> {
+        let limits = self.limits.iter().map(|(var, ..)| *var);
+        let mut targets: Vec<usize> = match self.cost.is_empty() {
+            true => limits.collect(),
+            false => self.cost.iter().map(|(var, _)| *var).collect(),
+        };
+        targets.sort_unstable();
+        targets.dedup();
+        targets
+    }
+}
+
 impl WhatIf {
     /// Checks the question for a model of these variables, that may stand for so many `graphs` with so many `refits` each.
     pub(crate) fn checked(&self, all: &[String], graphs: usize, refits: usize) -> Checked<Asked> {

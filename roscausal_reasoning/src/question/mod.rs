@@ -131,6 +131,13 @@ pub struct WhatIf {
     pub seed: u64,
 }
 
+impl WhatIf {
+    /// The steps that an answer has, of those that the data carry. A forecast ends there; rows that were observed go on.
+    pub(crate) fn answered_steps(&self, supported: usize) -> usize {
+        if self.allow_extrapolation || self.counterfactual { self.horizon } else { supported }
+    }
+}
+
 impl Default for WhatIf {
     fn default() -> Self {
         Self {

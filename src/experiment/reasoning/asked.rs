@@ -74,13 +74,10 @@ impl Case {
             let question = set(name, values, REACH);
             let outlook = only(model, &situation, question.clone(), false)?;
             support.push((name.to_owned(), outlook.refused, outlook.supported_steps));
-            // Where the data do not reach, too: every case counts.
-            let judged = ACTIONS.iter().any(|(action, _)| *action == name) || name == UNTOUCHED;
-            outlooks.push(if outlook.refused && judged {
-                only(model, &situation, question, true)?
-            } else {
-                outlook
-            });
+            // Every case and every step counts, also where the data do not reach.
+            if ACTIONS.iter().any(|(action, _)| *action == name) || name == UNTOUCHED {
+                outlooks.push(only(model, &situation, question, true)?);
+            }
         }
         let mean_untouched = by_step(&outlooks[ACTIONS.len()], |f| &f.mean);
         let answered = |((((name, _), path), rows), forecast): ((NamedPath<'_>, &Array2<f64>), &Outlook)| {
