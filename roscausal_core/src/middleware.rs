@@ -11,7 +11,7 @@ use roscausal_msgs::{Service, Wires, dynamic::Wire};
 use crate::{
     Error, Message, Result, Time,
     inbox::Consumer,
-    params::{ParamSpec, Value},
+    params::{ParamSpec, Params, TakeParams, Value},
 };
 
 /// Whether `text` is one part of a ROS graph name: letters, digits and `_`, not starting with a digit.
@@ -183,6 +183,12 @@ pub trait Middleware: Clone + Send + Sync + 'static {
     /// # Errors
     /// If the parameter server cannot be reached.
     fn set_param(&self, name: &str, value: Value) -> Result<()>;
+
+    /// Has `take` decide on every change of this node's parameters while it runs; `now` is what they are. A change that is refused
+    /// leaves all as it was. Middlewares whose parameters nobody can set with a reply, such as ROS 1, never ask.
+    fn on_params(&self, now: &Params, take: TakeParams) {
+        let _ = (now, take);
+    }
 
     /// The time on the clock in use: the system clock, or `/clock` with `use_sim_time`.
     fn now(&self) -> Time;

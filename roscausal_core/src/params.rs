@@ -36,6 +36,8 @@ pub struct ParamSpec {
     /// Whether it describes the data or their analysis, so that settings that come with data may set it: never a path, a
     /// program, a pool, or what an analysis may cost.
     pub of_data: bool,
+    /// Whether a node that runs takes a new value, from its next batch on. All others are read when the node starts.
+    pub live: bool,
 }
 
 /// The values that a parameter may take.
@@ -57,7 +59,7 @@ impl ParamSpec {
         allowed: Allowed,
         description: &'static str,
     ) -> Self {
-        Self { name, default, description, allowed, of_data: false }
+        Self { name, default, description, allowed, of_data: false, live: false }
     }
 
     /// The specification of a parameter that settings that come with data may set ([`ParamSpec::of_data`]).
@@ -67,7 +69,28 @@ impl ParamSpec {
         allowed: Allowed,
         description: &'static str,
     ) -> Self {
-        Self { name, default, description, allowed, of_data: true }
+        Self { name, default, description, allowed, of_data: true, live: false }
+    }
+
+    /// The same for a parameter that may change while its node runs.
+    #[must_use]
+    pub const fn live(mut self) -> Self {
+        self.live = true;
+        self
+    }
+
+    /// What somebody sets while the node runs, as this parameter's type.
+    ///
+    /// # Errors
+    /// A parameter that is read when the node starts, and those of [`ParamSpec::checked`].
+    pub fn changed(&self, value: Value) -> Result<Value> {
+        let value = self.checked(value)?;
+        if self.live {
+            return Ok(value);
+        }
+        let reason =
+            format!("it is read when the node starts; start the node again with {}:={value}", self.name);
+        Err(Error::param(self.name, reason))
     }
 
     fn is_word(&self, text: &str) -> bool {
@@ -178,7 +201,7 @@ impl fmt::Display for Value {
 }
 
 /// The checked parameters of one node, by name.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct Params {
     values: BTreeMap<&'static str, Value>,
 }
@@ -202,6 +225,18 @@ impl Params {
             tracing::warn!("{}: there is no parameter '{name}'{hint}", mw.node_name());
         }
         Ok(Self { values })
+    }
+
+    /// These parameters with some other values, which are checked already.
+    #[must_use]
+    pub fn with<'a>(&self, changes: impl IntoIterator<Item = (&'a str, &'a Value)>) -> Self {
+        let mut params = self.clone();
+        for (name, value) in changes {
+            if let Some(own) = params.values.get_mut(name) {
+                own.clone_from(value);
+            }
+        }
+        params
     }
 
     /// A flag; false if this node has no parameter `name`.
@@ -247,6 +282,10 @@ impl Params {
         self.values.iter().map(|(name, value)| (*name, value))
     }
 }
+
+/// What decides on new values of a node's parameters while it runs: it gets all of them as they would be, and takes them or says why
+/// not.
+pub type TakeParams = Box<dyn Fn(&Params) -> Result<()> + Send + Sync>;
 
 /// The names that no specification has, each with the nearest existing name.
 fn unknown<'a>(set: &'a [String], specs: &[ParamSpec]) -> Vec<(&'a str, Option<String>)> {
@@ -296,6 +335,19 @@ mod tests {
             .map(|name| ParamSpec::new(name, Value::Double(0.1), Allowed::Any, ""));
         let set = bus.node("data").params_set();
         assert_eq!(unknown(&set, &specs), [("safe_dits", Some("safe_dist".into()))]);
+    }
+
+    #[test]
+    fn a_running_node_is_set_what_it_reads_anew_and_nothing_else() {
+        let number = spec(Value::Double(0.1), Allowed::Range(0.01, 10.0));
+        let error = number.changed(Value::Double(1.0)).expect_err("read at the start").to_string();
+        assert!(
+            error.starts_with("parameter 'dt'") && error.contains("start the node again with dt:=1"),
+            "{error}"
+        );
+        let number = number.live();
+        assert_eq!(number.changed(text("1")).expect("a number"), Value::Double(1.0));
+        assert!(number.changed(Value::Double(99.0)).is_err());
     }
 
     #[test]

@@ -176,6 +176,47 @@ fn a_model_that_cannot_be_written_waits_until_it_can_and_its_batch_is_not_reject
 }
 
 #[test]
+fn what_is_set_while_the_node_runs_holds_from_the_next_batch_and_nonsense_is_refused() {
+    let dir = tempfile::tempdir().expect("a folder");
+    pool(dir.path(), 1);
+    let results = dir.path().join("models");
+    let (bus, found) = (live(), dir.path().join("models"));
+    let node = Node::start(&bus, "discovery", dir.path(), &[("res_dir", text(&results))]);
+    let model = |name: &str| {
+        let path = found.join(name);
+        wait_until(|| path.exists());
+        let text = fs::read_to_string(&path).expect("a model");
+        serde_json::from_str::<serde_json::Value>(&text).expect("JSON")
+    };
+    assert_eq!(model("data_0.json")["tau_max"], 1);
+    let set = |changes: &[(&str, Value)]| bus.change_node_params("discovery", changes);
+    for (changes, says) in [
+        (vec![("cd_method", word("nonsense"))], "'nonsense'"),
+        // Each is allowed, but not with the other; the test is not changed either.
+        (
+            vec![
+                ("cond_ind_test", word("gpdc")),
+                ("pc_alpha", Value::Double(0.1)),
+                ("cd_method", word("granger")),
+            ],
+            "pc_alpha",
+        ),
+        (vec![("max_lag", Value::Int(3)), ("min_lag", Value::Int(4))], "lag"),
+    ] {
+        let error = set(&changes).expect_err(says).to_string();
+        assert!(error.starts_with("parameter '") && error.contains(says), "{error}");
+    }
+    set(&[("max_lag", Value::Int(3)), ("sig_alpha", Value::Double(1e-6))]).expect("takes them");
+    pool(dir.path(), 2);
+    let next = model("data_1.json");
+    assert_eq!(
+        (&next["tau_max"], &next["alpha"], &next["cond_ind_test"]),
+        (&3.into(), &1e-6.into(), &"parcorr".into())
+    );
+    node.end();
+}
+
+#[test]
 fn two_nodes_on_one_folder_analyse_each_batch_once() {
     let dir = tempfile::tempdir().expect("a folder");
     pool(dir.path(), 12);

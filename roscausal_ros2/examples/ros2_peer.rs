@@ -40,7 +40,7 @@ const ROLE: ParamSpec = ParamSpec::new(
 );
 
 const fn number(name: &'static str, default: i64) -> ParamSpec {
-    ParamSpec::new(name, Value::Int(default), Allowed::Range(0.0, 1e6), "A whole number")
+    ParamSpec::new(name, Value::Int(default), Allowed::Range(0.0, 1e6), "A whole number").live()
 }
 
 fn main() -> Result<(), Box<dyn Error>> {

@@ -13,7 +13,7 @@ use roscausal_core::{
     Message, Result, Time,
     inbox::Consumer,
     middleware::{Middleware, Qos, Raw, Reply},
-    params::{ParamSpec, Value},
+    params::{ParamSpec, Params, TakeParams, Value},
 };
 use roscausal_msgs::{Service, rosgraph_msgs};
 use roscausal_ros::{Clock, Life, lock, steady};
@@ -223,6 +223,10 @@ impl Middleware for Ros2 {
         self.inner.parameters.put(name, value);
         self.inner.parameter_events.announce(&self.inner, &[&ros2_name(name)], false);
         Ok(())
+    }
+
+    fn on_params(&self, now: &Params, take: TakeParams) {
+        self.inner.parameters.watch(now, take);
     }
 
     fn now(&self) -> Time {

@@ -15,7 +15,8 @@ pub(crate) fn descriptor(
 ) -> raw::ParameterDescriptor {
     let mut descriptor = ParameterDescriptor::from_value(name, &to_wire(value));
     descriptor.description.clear();
-    if let Some(ParamSpec { description, default, allowed, .. }) = spec {
+    if let Some(ParamSpec { description, default, allowed, live, .. }) = spec {
+        descriptor.read_only = !live;
         descriptor.description.push_str(description);
         match (allowed, default) {
             (Allowed::Range(from, to), Value::Int(_)) => {

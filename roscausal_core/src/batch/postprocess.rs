@@ -354,6 +354,7 @@ mod tests {
             signals: Vec::new(),
             complete: true,
             ended_by: None,
+            length_s: None,
         }
     }
 

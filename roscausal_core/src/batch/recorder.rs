@@ -49,6 +49,15 @@ pub struct RecorderConfig {
     pub select: Select,
 }
 
+impl RecorderConfig {
+    fn rows_per_batch(&self) -> usize {
+        match self.ts_length_s {
+            Some(length) => ((length / self.dt_s).round() as usize).clamp(1, MOST_ROWS),
+            None => MOST_ROWS,
+        }
+    }
+}
+
 /// Counters for the diagnostics.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct RecorderCounts {
@@ -80,6 +89,8 @@ pub struct Recorder {
     dt_ns: i64,
     max_gap_ns: i64,
     rows_per_batch: usize,
+    /// The length of the batches after the open one, if it is to be another.
+    next_length: Option<Option<f64>>,
     robot: Track,
     people: BTreeMap<u32, Track>,
     others: BTreeMap<String, Track>,
@@ -106,14 +117,11 @@ impl Recorder {
     /// A recorder that has received nothing.
     pub fn new(config: RecorderConfig) -> Self {
         let dt_ns = nanos(config.dt_s).max(1);
-        let rows_per_batch = match config.ts_length_s {
-            Some(length) => ((length / config.dt_s).round() as usize).clamp(1, MOST_ROWS),
-            None => MOST_ROWS,
-        };
         Self {
             dt_ns,
             max_gap_ns: nanos(config.max_gap_s).max(dt_ns),
-            rows_per_batch,
+            rows_per_batch: config.rows_per_batch(),
+            next_length: None,
             config,
             robot: Track::default(),
             people: BTreeMap::new(),
@@ -376,6 +384,22 @@ impl Recorder {
     /// What is to be journalled since the last call.
     pub fn take_journal(&mut self) -> Vec<Entry> {
         self.log.as_mut().map_or_else(Vec::new, Log::take)
+    }
+
+    /// The length of batches from the next one on, in seconds; `None`: until the end. A batch that was to go on until the end gets it
+    /// at once, as no other would follow.
+    pub fn set_length(&mut self, length_s: Option<f64>) {
+        self.next_length = Some(length_s);
+        if self.open.is_none() || self.config.ts_length_s.is_none() {
+            self.take_length();
+        }
+    }
+
+    fn take_length(&mut self) {
+        if let Some(length_s) = self.next_length.take() {
+            self.config.ts_length_s = length_s;
+            self.rows_per_batch = self.config.rows_per_batch();
+        }
     }
 
     /// Rows of the open batch, and how many it will have (`None`: until the end).

@@ -28,6 +28,8 @@ pub struct Recording {
     pub complete: bool,
     /// Why it ended; `None` while it goes on.
     pub ended_by: Option<EndedBy>,
+    /// The length that it was to have, seconds, 0: until the end; `None` if nobody said.
+    pub length_s: Option<f64>,
 }
 
 /// Why a batch ended.
@@ -245,6 +247,7 @@ mod tests {
             signals: Vec::new(),
             complete: true,
             ended_by: Some(EndedBy::TsLength),
+            length_s: None,
         }
     }
 

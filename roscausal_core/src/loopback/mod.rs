@@ -29,7 +29,12 @@ use std::{
     time::Duration,
 };
 
-use crate::{Error, Result, Time, gate::lock, inbox::Consumer, params::Value};
+use crate::{
+    Error, Result, Time,
+    gate::lock,
+    inbox::Consumer,
+    params::{Params, Value},
+};
 
 use services::Offer;
 use task::Task;
@@ -63,6 +68,8 @@ enum Clock {
     Given(Box<dyn Fn() -> Time + Send + Sync>),
 }
 
+type Take = dyn Fn(&Params) -> Result<()> + Send + Sync;
+
 #[derive(Default)]
 struct BusState {
     topics: BTreeMap<String, Topic>,
@@ -70,6 +77,8 @@ struct BusState {
     listeners: BTreeMap<String, Vec<(u64, Arc<Slot>)>>,
     services: BTreeMap<String, Offer>,
     params: BTreeMap<String, Value>,
+    /// By node: its parameters, and what decides on changes of them.
+    watched: BTreeMap<String, (Params, Arc<Take>)>,
     /// The "keep running" flag of each node, in the order in which they joined.
     nodes: Vec<Weak<AtomicBool>>,
     members: Arc<Vec<Member>>,
@@ -189,6 +198,20 @@ impl Loopback {
     /// Sets a private parameter of a node before the node starts.
     pub fn set_node_param(&self, node: &str, name: &str, value: Value) {
         self.bus.lock().params.insert(format!("/{}/{name}", node.trim_matches('/')), value);
+    }
+
+    /// Sets parameters of a node that runs, all or none, as a parameter service does with checked values.
+    ///
+    /// # Errors
+    /// What the node says against them; a node that takes none.
+    pub fn change_node_params(&self, node: &str, changes: &[(&str, Value)]) -> Result<()> {
+        let name = format!("/{}", node.trim_matches('/'));
+        let watched = self.bus.lock().watched.get(&name).cloned();
+        let (now, take) = watched.ok_or_else(|| Error::param(node, "the node takes no changes"))?;
+        let changed = now.with(changes.iter().map(|(name, value)| (*name, value)));
+        take(&changed)?;
+        self.bus.lock().watched.insert(name, (changed, take));
+        Ok(())
     }
 
     /// Delivers everything that has been published, in order, and waits for the nodes after each message. Does

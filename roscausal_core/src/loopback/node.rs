@@ -18,7 +18,7 @@ use crate::{
     Error, Message, Result, Time,
     inbox::Consumer,
     middleware::{Middleware, Qos, Raw, Reply, is_token},
-    params::{ParamSpec, Value},
+    params::{ParamSpec, Params, TakeParams, Value},
 };
 
 /// One node's connection to a [`Loopback`].
@@ -135,6 +135,10 @@ impl Middleware for LoopbackNode {
     fn set_param(&self, name: &str, value: Value) -> Result<()> {
         self.bus.lock().params.insert(self.param_key(name), value);
         Ok(())
+    }
+
+    fn on_params(&self, now: &Params, take: TakeParams) {
+        self.bus.lock().watched.insert(self.name.to_string(), (now.clone(), Arc::from(take)));
     }
 
     fn now(&self) -> Time {

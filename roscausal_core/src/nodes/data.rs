@@ -1,5 +1,7 @@
 //! The data node: from both states to batches in a pool.
 
+use std::sync::{Arc, Mutex};
+
 use roscausal_msgs::{
     Features, Humans, RobotState,
     std_msgs::{Header, String as Text},
@@ -19,6 +21,7 @@ use crate::{
         recorder::Recorder,
         writer::{Processing, Writer},
     },
+    gate::lock,
     inbox::{Inbox, Next},
     middleware::{Middleware, Publish, Qos, Raw},
     params::Params,
@@ -82,6 +85,13 @@ pub async fn data_task<M: Middleware>(mw: &M, on_progress: impl Fn(Recorded)) ->
     let mut signals = signals(&params)?;
     let columns: Vec<_> = signals.signals().iter().map(|signal| (signal.name.clone(), signal.how)).collect();
     let config = recorder(&params)?;
+    let length = Arc::new(Mutex::new(None));
+    let set = length.clone();
+    let take = move |params: &Params| {
+        *lock(&set) = Some(recorder(params)?.ts_length_s);
+        Ok(())
+    };
+    mw.on_params(&params, Box::new(take));
     let with_people = config.select != Select::Nobody;
     let mut recorder = Recorder::new(config).with_signals(&columns);
     let writing = writer(&params)?;
@@ -137,6 +147,9 @@ pub async fn data_task<M: Middleware>(mw: &M, on_progress: impl Fn(Recorded)) ->
         // The last samples are journalled in time even if no message follows them.
         let due = if unnoted { journal_due.min(health.due()) } else { health.due() };
         let next = inbox.awaited(mw, Some(due)).await;
+        if let Some(length) = lock(&length).take() {
+            recorder.set_length(length);
+        }
         match &next {
             Next::Deadline => {}
             Next::Shutdown => recorder.finish(),

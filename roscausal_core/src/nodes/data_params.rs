@@ -57,7 +57,8 @@ pub(super) fn specs() -> Vec<ParamSpec> {
             Double(150.0),
             Any,
             "length of a batch in seconds; empty or 0: until the end",
-        ),
+        )
+        .live(),
         ParamSpec::of_data("dt", Double(0.1), Range(0.001, 60.0), "step between rows in seconds"),
         ParamSpec::of_data(
             "subsampling",

@@ -4,7 +4,7 @@ use std::{
     collections::{BTreeMap, VecDeque},
     path::{Path, PathBuf},
     sync::{
-        Arc,
+        Arc, Mutex,
         atomic::{AtomicBool, AtomicUsize, Ordering},
     },
     thread,
@@ -37,6 +37,7 @@ use crate::{
         pool::{Claim, Pool, write_whole},
     },
     external,
+    gate::lock,
     middleware::{Middleware, Publish, Qos},
     params::Params,
     threads::in_pool,
@@ -68,11 +69,22 @@ pub fn discovery_with<M: Middleware>(
     mw: &M,
     on_progress: impl Fn(Progress) + Send + Sync + 'static,
 ) -> Result<()> {
-    let params = DiscoveryParams::new(&Params::read(mw, &specs())?)?;
+    let read = Params::read(mw, &specs())?;
+    let params = DiscoveryParams::new(&read)?;
     let pool = Pool::open(&params.data_dir, &params.csv_prefix)?.with_id_format(params.ids.clone());
     let kept = params.keep_batches.then(|| pool.path("analysed"));
     let rolling = params.rolling.map(|rolling| Rolling::open(&pool, rolling, kept)).transpose()?;
+    let news = Arc::new(Mutex::new(None));
+    let taken = news.clone();
+    mw.on_params(
+        &read,
+        Box::new(move |params| {
+            *lock(&taken) = Some(DiscoveryParams::new(params)?);
+            Ok(())
+        }),
+    );
     let mut node = Node {
+        news,
         out: Outputs::new(mw)?,
         rolling,
         health: Health::new(mw)?,
@@ -125,6 +137,8 @@ struct Node<M: Middleware> {
     health: Health<M>,
     pool: Pool,
     params: DiscoveryParams,
+    /// Parameters that were set since, for the next batch.
+    news: Arc<Mutex<Option<DiscoveryParams>>>,
     /// The previous model of each person, and of all.
     last: BTreeMap<String, Model>,
     /// The present regime, if models roll on.
@@ -179,6 +193,10 @@ impl<M: Middleware> Node<M> {
     fn look(&mut self, mw: &M) -> Result<bool> {
         if let Some(unsaid) = self.unsaid.take() {
             return self.tell(mw, unsaid).map(|()| true);
+        }
+        if let Some(params) = lock(&self.news).take() {
+            tracing::info!("new parameters from the next batch on");
+            self.params = params;
         }
         self.pool.finish_all(self.params.keep_batches.then(|| self.pool.path("analysed")).as_deref())?;
         let contents = self.pool.contents()?;

@@ -52,8 +52,32 @@ pub(super) struct DiscoveryParams {
     pub rolling: Option<RollParams>,
 }
 
+/// What a running node keeps: where files and programs are, and what its regime rests on. All else it takes anew, from the next batch
+/// on.
+const FIXED: [&str; 14] = [
+    "data_dir",
+    "res_dir",
+    "csv_prefix",
+    "id_format",
+    "cd_method_dir",
+    "null_dist",
+    "people",
+    "keep_batches",
+    "window_batches",
+    "window_samples",
+    "detect_changes",
+    "change_rows",
+    "suspect_level",
+    "confirm_level",
+];
+
 /// Names, defaults, allowed values and descriptions.
 pub(super) fn specs() -> Vec<ParamSpec> {
+    let live = |spec: ParamSpec| if FIXED.contains(&spec.name) { spec } else { spec.live() };
+    all().into_iter().map(live).collect()
+}
+
+fn all() -> Vec<ParamSpec> {
     use Allowed::{Any, OneOf, Range};
     use Value::{Bool, Double, Int};
     let text = |text: &str| Value::Str(text.to_owned());

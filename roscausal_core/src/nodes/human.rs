@@ -527,6 +527,7 @@ fn goal_spec(name: String) -> ParamSpec {
         Allowed::Any,
         "the person's goal [x, y] in the target frame",
     )
+    .live()
 }
 
 fn point(value: &Value) -> Option<Point> {

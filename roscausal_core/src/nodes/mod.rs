@@ -157,7 +157,9 @@ mod tests {
         let mut text = String::from(
             "# Parameters of the nodes\n\nThis page is generated from the nodes' own tables. Set a parameter with \
              `_name:=value` (ROS 1) or `-p name:=value` (ROS 2). The spellings `True`, `\"0.1\"`, and `\"\"` for none are \
-             accepted.\n",
+             accepted.\n\nA parameter marked * can be set while the node runs in ROS 2 (`ros2 param set`): it is checked as at the start \
+             and holds from the next batch on. All others are read when the node starts; to set one is refused with the way out. In \
+             ROS 1 nodes read the parameter server when they start, and `rosparam set` gives no reply.\n",
         );
         for node in NODES {
             let _ = write!(
@@ -178,7 +180,12 @@ mod tests {
                     empty if empty.is_empty() => "(empty)".to_owned(),
                     default => format!("`{default}`"),
                 };
-                let _ = writeln!(text, "| `{}` | {default} | {allowed} | {} |", spec.name, spec.description);
+                let mark = if spec.live { " *" } else { "" };
+                let _ = writeln!(
+                    text,
+                    "| `{}`{mark} | {default} | {allowed} | {} |",
+                    spec.name, spec.description
+                );
             }
         }
         text

@@ -8,7 +8,7 @@ use std::{
 use roscausal_core::{
     Result,
     gate::lock,
-    params::{Allowed, ParamSpec, Value, nearest},
+    params::{Allowed, ParamSpec, Params, TakeParams, Value, nearest},
 };
 
 /// The parameters of one node.
@@ -16,6 +16,8 @@ pub(crate) struct Parameters {
     /// Values from the command line and the parameter files.
     overrides: BTreeMap<String, Value>,
     declared: Mutex<BTreeMap<String, Declared>>,
+    /// The node's parameters, and what decides on changes of them.
+    watched: Mutex<Option<(Params, TakeParams)>>,
 }
 
 struct Declared {
@@ -27,12 +29,12 @@ struct Declared {
 
 /// The parameter that every node has: whether time comes from `/clock`.
 pub(crate) const USE_SIM_TIME: ParamSpec =
-    ParamSpec::new("use_sim_time", Value::Bool(false), Allowed::Any, "Take time from /clock");
+    ParamSpec::new("use_sim_time", Value::Bool(false), Allowed::Any, "Take time from /clock").live();
 
 impl Parameters {
     /// The parameters of a node that was started with these values.
     pub(crate) fn new(overrides: BTreeMap<String, Value>) -> Self {
-        Self { overrides, declared: Mutex::default() }
+        Self { overrides, declared: Mutex::default(), watched: Mutex::default() }
     }
 
     fn lock(&self) -> MutexGuard<'_, BTreeMap<String, Declared>> {
@@ -59,6 +61,21 @@ impl Parameters {
         self.lock().get(name)?.current().cloned()
     }
 
+    /// Has `take` decide on changes of the node's parameters, which are `now`; also on those that were set since the node read them.
+    pub(crate) fn watch(&self, now: &Params, take: TakeParams) {
+        let declared = self.lock();
+        let current = declared.values().filter_map(|one| Some((one.spec.as_ref()?.name, one.current()?)));
+        let mut now = now.clone();
+        let since = now.with(current);
+        if since != now {
+            match take(&since) {
+                Ok(()) => now = since,
+                Err(error) => tracing::warn!("not taken: {error}"),
+            }
+        }
+        *lock(&self.watched) = Some((now, take));
+    }
+
     /// Sets parameters, all of them or none (a value `None` unsets). Returns what was set.
     ///
     /// # Errors
@@ -79,10 +96,15 @@ impl Parameters {
             let value =
                 value.ok_or_else(|| format!("parameter '{name}': cannot be unset; set it to a value"))?;
             let value = match &entry.spec {
-                Some(spec) => spec.checked(value).map_err(|error| error.to_string())?,
+                Some(spec) => spec.changed(value).map_err(|error| error.to_string())?,
                 None => value,
             };
             checked.push((name, value));
+        }
+        if let Some((now, take)) = &mut *lock(&self.watched) {
+            let changed = now.with(checked.iter().map(|(name, value)| (name.as_str(), value)));
+            take(&changed).map_err(|error| error.to_string())?;
+            *now = changed;
         }
         for (name, value) in &checked {
             if let Some(entry) = declared.get_mut(name) {
@@ -148,7 +170,7 @@ mod tests {
     use super::*;
 
     const RATE: ParamSpec =
-        ParamSpec::new("rate", Value::Double(1.0), Allowed::Range(0.0, 10.0), "of the test");
+        ParamSpec::new("rate", Value::Double(1.0), Allowed::Range(0.0, 10.0), "of the test").live();
 
     fn node(overrides: &[(&str, Value)]) -> Parameters {
         Parameters::new(overrides.iter().map(|(name, value)| ((*name).to_owned(), value.clone())).collect())
@@ -184,6 +206,72 @@ mod tests {
         assert_eq!(
             (parameters.get("rate"), parameters.get("free")),
             (Some(Value::Double(2.0)), Some(Value::Int(2)))
+        );
+    }
+
+    #[test]
+    fn a_running_node_refuses_what_it_reads_at_the_start_and_takes_the_rest_by_the_checks_of_the_start() {
+        let mut live = Vec::new();
+        for name in roscausal_core::nodes::NODES {
+            let (specs, node) = (roscausal_core::nodes::parameters(name).unwrap(), node(&[]));
+            for spec in &specs {
+                node.declare(spec).unwrap();
+                let change = vec![(ros2_name(spec.name), Some(spec.default.clone()))];
+                match node.set(change) {
+                    Ok(set) => live.push(set[0].0.clone()),
+                    Err(reason) => {
+                        assert!(
+                            reason.contains(spec.name) && reason.contains("start the node again"),
+                            "{reason}"
+                        );
+                        let descriptor = crate::wire::descriptor(spec.name, None, Some(spec.clone()));
+                        assert!(descriptor.read_only, "{}", spec.name);
+                    }
+                }
+            }
+        }
+        assert!(
+            ["ts_length", "sig_alpha", "cd_method", "max_lag"]
+                .iter()
+                .all(|name| live.iter().any(|one| one == name))
+        );
+        assert!(
+            ["dt", "features", "data_dir", "cd_method_dir"]
+                .iter()
+                .all(|name| live.iter().all(|one| one != name))
+        );
+    }
+
+    #[test]
+    fn the_node_has_the_last_word_and_a_refused_change_changes_nothing() {
+        let bus = roscausal_core::loopback::Loopback::lockstep();
+        let now = Params::read(&bus.node("test"), &[RATE]).unwrap();
+        let parameters = node(&[]);
+        parameters.declare(&RATE).unwrap();
+        parameters.put("/free", Value::Int(1));
+        // Set between the node's reading and its asking to be told.
+        let set =
+            |name: &str, value: f64| parameters.set(vec![(name.to_owned(), Some(Value::Double(value)))]);
+        set("rate", 5.0).unwrap();
+        let taken = std::sync::Arc::new(Mutex::new(Vec::new()));
+        let told = taken.clone();
+        let odd = |rate: f64| roscausal_core::Error::param("rate", format!("{rate} is odd"));
+        let take = move |params: &Params| {
+            let rate = params.double("rate");
+            if rate == 7.0 {
+                Err(odd(rate))
+            } else {
+                lock(&told).push(rate);
+                Ok(())
+            }
+        };
+        parameters.watch(&now, Box::new(take));
+        set("rate", 2.0).unwrap();
+        assert!(set("rate", 7.0).unwrap_err().contains("7 is odd"));
+        set("free", 3.0).unwrap();
+        assert_eq!(
+            (parameters.get("rate"), lock(&taken).as_slice()),
+            (Some(Value::Double(2.0)), &[5.0, 2.0, 2.0][..])
         );
     }
 

@@ -16,7 +16,8 @@ from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import PoseArray, PoseStamped, PoseWithCovarianceStamped, Pose, TransformStamped
 from nav_msgs.msg import Odometry
 from rcl_interfaces.msg import Log, Parameter, ParameterType, ParameterValue
-from rcl_interfaces.srv import SetParameters
+from rcl_interfaces.srv import DescribeParameters, GetParameters, SetParameters, SetParametersAtomically
+from rclpy.parameter import Parameter as RclpyParameter
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from sensor_msgs.msg import FluidPressure
 
@@ -224,6 +225,56 @@ def a_nodes_parameter_out_of_range_is_refused_with_the_reason():
             result = ros.call(SetParameters, "/roscausal_data/set_parameters", request).results[0]
             assert not result.successful and re.search(r"dt.*-1.*0\.001.*60", result.reason), result.reason
             return result.reason
+
+
+@test
+def what_is_set_while_a_node_runs_is_refused_or_read_only_or_in_effect():
+    with tempfile.TemporaryDirectory() as folder:
+        pools = ["-p", f"data_dir:={folder}/raw", "-p", f"pp_data_dir:={folder}/pp"]
+        watched = ["-p", f"data_dir:={folder}/pp", "-p", f"res_dir:={folder}/models", "-p", "cd_method:=pcmci", "-p", "cond_ind_test:=parcorr"]
+        with node("data", *pools), node("discovery", *watched), Ros() as ros:
+            # each: node, parameter, value, words of the reason (empty: it is set), read-only
+            for name, parameter, value, words, read_only in [
+                ("data", "ts_length", 10.0, "", False),
+                ("data", "ts_length", 0.01, "at least dt", False),
+                ("data", "features", ["h_v = speed("], "start the node again", True),
+                ("data", "dt", 0.2, "start the node again with dt:=0.2", True),
+                ("discovery", "cd_method", "nonsense", "'nonsense'", False),
+                ("discovery", "max_lag", 3, "", False),
+                ("discovery", "data_dir", folder, "start the node again", True),
+            ]:
+                before = of_node(ros, name, "get_parameters", GetParameters, names=[parameter]).values[0]
+                result = of_node(ros, name, "set_parameters", SetParameters, parameters=[rclpy_parameter(parameter, value)]).results[0]
+                assert result.successful == (not words) and words in result.reason and (not words or parameter in result.reason), result
+                after = of_node(ros, name, "get_parameters", GetParameters, names=[parameter]).values[0]
+                assert after == (before if words else rclpy_parameter(parameter, value).value), (parameter, after)
+                described = of_node(ros, name, "describe_parameters", DescribeParameters, names=[parameter]).descriptors[0]
+                assert described.read_only == read_only, (parameter, described)
+            both = [rclpy_parameter("sig_alpha", 1e-6), rclpy_parameter("res_dir", "/elsewhere")]
+            result = of_node(ros, "discovery", "set_parameters_atomically", SetParametersAtomically, parameters=both).result
+            assert not result.successful and "res_dir" in result.reason, result
+            level = of_node(ros, "discovery", "get_parameters", GetParameters, names=["sig_alpha"]).values[0]
+            assert level.double_value == 0.05, "a refused transaction has changed something"
+            # In effect: the next model has the new lag.
+            a, lines = 0.0, ["time,a,b"]
+            for row in range(200):
+                b, a = 0.9 * a + 0.1 * math.sin(7.3 * row * row), math.sin(3.1 * row * row)
+                lines.append(f"{row / 10},{a},{b}")
+            with open(f"{folder}/batch.part", "w") as file:
+                file.write("\n".join(lines) + "\n")
+            os.rename(f"{folder}/batch.part", f"{folder}/pp/data_1.csv")
+            model = f"{folder}/models/data_1.json"
+            ros.until(lambda: os.path.exists(model), 30, "a model")
+            with open(model) as file:
+                assert json.load(file)["tau_max"] == 3
+
+
+def of_node(ros, name, service, kind, **request):
+    return ros.call(kind, f"/roscausal_{name}/{service}", kind.Request(**request))
+
+
+def rclpy_parameter(name, value):
+    return RclpyParameter(name, value=value).to_parameter_msg()
 
 
 class Recording:

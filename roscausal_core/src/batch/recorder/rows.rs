@@ -43,6 +43,7 @@ impl Recorder {
             signals: self.signals.iter().map(|track| (track.name.clone(), Vec::new())).collect(),
             complete: false,
             ended_by: None,
+            length_s: None,
         });
         let n_rows = open.robot.len();
         open.robot.push(robot.unwrap_or(Values::UNKNOWN));
@@ -77,7 +78,7 @@ impl Recorder {
             fresh.push(fresh_row(open, nearest.as_ref()));
         }
         self.counts.rows += 1;
-        if n_rows + 1 == self.rows_per_batch {
+        if n_rows + 1 >= self.rows_per_batch {
             self.close(match self.config.ts_length_s {
                 Some(_) => EndedBy::TsLength,
                 None => EndedBy::MostRows,
@@ -99,7 +100,7 @@ impl Recorder {
             batch.people.retain(|id, _| kept.contains(id));
         }
         let n_rows = batch.robot.len();
-        let full = n_rows == self.rows_per_batch;
+        let full = n_rows >= self.rows_per_batch;
         if !full {
             let known = |rows: &Vec<Values>| {
                 rows.iter().rposition(|values| values.to_array().iter().any(|v| v.is_finite()))
@@ -120,12 +121,14 @@ impl Recorder {
         let to_the_end = self.config.ts_length_s.is_none() && ended_by == EndedBy::NodeEnd;
         batch.complete = full || to_the_end;
         batch.ended_by = Some(ended_by);
+        batch.length_s = Some(self.config.ts_length_s.unwrap_or(0.0));
         if n_rows > 0 {
             let number = self.log.as_mut().and_then(Log::end);
             self.done.push((batch, number));
         } else {
             self.log.iter_mut().for_each(Log::abandon);
         }
+        self.take_length();
     }
 }
 

@@ -262,6 +262,7 @@ impl<'a> Scene<'a> {
             context: BTreeMap::new(),
             complete: true,
             ended_by: Some(EndedBy::NodeEnd),
+            length_s: None,
         })
     }
 }

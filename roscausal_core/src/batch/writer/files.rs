@@ -41,6 +41,12 @@ pub(super) fn metadata(
         "interventions": batch.interventions().into_iter().map(imposed).collect::<Vec<_>>(),
         "parameters": parameters,
     });
+    // It may have been set after the node had started.
+    if let (Some(noted), Some(length)) = (facts["parameters"].get_mut("ts_length"), batch.length_s)
+        && noted.as_f64().unwrap_or(0.0) != length
+    {
+        *noted = json!(length);
+    }
     if !columns.is_empty() {
         facts["columns"] = columns.iter().map(unit).collect();
     }
