@@ -3,7 +3,6 @@
 use std::{
     future::Future,
     io,
-    net::SocketAddr,
     pin::Pin,
     task::{Context, Poll},
     time::Duration,
@@ -11,38 +10,12 @@ use std::{
 
 use tokio::{
     io::{AsyncRead, AsyncWrite, ReadBuf},
-    net::{TcpListener, TcpStream},
+    net::TcpStream,
     time::{Sleep, sleep},
 };
 
 /// How long the other side may stop reading.
 const PATIENCE: Duration = if cfg!(test) { Duration::from_millis(300) } else { Duration::from_secs(10) };
-/// Pause after a failed accept (too many open files).
-const PAUSE: Duration = Duration::from_millis(200);
-
-/// Accepts connections as [`Patient`] ones.
-pub(crate) struct Listener(pub(crate) TcpListener);
-
-impl axum::serve::Listener for Listener {
-    type Io = Patient;
-    type Addr = SocketAddr;
-
-    async fn accept(&mut self) -> (Patient, SocketAddr) {
-        loop {
-            match self.0.accept().await {
-                Ok((stream, address)) => return (Patient::new(stream), address),
-                Err(error) => {
-                    tracing::debug!("a browser could not be served: {error}");
-                    sleep(PAUSE).await;
-                }
-            }
-        }
-    }
-
-    fn local_addr(&self) -> io::Result<SocketAddr> {
-        self.0.local_addr()
-    }
-}
 
 /// A connection that fails if a write waits too long.
 pub(crate) struct Patient {
@@ -51,7 +24,7 @@ pub(crate) struct Patient {
 }
 
 impl Patient {
-    fn new(stream: TcpStream) -> Self {
+    pub(crate) fn new(stream: TcpStream) -> Self {
         Self { stream, waiting: None }
     }
 

@@ -11,7 +11,7 @@ use std::{
 
 use axum::{
     Router,
-    extract::State,
+    extract::{Extension, State},
     http::{HeaderMap, StatusCode, Uri, header},
     middleware,
     response::{
@@ -25,14 +25,12 @@ use roscausal_core::{Error, Result};
 use tokio::sync::{Semaphore, oneshot};
 
 use crate::{
+    connections::{self, Limits, Streams},
     guard::{self, Guard},
     hub::{Frame, Hub, Keep},
-    patience::Listener,
     questions::{Asked, Question},
 };
 
-/// Most browsers at a time.
-const BROWSERS: usize = 32;
 /// Time between two keep-alive messages on a quiet stream.
 const ALIVE: Duration = Duration::from_secs(5);
 /// The page may load only from this server.
@@ -77,6 +75,10 @@ impl Server {
     /// A port that is in use, an address that is not this machine's, or a token with characters that addresses do
     /// not allow.
     pub fn start(address: IpAddr, port: u16, token: &str) -> Result<Self> {
+        Self::start_within(Limits::of_this_process(), address, port, token)
+    }
+
+    fn start_within(limits: Limits, address: IpAddr, port: u16, token: &str) -> Result<Self> {
         let guard = Guard::new(address, token)?;
         let listener = TcpListener::bind((address, port)).map_err(|error| refused(address, port, &error))?;
         let fault = |error: io::Error| Error::Middleware(format!("the page cannot be served: {error}"));
@@ -84,14 +86,14 @@ impl Server {
         listener.set_nonblocking(true).map_err(fault)?;
         let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().map_err(fault)?;
         let hub = Hub::new();
-        let app = app(hub.clone(), guard.clone());
+        let app = app(hub.clone(), guard.clone(), limits.streams);
         let (end, ended) = oneshot::channel();
         let serve = move || {
             runtime.block_on(async move {
                 let Ok(listener) = tokio::net::TcpListener::from_std(listener) else { return };
                 // Open streams never end by themselves; they end with the runtime.
                 tokio::select! {
-                    _ = axum::serve(Listener(listener), app) => (),
+                    () = connections::serve(listener, app, limits) => (),
                     _ = ended => (),
                 }
             });
@@ -167,8 +169,8 @@ fn refused(address: IpAddr, port: u16, error: &io::Error) -> Error {
     }
 }
 
-fn app(hub: Hub, guard: Guard) -> Router {
-    let places = Arc::new(Semaphore::new(BROWSERS));
+fn app(hub: Hub, guard: Guard, streams: usize) -> Router {
+    let places = Arc::new(Semaphore::new(streams));
     let asked = Router::new()
         .route("/scene", get(scene))
         .route("/series", get(series))
@@ -190,11 +192,15 @@ fn app(hub: Hub, guard: Guard) -> Router {
 }
 
 /// The event stream of one browser. A browser that is too far behind is dropped; it reconnects by itself.
-async fn events(State((hub, places)): State<(Hub, Arc<Semaphore>)>) -> Response {
+async fn events(
+    State((hub, places)): State<(Hub, Arc<Semaphore>)>,
+    Extension(streams): Extension<Streams>,
+) -> Response {
     let Ok(place) = places.try_acquire_owned() else {
-        let full = format!("{BROWSERS} browsers watch already; close one of them.\n");
+        let full = "As many browsers as this page allows watch already; close one of them.\n";
         return (StatusCode::SERVICE_UNAVAILABLE, full).into_response();
     };
+    streams.mark();
     let (first, receiver) = hub.join();
     let first = first.into_iter().collect::<std::collections::VecDeque<Frame>>();
     let stream = stream::unfold((first, receiver, place), |(mut first, mut receiver, place)| async move {
@@ -406,7 +412,8 @@ mod tests {
             stream.read_exact(&mut line).unwrap();
             String::from_utf8_lossy(&line[9..]).into_owned()
         };
-        let mut browsers: Vec<TcpStream> = (0..BROWSERS).map(|_| ask(&server, "/events")).collect();
+        let mut browsers: Vec<TcpStream> =
+            (0..Limits::of_this_process().streams).map(|_| ask(&server, "/events")).collect();
         assert!(browsers.iter_mut().all(|browser| status(browser) == "200"));
         assert!(answer(&server, "/events").contains("browsers watch already"));
         browsers.clear();
@@ -419,6 +426,127 @@ mod tests {
             assert!(begin.elapsed() < Duration::from_secs(10), "no place is free again");
             thread::sleep(Duration::from_millis(50));
         }
+    }
+
+    /// A server that allows 16 connections, each with this time for a request.
+    fn small(headers: Duration) -> Server {
+        let limits = Limits { connections: 16, streams: 2, headers };
+        Server::start_within(limits, HERE, 0, "").unwrap()
+    }
+
+    /// Sends these bytes and nothing more.
+    fn begin(server: &Server, bytes: &str) -> TcpStream {
+        let mut stream = TcpStream::connect((HERE, port(server))).unwrap();
+        stream.set_read_timeout(Some(Duration::from_secs(10))).unwrap();
+        stream.write_all(bytes.as_bytes()).unwrap();
+        stream
+    }
+
+    /// What a connection sends until the server closes it; a close with unread bytes is an error of the socket.
+    fn rest(stream: &mut TcpStream) -> String {
+        let (mut bytes, mut chunk) = (Vec::new(), [0; 4096]);
+        loop {
+            match stream.read(&mut chunk) {
+                Ok(0) => break,
+                Ok(count) => bytes.extend_from_slice(&chunk[..count]),
+                Err(error) if error.kind() == io::ErrorKind::ConnectionReset => break,
+                Err(error) => panic!("not closed: {error}"),
+            }
+        }
+        String::from_utf8_lossy(&bytes).into_owned()
+    }
+
+    /// The sockets that this process has on a port of its own as their near end.
+    fn sockets(port: u16) -> usize {
+        let table = std::fs::read_to_string("/proc/self/net/tcp").unwrap();
+        let near = format!(":{port:04X} ");
+        // State 01: open.
+        table
+            .lines()
+            .filter(|line| {
+                line.split_once(": ")
+                    .is_some_and(|(_, line)| line[8..].starts_with(&near) && line.contains(" 01 "))
+            })
+            .count()
+    }
+
+    #[test]
+    fn who_sends_nothing_keeps_nobody_out_and_few_files() {
+        let server = small(Duration::from_secs(60));
+        let mut watching = ask(&server, "/events");
+        watching.read_exact(&mut [0; 12]).unwrap();
+        let mut silent = Vec::new();
+        for round in 0..10 {
+            silent.extend((0..20).map(|_| begin(&server, ["", "GET / HTTP/1.1\r\nHost: "][round % 2])));
+            assert!(answer(&server, "/").starts_with("HTTP/1.1 200"), "{} silent ones", silent.len());
+        }
+        if cfg!(target_os = "linux") {
+            assert!(sockets(port(&server)) <= 16, "{} connections", sockets(port(&server)));
+        }
+        // Who watches goes on watching.
+        server.hub().send(Frame { kind: "scene", data: "\"still here\"".into() }, Keep::Last);
+        let (mut text, mut chunk) = (String::new(), [0; 512]);
+        while !text.contains("still here") {
+            let count = watching.read(&mut chunk).unwrap();
+            assert!(count > 0, "the stream has ended: {text}");
+            text += &String::from_utf8_lossy(&chunk[..count]);
+        }
+    }
+
+    #[test]
+    fn a_request_has_its_time_and_a_stream_outlives_it() {
+        let server = small(Duration::from_millis(500));
+        let mut watching = ask(&server, "/events");
+        watching.read_exact(&mut [0; 12]).unwrap();
+        let begun = Instant::now();
+        // Nothing; half a first line; headers that never end; a second request that never comes.
+        let idle = "GET /icon.svg HTTP/1.1\r\nHost: localhost\r\n\r\n";
+        for bytes in ["", "GET /", "GET / HTTP/1.1\r\nHost: localhost\r\nX: ", idle] {
+            let mut stream = begin(&server, bytes);
+            let text = rest(&mut stream);
+            assert_eq!(text.starts_with("HTTP/1.1 200"), bytes == idle, "{bytes}: {text}");
+        }
+        assert!(begun.elapsed() < Duration::from_secs(30), "{:?}", begun.elapsed());
+        // A byte now and then is no more time.
+        let mut slow = begin(&server, "GET / HTTP/1.1\r\n");
+        let begun = Instant::now();
+        while slow.write_all(b"X").is_ok() {
+            assert!(begun.elapsed() < Duration::from_secs(30), "headers may take for ever");
+            thread::sleep(Duration::from_millis(50));
+        }
+        server.hub().send(Frame { kind: "scene", data: "{}".into() }, Keep::Last);
+        watching.read_exact(&mut [0; 12]).unwrap();
+    }
+
+    #[test]
+    fn bodies_and_endless_headers_are_refused_at_once() {
+        let server = small(Duration::from_secs(60));
+        let head = "/events HTTP/1.1\r\nHost: localhost\r\n";
+        for (kind, body) in [
+            ("GET", "Content-Length: 1000000000"),
+            ("POST", "Content-Length: 5"),
+            ("POST", "Transfer-Encoding: chunked"),
+            ("PUT", "Content-Length: 5\r\nExpect: 100-continue"),
+        ] {
+            let text = rest(&mut begin(&server, &format!("{kind} {head}{body}\r\n\r\n")));
+            assert!(
+                text.starts_with("HTTP/1.1 413") && text.contains("takes no request with a body"),
+                "{text}"
+            );
+        }
+        for long in [
+            format!("GET /{} HTTP/1.1\r\n", "x".repeat(1 << 17)),
+            format!("GET {head}X: {}\r\n", "x".repeat(1 << 17)),
+        ] {
+            let mut stream = TcpStream::connect((HERE, port(&server))).unwrap();
+            stream.set_read_timeout(Some(Duration::from_secs(10))).unwrap();
+            // The server may close before all is sent.
+            let _ = stream.write_all(long.as_bytes());
+            let text = rest(&mut stream);
+            assert!(text.is_empty() || text.starts_with("HTTP/1.1 4"), "{text}");
+        }
+        let text = rest(&mut begin(&server, "GET / HTTP/1.1\r\nHost: [::1].evil.example\r\n\r\n"));
+        assert!(text.starts_with("HTTP/1.1 403") && text.contains("connection: close"), "{text}");
     }
 
     #[test]
