@@ -3,6 +3,7 @@
 use std::{fs::File, io::Read, path::Path};
 
 use roscausal_discovery::text::check_nesting;
+use serde::de::DeserializeOwned;
 
 use crate::{Error, Result};
 
@@ -35,7 +36,7 @@ pub fn read_text(path: &Path, most: u64) -> Result<String> {
     String::from_utf8(read(path, most)?).map_err(|_| Error::file(path, "the file is no text (UTF-8)"))
 }
 
-/// The text of a file of settings in TOML: at most [`SETTINGS`] bytes that nest no deeper than
+/// The text of a file of settings in TOML or JSON: at most [`SETTINGS`] bytes that nest no deeper than
 /// [`MOST_NESTING`](roscausal_discovery::text::MOST_NESTING).
 ///
 /// # Errors
@@ -44,6 +45,14 @@ pub fn read_settings(path: &Path) -> Result<String> {
     let text = read_text(path, SETTINGS)?;
     check_nesting(text.as_bytes()).map_err(|e| Error::file(path, e))?;
     Ok(text)
+}
+
+/// What a JSON file of settings holds.
+///
+/// # Errors
+/// As [`read_settings`]; a text that is not JSON, or not of this type.
+pub fn read_json<T: DeserializeOwned>(path: &Path) -> Result<T> {
+    serde_json::from_str(&read_settings(path)?).map_err(|error| Error::file(path, error))
 }
 
 #[cfg(test)]

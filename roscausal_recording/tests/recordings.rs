@@ -57,7 +57,7 @@ fn recordings() -> Vec<(PathBuf, i64)> {
 }
 
 /// One file of each format, in memory.
-fn small_files() -> Vec<(&'static str, Vec<u8>)> {
+fn boundeds() -> Vec<(&'static str, Vec<u8>)> {
     let data = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data");
     [
         "plain.bag",
@@ -209,7 +209,7 @@ fn an_unknown_topic_is_an_error_that_tells_what_there_is() {
 #[test]
 fn several_files_in_a_folder_are_one_recording() {
     let folder = tempfile::tempdir().unwrap();
-    for (file, bytes) in small_files() {
+    for (file, bytes) in boundeds() {
         if file.ends_with(".bag") {
             fs::write(folder.path().join(file), bytes).unwrap();
         }
@@ -270,7 +270,7 @@ fn quick_folder() -> tempfile::TempDir {
 #[test]
 fn a_file_cut_anywhere_gives_each_message_that_is_whole_once_and_says_what_is_lost() {
     let folder = quick_folder();
-    for (file, bytes) in small_files() {
+    for (file, bytes) in boundeds() {
         let whole = counted(read_damaged(folder.path(), &bytes).unwrap().0);
         let all: usize = whole.values().sum();
         let mut most = 0;
@@ -396,7 +396,7 @@ fn a_loss_in_a_compressed_file_names_the_users_file() {
 fn a_changed_byte_never_panics_and_costs_little() {
     let folder = tempfile::tempdir().unwrap();
     let mut random = 1u64;
-    for (file, bytes) in small_files() {
+    for (file, bytes) in boundeds() {
         let whole = read_damaged(folder.path(), &bytes).unwrap().0.len();
         let (mut opened, mut kept) = (0, 0);
         for _ in 0..300 {
@@ -414,7 +414,7 @@ fn a_changed_byte_never_panics_and_costs_little() {
 #[test]
 fn a_damaged_chunk_costs_its_own_messages_only() {
     let folder = tempfile::tempdir().unwrap();
-    for (file, mut bytes) in small_files() {
+    for (file, mut bytes) in boundeds() {
         // Without compression a bag has no checksums.
         if ["lz4.bag", "bz2.bag", "ros1_zstd.mcap"].contains(&file) {
             let whole = read_damaged(folder.path(), &bytes).unwrap().0.len();

@@ -210,8 +210,7 @@ impl SourceArgs {
 
 /// The units that a file beside a batch names; none where there is no such file.
 fn batch_units(path: &Path) -> Vec<(String, String)> {
-    let text = fs::read_to_string(path).unwrap_or_default();
-    let json: serde_json::Value = serde_json::from_str(&text).unwrap_or_default();
+    let json: serde_json::Value = bounded::read_json(path).unwrap_or_default();
     let columns = json["columns"].as_array().into_iter().flatten();
     let pair = |column: &serde_json::Value| {
         Some((column["name"].as_str()?.to_owned(), column["unit"].as_str()?.to_owned()))

@@ -15,7 +15,7 @@ use super::{
     pool::sidecar,
     table::{Note, common_step},
 };
-use crate::{Error, Result};
+use crate::{Error, Result, bounded};
 
 /// A person with fewer complete rows than this is not analysed.
 const FEWEST_ROWS: usize = 30;
@@ -70,8 +70,8 @@ impl Facts {
     /// Reads the facts of the batch at `path`.
     pub fn read(path: &Path) -> Self {
         let name = path.file_name().map_or(String::new(), |name| name.to_string_lossy().into_owned());
-        let text = std::fs::read(path.with_file_name(sidecar(&name))).unwrap_or_default();
-        let json: serde_json::Value = serde_json::from_slice(&text).unwrap_or_default();
+        let json: serde_json::Value =
+            bounded::read_json(&path.with_file_name(sidecar(&name))).unwrap_or_default();
         let items = |key: &str| json[key].as_array().cloned().unwrap_or_default();
         Self {
             complete: json["complete"].as_bool().unwrap_or(true),

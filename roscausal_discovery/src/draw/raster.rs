@@ -91,7 +91,7 @@ mod tests {
     }
 
     #[test]
-    fn a_picture_of_a_small_graph_is_a_small_file() {
+    fn a_picture_of_a_small_graph_is_a_bounded() {
         let image = rasterise(&draw::dag(&example()), 3.0).expect("renders");
         assert!(image.png.len() < image.rgb.len() / 50, "{} bytes for {}", image.png.len(), image.rgb.len());
     }
