@@ -72,12 +72,7 @@ fn every_topic_carries_what_is_true_within_its_noise() {
     assert_eq!(human_goals.lock().unwrap().last().unwrap().pose.position.x, person.goal.x);
     assert_eq!(walls.lock().unwrap()[0].obstacles.len(), 4);
     assert!(risk.lock().unwrap().iter().all(|risk| risk.data >= 1.0 && risk.data.is_finite()));
-    let spec = ParamSpec {
-        name: "/hri/human_goal",
-        default: Value::List(vec![]),
-        description: "",
-        allowed: Allowed::Any,
-    };
+    let spec = ParamSpec::new("/hri/human_goal", Value::List(vec![]), Allowed::Any, "");
     let goal = Value::List(vec![Value::Double(person.goal.x), Value::Double(person.goal.y)]);
     assert_eq!(node.param(&spec).unwrap(), Some(goal));
 }
