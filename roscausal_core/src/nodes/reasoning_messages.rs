@@ -303,25 +303,26 @@ mod tests {
             ..CausalModelInfo::default()
         };
         assert!(graph_of(&whole, &[]).is_ok());
-        let refused = |change: &dyn Fn(&mut CausalModelInfo)| {
+        let refused = |change: fn(&mut CausalModelInfo)| {
             let mut info = whole.clone();
             change(&mut info);
             graph_of(&info, &[]).expect_err("no graph").to_string()
         };
-        for (told, change) in [
-            ("too large", (&|info| info.max_lag = u32::MAX) as &dyn Fn(&mut CausalModelInfo)),
-            ("too large", &|info| info.links[0].lag = 4_000_000_000),
-            ("too many", &|info| info.candidate_features = (0..3000).map(|k| format!("x{k}")).collect()),
-            ("there twice", &|info| info.candidate_features.push("a".into())),
-            ("has no name", &|info| info.candidate_features.push(String::new())),
-            ("there twice", &|info| info.links.push(info.links[0].clone())),
-            ("lag 0", &|info| info.links.push(link("a", "a", 0, "->"))),
-            ("no step", &|info| info.dt = f64::NAN),
-            ("no step", &|info| info.dt = -0.1),
-            ("no step", &|info| info.dt = 1e300),
-            ("p-value", &|info| info.links[0].p_value = f64::NAN),
-            ("p-value", &|info| info.links[0].p_value = 2.0),
-        ] {
+        let cases: [(&str, fn(&mut CausalModelInfo)); 12] = [
+            ("too large", |info| info.max_lag = u32::MAX),
+            ("too large", |info| info.links[0].lag = 4_000_000_000),
+            ("too many", |info| info.candidate_features = (0..3000).map(|k| format!("x{k}")).collect()),
+            ("there twice", |info| info.candidate_features.push("a".into())),
+            ("has no name", |info| info.candidate_features.push(String::new())),
+            ("there twice", |info| info.links.push(info.links[0].clone())),
+            ("lag 0", |info| info.links.push(link("a", "a", 0, "->"))),
+            ("no step", |info| info.dt = f64::NAN),
+            ("no step", |info| info.dt = -0.1),
+            ("no step", |info| info.dt = 1e300),
+            ("p-value", |info| info.links[0].p_value = f64::NAN),
+            ("p-value", |info| info.links[0].p_value = 2.0),
+        ];
+        for (told, change) in cases {
             let error = refused(change);
             assert!(error.contains(told), "{told}: {error}");
         }
