@@ -4,8 +4,11 @@
 //! - `lock` is locked by the run that has the folder, and names its process; the kernel releases it when the process ends.
 //! - `list.json` names the files of the set. No other file is ever replaced or removed.
 //! - `work-*/set/` is where a run works. The next run removes what a killed one left.
-//! - `new/` is a complete set. From the moment that `work-*` gets this name the set counts, and each file moves to its place;
-//!   whoever has the lock next goes on with it if the process is killed meanwhile. The list moves last.
+//! - `new/set/` is a complete set with its list.
+//!
+//! A complete set takes its place in one of two ways. Where nothing else is in the folder, and the system can, the two folders
+//! change places in one step. Else `work-*` gets the name `new`: from that moment the set counts, and each file moves to its place.
+//! If the process is killed meanwhile, whoever has the lock next goes on with it. The list moves last.
 
 use std::{
     collections::BTreeSet,
@@ -17,7 +20,7 @@ use std::{
 
 use roscausal_core::{
     Error, Result,
-    batch::pool::{is_still, write_whole},
+    batch::pool::{is_still, without_path, write_whole},
 };
 use serde::{Deserialize, Serialize};
 use tempfile::TempDir;
@@ -67,10 +70,9 @@ impl Results {
         let lock = Lock::take(dir)?;
         complete(dir)?;
         let home = dir.join(HOME);
-        for entry in fs::read_dir(&home).map_err(|e| unwritable(dir, e))?.flatten() {
-            if entry.file_name().to_string_lossy().starts_with(WORK) && is_folder(&entry.path()) {
-                fs::remove_dir_all(entry.path()).map_err(|e| unwritable(dir, e))?;
-            }
+        remove_left(&home, WORK);
+        if let Some((parent, prefix)) = dir.canonicalize().ok().and_then(|root| beside(&root)) {
+            remove_left(&parent, &prefix);
         }
         let old = List::read(&home.join(LIST))?.unwrap_or_default().files;
         let made = || -> std::io::Result<TempDir> {
@@ -112,30 +114,91 @@ impl Results {
     /// A file of others with the name of a result, or the file system's. Until the set is complete in the folder, all stays as
     /// it was.
     pub(crate) fn finish(self) -> Result<()> {
+        self.check_and_list()?;
+        if self.exchange().map_err(|e| Error::file(&self.dir, e))? {
+            return Ok(());
+        }
         self.commit()?;
         complete(&self.dir)
     }
 
-    /// From here on the new set counts.
-    fn commit(&self) -> Result<()> {
-        let mut files = BTreeSet::new();
-        collect(&self.folder(), Path::new(""), &mut files).map_err(|e| Error::file(&self.dir, e))?;
+    /// Makes sure that the set can take its place, and writes its list.
+    fn check_and_list(&self) -> Result<()> {
+        let (mut files, set) = (BTreeSet::new(), self.folder());
+        collect(&set, Path::new(""), &mut files).map_err(|e| Error::file(&self.dir, e))?;
         self.check(&files)?;
         let gone = self.old.difference(&files).cloned().collect();
         let text = serde_json::to_vec(&List { files, gone }).map_err(|e| Error::file(&self.dir, e))?;
+        let list = set.join(HOME).join(LIST);
+        write_whole(&list, &text).map_err(|error| renamed(error, &set, &self.dir))
+    }
+
+    /// The folder of the set changes places with that of the results. `false`: that cannot be, or would not be the same, and all
+    /// is as it was.
+    #[cfg(target_os = "linux")]
+    fn exchange(&self) -> std::io::Result<bool> {
+        use std::os::unix::fs::MetadataExt;
+
+        use rustix::fs::{CWD, RenameFlags, renameat_with};
+
+        let (root, set) = (self.dir.canonicalize()?, self.folder());
+        let (old, new) = (root.metadata()?, set.metadata()?);
+        let works_in_it = std::env::current_dir().map_or(true, |folder| folder.starts_with(&root));
+        let same_owner = (old.uid(), old.gid()) == (new.uid(), new.gid());
+        if works_in_it || !same_owner || !self.is_all(&root, Path::new(""))? {
+            return Ok(false);
+        }
+        let Some((parent, prefix)) = beside(&root) else { return Ok(false) };
+        let Ok(beside) = tempfile::Builder::new().prefix(&prefix).tempdir_in(&parent) else {
+            return Ok(false);
+        };
+        fs::set_permissions(&set, old.permissions())?;
+        if fs::rename(&set, beside.path()).is_err() {
+            return Ok(false);
+        }
+        // What has the temporary name then is removed: the folder of the old set.
+        match renameat_with(CWD, beside.path(), CWD, &root, RenameFlags::EXCHANGE) {
+            Ok(()) => File::open(parent)?.sync_all().map(|()| true),
+            Err(_) => fs::rename(beside.path(), &set).map(|()| false),
+        }
+    }
+
+    #[cfg(not(target_os = "linux"))]
+    fn exchange(&self) -> std::io::Result<bool> {
+        Ok(false)
+    }
+
+    /// Whether all that is in the folder is of the set before.
+    #[cfg(target_os = "linux")]
+    fn is_all(&self, root: &Path, below: &Path) -> std::io::Result<bool> {
+        for entry in fs::read_dir(root.join(below))? {
+            let entry = entry?;
+            let path = below.join(entry.file_name());
+            let is_ours = match entry.file_type()?.is_dir() {
+                true if path == Path::new(HOME) => true,
+                true => self.old.iter().any(|file| file.starts_with(&path)) && self.is_all(root, &path)?,
+                false => self.old.contains(&path),
+            };
+            if !is_ours {
+                return Ok(false);
+            }
+        }
+        Ok(true)
+    }
+
+    /// From here on the new set counts.
+    fn commit(&self) -> Result<()> {
         let home = self.dir.join(HOME);
-        let renamed_to_new = || -> std::io::Result<()> {
+        let commit = || -> std::io::Result<()> {
             fs::rename(self.work.path(), home.join(NEW))?;
             File::open(&home)?.sync_all()
         };
-        write_whole(&self.work.path().join(LIST), &text)
-            .and_then(|()| renamed_to_new().map_err(|e| Error::file(&self.dir, e)))
-            .map_err(|error| renamed(error, self.work.path(), &self.dir))
+        commit().map_err(|e| Error::file(&self.dir, e))
     }
 
     /// Makes sure that every file can get its place.
     fn check(&self, files: &BTreeSet<PathBuf>) -> Result<()> {
-        let mut folders = BTreeSet::from([self.dir.clone()]);
+        let mut folders = BTreeSet::new();
         for file in files {
             let path = self.dir.join(file);
             let Some(place) = inside(&self.dir, file) else {
@@ -155,17 +218,12 @@ impl Results {
                 }
                 _ => {}
             }
-            folders.extend(place.parent().map(Path::to_owned));
+            folders.extend(place.parent().filter(|folder| *folder != self.dir).map(Path::to_owned));
         }
-        // A file of no content, moved as the others will be: this finds what no rights or numbers tell.
-        let probe = |folder: &Path| -> std::io::Result<()> {
-            fs::create_dir_all(folder)?;
-            let probe = tempfile::Builder::new().prefix(".probe-").tempfile_in(self.work.path())?;
-            let moved = folder.join(probe.path().file_name().unwrap_or_default());
-            probe.persist_noclobber(&moved).map_err(|error| error.error)?;
-            fs::remove_file(moved)
-        };
-        folders.iter().try_for_each(|folder| probe(folder).map_err(|e| Error::file(folder, e)))
+        let probe = |folder: &Path| fs::create_dir_all(folder).and_then(|()| tempfile::tempfile_in(folder));
+        folders
+            .iter()
+            .try_for_each(|folder| probe(folder).map(drop).map_err(|e| Error::file(folder, without_path(e))))
     }
 
     /// Refuses to replace what the run reads.
@@ -209,7 +267,22 @@ pub(crate) fn renamed(error: Error, from: &Path, to: &Path) -> Error {
 }
 
 fn unwritable(dir: &Path, error: std::io::Error) -> Error {
-    Error::file(dir, format!("no results can be written here: {error}"))
+    Error::file(dir, format!("no results can be written here: {}", without_path(error)))
+}
+
+/// Where a folder that is about to change places with this one is, and what its name begins with.
+fn beside(root: &Path) -> Option<(PathBuf, String)> {
+    let name = root.file_name()?.to_string_lossy();
+    Some((root.parent()?.to_owned(), format!(".{name}.roscausal-")))
+}
+
+/// Removes the temporary folders of runs that are gone.
+fn remove_left(folder: &Path, prefix: &str) {
+    for entry in fs::read_dir(folder).into_iter().flatten().flatten() {
+        if entry.file_name().to_string_lossy().starts_with(prefix) && is_folder(&entry.path()) {
+            let _ = fs::remove_dir_all(entry.path());
+        }
+    }
 }
 
 /// Whether there is anything in a folder in which no run has left results.
@@ -244,7 +317,7 @@ fn inside(root: &Path, file: &Path) -> Option<PathBuf> {
     (place != root).then_some(place)
 }
 
-/// The files below a folder, but those that are still being written.
+/// The files below a folder, but those that are still being written; folders without any are removed.
 fn collect(root: &Path, below: &Path, files: &mut BTreeSet<PathBuf>) -> std::io::Result<()> {
     for entry in fs::read_dir(root.join(below))? {
         let entry = entry?;
@@ -252,6 +325,7 @@ fn collect(root: &Path, below: &Path, files: &mut BTreeSet<PathBuf>) -> std::io:
         let name = entry.file_name().to_string_lossy().into_owned();
         if kind.is_dir() {
             collect(root, &path, files)?;
+            let _ = fs::remove_dir(root.join(path));
         } else if kind.is_file() && !(name.starts_with('.') && name.ends_with(".tmp")) {
             files.insert(path);
         }
@@ -271,9 +345,12 @@ fn complete(dir: &Path) -> Result<()> {
             "the results are replaced only in part, and the next run into this folder goes on with it";
         Error::file(dir, format!("{e}; {reason}"))
     };
-    if let Some(list) = List::read(&new.join(LIST))? {
+    let list = Path::new(SET).join(HOME).join(LIST);
+    let list = inside(&new, &list).filter(|list| list.exists());
+    if let Some(path) = list {
+        let list = List::read(&path)?.unwrap_or_default();
         for file in &list.files {
-            let from = Some(new.join(SET)).filter(|set| is_folder(set)).and_then(|set| inside(&set, file));
+            let from = inside(&new.join(SET), file);
             if let (Some(from), Some(to)) = (from, inside(dir, file)) {
                 fs::create_dir_all(to.parent().unwrap_or(dir)).map_err(fault)?;
                 fs::rename(from, to).or_else(ignore_missing).map_err(fault)?;
@@ -288,7 +365,7 @@ fn complete(dir: &Path) -> Result<()> {
                 }
             }
         }
-        fs::rename(new.join(LIST), home.join(LIST)).map_err(fault)?;
+        fs::rename(path, home.join(LIST)).map_err(fault)?;
     }
     fs::remove_dir_all(&new).map_err(fault)
 }
@@ -374,9 +451,11 @@ impl Lock {
 
 impl Drop for Lock {
     fn drop(&mut self) {
-        // Each folder only if nothing else is in it.
+        // Not the lock of a run that has the folder by now; each folder only if nothing else is in it.
         let home = self.dir.join(HOME);
-        let _ = fs::remove_file(home.join(LOCK));
+        if is_still(&self.file, &home.join(LOCK)) {
+            let _ = fs::remove_file(home.join(LOCK));
+        }
         let _ = fs::remove_dir(home);
         if self.is_new {
             let _ = fs::remove_dir(&self.dir);

@@ -73,7 +73,7 @@ fn a_run_that_breaks_off_at_any_step_leaves_the_old_set_or_one_that_the_next_run
         let dir = older();
         let results = begin(dir.path()).expect("begins");
         put(&results.folder(), &NEW_SET, "new");
-        results.commit().expect("is complete");
+        results.check_and_list().and_then(|()| results.commit()).expect("is complete");
         drop(results);
         let (home, new) = (dir.path().join(HOME), dir.path().join(HOME).join(NEW));
         let moves = NEW_SET.map(|name| (new.join(SET).join(name), dir.path().join(name)));
@@ -85,7 +85,7 @@ fn a_run_that_breaks_off_at_any_step_leaves_the_old_set_or_one_that_the_next_run
             fs::remove_file(dir.path().join(name)).expect("removes");
         }
         if step >= steps - 1 {
-            fs::rename(new.join(LIST), home.join(LIST)).expect("moves");
+            fs::rename(new.join(SET).join(HOME).join(LIST), home.join(LIST)).expect("moves");
         }
         if step == steps {
             fs::remove_dir_all(&new).expect("removes");
@@ -157,30 +157,70 @@ fn what_a_run_reads_is_not_replaced_by_its_results() {
 #[test]
 fn the_list_of_a_stranger_names_no_file_outside_the_folder() {
     let outside = tempfile::tempdir().expect("a folder");
-    put(outside.path(), &["thesis.txt"], "mine");
+    put(outside.path(), &["thesis.txt", ".roscausal/list.json"], r#"{"files": ["thesis.txt"]}"#);
     let thesis = outside.path().join("thesis.txt");
+    let before = files(outside.path());
+    let climbing = format!("../{}/thesis.txt", outside.path().file_name().expect("a name").display());
     let absolute = thesis.display().to_string();
-    for at in [LIST, "new/list.json"] {
+    let names = [absolute.as_str(), &climbing, "link/thesis.txt", ".roscausal/list.json", "", "."];
+    let list = serde_json::json!({ "files": names, "gone": names }).to_string();
+    for at in [LIST, "new/set/.roscausal/list.json", "new/set"] {
         let dir = older();
-        let climbing = format!("../{}/thesis.txt", outside.path().file_name().expect("a name").display());
-        let names = [absolute.as_str(), &climbing, "link/thesis.txt", ".roscausal/list.json", "", "."];
         std::os::unix::fs::symlink(outside.path(), dir.path().join("link")).expect("links");
         let home = dir.path().join(HOME);
-        put(&home, &[at], &serde_json::json!({ "files": names, "gone": names }).to_string());
-        if at != LIST {
-            std::os::unix::fs::symlink(outside.path(), home.join("new/set")).expect("links");
-            fs::write(
-                home.join(at),
-                serde_json::json!({ "files": ["thesis.txt"], "gone": names }).to_string(),
-            )
-            .expect("writes");
+        if at == "new/set" {
+            fs::create_dir(home.join(NEW)).expect("makes");
+            std::os::unix::fs::symlink(outside.path(), home.join(at)).expect("links");
+        } else {
+            put(&home, &[at], &list);
         }
         let results = begin(dir.path()).expect("begins");
-        put(&results.folder(), &["a.json"], "new");
-        let _ = results.finish();
-        assert_eq!(fs::read_to_string(&thesis).expect("is there"), "mine", "{at}");
-        assert!(!dir.path().join("thesis.txt").exists());
+        put(&results.folder(), &["x.json"], "new");
+        results.finish().expect("ends");
+        assert!(files(outside.path()) == before && thesis.exists(), "{at}");
+        assert!(!dir.path().join("thesis.txt").exists() && dir.path().join("x.json").exists(), "{at}");
     }
+}
+
+#[cfg(target_os = "linux")]
+#[test]
+fn a_folder_with_nothing_else_in_it_changes_places_in_one_step() {
+    use std::os::unix::fs::{MetadataExt, PermissionsExt};
+
+    let parent = tempfile::tempdir().expect("a folder");
+    let dir = parent.path().join("out");
+    let once = |names: &[&str], text: &str| {
+        let results = begin(&dir).expect("begins");
+        put(&results.folder(), names, text);
+        fs::create_dir_all(results.folder().join("empty/folder")).expect("makes");
+        results.finish().expect("ends");
+        fs::metadata(&dir).expect("is there")
+    };
+    let first = once(&OLD, "old");
+    fs::set_permissions(&dir, fs::Permissions::from_mode(0o750)).expect("may");
+    // What a killed run left beside it.
+    put(parent.path(), &[".out.roscausal-abc/a.json"], "half");
+    let second = once(&NEW_SET, "new");
+    assert_ne!(first.ino(), second.ino());
+    assert_eq!(second.permissions().mode() & 0o777, 0o750);
+    assert_eq!(files(&dir), expected(&[(&NEW_SET, "new")]));
+    assert_eq!(fs::read_dir(parent.path()).expect("lists").count(), 1, "nothing is left beside it");
+    // With anything of others it stays the same folder.
+    for name in ["mine.txt", "mine/empty", "sub/mine.txt", ".hidden.tmp"] {
+        let path = dir.join(name);
+        match name {
+            "mine/empty" => fs::create_dir_all(&path).expect("makes"),
+            _ => put(&dir, &[name], "mine"),
+        }
+        assert_eq!(once(&OLD, "old").ino(), second.ino(), "{name}");
+        assert!(path.exists(), "{name}");
+        assert_eq!(once(&NEW_SET, "new").ino(), second.ino(), "{name}");
+        match path.is_dir() {
+            true => fs::remove_dir_all(dir.join("mine")).expect("removes"),
+            false => fs::remove_file(path).expect("removes"),
+        }
+    }
+    assert_ne!(once(&OLD, "old").ino(), second.ino());
 }
 
 #[test]

@@ -422,8 +422,14 @@ pub fn write_whole(path: &Path, bytes: &[u8]) -> Result<()> {
         file.as_file().sync_all()?;
         file.persist(path).map(drop).map_err(|error| error.error)
     };
-    write().map_err(|e| Error::file(path, e))?;
+    write().map_err(|e| Error::file(path, without_path(e)))?;
     sync_dir(dir)
+}
+
+/// An error of the crate tempfile without the temporary path, which says nothing to the user.
+pub fn without_path(error: std::io::Error) -> std::io::Error {
+    let inner = error.get_ref().and_then(|inner| inner.source()?.downcast_ref::<std::io::Error>());
+    inner.and_then(std::io::Error::raw_os_error).map_or(error, std::io::Error::from_raw_os_error)
 }
 
 /// The temporary name is fixed, because recovery looks for it. A file or link that lies there is removed first.
