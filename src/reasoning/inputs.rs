@@ -1,7 +1,6 @@
 //! What a question is asked of: a model, data, and a moment in them.
 
 use std::{
-    fs,
     path::{Path, PathBuf},
 };
 
