@@ -1,11 +1,16 @@
 //! The command line: subcommands and logging.
 
-use std::path::{Path, PathBuf};
+use std::{
+    ffi::OsString,
+    path::{Path, PathBuf},
+};
 
 use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
 use clap_complete::Shell;
-use roscausal_core::{Error, Result};
+use roscausal_core::{Error, Result, visible};
+use tracing_subscriber::field::MakeExt as _;
 use tracing_subscriber::filter::{LevelFilter, Targets};
+use tracing_subscriber::fmt::format::debug_fn;
 use tracing_subscriber::{Layer as _, fmt, layer::SubscriberExt as _, util::SubscriberInitExt as _};
 
 use crate::{
@@ -124,11 +129,26 @@ pub(crate) fn long_flags() -> Vec<String> {
     longs
 }
 
+/// The longest word of the command line that a complaint quotes, in characters: a path may be long.
+const LONGEST_WORD: usize = 400;
+
+/// Complains about a command line that cannot be understood, and ends the process.
+fn refuse(line: &[OsString], error: &clap::Error, colour: terminal::Colour) -> ! {
+    // What clap quotes are words of the line: with these spelled out, it quotes nothing that a terminal obeys.
+    let shown =
+        |word: &OsString| visible::line(&visible::cut(&word.to_string_lossy(), LONGEST_WORD)).into_owned();
+    match Cli::command().color(colour.for_clap()).try_get_matches_from(line.iter().map(shown)) {
+        Err(shown) => terminal::print_complaint(&shown.render()),
+        Ok(_) => terminal::print_error(format_args!("{error}")),
+    }
+    std::process::exit(error.exit_code())
+}
+
 /// Prints the script of a shell.
 pub(crate) fn print_completions(shell: Shell) {
     let mut script = Vec::new();
     clap_complete::generate(shell, &mut Cli::command(), "roscausal", &mut script);
-    terminal::print(format_args!("{}", String::from_utf8_lossy(&script)));
+    terminal::print_text(&String::from_utf8_lossy(&script));
 }
 
 /// Writes the manual pages, one for each subcommand.
@@ -162,12 +182,12 @@ impl Cli {
     ///
     /// # Errors
     /// A file of settings that cannot be used.
-    pub(crate) fn with_presets(line: Vec<std::ffi::OsString>) -> Result<Option<Self>> {
+    pub(crate) fn with_presets(line: Vec<OsString>) -> Result<Option<Self>> {
         let colour = terminal::Colour::in_line(&line);
         colour.choose();
         let matches = match Self::command().color(colour.for_clap()).try_get_matches_from(&line) {
             Ok(matches) => matches,
-            Err(error) if error.use_stderr() => error.exit(),
+            Err(error) if error.use_stderr() => refuse(&line, &error, colour),
             Err(asked_for) => {
                 // clap itself would not say that the text could not be written.
                 terminal::print_styled(&asked_for.render());
@@ -179,7 +199,8 @@ impl Cli {
         }
         let (whole, told) = presets::apply(&line, &matches)?;
         told.iter().for_each(|told| crate::terminal::tell!("{told}"));
-        let mut matches = Self::command().color(colour.for_clap()).get_matches_from(whole);
+        let understood = Self::command().color(colour.for_clap()).try_get_matches_from(&whole);
+        let mut matches = understood.unwrap_or_else(|error| refuse(&whole, &error, colour));
         let cli =
             Self::from_arg_matches_mut(&mut matches).map_err(|error| Error::param("arguments", error))?;
         cli.color.choose();
@@ -192,11 +213,19 @@ impl Cli {
         let default = if self.quiet { LevelFilter::ERROR } else { LEVELS[usize::from(self.verbose).min(2)] };
         // As the nodes read it: without spans and fields, which would bring a library of regular expressions.
         let chosen = std::env::var("RUST_LOG").ok().and_then(|text| text.parse::<Targets>().ok());
+        let fields = debug_fn(|out, field, value| {
+            let value = visible::message(&format!("{value:?}"));
+            match field.name() {
+                "message" => write!(out, "{value}"),
+                name => write!(out, "{name}={value}"),
+            }
+        });
         let log = fmt::layer()
             .with_writer(std::io::stderr)
             .with_target(false)
             .with_ansi(terminal::is_coloured())
             .compact()
+            .fmt_fields(fields.delimited(" "))
             .with_filter(chosen.unwrap_or_else(|| Targets::new().with_default(default)));
         // A program that calls the command twice has its log already.
         let _ = tracing_subscriber::registry().with(log).try_init();

@@ -385,23 +385,22 @@ fn write_report(args: &Args, folders: &Folders, model: &Model) -> Result<()> {
 
 fn show(args: &Args, folders: &Folders, model: &Model) -> Result<()> {
     let written = write(folders, model).and_then(|()| write_report(args, folders, model));
-    crate::terminal::say!("{}\n", report::text(model));
-    crate::terminal::say!("{}\n", expected::comparison(model));
+    crate::terminal::print_text(&format!("{}\n\n", report::text(model)));
+    crate::terminal::print_text(&format!("{}\n\n", expected::comparison(model)));
     let folders = written.and_then(|()| folders.keep()).map_err(|error| folders.named(error))?;
     crate::terminal::say!(
         "{}: batches, model.json, evidence.json, model.dot, model.graphml, links.csv, dag.svg, dag.png, dag.pdf, \
-         tsdag.svg, tsdag.png, tsdag.pdf, run.svg\n",
+         tsdag.svg, tsdag.png, tsdag.pdf, run.svg",
         args.out.display()
     );
+    crate::terminal::say!("");
     let asked =
         reasoning::closing(model, &args.out.join("model.json"), &folders.analysed_batches()?, args.threads);
     // A model that answers nothing is a result, too.
+    let asked = asked.unwrap_or_else(|error| format!("The model answers no question here: {error}."));
+    crate::terminal::print_text(&format!("{asked}\n\n"));
     crate::terminal::say!(
-        "{}",
-        asked.unwrap_or_else(|error| format!("The model answers no question here: {error}."))
-    );
-    crate::terminal::say!(
-        "\nOpen {} in a browser: the graph, and the evidence of each link.",
+        "Open {} in a browser: the graph, and the evidence of each link.",
         args.out.join(html_report::REPORT).display()
     );
     Ok(())

@@ -153,12 +153,15 @@ impl Format {
                 crate::terminal::print_report(&report::text_with(model, advice));
                 return Ok(());
             }
-            Self::Json => model.to_json(),
+            Self::Json => {
+                crate::terminal::print_json(&model.to_json());
+                return Ok(());
+            }
             Self::Dot => export::dot(model),
             Self::Graphml => export::graphml(model),
             Self::Csv => String::from_utf8_lossy(&export::links_csv(model)?).into_owned(),
         };
-        crate::terminal::print(format_args!("{text}"));
+        crate::terminal::print_text(&text);
         Ok(())
     }
 }

@@ -4,7 +4,7 @@
 use std::fmt::Write;
 
 use roscausal_core::{Error, Result};
-use roscausal_discovery::{Link, Model, draw::escaped, names::plain};
+use roscausal_discovery::{Link, Model, draw::escaped, names::plain, visible};
 
 use crate::report;
 
@@ -88,11 +88,20 @@ pub fn graphml(model: &Model) -> String {
     out
 }
 
+/// A text as a cell of a table that a spreadsheet may open: what it would take for a formula begins with an apostrophe. Numbers and
+/// marks of links (`-->`) stay.
+pub(crate) fn cell(text: &str) -> String {
+    let formula = text.starts_with(['=', '+', '-', '@', '\u{ff1d}', '\u{ff0b}', '\u{ff0d}', '\u{ff20}'])
+        && text.contains(char::is_alphanumeric)
+        && text.parse::<f64>().is_err();
+    format!("{}{}", if formula { "'" } else { "" }, visible::line(text))
+}
+
 /// A row of the table of links.
 #[derive(serde::Serialize)]
 struct Row<'a> {
-    cause: &'a str,
-    effect: &'a str,
+    cause: String,
+    effect: String,
     lag: usize,
     value: f64,
     p_value: f64,
@@ -114,8 +123,8 @@ pub fn links_csv(model: &Model) -> Result<Vec<u8>> {
         let Link { cause, effect, lag, value, p_value, mark, n_lost, .. } = link;
         let p = if link.required { "required".to_owned() } else { report::p_cell(model, *p_value) };
         let row = Row {
-            cause,
-            effect,
+            cause: cell(cause),
+            effect: cell(effect),
             lag: *lag,
             value: *value,
             p_value: *p_value,

@@ -16,7 +16,7 @@ pub(crate) fn exit_code(done: Result<(), Error>, interrupt: &Interrupt) -> u8 {
             None => 0,
             Some(fault) => {
                 let why = "the results cannot be written to the standard output";
-                terminal::print_error(format_args!("error: {why}: {fault}\n"));
+                terminal::print_error(format_args!("error: {why}: {fault}"));
                 1
             }
         };
@@ -41,7 +41,7 @@ pub(crate) fn exit_code(done: Result<(), Error>, interrupt: &Interrupt) -> u8 {
 }
 
 fn tell(error: &Error) {
-    terminal::print_error(format_args!("error: {}\n", flags::in_the_commands_words(error)));
+    terminal::print_error(format_args!("error: {}", flags::in_the_commands_words(error)));
 }
 
 /// The exit code of an answer, which is printed already.

@@ -1,7 +1,7 @@
 //! The command's flags and the nodes' parameters that mean the same: the table in docs/parameters.md, the settings that a
 //! recording carries, and messages in the words of the command.
 
-use roscausal_core::Error;
+use roscausal_core::{Error, visible};
 
 /// A flag, and the parameter of a node that means the same.
 pub(crate) struct Twin {
@@ -124,12 +124,13 @@ pub(crate) fn of_parameter(node: &str, param: &str, value: &str) -> Option<(&'st
 
 /// An error in the words of the command: `--tau-max` for what a node calls `max_lag` and the library `tau_max`.
 pub(crate) fn in_the_commands_words(error: &Error) -> String {
+    // Cut first: each word is looked up.
     match error {
         Error::Param { name, reason } => match flag_of(name) {
-            Some(flag) => format!("{flag}: {}", translated(reason)),
-            None => format!("parameter '{name}': {}", translated(reason)),
+            Some(flag) => format!("{flag}: {}", translated(&visible::message(reason))),
+            None => format!("parameter '{name}': {}", translated(&visible::message(reason))),
         },
-        other => translated(&other.to_string()),
+        other => translated(&visible::message(&other.to_string())),
     }
 }
 

@@ -46,6 +46,7 @@ pub use report::text;
 /// Runs the command with these arguments, the first of which is its name, and returns its exit code: 0 finished,
 /// 1 failure, 2 wrong usage, 3 a question that the data do not carry, 130 ended by Ctrl-C. Wrong usage ends the process.
 pub fn command<I: IntoIterator<Item = OsString>>(args: I) -> u8 {
+    roscausal_core::spell_out_panics();
     let interrupt = interrupt::Interrupt::on_ctrl_c();
     let cli = match cli::Cli::with_presets(args.into_iter().collect()) {
         Ok(Some(cli)) => cli,
@@ -59,7 +60,7 @@ pub fn command<I: IntoIterator<Item = OsString>>(args: I) -> u8 {
         cli::Command::Discover(args) => discover::run(args, &interrupt),
         cli::Command::Roll(args) => roll::run(args, &interrupt),
         cli::Command::Methods => {
-            terminal::print(format_args!("{}", Method::table()));
+            terminal::print_text(&Method::table());
             Ok(())
         }
         cli::Command::Completions { shell } => {

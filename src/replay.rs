@@ -283,7 +283,8 @@ fn show(args: &Args, folders: &Folders, troubles: &str) -> Result<()> {
     let folders = folders.keep().map_err(|error| folders.named(error))?;
     for name in models.iter().filter_map(|path| path.file_name()) {
         let path = folders.models.join(name);
-        crate::terminal::say!("{}\n{}\n", path.display(), report::text(&read_model(&path)?));
+        crate::terminal::say!("{}", path.display());
+        crate::terminal::print_text(&format!("{}\n\n", report::text(&read_model(&path)?)));
     }
     for line in summary {
         crate::terminal::say!("{line}");

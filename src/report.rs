@@ -1,6 +1,8 @@
 //! A model in words and as a table.
 
-use roscausal_discovery::{Advice, Link, Model, confidence::share_that_was_real, names::plain, word_of};
+use roscausal_discovery::{
+    Advice, Link, Model, confidence::share_that_was_real, names::plain, visible, word_of,
+};
 
 /// The model for people: one sentence per link, then a table of all tested pairs.
 pub fn text(model: &Model) -> String {
@@ -27,8 +29,10 @@ pub(crate) fn text_with(model: &Model, advice: bool) -> String {
         lines.push(format!("This result is {}.", model.status));
     }
     lines.extend(about_data(model));
-    lines.extend(model.warnings.iter().map(|warning| format!("note: {warning}")));
-    lines.join("\n")
+    lines.extend(model.warnings.iter().map(|warning| format!("note: {}", visible::message(warning))));
+    // Each is one line: an end of line in it is somebody else's.
+    let shown: Vec<_> = lines.iter().map(|line| visible::line(line)).collect();
+    shown.join("\n")
 }
 
 /// The paragraph "About the data", if they were looked at.

@@ -18,6 +18,7 @@ use serde_json::{Value, json};
 
 use crate::{
     discover::{self, MeansArgs, MethodArgs, PartArgs, ReadArgs, Readable, ResampleArgs},
+    export,
     interrupt::Interrupt,
     output,
     recording::InputArgs,
@@ -227,9 +228,9 @@ impl Rolling {
             ),
             Format::Jsonl => {
                 let head = json!({ "schema": ROLLING_SCHEMA, "dt": self.dt, "events": self.events.len() });
-                crate::terminal::say!("{head}");
+                crate::terminal::print_json(&head.to_string());
                 for event in &self.events {
-                    crate::terminal::say!("{}", json!({ "event": event }));
+                    crate::terminal::print_json(&json!({ "event": event }).to_string());
                 }
             }
             Format::Text => {
@@ -244,7 +245,9 @@ impl Rolling {
     fn take(&mut self, mut window: WindowModel) {
         set_step(&mut window.model, self.dt);
         match self.format {
-            Format::Jsonl => crate::terminal::say!("{}", json!({ "window": self.object(&window) })),
+            Format::Jsonl => {
+                crate::terminal::print_json(&json!({ "window": self.object(&window) }).to_string())
+            }
             Format::Csv => window.model.links.iter().for_each(|link| {
                 let number = |value: Option<f64>| value.map_or(String::new(), |value| value.to_string());
                 crate::terminal::say!(
@@ -287,7 +290,7 @@ impl Rolling {
             crate::terminal::tell!("{}", self.status);
         }
         if self.format == Format::Jsonl {
-            crate::terminal::say!("{}", json!({ "status": self.status.to_string() }));
+            crate::terminal::print_json(&json!({ "status": self.status.to_string() }).to_string());
         }
         if self.format != Format::Text || self.windows.is_empty() {
             return;
@@ -336,11 +339,8 @@ impl Rolling {
 }
 
 fn quoted(name: &str) -> String {
-    if name.contains([',', '"', '\n']) {
-        format!("\"{}\"", name.replace('"', "\"\""))
-    } else {
-        name.to_owned()
-    }
+    let name = export::cell(name);
+    if name.contains([',', '"']) { format!("\"{}\"", name.replace('"', "\"\"")) } else { name }
 }
 
 /// `h_v -> h_dg at lag 1: found in 3 of 4 windows, mean strength 0.45`, a line per link.

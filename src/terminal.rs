@@ -1,6 +1,8 @@
 //! What the command prints. A reader that has gone (`| head -1`) ends nothing: the work goes on in silence, and its files are
 //! complete. Any other fault, such as a full disk, is one sentence at the end, and exit code 1.
 //!
+//! Names and texts come from strangers' files. So everything is spelled out here ([`visible`]), and colours are put on afterwards.
+//!
 //! `println!` and `eprintln!` panic instead.
 
 use std::{
@@ -11,6 +13,8 @@ use std::{
         atomic::{AtomicBool, AtomicU8, Ordering},
     },
 };
+
+use roscausal_core::visible;
 
 /// The first fault of the standard output.
 static FAULT: OnceLock<String> = OnceLock::new();
@@ -77,25 +81,31 @@ pub(crate) fn is_coloured() -> bool {
 /// A text for people on the standard output: its first line is bold, notes are yellow, where colours are shown.
 pub(crate) fn print_report(text: &str) {
     if !Colour::shows(&io::stdout()) {
-        return print(format_args!("{text}\n"));
+        return print_text(&format!("{text}\n"));
     }
     let mut painted = String::new();
-    for (number, line) in text.lines().enumerate() {
+    for (number, line) in visible::lines(text).lines().enumerate() {
         match number {
             0 => painted += &format!("{BOLD}{line}{PLAIN}\n"),
             _ if line.starts_with("note: ") => painted += &format!("{YELLOW}note:{PLAIN}{}\n", &line[5..]),
             _ => painted += &format!("{line}\n"),
         }
     }
-    print(format_args!("{painted}"));
+    print(&painted);
 }
 
 /// A text of the command line itself, such as its help, on the standard output.
 pub(crate) fn print_styled(text: &clap::builder::StyledStr) {
     match Colour::shows(&io::stdout()) {
-        true => print(format_args!("{}", text.ansi())),
-        false => print(format_args!("{text}")),
+        true => print(&text.ansi().to_string()),
+        false => print(&text.to_string()),
     }
+}
+
+/// A complaint of the command line itself on the standard error. Nothing in it may be from outside, as it has colours.
+pub(crate) fn print_complaint(text: &clap::builder::StyledStr) {
+    let text = if is_coloured() { text.ansi().to_string() } else { text.to_string() };
+    let _ = io::stderr().lock().write_all(text.as_bytes());
 }
 
 const BOLD: &str = "\u{1b}[1m";
@@ -103,10 +113,25 @@ const YELLOW: &str = "\u{1b}[33m";
 const RED: &str = "\u{1b}[1;31m";
 const PLAIN: &str = "\u{1b}[0m";
 
+/// A line on the standard output: ends of lines in it are somebody else's.
+pub(crate) fn print_line(text: fmt::Arguments<'_>) {
+    print(&format!("{}\n", visible::line(&text.to_string())));
+}
+
+/// A text of several lines on the standard output. What is in it from outside must be lines of this program already.
+pub(crate) fn print_text(text: &str) {
+    print(&visible::lines(text));
+}
+
+/// JSON on the standard output.
+pub(crate) fn print_json(text: &str) {
+    print(&format!("{}\n", visible::json(text.trim_end())));
+}
+
 /// Prints to the standard output, at once.
-pub(crate) fn print(text: fmt::Arguments<'_>) {
+fn print(text: &str) {
     let mut out = io::stdout().lock();
-    let done = out.write_fmt(text).and_then(|()| out.flush());
+    let done = out.write_all(text.as_bytes()).and_then(|()| out.flush());
     if let Err(error) = done.or_else(ignore_gone) {
         let _ = FAULT.set(error.to_string());
     }
@@ -122,19 +147,19 @@ pub(crate) fn is_quiet() -> bool {
     QUIET.load(Ordering::Relaxed)
 }
 
-/// Prints to the standard error, unless it is to be quiet.
+/// A line on the standard error, unless it is to be quiet.
 pub(crate) fn print_note(text: fmt::Arguments<'_>) {
     if !is_quiet() {
         print_error(text);
     }
 }
 
-/// Prints to the standard error. If nobody can be told, nobody is.
+/// A line on the standard error. If nobody can be told, nobody is.
 pub(crate) fn print_error(text: fmt::Arguments<'_>) {
-    let text = text.to_string();
+    let text = visible::message(&text.to_string());
     let painted = match text.strip_prefix("error:") {
-        Some(rest) if is_coloured() => format!("{RED}error:{PLAIN}{rest}"),
-        _ => text,
+        Some(rest) if is_coloured() => format!("{RED}error:{PLAIN}{rest}\n"),
+        _ => text + "\n",
     };
     let _ = io::stderr().lock().write_all(painted.as_bytes());
 }
@@ -150,12 +175,12 @@ fn ignore_gone(error: io::Error) -> io::Result<()> {
 
 /// A line on the standard output, as `println!`.
 macro_rules! say {
-    ($($text:tt)*) => { crate::terminal::print(format_args!("{}\n", format_args!($($text)*))) };
+    ($($text:tt)*) => { crate::terminal::print_line(format_args!($($text)*)) };
 }
 
 /// A line on the standard error, as `eprintln!`, unless it is to be quiet.
 macro_rules! tell {
-    ($($text:tt)*) => { crate::terminal::print_note(format_args!("{}\n", format_args!($($text)*))) };
+    ($($text:tt)*) => { crate::terminal::print_note(format_args!($($text)*)) };
 }
 
 pub(crate) use {say, tell};

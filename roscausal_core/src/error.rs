@@ -1,6 +1,8 @@
 //! Errors that name the place and the way out.
 
-use std::path::PathBuf;
+use std::{io::Write, path::PathBuf};
+
+use roscausal_discovery::visible;
 
 /// What went wrong, where, and what to do about it: each message is one sentence for the user.
 #[derive(Debug, thiserror::Error)]
@@ -71,5 +73,14 @@ impl Error {
     /// An [`Error::Param`] from any displayable reason.
     pub fn param(name: impl Into<String>, reason: impl std::fmt::Display) -> Self {
         Self::Param { name: name.into(), reason: reason.to_string() }
+    }
+}
+
+/// From now on, the message of a panic obeys the rules of [`visible`]; a backtrace, where one is wanted, is Rust's own.
+pub fn spell_out_panics() {
+    if std::env::var_os("RUST_BACKTRACE").is_none() {
+        std::panic::set_hook(Box::new(|panic| {
+            let _ = writeln!(std::io::stderr(), "{}", visible::lines(&panic.to_string()));
+        }));
     }
 }

@@ -18,6 +18,6 @@ pub mod signal;
 pub mod state;
 pub mod threads;
 
-pub use error::{Error, Result};
-pub use roscausal_discovery::mix;
+pub use error::{Error, Result, spell_out_panics};
+pub use roscausal_discovery::{mix, visible};
 pub use roscausal_msgs::{Message, Time};

@@ -1,6 +1,7 @@
 //! The engine's errors as Python's exceptions. The sentences are the engine's, with Python's names of the settings.
 
 use pyo3::{PyErr, create_exception, exceptions::PyValueError};
+use roscausal_core::visible;
 
 create_exception!(
     roscausal,
@@ -49,7 +50,7 @@ const DASHED: [(&str, &str); 18] = [
 
 /// A sentence with Python's names.
 pub(crate) fn in_pythons_words(sentence: &str) -> String {
-    let flags = sentence.replace("--", "");
+    let flags = visible::message(sentence).replace("--", "");
     DASHED.iter().fold(flags, |text, (theirs, ours)| text.replace(theirs, ours))
 }
 
@@ -65,7 +66,7 @@ pub(crate) fn raised_by_program(error: roscausal_core::Error) -> PyErr {
         Error::Param { name, reason } => {
             SettingError::new_err(in_pythons_words(&format!("setting '{name}': {reason}")))
         }
-        Error::Cancelled(reason) => Cancelled::new_err(format!("cancelled: {reason}")),
+        Error::Cancelled(reason) => Cancelled::new_err(visible::message(&format!("cancelled: {reason}"))),
         other => DataError::new_err(in_pythons_words(&other.to_string())),
     }
 }

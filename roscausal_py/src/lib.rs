@@ -36,7 +36,7 @@ mod _native {
         discover::{discover, words},
         errors::{Cancelled, DataError, SettingError},
         frame::Frame,
-        looks::{export, pdf, picture, series},
+        looks::{export, pdf, picture, series, visible},
         program::{command, demo, messages, read, version},
         reasoning::Structural,
         rolling::roll,

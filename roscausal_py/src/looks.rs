@@ -1,5 +1,7 @@
 //! A model as text, graph file or picture.
 
+use std::borrow::Cow;
+
 use numpy::PyReadonlyArray2;
 use pyo3::{prelude::*, types::PyBytes};
 use roscausal_discovery::{Error, Model, draw};
@@ -49,4 +51,10 @@ pub(crate) fn picture<'py>(py: Python<'py>, svg: &str, scale: f32) -> PyResult<B
 pub(crate) fn pdf<'py>(py: Python<'py>, svg: &str) -> PyResult<Bound<'py, PyBytes>> {
     let file = py.detach(|| draw::pdf(svg)).map_err(raised)?;
     Ok(PyBytes::new(py, &file))
+}
+
+/// A line of text with what a terminal would obey, or no reader would see, spelled out: `<U+001B>`.
+#[pyfunction]
+pub(crate) fn visible(text: &str) -> Cow<'_, str> {
+    roscausal_discovery::visible::line(text)
 }

@@ -10,6 +10,7 @@ use std::{
 
 pub use tracing_subscriber::filter::{LevelFilter, Targets};
 
+use roscausal_core::visible;
 use tracing::{
     Event, Level, Subscriber,
     field::{Field, Visit},
@@ -75,11 +76,13 @@ impl<S: Subscriber> Layer<S> for Console {
     fn on_event(&self, event: &Event<'_>, _: Context<'_, S>) {
         let mut text = Text::default();
         event.record(&mut text);
+        // Whoever reads it, here or on /rosout, sits at a terminal.
+        let text = visible::message(&text.0);
         let metadata = event.metadata();
         let level = *metadata.level();
         let since_epoch = SystemTime::now().duration_since(SystemTime::UNIX_EPOCH).unwrap_or_default();
         let stamp = format!("{}.{:09}", since_epoch.as_secs(), since_epoch.subsec_nanos());
-        let line = format!("[{level}] [{stamp}] [{}]: {}\n", lock(&self.logger), text.0);
+        let line = format!("[{level}] [{stamp}] [{}]: {}\n", lock(&self.logger), text);
         // A closed stderr is no reason to stop.
         let _ = std::io::stderr().write_all(line.as_bytes());
         if BUSY.replace(true) {
@@ -89,7 +92,7 @@ impl<S: Subscriber> Layer<S> for Console {
         if let Some(rosout) = rosout {
             rosout(Record {
                 level,
-                text: text.0,
+                text,
                 file: metadata.file().unwrap_or_default().to_owned(),
                 function: metadata.target().to_owned(),
                 line: metadata.line().unwrap_or_default(),

@@ -12,7 +12,7 @@ use std::{
     time::{Duration, Instant},
 };
 
-use roscausal_core::{Error, Result, middleware::Middleware, nodes};
+use roscausal_core::{Error, Result, middleware::Middleware, nodes, visible};
 use signal_hook::{
     consts::{SIGINT, SIGTERM},
     iterator::Signals,
@@ -74,6 +74,7 @@ pub type Node<B> = (&'static str, fn(&B) -> Result<()>);
 
 /// Runs the program, which can be each of [`nodes::NODES`] and of `more`.
 pub fn main<B: Backend>(more: &[Node<B>]) -> ExitCode {
+    roscausal_core::spell_out_panics();
     let nodes = Nodes { more };
     let mut args = std::env::args().peekable();
     let program = args.next().unwrap_or_default();
@@ -94,7 +95,7 @@ pub fn main<B: Backend>(more: &[Node<B>]) -> ExitCode {
     match start {
         Ok(start) => ExitCode::from(live(&node, start, |mw| nodes.run(&node, mw))),
         Err(reason) => {
-            eprintln!("{}: {reason}", B::PROGRAM);
+            eprintln!("{}: {}", B::PROGRAM, visible::lines(&reason));
             ExitCode::from(EXIT_USAGE)
         }
     }

@@ -99,7 +99,8 @@ pub(super) fn run(args: &Args, interrupt: &Interrupt) -> Result<()> {
     let told =
         in_order(&seeds, workers(args.threads)?, "runs", |seed| args.one(&scenario, *seed, interrupt))?;
     results.write(|dir| output::write_file(dir, "changes.csv", args.csv(&told).as_bytes()).map(drop))?;
-    crate::terminal::say!("{}\n{}: changes.csv", args.text(&told), args.out.display());
+    crate::terminal::print_text(&format!("{}\n", args.text(&told)));
+    crate::terminal::say!("{}: changes.csv", args.out.display());
     Ok(())
 }
 

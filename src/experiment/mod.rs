@@ -145,11 +145,8 @@ pub(crate) fn run(args: &Args, interrupt: &Interrupt) -> Result<()> {
     results.write(|dir| {
         files.iter().try_for_each(|(name, text)| output::write_file(dir, name, text.as_bytes()).map(drop))
     })?;
-    crate::terminal::say!(
-        "{}\n\n{}: recall.csv, scores.csv, runs.csv, length.svg, step.svg",
-        report::text(&runs),
-        out.display()
-    );
+    crate::terminal::print_text(&format!("{}\n\n", report::text(&runs)));
+    crate::terminal::say!("{}: recall.csv, scores.csv, runs.csv, length.svg, step.svg", out.display());
     Ok(())
 }
 

@@ -2,7 +2,7 @@
 
 use std::fmt::Write;
 
-use roscausal_discovery::{Model, names::plain};
+use roscausal_discovery::{Model, names::plain, visible};
 
 use crate::report;
 
@@ -72,10 +72,11 @@ fn text(name: &str) -> String {
         '>' => "\\textgreater{}".to_owned(),
         '|' => "\\textbar{}".to_owned(),
         '"' => "''".to_owned(),
-        c if c.is_control() => " ".to_owned(),
+        // After the end of a row these would belong to it.
+        '[' | '*' => format!("{{{c}}}"),
         c => c.to_string(),
     };
-    name.chars().map(letter).collect()
+    visible::line(name).chars().map(letter).collect()
 }
 
 #[cfg(test)]
@@ -86,6 +87,7 @@ mod tests {
     fn a_name_cannot_be_a_command() {
         assert_eq!(text("h_v"), "h\\_v");
         assert_eq!(text("\\input{x}"), "\\textbackslash{}input\\{x\\}");
-        assert_eq!(text("a%b\nc"), "a\\%b c");
+        assert_eq!(text("a%b\nc"), "a\\%b\\textless{}U+000A\\textgreater{}c");
+        assert_eq!(text("[3cm]*"), "{[}3cm]{*}");
     }
 }

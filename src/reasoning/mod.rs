@@ -209,9 +209,9 @@ fn show(
     match source.format {
         Format::Json => {
             let json = serde_json::to_string_pretty(answer).map_err(|e| Error::Data(e.to_string()))?;
-            crate::terminal::say!("{json}");
+            crate::terminal::print_json(&json);
         }
-        Format::Text if answered => crate::terminal::say!("{}", text()),
+        Format::Text if answered => crate::terminal::print_text(&(text() + "\n")),
         Format::Text => {}
     }
     if !message.is_empty() && (source.format == Format::Text || !answered) {

@@ -1,5 +1,6 @@
 //! Answers for people: sentences, then a table, then what they rest on.
 
+use roscausal_core::visible;
 use roscausal_reasoning::answer::{EffectAnswer, ExplainAnswer, Outlook, WhatIfAnswer};
 
 /// The outlooks of all actions.
@@ -69,5 +70,6 @@ fn finished(mut lines: Vec<String>, caveats: &[String]) -> String {
         lines.push(String::new());
     }
     lines.extend(caveats.iter().map(|caveat| format!("note: {caveat}")));
-    lines.join("\n")
+    let shown: Vec<_> = lines.iter().map(|line| visible::line(line)).collect();
+    shown.join("\n")
 }

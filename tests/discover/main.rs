@@ -6,6 +6,7 @@
 mod common;
 mod data;
 mod results;
+mod strangers;
 mod terminal;
 
 use std::fs;

@@ -5,7 +5,7 @@ use std::fmt::Write;
 use super::layout::cubic;
 pub(super) use super::point::Point;
 use crate::{
-    ground::names::plain,
+    ground::{names::plain, visible},
     model::{Link, Model},
 };
 
@@ -287,10 +287,9 @@ fn legend(svg: &mut Svg, at: Point, smallest_p: f64, signed: bool) {
     svg.text(Point::new(at.x, y + 4.0), 12.0, "start", INK, width_words(signed));
 }
 
-/// A text for XML: what has a meaning there is spelled out, control characters, which have no place there, are blanks.
+/// A text for XML: what has a meaning there is spelled out, and so is what no reader could see, of which much has no place there.
 pub fn escaped(text: &str) -> String {
-    let legal: String = text.chars().map(|c| if c.is_control() { ' ' } else { c }).collect();
-    legal.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;").replace('"', "&quot;")
+    visible::line(text).replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;").replace('"', "&quot;")
 }
 
 /// A variable's name for display: `h_{\theta}` becomes `h_θ`.

@@ -15,6 +15,7 @@ mod node;
 mod samples;
 pub mod text;
 mod vectors;
+pub mod visible;
 
 pub(crate) use complete_rows::CompleteRows;
 pub(crate) use components::Components;

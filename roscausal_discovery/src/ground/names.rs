@@ -1,12 +1,16 @@
 //! Names of variables: their plain spelling, and the one that a user meant.
 
-/// The plain spelling of a variable's name: `r_{\theta}` becomes `r_theta`, `h_{d_g}` becomes `h_d_g`.
+use super::visible;
+
+/// The plain spelling of a variable's name: `r_{\theta}` becomes `r_theta`, `h_{d_g}` becomes `h_d_g`. What a reader could not see
+/// is spelled out, as [`visible::line`] does it.
 ///
 /// ```
 /// assert_eq!(roscausal_discovery::names::plain("r_{\\theta}"), "r_theta");
 /// ```
 pub fn plain(name: &str) -> String {
-    name.chars().filter(|c| !matches!(c, '{' | '}' | '\\')).collect()
+    let shown: String = name.chars().filter(|c| !matches!(c, '{' | '}' | '\\')).collect();
+    visible::line(&shown).into_owned()
 }
 
 /// The variable that a user means by `wanted`: the exact name, or the one with the same plain spelling.

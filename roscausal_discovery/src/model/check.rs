@@ -53,7 +53,12 @@ impl Model {
             let reason = format!("{} bytes are too many for {n} variables and {lags} lags", text.len());
             return Err(invalid(&reason));
         }
-        serde_json::from_slice(text).map_err(|e| invalid(&reason_of(e)))
+        // Read unchecked first: the check words its faults itself.
+        let mut json = serde_json::Deserializer::from_slice(text);
+        let read = Unchecked::deserialize(&mut json).and_then(|model| json.end().map(|()| model));
+        let model = read.map_err(|e| invalid(&reason_of(e)))?;
+        model.check()?;
+        Ok(model)
     }
 
     /// Checks version, names, lags, marks and numbers, and that all parts are of one size and say the same.

@@ -89,7 +89,8 @@ class Recordings:
                 near = difflib.get_close_matches(name, self.names, 1)
                 hint = f"; did you mean '{near[0]}'?" if near else ""
                 known = ", ".join(self.names)
-                raise SettingError(f"setting 'columns': there is no column '{name}'{hint} (columns: {known})")
+                what = f"setting 'columns': there is no column '{name}'{hint} (columns: {known})"
+                raise SettingError(_native.visible(what))
         places = [self.names.index(name) for name in columns]
         arrays = [np.ascontiguousarray(array[:, places]) for array in self.arrays]
         exogenous = [name for name in self.exogenous if name in columns]
@@ -177,14 +178,14 @@ def _convert(data: Any, wanted: Sequence[str] | None) -> tuple[Recordings, bool]
     if isinstance(data, Mapping):
         lengths = {len(values) for values in data.values()}
         if len(lengths) > 1:
-            sizes = ", ".join(f"{name}: {len(values)}" for name, values in data.items())
+            sizes = _native.visible(", ".join(f"{name}: {len(values)}" for name, values in data.items()))
             raise DataError(f"the series have different lengths ({sizes}); give all of one recording the same times")
         return _table({str(name): np.asanyarray(values) for name, values in data.items()}, wanted), True
     if hasattr(data, "to_numpy") and hasattr(data, "columns"):
         names = list(data.columns)
         repeated = next((name for name in names if names.count(name) > 1), None)
         if repeated is not None:
-            raise DataError(f"the column '{repeated}' is there twice; rename one")
+            raise DataError(_native.visible(f"the column '{repeated}' is there twice; rename one"))
         table = {str(name): np.asanyarray(data[name].to_numpy()) for name in names}
         return _table(table, wanted, getattr(data, "index", None)), True
     if hasattr(data, "__arrow_c_stream__"):
@@ -208,8 +209,9 @@ def _several(data: Sequence[Any], wanted: Sequence[str] | None) -> tuple[Recordi
     steps = {part.dt for part, _ in parts}
     for number, (part, named) in enumerate(parts):
         if named and sorted(part.names) != sorted(first.names):
+            ours, theirs = ", ".join(part.names), ", ".join(first.names)
             raise DataError(
-                f"recording {number} has the variables {', '.join(part.names)}, but recording 0 has {', '.join(first.names)}"
+                _native.visible(f"recording {number} has the variables {ours}, but recording 0 has {theirs}")
             )
         if len(part.names) != len(first.names):
             raise DataError(f"recording {number} has {len(part.names)} columns, but recording 0 has {len(first.names)}")

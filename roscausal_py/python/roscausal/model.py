@@ -72,7 +72,7 @@ class Link:
         else:
             what = f"{self.cause} and {self.effect} depend on each other {when}, direction open"
         p = f"p < {self.p[1:]}" if self.p.startswith("<") else f"p = {self.p_value:.3f}"
-        return f"{what}: strength {self.value:.2f}, {p}"
+        return _native.visible(f"{what}: strength {self.value:.2f}, {p}")
 
 
 @dataclass(frozen=True)
@@ -294,7 +294,8 @@ class Model:
 
     def __repr__(self) -> str:
         method, test = self._fields["method"], self._fields["cond_ind_test"]
-        return f"<roscausal.Model {method} {test}: {len(self.features)} variables, {len(self.links)} links>"
+        size = f"{len(self.features)} variables, {len(self.links)} links"
+        return _native.visible(f"<roscausal.Model {method} {test}: {size}>")
 
     def __eq__(self, other: object) -> bool:
         return self._file == other._file if isinstance(other, Model) else NotImplemented

@@ -104,7 +104,8 @@ class _Answer:
 
     def __str__(self) -> str:
         word = {"OK": "note", "AMBIGUOUS": "ambiguous", "NOT_SUPPORTED": "not supported by the data"}[self.status]
-        return f"{self._words}\n{word}: {self.message}" if self.message else self._words
+        note = _native.visible(f"{word}: {self.message}")
+        return f"{self._words}\n{note}" if self.message else self._words
 
     def _repr_html_(self) -> str:
         from html import escape

@@ -107,7 +107,8 @@ class Rolling(Sequence[Window]):
         known = [*first.features, *first.dropped]
         for name in (cause, effect):
             if name not in known:
-                raise SettingError(f"there is no variable '{name}'; variables: {', '.join(known)}")
+                what = f"there is no variable '{name}'; variables: {', '.join(known)}"
+                raise SettingError(_native.visible(what))
         if not 0 <= lag < first.graph.shape[2]:
             raise SettingError(f"setting 'lag': {lag} is not among 0 to {first.graph.shape[2] - 1}")
         places: list[tuple[int, int, int] | None] = []

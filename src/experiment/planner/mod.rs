@@ -125,15 +125,15 @@ pub(super) fn run(args: &Args, interrupt: &Interrupt) -> Result<()> {
         output::write_file(dir, "table.md", markdown.as_bytes()).map(drop)
     })?;
     crate::terminal::say!(
-        "{} trials of {} waypoints in '{}', with a model of the explorations {}.\nLinks (lag): {}.\n\n{markdown}\n{}: \
-         model.json, trials.csv, table.md",
+        "{} trials of {} waypoints in '{}', with a model of the explorations {}.",
         seeds.len(),
         args.legs,
         args.scenario,
-        args.train,
-        model::links(&found),
-        args.out.display()
+        args.train
     );
+    crate::terminal::say!("Links (lag): {}.", model::links(&found));
+    crate::terminal::print_text(&format!("\n{markdown}\n"));
+    crate::terminal::say!("{}: model.json, trials.csv, table.md", args.out.display());
     Ok(())
 }
 

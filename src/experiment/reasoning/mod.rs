@@ -114,11 +114,8 @@ pub(super) fn run(args: &Args, interrupt: &Interrupt) -> Result<()> {
         output::write_file(dir, "cases.csv", tables::csv(&cases).as_bytes())?;
         output::write_file(dir, "figures.json", json.as_bytes()).map(drop)
     })?;
-    crate::terminal::say!(
-        "{}\n{}: model.json, cases.csv, figures.json",
-        tables::text(&figures, &found, args),
-        args.out.display()
-    );
+    crate::terminal::print_text(&format!("{}\n", tables::text(&figures, &found, args)));
+    crate::terminal::say!("{}: model.json, cases.csv, figures.json", args.out.display());
     Ok(())
 }
 

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .._native import SettingError
+from .._native import SettingError, visible
 from .refusal import NotCovered
 
 #: Marks by the engine's numbers.
@@ -121,6 +121,7 @@ def text(
     alpha_level: float,
 ) -> str:
     """The links as lines, in the reference's layout."""
+    names = [visible(str(name)) for name in names]
     lines = [f"\n## Significant links at alpha = {alpha_level}:"]
     for effect, links in graph_as_dict(graph).items():
         strength = {node: abs(val_matrix[node[0], effect, -node[1]]) for node in links}
