@@ -25,7 +25,12 @@ impl Evidence {
         check_nesting(text).map_err(|e| invalid(&e))?;
         let head: Head = serde_json::from_slice(text).map_err(|e| invalid(&reason_of(e)))?;
         check_schema(&head.schema, EVIDENCE_SCHEMA)?;
-        serde_json::from_slice(text).map_err(|e| invalid(&reason_of(e)))
+        // Read unchecked first: the check words its faults itself.
+        let mut json = serde_json::Deserializer::from_slice(text);
+        let read = Unchecked::deserialize(&mut json).and_then(|evidence| json.end().map(|()| evidence));
+        let evidence = read.map_err(|e| invalid(&reason_of(e)))?;
+        evidence.check()?;
+        Ok(evidence)
     }
 
     /// Checks version, names, lags and numbers.

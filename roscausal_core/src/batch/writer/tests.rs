@@ -26,6 +26,7 @@ fn recording(secs: f64) -> Recording {
         context: BTreeMap::from([("do_robot_speed".to_owned(), vec![vec![], vec![0.2], vec![0.2]])]),
         signals: Vec::new(),
         complete: true,
+        length_s: None,
         ended_by: Some(EndedBy::TsLength),
     }
 }
