@@ -338,6 +338,40 @@ INFO = Message(
 
 def test_the_command_comes_with_the_package(tmp_path):
     run = subprocess.run([COMMAND, "--version"], capture_output=True, text=True, check=True)
+
+
+def message_of(there=(0, 0, 1, 0, 1, 0, 0, 0), shape=(2, 2, 2), names=("a", "b"), p=0.01):
+    """A message of two variables: a drives b within a moment, and itself a step later."""
+    data = Message(data=list(there)), Message(data=[0.5] * len(there)), Message(data=[p] * len(there))
+    arrays = dict(zip(("causal_structure", "val_matrix", "pval_matrix"), data))
+    return Message(features=list(names), original_shape=list(shape), **arrays)
+
+
+def test_a_link_within_a_moment_is_known_from_both_ends():
+    info = Message(**{**INFO.__dict__, "min_lag": 0, "max_lag": 1, "dt": 0.0})
+    model = rc.Model.from_msg(message_of(), info)
+    assert [(link.cause, link.effect, link.lag, link.mark) for link in model.links] == [("a", "a", 1, "-->"), ("a", "b", 0, "-->")]
+    assert (str(model.graph[0, 1, 0]), str(model.graph[1, 0, 0])) == ("-->", "<--")
+
+
+@pytest.mark.parametrize(
+    ("message", "lags", "told"),
+    [
+        (message_of(), (4_000_000_000, 4_000_000_001), "too large"),
+        (message_of(), (0, 5), "size"),
+        (message_of(there=[1] * 8), (0, 1), "itself at lag 0"),
+        (message_of(names=["a"]), (0, 1), "features"),
+        (message_of(names=["a", "a"]), (0, 1), "there twice"),
+        (message_of(names=["a", ""]), (0, 1), "no name"),
+        (message_of(p=-1.0), (0, 1), "0 to 1"),
+        (message_of(p=float("nan")), (0, 1), "not a valid model"),
+        (message_of(there=[0, 0, 7, 0, 1, 0, 0, 0]), (0, 1), "causal_structure holds 7"),
+    ],
+)
+def test_a_ros_message_that_is_no_model_is_refused_in_a_sentence(message, lags, told):
+    info = Message(**{**INFO.__dict__, "min_lag": lags[0], "max_lag": lags[1]})
+    with pytest.raises(rc.DataError, match=told):
+        rc.Model.from_msg(message, info)
     assert run.stdout == f"roscausal {rc.__version__}\n"
     run = subprocess.run([COMMAND, "discover", tmp_path / "none.csv"], capture_output=True, text=True)
     assert run.returncode == 1 and "none.csv" in run.stderr

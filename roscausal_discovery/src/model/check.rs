@@ -26,6 +26,8 @@ struct Head {
     #[serde(default)]
     features: Vec<String>,
     #[serde(default)]
+    dropped: Vec<String>,
+    #[serde(default)]
     tau_max: u64,
 }
 
@@ -47,7 +49,8 @@ impl Model {
         check_schema(&head.schema, SCHEMA)?;
         let lags = usize::try_from(head.tau_max).unwrap_or(usize::MAX).saturating_add(1);
         let places = head.features.len().saturating_mul(head.features.len()).saturating_mul(lags);
-        let most = places.saturating_mul(BYTES_OF_A_PLACE).saturating_add(BYTES);
+        let most =
+            places.saturating_add(head.dropped.len()).saturating_mul(BYTES_OF_A_PLACE).saturating_add(BYTES);
         if text.len() > most {
             let n = head.features.len();
             let reason = format!("{} bytes are too many for {n} variables and {lags} lags", text.len());

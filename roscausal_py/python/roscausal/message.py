@@ -23,6 +23,9 @@ _OF_INFO = {
     "seed": "seed",
 }
 
+#: Most places for links of a message: variables times variables times lags.
+_MOST_PLACES = 4_000_000
+
 
 def text_of(causal_model: Any, info: Any) -> str:
     """The JSON of the model that the message `causal_model` holds."""
@@ -32,21 +35,29 @@ def text_of(causal_model: Any, info: Any) -> str:
         there = np.array(causal_model.causal_structure.data).reshape(shape).astype(int)
         val = np.array(causal_model.val_matrix.data, dtype=float).reshape(shape)
         pval = np.array(causal_model.pval_matrix.data, dtype=float).reshape(shape)
-        n_lags, n, _ = shape
+        n_lags, n, _ = there.shape
     except (AttributeError, ValueError, TypeError) as fault:
         raise DataError(f"this is no message roscausal_msgs/CausalModel: {fault}") from None
     known = {name: getattr(info, field) for name, field in _OF_INFO.items()} if info is not None else {}
     tau_min = int(known.get("tau_min", 1))
     tau_max = tau_min + n_lags - 1
     cube = (n, n, tau_max + 1)
+    if there.shape != (n_lags, len(names), len(names)) or n_lags < 1 or tau_min < 0:
+        raise DataError("this is no message roscausal_msgs/CausalModel: its arrays are not lags x features x features")
+    if n * n * (tau_max + 1) > _MOST_PLACES:
+        raise DataError(f"a model of {n} variables with lags up to {tau_max} is too large for a message")
     graph, val_matrix, p_matrix = np.full(cube, "", dtype="<U3"), np.zeros(cube), np.ones(cube)
     links = []
     for i, j, lag in np.ndindex(n, n, n_lags):
         at = (lag, j, i)
         if not there[at]:
             continue
+        if lag + tau_min == 0 and i == j:
+            raise DataError(f"a link of '{names[i]:.80}' to itself at lag 0 cannot be")
         both = lag + tau_min == 0 and bool(there[lag, i, j])
         graph[i, j, lag + tau_min] = "o-o" if both else "-->"
+        if lag + tau_min == 0 and not both:
+            graph[j, i, 0] = "<--"
         val_matrix[i, j, lag + tau_min], p_matrix[i, j, lag + tau_min] = val[at], pval[at]
         if not (both and i > j):
             link = {"cause": names[i], "effect": names[j], "lag": lag + tau_min, "value": val[at], "p_value": pval[at]}
@@ -61,5 +72,6 @@ def text_of(causal_model: Any, info: Any) -> str:
     if info is None:
         fields["warnings"] = ["the settings are unknown: the message does not hold them"]
     else:
+        known["dt"] = known["dt"] or None  # 0: not known
         fields["dropped"] = [str(name) for name in info.candidate_features if str(name) not in names]
     return json.dumps({**fields, **known})
