@@ -452,7 +452,12 @@ impl Data {
         let (files, _made) = tables_of(args, interrupt, quiet, keep)?;
         let read = match with_facts(args, &files, settings)? {
             Some(data) => data,
-            None => Self::of(args.read.read(&files, args.inputs.dt(), &args.part.columns())?)?,
+            None => Self::of(args.read.read(
+                &files,
+                args.inputs.dt(),
+                &args.part.columns(),
+                args.means.most_bytes(),
+            )?)?,
         };
         let besides = args.part.columns();
         let variables = if besides.is_empty() { None } else { args.read.variables(read.recorded)? };
@@ -529,7 +534,7 @@ fn with_facts(args: &Args, files: &[Input], settings: &mut Settings) -> Result<O
     if own || !tables.iter().any(says_more) {
         return Ok(None);
     }
-    let mut joint = Joint::read(&tables)?;
+    let mut joint = Joint::read_within(&tables, args.means.most_bytes())?;
     let people = args.several_people.parse().map_err(|reason| Error::param("several-people", reason))?;
     // The pooled model is the last one.
     let Some(part) = joint.parts(people)?.pop() else { return Ok(None) };
@@ -567,7 +572,8 @@ fn tables_of(
     let mut files = Vec::new();
     for (number, file) in args.files.iter().enumerate() {
         if recording::is_recording(file) {
-            let source = Source::open(file, &args.inputs.with_param(args.read.as_parameter()))?;
+            let inputs = args.inputs.with_param(args.read.as_parameter());
+            let source = Source::open(file, &inputs, args.means.most_bytes())?;
             let folder = temporary.path().join(format!("{}", number + 1));
             for batch in source.batches(&folder, interrupt, quiet)? {
                 if let Some(folder) = keep {

@@ -192,7 +192,7 @@ pub(crate) fn run(args: &Args, interrupt: &Interrupt) -> Result<()> {
     let settings: Settings = args.method.settings(args.seed)?;
     let resampling = args.resample.asked()?;
     let record = args.sink.claim_beside(&args.recording)?;
-    let mut source = Source::open(&args.recording, &args.inputs)?;
+    let mut source = Source::open(&args.recording, &args.inputs, None)?;
     let folders = Folders::begin(&args.out, std::slice::from_ref(&args.recording), interrupt)?;
     let bus = Loopback::lockstep();
     nodes::set_pools(&bus, &folders.raw, &folders.processed);

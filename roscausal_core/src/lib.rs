@@ -10,6 +10,7 @@ pub mod gate;
 pub mod inbox;
 pub mod laws;
 pub mod loopback;
+pub mod memory;
 pub mod middleware;
 pub mod nodes;
 pub mod params;

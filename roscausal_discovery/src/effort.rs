@@ -4,7 +4,8 @@
 //! tell seconds from hours and from never. Times of one test come from docs/speed.md.
 
 use crate::{
-    analysis::Settings, independence_tests::gpdc_bytes, methods::Method, transfer_entropy::TeEstimator,
+    analysis::Settings, evidence::AtLag, independence_tests::gpdc_bytes, methods::Method,
+    transfer_entropy::TeEstimator,
 };
 
 /// CPU seconds of one test of GPDC, and of CMIknn, on 500 samples.
@@ -18,6 +19,10 @@ const LINEAR_S: f64 = 2e-9;
 const RANKED_S: f64 = 1e-7;
 /// Rows that a kept sample takes in memory: the data, and what a test copies of it.
 const COPIES: f64 = 4.0;
+/// Bytes for each pair and lag: marks, strengths and p-values, in the method's result, in the model and in its file.
+const RESULT: f64 = 250.0;
+/// Bytes of a lag function for each lag, in the evidence of a link.
+const AT_LAG: f64 = size_of::<AtLag>() as f64;
 
 /// What an analysis will take.
 ///
@@ -63,7 +68,10 @@ impl Effort {
         };
         let rows = COPIES * n * vars * (settings.tau_max as f64 + 1.0) * size_of::<f64>() as f64;
         let matrices = if test == "gpdc" { gpdc_bytes(n_samples) as f64 } else { 0.0 };
-        Self { bytes: rows + matrices, seconds: tests * of_test + pairs * of_pair_in_filter }
+        // As many links as chance gives, each with a lag function.
+        let lags = settings.tau_max as f64 + 1.0;
+        let results = vars * vars * lags * (RESULT + settings.alpha * lags * AT_LAG);
+        Self { bytes: rows + matrices + results, seconds: tests * of_test + pairs * of_pair_in_filter }
     }
 
     /// The most samples whose effort stays within `bytes` and `seconds`.
@@ -118,6 +126,22 @@ mod tests {
             let effort = Effort::of(200_000, 10, &Settings { method, ..Settings::default() });
             assert!(effort.bytes < 1e9 && effort.seconds < 60.0, "{method}: {effort:?}");
         }
+    }
+
+    #[test]
+    fn results_and_evidence_count_however_few_rows_there_are() {
+        let bytes = |vars, tau_max| {
+            Effort::of(
+                500,
+                vars,
+                &Settings { tau_max, cond_ind_test: "parcorr".into(), ..Settings::default() },
+            )
+            .bytes
+        };
+        assert!(bytes(20, 10) < 10e6);
+        assert!(bytes(20_000, 10) > 1e12, "graph and matrices");
+        assert!(bytes(20, 50_000) > 1e12, "lag functions");
+        assert_eq!(Effort::most_samples(20_000, &Settings::default(), 16e9, 86_400.0), 0);
     }
 
     #[test]

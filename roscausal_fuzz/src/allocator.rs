@@ -51,6 +51,14 @@ unsafe impl GlobalAlloc for Allocator {
     }
 }
 
+/// Does `work`. Returns its result, and the most bytes that this thread held for it at a time; 0 unless [`Allocator`] is the global
+/// allocator.
+pub fn peak_of<T>(work: impl FnOnce() -> T) -> (T, usize) {
+    let before = begin();
+    let done = work();
+    (done, peak().saturating_sub(before))
+}
+
 /// Starts to measure. Returns what the thread holds now.
 pub(crate) fn begin() -> usize {
     let live = LIVE.with(Cell::get);

@@ -9,7 +9,7 @@ mod allocator;
 mod mutate;
 mod random;
 
-pub use allocator::Allocator;
+pub use allocator::{Allocator, peak_of};
 pub use mutate::Mutator;
 pub use random::{splitmix64, unit};
 

@@ -6,13 +6,13 @@ use std::{collections::BTreeMap, io::Read, path::Path};
 use roscausal_core::{Result, Time};
 
 use crate::{
-    source::{Contents, Format, Parsed, Piece, Pieces, Span},
+    source::{Contents, Format, Parsed, Piece, Span},
     topic::{Encoding, Record, Topic, type_name},
 };
 
 const MAGIC_LENGTH: u64 = "#ROSBAG V2.0\n".len() as u64;
 /// More than any recorder writes into one chunk. A larger claim is damage.
-const LARGEST_CHUNK: u32 = 1 << 30;
+const LARGEST_CHUNK: u64 = 1 << 30;
 
 /// A record's `op` field.
 mod op {
@@ -81,7 +81,7 @@ impl Bag {
             return Err("connections or chunks are missing from it".into());
         }
         self.count(&counts);
-        self.0.pieces = Pieces::new(pieces);
+        self.0.begin(pieces);
         Ok(())
     }
 
@@ -90,7 +90,7 @@ impl Bag {
         let (mut pieces, mut counts) = (Vec::new(), BTreeMap::new());
         let fault = self.scan_into(&mut pieces, &mut counts).err();
         self.count(&counts);
-        self.0.pieces = Pieces::new(pieces);
+        self.0.begin(pieces);
         fault
     }
 
@@ -151,7 +151,7 @@ impl Bag {
             type_name: type_name(&recorded_type),
             encoding: Encoding::Ros1,
             md5: fields.text("md5sum").filter(|md5| md5 != "*"),
-            definition: fields.text("message_definition").unwrap_or_default(),
+            definition: fields.text("message_definition").unwrap_or_default().into(),
             latched: fields.get("latching") == Some(b"1"),
             messages: None,
         };
@@ -165,8 +165,10 @@ impl Bag {
         let length = u64::from(self.length()?);
         let left = self.0.file.left();
         let mut fault = (length > left).then(|| format!("it ends within the chunk at byte {offset}"));
-        let data = self.0.file.take(length.min(left)).map_err(|error| error.to_string())?;
-        let size = header.u32("size").filter(|size| *size <= LARGEST_CHUNK);
+        let data = self.0.piece(length.min(left))?;
+        let packed = data.len() as u64;
+        let most = self.0.growth.most(packed).min(LARGEST_CHUNK);
+        let size = header.u32("size").map(u64::from).filter(|size| *size <= most);
         let size = size.ok_or_else(|| format!("the chunk at byte {offset} has no valid size"))?;
         let mut content = Vec::new();
         let read = match header.get("compression") {
@@ -174,18 +176,19 @@ impl Bag {
                 content = data;
                 Ok(0)
             }
-            Some(b"bz2") => bzip2::read::BzDecoder::new(data.as_slice())
-                .take(u64::from(size) + 1)
-                .read_to_end(&mut content),
+            Some(b"bz2") => {
+                bzip2::read::BzDecoder::new(data.as_slice()).take(size + 1).read_to_end(&mut content)
+            }
             Some(b"lz4") => lz4::Decoder::new(data.as_slice())
-                .and_then(|decoder| decoder.take(u64::from(size) + 1).read_to_end(&mut content)),
+                .and_then(|decoder| decoder.take(size + 1).read_to_end(&mut content)),
             _ => return Err(format!("the chunk at byte {offset} has an unknown compression")),
         };
         if let Err(error) = read {
             fault.get_or_insert(format!("the chunk at byte {offset} cannot be decompressed: {error}"));
-        } else if content.len() != size as usize {
+        } else if content.len() as u64 != size {
             fault.get_or_insert(format!("the chunk at byte {offset} has not the size it should have"));
         }
+        self.0.growth.count(packed, content.len() as u64);
         Ok((content, fault))
     }
 

@@ -2,6 +2,8 @@
 
 use std::{borrow::Cow, io::Read};
 
+use roscausal_core::memory::Growth;
+
 use crate::source::Parsed;
 
 /// More than any recorder writes into one chunk. A larger claim is damage.
@@ -34,8 +36,9 @@ impl<'a> Chunk<'a> {
     }
 
     /// The records; of a chunk that is not `whole`, those that can be recovered.
-    pub(crate) fn content(&self, whole: bool) -> Parsed<Cow<'a, [u8]>> {
-        if self.size > LARGEST {
+    pub(crate) fn content(&self, whole: bool, growth: &mut Growth) -> Parsed<Cow<'a, [u8]>> {
+        let packed = self.data.len() as u64;
+        if self.size > growth.most(packed).min(LARGEST) {
             return Err(format!("it claims a size of {} bytes", self.size));
         }
         if whole && self.data.len() as u64 != self.compressed_size {
@@ -55,6 +58,7 @@ impl<'a> Chunk<'a> {
                 return Err(format!("its compression '{name}' is unknown (known: zstd, lz4, none)"));
             }
         };
+        growth.count(packed, content.len() as u64);
         if let (true, Err(error)) = (whole, unpacked) {
             return Err(format!("it cannot be decompressed: {error}"));
         }

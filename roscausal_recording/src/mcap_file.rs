@@ -1,7 +1,7 @@
 //! MCAP files (mcap.dev/spec) of either ROS version. The crate `mcap` parses records. Finding records and unpacking
 //! chunks is done here, so that damaged files are used as far as they are intact and no length is trusted.
 
-use std::{collections::HashMap, path::Path};
+use std::{collections::HashMap, path::Path, sync::Arc};
 
 use mcap::records::{Channel, ChunkIndex, Record as McapRecord, Statistics, op};
 use roscausal_core::{Result, Time};
@@ -9,12 +9,14 @@ use roscausal_core::{Result, Time};
 use crate::{
     chunk::{Chunk, records},
     mcap_record::parse,
-    source::{Contents, Format, Parsed, Piece, Pieces, Span},
+    source::{Contents, Format, Parsed, Piece, Span},
     topic::{Encoding, Record, Topic, type_name},
 };
 
 /// Messages outside chunks are read in pieces of about this size.
 const PLAIN_PIECE: u64 = 1 << 20;
+/// A longer name of a type is damage, bytes.
+const LONGEST_NAME: usize = 1000;
 /// Length of opcode and length before a record.
 const RECORD_HEADER: u64 = 9;
 /// Length of the footer with its header.
@@ -25,7 +27,7 @@ const MESSAGE_HEADER: usize = 2 + 4 + 8 + 8;
 pub(crate) struct McapFile {
     contents: Contents,
     /// Name and text of each type.
-    schemas: HashMap<u16, (String, String)>,
+    schemas: HashMap<u16, (String, Arc<str>)>,
 }
 
 impl McapFile {
@@ -42,7 +44,7 @@ impl McapFile {
         };
         let mut pieces = Vec::new();
         let fault = this.scan(&mut pieces).err();
-        this.contents.pieces = Pieces::new(pieces);
+        this.contents.begin(pieces);
         if let Some(reason) = fault.or(reason) {
             losses.push(format!(
                 "{}: the file is damaged or was not closed; it was read as far as it is whole ({reason})",
@@ -89,7 +91,7 @@ impl McapFile {
 
     fn use_summary(&mut self, summary: Summary) {
         for (name, text, id) in summary.schemas {
-            self.schemas.insert(id, (name, text));
+            self.schemas.insert(id, (name, text.into()));
         }
         let mut channels = summary.channels;
         channels.sort_by_key(|channel| channel.id);
@@ -105,7 +107,7 @@ impl McapFile {
             end: time(index.message_end_time),
             cut: false,
         };
-        self.contents.pieces = Pieces::new(summary.chunks.iter().map(piece).collect());
+        self.contents.begin(summary.chunks.iter().map(piece).collect());
     }
 
     /// Finds topics and pieces by reading the whole file.
@@ -188,7 +190,7 @@ impl McapFile {
         match parse(opcode, body)? {
             McapRecord::Schema { header, data } => {
                 let text = String::from_utf8_lossy(&data).into_owned();
-                self.schemas.insert(header.id, (header.name, text));
+                self.schemas.insert(header.id, (checked_name(header.name)?, text.into()));
             }
             McapRecord::Channel(channel) => self.add_channel(&channel, Some(0)),
             _ => (),
@@ -200,7 +202,8 @@ impl McapFile {
         if self.contents.numbers.contains_key(&u32::from(channel.id)) {
             return;
         }
-        let (name, text) = self.schemas.get(&channel.schema_id).cloned().unwrap_or_default();
+        let (name, text) =
+            self.schemas.get(&channel.schema_id).cloned().unwrap_or_else(|| (String::new(), "".into()));
         let encoding = match channel.message_encoding.as_str() {
             "ros1" => Encoding::Ros1,
             "cdr" => Encoding::Cdr,
@@ -229,7 +232,7 @@ impl McapFile {
         mut each: impl FnMut(&mut Self, u8, &[u8]) -> Parsed<()>,
     ) -> Parsed<()> {
         let chunk = Chunk::parse(body)?;
-        let content = chunk.content(whole)?;
+        let content = chunk.content(whole, &mut self.contents.growth)?;
         records(&content, |opcode, body| each(self, opcode, body))
     }
 
@@ -243,7 +246,7 @@ impl McapFile {
 
     /// The next `length` bytes, as far as the file has them.
     fn body(&mut self, length: u64) -> Parsed<Vec<u8>> {
-        self.contents.file.take(length.min(self.contents.file.left())).map_err(|error| error.to_string())
+        self.contents.piece(length.min(self.contents.file.left()))
     }
 }
 
@@ -315,7 +318,8 @@ impl Summary {
         }
         match parse(opcode, body)? {
             McapRecord::Schema { header, data } => {
-                self.schemas.push((header.name, String::from_utf8_lossy(&data).into_owned(), header.id));
+                let name = checked_name(header.name)?;
+                self.schemas.push((name, String::from_utf8_lossy(&data).into_owned(), header.id));
             }
             McapRecord::Channel(channel) => self.channels.push(channel),
             McapRecord::ChunkIndex(chunk) => self.chunks.push(chunk),
@@ -324,6 +328,11 @@ impl Summary {
         }
         Ok(())
     }
+}
+
+/// The name of a type, which each of its topics repeats.
+fn checked_name(name: String) -> Parsed<String> {
+    if name.len() <= LONGEST_NAME { Ok(name) } else { Err("the name of a type is too long".into()) }
 }
 
 /// Whether the summary leads to every message.

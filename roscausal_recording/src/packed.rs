@@ -6,7 +6,10 @@ use std::{
     path::{Path, PathBuf},
 };
 
-use roscausal_core::{Error, Result, Time};
+use roscausal_core::{
+    Error, Result, Time,
+    memory::{GROWTH, Growth, most_grown},
+};
 use tempfile::NamedTempFile;
 
 use crate::{
@@ -17,9 +20,6 @@ use crate::{
 
 /// First bytes of data that Zstandard compressed.
 pub(crate) const MAGIC: &[u8] = b"\x28\xb5\x2f\xfd";
-/// Data may grow by this factor, and by [`FREE`] bytes. What claims more is no recording.
-const GROWTH: u64 = 10_000;
-const FREE: u64 = 1 << 20;
 /// Endings of the names of compressed files.
 const ENDINGS: [&str; 2] = ["zstd", "zst"];
 
@@ -49,7 +49,7 @@ impl Unpacked {
         let packed = File::open(path).map_err(fail)?;
         let length = packed.metadata().map_err(fail)?.len();
         let mut file = NamedTempFile::new().map_err(fail)?;
-        let cut = unpack(BufReader::new(packed), length, &mut file).map_err(fail)?;
+        let cut = unpack(BufReader::new(packed), most_grown(length), &mut file).map_err(fail)?;
         let names = Names { users: path.display().to_string(), temporary: file.path().display().to_string() };
         if let Some(reason) = cut {
             losses.push(format!(
@@ -72,24 +72,23 @@ impl Unpacked {
     }
 }
 
-/// Unpacks `length` bytes. Returns why it ended early, if it did.
+/// Unpacks at most `left` bytes. Returns why it ended early, if it did.
 ///
 /// # Errors
 /// The target cannot be written.
-fn unpack(packed: impl io::BufRead, length: u64, to: &mut impl Write) -> io::Result<Option<String>> {
+fn unpack(packed: impl io::BufRead, mut left: u64, to: &mut impl Write) -> io::Result<Option<String>> {
     let mut decoder = zstd::stream::read::Decoder::with_buffer(packed)?;
-    let mut left = length.saturating_mul(GROWTH).saturating_add(FREE);
     let mut piece = vec![0; 1 << 16];
     loop {
         match decoder.read(&mut piece) {
             Ok(0) => return Ok(None),
             Err(error) => return Ok(Some(error.to_string())),
             Ok(count) => {
-                to.write_all(&piece[..count])?;
                 left = match left.checked_sub(count as u64) {
                     Some(left) => left,
                     None => return Ok(Some(format!("it grows by more than {GROWTH}"))),
                 };
+                to.write_all(&piece[..count])?;
             }
         }
     }
@@ -99,9 +98,10 @@ fn unpack(packed: impl io::BufRead, length: u64, to: &mut impl Write) -> io::Res
 ///
 /// # Errors
 /// Why it cannot be unpacked.
-pub(crate) fn message(packed: &[u8]) -> std::result::Result<Vec<u8>, String> {
-    let mut bytes = Vec::new();
-    let cut = unpack(packed, packed.len() as u64, &mut bytes).map_err(|error| error.to_string())?;
+pub(crate) fn message(packed: &[u8], growth: &mut Growth) -> std::result::Result<Vec<u8>, String> {
+    let (mut bytes, length) = (Vec::new(), packed.len() as u64);
+    let cut = unpack(packed, growth.most(length), &mut bytes).map_err(|error| error.to_string())?;
+    growth.count(length, bytes.len() as u64);
     cut.map_or(Ok(bytes), Err)
 }
 

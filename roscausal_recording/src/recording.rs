@@ -8,7 +8,10 @@ use std::{
     path::{Path, PathBuf},
 };
 
-use roscausal_core::{Error, Result, Time, content};
+use roscausal_core::{
+    Error, Result, Time, content,
+    memory::{Growth, Memory},
+};
 
 use crate::{
     bag::Bag,
@@ -33,6 +36,13 @@ pub struct Recording {
     losses: Vec<String>,
     /// Whether a message that cannot be unpacked was told.
     told_packed: bool,
+    /// How far messages that were compressed by themselves have grown.
+    growth: Growth,
+    /// What the waiting messages may take, and take.
+    memory: Memory,
+    held: u64,
+    /// Whether messages that do not fit were told.
+    told_full: bool,
 }
 
 struct Waiting {
@@ -109,7 +119,18 @@ impl Recording {
             count: 0,
             losses,
             told_packed: false,
+            growth: Growth::default(),
+            memory: Memory::of(None),
+            held: 0,
+            told_full: false,
         })
+    }
+
+    /// Limits the memory of messages that wait for earlier ones; usually what the machine has free.
+    #[must_use]
+    pub fn within(mut self, memory: Memory) -> Self {
+        self.memory = memory;
+        self
     }
 
     /// The topics, in the order of the recording.
@@ -161,7 +182,7 @@ impl Recording {
         if !is_packed {
             return Some(record);
         }
-        match packed::message(&record.bytes) {
+        match packed::message(&record.bytes, &mut self.growth) {
             Ok(bytes) => {
                 record.bytes = bytes;
                 Some(record)
@@ -193,7 +214,12 @@ impl Iterator for Recording {
             if let Some(Reverse(first)) = self.waiting.peek()
                 && next_start.is_none_or(|start| first.order.0 <= start)
             {
-                return self.waiting.pop().map(|Reverse(waiting)| waiting.record);
+                let Reverse(Waiting { record, .. }) = self.waiting.pop()?;
+                self.held -= record.size();
+                match self.unpack(record) {
+                    Some(record) => return Some(record),
+                    None => continue,
+                }
             }
             next_start?;
             let mut records = Vec::new();
@@ -201,7 +227,16 @@ impl Iterator for Recording {
                 self.losses.push(loss);
             }
             for record in records {
-                let Some(record) = self.unpack(record) else { continue };
+                if let Err(reason) = self.memory.check(self.held + record.size()) {
+                    if !std::mem::replace(&mut self.told_full, true) {
+                        let path = self.path.display();
+                        self.losses.push(format!(
+                            "{path}: messages that overlap in time do not fit into memory and are left out: {reason}"
+                        ));
+                    }
+                    continue;
+                }
+                self.held += record.size();
                 self.count += 1;
                 self.waiting.push(Reverse(Waiting { order: (record.stamp, self.count), record }));
             }

@@ -5,7 +5,7 @@ use std::{
     path::{Path, PathBuf},
 };
 
-use roscausal_core::{Error, Result, Time};
+use roscausal_core::{Error, Result, Time, memory::Growth};
 
 use crate::{
     file::Bytes,
@@ -90,6 +90,10 @@ pub(crate) struct Contents {
     /// The file's id of a connection or channel -> index of its topic.
     pub(crate) numbers: HashMap<u32, usize>,
     pub(crate) pieces: Pieces,
+    /// How far its chunks have grown.
+    pub(crate) growth: Growth,
+    /// Bytes of pieces that are still to come: each byte of the file is in one piece.
+    unread: u64,
 }
 
 impl Contents {
@@ -97,7 +101,21 @@ impl Contents {
     pub(crate) fn open(path: &Path) -> Result<Self> {
         let file = Bytes::open(path).map_err(|error| Error::file(path, error))?;
         let (topics, numbers, pieces) = (Vec::new(), HashMap::new(), Pieces::default());
-        Ok(Self { path: path.to_owned(), file, topics, numbers, pieces })
+        let unread = file.length();
+        Ok(Self { path: path.to_owned(), file, topics, numbers, pieces, growth: Growth::default(), unread })
+    }
+
+    /// Keeps the pieces; reading them begins.
+    pub(crate) fn begin(&mut self, pieces: Vec<Piece>) {
+        self.pieces = Pieces::new(pieces);
+        self.growth = Growth::default();
+        self.unread = self.file.length();
+    }
+
+    /// The next `count` bytes of a piece.
+    pub(crate) fn piece(&mut self, count: u64) -> Parsed<Vec<u8>> {
+        self.unread = self.unread.checked_sub(count).ok_or("pieces of the file lie over each other")?;
+        self.file.take(count).map_err(|error| error.to_string())
     }
 
     pub(crate) fn add(&mut self, number: u32, topic: Topic) {

@@ -1,5 +1,7 @@
 //! Topics and messages of a recording.
 
+use std::sync::Arc;
+
 use roscausal_core::{Error, Message, Result, Time, middleware::RawType};
 use roscausal_msgs::{Definition, Wires, cdr, dynamic::Wire, ros1, types};
 
@@ -26,8 +28,8 @@ pub struct Topic {
     pub encoding: Encoding,
     /// md5 of the type, if the recording has it (ROS 1).
     pub md5: Option<String>,
-    /// Full text of the type as recorded; empty if the recording has none.
-    pub definition: String,
+    /// Full text of the type as recorded, which topics of one type share; empty if the recording has none.
+    pub definition: Arc<str>,
     /// Whether the last message was kept for late joiners (latched, transient local).
     pub latched: bool,
     /// Number of its messages, if the recording has it.
@@ -43,6 +45,13 @@ pub struct Record {
     pub stamp: Time,
     /// The message in the encoding of its topic.
     pub bytes: Vec<u8>,
+}
+
+impl Record {
+    /// Memory that it takes, bytes.
+    pub(crate) fn size(&self) -> u64 {
+        (size_of::<Self>() + self.bytes.len()) as u64
+    }
 }
 
 /// `package/Name` from either ROS version's spelling. The older `tf/tfMessage` has the fields and the md5 of its successor.
@@ -80,7 +89,7 @@ impl Topic {
             Encoding::Cdr => Wire::Cdr,
             Encoding::Other(_) => return None,
         };
-        Some(RawType { type_name: self.type_name.clone(), definition: self.definition.clone(), wire })
+        Some(RawType { type_name: self.type_name.clone(), definition: self.definition.to_string(), wire })
     }
 
     /// The message in `bytes`.
@@ -149,7 +158,7 @@ mod tests {
             type_name: name.into(),
             encoding,
             md5: md5.map(str::to_owned),
-            definition: String::new(),
+            definition: "".into(),
             latched: false,
             messages: None,
         }

@@ -77,7 +77,7 @@ pub(crate) struct MeansArgs {
     /// Seconds after which to stop with a partial result (roll: with the windows that came to their end).
     #[arg(long, value_name = "SECONDS")]
     pub(super) time_budget: Option<f64>,
-    /// Megabytes that a test may take; a test that needs more is refused before it starts.
+    /// Megabytes that reading the files, or a test, may take; what needs more is refused. Default: what is free.
     #[arg(long, value_name = "MB")]
     pub(super) max_memory: Option<usize>,
 }
@@ -181,6 +181,11 @@ fn usual_spelling(test: &str) -> String {
 }
 
 impl MeansArgs {
+    /// `--max-memory` in bytes.
+    pub(crate) fn most_bytes(&self) -> Option<u64> {
+        self.max_memory.map(|megabytes| (megabytes as u64).saturating_mul(1_000_000))
+    }
+
     /// Works with the given number of threads.
     pub(crate) fn in_pool<T: Send>(&self, work: impl FnOnce() -> Result<T> + Send) -> Result<T> {
         threads::in_pool(self.threads.unwrap_or(0), work)

@@ -95,12 +95,13 @@ impl ReadArgs {
     /// # Errors
     /// A file that cannot be read, lacks a column, or has uneven steps that nobody resamples.
     ///
-    /// Columns that only choose rows (`besides`) are read, too.
+    /// Columns that only choose rows (`besides`) are read, too. Reading may take `max_memory` bytes.
     pub(super) fn read(
         &self,
         files: &[Input],
         dt: Option<f64>,
         besides: &[&str],
+        max_memory: Option<u64>,
     ) -> Result<Vec<(Input, Table)>> {
         if let (Some(_), None, false) = (self.resample, dt, self.join) {
             return Err(Error::param("resample", "--dt says to which step"));
@@ -130,6 +131,7 @@ impl ReadArgs {
             time_unit: self.time_unit,
             time_column: self.time_column.clone(),
             equal_times: dt.is_some() || self.join,
+            max_memory,
         };
         if self.join {
             if files.iter().any(recorded) {
@@ -152,6 +154,7 @@ impl ReadArgs {
                 dt: dt.filter(|_| !recorded(file)),
                 how: self.resample.unwrap_or_default(),
                 max_gap: self.max_gap,
+                max_memory,
             };
             let first = tables.is_empty();
             let table = Table::read_as(&file.table, &reading).map_err(|error| match error {
@@ -164,6 +167,9 @@ impl ReadArgs {
             })?;
             let even = table.at_even_steps(&steps).map_err(|reason| Error::file(&file.user, reason))?;
             reading.columns = even.first().map(|table| table.names.clone());
+            let held: usize =
+                even.iter().map(|table| size_of_val(table.values.as_slice().unwrap_or_default())).sum();
+            reading.max_memory = reading.max_memory.map(|bytes| bytes.saturating_sub(held as u64));
             tables.extend(even.into_iter().map(|table| (file.clone(), table)));
         }
         if !derived.is_empty() {
@@ -192,7 +198,12 @@ impl ReadArgs {
         let all = Reading { columns: None, ..reading.clone() };
         let read = |file: &Input| Ok((file.user.clone(), Table::read_as(&file.table, &all)?));
         let tables = files.iter().map(read).collect::<Result<Vec<_>>>()?;
-        let how = Steps { dt, how: self.resample.unwrap_or_default(), max_gap: self.max_gap };
+        let how = Steps {
+            dt,
+            how: self.resample.unwrap_or_default(),
+            max_gap: self.max_gap,
+            max_memory: reading.max_memory,
+        };
         let mut table = Table::side_by_side(&tables, &how).map_err(|reason| Error::param("join", reason))?;
         if !derived.is_empty() {
             table.derive(derived)?;

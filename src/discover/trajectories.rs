@@ -74,6 +74,7 @@ impl TrajectoryArgs {
             columns: self.columns()?,
             missing: args.read.missing()?,
             last_is_goal: self.goal.is_some(),
+            max_memory: args.means.most_bytes(),
         };
         let choice = TrajectoryChoice {
             who: self.agent.clone().unwrap_or_else(|| EVERYBODY.to_owned()),

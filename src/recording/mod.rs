@@ -14,6 +14,7 @@ use roscausal_core::{
     Error, Result,
     batch::{joint::Facts, pool::Pool},
     loopback::Loopback,
+    memory::Memory,
     params::Value,
 };
 use roscausal_recording::Recording;
@@ -62,9 +63,9 @@ pub(crate) struct Source {
 }
 
 impl Source {
-    /// Opens the recording and chooses its topics. Prints the choice on stderr.
-    pub(crate) fn open(path: &Path, args: &InputArgs) -> Result<Self> {
-        let recording = Recording::open(path)?;
+    /// Opens the recording and chooses its topics. Prints the choice on stderr. Reading may take `max_memory` bytes.
+    pub(crate) fn open(path: &Path, args: &InputArgs, max_memory: Option<u64>) -> Result<Self> {
+        let recording = Recording::open(path)?.within(Memory::of(max_memory));
         let inputs = Inputs::choose(&recording, path, args)?;
         for line in &inputs.chosen {
             crate::terminal::tell!("{}: {line}", path.display());

@@ -172,7 +172,7 @@ mod tests {
                 type_name: ODOMETRY.to_owned(),
                 encoding: Encoding::Cdr,
                 md5: None,
-                definition: String::new(),
+                definition: "".into(),
                 latched: false,
                 messages: None,
             })

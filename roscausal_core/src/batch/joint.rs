@@ -13,7 +13,7 @@ use roscausal_discovery::{DataFrame, names};
 use super::{
     Table,
     pool::sidecar,
-    table::{Note, common_step},
+    table::{Note, Reading, common_step},
 };
 use crate::{Error, Result, bounded};
 
@@ -113,7 +113,16 @@ impl Joint {
     /// # Errors
     /// No batch, or one that cannot be read; batches with different steps.
     pub fn read(paths: &[impl AsRef<Path>]) -> Result<Self> {
-        let read = |path: &Path| Ok((Table::read(path, None)?, Facts::read(path)));
+        Self::read_within(paths, None)
+    }
+
+    /// As [`Joint::read`]; reading a batch may take `max_memory` bytes.
+    ///
+    /// # Errors
+    /// As [`Joint::read`]; a batch that does not fit.
+    pub fn read_within(paths: &[impl AsRef<Path>], max_memory: Option<u64>) -> Result<Self> {
+        let reading = Reading { max_memory, ..Reading::default() };
+        let read = |path: &Path| Ok((Table::read_as(path, &reading)?, Facts::read(path)));
         let tables: Vec<(Table, Facts)> =
             paths.iter().map(|path| read(path.as_ref())).collect::<Result<_>>()?;
         if tables.is_empty() {

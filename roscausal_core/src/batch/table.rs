@@ -19,7 +19,7 @@ mod join;
 mod steps;
 pub(crate) mod time;
 
-use std::{collections::BTreeMap, fmt, fs::File, io::Read, path::Path};
+use std::{collections::BTreeMap, fmt, path::Path};
 
 use csv::{ByteRecord, ReaderBuilder, StringRecord};
 use ndarray::{Array2, Axis};
@@ -31,7 +31,7 @@ use self::{
     dialect::{Layout, Separator},
 };
 use super::header;
-use crate::{Error, Result};
+use crate::{Error, Result, memory::Memory};
 
 pub use derived::Derived;
 pub use steps::{Resample, Steps};
@@ -66,6 +66,8 @@ pub struct Reading {
     pub time_column: Option<String>,
     /// A time may be the same as the one before: the rows are resampled.
     pub equal_times: bool,
+    /// Bytes that reading may take; `None`: what the machine has free.
+    pub max_memory: Option<u64>,
 }
 
 /// What the reader of a table should know of a column; as text, one sentence.
@@ -194,12 +196,8 @@ impl Table {
     /// # Errors
     /// As [`Table::read`].
     pub fn read_as(path: &Path, reading: &Reading) -> Result<Self> {
-        let mut bytes = Vec::new();
-        File::open(path)
-            .and_then(|mut file| file.read_to_end(&mut bytes))
-            .map_err(|e| Error::file(path, e))?;
-        let bytes = dialect::unpacked(bytes).map_err(|reason| Error::file(path, reason))?;
-        Self::of_bytes(&bytes, reading, path)
+        let memory = Memory::of(reading.max_memory);
+        Self::of_bytes(&dialect::content(path, memory)?, reading, path, memory)
     }
 
     /// Reads a CSV file from memory; `path` is only used in errors.
@@ -211,11 +209,12 @@ impl Table {
             bytes,
             &Reading { columns: wanted.map(<[String]>::to_vec), ..Reading::default() },
             path,
+            Memory::of(None),
         )
     }
 
-    fn of_bytes(bytes: &[u8], reading: &Reading, path: &Path) -> Result<Self> {
-        Self::parse(bytes, reading).map_err(|complaint| match complaint {
+    fn of_bytes(bytes: &[u8], reading: &Reading, path: &Path, memory: Memory) -> Result<Self> {
+        Self::parse(bytes, reading, memory).map_err(|complaint| match complaint {
             Complaint::File(reason) => Error::file(path, reason),
             Complaint::Columns(reason) => Error::param("columns", reason),
         })
@@ -236,8 +235,8 @@ impl Table {
         Ok(DataFrame::new(vec![self.values], self.names)?)
     }
 
-    fn parse(bytes: &[u8], reading: &Reading) -> Parsed<Self> {
-        if let Some(columns) = binary::columns(bytes) {
+    fn parse(bytes: &[u8], reading: &Reading, memory: Memory) -> Parsed<Self> {
+        if let Some(columns) = binary::columns(bytes, memory) {
             return binary::table(columns?, reading);
         }
         let (text, encoding) = dialect::text_of(bytes).map_err(Complaint::File)?;
@@ -248,7 +247,7 @@ impl Table {
         let with_tabs =
             (layout.separator == Separator::Spaces).then(|| dialect::with_tabs(&text[layout.start..]));
         let body = with_tabs.as_deref().unwrap_or(&text[layout.start..]);
-        let mut table = Rows::new(body, &layout, reading)?.table()?;
+        let mut table = Rows::new(body, &layout, reading, memory)?.table()?;
         // Lines are counted from the beginning of the file, and only if an error needs one.
         table
             .notes
@@ -282,6 +281,7 @@ struct Rows<'a> {
     body: &'a [u8],
     separator: u8,
     reading: &'a Reading,
+    memory: Memory,
     cells: Cells<'a>,
     header: Vec<String>,
     /// Cells that disappeared when the names were joined.
@@ -302,7 +302,7 @@ enum Pass {
 }
 
 impl<'a> Rows<'a> {
-    fn new(body: &'a [u8], layout: &Layout, reading: &'a Reading) -> Parsed<Self> {
+    fn new(body: &'a [u8], layout: &Layout, reading: &'a Reading, memory: Memory) -> Parsed<Self> {
         let separator = match layout.separator {
             Separator::Byte(byte) => byte,
             Separator::Spaces => b'\t',
@@ -311,6 +311,7 @@ impl<'a> Rows<'a> {
         let mut records = reader(body, separator).into_byte_records();
         let mut next = || records.next().transpose().map_err(|error| error.to_string());
         let first = next()?.unwrap_or_default();
+        columns::check_count(first.len())?;
         let (mut header, joined) = header::repaired(&texts(&first)?);
         if layout.behind_hash && header.len() > 1 && header[0].is_empty() {
             header.remove(0);
@@ -327,6 +328,7 @@ impl<'a> Rows<'a> {
             body,
             separator,
             reading,
+            memory,
             cells: Cells {
                 missing: &reading.missing,
                 decimal_comma: separator != b',',
@@ -405,6 +407,11 @@ impl<'a> Rows<'a> {
             let place = bytes.position().map_or(0, csv::Position::byte);
             let row = StringRecord::from_byte_record_lossy(std::mem::take(&mut bytes));
             self.check_width(&row, place)?;
+            if numbers.len() + self.columns.len() > numbers.capacity() {
+                // It is about to double; times and places grow with it.
+                let held = numbers.capacity() + time.capacity() + places.capacity();
+                self.memory.check(self.body.len() as u64 + 2 * (held * size_of::<f64>()) as u64)?;
+            }
             for &column in &self.columns {
                 let cell = row.get(column + self.ahead).unwrap_or_default();
                 if let Some(codes) = codes.get_mut(&column) {
@@ -419,7 +426,7 @@ impl<'a> Rows<'a> {
                     Ok(None) if self.cells.encode => return Ok(Pass::Words(column)),
                     Ok(None) => return Err(self.not_a_number(cell, column, place)),
                     Err(()) => {
-                        let place = self.place(column, place);
+                        let (place, cell) = (self.place(column, place), shortened(cell));
                         let reason =
                             format!("{place}: '{cell}' is infinite; leave the cell empty or remove the row");
                         return Err(reason.into());
@@ -477,7 +484,7 @@ impl<'a> Rows<'a> {
             Ok(Some(time)) => Ok(time),
             _ => time::date(cell).ok_or_else(|| {
                 let place = self.place(column, place);
-                let cell: String = cell.chars().take(40).collect();
+                let cell = shortened(cell);
                 Complaint::from(format!(
                     "{place}: '{cell}' is neither a number nor a date such as 2026-11-24T08:30:00.25+01:00; correct it, or name \
                      another column with --time-column (none: there are no times)"
@@ -505,7 +512,7 @@ impl<'a> Rows<'a> {
     }
 
     fn not_a_number(&self, cell: &str, column: usize, place: u64) -> Complaint {
-        let (place, short) = (self.place(column, place), cell.chars().take(40).collect::<String>());
+        let (place, short) = (self.place(column, place), shortened(cell));
         if time::date(cell).is_some() {
             return Complaint::from(format!(
                 "{place}: '{short}' is a date; --time-column takes it as the time, --columns names the columns to use"
@@ -548,6 +555,11 @@ impl<'a> Rows<'a> {
         });
         self.before + ends.count() as u64 + 1
     }
+}
+
+/// The beginning of a cell, on one line, for a message.
+fn shortened(cell: &str) -> String {
+    cell.chars().take(40).map(|letter| if letter.is_control() { ' ' } else { letter }).collect()
 }
 
 /// What is wrong with a time that is not after the one before it.

@@ -7,6 +7,7 @@ use std::{
     fs::File,
     io::Read,
     path::{Path, PathBuf},
+    sync::Arc,
 };
 
 use roscausal_core::{Error, Result, Time};
@@ -89,7 +90,7 @@ impl Db3 {
                 type_name: type_name(&row.get::<_, String>(2)?),
                 encoding: if format == "cdr" { Encoding::Cdr } else { Encoding::Other(format) },
                 md5: None,
-                definition: String::new(),
+                definition: "".into(),
                 latched: is_transient_local(&profiles),
                 messages: None,
             };
@@ -113,7 +114,7 @@ impl Db3 {
         };
         let texts = statement.query_map([], |row| Ok((row.get::<_, String>(0)?, row.get::<_, String>(1)?)));
         for (name, text) in texts.into_iter().flatten().flatten() {
-            let name = type_name(&name);
+            let (name, text) = (type_name(&name), Arc::<str>::from(text));
             self.topics
                 .iter_mut()
                 .filter(|topic| topic.type_name == name)

@@ -1,5 +1,7 @@
 //! The columns of a header: their names, which of them are wanted, and which one is the time.
 
+use std::collections::HashMap;
+
 use roscausal_discovery::names;
 
 use super::time::Unit;
@@ -42,6 +44,24 @@ pub(crate) fn time_name(name: &str) -> Option<Option<Unit>> {
     TIME_NAMES.contains(&base).then_some(Some(unit))
 }
 
+/// A table with more columns than this is none.
+const MOST_COLUMNS: usize = 100_000;
+/// A name of more bytes than this is none.
+const LONGEST_NAME: usize = 1000;
+
+/// Checks the number of columns before anything is made for each.
+///
+/// # Errors
+/// There are too many.
+pub(super) fn check_count(columns: usize) -> Result<(), String> {
+    if columns <= MOST_COLUMNS {
+        return Ok(());
+    }
+    Err(format!(
+        "it has {columns} columns, and at most {MOST_COLUMNS} are read; keep those that are to be analysed"
+    ))
+}
+
 /// Checks the names of a header. The empty name of a first column is that of pandas' index, of a last one a separator too
 /// many; both are allowed here.
 pub(super) fn check_names(names: &[String]) -> Result<(), String> {
@@ -50,12 +70,20 @@ pub(super) fn check_names(names: &[String]) -> Result<(), String> {
             "line 1 holds numbers; the first line must be a header with the names of the columns".into()
         );
     }
+    let mut places = HashMap::new();
     for (column, name) in names.iter().enumerate() {
+        if name.len() > LONGEST_NAME {
+            return Err(format!(
+                "line 1, column {}: the name is {} bytes long; check the quotes and line ends of the header",
+                column + 1,
+                name.len()
+            ));
+        }
         let at_an_end = column == 0 || column + 1 == names.len();
         if name.trim().is_empty() && !(at_an_end && names.len() > 2) {
             return Err(format!("line 1, column {}: the name is empty; name every column", column + 1));
         }
-        if let Some(earlier) = names[..column].iter().position(|other| other == name && !name.is_empty()) {
+        if let Some(earlier) = places.insert(name, column).filter(|_| !name.is_empty()) {
             return Err(format!(
                 "line 1: '{name}' names both column {} and column {}; give every column a name of its own",
                 earlier + 1,

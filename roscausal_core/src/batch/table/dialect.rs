@@ -3,31 +3,44 @@
 //! Which character separates the cells is our one rule, the header line, because a user can foresee it; `csv-sniffer` 0.3
 //! guesses from statistics of the first rows, and a wrong guess has no line to point at.
 
-use std::{borrow::Cow, io::Read};
+use std::{
+    borrow::Cow,
+    io::{self, ErrorKind},
+    path::Path,
+};
 
-use crate::content::{not_a_table, not_data};
+use crate::{
+    Error, Result as FileResult,
+    content::{not_a_table, not_data},
+    memory::Memory,
+};
 
-/// A packed file may grow to at most this many bytes.
-const MOST_UNPACKED: u64 = 1 << 36;
+/// The bytes of a file or a pipe, unpacked if they were compressed.
+///
+/// # Errors
+/// A file that cannot be read, is damaged, or takes more memory than it may.
+pub(super) fn content(path: &Path, memory: Memory) -> FileResult<Vec<u8>> {
+    unpacked(memory.read(path)?, memory).map_err(|reason| Error::file(path, reason))
+}
 
 /// A file that was compressed with gzip or Zstandard, unpacked; any other as it is.
 ///
 /// # Errors
-/// A damaged archive.
-pub(super) fn unpacked(bytes: Vec<u8>) -> std::result::Result<Vec<u8>, String> {
-    let mut out = Vec::new();
+/// A damaged archive, or one that grows beyond what tables do.
+fn unpacked(bytes: Vec<u8>, memory: Memory) -> Result<Vec<u8>, String> {
+    let length = bytes.len() as u64;
     let (what, read) = if bytes.starts_with(b"\x1f\x8b") {
-        let reader = flate2::read::MultiGzDecoder::new(bytes.as_slice());
-        ("gzip", reader.take(MOST_UNPACKED).read_to_end(&mut out))
+        ("gzip", memory.unpack(flate2::read::MultiGzDecoder::new(bytes.as_slice()), length))
     } else if bytes.starts_with(b"\x28\xb5\x2f\xfd") {
-        let read = zstd::Decoder::new(bytes.as_slice())
-            .and_then(|reader| reader.take(MOST_UNPACKED).read_to_end(&mut out));
-        ("Zstandard", read)
+        let decoder = zstd::Decoder::new(bytes.as_slice());
+        ("Zstandard", decoder.and_then(|decoder| memory.unpack(decoder, length)))
     } else {
         return Ok(bytes);
     };
-    read.map_err(|error| format!("the file is compressed with {what}, and damaged: {error}"))?;
-    Ok(out)
+    read.map_err(|error: io::Error| match error.kind() {
+        ErrorKind::FileTooLarge => format!("the file is compressed with {what}: {error}"),
+        _ => format!("the file is compressed with {what}, and damaged: {error}"),
+    })
 }
 
 /// The bytes as UTF-8, without a mark of their order, and the encoding if it was another one. UTF-16 is told by its mark, or by

@@ -3,11 +3,14 @@
 
 use std::path::Path;
 
-use super::{Cells, Separator, binary, binary::Column, dialect, reader, time};
-use crate::{Error, Result};
+use super::{Cells, Separator, binary, binary::Column, columns::check_count, dialect, reader, time};
+use crate::{Error, Result, memory::Memory};
 
 /// The first lines, among which the header is looked for.
 const HEAD: usize = 200;
+
+/// Cells after which the memory that they take is checked.
+const CHECKED: usize = 1 << 20;
 
 /// Named columns with as many rows each.
 pub(crate) struct Grid {
@@ -23,20 +26,27 @@ impl Grid {
     ///
     /// # Errors
     /// A file that cannot be read, or is no table.
-    pub(crate) fn read(path: &Path, missing: &[f64], is_header: impl Fn(&[String]) -> bool) -> Result<Self> {
+    pub(crate) fn read(
+        path: &Path,
+        missing: &[f64],
+        memory: Memory,
+        is_header: impl Fn(&[String]) -> bool,
+    ) -> Result<Self> {
         let fault = |reason: String| Error::file(path, reason);
-        let bytes = std::fs::read(path).map_err(|error| Error::file(path, error))?;
-        let bytes = dialect::unpacked(bytes).map_err(fault)?;
-        if let Some(columns) = binary::columns(&bytes) {
+        let bytes = dialect::content(path, memory)?;
+        if let Some(columns) = binary::columns(&bytes, memory) {
             let columns = columns.map_err(|complaint| fault(complaint.reason()))?;
             return Ok(Self { columns, nameless: false, frame_rate: None });
         }
-        dialect::text_of(&bytes).and_then(|(text, _)| Self::of_text(&text, missing, is_header)).map_err(fault)
+        dialect::text_of(&bytes)
+            .and_then(|(text, _)| Self::of_text(&text, missing, memory, is_header))
+            .map_err(fault)
     }
 
     fn of_text(
         text: &[u8],
         missing: &[f64],
+        memory: Memory,
         is_header: impl Fn(&[String]) -> bool,
     ) -> std::result::Result<Self, String> {
         let lines: Vec<(usize, &[u8])> =
@@ -65,7 +75,7 @@ impl Grid {
         let tabs = (separator == Separator::Spaces).then(|| dialect::with_tabs(body));
         let byte = if let Separator::Byte(byte) = separator { byte } else { b'\t' };
         let body = tabs.as_deref().unwrap_or(body);
-        let grid = columns_of(body, byte, named.is_some(), missing)?;
+        let grid = columns_of(body, byte, named.is_some(), missing, memory)?;
         Ok(Self { frame_rate: lines.iter().find_map(|(_, line)| frame_rate(line)), ..grid })
     }
 }
@@ -96,7 +106,13 @@ fn words(line: &[u8], separator: Separator) -> Vec<String> {
     }
 }
 
-fn columns_of(body: &[u8], separator: u8, named: bool, missing: &[f64]) -> std::result::Result<Grid, String> {
+fn columns_of(
+    body: &[u8],
+    separator: u8,
+    named: bool,
+    missing: &[f64],
+    memory: Memory,
+) -> std::result::Result<Grid, String> {
     let mut records = reader(body, separator).into_byte_records();
     let mut names: Vec<String> = Vec::new();
     if named {
@@ -109,11 +125,17 @@ fn columns_of(body: &[u8], separator: u8, named: bool, missing: &[f64]) -> std::
         let record = record.map_err(|error| error.to_string())?;
         let width = if names.is_empty() { record.len() } else { names.len() };
         if columns.is_empty() {
+            check_count(width)?;
             columns = (0..width).map(|_| Column::Numbers(Vec::new())).collect();
         }
         for (place, column) in columns.iter_mut().enumerate() {
             let cell = String::from_utf8_lossy(record.get(place).unwrap_or_default());
             column.add(cell.trim(), row, &cells);
+        }
+        // A row may have fewer cells than the header.
+        if row.saturating_mul(width) % CHECKED < width {
+            let held = columns.iter().map(Column::bytes).sum();
+            memory.check_growth(held, body.len() as u64)?;
         }
     }
     if columns.is_empty() {

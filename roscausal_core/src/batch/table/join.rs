@@ -29,7 +29,9 @@ impl Table {
         let longest = parts.iter().map(|part| part.step).fold(0.0, f64::max);
         let dt = how.dt.unwrap_or(longest);
         let [from, to] = span(&parts)?;
-        let grid = evenly(from, to, dt)?;
+        let columns = files.iter().map(|(_, table)| table.values.ncols()).sum();
+        let cells = files.iter().map(|(_, table)| table.values.len()).sum();
+        let grid = evenly(from, to, dt, how.most_rows(columns, cells))?;
         let short = short_names(&parts)?;
         let (mut names, mut columns, mut notes) = (Vec::new(), Vec::new(), Vec::new());
         for ((part, short), (path, table)) in parts.iter().zip(&short).zip(files) {
@@ -151,7 +153,7 @@ mod tests {
             assert!((row[0] - 2.0 * t).abs() < 1e-9 && (row[1] + t).abs() < 1e-9, "{t}: {row}");
         }
         let coarse =
-            joined(&files, &Steps { dt: Some(1.0), how: Resample::Mean, max_gap: None }).expect("rows");
+            joined(&files, &Steps { dt: Some(1.0), how: Resample::Mean, ..Steps::default() }).expect("rows");
         // The mean since the row before, also in the first row.
         assert!((coarse.values[[0, 0]] - 2.0 * 100.55).abs() < 1e-9, "{}", coarse.values[[0, 0]]);
     }

@@ -9,6 +9,7 @@ use std::str::FromStr;
 use ndarray::{Array2, Axis, s};
 
 use super::{Note, Table};
+use crate::memory::{Memory, most_grown};
 
 /// Steps farther than this fraction from the median are uneven.
 const UNEVEN: f64 = 0.25;
@@ -18,8 +19,6 @@ const IRREGULAR: f64 = 0.1;
 pub(super) const GAP_STEPS: f64 = 5.0;
 /// Even steps that vary by more than this are told.
 const WORTH_TELLING: f64 = 0.02;
-/// A table has at most this many rows after resampling.
-const MOST_ROWS: f64 = 1e8;
 
 /// How rows come to one step.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -30,6 +29,17 @@ pub struct Steps {
     pub how: Resample,
     /// A longer step is a gap, seconds; `None`: five times the median (or what is resampled to, if that is longer).
     pub max_gap: Option<f64>,
+    /// Bytes that resampled rows may take; `None`: what the machine has free.
+    pub max_memory: Option<u64>,
+}
+
+impl Steps {
+    /// The most rows of `columns` that `cells` samples may become: a step far below theirs makes up rows without end.
+    pub(super) fn most_rows(&self, columns: usize, cells: usize) -> f64 {
+        let bytes = Memory::of(self.max_memory).bytes().min(most_grown((cells * size_of::<f64>()) as u64));
+        // Each row has its time, too.
+        bytes as f64 / (size_of::<f64>() * (columns + 1)) as f64
+    }
 }
 
 /// What a resampled row holds.
@@ -108,11 +118,12 @@ impl Table {
         if steps.dt.is_none() {
             notes.extend(jitter.checked(median)?.map(Note::Read));
         }
+        let most = steps.most_rows(self.values.ncols(), self.values.len());
         let mut tables = Vec::new();
         for (from, to) in parts {
             let (values, time) = (self.values.slice(s![from..to, ..]).to_owned(), time[from..to].to_vec());
             let (values, time) = match steps.dt {
-                Some(dt) => resampled(&values, &time, dt, steps.how, max_gap)?,
+                Some(dt) => resampled(&values, &time, dt, steps.how, max_gap, most)?,
                 None => (values, time),
             };
             if values.nrows() > 0 {
@@ -195,16 +206,17 @@ fn resampled(
     dt: f64,
     how: Resample,
     max_gap: f64,
+    most: f64,
 ) -> Result<(Array2<f64>, Vec<f64>), String> {
     // Grids of several recordings have the same phase: that of whole multiples of the step since the first sample.
-    let grid = evenly(time[0], time[time.len() - 1], dt)?;
+    let grid = evenly(time[0], time[time.len() - 1], dt, most)?;
     Ok((at_times(values, time, &grid, dt, how, max_gap), grid))
 }
 
-/// The times `first + k dt` up to `last`.
-pub(super) fn evenly(first: f64, last: f64, dt: f64) -> Result<Vec<f64>, String> {
+/// The times `first + k dt` up to `last`, which are `most` at the most.
+pub(super) fn evenly(first: f64, last: f64, dt: f64, most: f64) -> Result<Vec<f64>, String> {
     let count = ((last - first) / dt * (1.0 + 1e-12) + 1e-6).floor() + 1.0;
-    if !(dt > 0.0 && count <= MOST_ROWS) {
+    if !(dt > 0.0 && count <= most) {
         return Err(format!("--dt {dt} would give {count} rows; give a longer step"));
     }
     Ok((0..count as usize).map(|row| first + row as f64 * dt).collect())
@@ -308,7 +320,7 @@ mod tests {
             error.contains("uneven") && error.contains("--dt 0.") && error.contains("--resample last"),
             "{error}"
         );
-        let steps = Steps { dt: Some(0.1), how: Resample::Linear, max_gap: None };
+        let steps = Steps { dt: Some(0.1), how: Resample::Linear, ..Steps::default() };
         let even = table(&time, |t| 3.0 * t).at_even_steps(&steps).expect("resampled").remove(0);
         assert!((even.dt().expect("times") - 0.1).abs() < 1e-9);
         let times = even.time.expect("times");
@@ -330,13 +342,14 @@ mod tests {
         let values = array![[0.0], [1.0], [4.0], [f64::NAN], [8.0]];
         let time = [0.0, 0.1, 0.2, 0.3, 0.4];
         let row = |how, dt| {
-            resampled(&values, &time, dt, how, 1.0).expect("resampled").0.into_raw_vec_and_offset().0
+            resampled(&values, &time, dt, how, 1.0, 1e3).expect("resampled").0.into_raw_vec_and_offset().0
         };
         assert_eq!(row(Resample::Last, 0.2), [0.0, 4.0, 8.0]);
         assert_eq!(row(Resample::Mean, 0.2), [0.0, 2.5, 8.0]);
         assert_eq!(row(Resample::Linear, 0.1)[3], 6.0);
-        let held =
-            resampled(&array![[1.0], [2.0]], &[0.0, 1.0], 0.25, Resample::Last, 0.3).expect("resampled").0;
+        let held = resampled(&array![[1.0], [2.0]], &[0.0, 1.0], 0.25, Resample::Last, 0.3, 1e3)
+            .expect("resampled")
+            .0;
         assert!(held[[1, 0]] == 1.0 && held[[2, 0]].is_nan() && held[[4, 0]] == 2.0);
     }
 

@@ -16,6 +16,7 @@ use crate::{
         table::{binary::Column, grid::Grid, time},
         tracks::{Track, Values},
     },
+    memory::Memory,
     state::human::{PeopleTracker, Sighting},
 };
 
@@ -73,7 +74,9 @@ impl Agents {
     /// A file that is no table of trajectories.
     pub fn read(path: &Path, reading: &TrajectoryReading) -> Result<Self> {
         let fault = |reason: String| Error::file(path, reason);
-        let grid = Grid::read(path, &reading.missing, |words| layout::is_header(words, &reading.columns))?;
+        let grid = Grid::read(path, &reading.missing, Memory::of(reading.max_memory), |words| {
+            layout::is_header(words, &reading.columns)
+        })?;
         let layout = layout::of(&grid, &reading.columns).map_err(fault)?;
         let mut notes = Vec::new();
         let unit = reading.unit.or(layout::unit_of(&layout, &grid));

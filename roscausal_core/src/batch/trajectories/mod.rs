@@ -45,6 +45,8 @@ pub struct TrajectoryReading {
     pub missing: Vec<f64>,
     /// The last place of each agent is its goal.
     pub last_is_goal: bool,
+    /// Bytes that reading may take; `None`: what the machine has free.
+    pub max_memory: Option<u64>,
 }
 
 /// What is made of the agents.

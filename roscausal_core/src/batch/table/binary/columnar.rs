@@ -16,42 +16,72 @@ use arrow_ipc::reader::{FileReader, StreamReader};
 use arrow_schema::{ArrowError, DataType, TimeUnit};
 use parquet::arrow::arrow_reader::ParquetRecordBatchReaderBuilder;
 
-use super::{super::time, Column};
+use super::{
+    super::{columns::check_count, time},
+    Column, claims,
+};
+use crate::memory::Memory;
 
 type Columns = Result<Vec<(String, Column)>, String>;
 
+/// Cells that are read of a Parquet file at a time.
+const BATCH: usize = 1 << 22;
+
 /// The columns of a Parquet or Arrow file; `None` if it is neither.
-pub(super) fn columns(bytes: &[u8]) -> Option<Columns> {
+pub(super) fn columns(bytes: &[u8], memory: Memory) -> Option<Columns> {
     let damaged = |what: &str, error: &dyn std::fmt::Display| {
         format!("the {what} file is damaged or not supported: {error}")
     };
     if bytes.starts_with(b"PAR1") {
         let read = || {
-            let reader = ParquetRecordBatchReaderBuilder::try_new(bytes::Bytes::copy_from_slice(bytes))
-                .and_then(|builder| builder.with_batch_size(1 << 16).build())
+            let builder = ParquetRecordBatchReaderBuilder::try_new(bytes::Bytes::copy_from_slice(bytes))
                 .map_err(|error| damaged("Parquet", &error))?;
-            of(reader).map_err(|error| damaged("Parquet", &error))
+            let columns = builder.schema().fields().len();
+            check_count(columns)?;
+            claims::check_parquet(bytes, builder.metadata(), memory)
+                .map_err(|error| damaged("Parquet", &error))?;
+            let reader = builder
+                .with_batch_size((BATCH / columns.max(1)).clamp(1, 1 << 16))
+                .build()
+                .map_err(|error| damaged("Parquet", &error))?;
+            of(reader, bytes.len(), memory).map_err(|error| damaged("Parquet", &error))
         };
         return Some(read());
     }
     if bytes.starts_with(b"ARROW1") {
-        let read = FileReader::try_new(Cursor::new(bytes), None).and_then(of);
-        return Some(read.map_err(|error| damaged("Arrow", &error)));
+        let read = || {
+            claims::check_arrow_file(bytes, memory)?;
+            let reader = FileReader::try_new(Cursor::new(bytes), None).map_err(|error| error.to_string())?;
+            of(reader, bytes.len(), memory)
+        };
+        return Some(read().map_err(|error| damaged("Arrow", &error)));
     }
     // The stream format begins with the mark of a message.
     if bytes.starts_with(b"\xff\xff\xff\xff") {
-        let read = StreamReader::try_new(Cursor::new(bytes), None).and_then(of);
-        return Some(read.map_err(|error| damaged("Arrow", &error)));
+        let read = || {
+            claims::check_arrow_stream(bytes, memory)?;
+            let reader =
+                StreamReader::try_new(Cursor::new(bytes), None).map_err(|error| error.to_string())?;
+            of(reader, bytes.len(), memory)
+        };
+        return Some(read().map_err(|error| damaged("Arrow", &error)));
     }
     None
 }
 
 fn of(
     batches: impl Iterator<Item = Result<RecordBatch, ArrowError>>,
-) -> Result<Vec<(String, Column)>, ArrowError> {
+    length: usize,
+    memory: Memory,
+) -> Columns {
     let mut columns: Vec<(String, Column)> = Vec::new();
     for batch in batches {
-        let batch = batch?;
+        let batch = batch.map_err(|error| error.to_string())?;
+        check_count(batch.num_columns())?;
+        // Runs of one value take a few bytes, however long they are.
+        let held: u64 = columns.iter().map(|(_, column)| column.bytes()).sum();
+        let more = (batch.num_rows() as u64).saturating_mul((batch.num_columns() * size_of::<f64>()) as u64);
+        memory.check_growth(held.saturating_add(more), length as u64)?;
         for (place, field) in batch.schema().fields().iter().enumerate() {
             let more = column(batch.column(place).as_ref());
             match columns.get_mut(place) {

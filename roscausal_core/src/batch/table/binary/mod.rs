@@ -4,6 +4,8 @@
 //! 2. They are chosen, encoded and checked as those of a CSV file.
 
 #[cfg(feature = "columnar")]
+mod claims;
+#[cfg(feature = "columnar")]
 mod columnar;
 mod numpy;
 
@@ -12,6 +14,7 @@ use super::{
     columns::{chosen, is_index, time_column},
     time,
 };
+use crate::memory::Memory;
 use ndarray::Array2;
 
 /// The index that pandas writes into a file.
@@ -30,16 +33,31 @@ pub(crate) enum Column {
     Other(String),
 }
 
+impl Column {
+    /// Memory that its cells take, bytes.
+    pub(super) fn bytes(&self) -> u64 {
+        (match self {
+            Self::Numbers(numbers) | Self::Times(numbers) => size_of_val(numbers.as_slice()),
+            // Short words have a block of the heap each.
+            Self::Words(words) => words.len() * (size_of::<Option<String>>() + size_of::<usize>()),
+            Self::Other(_) => 0,
+        }) as u64
+    }
+}
+
 /// The columns of a file, by name; `None` if the bytes are no such file.
-pub(in crate::batch::table) fn columns(bytes: &[u8]) -> Option<Parsed<Vec<(String, Column)>>> {
+pub(in crate::batch::table) fn columns(
+    bytes: &[u8],
+    memory: Memory,
+) -> Option<Parsed<Vec<(String, Column)>>> {
     if bytes.starts_with(b"\x93NUMPY") {
-        return Some(numpy::array_file(bytes).map_err(Complaint::File));
+        return Some(numpy::array_file(bytes, memory).map_err(Complaint::File));
     }
     if bytes.starts_with(b"PK\x03\x04") {
-        return numpy::archive(bytes).map(|read| read.map_err(Complaint::File));
+        return numpy::archive(bytes, memory).map(|read| read.map_err(Complaint::File));
     }
     #[cfg(feature = "columnar")]
-    if let Some(read) = columnar::columns(bytes) {
+    if let Some(read) = columnar::columns(bytes, memory) {
         return Some(read.map_err(Complaint::File));
     }
     None
@@ -47,6 +65,10 @@ pub(in crate::batch::table) fn columns(bytes: &[u8]) -> Option<Parsed<Vec<(Strin
 
 /// The table of these columns.
 pub(in crate::batch::table) fn table(columns: Vec<(String, Column)>, reading: &Reading) -> Parsed<Table> {
+    super::columns::check_count(columns.len())?;
+    if columns.is_empty() {
+        return Err(Complaint::from("it has no columns; columns of variables are needed"));
+    }
     let header: Vec<String> = columns.iter().map(|(name, _)| name.clone()).collect();
     super::columns::check_names(&header)
         .map_err(|reason| Complaint::File(reason.replace("line 1", "names")))?;

@@ -6,12 +6,16 @@
 //! An array of one dimension is a column of its name; one of two dimensions gives a column for each of its columns (`x_0`, `x_1`),
 //! named by an array of as many words if there is one; one with fields gives a column for each field.
 
-use std::io::{Cursor, Read};
+use std::io::Cursor;
 
-use super::{super::time, Column};
+use super::{
+    super::{columns::check_count, time},
+    Column,
+};
+use crate::memory::Memory;
 
-/// An array may unpack to at most this many bytes.
-const MOST_BYTES: u64 = 1 << 34;
+/// A longer header is none, bytes; NumPy itself reads 10 000.
+const LONGEST_HEADER: usize = 1 << 20;
 
 /// An array: its shape, and the columns of its values in the order of rows.
 struct Array {
@@ -21,8 +25,8 @@ struct Array {
 }
 
 /// The columns of a `.npy` file.
-pub(super) fn array_file(bytes: &[u8]) -> Result<Vec<(String, Column)>, String> {
-    let array = array(bytes)?;
+pub(super) fn array_file(bytes: &[u8], memory: Memory) -> Result<Vec<(String, Column)>, String> {
+    let array = array(bytes, memory)?;
     let columns = if array.fields.first().is_some_and(|(name, _)| !name.is_empty()) {
         array.fields
     } else {
@@ -32,7 +36,7 @@ pub(super) fn array_file(bytes: &[u8]) -> Result<Vec<(String, Column)>, String> 
 }
 
 /// The columns of a `.npz` file; `None` if the ZIP archive holds no array.
-pub(super) fn archive(bytes: &[u8]) -> Option<Result<Vec<(String, Column)>, String>> {
+pub(super) fn archive(bytes: &[u8], memory: Memory) -> Option<Result<Vec<(String, Column)>, String>> {
     let mut archive = zip::ZipArchive::new(Cursor::new(bytes)).ok()?;
     let names: Vec<String> = archive
         .file_names()
@@ -42,14 +46,20 @@ pub(super) fn archive(bytes: &[u8]) -> Option<Result<Vec<(String, Column)>, Stri
     if names.is_empty() {
         return None;
     }
-    let mut arrays = Vec::new();
+    let (mut arrays, mut whole) = (Vec::new(), 0_u64);
     for file in names {
         let name = file.trim_end_matches(".npy").to_owned();
-        let mut unpacked = Vec::new();
-        let read = archive.by_name(&file).map_err(|error| error.to_string()).and_then(|entry| {
-            entry.take(MOST_BYTES).read_to_end(&mut unpacked).map_err(|error| error.to_string())
+        let read = archive
+            .by_name(&file)
+            .map_err(|error| error.to_string())
+            .and_then(|entry| memory.unpack(entry, bytes.len() as u64).map_err(|error| error.to_string()));
+        let found = read.and_then(|unpacked| {
+            let array = array(&unpacked, memory)?;
+            // Members may lie over each other.
+            whole += array.fields.iter().map(|(_, column)| column.bytes()).sum::<u64>();
+            memory.check_growth(whole, bytes.len() as u64).map(|()| array)
         });
-        let found = read.and_then(|_| array(&unpacked)).map_err(|reason| format!("array '{name}': {reason}"));
+        let found = found.map_err(|reason| format!("array '{name}': {reason}"));
         match found {
             Ok(array) => arrays.push((name, array)),
             Err(reason) => return Some(Err(reason)),
@@ -125,7 +135,7 @@ fn spread(name: &str, array: Array, names: &[Vec<String>]) -> Vec<(String, Colum
 }
 
 /// One array: a header in Python's words, then the values.
-fn array(bytes: &[u8]) -> Result<Array, String> {
+fn array(bytes: &[u8], memory: Memory) -> Result<Array, String> {
     let short = || "the NumPy file is cut off".to_owned();
     let rest = bytes.strip_prefix(b"\x93NUMPY").ok_or("this is no NumPy array")?;
     let (length, start): (usize, usize) = match rest {
@@ -133,27 +143,35 @@ fn array(bytes: &[u8]) -> Result<Array, String> {
         [2 | 3, _, a, b, c, d, ..] => (u32::from_le_bytes([*a, *b, *c, *d]) as usize, 6),
         _ => return Err(short()),
     };
-    let header = rest.get(start..start.saturating_add(length)).ok_or_else(short)?;
+    if length > LONGEST_HEADER {
+        return Err(format!("the header of the NumPy file claims {length} bytes"));
+    }
+    let header = rest.get(start..start + length).ok_or_else(short)?;
     let header = std::str::from_utf8(header).map_err(|_| "the header of the NumPy file is no text")?;
     let values = rest.get(start + length..).ok_or_else(short)?;
     let (kinds, fortran, shape) = described(header)?;
     let count =
         shape.iter().try_fold(1_usize, |product, side| product.checked_mul(*side)).ok_or_else(short)?;
+    if shape.first() == Some(&0) {
+        return Err("it has no rows; rows of numbers are needed".into());
+    }
     let width: usize = kinds.iter().map(|(_, kind)| kind.bytes).sum();
     if width.checked_mul(count).is_none_or(|needed| values.len() < needed) {
         return Err(short());
     }
-    let order: Vec<usize> = match (fortran, shape.as_slice()) {
-        (true, [rows, columns]) => {
-            (0..count).map(|at| (at % columns.max(&1)) * rows + at / columns.max(&1)).collect()
-        }
-        _ => (0..count).collect(),
+    // From here on there are as many values as the shape says.
+    check_count(if let [_, columns] = shape[..] { columns } else { kinds.len() })?;
+    let cells = (count as u64).saturating_mul(kinds.iter().map(|(_, kind)| kind.in_memory()).sum());
+    memory.check((bytes.len() as u64).saturating_add(cells))?;
+    let place = |at: usize| match (fortran, shape.as_slice()) {
+        (true, &[rows, columns]) => (at % columns) * rows + at / columns,
+        _ => at,
     };
     let mut offset = 0;
     let mut fields = Vec::new();
     for (name, kind) in kinds {
-        let cell = |at: &usize| &values[at * width + offset..at * width + offset + kind.bytes];
-        fields.push((name, kind.column(order.iter().map(cell))));
+        let cell = |at: usize| &values[place(at) * width + offset..][..kind.bytes];
+        fields.push((name, kind.column((0..count).map(cell))));
         offset += kind.bytes;
     }
     Ok(Array { shape, fields })
@@ -186,7 +204,7 @@ impl Kind {
             'i' | 'u' => matches!(size, 1 | 2 | 4 | 8),
             'b' => size == 1,
             'M' => size == 8,
-            _ => size <= 1 << 16,
+            _ => (1..=1 << 16).contains(&size),
         };
         let per_second = match unit {
             "ns" => 1e9,
@@ -200,6 +218,12 @@ impl Kind {
         };
         let bytes = if letter == 'U' { 4 * size } else { size };
         if known { Ok(Self { big_endian: order == '>', letter, bytes, per_second }) } else { Err(unknown()) }
+    }
+
+    /// Bytes that a value takes as a cell of a column.
+    fn in_memory(&self) -> u64 {
+        (if "US".contains(self.letter) { size_of::<Option<String>>() + self.bytes } else { size_of::<f64>() })
+            as u64
     }
 
     fn column<'a>(&self, cells: impl Iterator<Item = &'a [u8]>) -> Column {
@@ -304,6 +328,10 @@ fn described(header: &str) -> Result<Layout, String> {
 mod tests {
     use super::*;
 
+    fn most() -> Memory {
+        Memory::of(None)
+    }
+
     /// A `.npy` file with this header and these bytes.
     fn file(header: &str, values: &[u8]) -> Vec<u8> {
         let length = u16::try_from(header.len()).expect("short").to_le_bytes();
@@ -315,28 +343,28 @@ mod tests {
         let values: Vec<u8> =
             [1.0, 2.0, 3.0, 4.0, 5.0, 6.0_f64].iter().flat_map(|v| v.to_le_bytes()).collect();
         let header = |fortran| format!("{{'descr': '<f8', 'fortran_order': {fortran}, 'shape': (3, 2), }}\n");
-        let of = |fortran| array_file(&file(&header(fortran), &values)).expect("reads");
+        let of = |fortran| array_file(&file(&header(fortran), &values), most()).expect("reads");
         let column = |name: &str, values: &[f64]| (name.to_owned(), Column::Numbers(values.to_vec()));
         assert_eq!(of("False"), [column("x_0", &[1.0, 3.0, 5.0]), column("x_1", &[2.0, 4.0, 6.0])]);
         assert_eq!(of("True"), [column("x_0", &[1.0, 2.0, 3.0]), column("x_1", &[4.0, 5.0, 6.0])]);
         let header = "{'descr': [('a', '>i2'), ('b', '|b1')], 'fortran_order': False, 'shape': (2,), }";
-        let read = array_file(&file(header, &[0xff, 0xfe, 1, 0, 3, 0])).expect("reads");
+        let read = array_file(&file(header, &[0xff, 0xfe, 1, 0, 3, 0]), most()).expect("reads");
         assert_eq!(read, [column("a", &[-2.0, 3.0]), column("b", &[1.0, 0.0])]);
     }
 
     #[test]
     fn words_stamps_and_small_numbers_are_read() {
         let half_and = "{'descr': '<f2', 'fortran_order': False, 'shape': (3,), }";
-        let read = array_file(&file(half_and, &[0x00, 0x3c, 0x00, 0xc0, 0x01, 0x00])).expect("reads");
+        let read = array_file(&file(half_and, &[0x00, 0x3c, 0x00, 0xc0, 0x01, 0x00]), most()).expect("reads");
         assert_eq!(read[0].1, Column::Numbers(vec![1.0, -2.0, 2_f64.powi(-24)]));
         let stamps = "{'descr': '<M8[ms]', 'fortran_order': False, 'shape': (2,), }";
         let bytes: Vec<u8> = [1500_i64, i64::MIN].iter().flat_map(|v| v.to_le_bytes()).collect();
-        let Column::Times(times) = &array_file(&file(stamps, &bytes)).expect("reads")[0].1 else {
+        let Column::Times(times) = &array_file(&file(stamps, &bytes), most()).expect("reads")[0].1 else {
             panic!("times")
         };
         assert!(times[0] == 1.5 && times[1].is_nan());
         let words = "{'descr': '<U2', 'fortran_order': False, 'shape': (1,), }";
-        let read = array_file(&file(words, &[b'h', 0, 0, 0, b'v', 0, 0, 0])).expect("reads");
+        let read = array_file(&file(words, &[b'h', 0, 0, 0, b'v', 0, 0, 0]), most()).expect("reads");
         assert_eq!(read[0].1, Column::Words(vec![Some("hv".into())]));
     }
 
@@ -344,14 +372,27 @@ mod tests {
     fn what_is_cut_off_or_of_another_type_is_one_sentence() {
         let good = file("{'descr': '<f8', 'fortran_order': False, 'shape': (2,), }", &[0; 16]);
         for length in 0..good.len() {
-            assert!(array(&good[..length]).is_err(), "{length}");
+            assert!(array(&good[..length], most()).is_err(), "{length}");
         }
-        let other = |header: &str| array(&file(header, &[0; 64])).err().expect("refused");
+        let other = |header: &str| array(&file(header, &[0; 64]), most()).err().expect("refused");
         assert!(other("{'descr': '|O', 'fortran_order': False, 'shape': (2,), }").contains("astype(float)"));
         assert!(other("{'descr': '<f8', 'shape': (2,), }").contains("not understood"));
         assert!(
             other("{'descr': '<f8', 'fortran_order': False, 'shape': (99999999999, 99999999999), }")
                 .contains("cut off")
         );
+        for (kind, shape, told) in [
+            ("'<S0'", "(4611686018427387904,)", "not read"),
+            ("'<f8'", "(0, 4611686018427387904)", "no rows"),
+            ("'<f8'", "(4611686018427387904, 4611686018427387904)", "cut off"),
+            ("'<f8'", "(-1,)", "not understood"),
+            ("'<S2147483648'", "(1,)", "not read"),
+            ("'|b1'", "(1, 9223372036854775807)", "cut off"),
+        ] {
+            let told_is = other(&format!("{{'descr': {kind}, 'fortran_order': True, 'shape': {shape}, }}"));
+            assert!(told_is.contains(told), "{kind} {shape}: {told_is}");
+        }
+        let wide = file("{'descr': '|b1', 'fortran_order': True, 'shape': (1, 200000), }", &[0; 200_000]);
+        assert!(array(&wide, most()).err().expect("refused").contains("200000 columns"));
     }
 }
