@@ -1,17 +1,26 @@
 //! Hostile input for decoders, on the stable toolchain and without instrumentation.
 //!
-//! A target runs on mutations of its corpus for `ROSCAUSAL_FUZZ_SECONDS` (default 1), from the seed
-//! `ROSCAUSAL_FUZZ_SEED` (default 1). It must not panic, and it must not allocate what a length field merely
-//! claims: with [`Allocator`] as the global allocator, it may allocate at most a multiple of the input. An input
-//! that breaks either rule is written into the corpus, so that later runs try it first.
+//! A target runs on mutations of its corpus, from the seed `ROSCAUSAL_FUZZ_SEED` (default 1), for
+//! `ROSCAUSAL_FUZZ_SECONDS` (default 1), but on [`FEWEST`] at least; or on `ROSCAUSAL_FUZZ_INPUTS` of them. The
+//! example `fuzz` does the latter with all targets.
+//!
+//! A target must not panic. It must not allocate what a length field merely claims: with [`Allocator`] as the
+//! global allocator, it may allocate at most a multiple of the input. It must end within [`SLOWEST`]. An input that
+//! breaks a rule is written into the corpus, so that later runs try it first.
 
 mod allocator;
+mod file;
 mod mutate;
 mod random;
+mod structure;
+mod watch;
 
 pub use allocator::{Allocator, peak_of};
+pub use file::InputFile;
 pub use mutate::Mutator;
 pub use random::{splitmix64, unit};
+
+use watch::Watch;
 
 use std::{
     collections::hash_map::DefaultHasher,
@@ -24,6 +33,13 @@ use std::{
 
 /// Bytes that a target may allocate for any input, however short.
 const FREE: usize = 1 << 20;
+/// Mutations that every run tries, however slow the target is.
+pub const FEWEST: u64 = 200;
+/// How long an input may take, also on a machine that is busy.
+pub const SLOWEST: Duration = Duration::from_secs(10);
+
+/// How the line begins that a target prints at its end: its crate and corpus, inputs, seconds, and milliseconds of the slowest.
+pub const TOLD: &str = "fuzzed: | ";
 
 /// A decoder under test.
 pub struct Target<'a> {
@@ -38,47 +54,74 @@ pub struct Target<'a> {
 }
 
 impl Target<'_> {
-    /// Runs `decode` on the corpus and on mutations of it until the time is up. Returns the number of inputs.
+    /// Runs `decode` on the corpus and on mutations of it. Returns the number of mutations.
     ///
     /// # Panics
-    /// If `decode` panics or allocates too much; the message names the file with the input.
+    /// If `decode` breaks a rule; the message names the file with the input.
     pub fn run(&self, decode: impl Fn(&[u8])) -> u64 {
+        let watch = Watch::start(&self.corpus);
+        let attempt = |input: &[u8]| self.attempt(input, &watch, &decode);
         let mut corpus = files(&self.corpus);
         corpus.extend(self.seeds.iter().cloned());
-        corpus.iter().for_each(|input| self.attempt(input, &decode));
-        let mut mutator = Mutator::new(number("ROSCAUSAL_FUZZ_SEED", 1.0) as u64, self.tokens);
-        let end = Instant::now() + Duration::from_secs_f64(number("ROSCAUSAL_FUZZ_SECONDS", 1.0));
-        let mut count = corpus.len() as u64;
-        while Instant::now() < end {
-            for _ in 0..64 {
-                self.attempt(&mutator.next(&corpus), &decode);
-                count += 1;
-            }
+        let mut slowest = corpus.iter().map(|input| attempt(input)).max().unwrap_or_default();
+        let mut mutator = Mutator::new(number("ROSCAUSAL_FUZZ_SEED").unwrap_or(1.0) as u64, self.tokens);
+        let inputs = number("ROSCAUSAL_FUZZ_INPUTS").map(|inputs| inputs as u64);
+        let seconds =
+            number("ROSCAUSAL_FUZZ_SECONDS").unwrap_or(if inputs.is_some() { f64::MAX } else { 1.0 });
+        let (begun, mut count) = (Instant::now(), 0);
+        let most = inputs.unwrap_or(u64::MAX);
+        while count < FEWEST.min(most) || (count < most && begun.elapsed().as_secs_f64() < seconds) {
+            slowest = slowest.max(attempt(&mutator.next(&corpus)));
+            count += 1;
         }
-        println!("{}: {count} inputs without a finding", self.corpus.display());
+        println!(
+            "{TOLD}{} {} | {count} | {:.1} | {:.0} |",
+            std::env::var("CARGO_PKG_NAME").unwrap_or_default(),
+            self.corpus.file_name().unwrap_or_default().display(),
+            begun.elapsed().as_secs_f64(),
+            slowest.as_secs_f64() * 1000.0
+        );
         count
     }
 
-    fn attempt(&self, input: &[u8], decode: &impl Fn(&[u8])) {
+    /// Returns how long it took.
+    fn attempt(&self, input: &[u8], watch: &Watch, decode: &impl Fn(&[u8])) -> Duration {
+        watch.begin(input);
         let before = allocator::begin();
+        let begun = Instant::now();
         let outcome = catch_unwind(AssertUnwindSafe(|| decode(input)));
+        let took = begun.elapsed();
         let most = allocator::peak().saturating_sub(before);
+        watch.end();
         let allowed = FREE + self.bytes_per_byte * input.len();
-        if outcome.is_ok() && most <= allowed {
-            return;
+        if outcome.is_ok() && most <= allowed && took <= SLOWEST {
+            return took;
         }
-        let mut hasher = DefaultHasher::new();
-        input.hash(&mut hasher);
-        let path = self.corpus.join(format!("finding-{:016x}", hasher.finish()));
-        let kept = fs::create_dir_all(&self.corpus).and_then(|()| fs::write(&path, input));
-        println!("finding: {} ({kept:?}), {most} bytes allocated for {}", path.display(), input.len());
-        match outcome {
-            Err(panic) => resume_unwind(panic),
-            Ok(()) => {
-                assert!(most <= allowed, "{}: allocated {most} bytes, {allowed} are allowed", path.display())
-            }
+        let path = keep(&self.corpus, input);
+        println!(
+            "finding: {}, {most} bytes allocated for {}, {} ms",
+            path.display(),
+            input.len(),
+            took.as_millis()
+        );
+        if let Err(panic) = outcome {
+            resume_unwind(panic);
         }
+        assert!(most <= allowed, "{}: allocated {most} bytes, {allowed} are allowed", path.display());
+        assert!(took <= SLOWEST, "{}: took {took:?}, {SLOWEST:?} are allowed", path.display());
+        took
     }
+}
+
+/// Writes an input into the corpus. Returns its path.
+fn keep(corpus: &Path, input: &[u8]) -> PathBuf {
+    let mut hasher = DefaultHasher::new();
+    input.hash(&mut hasher);
+    let path = corpus.join(format!("finding-{:016x}", hasher.finish()));
+    if let Err(error) = fs::create_dir_all(corpus).and_then(|()| fs::write(&path, input)) {
+        println!("the finding cannot be kept: {error}");
+    }
+    path
 }
 
 fn files(dir: &Path) -> Vec<Vec<u8>> {
@@ -88,8 +131,8 @@ fn files(dir: &Path) -> Vec<Vec<u8>> {
     paths.iter().filter_map(|path| fs::read(path).ok()).collect()
 }
 
-fn number(variable: &str, default: f64) -> f64 {
-    std::env::var(variable).ok().and_then(|text| text.parse().ok()).unwrap_or(default)
+fn number(variable: &str) -> Option<f64> {
+    std::env::var(variable).ok()?.parse().ok()
 }
 
 #[cfg(test)]
@@ -130,5 +173,12 @@ mod tests {
     fn a_decoder_that_panics_is_found_and_a_good_one_is_not() {
         assert!(finds(|input| assert!(input.len() < 9)));
         assert!(!finds(|input| drop(std::hint::black_box(input.to_vec()))));
+    }
+
+    #[test]
+    fn a_slow_decoder_has_its_least_number_of_inputs_too() {
+        let corpus = std::env::temp_dir().join(format!("roscausal_fuzz-slow-{}", std::process::id()));
+        let count = target(&corpus).run(|_| std::thread::sleep(Duration::from_millis(8)));
+        assert_eq!(count, FEWEST);
     }
 }
