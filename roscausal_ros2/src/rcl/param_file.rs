@@ -7,6 +7,9 @@ use serde_norway::Value as Yaml;
 
 use super::BadArgument;
 
+/// Brackets within brackets, at most. For a text of deeper ones the library takes quadratic time.
+const DEEPEST: usize = 64;
+
 /// Parameter values from any number of files and `-p` arguments, in order.
 #[derive(Clone, Debug, Default)]
 pub struct ParamFile {
@@ -36,8 +39,7 @@ impl ParamFile {
         if name.is_empty() || name.contains(':') {
             return Err(wrong("the name is not a parameter's name"));
         }
-        let value = serde_norway::from_str(text)
-            .map_err(|error| wrong(&format!("the value is not YAML ({error})")))?;
+        let value = parsed(text).map_err(|why| wrong(&format!("the value {why}")))?;
         let value = scalar_or_list(&value).map_err(|why| wrong(&why))?;
         self.insert(node, name, value);
         Ok(())
@@ -59,8 +61,7 @@ impl ParamFile {
     /// # Errors
     /// What is wrong in it.
     pub fn add_text(&mut self, text: &str) -> Result<(), String> {
-        let yaml: Yaml = serde_norway::from_str(text).map_err(|error| format!("is not YAML: {error}"))?;
-        self.add_nodes("", &yaml)
+        self.add_nodes("", &parsed(text)?)
     }
 
     fn add_nodes(&mut self, node: &str, yaml: &Yaml) -> Result<(), String> {
@@ -118,6 +119,23 @@ impl ParamFile {
     }
 }
 
+fn parsed(text: &str) -> Result<Yaml, String> {
+    let mut depth = 0_usize;
+    for byte in text.bytes() {
+        match byte {
+            b'[' | b'{' => depth += 1,
+            b']' | b'}' => depth = depth.saturating_sub(1),
+            _ => {}
+        }
+        if depth > DEEPEST {
+            return Err(format!(
+                "has lists in lists, more than {DEEPEST} deep; a parameter is one list at most"
+            ));
+        }
+    }
+    serde_norway::from_str(text).map_err(|error| format!("is not YAML: {error}"))
+}
+
 fn segments(name: &str) -> Vec<String> {
     name.split('/').filter(|segment| !segment.is_empty()).map(str::to_owned).collect()
 }
@@ -171,6 +189,19 @@ mod tests {
     fn file(text: &str) -> Result<ParamFile, String> {
         let mut params = ParamFile::default();
         params.add_text(text).map(|()| params)
+    }
+
+    #[test]
+    fn lists_in_lists_are_refused_before_they_are_read() {
+        let mut file = ParamFile::default();
+        for deep in ["[".repeat(50_000), "{a: ".repeat(50_000), "[[],".repeat(50_000)] {
+            assert!(file.add_text(&deep).unwrap_err().contains("more than 64 deep"));
+            assert!(
+                file.add_rule(&format!("a:={deep}")).unwrap_err().to_string().contains("more than 64 deep")
+            );
+        }
+        let many = format!("n: {{ros__parameters: {{a: [{}]}}}}", "'[]', ".repeat(1000));
+        file.add_text(&many).expect("one list");
     }
 
     #[test]
