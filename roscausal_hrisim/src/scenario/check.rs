@@ -12,16 +12,22 @@ use crate::{
 
 /// Most agents of one kind; guards against typing errors.
 const MAX_AGENTS: usize = 10_000;
+/// Most walls of a map, and their largest coordinate in metres: the map is cut into cells, and each asks for its nearest wall.
+const MAX_WALLS: usize = 1000;
+const FARTHEST: f64 = 10_000.0;
 
 impl Scenario {
     /// The map of this scenario.
     ///
     /// # Errors
-    /// An unknown map, or walls that are not finite.
+    /// An unknown map, too many walls, or one that is too far away.
     pub fn world(&self) -> Result<World> {
         if !self.walls.is_empty() {
-            if let Some(index) = self.walls.iter().position(|wall| wall.iter().any(|x| !x.is_finite())) {
-                return Err(Error::param(format!("walls[{index}]"), "a coordinate is not a finite number"));
+            count("walls", self.walls.len(), MAX_WALLS)?;
+            for (index, wall) in self.walls.iter().enumerate() {
+                for &coordinate in wall {
+                    number(&format!("walls[{index}]"), coordinate, -FARTHEST, FARTHEST)?;
+                }
             }
             let wall = |w: &[f64; 4]| Segment::new(w[0], w[1], w[2], w[3]);
             return Ok(World::new(self.walls.iter().map(wall).collect()));
@@ -55,7 +61,7 @@ impl Scenario {
             let reason = "nobody to simulate; give at least one of [[people]], or pedestrians.count above 0";
             return Err(Error::param("people", reason));
         }
-        count("people", self.people.len())?;
+        count("people", self.people.len(), MAX_AGENTS)?;
         let mut ids = std::collections::BTreeSet::new();
         for (index, person) in self.people.iter().enumerate() {
             let at = format!("people[{index}]");
@@ -112,7 +118,7 @@ impl Scenario {
     }
 
     fn check_robots(&self, world: &World) -> Result<()> {
-        count("robots", self.robots.len())?;
+        count("robots", self.robots.len(), MAX_AGENTS)?;
         let mut names = std::collections::BTreeSet::new();
         for (index, robot) in self.robots.iter().enumerate() {
             let at = format!("robots[{index}]");
@@ -153,7 +159,7 @@ impl Scenario {
     }
 
     fn check_pedestrians(&self) -> Result<()> {
-        count("pedestrians.count", self.pedestrians.count)?;
+        count("pedestrians.count", self.pedestrians.count, MAX_AGENTS)?;
         number("pedestrians.speed_mean", self.pedestrians.speed_mean, 0.1, 5.0)?;
         number("pedestrians.speed_sd", self.pedestrians.speed_sd, 0.0, 2.0)
     }
@@ -230,11 +236,11 @@ fn number(name: &str, value: f64, low: f64, high: f64) -> Result<()> {
     Err(Error::param(name, format!("{value} is not allowed; use a number from {low} to {high}")))
 }
 
-fn count(name: &str, value: usize) -> Result<()> {
-    if value <= MAX_AGENTS {
+fn count(name: &str, value: usize, most: usize) -> Result<()> {
+    if value <= most {
         return Ok(());
     }
-    Err(Error::param(name, format!("{value} are too many; use 0 to {MAX_AGENTS}")))
+    Err(Error::param(name, format!("{value} are too many; use 0 to {most}")))
 }
 
 /// A position must be finite, free, and reachable from `from`. `arrival` is how close one has to come.

@@ -129,7 +129,12 @@ mod tests {
             ("people = []", "line 1, column 10", "nobody to simulate"),
             ("[[robots]]\nwaypoints = [[0.0, 0.0], [9.9, 0.0]]", "line 2, column 26", "inside a wall"),
             ("[[robots]]\nwaypoints = [[0.0, 0.0], [19.0, 0.0]]", "line 2", "outside the walls"),
-            ("walls = [[0.0, 0.0, 1.0, nan]]", "line 1", "finite"),
+            (
+                "walls = [[0.0, 0.0, 1.0, nan]]",
+                "line 1",
+                "NaN is not allowed; use a number from -10000 to 10000",
+            ),
+            ("walls = [[0.0, 0.0, 1e9, 0.0]]", "line 1", "use a number from -10000 to 10000"),
             (
                 "interventions = ['robot.speed=0.2@60..90', 'robot.speed=0.3@80..100']",
                 "line 1, column 44",
