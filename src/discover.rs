@@ -4,6 +4,8 @@ mod assumptions;
 mod changes;
 mod condition;
 mod estimate;
+#[cfg(test)]
+mod hostile;
 mod method;
 mod reading;
 mod resampling;

@@ -14,6 +14,8 @@ mod export;
 mod failure;
 mod flags;
 mod folders;
+#[cfg(test)]
+mod hostile;
 mod html_report;
 mod interrupt;
 mod nodes;

@@ -201,6 +201,25 @@ mod tests {
     }
 
     #[test]
+    fn a_hostile_answer_is_refused_or_a_model() {
+        let seed = r#"{"features":["a","b"],"val_matrix":[[[0,0],[0,0.7]],[[0,0],[0,0]]],"p_matrix":[[[1,1],[1,0.01]],[[1,1],[1,0.5]]],
+            "graph":[[["",""],["","-->"]],[["",""],["","o->"]]]}"#;
+        let target = roscausal_fuzz::Target {
+            corpus: concat!(env!("CARGO_MANIFEST_DIR"), "/tests/corpus/method_answer").into(),
+            seeds: vec![seed.into(), seed.replace("graph", "note").into()],
+            tokens: &[b"[", b"]", b"[]", b"null", b"\"-->\"", b"1e999", b","],
+            bytes_per_byte: 1000,
+        };
+        target.run(|input| {
+            for tau_max in [0, 1] {
+                let settings = Settings { tau_min: 0, tau_max, ..Settings::default() };
+                let Ok(answer) = serde_json::from_slice::<Answer>(input) else { return };
+                drop(model(answer, "method".into(), &settings).map(|model| model.to_file_json()));
+            }
+        });
+    }
+
+    #[test]
     fn what_a_program_answers_is_checked_as_a_file_is() {
         let settings = Settings { tau_min: 0, tau_max: 0, ..Settings::default() };
         let answer = |p: [f64; 2], graph: Option<[&str; 2]>, names: [&str; 2]| {

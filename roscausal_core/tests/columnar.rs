@@ -2,6 +2,9 @@
 
 #![allow(clippy::expect_used, clippy::panic, reason = "a test may panic: that is how it fails")]
 
+#[path = "hostile/columnar.rs"]
+mod hostile;
+
 use std::{
     fs,
     path::{Path, PathBuf},

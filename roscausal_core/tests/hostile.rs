@@ -2,7 +2,10 @@
 
 #![allow(clippy::expect_used, reason = "a test may panic: that is how it fails")]
 
-use std::path::Path;
+#[path = "hostile/tables.rs"]
+mod tables;
+
+use std::{fs, path::Path};
 
 use roscausal_core::{
     batch::{
@@ -27,6 +30,11 @@ fn run(name: &str, seeds: &[&[u8]], tokens: &[&[u8]], bytes_per_byte: usize, dec
         bytes_per_byte,
     };
     target.run(decode);
+}
+
+/// A table of `tests/tables`.
+fn shared_table(name: &str) -> Vec<u8> {
+    fs::read(Path::new(env!("CARGO_MANIFEST_DIR")).join("../tests/tables").join(name)).expect("it is there")
 }
 
 #[test]

@@ -66,7 +66,7 @@ fn target(corpus: &str, seeds: Vec<Vec<u8>>) -> Target<'static> {
 }
 
 #[test]
-fn no_bytes_of_a_message_of_people_make_the_reader_panic_or_allocate_what_they_claim() {
+fn hostile_bytes_of_people_neither_panic_nor_allocate_what_they_claim() {
     let known = messages();
     let seeds =
         known.iter().enumerate().map(|(place, message)| [&[place as u8], &message.bytes[..]].concat());
@@ -82,7 +82,7 @@ fn no_bytes_of_a_message_of_people_make_the_reader_panic_or_allocate_what_they_c
 }
 
 #[test]
-fn no_definition_of_people_makes_the_reader_panic_or_allocate_what_it_claims() {
+fn a_hostile_definition_of_people_neither_panics_nor_allocates_what_it_claims() {
     let known = messages();
     let seeds: Vec<Vec<u8>> =
         known.iter().map(|message| message.kind.definition.clone().into_bytes()).collect();

@@ -213,6 +213,23 @@ mod tests {
     use super::*;
 
     #[test]
+    fn a_hostile_question_is_refused_or_asked() {
+        let target = roscausal_fuzz::Target {
+            corpus: concat!(env!("CARGO_MANIFEST_DIR"), "/tests/corpus/question").into(),
+            seeds: vec![
+                br#"{"actions": [{"variable": "r_v", "value": 0.4}], "cost": {"variable": "h", "weight": -1}, "horizon": 10}"#.to_vec(),
+                br#"{"variable": "h_v"}"#.to_vec(),
+            ],
+            tokens: &[b"[", b"{\"actions\":", b"1e308", b"null", b"\"\\ud800\""],
+            bytes_per_byte: 400,
+        };
+        target.run(|input| {
+            let text = String::from_utf8_lossy(input);
+            let _ = (Question::what_if(&text), Question::explain(&text));
+        });
+    }
+
+    #[test]
     fn a_question_sets_one_variable_per_action_beside_going_on() {
         let text = r#"{"actions": [{"variable": "r_v", "value": 0.4}, {"variable": "r_v", "value": 0.4}, {"variable": "r_v", "value": 0}],
             "cost": {"variable": "<b>", "weight": -1}, "horizon": 1000000}"#;

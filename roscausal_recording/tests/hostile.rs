@@ -2,32 +2,44 @@
 
 #![allow(clippy::expect_used, reason = "a test may panic: that is how it fails")]
 
+#[path = "hostile/payload.rs"]
+mod payload;
+
 use std::{fs, path::Path};
 
-use roscausal_fuzz::{Allocator, Target};
+use roscausal_fuzz::{Allocator, InputFile, Target};
 use roscausal_recording::Recording;
 
 #[global_allocator]
 static ALLOCATOR: Allocator = Allocator;
 
-fn run(name: &str, files: &[&str], tokens: &[&[u8]], bytes_per_byte: usize) {
-    let tests = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests");
-    let target = Target {
-        corpus: tests.join("corpus").join(name),
-        seeds: files.iter().filter_map(|file| fs::read(tests.join("data").join(file)).ok()).collect(),
-        tokens,
-        bytes_per_byte,
-    };
-    assert_eq!(target.seeds.len(), files.len(), "a recording is missing");
-    // In memory if possible, because a file is written for each input.
-    let memory = Path::new("/dev/shm");
-    let folder = if memory.is_dir() { memory.to_owned() } else { std::env::temp_dir() };
-    let file = tempfile::NamedTempFile::new_in(folder).expect("a temporary file");
-    target.run(|input| read(file.path(), input));
+/// A recording of `tests/data`.
+fn data(name: &str) -> Vec<u8> {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data");
+    fs::read(folder.join(name)).expect("a recording is missing")
 }
 
-fn read(path: &Path, input: &[u8]) {
-    fs::write(path, input).expect("the file is written");
+fn run(name: &str, files: &[&str], tokens: &[&[u8]], bytes_per_byte: usize) {
+    let seeds = files.iter().map(|file| data(file)).collect();
+    target(name, seeds, tokens, bytes_per_byte, |input, read| read(input));
+}
+
+/// Runs a target that makes recordings of an input and reads them.
+fn target(
+    name: &str,
+    seeds: Vec<Vec<u8>>,
+    tokens: &[&[u8]],
+    bytes_per_byte: usize,
+    decode: impl Fn(&[u8], &dyn Fn(&[u8])),
+) {
+    let corpus = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/corpus").join(name);
+    let file = InputFile::new().expect("a temporary file");
+    let target = Target { corpus, seeds, tokens, bytes_per_byte };
+    target.run(|input| decode(input, &|bytes| read(file.with(bytes).expect("the file is written"))));
+}
+
+fn read(path: &Path) {
+    let _ = roscausal_recording::settings(path);
     let Ok(mut recording) = Recording::open(path) else { return };
     let _ = recording.span();
     let topics = recording.topics().to_vec();

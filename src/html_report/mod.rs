@@ -1,6 +1,8 @@
 //! `roscausal report`: a model and what stands behind it as one HTML file that needs no network and runs no script.
 
 mod evidence;
+#[cfg(test)]
+mod hostile;
 mod latex;
 mod page;
 mod source;

@@ -64,7 +64,7 @@ fn holds_recording(dir: &Path) -> Result<bool> {
 }
 
 /// `model.json` in a folder; else the newest of its models in `cm_pool`, or in the folder itself.
-fn of_folder(dir: &Path) -> Result<Material> {
+pub(super) fn of_folder(dir: &Path) -> Result<Material> {
     let pool = dir.join("cm_pool");
     let pool = if pool.is_dir() { pool } else { dir.to_owned() };
     // Other JSON files may lie there, too.
