@@ -59,7 +59,7 @@ fn hostile_settings_beside_the_data_are_refused_or_become_flags() {
             fs::write(folder.path().join(name), input).expect("the settings");
         }
         for (line, matches) in &lines {
-            let whole: Option<(Vec<OsString>, _)> = presets::apply(line, matches).ok().flatten();
+            let whole: Option<(Vec<OsString>, _)> = presets::apply(line, matches).ok();
             drop(whole.map(|(whole, _)| Cli::command().try_get_matches_from(whole)));
         }
     });
