@@ -152,7 +152,7 @@ fn what_is_published_is_recorded_and_played_again() {
 
     let mut recording = Recording::open(&path).unwrap();
     let index = recording.topic("/roscausal/markers", None).unwrap();
-    assert_eq!(recording.topics()[index].definition, *Ros2MarkerArray::definition().ros2_definition());
+    assert_eq!(*recording.topics()[index].definition, *Ros2MarkerArray::definition().ros2_definition());
     let bus = Loopback::lockstep();
     bus.advance_to(recording.span().unwrap().0);
     let (heard, listener) =

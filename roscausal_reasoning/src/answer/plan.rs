@@ -181,8 +181,6 @@ mod tests {
     fn the_cheapest_comes_first_and_shares_of_being_best_sum_to_one() {
         let price = |costs: &[f64]| Price { costs: costs.to_vec(), ..Price::default() };
         let prices = [price(&[3.0, 3.0, 3.0, 3.0]), price(&[1.0, 1.0, 9.0, 1.0]), price(&[0.0; 4])];
-        let priced = |(price, one): (Price, &Outcomes)| price.with_costs(one, asked, within);
-        let prices: Vec<Price> = limits.into_iter().zip(all).map(priced).collect();
         let (ranking, best) = rank(&prices, &[0, 1]);
         assert_eq!((ranking, best), (vec![0, 1], vec![0.25, 0.75, 0.0]));
         assert_eq!(rank(&prices, &[]).0, Vec::<usize>::new());
