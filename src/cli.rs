@@ -134,12 +134,16 @@ const LONGEST_WORD: usize = 400;
 
 /// Complains about a command line that cannot be understood, and ends the process.
 fn refuse(line: &[OsString], error: &clap::Error, colour: terminal::Colour) -> ! {
-    // What clap quotes are words of the line: with these spelled out, it quotes nothing that a terminal obeys.
+    // What clap quotes are words of the line: with these spelled out, it quotes nothing that a terminal obeys. Spelled in another way
+    // where they mean something, such as x<U+001B> in a condition.
     let shown =
         |word: &OsString| visible::line(&visible::cut(&word.to_string_lossy(), LONGEST_WORD)).into_owned();
-    match Cli::command().color(colour.for_clap()).try_get_matches_from(line.iter().map(shown)) {
-        Err(shown) => terminal::print_complaint(&shown.render()),
-        Ok(_) => terminal::print_error(format_args!("{error}")),
+    let again = |shown: &dyn Fn(&OsString) -> String| {
+        Cli::command().color(colour.for_clap()).try_get_matches_from(line.iter().map(shown)).err()
+    };
+    match again(&shown).or_else(|| again(&|word| shown(word).replace(['<', '>'], "|"))) {
+        Some(shown) => terminal::print_complaint(&shown.render()),
+        None => terminal::print_error(format_args!("{error}")),
     }
     std::process::exit(error.exit_code())
 }

@@ -99,13 +99,13 @@ pub(crate) fn cell(text: &str) -> String {
 
 /// A row of the table of links.
 #[derive(serde::Serialize)]
-struct Row<'a> {
+struct Row {
     cause: String,
     effect: String,
     lag: usize,
     value: f64,
     p_value: f64,
-    mark: &'a str,
+    mark: String,
     n_lost: usize,
     /// The p-value in words: `<0.002` where the test cannot tell smaller ones apart and `p_value` may be 0.
     p: String,
@@ -128,7 +128,7 @@ pub fn links_csv(model: &Model) -> Result<Vec<u8>> {
             lag: *lag,
             value: *value,
             p_value: *p_value,
-            mark,
+            mark: cell(mark),
             n_lost: *n_lost,
             p,
             confidence: link.confidence,

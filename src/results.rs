@@ -114,23 +114,24 @@ impl Results {
     /// A file of others with the name of a result, or the file system's. Until the set is complete in the folder, all stays as
     /// it was.
     pub(crate) fn finish(self) -> Result<()> {
-        self.check_and_list()?;
-        if self.exchange().map_err(|e| Error::file(&self.dir, e))? {
+        let files = self.check_and_list()?;
+        if self.exchange().map_err(|e| Error::file(&self.dir, without_path(e)))? {
             return Ok(());
         }
-        self.commit()?;
+        self.commit(&files)?;
         complete(&self.dir)
     }
 
-    /// Makes sure that the set can take its place, and writes its list.
-    fn check_and_list(&self) -> Result<()> {
+    /// Makes sure that the set takes no place of others, and writes its list.
+    fn check_and_list(&self) -> Result<BTreeSet<PathBuf>> {
         let (mut files, set) = (BTreeSet::new(), self.folder());
         collect(&set, Path::new(""), &mut files).map_err(|e| Error::file(&self.dir, e))?;
         self.check(&files)?;
         let gone = self.old.difference(&files).cloned().collect();
-        let text = serde_json::to_vec(&List { files, gone }).map_err(|e| Error::file(&self.dir, e))?;
-        let list = set.join(HOME).join(LIST);
-        write_whole(&list, &text).map_err(|error| renamed(error, &set, &self.dir))
+        let list = List { files, gone };
+        let text = serde_json::to_vec(&list).map_err(|e| Error::file(&self.dir, e))?;
+        write_whole(&set.join(HOME).join(LIST), &text).map_err(|error| renamed(error, &set, &self.dir))?;
+        Ok(list.files)
     }
 
     /// The folder of the set changes places with that of the results. `false`: that cannot be, or would not be the same, and all
@@ -158,7 +159,11 @@ impl Results {
         }
         // What has the temporary name then is removed: the folder of the old set.
         match renameat_with(CWD, beside.path(), CWD, &root, RenameFlags::EXCHANGE) {
-            Ok(()) => File::open(parent)?.sync_all().map(|()| true),
+            Ok(()) => {
+                // It is done, whether or not it can be waited for.
+                let _ = File::open(parent).and_then(|parent| parent.sync_all());
+                Ok(true)
+            }
             Err(_) => fs::rename(beside.path(), &set).map(|()| false),
         }
     }
@@ -186,8 +191,15 @@ impl Results {
         Ok(true)
     }
 
-    /// From here on the new set counts.
-    fn commit(&self) -> Result<()> {
+    /// Makes sure that every folder of the set can be written, as far as can be known. From here on the set counts.
+    fn commit(&self, files: &BTreeSet<PathBuf>) -> Result<()> {
+        let folders: BTreeSet<&Path> = files.iter().filter_map(|file| file.parent()).collect();
+        for folder in folders.into_iter().filter(|folder| *folder != Path::new("")) {
+            let folder = self.dir.join(folder);
+            fs::create_dir_all(&folder)
+                .and_then(|()| tempfile::tempfile_in(&folder))
+                .map_err(|e| Error::file(&folder, without_path(e)))?;
+        }
         let home = self.dir.join(HOME);
         let commit = || -> std::io::Result<()> {
             fs::rename(self.work.path(), home.join(NEW))?;
@@ -196,9 +208,8 @@ impl Results {
         commit().map_err(|e| Error::file(&self.dir, e))
     }
 
-    /// Makes sure that every file can get its place.
+    /// Refuses to replace a file of others without `force`, and a folder.
     fn check(&self, files: &BTreeSet<PathBuf>) -> Result<()> {
-        let mut folders = BTreeSet::new();
         for file in files {
             let path = self.dir.join(file);
             let Some(place) = inside(&self.dir, file) else {
@@ -218,12 +229,8 @@ impl Results {
                 }
                 _ => {}
             }
-            folders.extend(place.parent().filter(|folder| *folder != self.dir).map(Path::to_owned));
         }
-        let probe = |folder: &Path| fs::create_dir_all(folder).and_then(|()| tempfile::tempfile_in(folder));
-        folders
-            .iter()
-            .try_for_each(|folder| probe(folder).map(drop).map_err(|e| Error::file(folder, without_path(e))))
+        Ok(())
     }
 
     /// Refuses to replace what the run reads.

@@ -73,7 +73,7 @@ fn a_run_that_breaks_off_at_any_step_leaves_the_old_set_or_one_that_the_next_run
         let dir = older();
         let results = begin(dir.path()).expect("begins");
         put(&results.folder(), &NEW_SET, "new");
-        results.check_and_list().and_then(|()| results.commit()).expect("is complete");
+        results.check_and_list().and_then(|files| results.commit(&files)).expect("is complete");
         drop(results);
         let (home, new) = (dir.path().join(HOME), dir.path().join(HOME).join(NEW));
         let moves = NEW_SET.map(|name| (new.join(SET).join(name), dir.path().join(name)));

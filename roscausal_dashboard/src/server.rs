@@ -197,7 +197,7 @@ async fn events(
     Extension(streams): Extension<Streams>,
 ) -> Response {
     let Ok(place) = places.try_acquire_owned() else {
-        let full = "As many browsers as this page allows watch already; close one of them.\n";
+        let full = "Enough browsers watch already; close one of them.\n";
         return (StatusCode::SERVICE_UNAVAILABLE, full).into_response();
     };
     streams.mark();

@@ -196,8 +196,7 @@ impl Table {
     /// # Errors
     /// As [`Table::read`].
     pub fn read_as(path: &Path, reading: &Reading) -> Result<Self> {
-        let memory = Memory::of(reading.max_memory);
-        Self::of_bytes(&dialect::content(path, memory)?, reading, path, memory)
+        Self::of_bytes(&dialect::content(path, Memory::of(reading.max_memory))?, reading, path)
     }
 
     /// Reads a CSV file from memory; `path` is only used in errors.
@@ -209,12 +208,11 @@ impl Table {
             bytes,
             &Reading { columns: wanted.map(<[String]>::to_vec), ..Reading::default() },
             path,
-            Memory::of(None),
         )
     }
 
-    fn of_bytes(bytes: &[u8], reading: &Reading, path: &Path, memory: Memory) -> Result<Self> {
-        Self::parse(bytes, reading, memory).map_err(|complaint| match complaint {
+    fn of_bytes(bytes: &[u8], reading: &Reading, path: &Path) -> Result<Self> {
+        Self::parse(bytes, reading).map_err(|complaint| match complaint {
             Complaint::File(reason) => Error::file(path, reason),
             Complaint::Columns(reason) => Error::param("columns", reason),
         })
@@ -235,7 +233,8 @@ impl Table {
         Ok(DataFrame::new(vec![self.values], self.names)?)
     }
 
-    fn parse(bytes: &[u8], reading: &Reading, memory: Memory) -> Parsed<Self> {
+    fn parse(bytes: &[u8], reading: &Reading) -> Parsed<Self> {
+        let memory = Memory::of(reading.max_memory);
         if let Some(columns) = binary::columns(bytes, memory) {
             return binary::table(columns?, reading);
         }

@@ -3,7 +3,7 @@
 use super::*;
 
 fn parse(text: &str) -> Parsed<Table> {
-    Table::parse(text.as_bytes(), &Reading::default(), Memory::of(None))
+    Table::parse(text.as_bytes(), &Reading::default())
 }
 
 fn complaint(text: &str) -> String {
@@ -85,7 +85,7 @@ fn only_the_wanted_columns_are_read() {
     let wanted = ["h_dg".to_owned(), "h_v".to_owned()];
     let reading = Reading { columns: Some(wanted.to_vec()), ..Reading::default() };
     let table =
-        Table::parse(b"h_v,note,h_dg\n1,fast,2\n2,slow,3\n", &reading, Memory::of(None)).expect("reads");
+        Table::parse(b"h_v,note,h_dg\n1,fast,2\n2,slow,3\n", &reading).expect("reads");
     assert_eq!(table.names, wanted);
     assert_eq!(table.values[[1, 0]], 3.0);
 }
@@ -93,7 +93,7 @@ fn only_the_wanted_columns_are_read() {
 #[test]
 fn an_unknown_column_gets_the_nearest_name() {
     let reading = Reading { columns: Some(vec!["h_gd".to_owned()]), ..Reading::default() };
-    match Table::parse(b"h_v,h_dg\n1,2\n2,3\n", &reading, Memory::of(None)) {
+    match Table::parse(b"h_v,h_dg\n1,2\n2,3\n", &reading) {
         Err(Complaint::Columns(reason)) => assert!(reason.contains("did you mean 'h_dg'?"), "{reason}"),
         other => panic!("{other:?}"),
     }

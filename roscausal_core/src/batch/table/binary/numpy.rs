@@ -216,7 +216,7 @@ impl Kind {
             "" | "s" => 1.0,
             _ => return Err(unknown()),
         };
-        let bytes = if letter == 'U' { 4 * size } else { size };
+        let bytes = if letter == 'U' { size.saturating_mul(4) } else { size };
         if known { Ok(Self { big_endian: order == '>', letter, bytes, per_second }) } else { Err(unknown()) }
     }
 
