@@ -105,6 +105,12 @@ proptest! {
             let length = if allow_extrapolation || had { 6 } else { outlook.supported_steps };
             prop_assert!(outlook.forecasts.iter().all(|forecast| forecast.mean.len() == length), "{outlook:?}");
             prop_assert!(outlook.refused || outlook.supported_steps > 0 || allow_extrapolation);
+            for (own, forecast) in outlook.forecasts.iter().enumerate().filter(|_| !had) {
+                let (low, high) = range(&x, own);
+                let margin = 0.011 * (high - low);
+                let inside = |mean: &f64| (low - margin..=high + margin).contains(mean);
+                prop_assert!(forecast.mean[..outlook.supported_steps].iter().all(inside), "{forecast:?} {low} {high}");
+            }
         }
         let all_refused = answer.outlooks.iter().all(|outlook| outlook.refused);
         prop_assert_eq!(all_refused, answer.status == Status::NotSupported, "{}", answer.message);
@@ -207,6 +213,36 @@ fn where_the_present_was_never_seen_nothing_is_supported_and_the_status_says_so(
         answer.message.contains("d = 40") && answer.outlooks.iter().all(|o| o.supported_steps == 0),
         "{answer:?}"
     );
+}
+
+#[test]
+fn a_forecast_ends_before_it_leaves_what_was_recorded() {
+    // The second variable grows by 1 in each row, the third shrinks back.
+    let x = Array2::from_shape_fn((300, 3), |(t, var)| match var {
+        1 => t as f64 + 0.3 * noise(2, 3 * t),
+        _ => noise(2, 3 * t + var),
+    });
+    let graph = Graph::new(common::names(), 1, &[arrow(1, 1, 1)], &[]).unwrap();
+    let model =
+        StructuralModel::fit(&common::frame(x.clone()), &graph, &Settings::default(), &Vec::new()).unwrap();
+    let ask = |variables: &[&str], allow_extrapolation| {
+        let variables = variables.iter().map(|name| (*name).to_owned()).collect();
+        newest(&x, &model, &WhatIf { variables, allow_extrapolation, ..WhatIf::default() }).outlooks.remove(0)
+    };
+    // 1 % of the range are 3 steps of growth.
+    let grows = ask(&["d"], false);
+    assert!(
+        (1..6).contains(&grows.supported_steps) && grows.forecasts[0].mean.len() == grows.supported_steps,
+        "{grows:?}"
+    );
+    assert!(
+        grows.text.contains(&format!("The data carry it for {} of 10", grows.supported_steps)),
+        "{}",
+        grows.text
+    );
+    let further = ask(&["d"], true);
+    assert_eq!((further.forecasts[0].mean.len(), further.supported_steps), (10, grows.supported_steps));
+    assert_eq!(ask(&["h"], false).supported_steps, 10, "what is not asked about does not count");
 }
 
 #[test]

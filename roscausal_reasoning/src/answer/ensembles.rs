@@ -47,11 +47,20 @@ pub(super) fn outcomes(
     let mut all = Vec::new();
     let mut supported = schedule.steps();
     let (mut refused, mut unseen) = (None, None);
+    let known = situation.now + if question.counterfactual { schedule.steps() } else { 0 };
+    let seen = |var: usize| {
+        let rows = situation.rows.slice(ndarray::s![first..=known, var]);
+        model.samples().range(var).map(|(low, high)| {
+            rows.iter().fold((low, high), |(low, high), &value| (low.min(value), high.max(value)))
+        })
+    };
+    let seen: Vec<Option<(f64, f64)>> = (0..needed.len()).map(seen).collect();
+    let equations = (0..needed.len()).filter(|&var| needed[var]).fold(0, |bits, var| bits | bit(var));
     for member in model.members() {
         let directed = &member.model;
         let past = situation.stretch(first, situation.now);
         let paths = if question.counterfactual {
-            let rows = situation.stretch(first, situation.now + schedule.steps());
+            let rows = situation.stretch(first, known);
             observed_again(directed, &rows, memory, schedule)
         } else {
             simulate(directed, &past, schedule, question.paths, question.seed, true)
@@ -60,7 +69,14 @@ pub(super) fn outcomes(
             (0..schedule.steps()).flat_map(|step| (0..directed.graph.len()).map(move |var| (step, var)));
         let mean = cells.map(|(step, var)| paths.mean(step, var)).collect();
         let outcome = Outcome { paths, mean };
-        let left = |step: &usize| outcome.paths.share_outside(*step, u64::MAX) > LEAVING;
+        // A forecast that leaves what was recorded, also of what no equation reads.
+        let mean = |step: usize, var: usize| outcome.mean[step * needed.len() + var];
+        let strays = |step: usize| {
+            let free = |var: &usize| needed[*var] && !schedule.touches(step, *var) && seen[*var].is_some();
+            (0..needed.len()).filter(free).find(|&var| !is_seen(seen[var], mean(step, var)))
+        };
+        let leaves = |step: usize| outcome.paths.share_outside(step, equations) > LEAVING;
+        let left = |step: &usize| leaves(*step) || strays(*step).is_some();
         let new = Unseen::of(model, schedule, &outcome.paths);
         let ends = [(0..schedule.steps()).find(left), new.step];
         supported = ends.into_iter().flatten().fold(supported, usize::min);
@@ -68,7 +84,12 @@ pub(super) fn outcomes(
             .or_else(|| missing(directed, schedule, needed))
             .or(new.at_once)
             .or_else(|| too_far(directed, &past, schedule, &outcome.paths))
-            .or_else(|| (supported == 0).then(|| no_step(directed, &past, &outcome.paths)));
+            .or_else(|| {
+                (supported == 0).then(|| match strays(0).filter(|_| !leaves(0)) {
+                    Some(var) => not_reached(&directed.graph.names()[var], mean(0, var), seen[var], ""),
+                    None => no_step(directed, &past, &outcome.paths, needed),
+                })
+            });
         unseen = unseen.or(new.reason);
         all.push(outcome);
     }
@@ -162,9 +183,10 @@ fn too_far(model: &Directed, past: &[f64], schedule: &Schedule, paths: &Ensemble
 }
 
 /// Why not even the first step is supported: the equation that most paths ask outside its support.
-fn no_step(model: &Directed, past: &[f64], paths: &Ensemble) -> String {
+fn no_step(model: &Directed, past: &[f64], paths: &Ensemble, needed: &[bool]) -> String {
     let share = |var: usize| paths.share_outside(0, bit(var));
-    let child = (0..paths.n).max_by(|&a, &b| share(a).total_cmp(&share(b))).unwrap_or(0);
+    let child =
+        (0..paths.n).filter(|&var| needed[var]).max_by(|&a, &b| share(a).total_cmp(&share(b))).unwrap_or(0);
     far(model, past, paths, (0, child), false)
 }
 
