@@ -123,7 +123,7 @@ fn hostile_json_is_refused_or_read() {
         &[b"[", b"{\"a\":", b"1e999", b"null", b"\"\\ud800\""],
         200,
         |input| {
-            let _ = serde_json::from_slice::<Model>(input);
+            let _ = Model::from_json(input);
             let _ = serde_json::from_slice::<serde_json::Value>(input);
         },
     );
