@@ -75,7 +75,9 @@ proptest! {
         priced in 0usize..4,
         (had, allow_extrapolation) in any::<(bool, bool)>(),
     ) {
-        let links: Vec<_> = links.into_iter().filter(|(cause, effect, _)| cause < effect).collect();
+        let mut links: Vec<_> = links.into_iter().filter(|(cause, effect, _)| cause < effect).collect();
+        links.sort_unstable();
+        links.dedup();
         let (x, model) = system(seed, 4, &links);
         // A value as a part of the range: below 0 and above 1 it was never seen.
         let value = |var: usize, part: f64| range(&x, var).0 + part * (range(&x, var).1 - range(&x, var).0);

@@ -84,8 +84,7 @@ fn recordings_of_one_system_have_one_step() {
 fn only_the_wanted_columns_are_read() {
     let wanted = ["h_dg".to_owned(), "h_v".to_owned()];
     let reading = Reading { columns: Some(wanted.to_vec()), ..Reading::default() };
-    let table =
-        Table::parse(b"h_v,note,h_dg\n1,fast,2\n2,slow,3\n", &reading).expect("reads");
+    let table = Table::parse(b"h_v,note,h_dg\n1,fast,2\n2,slow,3\n", &reading).expect("reads");
     assert_eq!(table.names, wanted);
     assert_eq!(table.values[[1, 0]], 3.0);
 }
