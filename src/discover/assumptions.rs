@@ -5,7 +5,7 @@ use std::{fs, path::PathBuf, sync::Arc};
 use clap::Args as ClapArgs;
 use roscausal_core::{Error, Result, bounded};
 use roscausal_discovery::{
-    Assumption, DataFrame, LinkAssumptions, LinkRule, Model, Settings,
+    Assumption, DataFrame, Error as EngineError, LinkAssumptions, LinkRule, Model, Settings,
     independence_tests::{NullDistributions, Significance},
     methods::{ColliderRule, Method, Reads},
     names::{plain, position},
@@ -75,9 +75,14 @@ impl AssumeArgs {
     pub(super) fn set(&self, settings: &mut Settings, names: &[String]) -> Result<()> {
         if let Some(file) = &self.links {
             let text = bounded::read_settings(file)?;
-            let exogenous = settings.exogenous.iter().filter_map(|name| position(names, name)).collect();
-            let links = assumptions(&text, names, [settings.tau_min, settings.tau_max], exogenous);
-            settings.link_assumptions = Some(links.map_err(|reason| Error::file(file, reason))?);
+            let exogenous: Vec<usize> =
+                settings.exogenous.iter().filter_map(|name| position(names, name)).collect();
+            let links = assumptions(&text, names, [settings.tau_min, settings.tau_max], &exogenous);
+            settings.link_assumptions = Some(links.map_err(|error| match error {
+                // Between the file and a flag.
+                EngineError::Param { name, reason } => Error::Param { name, reason },
+                other => Error::file(file, other),
+            })?);
         }
         settings.max_conds = self.max_conds;
         settings.max_sets = self.max_sets;
@@ -184,18 +189,18 @@ fn assumptions(
     text: &str,
     names: &[String],
     lags: [usize; 2],
-    exogenous: Vec<usize>,
-) -> std::result::Result<LinkAssumptions, String> {
+    exogenous: &[usize],
+) -> std::result::Result<LinkAssumptions, EngineError> {
     let file: File = toml::from_str(text).map_err(|error| {
         let line = line_of(text.as_bytes(), error.span().map_or(0, |span| span.start));
-        format!("line {line}: {}", reason_of(error.message()))
+        EngineError::Data(format!("line {line}: {}", reason_of(error.message())))
     })?;
     let rule = |rule: Spanned<LinkRule>| {
         let place = format!("line {}", line_of(text.as_bytes(), rule.span().start));
         LinkRule { place, ..rule.into_inner() }
     };
     let rules: Vec<LinkRule> = file.link.into_iter().map(rule).collect();
-    LinkAssumptions::of_rules(&rules, file.only, names, lags, &exogenous).map_err(|error| error.to_string())
+    LinkAssumptions::of_rules(&rules, file.only, names, lags, exogenous)
 }
 
 #[cfg(test)]
@@ -203,7 +208,7 @@ mod tests {
     use super::*;
 
     fn links(text: &str) -> std::result::Result<LinkAssumptions, String> {
-        assumptions(text, &["a", "b", "c"].map(str::to_owned), [0, 2], vec![])
+        assumptions(text, &["a", "b", "c"].map(str::to_owned), [0, 2], &[]).map_err(|error| error.to_string())
     }
 
     #[test]
@@ -236,7 +241,7 @@ mod tests {
             ("[[link]]\ncause = 'a'\neffect = 'b'\nlags = [3]\nis = 'allowed'\n", "lag 3 is not among"),
             (
                 "[[link]]\ncause = 'a'\neffect = 'b'\nlags = []\nis = 'required'\n",
-                "'a' -> 'b': lags names none",
+                "a -> b (line 1): lags names none",
             ),
             (
                 "[[link]]\ncause = 'a'\neffect = 'a'\nlags = [0]\nis = 'required'\n",

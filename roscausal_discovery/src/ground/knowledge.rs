@@ -8,7 +8,7 @@ use super::{
     error::{Error, Result},
     links::{Assumption, LinkAssumptions, circle_of},
     names::{nearest, plain, position},
-    text::quoted,
+    text::{quoted, short},
 };
 
 /// Links that all rules together may name, each as often as it is named.
@@ -112,18 +112,17 @@ impl LinkAssumptions {
             }
         }
         let link = |(cause, effect, lag): Place| {
-            format!("{} -> {} at lag {lag}", quoted(&plain(&names[cause])), quoted(&plain(&names[effect])))
+            format!("{} -> {} at lag {lag}", short(&plain(&names[cause])), short(&plain(&names[effect])))
         };
         for (&place, now) in &mut said {
             now.settle(&link(place))?;
             let effect = place.1;
             if let Some(rule) = now.required.filter(|_| exogenous.contains(&effect)) {
-                return Err(Error::Data(format!(
-                    "{} ({}) is required, but {} is exogenous, so nothing drives it; take back one of the two",
-                    link(place),
-                    rule.place,
-                    quoted(&plain(&names[effect]))
-                )));
+                let (link, effect, line) = (link(place), quoted(&plain(&names[effect])), &rule.place);
+                let reason = format!(
+                    "{link} is required, but {effect} is exogenous, so nothing drives it ({line}); take back one of the two"
+                );
+                return Err(Error::param("links", reason));
             }
         }
         let mut causes = vec![Vec::new(); names.len()];
@@ -229,8 +228,8 @@ impl LinkRule {
     }
 
     fn fault(&self, reason: &str) -> Error {
-        let (cause, effect) = (quoted(&self.cause), quoted(&self.effect));
-        Error::Data(format!("{}, {cause} -> {effect}: {reason}", self.place))
+        let (cause, effect) = (short(&self.cause), short(&self.effect));
+        Error::Data(format!("{cause} -> {effect} ({}): {reason}", self.place))
     }
 
     fn variables(&self, name: &str, names: &[String]) -> Result<Vec<usize>> {
@@ -240,8 +239,9 @@ impl LinkRule {
         position(names, name).map(|place| vec![place]).ok_or_else(|| {
             let near = nearest(names, name);
             let hint = near.map_or(String::new(), |near| format!("did you mean {}? ", quoted(near)));
-            let all: Vec<String> = names.iter().map(|name| quoted(name)).collect();
-            self.fault(&format!("there is no variable {}; {hint}variables: {}", quoted(name), all.join(", ")))
+            let all: Vec<String> = names.iter().map(|name| short(name)).collect();
+            let (name, line, all) = (quoted(name), &self.place, all.join(", "));
+            Error::Data(format!("there is no variable {name} ({line}); {hint}variables: {all}"))
         })
     }
 
@@ -298,7 +298,7 @@ mod tests {
     #[test]
     fn knowledge_that_contradicts_itself_is_refused_with_every_line() {
         for (rules, lags, lines) in [
-            ("a b 1 required\na b 1 forbidden", [1, 2], &["line 1", "line 2", "'a' -> 'b' at lag 1"][..]),
+            ("a b 1 required\na b 1 forbidden", [1, 2], &["line 1", "line 2", "a -> b at lag 1"][..]),
             ("a b 1 forbidden\na b 1 required", [1, 2], &["line 1", "line 2"]),
             ("a b all required\na b 2 forbidden", [1, 2], &["line 1", "line 2", "lag 2"]),
             ("a b 1 required\n* b all forbidden", [1, 2], &["line 1", "line 2"]),
@@ -321,7 +321,7 @@ mod tests {
             ("* * 0 required", [0, 1], &["line 1", "exogenous"]),
             ("a weather 1 required", [1, 2], &["line 1", "'weather' is exogenous"]),
             ("* weather all required", [0, 2], &["line 1", "exogenous"]),
-            ("a d 1 required", [1, 2], &["line 1", "no variable 'd'", "'weather'"]),
+            ("a d 1 required", [1, 2], &["line 1", "no variable 'd'", "c, weather"]),
             ("a b 3 required", [1, 2], &["line 1", "lag 3 is not among the lags 1 to 2"]),
             ("a b 0 required", [1, 2], &["line 1", "lag 0 is not among the lags 1 to 2"]),
             ("a b -1 required", [1, 2], &["line 1", "lags are 1, 2, ..."]),

@@ -126,7 +126,12 @@ fn after_string(quote: u8, text: &[u8]) -> &[u8] {
 /// assert_eq!(quoted(&"x".repeat(1000)).len(), 85);
 /// ```
 pub fn quoted(name: &str) -> String {
-    format!("'{}'", cut(name, LONGEST_NAME))
+    format!("'{}'", short(name))
+}
+
+/// The same without quotes.
+pub fn short(name: &str) -> String {
+    cut(name, LONGEST_NAME)
 }
 
 /// The reason of a parser in plain words, cut where it quotes much.

@@ -4,7 +4,7 @@
 use ndarray::Array2;
 use roscausal_discovery::{
     Error, Result,
-    text::{check_nesting, check_schema, check_step, is_share, quoted, reason_of},
+    text::{check_nesting, check_step, is_share, quoted, reason_of},
 };
 use serde::{Deserialize, Serialize};
 
@@ -142,7 +142,12 @@ impl StructuralModel {
         };
         check_nesting(text.as_bytes()).map_err(|e| broken(&e))?;
         let head: Head = serde_json::from_str(text).map_err(|e| broken(&reason_of(e)))?;
-        check_schema(&head.schema, SCHEMA)?;
+        if head.schema != SCHEMA {
+            return Err(broken(&format!(
+                "its schema is {}; fit it anew with this version",
+                quoted(&head.schema)
+            )));
+        }
         let file: File = serde_json::from_str(text).map_err(|e| broken(&reason_of(e)))?;
         file.check().map_err(|reason| broken(&reason))?;
         let n = file.variables.len();

@@ -62,8 +62,8 @@ fn directed() -> String {
 /// Text that is neither; a graph that is none ([`Graph::new`]); a step that is not above 0.
 pub fn graph_of_json(text: &str, context: &[String]) -> Result<(Graph, Facts)> {
     check_nesting(text.as_bytes())?;
-    let head: Head = serde_json::from_str(text)
-        .map_err(|e| Error::Data(format!("this is no graph in JSON: {}", reason_of(e))))?;
+    let head: Head =
+        serde_json::from_str(text).map_err(|e| Error::Data(format!("this is no JSON: {}", reason_of(e))))?;
     if head.schema.is_some() {
         let model = Model::from_json(text.as_bytes())?;
         return Ok((Graph::of_model(&model, context)?, Facts::of_model(&model)));
