@@ -121,6 +121,13 @@ impl Folders {
     }
 }
 
+impl Drop for Folders {
+    fn drop(&mut self) {
+        // What was not kept: an end of the process at once need not know of it any more.
+        drop(lock(&self.results).take());
+    }
+}
+
 /// Keeps the results if there is a batch; else all stays as it was.
 fn keep(results: &Mutex<Option<Results>>, raw: &Path) -> Result<()> {
     // Held to the end: whoever comes second waits.

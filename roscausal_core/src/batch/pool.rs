@@ -426,12 +426,10 @@ pub fn write_whole(path: &Path, bytes: &[u8]) -> Result<()> {
     sync_dir(dir)
 }
 
-/// An error of the crate tempfile without the temporary path, which says nothing to the user.
-pub fn without_path(error: std::io::Error) -> std::io::Error {
-    match error.to_string().rsplit_once(" at path \"") {
-        Some((reason, _)) => std::io::Error::new(error.kind(), reason.to_owned()),
-        None => error,
-    }
+/// An error of the crate tempfile in words, without the temporary path, which says nothing to the user.
+pub fn without_path(error: std::io::Error) -> String {
+    let text = error.to_string();
+    text.split_once(" at path ").map_or(text.as_str(), |(reason, _)| reason).to_owned()
 }
 
 /// The temporary name is fixed, because recovery looks for it. A file or link that lies there is removed first.

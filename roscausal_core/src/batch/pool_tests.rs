@@ -127,3 +127,32 @@ fn batches_of_one_model_go_together_even_when_the_process_dies_between() {
     assert_eq!(pool.contents().expect("lists").batches, ["data_3.csv"]);
     assert_eq!(fs::read_dir(pool.dir()).expect("lists").count(), 1);
 }
+
+#[cfg(unix)]
+#[test]
+fn a_link_with_a_temporary_name_or_that_of_a_lock_is_not_followed() {
+    let (dir, pool) = pool();
+    let victim = dir.path().join("victim");
+    fs::write(&victim, "mine").expect("writes");
+    for name in [".data_1.csv.tmp", ".data_1.csv.lock"] {
+        std::os::unix::fs::symlink(&victim, pool.path(name)).expect("links");
+    }
+    pool.stage("data_1.csv", b"a\n1\n").and_then(Staged::publish).expect("is written");
+    assert_eq!(fs::read_to_string(pool.path("data_1.csv")).expect("is there"), "a\n1\n");
+    assert!(pool.claim("data_1.csv").expect("looks").is_none(), "a link is no lock");
+    assert_eq!(fs::read_to_string(&victim).expect("is there"), "mine");
+}
+
+#[test]
+fn a_file_that_several_write_at_once_is_one_of_theirs_and_leaves_nothing_beside_it() {
+    let dir = tempfile::tempdir().expect("a folder");
+    let path = dir.path().join("model.json");
+    let texts: Vec<Vec<u8>> = (b'a'..b'e').map(|letter| vec![letter; 100_000]).collect();
+    std::thread::scope(|scope| {
+        for text in &texts {
+            scope.spawn(|| (0..20).try_for_each(|_| write_whole(&path, text)).expect("writes"));
+        }
+    });
+    assert!(texts.contains(&fs::read(&path).expect("is there")));
+    assert_eq!(fs::read_dir(dir.path()).expect("lists").count(), 1);
+}
