@@ -5,7 +5,7 @@
 //! example `fuzz` does the latter with all targets.
 //!
 //! A target must not panic. It must not allocate what a length field merely claims: with [`Allocator`] as the
-//! global allocator, it may allocate at most a multiple of the input. It must end within [`SLOWEST`]. An input that
+//! global allocator, it may allocate at most a multiple of the input. It must end, and not take more than [`SLOWEST`]. An input that
 //! breaks a rule is written into the corpus, so that later runs try it first.
 
 mod allocator;
@@ -35,7 +35,7 @@ use std::{
 const FREE: usize = 1 << 20;
 /// Mutations that every run tries, however slow the target is.
 pub const FEWEST: u64 = 200;
-/// How long an input may take, also on a machine that is busy.
+/// How much of the processor an input may take; where Linux does not tell that, how long it may take.
 pub const SLOWEST: Duration = Duration::from_secs(10);
 
 /// How the line begins that a target prints at its end: its crate and corpus, inputs, seconds, and milliseconds of the slowest.
@@ -87,11 +87,11 @@ impl Target<'_> {
     /// Returns how long it took.
     fn attempt(&self, input: &[u8], watch: &Watch, decode: &impl Fn(&[u8])) -> Duration {
         watch.begin(input);
+        let (begun, used) = (Instant::now(), cpu_time());
         let before = allocator::begin();
-        let begun = Instant::now();
         let outcome = catch_unwind(AssertUnwindSafe(|| decode(input)));
-        let took = begun.elapsed();
         let most = allocator::peak().saturating_sub(before);
+        let took = cpu_time().zip(used).map_or(begun.elapsed(), |(now, used)| now.saturating_sub(used));
         watch.end();
         let allowed = FREE + self.bytes_per_byte * input.len();
         if outcome.is_ok() && most <= allowed && took <= SLOWEST {
@@ -122,6 +122,12 @@ fn keep(corpus: &Path, input: &[u8]) -> PathBuf {
         println!("the finding cannot be kept: {error}");
     }
     path
+}
+
+/// What this thread has had of the processor.
+fn cpu_time() -> Option<Duration> {
+    let text = fs::read_to_string("/proc/thread-self/schedstat").ok()?;
+    text.split(' ').next()?.parse().ok().map(Duration::from_nanos)
 }
 
 fn files(dir: &Path) -> Vec<Vec<u8>> {

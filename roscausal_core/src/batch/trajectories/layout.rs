@@ -193,6 +193,7 @@ pub(super) fn of(grid: &Grid, given: &BTreeMap<String, String>) -> Result<Layout
 
 fn of_names(names: &[&str], given: &BTreeMap<String, String>) -> Result<Layout, String> {
     let exactly = |name: &str| names.iter().position(|other| other.trim() == name);
+    let plain: Vec<String> = names.iter().map(|name| bare(name)).collect();
     let mut roles: BTreeMap<&'static str, usize> = BTreeMap::new();
     for (role, usual) in ROLES {
         let found = match given.get(role) {
@@ -200,7 +201,7 @@ fn of_names(names: &[&str], given: &BTreeMap<String, String>) -> Result<Layout, 
                 exactly(name)
                     .ok_or_else(|| format!("there is no column '{name}'; columns: {}", names.join(", ")))?,
             ),
-            None => usual.iter().find_map(|usual| names.iter().position(|name| bare(name) == *usual)),
+            None => usual.iter().find_map(|usual| plain.iter().position(|name| name == usual)),
         };
         if let Some(column) = found {
             roles.insert(role, column);
@@ -265,9 +266,15 @@ pub(super) fn unit_of(layout: &Layout, grid: &Grid) -> Option<PositionUnit> {
 fn bodies(names: &[&str]) -> BTreeMap<String, Places> {
     let mut centroids: BTreeMap<String, Places> = BTreeMap::new();
     let mut markers: BTreeMap<String, Places> = BTreeMap::new();
+    let mut of_y: BTreeMap<&str, usize> = BTreeMap::new();
+    for (y, name) in names.iter().enumerate() {
+        if let Some(stem) = stem(name, 'y') {
+            of_y.entry(stem).or_insert(y);
+        }
+    }
     for (x, name) in names.iter().enumerate() {
         let Some(stem) = stem(name, 'x') else { continue };
-        let Some(y) = names.iter().position(|other| self::stem(other, 'y') == Some(stem)) else { continue };
+        let Some(&y) = of_y.get(stem) else { continue };
         match stem.strip_suffix("Centroid").or(stem.strip_suffix("centroid")) {
             Some(body) => centroids.entry(clean(body)).or_default().push((x, y)),
             None => markers.entry(clean(without_marker(stem))).or_default().push((x, y)),
