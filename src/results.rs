@@ -424,7 +424,7 @@ impl Lock {
                 ));
             }
             let opened = OpenOptions::new().read(true).write(true).create(true).truncate(false).open(&path);
-            let mut file = match opened {
+            let file = match opened {
                 Ok(file) => file,
                 // Removed with its folder by the run before.
                 Err(error) if error.kind() == ErrorKind::NotFound => continue,
@@ -446,10 +446,10 @@ impl Lock {
                 }
             }
             if is_still(&file, &path) {
-                file.set_len(0)
-                    .and_then(|()| write!(file, "{}", process::id()))
-                    .map_err(|e| unwritable(dir, e))?;
-                return Ok(Self { file, dir: dir.to_owned(), is_new });
+                // Made first: where its file cannot be written it is removed.
+                let mut lock = Self { file, dir: dir.to_owned(), is_new };
+                let written = lock.file.set_len(0).and_then(|()| write!(lock.file, "{}", process::id()));
+                return written.map(|()| lock).map_err(|e| unwritable(dir, e));
             }
         }
         Err(Error::file(dir, "other runs write their results into this folder; choose another --out"))

@@ -166,7 +166,7 @@ fn knowledge_that_cannot_be_is_refused_with_its_lines_at_once() {
             &["--tau-min", "0"],
         ),
         ("exogenous", &["line 1"], rule("a", "c", "[1]", "required"), &["--exogenous", "c"]),
-        ("no variable 'd'", &["line 1", "variables: 'a', 'b', 'c'"], rule("a", "d", "[1]", "required"), no),
+        ("no variable 'd'", &["line 1"], rule("a", "d", "[1]", "required"), no),
         ("lags are 1, 2, ...", &["line 1"], rule("a", "b", "[-1]", "required"), no),
         ("lag 3 is not among the lags 1 to 1", &["line 1"], rule("a", "b", "[3]", "required"), no),
         ("expected a whole number", &["line 4"], rule("a", "b", "[1.5]", "required"), no),

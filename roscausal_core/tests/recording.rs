@@ -8,7 +8,7 @@ use std::{
     path::{Path, PathBuf},
     sync::{
         Arc,
-        atomic::{AtomicBool, Ordering},
+        atomic::{AtomicBool, AtomicU64, Ordering},
     },
     thread::{self, JoinHandle},
     time::Duration,
@@ -303,8 +303,9 @@ fn a_batch_is_never_seen_half_written() {
     let bench = Bench::new(&[("ts_length", Value::Double(1.0))]);
     let (folders, over) = (["raw", "pp"].map(|f| bench.dir.path().join(f)), Arc::new(AtomicBool::new(false)));
     let ends = over.clone();
+    let seen = Arc::new(AtomicU64::new(0));
+    let count = seen.clone();
     let watcher = thread::spawn(move || {
-        let mut seen = 0_u64;
         while !ends.load(Ordering::Relaxed) {
             let names = folders.iter().filter_map(|folder| fs::read_dir(folder).ok()).flatten().flatten();
             for path in names.map(|entry| entry.path()) {
@@ -315,18 +316,20 @@ fn a_batch_is_never_seen_half_written() {
                 let text = fs::read_to_string(&path).expect("reads");
                 assert!(text.ends_with('\n') && text.lines().count() == 11, "{}: {text}", path.display());
                 assert_eq!(facts(&path)["n_rows"], 10);
-                seen += 1;
+                count.fetch_add(1, Ordering::Relaxed);
             }
         }
-        seen
     });
     bench.run(0.0..20.0, 50.0, ALL);
     bench.bus.settle();
     // Batches are written in the background. However slow the disk is, they appear in the end.
     let written = || fs::read_dir(bench.dir.path().join("raw")).expect("lists").count() > 20;
-    (0..1000).take_while(|_| !written()).for_each(|_| thread::sleep(Duration::from_millis(10)));
+    // The watcher gets its turn on a busy machine, too.
+    let watched = || written() && seen.load(Ordering::Relaxed) > 0;
+    (0..6000).take_while(|_| !watched()).for_each(|_| thread::sleep(Duration::from_millis(10)));
     over.store(true, Ordering::Relaxed);
-    assert!(watcher.join().expect("never half a batch") > 0);
+    watcher.join().expect("never half a batch");
+    assert!(seen.load(Ordering::Relaxed) > 0);
     bench.end();
 }
 
