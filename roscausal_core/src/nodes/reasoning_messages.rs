@@ -283,7 +283,7 @@ mod tests {
             let (graph, _) = graph_of(&info, &[]).expect("a graph");
             assert_eq!(graph.pairs(), [Pair { a: 1, b: 2, conflict }], "{mark}");
         }
-        let links = vec![link("a", "b", 0, "<->"), link("a", "b", 1, "->")];
+        let links = [link("a", "b", 0, "<->"), link("a", "b", 1, "->")];
         let hidden = CausalLink { description: sentence_of("a", "b", "<->"), ..links[0].clone() };
         let info = CausalModelInfo {
             max_lag: 1,
@@ -308,7 +308,8 @@ mod tests {
             change(&mut info);
             graph_of(&info, &[]).expect_err("no graph").to_string()
         };
-        let cases: [(&str, fn(&mut CausalModelInfo)); 12] = [
+        type Case = (&'static str, fn(&mut CausalModelInfo));
+        let cases: [Case; 12] = [
             ("too large", |info| info.max_lag = u32::MAX),
             ("too large", |info| info.links[0].lag = 4_000_000_000),
             ("too many", |info| info.candidate_features = (0..3000).map(|k| format!("x{k}")).collect()),

@@ -60,7 +60,7 @@ fn mcap_records(file: &[u8]) -> Vec<u8> {
         }
         rest = after;
     }
-    panic!("the file has no chunk")
+    unreachable!("the file has a chunk")
 }
 
 /// `length name=value` for each field of a bag's record, with the length of all.
