@@ -46,7 +46,7 @@ pub fn line(text: &str) -> Cow<'_, str> {
     spelled(text, is_hidden, code)
 }
 
-/// A text of several lines: as [`line`], but ends of lines stay.
+/// A text of several lines: as [`line()`], but ends of lines stay.
 pub fn lines(text: &str) -> Cow<'_, str> {
     spelled(text, |c| c != '\n' && is_hidden(c), code)
 }
