@@ -338,6 +338,9 @@ INFO = Message(
 
 def test_the_command_comes_with_the_package(tmp_path):
     run = subprocess.run([COMMAND, "--version"], capture_output=True, text=True, check=True)
+    assert run.stdout == f"roscausal {rc.__version__}\n"
+    run = subprocess.run([COMMAND, "discover", tmp_path / "none.csv"], capture_output=True, text=True)
+    assert run.returncode == 1 and "none.csv" in run.stderr
 
 
 def message_of(there=(0, 0, 1, 0, 1, 0, 0, 0), shape=(2, 2, 2), names=("a", "b"), p=0.01):
@@ -372,9 +375,6 @@ def test_a_ros_message_that_is_no_model_is_refused_in_a_sentence(message, lags, 
     info = Message(**{**INFO.__dict__, "min_lag": lags[0], "max_lag": lags[1]})
     with pytest.raises(rc.DataError, match=told):
         rc.Model.from_msg(message, info)
-    assert run.stdout == f"roscausal {rc.__version__}\n"
-    run = subprocess.run([COMMAND, "discover", tmp_path / "none.csv"], capture_output=True, text=True)
-    assert run.returncode == 1 and "none.csv" in run.stderr
 
 
 def test_the_demo_is_the_commands(tmp_path):
