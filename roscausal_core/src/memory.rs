@@ -113,6 +113,20 @@ impl Growth {
         packed.saturating_mul(GROWTH).saturating_add(self.spare)
     }
 
+    /// Counts a part that says of itself that it will be `unpacked` bytes.
+    ///
+    /// # Errors
+    /// It does not fit, or is too long for data.
+    pub fn check(&mut self, unpacked: u64, packed: u64, memory: Memory) -> std::result::Result<(), String> {
+        memory.check(unpacked)?;
+        let most = self.most(packed);
+        if unpacked > most {
+            return Err(format!("it holds more than {} in {packed} bytes, which no data do", size(most)));
+        }
+        self.count(packed, unpacked);
+        Ok(())
+    }
+
     /// Counts a part that became `unpacked` bytes.
     pub fn count(&mut self, packed: u64, unpacked: u64) {
         let beyond = unpacked.saturating_sub(packed.saturating_mul(GROWTH));

@@ -6,7 +6,7 @@
 use arrow_ipc::{CompressionType, MessageHeader, root_as_footer, root_as_message};
 use parquet::file::metadata::ParquetMetaData;
 
-use crate::memory::Memory;
+use crate::memory::{Growth, Memory};
 
 /// Structures of Thrift lie at most this deep within each other in the header of a page.
 const DEEPEST: usize = 8;
@@ -18,6 +18,7 @@ const ARROW_END: usize = 4 + 6;
 /// # Errors
 /// A page that claims to grow beyond what data do.
 pub(super) fn check_parquet(bytes: &[u8], metadata: &ParquetMetaData, memory: Memory) -> Result<(), String> {
+    let mut growth = Growth::default();
     for column in metadata.row_groups().iter().flat_map(|group| group.columns()) {
         let start = column.dictionary_page_offset().unwrap_or(column.data_page_offset());
         let (start, length) = usize::try_from(start)
@@ -26,7 +27,7 @@ pub(super) fn check_parquet(bytes: &[u8], metadata: &ParquetMetaData, memory: Me
             .ok_or("a column of it begins before the file, or has a length below 0")?;
         let mut rest = bytes.get(start..start.saturating_add(length)).unwrap_or_default();
         while let Some([unpacked, packed]) = page(&mut rest) {
-            memory.check_growth(unpacked, packed)?;
+            growth.check(unpacked, packed, memory)?;
             let Some(next) = usize::try_from(packed).ok().and_then(|packed| rest.get(packed..)) else {
                 break;
             };
@@ -128,6 +129,7 @@ pub(super) fn check_arrow_file(bytes: &[u8], memory: Memory) -> Result<(), Strin
     let start = usize::try_from(i32::from_le_bytes(*length)).ok();
     let start = start.and_then(|length| (bytes.len() - ARROW_END).checked_sub(length)).ok_or_else(cut)?;
     let footer = root_as_footer(&bytes[start..bytes.len() - ARROW_END]).map_err(|error| error.to_string())?;
+    let mut growth = Growth::default();
     let blocks =
         footer.dictionaries().into_iter().flatten().chain(footer.recordBatches().into_iter().flatten());
     for block in blocks {
@@ -138,32 +140,38 @@ pub(super) fn check_arrow_file(bytes: &[u8], memory: Memory) -> Result<(), Strin
         let (head, body) = block.split_at(head);
         // Before it stand its length, and since version 0.15 a mark.
         let head = head.strip_prefix(b"\xff\xff\xff\xff").unwrap_or(head);
-        check_message(head.get(4..).ok_or_else(cut)?, body, memory)?;
+        check_message(head.get(4..).ok_or_else(cut)?, body, &mut growth, memory)?;
     }
     Ok(())
 }
 
-/// Checks an Arrow stream, as far as its messages are there; the library tells what is wrong beyond.
+/// Checks an Arrow stream.
 ///
 /// # Errors
-/// A buffer that claims to grow beyond what data do.
+/// A message that is not there as a whole, or a buffer that claims to grow beyond what data do.
 pub(super) fn check_arrow_stream(mut rest: &[u8], memory: Memory) -> Result<(), String> {
+    let mut growth = Growth::default();
+    let cut = || "it is cut off".to_owned();
     loop {
         rest = rest.strip_prefix(b"\xff\xff\xff\xff").unwrap_or(rest);
-        let Some((length, left)) = rest.split_first_chunk::<4>() else { return Ok(()) };
-        let length = u32::from_le_bytes(*length) as usize;
-        let Some((head, left)) = left.split_at_checked(length).filter(|_| length > 0) else { return Ok(()) };
-        let Ok(message) = root_as_message(head) else { return Ok(()) };
-        let body =
-            usize::try_from(message.bodyLength()).ok().and_then(|length| left.split_at_checked(length));
-        let Some((body, left)) = body else { return Ok(()) };
-        check_message(head, body, memory)?;
+        if rest.is_empty() {
+            return Ok(());
+        }
+        let (length, left) = rest.split_first_chunk::<4>().ok_or_else(cut)?;
+        let (head, left) = left.split_at_checked(u32::from_le_bytes(*length) as usize).ok_or_else(cut)?;
+        if head.is_empty() {
+            return Ok(());
+        }
+        let message = root_as_message(head).map_err(|error| error.to_string())?;
+        let body = usize::try_from(message.bodyLength()).unwrap_or(usize::MAX);
+        let (body, left) = left.split_at_checked(body).ok_or_else(cut)?;
+        check_message(head, body, &mut growth, memory)?;
         rest = left;
     }
 }
 
-/// Checks the packed buffers of a message: each begins with the length that it will have.
-fn check_message(head: &[u8], body: &[u8], memory: Memory) -> Result<(), String> {
+/// Checks the packed buffers of a message: each begins with the length that it will have. They are in memory at once.
+fn check_message(head: &[u8], body: &[u8], growth: &mut Growth, memory: Memory) -> Result<(), String> {
     let message = root_as_message(head).map_err(|error| error.to_string())?;
     let batch = match message.header_type() {
         MessageHeader::DictionaryBatch => message.header_as_dictionary_batch().and_then(|batch| batch.data()),
@@ -173,13 +181,16 @@ fn check_message(head: &[u8], body: &[u8], memory: Memory) -> Result<(), String>
     let is_packed = batch
         .compression()
         .is_some_and(|packed| matches!(packed.codec(), CompressionType::ZSTD | CompressionType::LZ4_FRAME));
+    let mut held: u64 = 0;
     for buffer in batch.buffers().into_iter().flatten() {
         let place = usize::try_from(buffer.offset()).ok().zip(usize::try_from(buffer.length()).ok());
         let there = place.and_then(|(offset, length)| body.get(offset..)?.get(..length));
         let there = there.ok_or("a buffer is not in the file")?;
         if let (true, Some(claimed)) = (is_packed, there.first_chunk::<8>()) {
             let claimed = u64::try_from(i64::from_le_bytes(*claimed)).unwrap_or(0);
-            memory.check_growth(claimed, there.len() as u64)?;
+            held = held.saturating_add(claimed);
+            memory.check(held)?;
+            growth.check(claimed, there.len() as u64, memory)?;
         }
     }
     Ok(())

@@ -19,6 +19,7 @@ use parquet::arrow::arrow_reader::ParquetRecordBatchReaderBuilder;
 use super::{
     super::{columns::check_count, time},
     Column, claims,
+    guard::guarded,
 };
 use crate::memory::Memory;
 
@@ -29,44 +30,38 @@ const BATCH: usize = 1 << 22;
 
 /// The columns of a Parquet or Arrow file; `None` if it is neither.
 pub(super) fn columns(bytes: &[u8], memory: Memory) -> Option<Columns> {
-    let damaged = |what: &str, error: &dyn std::fmt::Display| {
-        format!("the {what} file is damaged or not supported: {error}")
+    let (what, read): (_, fn(&[u8], Memory) -> Columns) = match bytes {
+        [b'P', b'A', b'R', b'1', ..] => ("Parquet", parquet_file),
+        [b'A', b'R', b'R', b'O', b'W', b'1', ..] => ("Arrow", arrow_file),
+        // The stream format begins with the mark of a message.
+        [0xff, 0xff, 0xff, 0xff, ..] => ("Arrow", arrow_stream),
+        _ => return None,
     };
-    if bytes.starts_with(b"PAR1") {
-        let read = || {
-            let builder = ParquetRecordBatchReaderBuilder::try_new(bytes::Bytes::copy_from_slice(bytes))
-                .map_err(|error| damaged("Parquet", &error))?;
-            let columns = builder.schema().fields().len();
-            check_count(columns)?;
-            claims::check_parquet(bytes, builder.metadata(), memory)
-                .map_err(|error| damaged("Parquet", &error))?;
-            let reader = builder
-                .with_batch_size((BATCH / columns.max(1)).clamp(1, 1 << 16))
-                .build()
-                .map_err(|error| damaged("Parquet", &error))?;
-            of(reader, bytes.len(), memory).map_err(|error| damaged("Parquet", &error))
-        };
-        return Some(read());
-    }
-    if bytes.starts_with(b"ARROW1") {
-        let read = || {
-            claims::check_arrow_file(bytes, memory)?;
-            let reader = FileReader::try_new(Cursor::new(bytes), None).map_err(|error| error.to_string())?;
-            of(reader, bytes.len(), memory)
-        };
-        return Some(read().map_err(|error| damaged("Arrow", &error)));
-    }
-    // The stream format begins with the mark of a message.
-    if bytes.starts_with(b"\xff\xff\xff\xff") {
-        let read = || {
-            claims::check_arrow_stream(bytes, memory)?;
-            let reader =
-                StreamReader::try_new(Cursor::new(bytes), None).map_err(|error| error.to_string())?;
-            of(reader, bytes.len(), memory)
-        };
-        return Some(read().map_err(|error| damaged("Arrow", &error)));
-    }
-    None
+    let read = guarded(|| read(bytes, memory));
+    Some(read.map_err(|error| format!("the {what} file is damaged or not supported: {error}")))
+}
+
+fn parquet_file(bytes: &[u8], memory: Memory) -> Columns {
+    let builder = ParquetRecordBatchReaderBuilder::try_new(bytes::Bytes::copy_from_slice(bytes))
+        .map_err(|error| error.to_string())?;
+    let columns = builder.schema().fields().len();
+    check_count(columns)?;
+    claims::check_parquet(bytes, builder.metadata(), memory)?;
+    let rows = (BATCH / columns.max(1)).clamp(1, 1 << 16);
+    let reader = builder.with_batch_size(rows).build().map_err(|error| error.to_string())?;
+    of(reader, bytes.len(), memory)
+}
+
+fn arrow_file(bytes: &[u8], memory: Memory) -> Columns {
+    claims::check_arrow_file(bytes, memory)?;
+    let reader = FileReader::try_new(Cursor::new(bytes), None).map_err(|error| error.to_string())?;
+    of(reader, bytes.len(), memory)
+}
+
+fn arrow_stream(bytes: &[u8], memory: Memory) -> Columns {
+    claims::check_arrow_stream(bytes, memory)?;
+    let reader = StreamReader::try_new(Cursor::new(bytes), None).map_err(|error| error.to_string())?;
+    of(reader, bytes.len(), memory)
 }
 
 fn of(

@@ -7,6 +7,8 @@
 mod claims;
 #[cfg(feature = "columnar")]
 mod columnar;
+#[cfg(feature = "columnar")]
+mod guard;
 mod numpy;
 
 use super::{
