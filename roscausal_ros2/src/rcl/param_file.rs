@@ -1,6 +1,9 @@
 //! Parameters from files and from `-p`: values for the nodes whose names match a pattern.
 
-use std::{collections::BTreeMap, path::Path};
+use std::{
+    collections::{BTreeMap, HashSet},
+    path::Path,
+};
 
 use roscausal_core::params::Value;
 use serde_norway::Value as Yaml;
@@ -119,7 +122,16 @@ impl ParamFile {
     }
 }
 
+/// YAML without aliases, which rcl refuses too, and of which a short text makes a long one.
 fn parsed(text: &str) -> Result<Yaml, String> {
+    let names = |mark: char| -> HashSet<&str> {
+        let ends = |c: char| !(c.is_alphanumeric() || c == '_' || c == '-');
+        let of = |rest: &'_ str| rest.find(ends).unwrap_or(rest.len());
+        text.split(mark).skip(1).map(|rest| &rest[..of(rest)]).filter(|name| !name.is_empty()).collect()
+    };
+    if let Some(name) = names('*').intersection(&names('&')).next() {
+        return Err(format!("has the alias '*{name}', which ROS does not read; write its value there"));
+    }
     let mut depth = 0_usize;
     for byte in text.bytes() {
         match byte {
@@ -192,7 +204,7 @@ mod tests {
     }
 
     #[test]
-    fn lists_in_lists_are_refused_before_they_are_read() {
+    fn lists_in_lists_and_aliases_are_refused_before_they_are_read() {
         let mut file = ParamFile::default();
         for deep in ["[".repeat(50_000), "{a: ".repeat(50_000), "[[],".repeat(50_000)] {
             assert!(file.add_text(&deep).unwrap_err().contains("more than 64 deep"));
@@ -200,7 +212,9 @@ mod tests {
                 file.add_rule(&format!("a:={deep}")).unwrap_err().to_string().contains("more than 64 deep")
             );
         }
-        let many = format!("n: {{ros__parameters: {{a: [{}]}}}}", "'[]', ".repeat(1000));
+        let bomb = "a: &a [1, 1]\nb: &b-2 [*a, *a]\nc: [*b-2, *b-2]\n";
+        assert!(file.add_text(bomb).unwrap_err().contains("alias"));
+        let many = format!("n: {{ros__parameters: {{a: [{}], b: 'x*y & z'}}}}", "'[]', ".repeat(1000));
         file.add_text(&many).expect("one list");
     }
 
