@@ -1,6 +1,6 @@
 //! What is known before the analysis, and how it tests: flags for settings of the engine that are seldom needed.
 
-use std::{fs, path::PathBuf, sync::Arc};
+use std::{path::PathBuf, sync::Arc};
 
 use clap::Args as ClapArgs;
 use roscausal_core::{Error, Result, bounded};
@@ -121,7 +121,7 @@ impl AssumeArgs {
 impl AssumeArgs {
     fn null_distributions(&self) -> Result<Option<Arc<NullDistributions>>> {
         let Some(file) = &self.null_dist else { return Ok(None) };
-        let text = fs::read_to_string(file).map_err(|error| Error::file(file, error))?;
+        let text = bounded::read_text(file, bounded::MODEL)?;
         Ok(Some(Arc::new(NullDistributions::parse(&text)?)))
     }
 

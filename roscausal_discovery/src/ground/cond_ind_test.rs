@@ -15,12 +15,28 @@ pub struct TestResult {
     pub p_value: f64,
     /// Confidence interval of `value`, if the settings ask for one.
     pub confidence: Option<(f64, f64)>,
-    /// Samples used.
+    /// Samples used; 0 if the test has no answer.
     pub n_samples: usize,
     /// Samples left out because one of the nodes was missing or masked.
     pub n_lost: usize,
     /// The decision, if the test does not decide by the p-value (`fixed_thres`). The run fills it in.
     pub dependent: Option<bool>,
+}
+
+/// Samples of one test.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct SampleCount {
+    /// Samples that it used; 0 if it has no answer.
+    pub used: usize,
+    /// Samples that it left out because a value was missing or masked.
+    pub lost: usize,
+}
+
+impl TestResult {
+    /// Its samples.
+    pub fn samples(&self) -> SampleCount {
+        SampleCount { used: self.n_samples, lost: self.n_lost }
+    }
 }
 
 /// A conditional independence test: its name and settings.

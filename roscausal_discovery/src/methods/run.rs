@@ -56,17 +56,33 @@ impl<'a> Run<'a> {
     pub(crate) fn test(&self, x: Node, y: Node, z: &[Node]) -> Result<TestResult> {
         self.control().check()?;
         let mut result = self.test.run_test(x, y, z)?;
-        // Results have no NaN: it counts as no evidence.
+        // Results have no NaN: it counts as no evidence, and is no answer.
         if result.value.is_nan() {
-            result.value = 0.0;
-            result.p_value = 1.0;
+            result = TestResult { value: 0.0, p_value: 1.0, n_samples: 0, ..result };
         }
         if result.p_value.is_nan() {
             result.p_value = 1.0;
         }
+        if self.has_no_answer(&result, x, y, z) {
+            result.n_samples = 0;
+        }
         self.n_tests.fetch_add(1, Ordering::Relaxed);
         self.control().count(1);
         Ok(result)
+    }
+
+    /// Whether a result of 0 and 1 is no measurement: the test has no degree of freedom, or a constant.
+    fn has_no_answer(&self, result: &TestResult, x: Node, y: Node, z: &[Node]) -> bool {
+        let of_data = |node: &Node| node.var < self.samples.data().n_vars();
+        if result.value != 0.0 || result.p_value != 1.0 || ![x, y].iter().chain(z).all(of_data) {
+            return false;
+        }
+        if result.n_samples <= 2 + z.len() {
+            return true;
+        }
+        let arrays = self.samples.arrays(x, y, z);
+        let is_constant = |row: &[f64]| row.windows(2).all(|pair| pair[0] == pair[1]);
+        is_constant(&arrays.x) || is_constant(&arrays.y)
     }
 
     /// Fills in the decision at `level`, and with `fixed_thres` the p-value that follows from it.

@@ -301,9 +301,9 @@ impl Model {
 
     fn links(&self, of_past: &Autoregression, lags: usize, settings: &VarlingamSettings) -> PcmciResult {
         let n = of_past.rows.n_vars();
-        let n_lost = of_past.rows.n_lost();
-        let mut links = PcmciResult::untested(n, settings.tau_max, of_past.rows.len() + n_lost);
-        links.n_lost.fill(n_lost);
+        let rows = &of_past.rows;
+        let mut links = PcmciResult::untested(n, settings.tau_max, rows.len() + rows.n_lost());
+        links.all_rest_on(rows, 0);
         links.n_tests = n * (n * lags + n - 1);
         for (at, &p) in self.p_values.indexed_iter() {
             let at = <[usize; 3]>::from(at);
