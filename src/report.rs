@@ -128,13 +128,20 @@ pub(crate) fn sentence(model: &Model, link: &Link) -> String {
         return format!("{verb}: {}not tested", if link.required { "required, " } else { "" });
     };
     format!(
-        "{verb}: strength {}{}, {}{}{}",
+        "{verb}: strength {}{}, {}{}{}{}",
         link.strength_in_words(2),
         interval(link),
         p_value(model, p),
+        on_few(model, link),
         found(model, link),
         link.size_in_words().map_or(String::new(), |words| format!("; {words}"))
     )
+}
+
+/// `, on 17 of 396 samples`, where the test of a link had much less to go by than others.
+fn on_few(model: &Model, link: &Link) -> String {
+    let few = link.n_used.filter(|used| 10 * used < 9 * model.n_samples);
+    few.map_or(String::new(), |used| format!(", on {used} of {} samples", model.n_samples))
 }
 
 /// ` (0.41 to 0.55)`, the strengths in nine of ten resamples.
