@@ -267,6 +267,7 @@ pub(crate) fn of_test(json: &str) -> Result<(String, TestSettings)> {
         shuffle_neighbors: given.count("shuffle_neighbors")?,
         transform: given.word("transform")?,
         max_memory: given.count("max_memory")?,
+        as_tigramite: true,
         ..TestSettings::default()
     };
     set(&mut settings.conf_lev, given.number("conf_lev")?);

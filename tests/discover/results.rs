@@ -235,7 +235,7 @@ fn a_p_value_is_never_shown_as_0_and_a_correction_is_named() {
         let args = ["discover", "data.csv", "--test", test, "--fdr", "fdr_bh", "--out", "r"];
         let out = roscausal(dir.path(), &args);
         let text = String::from_utf8_lossy(&out.stdout);
-        has(&text, &["corrected by fdr_bh", if test == "gpdc" { "<0.002" } else { "<0.001" }]);
+        has(&text, &["corrected by fdr_bh", "<0.001"]);
         assert!(!text.contains("0.0000"), "{text}");
         let links = fs::read_to_string(dir.path().join("r/links.csv")).expect("is there");
         assert!(links.lines().skip(1).any(|line| line.contains(",<0.00")), "{links}");

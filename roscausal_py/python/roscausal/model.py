@@ -36,7 +36,7 @@ class Link:
         p_value: P-value; 0 means below the smallest that the test distinguishes. None if it was not tested.
         mark: `-->`, or `o-o` / `x-x` where the direction at lag 0 is open.
         n_lost: Samples left out because a value was missing.
-        p: The p-value in words, such as "<0.002" where the test tells no smaller ones apart.
+        p: The p-value in words, such as "<0.001" where the test tells no smaller ones apart.
         confidence: Share of the resamples that have the link; None without resamples.
         value_low: Percentile 5 of the strength in the resamples.
         value_high: Percentile 95 of it.
