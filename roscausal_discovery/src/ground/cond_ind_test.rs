@@ -91,9 +91,15 @@ pub trait CondIndTest: Send + Sync {
     /// If there are too few samples, or they do not suit the test.
     fn prepare<'a>(&'a self, samples: &'a Samples<'a>) -> Result<Box<dyn PreparedTest + 'a>>;
 
-    /// Whether the decision is `|value| >= threshold` (`fixed_thres`), where the threshold is the significance
+    /// Whether the decision is `|value| >= threshold` (`fixed_thres`; without the bars if the test is one-sided), where the threshold is the significance
     /// level of the run. The run then sets the p-value to 0 (dependent) or 1; the test itself leaves it at 1.
     fn decides_by_value(&self) -> bool {
+        false
+    }
+
+    /// Whether only large values are evidence, so that such a threshold is compared with the value itself: estimates of information
+    /// may be below 0, which says no more than 0 does.
+    fn is_one_sided(&self) -> bool {
         false
     }
 
@@ -154,6 +160,11 @@ pub trait PreparedTest: Sync {
     /// Those of [`PreparedTest::run_test`].
     fn remark(&self, _effect: Node, _parents: &[Node]) -> Result<Option<String>> {
         Ok(None)
+    }
+
+    /// What the reader of a result should know about all tests so far: one sentence, or nothing (the default).
+    fn caution(&self) -> Option<String> {
+        None
     }
 
     /// What the tests so far took, for who wants to know: one sentence, or nothing (the default).

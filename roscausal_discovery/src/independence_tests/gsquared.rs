@@ -1,6 +1,9 @@
 //! The G test, for discrete variables.
 
-use std::collections::HashMap;
+use std::{
+    collections::HashMap,
+    sync::atomic::{AtomicUsize, Ordering},
+};
 
 use super::{
     resampling::Resampling,
@@ -22,7 +25,8 @@ use crate::{
 /// few levels and few conditions.
 ///
 /// P-value: chi-squared. Each stratum gives `(rows - 1) (columns - 1)` degrees of freedom, not counting rows and
-/// columns without a sample. Without degrees of freedom the value is 0 and the p-value 1. Equal values form a
+/// columns without a sample. It finds too much below five samples for each degree of freedom, and a run then carries a remark:
+/// [`CmiSymb`](super::CmiSymb) shuffles instead. Without degrees of freedom the value is 0 and the p-value 1. Equal values form a
 /// level, so discretise measurements before use.
 ///
 /// ```
@@ -75,7 +79,12 @@ impl CondIndTest for Gsquared {
         if samples.is_empty() {
             return Err(Error::Data(format!("no sample is left after a cut-off of {}", samples.cut_off())));
         }
-        Ok(Box::new(Prepared { test: self, samples }))
+        Ok(Box::new(Prepared {
+            test: self,
+            samples,
+            tests: AtomicUsize::new(0),
+            sparse: AtomicUsize::new(0),
+        }))
     }
 
     fn decides_by_value(&self) -> bool {
@@ -83,9 +92,15 @@ impl CondIndTest for Gsquared {
     }
 }
 
+/// Samples for each degree of freedom below which chi-squared finds too much.
+const ENOUGH: usize = 5;
+
 struct Prepared<'a> {
     test: &'a Gsquared,
     samples: &'a Samples<'a>,
+    /// Tests so far, and those with fewer than [`ENOUGH`] samples for each degree of freedom.
+    tests: AtomicUsize,
+    sparse: AtomicUsize,
 }
 
 impl PreparedTest for Prepared<'_> {
@@ -94,6 +109,8 @@ impl PreparedTest for Prepared<'_> {
         let settings = &self.test.settings;
         let stratum = strata(&zs, xs.len());
         let g = g_statistic(&levels(&xs), &levels(&ys), &stratum);
+        self.tests.fetch_add(1, Ordering::Relaxed);
+        self.sparse.fetch_add(usize::from(xs.len() < ENOUGH * g.dof), Ordering::Relaxed);
         let mut resampling = Resampling {
             rng: Rng::for_test(seed_of_draw(settings.seed, self.samples.data().draw()), x, y, z),
             control: self.samples.control(),
@@ -119,6 +136,16 @@ impl PreparedTest for Prepared<'_> {
             }
         };
         Ok(TestResult { value: g.value, p_value, confidence, n_samples: xs.len(), n_lost, dependent: None })
+    }
+
+    fn caution(&self) -> Option<String> {
+        let (tests, sparse) = (self.tests.load(Ordering::Relaxed), self.sparse.load(Ordering::Relaxed));
+        (sparse > 0 && self.test.significance == Significance::Analytic).then(|| {
+            format!(
+                "{sparse} of {tests} tests had fewer than {ENOUGH} samples for each degree of freedom, where gsquared finds links that \
+                 do not exist; use the test cmisymb, or variables with fewer values"
+            )
+        })
     }
 
     fn is_cheap(&self) -> bool {

@@ -1,6 +1,6 @@
 //! One run of a method: a prepared test, its samples, and the count of tests.
 
-use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 
 use rayon::prelude::*;
 
@@ -11,10 +11,13 @@ pub(crate) struct Run<'a> {
     pub(crate) samples: &'a Samples<'a>,
     test: Box<dyn PreparedTest + 'a>,
     by_value: bool,
+    one_sided: bool,
     cheap: bool,
     /// Variables of the test that are no columns of the data.
     n_dummies: usize,
     n_tests: AtomicUsize,
+    /// Whether a test had conditions: else nothing was regressed.
+    conditioned: AtomicBool,
 }
 
 impl<'a> Run<'a> {
@@ -28,9 +31,11 @@ impl<'a> Run<'a> {
             samples,
             test: prepared,
             by_value: test.decides_by_value(),
+            one_sided: test.is_one_sided(),
             cheap,
             n_dummies: 0,
             n_tests: AtomicUsize::new(0),
+            conditioned: AtomicBool::new(false),
         })
     }
 
@@ -67,6 +72,9 @@ impl<'a> Run<'a> {
             result.n_samples = 0;
         }
         self.n_tests.fetch_add(1, Ordering::Relaxed);
+        if !z.is_empty() {
+            self.conditioned.store(true, Ordering::Relaxed);
+        }
         self.control().count(1);
         Ok(result)
     }
@@ -87,7 +95,11 @@ impl<'a> Run<'a> {
 
     /// Fills in the decision at `level`, and with `fixed_thres` the p-value that follows from it.
     pub(crate) fn decide(&self, mut result: TestResult, level: f64) -> (TestResult, bool) {
-        let dependent = if self.by_value { result.value.abs() >= level } else { result.p_value <= level };
+        let dependent = match (self.by_value, self.one_sided) {
+            (true, true) => result.value >= level,
+            (true, false) => result.value.abs() >= level,
+            (false, _) => result.p_value <= level,
+        };
         if self.by_value {
             result.p_value = if dependent { 0.0 } else { 1.0 };
         }
@@ -100,19 +112,22 @@ impl<'a> Run<'a> {
         self.test.model_selection_score(target, parents)
     }
 
-    /// What the reader should know about each variable given the parents that were found, in the order of the variables.
+    /// What the reader should know about each variable given the parents that were found, in the order of the variables, and about
+    /// all tests.
     pub(crate) fn remarks(&self, parents: &[Vec<Node>]) -> Result<Vec<String>> {
         if self.control().is_silent() {
             return Ok(Vec::new());
         }
-        let effects: Vec<_> = parents.iter().enumerate().filter(|(_, parents)| !parents.is_empty()).collect();
+        let regressed = self.conditioned.load(Ordering::Relaxed);
+        let explained = |(_, parents): &(usize, &Vec<Node>)| regressed && !parents.is_empty();
+        let effects: Vec<_> = parents.iter().enumerate().filter(explained).collect();
         let of = |(effect, parents): &(usize, &Vec<Node>)| self.test.remark(Node::new(*effect, 0), parents);
         let found: Result<Vec<String>> =
             self.map_tests(&effects, of).into_iter().filter_map(Result::transpose).collect();
         match found {
             // All tests are done: what is missing is words on them.
-            Err(error) if self.is_timeout(&error) => Ok(Vec::new()),
-            found => found,
+            Err(error) if self.is_timeout(&error) => Ok(self.test.caution().into_iter().collect()),
+            found => Ok(found?.into_iter().chain(self.test.caution()).collect()),
         }
     }
 
