@@ -162,7 +162,7 @@ fn an_exact_lagged_effect_is_one_link() {
         let found: Vec<_> = model.links.iter().map(|link| (&*link.cause, &*link.effect, link.lag)).collect();
         assert_eq!(found, [("x2", "x1", 1)], "{method}");
         assert!(
-            (model.links[0].value - 1.0).abs() < 1e-9 && model.warnings.is_empty(),
+            (model.links[0].drawn_strength() - 1.0).abs() < 1e-9 && model.warnings.is_empty(),
             "{method}: {:?}",
             model.warnings
         );

@@ -137,7 +137,7 @@ def a_question_that_cannot_be_asked_gets_a_status_and_a_sentence_and_the_next_is
 def a_mark_means_the_same_in_a_message_and_in_a_file(roscore):
     """What the command reads is the file, what the robot hears is the message."""
     question = what_if(sets("stop", 0.2), Action(name="go on"))
-    heard = lambda got: (got.status, str(got.outlooks), list(got.ranking))
+    heard = lambda got: (got.status, [(outlook.action, str(outlook.forecasts)) for outlook in got.outlooks], list(got.ranking))
     models = rospy.Publisher("/roscausal/causal_model_info", CausalModelInfo, queue_size=1, latch=True)
     for last in known_system.MARKS:
         with tempfile.TemporaryDirectory() as folder:

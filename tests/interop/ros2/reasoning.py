@@ -172,7 +172,7 @@ def without_a_model_the_answer_says_so_until_one_comes_and_each_row_gives_a_pred
 def a_mark_means_the_same_in_a_message_and_in_a_file():
     """What the command reads is the file, what the robot hears is the message."""
     question = what_if(sets("stop", 0.2), Action(name="go on"))
-    heard = lambda got: (got.status, str(got.outlooks), list(got.ranking))
+    heard = lambda got: (got.status, [(outlook.action, str(outlook.forecasts)) for outlook in got.outlooks], list(got.ranking))
     for last in known_system.MARKS:
         with tempfile.TemporaryDirectory() as folder:
             batch, graph, _ = known_system.write(folder, last=last)
