@@ -24,11 +24,15 @@ def step(row, noise=(0.0, 0.0, 0.0)):
     )
 
 
-def rows(count, seed=1):
+#: Noise of the three, and noise with which they reach all that a planner may try and a simulation shows: answers end where the data do.
+QUIET, WIDE = (0.08, 0.05, 0.03), (0.28, 1.5, 0.4)
+
+
+def rows(count, seed=1, noise=QUIET):
     rng = random.Random(seed)
     row, found = (0.4, 3.3, 1.2), []
     for _ in range(count):
-        row = step(row, (rng.gauss(0, 0.08), rng.gauss(0, 0.05), rng.gauss(0, 0.03)))
+        row = step(row, tuple(rng.gauss(0, sd) for sd in noise))
         found.append(row)
     return found
 
@@ -57,10 +61,10 @@ def links(last=("-->", 1)):
     return [(*pair, *((1, "-->") if pair != LINKS[-1] else (last[1], last[0]))) for pair in LINKS]
 
 
-def write(folder, count=600, seed=1, last=("-->", 1)):
+def write(folder, count=600, seed=1, last=("-->", 1), noise=QUIET):
     """A batch and a graph as files; their paths, and the rows."""
     batch, graph = os.path.join(folder, "batch.csv"), os.path.join(folder, "graph.json")
-    found = rows(count, seed)
+    found = rows(count, seed, noise)
     with open(batch, "w") as file:
         file.write("time," + ",".join(NAMES) + "\n")
         file.writelines(f"{100 + DT * i:.1f}," + ",".join(f"{x:.6f}" for x in row) + "\n" for i, row in enumerate(found))

@@ -251,7 +251,7 @@ def the_example_planner_chooses_the_speed_that_the_answers_favour(roscore):
     limits = []
     rospy.Subscriber("/speed_limit", Float64, lambda message: limits.append(message.data))
     with tempfile.TemporaryDirectory() as folder:
-        batch, graph, _ = known_system.write(folder)
+        batch, graph, _ = known_system.write(folder, noise=known_system.WIDE)
         roscore.param("/roscausal_reasoning/allow_extrapolation", True)
         roscore.param("/planner/cost", ["d=0.1", "r_v=-1.0"])
         with reasoning(roscore, batch, graph) as program:
@@ -270,7 +270,7 @@ def the_example_planner_drives_the_simulators_robot_at_the_speed_it_chose(roscor
     heard = [rospy.Subscriber("/roscausal/robot", RobotState, lambda m: speeds.append(math.hypot(m.twist.linear.x, m.twist.linear.y))),
              rospy.Subscriber("/roscausal/features", Features, rows.append)]
     with tempfile.TemporaryDirectory() as folder, contextlib.ExitStack() as running:
-        batch, graph, _ = known_system.write(folder)
+        batch, graph, _ = known_system.write(folder, count=3000, noise=known_system.WIDE)
         given = {
             "roscausal_hrisim/scenario": "encounters", "roscausal_robot/goal_topic": "/goal_pose", "roscausal_robot/goal_type": "PoseStamped",
             "roscausal_human/source_frame": "map", "roscausal_data/data_dir": folder + "/raw", "roscausal_data/pp_data_dir": folder + "/pp",

@@ -234,7 +234,7 @@ def the_example_planner_chooses_the_speed_that_the_answers_favour():
     script = os.path.join(os.environ["ROSCAUSAL_ROOT"], "examples/planner/planner_ros2.py")
     planner = [sys.executable, script, "--ros-args", "-p", "cost:=['d=0.1', 'r_v=-1.0']"]
     with tempfile.TemporaryDirectory() as folder, Ros() as ros:
-        batch, graph, _ = known_system.write(folder)
+        batch, graph, _ = known_system.write(folder, noise=known_system.WIDE)
         limits = []
         ros.node.create_subscription(Float64, "/speed_limit", lambda message: limits.append(message.data), 10)
         with reasoning(batch, graph, "-p", "allow_extrapolation:=true") as program, Program(planner) as chooses:
@@ -251,7 +251,7 @@ def the_example_planner_drives_the_simulators_robot_at_the_speed_it_chose():
     planner = [sys.executable, script, "--ros-args", "-p", "own_speed:=0.5", "-p", "cost:=['d=0.1', 'r_v=-1.0']"]
     features = ["'r_v = r.v'", "'d = dist(h, r)'", "'h_v = h.v'"]
     with tempfile.TemporaryDirectory() as folder, Ros() as ros, contextlib.ExitStack() as running:
-        batch, graph, _ = known_system.write(folder)
+        batch, graph, _ = known_system.write(folder, count=3000, noise=known_system.WIDE)
         speeds, rows = [], []
         ros.node.create_subscription(RobotState, "/roscausal/robot", lambda m: speeds.append(math.hypot(m.twist.linear.x, m.twist.linear.y)), 10)
         ros.node.create_subscription(Features, "/roscausal/features", rows.append, STREAM)
