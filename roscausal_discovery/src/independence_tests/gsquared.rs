@@ -79,12 +79,7 @@ impl CondIndTest for Gsquared {
         if samples.is_empty() {
             return Err(Error::Data(format!("no sample is left after a cut-off of {}", samples.cut_off())));
         }
-        Ok(Box::new(Prepared {
-            test: self,
-            samples,
-            tests: AtomicUsize::new(0),
-            sparse: AtomicUsize::new(0),
-        }))
+        Ok(Box::new(Prepared { test: self, samples, sparse: Sparse::default() }))
     }
 
     fn decides_by_value(&self) -> bool {
@@ -95,12 +90,36 @@ impl CondIndTest for Gsquared {
 /// Samples for each degree of freedom below which chi-squared finds too much.
 const ENOUGH: usize = 5;
 
+/// Tests so far, and how many of them had too few samples for the chi-squared law.
+#[derive(Default)]
+pub(super) struct Sparse {
+    tests: AtomicUsize,
+    sparse: AtomicUsize,
+}
+
+impl Sparse {
+    /// Counts a test of `n` samples; `enough` of them for each degree of freedom are not too few.
+    pub(super) fn count(&self, n: usize, dof: usize, enough: usize) {
+        self.tests.fetch_add(1, Ordering::Relaxed);
+        self.sparse.fetch_add(usize::from(n < enough * dof), Ordering::Relaxed);
+    }
+
+    /// What to say of the test of this name, if there were too few samples.
+    pub(super) fn caution(&self, name: &str, enough: usize) -> Option<String> {
+        let (tests, sparse) = (self.tests.load(Ordering::Relaxed), self.sparse.load(Ordering::Relaxed));
+        (sparse > 0).then(|| {
+            format!(
+                "{sparse} of {tests} tests had fewer than {enough} samples for each degree of freedom, where {name} finds links that do \
+                 not exist; record longer, use variables with fewer values or, if all are categories, the test cmisymb"
+            )
+        })
+    }
+}
+
 struct Prepared<'a> {
     test: &'a Gsquared,
     samples: &'a Samples<'a>,
-    /// Tests so far, and those with fewer than [`ENOUGH`] samples for each degree of freedom.
-    tests: AtomicUsize,
-    sparse: AtomicUsize,
+    sparse: Sparse,
 }
 
 impl PreparedTest for Prepared<'_> {
@@ -109,8 +128,7 @@ impl PreparedTest for Prepared<'_> {
         let settings = &self.test.settings;
         let stratum = strata(&zs, xs.len());
         let g = g_statistic(&levels(&xs), &levels(&ys), &stratum);
-        self.tests.fetch_add(1, Ordering::Relaxed);
-        self.sparse.fetch_add(usize::from(xs.len() < ENOUGH * g.dof), Ordering::Relaxed);
+        self.sparse.count(xs.len(), g.dof, ENOUGH);
         let mut resampling = Resampling {
             rng: Rng::for_test(seed_of_draw(settings.seed, self.samples.data().draw()), x, y, z),
             control: self.samples.control(),
@@ -139,13 +157,7 @@ impl PreparedTest for Prepared<'_> {
     }
 
     fn caution(&self) -> Option<String> {
-        let (tests, sparse) = (self.tests.load(Ordering::Relaxed), self.sparse.load(Ordering::Relaxed));
-        (sparse > 0 && self.test.significance == Significance::Analytic).then(|| {
-            format!(
-                "{sparse} of {tests} tests had fewer than {ENOUGH} samples for each degree of freedom, where gsquared finds links that \
-                 do not exist; use the test cmisymb, or variables with fewer values"
-            )
-        })
+        (self.test.significance == Significance::Analytic).then(|| self.sparse.caution("gsquared", ENOUGH))?
     }
 
     fn is_cheap(&self) -> bool {

@@ -10,7 +10,7 @@
 //! 4. Both categories: the deviance of multinomial regressions ([`super::multinomial`]) of the one with fewer values.
 //! 5. P-value: `d` columns of X are not determined by Z (one for a number, one less than its values for a category). Of a number it is
 //!    that of the F test of these columns, which is exact for normal noise; of a category with `k` values chi-squared with `d (k - 1)`
-//!    degrees of freedom.
+//!    degrees of freedom, of the statistic divided by Williams' factor (1976, Biometrika 63:33), which few samples make larger than 1.
 //!
 //! With `as_tigramite` p-values are chi-squared with one degree of freedom for a number that explains and one per value for a
 //! category, and slopes in the units of the data have a price.
@@ -20,7 +20,7 @@
 use super::{
     Significance, TestSettings,
     cholesky::{orthogonalize, orthonormal_basis},
-    gsquared::levels,
+    gsquared::{Sparse, levels},
     multinomial::{Price, deviance},
 };
 use crate::{
@@ -34,6 +34,8 @@ use crate::{
 
 /// Different values up to which a variable of whole numbers is one of categories.
 const MOST_VALUES: usize = 10;
+/// Samples for each degree of freedom below which chi-squared finds too much.
+const ENOUGH: usize = 5;
 /// Part of the variance that rounding leaves of a perfect fit.
 const NOTHING_LEFT: f64 = 1e-20;
 
@@ -97,7 +99,12 @@ impl CondIndTest for RegressionCi {
             })
         };
         let categories = (0..data.n_vars()).map(is_category).collect();
-        Ok(Box::new(Prepared { samples, categories, as_tigramite: self.as_tigramite }))
+        Ok(Box::new(Prepared {
+            samples,
+            categories,
+            as_tigramite: self.as_tigramite,
+            sparse: Sparse::default(),
+        }))
     }
 }
 
@@ -106,6 +113,7 @@ struct Prepared<'a> {
     /// Which variables are categories.
     categories: Vec<bool>,
     as_tigramite: bool,
+    sparse: Sparse,
 }
 
 impl PreparedTest for Prepared<'_> {
@@ -129,6 +137,10 @@ impl PreparedTest for Prepared<'_> {
             }
         }
         Ok(TestResult { value, p_value, confidence: None, n_samples, n_lost, dependent: None })
+    }
+
+    fn caution(&self) -> Option<String> {
+        self.sparse.caution("regressionci", ENOUGH)
     }
 }
 
@@ -177,12 +189,22 @@ impl Prepared<'_> {
         };
         let (without, with) = (frame(given.to_vec()), frame(more));
         let value = gain(&without, &with, Price::None);
-        (value, chi_squared_sf(value, (with.len() - without.len()) * (n - 1)))
+        let dof = (with.len() - without.len()) * (n - 1);
+        self.sparse.count(target.len(), dof, ENOUGH);
+        let factor = 1.0 + spread(target) * spread(by) / (6 * target.len() * dof.max(1)) as f64;
+        (value, chi_squared_sf(value / factor, dof))
     }
 }
 
 fn count(row: &[f64]) -> usize {
     levels(row).iter().max().map_or(0, |most| most + 1)
+}
+
+/// The sum over the values of a category of one over its share, less 1: the smallest for values that are equally frequent.
+fn spread(row: &[f64]) -> f64 {
+    let mut counts = vec![0_usize; count(row)];
+    levels(row).into_iter().for_each(|level| counts[level] += 1);
+    counts.iter().map(|&of| row.len() as f64 / of as f64).sum::<f64>() - 1.0
 }
 
 /// The rows that vary, of mean 0 and norm 1.
