@@ -5,7 +5,8 @@
 //!
 //! **Few samples.** The largest possible `x` is `n - 1`, and the upper tail is shorter than the limit's. The limit law is therefore
 //! asked at `y = -1.43 / n - (1 - 0.36 / n) (n - 1) / 0.66 ln(1 - 0.66 x / (n - 1))`, which grows with `x` and is finite. The three
-//! constants are fitted to random pairs; `examples/levels.rs` measures what is left, which docs/methods.md states.
+//! constants are fitted to random pairs. What is left, by `examples/levels.rs`: of 200,000 pairs of 30 samples 0.0504, 0.0099 and 0.00101 are
+//! below 0.05, 0.01 and 0.001; of 40,000 pairs of 500 samples 0.0509, 0.0103 and 0.0008.
 //!
 //! **Ties** make the law wider. Over all orders of one series against the other, mean and variance of `x` follow exactly from three
 //! sums of each centred distance kernel `A`: `sum A_ii`, `sum A_ij^2` and `sum A_ii^2` (Hoeffding's combinatorial moments). `x` is moved
