@@ -199,7 +199,7 @@ fn words_explained(model: &Model) -> Option<String> {
     ))
 }
 
-/// `p < 0.001`, `p = 0.012`; of 500 surrogates none is `p < 0.002`.
+/// `p < 0.001`, `p = 0.012`; none of 500 surrogates is `p < 0.002`.
 fn p_value(model: &Model, p: f64) -> String {
     let smallest = model.smallest_p();
     if p < smallest { format!("p < {smallest}") } else { format!("p = {p:.3}") }
