@@ -106,7 +106,7 @@ fn seen(column: ArrayView1<f64>, per_place: usize) -> Vec<usize> {
         let finite = || (from..to).filter(|&row| column[row].is_finite());
         let by_value = |a: &usize, b: &usize| column[*a].total_cmp(&column[*b]);
         let mut place: Vec<usize> =
-            [finite().next(), finite().min_by(by_value), finite().max_by(by_value), finite().last()]
+            [finite().next(), finite().min_by(by_value), finite().max_by(by_value), finite().next_back()]
                 .into_iter()
                 .flatten()
                 .collect();
