@@ -152,6 +152,7 @@ def a_mark_means_the_same_in_a_message_and_in_a_file(roscore):
                 of_message = answered("what_if", question, status=None)
             assert heard(of_message) == heard(of_file), (last, of_message, of_file)
             assert of_file.outlooks, (last, of_file)
+    models.unregister()
 
 
 @case
