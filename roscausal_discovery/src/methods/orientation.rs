@@ -16,7 +16,8 @@ pub(crate) struct Triple {
 }
 
 /// Unshielded triples in which the link `k`-`j` has no direction yet and the link `i`-`k` does not point away from
-/// `k`. If neither link has a direction, the triple is listed once.
+/// `k`. If neither link has a direction, the triple is listed once, at its first end: which collider comes first counts where no link
+/// becomes a conflict.
 pub(crate) fn unshielded_triples(graph: &Array3<LinkMark>) -> Vec<Triple> {
     let (n_vars, _, n_lags) = graph.dim();
     let mut triples = Vec::new();
@@ -27,7 +28,7 @@ pub(crate) fn unshielded_triples(graph: &Array3<LinkMark>) -> Vec<Triple> {
                     let to_k = graph[[i, k, lag]];
                     let adjacent = match to_k {
                         LinkMark::Forward => true,
-                        LinkMark::Unoriented => i < j,
+                        LinkMark::Unoriented => i > j,
                         _ => false,
                     };
                     let distinct = lag > 0 || (i != j && i != k);
@@ -176,6 +177,17 @@ mod tests {
         let mut graph = graph_of(4, &[(0, 1, 0, u), (0, 2, 0, u), (0, 3, 0, u), (1, 3, 0, f), (2, 3, 0, f)]);
         orient_by_rules(&mut graph, &[], true);
         assert_eq!(graph[[0, 3, 0]], f);
+    }
+
+    #[test]
+    fn a_collider_comes_in_the_order_of_its_first_end() {
+        // 0 and 4 point to 2, or the past of 1 points to 2 and 2 to 4: the first end of the one is 0, of the other 4.
+        let (u, f) = (LinkMark::Unoriented, LinkMark::Forward);
+        let graph = graph_of(5, &[(0, 2, 0, u), (2, 4, 0, u), (2, 2, 1, f)]);
+        let triples = unshielded_triples(&graph);
+        let at = |i: Node, j: usize| triples.iter().position(|t| *t == Triple { i, k: 2, j });
+        assert!(at(Node::new(4, 0), 0) < at(Node::new(2, 1), 4));
+        assert_eq!(at(Node::new(0, 0), 4), None);
     }
 
     #[test]
