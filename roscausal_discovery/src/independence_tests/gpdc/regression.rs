@@ -579,4 +579,19 @@ mod tests {
         let cancelled = || Err(Error::Cancelled("now".into()));
         assert!(GaussianProcess::new(&rows, &Resources::new(0)).fit(&y, &DEFAULT, &cancelled).is_err());
     }
+
+    /// Two series of a robot and a person. From the start the likelihood of the one given the other falls to a shelf, which a model
+    /// takes for a maximum, and from there on to the maximum.
+    #[test]
+    fn a_shelf_is_no_maximum() {
+        let rows: Vec<[f64; 2]> = include_str!("../../../tests/data/shelf.csv")
+            .lines()
+            .map(|line| line.split_once(',').map(|(a, b)| [a, b].map(|cell| cell.parse().unwrap())).unwrap())
+            .collect();
+        let column = |i: usize| standardized(&rows.iter().map(|row| row[i]).collect::<Vec<_>>());
+        let process = GaussianProcess::new(&[column(1)], &Resources::new(0));
+        let fit = process.fit(&column(0), &DEFAULT, &|| Ok(())).unwrap();
+        let exact = process.exact(&column(0), Theta::START, &|| Ok(())).unwrap();
+        assert!((fit.log_likelihood + exact.value).abs() < 1e-4, "{:?} {exact:?}", fit.theta);
+    }
 }

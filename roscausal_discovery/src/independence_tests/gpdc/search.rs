@@ -53,6 +53,10 @@ const TRUSTED: f64 = 0.05;
 /// Error of a gradient at the end, as a fraction of the one expected; and what it may leave, as a fraction of the stopping rule.
 const ERROR_AT_END: f64 = 0.06;
 const LEFT_BY_ERROR: f64 = 0.05 * UNSEEN;
+/// Curvature, for each sample, below which an end may be a shelf that the path leaves again; and how near to such an end a likelihood
+/// must have been seen.
+const SHELF: f64 = 0.01;
+const SEEN_NEAR: f64 = 1e-3;
 /// Standard deviations at which a gradient is a surprise, and the part of `near` within which the model is tried again then.
 const SURPRISE: f64 = 5.0;
 const NEARER: f64 = 0.1;
@@ -104,11 +108,11 @@ pub(super) fn search<E>(
     mut evaluate: impl FnMut([f64; 2], Accuracy) -> Result<Seen, E>,
 ) -> Result<Found, E> {
     let few = n_samples <= FEW_SAMPLES;
-    if !few && let Some(optimum) = Path::new(&LOOSE).follow(&mut evaluate)? {
+    if !few && let Some(optimum) = Path::new(&LOOSE, n_samples).follow(&mut evaluate)? {
         return Ok(Found { optimum, repeated: false });
     }
     let nowhere = Point { x: [0.0; 2], value: f64::INFINITY, gradient: [0.0; 2] };
-    let optimum = Path::new(&TIGHT).follow(&mut evaluate)?.unwrap_or(nowhere);
+    let optimum = Path::new(&TIGHT, n_samples).follow(&mut evaluate)?.unwrap_or(nowhere);
     Ok(Found { optimum, repeated: !few })
 }
 
@@ -131,6 +135,8 @@ pub(super) fn textbook<E>(
 /// A search under way.
 struct Path<'a> {
     level: &'a Level,
+    /// Curvature below which an end may be a shelf.
+    shelf: f64,
     near: f64,
     minimizer: Minimizer<2>,
     shadows: Vec<Minimizer<2>>,
@@ -138,10 +144,10 @@ struct Path<'a> {
 }
 
 impl<'a> Path<'a> {
-    fn new(level: &'a Level) -> Self {
+    fn new(level: &'a Level, n_samples: usize) -> Self {
         let minimizer = Minimizer::new([0.0; 2], BOUNDS, Tolerances::default());
         let shadows = vec![minimizer.clone(); level.shadows];
-        Self { level, near: level.near, minimizer, shadows, trail: Vec::new() }
+        Self { level, shelf: SHELF * n_samples as f64, near: level.near, minimizer, shadows, trail: Vec::new() }
     }
 
     /// Where the path ends; `None` where a shadow left it.
@@ -230,8 +236,10 @@ impl<'a> Path<'a> {
         let gain = at_start.value - predicted.value;
         let convex = predicted.curvature > CERTAINLY_CONVEX * predicted.curvature_deviation;
         let ends = search.wants().is_none() && predicted.above_minimum < STATIONARY;
-        let end = End { optimum, predicted, enough };
-        let trusted = end.is_known() || predicted.left <= TRUSTED * (at.value - predicted.value);
+        let is_shelf = predicted.curvature < self.shelf && distance(optimum.x, at.x) > SEEN_NEAR;
+        let end = End { optimum, predicted, enough, is_shelf };
+        let known = predicted.left <= UNSEEN * enough;
+        let trusted = known || predicted.left <= TRUSTED * (at.value - predicted.value);
         (convex && ends && gain <= self.near && trusted).then_some(end)
     }
 }
@@ -242,12 +250,14 @@ struct End {
     predicted: Predicted,
     /// The stopping rule's decrease.
     enough: f64,
+    /// Whether it is hardly curved, and was not seen from near.
+    is_shelf: bool,
 }
 
 impl End {
     /// Whether the model knows the end well enough.
     fn is_known(&self) -> bool {
-        self.predicted.left <= UNSEEN * self.enough
+        self.predicted.left <= UNSEEN * self.enough && !self.is_shelf
     }
 
     /// How exact a likelihood there is to be.
