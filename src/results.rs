@@ -77,9 +77,11 @@ impl Results {
         let lock = Lock::take(dir)?;
         complete(dir)?;
         let home = dir.join(HOME);
-        remove_left(&home, WORK);
+        for left in named(&home, WORK) {
+            let _ = fs::remove_dir_all(left);
+        }
         if let Some((parent, prefix)) = dir.canonicalize().ok().and_then(|root| beside(&root)) {
-            remove_left(&parent, &prefix);
+            remove_left_beside(&parent, &prefix, &home);
         }
         let old = List::read(&home.join(LIST))?.unwrap_or_default().files;
         let made = || -> std::io::Result<TempDir> {
@@ -170,6 +172,7 @@ impl Results {
         // What has the temporary name then is removed: the folder of the old set.
         match renameat_with(CWD, beside.path(), CWD, &root, RenameFlags::EXCHANGE) {
             Ok(()) => {
+                let _ = remove_beside(beside.path(), &root.join(HOME));
                 // It is done, whether or not it can be waited for.
                 let _ = File::open(parent).and_then(|parent| parent.sync_all());
                 Ok(true)
@@ -293,19 +296,26 @@ fn beside(root: &Path) -> Option<(PathBuf, String)> {
     Some((root.parent()?.to_owned(), format!(".{name}.roscausal-")))
 }
 
-/// Removes the temporary folders of runs that are gone.
-fn remove_left(folder: &Path, prefix: &str) {
-    for entry in fs::read_dir(folder).into_iter().flatten().flatten() {
-        let path = entry.path();
-        if !entry.file_name().to_string_lossy().starts_with(prefix) || !is_folder(&path) {
-            continue;
-        }
-        // Beside the folder only what was one of results, or is empty.
-        let _ = match prefix == WORK || path.join(HOME).join(LIST).is_file() {
-            true => fs::remove_dir_all(path),
-            false => fs::remove_dir(path),
-        };
+/// The folders in this one whose names begin so.
+fn named(folder: &Path, prefix: &str) -> Vec<PathBuf> {
+    let entries = fs::read_dir(folder).into_iter().flatten().flatten();
+    let is_named = |entry: &fs::DirEntry| entry.file_name().to_string_lossy().starts_with(prefix);
+    entries.filter(is_named).map(|entry| entry.path()).filter(|path| is_folder(path)).collect()
+}
+
+/// Removes what runs that are gone left beside the folder: only what was one of results, or is empty.
+fn remove_left_beside(parent: &Path, prefix: &str, home: &Path) {
+    for left in named(parent, prefix) {
+        let is_of_results = left.join(HOME).join(LIST).is_file();
+        let _ = if is_of_results { remove_beside(&left, home) } else { fs::remove_dir(left) };
     }
+}
+
+/// Removes a set of results from beside the folder with this home. It moves there first: what is left of it when this process is
+/// killed is known as ours.
+fn remove_beside(set: &Path, home: &Path) -> std::io::Result<()> {
+    let within = tempfile::Builder::new().prefix(WORK).tempdir_in(home)?;
+    fs::rename(set, within.path())
 }
 
 /// Whether there is anything in a folder in which no run has left results.
