@@ -147,7 +147,14 @@ impl<'a> Path<'a> {
     fn new(level: &'a Level, n_samples: usize) -> Self {
         let minimizer = Minimizer::new([0.0; 2], BOUNDS, Tolerances::default());
         let shadows = vec![minimizer.clone(); level.shadows];
-        Self { level, shelf: SHELF * n_samples as f64, near: level.near, minimizer, shadows, trail: Vec::new() }
+        Self {
+            level,
+            shelf: SHELF * n_samples as f64,
+            near: level.near,
+            minimizer,
+            shadows,
+            trail: Vec::new(),
+        }
     }
 
     /// Where the path ends; `None` where a shadow left it.

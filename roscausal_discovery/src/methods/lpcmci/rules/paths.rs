@@ -1,5 +1,7 @@
 //! The rules on paths (Zhang 2008, R4, R9, R10, on time series graphs), and APR, which makes links final.
 
+use std::collections::{HashMap, HashSet, VecDeque};
+
 use super::{Proposals, triangles::may_orient};
 use crate::{
     ground::{
@@ -36,8 +38,7 @@ pub(super) fn r4(search: &mut Search<'_, '_>, only_lagged: bool) -> Result<Propo
             for (w, wv) in graph.neighbours(v).filter(|_| open) {
                 let first = w != y && wv.is_final() && wv.left == Head && is_final_parent(search, w, y);
                 if first {
-                    let mut path = vec![y, v, w];
-                    ends_of_discriminating_paths(search, &mut path, &mut |end| found.push((end, w, v, y)));
+                    found.extend(ends_of_discriminating_paths(search, [y, v, w]).map(|end| (end, w, v, y)));
                 }
             }
         }
@@ -66,22 +67,28 @@ fn is_final_parent(search: &Search<'_, '_>, w: Node, y: Node) -> bool {
     search.graph.get(w, y).is_some_and(|wy| wy.is_final() && wy.left == Tail && wy.right == Head)
 }
 
-/// The path ends in a node that is a parent of Y and gets a head from the node before; it goes on to every node that points to
-/// its end.
-fn ends_of_discriminating_paths(search: &Search<'_, '_>, path: &mut Vec<Node>, found: &mut dyn FnMut(Node)) {
-    let (y, Some(&last)) = (path[0], path.last()) else { return };
-    for (next, link) in search.graph.neighbours(last) {
-        if path.contains(&next) || !link.is_final() || link.right != Head {
-            continue;
-        }
-        if !search.graph.adjacent(next, y) {
-            found(next);
-        } else if link.left == Head && is_final_parent(search, next, y) {
-            path.push(next);
-            ends_of_discriminating_paths(search, path, found);
-            path.pop();
+/// Where discriminating paths end that begin with Y, V and W: they go on to every node that points to their end, as long as those
+/// are parents of Y, and end in a node that is not adjacent to Y. What a node needs does not depend on those before it, so each is
+/// looked at once.
+fn ends_of_discriminating_paths(
+    search: &Search<'_, '_>,
+    [y, v, w]: [Node; 3],
+) -> impl Iterator<Item = Node> + use<> {
+    let (mut seen, mut ends, mut open) = (HashSet::from([y, v, w]), Vec::new(), vec![w]);
+    while let Some(last) = open.pop() {
+        for (next, link) in search.graph.neighbours(last) {
+            if !link.is_final() || link.right != Head || seen.contains(&next) {
+                continue;
+            }
+            if !search.graph.adjacent(next, y) {
+                ends.push(next);
+            } else if link.left == Head && is_final_parent(search, next, y) {
+                seen.insert(next);
+                open.push(next);
+            }
         }
     }
+    ends.into_iter()
 }
 
 /// A o*> C, and an uncovered potentially directed path from a neighbour of A to C that A is part of: A --> C.
@@ -96,17 +103,27 @@ pub(super) fn r9(search: &mut Search<'_, '_>, only_lagged: bool) -> Result<Propo
                 continue;
             }
             let directed = ba.left == Head;
-            let mut paths = Vec::new();
-            uncovered_paths(search, &mut vec![b], c, a, directed, &mut paths);
-            paths.retain(|path| path.len() >= 3 && !search.graph.adjacent(path[1], a));
-            if paths.is_empty() || !search.separates_with(a, b, c)? {
-                continue;
-            }
-            for path in paths {
-                if directed || continues(search, a, &path)? {
-                    proposals.tail(a, c);
-                    break;
+            let mut is_part = None;
+            let holds = &mut |search: &mut Search<'_, '_>, path: &[Node]| {
+                if path.len() < 3 || search.graph.adjacent(path[1], a) {
+                    return Ok(Some(2));
                 }
+                if is_part.is_none() {
+                    is_part = Some(search.separates_with(a, b, c)?);
+                }
+                if is_part == Some(false) {
+                    return Ok(Some(0));
+                }
+                if directed {
+                    return Ok(None);
+                }
+                match search.separates_with(path[0], a, path[1])? {
+                    true => fault_within(search, path),
+                    false => Ok(Some(2)),
+                }
+            };
+            if Paths::new(c, a, None).find(search, &Start { path: vec![b], directed }, holds)? {
+                proposals.tail(a, c);
             }
         }
     }
@@ -121,13 +138,15 @@ pub(super) fn r10(search: &mut Search<'_, '_>, only_lagged: bool) -> Result<Prop
         let parents: Vec<(Node, Link)> = search.graph.neighbours(c).filter(is_parent).collect();
         let mut seconds = Vec::new();
         for (p, _) in parents.into_iter().filter(|(p, _)| *p != a) {
-            let mut paths = Vec::new();
-            uncovered_paths(search, &mut vec![a], p, c, false, &mut paths);
-            for mut path in paths {
-                let uncovered = path.len() >= 3 && !search.graph.adjacent(path[path.len() - 2], c);
-                path.push(c);
-                if uncovered && inner_nodes_continue(search, &path)? {
-                    seconds.push(path[1]);
+            let mut paths = Paths::new(p, c, Some(c));
+            for (second, directed) in paths.steps(search, &[a], false) {
+                let holds = &mut |search: &mut Search<'_, '_>, path: &[Node]| {
+                    let whole = [path, &[c]].concat();
+                    if path.len() < 3 { Ok(Some(0)) } else { fault_within(search, &whole) }
+                };
+                let start = Start { path: vec![a, second], directed };
+                if second != p && paths.find(search, &start, holds)? {
+                    seconds.push(second);
                 }
             }
         }
@@ -154,54 +173,184 @@ fn open_causes(search: &Search<'_, '_>, only_lagged: bool) -> Vec<(Node, Node)> 
     nodes.flat_map(of).filter(open).map(|(a, c, _)| (a, c)).collect()
 }
 
-/// Uncovered potentially directed paths that go on from `path` to `end`, not through `avoided`: o*o, o*> or -*> up to the first
-/// step that is not o*o, then -*>.
-fn uncovered_paths(
-    search: &Search<'_, '_>,
-    path: &mut Vec<Node>,
-    end: Node,
-    avoided: Node,
+/// Steps after which paths are no longer looked at one by one.
+const FEW_STEPS: usize = 2000;
+
+/// From a node to the next, and whether the path is directed from there on.
+type Step = (Node, Node, bool);
+/// How long the part of a path is that fails; `None` if it holds.
+type Holds<'a> = dyn FnMut(&mut Search<'_, '_>, &[Node]) -> Result<Option<usize>> + 'a;
+
+/// How a path begins.
+struct Start {
+    path: Vec<Node>,
     directed: bool,
-    found: &mut Vec<Vec<Node>>,
-) {
-    let Some(&last) = path.last() else { return };
-    for (next, link) in search.graph.neighbours(last) {
-        // The link is read from the next node back to the last one.
-        let fits = match (link.right, link.left) {
-            (Tail, Head) => true,
-            (Circle, Circle | Head) => !directed,
-            _ => false,
-        };
-        let covered = path.len() >= 2 && search.graph.adjacent(path[path.len() - 2], next);
-        if next == avoided || !fits || covered || path.contains(&next) {
-            continue;
-        }
-        path.push(next);
-        if next == end {
-            found.push(path.clone());
-        } else {
-            uncovered_paths(search, path, end, avoided, directed || link.left == Head, found);
-        }
-        path.pop();
+}
+
+/// The search for an uncovered potentially directed path to `end`: o*o, o*> or -*> up to the first step that is not o*o, then -*>.
+///
+/// There may be more such paths than can be looked at, so what is known to fail is not tried again: three nodes one after the other of
+/// which the middle one separates nothing. After [`FEW_STEPS`] only the shortest of what is left is tried, again and again. Where that
+/// one would go through a node twice, there is none as far as this search knows: a link stays as it is.
+struct Paths {
+    end: Node,
+    /// What the path does not go through.
+    avoided: Node,
+    /// The node that the whole path has after its end.
+    beyond: Option<Node>,
+    steps: usize,
+    /// Three nodes that fail, and second nodes of a path that do.
+    failed: HashSet<[Node; 3]>,
+    failed_seconds: HashSet<Node>,
+    /// The length of the longest part of the path that may still lead somewhere.
+    alive: usize,
+}
+
+impl Paths {
+    fn new(end: Node, avoided: Node, beyond: Option<Node>) -> Self {
+        let (failed, failed_seconds) = (HashSet::new(), HashSet::new());
+        Self { end, avoided, beyond, steps: 0, failed, failed_seconds, alive: usize::MAX }
     }
-}
 
-/// Whether `before` and the path after it make a chain: the first node is in what separates its neighbours, and so on.
-fn continues(search: &mut Search<'_, '_>, before: Node, path: &[Node]) -> Result<bool> {
-    let [first, second, ..] = path else { return Ok(false) };
-    Ok(search.separates_with(*first, before, *second)? && inner_nodes_continue(search, path)?)
-}
+    /// The nodes that may follow, and whether the path is directed from there on.
+    fn steps(&self, search: &Search<'_, '_>, path: &[Node], directed: bool) -> Vec<(Node, bool)> {
+        let Some(&last) = path.last() else { return Vec::new() };
+        let before = path.len().checked_sub(2).map(|at| path[at]);
+        let may_follow = |next: Node, link: Link| {
+            // The link is read from the next node back to the last one.
+            let fits = match (link.right, link.left) {
+                (Tail, Head) => true,
+                (Circle, Circle | Head) => !directed,
+                _ => false,
+            };
+            let goes_on = |before: Node| {
+                !search.graph.adjacent(before, next) && !self.failed.contains(&[before, last, next])
+            };
+            let ends_well = |beyond: Node| {
+                next != self.end
+                    || !search.graph.adjacent(last, beyond) && !self.failed.contains(&[last, next, beyond])
+            };
+            let begins = path.len() > 1 || !self.failed_seconds.contains(&next);
+            next != self.avoided
+                && fits
+                && begins
+                && before.is_none_or(goes_on)
+                && self.beyond.is_none_or(ends_well)
+        };
+        let following = search.graph.neighbours(last).filter(|(next, link)| may_follow(*next, *link));
+        following.map(|(next, link)| (next, directed || link.left == Head)).collect()
+    }
 
-/// Whether each inner node, from the left until a step has a head at its far end, is in what separates its neighbours.
-fn inner_nodes_continue(search: &mut Search<'_, '_>, path: &[Node]) -> Result<bool> {
-    for three in path.windows(3) {
-        let [before, middle, after] = three else { continue };
-        if search.graph.get(*before, *middle).is_some_and(|link| link.right == Head) {
+    /// Whether a path from `start` on comes to the end such that it `holds`.
+    fn find(&mut self, search: &mut Search<'_, '_>, start: &Start, holds: &mut Holds<'_>) -> Result<bool> {
+        (self.steps, self.alive) = (0, usize::MAX);
+        if self.go_on(search, &mut start.path.clone(), start.directed, holds)? {
             return Ok(true);
         }
-        if !search.separates_with(*middle, *before, *after)? {
+        if self.steps <= FEW_STEPS {
             return Ok(false);
         }
+        while let Some(path) = self.shortest(search, start) {
+            search.run.control().check()?;
+            let distinct: HashSet<&Node> = path.iter().collect();
+            if distinct.len() < path.len() {
+                return Ok(false);
+            }
+            match holds(search, &path)? {
+                None => return Ok(true),
+                Some(length) if length <= start.path.len() => return Ok(false),
+                Some(length) => self.remember(&path, length),
+            }
+        }
+        Ok(false)
     }
-    Ok(true)
+
+    /// Tries all paths that go on from this one, until the steps are too many.
+    fn go_on(
+        &mut self,
+        search: &mut Search<'_, '_>,
+        path: &mut Vec<Node>,
+        directed: bool,
+        holds: &mut Holds<'_>,
+    ) -> Result<bool> {
+        for (next, then_directed) in self.steps(search, path, directed) {
+            if path.contains(&next) {
+                continue;
+            }
+            self.steps += 1;
+            if self.steps > FEW_STEPS {
+                self.alive = 0;
+                return Ok(false);
+            }
+            path.push(next);
+            let found = if next != self.end {
+                self.go_on(search, path, then_directed, holds)?
+            } else if let Some(length) = holds(search, path)? {
+                self.remember(path, length);
+                self.alive = length.min(path.len());
+                false
+            } else {
+                true
+            };
+            path.pop();
+            if found {
+                return Ok(true);
+            }
+            if path.len() >= self.alive {
+                return Ok(false);
+            }
+            self.alive = usize::MAX;
+        }
+        Ok(false)
+    }
+
+    /// Keeps in mind that the first nodes of a path fail, as many as `length`.
+    fn remember(&mut self, path: &[Node], length: usize) {
+        let whole: Vec<Node> = path.iter().copied().chain(self.beyond).take(length).collect();
+        match whole.as_slice() {
+            [_, second] => drop(self.failed_seconds.insert(*second)),
+            [.., before, middle, after] => drop(self.failed.insert([*before, *middle, *after])),
+            _ => {}
+        }
+    }
+
+    /// The path with the fewest steps to the end that is not known to fail. It may go through a node twice.
+    fn shortest(&self, search: &Search<'_, '_>, start: &Start) -> Option<Vec<Node>> {
+        let mut before: HashMap<Step, Option<Step>> = HashMap::new();
+        let mut open = VecDeque::from([(start.path.clone(), start.directed, None)]);
+        while let Some((path, directed, step)) = open.pop_front() {
+            let last = *path.last()?;
+            for (next, then_directed) in self.steps(search, &path, directed) {
+                let then = (last, next, then_directed);
+                if before.contains_key(&then) {
+                    continue;
+                }
+                before.insert(then, step);
+                if next == self.end {
+                    let back = std::iter::successors(Some(then), |step| before.get(step).copied().flatten());
+                    let mut nodes: Vec<Node> = back.map(|(_, node, _)| node).collect();
+                    nodes.extend(start.path.iter().rev());
+                    nodes.reverse();
+                    return Some(nodes);
+                }
+                open.push_back((vec![last, next], then_directed, Some(then)));
+            }
+        }
+        None
+    }
+}
+
+/// The length of the part of the path that fails: an inner node, from the left until a step has a head at its far end, is not in what
+/// separates its neighbours. `None`: none fails.
+fn fault_within(search: &mut Search<'_, '_>, path: &[Node]) -> Result<Option<usize>> {
+    for (at, three) in path.windows(3).enumerate() {
+        let [before, middle, after] = three else { continue };
+        if search.graph.get(*before, *middle).is_some_and(|link| link.right == Head) {
+            return Ok(None);
+        }
+        if !search.separates_with(*middle, *before, *after)? {
+            return Ok(Some(at + 3));
+        }
+    }
+    Ok(None)
 }
