@@ -7,11 +7,10 @@ use roscausal_discovery::{independence_tests::spelled, methods::Method};
 use crate::{flags, nodes::RECORDING};
 
 /// Flags that describe the data or their analysis, besides those that are a node's parameter.
-const FLAGS: [&str; 39] = [
+const FLAGS: [&str; 33] = [
     "agent",
     "batch",
     "changes",
-    "collider-rule",
     "columns",
     "detrend",
     "difference",
@@ -19,13 +18,11 @@ const FLAGS: [&str; 39] = [
     "drop-empty",
     "encode",
     "feature",
-    "first-orientation",
     "frame-rate",
     "goal",
     "join",
     "last",
     "mask",
-    "max-conds",
     "max-gap",
     "missing-value",
     "obstacle",
@@ -36,10 +33,7 @@ const FLAGS: [&str; 39] = [
     "robot-goal",
     "robot-pose",
     "rows",
-    "shuffle-stop",
-    "shuffles",
     "signal",
-    "significance",
     "standardise",
     "step",
     "time-column",
@@ -66,7 +60,7 @@ pub(crate) fn may_set(node: &str, param: &str, value: &str) -> bool {
 
 /// Whether settings that come with data may give a flag these values.
 pub(crate) fn may_say(flag: &str, values: &[String]) -> bool {
-    match flags::twin_of_flag(flag) {
+    match flags::parameter_of_flag(flag) {
         Some((node, param)) => values.iter().all(|value| may_set(node, param, value)),
         None if flag == "param" => values.iter().all(|value| is_parameter_of_data(value)),
         // The other formats say what is printed.
@@ -110,7 +104,7 @@ mod tests {
         let known = crate::cli::long_flags();
         for flag in FLAGS {
             assert!(known.iter().any(|name| name == flag), "--{flag}");
-            assert!(flags::twin_of_flag(flag).is_none(), "--{flag} is a parameter: its table decides");
+            assert!(flags::parameter_of_flag(flag).is_none(), "--{flag} is a parameter: its table decides");
         }
     }
 

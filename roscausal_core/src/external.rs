@@ -99,11 +99,11 @@ pub fn run(
 }
 
 /// Limits the memory of the program to `bytes`.
-fn limit_memory(child: &Child, bytes: usize) {
+fn limit_memory(child: &Child, bytes: u64) {
     #[cfg(target_os = "linux")]
     {
         use rustix::process::{Pid, Resource, Rlimit, prlimit};
-        let most = Some(bytes as u64);
+        let most = Some(bytes);
         let limited =
             prlimit(Some(Pid::from_child(child)), Resource::As, Rlimit { current: most, maximum: most });
         // It may have ended already.

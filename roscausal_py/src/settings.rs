@@ -3,10 +3,11 @@
 use std::sync::Arc;
 
 use roscausal_discovery::{
-    Error, LinkAssumptions, Node, PcAlpha, Result, Settings, VectorNames,
-    confidence::Resampling,
-    independence_tests::{Confidence, NullDistributions, Significance, TestSettings},
-    methods::{ActsOn, PcmciPlusSettings, PcmciSettings},
+    DataFrame, Error, LinkAssumptions, Node, Result,
+    independence_tests::{Confidence, Significance, TestSettings},
+    methods::{PcmciPlusSettings, PcmciSettings},
+    names::nearest,
+    settings::{Request, SETTINGS, Setting, Settings},
 };
 use serde_json::{Map, Value};
 
@@ -79,26 +80,14 @@ impl Given {
     pub(crate) fn end(self) -> Result<()> {
         match self.0.keys().next() {
             None => Ok(()),
-            Some(name) => Err(Error::param(name, "there is no such setting")),
+            Some(name) => {
+                let known: Vec<&str> = SETTINGS.iter().map(|setting| setting.id).collect();
+                let hint =
+                    nearest(&known, name).map_or(String::new(), |near| format!("; did you mean '{near}'?"));
+                Err(Error::param(name, format!("there is no such setting{hint}")))
+            }
         }
     }
-}
-
-/// How to resample, if that is asked for.
-pub(crate) fn of_resampling(given: &mut Given) -> Result<Option<Resampling>> {
-    let (resamples, scheme) = (given.count("resamples")?.unwrap_or(0), given.word("resampling")?);
-    let (share, block) = (given.number("share")?, given.take("block"));
-    let mut resampling = Resampling { resamples, ..Resampling::default() };
-    set(&mut resampling.scheme, scheme.map(|word| word.parse()).transpose()?);
-    set(&mut resampling.share, share);
-    if let Some(block) = block {
-        resampling.block = block.as_str().map_or_else(|| block.to_string(), str::to_owned).parse()?;
-    }
-    if resamples == 0 {
-        return Ok(None);
-    }
-    resampling.check()?;
-    Ok(Some(resampling))
 }
 
 /// Seconds per row, if they are given.
@@ -112,83 +101,28 @@ pub(crate) fn of_step(given: &mut Given) -> Result<Option<f64>> {
     }
 }
 
-/// Columns of interventions to the variable that each sets.
-pub(crate) fn acts_on(pairs: &Value) -> Result<ActsOn> {
-    let wrong =
-        || Error::param("acts_on", format!("{pairs} is no dict such as {{\"do_robot_speed\": \"r_v\"}}"));
-    let Value::Object(pairs) = pairs else { return Err(wrong()) };
-    let pair = |(column, variable): (&String, &Value)| {
-        Ok((column.clone(), variable.as_str().ok_or_else(wrong)?.to_owned()))
-    };
-    pairs.iter().map(pair).collect()
+/// What `rc.discover` asks of an analysis.
+pub(crate) fn of_analysis(given: &mut Given) -> Result<Request> {
+    let value = |setting: &'static Setting| Some((setting, given.take(setting.id)?));
+    Request::of(&SETTINGS.iter().filter_map(value).collect::<Vec<_>>()).map_err(of_rules)
 }
 
-/// Variables of several columns to the names of these.
-pub(crate) fn vectors(given: &mut Given) -> Result<VectorNames> {
-    let Some(value) = given.take("vectors") else { return Ok(Vec::new()) };
-    let wrong =
-        || Error::param("vectors", format!("{value} is no dict such as {{\"place\": [\"x\", \"y\"]}}"));
-    let groups: Map<String, Value> = serde_json::from_value(value.clone()).map_err(|_| wrong())?;
-    let columns = |value: Value| serde_json::from_value::<Vec<String>>(value).map_err(|_| wrong());
-    groups.into_iter().map(|(name, value)| Ok((name, columns(value)?))).collect()
+/// The data with the request's variables, and the settings for them.
+pub(crate) fn for_data(request: &Request, data: Arc<DataFrame>) -> Result<(Arc<DataFrame>, Settings)> {
+    let data = match request.vectors.is_empty() {
+        true => data,
+        false => Arc::new((*data).clone().with_named_vectors(&request.vectors)?),
+    };
+    let settings = request.for_variables(data.var_names()).map_err(of_rules)?;
+    Ok((data, settings))
 }
 
-/// Null distributions by the number of samples, or the text of a table of them.
-fn null_distributions(value: &Value) -> Result<NullDistributions> {
-    let wrong = || Error::param("null_dist", "it is neither a file nor a dict such as {298: [0.05, 0.08]}");
-    if let Value::String(text) = value {
-        return NullDistributions::parse(text);
+/// What is wrong with rules about links is wrong with this setting.
+fn of_rules(error: Error) -> Error {
+    match error {
+        Error::Data(reason) => Error::param("links", reason),
+        other => other,
     }
-    let Value::Object(given) = value else { return Err(wrong()) };
-    let one = |(size, values): (&String, &Value)| {
-        let size = size.parse::<usize>().map_err(|_| wrong())?;
-        Ok((size, serde_json::from_value::<Vec<f64>>(values.clone()).map_err(|_| wrong())?))
-    };
-    NullDistributions::new(given.iter().map(one).collect::<Result<Vec<_>>>()?)
-}
-
-/// The settings of an analysis, as `rc.discover` gives them.
-pub(crate) fn of_analysis(given: &mut Given) -> Result<Settings> {
-    let mut settings = Settings::default();
-    if let Some(method) = given.word("method")? {
-        settings.method = method.parse()?;
-    }
-    settings.tau_min = settings.method.info().tau_min;
-    settings.cond_ind_test = settings.method.info().test.to_owned();
-    set(&mut settings.cond_ind_test, given.word("test")?);
-    set(&mut settings.alpha, given.number("alpha")?);
-    set(&mut settings.tau_min, given.count("tau_min")?);
-    set(&mut settings.tau_max, given.count("tau_max")?);
-    settings.pc_alpha = match given.take("pc_alpha") {
-        None => PcAlpha::Default,
-        Some(Value::String(text)) if text == "auto" => PcAlpha::ByScore,
-        Some(value) => PcAlpha::Fixed(value.as_f64().ok_or_else(|| {
-            Error::param("pc_alpha", format!("{value} is neither a number in (0, 1) nor 'auto'"))
-        })?),
-    };
-    settings.f_alpha = given.number("f_alpha")?;
-    if let Some(estimator) = given.word("te_estimator")? {
-        settings.te_estimator = estimator.parse()?;
-    }
-    if let Some(fdr) = given.word("fdr")? {
-        settings.fdr = fdr.parse()?;
-    }
-    if let Some(search) = given.word("gp_search")? {
-        settings.gp_search = search.parse()?;
-    }
-    set(&mut settings.gp_restarts, given.count("gp_restarts")?);
-    let nulls = given.take("null_dist").map(|nulls| null_distributions(&nulls)).transpose()?;
-    settings.null_distributions = nulls.map(Arc::new);
-    settings.max_memory = given.count("max_memory")?;
-    settings.max_conds = given.count("max_conds")?;
-    settings.max_sets = given.count("max_sets")?;
-    set(&mut settings.extra_conditions, given.flag("extra_conditions")?);
-    if let Some(seed) = given.count("seed")? {
-        settings.seed = seed as u64;
-    }
-    settings.exogenous = given.words("exogenous")?;
-    settings.acts_on = given.take("acts_on").map(|pairs| acts_on(&pairs)).transpose()?;
-    Ok(settings)
 }
 
 /// The settings of a method, with the reference's words.
@@ -266,7 +200,7 @@ pub(crate) fn of_test(json: &str) -> Result<(String, TestSettings)> {
         knn: given.number("knn")?,
         shuffle_neighbors: given.count("shuffle_neighbors")?,
         transform: given.word("transform")?,
-        max_memory: given.count("max_memory")?,
+        max_memory: given.count("max_memory")?.map(|bytes| bytes as u64),
         ..TestSettings::default()
     };
     set(&mut settings.conf_lev, given.number("conf_lev")?);

@@ -131,8 +131,12 @@ pub(crate) fn flags(model: &Model) -> String {
     if model.cond_ind_test != "none" {
         let _ = write!(line, " --test {}", model.cond_ind_test);
     }
-    let _ = write!(line, " --alpha {} --tau-min {} --tau-max {}", model.alpha, model.tau_min, model.tau_max);
     // A method of others has a name that is not known here.
+    let method = model.method.parse::<Method>().ok().map(Method::info);
+    if method.is_none_or(|info| !info.one_level && info.p_values) {
+        let _ = write!(line, " --alpha {}", model.alpha);
+    }
+    let _ = write!(line, " --tau-min {} --tau-max {}", model.tau_min, model.tau_max);
     if model.method.parse::<Method>().map_or(true, |method| method.reads(Reads::PcAlpha)) {
         let level = model.pc_alpha.map_or("auto".to_owned(), |level| level.to_string());
         let _ = write!(line, " --pc-alpha {level}");

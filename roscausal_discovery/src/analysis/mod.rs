@@ -1,11 +1,11 @@
 //! One analysis, from settings to model. The commands and the discovery node all enter here.
 
 mod contexts;
+mod known;
 mod outcome;
-mod settings;
 
+use crate::settings::Settings;
 pub(crate) use outcome::{Found, Outcome};
-pub use settings::{PcAlpha, Settings};
 
 use std::collections::HashSet;
 
@@ -87,12 +87,10 @@ fn analysed(
     control: &Control,
     keep: bool,
 ) -> Result<(Model, Option<Evidence>)> {
-    settings.check_numbers()?;
-    settings.check_p_values(test.name())?;
-    settings.check_gaussian_process(test.name())?;
+    settings.check_numbers(test.name())?;
     settings.check_data(data)?;
     check_levels(data, test)?;
-    Ok(match Outcome::of(data, test, settings, control)? {
+    let (mut model, evidence) = match Outcome::of(data, test, settings, control)? {
         Outcome::Filtered(result) => filtered(data, test, settings, &result, control, keep),
         Outcome::Plain(result) => {
             control.tell(result.effort.as_deref());
@@ -102,7 +100,9 @@ fn analysed(
                 keep.then(|| Evidence::gather(data, data, &model, settings.method, &Known::of(&result)));
             (model, evidence)
         }
-    })
+    };
+    known::mark_required(&mut model, settings, data.var_names());
+    Ok((model, evidence))
 }
 
 /// Refuses measurements where the test counts categories: where almost every sample is a category of its own, its results mean
@@ -222,6 +222,7 @@ mod tests {
     use crate::{
         independence_tests::{NullDistributions, Significance},
         methods::Method,
+        settings::PcAlpha,
     };
 
     /// `b` follows `a` one step later.
@@ -377,19 +378,22 @@ mod tests {
         for (given, says) in [
             (
                 Settings { significance: shuffle, ..with_nulls(of(Method::Pcmci, "gpdc")) },
-                "'null-dist': the significance",
+                "'null_dist': the significance",
             ),
-            (with_nulls(of(Method::Pcmci, "parcorr")), "'null-dist': parcorr makes"),
-            (with_nulls(of(Method::Timino, "gpdc")), "'null-dist': timino asks no test"),
+            (with_nulls(of(Method::Pcmci, "parcorr")), "'null_dist': parcorr makes"),
+            (with_nulls(of(Method::Timino, "gpdc")), "'null_dist': timino uses no p-value"),
             (
                 Settings { shuffles, ..of(Method::Pcmci, "parcorr") },
                 "'shuffles': parcorr draws no surrogates",
             ),
             (Settings { shuffles, ..threshold }, "'shuffles': cmiknn draws no surrogates"),
-            (Settings { shuffles, ..of(Method::Granger, "gpdc") }, "'shuffles': granger asks no test"),
+            (
+                Settings { shuffles, ..of(Method::Granger, "gpdc") },
+                "'shuffles': granger uses no independence test",
+            ),
             (
                 Settings { significance: shuffle, ..of(Method::Varlingam, "gpdc") },
-                "'significance': varlingam asks no test",
+                "'significance': varlingam uses no independence test",
             ),
         ] {
             let error = given.check().unwrap_err().to_string();
@@ -411,7 +415,7 @@ mod tests {
             for tau_max in [1_000_000_000, usize::MAX] {
                 let error = of(tau_max).check().unwrap_err().to_string();
                 assert!(
-                    error.contains(&format!("'tau-max': {tau_max} is above 100000")),
+                    error.contains(&format!("'tau_max': {tau_max} is above 100000")),
                     "{method}: {error}"
                 );
             }
@@ -451,21 +455,21 @@ mod tests {
             assert!(usual.check().is_ok(), "{method}");
             let pairs = Some(vec![("do_a".to_owned(), "a".to_owned())]);
             for (name, reads, given) in [
-                ("pc-alpha", Reads::PcAlpha, Settings { pc_alpha: PcAlpha::Fixed(0.1), ..usual.clone() }),
-                ("f-alpha", Reads::FAlpha, Settings { f_alpha: Some(0.1), ..usual.clone() }),
+                ("pc_alpha", Reads::PcAlpha, Settings { pc_alpha: PcAlpha::Fixed(0.1), ..usual.clone() }),
+                ("f_alpha", Reads::FAlpha, Settings { f_alpha: Some(0.1), ..usual.clone() }),
                 (
-                    "te-estimator",
+                    "te_estimator",
                     Reads::TeEstimator,
                     Settings { te_estimator: TeEstimator::Gaussian, ..usual.clone() },
                 ),
-                ("acts-on", Reads::ActsOn, Settings { acts_on: pairs, ..usual.clone() }),
+                ("acts_on", Reads::ActsOn, Settings { acts_on: pairs, ..usual.clone() }),
             ] {
                 match given.check() {
                     Ok(()) => assert!(method.reads(reads), "{method} takes {name} and does not read it"),
                     Err(error) => {
                         let (error, readers) = (error.to_string(), Method::names_that_read(reads));
                         assert!(!method.reads(reads) && error.contains(&format!("'{name}'")), "{error}");
-                        assert!(error.contains(&format!("it is for {readers}")), "{error}");
+                        assert!(error.contains(&format!("it applies to {readers}")), "{error}");
                     }
                 }
             }

@@ -2,10 +2,7 @@
 
 use ndarray::Array3;
 
-use super::{
-    contexts::{of_variables, remarks_on_interventions, without_their_past},
-    settings::Settings,
-};
+use super::contexts::{of_variables, remarks_on_interventions, without_their_past};
 use crate::{
     ground::{CondIndTest, Control, DataFrame, LinkMark, Result, Samples},
     methods::{
@@ -13,6 +10,7 @@ use crate::{
         run_bivci, run_candoit, run_dynotears, run_fpcmci, run_fullci, run_granger, run_jpcmciplus,
         run_lpcmci, run_pcmci, run_pcmciplus, run_timino, run_tsfci, run_varlingam,
     },
+    settings::Settings,
 };
 
 /// The result of a method.

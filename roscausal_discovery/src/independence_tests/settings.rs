@@ -22,6 +22,11 @@ pub enum Significance {
 impl Significance {
     /// The names that [`str::parse`] knows.
     pub const NAMES: &'static [&'static str] = &["analytic", "shuffle", "threshold"];
+
+    /// The name.
+    pub fn name(self) -> &'static str {
+        Self::NAMES[self as usize]
+    }
 }
 
 impl std::str::FromStr for Significance {
@@ -36,6 +41,9 @@ impl std::str::FromStr for Significance {
         }
     }
 }
+
+/// What CMIknn turns values into before it measures distances.
+pub const TRANSFORMS: &[&str] = &["ranks", "uniform", "standardize", "none"];
 
 /// How a confidence interval is computed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -70,12 +78,10 @@ impl std::str::FromStr for GpSearch {
     type Err = Error;
 
     fn from_str(text: &str) -> Result<Self> {
-        [Self::Default, Self::Exact].into_iter().find(|search| search.name() == text).ok_or_else(|| {
-            Error::param(
-                "gp-search",
-                format!("there is no search '{text}'; known: {}", Self::NAMES.join(", ")),
-            )
-        })
+        [Self::Default, Self::Exact]
+            .into_iter()
+            .find(|search| search.name() == text)
+            .ok_or_else(|| Error::unknown("gp_search", text, Self::NAMES))
     }
 }
 
@@ -126,7 +132,7 @@ pub struct TestSettings {
     /// `gpdc`: null distributions to take where the number of samples is one of theirs; else its own.
     pub null_distributions: Option<Arc<NullDistributions>>,
     /// Memory in bytes that a test may take; `None`: no limit.
-    pub max_memory: Option<usize>,
+    pub max_memory: Option<u64>,
 }
 
 impl Default for TestSettings {

@@ -3,7 +3,7 @@
 use ndarray::Array3;
 
 use crate::{
-    ground::{CompleteRows, Control, DataFrame, Error, Node, Result, Samples},
+    ground::{CompleteRows, Control, DataFrame, Error, Named, Node, Result, Samples},
     numeric::least_squares::LeastSquares,
 };
 
@@ -86,9 +86,10 @@ impl Autoregression {
         if rows.len() < needed {
             return Err(Error::Data(format!(
                 "{} complete samples are too few for {} coefficients of each variable: record at least {needed}, or lower \
-                 tau-max{}",
+                 {}{}",
                 rows.len(),
                 needed - 1,
+                Named("tau_max"),
                 if rows.n_lost() > 0 { " (samples with a missing value are left out)" } else { "" }
             )));
         }

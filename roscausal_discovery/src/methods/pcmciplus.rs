@@ -26,6 +26,16 @@ pub enum ColliderRule {
     None,
 }
 
+impl ColliderRule {
+    /// The names that [`str::parse`] knows.
+    pub const NAMES: &'static [&'static str] = &["majority", "conservative", "none"];
+
+    /// The name.
+    pub fn name(self) -> &'static str {
+        Self::NAMES[self as usize]
+    }
+}
+
 impl std::str::FromStr for ColliderRule {
     type Err = Error;
 
@@ -34,10 +44,7 @@ impl std::str::FromStr for ColliderRule {
             "majority" => Ok(Self::Majority),
             "conservative" => Ok(Self::Conservative),
             "none" => Ok(Self::None),
-            _ => Err(Error::param(
-                "contemp_collider_rule",
-                format!("'{text}' is not majority, conservative or none"),
-            )),
+            _ => Err(Error::unknown("contemp_collider_rule", text, Self::NAMES)),
         }
     }
 }

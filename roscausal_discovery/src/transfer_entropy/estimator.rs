@@ -44,7 +44,7 @@ impl std::str::FromStr for TeEstimator {
         let wanted = text.to_ascii_lowercase();
         let all = [Self::Auto, Self::Gaussian, Self::GaussianDcor, Self::Kraskov];
         let known = all.into_iter().find(|known| known.name() == wanted);
-        known.ok_or_else(|| Error::unknown("te-estimator", text, Self::NAMES))
+        known.ok_or_else(|| Error::unknown("te_estimator", text, Self::NAMES))
     }
 }
 
@@ -82,7 +82,7 @@ mod tests {
         assert_eq!("Kraskov".parse::<TeEstimator>().unwrap(), TeEstimator::Kraskov);
         assert_eq!("gaussian".parse::<TeEstimator>().unwrap(), TeEstimator::Gaussian);
         let error = "gausian".parse::<TeEstimator>().unwrap_err().to_string();
-        assert!(error.contains("te-estimator") && error.contains("did you mean 'gaussian'?"), "{error}");
+        assert!(error.contains("te_estimator") && error.contains("did you mean 'gaussian'?"), "{error}");
     }
 
     #[test]
