@@ -69,11 +69,11 @@ def discover(
     return Model(_native.discover(frame_of(found), as_json(given), own, reporter(progress)), found)
 
 
-def settings_of(found: Recordings, *, exogenous: Sequence[str] = (), dt: float | None = None, **given: Any) -> dict[str, Any]:
+def settings_of(found: Recordings, *, exogenous: Sequence[str] | None = None, dt: float | None = None, **given: Any) -> dict[str, Any]:
     """The settings of an analysis, with what the data and files say themselves."""
     for name in ("null_dist", "links"):
         given[name] = content_of(given.get(name))
-    of_data = {"exogenous": [*exogenous, *found.exogenous], "dt": found.dt if dt is None else dt, "warnings": found.warnings}
+    of_data = {"exogenous": [*(exogenous or ()), *found.exogenous], "dt": found.dt if dt is None else dt, "warnings": found.warnings}
     return {**given, **of_data}
 
 
