@@ -21,7 +21,7 @@ use crate::{
     discover::{Analysis, MeansArgs, MethodArgs, ResampleArgs},
     expected, flags,
     folders::{Folders, Outcome},
-    html_report::{self, Material},
+    html_report::{self, Material, quoted},
     interrupt::Interrupt,
     nodes::{self, Nodes},
     output, presets, reasoning,
@@ -122,17 +122,12 @@ pub fn run_demo(seed: u64, out: &Path, cancel: Arc<AtomicBool>) -> Result<Model>
 impl Args {
     /// The command that makes the same run again.
     fn command(&self, model: &Model) -> String {
-        let quoted = |text: &str| format!("'{}'", text.replace('\'', "'\\''"));
         let analysis = html_report::flags(model);
         let done: String = self.interventions.iter().map(|text| format!(" --do {}", quoted(text))).collect();
-        let exogenous = match self.method.exogenous() {
-            names if names.is_empty() => String::new(),
-            names => format!(" --exogenous {}", quoted(&names.join(","))),
-        };
         let scenario = quoted(&self.scenario);
         // The seed of the analysis is fixed; the one given is that of the simulation.
         format!(
-            "roscausal demo --scenario {scenario} --seed {} --duration {}{done} {analysis}{exogenous}",
+            "roscausal demo --scenario {scenario} --seed {} --duration {}{done} {analysis}",
             self.seed, self.duration
         )
     }

@@ -251,7 +251,7 @@ pub(crate) fn found(args: &Args, interrupt: &Interrupt, quiet: bool) -> Result<A
 fn found_and_kept(args: &Args, interrupt: &Interrupt, quiet: bool, keep: Option<&Path>) -> Result<Answer> {
     let mut request = args.method.request_for_reading(args.seed)?;
     let resampling = args.resample.asked()?;
-    request.settings.max_memory = args.means.max_bytes();
+    request.settings.test.max_memory = args.means.max_bytes();
     let Data { data, dt, warnings, origins, .. } =
         Data::read(args, &mut request.settings, interrupt, quiet, keep)?;
     let data = data.with_named_vectors(&request.vectors)?;
@@ -289,7 +289,7 @@ pub(crate) fn read(
 ) -> Result<(DataFrame, Settings, Option<f64>)> {
     let args = Args::of(from, seed);
     let mut request = args.method.request(seed)?;
-    request.settings.max_memory = args.means.max_bytes();
+    request.settings.test.max_memory = args.means.max_bytes();
     let Data { data, dt, origins, .. } = Data::read(&args, &mut request.settings, interrupt, true, None)?;
     let data = data.with_named_vectors(&request.vectors)?;
     let settings = args.method.for_variables(&request, data.var_names())?;
@@ -539,7 +539,9 @@ fn with_facts(args: &Args, files: &[Input], settings: &mut Settings) -> Result<O
     let people = args.several_people.parse().map_err(|reason| Error::param("several-people", reason))?;
     // The pooled model is the last one.
     let Some(part) = joint.parts(people)?.pop() else { return Ok(None) };
-    settings.exogenous.extend(part.exogenous);
+    let new = part.exogenous.into_iter().filter(|name| !settings.exogenous.contains(name));
+    let new: Vec<String> = new.collect();
+    settings.exogenous.extend(new);
     let recorded = files.iter().any(|file| file.table != file.user);
     Ok(Some(Data {
         data: part.data,

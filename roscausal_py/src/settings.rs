@@ -197,12 +197,12 @@ pub(crate) fn of_test(json: &str) -> Result<(String, TestSettings)> {
         sig_blocklength: given.count("sig_blocklength")?,
         confidence: given.word("confidence")?.map(|word| confidence(&word)).transpose()?,
         conf_blocklength: given.count("conf_blocklength")?,
-        knn: given.number("knn")?,
-        shuffle_neighbors: given.count("shuffle_neighbors")?,
-        transform: given.word("transform")?,
         max_memory: given.count("max_memory")?.map(|bytes| bytes as u64),
         ..TestSettings::default()
     };
+    set(&mut settings.knn, given.number("knn")?);
+    set(&mut settings.shuffle_neighbors, given.count("shuffle_neighbors")?);
+    set(&mut settings.transform, given.word("transform")?);
     set(&mut settings.conf_lev, given.number("conf_lev")?);
     set(&mut settings.conf_samples, given.count("conf_samples")?);
     set(&mut settings.seed, given.count("seed")?.map(|seed| seed as u64));

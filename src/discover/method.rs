@@ -44,12 +44,6 @@ impl MethodArgs {
         Self(given)
     }
 
-    /// The columns that may be causes only.
-    pub(crate) fn exogenous(&self) -> Vec<String> {
-        let names = self.0.text("exogenous").unwrap_or_default().split(',');
-        names.map(str::trim).filter(|name| !name.is_empty()).map(str::to_owned).collect()
-    }
-
     /// The largest lag, before anything is checked.
     pub(super) fn tau_max(&self) -> usize {
         self.0.number("tau_max").unwrap_or(Settings::default().tau_max)
@@ -74,7 +68,7 @@ impl MethodArgs {
         let Some(method) = setting("method") else { return self.request(seed) };
         let given = self.0.with(method, Method::Lpcmci.name());
         given.only(|setting| matches!(setting.readers, Readers::All)).request()?.check()?;
-        seeded(given.request()?, seed)
+        seeded(&given, seed)
     }
 
     /// The settings with the method and test that `choice` names, unless the user named the test or the lag.
@@ -93,10 +87,16 @@ impl MethodArgs {
 
     /// The arguments as checked settings.
     pub(crate) fn request(&self, seed: u64) -> Result<Request> {
-        let request = seeded(self.0.request()?, seed)?;
+        let request = seeded(&self.0, seed)?;
         request.check()?;
         Ok(request)
     }
+}
+
+fn seeded(given: &Given, seed: u64) -> Result<Request> {
+    let mut request = given.request()?;
+    request.settings.seed = seed;
+    Ok(request)
 }
 
 /// An analysis that a node does: what is asked, and the files that are named.
@@ -123,7 +123,7 @@ impl Analysis {
         means.within_budget(Control::default())?;
         request.threads = means.threads.unwrap_or(0);
         request.time_budget = means.time_budget;
-        request.settings.max_memory = means.max_bytes();
+        request.settings.test.max_memory = means.max_bytes();
         let files = method.0.files().map(|(setting, file)| (setting.param, file)).collect();
         Ok(Self { request, files })
     }
@@ -139,11 +139,6 @@ impl Analysis {
             (!value.is_null()).then(|| (setting.param, setting.as_param(&value)))
         })
     }
-}
-
-fn seeded(mut request: Request, seed: u64) -> Result<Request> {
-    request.settings.seed = seed;
-    Ok(request)
 }
 
 impl MeansArgs {

@@ -9,6 +9,7 @@ use roscausal_core::{Error, Result, batch::pool::with_ending, nodes::EVIDENCE_FO
 use roscausal_discovery::{
     Evidence, Model,
     methods::{Method, Reads},
+    settings::{Kind, setting},
 };
 
 use super::{Args, EVIDENCE};
@@ -116,12 +117,16 @@ fn check(model: &Model, path: &Path) -> Result<()> {
 
 /// The command that makes the model again from `file`.
 fn command(model: &Model, file: &str) -> String {
+    format!("roscausal discover {} {} --seed {}", quoted(file), flags(model), model.seed)
+}
+
+/// A word for a shell.
+pub(crate) fn quoted(word: &str) -> String {
     let plain = |c: char| c.is_ascii_alphanumeric() || "._-/+".contains(c);
-    let file = match file.chars().all(plain) {
-        true => file.to_owned(),
-        false => format!("'{}'", file.replace('\'', "'\\''")),
-    };
-    format!("roscausal discover {file} {} --seed {}", flags(model), model.seed)
+    match word.chars().all(plain) {
+        true => word.to_owned(),
+        false => format!("'{}'", word.replace('\'', "'\\''")),
+    }
 }
 
 /// The flags of the analysis that made the model.
@@ -146,6 +151,13 @@ pub(crate) fn flags(model: &Model) -> String {
     }
     if model.fdr != "none" {
         let _ = write!(line, " --fdr {}", model.fdr);
+    }
+    for (id, value) in &model.settings {
+        let _ = match setting(id) {
+            Some(setting) if setting.kind == Kind::Flag => write!(line, " --{}", setting.flag),
+            Some(setting) => write!(line, " --{} {}", setting.flag, quoted(&setting.written(value))),
+            None => continue,
+        };
     }
     line
 }

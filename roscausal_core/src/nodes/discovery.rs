@@ -538,7 +538,11 @@ fn method(
             None => part,
         };
         let mut request = params.request.clone();
-        request.settings.exogenous.extend(part.exogenous.iter().cloned());
+        let named = &params.request.settings.exogenous;
+        request
+            .settings
+            .exogenous
+            .extend(part.exogenous.iter().filter(|name| !named.contains(name)).cloned());
         let data = part.data.with_named_vectors(&request.vectors)?;
         let settings = request.for_variables(data.var_names());
         let settings = settings.map_err(|error| Error::of_rules(error, params.links.as_ref()))?;

@@ -390,7 +390,7 @@ mod tests {
         let (pcmci, mult) = (("cd_method", word("pcmci")), ("cond_ind_test", word("parcorrmult")));
         let params = checked(std::slice::from_ref(&null)).expect("a table");
         assert_eq!(
-            params.request.settings.null_distributions.and_then(|given| given.share_above(248, 0.15)),
+            params.request.settings.test.null_distributions.and_then(|given| given.share_above(248, 0.15)),
             Some(0.5)
         );
         let params = checked(&[place.clone(), pcmci.clone(), mult.clone()]).expect("a vector");

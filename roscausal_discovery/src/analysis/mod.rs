@@ -220,7 +220,7 @@ mod tests {
 
     use super::*;
     use crate::{
-        independence_tests::{NullDistributions, Significance},
+        independence_tests::{NullDistributions, Significance, TestSettings},
         methods::Method,
         settings::PcAlpha,
     };
@@ -371,39 +371,37 @@ mod tests {
     fn what_says_how_p_values_are_made_is_refused_where_nobody_reads_it() {
         let of = |method, test: &str| Settings { cond_ind_test: test.into(), ..settings(method) };
         let nulls = Some(Arc::new(NullDistributions::new(vec![(248, vec![0.1, 0.2])]).unwrap()));
-        let (shuffle, shuffles) = (Some(Significance::ShuffleTest), Some(100));
-        let with_nulls = |given: Settings| Settings { null_distributions: nulls.clone(), ..given };
-        let threshold =
-            Settings { significance: Some(Significance::FixedThres), ..of(Method::Pcmci, "cmiknn") };
+        let shuffle = Some(Significance::ShuffleTest);
+        let with = |test: TestSettings, given: Settings| Settings { test, ..given };
+        let by = |significance| TestSettings { significance, ..TestSettings::default() };
+        let drawing = |significance| TestSettings { sig_samples: Some(100), ..by(significance) };
+        let with_nulls = |significance, given| {
+            with(TestSettings { null_distributions: nulls.clone(), ..by(significance) }, given)
+        };
+        let threshold = Some(Significance::FixedThres);
         for (given, says) in [
+            (with_nulls(shuffle, of(Method::Pcmci, "gpdc")), "'null_dist': the significance"),
+            (with_nulls(None, of(Method::Pcmci, "parcorr")), "'null_dist': parcorr makes"),
+            (with_nulls(None, of(Method::Timino, "gpdc")), "'null_dist': timino uses no p-value"),
+            (with(drawing(None), of(Method::Pcmci, "parcorr")), "'shuffles': parcorr draws no surrogates"),
+            (with(drawing(threshold), of(Method::Pcmci, "cmiknn")), "'shuffles': cmiknn draws no surrogates"),
             (
-                Settings { significance: shuffle, ..with_nulls(of(Method::Pcmci, "gpdc")) },
-                "'null_dist': the significance",
-            ),
-            (with_nulls(of(Method::Pcmci, "parcorr")), "'null_dist': parcorr makes"),
-            (with_nulls(of(Method::Timino, "gpdc")), "'null_dist': timino uses no p-value"),
-            (
-                Settings { shuffles, ..of(Method::Pcmci, "parcorr") },
-                "'shuffles': parcorr draws no surrogates",
-            ),
-            (Settings { shuffles, ..threshold }, "'shuffles': cmiknn draws no surrogates"),
-            (
-                Settings { shuffles, ..of(Method::Granger, "gpdc") },
+                with(drawing(None), of(Method::Granger, "gpdc")),
                 "'shuffles': granger uses no independence test",
             ),
             (
-                Settings { significance: shuffle, ..of(Method::Varlingam, "gpdc") },
+                with(by(shuffle), of(Method::Varlingam, "gpdc")),
                 "'significance': varlingam uses no independence test",
             ),
         ] {
             let error = given.check().unwrap_err().to_string();
             assert!(error.contains(says), "{error}");
         }
-        assert!(with_nulls(of(Method::Pcmci, "gpdc")).check().is_ok());
+        assert!(with_nulls(None, of(Method::Pcmci, "gpdc")).check().is_ok());
         for (test, significance) in
             [("gpdc", None), ("cmiknn", None), ("parcorr", shuffle), ("gpdc", shuffle)]
         {
-            let read = Settings { shuffles, significance, ..of(Method::Pcmci, test) };
+            let read = with(drawing(significance), of(Method::Pcmci, test));
             assert!(read.check().is_ok(), "{test} {significance:?}");
         }
     }
@@ -474,10 +472,11 @@ mod tests {
                 }
             }
             let of_process = [
-                Settings { gp_restarts: 2, ..usual.clone() },
-                Settings { gp_search: GpSearch::Exact, ..usual.clone() },
+                TestSettings { gp_restarts: 2, ..TestSettings::default() },
+                TestSettings { gp_search: GpSearch::Exact, ..TestSettings::default() },
             ];
-            for given in of_process {
+            for test in of_process {
+                let given = Settings { test, ..usual.clone() };
                 let reads = method.info().asks_test && given.cond_ind_test == "gpdc";
                 assert_eq!(given.check().is_ok(), reads, "{method}");
                 assert!(Settings { cond_ind_test: "parcorr".into(), ..given }.check().is_err(), "{method}");
@@ -488,14 +487,15 @@ mod tests {
     #[test]
     fn a_threshold_is_alpha_also_where_a_method_has_one_level_only() {
         for method in Method::all() {
-            let of =
-                Settings { alpha: 0.3, significance: Some(Significance::FixedThres), ..settings(method) };
+            let significance = Some(Significance::FixedThres);
+            let test = TestSettings { significance, ..TestSettings::default() };
+            let of = Settings { alpha: 0.3, test, ..settings(method) };
             let info = method.info();
             let expected = if info.one_level { 0.3 } else { info.pc_alpha };
             assert_eq!(of.level_of_pc(), Some(expected), "{method}");
             let given = Settings { pc_alpha: PcAlpha::Fixed(0.4), ..of.clone() };
             assert_eq!(given.level_of_pc(), Some(0.4), "{method}");
-            let by_p = Settings { significance: None, ..of };
+            let by_p = Settings { test: TestSettings::default(), ..of };
             assert_eq!(by_p.level_of_pc(), Some(info.pc_alpha), "{method}");
         }
     }

@@ -118,13 +118,13 @@ pub struct TestSettings {
     /// Seed of all random numbers. Default 42.
     pub seed: u64,
     /// `cmiknn`: number of neighbours; below 1, the fraction of the samples. Default 0.2.
-    pub knn: Option<f64>,
+    pub knn: f64,
     /// `cmiknn`: neighbours in Z among which Y is permuted. Default 5.
-    pub shuffle_neighbors: Option<usize>,
+    pub shuffle_neighbors: usize,
     /// `cmiknn`: a test ends once so many surrogates have reached its value; `None` (default, as the reference): all are drawn.
     pub shuffle_stop: Option<usize>,
     /// `cmiknn`: `ranks` (default), `uniform`, `standardize` or `none`.
-    pub transform: Option<String>,
+    pub transform: String,
     /// `gpdc`: how the maximum of a likelihood is searched for.
     pub gp_search: GpSearch,
     /// `gpdc`: searches from this many random places more, of which the best counts. Default 0, as the reference.
@@ -146,10 +146,10 @@ impl Default for TestSettings {
             conf_samples: 100,
             conf_blocklength: None,
             seed: 42,
-            knn: None,
-            shuffle_neighbors: None,
+            knn: 0.2,
+            shuffle_neighbors: 5,
             shuffle_stop: None,
-            transform: None,
+            transform: "ranks".into(),
             gp_search: GpSearch::Default,
             gp_restarts: 0,
             null_distributions: None,

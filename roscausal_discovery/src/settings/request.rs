@@ -1,13 +1,14 @@
 //! What a user asks of an analysis, before the data are known.
 
-use serde_json::Value;
+use serde_json::{Map, Value, json};
 
-use super::{LinkRules, SETTINGS, Setting, Settings};
+use super::{Group, LinkRules, SETTINGS, Setting, Settings};
 use crate::{
     confidence::Resampling,
     ground::{Error, Named, Result, VectorNames, names::position},
     independence_tests::{by_name, names, spelled},
     methods::Method,
+    model::Model,
 };
 
 /// All settings of an analysis. [`Request::for_variables`] gives the [`Settings`] for some data.
@@ -96,11 +97,11 @@ impl Request {
 
     /// Refuses settings that neither the method nor the test reads.
     pub(super) fn check_readers(&self) -> Result<()> {
-        let Settings { method, cond_ind_test, significance, .. } = &self.settings;
+        let Settings { method, cond_ind_test, test, .. } = &self.settings;
         let of_links = self.settings.link_assumptions.is_some();
         let given = |setting: &&Setting| setting.is_given(self) || (of_links && setting.id == "links");
         for setting in SETTINGS.iter().filter(given) {
-            if let Some(reason) = setting.refusal(*method, cond_ind_test, *significance) {
+            if let Some(reason) = setting.refusal(*method, cond_ind_test, test.significance) {
                 return Err(Error::param(setting.id, reason));
             }
         }
@@ -138,6 +139,16 @@ impl Request {
         Ok(Some(self.resampling.clone()))
     }
 
+    /// The settings of the method that are not the default and have no field of their own in the model.
+    pub(super) fn beyond(&self, model: &Model) -> Map<String, Value> {
+        let fields = json!(model);
+        let is_field =
+            |setting: &Setting| fields.get(setting.id).or_else(|| fields.get(setting.param)).is_some();
+        let others = SETTINGS.iter().filter(|setting| setting.group == Group::Method && setting.of_data);
+        let given = others.filter(|setting| !is_field(setting) && setting.is_given(self));
+        given.map(|setting| (setting.id.to_owned(), (setting.get)(self))).collect()
+    }
+
     /// The settings for these variables.
     ///
     /// # Errors
@@ -155,9 +166,10 @@ impl Settings {
     /// The settings without those that neither the method nor the test reads: these have their defaults.
     #[must_use]
     pub fn as_read(&self) -> Self {
-        let Self { method, cond_ind_test, significance, .. } = self;
+        let Self { method, cond_ind_test, test, .. } = self;
         let mut request = Request { settings: self.clone(), ..Request::default() };
-        let unread = |setting: &&Setting| setting.refusal(*method, cond_ind_test, *significance).is_some();
+        let unread =
+            |setting: &&Setting| setting.refusal(*method, cond_ind_test, test.significance).is_some();
         for setting in SETTINGS.iter().filter(unread) {
             // A default is always allowed.
             (setting.set)(&mut request, &setting.default_value()).unwrap_or(());

@@ -5,6 +5,7 @@ use std::{fmt::Write, fs, path::Path};
 use serde_json::json;
 
 use super::*;
+use crate::independence_tests::TestSettings;
 
 #[test]
 fn every_field_of_the_settings_has_an_entry() {
@@ -14,6 +15,7 @@ fn every_field_of_the_settings_has_an_entry() {
     let Settings {
         method: _,
         cond_ind_test: _,
+        test,
         alpha: _,
         pc_alpha: _,
         tau_min: _,
@@ -25,26 +27,34 @@ fn every_field_of_the_settings_has_an_entry() {
         exogenous: _,
         acts_on: _,
         seed: _,
-        gp_search: _,
-        gp_restarts: _,
-        max_memory: _,
         link_assumptions: _,
         max_conds: _,
         max_sets: _,
         extra_conditions: _,
-        significance: _,
-        shuffles: _,
-        shuffle_stop: _,
-        sig_blocklength: _,
-        knn: _,
-        shuffle_neighbors: _,
-        transform: _,
-        null_distributions: _,
         pcmciplus: _,
     } = settings;
     let crate::confidence::Resampling { resamples: _, scheme: _, share: _, block: _ } = resampling;
-    // Of the settings 27 and two of PCMCI+; of the request four; four of resampling. Links are the request's.
-    assert_eq!(SETTINGS.len(), 27 + 2 + 4 + 4);
+    // Confidence intervals and the seed are another one's.
+    let TestSettings {
+        significance: _,
+        sig_samples: _,
+        sig_blocklength: _,
+        confidence: _,
+        conf_lev: _,
+        conf_samples: _,
+        conf_blocklength: _,
+        seed: _,
+        knn: _,
+        shuffle_neighbors: _,
+        shuffle_stop: _,
+        transform: _,
+        gp_search: _,
+        gp_restarts: _,
+        null_distributions: _,
+        max_memory: _,
+    } = test;
+    // Of the settings 16, of the test 11, and two of PCMCI+; of the request four; four of resampling. Links are the request's.
+    assert_eq!(SETTINGS.len(), 16 + 11 + 2 + 4 + 4);
 }
 
 #[test]
@@ -68,24 +78,44 @@ fn names_are_unique_and_every_entry_says_what_it_is() {
     }
 }
 
+/// A value that is not the default.
+fn another_value(one: &Setting) -> Value {
+    match one.kind {
+        Kind::Flag => json!(one.default_value() == json!(false)),
+        Kind::Count(least, _) => json!(least + 2),
+        Kind::Lag => json!(3),
+        Kind::Number(..) | Kind::NumberOr(..) => json!(0.25),
+        Kind::Bytes => json!(3_000_000),
+        Kind::Word(words) => json!(words[words.len() - 1]),
+        Kind::Method | Kind::Test => json!(one.kind.words()[1]),
+        Kind::Text => json!("7"),
+        Kind::List(form) if form.contains('=') => json!(["a=b"]),
+        Kind::List(_) => json!(["a", "b"]),
+        Kind::File("csv") => json!("10\n0.5\n"),
+        Kind::File(_) => json!({ "only": true, "link": [] }),
+    }
+}
+
+#[test]
+fn a_model_holds_every_setting_that_describes_its_analysis() {
+    // Vectors are its variables, and resampling has fields of its own.
+    let of_model = |one: &&Setting| one.of_data && one.group == Group::Method && one.id != "vectors";
+    let usual = json!(Settings::default().blank_model());
+    assert!(usual.get("settings").is_none(), "{usual}");
+    for one in SETTINGS.iter().filter(of_model) {
+        let (mut request, value) = (Request::default(), another_value(one));
+        one.put(&mut request, &value).expect(one.id);
+        let model = json!(request.settings.blank_model());
+        let field = model.get(one.id).or_else(|| model.get(one.param));
+        assert_eq!(field.or_else(|| model["settings"].get(one.id)), Some(&value), "{}: {model}", one.id);
+    }
+}
+
 #[test]
 fn a_value_is_read_as_it_is_written_and_kept_where_it_is_asked_for() {
     for one in &SETTINGS {
         let mut request = Request::default();
-        let value = match one.kind {
-            Kind::Flag => json!(one.default_value() == json!(false)),
-            Kind::Count(least, _) => json!(least + 2),
-            Kind::Lag => json!(3),
-            Kind::Number(..) | Kind::NumberOr(..) => json!(0.25),
-            Kind::Bytes => json!(3_000_000),
-            Kind::Word(words) => json!(words[words.len() - 1]),
-            Kind::Method | Kind::Test => json!(one.kind.words()[1]),
-            Kind::Text => json!("7"),
-            Kind::List(form) if form.contains('=') => json!(["a=b"]),
-            Kind::List(_) => json!(["a", "b"]),
-            Kind::File("csv") => json!("10\n0.5\n"),
-            Kind::File(_) => json!({ "only": true, "link": [] }),
-        };
+        let value = another_value(one);
         one.put(&mut request, &value).expect(one.id);
         if matches!(one.kind, Kind::File(_)) {
             assert!(!(one.get)(&request).is_null(), "{}", one.id);
@@ -196,10 +226,10 @@ fn the_types_of_python_are_those_of_the_table() {
         let _ =
             write!(text, "\n    {}: {} | None\n    \"\"\"{about}\"\"\"\n", setting.id, python_type(setting));
     }
-    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../roscausal_py/python/roscausal/settings.py");
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../roscausal_py/python/roscausal/settings.pyi");
     if std::env::var_os("ROSCAUSAL_WRITE_DOCS").is_some() {
         fs::write(&path, &text).expect("writes");
     }
     let written = fs::read_to_string(&path).unwrap_or_default();
-    assert!(written == text, "settings.py is old: run with ROSCAUSAL_WRITE_DOCS=1");
+    assert!(written == text, "settings.pyi is old: run with ROSCAUSAL_WRITE_DOCS=1");
 }

@@ -1,14 +1,14 @@
 //! What to analyse, and how.
 
-use std::sync::Arc;
+use serde_json::Map;
 
 use super::Request;
 use crate::{
     ground::{Assumption, CondIndTest, DataFrame, Dummy, Error, LinkAssumptions, Named, Result, names},
-    independence_tests::{self, GpSearch, NullDistributions, Significance},
+    independence_tests::{self, Significance, TestSettings},
     methods::{
-        ActsOn, DynotearsSettings, Fdr, GrangerSettings, LpcmciSettings, Method, PcmciPlusSettings,
-        PcmciSettings, Reads, TiminoModel, TiminoSettings, TsfciSettings, VarlingamSettings,
+        ActsOn, Fdr, LpcmciSettings, Method, PcmciPlusSettings, PcmciSettings, Reads, TiminoModel,
+        TiminoSettings, TsfciSettings,
     },
     model::{self, Model},
     transfer_entropy::TeEstimator,
@@ -44,6 +44,8 @@ pub struct Settings {
     pub method: Method,
     /// Name of an independence test ([`independence_tests::names`]).
     pub cond_ind_test: String,
+    /// What the test reads; its seed is that of all random numbers, below.
+    pub test: TestSettings,
     /// Significance level of a link, in (0, 1).
     pub alpha: f64,
     /// Level of the condition selection.
@@ -67,12 +69,6 @@ pub struct Settings {
     pub acts_on: Option<ActsOn>,
     /// Seed of all random numbers.
     pub seed: u64,
-    /// How GPDC searches for the maximum of a likelihood.
-    pub gp_search: GpSearch,
-    /// GPDC's searches from random places, of which the best counts.
-    pub gp_restarts: usize,
-    /// Memory in bytes that a test may take; `None`: no limit.
-    pub max_memory: Option<u64>,
     /// Which links may exist; `None`: all.
     pub link_assumptions: Option<LinkAssumptions>,
     /// Largest condition set of the condition selection (LPCMCI: beyond the conditions that are always there); `None`: no limit.
@@ -81,22 +77,6 @@ pub struct Settings {
     pub max_sets: Option<usize>,
     /// CAnDOIT: whether contexts join their variables as conditions, as published.
     pub extra_conditions: bool,
-    /// How a test value becomes a p-value; `None`: the test's own way.
-    pub significance: Option<Significance>,
-    /// Surrogates of a shuffle test, or size of a null distribution, up to a million; `None`: the test's own number.
-    pub shuffles: Option<usize>,
-    /// CMIknn: surrogates that reach a test's value and end it; `None`: all are drawn.
-    pub shuffle_stop: Option<usize>,
-    /// Neighbouring samples that a shuffle test moves together; `None`: from the autocorrelation.
-    pub sig_blocklength: Option<usize>,
-    /// CMIknn: number of nearest neighbours; below 1, a fraction of the samples.
-    pub knn: f64,
-    /// CMIknn: neighbours in Z among which Y is permuted.
-    pub shuffle_neighbors: usize,
-    /// CMIknn: one of [`TRANSFORMS`](independence_tests::TRANSFORMS).
-    pub transform: String,
-    /// GPDC's null distributions for some numbers of samples; else its own.
-    pub null_distributions: Option<Arc<NullDistributions>>,
     /// What only PCMCI+ has.
     pub pcmciplus: PcmciPlusSettings,
 }
@@ -106,6 +86,7 @@ impl Default for Settings {
         Self {
             method: Method::Fpcmci,
             cond_ind_test: "gpdc".into(),
+            test: TestSettings::default(),
             alpha: 0.05,
             pc_alpha: PcAlpha::Default,
             tau_min: 1,
@@ -117,21 +98,10 @@ impl Default for Settings {
             exogenous: Vec::new(),
             acts_on: None,
             seed: 42,
-            gp_search: GpSearch::Default,
-            gp_restarts: 0,
-            max_memory: None,
             link_assumptions: None,
             max_conds: None,
             max_sets: None,
             extra_conditions: true,
-            significance: None,
-            shuffles: None,
-            shuffle_stop: None,
-            sig_blocklength: None,
-            knn: 0.2,
-            shuffle_neighbors: 5,
-            transform: "ranks".into(),
-            null_distributions: None,
             pcmciplus: PcmciPlusSettings::default(),
         }
     }
@@ -201,12 +171,12 @@ impl Settings {
     /// Refuses null distributions with a significance that takes none, and fewer surrogates than the level needs: with `n` of them no
     /// p-value is below `1 / (n + 1)`, and nothing would be found.
     fn check_shuffles(&self) -> Result<()> {
-        let how = self.significance;
-        if self.null_distributions.is_some() && how.is_some_and(|how| how != Significance::Analytic) {
+        let how = self.test.significance;
+        if self.test.null_distributions.is_some() && how.is_some_and(|how| how != Significance::Analytic) {
             let reason = "the significance that is asked for takes none; give analytic, or leave it out";
             return Err(Error::param("null_dist", reason));
         }
-        let Some(shuffles) = self.shuffles.filter(|_| how != Some(Significance::Analytic)) else {
+        let Some(shuffles) = self.test.sig_samples.filter(|_| how != Some(Significance::Analytic)) else {
             return Ok(());
         };
         let by_pc = self.method.info().one_level;
@@ -286,7 +256,7 @@ impl Settings {
 
     /// A model that holds the settings and no result yet.
     pub fn blank_model(&self) -> Model {
-        Model {
+        let mut model = Model {
             schema: model::SCHEMA.to_owned(),
             status: "complete".to_owned(),
             method: self.method.name().to_owned(),
@@ -305,6 +275,7 @@ impl Settings {
             n_samples: 0,
             n_recordings: 1,
             seed: self.seed,
+            settings: Map::new(),
             run_time_s: None,
             features: Vec::new(),
             dropped: Vec::new(),
@@ -318,13 +289,15 @@ impl Settings {
             warnings: Vec::new(),
             about_data: None,
             confidence: None,
-        }
+        };
+        model.settings = Request { settings: self.clone(), ..Request::default() }.beyond(&model);
+        model
     }
 
     /// The level of the condition selection; `None` if a score chooses it. Of a method that has no other, it is `alpha` where
     /// values are held against a threshold: its own default is a p-value's.
     pub fn level_of_pc(&self) -> Option<f64> {
-        let is_threshold = self.significance == Some(Significance::FixedThres);
+        let is_threshold = self.test.significance == Some(Significance::FixedThres);
         match self.pc_alpha {
             PcAlpha::Fixed(alpha) => Some(alpha),
             PcAlpha::ByScore => None,
@@ -342,55 +315,13 @@ impl Settings {
         test.map_err(in_words_of_settings)
     }
 
-    pub(crate) fn test_settings(&self) -> independence_tests::TestSettings {
-        independence_tests::TestSettings {
-            seed: self.seed,
-            gp_search: self.gp_search,
-            gp_restarts: self.gp_restarts,
-            max_memory: self.max_memory,
-            significance: self.significance,
-            sig_samples: self.shuffles,
-            shuffle_stop: self.shuffle_stop,
-            sig_blocklength: self.sig_blocklength,
-            knn: Some(self.knn),
-            shuffle_neighbors: Some(self.shuffle_neighbors),
-            transform: Some(self.transform.clone()),
-            null_distributions: self.null_distributions.clone(),
-            ..Default::default()
-        }
+    pub(crate) fn test_settings(&self) -> TestSettings {
+        TestSettings { seed: self.seed, ..self.test.clone() }
     }
 
     /// The exogenous variables by their place.
     pub(crate) fn context(&self, data: &DataFrame) -> Vec<usize> {
         self.exogenous.iter().filter_map(|name| names::position(data.var_names(), name)).collect()
-    }
-
-    pub(crate) fn granger(&self, data: &DataFrame) -> GrangerSettings {
-        GrangerSettings {
-            tau_min: self.tau_min,
-            tau_max: self.tau_max,
-            choose_lags: None,
-            alpha_level: self.alpha,
-            fdr: self.fdr,
-            exogenous: self.context(data),
-        }
-    }
-
-    pub(crate) fn varlingam(&self, data: &DataFrame) -> VarlingamSettings {
-        VarlingamSettings {
-            tau_max: self.tau_max,
-            alpha_level: self.alpha,
-            exogenous: self.context(data),
-            ..VarlingamSettings::default()
-        }
-    }
-
-    pub(crate) fn dynotears(&self, data: &DataFrame) -> DynotearsSettings {
-        DynotearsSettings {
-            tau_max: self.tau_max,
-            exogenous: self.context(data),
-            ..DynotearsSettings::default()
-        }
     }
 
     pub(crate) fn pcmci(&self, data: &DataFrame) -> PcmciSettings {

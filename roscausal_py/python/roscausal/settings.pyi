@@ -125,4 +125,5 @@ class Settings(TypedDict, total=False):
     """Seconds after which to stop with a partial result (roll: with the windows that came to their end); None: no limit."""
 
     max_memory: int | None
-    """Memory that a test may take; a test that needs more is refused before it starts, in bytes; None: no limit."""
+    """Memory that a test, a program of cd_method_dir, or the command's reading of files may take; what needs more is refused,
+    in bytes; None: no limit; reading may take what is free."""
