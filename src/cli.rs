@@ -180,6 +180,15 @@ pub(crate) fn has_flag(subcommand: &str, flag: &str) -> bool {
     own.is_some_and(|own| own.get_arguments().any(|arg| arg.get_long() == Some(flag)))
 }
 
+/// Whether this flag of a subcommand has to have a value.
+pub(crate) fn needs_value(subcommand: &str, flag: &str) -> bool {
+    let mut command = Cli::command();
+    command.build();
+    let own = command.find_subcommand(subcommand);
+    let arg = own.and_then(|own| own.get_arguments().find(|arg| arg.get_long() == Some(flag)));
+    arg.and_then(clap::Arg::get_num_args).is_some_and(|range| range.min_values() > 0)
+}
+
 impl Cli {
     /// Reads the command line, and puts in the settings of files: the user's and the data's. `None` if it asked for help or the
     /// version, which is printed then. Wrong usage ends the process.

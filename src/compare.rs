@@ -46,12 +46,12 @@ pub(crate) fn run(args: &Args) -> Result<()> {
     terminal::say!("{} links in both", difference.both.len());
     for (in_a, in_b) in &difference.both {
         terminal::say!(
-            "  {} -> {} at lag {}: {:.2}, {:.2}",
+            "  {} -> {} at lag {}: {}, {}",
             plain(&in_a.cause),
             plain(&in_a.effect),
             in_a.lag,
-            in_a.value,
-            in_b.value
+            in_a.strength_in_words(2),
+            in_b.strength_in_words(2)
         );
     }
     for (name, model, links) in [(&first, &a, &difference.only_a), (&second, &b, &difference.only_b)] {

@@ -16,17 +16,18 @@ pub fn dot(model: &Model) -> String {
     }
     for link in &model.links {
         let ends = ends(&link.mark);
-        let colour = if link.value < 0.0 { "#1d4ed8" } else { "#c2410c" };
+        let strength = link.drawn_strength();
+        let colour = if strength < 0.0 { "#1d4ed8" } else { "#c2410c" };
         let style = if link.confidence.is_some_and(|share| share < 0.5) { ", style=dashed" } else { "" };
         let found = link.confidence.map_or(String::new(), |share| format!(" · {share:.2} found"));
         let _ = writeln!(
             out,
-            "  {} -> {} [label=\"{} · {:.2}{found}\", penwidth={:.2}, color=\"{colour}\"{style}{ends}];",
+            "  {} -> {} [label=\"{} · {}{found}\", penwidth={:.2}, color=\"{colour}\"{style}{ends}];",
             quoted(&plain(&link.cause)),
             quoted(&plain(&link.effect)),
             link.lag,
-            link.value,
-            1.0 + 4.0 * link.value.abs().min(1.0)
+            link.strength_in_words(2),
+            1.0 + 4.0 * strength.abs().min(1.0)
         );
     }
     out.push_str("}\n");
@@ -54,7 +55,7 @@ fn quoted(name: &str) -> String {
     format!("\"{}\"", name.replace('\\', "\\\\").replace('"', "\\\""))
 }
 
-/// The model as GraphML. Edges have `lag`, `value`, `p_value` and `mark`.
+/// The model as GraphML. Edges have `lag`, `mark` and `tested`, and `value` and `p_value` if they were.
 pub fn graphml(model: &Model) -> String {
     let mut out = String::from(
         "<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n<graphml xmlns=\"http://graphml.graphdrawing.org/xmlns\">\n",
@@ -64,24 +65,30 @@ pub fn graphml(model: &Model) -> String {
         ("value", "double"),
         ("p_value", "double"),
         ("mark", "string"),
+        ("tested", "boolean"),
         ("confidence", "double"),
     ] {
         let _ = writeln!(out, "  <key id=\"{id}\" for=\"edge\" attr.name=\"{id}\" attr.type=\"{kind}\"/>");
     }
+    let number_of = |key: &str, value: Option<f64>| {
+        value.map_or(String::new(), |value| format!("<data key=\"{key}\">{value}</data>"))
+    };
     out.push_str("  <graph id=\"causal_model\" edgedefault=\"directed\">\n");
     for name in &model.features {
         let _ = writeln!(out, "    <node id=\"{}\"/>", escaped(&plain(name)));
     }
     for (number, link) in model.links.iter().enumerate() {
-        let Link { cause, effect, lag, value, p_value, mark, .. } = link;
+        let Link { cause, effect, lag, mark, .. } = link;
         let (cause, effect) = (escaped(&plain(cause)), escaped(&plain(effect)));
         let found = link.confidence.map_or(String::new(), |c| format!("<data key=\"confidence\">{c}</data>"));
         let _ = writeln!(
             out,
-            "    <edge id=\"e{number}\" source=\"{cause}\" target=\"{effect}\"><data key=\"lag\">{lag}</data>\
-             <data key=\"value\">{value}</data><data key=\"p_value\">{p_value}</data>\
-             <data key=\"mark\">{}</data>{found}</edge>",
-            escaped(mark)
+            "    <edge id=\"e{number}\" source=\"{cause}\" target=\"{effect}\"><data key=\"lag\">{lag}</data>{}{}\
+             <data key=\"mark\">{}</data><data key=\"tested\">{}</data>{found}</edge>",
+            number_of("value", link.value),
+            number_of("p_value", link.p_value),
+            escaped(mark),
+            link.value.is_some()
         );
     }
     out.push_str("  </graph>\n</graphml>\n");
@@ -103,10 +110,12 @@ struct Row {
     cause: String,
     effect: String,
     lag: usize,
-    value: f64,
-    p_value: f64,
+    /// Empty for a link that was required: it was not tested.
+    value: Option<f64>,
+    p_value: Option<f64>,
     mark: String,
     n_lost: usize,
+    n_used: Option<usize>,
     /// The p-value in words: `<0.002` where the test cannot tell smaller ones apart and `p_value` may be 0.
     p: String,
     /// Share of the resamples with the link, and the strengths in nine of ten of them; empty without resamples.
@@ -130,6 +139,7 @@ pub fn links_csv(model: &Model) -> Result<Vec<u8>> {
             p_value: *p_value,
             mark: cell(mark),
             n_lost: *n_lost,
+            n_used: link.n_used,
             p,
             confidence: link.confidence,
             value_low: link.value_low,
@@ -146,6 +156,7 @@ pub fn links_csv(model: &Model) -> Result<Vec<u8>> {
             "p_value",
             "mark",
             "n_lost",
+            "n_used",
             "p",
             "confidence",
             "value_low",

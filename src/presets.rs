@@ -8,7 +8,9 @@
 //! 4. `roscausal/roscausal.toml` in the user's configuration folder: the user's own.
 //!
 //! What comes with data may be a stranger's, so only settings of the allow list in `travel.rs` are taken from there. The file in
-//! the working folder comes with the data where both are the same folder.
+//! the working folder comes with the data where both are the same folder. Where the data lie below the working folder, or above
+//! it, both may be of one archive: then the file may also say where results go within the working folder, and what the analysis may
+//! cost, and nothing that runs, opens or replaces.
 //!
 //! In these files the keys are the command's flags (`tau-max = 3`) and, in tables, the nodes' parameters
 //! (`[data]`, `risk_lag = 1`).
@@ -79,7 +81,11 @@ pub(crate) fn apply(line: &[OsString], matches: &ArgMatches) -> Result<(Vec<OsSt
                     continue;
                 }
                 taken.push(key);
-                let words = if value.is_empty() { format!("--{flag}") } else { format!("--{flag}={value}") };
+                // Never a flag that would take the user's next word for its value.
+                let words = match value.is_empty() && !cli::needs_value(name, flag) {
+                    true => format!("--{flag}"),
+                    false => format!("--{flag}={value}"),
+                };
                 used.push(words.clone());
                 preset.push(words.into());
             }
@@ -142,7 +148,8 @@ fn find(data: &[&Path]) -> Result<Vec<Found>> {
     let here = Path::new(".");
     let mut found = Vec::new();
     if !is_beside(here) {
-        found.extend(own(Path::new(FILE))?);
+        let near = is_near(here, data);
+        found.extend(own(Path::new(FILE))?.map(|found| if near { of_near(found) } else { found }));
     }
     let ignores =
         |found: &[Found]| found.iter().any(|place| place.flags.iter().any(|(flag, _)| flag == IGNORE_FLAG));
@@ -153,6 +160,29 @@ fn find(data: &[&Path]) -> Result<Vec<Found>> {
     }
     found.extend(configuration);
     Ok(found)
+}
+
+/// Whether data lie below a folder, or the folder below that of the data: both may have come out of one archive.
+fn is_near(folder: &Path, data: &[&Path]) -> bool {
+    let Ok(folder) = folder.canonicalize() else { return false };
+    let real = data.iter().filter_map(|path| path.canonicalize().ok());
+    real.into_iter()
+        .any(|data| data.starts_with(&folder) || data.parent().is_some_and(|of| folder.starts_with(of)))
+}
+
+/// What the file in the working folder may say of data that are near it.
+fn of_near(found: Found) -> Found {
+    let mut near = Found { place: found.place, ..Found::default() };
+    for (flag, values) in found.flags {
+        if travel::may_say(&flag, &values) || travel::may_say_near(&flag, &values) {
+            near.flags.push((flag, values));
+        } else {
+            let allowed = allowed(vec![(flag, values)], PathBuf::new());
+            near.flags.extend(allowed.flags);
+            near.left_out.extend(allowed.left_out);
+        }
+    }
+    near
 }
 
 /// The user's files of settings in the user's configuration folder.

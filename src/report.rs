@@ -1,7 +1,7 @@
 //! A model in words and as a table.
 
 use roscausal_discovery::{
-    Advice, Link, Model, confidence::share_that_was_real, names::plain, visible, word_of,
+    Advice, Link, Model, Outcome, confidence::share_that_was_real, names::plain, visible, word_of,
 };
 
 /// The model for people: one sentence per link, then a table of all tested pairs.
@@ -13,7 +13,7 @@ pub fn text(model: &Model) -> String {
 pub(crate) fn text_with(model: &Model, advice: bool) -> String {
     let mut lines = vec![headline(model)];
     if model.links.is_empty() {
-        lines.push("No causal link found: every tested pair may be independent.".to_owned());
+        lines.push(nothing_found(model));
     }
     lines.extend(model.links.iter().map(|link| format!("  {}", sentence(model, link))));
     if !model.dropped.is_empty() {
@@ -24,6 +24,7 @@ pub(crate) fn text_with(model: &Model, advice: bool) -> String {
     }
     lines.push(String::new());
     lines.extend(table(model));
+    lines.extend(untested(model));
     lines.extend(words_explained(model));
     if model.status != "complete" {
         lines.push(format!("This result is {}.", model.status));
@@ -63,10 +64,43 @@ fn headline(model: &Model) -> String {
         if model.fdr == "none" { String::new() } else { format!(" corrected by {}", model.fdr) },
         model.tau_min,
         model.tau_max,
-        model.n_samples,
+        samples(model),
         model.links.len(),
         if model.links.len() == 1 { "" } else { "s" }
     )
+}
+
+/// Of how many samples tests were made: `498`, or `17 to 396` where values are missing.
+fn samples(model: &Model) -> String {
+    let tested = model.outcome_counts().iter().any(|(outcome, _)| *outcome == Outcome::Tested);
+    match model.samples_used() {
+        Some((fewest, most)) if fewest == most => most.to_string(),
+        Some((fewest, most)) => format!("{fewest} to {most}"),
+        None if tested || model.features.is_empty() => model.n_samples.to_string(),
+        None => format!("0 of {}", model.n_samples),
+    }
+}
+
+/// That there is no link, as far as anything was tested.
+fn nothing_found(model: &Model) -> String {
+    let counts = model.outcome_counts();
+    let tested: usize =
+        counts.iter().filter(|(outcome, _)| *outcome == Outcome::Tested).map(|(_, count)| count).sum();
+    let all: usize = counts.iter().map(|(_, count)| count).sum();
+    match tested {
+        // All variables were left out by a filter, which is told beside this.
+        0 if all == 0 => "No causal link found.".to_owned(),
+        0 => "No pair was tested, so nothing is known of any link.".to_owned(),
+        _ if tested == all => "No causal link found: every tested pair may be independent.".to_owned(),
+        _ => format!("No causal link found among the {tested} of {all} pairs and lags that were tested."),
+    }
+}
+
+/// What was not tested, and why.
+fn untested(model: &Model) -> Option<String> {
+    let why = |(outcome, count): (Outcome, usize)| Some(format!("{count}: {}", outcome.why_not()?));
+    let told: Vec<String> = model.outcome_counts().into_iter().filter_map(why).collect();
+    (!told.is_empty()).then(|| format!("Pairs and lags that were not tested: {}.", told.join("; ")))
 }
 
 /// "h_v at t-1 (0.3 s earlier) drives h_dg: strength 0.49, p < 0.001".
@@ -90,17 +124,24 @@ pub(crate) fn sentence(model: &Model, link: &Link) -> String {
         }
         _ => format!("{cause} and {effect} depend on each other {earlier}, direction open"),
     };
-    if link.required {
-        return format!("{verb}: required, not tested");
-    }
+    let Some(p) = link.p_value else {
+        return format!("{verb}: {}not tested", if link.required { "required, " } else { "" });
+    };
     format!(
-        "{verb}: strength {:.2}{}, {}{}{}",
-        link.value,
+        "{verb}: strength {}{}, {}{}{}{}",
+        link.strength_in_words(2),
         interval(link),
-        p_value(model, link.p_value),
+        p_value(model, p),
+        on_few(model, link),
         found(model, link),
         link.size_in_words().map_or(String::new(), |words| format!("; {words}"))
     )
+}
+
+/// `, on 17 of 396 samples`, where the test of a link had much less to go by than others.
+fn on_few(model: &Model, link: &Link) -> String {
+    let few = link.n_used.filter(|used| 10 * used < 9 * model.n_samples);
+    few.map_or(String::new(), |used| format!(", on {used} of {} samples", model.n_samples))
 }
 
 /// ` (0.41 to 0.55)`, the strengths in nine of ten resamples.
@@ -158,14 +199,15 @@ fn words_explained(model: &Model) -> Option<String> {
     ))
 }
 
-/// `p < 0.001`, `p = 0.012`; a zero fraction of 500 null values is `p < 0.002`.
+/// `p < 0.001`, `p = 0.012`; none of 500 surrogates is `p < 0.002`.
 fn p_value(model: &Model, p: f64) -> String {
     let smallest = model.smallest_p();
     if p < smallest { format!("p < {smallest}") } else { format!("p = {p:.3}") }
 }
 
-/// The same for a table: `<0.001`, `0.0123`.
-pub(crate) fn p_cell(model: &Model, p: f64) -> String {
+/// The same for a table: `<0.001`, `0.0123`, `not tested`.
+pub(crate) fn p_cell(model: &Model, p: Option<f64>) -> String {
+    let Some(p) = p else { return "not tested".to_owned() };
     let smallest = model.smallest_p();
     if p < smallest { format!("<{smallest}") } else { format!("{p:.4}") }
 }
@@ -192,11 +234,18 @@ fn table(model: &Model) -> Vec<String> {
                 if model.features.len() > 8 && mark.is_empty() {
                     continue;
                 }
-                let mark = if mark.is_empty() { "-" } else { mark };
-                let p = p_cell(model, p);
+                let outcome = model.outcomes[i][j][lag];
+                let mark = match (mark.is_empty(), outcome.why_not()) {
+                    (true, None) => "-".to_owned(),
+                    (false, None) => mark.clone(),
+                    (true, Some(why)) => format!("not tested: {why}"),
+                    (false, Some(why)) => format!("{mark} (not tested: {why})"),
+                };
+                let value = value.map_or("-".to_owned(), |value| format!("{value:.3}"));
+                let p = p.map_or("-".to_owned(), |p| p_cell(model, Some(p)));
                 let share = found.map_or(String::new(), |found| format!("  {:5.2}", found[i][j][lag]));
                 lines.push(format!(
-                    "{cause:width$}  {effect:width$}  {lag:3}  {value:8.3}  {p:>8}{share}  {mark}"
+                    "{cause:width$}  {effect:width$}  {lag:3}  {value:>8}  {p:>8}{share}  {mark}"
                 ));
             }
         }

@@ -20,13 +20,16 @@ use std::{
 
 use roscausal_core::{
     Error, Result,
-    batch::pool::{is_still, without_path, write_whole},
+    batch::pool::{is_still, without_path},
+    bounded,
 };
 use serde::{Deserialize, Serialize};
 use tempfile::TempDir;
 
 /// Folder of what this file keeps about the results.
 const HOME: &str = ".roscausal";
+/// Most bytes of a list of results.
+const LONGEST_LIST: u64 = 16 << 20;
 const LOCK: &str = "lock";
 const LIST: &str = "list.json";
 const WORK: &str = "work-";
@@ -49,6 +52,10 @@ pub(crate) struct Results {
 /// The files of a set, relative to the folder.
 #[derive(Default, Serialize, Deserialize)]
 struct List {
+    /// The number that the file system gave the file of this list. One that was unpacked or copied has another: what it says is
+    /// not believed, or a stranger's list would have the user's files removed.
+    #[serde(default)]
+    inode: u64,
     files: BTreeSet<PathBuf>,
     /// Files of the set before that this one does not have.
     #[serde(default)]
@@ -128,9 +135,12 @@ impl Results {
         collect(&set, Path::new(""), &mut files).map_err(|e| Error::file(&self.dir, e))?;
         self.check(&files)?;
         let gone = self.old.difference(&files).cloned().collect();
-        let list = List { files, gone };
-        let text = serde_json::to_vec(&list).map_err(|e| Error::file(&self.dir, e))?;
-        write_whole(&set.join(HOME).join(LIST), &text).map_err(|error| renamed(error, &set, &self.dir))?;
+        let list = List { inode: 0, files, gone };
+        let written = || {
+            fs::create_dir_all(set.join(HOME))?;
+            list.write(&set.join(HOME).join(LIST))
+        };
+        written().map_err(|e| renamed(Error::file(set.join(HOME), e), &set, &self.dir))?;
         Ok(list.files)
     }
 
@@ -286,16 +296,24 @@ fn beside(root: &Path) -> Option<(PathBuf, String)> {
 /// Removes the temporary folders of runs that are gone.
 fn remove_left(folder: &Path, prefix: &str) {
     for entry in fs::read_dir(folder).into_iter().flatten().flatten() {
-        if entry.file_name().to_string_lossy().starts_with(prefix) && is_folder(&entry.path()) {
-            let _ = fs::remove_dir_all(entry.path());
+        let path = entry.path();
+        if !entry.file_name().to_string_lossy().starts_with(prefix) || !is_folder(&path) {
+            continue;
         }
+        // Beside the folder only what was one of results, or is empty.
+        let _ = match prefix == WORK || path.join(HOME).join(LIST).is_file() {
+            true => fs::remove_dir_all(path),
+            false => fs::remove_dir(path),
+        };
     }
 }
 
 /// Whether there is anything in a folder in which no run has left results.
 fn holds_files_of_others(dir: &Path) -> std::io::Result<bool> {
     let home = dir.join(HOME);
-    if !dir.exists() || (is_folder(&home) && [LIST, NEW].iter().any(|name| home.join(name).exists())) {
+    let new = home.join(NEW).join(SET).join(HOME).join(LIST);
+    let is_own = |list: &Path| List::read(list).is_ok_and(|list| list.is_some());
+    if !dir.exists() || (is_folder(&home) && (is_own(&home.join(LIST)) || is_own(&new))) {
         return Ok(false);
     }
     for entry in fs::read_dir(dir)? {
@@ -355,7 +373,12 @@ fn complete(dir: &Path) -> Result<()> {
     let list = Path::new(SET).join(HOME).join(LIST);
     let list = inside(&new, &list).filter(|list| list.exists());
     if let Some(path) = list {
-        let list = List::read(&path)?.unwrap_or_default();
+        let Some(list) = List::read(&path)? else {
+            return Err(Error::file(
+                path,
+                "this list of results is not of a run into this folder; choose another --out",
+            ));
+        };
         for file in &list.files {
             let from = inside(&new.join(SET), file);
             if let (Some(from), Some(to)) = (from, inside(dir, file)) {
@@ -386,16 +409,38 @@ fn ignore_missing(error: std::io::Error) -> std::io::Result<()> {
 }
 
 impl List {
-    /// `None` if there is none.
+    /// `None` if there is none, or it is not of a run into this folder.
     fn read(path: &Path) -> Result<Option<Self>> {
-        match fs::read(path) {
-            Ok(text) => serde_json::from_slice(&text)
-                .map(Some)
-                .map_err(|e| Error::file(path, format!("no list of results: {e}; choose another --out"))),
-            Err(error) if error.kind() == ErrorKind::NotFound => Ok(None),
-            Err(error) => Err(Error::file(path, error)),
-        }
+        let found = match fs::symlink_metadata(path) {
+            Ok(found) if found.is_file() => found,
+            Ok(_) => return Err(Error::file(path, "no list of results, but no file; choose another --out")),
+            Err(error) if error.kind() == ErrorKind::NotFound => return Ok(None),
+            Err(error) => return Err(Error::file(path, error)),
+        };
+        let list: Self = serde_json::from_slice(&bounded::read(path, LONGEST_LIST)?)
+            .map_err(|e| Error::file(path, format!("no list of results: {e}; choose another --out")))?;
+        Ok(Some(list).filter(|list| list.inode == inode(&found)))
     }
+
+    /// Writes it, with the number of its file.
+    fn write(&self, path: &Path) -> std::io::Result<()> {
+        let mut file = File::create(path)?;
+        let list =
+            Self { inode: inode(&file.metadata()?), files: self.files.clone(), gone: self.gone.clone() };
+        file.write_all(&serde_json::to_vec(&list)?)?;
+        file.sync_all()
+    }
+}
+
+#[cfg(unix)]
+fn inode(of: &fs::Metadata) -> u64 {
+    std::os::unix::fs::MetadataExt::ino(of)
+}
+
+/// Other systems do not tell it: lists are believed there.
+#[cfg(not(unix))]
+fn inode(_: &fs::Metadata) -> u64 {
+    0
 }
 
 /// The lock on a folder, while it is held.

@@ -174,12 +174,45 @@ fn the_list_of_a_stranger_names_no_file_outside_the_folder() {
         } else {
             put(&home, &[at], &list);
         }
-        let results = begin(dir.path()).expect("begins");
-        put(&results.folder(), &["x.json"], "new");
-        results.finish().expect("ends");
+        let force = || Results::begin(dir.path(), Some(true), &[]);
+        match at {
+            "new/set/.roscausal/list.json" => assert!(begin(dir.path()).is_err() && force().is_err()),
+            _ => {
+                assert_eq!(begin(dir.path()).is_err(), at == LIST, "{at}");
+                let results = force().expect("begins");
+                put(&results.folder(), &["x.json"], "new");
+                results.finish().expect("ends");
+                assert!(dir.path().join("x.json").exists(), "{at}");
+            }
+        }
         assert!(files(outside.path()) == before && thesis.exists(), "{at}");
-        assert!(!dir.path().join("thesis.txt").exists() && dir.path().join("x.json").exists(), "{at}");
+        assert!(!dir.path().join("thesis.txt").exists(), "{at}");
     }
+}
+
+#[test]
+fn a_list_that_was_unpacked_or_copied_removes_no_file_of_the_users() {
+    let dir = tempfile::tempdir().expect("a folder");
+    put(dir.path(), &["notes.md", "src/notes.md"], "mine");
+    for list in [r#"{"files": ["notes.md"]}"#, r#"{"files": ["x"], "gone": ["src/notes.md"]}"#] {
+        for at in [LIST, "new/set/.roscausal/list.json"] {
+            put(&dir.path().join(HOME), &[at], list);
+            assert!(begin(dir.path()).is_err(), "{at}");
+            let _ = Results::begin(dir.path(), Some(true), &[]).map(|results| {
+                put(&results.folder(), &["a.json"], "new");
+                results.finish()
+            });
+            assert!(dir.path().join("notes.md").exists() && dir.path().join("src/notes.md").exists(), "{at}");
+            let _ = fs::remove_dir_all(dir.path().join(HOME));
+            let _ = fs::remove_file(dir.path().join("a.json"));
+        }
+    }
+    // A list of a run of ours that was copied with its folder.
+    let (ours, copy) = (older(), tempfile::tempdir().expect("a folder"));
+    put(copy.path(), &["a.json"], "mine");
+    fs::create_dir(copy.path().join(HOME)).expect("makes");
+    fs::copy(ours.path().join(HOME).join(LIST), copy.path().join(HOME).join(LIST)).expect("copies");
+    assert!(begin(copy.path()).is_err() && begin(ours.path()).is_ok());
 }
 
 #[cfg(target_os = "linux")]
@@ -199,12 +232,14 @@ fn a_folder_with_nothing_else_in_it_changes_places_in_one_step() {
     let first = once(&OLD, "old");
     fs::set_permissions(&dir, fs::Permissions::from_mode(0o750)).expect("may");
     // What a killed run left beside it.
-    put(parent.path(), &[".out.roscausal-abc/a.json"], "half");
+    put(parent.path(), &[".out.roscausal-abc/a.json", ".out.roscausal-abc/.roscausal/list.json"], "half");
+    put(parent.path(), &[".out.roscausal-mine/thesis.txt"], "mine");
     let second = once(&NEW_SET, "new");
     assert_ne!(first.ino(), second.ino());
     assert_eq!(second.permissions().mode() & 0o777, 0o750);
     assert_eq!(files(&dir), expected(&[(&NEW_SET, "new")]));
-    assert_eq!(fs::read_dir(parent.path()).expect("lists").count(), 1, "nothing is left beside it");
+    assert!(parent.path().join(".out.roscausal-mine/thesis.txt").exists(), "it is no results");
+    assert_eq!(fs::read_dir(parent.path()).expect("lists").count(), 2, "nothing of ours is left beside it");
     // With anything of others it stays the same folder.
     for name in ["mine.txt", "mine/empty", "sub/mine.txt", ".hidden.tmp"] {
         let path = dir.join(name);

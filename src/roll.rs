@@ -257,8 +257,8 @@ impl Rolling {
                     quoted(&link.cause),
                     quoted(&link.effect),
                     link.lag,
-                    link.value,
-                    link.p_value,
+                    number(link.value),
+                    number(link.p_value),
                     link.mark,
                     number(link.confidence),
                     number(link.value_low),
@@ -269,11 +269,11 @@ impl Rolling {
                 let link = |link: &roscausal_discovery::Link| {
                     let arrow = if link.mark == "-->" { "->" } else { link.mark.as_str() };
                     format!(
-                        "{} {arrow} {} ({}) {:.2}",
+                        "{} {arrow} {} ({}) {}",
                         plain(&link.cause),
                         plain(&link.effect),
                         link.lag,
-                        link.value
+                        link.strength_in_words(2)
                     )
                 };
                 let links: Vec<String> = window.model.links.iter().map(link).collect();

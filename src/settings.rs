@@ -96,7 +96,8 @@ fn flag(setting: &'static Setting) -> Arg {
         true => {}
     }
     if setting.kind == Kind::Flag {
-        return arg.action(ArgAction::SetTrue).help(format!("Switch off: {help}"));
+        let off = if setting.default_value() == true { "Switch off: " } else { "" };
+        return arg.action(ArgAction::SetTrue).help(format!("{off}{help}"));
     }
     let check = move |text: &str| match setting.kind {
         Kind::File(_) | Kind::List(_) => Ok(text.to_owned()),

@@ -1,6 +1,8 @@
 //! What settings that come with data may say: how the data are to be understood and analysed. They never name a path, a program, a
 //! pool, an address, what is written, or what an analysis may cost (docs/security.md).
 
+use std::path::{Component, Path};
+
 use roscausal_core::nodes;
 use roscausal_discovery::{independence_tests::spelled, methods::Method};
 
@@ -69,6 +71,16 @@ pub(crate) fn may_say(flag: &str, values: &[String]) -> bool {
     }
 }
 
+/// Flags that the file in the working folder may set, too, where the data are near it.
+const NEAR: [&str; 6] = ["format", "ignore-settings", "max-memory", "out", "threads", "time-budget"];
+
+/// Whether the file in the working folder may give a flag these values where the data are near it: results stay within the folder.
+pub(crate) fn may_say_near(flag: &str, values: &[String]) -> bool {
+    let inside =
+        |value: &String| Path::new(value).components().all(|part| matches!(part, Component::Normal(_)));
+    NEAR.contains(&flag) && (flag != "out" || values.iter().all(inside))
+}
+
 /// Whether `NODE.NAME=VALUE` may come with data.
 fn is_parameter_of_data(text: &str) -> bool {
     let split = text.split_once('=').and_then(|(name, value)| Some((name.split_once('.')?, value)));
@@ -85,11 +97,11 @@ pub(crate) fn told(node: &str, param: &str) -> String {
 }
 
 /// The sentence about what was left out of one place; `None` if nothing was.
-pub(crate) fn sentence(place: &std::path::Path, left_out: &[String]) -> Option<String> {
+pub(crate) fn sentence(place: &Path, left_out: &[String]) -> Option<String> {
     let what = left_out.join(", ");
     (!left_out.is_empty()).then(|| {
         format!(
-            "{}: these settings came with the data and are not used, since they are not about the data: {what}",
+            "{}: these settings came with the data, or may have, and are not used, since they are not about the data: {what}",
             place.display()
         )
     })

@@ -14,7 +14,7 @@ use std::{
     collections::BTreeMap,
     fs,
     os::unix::{
-        fs::{PermissionsExt, symlink},
+        fs::{MetadataExt, PermissionsExt, symlink},
         process::CommandExt,
     },
     path::{Path, PathBuf},
@@ -118,6 +118,15 @@ impl Start<'_> {
     }
 }
 
+/// Makes a copy of results one of a run into this folder: its list is believed only in the file in which it was written.
+fn adopt(results: &Path) {
+    let path = results.join(HOME).join("list.json");
+    let mut list: serde_json::Value =
+        serde_json::from_slice(&fs::read(&path).expect("a list")).expect("JSON");
+    list["inode"] = fs::metadata(&path).expect("is there").ino().into();
+    fs::write(&path, list.to_string()).expect("writes");
+}
+
 /// How many runs are killed: `ROSCAUSAL_KILLS`, else `usual`.
 fn kills(usual: u32) -> u32 {
     std::env::var("ROSCAUSAL_KILLS").ok().and_then(|text| text.parse().ok()).unwrap_or(usual)
@@ -145,6 +154,7 @@ fn killed_at_any_moment(
     let prepare = || {
         empty(real);
         copy(&references.path().join("old"), real);
+        adopt(real);
         if start.others {
             fs::create_dir_all(real.join("mine")).expect("makes");
             fs::write(real.join("mine/thesis.txt"), "words").expect("writes");

@@ -39,7 +39,7 @@ def main():
         for model in printed, stored:
             validator.validate(model)
     # The schema can say no.
-    for wrong in {"graph": "none"}, {"links": [{}]}, {"n_samples": -1}, {"schema": "roscausal/model/2"}:
+    for wrong in {"graph": "none"}, {"links": [{}]}, {"n_samples": -1}, {"outcomes": [[["perhaps"]]]}, {"schema": "roscausal/model/3"}:
         assert not validator.is_valid({**printed, **wrong}), wrong
     print(f"{2 * len(CASES)} models are as their schema says")
 

@@ -374,9 +374,31 @@ fn the_file_in_the_working_folder_is_the_users_own_unless_the_data_lie_there() {
         assert!(!work.join("mine").exists(), "{file}: {told}");
         assert!(told.contains("--tau-max=2") && told.contains("not about the data: --out"), "{file}: {told}");
     }
-    // A subfolder of the working folder is not the working folder.
+    // Data below the working folder, or above it, may be of one archive with its file: that may say where results go within the folder,
+    // and nothing that runs, opens or replaces.
     run(&work, "sub/data.csv");
     assert!(work.join("mine/model.json").exists());
+    fs::remove_dir_all(work.join("mine")).expect("removes");
+    for out in ["../victim", "sub/../../victim", "/tmp/victim"] {
+        let said =
+            "threads = 1\nforce = true\nparam = ['data.postprocess=script']\n[data]\npp_script = 'post.py'\n";
+        fs::write(work.join("roscausal.toml"), format!("out = '{out}'\n{said}")).expect("writes");
+        for (folder, file) in [(&work, "sub/data.csv"), (&work.join("sub"), "../data.csv")] {
+            fs::copy(work.join("roscausal.toml"), work.join("sub/roscausal.toml")).expect("copies");
+            let told = run(folder, file);
+            assert!(
+                told.contains("--threads=1") && !told.contains("settings of roscausal.toml: --out"),
+                "{told}"
+            );
+            for left_out in ["--out", "--force", "data.pp_script", "data.postprocess"] {
+                assert!(
+                    told.split("not about the data").nth(1).is_some_and(|all| all.contains(left_out)),
+                    "{left_out}: {told}"
+                );
+            }
+        }
+    }
+    fs::remove_file(work.join("sub/roscausal.toml")).expect("removes");
     // What is the user's everywhere comes last, and may do more.
     fs::write(dir.path().join("home/roscausal/roscausal.toml"), "tau-max = 4\nthreads = 1\n")
         .expect("writes");

@@ -65,7 +65,7 @@ fn every_command_checks_a_model_and_says_the_same() {
         model.to_string()
     };
     for (told, text) in [
-        ("this program reads 'roscausal/model/1'", with("schema", json!("roscausal/model/2"))),
+        ("this program reads 'roscausal/model/2'", with("schema", json!("roscausal/model/3"))),
         ("1000000000 is above 100000", with("tau_max", json!(1_000_000_000))),
         ("expected a whole number from 0 on", with("tau_max", json!(-1))),
         ("'a' is there twice", with("features", json!(["a", "a", "c"]))),

@@ -156,7 +156,7 @@ fn model(answer: Answer, method: String, settings: &Settings) -> std::result::Re
     let graph = answer.graph.unwrap_or_else(|| (0..n).map(|i| (0..n).map(|j| of(i, j)).collect()).collect());
     check_shape("graph", &graph, n, settings.tau_max)?;
     let matrices =
-        Matrices { graph, val_matrix: answer.val_matrix, p_matrix: answer.p_matrix, n_lost: Vec::new() };
+        Matrices { graph, val_matrix: answer.val_matrix, p_matrix: answer.p_matrix, ..Matrices::default() };
     // What the program filters, it alone knows.
     let blank = Model { method, f_alpha: None, ..settings.blank_model() };
     let model = blank.with_matrices(answer.features, matrices);

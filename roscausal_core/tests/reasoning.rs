@@ -54,6 +54,9 @@ fn model(names: [&str; 2]) -> CausalModelInfo {
         p_value: 0.001,
         confidence: -1.0,
         description: format!("{cause} -> {effect} (lag 1): strength 0.500, p = 0.0010"),
+        mark: "-->".into(),
+        tested: true,
+        ..CausalLink::default()
     };
     CausalModelInfo {
         header: Header { stamp: Time::from_secs_f64(1000.0), frame_id: "map".into() },

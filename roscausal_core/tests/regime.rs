@@ -157,7 +157,7 @@ fn a_change_is_told_with_its_times_the_models_forget_what_was_before_and_a_late_
     let slope = |batch: usize| {
         let model = model(dir, batch);
         let link = model.links.iter().find(|link| link.cause == "a" && link.effect == "b").expect("a -> b");
-        (link.value, link.since, link.seen)
+        (link.value.expect("tested"), link.since, link.seen)
     };
     let ((before, since, seen), (after, ..)) = (slope(7), slope(10));
     assert!(before > 0.4 && after < -0.3, "{before} {after}");

@@ -16,8 +16,8 @@ export function showEvidence(place, link, model, models, seen, words) {
     row.append(make("dt", name), make("dd", value));
     list.append(row);
   };
-  fact("strength", link.value.toFixed(4));
-  fact("p-value", link.p !== 0 && link.p < 0.001 ? link.p.toExponential(1) : String(+link.p.toFixed(4)));
+  fact("strength", link.tested ? link.value.toFixed(4) : "required, not tested");
+  if (link.tested) fact("p-value", link.p !== 0 && link.p < 0.001 ? link.p.toExponential(1) : String(+link.p.toFixed(4)));
   fact("samples", String(found?.n_samples ?? model.samples));
   if (typeof link.confidence === "number") fact("confidence", `${Math.round(100 * link.confidence)} % of the resamples have it`);
   if (found?.interval) fact("interval", found.interval.map((value) => value.toFixed(4)).join(" to "));

@@ -34,7 +34,7 @@ export function sentence(link, { dt, test }) {
   const p = link.p < smallest ? `p < ${smallest}` : `p = ${link.p.toFixed(3)}`;
   // What is no arrow of a cause comes in the node's own words.
   const words = link.words ?? `${link.cause} ${earlier} drives ${effect}`;
-  return `${words}: strength ${link.value.toFixed(2)}, ${p}`;
+  return link.tested ? `${words}: strength ${link.value.toFixed(2)}, ${p}` : `${words}: required, not tested`;
 }
 
 /** Draws `model`. An arrow that is clicked, tapped or given Enter calls `ask` with its strongest link. */
@@ -63,7 +63,7 @@ export function drawGraph(svg, model, before, ask) {
     const asking = element("g", { class: "ask", "data-link": `${group.cause} ${group.effect} ${group.lag}` }, svg);
     arrow(asking, curve, group, dash(group.p, model.test));
     if (group.state !== "gone") askable(asking, group, model, ask);
-    labels.push([curve, `${group.lags.join(",")} · ${group.value.toFixed(2)}`, group.state]);
+    labels.push([curve, `${group.lags.join(",")} · ${group.tested ? group.value.toFixed(2) : "required"}`, group.state]);
   }
   for (const [name, [x, y]] of places) {
     element("circle", { class: "node", cx: x, cy: y, r: NODE }, svg);
@@ -102,7 +102,7 @@ function grouped(links) {
     const id = `${link.cause}\n${link.effect}\n${link.state === "gone"}`;
     const group = groups.get(id) ?? { ...link, lags: [] };
     group.lags.push(link.lag);
-    if (Math.abs(link.value) > Math.abs(group.value)) Object.assign(group, { value: link.value, lag: link.lag, p: link.p, mark: link.mark, words: link.words });
+    if (Math.abs(link.value) > Math.abs(group.value)) Object.assign(group, { value: link.value, tested: link.tested, lag: link.lag, p: link.p, mark: link.mark, words: link.words });
     if (link.state === "new") group.state = "new";
     groups.set(id, group);
   }

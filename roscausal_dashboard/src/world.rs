@@ -6,7 +6,7 @@ use roscausal_core::{
     Time,
     nodes::{
         SceneOptions,
-        model_messages::{link_level, mark_of},
+        model_messages::{link_level, mark_of, sentence},
     },
 };
 use roscausal_msgs::{
@@ -235,15 +235,16 @@ fn model_json(number: u64, info: &CausalModelInfo) -> Json {
     let link = |link: &CausalLink| {
         let mark = mark_of(link);
         // What the arrow of a cause does not say.
-        let words = link.description.split(": strength").next().filter(|_| mark != "-->");
+        let words = (mark != "-->").then(|| sentence(link));
         json!({
             "mark": mark,
             "words": words,
             "cause": link.cause,
             "effect": link.effect,
             "lag": link.lag,
-            "value": rounded(link.value),
-            "p": link.p_value,
+            "value": if link.value.is_finite() { rounded(link.value) } else { 1.0 },
+            "tested": link.value.is_finite(),
+            "p": if link.p_value.is_finite() { link.p_value } else { 0.0 },
             "confidence": (link.confidence >= 0.0).then(|| rounded(link.confidence)),
         })
     };

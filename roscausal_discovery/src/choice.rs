@@ -27,6 +27,9 @@ const PATIENCE_S: f64 = 600.0;
 /// Different values up to which a variable of whole numbers counts as one of categories.
 const MOST_CATEGORIES: usize = 10;
 
+/// Samples for each degree of freedom below which the level of gsquared does not hold.
+const ENOUGH: usize = 5;
+
 /// What to take, and why.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Choice {
@@ -130,7 +133,18 @@ fn test_for(data: &DataFrame, settings: &Settings) -> (String, String) {
         .filter(|&var| is_category(data, var))
         .map(|var| data.var_names()[var].as_str())
         .collect();
+    let rows: usize = data.recordings().iter().map(|r| r.nrows()).sum();
     if categories.len() == data.n_vars() {
+        // Of two variables given a third.
+        let values = (0..data.n_vars()).map(|var| values(data, var).len()).max().unwrap_or(0);
+        let freedom = values.saturating_sub(1).pow(2) * values;
+        if rows < ENOUGH * freedom {
+            let reason = format!(
+                "cmisymb: all variables are categories, and {rows} samples are fewer than {ENOUGH} for each of {freedom} degrees of \
+                 freedom, where gsquared finds too much"
+            );
+            return answer("cmisymb", reason);
+        }
         return answer("gsquared", "gsquared: all variables are categories".to_owned());
     }
     if !categories.is_empty() && settings.method != Method::Candoit {
@@ -140,7 +154,6 @@ fn test_for(data: &DataFrame, settings: &Settings) -> (String, String) {
             format!("regressionci: {listed} has a few whole values, the others are numbers"),
         );
     }
-    let rows: usize = data.recordings().iter().map(|r| r.nrows()).sum();
     let seconds =
         Effort::of(rows, data.n_vars(), &Settings { cond_ind_test: "gpdc".into(), ..settings.clone() })
             .seconds;
@@ -159,17 +172,19 @@ fn test_for(data: &DataFrame, settings: &Settings) -> (String, String) {
 }
 
 fn is_category(data: &DataFrame, var: usize) -> bool {
+    let seen = values(data, var);
+    (2..=MOST_CATEGORIES).contains(&seen.len()) && seen.iter().all(|value| value.fract() == 0.0)
+}
+
+/// The different values of a variable, one more than [`MOST_CATEGORIES`] at most.
+fn values(data: &DataFrame, var: usize) -> Vec<f64> {
     let mut seen: Vec<f64> = Vec::new();
-    let values = data.recordings().iter().flat_map(|r| r.column(var).to_vec()).filter(|v| !v.is_nan());
-    for value in values {
-        if !seen.contains(&value) {
+    for value in data.recordings().iter().flat_map(|r| r.column(var).to_vec()).filter(|v| !v.is_nan()) {
+        if seen.len() <= MOST_CATEGORIES && !seen.contains(&value) {
             seen.push(value);
         }
-        if value.fract() != 0.0 || seen.len() > MOST_CATEGORIES {
-            return false;
-        }
     }
-    seen.len() > 1
+    seen
 }
 
 #[cfg(test)]
@@ -219,6 +234,8 @@ mod tests {
         assert_eq!(chosen(&open), (Method::Lpcmci, "regressionci".to_owned()));
         let whole = data(vec![plain(100, 0.0, 5).mapv_into(|v| (3.0 * v).floor())], &["a", "b"]);
         assert_eq!(chosen(&whole).1, "gsquared");
+        let sparse = data(vec![plain(100, 0.0, 5).mapv_into(|v| (9.0 * v).floor())], &["a", "b"]);
+        assert_eq!(chosen(&sparse).1, "cmisymb");
         assert_eq!(chosen(&data(vec![plain(200, 0.0, 0)], &["a", "b"])).1, "gpdc");
         assert_eq!(chosen(&data(vec![plain(9000, 0.0, 0)], &["a", "b"])).1, "parcorr");
     }

@@ -100,8 +100,8 @@ pub use effort::Effort;
 pub use evidence::{AtLag, Condition, EVIDENCE_SCHEMA, Evidence, LinkEvidence, MOST_POINTS, VariableFacts};
 pub use ground::*;
 pub use model::{
-    Advice, Confidence, Link, LinkSize, Matrices, Model, ResamplingFacts, SCHEMA, decides_by_pc_alpha,
-    sentence_of, word_of,
+    Advice, Confidence, Link, LinkSize, Matrices, Model, Outcome, ResamplingFacts, SCHEMA, SCHEMA_1,
+    decides_by_pc_alpha, sentence_of, word_of,
 };
 pub use numeric::{random::mix, rows::quantile};
 pub use settings::{PcAlpha, Settings};

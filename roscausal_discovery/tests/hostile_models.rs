@@ -8,7 +8,7 @@ use std::{collections::HashSet, fs, path::Path};
 
 use ndarray::Array2;
 use roscausal_discovery::{
-    Control, DataFrame, Evidence, Model, Settings, analyse_with_evidence,
+    Control, DataFrame, Evidence, Model, Outcome, Settings, analyse_with_evidence,
     confidence::{Resampling, analyse_resampled},
     methods::Method,
 };
@@ -59,7 +59,7 @@ fn now(model: &Value) -> usize {
 }
 
 const MODELS: &[Case] = &[
-    ("this program reads 'roscausal/model/1'", |m| m["schema"] = json!("roscausal/model/2")),
+    ("this program reads 'roscausal/model/2'", |m| m["schema"] = json!("roscausal/model/3")),
     ("this program reads", |m| m["schema"] = json!("roscausal/model/1.5")),
     ("this program reads", |m| m["schema"] = json!("x".repeat(100_000))),
     ("missing field `schema`", |m| drop(m.as_object_mut().unwrap().remove("schema"))),
@@ -94,7 +94,13 @@ const MODELS: &[Case] = &[
     ("p_matrix is not of the size", |m| m["p_matrix"][2] = json!([[], [], []])),
     ("val is not of the size", |m| m["val"] = json!([[[0.0]]])),
     ("pval is not of the size", |m| drop(m["pval"].as_array_mut().unwrap().pop())),
-    ("expected a number", |m| m["val_matrix"][0][0][0] = Value::Null),
+    ("'a' -> 'b' at lag 1 is tested, and has no number", |m| m["val_matrix"][0][1][1] = Value::Null),
+    ("'a' -> 'a' at lag 0 is not tested, and has a number", |m| m["p_matrix"][0][0][0] = json!(1)),
+    ("not tested, and has a number", |m| m["n_matrix"][0][0][0] = json!(5)),
+    ("not tested, and has a number", |m| m["outcomes"][0][1][1] = json!("forbidden")),
+    ("outcomes is not of the size", |m| drop(m.as_object_mut().unwrap().remove("outcomes"))),
+    ("expected", |m| m["outcomes"][0][1][1] = json!("perhaps")),
+    ("value and p_value", |m| m["links"][0]["value"] = Value::Null),
     ("'p_matrix' holds -0.1", |m| m["p_matrix"][0][1][1] = json!(-0.1)),
     ("'p_matrix' holds 2", |m| m["p_matrix"][0][1][1] = json!(2)),
     ("causal_structure holds 7", |m| m["causal_structure"][0][0][0] = json!(7)),
@@ -243,4 +249,38 @@ fn the_cases_are_many_and_differ() {
     let whole = whole();
     let texts: HashSet<String> = MODELS.iter().map(|(_, change)| text_of(whole.clone(), change)).collect();
     assert_eq!(texts.len(), MODELS.len());
+}
+
+/// A model as version 1 wrote it.
+fn of_version_1(model: &Value) -> Value {
+    let mut old = model.clone();
+    old["schema"] = json!("roscausal/model/1");
+    for field in ["outcomes", "n_matrix"] {
+        old.as_object_mut().unwrap().remove(field);
+    }
+    for (field, untested) in [("val_matrix", 0.0), ("p_matrix", 1.0)] {
+        for cell in old[field].as_array_mut().unwrap().iter_mut().flat_map(|of| of.as_array_mut().unwrap()) {
+            for cell in cell.as_array_mut().unwrap().iter_mut().filter(|cell| cell.is_null()) {
+                *cell = json!(untested);
+            }
+        }
+    }
+    old
+}
+
+#[test]
+fn a_model_of_version_1_is_read_and_what_it_does_not_say_is_unknown() {
+    let mut old = of_version_1(&whole());
+    old["val_matrix"][2][0][2] = json!(0.0);
+    old["p_matrix"][2][0][2] = json!(1.0);
+    let model = Model::from_json(old.to_string().as_bytes()).unwrap();
+    assert_eq!(model.schema, "roscausal/model/2");
+    assert_eq!((model.outcomes[0][0][0], model.val_matrix[0][0][0]), (Outcome::NotAsked, None));
+    assert_eq!((model.outcomes[0][1][1], model.outcomes[2][0][2]), (Outcome::Tested, Outcome::Unknown));
+    assert_eq!((model.val_matrix[2][0][2], model.p_matrix[2][0][2]), (None, None));
+    // Written again, it is one of this version.
+    assert_eq!(
+        Model::from_json(model.to_file_json().as_bytes()).unwrap(),
+        Model { run_time_s: None, ..model }
+    );
 }

@@ -106,20 +106,89 @@ fn the_order_of_the_columns_does_not_matter() {
 }
 
 #[test]
+fn powers_of_two_as_units_change_no_value() {
+    for method in Method::all() {
+        let data = data_for(method, 6);
+        // An intervention is 0 or 1.
+        let powers = [530, -400, 3, 480, 0];
+        let scaled = |of: &Array2<f64>| {
+            Array2::from_shape_fn(of.dim(), |(t, var)| of[[t, var]] * 2.0_f64.powi(powers[var]))
+        };
+        let scaled = data.recordings().iter().map(scaled).collect();
+        let scaled = DataFrame::new(scaled, data.var_names().to_vec()).unwrap();
+        let numbers = |data: &DataFrame| -> Vec<String> {
+            let of = |link: &Link| {
+                let Link { cause, effect, lag, mark, value, p_value, .. } = link;
+                format!("{cause} {effect} {lag} {mark} {value:?} {p_value:?}")
+            };
+            model(data, method).links.iter().map(of).collect()
+        };
+        assert_eq!(numbers(&data), numbers(&scaled), "{method}");
+    }
+}
+
+/// Assumptions say what is tested; the conditions remain the whole past.
+#[test]
+fn full_conditions_do_not_depend_on_assumptions() {
+    use roscausal_discovery::{
+        Assumption, LinkAssumptions, Node,
+        independence_tests::{TestSettings, by_name},
+        methods::{PcmciSettings, run_bivci, run_fullci},
+    };
+    let (data, test) = (data_for(Method::Fullci, 8), by_name("parcorr", &TestSettings::default()).unwrap());
+    let mut few = LinkAssumptions::none(data.n_vars());
+    few.insert(0, 1, 1, Assumption::Test).unwrap();
+    let all = PcmciSettings { tau_max: 2, ..PcmciSettings::default() };
+    let fewer = PcmciSettings { link_assumptions: Some(few), ..all.clone() };
+    for run in [run_fullci, run_bivci] {
+        let [all, fewer] =
+            [&all, &fewer].map(|settings| run(&data, test.as_ref(), settings, &Control::default()).unwrap());
+        let at = Node::new(0, 1);
+        let value = |of: &roscausal_discovery::methods::PcmciResult| of.val_matrix[[at.var, 1, at.lag]];
+        assert_eq!((value(&all), fewer.n_tests), (value(&fewer), 1));
+    }
+}
+
+#[test]
+fn an_exact_lagged_effect_is_one_link() {
+    let mut values = Array2::from_shape_fn((300, 2), |(t, v)| noise(5, 2 * t + v));
+    for t in 1..300 {
+        values[[t, 0]] = values[[t - 1, 1]];
+    }
+    let data = DataFrame::new(vec![values], ["x1", "x2"].map(str::to_owned).to_vec()).unwrap();
+    for method in [Method::Granger, Method::Varlingam] {
+        let settings = Settings { method, tau_min: method.info().tau_min, tau_max: 1, ..Settings::default() };
+        let model = analyse(&data, &settings, &Control::default()).unwrap();
+        let found: Vec<_> = model.links.iter().map(|link| (&*link.cause, &*link.effect, link.lag)).collect();
+        assert_eq!(found, [("x2", "x1", 1)], "{method}");
+        assert!(
+            (model.links[0].drawn_strength() - 1.0).abs() < 1e-9 && model.warnings.is_empty(),
+            "{method}: {:?}",
+            model.warnings
+        );
+    }
+}
+
+#[test]
 fn a_copy_of_every_recording_changes_no_coefficient_and_loses_no_link() {
     for method in methods() {
         let data = data_for(method, 3);
         let (once, names) = (model(&data, method), data.var_names().to_vec());
         let twice = DataFrame::new([data.recordings(), data.recordings()].concat(), names).unwrap();
         let twice = model(&twice, method);
-        for link in once.links.iter().filter(|link| link.value.abs() > 0.3 && link.cause != link.effect) {
+        for link in once
+            .links
+            .iter()
+            .filter(|link| link.value.is_some_and(|value| value.abs() > 0.3) && link.cause != link.effect)
+        {
             let same = twice.links.iter().find(|other| {
                 (&other.cause, &other.effect, other.lag) == (&link.cause, &link.effect, link.lag)
             });
             let same = same.unwrap_or_else(|| panic!("{method}: {link:?}"));
             // Tests may choose other conditions with more samples; a model of all variables has none.
             if !method.info().asks_test && method != Method::Varlingam {
-                assert!((same.value - link.value).abs() < 1e-3, "{method}: {link:?} {same:?}");
+                let difference = same.drawn_strength() - link.drawn_strength();
+                assert!(difference.abs() < 1e-3, "{method}: {link:?} {same:?}");
             }
         }
     }
@@ -137,7 +206,11 @@ fn an_irrelevant_column_changes_no_strong_link() {
         let names = data.var_names().iter().cloned().chain(["noise".to_owned()]).collect();
         let wide = model(&DataFrame::new(recordings, names).unwrap(), method);
         let plain = model(&data, method);
-        for link in plain.links.iter().filter(|link| link.value.abs() > 0.3 && link.cause != link.effect) {
+        for link in plain
+            .links
+            .iter()
+            .filter(|link| link.value.is_some_and(|value| value.abs() > 0.3) && link.cause != link.effect)
+        {
             let is_same = |other: &&Link| {
                 (&other.cause, &other.effect, other.lag) == (&link.cause, &link.effect, link.lag)
             };

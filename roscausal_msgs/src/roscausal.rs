@@ -76,14 +76,22 @@ pub struct CausalLink {
     pub effect: String,
     /// Lag in samples.
     pub lag: u32,
-    /// Test statistic.
+    /// Test statistic; NaN if it was not tested.
     pub value: f64,
-    /// p-value.
+    /// p-value; NaN if it was not tested.
     pub p_value: f64,
     /// Fraction of resampled batches in which the link was found, 0 to 1; -1 if not computed.
     pub confidence: f64,
     /// The link in words.
     pub description: String,
+    /// Its mark, such as `-->` or `o-o`; empty is taken for `-->`.
+    pub mark: String,
+    /// Whether a test found it; if not, `value` and `p_value` are NaN.
+    pub tested: bool,
+    /// Samples that its test used; 0: not known.
+    pub samples: u32,
+    /// How likely the link is real, 0 to 1; NaN: not measured.
+    pub chance: f64,
 }
 message!(own CausalLink uses []);
 

@@ -198,6 +198,7 @@ pub(crate) fn of_test(json: &str) -> Result<(String, TestSettings)> {
         confidence: given.word("confidence")?.map(|word| confidence(&word)).transpose()?,
         conf_blocklength: given.count("conf_blocklength")?,
         max_memory: given.count("max_memory")?.map(|bytes| bytes as u64),
+        as_tigramite: true,
         ..TestSettings::default()
     };
     set(&mut settings.knn, given.number("knn")?);

@@ -81,7 +81,7 @@ def test_windows_give_the_references_numbers_and_those_of_roll():
     )  # fmt: skip
     assert [each.start for each in rolling][: len(case["starts"])] == case["starts"]
     for window, matrix in zip(rolling, ours["val_matrix"]):
-        assert window.model.val_matrix == pytest.approx(matrix, abs=1e-10)
+        assert window.model.val_matrix[..., 1:] == pytest.approx(matrix[..., 1:], abs=1e-10)
 
 
 def test_a_time_budget_ends_the_windows_and_says_after_how_many(chain, quick):
@@ -103,7 +103,7 @@ def test_resamples_say_how_often_a_link_is_found(chain, quick):
     assert model == rc.discover(chain, columns=list("abc"), **quick, resamples=40, threads=1)
     plain = rc.discover(chain, columns=list("abc"), **quick)
     assert plain.link_frequency is None and plain.advice == [] and plain.links[0].confidence is None
-    assert np.array_equal(plain.p_matrix, model.p_matrix)
+    assert np.array_equal(plain.p_matrix, model.p_matrix, equal_nan=True)
 
 
 @pytest.mark.parametrize(

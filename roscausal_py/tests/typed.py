@@ -15,7 +15,7 @@ def strongest(data: NDArray[np.float64], names: Sequence[str]) -> rc.Link:
     model: rc.Model = rc.discover(data, columns=names, method="pcmci", test="parcorr", alpha=0.01, progress=lambda done, total: None)
     matrix: NDArray[np.float64] = model.val_matrix
     assert matrix.shape[2] == 2
-    return max(model.links, key=lambda link: abs(link.value))
+    return max(model.links, key=lambda link: abs(link.value or 0))
 
 
 def mark(data: NDArray[np.float64]) -> str:

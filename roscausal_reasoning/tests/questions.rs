@@ -479,17 +479,10 @@ fn what_something_unrecorded_may_be_behind_is_no_cause_and_no_open_pair() {
         cause: format!("x{cause}"),
         effect: format!("x{effect}"),
         lag,
-        value: 0.5,
-        p_value: 0.01,
+        value: Some(0.5),
+        p_value: Some(0.01),
         mark: mark.to_owned(),
-        n_lost: 0,
-        confidence: None,
-        value_low: None,
-        value_high: None,
-        size: None,
-        since: None,
-        required: false,
-        seen: None,
+        ..Default::default()
     };
     let noise = |i: usize| ((12.9898 * i as f64).sin() * 43758.5453).rem_euclid(1.0);
     let rows = ndarray::Array2::from_shape_fn((60, 3), |(t, var)| noise(3 * t + var));

@@ -76,7 +76,8 @@ pub type Node<B> = (&'static str, fn(&B) -> Result<()>);
 pub fn main<B: Backend>(more: &[Node<B>]) -> ExitCode {
     roscausal_core::spell_out_panics();
     let nodes = Nodes { more };
-    let mut args = std::env::args().peekable();
+    // What is not UTF-8 gets marks, and is refused as what it then says.
+    let mut args = std::env::args_os().map(|arg| arg.to_string_lossy().into_owned()).peekable();
     let program = args.next().unwrap_or_default();
     if args.next_if(|first| first == "--help" || first == "-h").is_some() {
         println!("{}", nodes.usage());

@@ -38,7 +38,7 @@ pub(super) fn cards(material: &Material) -> String {
 fn card(material: &Material, place: usize, link: &Link, seen: &LinkEvidence) -> String {
     let model = &material.model;
     let mut facts: Vec<(&str, String)> = vec![
-        ("strength", format!("{:.4}", link.value)),
+        ("strength", link.strength_in_words(4)),
         ("p-value", report::p_cell(model, link.p_value)),
         ("samples", seen.n_samples.to_string()),
     ];

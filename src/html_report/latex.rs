@@ -15,12 +15,14 @@ pub(super) fn table(model: &Model) -> String {
         + "\\begin{tabular}{llrrl}\n\\hline\ncause & effect & lag & strength & $p$ \\\\\n\\hline\n";
     for link in &model.links {
         let p = report::p_cell(model, link.p_value);
-        let p = match p.strip_prefix('<') {
-            Some(smallest) => format!("$<{smallest}$"),
-            None => format!("${p}$"),
+        let p = match (link.p_value, p.strip_prefix('<')) {
+            (None, _) => p,
+            (_, Some(smallest)) => format!("$<{smallest}$"),
+            (_, None) => format!("${p}$"),
         };
+        let strength = link.value.map_or(String::from("--"), |value| format!("${value:.3}$"));
         let (cause, effect) = (text(&plain(&link.cause)), text(&plain(&link.effect)));
-        let _ = writeln!(out, "{cause} & {effect} & {} & ${:.3}$ & {p} \\\\", link.lag, link.value);
+        let _ = writeln!(out, "{cause} & {effect} & {} & {strength} & {p} \\\\", link.lag);
     }
     out + "\\hline\n\\end{tabular}\n"
 }
@@ -43,8 +45,8 @@ pub(super) fn tikz(model: &Model) -> String {
     let place = |name: &str| model.features.iter().position(|feature| feature == name);
     for link in &model.links {
         let (Some(i), Some(j)) = (place(&link.cause), place(&link.effect)) else { continue };
-        let mut style = format!("line width={:.2}pt", 0.4 + 1.6 * link.value.abs().min(1.0));
-        if link.value < 0.0 {
+        let mut style = format!("line width={:.2}pt", 0.4 + 1.6 * link.drawn_strength().abs().min(1.0));
+        if link.drawn_strength() < 0.0 {
             style += ", dashed";
         }
         if link.mark != "-->" {

@@ -136,11 +136,11 @@ fn links(model: &Model) -> String {
     for (place, link) in model.links.iter().enumerate() {
         let _ = writeln!(
             content,
-            "<tr><td>{}</td><td>{}</td><td>{}</td><td>{:.3}</td><td>{}</td><td><a href=\"#{}\">{}</a></td></tr>",
+            "<tr><td>{}</td><td>{}</td><td>{}</td><td>{}</td><td>{}</td><td><a href=\"#{}\">{}</a></td></tr>",
             escaped(&plain(&link.cause)),
             escaped(&plain(&link.effect)),
             link.lag,
-            link.value,
+            link.strength_in_words(3),
             escaped(&report::p_cell(model, link.p_value)),
             anchor(place),
             escaped(&report::sentence(model, link))

@@ -18,6 +18,7 @@ use crate::{
     folders::{read_evidence, read_model},
     interrupt::Interrupt,
     results::check_whole,
+    terminal::tell,
 };
 
 /// Most variables and lags of a model that a report shows.
@@ -67,12 +68,17 @@ fn holds_recording(dir: &Path) -> Result<bool> {
 /// `model.json` in a folder; else the newest of its models in `cm_pool`, or in the folder itself.
 pub(super) fn of_folder(dir: &Path) -> Result<Material> {
     let pool = dir.join("cm_pool");
-    let pool = if pool.is_dir() { pool } else { dir.to_owned() };
-    // Other JSON files may lie there, too.
-    let mut models: Vec<(PathBuf, Model)> = with_ending(&pool, ".json")?
-        .into_iter()
-        .filter_map(|path| Some((path.clone(), read_model(&path).ok()?)))
-        .collect();
+    let only_models = pool.is_dir();
+    let pool = if only_models { pool } else { dir.to_owned() };
+    let mut models: Vec<(PathBuf, Model)> = Vec::new();
+    for path in with_ending(&pool, ".json")? {
+        match read_model(&path) {
+            Ok(model) => models.push((path, model)),
+            Err(error) if only_models => tell!("note: left out: {error}"),
+            // Other JSON files may lie there, too.
+            Err(_) => {}
+        }
+    }
     let own = dir.join("model.json");
     let newest = if own.exists() { Some(own.clone()) } else { models.last().map(|(path, _)| path.clone()) };
     let Some(newest) = newest else {
@@ -98,7 +104,13 @@ fn of_model(path: &Path, name: String) -> Result<Material> {
         Some("model.json") => dir.join(EVIDENCE),
         _ => dir.join(EVIDENCE_FOLDER).join(own_name),
     };
-    let evidence = read_evidence(&beside)?.filter(|evidence| evidence.is_of(&model));
+    let evidence = read_evidence(&beside)?.filter(|evidence| {
+        let is_of = evidence.is_of(&model);
+        if !is_of {
+            tell!("note: left out: {}: it is the evidence of another model", beside.display());
+        }
+        is_of
+    });
     let command = command(&model, "DATA.csv");
     Ok(Material { model, evidence, name, command, batches: Vec::new() })
 }

@@ -97,7 +97,7 @@ fn lever(found: &Model) -> Option<(&str, &str)> {
         .filter(|link| link.mark == "-->" && link.cause != link.effect)
         .filter(|link| of_system(&link.cause) && of_system(&link.effect))
         .collect();
-    links.sort_by(|a, b| b.value.abs().total_cmp(&a.value.abs()));
+    links.sort_by(|a, b| b.drawn_strength().abs().total_cmp(&a.drawn_strength().abs()));
     let pairs = || links.iter().map(|link| (link.cause.as_str(), link.effect.as_str()));
     pairs().find(|pair| *pair == PAPER).or_else(|| pairs().next())
 }

@@ -435,7 +435,7 @@ class Page:
             try:
                 urllib.request.urlopen(urllib.request.Request(f"{self.demo.url}{path}", data=b"{}", method="POST"), timeout=10)
             except urllib.error.HTTPError as error:
-                assert error.code == 405, (path, error.code)
+                assert error.code == 413, (path, error.code)
             else:
                 raise AssertionError(f"{path} takes what is posted")
 

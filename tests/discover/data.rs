@@ -4,6 +4,8 @@ use std::{fs, path::Path};
 
 use serde_json::Value;
 
+use roscausal_fuzz::unit;
+
 use super::{QUICK, common::roscausal, complaint, coupled, folder, has};
 
 #[test]
@@ -80,7 +82,10 @@ fn missing_cells_and_constant_columns_are_told_and_survived() {
     has(&model["warnings"].to_string(), &["'a': 1 of 200", "'c' is constant"]);
     assert_eq!(model["graph"][0][1][1], "-->");
     assert_eq!(model["graph"][2][1][1], "");
-    assert_eq!(model["p_matrix"][2][1][1], 1.0);
+    assert_eq!(
+        (&model["outcomes"][2][1][1], &model["p_matrix"][2][1][1]),
+        (&"no_answer".into(), &Value::Null)
+    );
 }
 
 #[test]
@@ -205,7 +210,8 @@ fn what_is_known_of_links_is_kept() {
     fs::write(dir.path().join("links.toml"), rules).expect("writes");
     let model = json(dir.path(), &["--links", "links.toml"]);
     assert_eq!((&model["graph"][0][1][1], &model["graph"][1][0][1]), (&"".into(), &"-->".into()));
-    assert_eq!(model["p_matrix"][1][0][1], 0.0);
+    assert_eq!(model["outcomes"][1][0][1], "required");
+    assert_eq!((&model["p_matrix"][1][0][1], &model["pval"][0][0][1]), (&Value::Null, &0.0.into()));
     fs::write(dir.path().join("links.toml"), rules.replace("'b'", "'c'")).expect("writes");
     let out = roscausal(dir.path(), &[&QUICK[..], &["--links", "links.toml"]].concat());
     has(&String::from_utf8_lossy(&out.stderr), &["links.toml: there is no variable 'c'", "variables: a, b"]);
@@ -433,4 +439,122 @@ fn words_are_understood_in_any_case() {
         &[&QUICK[..], &["--fdr", "FDR_BH", "--format", "JSON", "--time-unit", "MS"]].concat(),
     );
     assert!(out.status.success(), "{}", String::from_utf8_lossy(&out.stderr));
+}
+
+/// Columns `a` and `b` that never have a value at the same time or one step apart, and `c` that always has one.
+fn disjoint(rows: usize) -> String {
+    let mut state = 5_u64;
+    let mut csv = "a,b,c\n".to_owned();
+    for row in 0..rows {
+        let (early, noise) = (row < rows / 2 - 2, [unit(&mut state), unit(&mut state)]);
+        let cell = |there: bool| if there { noise[0].to_string() } else { String::new() };
+        csv += &format!("{},{},{}\n", cell(early), cell(row > rows / 2 + 2), noise[1]);
+    }
+    csv
+}
+
+fn printed(csv: &str, test: &str, args: &[&str]) -> String {
+    let dir = folder("data.csv", csv);
+    let out = roscausal(dir.path(), &[&QUICK[..5], &[test], args].concat());
+    assert!(out.status.success(), "{}", String::from_utf8_lossy(&out.stderr));
+    String::from_utf8_lossy(&out.stdout).into_owned()
+}
+
+#[test]
+fn what_was_not_tested_has_no_number_and_the_reason_is_told() {
+    let csv = disjoint(300);
+    for test in ["parcorr", "gpdc", "cmiknn"] {
+        let text = printed(&csv, test, &[]);
+        let row = |cause: &str, effect: &str| {
+            let is_of = |line: &&str| line.split_whitespace().take(2).eq([cause, effect]);
+            text.lines().find(is_of).unwrap_or_else(|| panic!("{test}: {text}")).to_owned()
+        };
+        for (cause, effect) in [("a", "b"), ("b", "a")] {
+            let row = row(cause, effect);
+            assert!(row.contains("not tested: too few samples in common") && !row.contains("0.000"), "{row}");
+        }
+        has(&text, &["Pairs and lags that were not tested: ", ": too few samples in common"]);
+        assert!(!text.contains("every tested pair may be independent"), "{text}");
+    }
+}
+
+#[test]
+fn where_nothing_was_tested_nothing_is_said_of_links() {
+    let dir = folder("data.csv", &disjoint(300));
+    fs::write(
+        dir.path().join("l.toml"),
+        "only = true\n[[link]]\ncause = \"a\"\neffect = \"b\"\nlags = [1]\nis = \"allowed\"\n",
+    )
+    .expect("writes");
+    let out = roscausal(dir.path(), &[&QUICK[..], &["--links", "l.toml"]].concat());
+    let text = String::from_utf8_lossy(&out.stdout);
+    has(&text, &["on 0 of 298 samples", "No pair was tested, so nothing is known of any link."]);
+    has(&text, &["not tested: it was ruled out beforehand", "8: it was ruled out beforehand"]);
+}
+
+#[test]
+fn the_samples_behind_each_link_are_those_that_its_test_used() {
+    let mut state = 3_u64;
+    let mut csv = "a,b,k\n".to_owned();
+    for row in 0..400 {
+        let k = if row % 40 < 12 { unit(&mut state).to_string() } else { String::new() };
+        csv += &format!("{},{},{k}\n", unit(&mut state), unit(&mut state));
+    }
+    let model: Value =
+        serde_json::from_str(&printed(&csv, "parcorr", &["--format", "json"])).expect("a model");
+    let used = |i: usize, j: usize| model["n_matrix"][i][j][1].as_u64().expect("tested");
+    let all: Vec<u64> = (0..9).map(|cell| used(cell / 3, cell % 3)).collect();
+    let (fewest, most) = (all.iter().min().expect("nine"), all.iter().max().expect("nine"));
+    // 120 rows have a value of k, and nothing else misses any.
+    assert!(*most == 398 && (0..3).all(|i| used(i, 2) < 120 && used(2, i) <= 120), "{all:?}");
+    assert_eq!(model["outcomes"][0][1], serde_json::json!(["not_asked", "tested"]));
+    let text = printed(&csv, "parcorr", &[]);
+    has(&text, &[&format!("on {fewest} to 398 samples")]);
+}
+
+/// `a` drives `b`, of which nine values in ten are missing.
+#[test]
+fn a_link_that_rests_on_few_samples_says_so() {
+    let seldom = coupled(600).lines().enumerate().fold(String::new(), |csv, (row, line)| {
+        let keep = row == 0 || row % 40 < 6;
+        csv + if keep { line } else { line.rsplit_once(',').map_or("", |(kept, _)| kept) }
+            + if keep { "\n" } else { ",\n" }
+    });
+    let text = printed(&seldom, "parcorr", &[]);
+    let link = text.lines().find(|line| line.contains("drives b:")).expect("a link");
+    assert!(link.contains(" of 598 samples") && text.contains("a at t-1"), "{text}");
+}
+
+#[test]
+fn a_partial_run_says_nothing_of_what_it_did_not_test() {
+    let mut state = 9_u64;
+    let mut csv = String::from("a,b,c,d,e\n");
+    (0..1500).for_each(|_| {
+        let row: Vec<String> = (0..5).map(|_| unit(&mut state).to_string()).collect();
+        csv += &format!("{}\n", row.join(","));
+    });
+    for method in ["lpcmci", "pcmciplus", "pcmci"] {
+        let dir = folder("data.csv", &csv);
+        let args = [
+            "--method",
+            method,
+            "--test",
+            "cmiknn",
+            "--tau-max",
+            "3",
+            "--time-budget",
+            "0.4",
+            "--threads",
+            "1",
+        ];
+        let out = roscausal(dir.path(), &[&["discover", "data.csv"], &args[..]].concat());
+        let text = String::from_utf8_lossy(&out.stdout);
+        has(&text, &["not tested: the time budget ended before", "This result is partial"]);
+        assert!(!text.contains("strength 1.00"), "{method}: {text}");
+        let json =
+            roscausal(dir.path(), &[&["discover", "data.csv", "--format", "json"], &args[..]].concat());
+        let model: Value = serde_json::from_slice(&json.stdout).expect("a model");
+        let cells = |field: &str| model[field].to_string().matches("null").count();
+        assert!(cells("val_matrix") > 10 && cells("val_matrix") == cells("p_matrix"), "{method}");
+    }
 }

@@ -9,6 +9,11 @@ DT = 0.3
 NAMES = ("r_v", "d", "h_v")
 
 
+LINKS = (("r_v", "r_v"), ("d", "d"), ("h_v", "h_v"), ("r_v", "d"), ("d", "h_v"))
+#: Marks and lags that the link from the distance to her speed may have instead, as a graph may be written by hand.
+MARKS = (("-->", 0), ("o-o", 0), ("x-x", 0))
+
+
 def step(row, noise=(0.0, 0.0, 0.0)):
     """The next row."""
     r_v, d, h_v = row
@@ -19,11 +24,15 @@ def step(row, noise=(0.0, 0.0, 0.0)):
     )
 
 
-def rows(count, seed=1):
+#: Noise of the three, and noise with which they reach all that a planner may try and a simulation shows: answers end where the data do.
+QUIET, WIDE = (0.08, 0.05, 0.03), (0.28, 1.5, 0.4)
+
+
+def rows(count, seed=1, noise=QUIET):
     rng = random.Random(seed)
     row, found = (0.4, 3.3, 1.2), []
     for _ in range(count):
-        row = step(row, (rng.gauss(0, 0.08), rng.gauss(0, 0.05), rng.gauss(0, 0.03)))
+        row = step(row, tuple(rng.gauss(0, sd) for sd in noise))
         found.append(row)
     return found
 
@@ -47,14 +56,19 @@ def pulse(steps):
     return high[2] - low[2]
 
 
-def write(folder, count=600, seed=1):
+def links(last=("-->", 1)):
+    """Cause, effect, lag and mark of each link; `last`: mark and lag of the last one."""
+    return [(*pair, *((1, "-->") if pair != LINKS[-1] else (last[1], last[0]))) for pair in LINKS]
+
+
+def write(folder, count=600, seed=1, last=("-->", 1), noise=QUIET):
     """A batch and a graph as files; their paths, and the rows."""
     batch, graph = os.path.join(folder, "batch.csv"), os.path.join(folder, "graph.json")
-    found = rows(count, seed)
+    found = rows(count, seed, noise)
     with open(batch, "w") as file:
         file.write("time," + ",".join(NAMES) + "\n")
         file.writelines(f"{100 + DT * i:.1f}," + ",".join(f"{x:.6f}" for x in row) + "\n" for i, row in enumerate(found))
-    links = [{"cause": a, "effect": b, "lag": 1} for a, b in (("r_v", "r_v"), ("d", "d"), ("h_v", "h_v"), ("r_v", "d"), ("d", "h_v"))]
+    listed = [{"cause": cause, "effect": effect, "lag": lag, "mark": mark} for cause, effect, lag, mark in links(last)]
     with open(graph, "w") as file:
-        json.dump({"variables": NAMES, "links": links, "units": {"d": "m", "h_v": "m/s", "r_v": "m/s"}, "dt": DT}, file)
+        json.dump({"variables": NAMES, "links": listed, "units": {"d": "m", "h_v": "m/s", "r_v": "m/s"}, "dt": DT}, file)
     return batch, graph, found

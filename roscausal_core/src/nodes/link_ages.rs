@@ -62,7 +62,7 @@ mod tests {
         let graph = vec![vec![vec![String::new(), String::new()]; 2]; 2];
         let numbers = |v: f64| vec![vec![vec![v; 2]; 2]; 2];
         let mut matrices =
-            Matrices { graph, val_matrix: numbers(0.5), p_matrix: numbers(0.001), n_lost: vec![] };
+            Matrices { graph, val_matrix: numbers(0.5), p_matrix: numbers(0.001), ..Matrices::default() };
         matrices.graph[0][1][1] = mark.to_owned();
         Settings::default().blank_model().with_matrices(vec!["a".into(), "b".into()], matrices)
     }

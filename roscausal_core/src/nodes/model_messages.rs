@@ -1,6 +1,6 @@
 //! From a [`Model`] to the messages that the discovery node publishes.
 
-use roscausal_discovery::{Link, Model, decides_by_pc_alpha, draw, sentence_of, word_of};
+use roscausal_discovery::{Link, LinkMark, Model, decides_by_pc_alpha, draw, sentence_of, word_of};
 use roscausal_msgs::{
     CausalLink, CausalModel, CausalModelInfo, Time,
     sensor_msgs::{CompressedImage, Image},
@@ -56,7 +56,7 @@ pub fn causal_model_info(
     before: Option<&Model>,
 ) -> CausalModelInfo {
     let mut links: Vec<&Link> = model.links.iter().collect();
-    links.sort_by(|a, b| b.value.abs().total_cmp(&a.value.abs()));
+    links.sort_by(|a, b| b.drawn_strength().abs().total_cmp(&a.drawn_strength().abs()));
     let (gained, lost) = match before {
         Some(before) => (names_not_in(model, before), names_not_in(before, model)),
         None => (model.links.iter().map(short).collect(), Vec::new()),
@@ -123,29 +123,37 @@ fn causal_link(model: &Model, link: &Link) -> CausalLink {
     });
     let since = link.since.map_or(String::new(), |since| format!(", in each since {since:.1} s"));
     let age = link.seen.map_or(String::new(), |seen| format!("; in {seen} of the last 8 models{since}"));
+    let strength = match link.p_value {
+        Some(p) => format!("strength {}, p = {p:.4}", link.strength_in_words(3)),
+        None => link.strength_in_words(3),
+    };
     CausalLink {
         cause: link.cause.clone(),
         effect: link.effect.clone(),
         lag: link.lag as u32,
-        value: link.value,
-        p_value: link.p_value,
+        value: link.value.unwrap_or(f64::NAN),
+        p_value: link.p_value.unwrap_or(f64::NAN),
         confidence: link.confidence.unwrap_or(-1.0),
-        description: format!("{what}: strength {:.3}, p = {:.4}{found}{age}", link.value, link.p_value),
+        description: format!("{what}: {strength}{found}{age}"),
+        mark: link.mark.clone(),
+        tested: link.value.is_some(),
+        samples: link.n_used.map_or(0, |used| used as u32),
+        chance: f64::NAN,
     }
 }
 
-/// The mark of a link of a message, such as `<->`. The message has no field for it: its description says it, and none says `-->`. Of a
-/// description that says nothing of these, the mark that claims least.
+/// The mark of a link of a message, such as `<->`. A link without one is a cause: whoever writes such a message knows no others. A mark
+/// that is not known claims nothing of a direction.
 pub fn mark_of(link: &CausalLink) -> &'static str {
-    let (cause, effect) = (&link.cause, &link.effect);
-    if link.description.is_empty() || link.description.starts_with(&format!("{cause} -> {effect} ")) {
-        return "-->";
+    match link.mark.as_str() {
+        "" => "-->",
+        given => LinkMark::ALL.iter().map(|mark| mark.symbol()).find(|mark| *mark == given).unwrap_or("o-o"),
     }
-    if link.description.starts_with(&format!("{cause} -- {effect} ")) {
-        return "o-o";
-    }
-    let says = |mark: &&str| link.description.starts_with(&sentence_of(cause, effect, mark));
-    ["<->", "o->", "x->", "x-x", "x-o"].into_iter().find(says).unwrap_or("x-x")
+}
+
+/// What the mark of a link of a message says.
+pub fn sentence(link: &CausalLink) -> String {
+    sentence_of(&link.cause, &link.effect, mark_of(link))
 }
 
 fn short(link: &Link) -> String {
@@ -172,7 +180,7 @@ mod tests {
         let numbers = |v: f64| vec![vec![vec![0.0, v]; 3]; 3];
         let names = ["h_v", "h_dg", "h_risk"].map(str::to_owned).to_vec();
         let matrices =
-            Matrices { graph, val_matrix: numbers(0.49), p_matrix: numbers(0.001), n_lost: vec![] };
+            Matrices { graph, val_matrix: numbers(0.49), p_matrix: numbers(0.001), ..Matrices::default() };
         Settings::default().blank_model().with_matrices(names, matrices)
     }
 
@@ -203,19 +211,21 @@ mod tests {
     }
 
     #[test]
-    fn the_mark_of_each_link_can_be_read_from_its_message() {
+    fn a_message_has_the_mark_of_each_link_and_whether_it_was_tested() {
         let mut model = example();
         for (link, mark) in model.links.iter_mut().zip(["-->", "<->", "o->", "o-o", "x->", "x-x"]) {
             link.mark = mark.to_owned();
         }
+        (model.links[0].value, model.links[0].p_value, model.links[0].required) = (None, None, true);
         let info = causal_model_info(&model, &Header::default(), &Origin::default(), None);
         let read: Vec<&str> = info.links.iter().map(mark_of).collect();
         let written: Vec<&str> = model.links.iter().map(|link| link.mark.as_str()).collect();
         assert_eq!(read, written);
-        let of = |description: &str| {
-            mark_of(&CausalLink { description: description.into(), ..CausalLink::default() })
-        };
-        assert_eq!([of(""), of("h_v and h_dg are associated (lag 0)")], ["-->", "x-x"]);
+        let first = &info.links[0];
+        assert!(!first.tested && first.value.is_nan() && first.description.ends_with(": required"));
+        assert!(info.links[1].tested && info.links[1].chance.is_nan());
+        let of = |mark: &str| mark_of(&CausalLink { mark: mark.into(), ..CausalLink::default() });
+        assert_eq!([of(""), of("=>")], ["-->", "o-o"]);
     }
 
     #[test]

@@ -1,9 +1,9 @@
 //! Questions from messages, and answers as messages.
 
-use std::collections::{HashMap, HashSet};
+use std::collections::HashSet;
 
 use roscausal_discovery::{
-    Error,
+    Error, Link, Model, Settings,
     text::{check_step, is_share, quoted},
 };
 use roscausal_msgs::{
@@ -20,67 +20,69 @@ use serde_json::{Value as Json, json};
 
 use super::{model_messages::mark_of, reasoning_rows::Moment};
 
-/// The graph of a model that was published, without the columns `context`. Within a moment, a pair that is not `cause -> effect` may
-/// go either way.
+/// The graph of a model that was published, without the columns `context`: that of [`Graph::of_model`]. Links at lag 0 that are
+/// listed as causes in both directions contradict each other.
 ///
 /// # Errors
 /// What is no graph ([`Graph::new`]), no step, or no p-value.
 pub(super) fn graph_of(info: &CausalModelInfo, context: &[String]) -> Result<(Graph, Facts), Error> {
     let is_context = |name: &String| context.contains(name) || name.starts_with("do_");
-    let links: Vec<&CausalLink> =
+    let listed: Vec<&CausalLink> =
         info.links.iter().filter(|link| !is_context(&link.cause) && !is_context(&link.effect)).collect();
-    let mut names: Vec<String> =
+    let mut features: Vec<String> =
         info.candidate_features.iter().filter(|name| !is_context(name)).cloned().collect();
-    let mut places: HashMap<String, usize> = names.iter().cloned().zip(0..).collect();
-    for name in links.iter().flat_map(|link| [&link.cause, &link.effect]) {
-        if !places.contains_key(name) {
-            places.insert(name.clone(), names.len());
-            names.push(name.clone());
-        }
-    }
+    let linked: HashSet<&String> = listed.iter().flat_map(|link| [&link.cause, &link.effect]).collect();
+    let mut places: HashSet<String> = features.iter().cloned().collect();
+    features.extend(
+        listed
+            .iter()
+            .flat_map(|link| [&link.cause, &link.effect])
+            .filter(|name| places.insert((*name).clone()))
+            .cloned(),
+    );
     // The message has 0 for a step that is not known.
     let dt = Some(info.dt).filter(|dt| *dt != 0.0);
     check_step(dt)?;
-    let mut facts =
-        Facts { dt, method: format!("{} with {}", info.method, info.cond_ind_test), ..Facts::default() };
-    let (mut arrows, mut pairs): (Vec<Arrow>, Vec<Pair>) = (Vec::new(), Vec::new());
-    let within_a_moment: HashSet<(&str, &str)> = links
+    let within_a_moment: HashSet<(&str, &str)> = listed
         .iter()
-        .filter(|link| link.lag == 0)
+        .filter(|link| link.lag == 0 && mark_of(link) == "-->")
         .map(|link| (link.cause.as_str(), link.effect.as_str()))
         .collect();
-    for link in &links {
-        let place = |wanted: &String| places.get(wanted).copied().unwrap_or_default();
-        let (cause, effect, lag) = (place(&link.cause), place(&link.effect), link.lag as usize);
-        if !is_share(link.p_value) {
+    let mut links = Vec::new();
+    for link in &listed {
+        let tested = link.tested || link.mark.is_empty();
+        if tested && !is_share(link.p_value) {
             let (cause, effect) = (quoted(&link.cause), quoted(&link.effect));
-            let reason =
-                format!("the p-value of {cause} -> {effect} at lag {lag} is {}, not 0 to 1", link.p_value);
+            let (lag, p) = (link.lag, link.p_value);
+            let reason = format!("the p-value of {cause} -> {effect} at lag {lag} is {p}, not 0 to 1");
             return Err(Error::Data(reason));
         }
-        let both_ways = lag == 0
-            && cause != effect
+        let contradicts = link.lag == 0
+            && link.cause != link.effect
             && within_a_moment.contains(&(link.effect.as_str(), link.cause.as_str()));
-        match mark_of(link) {
-            "-->" if !both_ways => arrows.push(Arrow { cause, effect, lag }),
-            // Listed from both ends it is still one pair.
-            _ if both_ways && cause > effect => continue,
-            mark if lag == 0 && mark != "<->" => {
-                pairs.push(Pair { a: cause, b: effect, conflict: mark == "x-x" || mark == "-->" });
-            }
-            _ => {
-                facts
-                    .warnings
-                    .push(format!("the link '{}' is no plain cause and is left out", link.description));
-                continue;
-            }
-        }
-        facts.p_values.push((link.cause.clone(), link.effect.clone(), lag, link.p_value));
+        links.push(Link {
+            cause: link.cause.clone(),
+            effect: link.effect.clone(),
+            lag: link.lag as usize,
+            value: tested.then_some(link.value),
+            p_value: tested.then_some(link.p_value),
+            mark: if contradicts { "x-x" } else { mark_of(link) }.to_owned(),
+            ..Link::default()
+        });
     }
-    let linked: HashSet<&String> = links.iter().flat_map(|link| [&link.cause, &link.effect]).collect();
-    facts.dropped = names.iter().filter(|name| !linked.contains(name)).cloned().collect();
-    let largest = links.iter().map(|link| link.lag).max().unwrap_or(0).max(info.max_lag);
-    Ok((Graph::new(names, largest as usize, &arrows, &pairs)?, facts))
+    let largest = links.iter().map(|link| link.lag).max().unwrap_or(0).max(info.max_lag as usize);
+    let dropped = features.iter().filter(|name| !linked.contains(name)).cloned().collect();
+    let model = Model {
+        method: info.method.clone(),
+        cond_ind_test: info.cond_ind_test.clone(),
+        tau_max: largest,
+        dt,
+        features,
+        dropped,
+        links,
+        ..Settings::default().blank_model()
+    };
+    Ok((Graph::of_model(&model, &[])?, Facts::of_model(&model)))
 }
 
 /// A question from its message; 0 steps: `horizon`.
@@ -234,18 +236,17 @@ pub(super) fn structural_model(model: &StructuralModel) -> String {
 
 #[cfg(test)]
 mod tests {
-    use roscausal_discovery::sentence_of;
+    use roscausal_discovery::LinkMark;
+    use roscausal_msgs::std_msgs::Header;
 
-    use super::*;
+    use super::{
+        super::model_messages::{Origin, causal_model_info},
+        *,
+    };
 
-    fn link(cause: &str, effect: &str, lag: u32, arrow: &str) -> CausalLink {
-        CausalLink {
-            cause: cause.into(),
-            effect: effect.into(),
-            lag,
-            description: format!("{cause} {arrow} {effect} (lag {lag}): strength 0.5, p = 0.01"),
-            ..CausalLink::default()
-        }
+    fn link(cause: &str, effect: &str, lag: u32, mark: &str) -> CausalLink {
+        let (cause, effect, mark) = (cause.into(), effect.into(), mark.into());
+        CausalLink { cause, effect, lag, mark, tested: true, ..CausalLink::default() }
     }
 
     #[test]
@@ -254,10 +255,10 @@ mod tests {
             max_lag: 2,
             candidate_features: ["h_v", "d", "r_v", "do_robot_speed"].map(str::to_owned).to_vec(),
             links: vec![
-                link("r_v", "d", 1, "->"),
-                link("h_v", "d", 0, "--"),
-                link("d", "h_v", 0, "--"),
-                link("do_robot_speed", "r_v", 0, "->"),
+                link("r_v", "d", 1, "-->"),
+                link("h_v", "d", 0, "o-o"),
+                link("d", "h_v", 0, "o-o"),
+                link("do_robot_speed", "r_v", 0, "-->"),
                 link("h_v", "d", 2, "<->"),
             ],
             ..CausalModelInfo::default()
@@ -270,28 +271,41 @@ mod tests {
     }
 
     #[test]
-    fn a_message_is_the_graph_that_the_file_of_its_model_is() {
-        let marks = [("o-o", false), ("x-x", true), ("o->", false)];
-        for (mark, conflict) in marks {
-            let description = match mark {
-                "o-o" => "b -- c (lag 0): strength 0.5, p = 0.01".to_owned(),
-                mark => format!("{} (lag 0): strength 0.5, p = 0.01", sentence_of("b", "c", mark)),
+    fn a_message_is_the_graph_that_the_file_of_its_model_is_for_every_mark() {
+        let names = ["a", "b", "c"].map(str::to_owned).to_vec();
+        for (mark, lag) in LinkMark::ALL.into_iter().skip(1).flat_map(|mark| [(mark, 0), (mark, 1)]) {
+            let possible = lag == 0 || matches!(mark.symbol(), "-->" | "o->" | "<->" | "x->");
+            if !possible || mark == LinkMark::Backward {
+                continue;
+            }
+            let link = |cause: &str, effect: &str, lag, mark: &str| Link {
+                cause: cause.into(),
+                effect: effect.into(),
+                lag,
+                value: Some(0.5),
+                p_value: Some(0.01),
+                mark: mark.into(),
+                ..Link::default()
             };
-            let open = CausalLink { description, ..link("b", "c", 0, "") };
-            let links = vec![link("a", "b", 0, "->"), open];
-            let info = CausalModelInfo { links, ..CausalModelInfo::default() };
-            let (graph, _) = graph_of(&info, &[]).expect("a graph");
-            assert_eq!(graph.pairs(), [Pair { a: 1, b: 2, conflict }], "{mark}");
+            let links = vec![link("a", "b", 1, "-->"), link("b", "c", lag, mark.symbol())];
+            let model =
+                Model { features: names.clone(), tau_max: 1, links, ..Settings::default().blank_model() };
+            let origin = Origin { candidate_features: names.clone(), ..Origin::default() };
+            let info = causal_model_info(&model, &Header::default(), &origin, None);
+            let (of_message, facts) = graph_of(&info, &[]).expect("a graph");
+            let of_file = Graph::of_model(&model, &[]).expect("a graph");
+            let all = |graph: &Graph| (graph.arrows().collect::<Vec<_>>(), graph.pairs().to_vec());
+            assert_eq!(all(&of_message), all(&of_file), "{mark:?} at lag {lag}");
+            assert_eq!(facts.warnings, Facts::of_model(&model).warnings);
         }
-        let links = [link("a", "b", 0, "<->"), link("a", "b", 1, "->")];
-        let hidden = CausalLink { description: sentence_of("a", "b", "<->"), ..links[0].clone() };
-        let info = CausalModelInfo {
-            max_lag: 1,
-            links: vec![hidden, links[1].clone()],
-            ..CausalModelInfo::default()
-        };
-        let (graph, facts) = graph_of(&info, &[]).expect("a graph");
-        assert_eq!((graph.pairs().len(), graph.arrows().count(), facts.warnings.len()), (0, 1, 1));
+    }
+
+    #[test]
+    fn causes_in_both_directions_within_a_moment_contradict_each_other() {
+        let links = vec![link("a", "b", 0, "-->"), link("b", "a", 0, "")];
+        let (graph, _) =
+            graph_of(&CausalModelInfo { links, ..CausalModelInfo::default() }, &[]).expect("a graph");
+        assert_eq!(graph.pairs(), [Pair { a: 0, b: 1, conflict: true }]);
     }
 
     #[test]
@@ -299,7 +313,7 @@ mod tests {
         let whole = CausalModelInfo {
             max_lag: 1,
             candidate_features: ["a", "b"].map(str::to_owned).to_vec(),
-            links: vec![link("a", "b", 1, "->")],
+            links: vec![link("a", "b", 1, "-->")],
             ..CausalModelInfo::default()
         };
         assert!(graph_of(&whole, &[]).is_ok());
@@ -316,7 +330,7 @@ mod tests {
             ("there twice", |info| info.candidate_features.push("a".into())),
             ("has no name", |info| info.candidate_features.push(String::new())),
             ("there twice", |info| info.links.push(info.links[0].clone())),
-            ("lag 0", |info| info.links.push(link("a", "a", 0, "->"))),
+            ("lag 0", |info| info.links.push(link("a", "a", 0, "-->"))),
             ("no step", |info| info.dt = f64::NAN),
             ("no step", |info| info.dt = -0.1),
             ("no step", |info| info.dt = 1e300),

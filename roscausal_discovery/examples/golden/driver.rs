@@ -306,7 +306,7 @@ fn nested<T>(matrix: &Array3<T>, cell: impl Fn(&T) -> Value) -> Value {
 
 /// The test of a case and its mask type.
 fn test_of(spec: &Value) -> Answer<(Box<dyn CondIndTest>, MaskType)> {
-    let mut settings = TestSettings::default();
+    let mut settings = TestSettings { as_tigramite: true, ..TestSettings::default() };
     let mut mask_type = MaskType::default();
     let none = serde_json::Map::new();
     for (name, value) in spec["kwargs"].as_object().unwrap_or(&none) {
@@ -352,6 +352,7 @@ fn test_of(spec: &Value) -> Answer<(Box<dyn CondIndTest>, MaskType)> {
                 let given = NullDistributions::new(given).map_err(|e| e.to_string())?;
                 settings.null_distributions = Some(Arc::new(given));
             }
+            "as_tigramite" => settings.as_tigramite = value.as_bool().unwrap_or(true),
             "workers" | "verbosity" | "recycle_residuals" => {}
             other => return Err(format!("option '{other}' of the test is unknown")),
         }

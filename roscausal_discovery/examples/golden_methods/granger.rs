@@ -23,7 +23,7 @@ pub(crate) fn run(case: &Value, set: &Path) -> Result<Value, String> {
         "coef": nested(result.coef.slice(s![.., .., 1..])),
         "t_matrix": nested(result.t_matrix.slice(s![.., .., 1..])),
         "p_matrix": nested(result.p_matrix.slice(s![.., .., 1..])),
-        "n_samples": result.links.n_samples - result.links.n_lost[[0, 0, 0]],
+        "n_samples": result.links.samples[[0, 0, 1]].map(|samples| samples.used),
         "df": [result.df.0, result.df.1],
         "rss": result.rss,
         "aic": aic, "bic": bic, "hqic": hqic,

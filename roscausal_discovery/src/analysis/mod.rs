@@ -1,19 +1,20 @@
 //! One analysis, from settings to model. The commands and the discovery node all enter here.
 
+mod beforehand;
 mod contexts;
-mod known;
-mod outcome;
+mod method_result;
 
 use crate::settings::Settings;
-pub(crate) use outcome::{Found, Outcome};
+pub(crate) use method_result::{Found, MethodResult};
 
 use std::collections::HashSet;
 
+use self::beforehand::Beforehand;
 use crate::{
     evidence::{Evidence, Known},
     ground::{CondIndTest, Control, DataFrame, Error, Result, Samples},
     methods::{FpcmciResult, PcmciResult, Status},
-    model::{Matrices, Model, nested},
+    model::{Matrices, Model, Outcome, nested},
     transfer_entropy::TeEstimator,
 };
 
@@ -90,18 +91,19 @@ fn analysed(
     settings.check_numbers(test.name())?;
     settings.check_data(data)?;
     check_levels(data, test)?;
-    let (mut model, evidence) = match Outcome::of(data, test, settings, control)? {
-        Outcome::Filtered(result) => filtered(data, test, settings, &result, control, keep),
-        Outcome::Plain(result) => {
+    let (mut model, evidence) = match MethodResult::of(data, test, settings, control)? {
+        MethodResult::Filtered(result) => filtered(data, test, settings, &result, control, keep),
+        MethodResult::Plain(result) => {
             control.tell(result.effort.as_deref());
             let blank = Model { n_recordings: data.recordings().len(), ..settings.blank_model() };
-            let model = with_result(blank, data.var_names().to_vec(), (*result).clone());
+            let known = Beforehand::of(settings, data);
+            let model = with_result(blank, data.var_names().to_vec(), (*result).clone(), &known);
             let evidence =
                 keep.then(|| Evidence::gather(data, data, &model, settings.method, &Known::of(&result)));
             (model, evidence)
         }
     };
-    known::mark_required(&mut model, settings, data.var_names());
+    model.warnings.extend(beforehand::required_in_words(settings, data.var_names()));
     Ok((model, evidence))
 }
 
@@ -155,7 +157,12 @@ fn filtered(
             let place = |var: &usize| result.selected.iter().position(|selected| selected == var);
             control.tell(found.effort.as_deref());
             let places: Vec<usize> = result.features.iter().filter_map(place).collect();
-            let model = with_result(blank, features, found.on_features(&places));
+            let known = Beforehand::of(settings, data).behind_filter(
+                &result.link_assumptions,
+                places.clone(),
+                &result.features,
+            );
+            let model = with_result(blank, features, found.on_features(&places), &known);
             evidence = keep.then(|| {
                 let tested = data.select(&result.selected);
                 Evidence::gather(data, &tested, &model, settings.method, &Known::of(found))
@@ -198,14 +205,21 @@ fn remarks_on_filter(estimator: TeEstimator, test: &dyn CondIndTest, result: &Fp
     remarks
 }
 
-fn with_result(blank: Model, features: Vec<String>, result: PcmciResult) -> Model {
+fn with_result(blank: Model, features: Vec<String>, result: PcmciResult, known: &Beforehand<'_>) -> Model {
     let vars: Vec<usize> = (0..features.len()).collect();
     let n_lags = blank.tau_max + 1;
+    let outcome =
+        |at: [usize; 3]| known.outcome(at, result.samples[at], result.graph[at].is_link(), &result.status);
     let matrices = Matrices {
-        graph: nested(&vars, n_lags, |at| result.graph[at].symbol().to_owned()),
+        graph: nested(&vars, n_lags, |at| {
+            let untested = outcome(at) == Outcome::Ended;
+            // What the time budget left untested is no link.
+            if untested { String::new() } else { result.graph[at].symbol().to_owned() }
+        }),
         val_matrix: nested(&vars, n_lags, |at| result.val_matrix[at]),
         p_matrix: nested(&vars, n_lags, |at| result.deciding_p()[at]),
-        n_lost: nested(&vars, n_lags, |at| result.n_lost[at]),
+        outcomes: nested(&vars, n_lags, outcome),
+        samples: nested(&vars, n_lags, |at| result.samples[at]),
     };
     let mut model = blank.with_matrices(features, matrices);
     model.n_samples = result.n_samples;

@@ -7,7 +7,7 @@ use std::sync::{
 
 use super::{draws, scheme::Resampling};
 use crate::{
-    analysis::{Found, Outcome},
+    analysis::{Found, MethodResult},
     ground::{CondIndTest, Control, DataFrame, Result, Stop, lock},
     methods::Method,
     settings::Settings,
@@ -120,7 +120,7 @@ impl<'a> Resamples<'a> {
     /// Resample `b`; `None` if the time budget ends.
     fn one(&self, b: usize, control: &Control) -> Result<Option<Found>> {
         let data = drawn(self.data, self.resampling, self.settings.seed, b, self.first)?;
-        match Outcome::of(&data, self.test.as_ref(), self.settings, &control.silent()) {
+        match MethodResult::of(&data, self.test.as_ref(), self.settings, &control.silent()) {
             Ok(outcome) if outcome.is_complete() => {
                 Ok(Some(outcome.found(data.n_vars(), self.settings.tau_max)))
             }

@@ -31,7 +31,10 @@ pub(super) fn arrows(model: &Model) -> Vec<Arrow<'_>> {
 impl<'a> Arrow<'a> {
     fn new(from: usize, to: usize, mut links: Vec<&'a Link>) -> Option<Self> {
         links.sort_by_key(|link| link.lag);
-        let strongest = links.iter().copied().max_by(|a, b| a.value.abs().total_cmp(&b.value.abs()))?;
+        let strongest = links
+            .iter()
+            .copied()
+            .max_by(|a, b| a.drawn_strength().abs().total_cmp(&b.drawn_strength().abs()))?;
         Some(Self { from, to, links, strongest })
     }
 
@@ -43,18 +46,18 @@ impl<'a> Arrow<'a> {
     /// What stands on the arrow: its lags and its largest strength.
     pub(super) fn label(&self) -> String {
         let lags: Vec<usize> = self.links.iter().map(|link| link.lag).collect();
-        format!("{} · {:.2}", runs(&lags), self.strongest.value)
+        format!("{} · {}", runs(&lags), self.strongest.strength_in_words(2))
     }
 
     /// The arrow in words: every lag with its strength and p-value.
     pub(super) fn words(&self, smallest_p: f64) -> String {
         let lag = |link: &&Link| {
-            let p = match link.p_value {
-                p if p < smallest_p => format!("p < {smallest_p}"),
-                p => format!("p = {p:.3}"),
+            let Some(p) = link.p_value else {
+                return format!("lag {}: {}", link.lag, link.strength_in_words(2));
             };
+            let p = if p < smallest_p { format!("p < {smallest_p}") } else { format!("p = {p:.3}") };
             let found = link.confidence.map_or(String::new(), |share| format!(", found in {share:.2}"));
-            format!("lag {}: {:.2} ({p}{found})", link.lag, link.value)
+            format!("lag {}: {} ({p}{found})", link.lag, link.strength_in_words(2))
         };
         let mark = if self.strongest.mark == "-->" { "→" } else { "–" };
         let lags: Vec<String> = self.links.iter().map(lag).collect();

@@ -89,15 +89,16 @@ impl<'a> Matrix<'a> {
             );
             let found = link.confidence.map_or(String::new(), |share| format!(", found in {share:.2}"));
             let words = format!(
-                "{} → {}, lag {}: {:.2}, p {:.4}{found}",
+                "{} → {}, lag {}: {}{}{found}",
                 display(&link.cause),
                 display(&link.effect),
                 link.lag,
-                link.value,
-                link.p_value
+                link.strength_in_words(2),
+                link.p_value.map_or(String::new(), |p| format!(", p {p:.4}"))
             );
-            let size = link.confidence.unwrap_or(link.value.abs());
-            self.disc(svg, disc, link.lag, size.copysign(link.value), &words);
+            let strength = link.drawn_strength();
+            let size = link.confidence.unwrap_or(strength.abs());
+            self.disc(svg, disc, link.lag, size.copysign(strength), &words);
         }
         self.legend(svg, Point::new(at.x, corner.y + grid + 18.0));
     }
@@ -211,7 +212,7 @@ mod tests {
     #[test]
     fn a_negative_link_is_a_ring() {
         let mut model = example();
-        model.links[0].value = -0.4;
+        model.links[0].value = Some(-0.4);
         let disc =
             |svg: &str| svg.lines().any(|line| line.contains("-0.40") && line.contains("fill=\"#ffffff\""));
         assert!(disc(&matrix(&model)) && !disc(&matrix(&example())));

@@ -1,6 +1,6 @@
 //! The time series of a batch.
 
-use ndarray::ArrayView2;
+use ndarray::{ArrayView1, ArrayView2, s};
 
 use super::{
     axis::Axis,
@@ -10,6 +10,9 @@ use super::{
 const WIDTH: f64 = 900.0;
 const LEFT: f64 = 110.0;
 const STRIP: f64 = 110.0;
+
+/// Places along the time that the eye can tell apart: three for each unit of the picture's width.
+const PLACES: usize = 3 * WIDTH as usize;
 
 /// How the columns of interventions begin: 0 in them means "nothing imposed".
 const IMPOSED: &str = "do_";
@@ -25,6 +28,7 @@ pub fn series(names: &[String], values: ArrayView2<f64>, dt: Option<f64>) -> Str
     let time = Axis { low: 0.0, high: end * dt.unwrap_or(1.0), from: LEFT, to: right };
     let x = |row: usize| time.at(row as f64 * dt.unwrap_or(1.0));
     let imposed = interventions(names, values);
+    let per_place = (rows / PLACES).max(1);
     for (strip, (name, column)) in names.iter().zip(values.columns()).enumerate() {
         let (top, bottom) = (30.0 + STRIP * strip as f64, 30.0 + STRIP * (strip as f64 + 0.82));
         let y = Axis::around(column.iter().copied(), bottom, top);
@@ -37,7 +41,7 @@ pub fn series(names: &[String], values: ArrayView2<f64>, dt: Option<f64>) -> Str
                 bottom - top
             ));
         }
-        for (from, to) in gaps(column.iter().map(|v| v.is_finite())) {
+        for (from, to) in gaps(column.iter().map(|v| v.is_finite()), per_place) {
             let (left, width) = (x(from) - 0.5, x(to) - x(from) + 1.0);
             svg.raw(&format!(
                 "<rect class=\"gap\" x=\"{left:.1}\" y=\"{top:.1}\" width=\"{width:.1}\" height=\"{:.1}\" \
@@ -52,17 +56,12 @@ pub fn series(names: &[String], values: ArrayView2<f64>, dt: Option<f64>) -> Str
             "<path d=\"M {LEFT} {top:.1} V {bottom:.1} H {right:.1}\" fill=\"none\" stroke=\"{INK}\" stroke-width=\"1\"/>"
         ));
         let mut path = String::new();
-        let mut pen_down = false;
-        for (row, value) in column.iter().enumerate() {
-            if value.is_finite() {
-                path.push_str(&format!(
-                    "{} {:.1} {:.1} ",
-                    if pen_down { "L" } else { "M" },
-                    x(row),
-                    y.at(*value)
-                ));
-            }
-            pen_down = value.is_finite();
+        let mut last = None;
+        for row in seen(column, per_place) {
+            let joined = last.is_some_and(|last| column.slice(s![last..row]).iter().all(|v| v.is_finite()));
+            let pen = if joined { "L" } else { "M" };
+            path.push_str(&format!("{pen} {:.1} {:.1} ", x(row), y.at(column[row])));
+            last = Some(row);
         }
         svg.raw(&format!("<path d=\"{path}\" fill=\"none\" stroke=\"#1d4ed8\" stroke-width=\"1.3\"/>"));
     }
@@ -83,19 +82,39 @@ pub fn series(names: &[String], values: ArrayView2<f64>, dt: Option<f64>) -> Str
 fn interventions(names: &[String], values: ArrayView2<f64>) -> Vec<(usize, usize)> {
     let columns: Vec<usize> = (0..names.len()).filter(|&i| names[i].starts_with(IMPOSED)).collect();
     let off = |row: usize| columns.iter().all(|&i| values[[row, i]] == 0.0 || values[[row, i]].is_nan());
-    gaps((0..values.nrows()).map(off))
+    gaps((0..values.nrows()).map(off), 1)
 }
 
-/// First and last row of each run of missing values.
-fn gaps(present: impl Iterator<Item = bool>) -> Vec<(usize, usize)> {
+/// First and last row of each run of missing values; runs that begin at most `near` rows after the one before are one.
+fn gaps(present: impl Iterator<Item = bool>, near: usize) -> Vec<(usize, usize)> {
     let mut gaps: Vec<(usize, usize)> = Vec::new();
     for (row, _) in present.enumerate().filter(|(_, present)| !present) {
         match gaps.last_mut() {
-            Some(last) if last.1 + 1 == row => last.1 = row,
+            Some(last) if last.1 + near >= row => last.1 = row,
             _ => gaps.push((row, row)),
         }
     }
     gaps
+}
+
+/// The rows whose finite values the eye can tell apart, in order: of each `per_place` rows the first, the last, the smallest and
+/// the largest. A line through them covers what a line through all of them does.
+fn seen(column: ArrayView1<f64>, per_place: usize) -> Vec<usize> {
+    let mut rows = Vec::new();
+    for from in (0..column.len()).step_by(per_place) {
+        let to = (from + per_place).min(column.len());
+        let finite = || (from..to).filter(|&row| column[row].is_finite());
+        let by_value = |a: &usize, b: &usize| column[*a].total_cmp(&column[*b]);
+        let mut place: Vec<usize> =
+            [finite().next(), finite().min_by(by_value), finite().max_by(by_value), finite().next_back()]
+                .into_iter()
+                .flatten()
+                .collect();
+        place.sort_unstable();
+        place.dedup();
+        rows.extend(place);
+    }
+    rows
 }
 
 /// A name that leaves room for the numbers of its axis.
@@ -108,7 +127,7 @@ fn cut(name: &str) -> String {
 
 #[cfg(test)]
 mod tests {
-    use ndarray::array;
+    use ndarray::{Array2, array};
 
     use super::*;
 
@@ -120,7 +139,19 @@ mod tests {
         assert_eq!(line.matches("M ").count(), 2);
         assert!(!svg.contains("NaN"));
         assert_eq!(svg.matches("class=\"gap\"").count(), 1);
-        assert_eq!(gaps([true, false, false, true, false].into_iter()), [(1, 2), (4, 4)]);
+        assert_eq!(gaps([true, false, false, true, false].into_iter(), 1), [(1, 2), (4, 4)]);
+    }
+
+    #[test]
+    fn a_long_series_is_drawn_as_far_as_the_eye_sees() {
+        let wave = |row: usize| if row == 77_777 { 9.0 } else { (row as f64 / 1000.0).sin() };
+        let values =
+            Array2::from_shape_fn((200_000, 1), |(row, _)| if row == 500 { f64::NAN } else { wave(row) });
+        let picture = series(&["a".into()], values.view(), None);
+        assert!(picture.len() < 400_000, "{}", picture.len());
+        let rows = seen(values.column(0), 200_000 / PLACES);
+        assert!(rows.contains(&77_777) && !rows.contains(&500) && rows.is_sorted());
+        assert!(rows.contains(&0) && rows.contains(&199_999));
     }
 
     #[test]

@@ -144,7 +144,8 @@ pub(super) struct Stroke {
 impl Stroke {
     /// A link of a model. With resamples, opacity and dashes show how often it was found; else dashes show the p-value.
     pub(super) fn of(link: &Link, confidence: Option<f64>, smallest_p: f64) -> Self {
-        let stroke = Self::of_link(link.value, link.p_value, smallest_p, &link.mark);
+        let stroke =
+            Self::of_link(link.drawn_strength(), link.p_value.unwrap_or(0.0), smallest_p, &link.mark);
         match confidence {
             Some(share) => Self { dash: dash_of_share(share), opacity: opacity(share), ..stroke },
             None => stroke,
@@ -259,7 +260,7 @@ fn legend_of_shares(svg: &mut Svg, at: Point) {
 
 /// The legend for widths, colours and dashes of a model, from `at` downwards.
 pub(super) fn legend_of_model(svg: &mut Svg, at: Point, model: &Model) {
-    let signed = model.links.iter().any(|link| link.value < 0.0);
+    let signed = model.links.iter().any(|link| link.drawn_strength() < 0.0);
     if model.confidence.is_none() {
         return legend(svg, at, model.smallest_p(), signed);
     }

@@ -64,7 +64,7 @@ pub struct LinkEvidence {
     pub conditions: Vec<Condition>,
     /// What the reader should know about the conditions; empty if they are all of it.
     pub note: String,
-    /// Strength and p-value of this pair at each lag, whether a link or not.
+    /// Strength and p-value of this pair at each lag that was tested, whether a link or not.
     pub lags: Vec<AtLag>,
     /// Strength from which on a test with as many samples and conditions is significant, where there is a formula.
     pub band: Option<f64>,
@@ -116,14 +116,14 @@ impl Evidence {
     ) -> Self {
         let share = MOST_POINTS / (2 * model.links.len().max(1));
         let points = share.clamp(FEWEST, POINTS);
-        let mut strengths: Vec<f64> = model.links.iter().map(|link| link.value.abs()).collect();
+        let mut strengths: Vec<f64> = model.links.iter().map(|link| link.drawn_strength().abs()).collect();
         strengths.sort_by(|a, b| b.total_cmp(a));
         let weakest = strengths.get(MOST_POINTS / (2 * FEWEST)).copied().unwrap_or(-1.0);
         let samples = Samples::new(data, 2 * model.tau_max);
         let of_link = |link: &Link| {
             let cause = position(data.var_names(), &link.cause)?;
             let effect = position(data.var_names(), &link.effect)?;
-            let points = if link.value.abs() > weakest { points } else { 0 };
+            let points = if link.drawn_strength().abs() > weakest { points } else { 0 };
             Some(gathered(&samples, model, method, known, link, [cause, effect], points))
         };
         Self {
@@ -163,8 +163,10 @@ fn gathered(
     let place = |name: &str| model.features.iter().position(|feature| feature == name);
     let lags = match (place(&link.cause), place(&link.effect)) {
         (Some(i), Some(j)) => (model.tau_min..=model.tau_max)
-            .filter(|&lag| lag > 0 || i != j)
-            .map(|lag| AtLag { lag, value: model.val_matrix[i][j][lag], p_value: model.p_matrix[i][j][lag] })
+            .filter_map(|lag| {
+                let (value, p_value) = (model.val_matrix[i][j][lag]?, model.p_matrix[i][j][lag]?);
+                Some(AtLag { lag, value, p_value })
+            })
             .collect(),
         _ => Vec::new(),
     };

@@ -15,12 +15,28 @@ pub struct TestResult {
     pub p_value: f64,
     /// Confidence interval of `value`, if the settings ask for one.
     pub confidence: Option<(f64, f64)>,
-    /// Samples used.
+    /// Samples used; 0 if the test has no answer.
     pub n_samples: usize,
     /// Samples left out because one of the nodes was missing or masked.
     pub n_lost: usize,
     /// The decision, if the test does not decide by the p-value (`fixed_thres`). The run fills it in.
     pub dependent: Option<bool>,
+}
+
+/// Samples of one test.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct SampleCount {
+    /// Samples that it used; 0 if it has no answer.
+    pub used: usize,
+    /// Samples that it left out because a value was missing or masked.
+    pub lost: usize,
+}
+
+impl TestResult {
+    /// Its samples.
+    pub fn samples(&self) -> SampleCount {
+        SampleCount { used: self.n_samples, lost: self.n_lost }
+    }
 }
 
 /// A conditional independence test: its name and settings.
@@ -75,9 +91,15 @@ pub trait CondIndTest: Send + Sync {
     /// If there are too few samples, or they do not suit the test.
     fn prepare<'a>(&'a self, samples: &'a Samples<'a>) -> Result<Box<dyn PreparedTest + 'a>>;
 
-    /// Whether the decision is `|value| >= threshold` (`fixed_thres`), where the threshold is the significance
+    /// Whether the decision is `|value| >= threshold` (`fixed_thres`; without the bars if the test is one-sided), where the threshold is the significance
     /// level of the run. The run then sets the p-value to 0 (dependent) or 1; the test itself leaves it at 1.
     fn decides_by_value(&self) -> bool {
+        false
+    }
+
+    /// Whether only large values are evidence, so that such a threshold is compared with the value itself: estimates of information
+    /// may be below 0, which says no more than 0 does.
+    fn is_one_sided(&self) -> bool {
         false
     }
 
@@ -138,6 +160,11 @@ pub trait PreparedTest: Sync {
     /// Those of [`PreparedTest::run_test`].
     fn remark(&self, _effect: Node, _parents: &[Node]) -> Result<Option<String>> {
         Ok(None)
+    }
+
+    /// What the reader of a result should know about all tests so far: one sentence, or nothing (the default).
+    fn caution(&self) -> Option<String> {
+        None
     }
 
     /// What the tests so far took, for who wants to know: one sentence, or nothing (the default).

@@ -281,6 +281,15 @@ impl DataFrame {
         data
     }
 
+    /// The data with each value of a variable multiplied by `by[var]`.
+    pub(crate) fn scaled(&self, by: &[f64]) -> Self {
+        let mut data = self.clone();
+        for recording in Arc::make_mut(&mut data.recordings) {
+            recording.columns_mut().into_iter().zip(by).for_each(|(mut column, by)| column *= *by);
+        }
+        data
+    }
+
     /// The data with the mean of each variable in each recording taken off.
     pub(crate) fn centred(&self) -> Self {
         let mut data = self.clone();

@@ -21,7 +21,7 @@ mod words;
 pub(crate) use complete_rows::CompleteRows;
 pub(crate) use components::Components;
 pub use components::{VectorNames, vectors_of};
-pub use cond_ind_test::{CondIndTest, Dummy, PreparedTest, TestResult};
+pub use cond_ind_test::{CondIndTest, Dummy, PreparedTest, SampleCount, TestResult};
 pub use control::{Control, Progress, Stop};
 pub use dataframe::{DataFrame, MaskType};
 pub use error::{Error, Result};

@@ -1,6 +1,9 @@
 //! The G test, for discrete variables.
 
-use std::collections::HashMap;
+use std::{
+    collections::HashMap,
+    sync::atomic::{AtomicUsize, Ordering},
+};
 
 use super::{
     resampling::Resampling,
@@ -22,7 +25,8 @@ use crate::{
 /// few levels and few conditions.
 ///
 /// P-value: chi-squared. Each stratum gives `(rows - 1) (columns - 1)` degrees of freedom, not counting rows and
-/// columns without a sample. Without degrees of freedom the value is 0 and the p-value 1. Equal values form a
+/// columns without a sample. It finds too much below five samples for each degree of freedom, and a run then carries a remark:
+/// [`CmiSymb`](super::CmiSymb) shuffles instead. Without degrees of freedom the value is 0 and the p-value 1. Equal values form a
 /// level, so discretise measurements before use.
 ///
 /// ```
@@ -75,7 +79,7 @@ impl CondIndTest for Gsquared {
         if samples.is_empty() {
             return Err(Error::Data(format!("no sample is left after a cut-off of {}", samples.cut_off())));
         }
-        Ok(Box::new(Prepared { test: self, samples }))
+        Ok(Box::new(Prepared { test: self, samples, sparse: Sparse::default() }))
     }
 
     fn decides_by_value(&self) -> bool {
@@ -83,9 +87,39 @@ impl CondIndTest for Gsquared {
     }
 }
 
+/// Samples for each degree of freedom below which chi-squared finds too much.
+const ENOUGH: usize = 5;
+
+/// Tests so far, and how many of them had too few samples for the chi-squared law.
+#[derive(Default)]
+pub(super) struct Sparse {
+    tests: AtomicUsize,
+    sparse: AtomicUsize,
+}
+
+impl Sparse {
+    /// Counts a test of `n` samples; `enough` of them for each degree of freedom are not too few.
+    pub(super) fn count(&self, n: usize, dof: usize, enough: usize) {
+        self.tests.fetch_add(1, Ordering::Relaxed);
+        self.sparse.fetch_add(usize::from(n < enough * dof), Ordering::Relaxed);
+    }
+
+    /// What to say of the test of this name, if there were too few samples.
+    pub(super) fn caution(&self, name: &str, enough: usize) -> Option<String> {
+        let (tests, sparse) = (self.tests.load(Ordering::Relaxed), self.sparse.load(Ordering::Relaxed));
+        (sparse > 0).then(|| {
+            format!(
+                "{sparse} of {tests} tests had fewer than {enough} samples for each degree of freedom, where {name} finds links that do \
+                 not exist; record longer, use variables with fewer values or, if all are categories, the test cmisymb"
+            )
+        })
+    }
+}
+
 struct Prepared<'a> {
     test: &'a Gsquared,
     samples: &'a Samples<'a>,
+    sparse: Sparse,
 }
 
 impl PreparedTest for Prepared<'_> {
@@ -94,6 +128,7 @@ impl PreparedTest for Prepared<'_> {
         let settings = &self.test.settings;
         let stratum = strata(&zs, xs.len());
         let g = g_statistic(&levels(&xs), &levels(&ys), &stratum);
+        self.sparse.count(xs.len(), g.dof, ENOUGH);
         let mut resampling = Resampling {
             rng: Rng::for_test(seed_of_draw(settings.seed, self.samples.data().draw()), x, y, z),
             control: self.samples.control(),
@@ -119,6 +154,10 @@ impl PreparedTest for Prepared<'_> {
             }
         };
         Ok(TestResult { value: g.value, p_value, confidence, n_samples: xs.len(), n_lost, dependent: None })
+    }
+
+    fn caution(&self) -> Option<String> {
+        (self.test.significance == Significance::Analytic).then(|| self.sparse.caution("gsquared", ENOUGH))?
     }
 
     fn is_cheap(&self) -> bool {

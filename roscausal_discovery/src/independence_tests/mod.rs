@@ -8,7 +8,7 @@
 //! | [`RobustParCorr`] | the same of normal scores | Student's t | microseconds |
 //! | [`ParCorrWls`] | the same, each sample weighted by the noise at its time | Student's t | tens of microseconds |
 //! | [`RegressionCi`] | improvement of a regression's likelihood; numbers and categories | chi-squared | tens of microseconds |
-//! | [`Gpdc`] | distance correlation of residuals, 0 to 1 | table of independent values | milliseconds at 500 samples |
+//! | [`Gpdc`] | distance correlation of residuals, 0 to 1 | law of independent ranks | milliseconds at 500 samples |
 //! | [`CmiKnn`] | conditional mutual information, nats | local permutations | a tenth of a second at 500 samples |
 //! | [`CmiSymb`] | the same of discrete variables, nats | permutations within strata | milliseconds at 500 samples |
 //! | [`Gsquared`] | G statistic | chi-squared | microseconds |
@@ -68,7 +68,7 @@ pub(crate) use cholesky::residuals;
 pub use cmiknn::CmiKnn;
 pub use cmisymb::CmiSymb;
 pub use gpdc::{GpOptimum, GpRegression, Gpdc};
-pub(crate) use gpdc::{bytes as gpdc_bytes, dependence, gp_residuals, tail_dependence, uniform_dependence};
+pub(crate) use gpdc::{bytes as gpdc_bytes, dependence, gp_residuals, tail_dependence};
 #[cfg(feature = "python")]
 pub use gpdc_python::GpdcPython;
 pub use gsquared::Gsquared;

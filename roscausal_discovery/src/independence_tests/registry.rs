@@ -10,8 +10,8 @@ use crate::ground::{CondIndTest, Error, Result};
 
 type Build = fn(&TestSettings) -> Result<Box<dyn CondIndTest>>;
 
-/// Smallest p-value of a null distribution of 500 values. The p-values of the other tests are resolved as far as a reader
-/// needs them.
+/// Smallest p-value of a null distribution of 500 values, or of as many surrogates. The p-values of the other tests are resolved as
+/// far as a reader needs them.
 const OF_TABLE: f64 = 0.002;
 const USUAL: f64 = 0.001;
 
@@ -19,7 +19,7 @@ const USUAL: f64 = 0.001;
 /// write them in any case, with `_` or `-`.
 const TESTS: &[(&str, f64, Build)] = &[
     ("parcorr", USUAL, |s| Ok(Box::new(ParCorr::new(s)?))),
-    ("gpdc", OF_TABLE, |s| Ok(Box::new(Gpdc::new(s)?))),
+    ("gpdc", USUAL, |s| Ok(Box::new(Gpdc::new(s)?))),
     #[cfg(feature = "python")]
     ("gpdcpython", OF_TABLE, |s| Ok(Box::new(GpdcPython::new(s)?))),
     ("robustparcorr", USUAL, |s| Ok(Box::new(RobustParCorr::new(s)?))),
@@ -36,7 +36,7 @@ pub fn names() -> impl Iterator<Item = &'static str> {
     TESTS.iter().map(|(name, ..)| *name)
 }
 
-/// P-values of the test `name` below this are indistinguishable. GPDC's p-values are fractions of 500 null values, so its 0
+/// P-values of the test `name` below this are indistinguishable. CMIsymb's p-values are fractions of 500 surrogates, so its least
 /// only means "below 0.002".
 pub fn smallest_p(name: &str) -> f64 {
     let wanted = spelled(name);

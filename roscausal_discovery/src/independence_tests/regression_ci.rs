@@ -8,20 +8,25 @@
 //! 2. Both numbers: by how much X improves the regression of Y on Z, `n ln(RSS without X / RSS with X)`.
 //! 3. One a number: the same, with the number as the target.
 //! 4. Both categories: the deviance of multinomial regressions ([`super::multinomial`]) of the one with fewer values.
-//! 5. P-value: chi-squared, with one degree of freedom for a number that explains, and one per value for a category (as the
-//!    reference counts; one less would be the textbook's, so this is a little cautious).
+//! 5. P-value: `d` columns of X are not determined by Z (one for a number, one less than its values for a category). Of a number it is
+//!    that of the F test of these columns, which is exact for normal noise; of a category with `k` values chi-squared with `d (k - 1)`
+//!    degrees of freedom, of the statistic divided by Williams' factor (1976, Biometrika 63:33), which few samples make larger than 1.
+//!
+//! With `as_tigramite` p-values are chi-squared with one degree of freedom for a number that explains and one per value for a
+//! category, and slopes in the units of the data have a price.
 //!
 //! Example: does a person's speed depend on whether a door is open (0 or 1), given her distance to it?
 
 use super::{
     Significance, TestSettings,
     cholesky::{orthogonalize, orthonormal_basis},
-    gsquared::levels,
-    multinomial::deviance,
+    gsquared::{Sparse, levels},
+    multinomial::{Price, deviance},
 };
 use crate::{
     ground::{CondIndTest, Error, LaggedArrays, Node, PreparedTest, Result, Samples, TestResult},
     numeric::{
+        beta::f_sf,
         rows::{dot, is_constant, standardize},
         special::chi_squared_sf,
     },
@@ -29,6 +34,8 @@ use crate::{
 
 /// Different values up to which a variable of whole numbers is one of categories.
 const MOST_VALUES: usize = 10;
+/// Samples for each degree of freedom below which chi-squared finds too much.
+const ENOUGH: usize = 5;
 /// Part of the variance that rounding leaves of a perfect fit.
 const NOTHING_LEFT: f64 = 1e-20;
 
@@ -53,7 +60,9 @@ const NOTHING_LEFT: f64 = 1e-20;
 /// # Ok::<(), roscausal_discovery::Error>(())
 /// ```
 #[derive(Clone, Debug)]
-pub struct RegressionCi;
+pub struct RegressionCi {
+    as_tigramite: bool,
+}
 
 impl RegressionCi {
     /// The test with these settings.
@@ -62,7 +71,7 @@ impl RegressionCi {
     /// A setting that this test does not have.
     pub fn new(settings: &TestSettings) -> Result<Self> {
         match (settings.significance, settings.confidence) {
-            (None | Some(Significance::Analytic), None) => Ok(Self),
+            (None | Some(Significance::Analytic), None) => Ok(Self { as_tigramite: settings.as_tigramite }),
             (_, Some(_)) => Err(Error::param("confidence", "regressionci has none; leave it out")),
             _ => {
                 let reason = "regressionci has analytic p-values only; choose 'analytic'";
@@ -90,7 +99,12 @@ impl CondIndTest for RegressionCi {
             })
         };
         let categories = (0..data.n_vars()).map(is_category).collect();
-        Ok(Box::new(Prepared { samples, categories }))
+        Ok(Box::new(Prepared {
+            samples,
+            categories,
+            as_tigramite: self.as_tigramite,
+            sparse: Sparse::default(),
+        }))
     }
 }
 
@@ -98,6 +112,8 @@ struct Prepared<'a> {
     samples: &'a Samples<'a>,
     /// Which variables are categories.
     categories: Vec<bool>,
+    as_tigramite: bool,
+    sparse: Sparse,
 }
 
 impl PreparedTest for Prepared<'_> {
@@ -108,22 +124,75 @@ impl PreparedTest for Prepared<'_> {
         let (mut value, mut p_value) = (0.0, 1.0);
         if n_samples > 0 && !is_constant(&xs) && !is_constant(&ys) {
             let given: Vec<Vec<f64>> =
-                zs.iter().zip(z).flat_map(|(row, node)| columns(row, of(*node))).collect();
-            let dof;
-            (value, dof) = match (of(x), of(y)) {
-                (true, true) => of_categories(&xs, &ys, &given),
-                (true, false) => of_number(&ys, &columns(&xs, true), count(&xs), given),
-                (false, categories) => {
-                    let n = if categories { count(&ys) } else { 1 };
-                    of_number(&xs, &columns(&ys, categories), n, given)
-                }
+                zs.iter().zip(z).flat_map(|(row, node)| columns(row, of(*node), self.as_tigramite)).collect();
+            let found = match (of(x), of(y)) {
+                (true, true) => self.of_categories(&xs, &ys, &given),
+                (true, false) => self.of_number(&ys, (&xs, true), given),
+                (false, category) => self.of_number(&xs, (&ys, category), given),
             };
+            value = found.0;
             // Without samples to spare nothing is evidence.
             if n_samples > z.len() + 2 {
-                p_value = chi_squared_sf(value, dof);
+                p_value = found.1;
             }
         }
         Ok(TestResult { value, p_value, confidence: None, n_samples, n_lost, dependent: None })
+    }
+
+    fn caution(&self) -> Option<String> {
+        self.sparse.caution("regressionci", ENOUGH)
+    }
+}
+
+impl Prepared<'_> {
+    /// Statistic and p-value where the target is a number, and what explains a category or not.
+    fn of_number(&self, target: &[f64], by: (&[f64], bool), given: Vec<Vec<f64>>) -> (f64, f64) {
+        let n = target.len();
+        let fit = |rows: Vec<Vec<f64>>| {
+            let basis = orthonormal_basis(varying(rows));
+            let mut left = target.to_vec();
+            standardize(&mut left);
+            orthogonalize(&mut left, &basis);
+            (dot(&left, &left).max(NOTHING_LEFT), basis.len())
+        };
+        let more = columns(by.0, by.1, self.as_tigramite);
+        let (without, rank) = fit(given.clone());
+        let (with, rank_with) = fit([given, more].concat());
+        let value = (n as f64 * (without / with).ln()).max(0.0);
+        if self.as_tigramite {
+            return (value, chi_squared_sf(value, if by.1 { count(by.0) } else { 1 }));
+        }
+        let (d, dof) = (rank_with - rank, n.saturating_sub(rank_with + 1));
+        let f = (without - with) / with * dof as f64 / d.max(1) as f64;
+        (value, f_sf(f, d, dof))
+    }
+
+    /// Statistic and p-value where both are categories.
+    fn of_categories(&self, x: &[f64], y: &[f64], given: &[Vec<f64>]) -> (f64, f64) {
+        // Same answer for (X, Y) and (Y, X) where one has fewer values.
+        let (target, by) = if count(y) < count(x) { (y, x) } else { (x, y) };
+        let (category, n) = (levels(target), count(target));
+        let more = [given, &columns(by, true, self.as_tigramite)].concat();
+        let gain = |without: &[Vec<f64>], with: &[Vec<f64>], price| {
+            (deviance(&category, n, without, price) - deviance(&category, n, with, price)).max(0.0)
+        };
+        if self.as_tigramite {
+            let value = gain(given, &more, Price::Reference);
+            return (value, chi_squared_sf(value, count(by)));
+        }
+        // In a frame in which units do not matter: of deviation 1, each column without what the earlier ones have.
+        let frame = |rows: Vec<Vec<f64>>| {
+            let mut frame = orthonormal_basis(varying(rows));
+            let unit = (target.len() as f64).sqrt();
+            frame.iter_mut().flatten().for_each(|v| *v *= unit);
+            frame
+        };
+        let (without, with) = (frame(given.to_vec()), frame(more));
+        let value = gain(&without, &with, Price::None);
+        let dof = (with.len() - without.len()) * (n - 1);
+        self.sparse.count(target.len(), dof, ENOUGH);
+        let factor = 1.0 + spread(target) * spread(by) / (6 * target.len() * dof.max(1)) as f64;
+        (value, chi_squared_sf(value / factor, dof))
     }
 }
 
@@ -131,42 +200,27 @@ fn count(row: &[f64]) -> usize {
     levels(row).iter().max().map_or(0, |most| most + 1)
 }
 
-/// What a variable explains with: itself, or a column for each of its values. Two values are one column.
-fn columns(row: &[f64], category: bool) -> Vec<Vec<f64>> {
+/// The sum over the values of a category of one over its share, less 1: the smallest for values that are equally frequent.
+fn spread(row: &[f64]) -> f64 {
+    let mut counts = vec![0_usize; count(row)];
+    levels(row).into_iter().for_each(|level| counts[level] += 1);
+    counts.iter().map(|&of| row.len() as f64 / of as f64).sum::<f64>() - 1.0
+}
+
+/// The rows that vary, of mean 0 and norm 1.
+fn varying(rows: Vec<Vec<f64>>) -> Vec<Vec<f64>> {
+    rows.into_iter().filter_map(|mut row| standardize(&mut row).then_some(row)).collect()
+}
+
+/// What a variable explains with: itself, or a column for each of its values but the first, which the others determine. The
+/// reference has that one too where there are more than two.
+fn columns(row: &[f64], category: bool, as_tigramite: bool) -> Vec<Vec<f64>> {
     if !category {
         return vec![row.to_vec()];
     }
     let (levels, n) = (levels(row), count(row));
-    let first = if n == 2 { 1 } else { 0 };
+    let first = if as_tigramite && n != 2 { 0 } else { 1 };
     let column =
         |value: usize| levels.iter().map(|&level| f64::from(u8::from(level == value))).collect::<Vec<f64>>();
     (first..n).map(column).collect()
-}
-
-/// The statistic where the target is a number.
-fn of_number(target: &[f64], by: &[Vec<f64>], dof: usize, given: Vec<Vec<f64>>) -> (f64, usize) {
-    let n = target.len() as f64;
-    let varying = |rows: Vec<Vec<f64>>| {
-        let rows = rows.into_iter().filter_map(|mut row| standardize(&mut row).then_some(row));
-        rows.collect::<Vec<_>>()
-    };
-    let rss = |rows: Vec<Vec<f64>>| {
-        let mut left = target.to_vec();
-        standardize(&mut left);
-        orthogonalize(&mut left, &orthonormal_basis(rows));
-        dot(&left, &left).max(NOTHING_LEFT)
-    };
-    let mut rows = varying(given);
-    let without = rss(rows.clone());
-    rows.extend(varying(by.to_vec()));
-    ((n * (without / rss(rows)).ln()).max(0.0), dof)
-}
-
-/// The statistic where both are categories.
-fn of_categories(x: &[f64], y: &[f64], given: &[Vec<f64>]) -> (f64, usize) {
-    // Same answer for (X, Y) and (Y, X) where one has fewer values.
-    let (target, by) = if count(y) < count(x) { (y, x) } else { (x, y) };
-    let (category, n) = (levels(target), count(target));
-    let more = [given, &columns(by, true)].concat();
-    ((deviance(&category, n, given) - deviance(&category, n, &more)).max(0.0), count(by))
 }

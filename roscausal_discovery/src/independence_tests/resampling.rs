@@ -2,7 +2,7 @@
 
 use crate::{
     ground::{Control, Result},
-    numeric::random::Rng,
+    numeric::{random::Rng, rows::unit_factor},
 };
 
 /// Resampling for one test.
@@ -109,6 +109,8 @@ fn autocorrelation(row: &[f64], max_lag: usize) -> Vec<f64> {
         }
         if aa > 0.0 && bb > 0.0 { ab / (aa * bb).sqrt() } else { 0.0 }
     };
+    let unit = unit_factor(row);
+    let row: Vec<f64> = row.iter().map(|v| v * unit).collect();
     (0..=max_lag.min(row.len().saturating_sub(2)))
         .map(|k| correlation(&row[k..], &row[..row.len() - k]))
         .collect()

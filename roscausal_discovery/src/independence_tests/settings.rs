@@ -131,6 +131,9 @@ pub struct TestSettings {
     pub gp_restarts: usize,
     /// `gpdc`: null distributions to take where the number of samples is one of theirs; else its own.
     pub null_distributions: Option<Arc<NullDistributions>>,
+    /// Whether answers are those of tigramite where it is known to be wrong: docs/methods.md, "Where we differ from the reference, on
+    /// purpose". Default false.
+    pub as_tigramite: bool,
     /// Memory in bytes that a test may take; `None`: no limit.
     pub max_memory: Option<u64>,
 }
@@ -153,6 +156,7 @@ impl Default for TestSettings {
             gp_search: GpSearch::Default,
             gp_restarts: 0,
             null_distributions: None,
+            as_tigramite: false,
             max_memory: None,
         }
     }

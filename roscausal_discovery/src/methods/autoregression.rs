@@ -4,7 +4,10 @@ use ndarray::Array3;
 
 use crate::{
     ground::{CompleteRows, Control, DataFrame, Error, Named, Node, Result, Samples},
-    numeric::least_squares::LeastSquares,
+    numeric::{
+        least_squares::{LeastSquares, ROUNDING},
+        rows::moments,
+    },
 };
 
 /// A score by which the number of lags is chosen: `ln det(E'E / n)` of the residuals plus a price per coefficient. The least
@@ -129,6 +132,7 @@ impl Autoregression {
                 let coefficient = self.fit.coefficient(target, k);
                 left.iter_mut().zip(self.rows.column(cause)).for_each(|(v, x)| *v -= coefficient * x);
             }
+            without_rounding(&mut left, self.rows.column(Node::new(target, 0)));
             left
         };
         (0..n_vars).map(of).collect()
@@ -143,6 +147,13 @@ impl Autoregression {
         vars.sort_unstable();
         vars.dedup();
         vars
+    }
+}
+
+/// Makes what a perfect fit leaves of `target` zero: it is rounding, and would pass for noise.
+pub(super) fn without_rounding(left: &mut [f64], target: &[f64]) {
+    if moments(left).1 <= ROUNDING * moments(target).1 {
+        left.fill(0.0);
     }
 }
 

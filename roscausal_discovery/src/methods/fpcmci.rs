@@ -230,7 +230,7 @@ impl PcmciResult {
             p_matrix: of(&self.p_matrix, features),
             q_matrix: self.q_matrix.as_ref().map(|q| of(q, features)),
             conf_matrix: self.conf_matrix.as_ref().map(|conf| of(conf, features)),
-            n_lost: of(&self.n_lost, features),
+            samples: of(&self.samples, features),
             // These fields number variables in the full data.
             parents: Vec::new(),
             sepsets: Vec::new(),

@@ -117,7 +117,7 @@ pub fn run_granger(data: &DataFrame, settings: &GrangerSettings, control: &Contr
     let regression = Autoregression::new(rows, settings.tau_min..=lags, true)?;
     let mut result = tested(&regression, settings, lags);
     result.links.n_samples = of_data;
-    result.links.n_lost.fill(regression.rows.n_lost());
+    result.links.all_rest_on(&regression.rows, settings.tau_min);
     result.links.remarks = remarks(data, &regression);
     decide(&mut result, &regression, settings);
     control.count(result.links.n_tests);
@@ -218,6 +218,7 @@ fn decide(result: &mut GrangerResult, regression: &Autoregression, settings: &Gr
     // What has no test has no value either.
     for effect in (0..n).filter(|effect| !tested(effect)) {
         result.links.val_matrix.slice_mut(ndarray::s![.., effect, ..]).fill(0.0);
+        result.links.samples.slice_mut(ndarray::s![.., effect, ..]).fill(None);
     }
 }
 

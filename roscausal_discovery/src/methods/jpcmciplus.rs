@@ -495,7 +495,7 @@ fn copy_values(from: &PcmciResult, to: &mut PcmciResult, is_meant: impl Fn(usize
             let at = [i, j, lag];
             to.p_matrix[at] = p;
             to.val_matrix[at] = from.val_matrix[at];
-            to.n_lost[at] = from.n_lost[at];
+            to.samples[at] = from.samples[at];
         }
     }
 }

@@ -107,7 +107,7 @@ impl Mci<'_> {
         for &at in at {
             result.val_matrix[at] = outcome.value;
             result.p_matrix[at] = outcome.p_value;
-            result.n_lost[at] = outcome.n_lost;
+            result.samples[at] = Some(outcome.samples());
         }
         if let Some(interval) = outcome.confidence {
             let shape = result.graph.dim();

@@ -81,7 +81,7 @@ impl PcStable<'_> {
         let links: Vec<(Node, Assumption)> = lagged.collect();
         let untested = |&(node, assumption): &(Node, Assumption)| {
             let (val_min, pval_max) = if assumption.exists() { (1.0, 0.0) } else { (f64::INFINITY, 0.0) };
-            Candidate { node, val_min, pval_max, value: val_min, n_lost: 0 }
+            Candidate { node, val_min, pval_max, value: val_min, samples: None }
         };
         let mut present: Vec<Candidate> = links.iter().map(untested).collect();
         let mut all: HashMap<Node, Candidate> = present.iter().map(|c| (c.node, *c)).collect();
@@ -172,7 +172,7 @@ impl PcStable<'_> {
             if result.p_value > candidate.pval_max || !candidate.value.is_finite() {
                 candidate.pval_max = result.p_value;
                 candidate.value = result.value;
-                candidate.n_lost = result.n_lost;
+                candidate.samples = Some(result.samples());
             }
             if !dependent {
                 return Ok(Round { candidate, removed: true, new });

@@ -129,7 +129,8 @@ pub fn run_mci(
     })
 }
 
-/// Full conditional independence: tests each link given all other lagged links into its target.
+/// Full conditional independence: tests each link given the past of all variables. Assumptions say which links are tested; they take
+/// nothing out of the conditions.
 ///
 /// This is Granger causality in a regression on everything. Take it with few variables and many samples: each further
 /// variable and lag is one more condition and costs power, which is what PCMCI's selection avoids.
@@ -160,9 +161,8 @@ pub fn run_fullci(
     settings: &PcmciSettings,
     control: &Control,
 ) -> Result<PcmciResult> {
-    run_with_conditions(data, test, settings, control, false, |links, target| {
-        links.of_target(target).map(|(node, _)| node).filter(|node| node.lag > 0).collect()
-    })
+    let past = (0..data.n_vars()).flat_map(|var| past_of(var, settings)).collect::<Vec<_>>();
+    run_with_conditions(data, test, settings, control, false, |_| past.clone())
 }
 
 /// Bivariate conditional independence: tests each link given the past of its target.
@@ -195,10 +195,7 @@ pub fn run_bivci(
     settings: &PcmciSettings,
     control: &Control,
 ) -> Result<PcmciResult> {
-    run_with_conditions(data, test, settings, control, true, |links, target| {
-        let own = |node: &Node| node.lag > 0 && node.var == target;
-        links.of_target(target).map(|(node, _)| node).filter(own).collect()
-    })
+    run_with_conditions(data, test, settings, control, true, |target| past_of(target, settings).collect())
 }
 
 /// Unconditional dependence of all pairs at all lags.
@@ -233,7 +230,12 @@ pub fn get_lagged_dependencies(
     settings: &PcmciSettings,
     control: &Control,
 ) -> Result<PcmciResult> {
-    run_with_conditions(data, test, settings, control, false, |_, _| Vec::new())
+    run_with_conditions(data, test, settings, control, false, |_| Vec::new())
+}
+
+/// The lags of a variable on which links into others are conditioned.
+fn past_of(var: usize, settings: &PcmciSettings) -> impl Iterator<Item = Node> + use<> {
+    (settings.tau_min.max(1)..=settings.tau_max).map(move |lag| Node::new(var, lag))
 }
 
 fn run_with_conditions(
@@ -242,10 +244,10 @@ fn run_with_conditions(
     settings: &PcmciSettings,
     control: &Control,
     directed: bool,
-    conditions: impl Fn(&LinkAssumptions, usize) -> Vec<Node>,
+    conditions: impl Fn(usize) -> Vec<Node>,
 ) -> Result<PcmciResult> {
     with_run(data, test, settings, control, |run, links, result| {
-        let conditions: Vec<_> = (0..run.n_vars()).map(|target| conditions(links, target)).collect();
+        let conditions: Vec<_> = (0..run.n_vars()).map(&conditions).collect();
         Mci { max_conds_px: Some(0), max_conds_py: None, directed, ..settings.mci(links, &conditions) }
             .run(run, result)
     })

@@ -214,7 +214,7 @@ impl Level<'_, '_> {
                 let at = [candidate.node.var, target, candidate.node.lag];
                 result.val_matrix[at] = candidate.value;
                 result.p_matrix[at] = candidate.pval_max;
-                result.n_lost[at] = candidate.n_lost;
+                result.samples[at] = candidate.samples;
             }
             for (node, assumption) in self.links.of_target(target) {
                 let at = [node.var, target, node.lag];

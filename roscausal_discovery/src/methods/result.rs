@@ -4,7 +4,7 @@ use std::fmt;
 
 use ndarray::Array3;
 
-use crate::ground::{LinkMark, Node};
+use crate::ground::{CompleteRows, LinkMark, Node, SampleCount};
 
 /// Whether a run came to its end.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -37,8 +37,8 @@ pub struct Candidate {
     pub pval_max: f64,
     /// Value of the test with the largest p-value.
     pub value: f64,
-    /// Samples that this test left out.
-    pub n_lost: usize,
+    /// Samples of this test; `None` before any.
+    pub samples: Option<SampleCount>,
 }
 
 /// Result of PC1 for one target.
@@ -66,8 +66,8 @@ pub struct PcmciResult {
     pub q_matrix: Option<Array3<f64>>,
     /// Confidence intervals, if the test gives them.
     pub conf_matrix: Option<Array3<Option<(f64, f64)>>>,
-    /// Samples that the test of each link left out because a value was missing or masked.
-    pub n_lost: Array3<usize>,
+    /// Samples of the test that each entry rests on; `None` where nothing was tested.
+    pub samples: Array3<Option<SampleCount>>,
     /// PC1 for each target; empty for methods without PC1.
     pub parents: Vec<TargetParents>,
     /// PCMCI+: separating sets of the pairs that were removed with a non-empty condition set.
@@ -109,7 +109,7 @@ impl PcmciResult {
             p_matrix: Array3::ones(shape),
             q_matrix: None,
             conf_matrix: None,
-            n_lost: Array3::zeros(shape),
+            samples: Array3::default(shape),
             parents: Vec::new(),
             sepsets: Vec::new(),
             ambiguous_triples: Vec::new(),
@@ -119,6 +119,14 @@ impl PcmciResult {
             remarks: Vec::new(),
             effort: None,
             status: Status::Complete,
+        }
+    }
+
+    /// All entries from lag `tau_min` on rest on one fit to the rows that are complete.
+    pub(crate) fn all_rest_on(&mut self, rows: &CompleteRows, tau_min: usize) {
+        let samples = SampleCount { used: rows.len(), lost: rows.n_lost() };
+        for ((cause, effect, lag), entry) in self.samples.indexed_iter_mut() {
+            *entry = (lag >= tau_min && (lag > 0 || cause != effect)).then_some(samples);
         }
     }
 

@@ -1,6 +1,6 @@
 //! One run of a method: a prepared test, its samples, and the count of tests.
 
-use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 
 use rayon::prelude::*;
 
@@ -11,10 +11,13 @@ pub(crate) struct Run<'a> {
     pub(crate) samples: &'a Samples<'a>,
     test: Box<dyn PreparedTest + 'a>,
     by_value: bool,
+    one_sided: bool,
     cheap: bool,
     /// Variables of the test that are no columns of the data.
     n_dummies: usize,
     n_tests: AtomicUsize,
+    /// Whether a test had conditions: else nothing was regressed.
+    conditioned: AtomicBool,
 }
 
 impl<'a> Run<'a> {
@@ -28,9 +31,11 @@ impl<'a> Run<'a> {
             samples,
             test: prepared,
             by_value: test.decides_by_value(),
+            one_sided: test.is_one_sided(),
             cheap,
             n_dummies: 0,
             n_tests: AtomicUsize::new(0),
+            conditioned: AtomicBool::new(false),
         })
     }
 
@@ -56,22 +61,45 @@ impl<'a> Run<'a> {
     pub(crate) fn test(&self, x: Node, y: Node, z: &[Node]) -> Result<TestResult> {
         self.control().check()?;
         let mut result = self.test.run_test(x, y, z)?;
-        // Results have no NaN: it counts as no evidence.
+        // Results have no NaN: it counts as no evidence, and is no answer.
         if result.value.is_nan() {
-            result.value = 0.0;
-            result.p_value = 1.0;
+            result = TestResult { value: 0.0, p_value: 1.0, n_samples: 0, ..result };
         }
         if result.p_value.is_nan() {
             result.p_value = 1.0;
         }
+        if self.has_no_answer(&result, x, y, z) {
+            result.n_samples = 0;
+        }
         self.n_tests.fetch_add(1, Ordering::Relaxed);
+        if !z.is_empty() {
+            self.conditioned.store(true, Ordering::Relaxed);
+        }
         self.control().count(1);
         Ok(result)
     }
 
+    /// Whether a result of 0 and 1 is no measurement: the test has no degree of freedom, or a constant.
+    fn has_no_answer(&self, result: &TestResult, x: Node, y: Node, z: &[Node]) -> bool {
+        let of_data = |node: &Node| node.var < self.samples.data().n_vars();
+        if result.value != 0.0 || result.p_value != 1.0 || ![x, y].iter().chain(z).all(of_data) {
+            return false;
+        }
+        if result.n_samples <= 2 + z.len() {
+            return true;
+        }
+        let arrays = self.samples.arrays(x, y, z);
+        let is_constant = |row: &[f64]| row.windows(2).all(|pair| pair[0] == pair[1]);
+        is_constant(&arrays.x) || is_constant(&arrays.y)
+    }
+
     /// Fills in the decision at `level`, and with `fixed_thres` the p-value that follows from it.
     pub(crate) fn decide(&self, mut result: TestResult, level: f64) -> (TestResult, bool) {
-        let dependent = if self.by_value { result.value.abs() >= level } else { result.p_value <= level };
+        let dependent = match (self.by_value, self.one_sided) {
+            (true, true) => result.value >= level,
+            (true, false) => result.value.abs() >= level,
+            (false, _) => result.p_value <= level,
+        };
         if self.by_value {
             result.p_value = if dependent { 0.0 } else { 1.0 };
         }
@@ -84,19 +112,22 @@ impl<'a> Run<'a> {
         self.test.model_selection_score(target, parents)
     }
 
-    /// What the reader should know about each variable given the parents that were found, in the order of the variables.
+    /// What the reader should know about each variable given the parents that were found, in the order of the variables, and about
+    /// all tests.
     pub(crate) fn remarks(&self, parents: &[Vec<Node>]) -> Result<Vec<String>> {
         if self.control().is_silent() {
             return Ok(Vec::new());
         }
-        let effects: Vec<_> = parents.iter().enumerate().filter(|(_, parents)| !parents.is_empty()).collect();
+        let regressed = self.conditioned.load(Ordering::Relaxed);
+        let explained = |(_, parents): &(usize, &Vec<Node>)| regressed && !parents.is_empty();
+        let effects: Vec<_> = parents.iter().enumerate().filter(explained).collect();
         let of = |(effect, parents): &(usize, &Vec<Node>)| self.test.remark(Node::new(*effect, 0), parents);
         let found: Result<Vec<String>> =
             self.map_tests(&effects, of).into_iter().filter_map(Result::transpose).collect();
         match found {
             // All tests are done: what is missing is words on them.
-            Err(error) if self.is_timeout(&error) => Ok(Vec::new()),
-            found => found,
+            Err(error) if self.is_timeout(&error) => Ok(self.test.caution().into_iter().collect()),
+            found => Ok(found?.into_iter().chain(self.test.caution()).collect()),
         }
     }
 

@@ -151,7 +151,7 @@ impl Skeleton<'_, '_> {
                 if test.p_value >= result.p_matrix[at] {
                     result.p_matrix[at] = test.p_value;
                     result.val_matrix[at] = test.value;
-                    result.n_lost[at] = test.n_lost;
+                    result.samples[at] = Some(test.samples());
                 }
             }
             let weakest = strength.entry((x, j)).or_insert(f64::INFINITY);
@@ -201,6 +201,6 @@ fn symmetrise(result: &mut PcmciResult) {
             if result.p_matrix[forward] >= result.p_matrix[back] { (forward, back) } else { (back, forward) };
         result.p_matrix[to] = result.p_matrix[from];
         result.val_matrix[to] = result.val_matrix[from];
-        result.n_lost[to] = result.n_lost[from];
+        result.samples[to] = result.samples[from];
     }
 }

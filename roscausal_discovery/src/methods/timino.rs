@@ -19,7 +19,7 @@ use rayon::prelude::*;
 
 use super::result::{PcmciResult, Status};
 use crate::{
-    ground::{CompleteRows, Control, DataFrame, Error, LinkMark, Named, Node, Result, Samples},
+    ground::{CompleteRows, Control, DataFrame, Error, LinkMark, Named, Node, Result, SampleCount, Samples},
     independence_tests::{TestSettings, dependence, gp_residuals},
     numeric::{
         least_squares::LeastSquares,
@@ -157,7 +157,6 @@ pub fn run_timino(data: &DataFrame, settings: &TiminoSettings, control: &Control
         undecided: Vec::new(),
         p_values: vec![1.0; n_vars],
     };
-    result.links.n_lost.fill(models.rows.n_lost());
     match models.order(&mut result).and_then(|()| models.causes(&mut result)) {
         Err(error) if control.is_timeout(&error) => {
             let how_far = format!("the time budget ended the search after {} models", result.links.n_tests);
@@ -330,6 +329,7 @@ impl Models<'_> {
     fn show(&self, result: &mut TiminoResult, cause: usize, effect: usize, rest: &[f64]) {
         let with = self.with(rest, cause);
         let lags = self.settings.tau_min..=self.settings.tau_max;
+        let samples = SampleCount { used: self.rows.len(), lost: self.rows.n_lost() };
         let mut strongest = (f64::NEG_INFINITY, self.settings.tau_min);
         let mut any = false;
         for lag in lags {
@@ -337,6 +337,7 @@ impl Models<'_> {
             let at = [cause, effect, lag];
             result.links.val_matrix[at] = value;
             result.links.p_matrix[at] = p;
+            result.links.samples[at] = Some(samples);
             if value > strongest.0 {
                 strongest = (value, lag);
             }
@@ -365,6 +366,7 @@ fn mark(result: &mut TiminoResult, cause: usize, effect: usize, lag: usize) {
         result.links.graph[[effect, cause, 0]] = LinkMark::Backward;
         result.links.val_matrix[[effect, cause, 0]] = result.links.val_matrix[[cause, effect, 0]];
         result.links.p_matrix[[effect, cause, 0]] = result.links.p_matrix[[cause, effect, 0]];
+        result.links.samples[[effect, cause, 0]] = result.links.samples[[cause, effect, 0]];
     }
 }
 

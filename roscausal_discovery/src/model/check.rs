@@ -5,7 +5,7 @@ use std::collections::{HashMap, HashSet};
 use serde::{Deserialize, Deserializer, de::Error as _};
 use serde_json::{Map, Value};
 
-use super::{Confidence, Link, LinkSize, Model, SCHEMA, confidence, is_listed};
+use super::{Confidence, Link, LinkSize, Model, Outcome, SCHEMA, SCHEMA_1, confidence, is_listed};
 use crate::{
     about::AboutData,
     ground::{
@@ -38,8 +38,8 @@ impl Model {
     /// ```
     /// use roscausal_discovery::Model;
     ///
-    /// let error = Model::from_json(br#"{"schema": "roscausal/model/2"}"#).unwrap_err().to_string();
-    /// assert!(error.contains("this program reads 'roscausal/model/1'"), "{error}");
+    /// let error = Model::from_json(br#"{"schema": "roscausal/model/3"}"#).unwrap_err().to_string();
+    /// assert!(error.contains("this program reads 'roscausal/model/2'"), "{error}");
     /// ```
     ///
     /// # Errors
@@ -47,7 +47,9 @@ impl Model {
     pub fn from_json(text: &[u8]) -> Result<Self> {
         check_nesting(text).map_err(|e| invalid(&e))?;
         let head: Head = serde_json::from_slice(text).map_err(|e| invalid(&reason_of(e)))?;
-        check_schema(&head.schema, SCHEMA)?;
+        if head.schema != SCHEMA_1 {
+            check_schema(&head.schema, SCHEMA)?;
+        }
         let lags = usize::try_from(head.tau_max).unwrap_or(usize::MAX).saturating_add(1);
         let places = head.features.len().saturating_mul(head.features.len()).saturating_mul(lags);
         let most =
@@ -60,9 +62,56 @@ impl Model {
         // Read unchecked first: the check words its faults itself.
         let mut json = serde_json::Deserializer::from_slice(text);
         let read = Unchecked::deserialize(&mut json).and_then(|model| json.end().map(|()| model));
-        let model = read.map_err(|e| invalid(&reason_of(e)))?;
+        let mut model = read.map_err(|e| invalid(&reason_of(e)))?;
+        model.upgrade();
         model.check()?;
         Ok(model)
+    }
+
+    /// Makes a model of version 1 one of this version. It has 0 and 1 where nothing was tested, and also where a test found exactly
+    /// that: neither is known.
+    fn upgrade(&mut self) {
+        if self.schema != SCHEMA_1 {
+            return;
+        }
+        self.schema = SCHEMA.to_owned();
+        let required = |link: &&Link| link.required;
+        let place = |name: &String| self.features.iter().position(|feature| feature == name);
+        let required: HashSet<_> = self
+            .links
+            .iter()
+            .filter(required)
+            .filter_map(|link| Some((place(&link.cause)?, place(&link.effect)?, link.lag)))
+            .collect();
+        let is_link = |i: usize, j: usize, lag: usize| {
+            self.graph.get(i).and_then(|of| of.get(j)?.get(lag)).is_some_and(|mark| !mark.is_empty())
+        };
+        let outcome = |i: usize, j: usize, lag: usize, value: Option<f64>, p: Option<f64>| match (value, p) {
+            _ if lag < self.tau_min || (lag == 0 && i == j) => Outcome::NotAsked,
+            _ if required.contains(&(i, j, lag)) => Outcome::Required,
+            (Some(value), Some(p)) if value != 0.0 || p != 1.0 || is_link(i, j, lag) => Outcome::Tested,
+            _ => Outcome::Unknown,
+        };
+        let mut outcomes = Vec::new();
+        for (i, (values, ps)) in self.val_matrix.iter().zip(&self.p_matrix).enumerate() {
+            let mut of_cause = Vec::new();
+            for (j, (values, ps)) in values.iter().zip(ps).enumerate() {
+                let pairs = values.iter().zip(ps).enumerate();
+                of_cause.push(pairs.map(|(lag, (value, p))| outcome(i, j, lag, *value, *p)).collect());
+            }
+            outcomes.push(of_cause);
+        }
+        for matrix in [&mut self.val_matrix, &mut self.p_matrix] {
+            let cells = matrix.iter_mut().flatten().flatten();
+            let of = outcomes.iter().flatten().flat_map(|row: &Vec<Outcome>| row);
+            cells.zip(of).filter(|(_, of)| **of != Outcome::Tested).for_each(|(cell, _)| *cell = None);
+        }
+        self.n_matrix =
+            outcomes.iter().map(|of| of.iter().map(|row| vec![None; row.len()]).collect()).collect();
+        for link in self.links.iter_mut().filter(|link| link.required) {
+            (link.value, link.p_value) = (None, None);
+        }
+        self.outcomes = outcomes;
     }
 
     /// Checks version, names, lags, marks and numbers, and that all parts are of one size and say the same.
@@ -88,20 +137,24 @@ impl Model {
         let (n, lags) = (self.features.len(), self.tau_max + 1);
         for (name, size) in [
             ("graph", sized(&self.graph, [n, n, lags])),
+            ("outcomes", sized(&self.outcomes, [n, n, lags])),
             ("val_matrix", sized(&self.val_matrix, [n, n, lags])),
             ("p_matrix", sized(&self.p_matrix, [n, n, lags])),
+            ("n_matrix", sized(&self.n_matrix, [n, n, lags])),
             ("causal_structure", sized(&self.causal_structure, [lags - self.tau_min, n, n])),
             ("val", sized(&self.val, [lags - self.tau_min, n, n])),
             ("pval", sized(&self.pval, [lags - self.tau_min, n, n])),
         ] {
             size.map_err(|size| format!("{name} is not of the size {size}"))?;
         }
-        for (name, matrix) in [("val_matrix", &self.val_matrix), ("val", &self.val)] {
-            check_numbers(name, matrix, "finite", f64::is_finite)?;
-        }
-        for (name, matrix) in [("p_matrix", &self.p_matrix), ("pval", &self.pval)] {
-            check_numbers(name, matrix, "a number from 0 to 1", is_share)?;
-        }
+        check_numbers("val", self.val.iter().flatten().flatten().copied(), "finite", f64::is_finite)?;
+        check_numbers("pval", self.pval.iter().flatten().flatten().copied(), A_SHARE, is_share)?;
+        let numbers = |matrix: &[Vec<Vec<Option<f64>>>]| -> Vec<f64> {
+            matrix.iter().flatten().flatten().copied().flatten().collect()
+        };
+        check_numbers("val_matrix", numbers(&self.val_matrix), "finite", f64::is_finite)?;
+        check_numbers("p_matrix", numbers(&self.p_matrix), A_SHARE, is_share)?;
+        self.tested()?;
         if let Some(odd) =
             self.causal_structure.iter().flatten().flatten().find(|cell| !matches!(cell, 0 | 1))
         {
@@ -110,6 +163,30 @@ impl Model {
         self.marks()?;
         self.listed()?;
         self.confidence.as_deref().map_or(Ok(()), |confidence| self.resampled(confidence))
+    }
+
+    /// Numbers are where something was tested, and nowhere else.
+    fn tested(&self) -> Checked {
+        for (i, of) in self.outcomes.iter().enumerate() {
+            for (j, outcomes) in of.iter().enumerate() {
+                for (lag, outcome) in outcomes.iter().enumerate() {
+                    let tested = *outcome == Outcome::Tested;
+                    let has = [self.val_matrix[i][j][lag].is_some(), self.p_matrix[i][j][lag].is_some()];
+                    if has != [tested; 2] || (self.n_matrix[i][j][lag].is_some() && !tested) {
+                        let what =
+                            if tested { "tested, and has no number" } else { "not tested, and has a number" };
+                        return Err(format!("{} is {what}", self.name_of(i, j, lag)));
+                    }
+                    if *outcome == Outcome::Ended && !self.graph[i][j][lag].is_empty() {
+                        return Err(format!(
+                            "{} is a link that the time budget left untested",
+                            self.name_of(i, j, lag)
+                        ));
+                    }
+                }
+            }
+        }
+        Ok(())
     }
 
     /// The marks of the graph: known, at lag 0 the same from both ends, and no cause after its effect.
@@ -167,6 +244,9 @@ impl Model {
                 return Err(format!("links has {} twice", name()));
             }
             check_link(link).map_err(|reason| format!("links[{k}], {}: {reason}", name()))?;
+            if link.value.is_some() != (self.outcomes[place.0][place.1][place.2] == Outcome::Tested) {
+                return Err(format!("links[{k}], {}, and outcomes differ on whether it was tested", name()));
+            }
         }
         for (i, of) in self.graph.iter().enumerate() {
             for (j, marks) in of.iter().enumerate() {
@@ -188,10 +268,10 @@ impl Model {
         for (name, matrix) in matrices.chain(by_mark.clone()) {
             sized(matrix, [n, n, lags])
                 .map_err(|size| format!("{} is not of the size {size}", quoted(name)))?;
-            check_numbers(name, matrix, "finite", f64::is_finite)?;
+            check_numbers(name, matrix.iter().flatten().flatten().copied(), "finite", f64::is_finite)?;
         }
         for (name, matrix) in by_mark.chain([("link_frequency", &of.link_frequency)]) {
-            check_numbers(name, matrix, "a number from 0 to 1", is_share)?;
+            check_numbers(name, matrix.iter().flatten().flatten().copied(), A_SHARE, is_share)?;
         }
         let square = of.summary_frequency.len() == n && of.summary_frequency.iter().all(|row| row.len() == n);
         if !square || of.summary_frequency.iter().flatten().any(|share| !is_share(*share)) {
@@ -233,11 +313,14 @@ impl Model {
 
 fn check_link(link: &Link) -> Checked {
     let sizes = link.size.map(|LinkSize { step, change, low, high }| [step, change, low, high]);
-    let numbers = [Some(link.value), link.value_low, link.value_high, link.since].into_iter().flatten();
+    if link.value.is_some() != link.p_value.is_some() {
+        return Err("value and p_value are both there, or both null".into());
+    }
+    let numbers = [link.value, link.value_low, link.value_high, link.since].into_iter().flatten();
     if numbers.chain(sizes.into_iter().flatten()).any(|number| !number.is_finite()) {
         return Err("a number is not finite".into());
     }
-    if !is_share(link.p_value) || link.confidence.is_some_and(|share| !is_share(share)) {
+    if link.p_value.is_some_and(|p| !is_share(p)) || link.confidence.is_some_and(|share| !is_share(share)) {
         return Err("p_value and confidence are numbers from 0 to 1".into());
     }
     Ok(())
@@ -258,8 +341,15 @@ fn sized<T>(matrix: &[Vec<Vec<T>>], [a, b, c]: [usize; 3]) -> Checked {
     if fits { Ok(()) } else { Err(format!("{a} x {b} x {c}")) }
 }
 
-fn check_numbers(name: &str, matrix: &[Vec<Vec<f64>>], what: &str, is: fn(f64) -> bool) -> Checked {
-    let odd = matrix.iter().flatten().flatten().find(|value| !is(**value));
+const A_SHARE: &str = "a number from 0 to 1";
+
+fn check_numbers(
+    name: &str,
+    numbers: impl IntoIterator<Item = f64>,
+    what: &str,
+    is: fn(f64) -> bool,
+) -> Checked {
+    let odd = numbers.into_iter().find(|value| !is(*value));
     odd.map_or(Ok(()), |odd| Err(format!("{} holds {odd}, which is not {what}", quoted(name))))
 }
 
@@ -292,8 +382,12 @@ struct Unchecked {
     dropped: Vec<String>,
     links: Vec<Link>,
     graph: Vec<Vec<Vec<String>>>,
-    val_matrix: Vec<Vec<Vec<f64>>>,
-    p_matrix: Vec<Vec<Vec<f64>>>,
+    #[serde(default)]
+    outcomes: Vec<Vec<Vec<Outcome>>>,
+    val_matrix: Vec<Vec<Vec<Option<f64>>>>,
+    p_matrix: Vec<Vec<Vec<Option<f64>>>>,
+    #[serde(default)]
+    n_matrix: Vec<Vec<Vec<Option<usize>>>>,
     causal_structure: Vec<Vec<Vec<i32>>>,
     val: Vec<Vec<Vec<f64>>>,
     pval: Vec<Vec<Vec<f64>>>,
@@ -306,7 +400,8 @@ struct Unchecked {
 
 impl<'de> Deserialize<'de> for Model {
     fn deserialize<D: Deserializer<'de>>(from: D) -> std::result::Result<Self, D::Error> {
-        let model = Unchecked::deserialize(from)?;
+        let mut model = Unchecked::deserialize(from)?;
+        model.upgrade();
         model.check().map_err(D::Error::custom)?;
         Ok(model)
     }

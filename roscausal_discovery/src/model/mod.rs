@@ -2,16 +2,25 @@
 
 mod check;
 mod confidence;
+mod outcome;
 
 use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value};
 
 pub use confidence::{Advice, Confidence, ResamplingFacts, word_of};
+pub use outcome::Outcome;
 
-use crate::{about::AboutData, ground::names::plain, independence_tests::smallest_p, methods::Method};
+use crate::{
+    about::AboutData,
+    ground::{SampleCount, names::plain},
+    independence_tests::smallest_p,
+    methods::Method,
+};
 
-/// Version of the layout. A reader refuses another major version.
-pub const SCHEMA: &str = "roscausal/model/1";
+/// Version of the layout. A reader takes this one and [`SCHEMA_1`].
+pub const SCHEMA: &str = "roscausal/model/2";
+/// The version before, which does not say what was tested: where its entries are 0 and 1, that is [`Outcome::Unknown`].
+pub const SCHEMA_1: &str = "roscausal/model/1";
 
 /// A causal model: the question and the result. `docs/model-schema.md` describes every field.
 ///
@@ -63,15 +72,19 @@ pub struct Model {
     /// Link marks: `""`, `-->`, `<--`, `o-o`, `x-x`; where causes may be hidden also `o->`, `<->`, `x->` and, at lag 0, others
     /// of these ends ([`LinkMark`](crate::LinkMark)).
     pub graph: Vec<Vec<Vec<String>>>,
-    /// Strength of every tested pair; 0 if not tested.
-    pub val_matrix: Vec<Vec<Vec<f64>>>,
-    /// P-value of every tested pair; 1 if not tested.
-    pub p_matrix: Vec<Vec<Vec<f64>>>,
+    /// Whether each entry was tested; if not, why.
+    pub outcomes: Vec<Vec<Vec<Outcome>>>,
+    /// Strength of every tested pair; `None` if it was not tested.
+    pub val_matrix: Vec<Vec<Vec<Option<f64>>>>,
+    /// P-value of every tested pair; `None` if it was not tested.
+    pub p_matrix: Vec<Vec<Vec<Option<f64>>>>,
+    /// Samples that the test of each entry used; `None` if it was not tested, or this is not known.
+    pub n_matrix: Vec<Vec<Vec<Option<usize>>>>,
     /// 1 where there is a link.
     pub causal_structure: Vec<Vec<Vec<i32>>>,
-    /// Strength where there is a link.
+    /// Strength where there is a link; 1 for one that was required.
     pub val: Vec<Vec<Vec<f64>>>,
-    /// P-value where there is a link.
+    /// P-value where there is a link; 0 for one that was required.
     pub pval: Vec<Vec<Vec<f64>>>,
     /// What a reader of the model should know, one sentence each.
     pub warnings: Vec<String>,
@@ -84,7 +97,7 @@ pub struct Model {
 }
 
 /// One link of a [`Model`].
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Link {
     /// Name of the cause.
     pub cause: String,
@@ -92,10 +105,13 @@ pub struct Link {
     pub effect: String,
     /// Steps from cause to effect.
     pub lag: usize,
-    /// Strength.
-    pub value: f64,
-    /// P-value.
-    pub p_value: f64,
+    /// Strength; `None` if it was not tested.
+    pub value: Option<f64>,
+    /// P-value; `None` if it was not tested.
+    pub p_value: Option<f64>,
+    /// Samples that its test used, if known.
+    #[serde(default)]
+    pub n_used: Option<usize>,
     /// Mark: `-->`, or `o-o` / `x-x` if the direction at lag 0 is open; with hidden causes also `o->`, `<->` and others.
     /// [`Link::sentence`] says what it means.
     pub mark: String,
@@ -119,7 +135,7 @@ pub struct Link {
     /// Of a model that rolls on: how many of the last eight models have the link.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub seen: Option<usize>,
-    /// Whether it was required beforehand: then it was not tested, and strength and p-value are 1 and 0 by definition.
+    /// Whether it was required beforehand: then it was not tested.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub required: bool,
 }
@@ -138,6 +154,19 @@ pub struct LinkSize {
 }
 
 impl Link {
+    /// Its strength as it is drawn and ordered by: 1 if it was not tested.
+    pub fn drawn_strength(&self) -> f64 {
+        self.value.unwrap_or(1.0)
+    }
+
+    /// Its strength with this many decimals, or that it was not tested.
+    pub fn strength_in_words(&self, decimals: usize) -> String {
+        match self.value {
+            Some(value) => format!("{value:.decimals$}"),
+            None => (if self.required { "required" } else { "not tested" }).to_owned(),
+        }
+    }
+
     /// Its size: `0.1 more h_risk: 0.05 to 0.2 less h_v`.
     pub fn size_in_words(&self) -> Option<String> {
         let LinkSize { step, low, high, .. } = self.size?;
@@ -168,10 +197,7 @@ impl Link {
     /// use roscausal_discovery::Link;
     ///
     /// let (cause, effect, mark) = ("h_risk".to_owned(), "h_v".to_owned(), "<->".to_owned());
-    /// let (confidence, value_low, value_high, size, since, seen) = (None, None, None, None, None, None);
-    /// let (value, p_value, required) = (0.4, 0.001, false);
-    /// let link =
-    ///     Link { cause, effect, lag: 1, value, p_value, mark, n_lost: 0, confidence, value_low, value_high, size, since, seen, required };
+    /// let link = Link { cause, effect, lag: 1, mark, ..Link::default() };
     /// assert_eq!(link.sentence(), "h_risk and h_v: something not recorded drives both");
     /// ```
     pub fn sentence(&self) -> String {
@@ -196,15 +222,38 @@ pub fn sentence_of(a: &str, b: &str, mark: &str) -> String {
 }
 
 /// Matrices of a run in tigramite's layout, `[cause][effect][lag 0..=tau_max]`.
+#[derive(Default)]
 pub struct Matrices {
     /// Link marks.
     pub graph: Vec<Vec<Vec<String>>>,
-    /// Strengths.
+    /// Strengths; what they are where nothing was tested does not matter, but 1 where a link was required.
     pub val_matrix: Vec<Vec<Vec<f64>>>,
-    /// P-values.
+    /// P-values; 0 where a link was required.
     pub p_matrix: Vec<Vec<Vec<f64>>>,
-    /// Samples left out; empty if not known.
-    pub n_lost: Vec<Vec<Vec<usize>>>,
+    /// What was tested; empty: all pairs and lags from `tau_min` on.
+    pub outcomes: Vec<Vec<Vec<Outcome>>>,
+    /// Samples of each test; empty if not known.
+    pub samples: Vec<Vec<Vec<Option<SampleCount>>>>,
+}
+
+impl Matrices {
+    /// The outcome of each entry of `n` variables.
+    fn all_outcomes(&mut self, n: usize, [tau_min, tau_max]: [usize; 2]) -> Vec<Vec<Vec<Outcome>>> {
+        let asked = |[i, j, lag]: [usize; 3]| lag >= tau_min && (lag > 0 || i != j);
+        let of = |at| if asked(at) { Outcome::Tested } else { Outcome::NotAsked };
+        match self.outcomes.is_empty() {
+            true => nested(&(0..n).collect::<Vec<_>>(), tau_max + 1, of),
+            false => std::mem::take(&mut self.outcomes),
+        }
+    }
+
+    /// The numbers where something was tested.
+    fn of_tested(matrix: &[Vec<Vec<f64>>], outcomes: &[Vec<Vec<Outcome>>]) -> Vec<Vec<Vec<Option<f64>>>> {
+        let vars: Vec<usize> = (0..outcomes.len()).collect();
+        let n_lags = outcomes.iter().flatten().map(Vec::len).max().unwrap_or(0);
+        let tested = |[i, j, lag]: [usize; 3]| outcomes[i][j][lag] == Outcome::Tested;
+        nested(&vars, n_lags, |at| tested(at).then(|| matrix[at[0]][at[1]][at[2]]))
+    }
 }
 
 /// A matrix in this layout, of some of the variables.
@@ -232,8 +281,13 @@ impl Model {
 
     /// Puts the matrices of a run into the model, and derives the links and the matrices of the message from them.
     #[must_use]
-    pub fn with_matrices(mut self, features: Vec<String>, matrices: Matrices) -> Self {
+    pub fn with_matrices(mut self, features: Vec<String>, mut matrices: Matrices) -> Self {
         let n = features.len();
+        let outcomes = matrices.all_outcomes(n, [self.tau_min, self.tau_max]);
+        let samples = |i: usize, j: usize, lag: usize| {
+            let tested = outcomes[i][j][lag] == Outcome::Tested;
+            matrices.samples.get(i).and_then(|to| to[j][lag]).filter(|_| tested)
+        };
         let links_at = |lag: usize| {
             let mark = &matrices.graph;
             move |effect: usize, cause: usize| {
@@ -262,30 +316,58 @@ impl Model {
                     if !is_listed(mark, lag, i, j) {
                         continue;
                     }
+                    let tested = outcomes[i][j][lag] == Outcome::Tested;
+                    let samples = samples(i, j, lag);
                     self.links.push(Link {
                         cause: cause.clone(),
                         effect: effect.clone(),
                         lag,
-                        value: matrices.val_matrix[i][j][lag],
-                        p_value: matrices.p_matrix[i][j][lag],
+                        value: tested.then(|| matrices.val_matrix[i][j][lag]),
+                        p_value: tested.then(|| matrices.p_matrix[i][j][lag]),
+                        n_used: samples.map(|samples| samples.used),
                         mark: mark.clone(),
-                        n_lost: matrices.n_lost.get(i).map_or(0, |to| to[j][lag]),
+                        n_lost: samples.map_or(0, |samples| samples.lost),
                         confidence: None,
                         value_low: None,
                         value_high: None,
                         size: None,
                         since: None,
                         seen: None,
-                        required: false,
+                        required: outcomes[i][j][lag] == Outcome::Required,
                     });
                 }
             }
         }
+        let vars: Vec<usize> = (0..n).collect();
+        self.n_matrix =
+            nested(&vars, self.tau_max + 1, |[i, j, lag]| samples(i, j, lag).map(|samples| samples.used));
         self.features = features;
         self.graph = matrices.graph;
-        self.val_matrix = matrices.val_matrix;
-        self.p_matrix = matrices.p_matrix;
+        self.val_matrix = Matrices::of_tested(&matrices.val_matrix, &outcomes);
+        self.p_matrix = Matrices::of_tested(&matrices.p_matrix, &outcomes);
+        self.outcomes = outcomes;
         self
+    }
+
+    /// How many entries have each outcome, those aside that the method does not look at. At lag 0 each pair counts once.
+    pub fn outcome_counts(&self) -> Vec<(Outcome, usize)> {
+        let mut counts: Vec<(Outcome, usize)> =
+            Outcome::ALL.into_iter().map(|outcome| (outcome, 0)).collect();
+        for (i, of) in self.outcomes.iter().enumerate() {
+            for (j, outcomes) in of.iter().enumerate() {
+                for (_, outcome) in outcomes.iter().enumerate().filter(|(lag, _)| *lag > 0 || i < j) {
+                    counts.iter_mut().filter(|(of, _)| of == outcome).for_each(|(_, count)| *count += 1);
+                }
+            }
+        }
+        counts.retain(|(outcome, count)| *count > 0 && *outcome != Outcome::NotAsked);
+        counts
+    }
+
+    /// The fewest and the most samples that a test used; `None` if none was made, or this is not known.
+    pub fn samples_used(&self) -> Option<(usize, usize)> {
+        let used = || self.n_matrix.iter().flatten().flatten().flatten().copied();
+        used().min().zip(used().max())
     }
 
     /// P-values below this are indistinguishable ([`smallest_p`]).
@@ -300,7 +382,7 @@ impl Model {
 
     /// The model as pretty JSON with a final newline.
     pub fn to_json(&self) -> String {
-        // A struct of strings, numbers and lists always serialises; NaN would become null.
+        // A struct of strings, numbers and lists always serialises.
         let mut json = serde_json::to_string_pretty(self).unwrap_or_default();
         json.push('\n');
         json
@@ -354,8 +436,10 @@ pub(crate) fn example() -> Model {
         dropped: vec![],
         links: vec![],
         graph: vec![],
+        outcomes: vec![],
         val_matrix: vec![],
         p_matrix: vec![],
+        n_matrix: vec![],
         causal_structure: vec![],
         val: vec![],
         pval: vec![],
@@ -366,7 +450,7 @@ pub(crate) fn example() -> Model {
     let names = ["h_v", "h_dg", "h_risk"].map(str::to_owned).to_vec();
     model.with_matrices(
         names,
-        Matrices { graph, val_matrix: numbers(0.49), p_matrix: numbers(0.001), n_lost: vec![] },
+        Matrices { graph, val_matrix: numbers(0.49), p_matrix: numbers(0.001), ..Matrices::default() },
     )
 }
 
@@ -401,7 +485,7 @@ mod tests {
         let o = |mark: &str| vec![mark.to_owned()];
         let graph = vec![vec![o(""), o("o-o")], vec![o("o-o"), o("")]];
         let half = vec![vec![vec![0.5]; 2]; 2];
-        let matrices = Matrices { graph, val_matrix: half.clone(), p_matrix: half, n_lost: vec![] };
+        let matrices = Matrices { graph, val_matrix: half.clone(), p_matrix: half, ..Matrices::default() };
         let model = Model { tau_min: 0, tau_max: 0, ..example() }
             .with_matrices(vec!["a".into(), "b".into()], matrices);
         assert_eq!(model.links.len(), 1);
@@ -413,7 +497,7 @@ mod tests {
         let o = |lag0: &str, lag1: &str| vec![lag0.to_owned(), lag1.to_owned()];
         let graph = vec![vec![o("", ""), o("<->", "<->")], vec![o("<->", "o->"), o("", "")]];
         let half = vec![vec![vec![0.5; 2]; 2]; 2];
-        let matrices = Matrices { graph, val_matrix: half.clone(), p_matrix: half, n_lost: vec![] };
+        let matrices = Matrices { graph, val_matrix: half.clone(), p_matrix: half, ..Matrices::default() };
         let model = Model { tau_min: 0, tau_max: 1, ..example() }
             .with_matrices(vec!["a".into(), "b".into()], matrices);
         let listed: Vec<_> = model.links.iter().map(|link| (link.lag, link.mark.as_str())).collect();
@@ -426,5 +510,6 @@ mod tests {
         let model = Model { run_time_s: None, ..example() };
         let read: Model = serde_json::from_str(&model.to_file_json()).expect("reads");
         assert_eq!(read, model);
+        assert_eq!(read.val_matrix[0][1], [None, Some(0.49)]);
     }
 }

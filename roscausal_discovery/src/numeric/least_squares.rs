@@ -7,7 +7,7 @@
 //!    say nothing.
 //!
 //! Source: Golub and Van Loan 2013, "Matrix computations", 5.2 and 5.3. For example `y = 1 + 2 x` exactly: coefficient 2,
-//! residual sum 0, F infinite.
+//! residual sum 0 but for rounding, F above 1e20.
 
 use faer::Mat;
 
@@ -15,6 +15,9 @@ use super::rows::{dot, is_constant, largest, sum};
 
 /// Smallest part of a column's norm that the others leave it, if it is not determined by them.
 const DETERMINED: f64 = 1e-10;
+/// Norm up to which what is left of a target of norm 1 is rounding. Statistics count it as this, so that coefficients that are
+/// rounding as well say nothing.
+pub(crate) const ROUNDING: f64 = 1e-12;
 /// Smallest part that a column has in a combination.
 const INVOLVED: f64 = 1e-8;
 
@@ -180,6 +183,11 @@ impl LeastSquares {
         self.left[target].iter().map(|v| v * v).sum()
     }
 
+    /// Mean square of the noise of a scaled target, by the degrees of freedom.
+    fn noise(&self, target: usize) -> f64 {
+        self.scaled_rss(target).max(ROUNDING * ROUNDING) / self.dof() as f64
+    }
+
     /// Residual sum of squares of a target.
     pub(crate) fn rss(&self, target: usize) -> f64 {
         self.scaled_rss(target) * self.target_norms[target].powi(2)
@@ -196,8 +204,7 @@ impl LeastSquares {
         let Some(at) = self.place[column].filter(|_| !self.undetermined[column] && self.dof() > 0) else {
             return 0.0;
         };
-        let spread =
-            self.inverse[at].iter().map(|v| v * v).sum::<f64>() * self.scaled_rss(target) / self.dof() as f64;
+        let spread = self.inverse[at].iter().map(|v| v * v).sum::<f64>() * self.noise(target);
         quotient(self.scaled[target][at], spread.sqrt())
     }
 
@@ -220,8 +227,9 @@ impl LeastSquares {
             }
             solved.iter().map(|v| v * v).sum()
         };
-        let mean = |j: usize| self.scaled_rss(j) / self.dof() as f64;
-        (0..self.scaled.len()).map(|j| quotient(along(&self.scaled[j]) / at.len() as f64, mean(j))).collect()
+        (0..self.scaled.len())
+            .map(|j| quotient(along(&self.scaled[j]) / at.len() as f64, self.noise(j)))
+            .collect()
     }
 }
 

@@ -1,6 +1,7 @@
 //! Rows of numbers: mean and deviation, scaling, products, ranks.
 
 use super::random::Rng;
+use crate::ground::DataFrame;
 
 /// Whether all values are the same.
 pub(crate) fn is_constant(row: &[f64]) -> bool {
@@ -13,6 +14,8 @@ pub(crate) fn standardize(row: &mut [f64]) -> bool {
         return false;
     }
     let n = row.len() as f64;
+    let unit = unit_factor(row);
+    row.iter_mut().for_each(|v| *v *= unit);
     // Twice: the second pass subtracts what rounding left in the first.
     for _ in 0..2 {
         let mean = row.iter().sum::<f64>() / n;
@@ -26,6 +29,27 @@ pub(crate) fn standardize(row: &mut [f64]) -> bool {
     let norm = row.iter().map(|v| v * v).sum::<f64>().sqrt();
     row.iter_mut().for_each(|v| *v /= norm);
     true
+}
+
+/// The power of two that brings the largest size of a value to between 1 and 4, so that neither squares nor sums overflow or vanish.
+/// Multiplying by it is exact: what is computed afterwards does not depend on units that differ by powers of two.
+pub(crate) fn unit_factor(row: &[f64]) -> f64 {
+    let largest = largest(row);
+    if largest == 0.0 || !largest.is_finite() {
+        return 1.0;
+    }
+    // The biased exponent; 2046 at the most, of which the mirror image would be the exponent of 0.
+    let exponent = (largest.to_bits() >> 52).min(2045);
+    f64::from_bits((2046 - exponent) << 52)
+}
+
+/// For each variable the power of two that brings its largest size to between 1 and 4.
+pub(crate) fn units(data: &DataFrame) -> Vec<f64> {
+    let largest = |var: usize| {
+        let values = data.recordings().iter().flat_map(|of| of.column(var).to_vec());
+        values.filter(|v| !v.is_nan()).fold(0.0, |most: f64, v| most.max(v.abs()))
+    };
+    (0..data.n_vars()).map(|var| unit_factor(&[largest(var)])).collect()
 }
 
 /// Sum of products, in eight lanes.
@@ -99,14 +123,17 @@ pub(crate) fn random_ranks(row: &[f64], rng: &mut Rng) -> Vec<usize> {
 
 /// Mean and standard deviation (by `n`).
 pub(crate) fn moments(row: &[f64]) -> (f64, f64) {
-    let n = row.len() as f64;
-    let mean = row.iter().sum::<f64>() / n;
-    (mean, (row.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / n).sqrt())
+    let (n, unit) = (row.len() as f64, unit_factor(row));
+    let mean = row.iter().map(|v| v * unit).sum::<f64>() / n;
+    let deviation = (row.iter().map(|v| (v * unit - mean).powi(2)).sum::<f64>() / n).sqrt();
+    (mean / unit, deviation / unit)
 }
 
 /// `row` with mean 0 and standard deviation 1 (by `n`); a constant row becomes 0.
 pub(crate) fn standardized(row: &[f64]) -> Vec<f64> {
-    let (mean, deviation) = moments(row);
+    let unit = unit_factor(row);
+    let row: Vec<f64> = row.iter().map(|v| v * unit).collect();
+    let (mean, deviation) = moments(&row);
     let scale = if deviation > 0.0 { deviation } else { 1.0 };
     row.iter().map(|v| (v - mean) / scale).collect()
 }

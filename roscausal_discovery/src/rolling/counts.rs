@@ -35,7 +35,7 @@ pub fn link_counts(models: &[&Model]) -> Vec<LinkCount> {
             |c: &&mut LinkCount| c.cause == link.cause && c.effect == link.effect && c.lag == link.lag;
         if let Some(count) = counts.iter_mut().find(is_same) {
             count.found += 1;
-            count.mean_value += link.value;
+            count.mean_value += link.drawn_strength();
             continue;
         }
         let knows =
@@ -50,7 +50,7 @@ pub fn link_counts(models: &[&Model]) -> Vec<LinkCount> {
             lag: link.lag,
             found: 1,
             of: models.iter().filter(tests).count(),
-            mean_value: link.value,
+            mean_value: link.drawn_strength(),
         });
     }
     counts.iter_mut().for_each(|count| count.mean_value /= count.found as f64);

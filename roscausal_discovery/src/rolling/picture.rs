@@ -60,7 +60,7 @@ fn regimes(confirmed: &[&(f64, &ChangeEvent)]) -> Vec<(f64, String)> {
 fn point(model: &Model, time: f64, of: &LinkCount) -> Option<StripPoint> {
     let place = |name: &str| model.features.iter().position(|feature| feature == name);
     let (i, j) = (place(&of.cause)?, place(&of.effect)?);
-    let value = *model.val_matrix.get(i)?.get(j)?.get(of.lag)?;
+    let value = (*model.val_matrix.get(i)?.get(j)?.get(of.lag)?)?;
     let interval = model.confidence.as_ref().map(|c| (c.val_low[i][j][of.lag], c.val_high[i][j][of.lag]));
     let found = model
         .links

@@ -64,7 +64,7 @@ const OF_CONDITIONS: &str = "chooses no conditions";
 const OF_COLLIDERS: &str = "has no colliders at lag 0";
 
 /// All settings of an analysis, in the order in which they are listed.
-pub static SETTINGS: [Setting; 37] = [
+pub static SETTINGS: [Setting; 38] = [
     setting! {
         "method" "method" "cd_method" settings.method,
         kind: Kind::Method,
@@ -250,6 +250,15 @@ pub static SETTINGS: [Setting; 37] = [
                commas, the first row has the numbers of samples",
         unset: "gpdc's own", expert: true, of_data: false,
         readers: of_test(|test, _| test == "gpdc", "makes its p-values in another way"),
+    },
+    setting! {
+        "as_tigramite" "as-tigramite" "as_tigramite" settings.test.as_tigramite,
+        help: "Answer as tigramite also where it is known to be wrong (docs/methods.md)",
+        expert: true,
+        readers: of_test(
+            |test, _| ["gpdc", "parcorrwls", "regressionci"].contains(&test),
+            "is not known to be wrong there",
+        ),
     },
     setting! {
         "seed" "seed" "seed" settings.seed,

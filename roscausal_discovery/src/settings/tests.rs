@@ -51,10 +51,11 @@ fn every_field_of_the_settings_has_an_entry() {
         gp_search: _,
         gp_restarts: _,
         null_distributions: _,
+        as_tigramite: _,
         max_memory: _,
     } = test;
-    // Of the settings 16, of the test 11, and two of PCMCI+; of the request four; four of resampling. Links are the request's.
-    assert_eq!(SETTINGS.len(), 16 + 11 + 2 + 4 + 4);
+    // Of the settings 16, of the test 12, and two of PCMCI+; of the request four; four of resampling. Links are the request's.
+    assert_eq!(SETTINGS.len(), 16 + 12 + 2 + 4 + 4);
 }
 
 #[test]

@@ -18,7 +18,7 @@ use super::{
 };
 use crate::{
     ground::{Control, Node, Result},
-    independence_tests::{residuals, uniform_dependence},
+    independence_tests::{dependence, residuals},
     numeric::rows::standardize,
 };
 
@@ -58,7 +58,7 @@ impl<'a> SecondLook<'a> {
         for source in candidates.filter(|node| !known.contains(node)) {
             self.control.check()?;
             let (x, y) = residuals(self.row(source), self.row(Node::new(found.target, 0)), z.clone());
-            let (value, p_value) = uniform_dependence(&x, &y);
+            let (value, p_value) = dependence(&x, &y);
             if p_value < self.alpha {
                 found.beyond.push(Selected { source, value, p_value });
             }

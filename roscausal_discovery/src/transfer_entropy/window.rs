@@ -1,6 +1,9 @@
 //! The samples that all estimates of a filter share.
 
-use crate::ground::{DataFrame, Error, Node, Result};
+use crate::{
+    ground::{DataFrame, Error, Node, Result},
+    numeric::rows::units,
+};
 
 /// Fewest complete samples from which transfer entropy is estimated.
 const MIN_SAMPLES: usize = 10;
@@ -14,6 +17,8 @@ pub(super) struct Window<'a> {
     /// Recording and row of each sample.
     times: Vec<(usize, usize)>,
     n_lost: usize,
+    /// Powers of two by which values are multiplied, so that no square overflows or vanishes.
+    units: Vec<f64>,
 }
 
 impl<'a> Window<'a> {
@@ -45,7 +50,7 @@ impl<'a> Window<'a> {
                 times.len()
             )));
         }
-        Ok(Self { data, max_lag, n_lost: n_total - times.len(), times })
+        Ok(Self { data, max_lag, n_lost: n_total - times.len(), times, units: units(data) })
     }
 
     pub(super) fn n_vars(&self) -> usize {
@@ -65,8 +70,9 @@ impl<'a> Window<'a> {
         self.n_lost
     }
 
+    /// A value, in units of a power of two.
     pub(super) fn value(&self, (recording, row): (usize, usize), node: Node) -> f64 {
-        self.data.recordings()[recording][[row - node.lag, node.var]]
+        self.units[node.var] * self.data.recordings()[recording][[row - node.lag, node.var]]
     }
 
     /// The samples of one node that conditional tests have, whose window is twice as long.
@@ -97,7 +103,7 @@ mod tests {
         let window = Window::new(&data, 2).expect("is long enough");
         assert_eq!((window.times().len(), window.n_lost()), (6 + 7, 3));
         assert!(window.times().iter().all(|&(k, t)| t >= 2 && (k == 0 || !(5..=7).contains(&t))));
-        assert_eq!(window.value((1, 9), Node::new(1, 2)), 71.0);
+        assert_eq!(window.value((1, 9), Node::new(1, 2)), 71.0 * window.units[1]);
     }
 
     #[test]

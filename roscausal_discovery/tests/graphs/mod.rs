@@ -43,5 +43,5 @@ pub(crate) fn random_model(n: usize, per_variable: f64, seed: u64) -> Model {
     }
     let features = (0..n).map(|i| format!("variable_{i}")).collect();
     let blank = Model { tau_max: lags, n_samples: 1000, ..Settings::default().blank_model() };
-    blank.with_matrices(features, Matrices { graph, val_matrix, p_matrix, n_lost: vec![] })
+    blank.with_matrices(features, Matrices { graph, val_matrix, p_matrix, ..Matrices::default() })
 }

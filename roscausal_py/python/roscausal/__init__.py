@@ -6,7 +6,7 @@
 >>> x = rng.normal(size=(300, 2))
 >>> x[1:, 1] += 0.8 * x[:-1, 0]
 >>> model = rc.discover(x, columns=["a", "b"], method="pcmci", test="parcorr")
->>> strongest = max(model.links, key=lambda link: link.value)
+>>> strongest = max(model.links, key=lambda link: link.value or 0)
 >>> strongest.cause, strongest.effect, strongest.lag
 ('a', 'b', 1)
 

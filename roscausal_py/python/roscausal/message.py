@@ -46,27 +46,39 @@ def text_of(causal_model: Any, info: Any) -> str:
         raise DataError("this is no message roscausal_msgs/CausalModel: its arrays are not lags x features x features")
     if n * n * (tau_max + 1) > _MOST_PLACES:
         raise DataError(f"a model of {n} variables with lags up to {tau_max} is too large for a message")
-    graph, val_matrix, p_matrix = np.full(cube, "", dtype="<U3"), np.zeros(cube), np.ones(cube)
+    graph, outcomes = np.full(cube, "", dtype="<U3"), np.full(cube, "unknown", dtype="<U9")
+    outcomes[:, :, :tau_min] = "not_asked"
+    outcomes[range(n), range(n), 0] = "not_asked"
+    val_matrix, p_matrix, n_matrix = np.full(cube, None), np.full(cube, None), np.full(cube, None)
+    told = {(str(link.cause), str(link.effect), int(link.lag)): link for link in getattr(info, "links", []) if getattr(link, "mark", "")}
     links = []
     for i, j, lag in np.ndindex(n, n, n_lags):
-        at = (lag, j, i)
-        if not there[at]:
+        at, here = (lag, j, i), (i, j, lag + tau_min)
+        own = told.get((names[i], names[j], lag + tau_min))
+        if not there[at] and own is None:
             continue
         if lag + tau_min == 0 and i == j:
             raise DataError(f"a link of '{names[i]:.80}' to itself at lag 0 cannot be")
         both = lag + tau_min == 0 and bool(there[lag, i, j])
-        graph[i, j, lag + tau_min] = "o-o" if both else "-->"
-        if lag + tau_min == 0 and not both:
-            graph[j, i, 0] = "<--"
-        val_matrix[i, j, lag + tau_min], p_matrix[i, j, lag + tau_min] = val[at], pval[at]
-        if not (both and i > j):
-            link = {"cause": names[i], "effect": names[j], "lag": lag + tau_min, "value": val[at], "p_value": pval[at]}
-            links.append({**link, "mark": "o-o" if both else "-->", "n_lost": 0})
+        mark = own.mark if own is not None else "o-o" if both else "-->"
+        if own is None and both and (names[j], names[i], 0) in told:
+            continue
+        strength = {"value": float(val[at]), "p_value": float(pval[at]), "n_used": None}
+        if own is not None:
+            strength = {"value": float(own.value), "p_value": float(own.p_value), "n_used": int(own.samples) or None}
+            if not own.tested:
+                strength = {"value": None, "p_value": None, "n_used": None, "required": True}
+        for place, end in ((here, mark), ((j, i, 0), _mirrored(mark))) if here[2] == 0 else ((here, mark),):
+            graph[place], outcomes[place] = end, "required" if "required" in strength else "tested"
+            val_matrix[place], p_matrix[place], n_matrix[place] = strength["value"], strength["p_value"], strength["n_used"]
+        if own is not None or not (both and i > j):
+            links.append({"cause": names[i], "effect": names[j], "lag": here[2], **strength, "mark": mark, "n_lost": 0})
     fields = {
-        "schema": "roscausal/model/1", "status": "complete", "method": "unknown", "cond_ind_test": "unknown", "alpha": 0.05,
+        "schema": "roscausal/model/2", "status": "complete", "method": "unknown", "cond_ind_test": "unknown", "alpha": 0.05,
         "pc_alpha": None, "f_alpha": None, "fdr": "none", "tau_min": tau_min, "tau_max": tau_max, "dt": None, "n_samples": 0,
         "n_recordings": 1, "seed": 0, "run_time_s": None, "features": names, "dropped": [], "links": links,
-        "graph": graph.tolist(), "val_matrix": val_matrix.tolist(), "p_matrix": p_matrix.tolist(),
+        "graph": graph.tolist(), "outcomes": outcomes.tolist(), "val_matrix": val_matrix.tolist(), "p_matrix": p_matrix.tolist(),
+        "n_matrix": n_matrix.tolist(),
         "causal_structure": there.tolist(), "val": val.tolist(), "pval": pval.tolist(), "warnings": [],
     }  # fmt: skip
     if info is None:
@@ -75,3 +87,8 @@ def text_of(causal_model: Any, info: Any) -> str:
         known["dt"] = known["dt"] or None  # 0: not known
         fields["dropped"] = [str(name) for name in info.candidate_features if str(name) not in names]
     return json.dumps({**fields, **known})
+
+
+def _mirrored(mark: str) -> str:
+    """A mark seen from the other end."""
+    return "".join({"<": ">", ">": "<"}.get(end, end) for end in reversed(mark))

@@ -32,17 +32,19 @@ class Link:
         cause: Name of the cause.
         effect: Name of the effect.
         lag: Steps from cause to effect.
-        value: Strength; its range depends on the test.
-        p_value: P-value; 0 means below the smallest that the test distinguishes.
+        value: Strength; its range depends on the test. None if it was not tested.
+        p_value: P-value; 0 means below the smallest that the test distinguishes. None if it was not tested.
         mark: `-->`, or `o-o` / `x-x` where the direction at lag 0 is open.
         n_lost: Samples left out because a value was missing.
-        p: The p-value in words, such as "<0.002" where the test tells no smaller ones apart.
+        p: The p-value in words, such as "<0.001" where the test tells no smaller ones apart.
         confidence: Share of the resamples that have the link; None without resamples.
         value_low: Percentile 5 of the strength in the resamples.
         value_high: Percentile 95 of it.
         size: With resamples `{step, change, low, high}`: this much more of the effect goes with a step more of the cause, in their units.
         since: Of a model of a node that rolls on: stamp from which on the link is in every model.
         seen: Of such a model: how many of the last eight models have the link.
+        n_used: Samples that its test used, if known.
+        required: Whether it was required beforehand; then it was not tested.
 
     Example:
         >>> import roscausal as rc
@@ -53,8 +55,8 @@ class Link:
     cause: str
     effect: str
     lag: int
-    value: float
-    p_value: float
+    value: float | None
+    p_value: float | None
     mark: str = "-->"
     n_lost: int = 0
     p: str = ""
@@ -64,6 +66,8 @@ class Link:
     size: dict[str, Any] | None = field(default=None, hash=False)
     since: float | None = None
     seen: int | None = None
+    n_used: int | None = None
+    required: bool = False
 
     def __str__(self) -> str:
         when = f"at t-{self.lag}" if self.lag else "at the same time"
@@ -71,6 +75,8 @@ class Link:
             what = f"{self.cause} {when} drives {'itself' if self.cause == self.effect else self.effect}"
         else:
             what = f"{self.cause} and {self.effect} depend on each other {when}, direction open"
+        if self.value is None or self.p_value is None:
+            return _native.visible(f"{what}: {'required, ' if self.required else ''}not tested")
         p = f"p < {self.p[1:]}" if self.p.startswith("<") else f"p = {self.p_value:.3f}"
         return _native.visible(f"{what}: strength {self.value:.2f}, {p}")
 
@@ -199,7 +205,8 @@ class Model:
 
     def __init__(self, text: str, data: Recordings | None = None) -> None:
         self._file = _native.export(text, "json")
-        self._fields: dict[str, Any] = json.loads(text)
+        # A text of an older version has become one of this.
+        self._fields: dict[str, Any] = {**json.loads(self._file), "run_time_s": json.loads(text).get("run_time_s")}
         self._text = text
         self._data = data
 
@@ -226,14 +233,26 @@ class Model:
 
     @cached_property
     def val_matrix(self) -> NDArray[np.float64]:
-        """Strengths (N, N, tau_max + 1) as [cause, effect, lag]; 0 where nothing was tested."""
+        """Strengths (N, N, tau_max + 1) as [cause, effect, lag]; NaN where nothing was tested."""
         return _frozen(self._cube("val_matrix", "f8"))
 
     @cached_property
     def p_matrix(self) -> NDArray[np.float64]:
-        """P-values (N, N, tau_max + 1) as [cause, effect, lag], corrected if a correction was asked for; 1 where nothing was
+        """P-values (N, N, tau_max + 1) as [cause, effect, lag], corrected if a correction was asked for; NaN where nothing was
         tested."""
         return _frozen(self._cube("p_matrix", "f8"))
+
+    @cached_property
+    def n_matrix(self) -> NDArray[np.float64]:
+        """Samples that each test used (N, N, tau_max + 1) as [cause, effect, lag]; NaN where nothing was tested, or they are not
+        known."""
+        return _frozen(self._cube("n_matrix", "f8"))
+
+    @cached_property
+    def outcomes(self) -> NDArray[np.str_]:
+        """What became of each entry, (N, N, tau_max + 1) as [cause, effect, lag]: "tested", or why not: "not_asked" by the method,
+        "required" or "forbidden" beforehand, "filtered", "no_answer" of the test, "ended" before, "unknown"."""
+        return _frozen(self._cube("outcomes", "<U9"))
 
     @cached_property
     def link_frequency(self) -> NDArray[np.float64] | None:
@@ -282,7 +301,7 @@ class Model:
     def settings(self) -> dict[str, Any]:
         """The question: method, test, levels, lags, seed, samples, run time."""
         results = {
-            "schema", "status", "features", "dropped", "links", "graph", "val_matrix", "p_matrix", "causal_structure", "val",
+            "schema", "status", "features", "dropped", "links", "graph", "outcomes", "val_matrix", "p_matrix", "n_matrix", "causal_structure", "val",
             "pval", "warnings", "link_frequency", "mark_frequency", "summary_frequency", "majority_graph", "val_mean", "val_low",
             "val_high", "advice",
         }  # fmt: skip
@@ -485,7 +504,7 @@ class Model:
         """
         import pandas  # type: ignore[import-not-found, import-untyped, unused-ignore]
 
-        columns = ["cause", "effect", "lag", "value", "p_value", "mark", "n_lost", "confidence", "value_low", "value_high"]
+        columns = ["cause", "effect", "lag", "value", "p_value", "mark", "n_lost", "n_used", "confidence", "value_low", "value_high"]
         return pandas.DataFrame(self._fields["links"], columns=columns)
 
     def to_networkx(self) -> Any:
@@ -511,7 +530,7 @@ class Model:
         """The model of a ROS message `roscausal_msgs/CausalModel`, as rclpy, rospy or rosbags give it.
 
         Args:
-            causal_model: The message. It holds the links only: pairs without a link have strength 0 and p-value 1.
+            causal_model: The message. It holds the links only: of other pairs it is unknown whether they were tested.
             info: The `CausalModelInfo` published beside it, for the settings; None: they are unknown.
 
         Raises:

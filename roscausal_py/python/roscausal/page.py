@@ -21,7 +21,7 @@ def page(model: Model, level: str) -> str:
 
     resampled = model.link_frequency is not None
     rows = [
-        row([link.cause, link.mark, link.effect, link.lag, f"{link.value:.3f}", link.p] + [_share(link.confidence)] * resampled)
+        row([link.cause, link.mark, link.effect, link.lag, "" if link.value is None else f"{link.value:.3f}", link.p] + [_share(link.confidence)] * resampled)
         for link in model.links
     ]
     header = row(["cause", "", "effect", "lag", "strength", "p-value"] + ["found again"] * resampled)

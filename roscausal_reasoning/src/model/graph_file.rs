@@ -44,7 +44,7 @@ fn directed() -> String {
     "-->".to_owned()
 }
 
-/// The graph of a model file (`roscausal/model/1`), or of one written by hand, without the columns `context`.
+/// The graph of a model file (`roscausal/model/2`), or of one written by hand, without the columns `context`.
 ///
 /// By hand: `links` with `cause`, `effect`, `lag` and, at lag 0, `mark` (`-->`, `o-o`, `x-x`); if wanted `variables` (default: those of the
 /// links), `units` by variable, and `dt` in seconds.
@@ -119,7 +119,7 @@ mod tests {
         assert!(
             refused(r#"{"links": [{"cause": "a", "effect": "b", "lag": 4000000000}]}"#).contains("too large")
         );
-        assert!(refused(r#"{"schema": "roscausal/model/9"}"#).contains("roscausal/model/1"));
+        assert!(refused(r#"{"schema": "roscausal/model/9"}"#).contains("roscausal/model/2"));
         assert!(
             refused(r#"{"variables": ["a"], "links": [{"cause": "a", "effect": "b", "lag": 1}]}"#)
                 .contains("'b'")

@@ -62,12 +62,12 @@ impl Facts {
             )
         }));
         let p_value = |link: &roscausal_discovery::Link| {
-            (link.cause.clone(), link.effect.clone(), link.lag, link.p_value)
+            Some((link.cause.clone(), link.effect.clone(), link.lag, link.p_value?))
         };
         Self {
             dt: model.dt,
             method: format!("{} with {}", model.method, model.cond_ind_test),
-            p_values: model.links.iter().map(p_value).collect(),
+            p_values: model.links.iter().filter_map(p_value).collect(),
             dropped: model.dropped.clone(),
             warnings,
             units: Vec::new(),

@@ -113,12 +113,13 @@ impl Db3 {
             return;
         };
         let texts = statement.query_map([], |row| Ok((row.get::<_, String>(0)?, row.get::<_, String>(1)?)));
-        for (name, text) in texts.into_iter().flatten().flatten() {
-            let (name, text) = (type_name(&name), Arc::<str>::from(text));
-            self.topics
-                .iter_mut()
-                .filter(|topic| topic.type_name == name)
-                .for_each(|topic| topic.definition = text.clone());
+        let texts = texts.into_iter().flatten().flatten();
+        let texts: HashMap<String, Arc<str>> =
+            texts.map(|(name, text)| (type_name(&name), Arc::from(text))).collect();
+        for topic in &mut self.topics {
+            if let Some(text) = texts.get(&topic.type_name) {
+                topic.definition = text.clone();
+            }
         }
     }
 
@@ -256,8 +257,9 @@ fn guarded(database: Connection, path: &Path) -> rusqlite::Result<Connection> {
     let longest = i32::try_from(length.saturating_add(LONGEST_BESIDE_THE_FILE)).unwrap_or(i32::MAX);
     database.set_limit(Limit::SQLITE_LIMIT_LENGTH, longest)?;
     database.pragma_update(None, "trusted_schema", false)?;
-    let made_up = "SELECT name FROM sqlite_schema WHERE lower(name) IN ('topics', 'messages', 'message_definitions') \
-                   AND (type <> 'table' OR sql LIKE 'CREATE VIRTUAL%' OR sql LIKE '%GENERATED%' OR sql LIKE '% AS %(%')";
+    // What SQLite makes of them counts, not what the schema says of itself: the text of a table may be that of a view.
+    let made_up = "SELECT name FROM pragma_table_list AS tables WHERE lower(name) IN ('topics', 'messages', 'message_definitions') \
+                   AND (type <> 'table' OR EXISTS (SELECT 1 FROM pragma_table_xinfo(tables.name) WHERE hidden <> 0))";
     match database.query_row(made_up, [], |row| row.get::<_, String>(0)) {
         Err(rusqlite::Error::QueryReturnedNoRows) => Ok(database),
         Err(error) => Err(error),
@@ -303,4 +305,51 @@ impl Source for Db3 {
 /// Counts a message that cannot be read; the first reason is kept.
 fn count(lost: &mut Option<(u32, String)>, reason: &dyn std::fmt::Display) {
     lost.get_or_insert_with(|| (0, reason.to_string())).0 += 1;
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const MESSAGES: &str =
+        "CREATE TABLE messages(id INTEGER PRIMARY KEY, topic_id INTEGER, timestamp INTEGER, data BLOB)";
+
+    /// A database with this text of its table of topics, which SQLite made from another one.
+    fn forged(dir: &Path, plain: &str, text: &str, cut: usize) -> PathBuf {
+        let path = dir.join("forged.db3");
+        let _ = std::fs::remove_file(&path);
+        let database = Connection::open(&path).expect("opens");
+        database.execute_batch(&format!("{plain}; {MESSAGES};")).expect("makes");
+        for row in 0..40 {
+            database.execute("INSERT INTO messages VALUES(?, 1, 1, zeroblob(3000))", [row]).expect("inserts");
+        }
+        if plain != text {
+            database.pragma_update(None, "writable_schema", true).expect("may");
+            let set = "UPDATE sqlite_schema SET rootpage = 0, sql = ? WHERE name = 'topics'";
+            database.execute(set, [text]).expect("forges");
+        }
+        drop(database);
+        let bytes = std::fs::read(&path).expect("reads");
+        std::fs::write(&path, &bytes[..bytes.len() - cut]).expect("cuts");
+        path
+    }
+
+    #[test]
+    fn a_table_that_is_made_up_is_refused_however_its_schema_spells_it() {
+        let dir = tempfile::tempdir().expect("a folder");
+        let columns = "id INTEGER PRIMARY KEY, name TEXT, type TEXT, serialization_format TEXT, offered_qos_profiles TEXT";
+        let plain = format!("CREATE TABLE topics({columns})");
+        let generated = |how: &str| format!("CREATE TABLE topics({columns} {how})");
+        let endless = "CREATE VIEW topics(id, name, type, serialization_format) AS\nWITH RECURSIVE t(x) AS\n(SELECT 1 UNION ALL \
+                       SELECT x + 1 FROM t) SELECT x, '/a', 'b', 'cdr' FROM t";
+        for how in ["AS('x')", "as\n('x')", "GENERATED ALWAYS AS ('x') STORED", "AS/**/('x') VIRTUAL"] {
+            let text = generated(how);
+            let opened = Db3::open(&forged(dir.path(), &text, &text, 0), &mut Vec::new());
+            assert!(opened.is_err_and(|error| error.to_string().contains("no plain table")), "{how}");
+        }
+        for cut in [0, 4096] {
+            assert!(Db3::open(&forged(dir.path(), &plain, endless, cut), &mut Vec::new()).is_err(), "{cut}");
+        }
+        assert!(Db3::open(&forged(dir.path(), &plain, &plain, 0), &mut Vec::new()).is_ok());
+    }
 }

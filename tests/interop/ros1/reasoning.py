@@ -58,7 +58,7 @@ def answered(name, request, status=OK):
         return status in (NO_MODEL, NO_DATA) or found[-1].status not in (NO_MODEL, NO_DATA)
 
     eventually(there, 60, lambda: "an answer of %s: %s" % (name, found[-1:]), period=0.1)
-    assert found[-1].status == status, found[-1]
+    assert status in (None, found[-1].status), found[-1]
     return found[-1]
 
 
@@ -131,6 +131,28 @@ def a_question_that_cannot_be_asked_gets_a_status_and_a_sentence_and_the_next_is
                 assert got.status == status and words in got.message and len(got.message) > 20, (status, words, got)
             assert str(answered("what_if", good).outlooks) == str(first.outlooks), "the same question, another answer"
             assert program.child.poll() is None
+
+
+@case
+def a_mark_means_the_same_in_a_message_and_in_a_file(roscore):
+    """What the command reads is the file, what the robot hears is the message."""
+    question = what_if(sets("stop", 0.2), Action(name="go on"))
+    heard = lambda got: (got.status, [(outlook.action, str(outlook.forecasts)) for outlook in got.outlooks], list(got.ranking))
+    models = rospy.Publisher("/roscausal/causal_model_info", CausalModelInfo, queue_size=1, latch=True)
+    for last in known_system.MARKS:
+        with tempfile.TemporaryDirectory() as folder:
+            batch, graph, _ = known_system.write(folder, last=last)
+            with reasoning(roscore, batch, graph):
+                of_file = answered("what_if", question, status=None)
+            links = [CausalLink(cause=cause, effect=effect, lag=lag, mark=mark, tested=True, p_value=0.01)
+                     for cause, effect, lag, mark in known_system.links(last)]
+            models.publish(CausalModelInfo(batch_id="batch", min_lag=0, max_lag=1, dt=known_system.DT, links=links,
+                                           candidate_features=list(known_system.NAMES)))
+            with reasoning(roscore, batch):
+                of_message = answered("what_if", question, status=None)
+            assert heard(of_message) == heard(of_file), (last, of_message, of_file)
+            assert of_file.outlooks, (last, of_file)
+    models.unregister()
 
 
 @case
@@ -230,7 +252,7 @@ def the_example_planner_chooses_the_speed_that_the_answers_favour(roscore):
     limits = []
     rospy.Subscriber("/speed_limit", Float64, lambda message: limits.append(message.data))
     with tempfile.TemporaryDirectory() as folder:
-        batch, graph, _ = known_system.write(folder)
+        batch, graph, _ = known_system.write(folder, noise=known_system.WIDE)
         roscore.param("/roscausal_reasoning/allow_extrapolation", True)
         roscore.param("/planner/cost", ["d=0.1", "r_v=-1.0"])
         with reasoning(roscore, batch, graph) as program:
@@ -249,7 +271,7 @@ def the_example_planner_drives_the_simulators_robot_at_the_speed_it_chose(roscor
     heard = [rospy.Subscriber("/roscausal/robot", RobotState, lambda m: speeds.append(math.hypot(m.twist.linear.x, m.twist.linear.y))),
              rospy.Subscriber("/roscausal/features", Features, rows.append)]
     with tempfile.TemporaryDirectory() as folder, contextlib.ExitStack() as running:
-        batch, graph, _ = known_system.write(folder)
+        batch, graph, _ = known_system.write(folder, count=3000, noise=known_system.WIDE)
         given = {
             "roscausal_hrisim/scenario": "encounters", "roscausal_robot/goal_topic": "/goal_pose", "roscausal_robot/goal_type": "PoseStamped",
             "roscausal_human/source_frame": "map", "roscausal_data/data_dir": folder + "/raw", "roscausal_data/pp_data_dir": folder + "/pp",

@@ -138,6 +138,10 @@ impl CondIndTest for CmiKnn {
     fn decides_by_value(&self) -> bool {
         self.significance == Significance::FixedThres
     }
+
+    fn is_one_sided(&self) -> bool {
+        true
+    }
 }
 
 struct Prepared<'a> {

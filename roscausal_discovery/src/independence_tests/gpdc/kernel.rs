@@ -63,7 +63,12 @@ impl Inputs {
 
     /// The place of sample `i`, one value per dimension.
     pub(super) fn place(&self, i: usize) -> Vec<f64> {
-        self.values.chunks_exact(self.n).map(|row| row[i]).collect()
+        self.values_of(i).collect()
+    }
+
+    /// The same, one after the other.
+    pub(super) fn values_of(&self, i: usize) -> impl Iterator<Item = f64> + '_ {
+        self.values.chunks_exact(self.n).map(move |row| row[i])
     }
 
     /// Writes the kernel between a place, one value per dimension, and every sample into `kernel`.

@@ -1,5 +1,4 @@
-//! The law of the distance correlation of two long independent series of ranks: what GPDC's values are held against where a
-//! table of random series would take longer than the tests.
+//! The law of the distance correlation of two long independent series of ranks. [`super::null_law`] makes it that of few samples.
 //!
 //! Source: Székely, Rizzo and Bakirov 2007, theorem 5: `n dCov^2` of independent series tends to a sum of squares of independent
 //! normal variables, weighted by the products of the eigenvalues of both centred distance kernels. Ranks make both kernels the one
@@ -11,8 +10,8 @@
 //! with `n - 1` for `n` because the mean is exact then: 2.5. The characteristic function follows from Euler's product of the sine,
 //! the survival function from it by a sum over half steps (Davies 1973), whose error falls exponentially with the step.
 //!
-//! Example: `survival(5001, 0.05)`, at `5000 * 0.05^2 = 12.5`, is 0.00062: of 1600 pairs of independent series of 5001 samples one has
-//! a distance correlation above 0.05.
+//! Example: `above(12.5)` is 0.00062: of 1600 pairs of independent series of 5001 samples one has a distance correlation above
+//! 0.05, because `5000 * 0.05^2 = 12.5`.
 
 use std::{f64::consts::PI, sync::LazyLock};
 
@@ -32,14 +31,8 @@ static HALF_STEPS: LazyLock<Vec<(f64, f64)>> = LazyLock::new(|| {
     (0..(FARTHEST / STEP) as usize).map(|k| characteristic((k as f64 + 0.5) * STEP)).collect()
 });
 
-/// Probability that two independent series of `n` ranks have a distance correlation above `value`. From about 1000 samples on it is
-/// within the sampling error of 10,000 pairs.
-pub(super) fn survival(n: usize, value: f64) -> f64 {
-    above(n.saturating_sub(1) as f64 * value * value)
-}
-
 /// Probability that the weighted sum exceeds `x`.
-fn above(x: f64) -> f64 {
+pub(super) fn above(x: f64) -> f64 {
     if x <= TAIL {
         return by_sum(x);
     }
@@ -134,7 +127,7 @@ mod tests {
     fn the_law_is_that_of_random_series_of_2000_and_8000_samples() {
         for (n, draws) in [(2000, 1000), (8000, 400)] {
             let table = NullTable::get(n, draws, 42).values().to_vec();
-            let off = distance(table, |value| survival(n, value));
+            let off = distance(table, |value| above((n - 1) as f64 * value * value));
             assert!(off < one_in_a_thousand(draws), "{n} samples: {off}");
         }
     }
@@ -145,6 +138,6 @@ mod tests {
         assert!((slope(TAIL - 0.5) - slope(TAIL)).abs() < 0.01, "{} {}", slope(TAIL - 0.5), slope(TAIL));
         let all: Vec<f64> = (0..1000).map(|k| above(0.1 * f64::from(k))).collect();
         assert!(all.windows(2).all(|pair| pair[1] <= pair[0] + 1e-12));
-        assert_eq!((above(0.0), survival(0, 1.0), survival(100_000, 1.0)), (1.0, 1.0, 0.0));
+        assert_eq!((above(0.0), above(1e5)), (1.0, 0.0));
     }
 }

@@ -16,6 +16,7 @@ mod limit_law;
 mod line_search;
 mod local_model;
 mod low_rank;
+mod null_law;
 mod null_table;
 mod permutation;
 mod plan;
@@ -47,39 +48,17 @@ use null_table::NullTable;
 pub use process::{GpOptimum, GpRegression};
 use regression::{GaussianProcess, SearchSettings};
 use residuals::{ResidualCache, Residuals};
-use resources::{LARGE, Resources};
+use resources::Resources;
 
-/// Distance correlation of the ranks of two series, in `[0, 1]`, and its p-value if both are series of independent samples: the
-/// fraction of 500 pairs of uniform series above it, or above 2000 samples that of all pairs by the limit law. 0 and 1 where one is constant.
-pub(crate) fn uniform_dependence(x: &[f64], y: &[f64]) -> (f64, f64) {
-    if is_constant(x) || is_constant(y) {
-        return (0.0, 1.0);
-    }
-    let value = of_ranks(&distance_correlation::ranks(x), &distance_correlation::ranks(y));
-    (value, share_above(x.len(), value, None, TestSettings::default().seed))
-}
-
-/// The value of [`uniform_dependence`] and its p-value, beyond the table from a tail fitted to its largest quarter: for many tests
-/// at once.
+/// Distance correlation of the ranks of two series, in `[0, 1]`, and its p-value if both are series of independent samples. 0 and 1
+/// where one is constant.
 pub(crate) fn dependence(x: &[f64], y: &[f64]) -> (f64, f64) {
     if is_constant(x) || is_constant(y) || x.len() != y.len() {
         return (0.0, 1.0);
     }
-    let value = of_ranks(&distance_correlation::ranks(x), &distance_correlation::ranks(y));
-    if x.len() > LARGE {
-        return (value, limit_law::survival(x.len(), value));
-    }
-    let table = NullTable::get(x.len(), DEFAULT_TABLE, TestSettings::default().seed);
-    (value, table.share_above_with_tail(value))
-}
-
-/// The share of pairs of independent uniform series of `n` samples above `value`: by the table of so many `pairs`; where no number of
-/// pairs is asked for, by one of [`DEFAULT_TABLE`] pairs, or by the limit law above [`LARGE`] samples.
-fn share_above(n: usize, value: f64, pairs: Option<usize>, seed: u64) -> f64 {
-    match pairs {
-        None if n > LARGE => limit_law::survival(n, value),
-        pairs => NullTable::get(n, pairs.unwrap_or(DEFAULT_TABLE), seed).share_above(value),
-    }
+    let (x, y) = (distance_correlation::ranks(x), distance_correlation::ranks(y));
+    let value = of_ranks(&x, &y);
+    (value, null_law::p_value(&x, &y, value))
 }
 
 /// The p-value of [`dependence`].
@@ -114,7 +93,7 @@ pub(crate) fn gp_residuals(
 
 /// Samples below which a test is refused.
 const FEWEST_SAMPLES: usize = 5;
-/// Pairs of uniform series in a table of null values.
+/// Pairs of uniform series in the reference's table of null values.
 const DEFAULT_TABLE: usize = 500;
 /// Bytes for large matrices where the settings give no bound.
 const DEFAULT_MEMORY: usize = 900 << 20;
@@ -157,10 +136,10 @@ pub struct Gpdc {
 }
 
 impl Gpdc {
-    /// The test with `settings`: `significance` (`analytic`, the default: from a table of values of independent
-    /// uniform series, of `sig_samples` entries, or of `null_distributions` where it has the number of samples, and above 2000 samples
-    /// from the limit law unless `sig_samples` is given; `shuffle_test`: of the residuals; or `fixed_thres`), `confidence`
-    /// (`bootstrap`: each sample is regressed anew), `seed`, `max_memory`.
+    /// The test with `settings`: `significance` (`analytic`, the default: the law of independent ranks; from `null_distributions` where
+    /// they have the number of samples; from a table of `sig_samples` random pairs if that is given, and of 500 with `as_tigramite`.
+    /// `shuffle_test`: of the residuals; or `fixed_thres`), `confidence` (`bootstrap`: each sample is regressed anew), `seed`,
+    /// `max_memory`.
     ///
     /// # Errors
     /// A setting that the test does not allow.
@@ -238,9 +217,6 @@ impl PreparedTest for PreparedGpdc<'_> {
         let z = canonical(z);
         let arrays = self.samples.arrays(x, y, &z);
         let n = arrays.x.len();
-        if n < FEWEST_SAMPLES {
-            return Err(too_few(n));
-        }
         let mut result = TestResult {
             value: 0.0,
             p_value: 1.0,
@@ -249,6 +225,9 @@ impl PreparedTest for PreparedGpdc<'_> {
             n_lost: arrays.n_lost,
             dependent: None,
         };
+        if n < FEWEST_SAMPLES {
+            return Ok(TestResult { n_samples: 0, ..result });
+        }
         if is_constant(&arrays.x) || is_constant(&arrays.y) {
             return Ok(result);
         }
@@ -261,10 +240,14 @@ impl PreparedTest for PreparedGpdc<'_> {
         };
         match self.test.significance() {
             Significance::Analytic => {
-                let own = || share_above(n, result.value, settings.sig_samples, settings.seed);
                 let given = settings.null_distributions.as_ref();
-                result.p_value =
-                    given.and_then(|given| given.share_above(n, result.value)).unwrap_or_else(own);
+                let given = given.and_then(|given| given.share_above(n, result.value));
+                let pairs = settings.sig_samples.or(settings.as_tigramite.then_some(DEFAULT_TABLE));
+                result.p_value = match (given, pairs) {
+                    (Some(p_value), _) => p_value,
+                    (_, Some(pairs)) => NullTable::get(n, pairs, settings.seed).share_above(result.value),
+                    _ => null_law::p_value(&of_x.ranks, &of_y.ranks, result.value),
+                };
             }
             Significance::ShuffleTest => {
                 let length =

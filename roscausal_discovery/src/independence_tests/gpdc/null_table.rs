@@ -1,4 +1,4 @@
-//! Distance correlations of the ranks of independent uniform samples: what GPDC's values are held against.
+//! Distance correlations of the ranks of independent uniform samples: what the reference holds GPDC's values against.
 
 use std::{
     collections::HashMap,
@@ -58,23 +58,6 @@ impl NullTable {
     pub(super) fn share_above(&self, value: f64) -> f64 {
         let not_above = self.0.partition_point(|&null| null <= value);
         (self.0.len() - not_above) as f64 / self.0.len().max(1) as f64
-    }
-}
-
-impl NullTable {
-    /// The share above `value`; from the largest quarter of the table on `0.25 exp(-(value^2 - q^2) / s)` with the 75 % quantile
-    /// `q` and the mean excess `s` of the squares above it: squared distance correlations have an exponential tail.
-    pub(super) fn share_above_with_tail(&self, value: f64) -> f64 {
-        let from = (3 * self.0.len()).div_ceil(4);
-        let Some((quantile, largest)) = self.0.get(from).map(|quantile| (*quantile, &self.0[from..])) else {
-            return self.share_above(value);
-        };
-        let excess = |null: &f64| null * null - quantile * quantile;
-        let mean = largest.iter().map(excess).sum::<f64>() / largest.len() as f64;
-        match value > quantile && mean > 0.0 {
-            true => 0.25 * (-excess(&value) / mean).exp(),
-            false => self.share_above(value),
-        }
     }
 }
 

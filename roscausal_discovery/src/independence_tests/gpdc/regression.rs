@@ -140,6 +140,21 @@ impl GaussianProcess {
         })
     }
 
+    /// Gives samples with equal conditions and equal `target` the residual of the first of them. In exact arithmetic they have one;
+    /// what rounding makes of it would decide their ranks.
+    pub(super) fn make_equal(&self, target: &[f64], residuals: &mut [f64]) {
+        let rows = |i: usize| std::iter::once(target[i]).chain(self.inputs.values_of(i));
+        let compare = |a: usize, b: usize| {
+            rows(a).zip(rows(b)).map(|(a, b)| a.total_cmp(&b)).find(|order| order.is_ne())
+        };
+        let mut order: Vec<usize> = (0..residuals.len()).collect();
+        order.sort_unstable_by(|&a, &b| compare(a, b).unwrap_or_else(|| a.cmp(&b)));
+        for equal in order.chunk_by(|&a, &b| compare(a, b).is_none()).filter(|equal| equal.len() > 1) {
+            let first = residuals[equal[0]];
+            equal.iter().for_each(|&i| residuals[i] = first);
+        }
+    }
+
     /// The same on many samples.
     fn fit_many(&self, target: &[f64], how: &SearchSettings, check: &dyn Fn() -> Result<()>) -> Result<Fit> {
         let n = target.len();

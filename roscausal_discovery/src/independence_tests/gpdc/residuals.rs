@@ -128,8 +128,9 @@ impl Residuals {
                 by_few: false,
             });
         };
-        let Fit { theta, log_likelihood, repeated, by_few, residuals } =
+        let Fit { theta, log_likelihood, repeated, by_few, mut residuals } =
             process.fit(&standardized(target), how, check)?;
+        process.make_equal(target, &mut residuals);
         let ranks = ranks(&residuals);
         let values = if keep_values { residuals } else { Vec::new() };
         Ok(Self { ranks, values, log_likelihood, theta: Some(theta), repeated, by_few })

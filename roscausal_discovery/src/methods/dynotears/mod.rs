@@ -270,7 +270,7 @@ impl Problem {
         let price: f64 =
             weights.iter().zip(&self.penalty).filter(|(w, _)| **w != 0.0).map(|(w, p)| w.abs() * p).sum();
         let mut links = PcmciResult::untested(n, lags, rows.len() + rows.n_lost());
-        links.n_lost.fill(rows.n_lost());
+        links.all_rest_on(rows, 0);
         let kept = without_cycles(&w, settings.threshold);
         for ((cause, effect, lag), mark) in links.graph.indexed_iter_mut() {
             let at = [cause, effect, lag];

@@ -6,14 +6,14 @@
 use rustc_hash::FxHashMap;
 
 use super::graph::{Graph, Pair};
-use crate::ground::Node;
+use crate::ground::{Node, SampleCount};
 
 /// What one test said.
 #[derive(Clone, Copy)]
 pub(super) struct Answer {
     pub(super) value: f64,
     pub(super) p_value: f64,
-    pub(super) n_lost: usize,
+    pub(super) samples: Option<SampleCount>,
     pub(super) dependent: bool,
 }
 

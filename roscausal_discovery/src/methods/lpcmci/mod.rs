@@ -172,7 +172,7 @@ fn found(search: &Search<'_, '_>) -> PcmciResult {
             };
             result.val_matrix[at] = value;
             result.p_matrix[at] = p_value;
-            result.n_lost[at] = evidence.n_lost;
+            result.samples[at] = evidence.samples;
         }
     }
     result

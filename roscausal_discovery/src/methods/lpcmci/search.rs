@@ -9,7 +9,7 @@ use super::{
     settings::LpcmciSettings,
 };
 use crate::{
-    ground::{Assumption, LinkAssumptions, LinkEnd, Node, Result},
+    ground::{Assumption, LinkAssumptions, LinkEnd, Node, Result, SampleCount},
     methods::run::Run,
 };
 
@@ -24,10 +24,10 @@ pub(super) struct Separating {
 /// What the tests of a pair said.
 #[derive(Clone, Debug)]
 pub(super) struct Evidence {
-    /// Largest p-value, and the value and lost samples of its test.
+    /// Largest p-value, and the value and samples of its test.
     pub(super) p_value: f64,
     pub(super) value: f64,
-    pub(super) n_lost: usize,
+    pub(super) samples: Option<SampleCount>,
     pub(super) separating: Vec<Separating>,
 }
 
@@ -86,8 +86,12 @@ impl<'a, 'b> Search<'a, 'b> {
         let (n_vars, tau_max) = (self.graph.n_vars, self.graph.tau_max);
         self.graph = Graph::new(n_vars, tau_max);
         self.known = Knowledge::new(&self.graph);
-        let untested =
-            Evidence { p_value: f64::NEG_INFINITY, value: f64::INFINITY, n_lost: 0, separating: Vec::new() };
+        let untested = Evidence {
+            p_value: f64::NEG_INFINITY,
+            value: f64::INFINITY,
+            samples: None,
+            separating: Vec::new(),
+        };
         self.evidence = vec![untested; self.graph.n_places()];
         self.votes.clear();
         for effect in 0..n_vars {
@@ -214,8 +218,12 @@ impl<'a, 'b> Search<'a, 'b> {
             None => {
                 let result = self.run.test(pair.x, pair.y, z)?;
                 let (result, dependent) = self.run.decide(result, self.settings.pc_alpha);
-                let answer =
-                    Answer { value: result.value, p_value: result.p_value, n_lost: result.n_lost, dependent };
+                let answer = Answer {
+                    value: result.value,
+                    p_value: result.p_value,
+                    samples: Some(result.samples()),
+                    dependent,
+                };
                 if !self.as_fci {
                     self.answers.keep(answer);
                 }
@@ -227,7 +235,7 @@ impl<'a, 'b> Search<'a, 'b> {
             if answer.p_value > evidence.p_value {
                 evidence.p_value = answer.p_value;
                 evidence.value = answer.value;
-                evidence.n_lost = answer.n_lost;
+                evidence.samples = answer.samples;
             }
         }
         Ok((!answer.dependent).then_some(answer.value))

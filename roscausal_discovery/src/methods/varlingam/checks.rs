@@ -5,7 +5,7 @@ use rayon::prelude::*;
 use super::dependence;
 
 use crate::{
-    independence_tests::uniform_dependence,
+    independence_tests::tail_dependence,
     methods::result::PcmciResult,
     numeric::{rows::standardized, special::chi_squared_sf},
 };
@@ -39,7 +39,7 @@ pub(super) fn remarks(
     let p_values: Vec<f64> = match residuals.first().is_some_and(|values| values.len() >= dependence::FEWEST)
     {
         true => dependence::p_values(residuals, &pairs),
-        false => pairs.par_iter().map(|&(i, j)| uniform_dependence(&residuals[i], &residuals[j]).1).collect(),
+        false => pairs.par_iter().map(|&(i, j)| tail_dependence(&residuals[i], &residuals[j])).collect(),
     };
     let level = LEVEL / pairs.len().max(1) as f64;
     let dependent: Vec<String> = pairs

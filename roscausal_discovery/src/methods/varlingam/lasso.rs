@@ -38,6 +38,8 @@ impl Products {
 
 /// A coefficient up to this is 0.
 const ZERO: f64 = f64::EPSILON;
+/// Part of a target's variance that rounding leaves of a perfect fit.
+const NOTHING: f64 = 1e-13;
 /// Smallest pivot of a column that is not determined by those in use.
 const PIVOT: f64 = 1e-10;
 
@@ -48,8 +50,8 @@ pub(super) fn support(products: &Products, target: usize, candidates: &[usize], 
     let full = all_together(products, candidates, &with_target).unwrap_or_else(|| with_target.clone());
     let square = products.at(target, target);
     let dof = n.saturating_sub(candidates.len() + 1);
-    let s2 =
-        (square - explained_by_all(products, candidates, &with_target, &full)).max(0.0) / dof.max(1) as f64;
+    let s2 = (square - explained_by_all(products, candidates, &with_target, &full)).max(NOTHING)
+        / dof.max(1) as f64;
     let weights: Vec<f64> = full.iter().map(|v| v.abs()).collect();
     let mut best = (f64::INFINITY, Vec::new());
     let mut path = Path::new(products, candidates, &with_target, &weights);

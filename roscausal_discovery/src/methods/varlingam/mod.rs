@@ -10,13 +10,14 @@ use ndarray::{Array2, Array3};
 use rayon::prelude::*;
 
 use super::{
-    autoregression::{Autoregression, Criterion, complete_rows},
+    autoregression::{Autoregression, Criterion, complete_rows, without_rounding},
     result::PcmciResult,
 };
 use crate::{
     ground::{CompleteRows, Control, DataFrame, Error, LinkMark, Node, Result},
     numeric::{
         least_squares::{Compressed, LeastSquares},
+        rows::units,
         student_t::two_sided_p_value,
     },
 };
@@ -113,13 +114,13 @@ pub fn run_varlingam(
     settings: &VarlingamSettings,
     control: &Control,
 ) -> Result<VarlingamResult> {
-    let centred;
-    let data = if settings.centre {
-        centred = without_means(data);
-        &centred
-    } else {
-        data
-    };
+    // In units in which squares neither overflow nor vanish.
+    let units = units(data);
+    let mut scaled = data.scaled(&units);
+    if settings.centre {
+        scaled = without_means(&scaled);
+    }
+    let data = &scaled;
     let lags = lags(data, settings, control)?;
     let of_past = Autoregression::new(complete_rows(data, lags, control)?, 1..=lags, false)?;
     // The present of all variables, then the past.
@@ -136,13 +137,19 @@ pub fn run_varlingam(
             checks::remarks(data.var_names(), &model.residuals(&of_past.rows), &order.margins, &links);
     }
     control.count(1);
+    let in_datas_units = |mut coefficients: Array3<f64>| {
+        for ((cause, effect, _), value) in coefficients.indexed_iter_mut() {
+            *value *= units[cause] / units[effect];
+        }
+        coefficients
+    };
     Ok(VarlingamResult {
         links,
         lags,
         causal_order: order.variables,
         order_margins: order.margins,
-        adjacency: model.adjacency,
-        ar_coefs: of_past.coefficients(lags),
+        adjacency: in_datas_units(model.adjacency),
+        ar_coefs: in_datas_units(of_past.coefficients(lags)),
     })
 }
 
@@ -301,9 +308,9 @@ impl Model {
 
     fn links(&self, of_past: &Autoregression, lags: usize, settings: &VarlingamSettings) -> PcmciResult {
         let n = of_past.rows.n_vars();
-        let n_lost = of_past.rows.n_lost();
-        let mut links = PcmciResult::untested(n, settings.tau_max, of_past.rows.len() + n_lost);
-        links.n_lost.fill(n_lost);
+        let rows = &of_past.rows;
+        let mut links = PcmciResult::untested(n, settings.tau_max, rows.len() + rows.n_lost());
+        links.all_rest_on(rows, 0);
         links.n_tests = n * (n * lags + n - 1);
         for (at, &p) in self.p_values.indexed_iter() {
             let at = <[usize; 3]>::from(at);
@@ -333,6 +340,7 @@ impl Model {
             {
                 left.iter_mut().zip(rows.column(Node::new(cause, lag))).for_each(|(v, x)| *v -= b * x);
             }
+            without_rounding(&mut left, rows.column(Node::new(effect, 0)));
             left
         };
         (0..rows.n_vars()).into_par_iter().map(of).collect()

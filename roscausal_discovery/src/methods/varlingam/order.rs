@@ -65,8 +65,10 @@ pub(super) fn causal_order(columns: &[Vec<f64>], first: &[usize], control: &Cont
             _ => Some(k),
         };
         let Some(best) = (0..sums.len()).filter(allowed).fold(None, smaller) else { break };
+        // Where nothing is left of one of them, no order of the two is wrong.
+        let varies = |k: usize| left[remaining[k]].variance > 0.0;
         let second = (0..sums.len())
-            .filter(|k| *k != best && allowed(k))
+            .filter(|k| *k != best && allowed(k) && varies(best) && varies(*k))
             .map(|k| sums[k])
             .fold(f64::INFINITY, f64::min);
         order.margins.push(match second {

@@ -35,6 +35,7 @@ class CMIknn(CondIndTest):
     measure = "cmi_knn"
     _engine = "cmiknn"
     _significance = "shuffle_test"
+    _one_sided = True
 
     def __init__(
         self,

@@ -42,6 +42,8 @@ class CondIndTest:
     measure = ""
     _engine = ""
     _significance = "analytic"
+    #: Whether a threshold is compared with the value, not with its size.
+    _one_sided = False
 
     def __init__(
         self,
@@ -151,7 +153,7 @@ class CondIndTest:
         if by_value:
             if level is None:
                 raise SettingError("setting 'alpha_or_thres': fixed_thres needs a threshold")
-            dependent = bool(abs(value) >= level)
+            dependent = bool((value if self._one_sided else abs(value)) >= level)
             p_value = 0.0 if dependent else 1.0
         elif level is None:
             return value, p_value

@@ -15,7 +15,7 @@ use crate::{
 };
 
 /// The result of a method.
-pub(crate) enum Outcome {
+pub(crate) enum MethodResult {
     /// Of one that keeps all variables.
     Plain(Box<PcmciResult>),
     /// Of one that leaves variables out.
@@ -38,7 +38,7 @@ fn nothing_yet(data: &DataFrame, settings: &Settings) -> PcmciResult {
     }
 }
 
-impl Outcome {
+impl MethodResult {
     /// Runs the method of `settings`.
     pub(crate) fn of(
         data: &DataFrame,
