@@ -95,13 +95,16 @@ pub fn graphml(model: &Model) -> String {
     out
 }
 
-/// A text as a cell of a table that a spreadsheet may open: what it would take for a formula begins with an apostrophe. Numbers and
-/// marks of links (`-->`) stay.
+/// A text as a cell of a table that a spreadsheet may open: what it would take for a formula begins with an apostrophe, behind
+/// what separates cells elsewhere (`;`), too. Numbers and marks of links (`-->`) stay.
 pub(crate) fn cell(text: &str) -> String {
-    let formula = text.starts_with(['=', '+', '-', '@', '\u{ff1d}', '\u{ff0b}', '\u{ff0d}', '\u{ff20}'])
-        && text.contains(char::is_alphanumeric)
-        && text.parse::<f64>().is_err();
-    format!("{}{}", if formula { "'" } else { "" }, visible::line(text))
+    let plain = |part: &str| {
+        let formula = part.starts_with(['=', '+', '-', '@', '\u{ff1d}', '\u{ff0b}', '\u{ff0d}', '\u{ff20}'])
+            && part.contains(char::is_alphanumeric)
+            && part.parse::<f64>().is_err();
+        format!("{}{}", if formula { "'" } else { "" }, visible::line(part))
+    };
+    text.split_inclusive([';', '|']).map(plain).collect()
 }
 
 /// A row of the table of links.

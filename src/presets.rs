@@ -149,7 +149,11 @@ fn find(data: &[&Path]) -> Result<Vec<Found>> {
     let mut found = Vec::new();
     if !is_beside(here) {
         let near = is_near(here, data);
-        found.extend(own(Path::new(FILE))?.map(|found| if near { of_near(found) } else { found }));
+        let may_say = |flag: &str, values: &[String]| {
+            travel::may_say(flag, values) || travel::may_say_near(flag, values)
+        };
+        let own = own(Path::new(FILE))?;
+        found.extend(own.map(|own| if near { allowed(own.flags, own.place, may_say) } else { own }));
     }
     let ignores =
         |found: &[Found]| found.iter().any(|place| place.flags.iter().any(|(flag, _)| flag == IGNORE_FLAG));
@@ -168,21 +172,6 @@ fn is_near(folder: &Path, data: &[&Path]) -> bool {
     let real = data.iter().filter_map(|path| path.canonicalize().ok());
     real.into_iter()
         .any(|data| data.starts_with(&folder) || data.parent().is_some_and(|of| folder.starts_with(of)))
-}
-
-/// What the file in the working folder may say of data that are near it.
-fn of_near(found: Found) -> Found {
-    let mut near = Found { place: found.place, ..Found::default() };
-    for (flag, values) in found.flags {
-        if travel::may_say(&flag, &values) || travel::may_say_near(&flag, &values) {
-            near.flags.push((flag, values));
-        } else {
-            let allowed = allowed(vec![(flag, values)], PathBuf::new());
-            near.flags.extend(allowed.flags);
-            near.left_out.extend(allowed.left_out);
-        }
-    }
-    near
 }
 
 /// The user's files of settings in the user's configuration folder.
@@ -228,24 +217,28 @@ fn with_the_data(data: &[&Path], folders: &[PathBuf]) -> Result<Vec<Found>> {
         found.push(Found { place: path.to_path_buf(), flags, left_out: Vec::new() });
         let sidecar = sidecar(path);
         if sidecar.is_file() {
-            found.push(allowed(flags_in(&read(&sidecar)?, &sidecar)?, sidecar));
+            found.push(allowed(flags_in(&read(&sidecar)?, &sidecar)?, sidecar, travel::may_say));
         }
     }
     for folder in folders {
         let file = folder.strip_prefix(".").unwrap_or(folder).join(FILE);
         if file.is_file() && found.iter().all(|found| found.place != file) {
-            found.push(allowed(flags_in(&read(&file)?, &file)?, file));
+            found.push(allowed(flags_in(&read(&file)?, &file)?, file, travel::may_say));
         }
     }
     Ok(found)
 }
 
-/// What data may decide of the flags that a file beside them names.
-fn allowed(flags: Vec<(String, Vec<String>)>, place: PathBuf) -> Found {
+/// What a file may decide of the flags that it names: what `may_say` allows.
+fn allowed(
+    flags: Vec<(String, Vec<String>)>,
+    place: PathBuf,
+    may_say: impl Fn(&str, &[String]) -> bool,
+) -> Found {
     let mut found = Found { place, ..Found::default() };
     for (flag, values) in flags {
         let (used, left_out): (Vec<_>, Vec<_>) =
-            values.into_iter().partition(|value| travel::may_say(&flag, std::slice::from_ref(value)));
+            values.into_iter().partition(|value| may_say(&flag, std::slice::from_ref(value)));
         for value in left_out {
             let parameter = value.split_once('=').filter(|_| flag == "param");
             let told = match parameter.and_then(|(name, _)| name.split_once('.')) {

@@ -135,8 +135,8 @@ impl Results {
         collect(&set, Path::new(""), &mut files).map_err(|e| Error::file(&self.dir, e))?;
         self.check(&files)?;
         let gone = self.old.difference(&files).cloned().collect();
-        let list = List { inode: 0, files, gone };
-        let written = || {
+        let mut list = List { inode: 0, files, gone };
+        let mut written = || {
             fs::create_dir_all(set.join(HOME))?;
             list.write(&set.join(HOME).join(LIST))
         };
@@ -423,11 +423,10 @@ impl List {
     }
 
     /// Writes it, with the number of its file.
-    fn write(&self, path: &Path) -> std::io::Result<()> {
+    fn write(&mut self, path: &Path) -> std::io::Result<()> {
         let mut file = File::create(path)?;
-        let list =
-            Self { inode: inode(&file.metadata()?), files: self.files.clone(), gone: self.gone.clone() };
-        file.write_all(&serde_json::to_vec(&list)?)?;
+        self.inode = inode(&file.metadata()?);
+        file.write_all(&serde_json::to_vec(self)?)?;
         file.sync_all()
     }
 }

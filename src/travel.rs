@@ -45,11 +45,22 @@ const FLAGS: [&str; 33] = [
     "window",
 ];
 
+/// The most work that settings that come with data may ask for, by parameter or flag: a few times what anybody needs.
+const MOST: [(&str, f64); 4] =
+    [("gp_restarts", 20.0), ("max_lag", 200.0), ("min_lag", 200.0), ("shuffles", 10_000.0)];
+
+/// Whether the value asks for no more work than data may.
+fn is_modest(name: &str, value: &str) -> bool {
+    let most = MOST.iter().find(|(limited, _)| *limited == name);
+    most.is_none_or(|(_, most)| value.trim().parse::<f64>().is_ok_and(|value| value <= *most))
+}
+
 /// Whether settings that come with data may give a node's parameter this value.
 pub(crate) fn may_set(node: &str, param: &str, value: &str) -> bool {
     let specs = nodes::parameters(node).unwrap_or_default();
     let of_data = specs.iter().any(|spec| spec.name == param && spec.of_data);
     of_data
+        && is_modest(param, value)
         && match param {
             // Not a program of the user's folder of methods.
             "cd_method" => value.parse::<Method>().is_ok(),
@@ -67,7 +78,7 @@ pub(crate) fn may_say(flag: &str, values: &[String]) -> bool {
         None if flag == "param" => values.iter().all(|value| is_parameter_of_data(value)),
         // The other formats say what is printed.
         None if flag == "format" => values.iter().all(|value| value == "trajectories"),
-        None => FLAGS.contains(&flag),
+        None => FLAGS.contains(&flag) && values.iter().all(|value| is_modest(flag, value)),
     }
 }
 
@@ -161,7 +172,7 @@ mod tests {
     }
 
     #[test]
-    fn a_method_is_one_of_the_registry_and_no_program() {
+    fn a_method_is_one_of_the_registry_and_work_is_limited() {
         let may = |param: &str, value: &str| may_set("discovery", param, value);
         assert!(may("cd_method", "pcmci") && !may("cd_method", "post.py") && !may("cd_method", "../x"));
         assert!(may("cond_ind_test", "gpdc") && !may("cond_ind_test", "GPDC-Python"));
@@ -170,6 +181,10 @@ mod tests {
         for text in ["data.pp_script=a", "data.max_pool_size=1", "x.y=1", "data.risk_lag"] {
             assert!(!may_say("param", &[text.into()]), "{text}");
         }
+        for (setting, few, many) in [("shuffles", "5000", "1000000"), ("gp-restarts", "5", "1000000")] {
+            assert!(may_say(setting, &[few.into()]) && !may_say(setting, &[many.into()]), "{setting}");
+        }
+        assert!(may("max_lag", "20") && !may("max_lag", "1e9") && !may("max_lag", "many"));
         assert!(may_say("format", &["trajectories".into()]) && !may_say("format", &["json".into()]));
     }
 }

@@ -406,3 +406,31 @@ fn the_file_in_the_working_folder_is_the_users_own_unless_the_data_lie_there() {
     assert!(told.contains("roscausal/roscausal.toml: --threads=1\n"), "{told}");
     assert!(!data.join("theirs").exists());
 }
+
+#[test]
+fn pipes_and_devices_in_a_folder_are_no_data() {
+    let dir = tempfile::tempdir().expect("a folder");
+    let folder = dir.path().join("z");
+    let pipe = |name: &str| Command::new("mkfifo").arg(folder.join(name)).status().expect("mkfifo runs");
+    fs::create_dir(&folder).expect("makes");
+    fs::write(folder.join("data_1.csv"), table()).expect("writes");
+    std::os::unix::fs::symlink("/dev/zero", folder.join("data_2.csv")).expect("links");
+    std::os::unix::fs::symlink("/dev/zero", folder.join("walk.mcap")).expect("links");
+    for name in ["data_3.csv", "data_1.json", "data_1.roscausal.toml", "roscausal.toml", "walk.bag"] {
+        assert!(pipe(name).success(), "{name}");
+    }
+    for line in [
+        &["discover", "z"][..],
+        &["discover", "z/data_1.csv"],
+        &["roll", "z/data_1.csv", "--window", "100"],
+        &["topics", "z"],
+        &["replay", "z", "--speed", "0"],
+        &["report", "z", "--out", "page"],
+    ] {
+        let program = env!("CARGO_BIN_EXE_roscausal");
+        let mut command = Command::new("timeout");
+        command.arg("60").arg(program).args(line).current_dir(dir.path());
+        let output = command.output().expect("timeout runs");
+        assert!(matches!(output.status.code(), Some(0..=2)), "{line:?}: {:?} {}", output.status, said(&output));
+    }
+}

@@ -7,7 +7,7 @@ use roscausal_core::{Result, Time};
 
 use crate::{
     source::{Contents, Format, Parsed, Piece, Span},
-    topic::{Encoding, Record, Topic, type_name},
+    topic::{Encoding, Record, Topic, Topics, type_name},
 };
 
 const MAGIC_LENGTH: u64 = "#ROSBAG V2.0\n".len() as u64;
@@ -29,7 +29,7 @@ impl Bag {
     pub(crate) fn open(path: &Path, losses: &mut Vec<String>) -> Result<Self> {
         let mut bag = Self(Contents::open(path)?);
         if let Err(reason) = bag.read_index() {
-            bag.0.topics.clear();
+            bag.0.topics = Topics::default();
             bag.0.numbers.clear();
             let end = bag.scan();
             let end = end.map_or(String::new(), |fault| format!("; it was read as far as it goes: {fault}"));

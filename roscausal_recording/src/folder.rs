@@ -8,13 +8,13 @@ use crate::{
     packed::unpacked_name,
     recording::open_file,
     source::Source,
-    topic::{Record, Topic, add_topic},
+    topic::{Record, Topic, Topics},
 };
 
 /// The recordings in a folder, as one.
 pub(crate) struct Folder {
     files: Vec<File>,
-    topics: Vec<Topic>,
+    topics: Topics,
 }
 
 struct File {
@@ -36,15 +36,19 @@ impl Folder {
             Some(name) => is_plain(&name) && !name.exists(),
             None => is_plain(file),
         };
-        let mut paths: Vec<_> =
-            entries.filter_map(|entry| Some(entry.ok()?.path())).filter(is_recording).collect();
+        // A pipe or a device would never end.
+        let is_file = |file: &PathBuf| file.is_file();
+        let mut paths: Vec<_> = entries
+            .filter_map(|entry| Some(entry.ok()?.path()))
+            .filter(is_recording)
+            .filter(is_file)
+            .collect();
         paths.sort();
-        let (mut files, mut topics) = (Vec::new(), Vec::new());
+        let (mut files, mut topics) = (Vec::new(), Topics::default());
         for file in paths {
             match open_file(&file, losses) {
                 Ok(source) => {
-                    let indexes =
-                        source.topics().iter().map(|topic| add_topic(&mut topics, topic.clone())).collect();
+                    let indexes = source.topics().iter().map(|topic| topics.add(topic.clone())).collect();
                     files.push(File { source, topics: indexes });
                 }
                 Err(error) => losses.push(format!("{error}; its messages are left out")),

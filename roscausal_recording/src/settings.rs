@@ -33,7 +33,8 @@ pub fn settings(path: impl AsRef<Path>) -> BTreeMap<String, String> {
     }
     let mut files: Vec<_> =
         path.read_dir().into_iter().flatten().flatten().map(|entry| entry.path()).collect();
-    files.retain(|file| file.extension().is_some_and(|extension| extension == "mcap"));
+    // A pipe or a device would never end.
+    files.retain(|file| file.extension().is_some_and(|extension| extension == "mcap") && file.is_file());
     files.sort();
     files.iter().find_map(|file| of_file(file).ok().flatten()).unwrap_or_default()
 }

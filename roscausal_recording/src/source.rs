@@ -9,7 +9,7 @@ use roscausal_core::{Error, Result, Time, memory::Growth};
 
 use crate::{
     file::Bytes,
-    topic::{Record, Topic, add_topic},
+    topic::{Record, Topic, Topics},
 };
 
 /// A fault and its position; the name of the file is added later.
@@ -86,7 +86,7 @@ impl Pieces {
 pub(crate) struct Contents {
     pub(crate) path: PathBuf,
     pub(crate) file: Bytes,
-    pub(crate) topics: Vec<Topic>,
+    pub(crate) topics: Topics,
     /// The file's id of a connection or channel -> index of its topic.
     pub(crate) numbers: HashMap<u32, usize>,
     pub(crate) pieces: Pieces,
@@ -100,7 +100,7 @@ impl Contents {
     /// A file before anything is known about it.
     pub(crate) fn open(path: &Path) -> Result<Self> {
         let file = Bytes::open(path).map_err(|error| Error::file(path, error))?;
-        let (topics, numbers, pieces) = (Vec::new(), HashMap::new(), Pieces::default());
+        let (topics, numbers, pieces) = (Topics::default(), HashMap::new(), Pieces::default());
         let unread = file.length();
         Ok(Self { path: path.to_owned(), file, topics, numbers, pieces, growth: Growth::default(), unread })
     }
@@ -119,7 +119,7 @@ impl Contents {
     }
 
     pub(crate) fn add(&mut self, number: u32, topic: Topic) {
-        self.numbers.insert(number, add_topic(&mut self.topics, topic));
+        self.numbers.insert(number, self.topics.add(topic));
     }
 
     /// Adds a message of the topic with this id in the file, if the topic is wanted.

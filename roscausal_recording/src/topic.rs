@@ -1,12 +1,16 @@
 //! Topics and messages of a recording.
 
-use std::sync::Arc;
+use std::{
+    collections::HashMap,
+    ops::{Deref, DerefMut},
+    sync::Arc,
+};
 
 use roscausal_core::{Error, Message, Result, Time, middleware::RawType};
 use roscausal_msgs::{Definition, Wires, cdr, dynamic::Wire, ros1, types};
 
 /// How the messages of a topic are encoded.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq, Eq, Hash)]
 pub enum Encoding {
     /// As ROS 1 sends them.
     Ros1,
@@ -124,27 +128,50 @@ impl Topic {
         let name = self.type_name.strip_prefix(definition.package).and_then(|rest| rest.strip_prefix('/'));
         name == Some(definition.name)
     }
+}
 
-    /// Whether two entries describe the same topic: same name, type, encoding and md5.
-    pub(crate) fn is_same(&self, other: &Self) -> bool {
-        (&self.name, &self.type_name, &self.encoding, &self.md5)
-            == (&other.name, &other.type_name, &other.encoding, &other.md5)
+/// What makes two entries the same topic: name, type, encoding and md5.
+type Key = (String, String, Encoding, Option<String>);
+
+/// The topics of a file or a folder, each once.
+#[derive(Default)]
+pub(crate) struct Topics {
+    all: Vec<Topic>,
+    /// Where each is. A file of strangers may name very many.
+    index: HashMap<Key, usize>,
+}
+
+impl Topics {
+    /// Adds a topic, or finds it. Returns its index.
+    pub(crate) fn add(&mut self, topic: Topic) -> usize {
+        let key = (topic.name.clone(), topic.type_name.clone(), topic.encoding.clone(), topic.md5.clone());
+        let index = *self.index.entry(key).or_insert(self.all.len());
+        match self.all.get_mut(index) {
+            Some(known) => {
+                known.latched |= topic.latched;
+                known.messages = known.messages.zip(topic.messages).map(|(a, b)| a.saturating_add(b));
+                if known.definition.is_empty() {
+                    known.definition = topic.definition;
+                }
+            }
+            None => self.all.push(topic),
+        }
+        index
     }
 }
 
-/// Adds a topic, or finds it. Returns its index.
-pub(crate) fn add_topic(topics: &mut Vec<Topic>, topic: Topic) -> usize {
-    if let Some(index) = topics.iter().position(|known| known.is_same(&topic)) {
-        let known = &mut topics[index];
-        known.latched |= topic.latched;
-        known.messages = known.messages.zip(topic.messages).map(|(a, b)| a.saturating_add(b));
-        if known.definition.is_empty() {
-            known.definition = topic.definition;
-        }
-        return index;
+impl Deref for Topics {
+    type Target = [Topic];
+
+    fn deref(&self) -> &[Topic] {
+        &self.all
     }
-    topics.push(topic);
-    topics.len() - 1
+}
+
+impl DerefMut for Topics {
+    fn deref_mut(&mut self) -> &mut [Topic] {
+        &mut self.all
+    }
 }
 
 #[cfg(test)]

@@ -52,7 +52,12 @@ fn is_named_so(path: &Path) -> bool {
 
 /// Whether a folder has files with the names of recordings.
 fn holds_recordings(folder: &Path) -> bool {
-    folder.read_dir().into_iter().flatten().flatten().any(|entry| is_named_so(&entry.path()))
+    folder
+        .read_dir()
+        .into_iter()
+        .flatten()
+        .flatten()
+        .any(|entry| is_named_so(&entry.path()) && entry.path().is_file())
 }
 
 /// A recording, and what is to be played of it.

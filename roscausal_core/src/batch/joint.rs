@@ -70,8 +70,9 @@ impl Facts {
     /// Reads the facts of the batch at `path`.
     pub fn read(path: &Path) -> Self {
         let name = path.file_name().map_or(String::new(), |name| name.to_string_lossy().into_owned());
+        let beside = Some(path.with_file_name(sidecar(&name))).filter(|file| file.is_file());
         let json: serde_json::Value =
-            bounded::read_json(&path.with_file_name(sidecar(&name))).unwrap_or_default();
+            beside.and_then(|file| bounded::read_json(&file).ok()).unwrap_or_default();
         let items = |key: &str| json[key].as_array().cloned().unwrap_or_default();
         Self {
             complete: json["complete"].as_bool().unwrap_or(true),

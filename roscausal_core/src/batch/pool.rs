@@ -396,7 +396,8 @@ pub fn with_ending(folder: &Path, ending: &str) -> Result<Vec<PathBuf>> {
     let entries = fs::read_dir(folder).map_err(|e| Error::file(folder, e))?;
     let named = |path: &PathBuf| {
         let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
-        name.ends_with(ending) && !name.starts_with('.')
+        // Nor a pipe or a device, which would never end.
+        name.ends_with(ending) && !name.starts_with('.') && path.is_file()
     };
     let paths = entries.map(|entry| entry.map(|entry| entry.path()).map_err(|e| Error::file(folder, e)));
     let mut paths = paths.collect::<Result<Vec<_>>>()?;

@@ -210,15 +210,16 @@ fn with_result(blank: Model, features: Vec<String>, result: PcmciResult, known: 
     let n_lags = blank.tau_max + 1;
     let outcome =
         |at: [usize; 3]| known.outcome(at, result.samples[at], result.graph[at].is_link(), &result.status);
+    let outcomes = nested(&vars, n_lags, outcome);
     let matrices = Matrices {
-        graph: nested(&vars, n_lags, |at| {
-            let untested = outcome(at) == Outcome::Ended;
+        graph: nested(&vars, n_lags, |at @ [i, j, lag]| {
             // What the time budget left untested is no link.
+            let untested = outcomes[i][j][lag] == Outcome::Ended;
             if untested { String::new() } else { result.graph[at].symbol().to_owned() }
         }),
         val_matrix: nested(&vars, n_lags, |at| result.val_matrix[at]),
         p_matrix: nested(&vars, n_lags, |at| result.deciding_p()[at]),
-        outcomes: nested(&vars, n_lags, outcome),
+        outcomes,
         samples: nested(&vars, n_lags, |at| result.samples[at]),
     };
     let mut model = blank.with_matrices(features, matrices);

@@ -4,7 +4,10 @@ use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 
 use rayon::prelude::*;
 
-use crate::ground::{CondIndTest, Control, Error, Node, PreparedTest, Result, Samples, TestResult};
+use crate::{
+    ground::{CondIndTest, Control, Error, Node, PreparedTest, Result, Samples, TestResult},
+    numeric::rows::is_constant,
+};
 
 /// One run: a prepared test, its samples, and the counting of tests.
 pub(crate) struct Run<'a> {
@@ -89,7 +92,6 @@ impl<'a> Run<'a> {
             return true;
         }
         let arrays = self.samples.arrays(x, y, z);
-        let is_constant = |row: &[f64]| row.windows(2).all(|pair| pair[0] == pair[1]);
         is_constant(&arrays.x) || is_constant(&arrays.y)
     }
 

@@ -16,7 +16,7 @@ use rusqlite::{Connection, OpenFlags, Row, limits::Limit};
 use crate::{
     mcap_file::is_transient_local,
     source::Source,
-    topic::{Encoding, Record, Topic, add_topic, type_name},
+    topic::{Encoding, Record, Topic, Topics, type_name},
 };
 use pages::{Message, Pages};
 
@@ -28,9 +28,9 @@ const LONGEST_BESIDE_THE_FILE: u64 = 1 << 16;
 pub(crate) struct Db3 {
     path: PathBuf,
     database: Connection,
-    topics: Vec<Topic>,
+    topics: Topics,
     /// The database's id of a topic -> index of the topic.
-    numbers: Vec<(i64, usize)>,
+    numbers: HashMap<i64, usize>,
     /// Recording time and row of each message, in order.
     order: Vec<(i64, i64)>,
     next: usize,
@@ -51,8 +51,8 @@ impl Db3 {
         let mut this = Self {
             path: path.to_owned(),
             database,
-            topics: Vec::new(),
-            numbers: Vec::new(),
+            topics: Topics::default(),
+            numbers: HashMap::new(),
             order: Vec::new(),
             next: 0,
             damaged: None,
@@ -98,7 +98,7 @@ impl Db3 {
         };
         for row in statement.query_map([], topic)? {
             let (number, topic) = row?;
-            self.numbers.push((number, add_topic(&mut self.topics, topic)));
+            self.numbers.insert(number, self.topics.add(topic));
         }
         drop(statement);
         self.read_definitions();
@@ -116,7 +116,7 @@ impl Db3 {
         let texts = texts.into_iter().flatten().flatten();
         let texts: HashMap<String, Arc<str>> =
             texts.map(|(name, text)| (type_name(&name), Arc::from(text))).collect();
-        for topic in &mut self.topics {
+        for topic in self.topics.iter_mut() {
             if let Some(text) = texts.get(&topic.type_name) {
                 topic.definition = text.clone();
             }
@@ -153,7 +153,7 @@ impl Db3 {
 
     /// The topic with this id in the database, if it is wanted.
     fn wanted(&self, number: i64, wanted: &[bool]) -> Option<usize> {
-        let index = self.numbers.iter().find(|(known, _)| *known == number).map(|(_, index)| *index);
+        let index = self.numbers.get(&number).copied();
         index.filter(|index| wanted.get(*index) == Some(&true))
     }
 
@@ -229,26 +229,47 @@ fn missing_bytes(path: &Path) -> std::io::Result<Option<u64>> {
     Ok(Some(missing).filter(|missing| *missing > 0))
 }
 
-/// Opens for reading. A database that was never closed has its last changes in a file beside it. Only a connection
-/// that may write can include them; otherwise they are ignored.
+/// Opens for reading, and leaves nothing beside the file. A database that was never closed has its last changes in a file beside it:
+/// a log of writes (WAL) is read with it; what would have to be written into the database first is ignored.
 fn connect(path: &Path, cut: bool) -> rusqlite::Result<Connection> {
-    let read_only = OpenFlags::SQLITE_OPEN_READ_ONLY | OpenFlags::SQLITE_OPEN_NO_MUTEX;
-    let probe =
-        |database: &Connection| database.query_row("SELECT count(*) FROM sqlite_schema", [], |_| Ok(()));
-    let database = Connection::open_with_flags(path, read_only)?;
+    let options = if has_log(path) { WITH_LOG } else { "mode=ro" };
+    let database = open(path, options)?;
+    if options == WITH_LOG {
+        // The index of the log stays in memory, instead of a file beside it.
+        database.pragma_update(None, "locking_mode", "exclusive")?;
+    }
     if cut {
         // SQLite refuses a file that is shorter than its header says, unless it is opened for repair.
         database.pragma_update(None, "writable_schema", true)?;
     }
+    let probe =
+        |database: &Connection| database.query_row("SELECT count(*) FROM sqlite_schema", [], |_| Ok(()));
     if probe(&database).is_ok() {
         return guarded(database, path);
     }
-    // Characters that have a meaning in a URI.
-    let name = path.to_string_lossy().replace('%', "%25").replace('?', "%3f").replace('#', "%23");
-    let uri = format!("file:{name}?immutable=1");
-    let database = Connection::open_with_flags(uri, read_only | OpenFlags::SQLITE_OPEN_URI)?;
+    let database = open(path, "immutable=1")?;
     probe(&database)?;
     guarded(database, path)
+}
+
+/// Without locks, for which SQLite would write files beside the database.
+const WITH_LOG: &str = if cfg!(unix) { "mode=ro&vfs=unix-none" } else { "mode=ro" };
+
+/// Opens a database for reading, with these options of SQLite's.
+fn open(path: &Path, options: &str) -> rusqlite::Result<Connection> {
+    // Any character may have a meaning in a URI.
+    let name: String =
+        path.as_os_str().as_encoded_bytes().iter().map(|byte| format!("%{byte:02x}")).collect();
+    let flags =
+        OpenFlags::SQLITE_OPEN_READ_ONLY | OpenFlags::SQLITE_OPEN_NO_MUTEX | OpenFlags::SQLITE_OPEN_URI;
+    Connection::open_with_flags(format!("file:{name}?{options}"), flags)
+}
+
+/// Whether the database writes into a log first (its header says so).
+fn has_log(path: &Path) -> bool {
+    let mut header = [0; 20];
+    let read = File::open(path).and_then(|mut file| file.read_exact(&mut header));
+    read.is_ok() && header[18..20].contains(&2)
 }
 
 /// A recording holds tables with rows. A view or a computed column could be endless, or arbitrarily large.
@@ -351,5 +372,27 @@ mod tests {
             assert!(Db3::open(&forged(dir.path(), &plain, endless, cut), &mut Vec::new()).is_err(), "{cut}");
         }
         assert!(Db3::open(&forged(dir.path(), &plain, &plain, 0), &mut Vec::new()).is_ok());
+    }
+
+    #[test]
+    fn a_log_of_writes_is_read_and_nothing_is_left_beside_the_file() {
+        let dir = tempfile::tempdir().expect("a folder");
+        let (written, path) = (dir.path().join("w.db3"), dir.path().join("read/a %41?#.db3"));
+        let database = Connection::open(&written).expect("opens");
+        database.pragma_update(None, "journal_mode", "wal").expect("has a log");
+        let topics =
+            "CREATE TABLE topics(id INTEGER PRIMARY KEY, name TEXT, type TEXT, serialization_format TEXT)";
+        let first = "INSERT INTO messages VALUES(1, 1, 1, x'00')";
+        database.execute_batch(&format!("{topics}; {MESSAGES}; {first};")).expect("makes");
+        database.execute_batch("PRAGMA wal_checkpoint(truncate)").expect("empties its log");
+        database.execute("INSERT INTO messages VALUES(2, 1, 2, x'00')", []).expect("inserts");
+        std::fs::create_dir(dir.path().join("read")).expect("makes");
+        std::fs::copy(&written, &path).expect("copies");
+        let rows = |path: &Path| Db3::open(path, &mut Vec::new()).map(|file| file.order.len());
+        let names = || std::fs::read_dir(dir.path().join("read")).expect("lists").count();
+        assert_eq!((rows(&path).expect("reads"), names()), (1, 1));
+        let log = path.with_file_name("a %41?#.db3-wal");
+        std::fs::copy(dir.path().join("w.db3-wal"), log).expect("copies");
+        assert_eq!((rows(&path).expect("reads"), names()), (2, 2));
     }
 }
