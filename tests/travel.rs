@@ -431,6 +431,11 @@ fn pipes_and_devices_in_a_folder_are_no_data() {
         let mut command = Command::new("timeout");
         command.arg("60").arg(program).args(line).current_dir(dir.path());
         let output = command.output().expect("timeout runs");
-        assert!(matches!(output.status.code(), Some(0..=2)), "{line:?}: {:?} {}", output.status, said(&output));
+        assert!(
+            matches!(output.status.code(), Some(0..=2)),
+            "{line:?}: {:?} {}",
+            output.status,
+            said(&output)
+        );
     }
 }

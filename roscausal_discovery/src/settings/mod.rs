@@ -49,6 +49,8 @@ pub struct Setting {
     pub expert: bool,
     /// Whether it describes the analysis, so that settings that come with data may set it.
     pub of_data: bool,
+    /// The most that settings that come with data may ask for: a few times what anybody needs of what only costs time.
+    pub most_of_data: f64,
     /// Who reads it.
     pub readers: Readers,
     /// Its value; null: not set.

@@ -27,6 +27,7 @@ const USUAL: Setting = Setting {
     group: Group::Method,
     expert: false,
     of_data: true,
+    most_of_data: f64::INFINITY,
     readers: Readers::All,
     get: |_| Value::Null,
     set: |_, _| Ok(()),
@@ -95,13 +96,13 @@ pub static SETTINGS: [Setting; 38] = [
     },
     setting! {
         "tau_min" "tau-min" "min_lag" settings.tau_min,
-        kind: Kind::Lag, unit: "steps",
+        kind: Kind::Lag, unit: "steps", most_of_data: 200.0,
         help: "Smallest lag, in steps",
         by_method: Some(|info| info.tau_min.to_string()),
     },
     setting! {
         "tau_max" "tau-max" "max_lag" settings.tau_max,
-        kind: Kind::Lag, unit: "steps",
+        kind: Kind::Lag, unit: "steps", most_of_data: 200.0,
         help: "Largest lag, in steps; at most 100000",
     },
     setting! {
@@ -191,7 +192,7 @@ pub static SETTINGS: [Setting; 38] = [
     },
     setting! {
         "shuffles" "shuffles" "shuffles" settings.test.sig_samples,
-        kind: SURROGATES, unit: "N",
+        kind: SURROGATES, unit: "N", most_of_data: 10_000.0,
         help: "Surrogates of a shuffle test, or size of gpdc's null distribution, up to 1000000",
         unset: "500", param_unset: "0", expert: true, readers: of_test(draws, "draws no surrogates here"),
     },
@@ -221,7 +222,7 @@ pub static SETTINGS: [Setting; 38] = [
     },
     setting! {
         "shuffle_neighbors" "shuffle-neighbors" "shuffle_neighbors" settings.test.shuffle_neighbors,
-        kind: Kind::Count(2, 1_000_000), unit: "N",
+        kind: Kind::Count(2, 1_000_000), unit: "N", most_of_data: 1000.0,
         help: "cmiknn: neighbours among the conditions with which a surrogate exchanges its value",
         expert: true, readers: OF_CMIKNN,
     },
@@ -239,7 +240,7 @@ pub static SETTINGS: [Setting; 38] = [
     },
     setting! {
         "gp_restarts" "gp-restarts" "gp_restarts" settings.test.gp_restarts,
-        kind: Kind::Count(0, 1000), unit: "N",
+        kind: Kind::Count(0, 1000), unit: "N", most_of_data: 20.0,
         help: "Extra random restarts of gpdc's optimiser; the best is kept; 0: the reference's answers",
         expert: true, readers: OF_PROCESS,
     },
@@ -268,7 +269,7 @@ pub static SETTINGS: [Setting; 38] = [
     },
     setting! {
         "resamples" "resamples" "resamples" resampling.resamples,
-        kind: Kind::Count(0, 10_000), unit: "N",
+        kind: Kind::Count(0, 10_000), unit: "N", most_of_data: 1000.0,
         help: "Repeat the analysis on N resamples, 20 to 10000, and report how often each link appears; 0: off. 100 give a frequency to \
                0.1. The analysis takes up to N times as long",
         group: Group::Resampling,
