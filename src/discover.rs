@@ -536,7 +536,7 @@ fn with_facts(args: &Args, files: &[Input], settings: &mut Settings) -> Result<O
         return Ok(None);
     }
     let mut joint = Joint::read_within(&tables, args.means.max_bytes())?;
-    let people = args.several_people.parse().map_err(|reason| Error::param("several-people", reason))?;
+    let people = args.several_people.parse()?;
     // The pooled model is the last one.
     let Some(part) = joint.parts(people)?.pop() else { return Ok(None) };
     let new = part.exogenous.into_iter().filter(|name| !settings.exogenous.contains(name));

@@ -4,11 +4,12 @@ use std::sync::Arc;
 
 use roscausal_discovery::{
     DataFrame, Error, LinkAssumptions, Node, Result,
-    independence_tests::{Confidence, Significance, TestSettings},
+    independence_tests::TestSettings,
     methods::{PcmciPlusSettings, PcmciSettings},
     names::nearest,
     settings::{Request, SETTINGS, Setting, Settings},
 };
+use serde::de::DeserializeOwned;
 use serde_json::{Map, Value};
 
 /// A JSON object whose keys are taken one by one.
@@ -28,52 +29,45 @@ impl Given {
         self.0.remove(name).filter(|value| !value.is_null())
     }
 
+    /// A value of this type.
+    fn read_as<T: DeserializeOwned>(&mut self, name: &str, wanted: &str) -> Result<Option<T>> {
+        let wrong = |value: &Value| Error::param(name, format!("{value} is not {wanted}"));
+        self.take(name)
+            .map(|value| serde_json::from_value(value.clone()).map_err(|_| wrong(&value)))
+            .transpose()
+    }
+
     /// A number.
     pub(crate) fn number(&mut self, name: &str) -> Result<Option<f64>> {
-        let wrong = |value: &Value| Error::param(name, format!("{value} is not a number"));
-        self.take(name).map(|value| value.as_f64().ok_or_else(|| wrong(&value))).transpose()
+        self.read_as(name, "a number")
     }
 
     /// A whole number, not negative.
     pub(crate) fn count(&mut self, name: &str) -> Result<Option<usize>> {
-        let wrong = |value: &Value| Error::param(name, format!("{value} is not a whole number of 0 or more"));
-        let read =
-            |value: Value| value.as_u64().and_then(|n| usize::try_from(n).ok()).ok_or_else(|| wrong(&value));
-        self.take(name).map(read).transpose()
+        self.read_as(name, "a whole number of 0 or more")
     }
 
     /// A word.
     pub(crate) fn word(&mut self, name: &str) -> Result<Option<String>> {
-        let wrong = |value: &Value| Error::param(name, format!("{value} is not a word"));
-        self.take(name)
-            .map(|value| value.as_str().map(str::to_owned).ok_or_else(|| wrong(&value)))
-            .transpose()
+        self.read_as(name, "a word")
     }
 
     /// True or false.
     pub(crate) fn flag(&mut self, name: &str) -> Result<Option<bool>> {
-        let wrong = |value: &Value| Error::param(name, format!("{value} is neither true nor false"));
-        self.take(name).map(|value| value.as_bool().ok_or_else(|| wrong(&value))).transpose()
+        self.read_as(name, "true or false")
     }
 
     /// A list of words; none if it is not given.
     pub(crate) fn words(&mut self, name: &str) -> Result<Vec<String>> {
-        let wrong = |value: &Value| Error::param(name, format!("{value} is not a list of words"));
-        match self.take(name) {
-            None => Ok(Vec::new()),
-            Some(value) => serde_json::from_value(value.clone()).map_err(|_| wrong(&value)),
-        }
+        Ok(self.read_as(name, "a list of words")?.unwrap_or_default())
     }
 
     /// A list of numbers; one number is a list of one.
     fn numbers(&mut self, name: &str) -> Result<Option<Vec<f64>>> {
-        let wrong =
-            |value: &Value| Error::param(name, format!("{value} is not a number or a list of numbers"));
-        let read = |value: Value| match &value {
-            Value::Array(list) => list.iter().map(|v| v.as_f64().ok_or_else(|| wrong(v))).collect(),
-            other => other.as_f64().map(|v| vec![v]).ok_or_else(|| wrong(other)),
-        };
-        self.take(name).map(read).transpose()
+        if self.0.get(name).is_some_and(Value::is_number) {
+            return Ok(self.number(name)?.map(|one| vec![one]));
+        }
+        self.read_as(name, "a number or a list of numbers")
     }
 
     /// Fails if a key was not taken.
@@ -192,10 +186,10 @@ pub(crate) fn of_test(json: &str) -> Result<(String, TestSettings)> {
     let mut given = Given::read(json)?;
     let name = given.word("name")?.unwrap_or_default();
     let mut settings = TestSettings {
-        significance: given.word("significance")?.map(|word| significance(&word)).transpose()?,
+        significance: given.word("significance")?.map(|word| word.parse()).transpose()?,
         sig_samples: given.count("sig_samples")?,
         sig_blocklength: given.count("sig_blocklength")?,
-        confidence: given.word("confidence")?.map(|word| confidence(&word)).transpose()?,
+        confidence: given.word("confidence")?.map(|word| word.parse()).transpose()?,
         conf_blocklength: given.count("conf_blocklength")?,
         max_memory: given.count("max_memory")?.map(|bytes| bytes as u64),
         as_tigramite: true,
@@ -209,24 +203,4 @@ pub(crate) fn of_test(json: &str) -> Result<(String, TestSettings)> {
     set(&mut settings.seed, given.count("seed")?.map(|seed| seed as u64));
     given.end()?;
     Ok((name, settings))
-}
-
-fn significance(word: &str) -> Result<Significance> {
-    match word {
-        "analytic" => Ok(Significance::Analytic),
-        "shuffle_test" => Ok(Significance::ShuffleTest),
-        "fixed_thres" => Ok(Significance::FixedThres),
-        _ => {
-            let reason = format!("'{word}' is unknown; allowed: analytic, shuffle_test, fixed_thres");
-            Err(Error::param("significance", reason))
-        }
-    }
-}
-
-fn confidence(word: &str) -> Result<Confidence> {
-    match word {
-        "analytic" => Ok(Confidence::Analytic),
-        "bootstrap" => Ok(Confidence::Bootstrap),
-        _ => Err(Error::param("confidence", format!("'{word}' is unknown; allowed: analytic, bootstrap"))),
-    }
 }

@@ -55,7 +55,7 @@ impl Grid {
         within("lengths", &self.lengths, LENGTHS)?;
         within("steps", &self.steps, STEPS)?;
         for model in &self.risk_models {
-            model.parse::<RiskModel>().map_err(|reason| Error::param("risk-models", reason))?;
+            model.parse::<RiskModel>()?;
         }
         if let Some(lag) = self.risk_lags.iter().find(|lag| **lag > 1) {
             return Err(Error::param("risk-lags", format!("{lag} is not allowed; use 0 or 1")));

@@ -92,7 +92,7 @@ fn all() -> Vec<ParamSpec> {
         ParamSpec::new(
             "people",
             text("pooled"),
-            OneOf(&People::NAMES),
+            OneOf(People::NAMES),
             "models for several people: one of all people, as recordings of one system; one each; both; or one with \
              everybody's variables",
         ),
@@ -307,7 +307,7 @@ impl DiscoveryParams {
             request,
             links: links_of(params),
             program,
-            people: params.text("people").parse().map_err(|reason| Error::param("people", reason))?,
+            people: params.text("people").parse()?,
             batches_per_model: params.count("batches_per_model"),
             keep_batches: params.flag("keep_batches"),
             analyse_incomplete: params.flag("analyse_incomplete"),

@@ -37,7 +37,7 @@ pub type Result<T> = std::result::Result<T, Error>;
 
 impl Error {
     /// The [`Error::Param`] of a word that is none of those `allowed`; it names the nearest one.
-    pub(crate) fn unknown(name: &str, value: &str, allowed: &[&str]) -> Self {
+    pub fn unknown(name: &str, value: &str, allowed: &[&str]) -> Self {
         let hint = nearest(allowed, value).map_or(String::new(), |near| format!("did you mean '{near}'? "));
         Self::param(name, format!("'{value}' is unknown; {hint}allowed: {}", allowed.join(", ")))
     }

@@ -14,6 +14,7 @@ pub mod names;
 mod node;
 mod samples;
 pub mod text;
+mod variants;
 mod vectors;
 pub mod visible;
 mod words;

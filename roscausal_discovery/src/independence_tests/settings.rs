@@ -19,28 +19,7 @@ pub enum Significance {
     FixedThres,
 }
 
-impl Significance {
-    /// The names that [`str::parse`] knows.
-    pub const NAMES: &'static [&'static str] = &["analytic", "shuffle", "threshold"];
-
-    /// The name.
-    pub fn name(self) -> &'static str {
-        Self::NAMES[self as usize]
-    }
-}
-
-impl std::str::FromStr for Significance {
-    type Err = Error;
-
-    fn from_str(text: &str) -> Result<Self> {
-        match text {
-            "analytic" => Ok(Self::Analytic),
-            "shuffle" | "shuffle_test" => Ok(Self::ShuffleTest),
-            "threshold" | "fixed_thres" => Ok(Self::FixedThres),
-            _ => Err(Error::unknown("significance", text, Self::NAMES)),
-        }
-    }
-}
+crate::words!(Significance, "significance": Analytic "analytic", ShuffleTest "shuffle" | "shuffle_test", FixedThres "threshold" | "fixed_thres");
 
 /// What CMIknn turns values into before it measures distances.
 pub const TRANSFORMS: &[&str] = &["ranks", "uniform", "standardize", "none"];
@@ -54,6 +33,8 @@ pub enum Confidence {
     Bootstrap,
 }
 
+crate::words!(Confidence, "confidence": Analytic "analytic", Bootstrap "bootstrap");
+
 /// How GPDC searches for the maximum of a likelihood. Both end in the same one.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum GpSearch {
@@ -64,26 +45,7 @@ pub enum GpSearch {
     Exact,
 }
 
-impl GpSearch {
-    /// The names that [`str::parse`] knows.
-    pub const NAMES: &'static [&'static str] = &["default", "exact"];
-
-    /// The name.
-    pub fn name(self) -> &'static str {
-        Self::NAMES[self as usize]
-    }
-}
-
-impl std::str::FromStr for GpSearch {
-    type Err = Error;
-
-    fn from_str(text: &str) -> Result<Self> {
-        [Self::Default, Self::Exact]
-            .into_iter()
-            .find(|search| search.name() == text)
-            .ok_or_else(|| Error::unknown("gp_search", text, Self::NAMES))
-    }
-}
+crate::words!(GpSearch, "gp_search": Default "default", Exact "exact");
 
 /// Settings of any test, as [`super::by_name`] takes them; a test reads what concerns it. `None` is the test's own default.
 ///

@@ -30,14 +30,6 @@ pub enum Criterion {
 }
 
 impl Criterion {
-    /// The names that [`str::parse`] knows.
-    pub const NAMES: &'static [&'static str] = &["aic", "bic", "hqic"];
-
-    /// The name.
-    pub fn name(self) -> &'static str {
-        Self::NAMES[self as usize]
-    }
-
     /// The score of `n` samples with `parameters` coefficients and this `ln det(E'E / n)`.
     fn score(self, ln_det: f64, n: usize, parameters: usize) -> f64 {
         let n = n as f64;
@@ -50,14 +42,7 @@ impl Criterion {
     }
 }
 
-impl std::str::FromStr for Criterion {
-    type Err = Error;
-
-    fn from_str(text: &str) -> Result<Self> {
-        let found = [Self::Aic, Self::Bic, Self::Hqic].into_iter().find(|criterion| criterion.name() == text);
-        found.ok_or_else(|| Error::unknown("criterion", text, Self::NAMES))
-    }
-}
+crate::words!(Criterion, "criterion": Aic "aic", Bic "bic", Hqic "hqic");
 
 /// All variables regressed on all variables at lags `first..=lags`.
 pub(super) struct Autoregression {
