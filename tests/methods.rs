@@ -177,8 +177,8 @@ fn columns_that_belong_together_are_one_variable() {
     assert_eq!(found["features"], json!(["place", "speed"]));
     assert_eq!((&found["graph"][0][1][1], &found["graph"][1][0][1]), (&json!("-->"), &json!("")), "{found}");
     for (more, says) in [
-        (&["--test", "parcorr"][..], "'place' has several; take the test parcorrmult"),
-        (&["--method", "granger"], "'place' has several; take the test parcorrmult"),
+        (&["--test", "parcorr"][..], "takes each variable for one column; choose --test parcorrmult"),
+        (&["--method", "granger"], "takes each variable for one column; choose --test parcorrmult"),
         (&["--vector", "place"], "--vector: 'place' is no vector; write it like place=x+y"),
         (&["--vector", "place=x+z"], "there is no column 'z'"),
         (&["--vector", "place=x+x"], "named twice"),

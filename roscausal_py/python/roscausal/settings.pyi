@@ -74,7 +74,7 @@ class Settings(TypedDict, total=False):
     """How a test gives its p-value; threshold: alpha is a threshold for the test's value; None: the test's own way."""
 
     shuffles: int | None
-    """Surrogates of a shuffle test, or size of gpdc's null distribution, up to 1000000; None: 500."""
+    """Surrogates of a shuffle test, or size of gpdc's null distribution, up to 1000000; None: 500; gpdc: no table."""
 
     sig_blocklength: int | None
     """Neighbouring rows that a shuffle test moves together; None: from the autocorrelation."""
@@ -101,6 +101,9 @@ class Settings(TypedDict, total=False):
     null_dist: str | os.PathLike[str] | Mapping[int, Sequence[float]] | None
     """gpdc: null distributions to hold its values against, where the number of samples is one of theirs; columns separated by
     commas, the first row has the numbers of samples; None: gpdc's own."""
+
+    as_tigramite: bool | None
+    """Answer as tigramite also where it is known to be wrong (docs/methods.md)."""
 
     seed: int | None
     """Seed of all random numbers."""
