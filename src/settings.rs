@@ -103,16 +103,27 @@ fn flag(setting: &'static Setting) -> Arg {
         Kind::File(_) | Kind::List(_) => Ok(text.to_owned()),
         _ => setting.read(text).map(|_| text.to_owned()),
     };
-    let arg = arg.help(help).value_parser(check).action(ArgAction::Set);
-    let arg = match setting.kind {
+    let arg = arg.help(help).value_parser(check).action(ArgAction::Set).value_name(value_name(setting));
+    match setting.kind {
         Kind::Number(..) | Kind::NumberOr(..) => arg.allow_negative_numbers(true),
-        Kind::List(form) => arg.value_name(form).value_delimiter(',').action(ArgAction::Append),
-        Kind::File(ending) => arg.value_name(if ending == "toml" { "FILE.toml" } else { "FILE.csv" }),
+        Kind::List(_) => arg.value_delimiter(',').action(ArgAction::Append),
         // A correction or none: the flag alone means the one that there is.
         Kind::Word(["none", only]) => arg.num_args(0..=1).default_missing_value(*only),
         _ => arg,
-    };
-    if setting.unit.is_empty() { arg } else { arg.value_name(setting.unit) }
+    }
+}
+
+/// What the help calls a flag's value.
+fn value_name(setting: &Setting) -> &'static str {
+    match setting.kind {
+        _ if !setting.unit.is_empty() => setting.unit,
+        Kind::List(form) => form,
+        Kind::File("toml") => "FILE.toml",
+        Kind::File(_) => "FILE.csv",
+        Kind::Count(..) | Kind::Lag | Kind::Bytes => "N",
+        Kind::Number(..) | Kind::NumberOr(..) => "NUMBER",
+        Kind::Flag | Kind::Word(_) | Kind::Method | Kind::Test | Kind::Text => "NAME",
+    }
 }
 
 /// The settings in some groups that were given.
