@@ -4,7 +4,11 @@ use std::path::PathBuf;
 
 use clap::Args as ClapArgs;
 use roscausal_core::Result;
-use roscausal_discovery::{Link, Model, draw, names::plain};
+use roscausal_discovery::{
+    Link, Model, draw,
+    names::plain,
+    settings::{SETTINGS, Setting},
+};
 
 use crate::{folders::read_model, output, report, results::Results, terminal};
 
@@ -106,7 +110,13 @@ fn settings(a: &Model, b: &Model) -> Vec<String> {
         ]
     };
     let pairs = facts(a).into_iter().zip(facts(b));
-    pairs.filter(|(a, b)| a.1 != b.1).map(|(a, b)| format!("{}: {}, {}", a.0, a.1, b.1)).collect()
+    let facts = pairs.filter(|(a, b)| a.1 != b.1).map(|(a, b)| format!("{}: {}, {}", a.0, a.1, b.1));
+    let value = |model: &Model, setting: &Setting| {
+        model.settings.get(setting.id).map_or("default".to_owned(), |value| setting.written(value))
+    };
+    let others = SETTINGS.iter().map(|setting| (setting.flag, value(a, setting), value(b, setting)));
+    let others = others.filter(|(_, a, b)| a != b).map(|(flag, a, b)| format!("{flag}: {a}, {b}"));
+    facts.chain(others).collect()
 }
 
 /// The model with these of its links only, for a picture.

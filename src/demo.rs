@@ -9,7 +9,7 @@ use std::{
 use clap::{Args as ClapArgs, Parser};
 use indicatif::ProgressBar;
 use roscausal_core::{Error, Result, Time, loopback::Loopback, params::Value};
-use roscausal_discovery::{Model, Progress, Settings, confidence::Resampling};
+use roscausal_discovery::{Model, Progress, Settings};
 use roscausal_hrisim::{
     Scenario, Simulation,
     node::{Publisher, run_lockstep},
@@ -18,10 +18,10 @@ use roscausal_hrisim::{
 
 use crate::{
     chart,
-    discover::{MethodArgs, ResampleArgs},
-    expected,
+    discover::{Analysis, MeansArgs, MethodArgs, ResampleArgs},
+    expected, flags,
     folders::{Folders, Outcome},
-    html_report::{self, Material},
+    html_report::{self, Material, quoted},
     interrupt::Interrupt,
     nodes::{self, Nodes},
     output, presets, reasoning,
@@ -69,9 +69,8 @@ pub(crate) struct Args {
     method: MethodArgs,
     #[command(flatten)]
     resample: ResampleArgs,
-    /// Threads of the analysis; default: all cores. They do not change the result.
-    #[arg(long)]
-    threads: Option<usize>,
+    #[command(flatten)]
+    means: MeansArgs,
     /// Folder for batches, model and pictures.
     #[arg(short, long, value_name = "DIR", default_value = "roscausal_demo")]
     out: PathBuf,
@@ -123,17 +122,12 @@ pub fn run_demo(seed: u64, out: &Path, cancel: Arc<AtomicBool>) -> Result<Model>
 impl Args {
     /// The command that makes the same run again.
     fn command(&self, model: &Model) -> String {
-        let quoted = |text: &str| format!("'{}'", text.replace('\'', "'\\''"));
         let analysis = html_report::flags(model);
         let done: String = self.interventions.iter().map(|text| format!(" --do {}", quoted(text))).collect();
-        let exogenous = match self.method.exogenous() {
-            [] => String::new(),
-            names => format!(" --exogenous {}", quoted(&names.join(","))),
-        };
         let scenario = quoted(&self.scenario);
         // The seed of the analysis is fixed; the one given is that of the simulation.
         format!(
-            "roscausal demo --scenario {scenario} --seed {} --duration {}{done} {analysis}{exogenous}",
+            "roscausal demo --scenario {scenario} --seed {} --duration {}{done} {analysis}",
             self.seed, self.duration
         )
     }
@@ -147,9 +141,7 @@ pub(crate) struct Run {
     pub(crate) seed: u64,
     /// Seconds to record.
     pub(crate) duration: f64,
-    pub(crate) settings: Settings,
-    pub(crate) resampling: Option<Resampling>,
-    pub(crate) threads: Option<usize>,
+    analysis: Analysis,
     pub(crate) out: PathBuf,
 }
 
@@ -161,9 +153,7 @@ impl Run {
             interventions: args.interventions.clone(),
             seed: args.seed,
             duration: args.duration,
-            settings: args.method.settings(Settings::default().seed)?,
-            resampling: args.resample.asked()?,
-            threads: args.threads,
+            analysis: Analysis::of(&args.method, &args.means, &args.resample, Settings::default().seed)?,
             out: args.out.clone(),
         })
     }
@@ -197,7 +187,7 @@ impl Run {
     ) -> Result<Result<Model>> {
         let bus = Loopback::lockstep();
         nodes::set_subjects(&bus, &simulation);
-        self.set_parameters(&bus, folders, BATCHES);
+        self.set_parameters(&bus, folders, BATCHES)?;
         presets::write(&folders.dir, &nodes::carried(&bus)?)?;
         let (mut nodes, progress) = Nodes::start(&bus, &nodes::RECORDING).with_discovery();
         let mut sink = Sink::open(&bus, record)?;
@@ -266,7 +256,7 @@ impl Run {
     ) -> Result<Result<()>> {
         let bus = Loopback::lockstep();
         nodes::set_subjects(&bus, &simulation);
-        self.set_parameters(&bus, folders, 1);
+        self.set_parameters(&bus, folders, 1)?;
         let web = Web::start(&bus, &args.web, nodes::first_robot(&simulation))?;
         let (nodes, _progress) = Nodes::start(&bus, &nodes::RECORDING).with_discovery();
         let mut nodes = nodes.with_reasoning(true);
@@ -285,7 +275,7 @@ impl Run {
     }
 
     /// Sets the nodes' parameters as a launch file would.
-    fn set_parameters(&self, bus: &Loopback, folders: &Folders, batches: u32) {
+    fn set_parameters(&self, bus: &Loopback, folders: &Folders, batches: u32) -> Result<()> {
         nodes::set_pools(bus, &folders.raw, &folders.processed);
         let set = |name: &str, value: Value| bus.set_node_param("data", name, value);
         set("ts_length", Value::Double(self.duration / f64::from(BATCHES)));
@@ -295,7 +285,7 @@ impl Run {
         set("risk_lag", Value::Int(1));
         set("risk_noise", Value::Double(RISK_NOISE));
         set("seed", Value::Int(i64::try_from(self.seed).unwrap_or(0)));
-        nodes::set_discovery(bus, folders, &self.settings, self.resampling.as_ref(), batches, self.threads);
+        nodes::set_discovery(bus, folders, &self.analysis, batches)
     }
 }
 
@@ -394,10 +384,15 @@ fn show(args: &Args, folders: &Folders, model: &Model) -> Result<()> {
         args.out.display()
     );
     crate::terminal::say!("");
-    let asked =
-        reasoning::closing(model, &args.out.join("model.json"), &folders.analysed_batches()?, args.threads);
+    let asked = reasoning::closing(
+        model,
+        &args.out.join("model.json"),
+        &folders.analysed_batches()?,
+        args.means.threads,
+    );
     // A model that answers nothing is a result, too.
-    let asked = asked.unwrap_or_else(|error| format!("The model answers no question here: {error}."));
+    let asked = asked
+        .unwrap_or_else(|error| format!("The model answers no question here: {}.", flags::sentence(&error)));
     crate::terminal::print_text(&format!("{asked}\n\n"));
     crate::terminal::say!(
         "Open {} in a browser: the graph, and the evidence of each link.",

@@ -1,6 +1,5 @@
 //! `roscausal discover`: from CSV files or recordings to a causal model.
 
-mod assumptions;
 mod changes;
 mod condition;
 mod estimate;
@@ -28,7 +27,7 @@ use roscausal_core::{
     },
 };
 use roscausal_discovery::{
-    AboutData, Choice, DataFrame, Evidence, Fault, Model, Settings,
+    AboutData, Choice, DataFrame, Evidence, Fault, Model, Named, Settings,
     confidence::{ResampleGraph, Resampled, set_step},
 };
 
@@ -40,9 +39,8 @@ use crate::{
     report,
     results::{Results, check_whole},
 };
-use assumptions::AssumeArgs;
 use changes::ChangeArgs;
-pub(crate) use method::{MeansArgs, MethodArgs};
+pub(crate) use method::{Analysis, MeansArgs, MethodArgs};
 pub(crate) use reading::{PartArgs, ReadArgs};
 pub(crate) use resampling::ResampleArgs;
 use resampling::{Advised, ResultArgs};
@@ -73,8 +71,6 @@ pub(crate) struct Args {
     trajectories: TrajectoryArgs,
     #[command(flatten)]
     changes: ChangeArgs,
-    #[command(flatten)]
-    assume: AssumeArgs,
     /// Batches with several people: pooled (each person is a recording of one system) or joint (everybody's
     /// variables).
     #[arg(long, default_value = "pooled", value_parser = ["pooled", "joint"])]
@@ -209,11 +205,11 @@ pub(crate) fn run(args: &Args, interrupt: &Interrupt) -> Result<()> {
 
 /// Says which method and test these data ask for, and why. Nothing is analysed.
 fn explain(args: &Args, interrupt: &Interrupt) -> Result<()> {
-    let mut settings = args.method.settings_for_reading(args.seed)?;
-    let Data { data, origins, .. } = Data::read(args, &mut settings, interrupt, true, None)?;
-    look_at(&data, &origins, args, &settings)?;
-    let choice = Choice::of(&data, &settings);
-    let chosen = args.method.chosen(&choice, &settings)?;
+    let mut request = args.method.request_for_reading(args.seed)?;
+    let Data { data, origins, .. } = Data::read(args, &mut request.settings, interrupt, true, None)?;
+    look_at(&data, &origins, args, &request.settings)?;
+    let choice = Choice::of(&data, &request.settings);
+    let chosen = args.method.chosen(&choice, &request)?;
     let (method, test) = (chosen.method, &chosen.cond_ind_test);
     crate::terminal::say!("For these data I would take {method} with {test}:");
     choice.why.iter().for_each(|reason| crate::terminal::say!("* {reason}"));
@@ -253,15 +249,16 @@ pub(crate) fn found(args: &Args, interrupt: &Interrupt, quiet: bool) -> Result<A
 
 /// As [`found`]; the batches that are made of recordings are also put into the folder `keep`.
 fn found_and_kept(args: &Args, interrupt: &Interrupt, quiet: bool, keep: Option<&Path>) -> Result<Answer> {
-    let mut settings = args.method.settings_for_reading(args.seed)?;
+    let mut request = args.method.request_for_reading(args.seed)?;
     let resampling = args.resample.asked()?;
-    settings.max_memory = args.means.max_memory.map(|megabytes| megabytes.saturating_mul(1_000_000));
-    let Data { data, dt, warnings, origins, .. } = Data::read(args, &mut settings, interrupt, quiet, keep)?;
-    let data = args.assume.vectors(data)?;
+    request.settings.test.max_memory = args.means.max_bytes();
+    let Data { data, dt, warnings, origins, .. } =
+        Data::read(args, &mut request.settings, interrupt, quiet, keep)?;
+    let data = data.with_named_vectors(&request.vectors)?;
     if args.method.is_auto() {
-        settings = args.method.chosen(&Choice::of(&data, &settings), &settings)?;
+        request.settings = args.method.chosen(&Choice::of(&data, &request.settings), &request)?;
     }
-    args.assume.set(&mut settings, data.var_names())?;
+    let settings = args.method.for_variables(&request, data.var_names())?;
     let about = look_at(&data, &origins, args, &settings)?;
     if let Some(told) = estimate::check(&data, &settings, resampling.as_ref(), &args.means)? {
         crate::terminal::tell!("{told}");
@@ -270,9 +267,7 @@ fn found_and_kept(args: &Args, interrupt: &Interrupt, quiet: bool, keep: Option<
         args.means.analyse(&data, &settings, resampling.as_ref(), interrupt, quiet)?;
     set_step(&mut model, dt);
     model.about_data = Some(about);
-    assumptions::mark_required(&mut model, &settings, data.var_names());
     model.warnings.splice(0..0, warnings);
-    model.warnings.extend(assumptions::told(&settings, data.var_names()));
     Ok(Answer { model, evidence, data, graphs })
 }
 
@@ -286,18 +281,20 @@ pub(crate) struct Readable<'a> {
     pub(crate) part: &'a PartArgs,
 }
 
-/// The data of files, and their step in seconds, if known; refused are those that [`found`] refuses.
+/// The data of files, the settings for them, and their step in seconds, if known; refused are those that [`found`] refuses.
 pub(crate) fn read(
     from: &Readable<'_>,
-    settings: &mut Settings,
     seed: u64,
     interrupt: &Interrupt,
-) -> Result<(DataFrame, Option<f64>)> {
+) -> Result<(DataFrame, Settings, Option<f64>)> {
     let args = Args::of(from, seed);
-    settings.max_memory = args.means.max_memory.map(|megabytes| megabytes.saturating_mul(1_000_000));
-    let Data { data, dt, origins, .. } = Data::read(&args, settings, interrupt, true, None)?;
-    look_at(&data, &origins, &args, settings)?;
-    Ok((data, dt))
+    let mut request = args.method.request(seed)?;
+    request.settings.test.max_memory = args.means.max_bytes();
+    let Data { data, dt, origins, .. } = Data::read(&args, &mut request.settings, interrupt, true, None)?;
+    let data = data.with_named_vectors(&request.vectors)?;
+    let settings = args.method.for_variables(&request, data.var_names())?;
+    look_at(&data, &origins, &args, &settings)?;
+    Ok((data, settings, dt))
 }
 
 impl Args {
@@ -340,7 +337,6 @@ impl Args {
             part: from.part.clone(),
             trajectories: TrajectoryArgs::default(),
             changes: ChangeArgs::default(),
-            assume: AssumeArgs::default(),
             several_people: "pooled".into(),
             take_it: false,
             seed,
@@ -443,13 +439,14 @@ impl Data {
             if let Some(flag) = args.inputs.given_besides_params() {
                 return Err(Error::param(
                     flag,
-                    "it is for recordings; of trajectories, --agent says who is analysed",
+                    format!("it is for recordings; of trajectories, {} says who is analysed", Named("agent")),
                 ));
             }
             return args.part.part(args.trajectories.read(args)?, &args.changes, None);
         }
         if let Some(flag) = args.trajectories.given() {
-            return Err(Error::param(flag, "it is for tables of trajectories (--format trajectories)"));
+            let reason = format!("it is for tables of trajectories ({} trajectories)", Named("format"));
+            return Err(Error::param(flag, reason));
         }
         let (files, _made) = tables_of(args, interrupt, quiet, keep)?;
         let read = match with_facts(args, &files, settings)? {
@@ -458,7 +455,7 @@ impl Data {
                 &files,
                 args.inputs.dt(),
                 &args.part.columns(),
-                args.means.most_bytes(),
+                args.means.max_bytes(),
             )?)?,
         };
         let besides = args.part.columns();
@@ -504,11 +501,13 @@ fn look_at(data: &DataFrame, origins: &[PathBuf], args: &Args, settings: &Settin
             Fault::MissingFlag { .. } if args.read.knows_of_missing_values() => continue,
             Fault::MissingFlag { name, value, count } => format!(
                 "{name} is {value} in {count} rows, far from all its other values: it seems to stand for a missing value; \
-                 --missing-value={value} takes it as one, --missing-value=none keeps it"
+                 {flag}={value} takes it as one, {flag}=none keeps it",
+                flag = Named("missing_value")
             ),
             Fault::Twins(a, b) => format!(
                 "{a} and {b} say the same (correlation 1): no test can tell which of them drives anything; leave one out, such as \
-                 with --columns '!{b}'"
+                 with {} '!{b}'",
+                Named("columns")
             ),
             Fault::SameRecording(a, b) => format!(
                 "{} and {} hold the same rows: counted twice, they would make any link significant; leave one out",
@@ -536,11 +535,13 @@ fn with_facts(args: &Args, files: &[Input], settings: &mut Settings) -> Result<O
     if own || !tables.iter().any(says_more) {
         return Ok(None);
     }
-    let mut joint = Joint::read_within(&tables, args.means.most_bytes())?;
-    let people = args.several_people.parse().map_err(|reason| Error::param("several-people", reason))?;
+    let mut joint = Joint::read_within(&tables, args.means.max_bytes())?;
+    let people = args.several_people.parse()?;
     // The pooled model is the last one.
     let Some(part) = joint.parts(people)?.pop() else { return Ok(None) };
-    settings.exogenous.extend(part.exogenous);
+    let new = part.exogenous.into_iter().filter(|name| !settings.exogenous.contains(name));
+    let new: Vec<String> = new.collect();
+    settings.exogenous.extend(new);
     let recorded = files.iter().any(|file| file.table != file.user);
     Ok(Some(Data {
         data: part.data,
@@ -575,7 +576,7 @@ fn tables_of(
     for (number, file) in args.files.iter().enumerate() {
         if recording::is_recording(file) {
             let inputs = args.inputs.with_param(args.read.as_parameter());
-            let source = Source::open(file, &inputs, args.means.most_bytes())?;
+            let source = Source::open(file, &inputs, args.means.max_bytes())?;
             let folder = temporary.path().join(format!("{}", number + 1));
             for batch in source.batches(&folder, interrupt, quiet)? {
                 if let Some(folder) = keep {

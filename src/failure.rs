@@ -41,7 +41,7 @@ pub(crate) fn exit_code(done: Result<(), Error>, interrupt: &Interrupt) -> u8 {
 }
 
 fn tell(error: &Error) {
-    terminal::print_error(format_args!("error: {}", flags::in_the_commands_words(error)));
+    terminal::print_error(format_args!("error: {}", flags::sentence(error)));
 }
 
 /// The exit code of an answer, which is printed already.

@@ -1,104 +1,75 @@
-//! The command's flags and the nodes' parameters that mean the same: the table in docs/parameters.md, the settings that a
-//! recording carries, and messages in the words of the command.
+//! The command's flags and the nodes' parameters that mean the same: the settings that a recording carries, and errors in the names of
+//! the command.
 
-use roscausal_core::{Error, visible};
+use std::sync::LazyLock;
 
-/// A flag, and the parameter of a node that means the same.
-pub(crate) struct Twin {
+use roscausal_core::Error;
+use roscausal_discovery::{
+    settings::{Group, Kind, SETTINGS, Setting, setting},
+    spelled_out,
+};
+
+/// A flag that is no setting of an analysis, and the node's parameter that means the same.
+pub(crate) struct Alias {
     /// Without the dashes.
     pub(crate) flag: &'static str,
     pub(crate) node: &'static str,
     pub(crate) param: &'static str,
-    /// The parameter's value that means "not set", which the flag has no word for.
-    unset: Option<&'static str>,
 }
 
-const fn twin(flag: &'static str, node: &'static str, param: &'static str) -> Twin {
-    Twin { flag, node, param, unset: None }
+const fn alias(flag: &'static str, node: &'static str, param: &'static str) -> Alias {
+    Alias { flag, node, param }
 }
 
-const fn optional(flag: &'static str, node: &'static str, param: &'static str) -> Twin {
-    Twin { flag, node, param, unset: Some("0") }
-}
-
-/// Of a text or a list, which may be empty.
-const fn filled(flag: &'static str, node: &'static str, param: &'static str) -> Twin {
-    unless(flag, node, param, "")
-}
-
-/// Of which one value is as good as none.
-const fn unless(flag: &'static str, node: &'static str, param: &'static str, unset: &'static str) -> Twin {
-    Twin { flag, node, param, unset: Some(unset) }
-}
-
-impl Twin {
-    /// Whether a value of the parameter means "not set", in any spelling: 0.0 is 0, and [] is nothing.
-    fn is_unset(&self, value: &str) -> bool {
-        let plain = value.trim_matches(['[', ']']);
-        let same = |unset: &str| match (plain.parse::<f64>(), unset.parse::<f64>()) {
-            (Ok(one), Ok(other)) => one == other,
-            _ => plain == unset,
-        };
-        self.unset.is_some_and(same)
-    }
-}
-
-/// All twins.
-pub(crate) static TWINS: [Twin; 33] = [
-    twin("method", "discovery", "cd_method"),
-    twin("test", "discovery", "cond_ind_test"),
-    twin("alpha", "discovery", "sig_alpha"),
-    unless("pc-alpha", "discovery", "pc_alpha", "-1"),
-    optional("f-alpha", "discovery", "f_alpha"),
-    twin("te-estimator", "discovery", "te_estimator"),
-    twin("gp-search", "discovery", "gp_search"),
-    twin("gp-restarts", "discovery", "gp_restarts"),
-    filled("null-dist", "discovery", "null_dist"),
-    filled("vector", "discovery", "vectors"),
-    twin("fdr", "discovery", "fdr_method"),
-    twin("tau-min", "discovery", "min_lag"),
-    twin("tau-max", "discovery", "max_lag"),
-    filled("exogenous", "discovery", "exogenous"),
-    filled("acts-on", "discovery", "acts_on"),
-    optional("max-sets", "discovery", "max_sets"),
-    unless("no-extra-conditions", "discovery", "extra_conditions", "true"),
-    twin("seed", "discovery", "seed"),
-    twin("several-people", "discovery", "people"),
-    optional("threads", "discovery", "threads"),
-    optional("time-budget", "discovery", "time_budget"),
-    optional("max-memory", "discovery", "max_memory"),
-    optional("resamples", "discovery", "resamples"),
-    // Without resamples their flags are refused, and the defaults say nothing.
-    unless("resampling", "discovery", "resampling", "subsample"),
-    unless("share", "discovery", "resample_share", "0.632"),
-    unless("block", "discovery", "resample_block", "1"),
-    twin("window-batches", "discovery", "window_batches"),
-    optional("change-rows", "discovery", "change_rows"),
-    twin("dt", "data", "dt"),
-    twin("ts-length", "data", "ts_length"),
-    twin("person", "data", "sel_agent"),
-    twin("robot-odom", "robot", "odom_topic"),
-    twin("human-goal", "human", "goal_topic"),
+/// All aliases beside the table of settings.
+pub(crate) static ALIASES: [Alias; 8] = [
+    alias("several-people", "discovery", "people"),
+    alias("window-batches", "discovery", "window_batches"),
+    alias("change-rows", "discovery", "change_rows"),
+    alias("dt", "data", "dt"),
+    alias("ts-length", "data", "ts_length"),
+    alias("person", "data", "sel_agent"),
+    alias("robot-odom", "robot", "odom_topic"),
+    alias("human-goal", "human", "goal_topic"),
 ];
 
-/// The twin of a node's parameter.
-fn twin_of(node: &str, param: &str) -> Option<&'static Twin> {
-    TWINS.iter().find(|twin| twin.node == node && twin.param == param)
+/// The setting that is a node's parameter.
+fn setting_of(node: &str, param: &str) -> Option<&'static Setting> {
+    SETTINGS.iter().find(|setting| node == "discovery" && setting.param == param)
+}
+
+/// The flag of a node's parameter that is a setting of the analysis.
+pub(crate) fn of_setting(node: &str, param: &str) -> Option<&'static str> {
+    setting_of(node, param).map(|setting| setting.flag)
 }
 
 /// Node and name of the parameter that a flag is.
-pub(crate) fn twin_of_flag(flag: &str) -> Option<(&'static str, &'static str)> {
-    TWINS.iter().find(|twin| twin.flag == flag).map(|twin| (twin.node, twin.param))
+pub(crate) fn parameter_of_flag(flag: &str) -> Option<(&'static str, &'static str)> {
+    let of_table = SETTINGS.iter().find(|setting| setting.flag == flag);
+    let of_alias = || ALIASES.iter().find(|alias| alias.flag == flag).map(|alias| (alias.node, alias.param));
+    of_table.map(|setting| ("discovery", setting.param)).or_else(of_alias)
 }
 
 /// The flag, without dashes, that is a node's parameter.
 pub(crate) fn flag_of_parameter(node: &str, param: &str) -> Option<&'static str> {
-    twin_of(node, param).map(|twin| twin.flag)
+    let alias = || ALIASES.iter().find(|alias| alias.node == node && alias.param == param);
+    of_setting(node, param).or_else(|| alias().map(|alias| alias.flag))
 }
 
 /// Whether a node's parameter has a value that means "not set", which its flag has no word for.
 pub(crate) fn is_unset(node: &str, param: &str, value: &str) -> bool {
-    twin_of(node, param).is_some_and(|twin| twin.is_unset(value))
+    match setting_of(node, param) {
+        Some(setting) => is_default(setting, value),
+        None => param == "change_rows" && value.parse::<f64>() == Ok(0.0),
+    }
+}
+
+/// Whether a parameter is not set. Without resamples their flags are refused, and the defaults say nothing.
+fn is_default(setting: &Setting, value: &str) -> bool {
+    let read = setting.of_param(value);
+    let may_be_left_out =
+        setting.kind == Kind::Flag || matches!(setting.group, Group::Resampling | Group::Run);
+    read.is_ok_and(|read| read.is_null() || (may_be_left_out && read == setting.default_value()))
 }
 
 /// Flag and value for a node's parameter; `None` if no flag means it, or it is not set.
@@ -106,63 +77,50 @@ pub(crate) fn is_unset(node: &str, param: &str, value: &str) -> bool {
 /// # Example
 /// `discovery.max_lag = 3` is `--tau-max 3`; `discovery.pc_alpha = 0` is `--pc-alpha auto`.
 pub(crate) fn of_parameter(node: &str, param: &str, value: &str) -> Option<(&'static str, String)> {
-    let twin = twin_of(node, param)?;
-    match (twin.flag, value) {
-        (_, value) if twin.is_unset(value) => None,
-        // A flag takes no empty value: what that means, the parameter says.
-        (_, "") => None,
-        // A flag without a value.
-        ("no-extra-conditions", value) => (value == "false").then(|| ("no-extra-conditions", String::new())),
-        ("pc-alpha", value) if value.parse::<f64>() == Ok(0.0) => Some(("pc-alpha", "auto".to_owned())),
-        // A list is written [a, b].
-        (flag @ ("acts-on" | "exogenous" | "vector"), list) => {
-            Some((flag, list.trim_matches(['[', ']']).replace(", ", ",")))
-        }
-        (flag, value) => Some((flag, value.to_owned())),
+    if value.is_empty() || is_unset(node, param, value) {
+        return None;
     }
+    let Some(setting) = setting_of(node, param) else {
+        let alias = ALIASES.iter().find(|alias| alias.node == node && alias.param == param)?;
+        return Some((alias.flag, value.to_owned()));
+    };
+    let value = match setting.kind {
+        Kind::Flag => String::new(),
+        // The flag says what is wrong with it.
+        _ => setting.of_param(value).map_or_else(|_| value.to_owned(), |read| setting.written(&read)),
+    };
+    Some((setting.flag, value))
 }
 
-/// An error in the words of the command: `--tau-max` for what a node calls `max_lag` and the library `tau_max`.
-pub(crate) fn in_the_commands_words(error: &Error) -> String {
-    // Cut first: each word is looked up.
+/// An error with the names of the command: `--tau-max` for what a node calls `max_lag` and Python `tau_max`.
+pub(crate) fn sentence(error: &Error) -> String {
     match error {
-        Error::Param { name, reason } => match flag_of(name) {
-            Some(flag) => format!("{flag}: {}", translated(&visible::message(reason))),
-            None => format!("parameter '{name}': {}", translated(&visible::message(reason))),
-        },
-        other => translated(&visible::message(&other.to_string())),
+        Error::Param { name, reason } => {
+            let name = flag_of(name).unwrap_or_else(|| format!("parameter '{name}'"));
+            format!("{name}: {}", spelled(reason))
+        }
+        other => spelled(&format!("{other:#}")),
     }
 }
 
-/// The flag that a name means: that of the parameter, the flag itself, or its spelling with `_`.
+/// A sentence with its settings as flags.
+pub(crate) fn spelled(sentence: &str) -> String {
+    spelled_out(sentence, |name| flag_of(name).unwrap_or_else(|| name.to_owned()))
+}
+
+/// All flags of the command.
+static FLAGS: LazyLock<Vec<String>> = LazyLock::new(crate::cli::long_flags);
+
+/// The flag that a name means: that of the setting or parameter, the flag itself, or its spelling with `_`.
 fn flag_of(name: &str) -> Option<String> {
     let plain = name.trim_start_matches('-').replace('_', "-");
-    let is_it = |twin: &&Twin| twin.param.replace('_', "-") == plain;
-    let twin = TWINS.iter().find(is_it).map(|twin| twin.flag.to_owned());
-    let known = || crate::cli::long_flags().into_iter().find(|flag| *flag == plain);
+    let of_table = || setting(name).map(|setting| setting.flag.to_owned());
+    let of_alias = || ALIASES.iter().find(|alias| alias.param == name).map(|alias| alias.flag.to_owned());
     // `topics` has a flag of the parameter's name.
-    let signal = (name == "signals").then(|| "signal".to_owned());
-    twin.or(signal).or_else(known).map(|flag| format!("--{flag}"))
-}
-
-/// The names with an underscore that are a node's parameter, or a setting of the library, as flags. What stands in quotes is the
-/// user's.
-fn translated(text: &str) -> String {
-    let is_name = |letter: char| letter.is_ascii_alphanumeric() || letter == '_';
-    let (mut out, mut rest) = (String::new(), text);
-    while let Some(letter) = rest.chars().next() {
-        let length = rest.find(|letter| !is_name(letter)).unwrap_or(rest.len());
-        let (word, after) = rest.split_at(if length == 0 { letter.len_utf8() } else { length });
-        let before = out.chars().last();
-        let quoted = before.is_some_and(|letter| matches!(letter, '\'' | '.' | '/' | '`'))
-            || after.starts_with(['.', '/']);
-        match flag_of(word).filter(|_| word.contains('_') && !quoted) {
-            Some(flag) => out += &flag,
-            None => out += word,
-        }
-        rest = after;
-    }
-    out
+    let signal = || (name == "signals").then(|| "signal".to_owned());
+    let known = || FLAGS.iter().find(|flag| **flag == plain).cloned();
+    let flag = of_table().or_else(of_alias).or_else(signal).or_else(known);
+    flag.map(|flag| format!("--{flag}"))
 }
 
 #[cfg(test)]
@@ -170,32 +128,45 @@ mod tests {
     use super::*;
 
     #[test]
-    fn every_twin_is_a_flag_and_a_parameter() {
+    fn every_alias_is_a_flag_and_a_parameter() {
         let flags = crate::cli::long_flags();
-        for twin in &TWINS {
-            assert!(flags.iter().any(|flag| flag == twin.flag), "--{}", twin.flag);
-            let specs = roscausal_core::nodes::parameters(twin.node).expect("a node");
-            assert!(specs.iter().any(|spec| spec.name == twin.param), "{}.{}", twin.node, twin.param);
+        let of_table = SETTINGS.iter().map(|setting| (setting.flag, "discovery", setting.param));
+        for (flag, node, param) in of_table.chain(ALIASES.iter().map(|one| (one.flag, one.node, one.param))) {
+            assert!(flags.iter().any(|known| known == flag), "--{flag}");
+            let specs = roscausal_core::nodes::parameters(node).expect("a node");
+            assert!(specs.iter().any(|spec| spec.name == param), "{node}.{param}");
         }
     }
 
+    /// `ROSCAUSAL_WRITE_DOCS=1 cargo test the_table_of_flags` rewrites the table.
     #[test]
-    fn the_table_of_flags_and_parameters_names_every_twin() {
-        let page = include_str!("../docs/data.md");
-        for Twin { flag, node, param, .. } in &TWINS {
-            let row = format!("| `--{flag}` | {node} | `{param}` |");
-            assert!(page.contains(&row), "docs/data.md lacks: {row}");
+    fn the_table_of_flags_and_parameters_is_as_they_are() {
+        let path = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("docs/data.md");
+        let page = std::fs::read_to_string(&path).expect("the page");
+        let row = |flag: &str, node: &str, param: &str| format!("| `--{flag}` | {node} | `{param}` |\n");
+        let of_table = SETTINGS.iter().map(|setting| row(setting.flag, "discovery", setting.param));
+        let table: String =
+            of_table.chain(ALIASES.iter().map(|one| row(one.flag, one.node, one.param))).collect();
+        let (head, rest) = page.split_once("| flag | node | parameter |\n|---|---|---|\n").expect("a table");
+        let end = rest.split_once("\n\n").map_or("", |(_, end)| end);
+        let made = format!("{head}| flag | node | parameter |\n|---|---|---|\n{table}\n{end}");
+        if std::env::var_os("ROSCAUSAL_WRITE_DOCS").is_some() {
+            std::fs::write(&path, &made).expect("writes");
         }
+        assert!(page == made, "docs/data.md is old: run with ROSCAUSAL_WRITE_DOCS=1");
     }
 
     #[test]
-    fn messages_name_flags_and_leave_the_users_words_alone() {
-        let error = Error::Data("tau_max = 3 needs at least 10: record longer or lower tau_max".into());
-        let told = in_the_commands_words(&error);
-        assert_eq!(told, "--tau-max = 3 needs at least 10: record longer or lower --tau-max");
-        let error = Error::param("max_lag", "'max_lag' in data/max_lag.csv, sel_agent");
-        assert_eq!(in_the_commands_words(&error), "--tau-max: 'max_lag' in data/max_lag.csv, --person");
-        assert_eq!(in_the_commands_words(&Error::param("risk_lag", "2")), "parameter 'risk_lag': 2");
+    fn errors_name_flags_and_leave_the_users_words_alone() {
+        let lag = roscausal_discovery::Named("tau_max");
+        let error =
+            Error::Data(format!("'tau_max.csv', {lag} = 3 needs at least 10: record longer or lower {lag}"));
+        let told = sentence(&error);
+        assert_eq!(told, "'tau_max.csv', --tau-max = 3 needs at least 10: record longer or lower --tau-max");
+        let node = roscausal_discovery::Named("sel_agent");
+        let error = Error::param("max_lag", format!("'max_lag' in data/max_lag.csv, {node}"));
+        assert_eq!(sentence(&error), "--tau-max: 'max_lag' in data/max_lag.csv, --person");
+        assert_eq!(sentence(&Error::param("risk_lag", "2")), "parameter 'risk_lag': 2");
     }
 
     #[test]
@@ -237,15 +208,5 @@ mod tests {
         }
         // No odometry, which is not the same as none named.
         assert_eq!(of_parameter("robot", "odom_topic", ""), None);
-    }
-
-    #[test]
-    fn what_a_twin_calls_unset_is_the_default_of_the_node() {
-        for twin in TWINS.iter().filter(|twin| twin.flag != "acts-on") {
-            let Some(unset) = twin.unset else { continue };
-            let specs = roscausal_core::nodes::parameters(twin.node).expect("a node");
-            let default = &specs.iter().find(|spec| spec.name == twin.param).expect("a parameter").default;
-            assert!(twin.is_unset(&default.to_string()), "--{}: {unset} is not {default}", twin.flag);
-        }
     }
 }

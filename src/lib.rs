@@ -27,6 +27,7 @@ mod replay;
 mod report;
 mod results;
 mod roll;
+mod settings;
 mod show;
 mod sink;
 mod teleop;

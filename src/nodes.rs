@@ -20,10 +20,10 @@ use roscausal_core::{
     nodes::{self, Recorded},
     params::Value,
 };
-use roscausal_discovery::{PcAlpha, Progress, Settings, confidence::Resampling};
+use roscausal_discovery::Progress;
 use roscausal_hrisim::Simulation;
 
-use crate::folders::Folders;
+use crate::{discover::Analysis, folders::Folders};
 
 /// The nodes that record, in the order in which they take part.
 pub(crate) const RECORDING: [&str; 3] = ["robot", "human", "data"];
@@ -160,54 +160,27 @@ pub(crate) fn set_pools(bus: &Loopback, raw: &Path, processed: &Path) {
 }
 
 /// Configures the discovery node to analyse the batches in `folders`, with the given number of batches per model.
+///
+/// # Errors
+/// A setting that the node does not allow.
 pub(crate) fn set_discovery(
     bus: &Loopback,
     folders: &Folders,
-    settings: &Settings,
-    resampling: Option<&Resampling>,
+    analysis: &Analysis,
     batches: u32,
-    threads: Option<usize>,
-) {
-    let drawn = resampling.map(|resampling| {
-        [
-            ("resamples", Value::Int(i64::try_from(resampling.resamples).unwrap_or(i64::MAX))),
-            ("resampling", text(resampling.scheme.name())),
-            ("resample_share", Value::Double(resampling.share)),
-            ("resample_block", text(&resampling.block.name())),
-        ]
-    });
-    let pc_alpha = match settings.pc_alpha {
-        PcAlpha::Default => -1.0,
-        PcAlpha::Fixed(level) => level,
-        PcAlpha::ByScore => 0.0,
-    };
-    let given = settings.acts_on.as_ref().map(|pairs| {
-        let pair = |(column, variable): &(String, String)| text(&format!("{column}={variable}"));
-        ("acts_on", Value::List(pairs.iter().map(pair).collect()))
-    });
-    let exogenous = settings.exogenous.iter().map(|name| text(name)).collect();
-    let values = [
-        ("data_dir", text(&folders.processed.display().to_string())),
-        ("res_dir", text(&folders.models.display().to_string())),
-        ("batches_per_model", Value::Int(i64::from(batches))),
-        ("keep_batches", Value::Bool(true)),
-        ("cd_method", text(settings.method.name())),
-        ("cond_ind_test", text(&settings.cond_ind_test)),
-        ("sig_alpha", Value::Double(settings.alpha)),
-        ("pc_alpha", Value::Double(pc_alpha)),
-        ("f_alpha", Value::Double(settings.f_alpha.unwrap_or(0.0))),
-        ("te_estimator", text(settings.te_estimator.name())),
-        ("fdr_method", text(settings.fdr.name())),
-        ("gp_search", text(settings.gp_search.name())),
-        ("gp_restarts", Value::Int(i64::try_from(settings.gp_restarts).unwrap_or(i64::MAX))),
-        ("min_lag", Value::Int(settings.tau_min as i64)),
-        ("max_lag", Value::Int(settings.tau_max as i64)),
-        ("exogenous", Value::List(exogenous)),
-        ("seed", Value::Int(i64::try_from(settings.seed).unwrap_or(i64::MAX))),
-        ("threads", Value::Int(threads.unwrap_or(0) as i64)),
+) -> Result<()> {
+    let of_run = [
+        ("data_dir", folders.processed.display().to_string()),
+        ("res_dir", folders.models.display().to_string()),
+        ("batches_per_model", batches.to_string()),
+        ("keep_batches", "true".to_owned()),
     ];
-    let all = values.into_iter().chain(given).chain(drawn.into_iter().flatten());
-    all.for_each(|(name, value)| bus.set_node_param("discovery", name, value));
+    let specs = nodes::parameters("discovery")?;
+    for (name, value) in of_run.into_iter().chain(analysis.params()) {
+        let Some(spec) = specs.iter().find(|spec| spec.name == name) else { continue };
+        bus.set_node_param("discovery", name, spec.checked(text(&value))?);
+    }
+    Ok(())
 }
 
 /// Largest seed that a node takes.

@@ -23,10 +23,7 @@ use std::{
 
 use clap::{ArgMatches, parser::ValueSource};
 use roscausal_core::{Error, Result, bounded, params::nearest};
-use roscausal_discovery::{
-    independence_tests::{Significance, draws, spelled},
-    methods::{Method, Reads},
-};
+use roscausal_discovery::{independence_tests::Significance, methods::Method, settings::setting};
 use toml::{Table, Value};
 
 use crate::{cli, flags, nodes::RECORDING, recording, travel};
@@ -38,21 +35,6 @@ const IGNORE: &str = "ignore_settings";
 const IGNORE_FLAG: &str = "ignore-settings";
 /// Subcommands that read data, and their positional argument.
 const READERS: [(&str, &str); 3] = [("discover", "files"), ("roll", "files"), ("replay", "recording")];
-/// Flags that only some methods read.
-const OF_METHODS: [(&str, Reads); 6] = [
-    ("pc-alpha", Reads::PcAlpha),
-    ("f-alpha", Reads::FAlpha),
-    ("te-estimator", Reads::TeEstimator),
-    ("max-sets", Reads::MaxSets),
-    ("no-extra-conditions", Reads::ExtraConditions),
-    ("acts-on", Reads::ActsOn),
-];
-/// Flags that only one test reads.
-const OF_TESTS: [(&str, &str); 4] =
-    [("gp-search", "gpdc"), ("gp-restarts", "gpdc"), ("null-dist", "gpdc"), ("shuffle-stop", "cmiknn")];
-/// Flags that say how p-values are made, beside those of one test.
-const OF_P_VALUES: [&str; 2] = ["significance", "shuffles"];
-
 /// Settings from one place.
 #[derive(Debug, Default, PartialEq)]
 struct Found {
@@ -81,7 +63,7 @@ pub(crate) fn apply(line: &[OsString], matches: &ArgMatches) -> Result<(Vec<OsSt
     let (mut preset, mut told): (Vec<OsString>, Vec<String>) = (Vec::new(), Vec::new());
     let mut taken: Vec<String> = Vec::new();
     let all = find(&data)?;
-    let shuffles = is_by_shuffles(own, &all);
+    let how = significance(own, &all);
     for found in all {
         let (mut used, mut unknown) = (Vec::new(), Vec::new());
         let before = taken.clone();
@@ -90,7 +72,7 @@ pub(crate) fn apply(line: &[OsString], matches: &ArgMatches) -> Result<(Vec<OsSt
                 unknown.push(format!("--{flag}"));
                 continue;
             }
-            if is_given(own, flag) || !suits(own, flag, shuffles) {
+            if is_given(own, flag) || !suits(own, flag, how) {
                 continue;
             }
             for value in values {
@@ -134,40 +116,25 @@ fn key_of(flag: &str, value: &str) -> String {
 
 /// Whether the user gave this flag. `--param` may be given by both.
 fn is_given(own: &ArgMatches, flag: &str) -> bool {
-    let id = flag.replace('-', "_");
-    let given =
-        |id: &str| own.try_contains_id(id).is_ok() && own.value_source(id) == Some(ValueSource::CommandLine);
-    given(&id)
+    let id = setting(flag).map_or_else(|| flag.replace('-', "_"), |setting| setting.id.to_owned());
+    own.try_contains_id(&id).is_ok() && own.value_source(&id) == Some(ValueSource::CommandLine)
 }
 
-/// Whether p-values are to come from surrogates: by the user's word, else by the one beside the data.
-fn is_by_shuffles(own: &ArgMatches, all: &[Found]) -> bool {
+/// How p-values are to be made: by the user's word, else by the one beside the data.
+fn significance(own: &ArgMatches, all: &[Found]) -> Option<Significance> {
     let given = own.try_get_one::<String>("significance").ok().flatten();
     let mut flags = all.iter().flat_map(|found| &found.flags);
     let beside = || flags.find(|(flag, _)| flag == "significance").and_then(|(_, values)| values.first());
-    let how = given.or_else(beside).and_then(|word| word.parse::<Significance>().ok());
-    how == Some(Significance::ShuffleTest)
+    given.or_else(beside).and_then(|word| word.parse().ok())
 }
 
-/// Whether a flag says something to the method and the test that the user names, for which it may not have been set. `shuffles`:
-/// whether any test draws surrogates.
-fn suits(own: &ArgMatches, flag: &str, shuffles: bool) -> bool {
+/// Whether the method and the test that the user names read a flag, for which it may not have been set.
+fn suits(own: &ArgMatches, flag: &str, how: Option<Significance>) -> bool {
     let named = |id: &str| own.get_one::<String>(id).filter(|_| is_given(own, id));
+    let Some(setting) = setting(flag) else { return true };
     let method = named("method").and_then(|name| name.parse::<Method>().ok());
-    let of_methods = OF_METHODS.iter().find(|(name, _)| *name == flag);
-    if let (Some(method), Some((_, setting))) = (method, of_methods) {
-        return method.reads(*setting);
-    }
-    let of_test = OF_TESTS.iter().find(|(name, _)| *name == flag);
-    let says_how = of_test.is_some() || OF_P_VALUES.contains(&flag);
-    if says_how && method.is_some_and(|method| !method.asks_for_p_values()) {
-        return false;
-    }
-    let Some(test) = named("test") else { return true };
-    if flag == "shuffles" {
-        return draws(test, shuffles.then_some(Significance::ShuffleTest));
-    }
-    of_test.is_none_or(|(_, reader)| spelled(test) == *reader)
+    method.is_none_or(|method| setting.method_reads(method, how))
+        && named("test").is_none_or(|test| setting.test_reads(test, how))
 }
 
 /// The settings for these files or folders of data, in the order in which they count.

@@ -15,14 +15,14 @@ use roscausal_core::{
     params::Value,
 };
 use roscausal_discovery::{
-    Model, Progress, Settings,
+    Model, Progress,
     changes::ChangeEvent,
     rolling::{ROLLING_SCHEMA, link_counts, strips_of},
 };
 
 use crate::{
     chart,
-    discover::{MethodArgs, ResampleArgs},
+    discover::{Analysis, MeansArgs, MethodArgs, ResampleArgs},
     folders::{Folders, read_model},
     interrupt::Interrupt,
     nodes::{self, Nodes},
@@ -66,9 +66,8 @@ pub(crate) struct Args {
     /// How many times faster than real time; `max`: as fast as the machine allows.
     #[arg(long, default_value = "max")]
     speed: Speed,
-    /// Threads of the analysis; default: all cores. They do not change the result.
-    #[arg(long)]
-    threads: Option<usize>,
+    #[command(flatten)]
+    means: MeansArgs,
     /// Folder for batches and models.
     #[arg(short, long, value_name = "DIR", default_value = "roscausal_replay")]
     out: PathBuf,
@@ -189,15 +188,14 @@ impl Args {
 /// Runs `roscausal replay`.
 pub(crate) fn run(args: &Args, interrupt: &Interrupt) -> Result<()> {
     nodes::check_seed(args.seed)?;
-    let settings: Settings = args.method.settings(args.seed)?;
-    let resampling = args.resample.asked()?;
+    let analysis = Analysis::of(&args.method, &args.means, &args.resample, args.seed)?;
     let record = args.sink.claim_beside(&args.recording)?;
-    let mut source = Source::open(&args.recording, &args.inputs, None)?;
+    let mut source = Source::open(&args.recording, &args.inputs, args.means.max_bytes())?;
     let folders = Folders::begin(&args.out, std::slice::from_ref(&args.recording), interrupt)?;
     let bus = Loopback::lockstep();
     nodes::set_pools(&bus, &folders.raw, &folders.processed);
     bus.set_node_param("data", "ts_length", Value::Double(TS_LENGTH_S));
-    nodes::set_discovery(&bus, &folders, &settings, resampling.as_ref(), 1, args.threads);
+    nodes::set_discovery(&bus, &folders, &analysis, 1)?;
     args.set_rolling(&bus);
     source.set_params(&bus);
     let ended = args.play(&bus, &mut source, &folders, record, interrupt);

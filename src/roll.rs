@@ -96,7 +96,6 @@ pub(crate) fn run(args: &Args, interrupt: &Interrupt) -> Result<()> {
     if let Some(results) = &results {
         interrupt.remove_at_end(results.temporary());
     }
-    let mut settings = args.method.settings(args.seed)?;
     let resampling = args.resample.asked()?;
     let windows = args.windows();
     let readable = Readable {
@@ -107,7 +106,7 @@ pub(crate) fn run(args: &Args, interrupt: &Interrupt) -> Result<()> {
         read: &args.read,
         part: &args.part,
     };
-    let (data, dt) = discover::read(&readable, &mut settings, args.seed, interrupt)?;
+    let (data, settings, dt) = discover::read(&readable, args.seed, interrupt)?;
     args.check_batch(&data, settings.tau_max)?;
     let control = args.means.within_budget(Control::default().cancel_on(interrupt.flag()))?;
     let rolling = args.means.in_pool(|| {

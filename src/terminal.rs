@@ -16,6 +16,8 @@ use std::{
 
 use roscausal_core::visible;
 
+use crate::flags;
+
 /// The first fault of the standard output.
 static FAULT: OnceLock<String> = OnceLock::new();
 /// Whether only errors are told.
@@ -156,7 +158,7 @@ pub(crate) fn print_note(text: fmt::Arguments<'_>) {
 
 /// A line on the standard error. If nobody can be told, nobody is.
 pub(crate) fn print_error(text: fmt::Arguments<'_>) {
-    let text = visible::message(&text.to_string());
+    let text = visible::message(&flags::spelled(&text.to_string()));
     let painted = match text.strip_prefix("error:") {
         Some(rest) if is_coloured() => format!("{RED}error:{PLAIN}{rest}\n"),
         _ => text + "\n",

@@ -4,16 +4,19 @@
 use std::path::{Component, Path};
 
 use roscausal_core::nodes;
-use roscausal_discovery::{independence_tests::spelled, methods::Method};
+use roscausal_discovery::{
+    independence_tests::spelled,
+    methods::Method,
+    settings::{Group, setting},
+};
 
 use crate::{flags, nodes::RECORDING};
 
 /// Flags that describe the data or their analysis, besides those that are a node's parameter.
-const FLAGS: [&str; 39] = [
+const FLAGS: [&str; 33] = [
     "agent",
     "batch",
     "changes",
-    "collider-rule",
     "columns",
     "detrend",
     "difference",
@@ -21,13 +24,11 @@ const FLAGS: [&str; 39] = [
     "drop-empty",
     "encode",
     "feature",
-    "first-orientation",
     "frame-rate",
     "goal",
     "join",
     "last",
     "mask",
-    "max-conds",
     "max-gap",
     "missing-value",
     "obstacle",
@@ -38,10 +39,7 @@ const FLAGS: [&str; 39] = [
     "robot-goal",
     "robot-pose",
     "rows",
-    "shuffle-stop",
-    "shuffles",
     "signal",
-    "significance",
     "standardise",
     "step",
     "time-column",
@@ -51,14 +49,10 @@ const FLAGS: [&str; 39] = [
     "window",
 ];
 
-/// The most work that settings that come with data may ask for, by parameter or flag: a few times what anybody needs.
-const MOST: [(&str, f64); 4] =
-    [("gp_restarts", 20.0), ("max_lag", 200.0), ("min_lag", 200.0), ("shuffles", 10_000.0)];
-
-/// Whether the value asks for no more work than data may.
-fn is_modest(name: &str, value: &str) -> bool {
-    let most = MOST.iter().find(|(limited, _)| *limited == name);
-    most.is_none_or(|(_, most)| value.trim().parse::<f64>().is_ok_and(|value| value <= *most))
+/// Whether a setting's value asks for no more work than data may.
+fn is_modest(param: &str, value: &str) -> bool {
+    let most = setting(param).map_or(f64::INFINITY, |setting| setting.most_of_data);
+    most == f64::INFINITY || value.trim().parse::<f64>().is_ok_and(|value| value <= most)
 }
 
 /// Whether settings that come with data may give a node's parameter this value.
@@ -79,23 +73,24 @@ pub(crate) fn may_set(node: &str, param: &str, value: &str) -> bool {
 
 /// Whether settings that come with data may give a flag these values.
 pub(crate) fn may_say(flag: &str, values: &[String]) -> bool {
-    match flags::twin_of_flag(flag) {
+    match flags::parameter_of_flag(flag) {
         Some((node, param)) => values.iter().all(|value| may_set(node, param, value)),
         None if flag == "param" => values.iter().all(|value| is_parameter_of_data(value)),
         // The other formats say what is printed.
         None if flag == "format" => values.iter().all(|value| value == "trajectories"),
-        None => FLAGS.contains(&flag) && values.iter().all(|value| is_modest(flag, value)),
+        None => FLAGS.contains(&flag),
     }
 }
 
-/// Flags that the file in the working folder may set, too, where the data are near it.
-const NEAR: [&str; 6] = ["format", "ignore-settings", "max-memory", "out", "threads", "time-budget"];
+/// Flags that the file in the working folder may set, too, where the data are near it, besides what one run may take.
+const NEAR: [&str; 3] = ["format", "ignore-settings", "out"];
 
 /// Whether the file in the working folder may give a flag these values where the data are near it: results stay within the folder.
 pub(crate) fn may_say_near(flag: &str, values: &[String]) -> bool {
     let inside =
         |value: &String| Path::new(value).components().all(|part| matches!(part, Component::Normal(_)));
-    NEAR.contains(&flag) && (flag != "out" || values.iter().all(inside))
+    let is_of_run = || setting(flag).is_some_and(|setting| setting.group == Group::Run);
+    (NEAR.contains(&flag) || is_of_run()) && (flag != "out" || values.iter().all(inside))
 }
 
 /// Whether `NODE.NAME=VALUE` may come with data.
@@ -133,7 +128,7 @@ mod tests {
         let known = crate::cli::long_flags();
         for flag in FLAGS {
             assert!(known.iter().any(|name| name == flag), "--{flag}");
-            assert!(flags::twin_of_flag(flag).is_none(), "--{flag} is a parameter: its table decides");
+            assert!(flags::parameter_of_flag(flag).is_none(), "--{flag} is a parameter: its table decides");
         }
     }
 

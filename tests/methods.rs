@@ -177,8 +177,8 @@ fn columns_that_belong_together_are_one_variable() {
     assert_eq!(found["features"], json!(["place", "speed"]));
     assert_eq!((&found["graph"][0][1][1], &found["graph"][1][0][1]), (&json!("-->"), &json!("")), "{found}");
     for (more, says) in [
-        (&["--test", "parcorr"][..], "'place' has several; take the test parcorrmult"),
-        (&["--method", "granger"], "'place' has several; take the test parcorrmult"),
+        (&["--test", "parcorr"][..], "takes each variable for one column; choose --test parcorrmult"),
+        (&["--method", "granger"], "takes each variable for one column; choose --test parcorrmult"),
         (&["--vector", "place"], "--vector: 'place' is no vector; write it like place=x+y"),
         (&["--vector", "place=x+z"], "there is no column 'z'"),
         (&["--vector", "place=x+x"], "named twice"),
@@ -205,9 +205,9 @@ fn gpdc_takes_null_distributions_that_are_given() {
     assert_eq!((&own["graph"][0][1][1], &given["graph"][0][1][1]), (&json!("-->"), &json!("")));
     let text =
         complaint(dir.path(), &[&args[..], &["--null-dist", "null.csv", "--test", "parcorr"]].concat());
-    assert!(text.contains("it is for the test gpdc"), "{text}");
+    assert!(text.contains("it applies to the test gpdc"), "{text}");
     let granger = ["discover", "data.csv", "--method", "granger", "--null-dist", "null.csv"];
-    assert!(complaint(dir.path(), &granger).contains("granger asks no test"));
+    assert!(complaint(dir.path(), &granger).contains("granger uses no independence test"));
     fs::write(dir.path().join("null.csv"), "many\n2\n").expect("writes");
     let text = complaint(dir.path(), &[&args[..], &["--null-dist", "null.csv"]].concat());
     assert!(text.contains("'many' is no number of samples"), "{text}");
@@ -228,7 +228,7 @@ fn timino_sees_a_square_and_tsfci_the_marks_of_lpcmci() {
     assert!(line["warnings"].to_string().contains("undecided: speed, risk"), "{line}");
     for (more, says) in [
         (&["--test", "cmiknn"][..], "cmiknn is no regression; take parcorr for linear effects"),
-        (&["--fdr"], "timino tests no links one by one"),
+        (&["--fdr"], "timino has no p-values of single tests to correct"),
         (&["--tau-min", "0", "--tau-max", "0"], "0 leaves no past"),
     ] {
         let text = complaint(dir.path(), &[&timino[..], more].concat());
@@ -243,38 +243,38 @@ fn timino_sees_a_square_and_tsfci_the_marks_of_lpcmci() {
 fn a_setting_that_a_method_does_not_read_is_refused_with_the_methods_that_do() {
     let dir = tempfile::tempdir().expect("a folder");
     fs::write(dir.path().join("data.csv"), walk()).expect("writes");
-    let orients = "it is for pcmciplus and jpcmciplus";
+    let orients = "it applies to pcmciplus and jpcmciplus";
     for (more, says) in [
         (&["--method", "lpcmci", "--collider-rule", "none"][..], orients),
         (&["--method", "granger", "--first-orientation"], orients),
         (
             &["--method", "granger", "--max-conds", "2"],
-            "--max-conds: granger chooses no conditions; it is for fpcmci, pcmci, ",
+            "--max-conds: granger chooses no conditions; it applies to fpcmci, pcmci, ",
         ),
         (
             &["--method", "pcmci", "--max-sets", "2"],
-            "--max-sets: pcmci has no such limit; it is for lpcmci and candoit",
+            "--max-sets: pcmci has no such limit; it applies to lpcmci and candoit",
         ),
         (
             &["--method", "granger", "--pc-alpha", "0.1"],
-            "--pc-alpha: granger chooses no conditions; it is for fpcmci, pcmci, ",
+            "--pc-alpha: granger chooses no conditions; it applies to fpcmci, pcmci, ",
         ),
-        (&["--method", "pcmci", "--f-alpha", "0.1"], "--f-alpha: pcmci has no filter; it is for fpcmci"),
+        (&["--method", "pcmci", "--f-alpha", "0.1"], "--f-alpha: pcmci has no filter; it applies to fpcmci"),
         (&["--method", "pcmci", "--te-estimator", "gaussian"], "--te-estimator: pcmci has no filter"),
         (
             &["--method", "lpcmci", "--acts-on", "x=speed"],
-            "--acts-on: lpcmci knows of no interventions; it is for candoit",
+            "--acts-on: lpcmci knows of no interventions; it applies to candoit",
         ),
         (
             &["--method", "pcmci", "--gp-restarts", "2"],
-            "--gp-restarts: parcorr fits no Gaussian process; it is for the test gpdc",
+            "--gp-restarts: parcorr fits no Gaussian process; it applies to the test gpdc",
         ),
         (&["--method", "auto", "--take-it", "--f-alpha", "0.1"], "--f-alpha: lpcmci has no filter"),
         (&["--method", "lpcmci", "--max-sets", "0"], "--max-sets: 0 tests nothing"),
         (&["--method", "pcmci", "--shuffle-stop", "5"], "--shuffle-stop: parcorr has no such end"),
         (
             &["--method", "lpcmci", "--no-extra-conditions"],
-            "--no-extra-conditions: lpcmci has no contexts of interventions; it is for candoit",
+            "--no-extra-conditions: lpcmci has no contexts of interventions; it applies to candoit",
         ),
     ] {
         let text = complaint(dir.path(), &[&["discover", "data.csv", "--test", "parcorr"], more].concat());
@@ -296,7 +296,7 @@ fn settings_beside_the_data_are_taken_as_given_unless_the_user_names_a_method_th
     let settings = format!("method = 'granger'\n{settings}");
     fs::write(dir.path().join("roscausal.toml"), settings).expect("writes");
     let text = complaint(dir.path(), &["discover", "data.csv"]);
-    assert!(text.contains("--gp-restarts: granger asks no test"), "{text}");
+    assert!(text.contains("--pc-alpha: granger chooses no conditions"), "{text}");
 }
 
 #[test]

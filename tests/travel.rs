@@ -104,6 +104,7 @@ impl Traps {
             ("discovery.res_dir", self.path("models")),
             ("discovery.max_pool_size", "1".to_owned()),
             ("discovery.null_dist", self.path("raw/data_20200101_000000.csv")),
+            ("discovery.links", self.path("raw/data_20200101_000000.csv")),
             ("discovery.threads", "64".to_owned()),
             ("discovery.nice", "19".to_owned()),
             ("discovery.time_budget", "0.001".to_owned()),

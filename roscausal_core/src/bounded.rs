@@ -47,6 +47,17 @@ pub fn read_settings(path: &Path) -> Result<String> {
     Ok(text)
 }
 
+/// The text of a file that a setting of an analysis names: one that ends in `toml` as [`read_settings`], a table up to [`MODEL`] bytes.
+///
+/// # Errors
+/// As these.
+pub fn read_setting(path: &Path, ending: &str) -> Result<String> {
+    match ending {
+        "toml" => read_settings(path),
+        _ => read_text(path, MODEL),
+    }
+}
+
 /// What a JSON file of settings holds.
 ///
 /// # Errors

@@ -1,14 +1,14 @@
 //! Errors that name the place and the way out.
 
-use std::{io::Write, path::PathBuf};
+use std::{fmt, io::Write, path::PathBuf};
 
-use roscausal_discovery::visible;
+use roscausal_discovery::{settings::setting, spelled_out, visible};
 
 /// What went wrong, where, and what to do about it: each message is one sentence for the user.
-#[derive(Debug, thiserror::Error)]
+/// `{}` writes settings as the nodes' parameters are called, `{:#}` leaves them for [`spelled_out`].
+#[derive(Debug)]
 pub enum Error {
     /// A parameter's value is not allowed.
-    #[error("parameter '{name}': {reason}")]
     Param {
         /// Parameter name as the user wrote it.
         name: String,
@@ -16,7 +16,6 @@ pub enum Error {
         reason: String,
     },
     /// A topic cannot be used.
-    #[error("topic '{topic}': {reason}")]
     Topic {
         /// Resolved topic name.
         topic: String,
@@ -24,7 +23,6 @@ pub enum Error {
         reason: String,
     },
     /// A service cannot be offered, or gives no answer.
-    #[error("service '{service}': {reason}")]
     Service {
         /// Resolved service name.
         service: String,
@@ -32,10 +30,8 @@ pub enum Error {
         reason: String,
     },
     /// The middleware itself fails.
-    #[error("middleware: {0}")]
     Middleware(String),
     /// A file cannot be read, written or understood.
-    #[error("{}: {reason}", path.display())]
     File {
         /// The file or folder.
         path: PathBuf,
@@ -43,12 +39,31 @@ pub enum Error {
         reason: String,
     },
     /// The data does not allow the requested analysis.
-    #[error("{0}")]
     Data(String),
     /// The work was cancelled or ran out of its time budget.
-    #[error("cancelled: {0}")]
     Cancelled(String),
 }
+
+impl fmt::Display for Error {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let parameter = |name: &str| setting(name).map_or(name, |setting| setting.param).to_owned();
+        let sentence = match self {
+            Self::Param { name, reason } => format!("parameter '{}': {reason}", parameter(name)),
+            Self::Topic { topic, reason } => format!("topic '{topic}': {reason}"),
+            Self::Service { service, reason } => format!("service '{service}': {reason}"),
+            Self::Middleware(reason) => format!("middleware: {reason}"),
+            Self::File { path, reason } => format!("{}: {reason}", path.display()),
+            Self::Data(reason) => reason.clone(),
+            Self::Cancelled(reason) => format!("cancelled: {reason}"),
+        };
+        match f.alternate() {
+            true => f.write_str(&sentence),
+            false => f.write_str(&spelled_out(&sentence, parameter)),
+        }
+    }
+}
+
+impl std::error::Error for Error {}
 
 /// Result with this crate's [`Error`].
 pub type Result<T> = std::result::Result<T, Error>;
@@ -68,6 +83,14 @@ impl Error {
     /// An [`Error::File`] from any displayable reason.
     pub fn file(path: impl Into<PathBuf>, reason: impl std::fmt::Display) -> Self {
         Self::File { path: path.into(), reason: reason.to_string() }
+    }
+
+    /// An error of the engine; what is wrong with rules about links is in the file of these, if there is one.
+    pub fn of_rules(error: roscausal_discovery::Error, file: Option<impl Into<PathBuf>>) -> Self {
+        match (Self::from(error), file) {
+            (Self::Data(reason), Some(file)) => Self::file(file, reason),
+            (error, _) => error,
+        }
     }
 
     /// An [`Error::Param`] from any displayable reason.

@@ -68,7 +68,7 @@ pub fn run(
         "alpha": settings.alpha, "pc_alpha": settings.level_of_pc(), "f_alpha": settings.f_alpha,
         "cond_ind_test": settings.cond_ind_test, "tau_min": settings.tau_min, "tau_max": settings.tau_max,
         "fdr": settings.fdr.name(), "seed": settings.seed, "exogenous": settings.exogenous,
-        "threads": threads, "max_memory": settings.max_memory,
+        "threads": threads, "max_memory": settings.test.max_memory,
     });
     let fault = |e: &dyn std::fmt::Display| Error::file(program, e);
     let mut child = Command::new(program)
@@ -78,7 +78,7 @@ pub fn run(
         .stderr(Stdio::inherit())
         .spawn()
         .map_err(|e| fault(&format!("the method does not start: {e}")))?;
-    if let Some(bytes) = settings.max_memory {
+    if let Some(bytes) = settings.test.max_memory {
         limit_memory(&child, bytes);
     }
     if let Some(mut stdin) = child.stdin.take() {
@@ -99,11 +99,11 @@ pub fn run(
 }
 
 /// Limits the memory of the program to `bytes`.
-fn limit_memory(child: &Child, bytes: usize) {
+fn limit_memory(child: &Child, bytes: u64) {
     #[cfg(target_os = "linux")]
     {
         use rustix::process::{Pid, Resource, Rlimit, prlimit};
-        let most = Some(bytes as u64);
+        let most = Some(bytes);
         let limited =
             prlimit(Some(Pid::from_child(child)), Resource::As, Rlimit { current: most, maximum: most });
         // It may have ended already.

@@ -10,6 +10,8 @@ use std::{
     path::Path,
 };
 
+use roscausal_discovery::Named;
+
 use crate::{Error, Result};
 
 /// Data of more than [`FREE`] bytes are at most this many times as long as their packed form.
@@ -45,8 +47,9 @@ impl Memory {
             return Ok(());
         }
         Err(format!(
-            "reading it takes more than {} of memory; split it, or allow more with --max-memory",
-            size(self.bytes)
+            "reading it takes more than {} of memory; split it, or allow more with {}",
+            size(self.bytes),
+            Named("max_memory")
         ))
     }
 
@@ -169,7 +172,7 @@ mod tests {
         };
         assert_eq!(unpack(Some(1 << 20), 1 << 20, 10), Ok(1 << 20));
         let (kind, told) = unpack(Some(1 << 20), u64::MAX, 10).expect_err("it has no end");
-        assert!(kind == ErrorKind::FileTooLarge && told.contains("--max-memory"), "{told}");
+        assert!(kind == ErrorKind::FileTooLarge && told.contains("max_memory"), "{told}");
         let (kind, told) = unpack(Some(u64::MAX), u64::MAX, 10).expect_err("it has no end");
         assert!(kind == ErrorKind::FileTooLarge && told.contains("268 MB in 10 bytes"), "{told}");
         assert_eq!(most_grown(1 << 20), 1000 << 20);

@@ -81,16 +81,16 @@ fn cases() -> Vec<(&'static str, &'static str, Vec<u8>)> {
         ("objects.npy", "not read", npy("'|O'", "(3,)", &[0; 64])),
         ("header.npy", "claims 4294967295 bytes", long_header),
         ("wide.npy", "200000 columns", npy("'|b1'", "(1, 200000)", &[0; 200_000])),
-        ("words.npy", "--max-memory", npy("'|S1'", "(500000,)", &[b'a'; 500_000])),
-        ("bomb.npz", "--max-memory", overlapping(&npy("'|b1'", "(9000000,)", &vec![0; 9_000_000]), 1)),
-        ("overlap.npz", "--max-memory", overlapping(&npy("'|b1'", "(90000,)", &vec![0; 90_000]), 900)),
+        ("words.npy", "max_memory", npy("'|S1'", "(500000,)", &[b'a'; 500_000])),
+        ("bomb.npz", "max_memory", overlapping(&npy("'|b1'", "(9000000,)", &vec![0; 9_000_000]), 1)),
+        ("overlap.npz", "max_memory", overlapping(&npy("'|b1'", "(90000,)", &vec![0; 90_000]), 900)),
         ("bomb.csv.gz", "compressed with gzip: reading it takes more than 4 MB", gzip(&rows(5_000_000))),
         ("twice.csv.gz", "compressed with gzip", gzip(&gzip(&rows(9)))),
         ("bomb.csv.zst", "compressed with Zstandard: reading it takes more", zstandard(&rows(5_000_000))),
         ("window.csv.zst", "damaged", frame(&[0x00, (31 - 10) << 3])),
         ("size.csv.zst", "Zstandard", frame(&[0xe0, 0, 0, 0, 0, 0, 0, 0, 0x40])),
         ("names.csv", "at most 100000", [names(120_000), b"\n1\n".to_vec()].concat()),
-        ("rows.csv", "--max-memory", rows(900_000)),
+        ("rows.csv", "max_memory", rows(900_000)),
         ("short_rows.csv", "has 1 cells", [names(9000), b"\n".to_vec(), b"1\n".repeat(9000)].concat()),
         ("name.csv", "the name is 100000 bytes long", [&[b'n'; 100_000][..], b",b\n1,2\n3,4\n"].concat()),
         ("quote.csv", "is not a number", [&b"a,b\n1,2\n3,\"4\n"[..], &b"5,6\n".repeat(99_000)].concat()),
@@ -129,7 +129,7 @@ fn rows_shorter_than_the_header_take_memory_within_the_limit() {
     let usual = nodes::postprocess(&[]).expect("defaults");
     let (read, held) = peak_of(|| walks(&path, &reading, &choice, &usual).map(drop));
     let error = read.expect_err("too large").to_string();
-    assert!(error.contains("--max-memory") && held < 8 * MOST_HELD, "{held}: {error}");
+    assert!(error.contains("max_memory") && held < 8 * MOST_HELD, "{held}: {error}");
 }
 
 #[test]

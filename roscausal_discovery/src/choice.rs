@@ -13,11 +13,11 @@
 
 use crate::{
     about::{AboutData, effective_share},
-    analysis::Settings,
     effort::Effort,
     ground::DataFrame,
     methods::Method,
     numeric::rows::moments,
+    settings::Settings,
 };
 
 /// Standard errors by which the level of a recording must differ to be called different.

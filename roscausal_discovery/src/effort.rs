@@ -4,7 +4,7 @@
 //! tell seconds from hours and from never. Times of one test come from docs/speed.md.
 
 use crate::{
-    analysis::Settings, evidence::AtLag, independence_tests::gpdc_bytes, methods::Method,
+    evidence::AtLag, independence_tests::gpdc_bytes, methods::Method, settings::Settings,
     transfer_entropy::TeEstimator,
 };
 

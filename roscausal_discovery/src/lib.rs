@@ -90,10 +90,11 @@ pub mod methods;
 mod model;
 mod numeric;
 pub mod rolling;
+pub mod settings;
 pub mod transfer_entropy;
 
 pub use about::{AboutData, AboutVariable, Fault};
-pub use analysis::{PcAlpha, Settings, analyse, analyse_with, analyse_with_evidence};
+pub use analysis::{analyse, analyse_with, analyse_with_evidence};
 pub use choice::Choice;
 pub use effort::Effort;
 pub use evidence::{AtLag, Condition, EVIDENCE_SCHEMA, Evidence, LinkEvidence, MOST_POINTS, VariableFacts};
@@ -103,6 +104,7 @@ pub use model::{
     decides_by_pc_alpha, sentence_of, word_of,
 };
 pub use numeric::{random::mix, rows::quantile};
+pub use settings::{PcAlpha, Settings};
 
 /// The README's example runs, too.
 #[cfg(doctest)]

@@ -1,22 +1,22 @@
 //! From settings to a model, and the words that settings take.
 
-use std::{sync::Arc, time::Instant};
+use std::time::Instant;
 
 use pyo3::{prelude::*, types::PyString};
 use roscausal_discovery::{
-    AboutData, CondIndTest, Error, Result, Settings, analyse, analyse_with,
-    confidence::{Scheme, analyse_resampled, set_step},
+    AboutData, CondIndTest, Error, Result, analyse, analyse_with,
+    confidence::{analyse_resampled, set_step},
     independence_tests::{self, by_name},
     lock,
-    methods::{Fdr, Method},
-    transfer_entropy::TeEstimator,
+    methods::Method,
+    settings,
 };
 use serde_json::json;
 
 use crate::{
     errors::raised,
     frame::Frame,
-    settings::{Given, of_analysis, of_resampling, of_step, of_test, vectors},
+    settings::{Given, for_data, of_analysis, of_step, of_test},
     user_test::{Failure, UserTest},
     watched::{Means, watched},
 };
@@ -63,22 +63,23 @@ pub(crate) fn discover(
     let mut given = Given::read(settings).map_err(raised)?;
     let dt = of_step(&mut given).map_err(raised)?;
     let warnings = given.words("warnings").map_err(raised)?;
-    let resampling = of_resampling(&mut given).map_err(raised)?;
-    let means = means(&mut given, progress).map_err(raised)?;
-    let vectors = vectors(&mut given).map_err(raised)?;
-    let settings: Settings = of_analysis(&mut given).map_err(raised)?;
+    let request = of_analysis(&mut given).map_err(raised)?;
     given.end().map_err(raised)?;
+    // A test of the user's own may read what no other does.
+    if test.is_none() {
+        request.check().map_err(raised)?;
+    }
+    let resampling = request.resampling().map_err(raised)?;
+    let means = Means { threads: request.threads, time_budget: request.time_budget, progress };
     if test.is_some() && resampling.is_some() {
         let reason = "resamples are for the tests that have a name; with a test of your own use run_bootstrap_of of \
                       roscausal.tigramite";
         return Err(raised(Error::param("resamples", reason)));
     }
-    let own = test.map(|test| test_of(&test, settings.tau_max)).transpose().map_err(raised)?;
+    let own = test.map(|test| test_of(&test, request.settings.tau_max)).transpose().map_err(raised)?;
     let (own, failure) = own.map_or((None, None), |(test, failure)| (Some(test), failure));
-    let (mut data, start) = (frame.data(), Instant::now());
-    if !vectors.is_empty() {
-        data = Arc::new((*data).clone().with_named_vectors(&vectors).map_err(raised)?);
-    }
+    let start = Instant::now();
+    let (data, settings) = for_data(&request, frame.data()).map_err(raised)?;
     // What the command refuses, its own caller may want; what the data are like is told.
     let (about, _) = AboutData::of(&data, settings.tau_max);
     let found = watched(py, &means, move |control| match (&own, &resampling) {
@@ -106,9 +107,7 @@ pub(crate) fn words() -> String {
     json!({
         "methods": methods,
         "tests": independence_tests::names().collect::<Vec<_>>(),
-        "te_estimators": TeEstimator::NAMES,
-        "fdr": Fdr::NAMES,
-        "resampling": Scheme::NAMES,
+        "settings": settings::as_json(),
     })
     .to_string()
 }

@@ -1,7 +1,8 @@
-//! The engine's errors as Python's exceptions. The sentences are the engine's, with Python's names of the settings.
+//! The engine's errors as Python's exceptions. The sentences are the engine's; settings have their names of Python.
 
 use pyo3::{PyErr, create_exception, exceptions::PyValueError};
 use roscausal_core::visible;
+use roscausal_discovery::{settings::setting, spelled_out};
 
 create_exception!(
     roscausal,
@@ -26,32 +27,9 @@ create_exception!(
     "The analysis was cancelled before its end.\n\nExample:\n\n>>> import roscausal as rc\n>>> issubclass(rc.Cancelled, ValueError)\nTrue\n"
 );
 
-/// The command's spelling of a setting, and Python's.
-const DASHED: [(&str, &str); 18] = [
-    ("tau-max", "tau_max"),
-    ("tau-min", "tau_min"),
-    ("pc-alpha", "pc_alpha"),
-    ("f-alpha", "f_alpha"),
-    ("te-estimator", "te_estimator"),
-    ("gp-search", "gp_search"),
-    ("acts-on", "acts_on"),
-    ("gp-restarts", "gp_restarts"),
-    ("time-budget", "time_budget"),
-    ("max-memory", "max_memory"),
-    ("null-dist", "null_dist"),
-    ("max-conds", "max_conds"),
-    ("max-sets", "max_sets"),
-    ("extra-conditions", "extra_conditions"),
-    ("setting 'vector'", "setting 'vectors'"),
-    ("robot-odom", "robot_odom"),
-    ("several-people", "several_people"),
-    ("human-goal", "human_goal"),
-];
-
-/// A sentence with Python's names.
-pub(crate) fn in_pythons_words(sentence: &str) -> String {
-    let flags = visible::message(sentence).replace("--", "");
-    DASHED.iter().fold(flags, |text, (theirs, ours)| text.replace(theirs, ours))
+/// A setting as Python calls it. An id is the name in Python; an argument of the command has `_` for `-`.
+fn named(id: &str) -> String {
+    setting(id).map_or_else(|| id.trim_start_matches('-').replace('-', "_"), |setting| setting.id.to_owned())
 }
 
 /// An engine's error as an exception.
@@ -64,9 +42,10 @@ pub(crate) fn raised_by_program(error: roscausal_core::Error) -> PyErr {
     use roscausal_core::Error;
     match error {
         Error::Param { name, reason } => {
-            SettingError::new_err(in_pythons_words(&format!("setting '{name}': {reason}")))
+            let sentence = format!("setting '{}': {}", named(&name), spelled_out(&reason, named));
+            SettingError::new_err(visible::message(&sentence))
         }
         Error::Cancelled(reason) => Cancelled::new_err(visible::message(&format!("cancelled: {reason}"))),
-        other => DataError::new_err(in_pythons_words(&other.to_string())),
+        other => DataError::new_err(visible::message(&spelled_out(&format!("{other:#}"), named))),
     }
 }

@@ -17,7 +17,7 @@ use serde_json::Value;
 
 use crate::{
     discover::means,
-    errors::{DataError, SettingError, in_pythons_words, raised},
+    errors::{DataError, SettingError, raised},
     frame::Frame,
     settings::{Given, of_step, set},
     watched::{Means, watched},
@@ -133,8 +133,8 @@ impl Structural {
 /// What cannot be asked, or of rows that are not there, is an exception; all else is an answer that says how to take it.
 fn answered(status: Status, message: &str) -> PyResult<()> {
     match status {
-        Status::BadRequest => Err(SettingError::new_err(in_pythons_words(message))),
-        Status::NoModel | Status::NoData => Err(DataError::new_err(in_pythons_words(message))),
+        Status::BadRequest => Err(SettingError::new_err(message.to_owned())),
+        Status::NoModel | Status::NoData => Err(DataError::new_err(message.to_owned())),
         Status::Ok | Status::NotSupported | Status::Ambiguous => Ok(()),
     }
 }

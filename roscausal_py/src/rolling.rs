@@ -7,16 +7,15 @@ use std::sync::{
 
 use pyo3::prelude::*;
 use roscausal_discovery::{
-    Control, Settings,
+    Control,
     rolling::{WindowModel, Windows, roll as roll_windows},
 };
 
 use crate::{
-    discover::means,
     errors::raised,
     frame::Frame,
-    settings::{Given, of_analysis, of_step},
-    watched::{in_pool, wait},
+    settings::{Given, for_data, of_analysis, of_step},
+    watched::{Means, in_pool, wait},
 };
 
 /// Recording, first row, the row after the last one, and the JSON of the model of each window.
@@ -36,11 +35,12 @@ pub(crate) fn roll(
     let mut given = Given::read(settings).map_err(raised)?;
     let dt = of_step(&mut given).map_err(raised)?;
     let warnings = given.words("warnings").map_err(raised)?;
-    let means = means(&mut given, None).map_err(raised)?;
-    let settings: Settings = of_analysis(&mut given).map_err(raised)?;
-    given.end().map_err(raised)?;
+    let request = of_analysis(&mut given).map_err(raised)?;
+    given.end().and_then(|()| request.check()).map_err(raised)?;
+    let means = Means { threads: request.threads, time_budget: request.time_budget, progress: None };
+    let (data, settings) = for_data(&request, frame.data()).map_err(raised)?;
     let windows = Windows { length, step, last: true };
-    let (data, cancel) = (frame.data(), Arc::new(AtomicBool::new(false)));
+    let cancel = Arc::new(AtomicBool::new(false));
     let total: usize = data.recordings().iter().map(|rows| windows.starts(rows.nrows()).len()).sum();
     let done = Arc::new(AtomicUsize::new(0));
     let control: Control = means.control(cancel.clone()).map_err(raised)?;

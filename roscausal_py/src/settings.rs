@@ -3,11 +3,13 @@
 use std::sync::Arc;
 
 use roscausal_discovery::{
-    Error, LinkAssumptions, Node, PcAlpha, Result, Settings, VectorNames,
-    confidence::Resampling,
-    independence_tests::{Confidence, NullDistributions, Significance, TestSettings},
-    methods::{ActsOn, PcmciPlusSettings, PcmciSettings},
+    DataFrame, Error, LinkAssumptions, Node, Result,
+    independence_tests::TestSettings,
+    methods::{PcmciPlusSettings, PcmciSettings},
+    names::nearest,
+    settings::{Request, SETTINGS, Setting, Settings},
 };
+use serde::de::DeserializeOwned;
 use serde_json::{Map, Value};
 
 /// A JSON object whose keys are taken one by one.
@@ -27,78 +29,59 @@ impl Given {
         self.0.remove(name).filter(|value| !value.is_null())
     }
 
+    /// A value of this type.
+    fn read_as<T: DeserializeOwned>(&mut self, name: &str, wanted: &str) -> Result<Option<T>> {
+        let wrong = |value: &Value| Error::param(name, format!("{value} is not {wanted}"));
+        self.take(name)
+            .map(|value| serde_json::from_value(value.clone()).map_err(|_| wrong(&value)))
+            .transpose()
+    }
+
     /// A number.
     pub(crate) fn number(&mut self, name: &str) -> Result<Option<f64>> {
-        let wrong = |value: &Value| Error::param(name, format!("{value} is not a number"));
-        self.take(name).map(|value| value.as_f64().ok_or_else(|| wrong(&value))).transpose()
+        self.read_as(name, "a number")
     }
 
     /// A whole number, not negative.
     pub(crate) fn count(&mut self, name: &str) -> Result<Option<usize>> {
-        let wrong = |value: &Value| Error::param(name, format!("{value} is not a whole number of 0 or more"));
-        let read =
-            |value: Value| value.as_u64().and_then(|n| usize::try_from(n).ok()).ok_or_else(|| wrong(&value));
-        self.take(name).map(read).transpose()
+        self.read_as(name, "a whole number of 0 or more")
     }
 
     /// A word.
     pub(crate) fn word(&mut self, name: &str) -> Result<Option<String>> {
-        let wrong = |value: &Value| Error::param(name, format!("{value} is not a word"));
-        self.take(name)
-            .map(|value| value.as_str().map(str::to_owned).ok_or_else(|| wrong(&value)))
-            .transpose()
+        self.read_as(name, "a word")
     }
 
     /// True or false.
     pub(crate) fn flag(&mut self, name: &str) -> Result<Option<bool>> {
-        let wrong = |value: &Value| Error::param(name, format!("{value} is neither true nor false"));
-        self.take(name).map(|value| value.as_bool().ok_or_else(|| wrong(&value))).transpose()
+        self.read_as(name, "true or false")
     }
 
     /// A list of words; none if it is not given.
     pub(crate) fn words(&mut self, name: &str) -> Result<Vec<String>> {
-        let wrong = |value: &Value| Error::param(name, format!("{value} is not a list of words"));
-        match self.take(name) {
-            None => Ok(Vec::new()),
-            Some(value) => serde_json::from_value(value.clone()).map_err(|_| wrong(&value)),
-        }
+        Ok(self.read_as(name, "a list of words")?.unwrap_or_default())
     }
 
     /// A list of numbers; one number is a list of one.
     fn numbers(&mut self, name: &str) -> Result<Option<Vec<f64>>> {
-        let wrong =
-            |value: &Value| Error::param(name, format!("{value} is not a number or a list of numbers"));
-        let read = |value: Value| match &value {
-            Value::Array(list) => list.iter().map(|v| v.as_f64().ok_or_else(|| wrong(v))).collect(),
-            other => other.as_f64().map(|v| vec![v]).ok_or_else(|| wrong(other)),
-        };
-        self.take(name).map(read).transpose()
+        if self.0.get(name).is_some_and(Value::is_number) {
+            return Ok(self.number(name)?.map(|one| vec![one]));
+        }
+        self.read_as(name, "a number or a list of numbers")
     }
 
     /// Fails if a key was not taken.
     pub(crate) fn end(self) -> Result<()> {
         match self.0.keys().next() {
             None => Ok(()),
-            Some(name) => Err(Error::param(name, "there is no such setting")),
+            Some(name) => {
+                let known: Vec<&str> = SETTINGS.iter().map(|setting| setting.id).collect();
+                let hint =
+                    nearest(&known, name).map_or(String::new(), |near| format!("; did you mean '{near}'?"));
+                Err(Error::param(name, format!("there is no such setting{hint}")))
+            }
         }
     }
-}
-
-/// How to resample, if that is asked for.
-pub(crate) fn of_resampling(given: &mut Given) -> Result<Option<Resampling>> {
-    let (resamples, scheme) = (given.count("resamples")?.unwrap_or(0), given.word("resampling")?);
-    let (share, block) = (given.number("share")?, given.take("block"));
-    let mut resampling = Resampling { resamples, ..Resampling::default() };
-    set(&mut resampling.scheme, scheme.map(|word| word.parse()).transpose()?);
-    set(&mut resampling.share, share);
-    if let Some(block) = block {
-        resampling.block = block.as_str().map_or_else(|| block.to_string(), str::to_owned).parse()?;
-    }
-    if resamples == 0 {
-        return Ok(None);
-    }
-    resampling.check()?;
-    Ok(Some(resampling))
 }
 
 /// Seconds per row, if they are given.
@@ -112,83 +95,28 @@ pub(crate) fn of_step(given: &mut Given) -> Result<Option<f64>> {
     }
 }
 
-/// Columns of interventions to the variable that each sets.
-pub(crate) fn acts_on(pairs: &Value) -> Result<ActsOn> {
-    let wrong =
-        || Error::param("acts_on", format!("{pairs} is no dict such as {{\"do_robot_speed\": \"r_v\"}}"));
-    let Value::Object(pairs) = pairs else { return Err(wrong()) };
-    let pair = |(column, variable): (&String, &Value)| {
-        Ok((column.clone(), variable.as_str().ok_or_else(wrong)?.to_owned()))
-    };
-    pairs.iter().map(pair).collect()
+/// What `rc.discover` asks of an analysis.
+pub(crate) fn of_analysis(given: &mut Given) -> Result<Request> {
+    let value = |setting: &'static Setting| Some((setting, given.take(setting.id)?));
+    Request::of(&SETTINGS.iter().filter_map(value).collect::<Vec<_>>()).map_err(of_rules)
 }
 
-/// Variables of several columns to the names of these.
-pub(crate) fn vectors(given: &mut Given) -> Result<VectorNames> {
-    let Some(value) = given.take("vectors") else { return Ok(Vec::new()) };
-    let wrong =
-        || Error::param("vectors", format!("{value} is no dict such as {{\"place\": [\"x\", \"y\"]}}"));
-    let groups: Map<String, Value> = serde_json::from_value(value.clone()).map_err(|_| wrong())?;
-    let columns = |value: Value| serde_json::from_value::<Vec<String>>(value).map_err(|_| wrong());
-    groups.into_iter().map(|(name, value)| Ok((name, columns(value)?))).collect()
+/// The data with the request's variables, and the settings for them.
+pub(crate) fn for_data(request: &Request, data: Arc<DataFrame>) -> Result<(Arc<DataFrame>, Settings)> {
+    let data = match request.vectors.is_empty() {
+        true => data,
+        false => Arc::new((*data).clone().with_named_vectors(&request.vectors)?),
+    };
+    let settings = request.for_variables(data.var_names()).map_err(of_rules)?;
+    Ok((data, settings))
 }
 
-/// Null distributions by the number of samples, or the text of a table of them.
-fn null_distributions(value: &Value) -> Result<NullDistributions> {
-    let wrong = || Error::param("null_dist", "it is neither a file nor a dict such as {298: [0.05, 0.08]}");
-    if let Value::String(text) = value {
-        return NullDistributions::parse(text);
+/// What is wrong with rules about links is wrong with this setting.
+fn of_rules(error: Error) -> Error {
+    match error {
+        Error::Data(reason) => Error::param("links", reason),
+        other => other,
     }
-    let Value::Object(given) = value else { return Err(wrong()) };
-    let one = |(size, values): (&String, &Value)| {
-        let size = size.parse::<usize>().map_err(|_| wrong())?;
-        Ok((size, serde_json::from_value::<Vec<f64>>(values.clone()).map_err(|_| wrong())?))
-    };
-    NullDistributions::new(given.iter().map(one).collect::<Result<Vec<_>>>()?)
-}
-
-/// The settings of an analysis, as `rc.discover` gives them.
-pub(crate) fn of_analysis(given: &mut Given) -> Result<Settings> {
-    let mut settings = Settings::default();
-    if let Some(method) = given.word("method")? {
-        settings.method = method.parse()?;
-    }
-    settings.tau_min = settings.method.info().tau_min;
-    settings.cond_ind_test = settings.method.info().test.to_owned();
-    set(&mut settings.cond_ind_test, given.word("test")?);
-    set(&mut settings.alpha, given.number("alpha")?);
-    set(&mut settings.tau_min, given.count("tau_min")?);
-    set(&mut settings.tau_max, given.count("tau_max")?);
-    settings.pc_alpha = match given.take("pc_alpha") {
-        None => PcAlpha::Default,
-        Some(Value::String(text)) if text == "auto" => PcAlpha::ByScore,
-        Some(value) => PcAlpha::Fixed(value.as_f64().ok_or_else(|| {
-            Error::param("pc_alpha", format!("{value} is neither a number in (0, 1) nor 'auto'"))
-        })?),
-    };
-    settings.f_alpha = given.number("f_alpha")?;
-    if let Some(estimator) = given.word("te_estimator")? {
-        settings.te_estimator = estimator.parse()?;
-    }
-    if let Some(fdr) = given.word("fdr")? {
-        settings.fdr = fdr.parse()?;
-    }
-    if let Some(search) = given.word("gp_search")? {
-        settings.gp_search = search.parse()?;
-    }
-    set(&mut settings.gp_restarts, given.count("gp_restarts")?);
-    let nulls = given.take("null_dist").map(|nulls| null_distributions(&nulls)).transpose()?;
-    settings.null_distributions = nulls.map(Arc::new);
-    settings.max_memory = given.count("max_memory")?;
-    settings.max_conds = given.count("max_conds")?;
-    settings.max_sets = given.count("max_sets")?;
-    set(&mut settings.extra_conditions, given.flag("extra_conditions")?);
-    if let Some(seed) = given.count("seed")? {
-        settings.seed = seed as u64;
-    }
-    settings.exogenous = given.words("exogenous")?;
-    settings.acts_on = given.take("acts_on").map(|pairs| acts_on(&pairs)).transpose()?;
-    Ok(settings)
 }
 
 /// The settings of a method, with the reference's words.
@@ -258,41 +186,21 @@ pub(crate) fn of_test(json: &str) -> Result<(String, TestSettings)> {
     let mut given = Given::read(json)?;
     let name = given.word("name")?.unwrap_or_default();
     let mut settings = TestSettings {
-        significance: given.word("significance")?.map(|word| significance(&word)).transpose()?,
+        significance: given.word("significance")?.map(|word| word.parse()).transpose()?,
         sig_samples: given.count("sig_samples")?,
         sig_blocklength: given.count("sig_blocklength")?,
-        confidence: given.word("confidence")?.map(|word| confidence(&word)).transpose()?,
+        confidence: given.word("confidence")?.map(|word| word.parse()).transpose()?,
         conf_blocklength: given.count("conf_blocklength")?,
-        knn: given.number("knn")?,
-        shuffle_neighbors: given.count("shuffle_neighbors")?,
-        transform: given.word("transform")?,
-        max_memory: given.count("max_memory")?,
+        max_memory: given.count("max_memory")?.map(|bytes| bytes as u64),
         as_tigramite: true,
         ..TestSettings::default()
     };
+    set(&mut settings.knn, given.number("knn")?);
+    set(&mut settings.shuffle_neighbors, given.count("shuffle_neighbors")?);
+    set(&mut settings.transform, given.word("transform")?);
     set(&mut settings.conf_lev, given.number("conf_lev")?);
     set(&mut settings.conf_samples, given.count("conf_samples")?);
     set(&mut settings.seed, given.count("seed")?.map(|seed| seed as u64));
     given.end()?;
     Ok((name, settings))
-}
-
-fn significance(word: &str) -> Result<Significance> {
-    match word {
-        "analytic" => Ok(Significance::Analytic),
-        "shuffle_test" => Ok(Significance::ShuffleTest),
-        "fixed_thres" => Ok(Significance::FixedThres),
-        _ => {
-            let reason = format!("'{word}' is unknown; allowed: analytic, shuffle_test, fixed_thres");
-            Err(Error::param("significance", reason))
-        }
-    }
-}
-
-fn confidence(word: &str) -> Result<Confidence> {
-    match word {
-        "analytic" => Ok(Confidence::Analytic),
-        "bootstrap" => Ok(Confidence::Bootstrap),
-        _ => Err(Error::param("confidence", format!("'{word}' is unknown; allowed: analytic, bootstrap"))),
-    }
 }

@@ -1,5 +1,6 @@
 """`rc.discover`: what it takes, what it gives, and what the command gives."""
 
+import inspect
 import json
 import multiprocessing
 import os
@@ -16,7 +17,7 @@ import pytest
 
 import roscausal as rc
 from roscausal import _native
-from roscausal.quick import Method
+from roscausal.settings import Method, Settings
 
 COMMAND = pathlib.Path(sys.executable).parent / "roscausal"
 
@@ -131,10 +132,10 @@ def test_data_that_cannot_be_analysed_are_refused_in_a_sentence(data, message):
         ({"pc_alpha": "score"}, "pc_alpha"),
         ({"time_budget": -1.0}, "time_budget"),
         ({"exogenous": ["weather"]}, "weather"),
-        ({"te_estimator": "gaussian"}, "te_estimator.*it is for fpcmci"),
-        ({"f_alpha": 0.1}, "f_alpha.*it is for fpcmci"),
-        ({"acts_on": {"a": "b"}}, "acts_on.*it is for candoit"),
-        ({"gp_restarts": 2}, "gp_restarts.*it is for the test gpdc"),
+        ({"te_estimator": "gaussian"}, "te_estimator.*it applies to fpcmci"),
+        ({"f_alpha": 0.1}, "f_alpha.*it applies to fpcmci"),
+        ({"acts_on": {"a": "b"}}, "acts_on.*it applies to candoit"),
+        ({"gp_restarts": 2}, "gp_restarts.*it applies to the test gpdc"),
         ({"dt": 0}, "'dt': 0 is not a number of seconds above 0"),
         ({"dt": -0.5}, "'dt': -0.5 is not"),
         ({"columns": ["x"]}, "columns"),
@@ -441,7 +442,12 @@ def test_rows_that_where_leaves_out_are_no_effects_in_python_and_in_windows_too(
 
 
 def test_the_types_name_every_method_and_the_messages_are_there():
-    assert sorted(typing.get_args(Method)) == sorted(json.loads(_native.words())["methods"])
+    words = json.loads(_native.words())
+    assert sorted(typing.get_args(Method)) == sorted(words["methods"])
+    settings = {one["id"] for one in words["settings"]}
+    assert {*Settings.__annotations__, "test"} == settings
+    assert settings <= set(inspect.signature(rc.discover).parameters)
+    assert all(f"{name}: " in inspect.getdoc(rc.discover) for name in settings)
     assert "string[] features" in rc.msg_definitions()["roscausal_msgs/msg/CausalModel"]
 
 

@@ -28,7 +28,7 @@ pub(super) fn check(
     let cores = std::thread::available_parallelism().map_or(1, usize::from);
     let threads = means.threads.filter(|&threads| threads > 0).unwrap_or(cores);
     let seconds = effort.seconds * (1.0 + resampling.map_or(0.0, part_of_resamples)) / threads as f64;
-    let available = Memory::of(means.most_bytes()).bytes() as f64;
+    let available = Memory::of(means.max_bytes()).bytes() as f64;
     let longest = if means.time_budget.is_some() { f64::INFINITY } else { LONGEST_S };
     if effort.bytes <= available && seconds <= longest {
         let told = format!("this will take about {}, with {}", duration(seconds), size(effort.bytes));

@@ -1,16 +1,15 @@
 //! Hostile files of `--links` and `--null-dist`.
 
 use clap::Parser;
-use roscausal_discovery::Settings;
 use roscausal_fuzz::InputFile;
 
-use super::assumptions::AssumeArgs;
+use super::MethodArgs;
 use crate::hostile::{TOML, run};
 
 #[derive(Parser)]
 struct Line {
     #[command(flatten)]
-    assume: AssumeArgs,
+    method: MethodArgs,
 }
 
 /// Reads an input as the file of this flag.
@@ -19,9 +18,9 @@ fn target(flag: &str, name: &str, seeds: &[&str]) {
     let file = InputFile::new().expect("a file");
     run(name, seeds.iter().map(|seed| (*seed).into()).collect(), &TOML, 4000, |input| {
         let path = file.with(input).expect("it is written");
-        let line = Line::parse_from(["test".as_ref(), flag.as_ref(), path.as_os_str()]);
-        let mut settings = Settings { tau_min: 0, tau_max: 2, ..Settings::default() };
-        let _ = line.assume.set(&mut settings, &names);
+        let words = ["test", "--method=pcmciplus", "--tau-max=2", flag].map(AsRef::as_ref);
+        let line = Line::parse_from(words.into_iter().chain([path.as_os_str()]));
+        let _ = line.method.request(1).map(|request| line.method.for_variables(&request, &names));
     });
 }
 

@@ -1,189 +1,158 @@
-//! The flags of an analysis: how it is done, and what it may take.
+//! How an analysis is done, and what it may take.
 
-use std::{fmt::Display, time::Instant};
+use std::{path::PathBuf, time::Instant};
 
-use clap::Args as ClapArgs;
 use roscausal_core::{Error, Result, threads};
 use roscausal_discovery::{
-    Choice, Control, DataFrame, PcAlpha, Settings, analyse_with_evidence,
+    Choice, Control, DataFrame, Settings, analyse_with_evidence,
     confidence::{Resampled, Resampling, resample},
-    independence_tests::{self, GpSearch},
-    methods::{Fdr, Method, MethodInfo, acts_on_of},
-    transfer_entropy::TeEstimator,
+    methods::Method,
+    settings::{Group, Kind, Readers, Request, SETTINGS, setting},
 };
 
-use crate::{chart, interrupt::Interrupt};
+use super::ResampleArgs;
+use crate::{
+    chart,
+    interrupt::Interrupt,
+    settings::{Given, of_groups},
+};
 
 /// How to analyse; the same arguments for every subcommand.
-#[derive(ClapArgs, Clone)]
-pub(crate) struct MethodArgs {
-    #[arg(long, default_value = Method::default().name(), help = listed(
-        "Discovery method; for `discover` also auto: says which to take for these data and why", Method::names()
-    ))]
-    pub(super) method: String,
-    #[arg(long, help = format!(
-        "{}. Default: {}", listed("Independence test", independence_tests::names()), default_of(|info| info.test)
-    ))]
-    pub(super) test: Option<String>,
-    /// Significance level of a link, in (0, 1).
-    #[arg(long, default_value_t = 0.05, allow_negative_numbers = true)]
-    pub(super) alpha: f64,
-    #[arg(long, help = format!("Smallest lag, in steps. Default: {}", default_of(|info| info.tau_min)))]
-    pub(super) tau_min: Option<usize>,
-    /// Largest lag, in steps; at most 100000.
-    #[arg(long, default_value_t = 1)]
-    pub(super) tau_max: usize,
-    #[arg(long, help = format!(
-        "Significance level of the condition selection, in (0, 1); `auto`: chosen by a score. Default: {}",
-        default_of(|info| info.pc_alpha)
-    ))]
-    pub(super) pc_alpha: Option<String>,
-    /// Significance level of F-PCMCI's filter; default: alpha.
-    #[arg(long, allow_negative_numbers = true)]
-    pub(super) f_alpha: Option<f64>,
-    #[arg(long, default_value = TeEstimator::default().name(), help = listed("Estimator of F-PCMCI's filter; auto: gaussian for a linear test, else gaussian+dcor", TeEstimator::NAMES))]
-    pub(super) te_estimator: String,
-    #[arg(
-        long, default_value = Fdr::None.name(), default_missing_value = Fdr::Bh.name(), num_args = 0..=1,
-        help = listed("Correction for multiple testing", Fdr::NAMES)
-    )]
-    pub(super) fdr: String,
-    #[arg(long, default_value = GpSearch::default().name(), help = listed(
-        "How gpdc searches for the maximum of a likelihood (exact: every likelihood exact, slow; the same maxima)",
-        GpSearch::NAMES
-    ))]
-    pub(super) gp_search: String,
-    /// Searches of gpdc from this many random places more, of which the best counts; 0: the reference's answers.
-    #[arg(long, default_value_t = 0, value_name = "N")]
-    pub(super) gp_restarts: usize,
-    /// Columns that may be causes only (interventions, context), separated by commas.
-    #[arg(long, value_delimiter = ',')]
-    pub(super) exogenous: Vec<String>,
-    /// candoit: columns of interventions and the variable that each sets, separated by commas; default: do_robot_speed=r_v,
-    /// do_robot_off=r_v, do_human_v=h_v, do_human_stop=h_v, as far as they are there.
-    #[arg(long, value_delimiter = ',', value_name = "COLUMN=VARIABLE")]
-    pub(super) acts_on: Option<Vec<String>>,
-}
+#[derive(Clone, Debug, Default)]
+pub(crate) struct MethodArgs(Given);
+
+of_groups!(MethodArgs, &[Group::Method]);
 
 /// The word for `--method` that asks for advice.
 const AUTO: &str = "auto";
 
-/// Resources of one analysis in the foreground.
-#[derive(ClapArgs, Clone)]
+/// Resources of one analysis.
+#[derive(Clone, Debug, Default)]
 pub(crate) struct MeansArgs {
-    /// Threads; default: all cores. They do not change the result.
-    #[arg(long)]
-    pub(super) threads: Option<usize>,
-    /// Seconds after which to stop with a partial result (roll: with the windows that came to their end).
-    #[arg(long, value_name = "SECONDS")]
-    pub(super) time_budget: Option<f64>,
-    /// Megabytes that reading the files, or a test, may take; what needs more is refused. Default: what is free.
-    #[arg(long, value_name = "MB")]
-    pub(super) max_memory: Option<usize>,
+    /// Threads; none or 0: all cores.
+    pub(crate) threads: Option<usize>,
+    /// Seconds after which to stop with a partial result.
+    pub(crate) time_budget: Option<f64>,
+    /// Megabytes that reading the files, or a test, may take; none: what is free, and no limit.
+    pub(crate) max_memory: Option<u64>,
 }
 
-/// The default of most methods, then that of each other one, by name.
-fn default_of<T: PartialEq + Display>(setting: fn(&MethodInfo) -> T) -> String {
-    let usual = setting(Method::default().info());
-    let others = Method::all().map(Method::info).filter(|info| setting(info) != usual);
-    others.fold(usual.to_string(), |text, info| format!("{text}, {} {}", info.name, setting(info)))
-}
-
-/// The help of an argument that takes one of these words.
-fn listed<'a>(what: &str, words: impl IntoIterator<Item = &'a (impl AsRef<str> + ?Sized + 'a)>) -> String {
-    let words: Vec<&str> = words.into_iter().map(AsRef::as_ref).collect();
-    format!("{what}: {}", words.join(", "))
-}
+of_groups!(MeansArgs, &[Group::Run]);
 
 impl MethodArgs {
-    /// The columns that may be causes only.
-    pub(crate) fn exogenous(&self) -> &[String] {
-        &self.exogenous
+    fn of(given: Given) -> Self {
+        Self(given)
+    }
+
+    /// The largest lag, before anything is checked.
+    pub(super) fn tau_max(&self) -> usize {
+        self.0.number("tau_max").unwrap_or(Settings::default().tau_max)
+    }
+
+    /// The settings for these variables.
+    pub(crate) fn for_variables(&self, request: &Request, names: &[String]) -> Result<Settings> {
+        request.for_variables(names).map_err(|error| Error::of_rules(error, self.0.links()))
     }
 
     /// Whether the method is to be chosen.
     pub(super) fn is_auto(&self) -> bool {
-        self.method == AUTO
+        self.0.text("method") == Some(AUTO)
     }
 
-    /// As [`MethodArgs::settings`], before a method is chosen: those of LPCMCI, which any data can be read for. Whether the chosen
-    /// method reads them is checked once it is known.
-    pub(super) fn settings_for_reading(&self, seed: u64) -> Result<Settings> {
+    /// As [`MethodArgs::request`], before a method is chosen: that of LPCMCI, which any data can be read for. Whether the chosen
+    /// method reads what is given is checked once it is known.
+    pub(super) fn request_for_reading(&self, seed: u64) -> Result<Request> {
         if !self.is_auto() {
-            return self.settings(seed);
+            return self.request(seed);
         }
-        let given = Self { method: Method::Lpcmci.name().to_owned(), ..self.clone() }.unchecked(seed)?;
-        let usual = Settings::default();
-        let of_any = Settings {
-            f_alpha: None,
-            te_estimator: usual.te_estimator,
-            acts_on: None,
-            gp_search: usual.gp_search,
-            gp_restarts: usual.gp_restarts,
-            ..given.clone()
-        };
-        of_any.check()?;
-        Ok(given)
+        let Some(method) = setting("method") else { return self.request(seed) };
+        let given = self.0.with(method, Method::Lpcmci.name());
+        given.only(|setting| matches!(setting.readers, Readers::All)).request()?.check()?;
+        seeded(&given, seed)
     }
 
     /// The settings with the method and test that `choice` names, unless the user named the test or the lag.
-    pub(super) fn chosen(&self, choice: &Choice, settings: &Settings) -> Result<Settings> {
+    pub(super) fn chosen(&self, choice: &Choice, request: &Request) -> Result<Settings> {
+        let settings = &request.settings;
         let mut chosen = choice.applied(settings);
-        if self.test.is_some() {
+        if self.0.text("test").is_some() {
             chosen.cond_ind_test.clone_from(&settings.cond_ind_test);
         }
-        chosen.tau_min = self.tau_min.unwrap_or(chosen.tau_min);
-        chosen.check()?;
+        if self.0.text("tau_min").is_some() {
+            chosen.tau_min = settings.tau_min;
+        }
+        Request { settings: chosen.clone(), ..request.clone() }.check()?;
         Ok(chosen)
     }
 
     /// The arguments as checked settings.
-    pub(crate) fn settings(&self, seed: u64) -> Result<Settings> {
-        let settings = self.unchecked(seed)?;
-        settings.check()?;
-        Ok(settings)
+    pub(crate) fn request(&self, seed: u64) -> Result<Request> {
+        let request = seeded(&self.0, seed)?;
+        request.check()?;
+        Ok(request)
+    }
+}
+
+fn seeded(given: &Given, seed: u64) -> Result<Request> {
+    let mut request = given.request()?;
+    request.settings.seed = seed;
+    Ok(request)
+}
+
+/// An analysis that a node does: what is asked, and the files that are named.
+pub(crate) struct Analysis {
+    request: Request,
+    files: Vec<(&'static str, PathBuf)>,
+}
+
+impl Analysis {
+    /// The analysis of these arguments.
+    ///
+    /// # Errors
+    /// A setting that is not allowed, or a file that cannot be read.
+    pub(crate) fn of(
+        method: &MethodArgs,
+        means: &MeansArgs,
+        resample: &ResampleArgs,
+        seed: u64,
+    ) -> Result<Self> {
+        let mut request = method.request(seed)?;
+        if let Some(resampling) = resample.asked()? {
+            request.resampling = resampling;
+        }
+        means.within_budget(Control::default())?;
+        request.threads = means.threads.unwrap_or(0);
+        request.time_budget = means.time_budget;
+        request.settings.test.max_memory = means.max_bytes();
+        let files = method.0.files().map(|(setting, file)| (setting.param, file)).collect();
+        Ok(Self { request, files })
     }
 
-    fn unchecked(&self, seed: u64) -> Result<Settings> {
-        let pc_alpha = match self.pc_alpha.as_deref() {
-            None => PcAlpha::Default,
-            Some("auto" | "none") => PcAlpha::ByScore,
-            Some(text) => PcAlpha::Fixed(text.parse().map_err(|_| {
-                Error::param("pc-alpha", format!("'{text}' is neither a number in (0, 1) nor 'auto'"))
-            })?),
-        };
-        let method: Method = self.method.parse()?;
-        Ok(Settings {
-            method,
-            cond_ind_test: usual_spelling(self.test.as_deref().unwrap_or(method.info().test)),
-            alpha: self.alpha,
-            pc_alpha,
-            tau_min: self.tau_min.unwrap_or(method.info().tau_min),
-            tau_max: self.tau_max,
-            f_alpha: self.f_alpha,
-            te_estimator: self.te_estimator.parse()?,
-            fdr: self.fdr.parse()?,
-            gp_search: self.gp_search.parse()?,
-            gp_restarts: self.gp_restarts,
-            exogenous: self.exogenous.clone(),
-            acts_on: self.acts_on.as_deref().map(acts_on_of).transpose()?,
-            seed,
-            ..Settings::default()
+    /// The node's parameters that are set.
+    pub(crate) fn params(&self) -> impl Iterator<Item = (&'static str, String)> {
+        SETTINGS.iter().filter_map(|setting| {
+            if let Kind::File(_) = setting.kind {
+                let file = self.files.iter().find(|(param, _)| *param == setting.param);
+                return file.map(|(param, file)| (*param, file.display().to_string()));
+            }
+            let value = (setting.get)(&self.request);
+            (!value.is_null()).then(|| (setting.param, setting.as_param(&value)))
         })
     }
 }
 
-/// A test's name as the registry spells it, whatever its case; an unknown one as it is.
-fn usual_spelling(test: &str) -> String {
-    let plain = |name: &str| name.replace(['-', '_'], "").to_lowercase();
-    let known = independence_tests::names().find(|known| plain(known) == plain(test));
-    known.map_or_else(|| test.to_owned(), str::to_owned)
-}
-
 impl MeansArgs {
-    /// `--max-memory` in bytes.
-    pub(crate) fn most_bytes(&self) -> Option<u64> {
-        self.max_memory.map(|megabytes| (megabytes as u64).saturating_mul(1_000_000))
+    fn of(given: Given) -> Self {
+        Self {
+            threads: given.number("threads"),
+            time_budget: given.number("time_budget"),
+            max_memory: given.number("max_memory"),
+        }
+    }
+
+    /// Bytes that reading the files, or a test, may take.
+    pub(crate) fn max_bytes(&self) -> Option<u64> {
+        self.max_memory.map(|megabytes| megabytes.saturating_mul(1_000_000))
     }
 
     /// Works with the given number of threads.
@@ -199,7 +168,7 @@ impl MeansArgs {
         let Some(budget) = self.time_budget else { return Ok(control) };
         if budget.is_nan() || budget <= 0.0 {
             let reason = format!("{budget} is not a number of seconds above 0");
-            return Err(Error::param("time-budget", reason));
+            return Err(Error::param("time_budget", reason));
         }
         let start = Instant::now();
         Ok(control.out_of_time(move || start.elapsed().as_secs_f64() > budget))

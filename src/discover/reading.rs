@@ -12,7 +12,7 @@ use roscausal_core::{
     },
 };
 use roscausal_discovery::{
-    DataFrame,
+    DataFrame, Named,
     names::{nearest, plain, position},
 };
 
@@ -104,7 +104,7 @@ impl ReadArgs {
         max_memory: Option<u64>,
     ) -> Result<Vec<(Input, Table)>> {
         if let (Some(_), None, false) = (self.resample, dt, self.join) {
-            return Err(Error::param("resample", "--dt says to which step"));
+            return Err(Error::param("resample", format!("{} says to which step", Named("dt"))));
         }
         if dt.is_some_and(|dt| !(dt > 0.0 && dt.is_finite())) {
             return Err(Error::param("dt", "give a number of seconds above 0"));
@@ -444,10 +444,13 @@ fn is_empty(data: &DataFrame, var: usize) -> bool {
 fn sentence(names: &[String], recorded: bool) -> String {
     let has = if names.len() == 1 { "has" } else { "have" };
     let cause = match recorded && names.iter().any(|name| name.contains("_dg") || name.contains("_g")) {
-        true => ": the recording tells no goal of the person (--human-goal names its topic)",
-        false => "",
+        true => {
+            format!(": the recording tells no goal of the person ({} names its topic)", Named("human_goal"))
+        }
+        false => String::new(),
     };
-    format!("{} {has} no value at all{cause}; --drop-empty goes on without", names.join(", "))
+    let drop = Named("drop_empty");
+    format!("{} {has} no value at all{cause}; {drop} goes on without", names.join(", "))
 }
 
 #[cfg(test)]

@@ -4,7 +4,13 @@ use std::path::PathBuf;
 
 use clap::Args as ClapArgs;
 use roscausal_core::{Error, Result};
-use roscausal_discovery::confidence::{Resampling, Scheme};
+use roscausal_discovery::{
+    Named,
+    confidence::{Resampling, Scheme},
+    settings::Group,
+};
+
+use crate::settings::{Given, of_groups};
 
 /// Whether the report says how much longer to record.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
@@ -16,58 +22,34 @@ pub(crate) enum Advised {
 }
 
 /// How to resample; the same arguments for every subcommand that analyses.
-#[derive(ClapArgs, Clone, Default)]
-pub(crate) struct ResampleArgs {
-    /// Analyse again on so many draws of the rows, and say of each link in how many of them it is (20 to 10000; 100 tell a
-    /// share to 0.1); 0: not. The analysis takes up to so many times as long.
-    #[arg(long, value_name = "N")]
-    resamples: Option<usize>,
-    /// How rows are drawn: subsample (a share of them, each once), bootstrap (with replacement, as the Python tools do).
-    #[arg(long, value_name = "SCHEME", value_parser = clap::builder::PossibleValuesParser::new(Scheme::NAMES))]
-    resampling: Option<String>,
-    /// Share of the rows in a subsample, between 0 and 1. Default: 0.632.
-    #[arg(long)]
-    share: Option<f64>,
-    /// Neighbouring rows that are drawn together: a number, or `cube_root` of the number of rows. Default: 1.
-    #[arg(long, value_name = "L")]
-    block: Option<String>,
-}
+#[derive(Clone, Debug, Default)]
+pub(crate) struct ResampleArgs(Given);
+
+of_groups!(ResampleArgs, &[Group::Resampling]);
 
 impl ResampleArgs {
+    fn of(given: Given) -> Self {
+        Self(given)
+    }
+
     /// What is asked for; `None`: no resamples.
     ///
     /// # Errors
     /// A number that makes no sense, or a flag about resamples without any.
     pub(crate) fn asked(&self) -> Result<Option<Resampling>> {
-        let resamples = self.resamples.unwrap_or(0);
-        if resamples == 0 {
-            let flags = [
-                ("resampling", self.resampling.is_some()),
-                ("share", self.share.is_some()),
-                ("block", self.block.is_some()),
-            ];
-            return match flags.into_iter().find(|(_, given)| *given && self.resamples.is_none()) {
-                Some((flag, _)) => {
-                    Err(Error::param(flag, "it is for --resamples; give their number, such as 100"))
-                }
-                None => Ok(None),
-            };
+        if let (None, Some(other)) = (self.0.text("resamples"), self.0.first()) {
+            let reason = format!("it is for {}; give their number, such as 100", Named("resamples"));
+            return Err(Error::param(other.id, reason));
         }
-        let usual = Resampling::default();
-        let resampling = Resampling {
-            resamples,
-            scheme: self.resampling.as_deref().map_or(Ok(usual.scheme), str::parse)?,
-            share: self.share.unwrap_or(usual.share),
-            block: self.block.as_deref().map_or(Ok(usual.block), str::parse)?,
-        };
-        resampling.check()?;
-        if self.share.is_some() && resampling.scheme == Scheme::Bootstrap {
+        let resampling = self.0.request()?.resampling()?;
+        let is_bootstrap = resampling.as_ref().is_some_and(|asked| asked.scheme == Scheme::Bootstrap);
+        if self.0.text("share").is_some() && is_bootstrap {
             return Err(Error::param(
                 "share",
                 "a bootstrap draws as many rows as there are; a share is for subsamples",
             ));
         }
-        Ok(Some(resampling))
+        Ok(resampling)
     }
 }
 
@@ -90,27 +72,28 @@ impl Default for ResultArgs {
 
 #[cfg(test)]
 mod tests {
+    use clap::{Args, FromArgMatches};
+
     use super::*;
 
     #[test]
     fn flags_about_resamples_want_resamples_that_make_sense() {
-        let args = |resamples, share: Option<f64>, block: Option<&str>, scheme: Option<&str>| ResampleArgs {
-            resamples,
-            share,
-            block: block.map(str::to_owned),
-            resampling: scheme.map(str::to_owned),
+        let args = |words: &str| {
+            let command = ResampleArgs::augment_args(clap::Command::new("test"));
+            let matches = command.get_matches_from(["test"].into_iter().chain(words.split_whitespace()));
+            ResampleArgs::from_arg_matches(&matches).unwrap()
         };
-        assert_eq!(args(None, None, None, None).asked().unwrap(), None);
-        assert_eq!(args(Some(0), Some(0.5), None, None).asked().unwrap(), None);
-        assert_eq!(args(Some(50), None, None, None).asked().unwrap().unwrap().resamples, 50);
-        let refused = |args: ResampleArgs, says: &str| {
-            let error = args.asked().unwrap_err().to_string();
+        assert_eq!(args("").asked().unwrap(), None);
+        assert_eq!(args("--resamples 0 --share 0.5").asked().unwrap(), None);
+        assert_eq!(args("--resamples 50").asked().unwrap().unwrap().resamples, 50);
+        let refused = |words: &str, says: &str| {
+            let error = args(words).asked().unwrap_err().to_string();
             assert!(error.contains(says), "{error}");
         };
-        refused(args(None, Some(0.5), None, None), "'share'");
-        refused(args(Some(19), None, None, None), "19 is not from 20 to 10000");
-        refused(args(Some(50), Some(1.0), None, None), "between 0 and 1");
-        refused(args(Some(50), None, Some("long"), None), "cube_root");
-        refused(args(Some(50), Some(0.5), None, Some("bootstrap")), "for subsamples");
+        refused("--share 0.5", "'resample_share'");
+        refused("--resamples 19", "19 is not from 20 to 10000");
+        refused("--resamples 50 --share 1.0", "between 0 and 1");
+        refused("--resamples 50 --block long", "cube_root");
+        refused("--resamples 50 --share 0.5 --resampling bootstrap", "for subsamples");
     }
 }

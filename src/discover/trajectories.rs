@@ -74,7 +74,7 @@ impl TrajectoryArgs {
             columns: self.columns()?,
             missing: args.read.missing()?,
             last_is_goal: self.goal.is_some(),
-            max_memory: args.means.most_bytes(),
+            max_memory: args.means.max_bytes(),
         };
         let choice = TrajectoryChoice {
             who: self.agent.clone().unwrap_or_else(|| EVERYBODY.to_owned()),
@@ -82,7 +82,7 @@ impl TrajectoryArgs {
             dt: args.inputs.dt(),
             max_gap: args.read.max_gap(),
             // A few samples more than the lags take.
-            least_rows: args.method.tau_max.saturating_mul(2).saturating_add(4),
+            least_rows: args.method.tau_max().saturating_mul(2).saturating_add(4),
         };
         let (mut tables, mut warnings) = (Vec::new(), Vec::new());
         for file in &args.files {

@@ -55,7 +55,7 @@ impl Grid {
         within("lengths", &self.lengths, LENGTHS)?;
         within("steps", &self.steps, STEPS)?;
         for model in &self.risk_models {
-            model.parse::<RiskModel>().map_err(|reason| Error::param("risk-models", reason))?;
+            model.parse::<RiskModel>()?;
         }
         if let Some(lag) = self.risk_lags.iter().find(|lag| **lag > 1) {
             return Err(Error::param("risk-lags", format!("{lag} is not allowed; use 0 or 1")));
@@ -63,10 +63,10 @@ impl Grid {
         let reads = |method: &Method| method.reads(Reads::PcAlpha);
         if analysis.pc_alpha != PcAlpha::Default && !self.methods.iter().any(reads) {
             let reason = format!(
-                "none of these methods chooses conditions; it is for {}",
+                "none of these methods chooses conditions; it applies to {}",
                 Method::names_that_read(Reads::PcAlpha)
             );
-            return Err(Error::param("pc-alpha", reason));
+            return Err(Error::param("pc_alpha", reason));
         }
         Ok(self.settings(true).iter().try_for_each(|setting| setting.analysis(analysis).check())?)
     }
@@ -109,14 +109,13 @@ impl Grid {
 impl Setting {
     /// The analysis of this setting: its method and test, and the rest as in `base`, as far as the method reads it.
     pub(crate) fn analysis(&self, base: &Settings) -> Settings {
-        let reads = self.method.reads(Reads::PcAlpha);
-        Settings {
-            pc_alpha: if reads { base.pc_alpha } else { PcAlpha::Default },
+        let settings = Settings {
             method: self.method,
             cond_ind_test: self.test.clone(),
             tau_min: self.method.info().tau_min,
             ..base.clone()
-        }
+        };
+        settings.as_read()
     }
 
     /// The setting as cells of a table; [`Setting::HEADER`] names them.
@@ -214,7 +213,7 @@ mod tests {
         assert_eq!((of(Method::Pcmci), of(Method::Granger)), (PcAlpha::Fixed(0.1), PcAlpha::Default));
         grid.methods = vec![Method::Granger];
         let error = grid.check(&base).expect_err("nobody reads it").to_string();
-        assert!(error.contains("'pc-alpha': none of these methods"), "{error}");
+        assert!(error.contains("'pc_alpha': none of these methods"), "{error}");
     }
 
     #[test]

@@ -19,7 +19,7 @@ use crate::{
     recording::InputArgs,
 };
 
-pub(crate) use source::{Material, flags};
+pub(crate) use source::{Material, flags, quoted};
 
 /// Name of the evidence beside a `model.json`.
 pub(crate) const EVIDENCE: &str = "evidence.json";

@@ -3,7 +3,7 @@
 
 use std::fmt::Write;
 
-use roscausal_discovery::{Model, draw, draw::escaped, names::plain};
+use roscausal_discovery::{Model, draw, draw::escaped, names::plain, settings::setting};
 
 use super::{Material, evidence};
 use crate::report;
@@ -212,8 +212,11 @@ fn settings(model: &Model) -> String {
         ("recordings", model.n_recordings.to_string()),
         ("seed", model.seed.to_string()),
     ];
-    let rows = rows.map(|(name, value)| format!("<div><dt>{name}</dt><dd>{value}</dd></div>\n"));
-    section("settings", "Settings", &format!("<dl>\n{}</dl>\n", rows.concat()))
+    let others = model.settings.iter().filter_map(|(id, value)| setting(id).zip(Some(value)));
+    let others = others.map(|(setting, value)| (setting.flag, escaped(&setting.written(value))));
+    let row = |(name, value)| format!("<div><dt>{name}</dt><dd>{value}</dd></div>\n");
+    let rows: String = rows.into_iter().chain(others).map(row).collect();
+    section("settings", "Settings", &format!("<dl>\n{rows}</dl>\n"))
 }
 
 fn caveats(model: &Model) -> String {

@@ -9,6 +9,7 @@ use roscausal_core::{Error, Result, batch::pool::with_ending, nodes::EVIDENCE_FO
 use roscausal_discovery::{
     Evidence, Model,
     methods::{Method, Reads},
+    settings::{Kind, setting},
 };
 
 use super::{Args, EVIDENCE};
@@ -128,12 +129,16 @@ fn check(model: &Model, path: &Path) -> Result<()> {
 
 /// The command that makes the model again from `file`.
 fn command(model: &Model, file: &str) -> String {
+    format!("roscausal discover {} {} --seed {}", quoted(file), flags(model), model.seed)
+}
+
+/// A word for a shell.
+pub(crate) fn quoted(word: &str) -> String {
     let plain = |c: char| c.is_ascii_alphanumeric() || "._-/+".contains(c);
-    let file = match file.chars().all(plain) {
-        true => file.to_owned(),
-        false => format!("'{}'", file.replace('\'', "'\\''")),
-    };
-    format!("roscausal discover {file} {} --seed {}", flags(model), model.seed)
+    match word.chars().all(plain) {
+        true => word.to_owned(),
+        false => format!("'{}'", word.replace('\'', "'\\''")),
+    }
 }
 
 /// The flags of the analysis that made the model.
@@ -143,8 +148,12 @@ pub(crate) fn flags(model: &Model) -> String {
     if model.cond_ind_test != "none" {
         let _ = write!(line, " --test {}", model.cond_ind_test);
     }
-    let _ = write!(line, " --alpha {} --tau-min {} --tau-max {}", model.alpha, model.tau_min, model.tau_max);
     // A method of others has a name that is not known here.
+    let method = model.method.parse::<Method>().ok().map(Method::info);
+    if method.is_none_or(|info| !info.one_level && info.p_values) {
+        let _ = write!(line, " --alpha {}", model.alpha);
+    }
+    let _ = write!(line, " --tau-min {} --tau-max {}", model.tau_min, model.tau_max);
     if model.method.parse::<Method>().map_or(true, |method| method.reads(Reads::PcAlpha)) {
         let level = model.pc_alpha.map_or("auto".to_owned(), |level| level.to_string());
         let _ = write!(line, " --pc-alpha {level}");
@@ -154,6 +163,13 @@ pub(crate) fn flags(model: &Model) -> String {
     }
     if model.fdr != "none" {
         let _ = write!(line, " --fdr {}", model.fdr);
+    }
+    for (id, value) in &model.settings {
+        let _ = match setting(id) {
+            Some(setting) if setting.kind == Kind::Flag => write!(line, " --{}", setting.flag),
+            Some(setting) => write!(line, " --{} {}", setting.flag, quoted(&setting.written(value))),
+            None => continue,
+        };
     }
     line
 }

@@ -3,6 +3,7 @@
 use std::path::Path;
 
 use roscausal_core::{Error, Result, params::nearest, people};
+use roscausal_discovery::Named;
 use roscausal_recording::{Recording, Topic};
 
 use super::{
@@ -90,7 +91,10 @@ impl Chooser<'_> {
         match topics.is_empty() {
             true => Err(Error::file(
                 self.path,
-                "--people robots: there is no other robot in a namespace of its own; name the topics of those who move",
+                format!(
+                    "{} robots: there is no other robot in a namespace of its own; name the topics of those who move",
+                    Named("people")
+                ),
             )),
             false => Ok(topics),
         }
@@ -99,8 +103,9 @@ impl Chooser<'_> {
     /// The error where several robots are TF frames.
     pub(super) fn several_frames(&self, robots: &[String]) -> Error {
         let what = format!(
-            "TF has the robots {}, and no topic tells which one is meant; --robot NAME chooses one",
-            robots.join(", ")
+            "TF has the robots {}, and no topic tells which one is meant; {} NAME chooses one",
+            robots.join(", "),
+            Named("robot")
         );
         Error::file(self.path, what)
     }
@@ -148,7 +153,13 @@ impl Chooser<'_> {
             (None, _) => {
                 let robots = self.robots();
                 let way = match robots.len() > 1 && role.node == "robot" {
-                    true => format!(", of the robots {} (--robot NAME chooses one)", robots::names(&robots)),
+                    true => {
+                        format!(
+                            ", of the robots {} ({} NAME chooses one)",
+                            robots::names(&robots),
+                            Named("robot")
+                        )
+                    }
                     false => String::new(),
                 };
                 Err(self.fault(role, &format!("several topics can be {}{way}", role.what)))
@@ -290,17 +301,18 @@ impl Chooser<'_> {
             return Error::file(
                 self.path,
                 format!(
-                    "{reason}; {} takes {types}; topics in it: {}; --signal 'v = /topic.field' reads any number of any topic \
+                    "{reason}; {} takes {types}; topics in it: {}; {} 'v = /topic.field' reads any number of any topic \
                      (roscausal topics --signals lists them)",
-                    role.flag,
-                    all.join(", ")
+                    Named(role.flag),
+                    all.join(", "),
+                    Named("signal")
                 ),
             );
         }
         let list: Vec<String> = candidates.into_iter().map(describe).collect();
         Error::file(
             self.path,
-            format!("{reason}; {} takes {types}; of these types: {}", role.flag, list.join(", ")),
+            format!("{reason}; {} takes {types}; of these types: {}", Named(role.flag), list.join(", ")),
         )
     }
 }

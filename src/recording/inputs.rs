@@ -11,7 +11,7 @@ use roscausal_core::{
 };
 use roscausal_recording::{Recording, Topic};
 
-use crate::{nodes::RECORDING, presets, travel};
+use crate::{flags, nodes::RECORDING, presets, travel};
 
 use super::{
     choose::{Chooser, STATES, is_nobody},
@@ -611,6 +611,9 @@ pub(crate) fn parse(text: &str) -> Result<(String, String, String)> {
             names.join(", ")
         )));
     };
+    if let Some(flag) = flags::of_setting(node, name) {
+        return Err(fault(format!("{node}.{name} is no parameter of a recording; --{flag} sets it")));
+    }
     spec.checked(Value::Str(value.to_owned()))?;
     Ok((node.to_owned(), name.to_owned(), value.to_owned()))
 }

@@ -12,6 +12,7 @@ use roscausal_core::{
     signal::Definitions,
     state::identity::{Names, Who},
 };
+use roscausal_discovery::Named;
 use roscausal_msgs::{hri_msgs::IdsList, std_msgs::String as Text, tf2_msgs::TFMessage};
 use roscausal_recording::{Recording, Topic};
 
@@ -57,8 +58,9 @@ pub(super) fn named(signal: &str, who: Option<&str>, chooser: &Chooser<'_>) -> R
     let is_one = |who: &&str| !who.contains([',', ':']) && !["all", "nobody"].contains(who);
     let Some(who) = who.filter(is_one) else {
         let reason = format!(
-            "'{signal}': {} stand for one person; name her, such as --person anna",
-            PLACES.join(", ")
+            "'{signal}': {} stand for one person; name her, such as {} anna",
+            PLACES.join(", "),
+            Named("person")
         );
         return Err(Error::param("signal", reason));
     };

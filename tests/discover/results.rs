@@ -246,13 +246,13 @@ fn a_p_value_is_never_shown_as_0_and_a_correction_is_named() {
 #[test]
 fn the_heading_names_the_level_that_decided() {
     let dir = folder("data.csv", &coupled(200));
+    let args = |method| ["discover", "data.csv", "--method", method, "--test", "parcorr"];
     for (method, level) in
-        [("pcmci", "(alpha 0.03,"), ("pcmci+", "(pc_alpha 0.01,"), ("lpcmci", "(pc_alpha 0.05,")]
+        [("pcmci", "(alpha 0.05,"), ("pcmci+", "(pc_alpha 0.01,"), ("lpcmci", "(pc_alpha 0.05,")]
     {
-        let out = roscausal(
-            dir.path(),
-            &["discover", "data.csv", "--method", method, "--test", "parcorr", "--alpha", "0.03"],
-        );
+        let out = roscausal(dir.path(), &args(method));
         has(&String::from_utf8_lossy(&out.stdout), &[level]);
     }
+    let out = roscausal(dir.path(), &[&args("pcmci+")[..], &["--alpha", "0.03"]].concat());
+    has(&String::from_utf8_lossy(&out.stderr), &["--alpha: pcmciplus has one level", "(--pc-alpha)"]);
 }

@@ -3,7 +3,6 @@
 use std::{
     collections::{BTreeMap, BTreeSet},
     path::Path,
-    str::FromStr,
 };
 
 use ndarray::Array2;
@@ -34,24 +33,7 @@ pub enum People {
     Joint,
 }
 
-impl People {
-    /// The names that users choose by.
-    pub const NAMES: [&'static str; 4] = ["pooled", "each", "both", "joint"];
-}
-
-impl FromStr for People {
-    type Err = String;
-
-    fn from_str(name: &str) -> std::result::Result<Self, String> {
-        match name {
-            "pooled" => Ok(Self::Pooled),
-            "each" => Ok(Self::Each),
-            "both" => Ok(Self::Both),
-            "joint" => Ok(Self::Joint),
-            other => Err(format!("'{other}' is unknown; allowed: {}", Self::NAMES.join(", "))),
-        }
-    }
-}
+roscausal_discovery::words!(People, "people": Pooled "pooled", Each "each", Both "both", Joint "joint");
 
 /// What the metadata beside a batch says. A batch without metadata counts as complete.
 #[derive(Clone, Debug, PartialEq)]

@@ -1,7 +1,7 @@
 //! The built-in post-processing: from recorded states to the paper's variables, or to features that the user
 //! defines.
 
-use std::{cell::Cell, collections::BTreeMap, str::FromStr};
+use std::{cell::Cell, collections::BTreeMap};
 
 use roscausal_discovery::names::plain;
 
@@ -50,22 +50,7 @@ pub enum Obstacle {
     Nearest,
 }
 
-impl Obstacle {
-    /// The names that users choose by.
-    pub const NAMES: [&'static str; 2] = ["robot", "nearest"];
-}
-
-impl FromStr for Obstacle {
-    type Err = String;
-
-    fn from_str(name: &str) -> std::result::Result<Self, String> {
-        match name {
-            "robot" => Ok(Self::Robot),
-            "nearest" => Ok(Self::Nearest),
-            other => Err(format!("'{other}' is no obstacle; allowed: {}", Self::NAMES.join(", "))),
-        }
-    }
-}
+roscausal_discovery::words!(Obstacle, "obstacle": Robot "robot", Nearest "nearest");
 
 /// A named expression.
 #[derive(Clone, Debug, PartialEq)]

@@ -1,7 +1,5 @@
 //! The paper's risk of collision (Castri et al., ROS-Causal, HRI 2024).
 
-use std::str::FromStr;
-
 /// Distances below this count as this, because bodies are not points. Metres.
 const NEAREST: f64 = 0.1;
 
@@ -43,23 +41,7 @@ pub enum RiskModel {
     V1_1,
 }
 
-impl RiskModel {
-    /// The names that users choose by.
-    pub const NAMES: [&'static str; 3] = ["paper", "v1_0", "v1_1"];
-}
-
-impl FromStr for RiskModel {
-    type Err = String;
-
-    fn from_str(name: &str) -> Result<Self, String> {
-        match name {
-            "paper" => Ok(Self::Paper),
-            "v1_0" => Ok(Self::V1_0),
-            "v1_1" => Ok(Self::V1_1),
-            other => Err(format!("'{other}' is no risk model; allowed: {}", Self::NAMES.join(", "))),
-        }
-    }
-}
+roscausal_discovery::words!(RiskModel, "risk_model": Paper "paper", V1_0 "v1_0", V1_1 "v1_1");
 
 /// The exponent of the risk that `a` collides with `b`. It is finite for finite bodies, and NaN where a place or the speed of
 /// `a` is unknown: nothing is known of a risk to or from somebody who is not there.

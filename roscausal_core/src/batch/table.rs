@@ -24,7 +24,7 @@ use std::{collections::BTreeMap, fmt, path::Path};
 use csv::{ByteRecord, ReaderBuilder, StringRecord};
 use ndarray::{Array2, Axis};
 
-use roscausal_discovery::DataFrame;
+use roscausal_discovery::{DataFrame, Named};
 
 use self::{
     cells::{Cells, Codes},
@@ -143,8 +143,9 @@ pub fn common_step<'a>(recordings: impl IntoIterator<Item = (&'a Path, &'a Table
                 let [dt, step] = [dt, step].map(|secs| (secs * 1e6).round() / 1e6);
                 let reason = format!(
                     "its step is {dt} s, that of {} is {step} s; recordings of one system need one step: resample \
-                     them (--dt), or analyse them apart",
-                    other.display()
+                     them ({}), or analyse them apart",
+                    other.display(),
+                    Named("dt")
                 );
                 return Err(Error::file(path, reason));
             }
@@ -486,7 +487,8 @@ impl<'a> Rows<'a> {
                 let cell = shortened(cell);
                 Complaint::from(format!(
                     "{place}: '{cell}' is neither a number nor a date such as 2026-11-24T08:30:00.25+01:00; correct it, or name \
-                     another column with --time-column (none: there are no times)"
+                     another column with {} (none: there are no times)",
+                    Named("time_column")
                 ))
             }),
         }
@@ -514,12 +516,16 @@ impl<'a> Rows<'a> {
         let (place, short) = (self.place(column, place), shortened(cell));
         if time::date(cell).is_some() {
             return Complaint::from(format!(
-                "{place}: '{short}' is a date; --time-column takes it as the time, --columns names the columns to use"
+                "{place}: '{short}' is a date; {} takes it as the time, {} names the columns to use",
+                Named("time_column"),
+                Named("columns")
             ));
         }
         Complaint::from(format!(
-            "{place}: '{short}' is not a number; correct it, leave the cell empty, name the columns to use with --columns, or \
-             turn words into codes with --encode codes"
+            "{place}: '{short}' is not a number; correct it, leave the cell empty, name the columns to use with {}, or \
+             turn words into codes with {} codes",
+            Named("columns"),
+            Named("encode")
         ))
     }
 
@@ -564,14 +570,13 @@ fn shortened(cell: &str) -> String {
 /// What is wrong with a time that is not after the one before it.
 fn out_of_order(place: &str, before: f64, time: f64) -> String {
     let (what, way) = match time < before {
-        true => ("goes back", "sort the rows, or split the recordings into files of their own"),
-        false => {
-            ("stands still", "resample the rows with --dt, or split the recordings into files of their own")
-        }
+        true => ("goes back", "sort the rows".to_owned()),
+        false => ("stands still", format!("resample the rows with {}", Named("dt"))),
     };
     format!(
-        "{place}: time {what} (from {before} to {time}); {way}; a table with a row for each of several people and robots: \
-         --format trajectories"
+        "{place}: time {what} (from {before} to {time}); {way}, or split the recordings into files of their own; a table with a row \
+         for each of several people and robots: {} trajectories",
+        Named("format")
     )
 }
 

@@ -126,13 +126,13 @@ pub(super) fn specs() -> Vec<ParamSpec> {
         ParamSpec::of_data(
             "obstacle",
             text("robot"),
-            OneOf(&Obstacle::NAMES),
+            OneOf(Obstacle::NAMES),
             "what a person may collide with; nearest: the nearest of all recorded robots and people",
         ),
         obs_size,
         safe_dist,
         ParamSpec::new("delete_traj", Bool(false), Any, "delete a raw batch once it is post-processed"),
-        ParamSpec::of_data("risk_model", text("v1_1"), OneOf(&RiskModel::NAMES), "version of the risk"),
+        ParamSpec::of_data("risk_model", text("v1_1"), OneOf(RiskModel::NAMES), "version of the risk"),
         ParamSpec::of_data("risk_lag", Int(0), Range(0.0, 1.0), "rows by which risk(...) is lagged"),
         ParamSpec::of_data(
             "risk_noise",
@@ -285,13 +285,13 @@ fn processing(params: &Params) -> Result<Processing> {
 pub(super) fn built_in(params: &Params) -> Result<Postprocess> {
     let (obs_size, safe_dist) = (params.double("obs_size"), params.double("safe_dist"));
     Ok(Postprocess {
-        risk_model: params.text("risk_model").parse().map_err(|reason| Error::param("risk_model", reason))?,
+        risk_model: params.text("risk_model").parse()?,
         risk_lag: params.count("risk_lag"),
         risk_noise: params.double("risk_noise"),
         seed: params.int("seed").unsigned_abs(),
         obs_size,
         safe_dist,
-        obstacle: params.text("obstacle").parse().map_err(|reason| Error::param("obstacle", reason))?,
+        obstacle: params.text("obstacle").parse()?,
         features: features(params)?,
     })
 }

@@ -12,7 +12,7 @@ use std::{
 };
 
 use roscausal_discovery::{
-    Control, Evidence, Model, Progress, Settings, analyse_with_evidence,
+    Control, Evidence, Model, Progress, analyse_with_evidence,
     changes::{Form, Status},
     confidence::{resample, set_step},
     draw,
@@ -24,7 +24,7 @@ use roscausal_msgs::{
 };
 
 use super::{
-    discovery_params::{DiscoveryParams, in_the_nodes_words, specs},
+    discovery_params::{DiscoveryParams, specs},
     health::Health,
     model_changes::{CHANGES_TOPIC, model_changes, write_events},
     model_messages::{Origin, causal_model, causal_model_info, images},
@@ -288,9 +288,9 @@ impl<M: Middleware> Node<M> {
         let rolling = self.rolling.take();
         let found = self.run_method(mw, |control| match (&rolling, names, paths) {
             (Some(rolling), [name], [path]) => {
-                let (people, tau_max) = (people_of(&params), params.settings.tau_max);
-                let form = Form::of_test(&params.settings.cond_ind_test);
-                let exogenous = &params.settings.exogenous;
+                let (people, tau_max) = (people_of(&params), params.request.settings.tau_max);
+                let form = Form::of_test(&params.request.settings.cond_ind_test);
+                let exogenous = &params.request.settings.exogenous;
                 let new = NewBatch { name, path, people, tau_max, form, exogenous };
                 rolled(&params, rolling, &new, control).map(|(found, regime)| (found, Some(regime)))
             }
@@ -374,7 +374,7 @@ impl<M: Middleware> Node<M> {
             tests[1].store(progress.estimated_total, Ordering::Relaxed);
             on_progress(progress);
         });
-        let control = match self.params.time_budget_s {
+        let control = match self.params.request.time_budget {
             Some(budget) => {
                 let (clock, end) = (mw.clone(), mw.steady() + Duration::from_secs_f64(budget));
                 control.out_of_time(move || clock.steady() >= end)
@@ -496,7 +496,7 @@ fn rolled(
 ) -> Result<(Vec<Found>, Regime)> {
     let mut regime = rolling.regime.clone();
     let is_new = regime.last != new.name;
-    in_pool(params.threads, || regime.read(new, &rolling.params, control))?;
+    in_pool(params.request.threads, || regime.read(new, &rolling.params, control))?;
     let paths = rolling.paths(&regime, new.path);
     let mut found = match method(params, &paths, Some(&regime), control) {
         Err(error) if paths.len() > 1 && !matches!(error, Error::Cancelled(_)) => {
@@ -537,13 +537,21 @@ fn method(
             Some(regime) => regime.of_present(part, &names)?,
             None => part,
         };
-        let data = part.data.with_named_vectors(&params.vectors).map_err(in_the_nodes_words)?;
+        let mut request = params.request.clone();
+        let named = &params.request.settings.exogenous;
+        request
+            .settings
+            .exogenous
+            .extend(part.exogenous.iter().filter(|name| !named.contains(name)).cloned());
+        let data = part.data.with_named_vectors(&request.vectors)?;
+        let settings = request.for_variables(data.var_names());
+        let settings = settings.map_err(|error| Error::of_rules(error, params.links.as_ref()))?;
         let part = Part { data, ..part };
-        let exogenous = [params.settings.exogenous.as_slice(), part.exogenous.as_slice()].concat();
-        let settings = Settings { exogenous, ..params.settings.clone() };
         let (mut model, evidence) = match &params.program {
-            Some(program) => (external::run(program, paths, &settings, params.threads, control)?, None),
-            None => in_pool(params.threads, || {
+            Some(program) => {
+                (external::run(program, paths, &settings, params.request.threads, control)?, None)
+            }
+            None => in_pool(params.request.threads, || {
                 Ok(match &params.resampling {
                     Some(resampling) => {
                         let found = resample(&part.data, &settings, resampling, control)?;

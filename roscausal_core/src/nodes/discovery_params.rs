@@ -2,24 +2,21 @@
 
 use std::{
     path::{Path, PathBuf},
-    sync::Arc,
+    sync::LazyLock,
 };
 
 use roscausal_discovery::{
-    PcAlpha, Settings, VectorNames,
     changes::Levels,
-    confidence::{Resampling, Scheme},
-    independence_tests::{GpSearch, NullDistributions, by_name},
-    methods::{ActsOn, Fdr, Method, acts_on_of, usual_acts_on},
-    transfer_entropy::TeEstimator,
-    vectors_of,
+    confidence::Resampling,
+    methods::{Method, usual_acts_on},
+    settings::{Kind, Request, SETTINGS, Setting},
 };
 
 use super::regime::RollParams;
 use crate::{
     Error, Result,
     batch::{IdFormat, joint::People},
-    external,
+    bounded, external,
     params::{Allowed, ParamSpec, Params, Value},
 };
 
@@ -31,7 +28,10 @@ pub(super) struct DiscoveryParams {
     pub csv_prefix: String,
     /// Format of the batches' ids, which tell their times.
     pub ids: IdFormat,
-    pub settings: Settings,
+    /// What is asked of an analysis.
+    pub request: Request,
+    /// The file of what is known of links.
+    pub links: Option<PathBuf>,
     /// The program of an external method.
     pub program: Option<PathBuf>,
     pub people: People,
@@ -40,12 +40,8 @@ pub(super) struct DiscoveryParams {
     pub analyse_incomplete: bool,
     pub max_pool_size: usize,
     pub max_attempts: u32,
-    pub threads: usize,
     pub nice: i32,
-    pub time_budget_s: Option<f64>,
     pub image_scale: f32,
-    /// Columns that are one variable.
-    pub vectors: VectorNames,
     /// How to resample; `None`: not.
     pub resampling: Option<Resampling>,
     /// How to roll; `None`: each model is of its own batches.
@@ -54,13 +50,14 @@ pub(super) struct DiscoveryParams {
 
 /// What a running node keeps: where files and programs are, and what its regime rests on. All else it takes anew, from the next batch
 /// on.
-const FIXED: [&str; 14] = [
+const FIXED: [&str; 15] = [
     "data_dir",
     "res_dir",
     "csv_prefix",
     "id_format",
     "cd_method_dir",
     "null_dist",
+    "links",
     "people",
     "keep_batches",
     "window_batches",
@@ -81,7 +78,7 @@ fn all() -> Vec<ParamSpec> {
     use Allowed::{Any, OneOf, Range};
     use Value::{Bool, Double, Int};
     let text = |text: &str| Value::Str(text.to_owned());
-    vec![
+    let of_node = [
         ParamSpec::new("data_dir", text("~/roscausal/pp_pool"), Any, "folder to watch for batches"),
         ParamSpec::new("res_dir", text(""), Any, "folder for model files; empty: only publish"),
         ParamSpec::new("csv_prefix", text("data_"), Any, "prefix of the batches' file names"),
@@ -91,105 +88,11 @@ fn all() -> Vec<ParamSpec> {
             Any,
             "strftime format of the batches' ids, by which the oldest is found",
         ),
-        ParamSpec::of_data(
-            "cd_method",
-            text(Method::default().name()),
-            Any,
-            "fpcmci, pcmci, pcmciplus, fullci, bivci, lagdep, granger, varlingam, dynotears, timino, lpcmci, candoit, tsfci, jpcmciplus, or a program in cd_method_dir",
-        ),
         ParamSpec::new("cd_method_dir", text(""), Any, "folder of external methods (programs)"),
-        ParamSpec::of_data(
-            "cond_ind_test",
-            text("gpdc"),
-            Any,
-            "gpdc, parcorr, robustparcorr, parcorrwls, parcorrmult, cmiknn, cmisymb, gsquared or regressionci",
-        ),
-        ParamSpec::of_data("sig_alpha", Double(0.05), Range(1e-9, 0.999), "significance level of a link"),
-        ParamSpec::of_data(
-            "pc_alpha",
-            Double(-1.0),
-            Range(-1.0, 0.999),
-            "significance level of the condition selection; -1: the method's own (pcmci 0.2, lpcmci 0.05, pcmciplus 0.01); 0: chosen by \
-             a score",
-        ),
-        ParamSpec::of_data(
-            "f_alpha",
-            Double(0.0),
-            Range(0.0, 0.999),
-            "significance level of F-PCMCI's filter; 0: as sig_alpha",
-        ),
-        ParamSpec::of_data(
-            "te_estimator",
-            text(TeEstimator::default().name()),
-            OneOf(TeEstimator::NAMES),
-            "estimator of F-PCMCI's filter; auto: gaussian for a linear test, else gaussian+dcor",
-        ),
-        ParamSpec::of_data(
-            "gp_search",
-            text(GpSearch::default().name()),
-            OneOf(GpSearch::NAMES),
-            "gpdc: likelihoods as exact as they must be, or all exact (slow; the same maxima)",
-        ),
-        ParamSpec::of_data(
-            "gp_restarts",
-            Int(0),
-            Range(0.0, 1000.0),
-            "gpdc: searches from this many random places more, of which the best counts",
-        ),
         ParamSpec::new(
-            "null_dist",
-            text(""),
-            Any,
-            "gpdc: CSV file of null distributions; the first row has the numbers of samples; empty: its own",
-        ),
-        ParamSpec::of_data(
-            "vectors",
-            Value::List(Vec::new()),
-            Any,
-            "parcorrmult: columns that are one variable, such as place=h_x+h_y",
-        ),
-        ParamSpec::of_data(
-            "fdr_method",
-            text(Fdr::default().name()),
-            OneOf(Fdr::NAMES),
-            "correction for multiple testing",
-        ),
-        ParamSpec::of_data("min_lag", Int(1), Range(0.0, 1000.0), "smallest lag, in steps"),
-        ParamSpec::of_data("max_lag", Int(1), Range(1.0, 1000.0), "largest lag, in steps"),
-        ParamSpec::of_data(
-            "exogenous",
-            Value::List(Vec::new()),
-            Any,
-            "variables that may be causes only, such as weather; columns of interventions are so without being named",
-        ),
-        ParamSpec::of_data(
-            "acts_on",
-            Value::List(
-                usual_acts_on()
-                    .iter()
-                    .map(|(column, variable)| text(&format!("{column}={variable}")))
-                    .collect(),
-            ),
-            Any,
-            "candoit: columns of interventions and the variable that each sets, such as do_robot_speed=r_v",
-        ),
-        ParamSpec::of_data(
-            "extra_conditions",
-            Bool(true),
-            Any,
-            "candoit: contexts of interventions join their variables as conditions, as published; false takes far fewer tests",
-        ),
-        ParamSpec::of_data(
-            "max_sets",
-            Int(0),
-            Range(0.0, 1e9),
-            "lpcmci, candoit: sets of conditions of one size that are tested for a pair, from each of its ends; 0: all",
-        ),
-        ParamSpec::of_data("seed", Int(42), Range(0.0, 9e15), "seed of all random numbers"),
-        ParamSpec::of_data(
             "people",
             text("pooled"),
-            OneOf(&People::NAMES),
+            OneOf(People::NAMES),
             "models for several people: one of all people, as recordings of one system; one each; both; or one with \
              everybody's variables",
         ),
@@ -223,7 +126,6 @@ fn all() -> Vec<ParamSpec> {
             Range(1.0, 1000.0),
             "number of attempts to analyse a batch before it is rejected",
         ),
-        ParamSpec::new("threads", Int(0), Range(0.0, 1024.0), "threads of an analysis; 0: all cores"),
         ParamSpec::new(
             "nice",
             Int(0),
@@ -231,42 +133,6 @@ fn all() -> Vec<ParamSpec> {
             "priority of an analysis as in nice(1): 0 normal, 19 lowest",
         ),
         ParamSpec::new(
-            "time_budget",
-            Double(0.0),
-            Range(0.0, 1e9),
-            "wall time that an analysis may take, in seconds, also in simulated time; 0: no limit",
-        ),
-        ParamSpec::new(
-            "max_memory",
-            Int(0),
-            Range(0.0, 1e9),
-            "megabytes that a test, or an external method, may take; 0: no limit",
-        ),
-        ParamSpec::of_data(
-            "resamples",
-            Int(0),
-            Range(0.0, 10_000.0),
-            "analyses of rows drawn from the data, for the confidence of links: 20 to 10000; 0: none",
-        ),
-        ParamSpec::of_data(
-            "resampling",
-            text(Scheme::default().name()),
-            OneOf(Scheme::NAMES),
-            "how rows are drawn: a share of them, each once, or as many as there are, with replacement",
-        ),
-        ParamSpec::of_data(
-            "resample_share",
-            Double(Resampling::default().share),
-            Range(0.01, 0.99),
-            "share of the rows in a subsample",
-        ),
-        ParamSpec::of_data(
-            "resample_block",
-            text("1"),
-            Any,
-            "neighbouring rows that are drawn together: a number, or cube_root of the number of rows",
-        ),
-        ParamSpec::of_data(
             "window_batches",
             Int(1),
             Range(1.0, 1000.0),
@@ -308,75 +174,146 @@ fn all() -> Vec<ParamSpec> {
             Range(0.1, 4.0),
             "pixels per unit of the published pictures",
         ),
-    ]
+    ];
+    of_node.into_iter().chain(OF_SETTINGS.iter().cloned()).collect()
+}
+
+/// The settings of an analysis as parameters. They stay for as long as the program runs, and so do their texts.
+static OF_SETTINGS: LazyLock<Vec<ParamSpec>> = LazyLock::new(|| SETTINGS.iter().map(spec_of).collect());
+
+fn spec_of(setting: &'static Setting) -> ParamSpec {
+    let default = match setting.id {
+        "acts_on" => usual_acts_on().iter().map(|(column, of)| format!("{column}={of}")).collect(),
+        _ => setting.default_value(),
+    };
+    let default = setting.as_param(&default);
+    let number = || default.parse::<f64>().unwrap_or_default();
+    let range = |least: f64, most: f64| Allowed::Range(number().min(least), most);
+    // A level is neither 0 nor 1.
+    let between = |least: f64, most: f64| match most {
+        1.0 => range(1e-9, 0.999),
+        most => range(least, most.min(1e9)),
+    };
+    let (value, allowed) = match setting.kind {
+        Kind::Flag => (Value::Bool(default == "true"), Allowed::Any),
+        // The largest whole number that is a number without loss, but for a few.
+        Kind::Count(least, most) => {
+            (Value::Int(number() as i64), range(least as f64, (most as f64).min(9e15)))
+        }
+        Kind::Lag => (Value::Int(number() as i64), range(0.0, 100_000.0)),
+        Kind::Bytes => (Value::Int(number() as i64), range(0.0, 1e9)),
+        Kind::Number(least, most) | Kind::NumberOr(least, most, _) => {
+            (Value::Double(number()), between(least, most))
+        }
+        Kind::Word(words) if !setting.default_value().is_null() => {
+            (Value::Str(default), Allowed::OneOf(words))
+        }
+        Kind::Word(_) | Kind::Method | Kind::Test | Kind::Text | Kind::File(_) => {
+            (Value::Str(default), Allowed::Any)
+        }
+        Kind::List(_) => {
+            let items = default.split(',').filter(|item| !item.is_empty());
+            (Value::List(items.map(|item| Value::Str(item.to_owned())).collect()), Allowed::Any)
+        }
+    };
+    let make = if setting.of_data { ParamSpec::of_data } else { ParamSpec::new };
+    make(setting.param, value, allowed, described(setting).leak())
+}
+
+/// What a setting is, in one line: what it takes, and what its value for "not set" means.
+fn described(setting: &Setting) -> String {
+    let words = match setting.kind {
+        // The range names them.
+        Kind::Word(_) if !setting.default_value().is_null() => String::new(),
+        Kind::Method => format!("{}, or a program in cd_method_dir", setting.kind.words().join(", ")),
+        kind => kind.words().join(", "),
+    };
+    let words = if words.is_empty() { words } else { format!(": {words}") };
+    let unset = match (setting.unset, setting.param_unset, setting.by_method) {
+        ("", ..) => String::new(),
+        (_, "", _) if setting.id == "acts_on" => String::new(),
+        (what, "", _) => format!("; empty: {what}"),
+        (what, value, None) => format!("; {value}: {what}"),
+        (what, value, Some(_)) => format!("; {value}: {what} ({}); 0: auto", setting.default_words()),
+    };
+    let unit = if setting.kind == Kind::Bytes { "; megabytes" } else { "" };
+    format!("{}{words}{unit}{unset}", setting.help)
+}
+
+/// The file of what is known of links.
+fn links_of(params: &Params) -> Option<PathBuf> {
+    params.text_if_set("links").map(|file| super::path(&file))
+}
+
+/// What the parameters say of an analysis.
+fn request_of(params: &Params, program: bool) -> Result<Request> {
+    let mut given = Vec::new();
+    for setting in &SETTINGS {
+        let text = params.text(setting.param);
+        // A program is no method that is known here. The usual effects count as far as their columns are there.
+        let is_usual = |text: &str| {
+            setting.id == "acts_on"
+                && OF_SETTINGS
+                    .iter()
+                    .any(|spec| spec.name == setting.param && spec.default.to_string() == text)
+        };
+        if (program && setting.id == "method") || is_usual(&text) {
+            continue;
+        }
+        let value = match setting.kind {
+            Kind::File(_) if text.is_empty() => continue,
+            Kind::File(ending) => bounded::read_setting(&super::path(&text), ending)?.into(),
+            _ => setting.of_param(&text).map_err(|reason| Error::param(setting.id, reason))?,
+        };
+        given.push((setting, value));
+    }
+    Request::of(&given).map_err(|error| Error::of_rules(error, links_of(params)))
 }
 
 impl DiscoveryParams {
     pub(super) fn new(params: &Params) -> Result<Self> {
-        let positive = |name: &str| Some(params.double(name)).filter(|value| *value > 0.0);
         let named = params.text("cd_method");
         let (method, program) = match (named.parse(), params.text_if_set("cd_method_dir")) {
             (Ok(method), _) => (method, None),
             (Err(_), Some(dir)) => (Method::default(), Some(external::program(Path::new(&dir), &named)?)),
-            (Err(error), None) => return Err(in_the_nodes_words(error)),
+            (Err(error), None) => return Err(error.into()),
         };
-        let settings = Settings {
-            method,
-            cond_ind_test: params.text("cond_ind_test"),
-            alpha: params.double("sig_alpha"),
-            pc_alpha: match params.double("pc_alpha") {
-                level if level <= -1.0 => PcAlpha::Default,
-                0.0 => PcAlpha::ByScore,
-                level => PcAlpha::Fixed(level),
-            },
-            exogenous: params.list("exogenous"),
-            acts_on: acts_on(params)?,
-            f_alpha: positive("f_alpha"),
-            te_estimator: params.text("te_estimator").parse().map_err(in_the_nodes_words)?,
-            fdr: params.text("fdr_method").parse().map_err(in_the_nodes_words)?,
-            gp_search: params.text("gp_search").parse().map_err(in_the_nodes_words)?,
-            gp_restarts: params.count("gp_restarts"),
-            null_distributions: null_distributions(params)?,
-            extra_conditions: params.flag("extra_conditions"),
-            max_sets: Some(params.count("max_sets")).filter(|&most| most > 0),
-            tau_min: params.count("min_lag"),
-            tau_max: params.count("max_lag"),
-            seed: params.int("seed").unsigned_abs(),
-            max_memory: Some(params.count("max_memory") * 1_000_000).filter(|&bytes| bytes > 0),
-            ..Settings::default()
-        };
+        let mut request = request_of(params, program.is_some())?;
+        request.settings.method = method;
         if program.is_none() {
-            settings.check().map_err(in_the_nodes_words)?;
+            request.check()?;
         }
-        let resampling = resampling_of(params)?;
+        let resampling = request.resampling()?;
         if resampling.is_some() && program.is_some() {
             return Err(Error::param("resamples", "external methods are not resampled; set it to 0"));
         }
         let rolling = rolling_of(params);
+        if !request.vectors.is_empty() && (program.is_some() || rolling.is_some()) {
+            let reason =
+                "external methods, windows and changes take each column for a variable; leave it empty";
+            return Err(Error::param("vectors", reason));
+        }
         if rolling.is_some() && params.count("batches_per_model") > 1 {
             let reason = "with window_batches or detect_changes each batch gives a model; set it to 1";
             return Err(Error::param("batches_per_model", reason));
         }
-        let vectors = vectors(params, &settings, program.is_some() || rolling.is_some())?;
         Ok(Self {
-            vectors,
             resampling,
             rolling,
             data_dir: super::path(&params.text("data_dir")),
             res_dir: params.text_if_set("res_dir").map(|dir| super::path(&dir)),
             csv_prefix: params.text("csv_prefix"),
             ids: IdFormat::new(&params.text("id_format"))?,
-            settings,
+            request,
+            links: links_of(params),
             program,
-            people: params.text("people").parse().map_err(|reason| Error::param("people", reason))?,
+            people: params.text("people").parse()?,
             batches_per_model: params.count("batches_per_model"),
             keep_batches: params.flag("keep_batches"),
             analyse_incomplete: params.flag("analyse_incomplete"),
             max_pool_size: params.count("max_pool_size"),
             max_attempts: params.count("max_attempts") as u32,
-            threads: params.count("threads"),
             nice: params.int("nice") as i32,
-            time_budget_s: positive("time_budget"),
             image_scale: params.double("image_scale") as f32,
         })
     }
@@ -402,95 +339,37 @@ fn rolling_of(params: &Params) -> Option<RollParams> {
     })
 }
 
-/// What interventions act on; `None`: as usual, as far as the columns are there.
-fn acts_on(params: &Params) -> Result<Option<ActsOn>> {
-    let given = acts_on_of(&params.list("acts_on")).map_err(in_the_nodes_words)?;
-    Ok(Some(given).filter(|given| *given != usual_acts_on()))
-}
-
-/// The file of null distributions; `None` if none is named.
-fn null_distributions(params: &Params) -> Result<Option<Arc<NullDistributions>>> {
-    let Some(file) = params.text_if_set("null_dist") else { return Ok(None) };
-    let file = super::path(&file);
-    let text = std::fs::read_to_string(&file).map_err(|error| Error::file(&file, error))?;
-    Ok(Some(Arc::new(NullDistributions::parse(&text).map_err(in_the_nodes_words)?)))
-}
-
-/// The columns that are one variable. Those who read the columns one by one have none: programs, and the search for changes.
-fn vectors(params: &Params, settings: &Settings, one_by_one: bool) -> Result<VectorNames> {
-    let vectors = vectors_of(&params.list("vectors")).map_err(in_the_nodes_words)?;
-    if vectors.is_empty() {
-        return Ok(vectors);
-    }
-    let fail = |reason: String| Err(Error::param("vectors", reason));
-    if one_by_one {
-        return fail(
-            "external methods, windows and changes take each column for a variable; leave it empty".into(),
-        );
-    }
-    let test = by_name(&settings.cond_ind_test, &Default::default()).map_err(in_the_nodes_words)?;
-    // F-PCMCI's filter reads columns; what asks no test does so too.
-    let by_columns = settings.method == Method::Fpcmci || !settings.method.info().asks_test;
-    if by_columns || !test.judges_vectors() {
-        return fail(format!(
-            "{} takes each variable for one column; take cond_ind_test parcorrmult with a method that asks a test, such as pcmci",
-            if by_columns { settings.method.name() } else { test.name() }
-        ));
-    }
-    Ok(vectors)
-}
-
-/// How to resample; `None` without resamples.
-fn resampling_of(params: &Params) -> Result<Option<Resampling>> {
-    let resampling = Resampling {
-        resamples: params.count("resamples"),
-        scheme: params.text("resampling").parse().map_err(in_the_nodes_words)?,
-        share: params.double("resample_share"),
-        block: params.text("resample_block").parse().map_err(in_the_nodes_words)?,
-    };
-    if resampling.resamples == 0 {
-        return Ok(None);
-    }
-    resampling.check().map_err(in_the_nodes_words)?;
-    Ok(Some(resampling))
-}
-
-/// Renames the settings in an error to this node's parameters.
-pub(super) fn in_the_nodes_words(error: roscausal_discovery::Error) -> Error {
-    match Error::from(error) {
-        Error::Param { name, reason } => {
-            let name = match name.as_str() {
-                "method" => "cd_method",
-                "test" => "cond_ind_test",
-                "alpha" => "sig_alpha",
-                "tau-min" => "min_lag",
-                "tau-max" => "max_lag",
-                "fdr" => "fdr_method",
-                "share" => "resample_share",
-                "block" => "resample_block",
-                "vector" => "vectors",
-                other => other,
-            };
-            Error::param(name.replace('-', "_"), reason)
-        }
-        other => other,
-    }
-}
-
 #[cfg(test)]
 mod tests {
-    use roscausal_discovery::independence_tests;
-
     use super::*;
     use crate::loopback::Loopback;
 
     #[test]
-    fn the_descriptions_name_every_method_and_every_test() {
+    fn every_setting_is_a_parameter_and_its_default_asks_for_the_default() {
         let specs = specs();
+        for setting in &SETTINGS {
+            assert!(specs.iter().any(|spec| spec.name == setting.param), "{}", setting.param);
+        }
+        let usual = checked(&[]).expect("the defaults").request;
+        assert_eq!(usual, Request::default());
         let described = |name: &str| specs.iter().find(|spec| spec.name == name).expect(name).description;
         assert!(Method::names().all(|name| described("cd_method").contains(name)));
-        let mut tests = independence_tests::names().filter(|name| *name != "gpdcpython");
-        assert!(tests.all(|name| described("cond_ind_test").contains(name)));
+    }
+
+    #[test]
+    fn what_is_known_of_links_is_a_file() {
+        let dir = tempfile::tempdir().expect("a folder");
+        let file = dir.path().join("links.toml");
+        std::fs::write(&file, "[[link]]\ncause = '*'\neffect = 'weather'\nis = 'forbidden'\n")
+            .expect("writes");
+        let links = |file: &Path| checked(&[("links", Value::Str(file.display().to_string()))]);
+        let rules = links(&file).expect("rules").request.links.expect("rules");
+        let names = ["h_v", "weather"].map(str::to_owned);
+        let known = rules.for_variables(&names, [1, 1], &[]).expect("fit");
+        assert!(known.get(0, 1, 1).is_none() && known.get(1, 0, 1).is_some());
+        std::fs::write(&file, "[[link]]\ncause = 'a'\n").expect("writes");
+        let error = links(&file).err().expect("no rule").to_string();
+        assert!(error.contains("links.toml: line 1") && error.contains("effect"), "{error}");
     }
 
     fn checked(given: &[(&str, Value)]) -> Result<DiscoveryParams> {
@@ -511,15 +390,15 @@ mod tests {
         let (pcmci, mult) = (("cd_method", word("pcmci")), ("cond_ind_test", word("parcorrmult")));
         let params = checked(std::slice::from_ref(&null)).expect("a table");
         assert_eq!(
-            params.settings.null_distributions.and_then(|given| given.share_above(248, 0.15)),
+            params.request.settings.test.null_distributions.and_then(|given| given.share_above(248, 0.15)),
             Some(0.5)
         );
         let params = checked(&[place.clone(), pcmci.clone(), mult.clone()]).expect("a vector");
-        assert_eq!(params.vectors, [("place".to_owned(), vec!["h_x".to_owned(), "h_y".to_owned()])]);
+        assert_eq!(params.request.vectors, [("place".to_owned(), vec!["h_x".to_owned(), "h_y".to_owned()])]);
         for (given, says) in [
             (vec![null, ("cond_ind_test", word("parcorr"))], "null_dist"),
             (vec![("null_dist", word("/nowhere/null.csv"))], "/nowhere/null.csv"),
-            (vec![place.clone(), pcmci.clone()], "take cond_ind_test parcorrmult"),
+            (vec![place.clone(), pcmci.clone()], "choose cond_ind_test parcorrmult"),
             (vec![place.clone(), mult.clone()], "fpcmci takes each variable"),
             (
                 vec![place.clone(), mult.clone(), ("cd_method", word("granger"))],
@@ -536,7 +415,7 @@ mod tests {
     #[test]
     fn the_exogenous_variables_are_those_that_the_user_names() {
         let weather = Value::List(vec![Value::Str("weather".into())]);
-        let named = |given: &[(&str, Value)]| checked(given).expect("allowed").settings.exogenous;
+        let named = |given: &[(&str, Value)]| checked(given).expect("allowed").request.settings.exogenous;
         assert_eq!(named(&[("exogenous", weather)]), ["weather"]);
         assert!(named(&[]).is_empty());
     }
@@ -547,11 +426,11 @@ mod tests {
         let method = ("cd_method", word("granger"));
         let effect = Value::List(vec![word("do_a=a")]);
         for (name, value, says) in [
-            ("pc_alpha", Value::Double(0.1), "it is for fpcmci, pcmci, "),
-            ("f_alpha", Value::Double(0.1), "it is for fpcmci"),
-            ("te_estimator", word("gaussian"), "it is for fpcmci"),
-            ("acts_on", effect, "it is for candoit"),
-            ("gp_restarts", Value::Int(2), "it is for the test gpdc"),
+            ("pc_alpha", Value::Double(0.1), "it applies to fpcmci, pcmci, "),
+            ("f_alpha", Value::Double(0.1), "it applies to fpcmci"),
+            ("te_estimator", word("gaussian"), "it applies to fpcmci"),
+            ("acts_on", effect, "it applies to candoit"),
+            ("gp_restarts", Value::Int(2), "it applies to the test gpdc"),
         ] {
             let error = checked(&[method.clone(), (name, value)]).err().expect(name).to_string();
             assert!(error.contains(&format!("'{name}'")) && error.contains(says), "{error}");

@@ -338,9 +338,11 @@ fn test_of(spec: &Value) -> Answer<(Box<dyn CondIndTest>, MaskType)> {
             "conf_samples" => settings.conf_samples = count(value)?.unwrap_or(settings.conf_samples),
             "conf_blocklength" => settings.conf_blocklength = count(value)?,
             "seed" => settings.seed = value.as_u64().unwrap_or(settings.seed),
-            "knn" => settings.knn = value.as_f64(),
-            "shuffle_neighbors" => settings.shuffle_neighbors = count(value)?,
-            "transform" => settings.transform = Some(value.as_str().unwrap_or("none").to_owned()),
+            "knn" => settings.knn = value.as_f64().unwrap_or(settings.knn),
+            "shuffle_neighbors" => {
+                settings.shuffle_neighbors = count(value)?.unwrap_or(settings.shuffle_neighbors);
+            }
+            "transform" => settings.transform = value.as_str().unwrap_or("none").to_owned(),
             "null_distributions" => {
                 let of_size = |(size, values): (&String, &Value)| {
                     Ok((size.parse::<usize>().map_err(|e| e.to_string())?, numbers(values)?))

@@ -2,11 +2,11 @@
 
 use std::borrow::Cow;
 
-use super::Settings;
 use crate::{
-    ground::{DataFrame, LinkAssumptions, SampleCount},
+    ground::{Assumption, DataFrame, LinkAssumptions, SampleCount, names::plain},
     methods::Status,
     model::Outcome,
+    settings::Settings,
 };
 
 /// What was known of links, and what a filter let through.
@@ -65,4 +65,18 @@ impl<'a> Beforehand<'a> {
             Status::Complete => Outcome::NotAsked,
         }
     }
+}
+
+/// The links that were required, in words: they were not tested.
+pub(super) fn required_in_words(settings: &Settings, names: &[String]) -> Option<String> {
+    let known = settings.link_assumptions.as_ref()?;
+    let mut links = Vec::new();
+    for (cause, of) in names.iter().enumerate() {
+        for (effect, to) in names.iter().enumerate() {
+            let exists = |lag: &usize| known.get(cause, effect, *lag) == Some(Assumption::Exists);
+            let lags = (settings.tau_min..=settings.tau_max).filter(exists);
+            links.extend(lags.map(|lag| format!("{} -> {} at lag {lag}", plain(of), plain(to))));
+        }
+    }
+    (!links.is_empty()).then(|| format!("required, so not tested: {}", links.join(", ")))
 }

@@ -7,13 +7,13 @@
 
 use ndarray::Axis;
 
-use super::settings::Settings;
 use crate::{
     ground::{DataFrame, Error, LinkMark, Result, names},
     methods::{
         Intervened, JpcmciPlusResult, JpcmciPlusSettings, NodeClass, PcmciResult, PcmciSettings, is_constant,
         is_shared, usual_acts_on,
     },
+    settings::Settings,
 };
 
 impl Settings {
@@ -49,7 +49,7 @@ impl Settings {
                              imposed, else 0, and its variable another (columns: {})",
                             all()
                         );
-                        return Err(Error::param("acts-on", reason));
+                        return Err(Error::param("acts_on", reason));
                     }
                 }
             }
@@ -69,14 +69,14 @@ impl Settings {
                  lpcmci",
                 all()
             );
-            return Err(Error::param("acts-on", reason));
+            return Err(Error::param("acts_on", reason));
         }
         if let Some(&context) = contexts.iter().find(|&&var| is_constant_everywhere(data, var)) {
             let name = &data.var_names()[context];
             let reason = format!(
                 "'{name}' is the same in all rows, so nothing was imposed; leave it out, or take lpcmci"
             );
-            return Err(Error::param("acts-on", reason));
+            return Err(Error::param("acts_on", reason));
         }
         Ok(contexts
             .into_iter()

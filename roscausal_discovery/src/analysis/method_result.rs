@@ -2,17 +2,16 @@
 
 use ndarray::Array3;
 
-use super::{
-    contexts::{of_variables, remarks_on_interventions, without_their_past},
-    settings::Settings,
-};
+use super::contexts::{of_variables, remarks_on_interventions, without_their_past};
 use crate::{
     ground::{CondIndTest, Control, DataFrame, LinkMark, Result, Samples},
     methods::{
-        FpcmciResult, FpcmciSettings, LpcmciSettings, Method, PcmciResult, Status, get_lagged_dependencies,
-        run_bivci, run_candoit, run_dynotears, run_fpcmci, run_fullci, run_granger, run_jpcmciplus,
-        run_lpcmci, run_pcmci, run_pcmciplus, run_timino, run_tsfci, run_varlingam,
+        DynotearsSettings, FpcmciResult, FpcmciSettings, GrangerSettings, LpcmciSettings, Method,
+        PcmciResult, Status, VarlingamSettings, get_lagged_dependencies, run_bivci, run_candoit,
+        run_dynotears, run_fpcmci, run_fullci, run_granger, run_jpcmciplus, run_lpcmci, run_pcmci,
+        run_pcmciplus, run_timino, run_tsfci, run_varlingam,
     },
+    settings::Settings,
 };
 
 /// The result of a method.
@@ -64,12 +63,33 @@ impl MethodResult {
             Method::Fullci => run_fullci(data, test, &pcmci, control),
             Method::Bivci => run_bivci(data, test, &pcmci, control),
             Method::Lagdep => get_lagged_dependencies(data, test, &pcmci, control),
-            Method::Granger => run_granger(data, &settings.granger(data), control).map(|found| found.links),
+            Method::Granger => {
+                let settings = GrangerSettings {
+                    tau_min: pcmci.tau_min,
+                    tau_max: pcmci.tau_max,
+                    choose_lags: None,
+                    alpha_level: pcmci.alpha_level,
+                    fdr: pcmci.fdr,
+                    exogenous: settings.context(data),
+                };
+                run_granger(data, &settings, control).map(|found| found.links)
+            }
             Method::Varlingam => {
-                run_varlingam(data, &settings.varlingam(data), control).map(|found| found.links)
+                let settings = VarlingamSettings {
+                    tau_max: pcmci.tau_max,
+                    alpha_level: pcmci.alpha_level,
+                    exogenous: settings.context(data),
+                    ..VarlingamSettings::default()
+                };
+                run_varlingam(data, &settings, control).map(|found| found.links)
             }
             Method::Dynotears => {
-                run_dynotears(data, &settings.dynotears(data), control).map(|found| found.links)
+                let settings = DynotearsSettings {
+                    tau_max: pcmci.tau_max,
+                    exogenous: settings.context(data),
+                    ..DynotearsSettings::default()
+                };
+                run_dynotears(data, &settings, control).map(|found| found.links)
             }
             Method::Timino => {
                 run_timino(data, &settings.timino(data, test.name())?, control).map(|found| found.links)

@@ -3,10 +3,9 @@
 mod beforehand;
 mod contexts;
 mod method_result;
-mod settings;
 
+use crate::settings::Settings;
 pub(crate) use method_result::{Found, MethodResult};
-pub use settings::{PcAlpha, Settings};
 
 use std::collections::HashSet;
 
@@ -89,12 +88,10 @@ fn analysed(
     control: &Control,
     keep: bool,
 ) -> Result<(Model, Option<Evidence>)> {
-    settings.check_numbers()?;
-    settings.check_p_values(test.name())?;
-    settings.check_gaussian_process(test.name())?;
+    settings.check_numbers(test.name())?;
     settings.check_data(data)?;
     check_levels(data, test)?;
-    Ok(match MethodResult::of(data, test, settings, control)? {
+    let (mut model, evidence) = match MethodResult::of(data, test, settings, control)? {
         MethodResult::Filtered(result) => filtered(data, test, settings, &result, control, keep),
         MethodResult::Plain(result) => {
             control.tell(result.effort.as_deref());
@@ -105,7 +102,9 @@ fn analysed(
                 keep.then(|| Evidence::gather(data, data, &model, settings.method, &Known::of(&result)));
             (model, evidence)
         }
-    })
+    };
+    model.warnings.extend(beforehand::required_in_words(settings, data.var_names()));
+    Ok((model, evidence))
 }
 
 /// Refuses measurements where the test counts categories: where almost every sample is a category of its own, its results mean
@@ -236,8 +235,9 @@ mod tests {
 
     use super::*;
     use crate::{
-        independence_tests::{NullDistributions, Significance},
+        independence_tests::{NullDistributions, Significance, TestSettings},
         methods::Method,
+        settings::PcAlpha,
     };
 
     /// `b` follows `a` one step later.
@@ -386,36 +386,37 @@ mod tests {
     fn what_says_how_p_values_are_made_is_refused_where_nobody_reads_it() {
         let of = |method, test: &str| Settings { cond_ind_test: test.into(), ..settings(method) };
         let nulls = Some(Arc::new(NullDistributions::new(vec![(248, vec![0.1, 0.2])]).unwrap()));
-        let (shuffle, shuffles) = (Some(Significance::ShuffleTest), Some(100));
-        let with_nulls = |given: Settings| Settings { null_distributions: nulls.clone(), ..given };
-        let threshold =
-            Settings { significance: Some(Significance::FixedThres), ..of(Method::Pcmci, "cmiknn") };
+        let shuffle = Some(Significance::ShuffleTest);
+        let with = |test: TestSettings, given: Settings| Settings { test, ..given };
+        let by = |significance| TestSettings { significance, ..TestSettings::default() };
+        let drawing = |significance| TestSettings { sig_samples: Some(100), ..by(significance) };
+        let with_nulls = |significance, given| {
+            with(TestSettings { null_distributions: nulls.clone(), ..by(significance) }, given)
+        };
+        let threshold = Some(Significance::FixedThres);
         for (given, says) in [
+            (with_nulls(shuffle, of(Method::Pcmci, "gpdc")), "'null_dist': the significance"),
+            (with_nulls(None, of(Method::Pcmci, "parcorr")), "'null_dist': parcorr makes"),
+            (with_nulls(None, of(Method::Timino, "gpdc")), "'null_dist': timino uses no p-value"),
+            (with(drawing(None), of(Method::Pcmci, "parcorr")), "'shuffles': parcorr draws no surrogates"),
+            (with(drawing(threshold), of(Method::Pcmci, "cmiknn")), "'shuffles': cmiknn draws no surrogates"),
             (
-                Settings { significance: shuffle, ..with_nulls(of(Method::Pcmci, "gpdc")) },
-                "'null-dist': the significance",
+                with(drawing(None), of(Method::Granger, "gpdc")),
+                "'shuffles': granger uses no independence test",
             ),
-            (with_nulls(of(Method::Pcmci, "parcorr")), "'null-dist': parcorr makes"),
-            (with_nulls(of(Method::Timino, "gpdc")), "'null-dist': timino asks no test"),
             (
-                Settings { shuffles, ..of(Method::Pcmci, "parcorr") },
-                "'shuffles': parcorr draws no surrogates",
-            ),
-            (Settings { shuffles, ..threshold }, "'shuffles': cmiknn draws no surrogates"),
-            (Settings { shuffles, ..of(Method::Granger, "gpdc") }, "'shuffles': granger asks no test"),
-            (
-                Settings { significance: shuffle, ..of(Method::Varlingam, "gpdc") },
-                "'significance': varlingam asks no test",
+                with(by(shuffle), of(Method::Varlingam, "gpdc")),
+                "'significance': varlingam uses no independence test",
             ),
         ] {
             let error = given.check().unwrap_err().to_string();
             assert!(error.contains(says), "{error}");
         }
-        assert!(with_nulls(of(Method::Pcmci, "gpdc")).check().is_ok());
+        assert!(with_nulls(None, of(Method::Pcmci, "gpdc")).check().is_ok());
         for (test, significance) in
             [("gpdc", None), ("cmiknn", None), ("parcorr", shuffle), ("gpdc", shuffle)]
         {
-            let read = Settings { shuffles, significance, ..of(Method::Pcmci, test) };
+            let read = with(drawing(significance), of(Method::Pcmci, test));
             assert!(read.check().is_ok(), "{test} {significance:?}");
         }
     }
@@ -427,7 +428,7 @@ mod tests {
             for tau_max in [1_000_000_000, usize::MAX] {
                 let error = of(tau_max).check().unwrap_err().to_string();
                 assert!(
-                    error.contains(&format!("'tau-max': {tau_max} is above 100000")),
+                    error.contains(&format!("'tau_max': {tau_max} is above 100000")),
                     "{method}: {error}"
                 );
             }
@@ -467,29 +468,30 @@ mod tests {
             assert!(usual.check().is_ok(), "{method}");
             let pairs = Some(vec![("do_a".to_owned(), "a".to_owned())]);
             for (name, reads, given) in [
-                ("pc-alpha", Reads::PcAlpha, Settings { pc_alpha: PcAlpha::Fixed(0.1), ..usual.clone() }),
-                ("f-alpha", Reads::FAlpha, Settings { f_alpha: Some(0.1), ..usual.clone() }),
+                ("pc_alpha", Reads::PcAlpha, Settings { pc_alpha: PcAlpha::Fixed(0.1), ..usual.clone() }),
+                ("f_alpha", Reads::FAlpha, Settings { f_alpha: Some(0.1), ..usual.clone() }),
                 (
-                    "te-estimator",
+                    "te_estimator",
                     Reads::TeEstimator,
                     Settings { te_estimator: TeEstimator::Gaussian, ..usual.clone() },
                 ),
-                ("acts-on", Reads::ActsOn, Settings { acts_on: pairs, ..usual.clone() }),
+                ("acts_on", Reads::ActsOn, Settings { acts_on: pairs, ..usual.clone() }),
             ] {
                 match given.check() {
                     Ok(()) => assert!(method.reads(reads), "{method} takes {name} and does not read it"),
                     Err(error) => {
                         let (error, readers) = (error.to_string(), Method::names_that_read(reads));
                         assert!(!method.reads(reads) && error.contains(&format!("'{name}'")), "{error}");
-                        assert!(error.contains(&format!("it is for {readers}")), "{error}");
+                        assert!(error.contains(&format!("it applies to {readers}")), "{error}");
                     }
                 }
             }
             let of_process = [
-                Settings { gp_restarts: 2, ..usual.clone() },
-                Settings { gp_search: GpSearch::Exact, ..usual.clone() },
+                TestSettings { gp_restarts: 2, ..TestSettings::default() },
+                TestSettings { gp_search: GpSearch::Exact, ..TestSettings::default() },
             ];
-            for given in of_process {
+            for test in of_process {
+                let given = Settings { test, ..usual.clone() };
                 let reads = method.info().asks_test && given.cond_ind_test == "gpdc";
                 assert_eq!(given.check().is_ok(), reads, "{method}");
                 assert!(Settings { cond_ind_test: "parcorr".into(), ..given }.check().is_err(), "{method}");
@@ -500,14 +502,15 @@ mod tests {
     #[test]
     fn a_threshold_is_alpha_also_where_a_method_has_one_level_only() {
         for method in Method::all() {
-            let of =
-                Settings { alpha: 0.3, significance: Some(Significance::FixedThres), ..settings(method) };
+            let significance = Some(Significance::FixedThres);
+            let test = TestSettings { significance, ..TestSettings::default() };
+            let of = Settings { alpha: 0.3, test, ..settings(method) };
             let info = method.info();
             let expected = if info.one_level { 0.3 } else { info.pc_alpha };
             assert_eq!(of.level_of_pc(), Some(expected), "{method}");
             let given = Settings { pc_alpha: PcAlpha::Fixed(0.4), ..of.clone() };
             assert_eq!(given.level_of_pc(), Some(0.4), "{method}");
-            let by_p = Settings { significance: None, ..of };
+            let by_p = Settings { test: TestSettings::default(), ..of };
             assert_eq!(by_p.level_of_pc(), Some(info.pc_alpha), "{method}");
         }
     }

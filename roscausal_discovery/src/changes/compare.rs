@@ -8,10 +8,11 @@ use super::{
     terms::{Comparison, Difference, Mechanisms, NONE},
 };
 use crate::{
-    analysis::{Settings, analyse},
+    analysis::analyse,
     ground::{DataFrame, MaskType, Node, Result},
     methods::Method,
     numeric::slope::{Slope, slope},
+    settings::Settings,
 };
 
 impl Comparison<'_> {

@@ -48,10 +48,11 @@ pub use scheme::{Block, FEWEST_RESAMPLES, MOST_RESAMPLES, Resampling, Scheme};
 use serde::Serialize;
 
 use crate::{
-    analysis::{Found, Settings, analyse, analyse_with_evidence},
+    analysis::{Found, analyse, analyse_with_evidence},
     evidence::Evidence,
     ground::{Control, DataFrame, Result, Stop},
     model::{Confidence, Model, ResamplingFacts, nested},
+    settings::Settings,
 };
 
 /// Share of the values between the low and the high one.

@@ -7,9 +7,10 @@ use std::sync::{
 
 use super::{draws, scheme::Resampling};
 use crate::{
-    analysis::{Found, MethodResult, Settings},
+    analysis::{Found, MethodResult},
     ground::{CondIndTest, Control, DataFrame, Result, Stop, lock},
     methods::Method,
+    settings::Settings,
 };
 
 /// The data at the times of resample `b`, drawn from time `first` on, for methods that are run by hand.

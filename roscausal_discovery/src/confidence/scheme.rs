@@ -12,24 +12,7 @@ pub enum Scheme {
     Bootstrap,
 }
 
-impl Scheme {
-    /// Names of all schemes.
-    pub const NAMES: &[&str] = &["subsample", "bootstrap"];
-
-    /// The name that users choose it by.
-    pub fn name(self) -> &'static str {
-        Self::NAMES[self as usize]
-    }
-}
-
-impl std::str::FromStr for Scheme {
-    type Err = Error;
-
-    fn from_str(text: &str) -> Result<Self> {
-        let known = [Self::Subsample, Self::Bootstrap].into_iter().find(|known| known.name() == text);
-        known.ok_or_else(|| Error::unknown("resampling", text, Self::NAMES))
-    }
-}
+crate::words!(Scheme, "resampling": Subsample "subsample", Bootstrap "bootstrap");
 
 /// How many neighbouring rows are drawn together.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

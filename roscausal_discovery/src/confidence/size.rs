@@ -5,10 +5,10 @@
 //! bends has a slope, too: its mean one. Where the interval holds 0, the link has no steady direction.
 
 use crate::{
-    analysis::Settings,
     ground::{DataFrame, Node, Samples},
     model::{LinkSize, Model},
     numeric::slope::slope,
+    settings::Settings,
 };
 
 /// Normal quantile of a two-sided interval of 95 %.

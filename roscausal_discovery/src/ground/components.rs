@@ -48,7 +48,7 @@ pub fn vectors_of(texts: &[impl AsRef<str>]) -> Result<VectorNames> {
             let columns = columns.split('+').map(|column| column.trim().to_owned());
             Ok((name.trim().to_owned(), columns.collect()))
         }
-        _ => Err(Error::param("vector", format!("'{text}' is no vector; write it like place=x+y"))),
+        _ => Err(Error::param("vectors", format!("'{text}' is no vector; write it like place=x+y"))),
     };
     texts.iter().map(|text| group(text.as_ref())).collect()
 }
@@ -65,7 +65,7 @@ impl DataFrame {
         let place = |column: &String| {
             names::position(self.var_names(), column).ok_or_else(|| {
                 let all = self.var_names().join(", ");
-                Error::param("vector", format!("there is no column '{column}' (columns: {all})"))
+                Error::param("vectors", format!("there is no column '{column}' (columns: {all})"))
             })
         };
         let group = |(name, columns): &(String, Vec<String>)| {
@@ -95,7 +95,7 @@ impl DataFrame {
     /// A vector without columns, a column that does not exist or is named twice, a name that another variable has, or data that have
     /// masks or vectors already.
     pub fn with_vectors(self, groups: &[(String, Vec<usize>)]) -> Result<Self> {
-        let fail = |reason: String| Err(Error::param("vector", reason));
+        let fail = |reason: String| Err(Error::param("vectors", reason));
         if self.is_masked() || self.vectors().is_some() {
             return fail("give vectors once, and before masks".to_owned());
         }
@@ -148,7 +148,7 @@ impl DataFrame {
         match vector {
             None => Ok(self),
             Some(var) => Err(Error::param(
-                "vector",
+                "vectors",
                 format!(
                     "{who} takes each variable for one column, and '{}' has several; take the test parcorrmult with a method that asks a \
                      test, such as pcmci",

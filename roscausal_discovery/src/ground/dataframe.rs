@@ -8,6 +8,7 @@ use super::{
     error::{Error, Result},
     node::Node,
     vectors::Vectors,
+    words::Named,
 };
 
 /// The roles in `X _||_ Y | Z` in which a masked value excludes a sample.
@@ -314,8 +315,10 @@ impl DataFrame {
             return Ok(());
         }
         Err(Error::Data(format!(
-            "the longest recording has {longest} samples; tau_max = {tau_max} needs at least {}: record longer or lower tau_max",
-            cut_off.saturating_add(4)
+            "the longest recording has {longest} samples; {} = {tau_max} needs at least {}: record longer or lower {}",
+            Named("tau_max"),
+            cut_off.saturating_add(4),
+            Named("tau_max")
         )))
     }
 

@@ -1,6 +1,9 @@
 //! Errors that name the place and the way out.
 
-use super::names::nearest;
+use super::{
+    names::nearest,
+    words::{Named, spelled_out},
+};
 
 /// Largest lag of an analysis: more would take memory for pairs and lags that nobody reads.
 pub(crate) const MOST_LAG: usize = 100_000;
@@ -9,19 +12,24 @@ pub(crate) const MOST_LAG: usize = 100_000;
 #[derive(Debug, thiserror::Error)]
 pub enum Error {
     /// A parameter's value is not allowed.
-    #[error("parameter '{name}': {reason}")]
+    #[error("parameter '{name}': {}", plain(reason))]
     Param {
-        /// Parameter name as the user wrote it.
+        /// Id of the setting, or name of the argument.
         name: String,
-        /// What is wrong, with the allowed values.
+        /// What is wrong, with the allowed values; settings are [`Named`].
         reason: String,
     },
     /// The data does not allow the requested analysis.
-    #[error("{0}")]
+    #[error("{}", plain(.0))]
     Data(String),
     /// The work was cancelled or ran out of its time budget.
-    #[error("cancelled: {0}")]
+    #[error("cancelled: {}", plain(.0))]
     Cancelled(String),
+}
+
+/// A sentence with the ids of its settings.
+fn plain(sentence: &str) -> String {
+    spelled_out(sentence, str::to_owned)
 }
 
 /// Result with this crate's [`Error`].
@@ -29,7 +37,7 @@ pub type Result<T> = std::result::Result<T, Error>;
 
 impl Error {
     /// The [`Error::Param`] of a word that is none of those `allowed`; it names the nearest one.
-    pub(crate) fn unknown(name: &str, value: &str, allowed: &[&str]) -> Self {
+    pub fn unknown(name: &str, value: &str, allowed: &[&str]) -> Self {
         let hint = nearest(allowed, value).map_or(String::new(), |near| format!("did you mean '{near}'? "));
         Self::param(name, format!("'{value}' is unknown; {hint}allowed: {}", allowed.join(", ")))
     }
@@ -37,14 +45,14 @@ impl Error {
     /// Refuses a largest lag below the smallest one, or above [`MOST_LAG`].
     pub(crate) fn check_lags(tau_min: usize, tau_max: usize) -> Result<()> {
         if tau_max < tau_min {
-            let reason = format!("{tau_max} is below tau-min {tau_min}; lags run from tau-min to tau-max");
-            return Err(Self::param("tau-max", reason));
+            let reason = format!("{tau_max} is below {} {tau_min}", Named("tau_min"));
+            return Err(Self::param("tau_max", reason));
         }
         if tau_max > MOST_LAG {
             let reason = format!(
                 "{tau_max} is above {MOST_LAG}; give a smaller lag, or take a longer step between rows"
             );
-            return Err(Self::param("tau-max", reason));
+            return Err(Self::param("tau_max", reason));
         }
         Ok(())
     }

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use serde::Deserialize;
+use serde::{Deserialize, Serialize};
 
 use super::{
     error::{Error, Result},
@@ -15,7 +15,7 @@ use super::{
 const MOST_LINKS: usize = 5_000_000;
 
 /// What a rule says of its links.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize, Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Known {
     /// They exist, and are not tested.
@@ -29,7 +29,7 @@ pub enum Known {
 }
 
 /// What is known of the links from a cause to an effect; `*` is any variable.
-#[derive(Clone, Debug, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Eq, Deserialize, Serialize)]
 #[serde(deny_unknown_fields)]
 pub struct LinkRule {
     /// Name of the cause.
@@ -40,7 +40,7 @@ pub struct LinkRule {
     pub lags: Option<Vec<i64>>,
     /// What is known of them.
     pub is: Known,
-    /// Where the rule is, for messages: `line 3`. A file has no such field.
+    /// Where the rule is, for messages: `line 3`; its text has no such field.
     #[serde(skip)]
     pub place: String,
 }

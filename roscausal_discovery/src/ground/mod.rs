@@ -14,8 +14,10 @@ pub mod names;
 mod node;
 mod samples;
 pub mod text;
+mod variants;
 mod vectors;
 pub mod visible;
+mod words;
 
 pub(crate) use complete_rows::CompleteRows;
 pub(crate) use components::Components;
@@ -30,3 +32,4 @@ pub use lock::lock;
 pub use marks::{LinkEnd, LinkMark};
 pub use node::Node;
 pub use samples::{LaggedArrays, Samples};
+pub use words::{Named, spelled_out};

@@ -80,4 +80,4 @@ pub use parcorr_wls::ParCorrWls;
 pub use registry::{by_name, draws, names, smallest_p, spelled};
 pub use regression_ci::RegressionCi;
 pub use robust_parcorr::RobustParCorr;
-pub use settings::{Confidence, GpSearch, MOST_SURROGATES, Significance, TestSettings};
+pub use settings::{Confidence, GpSearch, MOST_SURROGATES, Significance, TRANSFORMS, TestSettings};

@@ -27,7 +27,7 @@ impl NullDistributions {
     /// # Errors
     /// No distribution, one without a value, two of one size, or a value that is not finite.
     pub fn new(given: impl IntoIterator<Item = (usize, Vec<f64>)>) -> Result<Self> {
-        let fail = |reason: String| Err(Error::param("null-dist", reason));
+        let fail = |reason: String| Err(Error::param("null_dist", reason));
         let mut all = BTreeMap::new();
         for (size, mut values) in given {
             if values.is_empty() || values.iter().any(|value| !value.is_finite()) {
@@ -53,7 +53,7 @@ impl NullDistributions {
     /// Text that is not such a table, and those of [`NullDistributions::new`].
     pub fn parse(text: &str) -> Result<Self> {
         let wrong = |line: usize, cell: &str, what: &str| {
-            Error::param("null-dist", format!("line {line}: '{cell}' is no {what}"))
+            Error::param("null_dist", format!("line {line}: '{cell}' is no {what}"))
         };
         let mut lines = text.lines().zip(1..).filter(|(line, _)| !line.trim().is_empty());
         let Some((header, at)) = lines.next() else { return Self::new([]) };

@@ -19,23 +19,10 @@ pub enum Significance {
     FixedThres,
 }
 
-impl Significance {
-    /// The names that [`str::parse`] knows.
-    pub const NAMES: &'static [&'static str] = &["analytic", "shuffle", "threshold"];
-}
+crate::words!(Significance, "significance": Analytic "analytic", ShuffleTest "shuffle" | "shuffle_test", FixedThres "threshold" | "fixed_thres");
 
-impl std::str::FromStr for Significance {
-    type Err = Error;
-
-    fn from_str(text: &str) -> Result<Self> {
-        match text {
-            "analytic" => Ok(Self::Analytic),
-            "shuffle" | "shuffle_test" => Ok(Self::ShuffleTest),
-            "threshold" | "fixed_thres" => Ok(Self::FixedThres),
-            _ => Err(Error::unknown("significance", text, Self::NAMES)),
-        }
-    }
-}
+/// What CMIknn turns values into before it measures distances.
+pub const TRANSFORMS: &[&str] = &["ranks", "uniform", "standardize", "none"];
 
 /// How a confidence interval is computed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -45,6 +32,8 @@ pub enum Confidence {
     /// From block-bootstrap samples.
     Bootstrap,
 }
+
+crate::words!(Confidence, "confidence": Analytic "analytic", Bootstrap "bootstrap");
 
 /// How GPDC searches for the maximum of a likelihood. Both end in the same one.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -56,28 +45,7 @@ pub enum GpSearch {
     Exact,
 }
 
-impl GpSearch {
-    /// The names that [`str::parse`] knows.
-    pub const NAMES: &'static [&'static str] = &["default", "exact"];
-
-    /// The name.
-    pub fn name(self) -> &'static str {
-        Self::NAMES[self as usize]
-    }
-}
-
-impl std::str::FromStr for GpSearch {
-    type Err = Error;
-
-    fn from_str(text: &str) -> Result<Self> {
-        [Self::Default, Self::Exact].into_iter().find(|search| search.name() == text).ok_or_else(|| {
-            Error::param(
-                "gp-search",
-                format!("there is no search '{text}'; known: {}", Self::NAMES.join(", ")),
-            )
-        })
-    }
-}
+crate::words!(GpSearch, "gp_search": Default "default", Exact "exact");
 
 /// Settings of any test, as [`super::by_name`] takes them; a test reads what concerns it. `None` is the test's own default.
 ///
@@ -112,13 +80,13 @@ pub struct TestSettings {
     /// Seed of all random numbers. Default 42.
     pub seed: u64,
     /// `cmiknn`: number of neighbours; below 1, the fraction of the samples. Default 0.2.
-    pub knn: Option<f64>,
+    pub knn: f64,
     /// `cmiknn`: neighbours in Z among which Y is permuted. Default 5.
-    pub shuffle_neighbors: Option<usize>,
+    pub shuffle_neighbors: usize,
     /// `cmiknn`: a test ends once so many surrogates have reached its value; `None` (default, as the reference): all are drawn.
     pub shuffle_stop: Option<usize>,
     /// `cmiknn`: `ranks` (default), `uniform`, `standardize` or `none`.
-    pub transform: Option<String>,
+    pub transform: String,
     /// `gpdc`: how the maximum of a likelihood is searched for.
     pub gp_search: GpSearch,
     /// `gpdc`: searches from this many random places more, of which the best counts. Default 0, as the reference.
@@ -129,7 +97,7 @@ pub struct TestSettings {
     /// purpose". Default false.
     pub as_tigramite: bool,
     /// Memory in bytes that a test may take; `None`: no limit.
-    pub max_memory: Option<usize>,
+    pub max_memory: Option<u64>,
 }
 
 impl Default for TestSettings {
@@ -143,10 +111,10 @@ impl Default for TestSettings {
             conf_samples: 100,
             conf_blocklength: None,
             seed: 42,
-            knn: None,
-            shuffle_neighbors: None,
+            knn: 0.2,
+            shuffle_neighbors: 5,
             shuffle_stop: None,
-            transform: None,
+            transform: "ranks".into(),
             gp_search: GpSearch::Default,
             gp_restarts: 0,
             null_distributions: None,

@@ -3,7 +3,7 @@
 use ndarray::Array3;
 
 use crate::{
-    ground::{CompleteRows, Control, DataFrame, Error, Node, Result, Samples},
+    ground::{CompleteRows, Control, DataFrame, Error, Named, Node, Result, Samples},
     numeric::{
         least_squares::{LeastSquares, ROUNDING},
         rows::moments,
@@ -30,14 +30,6 @@ pub enum Criterion {
 }
 
 impl Criterion {
-    /// The names that [`str::parse`] knows.
-    pub const NAMES: &'static [&'static str] = &["aic", "bic", "hqic"];
-
-    /// The name.
-    pub fn name(self) -> &'static str {
-        Self::NAMES[self as usize]
-    }
-
     /// The score of `n` samples with `parameters` coefficients and this `ln det(E'E / n)`.
     fn score(self, ln_det: f64, n: usize, parameters: usize) -> f64 {
         let n = n as f64;
@@ -50,14 +42,7 @@ impl Criterion {
     }
 }
 
-impl std::str::FromStr for Criterion {
-    type Err = Error;
-
-    fn from_str(text: &str) -> Result<Self> {
-        let found = [Self::Aic, Self::Bic, Self::Hqic].into_iter().find(|criterion| criterion.name() == text);
-        found.ok_or_else(|| Error::unknown("criterion", text, Self::NAMES))
-    }
-}
+crate::words!(Criterion, "criterion": Aic "aic", Bic "bic", Hqic "hqic");
 
 /// All variables regressed on all variables at lags `first..=lags`.
 pub(super) struct Autoregression {
@@ -89,9 +74,10 @@ impl Autoregression {
         if rows.len() < needed {
             return Err(Error::Data(format!(
                 "{} complete samples are too few for {} coefficients of each variable: record at least {needed}, or lower \
-                 tau-max{}",
+                 {}{}",
                 rows.len(),
                 needed - 1,
+                Named("tau_max"),
                 if rows.n_lost() > 0 { " (samples with a missing value are left out)" } else { "" }
             )));
         }

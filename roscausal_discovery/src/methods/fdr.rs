@@ -2,8 +2,6 @@
 
 use ndarray::Array3;
 
-use crate::ground::{Error, Result};
-
 /// Correction of p-values for the number of tests.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Fdr {
@@ -14,24 +12,7 @@ pub enum Fdr {
     Bh,
 }
 
-impl Fdr {
-    /// Names of all corrections.
-    pub const NAMES: &[&str] = &["none", "fdr_bh"];
-
-    /// The name that users choose it by.
-    pub fn name(self) -> &'static str {
-        Self::NAMES[self as usize]
-    }
-}
-
-impl std::str::FromStr for Fdr {
-    type Err = Error;
-
-    fn from_str(text: &str) -> Result<Self> {
-        let known = [Self::None, Self::Bh].into_iter().find(|known| known.name().eq_ignore_ascii_case(text));
-        known.ok_or_else(|| Error::unknown("fdr", text, Self::NAMES))
-    }
-}
+crate::words!(Fdr, "fdr": None "none", Bh "fdr_bh");
 
 /// P-values corrected for multiple testing (Benjamini and Hochberg 1995). Only the entries in `tested` count and
 /// change.

@@ -127,7 +127,7 @@ pub fn run_granger(data: &DataFrame, settings: &GrangerSettings, control: &Contr
 impl GrangerSettings {
     fn check(&self) -> Result<()> {
         if self.tau_min == 0 {
-            return Err(Error::param("tau-min", "0: Granger causality knows the past only; give at least 1"));
+            return Err(Error::param("tau_min", "0: Granger causality knows the past only; give at least 1"));
         }
         Error::check_lags(self.tau_min, self.tau_max)
     }

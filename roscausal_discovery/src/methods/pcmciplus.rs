@@ -11,7 +11,7 @@ use super::{
     settings::{PCMCIPLUS_ALPHAS, PcmciSettings},
     skeleton::Skeleton,
 };
-use crate::ground::{CondIndTest, Control, DataFrame, Error, LinkAssumptions, LinkMark, Node, Result};
+use crate::ground::{CondIndTest, Control, DataFrame, LinkAssumptions, LinkMark, Node, Result};
 
 /// How PCMCI+ tells a collider from a chain in an unshielded triple.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -26,21 +26,7 @@ pub enum ColliderRule {
     None,
 }
 
-impl std::str::FromStr for ColliderRule {
-    type Err = Error;
-
-    fn from_str(text: &str) -> Result<Self> {
-        match text {
-            "majority" => Ok(Self::Majority),
-            "conservative" => Ok(Self::Conservative),
-            "none" => Ok(Self::None),
-            _ => Err(Error::param(
-                "contemp_collider_rule",
-                format!("'{text}' is not majority, conservative or none"),
-            )),
-        }
-    }
-}
+crate::words!(ColliderRule, "collider_rule": Majority "majority", Conservative "conservative", None "none");
 
 /// Settings that only PCMCI+ has.
 #[derive(Clone, Debug, PartialEq, Eq)]

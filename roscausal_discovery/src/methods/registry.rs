@@ -68,6 +68,8 @@ pub enum Reads {
     Orientation,
     /// Largest set of conditions that is chosen from more.
     MaxConds,
+    /// Correction of the p-values of single tests for their number.
+    Fdr,
     /// Most sets of conditions of one size for a pair.
     MaxSets,
     /// Whether contexts of interventions join their variables as conditions.
@@ -142,10 +144,10 @@ const USUAL: MethodInfo = MethodInfo {
 /// All methods, in the order of the enum: one entry each, which says how the method differs from the usual.
 const METHODS: [MethodInfo; 14] = {
     use Reads::{
-        ActsOn, ExtraConditions, FAlpha, MaxConds, MaxSets, NeglectOnlyAutodep, Orientation, PcAlpha,
+        ActsOn, ExtraConditions, FAlpha, Fdr, MaxConds, MaxSets, NeglectOnlyAutodep, Orientation, PcAlpha,
         TeEstimator,
     };
-    const OF_FILTER: &[Reads] = &[PcAlpha, MaxConds, FAlpha, TeEstimator, NeglectOnlyAutodep];
+    const OF_FILTER: &[Reads] = &[PcAlpha, MaxConds, Fdr, FAlpha, TeEstimator, NeglectOnlyAutodep];
     [
         MethodInfo {
             method: Method::Fpcmci,
@@ -157,7 +159,7 @@ const METHODS: [MethodInfo; 14] = {
             take_it: "when some variables may have no part in the system, and with a slow test",
             ..USUAL
         },
-        MethodInfo { method: Method::Pcmci, name: "pcmci", reads: &[PcAlpha, MaxConds], ..USUAL },
+        MethodInfo { method: Method::Pcmci, name: "pcmci", reads: &[PcAlpha, MaxConds, Fdr], ..USUAL },
         MethodInfo {
             method: Method::Pcmciplus,
             name: "pcmciplus",
@@ -165,7 +167,7 @@ const METHODS: [MethodInfo; 14] = {
             tau_min: 0,
             pc_alpha: 0.01,
             one_level: true,
-            reads: &[PcAlpha, MaxConds, Orientation],
+            reads: &[PcAlpha, MaxConds, Fdr, Orientation],
             says: "lagged links; links at lag 0 with a direction where the data have one",
             cost: "as pcmci, and sets of neighbours at lag 0",
             take_it: "when effects follow faster than the samples",
@@ -174,6 +176,7 @@ const METHODS: [MethodInfo; 14] = {
         MethodInfo {
             method: Method::Fullci,
             name: "fullci",
+            reads: &[Fdr],
             cost: "N^2 p tests of N p conditions",
             take_it: "with few variables and many samples, to compare",
             ..USUAL
@@ -181,6 +184,7 @@ const METHODS: [MethodInfo; 14] = {
         MethodInfo {
             method: Method::Bivci,
             name: "bivci",
+            reads: &[Fdr],
             assumes: "no third variable drives two others",
             says: "pairs",
             cost: "N^2 p tests of p conditions",
@@ -191,6 +195,7 @@ const METHODS: [MethodInfo; 14] = {
             method: Method::Lagdep,
             name: "lagdep",
             aliases: &["laggeddependencies"],
+            reads: &[Fdr],
             assumes: "nothing",
             says: "dependencies, not links",
             cost: "N^2 p tests without conditions",
@@ -200,6 +205,7 @@ const METHODS: [MethodInfo; 14] = {
         MethodInfo {
             method: Method::Granger,
             name: "granger",
+            reads: &[Fdr],
             lag_zero: false,
             asks_test: false,
             assumes: "all common causes recorded; linear effects, none within a sample",
@@ -293,7 +299,7 @@ const METHODS: [MethodInfo; 14] = {
             pc_alpha: 0.01,
             one_level: true,
             test: "parcorr",
-            reads: &[PcAlpha, MaxConds, Orientation],
+            reads: &[PcAlpha, MaxConds, Fdr, Orientation],
             assumes: "all common causes recorded but what is constant in a recording; linear effects, the same in all recordings",
             says: "as pcmciplus; what several recordings differ in makes no link",
             cost: "as pcmciplus, three times",

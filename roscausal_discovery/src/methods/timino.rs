@@ -19,7 +19,7 @@ use rayon::prelude::*;
 
 use super::result::{PcmciResult, Status};
 use crate::{
-    ground::{CompleteRows, Control, DataFrame, Error, LinkMark, Node, Result, SampleCount, Samples},
+    ground::{CompleteRows, Control, DataFrame, Error, LinkMark, Named, Node, Result, SampleCount, Samples},
     independence_tests::{TestSettings, dependence, gp_residuals},
     numeric::{
         least_squares::LeastSquares,
@@ -178,7 +178,7 @@ pub fn run_timino(data: &DataFrame, settings: &TiminoSettings, control: &Control
 impl TiminoSettings {
     fn check(&self) -> Result<()> {
         if self.tau_max == 0 {
-            return Err(Error::param("tau-max", "0 leaves no past; give at least 1"));
+            return Err(Error::param("tau_max", "0 leaves no past; give at least 1"));
         }
         Error::check_lags(self.tau_min, self.tau_max)
     }
@@ -204,9 +204,10 @@ impl Models<'_> {
             return Ok(());
         }
         Err(Error::Data(format!(
-            "{} complete samples are too few for {} causes of each variable: record at least {needed}, or lower tau-max",
+            "{} complete samples are too few for {} causes of each variable: record at least {needed}, or lower {}",
             self.rows.len(),
-            needed - 2
+            needed - 2,
+            Named("tau_max")
         )))
     }
 

@@ -3,6 +3,7 @@
 use std::collections::{HashMap, HashSet};
 
 use serde::{Deserialize, Deserializer, de::Error as _};
+use serde_json::{Map, Value};
 
 use super::{Confidence, Link, LinkSize, Model, Outcome, SCHEMA, SCHEMA_1, confidence, is_listed};
 use crate::{
@@ -374,6 +375,8 @@ struct Unchecked {
     n_samples: usize,
     n_recordings: usize,
     seed: u64,
+    #[serde(default)]
+    settings: Map<String, Value>,
     run_time_s: Option<f64>,
     features: Vec<String>,
     dropped: Vec<String>,

@@ -5,6 +5,7 @@ mod confidence;
 mod outcome;
 
 use serde::{Deserialize, Serialize};
+use serde_json::{Map, Value};
 
 pub use confidence::{Advice, Confidence, ResamplingFacts, word_of};
 pub use outcome::Outcome;
@@ -57,6 +58,9 @@ pub struct Model {
     pub n_recordings: usize,
     /// Seed of all random numbers.
     pub seed: u64,
+    /// The other settings that were not the default, by their names in Python; empty: none, and absent in files.
+    #[serde(skip_serializing_if = "Map::is_empty")]
+    pub settings: Map<String, Value>,
     /// Run time in seconds; null in files, so that the same seed gives the same bytes.
     pub run_time_s: Option<f64>,
     /// Variables of the model, in the order of the matrices.
@@ -426,6 +430,7 @@ pub(crate) fn example() -> Model {
         n_samples: 498,
         n_recordings: 1,
         seed: 1,
+        settings: Map::new(),
         run_time_s: Some(0.1),
         features: vec![],
         dropped: vec![],

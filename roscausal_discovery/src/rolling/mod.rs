@@ -23,11 +23,12 @@ use std::ops::Range;
 use serde::{Deserialize, Serialize};
 
 use crate::{
-    analysis::{Settings, analyse},
+    analysis::analyse,
     confidence::{Resampling, analyse_resampled},
-    ground::{Control, DataFrame, Error, Result},
+    ground::{Control, DataFrame, Error, Named, Result},
     methods::Status,
     model::Model,
+    settings::Settings,
 };
 
 /// Version of the layout of models over time.
@@ -80,9 +81,11 @@ impl Windows {
         let past = tau_max.saturating_mul(2);
         if self.length <= past {
             let reason = format!(
-                "at the start of a recording {} rows have no sample, since the first {past} only serve as the past of others (tau_max \
-                 = {tau_max}); give more than {past}, or a lower tau_max",
-                self.length
+                "at the start of a recording {} rows have no sample, since the first {past} only serve as the past of others ({} \
+                 = {tau_max}); give more than {past}, or a lower {}",
+                self.length,
+                Named("tau_max"),
+                Named("tau_max")
             );
             return Err(Error::param("window", reason));
         }

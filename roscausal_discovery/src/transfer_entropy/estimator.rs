@@ -1,6 +1,6 @@
 //! What an estimator of information is.
 
-use crate::ground::{Error, Node, Result};
+use crate::ground::Node;
 
 /// How the filter sees dependence.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -18,14 +18,6 @@ pub enum TeEstimator {
 }
 
 impl TeEstimator {
-    /// Names of all estimators.
-    pub const NAMES: &[&str] = &["auto", "gaussian", "gaussian+dcor", "kraskov"];
-
-    /// The name that users choose it by.
-    pub fn name(self) -> &'static str {
-        Self::NAMES[self as usize]
-    }
-
     /// The estimator that goes with an independence test, for `Auto`.
     #[must_use]
     pub fn for_test(self, is_linear: bool) -> Self {
@@ -37,16 +29,7 @@ impl TeEstimator {
     }
 }
 
-impl std::str::FromStr for TeEstimator {
-    type Err = Error;
-
-    fn from_str(text: &str) -> Result<Self> {
-        let wanted = text.to_ascii_lowercase();
-        let all = [Self::Auto, Self::Gaussian, Self::GaussianDcor, Self::Kraskov];
-        let known = all.into_iter().find(|known| known.name() == wanted);
-        known.ok_or_else(|| Error::unknown("te-estimator", text, Self::NAMES))
-    }
-}
+crate::words!(TeEstimator, "te_estimator": Auto "auto", Gaussian "gaussian", GaussianDcor "gaussian+dcor", Kraskov "kraskov");
 
 /// Information estimates and their null distributions on the samples of one run. The `p_*` methods return the
 /// fraction of surrogates whose statistic is not below `value`.
@@ -82,7 +65,7 @@ mod tests {
         assert_eq!("Kraskov".parse::<TeEstimator>().unwrap(), TeEstimator::Kraskov);
         assert_eq!("gaussian".parse::<TeEstimator>().unwrap(), TeEstimator::Gaussian);
         let error = "gausian".parse::<TeEstimator>().unwrap_err().to_string();
-        assert!(error.contains("te-estimator") && error.contains("did you mean 'gaussian'?"), "{error}");
+        assert!(error.contains("te_estimator") && error.contains("did you mean 'gaussian'?"), "{error}");
     }
 
     #[test]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,7 +14,12 @@ from ._native import SettingError
 from .data import frame_of, recordings_of
 from .model import Model
 from .progress import Progress, reporter
-from .quick import Method, as_json, nulls_of, settings_of
+from .quick import as_json, settings_of
+
+if TYPE_CHECKING:
+    from typing_extensions import Unpack
+
+    from .settings import Settings
 
 
 @dataclass(frozen=True)
@@ -141,10 +146,9 @@ def roll(
     window: int,
     step: int | None = None,
     columns: Sequence[str] | None = None,
-    method: Method | str = "fpcmci",
     test: str | None = None,
     progress: Progress = None,
-    **settings: Any,
+    **settings: Unpack[Settings],
 ) -> Rolling:
     """Analyses each window of the data on its own.
 
@@ -153,10 +157,9 @@ def roll(
         window: Rows of a window.
         step: Rows from one window to the next; None: as many as a window has.
         columns: The variables to analyse, in this order; for an array: its names.
-        method: As for `rc.discover`.
         test: Name of an independence test; None: the method's own.
         progress: True: a bar; or a function of (windows done, windows).
-        settings: The other settings of `rc.discover`; not `resamples` and `vectors`. `time_budget` is that of all windows together.
+        settings: The other settings of `rc.discover`; not those of resamples. `time_budget` is that of all windows together.
 
     Returns:
         The models.
@@ -174,12 +177,12 @@ def roll(
     """
     if test is not None and not isinstance(test, str):
         raise SettingError("setting 'test': windows need a test by its name")
+    given: dict[str, Any] = dict(settings)
     for name in ("resamples", "resampling", "share", "block"):
-        if settings.pop(name, None):
+        if given.pop(name, None):
             raise SettingError(f"setting '{name}': windows are not resampled; call rc.discover on the rows of one window")
-    settings["null_dist"] = nulls_of(settings.get("null_dist"))
     found = recordings_of(data, columns)
-    text = as_json({**settings_of(found, method=method, **settings), "test": test})
+    text = as_json(settings_of(found, test=test, **given))
     cut = (_rows("window", window), _rows("step", window if step is None else step))
     windows, status = _native.roll(frame_of(found), text, *cut, reporter(progress, "windows"))
     models = [Window(k, start, end, Model(model, found.rows(k, start, end))) for k, start, end, model in windows]

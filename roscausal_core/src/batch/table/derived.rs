@@ -1,7 +1,7 @@
 //! Variables derived from the columns of a table: `closing = diff(dist)`.
 
 use ndarray::{Array2, ArrayView2, s};
-use roscausal_discovery::names::plain;
+use roscausal_discovery::{Named, names::plain};
 
 use super::Table;
 use crate::{
@@ -111,7 +111,10 @@ impl Table {
             if expression.mentions_time() && self.time.is_none() {
                 return Err(fault(
                     derived,
-                    "...: it needs times, and the table has none; --time-column names them",
+                    &format!(
+                        "...: it needs times, and the table has none; {} names them",
+                        Named("time_column")
+                    ),
                 ));
             }
             let (rows, columns) = self.values.dim();

@@ -11,6 +11,8 @@
 
 use std::path::{Path, PathBuf};
 
+use roscausal_discovery::Named;
+
 use super::{
     Note, Table,
     steps::{self, GAP_STEPS, Steps, at_times, digits, evenly},
@@ -68,8 +70,9 @@ impl<'a> Part<'a> {
         let time = table.time.as_deref().unwrap_or_default();
         let step = steps::median_step(time).filter(|step| *step > 0.0).ok_or_else(|| {
             format!(
-                "{} has no times to join it by; --time-column names the column of times, which all files need",
-                path.display()
+                "{} has no times to join it by; {} names the column of times, which all files need",
+                path.display(),
+                Named("time_column")
             )
         })?;
         Ok(Self { path, time, step })

@@ -7,6 +7,7 @@
 use std::str::FromStr;
 
 use ndarray::{Array2, Axis, s};
+use roscausal_discovery::Named;
 
 use super::{Note, Table};
 use crate::memory::{Memory, most_grown};
@@ -87,11 +88,11 @@ impl Table {
     pub fn at_even_steps(mut self, steps: &Steps) -> Result<Vec<Self>, String> {
         let Some(time) = self.time.take() else {
             return match steps.dt {
-                Some(_) => Err(
-                    "it has no times, so it cannot be resampled; leave --dt out, or name the column with \
-                                --time-column"
-                        .into(),
-                ),
+                Some(_) => Err(format!(
+                    "it has no times, so it cannot be resampled; leave {} out, or name the column with {}",
+                    Named("dt"),
+                    Named("time_column")
+                )),
                 None => Ok(vec![self]),
             };
         };
@@ -187,8 +188,10 @@ impl Jitter {
         if self.uneven > IRREGULAR || !self.deviation.is_finite() {
             return Err(format!(
                 "its steps are uneven: the median is {median} s, and {} % of them are off by more than a quarter; a lag would mean \
-                 many times. Resample it with --dt {median} --resample last (or mean, or linear)",
-                percent(self.uneven)
+                 many times. Resample it with {} {median} {} last (or mean, or linear)",
+                percent(self.uneven),
+                Named("dt"),
+                Named("resample")
             ));
         }
         let told = || {
@@ -217,7 +220,7 @@ fn resampled(
 pub(super) fn evenly(first: f64, last: f64, dt: f64, most: f64) -> Result<Vec<f64>, String> {
     let count = ((last - first) / dt * (1.0 + 1e-12) + 1e-6).floor() + 1.0;
     if !(dt > 0.0 && count <= most) {
-        return Err(format!("--dt {dt} would give {count} rows; give a longer step"));
+        return Err(format!("{} {dt} would give {count} rows; give a longer step", Named("dt")));
     }
     Ok((0..count as usize).map(|row| first + row as f64 * dt).collect())
 }
@@ -316,10 +319,7 @@ mod tests {
             })
             .collect();
         let error = table(&time, |t| t).at_even_steps(&Steps::default()).expect_err("uneven");
-        assert!(
-            error.contains("uneven") && error.contains("--dt 0.") && error.contains("--resample last"),
-            "{error}"
-        );
+        assert!(error.contains("uneven") && error.contains(&format!("{} 0.", Named("dt"))), "{error}");
         let steps = Steps { dt: Some(0.1), how: Resample::Linear, ..Steps::default() };
         let even = table(&time, |t| 3.0 * t).at_even_steps(&steps).expect("resampled").remove(0);
         assert!((even.dt().expect("times") - 0.1).abs() < 1e-9);

@@ -37,8 +37,9 @@ fn separators_of_other_countries_are_found() {
 fn a_complaint_names_line_column_and_the_way_out() {
     assert!(complaint("").contains("empty"));
     assert!(complaint("a,b\n").contains("only a header"));
+    let told = roscausal_discovery::spelled_out(&complaint("a,b\n1,2\n3,fast\n"), |id| format!("--{id}"));
     assert_eq!(
-        complaint("a,b\n1,2\n3,fast\n"),
+        told,
         "line 3, column 'b': 'fast' is not a number; correct it, leave the cell empty, name the columns to use with \
          --columns, or turn words into codes with --encode codes"
     );

@@ -2,6 +2,7 @@
 
 use std::{collections::BTreeMap, path::Path};
 
+use roscausal_discovery::Named;
 use roscausal_msgs::geometry_msgs::{Point, Quaternion, Twist};
 use roscausal_msgs::std_msgs::Header;
 
@@ -313,7 +314,10 @@ fn times(
         Clock::Frame(column) => {
             let rate = reading.frame_rate.unwrap_or(USUAL_FRAME_RATE);
             if !(rate.is_finite() && rate > 0.0) {
-                return Err(format!("--frame-rate {rate} is not a number of frames per second above 0"));
+                return Err(format!(
+                    "{} {rate} is not a number of frames per second above 0",
+                    Named("frame_rate")
+                ));
             }
             if reading.frame_rate.is_none() {
                 notes.push(format!("frames are taken as {rate} per second (--frame-rate says otherwise)"));

@@ -10,6 +10,8 @@
 
 use std::{collections::BTreeMap, str::FromStr};
 
+use roscausal_discovery::Named;
+
 use crate::batch::table::{binary::Column, columns::time_name, grid::Grid, time::Unit};
 
 /// Names of the columns of each role, in lower case and without a unit.
@@ -168,11 +170,11 @@ pub(super) fn of(grid: &Grid, given: &BTreeMap<String, String>) -> Result<Layout
     let width = grid.columns.len();
     let first = |column: usize| grid.columns.get(column).map_or(f64::NAN, |(_, column)| column.number(0));
     if width < 4 || grid.columns.iter().take(4).any(|(_, column)| matches!(column, Column::Words(_))) {
-        return Err(
+        return Err(format!(
             "no line has the names of the columns of trajectories; an agent's id, its time (or frame), x and y are needed, named \
-             so or with --trajectory-columns id=NAME,time=NAME,x=NAME,y=NAME"
-                .into(),
-        );
+             so or with {} id=NAME,time=NAME,x=NAME,y=NAME",
+            Named("trajectory_columns")
+        ));
     }
     let roles = |columns: &[(&'static str, usize)]| columns.iter().copied().collect::<BTreeMap<_, _>>();
     if width == 8 && first(0) > 1e8 {
@@ -238,7 +240,8 @@ fn of_names(names: &[&str], given: &BTreeMap<String, String>) -> Result<Layout, 
 fn lacking(role: &str, names: &[&str]) -> String {
     let short = role.split(' ').next().unwrap_or(role);
     format!(
-        "no column is called {role}; --trajectory-columns {short}=NAME names it (roles: {NAMED_ROLES}); columns: {}",
+        "no column is called {role}; {} {short}=NAME names it (roles: {NAMED_ROLES}); columns: {}",
+        Named("trajectory_columns"),
         names.join(", ")
     )
 }

@@ -12,6 +12,7 @@ mod tests;
 use std::{collections::BTreeMap, path::Path};
 
 use ndarray::Array2;
+use roscausal_discovery::Named;
 
 use super::{
     EndedBy, Recording, Select, Table, Values,
@@ -122,8 +123,11 @@ pub fn walks(
     );
     if tables.is_empty() {
         let reason = format!(
-            "nobody is there for {} rows of {} s; choose a shorter step with --dt, or a smaller --tau-max",
-            choice.least_rows, scene.dt
+            "nobody is there for {} rows of {} s; choose a shorter step with {}, or a smaller {}",
+            choice.least_rows,
+            scene.dt,
+            Named("dt"),
+            Named("tau_max")
         );
         return Err(Error::file(path, reason));
     }

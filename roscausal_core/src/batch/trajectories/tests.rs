@@ -160,8 +160,8 @@ fn what_is_no_such_table_is_one_sentence_with_the_way_out() {
     let fault = |content: &str| {
         read(content, &TrajectoryReading::default(), &choice("all")).err().expect("refused").to_string()
     };
-    assert!(fault("time,a,b\n0,1,2\n").contains("--trajectory-columns"));
-    assert!(fault("hello world\n").contains("--trajectory-columns"));
+    assert!(fault("time,a,b\n0,1,2\n").contains("trajectory_columns"));
+    assert!(fault("hello world\n").contains("trajectory_columns"));
     assert!(fault("").contains("walk.csv"));
     assert!(fault("id,time,x,y\n").contains("no rows"));
     assert!(fault("id,time,x,y\n1,,3,4\n").contains("nobody is in it"));

@@ -16,7 +16,7 @@ use super::{
     settings::{Confidence, Significance, TestSettings},
 };
 use crate::{
-    ground::{CondIndTest, Error, LaggedArrays, Node, PreparedTest, Result, Samples, TestResult},
+    ground::{CondIndTest, Error, LaggedArrays, Named, Node, PreparedTest, Result, Samples, TestResult},
     numeric::{
         random::{Rng, seed_of_draw},
         rows::{is_constant, moments, random_ranks, standardized},
@@ -87,18 +87,18 @@ impl CmiKnn {
         if settings.confidence == Some(Confidence::Analytic) {
             return Err(Error::param("confidence", "cmiknn has none from theory; choose 'bootstrap'"));
         }
-        let knn = settings.knn.unwrap_or(0.2);
+        let knn = settings.knn;
         if !(knn > 0.0 && knn.is_finite()) {
             let reason =
                 format!("{knn} must be a number of neighbours, or a fraction of the samples below 1");
             return Err(Error::param("knn", reason));
         }
-        let shuffle_neighbors = settings.shuffle_neighbors.unwrap_or(5);
+        let shuffle_neighbors = settings.shuffle_neighbors;
         if shuffle_neighbors < 2 {
             let reason = format!("{shuffle_neighbors} must be at least 2, of which the sample itself is one");
             return Err(Error::param("shuffle_neighbors", reason));
         }
-        let transform = match settings.transform.as_deref().unwrap_or("ranks") {
+        let transform = match settings.transform.as_str() {
             "ranks" | "uniform" => Transform::Ranks,
             "standardize" => Transform::Standardize,
             "none" => Transform::None,
@@ -125,10 +125,11 @@ impl CondIndTest for CmiKnn {
     fn prepare<'a>(&'a self, samples: &'a Samples<'a>) -> Result<Box<dyn PreparedTest + 'a>> {
         if self.neighbours(samples.len()).is_none() {
             return Err(Error::Data(format!(
-                "{} samples after a cut-off of {} are too few for cmiknn with knn = {}: record longer or lower knn",
+                "{} samples after a cut-off of {} are too few for cmiknn with {knn} = {}: record longer or lower {knn}",
                 samples.len(),
                 samples.cut_off(),
-                self.knn
+                self.knn,
+                knn = Named("knn")
             )));
         }
         Ok(Box::new(Prepared { test: self, samples }))

@@ -88,9 +88,9 @@ fn ranks_do_not_see_monotone_changes() {
     let data = fork(150, 5, true);
     let bent = data.mapv(|v| (3.0 * v).exp());
     assert_eq!(run_with(data.clone(), &settings(), &Z), run_with(bent.clone(), &settings(), &Z));
-    let uniform = TestSettings { transform: Some("uniform".into()), ..settings() };
+    let uniform = TestSettings { transform: "uniform".into(), ..settings() };
     assert_eq!(run_with(data.clone(), &settings(), &Z), run_with(data.clone(), &uniform, &Z));
-    let standardize = TestSettings { transform: Some("standardize".into()), ..settings() };
+    let standardize = TestSettings { transform: "standardize".into(), ..settings() };
     let scaled = &data * 7.0 + 3.0;
     let (a, b) = (run_with(data, &standardize, &Z), run_with(scaled, &standardize, &Z));
     assert!((a.value - b.value).abs() < 1e-9);
@@ -108,8 +108,8 @@ fn the_value_of_dependent_normals_is_near_the_true_information() {
     });
     let settings = TestSettings {
         significance: Some(Significance::FixedThres),
-        knn: Some(10.0),
-        transform: Some("standardize".into()),
+        knn: 10.0,
+        transform: "standardize".into(),
         ..TestSettings::default()
     };
     let value = run_with(mixed, &settings, &[]).value;
@@ -133,17 +133,17 @@ fn ties_constants_and_short_data_have_defined_answers() {
     assert!((constant_z - run_with(data, &settings(), &[]).value).abs() < 1e-12);
     let names = vec!["a".into(), "b".into()];
     let short = DataFrame::new(vec![Array2::zeros((3, 2))], names).expect("is a frame");
-    let test = CmiKnn::new(&TestSettings { knn: Some(5.0), ..settings() }).expect("is a test");
+    let test = CmiKnn::new(&TestSettings { knn: 5.0, ..settings() }).expect("is a test");
     assert!(test.prepare(&Samples::new(&short, 0)).is_err());
 }
 
 #[test]
 fn settings_out_of_range_are_named() {
     for bad in [
-        TestSettings { knn: Some(0.0), ..settings() },
-        TestSettings { knn: Some(f64::NAN), ..settings() },
-        TestSettings { shuffle_neighbors: Some(1), ..settings() },
-        TestSettings { transform: Some("rank".into()), ..settings() },
+        TestSettings { knn: 0.0, ..settings() },
+        TestSettings { knn: f64::NAN, ..settings() },
+        TestSettings { shuffle_neighbors: 1, ..settings() },
+        TestSettings { transform: "rank".into(), ..settings() },
         TestSettings { significance: Some(Significance::Analytic), ..settings() },
         TestSettings { confidence: Some(Confidence::Analytic), ..settings() },
     ] {

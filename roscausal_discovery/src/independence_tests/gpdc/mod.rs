@@ -98,6 +98,11 @@ const DEFAULT_TABLE: usize = 500;
 /// Bytes for large matrices where the settings give no bound.
 const DEFAULT_MEMORY: usize = 900 << 20;
 
+/// Bytes for large matrices.
+fn memory_of(settings: &TestSettings) -> usize {
+    settings.max_memory.map_or(DEFAULT_MEMORY, |bytes| usize::try_from(bytes).unwrap_or(usize::MAX))
+}
+
 /// GPDC and its settings: the test for links that are not linear, on up to some ten thousand samples.
 ///
 /// It assumes additive noise and conditions whose effect is smooth; where links may depend on the conditions in other ways take
@@ -161,7 +166,7 @@ impl Gpdc {
         let threads = rayon::current_num_threads();
         let needed = GaussianProcess::bytes(n, threads, self.settings.gp_search);
         match self.settings.max_memory {
-            Some(allowed) if needed > allowed => Err(Error::param(
+            Some(allowed) if needed as u64 > allowed => Err(Error::param(
                 "max_memory",
                 format!(
                     "gpdc on {n} samples with {threads} threads may need {} MB and {} MB are allowed; use fewer \
@@ -170,7 +175,7 @@ impl Gpdc {
                     allowed >> 20
                 ),
             )),
-            allowed => Ok(Resources::new(allowed.unwrap_or(DEFAULT_MEMORY))),
+            _ => Ok(Resources::new(memory_of(&self.settings))),
         }
     }
 }

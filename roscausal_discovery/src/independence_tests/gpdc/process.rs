@@ -10,8 +10,9 @@ use faer::{
 };
 
 use super::{
-    DEFAULT_MEMORY, FEWEST_SAMPLES,
+    FEWEST_SAMPLES,
     kernel::Inputs,
+    memory_of,
     regression::{GaussianProcess, SearchSettings},
     resources::Resources,
     theta::Theta,
@@ -53,8 +54,7 @@ impl GpOptimum {
     pub fn find(target: &[f64], conditions: &[Vec<f64>], settings: &TestSettings) -> Result<Self> {
         check(target, conditions)?;
         let rows: Vec<Vec<f64>> = conditions.iter().map(|row| standardized(row)).collect();
-        let process =
-            GaussianProcess::new(&rows, &Resources::new(settings.max_memory.unwrap_or(DEFAULT_MEMORY)));
+        let process = GaussianProcess::new(&rows, &Resources::new(memory_of(settings)));
         let TestSettings { gp_search, gp_restarts, seed, .. } = *settings;
         let how = SearchSettings { search: gp_search, restarts: gp_restarts, seed };
         let target = standardized(target);

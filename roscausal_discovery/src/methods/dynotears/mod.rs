@@ -7,7 +7,7 @@ use ndarray::{Array2, Array3};
 
 use super::{autoregression::complete_rows, result::PcmciResult};
 use crate::{
-    ground::{CompleteRows, Control, DataFrame, Error, LinkMark, Node, Result},
+    ground::{CompleteRows, Control, DataFrame, Error, LinkMark, Named, Node, Result},
     numeric::rows::{dot, moments, standardized},
 };
 use acyclic::cycles;
@@ -117,8 +117,9 @@ pub fn run_dynotears(
     let rows = complete_rows(data, settings.tau_max, control)?;
     if rows.len() < 2 {
         return Err(Error::Data(format!(
-            "{} complete samples are too few: record longer, or lower tau-max",
-            rows.len()
+            "{} complete samples are too few: record longer, or lower {}",
+            rows.len(),
+            Named("tau_max")
         )));
     }
     let problem = Problem::new(&rows, settings);

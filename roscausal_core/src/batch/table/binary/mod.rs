@@ -18,6 +18,7 @@ use super::{
 };
 use crate::memory::Memory;
 use ndarray::Array2;
+use roscausal_discovery::Named;
 
 /// The index that pandas writes into a file.
 const PANDAS_INDEX: &str = "__index_level_0__";
@@ -153,14 +154,17 @@ fn as_numbers(
             let word: String =
                 words.get(row).cloned().flatten().unwrap_or_default().chars().take(40).collect();
             return Err(Complaint::File(format!(
-                "row {}, column '{name}': '{word}' is not a number; name the columns to use with --columns, or turn words into \
-                 codes with --encode codes",
-                row + 1
+                "row {}, column '{name}': '{word}' is not a number; name the columns to use with {}, or turn words into \
+                 codes with {} codes",
+                row + 1,
+                Named("columns"),
+                Named("encode")
             )));
         }
         Column::Other(what) => {
             return Err(Complaint::File(format!(
-                "column '{name}' holds {what}, not numbers; leave it out, such as with --columns '!{name}'"
+                "column '{name}' holds {what}, not numbers; leave it out, such as with {} '!{name}'",
+                Named("columns")
             )));
         }
     };
@@ -198,7 +202,8 @@ fn seconds(
         }
         Column::Other(what) => {
             return Err(Complaint::File(format!(
-                "column '{name}' holds {what}, not times; --time-column names another"
+                "column '{name}' holds {what}, not times; {} names another",
+                Named("time_column")
             )));
         }
     };

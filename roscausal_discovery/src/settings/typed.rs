@@ -1,13 +1,14 @@
 //! What to analyse, and how.
 
-use std::sync::Arc;
+use serde_json::Map;
 
+use super::Request;
 use crate::{
-    ground::{Assumption, CondIndTest, DataFrame, Dummy, Error, LinkAssumptions, Result, names},
-    independence_tests::{self, GpSearch, NullDistributions, Significance},
+    ground::{Assumption, CondIndTest, DataFrame, Dummy, Error, LinkAssumptions, Named, Result, names},
+    independence_tests::{self, Significance, TestSettings},
     methods::{
-        ActsOn, DynotearsSettings, Fdr, GrangerSettings, LpcmciSettings, Method, PcmciPlusSettings,
-        PcmciSettings, Reads, TiminoModel, TiminoSettings, TsfciSettings, VarlingamSettings,
+        ActsOn, Fdr, LpcmciSettings, Method, PcmciPlusSettings, PcmciSettings, Reads, TiminoModel,
+        TiminoSettings, TsfciSettings,
     },
     model::{self, Model},
     transfer_entropy::TeEstimator,
@@ -35,7 +36,7 @@ pub enum PcAlpha {
 /// // The method's own level of the condition selection.
 /// assert_eq!((settings.pc_alpha, settings.level_of_pc()), (PcAlpha::Default, Some(0.01)));
 /// let error = Settings { tau_min: 5, ..settings }.check().unwrap_err();
-/// assert!(error.to_string().contains("tau-max"));
+/// assert!(error.to_string().contains("tau_max"));
 /// ```
 #[derive(Clone, Debug, PartialEq)]
 pub struct Settings {
@@ -43,6 +44,8 @@ pub struct Settings {
     pub method: Method,
     /// Name of an independence test ([`independence_tests::names`]).
     pub cond_ind_test: String,
+    /// What the test reads; its seed is that of all random numbers, below.
+    pub test: TestSettings,
     /// Significance level of a link, in (0, 1).
     pub alpha: f64,
     /// Level of the condition selection.
@@ -66,12 +69,6 @@ pub struct Settings {
     pub acts_on: Option<ActsOn>,
     /// Seed of all random numbers.
     pub seed: u64,
-    /// How GPDC searches for the maximum of a likelihood.
-    pub gp_search: GpSearch,
-    /// GPDC's searches from random places, of which the best counts.
-    pub gp_restarts: usize,
-    /// Memory in bytes that a test may take; `None`: no limit.
-    pub max_memory: Option<usize>,
     /// Which links may exist; `None`: all.
     pub link_assumptions: Option<LinkAssumptions>,
     /// Largest condition set of the condition selection (LPCMCI: beyond the conditions that are always there); `None`: no limit.
@@ -80,14 +77,6 @@ pub struct Settings {
     pub max_sets: Option<usize>,
     /// CAnDOIT: whether contexts join their variables as conditions, as published.
     pub extra_conditions: bool,
-    /// How a test value becomes a p-value; `None`: the test's own way.
-    pub significance: Option<Significance>,
-    /// Surrogates of a shuffle test, or size of a null distribution, up to a million; `None`: the test's own number.
-    pub shuffles: Option<usize>,
-    /// CMIknn: surrogates that reach a test's value and end it; `None`: all are drawn.
-    pub shuffle_stop: Option<usize>,
-    /// GPDC's null distributions for some numbers of samples; else its own.
-    pub null_distributions: Option<Arc<NullDistributions>>,
     /// What only PCMCI+ has.
     pub pcmciplus: PcmciPlusSettings,
 }
@@ -97,6 +86,7 @@ impl Default for Settings {
         Self {
             method: Method::Fpcmci,
             cond_ind_test: "gpdc".into(),
+            test: TestSettings::default(),
             alpha: 0.05,
             pc_alpha: PcAlpha::Default,
             tau_min: 1,
@@ -108,17 +98,10 @@ impl Default for Settings {
             exogenous: Vec::new(),
             acts_on: None,
             seed: 42,
-            gp_search: GpSearch::Default,
-            gp_restarts: 0,
-            max_memory: None,
             link_assumptions: None,
             max_conds: None,
             max_sets: None,
             extra_conditions: true,
-            significance: None,
-            shuffles: None,
-            shuffle_stop: None,
-            null_distributions: None,
             pcmciplus: PcmciPlusSettings::default(),
         }
     }
@@ -137,20 +120,20 @@ impl Settings {
         if self.method == Method::Timino {
             TiminoModel::of_test(test.name())?;
         }
-        self.check_p_values(test.name())?;
-        self.check_gaussian_process(test.name())?;
-        self.check_numbers()
+        self.check_numbers(test.name())
     }
 
-    /// Checks everything but the name of the test.
-    pub(crate) fn check_numbers(&self) -> Result<()> {
+    /// Checks everything but the name of the test; `test` is the one that is used.
+    pub(crate) fn check_numbers(&self, test: &str) -> Result<()> {
         level("alpha", self.alpha)?;
         if let PcAlpha::Fixed(alpha) = self.pc_alpha {
-            level("pc-alpha", alpha)?;
+            level("pc_alpha", alpha)?;
         }
-        self.f_alpha.map_or(Ok(()), |alpha| level("f-alpha", alpha))?;
+        self.f_alpha.map_or(Ok(()), |alpha| level("f_alpha", alpha))?;
         Error::check_lags(self.tau_min, self.tau_max)?;
-        self.check_readers()?;
+        let asked = Self { cond_ind_test: test.to_owned(), ..self.clone() };
+        Request { settings: asked, ..Request::default() }.check_readers()?;
+        self.check_shuffles()?;
         let info = self.method.info();
         match self.method {
             Method::Lpcmci | Method::Tsfci => self.check_lpcmci()?,
@@ -162,131 +145,74 @@ impl Settings {
                 self.check_lag_zero("contexts act at lag 0")?;
                 if self.pc_alpha == PcAlpha::ByScore {
                     let reason = "jpcmciplus has no score that chooses a level; give one, such as 0.01";
-                    return Err(Error::param("pc-alpha", reason));
+                    return Err(Error::param("pc_alpha", reason));
                 }
             }
             _ => {}
         }
         let is_fci_there = matches!(self.method, Method::Lpcmci | Method::Tsfci);
         if !is_fci_there && self.tau_max == 0 && !info.models_lag_zero {
-            return Err(Error::param("tau-max", "0 leaves no past; give at least 1"));
+            return Err(Error::param("tau_max", "0 leaves no past; give at least 1"));
         }
         if self.tau_min == 0 && !info.lag_zero {
             let what = if self.method.reads(Reads::FAlpha) { "the transfer-entropy filter of " } else { "" };
             let reason =
                 format!("0: {what}{} knows the past only; give 1, or use {}", self.method, Method::Pcmciplus);
-            return Err(Error::param("tau-min", reason));
+            return Err(Error::param("tau_min", reason));
         }
         if self.tau_min > 0 && info.models_lag_zero {
             let reason =
                 format!("{}: {} models lag 0 too; give 0, or leave it out", self.tau_min, self.method);
-            return Err(Error::param("tau-min", reason));
-        }
-        let of_its_own = !self.method.asks_for_p_values() || self.method == Method::Candoit;
-        if self.link_assumptions.is_some() && of_its_own {
-            let reason = format!("{} does not read what is known of links; leave it out", self.method);
-            return Err(Error::param("links", reason));
-        }
-        let tests_none = !self.method.asks_for_p_values() && self.method != Method::Granger;
-        if self.fdr != Fdr::None && tests_none {
-            return Err(Error::param(
-                "fdr",
-                format!("{} tests no links one by one; choose none", self.method),
-            ));
+            return Err(Error::param("tau_min", reason));
         }
         Ok(())
     }
 
-    /// Refuses what says how p-values are made where the method asks for none, or the test makes them in another way.
-    pub(crate) fn check_p_values(&self, test: &str) -> Result<()> {
-        let (method, how) = (self.method, self.significance);
-        let (nulls, shuffles) = (self.null_distributions.is_some(), self.shuffles.is_some());
-        let given = [("null-dist", nulls), ("shuffles", shuffles), ("significance", how.is_some())];
-        let asks = method.asks_for_p_values();
-        if let Some((name, _)) = given.into_iter().find(|(_, is_given)| *is_given && !asks) {
-            return Err(Error::param(name, format!("{method} asks no test for a p-value; leave it out")));
-        }
-        if nulls && test != "gpdc" {
-            let reason = format!("{test} makes its p-values in another way; it is for the test gpdc");
-            return Err(Error::param("null-dist", reason));
-        }
-        if nulls && how.is_some_and(|how| how != Significance::Analytic) {
+    /// Refuses null distributions with a significance that takes none, and fewer surrogates than the level needs: with `n` of them no
+    /// p-value is below `1 / (n + 1)`, and nothing would be found.
+    fn check_shuffles(&self) -> Result<()> {
+        let how = self.test.significance;
+        if self.test.null_distributions.is_some() && how.is_some_and(|how| how != Significance::Analytic) {
             let reason = "the significance that is asked for takes none; give analytic, or leave it out";
-            return Err(Error::param("null-dist", reason));
+            return Err(Error::param("null_dist", reason));
         }
-        if shuffles && !independence_tests::draws(test, how) {
-            let reason =
-                format!("{test} draws no surrogates here; give the significance shuffle, or leave it out");
-            return Err(Error::param("shuffles", reason));
-        }
-        Ok(())
-    }
-
-    /// How a Gaussian process is fitted is GPDC's.
-    pub(crate) fn check_gaussian_process(&self, test: &str) -> Result<()> {
-        let given =
-            [("gp-restarts", self.gp_restarts > 0), ("gp-search", self.gp_search != GpSearch::Default)];
-        let Some((name, _)) = given.into_iter().find(|(_, is_given)| *is_given) else { return Ok(()) };
-        let method = self.method;
-        let why = match method.info().asks_test {
-            true if test == "gpdc" => return Ok(()),
-            true => format!("{test} fits no Gaussian process"),
-            false => format!("{method} asks no test"),
+        let Some(shuffles) = self.test.sig_samples.filter(|_| how != Some(Significance::Analytic)) else {
+            return Ok(());
         };
-        Err(Error::param(name, format!("{why}; it is for the test gpdc")))
-    }
-
-    /// Refuses settings that the method does not read.
-    fn check_readers(&self) -> Result<()> {
-        let has_estimator = self.te_estimator != TeEstimator::Auto;
-        let given = [
-            ("pc-alpha", self.pc_alpha != PcAlpha::Default, Reads::PcAlpha, "chooses no conditions"),
-            ("f-alpha", self.f_alpha.is_some(), Reads::FAlpha, "has no filter"),
-            ("te-estimator", has_estimator, Reads::TeEstimator, "has no filter"),
-            ("acts-on", self.acts_on.is_some(), Reads::ActsOn, "knows of no interventions"),
-            ("max-conds", self.max_conds.is_some(), Reads::MaxConds, "chooses no conditions"),
-            ("max-sets", self.max_sets.is_some(), Reads::MaxSets, "has no such limit"),
-            (
-                "extra-conditions",
-                !self.extra_conditions,
-                Reads::ExtraConditions,
-                "has no contexts of interventions",
-            ),
-        ];
-        for (name, is_given, setting, why) in given {
-            if is_given && !self.method.reads(setting) {
-                let readers = Method::names_that_read(setting);
-                return Err(Error::param(name, format!("{} {why}; it is for {readers}", self.method)));
-            }
+        let by_pc = self.method.info().one_level;
+        let level = if by_pc { self.level_of_pc().unwrap_or(self.alpha) } else { self.alpha };
+        let smallest = 1.0 / (shuffles as f64 + 1.0);
+        if smallest <= level {
+            return Ok(());
         }
-        Ok(())
+        let reason = format!(
+            "with {shuffles} the smallest p-value is {smallest:.4}, above the level {level} of {}, so nothing could be found; give at \
+             least {}, or a higher level ({})",
+            self.method,
+            (1.0 / level).ceil(),
+            Named(if by_pc { "pc_alpha" } else { "alpha" })
+        );
+        Err(Error::param("shuffles", reason))
     }
 
     fn check_lag_zero(&self, why: &str) -> Result<()> {
         if self.tau_min == 0 {
             return Ok(());
         }
-        Err(Error::param("tau-min", format!("{}: {why}; give 0, or leave it out", self.tau_min)))
+        Err(Error::param("tau_min", format!("{}: {why}; give 0, or leave it out", self.tau_min)))
     }
 
-    /// LPCMCI and tsFCI have one level, no correction, and work on data without time, too.
+    /// LPCMCI and tsFCI have one level, and work on data without time, too.
     fn check_lpcmci(&self) -> Result<()> {
         if self.pc_alpha == PcAlpha::ByScore {
             return Err(Error::param(
-                "pc-alpha",
+                "pc_alpha",
                 format!("{} has no score that chooses a level; give one, such as 0.05", self.method),
             ));
         }
-        if self.fdr != Fdr::None {
-            let method = self.method;
-            let reason = format!(
-                "a p-value of {method} is the largest of many tests and is not corrected; choose none"
-            );
-            return Err(Error::param("fdr", reason));
-        }
         // A link that is never tested looks certain.
         if self.max_sets == Some(0) {
-            return Err(Error::param("max-sets", "0 tests nothing; give at least 1, or leave it out"));
+            return Err(Error::param("max_sets", "0 tests nothing; give at least 1, or leave it out"));
         }
         Ok(())
     }
@@ -330,7 +256,7 @@ impl Settings {
 
     /// A model that holds the settings and no result yet.
     pub fn blank_model(&self) -> Model {
-        Model {
+        let mut model = Model {
             schema: model::SCHEMA.to_owned(),
             status: "complete".to_owned(),
             method: self.method.name().to_owned(),
@@ -349,6 +275,7 @@ impl Settings {
             n_samples: 0,
             n_recordings: 1,
             seed: self.seed,
+            settings: Map::new(),
             run_time_s: None,
             features: Vec::new(),
             dropped: Vec::new(),
@@ -364,13 +291,15 @@ impl Settings {
             warnings: Vec::new(),
             about_data: None,
             confidence: None,
-        }
+        };
+        model.settings = Request { settings: self.clone(), ..Request::default() }.beyond(&model);
+        model
     }
 
     /// The level of the condition selection; `None` if a score chooses it. Of a method that has no other, it is `alpha` where
     /// values are held against a threshold: its own default is a p-value's.
     pub fn level_of_pc(&self) -> Option<f64> {
-        let is_threshold = self.significance == Some(Significance::FixedThres);
+        let is_threshold = self.test.significance == Some(Significance::FixedThres);
         match self.pc_alpha {
             PcAlpha::Fixed(alpha) => Some(alpha),
             PcAlpha::ByScore => None,
@@ -388,51 +317,13 @@ impl Settings {
         test.map_err(in_words_of_settings)
     }
 
-    pub(crate) fn test_settings(&self) -> independence_tests::TestSettings {
-        independence_tests::TestSettings {
-            seed: self.seed,
-            gp_search: self.gp_search,
-            gp_restarts: self.gp_restarts,
-            max_memory: self.max_memory,
-            significance: self.significance,
-            sig_samples: self.shuffles,
-            shuffle_stop: self.shuffle_stop,
-            null_distributions: self.null_distributions.clone(),
-            ..Default::default()
-        }
+    pub(crate) fn test_settings(&self) -> TestSettings {
+        TestSettings { seed: self.seed, ..self.test.clone() }
     }
 
     /// The exogenous variables by their place.
-    pub(super) fn context(&self, data: &DataFrame) -> Vec<usize> {
+    pub(crate) fn context(&self, data: &DataFrame) -> Vec<usize> {
         self.exogenous.iter().filter_map(|name| names::position(data.var_names(), name)).collect()
-    }
-
-    pub(crate) fn granger(&self, data: &DataFrame) -> GrangerSettings {
-        GrangerSettings {
-            tau_min: self.tau_min,
-            tau_max: self.tau_max,
-            choose_lags: None,
-            alpha_level: self.alpha,
-            fdr: self.fdr,
-            exogenous: self.context(data),
-        }
-    }
-
-    pub(crate) fn varlingam(&self, data: &DataFrame) -> VarlingamSettings {
-        VarlingamSettings {
-            tau_max: self.tau_max,
-            alpha_level: self.alpha,
-            exogenous: self.context(data),
-            ..VarlingamSettings::default()
-        }
-    }
-
-    pub(crate) fn dynotears(&self, data: &DataFrame) -> DynotearsSettings {
-        DynotearsSettings {
-            tau_max: self.tau_max,
-            exogenous: self.context(data),
-            ..DynotearsSettings::default()
-        }
     }
 
     pub(crate) fn pcmci(&self, data: &DataFrame) -> PcmciSettings {

@@ -1,0 +1,32 @@
+//! Choices that users write as words.
+
+/// The names of an enum's variants: `NAMES`, `name` and [`FromStr`](std::str::FromStr), which reads any case and other spellings, and names
+/// the setting where a word is unknown.
+#[doc(hidden)]
+#[macro_export]
+macro_rules! words {
+    ($type:ident, $setting:literal: $($variant:ident $name:literal $(| $other:literal)*),+) => {
+        impl $type {
+            /// The names that users choose by.
+            pub const NAMES: &'static [&'static str] = &[$($name),+];
+
+            /// The name that users choose it by.
+            pub fn name(self) -> &'static str {
+                match self {
+                    $(Self::$variant => $name,)+
+                }
+            }
+        }
+
+        impl std::str::FromStr for $type {
+            type Err = $crate::Error;
+
+            fn from_str(text: &str) -> std::result::Result<Self, Self::Err> {
+                match text.to_ascii_lowercase().as_str() {
+                    $($name $(| $other)* => Ok(Self::$variant),)+
+                    _ => Err(Self::Err::unknown($setting, text, Self::NAMES)),
+                }
+            }
+        }
+    };
+}
