@@ -1,8 +1,9 @@
 //! Messages as ROS 2 sends and records them: CDR (OMG, XCDR version 1), after the four bytes that name the
-//! representation.
+//! representation. Version 2 (PLAIN_CDR2 and DELIMITED_CDR2) is read, too.
 
 use crate::{
     Message,
+    dynamic::as_first_version,
     wire::{Decoder, Encoder, Fault, Layout, WireError},
 };
 
@@ -31,6 +32,11 @@ pub fn from_bytes<M: Message>(bytes: &[u8]) -> Result<M, WireError> {
     let layout = match u16::from_be_bytes([high, low]) {
         0 => Layout { big_endian: true, ..Layout::CDR },
         1 => Layout::CDR,
+        second @ 6..=9 => {
+            let schema = M::definition().ros2_schema();
+            let schema = schema.ok_or_else(|| Fault::Representation(second).of::<M>())?;
+            return from_bytes(&as_first_version(schema, bytes).map_err(Fault::of::<M>)?);
+        }
         other => return Err(Fault::Representation(other).of::<M>()),
     };
     let mut decoder = Decoder::new(layout, bytes, LITTLE_ENDIAN.len());

@@ -4,6 +4,8 @@ use std::{fmt::Write, sync::OnceLock};
 
 use md5::{Digest, Md5};
 
+use crate::dynamic::Schema;
+
 /// The wire formats in which a message type exists.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Wires {
@@ -31,6 +33,7 @@ pub struct Definition {
     md5: OnceLock<String>,
     ros1_text: OnceLock<String>,
     ros2_text: OnceLock<String>,
+    schemas: [OnceLock<Option<Schema>>; 2],
 }
 
 impl Definition {
@@ -51,6 +54,7 @@ impl Definition {
             md5: OnceLock::new(),
             ros1_text: OnceLock::new(),
             ros2_text: OnceLock::new(),
+            schemas: [OnceLock::new(), OnceLock::new()],
         }
     }
 
@@ -116,6 +120,18 @@ impl Definition {
             }
             text
         })
+    }
+
+    /// Its fields in ROS 1.
+    pub fn ros1_schema(&self) -> Option<&Schema> {
+        let parse = || Schema::parse(&self.type_name(), self.ros1_definition()).ok();
+        self.schemas[0].get_or_init(parse).as_ref()
+    }
+
+    /// Its fields in ROS 2.
+    pub fn ros2_schema(&self) -> Option<&Schema> {
+        let parse = || Schema::parse(&self.type_name(), self.ros2_definition()).ok();
+        self.schemas[1].get_or_init(parse).as_ref()
     }
 
     /// This type and all types that it uses, each once: first itself, then the others in order of first use.

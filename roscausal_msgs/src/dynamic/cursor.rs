@@ -2,9 +2,12 @@
 
 use super::{
     Wire,
-    schema::{Array, Kind, Schema, width},
+    schema::{Array, Field, Kind, Schema, Struct, width},
 };
 use crate::wire::Fault;
+
+/// Most bytes after the last field.
+const PADDING: usize = 3;
 
 /// Reads a message from its first byte on.
 #[derive(Clone, Debug)]
@@ -16,21 +19,86 @@ pub(super) struct Cursor<'a> {
     origin: usize,
     cdr: bool,
     big_endian: bool,
+    form: Form,
+}
+
+/// What differs between the versions of CDR, and between those who write them.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+struct Form {
+    /// Numbers are aligned to their size, at most to this.
+    align: usize,
+    /// Which types begin with their length in bytes (a DHEADER).
+    delimited: Delimited,
+    /// Whether arrays of other things than numbers do.
+    arrays: bool,
+    /// Bytes of a unit of the length of a wide text.
+    wide: usize,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Delimited {
+    Nothing,
+    Outermost,
+    All,
+}
+
+impl Form {
+    const CDR: Self = Self { align: 8, delimited: Delimited::Nothing, arrays: false, wide: 4 };
+
+    /// The forms of a representation, the standard's first (OMG DDS-XTypes 1.3, 7.4.3). Others leave out lengths that it demands, and
+    /// each vendor has its own wide texts.
+    fn all(representation: u16, has_wide: bool) -> Result<Vec<Self>, Fault> {
+        let second = |delimited: &[Delimited]| {
+            let form = |delimited, arrays| Self { align: 4, delimited, arrays, wide: 1 };
+            delimited.iter().flat_map(|one| [form(*one, true), form(*one, false)]).collect::<Vec<_>>()
+        };
+        let forms = match representation {
+            0 | 1 => vec![Self::CDR],
+            6 | 7 => second(&[Delimited::Nothing]),
+            8 | 9 => second(&[Delimited::All, Delimited::Outermost]),
+            other => return Err(Fault::Representation(other)),
+        };
+        let widths: &[usize] = if has_wide { &[1, 2, 4] } else { &[4] };
+        Ok(forms
+            .into_iter()
+            .flat_map(|form| widths.iter().map(move |wide| Self { wide: *wide, ..form }))
+            .collect())
+    }
 }
 
 impl<'a> Cursor<'a> {
+    /// Stands at the first field of a message. Where its form is not certain, it is the first one in which the message is whole.
+    ///
+    /// # Errors
+    /// A representation that is not read, or a message in none of its forms.
     pub(super) fn new(schema: &'a Schema, wire: Wire, bytes: &'a [u8]) -> Result<Self, Fault> {
-        let mut cursor = Self { schema, bytes, at: 0, origin: 0, cdr: false, big_endian: false };
-        if wire == Wire::Cdr {
-            let start = cursor.take(4)?;
-            cursor.big_endian = match u16::from_be_bytes([start[0], start[1]]) {
-                0 => true,
-                1 => false,
-                other => return Err(Fault::Representation(other)),
-            };
-            (cursor.origin, cursor.cdr) = (4, true);
+        let mut cursor =
+            Self { schema, bytes, at: 0, origin: 0, cdr: false, big_endian: false, form: Form::CDR };
+        if wire == Wire::Ros1 {
+            return Ok(cursor);
         }
-        Ok(cursor)
+        let start = cursor.take(4)?;
+        let representation = u16::from_be_bytes([start[0], start[1]]);
+        (cursor.origin, cursor.cdr) = (4, true);
+        cursor.big_endian = representation.is_multiple_of(2);
+        let mut forms = Form::all(representation, schema.has_wide)?.into_iter();
+        if forms.len() == 1 {
+            return Ok(cursor);
+        }
+        let mut fault = None;
+        let fits = forms.find(|form| {
+            let mut trial = Self { form: *form, ..cursor.clone() };
+            match trial.pass(Kind::Struct(0), Array::One) {
+                Ok(()) if trial.left() <= PADDING => return true,
+                Ok(()) => fault.get_or_insert(Fault::Trailing { left: trial.left() }),
+                Err(reason) => fault.get_or_insert(reason),
+            };
+            false
+        });
+        match (fits, fault) {
+            (Some(form), _) => Ok(Self { form, ..cursor }),
+            (None, fault) => Err(fault.unwrap_or(Fault::Representation(representation))),
+        }
     }
 
     fn left(&self) -> usize {
@@ -47,7 +115,7 @@ impl<'a> Cursor<'a> {
     /// Passes the padding before something that is aligned to `size`. The last of a message may lack it.
     fn align(&mut self, size: usize) {
         if self.cdr {
-            let padding = (self.at - self.origin).wrapping_neg() % size;
+            let padding = (self.at - self.origin).wrapping_neg() % size.min(self.form.align);
             self.at = (self.at + padding).min(self.bytes.len());
         }
     }
@@ -80,6 +148,9 @@ impl<'a> Cursor<'a> {
 
     /// The number of elements of a field: for a sequence, as the message says.
     pub(super) fn count(&mut self, kind: Kind, array: Array) -> Result<u32, Fault> {
+        if array != Array::One && self.has_length(kind) {
+            self.length(1)?;
+        }
         match array {
             Array::One => Ok(1),
             Array::Any => self.length(self.least(kind)),
@@ -95,10 +166,61 @@ impl<'a> Cursor<'a> {
         }
     }
 
+    /// Whether an array of such elements begins with its length in bytes.
+    fn has_length(&self, kind: Kind) -> bool {
+        self.form.arrays
+            && matches!(kind, Kind::Struct(_) | Kind::Time | Kind::Duration | Kind::Text | Kind::WideText)
+    }
+
+    /// Enters a type: returns where it ends, if its length stands before it.
+    ///
+    /// # Errors
+    /// A length beyond the message.
+    pub(super) fn enter(&mut self, kind: Kind) -> Result<Option<usize>, Fault> {
+        let is_type = matches!(kind, Kind::Struct(_) | Kind::Time | Kind::Duration);
+        let has_length = match self.form.delimited {
+            Delimited::Nothing => false,
+            Delimited::Outermost => self.at == self.origin && kind == Kind::Struct(0),
+            Delimited::All => is_type,
+        };
+        if !has_length {
+            return Ok(None);
+        }
+        let length = self.length(1)?;
+        Ok(Some(self.at + length as usize))
+    }
+
+    /// Leaves a type that [`enter`](Self::enter) entered. A later version of it may have more fields than are known here.
+    pub(super) fn leave(&mut self, end: Option<usize>) -> Result<(), Fault> {
+        match end {
+            Some(end) if end < self.at => {
+                Err(Fault::Truncated { offset: end, needed: self.at - end, left: 0 })
+            }
+            Some(end) => {
+                self.at = end;
+                Ok(())
+            }
+            None => Ok(()),
+        }
+    }
+
     /// Passes a field with all its elements.
     pub(super) fn pass(&mut self, kind: Kind, array: Array) -> Result<(), Fault> {
+        let begins_with_length = array != Array::One && self.has_length(kind);
+        let end = if begins_with_length { self.peek_end()? } else { None };
         let count = self.count(kind, array)?;
-        self.pass_elements(kind, count)
+        self.pass_elements(kind, count)?;
+        match end {
+            Some(end) if end != self.at => Err(Fault::Trailing { left: end.abs_diff(self.at) }),
+            _ => Ok(()),
+        }
+    }
+
+    /// Where an array ends whose length in bytes comes next.
+    fn peek_end(&self) -> Result<Option<usize>, Fault> {
+        let mut ahead = self.clone();
+        let length = ahead.length(1)?;
+        Ok(Some(ahead.at + length as usize))
     }
 
     /// Passes `count` elements. Numbers are passed at once, however many.
@@ -120,7 +242,20 @@ impl<'a> Cursor<'a> {
                 }
                 Ok(())
             }
-            Kind::WideText => Err(Fault::Unsupported("a wstring, which this program cannot read past,")),
+            Kind::WideText => {
+                for _ in 0..count {
+                    let length = self.unsigned(4)?;
+                    let needed = usize::try_from(length).unwrap_or(usize::MAX).saturating_mul(self.form.wide);
+                    self.take(needed)?;
+                }
+                Ok(())
+            }
+            Kind::Time | Kind::Duration if self.form.delimited == Delimited::All => {
+                for _ in 0..count {
+                    self.number(kind)?;
+                }
+                Ok(())
+            }
             kind => {
                 let size = usize::from(width(kind));
                 self.align(if size == 8 && matches!(kind, Kind::Time | Kind::Duration) { 4 } else { size });
@@ -133,10 +268,12 @@ impl<'a> Cursor<'a> {
     fn pass_struct(&mut self, place: usize) -> Result<(), Fault> {
         let schema = self.schema;
         let fields = &schema.types[place].fields;
+        let end = self.enter(Kind::Struct(place))?;
         if fields.is_empty() && self.cdr {
-            return self.take(1).map(|_| ());
+            self.take(1)?;
         }
-        fields.iter().try_for_each(|field| self.pass(field.kind, field.array))
+        fields.iter().try_for_each(|field| self.pass(field.kind, field.array))?;
+        self.leave(end)
     }
 
     /// A text, without the NUL that ends it in CDR.
@@ -158,6 +295,7 @@ impl<'a> Cursor<'a> {
             Kind::Float(4) => f64::from(f32::from_bits(self.unsigned(4)? as u32)),
             Kind::Float(_) => f64::from_bits(self.unsigned(8)?),
             Kind::Time | Kind::Duration => {
+                self.enter(kind)?;
                 let seconds = self.unsigned(4)? as u32;
                 let nanos = self.unsigned(4)? as u32;
                 // ROS 1's moments have no sign, all others have.
@@ -175,9 +313,124 @@ impl<'a> Cursor<'a> {
 
     /// Seconds and nanoseconds of a moment.
     pub(super) fn time(&mut self) -> Result<crate::Time, Fault> {
+        self.enter(Kind::Time)?;
+        self.plain_time()
+    }
+
+    fn plain_time(&mut self) -> Result<crate::Time, Fault> {
         let seconds = self.unsigned(4)? as u32;
         let nanos = self.unsigned(4)? as u32;
         let seconds = if self.cdr { i64::from(seconds as i32) } else { i64::from(seconds) };
         Ok(crate::Time::from_nanos(seconds * 1_000_000_000 + i64::from(nanos)))
+    }
+
+    /// Passes a field, and collects where the stamps of its headers stand, with their values.
+    pub(super) fn stamps(
+        &mut self,
+        kind: Kind,
+        array: Array,
+        out: &mut Vec<(usize, crate::Time)>,
+    ) -> Result<(), Fault> {
+        let Kind::Struct(place) = kind else { return self.pass(kind, array) };
+        let count = self.count(kind, array)?;
+        if self.least(kind) == 0 {
+            return Ok(());
+        }
+        let schema = self.schema;
+        let Struct { name, fields, .. } = &schema.types[place];
+        for _ in 0..count {
+            let end = self.enter(kind)?;
+            if fields.is_empty() && self.cdr {
+                self.take(1)?;
+            }
+            for Field { name: field, kind, array } in fields {
+                if name == "std_msgs/Header"
+                    && field == "stamp"
+                    && *kind == Kind::Time
+                    && *array == Array::One
+                {
+                    self.enter(*kind)?;
+                    self.align(4);
+                    let at = self.at;
+                    out.push((at, self.plain_time()?));
+                } else {
+                    self.stamps(*kind, *array, out)?;
+                }
+            }
+            self.leave(end)?;
+        }
+        Ok(())
+    }
+
+    /// Appends the next field to `out` as the first version of CDR writes it.
+    fn rewrite(&mut self, kind: Kind, array: Array, out: &mut Vec<u8>) -> Result<(), Fault> {
+        let count = self.count(kind, array)?;
+        if array == Array::Any {
+            self.put(count, out);
+        }
+        if count == 0 || self.least(kind) == 0 {
+            return Ok(());
+        }
+        for _ in 0..if kind.is_plain() { 1 } else { count } {
+            match kind {
+                Kind::Struct(place) => {
+                    let end = self.enter(kind)?;
+                    let schema = self.schema;
+                    let fields = &schema.types[place].fields;
+                    if fields.is_empty() {
+                        out.extend(self.take(1)?);
+                    }
+                    fields.iter().try_for_each(|field| self.rewrite(field.kind, field.array, out))?;
+                    self.leave(end)?;
+                }
+                Kind::Text => {
+                    let length = self.length(1)?;
+                    self.put(length, out);
+                    out.extend(self.take(length as usize)?);
+                }
+                Kind::Time | Kind::Duration => {
+                    self.enter(kind)?;
+                    for _ in 0..2 {
+                        let half = self.unsigned(4)? as u32;
+                        self.put(half, out);
+                    }
+                }
+                Kind::WideText => return Err(Fault::Unsupported("a wstring")),
+                // All numbers of an array at once.
+                kind => {
+                    let size = usize::from(width(kind));
+                    self.align(size);
+                    pad(out, size);
+                    out.extend(self.take(size.saturating_mul(count as usize))?);
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// Appends a number of 4 bytes in the byte order of the message.
+    fn put(&self, value: u32, out: &mut Vec<u8>) {
+        pad(out, 4);
+        out.extend(if self.big_endian { value.to_be_bytes() } else { value.to_le_bytes() });
+    }
+}
+
+/// Pads to a multiple of `size`, counted from the first field.
+fn pad(out: &mut Vec<u8>, size: usize) {
+    let padding = (out.len() - 4).wrapping_neg() % size;
+    out.resize(out.len() + padding, 0);
+}
+
+/// A message of the second version of CDR (XCDR2) as the first writes it.
+///
+/// # Errors
+/// Bytes that are no message of this schema.
+pub(crate) fn as_first_version(schema: &Schema, bytes: &[u8]) -> Result<Vec<u8>, Fault> {
+    let mut cursor = Cursor::new(schema, Wire::Cdr, bytes)?;
+    let mut out = vec![0, u8::from(!cursor.big_endian), 0, 0];
+    cursor.rewrite(Kind::Struct(0), Array::One, &mut out)?;
+    match cursor.left() {
+        left if left > PADDING => Err(Fault::Trailing { left }),
+        _ => Ok(out),
     }
 }

@@ -26,6 +26,7 @@ mod rows;
 mod schema;
 mod text;
 
+pub(crate) use cursor::as_first_version;
 pub use path::{Path, Step};
 pub use query::{Found, Query, QueryError};
 pub use rows::Rows;

@@ -250,6 +250,9 @@ impl Schema {
             return Ok(None);
         };
         let mut cursor = Cursor::new(self, wire, bytes)?;
+        for kind in [Kind::Struct(0), Kind::Struct(*place)] {
+            cursor.enter(kind)?;
+        }
         for field in &self.types[*place].fields {
             if field.kind == Kind::Time && field.array == Array::One && field.name == "stamp" {
                 return cursor.time().map(Some);
@@ -257,6 +260,37 @@ impl Schema {
             cursor.pass(field.kind, field.array)?;
         }
         Ok(None)
+    }
+}
+
+impl Schema {
+    /// The stamps of all headers in a message, each with its place in the bytes.
+    ///
+    /// # Errors
+    /// Bytes that are no message of this schema.
+    pub fn header_stamps(&self, wire: Wire, bytes: &[u8]) -> Result<Vec<(usize, Time)>, Fault> {
+        let mut stamps = Vec::new();
+        Cursor::new(self, wire, bytes)?.stamps(Kind::Struct(0), Array::One, &mut stamps)?;
+        Ok(stamps)
+    }
+
+    /// Gives the headers of a message another stamp.
+    ///
+    /// # Errors
+    /// As [`header_stamps`](Self::header_stamps); then nothing changes.
+    pub fn restamp(&self, wire: Wire, bytes: &mut [u8], stamp: Time) -> Result<(), Fault> {
+        let places = self.header_stamps(wire, bytes)?;
+        // The second byte of CDR names the byte order.
+        let is_big_endian = wire == Wire::Cdr && bytes.get(1).is_some_and(|byte| byte.is_multiple_of(2));
+        let in_order =
+            |bytes: [u8; 4]| if is_big_endian { [bytes[3], bytes[2], bytes[1], bytes[0]] } else { bytes };
+        let halves = [in_order(stamp.sec.to_le_bytes()), in_order(stamp.nanosec.to_le_bytes())].concat();
+        for (place, _) in places {
+            if let Some(old) = bytes.get_mut(place..place + halves.len()) {
+                old.copy_from_slice(&halves);
+            }
+        }
+        Ok(())
     }
 }
 
@@ -274,6 +308,7 @@ impl Reading<'_> {
         match (hops.split_first(), kind) {
             (None, _) => self.end(kind, array, whole),
             (Some((Hop::Field(index), rest)), Kind::Struct(place)) => {
+                let end = self.cursor.enter(kind)?;
                 let fields = &self.schema.types[place].fields;
                 for Field { kind, array, .. } in &fields[..*index] {
                     self.cursor.pass(*kind, *array)?;
@@ -283,6 +318,7 @@ impl Reading<'_> {
                     for Field { kind, array, .. } in &fields[index + 1..] {
                         self.cursor.pass(*kind, *array)?;
                     }
+                    self.cursor.leave(end)?;
                 }
                 Ok(())
             }

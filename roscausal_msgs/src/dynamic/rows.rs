@@ -58,6 +58,7 @@ impl Rows {
         for index in &self.way {
             let Kind::Struct(place) = kind else { return Err(Fault::Unsupported("a field of a number")) };
             let fields = &schema.types[place].fields;
+            cursor.enter(kind)?;
             for Field { kind, array, .. } in &fields[..*index] {
                 cursor.pass(*kind, *array)?;
             }

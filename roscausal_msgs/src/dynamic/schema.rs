@@ -30,7 +30,7 @@ pub enum Kind {
     Duration,
     /// A text.
     Text,
-    /// A text of wide characters, whose size on the wire differs between vendors. It is not read.
+    /// A text of wide characters, whose size on the wire differs between vendors. It is passed over.
     WideText,
     /// Another type, by its place in the schema.
     Struct(usize),
@@ -73,6 +73,8 @@ pub struct Struct {
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Schema {
     pub(super) types: Vec<Struct>,
+    /// Whether it has wide texts.
+    pub(super) has_wide: bool,
 }
 
 /// Why a definition cannot be used.
@@ -124,6 +126,11 @@ impl Kind {
         })
     }
 
+    /// Whether arrays of it are numbers side by side.
+    pub(super) fn is_plain(self) -> bool {
+        matches!(self, Self::Bool | Self::Unsigned(_) | Self::Signed(_) | Self::Float(_))
+    }
+
     /// Whether a path to it gives a number.
     pub fn is_number(self) -> bool {
         !matches!(self, Self::Text | Self::WideText | Self::Struct(_))
@@ -164,7 +171,8 @@ impl Schema {
             }
             types.push(Struct { name: name.clone(), fields, least: [0; 2] });
         }
-        let mut schema = Self { types };
+        let has_wide = types.iter().flat_map(|one| &one.fields).any(|field| field.kind == Kind::WideText);
+        let mut schema = Self { types, has_wide };
         let mut seen = vec![Seen::Not; schema.types.len()];
         schema.measure(0, 0, &mut seen)?;
         Ok(schema)
@@ -173,6 +181,28 @@ impl Schema {
     /// The type itself.
     pub fn root(&self) -> &Struct {
         &self.types[0]
+    }
+
+    /// Whether two types have equal fields, by name, kind and order, whatever their texts and their own names.
+    pub fn has_fields_of(&self, other: &Self) -> bool {
+        let (mut waiting, mut seen) = (vec![(0, 0)], std::collections::HashSet::from([(0, 0)]));
+        while let Some((ours, theirs)) = waiting.pop() {
+            let (a, b) = (&self.types[ours].fields, &other.types[theirs].fields);
+            let same = |(a, b): (&Field, &Field)| {
+                if a.name != b.name || a.array != b.array {
+                    return false;
+                }
+                let (Kind::Struct(x), Kind::Struct(y)) = (a.kind, b.kind) else { return a.kind == b.kind };
+                if seen.insert((x, y)) {
+                    waiting.push((x, y));
+                }
+                true
+            };
+            if a.len() != b.len() || !a.iter().zip(b).all(same) {
+                return false;
+            }
+        }
+        true
     }
 
     /// The type of a field, if it is no built-in one.

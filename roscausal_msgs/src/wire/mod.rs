@@ -70,7 +70,7 @@ pub enum Fault {
         left: usize,
     },
     /// CDR's first four bytes are unknown.
-    #[error("the CDR representation {0:#06x} is not supported (allowed: 0x0000 and 0x0001)")]
+    #[error("the representation {0:#06x}{name} is not read (CDR, PLAIN_CDR2 and DELIMITED_CDR2 are)", name = representation(*.0))]
     Representation(u16),
     /// A sequence or string that is too long for the wire format.
     #[error("{0} elements are more than the wire allows")]
@@ -81,6 +81,16 @@ pub enum Fault {
     /// An error from the type itself.
     #[error("{0}")]
     Custom(String),
+}
+
+/// The name of a representation that is not read, in brackets.
+fn representation(number: u16) -> &'static str {
+    match number {
+        2 | 3 => " (PL_CDR)",
+        4 => " (XML)",
+        0xa | 0xb => " (PL_CDR2)",
+        _ => "",
+    }
 }
 
 impl Fault {
