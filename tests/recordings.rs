@@ -324,7 +324,7 @@ fn a_recording_without_a_map_and_without_goals_is_analysed_in_the_odometrys_fram
     let mut walk = Recording::open(whole).expect("opens");
     let topics = walk.topics().to_vec();
     let mut writer = McapWriter::create(dir.path().join("walk.mcap")).expect("a file");
-    for Record { topic, stamp, bytes } in walk.by_ref() {
+    for Record { topic, stamp, bytes, .. } in walk.by_ref() {
         let topic = &topics[topic];
         match topic.decode::<PoseArray>(&bytes) {
             Ok(mut people) if topic.name == "/people" => {
@@ -357,7 +357,7 @@ fn a_robot_in_a_namespace_has_the_transforms_of_its_namespace_and_its_goal_from_
     let mut walk = Recording::open(dir.path().join("walk.mcap")).expect("opens");
     let topics = walk.topics().to_vec();
     let mut writer = McapWriter::create(dir.path().join("ns.mcap")).expect("a file");
-    for (place, Record { topic, stamp, bytes }) in walk.by_ref().enumerate() {
+    for (place, Record { topic, stamp, bytes, .. }) in walk.by_ref().enumerate() {
         let topic = &topics[topic];
         let written = match topic.name.as_str() {
             "/odom" => writer.write("/tb3_0/odom", stamp, &topic.decode::<Odometry>(&bytes).expect("reads")),

@@ -73,10 +73,17 @@ pub fn not_data(first: &[u8]) -> Option<String> {
     None
 }
 
+/// First bytes of recordings: ROS 1 bags of any version, MCAP files, databases of ROS 2.
+const RECORDINGS: [&[u8]; 4] = [b"#ROSBAG V", b"#ROSRECORD V", b"\x89MCAP0", b"SQLite format 3"];
+
+/// Whether a file that begins with `first` is a recording.
+pub fn is_recording(first: &[u8]) -> bool {
+    RECORDINGS.iter().any(|magic| first.starts_with(magic))
+}
+
 /// What bytes are that were taken for a table and hold none: a recording through a pipe, or no text at all.
 pub fn not_a_table(first: &[u8]) -> Option<&'static str> {
-    let recording = [&b"#ROSBAG V"[..], b"\x89MCAP0", b"SQLite format 3"];
-    if recording.iter().any(|magic| first.starts_with(magic)) {
+    if is_recording(first) {
         return Some(
             "this is a recording; give the file by its name, such as run.mcap: a recording is not read from a pipe",
         );

@@ -6,7 +6,7 @@ use std::{collections::BTreeMap, io::Read, path::Path};
 use roscausal_core::{Result, Time};
 
 use crate::{
-    source::{Contents, Format, Parsed, Piece, Span},
+    source::{Contents, Format, Parsed, Piece, Span, find_laps, next_place, some_of},
     topic::{Encoding, Record, Topic, Topics, type_name},
 };
 
@@ -31,10 +31,11 @@ impl Bag {
         if let Err(reason) = bag.read_index() {
             bag.0.topics = Topics::default();
             bag.0.numbers.clear();
-            let end = bag.scan();
-            let end = end.map_or(String::new(), |fault| format!("; it was read as far as it goes: {fault}"));
+            let lost = bag.scan();
+            let end = lost.map_or(String::new(), |fault| format!("; what is whole was read: {fault}"));
             losses.push(format!("{}: the bag has no valid index ({reason}){end}", path.display()));
         }
+        find_laps(&mut bag);
         Ok(bag)
     }
 
@@ -66,7 +67,7 @@ impl Bag {
                     let offset = offset.ok_or("a chunk's place is not in the file")?;
                     let (start, end) = (header.time("start_time"), header.time("end_time"));
                     let (start, end) = start.zip(end).ok_or("a chunk has no time")?;
-                    pieces.push(Piece { offset, length: 0, start, end, cut: false });
+                    pieces.push(Piece { offset, length: 0, start, end, cut: false, lap: 0 });
                     for pair in data.chunks_exact(8) {
                         let [connection, count] = [&pair[..4], &pair[4..]].map(u32_le);
                         *counts.entry(connection).or_insert(0u64) += u64::from(count);
@@ -85,50 +86,109 @@ impl Bag {
         Ok(())
     }
 
-    /// Topics and chunks from the chunks themselves. Returns the fault that ended the scan, if any.
+    /// Topics and chunks from the chunks themselves. Returns what is wrong, if anything.
     fn scan(&mut self) -> Option<String> {
         let (mut pieces, mut counts) = (Vec::new(), BTreeMap::new());
-        let fault = self.scan_into(&mut pieces, &mut counts).err();
+        let (mut faults, mut start) = (Vec::new(), MAGIC_LENGTH);
+        // Whatever is damaged, the next chunk begins anew.
+        while let Err(fault) = self.scan_from(start, &mut pieces, &mut counts, &mut faults) {
+            faults.push(fault);
+            let after = self.0.file.offset().max(start + 1);
+            match self.next_chunk(after) {
+                Some(offset) => start = offset,
+                None => break,
+            }
+        }
         self.count(&counts);
         self.0.begin(pieces);
-        fault
+        some_of(&faults)
     }
 
-    fn scan_into(&mut self, pieces: &mut Vec<Piece>, counts: &mut BTreeMap<u32, u64>) -> Parsed<()> {
-        self.0.seek(MAGIC_LENGTH)?;
+    /// Reads records from `start` on. A chunk that is damaged is a fault, and the next one is read.
+    ///
+    /// # Errors
+    /// Why there is no next record.
+    fn scan_from(
+        &mut self,
+        start: u64,
+        pieces: &mut Vec<Piece>,
+        counts: &mut BTreeMap<u32, u64>,
+        faults: &mut Vec<String>,
+    ) -> Parsed<()> {
+        self.0.seek(start)?;
         while self.0.file.left() > 0 {
             let offset = self.0.file.offset();
             let header = self.header()?;
-            if header.op() != Some(op::CHUNK) {
-                let length = self.length()?;
-                if u64::from(length) > self.0.file.left() {
-                    return Err(format!("it ends within the record at byte {offset}"));
-                }
-                self.0.seek(self.0.file.offset() + u64::from(length))?;
-                continue;
-            }
-            let (chunk, fault) = self.chunk(offset, &header)?;
-            let mut span = Span::default();
-            let parsed = records(&chunk, |header, data| {
-                match header.op() {
-                    Some(op::CONNECTION) => self.add_connection(header, data)?,
-                    Some(op::MESSAGE) => {
-                        let (connection, stamp) = header.message()?;
-                        span.add(stamp);
-                        *counts.entry(connection).or_insert(0) += 1;
+            match header.op() {
+                Some(op::CHUNK) => {
+                    let length = u64::from(self.length()?);
+                    let begin = self.0.file.offset();
+                    let next = begin.saturating_add(length);
+                    let whole = next <= self.0.file.length();
+                    // Its length may be the damage.
+                    if whole || self.next_chunk(begin).is_none() {
+                        self.0.seek(begin)?;
+                        self.scan_chunk((offset, length), &header, pieces, counts, faults);
                     }
-                    _ => (),
+                    self.0.seek(if whole { next } else { begin })?;
+                    if !whole {
+                        return Err(format!("it ends within the chunk at byte {offset}"));
+                    }
                 }
-                Ok(())
-            });
-            if let Some((start, end)) = span.0 {
-                pieces.push(Piece { offset, length: 0, start, end, cut: fault.is_some() || parsed.is_err() });
-            }
-            if let Some(fault) = fault {
-                return Err(fault);
+                Some(op::CONNECTION) => {
+                    let data = self.data()?;
+                    self.add_connection(&header, &data)?;
+                }
+                Some(_) => {
+                    let length = u64::from(self.length()?);
+                    if length > self.0.file.left() {
+                        return Err(format!("it ends within the record at byte {offset}"));
+                    }
+                    self.0.seek(self.0.file.offset() + length)?;
+                }
+                None => return Err(format!("there is no record at byte {offset}")),
             }
         }
         Ok(())
+    }
+
+    fn scan_chunk(
+        &mut self,
+        (offset, length): (u64, u64),
+        header: &Fields,
+        pieces: &mut Vec<Piece>,
+        counts: &mut BTreeMap<u32, u64>,
+        faults: &mut Vec<String>,
+    ) {
+        let (chunk, mut fault) = match self.chunk(offset, length, header) {
+            Ok(chunk) => chunk,
+            Err(fault) => return faults.push(fault),
+        };
+        let mut span = Span::default();
+        let parsed = records(&chunk, |header, data| {
+            match header.op() {
+                Some(op::CONNECTION) => self.add_connection(header, data)?,
+                Some(op::MESSAGE) => {
+                    let (connection, stamp) = header.message()?;
+                    span.add(stamp);
+                    *counts.entry(connection).or_insert(0) += 1;
+                }
+                _ => (),
+            }
+            Ok(())
+        });
+        if let Err(reason) = parsed {
+            fault.get_or_insert(format!("the chunk at byte {offset}: {reason}"));
+        }
+        if let Some((start, end)) = span.0 {
+            pieces.push(Piece { offset, length: 0, start, end, cut: fault.is_some(), lap: 0 });
+        }
+        faults.extend(fault);
+    }
+
+    /// Where the next chunk begins, at `from` or later, if there is one.
+    fn next_chunk(&mut self, from: u64) -> Option<u64> {
+        next_place(&mut self.0.file, from, |bytes, _| is_chunk(bytes))
     }
 
     fn count(&mut self, counts: &BTreeMap<u32, u64>) {
@@ -161,8 +221,7 @@ impl Bag {
 
     /// The content of the chunk whose header has been read, and what is wrong with it. A chunk that is cut short by
     /// the file or the compression is returned as far as it goes.
-    fn chunk(&mut self, offset: u64, header: &Fields) -> Parsed<(Vec<u8>, Option<String>)> {
-        let length = u64::from(self.length()?);
+    fn chunk(&mut self, offset: u64, length: u64, header: &Fields) -> Parsed<(Vec<u8>, Option<String>)> {
         let left = self.0.file.left();
         let mut fault = (length > left).then(|| format!("it ends within the chunk at byte {offset}"));
         let data = self.0.piece(length.min(left))?;
@@ -228,15 +287,22 @@ impl Format for Bag {
         if header.op() != Some(op::CHUNK) {
             return Err("there is no chunk".into());
         }
-        let (chunk, fault) = self.chunk(piece.offset, &header)?;
-        records(&chunk, |header, data| {
+        let length = u64::from(self.length()?);
+        let (chunk, fault) = self.chunk(piece.offset, length, &header)?;
+        let mut unknown = Ok(());
+        let parsed = records(&chunk, |header, data| {
             if header.op() != Some(op::MESSAGE) {
                 return Ok(());
             }
             let (connection, stamp) = header.message()?;
-            self.0.take((connection, stamp, data), wanted, out)
-        })?;
-        fault.map_or(Ok(()), Err)
+            // A message of a topic that is not known does not end the chunk.
+            let taken = self.0.take((connection, stamp, data), wanted, out);
+            if unknown.is_ok() {
+                unknown = taken;
+            }
+            Ok(())
+        });
+        parsed.and(fault.map_or(Ok(()), Err)).and(unknown)
     }
 }
 
@@ -248,6 +314,17 @@ fn records(mut content: &[u8], mut each: impl FnMut(&Fields<&[u8]>, &[u8]) -> Pa
         each(&Fields(header), data)?;
     }
     Ok(())
+}
+
+/// Whether these bytes begin with the header of a chunk.
+fn is_chunk(bytes: &[u8]) -> bool {
+    let (mut rest, field) = (bytes, b"op=\x05");
+    let Ok(header) = block(&mut rest) else { return false };
+    let header = Fields(header);
+    header.0.windows(field.len()).any(|window| window == field)
+        && header.op() == Some(op::CHUNK)
+        && header.u32("size").is_some()
+        && header.get("compression").is_some()
 }
 
 fn block<'a>(content: &mut &'a [u8]) -> Parsed<&'a [u8]> {

@@ -35,6 +35,14 @@ impl<'a> Chunk<'a> {
         Ok(Self { size, crc, compression, compressed_size, data })
     }
 
+    /// Whether `body` begins the body of a chunk record of `length` bytes: its own length and compression fit.
+    pub(crate) fn fills(body: &'a [u8], length: u64) -> bool {
+        let Ok(chunk) = Self::parse(body) else { return false };
+        let header = 8 + 8 + 8 + 4 + 4 + chunk.compression.len() as u64 + 8;
+        [&b""[..], b"zstd", b"lz4"].contains(&chunk.compression)
+            && header.checked_add(chunk.compressed_size) == Some(length)
+    }
+
     /// The records; of a chunk that is not `whole`, those that can be recovered.
     pub(crate) fn content(&self, whole: bool, growth: &mut Growth) -> Parsed<Cow<'a, [u8]>> {
         let packed = self.data.len() as u64;

@@ -10,23 +10,29 @@
 
 mod bag;
 mod chunk;
+mod copies;
 mod db3;
 mod file;
 mod folder;
+mod laps;
 mod mcap_file;
 mod mcap_record;
+mod metadata;
 mod packed;
 mod play;
 mod record;
 mod recording;
 mod settings;
 mod source;
+mod steps;
 mod topic;
 mod write;
 
+pub use folder::{folders_in, is_named_so, recordings_in};
 pub use play::{Player, replay};
 pub use record::Recorder;
 pub use recording::Recording;
 pub use settings::settings;
+pub use steps::{Stepped, Steps, Tick};
 pub use topic::{Encoding, Record, Topic};
 pub use write::McapWriter;

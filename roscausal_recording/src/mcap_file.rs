@@ -9,7 +9,7 @@ use roscausal_core::{Result, Time};
 use crate::{
     chunk::{Chunk, records},
     mcap_record::parse,
-    source::{Contents, Format, Parsed, Piece, Span},
+    source::{Contents, Format, Parsed, Piece, Span, find_laps, next_place, some_of},
     topic::{Encoding, Record, Topic, type_name},
 };
 
@@ -34,23 +34,26 @@ impl McapFile {
     pub(crate) fn open(path: &Path, losses: &mut Vec<String>) -> Result<Self> {
         let mut this = Self { contents: Contents::open(path)?, schemas: HashMap::new() };
         let reason = match this.summary() {
-            Ok(Some(summary)) if is_complete(&summary, this.contents.file.length()) => {
+            Ok(Some(summary))
+                if is_complete(&summary, this.contents.file.length()) && !this.has_more(&summary) =>
+            {
                 this.use_summary(summary);
+                find_laps(&mut this);
                 return Ok(this);
             }
             // Properly closed, but without an index.
             Ok(_) => None,
             Err(reason) => Some(reason),
         };
-        let mut pieces = Vec::new();
-        let fault = this.scan(&mut pieces).err();
-        this.contents.begin(pieces);
-        if let Some(reason) = fault.or(reason) {
+        let faults = this.scan();
+        let lost = some_of(&faults).or(reason);
+        if let Some(reason) = lost {
             losses.push(format!(
-                "{}: the file is damaged or was not closed; it was read as far as it is whole ({reason})",
+                "{}: the file is damaged or was not closed; what is whole was read ({reason})",
                 path.display()
             ));
         }
+        find_laps(&mut this);
         Ok(this)
     }
 
@@ -89,6 +92,33 @@ impl McapFile {
         Ok(Some(summary))
     }
 
+    /// Whether there are messages that no chunk of the summary holds: in the data section, outside the chunks and their indexes.
+    fn has_more(&mut self, summary: &Summary) -> bool {
+        let mut chunks: Vec<(u64, u64)> = summary
+            .chunks
+            .iter()
+            .map(|index| {
+                let end = index.chunk_start_offset.saturating_add(index.chunk_length);
+                (index.chunk_start_offset, end.saturating_add(index.message_index_length))
+            })
+            .collect();
+        chunks.sort_unstable();
+        let mut chunks = chunks.into_iter().peekable();
+        let mut at = mcap::MAGIC.len() as u64;
+        loop {
+            if let Some((_, end)) = chunks.next_if(|(start, end)| *start == at && *end > at) {
+                at = end;
+                continue;
+            }
+            let header = self.contents.seek(at).and_then(|()| self.record_header());
+            match header {
+                Ok((op::DATA_END | op::FOOTER, _)) => return false,
+                Ok((op::CHUNK | op::MESSAGE, _)) | Err(_) => return true,
+                Ok((_, length)) => at = at.saturating_add(RECORD_HEADER).saturating_add(length),
+            }
+        }
+    }
+
     fn use_summary(&mut self, summary: Summary) {
         for (name, text, id) in summary.schemas {
             self.schemas.insert(id, (name, text.into()));
@@ -106,80 +136,125 @@ impl McapFile {
             start: time(index.message_start_time),
             end: time(index.message_end_time),
             cut: false,
+            lap: 0,
         };
         self.contents.begin(summary.chunks.iter().map(piece).collect());
     }
 
-    /// Finds topics and pieces by reading the whole file.
+    /// Finds topics and pieces by reading the whole file. Returns what is wrong.
+    fn scan(&mut self) -> Vec<String> {
+        let mut scan = Scan::default();
+        let mut start = mcap::MAGIC.len() as u64;
+        // Whatever is damaged, the next chunk begins anew.
+        while let Err(fault) = self.scan_from(start, &mut scan) {
+            scan.plain.close(scan.end, &mut scan.pieces);
+            scan.faults.push(fault);
+            match self.next_chunk(scan.end + 1) {
+                Some(offset) => start = offset,
+                None => break,
+            }
+        }
+        for (channel, count) in scan.counts {
+            if let Some(topic) = self.contents.numbers.get(&channel) {
+                let messages = &mut self.contents.topics[*topic].messages;
+                *messages = Some(messages.unwrap_or(0).saturating_add(count));
+            }
+        }
+        self.contents.begin(scan.pieces);
+        scan.faults
+    }
+
+    /// Reads records from `start` to the end. A chunk that is damaged is a fault, and the next one is read.
     ///
     /// # Errors
-    /// Where and why it ended early.
-    fn scan(&mut self, pieces: &mut Vec<Piece>) -> Parsed<()> {
-        let mut plain = Plain::default();
-        self.contents.seek(mcap::MAGIC.len() as u64)?;
-        let mut damaged = None;
-        let end = loop {
+    /// Why there is no next record.
+    fn scan_from(&mut self, start: u64, scan: &mut Scan) -> Parsed<()> {
+        self.contents.seek(start)?;
+        let mut ended = false;
+        loop {
             let offset = self.contents.file.offset();
+            scan.end = offset;
             let (opcode, length) = match self.record_header() {
                 Ok(header) => header,
-                Err(fault) => break Err(fault),
+                Err(_) if ended => return Ok(()),
+                Err(fault) => return Err(fault),
             };
+            let begin = self.contents.file.offset();
             let whole = length <= self.contents.file.left();
-            if opcode != op::MESSAGE || offset - plain.offset > PLAIN_PIECE {
-                plain.close(offset, pieces);
+            if opcode != op::MESSAGE || offset - scan.plain.offset > PLAIN_PIECE {
+                scan.plain.close(offset, &mut scan.pieces);
             }
             match opcode {
-                op::DATA_END | op::FOOTER => break Ok(()),
+                op::FOOTER => return Ok(()),
+                // Of the summary, which follows, topics are read that are lost with the chunk that defined them.
+                op::DATA_END => ended = true,
+                // Its length may be the damage.
+                op::CHUNK if !whole && self.next_chunk(begin).is_some() => (),
                 op::CHUNK => {
+                    self.contents.seek(begin)?;
                     let body = self.body(length)?;
-                    let mut span = Span::default();
-                    let fault = self.unpack(&body, whole, |this, opcode, body| {
-                        if opcode == op::MESSAGE {
-                            this.count(body, &mut span)
-                        } else {
-                            this.define(opcode, body)
-                        }
-                    });
-                    let cut = !whole || fault.is_err();
-                    if let Some((start, end)) = span.0 {
-                        let length = self.contents.file.offset() - offset;
-                        pieces.push(Piece { offset, length, start, end, cut });
-                    }
-                    if let (true, Err(fault)) = (whole, fault) {
-                        damaged.get_or_insert(format!("the chunk at byte {offset}: {fault}"));
+                    self.scan_chunk((offset, length), &body, whole, scan);
+                }
+                op::MESSAGE if whole => {
+                    let body = self.body(length)?;
+                    scan.plain.open(offset);
+                    if let Ok((channel, stamp, _)) = message(&body) {
+                        scan.add(channel, stamp, None);
                     }
                 }
-                _ if !whole => (),
-                op::MESSAGE => {
-                    let body = self.body(length)?;
-                    plain.open(offset);
-                    let _ = self.count(&body, &mut plain.span);
-                }
-                op::SCHEMA | op::CHANNEL => {
+                op::SCHEMA | op::CHANNEL if whole => {
                     let body = self.body(length)?;
                     let defined = self.define(opcode, &body);
                     defined.map_err(|fault| format!("the record at byte {offset}: {fault}"))?;
                 }
-                _ => self.contents.seek(self.contents.file.offset() + length)?,
+                0 => return Err(format!("there is no record at byte {offset}")),
+                _ => (),
             }
             if !whole {
-                break Err(format!("it ends at byte {}, within a record", self.contents.file.length()));
+                return Err(format!("it ends at byte {}, within a record", self.contents.file.length()));
             }
-        };
-        plain.close(self.contents.file.offset(), pieces);
-        end?;
-        damaged.map_or(Ok(()), Err)
+            self.contents.seek(begin + length)?;
+        }
     }
 
-    /// Counts one message of a scan.
-    fn count(&mut self, body: &[u8], span: &mut Span) -> Parsed<()> {
-        let (channel, stamp, _) = message(body)?;
-        span.add(stamp);
-        if let Some(topic) = self.contents.numbers.get(&channel) {
-            let messages = &mut self.contents.topics[*topic].messages;
-            *messages = Some(messages.unwrap_or(0).saturating_add(1));
+    fn scan_chunk(&mut self, (offset, length): (u64, u64), body: &[u8], whole: bool, scan: &mut Scan) {
+        let mut span = Span::default();
+        let fault = self.unpack(body, whole, |this, opcode, body| {
+            if opcode == op::MESSAGE {
+                let (channel, stamp, _) = message(body)?;
+                scan.add(channel, stamp, Some(&mut span));
+                Ok(())
+            } else {
+                this.define(opcode, body)
+            }
+        });
+        let cut = !whole || fault.is_err();
+        if let Some((start, end)) = span.0 {
+            scan.pieces.push(Piece {
+                offset,
+                length: length.saturating_add(RECORD_HEADER),
+                start,
+                end,
+                cut,
+                lap: 0,
+            });
         }
-        Ok(())
+        if let (true, Err(fault)) = (whole, fault) {
+            scan.faults.push(format!("the chunk at byte {offset}: {fault}"));
+        }
+    }
+
+    /// Where the next chunk begins, at `from` or later, if there is one.
+    fn next_chunk(&mut self, from: u64) -> Option<u64> {
+        let length = self.contents.file.length();
+        let is_chunk = |bytes: &[u8], offset: u64| {
+            let (header, body) = bytes.split_first_chunk::<{ RECORD_HEADER as usize }>()?;
+            let [opcode, size @ ..] = *header;
+            let end = offset.checked_add(RECORD_HEADER)?.checked_add(u64::from_le_bytes(size))?;
+            let fits = opcode == op::CHUNK && end <= length && Chunk::fills(body, u64::from_le_bytes(size));
+            fits.then_some(())
+        };
+        next_place(&mut self.contents.file, from, |bytes, offset| is_chunk(bytes, offset).is_some())
     }
 
     /// Stores a schema or a channel.
@@ -262,20 +337,49 @@ impl Format for McapFile {
     fn read(&mut self, piece: Piece, wanted: &[bool], out: &mut Vec<Record>) -> Parsed<()> {
         let end = piece.offset.saturating_add(piece.length);
         self.contents.seek(piece.offset)?;
+        let mut unknown = Ok(());
         while self.contents.file.offset() < end {
             let (opcode, length) = self.record_header()?;
             let whole = length <= self.contents.file.left();
             let body = self.body(length)?;
+            // A message of a topic that is not known does not end the chunk.
+            let mut take = |this: &mut Self, body: &[u8]| -> Parsed<()> {
+                let taken = this.contents.take(message(body)?, wanted, out);
+                if unknown.is_ok() {
+                    unknown = taken;
+                }
+                Ok(())
+            };
             match opcode {
                 op::CHUNK => self.unpack(&body, whole, |this, opcode, body| match opcode {
-                    op::MESSAGE => this.contents.take(message(body)?, wanted, out),
+                    op::MESSAGE => take(this, body),
                     _ => Ok(()),
                 })?,
-                op::MESSAGE if whole => self.contents.take(message(&body)?, wanted, out)?,
+                op::MESSAGE if whole => take(self, &body)?,
                 _ => (),
             }
         }
-        Ok(())
+        unknown
+    }
+}
+
+/// What a scan has found.
+#[derive(Default)]
+struct Scan {
+    pieces: Vec<Piece>,
+    plain: Plain,
+    /// Messages of each channel.
+    counts: HashMap<u32, u64>,
+    faults: Vec<String>,
+    /// Where the last record begins, or would begin.
+    end: u64,
+}
+
+impl Scan {
+    /// Counts a message, in the chunk with this span or outside chunks.
+    fn add(&mut self, channel: u32, stamp: Time, span: Option<&mut Span>) {
+        span.unwrap_or(&mut self.plain.span).add(stamp);
+        *self.counts.entry(channel).or_insert(0) += 1;
     }
 }
 
@@ -296,7 +400,7 @@ impl Plain {
     fn close(&mut self, end: u64, pieces: &mut Vec<Piece>) {
         if let Some((start, last)) = std::mem::take(&mut self.span).0 {
             let length = end.saturating_sub(self.offset);
-            pieces.push(Piece { offset: self.offset, length, start, end: last, cut: false });
+            pieces.push(Piece { offset: self.offset, length, start, end: last, cut: false, lap: 0 });
         }
     }
 }
@@ -343,7 +447,6 @@ fn is_complete(summary: &Summary, length: u64) -> bool {
     let Some(statistics) = &summary.statistics else { return false };
     let chunks = summary.chunks.len();
     chunks == statistics.chunk_count as usize
-        && (chunks > 0 || statistics.message_count == 0)
         && summary.chunks.iter().all(within)
         && summary.channels.len() == statistics.channel_count as usize
 }

@@ -14,7 +14,7 @@ use tempfile::NamedTempFile;
 
 use crate::{
     recording::open_file,
-    source::Source,
+    source::{Moment, Source},
     topic::{Record, Topic},
 };
 
@@ -116,12 +116,20 @@ impl Source for Unpacked {
         self.source.topics()
     }
 
-    fn next_start(&self) -> Option<Time> {
+    fn next_start(&self) -> Option<Moment> {
         self.source.next_start()
+    }
+
+    fn laps(&self) -> u32 {
+        self.source.laps()
     }
 
     fn load(&mut self, wanted: &[bool], out: &mut Vec<Record>) -> std::result::Result<(), String> {
         self.source.load(wanted, out).map_err(|loss| self.names.told(&loss))
+    }
+
+    fn counts(&self) -> Vec<Option<u64>> {
+        self.source.counts()
     }
 
     fn span(&self) -> Option<(Time, Time)> {

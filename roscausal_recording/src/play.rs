@@ -27,7 +27,7 @@ pub fn replay(
     Ok(count)
 }
 
-/// Publishes the messages of a recording on a middleware, under their own types and names.
+/// Publishes the messages of a recording on a middleware, under their own types and names ([`Topic::playable`]).
 pub struct Player {
     publish: Vec<Option<Box<PublishBytes>>>,
     skipped: Vec<String>,
@@ -94,7 +94,7 @@ impl<M: Middleware> TypeVisitor for Advertise<'_, M> {
         let static_transforms = self.topic.name.trim_start_matches('/') == "tf_static";
         let latched = self.topic.latched || static_transforms;
         let qos = if latched { Qos::Latched } else { Qos::Volatile(QUEUE) };
-        let publisher = self.mw.advertise::<T>(&self.topic.name, qos).map_err(|error| match error {
+        let publisher = self.mw.advertise::<T>(&self.topic.playable(), qos).map_err(|error| match error {
             Error::Topic { topic, reason } => {
                 Error::Topic { topic, reason: format!("cannot be played: {reason}") }
             }

@@ -30,6 +30,11 @@ pub struct Recording {
     path: PathBuf,
     source: Box<dyn Source>,
     wanted: Vec<bool>,
+    /// Whether it ends after each lap, and the present one.
+    by_lap: bool,
+    lap: u32,
+    /// How many messages of each topic were found.
+    found: Vec<u64>,
     /// Messages that were read but not returned yet, earliest first.
     waiting: BinaryHeap<Reverse<Waiting>>,
     count: u64,
@@ -46,7 +51,7 @@ pub struct Recording {
 }
 
 struct Waiting {
-    order: (Time, u64),
+    order: (u32, Time, u64),
     record: Record,
 }
 
@@ -80,8 +85,8 @@ pub(crate) fn open_file(path: &Path, losses: &mut Vec<String>) -> Result<Box<dyn
         magic if magic.starts_with(mcap::MAGIC) => Box::new(McapFile::open(path, losses)?),
         magic if magic.starts_with(b"SQLite format 3\0") => Box::new(Db3::open(path, losses)?),
         magic if magic.starts_with(packed::MAGIC) => Box::new(Unpacked::open(path, losses)?),
-        magic if magic.starts_with(b"#ROSBAG V") => {
-            return Err(Error::file(path, "a bag of another version than 2.0; convert it with 'rosbag fix'"));
+        magic if magic.starts_with(b"#ROSBAG V") || magic.starts_with(b"#ROSRECORD V") => {
+            return Err(Error::file(path, other_version(magic)));
         }
         [] => {
             return Err(Error::file(
@@ -94,6 +99,20 @@ pub(crate) fn open_file(path: &Path, losses: &mut Vec<String>) -> Result<Box<dyn
             return Err(Error::file(path, content::not_data(first).unwrap_or_else(|| reason.to_owned())));
         }
     })
+}
+
+/// Why a bag of another version than 2.0 is not read, and what makes one of it that is.
+fn other_version(magic: &[u8]) -> String {
+    let number = magic.split(|byte| *byte == b'V').nth(1).unwrap_or_default();
+    let number: Vec<u8> =
+        number.iter().copied().take_while(|byte| byte.is_ascii_digit() || *byte == b'.').take(8).collect();
+    let number = String::from_utf8_lossy(&number);
+    match number.starts_with(['0', '1']) {
+        true => format!(
+            "this is an old bag, of version {number}; 'rosbag fix OLD.bag NEW.bag' of ROS 1 makes one of version 2.0 of it"
+        ),
+        false => format!("this is a bag of version {number}; only version 2.0 is read"),
+    }
 }
 
 impl Recording {
@@ -114,6 +133,9 @@ impl Recording {
         Ok(Self {
             path: path.to_owned(),
             source,
+            by_lap: false,
+            lap: 0,
+            found: vec![0; wanted.len()],
             wanted,
             waiting: BinaryHeap::new(),
             count: 0,
@@ -170,6 +192,25 @@ impl Recording {
         self.source.span()
     }
 
+    /// How many runs it holds: 1 plus how often its recording time goes back, as where a simulation was reset. The messages of a run
+    /// come before those of the next.
+    pub fn laps(&self) -> u32 {
+        self.source.laps()
+    }
+
+    /// Ends after each run; [`next_lap`](Self::next_lap) goes on.
+    #[must_use]
+    pub fn by_lap(mut self) -> Self {
+        self.by_lap = true;
+        self
+    }
+
+    /// Goes on to the next run, if there is one.
+    pub fn next_lap(&mut self) -> bool {
+        self.lap = self.lap.saturating_add(1);
+        self.lap < self.laps()
+    }
+
     /// The fraction that has been read, from 0 to 1.
     pub fn progress(&self) -> f64 {
         self.source.progress()
@@ -199,6 +240,26 @@ impl Recording {
         }
     }
 
+    /// Compares what was found with what the recording says that it holds; once, at its end.
+    fn compare_counts(&mut self) {
+        let counts = self.source.counts().into_iter().zip(std::mem::take(&mut self.found)).zip(&self.wanted);
+        let lost: Vec<String> = self
+            .source
+            .topics()
+            .iter()
+            .zip(counts)
+            .filter_map(|(topic, ((count, found), wanted))| {
+                let count = count.filter(|count| *wanted && *count > found)?;
+                Some(format!("{} of {count} of {}", count - found, topic.name))
+            })
+            .collect();
+        if !lost.is_empty() {
+            let path = self.path.display();
+            self.losses
+                .push(format!("{path}: messages that it should hold are not there: {}", lost.join(", ")));
+        }
+    }
+
     /// What could not be read so far, one sentence each. Complete after the last message.
     pub fn losses(&self) -> &[String] {
         &self.losses
@@ -211,8 +272,13 @@ impl Iterator for Recording {
     fn next(&mut self) -> Option<Record> {
         loop {
             let next_start = self.source.next_start();
+            let here = self.waiting.peek().map(|Reverse(first)| first.order.0);
+            let lap = here.into_iter().chain(next_start.map(|(lap, _)| lap)).min();
+            if self.by_lap && lap.is_some_and(|lap| lap > self.lap) {
+                return None;
+            }
             if let Some(Reverse(first)) = self.waiting.peek()
-                && next_start.is_none_or(|start| first.order.0 <= start)
+                && next_start.is_none_or(|start| (first.order.0, first.order.1) <= start)
             {
                 let Reverse(Waiting { record, .. }) = self.waiting.pop()?;
                 self.held -= record.size();
@@ -221,12 +287,18 @@ impl Iterator for Recording {
                     None => continue,
                 }
             }
-            next_start?;
+            if next_start.is_none() {
+                self.compare_counts();
+                return None;
+            }
             let mut records = Vec::new();
             if let Err(loss) = self.source.load(&self.wanted, &mut records) {
                 self.losses.push(loss);
             }
             for record in records {
+                if let Some(found) = self.found.get_mut(record.topic) {
+                    *found += 1;
+                }
                 if let Err(reason) = self.memory.check(self.held + record.size()) {
                     if !std::mem::replace(&mut self.told_full, true) {
                         let path = self.path.display();
@@ -238,7 +310,7 @@ impl Iterator for Recording {
                 }
                 self.held += record.size();
                 self.count += 1;
-                self.waiting.push(Reverse(Waiting { order: (record.stamp, self.count), record }));
+                self.waiting.push(Reverse(Waiting { order: (record.lap, record.stamp, self.count), record }));
             }
         }
     }

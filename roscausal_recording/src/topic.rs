@@ -7,7 +7,11 @@ use std::{
 };
 
 use roscausal_core::{Error, Message, Result, Time, middleware::RawType};
-use roscausal_msgs::{Definition, Wires, cdr, dynamic::Wire, ros1, types};
+use roscausal_msgs::{
+    Definition, Wires, cdr,
+    dynamic::{Schema, Wire},
+    ros1, types,
+};
 
 /// How the messages of a topic are encoded.
 #[derive(Clone, Debug, PartialEq, Eq, Hash)]
@@ -45,6 +49,8 @@ pub struct Topic {
 pub struct Record {
     /// Index in [`crate::Recording::topics`].
     pub topic: usize,
+    /// How often the recording time went back before it.
+    pub lap: u32,
     /// When it was recorded; not the stamp of its header.
     pub stamp: Time,
     /// The message in the encoding of its topic.
@@ -86,6 +92,25 @@ impl Topic {
         found.or_else(foreign)
     }
 
+    /// The name under which it is played: its own, as far as ROS's rules of names allow.
+    ///
+    /// # Example
+    /// `/people-tracker/3d` is played as `/people_tracker/_3d`.
+    pub fn playable(&self) -> String {
+        let legal = |c: char| if c.is_ascii_alphanumeric() { c } else { '_' };
+        let token = |text: &str| {
+            let digit = if text.starts_with(|c: char| c.is_ascii_digit()) { "_" } else { "" };
+            format!("/{digit}{}", text.chars().map(legal).collect::<String>())
+        };
+        self.name.split('/').filter(|text| !text.is_empty()).map(token).collect()
+    }
+
+    /// Whether this is its name, as recorded or as it is played, with or without the first slash.
+    pub fn is_named(&self, name: &str) -> bool {
+        let name = name.trim_start_matches('/');
+        self.name.trim_start_matches('/') == name || self.playable().trim_start_matches('/') == name
+    }
+
     /// The type as bytes are read by it, with the definition that was recorded; `None` for an encoding of neither ROS version.
     pub fn raw_type(&self) -> Option<RawType> {
         let wire = match self.encoding {
@@ -123,6 +148,27 @@ impl Topic {
         decoded.map_err(|error| fail(error.to_string()))
     }
 
+    /// Some generators make another md5 of a type with equal fields. The fields count.
+    fn use_known_md5(&mut self) {
+        let Some(md5) = &self.md5 else { return };
+        let all = types();
+        let mut named = all.iter().filter(|known| self.is_a(known));
+        if named.clone().any(|known| known.ros1_md5() == md5) || self.definition.is_empty() {
+            return;
+        }
+        let Ok(schema) = Schema::parse(&self.type_name, &self.definition) else { return };
+        let same = |known: &&&Definition| known.ros1_schema().is_some_and(|own| own.has_fields_of(&schema));
+        if let Some(known) = named.find(same) {
+            self.md5 = Some(known.ros1_md5().to_owned());
+        }
+    }
+
+    /// Whether both were recorded with definitions of equal fields.
+    fn has_fields_of(&self, other: &Self) -> bool {
+        let schema = |topic: &Self| Schema::parse(&topic.type_name, &topic.definition).ok();
+        schema(self).zip(schema(other)).is_some_and(|(a, b)| a.has_fields_of(&b))
+    }
+
     /// Whether this is the name of its type.
     fn is_a(&self, definition: &Definition) -> bool {
         let name = self.type_name.strip_prefix(definition.package).and_then(|rest| rest.strip_prefix('/'));
@@ -130,22 +176,31 @@ impl Topic {
     }
 }
 
-/// What makes two entries the same topic: name, type, encoding and md5.
-type Key = (String, String, Encoding, Option<String>);
+/// What makes two entries the same topic, if their fields are equal too: name, type and encoding.
+type Key = (String, String, Encoding);
+
+/// Most forms of one topic whose fields are compared.
+const MOST_FORMS: usize = 8;
 
 /// The topics of a file or a folder, each once.
 #[derive(Default)]
 pub(crate) struct Topics {
     all: Vec<Topic>,
-    /// Where each is. A file of strangers may name very many.
-    index: HashMap<Key, usize>,
+    /// Where each is, in all its forms. A file of strangers may name very many.
+    index: HashMap<Key, Vec<usize>>,
 }
 
 impl Topics {
     /// Adds a topic, or finds it. Returns its index.
-    pub(crate) fn add(&mut self, topic: Topic) -> usize {
-        let key = (topic.name.clone(), topic.type_name.clone(), topic.encoding.clone(), topic.md5.clone());
-        let index = *self.index.entry(key).or_insert(self.all.len());
+    pub(crate) fn add(&mut self, mut topic: Topic) -> usize {
+        topic.use_known_md5();
+        let key = (topic.name.clone(), topic.type_name.clone(), topic.encoding.clone());
+        let forms = self.index.entry(key).or_default();
+        let same = |known: &Topic| known.md5 == topic.md5;
+        let found = forms.iter().copied().find(|index| same(&self.all[*index]));
+        let equal = |index: &usize| self.all[*index].has_fields_of(&topic);
+        let found = found.or_else(|| forms.iter().copied().take(MOST_FORMS).find(equal));
+        let index = found.unwrap_or(self.all.len());
         match self.all.get_mut(index) {
             Some(known) => {
                 known.latched |= topic.latched;
@@ -154,7 +209,10 @@ impl Topics {
                     known.definition = topic.definition;
                 }
             }
-            None => self.all.push(topic),
+            None => {
+                forms.push(index);
+                self.all.push(topic);
+            }
         }
         index
     }
@@ -202,6 +260,33 @@ mod tests {
         assert!(topic("pedsim_msgs/AgentStates", Encoding::Ros1, Some("00")).known_type().is_none());
         assert!(topic("visualization_msgs/MeshFile", Encoding::Ros1, None).known_type().is_none());
         assert!(topic("visualization_msgs/MeshFile", Encoding::Cdr, None).known_type().is_some());
+    }
+
+    #[test]
+    fn names_that_ros_does_not_allow_are_played_under_names_that_it_does() {
+        for (recorded, played) in
+            [("/odom", "/odom"), ("odom", "/odom"), ("/a-b//3d", "/a_b/_3d"), ("/a b/\u{e4}", "/a_b/_")]
+        {
+            let topic = Topic { name: recorded.into(), ..topic("std_msgs/Bool", Encoding::Cdr, None) };
+            assert_eq!(topic.playable(), played);
+            assert!(topic.is_named(recorded) && topic.is_named(played));
+        }
+    }
+
+    #[test]
+    fn another_md5_of_equal_fields_is_the_same_topic() {
+        let definition = |text: &str| Topic {
+            definition: text.into(),
+            md5: Some(format!("{:032x}", text.len())),
+            ..topic("std_msgs/Bool", Encoding::Ros1, None)
+        };
+        let mut topics = Topics::default();
+        let first = topics.add(definition("bool data"));
+        assert_eq!(topics[first].md5.as_deref(), Some(Bool::ros1_md5()));
+        assert_eq!(topics.add(definition("# of another generator\nbool  data\n")), first);
+        assert_eq!(topics.add(topic("std_msgs/Bool", Encoding::Ros1, Some(Bool::ros1_md5()))), first);
+        let other = topics.add(definition("uint16 data"));
+        assert!(other != first && topics[other].known_type().is_none());
     }
 
     #[test]

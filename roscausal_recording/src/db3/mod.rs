@@ -14,8 +14,9 @@ use roscausal_core::{Error, Result, Time};
 use rusqlite::{Connection, OpenFlags, Row, limits::Limit};
 
 use crate::{
+    laps::{BACK_S, LapFinder},
     mcap_file::is_transient_local,
-    source::Source,
+    source::{Moment, Source},
     topic::{Encoding, Record, Topic, Topics, type_name},
 };
 use pages::{Message, Pages};
@@ -34,6 +35,8 @@ pub(crate) struct Db3 {
     /// Recording time and row of each message, in order.
     order: Vec<(i64, i64)>,
     next: usize,
+    /// The first rows of all laps but the first.
+    laps: Vec<i64>,
     damaged: Option<Damaged>,
 }
 
@@ -55,6 +58,7 @@ impl Db3 {
             numbers: HashMap::new(),
             order: Vec::new(),
             next: 0,
+            laps: Vec::new(),
             damaged: None,
         };
         this.read_topics().map_err(fail)?;
@@ -130,6 +134,33 @@ impl Db3 {
         }
         drop(statement);
         self.sort();
+        let mut newest = i64::MIN;
+        let goes_back = |(stamp, _): &(i64, i64)| {
+            newest = newest.max(*stamp);
+            Time::from_nanos(newest).secs_since(Time::from_nanos(*stamp)) > BACK_S
+        };
+        self.order.sort_unstable_by_key(|(_, row)| *row);
+        if self.order.iter().any(goes_back) {
+            self.find_laps()?;
+        }
+        self.sort();
+        Ok(())
+    }
+
+    /// Finds where the recording time goes back, in the order of the rows.
+    fn find_laps(&mut self) -> rusqlite::Result<()> {
+        let (mut finder, mut rows) = (LapFinder::default(), Vec::new());
+        let mut statement =
+            self.database.prepare("SELECT topic_id, timestamp, id FROM messages ORDER BY id")?;
+        let message = |row: &Row<'_>| Ok((row.get::<_, i64>(0)?, row.get(1)?, row.get::<_, i64>(2)?));
+        for message in statement.query_map([], message)? {
+            let (number, stamp, row) = message?;
+            let Some(topic) = self.numbers.get(&number) else { continue };
+            finder.add(*topic, Time::from_nanos(stamp));
+            rows.push(row);
+        }
+        let first = |number: &u64| rows.get(usize::try_from(*number).ok()?).copied();
+        self.laps = finder.finish().begins().iter().filter_map(first).collect();
         Ok(())
     }
 
@@ -148,7 +179,8 @@ impl Db3 {
     fn sort(&mut self) {
         self.order.sort_unstable_by_key(|(_, row)| *row);
         self.order.dedup_by_key(|(_, row)| *row);
-        self.order.sort_unstable();
+        let laps = &self.laps;
+        self.order.sort_unstable_by_key(|(stamp, row)| (lap_of(laps, *row), *stamp, *row));
     }
 
     /// The topic with this id in the database, if it is wanted.
@@ -174,7 +206,8 @@ impl Db3 {
                 let found = rows.next()?.ok_or(rusqlite::Error::QueryReturnedNoRows)?;
                 // SQLite fetches only the bytes that are requested.
                 let Some(topic) = self.wanted(found.get(0)?, wanted) else { return Ok(None) };
-                Ok(Some(Record { topic, stamp: Time::from_nanos(*stamp), bytes: found.get(1)? }))
+                let (lap, stamp) = (lap_of(&self.laps, *row), Time::from_nanos(*stamp));
+                Ok(Some(Record { topic, lap, stamp, bytes: found.get(1)? }))
             };
             match read() {
                 Ok(record) => out.extend(record),
@@ -196,7 +229,9 @@ impl Db3 {
         for message in page.iter().filter_map(|(_, row)| damaged.messages.get(row)) {
             let Some(topic) = self.wanted(message.topic, wanted) else { continue };
             match damaged.pages.data(message.place) {
-                Ok(bytes) => out.push(Record { topic, stamp: Time::from_nanos(message.stamp), bytes }),
+                Ok(bytes) => {
+                    out.push(Record { topic, lap: 0, stamp: Time::from_nanos(message.stamp), bytes })
+                }
                 Err(error) => count(&mut lost, &error),
             }
         }
@@ -208,6 +243,11 @@ impl Db3 {
         let mut statement = self.database.prepare("SELECT name FROM pragma_table_info(?)")?;
         statement.query_map([table], |row| row.get(0))?.collect()
     }
+}
+
+/// The lap of a row.
+fn lap_of(laps: &[i64], row: i64) -> u32 {
+    u32::try_from(laps.partition_point(|first| *first <= row)).unwrap_or(0)
 }
 
 /// How much shorter the file is than its header says. SQLite itself may not notice.
@@ -295,8 +335,13 @@ impl Source for Db3 {
         &self.topics
     }
 
-    fn next_start(&self) -> Option<Time> {
-        self.order.get(self.next).map(|(stamp, _)| Time::from_nanos(*stamp))
+    fn next_start(&self) -> Option<Moment> {
+        let (stamp, row) = self.order.get(self.next)?;
+        Some((lap_of(&self.laps, *row), Time::from_nanos(*stamp)))
+    }
+
+    fn laps(&self) -> u32 {
+        lap_of(&self.laps, i64::MAX) + 1
     }
 
     fn load(&mut self, wanted: &[bool], out: &mut Vec<Record>) -> std::result::Result<(), String> {
@@ -314,7 +359,12 @@ impl Source for Db3 {
     }
 
     fn span(&self) -> Option<(Time, Time)> {
-        let (first, last) = (self.order.first()?.0, self.order.last()?.0);
+        let stamps = || self.order.iter().map(|(stamp, _)| *stamp);
+        // Without laps they are in order.
+        let (first, last) = match self.laps.is_empty() {
+            true => (self.order.first()?.0, self.order.last()?.0),
+            false => (stamps().min()?, stamps().max()?),
+        };
         Some((Time::from_nanos(first), Time::from_nanos(last)))
     }
 

@@ -1,0 +1,82 @@
+//! `metadata.yaml`, in which rosbag2 lists the files of a recording and counts its messages. It is a checklist: what is there is read
+//! with it or without.
+
+use std::{
+    collections::BTreeMap,
+    path::{Path, PathBuf},
+};
+
+use roscausal_core::bounded;
+use serde_norway::Value;
+
+use crate::{
+    packed::unpacked_name,
+    topic::{Topic, type_name},
+};
+
+/// Most bytes of it that are read. Each topic takes about 1 kB.
+const LARGEST: u64 = 16 << 20;
+
+/// What the file says of the folder that it is in; nothing if there is no such file.
+#[derive(Default)]
+pub(crate) struct Metadata {
+    path: PathBuf,
+    /// Names of files.
+    files: Vec<String>,
+    /// Messages by name and type of the topic.
+    counts: BTreeMap<(String, String), u64>,
+}
+
+impl Metadata {
+    pub(crate) fn of(folder: &Path) -> Self {
+        let path = folder.join("metadata.yaml");
+        if !path.is_file() {
+            return Self::default();
+        }
+        let text = bounded::read_text(&path, LARGEST).unwrap_or_default();
+        let value = serde_norway::from_str::<Value>(&text).unwrap_or_default();
+        let Some(value) = value.get("rosbag2_bagfile_information") else { return Self::default() };
+        let list = |key: &str| value.get(key).and_then(Value::as_sequence).into_iter().flatten();
+        // Versions of rosbag2 differ in whether the folder is a part of a name.
+        let last = |name: &Value| Some(Path::new(name.as_str()?).file_name()?.to_string_lossy().into_owned());
+        let count = |topic: &Value| {
+            let what = topic.get("topic_metadata")?;
+            let name = what.get("name")?.as_str()?.to_owned();
+            let kind = type_name(what.get("type")?.as_str()?);
+            Some(((name, kind), topic.get("message_count")?.as_u64()?))
+        };
+        Self {
+            files: list("relative_file_paths").filter_map(last).collect(),
+            counts: list("topics_with_message_count").filter_map(count).collect(),
+            path,
+        }
+    }
+
+    /// A sentence about each file that is listed but not there, packed or unpacked.
+    pub(crate) fn missing(&self) -> Vec<String> {
+        let there = |name: &String| {
+            let file = self.path.with_file_name(name);
+            file.exists()
+                || unpacked_name(&file).is_some_and(|plain| plain.exists())
+                || ["zstd", "zst"]
+                    .iter()
+                    .any(|ending| file.with_file_name(format!("{name}.{ending}")).exists())
+        };
+        let sentence = |name: &String| {
+            format!(
+                "{}: {name}, a part of the recording, is missing; its messages are left out",
+                self.path.display()
+            )
+        };
+        self.files.iter().filter(|name| !there(name)).map(sentence).collect()
+    }
+
+    /// How many messages of each topic there should be, if it tells.
+    pub(crate) fn counts(&self, topics: &[Topic]) -> Vec<Option<u64>> {
+        let count = |topic: &Topic| {
+            let key = (topic.name.clone(), topic.type_name.clone());
+            self.counts.get(&key).copied().max(topic.messages)
+        };
+        topics.iter().map(count).collect()
+    }
+}
