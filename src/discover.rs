@@ -442,7 +442,7 @@ impl Data {
                     format!("it is for recordings; of trajectories, {} says who is analysed", Named("agent")),
                 ));
             }
-            return args.part.part(args.trajectories.read(args)?, &args.changes, None);
+            return args.part.part(args.trajectories.read(args)?, &args.changes, None, &[]);
         }
         if let Some(flag) = args.trajectories.given() {
             let reason = format!("it is for tables of trajectories ({} trajectories)", Named("format"));
@@ -460,7 +460,7 @@ impl Data {
         };
         let besides = args.part.columns();
         let variables = if besides.is_empty() { None } else { args.read.variables(read.recorded)? };
-        args.part.part(read, &args.changes, variables.as_deref())
+        args.part.part(read, &args.changes, variables.as_deref(), args.read.columns().unwrap_or_default())
     }
 
     /// Tables with the same columns, each as a recording.

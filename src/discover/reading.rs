@@ -296,6 +296,7 @@ impl FromStr for Rows {
 
 impl PartArgs {
     /// The part of `data` that these flags choose, with its values changed as asked for. Rows are chosen by their values before.
+    /// `named`: the columns that the user names.
     ///
     /// # Errors
     /// A column without any number, unless it may be left out; a window without rows.
@@ -304,6 +305,7 @@ impl PartArgs {
         mut data: Data,
         changes: &ChangeArgs,
         variables: Option<&[String]>,
+        named: &[String],
     ) -> Result<Data> {
         if let Some(Rows(rows)) = &self.rows {
             data.map_recordings(|recording| {
@@ -326,6 +328,15 @@ impl PartArgs {
             return Ok(data);
         }
         let names: Vec<String> = empty.iter().map(|&var| plain(&data.data.var_names()[var])).collect();
+        // Which columns there are was not the user's choice, unless they are named.
+        let is_unnamed = |name: &String| is_of_goal(name) && !named.contains(name);
+        if data.recorded && !self.drop_empty && names.iter().all(is_unnamed) {
+            data.leave_out(
+                &empty,
+                "since the recording has no goal of the person (--human-goal names its topic)",
+            )?;
+            return Ok(data);
+        }
         if !self.drop_empty {
             return Err(Error::Data(sentence(&names, data.recorded)));
         }
@@ -440,12 +451,18 @@ fn is_empty(data: &DataFrame, var: usize) -> bool {
         .all(|recording| recording.index_axis(Axis(1), var).iter().all(|value| value.is_nan()))
 }
 
+/// Whether a column of a recording is a goal's place or the distance to it, by its name: `h_dg`, `h_7_gx`.
+fn is_of_goal(name: impl AsRef<str>) -> bool {
+    let name = name.as_ref();
+    name.contains("_dg") || name.contains("_g")
+}
+
 /// Why there is nothing in these columns, and what to do.
 fn sentence(names: &[String], recorded: bool) -> String {
     let has = if names.len() == 1 { "has" } else { "have" };
-    let cause = match recorded && names.iter().any(|name| name.contains("_dg") || name.contains("_g")) {
+    let cause = match recorded && names.iter().any(is_of_goal) {
         true => {
-            format!(": the recording tells no goal of the person ({} names its topic)", Named("human_goal"))
+            format!(": the recording has no goal of the person ({} names its topic)", Named("human_goal"))
         }
         false => String::new(),
     };
