@@ -76,6 +76,10 @@
 
 #![warn(missing_docs)]
 
+// Its macro is for all that follow.
+#[macro_use]
+mod ground;
+
 mod about;
 mod analysis;
 pub mod changes;
@@ -84,7 +88,6 @@ pub mod confidence;
 pub mod draw;
 mod effort;
 mod evidence;
-mod ground;
 pub mod independence_tests;
 pub mod methods;
 mod model;

@@ -10,7 +10,7 @@ use std::{
 };
 
 /// The modules of the crate from the ground up.
-const LAYERS: [&str; 15] = [
+const LAYERS: [&str; 16] = [
     "ground",
     "numeric",
     "about",
@@ -18,6 +18,7 @@ const LAYERS: [&str; 15] = [
     "transfer_entropy",
     "methods",
     "model",
+    "settings",
     "evidence",
     "draw",
     "analysis",
@@ -75,7 +76,8 @@ fn parse(text: &str, module: &Module, tests: &mut BTreeSet<Module>) -> File {
             }
             let leaves = leaves(tree.trim_end_matches(';'));
             if visibility { file.passed_on.extend(leaves) } else { file.imports.extend(leaves) }
-        } else if line.contains("crate::") || line.contains("super::") {
+        // A macro's `$crate` is for whoever uses it.
+        } else if line.replace("$crate::", "").contains("crate::") || line.contains("super::") {
             file.inline.push(line.to_owned());
         }
     }

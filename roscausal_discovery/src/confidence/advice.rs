@@ -10,7 +10,7 @@
 
 use statrs::function::erf::erfc;
 
-use super::scheme::{Resampling, Scheme};
+use crate::settings::{Resampling, Scheme};
 use crate::{
     model::{Advice, Confidence, Model},
     numeric::normal::normal_quantile,

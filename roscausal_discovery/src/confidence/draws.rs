@@ -6,7 +6,7 @@
 //!
 //! Resample `b` has the stream number `b` of the seed; from the second recording on, stream number `(b, recording)`.
 
-use super::scheme::{FEWEST_BLOCKS, FEWEST_ROWS, Resampling, Scheme};
+use crate::settings::{FEWEST_BLOCKS, FEWEST_ROWS, Resampling, Scheme};
 use crate::{
     ground::{Error, Result},
     numeric::pcg64::Pcg64,
@@ -94,7 +94,7 @@ mod tests {
     use proptest::prelude::*;
 
     use super::*;
-    use crate::confidence::scheme::Block;
+    use crate::settings::Block;
 
     #[test]
     fn a_bootstrap_draws_the_rows_of_the_reference() {

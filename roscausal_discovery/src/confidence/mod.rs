@@ -32,18 +32,17 @@ mod advice;
 mod calibration;
 mod draws;
 mod resamples;
-mod scheme;
 mod size;
 mod summary;
 
 use resamples::Resamples;
 use summary::Summary;
 
+pub use crate::settings::{Block, FEWEST_RESAMPLES, MOST_RESAMPLES, Resampling, Scheme};
 pub use advice::set_step;
 pub use calibration::share_that_was_real;
 pub use draws::bootstrap_rows;
 pub use resamples::data_of_resample;
-pub use scheme::{Block, FEWEST_RESAMPLES, MOST_RESAMPLES, Resampling, Scheme};
 
 use serde::Serialize;
 

@@ -5,12 +5,12 @@ use std::sync::{
     atomic::{AtomicUsize, Ordering},
 };
 
-use super::{draws, scheme::Resampling};
+use super::draws;
 use crate::{
     analysis::{Found, MethodResult},
     ground::{CondIndTest, Control, DataFrame, Result, Stop, lock},
     methods::Method,
-    settings::Settings,
+    settings::{Resampling, Settings},
 };
 
 /// The data at the times of resample `b`, drawn from time `first` on, for methods that are run by hand.

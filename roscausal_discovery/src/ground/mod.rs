@@ -1,5 +1,8 @@
 //! The vocabulary of causal discovery: what every test and every method speaks of. Nothing here knows a test or a method.
 
+#[macro_use]
+mod variants;
+
 mod complete_rows;
 mod components;
 mod cond_ind_test;
@@ -14,7 +17,6 @@ pub mod names;
 mod node;
 mod samples;
 pub mod text;
-mod variants;
 mod vectors;
 pub mod visible;
 mod words;

@@ -19,7 +19,7 @@ pub enum Significance {
     FixedThres,
 }
 
-crate::words!(Significance, "significance": Analytic "analytic", ShuffleTest "shuffle" | "shuffle_test", FixedThres "threshold" | "fixed_thres");
+words!(Significance, "significance": Analytic "analytic", ShuffleTest "shuffle" | "shuffle_test", FixedThres "threshold" | "fixed_thres");
 
 /// What CMIknn turns values into before it measures distances.
 pub const TRANSFORMS: &[&str] = &["ranks", "uniform", "standardize", "none"];
@@ -33,7 +33,7 @@ pub enum Confidence {
     Bootstrap,
 }
 
-crate::words!(Confidence, "confidence": Analytic "analytic", Bootstrap "bootstrap");
+words!(Confidence, "confidence": Analytic "analytic", Bootstrap "bootstrap");
 
 /// How GPDC searches for the maximum of a likelihood. Both end in the same one.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -45,7 +45,7 @@ pub enum GpSearch {
     Exact,
 }
 
-crate::words!(GpSearch, "gp_search": Default "default", Exact "exact");
+words!(GpSearch, "gp_search": Default "default", Exact "exact");
 
 /// Settings of any test, as [`super::by_name`] takes them; a test reads what concerns it. `None` is the test's own default.
 ///

@@ -42,7 +42,7 @@ impl Criterion {
     }
 }
 
-crate::words!(Criterion, "criterion": Aic "aic", Bic "bic", Hqic "hqic");
+words!(Criterion, "criterion": Aic "aic", Bic "bic", Hqic "hqic");
 
 /// All variables regressed on all variables at lags `first..=lags`.
 pub(super) struct Autoregression {

@@ -12,7 +12,7 @@ pub enum Fdr {
     Bh,
 }
 
-crate::words!(Fdr, "fdr": None "none", Bh "fdr_bh");
+words!(Fdr, "fdr": None "none", Bh "fdr_bh");
 
 /// P-values corrected for multiple testing (Benjamini and Hochberg 1995). Only the entries in `tested` count and
 /// change.

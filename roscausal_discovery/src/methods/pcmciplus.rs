@@ -26,7 +26,7 @@ pub enum ColliderRule {
     None,
 }
 
-crate::words!(ColliderRule, "collider_rule": Majority "majority", Conservative "conservative", None "none");
+words!(ColliderRule, "collider_rule": Majority "majority", Conservative "conservative", None "none");
 
 /// Settings that only PCMCI+ has.
 #[derive(Clone, Debug, PartialEq, Eq)]

@@ -1,9 +1,11 @@
 //! The settings of an analysis: one entry each in [`SETTINGS`], from which the command's flags, the discovery node's parameters,
 //! Python's keywords and the refusals come.
 
+mod check;
 mod links;
 mod plain;
 mod request;
+mod scheme;
 mod table;
 #[cfg(test)]
 mod tests;
@@ -13,6 +15,8 @@ use serde_json::{Value, json};
 
 pub use links::LinkRules;
 pub use request::Request;
+pub use scheme::{Block, FEWEST_RESAMPLES, MOST_RESAMPLES, Resampling, Scheme};
+pub(crate) use scheme::{FEWEST_BLOCKS, FEWEST_ROWS};
 pub use table::SETTINGS;
 pub use typed::{PcAlpha, Settings};
 

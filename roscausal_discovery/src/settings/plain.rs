@@ -4,9 +4,12 @@ use std::sync::Arc;
 
 use serde_json::{Map, Value, json};
 
-use super::{links::LinkRules, typed::PcAlpha};
+use super::{
+    links::LinkRules,
+    scheme::{Block, Scheme},
+    typed::PcAlpha,
+};
 use crate::{
-    confidence::{Block, Scheme},
     ground::{Error, Result, VectorNames, vectors_of},
     independence_tests::{GpSearch, NullDistributions, Significance},
     methods::{ActsOn, ColliderRule, Fdr, Method, acts_on_of},
@@ -122,11 +125,9 @@ impl Plain for ActsOn {
     }
 
     fn of(value: &Value) -> Result<Self> {
-        texts(
-            value,
-            |texts| acts_on_of(texts),
-            |map| map.iter().map(|(column, of)| Some((column.clone(), of.as_str()?.to_owned()))).collect(),
-        )
+        texts(value, acts_on_of, |map| {
+            map.iter().map(|(column, of)| Some((column.clone(), of.as_str()?.to_owned()))).collect()
+        })
     }
 }
 
@@ -136,14 +137,10 @@ impl Plain for VectorNames {
     }
 
     fn of(value: &Value) -> Result<Self> {
-        texts(
-            value,
-            |texts| vectors_of(texts),
-            |map| {
-                let columns = |value: &Value| serde_json::from_value(value.clone()).ok();
-                map.iter().map(|(name, of)| Some((name.clone(), columns(of)?))).collect()
-            },
-        )
+        texts(value, vectors_of, |map| {
+            let columns = |value: &Value| serde_json::from_value(value.clone()).ok();
+            map.iter().map(|(name, of)| Some((name.clone(), columns(of)?))).collect()
+        })
     }
 }
 

@@ -2,9 +2,8 @@
 
 use serde_json::{Map, Value, json};
 
-use super::{Group, LinkRules, SETTINGS, Setting, Settings};
+use super::{Group, LinkRules, Resampling, SETTINGS, Setting, Settings};
 use crate::{
-    confidence::Resampling,
     ground::{Error, Named, Result, VectorNames, names::position},
     independence_tests::{by_name, names, spelled},
     methods::Method,

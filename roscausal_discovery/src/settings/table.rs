@@ -5,9 +5,9 @@ use serde_json::Value;
 use super::{
     Group, Kind, Readers, Setting,
     plain::{self, Plain},
+    scheme::Scheme,
 };
 use crate::{
-    confidence::Scheme,
     independence_tests::{GpSearch, Significance, TRANSFORMS, draws},
     methods::{ColliderRule, Fdr, Method, Reads},
     transfer_entropy::TeEstimator,

@@ -33,7 +33,7 @@ fn every_field_of_the_settings_has_an_entry() {
         extra_conditions: _,
         pcmciplus: _,
     } = settings;
-    let crate::confidence::Resampling { resamples: _, scheme: _, share: _, block: _ } = resampling;
+    let Resampling { resamples: _, scheme: _, share: _, block: _ } = resampling;
     // Confidence intervals and the seed are another one's.
     let TestSettings {
         significance: _,

@@ -29,7 +29,7 @@ impl TeEstimator {
     }
 }
 
-crate::words!(TeEstimator, "te_estimator": Auto "auto", Gaussian "gaussian", GaussianDcor "gaussian+dcor", Kraskov "kraskov");
+words!(TeEstimator, "te_estimator": Auto "auto", Gaussian "gaussian", GaussianDcor "gaussian+dcor", Kraskov "kraskov");
 
 /// Information estimates and their null distributions on the samples of one run. The `p_*` methods return the
 /// fraction of surrogates whose statistic is not below `value`.

@@ -12,7 +12,7 @@ pub enum Scheme {
     Bootstrap,
 }
 
-crate::words!(Scheme, "resampling": Subsample "subsample", Bootstrap "bootstrap");
+words!(Scheme, "resampling": Subsample "subsample", Bootstrap "bootstrap");
 
 /// How many neighbouring rows are drawn together.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

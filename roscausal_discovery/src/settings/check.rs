@@ -1,0 +1,171 @@
+//! What may be asked for without knowing the data, and the model that it begins.
+
+use serde_json::Map;
+
+use super::{PcAlpha, Request, Settings};
+use crate::{
+    ground::{Dummy, Error, Named, Result},
+    independence_tests::Significance,
+    methods::{Method, Reads, TiminoModel},
+    model::{self, Model},
+};
+
+impl Settings {
+    /// Checks the settings on their own, without data.
+    ///
+    /// # Errors
+    /// The first invalid setting: its name, its value, and what is allowed.
+    pub fn check(&self) -> Result<()> {
+        let test = self.test()?;
+        if self.method == Method::Jpcmciplus {
+            test.with_dummies(&[Dummy::Space])?;
+        }
+        if self.method == Method::Timino {
+            TiminoModel::of_test(test.name())?;
+        }
+        self.check_numbers(test.name())
+    }
+
+    /// Checks everything but the name of the test; `test` is the one that is used.
+    pub(crate) fn check_numbers(&self, test: &str) -> Result<()> {
+        level("alpha", self.alpha)?;
+        if let PcAlpha::Fixed(alpha) = self.pc_alpha {
+            level("pc_alpha", alpha)?;
+        }
+        self.f_alpha.map_or(Ok(()), |alpha| level("f_alpha", alpha))?;
+        Error::check_lags(self.tau_min, self.tau_max)?;
+        let asked = Self { cond_ind_test: test.to_owned(), ..self.clone() };
+        Request { settings: asked, ..Request::default() }.check_readers()?;
+        self.check_shuffles()?;
+        let info = self.method.info();
+        match self.method {
+            Method::Lpcmci | Method::Tsfci => self.check_lpcmci()?,
+            Method::Candoit => {
+                self.check_lpcmci()?;
+                self.check_lag_zero("interventions act at lag 0")?;
+            }
+            Method::Jpcmciplus => {
+                self.check_lag_zero("contexts act at lag 0")?;
+                if self.pc_alpha == PcAlpha::ByScore {
+                    let reason = "jpcmciplus has no score that chooses a level; give one, such as 0.01";
+                    return Err(Error::param("pc_alpha", reason));
+                }
+            }
+            _ => {}
+        }
+        let is_fci_there = matches!(self.method, Method::Lpcmci | Method::Tsfci);
+        if !is_fci_there && self.tau_max == 0 && !info.models_lag_zero {
+            return Err(Error::param("tau_max", "0 leaves no past; give at least 1"));
+        }
+        if self.tau_min == 0 && !info.lag_zero {
+            let what = if self.method.reads(Reads::FAlpha) { "the transfer-entropy filter of " } else { "" };
+            let reason =
+                format!("0: {what}{} knows the past only; give 1, or use {}", self.method, Method::Pcmciplus);
+            return Err(Error::param("tau_min", reason));
+        }
+        if self.tau_min > 0 && info.models_lag_zero {
+            let reason =
+                format!("{}: {} models lag 0 too; give 0, or leave it out", self.tau_min, self.method);
+            return Err(Error::param("tau_min", reason));
+        }
+        Ok(())
+    }
+
+    /// Refuses null distributions with a significance that takes none, and fewer surrogates than the level needs: with `n` of them no
+    /// p-value is below `1 / (n + 1)`, and nothing would be found.
+    fn check_shuffles(&self) -> Result<()> {
+        let how = self.test.significance;
+        if self.test.null_distributions.is_some() && how.is_some_and(|how| how != Significance::Analytic) {
+            let reason = "the significance that is asked for takes none; give analytic, or leave it out";
+            return Err(Error::param("null_dist", reason));
+        }
+        let Some(shuffles) = self.test.sig_samples.filter(|_| how != Some(Significance::Analytic)) else {
+            return Ok(());
+        };
+        let by_pc = self.method.info().one_level;
+        let level = if by_pc { self.level_of_pc().unwrap_or(self.alpha) } else { self.alpha };
+        let smallest = 1.0 / (shuffles as f64 + 1.0);
+        if smallest <= level {
+            return Ok(());
+        }
+        let reason = format!(
+            "with {shuffles} the smallest p-value is {smallest:.4}, above the level {level} of {}, so nothing could be found; give at \
+             least {}, or a higher level ({})",
+            self.method,
+            (1.0 / level).ceil(),
+            Named(if by_pc { "pc_alpha" } else { "alpha" })
+        );
+        Err(Error::param("shuffles", reason))
+    }
+
+    fn check_lag_zero(&self, why: &str) -> Result<()> {
+        if self.tau_min == 0 {
+            return Ok(());
+        }
+        Err(Error::param("tau_min", format!("{}: {why}; give 0, or leave it out", self.tau_min)))
+    }
+
+    /// LPCMCI and tsFCI have one level, and work on data without time, too.
+    fn check_lpcmci(&self) -> Result<()> {
+        if self.pc_alpha == PcAlpha::ByScore {
+            return Err(Error::param(
+                "pc_alpha",
+                format!("{} has no score that chooses a level; give one, such as 0.05", self.method),
+            ));
+        }
+        // A link that is never tested looks certain.
+        if self.max_sets == Some(0) {
+            return Err(Error::param("max_sets", "0 tests nothing; give at least 1, or leave it out"));
+        }
+        Ok(())
+    }
+
+    /// A model that holds the settings and no result yet.
+    pub fn blank_model(&self) -> Model {
+        let mut model = Model {
+            schema: model::SCHEMA.to_owned(),
+            status: "complete".to_owned(),
+            method: self.method.name().to_owned(),
+            cond_ind_test: if self.method.info().asks_test {
+                self.cond_ind_test.clone()
+            } else {
+                "none".to_owned()
+            },
+            alpha: self.alpha,
+            pc_alpha: self.level_of_pc(),
+            f_alpha: self.method.reads(Reads::FAlpha).then_some(self.f_alpha.unwrap_or(self.alpha)),
+            fdr: self.fdr.name().to_owned(),
+            tau_min: self.tau_min,
+            tau_max: self.tau_max,
+            dt: None,
+            n_samples: 0,
+            n_recordings: 1,
+            seed: self.seed,
+            settings: Map::new(),
+            run_time_s: None,
+            features: Vec::new(),
+            dropped: Vec::new(),
+            links: Vec::new(),
+            graph: Vec::new(),
+            outcomes: Vec::new(),
+            val_matrix: Vec::new(),
+            p_matrix: Vec::new(),
+            n_matrix: Vec::new(),
+            causal_structure: Vec::new(),
+            val: Vec::new(),
+            pval: Vec::new(),
+            warnings: Vec::new(),
+            about_data: None,
+            confidence: None,
+        };
+        model.settings = Request { settings: self.clone(), ..Request::default() }.beyond(&model);
+        model
+    }
+}
+
+fn level(name: &str, value: f64) -> Result<()> {
+    if value > 0.0 && value < 1.0 {
+        return Ok(());
+    }
+    Err(Error::param(name, format!("{value} is not a level; give a number between 0 and 1, such as 0.05")))
+}
