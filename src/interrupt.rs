@@ -15,6 +15,8 @@ use roscausal_discovery::lock;
 
 /// Exit code of a command that Ctrl-C ended: 128 and the number of the signal, as shells count.
 pub(crate) const CODE: u8 = 130;
+/// What is said where a recording is kept.
+const RECORDED: &str = "what is recorded is kept (again: end at once)";
 /// How long a command has to end by itself.
 const PATIENCE: Duration = Duration::from_millis(600);
 /// Time between two looks whether something is still at stake.
@@ -38,8 +40,7 @@ struct State {
 
 impl Default for State {
     fn default() -> Self {
-        let words = "what is recorded is kept (again: end at once)";
-        Self { words, at_stake: true, last: Vec::new() }
+        Self { words: RECORDED, at_stake: true, last: Vec::new() }
     }
 }
 
@@ -81,6 +82,11 @@ impl Interrupt {
     /// From now on an end at once loses nothing: all that counts is on disk, or there is no result yet. `words` say so.
     pub(crate) fn nothing_at_stake(&self, words: &'static str) {
         self.with(|state| (state.words, state.at_stake) = (words, false));
+    }
+
+    /// From now on something is recorded, as at the beginning.
+    pub(crate) fn recording(&self) {
+        self.with(|state| (state.words, state.at_stake) = (RECORDED, true));
     }
 
     /// From now on files are written: they are completed first.

@@ -152,7 +152,7 @@ impl Args {
 
         let bar = chart::bar("playing", 1000, false);
         let mut pace = Pace::new(self.speed);
-        let played = play.run(|progress, now| {
+        let played = play.run(&mut Vec::new(), |progress, now| {
             bar.set_position((progress * 1000.0) as u64);
             pace.wait(now, || !interrupt.is_set());
             !interrupt.is_set() && !nodes.one_has_ended()
@@ -190,7 +190,9 @@ pub(crate) fn run(args: &Args, interrupt: &Interrupt) -> Result<()> {
     nodes::check_seed(args.seed)?;
     let analysis = Analysis::of(&args.method, &args.means, &args.resample, args.seed)?;
     let record = args.sink.claim_beside(&args.recording)?;
+    interrupt.nothing_at_stake("nothing is recorded yet");
     let mut source = Source::open(&args.recording, &args.inputs, args.means.max_bytes())?;
+    interrupt.recording();
     let folders = Folders::begin(&args.out, std::slice::from_ref(&args.recording), interrupt)?;
     let bus = Loopback::lockstep();
     nodes::set_pools(&bus, &folders.raw, &folders.processed);
@@ -203,7 +205,7 @@ pub(crate) fn run(args: &Args, interrupt: &Interrupt) -> Result<()> {
         Err(error @ Error::Cancelled(_)) => return folders.keep().and(Err(error)),
         other => other?,
     };
-    show(args, &folders, &troubles)
+    show(args, &folders, &troubles, source.inputs.is_raw())
 }
 
 /// Waits until no batch is left to analyse.
@@ -270,7 +272,7 @@ fn span(folders: &Folders, model: &Path) -> Option<[f64; 2]> {
     Some([*time.first()?, *time.last()?])
 }
 
-fn show(args: &Args, folders: &Folders, troubles: &str) -> Result<()> {
+fn show(args: &Args, folders: &Folders, troubles: &str, is_raw: bool) -> Result<()> {
     let models = folders.model_files()?;
     let summary = if models.len() > 1 || (args.changes && !models.is_empty()) {
         summarise(args, folders, &models).map_err(|error| folders.named(error))?
@@ -289,6 +291,14 @@ fn show(args: &Args, folders: &Folders, troubles: &str) -> Result<()> {
     }
     for reason in reasons {
         crate::terminal::tell!("note: {reason}");
+    }
+    if models.is_empty() && is_raw {
+        let raw = args.out.join("data_pool");
+        crate::terminal::say!(
+            "{0}: raw batches, which data.postprocess=none leaves without a model; 'roscausal discover {0}' makes one",
+            raw.display()
+        );
+        return Ok(());
     }
     if models.is_empty() {
         let reason =

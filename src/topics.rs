@@ -1,14 +1,21 @@
-//! `roscausal topics`: what a recording holds, topic by topic.
+//! `roscausal topics`: what a recording holds, topic by topic. The offset is the stamp of a message minus the time of its recording.
 
 mod signals;
 
 use std::path::PathBuf;
 
 use clap::Args as ClapArgs;
-use roscausal_core::{Error, Result, Time};
-use roscausal_recording::Recording;
+use roscausal_core::{Error, Result, Time, signal::Definitions};
+use roscausal_recording::{Record, Recording, Topic};
 
-use crate::{interrupt::Interrupt, terminal};
+use crate::{
+    interrupt::Interrupt,
+    recording::{
+        clocks::{Offset, Offsets, Stamps},
+        runs,
+    },
+    terminal,
+};
 
 /// Arguments of `roscausal topics`.
 #[derive(ClapArgs)]
@@ -24,59 +31,87 @@ pub(crate) struct Args {
 #[derive(Clone, Copy, Default)]
 struct Count {
     messages: u64,
-    /// Times of the first and the last message.
-    span: Option<(Time, Time)>,
-    /// The longest time without a message, seconds.
+    /// When the last message was recorded, and in which run of the recording.
+    last: Option<(u32, Time)>,
+    /// Time between messages of a run, all together and at most. Seconds.
+    length_s: f64,
     gap_s: f64,
+    /// Runs with messages.
+    runs: u64,
 }
 
 impl Count {
-    fn add(&mut self, stamp: Time) {
-        let (first, last) = self.span.unwrap_or((stamp, stamp));
-        self.gap_s = self.gap_s.max(stamp.secs_since(last));
-        self.span = Some((first, stamp));
+    fn add(&mut self, record: &Record) {
+        match self.last.filter(|(lap, _)| *lap == record.lap) {
+            Some((_, last)) => {
+                let step = record.stamp.secs_since(last);
+                self.length_s += step;
+                self.gap_s = self.gap_s.max(step);
+            }
+            None => self.runs += 1,
+        }
+        self.last = Some((record.lap, record.stamp));
         self.messages += 1;
     }
 
     /// Messages per second between the first and the last one; `None` for a single one.
     fn rate(&self) -> Option<f64> {
-        let (first, last) = self.span?;
-        let length = last.secs_since(first);
-        (length > 0.0).then(|| (self.messages - 1) as f64 / length)
+        (self.length_s > 0.0).then(|| (self.messages - self.runs) as f64 / self.length_s)
     }
 }
 
 /// Runs `roscausal topics`: a table with one line for each topic, in the order of the names.
 pub(crate) fn run(args: &Args, interrupt: &Interrupt) -> Result<()> {
+    interrupt.nothing_at_stake("what was printed is all there is");
     if args.signals {
         return signals::run(&args.recording, interrupt);
     }
     let mut recording = Recording::open(&args.recording)?;
     let topics = recording.topics().to_vec();
     let mut counts = vec![Count::default(); topics.len()];
+    let definitions = Definitions::of("");
+    let is_stamped = |topic: &Topic| topic.type_name != "tf2_msgs/TFMessage";
+    let stamps: Vec<Option<Stamps>> =
+        topics.iter().map(|topic| Stamps::of(topic, &definitions).filter(|_| is_stamped(topic))).collect();
+    let mut offsets: Vec<Offsets> = topics.iter().map(|_| Offsets::default()).collect();
     for record in recording.by_ref() {
         if interrupt.is_set() {
             return Err(Error::Cancelled("by the user".into()));
         }
-        counts[record.topic].add(record.stamp);
+        if let Some(stamp) = stamps[record.topic].as_ref().and_then(|stamps| stamps.first(&record.bytes)) {
+            let number = counts[record.topic].messages;
+            offsets[record.topic].add(number, stamp, record.stamp);
+        }
+        counts[record.topic].add(&record);
     }
-    let mut lines: Vec<_> = topics.iter().zip(&counts).collect();
-    lines.sort_by(|a, b| (&a.0.name, &a.0.type_name).cmp(&(&b.0.name, &b.0.type_name)));
-    let names = lines.iter().map(|(topic, _)| topic.name.len()).max().unwrap_or(0).max(5);
-    let types = lines.iter().map(|(topic, _)| topic.type_name.len()).max().unwrap_or(0).max(4);
+    let offsets: Vec<Option<Offset>> = offsets.into_iter().map(Offsets::finish).collect();
+    let mut lines: Vec<_> = topics.iter().zip(&counts).zip(&offsets).collect();
+    lines.sort_by_key(|((topic, _), _)| (&topic.name, &topic.type_name));
+    let names = topics.iter().map(|topic| topic.name.len()).max().unwrap_or(0).max(5);
+    let types = topics.iter().map(|topic| topic.type_name.len()).max().unwrap_or(0).max(4);
     terminal::say!(
-        "{:names$}  {:types$}  {:>8}  {:>8}  {:>9}",
+        "{:names$}  {:types$}  {:>8}  {:>8}  {:>9}  {:>10}  {:>9}  {:>5}",
         "topic",
         "type",
         "messages",
         "rate, Hz",
-        "gap, s"
+        "gap, s",
+        "offset, s",
+        "spread, s",
+        "jumps"
     );
-    for (topic, count) in lines {
+    for ((topic, count), offset) in lines {
         let rate = count.rate().map_or_else(|| "-".to_owned(), |rate| format!("{rate:.2}"));
         let gap = count.rate().map_or_else(|| "-".to_owned(), |_| format!("{:.3}", count.gap_s));
         let (name, kind, messages) = (&topic.name, &topic.type_name, count.messages);
-        terminal::say!("{name:names$}  {kind:types$}  {messages:>8}  {rate:>8}  {gap:>9}");
+        let [offset, spread, jumps] =
+            offset.as_ref().map_or_else(|| ["-"; 3].map(str::to_owned), Offset::texts);
+        terminal::say!(
+            "{name:names$}  {kind:types$}  {messages:>8}  {rate:>8}  {gap:>9}  {offset:>10}  {spread:>9}  {jumps:>5}"
+        );
+    }
+    if recording.laps() > 1 {
+        terminal::tell!("note: {}: {}", args.recording.display(), runs(recording.laps()));
     }
     for loss in recording.losses() {
         terminal::tell!("note: {loss}");

@@ -13,10 +13,11 @@ use roscausal_discovery::{
 use crate::{flags, nodes::RECORDING};
 
 /// Flags that describe the data or their analysis, besides those that are a node's parameter.
-const FLAGS: [&str; 33] = [
+const FLAGS: [&str; 34] = [
     "agent",
     "batch",
     "changes",
+    "clock",
     "columns",
     "detrend",
     "difference",

@@ -110,12 +110,12 @@ impl Chooser<'_> {
         Error::file(self.path, what)
     }
 
-    /// The topic of a signal, whatever its type.
-    pub(super) fn any_topic(&self, name: &str) -> Result<Topic> {
-        let same = |topic: &&Topic| topic.name.trim_start_matches('/') == name.trim_start_matches('/');
+    /// The topics of a signal, whatever their type: one, or one for each type of messages under the name.
+    pub(super) fn any_topics(&self, name: &str) -> Result<Vec<Topic>> {
         let topics = self.recording.topics();
-        if let Some(topic) = topics.iter().find(same) {
-            return Ok(topic.clone());
+        let found: Vec<Topic> = topics.iter().filter(|topic| topic.is_named(name)).cloned().collect();
+        if !found.is_empty() {
+            return Ok(found);
         }
         let names: Vec<&str> = topics.iter().map(|topic| topic.name.as_str()).collect();
         let hint = nearest(&names, name).map_or(String::new(), |near| format!("did you mean '{near}'? "));
@@ -123,12 +123,26 @@ impl Chooser<'_> {
         Err(Error::file(self.path, reason))
     }
 
+    /// An expression in which topics have names that it can be written with: `/a_b.x` for `/a-b.x`.
+    pub(super) fn with_playable_names(&self, expression: &str) -> String {
+        let mut text = expression.to_owned();
+        let mut names: Vec<&Topic> = self.recording.topics().iter().collect();
+        // `/a-b/c` before `/a-b`.
+        names.sort_by_key(|topic| std::cmp::Reverse(topic.name.len()));
+        for topic in names.into_iter().filter(|topic| topic.name.starts_with('/')) {
+            let playable = topic.playable();
+            if playable != topic.name {
+                text = text.replace(&topic.name, &playable);
+            }
+        }
+        text
+    }
+
     fn named(&self, role: &Role, name: &str) -> Result<Topic> {
-        let name_of = |topic: &Topic| topic.name.trim_start_matches('/').to_owned();
         let fits = |topic: &&Topic| role.kind(&topic.type_name).is_some() && topic.known_type().is_some();
-        let (inside, wanted) = (self.robot.inside(name), name.trim_start_matches('/'));
+        let inside = self.robot.inside(name);
         let all = || self.recording.topics().iter().filter(fits);
-        let found = all().find(|topic| name_of(topic) == wanted).or_else(|| {
+        let found = all().find(|topic| topic.is_named(name)).or_else(|| {
             all()
                 .find(|topic| role.node == "robot" && inside.as_ref().is_some_and(|name| topic.name == *name))
         });
@@ -214,7 +228,7 @@ impl Chooser<'_> {
     }
 
     fn named_people(&self, name: &str) -> Result<Topic> {
-        let same = |topic: &&Topic| topic.name.trim_start_matches('/') == name.trim_start_matches('/');
+        let same = |topic: &&Topic| topic.is_named(name);
         let readable =
             |topic: &&Topic| Self::people_kind(topic).is_some() || people::layout(&topic.type_name).is_some();
         let found = self.recording.topics().iter().filter(same).find(readable);

@@ -1,7 +1,7 @@
 //! How much of a recording each way to know the robot's place covers.
 
 use std::{
-    collections::{BTreeSet, VecDeque},
+    collections::{BTreeMap, BTreeSet, VecDeque},
     path::Path,
 };
 
@@ -52,7 +52,9 @@ pub(crate) fn measure(
     let topics = recording.topics().to_vec();
     recording.select(|topic| topic.name == pose || topic.name == odometry || is_tf(topic, tf_topic));
     let (mut by_pose, mut by_odometry) = (Known::default(), Known::default());
-    let (mut span, mut waiting, mut tf) = (None::<(Time, Time)>, VecDeque::new(), TfBuffer::default());
+    let (mut waiting, mut tf) = (VecDeque::new(), TfBuffer::default());
+    // Of each run of the recording.
+    let mut spans: BTreeMap<u32, (Time, Time)> = BTreeMap::new();
     for record in recording.by_ref() {
         let topic = &topics[record.topic];
         if is_tf(topic, tf_topic) {
@@ -62,8 +64,9 @@ pub(crate) fn measure(
             continue;
         }
         let Some(Header { stamp, frame_id }) = header(topic, &record) else { continue };
-        let (first, last) = span.unwrap_or((stamp, stamp));
-        span = Some((first.min(stamp), last.max(stamp)));
+        let span = spans.entry(record.lap).or_insert((stamp, stamp));
+        *span = (span.0.min(stamp), span.1.max(stamp));
+        let last = span.1;
         waiting.push_back((topic.name == pose, stamp, frame_id));
         while waiting.front().is_some_and(|(_, stamp, _)| last.secs_since(*stamp) > TF_WAIT_S) {
             settle(waiting.pop_front(), &tf, map, &mut by_pose, &mut by_odometry);
@@ -72,7 +75,7 @@ pub(crate) fn measure(
     while !waiting.is_empty() {
         settle(waiting.pop_front(), &tf, map, &mut by_pose, &mut by_odometry);
     }
-    let length = span.map_or(0.0, |(first, last)| last.secs_since(first)).max(1e-9);
+    let length = spans.values().map(|(first, last)| last.secs_since(*first)).sum::<f64>().max(1e-9);
     Ok(Coverage { pose: by_pose.seconds / length, odometry: by_odometry.seconds / length })
 }
 

@@ -1,6 +1,6 @@
 //! The roles of a recording's topics: as the user says, or found by their types.
 
-use std::{path::Path, sync::Arc};
+use std::{collections::BTreeMap, path::Path, sync::Arc};
 
 use clap::Args as ClapArgs;
 use roscausal_core::{
@@ -15,6 +15,7 @@ use crate::{flags, nodes::RECORDING, presets, travel};
 
 use super::{
     choose::{Chooser, STATES, is_nobody},
+    clocks::{ClockChoice, Clocks},
     coverage, persons, play,
     robots::{self, Space},
     roles::{BASES, HUMAN_GOAL, PEOPLE, ROBOT_GOAL, ROBOT_ODOM, ROBOT_POSE, ROS4HRI_FRAMES, Role, VELOCITY},
@@ -64,6 +65,10 @@ pub(crate) struct InputArgs {
     /// (docs/signals.md). Where a recording has no robot or no people, signals are all that is read.
     #[arg(long = "signal", value_name = "NAME = EXPRESSION")]
     signals: Vec<String>,
+    /// Recording: which time counts: that of the messages' `header`, or that of their `recording`, for all topics or for one, such as
+    /// `/people=recording`. Default: header.
+    #[arg(long, value_name = "CLOCK", value_delimiter = ',')]
+    clock: Vec<String>,
     /// Recording: who is analysed: an id or a name, `1,2`, `nearest:N`, `all` or `nobody` (only signals). Default: the person nearest
     /// to the robot.
     #[arg(long, value_name = "WHO")]
@@ -123,6 +128,7 @@ impl InputArgs {
             ("--people", !self.people.is_empty()),
             ("--human-goal", self.human_goal.is_some()),
             ("--signal", !self.signals.is_empty()),
+            ("--clock", !self.clock.is_empty()),
             ("--person", self.person.is_some()),
             ("--ts-length", self.ts_length.is_some()),
             ("--param", !self.params.is_empty()),
@@ -144,6 +150,14 @@ pub(crate) struct Inputs {
     pub(crate) pose_of: Option<String>,
     /// Topics that are read as bytes: those of signals, and people of any type.
     pub(crate) raw_topics: Vec<String>,
+    /// The types that were chosen of topics: a name may have been recorded with several.
+    kinds: BTreeMap<String, String>,
+    /// Topics of goals.
+    goals: Vec<String>,
+    /// Whose stamps are replaced by the time of recording.
+    pub(crate) clock: ClockChoice,
+    /// Mistaken stamps.
+    pub(crate) clocks: Clocks,
     /// Topic of the transforms.
     tf: String,
     /// When it begins.
@@ -161,6 +175,10 @@ impl Inputs {
             params: Vec::new(),
             pose_of: None,
             raw_topics: Vec::new(),
+            kinds: BTreeMap::new(),
+            goals: Vec::new(),
+            clock: ClockChoice::parse(&args.clock)?,
+            clocks: Clocks::default(),
             tf: "/tf".to_owned(),
             start: play::start(path, recording)?,
             chosen: Vec::new(),
@@ -191,6 +209,10 @@ impl Inputs {
             inputs.set_carried(path)?;
         }
         inputs.set_params(args)?;
+        if let Some(topic) = inputs.clock.unknown(recording.topics()) {
+            return Err(Error::param("clock", format!("there is no topic {topic} in {}", path.display())));
+        }
+        inputs.clocks = Clocks::measure(path, |topic| inputs.is_timed(topic), &inputs.clock)?;
         Ok(inputs)
     }
 
@@ -202,19 +224,36 @@ impl Inputs {
         let max_age = args.params.iter().rev().find_map(|text| text.strip_prefix("data.signal_max_age="));
         let max_age = max_age.and_then(|text| text.parse().ok()).unwrap_or(SIGNAL_MAX_AGE_S);
         let msg_path = args.params.iter().rev().find_map(|text| text.strip_prefix("data.msg_path="));
-        let texts = args.signals.iter().map(|text| persons::named(text, args.person.as_deref(), chooser));
+        let texts = args.signals.iter().map(|text| {
+            persons::named(text, args.person.as_deref(), chooser)
+                .map(|text| chooser.with_playable_names(&text))
+        });
         let texts: Vec<String> = texts.collect::<Result<_>>()?;
         let parsed = Signal::parse_all(&texts, max_age, "signal")?;
         let signals = Signals::new(parsed, Definitions::of(msg_path.unwrap_or_default()));
         for name in signals.topics() {
-            let topic = chooser.any_topic(&name)?;
-            let kind = topic.raw_type().ok_or_else(|| Error::Topic {
-                topic: name.clone(),
-                reason: "its messages are in an encoding that is not ROS's".into(),
-            })?;
-            signals.check(&name, &kind).map_err(|reason| Error::param("signal", reason))?;
-            self.chosen.push(format!("signals of {name} ({})", topic.type_name));
-            self.raw_topics.push(topic.name);
+            // Of several types under one name, the first that has the fields.
+            let (mut fits, mut fault) = (None, None);
+            for topic in chooser.any_topics(&name)? {
+                let kind = topic.raw_type().ok_or_else(|| Error::Topic {
+                    topic: name.clone(),
+                    reason: "its messages are in an encoding that is not ROS's".into(),
+                });
+                let checked = kind.and_then(|kind| {
+                    signals.check(&name, &kind).map_err(|reason| Error::param("signal", reason))
+                });
+                match checked {
+                    Ok(()) => fits = fits.or(Some(topic)),
+                    Err(error) => fault = fault.or(Some(error)),
+                }
+            }
+            match (fits, fault) {
+                (Some(topic), _) => {
+                    self.chosen.push(format!("signals of {name} ({})", topic.type_name));
+                    self.take_bytes(&topic);
+                }
+                (None, fault) => return fault.map_or(Ok(()), Err),
+            }
         }
         let texts = texts.into_iter().map(Value::Str).collect();
         self.params.push(("data".into(), "signals".into(), Value::List(texts)));
@@ -486,9 +525,9 @@ impl Inputs {
                 .ok_or_else(|| fail("its messages are in an encoding that is not ROS's".into()))?;
             Reader::new(&topic.name, &[], definitions.clone()).check(&kind).map_err(fail)?;
             self.chosen.push(format!("{}: {} ({})", PEOPLE.what, topic.name, topic.type_name));
-            self.raw_topics.push(topic.name.clone());
+            self.take_bytes(topic);
         }
-        let names: Vec<&str> = topics.iter().map(|topic| topic.name.as_str()).collect();
+        let names: Vec<String> = topics.iter().map(Topic::playable).collect();
         self.set("human", "people_type", "auto");
         self.set("human", "people_topic", &names.join(","));
         Ok(())
@@ -507,11 +546,41 @@ impl Inputs {
     fn take(&mut self, role: &Role, topic: &Topic) {
         self.chosen.push(format!("{}: {} ({})", role.what, topic.name, topic.type_name));
         self.topics.push(topic.name.clone());
+        self.kinds.insert(topic.name.clone(), topic.type_name.clone());
+        if [ROBOT_GOAL.flag, HUMAN_GOAL.flag].contains(&role.flag) {
+            self.goals.push(topic.name.clone());
+        }
         let Some(kind) = role.kind(&topic.type_name) else { return };
-        self.set(role.node, kind.topic_param, &topic.name);
+        self.set(role.node, kind.topic_param, &topic.playable());
         for (name, value) in kind.also {
             self.set(role.node, name, value);
         }
+    }
+
+    /// Reads a topic as bytes.
+    fn take_bytes(&mut self, topic: &Topic) {
+        self.raw_topics.push(topic.name.clone());
+        self.kinds.entry(topic.name.clone()).or_insert_with(|| topic.type_name.clone());
+    }
+
+    /// Whether a topic is played under its type.
+    pub(crate) fn plays(&self, topic: &Topic) -> bool {
+        self.topics.contains(&topic.name) && self.is_of_chosen_type(topic) && topic.known_type().is_some()
+    }
+
+    /// Whether a topic is played as bytes. What is published under its type reaches those who listen to bytes from there.
+    pub(crate) fn plays_bytes(&self, topic: &Topic) -> bool {
+        self.raw_topics.contains(&topic.name) && self.is_of_chosen_type(topic) && !self.plays(topic)
+    }
+
+    /// Whether the stamps of a topic are those of rows. A goal may be older than its message.
+    fn is_timed(&self, topic: &Topic) -> bool {
+        let is_goal = self.goals.contains(&topic.name);
+        (self.plays(topic) || self.plays_bytes(topic)) && !is_goal
+    }
+
+    fn is_of_chosen_type(&self, topic: &Topic) -> bool {
+        self.kinds.get(&topic.name).is_none_or(|kind| *kind == topic.type_name)
     }
 
     fn nobody_tells(&mut self, role: &Role, node: &str, param: &str) {
@@ -554,6 +623,13 @@ impl Inputs {
     /// Whether this parameter was set, by the recording or the user.
     pub(crate) fn sets(&self, node: &str, name: &str) -> bool {
         self.params.iter().any(|(of, param, _)| of == node && param == name)
+    }
+
+    /// Whether batches are not post-processed.
+    pub(crate) fn is_raw(&self) -> bool {
+        let values =
+            self.params.iter().rev().filter(|(node, name, _)| node == "data" && name == "postprocess");
+        values.map(|(.., value)| value).next() == Some(&Value::Str("none".into()))
     }
 
     fn set_params(&mut self, args: &InputArgs) -> Result<()> {

@@ -1,6 +1,7 @@
 //! Reading recordings: topics are found and played to the nodes on a bus of their own, which makes batches.
 
 mod choose;
+pub(crate) mod clocks;
 mod coverage;
 mod inputs;
 mod persons;
@@ -13,18 +14,16 @@ use std::path::{Path, PathBuf};
 use roscausal_core::{
     Error, Result,
     batch::{joint::Facts, pool::Pool},
+    content,
     loopback::Loopback,
     memory::Memory,
     params::Value,
 };
-use roscausal_recording::Recording;
+use roscausal_recording::{Recording, folders_in, is_named_so, recordings_in};
 
-use crate::{chart, interrupt::Interrupt, nodes, nodes::Nodes};
+use crate::{chart, folders::batches_in, interrupt::Interrupt, nodes, nodes::Nodes};
 pub(crate) use inputs::{InputArgs, Inputs, parse as parameter};
-pub(crate) use play::Play;
-
-/// Names that only recordings have.
-const EXTENSIONS: [&str; 3] = ["bag", "mcap", "db3"];
+pub(crate) use play::{Play, Played};
 
 /// Whether a path is a recording, judged by its contents, or meant to be one by its name; a folder, if it holds one.
 pub(crate) fn is_recording(path: &Path) -> bool {
@@ -33,31 +32,42 @@ pub(crate) fn is_recording(path: &Path) -> bool {
     if path.metadata().is_ok_and(|what| !what.is_file() && !what.is_dir()) {
         return false;
     }
+    if path.is_dir() {
+        return !recordings_in(path).is_empty()
+            || (!folders_in(path).is_empty() && batches_in(path).is_err());
+    }
     let mut start = Vec::new();
     let read = std::fs::File::open(path).and_then(|file| file.take(16).read_to_end(&mut start));
-    let magics: [&[u8]; 3] = [b"#ROSBAG V", b"\x89MCAP0", b"SQLite format 3\0"];
-    if path.is_dir() {
-        return holds_recordings(path);
+    is_named_so(path) || (read.is_ok() && content::is_recording(&start))
+}
+
+/// How many runs there are, as the beginning of a sentence.
+pub(crate) fn runs(laps: u32) -> String {
+    format!("the time of recording goes back, so it holds {laps} runs")
+}
+
+/// Whether one of the batches holds the same rows, as where a recording was played in a loop.
+fn is_repeated(batch: &Path, batches: &[PathBuf]) -> Result<bool> {
+    let read = |path: &Path| std::fs::read(path).map_err(|error| Error::file(path, error));
+    let rows = read(batch)?;
+    for earlier in batches {
+        let is_as_long = earlier.metadata().is_ok_and(|file| file.len() == rows.len() as u64);
+        if is_as_long && read(earlier)? == rows {
+            return Ok(true);
+        }
     }
-    is_named_so(path) || (read.is_ok() && magics.iter().any(|magic| start.starts_with(magic)))
+    Ok(false)
 }
 
-/// Whether a file has the name of a recording; rosbag2 compresses whole files: run_0.mcap.zstd.
-fn is_named_so(path: &Path) -> bool {
-    let is_one =
-        |path: &Path| path.extension().is_some_and(|name| EXTENSIONS.iter().any(|known| name == *known));
-    let is_packed = path.extension().is_some_and(|name| name == "zstd" || name == "zst");
-    is_one(path) || (is_packed && is_one(&path.with_extension("")))
-}
-
-/// Whether a folder has files with the names of recordings.
-fn holds_recordings(folder: &Path) -> bool {
-    folder
-        .read_dir()
-        .into_iter()
-        .flatten()
-        .flatten()
-        .any(|entry| is_named_so(&entry.path()) && entry.path().is_file())
+/// Renames a batch and what is known of it: runs may begin at equal times.
+fn of_run(batch: &Path, run: u32) -> Result<PathBuf> {
+    let stem = batch.file_stem().unwrap_or_default().to_string_lossy();
+    let renamed = |ending: &str| batch.with_file_name(format!("{stem}_run{run}.{ending}"));
+    for ending in ["csv", "json"] {
+        let from = batch.with_extension(ending);
+        std::fs::rename(&from, renamed(ending)).map_err(|error| Error::file(&from, error))?;
+    }
+    Ok(renamed("csv"))
 }
 
 /// A recording, and what is to be played of it.
@@ -75,6 +85,9 @@ impl Source {
         for line in &inputs.chosen {
             crate::terminal::tell!("{}: {line}", path.display());
         }
+        for note in &inputs.clocks.notes {
+            crate::terminal::tell!("note: {note}");
+        }
         Ok(Self { path: path.to_owned(), recording, inputs })
     }
 
@@ -86,6 +99,56 @@ impl Source {
         interrupt: &Interrupt,
         quiet: bool,
     ) -> Result<Vec<PathBuf>> {
+        let laps = self.recording.laps();
+        if laps > 1 {
+            crate::terminal::tell!(
+                "note: {}: {}; each is a recording of its own",
+                self.path.display(),
+                runs(laps)
+            );
+        }
+        self.recording = self.recording.by_lap();
+        let (mut batches, mut numbers, mut trouble) = (Vec::new(), Vec::new(), String::new());
+        for lap in 1.. {
+            let folder = if laps > 1 { folder.join(format!("run_{lap}")) } else { folder.to_path_buf() };
+            let (found, played) = self.play_lap(&folder, interrupt, quiet, &mut numbers)?;
+            for batch in found {
+                if lap > 1 && is_repeated(&batch, &batches)? {
+                    let file = self.path.display();
+                    crate::terminal::tell!(
+                        "note: {file}: run {lap} holds the rows of an earlier one and is left out"
+                    );
+                } else {
+                    batches.push(if lap == 1 { batch } else { of_run(&batch, lap)? });
+                }
+            }
+            if !self.recording.next_lap() {
+                played.tell(&self.path);
+                trouble = played.troubles();
+                break;
+            }
+        }
+        if self.inputs.sets("data", "ts_length") && batches.iter().any(|batch| Facts::read(batch).complete) {
+            batches.retain(|batch| Facts::read(batch).complete);
+        }
+        if batches.is_empty() {
+            let what = match self.inputs.nodes {
+                ["data"] => "nothing in it could be recorded",
+                _ => "robot and people are never there together",
+            };
+            return Err(Error::file(&self.path, format!("{what}: {trouble}")));
+        }
+        Ok(batches)
+    }
+
+    /// Plays one run of the recording. `numbers`: how many messages of each topic were read.
+    fn play_lap(
+        &mut self,
+        folder: &Path,
+        interrupt: &Interrupt,
+        quiet: bool,
+        numbers: &mut Vec<u64>,
+    ) -> Result<(Vec<PathBuf>, Played)> {
         let (raw, processed) = (folder.join("data_pool"), folder.join("pp_pool"));
         let bus = Loopback::lockstep();
         nodes::set_pools(&bus, &raw, &processed);
@@ -95,7 +158,7 @@ impl Source {
         let play = Play::new(&bus, &mut self.recording, &self.inputs)?;
         let nodes = Nodes::start(&bus, self.inputs.nodes);
         let bar = chart::bar("reading", 1000, quiet);
-        let played = play.run(|progress, _| {
+        let played = play.run(numbers, |progress, _| {
             bar.set_position((progress * 1000.0) as u64);
             !interrupt.is_set()
         });
@@ -105,22 +168,11 @@ impl Source {
         if interrupt.is_set() {
             return Err(Error::Cancelled("by the user".into()));
         }
-        played.tell(&self.path);
-        let pool = Pool::open(&processed, "data_")?;
-        let mut batches: Vec<PathBuf> =
-            pool.contents()?.batches.iter().map(|name| processed.join(name)).collect();
-        if self.inputs.sets("data", "ts_length") && batches.iter().any(|batch| Facts::read(batch).complete) {
-            batches.retain(|batch| Facts::read(batch).complete);
-        }
-        if batches.is_empty() {
-            let what = match self.inputs.nodes {
-                ["data"] => "nothing in it could be recorded",
-                _ => "robot and people are never there together",
-            };
-            let reason = format!("{what}: {}", played.troubles());
-            return Err(Error::file(&self.path, reason));
-        }
-        Ok(batches)
+        // Without post-processing the raw batches are the result.
+        let folder = if self.inputs.is_raw() { raw } else { processed };
+        let pool = Pool::open(&folder, "data_")?;
+        let batches = pool.contents()?.batches.iter().map(|name| folder.join(name)).collect();
+        Ok((batches, played))
     }
 
     /// Sets the parameters that follow from the chosen topics, and those of the user.

@@ -11,6 +11,7 @@ use roscausal_core::{
     gate::lock,
     loopback::{Loopback, LoopbackNode, LoopbackPublisher, LoopbackSubscription},
     middleware::{Middleware, Publish, Qos, Raw, RawType},
+    signal::Definitions,
 };
 use roscausal_msgs::{
     diagnostic_msgs::{DiagnosticArray, DiagnosticStatus},
@@ -20,7 +21,10 @@ use roscausal_msgs::{
 };
 use roscausal_recording::{Player, Record, Recording, Topic};
 
-use super::inputs::{Inputs, ODOMETRY_POSE};
+use super::{
+    clocks::{self, Clocks, Stamps},
+    inputs::{Inputs, ODOMETRY_POSE},
+};
 
 /// A longer hole in a recording is shortened.
 const LONGEST_HOLE_NS: i64 = 3600 * 1_000_000_000;
@@ -37,8 +41,12 @@ pub(crate) struct Play<'a> {
     player: Player,
     /// Topic and publisher of the poses taken from odometry.
     pose: Option<(String, LoopbackPublisher<PoseStamped>)>,
-    /// By topic of the recording: the type of those that are published as bytes.
-    raw: Vec<Option<Arc<RawType>>>,
+    /// By topic of the recording: name and type of those that are published as bytes.
+    raw: Vec<Option<(String, Arc<RawType>)>>,
+    /// By topic: where the stamps are that are replaced by the time of recording.
+    stamps: Vec<Option<Stamps>>,
+    clocks: &'a Clocks,
+
     /// The recording's own clock; it sets the time if there is one.
     clock: Option<usize>,
     now: Time,
@@ -62,7 +70,7 @@ pub(crate) struct Played {
 }
 
 /// Whether this topic carries the time of a simulation.
-fn is_clock(topic: &Topic) -> bool {
+pub(super) fn is_clock(topic: &Topic) -> bool {
     topic.name == "/clock" && topic.type_name == "rosgraph_msgs/Clock" && topic.known_type().is_some()
 }
 
@@ -79,20 +87,24 @@ pub(super) fn start(path: &Path, recording: &Recording) -> Result<Time> {
 
 impl<'a> Play<'a> {
     /// Advertises the chosen topics. Call it before the nodes start, so that they begin at its time.
-    pub(crate) fn new(bus: &Loopback, recording: &'a mut Recording, inputs: &Inputs) -> Result<Self> {
+    pub(crate) fn new(bus: &Loopback, recording: &'a mut Recording, inputs: &'a Inputs) -> Result<Self> {
         let node = bus.node("replay");
-        let chosen = |topic: &Topic| inputs.topics.contains(&topic.name) && topic.known_type().is_some();
         let clock = recording.topics().iter().position(is_clock);
-        let player = Player::new(&node, recording, chosen)?;
+        let player = Player::new(&node, recording, |topic| inputs.plays(topic))?;
         let pose = match &inputs.pose_of {
             Some(topic) => Some((topic.clone(), node.advertise(ODOMETRY_POSE, Qos::Volatile(100))?)),
             None => None,
         };
-        // What is published under its type reaches those who listen to bytes from there.
-        let as_bytes = |topic: &Topic| inputs.raw_topics.contains(&topic.name) && !chosen(topic);
-        let raw = |topic: &Topic| topic.raw_type().filter(|_| as_bytes(topic)).map(Arc::new);
+        let raw = |topic: &Topic| {
+            let kind = topic.raw_type().filter(|_| inputs.plays_bytes(topic))?;
+            Some((topic.playable(), Arc::new(kind)))
+        };
         let raw = recording.topics().iter().map(raw).collect();
-        recording.select(|topic| chosen(topic) || is_clock(topic) || as_bytes(topic));
+        let definitions = Definitions::of("");
+        let stamps =
+            |topic: &Topic| Stamps::of(topic, &definitions).filter(|_| inputs.clock.by_recording(topic));
+        let stamps: Vec<Option<Stamps>> = recording.topics().iter().map(stamps).collect();
+        recording.select(|topic| inputs.plays(topic) || is_clock(topic) || inputs.plays_bytes(topic));
         let played = Played::default();
         let (troubles, names) = (played.troubles.clone(), played.names.clone());
         let diagnostics = node.subscribe("/diagnostics", Qos::Volatile(10), move |m: DiagnosticArray| {
@@ -115,6 +127,8 @@ impl<'a> Play<'a> {
             player,
             pose,
             raw,
+            stamps,
+            clocks: &inputs.clocks,
             clock,
             now: start,
             last: start,
@@ -125,12 +139,18 @@ impl<'a> Play<'a> {
     }
 
     /// Plays everything. `each` gets the progress (0 to 1) and the time of the bus, and ends the playing by
-    /// returning false.
-    pub(crate) fn run(mut self, mut each: impl FnMut(f64, Time) -> bool) -> Result<Played> {
+    /// returning false. `numbers`: how many messages of each topic were read before.
+    pub(crate) fn run(
+        mut self,
+        numbers: &mut Vec<u64>,
+        mut each: impl FnMut(f64, Time) -> bool,
+    ) -> Result<Played> {
         let mut seen = -1.0;
         let topics = self.recording.topics().to_vec();
-        while let Some(record) = self.recording.next() {
+        numbers.resize(topics.len(), 0);
+        while let Some(mut record) = self.recording.next() {
             let topic = &topics[record.topic];
+            let number = clocks::number(numbers, &record);
             if Some(record.topic) == self.clock {
                 if let Ok(clock) = topic.decode::<Clock>(&record.bytes) {
                     self.advance(clock.clock);
@@ -139,8 +159,16 @@ impl<'a> Play<'a> {
                 if self.clock.is_none() {
                     self.advance(record.stamp);
                 }
-                self.publish(topic, &record);
-                self.bus.settle();
+                if !self.clocks.leaves_out(record.topic, number) {
+                    if let Some(Some(stamps)) = self.stamps.get(record.topic) {
+                        stamps.set(
+                            &mut record.bytes,
+                            if self.clock.is_some() { self.now } else { record.stamp },
+                        );
+                    }
+                    self.publish(topic, &record);
+                    self.bus.settle();
+                }
             }
             self.played.messages += 1;
             let progress = self.recording.progress();
@@ -167,9 +195,9 @@ impl<'a> Play<'a> {
     /// Publishes one message. A message that cannot be read is counted.
     fn publish(&mut self, topic: &Topic, record: &Record) {
         let mut published = match self.raw.get(record.topic) {
-            Some(Some(kind)) => {
+            Some(Some((name, kind))) => {
                 let message = Raw { kind: kind.clone(), bytes: record.bytes.clone() };
-                self.node.publish_raw(&topic.name, message)
+                self.node.publish_raw(name, message)
             }
             _ => self.player.publish(topic, record),
         };

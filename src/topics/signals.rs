@@ -49,7 +49,7 @@ impl Listed {
     fn add(&mut self, record: &roscausal_recording::Record) {
         for signal in &mut self.signals {
             match signal.query.read(&self.schema, self.wire, &record.bytes) {
-                Ok(Found::Numbers(numbers)) => signal.add(record.stamp, &numbers),
+                Ok(Found::Numbers(numbers)) => signal.add(record, &numbers),
                 Ok(Found::Text(_)) => {}
                 Err(_) => {
                     self.unreadable += 1;
@@ -61,14 +61,14 @@ impl Listed {
 }
 
 impl Signal {
-    fn add(&mut self, stamp: roscausal_core::Time, numbers: &[f64]) {
+    fn add(&mut self, record: &roscausal_recording::Record, numbers: &[f64]) {
         let known = numbers.iter().copied().filter(|number| number.is_finite());
         for number in known {
             let (least, most) = self.range.unwrap_or((number, number));
             self.range = Some((least.min(number), most.max(number)));
         }
         if !numbers.is_empty() {
-            self.count.add(stamp);
+            self.count.add(record);
         }
     }
 

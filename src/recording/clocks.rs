@@ -1,0 +1,337 @@
+//! The clocks of a recording: how far the stamps of each topic are from the time at which its messages came. Messages with mistaken
+//! stamps are found here, and clocks that are not the same.
+
+use std::{
+    collections::{BTreeMap, BTreeSet},
+    path::Path,
+    sync::Arc,
+};
+
+use roscausal_core::{Error, Result, Time, signal::Definitions};
+use roscausal_msgs::{
+    dynamic::{Schema, Wire},
+    rosgraph_msgs::Clock,
+};
+use roscausal_recording::{Record, Recording, Stepped, Steps, Tick, Topic};
+
+use super::play::is_clock;
+
+/// A stamp may be this far from where those around it put it. Seconds.
+const CLOSE_S: f64 = 1.0;
+/// Clocks that differ by more than this are two clocks: no tracker takes so long. Seconds.
+const ONE_CLOCK_S: f64 = 5.0;
+/// So many stamps must follow each other after a jump of the clock; fewer are mistakes.
+const CONFIRMED: usize = 50;
+/// If more than this share of a topic's stamps are mistaken, none of them is right or wrong.
+const MOST_MISTAKEN: f64 = 0.1;
+/// Fewer messages say nothing of a clock: one that was kept for the recorder is older than the recording.
+const ENOUGH: u64 = 20;
+/// Offsets that are kept of a topic.
+const MOST_KEPT: usize = 4096;
+
+/// Where stamps are in the messages of a topic.
+pub(crate) struct Stamps {
+    schema: Schema,
+    wire: Wire,
+}
+
+impl Stamps {
+    /// Those of a topic whose type is known.
+    pub(crate) fn of(topic: &Topic, definitions: &Definitions) -> Option<Self> {
+        let kind = topic.raw_type()?;
+        Some(Self { schema: definitions.schema(&kind).ok()?, wire: kind.wire })
+    }
+
+    /// The stamp of a message, if it has one.
+    pub(crate) fn first(&self, bytes: &[u8]) -> Option<Time> {
+        self.schema.stamp(self.wire, bytes).ok().flatten().filter(|stamp| *stamp != Time::ZERO)
+    }
+
+    /// Replaces all stamps of a message.
+    pub(super) fn set(&self, bytes: &mut [u8], stamp: Time) {
+        // What is no message of its type is reported by whoever reads it.
+        let _ = self.schema.restamp(self.wire, bytes, stamp);
+    }
+}
+
+/// Stamp minus time of recording, of one topic.
+#[derive(Default)]
+pub(crate) struct Offsets {
+    /// Some of the offsets, evenly chosen. Seconds.
+    kept: Vec<f64>,
+    every: u64,
+    count: u64,
+    steps: Option<Steps>,
+}
+
+/// What the offsets of a topic come to.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Offset {
+    /// Seconds.
+    pub(crate) median_s: f64,
+    /// Between the 5th and the 95th of 100, seconds.
+    pub(crate) spread_s: f64,
+    /// Messages with a stamp.
+    pub(crate) count: u64,
+    /// Mistaken stamps and jumps.
+    pub(crate) stepped: Stepped,
+}
+
+impl Offset {
+    /// Median, spread and number of jumps as texts.
+    pub(crate) fn texts(&self) -> [String; 3] {
+        let short =
+            |value: f64| if value.abs() >= 1e5 { format!("{value:.3e}") } else { format!("{value:.3}") };
+        let Stepped { mistakes, back, ahead } = &self.stepped;
+        let jumps = mistakes.len() as u64 + back.len() as u64 + ahead;
+        [short(self.median_s), short(self.spread_s), jumps.to_string()]
+    }
+}
+
+impl Offsets {
+    /// Adds the stamp of the message with this number, which came at `came`.
+    pub(crate) fn add(&mut self, number: u64, stamp: Time, came: Time) {
+        self.every = self.every.max(1);
+        if self.count.is_multiple_of(self.every) {
+            self.kept.push(stamp.secs_since(came));
+        }
+        if self.kept.len() > MOST_KEPT {
+            let mut number = 0;
+            self.kept.retain(|_| {
+                number += 1;
+                number % 2 == 1
+            });
+            self.every *= 2;
+        }
+        self.count += 1;
+        let follows = |a: Tick, b: Tick| {
+            let (step, passed) = (b.stamp.secs_since(a.stamp), b.came.secs_since(a.came));
+            (step - passed).abs() <= CLOSE_S || (step >= 0.0 && step <= passed + CLOSE_S)
+        };
+        self.steps.get_or_insert_with(|| Steps::new(CONFIRMED, follows)).add(Tick { number, stamp, came });
+    }
+
+    /// The result; `None` without any stamp.
+    pub(crate) fn finish(mut self) -> Option<Offset> {
+        self.kept.sort_by(f64::total_cmp);
+        let at =
+            |share: f64| self.kept.get((share * (self.kept.len() as f64 - 1.0)).round() as usize).copied();
+        let (median_s, spread_s) = (at(0.5)?, at(0.95)? - at(0.05)?);
+        Some(Offset { median_s, spread_s, count: self.count, stepped: self.steps?.finish() })
+    }
+}
+
+/// Whose stamps are replaced by the time of recording.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub(crate) struct ClockChoice {
+    all: bool,
+    by_topic: BTreeMap<String, bool>,
+}
+
+impl ClockChoice {
+    /// `recording` or `header`, for all topics or as `TOPIC=recording`.
+    ///
+    /// # Errors
+    /// Anything else.
+    pub(super) fn parse(texts: &[String]) -> Result<Self> {
+        let mut choice = Self::default();
+        for text in texts {
+            let (topic, clock) = text.split_once('=').map_or((None, text.as_str()), |(t, c)| (Some(t), c));
+            let by_recording = match clock.trim() {
+                "recording" => true,
+                "header" => false,
+                _ => {
+                    let reason = format!("'{text}' is neither 'recording' nor 'header', nor TOPIC=recording");
+                    return Err(Error::param("clock", reason));
+                }
+            };
+            match topic {
+                Some(topic) => drop(choice.by_topic.insert(topic.trim().to_owned(), by_recording)),
+                None => choice.all = by_recording,
+            }
+        }
+        Ok(choice)
+    }
+
+    /// Whether this topic's stamps are replaced.
+    pub(super) fn by_recording(&self, topic: &Topic) -> bool {
+        let own = self.by_topic.iter().find(|(name, _)| topic.is_named(name));
+        own.map_or(self.all, |(_, by_recording)| *by_recording)
+    }
+
+    /// A topic that is named, but not in the recording.
+    pub(super) fn unknown(&self, topics: &[Topic]) -> Option<&str> {
+        let is_there = |name: &&String| topics.iter().any(|topic| topic.is_named(name));
+        self.by_topic.keys().find(|name| !is_there(name)).map(String::as_str)
+    }
+}
+
+/// What playing has to know of the clocks of a recording.
+#[derive(Debug, Default)]
+pub(crate) struct Clocks {
+    /// By topic: the numbers of its messages that are left out.
+    mistakes: Vec<BTreeSet<u64>>,
+    /// One sentence each.
+    pub(crate) notes: Vec<String>,
+}
+
+impl Clocks {
+    /// Reads the stamps of the topics that `wanted` accepts.
+    ///
+    /// # Errors
+    /// A recording that cannot be opened, or topics whose clocks differ.
+    pub(super) fn measure(
+        path: &Path,
+        wanted: impl Fn(&Topic) -> bool,
+        choice: &ClockChoice,
+    ) -> Result<Self> {
+        let mut recording = Recording::open(path)?;
+        let topics = recording.topics().to_vec();
+        let definitions = Arc::new(Definitions::of(""));
+        let is_measured = |topic: &Topic| {
+            // What is fixed has no time; transforms of the future are usual.
+            wanted(topic) && topic.type_name != "tf2_msgs/TFMessage" && !is_clock(topic)
+        };
+        let has_clock = topics.iter().any(is_clock);
+        let stamps: Vec<Option<Stamps>> = topics
+            .iter()
+            .map(|topic| Stamps::of(topic, &definitions).filter(|_| is_measured(topic)))
+            .collect();
+        recording.select(|topic| is_measured(topic) || is_clock(topic));
+        let mut offsets: Vec<Offsets> = topics.iter().map(|_| Offsets::default()).collect();
+        let mut numbers = vec![0; topics.len()];
+        let mut now = None;
+        for record in recording.by_ref() {
+            let topic = &topics[record.topic];
+            if is_clock(topic) {
+                now = topic.decode::<Clock>(&record.bytes).ok().map(|clock| clock.clock).or(now);
+                continue;
+            }
+            let number = number(&mut numbers, &record);
+            let stamp = stamps[record.topic].as_ref().and_then(|stamps| stamps.first(&record.bytes));
+            // Before the first message of a clock its time is not known.
+            let came = if has_clock { now } else { Some(record.stamp) };
+            if let (Some(stamp), Some(came)) = (stamp, came) {
+                let stamp = if choice.by_recording(topic) { came } else { stamp };
+                offsets[record.topic].add(number, stamp, came);
+            }
+        }
+        let measured: Vec<Option<Offset>> = offsets.into_iter().map(Offsets::finish).collect();
+        check_same(path, &topics, &measured)?;
+        let mut clocks = Self::default();
+        for (topic, offset) in topics.iter().zip(measured) {
+            let Offset { count, stepped: Stepped { mistakes, .. }, .. } = offset.unwrap_or_default();
+            let share = mistakes.len() as f64 / count.max(1) as f64;
+            let (file, name) = (path.display(), &topic.name);
+            if share > MOST_MISTAKEN {
+                clocks.notes.push(format!(
+                    "{file}: {} of {count} messages of {name} are stamped far from those around them; --clock {name}=recording uses \
+                     the time at which they were recorded instead",
+                    mistakes.len()
+                ));
+                clocks.mistakes.push(BTreeSet::new());
+                continue;
+            }
+            if !mistakes.is_empty() {
+                clocks.notes.push(format!(
+                    "{file}: {} of {count} messages of {name} are stamped more than {CLOSE_S} s from those around them and are left out",
+                    mistakes.len()
+                ));
+            }
+            clocks.mistakes.push(mistakes.into_iter().collect());
+        }
+        Ok(clocks)
+    }
+
+    /// Whether the message with this number of its topic is left out.
+    pub(super) fn leaves_out(&self, topic: usize, number: u64) -> bool {
+        self.mistakes.get(topic).is_some_and(|mistakes| mistakes.contains(&number))
+    }
+}
+
+/// Counts a message: its number among those of its topic.
+pub(super) fn number(numbers: &mut [u64], record: &Record) -> u64 {
+    let Some(next) = numbers.get_mut(record.topic) else { return 0 };
+    *next += 1;
+    *next - 1
+}
+
+/// Checks that stamps are of one clock.
+fn check_same(path: &Path, topics: &[Topic], measured: &[Option<Offset>]) -> Result<()> {
+    let median = |(topic, offset): (_, &Option<Offset>)| {
+        let offset = offset.as_ref().filter(|offset| offset.count >= ENOUGH)?;
+        Some((topic, offset.median_s))
+    };
+    let known: Vec<(&Topic, f64)> = topics.iter().zip(measured).filter_map(median).collect();
+    let Some(least) = known.iter().min_by(|a, b| a.1.total_cmp(&b.1)) else { return Ok(()) };
+    let Some(most) = known.iter().max_by(|a, b| a.1.total_cmp(&b.1)) else { return Ok(()) };
+    let apart = most.1 - least.1;
+    if apart <= ONE_CLOCK_S {
+        return Ok(());
+    }
+    // The one that is farther from the time of recording.
+    let odd = if most.1.abs() > least.1.abs() { most.0 } else { least.0 };
+    Err(Error::file(
+        path,
+        format!(
+            "the clocks of {} and {} differ by {}: their stamps are {} and {} from the time of recording; --clock recording uses that time \
+             instead of all stamps, --clock {}=recording of those of one topic",
+            least.0.name,
+            most.0.name,
+            seconds(apart),
+            seconds(least.1),
+            seconds(most.1),
+            odd.name
+        ),
+    ))
+}
+
+fn seconds(value: f64) -> String {
+    if value.abs() >= 1e5 { format!("{value:.3e} s") } else { format!("{value:.1} s") }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_clock_is_chosen_for_all_topics_or_for_one() {
+        let parse = |texts: &[&str]| {
+            ClockChoice::parse(&texts.iter().map(|text| (*text).to_owned()).collect::<Vec<_>>())
+        };
+        let topic = |name: &str| Topic {
+            name: name.into(),
+            type_name: String::new(),
+            encoding: roscausal_recording::Encoding::Cdr,
+            md5: None,
+            definition: "".into(),
+            latched: false,
+            messages: None,
+        };
+        let choice = parse(&["recording", "/odom=header"]).expect("parses");
+        assert!(choice.by_recording(&topic("/people")) && !choice.by_recording(&topic("odom")));
+        assert_eq!(choice.unknown(&[topic("/people")]), Some("/odom"));
+        assert!(parse(&["wall"]).is_err_and(|error| error.to_string().contains("'recording' nor 'header'")));
+    }
+
+    #[test]
+    fn offsets_have_a_median_and_a_spread_and_late_messages_are_no_mistakes() {
+        let at = |seconds: f64| Time::from_secs_f64(1000.0 + seconds);
+        let of = |stamp: &dyn Fn(u64) -> f64, came: &dyn Fn(u64) -> f64, count: u64| {
+            let mut offsets = Offsets::default();
+            (0..count).for_each(|number| offsets.add(number, at(stamp(number)), at(came(number))));
+            offsets.finish().expect("has stamps")
+        };
+        let step = |number: u64| 0.04 * number as f64;
+        let late = of(&step, &|number| step(number) + 1.2 + 0.01 * (number % 3) as f64, 100_000);
+        assert!((late.median_s + 1.21).abs() < 1e-6 && (late.spread_s - 0.02).abs() < 1e-6, "{late:?}");
+        assert_eq!(late.stepped, Stepped::default());
+        // Nothing came for 20 s, then all of it at once.
+        let held = |number: u64| if (100..600).contains(&number) { step(600) } else { step(number) };
+        assert_eq!(of(&step, &held, 1000).stepped, Stepped::default());
+        let glitch = |number: u64| step(number) + if number % 150 == 20 { 3e8 } else { 0.0 };
+        assert_eq!(of(&glitch, &step, 600).stepped.mistakes, [20, 170, 320, 470]);
+        let early = |number: u64| step(number) - if number == 77 { 30.0 } else { 0.0 };
+        assert_eq!(of(&early, &step, 600).stepped.mistakes, [77]);
+    }
+}

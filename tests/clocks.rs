@@ -1,0 +1,234 @@
+//! Recordings whose clocks, names and goals are not what they should be: the rows are those of the sound recording, or one sentence
+//! says what to do.
+
+#![allow(clippy::expect_used, clippy::panic, reason = "a test may panic: that is how it fails")]
+
+mod common;
+
+use std::{fs, path::Path};
+
+use common::{csv_files, roscausal};
+use roscausal_core::Time;
+use roscausal_msgs::{
+    geometry_msgs::PoseWithCovarianceStamped,
+    nav_msgs::Odometry,
+    people_msgs::{People, Person},
+    std_msgs::{Header, String as Text},
+};
+use roscausal_recording::McapWriter;
+
+const ANALYSIS: [&str; 7] = ["--person", "7", "--method", "pcmci", "--test", "parcorr", "--threads=1"];
+
+/// How a recording differs from a sound one. Times are seconds after its beginning.
+struct Walk<'a> {
+    odom: &'a str,
+    people: &'a str,
+    /// When the recorder got the message of number `n`.
+    recorded: &'a dyn Fn(u32) -> f64,
+    robot_stamp: &'a dyn Fn(u32) -> f64,
+    people_stamp: &'a dyn Fn(u32) -> f64,
+    messages: u32,
+    /// Which way the person walks, for message number `n`.
+    phase: fn(u32) -> f64,
+}
+
+/// 30 s at 25 Hz.
+const SOUND: Walk<'_> = Walk {
+    odom: "/odom",
+    people: "/people",
+    recorded: &step,
+    robot_stamp: &step,
+    people_stamp: &step,
+    messages: 750,
+    phase: |_| 0.0,
+};
+
+fn step(number: u32) -> f64 {
+    0.04 * f64::from(number)
+}
+
+impl Walk<'_> {
+    fn write(&self, path: &Path) {
+        let at = |seconds: f64| Time::from_nanos(1_700_000_000_000_000_000 + (seconds * 1e9).round() as i64);
+        let mut writer = McapWriter::create(path).expect("creates");
+        for number in 0..self.messages {
+            let recorded = (self.recorded)(number);
+            let header = |stamp: f64, frame: &str| Header { stamp: at(stamp), frame_id: frame.into() };
+            let stamp = (self.robot_stamp)(number);
+            let (x, y) = (2.0 * (0.2 * recorded).cos(), 2.0 * (0.2 * recorded).sin());
+            let mut odometry = Odometry { header: header(stamp, "odom"), ..Odometry::default() };
+            odometry.twist.twist.linear.x = 0.4 + 0.1 * (1.7 * recorded).sin();
+            let mut pose = PoseWithCovarianceStamped { header: header(stamp, "map"), ..Default::default() };
+            (pose.pose.pose.position.x, pose.pose.pose.position.y) = (x, y);
+            pose.pose.pose.orientation.w = 1.0;
+            let mut person = Person { name: "7".into(), reliability: 1.0, ..Person::default() };
+            (person.position.x, person.position.y) =
+                (3.0 - 0.1 * recorded, (0.9 * recorded + (self.phase)(number)).sin());
+            (person.velocity.x, person.velocity.y) =
+                (-0.1, 0.9 * (0.9 * recorded + (self.phase)(number)).cos());
+            let stamp = (self.people_stamp)(number);
+            let people = People { header: header(stamp, "map"), people: vec![person] };
+            let recorded = at(recorded);
+            writer.write(self.odom, recorded, &odometry).expect("writes");
+            writer.write("/amcl_pose", recorded, &pose).expect("writes");
+            writer.write(self.people, recorded, &people).expect("writes");
+        }
+        writer.finish().expect("closes");
+    }
+}
+
+/// What `discover` prints of a recording, whether it succeeds, and the batches that it makes.
+fn discover(dir: &Path, args: &[&str]) -> (String, bool, Vec<(String, String)>) {
+    let out = dir.join("out");
+    let _ = fs::remove_dir_all(&out);
+    let output = roscausal(dir, &[&["discover"], args, &["--out", "out"], &ANALYSIS].concat());
+    let text =
+        format!("{}{}", String::from_utf8_lossy(&output.stdout), String::from_utf8_lossy(&output.stderr));
+    let batches = if output.status.success() { csv_files(&out.join("batches")) } else { Vec::new() };
+    (text, output.status.success(), batches)
+}
+
+/// The rows of the sound recording.
+fn sound(dir: &Path) -> Vec<(String, String)> {
+    SOUND.write(&dir.join("sound.mcap"));
+    let (text, success, batches) = discover(dir, &["sound.mcap"]);
+    assert!(success && batches.len() == 1, "{text}");
+    batches
+}
+
+/// Rows of the first batch, without its times.
+fn rows(batches: &[(String, String)]) -> Vec<String> {
+    let row = |line: &str| line.split_once(',').map_or("", |(_, rest)| rest).to_owned();
+    batches[0].1.lines().map(row).collect()
+}
+
+#[test]
+fn a_few_mistaken_stamps_are_left_out_and_counted_however_far_they_are() {
+    let dir = tempfile::tempdir().expect("a folder");
+    let whole = rows(&sound(dir.path())).len();
+    for far in [30.0, 3e8, -30.0] {
+        let glitch = |number: u32| step(number) + if (300..306).contains(&number) { far } else { 0.0 };
+        Walk { people_stamp: &glitch, ..SOUND }.write(&dir.path().join("glitch.mcap"));
+        let (text, success, batches) = discover(dir.path(), &["glitch.mcap"]);
+        assert!(success && text.contains("6 of 750 messages of /people are stamped more than 1 s"), "{text}");
+        assert!(batches.len() == 1 && rows(&batches).len() == whole, "{far}: {text}");
+    }
+}
+
+#[test]
+fn a_clock_that_is_mostly_wrong_is_named_and_costs_no_time() {
+    let dir = tempfile::tempdir().expect("a folder");
+    let often = |number: u32| step(number) + if number % 5 == 2 { 3e8 } else { 0.0 };
+    Walk { people_stamp: &often, ..SOUND }.write(&dir.path().join("often.mcap"));
+    let begin = std::time::Instant::now();
+    let (text, ..) = discover(dir.path(), &["often.mcap"]);
+    assert!(text.contains("150 of 750 messages of /people are stamped far"), "{text}");
+    assert!(text.contains("--clock /people=recording uses the time"), "{text}");
+    assert!(begin.elapsed().as_secs() < 30, "{text}");
+    let (text, success, batches) = discover(dir.path(), &["often.mcap", "--clock", "/people=recording"]);
+    assert!(success && batches == sound(dir.path()), "{text}");
+}
+
+#[test]
+fn two_clocks_are_one_sentence_with_the_flag_that_mends_it() {
+    let dir = tempfile::tempdir().expect("a folder");
+    let expected = sound(dir.path());
+    let other = |number: u32| step(number) - 1_699_999_000.0;
+    Walk { people_stamp: &other, ..SOUND }.write(&dir.path().join("epoch.mcap"));
+    let (text, success, _) = discover(dir.path(), &["epoch.mcap"]);
+    assert!(!success && text.contains("clocks of /people and /amcl_pose differ by 1.700e9 s"), "{text}");
+    assert!(text.contains("--clock /people=recording"), "{text}");
+    for clock in ["recording", "/people=recording", "recording,/odom=header,/amcl_pose=header"] {
+        let (text, _, batches) = discover(dir.path(), &["epoch.mcap", "--clock", clock]);
+        assert_eq!(batches, expected, "{clock}: {text}");
+    }
+    for wrong in ["wall", "/nobody=recording"] {
+        let (text, success, _) = discover(dir.path(), &["epoch.mcap", "--clock", wrong]);
+        assert!(!success && text.contains("clock"), "{text}");
+    }
+}
+
+#[test]
+fn a_simulation_that_is_reset_is_two_recordings() {
+    let dir = tempfile::tempdir().expect("a folder");
+    let expected = sound(dir.path());
+    let again = |number: u32| step(number % 750);
+    let twice = Walk { recorded: &again, robot_stamp: &again, people_stamp: &again, messages: 1500, ..SOUND };
+    // The same messages twice, as where a recording was played in a loop.
+    twice.write(&dir.path().join("loop.mcap"));
+    let (text, _, batches) = discover(dir.path(), &["loop.mcap"]);
+    assert!(text.contains("run 2 holds the rows of an earlier one"), "{text}");
+    assert_eq!(batches, expected, "{text}");
+    Walk { phase: |number| f64::from(number / 750), ..twice }.write(&dir.path().join("loop.mcap"));
+    let (text, success, batches) = discover(dir.path(), &["loop.mcap"]);
+    assert!(success && text.contains("2 runs; each is a recording of its own"), "{text}");
+    assert!(text.contains("knows the robot in 100 % of the time"), "{text}");
+    assert_eq!(batches.len(), 2, "{text}");
+    assert!(batches[0].1 == expected[0].1 && batches[1].1.lines().count() == expected[0].1.lines().count());
+    let topics = roscausal(dir.path(), &["topics", "loop.mcap"]);
+    let text = String::from_utf8_lossy(&topics.stdout).into_owned();
+    assert!(text.lines().any(|line| line.starts_with("/odom") && line.contains(" 25.00 ")), "{text}");
+}
+
+#[test]
+fn topics_prints_how_far_stamps_are_from_the_time_of_recording() {
+    let dir = tempfile::tempdir().expect("a folder");
+    let late = |number: u32| step(number) - 1.25 - if number == 99 { 50.0 } else { 0.0 };
+    Walk { people_stamp: &late, ..SOUND }.write(&dir.path().join("late.mcap"));
+    let output = roscausal(dir.path(), &["topics", "late.mcap"]);
+    let text = String::from_utf8_lossy(&output.stdout).into_owned();
+    let columns = |topic: &str| {
+        let line = text.lines().find(|line| line.starts_with(topic)).unwrap_or_else(|| panic!("{text}"));
+        line.split_whitespace().rev().take(3).map(str::to_owned).collect::<Vec<_>>()
+    };
+    assert_eq!(columns("/people"), ["1", "0.000", "-1.250"]);
+    assert_eq!(columns("/odom"), ["0", "0.000", "0.000"]);
+}
+
+#[test]
+fn names_that_ros_does_not_allow_and_names_of_two_types_are_read() {
+    let dir = tempfile::tempdir().expect("a folder");
+    let expected = sound(dir.path());
+    for (odom, people) in [("/robot-1/odom", "/people-tracker/3d"), ("odom", "people")] {
+        Walk { odom, people, ..SOUND }.write(&dir.path().join("named.mcap"));
+        let (text, _, batches) = discover(dir.path(), &["named.mcap", "--people", people]);
+        assert_eq!(batches, expected, "{text}");
+        let signal = format!("v = /{}.twist.twist.linear.x", odom.trim_start_matches('/'));
+        let (text, success, batches) = discover(dir.path(), &["named.mcap", "--signal", &signal]);
+        assert!(success && batches[0].1.lines().next().is_some_and(|names| names.ends_with(",v")), "{text}");
+    }
+    let mut writer = McapWriter::create(dir.path().join("another.mcap")).expect("creates");
+    let text = Text { data: "starts".into() };
+    for topic in ["/people", "/odom"] {
+        writer.write(topic, Time::from_secs_f64(1_700_000_000.5), &text).expect("writes");
+    }
+    writer.finish().expect("closes");
+    let folder = dir.path().join("folder");
+    fs::create_dir(&folder).expect("makes");
+    for file in ["sound.mcap", "another.mcap"] {
+        fs::copy(dir.path().join(file), folder.join(file)).expect("copies");
+    }
+    let (text, _, batches) = discover(dir.path(), &["folder"]);
+    assert_eq!(batches, expected, "{text}");
+}
+
+#[test]
+fn without_a_goal_the_distance_to_it_is_left_out_unless_it_is_named() {
+    let dir = tempfile::tempdir().expect("a folder");
+    sound(dir.path());
+    let note = "left out, since the recording has no goal of the person (--human-goal names its topic): h_dg";
+    for args in [&[][..], &["--person=nearest:1"], &["--person=all", "--several-people=joint"]] {
+        let args = [&["discover", "sound.mcap", "--method", "pcmci", "--test", "parcorr"], args].concat();
+        let output = roscausal(dir.path(), &args);
+        let text =
+            format!("{}{}", String::from_utf8_lossy(&output.stdout), String::from_utf8_lossy(&output.stderr));
+        assert!(
+            output.status.success() && text.matches("h_dg").count() == 1 && text.contains(note),
+            "{text}"
+        );
+    }
+    let (text, success, _) = discover(dir.path(), &["sound.mcap", "--columns", "h_v,h_dg"]);
+    assert!(!success && text.contains("h_dg has no value at all"), "{text}");
+    let (text, success, batches) = discover(dir.path(), &["sound.mcap", "--param", "data.postprocess=none"]);
+    assert!(success && batches[0].1.lines().next().is_some_and(|names| names.contains("r_theta")), "{text}");
+}
