@@ -190,6 +190,11 @@ impl Recorder {
         self.config.select == Select::Nobody
     }
 
+    /// Whether a stamp is of another time than all others so far. No row is written for the time between.
+    fn is_far(&self, stamp: i64) -> bool {
+        self.newest().is_some_and(|newest| stamp.abs_diff(newest) > JUMP_AHEAD_NS.unsigned_abs())
+    }
+
     /// The newest stamp that rows wait for.
     fn newest(&self) -> Option<i64> {
         self.newest_robot.max(self.newest_people).max(self.newest_signal)
@@ -247,7 +252,7 @@ impl Recorder {
         if self.frame.as_ref().is_some_and(|frame| *frame != state.header.frame_id) {
             self.restart(EndedBy::FrameChange);
         }
-        if jumps(self.newest_robot, stamp) {
+        if jumps(self.newest_robot, stamp) || self.is_far(stamp) {
             self.counts.jumps += 1;
             self.restart(EndedBy::ClockJump);
         }
@@ -321,7 +326,7 @@ impl Recorder {
             self.counts.foreign_frame += 1;
             return;
         }
-        if jumps(self.newest_people, stamp) {
+        if jumps(self.newest_people, stamp) || self.is_far(stamp) {
             self.counts.jumps += 1;
             self.restart(EndedBy::ClockJump);
         }
