@@ -295,7 +295,7 @@ fn show(args: &Args, folders: &Folders, troubles: &str, is_raw: bool) -> Result<
     if models.is_empty() && is_raw {
         let raw = args.out.join("data_pool");
         crate::terminal::say!(
-            "{0}: raw batches, which data.postprocess=none leaves without a model; 'roscausal discover {0}' makes one",
+            "{0}: raw batches, which data.postprocess=none leaves without a model; 'roscausal discover {0} --drop-empty' makes one",
             raw.display()
         );
         return Ok(());

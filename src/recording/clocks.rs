@@ -80,8 +80,12 @@ pub(crate) struct Offset {
 impl Offset {
     /// Median, spread and number of jumps as texts.
     pub(crate) fn texts(&self) -> [String; 3] {
-        let short =
-            |value: f64| if value.abs() >= 1e5 { format!("{value:.3e}") } else { format!("{value:.3}") };
+        let short = |value: f64| match (1e3 * value).round() / 1e3 {
+            // Not -0.000.
+            0.0 => "0.000".to_owned(),
+            value if value.abs() >= 1e5 => format!("{value:.3e}"),
+            value => format!("{value:.3}"),
+        };
         let Stepped { mistakes, back, ahead } = &self.stepped;
         let jumps = mistakes.len() as u64 + back.len() as u64 + ahead;
         [short(self.median_s), short(self.spread_s), jumps.to_string()]
