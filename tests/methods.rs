@@ -184,7 +184,7 @@ fn columns_that_belong_together_are_one_variable() {
         (&["--vector", "place=x+x"], "named twice"),
     ] {
         let args: Vec<&str> = match more[0] {
-            "--vector" => [&args[..4], more].concat(),
+            "--vector" => [&args[..4], more, &["--method", "pcmci", "--test", "parcorrmult"]].concat(),
             "--method" => [&args[..6], more].concat(),
             _ => [&args[..], more].concat(),
         };
