@@ -479,7 +479,7 @@ def test_columns_that_belong_together_are_one_variable():
     assert drives(model) == {("place", "speed")}
     with pytest.raises(rc.SettingError, match="no column 'z'"):
         rc.discover(x, vectors={"place": ["x", "z"]}, **usual)
-    with pytest.raises(rc.SettingError, match="'place' has several"):
+    with pytest.raises(rc.SettingError, match="takes each variable for one column"):
         rc.discover(x, vectors={"place": ["x", "y"]}, **(usual | {"test": "parcorr"}))
 
 
@@ -492,7 +492,7 @@ def test_gpdc_takes_null_distributions_from_a_dict_or_a_file(tmp_path):
     assert drives(rc.discover(x, null_dist={148: [2.0, 3.0]}, **usual)) == set()
     (tmp_path / "null.csv").write_text("148\n2\n3\n")
     assert drives(rc.discover(x, null_dist=tmp_path / "null.csv", **usual)) == set()
-    with pytest.raises(rc.SettingError, match="for the test gpdc"):
+    with pytest.raises(rc.SettingError, match="applies to the test gpdc"):
         rc.discover(x, null_dist={148: [2.0]}, test="parcorr", **usual)
 
 
