@@ -181,7 +181,7 @@ impl Args {
         let played = played?;
         played.tell(&self.recording);
         analysed?;
-        Ok(Ok(played.troubles()))
+        Ok(Ok(played.troubles("")))
     }
 }
 

@@ -10,10 +10,11 @@ use std::{fs, path::Path};
 use common::{csv_files, roscausal};
 use roscausal_core::Time;
 use roscausal_msgs::{
-    geometry_msgs::PoseWithCovarianceStamped,
+    geometry_msgs::{PoseWithCovarianceStamped, TransformStamped},
     nav_msgs::Odometry,
     people_msgs::{People, Person},
     std_msgs::{Header, String as Text},
+    tf2_msgs::TFMessage,
 };
 use roscausal_recording::McapWriter;
 
@@ -30,6 +31,12 @@ struct Walk<'a> {
     messages: u32,
     /// Which way the person walks, for message number `n`.
     phase: fn(u32) -> f64,
+    /// How many messages later the recorder got the people.
+    late: u32,
+    /// The people are in the frame `odom`, of which every so many messages say where it is in `map`; 0: they are in `map`.
+    transforms: u32,
+    /// Units of a person's coordinates in a metre.
+    units: f64,
 }
 
 /// 30 s at 25 Hz.
@@ -41,37 +48,61 @@ const SOUND: Walk<'_> = Walk {
     people_stamp: &step,
     messages: 750,
     phase: |_| 0.0,
+    late: 0,
+    transforms: 0,
+    units: 1.0,
 };
 
 fn step(number: u32) -> f64 {
     0.04 * f64::from(number)
 }
 
+/// Where `odom` is in `map`, metres.
+fn drift(seconds: f64) -> f64 {
+    0.05 * seconds
+}
+
 impl Walk<'_> {
     fn write(&self, path: &Path) {
         let at = |seconds: f64| Time::from_nanos(1_700_000_000_000_000_000 + (seconds * 1e9).round() as i64);
         let mut writer = McapWriter::create(path).expect("creates");
-        for number in 0..self.messages {
+        let header = |stamp: f64, frame: &str| Header { stamp: at(stamp), frame_id: frame.into() };
+        for number in 0..self.messages + self.late {
             let recorded = (self.recorded)(number);
-            let header = |stamp: f64, frame: &str| Header { stamp: at(stamp), frame_id: frame.into() };
-            let stamp = (self.robot_stamp)(number);
-            let (x, y) = (2.0 * (0.2 * recorded).cos(), 2.0 * (0.2 * recorded).sin());
-            let mut odometry = Odometry { header: header(stamp, "odom"), ..Odometry::default() };
-            odometry.twist.twist.linear.x = 0.4 + 0.1 * (1.7 * recorded).sin();
-            let mut pose = PoseWithCovarianceStamped { header: header(stamp, "map"), ..Default::default() };
-            (pose.pose.pose.position.x, pose.pose.pose.position.y) = (x, y);
-            pose.pose.pose.orientation.w = 1.0;
+            if number < self.messages {
+                let stamp = (self.robot_stamp)(number);
+                let (x, y) = (2.0 * (0.2 * recorded).cos(), 2.0 * (0.2 * recorded).sin());
+                let mut odometry = Odometry { header: header(stamp, "odom"), ..Odometry::default() };
+                odometry.twist.twist.linear.x = 0.4 + 0.1 * (1.7 * recorded).sin();
+                let mut pose =
+                    PoseWithCovarianceStamped { header: header(stamp, "map"), ..Default::default() };
+                (pose.pose.pose.position.x, pose.pose.pose.position.y) = (x, y);
+                pose.pose.pose.orientation.w = 1.0;
+                writer.write(self.odom, at(recorded), &odometry).expect("writes");
+                writer.write("/amcl_pose", at(recorded), &pose).expect("writes");
+            }
+            if self.transforms > 0 && number % self.transforms == 0 {
+                let mut place =
+                    TransformStamped { header: header(recorded, "map"), ..TransformStamped::default() };
+                place.child_frame_id = "odom".into();
+                place.transform.translation.x = drift(recorded);
+                place.transform.rotation.w = 1.0;
+                let message = TFMessage { transforms: vec![place] };
+                writer.write("/tf", at(recorded), &message).expect("writes");
+            }
+            let Some(seen) = number.checked_sub(self.late) else { continue };
+            let (when, phase) = ((self.recorded)(seen), (self.phase)(seen));
             let mut person = Person { name: "7".into(), reliability: 1.0, ..Person::default() };
-            (person.position.x, person.position.y) =
-                (3.0 - 0.1 * recorded, (0.9 * recorded + (self.phase)(number)).sin());
-            (person.velocity.x, person.velocity.y) =
-                (-0.1, 0.9 * (0.9 * recorded + (self.phase)(number)).cos());
-            let stamp = (self.people_stamp)(number);
-            let people = People { header: header(stamp, "map"), people: vec![person] };
-            let recorded = at(recorded);
-            writer.write(self.odom, recorded, &odometry).expect("writes");
-            writer.write("/amcl_pose", recorded, &pose).expect("writes");
-            writer.write(self.people, recorded, &people).expect("writes");
+            (person.position.x, person.position.y) = (3.0 - 0.1 * when, (0.9 * when + phase).sin());
+            (person.velocity.x, person.velocity.y) = (-0.1, 0.9 * (0.9 * when + phase).cos());
+            person.position.x *= self.units;
+            person.position.y *= self.units;
+            let frame = if self.transforms > 0 { "odom" } else { "map" };
+            if self.transforms > 0 {
+                person.position.x -= drift(when);
+            }
+            let people = People { header: header((self.people_stamp)(seen), frame), people: vec![person] };
+            writer.write(self.people, at(recorded), &people).expect("writes");
         }
         writer.finish().expect("closes");
     }
@@ -231,4 +262,62 @@ fn without_a_goal_the_distance_to_it_is_left_out_unless_it_is_named() {
     assert!(!success && text.contains("h_dg has no value at all"), "{text}");
     let (text, success, batches) = discover(dir.path(), &["sound.mcap", "--param", "data.postprocess=none"]);
     assert!(success && batches[0].1.lines().next().is_some_and(|names| names.contains("r_theta")), "{text}");
+}
+
+/// How many rows of `found` are in `expected` within 1e-6, in each cell.
+fn in_common(found: &[String], expected: &[String]) -> usize {
+    let cells =
+        |row: &String| -> Vec<f64> { row.split(',').map(|cell| cell.parse().unwrap_or(f64::NAN)).collect() };
+    let same = |a: &[f64], b: &[f64]| {
+        a.len() == b.len() && a.iter().zip(b).all(|(a, b)| (a - b).abs() < 1e-6 || (a.is_nan() && b.is_nan()))
+    };
+    let expected: Vec<Vec<f64>> = expected.iter().map(cells).collect();
+    found.iter().map(cells).filter(|row| expected.iter().any(|other| same(row, other))).count()
+}
+
+#[test]
+fn what_comes_late_is_read_as_if_it_came_in_time() {
+    let dir = tempfile::tempdir().expect("a folder");
+    let expected = rows(&sound(dir.path()));
+    for late in [5, 30, 75] {
+        Walk { late, ..SOUND }.write(&dir.path().join("late.mcap"));
+        let (text, success, batches) = discover(dir.path(), &["late.mcap"]);
+        assert!(success, "{late}: {text}");
+        let found = rows(&batches);
+        // The rows may begin a little later.
+        assert!(found.len() + late as usize / 2 + 2 >= expected.len(), "{late}: {} rows", found.len());
+        assert!(
+            in_common(&found, &expected) + 3 >= found.len(),
+            "{late}: {:?} {:?}",
+            &found[..3],
+            &expected[..3]
+        );
+    }
+}
+
+#[test]
+fn transforms_that_come_seldom_are_interpolated() {
+    let dir = tempfile::tempdir().expect("a folder");
+    let expected = rows(&sound(dir.path()));
+    for transforms in [1, 25, 50] {
+        Walk { transforms, ..SOUND }.write(&dir.path().join("tf.mcap"));
+        let (text, success, batches) = discover(dir.path(), &["tf.mcap"]);
+        assert!(success, "{transforms}: {text}");
+        let found = rows(&batches);
+        assert!(found.len() + 25 >= expected.len(), "{transforms}: {} rows", found.len());
+        assert!(in_common(&found, &expected) + 3 >= found.len(), "{transforms}: {:?}", &found[..3]);
+    }
+}
+
+#[test]
+fn who_was_missing_or_where_both_were_is_told() {
+    let dir = tempfile::tempdir().expect("a folder");
+    for (walk, says) in [
+        (Walk { units: 1000.0, ..SOUND }, "people seem to be in millimetres or in another frame"),
+        (Walk { late: 750, people_stamp: &|number| step(number + 750), ..SOUND }, "the robot is there"),
+    ] {
+        walk.write(&dir.path().join("apart.mcap"));
+        let (text, ..) = discover(dir.path(), &["apart.mcap"]);
+        assert!(text.contains(says), "{says}: {text}");
+    }
 }

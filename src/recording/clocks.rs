@@ -11,10 +11,14 @@ use roscausal_core::{Error, Result, Time, signal::Definitions};
 use roscausal_msgs::{
     dynamic::{Schema, Wire},
     rosgraph_msgs::Clock,
+    tf2_msgs::TFMessage,
 };
 use roscausal_recording::{Record, Recording, Stepped, Steps, Tick, Topic};
 
-use super::play::is_clock;
+use super::{
+    order::{Intervals, Lead},
+    play::is_clock,
+};
 
 /// A stamp may be this far from where those around it put it. Seconds.
 const CLOSE_S: f64 = 1.0;
@@ -177,6 +181,8 @@ pub(crate) struct Clocks {
     mistakes: Vec<BTreeSet<u64>>,
     /// One sentence each.
     pub(crate) notes: Vec<String>,
+    /// How far topics are played ahead where there are no waits.
+    pub(super) lead: Lead,
 }
 
 impl Clocks {
@@ -201,7 +207,14 @@ impl Clocks {
             .iter()
             .map(|topic| Stamps::of(topic, &definitions).filter(|_| is_measured(topic)))
             .collect();
-        recording.select(|topic| is_measured(topic) || is_clock(topic));
+        let moves = |topic: &Topic| {
+            wanted(topic)
+                && topic.type_name == "tf2_msgs/TFMessage"
+                && !topic.latched
+                && !topic.name.ends_with("_static")
+        };
+        recording.select(|topic| is_measured(topic) || is_clock(topic) || moves(topic));
+        let mut intervals: BTreeMap<usize, Intervals> = BTreeMap::new();
         let mut offsets: Vec<Offsets> = topics.iter().map(|_| Offsets::default()).collect();
         let mut numbers = vec![0; topics.len()];
         let mut now = None;
@@ -209,6 +222,12 @@ impl Clocks {
             let topic = &topics[record.topic];
             if is_clock(topic) {
                 now = topic.decode::<Clock>(&record.bytes).ok().map(|clock| clock.clock).or(now);
+                continue;
+            }
+            if moves(topic) {
+                if let Ok(message) = topic.decode::<TFMessage>(&record.bytes) {
+                    intervals.entry(record.topic).or_default().add(&message);
+                }
                 continue;
             }
             let number = number(&mut numbers, &record);
@@ -223,6 +242,13 @@ impl Clocks {
         let measured: Vec<Option<Offset>> = offsets.into_iter().map(Offsets::finish).collect();
         check_same(path, &topics, &measured)?;
         let mut clocks = Self::default();
+        if !has_clock {
+            let lead = |(topic, offset): (usize, &Option<Offset>)| match intervals.get(&topic) {
+                Some(intervals) => intervals.lead(),
+                None => offset.as_ref().map_or(0.0, |offset| Lead::of_offset(offset.median_s)),
+            };
+            clocks.lead = Lead(measured.iter().enumerate().map(lead).collect());
+        }
         for (topic, offset) in topics.iter().zip(measured) {
             let Offset { count, stepped: Stepped { mistakes, .. }, .. } = offset.unwrap_or_default();
             let share = mistakes.len() as f64 / count.max(1) as f64;

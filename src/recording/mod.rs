@@ -4,10 +4,12 @@ mod choose;
 pub(crate) mod clocks;
 mod coverage;
 mod inputs;
+mod order;
 mod persons;
 mod play;
 mod robots;
 mod roles;
+mod seen;
 
 use std::path::{Path, PathBuf};
 
@@ -20,6 +22,8 @@ use roscausal_core::{
     params::Value,
 };
 use roscausal_recording::{Recording, folders_in, is_named_so, recordings_in};
+
+use seen::Seen;
 
 use crate::{chart, folders::batches_in, interrupt::Interrupt, nodes, nodes::Nodes};
 pub(crate) use inputs::{InputArgs, Inputs, parse as parameter};
@@ -111,7 +115,7 @@ impl Source {
         let (mut batches, mut numbers, mut trouble) = (Vec::new(), Vec::new(), String::new());
         for lap in 1.. {
             let folder = if laps > 1 { folder.join(format!("run_{lap}")) } else { folder.to_path_buf() };
-            let (found, played) = self.play_lap(&folder, interrupt, quiet, &mut numbers)?;
+            let (found, played, seen) = self.play_lap(&folder, interrupt, quiet, &mut numbers)?;
             for batch in found {
                 if lap > 1 && is_repeated(&batch, &batches)? {
                     let file = self.path.display();
@@ -124,7 +128,7 @@ impl Source {
             }
             if !self.recording.next_lap() {
                 played.tell(&self.path);
-                trouble = played.troubles();
+                trouble = played.troubles(&seen);
                 break;
             }
         }
@@ -148,14 +152,16 @@ impl Source {
         interrupt: &Interrupt,
         quiet: bool,
         numbers: &mut Vec<u64>,
-    ) -> Result<(Vec<PathBuf>, Played)> {
+    ) -> Result<(Vec<PathBuf>, Played, String)> {
         let (raw, processed) = (folder.join("data_pool"), folder.join("pp_pool"));
         let bus = Loopback::lockstep();
         nodes::set_pools(&bus, &raw, &processed);
         // The whole recording is one batch, unless the recording or a flag says otherwise.
         bus.set_node_param("data", "ts_length", Value::Double(0.0));
         self.set_params(&bus);
-        let play = Play::new(&bus, &mut self.recording, &self.inputs)?;
+        let play =
+            Play::new(&bus, &mut self.recording, &self.inputs)?.in_order_of_stamps(&self.inputs.clocks);
+        let seen = Seen::on(&bus)?;
         let nodes = Nodes::start(&bus, self.inputs.nodes);
         let bar = chart::bar("reading", 1000, quiet);
         let played = play.run(numbers, |progress, _| {
@@ -171,8 +177,11 @@ impl Source {
         // Without post-processing the raw batches are the result.
         let folder = if self.inputs.is_raw() { raw } else { processed };
         let pool = Pool::open(&folder, "data_")?;
-        let batches = pool.contents()?.batches.iter().map(|name| folder.join(name)).collect();
-        Ok((batches, played))
+        let batches: Vec<PathBuf> = pool.contents()?.batches.iter().map(|name| folder.join(name)).collect();
+        if let (false, Some(remark)) = (batches.is_empty(), seen.remark()) {
+            crate::terminal::tell!("note: {}: {remark}", self.path.display());
+        }
+        Ok((batches, played, seen.to_string()))
     }
 
     /// Sets the parameters that follow from the chosen topics, and those of the user.

@@ -24,6 +24,7 @@ use roscausal_recording::{Player, Record, Recording, Topic};
 use super::{
     clocks::{self, Clocks, Stamps},
     inputs::{Inputs, ODOMETRY_POSE},
+    order::{InOrder, Lead},
 };
 
 /// A longer hole in a recording is shortened.
@@ -37,7 +38,7 @@ type Troubles = Arc<Mutex<BTreeMap<String, String>>>;
 /// A recording that is ready to be played. The bus's clock stands at its beginning.
 pub(crate) struct Play<'a> {
     bus: Loopback,
-    recording: &'a mut Recording,
+    recording: InOrder<'a>,
     player: Player,
     /// Topic and publisher of the poses taken from odometry.
     pose: Option<(String, LoopbackPublisher<PoseStamped>)>,
@@ -123,7 +124,7 @@ impl<'a> Play<'a> {
         bus.advance_to(start);
         Ok(Self {
             bus: bus.clone(),
-            recording,
+            recording: InOrder::new(recording, Lead::default()),
             player,
             pose,
             raw,
@@ -138,6 +139,12 @@ impl<'a> Play<'a> {
         })
     }
 
+    /// Plays messages when they were due, not when they came, and slow transforms ahead.
+    pub(crate) fn in_order_of_stamps(mut self, clocks: &Clocks) -> Self {
+        self.recording = self.recording.with(clocks.lead.clone());
+        self
+    }
+
     /// Plays everything. `each` gets the progress (0 to 1) and the time of the bus, and ends the playing by
     /// returning false. `numbers`: how many messages of each topic were read before.
     pub(crate) fn run(
@@ -146,7 +153,7 @@ impl<'a> Play<'a> {
         mut each: impl FnMut(f64, Time) -> bool,
     ) -> Result<Played> {
         let mut seen = -1.0;
-        let topics = self.recording.topics().to_vec();
+        let topics = self.recording.recording().topics().to_vec();
         numbers.resize(topics.len(), 0);
         while let Some(mut record) = self.recording.next() {
             let topic = &topics[record.topic];
@@ -171,13 +178,13 @@ impl<'a> Play<'a> {
                 }
             }
             self.played.messages += 1;
-            let progress = self.recording.progress();
+            let progress = self.recording.recording().progress();
             if (progress != seen || self.played.messages.is_multiple_of(64)) && !each(progress, self.now) {
                 break;
             }
             seen = progress;
         }
-        self.played.losses = self.recording.losses().to_vec();
+        self.played.losses = self.recording.recording().losses().to_vec();
         Ok(self.played)
     }
 
@@ -233,10 +240,12 @@ impl Played {
         }
     }
 
-    /// The last complaints of the nodes, in one line.
-    pub(crate) fn troubles(&self) -> String {
+    /// What was `seen`, and the last complaints of the nodes, in one line.
+    pub(crate) fn troubles(&self, seen: &str) -> String {
         let troubles = lock(&self.troubles);
-        let lines: Vec<String> = troubles.iter().map(|(node, what)| format!("{node}: {what}")).collect();
+        let of_nodes = troubles.iter().map(|(node, what)| format!("{node}: {what}"));
+        let seen = Some(seen.to_owned()).filter(|seen| !seen.is_empty());
+        let lines: Vec<String> = seen.into_iter().chain(of_nodes).collect();
         if lines.is_empty() { "no node complained".to_owned() } else { lines.join("; ") }
     }
 }

@@ -1,0 +1,106 @@
+//! Where the nodes saw the robot and people while a recording was played: what to say where they never were there together.
+
+use std::{
+    fmt,
+    sync::{Arc, Mutex},
+};
+
+use roscausal_core::{
+    Result, Time,
+    gate::lock,
+    loopback::{Loopback, LoopbackSubscription},
+    middleware::{Middleware, Qos},
+};
+use roscausal_msgs::{Humans, RobotState, geometry_msgs::Pose2D};
+
+/// Nobody walks so far from the robot that it matters. Metres.
+const FAR_M: f64 = 500.0;
+
+/// The times and places of the robot, or of people.
+#[derive(Clone, Copy, Debug, Default)]
+struct Track {
+    count: u64,
+    span: Option<(Time, Time)>,
+    /// Smallest and largest coordinate, of x and y alike; metres.
+    places: Option<(f64, f64)>,
+}
+
+impl Track {
+    fn add(&mut self, stamp: Time, at: &Pose2D) {
+        self.count += 1;
+        self.span = Some(self.span.map_or((stamp, stamp), |(a, b)| (a.min(stamp), b.max(stamp))));
+        for value in [at.x, at.y].into_iter().filter(|value| value.is_finite()) {
+            self.places = Some(self.places.map_or((value, value), |(a, b)| (a.min(value), b.max(value))));
+        }
+    }
+}
+
+/// What was seen so far.
+pub(super) struct Seen {
+    tracks: Arc<Mutex<[Track; 2]>>,
+    _subscriptions: [LoopbackSubscription; 2],
+}
+
+impl Seen {
+    pub(super) fn on(bus: &Loopback) -> Result<Self> {
+        let node = bus.node("seen");
+        let tracks = Arc::new(Mutex::new([Track::default(); 2]));
+        let (robot, people) = (tracks.clone(), tracks.clone());
+        let robot = node.subscribe("/roscausal/robot", Qos::Volatile(100), move |m: RobotState| {
+            lock(&robot)[0].add(m.header.stamp, &m.pose2d);
+        })?;
+        let people = node.subscribe("/roscausal/humans", Qos::Volatile(100), move |m: Humans| {
+            m.humans.iter().for_each(|person| lock(&people)[1].add(person.header.stamp, &person.pose2d));
+        })?;
+        Ok(Self { tracks, _subscriptions: [robot, people] })
+    }
+}
+
+impl Seen {
+    /// What is odd about their places, if anything is.
+    pub(super) fn remark(&self) -> Option<String> {
+        let [robot, people] = lock(&self.tracks).map(|track| track.places);
+        let (robot, people) = (robot?, people?);
+        let size = |(a, b): (f64, f64)| a.abs().max(b.abs());
+        (size(people) > FAR_M && size(people) > 50.0 * size(robot)).then(|| {
+            format!(
+                "the robot's coordinates are {:.1} to {:.1} m, those of people {:.1} to {:.1} m: people seem to be in millimetres or in \
+                 another frame; ROS has metres, so convert them first",
+                robot.0, robot.1, people.0, people.1
+            )
+        })
+    }
+}
+
+impl fmt::Display for Seen {
+    /// Which of them was missing, when, or where they were.
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let [robot, people] = *lock(&self.tracks);
+        let (Some((from, to)), Some((first, last))) = (robot.span, people.span) else {
+            return match (robot.count, people.count) {
+                (0, 0) => write!(f, "neither the robot nor a person was seen"),
+                (0, _) => write!(f, "people were seen, but never the robot"),
+                _ => write!(f, "the robot was seen, but never a person"),
+            };
+        };
+        if first > to || from > last {
+            return match first > to {
+                true => write!(f, "the robot is there until {:.1} s before people are", first.secs_since(to)),
+                false => {
+                    write!(f, "people are there until {:.1} s before the robot is", from.secs_since(last))
+                }
+            };
+        }
+        if let Some(remark) = self.remark() {
+            return f.write_str(&remark);
+        }
+        let (Some(robot), Some(people)) = (robot.places, people.places) else {
+            return write!(f, "the places of the robot or of people are not known");
+        };
+        write!(
+            f,
+            "the robot's coordinates are {:.1} to {:.1} m, those of people {:.1} to {:.1} m",
+            robot.0, robot.1, people.0, people.1
+        )
+    }
+}
