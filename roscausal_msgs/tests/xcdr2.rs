@@ -20,11 +20,11 @@ struct Writer {
 impl Writer {
     fn new(representation: u8, types: bool, arrays: bool) -> Self {
         let bytes = vec![0, representation, 0, 0];
-        Self { bytes, big_endian: representation % 2 == 0, types, arrays }
+        Self { bytes, big_endian: representation.is_multiple_of(2), types, arrays }
     }
 
     fn number<const N: usize>(&mut self, mut little_endian: [u8; N]) {
-        while (self.bytes.len() - 4) % N.min(4) != 0 {
+        while !(self.bytes.len() - 4).is_multiple_of(N.min(4)) {
             self.bytes.push(0);
         }
         if self.big_endian {
