@@ -275,23 +275,25 @@ fn in_common(found: &[String], expected: &[String]) -> usize {
     found.iter().map(cells).filter(|row| expected.iter().any(|other| same(row, other))).count()
 }
 
+/// Checks that a recording gives the expected rows; up to `fewer` may be missing at its ends.
+fn check_rows(walk: &Walk<'_>, expected: &[String], fewer: usize) {
+    let dir = tempfile::tempdir().expect("a folder");
+    walk.write(&dir.path().join("walk.mcap"));
+    let (text, success, batches) = discover(dir.path(), &["walk.mcap"]);
+    let what = format!("{} late, transforms {}", walk.late, walk.transforms);
+    assert!(success, "{what}: {text}");
+    let found = rows(&batches);
+    assert!(found.len() + fewer >= expected.len(), "{what}: {} rows", found.len());
+    assert!(in_common(&found, expected) + 3 >= found.len(), "{what}: {:?} {:?}", &found[..3], &expected[..3]);
+}
+
 #[test]
 fn what_comes_late_is_read_as_if_it_came_in_time() {
     let dir = tempfile::tempdir().expect("a folder");
     let expected = rows(&sound(dir.path()));
     for late in [5, 30, 75] {
-        Walk { late, ..SOUND }.write(&dir.path().join("late.mcap"));
-        let (text, success, batches) = discover(dir.path(), &["late.mcap"]);
-        assert!(success, "{late}: {text}");
-        let found = rows(&batches);
         // The rows may begin a little later.
-        assert!(found.len() + late as usize / 2 + 2 >= expected.len(), "{late}: {} rows", found.len());
-        assert!(
-            in_common(&found, &expected) + 3 >= found.len(),
-            "{late}: {:?} {:?}",
-            &found[..3],
-            &expected[..3]
-        );
+        check_rows(&Walk { late, ..SOUND }, &expected, late as usize / 2 + 2);
     }
 }
 
@@ -300,12 +302,7 @@ fn transforms_that_come_seldom_are_interpolated() {
     let dir = tempfile::tempdir().expect("a folder");
     let expected = rows(&sound(dir.path()));
     for transforms in [1, 25, 50] {
-        Walk { transforms, ..SOUND }.write(&dir.path().join("tf.mcap"));
-        let (text, success, batches) = discover(dir.path(), &["tf.mcap"]);
-        assert!(success, "{transforms}: {text}");
-        let found = rows(&batches);
-        assert!(found.len() + 25 >= expected.len(), "{transforms}: {} rows", found.len());
-        assert!(in_common(&found, &expected) + 3 >= found.len(), "{transforms}: {:?}", &found[..3]);
+        check_rows(&Walk { transforms, ..SOUND }, &expected, 25);
     }
 }
 

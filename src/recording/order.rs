@@ -1,10 +1,7 @@
 //! The messages of a recording in the order of their stamps. A file has no waits: what came late, or is needed early, is played when it
 //! is due.
 
-use std::{
-    cmp::Reverse,
-    collections::{BTreeMap, BinaryHeap},
-};
+use std::collections::BTreeMap;
 
 use roscausal_core::Time;
 use roscausal_msgs::tf2_msgs::TFMessage;
@@ -62,34 +59,14 @@ impl Intervals {
     }
 }
 
-/// A message that waits for earlier ones: by its time, then in the order of the file.
-struct Waiting((Time, u64), Record);
-
-impl PartialEq for Waiting {
-    fn eq(&self, other: &Self) -> bool {
-        self.0 == other.0
-    }
-}
-
-impl Eq for Waiting {}
-
-impl PartialOrd for Waiting {
-    fn partial_cmp(&self, other: &Self) -> Option<std::cmp::Ordering> {
-        Some(self.cmp(other))
-    }
-}
-
-impl Ord for Waiting {
-    fn cmp(&self, other: &Self) -> std::cmp::Ordering {
-        self.0.cmp(&other.0)
-    }
-}
-
 /// The messages of a run in order.
 pub(super) struct InOrder<'a> {
     recording: &'a mut Recording,
     lead: Lead,
-    waiting: BinaryHeap<Reverse<Waiting>>,
+    /// The longest lead, seconds.
+    most: f64,
+    /// Messages that wait for earlier ones: by their time, then in the order of the file.
+    waiting: BTreeMap<(Time, u64), Record>,
     count: u64,
     first: Option<Time>,
     newest: Option<Time>,
@@ -99,19 +76,19 @@ pub(super) struct InOrder<'a> {
 impl<'a> InOrder<'a> {
     /// With no `lead` in the order of recording.
     pub(super) fn new(recording: &'a mut Recording, lead: Lead) -> Self {
-        let (waiting, first, newest) = (BinaryHeap::new(), None, None);
-        Self { recording, lead, waiting, count: 0, first, newest, at_end: false }
+        let (most, waiting, first, newest) = (lead.most(), BTreeMap::new(), None, None);
+        Self { recording, lead, most, waiting, count: 0, first, newest, at_end: false }
     }
 
     /// The same, before the first message is read.
     pub(super) fn with(self, lead: Lead) -> Self {
-        Self { lead, ..self }
+        Self { most: lead.most(), lead, ..self }
     }
 
     /// Whether all that could be earlier than the next one is known.
     fn is_ready(&self) -> bool {
-        let Some(Reverse(Waiting((due, _), _))) = self.waiting.peek() else { return false };
-        self.at_end || self.newest.is_some_and(|newest| newest.secs_since(*due) >= self.lead.most())
+        let Some(((due, _), _)) = self.waiting.first_key_value() else { return false };
+        self.newest.is_some_and(|newest| newest.secs_since(*due) >= self.most)
     }
 
     pub(super) fn next(&mut self) -> Option<Record> {
@@ -128,9 +105,9 @@ impl<'a> InOrder<'a> {
                 record.stamp = came.plus_secs(-lead).max(first);
             }
             self.count += 1;
-            self.waiting.push(Reverse(Waiting((record.stamp, self.count), record)));
+            self.waiting.insert((record.stamp, self.count), record);
         }
-        self.waiting.pop().map(|Reverse(Waiting(_, record))| record)
+        self.waiting.pop_first().map(|(_, record)| record)
     }
 
     pub(super) fn recording(&self) -> &Recording {

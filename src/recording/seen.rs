@@ -19,7 +19,6 @@ const FAR_M: f64 = 500.0;
 /// The times and places of the robot, or of people.
 #[derive(Clone, Copy, Debug, Default)]
 struct Track {
-    count: u64,
     span: Option<(Time, Time)>,
     /// Smallest and largest coordinate, of x and y alike; metres.
     places: Option<(f64, f64)>,
@@ -27,7 +26,6 @@ struct Track {
 
 impl Track {
     fn add(&mut self, stamp: Time, at: &Pose2D) {
-        self.count += 1;
         self.span = Some(self.span.map_or((stamp, stamp), |(a, b)| (a.min(stamp), b.max(stamp))));
         for value in [at.x, at.y].into_iter().filter(|value| value.is_finite()) {
             self.places = Some(self.places.map_or((value, value), |(a, b)| (a.min(value), b.max(value))));
@@ -54,53 +52,46 @@ impl Seen {
         })?;
         Ok(Self { tracks, _subscriptions: [robot, people] })
     }
-}
 
-impl Seen {
     /// What is odd about their places, if anything is.
     pub(super) fn remark(&self) -> Option<String> {
         let [robot, people] = lock(&self.tracks).map(|track| track.places);
-        let (robot, people) = (robot?, people?);
         let size = |(a, b): (f64, f64)| a.abs().max(b.abs());
+        let (robot, people) = (robot?, people?);
         (size(people) > FAR_M && size(people) > 50.0 * size(robot)).then(|| {
-            format!(
-                "the robot's coordinates are {:.1} to {:.1} m, those of people {:.1} to {:.1} m: people seem to be in millimetres or in \
-                 another frame; ROS has metres, so convert them first",
-                robot.0, robot.1, people.0, people.1
-            )
+            let both = coordinates(robot, people);
+            format!("{both}: people seem to be in millimetres or in another frame; ROS has metres, so convert them first")
         })
     }
+}
+
+fn coordinates(robot: (f64, f64), people: (f64, f64)) -> String {
+    format!(
+        "the robot's coordinates are {:.1} to {:.1} m, those of people {:.1} to {:.1} m",
+        robot.0, robot.1, people.0, people.1
+    )
 }
 
 impl fmt::Display for Seen {
     /// Which of them was missing, when, or where they were.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let [robot, people] = *lock(&self.tracks);
-        let (Some((from, to)), Some((first, last))) = (robot.span, people.span) else {
-            return match (robot.count, people.count) {
-                (0, 0) => write!(f, "neither the robot nor a person was seen"),
-                (0, _) => write!(f, "people were seen, but never the robot"),
-                _ => write!(f, "the robot was seen, but never a person"),
-            };
+        let ((from, to), (first, last)) = match (robot.span, people.span) {
+            (Some(robot), Some(people)) => (robot, people),
+            (Some(_), None) => return f.write_str("the robot was seen, but never a person"),
+            (None, Some(_)) => return f.write_str("people were seen, but never the robot"),
+            (None, None) => return f.write_str("neither the robot nor a person was seen"),
         };
-        if first > to || from > last {
-            return match first > to {
-                true => write!(f, "the robot is there until {:.1} s before people are", first.secs_since(to)),
-                false => {
-                    write!(f, "people are there until {:.1} s before the robot is", from.secs_since(last))
-                }
-            };
+        if first > to {
+            return write!(f, "the robot is there until {:.1} s before people are", first.secs_since(to));
         }
-        if let Some(remark) = self.remark() {
-            return f.write_str(&remark);
+        if from > last {
+            return write!(f, "people are there until {:.1} s before the robot is", from.secs_since(last));
         }
-        let (Some(robot), Some(people)) = (robot.places, people.places) else {
-            return write!(f, "the places of the robot or of people are not known");
-        };
-        write!(
-            f,
-            "the robot's coordinates are {:.1} to {:.1} m, those of people {:.1} to {:.1} m",
-            robot.0, robot.1, people.0, people.1
-        )
+        match (self.remark(), robot.places.zip(people.places)) {
+            (Some(remark), _) => f.write_str(&remark),
+            (None, Some((robot, people))) => f.write_str(&coordinates(robot, people)),
+            (None, None) => f.write_str("the places of the robot or of people are not known"),
+        }
     }
 }
