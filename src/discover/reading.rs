@@ -167,8 +167,7 @@ impl ReadArgs {
             })?;
             let even = table.at_even_steps(&steps).map_err(|reason| Error::file(&file.user, reason))?;
             reading.columns = even.first().map(|table| table.names.clone());
-            let held: usize =
-                even.iter().map(|table| size_of_val(table.values.as_slice().unwrap_or_default())).sum();
+            let held: usize = even.iter().map(|table| table.values.len() * size_of::<f64>()).sum();
             reading.max_memory = reading.max_memory.map(|bytes| bytes.saturating_sub(held as u64));
             tables.extend(even.into_iter().map(|table| (file.clone(), table)));
         }

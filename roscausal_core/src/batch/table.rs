@@ -22,7 +22,7 @@ pub(crate) mod time;
 use std::{collections::BTreeMap, fmt, path::Path};
 
 use csv::{ByteRecord, ReaderBuilder, StringRecord};
-use ndarray::{Array2, Axis};
+use ndarray::{Array2, Axis, ShapeBuilder};
 
 use roscausal_discovery::{DataFrame, Named};
 
@@ -397,7 +397,8 @@ impl<'a> Rows<'a> {
 
     fn pass(&self, codes: &mut BTreeMap<usize, Codes>) -> Parsed<Pass> {
         codes.values_mut().for_each(|codes| *codes = Codes::default());
-        let (mut numbers, mut time, mut places) = (Vec::new(), Vec::new(), Vec::new());
+        let mut numbers = vec![Vec::new(); self.columns.len()];
+        let (mut time, mut places) = (Vec::new(), Vec::new());
         let mut reader = reader(self.body, self.separator);
         let (mut bytes, mut header) = (ByteRecord::new(), true);
         while reader.read_byte_record(&mut bytes).map_err(|e| e.to_string())? {
@@ -407,12 +408,12 @@ impl<'a> Rows<'a> {
             let place = bytes.position().map_or(0, csv::Position::byte);
             let row = StringRecord::from_byte_record_lossy(std::mem::take(&mut bytes));
             self.check_width(&row, place)?;
-            if numbers.len() + self.columns.len() > numbers.capacity() {
-                // It is about to double; times and places grow with it.
-                let held = numbers.capacity() + time.capacity() + places.capacity();
+            if places.len() == places.capacity() {
+                // It is about to double; times and numbers grow with it.
+                let held = places.capacity() * (numbers.len() + 2);
                 self.memory.check(self.body.len() as u64 + 2 * (held * size_of::<f64>()) as u64)?;
             }
-            for &column in &self.columns {
+            for (&column, numbers) in self.columns.iter().zip(&mut numbers) {
                 let cell = row.get(column + self.ahead).unwrap_or_default();
                 if let Some(codes) = codes.get_mut(&column) {
                     let word = cell.trim();
@@ -449,13 +450,12 @@ impl<'a> Rows<'a> {
 
     fn finished(
         &self,
-        numbers: Vec<f64>,
+        numbers: Vec<Vec<f64>>,
         time: Vec<f64>,
         places: &[u64],
         codes: &BTreeMap<usize, Codes>,
     ) -> Parsed<Table> {
-        let mut values =
-            Array2::from_shape_vec((places.len(), self.columns.len()), numbers).map_err(|e| e.to_string())?;
+        let mut values = column_by_column(numbers, places.len())?;
         let names: Vec<String> = self.columns.iter().map(|&column| self.header[column].clone()).collect();
         let mut told = Vec::new();
         for (column, codes) in codes {
@@ -560,6 +560,15 @@ impl<'a> Rows<'a> {
         });
         self.before + ends.count() as u64 + 1
     }
+}
+
+/// The columns as a table that has one behind the other in memory: what follows looks at a column at a time.
+fn column_by_column(columns: Vec<Vec<f64>>, rows: usize) -> Parsed<Array2<f64>> {
+    let shape = (rows, columns.len()).f();
+    let mut numbers = Vec::with_capacity(rows * columns.len());
+    // Each column's own memory is given back before the next one is copied.
+    columns.into_iter().for_each(|column| numbers.extend(column));
+    Array2::from_shape_vec(shape, numbers).map_err(|error| error.to_string().into())
 }
 
 /// The beginning of a cell, on one line, for a message.

@@ -120,6 +120,9 @@ impl Table {
             notes.extend(jitter.checked(median)?.map(Note::Read));
         }
         let most = steps.most_rows(self.values.ncols(), self.values.len());
+        if steps.dt.is_none() && parts.len() == 1 {
+            return Ok(vec![Self { time: Some(time), notes, ..self }]);
+        }
         let mut tables = Vec::new();
         for (from, to) in parts {
             let (values, time) = (self.values.slice(s![from..to, ..]).to_owned(), time[from..to].to_vec());

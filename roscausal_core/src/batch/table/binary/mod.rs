@@ -98,7 +98,7 @@ pub(in crate::batch::table) fn table(columns: Vec<(String, Column)>, reading: &R
     if rows == 0 {
         return Err(Complaint::from("it has no rows; rows of numbers are needed"));
     }
-    let values = Array2::from_shape_fn((rows, wanted.len()), |(row, at)| numbers[at][row]);
+    let values = super::column_by_column(numbers, rows)?;
     let names: Vec<String> = wanted.iter().map(|&column| header[column].clone()).collect();
     let mut notes = Table::notes_on(&names, &values);
     notes.splice(0..0, told);
