@@ -11,8 +11,8 @@ use ndarray::ArrayView1;
 use serde::{Deserialize, Serialize};
 
 use crate::{
-    ground::{DataFrame, names::plain},
     numeric::rows::{dot, is_constant, moments, standardize},
+    types::{DataFrame, names::plain},
 };
 
 /// Rows that are looked at.

@@ -14,10 +14,10 @@
 use crate::{
     about::{AboutData, effective_share},
     effort::Effort,
-    ground::DataFrame,
     methods::Method,
     numeric::rows::moments,
     settings::Settings,
+    types::DataFrame,
 };
 
 /// Standard errors by which the level of a recording must differ to be called different.

@@ -52,7 +52,7 @@ impl Effort {
         let tests = pairs * tests_per_pair(settings.method);
         let relative = n / 500.0;
         // Models without a test: a regression on all causes for each pair.
-        let test = if settings.method.info().asks_test { settings.cond_ind_test.as_str() } else { "none" };
+        let test = if settings.method.info().uses_test { settings.cond_ind_test.as_str() } else { "none" };
         let of_test = match test {
             "none" => LINEAR_S * n * vars,
             "gpdc" if n > MANY => GPDC_S * (MANY / 500.0).powi(3) * (n / MANY),

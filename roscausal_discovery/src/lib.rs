@@ -78,7 +78,7 @@
 
 // Its macro is for all that follow.
 #[macro_use]
-mod ground;
+mod types;
 
 mod about;
 mod analysis;
@@ -101,13 +101,13 @@ pub use analysis::{analyse, analyse_with, analyse_with_evidence};
 pub use choice::Choice;
 pub use effort::Effort;
 pub use evidence::{AtLag, Condition, EVIDENCE_SCHEMA, Evidence, LinkEvidence, MOST_POINTS, VariableFacts};
-pub use ground::*;
 pub use model::{
     Advice, Confidence, Link, LinkSize, Matrices, Model, Outcome, ResamplingFacts, SCHEMA, SCHEMA_1,
     decides_by_pc_alpha, sentence_of, word_of,
 };
 pub use numeric::{random::mix, rows::quantile};
 pub use settings::{PcAlpha, Settings};
+pub use types::*;
 
 /// The README's example runs, too.
 #[cfg(doctest)]

@@ -185,7 +185,7 @@ fn what_any_method_finds_is_a_model_that_reads_back() {
     let twice = DataFrame::new(vec![one.recordings()[0].clone(); 2], one.var_names().to_vec()).unwrap();
     for method in Method::all().filter(|method| *method != Method::Candoit) {
         let info = method.info();
-        let (tau_min, test) = (info.tau_min, if info.asks_test { "parcorr" } else { info.test });
+        let (tau_min, test) = (info.tau_min, if info.uses_test { "parcorr" } else { info.test });
         let settings =
             Settings { method, cond_ind_test: test.into(), tau_min, tau_max: 2, ..Settings::default() };
         let data = if method == Method::Jpcmciplus { &twice } else { &one };

@@ -11,7 +11,7 @@ use std::{
 
 /// The modules of the crate from the ground up.
 const LAYERS: [&str; 16] = [
-    "ground",
+    "types",
     "numeric",
     "about",
     "independence_tests",

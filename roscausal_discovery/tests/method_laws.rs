@@ -186,7 +186,7 @@ fn a_copy_of_every_recording_changes_no_coefficient_and_loses_no_link() {
             });
             let same = same.unwrap_or_else(|| panic!("{method}: {link:?}"));
             // Tests may choose other conditions with more samples; a model of all variables has none.
-            if !method.info().asks_test && method != Method::Varlingam {
+            if !method.info().uses_test && method != Method::Varlingam {
                 let difference = same.drawn_strength() - link.drawn_strength();
                 assert!(difference.abs() < 1e-3, "{method}: {link:?} {same:?}");
             }

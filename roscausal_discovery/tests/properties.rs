@@ -16,6 +16,7 @@ use roscausal_discovery::{
         Fdr, Method, PcmciPlusSettings, PcmciResult, PcmciSettings, Status, get_lagged_dependencies,
         run_bivci, run_fullci, run_pcmci, run_pcmciplus,
     },
+    mix,
 };
 
 fn parcorr() -> ParCorr {
@@ -214,6 +215,44 @@ fn recordings_are_analysed_without_a_sample_across_the_boundary() {
     }
 }
 
+/// Two signals of a robot and the speed of each of `people`, all independent: a recording for each person, as a batch is pooled.
+fn pooled(seed: u64, people: usize, rows: usize) -> DataFrame {
+    let signal = |k: usize| chain(mix(1000 * seed + k as u64), rows).column(0).to_owned();
+    let (a, b) = (signal(0), signal(1));
+    let of = |person: usize| {
+        let speed = signal(2 + person);
+        Array2::from_shape_fn((rows, 3), |(t, k)| [&a, &b, &speed][k][t])
+    };
+    let names = ["r_a", "r_b", "h_v"].map(str::to_owned).to_vec();
+    let data = DataFrame::new((0..people).map(of).collect(), names).unwrap();
+    data.of_sources(&vec![0; people]).unwrap()
+}
+
+#[test]
+fn rows_that_people_share_are_counted_once() {
+    let (rows, seeds) = (150, 250);
+    for people in [1, 4, 20] {
+        let (mut robot, mut mixed) = (0, 0);
+        for seed in 0..seeds {
+            let result =
+                run_pcmci(&pooled(seed, people, rows), &parcorr(), &settings(), &Control::default()).unwrap();
+            let samples = |cause: usize, effect: usize| result.samples[[cause, effect, 1]].unwrap().used;
+            assert_eq!((samples(0, 1), samples(0, 2)), (rows - 4, people * (rows - 4)));
+            let found = |cause: usize, effect: usize| usize::from(result.graph[[cause, effect, 1]].is_link());
+            robot += found(0, 1) + found(1, 0);
+            mixed += found(0, 2) + found(1, 2) + found(2, 0) + found(2, 1);
+        }
+        // At a level of 5 % more than this happens once in a thousand runs.
+        let most = |tests: f64| 0.05 * tests + 3.1 * (0.05 * 0.95 * tests).sqrt();
+        let tests = seeds as f64;
+        assert!(
+            (robot as f64) < most(2.0 * tests),
+            "{people} people: {robot} links between the robot's signals"
+        );
+        assert!((mixed as f64) < most(4.0 * tests), "{people} people: {mixed} links of robot and person");
+    }
+}
+
 #[test]
 fn a_time_budget_gives_a_partial_result() {
     let asked = Arc::new(AtomicUsize::new(0));
@@ -232,7 +271,7 @@ fn a_time_budget_that_is_up_before_the_run_begins_gives_a_partial_result_with_ev
     let of_one_recording = Method::all().filter(|m| !matches!(m, Method::Candoit | Method::Jpcmciplus));
     for method in of_one_recording {
         let tests =
-            if method.info().asks_test { &["parcorr", "robustparcorr", "gpdc"][..] } else { &["parcorr"] };
+            if method.info().uses_test { &["parcorr", "robustparcorr", "gpdc"][..] } else { &["parcorr"] };
         let fits = |test: &&&str| method != Method::Timino || **test != "robustparcorr";
         for test in tests.iter().filter(fits) {
             let settings = Settings {

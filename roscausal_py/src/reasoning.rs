@@ -9,7 +9,7 @@ use roscausal_discovery::{DataFrame, Error, Result, names::position};
 use roscausal_reasoning::{
     ActsOn, Settings, StructuralModel,
     answer::{self, EffectQuestion, ExplainQuestion, Status},
-    default_acts_on,
+    default_intervention_targets,
     model::graph_of_json,
     question::{Action, CostTerm, Situation, WhatIf, parse_action, parse_limit},
 };
@@ -155,7 +155,7 @@ fn of_fit(given: &mut Given) -> Result<(Settings, ActsOn)> {
         Some(Value::Object(pairs)) => {
             pairs.into_iter().map(|(column, variable)| (column, word_of(&variable))).collect()
         }
-        _ => default_acts_on(),
+        _ => default_intervention_targets(),
     };
     Ok((settings, acts_on))
 }

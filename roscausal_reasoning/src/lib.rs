@@ -15,7 +15,7 @@
 //! use ndarray::Array2;
 //! use roscausal_discovery::DataFrame;
 //! use roscausal_reasoning::{
-//!     Settings, StructuralModel, default_acts_on,
+//!     Settings, StructuralModel, default_intervention_targets,
 //!     answer::{Status, what_if},
 //!     model::graph_of_json,
 //!     question::{Situation, WhatIf, parse_action},
@@ -34,7 +34,7 @@
 //!                   {"cause": "r_v", "effect": "d", "lag": 1}]}"#,
 //!     &[],
 //! )?;
-//! let model = StructuralModel::fit(&data, &graph, &Settings::default(), &default_acts_on())?;
+//! let model = StructuralModel::fit(&data, &graph, &Settings::default(), &default_intervention_targets())?;
 //!
 //! let question = WhatIf { actions: vec![parse_action("stop: r_v=0").unwrap()], horizon: 5, ..WhatIf::default() };
 //! let answer = what_if(&model, &Situation::newest(rows.view()), &question);
@@ -72,7 +72,7 @@ mod samples;
 mod simulate;
 
 pub use model::{Facts, Settings, StructuralModel};
-pub use samples::{ActsOn, Samples, default_acts_on};
+pub use samples::{ActsOn, Samples, default_intervention_targets};
 
 /// The README's example runs, too.
 #[cfg(doctest)]

@@ -5,7 +5,7 @@ use roscausal_discovery::{DataFrame, Error, Node, Result, names};
 
 use crate::{graph::Graph, linear::least_squares};
 
-pub use roscausal_discovery::methods::{ActsOn, usual_acts_on as default_acts_on};
+pub use roscausal_discovery::methods::{ActsOn, default_intervention_targets};
 
 /// Recordings of a graph's variables, in its order.
 #[derive(Clone, Debug, PartialEq)]

@@ -11,7 +11,7 @@ use roscausal_discovery::DataFrame;
 use roscausal_reasoning::{
     Settings, StructuralModel,
     answer::{EffectQuestion, ExplainQuestion, Status, effect, explain, predict, what_if},
-    default_acts_on,
+    default_intervention_targets,
     graph::{Graph, Pair},
     model::{Equations, Schedule},
     question::{Action, CostTerm, Kind, Limit, Situation, WhatIf},
@@ -322,7 +322,7 @@ fn rows_in_which_a_variable_was_imposed_do_not_train_its_equation() {
     let graph =
         Graph::new(vec!["r_v".into(), "h_v".into()], 1, &[arrow(0, 0, 1), arrow(0, 1, 1)], &[]).unwrap();
     let fit = |acts_on| StructuralModel::fit(&data, &graph, &Settings::default(), &acts_on).unwrap();
-    let (told, untold) = (fit(default_acts_on()), fit(Vec::new()));
+    let (told, untold) = (fit(default_intervention_targets()), fit(Vec::new()));
     let summary = |model: &StructuralModel, var: usize| model.members()[0].model.summaries[var].clone();
     assert_eq!((summary(&told, 0).rows, summary(&told, 1).rows), (499, 999));
     assert!((summary(&told, 0).coefficients[0] - 0.7).abs() < 0.1);

@@ -4,10 +4,7 @@
 use clap::Args as ClapArgs;
 use ndarray::{Array2, ArrayViewMut1};
 use roscausal_core::{Error, Result};
-use roscausal_discovery::{
-    DataFrame,
-    names::{nearest, plain, position},
-};
+use roscausal_discovery::names::{nearest, plain, position};
 
 use super::Data;
 
@@ -64,7 +61,7 @@ impl ChangeArgs {
             let recordings: Vec<Array2<f64>> = data.data.recordings().iter().map(changed).collect();
             let names: Vec<String> =
                 columns.iter().map(|&column| plain(&data.data.var_names()[column])).collect();
-            data.data = DataFrame::new(recordings, data.data.var_names().to_vec())?;
+            data.data = data.data.with_recordings(recordings)?;
             data.warnings.push(format!("{told} {}", names.join(", ")));
         }
         Ok(())

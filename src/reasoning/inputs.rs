@@ -10,7 +10,7 @@ use roscausal_core::{
 };
 use roscausal_discovery::{DataFrame, methods::acts_on_of, names};
 use roscausal_reasoning::{
-    ActsOn, Facts, Settings, StructuralModel, default_acts_on,
+    ActsOn, Facts, Settings, StructuralModel, default_intervention_targets,
     model::{Equations, SCHEMA, graph_of_json},
     question::Situation,
 };
@@ -176,7 +176,7 @@ impl SourceArgs {
     }
 
     fn acts_on(&self) -> Result<ActsOn> {
-        let Some(given) = &self.acts_on else { return Ok(default_acts_on()) };
+        let Some(given) = &self.acts_on else { return Ok(default_intervention_targets()) };
         Ok(acts_on_of(given)?)
     }
 

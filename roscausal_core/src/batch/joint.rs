@@ -136,7 +136,14 @@ impl Joint {
         }
         // What is constant in one batch may vary from batch to batch.
         let varies = |note: &&Note| matches!(note, Note::Constant { column, .. } if context.contains(column));
-        let notes = tables.iter().flat_map(|(table, _)| &table.notes).filter(|note| !varies(note));
+        // A column that is empty in all of them is left out, and told of then.
+        let is_empty = |column: &String, table: &Table| {
+            let is_it = |note: &Note| matches!(note, Note::Empty { column: other } if other == column);
+            !table.names.contains(column) || table.notes.iter().any(is_it)
+        };
+        let goes = |note: &&Note| matches!(note, Note::Empty { column } if tables.iter().all(|(table, _)| is_empty(column, table)));
+        let notes = tables.iter().flat_map(|(table, _)| &table.notes);
+        let notes = notes.filter(|note| !varies(note) && !goes(note));
         let warnings = notes.map(ToString::to_string).chain(notes_on_context).collect();
         Ok(Self { tables, context, dt, warnings })
     }
@@ -176,7 +183,9 @@ impl Joint {
         let several = self.tables.iter().any(|(_, facts)| facts.ids.len() > 1);
         if people == People::Joint || !several {
             let recordings = self.tables.iter().map(|(table, facts)| self.plain(table, facts)).enumerate();
-            return Ok(vec![self.part(None, &recordings.collect::<Vec<_>>())?]);
+            let mut of = BTreeMap::from([(0, recordings.collect::<Vec<_>>())]);
+            self.leave_out_empty(&mut of);
+            return Ok(vec![self.part(None, &of[&0])?]);
         }
         let mut of: BTreeMap<u32, Vec<(usize, Named)>> = BTreeMap::new();
         for (place, (table, facts)) in self.tables.iter().enumerate() {
@@ -252,7 +261,8 @@ impl Joint {
                 is_full
             });
         }
-        let note = |name: &String| format!("'{name}' is empty for everybody and is not analysed");
+        let whom = if of.len() > 1 { " for everybody" } else { "" };
+        let note = |name: &String| format!("'{name}' is empty{whom} and is not analysed");
         self.warnings.extend(left_out.iter().map(note));
     }
 
@@ -268,24 +278,35 @@ impl Joint {
 
     fn part(&self, person: Option<u32>, recordings: &[(usize, Named)]) -> Result<Part> {
         let names: Vec<String> = recordings[0].1.iter().map(|(name, _)| name.clone()).collect();
-        let mut tables = Vec::new();
-        for (_, columns) in recordings {
+        let (mut tables, mut sources): (Vec<Array2<f64>>, Vec<usize>) = Default::default();
+        for (source, columns) in recordings {
             let find =
                 |name: &String| columns.iter().find(|(other, _)| names::plain(other) == names::plain(name));
+            let is_known =
+                |other: &String| names.iter().any(|name| names::plain(name) == names::plain(other));
+            let lacks = |name: &String| {
+                Error::Data(format!(
+                    "one batch has '{name}', another has not: they cannot be analysed together"
+                ))
+            };
+            if let Some((more, _)) = columns.iter().find(|(name, _)| !is_known(name)) {
+                return Err(lacks(more));
+            }
             let mut found = Vec::new();
             for name in &names {
-                let Some((_, values)) = find(name) else {
-                    let reason =
-                        format!("one batch has '{name}', another has not: they cannot be analysed together");
-                    return Err(Error::Data(reason));
-                };
-                found.push(values);
+                found.push(&find(name).ok_or_else(|| lacks(name))?.1);
             }
             let rows = found.first().map_or(0, |values| values.len());
-            tables.push(Array2::from_shape_fn((rows, found.len()), |(row, i)| found[i][row]));
+            let table = Array2::from_shape_fn((rows, found.len()), |(row, i)| found[i][row]);
+            // People of whom nothing is told but the robot's columns are one recording.
+            let mut before = tables.iter().zip(&sources).filter(|(_, other)| *other == source);
+            if before.all(|(other, _)| !equal(other, &table)) {
+                tables.push(table);
+                sources.push(*source);
+            }
         }
-        let sources = recordings.iter().map(|(place, _)| *place).collect();
-        Ok(Part { person, data: DataFrame::new(tables, names)?, exogenous: self.context.clone(), sources })
+        let data = DataFrame::new(tables, names)?.of_sources(&sources)?;
+        Ok(Part { person, data, exogenous: self.context.clone(), sources })
     }
 }
 
@@ -295,6 +316,11 @@ type Named = Vec<(String, Vec<f64>)>;
 fn column(table: &Table, name: &str) -> Vec<f64> {
     let place = table.names.iter().position(|other| other == name);
     place.map_or(Vec::new(), |place| table.values.column(place).to_vec())
+}
+
+/// Whether two tables hold the same cells, missing ones included.
+fn equal(a: &Array2<f64>, b: &Array2<f64>) -> bool {
+    a.dim() == b.dim() && a.iter().zip(b).all(|(a, b)| a.to_bits() == b.to_bits())
 }
 
 fn complete_rows(columns: &Named) -> usize {
@@ -346,6 +372,16 @@ mod tests {
             (rows.len(), &rows[0][3..6], &rows[1][3..6]),
             (2, &[1.1, 3.0, 0.5][..], &[1.2, 7.0, 0.5][..])
         );
+    }
+
+    #[test]
+    fn people_who_differ_in_no_column_are_one_recording() {
+        let dir = tempfile::tempdir().expect("a folder");
+        let lines: String = (0..40).map(|i| format!("{i},,,{i},0.5\n")).collect();
+        let csv = format!("time,h_3_v,h_7_v,r_v,r_w\n{lines}");
+        let path = batch(dir.path(), "a", &csv, r#"{"ids": [3, 7]}"#);
+        let part = Joint::read(&[path]).expect("reads").parts(People::Pooled).expect("one").remove(0);
+        assert_eq!((part.data.recordings().len(), part.sources), (1, vec![0]));
     }
 
     #[test]
@@ -431,9 +467,11 @@ mod tests {
     fn batches_that_do_not_fit_are_refused() {
         let dir = tempfile::tempdir().expect("a folder");
         let one = batch(dir.path(), "a", "h_v,h_dg\n1,2\n", "{}");
-        let two = batch(dir.path(), "b", "h_v,h_risk\n1,2\n", "{}");
-        let error = Joint::read(&[one, two]).expect("reads").parts(People::Pooled).expect_err("do not fit");
-        assert!(error.to_string().contains("'h_dg'"), "{error}");
+        let two = batch(dir.path(), "b", "h_v,h_dg,h_risk\n1,2,3\n", "{}");
+        for paths in [[&one, &two], [&two, &one]] {
+            let error = Joint::read(&paths).expect("reads").parts(People::Pooled).expect_err("do not fit");
+            assert!(error.to_string().contains("'h_risk'"), "{error}");
+        }
         assert!(Joint::read(&[] as &[PathBuf]).is_err());
     }
 }

@@ -8,7 +8,7 @@ use std::{
 use roscausal_discovery::{
     changes::Levels,
     confidence::Resampling,
-    methods::{Method, usual_acts_on},
+    methods::{Method, default_intervention_targets},
     settings::{Kind, Request, SETTINGS, Setting},
 };
 
@@ -183,7 +183,9 @@ static OF_SETTINGS: LazyLock<Vec<ParamSpec>> = LazyLock::new(|| SETTINGS.iter().
 
 fn spec_of(setting: &'static Setting) -> ParamSpec {
     let default = match setting.id {
-        "acts_on" => usual_acts_on().iter().map(|(column, of)| format!("{column}={of}")).collect(),
+        "acts_on" => {
+            default_intervention_targets().iter().map(|(column, of)| format!("{column}={of}")).collect()
+        }
         _ => setting.default_value(),
     };
     let default = setting.as_param(&default);
@@ -436,7 +438,8 @@ mod tests {
             assert!(error.contains(&format!("'{name}'")) && error.contains(says), "{error}");
         }
         // The defaults are not given.
-        let usual = usual_acts_on().iter().map(|(of, sets)| word(&format!("{of}={sets}"))).collect();
+        let usual =
+            default_intervention_targets().iter().map(|(of, sets)| word(&format!("{of}={sets}"))).collect();
         let unset = [("f_alpha", Value::Double(0.0)), ("pc_alpha", Value::Double(-1.0))];
         let unset = [&[method, ("acts_on", Value::List(usual))], &unset[..]].concat();
         assert!(checked(&unset).is_ok());

@@ -257,15 +257,15 @@ impl Regime {
         else {
             return Ok(part);
         };
-        let mut recordings = Vec::new();
+        let (mut recordings, mut sources) = (Vec::new(), Vec::new());
         for (recording, source) in part.data.recordings().iter().zip(&part.sources) {
             let from = if *source == place { row.min(recording.nrows()) } else { 0 };
             if *source >= place && from < recording.nrows() {
                 recordings.push(recording.slice(ndarray::s![from.., ..]).to_owned());
+                sources.push(*source);
             }
         }
-        let sources = part.sources.iter().copied().filter(|source| *source >= place).collect();
-        let data = DataFrame::new(recordings, part.data.var_names().to_vec())?;
+        let data = DataFrame::new(recordings, part.data.var_names().to_vec())?.of_sources(&sources)?;
         Ok(Part { data, sources, ..part })
     }
 

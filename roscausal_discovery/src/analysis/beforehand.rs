@@ -3,10 +3,10 @@
 use std::borrow::Cow;
 
 use crate::{
-    ground::{Assumption, DataFrame, LinkAssumptions, SampleCount, names::plain},
     methods::Status,
     model::Outcome,
     settings::Settings,
+    types::{Assumption, DataFrame, LinkAssumptions, SampleCount, names::plain},
 };
 
 /// What was known of links, and what a filter let through.

@@ -8,12 +8,12 @@
 use ndarray::Axis;
 
 use crate::{
-    ground::{DataFrame, Error, LinkMark, Result, names},
     methods::{
-        Intervened, JpcmciPlusResult, JpcmciPlusSettings, NodeClass, PcmciResult, PcmciSettings, is_constant,
-        is_shared, usual_acts_on,
+        Intervened, JpcmciPlusResult, JpcmciPlusSettings, NodeClass, PcmciResult, PcmciSettings,
+        default_intervention_targets, is_constant, is_shared,
     },
     settings::Settings,
+    types::{DataFrame, Error, LinkMark, Result, names},
 };
 
 impl Settings {
@@ -54,7 +54,7 @@ impl Settings {
                 }
             }
         }
-        let pairs = self.acts_on.clone().unwrap_or_else(usual_acts_on);
+        let pairs = self.acts_on.clone().unwrap_or_else(default_intervention_targets);
         let variable_of = |context: usize| {
             let mut of = pairs.iter().filter(|(column, _)| place(column) == Some(context));
             of.find_map(|(_, variable)| place(variable))

@@ -4,7 +4,6 @@ use ndarray::Array3;
 
 use super::contexts::{of_variables, remarks_on_interventions, without_their_past};
 use crate::{
-    ground::{CondIndTest, Control, DataFrame, LinkMark, Result, Samples},
     methods::{
         DynotearsSettings, FpcmciResult, FpcmciSettings, GrangerSettings, LpcmciSettings, Method,
         PcmciResult, Status, VarlingamSettings, get_lagged_dependencies, run_bivci, run_candoit,
@@ -12,6 +11,7 @@ use crate::{
         run_pcmciplus, run_timino, run_tsfci, run_varlingam,
     },
     settings::Settings,
+    types::{CondIndTest, Control, DataFrame, LinkMark, Result, Samples},
 };
 
 /// The result of a method.

@@ -12,10 +12,10 @@ use std::collections::HashSet;
 use self::beforehand::Beforehand;
 use crate::{
     evidence::{Evidence, Known},
-    ground::{CondIndTest, Control, DataFrame, Error, Result, Samples},
     methods::{FpcmciResult, PcmciResult, Status},
     model::{Matrices, Model, Outcome, nested},
     transfer_entropy::TeEstimator,
+    types::{CondIndTest, Control, DataFrame, Error, Result, Samples},
 };
 
 /// Analyses `data` with `settings` under `control`: from data to model in one call.
@@ -321,7 +321,7 @@ mod tests {
             let found =
                 model.links.iter().any(|link| link.cause == "a" && link.effect == "b" && link.lag == 1);
             assert!(found, "{method}: {:?}", model.links);
-            let test = if method.info().asks_test { "parcorr" } else { "none" };
+            let test = if method.info().uses_test { "parcorr" } else { "none" };
             assert_eq!(model.cond_ind_test, test, "{method}");
         }
     }
@@ -492,7 +492,7 @@ mod tests {
             ];
             for test in of_process {
                 let given = Settings { test, ..usual.clone() };
-                let reads = method.info().asks_test && given.cond_ind_test == "gpdc";
+                let reads = method.info().uses_test && given.cond_ind_test == "gpdc";
                 assert_eq!(given.check().is_ok(), reads, "{method}");
                 assert!(Settings { cond_ind_test: "parcorr".into(), ..given }.check().is_err(), "{method}");
             }
@@ -517,7 +517,7 @@ mod tests {
 
     #[test]
     fn a_link_that_must_exist_and_ends_in_an_exogenous_variable_is_refused_and_both_are_named() {
-        use crate::ground::{Assumption, LinkAssumptions};
+        use crate::types::{Assumption, LinkAssumptions};
         for (method, lag) in [(Method::Pcmci, 1), (Method::Pcmciplus, 0), (Method::Lpcmci, 1)] {
             let mut links = LinkAssumptions::all(2, 0, 1);
             links.insert(0, 1, lag, Assumption::Exists).unwrap();

@@ -3,7 +3,7 @@
 use ndarray::{Array2, Axis, s};
 use serde::{Deserialize, Serialize};
 
-use crate::ground::Node;
+use crate::types::Node;
 
 /// Rows that a variable must have on either side to show what it drives.
 const SHOWN: usize = 20;

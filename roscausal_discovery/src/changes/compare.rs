@@ -9,10 +9,10 @@ use super::{
 };
 use crate::{
     analysis::analyse,
-    ground::{DataFrame, MaskType, Node, Result},
     methods::Method,
     numeric::slope::{Slope, slope},
     settings::Settings,
+    types::{DataFrame, MaskType, Node, Result},
 };
 
 impl Comparison<'_> {

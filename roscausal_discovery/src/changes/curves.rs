@@ -20,13 +20,13 @@ use super::{
     terms::{Comparison, Difference, Mechanisms},
 };
 use crate::{
-    ground::{Node, Result},
     independence_tests::{GpOptimum, GpRegression, TestSettings, tail_dependence},
     numeric::{
         normal::normal_quantile,
         rows::quantile,
         slope::{Slope, dot},
     },
+    types::{Node, Result},
 };
 
 /// Level at which a cause is an input.

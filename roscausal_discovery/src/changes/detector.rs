@@ -14,7 +14,7 @@ use super::{
     when,
     yardstick::Yardstick,
 };
-use crate::ground::{Control, Error, Result};
+use crate::types::{Control, Error, Result};
 
 /// Most rows of a regime that are compared; but this many parts, however long.
 const MOST_ROWS: usize = 2000;

@@ -20,7 +20,7 @@
 use faer::{Mat, Side};
 use statrs::function::gamma::checked_gamma_ur;
 
-use crate::{ground::Result, independence_tests::GpRegression, numeric::rows::is_constant};
+use crate::{independence_tests::GpRegression, numeric::rows::is_constant, types::Result};
 
 /// Number of cosines.
 const COSINES: usize = 6;

@@ -8,8 +8,8 @@ use super::{
     yardstick::Yardstick,
 };
 use crate::{
-    ground::{Control, Node},
     numeric::slope::Slope,
+    types::{Control, Node},
 };
 
 /// Level at which a slope counts as none.

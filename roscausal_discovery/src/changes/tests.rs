@@ -3,7 +3,7 @@
 use ndarray::Array2;
 
 use super::*;
-use crate::{ground::Control, numeric::random::Rng};
+use crate::{numeric::random::Rng, types::Control};
 
 /// `a` drives `b` with the strength of each row, `c` is driven by `b`; `noise` scales the noise of `b`, `mean` moves it.
 fn series(n: usize, seed: u64, strength: impl Fn(usize) -> f64, noise: impl Fn(usize) -> f64) -> Array2<f64> {

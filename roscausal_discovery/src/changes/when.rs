@@ -13,9 +13,9 @@ use super::{
     terms::{Comparison, Mechanisms},
 };
 use crate::{
-    ground::Node,
     independence_tests::GpRegression,
     numeric::slope::{Conditions, dot},
+    types::Node,
 };
 
 /// How far below the largest likelihood a row may be.

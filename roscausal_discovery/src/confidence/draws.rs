@@ -8,8 +8,8 @@
 
 use crate::settings::{FEWEST_BLOCKS, FEWEST_ROWS, Resampling, Scheme};
 use crate::{
-    ground::{Error, Result},
     numeric::pcg64::Pcg64,
+    types::{Error, Result},
 };
 
 /// Checks that recordings of `n_rows` rows are long enough to draw from.

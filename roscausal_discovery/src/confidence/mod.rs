@@ -49,9 +49,9 @@ use serde::Serialize;
 use crate::{
     analysis::{Found, analyse, analyse_with_evidence},
     evidence::Evidence,
-    ground::{Control, DataFrame, Result, Stop},
     model::{Confidence, Model, ResamplingFacts, nested},
     settings::Settings,
+    types::{Control, DataFrame, Result, Stop},
 };
 
 /// Share of the values between the low and the high one.

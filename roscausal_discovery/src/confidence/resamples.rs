@@ -8,9 +8,9 @@ use std::sync::{
 use super::draws;
 use crate::{
     analysis::{Found, MethodResult},
-    ground::{CondIndTest, Control, DataFrame, Result, Stop, lock},
     methods::Method,
     settings::{Resampling, Settings},
+    types::{CondIndTest, Control, DataFrame, Result, Stop, lock},
 };
 
 /// The data at the times of resample `b`, drawn from time `first` on, for methods that are run by hand.

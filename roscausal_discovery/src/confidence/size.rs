@@ -5,10 +5,10 @@
 //! bends has a slope, too: its mean one. Where the interval holds 0, the link has no steady direction.
 
 use crate::{
-    ground::{DataFrame, Node, Samples},
     model::{LinkSize, Model},
     numeric::slope::slope,
     settings::Settings,
+    types::{DataFrame, Node, Samples},
 };
 
 /// Normal quantile of a two-sided interval of 95 %.
@@ -69,9 +69,9 @@ mod tests {
     use super::*;
     use crate::{
         confidence::{Resampling, resample},
-        ground::Control,
         methods::Method,
         numeric::random::Rng,
+        types::Control,
     };
 
     #[test]

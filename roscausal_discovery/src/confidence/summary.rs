@@ -6,9 +6,9 @@ use ndarray::Array3;
 
 use crate::{
     analysis::Found,
-    ground::LinkMark,
     model::{Confidence, Model, ResamplingFacts, nested},
     numeric::rows::quantile,
+    types::LinkMark,
 };
 
 /// The marks that a link may have.

@@ -3,7 +3,7 @@
 use svg2pdf::{ConversionOptions, PageOptions, to_pdf};
 
 use super::raster::{fault, parsed};
-use crate::ground::Result;
+use crate::types::Result;
 
 /// The SVG document as a PDF file of one page, as large as the picture at 96 units per inch. Its text can be selected, in the
 /// embedded font.

@@ -7,7 +7,7 @@ use resvg::{
     usvg::{Options, Tree, fontdb},
 };
 
-use crate::ground::{Error, Result};
+use crate::types::{Error, Result};
 
 /// A subset of DejaVu Sans, so that text looks the same on every machine.
 const FONT: &[u8] = include_bytes!("font/DejaVuSans-subset.ttf");

@@ -5,8 +5,8 @@ use std::fmt::Write;
 use super::layout::cubic;
 pub(super) use super::point::Point;
 use crate::{
-    ground::{names::plain, visible},
     model::{Link, Model},
+    types::{names::plain, visible},
 };
 
 /// An SVG document under construction.

@@ -5,7 +5,7 @@ use std::collections::HashSet;
 use serde::{Deserialize, Deserializer, de::Error as _};
 
 use super::{EVIDENCE_SCHEMA, Evidence, LinkEvidence, VariableFacts};
-use crate::ground::{
+use crate::types::{
     Error, Result,
     text::{check_names, check_nesting, check_schema, is_share, quoted, reason_of},
 };

@@ -3,8 +3,8 @@
 use serde::{Deserialize, Serialize};
 
 use crate::{
-    ground::Node,
     methods::{Method, PcmciResult, mci_conditions},
+    types::Node,
 };
 
 /// A variable at a lag that was held fixed.

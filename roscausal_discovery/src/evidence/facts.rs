@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::ground::DataFrame;
+use crate::types::DataFrame;
 
 /// What is in one column, over all recordings.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]

@@ -19,10 +19,10 @@ pub use facts::VariableFacts;
 use serde::{Deserialize, Serialize};
 
 use crate::{
-    ground::{DataFrame, Node, Samples, names::position},
     methods::Method,
     model::{Link, Model},
     numeric::student_t::quantile,
+    types::{DataFrame, Node, Samples, names::position},
 };
 
 /// Version of the layout.

@@ -1,6 +1,6 @@
 //! Scatters of a link's samples.
 
-use crate::{ground::LaggedArrays, independence_tests::residuals, numeric::rows::standardize};
+use crate::{independence_tests::residuals, numeric::rows::standardize, types::LaggedArrays};
 
 /// Samples that the regression is made of; of more, evenly chosen ones tell the same.
 const MOST_SAMPLES: usize = 20_000;

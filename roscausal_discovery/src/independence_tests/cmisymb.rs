@@ -5,8 +5,8 @@ use super::{
     settings::{Confidence, Significance, TestSettings},
 };
 use crate::{
-    ground::{CondIndTest, Error, LaggedArrays, Node, PreparedTest, Result, Samples, TestResult},
     numeric::random::Rng,
+    types::{CondIndTest, Error, LaggedArrays, Node, PreparedTest, Result, Samples, TestResult},
 };
 
 /// Conditional mutual information of discrete variables, in nats, from the counts of each combination of levels.
@@ -130,7 +130,7 @@ mod tests {
     use ndarray::Array2;
 
     use super::*;
-    use crate::ground::DataFrame;
+    use crate::types::DataFrame;
 
     #[test]
     fn what_a_third_variable_explains_is_no_dependence() {

@@ -5,7 +5,7 @@ use std::{collections::HashMap, sync::Mutex};
 use pyo3::{prelude::*, types::PyDict};
 
 use super::settings::{Significance, TestSettings};
-use crate::ground::{CondIndTest, Error, Node, PreparedTest, Result, Samples, TestResult, lock};
+use crate::types::{CondIndTest, Error, Node, PreparedTest, Result, Samples, TestResult, lock};
 
 /// GPDC as the Python package `tigramite` computes it, in an embedded interpreter. Use it to compare the native
 /// [`super::Gpdc`] with the reference on your own data. It is slow and runs one test at a time.

@@ -1,8 +1,8 @@
 //! The correlation matrix of all lagged variables of a run.
 
 use crate::{
-    ground::{Error, Node, Result, Samples},
     numeric::rows::{dot, is_constant, standardize},
+    types::{Error, Node, Result, Samples},
 };
 
 /// Most entries that the matrix of a run may have (1 GB).
@@ -363,7 +363,7 @@ mod tests {
     use proptest::prelude::*;
 
     use super::*;
-    use crate::{ground::DataFrame, numeric::random::Rng};
+    use crate::{numeric::random::Rng, types::DataFrame};
 
     /// Correlations computed directly from their definition.
     fn by_definition(samples: &Samples<'_>, x: Node, y: Node) -> f64 {

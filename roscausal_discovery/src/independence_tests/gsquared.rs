@@ -10,11 +10,11 @@ use super::{
     settings::{Confidence, Significance, TestSettings},
 };
 use crate::{
-    ground::{CondIndTest, Error, LaggedArrays, Node, PreparedTest, Result, Samples, TestResult},
     numeric::{
         random::{Rng, seed_of_draw},
         special::chi_squared_sf,
     },
+    types::{CondIndTest, Error, LaggedArrays, Node, PreparedTest, Result, Samples, TestResult},
 };
 
 /// G test of discrete variables: `G = 2 sum n ln(n / e)` over the cells of X and Y in every stratum of Z. `e` is
@@ -242,7 +242,7 @@ mod tests {
     use ndarray::Array2;
 
     use super::*;
-    use crate::ground::DataFrame;
+    use crate::types::DataFrame;
 
     fn run(data: Array2<f64>, z: &[Node]) -> TestResult {
         let names = (0..data.ncols()).map(|i| i.to_string()).collect();

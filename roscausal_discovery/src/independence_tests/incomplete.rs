@@ -13,7 +13,7 @@
 //! added up; where even that fails, the answer is `None`, and the test works on the samples themselves.
 
 use super::gram::{Columns, Correlations, Sums, dots, standardized_columns, window};
-use crate::ground::{Node, Result, Samples};
+use crate::types::{Node, Result, Samples};
 
 /// Smallest fraction of a sum of squares that may be left.
 const SMALLEST_PART: f64 = 1e-3;
@@ -228,11 +228,11 @@ mod tests {
 
     use super::*;
     use crate::{
-        ground::DataFrame,
         numeric::{
             random::Rng,
             rows::{dot, standardize},
         },
+        types::DataFrame,
     };
 
     proptest! {

@@ -4,9 +4,9 @@ use ndarray::Array2;
 
 use super::{Significance, TestSettings, by_name, names};
 use crate::{
-    ground::{CondIndTest, Control, DataFrame, Node, PreparedTest, Samples, TestResult},
     methods::{PcmciSettings, run_pcmci},
     numeric::random::Rng,
+    types::{CondIndTest, Control, DataFrame, Node, PreparedTest, Samples, TestResult},
 };
 
 /// Settings for quick tests, with a fixed seed.

@@ -5,7 +5,7 @@
 
 use std::collections::BTreeMap;
 
-use crate::ground::{Error, Result};
+use crate::types::{Error, Result};
 
 /// Sorted values of a statistic under independence, by the number of samples.
 ///

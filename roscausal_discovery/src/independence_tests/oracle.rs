@@ -2,7 +2,7 @@
 
 use std::collections::{HashSet, VecDeque};
 
-use crate::ground::{
+use crate::types::{
     Assumption, CondIndTest, Dummy, Error, LinkAssumptions, Node, PreparedTest, Result, Samples, TestResult,
 };
 

@@ -11,14 +11,12 @@ use super::{
     settings::{Confidence, Significance, TestSettings},
 };
 use crate::{
-    ground::{
-        CondIndTest, Dummy, Error, LaggedArrays, Node, PreparedTest, Result, Samples, TestResult, lock,
-    },
     numeric::{
         random::{Rng, seed_of_draw},
         rows::standardize,
         student_t::{correlation_p_value, quantile},
     },
+    types::{CondIndTest, Dummy, Error, LaggedArrays, Node, PreparedTest, Result, Samples, TestResult, lock},
 };
 
 /// Linear partial correlation: correlation of the residuals of X and Y after linear regression on Z.

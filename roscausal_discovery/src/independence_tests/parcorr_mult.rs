@@ -20,13 +20,11 @@ use super::{
     gram::{Correlations, ROUNDING, standardized_columns, window},
 };
 use crate::{
-    ground::{
-        CondIndTest, Dummy, Error, LaggedArrays, Node, PreparedTest, Result, Samples, TestResult, lock,
-    },
     numeric::{
         rows::{dot, standardize},
         student_t::correlation_p_value,
     },
+    types::{CondIndTest, Dummy, Error, LaggedArrays, Node, PreparedTest, Result, Samples, TestResult, lock},
 };
 
 /// Partial correlation for data with dummies, whose nodes come after the variables of the data.

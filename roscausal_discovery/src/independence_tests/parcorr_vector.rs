@@ -14,8 +14,8 @@ use super::{
     cholesky::{correlation, orthogonalize, orthonormal_basis},
 };
 use crate::{
-    ground::{Components, CondIndTest, Error, Node, PreparedTest, Result, Samples, TestResult},
     numeric::{rows::standardize, student_t::correlation_p_value},
+    types::{Components, CondIndTest, Error, Node, PreparedTest, Result, Samples, TestResult},
 };
 
 /// Partial correlation of variables that may have several components.
@@ -71,7 +71,7 @@ impl CondIndTest for ParCorrVector {
         true
     }
 
-    fn judges_vectors(&self) -> bool {
+    fn supports_vectors(&self) -> bool {
         true
     }
 

@@ -16,11 +16,11 @@ use super::{
     cholesky::{correlation, orthogonalize, orthonormal_basis},
 };
 use crate::{
-    ground::{CondIndTest, Error, LaggedArrays, Node, PreparedTest, Result, Samples, TestResult},
     numeric::{
         rows::{dot, is_constant, standardize},
         student_t::correlation_p_value,
     },
+    types::{CondIndTest, Error, LaggedArrays, Node, PreparedTest, Result, Samples, TestResult},
 };
 
 /// Samples over which the size of a residual is taken.

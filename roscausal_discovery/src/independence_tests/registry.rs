@@ -6,7 +6,7 @@ use super::{
     CmiKnn, CmiSymb, Gpdc, Gsquared, ParCorr, ParCorrVector, ParCorrWls, RegressionCi, RobustParCorr,
     settings::{Significance, TestSettings},
 };
-use crate::ground::{CondIndTest, Error, Result};
+use crate::types::{CondIndTest, Error, Result};
 
 type Build = fn(&TestSettings) -> Result<Box<dyn CondIndTest>>;
 

@@ -24,12 +24,12 @@ use super::{
     multinomial::{Price, deviance},
 };
 use crate::{
-    ground::{CondIndTest, Error, LaggedArrays, Node, PreparedTest, Result, Samples, TestResult},
     numeric::{
         beta::f_sf,
         rows::{dot, is_constant, standardize},
         special::chi_squared_sf,
     },
+    types::{CondIndTest, Error, LaggedArrays, Node, PreparedTest, Result, Samples, TestResult},
 };
 
 /// Different values up to which a variable of whole numbers is one of categories.

@@ -1,8 +1,8 @@
 //! Significance and confidence by block resampling.
 
 use crate::{
-    ground::{Control, Result},
     numeric::{random::Rng, rows::unit_factor},
+    types::{Control, Result},
 };
 
 /// Resampling for one test.

@@ -5,8 +5,8 @@ use super::{
     settings::{Significance, TestSettings},
 };
 use crate::{
-    ground::{CondIndTest, PreparedTest, Result, Samples},
     numeric::normal::normal_scores,
+    types::{CondIndTest, PreparedTest, Result, Samples},
 };
 
 /// Partial correlation of normal scores: [`ParCorr`](super::ParCorr) after each row of a test has become ranks, and the ranks

@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use super::null_distributions::NullDistributions;
-use crate::ground::{Error, Result};
+use crate::types::{Error, Result};
 
 /// Most surrogates, and samples of a bootstrap: they tell a p-value to a millionth.
 pub const MOST_SURROGATES: usize = 1_000_000;

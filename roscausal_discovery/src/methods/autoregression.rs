@@ -3,11 +3,11 @@
 use ndarray::Array3;
 
 use crate::{
-    ground::{CompleteRows, Control, DataFrame, Error, Named, Node, Result, Samples},
     numeric::{
         least_squares::{LeastSquares, ROUNDING},
         rows::moments,
     },
+    types::{CompleteRows, Control, DataFrame, Error, Named, Node, Result, Samples},
 };
 
 /// A score by which the number of lags is chosen: `ln det(E'E / n)` of the residuals plus a price per coefficient. The least

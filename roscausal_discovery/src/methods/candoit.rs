@@ -11,7 +11,7 @@
 //! Example: something hidden drives `x` and `y`. Where `x` was imposed, `y` does not follow: `x` does not cause `y`.
 
 use super::lpcmci::{LpcmciResult, LpcmciSettings, run_lpcmci};
-use crate::ground::{Assumption, CondIndTest, Control, DataFrame, Error, LinkAssumptions, Result};
+use crate::types::{Assumption, CondIndTest, Control, DataFrame, Error, LinkAssumptions, Result};
 
 /// A variable on which values were imposed, and the column that holds them.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -28,11 +28,11 @@ pub type ActsOn = Vec<(String, String)>;
 /// What the simulator's interventions act on.
 ///
 /// ```
-/// use roscausal_discovery::methods::usual_acts_on;
+/// use roscausal_discovery::methods::default_intervention_targets;
 ///
-/// assert!(usual_acts_on().contains(&("do_robot_speed".into(), "r_v".into())));
+/// assert!(default_intervention_targets().contains(&("do_robot_speed".into(), "r_v".into())));
 /// ```
-pub fn usual_acts_on() -> ActsOn {
+pub fn default_intervention_targets() -> ActsOn {
     let pairs =
         [("do_robot_speed", "r_v"), ("do_robot_off", "r_v"), ("do_human_v", "h_v"), ("do_human_stop", "h_v")];
     pairs.map(|(column, variable)| (column.to_owned(), variable.to_owned())).to_vec()

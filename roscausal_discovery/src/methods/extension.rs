@@ -2,7 +2,7 @@
 
 use ndarray::{Array3, Axis};
 
-use crate::ground::{LinkMark, Node};
+use crate::types::{LinkMark, Node};
 
 /// Parents of each variable in one DAG of the equivalence class that a graph stands for (Dor and Tarsi 1992). Of several
 /// possible sinks the one with the largest values is taken first, so the order of the columns does not matter. Links of

@@ -8,8 +8,8 @@ use super::{
     settings::PcmciSettings,
 };
 use crate::{
-    ground::{Assumption, CondIndTest, Control, DataFrame, LinkAssumptions, Result},
     transfer_entropy::{TeEstimator, TeResult, TransferEntropy},
+    types::{Assumption, CondIndTest, Control, DataFrame, LinkAssumptions, Result},
 };
 
 /// Settings of F-PCMCI.

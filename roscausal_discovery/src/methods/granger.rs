@@ -8,8 +8,8 @@ use super::{
     result::PcmciResult,
 };
 use crate::{
-    ground::{Control, DataFrame, Error, LinkMark, Result, Samples},
     numeric::{beta::f_sf, student_t::two_sided_p_value},
+    types::{Control, DataFrame, Error, LinkMark, Result, Samples},
 };
 
 /// Settings of [`run_granger`].

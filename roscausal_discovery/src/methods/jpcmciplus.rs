@@ -22,7 +22,7 @@ use super::{
     settings::PcmciSettings,
     skeleton::{Conditions, Skeleton},
 };
-use crate::ground::{
+use crate::types::{
     Assumption, CondIndTest, Control, DataFrame, Dummy, Error, LinkAssumptions, LinkMark, Node, Result,
     Samples,
 };

@@ -11,7 +11,7 @@ use super::{
     result::PcmciResult,
     run::Run,
 };
-use crate::ground::{Assumption, Error, LinkAssumptions, LinkMark, Node, Result, TestResult};
+use crate::types::{Assumption, Error, LinkAssumptions, LinkMark, Node, Result, TestResult};
 
 /// The conditions under which links are tested.
 #[derive(Clone, Debug)]

@@ -46,7 +46,7 @@ mod timino;
 mod varlingam;
 
 pub use autoregression::Criterion;
-pub use candoit::{ActsOn, Intervened, acts_on_of, run_candoit, usual_acts_on};
+pub use candoit::{ActsOn, Intervened, acts_on_of, default_intervention_targets, run_candoit};
 pub use dynotears::{DynotearsResult, DynotearsSettings, run_dynotears};
 pub use fdr::{Fdr, fdr_bh};
 pub use fpcmci::{CausalMatrices, FpcmciResult, FpcmciSettings, run_fpcmci};

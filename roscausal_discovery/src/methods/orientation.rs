@@ -2,7 +2,7 @@
 
 use ndarray::Array3;
 
-use crate::ground::{LinkMark, Node};
+use crate::types::{LinkMark, Node};
 
 /// An unshielded triple: `i` and `k` are adjacent, `k` and `j` are adjacent at lag 0, `i` and `j` are not.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -10,7 +10,7 @@ use super::{
     result::{Candidate, TargetParents},
     run::Run,
 };
-use crate::ground::{Assumption, LinkAssumptions, Node, Result, TestResult};
+use crate::types::{Assumption, LinkAssumptions, Node, Result, TestResult};
 
 /// Settings of PC1.
 #[derive(Clone, Debug)]

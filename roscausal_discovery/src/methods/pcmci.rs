@@ -10,7 +10,7 @@ use super::{
     run::Run,
     settings::{PC_ALPHAS, PcmciSettings},
 };
-use crate::ground::{CondIndTest, Control, DataFrame, Error, LinkAssumptions, Node, Result, Samples};
+use crate::types::{CondIndTest, Control, DataFrame, Error, LinkAssumptions, Node, Result, Samples};
 
 impl PcmciSettings {
     pub(crate) fn pc_stable<'a>(&'a self, links: &'a LinkAssumptions, default: &'a [f64]) -> PcStable<'a> {

@@ -11,7 +11,7 @@ use super::{
     settings::{PCMCIPLUS_ALPHAS, PcmciSettings},
     skeleton::Skeleton,
 };
-use crate::ground::{CondIndTest, Control, DataFrame, LinkAssumptions, LinkMark, Node, Result};
+use crate::types::{CondIndTest, Control, DataFrame, LinkAssumptions, LinkMark, Node, Result};
 
 /// How PCMCI+ tells a collider from a chain in an unshielded triple.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]

@@ -4,7 +4,7 @@ use std::{fmt, str::FromStr};
 
 use serde::{Deserialize, Serialize};
 
-use crate::ground::{Error, Result};
+use crate::types::{Error, Result};
 
 /// A method of causal discovery.
 ///
@@ -106,7 +106,7 @@ pub struct MethodInfo {
     /// Whether each link comes with a p-value.
     pub p_values: bool,
     /// Whether it asks an independence test (TiMINo: for a regression); the others are models of linear effects.
-    pub asks_test: bool,
+    pub uses_test: bool,
     /// Whether it models lag 0 alone, too: `tau_max` may be 0, and `tau_min` must be.
     pub models_lag_zero: bool,
     /// What must hold for its answer to be right, beyond dense enough samples and a system that does not change.
@@ -133,7 +133,7 @@ const USUAL: MethodInfo = MethodInfo {
     hidden_causes: false,
     several_recordings: true,
     p_values: true,
-    asks_test: true,
+    uses_test: true,
     models_lag_zero: false,
     assumes: "all common causes recorded",
     says: "lagged links; pairs at lag 0 without a direction",
@@ -207,7 +207,7 @@ const METHODS: [MethodInfo; 14] = {
             name: "granger",
             reads: &[Fdr],
             lag_zero: false,
-            asks_test: false,
+            uses_test: false,
             assumes: "all common causes recorded; linear effects, none within a sample",
             says: "lagged links",
             cost: "one regression, T (N p)^2",
@@ -218,7 +218,7 @@ const METHODS: [MethodInfo; 14] = {
             method: Method::Varlingam,
             name: "varlingam",
             tau_min: 0,
-            asks_test: false,
+            uses_test: false,
             models_lag_zero: true,
             assumes: "all common causes recorded; linear effects, noise that is not Gaussian, no cycle within a sample",
             says: "lagged links; links at lag 0, all with a direction",
@@ -231,7 +231,7 @@ const METHODS: [MethodInfo; 14] = {
             name: "dynotears",
             tau_min: 0,
             p_values: false,
-            asks_test: false,
+            uses_test: false,
             models_lag_zero: true,
             assumes: "all common causes recorded; linear effects, noise of equal size, no cycle within a sample",
             says: "weights, lagged and at lag 0; no p-values",
@@ -352,7 +352,7 @@ impl Method {
                 yes(info.hidden_causes),
                 yes(info.several_recordings),
                 yes(info.p_values),
-                yes(info.asks_test)
+                yes(info.uses_test)
             )
         };
         METHODS.iter().map(entry).collect::<Vec<_>>().join("\n")
@@ -369,7 +369,7 @@ impl Method {
 
     /// Whether it asks a test for p-values. TiMINo takes the regression of a test, and none of its p-values.
     pub fn asks_for_p_values(self) -> bool {
-        self.info().asks_test && self != Self::Timino
+        self.info().uses_test && self != Self::Timino
     }
 
     /// Whether it reads this setting.

@@ -4,7 +4,7 @@ use std::fmt;
 
 use ndarray::Array3;
 
-use crate::ground::{CompleteRows, LinkMark, Node, SampleCount};
+use crate::types::{CompleteRows, LinkMark, Node, SampleCount};
 
 /// Whether a run came to its end.
 #[derive(Clone, Debug, PartialEq, Eq)]

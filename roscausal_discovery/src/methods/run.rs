@@ -5,14 +5,16 @@ use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use rayon::prelude::*;
 
 use crate::{
-    ground::{CondIndTest, Control, Error, Node, PreparedTest, Result, Samples, TestResult},
     numeric::rows::is_constant,
+    types::{CondIndTest, Control, Error, Node, PreparedTest, Result, Samples, TestResult},
 };
 
 /// One run: a prepared test, its samples, and the counting of tests.
 pub(crate) struct Run<'a> {
     pub(crate) samples: &'a Samples<'a>,
     test: Box<dyn PreparedTest + 'a>,
+    /// The test on rows that are counted once, for columns that recordings of one time have in common.
+    once: Option<Box<dyn PreparedTest + 'a>>,
     by_value: bool,
     one_sided: bool,
     cheap: bool,
@@ -25,7 +27,7 @@ pub(crate) struct Run<'a> {
 
 impl<'a> Run<'a> {
     pub(crate) fn new(test: &'a dyn CondIndTest, samples: &'a Samples<'a>) -> Result<Self> {
-        if !test.judges_vectors() {
+        if !test.supports_vectors() {
             samples.data().of_scalars(test.name())?;
         }
         let prepared = test.prepare(samples)?;
@@ -33,6 +35,7 @@ impl<'a> Run<'a> {
         Ok(Self {
             samples,
             test: prepared,
+            once: samples.once().map(|once| test.prepare(once)).transpose()?,
             by_value: test.decides_by_value(),
             one_sided: test.is_one_sided(),
             cheap,
@@ -63,7 +66,8 @@ impl<'a> Run<'a> {
     /// Tests `x _||_ y | z`, without a decision.
     pub(crate) fn test(&self, x: Node, y: Node, z: &[Node]) -> Result<TestResult> {
         self.control().check()?;
-        let mut result = self.test.run_test(x, y, z)?;
+        let once = self.once.as_ref().filter(|_| self.samples.are_common(x, y));
+        let mut result = once.unwrap_or(&self.test).run_test(x, y, z)?;
         // Results have no NaN: it counts as no evidence, and is no answer.
         if result.value.is_nan() {
             result = TestResult { value: 0.0, p_value: 1.0, n_samples: 0, ..result };
@@ -128,9 +132,13 @@ impl<'a> Run<'a> {
             self.map_tests(&effects, of).into_iter().filter_map(Result::transpose).collect();
         match found {
             // All tests are done: what is missing is words on them.
-            Err(error) if self.is_timeout(&error) => Ok(self.test.caution().into_iter().collect()),
-            found => Ok(found?.into_iter().chain(self.test.caution()).collect()),
+            Err(error) if self.is_timeout(&error) => Ok(self.caution().into_iter().collect()),
+            found => Ok(found?.into_iter().chain(self.caution()).collect()),
         }
+    }
+
+    fn caution(&self) -> Option<String> {
+        self.test.caution().or_else(|| self.once.as_ref()?.caution())
     }
 
     /// What the tests took.

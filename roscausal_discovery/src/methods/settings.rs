@@ -1,7 +1,7 @@
 //! The settings of PCMCI and its kin.
 
 use super::fdr::Fdr;
-use crate::ground::{CondIndTest, DataFrame, Error, LinkAssumptions, Result};
+use crate::types::{CondIndTest, DataFrame, Error, LinkAssumptions, Result};
 
 /// Settings of a run. Each method uses those that it has.
 ///

@@ -7,7 +7,7 @@ use super::{
     result::{PcmciResult, Sepset},
     run::Run,
 };
-use crate::ground::{LinkAssumptions, LinkMark, Node, Result, TestResult};
+use crate::types::{LinkAssumptions, LinkMark, Node, Result, TestResult};
 
 /// Conditions of a test: cause, effect, contemporaneous conditions.
 pub(crate) type Conditions<'a> = dyn Fn(Node, usize, &[Node]) -> Vec<Node> + Sync + 'a;

@@ -19,12 +19,12 @@ use rayon::prelude::*;
 
 use super::result::{PcmciResult, Status};
 use crate::{
-    ground::{CompleteRows, Control, DataFrame, Error, LinkMark, Named, Node, Result, SampleCount, Samples},
     independence_tests::{TestSettings, dependence, gp_residuals},
     numeric::{
         least_squares::LeastSquares,
         rows::{is_constant, moments},
     },
+    types::{CompleteRows, Control, DataFrame, Error, LinkMark, Named, Node, Result, SampleCount, Samples},
 };
 
 /// How a variable follows from its causes.

@@ -8,7 +8,7 @@ use serde_json::{Map, Value};
 use super::{Confidence, Link, LinkSize, Model, Outcome, SCHEMA, SCHEMA_1, confidence, is_listed};
 use crate::{
     about::AboutData,
-    ground::{
+    types::{
         Error, LinkEnd, LinkMark, Result,
         text::{check_names, check_nesting, check_schema, check_step, is_share, quoted, reason_of},
     },

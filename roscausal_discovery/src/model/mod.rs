@@ -12,9 +12,9 @@ pub use outcome::Outcome;
 
 use crate::{
     about::AboutData,
-    ground::{SampleCount, names::plain},
     independence_tests::smallest_p,
     methods::Method,
+    types::{SampleCount, names::plain},
 };
 
 /// Version of the layout. A reader takes this one and [`SCHEMA_1`].

@@ -1,6 +1,6 @@
 //! Random numbers that depend on a seed and a test, not on the order of tests.
 
-use crate::ground::Node;
+use crate::types::Node;
 
 /// The step from one state of SplitMix64 to the next.
 const STEP: u64 = 0x9e37_79b9_7f4a_7c15;

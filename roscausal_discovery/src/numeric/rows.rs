@@ -1,7 +1,7 @@
 //! Rows of numbers: mean and deviation, scaling, products, ranks.
 
 use super::random::Rng;
-use crate::ground::DataFrame;
+use crate::types::DataFrame;
 
 /// Whether all values are the same.
 pub(crate) fn is_constant(row: &[f64]) -> bool {

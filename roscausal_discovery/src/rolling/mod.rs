@@ -25,10 +25,10 @@ use serde::{Deserialize, Serialize};
 use crate::{
     analysis::analyse,
     confidence::{Resampling, analyse_resampled},
-    ground::{Control, DataFrame, Error, Named, Result},
     methods::Status,
     model::Model,
     settings::Settings,
+    types::{Control, DataFrame, Error, Named, Result},
 };
 
 /// Version of the layout of models over time.

@@ -4,8 +4,8 @@ use super::counts::{LinkCount, link_counts};
 use crate::{
     changes::{ChangeEvent, Status},
     draw::{Strip, StripPoint, Strips, strips},
-    ground::names::plain,
     model::Model,
+    types::names::plain,
 };
 
 /// Most links that have a strip.

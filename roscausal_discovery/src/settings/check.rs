@@ -4,10 +4,10 @@ use serde_json::Map;
 
 use super::{PcAlpha, Request, Settings};
 use crate::{
-    ground::{Dummy, Error, Named, Result},
     independence_tests::Significance,
     methods::{Method, Reads, TiminoModel},
     model::{self, Model},
+    types::{Dummy, Error, Named, Result},
 };
 
 impl Settings {
@@ -126,7 +126,7 @@ impl Settings {
             schema: model::SCHEMA.to_owned(),
             status: "complete".to_owned(),
             method: self.method.name().to_owned(),
-            cond_ind_test: if self.method.info().asks_test {
+            cond_ind_test: if self.method.info().uses_test {
                 self.cond_ind_test.clone()
             } else {
                 "none".to_owned()

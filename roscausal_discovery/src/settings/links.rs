@@ -4,7 +4,7 @@ use serde::{Deserialize, Serialize};
 use serde_json::Value;
 use toml::Spanned;
 
-use crate::ground::{
+use crate::types::{
     Error, LinkAssumptions, LinkRule, Result,
     text::{check_nesting, line_of, reason_of},
 };
@@ -84,7 +84,7 @@ mod tests {
     use serde_json::json;
 
     use super::*;
-    use crate::ground::Assumption;
+    use crate::types::Assumption;
 
     fn links(rules: Result<LinkRules>) -> std::result::Result<LinkAssumptions, String> {
         let names = ["a", "b", "c"].map(str::to_owned);

@@ -21,9 +21,9 @@ pub use table::SETTINGS;
 pub use typed::{PcAlpha, Settings};
 
 use crate::{
-    ground::{Error, Named, Result},
     independence_tests::{self, Significance, spelled},
     methods::{Method, MethodInfo, Reads},
+    types::{Error, Named, Result},
 };
 
 /// One setting, for all surfaces.
@@ -206,7 +206,7 @@ impl Setting {
                 format!("{method} {why}{instead}")
             }
             Readers::Tests { why, .. } if by_method => format!("{} {why}", spelled(test)),
-            Readers::Tests { .. } if method.info().asks_test => format!("{method} uses no p-value of a test"),
+            Readers::Tests { .. } if method.info().uses_test => format!("{method} uses no p-value of a test"),
             Readers::Tests { .. } => format!("{method} uses no independence test"),
         };
         Some(format!("{why}; it applies to {}{way}", self.readers()))

@@ -10,10 +10,10 @@ use super::{
     typed::PcAlpha,
 };
 use crate::{
-    ground::{Error, Result, VectorNames, vectors_of},
     independence_tests::{GpSearch, NullDistributions, Significance},
     methods::{ActsOn, ColliderRule, Fdr, Method, acts_on_of},
     transfer_entropy::TeEstimator,
+    types::{Error, Result, VectorNames, vectors_of},
 };
 
 /// Reads a value into its place.

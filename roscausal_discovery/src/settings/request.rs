@@ -4,10 +4,10 @@ use serde_json::{Map, Value, json};
 
 use super::{Group, LinkRules, Resampling, SETTINGS, Setting, Settings};
 use crate::{
-    ground::{Error, Named, Result, VectorNames, names::position},
     independence_tests::{by_name, names, spelled},
     methods::Method,
     model::Model,
+    types::{Error, Named, Result, VectorNames, names::position},
 };
 
 /// All settings of an analysis. [`Request::for_variables`] gives the [`Settings`] for some data.
@@ -114,8 +114,8 @@ impl Request {
         let (method, test) =
             (self.settings.method, by_name(&self.settings.cond_ind_test, &Default::default())?);
         // F-PCMCI's filter reads columns; what uses no test does so too.
-        let by_columns = method == Method::Fpcmci || !method.info().asks_test;
-        if !by_columns && test.judges_vectors() {
+        let by_columns = method == Method::Fpcmci || !method.info().uses_test;
+        if !by_columns && test.supports_vectors() {
             return Ok(());
         }
         let reason = format!(

@@ -1,6 +1,6 @@
 //! How to resample: the scheme, its numbers, and what is refused.
 
-use crate::ground::{Error, Result};
+use crate::types::{Error, Result};
 
 /// How the rows of a resample are drawn.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]

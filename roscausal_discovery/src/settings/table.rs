@@ -59,7 +59,7 @@ const fn of_test(test: fn(&str, Option<Significance>) -> bool, why: &'static str
 
 /// Settings of GPDC's regressions, which TiMINo takes, too.
 const OF_PROCESS: Readers = Readers::Tests {
-    method: |method| method.info().asks_test,
+    method: |method| method.info().uses_test,
     test: |test, _| test == "gpdc",
     why: "fits no Gaussian process",
 };

@@ -1,13 +1,13 @@
 //! What to analyse, and how.
 
 use crate::{
-    ground::{Assumption, CondIndTest, DataFrame, Error, LinkAssumptions, Result, names},
     independence_tests::{self, Significance, TestSettings},
     methods::{
         ActsOn, Fdr, LpcmciSettings, Method, PcmciPlusSettings, PcmciSettings, TiminoModel, TiminoSettings,
         TsfciSettings,
     },
     transfer_entropy::TeEstimator,
+    types::{Assumption, CondIndTest, DataFrame, Error, LinkAssumptions, Result, names},
 };
 
 /// Level of the condition selection.
@@ -61,7 +61,7 @@ pub struct Settings {
     /// Variables that may be causes only: no link points to them.
     pub exogenous: Vec<String>,
     /// CAnDOIT: columns of interventions, and the variable that each sets; `None`: those of the simulator, as far as they are
-    /// there ([`usual_acts_on`](crate::methods::usual_acts_on)).
+    /// there ([`default_intervention_targets`](crate::methods::default_intervention_targets)).
     pub acts_on: Option<ActsOn>,
     /// Seed of all random numbers.
     pub seed: u64,
@@ -198,7 +198,7 @@ impl Settings {
             )));
         }
         // Before anything is made for each pair and lag. Models without a test look back once, tests also at the cause's past.
-        let cut_off = self.tau_max.saturating_mul(if self.method.info().asks_test { 2 } else { 1 });
+        let cut_off = self.tau_max.saturating_mul(if self.method.info().uses_test { 2 } else { 1 });
         data.check_length(self.tau_max, cut_off)?;
         let unknown = self.exogenous.iter().find(|name| names::position(data.var_names(), name).is_none());
         match unknown {

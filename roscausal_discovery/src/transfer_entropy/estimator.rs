@@ -1,6 +1,6 @@
 //! What an estimator of information is.
 
-use crate::ground::Node;
+use crate::types::Node;
 
 /// How the filter sees dependence.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]

@@ -3,7 +3,7 @@
 use ndarray::{Array2, ArrayView2, s};
 
 use super::{estimator::Estimator, window::Window};
-use crate::{ground::Node, numeric::special::chi_squared_sf};
+use crate::{numeric::special::chi_squared_sf, types::Node};
 
 /// A variable adds nothing if the condition set leaves less than this fraction of its variance.
 const COLLINEAR: f64 = 1e-13;

@@ -2,9 +2,9 @@
 
 use super::{estimator::Estimator, window::Window};
 use crate::{
-    ground::{Control, Node},
     independence_tests::cmiknn::Estimator as Neighbours,
     numeric::{random::Rng, rows::moments},
+    types::{Control, Node},
 };
 
 /// Neighbours that set the scale (Kraskov et al. 2004 recommend 2 to 4).

@@ -48,8 +48,8 @@ pub use self::{
     result::{Selected, TargetSelection, TeResult},
 };
 use crate::{
-    ground::{Control, DataFrame, Error, Result},
     numeric::random::seed_of_draw,
+    types::{Control, DataFrame, Error, Result},
 };
 
 /// Settings of a transfer-entropy filter.

@@ -17,9 +17,9 @@ use super::{
     window::Window,
 };
 use crate::{
-    ground::{Control, Node, Result},
     independence_tests::{dependence, residuals},
     numeric::rows::standardize,
+    types::{Control, Node, Result},
 };
 
 /// The second look at all targets of one run.

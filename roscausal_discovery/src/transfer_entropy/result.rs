@@ -1,6 +1,6 @@
 //! What the filter finds.
 
-use crate::ground::Node;
+use crate::types::Node;
 
 /// A variable that informs a target.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -4,7 +4,7 @@ use super::{
     estimator::Estimator,
     result::{Selected, TargetSelection},
 };
-use crate::ground::{Control, Node, Result};
+use crate::types::{Control, Node, Result};
 
 /// Selects the sources of one target: first from the target's own past, then other variables one at a time, then
 /// pruning, then the final tests.

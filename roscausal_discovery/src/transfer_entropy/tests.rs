@@ -3,7 +3,7 @@
 use ndarray::Array2;
 
 use super::*;
-use crate::{ground::Node, numeric::random::Rng};
+use crate::{numeric::random::Rng, types::Node};
 
 /// Uniform noise of unit variance; the Gaussian estimator tolerates it.
 fn noise(seed: u64) -> impl FnMut() -> f64 {

@@ -1,8 +1,8 @@
 //! The samples that all estimates of a filter share.
 
 use crate::{
-    ground::{DataFrame, Error, Node, Result},
     numeric::rows::units,
+    types::{DataFrame, Error, Node, Result},
 };
 
 /// Fewest complete samples from which transfer entropy is estimated.

@@ -181,6 +181,22 @@ impl Graph {
         Self::new(names, model.tau_max, &arrows, &pairs)
     }
 
+    /// The graph of some of its variables, in that order, and of the links between them.
+    ///
+    /// # Errors
+    /// No variable.
+    pub fn only(&self, vars: &[usize]) -> Result<Self> {
+        let place = |var: usize| vars.iter().position(|other| *other == var);
+        let arrow = |Arrow { cause, effect, lag }: Arrow| {
+            Some(Arrow { cause: place(cause)?, effect: place(effect)?, lag })
+        };
+        let pair = |pair: &Pair| Some(Pair { a: place(pair.a)?, b: place(pair.b)?, ..*pair });
+        let arrows: Vec<Arrow> = self.arrows().filter_map(arrow).collect();
+        let pairs: Vec<Pair> = self.pairs.iter().filter_map(pair).collect();
+        let names = vars.iter().map(|&var| self.names[var].clone()).collect();
+        Self::new(names, self.largest_lag, &arrows, &pairs)
+    }
+
     /// Names of the variables.
     pub fn names(&self) -> &[String] {
         &self.names

@@ -80,7 +80,7 @@ impl Facts {
 /// ```
 /// use ndarray::Array2;
 /// use roscausal_discovery::DataFrame;
-/// use roscausal_reasoning::{StructuralModel, Settings, default_acts_on, graph::{Arrow, Graph}};
+/// use roscausal_reasoning::{StructuralModel, Settings, default_intervention_targets, graph::{Arrow, Graph}};
 ///
 /// // `b` follows `a` one step later.
 /// let noise = |i: usize| ((12.9898 * i as f64).sin() * 43758.5453).rem_euclid(1.0) - 0.5;
@@ -91,7 +91,7 @@ impl Facts {
 /// }
 /// let data = DataFrame::new(vec![values], vec!["a".into(), "b".into()])?;
 /// let graph = Graph::new(vec!["a".into(), "b".into()], 1, &[Arrow { cause: 0, effect: 1, lag: 1 }], &[])?;
-/// let model = StructuralModel::fit(&data, &graph, &Settings::default(), &default_acts_on())?;
+/// let model = StructuralModel::fit(&data, &graph, &Settings::default(), &default_intervention_targets())?;
 /// let b = &model.members()[0].model.summaries[1];
 /// assert!((b.coefficients[0] - 0.7).abs() < 0.05);
 /// # Ok::<(), roscausal_discovery::Error>(())
@@ -107,13 +107,26 @@ pub struct StructuralModel {
 }
 
 impl StructuralModel {
-    /// Fits the equations of `graph` on `data`.
+    /// Fits the equations of `graph` on `data`. A variable that has no value in the data, such as the distance to a goal that nobody
+    /// told, is left out with its links, and [`Facts::warnings`] name it.
     ///
     /// # Errors
     /// Invalid settings; data without one of the graph's variables, or with too few rows for every equation; pairs without a
     /// direction that are too many.
     pub fn fit(data: &DataFrame, graph: &Graph, settings: &Settings, acts_on: &ActsOn) -> Result<Self> {
-        Self::of_samples(Samples::new(data, graph, acts_on)?, graph, settings)
+        let samples = Samples::new(data, graph, acts_on)?;
+        let has_value =
+            |var: &usize| samples.recordings().iter().any(|r| r.column(*var).iter().any(|v| v.is_finite()));
+        let (there, empty): (Vec<usize>, Vec<usize>) = (0..graph.len()).partition(has_value);
+        if empty.is_empty() || there.is_empty() {
+            return Self::of_samples(samples, graph, settings);
+        }
+        let names: Vec<&str> = empty.iter().map(|&var| graph.names()[var].as_str()).collect();
+        let told = format!("without a value in the data, and left out of the model: {}", names.join(", "));
+        let rest = graph.only(&there)?;
+        let mut model = Self::of_samples(Samples::new(data, &rest, acts_on)?, &rest, settings)?;
+        model.facts.warnings.push(told);
+        Ok(model)
     }
 
     /// The same on samples.
@@ -193,7 +206,8 @@ impl StructuralModel {
     /// With what else is known of the graph.
     #[must_use]
     pub fn with_facts(mut self, facts: Facts) -> Self {
-        self.facts = facts;
+        let found = std::mem::replace(&mut self.facts, facts).warnings;
+        self.facts.warnings.extend(found);
         self
     }
 

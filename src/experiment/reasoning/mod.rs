@@ -22,7 +22,7 @@ use roscausal_core::{Error, Result};
 use roscausal_discovery::{DataFrame, Model};
 use roscausal_hrisim::Scenario;
 use roscausal_reasoning::{
-    Facts, Settings as Fit, StructuralModel, default_acts_on, graph::Graph, model::Equations,
+    Facts, Settings as Fit, StructuralModel, default_intervention_targets, graph::Graph, model::Equations,
 };
 
 use super::{grid, in_order, model, workers};
@@ -143,7 +143,7 @@ impl Args {
         };
         let graph = Graph::of_model(&found, &[])?;
         let fit = Fit { equations, ..Fit::default() };
-        let model = StructuralModel::fit(&data, &graph, &fit, &default_acts_on())?;
+        let model = StructuralModel::fit(&data, &graph, &fit, &default_intervention_targets())?;
         let facts = Facts::of_model(&found);
         Ok((found, model.with_facts(facts)))
     }

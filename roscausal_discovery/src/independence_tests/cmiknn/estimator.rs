@@ -4,8 +4,8 @@ use pulp::{Arch, Simd, WithSimd};
 
 use super::coordinate::Coordinate;
 use crate::{
-    ground::{Control, Result},
     numeric::special::digamma_table,
+    types::{Control, Result},
 };
 
 /// Conditional mutual information from nearest neighbours in the maximum norm, for the data and all surrogates at

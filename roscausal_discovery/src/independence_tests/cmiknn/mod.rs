@@ -16,11 +16,11 @@ use super::{
     settings::{Confidence, Significance, TestSettings},
 };
 use crate::{
-    ground::{CondIndTest, Error, LaggedArrays, Named, Node, PreparedTest, Result, Samples, TestResult},
     numeric::{
         random::{Rng, seed_of_draw},
         rows::{is_constant, moments, random_ranks, standardized},
     },
+    types::{CondIndTest, Error, LaggedArrays, Named, Node, PreparedTest, Result, Samples, TestResult},
 };
 
 /// Noise that breaks ties in untransformed rows, as a fraction of the row's standard deviation.

@@ -19,7 +19,7 @@ use super::{
     coordinate::{Coordinate, apart, widen},
     estimator::Estimator,
 };
-use crate::{ground::Result, numeric::special::digamma_table};
+use crate::{numeric::special::digamma_table, types::Result};
 
 /// Samples that one arrangement is held against before the next: what is read of an arrangement stays in the nearest cache.
 const TILE: usize = 32;
@@ -287,8 +287,8 @@ mod tests {
 
     use super::*;
     use crate::{
-        ground::Control,
         numeric::{random::Rng, rows::random_ranks},
+        types::Control,
     };
 
     fn ranked(row: &[f64]) -> Vec<i16> {

@@ -61,7 +61,7 @@ pub(super) fn block_permutation(length: usize, rng: &mut Rng, out: &mut [usize])
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::ground::Node;
+    use crate::types::Node;
 
     fn rng(seed: u64) -> Rng {
         Rng::for_test(seed, Node::new(0, 1), Node::new(1, 0), &[])

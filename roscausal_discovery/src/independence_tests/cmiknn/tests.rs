@@ -3,7 +3,7 @@
 use ndarray::Array2;
 
 use super::*;
-use crate::ground::DataFrame;
+use crate::types::DataFrame;
 
 /// Uniform noise in (-1, 1).
 fn noise(seed: u64) -> impl FnMut() -> f64 {

@@ -24,7 +24,7 @@ use super::{
     resources::{Held, Resources},
     theta::{BOUNDS, Theta},
 };
-use crate::ground::Result;
+use crate::types::Result;
 
 /// Samples that the path to the maximum is searched on.
 const PATH_SAMPLES: usize = 1000;

@@ -37,11 +37,11 @@ use super::{
     settings::{Confidence, GpSearch, Significance, TestSettings},
 };
 use crate::{
-    ground::{CondIndTest, Error, LaggedArrays, Node, PreparedTest, Result, Samples, TestResult},
     numeric::{
         random::{Rng, seed_of_draw},
         rows::{is_constant, standardized},
     },
+    types::{CondIndTest, Error, LaggedArrays, Node, PreparedTest, Result, Samples, TestResult},
 };
 use distance_correlation::of_ranks;
 use null_table::NullTable;
@@ -382,7 +382,7 @@ mod tests {
     use ndarray::Array2;
 
     use super::{super::by_name, *};
-    use crate::ground::DataFrame;
+    use crate::types::DataFrame;
 
     /// Columns 0 and 1 depend on column 2; column 3 on column 0.
     fn data(n: usize) -> DataFrame {

@@ -6,7 +6,7 @@ use std::{
 };
 
 use super::{distance_correlation::of_sorted, permutation::Permutations};
-use crate::{ground::lock, numeric::pcg64::Pcg64};
+use crate::{numeric::pcg64::Pcg64, types::lock};
 
 /// Sorted distance correlations of `samples` pairs of uniform series.
 #[derive(Debug)]

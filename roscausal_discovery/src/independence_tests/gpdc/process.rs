@@ -19,9 +19,9 @@ use super::{
     too_few,
 };
 use crate::{
-    ground::{Error, Result},
     independence_tests::settings::TestSettings,
     numeric::rows::{is_constant, moments, standardized},
+    types::{Error, Result},
 };
 
 /// The maximum of a Gaussian process likelihood with the kernel `RBF(length_scale) + White(noise)`.

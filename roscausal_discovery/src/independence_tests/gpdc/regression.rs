@@ -19,9 +19,9 @@ use super::{
     theta::Theta,
 };
 use crate::{
-    ground::{Error, Result},
     independence_tests::settings::GpSearch,
     numeric::random::Rng,
+    types::{Error, Result},
 };
 
 /// Errors of the gradient, for each sample, that the shared likelihoods at the start have: first one, then the other.

@@ -14,8 +14,8 @@ use super::{
     theta::Theta,
 };
 use crate::{
-    ground::{Node, Result, lock},
     numeric::rows::standardized,
+    types::{Node, Result, lock},
 };
 
 /// What a test needs of one node given a condition set.

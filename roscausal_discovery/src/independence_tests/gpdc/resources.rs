@@ -3,7 +3,7 @@
 use std::sync::{Arc, Condvar, Mutex, PoisonError};
 
 use super::cores::{Cores, ONE, Work};
-use crate::ground::lock;
+use crate::types::lock;
 
 /// Samples above which matrices are large: then they are counted, and that of the start is not kept.
 pub(super) const LARGE: usize = 2000;

@@ -7,8 +7,8 @@ use ndarray::{Array2, Array3};
 
 use super::{autoregression::complete_rows, result::PcmciResult};
 use crate::{
-    ground::{CompleteRows, Control, DataFrame, Error, LinkMark, Named, Node, Result},
     numeric::rows::{dot, moments, standardized},
+    types::{CompleteRows, Control, DataFrame, Error, LinkMark, Named, Node, Result},
 };
 use acyclic::cycles;
 use minimise::minimise;

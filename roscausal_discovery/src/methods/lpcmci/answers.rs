@@ -6,7 +6,7 @@
 use rustc_hash::FxHashMap;
 
 use super::graph::{Graph, Pair};
-use crate::ground::{Node, SampleCount};
+use crate::types::{Node, SampleCount};
 
 /// What one test said.
 #[derive(Clone, Copy)]

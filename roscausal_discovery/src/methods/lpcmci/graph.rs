@@ -1,6 +1,6 @@
 //! The graph while LPCMCI works on it: links with two ends and a middle mark, the same at all times.
 
-use crate::ground::{LinkEnd, Node};
+use crate::types::{LinkEnd, Node};
 
 /// What is known of whether a link stays (Gerhardus and Runge 2020, section 3). It speaks of the pair A, B with A before B:
 /// earlier, or at the same time with the smaller index.

@@ -1,7 +1,7 @@
 //! What LPCMCI knows of causes: which node is an ancestor of which, which is not, and where the data contradict themselves.
 
 use super::graph::Graph;
-use crate::ground::Node;
+use crate::types::Node;
 
 /// What is known of whether one node causes another.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]

@@ -4,7 +4,7 @@ use super::{
     graph::Pair,
     search::{Search, Separating},
 };
-use crate::ground::{Node, Result};
+use crate::types::{Node, Result};
 
 /// A set of conditions.
 type Nodes = Vec<Node>;

@@ -38,7 +38,7 @@ use super::{
     result::{PcmciResult, Status},
     run::Run,
 };
-use crate::ground::{CondIndTest, Control, DataFrame, LinkMark, Node, Result, Samples};
+use crate::types::{CondIndTest, Control, DataFrame, LinkMark, Node, Result, Samples};
 
 /// The graph after a phase, for study.
 #[derive(Clone, Debug, PartialEq, Eq)]

@@ -8,8 +8,8 @@ use super::{
     sets::{Conditions, union},
 };
 use crate::{
-    ground::{Node, Result},
     methods::pc_stable::next_combination,
+    types::{Node, Result},
 };
 
 /// From which end of a pair conditions are taken.

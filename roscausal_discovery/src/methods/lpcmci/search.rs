@@ -9,8 +9,8 @@ use super::{
     settings::LpcmciSettings,
 };
 use crate::{
-    ground::{Assumption, LinkAssumptions, LinkEnd, Node, Result, SampleCount},
     methods::run::Run,
+    types::{Assumption, LinkAssumptions, LinkEnd, Node, Result, SampleCount},
 };
 
 /// A set that separates a pair, sorted.

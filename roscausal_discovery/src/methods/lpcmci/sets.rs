@@ -1,7 +1,7 @@
 //! The sets in which LPCMCI looks for conditions (Gerhardus and Runge 2020, definitions of apds and napds).
 
 use super::{graph::Pair, search::Search};
-use crate::ground::{LinkEnd, Node};
+use crate::types::{LinkEnd, Node};
 
 /// What every test of a pair conditions on, and what further conditions are taken from, the strongest first.
 pub(super) struct Conditions {

@@ -1,6 +1,6 @@
 //! The settings of LPCMCI.
 
-use crate::ground::{CondIndTest, DataFrame, Error, LinkAssumptions, Result};
+use crate::types::{CondIndTest, DataFrame, Error, LinkAssumptions, Result};
 
 /// Settings of LPCMCI. The defaults are the reference's.
 #[derive(Clone, Debug)]

@@ -25,12 +25,12 @@ use super::{
     sets::union,
 };
 use crate::{
-    ground::{CondIndTest, Control, DataFrame, LinkAssumptions, LinkEnd, Node, Result, Samples},
     methods::{
         pc_stable::next_combination,
         result::{PcmciResult, Status},
         run::Run,
     },
+    types::{CondIndTest, Control, DataFrame, LinkAssumptions, LinkEnd, Node, Result, Samples},
 };
 
 /// Settings of tsFCI.

@@ -4,8 +4,8 @@ use rustc_hash::FxHashSet;
 
 use super::{graph::Pair, search::Search, sets::union};
 use crate::{
-    ground::{Node, Result},
     methods::pc_stable::next_combination,
+    types::{Node, Result},
 };
 
 impl Search<'_, '_> {

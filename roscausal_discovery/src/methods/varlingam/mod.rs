@@ -14,12 +14,12 @@ use super::{
     result::PcmciResult,
 };
 use crate::{
-    ground::{CompleteRows, Control, DataFrame, Error, LinkMark, Node, Result},
     numeric::{
         least_squares::{Compressed, LeastSquares},
         rows::units,
         student_t::two_sided_p_value,
     },
+    types::{CompleteRows, Control, DataFrame, Error, LinkMark, Node, Result},
 };
 use lasso::Products;
 

@@ -14,8 +14,8 @@ use rayon::prelude::*;
 
 use super::entropy::entropy;
 use crate::{
-    ground::{Control, Result},
     numeric::rows::{dot, sum},
+    types::{Control, Result},
 };
 
 /// The variables from first cause to last effect.

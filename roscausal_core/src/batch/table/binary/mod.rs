@@ -17,7 +17,6 @@ use super::{
     time,
 };
 use crate::memory::Memory;
-use ndarray::Array2;
 use roscausal_discovery::Named;
 
 /// The index that pandas writes into a file.

@@ -2,14 +2,14 @@
 
 use super::Proposals;
 use crate::{
-    ground::{
-        LinkEnd::{Circle, Conflict, Head, Tail},
-        Node, Result,
-    },
     methods::lpcmci::{
         graph::{Link, Middle, Pair, before},
         search::Search,
         sets::union,
+    },
+    types::{
+        LinkEnd::{Circle, Conflict, Head, Tail},
+        Node, Result,
     },
 };
 

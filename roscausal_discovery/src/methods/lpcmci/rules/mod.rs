@@ -14,7 +14,7 @@ use super::{
     knowledge::Known,
     search::Search,
 };
-use crate::ground::{LinkEnd, Node, Result};
+use crate::types::{LinkEnd, Node, Result};
 
 /// Which rules run.
 #[derive(Clone, Copy)]

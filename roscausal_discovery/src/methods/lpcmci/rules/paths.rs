@@ -4,13 +4,13 @@ use std::collections::{HashMap, HashSet, VecDeque};
 
 use super::{Proposals, triangles::may_orient};
 use crate::{
-    ground::{
-        LinkEnd::{Circle, Conflict, Head, Tail},
-        Node, Result,
-    },
     methods::lpcmci::{
         graph::{Link, Middle, Pair, before},
         search::Search,
+    },
+    types::{
+        LinkEnd::{Circle, Conflict, Head, Tail},
+        Node, Result,
     },
 };
 

@@ -2,11 +2,11 @@
 
 use super::Proposals;
 use crate::{
-    ground::{
+    methods::lpcmci::{graph::Link, search::Search},
+    types::{
         LinkEnd::{Circle, Head, Tail},
         Node, Result,
     },
-    methods::lpcmci::{graph::Link, search::Search},
 };
 
 /// Triples A, B, C of neighbours within one window, in both directions, with whether A and C are adjacent.

@@ -3,6 +3,7 @@
 #[macro_use]
 mod variants;
 
+mod common;
 mod complete_rows;
 mod components;
 mod cond_ind_test;

@@ -1,6 +1,7 @@
 //! The samples of a run: which rows of the data frame a test sees.
 
 use super::{
+    common::Common,
     complete_rows::CompleteRows,
     control::Control,
     dataframe::{DataFrame, MaskType},
@@ -30,6 +31,8 @@ pub struct Samples<'a> {
     control: Control,
     /// The listed times that are not before the cut-off, by recording.
     times: Option<Vec<Vec<usize>>>,
+    /// Those of tests between common columns, in which each time is there once.
+    once: Option<Box<Samples<'a>>>,
 }
 
 /// The lagged rows of one test, without the samples in which a node is missing or masked.
@@ -49,15 +52,33 @@ impl<'a> Samples<'a> {
     /// The samples of a run. A run with `tau_max` uses `cut_off` = `2xtau_max`.
     pub fn new(data: &'a DataFrame, cut_off: usize) -> Self {
         let after = |times: &[usize]| times.iter().copied().filter(|&t| t >= cut_off).collect();
-        let times = (0..data.recordings.len()).map(|k| data.times(k).map(after)).collect();
-        Self { data, cut_off, control: Control::default(), times }
+        let times: Option<Vec<Vec<usize>>> =
+            (0..data.recordings.len()).map(|k| data.times(k).map(after)).collect();
+        let all = Self { data, cut_off, control: Control::default(), times, once: None };
+        let all_times = || (0..data.recordings.len()).map(|k| all.times_in(k)).collect::<Vec<_>>();
+        let once = data.common().map(|common| {
+            let times = common.once(&data.recordings, &all_times());
+            Box::new(Self { times: Some(times), ..all.clone() })
+        });
+        Self { once, ..all }
+    }
+
+    /// The samples of tests between common columns ([`DataFrame::of_sources`]), if there are such columns.
+    pub(crate) fn once(&self) -> Option<&Self> {
+        self.once.as_deref()
+    }
+
+    /// Whether both nodes are of columns that recordings of one time have in common.
+    pub(crate) fn are_common(&self, x: Node, y: Node) -> bool {
+        let is_common = |of: &Common| [x, y].iter().all(|node| of.columns.get(node.var) == Some(&true));
+        self.data.common().is_some_and(is_common)
     }
 
     /// The same samples, watched by `control`.
     #[must_use]
-    pub fn with_control(mut self, control: Control) -> Self {
-        self.control = control;
-        self
+    pub fn with_control(self, control: Control) -> Self {
+        let once = self.once.map(|once| Box::new(once.with_control(control.clone())));
+        Self { control, once, ..self }
     }
 
     /// The control of the run. A test that takes longer than a second calls its `check` in its loops.

@@ -5,6 +5,7 @@ use std::{ops::Range, sync::Arc};
 use ndarray::{Array2, ArrayView1, Axis, s};
 
 use super::{
+    common::Common,
     error::{Error, Result},
     node::Node,
     vectors::Vectors,
@@ -77,6 +78,8 @@ pub struct DataFrame {
     draw: u64,
     /// The further components of variables; `None`: each is one column.
     vectors: Option<Vectors>,
+    /// What recordings of one time have in common; `None`: nothing.
+    common: Option<Common>,
 }
 
 impl DataFrame {
@@ -117,7 +120,34 @@ impl DataFrame {
             times: None,
             draw: 0,
             vectors: None,
+            common: None,
         })
+    }
+
+    /// The same recordings, of which those with the same number in `sources` are of one time: the people of one batch. Where they hold
+    /// the same columns (the robot's), a test between two of these counts each row once.
+    ///
+    /// # Errors
+    /// A number of sources that is not that of the recordings.
+    pub fn of_sources(self, sources: &[usize]) -> Result<Self> {
+        if sources.len() != self.recordings.len() {
+            let reason = format!("{} numbers for {} recordings", sources.len(), self.recordings.len());
+            return Err(Error::param("sources", reason));
+        }
+        Ok(Self { common: Common::of(&self.recordings, sources), ..self })
+    }
+
+    /// Other values in the same recordings, such as their differences.
+    ///
+    /// # Errors
+    /// As [`DataFrame::new`].
+    pub fn with_recordings(&self, recordings: Vec<Array2<f64>>) -> Result<Self> {
+        Ok(Self { common: self.common.clone(), ..Self::new(recordings, self.var_names.clone())? })
+    }
+
+    /// What recordings of one time have in common.
+    pub(super) fn common(&self) -> Option<&Common> {
+        self.common.as_ref()
     }
 
     /// The same recordings, of which only these times are samples: one list per recording, each time as often as it is listed.
@@ -232,6 +262,7 @@ impl DataFrame {
         Self {
             has_missing: of_vectors || recordings.iter().any(|r| r.iter().any(|v| v.is_nan())),
             vectors,
+            common: self.common.as_ref().map(|common| common.select(vars)),
             recordings: Arc::new(recordings),
             var_names: vars.iter().map(|&var| self.var_names[var].clone()).collect(),
             masks: (self.masks.as_ref())
@@ -260,6 +291,7 @@ impl DataFrame {
             times: None,
             draw: 0,
             vectors,
+            common: None,
             ..self.clone()
         }
     }

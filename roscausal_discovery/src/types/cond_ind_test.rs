@@ -109,7 +109,7 @@ pub trait CondIndTest: Send + Sync {
     }
 
     /// Whether the test looks at all components of variables that have several ([`DataFrame::with_vectors`](super::DataFrame::with_vectors)).
-    fn judges_vectors(&self) -> bool {
+    fn supports_vectors(&self) -> bool {
         false
     }
 
