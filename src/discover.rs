@@ -11,6 +11,7 @@ mod resampling;
 mod trajectories;
 
 use std::{
+    collections::HashSet,
     ffi::OsString,
     path::{Path, PathBuf},
     sync::{Arc, atomic::AtomicBool},
@@ -467,7 +468,7 @@ impl Data {
     fn of(tables: Vec<(Input, Table)>) -> Result<Self> {
         let names = tables.first().map(|(_, table)| table.names.clone()).unwrap_or_default();
         let dt = common_step(tables.iter().map(|(file, table)| (file.user.as_path(), table)))?;
-        let mut warnings: Vec<String> = Vec::new();
+        let (mut warnings, mut known): (Vec<String>, HashSet<String>) = Default::default();
         for (file, table) in &tables {
             // Several batches of one recording say their own names.
             let name = match file.table.file_name() {
@@ -477,7 +478,7 @@ impl Data {
                 _ => file.user.display().to_string(),
             };
             for note in table.notes.iter().map(|note| format!("{name}: {note}")) {
-                if !warnings.contains(&note) {
+                if known.insert(note.clone()) {
                     warnings.push(note);
                 }
             }

@@ -35,6 +35,20 @@ const IGNORE: &str = "ignore_settings";
 const IGNORE_FLAG: &str = "ignore-settings";
 /// Subcommands that read data, and their positional argument.
 const READERS: [(&str, &str); 3] = [("discover", "files"), ("roll", "files"), ("replay", "recording")];
+/// Flags for recordings: where the data are tables, what a file says of them is passed over.
+const OF_RECORDINGS: [&str; 11] = [
+    "robot",
+    "robot-odom",
+    "robot-pose",
+    "robot-goal",
+    "people",
+    "human-goal",
+    "signal",
+    "clock",
+    "person",
+    "ts-length",
+    "param",
+];
 /// Settings from one place.
 #[derive(Debug, Default, PartialEq)]
 struct Found {
@@ -64,8 +78,13 @@ pub(crate) fn apply(line: &[OsString], matches: &ArgMatches) -> Result<(Vec<OsSt
     let mut taken: Vec<String> = Vec::new();
     let all = find(&data)?;
     let how = significance(own, &all);
+    let trajectories =
+        |found: &Found| found.flags.iter().any(|(flag, of)| flag == "format" && of == &["trajectories"]);
+    let tables = !data.iter().any(|path| recording::is_recording(path))
+        && !all.iter().any(trajectories)
+        && !line.iter().any(|word| word == "trajectories" || word == "--format=trajectories");
     for found in all {
-        let (mut used, mut unknown) = (Vec::new(), Vec::new());
+        let (mut used, mut unknown, mut passed) = (Vec::new(), Vec::new(), Vec::new());
         let before = taken.clone();
         for (flag, values) in &found.flags {
             if !cli::has_flag(name, flag) {
@@ -73,6 +92,10 @@ pub(crate) fn apply(line: &[OsString], matches: &ArgMatches) -> Result<(Vec<OsSt
                 continue;
             }
             if is_given(own, flag) || !suits(own, flag, how) {
+                continue;
+            }
+            if tables && OF_RECORDINGS.contains(&flag.as_str()) {
+                passed.push(format!("--{flag} {}", values.join(" ")));
                 continue;
             }
             for value in values {
@@ -93,6 +116,9 @@ pub(crate) fn apply(line: &[OsString], matches: &ArgMatches) -> Result<(Vec<OsSt
         let place = found.place.display();
         if !unknown.is_empty() {
             told.push(format!("{place}: {name} does not have {}: not used", unknown.join(", ")));
+        }
+        if !passed.is_empty() {
+            told.push(format!("{place}: for recordings, and not used for tables: {}", passed.join(" ")));
         }
         if !used.is_empty() {
             told.push(format!("settings of {place}: {}", used.join(" ")));

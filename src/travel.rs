@@ -86,10 +86,14 @@ pub(crate) fn may_say(flag: &str, values: &[String]) -> bool {
 /// Flags that the file in the working folder may set, too, where the data are near it, besides what one run may take.
 const NEAR: [&str; 3] = ["format", "ignore-settings", "out"];
 
-/// Whether the file in the working folder may give a flag these values where the data are near it: results stay within the folder.
+/// Whether the file in the working folder may give a flag these values where the data are near it: results stay within the folder,
+/// and go through no link, which may have come out of the same archive.
 pub(crate) fn may_say_near(flag: &str, values: &[String]) -> bool {
-    let inside =
-        |value: &String| Path::new(value).components().all(|part| matches!(part, Component::Normal(_)));
+    let is_link = |path: &Path| path.symlink_metadata().is_ok_and(|found| found.is_symlink());
+    let inside = |value: &String| {
+        let path = Path::new(value);
+        path.components().all(|part| matches!(part, Component::Normal(_))) && !path.ancestors().any(is_link)
+    };
     let is_of_run = || setting(flag).is_some_and(|setting| setting.group == Group::Run);
     (NEAR.contains(&flag) || is_of_run()) && (flag != "out" || values.iter().all(inside))
 }

@@ -379,7 +379,8 @@ fn the_file_in_the_working_folder_is_the_users_own_unless_the_data_lie_there() {
     run(&work, "sub/data.csv");
     assert!(work.join("mine/model.json").exists());
     fs::remove_dir_all(work.join("mine")).expect("removes");
-    for out in ["../victim", "sub/../../victim", "/tmp/victim"] {
+    std::os::unix::fs::symlink("../data", work.join("elsewhere")).expect("links");
+    for out in ["../victim", "sub/../../victim", "/tmp/victim", "elsewhere", "elsewhere/x/y"] {
         let said =
             "threads = 1\nforce = true\nparam = ['data.postprocess=script']\n[data]\npp_script = 'post.py'\n";
         fs::write(work.join("roscausal.toml"), format!("out = '{out}'\n{said}")).expect("writes");
@@ -398,7 +399,12 @@ fn the_file_in_the_working_folder_is_the_users_own_unless_the_data_lie_there() {
             }
         }
     }
+    assert!(!data.join("model.json").exists() && !data.join("x").exists());
     fs::remove_file(work.join("sub/roscausal.toml")).expect("removes");
+    // Beside tables, what is said of recordings is passed over.
+    fs::write(data.join("roscausal.toml"), "tau-max = 3\n[data]\nrisk_lag = 1\n").expect("writes");
+    let told = run(&data, "data.csv");
+    assert!(told.contains("not used for tables: --param data.risk_lag=1"), "{told}");
     // What is the user's everywhere comes last, and may do more.
     fs::write(dir.path().join("home/roscausal/roscausal.toml"), "tau-max = 4\nthreads = 1\n")
         .expect("writes");

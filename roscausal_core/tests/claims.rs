@@ -93,6 +93,7 @@ fn cases() -> Vec<(&'static str, &'static str, Vec<u8>)> {
         ("rows.csv", "max_memory", rows(900_000)),
         ("short_rows.csv", "has 1 cells", [names(9000), b"\n".to_vec(), b"1\n".repeat(9000)].concat()),
         ("name.csv", "the name is 100000 bytes long", [&[b'n'; 100_000][..], b",b\n1,2\n3,4\n"].concat()),
+        ("line.csv", "max_memory", [&[b'n'; 1_900_000][..], b",b\n1,2\n3,4\n"].concat()),
         ("quote.csv", "is not a number", [&b"a,b\n1,2\n3,\"4\n"[..], &b"5,6\n".repeat(99_000)].concat()),
         ("infinite.csv", "'9999999999999999999999999999999999999999' is infinite", {
             [&b"a,b\n1,2\n3,"[..], &[b'9'; 500_000], b"\n"].concat()

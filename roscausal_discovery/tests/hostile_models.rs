@@ -119,6 +119,8 @@ const MODELS: &[Case] = &[
     }),
     ("links[0] names 'nobody'", |m| m["links"][0]["cause"] = json!("nobody")),
     ("has the mark 'o-o', and graph has '-->'", |m| m["links"][0]["mark"] = json!("o-o")),
+    ("than the matrices", |m| m["links"][0]["value"] = json!(-1e308)),
+    ("than the matrices", |m| m["links"][0]["n_used"] = json!(3)),
     ("lags are 0 to 2", |m| m["links"][0]["lag"] = json!(1_u64 << 62)),
     ("expected a whole number from 0 on", |m| m["links"][0]["lag"] = json!(-1)),
     ("has the mark", |m| {

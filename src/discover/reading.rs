@@ -1,6 +1,6 @@
 //! How tables are read, and which part of the data is analysed: flags, and what they do.
 
-use std::{ops::RangeInclusive, path::PathBuf, str::FromStr};
+use std::{collections::HashSet, ops::RangeInclusive, path::PathBuf, str::FromStr};
 
 use clap::Args as ClapArgs;
 use ndarray::{Array2, ArrayView1, Axis, s};
@@ -411,14 +411,18 @@ impl Data {
         if variables.is_empty() {
             return Ok(());
         }
-        let kept: Vec<usize> = (0..self.data.n_vars()).filter(|var| !variables.contains(var)).collect();
+        let kept: Vec<usize> =
+            (0..self.data.n_vars()).filter(|var| variables.binary_search(var).is_err()).collect();
         if kept.is_empty() {
             return Err(Error::Data(format!("every column is {what}: there is nothing to analyse")));
         }
         let names: Vec<String> = variables.iter().map(|&var| plain(&self.data.var_names()[var])).collect();
         self.data = self.data.select(&kept);
-        let about_one =
-            |warning: &String| names.iter().any(|name| warning.contains(&format!("column '{name}' ")));
+        let gone: HashSet<&str> = names.iter().map(String::as_str).collect();
+        let about_one = |warning: &String| {
+            let named = warning.split_once("column '").and_then(|(_, rest)| rest.split_once("' "));
+            named.is_some_and(|(name, _)| gone.contains(name))
+        };
         self.warnings.retain(|warning| !about_one(warning));
         self.warnings.push(format!("left out, {what}: {}", names.join(", ")));
         Ok(())
@@ -431,7 +435,7 @@ impl Data {
         if changed.is_empty() {
             return Err(Error::param("rows", "there are no such rows"));
         }
-        self.data = DataFrame::new(changed, self.data.var_names().to_vec())?;
+        self.data = self.data.with_recordings(changed)?;
         Ok(())
     }
 }

@@ -19,7 +19,7 @@ mod join;
 mod steps;
 pub(crate) mod time;
 
-use std::{collections::BTreeMap, fmt, path::Path};
+use std::{collections::BTreeMap, fmt, io::BufRead, path::Path};
 
 use csv::{ByteRecord, ReaderBuilder, StringRecord};
 use ndarray::{Array2, Axis, ShapeBuilder};
@@ -243,6 +243,9 @@ impl Table {
         if text.iter().all(u8::is_ascii_whitespace) {
             return Err(Complaint::from("the file is empty; a header line and rows of numbers are needed"));
         }
+        // The csv crate copies a line as a whole, and what stands between quotes.
+        let copied = if text.contains(&b'"') { text.len() } else { longest_line(&text) };
+        memory.check(text.len() as u64 + 2 * copied as u64)?;
         let layout = dialect::layout(&text);
         let with_tabs =
             (layout.separator == Separator::Spaces).then(|| dialect::with_tabs(&text[layout.start..]));
@@ -312,6 +315,7 @@ impl<'a> Rows<'a> {
         let mut next = || records.next().transpose().map_err(|error| error.to_string());
         let first = next()?.unwrap_or_default();
         columns::check_count(first.len())?;
+        columns::check_lengths(first.iter().map(<[u8]>::len))?;
         let (mut header, joined) = header::repaired(&texts(&first)?);
         if layout.behind_hash && header.len() > 1 && header[0].is_empty() {
             header.remove(0);
@@ -569,6 +573,13 @@ fn column_by_column(columns: Vec<Vec<f64>>, rows: usize) -> Parsed<Array2<f64>> 
     // Each column's own memory is given back before the next one is copied.
     columns.into_iter().for_each(|column| numbers.extend(column));
     Array2::from_shape_vec(shape, numbers).map_err(|error| error.to_string().into())
+}
+
+/// Bytes of the longest line.
+fn longest_line(text: &[u8]) -> usize {
+    let mut rest = text;
+    // Reading from memory does not fail.
+    std::iter::from_fn(|| rest.skip_until(b'\n').ok().filter(|read| *read > 0)).max().unwrap_or(0)
 }
 
 /// The beginning of a cell, on one line, for a message.

@@ -247,6 +247,14 @@ impl Model {
             if link.value.is_some() != (self.outcomes[place.0][place.1][place.2] == Outcome::Tested) {
                 return Err(format!("links[{k}], {}, and outcomes differ on whether it was tested", name()));
             }
+            let of_matrices =
+                [&self.val_matrix, &self.p_matrix].map(|matrix| matrix[place.0][place.1][place.2]);
+            if [link.value, link.p_value] != of_matrices
+                || link.n_used != self.n_matrix[place.0][place.1][place.2]
+            {
+                let what = "has another strength, p-value or number of samples than the matrices";
+                return Err(format!("links[{k}], {}, {what}", name()));
+            }
         }
         for (i, of) in self.graph.iter().enumerate() {
             for (j, marks) in of.iter().enumerate() {

@@ -137,12 +137,13 @@ impl DataFrame {
         Ok(Self { common: Common::of(&self.recordings, sources), ..self })
     }
 
-    /// Other values in the same recordings, such as their differences.
+    /// Other values in the same recordings, such as their differences, or fewer recordings.
     ///
     /// # Errors
     /// As [`DataFrame::new`].
     pub fn with_recordings(&self, recordings: Vec<Array2<f64>>) -> Result<Self> {
-        Ok(Self { common: self.common.clone(), ..Self::new(recordings, self.var_names.clone())? })
+        let common = self.common.clone().filter(|_| recordings.len() == self.recordings.len());
+        Ok(Self { common, ..Self::new(recordings, self.var_names.clone())? })
     }
 
     /// What recordings of one time have in common.

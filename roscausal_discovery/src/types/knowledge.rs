@@ -117,17 +117,18 @@ impl LinkAssumptions {
         for (&place, now) in &mut said {
             now.settle(&link(place))?;
             let effect = place.1;
-            if let Some(rule) = now.required.filter(|_| exogenous.contains(&effect)) {
+            if let Some(rule) = now.pointing().filter(|_| exogenous.contains(&effect)) {
                 let (link, effect, line) = (link(place), quoted(&plain(&names[effect])), &rule.place);
+                let is = if rule.is == Known::Required { "required" } else { "directed" };
                 let reason = format!(
-                    "{link} is required, but {effect} is exogenous, so nothing drives it ({line}); take back one of the two"
+                    "{link} is {is}, but {effect} is exogenous, so nothing drives it ({line}); take back one of the two"
                 );
                 return Err(Error::param("links", reason));
             }
         }
         let mut causes = vec![Vec::new(); names.len()];
         for (&(cause, effect, _), _) in
-            said.iter().filter(|(place, now)| place.2 == 0 && now.required.is_some())
+            said.iter().filter(|(place, now)| place.2 == 0 && now.pointing().is_some())
         {
             causes[effect].push(cause);
         }
@@ -135,12 +136,12 @@ impl LinkAssumptions {
             let steps: Vec<String> = (0..circle.len())
                 .map(|k| {
                     let place = (circle[k], circle[(k + 1) % circle.len()], 0);
-                    let line = said.get(&place).and_then(|said| said.required).map_or("", |rule| &rule.place);
+                    let line = said.get(&place).and_then(Said::pointing).map_or("", |rule| &rule.place);
                     format!("{} ({line})", link(place))
                 })
                 .collect();
             return Err(Error::Data(format!(
-                "required links go round in a circle within a moment: {}; give one of them lags from 1 on",
+                "links with a direction go round in a circle within a moment: {}; give one of them lags from 1 on",
                 steps.join(", ")
             )));
         }
@@ -176,6 +177,11 @@ impl LinkAssumptions {
 }
 
 impl<'a> Said<'a> {
+    /// The rule by which the link, if there is one, has this direction.
+    fn pointing(&self) -> Option<&'a LinkRule> {
+        self.required.or(self.allowed.filter(|rule| rule.is == Known::Directed))
+    }
+
     /// Refuses what contradicts itself, and drops what a more specific rule overrides.
     fn settle(&mut self, link: &str) -> Result<()> {
         let Some(forbidden) = self.forbidden else { return Ok(()) };
@@ -318,6 +324,13 @@ mod tests {
                 [0, 1],
                 &["line 1", "line 2", "line 3", "circle"],
             ),
+            (
+                "a b 0 required\nb c 0 directed\nc a 0 required",
+                [0, 1],
+                &["line 1", "line 2", "line 3", "circle"],
+            ),
+            ("a b 0 directed\nb c 0 directed\nc a 0 directed", [0, 1], &["line 1", "line 3", "circle"]),
+            ("a weather 0 directed", [0, 1], &["line 1", "directed", "'weather' is exogenous"]),
             ("* * 0 required", [0, 1], &["line 1", "exogenous"]),
             ("a weather 1 required", [1, 2], &["line 1", "'weather' is exogenous"]),
             ("* weather all required", [0, 2], &["line 1", "exogenous"]),

@@ -62,6 +62,18 @@ pub(super) fn check_count(columns: usize) -> Result<(), String> {
     ))
 }
 
+/// Checks how long the names of a header are, in bytes.
+pub(super) fn check_lengths(lengths: impl Iterator<Item = usize>) -> Result<(), String> {
+    let long = |(_, length): &(usize, usize)| *length > LONGEST_NAME;
+    match lengths.enumerate().find(long) {
+        None => Ok(()),
+        Some((column, length)) => Err(format!(
+            "line 1, column {}: the name is {length} bytes long; check the quotes and line ends of the header",
+            column + 1
+        )),
+    }
+}
+
 /// Checks the names of a header. The empty name of a first column is that of pandas' index, of a last one a separator too
 /// many; both are allowed here.
 pub(super) fn check_names(names: &[String]) -> Result<(), String> {
@@ -70,15 +82,9 @@ pub(super) fn check_names(names: &[String]) -> Result<(), String> {
             "line 1 holds numbers; the first line must be a header with the names of the columns".into()
         );
     }
+    check_lengths(names.iter().map(String::len))?;
     let mut places = HashMap::new();
     for (column, name) in names.iter().enumerate() {
-        if name.len() > LONGEST_NAME {
-            return Err(format!(
-                "line 1, column {}: the name is {} bytes long; check the quotes and line ends of the header",
-                column + 1,
-                name.len()
-            ));
-        }
         let at_an_end = column == 0 || column + 1 == names.len();
         if name.trim().is_empty() && !(at_an_end && names.len() > 2) {
             return Err(format!("line 1, column {}: the name is empty; name every column", column + 1));
