@@ -213,7 +213,7 @@ TROUBLES = {
     "glitch": (Walk(stamp=lambda i, t: t + (3e8 if 300 <= i < 306 else 0), drifts=0.03), [], 290, 1, ["6 of 750 messages of /people"]),
     "late": (Walk(came=lambda i, t: t + 3.0), [], 270, 1, []),
     "early": (Walk(robot_came=lambda i, t: t + 1.5), [], 270, 1, []),
-    "hole": (Walk(hole=7200.0), ["--signal", "seen = count(/people.people)"], 290, 2, []),
+    "hole": (Walk(hole=7200.0), ["--signal", "seen = count(/people.people)", "--ts-length", "0"], 290, 2, []),
     "loop": (Walk(laps=2), [], 290, 1, ["2 runs", "holds the rows of an earlier one"]),
     "two_clocks": (Walk(stamp=lambda i, t: t - 1.6e9), [], None, 0, ["clocks of /people", "--clock /people=recording"]),
     "two_clocks_mended": (Walk(stamp=lambda i, t: t - 1.6e9), ["--clock", "/people=recording"], 295, 1, []),
