@@ -297,6 +297,67 @@ fn what_comes_late_is_read_as_if_it_came_in_time() {
     }
 }
 
+/// The columns of the first batch, by name.
+fn column(batches: &[(String, String)], name: &str) -> Vec<f64> {
+    let mut lines = batches[0].1.lines();
+    let place =
+        lines.next().and_then(|names| names.split(',').position(|known| known == name)).expect("a column");
+    lines
+        .map(|line| line.split(',').nth(place).and_then(|cell| cell.parse().ok()).unwrap_or(f64::NAN))
+        .collect()
+}
+
+#[test]
+fn of_equal_stamps_the_first_counts_for_robot_and_person_alike() {
+    let dir = tempfile::tempdir().expect("a folder");
+    let coarse = |number: u32| (10.0 * step(number) + 1e-6).floor() / 10.0;
+    Walk { robot_stamp: &coarse, people_stamp: &coarse, ..SOUND }.write(&dir.path().join("coarse.mcap"));
+    let (text, success, batches) = discover(dir.path(), &["coarse.mcap", "--param", "data.postprocess=none"]);
+    assert!(success, "{text}");
+    let [time, robot, person] = ["time", "r_v", "h_7_v"].map(|name| column(&batches, name));
+    assert!(time.len() > 280, "{text}");
+    for (row, t) in time.iter().enumerate() {
+        let stamp = ((t - 1_700_000_000.0) * 10.0).round() / 10.0;
+        let first = (0..750).map(step).find(|t| *t > stamp - 1e-6).expect("a message");
+        let walking = 0.9 * (0.9 * first).cos();
+        assert!((robot[row] - 0.4 - 0.1 * (1.7 * first).sin()).abs() < 1e-6, "r_v at {stamp}");
+        assert!((person[row] - walking.hypot(0.1)).abs() < 1e-6, "h_7_v at {stamp}");
+    }
+}
+
+#[test]
+fn every_sighting_counts_however_unevenly_they_come() {
+    let dir = tempfile::tempdir().expect("a folder");
+    let uneven =
+        |number: u32| step(number) + 0.015 * (7919.0 * f64::from(number)).sin() * f64::from(number.min(1));
+    Walk { recorded: &uneven, robot_stamp: &uneven, people_stamp: &uneven, ..SOUND }
+        .write(&dir.path().join("uneven.mcap"));
+    for sampling in ["linear", "hold"] {
+        let rule = format!("data.sampling={sampling}");
+        let (text, success, batches) =
+            discover(dir.path(), &["uneven.mcap", "--param", "data.postprocess=none", "--param", &rule]);
+        assert!(success, "{text}");
+        let [time, speed, x] = ["time", "h_7_v", "h_7_x"].map(|name| column(&batches, name));
+        assert!(time.len() > 280, "{text}");
+        for (row, t) in time.iter().enumerate() {
+            let t = t - 1_700_000_000.0;
+            let seen: Vec<f64> = (0..750).map(uneven).collect();
+            let after = seen.partition_point(|seen| *seen <= t + 1e-9);
+            // What was seen last, or what lies between that and what was seen next.
+            let share = match sampling {
+                "hold" => 0.0,
+                _ => (t - seen[after - 1]) / (seen[after.min(749)] - seen[after - 1]),
+            };
+            let between = |of: &dyn Fn(f64) -> f64| {
+                (1.0 - share) * of(seen[after - 1]) + share * of(seen[after.min(749)])
+            };
+            let expected = between(&|t| (0.9 * (0.9 * t).cos()).hypot(0.1));
+            assert!((speed[row] - expected).abs() < 1e-6, "{sampling} at {t}: {} for {expected}", speed[row]);
+            assert!((x[row] - between(&|t| 3.0 - 0.1 * t)).abs() < 1e-6, "{sampling} at {t}");
+        }
+    }
+}
+
 #[test]
 fn transforms_that_come_seldom_are_interpolated() {
     let dir = tempfile::tempdir().expect("a folder");

@@ -123,6 +123,7 @@ assert len(known) > 190, len(known)
 for x, goal, left, to_go, v_cmd in known:
     assert goal == 14 and abs(left - to_go) < 1e-4 and abs(left - (14 - x)) < 0.1 and 0 < v_cmd < 1, (x, goal, left, to_go, v_cmd)
 " "$2"' - "$roscausal" "$folder" "$python" "${nav2[@]}"
+check "what goes wrong with recordings is read right, or said, in every format" "$python" tests/recordings/trouble.py "$folder/trouble" "$roscausal"
 signals=(--person nobody --signal 'v_cmd = /tb3_0/cmd_vel.twist.linear.x' --signal 'v = /tb3_0/odom.twist.twist.linear.x')
 check "signals alone give a model" "$roscausal" discover "$folder/robots_nav2" "${quick[@]}" --ts-length 0 "${signals[@]}" --out "$folder/commands"
 check "a command that is a signal is an action: faster commands, a faster robot" says "Best first: faster" \

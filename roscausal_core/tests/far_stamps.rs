@@ -19,7 +19,7 @@ fn recorder() -> Recorder {
         dt_s: 0.1,
         ts_length_s: Some(1.0),
         max_gap_s: 0.5,
-        subsampling: false,
+        hold: false,
         select: Select::All,
     })
 }

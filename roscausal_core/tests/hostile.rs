@@ -78,7 +78,7 @@ fn a_hostile_journal_is_refused_or_replayed_up_to_its_last_whole_block() {
         dt_s: 0.1,
         ts_length_s: Some(1.0),
         max_gap_s: 0.5,
-        subsampling: false,
+        hold: false,
         sel_agent: "all".into(),
         frame: "map".into(),
         next_row_ns: 0,

@@ -10,6 +10,7 @@ use std::{
 use roscausal_core::{Error, Result, Time, signal::Definitions};
 use roscausal_msgs::{
     dynamic::{Schema, Wire},
+    geometry_msgs::TransformStamped,
     rosgraph_msgs::Clock,
     tf2_msgs::TFMessage,
 };
@@ -30,7 +31,7 @@ const CONFIRMED: usize = 50;
 const MOST_MISTAKEN: f64 = 0.1;
 /// Fewer messages say nothing of a clock: one that was kept for the recorder is older than the recording.
 const ENOUGH: u64 = 20;
-/// Offsets that are kept of a topic.
+/// Offsets that are kept of a topic, and frames that are fixed.
 const MOST_KEPT: usize = 4096;
 
 /// Where stamps are in the messages of a topic.
@@ -183,6 +184,8 @@ pub(crate) struct Clocks {
     pub(crate) notes: Vec<String>,
     /// How far topics are played ahead where there are no waits.
     pub(super) lead: Lead,
+    /// Transforms that never change, by topic and frame; of several for a frame the first.
+    pub(super) fixed: BTreeMap<String, BTreeMap<String, TransformStamped>>,
 }
 
 impl Clocks {
@@ -213,7 +216,11 @@ impl Clocks {
                 && !topic.latched
                 && !topic.name.ends_with("_static")
         };
-        recording.select(|topic| is_measured(topic) || is_clock(topic) || moves(topic));
+        let is_fixed = |topic: &Topic| {
+            wanted(topic) && topic.type_name == "tf2_msgs/TFMessage" && topic.name.ends_with("_static")
+        };
+        recording.select(|topic| is_measured(topic) || is_clock(topic) || moves(topic) || is_fixed(topic));
+        let mut fixed: BTreeMap<String, BTreeMap<String, TransformStamped>> = BTreeMap::new();
         let mut intervals: BTreeMap<usize, Intervals> = BTreeMap::new();
         let mut offsets: Vec<Offsets> = topics.iter().map(|_| Offsets::default()).collect();
         let mut numbers = vec![0; topics.len()];
@@ -222,6 +229,16 @@ impl Clocks {
             let topic = &topics[record.topic];
             if is_clock(topic) {
                 now = topic.decode::<Clock>(&record.bytes).ok().map(|clock| clock.clock).or(now);
+                continue;
+            }
+            if is_fixed(topic) {
+                let transforms = topic.decode::<TFMessage>(&record.bytes).unwrap_or_default().transforms;
+                let known = fixed.entry(topic.playable()).or_default();
+                for transform in transforms {
+                    if known.len() < MOST_KEPT {
+                        known.entry(transform.child_frame_id.clone()).or_insert(transform);
+                    }
+                }
                 continue;
             }
             if moves(topic) {
@@ -241,7 +258,7 @@ impl Clocks {
         }
         let measured: Vec<Option<Offset>> = offsets.into_iter().map(Offsets::finish).collect();
         check_same(path, &topics, &measured)?;
-        let mut clocks = Self::default();
+        let mut clocks = Self { fixed, ..Self::default() };
         if !has_clock {
             let lead = |(topic, offset): (usize, &Option<Offset>)| match intervals.get(&topic) {
                 Some(intervals) => intervals.lead(),

@@ -132,7 +132,7 @@ impl Source {
                 break;
             }
         }
-        if self.inputs.sets("data", "ts_length") && batches.iter().any(|batch| Facts::read(batch).complete) {
+        if self.inputs.is_cut() && batches.iter().any(|batch| Facts::read(batch).complete) {
             batches.retain(|batch| Facts::read(batch).complete);
         }
         if batches.is_empty() {
@@ -159,8 +159,7 @@ impl Source {
         // The whole recording is one batch, unless the recording or a flag says otherwise.
         bus.set_node_param("data", "ts_length", Value::Double(0.0));
         self.set_params(&bus);
-        let play =
-            Play::new(&bus, &mut self.recording, &self.inputs)?.in_order_of_stamps(&self.inputs.clocks);
+        let play = Play::new(&bus, &mut self.recording, &self.inputs)?.in_order_of_stamps()?;
         let seen = Seen::on(&bus)?;
         let nodes = Nodes::start(&bus, self.inputs.nodes);
         let bar = chart::bar("reading", 1000, quiet);

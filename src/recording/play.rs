@@ -18,6 +18,7 @@ use roscausal_msgs::{
     geometry_msgs::PoseStamped,
     nav_msgs::Odometry,
     rosgraph_msgs::Clock,
+    tf2_msgs::TFMessage,
 };
 use roscausal_recording::{Player, Record, Recording, Topic};
 
@@ -27,12 +28,21 @@ use super::{
     order::{InOrder, Lead},
 };
 
-/// A longer hole in a recording is shortened.
-const LONGEST_HOLE_NS: i64 = 3600 * 1_000_000_000;
-/// To this length.
-const AFTER_HOLE_NS: i64 = 1_000_000_000;
-/// What the human node calls its list of names, in diagnostics.
+/// After this time within a hole of a recording, nothing happens until its end.
+const AFTER_HOLE_NS: i64 = 60 * 1_000_000_000;
+/// A longer hole, of a month, is shortened to that.
+const LONGEST_HOLE_NS: i64 = 30 * 86_400 * 1_000_000_000;
+/// What the human node calls its list of names, and the numbers that seem to be of one person, in diagnostics.
 const NAMES: &str = "numbers of names";
+const CHANGED: &str = "numbers that changed";
+/// What the data node says of rows and sightings.
+const PER_ROW: &str = "sightings for 100 rows";
+const AHEAD: &str = "reach ahead of rows, 1/1000 of a step";
+/// With fewer sightings for each row, rows are closer than sightings, of which a few may be lost.
+const ENOUGH: f64 = 0.85;
+/// Rows that reach farther ahead make links at lag 0 in a recording of 1200 rows (`roscausal_core/examples/sightings.rs`). Steps.
+const FAR_AHEAD: f64 = 0.05;
+const SAID: [&str; 4] = [NAMES, CHANGED, PER_ROW, AHEAD];
 type Troubles = Arc<Mutex<BTreeMap<String, String>>>;
 
 /// A recording that is ready to be played. The bus's clock stands at its beginning.
@@ -47,6 +57,8 @@ pub(crate) struct Play<'a> {
     /// By topic: where the stamps are that are replaced by the time of recording.
     stamps: Vec<Option<Stamps>>,
     clocks: &'a Clocks,
+    /// Transforms that are true at all times, by topic; published before anything else.
+    fixed: Vec<(LoopbackPublisher<TFMessage>, TFMessage)>,
 
     /// The recording's own clock; it sets the time if there is one.
     clock: Option<usize>,
@@ -66,8 +78,8 @@ pub(crate) struct Played {
     unreadable: BTreeMap<String, (u64, String)>,
     losses: Vec<String>,
     troubles: Troubles,
-    /// Which number stands for which name of a person: `1 = anna`.
-    names: Arc<Mutex<String>>,
+    /// What the nodes say of people and their sightings, in the order of [`SAID`].
+    people: Arc<Mutex<[String; 4]>>,
 }
 
 /// Whether this topic carries the time of a simulation.
@@ -107,11 +119,14 @@ impl<'a> Play<'a> {
         let stamps: Vec<Option<Stamps>> = recording.topics().iter().map(stamps).collect();
         recording.select(|topic| inputs.plays(topic) || is_clock(topic) || inputs.plays_bytes(topic));
         let played = Played::default();
-        let (troubles, names) = (played.troubles.clone(), played.names.clone());
+        let (troubles, people) = (played.troubles.clone(), played.people.clone());
         let diagnostics = node.subscribe("/diagnostics", Qos::Volatile(10), move |m: DiagnosticArray| {
-            let told = m.status.iter().flat_map(|status| &status.values).find(|pair| pair.key == NAMES);
-            if let Some(told) = told.filter(|told| !told.value.is_empty()) {
-                lock(&names).clone_from(&told.value);
+            let told =
+                m.status.iter().flat_map(|status| &status.values).filter(|pair| !pair.value.is_empty());
+            for pair in told {
+                if let Some(place) = SAID.iter().position(|key| pair.key == *key) {
+                    lock(&people)[place].clone_from(&pair.value);
+                }
             }
             let mut troubles = lock(&troubles);
             for status in m.status.into_iter().filter(|status| status.level != DiagnosticStatus::OK) {
@@ -130,6 +145,7 @@ impl<'a> Play<'a> {
             raw,
             stamps,
             clocks: &inputs.clocks,
+            fixed: Vec::new(),
             clock,
             now: start,
             last: start,
@@ -139,10 +155,14 @@ impl<'a> Play<'a> {
         })
     }
 
-    /// Plays messages when they were due, not when they came, and slow transforms ahead.
-    pub(crate) fn in_order_of_stamps(mut self, clocks: &Clocks) -> Self {
-        self.recording = self.recording.with(clocks.lead.clone());
-        self
+    /// Plays messages when they were due, not when they came; slow transforms ahead, and those that are fixed at the beginning.
+    pub(crate) fn in_order_of_stamps(mut self) -> Result<Self> {
+        for (topic, transforms) in &self.clocks.fixed {
+            let publisher = self.node.advertise(topic, Qos::Latched)?;
+            self.fixed.push((publisher, TFMessage { transforms: transforms.values().cloned().collect() }));
+        }
+        self.recording = self.recording.with(self.clocks.lead.clone());
+        Ok(self)
     }
 
     /// Plays everything. `each` gets the progress (0 to 1) and the time of the bus, and ends the playing by
@@ -155,6 +175,10 @@ impl<'a> Play<'a> {
         let mut seen = -1.0;
         let topics = self.recording.recording().topics().to_vec();
         numbers.resize(topics.len(), 0);
+        for (publisher, message) in &self.fixed {
+            publisher.publish(message)?;
+            self.bus.settle();
+        }
         while let Some(mut record) = self.recording.next() {
             let topic = &topics[record.topic];
             let number = clocks::number(numbers, &record);
@@ -188,15 +212,21 @@ impl<'a> Play<'a> {
         Ok(self.played)
     }
 
-    /// Advances the bus's clock as far as the recording's has advanced: never back, and over no hole longer than an
-    /// hour.
+    /// Advances the bus's clock as far as the recording's has advanced: never back, and over no hole longer than a month.
     fn advance(&mut self, stamp: Time) {
         let step = stamp.as_nanos() - std::mem::replace(&mut self.last, stamp).as_nanos();
-        if step > 0 {
-            let step = if step > LONGEST_HOLE_NS { AFTER_HOLE_NS } else { step };
-            self.now = Time::from_nanos(self.now.as_nanos().saturating_add(step));
+        let after = |step: i64| Time::from_nanos(self.now.as_nanos().saturating_add(step));
+        let (begin, now) = match step {
+            ..=0 => (self.now, self.now),
+            ..=AFTER_HOLE_NS => (after(step), after(step)),
+            ..=LONGEST_HOLE_NS => (after(AFTER_HOLE_NS), after(step)),
+            _ => (after(AFTER_HOLE_NS), after(AFTER_HOLE_NS)),
+        };
+        self.now = now;
+        self.bus.advance_to(begin);
+        if now > begin {
+            self.bus.skip_to(now);
         }
-        self.bus.advance_to(self.now);
     }
 
     /// Publishes one message. A message that cannot be read is counted.
@@ -222,12 +252,42 @@ impl<'a> Play<'a> {
     }
 }
 
+/// What rows that are close, compared with sightings, mean for links at lag 0.
+fn of_rows((per_row, ahead): (f64, f64)) -> Option<String> {
+    let (per_row, ahead) = (per_row / 100.0, ahead / 1000.0);
+    if per_row > 0.0 && per_row < ENOUGH {
+        let times = 1.0 / per_row;
+        return Some(format!(
+            "there are {times:.1} rows for each sighting of a person, and what lies between sightings makes links at lag 0; a step (--dt) {times:.1} \
+             times as long has one for each row"
+        ));
+    }
+    (ahead > FAR_AHEAD).then(|| {
+        format!(
+            "rows lie between sightings and reach {:.0} % of a step ahead, so a link at lag 0 between a person and the robot may be false; a step \
+             (--dt) {:.1} times as long makes it 3 %, and --param data.sampling=hold uses no later sighting",
+            100.0 * ahead,
+            ahead / 0.03
+        )
+    })
+}
+
 impl Played {
     /// Reports on stderr what was lost.
     pub(crate) fn tell(&self, path: &Path) {
-        let names = lock(&self.names);
+        let [names, changed, per_row, ahead] = lock(&self.people).clone();
         if !names.is_empty() {
             crate::terminal::tell!("{}: people: {names}", path.display());
+        }
+        if !changed.is_empty() {
+            crate::terminal::tell!(
+                "note: {}: a new number of a person began where another had ended within 2 s ({changed}): probably the same person; --param \
+                 human.rejoin_time=2 joins them",
+                path.display()
+            );
+        }
+        if let Some(remark) = per_row.parse().ok().zip(ahead.parse().ok()).and_then(of_rows) {
+            crate::terminal::tell!("note: {}: {remark}", path.display());
         }
         for loss in &self.losses {
             crate::terminal::tell!("note: {loss}");

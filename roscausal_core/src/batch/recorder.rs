@@ -41,10 +41,10 @@ pub struct RecorderConfig {
     pub dt_s: f64,
     /// Length of a batch in seconds; `None`: until the end.
     pub ts_length_s: Option<f64>,
-    /// Two samples farther apart than this are a gap, and the rows between them are empty. Seconds.
+    /// Two samples farther apart than this are a gap, and the rows between them are empty; a held sample may be as old. Seconds.
     pub max_gap_s: f64,
-    /// Whether rows are real samples (the last one before each step) instead of interpolated values.
-    pub subsampling: bool,
+    /// Whether rows hold the newest sample that is not later instead of what lies between two samples.
+    pub hold: bool,
     /// The people to record.
     pub select: Select,
 }
@@ -110,6 +110,8 @@ pub struct Recorder {
     /// The rows since the last [`Recorder::take_rows`]; `None`: nobody wants them.
     fresh: Option<Vec<FreshRow>>,
     seen: BTreeSet<u32>,
+    /// Cells of people, and the sums of their intervals and of how far they reach ahead; nanoseconds.
+    spacing: (f64, [f64; 2]),
     counts: RecorderCounts,
 }
 
@@ -139,6 +141,7 @@ impl Recorder {
             log: None,
             fresh: None,
             seen: BTreeSet::new(),
+            spacing: (0.0, [0.0; 2]),
             counts: RecorderCounts::default(),
         }
     }
@@ -214,7 +217,7 @@ impl Recorder {
             dt_s: header.dt_s,
             ts_length_s: header.ts_length_s,
             max_gap_s: header.max_gap_s,
-            subsampling: header.subsampling,
+            hold: header.hold,
             select: header.sel_agent.parse()?,
         });
         recorder = recorder.with_signals(&header.signals);
@@ -418,6 +421,14 @@ impl Recorder {
         &self.counts
     }
 
+    /// Sightings of a person for each row, and how far rows reach ahead of their times, to the sightings after them, as a share of
+    /// the step; `None` before the first row of a person.
+    pub fn spacing(&self) -> Option<[f64; 2]> {
+        let (cells, [interval, ahead]) = self.spacing;
+        let step = cells * self.dt_ns as f64;
+        (cells > 0.0).then(|| [step / interval, if self.config.hold { 0.0 } else { ahead / step }])
+    }
+
     /// Why nothing is recorded, if nothing is.
     pub fn trouble(&self) -> Option<String> {
         if self.open.is_some() || self.newest_robot.is_none() || self.newest_people.is_none() {
@@ -517,7 +528,7 @@ impl Recorder {
             dt_s: self.config.dt_s,
             ts_length_s: self.config.ts_length_s,
             max_gap_s: self.config.max_gap_s,
-            subsampling: self.config.subsampling,
+            hold: self.config.hold,
             sel_agent: self.config.select.to_string(),
             frame: self.frame.clone().unwrap_or_default(),
             next_row_ns: next_row,

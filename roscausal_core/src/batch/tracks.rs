@@ -197,22 +197,24 @@ impl Track {
     }
 
     /// The values at `t`: those of a sample at `t`, or interpolated between two samples at most `max_gap` apart.
-    /// With `hold`, those of the last sample instead of interpolated ones.
+    /// With `hold`, those of the last sample that is not later, if it is at most `max_gap` old.
     pub(super) fn at(&self, t: i64, max_gap: i64, hold: bool) -> Option<Values> {
-        let after = self.samples.partition_point(|(stamp, _)| *stamp < t);
-        let next = self.samples.get(after);
-        if let Some((stamp, values)) = next
-            && *stamp == t
-        {
-            return Some(*values);
-        }
+        let after = self.samples.partition_point(|(stamp, _)| *stamp <= t);
         let (t0, before) = self.samples.get(after.checked_sub(1)?)?;
-        let (t1, next) = next?;
-        if t1 - t0 > max_gap {
-            return None;
+        if *t0 == t || hold {
+            return (t - t0 <= max_gap).then_some(*before);
         }
-        let share = if hold { 0.0 } else { (t - t0) as f64 / (t1 - t0) as f64 };
-        Some(before.towards(next, share))
+        let (t1, next) = self.samples.get(after)?;
+        (t1 - t0 <= max_gap).then(|| before.towards(next, (t - t0) as f64 / (t1 - t0) as f64))
+    }
+
+    /// How far apart the samples are between which a value at `t` lies, and how far it reaches ahead of `t`: the share of the later one
+    /// times how much later that is. Nanoseconds.
+    pub(super) fn spacing(&self, t: i64) -> Option<[f64; 2]> {
+        let after = self.samples.partition_point(|(stamp, _)| *stamp <= t);
+        let (t0, t1) = (self.samples.get(after.checked_sub(1)?)?.0, self.samples.get(after)?.0);
+        let [past, ahead] = [t - t0, t1 - t].map(|nanos| nanos as f64);
+        Some([past + ahead, past * ahead / (past + ahead)])
     }
 
     /// Drops what no row at `t` or later needs. Returns whether any sample is left that such a row may need.
@@ -255,7 +257,10 @@ mod tests {
         let near_end = track.at(199, 100, false).expect("between");
         assert!((near_end.theta + 3.0).abs() < 0.01);
         assert_eq!(track.at(200, 100, false).expect("a sample").gx, 6.0);
+        assert_eq!((track.spacing(150), track.spacing(100)), (Some([100.0, 25.0]), Some([100.0, 0.0])));
         assert_eq!(track.at(150, 100, true).expect("held").x, 1.0);
+        assert_eq!(track.at(300, 100, true).expect("the last one").x, 2.0);
+        assert!(track.at(301, 100, true).is_none() && track.at(99, 100, true).is_none());
     }
 
     #[test]

@@ -245,10 +245,13 @@ fn report<M: Middleware>(
         return;
     }
     let (counts, status, journal) = (recorder.counts(), writer.status(), writer.journal_status());
+    let [per_row, ahead] = recorder.spacing().unwrap_or_default();
     let figures = [
         ("rows recorded", counts.rows),
         ("rows of the open batch", recorder.progress().0 as u64),
         ("rows of a batch", recorder.progress().1.unwrap_or(0) as u64),
+        ("sightings for 100 rows", (100.0 * per_row).round() as u64),
+        ("reach ahead of rows, 1/1000 of a step", (1000.0 * ahead).round() as u64),
         ("batches written", status.written),
         ("batches post-processed", status.processed),
         ("post-processings failed", status.failed),

@@ -61,16 +61,17 @@ pub(super) fn specs() -> Vec<ParamSpec> {
         .live(),
         ParamSpec::of_data("dt", Double(0.1), Range(0.001, 60.0), "step between rows in seconds"),
         ParamSpec::of_data(
-            "subsampling",
-            Bool(false),
-            Any,
-            "rows are real samples, the last before each step; false: rows are interpolated",
+            "sampling",
+            text("linear"),
+            OneOf(&["linear", "hold"]),
+            "what a row holds: linear: what lies between the samples before and after it; hold: the newest sample that is not later",
         ),
+        ParamSpec::of_data("subsampling", Bool(false), Any, "older name: true is the sampling hold"),
         ParamSpec::of_data(
             "max_gap",
             Double(0.5),
             Range(0.001, 60.0),
-            "samples farther apart than this are a gap, seconds",
+            "samples farther apart than this are a gap; the largest age of a held sample; seconds",
         ),
         ParamSpec::new("id_format", text("%Y%m%d_%H%M%S"), Any, "strftime format of a batch's id, UTC"),
         ParamSpec::new("csv_prefix", text("data_"), Any, "prefix of the batches' file names"),
@@ -190,7 +191,8 @@ pub(super) fn recorder(params: &Params) -> Result<RecorderConfig> {
     };
     let select: Select =
         params.text("sel_agent").parse().map_err(|reason| Error::param("sel_agent", reason))?;
-    Ok(RecorderConfig { dt_s, ts_length_s, max_gap_s, subsampling: params.flag("subsampling"), select })
+    let hold = params.text("sampling") == "hold" || params.flag("subsampling");
+    Ok(RecorderConfig { dt_s, ts_length_s, max_gap_s, hold, select })
 }
 
 /// The signals to record.

@@ -28,13 +28,13 @@ use crate::{
     },
 };
 
-/// Messages per second.
-const RATE_HZ: f64 = 10.0;
+/// If stamps of a frame go back by more than this, the clock has jumped. Seconds.
+const JUMP_S: f64 = 1.0;
 /// Topics of ROS4HRI (REP-155): who is tracked, and the beginning of the names of their frames, the better first.
 const ROS4HRI: [(&str, &str); 2] =
     [("/humans/persons/tracked", "person_"), ("/humans/bodies/tracked", "body_")];
-/// Messages between two reads of the goal parameter.
-const GOAL_EVERY: u64 = 10;
+/// Seconds between two reads of the goal parameter.
+const GOAL_EVERY_S: f64 = 1.0;
 
 enum Event {
     People(usize, Time, Vec<(Who, Sighting)>),
@@ -225,9 +225,10 @@ pub(super) async fn human_task<M: Middleware>(mw: &M) -> Result<()> {
         tracker.identities.names.number(name);
     }
     let mut frames = Frames::new(&params.text("people_frames"));
-    let (mut due, mut reports, mut published, mut unstamped) = (mw.now(), 0_u64, Time::ZERO, 0_u64);
+    let (mut goal_due, mut published, mut unstamped) = (mw.now(), Time::ZERO, 0_u64);
     loop {
-        match inbox.awaited(mw, Some(due.min(health.due()))).await {
+        let due = if goal_param.is_some() { goal_due.min(health.due()) } else { health.due() };
+        match inbox.awaited(mw, Some(due)).await {
             Next::Shutdown => return Ok(()),
             Next::Event(Event::People(input, stamp, people)) => {
                 health.heard(input, mw.now());
@@ -257,37 +258,38 @@ pub(super) async fn human_task<M: Middleware>(mw: &M) -> Result<()> {
         }
         let now = mw.now();
         // A clock that jumped back must not silence the node.
-        due = due.min(now.plus_secs(1.0 / RATE_HZ));
-        if now >= due {
-            due = now.plus_secs(1.0 / RATE_HZ);
-            if let (Some(spec), 0) = (&goal_param, reports % GOAL_EVERY)
-                // A parameter server that is down must not end the node.
-                && let Some(goal) = mw.param(spec).ok().flatten().and_then(|value| point(&value))
-            {
+        goal_due = goal_due.min(now.plus_secs(GOAL_EVERY_S));
+        if let Some(spec) = goal_param.as_ref().filter(|_| now >= goal_due) {
+            goal_due = now.plus_secs(GOAL_EVERY_S);
+            // A parameter server that is down must not end the node.
+            if let Some(goal) = mw.param(spec).ok().flatten().and_then(|value| point(&value)) {
                 tracker.goal(goal);
             }
-            reports += 1;
-            if ros4hri {
-                frames.take(&mut tracker, published);
+        }
+        if ros4hri {
+            frames.take(&mut tracker, timeout);
+        }
+        let first = |people: &[HumanState]| select.of(people, robot.as_ref()).into_iter().next();
+        let about = |people: &[HumanState]| first(people).map(|person| person.id);
+        // Every sighting is published, and that nobody is seen any more.
+        let aged = |tracker: &mut PeopleTracker, published| {
+            (tracker.newest() != published).then(|| tracker.people(about))
+        };
+        while let Some(people) = tracker.next(about).or_else(|| aged(&mut tracker, published)) {
+            published = tracker.newest();
+            if let Some(person) = first(&people.humans) {
+                selected.publish(&person)?;
             }
-            // The same sightings again are not published again.
-            if tracker.newest() != published {
-                let first = |people: &[HumanState]| select.of(people, robot.as_ref()).into_iter().next();
-                let about = |people: &[HumanState]| first(people).map(|person| person.id);
-                let people = tracker.people(about);
-                published = people.header.stamp;
-                if let Some(person) = first(&people.humans) {
-                    selected.publish(&person)?;
-                }
-                everybody.publish(&people)?;
-                health.sent();
-            }
+            everybody.publish(&people)?;
+            health.sent();
         }
         let figures = || {
             [
                 ("no transform in time", tracker.without_transform.to_string()),
                 ("without stamp", unstamped.to_string()),
+                ("seen twice at one stamp", tracker.repeated.to_string()),
                 ("numbers of names", tracker.identities.names.told()),
+                ("numbers that changed", tracker.identities.changed()),
                 (
                     "not readable",
                     readers.iter().map(|(_, reader)| reader.unreadable()).sum::<u64>().to_string(),
@@ -463,6 +465,8 @@ struct Frames {
     pattern: Option<(String, String)>,
     /// Those who are tracked, until the next list, by the beginning of their frames' names.
     tracked: BTreeMap<&'static str, BTreeSet<String>>,
+    /// The last stamp of each frame that was taken for a sighting.
+    taken: BTreeMap<String, Time>,
 }
 
 impl Frames {
@@ -474,6 +478,7 @@ impl Frames {
         Self {
             pattern: Some(pattern.trim()).filter(|text| !text.is_empty()).map(split),
             tracked: BTreeMap::new(),
+            taken: BTreeMap::new(),
         }
     }
 
@@ -491,25 +496,35 @@ impl Frames {
         })
     }
 
-    /// Hands the frames that moved since then to the tracker. Persons count before bodies. Without a pattern only those on a list
-    /// count: a frame outlives the person, and who is not on the list is not tracked.
-    fn take(&self, tracker: &mut PeopleTracker, since: Time) {
+    /// Hands the frames that moved since the last call to the tracker, unless they are older than `timeout_s`. Persons count before
+    /// bodies. Without a pattern only those on a list count: a frame outlives the person, and who is not on the list is not tracked.
+    fn take(&mut self, tracker: &mut PeopleTracker, timeout_s: f64) {
         let kinds: Vec<(&str, &str)> = match &self.pattern {
             Some((start, end)) => vec![(start, end)],
             None => ROS4HRI.map(|(_, start)| (start, "")).to_vec(),
         };
+        let recent = tracker.newest().plus_secs(-timeout_s);
         for (start, end) in kinds {
             let listed = self.tracked.get(start);
             let counts = |id: &str| self.pattern.is_some() || listed.is_some_and(|ids| ids.contains(id));
-            let mut any = self.pattern.is_none() && listed.is_some_and(|ids| !ids.is_empty());
-            for (name, stamp) in tracker.tf.frames_with_prefix(start, since) {
+            let any = listed.is_some_and(|ids| !ids.is_empty());
+            let mut moved: BTreeMap<Time, Vec<(Who, Sighting)>> = BTreeMap::new();
+            for (name, stamp) in tracker.tf.frames_with_prefix(start) {
                 let id = name.strip_prefix(start).and_then(|rest| rest.strip_suffix(end));
                 let Some(id) = id.filter(|id| !id.is_empty() && counts(id)) else { continue };
-                any = true;
                 let who = Who::Name(id.to_owned());
-                let header = Header { stamp, frame_id: name.clone() };
-                tracker.message(stamp, vec![(who, Sighting { header, ..Sighting::default() })]);
+                let is_new = match self.taken.get(&name) {
+                    // The clock may have jumped back.
+                    Some(last) => (stamp > *last && stamp >= recent) || last.secs_since(stamp) > JUMP_S,
+                    None => stamp >= recent,
+                };
+                if is_new {
+                    self.taken.insert(name.clone(), stamp);
+                    let header = Header { stamp, frame_id: name };
+                    moved.entry(stamp).or_default().push((who, Sighting { header, ..Sighting::default() }));
+                }
             }
+            moved.into_iter().for_each(|(stamp, people)| tracker.message(stamp, people));
             if any {
                 return;
             }

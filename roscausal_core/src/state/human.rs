@@ -73,12 +73,16 @@ pub struct PeopleTracker {
     /// Goals that were given, by person.
     goals: BTreeMap<u32, Point>,
     newest: Time,
+    /// Sightings of the last message that are older than what is known of the same people.
+    older: Vec<HumanState>,
     /// Messages that wait for a transform, how many people are in them, and the stamp of the newest that no longer waits.
     waiting: VecDeque<Message>,
     people_waiting: usize,
     placed: Time,
     /// Sightings left out because no transform came in time.
     pub without_transform: u64,
+    /// Sightings left out because the person was already seen at that stamp: the first one counts.
+    pub repeated: u64,
     /// Frames of people and map.
     pub tf: TfBuffer,
     /// Why the last sighting was left out, if it was.
@@ -100,10 +104,12 @@ impl PeopleTracker {
             goal: None,
             goals: BTreeMap::new(),
             newest: Time::ZERO,
+            older: Vec::new(),
             waiting: VecDeque::new(),
             people_waiting: 0,
             placed: Time::ZERO,
             without_transform: 0,
+            repeated: 0,
             tf: TfBuffer::default(),
             trouble: None,
         }
@@ -118,6 +124,7 @@ impl PeopleTracker {
     /// Adds a sighting of somebody whose number is known. It waits for its transform if that is late.
     pub fn sighting(&mut self, sighting: Sighting) {
         self.message(sighting.header.stamp, vec![(Who::Number(sighting.id), sighting)]);
+        while self.advance() {}
     }
 
     /// Adds the people of a message, whose ids follow from who they are and where in the target frame. They wait for their
@@ -132,29 +139,35 @@ impl PeopleTracker {
             self.people_waiting -= oldest.people.len();
             self.without_transform += oldest.people.len() as u64;
         }
-        self.settle();
     }
 
     /// Adds transforms (`fixed`: from `/tf_static`). Sightings may have waited for them.
     pub fn transforms(&mut self, message: &TFMessage, fixed: bool) {
         self.tf.insert(message, fixed);
-        self.settle();
     }
 
-    fn settle(&mut self) {
-        while let Some(Message { stamp, people }) = self.waiting.front() {
-            let waited = self.newest.secs_since(*stamp);
-            let may_come = |(_, Sighting { header, .. }): &(Who, Sighting)| {
-                self.tf.may_come(&self.target_frame, self.frame(header), header.stamp)
-            };
-            if waited < TF_WAIT_S && people.iter().any(may_come) {
-                return;
-            }
-            let Some(Message { stamp, people }) = self.waiting.pop_front() else { return };
-            self.people_waiting -= people.len();
-            self.placed = self.placed.max(stamp);
-            self.place(stamp, people);
+    /// The people after the oldest message that need not wait any longer; `None` if there is none. So no sighting is passed over:
+    /// one that is older than what is known of the person is there once, with its own stamp. `about` as in [`Self::people`].
+    pub fn next(&mut self, about: impl FnOnce(&[HumanState]) -> Option<u32>) -> Option<Humans> {
+        self.advance().then(|| self.there(about))
+    }
+
+    /// Takes in the oldest message that need not wait any longer; false if there is none.
+    fn advance(&mut self) -> bool {
+        self.older.clear();
+        let Some(Message { stamp, people }) = self.waiting.front() else { return false };
+        let waited = self.newest.secs_since(*stamp);
+        let may_come = |(_, Sighting { header, .. }): &(Who, Sighting)| {
+            self.tf.may_come(&self.target_frame, self.frame(header), header.stamp)
+        };
+        if waited < TF_WAIT_S && people.iter().any(may_come) {
+            return false;
         }
+        let Some(Message { stamp, people }) = self.waiting.pop_front() else { return false };
+        self.people_waiting -= people.len();
+        self.placed = self.placed.max(stamp);
+        self.place(stamp, people);
+        true
     }
 
     fn frame<'a>(&'a self, header: &'a Header) -> &'a str {
@@ -195,11 +208,22 @@ impl PeopleTracker {
     /// Everybody who was seen lately, in ascending order of id, with the stamp of the newest message. `about` picks
     /// the person whose goal was given from outside; a goal from the tracker itself takes precedence.
     pub fn people(&mut self, about: impl FnOnce(&[HumanState]) -> Option<u32>) -> Humans {
+        while self.advance() {}
+        self.there(about)
+    }
+
+    fn there(&mut self, about: impl FnOnce(&[HumanState]) -> Option<u32>) -> Humans {
         let (newest, timeout) = (self.newest(), self.timeout_s);
         self.people.retain(|_, person| newest.secs_since(person.header.stamp) <= timeout);
         let people = &self.people;
         self.motions.retain(|id, _| people.contains_key(id));
         let mut humans: Vec<HumanState> = self.people.values().cloned().collect();
+        for older in self.older.drain(..) {
+            humans
+                .iter_mut()
+                .filter(|person| person.id == older.id)
+                .for_each(|person| *person = older.clone());
+        }
         for person in humans.iter_mut().filter(|person| !is_known(&person.goal)) {
             if let Some(goal) = self.goals.get(&person.id).filter(|goal| is_known(goal)) {
                 person.goal = *goal;
@@ -266,7 +290,14 @@ impl PeopleTracker {
 
     fn take(&mut self, id: u32, sighting: Sighting, mut pose2d: Pose2D) {
         let stamp = sighting.header.stamp;
-        if self.people.get(&id).is_some_and(|known| known.header.stamp > stamp) {
+        let known = self.people.get(&id).map(|known| known.header.stamp);
+        if known == Some(stamp) {
+            self.repeated += 1;
+            return;
+        }
+        let is_older = known.is_some_and(|known| known > stamp);
+        if is_older && sighting.twist.is_none() {
+            // The filter of velocities does not go back.
             return;
         }
         let twist = sighting.twist.unwrap_or_else(|| {
@@ -278,18 +309,19 @@ impl PeopleTracker {
         });
         let header = Header { stamp, frame_id: self.target_frame.clone() };
         let goal = sighting.goal.unwrap_or_else(unknown);
-        self.people.insert(id, HumanState { header, id, pose2d, twist, goal });
+        let state = HumanState { header, id, pose2d, twist, goal };
+        if is_older {
+            self.older.push(state);
+        } else {
+            self.people.insert(id, state);
+        }
     }
 
     /// How fast somebody is whose tracker does not tell. One sighting does not tell it either.
     fn velocity(&mut self, id: u32, stamp: Time, place: [f64; 2]) -> Twist {
         let known = self.people.contains_key(&id);
         let velocity = match self.motions.get_mut(&id).filter(|_| known) {
-            Some(motion) => match motion.seen(stamp, place) {
-                Some(velocity) => Some(velocity),
-                // The same moment again.
-                None => return self.people.get(&id).map_or_else(unknown_velocity, |person| person.twist),
-            },
+            Some(motion) => motion.seen(stamp, place),
             None => {
                 self.motions.insert(id, Motion::new(stamp, place, self.noise_m));
                 None
@@ -400,6 +432,26 @@ mod tests {
         let person = tracker.people(first).humans.remove(0);
         assert!((person.twist.linear.x + 1.0).abs() < 1e-9);
         assert!((person.pose2d.theta.abs() - std::f64::consts::PI).abs() < 1e-9);
+    }
+
+    #[test]
+    fn no_sighting_is_passed_over_and_the_first_of_a_stamp_counts() {
+        let walking = |secs: f64, x: f64| Sighting { twist: Some(Twist::default()), ..seen(1, secs, x) };
+        let mut tracker = PeopleTracker::new("map", "map", 1.0);
+        for (secs, x) in [(1.0, 1.0), (1.04, 2.0), (1.04, 9.0), (1.02, 1.5), (1.06, 3.0)] {
+            let sighting = walking(secs, x);
+            tracker.message(sighting.header.stamp, vec![(Who::Number(1), sighting)]);
+        }
+        let mut told = Vec::new();
+        while let Some(people) = tracker.next(first) {
+            let person = &people.humans[0];
+            told.push((person.header.stamp, person.pose2d.x));
+        }
+        let at = Time::from_secs_f64;
+        let expected = [(1.0, 1.0), (1.04, 2.0), (1.04, 2.0), (1.02, 1.5), (1.06, 3.0)];
+        assert_eq!(told, expected.map(|(secs, x)| (at(secs), x)));
+        assert_eq!(tracker.repeated, 1);
+        assert_eq!(tracker.people(first).humans[0].pose2d.x, 3.0);
     }
 
     #[test]

@@ -7,6 +7,8 @@ use roscausal_msgs::{Time, geometry_msgs::Point};
 
 /// Names or tracks that are remembered.
 const MOST: usize = 4096;
+/// Where numbers are not joined, changes of numbers are looked for within this time. Seconds.
+const WATCHED_S: f64 = 2.0;
 /// Somebody may be this much farther away for each second since the last sighting. Metres per second.
 const FASTEST: f64 = 2.0;
 
@@ -81,15 +83,29 @@ pub struct Identities {
     pub names: Names,
     tracks: Tracks,
     lost: Lost,
+    /// Whether a new number near somebody who was lost becomes hers.
+    rejoins: bool,
 }
 
 impl Identities {
     /// Nobody is known yet.
     pub fn new(gates: Gates) -> Self {
+        let rejoins = gates.rejoin_s > 0.0;
+        let rejoin_s = if rejoins { gates.rejoin_s } else { WATCHED_S };
         Self {
             names: Names::default(),
             tracks: Tracks::new(gates.metres, gates.keep_s),
-            lost: Lost { gate_m: gates.metres, rejoin_s: gates.rejoin_s, ..Lost::default() },
+            lost: Lost { gate_m: gates.metres, rejoin_s, ..Lost::default() },
+            rejoins,
+        }
+    }
+
+    /// Where numbers are not joined: how often a new one began where another had ended within two seconds, and the first such pair;
+    /// empty if never.
+    pub fn changed(&self) -> String {
+        match self.lost.first.filter(|_| !self.rejoins) {
+            Some((old, new)) => format!("{}, the first: {new} where {old} was", self.lost.changes),
+            None => String::new(),
         }
     }
 
@@ -110,7 +126,8 @@ impl Identities {
         };
         let ids: Vec<u32> = people.iter().map(id).collect();
         let places: Vec<Point> = people.iter().map(|(_, place)| *place).collect();
-        if self.lost.rejoin_s > 0.0 { self.lost.found(stamp, &ids, &places) } else { ids }
+        let found = self.lost.found(stamp, &ids, &places);
+        if self.rejoins { found } else { ids }
     }
 }
 
@@ -119,6 +136,9 @@ impl Identities {
 struct Lost {
     gate_m: f64,
     rejoin_s: f64,
+    /// How often somebody was found again under another number, and the first time: as whom, and under which.
+    changes: u64,
+    first: Option<(u32, u32)>,
     /// The person behind each number of the tracker.
     person: BTreeMap<u32, u32>,
     /// When and where each person was seen last.
@@ -152,7 +172,9 @@ impl Lost {
         pairs.sort_by(|a, b| a.0.total_cmp(&b.0).then((a.1, a.2).cmp(&(b.1, b.2))));
         for (_, place, person) in pairs {
             if people[place].is_none() && here.insert(person) {
-                tracing::info!("person {person} was lost and is found again as {}", numbers[place]);
+                tracing::debug!("person {person} was lost and is found again as {}", numbers[place]);
+                self.changes += 1;
+                self.first.get_or_insert((person, numbers[place]));
                 people[place] = Some(person);
             }
         }
@@ -197,10 +219,11 @@ impl Tracks {
 
     /// The ids of the people at these places, seen at the same time. The nearest pairs of track and place are joined first.
     pub fn ids(&mut self, stamp: Time, places: &[Point]) -> Vec<u32> {
-        self.tracks.retain(|(_, seen, _)| (0.0..=self.keep_s).contains(&stamp.secs_since(*seen)));
+        // A message may come out of order.
+        self.tracks.retain(|(_, seen, _)| stamp.secs_since(*seen).abs() <= self.keep_s);
         let mut pairs = Vec::new();
         for (track, (_, seen, at)) in self.tracks.iter().enumerate() {
-            let gate = self.gate_m + FASTEST * stamp.secs_since(*seen);
+            let gate = self.gate_m + FASTEST * stamp.secs_since(*seen).abs();
             for (place, point) in places.iter().enumerate() {
                 let distance = (point.x - at.x).hypot(point.y - at.y);
                 if distance <= gate {
@@ -217,8 +240,11 @@ impl Tracks {
         }
         let seen = places.iter().zip(of_place).map(|(point, track)| match track {
             Some(track) => {
-                self.tracks[track] = (self.tracks[track].0, stamp, *point);
-                self.tracks[track].0
+                let (id, seen, _) = self.tracks[track];
+                if stamp >= seen {
+                    self.tracks[track] = (id, stamp, *point);
+                }
+                id
             }
             None => {
                 while self.taken.contains(&self.next) {
@@ -291,6 +317,10 @@ mod tests {
         let mut off = rejoining(0.0);
         off.ids(secs(1.0), &two);
         assert_eq!(off.ids(secs(2.0), &later), [9, 5], "without the option, a new number is a new person");
+        assert_eq!(
+            (off.changed().as_str(), identities.changed().as_str()),
+            ("1, the first: 9 where 4 was", "")
+        );
     }
 
     #[test]

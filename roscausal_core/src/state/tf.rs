@@ -141,13 +141,11 @@ impl TfBuffer {
         Ok(Point { x: point.x, y: point.y, z: point.z })
     }
 
-    /// Names of the frames that start with `prefix` and have a pose at or after `since`.
-    pub fn frames_with_prefix(&self, prefix: &str, since: Time) -> Vec<(String, Time)> {
+    /// Names of the frames that start with `prefix`, each with the stamp of its newest pose.
+    pub fn frames_with_prefix(&self, prefix: &str) -> Vec<(String, Time)> {
         let stamp = |frame: &Frame| frame.places.back().map(|(stamp, _)| *stamp);
-        let recent = self.frames.iter().filter(|(name, _)| name.starts_with(prefix));
-        recent
-            .filter_map(|(name, frame)| Some((name.clone(), stamp(frame).filter(|s| *s >= since)?)))
-            .collect()
+        let named = self.frames.iter().filter(|(name, _)| name.starts_with(prefix));
+        named.filter_map(|(name, frame)| Some((name.clone(), stamp(frame)?))).collect()
     }
 
     fn to_root<'a>(&'a self, name: &'a str, stamp: Time) -> Result<(&'a str, Isometry3<f64>), String> {

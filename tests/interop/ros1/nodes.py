@@ -5,6 +5,7 @@ import csv
 import glob
 import math
 import os
+import random
 import signal
 import subprocess
 import sys
@@ -364,6 +365,39 @@ def an_unknown_parameter_and_a_forbidden_value_are_told(_):
         assert refused.ended() == 2, refused.text
         told = [line for line in refused.lines if "parameter 'dt': 0 is not allowed; give a number from 0.001 to 60" in line]
         assert len(told) == 1, refused.text
+
+
+@case
+def every_sighting_of_a_jittering_tracker_counts_in_the_batch(_):
+    out = [rospy.Publisher("/mobile_base_controller/odom", Odometry, queue_size=10),
+           rospy.Publisher("/robot_pose", PoseWithCovarianceStamped, queue_size=10),
+           rospy.Publisher("/ped/control/teleop_persons", TrackedPersons, queue_size=10)]
+    seen, random_, folder = [], random.Random(1), tempfile.mkdtemp(dir=os.environ.get("ROSCAUSAL_WORK"), prefix="jitter-")
+
+    def robot(stamp):
+        out[0].publish(odometry(stamp))
+        out[1].publish(pose(stamp))
+
+    def track(_):
+        time.sleep(random_.uniform(0, 0.02))
+        stamp = rospy.Time.now()
+        seen.append((stamp.to_sec(), 0.5 + random_.uniform(0, 0.5)))
+        out[2].publish(person(stamp, [(1000, 3.0, 4.0, seen[-1][1])]))
+    given = ["_data_dir:=" + folder, "_pp_data_dir:=%s/pp" % folder, "_ts_length:=6"]
+    with node("robot"), node("human"), node("data", *given) as data, Publishing(50, robot), Publishing(12, track):
+        path = eventually(lambda: glob.glob(folder + "/data_*.csv"), 40, lambda: "a batch\n" + data.text)[0]
+    with open(path, newline="") as file:
+        rows = [(float(row["time"]), float(row["h_1000_v"] or "nan")) for row in csv.DictReader(file)]
+    off = 0
+    for t, v in rows:
+        after = next(k for k, (stamp, _) in enumerate(seen) if stamp > t)
+        (t0, v0), (t1, v1) = seen[after - 1], seen[after]
+        off += not abs(v - (v0 + (v1 - v0) * (t - t0) / (t1 - t0))) < 1e-4
+    # The connections of the first second may not be there yet.
+    assert len(rows) == 60 and off <= 2, "%d of %d rows are not what the tracker said" % (off, len(rows))
+    for publisher in out:
+        publisher.unregister()
+    return "%d sightings, %d of %d rows off" % (len(seen), off, len(rows))
 
 
 @case

@@ -6,6 +6,7 @@ import glob
 import json
 import math
 import os
+import random
 import re
 import signal
 import sys
@@ -214,6 +215,39 @@ def people_their_goal_parameter_and_an_empty_list():
             places.append((9.0, 9.0))
             ros.until(lambda: any(m.pose2d.x == 9 for m in selected), 10, "the person again")
         assert program.process.poll() is None
+
+
+@test
+def every_sighting_of_a_jittering_tracker_counts_in_the_batch():
+    places, seen = random.Random(1), []
+    with tempfile.TemporaryDirectory() as folder, Ros() as ros:
+        human = node("human", "-p", "people_topic:=/faces", "-p", "people_type:=auto", "-p", "sel_agent:='0'")
+        data = node("data", "-p", f"data_dir:={folder}/raw", "-p", f"pp_data_dir:={folder}/pp", "-p", "ts_length:=6.0", "-p", "sel_agent:='0'")
+        with human, data, node("robot", "-p", "odom_topic:=/o", "-p", "pose_topic:=/p"):
+            odom = ros.node.create_publisher(Odometry, "/o", 10)
+            poses = ros.node.create_publisher(PoseWithCovarianceStamped, "/p", 10)
+            faces = ros.node.create_publisher(PoseArray, "/faces", 10)
+
+            def track():
+                time.sleep(places.uniform(0, 0.02))
+                stamp = ros.node.get_clock().now().to_msg()
+                seen.append((stamp.sec + 1e-9 * stamp.nanosec, 3.0 + places.uniform(0, 0.3)))
+                faces.publish(people(stamp, (seen[-1][1], 4.0)))
+
+            timer = ros.node.create_timer(1 / 12, track)
+            with Sending(ros, lambda stamp: (odom.publish(odometry(stamp)), poses.publish(pose(stamp)))):
+                ros.until(lambda: glob.glob(f"{folder}/raw/data_*.csv"), 40, "a batch")
+            ros.node.destroy_timer(timer)
+        with open(sorted(glob.glob(f"{folder}/raw/data_*.csv"))[0]) as file:
+            rows = [(float(row["time"]), float(row["h_0_x"] or "nan")) for row in csv.DictReader(file)]
+    off = 0
+    for t, x in rows:
+        after = next(k for k, (stamp, _) in enumerate(seen) if stamp > t)
+        (t0, x0), (t1, x1) = seen[after - 1], seen[after]
+        off += not abs(x - (x0 + (x1 - x0) * (t - t0) / (t1 - t0))) < 1e-4
+    # The connections of the first second may not be there yet.
+    assert len(rows) == 60 and off <= 2, f"{off} of {len(rows)} rows are not what the tracker said"
+    return f"{len(seen)} sightings, {off} of {len(rows)} rows off"
 
 
 @test

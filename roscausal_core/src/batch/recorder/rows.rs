@@ -16,7 +16,7 @@ use crate::batch::{
 impl Recorder {
     /// Writes the row at this stamp, in nanoseconds, to the open batch, or opens one if there is anything to begin with.
     pub(super) fn record(&mut self, row: i64) {
-        let (max_gap, hold) = (self.max_gap_ns, self.config.subsampling);
+        let (max_gap, hold) = (self.max_gap_ns, self.config.hold);
         let robot = self.robot.at(row, max_gap, hold);
         let people: Vec<(u32, Values)> =
             self.people.iter().filter_map(|(id, track)| Some((*id, track.at(row, max_gap, hold)?))).collect();
@@ -45,6 +45,12 @@ impl Recorder {
             ended_by: None,
             length_s: None,
         });
+        for [interval, ahead] in people.iter().filter_map(|(id, _)| self.people.get(id)?.spacing(row)) {
+            let (cells, [intervals, all_ahead]) = &mut self.spacing;
+            *cells += 1.0;
+            *intervals += interval;
+            *all_ahead += ahead;
+        }
         let n_rows = open.robot.len();
         open.robot.push(robot.unwrap_or(Values::UNKNOWN));
         for (id, values) in &people {

@@ -24,7 +24,7 @@ fn recorded(finish: bool) -> (Vec<(Recording, Option<u64>)>, Vec<journal::Entry>
         dt_s: 0.1,
         ts_length_s: Some(1.0),
         max_gap_s: 0.2,
-        subsampling: false,
+        hold: false,
         select: Select::All,
     })
     .with_journal(5);
