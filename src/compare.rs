@@ -43,10 +43,23 @@ pub(crate) fn run(args: &Args) -> Result<()> {
     for line in settings(&a, &b) {
         terminal::say!("{line}");
     }
+    let names = |model: &Model| -> Vec<String> {
+        model.features.iter().chain(&model.dropped).map(|name| plain(name)).collect()
+    };
+    for (name, here, there) in [(&first, names(&a), names(&b)), (&second, names(&b), names(&a))] {
+        let only: Vec<String> = here.into_iter().filter(|variable| !there.contains(variable)).collect();
+        if !only.is_empty() {
+            terminal::say!("variables only in {name}: {}", only.join(", "));
+        }
+    }
     terminal::say!("{} links in both", difference.both.len());
     for (in_a, in_b) in &difference.both {
+        let turned = match (in_a.value, in_b.value) {
+            (Some(one), Some(other)) if one * other < 0.0 => ", of opposite sign",
+            _ => "",
+        };
         terminal::say!(
-            "  {} -> {} at lag {}: {}, {}",
+            "  {} -> {} at lag {}: {}, {}{turned}",
             plain(&in_a.cause),
             plain(&in_a.effect),
             in_a.lag,

@@ -1,5 +1,6 @@
 //! `roscausal discover`: from CSV files or recordings to a causal model.
 
+mod aside;
 mod changes;
 mod condition;
 mod estimate;
@@ -28,7 +29,7 @@ use roscausal_core::{
     },
 };
 use roscausal_discovery::{
-    AboutData, Choice, DataFrame, Evidence, Fault, Model, Named, Settings,
+    AboutData, Choice, DataFrame, Evidence, Fault, Levelled, Model, Named, Settings,
     confidence::{ResampleGraph, Resampled, set_step},
 };
 
@@ -196,7 +197,7 @@ pub(crate) fn run(args: &Args, interrupt: &Interrupt) -> Result<()> {
     results.write(|dir| {
         output::write_model(dir, &model)?;
         output::write_file(dir, html_report::EVIDENCE, evidence.to_json().as_bytes())?;
-        for (i, recording) in data.recordings().iter().enumerate() {
+        for (i, recording) in data.recordings().iter().enumerate().take(MOST_PICTURES) {
             let name = format!("series_{}", i + 1);
             output::write_series(dir, &name, data.var_names(), recording.view(), model.dt)?;
         }
@@ -221,6 +222,9 @@ fn explain(args: &Args, interrupt: &Interrupt) -> Result<()> {
     );
     Ok(())
 }
+
+/// Recordings of which pictures are drawn.
+const MOST_PICTURES: usize = 12;
 
 /// What a file of [`json_lines`] begins with.
 const RESAMPLE_MARK: &str = "{\"resample\":";
@@ -253,7 +257,7 @@ fn found_and_kept(args: &Args, interrupt: &Interrupt, quiet: bool, keep: Option<
     let mut request = args.method.request_for_reading(args.seed)?;
     let resampling = args.resample.asked()?;
     request.settings.test.max_memory = args.means.max_bytes();
-    let Data { data, dt, warnings, origins, .. } =
+    let Data { data, dt, mut warnings, origins, runs, .. } =
         Data::read(args, &mut request.settings, interrupt, quiet, keep)?;
     let data = data.with_named_vectors(&request.vectors)?;
     if args.method.is_auto() {
@@ -261,6 +265,10 @@ fn found_and_kept(args: &Args, interrupt: &Interrupt, quiet: bool, keep: Option<
     }
     let settings = args.method.for_variables(&request, data.var_names())?;
     let about = look_at(&data, &origins, args, &settings)?;
+    let Levelled { data, settings, note } = Levelled::of(data, &runs, settings);
+    warnings.extend(note);
+    let about =
+        if settings.test.as_tigramite { about } else { about.with_later(&data, settings.tau_max, dt) };
     if let Some(told) = estimate::check(&data, &settings, resampling.as_ref(), &args.means)? {
         crate::terminal::tell!("{told}");
     }
@@ -291,10 +299,12 @@ pub(crate) fn read(
     let args = Args::of(from, seed);
     let mut request = args.method.request(seed)?;
     request.settings.test.max_memory = args.means.max_bytes();
-    let Data { data, dt, origins, .. } = Data::read(&args, &mut request.settings, interrupt, true, None)?;
+    let Data { data, dt, origins, runs, .. } =
+        Data::read(&args, &mut request.settings, interrupt, true, None)?;
     let data = data.with_named_vectors(&request.vectors)?;
     let settings = args.method.for_variables(&request, data.var_names())?;
     look_at(&data, &origins, &args, &settings)?;
+    let Levelled { data, settings, .. } = Levelled::of(data, &runs, settings);
     Ok((data, settings, dt))
 }
 
@@ -404,15 +414,24 @@ pub fn read_recordings(files: &[PathBuf], options: &[String], cancel: Arc<Atomic
 struct Input {
     table: PathBuf,
     user: PathBuf,
+    /// Which of the user's files or folders, and which recording in it: batches of one run follow one another.
+    run: [usize; 2],
 }
 
 impl Input {
     /// A table of the user's, or those in a folder.
-    fn of_table(path: &Path) -> Result<Vec<Self>> {
+    fn of_table(path: &Path, run: usize) -> Result<Vec<Self>> {
         let path = if path == Path::new("-") { Path::new("/dev/stdin") } else { path };
         check_whole(path)?;
         let tables = if path.is_dir() { folders::batches_in(path)? } else { vec![path.to_path_buf()] };
-        Ok(tables.into_iter().map(|table| Self { user: table.clone(), table }).collect())
+        Ok(tables.into_iter().map(|table| Self { user: table.clone(), table, run: [run, 0] }).collect())
+    }
+
+    /// A recording within a table, as `walks.csv (id 3)`.
+    fn part(&self, which: &str, number: usize) -> Self {
+        let name = self.user.file_name().unwrap_or_default().to_string_lossy();
+        let user = self.user.with_file_name(format!("{name} ({which})"));
+        Self { table: user.clone(), user, run: [self.run[0], number] }
     }
 }
 
@@ -425,6 +444,8 @@ struct Data {
     recorded: bool,
     /// For each recording, the file that it comes from, if the recordings are the files.
     origins: Vec<PathBuf>,
+    /// For each recording, which run it is of; empty: all are of one.
+    runs: Vec<[usize; 2]>,
 }
 
 impl Data {
@@ -443,7 +464,7 @@ impl Data {
                     format!("it is for recordings; of trajectories, {} says who is analysed", Named("agent")),
                 ));
             }
-            return args.part.part(args.trajectories.read(args)?, &args.changes, None, &[]);
+            return args.part.part(args.trajectories.read(args)?, &args.changes, None, &args.read);
         }
         if let Some(flag) = args.trajectories.given() {
             let reason = format!("it is for tables of trajectories ({} trajectories)", Named("format"));
@@ -461,7 +482,7 @@ impl Data {
         };
         let besides = args.part.columns();
         let variables = if besides.is_empty() { None } else { args.read.variables(read.recorded)? };
-        args.part.part(read, &args.changes, variables.as_deref(), args.read.columns().unwrap_or_default())
+        args.part.part(read, &args.changes, variables.as_deref(), &args.read)
     }
 
     /// Tables with the same columns, each as a recording.
@@ -485,9 +506,25 @@ impl Data {
         }
         let recorded = tables.iter().any(|(file, _)| file.table != file.user);
         let origins = tables.iter().map(|(file, _)| file.user.clone()).collect();
+        let runs = runs_of(&tables, dt);
         let values = tables.into_iter().map(|(_, table)| table.values).collect();
-        Ok(Self { data: DataFrame::new(values, names)?, dt, warnings, recorded, origins })
+        Ok(Self { data: DataFrame::new(values, names)?, dt, warnings, recorded, origins, runs })
     }
+}
+
+/// Which run each table is of: a file or folder is one, and so are files of which each begins where the one before ends.
+fn runs_of(tables: &[(Input, Table)], dt: Option<f64>) -> Vec<[usize; 2]> {
+    let ends = |table: &Table| table.time.as_ref().and_then(|time| Some([*time.first()?, *time.last()?]));
+    let follows = |before: &Table, table: &Table| match (ends(before), ends(table), dt) {
+        (Some([_, end]), Some([start, _]), Some(dt)) => start > end && start - end < 5.0 * dt,
+        _ => false,
+    };
+    let mut runs: Vec<[usize; 2]> = Vec::with_capacity(tables.len());
+    for (k, (file, table)) in tables.iter().enumerate() {
+        let before = k.checked_sub(1).filter(|&before| follows(&tables[before].1, table));
+        runs.push(before.map_or(file.run, |before| runs[before]));
+    }
+    runs
 }
 
 /// Looks at the data, and refuses what no analysis should take as it is, with the way out.
@@ -518,7 +555,7 @@ fn look_at(data: &DataFrame, origins: &[PathBuf], args: &Args, settings: &Settin
         };
         return Err(Error::Data(reason));
     }
-    Ok(about)
+    Ok(about.for_test(&settings.cond_ind_test))
 }
 
 /// The files with their metadata, if that mentions interventions or several people and all columns are analysed.
@@ -550,6 +587,7 @@ fn with_facts(args: &Args, files: &[Input], settings: &mut Settings) -> Result<O
         warnings: joint.warnings,
         recorded,
         origins: Vec::new(),
+        runs: Vec::new(),
     }))
 }
 
@@ -565,8 +603,8 @@ fn tables_of(
         return match args.inputs.given() {
             Some(flag) => Err(Error::param(flag, "it is for recordings; these files are tables")),
             None => {
-                let inputs =
-                    args.files.iter().map(|file| Input::of_table(file)).collect::<Result<Vec<_>>>()?;
+                let inputs = args.files.iter().enumerate().map(|(run, file)| Input::of_table(file, run));
+                let inputs = inputs.collect::<Result<Vec<_>>>()?;
                 Ok((inputs.concat(), None))
             }
         };
@@ -583,10 +621,10 @@ fn tables_of(
                 if let Some(folder) = keep {
                     output::copy_batch(&batch, folder)?;
                 }
-                files.push(Input { table: batch, user: file.clone() });
+                files.push(Input { table: batch, user: file.clone(), run: [number, 0] });
             }
         } else {
-            files.extend(Input::of_table(file)?);
+            files.extend(Input::of_table(file, number)?);
         }
     }
     Ok((files, Some(temporary)))

@@ -1,7 +1,8 @@
 //! A model in words and as a table.
 
 use roscausal_discovery::{
-    Advice, Link, Model, Outcome, confidence::share_that_was_real, names::plain, visible, word_of,
+    Advice, Link, Model, Outcome, confidence::share_that_was_real, methods::Method, names::plain,
+    settings::setting, visible, word_of,
 };
 
 /// The model for people: one sentence per link, then a table of all tested pairs.
@@ -25,6 +26,7 @@ pub(crate) fn text_with(model: &Model, advice: bool) -> String {
     lines.push(String::new());
     lines.extend(table(model));
     lines.extend(untested(model));
+    lines.extend(by_chance(model));
     lines.extend(words_explained(model));
     if model.status != "complete" {
         lines.push(format!("This result is {}.", model.status));
@@ -53,6 +55,9 @@ fn headline(model: &Model) -> String {
     let step = model.dt.map_or(String::new(), |dt| format!(" at steps of {dt:.3} s"));
     let recordings = match model.n_recordings {
         1 => String::new(),
+        n if model.settings.get("levels").is_some_and(|levels| levels == "remove") => {
+            format!(" from {n} recordings without their own levels,")
+        }
         n => format!(" from {n} recordings"),
     };
     let (level_name, level) = model.link_level_in_words();
@@ -91,6 +96,12 @@ fn nothing_found(model: &Model) -> String {
         // All variables were left out by a filter, which is told beside this.
         0 if all == 0 => "No causal link found.".to_owned(),
         0 => "No pair was tested, so nothing is known of any link.".to_owned(),
+        _ if model.about_data.as_ref().is_some_and(|about| !about.later.is_empty()) => {
+            format!(
+                "No causal link found at lags {} to {}; there is dependence at longer ones.",
+                model.tau_min, model.tau_max
+            )
+        }
         _ if tested == all => "No causal link found: every tested pair may be independent.".to_owned(),
         _ => format!("No causal link found among the {tested} of {all} pairs and lags that were tested."),
     }
@@ -103,12 +114,35 @@ fn untested(model: &Model) -> Option<String> {
     (!told.is_empty()).then(|| format!("Pairs and lags that were not tested: {}.", told.join("; ")))
 }
 
+/// How many links chance alone would give, where many pairs were tested.
+fn by_chance(model: &Model) -> Option<String> {
+    const MANY: usize = 20;
+    let (_, level) = model.link_level_in_words();
+    let level: f64 = level.parse().ok().filter(|_| model.fdr == "none")?;
+    let mut p: Vec<f64> = model.p_matrix.iter().flatten().flatten().copied().flatten().collect();
+    if p.len() <= MANY {
+        return None;
+    }
+    p.sort_by(f64::total_cmp);
+    // Benjamini and Hochberg.
+    let share = |k: usize| level * (k + 1) as f64 / p.len() as f64;
+    let left = (0..p.len()).rev().find(|&k| p[k] <= share(k)).map_or(0, |k| k + 1);
+    let method = model.method.parse::<Method>().ok()?;
+    let reads = setting("fdr").is_some_and(|fdr| fdr.refusal(method, &model.cond_ind_test, None).is_none());
+    let way = if reads { format!("; --fdr leaves {left}") } else { String::new() };
+    let chance = level * p.len() as f64;
+    Some(format!(
+        "Of {} tested pairs and lags {chance:.1} would be linked by chance at {level}{way}.",
+        p.len()
+    ))
+}
+
 /// "h_v at t-1 (0.3 s earlier) drives h_dg: strength 0.49, p < 0.001".
 pub(crate) fn sentence(model: &Model, link: &Link) -> String {
     let (cause, effect) = (plain(&link.cause), plain(&link.effect));
     let earlier = match (link.lag, model.dt) {
         (0, _) => "at the same time".to_owned(),
-        (lag, Some(dt)) => format!("at t-{lag} ({} s earlier)", rounded(lag as f64 * dt)),
+        (lag, Some(dt)) => format!("at t-{lag} ({} earlier)", duration(lag, dt)),
         (lag, None) => format!("at t-{lag}"),
     };
     let verb = match link.mark.as_str() {
@@ -210,6 +244,22 @@ pub(crate) fn p_cell(model: &Model, p: Option<f64>) -> String {
     let Some(p) = p else { return "not tested".to_owned() };
     let smallest = model.smallest_p();
     if p < smallest { format!("<{smallest}") } else { format!("{p:.4}") }
+}
+
+/// `lag` steps of `dt` seconds: `0.2 s`, `3 days`, `2 months`.
+fn duration(lag: usize, dt: f64) -> String {
+    const DAY: f64 = 86_400.0;
+    let days = [
+        (365.0, 366.0, "year"),
+        (89.0, 92.0, "quarter"),
+        (28.0, 31.0, "month"),
+        (7.0, 7.0, "week"),
+        (1.0, 1.0, "day"),
+    ];
+    match days.into_iter().find(|(from, to, _)| (from * DAY..=to * DAY).contains(&dt)) {
+        Some((.., name)) => format!("{lag} {name}{}", if lag == 1 { "" } else { "s" }),
+        None => format!("{} s", rounded(lag as f64 * dt)),
+    }
 }
 
 fn rounded(seconds: f64) -> f64 {

@@ -13,7 +13,7 @@ use roscausal_discovery::{
 use crate::{flags, nodes::RECORDING};
 
 /// Flags that describe the data or their analysis, besides those that are a node's parameter.
-const FLAGS: [&str; 34] = [
+const FLAGS: [&str; 38] = [
     "agent",
     "batch",
     "changes",
@@ -28,13 +28,17 @@ const FLAGS: [&str; 34] = [
     "frame-rate",
     "goal",
     "join",
+    "keep",
     "last",
     "mask",
     "max-gap",
     "missing-value",
+    "names",
+    "no-header",
     "obstacle",
     "people",
     "position-unit",
+    "recording",
     "resample",
     "robot",
     "robot-goal",

@@ -294,3 +294,101 @@ fn an_integer_for_a_missing_value_is_missing_when_it_is_named() {
     assert!(model["warnings"].to_string().contains("'b': 10 of 200 cells"), "{}", model["warnings"]);
     assert_eq!(model["graph"][0][1][1], "-->");
 }
+
+#[test]
+fn tables_without_names_or_with_numbers_for_names_are_read() {
+    let expected = with(plain().as_bytes(), &["--time-column", "none", "--columns", "a,b"]).expect("a model");
+    let bare =
+        |separator: &str| text("", |_, [_, a, b]| format!("{a}{separator}{b}")).trim_start().to_owned();
+    let table = |header: &str| text(header, |_, [_, a, b]| format!("{a},{b}"));
+    let index = |header: &str| text(header, |i, [_, a, b]| format!("{i},{a},{b}"));
+    for (content, names) in [
+        (bare(","), ["x_0", "x_1"]),
+        (bare("  "), ["x_0", "x_1"]),
+        (bare(";").replace('.', ","), ["x_0", "x_1"]),
+        (format!("# made by hand\n\n# twice\n{}", bare(",")), ["x_0", "x_1"]),
+        (index(",0,1"), ["0", "1"]),
+        (table("0,1"), ["0", "1"]),
+        (table("1,2"), ["1", "2"]),
+        (table("# a,b"), ["a", "b"]),
+    ] {
+        let model = with(content.as_bytes(), &[]).unwrap_or_else(|told| panic!("{told}: {}", &content[..60]));
+        assert_eq!(model["features"], serde_json::json!(names), "{}", &content[..40]);
+        assert_eq!(model["val_matrix"], expected["val_matrix"], "{}", &content[..40]);
+    }
+    let named = with(bare(",").as_bytes(), &["--names", "speed,risk"]).expect("reads");
+    assert_eq!(named["features"], serde_json::json!(["speed", "risk"]));
+    let renamed = with(plain().as_bytes(), &["--names", "time,speed,risk"]).expect("reads");
+    assert_eq!((&renamed["features"], &renamed["dt"]), (&serde_json::json!(["speed", "risk"]), &0.25.into()));
+    assert!(
+        with(bare(",").as_bytes(), &["--names", "a"]).expect_err("one").contains("1 names for 2 columns")
+    );
+    let told = with(b"# c\n# d\n1,2\n3,x\n", &[]).expect_err("a word");
+    assert!(told.contains("line 4, column 'x_1': 'x'"), "{told}");
+    let told =
+        with(plain().as_bytes(), &["--no-header", "--time-column", "none"]).expect_err("words in line 1");
+    assert!(told.contains("line 1, column 'x_0': 'time'"), "{told}");
+    let timed =
+        with(text("", |_, [t, a, b]| format!("{t},{a},{b}")).trim_start().as_bytes(), &[]).expect("reads");
+    assert_eq!((timed["dt"].as_f64(), &timed["features"]), (Some(0.25), &serde_json::json!(["x_1", "x_2"])));
+    let wide =
+        (0..10).map(|i| (0..400).map(|k| format!("0.{}", i * 7 + k)).collect::<Vec<_>>().join(",") + "\n");
+    let told = with(wide.collect::<String>().as_bytes(), &[]).expect_err("on its side");
+    assert!(told.contains("10 rows of 400 numbers") && told.contains("transpose"), "{told}");
+}
+
+#[test]
+fn what_counts_rows_or_says_when_is_left_out_and_named_unless_it_is_kept() {
+    let content = text("__time,h.header.seq,year,month,a,b", |i, [t, a, b]| {
+        format!("{t},{},{},{},{a},{b}", i + 7, 1980 + i / 12, 1 + i % 12)
+    });
+    let model = with(content.as_bytes(), &[]).expect("reads");
+    assert_eq!((&model["features"], &model["dt"]), (&serde_json::json!(["a", "b"]), &0.25.into()));
+    let told = model["warnings"].to_string();
+    assert!(
+        told.contains("h.header.seq counts the rows; year, month say when a row is; --keep has it"),
+        "{told}"
+    );
+    let kept = with(content.as_bytes(), &["--keep", "month,year"]).expect("reads");
+    assert_eq!(kept["features"], serde_json::json!(["year", "month", "a", "b"]));
+    assert_eq!(with(content.as_bytes(), &["--keep", "all"]).expect("reads")["features"][0], "h.header.seq");
+    let named = with(content.as_bytes(), &["--columns", "month,a,b"]).expect("reads");
+    assert_eq!(named["features"][0], "month");
+}
+
+#[test]
+fn several_recordings_in_one_table_are_told_apart() {
+    let content = text("run,time,a,b", |i, [t, a, b]| {
+        format!("{},{},{a},{b}", ["left", "right", "left again"][i / 67], t - 0.25 * 67.0 * (i / 67) as f64)
+    });
+    let told = with(content.as_bytes(), &[]).expect_err("the time begins anew");
+    assert!(told.contains("line 69") && told.contains("--recording 'run'"), "{told}");
+    for column in ["run", "time"] {
+        let more = if column == "time" { &["--columns", "a,b"][..] } else { &[] };
+        let model = with(content.as_bytes(), &[&["--recording", column], more].concat()).expect("reads");
+        assert_eq!((&model["n_recordings"], &model["dt"]), (&3.into(), &0.25.into()), "{column}");
+        assert_eq!(model["features"], serde_json::json!(["a", "b"]));
+        assert_eq!(model["n_samples"], 194, "two samples less for each recording");
+    }
+    let panel = text("id,a,b", |i, [_, a, b]| format!("{},{a},{b}", 1 + i / 50));
+    let model = with(panel.as_bytes(), &[]).expect("reads");
+    assert_eq!(model["features"], serde_json::json!(["a", "b"]));
+    assert!(model["warnings"].to_string().contains("--recording id"), "{}", model["warnings"]);
+    assert!(
+        with(panel.as_bytes(), &["--recording", "idd"]).expect_err("no such").contains("no column 'idd'")
+    );
+}
+
+#[test]
+fn rounded_times_and_working_days_are_one_step() {
+    let at = |i: usize| 1.7e9 + i as f64 / 30.0;
+    let content = text("time,a,b", |i, [_, a, b]| format!("{:.2},{a},{b}", at(i)));
+    let model = with(content.as_bytes(), &[]).expect("30 Hz");
+    assert!((model["dt"].as_f64().expect("a step") - 1.0 / 30.0).abs() < 1e-5, "{}", model["dt"]);
+    assert!(model["warnings"].to_string().contains("rounded to 0.01 s"), "{}", model["warnings"]);
+    let day = |i: usize| format!("2024-{:02}-{:02}", 1 + (i / 5 * 7) / 28, 1 + (i / 5 * 7) % 28 + i % 5);
+    let content =
+        text("date,a,b", |i, [_, a, b]| if i < 40 { format!("{},{a},{b}", day(i)) } else { String::new() });
+    let model = with(content.as_bytes(), &[]).expect("working days");
+    assert_eq!(model["n_recordings"], 1);
+}

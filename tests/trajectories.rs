@@ -65,6 +65,63 @@ fn people_of_a_crowd_data_set_become_recordings_with_the_nodes_variables() {
 }
 
 #[test]
+fn who_stands_is_there_too_briefly_or_is_a_double_is_left_out_and_named() {
+    let dir = tempfile::tempdir().expect("a folder");
+    let double =
+        crowd().lines().filter(|line| line.split('\t').nth(1) == Some("3")).collect::<Vec<_>>().join("\n");
+    let double = double.replace("\t3\t", "\t31\t");
+    let stands =
+        |id: u32| (0..60).map(|step| format!("{}\t{id}\t4.0\t{id}.0\n", step * 10)).collect::<String>();
+    let brief = "0\t51\t1.0\t1.0\n10\t51\t1.4\t1.0\n20\t51\t1.9\t1.0\n";
+    fs::write(
+        dir.path().join("walk.tsv"),
+        format!("{}{double}\n{}{}{brief}", crowd(), stands(41), stands(42)),
+    )
+    .expect("writes");
+    let with = |more: &[&str]| {
+        let base = ["walk.tsv", "--format", "trajectories,json", "--goal", "last", "--obstacle", "41"];
+        model(dir.path(), &[&base[..], more].concat())
+    };
+    let found = with(&[]).expect("a model");
+    let told = found["warnings"].to_string();
+    assert_eq!(found["n_recordings"], 10, "{told}");
+    for reason in [
+        "stand still all the time: 42",
+        "fewer than 6 rows: 51",
+        "rows of another one: 31",
+        "h_dg looks ahead",
+    ] {
+        assert!(told.contains(reason), "{reason}: {told}");
+    }
+    for (who, n) in [("!5", 9), ("2..4", 3), ("1,3..5", 4), ("!2..4,!7", 6)] {
+        assert_eq!(with(&["--agent", who]).expect(who)["n_recordings"], n, "{who}");
+    }
+    assert!(with(&["--agent", "!77"]).expect_err("nobody").contains("'77' is nobody in this table"));
+}
+
+#[test]
+fn ids_may_come_before_frames_and_a_flag_on_columns_without_names_is_heeded_or_refused() {
+    let dir = tempfile::tempdir().expect("a folder");
+    let swapped: String = crowd()
+        .lines()
+        .map(|line| {
+            let cells: Vec<&str> = line.split('\t').collect();
+            format!("{} {} {} {} 180\n", cells[1], cells[0], cells[2], cells[3])
+        })
+        .collect();
+    fs::write(dir.path().join("walk.txt"), swapped).expect("writes");
+    let with = |more: &[&str]| {
+        model(dir.path(), &[&["walk.txt", "--format", "trajectories,json", "--goal", "last"], more].concat())
+    };
+    let found = with(&[]).expect("a model");
+    assert_eq!((&found["n_recordings"], &found["dt"]), (&10.into(), &0.4.into()));
+    let named = with(&["--trajectory-columns", "id=1,frame=2,x=3,y=4"]).expect("by number");
+    assert_eq!(named["val_matrix"], found["val_matrix"]);
+    let told = with(&["--trajectory-columns", "id=nonsense,x=alsonot"]).expect_err("no such columns");
+    assert!(told.contains("no column 'nonsense'"), "{told}");
+}
+
+#[test]
 fn a_longest_gap_that_is_no_length_of_time_is_refused() {
     let dir = tempfile::tempdir().expect("a folder");
     fs::write(dir.path().join("walk.tsv"), crowd()).expect("writes");

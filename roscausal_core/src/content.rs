@@ -8,7 +8,7 @@ const WITHOUT_COLUMNAR: &str = "this program was built without them: convert it 
                                 Python package, or build with 'cargo install --locked --path . --features columnar'";
 
 /// First bytes of formats that hold data, but that nothing here reads; what they are; and the way out.
-const PACKED: [(&[u8], &str, &str); 16] = [
+const PACKED: [(&[u8], &str, &str); 18] = [
     (b"PK\x03\x04", "a ZIP archive", "unpack it with 'unzip'"),
     (b"\x1f\x8b", "compressed with gzip", "unpack it with 'gunzip'"),
     (b"\x28\xb5\x2f\xfd", "compressed with Zstandard", "unpack it with 'unzstd'"),
@@ -21,6 +21,8 @@ const PACKED: [(&[u8], &str, &str); 16] = [
     (b"\xff\xff\xff\xff", "an Arrow stream", WITHOUT_COLUMNAR),
     (b"\x89HDF\r\n", "an HDF5 file", "convert it to CSV, such as with pandas"),
     (b"\x93NUMPY", "a NumPy file", "convert it to CSV with numpy.savetxt and a header"),
+    (b"\xd0\xcf\x11\xe0", "an old Excel workbook", "save its sheet as CSV"),
+    (b"RDX", "a workspace of R", "write the data with write.csv"),
     (b"MATLAB 5.0", "a MATLAB file", "convert it to CSV, such as with scipy.io.loadmat"),
     (b"\x80\x04\x95", "a pickle of Python", "write the data with pandas' to_csv"),
     (b"\x80\x05\x95", "a pickle of Python", "write the data with pandas' to_csv"),
@@ -35,6 +37,10 @@ const PACKED: [(&[u8], &str, &str); 16] = [
 /// assert_eq!(roscausal_core::content::not_data(b"time,h_v\n0,1\n"), None);
 /// ```
 pub fn not_data(first: &[u8]) -> Option<String> {
+    let has = |name: &[u8]| first.windows(name.len()).take(1 << 16).any(|window| window == name);
+    if first.starts_with(b"PK\x03\x04") && (has(b"[Content_Types].xml") || has(b"xl/work")) {
+        return Some("the file is an Excel workbook; save its sheet as CSV, such as with pandas' read_excel and to_csv".to_owned());
+    }
     if let Some((_, what, way)) = PACKED.iter().find(|(magic, ..)| first.starts_with(magic)) {
         return Some(format!("the file is {what}; {way}"));
     }
@@ -54,6 +60,11 @@ pub fn not_data(first: &[u8]) -> Option<String> {
         return Some("this is a git-annex pointer, not the file; get it with 'git annex get'".to_owned());
     }
     let lower = text.to_lowercase();
+    if lower.lines().any(|line| line.starts_with("@relation") || line.starts_with("@attribute")) {
+        return Some(
+            "this is an ARFF file; write CSV with scipy.io.arff.loadarff and pandas' to_csv".to_owned(),
+        );
+    }
     if ["<!doctype html", "<html", "<head"].iter().any(|start| lower.starts_with(start)) {
         let way =
             "a download ended at an error or a login; open its address in a browser and save the file itself";
@@ -113,6 +124,9 @@ mod tests {
             (b"\x1f\x8b\x08", "gunzip"),
             (&tar, "tar xf"),
             (b"{\"schema\": \"roscausal/model/1\"", "roscausal show"),
+            (b"PK\x03\x04....[Content_Types].xml", "an Excel workbook; save its sheet as CSV"),
+            (b"% made\n@RELATION walk\n@attribute a numeric\n", "an ARFF file"),
+            (b"RDX3\nX", "write.csv"),
             (b"%PDF-1.7\n", "a PDF document"),
             (b"MATLAB 5.0 MAT-file", "scipy.io.loadmat"),
         ] {

@@ -11,6 +11,7 @@ use ndarray::ArrayView1;
 use serde::{Deserialize, Serialize};
 
 use crate::{
+    later::Later,
     numeric::rows::{dot, is_constant, moments, standardize},
     types::{DataFrame, names::plain},
 };
@@ -41,6 +42,9 @@ pub struct AboutData {
     pub variables: Vec<AboutVariable>,
     /// What a reader should know, one sentence each.
     pub remarks: Vec<String>,
+    /// Dependence at lags beyond those that are tested, if it was looked for.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub later: Vec<Later>,
 }
 
 /// What one variable is like.
@@ -103,12 +107,16 @@ impl AboutData {
         if samples < FEW {
             about.remarks.push(few(samples));
         }
+        let (mut ends, mut ties) = (Vec::<(&String, f64, usize)>::new(), Vec::new());
         for (var, name) in names.iter().enumerate() {
-            let (variable, remarks, fault) = look_at(data, var, name);
+            let (variable, remarks, seen) = look_at(data, var, name);
             about.remarks.extend(remarks);
+            ties.extend(seen.ties.then(|| format!("{name} ({})", variable.distinct)));
             about.variables.push(variable);
-            faults.extend(fault);
+            ends.extend(seen.lone.into_iter().map(|(value, count)| (name, value, count)));
         }
+        faults.extend(missing_flags(&ends));
+        about.remarks.extend(with_ties(&ties));
         about.remarks.extend(drifting(&about.variables));
         if about.variables.iter().all(|variable| variable.distinct < 2) {
             about.remarks.push("no variable changes: there is nothing to find".into());
@@ -117,6 +125,26 @@ impl AboutData {
         faults.extend(twins);
         about.remarks.extend(combined);
         (about, faults)
+    }
+
+    /// Without what is no matter for a test of this name.
+    #[must_use]
+    pub fn for_test(mut self, test: &str) -> Self {
+        let of_categories = ["gsquared", "cmisymb", "regressionci"].contains(&test);
+        self.remarks.retain(|remark| !(of_categories && remark.ends_with(TIES)));
+        self
+    }
+
+    /// Looks for dependence at longer lags than `tau_max`. `dt` is the step in seconds, if known.
+    #[must_use]
+    pub fn with_later(mut self, data: &DataFrame, tau_max: usize, dt: Option<f64>) -> Self {
+        let rows: usize = data.recordings().iter().map(|recording| recording.nrows()).sum();
+        let memory = self.variables.iter().filter(|v| v.distinct > 1);
+        let memory =
+            memory.map(|v| (rows - v.missing) as f64 / v.effective_samples.max(1.0)).fold(1.0, f64::max);
+        self.later = Later::of(data, tau_max, memory);
+        self.remarks.splice(0..0, Later::told(&self.later, dt));
+        self
     }
 }
 
@@ -144,7 +172,26 @@ fn drifting(variables: &[AboutVariable]) -> Option<String> {
     ))
 }
 
-fn look_at(data: &DataFrame, var: usize, name: &str) -> (AboutVariable, Vec<String>, Option<Fault>) {
+/// The variables of few different values, in one sentence.
+fn with_ties(variables: &[String]) -> Option<String> {
+    let have = if variables.len() == 1 { "has" } else { "have" };
+    (!variables.is_empty()).then(|| format!("{} {have} few different values: {TIES}", variables.join(", ")))
+}
+
+/// What a test of numbers makes of categories.
+const TIES: &str = "ties blur p-values; gsquared is the test for categories";
+
+/// Values and how often they are there.
+type Counted = Vec<(f64, usize)>;
+
+/// What is told of several variables together.
+#[derive(Default)]
+struct Seen {
+    lone: Counted,
+    ties: bool,
+}
+
+fn look_at(data: &DataFrame, var: usize, name: &str) -> (AboutVariable, Vec<String>, Seen) {
     let columns = || data.recordings().iter().map(|recording| recording.column(var));
     let rows: usize = columns().map(|column| column.len()).sum();
     let missing = columns().map(|column| column.iter().filter(|v| v.is_nan()).count()).sum();
@@ -169,7 +216,7 @@ fn look_at(data: &DataFrame, var: usize, name: &str) -> (AboutVariable, Vec<Stri
     };
     if different.len() < 2 {
         about.longest_constant = rows - missing;
-        return (about, Vec::new(), None);
+        return (about, Vec::new(), Seen::default());
     }
     let mut remarks = Vec::new();
     let share = effective_share(&first_rows);
@@ -184,7 +231,13 @@ fn look_at(data: &DataFrame, var: usize, name: &str) -> (AboutVariable, Vec<Stri
     about.kpss = longest.and_then(|recording| kpss(&recording.column(var)));
     let (outliers, farthest) = outliers(&spread);
     about.outliers = outliers * stride;
-    if outliers > 0 && outliers * 10 < spread.len() {
+    if outliers * 10 >= spread.len() {
+        remarks.push(format!(
+            "{name} has {} % of its values, such as {farthest}, more than {FAR} robust deviations from the median: a test of ranks \
+             bears that",
+            100 * outliers / spread.len()
+        ));
+    } else if outliers > 0 {
         let many = if outliers * 100 < spread.len() { "" } else { " in more than 1 % of the rows" };
         remarks.push(format!(
             "{name} has outliers{many}, such as {farthest}: more than {FAR} robust deviations from the median; correct them, or use a \
@@ -199,13 +252,8 @@ fn look_at(data: &DataFrame, var: usize, name: &str) -> (AboutVariable, Vec<Stri
             "{name} stands still at {value} for {length} rows: those tell nothing of what drives it"
         ));
     }
-    if different.len() > 2 && different.len() * 20 < spread.len() && different.len() <= 20 {
-        remarks.push(format!(
-            "{name} has only {} different values: ties blur p-values; gsquared is the test for categories",
-            different.len()
-        ));
-    }
-    (about, remarks, missing_flag(name, &spread, &different))
+    let ties = different.len() > 2 && different.len() * 20 < spread.len() && different.len() <= 20;
+    (about, remarks, Seen { lone: lone_ends(&spread, &different), ties })
 }
 
 /// The values that are there, at most so many.
@@ -282,27 +330,40 @@ fn longest_constant(values: &[f64]) -> (usize, f64) {
     stretches.max_by_key(|stretch| stretch.len()).map_or((0, 0.0), |stretch| (stretch.len(), stretch[0]))
 }
 
-/// A whole number such as -999, at an end of the values and far from all others.
-fn missing_flag(name: &str, sorted: &[f64], different: &[f64]) -> Option<Fault> {
-    let known = |value: f64| {
-        // Measurements do not repeat so large a number.
-        let huge = value.abs() >= 1e6 && sorted.iter().filter(|v| **v == value).nth(2).is_some();
-        let digits = format!("{:.0}", value.abs());
-        let nines = digits.len() >= 2 && digits.bytes().all(|digit| digit == b'9');
-        value.fract() == 0.0
-            && (huge || nines || [32767.0, 32768.0, 65535.0, 2_147_483_647.0].contains(&value.abs()))
-    };
+/// The values at an end that are far from all others.
+fn lone_ends(sorted: &[f64], different: &[f64]) -> Counted {
     let last = different.len() - 1;
     if last < 3 {
-        return None;
+        return Vec::new();
     }
     let ends = [
         (different[0], different[1] - different[0], different[last] - different[1]),
         (different[last], different[last] - different[last - 1], different[last - 1] - different[0]),
     ];
-    let (value, ..) = ends.into_iter().find(|(value, gap, range)| known(*value) && *gap > 3.0 * range)?;
-    let count = sorted.iter().filter(|v| **v == value).count();
-    Some(Fault::MissingFlag { name: name.to_owned(), value, count })
+    let lone = ends.into_iter().filter(|(_, gap, range)| *gap > 3.0 * range);
+    lone.map(|(value, ..)| (value, sorted.iter().filter(|v| **v == value).count())).collect()
+}
+
+/// The lone values that seem to stand for a missing one: -999, 99.99 and the like, large ones that come again and again, and those
+/// that several variables share.
+fn missing_flags(ends: &[(&String, f64, usize)]) -> Vec<Fault> {
+    let is_flag = |&&(name, value, count): &&(&String, f64, usize)| {
+        let digits = value.abs().to_string().replace('.', "");
+        let nines = digits.len() >= 2 && digits.trim_end_matches("25").bytes().all(|digit| digit == b'9');
+        let of_bits = [32767.0, 32768.0, 65535.0, 2_147_483_647.0].contains(&value.abs());
+        // Measurements do not repeat so large a number.
+        let huge = value.abs() >= 1e6 && value.fract() == 0.0 && count > 2;
+        let shared = ends.iter().any(|(other, of_other, _)| *other != name && *of_other == value);
+        nines || of_bits || huge || (shared && count > 1 && value != 0.0)
+    };
+    let mut flags: Vec<Fault> = Vec::new();
+    for &(name, value, count) in ends.iter().filter(is_flag) {
+        // One for each variable.
+        if !flags.iter().any(|flag| matches!(flag, Fault::MissingFlag { name: other, .. } if other == name)) {
+            flags.push(Fault::MissingFlag { name: name.clone(), value, count });
+        }
+    }
+    flags
 }
 
 /// A remark on one whole number below zero that stands again and again among values that are not: -1 for "unknown".
@@ -459,7 +520,7 @@ mod tests {
             ("drifts", |t, v, _| v + 0.02 * t as f64),
             ("has outliers, such as 1000", |t, v, _| if t == 77 { 1000.0 } else { v }),
             ("stands still at 3 for 200 rows", |t, v, _| if (100..300).contains(&t) { 3.0 } else { v }),
-            ("only 5 different values", |t, _, _| (t * 7 % 5) as f64),
+            ("c (5) has few different values", |t, _, _| (t * 7 % 5) as f64),
             ("is a combination of a, b", |_, v, other| 2.0 * v - other),
             ("only 8 samples", |_, v, _| v),
         ];
@@ -523,6 +584,16 @@ mod tests {
         let mut flag = noise(200, 2, 2);
         flag[[5, 1]] = -999.0;
         flag[[9, 1]] = -999.0;
+        for (row, value) in [(5, -999.9), (9, -999.9)] {
+            let mut fraction = noise(200, 2, 2);
+            fraction[[row, 1]] = value;
+            assert!(matches!(&of(vec![fraction]).1[..], [Fault::MissingFlag { value: -999.9, .. }]));
+        }
+        let mut shared = noise(200, 3, 2);
+        for row in [3, 8, 90] {
+            (shared[[row, 0]], shared[[row, 2]]) = (77.5, 77.5);
+        }
+        assert_eq!(of(vec![shared]).1.len(), 2);
         assert_eq!(of(vec![flag]).1, [Fault::MissingFlag { name: "b".into(), value: -999.0, count: 2 }]);
         let once = noise(100, 2, 3);
         assert_eq!(of(vec![once.clone(), noise(100, 2, 4), once]).1, [Fault::SameRecording(0, 2)]);

@@ -12,16 +12,10 @@
 //! Example: two people of whom one walks twice as fast are compared with J-PCMCI+, so that the difference makes no link.
 
 use crate::{
-    about::{AboutData, effective_share},
-    effort::Effort,
-    methods::Method,
-    numeric::rows::moments,
-    settings::Settings,
+    about::AboutData, effort::Effort, levels::levels_differ, methods::Method, settings::Settings,
     types::DataFrame,
 };
 
-/// Standard errors by which the level of a recording must differ to be called different.
-const FAR: f64 = 4.0;
 /// Seconds that an analysis may take before a faster test is advised.
 const PATIENCE_S: f64 = 600.0;
 /// Different values up to which a variable of whole numbers counts as one of categories.
@@ -85,7 +79,8 @@ fn method_for(data: &DataFrame, settings: &Settings) -> (Method, Vec<String>) {
         );
         return (Method::Candoit, vec![reason]);
     }
-    let differing: Vec<usize> = (0..data.n_vars()).filter(|&var| levels_differ(data, var)).collect();
+    let each: Vec<usize> = (0..data.recordings().len()).collect();
+    let differing: Vec<usize> = (0..data.n_vars()).filter(|&var| levels_differ(data, var, &each)).collect();
     if !differing.is_empty() && settings.jpcmciplus(data).is_ok() {
         let reason = format!(
             "the {} recordings differ in the level of {}, which would look like links if they were pooled as they are (jpcmciplus)",
@@ -98,27 +93,6 @@ fn method_for(data: &DataFrame, settings: &Settings) -> (Method, Vec<String>) {
     let reason = "nothing says that all common causes were recorded, and only lpcmci then tells a cause from a hidden common cause; \
                   if all were recorded, pcmciplus finds more directions";
     (Method::Lpcmci, vec![reason.to_owned()])
-}
-
-/// Whether the mean of a variable in some recording is farther from the others' than chance explains.
-fn levels_differ(data: &DataFrame, var: usize) -> bool {
-    let present: Vec<Vec<f64>> = data
-        .recordings()
-        .iter()
-        .map(|r| r.column(var).iter().copied().filter(|v| !v.is_nan()).collect::<Vec<f64>>())
-        .filter(|values| values.len() > 2)
-        .collect();
-    if present.len() < 2 {
-        return false;
-    }
-    // Mean of a recording, and its squared standard error: neighbouring samples are not worth a sample each.
-    let of = |values: &Vec<f64>| {
-        let (mean, deviation) = moments(values);
-        (mean, deviation * deviation / (values.len() as f64 * effective_share(values)).max(1.0))
-    };
-    let means: Vec<(f64, f64)> = present.iter().map(of).collect();
-    let far = |(a, of_a): &(f64, f64), (b, of_b): &(f64, f64)| (a - b).abs() > FAR * (of_a + of_b).sqrt();
-    means.iter().any(|one| means.iter().any(|other| far(one, other)))
 }
 
 fn test_for(data: &DataFrame, settings: &Settings) -> (String, String) {

@@ -89,6 +89,8 @@ pub mod draw;
 mod effort;
 mod evidence;
 pub mod independence_tests;
+mod later;
+mod levels;
 pub mod methods;
 mod model;
 mod numeric;
@@ -101,12 +103,14 @@ pub use analysis::{analyse, analyse_with, analyse_with_evidence};
 pub use choice::Choice;
 pub use effort::Effort;
 pub use evidence::{AtLag, Condition, EVIDENCE_SCHEMA, Evidence, LinkEvidence, MOST_POINTS, VariableFacts};
+pub use later::Later;
+pub use levels::Levelled;
 pub use model::{
     Advice, Confidence, Link, LinkSize, Matrices, Model, Outcome, ResamplingFacts, SCHEMA, SCHEMA_1,
     decides_by_pc_alpha, sentence_of, word_of,
 };
 pub use numeric::{random::mix, rows::quantile};
-pub use settings::{PcAlpha, Settings};
+pub use settings::{Levels, PcAlpha, Settings};
 pub use types::*;
 
 /// The README's example runs, too.

@@ -10,9 +10,10 @@ use std::{
 };
 
 /// The modules of the crate from the ground up.
-const LAYERS: [&str; 16] = [
+const LAYERS: [&str; 18] = [
     "types",
     "numeric",
+    "later",
     "about",
     "independence_tests",
     "transfer_entropy",
@@ -25,6 +26,7 @@ const LAYERS: [&str; 16] = [
     "confidence",
     "changes",
     "rolling",
+    "levels",
     "effort",
     "choice",
 ];

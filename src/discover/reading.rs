@@ -16,7 +16,7 @@ use roscausal_discovery::{
     names::{nearest, plain, position},
 };
 
-use super::{Data, Input, changes::ChangeArgs, condition::Condition};
+use super::{Data, Input, aside::aside, changes::ChangeArgs, condition::Condition};
 
 /// Flags that say how tables are read.
 #[derive(ClapArgs, Clone, Debug, Default)]
@@ -38,6 +38,18 @@ pub(crate) struct ReadArgs {
     /// Table: name of the column of times; `none`: there is none. Default: time, t, timestamp and the like.
     #[arg(long, value_name = "NAME")]
     time_column: Option<String>,
+    /// Table: the first line is a row, although it looks like names. (Numbers and dates are rows without it.)
+    #[arg(long)]
+    no_header: bool,
+    /// Table: the names of all columns, separated by commas, instead of those in the file.
+    #[arg(long, value_delimiter = ',')]
+    names: Option<Vec<String>>,
+    /// Table: several recordings in one: the column that says which one a row is of; or that of the times, which begin anew in each.
+    #[arg(long, value_name = "COLUMN")]
+    recording: Option<String>,
+    /// Table: columns that stay variables although they count the rows, or say when or whose a row is: names, or `all`.
+    #[arg(long, value_name = "COLUMN", value_delimiter = ',')]
+    keep: Vec<String>,
     /// Table: unit of the times: s, ms, us, ns, min, h. Default: by the column's name (`time_ms`), or the size of the numbers.
     #[arg(long, value_name = "UNIT")]
     time_unit: Option<Unit>,
@@ -67,6 +79,22 @@ impl ReadArgs {
     /// The columns that are wanted, if only some are.
     pub(super) fn columns(&self) -> Option<&[String]> {
         self.columns.as_deref()
+    }
+
+    /// Whether a column stays, whatever it says: the user names it.
+    pub(super) fn keeps(&self, name: &str) -> bool {
+        let named = self.keep.iter().chain(self.columns.iter().flatten());
+        self.keep.iter().any(|word| word == "all") || named.clone().any(|word| plain(word) == plain(name))
+    }
+
+    /// The first flag that was given which says how the lines of a table are read, for other input.
+    pub(super) fn of_lines(&self) -> Option<&'static str> {
+        let flags = [
+            ("no_header", self.no_header),
+            ("names", self.names.is_some()),
+            ("recording", self.recording.is_some()),
+        ];
+        flags.into_iter().find(|(_, given)| *given).map(|(flag, _)| flag)
     }
 
     /// The largest step within a recording, seconds.
@@ -131,8 +159,14 @@ impl ReadArgs {
             time_unit: self.time_unit,
             time_column: self.time_column.clone(),
             equal_times: dt.is_some() || self.join,
+            no_header: self.no_header,
+            names: self.names.clone(),
+            recording: self.recording.clone(),
             max_memory,
         };
+        if let (Some(flag), true) = (self.of_lines(), files.iter().all(recorded)) {
+            return Err(Error::param(flag, "it is for tables"));
+        }
         if self.join {
             if files.iter().any(recorded) {
                 return Err(Error::param(
@@ -165,11 +199,24 @@ impl ReadArgs {
                 Error::Param { reason, .. } if of_a_mask(&reason) => Error::param("where and --mask", reason),
                 other => other,
             })?;
-            let even = table.at_even_steps(&steps).map_err(|reason| Error::file(&file.user, reason))?;
-            reading.columns = even.first().map(|table| table.names.clone());
-            let held: usize = even.iter().map(|table| table.values.len() * size_of::<f64>()).sum();
-            reading.max_memory = reading.max_memory.map(|bytes| bytes.saturating_sub(held as u64));
-            tables.extend(even.into_iter().map(|table| (file.clone(), table)));
+            let mut parts = vec![(file.clone(), table)];
+            if let Some(column) = &self.recording {
+                let of_column = parts.remove(0).1.by_recording(column, reading.equal_times);
+                let of_column = of_column.map_err(|reason| Error::file(&file.user, reason))?;
+                let part = |(k, (which, table)): (usize, (String, Table))| (file.part(&which, k), table);
+                parts.extend(of_column.into_iter().enumerate().map(part));
+            }
+            for (file, table) in parts {
+                let even = table.at_even_steps(&steps).map_err(|reason| Error::file(&file.user, reason))?;
+                let held: usize = even.iter().map(|table| table.values.len() * size_of::<f64>()).sum();
+                reading.max_memory = reading.max_memory.map(|bytes| bytes.saturating_sub(held as u64));
+                for mut table in even {
+                    if let Some((first, known)) = tables.first() {
+                        same_columns(&mut table, &file, known, first)?;
+                    }
+                    tables.push((file.clone(), table));
+                }
+            }
         }
         if !derived.is_empty() {
             let chosen = self.with_derived(&derived, besides);
@@ -213,7 +260,10 @@ impl ReadArgs {
         let names = table.names.clone();
         table.notes.retain(|note| note.column().is_none_or(|column| names.contains(column)));
         let whole = PathBuf::from("the files");
-        Ok(vec![(Input { table: whole.clone(), user: whole }, table)])
+        let even =
+            table.at_even_steps(&Steps { dt: None, ..how }).map_err(|reason| Error::file(&whole, reason))?;
+        let input = Input { table: whole.clone(), user: whole, run: [0, 0] };
+        Ok(even.into_iter().map(|table| (input.clone(), table)).collect())
     }
 
     /// The columns to read: those that are wanted, and those that the definitions and `besides` need. A variable that is defined
@@ -222,7 +272,8 @@ impl ReadArgs {
         let is_derived = |name: &str| derived.iter().any(|derived| plain(derived.name()) == plain(name));
         let wanted = self.columns.as_ref()?.iter().filter(|name| !is_derived(name)).cloned();
         let needed = Derived::needed(derived).iter().map(|name| format!("+{name}")).collect::<Vec<_>>();
-        let besides = besides.iter().filter(|name| !is_derived(name)).map(|name| format!("+{name}"));
+        let besides = besides.iter().copied().chain(self.recording.as_deref());
+        let besides = besides.filter(|name| !is_derived(name)).map(|name| format!("+{name}"));
         Some(wanted.chain(needed).chain(besides).collect())
     }
 
@@ -250,6 +301,31 @@ impl ReadArgs {
         };
         self.missing_value.iter().filter(|text| *text != "none").map(number).collect()
     }
+}
+
+/// Brings the columns of a table into the order of the first one's.
+///
+/// # Errors
+/// One has a column that the other has not: what drives others must not disappear unseen.
+fn same_columns(table: &mut Table, file: &Input, known: &Table, first: &Input) -> Result<()> {
+    let named = |names: &[String], is: &dyn Fn(&String) -> bool| {
+        names.iter().filter(|name| is(name)).map(|name| plain(name)).collect::<Vec<_>>().join(",")
+    };
+    let is_in = |table: &Table, name: &String| position(&table.names, name).is_some();
+    let mut only = [(first, &*known, &*table), (file, &*table, &*known)]
+        .map(|(file, own, other)| (file, named(&own.names, &|name| !is_in(other, name))))
+        .into_iter()
+        .filter(|(_, names)| !names.is_empty())
+        .map(|(file, names)| format!("only {} has {names}", file.user.display()));
+    let Some(told) = only.next().map(|one| only.fold(one, |told, other| format!("{told}, {other}"))) else {
+        return table.keep(&known.names);
+    };
+    let common = named(&known.names, &|name| is_in(table, name));
+    let way = match common.is_empty() {
+        true => "analyse them apart".to_owned(),
+        false => format!("{} {common} analyses what both have", Named("columns")),
+    };
+    Err(Error::file(&file.user, format!("recordings of one system need the same columns: {told}; {way}")))
 }
 
 /// Flags that choose a part of the data.
@@ -295,7 +371,7 @@ impl FromStr for Rows {
 
 impl PartArgs {
     /// The part of `data` that these flags choose, with its values changed as asked for. Rows are chosen by their values before.
-    /// `named`: the columns that the user names.
+    /// `read` names columns.
     ///
     /// # Errors
     /// A column without any number, unless it may be left out; a window without rows.
@@ -304,8 +380,9 @@ impl PartArgs {
         mut data: Data,
         changes: &ChangeArgs,
         variables: Option<&[String]>,
-        named: &[String],
+        read: &ReadArgs,
     ) -> Result<Data> {
+        let named = read.columns().unwrap_or_default();
         if let Some(Rows(rows)) = &self.rows {
             data.map_recordings(|recording| {
                 let end = recording.nrows().min(*rows.end());
@@ -313,9 +390,13 @@ impl PartArgs {
             })?;
         }
         let masks = self.masks(&mut data, variables)?;
+        let aside = if data.recorded { None } else { aside(&data.data, |name| read.keeps(name)) };
         changes.apply(&mut data)?;
         if let Some(masks) = masks {
             data.data = data.data.with_mask(masks, "y".parse()?)?;
+        }
+        if let Some((vars, why)) = aside {
+            data.leave_out(&vars, &why)?;
         }
         if self.drop_constant {
             let constant = |&var: &usize| is_constant(&data.data, var);

@@ -10,6 +10,8 @@ use roscausal_core::{
     params::Value,
 };
 
+use roscausal_discovery::Named;
+
 use super::{Args, Data, Input};
 use crate::recording::parameter;
 
@@ -19,8 +21,8 @@ const EVERYBODY: &str = "all";
 /// Flags for tables of trajectories.
 #[derive(ClapArgs, Clone, Debug, Default)]
 pub(crate) struct TrajectoryArgs {
-    /// Trajectories: who is analysed: an id or name, several (`3,7`), `nearest:N` (to the obstacle), or `all` (each agent is a
-    /// recording of one system). Default: all.
+    /// Trajectories: who is analysed: an id or name, several (`3,7`), a range (`3..7`), all but some (`!5`), `nearest:N` (to the
+    /// obstacle), or `all` (each agent is a recording of one system). Default: all.
     #[arg(long, value_name = "WHO")]
     agent: Option<String>,
     /// Trajectories: whom they may collide with: an id or name, or `nearest` (the nearest other agent). Default: the robot, if the
@@ -30,13 +32,14 @@ pub(crate) struct TrajectoryArgs {
     /// Trajectories: where each agent wants to go, if the table does not tell: `last`, its last place.
     #[arg(long, value_name = "WHERE", value_parser = ["last"])]
     goal: Option<String>,
-    /// Trajectories: frames per second, where the table counts frames. Default: 25.
+    /// Trajectories: frames per second, where the table counts frames. Default: those at which places and velocities agree, or people
+    /// walk like people.
     #[arg(long, value_name = "HZ")]
     frame_rate: Option<f64>,
-    /// Trajectories: unit of the positions: m, cm, mm. Default: by the speeds that follow from it.
+    /// Trajectories: unit of the positions: m, cm, mm, ft. Default: by the speeds that follow from it.
     #[arg(long, value_name = "UNIT")]
     position_unit: Option<PositionUnit>,
-    /// Trajectories: columns with unusual names, such as `id=ped,time=ts,x=px`. Roles: id, time, frame, x, y, vx, vy, speed, heading,
+    /// Trajectories: columns with unusual names, such as `id=ped,time=ts,x=px`, or without any, by number from 1. Roles: id, time, frame, x, y, vx, vy, speed, heading,
     /// gx, gy, kind.
     #[arg(long, value_name = "ROLE=NAME", value_delimiter = ',')]
     trajectory_columns: Vec<String>,
@@ -67,6 +70,12 @@ impl TrajectoryArgs {
                 "trajectories are pooled: each agent is a recording of one system",
             ));
         }
+        if let Some(flag) = args.read.of_lines() {
+            return Err(Error::param(
+                flag,
+                format!("of trajectories, {} says which column is what", Named("trajectory_columns")),
+            ));
+        }
         let postprocess = nodes::postprocess(&self.parameters(args)?)?;
         let reading = TrajectoryReading {
             frame_rate: self.frame_rate,
@@ -85,10 +94,10 @@ impl TrajectoryArgs {
             least_rows: args.method.tau_max().saturating_mul(2).saturating_add(4),
         };
         let (mut tables, mut warnings) = (Vec::new(), Vec::new());
-        for file in &args.files {
+        for (number, file) in args.files.iter().enumerate() {
             let found = walks(file, &reading, &choice, &postprocess)?;
             warnings.extend(found.notes.iter().map(|note| format!("{}: {note}", file.display())));
-            for (agent, mut table) in found.tables {
+            for (place, (agent, mut table)) in found.tables.into_iter().enumerate() {
                 if let Some(columns) = args.read.columns() {
                     table.keep(columns)?;
                 }
@@ -96,7 +105,7 @@ impl TrajectoryArgs {
                     "{} ({agent})",
                     file.file_name().unwrap_or_default().to_string_lossy()
                 ));
-                tables.push((Input { table: file.clone(), user }, table));
+                tables.push((Input { table: file.clone(), user, run: [number, place] }, table));
             }
         }
         warnings.iter().for_each(|warning| crate::terminal::tell!("{warning}"));

@@ -18,6 +18,87 @@ fn files_with_different_steps_are_refused_and_both_are_named() {
     has(&text, &["fast.csv: its step is 0.1 s, that of slow.csv is 0.25 s"]);
 }
 
+/// `n` rows of two columns of independent noise around a level.
+fn around(level: f64, seed: u64, header: &str) -> String {
+    let mut state = seed;
+    let columns = header.split(',').count();
+    let row = |_| {
+        let cells: Vec<String> = (0..columns).map(|_| format!("{:.5}", level + unit(&mut state))).collect();
+        cells.join(",") + "\n"
+    };
+    format!("{header}\n{}", (0..200).map(row).collect::<String>())
+}
+
+#[test]
+fn recordings_with_different_columns_are_refused_in_either_order() {
+    let dir = folder("quiet.csv", &around(0.0, 1, "speed,unease"));
+    fs::write(dir.path().join("crowd.csv"), around(0.0, 2, "unease,noise,speed")).expect("writes");
+    for files in [["quiet.csv", "crowd.csv"], ["crowd.csv", "quiet.csv"]] {
+        let out = roscausal(dir.path(), &[&["discover"], &files[..], &QUICK[2..]].concat());
+        assert_eq!(out.status.code(), Some(1));
+        has(&String::from_utf8_lossy(&out.stderr), &["only crowd.csv has noise", "--columns"]);
+        let common = ["--columns", "speed,unease"];
+        let out = roscausal(dir.path(), &[&["discover"], &files[..], &common, &QUICK[2..]].concat());
+        assert!(out.status.success(), "{}", String::from_utf8_lossy(&out.stderr));
+    }
+}
+
+#[test]
+fn recordings_at_other_levels_make_no_link_unless_their_levels_are_kept() {
+    let dir = folder("0.csv", &around(0.0, 1, "a,b"));
+    let files: Vec<String> = (0..5_u32).map(|k| format!("{k}.csv")).collect();
+    for k in 1..5_u32 {
+        fs::write(dir.path().join(&files[k as usize]), around(f64::from(k), u64::from(k), "a,b"))
+            .expect("writes");
+    }
+    let names: Vec<&str> = files.iter().map(String::as_str).collect();
+    let text = |more: &[&str]| {
+        let args = [
+            &["discover"],
+            &names[..],
+            &["--method", "pcmci", "--test", "parcorr", "--alpha", "0.001"],
+            more,
+        ]
+        .concat();
+        String::from_utf8_lossy(&roscausal(dir.path(), &args).stdout).into_owned()
+    };
+    let found = text(&[]);
+    has(
+        &found,
+        &[
+            "from 5 recordings without their own levels",
+            ": 0 links",
+            "the recordings differ in the level of a, b",
+        ],
+    );
+    has(&text(&["--levels", "keep"]), &[": 4 links", "a at t-1 drives b"]);
+    assert!(!text(&["--levels", "keep"]).contains("without their own levels"));
+}
+
+#[test]
+fn dependence_at_a_longer_lag_is_seen_and_told() {
+    let mut state = 3;
+    let mut near = [0.0; 600];
+    near.iter_mut().for_each(|value| *value = unit(&mut state) - 0.5);
+    let row = |t: usize| {
+        let speed = if t < 2 { 0.0 } else { 0.9 * near[t - 2] } + 0.3 * (unit(&mut state) - 0.5);
+        format!("{:.1},{:.5},{speed:.5}\n", 0.1 * t as f64, near[t])
+    };
+    let csv = format!("time,distance,speed\n{}", (0..600).map(row).collect::<String>());
+    let dir = folder("data.csv", &csv);
+    for method in [&[][..], &QUICK[2..]] {
+        let out = roscausal(dir.path(), &[&["discover", "data.csv"], method].concat());
+        let told = String::from_utf8_lossy(&out.stdout).into_owned();
+        has(
+            &told,
+            &["dependence of speed on distance is strongest at lag 2 (0.2 s)", "--tau-max 3 tests it"],
+        );
+        assert!(!told.contains("every tested pair may be independent"), "{told}");
+    }
+    let out = roscausal(dir.path(), &[&["discover", "data.csv", "--tau-max", "3"], &QUICK[2..]].concat());
+    assert!(!String::from_utf8_lossy(&out.stdout).contains("tests it"));
+}
+
 #[test]
 fn bad_files_are_named_with_line_and_column_and_the_way_out() {
     has(&complaint("", &[], 1), &["data.csv", "empty"]);

@@ -16,6 +16,7 @@ mod derived;
 mod dialect;
 pub(crate) mod grid;
 mod join;
+mod split;
 mod steps;
 pub(crate) mod time;
 
@@ -24,7 +25,7 @@ use std::{collections::BTreeMap, fmt, io::BufRead, path::Path};
 use csv::{ByteRecord, ReaderBuilder, StringRecord};
 use ndarray::{Array2, Axis, ShapeBuilder};
 
-use roscausal_discovery::{DataFrame, Named};
+use roscausal_discovery::{DataFrame, Named, names};
 
 use self::{
     cells::{Cells, Codes},
@@ -34,6 +35,7 @@ use super::header;
 use crate::{Error, Result, memory::Memory};
 
 pub use derived::Derived;
+pub use split::is_id;
 pub use steps::{Resample, Steps};
 pub use time::Unit;
 
@@ -66,6 +68,12 @@ pub struct Reading {
     pub time_column: Option<String>,
     /// A time may be the same as the one before: the rows are resampled.
     pub equal_times: bool,
+    /// The first line is a row, whatever is in it.
+    pub no_header: bool,
+    /// The names of the columns, instead of those in the file.
+    pub names: Option<Vec<String>>,
+    /// The column that says which recording a row is of ([`Table::by_recording`]): the times need not be in order.
+    pub recording: Option<String>,
     /// Bytes that reading may take; `None`: what the machine has free.
     pub max_memory: Option<u64>,
 }
@@ -246,7 +254,7 @@ impl Table {
         // The csv crate copies a line as a whole, and what stands between quotes.
         let copied = if text.contains(&b'"') { text.len() } else { longest_line(&text) };
         memory.check(text.len() as u64 + 2 * copied as u64)?;
-        let layout = dialect::layout(&text);
+        let layout = dialect::layout(&text, reading.no_header);
         let with_tabs =
             (layout.separator == Separator::Spaces).then(|| dialect::with_tabs(&text[layout.start..]));
         let body = with_tabs.as_deref().unwrap_or(&text[layout.start..]);
@@ -295,6 +303,8 @@ struct Rows<'a> {
     columns: Vec<usize>,
     /// Lines before the header.
     before: u64,
+    /// The first line is a row.
+    nameless: bool,
 }
 
 /// What one pass over the rows gives.
@@ -315,19 +325,31 @@ impl<'a> Rows<'a> {
         let mut next = || records.next().transpose().map_err(|error| error.to_string());
         let first = next()?.unwrap_or_default();
         columns::check_count(first.len())?;
-        columns::check_lengths(first.iter().map(<[u8]>::len))?;
-        let (mut header, joined) = header::repaired(&texts(&first)?);
+        columns::check_lengths(first.iter().map(<[u8]>::len), layout.lines_before + 1)?;
+        let second = next()?.unwrap_or_default();
+        let line = layout.lines_before + 1;
+        let (mut header, joined) = match layout.nameless {
+            true => (columns::made_up(&first, &second), 0),
+            false => header::repaired(&texts(&first, line)?),
+        };
         if layout.behind_hash && header.len() > 1 && header[0].is_empty() {
             header.remove(0);
         }
-        let second = next()?.unwrap_or_default();
+        if let Some(names) = &reading.names {
+            if names.len() != header.len() {
+                let reason = format!("{} names for {} columns", names.len(), header.len());
+                return Err(Complaint::from(format!("{} gives {reason}; name each column", Named("names"))));
+            }
+            header.clone_from(names);
+        }
+        let second = if layout.nameless { first } else { second };
         let ahead = usize::from(
             second.len() == header.len() + 1
                 && second.get(header.len()).is_some_and(|last| !last.is_empty())
                 && joined == 0
                 && row_number(&second),
         );
-        columns::check_names(&header)?;
+        columns::check_names(&header, line)?;
         let mut this = Self {
             body,
             separator,
@@ -344,6 +366,7 @@ impl<'a> Rows<'a> {
             time: None,
             columns: Vec::new(),
             before: layout.lines_before,
+            nameless: layout.nameless,
         };
         this.choose(&second)?;
         Ok(this)
@@ -362,8 +385,10 @@ impl<'a> Rows<'a> {
                     columns::chosen(&self.header, &[name.to_owned()], None).map_err(Complaint::Columns)?;
                 Some((column[0], None))
             }
-            None => columns::time_column(&self.header)
-                .or_else(|| index.filter(|&column| date(column).is_some()).map(|column| (column, None))),
+            None => columns::time_column(&self.header).or_else(|| {
+                let first = index.or(self.nameless.then_some(0));
+                first.filter(|&column| date(column).is_some()).map(|column| (column, None))
+            }),
         };
         let time = self.time.map(|(column, _)| column);
         let last = self.header.len() - 1;
@@ -379,8 +404,8 @@ impl<'a> Rows<'a> {
                 && Some(column) != empty_end
         });
         if self.columns.is_empty() {
-            let reason =
-                format!("line 1: the only column is '{}'; columns of variables are needed", self.header[0]);
+            let (line, only) = (self.before + 1, &self.header[0]);
+            let reason = format!("line {line}: the only column is '{only}'; columns of variables are needed");
             return Err(Complaint::File(reason));
         }
         Ok(())
@@ -404,7 +429,7 @@ impl<'a> Rows<'a> {
         let mut numbers = vec![Vec::new(); self.columns.len()];
         let (mut time, mut places) = (Vec::new(), Vec::new());
         let mut reader = reader(self.body, self.separator);
-        let (mut bytes, mut header) = (ByteRecord::new(), true);
+        let (mut bytes, mut header) = (ByteRecord::new(), !self.nameless);
         while reader.read_byte_record(&mut bytes).map_err(|e| e.to_string())? {
             if std::mem::take(&mut header) {
                 continue;
@@ -428,7 +453,9 @@ impl<'a> Rows<'a> {
                 }
                 match self.cells.number(cell) {
                     Ok(Some(value)) => numbers.push(value),
-                    Ok(None) if self.cells.encode => return Ok(Pass::Words(column)),
+                    Ok(None) if self.cells.encode || self.tells_recordings(column) => {
+                        return Ok(Pass::Words(column));
+                    }
                     Ok(None) => return Err(self.not_a_number(cell, column, place)),
                     Err(()) => {
                         let (place, cell) = (self.place(column, place), shortened(cell));
@@ -445,9 +472,10 @@ impl<'a> Rows<'a> {
             bytes = row.into_byte_record();
         }
         if places.is_empty() {
-            return Err(Complaint::from(
-                "there is only a header (line 1); rows of numbers are needed below it",
-            ));
+            let line = self.before + 1;
+            return Err(Complaint::from(format!(
+                "there is only a header (line {line}); rows of numbers are needed below it"
+            )));
         }
         self.finished(numbers, time, &places, codes).map(|table| Pass::Done(Box::new(table)))
     }
@@ -469,9 +497,29 @@ impl<'a> Rows<'a> {
             values.index_axis_mut(Axis(1), at).mapv_inplace(recode);
             told.push(Note::Read(format!("words of column '{name}' as codes: {}", codes.told())));
         }
+        if self.nameless && values.ncols() > 20 && values.ncols() > 4 * values.nrows() {
+            return Err(Complaint::from(format!(
+                "it has {} rows of {} numbers, and no names: it seems to lie on its side; a row is a time, a column a variable: \
+                 transpose it, such as with numpy's .T",
+                values.nrows(),
+                values.ncols()
+            )));
+        }
+        let own_time = self.first_is_time(&values);
+        let names = if own_time.is_some() { names[1..].to_vec() } else { names };
+        if own_time.is_some() {
+            values.remove_index(Axis(1), 0);
+            told.push(Note::Read(format!("{} rises at even steps: it is taken as the time", self.header[0])));
+        }
         let mut notes = Table::notes_on(&names, &values);
+        told.extend(self.on_names());
         notes.splice(0..0, told);
         let time = match self.time {
+            None if own_time.is_some() => {
+                let (time, told) = time::in_seconds(own_time.unwrap_or_default(), self.reading.time_unit);
+                notes.extend(told.map(Note::Read));
+                Some(time)
+            }
             Some((column, unit)) => {
                 self.check_time(&time, column, places)?;
                 let (time, told) = time::in_seconds(time, self.reading.time_unit.or(unit));
@@ -481,6 +529,41 @@ impl<'a> Rows<'a> {
             None => None,
         };
         Ok(Table { names, values, time, notes })
+    }
+
+    /// The first column of a file without names, if it rises at even steps that are not those of row numbers.
+    fn first_is_time(&self, values: &Array2<f64>) -> Option<Vec<f64>> {
+        let is_free = self.nameless && self.time.is_none() && values.ncols() > 2;
+        let named = self.reading.names.is_some()
+            || self.reading.columns.is_some()
+            || self.reading.time_column.is_some();
+        let time = values.column(0).to_vec();
+        let step = steps::median_step(&time).filter(|step| *step > 0.0 && *step != 1.0)?;
+        let is_even = time.windows(2).all(|pair| (pair[1] - pair[0] - step).abs() < 0.02 * step);
+        (is_free && !named && time.len() >= 10 && is_even).then_some(time)
+    }
+
+    /// What to know of columns that the file does not name, or names by numbers.
+    fn on_names(&self) -> Option<Note> {
+        let (first, last) = (self.header.first()?, self.header.iter().rfind(|name| !name.is_empty())?);
+        let are_numbers = self.header.iter().all(|name| name.is_empty() || name.parse::<f64>().is_ok());
+        let told = match (self.nameless, are_numbers) {
+            _ if self.reading.names.is_some() => return None,
+            (true, _) => format!(
+                "the file has no header; its columns are called {first} to {last} (--names names them)"
+            ),
+            (false, true) => {
+                format!("line {} is taken as names (--no-header reads it as a row)", self.before + 1)
+            }
+            (false, false) => return None,
+        };
+        Some(Note::Read(told))
+    }
+
+    /// Whether a column says which recording a row is of.
+    fn tells_recordings(&self, column: usize) -> bool {
+        let name = self.reading.recording.as_deref();
+        name.is_some_and(|name| names::position(&self.header, name) == Some(column))
     }
 
     fn time_of(&self, cell: &str, column: usize, place: u64) -> Parsed<f64> {
@@ -509,10 +592,13 @@ impl<'a> Rows<'a> {
             return Ok(());
         }
         Err(Complaint::from(format!(
-            "line {} has {} cells, the header has {expected} names; every row needs one cell per name (empty for a \
-             missing value)",
+            "line {} has {} cells, {}; every row needs as many (empty for a missing value)",
             self.line(place),
             row.len(),
+            match self.nameless {
+                true => format!("the first row has {expected}"),
+                false => format!("the header has {expected} names"),
+            }
         )))
     }
 
@@ -541,10 +627,15 @@ impl<'a> Rows<'a> {
                 self.line(places[row])
             )));
         }
+        if self.reading.recording.is_some() {
+            return Ok(());
+        }
         let wrong = |pair: &[f64]| pair[1] < pair[0] || (pair[1] == pair[0] && !self.reading.equal_times);
         let Some(row) = time.windows(2).position(wrong) else { return Ok(()) };
         let place = format!("line {}, column '{name}'", self.line(places[row + 1]));
-        Err(Complaint::from(out_of_order(&place, time[row], time[row + 1])))
+        // A column that says whose row it is, or else the time itself, which begins anew.
+        let id = self.header.iter().find(|name| split::is_id(name)).unwrap_or(name);
+        Err(Complaint::from(out_of_order(&place, time[row], time[row + 1], id)))
     }
 
     fn place(&self, column: usize, place: u64) -> String {
@@ -588,14 +679,15 @@ fn shortened(cell: &str) -> String {
 }
 
 /// What is wrong with a time that is not after the one before it.
-fn out_of_order(place: &str, before: f64, time: f64) -> String {
+fn out_of_order(place: &str, before: f64, time: f64, id: &str) -> String {
     let (what, way) = match time < before {
         true => ("goes back", "sort the rows".to_owned()),
         false => ("stands still", format!("resample the rows with {}", Named("dt"))),
     };
     format!(
-        "{place}: time {what} (from {before} to {time}); {way}, or split the recordings into files of their own; a table with a row \
-         for each of several people and robots: {} trajectories",
+        "{place}: time {what} (from {before} to {time}); {way}; several recordings in one table: {} '{id}'; a row for each of several \
+         people and robots: {} trajectories",
+        Named("recording"),
         Named("format")
     )
 }
@@ -610,11 +702,11 @@ fn reader(body: &[u8], separator: u8) -> csv::Reader<&[u8]> {
 }
 
 /// The names of a header line.
-fn texts(record: &ByteRecord) -> std::result::Result<Vec<String>, String> {
+fn texts(record: &ByteRecord, line: u64) -> std::result::Result<Vec<String>, String> {
     let text = |(column, cell): (usize, &[u8])| match std::str::from_utf8(cell) {
         Ok(text) => Ok(text.trim_matches(' ').to_owned()),
         Err(_) => {
-            Err(format!("line 1, column {}: not text in UTF-8; save the file as UTF-8 CSV", column + 1))
+            Err(format!("line {line}, column {}: not text in UTF-8; save the file as UTF-8 CSV", column + 1))
         }
     };
     record.iter().enumerate().map(text).collect()

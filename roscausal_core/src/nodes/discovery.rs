@@ -12,7 +12,7 @@ use std::{
 };
 
 use roscausal_discovery::{
-    Control, Evidence, Model, Progress, analyse_with_evidence,
+    Control, Evidence, Levelled, Levels, Model, Progress, analyse_with_evidence,
     changes::{Form, Status},
     confidence::{resample, set_step},
     draw,
@@ -546,6 +546,9 @@ fn method(
         let data = part.data.with_named_vectors(&request.vectors)?;
         let settings = request.for_variables(data.var_names());
         let settings = settings.map_err(|error| Error::of_rules(error, params.links.as_ref()))?;
+        // Batches follow one another in one run; with `remove` each has a level of its own all the same.
+        let each = if settings.levels == Levels::Remove { data.recordings().len() } else { 0 };
+        let Levelled { data, settings, note } = Levelled::of(data, &(0..each).collect::<Vec<_>>(), settings);
         let part = Part { data, ..part };
         let (mut model, evidence) = match &params.program {
             Some(program) => {
@@ -565,6 +568,7 @@ fn method(
             })?,
         };
         set_step(&mut model, joint.dt());
+        model.warnings.extend(note);
         model.n_recordings = part.data.recordings().len();
         let person = part.person.map_or(String::new(), |id| format!("_person_{id}"));
         let origin = Origin {

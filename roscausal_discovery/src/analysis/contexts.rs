@@ -89,6 +89,16 @@ fn class_of(data: &DataFrame, var: usize, exogenous: bool) -> Result<NodeClass> 
     let name = &data.var_names()[var];
     match data.recordings().iter().position(|recording| !is_constant(recording.column(var))) {
         None if differs(data, var) => Ok(NodeClass::SpaceContext),
+        Some(_) if exogenous && are_cut(data, var) => {
+            let rows: Vec<String> = data.recordings().iter().map(|rows| rows.nrows().to_string()).collect();
+            let shortest = data.recordings().iter().map(|rows| rows.nrows()).min().unwrap_or(0);
+            let reason = format!(
+                "'{name}' is the same in all recordings, but these have different lengths ({} rows), and a context of time needs the \
+                 same steps in all; take the rows 1..{shortest} of each",
+                rows.join(", ")
+            );
+            Err(Error::param("exogenous", reason))
+        }
         Some(recording) if exogenous && !is_shared(data, var) => {
             let reason = format!(
                 "'{name}' varies within recording {} and is not the same in all recordings at each step, so it is no context of \
@@ -100,6 +110,15 @@ fn class_of(data: &DataFrame, var: usize, exogenous: bool) -> Result<NodeClass> 
         Some(_) if exogenous => Ok(NodeClass::TimeContext),
         _ => Ok(NodeClass::System),
     }
+}
+
+/// Whether a variable is the same in all recordings as far as these go, and some end earlier.
+fn are_cut(data: &DataFrame, var: usize) -> bool {
+    let Some(longest) = data.recordings().iter().max_by_key(|rows| rows.nrows()) else { return false };
+    let same = |(a, b): (&f64, &f64)| a == b || (a.is_nan() && b.is_nan());
+    let begins = |rows: &ndarray::Array2<f64>| rows.column(var).iter().zip(longest.column(var)).all(same);
+    let is_cut = data.recordings().iter().any(|rows| rows.nrows() < longest.nrows());
+    is_cut && data.recordings().iter().all(begins)
 }
 
 fn is_constant_everywhere(data: &DataFrame, var: usize) -> bool {

@@ -55,7 +55,13 @@ impl Settings {
         }
         let is_fci_there = matches!(self.method, Method::Lpcmci | Method::Tsfci);
         if !is_fci_there && self.tau_max == 0 && !info.models_lag_zero {
-            return Err(Error::param("tau_max", "0 leaves no past; give at least 1"));
+            let reason = format!(
+                "0 leaves {} no past; give at least 1, or use {} or {}, which also find links at lag 0 alone",
+                self.method,
+                Method::Lpcmci,
+                Method::Varlingam
+            );
+            return Err(Error::param("tau_max", reason));
         }
         if self.tau_min == 0 && !info.lag_zero {
             let what = if self.method.reads(Reads::FAlpha) { "the transfer-entropy filter of " } else { "" };

@@ -18,7 +18,7 @@ pub use request::Request;
 pub use scheme::{Block, FEWEST_RESAMPLES, MOST_RESAMPLES, Resampling, Scheme};
 pub(crate) use scheme::{FEWEST_BLOCKS, FEWEST_ROWS};
 pub use table::SETTINGS;
-pub use typed::{PcAlpha, Settings};
+pub use typed::{Levels, PcAlpha, Settings};
 
 use crate::{
     independence_tests::{self, Significance, spelled},

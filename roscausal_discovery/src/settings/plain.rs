@@ -7,7 +7,7 @@ use serde_json::{Map, Value, json};
 use super::{
     links::LinkRules,
     scheme::{Block, Scheme},
-    typed::PcAlpha,
+    typed::{Levels, PcAlpha},
 };
 use crate::{
     independence_tests::{GpSearch, NullDistributions, Significance},
@@ -66,7 +66,7 @@ macro_rules! as_word {
     })+ };
 }
 
-as_word!(Method, TeEstimator, Fdr, GpSearch, Significance, ColliderRule, Scheme);
+as_word!(Method, TeEstimator, Fdr, GpSearch, Significance, ColliderRule, Levels, Scheme);
 
 impl Plain for Block {
     fn json(&self) -> Value {

@@ -6,6 +6,7 @@ use super::{
     Group, Kind, Readers, Setting,
     plain::{self, Plain},
     scheme::Scheme,
+    typed::Levels,
 };
 use crate::{
     independence_tests::{GpSearch, Significance, TRANSFORMS, draws},
@@ -125,6 +126,14 @@ settings! {
     "extra_conditions" "no-extra-conditions" "extra_conditions" settings.extra_conditions = Kind::Flag,
         "candoit: contexts of interventions join their variables as conditions, as published; without, it takes far fewer tests",
         expert: true, readers: Readers::Named(Reads::ExtraConditions, "has no contexts of interventions");
+    "levels" "levels" "levels" settings.levels = Kind::Word(Levels::NAMES),
+        "Level and scale of each recording: auto takes them out where recordings differ, so that this makes no link; keep, remove. Batches \
+         of one run have one level",
+        readers: Readers::Methods {
+            read: |info| !matches!(info.method, Method::Jpcmciplus | Method::Candoit),
+            why: "compares recordings itself",
+            instead: None,
+        };
     "links" "links" "links" links = Kind::File("toml"),
         "File with what is known of links: required, forbidden, directed (docs/data.md)",
         unset: "nothing is known", of_data: false,

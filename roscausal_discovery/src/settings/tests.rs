@@ -31,6 +31,7 @@ fn every_field_of_the_settings_has_an_entry() {
         max_conds: _,
         max_sets: _,
         extra_conditions: _,
+        levels: _,
         pcmciplus: _,
     } = settings;
     let Resampling { resamples: _, scheme: _, share: _, block: _ } = resampling;
@@ -54,8 +55,8 @@ fn every_field_of_the_settings_has_an_entry() {
         as_tigramite: _,
         max_memory: _,
     } = test;
-    // Of the settings 16, of the test 12, and two of PCMCI+; of the request four; four of resampling. Links are the request's.
-    assert_eq!(SETTINGS.len(), 16 + 12 + 2 + 4 + 4);
+    // Of the settings 17, of the test 12, and two of PCMCI+; of the request four; four of resampling. Links are the request's.
+    assert_eq!(SETTINGS.len(), 17 + 12 + 2 + 4 + 4);
 }
 
 #[test]

@@ -22,6 +22,20 @@ pub enum PcAlpha {
     ByScore,
 }
 
+/// What becomes of the levels of recordings that differ; the surfaces do it ([`Levelled`](crate::Levelled)), not [`analyse`](crate::analyse).
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Levels {
+    /// Taken out where they differ by more than chance.
+    #[default]
+    Auto,
+    /// They stay.
+    Keep,
+    /// Taken out.
+    Remove,
+}
+
+words!(Levels, "levels": Auto "auto", Keep "keep", Remove "remove");
+
 /// What to analyse, and how. Plain data; [`Settings::check`] says whether it is valid.
 ///
 /// ```
@@ -63,6 +77,8 @@ pub struct Settings {
     /// CAnDOIT: columns of interventions, and the variable that each sets; `None`: those of the simulator, as far as they are
     /// there ([`default_intervention_targets`](crate::methods::default_intervention_targets)).
     pub acts_on: Option<ActsOn>,
+    /// What becomes of the levels of recordings that differ.
+    pub levels: Levels,
     /// Seed of all random numbers.
     pub seed: u64,
     /// Which links may exist; `None`: all.
@@ -93,6 +109,7 @@ impl Default for Settings {
             fdr: Fdr::None,
             exogenous: Vec::new(),
             acts_on: None,
+            levels: Levels::Auto,
             seed: 42,
             link_assumptions: None,
             max_conds: None,

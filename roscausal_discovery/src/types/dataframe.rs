@@ -389,6 +389,11 @@ impl DataFrame {
         self.masks.is_some()
     }
 
+    /// The same with other values, missing where they were; `None` for data with vectors, whose components are elsewhere.
+    pub(crate) fn with_values(&self, recordings: Vec<Array2<f64>>) -> Option<Self> {
+        self.vectors.is_none().then(|| Self { recordings: Arc::new(recordings), ..self.clone() })
+    }
+
     pub(super) fn vectors(&self) -> Option<&Vectors> {
         self.vectors.as_ref()
     }

@@ -52,6 +52,10 @@ class Settings(TypedDict, total=False):
     extra_conditions: bool | None
     """candoit: contexts of interventions join their variables as conditions, as published; without, it takes far fewer tests."""
 
+    levels: Literal["auto", "keep", "remove"] | None
+    """Level and scale of each recording: auto takes them out where recordings differ, so that this makes no link; keep, remove.
+    Batches of one run have one level."""
+
     links: str | os.PathLike[str] | Mapping[str, Any] | Sequence[Mapping[str, Any]] | None
     """File with what is known of links: required, forbidden, directed (docs/data.md); None: nothing is known."""
 

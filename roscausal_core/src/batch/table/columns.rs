@@ -2,6 +2,7 @@
 
 use std::collections::HashMap;
 
+use csv::ByteRecord;
 use roscausal_discovery::names;
 
 use super::time::Unit;
@@ -26,12 +27,15 @@ const TIME_NAMES: [&str; 14] = [
 
 /// The column of times, and the unit in its name.
 pub(crate) fn time_column(header: &[String]) -> Option<(usize, Option<Unit>)> {
-    header.iter().enumerate().find_map(|(column, name)| Some((column, time_name(name)?)))
+    let named = header.iter().enumerate().find_map(|(column, name)| Some((column, time_name(name)?)));
+    // The stamp of a message within a longer name: `/odom/header/stamp`, `.pose.header.stamp`.
+    let is_stamp = |name: &String| name.to_lowercase().replace('/', ".").ends_with(".header.stamp");
+    named.or_else(|| header.iter().position(is_stamp).map(|column| (column, None)))
 }
 
 /// Whether a name is one of a column of times, and the unit in it.
 pub(crate) fn time_name(name: &str) -> Option<Option<Unit>> {
-    let name = name.trim().trim_matches('\'').trim_start_matches(['%', '.']).to_lowercase();
+    let name = name.trim().trim_matches('\'').trim_start_matches(['%', '.', '_', '/']).to_lowercase();
     if ["seconds", "secs"].contains(&name.as_str()) {
         return Some(Some(Unit::Seconds));
     }
@@ -62,42 +66,46 @@ pub(super) fn check_count(columns: usize) -> Result<(), String> {
     ))
 }
 
-/// Checks how long the names of a header are, in bytes.
-pub(super) fn check_lengths(lengths: impl Iterator<Item = usize>) -> Result<(), String> {
+/// Checks how long the names of a header are, in bytes; `line` is where they stand.
+pub(super) fn check_lengths(lengths: impl Iterator<Item = usize>, line: u64) -> Result<(), String> {
     let long = |(_, length): &(usize, usize)| *length > LONGEST_NAME;
     match lengths.enumerate().find(long) {
         None => Ok(()),
         Some((column, length)) => Err(format!(
-            "line 1, column {}: the name is {length} bytes long; check the quotes and line ends of the header",
+            "line {line}, column {}: the name is {length} bytes long; check the quotes and line ends of the header",
             column + 1
         )),
     }
 }
 
 /// Checks the names of a header. The empty name of a first column is that of pandas' index, of a last one a separator too
-/// many; both are allowed here.
-pub(super) fn check_names(names: &[String]) -> Result<(), String> {
-    if names.iter().all(|name| name.is_empty() || name.parse::<f64>().is_ok()) {
-        return Err(
-            "line 1 holds numbers; the first line must be a header with the names of the columns".into()
-        );
-    }
-    check_lengths(names.iter().map(String::len))?;
+/// many; both are allowed here. `line` is where they stand.
+pub(super) fn check_names(names: &[String], line: u64) -> Result<(), String> {
+    check_lengths(names.iter().map(String::len), line)?;
     let mut places = HashMap::new();
     for (column, name) in names.iter().enumerate() {
         let at_an_end = column == 0 || column + 1 == names.len();
         if name.trim().is_empty() && !(at_an_end && names.len() > 2) {
-            return Err(format!("line 1, column {}: the name is empty; name every column", column + 1));
+            return Err(format!("line {line}, column {}: the name is empty; name every column", column + 1));
         }
         if let Some(earlier) = places.insert(name, column).filter(|_| !name.is_empty()) {
             return Err(format!(
-                "line 1: '{name}' names both column {} and column {}; give every column a name of its own",
+                "line {line}: '{name}' names both column {} and column {}; give every column a name of its own",
                 earlier + 1,
                 column + 1
             ));
         }
     }
     Ok(())
+}
+
+/// Names of columns that have none: `x_0`, `x_1`. A last one that is empty in both rows is a separator too many.
+pub(super) fn made_up(first: &ByteRecord, second: &ByteRecord) -> Vec<String> {
+    let last = first.len().saturating_sub(1);
+    let is_end =
+        |column| last > 1 && column == last && first[last].is_empty() && second.get(last) == Some(b"");
+    let name = |column| if is_end(column) { String::new() } else { format!("x_{column}") };
+    (0..first.len()).map(name).collect()
 }
 
 /// Whether a first column is the row numbers that pandas and R write.
@@ -205,6 +213,8 @@ mod tests {
         for (name, unit) in [
             ("Time", None),
             ("%time", None),
+            ("__time", None),
+            (".header.stamp", None),
             ("time_ms", Some(Unit::Milliseconds)),
             ("Time [s]", Some(Unit::Seconds)),
             ("timestamp(ns)", Some(Unit::Nanoseconds)),
@@ -212,6 +222,7 @@ mod tests {
         ] {
             assert_eq!(time_name(name), Some(unit), "{name}");
         }
+        assert_eq!(time_column(&strings("v /odom/header/stamp")), Some((1, None)));
         for name in ["time_to_goal", "step", "h_v", "time_of_day", "temperature", "dt_ms"] {
             assert_eq!(time_name(name), None, "{name}");
         }

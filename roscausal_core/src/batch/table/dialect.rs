@@ -9,6 +9,7 @@ use std::{
     path::Path,
 };
 
+use super::time::date;
 use crate::{
     Error, Result as FileResult,
     content::{not_a_table, not_data},
@@ -95,11 +96,14 @@ pub(super) struct Layout {
     pub(super) behind_hash: bool,
     /// Lines before the header.
     pub(super) lines_before: u64,
+    /// There is no header: the first line is a row.
+    pub(super) nameless: bool,
 }
 
 /// Finds the header. Lines that begin with `#` are comments; the last one before the rows is the header if the line after it
-/// holds numbers and as many cells.
-pub(super) fn layout(bytes: &[u8]) -> Layout {
+/// holds numbers and as many cells. A first line of numbers or dates is a row, unless it counts the columns. `no_header`: it is
+/// one in any case.
+pub(super) fn layout(bytes: &[u8], no_header: bool) -> Layout {
     let mut told = None;
     let mut hash: Option<(usize, &[u8])> = None;
     let count = |start: usize| lines(&bytes[..start]).count() as u64;
@@ -121,17 +125,41 @@ pub(super) fn layout(bytes: &[u8]) -> Layout {
         let next = || {
             lines(&bytes[start..]).skip(1).map(|(_, line)| line).find(|line| is_row(line)).unwrap_or_default()
         };
-        if let Some((start, header)) = hash {
+        if let Some((start, header)) = hash.filter(|_| !no_header) {
             let separator = told.unwrap_or_else(|| separator(header, text));
             let same = cells(header, separator) == cells(text, separator) && cells(text, separator) > 1;
             if same && numeric(text, separator) && !numeric(header, separator) {
-                return Layout { start, separator, behind_hash: true, lines_before: count(start) };
+                let lines_before = count(start);
+                return Layout { start, separator, behind_hash: true, lines_before, nameless: false };
             }
         }
         let separator = told.unwrap_or_else(|| separator(text, next()));
-        return Layout { start, separator, behind_hash: false, lines_before: count(start) };
+        let nameless = no_header || is_nameless(text, next(), separator);
+        return Layout { start, separator, behind_hash: false, lines_before: count(start), nameless };
     }
-    Layout { start: 0, separator: Separator::Byte(b','), behind_hash: false, lines_before: 0 }
+    let separator = Separator::Byte(b',');
+    Layout { start: 0, separator, behind_hash: false, lines_before: 0, nameless: false }
+}
+
+/// Whether a first line is a row: numbers and dates. Whole numbers in order from 0 or 1 are names, as pandas makes them, if the
+/// line below is of another kind, or there are three and more.
+fn is_nameless(first: &[u8], second: &[u8], separator: Separator) -> bool {
+    let cells = |line: &'_ [u8]| -> Vec<String> {
+        let text = String::from_utf8_lossy(line).into_owned();
+        let clean = |cell: &str| cell.trim().trim_matches('"').to_owned();
+        match separator {
+            Separator::Byte(byte) => text.split(char::from(byte)).map(clean).collect(),
+            Separator::Spaces => text.split_whitespace().map(clean).collect(),
+        }
+    };
+    let (first, second) = (cells(first), cells(second));
+    let is_value = |cell: &String| is_number(cell.as_bytes()) || date(cell).is_some();
+    if first[0].is_empty() || !first.iter().all(is_value) {
+        return false;
+    }
+    let counts = |from: usize| first.iter().enumerate().all(|(k, cell)| cell.parse() == Ok(k + from));
+    let is_whole = |cell: &String| cell.parse::<i64>().is_ok();
+    !(counts(0) || counts(1)) || (first.len() < 3 && second.iter().all(is_whole))
 }
 
 fn is_row(line: &[u8]) -> bool {
@@ -258,7 +286,7 @@ mod tests {
     use super::*;
 
     fn found(text: &str) -> (usize, Separator, bool) {
-        let Layout { start, separator, behind_hash, .. } = layout(text.as_bytes());
+        let Layout { start, separator, behind_hash, .. } = layout(text.as_bytes(), false);
         (start, separator, behind_hash)
     }
 
@@ -284,6 +312,24 @@ mod tests {
         assert_eq!(found("# a,b\n1,2\n"), (0, Separator::Byte(b','), true));
         assert_eq!(found("# run 7\n# x y\n1.0 2.0\n"), (8, Separator::Spaces, true));
         assert_eq!(found("sep=;\r\na;b\r\n1;2\r\n"), (7, Separator::Byte(b';'), false));
+    }
+
+    #[test]
+    fn a_first_line_of_numbers_is_a_row_unless_it_counts_the_columns() {
+        let nameless = |text: &str| layout(text.as_bytes(), false).nameless;
+        for rows in [
+            "1 2\n3 4\n",
+            "-0.5,1e-3\n1,2\n",
+            "2024-01-01,3\n2024-01-02,4\n",
+            "# made\n\n7;8\n9;1\n",
+            "nan,2.5\n",
+        ] {
+            assert!(nameless(rows), "{rows}");
+        }
+        for named in ["0,1\n0.5,0.25\n", "1,2,3\n4,5,6\n", ",0,1\n0,5,6\n", "a,1\n2,3\n", "# a b\n1 2\n"] {
+            assert!(!nameless(named), "{named}");
+        }
+        assert!(layout(b"a,b\n1,2\n", true).nameless);
     }
 
     #[test]

@@ -33,25 +33,39 @@ impl Table {
         let [from, to] = span(&parts)?;
         let columns = files.iter().map(|(_, table)| table.values.ncols()).sum();
         let cells = files.iter().map(|(_, table)| table.values.len()).sum();
-        let grid = evenly(from, to, dt, how.most_rows(columns, cells))?;
+        let shared = how.dt.map_or_else(|| shared_stamps(&parts, [from, to]), |_| None);
+        let grid = match &shared {
+            Some(stamps) => stamps.clone(),
+            None => evenly(from, to, dt, how.most_rows(columns, cells))?,
+        };
         let short = short_names(&parts)?;
         let (mut names, mut columns, mut notes) = (Vec::new(), Vec::new(), Vec::new());
         for ((part, short), (path, table)) in parts.iter().zip(&short).zip(files) {
             let max_gap = how.max_gap.unwrap_or(GAP_STEPS * part.step.max(dt));
-            columns.push(at_times(&table.values, part.time, &grid, dt, how.how, max_gap));
+            columns.push(match &shared {
+                Some(stamps) => table.values.select(ndarray::Axis(0), &part.rows_at(stamps)),
+                None => at_times(&table.values, part.time, &grid, dt, how.how, max_gap),
+            });
             names.extend(table.names.iter().map(|name| format!("{short}.{name}")));
             let of_file = table.notes.iter().filter(|note| matches!(note, Note::Read(_)));
             notes.extend(of_file.map(|note| Note::Read(format!("{}: {note}", path.display()))));
         }
         let views: Vec<_> = columns.iter().map(|part| part.view()).collect();
         let values = ndarray::concatenate(ndarray::Axis(1), &views).map_err(|error| error.to_string())?;
-        notes.push(Note::Read(format!(
-            "{} files side by side: {} s that they share, at steps of {} s (theirs: {})",
-            files.len(),
-            digits(to - from),
-            digits(dt),
-            parts.iter().map(|part| digits(part.step).to_string()).collect::<Vec<_>>().join(", ")
-        )));
+        notes.push(Note::Read(match &shared {
+            Some(stamps) => format!(
+                "{} files side by side, joined by the {} times that they share",
+                files.len(),
+                stamps.len()
+            ),
+            None => format!(
+                "{} files side by side: {} s that they share, at steps of {} s (theirs: {})",
+                files.len(),
+                digits(to - from),
+                digits(dt),
+                parts.iter().map(|part| digits(part.step).to_string()).collect::<Vec<_>>().join(", ")
+            ),
+        }));
         notes.extend(Self::notes_on(&names, &values));
         Ok(Self { names, values, time: Some(grid), notes })
     }
@@ -78,9 +92,25 @@ impl<'a> Part<'a> {
         Ok(Self { path, time, step })
     }
 
+    /// The rows at these times, all of which it has.
+    fn rows_at(&self, stamps: &[f64]) -> Vec<usize> {
+        stamps.iter().map(|stamp| self.time.partition_point(|t| t < stamp)).collect()
+    }
+
     fn ends(&self) -> [f64; 2] {
         [self.time[0], self.time[self.time.len() - 1]]
     }
+}
+
+/// The times that all files have, if those are nearly all of each file's within their common span: days, months, one clock.
+fn shared_stamps(parts: &[Part<'_>], [from, to]: [f64; 2]) -> Option<Vec<f64>> {
+    const NEARLY_ALL: f64 = 0.8;
+    let within = |part: &Part<'_>| part.time.iter().filter(|t| (from..=to).contains(*t)).count() as f64;
+    let has = |part: &Part<'_>, stamp: f64| part.time.binary_search_by(|t| t.total_cmp(&stamp)).is_ok();
+    let shared: Vec<f64> =
+        parts[0].time.iter().copied().filter(|&stamp| parts.iter().all(|part| has(part, stamp))).collect();
+    let are_most = |part: &Part<'_>| shared.len() as f64 >= NEARLY_ALL * within(part);
+    (shared.len() > 2 && parts.iter().all(are_most)).then_some(shared)
 }
 
 /// From the latest beginning to the earliest end.
@@ -159,6 +189,22 @@ mod tests {
             joined(&files, &Steps { dt: Some(1.0), how: Resample::Mean, ..Steps::default() }).expect("rows");
         // The mean since the row before, also in the first row.
         assert!((coarse.values[[0, 0]] - 2.0 * 100.55).abs() < 1e-9, "{}", coarse.values[[0, 0]]);
+    }
+
+    #[test]
+    fn equal_stamps_are_joined_as_they_are() {
+        let days = |from: usize, value: f64| {
+            let time: Vec<f64> = (from..260)
+                .filter(|day| day % 7 < 5 && *day != 40)
+                .map(|day| day as f64 * 86_400.0)
+                .collect();
+            let values = Array2::from_shape_fn((time.len(), 1), |(row, _)| value * time[row]);
+            Table { names: vec!["v".into()], values, time: Some(time), notes: Vec::new() }
+        };
+        let one =
+            joined(&[("a.csv", days(0, 1.0)), ("b.csv", days(3, 2.0))], &Steps::default()).expect("joined");
+        assert_eq!(one.values.nrows(), days(3, 1.0).values.nrows(), "no row is made up");
+        assert!(one.values.rows().into_iter().all(|row| row[1] == 2.0 * row[0]));
     }
 
     #[test]

@@ -86,7 +86,7 @@ impl Table {
     /// # Errors
     /// Uneven steps without a step to resample to; a step that gives no row, or too many; a resampled table without times.
     pub fn at_even_steps(mut self, steps: &Steps) -> Result<Vec<Self>, String> {
-        let Some(time) = self.time.take() else {
+        let Some(mut time) = self.time.take() else {
             return match steps.dt {
                 Some(_) => Err(format!(
                     "it has no times, so it cannot be resampled; leave {} out, or name the column with {}",
@@ -100,10 +100,23 @@ impl Table {
             self.time = Some(time);
             return Ok(vec![self]);
         };
+        let mut notes = std::mem::take(&mut self.notes);
+        if steps.dt.is_none() && are_working_days(&time, median) {
+            let told = "its times are working days: a lag is one of them, also over a weekend or a holiday";
+            notes.push(Note::Read(told.to_owned()));
+            return Ok(vec![Self { time: Some(time), notes, ..self }]);
+        }
         let usual = median.max(steps.dt.unwrap_or(0.0));
         let max_gap = steps.max_gap.unwrap_or(GAP_STEPS * usual);
         let parts = parts(&time, max_gap);
-        let mut notes = std::mem::take(&mut self.notes);
+        let mut median = median;
+        if let (None, Some((even, step, rounded_to))) = (steps.dt, before_rounding(&time, &parts, median)) {
+            notes.push(Note::Read(format!(
+                "its times are rounded to {rounded_to} s; the steps are {} s",
+                digits(step)
+            )));
+            (time, median) = (even, step);
+        }
         if parts.len() > 1 {
             let longest = time.windows(2).map(|pair| pair[1] - pair[0]).fold(0.0, f64::max);
             let count = parts.len() - 1;
@@ -158,6 +171,61 @@ fn parts(time: &[f64], max_gap: f64) -> Vec<(usize, usize)> {
     let mut starts: Vec<usize> = std::iter::once(0).chain((1..time.len()).filter(is_gap)).collect();
     starts.push(time.len());
     starts.windows(2).map(|pair| (pair[0], pair[1])).collect()
+}
+
+/// Whether these are days without any Saturday or Sunday, of which most follow one another.
+fn are_working_days(time: &[f64], median: f64) -> bool {
+    const DAY: f64 = 86_400.0;
+    // 1970 began on a Thursday.
+    let weekday = |t: f64| ((t / DAY).floor() + 3.0).rem_euclid(7.0);
+    let whole = |t: &f64| (t - time[0]).rem_euclid(DAY) == 0.0 && weekday(*t) < 5.0;
+    median == DAY && time.len() > 7 && time[0] > DAY && time.iter().all(whole)
+}
+
+/// Times as they were before they were rounded, if that explains their uneven steps; with the step, and to what they were rounded.
+/// Each is at most one unit of the last digit from a multiple of the mean step since the part's first one.
+fn before_rounding(time: &[f64], parts: &[(usize, usize)], median: f64) -> Option<(Vec<f64>, f64, f64)> {
+    let is_whole = |t: f64, unit: f64| ((t / unit).round() * unit - t).abs() < 1e-3 * unit;
+    let unit = [1.0, 0.1, 0.01, 0.001].into_iter().find(|&unit| time.iter().all(|&t| is_whole(t, unit)))?;
+    let steps =
+        || parts.iter().flat_map(|&(from, to)| time[from..to].windows(2).map(|pair| pair[1] - pair[0]));
+    let (sum, count) = steps()
+        .filter(|step| *step < 1.5 * median + unit)
+        .fold((0.0, 0.0), |(s, n), step| (s + step, n + 1.0));
+    let first = sum / f64::max(count, 1.0);
+    // Rounding shows in the steps, and does not hide them.
+    if count < 10.0
+        || !(0.02 * first < unit && unit < 0.8 * first)
+        || steps().all(|step| (step - first).abs() < 1e-3 * first)
+    {
+        return None;
+    }
+    let places = |step: f64| -> Vec<f64> {
+        let mut place = 0.0;
+        let of_part = |&(from, to): &(usize, usize)| {
+            (from..to)
+                .map(|row| {
+                    place += if row == from { 0.0 } else { ((time[row] - time[row - 1]) / step).round() };
+                    place
+                })
+                .collect::<Vec<_>>()
+        };
+        parts.iter().map(of_part).collect::<Vec<_>>().concat()
+    };
+    let place = places(first);
+    let longest = parts.iter().max_by_key(|(from, to)| to - from)?;
+    let (from, to) = (longest.0, longest.1 - 1);
+    let measured = (time[to] - time[from]) / (place[to] - place[from]);
+    // A whole number of rows a second, if it may be one: rounding moves both ends.
+    let rate = (1.0 / measured).round();
+    let is_rate = rate > 0.0 && (rate * measured - 1.0).abs() < unit / (time[to] - time[from]);
+    let step = if is_rate { 1.0 / rate } else { measured };
+    let even: Vec<f64> = parts
+        .iter()
+        .flat_map(|&(from, to)| (from..to).map(move |row| (from, row)))
+        .map(|(from, row)| time[from] + (place[row] - place[from]) * step)
+        .collect();
+    even.iter().zip(time).all(|(even, t)| (even - t).abs() < 1.1 * unit).then_some((even, step, unit))
 }
 
 /// How even the steps are, gaps left out.
@@ -337,6 +405,38 @@ mod tests {
         assert!(tables[0].notes[0].to_string().contains("vary by"), "{:?}", tables[0].notes);
         assert!(
             table(&even(100, 0.1), |t| t).at_even_steps(&Steps::default()).expect("even")[0].notes.is_empty()
+        );
+    }
+
+    #[test]
+    fn rounded_times_are_known_as_such_at_any_rate_and_with_rows_lost() {
+        for (rate, unit) in [(30.0, 0.01), (29.97, 0.001), (60.0, 0.01), (7.5, 0.1)] {
+            let at = |i: usize| 1.7e9 + i as f64 / rate;
+            let rounded = |t: f64| (t / unit).round() * unit;
+            let time: Vec<f64> = (0..500).filter(|i| i % 97 != 3).map(|i| rounded(at(i))).collect();
+            let table = table(&time, |t| t).at_even_steps(&Steps::default()).expect("even").remove(0);
+            let step = table.dt().expect("times");
+            assert!((step * rate - 1.0).abs() < 1e-3, "{rate}: {step} {:?}", table.notes);
+        }
+        let mut at = 0.0;
+        let uneven: Vec<f64> = (0..200)
+            .map(|i| {
+                at += 0.02 + 0.01 * f64::from(i * 37 % 11).floor();
+                (at * 100.0).round() / 100.0
+            })
+            .collect();
+        assert!(table(&uneven, |t| t).at_even_steps(&Steps::default()).is_err());
+    }
+
+    #[test]
+    fn working_days_are_even() {
+        let days = (19_723..19_900_i32).filter(|day| (day + 3) % 7 < 5 && *day != 19_750);
+        let time: Vec<f64> = days.map(|day| f64::from(day) * 86_400.0).collect();
+        let tables = table(&time, |t| t).at_even_steps(&Steps::default()).expect("even");
+        assert!(
+            tables.len() == 1 && tables[0].notes[0].to_string().contains("working days"),
+            "{:?}",
+            tables[0].notes
         );
     }
 

@@ -9,6 +9,7 @@ use roscausal_msgs::std_msgs::Header;
 use super::{
     TrajectoryReading,
     layout::{self, Clock, Layout, PositionUnit},
+    motion::{self, Missing, median},
 };
 use crate::{
     Error, Result, Time,
@@ -21,20 +22,20 @@ use crate::{
     state::human::{PeopleTracker, Sighting},
 };
 
-/// Frames per second of ETH and UCY.
-const USUAL_FRAME_RATE: f64 = 25.0;
-/// Nobody who walks is as fast as this, m/s: such positions are in millimetres.
-const FASTER_THAN_ANYBODY: f64 = 20.0;
+/// Somebody who never leaves a circle of this size stands still, metres.
+const STILL: f64 = 0.01;
 /// A person is kept for any time, since only that person's own samples are given.
 const FOR_EVER_S: f64 = 1e12;
 
 /// What a row says of an agent.
 #[derive(Clone, Copy, Debug, PartialEq)]
-struct Sample {
-    time: f64,
-    place: (f64, f64),
-    velocity: Option<(f64, f64)>,
-    heading: f64,
+pub(super) struct Sample {
+    pub(super) time: f64,
+    pub(super) place: (f64, f64),
+    pub(super) velocity: Option<(f64, f64)>,
+    /// Where only the size of the velocity is known; NaN: not even that.
+    pub(super) speed: f64,
+    pub(super) heading: f64,
     goal: (f64, f64),
 }
 
@@ -46,6 +47,8 @@ pub struct Agent {
     /// The number in the table, or else its place in it.
     pub id: u32,
     is_robot: bool,
+    /// It stays where it is.
+    pub(super) stands: bool,
     start: f64,
     end: f64,
     track: Track,
@@ -84,12 +87,15 @@ impl Agents {
         let frame_rate = reading.frame_rate.or(grid.frame_rate);
         let reading = &TrajectoryReading { unit, frame_rate, ..reading.clone() };
         let raw = raw(&grid, &layout, reading, &mut notes).map_err(fault)?;
-        Self::of(raw, reading, notes).map_err(fault)
+        let counts_frames =
+            matches!(layout, Layout::Long(Clock::Frame(_), _) | Layout::Wide(Clock::Frame(_), _));
+        Self::of(raw, reading, counts_frames, notes).map_err(fault)
     }
 
     fn of(
         raw: Vec<(String, Raw)>,
         reading: &TrajectoryReading,
+        counts_frames: bool,
         mut notes: Vec<String>,
     ) -> std::result::Result<Self, String> {
         let mut raw: Vec<(String, Raw)> =
@@ -107,7 +113,18 @@ impl Agents {
         if doubles > 0 {
             notes.push(format!("{doubles} rows are left out: the agent has one with the same time already"));
         }
-        let unit = reading.unit.unwrap_or_else(|| guessed(&raw, &mut notes));
+        let tracks = || raw.iter().map(|(_, raw)| raw.samples.as_slice());
+        if let Some(told) = motion::degrees(tracks()) {
+            notes.push(told);
+            raw.iter_mut().flat_map(|(_, raw)| &mut raw.samples).for_each(Sample::to_radians);
+        }
+        raw.iter_mut().flat_map(|(_, raw)| &mut raw.samples).for_each(Sample::with_velocity);
+        let missing = Missing { rate: counts_frames && reading.frame_rate.is_none(), unit: reading.unit };
+        let tracks: Vec<&[Sample]> = raw.iter().map(|(_, raw)| raw.samples.as_slice()).collect();
+        let found = motion::found(&tracks, &missing)?;
+        notes.extend(found.notes);
+        raw.iter_mut().flat_map(|(_, raw)| &mut raw.samples).for_each(|sample| sample.time /= found.rate);
+        let unit = found.unit;
         let usual_step = median(
             raw.iter().flat_map(|(_, raw)| raw.samples.windows(2).map(|pair| pair[1].time - pair[0].time)),
         );
@@ -140,6 +157,21 @@ impl Agents {
                 ),
             )
         })
+    }
+
+    /// The agents that a word means: a name, a number, or a range of numbers, such as `3..7`.
+    ///
+    /// # Errors
+    /// As [`Agents::named`].
+    pub(super) fn meant(&self, word: &str) -> Result<Vec<&Agent>> {
+        let ends = word
+            .split_once("..")
+            .and_then(|(from, to)| Some((from.parse::<f64>().ok()?, to.parse::<f64>().ok()?)));
+        let Some((from, to)) = ends else { return Ok(vec![self.named("agent", word)?]) };
+        let within =
+            |agent: &&Agent| agent.name.parse().is_ok_and(|number: f64| (from..=to).contains(&number));
+        let found: Vec<&Agent> = self.all.iter().filter(within).collect();
+        if found.is_empty() { self.named("agent", word).map(|agent| vec![agent]) } else { Ok(found) }
     }
 
     /// The robot, if there is one and no other.
@@ -192,7 +224,10 @@ impl Agent {
         }
         let time = |sample: Option<&Sample>| sample.map_or(f64::NAN, |sample| sample.time);
         let (start, end) = (time(raw.samples.first()), time(raw.samples.last()));
-        Self { name, id, is_robot: raw.is_robot, start, end, track }
+        let from = raw.samples.first().map_or((0.0, 0.0), |sample| sample.place);
+        let is_near = |s: &Sample| (s.place.0 - from.0).hypot(s.place.1 - from.1) < STILL * per_metre;
+        let stands = raw.samples.iter().all(is_near);
+        Self { name, id, is_robot: raw.is_robot, stands, start, end, track }
     }
 
     /// The values at these stamps; unknown where the agent is not there.
@@ -210,6 +245,16 @@ impl Agent {
 }
 
 impl Sample {
+    fn to_radians(&mut self) {
+        self.heading = self.heading.to_radians();
+    }
+
+    /// The velocity of a speed and a heading.
+    fn with_velocity(&mut self) {
+        let (vx, vy) = (self.speed * self.heading.cos(), self.speed * self.heading.sin());
+        self.velocity = self.velocity.or((vx.is_finite() && vy.is_finite()).then_some((vx, vy)));
+    }
+
     /// Its heading: the one in the table, or that of its velocity.
     fn heading(&self, scaled: impl Fn((f64, f64)) -> (f64, f64)) -> f64 {
         match self.velocity.map(scaled) {
@@ -262,16 +307,13 @@ fn raw(
                 let Some(name) = text("id", row) else { continue };
                 let kind = text("kind", row).unwrap_or_default().to_lowercase();
                 let heading = number("heading", row);
-                let (vx, vy) = match number("speed", row) {
-                    speed if roles.contains_key("vx") || speed.is_nan() => {
-                        (number("vx", row), number("vy", row))
-                    }
-                    speed => (speed * heading.cos(), speed * heading.sin()),
-                };
+                let (vx, vy) = (number("vx", row), number("vy", row));
+                let speed = if roles.contains_key("vx") { f64::NAN } else { number("speed", row) };
                 let sample = Sample {
                     time,
                     place: (number("x", row), number("y", row)),
                     velocity: (vx.is_finite() && vy.is_finite()).then_some((vx, vy)),
+                    speed,
                     heading,
                     goal: (number("gx", row), number("gy", row)),
                 };
@@ -285,7 +327,14 @@ fn raw(
                     add(
                         name.clone(),
                         false,
-                        Sample { time, place, velocity: None, heading: f64::NAN, goal: nothing },
+                        Sample {
+                            time,
+                            place,
+                            velocity: None,
+                            speed: f64::NAN,
+                            heading: f64::NAN,
+                            goal: nothing,
+                        },
                     );
                 }
             }
@@ -312,15 +361,13 @@ fn times(
 ) -> std::result::Result<Vec<f64>, String> {
     let (column, unit) = match clock {
         Clock::Frame(column) => {
-            let rate = reading.frame_rate.unwrap_or(USUAL_FRAME_RATE);
+            // Seconds if the rate is known, frames otherwise.
+            let rate = reading.frame_rate.unwrap_or(1.0);
             if !(rate.is_finite() && rate > 0.0) {
                 return Err(format!(
                     "{} {rate} is not a number of frames per second above 0",
                     Named("frame_rate")
                 ));
-            }
-            if reading.frame_rate.is_none() {
-                notes.push(format!("frames are taken as {rate} per second (--frame-rate says otherwise)"));
             }
             return Ok((0..rows).map(|row| grid.columns[column].1.number(row) / rate).collect());
         }
@@ -345,29 +392,4 @@ fn times(
             Err(format!("column '{}' holds no times: neither numbers nor dates", grid.columns[column].0))
         }
     }
-}
-
-/// Millimetres if the agents would be faster than anybody in metres; that is told.
-fn guessed(raw: &[(String, Raw)], notes: &mut Vec<String>) -> PositionUnit {
-    let speed = |pair: &[Sample]| {
-        let (a, b) = (pair[0].place, pair[1].place);
-        (b.0 - a.0).hypot(b.1 - a.1) / (pair[1].time - pair[0].time)
-    };
-    let speeds =
-        raw.iter().flat_map(|(_, raw)| raw.samples.windows(2).map(speed)).filter(|speed| *speed > 0.0);
-    match median(speeds) {
-        Some(usual) if usual > FASTER_THAN_ANYBODY => {
-            notes.push(format!(
-                "positions are taken as millimetres: in metres, the usual speed would be {usual:.0} m/s (--position-unit says otherwise)"
-            ));
-            PositionUnit::Millimetres
-        }
-        _ => PositionUnit::Metres,
-    }
-}
-
-fn median(values: impl Iterator<Item = f64>) -> Option<f64> {
-    let mut values: Vec<f64> = values.filter(|value| value.is_finite()).collect();
-    let middle = values.len() / 2;
-    (!values.is_empty()).then(|| *values.select_nth_unstable_by(middle, f64::total_cmp).1)
 }

@@ -6,12 +6,13 @@
 //! | named, wide | `time` or `frame`, and for each body `NAME x`, `NAME y` (motion capture: its centroid, or its markers) |
 //! | without names, 8 columns, times since 1970 | ATC: time, person, x, y, z, speed, angle of motion, angle of the face |
 //! | without names, 8 columns, otherwise | BIWI: frame, person, x, z, y, and the velocity in the same order |
-//! | without names, at least 4 columns | ETH and UCY: frame, person, x, y |
+//! | without names, at least 4 columns | ETH and UCY: frame, person, x, y; JuPedSim and others: person, frame, x, y |
 
 use std::{collections::BTreeMap, str::FromStr};
 
 use roscausal_discovery::Named;
 
+use super::motion;
 use crate::batch::table::{binary::Column, columns::time_name, grid::Grid, time::Unit};
 
 /// Names of the columns of each role, in lower case and without a unit.
@@ -110,6 +111,8 @@ pub enum PositionUnit {
     Centimetres,
     /// `mm`
     Millimetres,
+    /// `ft`
+    Feet,
 }
 
 impl PositionUnit {
@@ -119,6 +122,7 @@ impl PositionUnit {
             Self::Metres => 1.0,
             Self::Centimetres => 100.0,
             Self::Millimetres => 1000.0,
+            Self::Feet => 1.0 / 0.3048,
         }
     }
 }
@@ -131,7 +135,8 @@ impl FromStr for PositionUnit {
             "m" => Ok(Self::Metres),
             "cm" => Ok(Self::Centimetres),
             "mm" => Ok(Self::Millimetres),
-            other => Err(format!("'{other}' is no unit of positions; allowed: m, cm, mm")),
+            "ft" | "feet" => Ok(Self::Feet),
+            other => Err(format!("'{other}' is no unit of positions; allowed: m, cm, mm, ft")),
         }
     }
 }
@@ -158,12 +163,14 @@ pub(super) enum Layout {
 /// Whether these words are the names of such a table.
 pub(super) fn is_header(words: &[String], given: &BTreeMap<String, String>) -> bool {
     let names: Vec<&str> = words.iter().map(String::as_str).collect();
-    of_names(&names, given).is_ok()
+    let are_numbers = names.iter().all(|name| name.parse::<f64>().is_ok());
+    !are_numbers && of_names(&names, given).is_ok()
 }
 
 /// The layout of a file.
 pub(super) fn of(grid: &Grid, given: &BTreeMap<String, String>) -> Result<Layout, String> {
-    if !grid.nameless {
+    // Columns without names have numbers, from 1.
+    if !grid.nameless || !given.is_empty() {
         let names: Vec<&str> = grid.columns.iter().map(|(name, _)| name.as_str()).collect();
         return of_names(&names, given);
     }
@@ -187,10 +194,28 @@ pub(super) fn of(grid: &Grid, given: &BTreeMap<String, String>) -> Result<Layout
             roles(&[("id", 1), ("x", 2), ("y", 4), ("vx", 5), ("vy", 7)]),
         ));
     }
-    let (frame, id, rows) = (0, 1, grid.columns[0].1.len());
+    let ([frame, id], rows) = (frame_and_id(grid), grid.columns[0].1.len());
     let whole = |column: usize| (0..rows).all(|row| grid.columns[column].1.number(row).fract() == 0.0);
     let clock = if whole(frame) { Clock::Frame(frame) } else { Clock::Time(frame, None) };
     Ok(Layout::Long(clock, roles(&[("id", id), ("x", 2), ("y", 3)])))
+}
+
+/// Which of the first two columns counts frames, and which names agents: the right way round, an agent is near its place before.
+fn frame_and_id(grid: &Grid) -> [usize; 2] {
+    const ROWS: usize = 20_000;
+    let rows = grid.columns[0].1.len().min(ROWS);
+    let number = |column: usize, row: usize| grid.columns[column].1.number(row);
+    let usual_step = |frame: usize, id: usize| {
+        let mut order: Vec<usize> = (0..rows).collect();
+        let key = |row: usize| (number(id, row), number(frame, row));
+        order.sort_by(|&a, &b| key(a).0.total_cmp(&key(b).0).then(key(a).1.total_cmp(&key(b).1)));
+        let follow = order.windows(2).filter(|pair| number(id, pair[0]) == number(id, pair[1]));
+        let length = |pair: &[usize]| {
+            (number(2, pair[1]) - number(2, pair[0])).hypot(number(3, pair[1]) - number(3, pair[0]))
+        };
+        motion::median(follow.map(length)).unwrap_or(f64::INFINITY)
+    };
+    if usual_step(1, 0) < 0.5 * usual_step(0, 1) { [1, 0] } else { [0, 1] }
 }
 
 fn of_names(names: &[&str], given: &BTreeMap<String, String>) -> Result<Layout, String> {
@@ -250,7 +275,7 @@ fn lacking(role: &str, names: &[&str]) -> String {
 fn bare(name: &str) -> String {
     let name = name.trim().to_lowercase();
     let name = name.split(['[', '(', '/']).next().unwrap_or_default().trim();
-    ["_mm", "_cm", "_m"].iter().find_map(|unit| name.strip_suffix(unit)).unwrap_or(name).to_owned()
+    ["_mm", "_cm", "_ft", "_m"].iter().find_map(|unit| name.strip_suffix(unit)).unwrap_or(name).to_owned()
 }
 
 /// The unit of positions that the name of a column of them tells: `x/cm`, `x [mm]`, `pos_x (m)`, `x_mm`.

@@ -6,6 +6,7 @@
 
 mod agents;
 mod layout;
+mod motion;
 #[cfg(test)]
 mod tests;
 
@@ -91,12 +92,21 @@ pub fn walks(
         ..postprocess.clone()
     };
     let mut notes = agents.notes.clone();
-    notes.push(scene.told(chosen.len()));
-    let (mut tables, mut brief, mut emptied) = (Vec::new(), 0, BTreeMap::<String, usize>::new());
+    if reading.last_is_goal {
+        notes.push(
+            "each one's last place is the goal: h_dg looks ahead, since it knows how long the walk still is; read its links so".to_owned(),
+        );
+    }
+    let (mut tables, mut out, mut emptied) =
+        (Vec::new(), LeftOut::default(), BTreeMap::<String, usize>::new());
     for agent in chosen {
+        if agent.stands {
+            out.stand.push(&agent.name);
+            continue;
+        }
         let batch = scene.batch(agent)?;
         if batch.n_rows() < choice.least_rows {
-            brief += 1;
+            out.brief.push(&agent.name);
             continue;
         }
         let features = postprocess.run(&batch)?;
@@ -108,14 +118,15 @@ pub fn walks(
             Array2::from_shape_fn((rows, columns), |(row, column)| features.columns[column].values[row]);
         let names = features.columns.into_iter().map(|column| column.name).collect();
         let time = Some((0..rows).map(|row| batch.stamp(row).as_secs_f64()).collect());
-        tables.push((agent.name.clone(), Table { names, values, time, notes: Vec::<Note>::new() }));
+        let table = Table { names, values, time, notes: Vec::<Note>::new() };
+        if tables.iter().any(|(_, other)| is_double(other, &table)) {
+            out.double.push(&agent.name);
+            continue;
+        }
+        tables.push((agent.name.clone(), table));
     }
-    if brief > 0 {
-        notes.push(format!(
-            "{brief} agents are left out: they are there for fewer than {} rows",
-            choice.least_rows
-        ));
-    }
+    notes.push(scene.told(tables.len()));
+    notes.extend(out.told(choice.least_rows));
     notes.extend(
         emptied
             .into_iter()
@@ -123,9 +134,10 @@ pub fn walks(
     );
     if tables.is_empty() {
         let reason = format!(
-            "nobody is there for {} rows of {} s; choose a shorter step with {}, or a smaller {}",
+            "nobody is there for {} rows of {} s and moves ({}); choose a shorter step with {}, or a smaller {}",
             choice.least_rows,
             scene.dt,
+            out.told(choice.least_rows).collect::<Vec<_>>().join("; "),
             Named("dt"),
             Named("tau_max")
         );
@@ -133,6 +145,41 @@ pub fn walks(
     }
     leave_out_unknown(&mut tables, &mut notes);
     Ok(Walks { tables, notes })
+}
+
+/// The names of agents that are not analysed, by the reason.
+#[derive(Default)]
+struct LeftOut<'a> {
+    stand: Vec<&'a str>,
+    brief: Vec<&'a str>,
+    double: Vec<&'a str>,
+}
+
+impl LeftOut<'_> {
+    fn told(&self, least_rows: usize) -> impl Iterator<Item = String> {
+        const MOST: usize = 20;
+        let reasons = [
+            (&self.stand, "they stand still all the time".to_owned()),
+            (&self.brief, format!("they are there for fewer than {least_rows} rows")),
+            (&self.double, "they have the rows of another one".to_owned()),
+        ];
+        let told = |(names, why): (&Vec<&str>, String)| {
+            let more = if names.len() > MOST { ", ..." } else { "" };
+            let listed = names.iter().take(MOST).copied().collect::<Vec<_>>().join(", ");
+            let are = if names.len() == 1 { "agent is" } else { "agents are" };
+            (!names.is_empty())
+                .then(|| format!("{} {are} left out, since {why}: {listed}{more}", names.len()))
+        };
+        reasons.map(told).into_iter().flatten()
+    }
+}
+
+/// Whether two agents have the same rows at the same times.
+fn is_double(one: &Table, other: &Table) -> bool {
+    let same = |(a, b): (&f64, &f64)| a == b || (a.is_nan() && b.is_nan());
+    one.time == other.time
+        && one.values.dim() == other.values.dim()
+        && one.values.iter().zip(&other.values).all(same)
 }
 
 /// Leaves out the variables that are known of nobody, such as the distance to a goal.
@@ -210,7 +257,23 @@ impl<'a> Scene<'a> {
                 by_distance.sort_by(|(one, _), (other, _)| one.total_cmp(other));
                 Ok(by_distance.into_iter().take(number).map(|(_, agent)| agent).collect())
             }
-            _ => who.split(',').map(|name| self.agents.named("agent", name.trim())).collect(),
+            _ => {
+                let words = || who.split(',').map(str::trim);
+                let mut chosen: Vec<&Agent> = Vec::new();
+                if words().all(|word| word.starts_with('!')) {
+                    chosen.extend(people());
+                }
+                for word in words() {
+                    match word.strip_prefix('!') {
+                        Some(word) => {
+                            let away = self.agents.meant(word)?;
+                            chosen.retain(|agent| away.iter().all(|other| other.name != agent.name));
+                        }
+                        None => chosen.extend(self.agents.meant(word)?),
+                    }
+                }
+                Ok(chosen)
+            }
         }
     }
 

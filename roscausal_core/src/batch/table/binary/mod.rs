@@ -72,7 +72,7 @@ pub(in crate::batch::table) fn table(columns: Vec<(String, Column)>, reading: &R
         return Err(Complaint::from("it has no columns; columns of variables are needed"));
     }
     let header: Vec<String> = columns.iter().map(|(name, _)| name.clone()).collect();
-    super::columns::check_names(&header)
+    super::columns::check_names(&header, 1)
         .map_err(|reason| Complaint::File(reason.replace("line 1", "names")))?;
     let time = time_place(&columns, &header, reading)?;
     let place = time.map(|(column, _)| column);
@@ -162,7 +162,8 @@ fn as_numbers(
         }
         Column::Other(what) => {
             return Err(Complaint::File(format!(
-                "column '{name}' holds {what}, not numbers; leave it out, such as with {} '!{name}'",
+                "column '{name}' holds {what}, not numbers; leave it out, such as with {} '!{name}', or save each part of rows and \
+                 columns as a file: each is a recording",
                 Named("columns")
             )));
         }
@@ -214,11 +215,12 @@ fn seconds(
         )));
     }
     let wrong = |pair: &[f64]| pair[1] < pair[0] || (pair[1] == pair[0] && !reading.equal_times);
-    if let Some(row) = times.windows(2).position(wrong) {
+    if let (Some(row), None) = (times.windows(2).position(wrong), &reading.recording) {
         return Err(Complaint::File(super::out_of_order(
             &format!("row {}, column '{name}'", row + 2),
             times[row],
             times[row + 1],
+            name,
         )));
     }
     Ok(times)

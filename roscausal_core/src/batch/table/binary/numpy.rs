@@ -117,10 +117,7 @@ fn spread(name: &str, array: Array, names: &[Vec<String>]) -> Vec<(String, Colum
         [_] => return vec![(name.to_owned(), values)],
         [_, width] => *width,
         _ => {
-            return vec![(
-                name.to_owned(),
-                Column::Other(format!("an array of {} dimensions", array.shape.len())),
-            )];
+            return vec![(name.to_owned(), Column::Other(format!("an array of shape {:?}", array.shape)))];
         }
     };
     let own = names.iter().find(|names| names.len() == width);

@@ -1,0 +1,310 @@
+//! Dependence at lags beyond those that are tested: a cheap look before the analysis.
+//!
+//! 1. From each variable, what all of them tell up to `tau_max` steps before is taken out (least squares).
+//! 2. What is left is held against their values at longer lags; the strongest that is there beyond chance (t test, for all that are
+//!    looked at) is taken out too, and so on.
+//! 3. The longest lag found, and one more, is the advice.
+//!
+//! Example: people slow down 0.2 s after the robot comes near, rows are 0.1 s apart, and `tau_max` is 1: the dependence at lag 2
+//! is seen here.
+
+use ndarray::Array2;
+use serde::{Deserialize, Serialize};
+
+use crate::{
+    numeric::{
+        rows::{dot, moments},
+        student_t::correlation_p_value,
+    },
+    types::{DataFrame, names::plain},
+};
+
+/// The level for all lags and pairs together.
+const LEVEL: f64 = 0.01;
+/// Columns of the design, at most.
+const MOST_COLUMNS: usize = 320;
+/// Rows that are looked at, at most.
+const MOST_ROWS: usize = 3000;
+/// Lags beyond `tau_max` that are looked at: as many as the memory of the data, within these.
+const LAGS: [usize; 2] = [8, 20];
+/// Weaker dependence than this is of no interest.
+const WEAKEST: f64 = 0.1;
+
+/// A dependence at a lag that was not tested.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Later {
+    /// Name of the earlier variable.
+    pub cause: String,
+    /// Name of the later one.
+    pub effect: String,
+    /// Steps between them.
+    pub lag: usize,
+    /// Partial correlation, given all variables at the lags that are tested.
+    pub strength: f64,
+    /// The largest lag that would test all that were found.
+    pub tau_max: usize,
+}
+
+impl Later {
+    /// The strongest dependence of each pair beyond `tau_max`, strongest first; none with too few rows.
+    pub fn of(data: &DataFrame, tau_max: usize, memory: f64) -> Vec<Self> {
+        let n = data.n_vars();
+        let most = (MOST_COLUMNS / n.max(1)).saturating_sub(1);
+        let lags = tau_max
+            .saturating_add((2.0 * memory).ceil() as usize)
+            .clamp(tau_max.saturating_add(LAGS[0]), tau_max.saturating_add(LAGS[1]));
+        let lags = lags.min(most);
+        if lags <= tau_max {
+            return Vec::new();
+        }
+        let (mut gram, rows) = gram(data, lags);
+        let given = n * tau_max;
+        if rows < 3 * given + 50 {
+            return Vec::new();
+        }
+        let at = |var: usize, lag: usize| var * (lags + 1) + lag;
+        for (var, lag) in (0..n).flat_map(|var| (1..=tau_max).map(move |lag| (var, lag))) {
+            sweep(&mut gram, at(var, lag));
+        }
+        let tests = (n * n * (lags - tau_max)) as f64;
+        let mut found: Vec<(usize, usize, usize, f64)> = Vec::new();
+        for effect in 0..n {
+            let (mut left, mut taken) = (gram.clone(), given);
+            let target = at(effect, 0);
+            let total = gram[[target, target]];
+            loop {
+                let candidates = (0..n).flat_map(|var| (tau_max + 1..=lags).map(move |lag| (var, lag)));
+                let strength = |&(var, lag): &(usize, usize)| {
+                    let place = at(var, lag);
+                    let size = left[[place, place]] * left[[target, target]];
+                    // What is nearly a combination of others says nothing.
+                    let is_left =
+                        left[[place, place]] > 1e-6 * rows as f64 && left[[target, target]] > 1e-9 * total;
+                    if is_left { left[[place, target]] / size.sqrt() } else { 0.0 }
+                };
+                let best = candidates
+                    .map(|one| (one, strength(&one)))
+                    .max_by(|a, b| a.1.abs().total_cmp(&b.1.abs()));
+                let Some(((var, lag), r)) = best else { break };
+                let p = correlation_p_value(r, rows.saturating_sub(taken + 1));
+                if p * tests > LEVEL || r.abs() < WEAKEST || taken > given + 2 * n {
+                    break;
+                }
+                found.push((var, effect, lag, r));
+                sweep(&mut left, at(var, lag));
+                taken += 1;
+            }
+        }
+        // What a variable tells of itself later is no link of two.
+        found.retain(|(cause, effect, ..)| cause != effect);
+        let advised = found.iter().map(|(_, _, lag, _)| lag + 1).max().unwrap_or(0);
+        found.sort_by(|a, b| b.3.abs().total_cmp(&a.3.abs()));
+        let mut pairs = Vec::new();
+        found.retain(|(cause, effect, ..)| {
+            let is_new = !pairs.contains(&(*cause, *effect));
+            pairs.push((*cause, *effect));
+            is_new
+        });
+        let name = |var: usize| plain(&data.var_names()[var]);
+        let later = |(cause, effect, lag, strength)| Self {
+            cause: name(cause),
+            effect: name(effect),
+            lag,
+            strength,
+            tau_max: advised,
+        };
+        found.into_iter().map(later).collect()
+    }
+
+    /// What to tell of these, with the step between rows in seconds.
+    pub fn told(found: &[Self], dt: Option<f64>) -> Option<String> {
+        const MOST: usize = 3;
+        let first = found.first()?;
+        let one = |later: &Self| {
+            let after = dt
+                .map_or(String::new(), |dt| format!(" ({} s)", (1e6 * dt * later.lag as f64).round() / 1e6));
+            format!(
+                "dependence of {} on {} is strongest at lag {}{after}",
+                later.effect, later.cause, later.lag
+            )
+        };
+        let told: Vec<String> = found.iter().take(MOST).map(one).collect();
+        let more =
+            if found.len() > MOST { format!(", and {} more", found.len() - MOST) } else { String::new() };
+        Some(format!(
+            "{}{more}, beyond the lags that were tested; --tau-max {} tests it",
+            told.join(", "),
+            first.tau_max
+        ))
+    }
+}
+
+/// Products of all variables at lags 0 to `lags`, summed over the rows that have them all, and how many these are. Each recording has
+/// mean 0; a row without some value ends a stretch.
+fn gram(data: &DataFrame, lags: usize) -> (Array2<f64>, usize) {
+    let (n, size) = (data.n_vars(), data.n_vars() * (lags + 1));
+    let deviations: Vec<f64> = (0..n)
+        .map(|var| {
+            let all = data.recordings().iter().flat_map(|rows| centred(rows, var)).filter(|v| !v.is_nan());
+            moments(&all.collect::<Vec<_>>()).1
+        })
+        .collect();
+    let (mut gram, mut count) = (Array2::zeros((size, size)), 0);
+    for recording in data.recordings() {
+        let columns: Vec<Vec<f64>> = (0..n)
+            .map(|var| {
+                let scale = if deviations[var] > 0.0 { deviations[var] } else { 1.0 };
+                centred(recording, var).map(|value| value / scale).collect()
+            })
+            .collect();
+        let is_whole = |row: &usize| columns.iter().all(|column| !column[*row].is_nan());
+        let mut row = 0;
+        while row < recording.nrows() && count < MOST_ROWS {
+            let end = (row..recording.nrows()).find(|row| !is_whole(row)).unwrap_or(recording.nrows());
+            let end = end.min(row + lags + MOST_ROWS - count);
+            if end > row + lags {
+                let stretch: Vec<&[f64]> = columns.iter().map(|column| &column[row..end]).collect();
+                add(&mut gram, &stretch, lags);
+                count += end - row - lags;
+            }
+            row = end + 1;
+        }
+    }
+    (gram, count)
+}
+
+fn centred(recording: &Array2<f64>, var: usize) -> impl Iterator<Item = f64> {
+    let present: Vec<f64> = recording.column(var).iter().copied().filter(|value| !value.is_nan()).collect();
+    let mean = moments(&present).0;
+    recording.column(var).to_vec().into_iter().map(move |value| value - mean)
+}
+
+/// Adds the products of one stretch. Those of lags `a + 1`, `b + 1` are those of `a`, `b` but for the two ends.
+fn add(gram: &mut Array2<f64>, columns: &[&[f64]], lags: usize) {
+    let rows = columns[0].len();
+    for (i, x) in columns.iter().enumerate() {
+        for (j, y) in columns.iter().enumerate().skip(i) {
+            // Along the diagonals of the block, from its upper and its left edge.
+            for first in 0..=2 * lags {
+                let (mut a, mut b) = if first <= lags { (first, 0) } else { (0, first - lags) };
+                let mut sum = dot(&x[lags - a..rows - a], &y[lags - b..rows - b]);
+                loop {
+                    let at = [i * (lags + 1) + a, j * (lags + 1) + b];
+                    gram[at] += sum;
+                    if i != j {
+                        gram[[at[1], at[0]]] += sum;
+                    }
+                    if a == lags || b == lags {
+                        break;
+                    }
+                    sum += x[lags - 1 - a] * y[lags - 1 - b] - x[rows - 1 - a] * y[rows - 1 - b];
+                    (a, b) = (a + 1, b + 1);
+                }
+            }
+        }
+    }
+}
+
+/// Takes a column out of all others, as a regression on it does.
+fn sweep(gram: &mut Array2<f64>, column: usize) {
+    let pivot = gram[[column, column]];
+    if pivot <= 0.0 {
+        return;
+    }
+    let row = gram.row(column).to_owned();
+    for (k, mut other) in gram.rows_mut().into_iter().enumerate() {
+        if k == column || row[k] == 0.0 {
+            continue;
+        }
+        let factor = row[k] / pivot;
+        other.scaled_add(-factor, &row);
+    }
+    gram.row_mut(column).fill(0.0);
+    gram.column_mut(column).fill(0.0);
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{about::AboutData, numeric::random::mix};
+
+    fn uniform(seed: &mut u64) -> f64 {
+        *seed += 1;
+        mix(*seed) as f64 / u64::MAX as f64
+    }
+
+    fn normal(seed: &mut u64) -> f64 {
+        (0..12).map(|_| uniform(seed)).sum::<f64>() - 6.0
+    }
+
+    /// A random system: three to six variables that remember, and `links` effects after `lags`; with the largest of these.
+    fn system(seed: u64, links: usize, lags: std::ops::RangeInclusive<usize>) -> (DataFrame, usize) {
+        let mut seed = mix(seed + 1) >> 1;
+        let n = 3 + (4.0 * uniform(&mut seed)) as usize;
+        let own: Vec<f64> = (0..n).map(|_| 0.2 + 0.6 * uniform(&mut seed)).collect();
+        let of_link = |k: usize, seed: &mut u64| {
+            let effect = 1 + k % (n - 1);
+            let cause = (uniform(seed) * effect as f64) as usize;
+            let span = (lags.end() - lags.start() + 1) as f64;
+            let lag = lags.start() + (uniform(seed) * span) as usize;
+            (cause, effect, lag, (0.35 + 0.3 * uniform(seed)) * if uniform(seed) < 0.5 { 1.0 } else { -1.0 })
+        };
+        let all: Vec<_> = (0..links).map(|k| of_link(k, &mut seed)).collect();
+        let rows = 600 + (600.0 * uniform(&mut seed)) as usize;
+        let mut values = Array2::<f64>::zeros((rows, n));
+        for t in 6..rows {
+            for var in 0..n {
+                let parents = all.iter().filter(|(_, effect, ..)| *effect == var);
+                let driven: f64 = parents.map(|(cause, _, lag, size)| size * values[[t - lag, *cause]]).sum();
+                values[[t, var]] = own[var] * values[[t - 1, var]] + driven + normal(&mut seed);
+            }
+        }
+        let names = (0..n).map(|var| format!("v{var}")).collect();
+        let longest = all.iter().map(|(_, _, lag, _)| *lag).max().unwrap_or(0);
+        (DataFrame::new(vec![values], names).unwrap(), longest)
+    }
+
+    fn advised(data: &DataFrame) -> usize {
+        let (about, _) = AboutData::of(data, 1);
+        about.with_later(data, 1, Some(0.1)).later.first().map_or(1, |later| later.tau_max)
+    }
+
+    #[test]
+    fn the_advised_lag_contains_the_true_ones_and_is_not_much_longer() {
+        let (mut contained, mut short) = (0, 0);
+        for seed in 0..100 {
+            let (data, longest) = system(seed, 3, 1..=6);
+            let advised = advised(&data);
+            contained += usize::from(advised >= longest);
+            short += usize::from(advised <= (2 * longest).max(1));
+        }
+        assert!(contained >= 95 && short >= 90, "{contained} {short}");
+    }
+
+    #[test]
+    fn there_is_no_advice_without_longer_lags() {
+        for (links, what) in [(3, "lag 1"), (0, "no links")] {
+            let quiet = (0..100).filter(|&seed| advised(&system(900 + seed, links, 1..=1).0) == 1).count();
+            assert!(quiet >= 95, "{what}: {quiet}");
+        }
+    }
+
+    #[test]
+    fn recordings_and_missing_values_are_kept_apart_and_the_sentence_says_when() {
+        let mut parts: Vec<Array2<f64>> =
+            (0..3).map(|k| system(40 + k, 0, 1..=1).0.recordings()[0].clone()).collect();
+        for part in &mut parts {
+            *part = part.slice(ndarray::s![.., ..3]).to_owned();
+            for t in 4..part.nrows() {
+                part[[t, 2]] += 0.8 * part[[t - 4, 0]];
+            }
+            part[[100, 1]] = f64::NAN;
+        }
+        let data = DataFrame::new(parts, ["near", "b", "speed"].map(str::to_owned).to_vec()).unwrap();
+        let found = Later::of(&data, 1, 2.0);
+        assert!(found.iter().any(|later| (later.cause.as_str(), later.effect.as_str(), later.lag) == ("near", "speed", 4)));
+        let told = Later::told(&found, Some(0.1)).unwrap();
+        assert!(told.contains("dependence of speed on near is strongest at lag 4 (0.4 s)"), "{told}");
+        assert_eq!(Later::of(&data, 400, 2.0), []);
+    }
+}

@@ -1,0 +1,151 @@
+//! Columns that are no variables by themselves: they count the rows, say when a row is, or whose it is. They are left out and
+//! named; `--keep` has them.
+
+use roscausal_core::batch::table::is_id;
+use roscausal_discovery::DataFrame;
+
+/// Rows from which a column that rises by one in each is a count, whatever its name is.
+const LONG: usize = 30;
+
+/// Names of columns that count rows or messages.
+const COUNTERS: &str = "seq sequence index idx row rownum row_number frame frame_number";
+
+/// Names of columns that say when a row is, with the least and the largest number.
+const CALENDAR: [(&str, f64, f64); 11] = [
+    ("year yr", 1000.0, 3000.0),
+    ("quarter", 1.0, 4.0),
+    ("month mnth mo", 1.0, 12.0),
+    ("week", 0.0, 53.0),
+    ("day", 0.0, 31.0),
+    ("dayofweek day_of_week weekday dow", 0.0, 7.0),
+    ("dayofyear day_of_year doy", 0.0, 366.0),
+    ("hour hr", 0.0, 24.0),
+    ("minute", 0.0, 60.0),
+    ("secs", 0.0, 4e9),
+    ("nsecs nanosec nanoseconds", 0.0, 1e9),
+];
+
+/// What such a column says.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+enum Says {
+    Row,
+    When,
+    Whose,
+}
+
+/// The columns that are no variables, and what to tell of them; none if fewer than two others would be left.
+pub(super) fn aside(data: &DataFrame, kept: impl Fn(&str) -> bool) -> Option<(Vec<usize>, String)> {
+    let of = |var: usize| says(data, var).filter(|_| !kept(&data.var_names()[var])).map(|says| (says, var));
+    let mut found: Vec<(Says, usize)> = (0..data.n_vars()).filter_map(of).collect();
+    if found.is_empty() || data.n_vars() < found.len() + 2 {
+        return None;
+    }
+    found.sort_unstable();
+    let told = found.chunk_by(|a, b| a.0 == b.0).map(|group| {
+        let names: Vec<&str> = group.iter().map(|(_, var)| data.var_names()[*var].as_str()).collect();
+        let (names, s) = (names.join(", "), if names.len() == 1 { "s" } else { "" });
+        match group[0].0 {
+            Says::Row => format!("{names} count{s} the rows"),
+            Says::When => format!("{names} say{s} when a row is"),
+            Says::Whose => {
+                format!("{names} say{s} whose a row is, which --recording {names} makes recordings of")
+            }
+        }
+    });
+    let told = told.collect::<Vec<_>>().join("; ");
+    Some((
+        found.into_iter().map(|(_, var)| var).collect(),
+        format!("no variable by itself ({told}; --keep has it)"),
+    ))
+}
+
+fn says(data: &DataFrame, var: usize) -> Option<Says> {
+    let columns: Vec<Vec<f64>> = data.recordings().iter().map(|rows| rows.column(var).to_vec()).collect();
+    let rows: usize = columns.iter().map(Vec::len).sum();
+    let values = || columns.iter().flatten().copied();
+    if !values().all(f64::is_finite) || rows < 3 {
+        return None;
+    }
+    let name = data.var_names()[var].trim().to_lowercase();
+    let last = name.rsplit(['.', '/']).next().unwrap_or_default().to_owned();
+    let is_in = |names: &str| names.split(' ').any(|name| name == last);
+    let whole = values().all(|value| value.fract() == 0.0);
+    let steps = || columns.iter().flat_map(|column| column.windows(2).map(|pair| pair[1] - pair[0]));
+    let rises = steps().all(|step| step > 0.0);
+    if whole && rises && (is_in(COUNTERS) || (rows >= LONG && steps().all(|step| step == 1.0))) {
+        return Some(Says::Row);
+    }
+    let least = values().fold(f64::INFINITY, f64::min);
+    let most = values().fold(f64::NEG_INFINITY, f64::max);
+    let is_calendar = CALENDAR.iter().any(|&(names, from, to)| is_in(names) && from <= least && most <= to);
+    // Times since 1970 in s, ms, us or ns, of this century.
+    let is_stamp = rises && [1.0, 1e3, 1e6, 1e9].iter().any(|per| 9e8 * per < least && most < 4e9 * per);
+    if (whole && is_calendar && least < most) || (is_stamp && rows >= LONG) {
+        return Some(Says::When);
+    }
+    // Each value in rows of its own, which follow one another.
+    let mut different: Vec<f64> = values().collect();
+    let changes = different.windows(2).filter(|pair| pair[0] != pair[1]).count();
+    different.sort_by(f64::total_cmp);
+    different.dedup();
+    let in_blocks = changes + 1 == different.len() && different.len() > 1 && different.len() * 3 <= rows;
+    (is_id(&last) && whole && in_blocks).then_some(Says::Whose)
+}
+
+#[cfg(test)]
+mod tests {
+    use ndarray::Array2;
+
+    use super::*;
+
+    fn left_out(name: &str, value: impl Fn(usize) -> f64) -> Option<String> {
+        let rows =
+            Array2::from_shape_fn(
+                (60, 3),
+                |(t, v)| if v == 0 { value(t) } else { ((t * t * (v + 3)) % 101) as f64 },
+            );
+        let data = DataFrame::new(vec![rows], vec![name.into(), "a".into(), "b".into()]).expect("three");
+        let found = aside(&data, |name| name == "kept");
+        found.map(|(vars, told)| {
+            assert_eq!(vars, [0], "{told}");
+            told
+        })
+    }
+
+    #[test]
+    fn what_counts_rows_or_says_when_or_whose_is_no_variable() {
+        for (name, value, told) in [
+            (
+                "field.header.seq",
+                Box::new(|t| (7 + t) as f64) as Box<dyn Fn(usize) -> f64>,
+                "counts the rows",
+            ),
+            ("anything", Box::new(|t| (7 + t) as f64), "counts the rows"),
+            (
+                "field.header.stamp",
+                Box::new(|t| 1.7e18 + 1e8 * (t as f64 + 0.3 * f64::from(t % 3 == 0))),
+                "when a row is",
+            ),
+            ("Year", Box::new(|t| (1980 + t / 12) as f64), "when a row is"),
+            ("month", Box::new(|t| (1 + t % 12) as f64), "when a row is"),
+            ("hour", Box::new(|t| (t % 24) as f64), "when a row is"),
+            ("id", Box::new(|t| (1 + t / 15) as f64), "--recording id"),
+        ] {
+            assert!(left_out(name, value).is_some_and(|said| said.contains(told)), "{name}");
+        }
+    }
+
+    #[test]
+    fn variables_stay_whatever_they_are_called() {
+        for (name, value) in [
+            ("kept", Box::new(|t| t as f64) as Box<dyn Fn(usize) -> f64>),
+            ("month", Box::new(|t| (t % 12) as f64 + 0.5)),
+            ("position", Box::new(|t| 0.1 * t as f64)),
+            ("id", Box::new(|t| (t % 3) as f64)),
+            ("hour", Box::new(|t| (t * 37 % 101) as f64)),
+            ("gear", Box::new(|t| (t / 20) as f64)),
+        ] {
+            assert_eq!(left_out(name, value), None, "{name}");
+        }
+    }
+}
