@@ -1,9 +1,11 @@
 //! A model in words and as a table.
 
 use roscausal_discovery::{
-    Advice, Link, Model, Outcome, confidence::share_that_was_real, methods::Method, names::plain,
-    settings::setting, visible, word_of,
+    Advice, Link, Model, Outcome, methods::Method, names::plain, settings::setting, visible,
 };
+
+/// Pieces of advice that are printed.
+const MOST_ADVICE: usize = 3;
 
 /// The model for people: one sentence per link, then a table of all tested pairs.
 pub fn text(model: &Model) -> String {
@@ -13,6 +15,7 @@ pub fn text(model: &Model) -> String {
 /// As [`text`]; `advice`: whether it says how much longer to record for links that are not settled.
 pub(crate) fn text_with(model: &Model, advice: bool) -> String {
     let mut lines = vec![headline(model)];
+    lines.extend(by_chance(model));
     if model.links.is_empty() {
         lines.push(nothing_found(model));
     }
@@ -26,7 +29,6 @@ pub(crate) fn text_with(model: &Model, advice: bool) -> String {
     lines.push(String::new());
     lines.extend(table(model));
     lines.extend(untested(model));
-    lines.extend(by_chance(model));
     lines.extend(words_explained(model));
     if model.status != "complete" {
         lines.push(format!("This result is {}.", model.status));
@@ -130,9 +132,17 @@ fn by_chance(model: &Model) -> Option<String> {
     let method = model.method.parse::<Method>().ok()?;
     let reads = setting("fdr").is_some_and(|fdr| fdr.refusal(method, &model.cond_ind_test, None).is_none());
     let way = if reads { format!("; --fdr leaves {left}") } else { String::new() };
-    let chance = level * p.len() as f64;
+    let by_chance = level * p.len() as f64;
+    let chances: Vec<f64> = model.links.iter().filter_map(|link| link.chance).collect();
+    let real = match chances.len() {
+        0 => String::new(),
+        n => format!(
+            " By all p-values of this run, about {:.1} of the {n} links between variables are real.",
+            chances.iter().sum::<f64>()
+        ),
+    };
     Some(format!(
-        "Of {} tested pairs and lags {chance:.1} would be linked by chance at {level}{way}.",
+        "Of {} tested pairs and lags {by_chance:.1} would be linked by chance at {level}{way}.{real}",
         p.len()
     ))
 }
@@ -186,51 +196,44 @@ fn interval(link: &Link) -> String {
     }
 }
 
-/// `; firm: in 97 of 100 resamples`.
+/// `; firm: in 97 of 100 resamples`; with a chance that was measured `; unsure (chance 9 %): in 20 of 100 resamples`.
 fn found(model: &Model, link: &Link) -> String {
     let done = model.confidence.as_ref().map_or(100, |confidence| confidence.resampling.done);
-    let count = |share: f64| share * done as f64;
-    let said = |share: f64| format!("; {}: in {:.0} of {done} resamples", word_of(share), count(share));
-    link.confidence.map_or(String::new(), said)
+    let word = link.word().map_or(String::new(), |word| format!("; {word}"));
+    let share = link.confidence.map(|share| format!("in {:.0} of {done} resamples", share * done as f64));
+    match share {
+        Some(share) if word.is_empty() => format!("; {share}"),
+        Some(share) => format!("{word}: {share}"),
+        None => word,
+    }
 }
 
 /// What would settle the links that are not settled, if they are real.
 fn advice_lines(model: &Model) -> Vec<String> {
     let Some(confidence) = &model.confidence else { return Vec::new() };
-    let open = |advice: &&Advice| advice.confidence < 0.9 && (advice.in_model || advice.confidence > 0.05);
-    let open: Vec<&Advice> = confidence.advice.iter().filter(open).collect();
+    let chance = |of: &Advice| {
+        let is_it = |link: &&Link| (&link.cause, &link.effect, link.lag) == (&of.cause, &of.effect, of.lag);
+        model.links.iter().find(is_it).and_then(|link| link.chance).unwrap_or(of.confidence)
+    };
+    // What is as good as certain, or as good as absent, is no use of more rows.
+    let is_open = |of: &&Advice| of.in_model && (0.1..0.9).contains(&chance(of));
+    let mut open: Vec<&Advice> = confidence.advice.iter().filter(is_open).collect();
     if open.is_empty() {
-        return vec!["Every link is settled.".to_owned()];
+        return Vec::new();
     }
-    let mut lines = vec![String::new(), "Not settled:".to_owned()];
-    for Advice { cause, effect, lag, in_model, sentence, .. } in open {
-        let which = if *in_model { "" } else { " (no link of the model)" };
-        lines.push(format!("  {} -> {} at lag {lag}{which}: {sentence}", plain(cause), plain(effect)));
+    open.sort_by(|a, b| chance(b).total_cmp(&chance(a)));
+    let mut lines = vec![String::new(), "Not settled, the likeliest first:".to_owned()];
+    for Advice { cause, effect, lag, sentence, .. } in open.into_iter().take(MOST_ADVICE) {
+        lines.push(format!("  {} -> {} at lag {lag}: {sentence}", plain(cause), plain(effect)));
     }
     lines
 }
 
-/// What the words mean, for those that are used.
+/// What the column `found` is.
 fn words_explained(model: &Model) -> Option<String> {
     let confidence = model.confidence.as_ref()?;
-    let mut shares: Vec<f64> = model.links.iter().filter_map(|link| link.confidence).collect();
-    shares.sort_by(|a, b| b.total_cmp(a));
-    let mut told: Vec<String> = Vec::new();
-    for share in shares {
-        let (range, real) = share_that_was_real(share);
-        let said = format!("{} ({range}) {real} of 100", word_of(share));
-        if !told.contains(&said) {
-            told.push(said);
-        }
-    }
     let facts = &confidence.resampling;
-    Some(format!(
-        "found: share of {} {}s with the link{}{}.",
-        facts.done,
-        facts.scheme,
-        if told.is_empty() { "" } else { "; of such links, real in 200 test systems: " },
-        told.join(", ")
-    ))
+    Some(format!("found: share of {} {}s with the link.", facts.done, facts.scheme))
 }
 
 /// `p < 0.001`, `p = 0.012`; none of 500 surrogates is `p < 0.002`.

@@ -127,8 +127,9 @@ const MODELS: &[Case] = &[
         let k = now(m);
         m["links"][k]["lag"] = json!(2);
     }),
-    ("p_value and confidence are numbers from 0 to 1", |m| m["links"][0]["p_value"] = json!(1.5)),
-    ("p_value and confidence are numbers from 0 to 1", |m| m["links"][0]["confidence"] = json!(-0.5)),
+    ("p_value, confidence and chance are numbers from 0 to 1", |m| m["links"][0]["p_value"] = json!(1.5)),
+    ("p_value, confidence and chance are numbers from 0 to 1", |m| m["links"][0]["confidence"] = json!(-0.5)),
+    ("p_value, confidence and chance are numbers from 0 to 1", |m| m["links"][0]["chance"] = json!(2)),
     ("'link_frequency' is not of the size", |m| m["link_frequency"] = json!([])),
     ("'link_frequency' holds 3", |m| m["link_frequency"][0][0][1] = json!(3)),
     ("summary_frequency is not 3 x 3", |m| m["summary_frequency"] = json!([[0.0]])),

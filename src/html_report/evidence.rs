@@ -2,7 +2,7 @@
 
 use std::fmt::Write;
 
-use roscausal_discovery::{Link, LinkEvidence, Model, draw, draw::escaped, names::plain, word_of};
+use roscausal_discovery::{Link, LinkEvidence, Model, draw, draw::escaped, names::plain};
 
 use super::{
     Material,
@@ -46,7 +46,8 @@ fn card(material: &Material, place: usize, link: &Link, seen: &LinkEvidence) -> 
         facts.push(("interval", format!("{low:.4} to {high:.4}")));
     }
     if let Some(confidence) = link.confidence {
-        let share = format!("{}: {:.0} % of the resamples have it", word_of(confidence), 100.0 * confidence);
+        let word = link.word().unwrap_or_default();
+        let share = format!("{word}: {:.0} % of the resamples have it", 100.0 * confidence);
         facts.push(("confidence", share));
     }
     if let (Some(low), Some(high)) = (link.value_low, link.value_high) {

@@ -1,6 +1,6 @@
 //! From a [`Model`] to the messages that the discovery node publishes.
 
-use roscausal_discovery::{Link, LinkMark, Model, decides_by_pc_alpha, draw, sentence_of, word_of};
+use roscausal_discovery::{Link, LinkMark, Model, decides_by_pc_alpha, draw, sentence_of};
 use roscausal_msgs::{
     CausalLink, CausalModel, CausalModelInfo, Time,
     sensor_msgs::{CompressedImage, Image},
@@ -119,7 +119,8 @@ fn causal_link(model: &Model, link: &Link) -> CausalLink {
     };
     let found = link.confidence.map_or(String::new(), |share| {
         let done = model.confidence.as_ref().map_or(100, |confidence| confidence.resampling.done);
-        format!(", {}: in {:.0} of {done} resamples", word_of(share), share * done as f64)
+        let word = link.word().unwrap_or_default();
+        format!(", {word}: in {:.0} of {done} resamples", share * done as f64)
     });
     let since = link.since.map_or(String::new(), |since| format!(", in each since {since:.1} s"));
     let age = link.seen.map_or(String::new(), |seen| format!("; in {seen} of the last 8 models{since}"));
@@ -138,7 +139,7 @@ fn causal_link(model: &Model, link: &Link) -> CausalLink {
         mark: link.mark.clone(),
         tested: link.value.is_some(),
         samples: link.n_used.map_or(0, |used| used as u32),
-        chance: f64::NAN,
+        chance: link.chance.unwrap_or(f64::NAN),
     }
 }
 

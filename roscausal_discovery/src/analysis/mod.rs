@@ -1,6 +1,7 @@
 //! One analysis, from settings to model. The commands and the discovery node all enter here.
 
 mod beforehand;
+mod chance;
 mod contexts;
 mod method_result;
 
@@ -104,6 +105,9 @@ fn analysed(
         }
     };
     model.warnings.extend(beforehand::required_in_words(settings, data.var_names()));
+    if !control.is_silent() {
+        chance::fill(&mut model, settings);
+    }
     Ok((model, evidence))
 }
 

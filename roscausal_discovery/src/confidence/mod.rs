@@ -29,7 +29,6 @@
 //! ```
 
 mod advice;
-mod calibration;
 mod draws;
 mod resamples;
 mod size;
@@ -40,7 +39,6 @@ use summary::Summary;
 
 pub use crate::settings::{Block, FEWEST_RESAMPLES, MOST_RESAMPLES, Resampling, Scheme};
 pub use advice::set_step;
-pub use calibration::share_that_was_real;
 pub use draws::bootstrap_rows;
 pub use resamples::data_of_resample;
 

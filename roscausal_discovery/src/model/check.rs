@@ -328,8 +328,8 @@ fn check_link(link: &Link) -> Checked {
     if numbers.chain(sizes.into_iter().flatten()).any(|number| !number.is_finite()) {
         return Err("a number is not finite".into());
     }
-    if link.p_value.is_some_and(|p| !is_share(p)) || link.confidence.is_some_and(|share| !is_share(share)) {
-        return Err("p_value and confidence are numbers from 0 to 1".into());
+    if [link.p_value, link.confidence, link.chance].into_iter().flatten().any(|share| !is_share(share)) {
+        return Err("p_value, confidence and chance are numbers from 0 to 1".into());
     }
     Ok(())
 }

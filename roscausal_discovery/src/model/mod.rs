@@ -120,6 +120,10 @@ pub struct Link {
     /// Share of the resamples that have the link, whatever its mark; `None` without resamples.
     #[serde(default)]
     pub confidence: Option<f64>,
+    /// The chance that it is real, by the p-values of its run; `None` where that was not measured (docs/confidence.md), and of a
+    /// variable with its own past.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub chance: Option<f64>,
     /// Percentile 5 of the strength in the resamples.
     #[serde(default)]
     pub value_low: Option<f64>,
@@ -164,6 +168,19 @@ impl Link {
         match self.value {
             Some(value) => format!("{value:.decimals$}"),
             None => (if self.required { "required" } else { "not tested" }).to_owned(),
+        }
+    }
+
+    /// `likely (chance 62 %)`; without a chance the word of its share of the resamples.
+    pub fn word(&self) -> Option<String> {
+        match self.chance {
+            // Neither 0 nor 100: it is never that sure.
+            Some(chance) => Some(format!(
+                "{} (chance {:.0} %)",
+                word_of(chance).replace("absent", "unsure"),
+                (100.0 * chance).clamp(1.0, 99.0)
+            )),
+            None => self.confidence.map(|share| word_of(share).to_owned()),
         }
     }
 
@@ -328,6 +345,7 @@ impl Model {
                         mark: mark.clone(),
                         n_lost: samples.map_or(0, |samples| samples.lost),
                         confidence: None,
+                        chance: None,
                         value_low: None,
                         value_high: None,
                         size: None,

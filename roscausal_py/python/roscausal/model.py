@@ -45,6 +45,7 @@ class Link:
         seen: Of such a model: how many of the last eight models have the link.
         n_used: Samples that its test used, if known.
         required: Whether it was required beforehand; then it was not tested.
+        chance: The chance that it is real, by the p-values of its run; None where that was not measured.
 
     Example:
         >>> import roscausal as rc
@@ -68,6 +69,7 @@ class Link:
     seen: int | None = None
     n_used: int | None = None
     required: bool = False
+    chance: float | None = None
 
     def __str__(self) -> str:
         when = f"at t-{self.lag}" if self.lag else "at the same time"
