@@ -14,8 +14,8 @@ use tracing_subscriber::fmt::format::debug_fn;
 use tracing_subscriber::{Layer as _, fmt, layer::SubscriberExt as _, util::SubscriberInitExt as _};
 
 use crate::{
-    compare, demo, discover, experiment, html_report, output, presets, reasoning, replay, roll, show, teleop,
-    terminal, topics,
+    compare, demo, discover, experiment, flags, html_report, output, presets, reasoning, replay, roll, show,
+    teleop, terminal, topics,
 };
 
 /// Examples at the end of each `--help`; a test understands each line.
@@ -116,17 +116,7 @@ pub(crate) enum Command {
 
 /// The long flags of all subcommands, without dashes.
 pub(crate) fn long_flags() -> Vec<String> {
-    fn collect(command: &clap::Command, longs: &mut Vec<String>) {
-        for sub in command.get_subcommands() {
-            longs.extend(sub.get_arguments().filter_map(|arg| arg.get_long()).map(str::to_owned));
-            collect(sub, longs);
-        }
-    }
-    let mut longs = Vec::new();
-    collect(&Cli::command(), &mut longs);
-    longs.sort();
-    longs.dedup();
-    longs
+    flags::all_of(&Cli::command())
 }
 
 /// The longest word of the command line that a complaint quotes, in characters: a path may be long.
@@ -173,22 +163,6 @@ pub(crate) fn write_manual(dir: &Path) -> Result<()> {
     Ok(())
 }
 
-/// Whether a subcommand has a long flag.
-pub(crate) fn has_flag(subcommand: &str, flag: &str) -> bool {
-    let command = Cli::command();
-    let own = command.find_subcommand(subcommand);
-    own.is_some_and(|own| own.get_arguments().any(|arg| arg.get_long() == Some(flag)))
-}
-
-/// Whether this flag of a subcommand has to have a value.
-pub(crate) fn needs_value(subcommand: &str, flag: &str) -> bool {
-    let mut command = Cli::command();
-    command.build();
-    let own = command.find_subcommand(subcommand);
-    let arg = own.and_then(|own| own.get_arguments().find(|arg| arg.get_long() == Some(flag)));
-    arg.and_then(clap::Arg::get_num_args).is_some_and(|range| range.min_values() > 0)
-}
-
 impl Cli {
     /// Reads the command line, and puts in the settings of files: the user's and the data's. `None` if it asked for help or the
     /// version, which is printed then. Wrong usage ends the process.
@@ -210,7 +184,7 @@ impl Cli {
         if matches.subcommand().is_some_and(|(_, own)| own.get_flag("quiet")) {
             terminal::be_quiet();
         }
-        let (whole, told) = presets::apply(&line, &matches)?;
+        let (whole, told) = presets::apply(&line, &matches, &Self::command())?;
         told.iter().for_each(|told| crate::terminal::tell!("{told}"));
         let understood = Self::command().color(colour.for_clap()).try_get_matches_from(&whole);
         let mut matches = understood.unwrap_or_else(|error| refuse(&whole, &error, colour));

@@ -20,7 +20,7 @@ use crate::{
     chart,
     discover::{Analysis, MeansArgs, MethodArgs, ResampleArgs},
     expected, flags,
-    folders::{Folders, Outcome},
+    folders::{EVIDENCE, Folders, Outcome},
     html_report::{self, Material, quoted},
     interrupt::Interrupt,
     nodes::{self, Nodes},
@@ -361,7 +361,7 @@ fn write(folders: &Folders, model: &Model) -> Result<()> {
 fn write_report(args: &Args, folders: &Folders, model: &Model) -> Result<()> {
     let evidence = folders.evidence()?;
     if let Some(evidence) = &evidence {
-        output::write_file(&folders.dir, html_report::EVIDENCE, evidence.to_json().as_bytes())?;
+        output::write_file(&folders.dir, EVIDENCE, evidence.to_json().as_bytes())?;
     }
     let material = Material {
         model: model.clone(),

@@ -34,7 +34,7 @@ use roscausal_discovery::{
 };
 
 use crate::{
-    export, folders, html_report,
+    export, folders,
     interrupt::Interrupt,
     output,
     recording::{self, InputArgs, Source},
@@ -196,7 +196,7 @@ pub(crate) fn run(args: &Args, interrupt: &Interrupt) -> Result<()> {
     let Some(results) = results else { return Ok(()) };
     results.write(|dir| {
         output::write_model(dir, &model)?;
-        output::write_file(dir, html_report::EVIDENCE, evidence.to_json().as_bytes())?;
+        output::write_file(dir, folders::EVIDENCE, evidence.to_json().as_bytes())?;
         for (i, recording) in data.recordings().iter().enumerate().take(MOST_PICTURES) {
             let name = format!("series_{}", i + 1);
             output::write_series(dir, &name, data.var_names(), recording.view(), model.dt)?;

@@ -108,6 +108,21 @@ pub(crate) fn spelled(sentence: &str) -> String {
     spelled_out(sentence, |name| flag_of(name).unwrap_or_else(|| name.to_owned()))
 }
 
+/// The long flags of all subcommands of `command`, without dashes.
+pub(crate) fn all_of(command: &clap::Command) -> Vec<String> {
+    fn collect(command: &clap::Command, longs: &mut Vec<String>) {
+        for sub in command.get_subcommands() {
+            longs.extend(sub.get_arguments().filter_map(|arg| arg.get_long()).map(str::to_owned));
+            collect(sub, longs);
+        }
+    }
+    let mut longs = Vec::new();
+    collect(command, &mut longs);
+    longs.sort();
+    longs.dedup();
+    longs
+}
+
 /// All flags of the command.
 static FLAGS: LazyLock<Vec<String>> = LazyLock::new(crate::cli::long_flags);
 

@@ -25,6 +25,9 @@ use crate::{
 /// Prefix of the batches' names.
 const PREFIX: &str = "data_";
 
+/// Name of the evidence beside a `model.json`.
+pub(crate) const EVIDENCE: &str = "evidence.json";
+
 /// Where the nodes put their files: first where the run works, later where its results are.
 pub(crate) struct Folders {
     pub(crate) dir: PathBuf,

@@ -6,7 +6,7 @@ use clap::CommandFactory;
 use roscausal_discovery::draw;
 use roscausal_fuzz::{Allocator, InputFile, Target};
 
-use crate::{cli::Cli, export, folders::read_model, presets, report};
+use crate::{carried, cli::Cli, export, folders::read_model, presets, report};
 
 #[global_allocator]
 static ALLOCATOR: Allocator = Allocator;
@@ -55,11 +55,11 @@ fn hostile_settings_beside_the_data_are_refused_or_become_flags() {
     });
     // The table of all flags, made anew for each line.
     run("settings", seeds.map(Into::into).to_vec(), &TOML, 4000, |input| {
-        for name in [presets::FILE, "walk.bag.roscausal.toml"] {
+        for name in [carried::FILE, "walk.bag.roscausal.toml"] {
             fs::write(folder.path().join(name), input).expect("the settings");
         }
         for (line, matches) in &lines {
-            let whole: Option<(Vec<OsString>, _)> = presets::apply(line, matches).ok();
+            let whole: Option<(Vec<OsString>, _)> = presets::apply(line, matches, &Cli::command()).ok();
             drop(whole.map(|(whole, _)| Cli::command().try_get_matches_from(whole)));
         }
     });

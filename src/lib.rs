@@ -3,6 +3,7 @@
 //! The program `roscausal` calls [`command`]; the Python package also calls the parts: [`run_demo`], [`read_recordings`], and
 //! models and answers in words and in other programs' formats.
 
+mod carried;
 mod chart;
 mod cli;
 mod compare;

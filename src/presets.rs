@@ -21,15 +21,16 @@ use std::{
     path::{Path, PathBuf},
 };
 
-use clap::{ArgMatches, parser::ValueSource};
-use roscausal_core::{Error, Result, bounded, params::nearest};
+use clap::{ArgMatches, Command, parser::ValueSource};
+use roscausal_core::{Error, Result, params::nearest};
 use roscausal_discovery::{independence_tests::Significance, methods::Method, settings::setting};
 use toml::{Table, Value};
 
-use crate::{cli, flags, nodes::RECORDING, recording, travel};
+use crate::{
+    carried::{FILE, carried, read, sidecar, texts},
+    flags, recording, travel,
+};
 
-/// Name of a file of settings.
-pub(crate) const FILE: &str = "roscausal.toml";
 /// The flag that leaves all of them out, as clap names it and as it is written.
 const IGNORE: &str = "ignore_settings";
 const IGNORE_FLAG: &str = "ignore-settings";
@@ -59,11 +60,15 @@ struct Found {
     left_out: Vec<String>,
 }
 
-/// The command line with the settings of files put in, and what to tell about them.
+/// The line of `command` with the settings of files put in, and what to tell about them.
 ///
 /// # Errors
 /// A file of settings that cannot be read, or names a flag that does not exist.
-pub(crate) fn apply(line: &[OsString], matches: &ArgMatches) -> Result<(Vec<OsString>, Vec<String>)> {
+pub(crate) fn apply(
+    line: &[OsString],
+    matches: &ArgMatches,
+    command: &Command,
+) -> Result<(Vec<OsString>, Vec<String>)> {
     let nothing = || (line.to_vec(), Vec::new());
     let Some((name, own)) = matches.subcommand() else { return Ok(nothing()) };
     let Some((_, positional)) = READERS.iter().find(|(reader, _)| *reader == name) else {
@@ -76,7 +81,7 @@ pub(crate) fn apply(line: &[OsString], matches: &ArgMatches) -> Result<(Vec<OsSt
         own.get_many::<PathBuf>(positional).into_iter().flatten().map(AsRef::as_ref).collect();
     let (mut preset, mut told): (Vec<OsString>, Vec<String>) = (Vec::new(), Vec::new());
     let mut taken: Vec<String> = Vec::new();
-    let all = find(&data)?;
+    let all = find(&data, &flags::all_of(command))?;
     let how = significance(own, &all);
     let trajectories =
         |found: &Found| found.flags.iter().any(|(flag, of)| flag == "format" && of == &["trajectories"]);
@@ -87,7 +92,7 @@ pub(crate) fn apply(line: &[OsString], matches: &ArgMatches) -> Result<(Vec<OsSt
         let (mut used, mut unknown, mut passed) = (Vec::new(), Vec::new(), Vec::new());
         let before = taken.clone();
         for (flag, values) in &found.flags {
-            if !cli::has_flag(name, flag) {
+            if !has_flag(command, name, flag) {
                 unknown.push(format!("--{flag}"));
                 continue;
             }
@@ -105,7 +110,7 @@ pub(crate) fn apply(line: &[OsString], matches: &ArgMatches) -> Result<(Vec<OsSt
                 }
                 taken.push(key);
                 // Never a flag that would take the user's next word for its value.
-                let words = match value.is_empty() && !cli::needs_value(name, flag) {
+                let words = match value.is_empty() && !needs_value(command, name, flag) {
                     true => format!("--{flag}"),
                     false => format!("--{flag}={value}"),
                 };
@@ -130,6 +135,21 @@ pub(crate) fn apply(line: &[OsString], matches: &ArgMatches) -> Result<(Vec<OsSt
         whole.splice(at + 1..=at, preset);
     }
     Ok((whole, told))
+}
+
+/// Whether a subcommand has a long flag.
+fn has_flag(command: &Command, subcommand: &str, flag: &str) -> bool {
+    let own = command.find_subcommand(subcommand);
+    own.is_some_and(|own| own.get_arguments().any(|arg| arg.get_long() == Some(flag)))
+}
+
+/// Whether this flag of a subcommand has to have a value.
+fn needs_value(command: &Command, subcommand: &str, flag: &str) -> bool {
+    let mut command = command.clone();
+    command.build();
+    let own = command.find_subcommand(subcommand);
+    let arg = own.and_then(|own| own.get_arguments().find(|arg| arg.get_long() == Some(flag)));
+    arg.and_then(clap::Arg::get_num_args).is_some_and(|range| range.min_values() > 0)
 }
 
 /// What a flag's value decides, of which the first place that names it counts: the flag, or the parameter in `--param`.
@@ -164,7 +184,7 @@ fn suits(own: &ArgMatches, flag: &str, how: Option<Significance>) -> bool {
 }
 
 /// The settings for these files or folders of data, in the order in which they count.
-fn find(data: &[&Path]) -> Result<Vec<Found>> {
+fn find(data: &[&Path], known: &[String]) -> Result<Vec<Found>> {
     let beside = folders_beside(data);
     let is_beside = |folder: &Path| {
         folder.canonicalize().is_ok_and(|folder| {
@@ -178,15 +198,16 @@ fn find(data: &[&Path]) -> Result<Vec<Found>> {
         let may_say = |flag: &str, values: &[String]| {
             travel::may_say(flag, values) || travel::may_say_near(flag, values)
         };
-        let own = own(Path::new(FILE))?;
+        let own = own(Path::new(FILE), known)?;
         found.extend(own.map(|own| if near { allowed(own.flags, own.place, may_say) } else { own }));
     }
     let ignores =
         |found: &[Found]| found.iter().any(|place| place.flags.iter().any(|(flag, _)| flag == IGNORE_FLAG));
-    let configuration = configuration().into_iter().map(|file| own(&file)).collect::<Result<Vec<_>>>()?;
+    let configuration =
+        configuration().into_iter().map(|file| own(&file, known)).collect::<Result<Vec<_>>>()?;
     let configuration: Vec<Found> = configuration.into_iter().flatten().collect();
     if !ignores(&found) && !ignores(&configuration) {
-        found.extend(with_the_data(data, &beside)?);
+        found.extend(with_the_data(data, &beside, known)?);
     }
     found.extend(configuration);
     Ok(found)
@@ -208,11 +229,15 @@ fn configuration() -> Vec<PathBuf> {
 }
 
 /// A file of the user's own.
-fn own(file: &Path) -> Result<Option<Found>> {
+fn own(file: &Path, known: &[String]) -> Result<Option<Found>> {
     if !file.is_file() {
         return Ok(None);
     }
-    Ok(Some(Found { flags: flags_in(&read(file)?, file)?, place: file.to_owned(), left_out: Vec::new() }))
+    Ok(Some(Found {
+        flags: flags_in(&read(file)?, file, known)?,
+        place: file.to_owned(),
+        left_out: Vec::new(),
+    }))
 }
 
 /// The folders whose settings came with these data: that of a file; a folder itself, and the one that it lies in.
@@ -225,7 +250,7 @@ fn folders_beside(data: &[&Path]) -> Vec<PathBuf> {
 }
 
 /// The settings that came with these data, as far as data may decide them.
-fn with_the_data(data: &[&Path], folders: &[PathBuf]) -> Result<Vec<Found>> {
+fn with_the_data(data: &[&Path], folders: &[PathBuf], known: &[String]) -> Result<Vec<Found>> {
     let mut found: Vec<Found> = Vec::new();
     for path in data.iter().filter(|path| recording::is_recording(path)) {
         let flag = |(name, value): (&String, &String)| {
@@ -243,13 +268,13 @@ fn with_the_data(data: &[&Path], folders: &[PathBuf]) -> Result<Vec<Found>> {
         found.push(Found { place: path.to_path_buf(), flags, left_out: Vec::new() });
         let sidecar = sidecar(path);
         if sidecar.is_file() {
-            found.push(allowed(flags_in(&read(&sidecar)?, &sidecar)?, sidecar, travel::may_say));
+            found.push(allowed(flags_in(&read(&sidecar)?, &sidecar, known)?, sidecar, travel::may_say));
         }
     }
     for folder in folders {
         let file = folder.strip_prefix(".").unwrap_or(folder).join(FILE);
         if file.is_file() && found.iter().all(|found| found.place != file) {
-            found.push(allowed(flags_in(&read(&file)?, &file)?, file, travel::may_say));
+            found.push(allowed(flags_in(&read(&file)?, &file, known)?, file, travel::may_say));
         }
     }
     Ok(found)
@@ -282,45 +307,6 @@ fn allowed(
     found
 }
 
-/// What a recording carries: parameters of nodes, `NODE.PARAMETER`.
-#[derive(Default)]
-pub(crate) struct Carried {
-    /// Those that data may decide, with their values.
-    pub(crate) used: BTreeMap<String, String>,
-    /// The others, as [`travel::told`] writes them.
-    pub(crate) left_out: Vec<String>,
-}
-
-/// The nodes' parameters that a recording carries: its own, and those of the file beside it.
-///
-/// # Errors
-/// A file of settings that cannot be read.
-pub(crate) fn carried(path: &Path) -> Result<Carried> {
-    let mut all = roscausal_recording::settings(path);
-    let file = sidecar(path);
-    if file.is_file() {
-        for (node, value) in read(&file)? {
-            let Value::Table(params) = value else { continue };
-            for (param, value) in params {
-                all.insert(format!("{node}.{param}"), texts(&value).join(","));
-            }
-        }
-    }
-    let mut carried = Carried::default();
-    for (name, value) in all {
-        let Some((node, param)) =
-            name.split_once('.').filter(|(node, _)| *node == "discovery" || RECORDING.contains(node))
-        else {
-            continue;
-        };
-        match travel::may_set(node, param, &value) {
-            true => drop(carried.used.insert(name, value)),
-            false => carried.left_out.push(travel::told(node, param)),
-        }
-    }
-    Ok(carried)
-}
-
 /// Writes the flags that a run's nodes were set to into [`FILE`] in `folder`, if there are any.
 ///
 /// # Errors
@@ -341,22 +327,8 @@ pub(crate) fn write(folder: &Path, carried: &BTreeMap<String, String>) -> Result
     crate::output::write_file(folder, FILE, text.as_bytes()).map(drop)
 }
 
-/// `walk.bag.roscausal.toml` for `walk.bag`.
-fn sidecar(recording: &Path) -> PathBuf {
-    let mut name = recording.as_os_str().to_owned();
-    name.push(".");
-    name.push(FILE);
-    name.into()
-}
-
-fn read(file: &Path) -> Result<Table> {
-    let text = bounded::read_settings(file)?;
-    text.parse::<Table>().map_err(|error| Error::file(file, error.to_string().trim().replace('\n', " ")))
-}
-
-/// The flags that a file names, checked against those that any subcommand has.
-fn flags_in(table: &Table, file: &Path) -> Result<Vec<(String, Vec<String>)>> {
-    let known = cli::long_flags();
+/// The flags that a file names, checked against those that are known of any subcommand.
+fn flags_in(table: &Table, file: &Path, known: &[String]) -> Result<Vec<(String, Vec<String>)>> {
     let mut found = Vec::new();
     for (key, value) in table {
         if let Value::Table(params) = value {
@@ -375,8 +347,7 @@ fn flags_in(table: &Table, file: &Path) -> Result<Vec<(String, Vec<String>)>> {
         }
         let flag = key.replace('_', "-");
         if !known.contains(&flag) {
-            let hint =
-                nearest(&known, &flag).map_or(String::new(), |near| format!("did you mean '{near}'? "));
+            let hint = nearest(known, &flag).map_or(String::new(), |near| format!("did you mean '{near}'? "));
             let reason = format!(
                 "there is no flag '{key}'; {hint}the keys are the flags of 'roscausal discover --help'"
             );
@@ -392,12 +363,4 @@ fn flags_in(table: &Table, file: &Path) -> Result<Vec<(String, Vec<String>)>> {
         }
     }
     Ok(found)
-}
-
-fn texts(value: &Value) -> Vec<String> {
-    match value {
-        Value::String(text) => vec![text.clone()],
-        Value::Array(items) => items.iter().flat_map(texts).collect(),
-        other => vec![other.to_string()],
-    }
 }

@@ -15,28 +15,12 @@ use crate::{
     middleware::Middleware,
 };
 
+pub use crate::middleware::Consumer;
+
 /// The longest sleep before a wait checks the clock again. A simulated clock moves without notice.
 const LOOK_AGAIN: Duration = Duration::from_millis(20);
 /// The shortest sleep, so that a clock that stops just before a deadline costs no CPU.
 const LOOK_SOON: Duration = Duration::from_micros(200);
-
-/// The middleware's view of an inbox.
-pub trait Consumer: Send + Sync {
-    /// Makes a waiting node check the clock and the shutdown flag again.
-    fn wake(&self);
-
-    /// Lets the node act on the time `now`. Blocks until the node has handled everything and waits for something
-    /// later. Returns at once if the inbox is gone, belongs to the calling thread, or is [`Inbox::detached`].
-    fn wait_idle(&self, now: Time);
-
-    /// Lets the node act on the time `now`. Returns whether it has handled everything and waits for something
-    /// later, so that it need not be polled. For nodes that run as tasks of their middleware.
-    fn is_idle(&self, now: Time) -> bool;
-
-    /// The time that the node waits for; [`Time::MAX`] if it waits for events only. `None` while it works, and if
-    /// nobody has to wait for it.
-    fn deadline(&self) -> Option<Time>;
-}
 
 /// The result of [`Inbox::next`].
 #[derive(Clone, Debug, PartialEq, Eq)]

@@ -4,14 +4,13 @@
 //! `/rosout`) and TF (`/tf` and `/tf_static` are ordinary topics). [`crate::loopback`] implements it within one
 //! process; ROS 1 and ROS 2 implement it in crates of their own. Every implementation must pass [`crate::laws`].
 
-use std::{sync::Arc, time::Duration};
+use std::{collections::BTreeMap, sync::Arc, time::Duration};
 
 use roscausal_msgs::{Service, Wires, dynamic::Wire};
 
 use crate::{
     Error, Message, Result, Time,
-    inbox::Consumer,
-    params::{ParamSpec, Params, TakeParams, Value},
+    params::{ParamSpec, Params, TakeParams, Value, nearest},
 };
 
 /// Whether `text` is one part of a ROS graph name: letters, digits and `_`, not starting with a digit.
@@ -103,6 +102,24 @@ impl<R> std::fmt::Debug for Reply<R> {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         f.write_str("Reply")
     }
+}
+
+/// The middleware's view of an inbox.
+pub trait Consumer: Send + Sync {
+    /// Makes a waiting node check the clock and the shutdown flag again.
+    fn wake(&self);
+
+    /// Lets the node act on the time `now`. Blocks until the node has handled everything and waits for something
+    /// later. Returns at once if the inbox is gone, belongs to the calling thread, or is [detached](crate::inbox::Inbox::detached).
+    fn wait_idle(&self, now: Time);
+
+    /// Lets the node act on the time `now`. Returns whether it has handled everything and waits for something
+    /// later, so that it need not be polled. For nodes that run as tasks of their middleware.
+    fn is_idle(&self, now: Time) -> bool;
+
+    /// The time that the node waits for; [`Time::MAX`] if it waits for events only. `None` while it works, and if
+    /// nobody has to wait for it.
+    fn deadline(&self) -> Option<Time>;
 }
 
 /// A node's connection to its middleware. Cheap to clone; all clones are the same node.
@@ -229,5 +246,54 @@ pub trait Middleware: Clone + Send + Sync + 'static {
     /// Messages lost on the way to this node's subscriptions, by topic, if the middleware can tell.
     fn lost(&self) -> Vec<(String, u64)> {
         Vec::new()
+    }
+}
+
+impl Params {
+    /// Reads and checks every parameter of `specs`. A parameter that is not set has its default.
+    ///
+    /// # Errors
+    /// The first parameter that is not allowed, or a parameter server that cannot be reached.
+    pub fn read<M: Middleware>(mw: &M, specs: &[ParamSpec]) -> Result<Self> {
+        let mut values = BTreeMap::new();
+        for spec in specs {
+            let value = match mw.param(spec)? {
+                Some(value) => spec.checked(value)?,
+                None => spec.default.clone(),
+            };
+            values.insert(spec.name, value);
+        }
+        for (name, near) in unknown(&mw.params_set(), specs) {
+            let hint = near.map_or(String::new(), |near| format!("; did you mean '{near}'?"));
+            tracing::warn!("{}: there is no parameter '{name}'{hint}", mw.node_name());
+        }
+        Ok(Self { values })
+    }
+}
+
+/// The names that no specification has, each with the nearest existing name.
+fn unknown<'a>(set: &'a [String], specs: &[ParamSpec]) -> Vec<(&'a str, Option<String>)> {
+    let names: Vec<&str> = specs.iter().map(|spec| spec.name).collect();
+    let known = |name: &&String| names.contains(&name.as_str()) || name.as_str() == "use_sim_time";
+    let near = |name: &str| nearest(&names, name).map(str::to_owned);
+    set.iter().filter(|name| !known(name)).map(|name| (name.as_str(), near(name))).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{loopback::Loopback, params::Allowed};
+
+    #[test]
+    fn a_parameter_that_no_node_has_is_told_with_the_nearest_that_there_is() {
+        let bus = Loopback::lockstep();
+        for name in ["dt", "safe_dits", "use_sim_time"] {
+            bus.set_node_param("data", name, Value::Double(1.0));
+        }
+        bus.set_node_param("database", "x", Value::Double(1.0));
+        let specs = ["dt", "safe_dist", "obs_size"]
+            .map(|name| ParamSpec::new(name, Value::Double(0.1), Allowed::Any, ""));
+        let set = bus.node("data").params_set();
+        assert_eq!(unknown(&set, &specs), [("safe_dits", Some("safe_dist".into()))]);
     }
 }

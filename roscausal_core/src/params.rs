@@ -2,7 +2,7 @@
 
 use std::{collections::BTreeMap, fmt};
 
-use crate::{Error, Result, middleware::Middleware};
+use crate::{Error, Result};
 
 /// The known name that a user may have meant.
 pub use roscausal_discovery::names::nearest;
@@ -203,30 +203,10 @@ impl fmt::Display for Value {
 /// The checked parameters of one node, by name.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Params {
-    values: BTreeMap<&'static str, Value>,
+    pub(crate) values: BTreeMap<&'static str, Value>,
 }
 
 impl Params {
-    /// Reads and checks every parameter of `specs`. A parameter that is not set has its default.
-    ///
-    /// # Errors
-    /// The first parameter that is not allowed, or a parameter server that cannot be reached.
-    pub fn read<M: Middleware>(mw: &M, specs: &[ParamSpec]) -> Result<Self> {
-        let mut values = BTreeMap::new();
-        for spec in specs {
-            let value = match mw.param(spec)? {
-                Some(value) => spec.checked(value)?,
-                None => spec.default.clone(),
-            };
-            values.insert(spec.name, value);
-        }
-        for (name, near) in unknown(&mw.params_set(), specs) {
-            let hint = near.map_or(String::new(), |near| format!("; did you mean '{near}'?"));
-            tracing::warn!("{}: there is no parameter '{name}'{hint}", mw.node_name());
-        }
-        Ok(Self { values })
-    }
-
     /// These parameters with some other values, which are checked already.
     #[must_use]
     pub fn with<'a>(&self, changes: impl IntoIterator<Item = (&'a str, &'a Value)>) -> Self {
@@ -287,14 +267,6 @@ impl Params {
 /// not.
 pub type TakeParams = Box<dyn Fn(&Params) -> Result<()> + Send + Sync>;
 
-/// The names that no specification has, each with the nearest existing name.
-fn unknown<'a>(set: &'a [String], specs: &[ParamSpec]) -> Vec<(&'a str, Option<String>)> {
-    let names: Vec<&str> = specs.iter().map(|spec| spec.name).collect();
-    let known = |name: &&String| names.contains(&name.as_str()) || name.as_str() == "use_sim_time";
-    let near = |name: &str| nearest(&names, name).map(str::to_owned);
-    set.iter().filter(|name| !known(name)).map(|name| (name.as_str(), near(name))).collect()
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -321,20 +293,6 @@ mod tests {
         let length = spec(Value::Double(150.0), Allowed::Any);
         assert_eq!(length.checked(text("")).expect("no number"), text(""));
         assert!(number.checked(text("")).is_err());
-    }
-
-    #[test]
-    fn a_parameter_that_no_node_has_is_told_with_the_nearest_that_there_is() {
-        use crate::loopback::Loopback;
-        let bus = Loopback::lockstep();
-        for name in ["dt", "safe_dits", "use_sim_time"] {
-            bus.set_node_param("data", name, Value::Double(1.0));
-        }
-        bus.set_node_param("database", "x", Value::Double(1.0));
-        let specs = ["dt", "safe_dist", "obs_size"]
-            .map(|name| ParamSpec::new(name, Value::Double(0.1), Allowed::Any, ""));
-        let set = bus.node("data").params_set();
-        assert_eq!(unknown(&set, &specs), [("safe_dits", Some("safe_dist".into()))]);
     }
 
     #[test]

@@ -8,7 +8,7 @@ use std::{
 use roscausal_core::{gate::lock, nodes::SceneOptions};
 use tokio::sync::broadcast;
 
-use crate::{ahead::Ahead, history::History, questions::Asked};
+use crate::{ahead::Ahead, asked::Asked, history::History};
 
 /// Frames that a browser may fall behind before it is dropped. It reconnects by itself and gets everything again.
 const BEHIND: usize = 256;

@@ -6,6 +6,7 @@
 //! 127.0.0.1. On another address it requires a token.
 
 mod ahead;
+mod asked;
 mod connections;
 mod guard;
 mod history;

@@ -25,10 +25,10 @@ use roscausal_core::{Error, Result};
 use tokio::sync::{Semaphore, oneshot};
 
 use crate::{
+    asked::{Asked, Question},
     connections::{self, Limits, Streams},
     guard::{self, Guard},
     hub::{Frame, Hub, Keep},
-    questions::{Asked, Question},
 };
 
 /// Time between two keep-alive messages on a quiet stream.

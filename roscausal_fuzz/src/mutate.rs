@@ -1,9 +1,9 @@
 //! Inputs made from those of a corpus: bytes, tokens, and what a format consists of (`structure`) are changed.
 
-use crate::{random::splitmix64, structure};
-
-/// Length of the longest input.
-pub(crate) const LONGEST: usize = 1 << 16;
+use crate::{
+    random::Random,
+    structure::{self, LONGEST, insert},
+};
 
 /// Makes inputs from those of a corpus. The same seed makes the same inputs.
 #[derive(Debug)]
@@ -60,26 +60,5 @@ impl<'a> Mutator<'a> {
                 insert(input, at, token, [1, 1, 1, 3, 200, 5000][random.below(6)]);
             }
         }
-    }
-}
-
-/// Inserts `bytes` so many times, as far as an input may be long.
-pub(crate) fn insert(input: &mut Vec<u8>, at: usize, bytes: &[u8], times: usize) {
-    let repeated = bytes.repeat(times.min(LONGEST / bytes.len().max(1)));
-    input.splice(at..at, repeated);
-}
-
-/// Random choices.
-#[derive(Debug)]
-pub(crate) struct Random(pub(crate) u64);
-
-impl Random {
-    /// A number below `limit`; 0 if that is 0.
-    pub(crate) fn below(&mut self, limit: usize) -> usize {
-        (splitmix64(&mut self.0) % limit.max(1) as u64) as usize
-    }
-
-    pub(crate) fn one_of<'b, T>(&mut self, items: &'b [T]) -> Option<&'b T> {
-        items.get(self.below(items.len()))
     }
 }

@@ -14,6 +14,21 @@ pub fn unit(state: &mut u64) -> f64 {
     (splitmix64(state) >> 11) as f64 / (1_u64 << 53) as f64
 }
 
+/// Random choices.
+#[derive(Debug)]
+pub(crate) struct Random(pub(crate) u64);
+
+impl Random {
+    /// A number below `limit`; 0 if that is 0.
+    pub(crate) fn below(&mut self, limit: usize) -> usize {
+        (splitmix64(&mut self.0) % limit.max(1) as u64) as usize
+    }
+
+    pub(crate) fn one_of<'b, T>(&mut self, items: &'b [T]) -> Option<&'b T> {
+        items.get(self.below(items.len()))
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -2,7 +2,10 @@
 
 use std::ops::Range;
 
-use crate::mutate::{Random, insert};
+use crate::random::Random;
+
+/// Length of the longest input.
+pub(crate) const LONGEST: usize = 1 << 16;
 
 /// What breaks sizes, counts and indices.
 const SIZES: [u64; 14] = [
@@ -186,6 +189,12 @@ fn bracketed(input: &[u8], from: usize) -> Option<Range<usize>> {
         }
     }
     None
+}
+
+/// Inserts `bytes` so many times, as far as an input may be long.
+pub(crate) fn insert(input: &mut Vec<u8>, at: usize, bytes: &[u8], times: usize) {
+    let repeated = bytes.repeat(times.min(LONGEST / bytes.len().max(1)));
+    input.splice(at..at, repeated);
 }
 
 /// The line at `at` with its end; `None` without lines.

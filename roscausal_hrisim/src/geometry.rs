@@ -133,6 +133,13 @@ pub fn wrap(angle: f64) -> f64 {
     if turned > PI { turned - TAU } else { turned }
 }
 
+impl Rng {
+    /// A vector of two independent normals of standard deviation `sd`.
+    pub fn normal2(&mut self, sd: f64) -> Vec2 {
+        Vec2::new(sd * self.normal(), sd * self.normal())
+    }
+}
+
 /// A straight wall from `a` to `b`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Segment {

@@ -5,8 +5,6 @@
 
 use roscausal_core::mix;
 
-use crate::geometry::Vec2;
-
 const MULTIPLIER: u64 = 6_364_136_223_846_793_005;
 
 /// A seeded stream of random numbers. The same seed and stream give the same numbers.
@@ -65,11 +63,6 @@ impl Rng {
                 return u * factor;
             }
         }
-    }
-
-    /// A vector of two independent normals of standard deviation `sd`.
-    pub fn normal2(&mut self, sd: f64) -> Vec2 {
-        Vec2::new(sd * self.normal(), sd * self.normal())
     }
 
     /// Poisson with the given mean, by the multiplication method, which suits small means.

@@ -10,6 +10,7 @@ use roscausal_core::{Message, Time};
 use roscausal_msgs::{TypeVisitor, cdr, visit};
 
 use crate::{
+    formats::open_file,
     recording::Recording,
     source::Source,
     topic::{Encoding, Record, Topic},
@@ -95,7 +96,8 @@ struct Messages {
 
 impl Messages {
     fn of(path: &Path) -> Option<Self> {
-        let recording = Recording::open(path).ok()?;
+        let source = open_file(path, &mut Vec::new()).ok()?;
+        let recording = Recording::of(path, source, Vec::new());
         Some(Self { topics: recording.topics().to_vec(), records: recording.peekable() })
     }
 

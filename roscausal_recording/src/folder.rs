@@ -1,4 +1,4 @@
-//! A folder of recordings, read as one recording.
+//! Opens recordings: a file, or a folder of files, read as one recording.
 
 use std::path::{Path, PathBuf};
 
@@ -6,13 +6,32 @@ use roscausal_core::{Error, Result, Time};
 
 use crate::{
     copies::left_out,
+    formats::open_file,
     laps::BACK_S,
     metadata::Metadata,
     packed::unpacked_name,
-    recording::open_file,
+    recording::Recording,
     source::{Moment, Source},
     topic::{Record, Topic, Topics},
 };
+
+impl Recording {
+    /// Opens a recording: a file, or a folder of files as `ros2 bag record` makes it (`metadata.yaml` is not
+    /// needed).
+    ///
+    /// # Errors
+    /// A file that cannot be read, or is not a recording. A damaged recording opens; see [`Recording::losses`].
+    pub fn open(path: impl AsRef<Path>) -> Result<Self> {
+        let path = path.as_ref();
+        let mut losses = Vec::new();
+        let source: Box<dyn Source> = if path.is_dir() {
+            Box::new(Folder::open(path, &mut losses)?)
+        } else {
+            open_file(path, &mut losses)?
+        };
+        Ok(Self::of(path, source, losses))
+    }
+}
 
 /// The recordings in a folder, as one.
 pub(crate) struct Folder {

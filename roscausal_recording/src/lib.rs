@@ -14,6 +14,7 @@ mod copies;
 mod db3;
 mod file;
 mod folder;
+mod formats;
 mod laps;
 mod mcap_file;
 mod mcap_record;

@@ -13,7 +13,6 @@ use roscausal_core::{
 use tempfile::NamedTempFile;
 
 use crate::{
-    recording::open_file,
     source::{Moment, Source},
     topic::{Record, Topic},
 };
@@ -44,7 +43,12 @@ impl Names {
 }
 
 impl Unpacked {
-    pub(crate) fn open(path: &Path, losses: &mut Vec<String>) -> Result<Self> {
+    /// Unpacks a file and opens what was in it with `open`.
+    pub(crate) fn open(
+        path: &Path,
+        losses: &mut Vec<String>,
+        open: impl FnOnce(&Path, &mut Vec<String>) -> Result<Box<dyn Source>>,
+    ) -> Result<Self> {
         let fail = |error: io::Error| Error::file(path, format!("it cannot be unpacked: {error}"));
         let packed = File::open(path).map_err(fail)?;
         let length = packed.metadata().map_err(fail)?.len();
@@ -63,7 +67,7 @@ impl Unpacked {
         if read.is_ok() && magic == MAGIC {
             return Err(Error::file(path, "it is compressed twice; unpack it with 'unzstd'"));
         }
-        let source = open_file(file.path(), losses).map_err(|error| match error {
+        let source = open(file.path(), losses).map_err(|error| match error {
             Error::File { reason, .. } => Error::file(path, names.told(&reason)),
             other => other,
         })?;

@@ -3,22 +3,16 @@
 use std::{
     cmp::Reverse,
     collections::BinaryHeap,
-    fs::File,
-    io::Read,
     path::{Path, PathBuf},
 };
 
 use roscausal_core::{
-    Error, Result, Time, content,
+    Error, Result, Time,
     memory::{Growth, Memory},
 };
 
 use crate::{
-    bag::Bag,
-    db3::Db3,
-    folder::Folder,
-    mcap_file::McapFile,
-    packed::{self, Unpacked},
+    packed,
     source::Source,
     topic::{Encoding, Record, Topic},
 };
@@ -75,62 +69,11 @@ impl Ord for Waiting {
     }
 }
 
-/// Opens one file according to its contents, whatever its name.
-pub(crate) fn open_file(path: &Path, losses: &mut Vec<String>) -> Result<Box<dyn Source>> {
-    let mut magic = Vec::new();
-    let read = File::open(path).and_then(|file| file.take(content::NEEDED as u64).read_to_end(&mut magic));
-    read.map_err(|error| Error::file(path, error))?;
-    Ok(match magic.as_slice() {
-        magic if magic.starts_with(b"#ROSBAG V2.0\n") => Box::new(Bag::open(path, losses)?),
-        magic if magic.starts_with(mcap::MAGIC) => Box::new(McapFile::open(path, losses)?),
-        magic if magic.starts_with(b"SQLite format 3\0") => Box::new(Db3::open(path, losses)?),
-        magic if magic.starts_with(packed::MAGIC) => Box::new(Unpacked::open(path, losses)?),
-        magic if magic.starts_with(b"#ROSBAG V") || magic.starts_with(b"#ROSRECORD V") => {
-            return Err(Error::file(path, other_version(magic)));
-        }
-        [] => {
-            return Err(Error::file(
-                path,
-                "the file is empty; was the recording or its download broken off?",
-            ));
-        }
-        first => {
-            let reason = "this is no recording: a ROS 1 bag, an MCAP file or a ROS 2 .db3 file is needed";
-            return Err(Error::file(path, content::not_data(first).unwrap_or_else(|| reason.to_owned())));
-        }
-    })
-}
-
-/// Why a bag of another version than 2.0 is not read, and what makes one of it that is.
-fn other_version(magic: &[u8]) -> String {
-    let number = magic.split(|byte| *byte == b'V').nth(1).unwrap_or_default();
-    let number: Vec<u8> =
-        number.iter().copied().take_while(|byte| byte.is_ascii_digit() || *byte == b'.').take(8).collect();
-    let number = String::from_utf8_lossy(&number);
-    match number.starts_with(['0', '1']) {
-        true => format!(
-            "this is an old bag, of version {number}; 'rosbag fix OLD.bag NEW.bag' of ROS 1 makes one of version 2.0 of it"
-        ),
-        false => format!("this is a bag of version {number}; only version 2.0 is read"),
-    }
-}
-
 impl Recording {
-    /// Opens a recording: a file, or a folder of files as `ros2 bag record` makes it (`metadata.yaml` is not
-    /// needed).
-    ///
-    /// # Errors
-    /// A file that cannot be read, or is not a recording. A damaged recording opens; see [`Recording::losses`].
-    pub fn open(path: impl AsRef<Path>) -> Result<Self> {
-        let path = path.as_ref();
-        let mut losses = Vec::new();
-        let source: Box<dyn Source> = if path.is_dir() {
-            Box::new(Folder::open(path, &mut losses)?)
-        } else {
-            open_file(path, &mut losses)?
-        };
+    /// The recording of this source; `losses` are what could not be read of it so far.
+    pub(crate) fn of(path: &Path, source: Box<dyn Source>, losses: Vec<String>) -> Self {
         let wanted = vec![true; source.topics().len()];
-        Ok(Self {
+        Self {
             path: path.to_owned(),
             source,
             by_lap: false,
@@ -145,7 +88,7 @@ impl Recording {
             memory: Memory::of(None),
             held: 0,
             told_full: false,
-        })
+        }
     }
 
     /// Limits the memory of messages that wait for earlier ones; usually what the machine has free.

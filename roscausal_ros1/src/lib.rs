@@ -5,6 +5,7 @@
 //! unregistration on every way out, simulated time that may start late, stop or jump back, a count of lost messages,
 //! and a decoder that survives any bytes.
 
+mod feed;
 mod master;
 mod nodelay;
 mod pace;
@@ -33,12 +34,15 @@ pub use service::Server;
 pub use subscription::Subscription;
 
 use crate::{
+    feed::Feed,
     master::{Master, Role},
-    session::{PATIENCE, Session, reason},
-    subscription::{Feed, Handler, Listener},
+    session::{Session, reason},
+    subscription::{Handler, Listener},
     wire::{ANY, AnyWire, Wire},
 };
 
+/// Time-out for calls of rosrust that a healthy master answers in milliseconds.
+pub(crate) const PATIENCE: Duration = Duration::from_secs(3);
 /// Least messages that a latched publisher keeps for slow connections.
 const LATCHED_QUEUE: usize = 10;
 /// Messages of any type that may wait.
@@ -134,7 +138,7 @@ impl Ros1 {
             }
             None => tracing::warn!("topic '{name}': a publisher does not answer; messages come when it does"),
         }
-        Ok(Subscription { session: Arc::downgrade(&self.session), feed, id, slot })
+        Ok(Subscription { membership: Arc::downgrade(&self.session.membership), feed, id, slot })
     }
 
     fn service_name(&self, name: &str) -> Result<String> {

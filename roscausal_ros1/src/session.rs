@@ -16,14 +16,12 @@ use rosrust::api::{Ros, resolve};
 use tracing::Level;
 
 use crate::{
-    Publisher, Subscription,
+    PATIENCE, Publisher, Subscription,
+    feed::{Feed, look_for_mismatches},
     master::{Master, Membership},
     nodelay,
-    subscription::{Feed, look_for_mismatches},
 };
 
-/// Time-out for calls of rosrust that a healthy master answers in milliseconds.
-pub(crate) const PATIENCE: Duration = Duration::from_secs(3);
 /// Time between two checks of the master.
 const WATCH_PERIOD: Duration = Duration::from_secs(1);
 
@@ -31,7 +29,7 @@ const WATCH_PERIOD: Duration = Duration::from_secs(1);
 pub(crate) struct Session {
     /// Never dropped: its threads outlive it anyway, and its drop would call the master without a deadline.
     pub(crate) ros: &'static Ros,
-    pub(crate) membership: Membership,
+    pub(crate) membership: Arc<Membership>,
     pub(crate) clock: Clock,
     pub(crate) life: Life,
     feeds: Mutex<Vec<Weak<Feed>>>,
@@ -63,11 +61,11 @@ impl Session {
         let (watched, running) = mpsc::channel();
         let session = Arc::new(Self {
             ros,
-            membership: Membership::new(Master {
+            membership: Arc::new(Membership::new(Master {
                 uri,
                 node: ros.name().to_owned(),
                 node_uri: ros.uri().to_owned(),
-            }),
+            })),
             clock: Clock::default(),
             life: Life::default(),
             feeds: Mutex::default(),
@@ -155,7 +153,7 @@ fn watch(session: &Weak<Session>, running: &Receiver<()>) {
         nodelay::send_at_once();
         session.clock.watch();
         if round % 5 == 0 {
-            look_for_mismatches(&session);
+            look_for_mismatches(&session.feeds(), &session.membership);
         }
     }
 }

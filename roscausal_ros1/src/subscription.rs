@@ -1,79 +1,27 @@
-//! Subscriptions: who sends, how many messages were lost, and why none arrive.
+//! Subscriptions: what arrives reaches the callbacks.
 
 use std::{
     collections::HashMap,
     panic::{AssertUnwindSafe, catch_unwind},
-    sync::{
-        Arc, Mutex, Weak,
-        atomic::{AtomicBool, AtomicU64, Ordering},
-    },
+    sync::{Arc, Mutex, Weak, atomic::Ordering},
     thread,
-    time::{Duration, Instant},
+    time::Instant,
 };
 
 use roscausal_core::{
     Message,
-    gate::Gate,
     middleware::{Raw, RawType},
 };
 use roscausal_msgs::dynamic;
 use roscausal_ros::{in_time, lock};
 
 use crate::{
+    PATIENCE,
+    feed::Feed,
+    master::Membership,
     pace::Pace,
-    session::{PATIENCE, Session},
-    wire::{ANY, AnyWire, Wire},
+    wire::{AnyWire, Wire},
 };
-
-/// State of one subscription.
-pub(crate) struct Feed {
-    pub(crate) topic: String,
-    type_name: String,
-    md5: &'static str,
-    since: Instant,
-    /// A publisher has accepted the connection.
-    connected: AtomicBool,
-    /// The mismatch has been logged.
-    told: AtomicBool,
-    /// Messages that never arrived, counted by the gaps in `header.seq`.
-    pub(crate) lost: AtomicU64,
-    /// Closed when the subscription is dropped.
-    gate: Gate,
-}
-
-impl Feed {
-    pub(crate) fn new<M: Message>(topic: String) -> Arc<Self> {
-        Arc::new(Self {
-            topic,
-            type_name: M::type_name(),
-            md5: M::ros1_md5(),
-            since: Instant::now(),
-            connected: AtomicBool::new(false),
-            told: AtomicBool::new(false),
-            lost: AtomicU64::new(0),
-            gate: Gate::default(),
-        })
-    }
-
-    /// The state of a subscription to messages of any type.
-    pub(crate) fn of_any_type(topic: String) -> Arc<Self> {
-        Arc::new(Self {
-            topic,
-            type_name: ANY.to_owned(),
-            md5: ANY,
-            since: Instant::now(),
-            connected: AtomicBool::new(false),
-            told: AtomicBool::new(false),
-            lost: AtomicU64::new(0),
-            gate: Gate::default(),
-        })
-    }
-
-    /// False once the subscription is dropped.
-    pub(crate) fn is_open(&self) -> bool {
-        self.gate.is_open()
-    }
-}
 
 /// rosrust's side of a subscription.
 pub(crate) struct Handler<F> {
@@ -185,7 +133,7 @@ impl<F: FnMut(Raw) + Send + 'static> rosrust::SubscriptionHandler<AnyWire> for L
 
 /// A subscription of a [`crate::Ros1`]. Dropping it unsubscribes.
 pub struct Subscription {
-    pub(crate) session: Weak<Session>,
+    pub(crate) membership: Weak<Membership>,
     pub(crate) feed: Arc<Feed>,
     pub(crate) id: u64,
     /// Filled once the publishers known to the master have answered, unless the subscription was dropped meanwhile.
@@ -197,39 +145,8 @@ impl Drop for Subscription {
         self.feed.gate.close();
         let subscriber = lock(&self.slot).take();
         in_time(PATIENCE, move || drop(subscriber));
-        if let Some(session) = self.session.upgrade() {
-            session.membership.forget(self.id);
+        if let Some(membership) = self.membership.upgrade() {
+            membership.forget(self.id);
         }
-    }
-}
-
-/// Logs once for each subscription why nothing can arrive: another type, or another definition of the type.
-pub(crate) fn look_for_mismatches(session: &Session) {
-    let silent = |feed: &&Arc<Feed>| {
-        !feed.connected.load(Ordering::Relaxed)
-            && !feed.told.load(Ordering::Relaxed)
-            && feed.type_name != ANY
-            && feed.since.elapsed() > Duration::from_secs(3)
-    };
-    let feeds = session.feeds();
-    let feeds: Vec<_> = feeds.iter().filter(silent).collect();
-    if feeds.is_empty() {
-        return;
-    }
-    let published = session.membership.topics();
-    for feed in feeds {
-        let Some((topic, kind)) = published.iter().find(|(topic, _)| *topic == feed.topic) else { continue };
-        let (own, md5) = (&feed.type_name, feed.md5);
-        if kind != own {
-            tracing::error!(
-                "topic '{topic}': it carries {kind}, not {own}; check the topic's name or the publisher"
-            );
-        } else {
-            tracing::error!(
-                "topic '{topic}': its publisher does not take our connection; perhaps its {own} is another one than \
-                 ours (md5 {md5}): compare `rosmsg md5 {own}` where it runs"
-            );
-        }
-        feed.told.store(true, Ordering::Relaxed);
     }
 }

@@ -5,6 +5,7 @@
 mod args;
 mod dds;
 mod distribution;
+mod inner;
 mod node;
 mod program;
 mod rcl;

@@ -1,4 +1,4 @@
-//! The node: the middleware trait over its participant, its parameters and its clock.
+//! The node: its start, and the middleware trait.
 
 use std::{
     sync::{
@@ -15,15 +15,16 @@ use roscausal_core::{
     middleware::{Middleware, Qos, Raw, Reply},
     params::{ParamSpec, Params, TakeParams, Value},
 };
-use roscausal_msgs::{Service, rosgraph_msgs};
-use roscausal_ros::{Clock, Life, lock, steady};
+use roscausal_msgs::Service;
+use roscausal_ros::{Clock, Life, steady};
 use tracing::{debug, error};
 
 use crate::{
     args::Args,
     dds::{Participant, Publisher, Server, Subscription},
+    inner::Inner,
     rcl::{Parameters, USE_SIM_TIME, ros2_name},
-    services::{self, ParameterEvents},
+    services,
 };
 
 /// A node on a ROS 2 network. Cheap to clone; all clones are the same node. It leaves the graph when the last clone
@@ -31,16 +32,6 @@ use crate::{
 #[derive(Clone)]
 pub struct Ros2 {
     inner: Arc<Inner>,
-}
-
-pub(crate) struct Inner {
-    pub(crate) participant: Arc<Participant>,
-    pub(crate) parameters: Parameters,
-    pub(crate) parameter_events: ParameterEvents,
-    pub(crate) clock: Clock,
-    life: Life,
-    clock_subscription: Mutex<Option<Subscription>>,
-    failed: AtomicBool,
 }
 
 /// The message for a DDS library that does not answer.
@@ -73,7 +64,7 @@ impl Ros2 {
         let enclave = args.enclave.as_ref();
         let participant = Participant::join(&args.names, args.network, enclave, on_panic, on_hang)?;
         let inner = Arc::new(Inner {
-            parameter_events: ParameterEvents::new(&participant)?,
+            parameter_events: Mutex::new(participant.parameter_events()?),
             participant,
             parameters: Parameters::new(args.overrides.clone()),
             clock: Clock::default(),
@@ -128,47 +119,6 @@ impl Ros2 {
     }
 }
 
-impl Inner {
-    fn use_sim_time(self: &Arc<Self>, on: bool) -> Result<()> {
-        self.clock.simulate(on);
-        let mut subscription = lock(&self.clock_subscription);
-        if !on {
-            *subscription = None;
-        } else if subscription.is_none() {
-            let inner = Arc::downgrade(self);
-            let tick = move |message: rosgraph_msgs::Clock| {
-                if let Some(inner) = inner.upgrade() {
-                    inner.clock.tick(message.clock);
-                    inner.life.wake();
-                }
-            };
-            *subscription = Some(self.participant.subscribe("/clock", Qos::Volatile(10), tick)?);
-        }
-        Ok(())
-    }
-
-    /// Called for each parameter that is set from outside.
-    pub(crate) fn parameter_set(self: &Arc<Self>, name: &str, value: &Value) {
-        if name == USE_SIM_TIME.name
-            && let Err(error) = self.use_sim_time(*value == Value::Bool(true))
-        {
-            error!("{error}");
-        }
-    }
-
-    fn fail(&self, reason: &str) {
-        error!("{reason}; the node ends, to be started again");
-        self.failed.store(true, Ordering::SeqCst);
-        self.life.end();
-    }
-
-    fn leave(&self) {
-        self.life.end();
-        drop(lock(&self.clock_subscription).take());
-        self.participant.leave();
-    }
-}
-
 impl Middleware for Ros2 {
     type Publisher<M: Message> = Publisher<M>;
     type Subscription = Subscription;
@@ -210,7 +160,7 @@ impl Middleware for Ros2 {
     fn param(&self, spec: &ParamSpec) -> Result<Option<Value>> {
         let (value, new) = self.inner.parameters.declare(spec)?;
         if new {
-            self.inner.parameter_events.announce(&self.inner, &[&ros2_name(spec.name)], true);
+            self.inner.announce(&[&ros2_name(spec.name)], true);
         }
         Ok(value)
     }
@@ -221,7 +171,7 @@ impl Middleware for Ros2 {
 
     fn set_param(&self, name: &str, value: Value) -> Result<()> {
         self.inner.parameters.put(name, value);
-        self.inner.parameter_events.announce(&self.inner, &[&ros2_name(name)], false);
+        self.inner.announce(&[&ros2_name(name)], false);
         Ok(())
     }
 

@@ -1,6 +1,6 @@
 //! The standard parameter services, and `/parameter_events`.
 
-use std::sync::{Arc, Mutex};
+use std::sync::Arc;
 
 use ros2_client::{
     Message,
@@ -18,15 +18,9 @@ use roscausal_ros::lock;
 use tracing::warn;
 
 use crate::{
-    dds::{Participant, Writer},
-    node::Inner,
+    inner::Inner,
     wire::{descriptor, from_wire, to_wire},
 };
-
-/// The topic that announces changes of parameters.
-pub(crate) struct ParameterEvents {
-    writer: Mutex<Writer<raw::ParameterEvent>>,
-}
 
 /// Offers the parameter services of a node.
 ///
@@ -65,31 +59,25 @@ pub(crate) fn serve(inner: &Arc<Inner>) -> Result<()> {
     })
 }
 
-impl ParameterEvents {
-    /// # Errors
-    /// If the middleware refuses.
-    pub(crate) fn new(participant: &Participant) -> Result<Self> {
-        Ok(Self { writer: Mutex::new(participant.parameter_events()?) })
-    }
-
+impl Inner {
     /// Publishes on `/parameter_events` that parameters are new or have new values.
-    pub(crate) fn announce(&self, inner: &Inner, names: &[&str], new: bool) {
+    pub(crate) fn announce(&self, names: &[&str], new: bool) {
         let parameter = |name: &&str| raw::Parameter {
             name: (*name).to_owned(),
-            value: to_wire(inner.parameters.get(name)).into(),
+            value: to_wire(self.parameters.get(name)).into(),
         };
         let values: Vec<_> = names.iter().map(parameter).collect();
         let (new_parameters, changed_parameters) = if new { (values, vec![]) } else { (vec![], values) };
-        let now = inner.clock.now();
+        let now = self.clock.now();
         let event = raw::ParameterEvent {
             stamp: Time::new(now.sec, now.nanosec),
-            node: inner.participant.names().full_name(),
+            node: self.participant.names().full_name(),
             new_parameters,
             changed_parameters,
             deleted_parameters: vec![],
         };
         // An event that nobody receives is lost, as everywhere in ROS 2.
-        let _ = lock(&self.writer).write(&inner.participant, event);
+        let _ = lock(&self.parameter_events).write(&self.participant, event);
     }
 }
 
@@ -97,7 +85,7 @@ fn set(node: &Arc<Inner>, changes: Vec<(String, Option<Value>)>) -> raw::SetPara
     let set = node.parameters.set(changes).map(|set| {
         set.iter().for_each(|(name, value)| node.parameter_set(name, value));
         let names: Vec<_> = set.iter().map(|(name, _)| name.as_str()).collect();
-        node.parameter_events.announce(node, &names, false);
+        node.announce(&names, false);
     });
     set.inspect_err(|reason| warn!("refused: {reason}")).into()
 }

@@ -6,7 +6,7 @@ use roscausal_discovery::{Link, LinkEvidence, Model, draw, draw::escaped, names:
 
 use super::{
     Material,
-    page::{anchor, section},
+    parts::{anchor, section},
 };
 use crate::report;
 

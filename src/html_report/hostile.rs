@@ -5,8 +5,11 @@ use std::fs;
 use ndarray::Array2;
 use roscausal_discovery::{Control, DataFrame, Settings, analyse_with_evidence, methods::Method};
 
-use super::{EVIDENCE, latex, page, source};
-use crate::hostile::{JSON, run};
+use super::{latex, page, source};
+use crate::{
+    folders::EVIDENCE,
+    hostile::{JSON, run},
+};
 
 /// A model with links within a moment, and its evidence, as files.
 fn analysed() -> [Vec<u8>; 2] {

@@ -5,6 +5,7 @@ mod evidence;
 mod hostile;
 mod latex;
 mod page;
+mod parts;
 mod source;
 
 use std::path::{Path, PathBuf};
@@ -21,8 +22,6 @@ use crate::{
 
 pub(crate) use source::{Material, flags, quoted};
 
-/// Name of the evidence beside a `model.json`.
-pub(crate) const EVIDENCE: &str = "evidence.json";
 /// Name of the report in a folder of results.
 pub(crate) const REPORT: &str = "report.html";
 

@@ -5,7 +5,10 @@ use std::fmt::Write;
 
 use roscausal_discovery::{Model, draw, draw::escaped, names::plain, settings::setting};
 
-use super::{Material, evidence};
+use super::{
+    Material, evidence,
+    parts::{anchor, section},
+};
 use crate::report;
 
 /// Only the styles of the page itself; nothing is loaded, nothing runs.
@@ -41,19 +44,6 @@ pub(super) fn html(material: &Material) -> String {
         include_str!("style.css"),
         sections.concat()
     )
-}
-
-/// A section with its heading; nothing without content.
-pub(super) fn section(id: &str, title: &str, content: &str) -> String {
-    if content.is_empty() {
-        return String::new();
-    }
-    format!("<section aria-labelledby=\"{id}\">\n<h2 id=\"{id}\">{title}</h2>\n{content}</section>\n")
-}
-
-/// An anchor of a link's evidence.
-pub(super) fn anchor(place: usize) -> String {
-    format!("link-{}", place + 1)
 }
 
 fn summary(material: &Material) -> String {

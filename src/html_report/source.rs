@@ -12,10 +12,10 @@ use roscausal_discovery::{
     settings::{Kind, setting},
 };
 
-use super::{Args, EVIDENCE};
+use super::Args;
 use crate::{
     discover,
-    folders::{read_evidence, read_model},
+    folders::{EVIDENCE, read_evidence, read_model},
     interrupt::Interrupt,
     results::check_whole,
     terminal::tell,

@@ -11,7 +11,7 @@ use roscausal_core::{
 };
 use roscausal_recording::{Recording, Topic};
 
-use crate::{flags, nodes::RECORDING, presets, travel};
+use crate::{carried::carried, flags, nodes::RECORDING, travel};
 
 use super::{
     choose::{Chooser, STATES, is_nobody},
@@ -595,7 +595,7 @@ impl Inputs {
     /// Sets the parameters that the recording was made with, as far as data may decide them.
     fn set_carried(&mut self, path: &Path) -> Result<()> {
         let mut told = Vec::new();
-        let carried = presets::carried(path)?;
+        let carried = carried(path)?;
         for (name, value) in carried.used {
             // Signals are asked for by --signal.
             let of_nodes = |node: &str| RECORDING.contains(&node);

@@ -14,9 +14,8 @@ mod task;
 mod tests;
 mod topics;
 
-pub use node::LoopbackNode;
+pub use node::{LoopbackNode, LoopbackTask};
 pub use services::LoopbackServer;
-pub use task::LoopbackTask;
 pub use topics::{LoopbackPublisher, LoopbackSubscription};
 
 use std::{
@@ -32,7 +31,7 @@ use std::{
 use crate::{
     Error, Result, Time,
     gate::lock,
-    inbox::Consumer,
+    middleware::Consumer,
     params::{Params, Value},
 };
 

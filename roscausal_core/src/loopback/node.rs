@@ -1,10 +1,11 @@
-//! A node's connection to the loopback bus: the implementation of `Middleware`.
+//! A node on the loopback bus: the implementation of `Middleware`, and a node that runs as a task.
 
 use std::{
     sync::{
-        Arc, LazyLock, Weak,
+        Arc, LazyLock, Mutex, Weak,
         atomic::{AtomicBool, Ordering},
     },
+    thread,
     time::{Duration, Instant},
 };
 
@@ -16,8 +17,8 @@ use super::{
 };
 use crate::{
     Error, Message, Result, Time,
-    inbox::Consumer,
-    middleware::{Middleware, Qos, Raw, Reply, is_token},
+    gate::lock,
+    middleware::{Consumer, Middleware, Qos, Raw, Reply, is_token},
     params::{ParamSpec, Params, TakeParams, Value},
 };
 
@@ -175,5 +176,51 @@ impl Middleware for LoopbackNode {
         let state = self.bus.lock();
         let published = state.topics.iter().filter(|(_, topic)| topic.publishers > 0);
         published.map(|(name, topic)| (name.clone(), topic.type_name.clone())).collect()
+    }
+}
+
+/// A node started by [`super::Loopback::start_task`].
+pub struct LoopbackTask<T> {
+    node: LoopbackNode,
+    task: Arc<Task>,
+    result: Arc<Mutex<Option<T>>>,
+}
+
+impl<T: Send + 'static> LoopbackTask<T> {
+    pub(super) fn new(
+        node: LoopbackNode,
+        task: Arc<Task>,
+        run: impl Future<Output = T> + Send + 'static,
+    ) -> Self {
+        let result = Arc::new(Mutex::new(None));
+        let its_own = result.clone();
+        *lock(&task.future) = Some(Box::pin(async move {
+            let ended = run.await;
+            *lock(&its_own) = Some(ended);
+        }));
+        Self { node, task, result }
+    }
+
+    pub(super) fn poll(&self) {
+        self.task.poll();
+    }
+
+    /// Whether the node has ended.
+    pub fn is_finished(&self) -> bool {
+        lock(&self.task.future).is_none()
+    }
+
+    /// Asks the node to end, delivers its last messages, and returns its result.
+    ///
+    /// # Errors
+    /// The panic of the node.
+    pub fn end(self) -> thread::Result<T> {
+        self.node.shutdown();
+        self.node.bus().settle();
+        if let Some(panic) = lock(&self.task.panic).take() {
+            return Err(panic);
+        }
+        let result = lock(&self.result).take();
+        result.ok_or_else(|| Box::new("the node did not end: it waits for more than its inbox") as _)
     }
 }

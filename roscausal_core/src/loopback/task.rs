@@ -1,23 +1,21 @@
-//! Nodes that run as tasks of whoever drives the bus.
+//! What polls a node that runs as a task of whoever drives the bus.
 
 use std::{
     any::Any,
     panic::{AssertUnwindSafe, catch_unwind},
     pin::Pin,
-    sync::{Arc, Mutex},
+    sync::Mutex,
     task::{Context, Waker},
-    thread,
 };
 
-use super::LoopbackNode;
-use crate::{gate::lock, middleware::Middleware};
+use crate::gate::lock;
 
 /// A node's future; `None` once the node has ended.
 #[derive(Default)]
 pub(super) struct Task {
-    future: Mutex<Option<Pin<Box<dyn Future<Output = ()> + Send>>>>,
+    pub(super) future: Mutex<Option<Pin<Box<dyn Future<Output = ()> + Send>>>>,
     /// The panic that ended it.
-    panic: Mutex<Option<Box<dyn Any + Send>>>,
+    pub(super) panic: Mutex<Option<Box<dyn Any + Send>>>,
 }
 
 impl Task {
@@ -34,51 +32,5 @@ impl Task {
             Err(panic) => *lock(&self.panic) = Some(panic),
         }
         *slot = None;
-    }
-}
-
-/// A node started by [`super::Loopback::start_task`].
-pub struct LoopbackTask<T> {
-    node: LoopbackNode,
-    task: Arc<Task>,
-    result: Arc<Mutex<Option<T>>>,
-}
-
-impl<T: Send + 'static> LoopbackTask<T> {
-    pub(super) fn new(
-        node: LoopbackNode,
-        task: Arc<Task>,
-        run: impl Future<Output = T> + Send + 'static,
-    ) -> Self {
-        let result = Arc::new(Mutex::new(None));
-        let its_own = result.clone();
-        *lock(&task.future) = Some(Box::pin(async move {
-            let ended = run.await;
-            *lock(&its_own) = Some(ended);
-        }));
-        Self { node, task, result }
-    }
-
-    pub(super) fn poll(&self) {
-        self.task.poll();
-    }
-
-    /// Whether the node has ended.
-    pub fn is_finished(&self) -> bool {
-        lock(&self.task.future).is_none()
-    }
-
-    /// Asks the node to end, delivers its last messages, and returns its result.
-    ///
-    /// # Errors
-    /// The panic of the node.
-    pub fn end(self) -> thread::Result<T> {
-        self.node.shutdown();
-        self.node.bus().settle();
-        if let Some(panic) = lock(&self.task.panic).take() {
-            return Err(panic);
-        }
-        let result = lock(&self.result).take();
-        result.ok_or_else(|| Box::new("the node did not end: it waits for more than its inbox") as _)
     }
 }

@@ -16,6 +16,7 @@ mod reasoning_messages;
 mod reasoning_params;
 mod reasoning_rows;
 mod reasoning_score;
+mod recorded_changes;
 mod regime;
 mod robot;
 mod scene_params;
@@ -38,11 +39,12 @@ pub use data::{FEATURES_TOPIC, Recorded, data, data_task, data_with};
 pub use discovery::{EVIDENCE_FOLDER, EVIDENCE_TOPIC, discovery, discovery_with};
 pub use human::human;
 pub use markers::markers;
-pub use model_changes::{CHANGES_FOLDER, CHANGES_TOPIC, RecordedChange, recorded_changes};
+pub use model_changes::CHANGES_TOPIC;
 pub use reasoning::{
     EFFECT_SERVICE, EXPLAIN_SERVICE, PREDICTION_TOPIC, STRUCTURAL_MODEL_TOPIC, WHAT_IF_SERVICE, reasoning,
     reasoning_beside,
 };
+pub use recorded_changes::{CHANGES_FOLDER, RecordedChange, recorded_changes};
 pub use robot::robot;
 pub use scene_params::SceneOptions;
 

@@ -17,7 +17,7 @@ use roscausal_discovery::{
 };
 use serde::{Deserialize, Serialize};
 
-use super::{link_ages::Age, model_changes::RecordedChange};
+use super::{link_ages::Age, recorded_changes::RecordedChange};
 use crate::{
     Error, Result, Time,
     batch::{

@@ -17,6 +17,8 @@ use super::{
     tf::{TfBuffer, planar_pose},
 };
 
+pub use super::identity::id_of_number;
+
 /// The most sightings that wait for a transform.
 const MOST_WAITING: usize = 5000;
 /// People without identity, unless the user says otherwise.
@@ -345,23 +347,6 @@ fn unknown_velocity() -> Twist {
     twist
 }
 
-/// An id for a person whose tracker uses 64-bit numbers: the same number if it fits, otherwise a hash of it.
-pub fn id_of_number(number: u64) -> u32 {
-    u32::try_from(number).unwrap_or_else(|_| hashed(&number.to_le_bytes()))
-}
-
-/// FNV-1a, kept away from the small numbers that trackers use.
-fn hashed(bytes: &[u8]) -> u32 {
-    bytes.iter().fold(0x811c_9dc5_u32, |h, b| (h ^ u32::from(*b)).wrapping_mul(0x0100_0193)) | 0x8000_0000
-}
-
-/// An id for a person whose tracker uses text: the digits at its end, otherwise a hash of the text.
-pub fn id_of(name: &str) -> u32 {
-    let digits: String = name.chars().rev().take_while(char::is_ascii_digit).collect();
-    let number: String = digits.chars().rev().collect();
-    number.parse().unwrap_or_else(|_| hashed(name.as_bytes()))
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -566,21 +551,5 @@ mod tests {
         // A topic that names a frame is believed.
         tracker.sighting(seen(3, 1.05, 2.0));
         assert!((tracker.people(first).humans[0].pose2d.x - 2.0).abs() < 1e-9);
-    }
-
-    #[test]
-    fn a_number_that_does_not_fit_is_nobody_elses() {
-        assert_eq!(id_of_number(7), 7);
-        let large = (1_u64 << 32) + 7;
-        assert_ne!(id_of_number(large), 7, "cut off, it would be person 7");
-        assert_eq!(id_of_number(large), id_of_number(large));
-        assert_ne!(id_of_number(large), id_of_number(large + 1));
-    }
-
-    #[test]
-    fn names_become_stable_numbers() {
-        assert_eq!(id_of("person_12"), 12);
-        assert_eq!(id_of("anna"), id_of("anna"));
-        assert_ne!(id_of("anna"), id_of("berta"));
     }
 }

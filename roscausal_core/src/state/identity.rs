@@ -27,7 +27,7 @@ impl Names {
             return *number;
         }
         if self.numbers.len() >= MOST {
-            return super::human::id_of(name);
+            return id_of(name);
         }
         let free = |number: &u32| !self.taken.contains(number);
         let number = number_in(name).filter(free).or_else(|| (1..).find(free)).unwrap_or(0);
@@ -262,6 +262,23 @@ impl Tracks {
     }
 }
 
+/// An id for a person whose tracker uses 64-bit numbers: the same number if it fits, otherwise a hash of it.
+pub fn id_of_number(number: u64) -> u32 {
+    u32::try_from(number).unwrap_or_else(|_| hashed(&number.to_le_bytes()))
+}
+
+/// FNV-1a, kept away from the small numbers that trackers use.
+fn hashed(bytes: &[u8]) -> u32 {
+    bytes.iter().fold(0x811c_9dc5_u32, |h, b| (h ^ u32::from(*b)).wrapping_mul(0x0100_0193)) | 0x8000_0000
+}
+
+/// An id for a person whose tracker uses text: the digits at its end, otherwise a hash of the text.
+pub fn id_of(name: &str) -> u32 {
+    let digits: String = name.chars().rev().take_while(char::is_ascii_digit).collect();
+    let number: String = digits.chars().rev().collect();
+    number.parse().unwrap_or_else(|_| hashed(name.as_bytes()))
+}
+
 #[cfg(test)]
 mod tests {
     use proptest::prelude::*;
@@ -351,5 +368,21 @@ mod tests {
                 }
             }
         }
+    }
+
+    #[test]
+    fn a_number_that_does_not_fit_is_nobody_elses() {
+        assert_eq!(id_of_number(7), 7);
+        let large = (1_u64 << 32) + 7;
+        assert_ne!(id_of_number(large), 7, "cut off, it would be person 7");
+        assert_eq!(id_of_number(large), id_of_number(large));
+        assert_ne!(id_of_number(large), id_of_number(large + 1));
+    }
+
+    #[test]
+    fn names_become_stable_numbers() {
+        assert_eq!(id_of("person_12"), 12);
+        assert_eq!(id_of("anna"), id_of("anna"));
+        assert_ne!(id_of("anna"), id_of("berta"));
     }
 }

@@ -30,7 +30,7 @@ pub(crate) use cursor::as_first_version;
 pub use path::{Path, Step};
 pub use query::{Found, Query, QueryError};
 pub use rows::Rows;
-pub use schema::{Array, Field, Kind, Schema, SchemaError, Struct};
+pub use schema::{Array, Field, Kind, Schema, Struct};
 
 /// The wire format of a message.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -39,4 +39,30 @@ pub enum Wire {
     Ros1,
     /// As ROS 2 sends and records: CDR after four bytes that name the representation.
     Cdr,
+}
+
+/// Why a definition cannot be used.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum SchemaError {
+    /// There is no text.
+    #[error("the definition is empty")]
+    Empty,
+    /// The text of another language.
+    #[error("the definition is written in IDL; only .msg texts are read")]
+    Idl,
+    /// A line that is no field, constant or comment.
+    #[error("'{0}' is no field of a message")]
+    Line(String),
+    /// Two fields of one name.
+    #[error("{0} has two fields '{1}'")]
+    Twice(String, String),
+    /// A type without definition.
+    #[error("the definition of {0}, which {1} uses, is missing")]
+    Missing(String, String),
+    /// A type within itself.
+    #[error("{0} contains itself")]
+    Cycle(String),
+    /// More than any message has.
+    #[error("the definition is larger or deeper than that of any message ({0})")]
+    Size(&'static str),
 }

@@ -2,7 +2,10 @@
 
 use std::collections::HashMap;
 
-use super::text::{self, Written};
+use super::{
+    SchemaError,
+    text::{self, Written},
+};
 
 /// Longest definition that is read, bytes. Those of ROS are below 100 kB.
 const LONGEST: usize = 1 << 20;
@@ -75,32 +78,6 @@ pub struct Schema {
     pub(super) types: Vec<Struct>,
     /// Whether it has wide texts.
     pub(super) has_wide: bool,
-}
-
-/// Why a definition cannot be used.
-#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-pub enum SchemaError {
-    /// There is no text.
-    #[error("the definition is empty")]
-    Empty,
-    /// The text of another language.
-    #[error("the definition is written in IDL; only .msg texts are read")]
-    Idl,
-    /// A line that is no field, constant or comment.
-    #[error("'{0}' is no field of a message")]
-    Line(String),
-    /// Two fields of one name.
-    #[error("{0} has two fields '{1}'")]
-    Twice(String, String),
-    /// A type without definition.
-    #[error("the definition of {0}, which {1} uses, is missing")]
-    Missing(String, String),
-    /// A type within itself.
-    #[error("{0} contains itself")]
-    Cycle(String),
-    /// More than any message has.
-    #[error("the definition is larger or deeper than that of any message ({0})")]
-    Size(&'static str),
 }
 
 impl Kind {

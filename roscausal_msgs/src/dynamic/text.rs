@@ -1,6 +1,6 @@
 //! The lines of a `.msg` text, in the spelling of either ROS version.
 
-use super::schema::SchemaError;
+use super::SchemaError;
 
 /// A field as written: `float64[9] k`.
 #[derive(Debug)]

@@ -1,9 +1,9 @@
 //! What an answer rests on, one sentence each.
 
 use super::{
+    Outlook,
     plan::{Plan, moved},
     sentences::{listed, no_effect, short},
-    what_if::Outlook,
 };
 use crate::{
     model::StructuralModel,

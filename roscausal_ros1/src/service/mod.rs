@@ -19,10 +19,7 @@ use roscausal_core::{Error, Result, gate::Gate, middleware::Reply};
 use roscausal_msgs::Service;
 use roscausal_ros::{in_time, lock};
 
-use crate::{
-    master::Role,
-    session::{PATIENCE, Session},
-};
+use crate::{PATIENCE, master::Role, session::Session};
 
 pub(crate) use client::call;
 use connection::attend;

@@ -2,8 +2,7 @@
 
 use std::{
     any::{Any, TypeId},
-    collections::HashMap,
-    sync::{Arc, Mutex},
+    sync::Arc,
     thread,
     time::{Duration, Instant},
 };
@@ -11,7 +10,6 @@ use std::{
 use ros2_client::{Client, Name, ServiceTypeName};
 use roscausal_core::{Error, Result, gate::lock};
 use roscausal_msgs::Service;
-use rustdds::GUID;
 
 use super::{
     Participant,
@@ -34,25 +32,6 @@ type Ends<S> = Client<Carried<<S as Service>::Request>, Carried<<S as Service>::
 struct Asker<S: Service> {
     client: Ends<S>,
     since: Instant,
-}
-
-/// Name and type of a service.
-type Key = (String, TypeId);
-/// An [`Asker`] of some type.
-type Idle = Box<dyn Any + Send>;
-
-/// The clients that no question uses, and the services that have been seen.
-#[derive(Default)]
-pub(super) struct Askers {
-    idle: Mutex<HashMap<Key, Vec<Idle>>>,
-    seen: Mutex<HashMap<GUID, Instant>>,
-}
-
-impl Askers {
-    /// Drops the idle clients.
-    pub(super) fn leave(&self) {
-        lock(&self.idle).clear();
-    }
 }
 
 impl Participant {

@@ -11,7 +11,13 @@ use roscausal_core::gate::lock;
 use rustdds::{DomainParticipantStatusEvent as Event, GUID, StatusEvented};
 use tracing::{debug, warn};
 
-use super::{publisher::Latched, qos::described};
+use super::qos::described;
+
+/// A latched publisher whose last message may wait for a subscriber.
+pub(crate) trait Latched: Send + Sync {
+    /// A subscriber has come.
+    fn hand_over(&self);
+}
 
 /// The endpoints of one node and their matches. [`Graph::watch`] keeps them up to date.
 #[derive(Default)]

@@ -1,31 +1,28 @@
 //! A node's participant on a DDS domain.
 
 use std::{
+    any::{Any, TypeId},
     collections::{HashMap, HashSet},
     future::Future,
     net::{IpAddr, Ipv4Addr},
     sync::{Arc, Mutex, Weak},
     thread,
-    time::Duration,
+    time::{Duration, Instant},
 };
 
 use futures::future::AbortHandle;
 use ros2_client::{
-    Context, MessageTypeName, Name, NodeName, NodeOptions,
-    builtin_topics::ros_discovery::{QOS_PUB, TOPIC_NAME, TYPE_NAME},
-    entities_info::ParticipantEntitiesInfo,
+    Context, MessageTypeName, Name, NodeName, NodeOptions, entities_info::ParticipantEntitiesInfo,
 };
 use roscausal_core::{Error, Message, Result, gate::lock, middleware::Qos};
-use rustdds::{DomainParticipantBuilder, RTPSEntity, Topic, TopicKind};
+use rustdds::{DomainParticipantBuilder, GUID, RTPSEntity, Topic};
 
 use super::{
-    client::Askers,
     farewell,
     graph::{Graph, published_topics},
     qos::{self, Side},
     spinner::Spinner,
     watchdog,
-    writer::Writer,
 };
 use crate::rcl::{Enclave, Names, Network};
 
@@ -44,9 +41,12 @@ pub(crate) struct Participant {
     /// The services that the node offers.
     pub(super) services: Mutex<HashSet<String>>,
     pub(super) askers: Askers,
-    announcer: Mutex<Option<Writer<ParticipantEntitiesInfo>>>,
+    pub(super) announcer: Mutex<Option<Announcer>>,
     leaving: Mutex<()>,
 }
+
+/// Sends the endpoints of a node through its own publisher.
+type Announcer = Box<dyn FnMut(&Participant, ParticipantEntitiesInfo) + Send>;
 
 /// The handles of the library, in the order in which they are dropped.
 pub(super) struct Session {
@@ -54,10 +54,29 @@ pub(super) struct Session {
     pub(super) context: Context,
 }
 
+/// Name and type of a service.
+type Key = (String, TypeId);
+/// An asker of services of some type.
+type Idle = Box<dyn Any + Send>;
+
+/// The clients that no question uses, and the services that have been seen.
+#[derive(Default)]
+pub(super) struct Askers {
+    pub(super) idle: Mutex<HashMap<Key, Vec<Idle>>>,
+    pub(super) seen: Mutex<HashMap<GUID, Instant>>,
+}
+
+impl Askers {
+    /// Drops the idle clients.
+    pub(super) fn leave(&self) {
+        lock(&self.idle).clear();
+    }
+}
+
 /// How long a node that leaves waits for the others to notice.
 const FAREWELL: Duration = Duration::from_millis(150);
 
-fn middleware(what: &str, reason: impl std::fmt::Display) -> Error {
+pub(super) fn middleware(what: &str, reason: impl std::fmt::Display) -> Error {
     Error::Middleware(format!("{what}: {reason}"))
 }
 
@@ -172,36 +191,12 @@ impl Participant {
         topic.map_err(|error| fail(error.to_string()))
     }
 
-    /// Announces the node's name and endpoints through a publisher of its own as well. The library's own publisher
-    /// is the first endpoint that others discover. If several nodes start at once, Fast DDS sometimes never matches
-    /// it. Then nodes that were there before do not list this node.
-    ///
-    /// With security the library allows one publisher per topic and node, so only its own is used.
-    ///
-    /// # Errors
-    /// If the publisher cannot be created.
-    pub(crate) fn announce_again(&self) -> Result<()> {
-        if self.secured {
-            return Ok(());
-        }
-        let (name, kind) = (TOPIC_NAME.to_owned(), TYPE_NAME.to_owned());
-        let topic = self.session(|session| {
-            session.context.domain_participant().create_topic(name, kind, &QOS_PUB, TopicKind::NoKey)
-        })?;
-        let topic = topic.map_err(|error| middleware("announcement", error))?;
-        let writer = Writer::new(self, topic, qos::profile(Qos::Latched, Side::Publisher), usize::MAX)?;
-        *lock(&self.announcer) = Some(writer);
-        self.announce();
-        Ok(())
-    }
-
     /// Tells others the current endpoints of this node, if it announces itself.
     pub(super) fn announce(&self) {
         let mut announcer = lock(&self.announcer);
         let Some(announcer) = announcer.as_mut() else { return };
         if let Ok(info) = self.session(|session| session.context.participant_entities_info()) {
-            // If one is not accepted, the next one follows.
-            let _ = announcer.write(self, info);
+            announcer(self, info);
         }
     }
 
@@ -216,7 +211,7 @@ impl Participant {
             drop(node);
             let mut announcer = lock(&self.announcer).take();
             if let Some(announcer) = &mut announcer {
-                let _ = announcer.write(self, context.participant_entities_info());
+                announcer(self, context.participant_entities_info());
             }
             // A node that is just discovering this one must learn that the node has gone before its participant
             // goes. Otherwise it lists the node for ever.

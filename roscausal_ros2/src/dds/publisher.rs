@@ -18,6 +18,7 @@ use tracing::warn;
 
 use super::{
     Participant, Writer,
+    graph::Latched,
     qos::{self, Side},
 };
 
@@ -122,12 +123,6 @@ impl<M: Message> Latch<M> {
         self.last_sent = Some(Instant::now());
         self.writer.write(participant, message)
     }
-}
-
-/// A latched publisher whose last message may wait for a subscriber.
-pub(crate) trait Latched: Send + Sync {
-    /// A subscriber has come.
-    fn hand_over(&self);
 }
 
 impl<M: Message> Latched for Shared<M> {
