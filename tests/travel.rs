@@ -380,6 +380,7 @@ fn the_file_in_the_working_folder_is_the_users_own_unless_the_data_lie_there() {
     assert!(work.join("mine/model.json").exists());
     fs::remove_dir_all(work.join("mine")).expect("removes");
     std::os::unix::fs::symlink("../data", work.join("elsewhere")).expect("links");
+    std::os::unix::fs::symlink(&data, work.join("sub/elsewhere")).expect("links");
     for out in ["../victim", "sub/../../victim", "/tmp/victim", "elsewhere", "elsewhere/x/y"] {
         let said =
             "threads = 1\nforce = true\nparam = ['data.postprocess=script']\n[data]\npp_script = 'post.py'\n";

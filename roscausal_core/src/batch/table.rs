@@ -439,7 +439,7 @@ impl<'a> Rows<'a> {
             self.check_width(&row, place)?;
             if places.len() == places.capacity() {
                 // It is about to double; times and numbers grow with it.
-                let held = places.capacity() * (numbers.len() + 2);
+                let held = places.capacity() * (numbers.len() + 1 + usize::from(self.time.is_some()));
                 self.memory.check(self.body.len() as u64 + 2 * (held * size_of::<f64>()) as u64)?;
             }
             for (&column, numbers) in self.columns.iter().zip(&mut numbers) {

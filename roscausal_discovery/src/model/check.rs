@@ -250,7 +250,7 @@ impl Model {
             let of_matrices =
                 [&self.val_matrix, &self.p_matrix].map(|matrix| matrix[place.0][place.1][place.2]);
             if [link.value, link.p_value] != of_matrices
-                || link.n_used != self.n_matrix[place.0][place.1][place.2]
+                || self.n_matrix[place.0][place.1][place.2].is_some_and(|used| link.n_used != Some(used))
             {
                 let what = "has another strength, p-value or number of samples than the matrices";
                 return Err(format!("links[{k}], {}, {what}", name()));
