@@ -36,7 +36,7 @@ pub(super) struct Sample {
     /// Where only the size of the velocity is known; NaN: not even that.
     pub(super) speed: f64,
     pub(super) heading: f64,
-    goal: (f64, f64),
+    pub(super) goal: (f64, f64),
 }
 
 /// A person, a robot, or a thing that moves.
@@ -116,7 +116,7 @@ impl Agents {
         let tracks = || raw.iter().map(|(_, raw)| raw.samples.as_slice());
         if let Some(told) = motion::degrees(tracks()) {
             notes.push(told);
-            raw.iter_mut().flat_map(|(_, raw)| &mut raw.samples).for_each(Sample::to_radians);
+            raw.iter_mut().flat_map(|(_, raw)| &mut raw.samples).for_each(Sample::turn_into_radians);
         }
         raw.iter_mut().flat_map(|(_, raw)| &mut raw.samples).for_each(Sample::with_velocity);
         let missing = Missing { rate: counts_frames && reading.frame_rate.is_none(), unit: reading.unit };
@@ -245,7 +245,7 @@ impl Agent {
 }
 
 impl Sample {
-    fn to_radians(&mut self) {
+    fn turn_into_radians(&mut self) {
         self.heading = self.heading.to_radians();
     }
 
