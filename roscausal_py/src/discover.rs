@@ -83,7 +83,8 @@ pub(crate) fn discover(
     // What the command refuses, its own caller may want; what the data are like is told.
     let (about, _) = AboutData::of(&data, settings.tau_max);
     let each: Vec<usize> = (0..data.recordings().len()).collect();
-    let Levelled { data, settings, note } = Levelled::of(data, &each, settings);
+    let Levelled { data, settings, note } =
+        Levelled::of(std::sync::Arc::unwrap_or_clone(data), &each, settings);
     let about = about.for_test(&settings.cond_ind_test);
     let about =
         if settings.test.as_tigramite { about } else { about.with_later(&data, settings.tau_max, dt) };

@@ -112,14 +112,13 @@ mod tests {
         })
     }
 
+    /// A column by its row.
+    type Value = Box<dyn Fn(usize) -> f64>;
+
     #[test]
     fn what_counts_rows_or_says_when_or_whose_is_no_variable() {
-        for (name, value, told) in [
-            (
-                "field.header.seq",
-                Box::new(|t| (7 + t) as f64) as Box<dyn Fn(usize) -> f64>,
-                "counts the rows",
-            ),
+        let cases: [(&str, Value, &str); 7] = [
+            ("field.header.seq", Box::new(|t| (7 + t) as f64), "counts the rows"),
             ("anything", Box::new(|t| (7 + t) as f64), "counts the rows"),
             (
                 "field.header.stamp",
@@ -130,21 +129,23 @@ mod tests {
             ("month", Box::new(|t| (1 + t % 12) as f64), "when a row is"),
             ("hour", Box::new(|t| (t % 24) as f64), "when a row is"),
             ("id", Box::new(|t| (1 + t / 15) as f64), "--recording id"),
-        ] {
+        ];
+        for (name, value, told) in cases {
             assert!(left_out(name, value).is_some_and(|said| said.contains(told)), "{name}");
         }
     }
 
     #[test]
     fn variables_stay_whatever_they_are_called() {
-        for (name, value) in [
-            ("kept", Box::new(|t| t as f64) as Box<dyn Fn(usize) -> f64>),
+        let cases: [(&str, Value); 6] = [
+            ("kept", Box::new(|t| t as f64)),
             ("month", Box::new(|t| (t % 12) as f64 + 0.5)),
             ("position", Box::new(|t| 0.1 * t as f64)),
             ("id", Box::new(|t| (t % 3) as f64)),
             ("hour", Box::new(|t| (t * 37 % 101) as f64)),
             ("gear", Box::new(|t| (t / 20) as f64)),
-        ] {
+        ];
+        for (name, value) in cases {
             assert_eq!(left_out(name, value), None, "{name}");
         }
     }

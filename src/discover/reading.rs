@@ -312,7 +312,7 @@ fn same_columns(table: &mut Table, file: &Input, known: &Table, first: &Input) -
         names.iter().filter(|name| is(name)).map(|name| plain(name)).collect::<Vec<_>>().join(",")
     };
     let is_in = |table: &Table, name: &String| position(&table.names, name).is_some();
-    let mut only = [(first, &*known, &*table), (file, &*table, &*known)]
+    let mut only = [(first, known, &*table), (file, &*table, known)]
         .map(|(file, own, other)| (file, named(&own.names, &|name| !is_in(other, name))))
         .into_iter()
         .filter(|(_, names)| !names.is_empty())

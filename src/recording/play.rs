@@ -217,9 +217,9 @@ impl<'a> Play<'a> {
         let step = stamp.as_nanos() - std::mem::replace(&mut self.last, stamp).as_nanos();
         let after = |step: i64| Time::from_nanos(self.now.as_nanos().saturating_add(step));
         let (begin, now) = match step {
-            ..=0 => (self.now, self.now),
-            ..=AFTER_HOLE_NS => (after(step), after(step)),
-            ..=LONGEST_HOLE_NS => (after(AFTER_HOLE_NS), after(step)),
+            i64::MIN..=0 => (self.now, self.now),
+            1..=AFTER_HOLE_NS => (after(step), after(step)),
+            step if step <= LONGEST_HOLE_NS => (after(AFTER_HOLE_NS), after(step)),
             _ => (after(AFTER_HOLE_NS), after(AFTER_HOLE_NS)),
         };
         self.now = now;
