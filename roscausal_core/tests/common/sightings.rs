@@ -27,8 +27,8 @@ use roscausal_msgs::{
 
 /// The person.
 const ID: u64 = 7;
-/// Odometry and poses per second.
-const ROBOT_HZ: f64 = 50.0;
+/// Odometry and poses for each row.
+const ROBOT_MESSAGES: f64 = 5.0;
 /// Before the first stamp, so that no stamp is 0. Seconds.
 const BEGIN_S: f64 = 100.0;
 
@@ -53,8 +53,6 @@ pub(crate) struct Tracker {
     pub(crate) lost: f64,
     /// Step between rows, seconds.
     pub(crate) dt_s: f64,
-    /// Whether rows hold the last sample.
-    pub(crate) hold: bool,
 }
 
 /// What an analysis finds.
@@ -106,23 +104,24 @@ fn at(speeds: &Speeds, dt_s: f64, t: f64) -> [f64; 2] {
     [0, 1].map(|who| speeds[before][who] + share * (next[who] - speeds[before][who]))
 }
 
-/// What is found in the exact speeds, and in those that the nodes record.
-pub(crate) fn run(tracker: &Tracker, rows: usize, seed: u64) -> [Found; 2] {
+/// What is found in the exact speeds, and in those that the nodes record with the rules `linear` and `hold`.
+pub(crate) fn run(tracker: &Tracker, rows: usize, seed: u64) -> [Found; 3] {
     let mut random = Random(mix(seed));
     let exact = truth(rows, &mut random);
-    let recorded = record(tracker, &exact, &mut random);
-    let begin = recorded.start.secs_since(Time::from_secs_f64(BEGIN_S));
-    let first = (begin / tracker.dt_s).round() as usize;
-    let person = &recorded.people[&(ID as u32)];
-    // The last rows end with the recording.
-    let rows = recorded.robot.len().min(person.len()).min(exact.len() - first) - 3;
-    let found: Speeds =
-        (0..rows).map(|row| [recorded.robot[row].get(Field::V), person[row].get(Field::V)]).collect();
-    let exact = exact[first..first + rows].to_vec();
-    [&exact, &found].map(|speeds| analysed(speeds, &exact))
+    let [linear, hold] = record(tracker, &exact, &mut random).map(|recorded| {
+        let begin = recorded.start.secs_since(Time::from_secs_f64(BEGIN_S));
+        let first = (begin / tracker.dt_s).round() as usize;
+        let person = &recorded.people[&(ID as u32)];
+        // The last rows end with the recording.
+        let rows = recorded.robot.len().min(person.len()).min(exact.len() - first) - 3;
+        let found: Speeds =
+            (0..rows).map(|row| [recorded.robot[row].get(Field::V), person[row].get(Field::V)]).collect();
+        analysed(&found, &exact[first..first + rows])
+    });
+    [analysed(&exact, &exact), linear, hold]
 }
 
-fn analysed(speeds: &Speeds, exact: &Speeds) -> Found {
+fn analysed(speeds: &[[f64; 2]], exact: &[[f64; 2]]) -> Found {
     let values = Array2::from_shape_fn((speeds.len(), 2), |(row, who)| speeds[row][who]);
     let data = DataFrame::new(vec![values], vec!["r_v".into(), "h_v".into()]).expect("two columns");
     let settings = Settings {
@@ -154,7 +153,7 @@ enum Event {
     Humans(Humans),
 }
 
-async fn listen(mw: &LoopbackNode, mut recorder: Recorder) -> Result<Recorder> {
+async fn listen(mw: &LoopbackNode, mut recorders: [Recorder; 2]) -> Result<[Recorder; 2]> {
     let inbox = Inbox::new(mw, 20_000);
     let (robot, humans) = (inbox.sender(), inbox.sender());
     let _robot =
@@ -163,10 +162,14 @@ async fn listen(mw: &LoopbackNode, mut recorder: Recorder) -> Result<Recorder> {
         mw.subscribe("/roscausal/humans", Qos::Volatile(1000), move |m| humans.send(Event::Humans(m)))?;
     loop {
         match inbox.awaited(mw, None).await {
-            Next::Shutdown => return Ok(recorder),
+            Next::Shutdown => return Ok(recorders),
             Next::Deadline => {}
-            Next::Event(Event::Robot(state)) => recorder.robot(&state, mw.now()),
-            Next::Event(Event::Humans(people)) => recorder.humans(&people, mw.now()),
+            Next::Event(Event::Robot(state)) => {
+                recorders.iter_mut().for_each(|recorder| recorder.robot(&state, mw.now()));
+            }
+            Next::Event(Event::Humans(people)) => {
+                recorders.iter_mut().for_each(|recorder| recorder.humans(&people, mw.now()));
+            }
         }
     }
 }
@@ -174,8 +177,9 @@ async fn listen(mw: &LoopbackNode, mut recorder: Recorder) -> Result<Recorder> {
 /// What comes, by when: a sighting of the person, or (`None`) the robot's messages.
 fn messages(tracker: &Tracker, exact: &Speeds, random: &mut Random) -> Vec<(f64, Option<f64>)> {
     let length = (exact.len() - 1) as f64 * tracker.dt_s;
+    let interval = tracker.dt_s / ROBOT_MESSAGES;
     let mut messages: Vec<(f64, Option<f64>)> =
-        (0..(length * ROBOT_HZ) as u32).map(|number| (f64::from(number) / ROBOT_HZ, None)).collect();
+        (0..(length / interval) as u32).map(|number| (f64::from(number) * interval, None)).collect();
     for number in 1..(length / tracker.interval_s) as u32 {
         let even = f64::from(number) * tracker.interval_s;
         let (jitter, kept) =
@@ -190,19 +194,17 @@ fn messages(tracker: &Tracker, exact: &Speeds, random: &mut Random) -> Vec<(f64,
     messages
 }
 
-fn record(tracker: &Tracker, exact: &Speeds, random: &mut Random) -> Recording {
+fn record(tracker: &Tracker, exact: &Speeds, random: &mut Random) -> [Recording; 2] {
     let bus = Loopback::lockstep();
     let sensors = bus.node("sensors");
     let robot = bus.start_task("robot", async |mw| nodes::run_task("robot", &mw).await);
     let human = bus.start_task("human", async |mw| nodes::run_task("human", &mw).await);
-    let recorder = Recorder::new(RecorderConfig {
-        dt_s: tracker.dt_s,
-        ts_length_s: None,
-        max_gap_s: tracker.dt_s.max(0.5),
-        hold: tracker.hold,
-        select: Select::Ids([ID as u32].into()),
+    let recorders = [false, true].map(|hold| {
+        let select = Select::Ids([ID as u32].into());
+        let (dt_s, max_gap_s) = (tracker.dt_s, tracker.dt_s.max(0.5));
+        Recorder::new(RecorderConfig { dt_s, ts_length_s: None, max_gap_s, hold, select })
     });
-    let data = bus.start_task("data", async move |mw| listen(&mw, recorder).await);
+    let data = bus.start_task("data", async move |mw| listen(&mw, recorders).await);
     let odometry = sensors.advertise("/mobile_base_controller/odom", Qos::Volatile(10)).expect("advertises");
     let pose = sensors.advertise("/robot_pose", Qos::Volatile(10)).expect("advertises");
     let people = sensors.advertise("/ped/control/teleop_persons", Qos::Volatile(10)).expect("advertises");
@@ -231,7 +233,8 @@ fn record(tracker: &Tracker, exact: &Speeds, random: &mut Random) -> Recording {
     bus.shutdown();
     robot.end().expect("no panic").expect("ends well");
     human.end().expect("no panic").expect("ends well");
-    let mut recorder = data.end().expect("no panic").expect("ends well");
-    recorder.finish();
-    recorder.take_batches().remove(0)
+    data.end().expect("no panic").expect("ends well").map(|mut recorder| {
+        recorder.finish();
+        recorder.take_batches().remove(0)
+    })
 }
