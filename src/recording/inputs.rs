@@ -625,6 +625,13 @@ impl Inputs {
         self.params.iter().any(|(of, param, _)| of == node && param == name)
     }
 
+    /// Whether the recording is cut into batches of a length.
+    pub(crate) fn is_cut(&self) -> bool {
+        let lengths =
+            self.params.iter().rev().filter(|(node, name, _)| node == "data" && name == "ts_length");
+        lengths.map(|(.., length)| length.as_double()).next().flatten().is_some_and(|length| length > 0.0)
+    }
+
     /// Whether batches are not post-processed.
     pub(crate) fn is_raw(&self) -> bool {
         let values =

@@ -132,7 +132,7 @@ impl Source {
                 break;
             }
         }
-        if self.inputs.sets("data", "ts_length") && batches.iter().any(|batch| Facts::read(batch).complete) {
+        if self.inputs.is_cut() && batches.iter().any(|batch| Facts::read(batch).complete) {
             batches.retain(|batch| Facts::read(batch).complete);
         }
         if batches.is_empty() {

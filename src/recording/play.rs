@@ -41,7 +41,7 @@ const AHEAD: &str = "reach ahead of rows, 1/1000 of a step";
 /// With fewer sightings for each row, rows are closer than sightings, of which a few may be lost.
 const ENOUGH: f64 = 0.85;
 /// Rows that reach farther ahead make links at lag 0 in a recording of 1200 rows (`roscausal_core/examples/sightings.rs`). Steps.
-const FAR_AHEAD: f64 = 0.04;
+const FAR_AHEAD: f64 = 0.05;
 const SAID: [&str; 4] = [NAMES, CHANGED, PER_ROW, AHEAD];
 type Troubles = Arc<Mutex<BTreeMap<String, String>>>;
 
