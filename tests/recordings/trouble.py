@@ -210,7 +210,7 @@ TROUBLES = {
     "sound": (Walk(), [], 295, 1, []),
     "jitter": (Walk(seen=jitter), [], 295, 1, []),
     "lost": (Walk(seen=lambda i: None if i % 10 == 3 else jitter(i)), [], 295, 1, []),
-    "glitch": (Walk(stamp=lambda i, t: t + (3e8 if 300 <= i < 306 else 0), drifts=0.03), [], 290, 1, ["6 of 750 messages of /people"]),
+    "glitch": (Walk(stamp=lambda i, t: t + (3e8 if 300 <= i < 306 else 0)), [], 290, 1, ["6 of 750 messages of /people"]),
     "late": (Walk(came=lambda i, t: t + 3.0), [], 270, 1, []),
     "early": (Walk(robot_came=lambda i, t: t + 1.5), [], 270, 1, []),
     "hole": (Walk(hole=7200.0), ["--signal", "seen = count(/people.people)", "--ts-length", "0"], 290, 2, []),

@@ -9,6 +9,16 @@ use super::risk::Body;
 
 /// Most samples of one body that wait to become rows.
 const MOST: usize = 100_000;
+/// The usual interval is the median of so many, each the mean of some that follow each other: jitter is less in these.
+const INTERVALS: usize = 15;
+const TOGETHER: usize = 3;
+/// Where samples come at least as often as rows, give or take this share of a step, ...
+const OFTEN: f64 = 1.2;
+/// ... a row whose value would reach farther ahead has lost its sample. Steps.
+const FARTHEST_AHEAD: f64 = 0.3;
+/// Where samples come once a row, give or take the first share of a step, one within the second share is the row's. Steps.
+const ONCE_A_ROW: f64 = 0.1;
+const NEAR: f64 = 0.25;
 
 /// A recorded quantity.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -152,6 +162,8 @@ impl Values {
 #[derive(Debug, Default)]
 pub(super) struct Track {
     samples: VecDeque<(i64, Values)>,
+    /// The last stamps that no row needs any more.
+    past: VecDeque<i64>,
     /// Whether all samples are there from the beginning, so that none waits for others.
     unlimited: bool,
 }
@@ -208,6 +220,41 @@ impl Track {
         (t1 - t0 <= max_gap).then(|| before.towards(next, (t - t0) as f64 / (t1 - t0) as f64))
     }
 
+    /// What the row at `t` holds, `dt` after the row before: the values at `t`, as in [`Self::at`]. Where samples usually come once a
+    /// row, one close to `t` is the row's: a line would mix it with the next one, as much as its stamp is early. Where they come
+    /// as often or more often, a row is empty whose value would reach far ahead: its sample was lost.
+    pub(super) fn row(&self, t: i64, dt: i64, max_gap: i64, hold: bool) -> Option<Values> {
+        let share = |nanos: f64| nanos / dt as f64;
+        let Some(usual) = self.usual_interval().map(|interval| share(interval as f64)).filter(|_| !hold)
+        else {
+            return self.at(t, max_gap, hold);
+        };
+        let near = self.nearest(t).filter(|(stamp, _)| share(stamp.abs_diff(t) as f64) <= NEAR);
+        match near {
+            Some((_, values)) if (usual - 1.0).abs() <= ONCE_A_ROW => Some(*values),
+            _ => {
+                let ahead = self.spacing(t).map_or(0.0, |[_, ahead]| share(ahead));
+                self.at(t, max_gap, hold).filter(|_| usual > OFTEN || ahead <= FARTHEST_AHEAD)
+            }
+        }
+    }
+
+    /// The median of the last intervals; `None` while there are few.
+    fn usual_interval(&self) -> Option<i64> {
+        let over = |(first, last): (&i64, &i64)| (last - first) / TOGETHER as i64;
+        let mut intervals: Vec<i64> =
+            self.past.iter().zip(self.past.iter().skip(TOGETHER)).map(over).collect();
+        intervals.sort_unstable();
+        intervals.get(INTERVALS / 2).copied().filter(|_| intervals.len() == INTERVALS)
+    }
+
+    fn nearest(&self, t: i64) -> Option<&(i64, Values)> {
+        let after = self.samples.partition_point(|(stamp, _)| *stamp <= t);
+        let around =
+            [after.checked_sub(1).and_then(|before| self.samples.get(before)), self.samples.get(after)];
+        around.into_iter().flatten().min_by_key(|(stamp, _)| stamp.abs_diff(t))
+    }
+
     /// How far apart the samples are between which a value at `t` lies, and how far it reaches ahead of `t`: the share of the later one
     /// times how much later that is. Nanoseconds.
     pub(super) fn spacing(&self, t: i64) -> Option<[f64; 2]> {
@@ -220,7 +267,10 @@ impl Track {
     /// Drops what no row at `t` or later needs. Returns whether any sample is left that such a row may need.
     pub(super) fn forget_before(&mut self, t: i64, max_gap: i64) -> bool {
         while self.samples.get(1).is_some_and(|(second, _)| *second <= t) {
-            self.samples.pop_front();
+            self.past.extend(self.samples.pop_front().map(|(stamp, _)| stamp));
+            if self.past.len() > INTERVALS + TOGETHER {
+                self.past.pop_front();
+            }
         }
         self.samples.back().is_some_and(|(last, _)| *last >= t - max_gap)
     }
@@ -261,6 +311,24 @@ mod tests {
         assert_eq!(track.at(150, 100, true).expect("held").x, 1.0);
         assert_eq!(track.at(300, 100, true).expect("the last one").x, 2.0);
         assert!(track.at(301, 100, true).is_none() && track.at(99, 100, true).is_none());
+    }
+
+    #[test]
+    fn a_sample_near_its_row_is_the_row_and_a_row_that_lost_its_sample_is_empty() {
+        let mut seen = Track::default();
+        for number in (0..30).filter(|number| *number != 25) {
+            // Up to an eighth of a step early or late.
+            seen.insert(100 * number + 12 * (number % 3 - 1), values(number as f64, 0.0, 0.0));
+        }
+        let row = |seen: &Track, t, dt| seen.row(t, dt, 500, false).map(|values| values.x);
+        assert_ne!(row(&seen, 2400, 100), Some(24.0), "nothing is usual yet");
+        seen.forget_before(2300, 500);
+        let rows: Vec<Option<f64>> = (23..28).map(|number| row(&seen, 100 * number, 100)).collect();
+        assert_eq!(rows, [Some(23.0), Some(24.0), None, Some(26.0), Some(27.0)]);
+        for (dt, why) in [(50, "rows are closer than samples"), (500, "here there are enough")] {
+            assert!(row(&seen, 2500, dt).is_some_and(|x| x > 24.5 && x < 25.5), "{why}");
+        }
+        assert_eq!(seen.row(2500, 100, 500, true).map(|values| values.x), Some(24.0));
     }
 
     #[test]

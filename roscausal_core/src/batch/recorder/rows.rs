@@ -10,16 +10,23 @@ use crate::batch::{
     journal::Log,
     recording::{EndedBy, Recording},
     select::Select,
-    tracks::Values,
+    tracks::{Track, Values},
 };
 
 impl Recorder {
     /// Writes the row at this stamp, in nanoseconds, to the open batch, or opens one if there is anything to begin with.
     pub(super) fn record(&mut self, row: i64) {
         let (max_gap, hold) = (self.max_gap_ns, self.config.hold);
-        let robot = self.robot.at(row, max_gap, hold);
+        let step = self.dt_ns;
+        let of = |track: &Track| track.row(row, step, max_gap, hold);
+        let robot = of(&self.robot);
         let people: Vec<(u32, Values)> =
-            self.people.iter().filter_map(|(id, track)| Some((*id, track.at(row, max_gap, hold)?))).collect();
+            self.people.iter().filter_map(|(id, track)| Some((*id, of(track)?))).collect();
+        let others: Vec<(String, Values)> = self
+            .others
+            .iter()
+            .map(|(name, track)| (name.clone(), of(track).unwrap_or(Values::UNKNOWN)))
+            .collect();
         let signals: Vec<f64> = self.signals.iter().map(|track| track.at(row, self.dt_ns, max_gap)).collect();
         let begins = match self.config.select {
             Select::Nobody => robot.is_some() || signals.iter().any(|value| !value.is_nan()),
@@ -62,10 +69,10 @@ impl Recorder {
                 self.counts.crowded += 1;
             }
         }
-        for (name, track) in &self.others {
-            let rows = open.others.entry(name.clone()).or_default();
+        for (name, values) in others {
+            let rows = open.others.entry(name).or_default();
             rows.resize(n_rows, Values::UNKNOWN);
-            rows.push(track.at(row, max_gap, hold).unwrap_or(Values::UNKNOWN));
+            rows.push(values);
         }
         for ((_, rows), value) in open.signals.iter_mut().zip(signals) {
             rows.push(value);
