@@ -390,6 +390,9 @@ impl<'a> Rows<'a> {
                 first.filter(|&column| date(column).is_some()).map(|column| (column, None))
             }),
         };
+        if let Some(name) = &self.reading.recording {
+            columns::chosen(&self.header, std::slice::from_ref(name), None).map_err(Complaint::File)?;
+        }
         let time = self.time.map(|(column, _)| column);
         let last = self.header.len() - 1;
         let empty_end = (last > 0 && self.header[last].is_empty()).then_some(last);

@@ -1,0 +1,91 @@
+//! The look at lags beyond those that are tested: over random systems, what it advises contains the true lags, and nothing is advised
+//! without them.
+
+#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, reason = "a test fails by panicking")]
+
+use ndarray::Array2;
+use roscausal_discovery::{AboutData, DataFrame, Later, mix};
+
+fn uniform(seed: &mut u64) -> f64 {
+    *seed += 1;
+    mix(*seed) as f64 / u64::MAX as f64
+}
+
+fn normal(seed: &mut u64) -> f64 {
+    (0..12).map(|_| uniform(seed)).sum::<f64>() - 6.0
+}
+
+/// A random system: three to six variables that remember, and `links` effects after `lags`; with the largest of these.
+fn system(seed: u64, links: usize, lags: std::ops::RangeInclusive<usize>) -> (DataFrame, usize) {
+    let mut seed = mix(seed + 1) >> 1;
+    let n = 3 + (4.0 * uniform(&mut seed)) as usize;
+    let own: Vec<f64> = (0..n).map(|_| 0.2 + 0.6 * uniform(&mut seed)).collect();
+    let of_link = |k: usize, seed: &mut u64| {
+        let effect = 1 + k % (n - 1);
+        let cause = (uniform(seed) * effect as f64) as usize;
+        let span = (lags.end() - lags.start() + 1) as f64;
+        let lag = lags.start() + (uniform(seed) * span) as usize;
+        (cause, effect, lag, (0.35 + 0.3 * uniform(seed)) * if uniform(seed) < 0.5 { 1.0 } else { -1.0 })
+    };
+    let all: Vec<_> = (0..links).map(|k| of_link(k, &mut seed)).collect();
+    let rows = 600 + (600.0 * uniform(&mut seed)) as usize;
+    let mut values = Array2::<f64>::zeros((rows, n));
+    for t in 6..rows {
+        for var in 0..n {
+            let parents = all.iter().filter(|(_, effect, ..)| *effect == var);
+            let driven: f64 = parents.map(|(cause, _, lag, size)| size * values[[t - lag, *cause]]).sum();
+            values[[t, var]] = own[var] * values[[t - 1, var]] + driven + normal(&mut seed);
+        }
+    }
+    let names = (0..n).map(|var| format!("v{var}")).collect();
+    let longest = all.iter().map(|(_, _, lag, _)| *lag).max().unwrap_or(0);
+    (DataFrame::new(vec![values], names).unwrap(), longest)
+}
+
+fn advised(data: &DataFrame) -> usize {
+    let (about, _) = AboutData::of(data, 1);
+    about.with_later(data, 1, Some(0.1)).later.first().map_or(1, |later| later.tau_max)
+}
+
+#[test]
+fn the_advised_lag_contains_the_true_ones_and_is_not_much_longer() {
+    let (mut contained, mut short) = (0, 0);
+    for seed in 0..100 {
+        let (data, longest) = system(seed, 3, 1..=6);
+        let advised = advised(&data);
+        contained += usize::from(advised >= longest);
+        short += usize::from(advised <= (2 * longest).max(1));
+    }
+    assert!(contained >= 95 && short >= 90, "{contained} {short}");
+}
+
+#[test]
+fn there_is_no_advice_without_longer_lags() {
+    for (links, what) in [(3, "lag 1"), (0, "no links")] {
+        let quiet = (0..100).filter(|&seed| advised(&system(900 + seed, links, 1..=1).0) == 1).count();
+        assert!(quiet >= 95, "{what}: {quiet}");
+    }
+}
+
+#[test]
+fn recordings_and_missing_values_are_kept_apart_and_the_sentence_says_when() {
+    let mut parts: Vec<Array2<f64>> =
+        (0..3).map(|k| system(40 + k, 0, 1..=1).0.recordings()[0].clone()).collect();
+    for part in &mut parts {
+        *part = part.slice(ndarray::s![.., ..3]).to_owned();
+        for t in 4..part.nrows() {
+            part[[t, 2]] += 0.8 * part[[t - 4, 0]];
+        }
+        part[[100, 1]] = f64::NAN;
+    }
+    let data = DataFrame::new(parts, ["near", "b", "speed"].map(str::to_owned).to_vec()).unwrap();
+    let found = Later::of(&data, 1, 2.0);
+    assert!(
+        found
+            .iter()
+            .any(|later| (later.cause.as_str(), later.effect.as_str(), later.lag) == ("near", "speed", 4))
+    );
+    let told = Later::told(&found, Some(0.1)).unwrap();
+    assert!(told.contains("dependence of speed on near is strongest at lag 4 (0.4 s)"), "{told}");
+    assert_eq!(Later::of(&data, 400, 2.0), []);
+}
