@@ -216,11 +216,12 @@ impl<'a> Play<'a> {
     fn advance(&mut self, stamp: Time) {
         let step = stamp.as_nanos() - std::mem::replace(&mut self.last, stamp).as_nanos();
         let after = |step: i64| Time::from_nanos(self.now.as_nanos().saturating_add(step));
-        let (begin, now) = match step {
-            i64::MIN..=0 => (self.now, self.now),
-            1..=AFTER_HOLE_NS => (after(step), after(step)),
-            step if step <= LONGEST_HOLE_NS => (after(AFTER_HOLE_NS), after(step)),
-            _ => (after(AFTER_HOLE_NS), after(AFTER_HOLE_NS)),
+        let (begin, now) = if step <= AFTER_HOLE_NS {
+            (after(step.max(0)), after(step.max(0)))
+        } else if step <= LONGEST_HOLE_NS {
+            (after(AFTER_HOLE_NS), after(step))
+        } else {
+            (after(AFTER_HOLE_NS), after(AFTER_HOLE_NS))
         };
         self.now = now;
         self.bus.advance_to(begin);

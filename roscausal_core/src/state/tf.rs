@@ -123,14 +123,6 @@ impl TfBuffer {
         (at, oldest)
     }
 
-    /// Transforms a pose from frame `source` to a planar pose in frame `target`.
-    ///
-    /// # Errors
-    /// As [`TfBuffer::lookup`]; also a pose that is not finite.
-    pub fn pose_in(&self, target: &str, source: &str, pose: &Pose, stamp: Time) -> Result<Pose2D, String> {
-        planar_pose(&self.lookup(target, source, stamp)?, pose)
-    }
-
     /// Transforms a point from frame `source` to frame `target`.
     ///
     /// # Errors
