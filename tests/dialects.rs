@@ -323,7 +323,7 @@ fn tables_without_names_or_with_numbers_for_names_are_read() {
     assert!(
         with(bare(",").as_bytes(), &["--names", "a"]).expect_err("one").contains("1 names for 2 columns")
     );
-    let told = with(b"# c\n# d\n1,2\n3,x\n", &[]).expect_err("a word");
+    let told = with(b"# c\n# d\n1.5,2\n3,x\n", &[]).expect_err("a word");
     assert!(told.contains("line 4, column 'x_1': 'x'"), "{told}");
     let told =
         with(plain().as_bytes(), &["--no-header", "--time-column", "none"]).expect_err("words in line 1");

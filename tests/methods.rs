@@ -40,7 +40,8 @@ fn people_who_differ_are_pooled_by_one_command_and_the_dummy_is_told() {
     let dir = tempfile::tempdir().expect("a folder");
     two_people(dir.path());
     let pooled = ["discover", "a.csv", "b.csv", "--columns", "speed,distance", "--method"];
-    let blind = model(dir.path(), &[&pooled[..], &["pcmciplus", "--test", "parcorr"]].concat());
+    let blind =
+        model(dir.path(), &[&pooled[..], &["pcmciplus", "--test", "parcorr", "--levels", "keep"]].concat());
     assert_ne!(blind["graph"][0][1][0], "", "pooled blindly, the people's difference looks like a link");
     // It knows its test.
     let found = model(dir.path(), &[&pooled[..], &["jpcmciplus"]].concat());
@@ -229,7 +230,7 @@ fn timino_sees_a_square_and_tsfci_the_marks_of_lpcmci() {
     for (more, says) in [
         (&["--test", "cmiknn"][..], "cmiknn is no regression; take parcorr for linear effects"),
         (&["--fdr"], "timino has no p-values of single tests to correct"),
-        (&["--tau-min", "0", "--tau-max", "0"], "0 leaves no past"),
+        (&["--tau-min", "0", "--tau-max", "0"], "0 leaves timino no past"),
     ] {
         let text = complaint(dir.path(), &[&timino[..], more].concat());
         assert!(text.contains(says) && text.trim_end().lines().count() == 1, "{more:?}: {text}");

@@ -73,7 +73,7 @@ fn cases() -> Vec<(&'static str, &'static str, Vec<u8>)> {
         ("huge.npy", "cut off", npy("'<f8'", huge, &[0; 64])),
         ("no_rows.npy", "no rows", npy("'<f8'", "(0, 1099511627776)", &[])),
         ("no_columns.npy", "no columns", npy("'<f8'", "(1099511627776, 0)", &[])),
-        ("no_shape.npy", "0 dimensions", npy("'<f8'", "()", &[0; 8])),
+        ("no_shape.npy", "of shape []", npy("'<f8'", "()", &[0; 8])),
         ("negative.npy", "not understood", npy("'<f8'", "(-1, 2)", &[0; 64])),
         ("no_size.npy", "not read", npy("'|S0'", "(1099511627776,)", &[])),
         ("large_size.npy", "not read", npy("'|S2147483648'", "(1,)", &[0; 64])),

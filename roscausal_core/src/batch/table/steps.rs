@@ -410,7 +410,7 @@ mod tests {
 
     #[test]
     fn rounded_times_are_known_as_such_at_any_rate_and_with_rows_lost() {
-        for (rate, unit) in [(30.0, 0.01), (29.97, 0.001), (60.0, 0.01), (7.5, 0.1)] {
+        for (rate, unit) in [(30.0, 0.01), (29.97, 0.001), (60.0, 0.01), (7.5, 0.01)] {
             let at = |i: usize| 1.7e9 + i as f64 / rate;
             let rounded = |t: f64| (t / unit).round() * unit;
             let time: Vec<f64> = (0..500).filter(|i| i % 97 != 3).map(|i| rounded(at(i))).collect();

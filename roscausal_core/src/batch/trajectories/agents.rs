@@ -8,8 +8,9 @@ use roscausal_msgs::std_msgs::Header;
 
 use super::{
     TrajectoryReading,
-    layout::{self, Clock, Layout, PositionUnit},
+    layout::{self, Clock, Layout},
     motion::{self, Missing, median},
+    sample::{PositionUnit, Sample},
 };
 use crate::{
     Error, Result, Time,
@@ -26,18 +27,6 @@ use crate::{
 const STILL: f64 = 0.01;
 /// A person is kept for any time, since only that person's own samples are given.
 const FOR_EVER_S: f64 = 1e12;
-
-/// What a row says of an agent.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Sample {
-    pub(super) time: f64,
-    pub(super) place: (f64, f64),
-    pub(super) velocity: Option<(f64, f64)>,
-    /// Where only the size of the velocity is known; NaN: not even that.
-    pub(super) speed: f64,
-    pub(super) heading: f64,
-    pub(super) goal: (f64, f64),
-}
 
 /// A person, a robot, or a thing that moves.
 #[derive(Debug)]
@@ -241,27 +230,6 @@ impl Agent {
 
     pub(super) fn end(&self) -> f64 {
         self.end
-    }
-}
-
-impl Sample {
-    fn turn_into_radians(&mut self) {
-        self.heading = self.heading.to_radians();
-    }
-
-    /// The velocity of a speed and a heading.
-    fn with_velocity(&mut self) {
-        let (vx, vy) = (self.speed * self.heading.cos(), self.speed * self.heading.sin());
-        self.velocity = self.velocity.or((vx.is_finite() && vy.is_finite()).then_some((vx, vy)));
-    }
-
-    /// Its heading: the one in the table, or that of its velocity.
-    fn heading(&self, scaled: impl Fn((f64, f64)) -> (f64, f64)) -> f64 {
-        match self.velocity.map(scaled) {
-            _ if !self.heading.is_nan() => self.heading,
-            Some((vx, vy)) => vy.atan2(vx),
-            None => 0.0,
-        }
     }
 }
 

@@ -8,11 +8,11 @@
 //! | without names, 8 columns, otherwise | BIWI: frame, person, x, z, y, and the velocity in the same order |
 //! | without names, at least 4 columns | ETH and UCY: frame, person, x, y; JuPedSim and others: person, frame, x, y |
 
-use std::{collections::BTreeMap, str::FromStr};
+use std::collections::BTreeMap;
 
 use roscausal_discovery::Named;
 
-use super::motion;
+use super::{motion, sample::PositionUnit};
 use crate::batch::table::{binary::Column, columns::time_name, grid::Grid, time::Unit};
 
 /// Names of the columns of each role, in lower case and without a unit.
@@ -101,45 +101,6 @@ const ROLES: [(&str, &[&str]); 11] = [
 
 /// The roles that a user may name a column for.
 pub(super) const NAMED_ROLES: &str = "id, time, frame, x, y, vx, vy, speed, heading, gx, gy, kind";
-
-/// The unit of positions.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum PositionUnit {
-    /// `m`
-    Metres,
-    /// `cm`
-    Centimetres,
-    /// `mm`
-    Millimetres,
-    /// `ft`
-    Feet,
-}
-
-impl PositionUnit {
-    /// Units in a metre.
-    pub(super) fn per_metre(self) -> f64 {
-        match self {
-            Self::Metres => 1.0,
-            Self::Centimetres => 100.0,
-            Self::Millimetres => 1000.0,
-            Self::Feet => 1.0 / 0.3048,
-        }
-    }
-}
-
-impl FromStr for PositionUnit {
-    type Err = String;
-
-    fn from_str(text: &str) -> Result<Self, String> {
-        match text {
-            "m" => Ok(Self::Metres),
-            "cm" => Ok(Self::Centimetres),
-            "mm" => Ok(Self::Millimetres),
-            "ft" | "feet" => Ok(Self::Feet),
-            other => Err(format!("'{other}' is no unit of positions; allowed: m, cm, mm, ft")),
-        }
-    }
-}
 
 /// When a row is.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -7,6 +7,7 @@
 mod agents;
 mod layout;
 mod motion;
+mod sample;
 #[cfg(test)]
 mod tests;
 
@@ -23,7 +24,7 @@ use super::{
 use crate::{Error, Result, Time};
 
 pub use agents::{Agent, Agents};
-pub use layout::PositionUnit;
+pub use sample::PositionUnit;
 
 /// The step of a table that is sampled faster, unless the user says another: that of the data node.
 const USUAL_STEP: f64 = 0.1;

@@ -12,7 +12,7 @@ use std::f64::consts::TAU;
 
 use roscausal_discovery::Named;
 
-use super::{agents::Sample, layout::PositionUnit};
+use super::sample::{PositionUnit, Sample};
 
 /// How fast people walk in the middle, m/s.
 const WALK: std::ops::RangeInclusive<f64> = 0.2..=2.5;
@@ -251,7 +251,7 @@ mod tests {
         let seconds = Missing { rate: false, unit: None };
         let in_seconds = |per: f64| of(&people(1.0, per, 5, false), &seconds);
         assert_eq!(in_seconds(1.0 / 0.3048).map(|found| found.unit), Ok(PositionUnit::Feet));
-        assert!(in_seconds(40.0 / 1.1).is_err_and(|told| told.contains("nobody walks so")));
+        assert!(in_seconds(12.0).is_err_and(|told| told.contains("nobody walks so")));
         let of_user = Missing { rate: false, unit: Some(PositionUnit::Metres) };
         assert!(of(&people(1.0, 40.0, 5, false), &of_user).is_ok());
     }
