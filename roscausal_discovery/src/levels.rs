@@ -191,7 +191,7 @@ mod tests {
         let wide = levelled(data(&[0.0, 0.0], &[1.0, 3.0]), &[0, 1], &usual);
         let sizes: Vec<f64> = wide.data.recordings().iter().map(|r| r.column(1).std(0.0)).collect();
         assert!(
-            wide.note.is_some_and(|told| told.contains("the scale of"))
+            wide.note.is_some_and(|told| told.contains("scale of"))
                 && (sizes[0] / sizes[1] - 1.0).abs() < 1e-9
         );
         for (data, runs, settings) in [
