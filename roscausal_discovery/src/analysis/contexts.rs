@@ -13,7 +13,7 @@ use crate::{
         default_intervention_targets, is_constant, is_shared,
     },
     settings::Settings,
-    types::{DataFrame, Error, LinkMark, Result, names},
+    types::{DataFrame, Error, LinkMark, Result, names, same_value},
 };
 
 impl Settings {
@@ -115,8 +115,8 @@ fn class_of(data: &DataFrame, var: usize, exogenous: bool) -> Result<NodeClass> 
 /// Whether a variable is the same in all recordings as far as these go, and some end earlier.
 fn are_cut(data: &DataFrame, var: usize) -> bool {
     let Some(longest) = data.recordings().iter().max_by_key(|rows| rows.nrows()) else { return false };
-    let same = |(a, b): (&f64, &f64)| a == b || (a.is_nan() && b.is_nan());
-    let begins = |rows: &ndarray::Array2<f64>| rows.column(var).iter().zip(longest.column(var)).all(same);
+    let begins =
+        |rows: &ndarray::Array2<f64>| rows.column(var).iter().zip(longest.column(var)).all(same_value);
     let is_cut = data.recordings().iter().any(|rows| rows.nrows() < longest.nrows());
     is_cut && data.recordings().iter().all(begins)
 }

@@ -3,7 +3,7 @@
 use ndarray::{Array2, Axis, s};
 use serde::{Deserialize, Serialize};
 
-use crate::types::Node;
+use crate::types::{Node, same_value};
 
 /// Rows that a variable must have on either side to show what it drives.
 const SHOWN: usize = 20;
@@ -29,12 +29,11 @@ pub(super) struct Batch {
 /// Missing values are equal.
 impl PartialEq for Batch {
     fn eq(&self, other: &Self) -> bool {
-        let same = |(a, b): (&f64, &f64)| a == b || a.is_nan() && b.is_nan();
         self.first == other.first
             && self.ranges == other.ranges
             && self.masked == other.masked
             && self.values.dim() == other.values.dim()
-            && self.values.iter().zip(&other.values).all(same)
+            && self.values.iter().zip(&other.values).all(same_value)
     }
 }
 

@@ -24,7 +24,7 @@ use super::{
 };
 use crate::types::{
     Assumption, CondIndTest, Control, DataFrame, Dummy, Error, LinkAssumptions, LinkMark, Node, Result,
-    Samples,
+    Samples, same_value,
 };
 
 /// What a variable is, seen over several recordings.
@@ -201,10 +201,9 @@ pub(crate) fn is_constant(column: ndarray::ArrayView1<'_, f64>) -> bool {
 /// Whether a column is the same in all recordings.
 pub(crate) fn is_shared(data: &DataFrame, var: usize) -> bool {
     let first = data.recordings()[0].column(var);
-    let same = |a: &f64, b: &f64| a == b || (a.is_nan() && b.is_nan());
     data.recordings().iter().all(|recording| {
         let column = recording.column(var);
-        column.len() == first.len() && column.iter().zip(first).all(|(a, b)| same(a, b))
+        column.len() == first.len() && column.iter().zip(first).all(same_value)
     })
 }
 

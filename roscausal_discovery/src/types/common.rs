@@ -6,6 +6,11 @@
 
 use ndarray::Array2;
 
+/// Whether two values are the same; missing ones are.
+pub fn same_value((a, b): (&f64, &f64)) -> bool {
+    a == b || (a.is_nan() && b.is_nan())
+}
+
 /// Which columns are common, and to which recordings.
 #[derive(Clone, Debug)]
 pub(super) struct Common {
@@ -24,7 +29,7 @@ impl Common {
         let same = |var: usize| {
             firsts.iter().enumerate().all(|(k, &first)| {
                 let [a, b] = [k, first].map(|k| recordings[k].column(var));
-                a.len() == b.len() && a.iter().zip(b).all(|(a, b)| a.to_bits() == b.to_bits())
+                a.len() == b.len() && a.iter().zip(b).all(same_value)
             })
         };
         let repeats = firsts.iter().enumerate().any(|(k, &first)| k != first);

@@ -22,6 +22,7 @@ mod vectors;
 pub mod visible;
 mod words;
 
+pub use common::same_value;
 pub(crate) use complete_rows::CompleteRows;
 pub(crate) use components::Components;
 pub use components::{VectorNames, vectors_of};
