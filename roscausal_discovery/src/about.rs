@@ -7,13 +7,15 @@
 //! stationarity by the KPSS test of a level (Kwiatkowski, Phillips, Schmidt and Shin 1992, Journal of Econometrics 54), here of
 //! block means.
 
+use std::collections::HashSet;
+
 use ndarray::ArrayView1;
 use serde::{Deserialize, Serialize};
 
 use crate::{
     later::Later,
     numeric::rows::{dot, is_constant, moments, standardize},
-    types::{DataFrame, names::plain},
+    types::{DataFrame, names::plain, same_value},
 };
 
 /// Rows that are looked at.
@@ -356,14 +358,10 @@ fn missing_flags(ends: &[(&String, f64, usize)]) -> Vec<Fault> {
         let shared = ends.iter().any(|(other, of_other, _)| *other != name && *of_other == value);
         nines || of_bits || huge || (shared && count > 1 && value != 0.0)
     };
-    let mut flags: Vec<Fault> = Vec::new();
-    for &(name, value, count) in ends.iter().filter(is_flag) {
-        // One for each variable.
-        if !flags.iter().any(|flag| matches!(flag, Fault::MissingFlag { name: other, .. } if other == name)) {
-            flags.push(Fault::MissingFlag { name: name.clone(), value, count });
-        }
-    }
-    flags
+    // One for each variable.
+    let mut flagged = HashSet::new();
+    let flags = ends.iter().filter(is_flag).filter(|(name, ..)| flagged.insert(name));
+    flags.map(|&(name, value, count)| Fault::MissingFlag { name: name.clone(), value, count }).collect()
 }
 
 /// A remark on one whole number below zero that stands again and again among values that are not: -1 for "unknown".
@@ -383,7 +381,7 @@ fn same_recordings(data: &DataFrame) -> Vec<Fault> {
     let recordings = data.recordings();
     let same = |a: usize, b: usize| {
         let (a, b) = (&recordings[a], &recordings[b]);
-        a.dim() == b.dim() && a.iter().zip(b).all(|(x, y)| x == y || (x.is_nan() && y.is_nan()))
+        a.dim() == b.dim() && a.iter().zip(b).all(same_value)
     };
     let pairs = (0..recordings.len()).flat_map(|b| (0..b).map(move |a| (a, b)));
     pairs

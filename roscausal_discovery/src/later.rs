@@ -8,7 +8,9 @@
 //! Example: people slow down 0.2 s after the robot comes near, rows are 0.1 s apart, and `tau_max` is 1: the dependence at lag 2
 //! is seen here.
 
-use ndarray::Array2;
+use std::collections::HashSet;
+
+use ndarray::{Array2, s};
 use serde::{Deserialize, Serialize};
 
 use crate::{
@@ -52,8 +54,8 @@ impl Later {
         let most = (MOST_COLUMNS / n.max(1)).saturating_sub(1);
         let lags = tau_max
             .saturating_add((2.0 * memory).ceil() as usize)
-            .clamp(tau_max.saturating_add(LAGS[0]), tau_max.saturating_add(LAGS[1]));
-        let lags = lags.min(most);
+            .clamp(tau_max.saturating_add(LAGS[0]), tau_max.saturating_add(LAGS[1]))
+            .min(most);
         if lags <= tau_max {
             return Vec::new();
         }
@@ -99,12 +101,8 @@ impl Later {
         found.retain(|(cause, effect, ..)| cause != effect);
         let advised = found.iter().map(|(_, _, lag, _)| lag + 1).max().unwrap_or(0);
         found.sort_by(|a, b| b.3.abs().total_cmp(&a.3.abs()));
-        let mut pairs = Vec::new();
-        found.retain(|(cause, effect, ..)| {
-            let is_new = !pairs.contains(&(*cause, *effect));
-            pairs.push((*cause, *effect));
-            is_new
-        });
+        let mut pairs = HashSet::new();
+        found.retain(|(cause, effect, ..)| pairs.insert((*cause, *effect)));
         let name = |var: usize| plain(&data.var_names()[var]);
         let later = |(cause, effect, lag, strength)| Self {
             cause: name(cause),
@@ -143,28 +141,21 @@ impl Later {
 /// mean 0; a row without some value ends a stretch.
 fn gram(data: &DataFrame, lags: usize) -> (Array2<f64>, usize) {
     let (n, size) = (data.n_vars(), data.n_vars() * (lags + 1));
-    let deviations: Vec<f64> = (0..n)
-        .map(|var| {
-            let all = data.recordings().iter().flat_map(|rows| centred(rows, var)).filter(|v| !v.is_nan());
-            moments(&all.collect::<Vec<_>>()).1
-        })
-        .collect();
+    let (means, deviations): (Vec<Vec<f64>>, Vec<f64>) = (0..n).map(|var| measured(data, var)).unzip();
     let (mut gram, mut count) = (Array2::zeros((size, size)), 0);
-    for recording in data.recordings() {
-        let columns: Vec<Vec<f64>> = (0..n)
-            .map(|var| {
-                let scale = if deviations[var] > 0.0 { deviations[var] } else { 1.0 };
-                centred(recording, var).map(|value| value / scale).collect()
-            })
-            .collect();
-        let is_whole = |row: &usize| columns.iter().all(|column| !column[*row].is_nan());
+    for (k, recording) in data.recordings().iter().enumerate() {
+        let is_whole = |row: &usize| recording.row(*row).iter().all(|value| !value.is_nan());
         let mut row = 0;
         while row < recording.nrows() && count < MOST_ROWS {
-            let end = (row..recording.nrows()).find(|row| !is_whole(row)).unwrap_or(recording.nrows());
-            let end = end.min(row + lags + MOST_ROWS - count);
+            // No row is looked at that would not count.
+            let most = recording.nrows().min(row + lags + MOST_ROWS - count);
+            let end = (row..most).find(|row| !is_whole(row)).unwrap_or(most);
             if end > row + lags {
-                let stretch: Vec<&[f64]> = columns.iter().map(|column| &column[row..end]).collect();
-                add(&mut gram, &stretch, lags);
+                let value = |var: usize, value: &f64| (value - means[var][k]) / deviations[var];
+                let column =
+                    |var: usize| recording.slice(s![row..end, var]).iter().map(|v| value(var, v)).collect();
+                let columns: Vec<Vec<f64>> = (0..n).map(column).collect();
+                add(&mut gram, &columns.iter().map(Vec::as_slice).collect::<Vec<_>>(), lags);
                 count += end - row - lags;
             }
             row = end + 1;
@@ -173,10 +164,18 @@ fn gram(data: &DataFrame, lags: usize) -> (Array2<f64>, usize) {
     (gram, count)
 }
 
-fn centred(recording: &Array2<f64>, var: usize) -> impl Iterator<Item = f64> {
-    let present: Vec<f64> = recording.column(var).iter().copied().filter(|value| !value.is_nan()).collect();
-    let mean = moments(&present).0;
-    recording.column(var).to_vec().into_iter().map(move |value| value - mean)
+/// The mean of a variable in each recording, and its standard deviation about these; 1 where it is 0.
+fn measured(data: &DataFrame, var: usize) -> (Vec<f64>, f64) {
+    let (mut means, mut all) = (Vec::new(), Vec::new());
+    for recording in data.recordings() {
+        let from = all.len();
+        all.extend(recording.column(var).iter().filter(|value| !value.is_nan()));
+        let mean = moments(&all[from..]).0;
+        all[from..].iter_mut().for_each(|value| *value -= mean);
+        means.push(mean);
+    }
+    let deviation = moments(&all).1;
+    (means, if deviation > 0.0 { deviation } else { 1.0 })
 }
 
 /// Adds the products of one stretch. Those of lags `a + 1`, `b + 1` are those of `a`, `b` but for the two ends.

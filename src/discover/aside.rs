@@ -60,9 +60,9 @@ pub(super) fn aside(data: &DataFrame, kept: impl Fn(&str) -> bool) -> Option<(Ve
 }
 
 fn says(data: &DataFrame, var: usize) -> Option<Says> {
-    let columns: Vec<Vec<f64>> = data.recordings().iter().map(|rows| rows.column(var).to_vec()).collect();
-    let rows: usize = columns.iter().map(Vec::len).sum();
-    let values = || columns.iter().flatten().copied();
+    let columns = || data.recordings().iter().map(|rows| rows.column(var));
+    let rows: usize = columns().map(|column| column.len()).sum();
+    let values = || columns().flatten().copied();
     if !values().all(f64::is_finite) || rows < 3 {
         return None;
     }
@@ -70,7 +70,9 @@ fn says(data: &DataFrame, var: usize) -> Option<Says> {
     let last = name.rsplit(['.', '/']).next().unwrap_or_default().to_owned();
     let is_in = |names: &str| names.split(' ').any(|name| name == last);
     let whole = values().all(|value| value.fract() == 0.0);
-    let steps = || columns.iter().flat_map(|column| column.windows(2).map(|pair| pair[1] - pair[0]));
+    let steps = || {
+        columns().flat_map(|column| column.into_iter().zip(column.into_iter().skip(1)).map(|(a, b)| b - a))
+    };
     let rises = steps().all(|step| step > 0.0);
     if whole && rises && (is_in(COUNTERS) || (rows >= LONG && steps().all(|step| step == 1.0))) {
         return Some(Says::Row);
@@ -83,13 +85,16 @@ fn says(data: &DataFrame, var: usize) -> Option<Says> {
     if (whole && is_calendar && least < most) || (is_stamp && rows >= LONG) {
         return Some(Says::When);
     }
+    if !whole || !is_id(&last) {
+        return None;
+    }
     // Each value in rows of its own, which follow one another.
     let mut different: Vec<f64> = values().collect();
     let changes = different.windows(2).filter(|pair| pair[0] != pair[1]).count();
     different.sort_by(f64::total_cmp);
     different.dedup();
     let in_blocks = changes + 1 == different.len() && different.len() > 1 && different.len() * 3 <= rows;
-    (is_id(&last) && whole && in_blocks).then_some(Says::Whose)
+    in_blocks.then_some(Says::Whose)
 }
 
 #[cfg(test)]

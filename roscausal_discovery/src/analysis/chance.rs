@@ -13,6 +13,8 @@
 //! It was measured for PCMCI with ParCorr (docs/confidence.md); elsewhere there is no figure. Example: of 100 tests with p-values spread
 //! evenly and one of 1e-9, that one has a chance above 0.99, and a p-value of 0.02 one below 0.1.
 
+use std::collections::HashMap;
+
 use crate::{
     independence_tests::Significance, methods::Method, model::Model, numeric::normal::normal_quantile,
     settings::Settings,
@@ -46,23 +48,19 @@ pub(crate) fn fill(model: &mut Model, settings: &Settings) {
     if !is_measured(model, settings) {
         return;
     }
-    let n = model.features.len();
-    let places: Vec<[usize; 3]> = (0..n)
-        .flat_map(|i| (0..n).filter(move |j| i != *j).map(move |j| (i, j)))
-        .flat_map(|(i, j)| (1..=model.tau_max).map(move |lag| [i, j, lag]))
-        .collect();
-    let tested = |&[i, j, lag]: &[usize; 3]| {
-        let samples = model.n_matrix[i][j][lag].unwrap_or(model.n_samples);
-        Some(([i, j, lag], model.p_matrix[i][j][lag]?, samples))
-    };
-    let tested: Vec<([usize; 3], f64, usize)> = places.iter().filter_map(tested).collect();
-    let tests: Vec<(f64, usize)> = tested.iter().map(|(_, p, samples)| (*p, *samples)).collect();
+    let (mut places, mut tests) = (HashMap::new(), Vec::new());
+    for (i, cause) in model.features.iter().enumerate() {
+        for (j, effect) in model.features.iter().enumerate().filter(|(j, _)| i != *j) {
+            for lag in 1..=model.tau_max {
+                let Some(p) = model.p_matrix[i][j][lag] else { continue };
+                places.insert((cause, effect, lag), tests.len());
+                tests.push((p, model.n_matrix[i][j][lag].unwrap_or(model.n_samples)));
+            }
+        }
+    }
     let chances = chances(&tests, model.tau_max);
     for link in &mut model.links {
-        let is_it = |([i, j, lag], ..): &([usize; 3], f64, usize)| {
-            model.features[*i] == link.cause && model.features[*j] == link.effect && *lag == link.lag
-        };
-        link.chance = tested.iter().position(is_it).map(|at| chances[at]);
+        link.chance = places.get(&(&link.cause, &link.effect, link.lag)).map(|&at| chances[at]);
     }
 }
 
