@@ -1,13 +1,13 @@
 //! Reads post-processed batches back for one analysis: several recordings, several people, interventions.
 
 use std::{
-    collections::{BTreeMap, BTreeSet},
+    collections::{BTreeMap, BTreeSet, HashSet},
     path::Path,
 };
 
 use ndarray::Array2;
 
-use roscausal_discovery::{DataFrame, names};
+use roscausal_discovery::{DataFrame, names, same_value};
 
 use super::{
     Table,
@@ -137,11 +137,10 @@ impl Joint {
         // What is constant in one batch may vary from batch to batch.
         let varies = |note: &&Note| matches!(note, Note::Constant { column, .. } if context.contains(column));
         // A column that is empty in all of them is left out, and told of then.
-        let is_empty = |column: &String, table: &Table| {
-            let is_it = |note: &Note| matches!(note, Note::Empty { column: other } if other == column);
-            !table.names.contains(column) || table.notes.iter().any(is_it)
-        };
-        let goes = |note: &&Note| matches!(note, Note::Empty { column } if tables.iter().all(|(table, _)| is_empty(column, table)));
+        let columns = tables.iter().flat_map(|(table, _)| table.names.iter().zip(table.values.columns()));
+        let full = columns.filter(|(_, values)| values.iter().any(|value| value.is_finite()));
+        let full: HashSet<&String> = full.map(|(name, _)| name).collect();
+        let goes = |note: &&Note| matches!(note, Note::Empty { column } if !full.contains(column));
         let notes = tables.iter().flat_map(|(table, _)| &table.notes);
         let notes = notes.filter(|note| !varies(note) && !goes(note));
         let warnings = notes.map(ToString::to_string).chain(notes_on_context).collect();
@@ -277,35 +276,34 @@ impl Joint {
     }
 
     fn part(&self, person: Option<u32>, recordings: &[(usize, Named)]) -> Result<Part> {
-        let names: Vec<String> = recordings[0].1.iter().map(|(name, _)| name.clone()).collect();
+        let variables: Vec<String> = recordings[0].1.iter().map(|(name, _)| name.clone()).collect();
         let (mut tables, mut sources): (Vec<Array2<f64>>, Vec<usize>) = Default::default();
         for (source, columns) in recordings {
-            let find =
-                |name: &String| columns.iter().find(|(other, _)| names::plain(other) == names::plain(name));
-            let is_known =
-                |other: &String| names.iter().any(|name| names::plain(name) == names::plain(other));
-            let lacks = |name: &String| {
+            let lacks = |name: &str| {
                 Error::Data(format!(
                     "one batch has '{name}', another has not: they cannot be analysed together"
                 ))
             };
-            if let Some((more, _)) = columns.iter().find(|(name, _)| !is_known(name)) {
+            let mut own: BTreeMap<String, &Vec<f64>> =
+                columns.iter().map(|(name, values)| (names::plain(name), values)).collect();
+            let found =
+                variables.iter().map(|name| own.remove(&names::plain(name)).ok_or_else(|| lacks(name)));
+            let found = found.collect::<Result<Vec<_>>>()?;
+            if let Some(more) = own.keys().next() {
                 return Err(lacks(more));
-            }
-            let mut found = Vec::new();
-            for name in &names {
-                found.push(&find(name).ok_or_else(|| lacks(name))?.1);
             }
             let rows = found.first().map_or(0, |values| values.len());
             let table = Array2::from_shape_fn((rows, found.len()), |(row, i)| found[i][row]);
             // People of whom nothing is told but the robot's columns are one recording.
             let mut before = tables.iter().zip(&sources).filter(|(_, other)| *other == source);
-            if before.all(|(other, _)| !equal(other, &table)) {
+            if before
+                .all(|(other, _)| other.dim() != table.dim() || !other.iter().zip(&table).all(same_value))
+            {
                 tables.push(table);
                 sources.push(*source);
             }
         }
-        let data = DataFrame::new(tables, names)?.of_sources(&sources)?;
+        let data = DataFrame::new(tables, variables)?.of_sources(&sources)?;
         Ok(Part { person, data, exogenous: self.context.clone(), sources })
     }
 }
@@ -316,11 +314,6 @@ type Named = Vec<(String, Vec<f64>)>;
 fn column(table: &Table, name: &str) -> Vec<f64> {
     let place = table.names.iter().position(|other| other == name);
     place.map_or(Vec::new(), |place| table.values.column(place).to_vec())
-}
-
-/// Whether two tables hold the same cells, missing ones included.
-fn equal(a: &Array2<f64>, b: &Array2<f64>) -> bool {
-    a.dim() == b.dim() && a.iter().zip(b).all(|(a, b)| a.to_bits() == b.to_bits())
 }
 
 fn complete_rows(columns: &Named) -> usize {
