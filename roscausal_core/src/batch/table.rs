@@ -36,6 +36,7 @@ use crate::{Error, Result, memory::Memory};
 
 pub use derived::Derived;
 pub use split::is_id;
+pub(crate) use steps::median;
 pub use steps::{Resample, Steps};
 pub use time::Unit;
 
@@ -491,7 +492,7 @@ impl<'a> Rows<'a> {
         codes: &BTreeMap<usize, Codes>,
     ) -> Parsed<Table> {
         let mut values = column_by_column(numbers, places.len())?;
-        let names: Vec<String> = self.columns.iter().map(|&column| self.header[column].clone()).collect();
+        let mut names: Vec<String> = self.columns.iter().map(|&column| self.header[column].clone()).collect();
         let mut told = Vec::new();
         for (column, codes) in codes {
             let (sorted, name) = (codes.sorted(), &self.header[*column]);
@@ -509,8 +510,8 @@ impl<'a> Rows<'a> {
             )));
         }
         let own_time = self.first_is_time(&values);
-        let names = if own_time.is_some() { names[1..].to_vec() } else { names };
         if own_time.is_some() {
+            names.remove(0);
             values.remove_index(Axis(1), 0);
             told.push(Note::Read(format!("{} rises at even steps: it is taken as the time", self.header[0])));
         }
@@ -518,32 +519,30 @@ impl<'a> Rows<'a> {
         told.extend(self.on_names());
         notes.splice(0..0, told);
         let time = match self.time {
-            None if own_time.is_some() => {
-                let (time, told) = time::in_seconds(own_time.unwrap_or_default(), self.reading.time_unit);
-                notes.extend(told.map(Note::Read));
-                Some(time)
-            }
             Some((column, unit)) => {
                 self.check_time(&time, column, places)?;
-                let (time, told) = time::in_seconds(time, self.reading.time_unit.or(unit));
-                notes.extend(told.map(Note::Read));
-                Some(time)
+                Some((time, unit))
             }
-            None => None,
+            None => own_time.map(|time| (time, None)),
         };
+        let time = time.map(|(time, unit)| {
+            let (time, told) = time::in_seconds(time, self.reading.time_unit.or(unit));
+            notes.extend(told.map(Note::Read));
+            time
+        });
         Ok(Table { names, values, time, notes })
     }
 
     /// The first column of a file without names, if it rises at even steps that are not those of row numbers.
     fn first_is_time(&self, values: &Array2<f64>) -> Option<Vec<f64>> {
-        let is_free = self.nameless && self.time.is_none() && values.ncols() > 2;
-        let named = self.reading.names.is_some()
-            || self.reading.columns.is_some()
-            || self.reading.time_column.is_some();
+        let Reading { names, columns, time_column, .. } = self.reading;
+        let is_told = self.time.is_some() || names.is_some() || columns.is_some() || time_column.is_some();
+        if !self.nameless || is_told || values.ncols() < 3 || values.nrows() < 10 {
+            return None;
+        }
         let time = values.column(0).to_vec();
         let step = steps::median_step(&time).filter(|step| *step > 0.0 && *step != 1.0)?;
-        let is_even = time.windows(2).all(|pair| (pair[1] - pair[0] - step).abs() < 0.02 * step);
-        (is_free && !named && time.len() >= 10 && is_even).then_some(time)
+        time.windows(2).all(|pair| (pair[1] - pair[0] - step).abs() < 0.02 * step).then_some(time)
     }
 
     /// What to know of columns that the file does not name, or names by numbers.

@@ -211,12 +211,12 @@ impl Track {
     /// The values at `t`: those of a sample at `t`, or interpolated between two samples at most `max_gap` apart.
     /// With `hold`, those of the last sample that is not later, if it is at most `max_gap` old.
     pub(super) fn at(&self, t: i64, max_gap: i64, hold: bool) -> Option<Values> {
-        let after = self.samples.partition_point(|(stamp, _)| *stamp <= t);
-        let (t0, before) = self.samples.get(after.checked_sub(1)?)?;
+        let [before, after] = self.around(t);
+        let (t0, before) = before?;
         if *t0 == t || hold {
             return (t - t0 <= max_gap).then_some(*before);
         }
-        let (t1, next) = self.samples.get(after)?;
+        let (t1, next) = after?;
         (t1 - t0 <= max_gap).then(|| before.towards(next, (t - t0) as f64 / (t1 - t0) as f64))
     }
 
@@ -229,7 +229,8 @@ impl Track {
         else {
             return self.at(t, max_gap, hold);
         };
-        let near = self.nearest(t).filter(|(stamp, _)| share(stamp.abs_diff(t) as f64) <= NEAR);
+        let nearest = self.around(t).into_iter().flatten().min_by_key(|(stamp, _)| stamp.abs_diff(t));
+        let near = nearest.filter(|(stamp, _)| share(stamp.abs_diff(t) as f64) <= NEAR);
         match near {
             Some((_, values)) if (usual - 1.0).abs() <= ONCE_A_ROW => Some(*values),
             _ => {
@@ -248,18 +249,16 @@ impl Track {
         intervals.get(INTERVALS / 2).copied().filter(|_| intervals.len() == INTERVALS)
     }
 
-    fn nearest(&self, t: i64) -> Option<&(i64, Values)> {
+    /// The last sample that is not later than `t`, and the one after it.
+    fn around(&self, t: i64) -> [Option<&(i64, Values)>; 2] {
         let after = self.samples.partition_point(|(stamp, _)| *stamp <= t);
-        let around =
-            [after.checked_sub(1).and_then(|before| self.samples.get(before)), self.samples.get(after)];
-        around.into_iter().flatten().min_by_key(|(stamp, _)| stamp.abs_diff(t))
+        [after.checked_sub(1).and_then(|before| self.samples.get(before)), self.samples.get(after)]
     }
 
     /// How far apart the samples are between which a value at `t` lies, and how far it reaches ahead of `t`: the share of the later one
     /// times how much later that is. Nanoseconds.
     pub(super) fn spacing(&self, t: i64) -> Option<[f64; 2]> {
-        let after = self.samples.partition_point(|(stamp, _)| *stamp <= t);
-        let (t0, t1) = (self.samples.get(after.checked_sub(1)?)?.0, self.samples.get(after)?.0);
+        let [Some((t0, _)), Some((t1, _))] = self.around(t) else { return None };
         let [past, ahead] = [t - t0, t1 - t].map(|nanos| nanos as f64);
         Some([past + ahead, past * ahead / (past + ahead)])
     }

@@ -17,8 +17,7 @@ impl Recorder {
     /// Writes the row at this stamp, in nanoseconds, to the open batch, or opens one if there is anything to begin with.
     pub(super) fn record(&mut self, row: i64) {
         let (max_gap, hold) = (self.max_gap_ns, self.config.hold);
-        let step = self.dt_ns;
-        let of = |track: &Track| track.row(row, step, max_gap, hold);
+        let of = |track: &Track| track.row(row, self.dt_ns, max_gap, hold);
         let robot = of(&self.robot);
         let people: Vec<(u32, Values)> =
             self.people.iter().filter_map(|(id, track)| Some((*id, of(track)?))).collect();

@@ -75,9 +75,14 @@ impl FromStr for Resample {
 
 /// Median step between times, seconds.
 pub(super) fn median_step(time: &[f64]) -> Option<f64> {
-    let mut steps: Vec<f64> = time.windows(2).map(|pair| pair[1] - pair[0]).collect();
-    let middle = steps.len() / 2;
-    (!steps.is_empty()).then(|| *steps.select_nth_unstable_by(middle, f64::total_cmp).1)
+    median(time.windows(2).map(|pair| pair[1] - pair[0]))
+}
+
+/// The middle of the numbers among these values.
+pub(crate) fn median(values: impl Iterator<Item = f64>) -> Option<f64> {
+    let mut values: Vec<f64> = values.filter(|value| value.is_finite()).collect();
+    let middle = values.len() / 2;
+    (!values.is_empty()).then(|| *values.select_nth_unstable_by(middle, f64::total_cmp).1)
 }
 
 impl Table {
@@ -96,7 +101,7 @@ impl Table {
                 None => Ok(vec![self]),
             };
         };
-        let Some(median) = median_step(&time) else {
+        let Some(mut median) = median_step(&time) else {
             self.time = Some(time);
             return Ok(vec![self]);
         };
@@ -109,7 +114,6 @@ impl Table {
         let usual = median.max(steps.dt.unwrap_or(0.0));
         let max_gap = steps.max_gap.unwrap_or(GAP_STEPS * usual);
         let parts = parts(&time, max_gap);
-        let mut median = median;
         if let (None, Some((even, step, rounded_to))) = (steps.dt, before_rounding(&time, &parts, median)) {
             notes.push(Note::Read(format!(
                 "its times are rounded to {rounded_to} s; the steps are {} s",

@@ -9,14 +9,14 @@ use roscausal_msgs::std_msgs::Header;
 use super::{
     TrajectoryReading,
     layout::{self, Clock, Layout},
-    motion::{self, Missing, median},
+    motion::{self, Missing},
     sample::{PositionUnit, Sample},
 };
 use crate::{
     Error, Result, Time,
     batch::{
         recorder,
-        table::{binary::Column, grid::Grid, time},
+        table::{binary::Column, grid::Grid, median, time},
         tracks::{Track, Values},
     },
     memory::Memory,

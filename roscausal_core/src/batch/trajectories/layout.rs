@@ -12,8 +12,8 @@ use std::collections::BTreeMap;
 
 use roscausal_discovery::Named;
 
-use super::{motion, sample::PositionUnit};
-use crate::batch::table::{binary::Column, columns::time_name, grid::Grid, time::Unit};
+use super::sample::PositionUnit;
+use crate::batch::table::{binary::Column, columns::time_name, grid::Grid, median, time::Unit};
 
 /// Names of the columns of each role, in lower case and without a unit.
 const ROLES: [(&str, &[&str]); 11] = [
@@ -174,7 +174,7 @@ fn frame_and_id(grid: &Grid) -> [usize; 2] {
         let length = |pair: &[usize]| {
             (number(2, pair[1]) - number(2, pair[0])).hypot(number(3, pair[1]) - number(3, pair[0]))
         };
-        motion::median(follow.map(length)).unwrap_or(f64::INFINITY)
+        median(follow.map(length)).unwrap_or(f64::INFINITY)
     };
     if usual_step(1, 0) < 0.5 * usual_step(0, 1) { [1, 0] } else { [0, 1] }
 }

@@ -14,7 +14,7 @@ mod tests;
 use std::{collections::BTreeMap, path::Path};
 
 use ndarray::Array2;
-use roscausal_discovery::Named;
+use roscausal_discovery::{Named, same_value};
 
 use super::{
     EndedBy, Recording, Select, Table, Values,
@@ -177,10 +177,9 @@ impl LeftOut<'_> {
 
 /// Whether two agents have the same rows at the same times.
 fn is_double(one: &Table, other: &Table) -> bool {
-    let same = |(a, b): (&f64, &f64)| a == b || (a.is_nan() && b.is_nan());
     one.time == other.time
         && one.values.dim() == other.values.dim()
-        && one.values.iter().zip(&other.values).all(same)
+        && one.values.iter().zip(&other.values).all(same_value)
 }
 
 /// Leaves out the variables that are known of nobody, such as the distance to a goal.

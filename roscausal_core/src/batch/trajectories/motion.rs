@@ -13,6 +13,7 @@ use std::f64::consts::TAU;
 use roscausal_discovery::Named;
 
 use super::sample::{PositionUnit, Sample};
+use crate::batch::table::median;
 
 /// How fast people walk in the middle, m/s.
 const WALK: std::ops::RangeInclusive<f64> = 0.2..=2.5;
@@ -181,13 +182,6 @@ pub(super) fn degrees<'a>(tracks: impl Iterator<Item = &'a [Sample]>) -> Option<
         (false, false) => return None,
     };
     Some(format!("headings are taken as degrees: {why}"))
-}
-
-/// The middle of the numbers among these values.
-pub(super) fn median(values: impl Iterator<Item = f64>) -> Option<f64> {
-    let mut values: Vec<f64> = values.filter(|value| value.is_finite()).collect();
-    let middle = values.len() / 2;
-    (!values.is_empty()).then(|| *values.select_nth_unstable_by(middle, f64::total_cmp).1)
 }
 
 #[cfg(test)]
