@@ -36,20 +36,8 @@ const IGNORE: &str = "ignore_settings";
 const IGNORE_FLAG: &str = "ignore-settings";
 /// Subcommands that read data, and their positional argument.
 const READERS: [(&str, &str); 3] = [("discover", "files"), ("roll", "files"), ("replay", "recording")];
-/// Flags for recordings: where the data are tables, what a file says of them is passed over.
-const OF_RECORDINGS: [&str; 11] = [
-    "robot",
-    "robot-odom",
-    "robot-pose",
-    "robot-goal",
-    "people",
-    "human-goal",
-    "signal",
-    "clock",
-    "person",
-    "ts-length",
-    "param",
-];
+/// The format of a table of trajectories.
+const TRAJECTORIES: &str = "trajectories";
 /// Settings from one place.
 #[derive(Debug, Default, PartialEq)]
 struct Found {
@@ -83,11 +71,12 @@ pub(crate) fn apply(
     let mut taken: Vec<String> = Vec::new();
     let all = find(&data, &flags::all_of(command))?;
     let how = significance(own, &all);
-    let trajectories =
-        |found: &Found| found.flags.iter().any(|(flag, of)| flag == "format" && of == &["trajectories"]);
-    let tables = !data.iter().any(|path| recording::is_recording(path))
-        && !all.iter().any(trajectories)
-        && !line.iter().any(|word| word == "trajectories" || word == "--format=trajectories");
+    let beside =
+        all.iter().flat_map(|found| &found.flags).any(|(flag, of)| flag == "format" && of == &[TRAJECTORIES]);
+    let given =
+        own.try_get_raw("format").ok().flatten().is_some_and(|mut of| of.any(|word| word == TRAJECTORIES));
+    // Of trajectories parameters are told, too.
+    let tables = !beside && !given && !data.iter().any(|path| recording::is_recording(path));
     for found in all {
         let (mut used, mut unknown, mut passed) = (Vec::new(), Vec::new(), Vec::new());
         let before = taken.clone();
@@ -99,7 +88,7 @@ pub(crate) fn apply(
             if is_given(own, flag) || !suits(own, flag, how) {
                 continue;
             }
-            if tables && OF_RECORDINGS.contains(&flag.as_str()) {
+            if tables && recording::FLAGS.split(' ').any(|of| of == flag) {
                 passed.push(format!("--{flag} {}", values.join(" ")));
                 continue;
             }
@@ -198,13 +187,13 @@ fn find(data: &[&Path], known: &[String]) -> Result<Vec<Found>> {
         let may_say = |flag: &str, values: &[String]| {
             travel::may_say(flag, values) || travel::may_say_near(flag, values)
         };
-        let own = own(Path::new(FILE), known)?;
-        found.extend(own.map(|own| if near { allowed(own.flags, own.place, may_say) } else { own }));
+        let own = said(Path::new(FILE), known)?;
+        found.extend(own.map(|own| if near { own.allowed(may_say) } else { own }));
     }
     let ignores =
         |found: &[Found]| found.iter().any(|place| place.flags.iter().any(|(flag, _)| flag == IGNORE_FLAG));
     let configuration =
-        configuration().into_iter().map(|file| own(&file, known)).collect::<Result<Vec<_>>>()?;
+        configuration().into_iter().map(|file| said(&file, known)).collect::<Result<Vec<_>>>()?;
     let configuration: Vec<Found> = configuration.into_iter().flatten().collect();
     if !ignores(&found) && !ignores(&configuration) {
         found.extend(with_the_data(data, &beside, known)?);
@@ -228,8 +217,8 @@ fn configuration() -> Vec<PathBuf> {
     folder.map(|folder| folder.join("roscausal").join(FILE)).into_iter().collect()
 }
 
-/// A file of the user's own.
-fn own(file: &Path, known: &[String]) -> Result<Option<Found>> {
+/// What a file says, if it is there.
+fn said(file: &Path, known: &[String]) -> Result<Option<Found>> {
     if !file.is_file() {
         return Ok(None);
     }
@@ -266,45 +255,40 @@ fn with_the_data(data: &[&Path], folders: &[PathBuf], known: &[String]) -> Resul
             .collect();
         // What a recording may not decide is told where its parameters are used.
         found.push(Found { place: path.to_path_buf(), flags, left_out: Vec::new() });
-        let sidecar = sidecar(path);
-        if sidecar.is_file() {
-            found.push(allowed(flags_in(&read(&sidecar)?, &sidecar, known)?, sidecar, travel::may_say));
-        }
+        found.extend(said(&sidecar(path), known)?.map(|said| said.allowed(travel::may_say)));
     }
     for folder in folders {
         let file = folder.strip_prefix(".").unwrap_or(folder).join(FILE);
-        if file.is_file() && found.iter().all(|found| found.place != file) {
-            found.push(allowed(flags_in(&read(&file)?, &file, known)?, file, travel::may_say));
+        if found.iter().all(|found| found.place != file) {
+            found.extend(said(&file, known)?.map(|said| said.allowed(travel::may_say)));
         }
     }
     Ok(found)
 }
 
-/// What a file may decide of the flags that it names: what `may_say` allows.
-fn allowed(
-    flags: Vec<(String, Vec<String>)>,
-    place: PathBuf,
-    may_say: impl Fn(&str, &[String]) -> bool,
-) -> Found {
-    let mut found = Found { place, ..Found::default() };
-    for (flag, values) in flags {
-        let (used, left_out): (Vec<_>, Vec<_>) =
-            values.into_iter().partition(|value| may_say(&flag, std::slice::from_ref(value)));
-        for value in left_out {
-            let parameter = value.split_once('=').filter(|_| flag == "param");
-            let told = match parameter.and_then(|(name, _)| name.split_once('.')) {
-                Some((node, param)) => travel::told(node, param),
-                None => format!("--{flag}"),
-            };
-            if !found.left_out.contains(&told) {
-                found.left_out.push(told);
+impl Found {
+    /// What `may_say` allows of it.
+    fn allowed(self, may_say: impl Fn(&str, &[String]) -> bool) -> Self {
+        let mut found = Self { place: self.place, ..Self::default() };
+        for (flag, values) in self.flags {
+            let (used, left_out): (Vec<_>, Vec<_>) =
+                values.into_iter().partition(|value| may_say(&flag, std::slice::from_ref(value)));
+            for value in left_out {
+                let parameter = value.split_once('=').filter(|_| flag == "param");
+                let told = match parameter.and_then(|(name, _)| name.split_once('.')) {
+                    Some((node, param)) => travel::told(node, param),
+                    None => format!("--{flag}"),
+                };
+                if !found.left_out.contains(&told) {
+                    found.left_out.push(told);
+                }
+            }
+            if !used.is_empty() {
+                found.flags.push((flag, used));
             }
         }
-        if !used.is_empty() {
-            found.flags.push((flag, used));
-        }
+        found
     }
-    found
 }
 
 /// Writes the flags that a run's nodes were set to into [`FILE`] in `folder`, if there are any.

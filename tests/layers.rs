@@ -33,12 +33,9 @@ const LAYERS: [&str; 18] = [
 ];
 
 /// What closes a circle and is left: in the command, what each of these files takes from the other.
-const LEFT: [(&str, &str); 3] = [
+const LEFT: [(&str, &str); 1] = [
     // The names of all flags, for sentences that any file may say; the flags are those of all files.
     ("flags", "cli"),
-    // Which topic is the clock, and when a recording begins: two functions of `play` that its own parts need.
-    ("recording::clocks", "recording::play"),
-    ("recording::inputs", "recording::play"),
 ];
 
 /// A module as the names on the way to it; the crate itself has none.

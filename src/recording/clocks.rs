@@ -16,10 +16,7 @@ use roscausal_msgs::{
 };
 use roscausal_recording::{Record, Recording, Stepped, Steps, Tick, Topic};
 
-use super::{
-    order::{Intervals, Lead},
-    play::is_clock,
-};
+use super::order::{Intervals, Lead};
 
 /// A stamp may be this far from where those around it put it. Seconds.
 const CLOSE_S: f64 = 1.0;
@@ -186,6 +183,22 @@ pub(crate) struct Clocks {
     pub(super) lead: Lead,
     /// Transforms that never change, by topic and frame; of several for a frame the first.
     pub(super) fixed: BTreeMap<String, BTreeMap<String, TransformStamped>>,
+}
+
+/// Whether this topic carries the time of a simulation.
+pub(super) fn is_clock(topic: &Topic) -> bool {
+    topic.name == "/clock" && topic.type_name == "rosgraph_msgs/Clock" && topic.known_type().is_some()
+}
+
+/// The time at which a recording begins: by its own clock if it has one, otherwise by its recorder's.
+pub(super) fn start(path: &Path, recording: &Recording) -> Result<Time> {
+    let span = recording.span().map_or(Time::ZERO, |(start, _)| start);
+    let Some(clock) = recording.topics().iter().position(is_clock) else { return Ok(span) };
+    let mut clocks = Recording::open(path)?;
+    clocks.select(is_clock);
+    let first =
+        clocks.next().and_then(|record| recording.topics()[clock].decode::<Clock>(&record.bytes).ok());
+    Ok(first.map_or(span, |first| first.clock))
 }
 
 impl Clocks {

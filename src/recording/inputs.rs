@@ -15,12 +15,15 @@ use crate::{carried::carried, flags, nodes::RECORDING, travel};
 
 use super::{
     choose::{Chooser, STATES, is_nobody},
-    clocks::{ClockChoice, Clocks},
-    coverage, persons, play,
+    clocks::{self, ClockChoice, Clocks},
+    coverage, persons,
     robots::{self, Space},
     roles::{BASES, HUMAN_GOAL, PEOPLE, ROBOT_GOAL, ROBOT_ODOM, ROBOT_POSE, ROS4HRI_FRAMES, Role, VELOCITY},
 };
 
+/// Flags that only recordings have.
+pub(crate) const FLAGS: &str =
+    "robot robot-odom robot-pose robot-goal people human-goal signal clock person ts-length param";
 /// The value that means "the pose in the odometry".
 const FROM_ODOMETRY: &str = "odom";
 /// The value of `--people` that means "the other robots".
@@ -114,26 +117,26 @@ impl InputArgs {
     }
 
     /// The first of these flags that was given, for tables of trajectories.
-    pub(crate) fn given_besides_params(&self) -> Option<&'static str> {
+    pub(crate) fn given_besides_params(&self) -> Option<String> {
         Self { params: Vec::new(), ..self.clone() }.given()
     }
 
-    /// The first of these flags that was given, for input that is not a recording.
-    pub(crate) fn given(&self) -> Option<&'static str> {
-        let flags = [
-            ("--robot", self.robot.is_some()),
-            ("--robot-odom", self.robot_odom.is_some()),
-            ("--robot-pose", self.robot_pose.is_some()),
-            ("--robot-goal", self.robot_goal.is_some()),
-            ("--people", !self.people.is_empty()),
-            ("--human-goal", self.human_goal.is_some()),
-            ("--signal", !self.signals.is_empty()),
-            ("--clock", !self.clock.is_empty()),
-            ("--person", self.person.is_some()),
-            ("--ts-length", self.ts_length.is_some()),
-            ("--param", !self.params.is_empty()),
+    /// The first of [`FLAGS`] that was given, for input that is not a recording.
+    pub(crate) fn given(&self) -> Option<String> {
+        let given = [
+            self.robot.is_some(),
+            self.robot_odom.is_some(),
+            self.robot_pose.is_some(),
+            self.robot_goal.is_some(),
+            !self.people.is_empty(),
+            self.human_goal.is_some(),
+            !self.signals.is_empty(),
+            !self.clock.is_empty(),
+            self.person.is_some(),
+            self.ts_length.is_some(),
+            !self.params.is_empty(),
         ];
-        flags.into_iter().find(|(_, given)| *given).map(|(flag, _)| flag)
+        FLAGS.split(' ').zip(given).find(|(_, given)| *given).map(|(flag, _)| format!("--{flag}"))
     }
 }
 
@@ -180,7 +183,7 @@ impl Inputs {
             clock: ClockChoice::parse(&args.clock)?,
             clocks: Clocks::default(),
             tf: "/tf".to_owned(),
-            start: play::start(path, recording)?,
+            start: clocks::start(path, recording)?,
             chosen: Vec::new(),
         };
         let mut chooser = Chooser::of(recording, path)?;

@@ -26,7 +26,7 @@ use roscausal_recording::{Recording, folders_in, is_named_so, recordings_in};
 use seen::Seen;
 
 use crate::{chart, folders::batches_in, interrupt::Interrupt, nodes, nodes::Nodes};
-pub(crate) use inputs::{InputArgs, Inputs, parse as parameter};
+pub(crate) use inputs::{FLAGS, InputArgs, Inputs, parse as parameter};
 pub(crate) use play::{Play, Played};
 
 /// Whether a path is a recording, judged by its contents, or meant to be one by its name; a folder, if it holds one.

@@ -23,7 +23,7 @@ use roscausal_msgs::{
 use roscausal_recording::{Player, Record, Recording, Topic};
 
 use super::{
-    clocks::{self, Clocks, Stamps},
+    clocks::{self, Clocks, Stamps, is_clock},
     inputs::{Inputs, ODOMETRY_POSE},
     order::{InOrder, Lead},
 };
@@ -80,22 +80,6 @@ pub(crate) struct Played {
     troubles: Troubles,
     /// What the nodes say of people and their sightings, in the order of [`SAID`].
     people: Arc<Mutex<[String; 4]>>,
-}
-
-/// Whether this topic carries the time of a simulation.
-pub(super) fn is_clock(topic: &Topic) -> bool {
-    topic.name == "/clock" && topic.type_name == "rosgraph_msgs/Clock" && topic.known_type().is_some()
-}
-
-/// The time at which a recording begins: by its own clock if it has one, otherwise by its recorder's.
-pub(super) fn start(path: &Path, recording: &Recording) -> Result<Time> {
-    let span = recording.span().map_or(Time::ZERO, |(start, _)| start);
-    let Some(clock) = recording.topics().iter().position(is_clock) else { return Ok(span) };
-    let mut clocks = Recording::open(path)?;
-    clocks.select(is_clock);
-    let first =
-        clocks.next().and_then(|record| recording.topics()[clock].decode::<Clock>(&record.bytes).ok());
-    Ok(first.map_or(span, |first| first.clock))
 }
 
 impl<'a> Play<'a> {
