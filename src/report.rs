@@ -1,7 +1,12 @@
 //! A model in words and as a table.
 
+use ndarray::Array3;
 use roscausal_discovery::{
-    Advice, Link, Model, Outcome, methods::Method, names::plain, settings::setting, visible,
+    Advice, Link, Model, Outcome,
+    methods::{Method, fdr_bh},
+    names::plain,
+    settings::setting,
+    visible,
 };
 
 /// Pieces of advice that are printed.
@@ -119,16 +124,13 @@ fn untested(model: &Model) -> Option<String> {
 /// How many links chance alone would give, where many pairs were tested.
 fn by_chance(model: &Model) -> Option<String> {
     const MANY: usize = 20;
-    let (_, level) = model.link_level_in_words();
-    let level: f64 = level.parse().ok().filter(|_| model.fdr == "none")?;
-    let mut p: Vec<f64> = model.p_matrix.iter().flatten().flatten().copied().flatten().collect();
+    let level = model.link_level().filter(|_| model.fdr == "none")?;
+    let p: Vec<f64> = model.p_matrix.iter().flatten().flatten().copied().flatten().collect();
     if p.len() <= MANY {
         return None;
     }
-    p.sort_by(f64::total_cmp);
-    // Benjamini and Hochberg.
-    let share = |k: usize| level * (k + 1) as f64 / p.len() as f64;
-    let left = (0..p.len()).rev().find(|&k| p[k] <= share(k)).map_or(0, |k| k + 1);
+    let p = Array3::from_shape_vec((1, 1, p.len()), p).ok()?;
+    let left = fdr_bh(&p, &p.mapv(|_| true)).iter().filter(|corrected| **corrected <= level).count();
     let method = model.method.parse::<Method>().ok()?;
     let reads = setting("fdr").is_some_and(|fdr| fdr.refusal(method, &model.cond_ind_test, None).is_none());
     let way = if reads { format!("; --fdr leaves {left}") } else { String::new() };
@@ -231,8 +233,7 @@ fn advice_lines(model: &Model) -> Vec<String> {
 
 /// What the column `found` is.
 fn words_explained(model: &Model) -> Option<String> {
-    let confidence = model.confidence.as_ref()?;
-    let facts = &confidence.resampling;
+    let facts = &model.confidence.as_ref()?.resampling;
     Some(format!("found: share of {} {}s with the link.", facts.done, facts.scheme))
 }
 

@@ -221,10 +221,9 @@ impl PeopleTracker {
         self.motions.retain(|id, _| people.contains_key(id));
         let mut humans: Vec<HumanState> = self.people.values().cloned().collect();
         for older in self.older.drain(..) {
-            humans
-                .iter_mut()
-                .filter(|person| person.id == older.id)
-                .for_each(|person| *person = older.clone());
+            if let Some(person) = humans.iter_mut().find(|person| person.id == older.id) {
+                *person = older;
+            }
         }
         for person in humans.iter_mut().filter(|person| !is_known(&person.goal)) {
             if let Some(goal) = self.goals.get(&person.id).filter(|goal| is_known(goal)) {

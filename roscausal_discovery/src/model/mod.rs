@@ -177,7 +177,7 @@ impl Link {
             // Neither 0 nor 100: it is never that sure.
             Some(chance) => Some(format!(
                 "{} (chance {:.0} %)",
-                word_of(chance).replace("absent", "unsure"),
+                word_of(chance.max(0.1)),
                 (100.0 * chance).clamp(1.0, 99.0)
             )),
             None => self.confidence.map(|share| word_of(share).to_owned()),
