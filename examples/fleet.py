@@ -98,7 +98,7 @@ def arguments() -> argparse.Namespace:
 
 
 def pair(text: str) -> tuple[str, Any]:
-    """`tau_max=3` as ("tau_max", 3); what is no JSON is a word."""
+    """`tau_max=3` as ("tau_max", 3); what is not JSON is a word."""
     name, separator, value = text.partition("=")
     if not separator:
         raise argparse.ArgumentTypeError(f"'{text}' is not NAME=VALUE")

@@ -63,7 +63,7 @@ pub(crate) fn sidecar(recording: &Path) -> PathBuf {
 /// A file of settings.
 ///
 /// # Errors
-/// A file that cannot be read, or is no TOML.
+/// A file that cannot be read, or is not TOML.
 pub(crate) fn read(file: &Path) -> Result<Table> {
     let text = bounded::read_settings(file)?;
     text.parse::<Table>().map_err(|error| Error::file(file, error.to_string().trim().replace('\n', " ")))

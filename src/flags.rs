@@ -9,7 +9,7 @@ use roscausal_discovery::{
     spelled_out,
 };
 
-/// A flag that is no setting of an analysis, and the node's parameter that means the same.
+/// A flag that is not a setting of an analysis, and the node's parameter that means the same.
 pub(crate) struct Alias {
     /// Without the dashes.
     pub(crate) flag: &'static str,

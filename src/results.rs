@@ -474,7 +474,7 @@ impl Lock {
             if fs::symlink_metadata(&path).is_ok_and(|found| !found.is_file()) {
                 return Err(Error::file(
                     path,
-                    "this is no lock of a run; remove it, or choose another --out",
+                    "this is not a lock of a run; remove it, or choose another --out",
                 ));
             }
             let opened = OpenOptions::new().read(true).write(true).create(true).truncate(false).open(&path);

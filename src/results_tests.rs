@@ -238,7 +238,7 @@ fn a_folder_with_nothing_else_in_it_changes_places_in_one_step() {
     assert_ne!(first.ino(), second.ino());
     assert_eq!(second.permissions().mode() & 0o777, 0o750);
     assert_eq!(files(&dir), expected(&[(&NEW_SET, "new")]));
-    assert!(parent.path().join(".out.roscausal-mine/thesis.txt").exists(), "it is no results");
+    assert!(parent.path().join(".out.roscausal-mine/thesis.txt").exists(), "these are not results");
     assert_eq!(fs::read_dir(parent.path()).expect("lists").count(), 2, "nothing of ours is left beside it");
     // With anything of others it stays the same folder.
     for name in ["mine.txt", "mine/empty", "sub/mine.txt", ".hidden.tmp"] {

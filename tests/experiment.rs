@@ -142,8 +142,8 @@ fn an_experiment_on_what_the_model_was_fitted_on_is_bad_usage() {
     let dir = tempfile::tempdir().expect("a folder");
     for (more, words) in [
         (["--seeds", "2..5"], "seed 2 is one of --train"),
-        (["--starts", "nan"], "NaN is no moment"),
-        (["--starts", "5"], "5 is no moment"),
+        (["--starts", "nan"], "NaN is not a moment"),
+        (["--starts", "5"], "5 is not a moment"),
         (["--threads", "0"], "--threads: 0 does nothing"),
     ] {
         let output = roscausal(dir.path(), &[&["experiment", "reasoning"], &more[..]].concat());
@@ -215,7 +215,7 @@ fn changes_that_nobody_announced_are_told_announced_ones_are_not_and_threads_cha
     let after = |row: &&Vec<&str>| number(row[2]) > number(row[1]);
     assert!(rows.iter().any(|row| after(&row)), "nobody is told of it: {csv}");
     assert_eq!(told("two", &["--threads", "2"]).1, csv);
-    // What is announced is no change.
+    // What is announced is not a change.
     let (text, announced) = told("announced", &["--announced"]);
     assert!(text.contains("robot.off announced"), "{text}");
     let of = |csv: &str| {

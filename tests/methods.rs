@@ -89,7 +89,7 @@ fn the_flag_says_what_an_intervention_acts_on() {
     let few = model(dir.path(), &[&args[..], &["--acts-on", "push=speed", "--max-sets", "1"]].concat());
     assert_eq!(few["graph"][0][1][1], "-->", "{few}");
     for (more, says) in [
-        (&["--acts-on", "push"][..], "--acts-on: 'push' is no pair"),
+        (&["--acts-on", "push"][..], "--acts-on: 'push' is not a pair"),
         (&["--acts-on", "pull=speed"], "--acts-on: pull=speed: there is no column 'pull'"),
         (&[], "--acts-on: candoit needs interventions, and no column holds one"),
         (&["--acts-on", "push=speed", "--tau-min", "1"], "--tau-min: 1: interventions act at lag 0"),
@@ -180,7 +180,7 @@ fn columns_that_belong_together_are_one_variable() {
     for (more, says) in [
         (&["--test", "parcorr"][..], "takes each variable for one column; choose --test parcorrmult"),
         (&["--method", "granger"], "takes each variable for one column; choose --test parcorrmult"),
-        (&["--vector", "place"], "--vector: 'place' is no vector; write it like place=x+y"),
+        (&["--vector", "place"], "--vector: 'place' is not a vector; write it like place=x+y"),
         (&["--vector", "place=x+z"], "there is no column 'z'"),
         (&["--vector", "place=x+x"], "named twice"),
     ] {
@@ -211,7 +211,7 @@ fn gpdc_takes_null_distributions_that_are_given() {
     assert!(complaint(dir.path(), &granger).contains("granger uses no independence test"));
     fs::write(dir.path().join("null.csv"), "many\n2\n").expect("writes");
     let text = complaint(dir.path(), &[&args[..], &["--null-dist", "null.csv"]].concat());
-    assert!(text.contains("'many' is no number of samples"), "{text}");
+    assert!(text.contains("'many' is not a number of samples"), "{text}");
 }
 
 #[test]
@@ -228,7 +228,7 @@ fn timino_sees_a_square_and_tsfci_the_marks_of_lpcmci() {
     let line = model(dir.path(), &[&timino[..], &["--test", "parcorr"]].concat());
     assert!(line["warnings"].to_string().contains("undecided: speed, risk"), "{line}");
     for (more, says) in [
-        (&["--test", "cmiknn"][..], "cmiknn is no regression; take parcorr for linear effects"),
+        (&["--test", "cmiknn"][..], "cmiknn is not a regression; take parcorr for linear effects"),
         (&["--fdr"], "timino has no p-values of single tests to correct"),
         (&["--tau-min", "0", "--tau-max", "0"], "0 leaves timino no past"),
     ] {

@@ -96,7 +96,7 @@ check "rosbags writes robots of AMCL, of TF alone, of Nav2 and in namespaces" "$
 check "a robot that AMCL finds now and then has its place by odometry and TF" says \
   "robot pose: the pose in /odom, brought to the map by TF: it knows the robot in 100 % of the time" \
   "$roscausal" discover "$folder/robots_amcl.bag" "${quick[@]}" --drop-empty
-check "its particles are no people" grep -qF "people: /people (geometry_msgs/PoseArray)" "$folder/said"
+check "its particles are not people" grep -qF "people: /people (geometry_msgs/PoseArray)" "$folder/said"
 for file in robots_oldtf.bag robots_frames; do
   check "the robot of $file, where there is TF alone, is a frame" says "robot: the place of base_link in map by TF" \
     "$roscausal" discover "$folder/$file" "${quick[@]}" --drop-empty

@@ -136,7 +136,7 @@ fn names_from_strangers_stay_text() {
     for forbidden in ["<script", "<img", "<iframe"] {
         assert!(!html.contains(forbidden), "{forbidden} is in the report");
     }
-    // What is no mark is no model.
+    // What is not a mark is not a model.
     model["links"][0]["mark"] = HOSTILE[2].into();
     fs::write(dir.path().join("model.json"), model.to_string()).expect("writes");
     let out = roscausal(dir.path(), &["report", "model.json"]);

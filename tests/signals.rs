@@ -237,7 +237,7 @@ fn mistakes_in_signals_name_what_there_is() {
         ("v = /cmd_vel.linear.xx", "did you mean /cmd_vel.linear.x?"),
         ("v = /cmd_vel.linear", "fields: linear.x, linear.y, linear.z"),
         ("v : /cmd_vel.linear.x", "has no '='"),
-        ("v = raet(/cmd_vel.linear.x)", "'raet' is no function; did you mean rate?"),
+        ("v = raet(/cmd_vel.linear.x)", "'raet' is not a function; did you mean rate?"),
         ("v = /odom.pose.pose.orientation.yaw2", "did you mean /odom.pose.pose.orientation.yaw?"),
         ("yaw = yaw(/odom.pose.pose.orientatoin)", "did you mean /odom.pose.pose.orientation"),
     ] {

@@ -66,7 +66,7 @@ def main():
         turned = {"": "", "-->": "<--", "<--": "-->", "<->": "<->"}
         checks = [
             check("the same bytes each time", first.stdout == again.stdout),
-            check("the time is no variable", answer["features"] == ["a", "b", "c", "d"], answer["features"]),
+            check("the time is not a variable", answer["features"] == ["a", "b", "c", "d"], answer["features"]),
             check("matrices are as documented", all(shape(answer[name]) == {(4, 4, 3)} for name in ("val_matrix", "p_matrix", "graph"))),
             check("a -> b at lag 1 and b -> c at lag 2 are found", {("a", "b", 1), ("b", "c", 2)} <= found, found),
             check("neither is turned round, and d is alone", not any(("b", "a") == pair[:2] or ("c", "b") == pair[:2] or "d" in pair for pair in found), found),

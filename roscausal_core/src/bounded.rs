@@ -33,7 +33,7 @@ pub fn read(path: &Path, most: u64) -> Result<Vec<u8>> {
 /// # Errors
 /// As [`read`], and bytes that are no UTF-8.
 pub fn read_text(path: &Path, most: u64) -> Result<String> {
-    String::from_utf8(read(path, most)?).map_err(|_| Error::file(path, "the file is no text (UTF-8)"))
+    String::from_utf8(read(path, most)?).map_err(|_| Error::file(path, "the file is not text (UTF-8)"))
 }
 
 /// The text of a file of settings in TOML or JSON: at most [`SETTINGS`] bytes that nest no deeper than

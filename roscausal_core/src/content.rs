@@ -101,7 +101,7 @@ pub fn not_a_table(first: &[u8]) -> Option<&'static str> {
     }
     let control = |byte: &u8| *byte < 9 || (14..27).contains(byte);
     first.iter().take(NEEDED).any(control).then_some(
-        "this is no text; a table is CSV, Parquet, Arrow or NumPy's .npz, a recording .bag, .mcap or .db3",
+        "this is not text; a table is CSV, Parquet, Arrow or NumPy's .npz, a recording .bag, .mcap or .db3",
     )
 }
 

@@ -38,7 +38,7 @@ pub fn program(dir: &Path, name: &str) -> Result<PathBuf> {
     if name.contains(['/', '\\']) || name.starts_with('.') {
         return Err(Error::param(
             "cd_method",
-            format!("'{name}' is no name of a program in {}", dir.display()),
+            format!("'{name}' is not the name of a program in {}", dir.display()),
         ));
     }
     let path = dir.join(name);

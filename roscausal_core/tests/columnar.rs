@@ -32,7 +32,8 @@ fn parquet_and_arrow_files_are_the_table_of_the_csv_file() {
         let step = found.dt().expect("times");
         assert!((step - 0.25).abs() < 1e-9, "{file}: {step}");
     }
-    let found = read(&tables().join("index.parquet"), false).expect("row numbers of pandas are no variable");
+    let found =
+        read(&tables().join("index.parquet"), false).expect("row numbers of pandas are not variables");
     assert_eq!(found.names, expected.names);
 }
 

@@ -32,7 +32,7 @@ export function sentence(link, { dt, test }) {
   const effect = link.cause === link.effect ? "itself" : link.effect;
   const smallest = smallestP(test);
   const p = link.p < smallest ? `p < ${smallest}` : `p = ${link.p.toFixed(3)}`;
-  // What is no arrow of a cause comes in the node's own words.
+  // What is not an arrow of a cause comes in the node's own words.
   const words = link.words ?? `${link.cause} ${earlier} drives ${effect}`;
   return link.tested ? `${words}: strength ${link.value.toFixed(2)}, ${p}` : `${words}: required, not tested`;
 }

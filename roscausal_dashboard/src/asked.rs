@@ -26,7 +26,7 @@ impl Question {
     /// `{"actions": [{"variable": "r_v", "value": 0.4}, ...], "cost": {"variable": "h_risk", "weight": 1}, "horizon": 10}`: what if each
     /// variable were set to the value, beside going on. Without a horizon, or with 0, it is the node's.
     pub(crate) fn what_if(text: &str) -> std::result::Result<Self, &'static str> {
-        let json: Json = serde_json::from_str(text).map_err(|_| "The question is no JSON.\n")?;
+        let json: Json = serde_json::from_str(text).map_err(|_| "The question is not JSON.\n")?;
         let actions = json["actions"].as_array().ok_or("The question has no list of actions.\n")?;
         if actions.len() > MOST_ACTIONS {
             return Err("There are too many actions in one question.\n");
@@ -52,7 +52,7 @@ impl Question {
 
     /// `{"variable": "h_v"}`: why did it change, by the largest change of late?
     pub(crate) fn explain(text: &str) -> std::result::Result<Self, &'static str> {
-        let json: Json = serde_json::from_str(text).map_err(|_| "The question is no JSON.\n")?;
+        let json: Json = serde_json::from_str(text).map_err(|_| "The question is not JSON.\n")?;
         let variable = name(&json)?;
         Ok(Self::Explain(ExplainRequest { variable, from_time: Time::ZERO, to_time: Time::ZERO }))
     }
@@ -65,7 +65,7 @@ fn horizon(json: &Json) -> std::result::Result<u32, &'static str> {
     }
     let steps = json.as_f64().filter(|steps| *steps >= 0.0 && steps.fract() == 0.0);
     let steps = steps.ok_or(
-        "The horizon is no whole number of steps; give one, such as 10, or leave it out for the node's own.\n",
+        "The horizon is not a whole number of steps; give one, such as 10, or leave it out for the node's own.\n",
     )?;
     Ok(steps.min(f64::from(MOST_STEPS)) as u32)
 }
@@ -140,7 +140,7 @@ mod tests {
         let asked = |horizon: &str| Question::what_if(&format!(r#"{{"actions": [], "horizon": {horizon}}}"#));
         for bad in ["2.5", "-1", "\"10\"", "[10]", "true"] {
             let reason = asked(bad).expect_err(bad);
-            assert!(reason.starts_with("The horizon is no whole number"), "{bad}: {reason}");
+            assert!(reason.starts_with("The horizon is not a whole number"), "{bad}: {reason}");
         }
         for (good, steps) in [("10", 10), ("10.0", 10), ("0", 0), ("null", 0), ("1e12", 100)] {
             let Ok(Question::WhatIf(request)) = asked(good) else { panic!("{good} is refused") };

@@ -77,7 +77,7 @@ pub fn run<M: Middleware>(mw: &M) -> Result<()> {
     let options = SceneOptions::read(&params)?;
     let text = params.text("address");
     let address: IpAddr = text.parse().map_err(|_| {
-        Error::param("address", format!("'{text}' is no IP address; use 127.0.0.1, or 0.0.0.0 for all"))
+        Error::param("address", format!("'{text}' is not an IP address; use 127.0.0.1, or 0.0.0.0 for all"))
     })?;
     let port = u16::try_from(params.int("port")).unwrap_or_default();
     let server = Server::start(address, port, &params.text("token"))?;

@@ -97,7 +97,7 @@ impl Later {
                 taken += 1;
             }
         }
-        // What a variable tells of itself later is no link of two.
+        // What a variable tells of itself later is not a link of two.
         found.retain(|(cause, effect, ..)| cause != effect);
         let advised = found.iter().map(|(_, _, lag, _)| lag + 1).max().unwrap_or(0);
         found.sort_by(|a, b| b.3.abs().total_cmp(&a.3.abs()));

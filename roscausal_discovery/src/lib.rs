@@ -19,7 +19,7 @@
 //! # Ok::<(), roscausal_discovery::Error>(())
 //! ```
 //!
-//! A correlation between two series is no link: both may follow a third one, or their own past. The methods here test
+//! A correlation between two series is not a link: both may follow a third one, or their own past. The methods here test
 //! each possible link given other variables at other times, and keep what no such condition explains away. All but one assume
 //! that all common causes were recorded; all assume that the system does not change while it is recorded, and that the samples are
 //! dense enough to see an effect after its cause.

@@ -28,7 +28,7 @@ pub(crate) fn export(model: &str, what: &str) -> PyResult<String> {
             let (name, level) = model.link_level_in_words();
             Ok(format!("{name} {level}"))
         }
-        other => Err(raised(Error::param("what", format!("'{other}' is no format of a model")))),
+        other => Err(raised(Error::param("what", format!("'{other}' is not a model format")))),
     }
 }
 

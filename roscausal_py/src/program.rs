@@ -24,7 +24,7 @@ fn cancellable<T: Send + 'static>(
 }
 
 /// The tables and recordings in `paths`, read with the options of `roscausal discover`: names, arrays (T, N), step, exogenous
-/// variables, warnings, rows that are no effects.
+/// variables, warnings, rows that are not effects.
 #[pyfunction]
 pub(crate) fn read(py: Python<'_>, paths: Vec<PathBuf>, options: Vec<String>) -> PyResult<Bound<'_, PyDict>> {
     let found = cancellable(py, move |cancel| roscausal::read_recordings(&paths, &options, cancel))?;

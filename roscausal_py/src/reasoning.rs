@@ -200,7 +200,7 @@ fn of_what_if(given: &mut Given) -> Result<WhatIf> {
     question.variables = given.words("variables")?;
     if let Some(Value::Object(terms)) = given.take("cost") {
         let term = |(variable, weight): (String, Value)| {
-            let wrong = || Error::param("cost", format!("{weight} is no weight; give a number"));
+            let wrong = || Error::param("cost", format!("{weight} is not a weight; give a number"));
             Ok(CostTerm { variable, weight: weight.as_f64().ok_or_else(wrong)? })
         };
         question.cost = terms.into_iter().map(term).collect::<Result<_>>()?;

@@ -175,7 +175,7 @@ def test_what_cannot_be_pooled_is_one_sentence_and_the_models_are_there(recordin
 
 
 def test_a_models_warnings_name_the_recording_and_not_where_it_lay(tmp_path):
-    # A cell that is no number is told, with the file's name.
+    # A cell that is not a number is told, with the file's name.
     for folder in ("one", "two"):
         table(tmp_path / folder / "walk.csv", 1)
         path = tmp_path / folder / "walk.csv"

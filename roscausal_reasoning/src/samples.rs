@@ -58,7 +58,7 @@ impl Samples {
         Ok(Self { values, imposed: data.recordings().iter().map(imposed_in).collect(), masked })
     }
 
-    /// With given marks of what was imposed, each of the shape of its recording, and of what is no effect, as long as its recording or
+    /// With given marks of what was imposed, each of the shape of its recording, and of what is not an effect, as long as its recording or
     /// empty.
     pub(crate) fn with_marks(
         values: Vec<Array2<f64>>,
@@ -82,7 +82,7 @@ impl Samples {
         &self.imposed
     }
 
-    /// Rows that are no effect, as [`Samples::with_marks`] takes them.
+    /// Rows that are not effects, as [`Samples::with_marks`] takes them.
     pub(crate) fn masked(&self) -> &[Vec<bool>] {
         &self.masked
     }

@@ -192,7 +192,7 @@ fn a_what_if_needs_what_it_asks_about_and_what_drives_that() {
     let (there, without) = (ask(&whole, &about(&["h", "d"])), ask(&gone, &about(&["h", "d"])));
     assert_eq!(without.status, Status::Ok, "{}", without.message);
     assert_eq!(without.outlooks[0].forecasts, there.outlooks[0].forecasts);
-    // What has no value at all is no part of the model, and named.
+    // What has no value at all is not part of the model, and named.
     assert_eq!(gone.graph().names(), ["r", "d", "h"]);
     assert!(gone.facts.warnings.iter().any(|told| told.ends_with("left out of the model: z")));
     assert_eq!(ask(&gone, &about(&[])).status, Status::Ok);

@@ -149,7 +149,7 @@ impl Folder {
         Ok(whole)
     }
 
-    /// Recordings of the same topics at the same times, which are no copies, are of several runs of a simulation: each is a lap.
+    /// Recordings of the same topics at the same times, which are not copies, are of several runs of a simulation: each is a lap.
     fn set_laps(&mut self) {
         let mut by_time: Vec<usize> = (0..self.files.len()).collect();
         by_time.sort_by_key(|index| self.files[*index].source.span());

@@ -32,7 +32,7 @@ pub(crate) fn open_file(path: &Path, losses: &mut Vec<String>) -> Result<Box<dyn
             ));
         }
         first => {
-            let reason = "this is no recording: a ROS 1 bag, an MCAP file or a ROS 2 .db3 file is needed";
+            let reason = "this is not a recording: a ROS 1 bag, an MCAP file or a ROS 2 .db3 file is needed";
             return Err(Error::file(path, content::not_data(first).unwrap_or_else(|| reason.to_owned())));
         }
     })

@@ -221,7 +221,8 @@ fn a_broken_file_in_a_folder_costs_its_own_messages() {
 fn what_is_no_recording_is_an_error_that_names_the_file() {
     let folder = tempfile::tempdir().unwrap();
     assert!(Recording::open(folder.path()).err().unwrap().to_string().contains("no .bag, .mcap or .db3"));
-    for (bytes, reason) in [(b"".as_slice(), "the file is empty"), (b"time,r_x\n", "this is no recording")] {
+    for (bytes, reason) in [(b"".as_slice(), "the file is empty"), (b"time,r_x\n", "this is not a recording")]
+    {
         let path = folder.path().join("file.bag");
         fs::write(&path, bytes).unwrap();
         let error = Recording::open(&path).err().unwrap().to_string();
@@ -381,7 +382,7 @@ fn a_loss_in_a_compressed_file_names_the_users_file() {
         fs::write(&path, zstd::encode_all(&b"a,b\n1,2\n"[..], 1).unwrap()).unwrap();
         Recording::open(path).err().unwrap().to_string()
     };
-    assert!(error.contains("table.csv.zst: this is no recording"), "{error}");
+    assert!(error.contains("table.csv.zst: this is not a recording"), "{error}");
 }
 
 #[test]

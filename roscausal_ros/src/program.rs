@@ -91,7 +91,7 @@ pub fn main<B: Backend>(more: &[Node<B>]) -> ExitCode {
     let start = if nodes.has(&node) {
         B::read(&format!("roscausal_{node}"), args.collect())
     } else {
-        Err(format!("'{node}' is no node; {}", nodes.usage()))
+        Err(format!("'{node}' is not a node; {}", nodes.usage()))
     };
     match start {
         Ok(start) => ExitCode::from(live(&node, start, |mw| nodes.run(&node, mw))),

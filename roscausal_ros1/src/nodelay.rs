@@ -17,7 +17,7 @@ use std::{
 pub(crate) fn send_at_once() {
     let Ok(files) = fs::read_dir("/proc/self/fd") else { return };
     for socket in files.flatten().filter_map(|file| socket_of(&file)) {
-        // What is no TCP socket refuses.
+        // What is not a TCP socket refuses.
         let _ = TcpStream::from(socket).set_nodelay(true);
     }
 }

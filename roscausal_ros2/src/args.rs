@@ -133,7 +133,7 @@ fn set_level(level: &mut Option<LevelFilter>, node: &str, text: &str) -> Result<
         "error" | "fatal" => LevelFilter::ERROR,
         _ => {
             let words = "debug, info, warn, error or fatal";
-            return Err(BadArgument(format!("--log-level {text}: '{word}' is no level; use {words}")));
+            return Err(BadArgument(format!("--log-level {text}: '{word}' is not a level; use {words}")));
         }
     };
     if logger.is_none_or(|logger| logger.rsplit('.').next() == Some(node)) {

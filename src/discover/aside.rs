@@ -1,4 +1,4 @@
-//! Columns that are no variables by themselves: they count the rows, say when a row is, or whose it is. They are left out and
+//! Columns that are not variables by themselves: they count the rows, say when a row is, or whose it is. They are left out and
 //! named; `--keep` has them.
 
 use roscausal_core::batch::table::is_id;
@@ -33,7 +33,7 @@ enum Says {
     Whose,
 }
 
-/// The columns that are no variables, and what to tell of them; none if fewer than two others would be left.
+/// The columns that are not variables, and what to tell of them; none if fewer than two others would be left.
 pub(super) fn aside(data: &DataFrame, kept: impl Fn(&str) -> bool) -> Option<(Vec<usize>, String)> {
     let of = |var: usize| says(data, var).filter(|_| !kept(&data.var_names()[var])).map(|says| (says, var));
     let mut found: Vec<(Says, usize)> = (0..data.n_vars()).filter_map(of).collect();

@@ -340,7 +340,7 @@ pub(crate) struct PartArgs {
     /// Rows to analyse of each recording, such as `1..5000`: counted from 1, the last one included; either end may be left out.
     #[arg(long, value_name = "FROM..TO")]
     rows: Option<Rows>,
-    /// A column that is no variable: rows in which it is not 0 are no effects (they still count as the past of others).
+    /// A column that is not a variable: rows in which it is not 0 are not effects (they still count as the past of others).
     #[arg(long, value_name = "COLUMN")]
     mask: Option<String>,
     /// Only rows that fulfil this are effects, such as `near < 3 and r_v > 0`: columns and numbers compared by < <= > >= == !=.
@@ -432,7 +432,7 @@ impl PartArgs {
         self.mask.as_deref().into_iter().chain(of_condition).collect()
     }
 
-    /// Which rows are no effects, for each recording; the column that says so is taken out of `data`, and so is what is none of the
+    /// Which rows are not effects, for each recording; the column that says so is taken out of `data`, and so is what is none of the
     /// `variables`.
     fn masks(&self, data: &mut Data, variables: Option<&[String]>) -> Result<Option<Vec<Array2<bool>>>> {
         if self.mask.is_none() && self.condition.is_none() {

@@ -46,7 +46,7 @@ pub(crate) struct TrajectoryArgs {
 }
 
 impl TrajectoryArgs {
-    /// The first of these flags that was given, for input that is no table of trajectories.
+    /// The first of these flags that was given, for input that is not a table of trajectories.
     pub(super) fn given(&self) -> Option<&'static str> {
         let flags = [
             ("--agent", self.agent.is_some()),
@@ -62,7 +62,7 @@ impl TrajectoryArgs {
     /// The variables of all agents in the files.
     ///
     /// # Errors
-    /// A file that is no table of trajectories, or a flag that does not go with it.
+    /// A file that is not a table of trajectories, or a flag that does not go with it.
     pub(super) fn read(&self, args: &Args) -> Result<Data> {
         if args.several_people == "joint" {
             return Err(Error::param(

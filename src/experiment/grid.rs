@@ -138,7 +138,7 @@ impl Setting {
 
 /// Seeds from `A..B`, including both ends, or a single seed.
 pub(crate) fn seeds(text: &str) -> Result<Vec<u64>> {
-    let fault = || Error::param("seeds", format!("'{text}' is no range of seeds; write it as 1..20"));
+    let fault = || Error::param("seeds", format!("'{text}' is not a range of seeds; write it as 1..20"));
     let (first, last) = text.split_once("..").unwrap_or((text, text));
     let number = |text: &str| text.trim_start_matches('=').trim().parse::<u64>().map_err(|_| fault());
     let (first, last) = (number(first)?, number(last)?);
@@ -150,7 +150,8 @@ pub(crate) fn seeds(text: &str) -> Result<Vec<u64>> {
 
 /// The part `I/N` of the jobs that this process does: those whose number modulo `N` is `I - 1`.
 pub(crate) fn shard(text: &str) -> Result<(usize, usize)> {
-    let fault = || Error::param("shard", format!("'{text}' is no share; write 1/4 to 4/4 for four machines"));
+    let fault =
+        || Error::param("shard", format!("'{text}' is not a share; write 1/4 to 4/4 for four machines"));
     let (i, n) = text.split_once('/').ok_or_else(fault)?;
     match (i.trim().parse::<usize>(), n.trim().parse::<usize>()) {
         (Ok(i), Ok(n)) if (1..=n).contains(&i) => Ok((i, n)),

@@ -138,7 +138,7 @@ fn cost(text: &str) -> Result<CostTerm> {
         None => (text, 1.0),
         Some((variable, weight)) => {
             let fault =
-                |_| Error::param("cost", format!("'{text}' is no cost; write it like h_risk or h_risk:2"));
+                |_| Error::param("cost", format!("'{text}' is not a cost; write it like h_risk or h_risk:2"));
             (variable, weight.trim().parse().map_err(fault)?)
         }
     };

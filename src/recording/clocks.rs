@@ -51,7 +51,7 @@ impl Stamps {
 
     /// Replaces all stamps of a message.
     pub(super) fn set(&self, bytes: &mut [u8], stamp: Time) {
-        // What is no message of its type is reported by whoever reads it.
+        // What is not a message of its type is reported by whoever reads it.
         let _ = self.schema.restamp(self.wire, bytes, stamp);
     }
 }

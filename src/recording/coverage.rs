@@ -105,7 +105,7 @@ fn header(topic: &Topic, record: &Record) -> Option<Header> {
     Some(Header { stamp, ..header })
 }
 
-/// The time in which something is known: the steps between its stamps that are no gaps.
+/// The time in which something is known: the steps between its stamps that are not gaps.
 #[derive(Default)]
 struct Known {
     last: Option<Time>,

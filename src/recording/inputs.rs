@@ -698,7 +698,7 @@ pub(crate) fn parse(text: &str) -> Result<(String, String, String)> {
         )));
     };
     if let Some(flag) = flags::of_setting(node, name) {
-        return Err(fault(format!("{node}.{name} is no parameter of a recording; --{flag} sets it")));
+        return Err(fault(format!("{node}.{name} is not a parameter of a recording; --{flag} sets it")));
     }
     spec.checked(Value::Str(value.to_owned()))?;
     Ok((node.to_owned(), name.to_owned(), value.to_owned()))

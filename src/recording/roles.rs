@@ -48,7 +48,7 @@ pub(crate) const BASES: [&str; 3] = ["base_footprint", "base_link", "base"];
 pub(crate) const CHOSEN_BY_NAME: [&str; 3] =
     ["geometry_msgs/PoseStamped", "geometry_msgs/TwistStamped", "nav_msgs/Path"];
 
-/// Words in the last part of the names of PoseArrays that are no people, such as AMCL's `/particlecloud`.
+/// Words in the last part of the names of PoseArrays that are not people, such as AMCL's `/particlecloud`.
 pub(crate) const NOT_PEOPLE: [&str; 7] =
     ["particle", "waypoint", "path", "plan", "goal", "grasp", "landmark"];
 

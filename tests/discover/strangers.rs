@@ -28,7 +28,7 @@ fn evil(before: &str) -> String {
     format!("{before}{EVIL}")
 }
 
-/// The same for a table: with a bell in it, it is no text.
+/// The same for a table: with a bell in it, it is not text.
 fn evil_column(before: &str) -> String {
     evil(before).replace(['\u{7}', '\u{8}'], "")
 }

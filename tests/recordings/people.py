@@ -3,7 +3,7 @@
 Beside them small MCAPs of what goes wrong: PREFIX_late (who is tracked is told from the third second on), PREFIX_bodies (only bodies are
 tracked, and frames of persons stray about), PREFIX_renamed (a tracker loses one for 0.8 s and then calls her by another number).
 
-One topic for each type, with what real trackers do: another order in each message, things that are no people, an empty list, and a
+One topic for each type, with what real trackers do: another order in each message, things that are not people, an empty list, and a
 camera that turns with the robot. The texts of the types are those of their packages.
 """
 

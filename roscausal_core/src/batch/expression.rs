@@ -454,7 +454,7 @@ mod tests {
         for (text, part) in [
             ("x + goal", "'goal' is unknown; columns: x, Goal [m]"),
             ("lag(x, 1.5)", "whole number of rows"),
-            ("5 parsecs", "'parsecs' is no unit; units: deg"),
+            ("5 parsecs", "'parsecs' is not a unit; units: deg"),
             ("speed(x)", "takes h or r"),
             ("(x, 1)", "is a point"),
             ("\"x", "quote is missing"),
@@ -516,7 +516,7 @@ mod tests {
             ("1 2", "an operator or the end is missing"),
             ("", "a number, a name or '(' is missing"),
             ("1 + é", "is missing"),
-            ("1..2", "this is no number"),
+            ("1..2", "this is not a number"),
         ] {
             let fault = Expression::parse(text).expect_err(text);
             assert!(fault.contains(part), "{text}: {fault}");

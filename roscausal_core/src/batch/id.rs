@@ -24,7 +24,7 @@ impl IdFormat {
     /// A text that `strftime` does not know, as an error of the parameter `id_format`.
     pub fn new(format: &str) -> Result<Self> {
         if format.is_empty() || StrftimeItems::new(format).any(|item| matches!(item, Item::Error)) {
-            let reason = format!("'{format}' is no strftime format; such as %Y%m%d_%H%M%S");
+            let reason = format!("'{format}' is not a strftime format; such as %Y%m%d_%H%M%S");
             return Err(Error::param("id_format", reason));
         }
         // An id is part of a file name.

@@ -72,7 +72,7 @@ impl Pool {
     pub fn open(dir: impl Into<PathBuf>, prefix: &str) -> Result<Self> {
         let dir = dir.into();
         if prefix.contains(['/', '\\']) || prefix.starts_with('.') {
-            let reason = format!("'{prefix}' is no start of a file name; leave out '/' and a leading '.'");
+            let reason = format!("'{prefix}' cannot begin a file name; leave out '/' and a leading '.'");
             return Err(Error::param("csv_prefix", reason));
         }
         fs::create_dir_all(&dir).map_err(|e| Error::file(&dir, e))?;
@@ -475,7 +475,7 @@ fn folder_of(path: &Path) -> &Path {
     }
 }
 
-/// Whether an open file is still the one with that name, which is no link.
+/// Whether an open file is still the one with that name, which is not a link.
 #[cfg(unix)]
 pub fn is_still(file: &File, path: &Path) -> bool {
     use std::os::unix::fs::MetadataExt;
@@ -485,7 +485,7 @@ pub fn is_still(file: &File, path: &Path) -> bool {
     }
 }
 
-/// Whether an open file is still the one with that name, which is no link.
+/// Whether an open file is still the one with that name, which is not a link.
 #[cfg(not(unix))]
 pub fn is_still(_file: &File, path: &Path) -> bool {
     path.exists()

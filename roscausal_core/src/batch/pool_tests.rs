@@ -139,7 +139,7 @@ fn a_link_with_a_temporary_name_or_that_of_a_lock_is_not_followed() {
     }
     pool.stage("data_1.csv", b"a\n1\n").and_then(Staged::publish).expect("is written");
     assert_eq!(fs::read_to_string(pool.path("data_1.csv")).expect("is there"), "a\n1\n");
-    assert!(pool.claim("data_1.csv").expect("looks").is_none(), "a link is no lock");
+    assert!(pool.claim("data_1.csv").expect("looks").is_none(), "a link is not a lock");
     assert_eq!(fs::read_to_string(&victim).expect("is there"), "mine");
 }
 

@@ -79,8 +79,9 @@ impl Feature {
         let legal = |c: char| c.is_alphanumeric() || "_-.{}\\".contains(c);
         let name = name.trim();
         if name.is_empty() || !name.chars().all(legal) || name == "time" {
-            let reason =
-                format!("'{name}' is no name of a feature; use letters, digits and '_', such as h_dg = ...");
+            let reason = format!(
+                "'{name}' is not a valid feature name; use letters, digits and '_', such as h_dg = ..."
+            );
             return Err(Error::param("features", reason));
         }
         let text = text.trim();

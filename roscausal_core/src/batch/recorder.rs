@@ -304,7 +304,7 @@ impl Recorder {
         let legal = |c: char| c.is_ascii_alphanumeric() || "_-.".contains(c);
         let is_name = |name: &String| name.starts_with("do_") && name.chars().all(legal);
         if let Some(name) = told.context.keys().find(|name| !is_name(name)) {
-            return Err(format!("'{name}' is no column of context; such as do_robot_speed"));
+            return Err(format!("'{name}' is not a column of context; such as do_robot_speed"));
         }
         let stamp = told.stamp.filter(|stamp| stamp.is_finite()).map_or(now, Time::from_secs_f64).as_nanos();
         for (name, value) in told.context {

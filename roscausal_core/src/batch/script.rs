@@ -37,7 +37,7 @@ impl Script {
     pub fn new(dir: &Path, name: &str, time_limit: Duration) -> Result<Self> {
         if name.is_empty() || name.contains("..") || name.starts_with('/') {
             let reason =
-                format!("'{name}' is no file in pp_script_dir; give its name, such as postprocess.py");
+                format!("'{name}' is not a file in pp_script_dir; give its name, such as postprocess.py");
             return Err(Error::param("pp_script", reason));
         }
         let program = dir.join(name);
@@ -253,6 +253,6 @@ mod tests {
         let refusal = |name: &str| Script::new(dir.path(), name, LONG).expect_err(name).to_string();
         assert!(refusal("pp.sh").contains("chmod +x"));
         assert!(refusal("none.py").contains("there is no file"));
-        assert!(refusal("../pp.sh").contains("is no file in pp_script_dir"));
+        assert!(refusal("../pp.sh").contains("is not a file in pp_script_dir"));
     }
 }

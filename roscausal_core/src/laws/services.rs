@@ -130,7 +130,7 @@ pub fn a_service_is_offered_once<M: Middleware>(node: &impl Fn(&str) -> M) {
     let (_again, _) = must(serve(&server, "~once"), "the name is free after the service has ended");
     assert_eq!(must(ask(&caller, "/once_server/once", "x", 2), "the new service answers"), [2.0]);
     for name in ["/9lives", "a b", "/a//b"] {
-        assert!(serve(&server, name).is_err(), "'{name}' is no legal name");
+        assert!(serve(&server, name).is_err(), "'{name}' is not a legal name");
     }
 }
 

@@ -252,7 +252,7 @@ fn request_of(params: &Params, program: bool) -> Result<Request> {
     let mut given = Vec::new();
     for setting in &SETTINGS {
         let text = params.text(setting.param);
-        // A program is no method that is known here. The usual effects count as far as their columns are there.
+        // A program is not a method that is known here. The usual effects count as far as their columns are there.
         let is_usual = |text: &str| {
             setting.id == "acts_on"
                 && OF_SETTINGS
@@ -407,7 +407,7 @@ mod tests {
                 "granger takes each variable",
             ),
             (vec![place, pcmci, mult, ("window_batches", Value::Int(3))], "windows and changes"),
-            (vec![("vectors", Value::List(vec![word("place")]))], "'place' is no vector"),
+            (vec![("vectors", Value::List(vec![word("place")]))], "'place' is not a vector"),
         ] {
             let error = checked(&given).err().expect(says).to_string();
             assert!(error.contains(says) && error.lines().count() == 1, "{says}: {error}");

@@ -137,7 +137,7 @@ pub(crate) fn in_namespace(parameter: &str, name: &str, topic: &str) -> Result<S
     let name = name.trim().trim_matches('/');
     let legal = |c: char| c.is_ascii_alphanumeric() || c == '_';
     if !name.chars().all(legal) || name.starts_with(|c: char| c.is_ascii_digit()) {
-        let reason = format!("'{name}' is no namespace; use letters, digits and '_', such as robot1");
+        let reason = format!("'{name}' is not a namespace; use letters, digits and '_', such as robot1");
         return Err(Error::param(parameter, reason));
     }
     Ok(if name.is_empty() { topic.to_owned() } else { format!("/{name}{topic}") })

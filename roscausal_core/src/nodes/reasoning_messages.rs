@@ -24,7 +24,7 @@ use super::{model_messages::mark_of, reasoning_rows::Moment};
 /// listed as causes in both directions contradict each other.
 ///
 /// # Errors
-/// What is no graph ([`Graph::new`]), no step, or no p-value.
+/// What is not a graph ([`Graph::new`]), no step, or no p-value.
 pub(super) fn graph_of(info: &CausalModelInfo, context: &[String]) -> Result<(Graph, Facts), Error> {
     let is_context = |name: &String| context.contains(name) || name.starts_with("do_");
     let listed: Vec<&CausalLink> =

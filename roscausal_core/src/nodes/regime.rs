@@ -181,7 +181,7 @@ pub(super) struct NewBatch<'a> {
     pub(super) people: People,
     pub(super) tau_max: usize,
     pub(super) form: Form,
-    /// Variables that the user calls exogenous: they are no effects.
+    /// Variables that the user calls exogenous: they are not effects.
     pub(super) exogenous: &'a [String],
 }
 

@@ -65,7 +65,7 @@ impl SceneOptions {
     /// The topic of the robot's state.
     ///
     /// # Errors
-    /// A name that is no namespace, as an error of the parameter `robot`.
+    /// A name that is not a namespace, as an error of the parameter `robot`.
     pub fn robot_topic(&self) -> Result<String> {
         in_namespace("robot", &self.robot, "/roscausal/robot")
     }

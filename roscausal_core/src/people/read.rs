@@ -202,7 +202,11 @@ impl Bound {
     fn new(kind: &RawType, definitions: &Definitions) -> Result<Self, String> {
         let layout = layouts::row(&kind.type_name).ok_or_else(|| {
             let types: Vec<&str> = layouts::types().collect();
-            format!("{} is no type that people are read from; those are {}", kind.type_name, types.join(", "))
+            format!(
+                "{} is not a type that people are read from; those are {}",
+                kind.type_name,
+                types.join(", ")
+            )
         })?;
         let schema = definitions.schema(kind)?;
         let array = match layout.people {

@@ -58,7 +58,7 @@ impl Signal {
     /// The signal for messages of `schema`.
     ///
     /// # Errors
-    /// A field that the messages do not have, with the nearest that exists, or one that is no number.
+    /// A field that the messages do not have, with the nearest that exists, or one that is not a number.
     pub(super) fn bind(&self, schema: &Schema) -> Result<Bound, String> {
         let binder = Binder { schema, signal: self };
         let root = binder.part(&self.root)?;
@@ -123,7 +123,7 @@ impl Binder<'_> {
 
     fn number(&self, node: &Node) -> Result<Part, String> {
         let part = self.part(node)?;
-        if is_text(&part) { Err("a text is no number; compare it: == \"...\"".into()) } else { Ok(part) }
+        if is_text(&part) { Err("a text is not a number; compare it: == \"...\"".into()) } else { Ok(part) }
     }
 
     /// A field that is one number or text, or an angle of an orientation.
@@ -166,14 +166,14 @@ impl Binder<'_> {
                 let found = fields(&["x", "y", "z", "w"]).filter(|_| is_one);
                 let found = found.and_then(|found| <[Query; 4]>::try_from(found).ok());
                 found.map(|found| Part::Angle(of, found)).ok_or_else(|| {
-                    format!("{}.{path} is no orientation: it has no x, y, z and w", self.signal.topic)
+                    format!("{}.{path} is not an orientation: it has no x, y, z and w", self.signal.topic)
                 })
             }
             Of::Norm if is_one => {
                 let found = fields(&["x", "y", "z"]).or_else(|| fields(&["x", "y"]));
                 found
                     .map(Part::Norm)
-                    .ok_or_else(|| format!("{}.{path} is no vector: it has no x and y", self.signal.topic))
+                    .ok_or_else(|| format!("{}.{path} is not a vector: it has no x and y", self.signal.topic))
             }
             _ => {
                 let query = self.schema.query(path).map_err(|error| self.told(path, &error))?;
@@ -200,7 +200,7 @@ impl Binder<'_> {
         });
         found
             .map(Part::Length)
-            .ok_or_else(|| format!("{}.{path} is no array of points or poses", self.signal.topic))
+            .ok_or_else(|| format!("{}.{path} is not an array of points or poses", self.signal.topic))
     }
 
     fn told(&self, path: &Path, error: &QueryError) -> String {

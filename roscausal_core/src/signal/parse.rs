@@ -148,7 +148,7 @@ impl Signal {
         let name = name.trim();
         if !is_token(name) || ["time", "t", "timestamp"].contains(&name) || name.starts_with("do_") {
             return Err(fault(format!(
-                "'{name}' is no name of a signal; use letters, digits and '_', such as '{EXAMPLE}'"
+                "'{name}' is not a valid signal name; use letters, digits and '_', such as '{EXAMPLE}'"
             )));
         }
         let expression = expression.trim();
@@ -360,7 +360,7 @@ impl Parser<'_> {
             let all: Vec<&str> = known.iter().copied().chain(WHOLE).collect();
             let hint = nearest(&all, name).map_or(String::new(), |near| format!("did you mean {near}? "));
             return Err(self.fault(&format!(
-                "'{name}' is no function; {hint}known: {}; around the whole: {}",
+                "'{name}' is not a function; {hint}known: {}; around the whole: {}",
                 known.join(", "),
                 WHOLE.join(", ")
             )));
@@ -391,7 +391,7 @@ impl Parser<'_> {
         let topic = self.while_is(|c| c.is_ascii_alphanumeric() || "/_".contains(c)).to_owned();
         if !topic.split('/').skip(1).all(is_token) {
             self.at = begin;
-            return Err(self.fault(&format!("'{topic}' is no name of a topic")));
+            return Err(self.fault(&format!("'{topic}' is not a valid topic name")));
         }
         match &self.topic {
             Some(other) if *other != topic => {

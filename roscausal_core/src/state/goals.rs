@@ -29,7 +29,7 @@ impl Goals {
     /// finite means "no goal from here on".
     pub(super) fn give(&mut self, stamp: Time, now: Time, goal: Goal) {
         let stamp = if stamp == Time::ZERO { now } else { stamp.min(now) };
-        // The same goal again is no change. A parameter that is read every second repeats it.
+        // The same goal again is not a change. A parameter that is read every second repeats it.
         if self.given.back().is_some_and(|(earlier, last)| *earlier <= stamp && *last == goal) {
             return;
         }

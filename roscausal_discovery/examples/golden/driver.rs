@@ -347,7 +347,7 @@ fn test_of(spec: &Value) -> Answer<(Box<dyn CondIndTest>, MaskType)> {
                 let of_size = |(size, values): (&String, &Value)| {
                     Ok((size.parse::<usize>().map_err(|e| e.to_string())?, numbers(values)?))
                 };
-                let given = value.as_object().ok_or("null distributions are no object")?;
+                let given = value.as_object().ok_or("null distributions are not an object")?;
                 let given = given.iter().map(of_size).collect::<Answer<Vec<_>>>()?;
                 let given = NullDistributions::new(given).map_err(|e| e.to_string())?;
                 settings.null_distributions = Some(Arc::new(given));

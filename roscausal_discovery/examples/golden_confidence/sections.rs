@@ -37,15 +37,15 @@ fn write(path: &Path, text: &str) -> Done {
 }
 
 fn number(value: &Value, name: &str) -> Result<usize, String> {
-    let number = value[name].as_u64().ok_or_else(|| format!("'{name}' is no number"))?;
+    let number = value[name].as_u64().ok_or_else(|| format!("'{name}' is not a number"))?;
     usize::try_from(number).map_err(|e| e.to_string())
 }
 
 fn draws(set: &Path, out: &Path) -> Done {
     let cases = json_of(&set.join("draws.json"))?;
     let mut ours = Vec::new();
-    for case in cases.as_array().ok_or("draws.json is no list")? {
-        let seed = case["seed"].as_u64().ok_or("'seed' is no number")?;
+    for case in cases.as_array().ok_or("draws.json is not a list")? {
+        let seed = case["seed"].as_u64().ok_or("'seed' is not a number")?;
         let (b, n) = (number(case, "resample")?, number(case, "rows")?);
         let rows = bootstrap_rows(seed, b, n, number(case, "block")?);
         ours.push(json!({ "first": rows[..24.min(rows.len())], "sum": rows.iter().sum::<usize>() }));
@@ -77,7 +77,7 @@ fn boot(set: &Path, out: &Path) -> Done {
         };
         let reference = json_of(&path)?;
         let text =
-            |name: &str| reference[name].as_str().ok_or_else(|| format!("{case}: '{name}' is no text"));
+            |name: &str| reference[name].as_str().ok_or_else(|| format!("{case}: '{name}' is not text"));
         let level = |name: &str| reference[name].as_f64().ok_or_else(|| format!("{case}: no '{name}'"));
         let data = data_of(&folder, text("system")?)?;
         let settings = Settings {
@@ -115,7 +115,7 @@ fn window(set: &Path, out: &Path) -> Done {
     for entry in fs::read_dir(set.join("window")).map_err(|e| e.to_string())? {
         let path = entry.map_err(|e| e.to_string())?.path();
         let reference = json_of(&path)?;
-        let text = |name: &str| reference[name].as_str().ok_or_else(|| format!("'{name}' is no text"));
+        let text = |name: &str| reference[name].as_str().ok_or_else(|| format!("'{name}' is not text"));
         let data = data_of(&set.join("boot"), text("system")?)?;
         let settings = Settings {
             cond_ind_test: text("test")?.into(),
@@ -148,7 +148,7 @@ fn usual(tau_max: usize) -> Settings {
 
 fn each_system(set: &Path, out: &Path, section: &str, resampling: &Resampling) -> Done {
     let truth = json_of(&set.join(section).join("truth.json"))?;
-    for name in truth.as_object().ok_or("truth.json is no object")?.keys() {
+    for name in truth.as_object().ok_or("truth.json is not an object")?.keys() {
         let data = data_of(&set.join(section).join("data"), name)?;
         let model = model_of(&data, &usual(2), resampling)?;
         write(&out.join(section).join(format!("{name}.json")), &model.to_json())?;
@@ -162,7 +162,7 @@ const CHANGE_ROWS: usize = 150;
 /// The names of the nonlinear systems begin with `n`; curves are compared there.
 fn changes(set: &Path, out: &Path) -> Done {
     let truth = json_of(&set.join("changes/truth.json"))?;
-    for name in truth.as_object().ok_or("truth.json is no object")?.keys() {
+    for name in truth.as_object().ok_or("truth.json is not an object")?.keys() {
         let data = data_of(&set.join("changes/data"), name)?;
         let form = if name.starts_with('n') { Form::Curve } else { Form::Slope };
         let detector =

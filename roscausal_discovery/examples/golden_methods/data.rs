@@ -28,11 +28,11 @@ pub(crate) fn read_json(path: &Path) -> Result<Value, String> {
 
 /// The data of a case: each file is a recording.
 pub(crate) fn frame(case: &Value, set: &Path) -> Result<DataFrame, String> {
-    let paths = case["csv"].as_array().ok_or("csv is no list")?;
+    let paths = case["csv"].as_array().ok_or("csv is not a list")?;
     let mut recordings = Vec::new();
     let mut names = Vec::new();
     for path in paths {
-        let (columns, values) = read_csv(&set.join(path.as_str().ok_or("a path is no text")?))?;
+        let (columns, values) = read_csv(&set.join(path.as_str().ok_or("a path is not text")?))?;
         names = columns;
         recordings.push(values);
     }

@@ -15,7 +15,7 @@ use crate::data::{count, frame, nested};
 pub(crate) fn run(case: &Value, set: &Path) -> Result<Value, String> {
     let data = frame(case, set)?;
     let params = &case["params"];
-    let number = |name: &str| params[name].as_f64().ok_or_else(|| format!("'{name}' is no number"));
+    let number = |name: &str| params[name].as_f64().ok_or_else(|| format!("'{name}' is not a number"));
     let settings = DynotearsSettings {
         tau_max: count(case, "p")?,
         lambda_w: number("lambda_w")?,

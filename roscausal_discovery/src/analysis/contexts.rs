@@ -101,7 +101,7 @@ fn class_of(data: &DataFrame, var: usize, exogenous: bool) -> Result<NodeClass> 
         }
         Some(recording) if exogenous && !is_shared(data, var) => {
             let reason = format!(
-                "'{name}' varies within recording {} and is not the same in all recordings at each step, so it is no context of \
+                "'{name}' varies within recording {} and is not the same in all recordings at each step, so it is not a context of \
                  jpcmciplus; leave it out, or take candoit for interventions and pcmciplus for other causes",
                 recording + 1
             );

@@ -217,7 +217,7 @@ fn with_result(blank: Model, features: Vec<String>, result: PcmciResult, known: 
     let outcomes = nested(&vars, n_lags, outcome);
     let matrices = Matrices {
         graph: nested(&vars, n_lags, |at @ [i, j, lag]| {
-            // What the time budget left untested is no link.
+            // What the time budget left untested is not a link.
             let untested = outcomes[i][j][lag] == Outcome::Ended;
             if untested { String::new() } else { result.graph[at].symbol().to_owned() }
         }),

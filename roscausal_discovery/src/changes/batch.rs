@@ -21,7 +21,7 @@ pub(super) struct Batch {
     pub(super) first: usize,
     /// Smallest and largest value of each variable, before the mean was taken off.
     pub(super) ranges: Vec<[f64; 2]>,
-    /// Whether each row is no effect; empty: each may be one.
+    /// Whether each row is not an effect; empty: each may be one.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     masked: Vec<bool>,
 }
@@ -38,7 +38,7 @@ impl PartialEq for Batch {
 }
 
 impl Batch {
-    /// The batch with the mean of each variable taken off: a mean that moves is no change of a mechanism.
+    /// The batch with the mean of each variable taken off: a mean that moves is not a change of a mechanism.
     pub(super) fn new(mut values: Array2<f64>, first: usize) -> Self {
         let mut ranges = Vec::with_capacity(values.ncols());
         for mut column in values.columns_mut() {
@@ -52,7 +52,7 @@ impl Batch {
         Self { values, first, ranges, masked: Vec::new() }
     }
 
-    /// The batch in which these rows are no effects: one word for each row, or none.
+    /// The batch in which these rows are not effects: one word for each row, or none.
     pub(super) fn with_masked(self, masked: Vec<bool>) -> Self {
         Self { masked, ..self }
     }

@@ -2,7 +2,7 @@
 //!
 //! 1. The inputs of an effect are its own past and every cause that it depends on at 0.2 (distance correlation of ranks), before
 //!    or after.
-//! 2. Rows after whose inputs lie beyond those before are left out: nobody knows the curve there, so a wider spread is no change.
+//! 2. Rows after whose inputs lie beyond those before are left out: nobody knows the curve there, so a wider spread is not a change.
 //! 3. One Gaussian process of the effect on its inputs, over the rows before and after together. Its hyperparameters are those of
 //!    at most 400 of the rows.
 //! 4. For each cause the score test of a curve that only the rows after have (`score.rs`).

@@ -1,6 +1,6 @@
 //! When a mechanism changes: a detector that reads batch after batch.
 //!
-//! Two graphs of the same system differ by chance, so links that come and go between models are no changes. Here the *slope* of
+//! Two graphs of the same system differ by chance, so links that come and go between models are not changes. Here the *slope* of
 //! each effect on each cause is compared, given what else drives the effect, in two stages:
 //!
 //! 1. The batches since the last change are the regime. A new batch is compared with them: for each link a test of one slope

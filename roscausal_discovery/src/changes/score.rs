@@ -8,7 +8,7 @@
 //!    `v` is `Q = sum (D' P y)_k^2 / k`. If nothing changed, `D' P y` has the covariance `C = D' P D`, and `Q` is a sum of
 //!    chi-squared variables with the eigenvalues of `C` times the weights.
 //! 5. The noise may have another size in each row: `C + s U' diag(e^2 - 1) U` with `U = P D` and the residuals `e^2 = (P y)^2 / P_tt`,
-//!    as HC estimates have it. So a noise that becomes larger is no change.
+//!    as HC estimates have it. So a noise that becomes larger is not a change.
 //! 6. The p-value is that of the chi-squared variable with the same first three moments.
 //!
 //! Sources: Lin 1997 (score test of a variance), Liu, Lin and Ghosh 2007 (of a smooth function, with kernels), Neyman 1937 (cosines of

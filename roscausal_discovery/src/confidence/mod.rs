@@ -4,7 +4,7 @@
 //! 2. Run the whole method on them. Count for each pair and lag how often there was a link, and with which mark.
 //! 3. Put the shares, the majority and the intervals of the values into the model.
 //!
-//! A share is no probability that the link is causal: a hidden common cause makes a link firm, too, and so does a system that
+//! A share is not a probability that the link is causal: a hidden common cause makes a link firm, too, and so does a system that
 //! changes while it is recorded. It says how well the link would be found again in such data. Sources: Debeire, Runge,
 //! Gerhardus and Eyring 2024, "Bootstrap aggregation and confidence measures to improve time series causal discovery"; Politis,
 //! Romano and Wolf 1999, "Subsampling".

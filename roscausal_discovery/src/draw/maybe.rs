@@ -1,4 +1,4 @@
-//! What is no link of a model, but was found in many of its resamples.
+//! What is not a link of a model, but was found in many of its resamples.
 
 use super::svg::MAYBE;
 use crate::model::Model;

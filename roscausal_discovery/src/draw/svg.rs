@@ -152,7 +152,7 @@ impl Stroke {
         }
     }
 
-    /// What is no link of the model, but was found in many resamples.
+    /// What is not a link of the model, but was found in many resamples.
     pub(super) fn of_maybe(mark: &str) -> Self {
         Self { colour: FAINT, width: 1.2, dash: "1.5 4", opacity: 1.0, ends: ends_of(mark) }
     }
@@ -231,7 +231,7 @@ fn dash_of_share(share: f64) -> &'static str {
     if share < 0.5 { "5 4" } else { "" }
 }
 
-/// From this share of the resamples on, what is no link of the model is drawn, dotted.
+/// From this share of the resamples on, what is not a link of the model is drawn, dotted.
 pub(super) const MAYBE: f64 = 0.3;
 
 /// What opacity, dashes and dots mean in a model with resamples, from `at` downwards.

@@ -62,7 +62,7 @@ impl<'a> Known<'a> {
             }
             Method::Fullci => z.extend((0..n_vars).flat_map(past).filter(|node| *node != x)),
             Method::Bivci => z.extend(past(effect).filter(|node| *node != x)),
-            Method::Lagdep => note = "a dependence without conditions is no causal link",
+            Method::Lagdep => note = "a dependence without conditions is not a causal link",
             Method::Granger | Method::Varlingam | Method::Dynotears => {
                 note = "one linear model of all variables at once; there are no conditions of a single link";
             }

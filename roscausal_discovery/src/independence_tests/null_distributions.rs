@@ -32,7 +32,7 @@ impl NullDistributions {
         for (size, mut values) in given {
             if values.is_empty() || values.iter().any(|value| !value.is_finite()) {
                 return fail(format!(
-                    "the distribution for {size} samples has no value, or one that is no number"
+                    "the distribution for {size} samples has no value, or one that is not a number"
                 ));
             }
             values.sort_unstable_by(f64::total_cmp);
@@ -96,10 +96,10 @@ mod tests {
             ("", "there is no distribution"),
             ("100", "the distribution for 100 samples has no value"),
             ("100,100\n1,2", "two distributions for 100 samples"),
-            ("many\n1", "line 1: 'many' is no number of samples"),
-            ("100\n1,2", "line 2: '2' is no value of a column"),
-            ("100\nx", "line 2: 'x' is no number"),
-            ("100\ninf", "no value, or one that is no number"),
+            ("many\n1", "line 1: 'many' is not a number of samples"),
+            ("100\n1,2", "line 2: '2' is not a value of a column"),
+            ("100\nx", "line 2: 'x' is not a number"),
+            ("100\ninf", "no value, or one that is not a number"),
         ] {
             let error = NullDistributions::parse(text).unwrap_err().to_string();
             assert!(error.contains(says) && error.lines().count() == 1, "{text}: {error}");

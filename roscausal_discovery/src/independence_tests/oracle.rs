@@ -54,7 +54,7 @@ impl OracleCi {
                     other => {
                         return Err(Error::param(
                             "truth",
-                            format!("'{}' is no link of a known graph; use -->", other.symbol()),
+                            format!("'{}' is not a link of a known graph; use -->", other.symbol()),
                         ));
                     }
                 }

@@ -90,7 +90,7 @@ impl CondIndTest for ParCorrMult<'_> {
             plain: self.plain.prepare(samples)?,
             samples,
             dummies: &self.dummies,
-            // Steps that are only the past of others are no samples.
+            // Steps that are only the past of others are not samples.
             columns: [longest.saturating_sub(samples.cut_off()), lengths.len()],
             absorbed: Default::default(),
         }))

@@ -54,7 +54,7 @@ pub fn acts_on_of(texts: &[impl AsRef<str>]) -> Result<ActsOn> {
     let pair = |text: &str| match text.split_once('=') {
         Some((column, variable)) => Ok((column.trim().to_owned(), variable.trim().to_owned())),
         None => {
-            Err(Error::param("acts_on", format!("'{text}' is no pair; write it like do_robot_speed=r_v")))
+            Err(Error::param("acts_on", format!("'{text}' is not a pair; write it like do_robot_speed=r_v")))
         }
     };
     let pairs: ActsOn = texts.iter().map(|text| pair(text.as_ref())).collect::<Result<_>>()?;

@@ -200,7 +200,7 @@ pub fn run_bivci(
 
 /// Unconditional dependence of all pairs at all lags.
 ///
-/// These are no causal links. Take them to see how far dependence reaches before choosing `tau_max`.
+/// These are not causal links. Take them to see how far dependence reaches before choosing `tau_max`.
 ///
 /// ```
 /// use roscausal_discovery::{Control, DataFrame, LinkMark};

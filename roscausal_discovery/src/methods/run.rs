@@ -18,7 +18,7 @@ pub(crate) struct Run<'a> {
     by_value: bool,
     one_sided: bool,
     cheap: bool,
-    /// Variables of the test that are no columns of the data.
+    /// Variables of the test that are not columns of the data.
     n_dummies: usize,
     n_tests: AtomicUsize,
     /// Whether a test had conditions: else nothing was regressed.
@@ -68,7 +68,7 @@ impl<'a> Run<'a> {
         self.control().check()?;
         let once = self.once.as_ref().filter(|_| self.samples.are_common(x, y));
         let mut result = once.unwrap_or(&self.test).run_test(x, y, z)?;
-        // Results have no NaN: it counts as no evidence, and is no answer.
+        // Results have no NaN: it counts as no evidence, and is not an answer.
         if result.value.is_nan() {
             result = TestResult { value: 0.0, p_value: 1.0, n_samples: 0, ..result };
         }
@@ -86,7 +86,7 @@ impl<'a> Run<'a> {
         Ok(result)
     }
 
-    /// Whether a result of 0 and 1 is no measurement: the test has no degree of freedom, or a constant.
+    /// Whether a result of 0 and 1 is not a measurement: the test has no degree of freedom, or a constant.
     fn has_no_answer(&self, result: &TestResult, x: Node, y: Node, z: &[Node]) -> bool {
         let of_data = |node: &Node| node.var < self.samples.data().n_vars();
         if result.value != 0.0 || result.p_value != 1.0 || ![x, y].iter().chain(z).all(of_data) {

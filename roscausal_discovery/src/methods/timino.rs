@@ -57,7 +57,7 @@ impl TiminoModel {
             other => Err(Error::param(
                 "test",
                 format!(
-                    "timino regresses, and {other} is no regression; take parcorr for linear effects, gpdc for others"
+                    "timino regresses, and {other} is not a regression; take parcorr for linear effects, gpdc for others"
                 ),
             )),
         }

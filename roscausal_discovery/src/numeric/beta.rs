@@ -4,7 +4,7 @@
 //! after 140 terms, and a test on some ten thousand samples needs more.
 
 /// P(F >= f) of the F distribution with `(d1, d2)` degrees of freedom: `I_x(d2/2, d1/2)` at `x = d2 / (d2 + d1 f)`. One where
-/// there are no degrees of freedom, `f` <= 0 or `f` is no number.
+/// there are no degrees of freedom, `f` <= 0 or `f` is not a number.
 ///
 /// The far tail keeps its relative accuracy: about 1e-12 for hundreds of degrees of freedom, down to the smallest numbers.
 pub(crate) fn f_sf(f: f64, d1: usize, d2: usize) -> f64 {

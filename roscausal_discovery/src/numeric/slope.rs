@@ -22,14 +22,14 @@ impl Slope {
         two_sided(self.value / self.variance.sqrt())
     }
 
-    /// How far two slopes are apart, in standard deviations of their difference; 0 where that is no number.
+    /// How far two slopes are apart, in standard deviations of their difference; 0 where that is not a number.
     pub(crate) fn z_of_same(self, other: Self) -> f64 {
         let z = (self.value - other.value) / (self.variance + other.variance).sqrt();
         if z.is_nan() { 0.0 } else { z }
     }
 }
 
-/// `P(|N(0, 1)| > |z|)`; 1 where `z` is no number.
+/// `P(|N(0, 1)| > |z|)`; 1 where `z` is not a number.
 pub(crate) fn two_sided(z: f64) -> f64 {
     if z.is_nan() { 1.0 } else { erfc(z.abs() / std::f64::consts::SQRT_2) }
 }

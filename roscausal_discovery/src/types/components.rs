@@ -48,7 +48,7 @@ pub fn vectors_of(texts: &[impl AsRef<str>]) -> Result<VectorNames> {
             let columns = columns.split('+').map(|column| column.trim().to_owned());
             Ok((name.trim().to_owned(), columns.collect()))
         }
-        _ => Err(Error::param("vectors", format!("'{text}' is no vector; write it like place=x+y"))),
+        _ => Err(Error::param("vectors", format!("'{text}' is not a vector; write it like place=x+y"))),
     };
     texts.iter().map(|text| group(text.as_ref())).collect()
 }

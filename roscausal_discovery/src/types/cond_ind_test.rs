@@ -127,7 +127,7 @@ pub trait CondIndTest: Send + Sync {
     }
 }
 
-/// A variable that is no column of the data: it tells where a sample is from, and stands for all that differs there and was not
+/// A variable that is not a column of the data: it tells where a sample is from, and stands for all that differs there and was not
 /// recorded.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Dummy {

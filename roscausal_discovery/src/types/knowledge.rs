@@ -279,7 +279,7 @@ impl LinkRule {
 mod tests {
     use super::*;
 
-    /// Rules such as `a b 1 required`: lags are separated by commas, `all` is no lags.
+    /// Rules such as `a b 1 required`: lags are separated by commas, `all` stands for all lags from `tau_min` to `tau_max`.
     fn of(text: &str, [tau_min, tau_max]: [usize; 2]) -> std::result::Result<LinkAssumptions, String> {
         let rule = |(k, line): (usize, &str)| {
             let [cause, effect, lags, is] = line.split_whitespace().collect::<Vec<_>>()[..] else {

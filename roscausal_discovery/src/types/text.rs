@@ -75,14 +75,15 @@ pub fn check_names<'a>(names: impl IntoIterator<Item = &'a String>) -> Result<()
     Ok(())
 }
 
-/// Refuses what is no step between rows, in seconds.
+/// Refuses what is not a step between rows, in seconds.
 ///
 /// # Errors
 /// A step that is not above 0, or is longer than any.
 pub fn check_step(dt: Option<f64>) -> Result<()> {
     match dt.filter(|dt| !(*dt > 0.0 && *dt <= LONGEST_STEP)) {
         Some(dt) => {
-            let reason = format!("{dt} is no step between rows; give seconds above 0, up to {LONGEST_STEP}");
+            let reason =
+                format!("{dt} is not a step between rows; give seconds above 0, up to {LONGEST_STEP}");
             Err(Error::param("dt", reason))
         }
         None => Ok(()),

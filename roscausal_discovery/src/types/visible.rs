@@ -166,10 +166,12 @@ mod tests {
     fn a_long_quotation_is_cut_and_the_advice_stays() {
         let cell = "x".repeat(10 << 20);
         for quote in ['\'', '"', '`'] {
-            let told =
-                message(&format!("row 3, the person's cell: {quote}{cell}{quote} is no number; correct it"));
+            let told = message(&format!(
+                "row 3, the person's cell: {quote}{cell}{quote} is not a number; correct it"
+            ));
             assert!(
-                told.len() < 200 && told.ends_with(&format!("characters){quote} is no number; correct it")),
+                told.len() < 200
+                    && told.ends_with(&format!("characters){quote} is not a number; correct it")),
                 "{told}"
             );
         }

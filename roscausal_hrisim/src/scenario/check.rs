@@ -124,7 +124,7 @@ impl Scenario {
             let at = format!("robots[{index}]");
             let legal = |c: char| c.is_ascii_alphanumeric() || c == '_';
             if !robot.name.chars().all(legal) || robot.name.starts_with(|c: char| c.is_ascii_digit()) {
-                let reason = format!("'{}' is no namespace; use letters, digits and '_'", robot.name);
+                let reason = format!("'{}' is not a namespace; use letters, digits and '_'", robot.name);
                 return Err(Error::param(format!("{at}.name"), reason));
             }
             if !names.insert(&robot.name) {

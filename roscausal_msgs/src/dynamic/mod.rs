@@ -50,8 +50,8 @@ pub enum SchemaError {
     /// The text of another language.
     #[error("the definition is written in IDL; only .msg texts are read")]
     Idl,
-    /// A line that is no field, constant or comment.
-    #[error("'{0}' is no field of a message")]
+    /// A line that is not a field, constant or comment.
+    #[error("'{0}' is not a field of a message")]
     Line(String),
     /// Two fields of one name.
     #[error("{0} has two fields '{1}'")]

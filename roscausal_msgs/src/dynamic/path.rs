@@ -43,7 +43,7 @@ impl FromStr for Path {
 
     /// Fields separated by dots; an array is followed by an index or `*` in brackets.
     fn from_str(text: &str) -> Result<Self, String> {
-        let fault = || format!("'{text}' is no path into a message, such as pose.position.x or ranges[0]");
+        let fault = || format!("'{text}' is not a path into a message, such as pose.position.x or ranges[0]");
         let mut steps = Vec::new();
         for part in text.split('.') {
             let (name, mut rest) = part.split_at(part.find('[').unwrap_or(part.len()));

@@ -34,7 +34,7 @@ pub enum QueryError {
         name: String,
     },
     /// An index where there is no array.
-    #[error("'{0}' is no array")]
+    #[error("'{0}' is not an array")]
     NoArray(String),
     /// A field of an array, without saying of which element.
     #[error("'{0}' is an array; write {0}[0] for one element, or {0}[*] for all")]
@@ -56,7 +56,7 @@ pub enum QueryError {
         type_name: String,
     },
     /// A path that ends at several texts, or at a text that is not read.
-    #[error("'{0}' is no single text that can be read")]
+    #[error("'{0}' is not a single text that can be read")]
     Texts(String),
 }
 
@@ -122,7 +122,7 @@ impl Schema {
     /// The number of elements of the array at a path.
     ///
     /// # Errors
-    /// A path that the schema does not have, or that is no array.
+    /// A path that the schema does not have, or that is not an array.
     pub fn count(&self, path: &Path) -> Result<Query, QueryError> {
         let end = self.follow(path)?;
         match end.array {

@@ -139,7 +139,7 @@ mod tests {
             rows.read(&schema, Wire::Ros1, &[0, 0, 128, 63]),
             Ok(vec![vec![Found::Numbers(vec![1.0])]])
         );
-        assert!(schema.rows(Some(&path("x")), &[]).is_err(), "it is no array");
+        assert!(schema.rows(Some(&path("x")), &[]).is_err(), "it is not an array");
     }
 
     #[test]

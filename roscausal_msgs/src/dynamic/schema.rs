@@ -119,7 +119,7 @@ impl Schema {
     /// each after a line of `=` and `MSG: package/Name`, as bags, connections and MCAP files carry it.
     ///
     /// # Errors
-    /// A text that is no definition, or one that is larger, deeper or more circular than that of any message.
+    /// A text that is not a definition, or one that is larger, deeper or more circular than that of any message.
     pub fn parse(name: &str, definition: &str) -> Result<Self, SchemaError> {
         if definition.len() > LONGEST {
             return Err(SchemaError::Size("more than 1 MB"));
@@ -182,7 +182,7 @@ impl Schema {
         true
     }
 
-    /// The type of a field, if it is no built-in one.
+    /// The type of a field, if it is not a built-in one.
     pub fn nested(&self, kind: Kind) -> Option<&Struct> {
         match kind {
             Kind::Struct(place) => self.types.get(place),

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from . import _native
 from ._native import DataError, SettingError
 
-#: The column that holds seconds and is no variable.
+#: The column that holds seconds and is not a variable.
 TIME = "time"
 
 

@@ -37,13 +37,13 @@ def text_of(causal_model: Any, info: Any) -> str:
         pval = np.array(causal_model.pval_matrix.data, dtype=float).reshape(shape)
         n_lags, n, _ = there.shape
     except (AttributeError, ValueError, TypeError) as fault:
-        raise DataError(f"this is no message roscausal_msgs/CausalModel: {fault}") from None
+        raise DataError(f"this is not a message roscausal_msgs/CausalModel: {fault}") from None
     known = {name: getattr(info, field) for name, field in _OF_INFO.items()} if info is not None else {}
     tau_min = int(known.get("tau_min", 1))
     tau_max = tau_min + n_lags - 1
     cube = (n, n, tau_max + 1)
     if there.shape != (n_lags, len(names), len(names)) or n_lags < 1 or tau_min < 0:
-        raise DataError("this is no message roscausal_msgs/CausalModel: its arrays are not lags x features x features")
+        raise DataError("this is not a message roscausal_msgs/CausalModel: its arrays are not lags x features x features")
     if n * n * (tau_max + 1) > _MOST_PLACES:
         raise DataError(f"a model of {n} variables with lags up to {tau_max} is too large for a message")
     graph, outcomes = np.full(cube, "", dtype="<U3"), np.full(cube, "unknown", dtype="<U9")

@@ -181,7 +181,7 @@ class Picture:
             case ".pdf":
                 file.write_bytes(self.pdf())
             case other:
-                raise SettingError(f"setting 'path': '{other}' is no format of a picture; give a name that ends in .svg, .png or .pdf")
+                raise SettingError(f"setting 'path': '{other}' is not a picture format; give a name that ends in .svg, .png or .pdf")
 
 
 class Model:

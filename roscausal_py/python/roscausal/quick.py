@@ -35,7 +35,7 @@ def discover(
     Args:
         data: An array (T, N), times in rows; a pandas or polars table; an Arrow table; a dict of series (T,); a path of a
             .csv, .bag, .mcap or .db3 file; what `rc.read` returns; or a list of these, as recordings of one system. NaN,
-            None and masked values are missing. A column `time` gives the step and is no variable.
+            None and masked values are missing. A column `time` gives the step and is not a variable.
         columns: The variables to analyse, in this order; for an array: its names.
         test: Name of an independence test, or None: the method's own; or your own: a function `f(x, y, z) -> (value, p)` of arrays
             (n,), (n,), (n, k), or an object with `run_test_raw(x, y, z)` of arrays (n, 1), (n, 1), (n, k), or with

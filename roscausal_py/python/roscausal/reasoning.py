@@ -148,7 +148,7 @@ class WhatIf(_Answer):
         for outlook in self.outlooks:
             if outlook.action == action:
                 return outlook
-        raise KeyError(f"{action} is no action of the question, which has: {', '.join(o.action for o in self.outlooks)}")
+        raise KeyError(f"{action} is not an action of the question, which has: {', '.join(o.action for o in self.outlooks)}")
 
     def to_pandas(self) -> Any:
         """All forecasts as a pandas table: action, variable, step (from 1), mean, lower, upper, skill.

@@ -111,7 +111,7 @@ impl Case {
         let mut reader = csv::Reader::from_path(&path).map_err(|e| fail(&e))?;
         let header = reader.headers().map_err(|e| fail(&e))?.clone();
         let wanted = self.variables()?;
-        // A column that is no variable, such as the time, is left out.
+        // A column that is not a variable, such as the time, is left out.
         let is_variable = |name: &str| wanted.iter().any(|wanted| wanted == name);
         let all = !header.iter().any(is_variable);
         let kept: Vec<usize> = (0..header.len()).filter(|&k| all || is_variable(&header[k])).collect();

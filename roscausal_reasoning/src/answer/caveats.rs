@@ -181,7 +181,7 @@ pub(super) fn of_model(model: &StructuralModel) -> Vec<String> {
         }
     }
     if !model.facts.dropped.is_empty() {
-        caveats.push(format!("{} had no link and is no part of the model", listed(&model.facts.dropped)));
+        caveats.push(format!("{} had no link and is not part of the model", listed(&model.facts.dropped)));
     }
     caveats.extend(model.facts.warnings.iter().cloned());
     caveats

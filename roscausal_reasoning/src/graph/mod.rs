@@ -142,7 +142,7 @@ impl Graph {
         Ok(Self { names, largest_lag, parents, pairs: pairs.to_vec(), order })
     }
 
-    /// The graph of a model, without the columns `context`: these are no variables of the system. Within a moment, a pair without a
+    /// The graph of a model, without the columns `context`: these are not variables of the system. Within a moment, a pair without a
     /// direction is open. A link that [`is_no_plain_cause`] is left out, also one of a variable with its own past.
     ///
     /// # Errors

@@ -54,7 +54,7 @@ impl Settings {
         if !(0.5..1.0).contains(&self.interval) {
             return Err(Error::param(
                 "interval",
-                format!("{} is no probability from 0.5 to below 1, such as 0.9", self.interval),
+                format!("{} is not a probability from 0.5 to below 1, such as 0.9", self.interval),
             ));
         }
         Ok(())

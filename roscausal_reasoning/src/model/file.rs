@@ -40,7 +40,7 @@ struct File {
     rows: Vec<Vec<Vec<Option<f64>>>>,
     /// `[recording]` of `[row, variable]` where an experiment imposed the variable.
     imposed: Vec<Vec<(usize, usize)>>,
-    /// `[recording]` of the rows that are no effects; left out where there are none.
+    /// `[recording]` of the rows that are not effects; left out where there are none.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     masked: Vec<Vec<usize>>,
 }
@@ -138,7 +138,7 @@ impl StructuralModel {
     /// Text of another layout, or parts that do not fit together.
     pub fn from_json(text: &str) -> Result<Self> {
         let broken = |reason: &dyn std::fmt::Display| {
-            Error::Data(format!("this is no structural model ({SCHEMA}): {reason}"))
+            Error::Data(format!("this is not a structural model ({SCHEMA}): {reason}"))
         };
         check_nesting(text.as_bytes()).map_err(|e| broken(&e))?;
         let head: Head = serde_json::from_str(text).map_err(|e| broken(&reason_of(e)))?;
@@ -165,7 +165,9 @@ impl StructuralModel {
                 "o-o" | "x-x" if *lag == 0 => {
                     pairs.push(Pair { a: cause, b: effect, conflict: mark == "x-x" })
                 }
-                mark => return Err(broken(&format!("{} at lag {lag} is no mark of a link", quoted(mark)))),
+                mark => {
+                    return Err(broken(&format!("{} at lag {lag} is not a mark of a link", quoted(mark))));
+                }
             }
         }
         let recording = |rows: &Vec<Vec<Option<f64>>>| {

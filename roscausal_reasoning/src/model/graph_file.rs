@@ -63,14 +63,14 @@ fn directed() -> String {
 pub fn graph_of_json(text: &str, context: &[String]) -> Result<(Graph, Facts)> {
     check_nesting(text.as_bytes())?;
     let head: Head =
-        serde_json::from_str(text).map_err(|e| Error::Data(format!("this is no JSON: {}", reason_of(e))))?;
+        serde_json::from_str(text).map_err(|e| Error::Data(format!("this is not JSON: {}", reason_of(e))))?;
     if head.schema.is_some() {
         let model = Model::from_json(text.as_bytes())?;
         return Ok((Graph::of_model(&model, context)?, Facts::of_model(&model)));
     }
     let ByHand { mut variables, links, units, dt } = serde_json::from_str(text).map_err(|e| {
         let example = r#"{"links": [{"cause": "r_v", "effect": "d", "lag": 1}]}"#;
-        Error::Data(format!("this is no graph: {}; write {example}", reason_of(e)))
+        Error::Data(format!("this is not a graph: {}; write {example}", reason_of(e)))
     })?;
     check_step(dt)?;
     if variables.is_empty() {

@@ -175,7 +175,7 @@ impl Intervention {
             ));
         }
         if let Some(value) = self.values.iter().find(|value| !value.is_finite()) {
-            return Err(format!("{whose}: {value} is no value that can be set; give a finite number"));
+            return Err(format!("{whose}: {value} is not a value that can be set; give a finite number"));
         }
         for k in 0..steps {
             let (step, value) =

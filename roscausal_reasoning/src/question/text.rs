@@ -30,7 +30,7 @@ pub fn parse_action(text: &str) -> Result<Action, String> {
 }
 
 fn intervention(text: &str) -> Result<Intervention, String> {
-    let fault = || format!("'{text}' is no intervention; write it like r_v=0@1..10 or r_v+=-0.2");
+    let fault = || format!("'{text}' is not an intervention; write it like r_v=0@1..10 or r_v+=-0.2");
     let (left, right) = text.split_once('=').ok_or_else(fault)?;
     let (variable, kind) = match left.trim_end().strip_suffix('+') {
         Some(variable) => (variable.trim(), Kind::Shift),
@@ -63,7 +63,7 @@ fn intervention(text: &str) -> Result<Intervention, String> {
 /// # Errors
 /// One sentence: what cannot be read, and an example.
 pub fn parse_limit(text: &str) -> Result<Limit, String> {
-    let fault = || format!("'{text}' is no limit; write it like d>1.5:0.95 or h_risk<2");
+    let fault = || format!("'{text}' is not a limit; write it like d>1.5:0.95 or h_risk<2");
     let (bound, probability) = match text.split_once(':') {
         Some((bound, probability)) => (bound, probability.trim().parse().map_err(|_| fault())?),
         None => (text, 0.95),

@@ -325,7 +325,7 @@ fn guarded(database: Connection, path: &Path) -> rusqlite::Result<Connection> {
         Err(rusqlite::Error::QueryReturnedNoRows) => Ok(database),
         Err(error) => Err(error),
         Ok(name) => {
-            Err(rusqlite::Error::ToSqlConversionFailure(format!("its {name} is no plain table").into()))
+            Err(rusqlite::Error::ToSqlConversionFailure(format!("its {name} is not a plain table").into()))
         }
     }
 }

@@ -75,7 +75,7 @@ impl Participant {
     ) -> Result<futures::future::AbortHandle> {
         let fail = |reason: String| Error::Topic { topic: name.to_owned(), reason };
         let (package, short) =
-            kind.split_once('/').ok_or_else(|| fail(format!("'{kind}' is no type of a message")))?;
+            kind.split_once('/').ok_or_else(|| fail(format!("'{kind}' is not a message type")))?;
         let (folder, short) = short.split_once('/').unwrap_or(("msg", short));
         let dds_type = format!("{package}::{folder}::dds_::{short}_");
         let made = self.session(|session| {

@@ -86,7 +86,7 @@ impl Enclave {
         let folder = keystore.join("enclaves").join(name.trim_start_matches('/'));
         if !folder.is_dir() {
             return Err(format!(
-                "there is no enclave {name}: {} is no folder; make it with 'ros2 security create_enclave {} {name}'",
+                "there is no enclave {name}: {} is not a folder; make it with 'ros2 security create_enclave {} {name}'",
                 folder.display(),
                 keystore.display()
             ));

@@ -82,7 +82,7 @@ impl ParamFile {
                 ("ros__parameters", Yaml::Mapping(_)) => self.add_values(node, "", inner)?,
                 ("ros__parameters", Yaml::Null) => {}
                 ("ros__parameters", _) => {
-                    return Err(format!("'ros__parameters' of '{node}' is no mapping; {form}"));
+                    return Err(format!("'ros__parameters' of '{node}' is not a mapping; {form}"));
                 }
                 _ => self.add_nodes(&format!("{node}/{key}"), inner)?,
             }
@@ -180,7 +180,7 @@ fn scalar_or_list(yaml: &Yaml) -> Result<Value, String> {
         Yaml::Sequence(items) => {
             let items = items.iter().map(scalar_or_list).collect::<Result<Vec<_>, _>>()?;
             if items.iter().any(|item| matches!(item, Value::List(_))) {
-                return Err("a list of lists is no ROS 2 parameter".into());
+                return Err("a list of lists is not a ROS 2 parameter".into());
             }
             let kind = |item: &Value| std::mem::discriminant(item);
             if items.windows(2).any(|pair| kind(&pair[0]) != kind(&pair[1])) {

@@ -124,7 +124,7 @@ impl Args {
         let latest = 3600.0;
         let bad = |start: &&f64| !(10.0..=latest).contains(*start);
         if let Some(start) = self.starts.iter().find(bad) {
-            return Err(Error::param("starts", format!("{start} is no moment from 10 to {latest} s")));
+            return Err(Error::param("starts", format!("{start} is not a moment from 10 to {latest} s")));
         }
         if self.starts.is_empty() {
             return Err(Error::param("starts", "there is none; give a moment in seconds, such as 60"));

@@ -104,7 +104,7 @@ impl<'a, 'n> Parser<'a, 'n> {
         if let Some((1.., length)) = exponent {
             end += length;
         }
-        let number: f64 = rest[..end].parse().map_err(|_| self.fault("this is no number"))?;
+        let number: f64 = rest[..end].parse().map_err(|_| self.fault("this is not a number"))?;
         self.at += end;
         Ok(Node::Number(number * self.unit()?))
     }
@@ -121,7 +121,7 @@ impl<'a, 'n> Parser<'a, 'n> {
         }
         let Some((name, unit)) = UNITS.iter().find(|(known, _)| *known == name) else {
             let known: Vec<&str> = UNITS.iter().map(|(name, _)| *name).collect();
-            return Err(self.fault(&format!("'{name}' is no unit; units: {}", known.join(", "))));
+            return Err(self.fault(&format!("'{name}' is not a unit; units: {}", known.join(", "))));
         };
         self.at += name.len();
         Ok(*unit)

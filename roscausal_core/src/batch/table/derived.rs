@@ -36,7 +36,7 @@ impl Derived {
         let (name, text) = (name.trim().to_owned(), text.trim().to_owned());
         let legal = |c: char| c.is_alphanumeric() || "_-.{}\\".contains(c);
         if name.is_empty() || !name.chars().all(legal) {
-            return Err(fault(format!("'{name}' is no name of a variable; use letters, digits and '_'")));
+            return Err(fault(format!("'{name}' is not a valid variable name; use letters, digits and '_'")));
         }
         let used = Expression::names_in(&text).map_err(|reason| fault(format!("{name} = {reason}")))?;
         Ok(Self { name, text, used })

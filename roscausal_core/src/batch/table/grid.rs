@@ -25,7 +25,7 @@ impl Grid {
     /// Reads a file. `is_header` says whether these words can be the names of the columns.
     ///
     /// # Errors
-    /// A file that cannot be read, or is no table.
+    /// A file that cannot be read, or is not a table.
     pub(crate) fn read(
         path: &Path,
         missing: &[f64],

@@ -60,7 +60,7 @@ impl FromStr for Unit {
             "ns" | "nsec" | "nanos" | "nanoseconds" => Ok(Self::Nanoseconds),
             "min" | "mins" | "minutes" => Ok(Self::Minutes),
             "h" | "hr" | "hrs" | "hours" => Ok(Self::Hours),
-            _ => Err(format!("'{text}' is no unit of time; allowed: {}", Self::NAMES.join(", "))),
+            _ => Err(format!("'{text}' is not a unit of time; allowed: {}", Self::NAMES.join(", "))),
         }
     }
 }

@@ -64,7 +64,7 @@ impl Agents {
     /// The agents in a file.
     ///
     /// # Errors
-    /// A file that is no table of trajectories.
+    /// A file that is not a table of trajectories.
     pub fn read(path: &Path, reading: &TrajectoryReading) -> Result<Self> {
         let fault = |reason: String| Error::file(path, reason);
         let grid = Grid::read(path, &reading.missing, Memory::of(reading.max_memory), |words| {

@@ -36,7 +36,7 @@ impl FromStr for PositionUnit {
             "cm" => Ok(Self::Centimetres),
             "mm" => Ok(Self::Millimetres),
             "ft" | "feet" => Ok(Self::Feet),
-            other => Err(format!("'{other}' is no unit of positions; allowed: m, cm, mm, ft")),
+            other => Err(format!("'{other}' is not a unit of positions; allowed: m, cm, mm, ft")),
         }
     }
 }

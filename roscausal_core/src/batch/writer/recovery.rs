@@ -67,7 +67,7 @@ fn replayed(raw: &Pool, path: &Path) -> Result<Vec<Recording>> {
             let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
             let to = folder.join(name.trim_start_matches('.'));
             fs::rename(path, &to).map_err(|e| Error::file(path, e))?;
-            tracing::error!("{} is no journal ({reason}); moved to {}", path.display(), to.display());
+            tracing::error!("{} is not a journal ({reason}); moved to {}", path.display(), to.display());
             Ok(Vec::new())
         }
     }

@@ -177,7 +177,7 @@ impl<const N: usize> Minimizer<N> {
         }
     }
 
-    /// The line search to the minimum of the model; `None` where that is no descent.
+    /// The line search to the minimum of the model; `None` where that is not a descent.
     fn line_towards_minimum(&self, at: &Point<N>) -> Option<Line<N>> {
         let target = self.bounds.subspace_minimum(at, &self.memory)?;
         let direction: [f64; N] = std::array::from_fn(|i| target[i] - at.x[i]);
@@ -341,7 +341,7 @@ impl<const N: usize> Bounds<N> {
         if inside || dot(&whole, &at.gradient) <= 0.0 {
             return Some(projected);
         }
-        // The projection is no descent direction: cut the step at the first bound instead.
+        // The projection is not a descent direction: cut the step at the first bound instead.
         let cut = self.longest_step(&cauchy, &newton).min(1.0);
         Some(self.clamp(std::array::from_fn(|i| cauchy[i] + cut * newton[i])))
     }

@@ -37,7 +37,7 @@ pub struct DynotearsSettings {
     pub max_iterations: usize,
     /// How near to acyclic the weights at lag 0 must be. Default 1e-8.
     pub h_tolerance: f64,
-    /// A smaller weight is no link. Default 0.05.
+    /// A smaller weight is not a link. Default 0.05.
     pub threshold: f64,
     /// Whether each variable is scaled to mean 0 and deviation 1 first. Default true; the reference does not.
     pub standardise: bool,

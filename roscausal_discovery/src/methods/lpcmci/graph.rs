@@ -8,9 +8,9 @@ use crate::types::{LinkEnd, Node};
 pub(crate) enum Middle {
     /// `?`: nothing is known.
     Unknown,
-    /// `L`: B is no ancestor of A, or no subset of A's parents separates them.
+    /// `L`: B is not an ancestor of A, or no subset of A's parents separates them.
     Left,
-    /// `R`: A is no ancestor of B, or no subset of B's parents separates them.
+    /// `R`: A is not an ancestor of B, or no subset of B's parents separates them.
     Right,
     /// `!`: both.
     Both,

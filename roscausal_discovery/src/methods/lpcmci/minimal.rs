@@ -1,4 +1,4 @@
-//! Weakly minimal separating sets: no member that is no ancestor of the pair can be left out.
+//! Weakly minimal separating sets: no member that is not an ancestor of the pair can be left out.
 
 use super::{
     graph::Pair,

@@ -17,7 +17,7 @@ use crate::{
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) struct Separating {
     pub(super) nodes: Vec<Node>,
-    /// Weakly minimal: no member that is no ancestor of the pair can be left out.
+    /// Weakly minimal: no member that is not an ancestor of the pair can be left out.
     pub(super) minimal: bool,
 }
 

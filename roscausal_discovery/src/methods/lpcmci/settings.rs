@@ -75,7 +75,7 @@ impl LpcmciSettings {
             return Err(Error::param("pc_alpha", format!("{} is not between 0 and 1", self.pc_alpha)));
         }
         if self.contexts.iter().any(|&(variable, context)| variable.max(context) >= data.n_vars()) {
-            return Err(Error::param("contexts", "an intervened variable or its context is no column"));
+            return Err(Error::param("contexts", "an intervened variable or its context is not a column"));
         }
         self.link_assumptions
             .as_ref()

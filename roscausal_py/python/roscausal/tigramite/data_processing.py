@@ -199,7 +199,7 @@ class DataFrame:
         nodes = [node for role in roles for node in role]
         for var, lag in nodes if do_checks else []:
             if not 0 <= var < self.N or lag > 0:
-                raise ValueError(f"({var}, {lag}) is no node: variables are 0 to {self.N - 1}, lags 0 or less")
+                raise ValueError(f"({var}, {lag}) is not a node: variables are 0 to {self.N - 1}, lags 0 or less")
         if do_checks and not any(lag == 0 for _, lag in roles[1]):
             raise ValueError(f"Y = {roles[1]}: one of its nodes is at lag 0")
         max_lag = max([abs(lag) for _, lag in nodes], default=0)

@@ -193,7 +193,7 @@ fn seconds(
                 let word = word.as_deref().unwrap_or_default();
                 time::date(word).ok_or_else(|| {
                     format!(
-                        "row {}, column '{name}': '{word}' is no date such as 2026-11-24T08:30:00.25+01:00",
+                        "row {}, column '{name}': '{word}' is not a date such as 2026-11-24T08:30:00.25+01:00",
                         row + 1
                     )
                 })

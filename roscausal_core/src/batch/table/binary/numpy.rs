@@ -134,7 +134,7 @@ fn spread(name: &str, array: Array, names: &[Vec<String>]) -> Vec<(String, Colum
 /// One array: a header in Python's words, then the values.
 fn array(bytes: &[u8], memory: Memory) -> Result<Array, String> {
     let short = || "the NumPy file is cut off".to_owned();
-    let rest = bytes.strip_prefix(b"\x93NUMPY").ok_or("this is no NumPy array")?;
+    let rest = bytes.strip_prefix(b"\x93NUMPY").ok_or("this is not a NumPy array")?;
     let (length, start): (usize, usize) = match rest {
         [1, _, a, b, ..] => (usize::from(u16::from_le_bytes([*a, *b])), 4),
         [2 | 3, _, a, b, c, d, ..] => (u32::from_le_bytes([*a, *b, *c, *d]) as usize, 6),
@@ -144,7 +144,7 @@ fn array(bytes: &[u8], memory: Memory) -> Result<Array, String> {
         return Err(format!("the header of the NumPy file claims {length} bytes"));
     }
     let header = rest.get(start..start + length).ok_or_else(short)?;
-    let header = std::str::from_utf8(header).map_err(|_| "the header of the NumPy file is no text")?;
+    let header = std::str::from_utf8(header).map_err(|_| "the header of the NumPy file is not text")?;
     let values = rest.get(start + length..).ok_or_else(short)?;
     let (kinds, fortran, shape) = described(header)?;
     let count =
