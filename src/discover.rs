@@ -29,7 +29,7 @@ use roscausal_core::{
     },
 };
 use roscausal_discovery::{
-    AboutData, Choice, DataFrame, Evidence, Fault, Levelled, Model, Named, Settings,
+    DataFrame, DataProfile, Evidence, Fault, Levelled, Model, Named, Recommendation, Settings,
     confidence::{ResampleGraph, Resampled, set_step},
 };
 
@@ -210,11 +210,11 @@ fn explain(args: &Args, interrupt: &Interrupt) -> Result<()> {
     let mut request = args.method.request_for_reading(args.seed)?;
     let Data { data, origins, .. } = Data::read(args, &mut request.settings, interrupt, true, None)?;
     look_at(&data, &origins, args, &request.settings)?;
-    let choice = Choice::of(&data, &request.settings);
-    let chosen = args.method.chosen(&choice, &request)?;
+    let recommended = Recommendation::of(&data, &request.settings);
+    let chosen = args.method.chosen(&recommended, &request)?;
     let (method, test) = (chosen.method, &chosen.cond_ind_test);
     crate::terminal::say!("For these data I would take {method} with {test}:");
-    choice.why.iter().for_each(|reason| crate::terminal::say!("* {reason}"));
+    recommended.why.iter().for_each(|reason| crate::terminal::say!("* {reason}"));
     crate::terminal::say!("* {}: {}", method.name(), method.info().assumes);
     crate::terminal::say!(
         "Nothing was analysed. The same command with --method {method} --test {test} does it, or with --take-it. `roscausal methods` \
@@ -261,21 +261,21 @@ fn found_and_kept(args: &Args, interrupt: &Interrupt, quiet: bool, keep: Option<
         Data::read(args, &mut request.settings, interrupt, quiet, keep)?;
     let data = data.with_named_vectors(&request.vectors)?;
     if args.method.is_auto() {
-        request.settings = args.method.chosen(&Choice::of(&data, &request.settings), &request)?;
+        request.settings = args.method.chosen(&Recommendation::of(&data, &request.settings), &request)?;
     }
     let settings = args.method.for_variables(&request, data.var_names())?;
-    let about = look_at(&data, &origins, args, &settings)?;
+    let profile = look_at(&data, &origins, args, &settings)?;
     let Levelled { data, settings, note } = Levelled::of(data, &runs, settings);
     warnings.extend(note);
-    let about =
-        if settings.test.as_tigramite { about } else { about.with_later(&data, settings.tau_max, dt) };
+    let profile =
+        if settings.test.as_tigramite { profile } else { profile.with_later(&data, settings.tau_max, dt) };
     if let Some(told) = estimate::check(&data, &settings, resampling.as_ref(), &args.means)? {
         crate::terminal::tell!("{told}");
     }
     let Resampled { mut model, evidence, graphs } =
         args.means.analyse(&data, &settings, resampling.as_ref(), interrupt, quiet)?;
     set_step(&mut model, dt);
-    model.about_data = Some(about);
+    model.about_data = Some(profile);
     model.warnings.splice(0..0, warnings);
     Ok(Answer { model, evidence, data, graphs })
 }
@@ -528,8 +528,8 @@ fn runs_of(tables: &[(Input, Table)], dt: Option<f64>) -> Vec<[usize; 2]> {
 }
 
 /// Looks at the data, and refuses what no analysis should take as it is, with the way out.
-fn look_at(data: &DataFrame, origins: &[PathBuf], args: &Args, settings: &Settings) -> Result<AboutData> {
-    let (about, faults) = AboutData::of(data, settings.tau_max);
+fn look_at(data: &DataFrame, origins: &[PathBuf], args: &Args, settings: &Settings) -> Result<DataProfile> {
+    let (profile, faults) = DataProfile::of(data, settings.tau_max);
     let origin = |place: &usize| match origins.get(*place) {
         Some(file) => file.display().to_string(),
         None => format!("recording {}", place + 1),
@@ -555,7 +555,7 @@ fn look_at(data: &DataFrame, origins: &[PathBuf], args: &Args, settings: &Settin
         };
         return Err(Error::Data(reason));
     }
-    Ok(about.for_test(&settings.cond_ind_test))
+    Ok(profile.for_test(&settings.cond_ind_test))
 }
 
 /// The files with their metadata, if that mentions interventions or several people and all columns are analysed.

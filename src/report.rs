@@ -47,15 +47,15 @@ pub(crate) fn text_with(model: &Model, advice: bool) -> String {
 
 /// The paragraph "About the data", if they were looked at.
 fn about_data(model: &Model) -> Option<String> {
-    let about = model.about_data.as_ref()?;
-    if about.remarks.is_empty() {
+    let profile = model.about_data.as_ref()?;
+    if profile.remarks.is_empty() {
         let fewest =
-            about.variables.iter().map(|variable| variable.effective_samples).fold(f64::INFINITY, f64::min);
+            profile.variables.iter().map(|variable| variable.effective_samples).fold(f64::INFINITY, f64::min);
         return Some(format!(
             "About the data: no drift, no stretches without change, no outliers; worth at least {fewest:.0} independent samples."
         ));
     }
-    Some(format!("About the data: {}.", about.remarks.join(". ")))
+    Some(format!("About the data: {}.", profile.remarks.join(". ")))
 }
 
 fn headline(model: &Model) -> String {
@@ -103,7 +103,7 @@ fn nothing_found(model: &Model) -> String {
         // All variables were left out by a filter, which is told beside this.
         0 if all == 0 => "No causal link found.".to_owned(),
         0 => "No pair was tested, so nothing is known of any link.".to_owned(),
-        _ if model.about_data.as_ref().is_some_and(|about| !about.later.is_empty()) => {
+        _ if model.about_data.as_ref().is_some_and(|profile| !profile.later.is_empty()) => {
             format!(
                 "No causal link found at lags {} to {}; there is dependence at longer ones.",
                 model.tau_min, model.tau_max

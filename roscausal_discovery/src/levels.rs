@@ -10,9 +10,9 @@
 use ndarray::Array2;
 
 use crate::{
-    about::effective_share,
     methods::Method,
     numeric::rows::moments,
+    profile::effective_share,
     settings::{Levels, Settings},
     types::DataFrame,
 };

@@ -80,10 +80,8 @@
 #[macro_use]
 mod types;
 
-mod about;
 mod analysis;
 pub mod changes;
-mod choice;
 pub mod confidence;
 pub mod draw;
 mod effort;
@@ -94,13 +92,13 @@ mod levels;
 pub mod methods;
 mod model;
 mod numeric;
+mod profile;
+mod recommend;
 pub mod rolling;
 pub mod settings;
 pub mod transfer_entropy;
 
-pub use about::{AboutData, AboutVariable, Fault};
 pub use analysis::{analyse, analyse_with, analyse_with_evidence};
-pub use choice::Choice;
 pub use effort::Effort;
 pub use evidence::{AtLag, Condition, EVIDENCE_SCHEMA, Evidence, LinkEvidence, MOST_POINTS, VariableFacts};
 pub use later::Later;
@@ -110,6 +108,8 @@ pub use model::{
     decides_by_pc_alpha, sentence_of, word_of,
 };
 pub use numeric::{random::mix, rows::quantile};
+pub use profile::{DataProfile, Fault, VariableProfile};
+pub use recommend::Recommendation;
 pub use settings::{Levels, PcAlpha, Settings};
 pub use types::*;
 

@@ -4,7 +4,7 @@
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, reason = "a test fails by panicking")]
 
 use ndarray::Array2;
-use roscausal_discovery::{AboutData, DataFrame, Later, mix};
+use roscausal_discovery::{DataFrame, DataProfile, Later, mix};
 
 fn uniform(seed: &mut u64) -> f64 {
     *seed += 1;
@@ -43,8 +43,8 @@ fn system(seed: u64, links: usize, lags: std::ops::RangeInclusive<usize>) -> (Da
 }
 
 fn advised(data: &DataFrame) -> usize {
-    let (about, _) = AboutData::of(data, 1);
-    about.with_later(data, 1, Some(0.1)).later.first().map_or(1, |later| later.tau_max)
+    let (profile, _) = DataProfile::of(data, 1);
+    profile.with_later(data, 1, Some(0.1)).later.first().map_or(1, |later| later.tau_max)
 }
 
 #[test]

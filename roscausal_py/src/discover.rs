@@ -4,7 +4,7 @@ use std::time::Instant;
 
 use pyo3::{prelude::*, types::PyString};
 use roscausal_discovery::{
-    AboutData, CondIndTest, Error, Levelled, Result, analyse, analyse_with,
+    CondIndTest, DataProfile, Error, Levelled, Result, analyse, analyse_with,
     confidence::{analyse_resampled, set_step},
     independence_tests::{self, by_name},
     lock,
@@ -81,13 +81,13 @@ pub(crate) fn discover(
     let start = Instant::now();
     let (data, settings) = for_data(&request, frame.data()).map_err(raised)?;
     // What the command refuses, its own caller may want; what the data are like is told.
-    let (about, _) = AboutData::of(&data, settings.tau_max);
+    let (profile, _) = DataProfile::of(&data, settings.tau_max);
     let each: Vec<usize> = (0..data.recordings().len()).collect();
     let Levelled { data, settings, note } =
         Levelled::of(std::sync::Arc::unwrap_or_clone(data), &each, settings);
-    let about = about.for_test(&settings.cond_ind_test);
-    let about =
-        if settings.test.as_tigramite { about } else { about.with_later(&data, settings.tau_max, dt) };
+    let profile = profile.for_test(&settings.cond_ind_test);
+    let profile =
+        if settings.test.as_tigramite { profile } else { profile.with_later(&data, settings.tau_max, dt) };
     let found = watched(py, &means, move |control| match (&own, &resampling) {
         (Some(test), _) => analyse_with(&data, test.as_ref(), &settings, control),
         (None, Some(resampling)) => analyse_resampled(&data, &settings, resampling, control),
@@ -96,7 +96,7 @@ pub(crate) fn discover(
     let mut model = found.map_err(|error| own_exception(failure.as_ref(), error))?;
     model.run_time_s = Some(start.elapsed().as_secs_f64());
     set_step(&mut model, dt);
-    model.about_data = Some(about);
+    model.about_data = Some(profile);
     model.warnings.splice(0..0, warnings.into_iter().chain(note));
     Ok(model.to_json())
 }

@@ -4,7 +4,7 @@ use std::{path::PathBuf, time::Instant};
 
 use roscausal_core::{Error, Result, threads};
 use roscausal_discovery::{
-    Choice, Control, DataFrame, Settings, analyse_with_evidence,
+    Control, DataFrame, Recommendation, Settings, analyse_with_evidence,
     confidence::{Resampled, Resampling, resample},
     methods::Method,
     settings::{Group, Kind, Readers, Request, SETTINGS, setting},
@@ -71,10 +71,10 @@ impl MethodArgs {
         seeded(&given, seed)
     }
 
-    /// The settings with the method and test that `choice` names, unless the user named the test or the lag.
-    pub(super) fn chosen(&self, choice: &Choice, request: &Request) -> Result<Settings> {
+    /// The settings with the method and test that `recommended` names, unless the user named the test or the lag.
+    pub(super) fn chosen(&self, recommended: &Recommendation, request: &Request) -> Result<Settings> {
         let settings = &request.settings;
-        let mut chosen = choice.applied(settings);
+        let mut chosen = recommended.applied(settings);
         if self.0.text("test").is_some() {
             chosen.cond_ind_test.clone_from(&settings.cond_ind_test);
         }

@@ -139,7 +139,7 @@ impl Comparison<'_> {
             Form::Slope => self.slopes_differ(before, after, mechanisms)?,
             Form::Curve => self.curves_differ(before, after, mechanisms)?,
         };
-        found.iter_mut().for_each(|link| link.p = self.yardstick.p_value(link.at, link.z));
+        found.iter_mut().for_each(|link| link.p = self.baseline.p_value(link.at, link.z));
         corrected(&mut found);
         Ok(found)
     }

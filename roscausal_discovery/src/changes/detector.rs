@@ -6,20 +6,20 @@ use ndarray::{Array2, ArrayView2, s};
 use serde::{Deserialize, Serialize};
 
 use super::{
+    baseline::Baseline,
     batch::Batch,
     curves,
     event::{ChangeEvent, Form, Status},
     place::Place,
     terms::{Comparison, Difference, Mechanisms, NONE},
     when,
-    yardstick::Yardstick,
 };
 use crate::types::{Control, Error, Result};
 
 /// Most rows of a regime that are compared; but this many parts, however long.
 const MOST_ROWS: usize = 2000;
 const PARTS: usize = 8;
-/// Comparisons that come before the first suspicion: they make the yardstick.
+/// Comparisons that come before the first suspicion: they make the baseline.
 const FIRST: usize = 2;
 /// Batches in which the time of a change is looked for.
 const LOCATED_IN: usize = 5;
@@ -65,7 +65,7 @@ pub struct Detector {
     closed: VecDeque<(usize, Vec<Batch>)>,
     held: Option<Suspicion>,
     #[serde(default)]
-    yardstick: Yardstick,
+    baseline: Baseline,
     rows: usize,
     told: usize,
 }
@@ -111,7 +111,7 @@ impl Detector {
             since: 0,
             closed: VecDeque::new(),
             held: None,
-            yardstick: Yardstick::default(),
+            baseline: Baseline::default(),
             rows: 0,
             told: 0,
         })
@@ -284,7 +284,7 @@ impl Detector {
             names: &self.names,
             tau_max: self.tau_max,
             exogenous: &self.exogenous,
-            yardstick: &self.yardstick,
+            baseline: &self.baseline,
             control,
         }
     }
@@ -303,11 +303,11 @@ impl Detector {
         }
         let mut differences = comparison.differences(&regime, &[&batch], &mechanisms)?;
         let all: Vec<(Place, f64)> = differences.iter().map(|link| (link.at, link.z)).collect();
-        let begins = self.yardstick.comparisons() < FIRST;
+        let begins = self.baseline.comparisons() < FIRST;
         differences.retain(|difference| !begins && difference.q <= self.levels.suspect);
         differences.sort_by(|a, b| a.p.total_cmp(&b.p).then(a.at.cmp(&b.at)));
         if differences.is_empty() {
-            self.yardstick.add(all);
+            self.baseline.add(all);
             self.join(batch);
             return Ok(());
         }
@@ -395,11 +395,11 @@ impl Detector {
         let since = since.map_or(held.batch.first, |row| row.clamp(held.batch.first, next_batch.first));
         events.extend(told);
         if confirmed.is_empty() {
-            self.yardstick.add(held.all);
+            self.baseline.add(held.all);
             return Ok(Some(held.batch));
         }
         self.since = since;
-        self.yardstick.forget();
+        self.baseline.forget();
         // Rows from before the change would make the new regime differ from what follows.
         let held = held.batch.without_rows_before(since, 2 * self.tau_max);
         self.begin_regime(held.into_iter().chain([next_batch.clone()]).collect());

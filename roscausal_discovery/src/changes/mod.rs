@@ -10,7 +10,7 @@
 //!    the same direction, it is **confirmed**: `when.rs` tells the rows between which it changed, and what comes after them in
 //!    both batches is the new regime. Else it is **withdrawn**, and the batch that was held back joins the regime after all.
 //!
-//! How much a link differs from batch to batch while nothing changes is learnt on the way (`yardstick.rs`): rows that hang
+//! How much a link differs from batch to batch while nothing changes is learnt on the way (`baseline.rs`): rows that hang
 //! together, as those of one encounter, would else show changes all the time. So nothing is suspected before the fourth batch.
 //!
 //! Each batch is centred by itself, and slopes do not depend on the size of any noise, so a mean or a spread that changes is no
@@ -44,6 +44,7 @@
 //! # Ok::<(), roscausal_discovery::Error>(())
 //! ```
 
+mod baseline;
 mod batch;
 mod compare;
 mod curves;
@@ -53,7 +54,6 @@ mod place;
 mod score;
 mod terms;
 mod when;
-mod yardstick;
 
 pub use detector::{Detector, Levels};
 pub use event::{ChangeEvent, Form, Kind, Status};

@@ -3,9 +3,9 @@
 use serde::{Deserialize, Serialize};
 
 use super::{
+    baseline::Baseline,
     event::{Form, Kind},
     place::Place,
-    yardstick::Yardstick,
 };
 use crate::{
     numeric::slope::Slope,
@@ -24,7 +24,7 @@ pub(super) struct Difference {
     pub(super) kind: Kind,
     /// How far the two are apart, in standard deviations of independent rows.
     pub(super) z: f64,
-    /// P-value of one mechanism in both, by the yardstick.
+    /// P-value of one mechanism in both, by the baseline.
     pub(super) p: f64,
     /// Corrected for the number of links (Benjamini and Hochberg).
     pub(super) q: f64,
@@ -43,7 +43,7 @@ pub(super) struct Comparison<'a> {
     pub(super) tau_max: usize,
     /// Variables that others set: interventions, context.
     pub(super) exogenous: &'a [usize],
-    pub(super) yardstick: &'a Yardstick,
+    pub(super) baseline: &'a Baseline,
     pub(super) control: &'a Control,
 }
 

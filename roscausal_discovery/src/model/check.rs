@@ -7,7 +7,7 @@ use serde_json::{Map, Value};
 
 use super::{Confidence, Link, LinkSize, Model, Outcome, SCHEMA, SCHEMA_1, confidence, is_listed};
 use crate::{
-    about::AboutData,
+    profile::DataProfile,
     types::{
         Error, LinkEnd, LinkMark, Result,
         text::{check_names, check_nesting, check_schema, check_step, is_share, quoted, reason_of},
@@ -401,7 +401,7 @@ struct Unchecked {
     pval: Vec<Vec<Vec<f64>>>,
     warnings: Vec<String>,
     #[serde(default)]
-    about_data: Option<AboutData>,
+    about_data: Option<DataProfile>,
     #[serde(flatten, with = "confidence")]
     confidence: Option<Box<Confidence>>,
 }

@@ -11,9 +11,9 @@ pub use confidence::{Advice, Confidence, ResamplingFacts, word_of};
 pub use outcome::Outcome;
 
 use crate::{
-    about::AboutData,
     independence_tests::smallest_p,
     methods::Method,
+    profile::DataProfile,
     types::{SampleCount, names::plain},
 };
 
@@ -90,7 +90,7 @@ pub struct Model {
     pub warnings: Vec<String>,
     /// What the data are like, if they were looked at.
     #[serde(skip_serializing_if = "Option::is_none")]
-    pub about_data: Option<AboutData>,
+    pub about_data: Option<DataProfile>,
     /// How often resamples found each link; in files its fields stand beside the others, null without resamples.
     #[serde(flatten, serialize_with = "confidence::serialize")]
     pub confidence: Option<Box<Confidence>>,

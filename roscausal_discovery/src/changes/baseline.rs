@@ -1,4 +1,4 @@
-//! The yardstick: how much a link differs from part to part while nothing changes.
+//! The baseline: how much a link differs from part to part while nothing changes.
 //!
 //! The variance of a slope holds for rows that are independent given the conditions. Rows of a robot and a person are not: an
 //! encounter lasts for many rows, a part may hold none, and a mechanism that bends has other slopes where the cause has other
@@ -33,7 +33,7 @@ const LARGEST: f64 = 1e3;
 
 /// What the comparisons without a change have shown.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-pub(super) struct Yardstick {
+pub(super) struct Baseline {
     comparisons: usize,
     links: Vec<Shown>,
     /// The newest comparisons, oldest first: they do not count yet.
@@ -49,7 +49,7 @@ struct Shown {
     fourths: f64,
 }
 
-impl Yardstick {
+impl Baseline {
     /// Comparisons that count so far.
     pub(super) fn comparisons(&self) -> usize {
         self.comparisons
@@ -109,15 +109,15 @@ mod tests {
     const AT: Place = Place { cause: 0, effect: 1, lag: 1 };
 
     #[test]
-    fn a_yardstick_of_independent_rows_keeps_the_level_and_one_of_wandering_slopes_asks_for_more() {
+    fn a_baseline_of_independent_rows_keeps_the_level_and_one_of_wandering_slopes_asks_for_more() {
         let mut rng = Rng::new(3);
         let mut normal = || (0..12).map(|_| rng.unit()).sum::<f64>() - 6.0;
         let after = |scale: f64, normal: &mut dyn FnMut() -> f64| {
-            let mut yardstick = Yardstick::default();
-            (0..200).for_each(|_| yardstick.add(vec![(AT, scale * normal())]));
-            yardstick.p_value(AT, 4.0)
+            let mut baseline = Baseline::default();
+            (0..200).for_each(|_| baseline.add(vec![(AT, scale * normal())]));
+            baseline.p_value(AT, 4.0)
         };
-        let usual = Yardstick::default().p_value(AT, 4.0);
+        let usual = Baseline::default().p_value(AT, 4.0);
         assert!((5e-5..3e-4).contains(&usual), "{usual}");
         let (calm, wandering) = (after(0.5, &mut normal), after(3.0, &mut normal));
         assert!(calm < 2.0 * usual, "{calm}");
@@ -127,19 +127,19 @@ mod tests {
 
     #[test]
     fn rare_large_differences_make_the_tail_heavy() {
-        let mut yardstick = Yardstick::default();
-        (0..100).for_each(|i| yardstick.add(vec![(AT, if i % 20 == 0 { 6.0 } else { 1.0 })]));
-        let p = yardstick.p_value(AT, 6.0);
+        let mut baseline = Baseline::default();
+        (0..100).for_each(|i| baseline.add(vec![(AT, if i % 20 == 0 { 6.0 } else { 1.0 })]));
+        let p = baseline.p_value(AT, 6.0);
         assert!((1e-3..5e-2).contains(&p), "{p}");
     }
 
     #[test]
     fn odd_numbers_give_p_values_from_0_to_1() {
-        let mut yardstick = Yardstick::default();
+        let mut baseline = Baseline::default();
         for z in [0.0, f64::INFINITY, f64::NAN, -1e300] {
-            assert!((0.0..=1.0).contains(&yardstick.p_value(AT, z)));
-            yardstick.add(vec![(AT, z)]);
+            assert!((0.0..=1.0).contains(&baseline.p_value(AT, z)));
+            baseline.add(vec![(AT, z)]);
         }
-        assert!((0.0..=1.0).contains(&yardstick.p_value(AT, 1.0)));
+        assert!((0.0..=1.0).contains(&baseline.p_value(AT, 1.0)));
     }
 }

@@ -39,9 +39,9 @@ const LITTLE_LEFT: f64 = 1e-4;
 
 /// What the data are like.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-pub struct AboutData {
+pub struct DataProfile {
     /// Each variable, in the order of the data.
-    pub variables: Vec<AboutVariable>,
+    pub variables: Vec<VariableProfile>,
     /// What a reader should know, one sentence each.
     pub remarks: Vec<String>,
     /// Dependence at lags beyond those that are tested, if it was looked for.
@@ -51,7 +51,7 @@ pub struct AboutData {
 
 /// What one variable is like.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-pub struct AboutVariable {
+pub struct VariableProfile {
     /// Its name.
     pub name: String,
     /// Rows without a value.
@@ -86,47 +86,47 @@ pub enum Fault {
     SameRecording(usize, usize),
 }
 
-impl AboutData {
+impl DataProfile {
     /// Looks at the data of an analysis with lags up to `tau_max`.
     ///
     /// ```
     /// use ndarray::Array2;
-    /// use roscausal_discovery::{AboutData, DataFrame, Fault};
+    /// use roscausal_discovery::{DataProfile, DataFrame, Fault};
     ///
     /// let values = Array2::from_shape_fn((200, 2), |(t, k)| if k == 0 { (t * t % 97) as f64 } else { t as f64 });
     /// let data = DataFrame::new(vec![values], vec!["a".into(), "clock".into()])?;
-    /// let (about, faults) = AboutData::of(&data, 1);
-    /// assert!(about.remarks.iter().any(|remark| remark.contains("clock drifts")));
+    /// let (profile, faults) = DataProfile::of(&data, 1);
+    /// assert!(profile.remarks.iter().any(|remark| remark.contains("clock drifts")));
     /// assert!(faults.is_empty());
     /// # Ok::<(), roscausal_discovery::Error>(())
     /// ```
     pub fn of(data: &DataFrame, tau_max: usize) -> (Self, Vec<Fault>) {
         let names: Vec<String> = data.var_names().iter().map(|name| plain(name)).collect();
         let mut faults = same_recordings(data);
-        let mut about = Self::default();
+        let mut profile = Self::default();
         let past = tau_max.saturating_mul(2);
         let samples: usize = data.recordings().iter().map(|r| r.nrows().saturating_sub(past)).sum();
         if samples < FEW {
-            about.remarks.push(few(samples));
+            profile.remarks.push(few(samples));
         }
         let (mut ends, mut ties) = (Vec::<(&String, f64, usize)>::new(), Vec::new());
         for (var, name) in names.iter().enumerate() {
             let (variable, remarks, seen) = look_at(data, var, name);
-            about.remarks.extend(remarks);
+            profile.remarks.extend(remarks);
             ties.extend(seen.ties.then(|| format!("{name} ({})", variable.distinct)));
-            about.variables.push(variable);
+            profile.variables.push(variable);
             ends.extend(seen.lone.into_iter().map(|(value, count)| (name, value, count)));
         }
         faults.extend(missing_flags(&ends));
-        about.remarks.extend(with_ties(&ties));
-        about.remarks.extend(drifting(&about.variables));
-        if about.variables.iter().all(|variable| variable.distinct < 2) {
-            about.remarks.push("no variable changes: there is nothing to find".into());
+        profile.remarks.extend(with_ties(&ties));
+        profile.remarks.extend(drifting(&profile.variables));
+        if profile.variables.iter().all(|variable| variable.distinct < 2) {
+            profile.remarks.push("no variable changes: there is nothing to find".into());
         }
         let (twins, combined) = collinear(data, &names);
         faults.extend(twins);
-        about.remarks.extend(combined);
-        (about, faults)
+        profile.remarks.extend(combined);
+        (profile, faults)
     }
 
     /// Without what is no matter for a test of this name.
@@ -160,8 +160,8 @@ fn few(samples: usize) -> String {
 }
 
 /// The variables that drift, in one sentence.
-fn drifting(variables: &[AboutVariable]) -> Option<String> {
-    let drifts = |variable: &&AboutVariable| variable.kpss.is_some_and(|kpss| kpss > KPSS_1_PERCENT);
+fn drifting(variables: &[VariableProfile]) -> Option<String> {
+    let drifts = |variable: &&VariableProfile| variable.kpss.is_some_and(|kpss| kpss > KPSS_1_PERCENT);
     let names: Vec<&str> = variables.iter().filter(drifts).map(|variable| variable.name.as_str()).collect();
     let verb = match names.len() {
         0 => return None,
@@ -193,7 +193,7 @@ struct Seen {
     ties: bool,
 }
 
-fn look_at(data: &DataFrame, var: usize, name: &str) -> (AboutVariable, Vec<String>, Seen) {
+fn look_at(data: &DataFrame, var: usize, name: &str) -> (VariableProfile, Vec<String>, Seen) {
     let columns = || data.recordings().iter().map(|recording| recording.column(var));
     let rows: usize = columns().map(|column| column.len()).sum();
     let missing = columns().map(|column| column.iter().filter(|v| v.is_nan()).count()).sum();
@@ -209,30 +209,30 @@ fn look_at(data: &DataFrame, var: usize, name: &str) -> (AboutVariable, Vec<Stri
     spread.sort_by(f64::total_cmp);
     let mut different = spread.clone();
     different.dedup();
-    let mut about = AboutVariable {
+    let mut profile = VariableProfile {
         name: name.to_owned(),
         missing,
         distinct: different.len(),
         effective_samples: (rows - missing) as f64,
-        ..AboutVariable::default()
+        ..VariableProfile::default()
     };
     if different.len() < 2 {
-        about.longest_constant = rows - missing;
-        return (about, Vec::new(), Seen::default());
+        profile.longest_constant = rows - missing;
+        return (profile, Vec::new(), Seen::default());
     }
     let mut remarks = Vec::new();
     let share = effective_share(&first_rows);
-    about.effective_samples *= share;
-    if rows - missing >= FEW && (about.effective_samples < 30.0 || share < 0.02) {
+    profile.effective_samples *= share;
+    if rows - missing >= FEW && (profile.effective_samples < 30.0 || share < 0.02) {
         remarks.push(format!(
             "{name} changes slowly: its {} samples are worth about {:.0} independent ones; record longer or take a longer step",
             rows - missing,
-            about.effective_samples.max(1.0)
+            profile.effective_samples.max(1.0)
         ));
     }
-    about.kpss = longest.and_then(|recording| kpss(&recording.column(var)));
+    profile.kpss = longest.and_then(|recording| kpss(&recording.column(var)));
     let (outliers, farthest) = outliers(&spread);
-    about.outliers = outliers * stride;
+    profile.outliers = outliers * stride;
     if outliers * 10 >= spread.len() {
         remarks.push(format!(
             "{name} has {} % of its values, such as {farthest}, more than {FAR} robust deviations from the median: a test of ranks \
@@ -248,14 +248,14 @@ fn look_at(data: &DataFrame, var: usize, name: &str) -> (AboutVariable, Vec<Stri
     }
     remarks.extend(below_zero(name, &spread, &different));
     let (length, value) = longest_constant(&first_rows);
-    about.longest_constant = length;
+    profile.longest_constant = length;
     if length >= 20 && length as f64 > STILL * first_rows.len() as f64 && different.len() > 10 {
         remarks.push(format!(
             "{name} stands still at {value} for {length} rows: those tell nothing of what drives it"
         ));
     }
     let ties = different.len() > 2 && different.len() * 20 < spread.len() && different.len() <= 20;
-    (about, remarks, Seen { lone: lone_ends(&spread, &different), ties })
+    (profile, remarks, Seen { lone: lone_ends(&spread, &different), ties })
 }
 
 /// The values that are there, at most so many.
@@ -470,9 +470,9 @@ mod tests {
         Array2::from_shape_simple_fn((rows, columns), || (0..12).map(|_| rng.unit()).sum::<f64>() - 6.0)
     }
 
-    fn of(recordings: Vec<Array2<f64>>) -> (AboutData, Vec<Fault>) {
+    fn of(recordings: Vec<Array2<f64>>) -> (DataProfile, Vec<Fault>) {
         let names = (0..recordings[0].ncols()).map(|var| ["a", "b", "c", "d"][var].to_owned()).collect();
-        AboutData::of(&DataFrame::new(recordings, names).unwrap(), 1)
+        DataProfile::of(&DataFrame::new(recordings, names).unwrap(), 1)
     }
 
     #[test]
@@ -486,8 +486,8 @@ mod tests {
                 row[1] = -1.0;
             }
         }
-        let (about, faults) = of(vec![rows]);
-        let told = about.remarks.join("\n");
+        let (profile, faults) = of(vec![rows]);
+        let told = profile.remarks.join("\n");
         assert!(
             told.contains("b is -1 in 25 rows") && told.contains("d is nearly a combination of a"),
             "{told}"
@@ -501,12 +501,12 @@ mod tests {
     #[test]
     fn independent_noise_is_nothing_to_remark_on() {
         for seed in 0..20 {
-            let (about, faults) = of(vec![noise(500, 3, seed)]);
-            assert_eq!((about.remarks, faults), (vec![], vec![]), "{seed}");
+            let (profile, faults) = of(vec![noise(500, 3, seed)]);
+            assert_eq!((profile.remarks, faults), (vec![], vec![]), "{seed}");
             assert!(
-                about.variables.iter().all(|v| (300.0..=500.0).contains(&v.effective_samples)),
+                profile.variables.iter().all(|v| (300.0..=500.0).contains(&v.effective_samples)),
                 "{:?}",
-                about.variables
+                profile.variables
             );
         }
     }
@@ -532,8 +532,12 @@ mod tests {
                     change(t, base[[t, 2]], 0.0)
                 };
             }
-            let (about, faults) = of(vec![values]);
-            assert!(about.remarks.iter().any(|remark| remark.contains(told)), "{told}: {:?}", about.remarks);
+            let (profile, faults) = of(vec![values]);
+            assert!(
+                profile.remarks.iter().any(|remark| remark.contains(told)),
+                "{told}: {:?}",
+                profile.remarks
+            );
             assert!(faults.is_empty(), "{told}: {faults:?}");
         }
     }
@@ -541,18 +545,18 @@ mod tests {
     #[test]
     fn the_same_trouble_of_several_variables_is_one_sentence() {
         let drift = Array2::from_shape_fn((200, 3), |(t, k)| (t * (t + 7 * k) % 97) as f64 + (t * k) as f64);
-        let (about, _) = of(vec![drift]);
-        let told = about.remarks.iter().filter(|remark| remark.contains("drift")).collect::<Vec<_>>();
+        let (profile, _) = of(vec![drift]);
+        let told = profile.remarks.iter().filter(|remark| remark.contains("drift")).collect::<Vec<_>>();
         assert!(told.len() == 1 && told[0].starts_with("b, c drift: their levels"), "{told:?}");
-        let (about, _) = of(vec![Array2::from_elem((200, 3), 1.5)]);
-        assert_eq!(about.remarks, ["no variable changes: there is nothing to find"]);
+        let (profile, _) = of(vec![Array2::from_elem((200, 3), 1.5)]);
+        assert_eq!(profile.remarks, ["no variable changes: there is nothing to find"]);
     }
 
     #[test]
     fn lags_beyond_all_rows_leave_no_sample() {
         let data = DataFrame::new(vec![noise(60, 2, 1)], vec!["a".into(), "b".into()]).unwrap();
-        let (about, _) = AboutData::of(&data, usize::MAX);
-        assert!(about.remarks[0].starts_with("only 0 samples"), "{:?}", about.remarks);
+        let (profile, _) = DataProfile::of(&data, usize::MAX);
+        assert!(profile.remarks[0].starts_with("only 0 samples"), "{:?}", profile.remarks);
     }
 
     #[test]
@@ -562,13 +566,13 @@ mod tests {
         for t in 1..2000 {
             values[[t, 0]] = 0.99 * values[[t - 1, 0]] + steps[[t, 0]];
         }
-        let (about, _) = of(vec![values]);
+        let (profile, _) = of(vec![values]);
         // In theory 2000 (1 - 0.99) / (1 + 0.99), about 10.
-        assert!(about.variables[0].effective_samples < 60.0, "{:?}", about.variables[0]);
+        assert!(profile.variables[0].effective_samples < 60.0, "{:?}", profile.variables[0]);
         assert!(
-            about.remarks.iter().any(|remark| remark.contains("a changes slowly")),
+            profile.remarks.iter().any(|remark| remark.contains("a changes slowly")),
             "{:?}",
-            about.remarks
+            profile.remarks
         );
     }
 

@@ -12,7 +12,7 @@
 //! Example: two people of whom one walks twice as fast are compared with J-PCMCI+, so that the difference makes no link.
 
 use crate::{
-    about::AboutData, effort::Effort, levels::levels_differ, methods::Method, settings::Settings,
+    effort::Effort, levels::levels_differ, methods::Method, profile::DataProfile, settings::Settings,
     types::DataFrame,
 };
 
@@ -26,7 +26,7 @@ const ENOUGH: usize = 5;
 
 /// What to take, and why.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Choice {
+pub struct Recommendation {
     /// The method.
     pub method: Method,
     /// Name of the independence test.
@@ -35,17 +35,17 @@ pub struct Choice {
     pub why: Vec<String>,
 }
 
-impl Choice {
+impl Recommendation {
     /// What to take for `data`. The settings' lags, exogenous variables and interventions count; the method and the test do not.
     ///
     /// ```
-    /// use roscausal_discovery::{Choice, DataFrame, Settings, methods::Method};
+    /// use roscausal_discovery::{Recommendation, DataFrame, Settings, methods::Method};
     ///
     /// let values = ndarray::Array2::from_shape_fn((200, 2), |(t, k)| ((t * t * (k + 3)) % 101) as f64 / 7.0);
     /// let data = DataFrame::new(vec![values], vec!["a".into(), "b".into()])?;
-    /// let choice = Choice::of(&data, &Settings::default());
-    /// assert_eq!(choice.method, Method::Lpcmci);
-    /// assert!(choice.why[0].contains("recorded"));
+    /// let recommended = Recommendation::of(&data, &Settings::default());
+    /// assert_eq!(recommended.method, Method::Lpcmci);
+    /// assert!(recommended.why[0].contains("recorded"));
     /// # Ok::<(), roscausal_discovery::Error>(())
     /// ```
     pub fn of(data: &DataFrame, settings: &Settings) -> Self {
@@ -138,8 +138,8 @@ fn test_for(data: &DataFrame, settings: &Settings) -> (String, String) {
     }
     let slow =
         format!("gpdc, which sees dependence of any form, would take about {:.0} min here", seconds / 60.0);
-    let (about, _) = AboutData::of(data, settings.tau_max);
-    if about.variables.iter().any(|variable| variable.outliers > 0) {
+    let (profile, _) = DataProfile::of(data, settings.tau_max);
+    if profile.variables.iter().any(|variable| variable.outliers > 0) {
         return answer("robustparcorr", format!("robustparcorr: {slow}, and there are outliers"));
     }
     answer("parcorr", format!("parcorr: {slow}; effects that are not linear may be missed"))
@@ -181,9 +181,12 @@ mod tests {
     }
 
     fn chosen(data: &DataFrame) -> (Method, String) {
-        let choice = Choice::of(data, &Settings::default());
-        assert!(!choice.why.is_empty() && choice.applied(&Settings::default()).check().is_ok(), "{choice:?}");
-        (choice.method, choice.test)
+        let recommended = Recommendation::of(data, &Settings::default());
+        assert!(
+            !recommended.why.is_empty() && recommended.applied(&Settings::default()).check().is_ok(),
+            "{recommended:?}"
+        );
+        (recommended.method, recommended.test)
     }
 
     #[test]
