@@ -26,8 +26,8 @@ const JITTER: [(f64, Stamps, f64); 5] = [
 fn main() {
     let mut numbers = std::env::args().skip(1).map(|text| text.parse::<u64>().expect("a number"));
     let (seeds, rows) = (numbers.next().unwrap_or(200), numbers.next().unwrap_or(1200) as usize);
-    println!("| Hz | step, s | jitter, ms | stamps | lost | exact | linear | hold |");
-    println!("|---|---|---|---|---|---|---|---|");
+    println!("| Hz | step, s | jitter, ms | stamps | lost | exact | linear | hold | auto |");
+    println!("|---|---|---|---|---|---|---|---|---|");
     for (interval_s, dt_s) in STEPS {
         for (jitter_s, stamps, lost) in JITTER {
             tell(&Tracker { interval_s, jitter_s, stamps, lost, dt_s }, seeds, rows);
@@ -37,8 +37,8 @@ fn main() {
 
 /// Prints, for the exact rows and either rule, the links at lag 0 and the strength of the true one; bold is what is out of bounds.
 fn tell(tracker: &Tracker, seeds: u64, rows: usize) {
-    let runs: Vec<[Found; 3]> = (0..seeds).map(|seed| run(tracker, rows, seed)).collect();
-    let found = [0, 1, 2].map(|which| {
+    let runs: Vec<[Found; 4]> = (0..seeds).map(|seed| run(tracker, rows, seed)).collect();
+    let found = [0, 1, 2, 3].map(|which| {
         let mean =
             |of: &dyn Fn(&Found) -> f64| runs.iter().map(|run| of(&run[which])).sum::<f64>() / seeds as f64;
         (
@@ -59,13 +59,14 @@ fn tell(tracker: &Tracker, seeds: u64, rows: usize) {
         )
     };
     println!(
-        "| {:.0} | {} | {:.0} | {} | {:.0} % | {exact:.0}, {right:.2} | {} | {} |",
+        "| {:.0} | {} | {:.0} | {} | {:.0} % | {exact:.0}, {right:.2} | {} | {} | {} |",
         1.0 / tracker.interval_s,
         tracker.dt_s,
         1e3 * tracker.jitter_s,
         if tracker.stamps == Stamps::Off { "off" } else { "true" },
         100.0 * tracker.lost,
         cell(found[1]),
-        cell(found[2])
+        cell(found[2]),
+        cell(found[3])
     );
 }

@@ -5,7 +5,7 @@ use std::time::Instant;
 use roscausal_core::{
     Time,
     batch::{
-        Select,
+        Sampling, Select,
         recorder::{Recorder, RecorderConfig},
     },
 };
@@ -19,7 +19,7 @@ fn recorder() -> Recorder {
         dt_s: 0.1,
         ts_length_s: Some(1.0),
         max_gap_s: 0.5,
-        hold: false,
+        sampling: Sampling::default(),
         select: Select::All,
     })
 }

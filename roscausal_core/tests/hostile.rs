@@ -9,7 +9,7 @@ use std::{fs, path::Path};
 
 use roscausal_core::{
     batch::{
-        Select, Table, Values,
+        Sampling, Select, Table, Values,
         journal::{self, Header, Sample, Subject},
         postprocess::Feature,
     },
@@ -78,7 +78,7 @@ fn a_hostile_journal_is_refused_or_replayed_up_to_its_last_whole_block() {
         dt_s: 0.1,
         ts_length_s: Some(1.0),
         max_gap_s: 0.5,
-        hold: false,
+        sampling: Sampling::default(),
         sel_agent: "all".into(),
         frame: "map".into(),
         next_row_ns: 0,

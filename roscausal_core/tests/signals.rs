@@ -21,7 +21,7 @@ use roscausal_msgs::{
 use roscausal_core::{
     Error, Time,
     batch::{
-        Recording, Select,
+        Recording, Sampling, Select,
         journal::{self, Entry},
         recorder::{Recorder, RecorderConfig},
     },
@@ -308,7 +308,13 @@ fn the_feedback_of_any_action_is_defined_by_its_action_file() {
 
 fn with_signals(select: Select, hows: &[(&str, How)]) -> Recorder {
     let signals: Vec<_> = hows.iter().map(|(name, how)| ((*name).to_owned(), *how)).collect();
-    let config = RecorderConfig { dt_s: 0.1, ts_length_s: Some(1.0), max_gap_s: 0.5, hold: false, select };
+    let config = RecorderConfig {
+        dt_s: 0.1,
+        ts_length_s: Some(1.0),
+        max_gap_s: 0.5,
+        sampling: Sampling::default(),
+        select,
+    };
     Recorder::new(config).with_signals(&signals)
 }
 

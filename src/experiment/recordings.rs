@@ -3,7 +3,7 @@
 use roscausal_core::{
     Error, Result,
     batch::{
-        Recording, Select,
+        Recording, Sampling, Select,
         recorder::{Recorder, RecorderConfig},
     },
     inbox::{Inbox, Next},
@@ -58,7 +58,7 @@ pub(crate) fn record(
         dt_s: *step,
         ts_length_s: None,
         max_gap_s: MAX_GAP_S.max(*step),
-        hold: false,
+        sampling: Sampling::default(),
         select: Select::Ids([first_person(&simulation)].into()),
     };
     let recorders: Vec<Recorder> = steps.iter().map(|step| Recorder::new(config(step))).collect();

@@ -13,7 +13,7 @@ use super::{
     recording::{EndedBy, Recording},
     select::Select,
     signal_track::SignalTrack,
-    tracks::{Taken, Track, Values},
+    tracks::{Sampling, Taken, Track, Values},
 };
 use crate::signal::How;
 
@@ -43,8 +43,8 @@ pub struct RecorderConfig {
     pub ts_length_s: Option<f64>,
     /// Two samples farther apart than this are a gap, and the rows between them are empty; a held sample may be as old. Seconds.
     pub max_gap_s: f64,
-    /// Whether rows hold the newest sample that is not later instead of what lies between two samples.
-    pub hold: bool,
+    /// What rows hold of the samples around them.
+    pub sampling: Sampling,
     /// The people to record.
     pub select: Select,
 }
@@ -217,7 +217,7 @@ impl Recorder {
             dt_s: header.dt_s,
             ts_length_s: header.ts_length_s,
             max_gap_s: header.max_gap_s,
-            hold: header.hold,
+            sampling: header.sampling,
             select: header.sel_agent.parse()?,
         });
         recorder = recorder.with_signals(&header.signals);
@@ -426,7 +426,7 @@ impl Recorder {
     pub fn spacing(&self) -> Option<[f64; 2]> {
         let (cells, [interval, ahead]) = self.spacing;
         let step = cells * self.dt_ns as f64;
-        (cells > 0.0).then(|| [step / interval, if self.config.hold { 0.0 } else { ahead / step }])
+        (cells > 0.0).then(|| [step / interval, ahead / step])
     }
 
     /// Why nothing is recorded, if nothing is.
@@ -528,7 +528,7 @@ impl Recorder {
             dt_s: self.config.dt_s,
             ts_length_s: self.config.ts_length_s,
             max_gap_s: self.config.max_gap_s,
-            hold: self.config.hold,
+            sampling: self.config.sampling,
             sel_agent: self.config.select.to_string(),
             frame: self.frame.clone().unwrap_or_default(),
             next_row_ns: next_row,

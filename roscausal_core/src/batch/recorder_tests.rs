@@ -5,7 +5,13 @@ use roscausal_msgs::{HumanState, std_msgs::Header};
 use super::*;
 
 fn config() -> RecorderConfig {
-    RecorderConfig { dt_s: 0.1, ts_length_s: Some(1.0), max_gap_s: 0.5, hold: false, select: Select::All }
+    RecorderConfig {
+        dt_s: 0.1,
+        ts_length_s: Some(1.0),
+        max_gap_s: 0.5,
+        sampling: Sampling::default(),
+        select: Select::All,
+    }
 }
 
 fn header(secs: f64, frame: &str) -> Header {

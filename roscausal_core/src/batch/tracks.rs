@@ -3,7 +3,10 @@
 use std::{
     collections::VecDeque,
     f64::consts::{PI, TAU},
+    str::FromStr,
 };
+
+use serde::{Deserialize, Serialize};
 
 use super::risk::Body;
 
@@ -19,6 +22,54 @@ const FARTHEST_AHEAD: f64 = 0.3;
 /// Where samples come once a row, give or take the first share of a step, one within the second share is the row's. Steps.
 const ONCE_A_ROW: f64 = 0.1;
 const NEAR: f64 = 0.25;
+
+/// Where samples usually come so often, in steps, or more often, held ones are young enough.
+const OFTEN_TO_HOLD: f64 = 0.42;
+
+/// What a row holds of the samples around it.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase", try_from = "Written")]
+pub enum Sampling {
+    /// [`Self::Hold`] where samples usually come about two and a half times a row or more often, else [`Self::Linear`].
+    #[default]
+    Auto,
+    /// What lies between the samples before and after it.
+    Linear,
+    /// The newest sample that is not later.
+    Hold,
+}
+
+impl FromStr for Sampling {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        match text {
+            "auto" => Ok(Self::Auto),
+            "linear" => Ok(Self::Linear),
+            "hold" => Ok(Self::Hold),
+            _ => Err(format!("'{text}' is not a sampling; allowed: auto, linear, hold")),
+        }
+    }
+}
+
+/// As journals have it; older ones say whether rows hold.
+#[derive(Deserialize)]
+#[serde(untagged)]
+enum Written {
+    Holds(bool),
+    Word(String),
+}
+
+impl TryFrom<Written> for Sampling {
+    type Error = String;
+
+    fn try_from(written: Written) -> Result<Self, String> {
+        match written {
+            Written::Holds(holds) => Ok(if holds { Self::Hold } else { Self::Linear }),
+            Written::Word(word) => word.parse(),
+        }
+    }
+}
 
 /// A recorded quantity.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -223,8 +274,9 @@ impl Track {
     /// What the row at `t` holds, `dt` after the row before: the values at `t`, as in [`Self::at`]. Where samples usually come once a
     /// row, one close to `t` is the row's: a line would mix it with the next one, as much as its stamp is early. Where they come
     /// as often or more often, a row is empty whose value would reach far ahead: its sample was lost.
-    pub(super) fn row(&self, t: i64, dt: i64, max_gap: i64, hold: bool) -> Option<Values> {
+    pub(super) fn row(&self, t: i64, dt: i64, max_gap: i64, sampling: Sampling) -> Option<Values> {
         let share = |nanos: f64| nanos / dt as f64;
+        let hold = self.holds(dt, sampling);
         let Some(usual) = self.usual_interval().map(|interval| share(interval as f64)).filter(|_| !hold)
         else {
             return self.at(t, max_gap, hold);
@@ -238,6 +290,12 @@ impl Track {
                 self.at(t, max_gap, hold).filter(|_| usual > OFTEN || ahead <= FARTHEST_AHEAD)
             }
         }
+    }
+
+    /// Whether rows in steps of `dt` hold the newest sample.
+    pub(super) fn holds(&self, dt: i64, sampling: Sampling) -> bool {
+        let often = |interval| interval as f64 <= OFTEN_TO_HOLD * dt as f64;
+        sampling == Sampling::Hold || (sampling == Sampling::Auto && self.usual_interval().is_some_and(often))
     }
 
     /// The median of the last intervals; `None` while there are few.

@@ -8,7 +8,7 @@ use super::{path, scene_params::risk_specs};
 use crate::{
     Error, Result,
     batch::{
-        Field, IdFormat, Select,
+        Field, IdFormat, Sampling, Select,
         pool::{Limits, Pool},
         postprocess::{Feature, Obstacle, Postprocess},
         recorder::RecorderConfig,
@@ -62,9 +62,9 @@ pub(super) fn specs() -> Vec<ParamSpec> {
         ParamSpec::of_data("dt", Double(0.1), Range(0.001, 60.0), "step between rows in seconds"),
         ParamSpec::of_data(
             "sampling",
-            text("linear"),
-            OneOf(&["linear", "hold"]),
-            "what a row holds: linear: what lies between the samples before and after it; hold: the newest sample that is not later",
+            text("auto"),
+            OneOf(&["auto", "linear", "hold"]),
+            "what a row holds: linear: what lies between the samples before and after it; hold: the newest sample that is not later; auto: hold where samples come two and a half times a row or more often, else linear",
         ),
         ParamSpec::of_data("subsampling", Bool(false), Any, "older name: true is the sampling hold"),
         ParamSpec::of_data(
@@ -191,8 +191,11 @@ pub(super) fn recorder(params: &Params) -> Result<RecorderConfig> {
     };
     let select: Select =
         params.text("sel_agent").parse().map_err(|reason| Error::param("sel_agent", reason))?;
-    let hold = params.text("sampling") == "hold" || params.flag("subsampling");
-    Ok(RecorderConfig { dt_s, ts_length_s, max_gap_s, hold, select })
+    let sampling = match params.flag("subsampling") {
+        true => Sampling::Hold,
+        false => params.text("sampling").parse().map_err(|reason| Error::param("sampling", reason))?,
+    };
+    Ok(RecorderConfig { dt_s, ts_length_s, max_gap_s, sampling, select })
 }
 
 /// The signals to record.

@@ -7,7 +7,7 @@ use ndarray::Array2;
 use roscausal_core::{
     Result, Time,
     batch::{
-        Field, Recording, Select,
+        Field, Recording, Sampling, Select,
         recorder::{Recorder, RecorderConfig},
     },
     inbox::{Inbox, Next},
@@ -104,11 +104,11 @@ fn at(speeds: &Speeds, dt_s: f64, t: f64) -> [f64; 2] {
     [0, 1].map(|who| speeds[before][who] + share * (next[who] - speeds[before][who]))
 }
 
-/// What is found in the exact speeds, and in those that the nodes record with the rules `linear` and `hold`.
-pub(crate) fn run(tracker: &Tracker, rows: usize, seed: u64) -> [Found; 3] {
+/// What is found in the exact speeds, and in those that the nodes record with the rules `linear`, `hold` and `auto`.
+pub(crate) fn run(tracker: &Tracker, rows: usize, seed: u64) -> [Found; 4] {
     let mut random = Random(mix(seed));
     let exact = truth(rows, &mut random);
-    let [linear, hold] = record(tracker, &exact, &mut random).map(|recorded| {
+    let [linear, hold, auto] = record(tracker, &exact, &mut random).map(|recorded| {
         let begin = recorded.start.secs_since(Time::from_secs_f64(BEGIN_S));
         let first = (begin / tracker.dt_s).round() as usize;
         let person = &recorded.people[&(ID as u32)];
@@ -118,7 +118,7 @@ pub(crate) fn run(tracker: &Tracker, rows: usize, seed: u64) -> [Found; 3] {
             (0..rows).map(|row| [recorded.robot[row].get(Field::V), person[row].get(Field::V)]).collect();
         analysed(&found, &exact[first..first + rows])
     });
-    [analysed(&exact, &exact), linear, hold]
+    [analysed(&exact, &exact), linear, hold, auto]
 }
 
 fn analysed(speeds: &[[f64; 2]], exact: &[[f64; 2]]) -> Found {
@@ -153,7 +153,7 @@ enum Event {
     Humans(Humans),
 }
 
-async fn listen(mw: &LoopbackNode, mut recorders: [Recorder; 2]) -> Result<[Recorder; 2]> {
+async fn listen(mw: &LoopbackNode, mut recorders: [Recorder; 3]) -> Result<[Recorder; 3]> {
     let inbox = Inbox::new(mw, 20_000);
     let (robot, humans) = (inbox.sender(), inbox.sender());
     let _robot =
@@ -194,15 +194,15 @@ fn messages(tracker: &Tracker, exact: &Speeds, random: &mut Random) -> Vec<(f64,
     messages
 }
 
-fn record(tracker: &Tracker, exact: &Speeds, random: &mut Random) -> [Recording; 2] {
+fn record(tracker: &Tracker, exact: &Speeds, random: &mut Random) -> [Recording; 3] {
     let bus = Loopback::lockstep();
     let sensors = bus.node("sensors");
     let robot = bus.start_task("robot", async |mw| nodes::run_task("robot", &mw).await);
     let human = bus.start_task("human", async |mw| nodes::run_task("human", &mw).await);
-    let recorders = [false, true].map(|hold| {
+    let recorders = [Sampling::Linear, Sampling::Hold, Sampling::Auto].map(|sampling| {
         let select = Select::Ids([ID as u32].into());
         let (dt_s, max_gap_s) = (tracker.dt_s, tracker.dt_s.max(0.5));
-        Recorder::new(RecorderConfig { dt_s, ts_length_s: None, max_gap_s, hold, select })
+        Recorder::new(RecorderConfig { dt_s, ts_length_s: None, max_gap_s, sampling, select })
     });
     let data = bus.start_task("data", async move |mw| listen(&mw, recorders).await);
     let odometry = sensors.advertise("/mobile_base_controller/odom", Qos::Volatile(10)).expect("advertises");

@@ -3,7 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use crate::{
-    batch::{Field, Values},
+    batch::{Field, Sampling, Values},
     signal::How,
 };
 
@@ -27,9 +27,9 @@ pub struct Header {
     pub ts_length_s: Option<f64>,
     /// Two samples farther apart are a gap, seconds.
     pub max_gap_s: f64,
-    /// Whether rows hold the newest sample that is not later.
-    #[serde(alias = "subsampling")]
-    pub hold: bool,
+    /// What rows hold of the samples around them.
+    #[serde(alias = "hold", alias = "subsampling")]
+    pub sampling: Sampling,
     /// The people to record, in the syntax of `sel_agent`.
     pub sel_agent: String,
     /// Frame of all positions.
@@ -172,7 +172,7 @@ pub(crate) mod tests {
             dt_s: 0.1,
             ts_length_s: Some(1.0),
             max_gap_s: 0.5,
-            hold: false,
+            sampling: Sampling::Linear,
             sel_agent: "all".into(),
             frame: "map".into(),
             next_row_ns: 0,

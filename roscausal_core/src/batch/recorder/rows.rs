@@ -16,8 +16,8 @@ use crate::batch::{
 impl Recorder {
     /// Writes the row at this stamp, in nanoseconds, to the open batch, or opens one if there is anything to begin with.
     pub(super) fn record(&mut self, row: i64) {
-        let (max_gap, hold) = (self.max_gap_ns, self.config.hold);
-        let of = |track: &Track| track.row(row, self.dt_ns, max_gap, hold);
+        let (max_gap, sampling) = (self.max_gap_ns, self.config.sampling);
+        let of = |track: &Track| track.row(row, self.dt_ns, max_gap, sampling);
         let robot = of(&self.robot);
         let people: Vec<(u32, Values)> =
             self.people.iter().filter_map(|(id, track)| Some((*id, of(track)?))).collect();
@@ -51,11 +51,12 @@ impl Recorder {
             ended_by: None,
             length_s: None,
         });
-        for [interval, ahead] in people.iter().filter_map(|(id, _)| self.people.get(id)?.spacing(row)) {
+        for track in people.iter().filter_map(|(id, _)| self.people.get(id)) {
+            let Some([interval, ahead]) = track.spacing(row) else { continue };
             let (cells, [intervals, all_ahead]) = &mut self.spacing;
             *cells += 1.0;
             *intervals += interval;
-            *all_ahead += ahead;
+            *all_ahead += if track.holds(self.dt_ns, sampling) { 0.0 } else { ahead };
         }
         let n_rows = open.robot.len();
         open.robot.push(robot.unwrap_or(Values::UNKNOWN));

@@ -12,7 +12,7 @@ use super::{
 use crate::{
     Time,
     batch::{
-        Select,
+        Sampling, Select,
         journal::encode,
         recorder::{Recorder, RecorderConfig},
     },
@@ -24,7 +24,7 @@ fn recorded(finish: bool) -> (Vec<(Recording, Option<u64>)>, Vec<journal::Entry>
         dt_s: 0.1,
         ts_length_s: Some(1.0),
         max_gap_s: 0.2,
-        hold: false,
+        sampling: Sampling::default(),
         select: Select::All,
     })
     .with_journal(5);
