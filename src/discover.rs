@@ -34,7 +34,7 @@ use roscausal_discovery::{
 };
 
 use crate::{
-    export, folders,
+    export, flags, folders,
     interrupt::Interrupt,
     output,
     recording::{self, InputArgs, Source},
@@ -277,7 +277,7 @@ fn found_and_kept(args: &Args, interrupt: &Interrupt, quiet: bool, keep: Option<
     set_step(&mut model, dt);
     model.about_data = Some(profile);
     model.warnings.splice(0..0, warnings);
-    Ok(Answer { model, evidence, data, graphs })
+    Ok(Answer { model: model.spelled(flags::spelled_one), evidence, data, graphs })
 }
 
 /// Files, how they are read, and how they will be analysed.
@@ -405,7 +405,7 @@ pub fn read_recordings(files: &[PathBuf], options: &[String], cancel: Arc<Atomic
         values: data.recordings().to_vec(),
         dt,
         exogenous: settings.exogenous,
-        warnings,
+        warnings: warnings.iter().map(|note| flags::spelled(note)).collect(),
     })
 }
 

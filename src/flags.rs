@@ -105,7 +105,12 @@ pub(crate) fn sentence(error: &Error) -> String {
 
 /// A sentence with its settings as flags.
 pub(crate) fn spelled(sentence: &str) -> String {
-    spelled_out(sentence, |name| flag_of(name).unwrap_or_else(|| name.to_owned()))
+    spelled_out(sentence, spelled_one)
+}
+
+/// A setting as a flag.
+pub(crate) fn spelled_one(name: &str) -> String {
+    flag_of(name).unwrap_or_else(|| name.to_owned())
 }
 
 /// The long flags of all subcommands of `command`, without dashes.

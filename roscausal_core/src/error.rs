@@ -7,6 +7,7 @@ use roscausal_discovery::{settings::setting, spelled_out, visible};
 /// What went wrong, where, and what to do about it: each message is one sentence for the user.
 /// `{}` writes settings as the nodes' parameters are called, `{:#}` leaves them for [`spelled_out`].
 #[derive(Debug)]
+#[non_exhaustive]
 pub enum Error {
     /// A parameter's value is not allowed.
     Param {
@@ -44,9 +45,13 @@ pub enum Error {
     Cancelled(String),
 }
 
+/// A setting as the nodes' parameters are called.
+pub(crate) fn parameter(name: &str) -> String {
+    setting(name).map_or(name, |setting| setting.param).to_owned()
+}
+
 impl fmt::Display for Error {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let parameter = |name: &str| setting(name).map_or(name, |setting| setting.param).to_owned();
         let sentence = match self {
             Self::Param { name, reason } => format!("parameter '{}': {reason}", parameter(name)),
             Self::Topic { topic, reason } => format!("topic '{topic}': {reason}"),

@@ -9,6 +9,7 @@ use std::{
     time::Duration,
 };
 
+#[doc(hidden)]
 pub use roscausal_discovery::lock;
 
 /// Lets through one call at a time, until it is closed.

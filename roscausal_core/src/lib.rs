@@ -20,5 +20,7 @@ pub mod state;
 pub mod threads;
 
 pub use error::{Error, Result, spell_out_panics};
-pub use roscausal_discovery::{mix, visible};
+#[doc(hidden)]
+pub use roscausal_discovery::mix;
+pub use roscausal_discovery::visible;
 pub use roscausal_msgs::{Message, Time};

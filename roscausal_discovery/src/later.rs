@@ -18,7 +18,7 @@ use crate::{
         rows::{dot, moments},
         student_t::correlation_p_value,
     },
-    types::{DataFrame, names::plain},
+    types::{DataFrame, Named, names::plain},
 };
 
 /// The level for all lags and pairs together.
@@ -130,8 +130,9 @@ impl Later {
         let more =
             if found.len() > MOST { format!(", and {} more", found.len() - MOST) } else { String::new() };
         Some(format!(
-            "{}{more}, beyond the lags that were tested; --tau-max {} tests it",
+            "{}{more}, beyond the lags that were tested; {} {} tests it",
             told.join(", "),
+            Named("tau_max"),
             first.tau_max
         ))
     }

@@ -14,7 +14,7 @@ use crate::{
     numeric::rows::moments,
     profile::effective_share,
     settings::{Levels, Settings},
-    types::DataFrame,
+    types::{DataFrame, Named},
 };
 
 /// Standard errors by which a recording must differ to be called different.
@@ -68,7 +68,8 @@ impl Levelled {
         };
         let what = if scales.is_empty() { "level is" } else { "level and scale are" };
         let note = format!(
-            "{why}each one's own {what} taken out, so that what differs between recordings makes no link (--levels keep leaves it in)"
+            "{why}each one's own {what} taken out, so that what differs between recordings makes no link ({} keep leaves it in)",
+            Named("levels")
         );
         let mut recordings = data.recordings().to_vec();
         vars.iter().for_each(|&var| take_out(&mut recordings, var, &runs, !scales.is_empty()));

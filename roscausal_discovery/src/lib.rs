@@ -107,7 +107,10 @@ pub use model::{
     Advice, Confidence, Link, LinkSize, Matrices, Model, Outcome, ResamplingFacts, SCHEMA, SCHEMA_1,
     decides_by_pc_alpha, sentence_of, word_of,
 };
-pub use numeric::{random::mix, rows::quantile};
+/// For the project's other crates, no part of the interface.
+#[doc(hidden)]
+pub use numeric::random::mix;
+pub use numeric::rows::quantile;
 pub use profile::{DataProfile, Fault, VariableProfile};
 pub use recommend::Recommendation;
 pub use settings::{Levels, PcAlpha, Settings};

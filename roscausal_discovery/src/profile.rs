@@ -15,7 +15,7 @@ use serde::{Deserialize, Serialize};
 use crate::{
     later::Later,
     numeric::rows::{dot, is_constant, moments, standardize},
-    types::{DataFrame, names::plain, same_value},
+    types::{DataFrame, Named, names::plain, same_value},
 };
 
 /// Rows that are looked at.
@@ -70,6 +70,7 @@ pub struct VariableProfile {
 
 /// A reason why the data should not be analysed as they are.
 #[derive(Clone, Debug, PartialEq)]
+#[non_exhaustive]
 pub enum Fault {
     /// A number seems to stand for a missing value.
     MissingFlag {
@@ -371,8 +372,8 @@ fn below_zero(name: &str, sorted: &[f64], different: &[f64]) -> Option<String> {
     // Of a count or a category nothing can be told.
     (lone && different.len() * 2 > sorted.len() - count).then(|| {
         format!(
-            "{name} is {value} in {count} rows and below 0 in no other: if that stands for a missing value, --missing-value={value} \
-             takes it as one"
+            "{name} is {value} in {count} rows and below 0 in no other: if that stands for a missing value, {}={value} takes it as one",
+            Named("missing_value")
         )
     })
 }

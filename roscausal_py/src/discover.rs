@@ -14,7 +14,7 @@ use roscausal_discovery::{
 use serde_json::json;
 
 use crate::{
-    errors::raised,
+    errors::{named, raised},
     frame::Frame,
     settings::{Given, for_data, of_analysis, of_step, of_test},
     user_test::{Failure, UserTest},
@@ -98,7 +98,7 @@ pub(crate) fn discover(
     set_step(&mut model, dt);
     model.about_data = Some(profile);
     model.warnings.splice(0..0, warnings.into_iter().chain(note));
-    Ok(model.to_json())
+    Ok(model.spelled(named).to_json())
 }
 
 /// The words that settings take, and the methods' defaults, as JSON.

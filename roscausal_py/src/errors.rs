@@ -28,7 +28,7 @@ create_exception!(
 );
 
 /// A setting as Python calls it. An id is the name in Python; an argument of the command has `_` for `-`.
-fn named(id: &str) -> String {
+pub(crate) fn named(id: &str) -> String {
     setting(id).map_or_else(|| id.trim_start_matches('-').replace('-', "_"), |setting| setting.id.to_owned())
 }
 

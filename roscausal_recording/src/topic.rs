@@ -15,6 +15,7 @@ use roscausal_msgs::{
 
 /// How the messages of a topic are encoded.
 #[derive(Clone, Debug, PartialEq, Eq, Hash)]
+#[non_exhaustive]
 pub enum Encoding {
     /// As ROS 1 sends them.
     Ros1,

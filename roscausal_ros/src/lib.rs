@@ -10,4 +10,5 @@ pub mod program;
 pub use clock::{Clock, steady};
 pub use console::Console;
 pub use life::{Life, in_time};
+#[doc(hidden)]
 pub use roscausal_core::gate::lock;

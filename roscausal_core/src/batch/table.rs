@@ -125,7 +125,9 @@ impl fmt::Display for Note {
             Self::Empty { column } => {
                 write!(
                     f,
-                    "column '{column}' has no number at all; leave it out with --columns or --drop-empty"
+                    "column '{column}' has no number at all; leave it out with {} or {}",
+                    Named("columns"),
+                    Named("drop_empty")
                 )
             }
             Self::Missing { column, missing, cells } => write!(
@@ -326,7 +328,7 @@ impl<'a> Rows<'a> {
         let mut next = || records.next().transpose().map_err(|error| error.to_string());
         let first = next()?.unwrap_or_default();
         columns::check_count(first.len())?;
-        columns::check_lengths(first.iter().map(<[u8]>::len), layout.lines_before + 1)?;
+        columns::check_lengths(first.iter().map(<[u8]>::len), &format!("line {}", layout.lines_before + 1))?;
         let second = next()?.unwrap_or_default();
         let line = layout.lines_before + 1;
         let (mut header, joined) = match layout.nameless {
@@ -350,7 +352,7 @@ impl<'a> Rows<'a> {
                 && joined == 0
                 && row_number(&second),
         );
-        columns::check_names(&header, line)?;
+        columns::check_names(&header, &format!("line {line}"))?;
         let mut this = Self {
             body,
             separator,
@@ -552,10 +554,15 @@ impl<'a> Rows<'a> {
         let told = match (self.nameless, are_numbers) {
             _ if self.reading.names.is_some() => return None,
             (true, _) => format!(
-                "the file has no header; its columns are called {first} to {last} (--names names them)"
+                "the file has no header; its columns are called {first} to {last} ({} names them)",
+                Named("names")
             ),
             (false, true) => {
-                format!("line {} is taken as names (--no-header reads it as a row)", self.before + 1)
+                format!(
+                    "line {} is taken as names ({} reads it as a row)",
+                    self.before + 1,
+                    Named("no_header")
+                )
             }
             (false, false) => return None,
         };

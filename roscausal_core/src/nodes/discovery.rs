@@ -36,6 +36,7 @@ use crate::{
         joint::{Facts, Joint, Part, People},
         pool::{Claim, Pool, write_whole},
     },
+    error::parameter,
     external,
     gate::lock,
     middleware::{Middleware, Publish, Qos},
@@ -582,7 +583,7 @@ fn method(
     }
     let with_warnings = |(person, mut model, evidence, origin): Found| {
         model.warnings.splice(0..0, joint.warnings.iter().cloned());
-        (person, model, evidence, origin)
+        (person, model.spelled(parameter), evidence, origin)
     };
     Ok(found.into_iter().map(with_warnings).collect())
 }

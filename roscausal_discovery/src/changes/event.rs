@@ -45,6 +45,7 @@ impl Status {
 /// What became of a link.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
+#[non_exhaustive]
 pub enum Kind {
     /// It was not there before.
     Appeared,

@@ -77,7 +77,9 @@ pub use oracle::OracleCi;
 pub use parcorr::ParCorr;
 pub use parcorr_vector::ParCorrVector;
 pub use parcorr_wls::ParCorrWls;
-pub use registry::{by_name, draws, names, smallest_p, spelled};
+#[doc(hidden)]
+pub use registry::spelled;
+pub use registry::{by_name, draws, names, smallest_p};
 pub use regression_ci::RegressionCi;
 pub use robust_parcorr::RobustParCorr;
 pub use settings::{Confidence, GpSearch, MOST_SURROGATES, Significance, TRANSFORMS, TestSettings};

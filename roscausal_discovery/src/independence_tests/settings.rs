@@ -10,6 +10,7 @@ pub const MOST_SURROGATES: usize = 1_000_000;
 
 /// How a test value becomes a p-value.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum Significance {
     /// From the known null distribution.
     Analytic,
@@ -37,6 +38,7 @@ words!(Confidence, "confidence": Analytic "analytic", Bootstrap "bootstrap");
 
 /// How GPDC searches for the maximum of a likelihood. Both end in the same one.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum GpSearch {
     /// Each likelihood only as exact as it must be for the path to stay that of exact ones.
     #[default]

@@ -20,6 +20,7 @@ use crate::{
 /// # Ok::<(), roscausal_discovery::Error>(())
 /// ```
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum Criterion {
     /// Akaike: `2 / n`.
     Aic,

@@ -4,6 +4,7 @@ use ndarray::Array3;
 
 /// Correction of p-values for the number of tests.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum Fdr {
     /// None.
     #[default]

@@ -15,6 +15,7 @@ use crate::types::{CondIndTest, Control, DataFrame, LinkAssumptions, LinkMark, N
 
 /// How PCMCI+ tells a collider from a chain in an unshielded triple.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum ColliderRule {
     /// By the fraction of separating sets that contain the middle: a collider below one half, ambiguous at one
     /// half.

@@ -20,6 +20,7 @@ use crate::types::{Error, Result};
 /// ```
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
+#[non_exhaustive]
 pub enum Method {
     /// PCMCI behind a transfer-entropy filter ([`run_fpcmci`](super::run_fpcmci)).
     #[default]
@@ -55,6 +56,7 @@ pub enum Method {
 /// A setting that some methods read and others do not. Every method reads the level, the lags, the exogenous variables and the
 /// seed; those that ask a test read the test and the correction, too.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum Reads {
     /// Level of the condition selection.
     PcAlpha,

@@ -29,6 +29,7 @@ use crate::{
 
 /// How a variable follows from its causes.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum TiminoModel {
     /// Linear effects, by least squares. Its noise must not be Gaussian where effects are at lag 0.
     #[default]

@@ -14,7 +14,7 @@ use crate::{
     independence_tests::smallest_p,
     methods::Method,
     profile::DataProfile,
-    types::{SampleCount, names::plain},
+    types::{SampleCount, names::plain, spelled_out},
 };
 
 /// Version of the layout. A reader takes this one and [`SCHEMA_1`].
@@ -285,6 +285,14 @@ pub fn decides_by_pc_alpha(method: &str) -> bool {
 }
 
 impl Model {
+    /// The model with the settings in its notes as a surface spells them.
+    #[must_use]
+    pub fn spelled(mut self, spell: impl Fn(&str) -> String) -> Self {
+        let remarks = self.about_data.iter_mut().flat_map(|profile| &mut profile.remarks);
+        self.warnings.iter_mut().chain(remarks).for_each(|note| *note = spelled_out(note, &spell));
+        self
+    }
+
     /// The level that decided on the links: `pc_alpha` where the method has no other; `None` if a score chose it for each variable.
     pub fn link_level(&self) -> Option<f64> {
         if decides_by_pc_alpha(&self.method) { self.pc_alpha } else { Some(self.alpha) }

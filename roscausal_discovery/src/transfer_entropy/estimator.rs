@@ -4,6 +4,7 @@ use crate::types::Node;
 
 /// How the filter sees dependence.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum TeEstimator {
     /// By the independence test of the run: `Gaussian` for a linear one, else `GaussianDcor`.
     #[default]

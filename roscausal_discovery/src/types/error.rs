@@ -10,6 +10,7 @@ pub(crate) const MOST_LAG: usize = 100_000;
 
 /// What went wrong, where, and what to do about it: each message is one sentence for the user.
 #[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
 pub enum Error {
     /// A parameter's value is not allowed.
     #[error("parameter '{name}': {}", plain(reason))]

@@ -32,6 +32,7 @@ pub use dataframe::{DataFrame, MaskType};
 pub use error::{Error, Result};
 pub use knowledge::{Known, LinkRule};
 pub use links::{Assumption, LinkAssumptions};
+#[doc(hidden)]
 pub use lock::lock;
 pub use marks::{LinkEnd, LinkMark};
 pub use node::Node;

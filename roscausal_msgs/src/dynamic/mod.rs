@@ -43,6 +43,7 @@ pub enum Wire {
 
 /// Why a definition cannot be used.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[non_exhaustive]
 pub enum SchemaError {
     /// There is no text.
     #[error("the definition is empty")]

@@ -24,6 +24,7 @@ pub enum Found {
 
 /// Why a schema has nothing to read at a path.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[non_exhaustive]
 pub enum QueryError {
     /// A name that no field has.
     #[error("{type_name} has no field '{name}'")]

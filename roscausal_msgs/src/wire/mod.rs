@@ -42,6 +42,7 @@ pub struct WireError {
 
 /// What is wrong with the bytes of a message.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[non_exhaustive]
 pub enum Fault {
     /// The bytes end too early.
     #[error("the message is cut short: {needed} bytes needed at byte {offset}, {left} left")]

@@ -1,6 +1,6 @@
 //! The text of an expression as a tree.
 
-use roscausal_discovery::names::position;
+use roscausal_discovery::{Named, names::position};
 
 use super::{DEEPEST, FUNCTIONS, Field, Function, LONGEST_LAG, Node, UNITS, Who};
 
@@ -205,7 +205,7 @@ impl<'a, 'n> Parser<'a, 'n> {
             matches!(FUNCTIONS[function].2, Function::Lag | Function::Difference | Function::Rate);
         if looks_back && matches!(self.names, Names::Bodies) {
             self.at = start;
-            return Err(self.fault(&format!("{name}() is for the columns of a table (--feature)")));
+            return Err(self.fault(&format!("{name}() is for the columns of a table ({})", Named("feature"))));
         }
         let mut arguments = vec![self.sum()?];
         while self.one_of([',', ',']).is_some() {

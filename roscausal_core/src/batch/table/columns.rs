@@ -66,13 +66,13 @@ pub(super) fn check_count(columns: usize) -> Result<(), String> {
     ))
 }
 
-/// Checks how long the names of a header are, in bytes; `line` is where they stand.
-pub(super) fn check_lengths(lengths: impl Iterator<Item = usize>, line: u64) -> Result<(), String> {
+/// Checks how long the names of a header are, in bytes; `at` is where they stand.
+pub(super) fn check_lengths(lengths: impl Iterator<Item = usize>, at: &str) -> Result<(), String> {
     let long = |(_, length): &(usize, usize)| *length > LONGEST_NAME;
     match lengths.enumerate().find(long) {
         None => Ok(()),
         Some((column, length)) => Err(format!(
-            "line {line}, column {}: the name is {length} bytes long; check the quotes and line ends of the header",
+            "{at}, column {}: the name is {length} bytes long; check the quotes and line ends of the header",
             column + 1
         )),
     }
@@ -80,17 +80,17 @@ pub(super) fn check_lengths(lengths: impl Iterator<Item = usize>, line: u64) -> 
 
 /// Checks the names of a header. The empty name of a first column is that of pandas' index, of a last one a separator too
 /// many; both are allowed here. `line` is where they stand.
-pub(super) fn check_names(names: &[String], line: u64) -> Result<(), String> {
-    check_lengths(names.iter().map(String::len), line)?;
+pub(super) fn check_names(names: &[String], at: &str) -> Result<(), String> {
+    check_lengths(names.iter().map(String::len), at)?;
     let mut places = HashMap::new();
     for (column, name) in names.iter().enumerate() {
         let at_an_end = column == 0 || column + 1 == names.len();
         if name.trim().is_empty() && !(at_an_end && names.len() > 2) {
-            return Err(format!("line {line}, column {}: the name is empty; name every column", column + 1));
+            return Err(format!("{at}, column {}: the name is empty; name every column", column + 1));
         }
         if let Some(earlier) = places.insert(name, column).filter(|_| !name.is_empty()) {
             return Err(format!(
-                "line {line}: '{name}' names both column {} and column {}; give every column a name of its own",
+                "{at}: '{name}' names both column {} and column {}; give every column a name of its own",
                 earlier + 1,
                 column + 1
             ));

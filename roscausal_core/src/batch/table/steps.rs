@@ -156,10 +156,11 @@ impl Table {
             notes.retain(|note| matches!(note, Note::Read(_)));
             let was = format!("from steps of about {} s (median)", digits(median));
             let made_up = match dt < 0.75 * median {
-                true => {
-                    ": most rows are made up between samples, and tests count them as samples; give a longer --dt"
-                }
-                false => "",
+                true => format!(
+                    ": most rows are made up between samples, and tests count them as samples; give a longer {}",
+                    Named("dt")
+                ),
+                false => String::new(),
             };
             notes.push(Note::Read(format!("resampled to steps of {} s {was}{made_up}", digits(dt))));
         }

@@ -3,6 +3,7 @@
 use std::str::FromStr;
 
 use chrono::{DateTime, Datelike, NaiveDate, NaiveDateTime, NaiveTime};
+use roscausal_discovery::Named;
 
 /// The unit of a column of times.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -95,12 +96,15 @@ fn guessed(time: &[f64]) -> (Unit, Option<String>) {
     let whole = time.iter().all(|t| t.fract() == 0.0);
     let span = time.last().copied().unwrap_or(0.0) - time.first().copied().unwrap_or(0.0);
     let step = span / (time.len().max(2) - 1) as f64;
+    let otherwise = Named("time_unit");
     if whole && step >= 1e6 {
-        let told = "times are taken as nanoseconds, by the size of their steps (--time-unit says otherwise)";
-        return (Unit::Nanoseconds, Some(told.into()));
+        let told = format!(
+            "times are taken as nanoseconds, by the size of their steps ({otherwise} says otherwise)"
+        );
+        return (Unit::Nanoseconds, Some(told));
     }
     let told = (whole && step >= 5.0).then(|| {
-        format!("times are taken as seconds, in steps of about {step:.0} (--time-unit says otherwise)")
+        format!("times are taken as seconds, in steps of about {step:.0} ({otherwise} says otherwise)")
     });
     (Unit::Seconds, told)
 }
@@ -214,7 +218,11 @@ mod tests {
         let time = |step: f64| (0..5).map(|i| (step * f64::from(i) * 1e6).round() / 1e6).collect::<Vec<_>>();
         assert_eq!(in_seconds(time(1e8), None).0, time(0.1));
         assert_eq!(in_seconds(time(100.0), None).0, time(100.0));
-        assert!(in_seconds(time(100.0), None).1.is_some_and(|told| told.contains("--time-unit")));
+        assert!(
+            in_seconds(time(100.0), None)
+                .1
+                .is_some_and(|told| told.contains(&Named("time_unit").to_string()))
+        );
         assert_eq!(in_seconds(time(100.0), Some(Unit::Milliseconds)), (time(0.1), None));
         assert_eq!(in_seconds(time(0.1), None), (time(0.1), None));
     }

@@ -194,9 +194,9 @@ fn leave_out_unknown(tables: &mut [(String, Table)], notes: &mut Vec<String>) {
     }
     let names: Vec<&str> = out.iter().map(|&column| first.names[column].as_str()).collect();
     let why = if names.iter().any(|name| name.contains("_dg")) {
-        ": the table tells no goals (--goal last takes each one's last place)"
+        format!(": the table tells no goals ({} last takes each one's last place)", Named("goal"))
     } else {
-        ""
+        String::new()
     };
     notes.push(format!("left out, since nothing is known of it: {}{why}", names.join(", ")));
     for (_, table) in tables {
@@ -234,9 +234,10 @@ impl<'a> Scene<'a> {
     }
 
     fn told(&self, chosen: usize) -> String {
+        let other = Named("obstacle");
         let obstacle = match self.robot {
-            Some(robot) => format!("the obstacle is {} (--obstacle names another)", robot.name),
-            None => "the obstacle is the nearest other one (--obstacle names one)".to_owned(),
+            Some(robot) => format!("the obstacle is {} ({other} names another)", robot.name),
+            None => format!("the obstacle is the nearest other one ({other} names one)"),
         };
         format!(
             "{} agents, of whom {chosen} are analysed, in steps of {} s; {obstacle}",

@@ -99,7 +99,10 @@ pub(super) fn found(tracks: &[&[Sample]], missing: &Missing) -> Result<Found, St
                 USUAL_RATE / rate
             ),
         };
-        notes.push(format!("frames are taken as {rate} per second, {why} (--frame-rate says otherwise)"));
+        notes.push(format!(
+            "frames are taken as {rate} per second, {why} ({} says otherwise)",
+            Named("frame_rate")
+        ));
     }
     let name = match unit {
         _ if of_user.is_some() => None,
@@ -110,13 +113,15 @@ pub(super) fn found(tracks: &[&[Sample]], missing: &Missing) -> Result<Found, St
     };
     if let Some(name) = name {
         notes.push(format!(
-            "positions are taken as {name}: in metres, the usual speed would be {:.0} m/s (--position-unit says otherwise)",
-            metres(rate, PositionUnit::Metres)
+            "positions are taken as {name}: in metres, the usual speed would be {:.0} m/s ({} says otherwise)",
+            metres(rate, PositionUnit::Metres),
+            Named("position_unit")
         ));
     } else if of_user.is_none() && slow {
         notes.push(format!(
-            "people are slow: {:.2} m/s in the middle, in metres (--position-unit says otherwise)",
-            metres(rate, unit)
+            "people are slow: {:.2} m/s in the middle, in metres ({} says otherwise)",
+            metres(rate, unit),
+            Named("position_unit")
         ));
     }
     Ok(Found { rate, unit, notes })

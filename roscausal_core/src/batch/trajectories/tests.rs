@@ -148,7 +148,10 @@ fn agents_are_chosen_by_name_number_and_nearness() {
     let walks = read(&content, &TrajectoryReading::default(), &choice("7")).expect("reads");
     assert!(walks.notes.iter().any(|note| note.contains("the obstacle is robot")), "{:?}", walks.notes);
     assert!(
-        walks.notes.iter().any(|note| note.contains("h_dg") && note.contains("--goal last")),
+        walks
+            .notes
+            .iter()
+            .any(|note| note.contains("h_dg") && note.contains(&format!("{} last", Named("goal")))),
         "{:?}",
         walks.notes
     );

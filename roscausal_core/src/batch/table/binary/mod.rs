@@ -72,8 +72,7 @@ pub(in crate::batch::table) fn table(columns: Vec<(String, Column)>, reading: &R
         return Err(Complaint::from("it has no columns; columns of variables are needed"));
     }
     let header: Vec<String> = columns.iter().map(|(name, _)| name.clone()).collect();
-    super::columns::check_names(&header, 1)
-        .map_err(|reason| Complaint::File(reason.replace("line 1", "names")))?;
+    super::columns::check_names(&header, "names").map_err(Complaint::File)?;
     let time = time_place(&columns, &header, reading)?;
     let place = time.map(|(column, _)| column);
     let named = reading.columns.is_some();
