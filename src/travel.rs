@@ -13,7 +13,7 @@ use roscausal_discovery::{
 use crate::{flags, nodes::RECORDING};
 
 /// Flags that describe the data or their analysis, besides those that are a node's parameter.
-const FLAGS: [&str; 38] = [
+const FLAGS: [&str; 39] = [
     "agent",
     "batch",
     "changes",
@@ -44,6 +44,7 @@ const FLAGS: [&str; 38] = [
     "robot-goal",
     "robot-pose",
     "rows",
+    "season",
     "signal",
     "standardise",
     "step",

@@ -95,6 +95,7 @@ mod numeric;
 mod profile;
 mod recommend;
 pub mod rolling;
+mod season;
 pub mod settings;
 pub mod transfer_entropy;
 
@@ -113,6 +114,7 @@ pub use numeric::random::mix;
 pub use numeric::rows::quantile;
 pub use profile::{DataProfile, Fault, VariableProfile};
 pub use recommend::Recommendation;
+pub use season::{Season, without_season};
 pub use settings::{Levels, PcAlpha, Settings};
 pub use types::*;
 

@@ -15,6 +15,7 @@ use serde::{Deserialize, Serialize};
 use crate::{
     later::Later,
     numeric::rows::{dot, is_constant, moments, standardize},
+    season::Season,
     types::{DataFrame, Named, names::plain, same_value},
 };
 
@@ -47,6 +48,9 @@ pub struct DataProfile {
     /// Dependence at lags beyond those that are tested, if it was looked for.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub later: Vec<Later>,
+    /// The period that variables share, if one was looked for and found.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub season: Option<Season>,
 }
 
 /// What one variable is like.
@@ -138,9 +142,15 @@ impl DataProfile {
         self
     }
 
-    /// Looks for dependence at longer lags than `tau_max`. `dt` is the step in seconds, if known.
+    /// Looks for a period that variables share and, where there is none, for dependence at longer lags than `tau_max`. `dt` is the step
+    /// in seconds, if known.
     #[must_use]
     pub fn with_later(mut self, data: &DataFrame, tau_max: usize, dt: Option<f64>) -> Self {
+        self.season = Season::of(data);
+        if let Some(season) = &self.season {
+            self.remarks.insert(0, season.told(dt));
+            return self;
+        }
         let rows: usize = data.recordings().iter().map(|recording| recording.nrows()).sum();
         let memory = self.variables.iter().filter(|v| v.distinct > 1);
         let memory =

@@ -1,10 +1,13 @@
-//! `--difference`, `--detrend`, `--standardise`: what is done to the values before the analysis, in this order, to each recording by
+//! `--difference`, `--detrend`, `--season`, `--standardise`: what is done to the values before the analysis, in this order, to each recording by
 //! itself. Missing values stay missing.
 
 use clap::Args as ClapArgs;
 use ndarray::{Array2, ArrayViewMut1};
-use roscausal_core::{Error, Result};
-use roscausal_discovery::names::{nearest, plain, position};
+use roscausal_core::{Error, Result, batch::table::Unit};
+use roscausal_discovery::{
+    names::{nearest, plain, position},
+    without_season,
+};
 
 use super::Data;
 
@@ -20,6 +23,9 @@ pub(crate) struct ChangeArgs {
     /// Take out the straight line that fits each recording best: of all variables, or of those named.
     #[arg(long, value_name = "COLUMNS", num_args = 0..=1, require_equals = true, default_missing_value = ALL, value_delimiter = ',')]
     detrend: Vec<String>,
+    /// Take the mean course of a period out of each recording, of all variables: rows, or a time such as 24h.
+    #[arg(long, value_name = "PERIOD")]
+    season: Option<String>,
     /// Bring each recording to mean 0 and standard deviation 1, so that recordings of other sizes are alike: all variables, or
     /// those named.
     #[arg(
@@ -30,7 +36,7 @@ pub(crate) struct ChangeArgs {
 }
 
 /// What changes one column of one recording.
-type Change = fn(ArrayViewMut1<'_, f64>);
+type Change<'a> = &'a dyn Fn(ArrayViewMut1<'_, f64>);
 
 impl ChangeArgs {
     /// Changes the values as the flags say, and tells so.
@@ -38,13 +44,19 @@ impl ChangeArgs {
     /// # Errors
     /// A column that is not there.
     pub(super) fn apply(&self, data: &mut Data) -> Result<()> {
-        let steps: [(&str, &[String], Change, &str); 3] = [
-            ("difference", &self.difference, difference, "the change since the row before is analysed of"),
-            ("detrend", &self.detrend, detrend, "a straight line is taken out of each recording of"),
+        let all = [ALL.to_owned()];
+        let shortest = data.data.recordings().iter().map(|rows| rows.nrows()).min().unwrap_or(0);
+        let period = self.season.as_ref().map(|text| rows_of(text, data.dt, shortest)).transpose()?;
+        let seasonal: &[String] = if period.is_some() { &all } else { &[] };
+        let season = |column: ArrayViewMut1<'_, f64>| without_season(column, period.unwrap_or(1));
+        let steps: [(&str, &[String], Change<'_>, &str); 4] = [
+            ("difference", &self.difference, &difference, "the change since the row before is analysed of"),
+            ("detrend", &self.detrend, &detrend, "a straight line is taken out of each recording of"),
+            ("season", seasonal, &season, "the mean course of a period is taken out of each recording of"),
             (
                 "standardise",
                 &self.standardise,
-                standardise,
+                &standardise,
                 "each recording has mean 0 and standard deviation 1 of",
             ),
         ];
@@ -66,6 +78,35 @@ impl ChangeArgs {
         }
         Ok(())
     }
+}
+
+/// The rows of a period: a number of rows, or a time, for which the step between rows must be known. The shortest recording must have
+/// three of it, or nothing is left.
+fn rows_of(text: &str, dt: Option<f64>, shortest: usize) -> Result<usize> {
+    let fault = |reason: String| Error::param("season", reason);
+    let unit = text.find(|c: char| c.is_ascii_alphabetic()).unwrap_or(text.len());
+    let (number, unit) = text.split_at(unit);
+    let number: f64 = number.trim().parse().ok().filter(|number| *number > 0.0).ok_or_else(|| {
+        fault(format!("'{text}' is not a period; give rows, such as 24, or a time, such as 24h or 30min"))
+    })?;
+    let rows = if unit.is_empty() {
+        number
+    } else {
+        let unit: Unit = unit.parse().map_err(fault)?;
+        let dt =
+            dt.ok_or_else(|| fault("the step between rows is not known; give the period in rows".into()))?;
+        number / unit.per_second() / dt
+    };
+    if rows < 1.5 || (rows - rows.round()).abs() > 0.01 {
+        return Err(fault(format!("'{text}' are {rows} rows; give a period of 2 whole rows or more")));
+    }
+    if 3.0 * rows > shortest as f64 {
+        let reason = format!(
+            "a period has {rows:.0} rows, and the shortest recording {shortest}: three periods are needed"
+        );
+        return Err(fault(reason));
+    }
+    Ok(rows.round() as usize)
 }
 
 /// The places of the columns that a flag names.
@@ -146,6 +187,24 @@ mod tests {
         let found = changed(standardise, array![2.0, 4.0, f64::NAN]);
         assert_eq!(found[..2], [-1.0, 1.0]);
         assert_eq!(changed(standardise, array![3.0, 3.0]), [0.0, 0.0]);
+    }
+
+    #[test]
+    fn a_period_is_rows_or_a_time() {
+        for (text, dt, rows) in [("24", None, 24), ("24h", Some(3600.0), 24), ("1.5 min", Some(0.5), 180)] {
+            assert_eq!(rows_of(text, dt, 1000).expect(text), rows);
+        }
+        for (text, dt, told) in [
+            ("day", Some(1.0), "is not a period"),
+            ("-3", None, "is not a period"),
+            ("1e999", None, "whole rows"),
+            ("24h", None, "not known"),
+            ("3fortnights", Some(1.0), "not a unit"),
+            ("2.5", None, "whole rows"),
+            ("400", None, "three periods"),
+        ] {
+            assert!(rows_of(text, dt, 1000).expect_err(text).to_string().contains(told), "{text}");
+        }
     }
 
     #[test]

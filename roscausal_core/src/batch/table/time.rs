@@ -27,7 +27,7 @@ impl Unit {
     pub const NAMES: [&'static str; 6] = ["s", "ms", "us", "ns", "min", "h"];
 
     /// Units in a second.
-    fn per_second(self) -> f64 {
+    pub fn per_second(self) -> f64 {
         match self {
             Self::Seconds => 1.0,
             Self::Milliseconds => 1e3,

@@ -1,0 +1,167 @@
+//! A period that several variables share, such as a day: links between them may be the clock's.
+//!
+//! Steps, for the longest recording: take out of each variable what its last value explains (a slow variable repeats nothing, but
+//! looks so), take the mean of each phase of a period in the first half of the rows, and correlate these with the second half. Without
+//! a period the correlation of `n` rows is about Gaussian with variance `1 / n`. The period is the one at which the correlations of two
+//! or more variables that are beyond chance have the largest sum.
+//!
+//! Example: speed and number of people at 100 places of a day, over a week, both higher at noon: the period is 100 rows.
+
+use ndarray::{ArrayView1, ArrayViewMut1};
+use serde::{Deserialize, Serialize};
+
+use crate::types::{DataFrame, Named, names::plain};
+
+/// Rows that are looked at, and the longest period, at most.
+const MOST_ROWS: usize = 2000;
+const LONGEST: usize = 400;
+/// Rows of the shortest period.
+const SHORTEST: usize = 4;
+/// Standard deviations beyond which a correlation is no chance: several hundred periods are tried.
+const FAR: f64 = 4.5;
+
+/// A period that several variables share.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Season {
+    /// Rows after which they repeat.
+    pub period: usize,
+    /// Their names.
+    pub variables: Vec<String>,
+}
+
+impl Season {
+    /// The period of the data, if two variables or more share one; four of it or more are needed.
+    pub fn of(data: &DataFrame) -> Option<Self> {
+        let rows = data.recordings().iter().max_by_key(|rows| rows.nrows())?;
+        let columns: Vec<Vec<f64>> = rows.columns().into_iter().map(whitened).collect();
+        let longest = LONGEST.min(rows.nrows().min(MOST_ROWS) / 4);
+        let of = |period: usize| {
+            let found: Vec<(usize, f64)> =
+                (0..columns.len()).filter_map(|var| Some((var, repeats(&columns[var], period)?))).collect();
+            (period, found)
+        };
+        let sum = |found: &[(usize, f64)]| found.iter().map(|(_, r)| r).sum::<f64>();
+        let shared = (SHORTEST..=longest).map(of).filter(|(_, found)| found.len() > 1);
+        let (period, found) = shared.max_by(|a, b| sum(&a.1).total_cmp(&sum(&b.1)))?;
+        let variables = found.iter().map(|(var, _)| plain(&data.var_names()[*var])).collect();
+        Some(Self { period, variables })
+    }
+
+    /// What to tell of it, with the step between rows in seconds.
+    pub fn told(&self, dt: Option<f64>) -> String {
+        let time =
+            dt.map_or(String::new(), |dt| format!(" ({} s)", (1e3 * dt * self.period as f64).round() / 1e3));
+        format!(
+            "{} repeat every {} rows{time}: links between them may come from the clock alone; {} {} takes the mean course of a \
+             period out",
+            self.variables.join(", "),
+            self.period,
+            Named("season"),
+            self.period
+        )
+    }
+}
+
+/// A column without its mean and what its last value explains; 0 where that is not known.
+fn whitened(column: ArrayView1<'_, f64>) -> Vec<f64> {
+    let known = column.iter().take(MOST_ROWS).filter(|value| !value.is_nan());
+    let (sum, count) = known.fold((0.0, 0.0), |(sum, count), value| (sum + value, count + 1.0));
+    let centred: Vec<f64> = column.iter().take(MOST_ROWS).map(|value| value - sum / count).collect();
+    let products = |ahead: usize| -> f64 {
+        centred
+            .iter()
+            .zip(&centred[ahead.min(centred.len())..])
+            .map(|(a, b)| a * b)
+            .filter(|p| !p.is_nan())
+            .sum()
+    };
+    let slope = products(1) / products(0);
+    let left = centred.windows(2).map(|pair| pair[1] - slope * pair[0]);
+    left.map(|value| if value.is_nan() { 0.0 } else { value }).collect()
+}
+
+/// The correlation of the mean course in the first half of the values with the second half, if it is beyond chance.
+fn repeats(values: &[f64], period: usize) -> Option<f64> {
+    // Both halves begin with the same phase.
+    let (first, second) = values.split_at(values.len() / 2 / period * period);
+    let mut course = vec![0.0; period];
+    for part in first.chunks(period) {
+        course.iter_mut().zip(part).for_each(|(sum, value)| *sum += value);
+    }
+    let (mut both, mut of_course, mut of_second) = (0.0, 0.0, 0.0);
+    for part in second.chunks(period) {
+        for (a, b) in course.iter().zip(part) {
+            both += a * b;
+            of_course += a * a;
+            of_second += b * b;
+        }
+    }
+    let r = both / (of_course * of_second).sqrt();
+    (r * (second.len() as f64).sqrt() > FAR).then_some(r)
+}
+
+/// Takes the mean of each phase of a period out of a column of one recording, and leaves its own mean.
+pub fn without_season(mut column: ArrayViewMut1<'_, f64>, period: usize) {
+    let mean = |values: &mut dyn Iterator<Item = f64>| {
+        let (sum, count) = values.filter(|v| !v.is_nan()).fold((0.0, 0.0), |(sum, n), v| (sum + v, n + 1.0));
+        sum / count
+    };
+    let all = mean(&mut column.iter().copied());
+    for phase in 0..period.min(column.len()) {
+        let off = mean(&mut column.iter().skip(phase).step_by(period).copied()) - all;
+        column.iter_mut().skip(phase).step_by(period).for_each(|value| *value -= off);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use ndarray::{Array1, Array2};
+
+    use super::*;
+    use crate::numeric::random::mix;
+
+    /// Gaussian enough: the sum of twelve even numbers.
+    fn noise(at: usize) -> f64 {
+        (0..12).map(|i| mix((at * 12 + i) as u64) as f64 / u64::MAX as f64).sum::<f64>() - 6.0
+    }
+
+    /// Two variables that are slow or not, with a share of a common course.
+    fn data(rows: usize, slope: f64, course: impl Fn(usize) -> f64, seed: usize) -> DataFrame {
+        let mut values = Array2::zeros((rows, 2));
+        for (row, var) in (1..rows).flat_map(|row| [(row, 0), (row, 1)]) {
+            let before = values[[row - 1, var]];
+            values[[row, var]] = slope * before + noise((seed * rows + row) * 2 + var) + course(row);
+        }
+        DataFrame::new(vec![values], vec!["a".into(), "b".into()]).expect("data")
+    }
+
+    #[test]
+    fn a_common_period_is_found_and_none_where_there_is_none() {
+        for (period, slope) in [(24, 0.3), (7, 0.0), (100, 0.8), (12, 0.95)] {
+            let course = |row: usize| (std::f64::consts::TAU * (row % period) as f64 / period as f64).sin();
+            let season = Season::of(&data(800, slope, course, period)).expect("a period");
+            assert_eq!((season.period, season.variables.len()), (period, 2), "{slope}");
+        }
+        for seed in 0..40 {
+            for slope in [0.0, 0.5, 0.9, 0.99, 1.0] {
+                assert_eq!(Season::of(&data(600, slope, |_| 0.0, seed)), None, "{seed} {slope}");
+            }
+        }
+    }
+
+    #[test]
+    fn what_repeats_is_taken_out_and_the_mean_and_gaps_stay() {
+        let mut column: Array1<f64> = (0..12).map(|row| (row % 3) as f64 * 10.0 + row as f64).collect();
+        column[4] = f64::NAN;
+        let mean = column.iter().filter(|v| !v.is_nan()).sum::<f64>() / 11.0;
+        without_season(column.view_mut(), 3);
+        assert!(column[4].is_nan());
+        for phase in 0..3 {
+            let of: Vec<f64> =
+                column.iter().skip(phase).step_by(3).copied().filter(|v| !v.is_nan()).collect();
+            assert!((of.iter().sum::<f64>() / of.len() as f64 - mean).abs() < 1e-12);
+        }
+        let mut empty: Array1<f64> = Array1::zeros(0);
+        without_season(empty.view_mut(), 5);
+    }
+}
