@@ -24,6 +24,9 @@ pub(crate) fn text_with(model: &Model, advice: bool) -> String {
     if model.links.is_empty() {
         lines.push(nothing_found(model));
     }
+    if model.links.iter().all(|link| link.cause == link.effect) {
+        lines.extend(missed(model));
+    }
     lines.extend(model.links.iter().map(|link| format!("  {}", sentence(model, link))));
     if !model.dropped.is_empty() {
         lines.push(format!("Left out, without a link to another variable: {}.", model.dropped.join(", ")));
@@ -94,7 +97,7 @@ fn samples(model: &Model) -> String {
 }
 
 /// That there is no link, as far as anything was tested.
-fn nothing_found(model: &Model) -> String {
+pub(crate) fn nothing_found(model: &Model) -> String {
     let counts = model.outcome_counts();
     let tested: usize =
         counts.iter().filter(|(outcome, _)| *outcome == Outcome::Tested).map(|(_, count)| count).sum();
@@ -112,6 +115,14 @@ fn nothing_found(model: &Model) -> String {
         _ if tested == all => "No causal link found: every tested pair may be independent.".to_owned(),
         _ => format!("No causal link found among the {tested} of {all} pairs and lags that were tested."),
     }
+}
+
+/// How strong a link must be to be found, where none is.
+pub(crate) fn missed(model: &Model) -> Option<String> {
+    let size = model.detectable()?;
+    Some(format!(
+        "A partial correlation of {size:.2} between two variables would be found in four of five such recordings; a weaker one may be missed."
+    ))
 }
 
 /// What was not tested, and why.

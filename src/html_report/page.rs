@@ -112,11 +112,9 @@ fn asked(model: &Model, svg: &str) -> String {
 
 fn links(model: &Model) -> String {
     if model.links.is_empty() {
-        return section(
-            "links",
-            "Links",
-            "<p>No causal link found: every tested pair may be independent.</p>\n",
-        );
+        let found = report::nothing_found(model);
+        let missed = report::missed(model).map_or(String::new(), |missed| format!(" {missed}"));
+        return section("links", "Links", &format!("<p>{}</p>\n", escaped(&(found + &missed))));
     }
     let mut content = String::from(
         "<div class=\"figure\" tabindex=\"0\" role=\"region\" aria-label=\"Table of links\">\n<table>\n<thead><tr>\
