@@ -66,7 +66,7 @@ fn headline(model: &Model) -> String {
     let recordings = match model.n_recordings {
         1 => String::new(),
         n if model.settings.get("levels").is_some_and(|levels| levels == "remove") => {
-            format!(" from {n} recordings without their own levels,")
+            format!(" from {n} recordings without their own levels")
         }
         n => format!(" from {n} recordings"),
     };

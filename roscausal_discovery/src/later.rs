@@ -73,15 +73,13 @@ impl Later {
         for effect in 0..n {
             let (mut left, mut taken) = (gram.clone(), given);
             let target = at(effect, 0);
-            let total = gram[[target, target]];
             loop {
                 let candidates = (0..n).flat_map(|var| (tau_max + 1..=lags).map(move |lag| (var, lag)));
                 let strength = |&(var, lag): &(usize, usize)| {
                     let place = at(var, lag);
                     let size = left[[place, place]] * left[[target, target]];
                     // What is nearly a combination of others says nothing.
-                    let is_left =
-                        left[[place, place]] > 1e-6 * rows as f64 && left[[target, target]] > 1e-9 * total;
+                    let is_left = [place, target].iter().all(|&at| left[[at, at]] > 1e-6 * rows as f64);
                     if is_left { left[[place, target]] / size.sqrt() } else { 0.0 }
                 };
                 let best = candidates

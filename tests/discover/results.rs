@@ -242,7 +242,7 @@ fn a_p_value_is_never_shown_as_0_and_a_correction_is_named() {
     }
 }
 
-/// PCMCI+ and the methods that allow for hidden causes read no other level than `pc_alpha`.
+/// PCMCI+ and the methods that allow for hidden causes have one level, by either name.
 #[test]
 fn the_heading_names_the_level_that_decided() {
     let dir = folder("data.csv", &coupled(200));
@@ -253,6 +253,8 @@ fn the_heading_names_the_level_that_decided() {
         let out = roscausal(dir.path(), &args(method));
         has(&String::from_utf8_lossy(&out.stdout), &[level]);
     }
-    let out = roscausal(dir.path(), &[&args("pcmci+")[..], &["--alpha", "0.03"]].concat());
+    let with = |more: &[&str]| roscausal(dir.path(), &[&args("pcmci+")[..], more].concat());
+    has(&String::from_utf8_lossy(&with(&["--alpha", "0.03"]).stdout), &["(pc_alpha 0.03,"]);
+    let out = with(&["--alpha", "0.03", "--pc-alpha", "0.01"]);
     has(&String::from_utf8_lossy(&out.stderr), &["--alpha: pcmciplus has one level", "(--pc-alpha)"]);
 }

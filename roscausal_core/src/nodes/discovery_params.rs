@@ -267,6 +267,10 @@ fn request_of(params: &Params, program: bool) -> Result<Request> {
             Kind::File(ending) => bounded::read_setting(&super::path(&text), ending)?.into(),
             _ => setting.of_param(&text).map_err(|reason| Error::param(setting.id, reason))?,
         };
+        // A parameter always has a value; its default is not the user's.
+        if setting.by_method.is_none() && value == setting.default_value() {
+            continue;
+        }
         given.push((setting, value));
     }
     Request::of(&given).map_err(|error| Error::of_rules(error, links_of(params)))

@@ -2,7 +2,7 @@
 
 use serde_json::{Map, Value, json};
 
-use super::{Group, LinkRules, Resampling, SETTINGS, Setting, Settings};
+use super::{Group, LinkRules, PcAlpha, Resampling, SETTINGS, Setting, Settings};
 use crate::{
     independence_tests::{by_name, names, spelled},
     methods::Method,
@@ -75,6 +75,12 @@ impl Request {
         }
         request = Self::of_method(request.settings.method);
         given.iter().try_for_each(|(setting, value)| setting.put(&mut request, value))?;
+        let is_given = |id: &str| given.iter().any(|(setting, _)| setting.id == id);
+        // A method with one level has it by either name.
+        if request.settings.method.info().one_level && is_given("alpha") && !is_given("pc_alpha") {
+            request.settings.pc_alpha = PcAlpha::Fixed(request.settings.alpha);
+            request.settings.alpha = Settings::default().alpha;
+        }
         // As the registry spells it; an unknown one is refused where it is made.
         let wanted = spelled(&request.settings.cond_ind_test);
         if names().any(|known| known == wanted) {

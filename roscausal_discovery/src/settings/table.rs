@@ -89,7 +89,7 @@ settings! {
         "Independence test",
         by_method: Some(|info| info.test.to_owned());
     "alpha" "alpha" "sig_alpha" settings.alpha = LEVEL,
-        "Significance level of a link, in (0, 1)",
+        "Significance level of a link, in (0, 1); where a method has one level only, that",
         readers: Readers::Methods {
             read: |info| !info.one_level && info.p_values,
             why: "has one level, that of the condition selection",

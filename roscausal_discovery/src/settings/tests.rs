@@ -131,6 +131,21 @@ fn a_value_is_read_as_it_is_written_and_kept_where_it_is_asked_for() {
 }
 
 #[test]
+fn a_method_with_one_level_has_it_by_either_name() {
+    let asked = |ids: &[(&str, f64)]| {
+        let method = [("method", json!("pcmciplus"))].into_iter();
+        let given = method.chain(ids.iter().map(|(id, value)| (*id, json!(value))));
+        let given: Vec<_> = given.map(|(id, value)| (setting(id).expect("a setting"), value)).collect();
+        let request = Request::of(&given)?;
+        request.check().map(|()| request.settings.pc_alpha)
+    };
+    assert_eq!(asked(&[("alpha", 0.05)]).expect("one"), PcAlpha::Fixed(0.05));
+    assert_eq!(asked(&[("alpha", 0.01)]).expect("one"), asked(&[("pc_alpha", 0.01)]).expect("one"));
+    let both = asked(&[("alpha", 0.02), ("pc_alpha", 0.01)]).expect_err("two levels").to_string();
+    assert!(both.contains("pcmciplus has one level"), "{both}");
+}
+
+#[test]
 fn what_nobody_reads_is_refused_with_those_who_do() {
     let asked = |method: &str, test: &str, id: &str, value: Value| {
         let names = [("method", json!(method)), ("test", json!(test)), (id, value)];
@@ -138,7 +153,6 @@ fn what_nobody_reads_is_refused_with_those_who_do() {
         Request::of(&given).and_then(|request| request.check()).map_err(|error| error.to_string())
     };
     for (method, test, id, value, says) in [
-        ("pcmciplus", "parcorr", "alpha", json!(0.01), "pcmciplus has one level"),
         (
             "granger",
             "gpdc",

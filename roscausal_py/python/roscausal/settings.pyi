@@ -19,7 +19,7 @@ class Settings(TypedDict, total=False):
     """Discovery method."""
 
     alpha: float | None
-    """Significance level of a link, in (0, 1)."""
+    """Significance level of a link, in (0, 1); where a method has one level only, that."""
 
     pc_alpha: float | Literal["auto"] | None
     """Significance level of the condition selection, in (0, 1); auto: chosen by a score; None: the method's own."""
