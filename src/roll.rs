@@ -6,7 +6,7 @@ use clap::{Args as ClapArgs, ValueEnum};
 use roscausal_core::{Error, Result};
 use roscausal_discovery::{
     Control, DataFrame, Model, Settings,
-    changes::{ChangeEvent, Detector, Form, Levels},
+    changes::{self, ChangeEvent, Detector, Form, Levels},
     confidence::{Resampling, set_step},
     methods::Status,
     names::plain,
@@ -112,7 +112,7 @@ pub(crate) fn run(args: &Args, interrupt: &Interrupt) -> Result<()> {
     let rolling = args.means.in_pool(|| {
         let mut rolling = Rolling::new(args.format, dt);
         if args.changes {
-            rolling.status = args.events(&data, &settings, &control, &mut rolling.events)?;
+            rolling.status = args.events(&data, &settings, &control, &mut rolling)?;
         }
         rolling.begin();
         if rolling.status == Status::Complete {
@@ -161,13 +161,13 @@ impl Args {
         }
     }
 
-    /// Adds what the detector tells of the whole data, recording after recording, to `events`.
+    /// Adds what the detector tells of the whole data, recording after recording.
     fn events(
         &self,
         data: &DataFrame,
         settings: &Settings,
         control: &Control,
-        events: &mut Vec<ChangeEvent>,
+        rolling: &mut Rolling,
     ) -> Result<Status> {
         let names = data.var_names().to_vec();
         let detector = Detector::new(names, settings.tau_max, &settings.exogenous, Levels::default())?;
@@ -175,13 +175,17 @@ impl Args {
         let rows = self.change_rows.unwrap_or(CHANGE_ROWS.max(detector.fewest_rows()));
         for (place, recording) in data.recordings().iter().enumerate() {
             let masked = data.masked_effects(place);
-            match detector.read_in_masked_parts(recording.view(), &masked, rows, control) {
+            let read = detector.read_each(recording.view(), &masked, rows, control, &mut rolling.events);
+            rolling.looked_at = Some(detector.rows());
+            match read {
                 Err(error) if control.is_timeout(&error) => {
-                    let how_far =
-                        "the time budget ended before all changes and the first window were looked for";
-                    return Ok(Status::Partial(how_far.into()));
+                    let how_far = format!(
+                        "the time budget ended after {} rows of changes, before the first window",
+                        detector.rows()
+                    );
+                    return Ok(Status::Partial(how_far));
                 }
-                told => events.extend(told?),
+                read => read?,
             }
         }
         Ok(Status::Complete)
@@ -212,12 +216,21 @@ struct Rolling {
     dt: Option<f64>,
     windows: Vec<WindowModel>,
     events: Vec<ChangeEvent>,
+    /// Rows in which changes were looked for.
+    looked_at: Option<usize>,
     status: Status,
 }
 
 impl Rolling {
     fn new(format: Format, dt: Option<f64>) -> Self {
-        Self { format, dt, windows: Vec::new(), events: Vec::new(), status: Status::Complete }
+        Self {
+            format,
+            dt,
+            windows: Vec::new(),
+            events: Vec::new(),
+            looked_at: None,
+            status: Status::Complete,
+        }
     }
 
     fn begin(&self) {
@@ -235,6 +248,16 @@ impl Rolling {
             Format::Text => {
                 for event in &self.events {
                     crate::terminal::say!("{}", event.sentence());
+                }
+                if let Some(rows) = self.looked_at {
+                    let confirmed =
+                        self.events.iter().filter(|event| event.status == changes::Status::Confirmed).count();
+                    let told = match confirmed {
+                        0 => "no change confirmed".to_owned(),
+                        1 => "1 change confirmed".to_owned(),
+                        n => format!("{n} changes confirmed"),
+                    };
+                    crate::terminal::say!("{told} in {rows} rows");
                 }
             }
         }

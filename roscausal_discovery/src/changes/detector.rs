@@ -27,6 +27,8 @@ const LOCATED_IN: usize = 5;
 const REMEMBERED: usize = 8;
 /// Most rows of a regime of curves.
 const MOST_ROWS_OF_CURVES: usize = 1000;
+/// Batches that are held back at most while a suspicion is open.
+const MOST_HELD: usize = 3;
 /// Level at which the batch after a suspected one must show the change alone.
 const ALONE: f64 = 0.01;
 
@@ -70,10 +72,11 @@ pub struct Detector {
     told: usize,
 }
 
-/// A batch that seems to differ.
+/// Batches that seem to differ.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 struct Suspicion {
-    batch: Batch,
+    /// The first one raised it; the others left it open.
+    batches: Vec<Batch>,
     /// The links that differ in it, most certain first, and the id of the event of those that were told.
     links: Vec<(Difference, Option<String>)>,
     /// How far each link was from the regime.
@@ -182,7 +185,7 @@ impl Detector {
         self.exogenous.push(self.names.len());
         self.names.push(name.to_owned());
         let closed = self.closed.iter_mut().flat_map(|(_, batches)| batches);
-        let held = self.held.iter_mut().map(|held| &mut held.batch);
+        let held = self.held.iter_mut().flat_map(|held| &mut held.batches);
         self.regime.iter_mut().chain(closed).chain(held).for_each(Batch::extend);
     }
 
@@ -211,6 +214,23 @@ impl Detector {
         size: usize,
         control: &Control,
     ) -> Result<Vec<ChangeEvent>> {
+        let mut told = Vec::new();
+        self.read_each(values, masked, size, control, &mut told)?;
+        Ok(told)
+    }
+
+    /// As [`Detector::read_in_masked_parts`], into `told`: what was told before an error stays there.
+    ///
+    /// # Errors
+    /// As [`Detector::read_in_masked_parts`].
+    pub fn read_each(
+        &mut self,
+        values: ArrayView2<'_, f64>,
+        masked: &[bool],
+        size: usize,
+        control: &Control,
+        told: &mut Vec<ChangeEvent>,
+    ) -> Result<()> {
         if !masked.is_empty() && masked.len() != values.nrows() {
             let (given, rows) = (masked.len(), values.nrows());
             let reason = format!("it is for {given} rows, and the recording has {rows}; give one for each");
@@ -226,7 +246,6 @@ impl Detector {
         }
         let n = values.nrows();
         let parts = (n / size).max(1);
-        let mut told = Vec::new();
         for part in 0..parts {
             // The rows before a part are its past.
             let from = (part * size).saturating_sub(if part == 0 { 0 } else { 2 * self.tau_max });
@@ -235,7 +254,7 @@ impl Detector {
             let rows = values.slice(s![from..to, ..]).to_owned();
             told.extend(self.read_stretch(&rows, masked, part > 0, control)?);
         }
-        Ok(told)
+        Ok(())
     }
 
     /// Reads the next batch, `T x N`; its first `2 tau_max` rows serve as the past of the others. Returns what is told of it.
@@ -263,14 +282,14 @@ impl Detector {
         let past = 2 * self.tau_max;
         let begin = self.rows - if overlaps { past } else { 0 };
         self.rows = begin + values.nrows();
-        let batch = Batch::new(values.clone(), begin + past).with_masked(masked);
+        let mut batch = Batch::new(values.clone(), begin + past).with_masked(masked);
         if batch.len(past) + past < self.fewest_rows() {
             return Ok(Vec::new());
         }
         let mut events = Vec::new();
         if let Some(held) = self.held.take() {
-            match self.decide(held, &batch, control, &mut events)? {
-                Some(held) => self.join(held),
+            match self.decide(held, batch, control, &mut events)? {
+                Some(settled) => batch = settled,
                 None => return Ok(events),
             }
         }
@@ -327,24 +346,25 @@ impl Detector {
         }
         events.extend(pushed.into_iter().map(|(id, of)| self.event(id, Status::Suspected, &of)));
         self.told = told;
-        self.held = Some(Suspicion { batch, links, all });
+        self.held = Some(Suspicion { batches: vec![batch], links, all });
         Ok(())
     }
 
-    /// Stage two: what the next batch says of a suspicion. Returns the batch that was held back if nothing is confirmed.
+    /// Stage two: what the next batch says of a suspicion. Confirmed, it begins a regime; left open, it is held back, too, so that no
+    /// changed part joins the old one; withdrawn, what was held joins the regime, and the batch is returned.
     fn decide(
         &mut self,
-        held: Suspicion,
-        next_batch: &Batch,
+        mut held: Suspicion,
+        next_batch: Batch,
         control: &Control,
         events: &mut Vec<ChangeEvent>,
     ) -> Result<Option<Batch>> {
         let regime: Vec<&Batch> = self.regime.iter().collect();
-        let both = [&held.batch, next_batch];
+        let both: Vec<&Batch> = held.batches.iter().chain([&next_batch]).collect();
         let comparison = self.comparison(control);
         let mechanisms = comparison.mechanisms(&regime, &both)?;
         let together = comparison.differences(&regime, &both, &mechanisms)?;
-        let alone = comparison.differences(&regime, &[next_batch], &mechanisms)?;
+        let alone = comparison.differences(&regime, &[&next_batch], &mechanisms)?;
         let of = |all: &[Difference], at: Place| all.iter().find(|difference| difference.at == at).copied();
         let mut confirmed: Vec<Difference> = Vec::new();
         for (seen, _) in &held.links {
@@ -354,7 +374,7 @@ impl Detector {
                 && (self.form == Form::Curve || next.rises() == seen.rises() && both.rises() == seen.rises())
             {
                 // The batch that was held back may have old rows: what the link is now, the later one tells alone.
-                let next = comparison.described(next, (&regime, &[next_batch]), &mechanisms);
+                let next = comparison.described(next, (&regime, &[&next_batch]), &mechanisms);
                 confirmed.push(Difference { p: both.p, q: both.q, ..next });
             }
         }
@@ -365,8 +385,16 @@ impl Detector {
             effects.push(difference.at.effect);
             is_first
         });
+        let is_open = |(seen, _): &(Difference, Option<String>)| {
+            of(&together, seen.at).is_some_and(|both| both.q <= self.levels.suspect)
+        };
+        if confirmed.is_empty() && held.batches.len() < MOST_HELD && held.links.iter().any(is_open) {
+            held.batches.push(next_batch);
+            self.held = Some(held);
+            return Ok(None);
+        }
         let located: Vec<&Batch> =
-            regime.iter().rev().take(LOCATED_IN - 2).rev().copied().chain(both).collect();
+            regime.iter().rev().take(LOCATED_IN - 2).rev().chain(&both).copied().collect();
         let mut told = Vec::new();
         for difference in &confirmed {
             let id = held
@@ -376,7 +404,7 @@ impl Detector {
             let mut event = self.event(id.unwrap_or_default(), Status::Confirmed, difference);
             let curve = match self.form {
                 Form::Slope => None,
-                Form::Curve => curves::curve_of(&comparison, (&regime, &[next_batch]), difference.at),
+                Form::Curve => curves::curve_of(&comparison, (&regime, &[&next_batch]), difference.at),
             };
             event.changed_between =
                 when::between(&comparison, &located, difference.at, &mechanisms, curve.as_ref());
@@ -392,17 +420,20 @@ impl Detector {
             told.push(self.event(id, Status::Withdrawn, &difference));
         }
         let since = told.iter().filter_map(|event| event.changed_between).map(|[_, to]| to).max();
-        let since = since.map_or(held.batch.first, |row| row.clamp(held.batch.first, next_batch.first));
+        let first = held.batches.first().map_or(next_batch.first, |batch| batch.first);
+        let since = since.map_or(first, |row| row.clamp(first, next_batch.first));
         events.extend(told);
         if confirmed.is_empty() {
             self.baseline.add(held.all);
-            return Ok(Some(held.batch));
+            held.batches.into_iter().for_each(|batch| self.join(batch));
+            return Ok(Some(next_batch));
         }
         self.since = since;
         self.baseline.forget();
         // Rows from before the change would make the new regime differ from what follows.
-        let held = held.batch.without_rows_before(since, 2 * self.tau_max);
-        self.begin_regime(held.into_iter().chain([next_batch.clone()]).collect());
+        let past = 2 * self.tau_max;
+        let held = held.batches.into_iter().filter_map(|batch| batch.without_rows_before(since, past));
+        self.begin_regime(held.chain([next_batch]).collect());
         Ok(None)
     }
 

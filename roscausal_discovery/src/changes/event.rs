@@ -116,6 +116,7 @@ impl ChangeEvent {
             Some([from, to]) => format!("; changed between rows {from} and {to}"),
             None => String::new(),
         };
+        let what = if self.status == Status::Withdrawn { format!("that {what}") } else { what };
         let again = self.same_as.map_or(String::new(), |regime| format!("; as in regime {regime} again"));
         format!("{} at row {time}: {what}: {slopes}{when}{again}", self.status.name())
     }
