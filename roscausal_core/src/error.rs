@@ -80,6 +80,7 @@ impl From<roscausal_discovery::Error> for Error {
             Of::Param { name, reason } => Self::Param { name, reason },
             Of::Data(reason) => Self::Data(reason),
             Of::Cancelled(reason) => Self::Cancelled(reason),
+            other => Self::Data(other.to_string()),
         }
     }
 }

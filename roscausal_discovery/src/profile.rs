@@ -74,7 +74,6 @@ pub struct VariableProfile {
 
 /// A reason why the data should not be analysed as they are.
 #[derive(Clone, Debug, PartialEq)]
-#[non_exhaustive]
 pub enum Fault {
     /// A number seems to stand for a missing value.
     MissingFlag {

@@ -19,7 +19,6 @@ pub use what_if::{predict, what_if};
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "SCREAMING_SNAKE_CASE")]
 #[repr(u8)]
-#[non_exhaustive]
 pub enum Status {
     /// Answered.
     Ok = 0,
