@@ -11,11 +11,12 @@ use std::{
 
 /// The crate that is built in layers, and its modules from the ground up.
 const LAYERED: &str = "roscausal_discovery";
-const LAYERS: [&str; 18] = [
+const LAYERS: [&str; 19] = [
     "types",
     "numeric",
     "later",
-    "about",
+    "season",
+    "profile",
     "independence_tests",
     "transfer_entropy",
     "methods",
@@ -29,7 +30,7 @@ const LAYERS: [&str; 18] = [
     "rolling",
     "levels",
     "effort",
-    "choice",
+    "recommend",
 ];
 
 /// What closes a circle and is left: in the command, what each of these files takes from the other.

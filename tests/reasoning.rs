@@ -152,7 +152,7 @@ fn a_bad_question_is_one_sentence_and_code_2() {
     let (code, _, err) = run(&dir, &["predict", "graph.json"]);
     assert!(code == Some(2) && err.contains("CSV files"), "{err}");
     let (code, _, err) = run(&dir, &["predict", "run.csv", "--data", "run.csv"]);
-    assert!(code == Some(1) && err.contains("no JSON"), "{err}");
+    assert!(code == Some(1) && err.contains("not JSON"), "{err}");
     let other = r#"{"schema": "roscausal/structural_model/2"}"#;
     fs::write(dir.path().join("other.json"), other).expect("writes");
     let (code, _, err) = run(&dir, &["predict", "other.json"]);

@@ -178,7 +178,7 @@ fn knowledge_that_cannot_be_is_refused_with_its_lines_at_once() {
         ("nests deeper than 64", &["line 1"], format!("{}a = 1", "a.".repeat(100_000)), no),
         ("nests deeper than 64", &["line 1"], format!("[{}a]", "a.".repeat(100_000)), no),
         ("larger than 1 MB", no, "# \n".repeat(1 << 20), no),
-        ("no text", no, String::new(), no),
+        ("not text", no, String::new(), no),
     ];
     for (told, where_, text, flags) in cases {
         let bytes = if told == "no text" { vec![0xff; 9] } else { text.clone().into_bytes() };

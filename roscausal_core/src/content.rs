@@ -139,7 +139,7 @@ mod tests {
     fn a_recording_in_a_pipe_and_bytes_that_are_no_text_are_told() {
         assert!(not_a_table(b"\x89MCAP0\r\n").is_some_and(|told| told.contains("recording")));
         assert!(not_a_table(b"#ROSBAG V2.0\n").is_some_and(|told| told.contains("by its name")));
-        assert!(not_a_table(b"a,b\n1\x00,2\n").is_some_and(|told| told.contains("no text")));
+        assert!(not_a_table(b"a,b\n1\x00,2\n").is_some_and(|told| told.contains("not text")));
         assert_eq!(not_a_table(b"# caf\xc3\xa9\r\ntime\ta\x0b\n0,1\n"), None);
     }
 

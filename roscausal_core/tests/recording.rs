@@ -202,7 +202,9 @@ fn the_same_messages_make_the_same_bytes() {
 
 #[test]
 fn a_batch_tells_what_the_sensors_told() {
-    let bench = Bench::new(&[("ts_length", Value::Double(2.0)), ("dt", Value::Double(0.3))]);
+    // At this rate `auto` would hold, and rows be as old as a sample.
+    let linear = ("sampling", Value::Str("linear".into()));
+    let bench = Bench::new(&[("ts_length", Value::Double(2.0)), ("dt", Value::Double(0.3)), linear]);
     bench.run(10.0..17.5, 100.0, ALL);
     let (_dir, raw, processed) = bench.end();
     let table = Table::read(&raw[1], None).expect("reads");

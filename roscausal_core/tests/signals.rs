@@ -181,7 +181,7 @@ fn a_bad_signal_says_what_is_wrong_and_names_the_nearest_field() {
         ("v = length(/odom.pose.covariance)", "is not an array of points or poses"),
         ("v = /odom.twist.twist.linear.yaw", "no field"),
         ("v", "has no '='"),
-        ("2v = /odom.x", "no name of a signal"),
+        ("2v = /odom.x", "not a valid signal name"),
         ("v = 3", "names no topic"),
         ("v = /a.x + /b.x", "reads one topic"),
         ("v = /odom.x +", "is missing"),

@@ -1,24 +1,35 @@
 //! A period that several variables share, such as a day: links between them may be the clock's.
 //!
-//! Steps, for the longest recording: take out of each variable what its last value explains (a slow variable repeats nothing, but
-//! looks so), take the mean of each phase of a period in the first half of the rows, and correlate these with the second half. Without
-//! a period the correlation of `n` rows is about Gaussian with variance `1 / n`. The period is the one at which the correlations of two
-//! or more variables that are beyond chance have the largest sum.
+//! Steps, for the longest recording:
+//!
+//! 1. Candidates are the peaks of each variable's autocorrelation.
+//! 2. For each, take out of a variable what its last value explains beside its mean course over the period (a slow variable repeats
+//!    nothing, but looks so). Take the mean course of the first half of the rows, and correlate it with the second half. Without a
+//!    period the correlation over `n` rows is about Gaussian with variance `1 / n`.
+//! 3. The period is the one at which the correlations of two or more variables that are beyond chance have the largest sum.
 //!
 //! Example: speed and number of people at 100 places of a day, over a week, both higher at noon: the period is 100 rows.
+
+use std::collections::BTreeSet;
 
 use ndarray::{ArrayView1, ArrayViewMut1};
 use serde::{Deserialize, Serialize};
 
-use crate::types::{DataFrame, Named, names::plain};
+use crate::{
+    numeric::rows::dot,
+    types::{DataFrame, Named, names::plain},
+};
 
 /// Rows that are looked at, and the longest period, at most.
 const MOST_ROWS: usize = 2000;
 const LONGEST: usize = 400;
 /// Rows of the shortest period.
 const SHORTEST: usize = 4;
-/// Standard deviations beyond which a correlation is no chance: several hundred periods are tried.
+/// Standard deviations beyond which a correlation is not chance: many periods are tried.
 const FAR: f64 = 4.5;
+/// Peaks of a variable's autocorrelation that are looked at, and how high one is at least.
+const PEAKS: usize = 5;
+const LOWEST_PEAK: f64 = 0.1;
 
 /// A period that several variables share.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -33,15 +44,16 @@ impl Season {
     /// The period of the data, if two variables or more share one; four of it or more are needed.
     pub fn of(data: &DataFrame) -> Option<Self> {
         let rows = data.recordings().iter().max_by_key(|rows| rows.nrows())?;
-        let columns: Vec<Vec<f64>> = rows.columns().into_iter().map(whitened).collect();
+        let columns: Vec<Vec<f64>> = rows.columns().into_iter().map(centred).collect();
         let longest = LONGEST.min(rows.nrows().min(MOST_ROWS) / 4);
+        let candidates: BTreeSet<usize> = columns.iter().flat_map(|column| peaks(column, longest)).collect();
         let of = |period: usize| {
             let found: Vec<(usize, f64)> =
                 (0..columns.len()).filter_map(|var| Some((var, repeats(&columns[var], period)?))).collect();
             (period, found)
         };
         let sum = |found: &[(usize, f64)]| found.iter().map(|(_, r)| r).sum::<f64>();
-        let shared = (SHORTEST..=longest).map(of).filter(|(_, found)| found.len() > 1);
+        let shared = candidates.into_iter().map(of).filter(|(_, found)| found.len() > 1);
         let (period, found) = shared.max_by(|a, b| sum(&a.1).total_cmp(&sum(&b.1)))?;
         let variables = found.iter().map(|(var, _)| plain(&data.var_names()[*var])).collect();
         Some(Self { period, variables })
@@ -62,41 +74,53 @@ impl Season {
     }
 }
 
-/// A column without its mean and what its last value explains; 0 where that is not known.
-fn whitened(column: ArrayView1<'_, f64>) -> Vec<f64> {
+/// A column without its mean; 0 where it has no value.
+fn centred(column: ArrayView1<'_, f64>) -> Vec<f64> {
     let known = column.iter().take(MOST_ROWS).filter(|value| !value.is_nan());
     let (sum, count) = known.fold((0.0, 0.0), |(sum, count), value| (sum + value, count + 1.0));
-    let centred: Vec<f64> = column.iter().take(MOST_ROWS).map(|value| value - sum / count).collect();
-    let products = |ahead: usize| -> f64 {
-        centred
-            .iter()
-            .zip(&centred[ahead.min(centred.len())..])
-            .map(|(a, b)| a * b)
-            .filter(|p| !p.is_nan())
-            .sum()
-    };
-    let slope = products(1) / products(0);
-    let left = centred.windows(2).map(|pair| pair[1] - slope * pair[0]);
-    left.map(|value| if value.is_nan() { 0.0 } else { value }).collect()
+    let values = column.iter().take(MOST_ROWS).map(|value| value - sum / count);
+    values.map(|value| if value.is_nan() { 0.0 } else { value }).collect()
 }
 
-/// The correlation of the mean course in the first half of the values with the second half, if it is beyond chance.
+/// The correlation of a column with itself, so many rows later.
+fn repeated(values: &[f64], rows: usize) -> f64 {
+    dot(&values[rows..], &values[..values.len() - rows]) / dot(values, values)
+}
+
+/// The highest peaks of the autocorrelation, by the period.
+fn peaks(values: &[f64], longest: usize) -> Vec<usize> {
+    if longest < SHORTEST {
+        return Vec::new();
+    }
+    let all: Vec<f64> = (0..=longest + 1).map(|rows| repeated(values, rows)).collect();
+    let is_peak = |&at: &usize| all[at] > LOWEST_PEAK && all[at] >= all[at - 1] && all[at] >= all[at + 1];
+    let mut found: Vec<usize> = (SHORTEST..=longest).filter(is_peak).collect();
+    found.sort_by(|a, b| all[*b].total_cmp(&all[*a]));
+    found.truncate(PEAKS);
+    found
+}
+
+/// The mean course of a period, from a first row on.
+fn course(values: &[f64], period: usize) -> Vec<f64> {
+    let (mut sums, mut counts) = (vec![0.0; period], vec![0.0; period]);
+    for (row, value) in values.iter().enumerate() {
+        sums[row % period] += value;
+        counts[row % period] += 1.0;
+    }
+    sums.iter().zip(counts).map(|(sum, count)| sum / count).collect()
+}
+
+/// The correlation of the mean course in the first half of a column with its second half, if it is beyond chance.
 fn repeats(values: &[f64], period: usize) -> Option<f64> {
+    let mean = course(values, period);
+    let rest: Vec<f64> = values.iter().enumerate().map(|(row, value)| value - mean[row % period]).collect();
+    let slope = repeated(&rest, 1);
+    let left: Vec<f64> = values.windows(2).map(|pair| pair[1] - slope * pair[0]).collect();
     // Both halves begin with the same phase.
-    let (first, second) = values.split_at(values.len() / 2 / period * period);
-    let mut course = vec![0.0; period];
-    for part in first.chunks(period) {
-        course.iter_mut().zip(part).for_each(|(sum, value)| *sum += value);
-    }
-    let (mut both, mut of_course, mut of_second) = (0.0, 0.0, 0.0);
-    for part in second.chunks(period) {
-        for (a, b) in course.iter().zip(part) {
-            both += a * b;
-            of_course += a * a;
-            of_second += b * b;
-        }
-    }
-    let r = both / (of_course * of_second).sqrt();
+    let (first, second) = left.split_at(left.len() / 2 / period * period);
+    let mean = course(first, period);
+    let expected: Vec<f64> = (0..second.len()).map(|row| mean[row % period]).collect();
+    let r = dot(&expected, second) / (dot(&expected, &expected) * dot(second, second)).sqrt();
     (r * (second.len() as f64).sqrt() > FAR).then_some(r)
 }
 

@@ -437,7 +437,9 @@ fn a_file_reads_back_as_a_model_with_the_same_answers() {
         assert_eq!(what_if(&read, &situation, &question), what_if(&model, &situation, &question));
     }
     for broken in ["", "{}", "[1]", r#"{"schema": "roscausal/structural_model/2"}"#] {
-        assert!(StructuralModel::from_json(broken).unwrap_err().to_string().contains("no structural model"));
+        assert!(
+            StructuralModel::from_json(broken).unwrap_err().to_string().contains("not a structural model")
+        );
     }
     // Of another version its fields may be others: the version is what is told.
     let other = StructuralModel::from_json(r#"{"schema": "roscausal/structural_model/2", "rows": {}}"#);

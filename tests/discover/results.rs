@@ -142,7 +142,7 @@ fn roll_prints_windows_and_events_as_they_come() {
     let rolling = fs::read_to_string(dir.path().join("r/rolling.json")).expect("is there");
     has(&rolling, &[&format!("\"status\": \"{told}\""), "\"windows\": []"]);
     let out = run(&["--batch", "400", "--changes", "--time-budget", "1e-9"]);
-    has(&String::from_utf8_lossy(&out.stderr), &["partial: the time budget ended before all changes"]);
+    has(&String::from_utf8_lossy(&out.stderr), &["partial: the time budget ended after"]);
     let error = String::from_utf8_lossy(&run(&["--window", "1700"]).stderr).into_owned();
     has(&error, &["--window: 1700 rows leave no window in 1600 rows"]);
     let error = String::from_utf8_lossy(&run(&["--batch", "1700"]).stderr).into_owned();

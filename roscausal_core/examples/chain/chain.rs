@@ -93,6 +93,7 @@ impl Chain {
             ("data", "ts_length", Value::Double(ts_length)),
             ("data", "dt", Value::Double(dt)),
             ("data", "max_gap", Value::Double(0.25)),
+            ("data", "sampling", text("linear")),
             ("data", "sel_agent", text("all")),
             ("data", "id_format", text("%Y%m%d_%H%M%S%.3f")),
             ("data", "features", Value::List(vec![text("r_x = r.x"), text("h_x = h.x"), text("h_v = h.v")])),

@@ -483,7 +483,7 @@ mod tests {
     fn a_bad_feature_names_the_parameter() {
         let fault = |item: &str| Feature::parse(&[item.to_owned()], &[]).expect_err(item).to_string();
         assert!(fault("h.v").starts_with("parameter 'features': 'h.v' has no '='"));
-        assert!(fault("a,b = 1").contains("no name"));
+        assert!(fault("a,b = 1").contains("not a valid feature name"));
         assert!(fault("a = 1; a = 2").contains("twice"));
         assert!(fault("a = dist(h)").contains("takes 2"));
     }

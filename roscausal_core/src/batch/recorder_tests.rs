@@ -9,7 +9,7 @@ fn config() -> RecorderConfig {
         dt_s: 0.1,
         ts_length_s: Some(1.0),
         max_gap_s: 0.5,
-        sampling: Sampling::default(),
+        sampling: Sampling::Linear,
         select: Select::All,
     }
 }

@@ -277,6 +277,10 @@ impl Track {
     pub(super) fn row(&self, t: i64, dt: i64, max_gap: i64, sampling: Sampling) -> Option<Values> {
         let share = |nanos: f64| nanos / dt as f64;
         let hold = self.holds(dt, sampling);
+        if hold && sampling == Sampling::Auto {
+            // Chosen by the program, it reaches no farther than a line does.
+            return self.at(t, max_gap, false).and(self.at(t, max_gap, true));
+        }
         let Some(usual) = self.usual_interval().map(|interval| share(interval as f64)).filter(|_| !hold)
         else {
             return self.at(t, max_gap, hold);
@@ -377,7 +381,7 @@ mod tests {
             // Up to an eighth of a step early or late.
             seen.insert(100 * number + 12 * (number % 3 - 1), values(number as f64, 0.0, 0.0));
         }
-        let row = |seen: &Track, t, dt| seen.row(t, dt, 500, false).map(|values| values.x);
+        let row = |seen: &Track, t, dt| seen.row(t, dt, 500, Sampling::Linear).map(|values| values.x);
         assert_ne!(row(&seen, 2400, 100), Some(24.0), "nothing is usual yet");
         seen.forget_before(2300, 500);
         let rows: Vec<Option<f64>> = (23..28).map(|number| row(&seen, 100 * number, 100)).collect();
@@ -385,7 +389,7 @@ mod tests {
         for (dt, why) in [(50, "rows are closer than samples"), (500, "here there are enough")] {
             assert!(row(&seen, 2500, dt).is_some_and(|x| x > 24.5 && x < 25.5), "{why}");
         }
-        assert_eq!(seen.row(2500, 100, 500, true).map(|values| values.x), Some(24.0));
+        assert_eq!(seen.row(2500, 100, 500, Sampling::Hold).map(|values| values.x), Some(24.0));
     }
 
     #[test]

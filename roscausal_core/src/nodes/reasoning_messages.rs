@@ -331,9 +331,9 @@ mod tests {
             ("has no name", |info| info.candidate_features.push(String::new())),
             ("there twice", |info| info.links.push(info.links[0].clone())),
             ("lag 0", |info| info.links.push(link("a", "a", 0, "-->"))),
-            ("no step", |info| info.dt = f64::NAN),
-            ("no step", |info| info.dt = -0.1),
-            ("no step", |info| info.dt = 1e300),
+            ("not a step", |info| info.dt = f64::NAN),
+            ("not a step", |info| info.dt = -0.1),
+            ("not a step", |info| info.dt = 1e300),
             ("p-value", |info| info.links[0].p_value = f64::NAN),
             ("p-value", |info| info.links[0].p_value = 2.0),
         ];

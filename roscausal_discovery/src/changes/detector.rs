@@ -27,8 +27,8 @@ const LOCATED_IN: usize = 5;
 const REMEMBERED: usize = 8;
 /// Most rows of a regime of curves.
 const MOST_ROWS_OF_CURVES: usize = 1000;
-/// Batches that are held back at most while a suspicion is open.
-const MOST_HELD: usize = 3;
+/// Batches that wait for what becomes of suspicions, at most.
+const MOST_ASIDE: usize = 3;
 /// Level at which the batch after a suspected one must show the change alone.
 const ALONE: f64 = 0.01;
 
@@ -66,17 +66,19 @@ pub struct Detector {
     /// Earlier regimes, oldest first.
     closed: VecDeque<(usize, Vec<Batch>)>,
     held: Option<Suspicion>,
+    /// Batches whose suspicion was withdrawn while the next one is suspected, too: a changed part must not join the regime.
+    #[serde(default)]
+    aside: VecDeque<Batch>,
     #[serde(default)]
     baseline: Baseline,
     rows: usize,
     told: usize,
 }
 
-/// Batches that seem to differ.
+/// A batch that seems to differ.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 struct Suspicion {
-    /// The first one raised it; the others left it open.
-    batches: Vec<Batch>,
+    batch: Batch,
     /// The links that differ in it, most certain first, and the id of the event of those that were told.
     links: Vec<(Difference, Option<String>)>,
     /// How far each link was from the regime.
@@ -84,7 +86,7 @@ struct Suspicion {
 }
 
 impl Detector {
-    /// A detector for variables with these names. `exogenous` ones are set by others: they are not effects.
+    /// A detector for variables with these names. `exogenous` ones are set by others: they are no effects.
     ///
     /// # Errors
     /// Fewer than two variables, a lag of 0 or one that is too large, an exogenous variable that there is not, or levels outside (0, 1).
@@ -114,6 +116,7 @@ impl Detector {
             since: 0,
             closed: VecDeque::new(),
             held: None,
+            aside: VecDeque::new(),
             baseline: Baseline::default(),
             rows: 0,
             told: 0,
@@ -185,8 +188,8 @@ impl Detector {
         self.exogenous.push(self.names.len());
         self.names.push(name.to_owned());
         let closed = self.closed.iter_mut().flat_map(|(_, batches)| batches);
-        let held = self.held.iter_mut().flat_map(|held| &mut held.batches);
-        self.regime.iter_mut().chain(closed).chain(held).for_each(Batch::extend);
+        let held = self.held.iter_mut().map(|held| &mut held.batch);
+        self.regime.iter_mut().chain(closed).chain(held).chain(&mut self.aside).for_each(Batch::extend);
     }
 
     /// Reads a recording in parts of `size` rows; what is left over joins the last part. Returns what is told, in order.
@@ -202,7 +205,7 @@ impl Detector {
         self.read_in_masked_parts(values, &[], size, control)
     }
 
-    /// As [`Detector::read_in_parts`]. Rows that are `masked` are not effects, but still the past of others; there is a word for each
+    /// As [`Detector::read_in_parts`]. Rows that are `masked` are no effects, but still the past of others; there is a word for each
     /// row, or none at all.
     ///
     /// # Errors
@@ -282,15 +285,18 @@ impl Detector {
         let past = 2 * self.tau_max;
         let begin = self.rows - if overlaps { past } else { 0 };
         self.rows = begin + values.nrows();
-        let mut batch = Batch::new(values.clone(), begin + past).with_masked(masked);
+        let batch = Batch::new(values.clone(), begin + past).with_masked(masked);
         if batch.len(past) + past < self.fewest_rows() {
             return Ok(Vec::new());
         }
         let mut events = Vec::new();
         if let Some(held) = self.held.take() {
-            match self.decide(held, batch, control, &mut events)? {
-                Some(settled) => batch = settled,
-                None => return Ok(events),
+            match self.decide(held, &batch, control, &mut events)? {
+                Some(held) => self.set_aside(held),
+                None => {
+                    self.aside.clear();
+                    return Ok(events);
+                }
             }
         }
         self.suspect(batch, control, &mut events)?;
@@ -327,7 +333,7 @@ impl Detector {
         differences.sort_by(|a, b| a.p.total_cmp(&b.p).then(a.at.cmp(&b.at)));
         if differences.is_empty() {
             self.baseline.add(all);
-            self.join(batch);
+            std::mem::take(&mut self.aside).into_iter().chain([batch]).for_each(|batch| self.join(batch));
             return Ok(());
         }
         let mut links = Vec::new();
@@ -346,25 +352,34 @@ impl Detector {
         }
         events.extend(pushed.into_iter().map(|(id, of)| self.event(id, Status::Suspected, &of)));
         self.told = told;
-        self.held = Some(Suspicion { batches: vec![batch], links, all });
+        self.held = Some(Suspicion { batch, links, all });
         Ok(())
     }
 
-    /// Stage two: what the next batch says of a suspicion. Confirmed, it begins a regime; left open, it is held back, too, so that no
-    /// changed part joins the old one; withdrawn, what was held joins the regime, and the batch is returned.
+    /// A batch waits to join the regime; the oldest that wait for long do so.
+    fn set_aside(&mut self, batch: Batch) {
+        self.aside.push_back(batch);
+        if self.aside.len() > MOST_ASIDE
+            && let Some(oldest) = self.aside.pop_front()
+        {
+            self.join(oldest);
+        }
+    }
+
+    /// Stage two: what the next batch says of a suspicion. Returns the batch that was held back if nothing is confirmed.
     fn decide(
         &mut self,
-        mut held: Suspicion,
-        next_batch: Batch,
+        held: Suspicion,
+        next_batch: &Batch,
         control: &Control,
         events: &mut Vec<ChangeEvent>,
     ) -> Result<Option<Batch>> {
         let regime: Vec<&Batch> = self.regime.iter().collect();
-        let both: Vec<&Batch> = held.batches.iter().chain([&next_batch]).collect();
+        let both = [&held.batch, next_batch];
         let comparison = self.comparison(control);
         let mechanisms = comparison.mechanisms(&regime, &both)?;
         let together = comparison.differences(&regime, &both, &mechanisms)?;
-        let alone = comparison.differences(&regime, &[&next_batch], &mechanisms)?;
+        let alone = comparison.differences(&regime, &[next_batch], &mechanisms)?;
         let of = |all: &[Difference], at: Place| all.iter().find(|difference| difference.at == at).copied();
         let mut confirmed: Vec<Difference> = Vec::new();
         for (seen, _) in &held.links {
@@ -374,7 +389,7 @@ impl Detector {
                 && (self.form == Form::Curve || next.rises() == seen.rises() && both.rises() == seen.rises())
             {
                 // The batch that was held back may have old rows: what the link is now, the later one tells alone.
-                let next = comparison.described(next, (&regime, &[&next_batch]), &mechanisms);
+                let next = comparison.described(next, (&regime, &[next_batch]), &mechanisms);
                 confirmed.push(Difference { p: both.p, q: both.q, ..next });
             }
         }
@@ -385,16 +400,8 @@ impl Detector {
             effects.push(difference.at.effect);
             is_first
         });
-        let is_open = |(seen, _): &(Difference, Option<String>)| {
-            of(&together, seen.at).is_some_and(|both| both.q <= self.levels.suspect)
-        };
-        if confirmed.is_empty() && held.batches.len() < MOST_HELD && held.links.iter().any(is_open) {
-            held.batches.push(next_batch);
-            self.held = Some(held);
-            return Ok(None);
-        }
         let located: Vec<&Batch> =
-            regime.iter().rev().take(LOCATED_IN - 2).rev().chain(&both).copied().collect();
+            regime.iter().rev().take(LOCATED_IN - 2).rev().copied().chain(both).collect();
         let mut told = Vec::new();
         for difference in &confirmed {
             let id = held
@@ -404,7 +411,7 @@ impl Detector {
             let mut event = self.event(id.unwrap_or_default(), Status::Confirmed, difference);
             let curve = match self.form {
                 Form::Slope => None,
-                Form::Curve => curves::curve_of(&comparison, (&regime, &[&next_batch]), difference.at),
+                Form::Curve => curves::curve_of(&comparison, (&regime, &[next_batch]), difference.at),
             };
             event.changed_between =
                 when::between(&comparison, &located, difference.at, &mechanisms, curve.as_ref());
@@ -420,20 +427,17 @@ impl Detector {
             told.push(self.event(id, Status::Withdrawn, &difference));
         }
         let since = told.iter().filter_map(|event| event.changed_between).map(|[_, to]| to).max();
-        let first = held.batches.first().map_or(next_batch.first, |batch| batch.first);
-        let since = since.map_or(first, |row| row.clamp(first, next_batch.first));
+        let since = since.map_or(held.batch.first, |row| row.clamp(held.batch.first, next_batch.first));
         events.extend(told);
         if confirmed.is_empty() {
             self.baseline.add(held.all);
-            held.batches.into_iter().for_each(|batch| self.join(batch));
-            return Ok(Some(next_batch));
+            return Ok(Some(held.batch));
         }
         self.since = since;
         self.baseline.forget();
         // Rows from before the change would make the new regime differ from what follows.
-        let past = 2 * self.tau_max;
-        let held = held.batches.into_iter().filter_map(|batch| batch.without_rows_before(since, past));
-        self.begin_regime(held.chain([next_batch]).collect());
+        let held = held.batch.without_rows_before(since, 2 * self.tau_max);
+        self.begin_regime(held.into_iter().chain([next_batch.clone()]).collect());
         Ok(None)
     }
 

@@ -53,7 +53,7 @@ impl NullDistributions {
     /// Text that is not such a table, and those of [`NullDistributions::new`].
     pub fn parse(text: &str) -> Result<Self> {
         let wrong = |line: usize, cell: &str, what: &str| {
-            Error::param("null_dist", format!("line {line}: '{cell}' is no {what}"))
+            Error::param("null_dist", format!("line {line}: '{cell}' is not a {what}"))
         };
         let mut lines = text.lines().zip(1..).filter(|(line, _)| !line.trim().is_empty());
         let Some((header, at)) = lines.next() else { return Self::new([]) };

@@ -416,7 +416,7 @@ mod tests {
         for how in ["AS('x')", "as\n('x')", "GENERATED ALWAYS AS ('x') STORED", "AS/**/('x') VIRTUAL"] {
             let text = generated(how);
             let opened = Db3::open(&forged(dir.path(), &text, &text, 0), &mut Vec::new());
-            assert!(opened.is_err_and(|error| error.to_string().contains("no plain table")), "{how}");
+            assert!(opened.is_err_and(|error| error.to_string().contains("not a plain table")), "{how}");
         }
         for cut in [0, 4096] {
             assert!(Db3::open(&forged(dir.path(), &plain, endless, cut), &mut Vec::new()).is_err(), "{cut}");

@@ -250,7 +250,7 @@ mod tests {
             ("robot: {ros__parameters: {goal: [1, 2.5]}}", "'goal'"),
             ("robot: {dt: 1}", "ros__parameters"),
             ("ros__parameters: {dt: 1}", "under no node"),
-            ("robot: {ros__parameters: 3}", "no mapping"),
+            ("robot: {ros__parameters: 3}", "not a mapping"),
             ("- a", "ros__parameters"),
         ] {
             let error = file(text).unwrap_err();

@@ -179,7 +179,7 @@ mod tests {
     fn a_bad_definition_is_one_sentence() {
         let fault = |text: &str| Derived::parse(text).expect_err(text).to_string();
         assert!(fault("2 * x").contains("has no '='"));
-        assert!(fault("a b = x").contains("no name of a variable"));
+        assert!(fault("a b = x").contains("not a valid variable name"));
         assert!(fault("a = x +").contains("is missing"));
         let table = Table { names: vec!["x".into()], values: array![[1.0]], time: None, notes: Vec::new() };
         for (text, part) in [
