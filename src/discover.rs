@@ -42,7 +42,7 @@ use crate::{
     results::{Results, check_whole},
 };
 use changes::ChangeArgs;
-pub(crate) use method::{Analysis, MeansArgs, MethodArgs};
+pub(crate) use method::{AUTO, Analysis, MeansArgs, MethodArgs};
 pub(crate) use reading::{PartArgs, ReadArgs};
 pub(crate) use resampling::ResampleArgs;
 use resampling::{Advised, ResultArgs};
@@ -260,6 +260,12 @@ fn found_and_kept(args: &Args, interrupt: &Interrupt, quiet: bool, keep: Option<
     let Data { data, dt, mut warnings, origins, runs, .. } =
         Data::read(args, &mut request.settings, interrupt, quiet, keep)?;
     let data = data.with_named_vectors(&request.vectors)?;
+    if args.method.finds_lag() {
+        let lag = &mut request.settings.tau_max;
+        let later = DataProfile::of(&data, *lag).0.with_later(&data, *lag, dt).later;
+        *lag = later.first().map_or(*lag, |later| later.tau_max);
+        warnings.push(format!("the largest lag is {lag}, as far as dependence is seen"));
+    }
     if args.method.is_auto() {
         request.settings = args.method.chosen(&Recommendation::of(&data, &request.settings), &request)?;
     }

@@ -10,6 +10,8 @@ use roscausal_core::{Error, Result, bounded};
 use roscausal_discovery::settings::{Group, Kind, Request, SETTINGS, Setting};
 use serde_json::Value;
 
+use crate::discover::AUTO;
+
 /// Settings that were given as flags, and their texts.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Given(Vec<(&'static Setting, String)>);
@@ -87,6 +89,9 @@ fn flag(setting: &'static Setting) -> Arg {
     if setting.id == "method" {
         help += "; for `discover` also auto: says which to choose for these data and why";
     }
+    if setting.id == "tau_max" {
+        help += "; for `discover` also auto: as far as dependence is seen";
+    }
     let (default, words) = (setting.written(&setting.default_value()), setting.default_words());
     match words.is_empty() {
         false => help += &format!(". Default: {words}"),
@@ -101,6 +106,7 @@ fn flag(setting: &'static Setting) -> Arg {
     }
     let check = move |text: &str| match setting.kind {
         Kind::File(_) | Kind::List(_) => Ok(text.to_owned()),
+        Kind::Lag if text == AUTO && setting.id == "tau_max" => Ok(text.to_owned()),
         _ => setting.read(text).map(|_| text.to_owned()),
     };
     let arg = arg.help(help).value_parser(check).action(ArgAction::Set).value_name(value_name(setting));

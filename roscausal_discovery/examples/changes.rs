@@ -1,7 +1,7 @@
 //! How often changes of mechanisms are told, and told where there is none: the tables of docs/confidence.md.
 //!
 //! `cargo run --release --example changes -- STREAMS [FIRST_SEED]` reads STREAMS random streams of each kind (4 variables, lags to 2, 3000
-//! rows in parts of 150; what changes, changes at row 1500) and prints confirmed events where nothing changed, for 1000 rows; the share of
+//! rows in parts of 200; what changes, changes at row 1500) and prints confirmed events where nothing changed, for 1000 rows; the share of
 //! changes that were told, with cause and effect; and of all that was told after a change, the share that names one that is there.
 
 use std::{env, f64::consts::TAU};
@@ -17,7 +17,7 @@ use roscausal_discovery::{
 const VARS: usize = 4;
 const ROWS: usize = 3000;
 const CHANGE: usize = 1500;
-const PART: usize = 150;
+const PART: usize = 200;
 
 struct Draw(u64);
 

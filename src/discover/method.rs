@@ -23,8 +23,8 @@ pub(crate) struct MethodArgs(Given);
 
 of_groups!(MethodArgs, &[Group::Method]);
 
-/// The word for `--method` that asks for advice.
-const AUTO: &str = "auto";
+/// The word for `--method` that asks for advice, and for `--tau-max` that takes it.
+pub(crate) const AUTO: &str = "auto";
 
 /// Resources of one analysis.
 #[derive(Clone, Debug, Default)]
@@ -59,14 +59,20 @@ impl MethodArgs {
         self.0.text("method") == Some(AUTO)
     }
 
+    /// Whether the largest lag is to be found.
+    pub(super) fn finds_lag(&self) -> bool {
+        self.0.text("tau_max") == Some(AUTO)
+    }
+
     /// As [`MethodArgs::request`], before a method is chosen: that of LPCMCI, which any data can be read for. Whether the chosen
     /// method reads what is given is checked once it is known.
     pub(super) fn request_for_reading(&self, seed: u64) -> Result<Request> {
-        if !self.is_auto() {
-            return self.request(seed);
-        }
-        let Some(method) = setting("method") else { return self.request(seed) };
-        let given = self.0.with(method, Method::Lpcmci.name());
+        let given = self.0.only(|setting| setting.id != "tau_max" || !self.finds_lag());
+        let method = match setting("method") {
+            Some(method) if self.is_auto() => method,
+            _ => return Self(given).request(seed),
+        };
+        let given = given.with(method, Method::Lpcmci.name());
         given.only(|setting| matches!(setting.readers, Readers::All)).request()?.check()?;
         seeded(&given, seed)
     }

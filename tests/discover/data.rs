@@ -97,6 +97,13 @@ fn dependence_at_a_longer_lag_is_seen_and_told() {
     }
     let out = roscausal(dir.path(), &[&["discover", "data.csv", "--tau-max", "3"], &QUICK[2..]].concat());
     assert!(!String::from_utf8_lossy(&out.stdout).contains("tests it"));
+    let auto = ["discover", "data.csv", "--tau-max", "auto"];
+    let out = roscausal(dir.path(), &[&auto, &QUICK[2..]].concat());
+    let told = ["lags 1..3", "distance at t-2 (0.2 s earlier) drives speed", "the largest lag is 3"];
+    has(&String::from_utf8_lossy(&out.stdout), &told);
+    let out = roscausal(dir.path(), &["roll", "data.csv", "--window", "200", "--tau-max", "auto"]);
+    has(&String::from_utf8_lossy(&out.stderr), &["--tau-max"]);
+    assert!(!out.status.success());
 }
 
 #[test]

@@ -10,8 +10,8 @@
 //!    rounds), from a share of 0.06 over the lags and `w = 0.05`, which count as much as ten tests and four links.
 //! 3. The chance of a link is its posterior: `g = 1 / (1 + exp(-L))`, `L = ln(density if real / density if not) + ln(pi / (1 - pi))`.
 //!
-//! It was measured for PCMCI with ParCorr (docs/confidence.md); elsewhere there is no figure. Example: of 100 tests with p-values spread
-//! evenly and one of 1e-9, that one has a chance above 0.99, and a p-value of 0.02 one below 0.1.
+//! Where it was measured stands in docs/confidence.md (example `calibration`); elsewhere there is no figure. Example: of 100 tests with
+//! p-values spread evenly and one of 1e-9, that one has a chance above 0.99, and a p-value of 0.02 one below 0.1.
 
 use std::collections::HashMap;
 
@@ -28,26 +28,35 @@ const SHARE: (f64, f64) = (0.06, 10.0);
 const VARIANCE: (f64, f64) = (0.05, 4.0);
 /// Where the chance was measured: variables, lags, samples.
 const MEASURED: [[usize; 2]; 3] = [[3, 12], [1, 5], [150, 2000]];
+const MEASURED_WITH_GPDC: [[usize; 2]; 3] = [[3, 5], [1, 3], [150, 500]];
+/// What the odds are multiplied by where a p-value is the largest of several.
+const OF_LARGEST: f64 = 1.7;
 
-/// Whether the chance was measured for such an analysis.
-fn is_measured(model: &Model, settings: &Settings) -> bool {
+/// What the odds of a link are multiplied by, where the chance was measured for such an analysis.
+///
+/// PCMCI+ and LPCMCI take the largest p-value of several tests, and GPDC's grow with the smoothness that a fit leaves, so a small one
+/// says more there than evenly spread ones would.
+fn odds(model: &Model, settings: &Settings) -> Option<f64> {
+    let (gpdc, largest) = match (settings.method, model.cond_ind_test.as_str()) {
+        (Method::Pcmci | Method::Fpcmci, "parcorr") => (false, false),
+        (Method::Pcmciplus | Method::Lpcmci, "parcorr") => (false, true),
+        (Method::Pcmci | Method::Fpcmci, "gpdc") => (true, true),
+        _ => return None,
+    };
     let within = |value: usize, [from, to]: [usize; 2]| (from..=to).contains(&value);
-    let [variables, lags, samples] = MEASURED;
-    settings.method == Method::Pcmci
-        && model.cond_ind_test == "parcorr"
-        && settings.test.significance.is_none_or(|how| how == Significance::Analytic)
+    let [variables, lags, samples] = if gpdc { MEASURED_WITH_GPDC } else { MEASURED };
+    let is_measured = settings.test.significance.is_none_or(|how| how == Significance::Analytic)
         && model.status == "complete"
-        && model.tau_min == 1
+        && model.tau_min == settings.method.info().tau_min
         && within(model.features.len(), variables)
         && within(model.tau_max, lags)
-        && within(model.n_samples, samples)
+        && within(model.n_samples, samples);
+    is_measured.then_some(if largest { OF_LARGEST } else { 1.0 })
 }
 
 /// Gives each link between two variables its chance, where that was measured.
 pub(crate) fn fill(model: &mut Model, settings: &Settings) {
-    if !is_measured(model, settings) {
-        return;
-    }
+    let Some(odds) = odds(model, settings) else { return };
     let (mut places, mut tests) = (HashMap::new(), Vec::new());
     for (i, cause) in model.features.iter().enumerate() {
         for (j, effect) in model.features.iter().enumerate().filter(|(j, _)| i != *j) {
@@ -58,14 +67,16 @@ pub(crate) fn fill(model: &mut Model, settings: &Settings) {
             }
         }
     }
-    let chances = chances(&tests, model.tau_max);
-    for link in &mut model.links {
+    let chances = chances(&tests, model.tau_max, odds);
+    // That something not recorded drives both is another claim.
+    for link in model.links.iter_mut().filter(|link| link.mark != "<->") {
         link.chance = places.get(&(&link.cause, &link.effect, link.lag)).map(|&at| chances[at]);
     }
 }
 
-/// The chances of tests, by p-value and number of samples, of which each pair has one at each lag.
-fn chances(tests: &[(f64, usize)], lags: usize) -> Vec<f64> {
+/// The chances of tests, by p-value and number of samples, of which each pair has one at each lag; the odds of each are multiplied by
+/// `odds`.
+fn chances(tests: &[(f64, usize)], lags: usize, odds: f64) -> Vec<f64> {
     let squares: Vec<f64> = tests.iter().map(|(p, _)| normal_quantile(0.5 * p.max(1e-300)).powi(2)).collect();
     let variances: Vec<f64> =
         tests.iter().map(|(_, samples)| 1.0 / (*samples as f64 - 4.0).max(1.0)).collect();
@@ -74,13 +85,14 @@ fn chances(tests: &[(f64, usize)], lags: usize) -> Vec<f64> {
     let mut found = vec![0.0; tests.len()];
     for round in 0..=ROUNDS {
         let (mut real, mut strengths) = (0.0, 0.0);
+        let shift = if round == ROUNDS { odds.ln() } else { 0.0 };
         for ((found, &square), &v) in found.iter_mut().zip(&squares).zip(&variances) {
             let of = spread / (v + spread);
             let normal = 0.5 * (v / (v + spread)).ln() + 0.5 * square * of;
             let without_weak = normal + ((1.0 - of) * (1.0 + square * of)).ln();
             let larger = normal.max(without_weak);
             let both = larger + (0.5 * ((normal - larger).exp() + (without_weak - larger).exp())).ln();
-            *found = 1.0 / (1.0 + (-(both + (share / (1.0 - share)).ln())).exp());
+            *found = 1.0 / (1.0 + (-(both + (share / (1.0 - share)).ln() + shift)).exp());
             // What the strength's square is on average, given the test; that of the law without weak links is three times its variance.
             let of_moment = 0.5 * (without_weak - both).exp();
             let mean_square = square * v * of * of + v * of;
@@ -107,7 +119,7 @@ mod tests {
     #[test]
     fn p_values_that_are_spread_evenly_make_no_link_likely() {
         for count in [6, 40, 400] {
-            let found = chances(&evenly(count), 2);
+            let found = chances(&evenly(count), 2, 1.0);
             assert!(found.iter().all(|chance| *chance < 0.5), "{count}: {:?}", &found[..3]);
             assert!(found.iter().sum::<f64>() < 1.0, "{count}");
             assert!(found.windows(2).all(|pair| pair[0] >= pair[1]), "the smaller the p-value, the likelier");
@@ -120,7 +132,7 @@ mod tests {
             let mut tests = evenly(100);
             tests.extend(std::iter::repeat_n((1e-9, 300), many));
             tests.push((p, 300));
-            chances(&tests, 1).pop().expect("the last")
+            chances(&tests, 1, 1.0).pop().expect("the last")
         };
         assert!(with(1e-9, 0) > 0.99 && with(0.02, 0) < 0.1, "{} {}", with(1e-9, 0), with(0.02, 0));
         assert!(with(1e-3, 60) > with(1e-3, 0));
@@ -128,8 +140,8 @@ mod tests {
 
     #[test]
     fn odd_numbers_have_a_chance_too() {
-        let found = chances(&[(0.0, 0), (1.0, 4), (1e-320, 2_000_000), (0.5, 5)], 1);
+        let found = chances(&[(0.0, 0), (1.0, 4), (1e-320, 2_000_000), (0.5, 5)], 1, 1.7);
         assert!(found.iter().all(|chance| (0.0..=1.0).contains(chance)), "{found:?}");
-        assert!(chances(&[], 0).is_empty());
+        assert!(chances(&[], 0, 1.0).is_empty());
     }
 }
