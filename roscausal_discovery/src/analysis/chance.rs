@@ -34,24 +34,22 @@ const OF_LARGEST: f64 = 1.7;
 
 /// What the odds of a link are multiplied by, where the chance was measured for such an analysis.
 ///
-/// PCMCI+ and LPCMCI take the largest p-value of several tests, and GPDC's grow with the smoothness that a fit leaves, so a small one
-/// says more there than evenly spread ones would.
+/// PCMCI+ and LPCMCI take the largest p-value of several tests: a small one says more there than evenly spread ones would.
 fn odds(model: &Model, settings: &Settings) -> Option<f64> {
-    let (gpdc, largest) = match (settings.method, model.cond_ind_test.as_str()) {
-        (Method::Pcmci | Method::Fpcmci, "parcorr") => (false, false),
-        (Method::Pcmciplus | Method::Lpcmci, "parcorr") => (false, true),
-        (Method::Pcmci | Method::Fpcmci, "gpdc") => (true, true),
+    let (odds, [variables, lags, samples]) = match (settings.method, model.cond_ind_test.as_str()) {
+        (Method::Pcmci | Method::Fpcmci, "parcorr") => (1.0, MEASURED),
+        (Method::Pcmciplus | Method::Lpcmci, "parcorr") => (OF_LARGEST, MEASURED),
+        (Method::Fpcmci, "gpdc") => (1.0, MEASURED_WITH_GPDC),
         _ => return None,
     };
     let within = |value: usize, [from, to]: [usize; 2]| (from..=to).contains(&value);
-    let [variables, lags, samples] = if gpdc { MEASURED_WITH_GPDC } else { MEASURED };
     let is_measured = settings.test.significance.is_none_or(|how| how == Significance::Analytic)
         && model.status == "complete"
         && model.tau_min == settings.method.info().tau_min
         && within(model.features.len(), variables)
         && within(model.tau_max, lags)
         && within(model.n_samples, samples);
-    is_measured.then_some(if largest { OF_LARGEST } else { 1.0 })
+    is_measured.then_some(odds)
 }
 
 /// Gives each link between two variables its chance, where that was measured.
