@@ -50,13 +50,6 @@ impl Entry<'_> {
     fn is_array(&self) -> bool {
         self.kind.ends_with(']') && !self.kind.ends_with("[]")
     }
-
-    fn doc(&self) -> String {
-        match &self.comment[..] {
-            [] => format!("/// `{}`\n", self.name),
-            comment => doc(comment),
-        }
-    }
 }
 
 impl Message {
@@ -194,7 +187,7 @@ impl Messages {
             (_, name) => ("", name),
         };
         let kind = self.rust_type(message, field.kind)?;
-        Ok(format!("{}{attribute}pub {name}: {kind},\n", field.doc()))
+        Ok(format!("{}{attribute}pub {name}: {kind},\n", doc(&field.comment)))
     }
 
     fn constant(&self, message: &Message, constant: &Entry<'_>) -> Result<String> {
@@ -205,7 +198,7 @@ impl Messages {
             (_, "Marker") => ("i32".into(), value.into()),
             (kind, _) => (self.rust_type(message, kind)?, value.into()),
         };
-        Ok(format!("{}pub const {}: {kind} = {value};\n", constant.doc(), constant.name))
+        Ok(format!("{}pub const {}: {kind} = {value};\n", doc(&constant.comment), constant.name))
     }
 
     /// The Rust type of a message, and what the crate knows of it.
@@ -271,7 +264,7 @@ fn names(folder: &str) -> Result<Vec<String>> {
     fs::read_dir(folder)?.map(|entry| Ok(entry?.file_name().to_string_lossy().into_owned())).collect()
 }
 
-/// A comment as documentation. What stands in brackets is no link and no tag.
+/// A comment as documentation. What stands in brackets is no link and no tag. Where there is no comment, the compiler warns.
 fn doc(comment: &[&str]) -> String {
     comment.iter().map(|line| format!("/// {}\n", line.replace('[', "\\[").replace('<', "\\<"))).collect()
 }
