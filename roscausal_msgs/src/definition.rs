@@ -24,7 +24,7 @@ pub struct Definition {
     pub package: &'static str,
     /// Type name within the package, such as `Point`.
     pub name: &'static str,
-    /// The `.msg` text, in ROS 1 spelling (`time`, `duration`).
+    /// The `.msg` text, in ROS 1 spelling (`time`, `duration`); of other packages without comments.
     pub text: &'static str,
     /// The wire formats in which the type exists.
     pub wires: Wires,

@@ -3,7 +3,8 @@
 /// The line without its comment. A string constant may contain a '#': its value is the whole rest of the line.
 pub(crate) fn code(line: &str) -> &str {
     let code = line.split('#').next().unwrap_or_default().trim();
-    if code.starts_with("string") && code.contains('=') { line.trim() } else { code }
+    let is_text = code.split_whitespace().next() == Some("string") && code.contains('=');
+    if is_text { line.trim() } else { code }
 }
 
 /// What stands in a line that is not empty and not a comment.
