@@ -150,10 +150,12 @@ impl Messages {
             "int8" | "int16" | "int32" | "int64" => base.replace("int", "i"),
             "uint8" | "uint16" | "uint32" | "uint64" => base.replace("uint", "u"),
             "float32" | "float64" => base.replace("float", "f"),
-            _ => match self.nested(message, base) {
-                Some(nested) => nested.path(),
-                None => return Err(format!("{}/{}: no text of {base}", message.package, message.name).into()),
-            },
+            _ => {
+                let Message { package, name, .. } = message;
+                let unknown =
+                    || format!("{package}/{name} has a field of type {base}, of which there is no text");
+                self.nested(message, base).ok_or_else(unknown)?.path()
+            }
         };
         Ok(match array {
             "" => base,
