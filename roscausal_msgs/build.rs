@@ -266,9 +266,11 @@ fn names(folder: &str) -> Result<Vec<String>> {
     fs::read_dir(folder)?.map(|entry| Ok(entry?.file_name().to_string_lossy().into_owned())).collect()
 }
 
-/// A comment as documentation. What stands in brackets is no link and no tag. Where there is no comment, the compiler warns.
+/// A comment as documentation, without links, tags and dashes where it has brackets and arrows. The compiler warns of those that
+/// are missing.
 fn doc(comment: &[&str]) -> String {
-    comment.iter().map(|line| format!("/// {}\n", line.replace('[', "\\[").replace('<', "\\<"))).collect()
+    let escaped = |line: &str| line.replace('[', "\\[").replace('<', "\\<").replace("--", "\\--");
+    comment.iter().map(|line| format!("/// {}\n", escaped(line))).collect()
 }
 
 fn main() -> Result<()> {
