@@ -4,7 +4,7 @@ use std::{fmt::Write, sync::OnceLock};
 
 use md5::{Digest, Md5};
 
-use crate::dynamic::Schema;
+use crate::{dynamic::Schema, line::Line};
 
 /// The wire formats in which a message type exists.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -24,7 +24,7 @@ pub struct Definition {
     pub package: &'static str,
     /// Type name within the package, such as `Point`.
     pub name: &'static str,
-    /// The `.msg` text, in ROS 1 spelling (`time`, `duration`).
+    /// The `.msg` text, in ROS 1 spelling (`time`, `duration`); of other packages without comments.
     pub text: &'static str,
     /// The wire formats in which the type exists.
     pub wires: Wires,
@@ -204,29 +204,6 @@ pub(crate) fn hex(bytes: &[u8]) -> String {
         let _ = write!(hex, "{byte:02x}");
         hex
     })
-}
-
-/// One line of a `.msg` text that is not a comment or empty.
-enum Line<'a> {
-    Constant { kind: &'a str, name: &'a str, value: &'a str },
-    Field { kind: &'a str, name: &'a str },
-}
-
-impl<'a> Line<'a> {
-    fn parse(line: &'a str) -> Option<Self> {
-        let code = line.split('#').next().unwrap_or("").trim();
-        let (kind, rest) = code.split_once(char::is_whitespace)?;
-        let rest = rest.trim();
-        // A string constant may contain a '#': its value is the whole rest of the line.
-        let rest = match kind {
-            "string" if rest.contains('=') => line.trim_start().strip_prefix(kind)?.trim(),
-            _ => rest,
-        };
-        Some(match rest.split_once('=') {
-            Some((name, value)) => Self::Constant { kind, name: name.trim(), value: value.trim() },
-            None => Self::Field { kind, name: rest },
-        })
-    }
 }
 
 #[cfg(test)]

@@ -9,23 +9,9 @@
 //!
 //! [`dynamic`] reads messages of any other type by the definition that travels with them.
 
-/// Implements [`Message`] for a struct: `message!("package" Name uses [Nested, ...])`. The text is
-/// `foreign/package/msg/Name.msg`. With `own` it is `msg/Name.msg`, with `as "path"` another file below `foreign/`.
-/// `on` names the wire format if there is only one.
+/// Implements [`Message`] for a type that `build.rs` writes.
 macro_rules! message {
-    (own $name:ident uses [$($nested:ty),*]) => {
-        message!(@ $name, "roscausal_msgs", stringify!($name), concat!("/msg/", stringify!($name), ".msg"), Both, [$($nested),*]);
-    };
-    ($package:literal $name:ident uses [$($nested:ty),*]) => {
-        message!($package $name on Both uses [$($nested),*]);
-    };
-    ($package:literal $name:ident on $wires:ident uses [$($nested:ty),*]) => {
-        message!(@ $name, $package, stringify!($name), concat!("/foreign/", $package, "/msg/", stringify!($name), ".msg"), $wires, [$($nested),*]);
-    };
-    ($package:literal $name:ident as $file:literal $named:literal on $wires:ident uses [$($nested:ty),*]) => {
-        message!(@ $name, $package, $named, concat!("/foreign/", $file, ".msg"), $wires, [$($nested),*]);
-    };
-    (@ $type:ident, $package:expr, $name:expr, $file:expr, $wires:ident, [$($nested:ty),*]) => {
+    ($type:ident, $package:literal, $name:literal, $text:literal, $wires:ident, [$($nested:ty),* $(,)?]) => {
         impl $crate::Message for $type {
             const PACKAGE: &'static str = $package;
             const NAME: &'static str = $name;
@@ -34,7 +20,7 @@ macro_rules! message {
                 static DEFINITION: $crate::Definition = $crate::Definition::new(
                     $package,
                     $name,
-                    include_str!(concat!(env!("CARGO_MANIFEST_DIR"), $file)),
+                    $text,
                     $crate::Wires::$wires,
                     &[$(<$nested as $crate::Message>::definition),*],
                 );
@@ -44,79 +30,75 @@ macro_rules! message {
     };
 }
 
-/// Implements [`Service`] for a type of `srv/Name.srv`, and [`Message`] for its question and its answer:
-/// `service!(Name: NameRequest uses [Nested, ...], NameResponse uses [...])`.
+/// A service of ours.
 macro_rules! service {
-    ($name:ident: $request:ident uses [$($asked:ty),*], $response:ident uses [$($told:ty),*]) => {
+    ($name:ident, $request:ident, $response:ident) => {
+        #[doc = concat!("The service of [`", stringify!($request), "`] and [`", stringify!($response), "`].")]
+        #[derive(Clone, Copy, Debug)]
+        pub struct $name;
+
         impl $crate::Service for $name {
             const PACKAGE: &'static str = "roscausal_msgs";
             const NAME: &'static str = stringify!($name);
             type Request = $request;
             type Response = $response;
         }
-        service!(@ $name, $request, question, [$($asked),*]);
-        service!(@ $name, $response, answer, [$($told),*]);
     };
-    (@ $name:ident, $type:ident, $part:ident, [$($nested:ty),*]) => {
-        impl $crate::Message for $type {
-            const PACKAGE: &'static str = "roscausal_msgs";
-            const NAME: &'static str = stringify!($type);
+}
 
-            fn definition() -> &'static $crate::Definition {
-                static DEFINITION: $crate::Definition = $crate::Definition::new(
-                    "roscausal_msgs",
-                    stringify!($type),
-                    $crate::service::$part(include_str!(concat!(
-                        env!("CARGO_MANIFEST_DIR"),
-                        "/srv/",
-                        stringify!($name),
-                        ".srv"
-                    ))),
-                    $crate::Wires::Both,
-                    &[$(<$nested as $crate::Message>::definition),*],
-                );
-                &DEFINITION
-            }
-        }
+/// Modules of packages that have nothing but their types.
+macro_rules! packages {
+    ($($(#[$about:meta])* $package:ident),* $(,)?) => {
+        $($(#[$about])* pub mod $package {
+            include!(concat!(env!("OUT_DIR"), "/", stringify!($package), ".rs"));
+        })*
     };
 }
 
 mod definition;
-mod reasoning;
+mod line;
 mod registry;
 mod roscausal;
 mod service;
 mod time;
 mod wire;
 
-pub mod actionlib_msgs;
 pub mod cdr;
-pub mod diagnostic_msgs;
 pub mod dynamic;
 pub mod geometry_msgs;
-pub mod hri_msgs;
-pub mod move_base_msgs;
-pub mod nav_msgs;
-pub mod pedsim_msgs;
-pub mod people_msgs;
 pub mod ros1;
-pub mod rosgraph_msgs;
-pub mod sensor_msgs;
-pub mod spencer_tracking_msgs;
-pub mod std_msgs;
-pub mod tf2_msgs;
 pub mod visualization_msgs;
 
+packages! {
+    /// `actionlib_msgs`.
+    actionlib_msgs,
+    /// `diagnostic_msgs`.
+    diagnostic_msgs,
+    /// `hri_msgs`, from ROS4HRI (REP-155).
+    hri_msgs,
+    /// `move_base_msgs`; only ROS 1 has it.
+    move_base_msgs,
+    /// `nav_msgs`.
+    nav_msgs,
+    /// `pedsim_msgs`, from the pedestrian simulator pedsim_ros.
+    pedsim_msgs,
+    /// `people_msgs`.
+    people_msgs,
+    /// `rosgraph_msgs`.
+    rosgraph_msgs,
+    /// `sensor_msgs`.
+    sensor_msgs,
+    /// `spencer_tracking_msgs`, from the SPENCER people tracker.
+    spencer_tracking_msgs,
+    /// `std_msgs`.
+    std_msgs,
+    /// `tf2_msgs`.
+    tf2_msgs,
+}
+
 pub use definition::{Definition, Wires};
-pub use reasoning::{
-    Action, Contribution, CostTerm, Effect, EffectRequest, EffectResponse, Explain, ExplainRequest,
-    ExplainResponse, Features, Forecast, Intervention, Limit, Outlook, Prediction, Status, WhatIf,
-    WhatIfRequest, WhatIfResponse,
-};
 pub use registry::{TypeVisitor, types, visit};
-pub use roscausal::{
-    CausalLink, CausalModel, CausalModelInfo, HumanState, Humans, ModelChange, ModelChanges, RobotState,
-};
+pub use roscausal::*;
 pub use service::Service;
 pub use time::{Duration, Time};
 pub use wire::{Fault, WireError};

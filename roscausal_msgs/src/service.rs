@@ -35,26 +35,6 @@ pub trait Service: Send + Sync + 'static {
     }
 }
 
-/// Where the line `---` of a `.srv` text begins.
-const fn rule(text: &str) -> usize {
-    let bytes = text.as_bytes();
-    let mut at = 0;
-    while !(bytes[at] == b'-' && bytes[at + 1] == b'-' && bytes[at + 2] == b'-' && bytes[at - 1] == b'\n') {
-        at += 1;
-    }
-    at
-}
-
-/// What stands above the line `---` of a `.srv` text. A text without that line does not compile.
-pub(crate) const fn question(text: &'static str) -> &'static str {
-    text.split_at(rule(text)).0
-}
-
-/// What stands below it.
-pub(crate) const fn answer(text: &'static str) -> &'static str {
-    text.split_at(rule(text) + 4).1
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -74,11 +54,5 @@ mod tests {
         assert_eq!(all::<WhatIf>(), what_if);
         assert_eq!(Explain::ros1_md5(), "b2ee5cddaa2ed9254829d14cff997ea9");
         assert_eq!(Effect::ros1_md5(), "5f7c3b690496b304125f4fb6de8b3751");
-    }
-
-    #[test]
-    fn a_text_is_cut_at_its_rule() {
-        let text = "string a # --- no rule\n---\nbool b\n";
-        assert_eq!((question(text), answer(text)), ("string a # --- no rule\n", "bool b\n"));
     }
 }
