@@ -20,7 +20,7 @@
 use super::{
     Significance, TestSettings,
     cholesky::{orthogonalize, orthonormal_basis},
-    gsquared::{Sparse, levels},
+    gsquared::{FALSE_LINKS, Sparse, levels},
     multinomial::{Price, deviance},
 };
 use crate::{
@@ -140,7 +140,7 @@ impl PreparedTest for Prepared<'_> {
     }
 
     fn caution(&self) -> Option<String> {
-        self.sparse.caution("regressionci", ENOUGH)
+        self.sparse.caution("regressionci", FALSE_LINKS, ENOUGH)
     }
 }
 
