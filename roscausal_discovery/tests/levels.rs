@@ -45,10 +45,18 @@ fn independent_series_are_linked_as_often_as_the_level_says() {
                 let found = p.iter().filter(|p| **p <= level).count() as f64;
                 let bound = |level: f64| 3.1 * (count as f64 * level * (1.0 - level)).sqrt();
                 let expected = count as f64 * most;
-                assert!(found <= expected + bound(most) + 1.0, "{test}, {}, {level}: {found} of {count}", kind.name);
+                assert!(
+                    found <= expected + bound(most) + 1.0,
+                    "{test}, {}, {level}: {found} of {count}",
+                    kind.name
+                );
                 // Sparse categories are left to chance less often.
                 let least = if kind.of == levels::Of::Categories { 0.0 } else { count as f64 * level };
-                assert!(found >= least - bound(level) - 1.0, "{test}, {}, {level}: {found} of {count}", kind.name);
+                assert!(
+                    found >= least - bound(level) - 1.0,
+                    "{test}, {}, {level}: {found} of {count}",
+                    kind.name
+                );
             }
         }
     }

@@ -173,7 +173,7 @@ fn the_order_of_recordings_does_not_matter() {
 /// Columns without time have rows in any order.
 #[test]
 fn without_lags_the_order_of_rows_does_not_matter() {
-    for method in Method::all().filter(|of| of.info().models_lag_zero || of.info().hidden_causes) {
+    for method in [Method::Varlingam, Method::Dynotears, Method::Lpcmci, Method::Tsfci] {
         let data = data_for(method, 10);
         let turned = each_recording(&data, |of| of.select(Axis(0), &(0..250).rev().collect::<Vec<_>>()));
         let run = |data: &DataFrame| model_by(data, method, "parcorr", 0);
@@ -188,7 +188,8 @@ fn names_of_categories_change_no_value() {
     let others = [Method::Timino, Method::Candoit, Method::Jpcmciplus];
     for method in methods().filter(|method| method.info().uses_test && !others.contains(method)) {
         let category = |k: usize| {
-            let mut of = Array2::from_shape_fn((600, 3), |(t, v)| (mix((9000 * k + 3 * t + v) as u64) % 3) as f64);
+            let mut of =
+                Array2::from_shape_fn((600, 3), |(t, v)| (mix((9000 * k + 3 * t + v) as u64) % 3) as f64);
             for t in (1..600).filter(|t| t % 4 > 0) {
                 of[[t, 1]] = of[[t - 1, 0]];
             }

@@ -353,7 +353,8 @@ fn test_of(spec: &Value) -> Answer<(Box<dyn CondIndTest>, MaskType)> {
                 settings.null_distributions = Some(Arc::new(given));
             }
             "gp_search" => {
-                settings.gp_search = text(value)?.parse().map_err(|e: roscausal_discovery::Error| e.to_string())?;
+                settings.gp_search =
+                    text(value)?.parse().map_err(|e: roscausal_discovery::Error| e.to_string())?;
             }
             "as_tigramite" => settings.as_tigramite = value.as_bool().unwrap_or(true),
             "workers" | "verbosity" | "recycle_residuals" => {}
