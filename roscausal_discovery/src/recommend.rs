@@ -21,7 +21,7 @@ const PATIENCE_S: f64 = 600.0;
 /// Different values up to which a variable of whole numbers counts as one of categories.
 const MOST_CATEGORIES: usize = 10;
 
-/// Samples for each degree of freedom below which the level of gsquared does not hold.
+/// Samples for each degree of freedom below which gsquared misses links.
 const ENOUGH: usize = 5;
 
 /// What to take, and why.
@@ -115,7 +115,7 @@ fn test_for(data: &DataFrame, settings: &Settings) -> (String, String) {
         if rows < ENOUGH * freedom {
             let reason = format!(
                 "cmisymb: all variables are categories, and {rows} samples are fewer than {ENOUGH} for each of {freedom} degrees of \
-                 freedom, where gsquared finds too much"
+                 freedom, where gsquared may miss links"
             );
             return answer("cmisymb", reason);
         }

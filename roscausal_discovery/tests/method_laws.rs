@@ -43,11 +43,15 @@ fn data_for(method: Method, seed: u64) -> DataFrame {
 }
 
 fn model(data: &DataFrame, method: Method) -> Model {
+    model_by(data, method, "parcorr", 2)
+}
+
+fn model_by(data: &DataFrame, method: Method, test: &str, tau_max: usize) -> Model {
     let settings = Settings {
         method,
-        cond_ind_test: "parcorr".into(),
+        cond_ind_test: test.into(),
         tau_min: method.info().tau_min,
-        tau_max: 2,
+        tau_max,
         acts_on: (method == Method::Candoit).then(|| vec![("do_d".into(), "d".into())]),
         ..Settings::default()
     };
@@ -124,6 +128,79 @@ fn powers_of_two_as_units_change_no_value() {
             model(data, method).links.iter().map(of).collect()
         };
         assert_eq!(numbers(&data), numbers(&scaled), "{method}");
+    }
+}
+
+/// Both models have the same links, of the same size to rounding.
+fn assert_same(was: &Model, is: &Model, what: &str) {
+    assert_eq!(links(was), links(is), "{what}");
+    for link in &was.links {
+        let ends = |of: &&Link| (&of.cause, &of.effect, of.lag) == (&link.cause, &link.effect, link.lag);
+        if let (Some(was), Some(Some(is))) = (link.value, is.links.iter().find(ends).map(|of| of.value)) {
+            assert!((was - is).abs() < 1e-6 * was.abs().max(1.0), "{what}: {link:?} {is}");
+        }
+    }
+}
+
+/// The data with each recording changed.
+fn each_recording(data: &DataFrame, change: impl FnMut(&Array2<f64>) -> Array2<f64>) -> DataFrame {
+    DataFrame::new(data.recordings().iter().map(change).collect(), data.var_names().to_vec()).unwrap()
+}
+
+#[test]
+fn units_and_means_change_no_link() {
+    for method in Method::all() {
+        let data = data_for(method, 7);
+        // An intervention stays 0 or 1.
+        let (factors, means) = ([1000.0, 0.001, 3.6, 57.3, 1.0], [20_000.0, 3.0, -80.0, 1e4, 0.0]);
+        let moved = each_recording(&data, |of| {
+            Array2::from_shape_fn(of.dim(), |(t, var)| of[[t, var]] * factors[var] + means[var])
+        });
+        assert_same(&model(&data, method), &model(&moved, method), &format!("{method}"));
+    }
+}
+
+#[test]
+fn the_order_of_recordings_does_not_matter() {
+    for method in Method::all() {
+        let data = data_for(method, 9);
+        let turned = data.recordings().iter().rev().cloned().collect();
+        let turned = DataFrame::new(turned, data.var_names().to_vec()).unwrap();
+        assert_same(&model(&data, method), &model(&turned, method), &format!("{method}"));
+    }
+}
+
+/// Columns without time have rows in any order.
+#[test]
+fn without_lags_the_order_of_rows_does_not_matter() {
+    for method in [Method::Varlingam, Method::Dynotears, Method::Lpcmci, Method::Tsfci] {
+        let data = data_for(method, 10);
+        let turned = each_recording(&data, |of| of.select(Axis(0), &(0..250).rev().collect::<Vec<_>>()));
+        let run = |data: &DataFrame| model_by(data, method, "parcorr", 0);
+        assert_same(&run(&data), &run(&turned), &format!("{method}"));
+    }
+}
+
+/// The tests of categories answer the same for any names of these.
+#[test]
+fn names_of_categories_change_no_value() {
+    // TiMINo regresses; CAnDOIT and J-PCMCI+ are for interventions and differing recordings.
+    let others = [Method::Timino, Method::Candoit, Method::Jpcmciplus];
+    for method in methods().filter(|method| method.info().uses_test && !others.contains(method)) {
+        let category = |k: usize| {
+            let mut of =
+                Array2::from_shape_fn((600, 3), |(t, v)| (mix((9000 * k + 3 * t + v) as u64) % 3) as f64);
+            for t in (1..600).filter(|t| t % 4 > 0) {
+                of[[t, 1]] = of[[t - 1, 0]];
+            }
+            of
+        };
+        let names = ["a", "b", "c"].map(str::to_owned).to_vec();
+        let data = DataFrame::new(vec![category(0), category(1)], names).unwrap();
+        let renamed = each_recording(&data, |of| of.mapv(|v| [2.0, 0.0, 1.0][v as usize]));
+        let run = |data: &DataFrame| model_by(data, method, "gsquared", 1);
+        assert_same(&run(&data), &run(&renamed), &format!("{method}"));
+        assert!(links(&run(&data)).iter().any(|link| link.starts_with("a b 1")), "{method}");
     }
 }
 

@@ -134,6 +134,20 @@ def test_ties_of_many_runs_are_settled_as_by_the_reference(marks, mark, share):
     assert summary["link_frequency"].item() == pytest.approx(share)
 
 
+def test_a_correction_of_pcmciplus_leaves_the_graph_as_in_the_reference():
+    rng = np.random.default_rng(2)
+    x = rng.normal(size=(300, 5))
+    for t in range(1, 300):
+        x[t] += 0.3 * x[t - 1]
+        x[t, 1] += 0.2 * x[t - 1, 0]
+        x[t, 3] += 0.15 * x[t - 1, 2]
+    # Links and their largest p-value in tigramite 5.2.10.1.
+    for fdr_method, largest in (("none", 0.013290491190654473), ("fdr_bh", 0.09493207993324622)):
+        found = PCMCI(pp.DataFrame(x.copy()), ParCorr()).run_pcmciplus(tau_max=2, pc_alpha=0.05, fdr_method=fdr_method)
+        is_link = found["graph"] != ""
+        assert is_link.sum() == 7 and found["p_matrix"][is_link].max() == pytest.approx(largest, rel=1e-9)
+
+
 def test_single_tests_say_value_p_value_and_decision(chain):
     test = ParCorr()
     test.set_dataframe(pp.DataFrame(chain))

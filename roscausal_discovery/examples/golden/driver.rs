@@ -352,6 +352,10 @@ fn test_of(spec: &Value) -> Answer<(Box<dyn CondIndTest>, MaskType)> {
                 let given = NullDistributions::new(given).map_err(|e| e.to_string())?;
                 settings.null_distributions = Some(Arc::new(given));
             }
+            "gp_search" => {
+                settings.gp_search =
+                    text(value)?.parse().map_err(|e: roscausal_discovery::Error| e.to_string())?;
+            }
             "as_tigramite" => settings.as_tigramite = value.as_bool().unwrap_or(true),
             "workers" | "verbosity" | "recycle_residuals" => {}
             other => return Err(format!("option '{other}' of the test is unknown")),

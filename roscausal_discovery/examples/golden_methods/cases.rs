@@ -44,7 +44,8 @@ pub(crate) fn test_of(case: &Value) -> Answer<Box<dyn CondIndTest>> {
     let name = case["test"]["name"].as_str().ok_or("no test")?;
     // The vector test is what J-PCMCI+ makes of this one.
     let name = if name == "ParCorrMult" { "parcorr" } else { name };
-    independence_tests::by_name(name, &TestSettings::default()).map_err(|e| e.to_string())
+    let settings = TestSettings { as_tigramite: true, ..TestSettings::default() };
+    independence_tests::by_name(name, &settings).map_err(|e| e.to_string())
 }
 
 /// The link assumptions of a case; a link not listed is absent.

@@ -85,7 +85,7 @@ impl PreparedTest for Prepared<'_> {
     fn run_test(&self, x: Node, y: Node, z: &[Node]) -> Result<TestResult> {
         let LaggedArrays { x: xs, y: ys, z: zs, n_lost } = self.samples.arrays(x, y, z);
         let (of_x, of_y, stratum) = (levels(&xs), levels(&ys), strata(&zs, xs.len()));
-        let g = g_statistic(&of_x, &of_y, &stratum);
+        let g = g_statistic(&of_x, &of_y, &stratum, false);
         let p_value = match self.test.significance {
             // No stratum has two levels of both: nothing can be learnt.
             _ if g.dof == 0 => 1.0,
@@ -119,7 +119,7 @@ impl Prepared<'_> {
                 rng.shuffle(&mut of_stratum);
                 samples.iter().zip(of_stratum).for_each(|(&i, level)| surrogate[i] = level);
             }
-            count += usize::from(g_statistic(&surrogate, y, stratum).value >= least);
+            count += usize::from(g_statistic(&surrogate, y, stratum, false).value >= least);
         }
         Ok((count + 1) as f64 / (self.test.sig_samples + 1) as f64)
     }

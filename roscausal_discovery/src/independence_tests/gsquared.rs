@@ -24,10 +24,11 @@ use crate::{
 /// Take it for categories, states and counts. It needs some samples for each combination of the levels of X, Y and Z, so
 /// few levels and few conditions.
 ///
-/// P-value: chi-squared. Each stratum gives `(rows - 1) (columns - 1)` degrees of freedom, not counting rows and
-/// columns without a sample. It finds too much below five samples for each degree of freedom, and a run then carries a remark:
-/// [`CmiSymb`](super::CmiSymb) shuffles instead. Without degrees of freedom the value is 0 and the p-value 1. Equal values form a
-/// level, so discretise measurements before use.
+/// P-value: chi-squared, of `G` divided by its mean over all tables with the same margins (Bartlett's correction) and multiplied by the
+/// degrees of freedom. Each stratum gives `(rows - 1) (columns - 1)` of these, not counting rows and columns without a sample. Below five
+/// samples for each of them it finds too little, and a run then carries a remark: [`CmiSymb`](super::CmiSymb) shuffles instead. Without
+/// degrees of freedom the value is 0 and the p-value 1. Equal values form a level, so discretise measurements before use. With
+/// `as_tigramite` `G` is not corrected: few samples for each degree of freedom then find too much.
 ///
 /// ```
 /// use roscausal_discovery::{CondIndTest, DataFrame, Node, Samples};
@@ -87,8 +88,11 @@ impl CondIndTest for Gsquared {
     }
 }
 
-/// Samples for each degree of freedom below which chi-squared finds too much.
+/// Samples for each degree of freedom below which the corrected law finds too little, and chi-squared alone too much.
 const ENOUGH: usize = 5;
+
+/// What a test does whose law does not hold.
+pub(super) const FALSE_LINKS: &str = "finds links that do not exist";
 
 /// Tests so far, and how many of them had too few samples for the chi-squared law.
 #[derive(Default)]
@@ -104,13 +108,13 @@ impl Sparse {
         self.sparse.fetch_add(usize::from(n < enough * dof), Ordering::Relaxed);
     }
 
-    /// What to say of the test of this name, if there were too few samples.
-    pub(super) fn caution(&self, name: &str, enough: usize) -> Option<String> {
+    /// What to say of the test of this name and of what it finds, if there were too few samples.
+    pub(super) fn caution(&self, name: &str, finds: &str, enough: usize) -> Option<String> {
         let (tests, sparse) = (self.tests.load(Ordering::Relaxed), self.sparse.load(Ordering::Relaxed));
         (sparse > 0).then(|| {
             format!(
-                "{sparse} of {tests} tests had fewer than {enough} samples for each degree of freedom, where {name} finds links that do \
-                 not exist; record longer, use variables with fewer values or, if all are categories, the test cmisymb"
+                "{sparse} of {tests} tests had fewer than {enough} samples for each degree of freedom, where {name} \
+                 {finds}; record longer, use variables with fewer values or, if all are categories, the test cmisymb"
             )
         })
     }
@@ -127,20 +131,22 @@ impl PreparedTest for Prepared<'_> {
         let LaggedArrays { x: xs, y: ys, z: zs, n_lost } = self.samples.arrays(x, y, z);
         let settings = &self.test.settings;
         let stratum = strata(&zs, xs.len());
-        let g = g_statistic(&levels(&xs), &levels(&ys), &stratum);
+        let corrected = !settings.as_tigramite && self.test.significance == Significance::Analytic;
+        let g = g_statistic(&levels(&xs), &levels(&ys), &stratum, corrected);
         self.sparse.count(xs.len(), g.dof, ENOUGH);
         let mut resampling = Resampling {
             rng: Rng::for_test(seed_of_draw(settings.seed, self.samples.data().draw()), x, y, z),
             control: self.samples.control(),
         };
         let p_value = match self.test.significance {
+            Significance::Analytic if corrected => chi_squared_sf(g.value * g.dof as f64 / g.mean, g.dof),
             Significance::Analytic => chi_squared_sf(g.value, g.dof),
             Significance::FixedThres => 1.0,
             Significance::ShuffleTest if g.dof == 0 => 1.0,
             Significance::ShuffleTest => {
                 let samples = settings.sig_samples.unwrap_or(500);
                 resampling.shuffle_p(&xs, &ys, samples, settings.sig_blocklength, g.value, |x, y| {
-                    g_statistic(&levels(x), &levels(y), &stratum).value
+                    g_statistic(&levels(x), &levels(y), &stratum, false).value
                 })?
             }
         };
@@ -149,7 +155,7 @@ impl PreparedTest for Prepared<'_> {
             Some(_) => {
                 let blocks = (settings.conf_samples, settings.conf_blocklength, settings.conf_lev);
                 Some(resampling.bootstrap(&xs, &ys, &zs, blocks, |x, y, z| {
-                    g_statistic(&levels(&x), &levels(&y), &strata(&z, x.len())).value
+                    g_statistic(&levels(&x), &levels(&y), &strata(&z, x.len()), false).value
                 })?)
             }
         };
@@ -157,7 +163,9 @@ impl PreparedTest for Prepared<'_> {
     }
 
     fn caution(&self) -> Option<String> {
-        (self.test.significance == Significance::Analytic).then(|| self.sparse.caution("gsquared", ENOUGH))?
+        let finds = if self.test.settings.as_tigramite { FALSE_LINKS } else { "may miss links" };
+        (self.test.significance == Significance::Analytic)
+            .then(|| self.sparse.caution("gsquared", finds, ENOUGH))?
     }
 
     fn is_cheap(&self) -> bool {
@@ -165,10 +173,11 @@ impl PreparedTest for Prepared<'_> {
     }
 }
 
-/// The statistic and its degrees of freedom.
+/// The statistic, its degrees of freedom and, if asked for, its mean over all tables with the same margins.
 pub(super) struct G {
     pub(super) value: f64,
     pub(super) dof: usize,
+    mean: f64,
 }
 
 /// Levels of a row as numbers `0..`, in order of appearance.
@@ -196,7 +205,7 @@ pub(super) fn strata(z: &[Vec<f64>], n: usize) -> Vec<usize> {
     stratum
 }
 
-pub(super) fn g_statistic(x: &[usize], y: &[usize], stratum: &[usize]) -> G {
+pub(super) fn g_statistic(x: &[usize], y: &[usize], stratum: &[usize], with_mean: bool) -> G {
     let count = |row: &[usize]| row.iter().max().map_or(0, |most| most + 1);
     let (rows, columns, n_strata) = (count(x), count(y), count(stratum));
     // Samples sorted by stratum, so that one small table suffices.
@@ -211,7 +220,7 @@ pub(super) fn g_statistic(x: &[usize], y: &[usize], stratum: &[usize]) -> G {
     }
     let (mut of_x, mut of_y) = (vec![0_usize; rows], vec![0_usize; columns]);
     let mut cells: HashMap<(usize, usize), usize> = HashMap::new();
-    let (mut value, mut dof) = (0.0, 0);
+    let (mut value, mut dof, mut mean) = (0.0, 0, 0.0);
     for s in 0..n_strata {
         of_x.fill(0);
         of_y.fill(0);
@@ -231,10 +240,39 @@ pub(super) fn g_statistic(x: &[usize], y: &[usize], stratum: &[usize]) -> G {
             value += 2.0 * observed * (observed / expected).ln();
         }
         let used = |counts: &[usize]| counts.iter().filter(|&&c| c > 0).count();
-        dof += used(&of_x).saturating_sub(1) * used(&of_y).saturating_sub(1);
+        let own = used(&of_x).saturating_sub(1) * used(&of_y).saturating_sub(1);
+        dof += own;
+        if with_mean && own > 0 {
+            let cell = |&a: &usize| of_y.iter().map(move |&b| mean_of_cell(n, a as f64, b as f64));
+            mean += of_x.iter().flat_map(cell).sum::<f64>();
+        }
     }
     // Rounding may leave a zero value slightly negative. Without degrees of freedom there is no dependence.
-    G { value: if dof > 0 { value.max(0.0) } else { 0.0 }, dof }
+    G { value: if dof > 0 { value.max(0.0) } else { 0.0 }, dof, mean }
+}
+
+/// The mean of `2 k ln(k n / (a b))`, where `k` of `n` samples are in a row of `a` and in a column of `b` by chance: hypergeometric,
+/// from its mode to both sides.
+fn mean_of_cell(n: f64, a: f64, b: f64) -> f64 {
+    const NEGLIGIBLE: f64 = 1e-17;
+    let term = |k: f64| if k > 0.0 { 2.0 * k * (k * n / (a * b)).ln() } else { 0.0 };
+    let mode = ((a + 1.0) * (b + 1.0) / (n + 2.0)).floor();
+    let (mut sum, mut weights) = (term(mode), 1.0);
+    for up in [true, false] {
+        let (mut k, mut weight) = (mode, 1.0);
+        loop {
+            // The odds of one more, or of one less: 0 at the ends.
+            let more = |k: f64| (a - k) * (b - k) / ((k + 1.0) * (n - a - b + k + 1.0));
+            weight *= if up { more(k) } else { more(k - 1.0).recip() };
+            k += if up { 1.0 } else { -1.0 };
+            if weight <= NEGLIGIBLE {
+                break;
+            }
+            sum += weight * term(k);
+            weights += weight;
+        }
+    }
+    sum / weights
 }
 
 #[cfg(test)]
@@ -289,6 +327,35 @@ mod tests {
         assert!(run(table(&cells), &[]).p_value < 0.05);
         let given = run(table(&cells), &[Node::new(2, 0)]);
         assert!(given.value.abs() < 1e-12 && given.p_value > 0.999, "{given:?}");
+    }
+
+    /// Over all 5040 orders of seven samples in one stratum; samples of a second one count apart.
+    #[test]
+    fn the_mean_is_that_over_all_orders() {
+        fn orders(of: &mut Vec<usize>, from: usize, each: &mut impl FnMut(&[usize])) {
+            if from == of.len() {
+                each(of);
+            }
+            for k in from..of.len() {
+                of.swap(from, k);
+                orders(of, from + 1, each);
+                of.swap(from, k);
+            }
+        }
+        let (x, mut y, stratum) = ([0, 0, 0, 1, 1, 2, 2], vec![0, 0, 1, 1, 1, 2, 3], [0; 7]);
+        let mean = g_statistic(&x, &y, &stratum, true).mean;
+        let mut sum = 0.0;
+        orders(&mut y, 0, &mut |y| sum += g_statistic(&x, y, &stratum, false).value);
+        assert!((mean - sum / 5040.0).abs() < 1e-9, "{mean} {}", sum / 5040.0);
+        let (twice, two) = ([x, x].concat(), [[0; 7], [1; 7]].concat());
+        let of_two = g_statistic(&twice, &[y.clone(), y].concat(), &two, true);
+        assert!((of_two.mean - 2.0 * mean).abs() < 1e-9 && of_two.dof == 12, "{}", of_two.mean);
+    }
+
+    #[test]
+    fn the_mean_tends_to_the_degrees_of_freedom() {
+        let of = |n: usize| mean_of_cell(4.0 * n as f64, 2.0 * n as f64, 2.0 * n as f64) * 4.0;
+        assert!((of(100_000) - 1.0).abs() < 1e-5 && of(5) > 1.02, "{} {}", of(100_000), of(5));
     }
 
     #[test]

@@ -328,7 +328,7 @@ fn the_order_of_samples_does_not_matter() {
 }
 
 /// The share of independent pairs below 0.05, in units and at means that must not matter. Bounds are those that a right test fails
-/// once in a thousand runs; the seeds are fixed. `examples/levels.rs` measures more.
+/// once in a thousand runs; the seeds are fixed. `tests/levels.rs` has other data.
 #[test]
 fn independent_series_are_called_dependent_as_often_as_the_level_says() {
     const LEVEL: f64 = 0.05;
@@ -341,14 +341,7 @@ fn independent_series_are_called_dependent_as_often_as_the_level_says() {
         for conditions in [vec![], vec![n(2)]] {
             let found = (0..runs).filter(|&seed| {
                 let whole = is_discrete(name) || name == "regressionci" && seed % 2 == 0;
-                // The law of gsquared needs many samples for each degree of freedom.
-                let rows = if name == "gsquared" {
-                    4000
-                } else if whole {
-                    600
-                } else {
-                    60
-                };
+                let rows = if whole { 600 } else { 60 };
                 let data = complete(&columns(rows, whole, 1000 + seed));
                 // Columns 0, 2 and 3 are independent.
                 let data = if whole {

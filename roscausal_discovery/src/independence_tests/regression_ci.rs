@@ -20,7 +20,7 @@
 use super::{
     Significance, TestSettings,
     cholesky::{orthogonalize, orthonormal_basis},
-    gsquared::{Sparse, levels},
+    gsquared::{FALSE_LINKS, Sparse, levels},
     multinomial::{Price, deviance},
 };
 use crate::{
@@ -34,8 +34,8 @@ use crate::{
 
 /// Different values up to which a variable of whole numbers is one of categories.
 const MOST_VALUES: usize = 10;
-/// Samples for each degree of freedom below which chi-squared finds too much.
-const ENOUGH: usize = 5;
+/// Samples for each degree of freedom below which chi-squared finds too much between categories.
+const ENOUGH: usize = 20;
 /// Part of the variance that rounding leaves of a perfect fit.
 const NOTHING_LEFT: f64 = 1e-20;
 
@@ -140,7 +140,7 @@ impl PreparedTest for Prepared<'_> {
     }
 
     fn caution(&self) -> Option<String> {
-        self.sparse.caution("regressionci", ENOUGH)
+        self.sparse.caution("regressionci", FALSE_LINKS, ENOUGH)
     }
 }
 

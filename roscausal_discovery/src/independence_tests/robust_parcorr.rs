@@ -5,7 +5,7 @@ use super::{
     settings::{Significance, TestSettings},
 };
 use crate::{
-    numeric::normal::normal_scores,
+    numeric::normal::{normal_scores, reference_normal_scores},
     types::{CondIndTest, PreparedTest, Result, Samples},
 };
 
@@ -36,6 +36,7 @@ use crate::{
 #[derive(Clone, Debug)]
 pub struct RobustParCorr {
     linear: Linear,
+    as_tigramite: bool,
 }
 
 impl RobustParCorr {
@@ -44,7 +45,7 @@ impl RobustParCorr {
     /// # Errors
     /// A setting that is not allowed.
     pub fn new(settings: &TestSettings) -> Result<Self> {
-        Ok(Self { linear: Linear::new(settings)? })
+        Ok(Self { linear: Linear::new(settings)?, as_tigramite: settings.as_tigramite })
     }
 }
 
@@ -58,7 +59,8 @@ impl CondIndTest for RobustParCorr {
     }
 
     fn prepare<'a>(&'a self, samples: &'a Samples<'a>) -> Result<Box<dyn PreparedTest + 'a>> {
-        self.linear.prepare(samples, Some(normal_scores))
+        let scores = if self.as_tigramite { reference_normal_scores } else { normal_scores };
+        self.linear.prepare(samples, Some(scores))
     }
 
     fn decides_by_value(&self) -> bool {

@@ -73,7 +73,7 @@ pub(super) fn of_sorted(pairs: &mut [(u32, u32)], space: &mut Vec<(u32, u32)>) -
 }
 
 /// Distance correlation from the sums of products of the doubly centred distances.
-pub(super) fn from_sums(covariance: i128, variance_x: i128, variance_y: i128) -> f64 {
+fn from_sums(covariance: i128, variance_x: i128, variance_y: i128) -> f64 {
     let scale = (variance_x as f64).sqrt() * (variance_y as f64).sqrt();
     if scale > 0.0 && covariance > 0 { (covariance as f64 / scale).sqrt().min(1.0) } else { 0.0 }
 }

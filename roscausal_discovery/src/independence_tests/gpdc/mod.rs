@@ -18,7 +18,6 @@ mod local_model;
 mod low_rank;
 mod null_law;
 mod null_table;
-mod permutation;
 mod plan;
 mod preconditioner;
 mod process;
@@ -323,16 +322,20 @@ impl PreparedTest for PreparedGpdc<'_> {
         }))
     }
 
-    fn effort(&self) -> Option<String> {
-        let [all, twice, by_few] = self.residuals.counts();
-        let few = match by_few {
-            0 => String::new(),
-            _ => format!("; the length scale and noise of {by_few} are those of some of the samples"),
-        };
-        (all > 0).then(|| {
+    fn caution(&self) -> Option<String> {
+        let [all, _, by_few] = self.residuals.counts();
+        (by_few > 0).then(|| {
             format!(
-                "gpdc: {all} regressions; the path of {twice} was searched again with tight likelihoods{few}"
+                "{by_few} of {all} Gaussian processes have the length scale and noise of 1000 of the samples: on all of them the \
+                 search would take too long; --gp-search exact does it, and may find other links"
             )
+        })
+    }
+
+    fn effort(&self) -> Option<String> {
+        let [all, twice, _] = self.residuals.counts();
+        (all > 0).then(|| {
+            format!("gpdc: {all} regressions; the path of {twice} was searched again with tight likelihoods")
         })
     }
 }

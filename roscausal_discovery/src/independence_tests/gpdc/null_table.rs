@@ -5,7 +5,7 @@ use std::{
     sync::{Arc, LazyLock, Mutex, OnceLock},
 };
 
-use super::{distance_correlation::of_sorted, permutation::Permutations};
+use super::distance_correlation::of_sorted;
 use crate::{numeric::pcg64::Pcg64, types::lock};
 
 /// Sorted distance correlations of `samples` pairs of uniform series.
@@ -64,67 +64,20 @@ impl NullTable {
 /// Draws `2 n` numbers for each place of `table` and writes the distance correlation of one half's ranks with the
 /// other's.
 fn fill(table: &mut [f64], n: usize, mut rng: Pcg64) {
-    let permutations = (n <= Permutations::MOST).then(|| Permutations::new(n));
-    let (mut x, mut y, mut y_ranks) = (Vec::new(), Vec::new(), vec![0; n]);
-    let mut ranks = vec![0; n + Permutations::padding()];
-    let (mut pairs, mut space) = (Vec::new(), Vec::new());
-    for place in table {
-        uniform_order(&mut rng, n, &mut x);
-        uniform_order(&mut rng, n, &mut y);
-        (1..).zip(&y).for_each(|(rank, &i)| y_ranks[i as usize] = rank);
-        let y_ranks = x.iter().map(|&i| y_ranks[i as usize]);
-        *place = if let Some(permutations) = &permutations {
-            ranks.iter_mut().zip(y_ranks).for_each(|(to, rank)| *to = rank as u16);
-            permutations.distance_correlation(&ranks)
-        } else {
-            pairs.clear();
-            pairs.extend((1..).zip(y_ranks));
-            of_sorted(&mut pairs, &mut space)
-        };
-    }
-}
-
-/// Draws `n` doubles, uniform in `[0, 1)`, and writes their places in ascending order. The doubles are 53 random bits
-/// each; sorting goes by those bits with the place below them.
-fn uniform_order(rng: &mut Pcg64, n: usize, order: &mut Vec<u32>) {
-    const PLACE_BITS: u32 = 11;
-    order.clear();
-    if n <= 1 << PLACE_BITS {
-        let keys: Vec<u64> = (0..n as u64).map(|i| rng.next_u64() >> PLACE_BITS << PLACE_BITS | i).collect();
-        order.extend(sorted_uniform(&keys).iter().map(|key| (key & ((1 << PLACE_BITS) - 1)) as u32));
-    } else {
-        let mut keys: Vec<(u64, u32)> = (0..n as u32).map(|i| (rng.next_u64() >> PLACE_BITS, i)).collect();
+    // Places of `n` uniform doubles in ascending order; they are 53 random bits each.
+    let mut order = || {
+        let mut keys: Vec<(u64, usize)> = (0..n).map(|i| (rng.next_u64() >> 11, i)).collect();
         keys.sort_unstable();
-        order.extend(keys.iter().map(|key| key.1));
+        keys
+    };
+    let (mut y_ranks, mut pairs, mut space) = (vec![0; n], Vec::new(), Vec::new());
+    for place in table {
+        let x = order();
+        (1..).zip(order()).for_each(|(rank, (_, i))| y_ranks[i] = rank);
+        pairs.clear();
+        pairs.extend((1..).zip(x.iter().map(|&(_, i)| y_ranks[i])));
+        *place = of_sorted(&mut pairs, &mut space);
     }
-}
-
-/// `keys`, uniform over all integers, in ascending order: first into as many bins, then nearly sorted by insertion.
-fn sorted_uniform(keys: &[u64]) -> Vec<u64> {
-    let bins = keys.len().next_power_of_two().max(2);
-    let bin = |key: u64| (key >> (64 - bins.trailing_zeros())) as usize;
-    let mut starts = vec![0u32; bins];
-    keys.iter().for_each(|&key| starts[bin(key)] += 1);
-    let mut next = 0;
-    for start in &mut starts {
-        next += std::mem::replace(start, next);
-    }
-    let mut sorted = vec![0; keys.len()];
-    for &key in keys {
-        let place = &mut starts[bin(key)];
-        sorted[*place as usize] = key;
-        *place += 1;
-    }
-    for k in 1..sorted.len() {
-        let key = sorted[k];
-        let mut to = k;
-        while to > 0 && sorted[to - 1] > key {
-            sorted[to] = sorted[to - 1];
-            to -= 1;
-        }
-        sorted[to] = key;
-    }
-    sorted
 }
 
 #[cfg(test)]
@@ -142,22 +95,9 @@ mod tests {
     fn any_number_of_threads_makes_the_same_table() {
         let made_by = |threads| {
             let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-            [20, Permutations::MOST + 2].map(|n| pool.install(|| NullTable::new(n, 10, 42).0))
+            [20, 1026].map(|n| pool.install(|| NullTable::new(n, 10, 42).0))
         };
         assert_eq!(made_by(1), made_by(3));
-    }
-
-    #[test]
-    fn bins_sort_any_keys() {
-        let mut rng = Pcg64::new(3);
-        for n in [0, 1, 2, 3, 64, 500] {
-            for shift in [0, 20, 63] {
-                let mut keys: Vec<u64> = (0..n).map(|_| rng.next_u64() >> shift).collect();
-                let sorted = sorted_uniform(&keys);
-                keys.sort_unstable();
-                assert_eq!(sorted, keys);
-            }
-        }
     }
 
     #[test]

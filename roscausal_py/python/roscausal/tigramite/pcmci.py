@@ -280,9 +280,12 @@ class PCMCI:
             "max_conds_py": max_conds_py,
             "max_conds_px": max_conds_px,
             "max_conds_px_lagged": max_conds_px_lagged,
-            "fdr_method": fdr_method,
         }
         found = self._run("pcmciplus", settings, link_assumptions)
+        # The graph is that without correction, as in the reference.
+        found["q_matrix"] = self.get_corrected_pvalues(
+            found["p_matrix"], fdr_method, tau_min=tau_min, tau_max=tau_max, link_assumptions=link_assumptions
+        )
         level = pc_alpha if isinstance(pc_alpha, (int, float)) else found["optimal_alpha"]
         answer = self._matrices(found, level)
         pairs = [((i, -lag), j) for lag in range(tau_max + 1) for i in range(self.N) for j in range(self.N)]
