@@ -86,7 +86,7 @@ struct Suspicion {
 }
 
 impl Detector {
-    /// A detector for variables with these names. `exogenous` ones are set by others: they are no effects.
+    /// A detector for variables with these names. `exogenous` ones are set by others: they are not effects.
     ///
     /// # Errors
     /// Fewer than two variables, a lag of 0 or one that is too large, an exogenous variable that there is not, or levels outside (0, 1).
@@ -205,7 +205,7 @@ impl Detector {
         self.read_in_masked_parts(values, &[], size, control)
     }
 
-    /// As [`Detector::read_in_parts`]. Rows that are `masked` are no effects, but still the past of others; there is a word for each
+    /// As [`Detector::read_in_parts`]. Rows that are `masked` are not effects, but still the past of others; there is a word for each
     /// row, or none at all.
     ///
     /// # Errors

@@ -398,7 +398,7 @@ impl Model {
     }
 
     /// The partial correlation that tests of this model find in four of five such data, by Fisher's z at the fewest samples; `None` where
-    /// strengths are no correlations, or no one level decides.
+    /// strengths are not correlations, or no one level decides.
     pub fn detectable(&self) -> Option<f64> {
         let is_correlation = ["parcorr", "robustparcorr"].contains(&self.cond_ind_test.as_str());
         let level = self.link_level().filter(|_| is_correlation && self.fdr == "none")?;
