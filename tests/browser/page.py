@@ -53,7 +53,10 @@ def browser():
     for argument in ("--headless=new", "--no-sandbox", "--disable-gpu", "--disable-dev-shm-usage", "--window-size=1440,1000"):
         options.add_argument(argument)
     options.set_capability("goog:loggingPrefs", {"browser": "ALL"})
-    return webdriver.Chrome(options=options, service=webdriver.ChromeService("/usr/bin/chromedriver"))
+    driver = webdriver.Chrome(options=options, service=webdriver.ChromeService("/usr/bin/chromedriver"))
+    # axe takes its time on a busy machine.
+    driver.set_script_timeout(100)
+    return driver
 
 
 def until(what, look, patience=PATIENCE):
@@ -416,15 +419,17 @@ class Page:
             const [model, svg, done] = arguments;
             const own = window.fetch;
             window.fetch = (url) => (url === `model?number=${model.number}` ? Promise.resolve(new Response(JSON.stringify({ graph: svg, matrix: svg }))) : own(url));
-            import("/models.js").then((models) => models.addModel(model)).then(() => setTimeout(() => {
-              window.fetch = own;
-              const cells = [...document.querySelectorAll("#matrix .cell[data-link]")];
-              const said = cells.map((cell) => [cell.dataset.link, cell.querySelector("title").textContent]);
-              cells.find((cell) => cell.dataset.link === "v3 v4 1").dispatchEvent(new KeyboardEvent("keydown", { key: "Enter" }));
-              done([!document.getElementById("matrix-box").hidden, said, document.querySelector("#asked h3").textContent]);
-            }, 500));"""
+            // With one after it, so that no newer one takes the page away.
+            import("/models.js").then((models) => {
+              models.addModel(model);
+              models.addModel({ ...model, number: model.number + 1 });
+              document.getElementById("earlier").click();
+            }).then(done);"""
         fake = {"number": 90000, "t": 1, "from": 0, "to": 1, "batch": "b", "method": "pcmci", "test": "parcorr", "smallest_p": 0.001, "level_name": "alpha", "level": 0.05, "dt": 1, "samples": 400, "features": model["features"], "links": links}
-        shown, said, asked = self.driver.execute_async_script(script, fake, svg)
+        self.driver.execute_async_script(script, fake, svg)
+        said = until("the matrix", lambda: self.js("[...document.querySelectorAll('#matrix .cell[data-link]')].map((cell) => [cell.dataset.link, cell.querySelector('title').textContent])"))
+        self.js("""document.querySelector('#matrix [data-link="v3 v4 1"]').dispatchEvent(new KeyboardEvent("keydown", { key: "Enter" }))""")
+        shown, asked = self.js("[!document.getElementById('matrix-box').hidden, document.querySelector('#asked h3').textContent]")
         assert shown and len(said) == len(links) >= 19, (shown, len(said), len(links))
         # The disc that opens a link is the disc of that link.
         for link, title in said:
