@@ -7,6 +7,7 @@ pub mod content;
 pub mod error;
 pub mod external;
 pub mod gate;
+mod grammar;
 pub mod inbox;
 pub mod laws;
 pub mod loopback;

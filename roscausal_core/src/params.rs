@@ -51,6 +51,24 @@ pub enum Allowed {
     OneOf(&'static [&'static str]),
 }
 
+/// A table of parameters, as a list of [`ParamSpec`]: what it is of [`ParamSpec::of_data`] and [`ParamSpec::live`], its name, default,
+/// allowed values and description.
+///
+/// ```
+/// use roscausal_core::{param_specs, params::{Allowed::Range, Value::Double}};
+///
+/// let specs = param_specs! {
+///     of_data live "dt" = Double(0.1), Range(0.001, 60.0), "step between rows in seconds";
+/// };
+/// assert!(specs[0].live && specs[0].of_data);
+/// ```
+#[macro_export]
+macro_rules! param_specs {
+    ($($($kind:ident)* $name:literal = $default:expr, $allowed:expr, $description:expr;)*) => {
+        vec![$($crate::params::ParamSpec::new($name, $default, $allowed, $description)$(.$kind())*),*]
+    };
+}
+
 impl ParamSpec {
     /// A specification. The nodes keep them in static tables.
     pub const fn new(
@@ -62,14 +80,11 @@ impl ParamSpec {
         Self { name, default, description, allowed, of_data: false, live: false }
     }
 
-    /// The specification of a parameter that settings that come with data may set ([`ParamSpec::of_data`]).
-    pub const fn of_data(
-        name: &'static str,
-        default: Value,
-        allowed: Allowed,
-        description: &'static str,
-    ) -> Self {
-        Self { name, default, description, allowed, of_data: true, live: false }
+    /// The same for a parameter that settings that come with data may set ([`ParamSpec::of_data`]).
+    #[must_use]
+    pub const fn of_data(mut self) -> Self {
+        self.of_data = true;
+        self
     }
 
     /// The same for a parameter that may change while its node runs.

@@ -2,8 +2,7 @@
 
 import { clock, make } from "./draw.js";
 import { showEvidence } from "./evidence.js";
-import { compared, drawGraph, endsExplained, sentence } from "./graph.js";
-import { MANY, drawMatrix } from "./matrix.js";
+import { compared, pictures, sentence, showGraph, showMatrix } from "./graph.js";
 
 const $ = (id) => document.getElementById(id);
 /** Evidence of models by their batch, newest last. */
@@ -48,12 +47,7 @@ export function addModel(model) {
 function showModel() {
   const [model, before] = [models[shown], models[shown - 1]];
   if (!model) return;
-  // What the keyboard is at is drawn anew, so it is found again afterwards.
-  const at = document.activeElement?.closest?.("#graph [data-link], #matrix [data-link], #links [data-link]");
-  const kept = at && [at.closest("#graph, #matrix, #links").id, at.dataset.link];
-  drawGraph($("graph"), model, before, ask);
-  $("matrix-box").hidden = model.features.length < MANY;
-  if (!$("matrix-box").hidden) drawMatrix($("matrix"), model, ask);
+  drawModel(model, before);
   $("model-title").textContent = `Model ${model.number}, ${clock(model.t)}: ${model.method.toUpperCase()} with ${model.test.toUpperCase()}, ${model.level_name} ${model.level ?? "chosen by a score"}, ${model.samples} samples from ${model.batch}`;
   const slider = $("history");
   slider.min = 1;
@@ -67,8 +61,7 @@ function showModel() {
   $("newest").disabled = models.length < 2;
   $("newest").setAttribute("aria-pressed", String(following));
   const links = compared(model, before);
-  $("ends").textContent = endsExplained(model.links);
-  $("links").replaceChildren(...links.map((link) => {
+  anew($("links"), () => $("links").replaceChildren(...links.map((link) => {
     const item = document.createElement("li");
     if (link.state !== "same") item.append(make("span", link.state === "new" ? "appeared: " : "vanished: ", link.state));
     if (link.state === "gone") {
@@ -81,9 +74,29 @@ function showModel() {
     button.addEventListener("click", () => ask(link));
     item.append(button);
     return item;
-  }));
+  })));
   if (!links.length) $("links").replaceChildren(make("li", "no causal link found", ""));
-  if (kept) [...$(kept[0]).querySelectorAll("[data-link]")].find((place) => place.dataset.link === kept[1])?.focus();
+}
+
+/** The pictures of a model, unless another one is shown by the time they come. Of many at once, as on a slider, only the last is asked for. */
+async function drawModel(model, before) {
+  await new Promise((done) => setTimeout(done, 50));
+  const drawn = models[shown] === model && await pictures(model);
+  if (models[shown] !== model) return;
+  $("matrix-box").hidden = !drawn?.matrix;
+  if (!drawn) {
+    $("graph").replaceChildren(make("p", "The server has no picture of this model; its links are listed below."));
+    return;
+  }
+  anew($("graph"), () => showGraph($("graph"), drawn.graph, model, before, ask));
+  if (drawn.matrix) anew($("matrix"), () => showMatrix($("matrix"), drawn.matrix, model, ask));
+}
+
+/** Fills a place anew. A link of it that the keyboard is at is found again afterwards. */
+function anew(place, fill) {
+  const kept = place.contains(document.activeElement) ? document.activeElement.dataset.link : undefined;
+  fill();
+  if (kept) [...place.querySelectorAll("[data-link]")].find((link) => link.dataset.link === kept)?.focus();
 }
 
 /** Opens what stands behind a link of the model that is shown; Escape or Close leads back to where it was asked. */

@@ -6,6 +6,7 @@ use std::{
 };
 
 use roscausal_core::{gate::lock, nodes::SceneOptions};
+use roscausal_discovery::Model;
 use tokio::sync::broadcast;
 
 use crate::{ahead::Ahead, asked::Asked, history::History};
@@ -44,6 +45,8 @@ pub(crate) struct Hub {
     kept: Arc<Mutex<Kept>>,
     history: Arc<Mutex<History>>,
     ahead: Arc<Mutex<Ahead>>,
+    /// The newest models by their number, which are drawn for who asks.
+    models: Arc<Mutex<BTreeMap<u64, Model>>>,
     /// Where readers' questions go; `None`: there is nobody who answers.
     questions: Arc<Mutex<Option<SyncSender<Asked>>>>,
 }
@@ -62,6 +65,7 @@ impl Hub {
             kept: Arc::default(),
             history,
             ahead: Arc::default(),
+            models: Arc::default(),
             questions: Arc::default(),
         }
     }
@@ -82,6 +86,22 @@ impl Hub {
     /// What may come. Held only for a moment, as the history.
     pub(crate) fn ahead(&self) -> MutexGuard<'_, Ahead> {
         lock(&self.ahead)
+    }
+
+    /// Keeps a model to be drawn.
+    pub(crate) fn keep_model(&self, number: u64, model: Model) {
+        let mut models = lock(&self.models);
+        models.insert(number, model);
+        if models.len() > KEPT {
+            models.pop_first();
+        }
+    }
+
+    /// A model, and the one before it.
+    pub(crate) fn model(&self, number: u64) -> Option<(Model, Option<Model>)> {
+        let models = lock(&self.models);
+        let model = models.get(&number)?.clone();
+        Some((model, models.range(..number).next_back().map(|(_, before)| before.clone())))
     }
 
     /// Who answers readers' questions from now on.

@@ -11,6 +11,7 @@ use roscausal_core::{
     inbox::{Inbox, Next},
     middleware::{Middleware, Qos},
     nodes::{CHANGES_TOPIC, EVIDENCE_TOPIC, FEATURES_TOPIC, PREDICTION_TOPIC, SceneOptions},
+    param_specs,
     params::{Allowed, ParamSpec, Params, Value},
 };
 use roscausal_msgs::{
@@ -49,21 +50,12 @@ enum Event {
 pub fn parameters() -> Vec<ParamSpec> {
     use Allowed::{Any, Range};
     let text = |text: &str| Value::Str(text.to_owned());
-    let mut specs = vec![
-        ParamSpec::new(
-            "address",
-            text("127.0.0.1"),
-            Any,
-            "address on which the page is served; 0.0.0.0: all",
-        ),
-        ParamSpec::new("port", Value::Int(8321), Range(0.0, 65535.0), "port of the page; 0: any free port"),
-        ParamSpec::new(
-            "token",
-            text(""),
-            Any,
-            "token that opens the page; empty: none on 127.0.0.1, a random one on other addresses",
-        ),
-    ];
+    let mut specs = param_specs! {
+        "address" = text("127.0.0.1"), Any, "address on which the page is served; 0.0.0.0: all";
+        "port" = Value::Int(8321), Range(0.0, 65535.0), "port of the page; 0: any free port";
+        "token" = text(""), Any,
+            "token that opens the page; empty: none on 127.0.0.1, a random one on other addresses";
+    };
     specs.extend(SceneOptions::specs());
     specs
 }

@@ -22,6 +22,8 @@ use axum::{
 };
 use futures_util::stream;
 use roscausal_core::{Error, Result};
+use roscausal_discovery::draw;
+use serde_json::{Value as Json, json};
 use tokio::sync::{Semaphore, oneshot};
 
 use crate::{
@@ -33,6 +35,10 @@ use crate::{
 
 /// Time between two keep-alive messages on a quiet stream.
 const ALIVE: Duration = Duration::from_secs(5);
+/// Most variables and links, and the largest lag, of a model that is drawn.
+const MOST_DRAWN: (usize, usize, usize) = (150, 2_000, 1_000);
+/// Models that are drawn at a time.
+const DRAWING: usize = 2;
 /// The page may load only from this server.
 const POLICY: &str = "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' data:; \
                       connect-src 'self'; base-uri 'none'; form-action 'none'; frame-ancestors 'none'";
@@ -41,7 +47,7 @@ const POLICY: &str = "default-src 'none'; script-src 'self'; style-src 'self'; i
 const SCRIPT: &str = "text/javascript; charset=utf-8";
 
 /// The page's files: path, type, content.
-const ASSETS: [(&str, &str, &str); 16] = [
+const ASSETS: [(&str, &str, &str); 15] = [
     ("/", "text/html; charset=utf-8", include_str!("../assets/index.html")),
     ("/style.css", "text/css; charset=utf-8", include_str!("../assets/style.css")),
     ("/draw.js", SCRIPT, include_str!("../assets/draw.js")),
@@ -55,7 +61,6 @@ const ASSETS: [(&str, &str, &str); 16] = [
     ("/charts.js", SCRIPT, include_str!("../assets/charts.js")),
     ("/evidence.js", SCRIPT, include_str!("../assets/evidence.js")),
     ("/ahead.js", SCRIPT, include_str!("../assets/ahead.js")),
-    ("/matrix.js", SCRIPT, include_str!("../assets/matrix.js")),
     ("/graph.js", SCRIPT, include_str!("../assets/graph.js")),
     ("/icon.svg", "image/svg+xml", include_str!("../assets/icon.svg")),
 ];
@@ -84,7 +89,11 @@ impl Server {
         let fault = |error: io::Error| Error::Middleware(format!("the page cannot be served: {error}"));
         let local = listener.local_addr().map_err(fault)?;
         listener.set_nonblocking(true).map_err(fault)?;
-        let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().map_err(fault)?;
+        let runtime = tokio::runtime::Builder::new_current_thread()
+            .enable_all()
+            .max_blocking_threads(DRAWING)
+            .build()
+            .map_err(fault)?;
         let hub = Hub::new();
         let app = app(hub.clone(), guard.clone(), limits.streams);
         let (end, ended) = oneshot::channel();
@@ -124,7 +133,7 @@ pub struct Teller(Hub);
 impl Teller {
     /// The run has ended: what is shown stays, and nothing more comes. `text` says so, in a few words.
     pub fn ended(&self, text: &str) {
-        let data = serde_json::Value::from(text).to_string().into();
+        let data = Json::from(text).to_string().into();
         self.0.send(Frame { kind: "ended", data }, Keep::Last);
     }
 }
@@ -174,6 +183,7 @@ fn app(hub: Hub, guard: Guard, streams: usize) -> Router {
     let asked = Router::new()
         .route("/scene", get(scene))
         .route("/series", get(series))
+        .route("/model", get(model))
         .route("/whatif", get(what_if))
         .route("/explain", get(explain))
         .with_state(hub.clone());
@@ -235,6 +245,26 @@ async fn series(State(hub): State<Hub>, uri: Uri) -> Response {
     as_json(&series)
 }
 
+/// The pictures of the model `number`, with what has vanished since the one before; null if it is not kept or too large.
+async fn model(State(hub): State<Hub>, headers: HeaderMap, uri: Uri) -> Response {
+    if let Some(refused) = elsewhere(&headers) {
+        return refused;
+    }
+    let draw = move || {
+        let (model, before) = hub.model(asked(&uri, "number")?)?;
+        if model.features.len() > MOST_DRAWN.0
+            || model.links.len() > MOST_DRAWN.1
+            || model.tau_max > MOST_DRAWN.2
+        {
+            return None;
+        }
+        Some(draw::dag_and_matrix(&model, before.as_ref().map_or(&[], |before| &before.links)))
+    };
+    // A large one takes its time, and the stream of events goes on meanwhile.
+    let drawn = tokio::task::spawn_blocking(draw).await.ok().flatten();
+    as_json(&drawn.map_or(Json::Null, |(graph, matrix)| json!({"graph": graph, "matrix": matrix})))
+}
+
 /// What if: see [`Question::what_if`] for `/whatif?q=`.
 async fn what_if(State(hub): State<Hub>, headers: HeaderMap, uri: Uri) -> Response {
     ask(&hub, &headers, &uri, Question::what_if).await
@@ -245,16 +275,22 @@ async fn explain(State(hub): State<Hub>, headers: HeaderMap, uri: Uri) -> Respon
     ask(&hub, &headers, &uri, Question::explain).await
 }
 
-/// Passes a question on to the reasoning node and waits for its answer. A page elsewhere may not make this machine compute.
+/// The refusal of a page elsewhere, which may not make this machine compute.
+fn elsewhere(headers: &HeaderMap) -> Option<Response> {
+    let site = headers.get("sec-fetch-site").map_or("same-origin", |site| site.to_str().unwrap_or_default());
+    let refused = (StatusCode::FORBIDDEN, "Questions are for the page itself.\n");
+    (!matches!(site, "same-origin" | "none")).then(|| refused.into_response())
+}
+
+/// Passes a question on to the reasoning node and waits for its answer.
 async fn ask(
     hub: &Hub,
     headers: &HeaderMap,
     uri: &Uri,
     parse: fn(&str) -> std::result::Result<Question, &'static str>,
 ) -> Response {
-    let site = headers.get("sec-fetch-site").map_or("same-origin", |site| site.to_str().unwrap_or_default());
-    if !matches!(site, "same-origin" | "none") {
-        return (StatusCode::FORBIDDEN, "Questions are for the page itself.\n").into_response();
+    if let Some(refused) = elsewhere(headers) {
+        return refused;
     }
     let text = asked::<String>(uri, "q").and_then(|text| decoded(&text)).unwrap_or_default();
     let question = match parse(&text) {
@@ -283,7 +319,7 @@ fn decoded(text: &str) -> Option<String> {
     String::from_utf8(bytes).ok()
 }
 
-fn as_json(value: &serde_json::Value) -> Response {
+fn as_json(value: &Json) -> Response {
     let headers = [
         (header::CONTENT_TYPE, "application/json"),
         (header::CACHE_CONTROL, "no-store"),
@@ -299,6 +335,9 @@ mod tests {
         net::{Ipv4Addr, TcpStream},
         time::Instant,
     };
+
+    use roscausal_core::nodes::model_messages::model_of;
+    use roscausal_msgs::{CausalLink, CausalModelInfo};
 
     use super::*;
 
@@ -337,6 +376,12 @@ mod tests {
         assert!(answer(&server, "/scene").starts_with("HTTP/1.1 400"));
         assert!(answer(&server, "/scene?t=1").ends_with("null"));
         assert!(answer(&server, "/series?person=x").contains("\"rows\":[]"));
+        assert!(
+            ["/model", "/model?number=x", "/model?number=1"]
+                .map(|path| answer(&server, path))
+                .iter()
+                .all(|text| text.ends_with("null"))
+        );
         // Nobody answers questions yet.
         assert!(answer(&server, "/whatif?q=%7B%22actions%22:[]%7D").starts_with("HTTP/1.1 503"));
         for bad in ["/whatif", "/whatif?q=%7", "/whatif?q=%ff", "/explain?q=%7B%7D"] {
@@ -350,16 +395,69 @@ mod tests {
     }
 
     #[test]
+    fn a_model_is_drawn_with_what_vanished_and_its_names_stay_text() {
+        let server = Server::start(HERE, 0, "").unwrap();
+        let link = |cause: &str, effect: &str, mark: &str| CausalLink {
+            cause: cause.into(),
+            effect: effect.into(),
+            lag: 1,
+            value: 0.5,
+            p_value: 0.01,
+            mark: mark.into(),
+            tested: true,
+            ..CausalLink::default()
+        };
+        let model =
+            |links: Vec<CausalLink>| model_of(&CausalModelInfo { links, ..CausalModelInfo::default() });
+        let hub = server.hub();
+        hub.keep_model(1, model(vec![link("<b>", "a", "-->"), link("a", "<b>", "-->")]));
+        hub.keep_model(2, model(vec![link("a", "<b>", "o->"), link("a", "a", "-->")]));
+        let chain = (0..20).map(|k| link(&format!("v{k}"), &format!("v{}", k + 1), "-->"));
+        hub.keep_model(3, model(chain.collect()));
+        hub.keep_model(4, model(vec![CausalLink { lag: u32::MAX, ..link("a", "b", "-->") }]));
+        let drawn = |number: u32| -> Json {
+            let text = answer(&server, &format!("/model?number={number}"));
+            serde_json::from_str(text.split_once("\r\n\r\n").unwrap().1).unwrap()
+        };
+        let graph = drawn(2)["graph"].as_str().unwrap().to_owned();
+        assert_eq!(graph.matches("<g class=\"node\">").count(), 2);
+        for (cause, effect) in [("a", "&lt;b&gt;"), ("&lt;b&gt;", "a"), ("a", "a")] {
+            assert!(graph.contains(&format!("data-cause=\"{cause}\" data-effect=\"{effect}\"")), "{graph}");
+        }
+        assert!(graph.contains("something not recorded drives both") && !graph.contains("<b>"), "{graph}");
+        assert!(drawn(2)["matrix"].is_null() && !drawn(1)["graph"].as_str().unwrap().contains("recorded"));
+        // From 16 variables on there is a matrix with a disc for each link, in their order.
+        let matrix = drawn(3)["matrix"].as_str().unwrap().to_owned();
+        let discs: Vec<_> = matrix
+            .lines()
+            .filter(|line| line.contains("class=\"cell\"") && line.contains("<title>"))
+            .collect();
+        assert_eq!(discs.len(), 20);
+        assert!(
+            (0..20).all(|k| discs[k].contains(&format!("<title>v{k} → v{}, lag 1: 0.50", k + 1))),
+            "{matrix}"
+        );
+        // What would take too long is not drawn.
+        assert!(drawn(4).is_null());
+    }
+
+    #[test]
     fn a_page_elsewhere_may_not_ask() {
         let server = Server::start(HERE, 0, "").unwrap();
-        for (site, code) in [("cross-site", "403"), ("same-site", "403"), ("same-origin", "503")] {
+        let whatif = "/whatif?q=%7B%22actions%22:[]%7D";
+        for (path, site, code) in [
+            (whatif, "cross-site", "403"),
+            (whatif, "same-site", "403"),
+            (whatif, "same-origin", "503"),
+            ("/model?number=1", "cross-site", "403"),
+            ("/model?number=1", "same-origin", "200"),
+        ] {
             let mut stream = TcpStream::connect((HERE, port(&server))).unwrap();
-            let ask =
-                "GET /whatif?q=%7B%22actions%22:[]%7D HTTP/1.1\r\nHost: localhost\r\nConnection: close\r\n";
-            write!(stream, "{ask}Sec-Fetch-Site: {site}\r\n\r\n").unwrap();
+            let head = "HTTP/1.1\r\nHost: localhost\r\nConnection: close\r\n";
+            write!(stream, "GET {path} {head}Sec-Fetch-Site: {site}\r\n\r\n").unwrap();
             let mut text = String::new();
             stream.read_to_string(&mut text).unwrap();
-            assert_eq!(&text[9..12], code, "{site}: {text}");
+            assert_eq!(&text[9..12], code, "{path} from {site}: {text}");
         }
     }
 

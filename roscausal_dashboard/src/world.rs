@@ -4,13 +4,11 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use roscausal_core::{
     Time,
-    nodes::{
-        SceneOptions,
-        model_messages::{link_level, mark_of, sentence},
-    },
+    nodes::{SceneOptions, model_messages::model_of},
 };
+use roscausal_discovery::{Link, Model};
 use roscausal_msgs::{
-    CausalLink, CausalModelInfo, Humans, ModelChange, ModelChanges, RobotState,
+    CausalModelInfo, Humans, ModelChange, ModelChanges, RobotState,
     diagnostic_msgs::{DiagnosticArray, DiagnosticStatus},
     pedsim_msgs::LineObstacles,
 };
@@ -143,8 +141,10 @@ impl World {
 
     pub(crate) fn model(&mut self, info: &CausalModelInfo, hub: &Hub) {
         self.models += 1;
-        let frame = Frame { kind: "model", data: model_json(self.models, info).to_string().into() };
-        hub.send(frame, Keep::All);
+        let model = model_of(info);
+        let data = model_json(self.models, info, &model).to_string().into();
+        hub.keep_model(self.models, model);
+        hub.send(Frame { kind: "model", data }, Keep::All);
         let seconds = match info.run_time_s {
             // Simulated time stands still meanwhile.
             seconds if seconds > 0.0 => format!(", found in {seconds:.1} s"),
@@ -231,24 +231,21 @@ impl World {
     }
 }
 
-fn model_json(number: u64, info: &CausalModelInfo) -> Json {
-    let link = |link: &CausalLink| {
-        let mark = mark_of(link);
+fn model_json(number: u64, info: &CausalModelInfo, model: &Model) -> Json {
+    let link = |link: &Link| {
         // What the arrow of a cause does not say.
-        let words = (mark != "-->").then(|| sentence(link));
+        let words = (link.mark != "-->").then(|| link.sentence());
         json!({
-            "mark": mark,
             "words": words,
             "cause": link.cause,
             "effect": link.effect,
             "lag": link.lag,
-            "value": if link.value.is_finite() { rounded(link.value) } else { 1.0 },
-            "tested": link.value.is_finite(),
-            "p": if link.p_value.is_finite() { link.p_value } else { 0.0 },
-            "confidence": (link.confidence >= 0.0).then(|| rounded(link.confidence)),
+            "value": link.value.filter(|value| value.is_finite()).map_or(1.0, rounded),
+            "tested": link.value.is_some_and(f64::is_finite),
+            "p": link.p_value.filter(|p| p.is_finite()).unwrap_or(0.0),
+            "confidence": link.confidence.map(rounded),
         })
     };
-    let (level_name, level) = link_level(info);
     json!({
         "number": number,
         "t": rounded(info.header.stamp.as_secs_f64()),
@@ -257,13 +254,14 @@ fn model_json(number: u64, info: &CausalModelInfo) -> Json {
         "batch": info.batch_id,
         "method": info.method,
         "test": info.cond_ind_test,
-        "level_name": level_name,
-        "level": level,
+        "smallest_p": model.smallest_p(),
+        "level_name": model.link_level_in_words().0,
+        "level": model.link_level(),
         "dt": info.dt,
         "samples": info.n_samples,
         "seconds": rounded(info.run_time_s),
-        "features": info.candidate_features,
-        "links": info.links.iter().map(link).collect::<Vec<_>>(),
+        "features": model.features,
+        "links": model.links.iter().map(link).collect::<Vec<_>>(),
     })
 }
 
@@ -327,7 +325,7 @@ mod tests {
                 pc_alpha,
                 ..CausalModelInfo::default()
             };
-            let json = model_json(1, &info);
+            let json = model_json(1, &info, &model_of(&info));
             (json["level_name"].as_str().map(str::to_owned), json["level"].as_f64())
         };
         assert_eq!(told("pcmci", 0.2), (Some("alpha".to_owned()), Some(0.05)));

@@ -4,17 +4,13 @@
 //! detector reads them as the discovery node does. What it confirms before the action is a false alarm; so is all that it
 //! confirms if there is no action, or an announced one.
 
-use std::{fmt::Write, path::PathBuf};
+use std::fmt::Write;
 
 use clap::Args as ClapArgs;
 use ndarray::Array2;
 use roscausal_core::{
     Error, Result,
-    batch::{
-        Recording,
-        postprocess::{Feature, Obstacle, Postprocess},
-        risk::RiskModel,
-    },
+    batch::{Recording, risk::RiskModel},
 };
 use roscausal_discovery::{
     Control,
@@ -22,8 +18,12 @@ use roscausal_discovery::{
 };
 use roscausal_hrisim::{Intervention, Scenario, Simulation};
 
-use super::{grid, in_order, recordings, runs, workers};
-use crate::{interrupt::Interrupt, output, results::Results};
+use super::{
+    recordings,
+    runner::{Runner, end},
+    runs,
+};
+use crate::interrupt::Interrupt;
 
 /// Noise on the risk's exponent, as in the demo.
 const RISK_NOISE: f64 = 0.02;
@@ -34,6 +34,7 @@ const WAITS: (f64, f64) = (1e-3, 0.3);
 
 /// Arguments of `roscausal experiment changes`.
 #[derive(ClapArgs)]
+#[command(mut_arg("out", |arg| arg.default_value("roscausal_experiment_changes").help("Folder for changes.csv")))]
 pub(super) struct Args {
     /// Scenario of one person and one robot: a built-in name or a TOML file.
     #[arg(long, default_value = "pass_by_the_centre")]
@@ -47,9 +48,6 @@ pub(super) struct Args {
     /// Announce the action, as an experimenter would.
     #[arg(long, requires = "action")]
     announced: bool,
-    /// Seeds of the runs, including both ends.
-    #[arg(long, default_value = "1..20", value_name = "A..B")]
-    seeds: String,
     /// Seconds before the action.
     #[arg(long, default_value_t = 3000.0)]
     before: f64,
@@ -71,12 +69,8 @@ pub(super) struct Args {
     /// Largest lag, in samples.
     #[arg(long, default_value_t = 1)]
     tau_max: usize,
-    /// Runs at a time; default: one per core. They do not change the results.
-    #[arg(long)]
-    threads: Option<usize>,
-    /// Folder for changes.csv.
-    #[arg(short, long, value_name = "DIR", default_value = "roscausal_experiment_changes")]
-    out: PathBuf,
+    #[command(flatten)]
+    runner: Runner,
 }
 
 /// What one run tells.
@@ -91,17 +85,13 @@ struct Told {
 
 /// Runs `roscausal experiment changes`.
 pub(super) fn run(args: &Args, interrupt: &Interrupt) -> Result<()> {
-    interrupt.nothing_at_stake("nothing is written before the end");
     let scenario = Scenario::load(&args.scenario)?;
     args.check()?;
-    let seeds = grid::seeds(&args.seeds)?;
-    let results = Results::begin(&args.out, None, &[])?;
-    let told =
-        in_order(&seeds, workers(args.threads)?, "runs", |seed| args.one(&scenario, *seed, interrupt))?;
-    results.write(|dir| output::write_file(dir, "changes.csv", args.csv(&told).as_bytes()).map(drop))?;
-    crate::terminal::print_text(&format!("{}\n", args.text(&told)));
-    crate::terminal::say!("{}: changes.csv", args.out.display());
-    Ok(())
+    let seeds = args.runner.seeds()?;
+    let results = args.runner.begin(interrupt)?;
+    let told = args.runner.each(&seeds, "runs", |seed| args.one(&scenario, seed, interrupt))?;
+    let files = [("changes.csv", args.csv(&told))];
+    end(&args.runner.out, results, None, &files, &format!("{}\n", args.text(&told)))
 }
 
 impl Args {
@@ -174,16 +164,7 @@ impl Args {
 
     /// What the detector confirms, batch by batch, as the discovery node reads them.
     fn events(&self, batches: &[Recording], seed: u64, interrupt: &Interrupt) -> Result<Vec<ChangeEvent>> {
-        let postprocess = Postprocess {
-            risk_model: RiskModel::default(),
-            risk_lag: 1,
-            risk_noise: RISK_NOISE,
-            seed,
-            obs_size: runs::OBS_SIZE,
-            safe_dist: runs::SAFE_DIST,
-            obstacle: Obstacle::Robot,
-            features: Feature::parse(&[], &runs::NAMES.map(str::to_owned))?,
-        };
+        let postprocess = runs::postprocess(RiskModel::default(), 1, RISK_NOISE, seed)?;
         let control = Control::default().cancel_on(interrupt.flag());
         let mut detector: Option<Detector> = None;
         let mut events = Vec::new();

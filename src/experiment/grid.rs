@@ -74,35 +74,34 @@ impl Grid {
     /// The settings of a sweep: the base, and every other value of each factor with the rest at the base. With
     /// `cross`, every combination.
     pub(crate) fn settings(&self, cross: bool) -> Vec<Setting> {
-        let mut settings = Vec::new();
-        for (a, scenario) in self.scenarios.iter().enumerate() {
-            for (b, &length) in self.lengths.iter().enumerate() {
-                for (c, &step) in self.steps.iter().enumerate() {
-                    for (d, risk_model) in self.risk_models.iter().enumerate() {
-                        for (e, &risk_lag) in self.risk_lags.iter().enumerate() {
-                            for (f, &method) in self.methods.iter().enumerate() {
-                                for (g, test) in self.tests.iter().enumerate() {
-                                    let off_base =
-                                        [a, b, c, d, e, f, g].iter().filter(|place| **place > 0).count();
-                                    if cross || off_base < 2 {
-                                        settings.push(Setting {
-                                            scenario: scenario.clone(),
-                                            length,
-                                            step,
-                                            risk_model: risk_model.clone(),
-                                            risk_lag,
-                                            method,
-                                            test: test.clone(),
-                                        });
-                                    }
-                                }
-                            }
-                        }
-                    }
-                }
+        let sizes = [
+            self.scenarios.len(),
+            self.lengths.len(),
+            self.steps.len(),
+            self.risk_models.len(),
+            self.risk_lags.len(),
+            self.methods.len(),
+            self.tests.len(),
+        ];
+        // The last factor changes first.
+        let places = |mut number: usize| {
+            let mut places = [0; 7];
+            for (place, size) in places.iter_mut().zip(sizes).rev() {
+                (*place, number) = (number % size, number / size);
             }
-        }
-        settings
+            places
+        };
+        let is_wanted = |places: &[usize; 7]| cross || places.iter().filter(|place| **place > 0).count() < 2;
+        let setting = |[scenario, length, step, risk_model, risk_lag, method, test]: [usize; 7]| Setting {
+            scenario: self.scenarios[scenario].clone(),
+            length: self.lengths[length],
+            step: self.steps[step],
+            risk_model: self.risk_models[risk_model].clone(),
+            risk_lag: self.risk_lags[risk_lag],
+            method: self.methods[method],
+            test: self.tests[test].clone(),
+        };
+        (0..sizes.iter().product()).map(places).filter(is_wanted).map(setting).collect()
     }
 }
 

@@ -8,26 +8,21 @@ mod planner;
 mod reasoning;
 mod recordings;
 mod report;
+mod runner;
 mod runs;
 
-use std::{
-    path::{Path, PathBuf},
-    sync::{
-        Mutex,
-        atomic::{AtomicUsize, Ordering},
-    },
-    thread,
-};
+use std::path::{Path, PathBuf};
 
 use clap::{Args as ClapArgs, Subcommand};
 use indicatif::ProgressBar;
-use roscausal_core::{Error, Result, gate::lock, threads};
+use roscausal_core::{Error, Result, threads};
 use roscausal_discovery::{PcAlpha, Settings};
 use roscausal_hrisim::Scenario;
 
-use crate::{chart, discover::ResampleArgs, interrupt::Interrupt, output, results::Results};
+use crate::{chart, discover::ResampleArgs, interrupt::Interrupt, results::Results};
 use grid::{Grid, Setting};
 use recordings::record;
+use runner::Runner;
 use runs::{Common, Run};
 
 /// The recommended scenario, its controls, and the length to record.
@@ -66,13 +61,13 @@ enum Command {
 /// What to run. Each factor takes a list of values, separated by commas. The first values are the base; one factor
 /// at a time takes its other values (with `--cross`, every combination is run).
 #[derive(ClapArgs)]
+#[command(mut_arg("out", |arg| arg.help(
+    "Folder for recall.csv, scores.csv, runs.csv, plots, and one file per run; a run whose file exists is not repeated"
+)))]
 struct Sweep {
     /// The recommended scenario and its two negative controls at the recommended length; nothing else varies.
     #[arg(long, conflicts_with_all = ["scenarios", "lengths", "steps", "risk_models", "risk_lags", "methods", "tests"])]
     default: bool,
-    /// Seeds of the simulation, including both ends.
-    #[arg(long, default_value = "1..20", value_name = "A..B")]
-    seeds: String,
     /// Scenarios: built-in names or TOML files.
     #[arg(long, alias = "scenario", value_delimiter = ',', default_value = "encounters")]
     scenarios: Vec<String>,
@@ -114,16 +109,11 @@ struct Sweep {
     tau_max: usize,
     #[command(flatten)]
     resample: ResampleArgs,
-    /// Runs at a time; default: one per core. They do not change the results.
-    #[arg(long)]
-    threads: Option<usize>,
     /// Do only one part of the work, such as 2/8; join the folders with `roscausal experiment merge`.
     #[arg(long, value_name = "I/N")]
     shard: Option<String>,
-    /// Folder for recall.csv, scores.csv, runs.csv, plots, and one file per run; a run whose file exists is not
-    /// repeated.
-    #[arg(short, long, value_name = "DIR", default_value = "roscausal_experiment")]
-    out: PathBuf,
+    #[command(flatten)]
+    runner: Runner,
 }
 
 /// Runs `roscausal experiment`.
@@ -137,17 +127,12 @@ pub(crate) fn run(args: &Args, interrupt: &Interrupt) -> Result<()> {
         Some(Command::Merge { from, out }) => (out, begin(out)?, merge(from, out)?),
         None => {
             interrupt.nothing_at_stake("finished runs are kept");
-            let out = &args.sweep.out;
+            let out = &args.sweep.runner.out;
             (out, begin(out)?, args.sweep.run(interrupt)?)
         }
     };
     let files = report::files(&runs)?;
-    results.write(|dir| {
-        files.iter().try_for_each(|(name, text)| output::write_file(dir, name, text.as_bytes()).map(drop))
-    })?;
-    crate::terminal::print_text(&format!("{}\n\n", report::text(&runs)));
-    crate::terminal::say!("{}: recall.csv, scores.csv, runs.csv, length.svg, step.svg", out.display());
-    Ok(())
+    runner::end(out, results, None, &files, &format!("{}\n\n", report::text(&runs)))
 }
 
 /// Copies the runs of all folders into one.
@@ -213,7 +198,7 @@ impl Sweep {
             analysis,
             resampling: self.resample.asked()?,
             risk_noise: self.risk_noise,
-            out: self.out.clone(),
+            out: self.runner.out.clone(),
         };
         let jobs = self.jobs(&grid)?;
         let paths = |job: &Job| -> Vec<PathBuf> {
@@ -221,7 +206,7 @@ impl Sweep {
         };
         let all: Vec<PathBuf> = jobs.iter().flat_map(paths).collect();
         let bar = chart::bar("runs", all.len() as u64, false);
-        work_off(&jobs, workers(self.threads)?, |job| job.run(&common, &bar, interrupt))?;
+        self.runner.work_off(&jobs, |job| job.run(&common, &bar, interrupt))?;
         bar.finish_and_clear();
         all.iter().filter_map(|path| Run::read(path).transpose()).collect()
     }
@@ -236,20 +221,11 @@ impl Sweep {
             scenario.add_interventions(&self.interventions)?;
             scenario.check()?;
             let settings: Vec<Setting> = settings.iter().filter(|s| s.scenario == *name).cloned().collect();
-            for seed in grid::seeds(&self.seeds)? {
+            for seed in self.runner.seeds()? {
                 jobs.push(Job { scenario: scenario.clone(), seed, settings: settings.clone() });
             }
         }
         Ok(jobs.into_iter().skip(i - 1).step_by(n).collect())
-    }
-}
-
-/// How many runs at a time.
-fn workers(threads: Option<usize>) -> Result<usize> {
-    match threads {
-        Some(0) => Err(Error::param("threads", "0 does nothing; give 1 or more")),
-        Some(threads) => Ok(threads.min(1024)),
-        None => Ok(thread::available_parallelism().map_or(1, usize::from)),
     }
 }
 
@@ -279,51 +255,5 @@ impl Job {
             bar.inc(1);
         }
         Ok(())
-    }
-}
-
-/// Does the work for each seed, several at a time; results in the order of the seeds.
-fn in_order<T: Send>(
-    seeds: &[u64],
-    workers: usize,
-    what: &str,
-    work: impl Fn(&u64) -> Result<T> + Sync,
-) -> Result<Vec<T>> {
-    let bar = chart::bar(what, seeds.len() as u64, false);
-    let done = Mutex::new(Vec::new());
-    work_off(seeds, workers, |seed| {
-        let result = work(seed)?;
-        lock(&done).push((*seed, result));
-        bar.inc(1);
-        Ok(())
-    })?;
-    bar.finish_and_clear();
-    let mut done = std::mem::take(&mut *lock(&done));
-    done.sort_by_key(|(seed, _)| *seed);
-    Ok(done.into_iter().map(|(_, result)| result).collect())
-}
-
-/// Passes the jobs in order to `workers` threads. The first error ends all.
-fn work_off<J: Sync>(jobs: &[J], workers: usize, work: impl Fn(&J) -> Result<()> + Sync) -> Result<()> {
-    let next = AtomicUsize::new(0);
-    let first_error = Mutex::new(None);
-    thread::scope(|scope| {
-        for _ in 0..workers.min(jobs.len()) {
-            scope.spawn(|| {
-                while let Some(job) = jobs.get(next.fetch_add(1, Ordering::Relaxed)) {
-                    if let Err(error) = work(job) {
-                        next.store(jobs.len(), Ordering::Relaxed);
-                        lock(&first_error).get_or_insert(error);
-                    }
-                }
-            });
-        }
-    });
-    match lock(&first_error).take() {
-        Some(Error::Cancelled(_)) => {
-            Err(Error::Cancelled("by the user; the same command goes on where this one ended".into()))
-        }
-        Some(error) => Err(error),
-        None => Ok(()),
     }
 }

@@ -1,5 +1,7 @@
 //! One simulated run as the nodes record it, at several step sizes at once.
 
+use std::{collections::BTreeMap, ops::Range};
+
 use roscausal_core::{
     Error, Result,
     batch::{
@@ -133,19 +135,15 @@ pub(super) fn cut(recording: &Recording, rows: usize, count: usize) -> Vec<Recor
         Recording {
             start: recording.stamp(range.start),
             robot: recording.robot[range.clone()].to_vec(),
-            people: recording.people.iter().map(|(id, all)| (*id, all[range.clone()].to_vec())).collect(),
-            others: recording
-                .others
-                .iter()
-                .map(|(name, all)| (name.clone(), all[range.clone()].to_vec()))
-                .collect(),
-            context: recording
-                .context
-                .iter()
-                .map(|(name, all)| (name.clone(), all[range.clone()].to_vec()))
-                .collect(),
+            people: part(&recording.people, &range),
+            others: part(&recording.others, &range),
+            context: part(&recording.context, &range),
             ..recording.clone()
         }
     };
     (0..count).map(cut).collect()
+}
+
+fn part<K: Clone + Ord, T: Clone>(all: &BTreeMap<K, Vec<T>>, range: &Range<usize>) -> BTreeMap<K, Vec<T>> {
+    all.iter().map(|(key, rows)| (key.clone(), rows[range.clone()].to_vec())).collect()
 }

@@ -13,6 +13,7 @@ use roscausal_core::{
     batch::{
         Recording,
         postprocess::{Feature, Obstacle, Postprocess},
+        risk::RiskModel,
     },
 };
 use roscausal_discovery::{
@@ -28,8 +29,8 @@ use crate::{expected, interrupt::Interrupt, output};
 /// Folder of the run files.
 const FOLDER: &str = "runs";
 /// As in the paper: metres, and the names of speed, distance to goal and risk.
-pub(super) const OBS_SIZE: f64 = 2.0;
-pub(super) const SAFE_DIST: f64 = 5.0;
+const OBS_SIZE: f64 = 2.0;
+const SAFE_DIST: f64 = 5.0;
 pub(super) const NAMES: [&str; 3] = ["h_v", "h_dg", "h_risk"];
 
 /// One run: its setting and its result.
@@ -95,16 +96,8 @@ impl Common {
         recording: &Recording,
         interrupt: &Interrupt,
     ) -> Result<()> {
-        let postprocess = Postprocess {
-            risk_model: setting.risk_model.parse().map_err(|reason| Error::param("risk-models", reason))?,
-            risk_lag: setting.risk_lag,
-            risk_noise: self.risk_noise,
-            seed,
-            obs_size: OBS_SIZE,
-            safe_dist: SAFE_DIST,
-            obstacle: Obstacle::Robot,
-            features: Feature::parse(&[], &NAMES.map(str::to_owned))?,
-        };
+        let risk_model = setting.risk_model.parse().map_err(|reason| Error::param("risk-models", reason))?;
+        let postprocess = postprocess(risk_model, setting.risk_lag, self.risk_noise, seed)?;
         let (mut names, mut tables) = (Vec::new(), Vec::new());
         for batch in batches(recording, setting.length)? {
             let mut columns = postprocess.run(&batch)?.columns;
@@ -143,6 +136,18 @@ impl Common {
         };
         run.write(&self.out)
     }
+}
+
+/// What the data node makes of a recording: the paper's variables.
+pub(super) fn postprocess(
+    risk_model: RiskModel,
+    risk_lag: usize,
+    risk_noise: f64,
+    seed: u64,
+) -> Result<Postprocess> {
+    let (obs_size, safe_dist, obstacle) = (OBS_SIZE, SAFE_DIST, Obstacle::Robot);
+    let features = Feature::parse(&[], &NAMES.map(str::to_owned))?;
+    Ok(Postprocess { risk_model, risk_lag, risk_noise, seed, obs_size, safe_dist, obstacle, features })
 }
 
 /// The shares of all cross links among the paper's variables.

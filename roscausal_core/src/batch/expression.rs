@@ -2,8 +2,8 @@
 //!
 //! Values are numbers or points (`x, y`). `h` and `r` are the positions of person and robot. `h.goal` and `h.vel`
 //! are points; `h.x`, `h.y`, `h.theta`, `h.v`, `h.omega`, `h.gx` and `h.gy` are numbers, also written as `h_v` and
-//! so on; likewise for `r`. `t` is the time in seconds, `pi` the number. Operators are `+ - * / ^` and brackets. A
-//! result that is not finite, such as a division by zero, becomes NaN, a missing value.
+//! so on; likewise for `r`. `t` is the time in seconds, `pi` the number. Operators are `+ - * / ^` and brackets; comparisons
+//! `< <= > >= == !=` are 1 or 0. A result that is not finite, such as a division by zero, becomes NaN, a missing value.
 //!
 //! In a table (`--feature`), names are columns instead of bodies; odd ones stand in quotes: `"Time [s]"`. `(a, b)` is a point,
 //! `lag(x, 2)` is x two rows earlier, `diff(x)` its change since the row before, `rate(x)` that change per second. A number may
@@ -17,10 +17,11 @@ mod parser;
 mod unit;
 
 use super::tracks::{Field, Values};
-use parser::{Names, Parser};
+use crate::grammar::{self, Language, Operator, Scanner};
+use parser::Names;
 
-/// Functions, the number of their arguments, and their results.
-const FUNCTIONS: [(&str, usize, Function); 25] = [
+/// Functions of other things than one number, the number of their arguments, and their results.
+const FUNCTIONS: [(&str, usize, Function); 13] = [
     ("dist", 2, Function::Distance),
     ("speed", 1, Function::Speed),
     ("norm", 1, Function::Norm),
@@ -28,56 +29,33 @@ const FUNCTIONS: [(&str, usize, Function); 25] = [
     ("dot", 2, Function::Dot),
     ("cross", 2, Function::Cross),
     ("risk", 2, Function::Risk),
-    ("abs", 1, Function::Number(f64::abs)),
-    ("sqrt", 1, Function::Number(f64::sqrt)),
-    ("exp", 1, Function::Number(f64::exp)),
-    ("log", 1, Function::Number(f64::ln)),
     ("lag", 2, Function::Lag),
     ("diff", 1, Function::Difference),
     ("rate", 1, Function::Rate),
-    ("sign", 1, Function::Number(|x| if x == 0.0 { x } else { x.signum() })),
-    ("round", 1, Function::Number(f64::round)),
-    ("tanh", 1, Function::Number(f64::tanh)),
-    ("tan", 1, Function::Number(f64::tan)),
-    ("log10", 1, Function::Number(f64::log10)),
-    ("sin", 1, Function::Number(f64::sin)),
-    ("cos", 1, Function::Number(f64::cos)),
-    ("wrap", 1, Function::Number(wrap)),
     ("min", 2, Function::Pair(|a, b| known(a, b, f64::min))),
     ("max", 2, Function::Pair(|a, b| known(a, b, f64::max))),
     ("atan2", 2, Function::Pair(f64::atan2)),
 ];
+
+/// A function by its number: first [`FUNCTIONS`], then those of one number.
+fn function(number: usize) -> (&'static str, usize, Function) {
+    let of_number = || {
+        let (name, of) = grammar::FUNCTIONS[number - FUNCTIONS.len()];
+        (name, 1, Function::Number(of))
+    };
+    FUNCTIONS.get(number).copied().unwrap_or_else(of_number)
+}
+
 /// `of` the two, if both are known: `f64::min` and `f64::max` leave out what is not.
 fn known(a: f64, b: f64, of: fn(f64, f64) -> f64) -> f64 {
     if a.is_nan() || b.is_nan() { f64::NAN } else { of(a, b) }
 }
 
-/// Units of a number, in SI units.
-const UNITS: [(&str, f64); 16] = [
-    ("deg", std::f64::consts::PI / 180.0),
-    ("rad", 1.0),
-    ("km", 1e3),
-    ("m", 1.0),
-    ("cm", 1e-2),
-    ("mm", 1e-3),
-    ("h", 3600.0),
-    ("min", 60.0),
-    ("s", 1.0),
-    ("ms", 1e-3),
-    ("us", 1e-6),
-    ("ns", 1e-9),
-    ("kmh", 1.0 / 3.6),
-    ("mph", 0.447_04),
-    ("g", 9.806_65),
-    ("percent", 0.01),
-];
 /// Most rows that a value may lie back.
 const LONGEST_LAG: usize = 1_000_000;
 
 /// Deepest nesting of `diff` and `rate`: each one doubles the work of a row.
 const DEEPEST_CHANGE: usize = 8;
-/// Deepest nesting of brackets.
-const DEEPEST: usize = 50;
 /// Longest expression in bytes: each `+` adds a level to the recursive evaluation.
 const LONGEST: usize = 2000;
 
@@ -131,8 +109,8 @@ enum Node {
     /// The same, this many rows earlier.
     Lagged(Box<Node>, usize),
     Negative(Box<Node>),
-    Binary(char, Box<Node>, Box<Node>),
-    /// Index into [`FUNCTIONS`].
+    Binary(Operator, Box<Node>, Box<Node>),
+    /// A function by its number.
     Call(usize, Vec<Node>),
 }
 
@@ -185,7 +163,12 @@ impl Expression {
                 text.len()
             ));
         }
-        let root = Parser::new(text, names).whole()?;
+        let mut scanner = Scanner::new(text);
+        let parsed = names.expression(&mut scanner).and_then(|root| {
+            scanner.end("an operator or the end is missing")?;
+            Ok(root)
+        });
+        let root = parsed.map_err(|fault| format!("'{text}', {fault}"))?;
         if root.changes() > DEEPEST_CHANGE {
             return Err(format!(
                 "'{text}' has more than {DEEPEST_CHANGE} diff() and rate() within each other"
@@ -203,7 +186,7 @@ impl Expression {
     pub fn mentions_time(&self) -> bool {
         self.root.any(&|node| match node {
             Node::Time => true,
-            Node::Call(function, _) => matches!(FUNCTIONS[*function].2, Function::Rate),
+            Node::Call(number, _) => matches!(function(*number).2, Function::Rate),
             _ => false,
         })
     }
@@ -240,13 +223,13 @@ impl Node {
             },
             Self::Binary(operator, a, b) => match (operator, a.kind()?, b.kind()?) {
                 (_, Kind::Number, Kind::Number) => Ok(Kind::Number),
-                ('+' | '-', Kind::Point, Kind::Point)
-                | ('*' | '/', Kind::Point, Kind::Number)
-                | ('*', Kind::Number, Kind::Point) => Ok(Kind::Point),
-                (operator, ..) => Err(format!("'{operator}' does not go with a point here")),
+                (Operator::Plus | Operator::Minus, Kind::Point, Kind::Point)
+                | (Operator::Times | Operator::Over, Kind::Point, Kind::Number)
+                | (Operator::Times, Kind::Number, Kind::Point) => Ok(Kind::Point),
+                (operator, ..) => Err(format!("'{}' does not go with a point here", operator.sign())),
             },
-            Self::Call(function, arguments) => {
-                let (name, _, function) = FUNCTIONS[*function];
+            Self::Call(number, arguments) => {
+                let (name, _, function) = function(*number);
                 let (kind, wanted) = match function {
                     Function::Difference => {
                         return arguments.first().map_or(Ok(Kind::Number), Self::kind);
@@ -284,8 +267,8 @@ impl Node {
         match self {
             Self::Negative(inner) | Self::Lagged(inner, _) => inner.changes(),
             Self::Binary(_, a, b) | Self::Pair(a, b) => a.changes().max(b.changes()),
-            Self::Call(function, arguments) => {
-                let own = matches!(FUNCTIONS[*function].2, Function::Difference | Function::Rate);
+            Self::Call(number, arguments) => {
+                let own = matches!(function(*number).2, Function::Difference | Function::Rate);
                 usize::from(own) + arguments.iter().map(Self::changes).max().unwrap_or(0)
             }
             _ => 0,
@@ -303,7 +286,7 @@ impl Node {
             }
             Self::Negative(inner) => -inner.number(row),
             Self::Binary(operator, a, b) => arithmetic(*operator, a.number(row), b.number(row)),
-            Self::Call(function, arguments) => call(FUNCTIONS[*function].2, arguments, row),
+            Self::Call(number, arguments) => call(function(*number).2, arguments, row),
             Self::Place(_) | Self::Goal(_) | Self::Velocity(_) | Self::Pair(..) => f64::NAN,
         }
     }
@@ -320,7 +303,7 @@ impl Node {
             Self::Lagged(inner, rows) => {
                 row.earlier(*rows).map_or((f64::NAN, f64::NAN), |earlier| inner.point(&earlier))
             }
-            Self::Call(function, arguments) => match (FUNCTIONS[*function].2, arguments.as_slice()) {
+            Self::Call(number, arguments) => match (function(*number).2, arguments.as_slice()) {
                 (Function::Difference, [inner]) => {
                     let (x, y) = inner.point(row);
                     let before = row.earlier(1).map_or((f64::NAN, f64::NAN), |earlier| inner.point(&earlier));
@@ -332,7 +315,7 @@ impl Node {
                 let (x, y) = inner.point(row);
                 (-x, -y)
             }
-            Self::Binary(operator @ ('+' | '-'), a, b) => {
+            Self::Binary(operator @ (Operator::Plus | Operator::Minus), a, b) => {
                 let (a, b) = (a.point(row), b.point(row));
                 (arithmetic(*operator, a.0, b.0), arithmetic(*operator, a.1, b.1))
             }
@@ -380,20 +363,8 @@ fn call<M: Moment>(function: Function, arguments: &[Node], row: &M) -> f64 {
     }
 }
 
-fn arithmetic(operator: char, a: f64, b: f64) -> f64 {
-    match operator {
-        '+' => a + b,
-        '-' => a - b,
-        '*' => a * b,
-        '/' if b == 0.0 => f64::NAN,
-        '/' => a / b,
-        _ => a.powf(b),
-    }
-}
-
-/// The angle between -pi and pi.
-fn wrap(angle: f64) -> f64 {
-    angle.sin().atan2(angle.cos())
+fn arithmetic(operator: Operator, a: f64, b: f64) -> f64 {
+    if operator == Operator::Over && b == 0.0 { f64::NAN } else { operator.of(a, b) }
 }
 
 #[cfg(test)]

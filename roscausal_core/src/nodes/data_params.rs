@@ -16,6 +16,7 @@ use crate::{
         script::Script,
         writer::{Processing, WriterConfig},
     },
+    param_specs,
     params::{Allowed, ParamSpec, Params, Value},
     signal::{Definitions, Signal, Signals},
 };
@@ -39,136 +40,62 @@ pub(super) fn specs() -> Vec<ParamSpec> {
     use Value::{Bool, Double, Int, List, Str};
     let text = |text: &str| Str(text.to_owned());
     let names = ["h_v", "h_dg", "h_risk"].map(text).to_vec();
-    let [obs_size, safe_dist] = risk_specs();
-    vec![
-        ParamSpec::new("data_dir", text("~/roscausal/data_pool"), Any, "folder of raw batches"),
-        ParamSpec::new("pp_data_dir", text("~/roscausal/pp_pool"), Any, "folder of post-processed batches"),
-        ParamSpec::of_data(
-            "postprocess",
-            text("auto"),
-            OneOf(&["auto", "builtin", "script", "none"]),
-            "who post-processes; auto: pp_script if given, otherwise builtin; none: nobody, raw batches are the result",
-        ),
-        ParamSpec::new("pp_script_dir", text(""), Any, "folder of pp_script"),
-        ParamSpec::new("pp_script", text(""), Any, "program that post-processes a raw batch; empty: none"),
-        ParamSpec::new("pp_time_limit", Double(60.0), Range(0.1, 86400.0), "seconds that pp_script may take"),
-        ParamSpec::of_data(
-            "ts_length",
-            Double(150.0),
-            Any,
-            "length of a batch in seconds; empty or 0: until the end",
-        )
-        .live(),
-        ParamSpec::of_data("dt", Double(0.1), Range(0.001, 60.0), "step between rows in seconds"),
-        ParamSpec::of_data(
-            "sampling",
-            text("auto"),
-            OneOf(&["auto", "linear", "hold"]),
-            "what a row holds: linear: what lies between the samples before and after it; hold: the newest sample that is not later; auto: hold where samples come two and a half times a row or more often, else linear",
-        ),
-        ParamSpec::of_data("subsampling", Bool(false), Any, "older name: true is the sampling hold"),
-        ParamSpec::of_data(
-            "max_gap",
-            Double(0.5),
-            Range(0.001, 60.0),
-            "samples farther apart than this are a gap; the largest age of a held sample; seconds",
-        ),
-        ParamSpec::new("id_format", text("%Y%m%d_%H%M%S"), Any, "strftime format of a batch's id, UTC"),
-        ParamSpec::new("csv_prefix", text("data_"), Any, "prefix of the batches' file names"),
-        ParamSpec::new(
-            "max_pool_size",
-            Int(0),
-            Range(0.0, 1e9),
-            "most batches in data_dir, and in pp_data_dir; 0: no limit",
-        ),
-        ParamSpec::new(
-            "max_pool_bytes",
-            Int(0),
-            Range(0.0, 9e15),
-            "most bytes of batches in data_dir, and in pp_data_dir; 0: no limit",
-        ),
-        ParamSpec::new(
-            "pool_policy",
-            text("drop_oldest"),
-            OneOf(&["drop_oldest", "stop_recording"]),
-            "what to do when a pool is full",
-        ),
-        ParamSpec::new(
-            "journal",
-            Bool(true),
-            Any,
-            "also keep the open batch on disk, so that a crash costs at most about a second of it",
-        ),
-        ParamSpec::of_data("legacy_columns", Bool(false), Any, "raw columns as ROS-Causal 1.1 spells them"),
-        ParamSpec::of_data(
-            "sel_agent",
-            text("1000"),
-            Any,
-            "who is recorded: an id, ids (3,7), nearest:N, all; nobody: only robot and signals",
-        ),
-        ParamSpec::of_data(
-            "robot",
-            text(""),
-            Any,
-            "name of the robot, the namespace of its topics; empty: none",
-        ),
-        ParamSpec::of_data(
-            "other_robots",
-            List(Vec::new()),
-            Any,
-            "names of other robots to record, such as robot2,robot3",
-        ),
-        ParamSpec::of_data(
-            "context_topic",
-            text("/hri/interventions"),
-            Any,
-            "std_msgs/String with interventions, which are recorded as columns; empty: none",
-        ),
-        ParamSpec::of_data(
-            "obstacle",
-            text("robot"),
-            OneOf(Obstacle::NAMES),
-            "what a person may collide with; nearest: the nearest of all recorded robots and people",
-        ),
-        obs_size,
-        safe_dist,
-        ParamSpec::new("delete_traj", Bool(false), Any, "delete a raw batch once it is post-processed"),
-        ParamSpec::of_data("risk_model", text("v1_1"), OneOf(RiskModel::NAMES), "version of the risk"),
-        ParamSpec::of_data("risk_lag", Int(0), Range(0.0, 1.0), "rows by which risk(...) is lagged"),
-        ParamSpec::of_data(
-            "risk_noise",
-            Double(0.0),
-            Range(0.0, 10.0),
-            "standard deviation of the noise on the risk's exponent",
-        ),
-        ParamSpec::of_data("seed", Int(0), Range(0.0, 9e15), "seed of that noise"),
-        ParamSpec::of_data(
-            "feature_names",
-            List(names),
-            Any,
-            "names of the speed, the distance to the goal, and the risk",
-        ),
-        ParamSpec::of_data("features", List(Vec::new()), Any, "your own features, each 'name = expression'"),
-        ParamSpec::of_data(
-            "signals",
-            List(Vec::new()),
-            Any,
-            "numbers of any topic as variables, each 'name = /topic.field' (docs/signals.md)",
-        ),
-        ParamSpec::of_data(
-            "signal_max_age",
-            Double(2.0),
-            Range(0.001, 1e9),
-            "seconds for which a signal's last value counts, unless the signal says hold(..., seconds)",
-        ),
-        ParamSpec::new(
-            "msg_path",
-            text(""),
-            Any,
+    let first = param_specs! {
+        "data_dir" = text("~/roscausal/data_pool"), Any, "folder of raw batches";
+        "pp_data_dir" = text("~/roscausal/pp_pool"), Any, "folder of post-processed batches";
+        of_data "postprocess" = text("auto"), OneOf(&["auto", "builtin", "script", "none"]),
+            "who post-processes; auto: pp_script if given, otherwise builtin; none: nobody, raw batches are the result";
+        "pp_script_dir" = text(""), Any, "folder of pp_script";
+        "pp_script" = text(""), Any, "program that post-processes a raw batch; empty: none";
+        "pp_time_limit" = Double(60.0), Range(0.1, 86400.0), "seconds that pp_script may take";
+        of_data live "ts_length" = Double(150.0), Any,
+            "length of a batch in seconds; empty or 0: until the end";
+        of_data "dt" = Double(0.1), Range(0.001, 60.0), "step between rows in seconds";
+        of_data "sampling" = text("auto"), OneOf(&["auto", "linear", "hold"]),
+            "what a row holds: linear: what lies between the samples before and after it; hold: the newest sample that is not later; auto: hold where samples come two and a half times a row or more often, else linear";
+        of_data "subsampling" = Bool(false), Any, "older name: true is the sampling hold";
+        of_data "max_gap" = Double(0.5), Range(0.001, 60.0),
+            "samples farther apart than this are a gap; the largest age of a held sample; seconds";
+        "id_format" = text("%Y%m%d_%H%M%S"), Any, "strftime format of a batch's id, UTC";
+        "csv_prefix" = text("data_"), Any, "prefix of the batches' file names";
+        "max_pool_size" = Int(0), Range(0.0, 1e9),
+            "most batches in data_dir, and in pp_data_dir; 0: no limit";
+        "max_pool_bytes" = Int(0), Range(0.0, 9e15),
+            "most bytes of batches in data_dir, and in pp_data_dir; 0: no limit";
+        "pool_policy" = text("drop_oldest"), OneOf(&["drop_oldest", "stop_recording"]),
+            "what to do when a pool is full";
+        "journal" = Bool(true), Any,
+            "also keep the open batch on disk, so that a crash costs at most about a second of it";
+        of_data "legacy_columns" = Bool(false), Any, "raw columns as ROS-Causal 1.1 spells them";
+        of_data "sel_agent" = text("1000"), Any,
+            "who is recorded: an id, ids (3,7), nearest:N, all; nobody: only robot and signals";
+        of_data "robot" = text(""), Any, "name of the robot, the namespace of its topics; empty: none";
+        of_data "other_robots" = List(Vec::new()), Any,
+            "names of other robots to record, such as robot2,robot3";
+        of_data "context_topic" = text("/hri/interventions"), Any,
+            "std_msgs/String with interventions, which are recorded as columns; empty: none";
+        of_data "obstacle" = text("robot"), OneOf(Obstacle::NAMES),
+            "what a person may collide with; nearest: the nearest of all recorded robots and people";
+    };
+    let rest = param_specs! {
+        "delete_traj" = Bool(false), Any, "delete a raw batch once it is post-processed";
+        of_data "risk_model" = text("v1_1"), OneOf(RiskModel::NAMES), "version of the risk";
+        of_data "risk_lag" = Int(0), Range(0.0, 1.0), "rows by which risk(...) is lagged";
+        of_data "risk_noise" = Double(0.0), Range(0.0, 10.0),
+            "standard deviation of the noise on the risk's exponent";
+        of_data "seed" = Int(0), Range(0.0, 9e15), "seed of that noise";
+        of_data "feature_names" = List(names), Any,
+            "names of the speed, the distance to the goal, and the risk";
+        of_data "features" = List(Vec::new()), Any, "your own features, each 'name = expression'";
+        of_data "signals" = List(Vec::new()), Any,
+            "numbers of any topic as variables, each 'name = /topic.field' (docs/signals.md)";
+        of_data "signal_max_age" = Double(2.0), Range(0.001, 1e9),
+            "seconds for which a signal's last value counts, unless the signal says hold(..., seconds)";
+        "msg_path" = text(""), Any,
             "folders of .msg files (PACKAGE/msg/NAME.msg), separated by ':', for types of signals; searched before the ROS \
-             installation (AMENT_PREFIX_PATH)",
-        ),
-    ]
+             installation (AMENT_PREFIX_PATH)";
+    };
+    [first, risk_specs(), rest].concat()
 }
 
 /// How to record.

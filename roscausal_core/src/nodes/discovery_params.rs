@@ -16,7 +16,7 @@ use super::regime::RollParams;
 use crate::{
     Error, Result,
     batch::{IdFormat, joint::People},
-    bounded, external,
+    bounded, external, param_specs,
     params::{Allowed, ParamSpec, Params, Value},
 };
 
@@ -78,103 +78,38 @@ fn all() -> Vec<ParamSpec> {
     use Allowed::{Any, OneOf, Range};
     use Value::{Bool, Double, Int};
     let text = |text: &str| Value::Str(text.to_owned());
-    let of_node = [
-        ParamSpec::new("data_dir", text("~/roscausal/pp_pool"), Any, "folder to watch for batches"),
-        ParamSpec::new("res_dir", text(""), Any, "folder for model files; empty: only publish"),
-        ParamSpec::new("csv_prefix", text("data_"), Any, "prefix of the batches' file names"),
-        ParamSpec::new(
-            "id_format",
-            text("%Y%m%d_%H%M%S"),
-            Any,
-            "strftime format of the batches' ids, by which the oldest is found",
-        ),
-        ParamSpec::new("cd_method_dir", text(""), Any, "folder of external methods (programs)"),
-        ParamSpec::new(
-            "people",
-            text("pooled"),
-            OneOf(People::NAMES),
+    let of_node = param_specs! {
+        "data_dir" = text("~/roscausal/pp_pool"), Any, "folder to watch for batches";
+        "res_dir" = text(""), Any, "folder for model files; empty: only publish";
+        "csv_prefix" = text("data_"), Any, "prefix of the batches' file names";
+        "id_format" = text("%Y%m%d_%H%M%S"), Any,
+            "strftime format of the batches' ids, by which the oldest is found";
+        "cd_method_dir" = text(""), Any, "folder of external methods (programs)";
+        "people" = text("pooled"), OneOf(People::NAMES),
             "models for several people: one of all people, as recordings of one system; one each; both; or one with \
-             everybody's variables",
-        ),
-        ParamSpec::new(
-            "batches_per_model",
-            Int(1),
-            Range(1.0, 1000.0),
-            "number of batches analysed together for one model",
-        ),
-        ParamSpec::new(
-            "keep_batches",
-            Bool(false),
-            Any,
-            "move analysed batches to analysed/ instead of deleting them",
-        ),
-        ParamSpec::new(
-            "analyse_incomplete",
-            Bool(false),
-            Any,
-            "analyse batches whose recording was cut short",
-        ),
-        ParamSpec::new(
-            "max_pool_size",
-            Int(0),
-            Range(0.0, 1e6),
-            "most batches that wait; the oldest are deleted; 0: no limit",
-        ),
-        ParamSpec::new(
-            "max_attempts",
-            Int(3),
-            Range(1.0, 1000.0),
-            "number of attempts to analyse a batch before it is rejected",
-        ),
-        ParamSpec::new(
-            "nice",
-            Int(0),
-            Range(0.0, 19.0),
-            "priority of an analysis as in nice(1): 0 normal, 19 lowest",
-        ),
-        ParamSpec::new(
-            "window_batches",
-            Int(1),
-            Range(1.0, 1000.0),
-            "most batches of a model, the newest of the present regime; a model for each new one; 1: of it alone",
-        ),
-        ParamSpec::of_data(
-            "window_samples",
-            Int(2000),
-            Range(0.0, 1e9),
-            "most samples of such a model, but one batch at least; 0: no limit",
-        ),
-        ParamSpec::of_data(
-            "detect_changes",
-            text("auto"),
-            OneOf(&DETECT),
-            "tell when a mechanism changes, on /roscausal/model_changes; auto: if window_batches is above 1",
-        ),
-        ParamSpec::of_data(
-            "change_rows",
-            Int(0),
-            Range(0.0, 1e6),
-            "rows that are compared with the regime at a time, more for many variables; 0: each batch as a whole",
-        ),
-        ParamSpec::of_data(
-            "suspect_level",
-            Double(Levels::default().suspect),
-            Range(1e-9, 0.999),
-            "level at which a change is suspected, corrected for the number of links",
-        ),
-        ParamSpec::of_data(
-            "confirm_level",
-            Double(Levels::default().confirm),
-            Range(1e-9, 0.999),
-            "level at which a suspected change is confirmed",
-        ),
-        ParamSpec::new(
-            "image_scale",
-            Double(0.6),
-            Range(0.1, 4.0),
-            "pixels per unit of the published pictures",
-        ),
-    ];
+             everybody's variables";
+        "batches_per_model" = Int(1), Range(1.0, 1000.0), "number of batches analysed together for one model";
+        "keep_batches" = Bool(false), Any, "move analysed batches to analysed/ instead of deleting them";
+        "analyse_incomplete" = Bool(false), Any, "analyse batches whose recording was cut short";
+        "max_pool_size" = Int(0), Range(0.0, 1e6),
+            "most batches that wait; the oldest are deleted; 0: no limit";
+        "max_attempts" = Int(3), Range(1.0, 1000.0),
+            "number of attempts to analyse a batch before it is rejected";
+        "nice" = Int(0), Range(0.0, 19.0), "priority of an analysis as in nice(1): 0 normal, 19 lowest";
+        "window_batches" = Int(1), Range(1.0, 1000.0),
+            "most batches of a model, the newest of the present regime; a model for each new one; 1: of it alone";
+        of_data "window_samples" = Int(2000), Range(0.0, 1e9),
+            "most samples of such a model, but one batch at least; 0: no limit";
+        of_data "detect_changes" = text("auto"), OneOf(&DETECT),
+            "tell when a mechanism changes, on /roscausal/model_changes; auto: if window_batches is above 1";
+        of_data "change_rows" = Int(0), Range(0.0, 1e6),
+            "rows that are compared with the regime at a time, more for many variables; 0: each batch as a whole";
+        of_data "suspect_level" = Double(Levels::default().suspect), Range(1e-9, 0.999),
+            "level at which a change is suspected, corrected for the number of links";
+        of_data "confirm_level" = Double(Levels::default().confirm), Range(1e-9, 0.999),
+            "level at which a suspected change is confirmed";
+        "image_scale" = Double(0.6), Range(0.1, 4.0), "pixels per unit of the published pictures";
+    };
     of_node.into_iter().chain(OF_SETTINGS.iter().cloned()).collect()
 }
 
@@ -218,8 +153,8 @@ fn spec_of(setting: &'static Setting) -> ParamSpec {
             (Value::List(items.map(|item| Value::Str(item.to_owned())).collect()), Allowed::Any)
         }
     };
-    let make = if setting.of_data { ParamSpec::of_data } else { ParamSpec::new };
-    make(setting.param, value, allowed, described(setting).leak())
+    let spec = ParamSpec::new(setting.param, value, allowed, described(setting).leak());
+    ParamSpec { of_data: setting.of_data, ..spec }
 }
 
 /// What a setting is, in one line: what it takes, and what its value for "not set" means.

@@ -19,6 +19,7 @@ use crate::{
     batch::Select,
     inbox::{Inbox, Next},
     middleware::{Middleware, Publish, Qos, Raw},
+    param_specs,
     params::{Allowed, ParamSpec, Params, Value},
     people::Reader,
     signal::Definitions,
@@ -53,127 +54,47 @@ enum Event {
 pub(super) fn specs() -> Vec<ParamSpec> {
     use Allowed::{Any, OneOf, Range};
     let text = |text: &str| Value::Str(text.to_owned());
-    vec![
-        ParamSpec::of_data(
-            "auto_people_topic",
-            text("/pedsim_simulator/simulated_agents"),
-            Any,
-            "pedsim_msgs/AgentStates; empty: none",
-        ),
-        ParamSpec::of_data(
-            "teleop_people_topic",
-            text("/ped/control/teleop_persons"),
-            Any,
-            "pedsim_msgs/TrackedPersons; empty: none",
-        ),
-        ParamSpec::of_data(
-            "people_topic",
-            text(""),
-            Any,
-            "people from another tracker, of type people_type; several topics separated by commas (auto only); empty: none",
-        ),
-        ParamSpec::of_data(
-            "people_type",
-            text("auto"),
-            OneOf(&[
-                "auto",
-                "spencer_tracking_msgs/TrackedPersons",
-                "people_msgs/People",
-                "geometry_msgs/PoseArray",
-                "ros4hri",
-            ]),
+    param_specs! {
+        of_data "auto_people_topic" = text("/pedsim_simulator/simulated_agents"), Any,
+            "pedsim_msgs/AgentStates; empty: none";
+        of_data "teleop_people_topic" = text("/ped/control/teleop_persons"), Any,
+            "pedsim_msgs/TrackedPersons; empty: none";
+        of_data "people_topic" = text(""), Any,
+            "people from another tracker, of type people_type; several topics separated by commas (auto only); empty: none";
+        of_data "people_type" = text("auto"),
+            OneOf(&["auto", "spencer_tracking_msgs/TrackedPersons", "people_msgs/People", "geometry_msgs/PoseArray", "ros4hri"]),
             "type of people_topic; auto: any type that people are read from (docs/people.md), found by itself; ros4hri: TF frames \
-             people_frames instead of people_topic, of those on /humans/persons/tracked, otherwise /humans/bodies/tracked",
-        ),
-        ParamSpec::of_data(
-            "people_frames",
-            text(""),
-            Any,
+             people_frames instead of people_topic, of those on /humans/persons/tracked, otherwise /humans/bodies/tracked";
+        of_data "people_frames" = text(""), Any,
             "ros4hri: names of people's TF frames, * for the id, such as actor_*; empty: as REP-155, person_* or body_* of those on \
-             the lists",
-        ),
-        ParamSpec::of_data(
-            "people_classes",
-            text("person,people,pedestrian,human,0"),
-            Any,
-            "auto: classes of detections, and namespaces of markers, that are people (0: people among COCO's numbers)",
-        ),
-        ParamSpec::of_data(
-            "people_names",
-            text(""),
-            Any,
+             the lists";
+        of_data "people_classes" = text("person,people,pedestrian,human,0"), Any,
+            "auto: classes of detections, and namespaces of markers, that are people (0: people among COCO's numbers)";
+        of_data "people_names" = text(""), Any,
             "names of people, separated by commas, who get their numbers before all others: the number in the name, otherwise the \
-             smallest free one",
-        ),
-        ParamSpec::new(
-            "msg_path",
-            text(""),
-            Any,
-            "auto on ROS 2: folders with .msg files, separated by :; then AMENT_PREFIX_PATH",
-        ),
-        ParamSpec::new(
-            "goal_param",
-            text("/hri/human_goal"),
-            Any,
-            "parameter with the goal [x, y]; empty: none",
-        ),
-        ParamSpec::of_data(
-            "goal_topic",
-            text("/hri/human_goal"),
-            Any,
-            "geometry_msgs/PoseStamped goal; empty: none",
-        ),
-        ParamSpec::of_data(
-            "goals_topic",
-            text("/hri/human_goals"),
-            Any,
-            "pedsim_msgs/TrackedPersons whose poses are the people's goals; empty: none",
-        ),
-        ParamSpec::of_data("robot", text(""), Any, "name of the robot that nearest:N refers to; empty: none"),
-        ParamSpec::of_data(
-            "source_frame",
-            text("base_footprint"),
-            Any,
-            "frame of people whose topic names none; empty: target_frame",
-        ),
-        ParamSpec::of_data("target_frame", text("map"), Any, "frame of the published states"),
-        ParamSpec::of_data(
-            "tf_topic",
-            text("/tf"),
-            Any,
-            "transforms; those that are fixed come on the same name with _static",
-        ),
-        ParamSpec::of_data(
-            "sel_agent",
-            text("1000"),
-            Any,
-            "person on /roscausal/human; if absent, the first person",
-        ),
-        ParamSpec::of_data(
-            "person_timeout",
-            Value::Double(1.0),
-            Range(0.05, 60.0),
-            "seconds for which a person is kept after the last sighting",
-        ),
-        ParamSpec::of_data(
-            "join_gate",
-            Value::Double(0.8),
-            Range(0.0, 10.0),
-            "people without identity (PoseArray): a sighting within this many metres of a track, and 2 m per second since, belongs to it",
-        ),
-        ParamSpec::of_data(
-            "rejoin_time",
-            Value::Double(0.0),
-            Range(0.0, 60.0),
-            "seconds: a new id within join_gate of somebody who was lost for at most this long is hers; 0: never",
-        ),
-        ParamSpec::of_data(
-            "position_noise",
-            Value::Double(0.05),
-            Range(0.0, 5.0),
-            "trackers without velocities: noise of their positions, metres, for the filter that gives velocities; 0: differences",
-        ),
-    ]
+             smallest free one";
+        "msg_path" = text(""), Any,
+            "auto on ROS 2: folders with .msg files, separated by :; then AMENT_PREFIX_PATH";
+        "goal_param" = text("/hri/human_goal"), Any, "parameter with the goal [x, y]; empty: none";
+        of_data "goal_topic" = text("/hri/human_goal"), Any, "geometry_msgs/PoseStamped goal; empty: none";
+        of_data "goals_topic" = text("/hri/human_goals"), Any,
+            "pedsim_msgs/TrackedPersons whose poses are the people's goals; empty: none";
+        of_data "robot" = text(""), Any, "name of the robot that nearest:N refers to; empty: none";
+        of_data "source_frame" = text("base_footprint"), Any,
+            "frame of people whose topic names none; empty: target_frame";
+        of_data "target_frame" = text("map"), Any, "frame of the published states";
+        of_data "tf_topic" = text("/tf"), Any,
+            "transforms; those that are fixed come on the same name with _static";
+        of_data "sel_agent" = text("1000"), Any, "person on /roscausal/human; if absent, the first person";
+        of_data "person_timeout" = Value::Double(1.0), Range(0.05, 60.0),
+            "seconds for which a person is kept after the last sighting";
+        of_data "join_gate" = Value::Double(0.8), Range(0.0, 10.0),
+            "people without identity (PoseArray): a sighting within this many metres of a track, and 2 m per second since, belongs to it";
+        of_data "rejoin_time" = Value::Double(0.0), Range(0.0, 60.0),
+            "seconds: a new id within join_gate of somebody who was lost for at most this long is hers; 0: never";
+        of_data "position_noise" = Value::Double(0.05), Range(0.0, 5.0),
+            "trackers without velocities: noise of their positions, metres, for the filter that gives velocities; 0: differences";
+    }
 }
 
 /// The human node. It runs until the middleware ends.

@@ -1,6 +1,8 @@
-//! From a [`Model`] to the messages that the discovery node publishes.
+//! From a [`Model`] to the messages that the discovery node publishes, and back.
 
-use roscausal_discovery::{Link, LinkMark, Model, decides_by_pc_alpha, draw, sentence_of};
+use std::collections::HashSet;
+
+use roscausal_discovery::{Link, LinkMark, Model, Settings, draw};
 use roscausal_msgs::{
     CausalLink, CausalModel, CausalModelInfo, Time,
     sensor_msgs::{CompressedImage, Image},
@@ -85,12 +87,42 @@ pub fn causal_model_info(
     }
 }
 
-/// The level that decided on the links of a model, with its name: that of [`Model::link_level`]. No value: a score chose it for each
-/// variable.
-pub fn link_level(info: &CausalModelInfo) -> (&'static str, Option<f64>) {
-    match decides_by_pc_alpha(&info.method) {
-        true => ("pc_alpha", Some(info.pc_alpha).filter(|level| *level > 0.0)),
-        false => ("alpha", Some(info.alpha)),
+/// The model of a message, as far as the message has it: variables, links and how they were found; no matrices.
+pub fn model_of(info: &CausalModelInfo) -> Model {
+    let mut features = info.candidate_features.clone();
+    let mut known: HashSet<&String> = info.candidate_features.iter().collect();
+    let linked = info.links.iter().flat_map(|link| [&link.cause, &link.effect]);
+    features.extend(linked.filter(|name| known.insert(name)).cloned());
+    let largest = info.links.iter().map(|link| link.lag).fold(info.max_lag, u32::max) as usize;
+    Model {
+        method: info.method.clone(),
+        cond_ind_test: info.cond_ind_test.clone(),
+        alpha: info.alpha,
+        // The message has 0 for a level that a score chose, and for a step that is not known.
+        pc_alpha: Some(info.pc_alpha).filter(|level| *level > 0.0),
+        dt: Some(info.dt).filter(|dt| *dt != 0.0),
+        tau_min: largest.min(info.min_lag as usize),
+        tau_max: largest,
+        n_samples: info.n_samples as usize,
+        features,
+        links: info.links.iter().map(link_of).collect(),
+        ..Settings::default().blank_model()
+    }
+}
+
+fn link_of(link: &CausalLink) -> Link {
+    // Messages of before there was a mark do not say what was tested, and all of it was.
+    let tested = link.tested || link.mark.is_empty();
+    Link {
+        cause: link.cause.clone(),
+        effect: link.effect.clone(),
+        lag: link.lag as usize,
+        value: tested.then_some(link.value),
+        p_value: tested.then_some(link.p_value),
+        mark: mark_of(link).to_owned(),
+        confidence: Some(link.confidence).filter(|share| *share >= 0.0),
+        required: !tested,
+        ..Link::default()
     }
 }
 
@@ -150,11 +182,6 @@ pub fn mark_of(link: &CausalLink) -> &'static str {
         "" => "-->",
         given => LinkMark::ALL.iter().map(|mark| mark.symbol()).find(|mark| *mark == given).unwrap_or("o-o"),
     }
-}
-
-/// What the mark of a link of a message says.
-pub fn sentence(link: &CausalLink) -> String {
-    sentence_of(&link.cause, &link.effect, mark_of(link))
 }
 
 fn short(link: &Link) -> String {

@@ -3,12 +3,12 @@
 use std::collections::HashSet;
 
 use roscausal_discovery::{
-    Error, Link, Model, Settings,
+    Error, Link,
     text::{check_step, is_share, quoted},
 };
 use roscausal_msgs::{
-    CausalLink, CausalModelInfo, Contribution, EffectResponse, ExplainResponse, Forecast, Intervention,
-    Outlook, Time, WhatIfRequest, WhatIfResponse,
+    CausalModelInfo, Contribution, EffectResponse, ExplainResponse, Forecast, Intervention, Outlook, Time,
+    WhatIfRequest, WhatIfResponse,
 };
 use roscausal_reasoning::{
     Facts, StructuralModel,
@@ -18,7 +18,7 @@ use roscausal_reasoning::{
 };
 use serde_json::{Value as Json, json};
 
-use super::{model_messages::mark_of, reasoning_rows::Moment};
+use super::{model_messages::model_of, reasoning_rows::Moment};
 
 /// The graph of a model that was published, without the columns `context`: that of [`Graph::of_model`]. Links at lag 0 that are
 /// listed as causes in both directions contradict each other.
@@ -27,61 +27,25 @@ use super::{model_messages::mark_of, reasoning_rows::Moment};
 /// What is not a graph ([`Graph::new`]), no step, or no p-value.
 pub(super) fn graph_of(info: &CausalModelInfo, context: &[String]) -> Result<(Graph, Facts), Error> {
     let is_context = |name: &String| context.contains(name) || name.starts_with("do_");
-    let listed: Vec<&CausalLink> =
-        info.links.iter().filter(|link| !is_context(&link.cause) && !is_context(&link.effect)).collect();
-    let mut features: Vec<String> =
-        info.candidate_features.iter().filter(|name| !is_context(name)).cloned().collect();
-    let linked: HashSet<&String> = listed.iter().flat_map(|link| [&link.cause, &link.effect]).collect();
-    let mut places: HashSet<String> = features.iter().cloned().collect();
-    features.extend(
-        listed
-            .iter()
-            .flat_map(|link| [&link.cause, &link.effect])
-            .filter(|name| places.insert((*name).clone()))
-            .cloned(),
-    );
-    // The message has 0 for a step that is not known.
-    let dt = Some(info.dt).filter(|dt| *dt != 0.0);
-    check_step(dt)?;
-    let within_a_moment: HashSet<(&str, &str)> = listed
-        .iter()
-        .filter(|link| link.lag == 0 && mark_of(link) == "-->")
-        .map(|link| (link.cause.as_str(), link.effect.as_str()))
-        .collect();
-    let mut links = Vec::new();
-    for link in &listed {
-        let tested = link.tested || link.mark.is_empty();
-        if tested && !is_share(link.p_value) {
+    let mut model = model_of(info);
+    check_step(model.dt)?;
+    model.features.retain(|name| !is_context(name));
+    model.links.retain(|link| !is_context(&link.cause) && !is_context(&link.effect));
+    let linked: HashSet<&String> = model.links.iter().flat_map(|link| [&link.cause, &link.effect]).collect();
+    model.dropped = model.features.iter().filter(|name| !linked.contains(name)).cloned().collect();
+    let is_of_now = |link: &&Link| link.lag == 0 && link.mark == "-->" && link.cause != link.effect;
+    let within_a_moment: HashSet<(String, String)> =
+        model.links.iter().filter(is_of_now).map(|link| (link.cause.clone(), link.effect.clone())).collect();
+    for link in &mut model.links {
+        if let Some(p) = link.p_value.filter(|p| !is_share(*p)) {
             let (cause, effect) = (quoted(&link.cause), quoted(&link.effect));
-            let (lag, p) = (link.lag, link.p_value);
-            let reason = format!("the p-value of {cause} -> {effect} at lag {lag} is {p}, not 0 to 1");
+            let reason = format!("the p-value of {cause} -> {effect} at lag {} is {p}, not 0 to 1", link.lag);
             return Err(Error::Data(reason));
         }
-        let contradicts = link.lag == 0
-            && link.cause != link.effect
-            && within_a_moment.contains(&(link.effect.as_str(), link.cause.as_str()));
-        links.push(Link {
-            cause: link.cause.clone(),
-            effect: link.effect.clone(),
-            lag: link.lag as usize,
-            value: tested.then_some(link.value),
-            p_value: tested.then_some(link.p_value),
-            mark: if contradicts { "x-x" } else { mark_of(link) }.to_owned(),
-            ..Link::default()
-        });
+        if link.lag == 0 && within_a_moment.contains(&(link.effect.clone(), link.cause.clone())) {
+            link.mark = "x-x".to_owned();
+        }
     }
-    let largest = links.iter().map(|link| link.lag).max().unwrap_or(0).max(info.max_lag as usize);
-    let dropped = features.iter().filter(|name| !linked.contains(name)).cloned().collect();
-    let model = Model {
-        method: info.method.clone(),
-        cond_ind_test: info.cond_ind_test.clone(),
-        tau_max: largest,
-        dt,
-        features,
-        dropped,
-        links,
-        ..Settings::default().blank_model()
-    };
     Ok((Graph::of_model(&model, &[])?, Facts::of_model(&model)))
 }
 
@@ -236,8 +200,8 @@ pub(super) fn structural_model(model: &StructuralModel) -> String {
 
 #[cfg(test)]
 mod tests {
-    use roscausal_discovery::LinkMark;
-    use roscausal_msgs::std_msgs::Header;
+    use roscausal_discovery::{LinkMark, Model, Settings};
+    use roscausal_msgs::{CausalLink, std_msgs::Header};
 
     use super::{
         super::model_messages::{Origin, causal_model_info},

@@ -11,7 +11,7 @@ use roscausal_reasoning::{
 
 use super::path;
 use crate::{
-    Error, Result, bounded,
+    Error, Result, bounded, param_specs,
     params::{Allowed, ParamSpec, Params, Value},
 };
 
@@ -22,63 +22,30 @@ pub(super) fn specs() -> Vec<ParamSpec> {
     let text = |text: &str| Str(text.to_owned());
     let acts_on =
         ["do_robot_speed=r_v", "do_robot_off=r_v", "do_human_v=h_v", "do_human_stop=h_v"].map(text).to_vec();
-    vec![
-        ParamSpec::new(
-            "equations",
-            text("auto"),
-            OneOf(&["auto", "linear", "gp"]),
-            "equations of the model; auto: a Gaussian process where it predicts better than a line",
-        ),
-        ParamSpec::new("horizon", Int(10), Range(1.0, 1000.0), "steps ahead, where a question does not say"),
-        ParamSpec::new("paths", Int(400), Range(20.0, 100_000.0), "simulated paths of an answer"),
-        ParamSpec::new(
-            "prediction_paths",
-            Int(100),
-            Range(20.0, 100_000.0),
-            "simulated paths of a prediction on /roscausal/prediction",
-        ),
-        ParamSpec::new("max_samples", Int(3000), Range(50.0, 1e6), "newest rows that are kept"),
-        ParamSpec::new("min_samples", Int(200), Range(50.0, 1e6), "rows that a model needs"),
-        ParamSpec::new(
-            "refit_every",
-            Double(60.0),
-            Range(1.0, 1e6),
-            "seconds between two fits of the equations; a new model is fitted at once",
-        ),
-        ParamSpec::new("interval", Double(0.9), Range(0.5, 0.999), "probability of an interval"),
-        ParamSpec::new("seed", Int(42), Range(0.0, 9e15), "seed of all random numbers"),
-        ParamSpec::new(
-            "acts_on",
-            List(acts_on),
-            Any,
-            "columns of interventions and the variable that each sets, such as do_robot_speed=r_v",
-        ),
-        ParamSpec::new(
-            "graph",
-            text(""),
-            Any,
-            "file with a model, or a graph written by hand, instead of the topic; empty: the topic",
-        ),
-        ParamSpec::new(
-            "data",
-            List(Vec::new()),
-            Any,
-            "batches (CSV files) whose rows are there from the start, such as after a restart",
-        ),
-        ParamSpec::new(
-            "person",
-            text(""),
-            Any,
-            "id of the person whose variables (h_7_v) the model's (h_v) are, if there are several; empty: the only one",
-        ),
-        ParamSpec::new(
-            "allow_extrapolation",
-            Bool(false),
-            Any,
-            "also answer where the data do not reach, and say so",
-        ),
-        ParamSpec::new("threads", Int(0), Range(0.0, 1024.0), "threads for answers and fits; 0: all cores"),
-    ]
+    param_specs! {
+        "equations" = text("auto"), OneOf(&["auto", "linear", "gp"]),
+            "equations of the model; auto: a Gaussian process where it predicts better than a line";
+        "horizon" = Int(10), Range(1.0, 1000.0), "steps ahead, where a question does not say";
+        "paths" = Int(400), Range(20.0, 100_000.0), "simulated paths of an answer";
+        "prediction_paths" = Int(100), Range(20.0, 100_000.0),
+            "simulated paths of a prediction on /roscausal/prediction";
+        "max_samples" = Int(3000), Range(50.0, 1e6), "newest rows that are kept";
+        "min_samples" = Int(200), Range(50.0, 1e6), "rows that a model needs";
+        "refit_every" = Double(60.0), Range(1.0, 1e6),
+            "seconds between two fits of the equations; a new model is fitted at once";
+        "interval" = Double(0.9), Range(0.5, 0.999), "probability of an interval";
+        "seed" = Int(42), Range(0.0, 9e15), "seed of all random numbers";
+        "acts_on" = List(acts_on), Any,
+            "columns of interventions and the variable that each sets, such as do_robot_speed=r_v";
+        "graph" = text(""), Any,
+            "file with a model, or a graph written by hand, instead of the topic; empty: the topic";
+        "data" = List(Vec::new()), Any,
+            "batches (CSV files) whose rows are there from the start, such as after a restart";
+        "person" = text(""), Any,
+            "id of the person whose variables (h_7_v) the model's (h_v) are, if there are several; empty: the only one";
+        "allow_extrapolation" = Bool(false), Any, "also answer where the data do not reach, and say so";
+        "threads" = Int(0), Range(0.0, 1024.0), "threads for answers and fits; 0: all cores";
+    }
 }
 
 /// The parameters, checked.

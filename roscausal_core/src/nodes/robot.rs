@@ -14,6 +14,7 @@ use crate::{
     Error, Result,
     inbox::{Inbox, Next},
     middleware::{Middleware, Publish, Qos},
+    param_specs,
     params::{Allowed, ParamSpec, Params, Value},
     state::robot::RobotTracker,
 };
@@ -29,71 +30,27 @@ enum Event {
 pub(super) fn specs() -> Vec<ParamSpec> {
     use Allowed::{Any, OneOf, Range};
     let text = |text: &str| Value::Str(text.to_owned());
-    vec![
-        ParamSpec::of_data(
-            "odom_topic",
-            text("/mobile_base_controller/odom"),
-            Any,
-            "odometry of the base; empty: none, the speed follows from the poses",
-        ),
-        ParamSpec::of_data(
-            "odom_type",
-            text("Odometry"),
-            OneOf(&["Odometry", "TwistStamped"]),
-            "type of odom_topic; TwistStamped: a measured velocity alone",
-        ),
-        ParamSpec::of_data(
-            "pose_topic",
-            text("/robot_pose"),
-            Any,
-            "the localised pose; empty: the place of source_frame in TF at each odometry message",
-        ),
-        ParamSpec::of_data(
-            "pose_type",
-            text("PoseWithCovarianceStamped"),
-            OneOf(&["PoseWithCovarianceStamped", "PoseStamped", "Odometry"]),
-            "type of pose_topic; Odometry: the pose in the odometry, brought to target_frame by TF",
-        ),
-        ParamSpec::of_data("goal_topic", text("/move_base/goal"), Any, "the goal; empty: none"),
-        ParamSpec::of_data(
-            "goal_type",
-            text("MoveBaseActionGoal"),
-            OneOf(&["MoveBaseActionGoal", "PoseStamped", "Path"]),
+    param_specs! {
+        of_data "odom_topic" = text("/mobile_base_controller/odom"), Any,
+            "odometry of the base; empty: none, the speed follows from the poses";
+        of_data "odom_type" = text("Odometry"), OneOf(&["Odometry", "TwistStamped"]),
+            "type of odom_topic; TwistStamped: a measured velocity alone";
+        of_data "pose_topic" = text("/robot_pose"), Any,
+            "the localised pose; empty: the place of source_frame in TF at each odometry message";
+        of_data "pose_type" = text("PoseWithCovarianceStamped"), OneOf(&["PoseWithCovarianceStamped", "PoseStamped", "Odometry"]),
+            "type of pose_topic; Odometry: the pose in the odometry, brought to target_frame by TF";
+        of_data "goal_topic" = text("/move_base/goal"), Any, "the goal; empty: none";
+        of_data "goal_type" = text("MoveBaseActionGoal"), OneOf(&["MoveBaseActionGoal", "PoseStamped", "Path"]),
             "type of goal_topic; PoseStamped for /move_base_simple/goal and /goal_pose; Path: the end of a plan, such as Nav2's /plan, \
-             which has the goals of NavigateToPose, too",
-        ),
-        ParamSpec::of_data(
-            "robot",
-            text(""),
-            Any,
-            "name of the robot, the namespace of its topics; empty: none",
-        ),
-        ParamSpec::of_data(
-            "source_frame",
-            text("base_footprint"),
-            Any,
-            "frame of the robot, used without pose_topic",
-        ),
-        ParamSpec::of_data("target_frame", text("map"), Any, "frame of the published state"),
-        ParamSpec::of_data(
-            "tf_topic",
-            text("/tf"),
-            Any,
-            "transforms; those that are fixed come on the same name with _static; a robot in a namespace may have /NAME/tf",
-        ),
-        ParamSpec::new(
-            "queue_size",
-            Value::Int(10),
-            Range(1.0, 10000.0),
-            "most messages that wait for a partner",
-        ),
-        ParamSpec::of_data(
-            "slop",
-            Value::Double(0.1),
-            Range(0.0, 10.0),
-            "most seconds between a pose and its odometry",
-        ),
-    ]
+             which has the goals of NavigateToPose, too";
+        of_data "robot" = text(""), Any, "name of the robot, the namespace of its topics; empty: none";
+        of_data "source_frame" = text("base_footprint"), Any, "frame of the robot, used without pose_topic";
+        of_data "target_frame" = text("map"), Any, "frame of the published state";
+        of_data "tf_topic" = text("/tf"), Any,
+            "transforms; those that are fixed come on the same name with _static; a robot in a namespace may have /NAME/tf";
+        "queue_size" = Value::Int(10), Range(1.0, 10000.0), "most messages that wait for a partner";
+        of_data "slop" = Value::Double(0.1), Range(0.0, 10.0), "most seconds between a pose and its odometry";
+    }
 }
 
 /// The robot node. It runs until the middleware ends.

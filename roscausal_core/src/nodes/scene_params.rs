@@ -6,28 +6,20 @@ use super::in_namespace;
 use crate::{
     Error, Result,
     batch::Select,
+    param_specs,
     params::{Allowed, ParamSpec, Params, Value},
     state::scene::RiskCone,
 };
 
 /// Parameters of the risk: names, defaults, allowed values and descriptions.
-pub(super) fn risk_specs() -> [ParamSpec; 2] {
+pub(super) fn risk_specs() -> Vec<ParamSpec> {
     use Allowed::Range;
     use Value::Double;
-    [
-        ParamSpec::of_data(
-            "obs_size",
-            Double(2.0),
-            Range(0.01, 100.0),
-            "radius added around the robot, metres",
-        ),
-        ParamSpec::of_data(
-            "safe_dist",
-            Double(5.0),
-            Range(0.01, 1000.0),
-            "distance beyond which there is no collision course, metres",
-        ),
-    ]
+    param_specs! {
+        of_data "obs_size" = Double(2.0), Range(0.01, 100.0), "radius added around the robot, metres";
+        of_data "safe_dist" = Double(5.0), Range(0.01, 1000.0),
+            "distance beyond which there is no collision course, metres";
+    }
 }
 
 /// Whose goal and risk a view of the scene shows.
@@ -54,10 +46,10 @@ impl SceneOptions {
     pub fn specs() -> Vec<ParamSpec> {
         let whose = "person whose goal and risk are shown: an id or nearest:1; if absent, the first person";
         let robot = "name of the robot, the namespace of its topics; empty: none";
-        let mut specs = vec![
-            ParamSpec::new("robot", Value::Str(String::new()), Allowed::Any, robot),
-            ParamSpec::new("sel_agent", Value::Str("1000".into()), Allowed::Any, whose),
-        ];
+        let mut specs = param_specs! {
+            "robot" = Value::Str(String::new()), Allowed::Any, robot;
+            "sel_agent" = Value::Str("1000".into()), Allowed::Any, whose;
+        };
         specs.extend(risk_specs());
         specs
     }

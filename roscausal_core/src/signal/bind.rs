@@ -5,7 +5,8 @@ use roscausal_msgs::{
     dynamic::{Array, Found, Kind, Path, Query, QueryError, Schema, Step, Wire},
 };
 
-use super::parse::{FUNCTIONS, Node, Of, Operator, Signal, wrap};
+use super::parse::{Node, Of, Signal};
+use crate::grammar::{FUNCTIONS, Operator, wrap};
 use crate::params::nearest;
 
 /// What an expression is computed from: a message, and when it was stamped and arrived.
@@ -313,9 +314,7 @@ impl Part {
                 let same = a.text(scope)? == b.text(scope)?;
                 f64::from(u8::from(same == (*operator == Operator::Equal)))
             }
-            Self::Binary(operator, a, b) => {
-                binary(*operator, a.value(scope, memories)?, b.value(scope, memories)?)
-            }
+            Self::Binary(operator, a, b) => operator.of(a.value(scope, memories)?, b.value(scope, memories)?),
         })
     }
 
@@ -347,25 +346,6 @@ fn step(memories: &mut Memories, memory: usize, stamp: Time, value: f64) -> Opti
     let before = memories.get_mut(memory)?.replace((stamp, value))?;
     let seconds = stamp.secs_since(before.0);
     (seconds > 0.0).then_some((seconds, before.1))
-}
-
-fn binary(operator: Operator, a: f64, b: f64) -> f64 {
-    if a.is_nan() || b.is_nan() {
-        return f64::NAN;
-    }
-    let truth = |is_so: bool| f64::from(u8::from(is_so));
-    match operator {
-        Operator::Plus => a + b,
-        Operator::Minus => a - b,
-        Operator::Times => a * b,
-        Operator::Over => a / b,
-        Operator::Less => truth(a < b),
-        Operator::AtMost => truth(a <= b),
-        Operator::More => truth(a > b),
-        Operator::AtLeast => truth(a >= b),
-        Operator::Equal => truth(a == b),
-        Operator::Unequal => truth(a != b),
-    }
 }
 
 /// One number from those of an array. What is not finite, such as the range of a beam that met nothing, does not count.

@@ -10,8 +10,8 @@
 //! - `count(p)`, `sum(p)`, `mean(p)`, `min(p)`, `max(p)` of an array, `norm(p)` of a vector or an array, `length(p)` of a way.
 //! - `rate(e)`: change per second from message to message. `hz(/topic)`: messages per second. `delay(/topic)`: seconds from
 //!   a message's stamp to its arrival.
-//! - `+ - * /`, brackets, `pi`, `abs sqrt exp log sin cos wrap min max`; comparisons `< <= > >= == !=` are 1 or 0, also with
-//!   a text: `/battery.state == "full"`.
+//! - `+ - * / ^`, brackets, `pi`, numbers with units as in `batch::expression` (`30 deg`), its functions of one number, `min`,
+//!   `max`; comparisons `< <= > >= == !=` are 1 or 0, also with a text: `/battery.state == "full"`.
 //! - Around the whole: `hold(e, 30)` (the last value for at most 30 s), `linear(e)` (between two values), `average(e)` (of
 //!   the values since the row before). Default: the last value for at most `signal_max_age`. Within them, `only(e, condition)`:
 //!   only messages count in which the condition is not 0.

@@ -3,12 +3,15 @@
 use roscausal_msgs::dynamic::Path;
 use serde::{Deserialize, Serialize};
 
-use crate::{Error, Result, middleware::is_token, params::nearest};
+use crate::{
+    Error, Result,
+    grammar::{FUNCTIONS, Language, Operator, Parsed, Scanner},
+    middleware::is_token,
+    params::nearest,
+};
 
 /// Longest text of a signal, bytes.
 const LONGEST: usize = 1000;
-/// Deepest nesting of brackets.
-const DEEPEST: usize = 30;
 /// The longest that a value may be held, seconds: 30 years.
 const LONGEST_HOLD_S: f64 = 1e9;
 /// An example, for errors.
@@ -74,42 +77,8 @@ impl Of {
     ];
 }
 
-/// A comparison or an arithmetic operation.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Operator {
-    Plus,
-    Minus,
-    Times,
-    Over,
-    Less,
-    AtMost,
-    More,
-    AtLeast,
-    Equal,
-    Unequal,
-}
-
-/// A function by its name.
-type Named = (&'static str, fn(f64) -> f64);
-
-/// Functions of one number.
-pub(super) const FUNCTIONS: [Named; 7] = [
-    ("abs", f64::abs),
-    ("sqrt", f64::sqrt),
-    ("exp", f64::exp),
-    ("log", f64::ln),
-    ("sin", f64::sin),
-    ("cos", f64::cos),
-    ("wrap", wrap),
-];
-
 /// Functions that go around the whole.
 const WHOLE: [&str; 4] = ["hold", "linear", "average", "only"];
-
-/// The angle between -pi and pi.
-pub(super) fn wrap(angle: f64) -> f64 {
-    angle.sin().atan2(angle.cos())
-}
 
 #[derive(Clone, Debug, PartialEq)]
 pub(super) enum Node {
@@ -123,7 +92,7 @@ pub(super) enum Node {
     Rate(usize, Box<Node>),
     Negative(Box<Node>),
     Binary(Operator, Box<Node>, Box<Node>),
-    /// Index into [`FUNCTIONS`].
+    /// A function of a number, by its number.
     Call(usize, Box<Node>),
     /// The smaller of two; or the larger.
     Pair(bool, Box<Node>, Box<Node>),
@@ -148,12 +117,12 @@ impl Signal {
         let name = name.trim();
         if !is_token(name) || ["time", "t", "timestamp"].contains(&name) || name.starts_with("do_") {
             return Err(fault(format!(
-                "'{name}' is not a valid signal name; use letters, digits and '_', such as '{EXAMPLE}'"
+                "'{name}' is no name of a signal; use letters, digits and '_', such as '{EXAMPLE}'"
             )));
         }
         let expression = expression.trim();
-        let mut parser = Parser { text: expression, at: 0, depth: 0, topic: None, memories: 0, only: None };
-        let parsed = parser.whole(max_age);
+        let mut parser = Fields { topic: None, memories: 0, only: None };
+        let parsed = parser.whole(&mut Scanner::new(expression), max_age);
         let (root, how) = parsed.map_err(|reason| fault(format!("{name} = {expression}: {reason}")))?;
         let topic = parser.topic.ok_or_else(|| {
             fault(format!("{name} = {expression}: it names no topic; write such as '{EXAMPLE}'"))
@@ -189,185 +158,131 @@ impl Signal {
     }
 }
 
-struct Parser<'a> {
-    text: &'a str,
-    at: usize,
-    depth: usize,
+/// The fields of one topic, as an expression names them.
+struct Fields {
     topic: Option<String>,
     memories: usize,
     only: Option<Node>,
 }
 
-type Parsed<T> = std::result::Result<T, String>;
+impl Language for Fields {
+    type Node = Node;
 
-impl Parser<'_> {
+    fn atom(&mut self, text: &mut Scanner<'_>) -> Parsed<Node> {
+        match text.next() {
+            Some('(') => {
+                text.expect("(")?;
+                self.closed(text)
+            }
+            Some('/') => self.path(text).map(Node::Path),
+            Some('"' | '\'') => Ok(Node::Text(text.quoted()?.to_owned())),
+            Some(c) if c.is_ascii_digit() || c == '.' => text.number().map(Node::Number),
+            Some(c) if c.is_ascii_alphabetic() => self.named(text),
+            _ => Err(text.fault("a number, a function or a topic (which begins with '/') is missing")),
+        }
+    }
+
+    fn negative(inner: Node) -> Node {
+        Node::Negative(Box::new(inner))
+    }
+
+    fn binary(operator: Operator, left: Node, right: Node) -> Node {
+        Node::Binary(operator, Box::new(left), Box::new(right))
+    }
+}
+
+impl Fields {
     /// The expression to its end, and what rows hold of it.
-    fn whole(&mut self, max_age: f64) -> Parsed<(Node, How)> {
-        let parsed = if self.word("hold(") {
-            let inner = self.counted()?;
-            self.expect(',')?;
-            let seconds = self.number()?;
+    fn whole(&mut self, text: &mut Scanner<'_>, max_age: f64) -> Parsed<(Node, How)> {
+        let parsed = if text.word("hold(") {
+            let inner = self.counted(text)?;
+            text.expect(",")?;
+            let seconds = text.number()?;
             if !(seconds > 0.0 && seconds <= LONGEST_HOLD_S) {
                 return Err("hold(..., seconds) takes more than 0 and at most 1e9 seconds".into());
             }
-            self.expect(')')?;
+            text.expect(")")?;
             (inner, How::Hold(seconds))
-        } else if self.word("linear(") {
-            (self.closed_counted()?, How::Linear)
-        } else if self.word("average(") {
-            (self.closed_counted()?, How::Average(max_age))
+        } else if text.word("linear(") {
+            (self.closed_counted(text)?, How::Linear)
+        } else if text.word("average(") {
+            (self.closed_counted(text)?, How::Average(max_age))
         } else {
-            (self.counted()?, How::Hold(max_age))
+            (self.counted(text)?, How::Hold(max_age))
         };
-        self.blanks();
-        if self.at < self.text.len() {
-            return Err(self.fault(
-                "an operator or the end is missing; hold, linear, average and only go around the whole",
-            ));
-        }
+        text.end("an operator or the end is missing; hold, linear, average and only go around the whole")?;
         Ok(parsed)
     }
 
     /// An expression, and with `only(e, condition)` which messages count.
-    fn counted(&mut self) -> Parsed<Node> {
-        if !self.word("only(") {
-            return self.comparison();
+    fn counted(&mut self, text: &mut Scanner<'_>) -> Parsed<Node> {
+        if !text.word("only(") {
+            return self.expression(text);
         }
-        let inner = self.comparison()?;
-        self.expect(',')?;
-        self.only = Some(self.closed()?);
+        let inner = self.expression(text)?;
+        text.expect(",")?;
+        self.only = Some(self.closed(text)?);
         Ok(inner)
     }
 
-    fn closed_counted(&mut self) -> Parsed<Node> {
-        let inner = self.counted()?;
-        self.expect(')')?;
+    fn closed_counted(&mut self, text: &mut Scanner<'_>) -> Parsed<Node> {
+        let inner = self.counted(text)?;
+        text.expect(")")?;
         Ok(inner)
     }
 
-    fn closed(&mut self) -> Parsed<Node> {
-        let inner = self.comparison()?;
-        self.expect(')')?;
+    fn closed(&mut self, text: &mut Scanner<'_>) -> Parsed<Node> {
+        let inner = self.expression(text)?;
+        text.expect(")")?;
         Ok(inner)
     }
 
-    fn comparison(&mut self) -> Parsed<Node> {
-        let left = self.sum()?;
-        let operators = [
-            ("<=", Operator::AtMost),
-            (">=", Operator::AtLeast),
-            ("==", Operator::Equal),
-            ("!=", Operator::Unequal),
-            ("<", Operator::Less),
-            (">", Operator::More),
-        ];
-        for (sign, operator) in operators {
-            if self.word(sign) {
-                return Ok(Node::Binary(operator, Box::new(left), Box::new(self.sum()?)));
-            }
-        }
-        Ok(left)
-    }
-
-    fn sum(&mut self) -> Parsed<Node> {
-        let mut left = self.product()?;
-        loop {
-            let operator = match () {
-                () if self.word("+") => Operator::Plus,
-                () if self.word("-") => Operator::Minus,
-                () => return Ok(left),
-            };
-            left = Node::Binary(operator, Box::new(left), Box::new(self.product()?));
-        }
-    }
-
-    fn product(&mut self) -> Parsed<Node> {
-        let mut left = self.sign()?;
-        loop {
-            let operator = match () {
-                () if self.word("*") => Operator::Times,
-                () if self.word("/") => Operator::Over,
-                () => return Ok(left),
-            };
-            left = Node::Binary(operator, Box::new(left), Box::new(self.sign()?));
-        }
-    }
-
-    fn sign(&mut self) -> Parsed<Node> {
-        if self.depth >= DEEPEST {
-            return Err(self.fault("the brackets are nested too deeply"));
-        }
-        self.depth += 1;
-        let node = if self.word("-") { Node::Negative(Box::new(self.sign()?)) } else { self.atom()? };
-        self.depth -= 1;
-        Ok(node)
-    }
-
-    fn atom(&mut self) -> Parsed<Node> {
-        self.blanks();
-        match self.rest().chars().next() {
-            Some('(') => {
-                self.at += 1;
-                self.closed()
-            }
-            Some('/') => self.path().map(Node::Path),
-            Some('"' | '\'') => self.quoted().map(Node::Text),
-            Some(c) if c.is_ascii_digit() || c == '.' => self.number().map(Node::Number),
-            Some(c) if c.is_ascii_alphabetic() => self.named(),
-            _ => Err(self.fault("a number, a function or a topic (which begins with '/') is missing")),
-        }
-    }
-
-    fn named(&mut self) -> Parsed<Node> {
-        let begin = self.at;
-        let name = self.while_is(|c| c.is_ascii_alphanumeric() || c == '_').to_owned();
+    fn named(&mut self, text: &mut Scanner<'_>) -> Parsed<Node> {
+        let begin = text.at;
+        let name = text.while_is(|c| c.is_ascii_alphanumeric() || c == '_');
         if name == "pi" {
             return Ok(Node::Number(std::f64::consts::PI));
         }
-        if !self.word("(") {
-            self.at = begin;
-            return Err(self
-                .fault("a topic begins with '/', such as /cmd_vel.linear.x; a function is followed by '('"));
+        if !text.word("(") {
+            let reason = "a topic begins with '/', such as /cmd_vel.linear.x; a function is followed by '('";
+            return Err(text.fault_at(begin, reason));
         }
-        let node = match name.as_str() {
-            "true" | "false" => return Err(self.fault("write 1 or 0")),
+        let node = match name {
+            "true" | "false" => return Err(text.fault("write 1 or 0")),
             "hz" | "delay" => {
-                let path = self.path()?;
+                let path = self.path(text)?;
                 if !path.0.is_empty() {
                     return Err(format!("{name}() takes a topic without a field"));
                 }
                 if name == "hz" { Node::Hertz(self.memory()) } else { Node::Delay }
             }
             "rate" => {
-                let inner = self.comparison()?;
+                let inner = self.expression(text)?;
                 Node::Rate(self.memory(), Box::new(inner))
             }
-            _ => self.function(&name, begin)?,
+            _ => self.function(name, text, begin)?,
         };
-        self.expect(')')?;
+        text.expect(")")?;
         Ok(node)
     }
 
     /// What stands in the brackets of a function.
-    fn function(&mut self, name: &str, begin: usize) -> Parsed<Node> {
+    fn function(&mut self, name: &str, text: &mut Scanner<'_>, begin: usize) -> Parsed<Node> {
         if let Some(function) = FUNCTIONS.iter().position(|(known, _)| *known == name) {
-            return Ok(Node::Call(function, Box::new(self.comparison()?)));
+            return Ok(Node::Call(function, Box::new(self.expression(text)?)));
         }
         let Some((_, of)) = Of::ALL.iter().find(|(known, _)| *known == name) else {
-            self.at = begin;
             let known = Of::ALL.iter().map(|(name, _)| *name).chain(FUNCTIONS.map(|(name, _)| name));
             let known: Vec<&str> = known.chain(["rate", "hz", "delay"]).collect();
             let all: Vec<&str> = known.iter().copied().chain(WHOLE).collect();
             let hint = nearest(&all, name).map_or(String::new(), |near| format!("did you mean {near}? "));
-            return Err(self.fault(&format!(
-                "'{name}' is not a function; {hint}known: {}; around the whole: {}",
-                known.join(", "),
-                WHOLE.join(", ")
-            )));
+            let (known, whole) = (known.join(", "), WHOLE.join(", "));
+            let reason = format!("'{name}' is no function; {hint}known: {known}; around the whole: {whole}");
+            return Err(text.fault_at(begin, &reason));
         };
-        let inner = self.comparison()?;
-        if matches!(of, Of::Min | Of::Max) && self.word(",") {
-            let other = self.comparison()?;
+        let inner = self.expression(text)?;
+        if matches!(of, Of::Min | Of::Max) && text.word(",") {
+            let other = self.expression(text)?;
             return Ok(Node::Pair(*of == Of::Min, Box::new(inner), Box::new(other)));
         }
         match inner {
@@ -382,16 +297,14 @@ impl Parser<'_> {
     }
 
     /// `/topic.field.field`. The path is empty for a topic alone.
-    fn path(&mut self) -> Parsed<Path> {
-        self.blanks();
-        let begin = self.at;
-        if !self.rest().starts_with('/') {
-            return Err(self.fault("a topic is missing; it begins with '/'"));
+    fn path(&mut self, text: &mut Scanner<'_>) -> Parsed<Path> {
+        if text.next() != Some('/') {
+            return Err(text.fault("a topic is missing; it begins with '/'"));
         }
-        let topic = self.while_is(|c| c.is_ascii_alphanumeric() || "/_".contains(c)).to_owned();
+        let begin = text.at;
+        let topic = text.while_is(|c| c.is_ascii_alphanumeric() || "/_".contains(c)).to_owned();
         if !topic.split('/').skip(1).all(is_token) {
-            self.at = begin;
-            return Err(self.fault(&format!("'{topic}' is not a valid topic name")));
+            return Err(text.fault_at(begin, &format!("'{topic}' is no name of a topic")));
         }
         match &self.topic {
             Some(other) if *other != topic => {
@@ -401,84 +314,16 @@ impl Parser<'_> {
             }
             _ => self.topic = Some(topic),
         }
-        if !self.rest().starts_with('.') {
-            return Ok(Path::default());
-        }
-        self.at += 1;
-        let rest = self.rest();
+        let Some(rest) = text.ahead().strip_prefix('.') else { return Ok(Path::default()) };
         let mut in_brackets = false;
         // A `*` outside of brackets is a product.
         let ends = |c: char| {
             in_brackets = c == '[' || (in_brackets && c != ']');
             !(c.is_ascii_alphanumeric() || "_.[]".contains(c) || (in_brackets && "* ".contains(c)))
         };
-        let text = &rest[..rest.find(ends).unwrap_or(rest.len())];
-        let path: Path = text.parse()?;
-        self.at += text.len();
+        let fields = &rest[..rest.find(ends).unwrap_or(rest.len())];
+        let path: Path = fields.parse()?;
+        text.at += 1 + fields.len();
         Ok(path)
-    }
-
-    fn quoted(&mut self) -> Parsed<String> {
-        let Some(quote) = self.rest().chars().next() else { return Err(self.fault("a text is missing")) };
-        let inner = &self.rest()[1..];
-        let end = inner.find(quote).ok_or_else(|| self.fault("the text has no end"))?;
-        let text = inner[..end].to_owned();
-        self.at += end + 2;
-        Ok(text)
-    }
-
-    fn number(&mut self) -> Parsed<f64> {
-        self.blanks();
-        let rest = self.rest();
-        let mut end = 0;
-        let bytes = rest.as_bytes();
-        while end < bytes.len()
-            && (bytes[end].is_ascii_alphanumeric()
-                || bytes[end] == b'.'
-                || (matches!(bytes[end], b'+' | b'-') && end > 0 && matches!(bytes[end - 1], b'e' | b'E')))
-        {
-            end += 1;
-        }
-        let value: f64 = rest[..end].parse().map_err(|_| self.fault("a number is missing"))?;
-        self.at += end;
-        Ok(value)
-    }
-
-    fn while_is(&mut self, fits: impl Fn(char) -> bool) -> &str {
-        let rest = &self.text[self.at..];
-        let word = &rest[..rest.find(|c| !fits(c)).unwrap_or(rest.len())];
-        self.at += word.len();
-        word
-    }
-
-    /// Passes `word` if it comes next.
-    fn word(&mut self, word: &str) -> bool {
-        self.blanks();
-        let is_next = self.rest().starts_with(word);
-        if is_next {
-            self.at += word.len();
-        }
-        is_next
-    }
-
-    fn expect(&mut self, sign: char) -> Parsed<()> {
-        if self.word(sign.encode_utf8(&mut [0; 4])) {
-            Ok(())
-        } else {
-            Err(self.fault(&format!("'{sign}' is missing")))
-        }
-    }
-
-    fn blanks(&mut self) {
-        let rest = self.rest();
-        self.at += rest.len() - rest.trim_start().len();
-    }
-
-    fn rest(&self) -> &str {
-        &self.text[self.at..]
-    }
-
-    fn fault(&self, what: &str) -> String {
-        format!("{what} (at character {})", self.text[..self.at].chars().count() + 1)
     }
 }

@@ -4,15 +4,15 @@ use super::{
     arrows::{Arrow, arrows, merged},
     circle::variable,
     layout::{Edge, MATRIX_FROM, Route, plan},
-    matrix::Matrix,
+    matrix::{Matrix, matrix},
     maybe::{Maybe, maybes},
     point::Point,
     svg::{
-        FAINT, INK, Stroke, Svg, display, escaped, height_of_marks, label_width, legend_of_marks,
-        legend_of_model,
+        FAINT, INK, Stroke, Svg, display, escaped, height_of_marks, is_resampled, label_width,
+        legend_of_marks, legend_of_model,
     },
 };
-use crate::model::Model;
+use crate::model::{Link, Model};
 
 /// Left of and above the graph.
 const MARGIN: Point = Point { x: 16.0, y: 44.0 };
@@ -26,6 +26,23 @@ const LINE: f64 = 17.0;
 /// The summary graph as SVG: one node per variable, and one arrow per pair of cause and effect, labelled with its
 /// lags. A variable that depends on its own past has a loop. From 16 variables on there is a matrix beside it.
 pub fn dag(model: &Model) -> String {
+    picture(model, beside(model))
+}
+
+/// The summary graph of [`dag`] and its matrix, if there is one, as two pictures. `gone` are links of an earlier model: where the
+/// model has no link of their pair, they are drawn, too.
+pub fn dag_and_matrix(model: &Model, gone: &[Link]) -> (String, Option<String>) {
+    let mut both = model.clone();
+    let is_new = |link: &&Link| !model.links.iter().any(|l| l.cause == link.cause && l.effect == link.effect);
+    both.links.extend(gone.iter().filter(is_new).cloned());
+    (picture(&both, None), beside(model).map(|_| matrix(model)))
+}
+
+fn beside(model: &Model) -> Option<Matrix<'_>> {
+    (model.features.len() >= MATRIX_FROM).then(|| Matrix::new(model))
+}
+
+fn picture(model: &Model, matrix: Option<Matrix<'_>>) -> String {
     let arrows = arrows(model);
     let edge =
         |arrow: &Arrow<'_>| Edge { from: arrow.from, to: arrow.to, label: label_width(TEXT, &arrow.label()) };
@@ -37,7 +54,6 @@ pub fn dag(model: &Model) -> String {
     };
     let edges: Vec<Edge> = arrows.iter().map(edge).chain(maybes.iter().map(faint)).collect();
     let plan = plan(model.features.len(), &edges);
-    let matrix = (model.features.len() >= MATRIX_FROM).then(|| Matrix::new(model));
     let (beside, tall) = matrix.as_ref().map_or((0.0, 0.0), Matrix::size);
     let lines = merged(&arrows, model.smallest_p());
     let foot = MARGIN.y + plan.height.max(if model.features.is_empty() { 60.0 } else { 0.0 }) + 24.0;
@@ -133,7 +149,7 @@ fn draw_maybes(
 /// The legend, and what the arrows that stand for several lags mean.
 fn below(svg: &mut Svg, foot: f64, model: &Model, bare: bool, lines: &[String]) {
     legend_of_model(svg, Point::new(16.0, foot), model);
-    let note = if model.confidence.is_some() && !bare {
+    let note = if is_resampled(model) && !bare {
         "lines: share of the resamples with the link"
     } else if bare {
         "strengths and lags: see the matrix"

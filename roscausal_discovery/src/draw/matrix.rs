@@ -5,7 +5,7 @@
 
 use super::{
     point::Point,
-    svg::{FAINT, INK, Svg, display, escaped},
+    svg::{FAINT, INK, Svg, display, escaped, is_resampled},
 };
 use crate::model::Model;
 
@@ -136,11 +136,7 @@ impl<'a> Matrix<'a> {
         }
         let mut x = at.x + 6.0;
         let y = at.y + 22.0;
-        let what = if self.model.links.iter().any(|link| link.confidence.is_some()) {
-            "confidence 1"
-        } else {
-            "strength 1"
-        };
+        let what = if is_resampled(self.model) { "confidence 1" } else { "strength 1" };
         for (value, text, width) in
             [(0.1, "0.1", 36.0), (0.5, "0.5", 36.0), (1.0, what, 96.0), (-1.0, "negative", 60.0)]
         {

@@ -42,7 +42,7 @@ mod svg;
 mod tsdag;
 
 pub use curves::{Curve, Panel, curves};
-pub use dag::dag;
+pub use dag::{dag, dag_and_matrix};
 pub use evidence::{lag_function, residual_scatter, scatter};
 pub use fans::{Candidate, Fan, FanChart, fans};
 pub use matrix::matrix;

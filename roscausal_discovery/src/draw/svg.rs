@@ -258,10 +258,15 @@ fn legend_of_shares(svg: &mut Svg, at: Point) {
     svg.text(Point::new(x + 54.0, y + 4.0), 12.0, "start", INK, &words);
 }
 
+/// Whether its links say in which share of the resamples they are.
+pub(super) fn is_resampled(model: &Model) -> bool {
+    model.confidence.is_some() || model.links.iter().any(|link| link.confidence.is_some())
+}
+
 /// The legend for widths, colours and dashes of a model, from `at` downwards.
 pub(super) fn legend_of_model(svg: &mut Svg, at: Point, model: &Model) {
     let signed = model.links.iter().any(|link| link.drawn_strength() < 0.0);
-    if model.confidence.is_none() {
+    if !is_resampled(model) {
         return legend(svg, at, model.smallest_p(), signed);
     }
     legend_of_shares(svg, at);

@@ -3,6 +3,7 @@
 use roscausal_core::{
     Result,
     middleware::Middleware,
+    param_specs,
     params::{Allowed, ParamSpec, Params, Value},
 };
 
@@ -12,35 +13,18 @@ use crate::{Scenario, Simulation};
 /// Names, defaults, allowed values and descriptions.
 pub fn parameters() -> Vec<ParamSpec> {
     use Allowed::{Any, Range};
-    vec![
-        ParamSpec::new(
-            "scenario",
-            Value::Str("thor".into()),
-            Any,
-            "name of a built-in scenario (thor, encounters, crowd, ...) or a scenario file",
-        ),
-        ParamSpec::new(
-            "do",
-            Value::List(Vec::new()),
-            Any,
-            "interventions in addition to those of the scenario, such as robot.speed=0.2@60..90",
-        ),
-        ParamSpec::new("seed", Value::Int(1), Range(0.0, 9e15), "seed of all random numbers"),
-        ParamSpec::new(
-            "duration",
-            Value::Double(0.0),
-            Range(0.0, 1e7),
-            "simulated seconds; 0: as the scenario says",
-        ),
-        ParamSpec::new(
-            "speed",
-            Value::Double(1.0),
-            Range(0.0, 1000.0),
-            "how many times faster than real time; 0: as fast as the machine allows",
-        ),
-        ParamSpec::new("clock", Value::Bool(true), Any, "publish /clock and stamp with simulated time"),
-        ParamSpec::new("every", Value::Int(1), Range(1.0, 250.0), "steps of 0.04 s per message"),
-    ]
+    param_specs! {
+        "scenario" = Value::Str("thor".into()), Any,
+            "name of a built-in scenario (thor, encounters, crowd, ...) or a scenario file";
+        "do" = Value::List(Vec::new()), Any,
+            "interventions in addition to those of the scenario, such as robot.speed=0.2@60..90";
+        "seed" = Value::Int(1), Range(0.0, 9e15), "seed of all random numbers";
+        "duration" = Value::Double(0.0), Range(0.0, 1e7), "simulated seconds; 0: as the scenario says";
+        "speed" = Value::Double(1.0), Range(0.0, 1000.0),
+            "how many times faster than real time; 0: as fast as the machine allows";
+        "clock" = Value::Bool(true), Any, "publish /clock and stamp with simulated time";
+        "every" = Value::Int(1), Range(1.0, 250.0), "steps of 0.04 s per message";
+    }
 }
 
 /// Runs the simulator with its parameters, until its time is over or the middleware ends.

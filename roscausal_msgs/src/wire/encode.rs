@@ -180,44 +180,25 @@ impl Serializer for &mut Encoder {
     }
 }
 
-impl SerializeSeq for &mut Encoder {
-    type Ok = ();
-    type Error = Fault;
+/// Sequences of values without names: one follows the other.
+macro_rules! sequence {
+    ($($kind:ident: $element:ident),*) => {$(
+        impl $kind for &mut Encoder {
+            type Ok = ();
+            type Error = Fault;
 
-    fn serialize_element<T: ?Sized + Serialize>(&mut self, value: &T) -> Result<(), Fault> {
-        value.serialize(&mut **self)
-    }
+            fn $element<T: ?Sized + Serialize>(&mut self, value: &T) -> Result<(), Fault> {
+                value.serialize(&mut **self)
+            }
 
-    fn end(self) -> Result<(), Fault> {
-        Ok(())
-    }
+            fn end(self) -> Result<(), Fault> {
+                Ok(())
+            }
+        }
+    )*};
 }
 
-impl SerializeTuple for &mut Encoder {
-    type Ok = ();
-    type Error = Fault;
-
-    fn serialize_element<T: ?Sized + Serialize>(&mut self, value: &T) -> Result<(), Fault> {
-        value.serialize(&mut **self)
-    }
-
-    fn end(self) -> Result<(), Fault> {
-        Ok(())
-    }
-}
-
-impl SerializeTupleStruct for &mut Encoder {
-    type Ok = ();
-    type Error = Fault;
-
-    fn serialize_field<T: ?Sized + Serialize>(&mut self, value: &T) -> Result<(), Fault> {
-        value.serialize(&mut **self)
-    }
-
-    fn end(self) -> Result<(), Fault> {
-        Ok(())
-    }
-}
+sequence!(SerializeSeq: serialize_element, SerializeTuple: serialize_element, SerializeTupleStruct: serialize_field);
 
 impl SerializeStruct for &mut Encoder {
     type Ok = ();

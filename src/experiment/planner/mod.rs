@@ -16,11 +16,14 @@ use std::path::{Path, PathBuf};
 use clap::Args as ClapArgs;
 use ndarray::Array2;
 use roscausal_core::{Error, Result, batch::Table};
-use roscausal_discovery::{DataFrame, Model};
+use roscausal_discovery::DataFrame;
 use roscausal_hrisim::{Scenario, rng::Rng};
 
-use super::{grid, in_order, model, workers};
-use crate::{interrupt::Interrupt, output, results::Results};
+use super::{
+    model::{self, Trained},
+    runner::end,
+};
+use crate::{interrupt::Interrupt, output};
 use drive::{Drive, Nodes, Policy, Question};
 
 /// The variables of the model.
@@ -40,40 +43,19 @@ const HORIZON: u32 = 10;
 
 /// Arguments of `roscausal experiment planner`.
 #[derive(ClapArgs)]
+#[command(mut_arg("out", |arg| {
+    arg.default_value("roscausal_experiment_planner")
+        .help("Folder for model.json, the explorations, trials.csv and table.md")
+}))]
 pub(super) struct Args {
-    /// Scenario of one person and one robot: a built-in name or a TOML file.
-    #[arg(long, default_value = "encounters")]
-    scenario: String,
-    /// Seeds of the explorations in which the model is found, including both ends.
-    #[arg(long, default_value = "1..4", value_name = "A..B")]
-    train: String,
-    /// Seeds of the trials, including both ends.
-    #[arg(long, default_value = "101..120", value_name = "A..B")]
-    seeds: String,
     /// Waypoints that the robot has to reach.
     #[arg(long, default_value_t = 8)]
     legs: u64,
     /// What the planner's cost counts beside the risk, per m/s of speed: more hurries.
     #[arg(long, default_value_t = 0.2)]
     hurry: f64,
-    /// Discovery method.
-    #[arg(long, default_value = "pcmci")]
-    method: String,
-    /// Independence test.
-    #[arg(long, default_value = "parcorr")]
-    test: String,
-    /// Largest lag, in samples.
-    #[arg(long, default_value_t = 2)]
-    tau_max: usize,
-    /// Equations: auto (a Gaussian process where it predicts better than a line), linear, gp.
-    #[arg(long, default_value = "auto", value_parser = ["auto", "linear", "gp"])]
-    equations: String,
-    /// Runs at a time; default: one per core. They do not change the results.
-    #[arg(long)]
-    threads: Option<usize>,
-    /// Folder for model.json, the explorations, trials.csv and table.md.
-    #[arg(short, long, value_name = "DIR", default_value = "roscausal_experiment_planner")]
-    out: PathBuf,
+    #[command(flatten)]
+    trained: Trained,
 }
 
 /// One trial.
@@ -85,61 +67,54 @@ struct Trial {
 
 /// Runs `roscausal experiment planner`.
 pub(super) fn run(args: &Args, interrupt: &Interrupt) -> Result<()> {
-    interrupt.nothing_at_stake("nothing is written before the end");
-    let scenario = Scenario::load(&args.scenario)?;
-    let (train, seeds) = (grid::seeds(&args.train)?, grid::seeds(&args.seeds)?);
-    args.check(&train, &seeds)?;
-    let workers = workers(args.threads)?;
-    let results = Results::begin(&args.out, None, &[])?;
+    let (trained, runner) = (&args.trained, &args.trained.runner);
+    let scenario = Scenario::load(&trained.scenario)?;
+    let (train, seeds) = trained.seeds("a planner is not tried where it learned")?;
+    args.check()?;
+    let results = runner.begin(interrupt)?;
     interrupt.remove_at_end(results.temporary());
     let dir = results.folder();
     let explorations = dir.join("exploration");
-    let batches: Vec<PathBuf> = in_order(&train, workers, "explorations", |seed| {
-        let scenario = explored(&scenario, *seed)?;
-        drive::explore(&scenario, *seed, TRAINING_S, &explorations.join(seed.to_string()), interrupt)
-    })?
-    .into_iter()
-    .flatten()
-    .collect();
-    let found = args.found(&batches, interrupt)?;
+    let batches = runner.each(&train, "explorations", |seed| {
+        let scenario = explored(&scenario, seed)?;
+        drive::explore(&scenario, seed, TRAINING_S, &explorations.join(seed.to_string()), interrupt)
+    })?;
+    let batches: Vec<PathBuf> = batches.into_iter().flatten().collect();
+    let rows = batches.iter().map(|path| rows(path)).collect::<Result<_>>()?;
+    let found = trained.found(&DataFrame::new(rows, model::names(&FEATURES))?, DT, interrupt)?;
     output::write_model(&dir, &found)?;
     let nodes = Nodes {
         graph: dir.join("model.json"),
         data: batches,
-        equations: args.equations.clone(),
+        equations: trained.equations.clone(),
         question: Question { cost: vec![("h_risk", 1.0), ("r_v", -args.hurry)], horizon: HORIZON },
     };
     let policies: Vec<Policy> =
         SPEEDS.map(Policy::Always).into_iter().chain([Policy::Rule, Policy::Planner]).collect();
-    let of_seed = |seed: &u64| -> Result<Vec<Trial>> {
-        let one = |policy: &Policy| {
-            let drive = drive::trial(&scenario, *seed, *policy, args.legs, &nodes, interrupt)?;
-            Ok(Trial { seed: *seed, policy: *policy, drive })
+    let of_seed = |seed: u64| -> Result<Vec<Trial>> {
+        let one = |&policy: &Policy| {
+            let drive = drive::trial(&scenario, seed, policy, args.legs, &nodes, interrupt)?;
+            Ok(Trial { seed, policy, drive })
         };
         policies.iter().map(one).collect()
     };
-    let trials: Vec<Trial> = in_order(&seeds, workers, "trials", of_seed)?.into_iter().flatten().collect();
+    let trials: Vec<Trial> = runner.each(&seeds, "trials", of_seed)?.into_iter().flatten().collect();
     let markdown = table::markdown(&policies, &trials);
-    results.write(|dir| {
-        output::write_file(dir, "trials.csv", table::csv(&trials).as_bytes())?;
-        output::write_file(dir, "table.md", markdown.as_bytes()).map(drop)
-    })?;
-    crate::terminal::say!(
-        "{} trials of {} waypoints in '{}', with a model of the explorations {}.",
+    let text = format!(
+        "{} trials of {} waypoints in '{}', with a model of the explorations {}.\nLinks (lag): {}.\n\n{markdown}\n",
         seeds.len(),
         args.legs,
-        args.scenario,
-        args.train
+        trained.scenario,
+        trained.train,
+        model::links(&found)
     );
-    crate::terminal::say!("Links (lag): {}.", model::links(&found));
-    crate::terminal::print_text(&format!("\n{markdown}\n"));
-    crate::terminal::say!("{}: model.json, trials.csv, table.md", args.out.display());
-    Ok(())
+    let files =
+        [("model.json", found.to_file_json()), ("trials.csv", table::csv(&trials)), ("table.md", markdown)];
+    end(&runner.out, results, None, &files, &text)
 }
 
 impl Args {
-    fn check(&self, train: &[u64], seeds: &[u64]) -> Result<()> {
-        model::apart(train, seeds, "a planner is not tried where it learned")?;
+    fn check(&self) -> Result<()> {
         if !(1..=1000).contains(&self.legs) {
             return Err(Error::param(
                 "legs",
@@ -150,13 +125,6 @@ impl Args {
             return Err(Error::param("hurry", format!("{} is not a number from 0 to 1e6", self.hurry)));
         }
         Ok(())
-    }
-
-    /// The model of the explorations.
-    fn found(&self, batches: &[PathBuf], interrupt: &Interrupt) -> Result<Model> {
-        let rows = batches.iter().map(|path| rows(path)).collect::<Result<_>>()?;
-        let data = DataFrame::new(rows, model::names(&FEATURES))?;
-        model::found(&data, (&self.method, &self.test), self.tau_max, DT, interrupt)
     }
 }
 

@@ -13,8 +13,6 @@ mod figures;
 mod tables;
 mod twins;
 
-use std::path::PathBuf;
-
 use clap::Args as ClapArgs;
 use ndarray::Array2;
 use rayon::prelude::*;
@@ -25,8 +23,11 @@ use roscausal_reasoning::{
     Facts, Settings as Fit, StructuralModel, default_intervention_targets, graph::Graph, model::Equations,
 };
 
-use super::{grid, in_order, model, workers};
-use crate::{interrupt::Interrupt, output, results::Results};
+use super::{
+    model::{self, Trained},
+    runner::end,
+};
+use crate::interrupt::Interrupt;
 use asked::Case;
 use figures::Figures;
 use twins::{Twins, walk};
@@ -47,59 +48,33 @@ const REACH: usize = 20;
 
 /// Arguments of `roscausal experiment reasoning`.
 #[derive(ClapArgs)]
+#[command(mut_arg("scenario", |arg| arg.default_value("guide")), mut_arg("train", |arg| arg.default_value("1..2")))]
+#[command(mut_arg("out", |arg| {
+    arg.default_value("roscausal_experiment_reasoning").help("Folder for model.json, cases.csv and figures.json")
+}))]
 pub(super) struct Args {
-    /// Scenario of one person and one robot: a built-in name or a TOML file.
-    #[arg(long, default_value = "guide")]
-    scenario: String,
-    /// Seeds of the walks on which the model is found and fitted, including both ends; nobody intervenes.
-    #[arg(long, default_value = "1..2", value_name = "A..B")]
-    train: String,
-    /// Seeds of the walks in which it is tried, including both ends.
-    #[arg(long, default_value = "101..120", value_name = "A..B")]
-    seeds: String,
     /// Moments at which the actions begin, in seconds.
     #[arg(long, value_delimiter = ',', default_values_t = [60.0, 99.9, 140.1, 180.0, 219.9])]
     starts: Vec<f64>,
-    /// Discovery method.
-    #[arg(long, default_value = "pcmci")]
-    method: String,
-    /// Independence test.
-    #[arg(long, default_value = "parcorr")]
-    test: String,
-    /// Largest lag, in samples.
-    #[arg(long, default_value_t = 2)]
-    tau_max: usize,
-    /// Equations: auto (a Gaussian process where it predicts better than a line), linear, gp.
-    #[arg(long, default_value = "auto", value_parser = ["auto", "linear", "gp"])]
-    equations: String,
-    /// Runs at a time; default: one per core. They do not change the results.
-    #[arg(long)]
-    threads: Option<usize>,
-    /// Folder for model.json, cases.csv and figures.json.
-    #[arg(short, long, value_name = "DIR", default_value = "roscausal_experiment_reasoning")]
-    out: PathBuf,
+    #[command(flatten)]
+    trained: Trained,
 }
 
 /// Runs `roscausal experiment reasoning`.
 pub(super) fn run(args: &Args, interrupt: &Interrupt) -> Result<()> {
-    interrupt.nothing_at_stake("nothing is written before the end");
-    let scenario = Scenario::load(&args.scenario)?;
+    let (trained, runner) = (&args.trained, &args.trained.runner);
+    let scenario = Scenario::load(&trained.scenario)?;
     args.check()?;
-    let train = grid::seeds(&args.train)?;
-    let seeds = grid::seeds(&args.seeds)?;
-    model::apart(&train, &seeds, "a model is not tried on what it was fitted on")?;
-    let workers = workers(args.threads)?;
-    let results = Results::begin(&args.out, None, &[])?;
-    let training = in_order(&train, workers, "walks", |seed| {
-        walk(&scenario, *seed, TRAINING_S, interrupt).map(|walk| walk.rows)
-    })?;
-    let (found, model) = args.fitted(&training, interrupt)?;
-    let twins = in_order(&seeds, workers, "twin runs", |seed| {
-        Twins::of_seed(&scenario, *seed, &args.starts, interrupt)
-    })?;
+    let (train, seeds) = trained.seeds("a model is not tried on what it was fitted on")?;
+    let results = runner.begin(interrupt)?;
+    let training = runner
+        .each(&train, "walks", |seed| walk(&scenario, seed, TRAINING_S, interrupt).map(|walk| walk.rows))?;
+    let (found, model) = fitted(trained, &training, interrupt)?;
+    let twins =
+        runner.each(&seeds, "twin runs", |seed| Twins::of_seed(&scenario, seed, &args.starts, interrupt))?;
     let correlation = asked::Correlation::of(&training);
     let pool = rayon::ThreadPoolBuilder::new()
-        .num_threads(workers)
+        .num_threads(runner.workers()?)
         .build()
         .map_err(|e| Error::param("threads", e))?;
     let twins: Vec<Twins> = twins.into_iter().flatten().collect();
@@ -109,14 +84,9 @@ pub(super) fn run(args: &Args, interrupt: &Interrupt) -> Result<()> {
     let figures = Figures::of(&cases, &deviations(&training));
     let mut json = serde_json::to_string_pretty(&figures).map_err(|e| Error::Data(e.to_string()))?;
     json.push('\n');
-    results.write(|dir| {
-        output::write_model(dir, &found)?;
-        output::write_file(dir, "cases.csv", tables::csv(&cases).as_bytes())?;
-        output::write_file(dir, "figures.json", json.as_bytes()).map(drop)
-    })?;
-    crate::terminal::print_text(&format!("{}\n", tables::text(&figures, &found, args)));
-    crate::terminal::say!("{}: model.json, cases.csv, figures.json", args.out.display());
-    Ok(())
+    let files = [("cases.csv", tables::csv(&cases)), ("figures.json", json)];
+    let text = format!("{}\n", tables::text(&figures, &found, trained));
+    end(&runner.out, results, Some(&found), &files, &text)
 }
 
 impl Args {
@@ -131,22 +101,26 @@ impl Args {
         }
         Ok(())
     }
+}
 
-    /// The graph that discovery finds in the walks, and the structural model on it.
-    fn fitted(&self, walks: &[Array2<f64>], interrupt: &Interrupt) -> Result<(Model, StructuralModel)> {
-        let data = DataFrame::new(walks.to_vec(), names())?;
-        let found = model::found(&data, (&self.method, &self.test), self.tau_max, DT, interrupt)?;
-        let equations = match self.equations.as_str() {
-            "linear" => Equations::Linear,
-            "gp" => Equations::Gp,
-            _ => Equations::Auto,
-        };
-        let graph = Graph::of_model(&found, &[])?;
-        let fit = Fit { equations, ..Fit::default() };
-        let model = StructuralModel::fit(&data, &graph, &fit, &default_intervention_targets())?;
-        let facts = Facts::of_model(&found);
-        Ok((found, model.with_facts(facts)))
-    }
+/// The graph that discovery finds in the walks, and the structural model on it.
+fn fitted(
+    trained: &Trained,
+    walks: &[Array2<f64>],
+    interrupt: &Interrupt,
+) -> Result<(Model, StructuralModel)> {
+    let data = DataFrame::new(walks.to_vec(), names())?;
+    let found = trained.found(&data, DT, interrupt)?;
+    let equations = match trained.equations.as_str() {
+        "linear" => Equations::Linear,
+        "gp" => Equations::Gp,
+        _ => Equations::Auto,
+    };
+    let graph = Graph::of_model(&found, &[])?;
+    let fit = Fit { equations, ..Fit::default() };
+    let model = StructuralModel::fit(&data, &graph, &fit, &default_intervention_targets())?;
+    let facts = Facts::of_model(&found);
+    Ok((found, model.with_facts(facts)))
 }
 
 /// Names of the variables.

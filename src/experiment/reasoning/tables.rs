@@ -4,19 +4,19 @@ use std::fmt::Write;
 
 use roscausal_discovery::Model;
 
-use super::{ACTIONS, Args, FEATURES, REACH, asked::Case, figures::Cell, figures::Figures, names};
-use crate::experiment::model;
+use super::{ACTIONS, FEATURES, REACH, asked::Case, figures::Cell, figures::Figures, names};
+use crate::experiment::model::{self, Trained};
 
 /// What the experiment found, for people.
-pub(super) fn text(figures: &Figures, found: &Model, args: &Args) -> String {
+pub(super) fn text(figures: &Figures, found: &Model, trained: &Trained) -> String {
     let mut text = format!(
         "{} moments of the walks {}, with a model of the walks {} ({} with {}, {} equations).\nLinks (lag): {}.\n\n",
         figures.moments,
-        args.seeds,
-        args.train,
-        args.method,
-        args.test,
-        args.equations,
+        trained.runner.seeds,
+        trained.train,
+        trained.method,
+        trained.test,
+        trained.equations,
         model::links(found)
     );
     let header: String =

@@ -5,14 +5,17 @@ use roscausal_core::{
     Error, Result,
     batch::{
         Recording,
-        postprocess::{Feature, Obstacle, Postprocess},
+        postprocess::{Feature, Postprocess},
         risk::RiskModel,
     },
 };
 use roscausal_hrisim::Scenario;
 
 use super::{ACTIONS, DT, FEATURES, REACH};
-use crate::{experiment::recordings::record, interrupt::Interrupt};
+use crate::{
+    experiment::{recordings::record, runs},
+    interrupt::Interrupt,
+};
 
 /// Seconds that an action lasts: longer than what is asked about.
 const LASTS_S: f64 = REACH as f64 * DT + DT;
@@ -46,17 +49,9 @@ pub(super) fn walk(scenario: &Scenario, seed: u64, seconds: f64, interrupt: &Int
 }
 
 fn variables(recording: &Recording) -> Result<Array2<f64>> {
-    let postprocess = Postprocess {
-        // The variables of this experiment have no risk.
-        risk_model: RiskModel::default(),
-        risk_lag: 0,
-        risk_noise: 0.0,
-        seed: 0,
-        obs_size: 0.0,
-        safe_dist: 0.0,
-        obstacle: Obstacle::Robot,
-        features: Feature::parse(&FEATURES.map(str::to_owned), &[])?,
-    };
+    // The variables of this experiment have no risk.
+    let features = Feature::parse(&FEATURES.map(str::to_owned), &[])?;
+    let postprocess = Postprocess { features, ..runs::postprocess(RiskModel::default(), 0, 0.0, 0)? };
     let columns = postprocess.run(recording)?.columns;
     Ok(Array2::from_shape_fn((recording.n_rows(), FEATURES.len()), |(row, var)| columns[var].values[row]))
 }

@@ -1,6 +1,6 @@
 //! The unit of an expression, where it follows from what it is made of: `h.v` is in m/s, `dist(h, r)` in m.
 
-use super::{Expression, FUNCTIONS, Function, Node};
+use super::{Expression, Function, Node, Operator, function};
 
 impl Expression {
     /// The unit of its values; empty where none is known. Bodies are in metres, seconds and radians.
@@ -18,8 +18,8 @@ fn unit(node: &Node) -> Option<&'static str> {
         Node::Velocity(_) => Some("m/s"),
         Node::Time => Some("s"),
         Node::Lagged(of, _) | Node::Negative(of) => unit(of),
-        Node::Binary('+' | '-', a, b) | Node::Pair(a, b) => same(a, b),
-        Node::Call(function, of) => match (FUNCTIONS.get(*function)?, of.as_slice()) {
+        Node::Binary(Operator::Plus | Operator::Minus, a, b) | Node::Pair(a, b) => same(a, b),
+        Node::Call(number, of) => match (function(*number), of.as_slice()) {
             ((_, _, Function::Distance), _) => Some("m"),
             ((_, _, Function::Speed), _) => Some("m/s"),
             ((_, _, Function::Norm | Function::Difference), [of]) => unit(of),
