@@ -231,7 +231,7 @@ impl<'a> Scanner<'a> {
         if let Some((1.., length)) = exponent {
             end += length;
         }
-        let reason = if end == 0 { "a number is missing" } else { "this is no number" };
+        let reason = if end == 0 { "a number is missing" } else { "this is not a number" };
         let number: f64 = rest[..end].parse().map_err(|_| self.fault(reason))?;
         self.at += end;
         Ok(number * self.unit()?)
@@ -246,7 +246,7 @@ impl<'a> Scanner<'a> {
         let name = self.while_is(char::is_alphanumeric);
         let known = || UNITS.map(|(name, _)| name).join(", ");
         let unit = UNITS.iter().find(|(known, _)| *known == name).map(|(_, unit)| *unit);
-        unit.ok_or_else(|| self.fault_at(at, &format!("'{name}' is no unit; units: {}", known())))
+        unit.ok_or_else(|| self.fault_at(at, &format!("'{name}' is not a unit; units: {}", known())))
     }
 
     /// What is wrong at this place.

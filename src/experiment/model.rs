@@ -37,7 +37,7 @@ impl Trained {
     /// The seeds for the model, and those on which it is tried.
     ///
     /// # Errors
-    /// What is no range, or a seed that is in both; `why` not.
+    /// What is not a range, or a seed that is in both; `why` not.
     pub(super) fn seeds(&self, why: &str) -> Result<(Vec<u64>, Vec<u64>)> {
         let (train, seeds) = (grid::seeds(&self.train)?, self.runner.seeds()?);
         match seeds.iter().find(|seed| train.contains(seed)) {

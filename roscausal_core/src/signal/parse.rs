@@ -117,7 +117,7 @@ impl Signal {
         let name = name.trim();
         if !is_token(name) || ["time", "t", "timestamp"].contains(&name) || name.starts_with("do_") {
             return Err(fault(format!(
-                "'{name}' is no name of a signal; use letters, digits and '_', such as '{EXAMPLE}'"
+                "'{name}' is not a valid signal name; use letters, digits and '_', such as '{EXAMPLE}'"
             )));
         }
         let expression = expression.trim();
@@ -277,7 +277,8 @@ impl Fields {
             let all: Vec<&str> = known.iter().copied().chain(WHOLE).collect();
             let hint = nearest(&all, name).map_or(String::new(), |near| format!("did you mean {near}? "));
             let (known, whole) = (known.join(", "), WHOLE.join(", "));
-            let reason = format!("'{name}' is no function; {hint}known: {known}; around the whole: {whole}");
+            let reason =
+                format!("'{name}' is not a function; {hint}known: {known}; around the whole: {whole}");
             return Err(text.fault_at(begin, &reason));
         };
         let inner = self.expression(text)?;
@@ -304,7 +305,7 @@ impl Fields {
         let begin = text.at;
         let topic = text.while_is(|c| c.is_ascii_alphanumeric() || "/_".contains(c)).to_owned();
         if !topic.split('/').skip(1).all(is_token) {
-            return Err(text.fault_at(begin, &format!("'{topic}' is no name of a topic")));
+            return Err(text.fault_at(begin, &format!("'{topic}' is not a valid topic name")));
         }
         match &self.topic {
             Some(other) if *other != topic => {

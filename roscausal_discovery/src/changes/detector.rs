@@ -30,7 +30,7 @@ const MOST_ROWS_OF_CURVES: usize = 1000;
 /// Batches that wait for what becomes of suspicions, at most.
 const MOST_ASIDE: usize = 3;
 /// Level at which the batch after a suspected one must show the change alone.
-const ALONE: f64 = 0.01;
+const ALONE: f64 = 0.05;
 
 /// The levels of the two stages, corrected for the number of links.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -337,13 +337,13 @@ impl Detector {
             return Ok(());
         }
         let mut links = Vec::new();
-        let mut effects = Vec::new();
+        let mut pairs = Vec::new();
         let (mut told, mut pushed) = (self.told, Vec::new());
         for difference in differences {
             let difference = comparison.described(difference, (&regime, &[&batch]), &mechanisms);
             let mut id = None;
-            if !effects.contains(&difference.at.effect) {
-                effects.push(difference.at.effect);
+            if !pairs.contains(&difference.at.pair()) {
+                pairs.push(difference.at.pair());
                 told += 1;
                 id = Some(format!("change-{told}"));
                 pushed.push((id.clone().unwrap_or_default(), difference));
@@ -394,10 +394,10 @@ impl Detector {
             }
         }
         confirmed.sort_by(|a, b| a.p.total_cmp(&b.p).then(a.at.cmp(&b.at)));
-        let mut effects = Vec::new();
+        let mut pairs = Vec::new();
         confirmed.retain(|difference| {
-            let is_first = !effects.contains(&difference.at.effect);
-            effects.push(difference.at.effect);
+            let is_first = !pairs.contains(&difference.at.pair());
+            pairs.push(difference.at.pair());
             is_first
         });
         let located: Vec<&Batch> =
@@ -407,7 +407,7 @@ impl Detector {
             let id = held
                 .links
                 .iter()
-                .find_map(|(seen, id)| id.clone().filter(|_| seen.at.effect == difference.at.effect));
+                .find_map(|(seen, id)| id.clone().filter(|_| seen.at.pair() == difference.at.pair()));
             let mut event = self.event(id.unwrap_or_default(), Status::Confirmed, difference);
             let curve = match self.form {
                 Form::Slope => None,
@@ -420,7 +420,7 @@ impl Detector {
             told.push(event);
         }
         for (seen, id) in &held.links {
-            let Some(id) = id.clone().filter(|_| !effects.contains(&seen.at.effect)) else { continue };
+            let Some(id) = id.clone().filter(|_| !pairs.contains(&seen.at.pair())) else { continue };
             // What cannot be compared any more is told with the slopes of the suspicion.
             let difference = of(&together, seen.at).unwrap_or(*seen);
             let difference = comparison.described(difference, (&regime, &both), &mechanisms);
