@@ -42,7 +42,7 @@ use crate::{
     results::{Results, check_whole},
 };
 use changes::ChangeArgs;
-pub(crate) use method::{AUTO, Analysis, MeansArgs, MethodArgs};
+pub(crate) use method::{Analysis, MeansArgs, MethodArgs};
 pub(crate) use reading::{PartArgs, ReadArgs};
 pub(crate) use resampling::ResampleArgs;
 use resampling::{Advised, ResultArgs};

@@ -10,7 +10,8 @@ use roscausal_core::{Error, Result, bounded};
 use roscausal_discovery::settings::{Group, Kind, Request, SETTINGS, Setting};
 use serde_json::Value;
 
-use crate::discover::AUTO;
+/// The word for `--method` that asks for advice, and for `--tau-max` that takes it.
+pub(crate) const AUTO: &str = "auto";
 
 /// Settings that were given as flags, and their texts.
 #[derive(Clone, Debug, Default)]

@@ -181,7 +181,7 @@ fn knowledge_that_cannot_be_is_refused_with_its_lines_at_once() {
         ("not text", no, String::new(), no),
     ];
     for (told, where_, text, flags) in cases {
-        let bytes = if told == "no text" { vec![0xff; 9] } else { text.clone().into_bytes() };
+        let bytes = if told == "not text" { vec![0xff; 9] } else { text.clone().into_bytes() };
         fs::write(dir.join("links.toml"), bytes).expect("writes");
         let method = if flags.contains(&"0") { "pcmciplus" } else { "pcmci" };
         let start = ["discover", "ok.csv", "--method", method, "--test", "parcorr", "--links", "links.toml"];

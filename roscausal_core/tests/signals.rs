@@ -190,7 +190,7 @@ fn a_bad_signal_says_what_is_wrong_and_names_the_nearest_field() {
         ("v = /odom.pose.pose.orientation.yaw2", "did you mean /odom.pose.pose.orientation.yaw?"),
         ("v = odom.x", "a topic begins with '/'"),
         ("v = hold(/odom.x, 0)", "more than 0"),
-        ("v = /odom..x", "no path"),
+        ("v = /odom..x", "not a path"),
         (&format!("v = {}/odom.x", "(".repeat(60)), "too many brackets within brackets"),
     ] {
         let error = refused(text);

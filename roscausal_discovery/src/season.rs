@@ -46,7 +46,12 @@ impl Season {
         let rows = data.recordings().iter().max_by_key(|rows| rows.nrows())?;
         let columns: Vec<Vec<f64>> = rows.columns().into_iter().map(centred).collect();
         let longest = LONGEST.min(rows.nrows().min(MOST_ROWS) / 4);
-        let candidates: BTreeSet<usize> = columns.iter().flat_map(|column| peaks(column, longest)).collect();
+        let candidates: BTreeSet<usize> = columns
+            .iter()
+            .flat_map(|column| peaks(column, longest))
+            .flat_map(|peak| peak - 1..=peak + 1)
+            .filter(|period| (SHORTEST..=longest).contains(period))
+            .collect();
         let of = |period: usize| {
             let found: Vec<(usize, f64)> =
                 (0..columns.len()).filter_map(|var| Some((var, repeats(&columns[var], period)?))).collect();

@@ -7,7 +7,7 @@ mod levels;
 
 use levels::{KINDS, p_values};
 use roscausal_discovery::{
-    Choice, Settings,
+    Recommendation, Settings,
     independence_tests::{TestSettings, names},
 };
 
@@ -67,7 +67,7 @@ fn independent_series_are_linked_as_often_as_the_level_says() {
 fn advice_is_for_tests_whose_level_is_known() {
     for kind in KINDS.iter().filter(|kind| kind.of != levels::Of::Vectors) {
         for n in [60, 400, 6000] {
-            let choice = Choice::of(&kind.data(n, 1, 0).unwrap(), &Settings::default());
+            let choice = Recommendation::of(&kind.data(n, 1, 0).unwrap(), &Settings::default());
             assert!(draws(&choice.test) > 0 && kind.is_for(&choice.test), "{} {n}: {choice:?}", kind.name);
         }
     }

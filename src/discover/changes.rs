@@ -197,7 +197,7 @@ mod tests {
         for (text, dt, told) in [
             ("day", Some(1.0), "is not a period"),
             ("-3", None, "is not a period"),
-            ("1e999", None, "three periods"),
+            ("1e999", None, "not a unit"),
             ("24h", None, "not known"),
             ("3fortnights", Some(1.0), "not a unit"),
             ("2.5", None, "whole rows"),

@@ -14,7 +14,7 @@ use super::ResampleArgs;
 use crate::{
     chart,
     interrupt::Interrupt,
-    settings::{Given, of_groups},
+    settings::{AUTO, Given, of_groups},
 };
 
 /// How to analyse; the same arguments for every subcommand.
@@ -22,9 +22,6 @@ use crate::{
 pub(crate) struct MethodArgs(Given);
 
 of_groups!(MethodArgs, &[Group::Method]);
-
-/// The word for `--method` that asks for advice, and for `--tau-max` that takes it.
-pub(crate) const AUTO: &str = "auto";
 
 /// Resources of one analysis.
 #[derive(Clone, Debug, Default)]

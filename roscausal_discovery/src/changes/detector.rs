@@ -27,10 +27,8 @@ const LOCATED_IN: usize = 5;
 const REMEMBERED: usize = 8;
 /// Most rows of a regime of curves.
 const MOST_ROWS_OF_CURVES: usize = 1000;
-/// Batches that wait for what becomes of suspicions, at most.
-const MOST_ASIDE: usize = 3;
 /// Level at which the batch after a suspected one must show the change alone.
-const ALONE: f64 = 0.05;
+const ALONE: f64 = 0.01;
 
 /// The levels of the two stages, corrected for the number of links.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -66,9 +64,6 @@ pub struct Detector {
     /// Earlier regimes, oldest first.
     closed: VecDeque<(usize, Vec<Batch>)>,
     held: Option<Suspicion>,
-    /// Batches whose suspicion was withdrawn while the next one is suspected, too: a changed part must not join the regime.
-    #[serde(default)]
-    aside: VecDeque<Batch>,
     #[serde(default)]
     baseline: Baseline,
     rows: usize,
@@ -116,7 +111,6 @@ impl Detector {
             since: 0,
             closed: VecDeque::new(),
             held: None,
-            aside: VecDeque::new(),
             baseline: Baseline::default(),
             rows: 0,
             told: 0,
@@ -189,7 +183,7 @@ impl Detector {
         self.names.push(name.to_owned());
         let closed = self.closed.iter_mut().flat_map(|(_, batches)| batches);
         let held = self.held.iter_mut().map(|held| &mut held.batch);
-        self.regime.iter_mut().chain(closed).chain(held).chain(&mut self.aside).for_each(Batch::extend);
+        self.regime.iter_mut().chain(closed).chain(held).for_each(Batch::extend);
     }
 
     /// Reads a recording in parts of `size` rows; what is left over joins the last part. Returns what is told, in order.
@@ -292,11 +286,8 @@ impl Detector {
         let mut events = Vec::new();
         if let Some(held) = self.held.take() {
             match self.decide(held, &batch, control, &mut events)? {
-                Some(held) => self.set_aside(held),
-                None => {
-                    self.aside.clear();
-                    return Ok(events);
-                }
+                Some(held) => self.join(held),
+                None => return Ok(events),
             }
         }
         self.suspect(batch, control, &mut events)?;
@@ -333,17 +324,17 @@ impl Detector {
         differences.sort_by(|a, b| a.p.total_cmp(&b.p).then(a.at.cmp(&b.at)));
         if differences.is_empty() {
             self.baseline.add(all);
-            std::mem::take(&mut self.aside).into_iter().chain([batch]).for_each(|batch| self.join(batch));
+            self.join(batch);
             return Ok(());
         }
         let mut links = Vec::new();
-        let mut pairs = Vec::new();
+        let mut effects = Vec::new();
         let (mut told, mut pushed) = (self.told, Vec::new());
         for difference in differences {
             let difference = comparison.described(difference, (&regime, &[&batch]), &mechanisms);
             let mut id = None;
-            if !pairs.contains(&difference.at.pair()) {
-                pairs.push(difference.at.pair());
+            if !effects.contains(&difference.at.effect) {
+                effects.push(difference.at.effect);
                 told += 1;
                 id = Some(format!("change-{told}"));
                 pushed.push((id.clone().unwrap_or_default(), difference));
@@ -354,16 +345,6 @@ impl Detector {
         self.told = told;
         self.held = Some(Suspicion { batch, links, all });
         Ok(())
-    }
-
-    /// A batch waits to join the regime; the oldest that wait for long do so.
-    fn set_aside(&mut self, batch: Batch) {
-        self.aside.push_back(batch);
-        if self.aside.len() > MOST_ASIDE
-            && let Some(oldest) = self.aside.pop_front()
-        {
-            self.join(oldest);
-        }
     }
 
     /// Stage two: what the next batch says of a suspicion. Returns the batch that was held back if nothing is confirmed.
@@ -394,10 +375,10 @@ impl Detector {
             }
         }
         confirmed.sort_by(|a, b| a.p.total_cmp(&b.p).then(a.at.cmp(&b.at)));
-        let mut pairs = Vec::new();
+        let mut effects = Vec::new();
         confirmed.retain(|difference| {
-            let is_first = !pairs.contains(&difference.at.pair());
-            pairs.push(difference.at.pair());
+            let is_first = !effects.contains(&difference.at.effect);
+            effects.push(difference.at.effect);
             is_first
         });
         let located: Vec<&Batch> =
@@ -407,7 +388,7 @@ impl Detector {
             let id = held
                 .links
                 .iter()
-                .find_map(|(seen, id)| id.clone().filter(|_| seen.at.pair() == difference.at.pair()));
+                .find_map(|(seen, id)| id.clone().filter(|_| seen.at.effect == difference.at.effect));
             let mut event = self.event(id.unwrap_or_default(), Status::Confirmed, difference);
             let curve = match self.form {
                 Form::Slope => None,
@@ -420,7 +401,7 @@ impl Detector {
             told.push(event);
         }
         for (seen, id) in &held.links {
-            let Some(id) = id.clone().filter(|_| !pairs.contains(&seen.at.pair())) else { continue };
+            let Some(id) = id.clone().filter(|_| !effects.contains(&seen.at.effect)) else { continue };
             // What cannot be compared any more is told with the slopes of the suspicion.
             let difference = of(&together, seen.at).unwrap_or(*seen);
             let difference = comparison.described(difference, (&regime, &both), &mechanisms);

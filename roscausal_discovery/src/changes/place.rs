@@ -9,10 +9,3 @@ pub(super) struct Place {
     pub(super) effect: usize,
     pub(super) lag: usize,
 }
-
-impl Place {
-    /// Cause and effect, at any lag.
-    pub(super) fn pair(self) -> [usize; 2] {
-        [self.cause, self.effect]
-    }
-}
