@@ -422,7 +422,11 @@ def test_a_recording_is_read_as_the_command_reads_it(tmp_path):
     walk = rc.read(tmp_path / "run.mcap", dt=0.3)
     model = rc.discover(walk, method="pcmci", test="parcorr")
     assert model.dt == pytest.approx(0.3)
-    assert model == rc.load(tmp_path / "out" / "model.json")
+    by_command = rc.load(tmp_path / "out" / "model.json")
+    assert model.links == by_command.links
+    assert np.array_equal(model.p_matrix, by_command.p_matrix, equal_nan=True)
+    # Each says in its own words which setting a note means.
+    assert [note.replace("--tau-max", "tau_max") for note in by_command.warnings] == model.warnings
 
 
 def test_rows_that_where_leaves_out_are_no_effects_in_python_and_in_windows_too(tmp_path):
@@ -514,7 +518,8 @@ def test_candoit_with_and_without_its_rule_and_limits_that_other_methods_do_not_
 def test_the_page_of_a_notebook_names_the_level_that_decided():
     x = np.random.default_rng(5).normal(size=(200, 2))
     for method, level in (("pcmci", "alpha 0.05"), ("pcmciplus", "pc_alpha 0.01")):
-        assert f", {level}, " in rc.discover(x, method=method, test="parcorr", alpha=0.05)._repr_html_()
+        assert f", {level}, " in rc.discover(x, method=method, test="parcorr")._repr_html_()
+    assert ", pc_alpha 0.05, " in rc.discover(x, method="pcmciplus", test="parcorr", alpha=0.05)._repr_html_()
 
 
 @pytest.mark.parametrize(("given", "says"), [({"exogenous": [2]}, "exogenous"), ({"alpha": float("nan")}, "'alpha': nan"), ({"max_sets": 0, "method": "lpcmci"}, "max_sets")])
