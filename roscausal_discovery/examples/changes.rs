@@ -61,11 +61,13 @@ fn appear(links: &mut Vec<Link>, draw: &mut Draw) {
     links.push((i, j, 1 + draw.below(2), [0.0, 0.4]));
 }
 
+#[allow(clippy::ptr_arg, reason = "all changes have one type")]
 fn vanish(links: &mut Vec<Link>, draw: &mut Draw) {
     let which = draw.below(links.len());
     links[which].3[1] = 0.0;
 }
 
+#[allow(clippy::ptr_arg, reason = "all changes have one type")]
 fn halve(links: &mut Vec<Link>, draw: &mut Draw) {
     let which = draw.below(links.len());
     links[which].3 = [0.5, 0.25];
