@@ -32,6 +32,10 @@ const LAGS: [usize; 2] = [8, 20];
 /// Weaker dependence than this is of no interest.
 const WEAKEST: f64 = 0.1;
 
+/// Share of its variance that a variable keeps at least, given the tested lags: what is left of an exact effect is rounding, and the
+/// difference of means at the ends of a recording.
+const EXPLAINED: f64 = 1e-3;
+
 /// A dependence at a lag that was not tested.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Later {
@@ -79,7 +83,8 @@ impl Later {
                     let place = at(var, lag);
                     let size = left[[place, place]] * left[[target, target]];
                     // What is nearly a combination of others says nothing.
-                    let is_left = [place, target].iter().all(|&at| left[[at, at]] > 1e-6 * rows as f64);
+                    let explained = |at: usize, but: f64| left[[at, at]] <= but * rows as f64;
+                    let is_left = !explained(place, 1e-6) && !explained(target, EXPLAINED);
                     if is_left { left[[place, target]] / size.sqrt() } else { 0.0 }
                 };
                 let best = candidates

@@ -89,3 +89,16 @@ fn recordings_and_missing_values_are_kept_apart_and_the_sentence_says_when() {
     assert!(told.contains("dependence of speed on near is strongest at lag 4 (0.4 s)"), "{told}");
     assert_eq!(Later::of(&data, 400, 2.0), []);
 }
+
+/// The ends of a recording give cause and effect different means: what that leaves of an exact effect is no dependence.
+#[test]
+fn an_exact_effect_leaves_nothing_to_look_for() {
+    let noise = system(7, 0, 1..=1).0.recordings()[0].column(0).to_vec();
+    let mut rows = Array2::zeros((noise.len(), 2));
+    for t in 1..noise.len() {
+        rows[[t, 1]] = noise[t];
+        rows[[t, 0]] = rows[[t - 1, 1]];
+    }
+    let data = DataFrame::new(vec![rows], vec!["x1".into(), "x2".into()]).unwrap();
+    assert_eq!(Later::of(&data, 1, 2.0), []);
+}
