@@ -276,29 +276,31 @@ impl Track {
     /// as often or more often, a row is empty whose value would reach far ahead: its sample was lost.
     pub(super) fn row(&self, t: i64, dt: i64, max_gap: i64, sampling: Sampling) -> Option<Values> {
         let share = |nanos: f64| nanos / dt as f64;
-        let hold = self.holds(dt, sampling);
-        if hold && sampling == Sampling::Auto {
-            // Chosen by the program, it reaches no farther than a line does.
-            return self.at(t, max_gap, false).and(self.at(t, max_gap, true));
+        if sampling == Sampling::Hold {
+            return self.at(t, max_gap, true);
         }
-        let Some(usual) = self.usual_interval().map(|interval| share(interval as f64)).filter(|_| !hold)
-        else {
-            return self.at(t, max_gap, hold);
+        let on_line = self.at(t, max_gap, false);
+        let Some(usual) = self.usual_interval().map(|interval| share(interval as f64)) else {
+            return on_line;
         };
+        if sampling == Sampling::Auto && usual <= OFTEN_TO_HOLD {
+            // Chosen by the program, it reaches no farther than a line does.
+            return on_line.and(self.at(t, max_gap, true));
+        }
         let nearest = self.around(t).into_iter().flatten().min_by_key(|(stamp, _)| stamp.abs_diff(t));
         let near = nearest.filter(|(stamp, _)| share(stamp.abs_diff(t) as f64) <= NEAR);
         match near {
             Some((_, values)) if (usual - 1.0).abs() <= ONCE_A_ROW => Some(*values),
             _ => {
                 let ahead = self.spacing(t).map_or(0.0, |[_, ahead]| share(ahead));
-                self.at(t, max_gap, hold).filter(|_| usual > OFTEN || ahead <= FARTHEST_AHEAD)
+                on_line.filter(|_| usual > OFTEN || ahead <= FARTHEST_AHEAD)
             }
         }
     }
 
     /// Whether rows in steps of `dt` hold the newest sample.
     pub(super) fn holds(&self, dt: i64, sampling: Sampling) -> bool {
-        let often = |interval| interval as f64 <= OFTEN_TO_HOLD * dt as f64;
+        let often = |interval| interval as f64 / dt as f64 <= OFTEN_TO_HOLD;
         sampling == Sampling::Hold || (sampling == Sampling::Auto && self.usual_interval().is_some_and(often))
     }
 
