@@ -64,7 +64,7 @@ pub struct Detector {
     /// Earlier regimes, oldest first.
     closed: VecDeque<(usize, Vec<Batch>)>,
     held: Option<Suspicion>,
-    #[serde(default)]
+    #[serde(default, alias = "yardstick")]
     baseline: Baseline,
     rows: usize,
     told: usize,
