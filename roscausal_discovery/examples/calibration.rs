@@ -4,98 +4,16 @@
 //! variables (to 5 with GPDC), lags 1 to 3, 150 to 1500 samples (to 500 with GPDC), and prints, for each kind and for all, how many links
 //! have a chance in each range, what the chances say on average, and how many are real. Every system has its own seed.
 
-use std::{env, f64::consts::TAU};
+mod systems;
 
-use ndarray::Array2;
+use std::env;
+
 use rayon::prelude::*;
 use roscausal_discovery::{Control, DataFrame, PcAlpha, Result, Settings, analyse, methods::Method, mix};
+use systems::{Draw, KINDS, Kind, System, system};
 
 /// Bounds of the ranges of chances.
 const BOUNDS: [f64; 7] = [0.0, 0.1, 0.3, 0.5, 0.7, 0.9, 1.01];
-/// Steps before the first sample.
-const BEFORE: usize = 200;
-
-/// What a kind of systems has.
-struct Kind {
-    name: &'static str,
-    /// Share of pairs with a link.
-    dense: f64,
-    /// Range of coefficients.
-    strength: [f64; 2],
-    /// Range of the share of its own past.
-    past: [f64; 2],
-    effect: fn(f64) -> f64,
-}
-
-const KINDS: [Kind; 6] = [
-    Kind { name: "strong", dense: 0.2, strength: [0.3, 0.6], past: [0.2, 0.6], effect: |x| x },
-    Kind { name: "weak", dense: 0.25, strength: [0.05, 0.25], past: [0.2, 0.6], effect: |x| x },
-    Kind { name: "dense", dense: 0.5, strength: [0.1, 0.4], past: [0.1, 0.5], effect: |x| x },
-    Kind { name: "slow", dense: 0.2, strength: [0.1, 0.4], past: [0.8, 0.95], effect: |x| x },
-    Kind {
-        name: "bent",
-        dense: 0.25,
-        strength: [0.2, 0.6],
-        past: [0.2, 0.6],
-        effect: |x| x * (1.0 + 4.0 * (-x * x / 2.0).exp()) / 2.0,
-    },
-    Kind { name: "empty", dense: 0.0, strength: [0.1, 0.2], past: [0.1, 0.9], effect: |x| x },
-];
-
-struct Draw(u64);
-
-impl Draw {
-    fn uniform(&mut self) -> f64 {
-        self.0 += 1;
-        (mix(self.0) >> 11) as f64 / (1_u64 << 53) as f64
-    }
-
-    fn within(&mut self, [from, to]: [f64; 2]) -> f64 {
-        from + (to - from) * self.uniform()
-    }
-
-    fn whole(&mut self, [from, to]: [usize; 2]) -> usize {
-        from + (self.uniform() * (to + 1 - from) as f64) as usize
-    }
-
-    fn normal(&mut self) -> f64 {
-        (-2.0 * (1.0 - self.uniform()).ln()).sqrt() * (TAU * self.uniform()).cos()
-    }
-}
-
-/// A random system and data of it.
-struct System {
-    /// `(cause, effect, lag, coefficient)`.
-    links: Vec<(usize, usize, usize, f64)>,
-    data: Array2<f64>,
-}
-
-/// Draws systems until one does not run away.
-fn system(kind: &Kind, vars: usize, lags: usize, rows: usize, draw: &mut Draw) -> System {
-    loop {
-        let mut links = Vec::new();
-        for (cause, effect) in (0..vars).flat_map(|i| (0..vars).map(move |j| (i, j))) {
-            if cause != effect && draw.uniform() < kind.dense {
-                let sign = if draw.uniform() < 0.5 { -1.0 } else { 1.0 };
-                links.push((cause, effect, draw.whole([1, lags]), sign * draw.within(kind.strength)));
-            }
-        }
-        let past: Vec<f64> = (0..vars).map(|_| draw.within(kind.past)).collect();
-        let mut all = Array2::zeros((rows + BEFORE, vars));
-        for row in lags..rows + BEFORE {
-            for var in 0..vars {
-                let of_links = links.iter().filter(|(_, effect, ..)| *effect == var);
-                let driven: f64 =
-                    of_links.map(|&(i, _, lag, c)| c * (kind.effect)(all[[row - lag, i]])).sum();
-                all[[row, var]] = past[var] * all[[row - 1, var]] + driven + draw.normal();
-            }
-        }
-        if all.iter().all(|value: &f64| value.abs() < 100.0) {
-            return System { links, data: all.slice_move(ndarray::s![BEFORE.., ..]) };
-        }
-    }
-}
-
 /// The chances of one run's links, and whether each is real.
 fn run(kind: &Kind, method: Method, test: &str, seed: u64) -> Result<Vec<(f64, bool)>> {
     let mut draw = Draw(mix(seed));
@@ -141,15 +59,15 @@ fn tell(name: &str, links: &[(f64, bool)], runs: usize) {
         if within.is_empty() {
             continue;
         }
-        let said = within.iter().map(|(chance, _)| chance).sum::<f64>() / count;
+        let stated = within.iter().map(|(chance, _)| chance).sum::<f64>() / count;
         let real = within.iter().filter(|(_, real)| *real).count() as f64 / count;
-        weighted += count * (said - real).abs();
-        worst = if within.len() >= 100 { worst.max((said - real).abs()) } else { worst };
+        weighted += count * (stated - real).abs();
+        worst = if within.len() >= 100 { worst.max((stated - real).abs()) } else { worst };
         println!(
             "| {:.0} to {:.0} % | {count:.0} | {:.1} % | {:.1} % |",
             100.0 * bounds[0],
             (100.0 * bounds[1]).min(100.0),
-            100.0 * said,
+            100.0 * stated,
             100.0 * real
         );
     }

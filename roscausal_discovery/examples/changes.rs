@@ -104,7 +104,7 @@ const KINDS: [Kind; 8] = [
 struct Found {
     false_events: usize,
     changes: usize,
-    told: usize,
+    reported: usize,
     all_told: usize,
     events: usize,
     right: usize,
@@ -135,7 +135,7 @@ fn run(kind: &Kind, seed: u64) -> Result<Found> {
     }
     let names = (0..VARS).map(|var| format!("v{var}")).collect();
     let mut detector = Detector::new(names, 2, &[], Levels::default())?;
-    let events = detector.read_in_parts(rows.view(), PART, &Control::default())?;
+    let events = detector.read_in_parts(rows.view(), &[], PART, &Control::default())?;
     let confirmed: Vec<_> = events.iter().filter(|event| event.status == Status::Confirmed).collect();
     let changed: Vec<&Link> = links.iter().filter(|link| link.3[0] != link.3[1]).collect();
     let is_it = |link: &Link, cause: &str, effect: &str| {
@@ -143,15 +143,15 @@ fn run(kind: &Kind, seed: u64) -> Result<Found> {
     };
     let is_early = |time: usize| time <= CHANGE || changed.is_empty();
     let late: Vec<_> = confirmed.iter().filter(|event| !is_early(event.time)).collect();
-    let told = changed
+    let reported = changed
         .iter()
         .filter(|link| late.iter().any(|event| is_it(link, &event.cause, &event.effect)))
         .count();
     Ok(Found {
         false_events: confirmed.len() - late.len(),
         changes: changed.len(),
-        told,
-        all_told: usize::from(told == changed.len()),
+        reported,
+        all_told: usize::from(reported == changed.len()),
         events: late.len(),
         right: late
             .iter()
@@ -174,7 +174,7 @@ fn main() -> Result<()> {
             "| {} | {:.3} | {} | {} | {} |",
             kind.name,
             sum(|f| f.false_events) / quiet,
-            share(sum(|f| f.told), sum(|f| f.changes)),
+            share(sum(|f| f.reported), sum(|f| f.changes)),
             if kind.change.is_some() { share(sum(|f| f.all_told), count as f64) } else { "-".to_owned() },
             share(sum(|f| f.right), sum(|f| f.events)),
         );

@@ -117,27 +117,26 @@ impl Later {
         found.into_iter().map(later).collect()
     }
 
-    /// What to tell of these, with the step between rows in seconds.
-    pub fn told(found: &[Self], dt: Option<f64>) -> Option<String> {
+    /// What was found, with the step between rows in seconds.
+    pub fn found(found: &[Self], dt: Option<f64>) -> Option<String> {
         const MOST: usize = 3;
-        let first = found.first()?;
         let one = |later: &Self| {
             let after = dt
                 .map_or(String::new(), |dt| format!(" ({} s)", (1e6 * dt * later.lag as f64).round() / 1e6));
-            format!(
-                "dependence of {} on {} is strongest at lag {}{after}",
-                later.effect, later.cause, later.lag
-            )
+            let Self { cause, effect, lag, .. } = later;
+            format!("dependence of {effect} on {cause} is strongest at lag {lag}{after}")
         };
-        let told: Vec<String> = found.iter().take(MOST).map(one).collect();
+        let reported: Vec<String> = found.iter().take(MOST).map(one).collect();
         let more =
             if found.len() > MOST { format!(", and {} more", found.len() - MOST) } else { String::new() };
-        Some(format!(
-            "{}{more}, beyond the lags that were tested; {} {} tests it",
-            told.join(", "),
-            Named("tau_max"),
-            first.tau_max
-        ))
+        (!reported.is_empty())
+            .then(|| format!("{}{more}, beyond the lags that were tested", reported.join(", ")))
+    }
+
+    /// The same, and the way out.
+    pub fn reported(found: &[Self], dt: Option<f64>) -> Option<String> {
+        let way = format!("{} {} tests it", Named("tau_max"), found.first()?.tau_max);
+        Self::found(found, dt).map(|found| format!("{found}; {way}"))
     }
 }
 

@@ -182,7 +182,7 @@ mod tests {
         let usual = Settings::default();
         let apart = data(&[0.0, 2.0, 1.0], &[1.0, 1.0, 1.0]);
         let found = levelled(apart.clone(), &[0, 1, 2], &usual);
-        assert!(found.note.is_some_and(|told| told.contains("the level of a, b") && !told.contains("scale")));
+        assert!(found.note.is_some_and(|reported| reported.contains("the level of a, b") && !reported.contains("scale")));
         assert_eq!(found.settings.levels, Levels::Remove);
         let means: Vec<f64> = found.data.recordings().iter().map(|r| r.column(0).mean().unwrap()).collect();
         assert!(
@@ -192,7 +192,7 @@ mod tests {
         let wide = levelled(data(&[0.0, 0.0], &[1.0, 3.0]), &[0, 1], &usual);
         let sizes: Vec<f64> = wide.data.recordings().iter().map(|r| r.column(1).std(0.0)).collect();
         assert!(
-            wide.note.is_some_and(|told| told.contains("scale of"))
+            wide.note.is_some_and(|reported| reported.contains("scale of"))
                 && (sizes[0] / sizes[1] - 1.0).abs() < 1e-9
         );
         for (data, runs, settings) in [

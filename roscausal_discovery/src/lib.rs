@@ -76,7 +76,7 @@
 
 #![warn(missing_docs)]
 
-// Its macro is for all that follow.
+// Its macros are for all that follow.
 #[macro_use]
 mod types;
 
@@ -98,6 +98,7 @@ pub mod rolling;
 mod season;
 pub mod settings;
 pub mod transfer_entropy;
+mod unsteady;
 
 pub use analysis::{analyse, analyse_with, analyse_with_evidence};
 pub use effort::Effort;
@@ -105,18 +106,19 @@ pub use evidence::{AtLag, Condition, EVIDENCE_SCHEMA, Evidence, LinkEvidence, MO
 pub use later::Later;
 pub use levels::Levelled;
 pub use model::{
-    Advice, Confidence, Link, LinkSize, Matrices, Model, Outcome, ResamplingFacts, SCHEMA, SCHEMA_1,
-    decides_by_pc_alpha, sentence_of, word_of,
+    Advice, Confidence, FoundBy, Link, LinkSize, Matrices, Model, Outcome, ResamplingFacts, SCHEMA, SCHEMA_1,
+    Summary, SummaryAdvice, SummaryLink, word_of,
 };
+pub use numeric::rows::quantile;
 /// For the project's other crates, no part of the interface.
 #[doc(hidden)]
-pub use numeric::random::mix;
-pub use numeric::rows::quantile;
+pub use numeric::{random::mix, student_t::quantile as student_t_quantile};
 pub use profile::{DataProfile, Fault, VariableProfile};
 pub use recommend::Recommendation;
 pub use season::{Season, without_season};
 pub use settings::{Levels, PcAlpha, Settings};
 pub use types::*;
+pub use unsteady::Unsteady;
 
 /// The README's example runs, too.
 #[cfg(doctest)]

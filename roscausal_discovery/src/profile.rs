@@ -14,9 +14,10 @@ use serde::{Deserialize, Serialize};
 
 use crate::{
     later::Later,
-    numeric::rows::{dot, is_constant, moments, standardize},
+    numeric::rows::{dot, is_constant, long_run_variance, moments, standardize},
     season::Season,
     types::{DataFrame, Named, names::plain, same_value},
+    unsteady::Unsteady,
 };
 
 /// Rows that are looked at.
@@ -48,6 +49,9 @@ pub struct DataProfile {
     /// Dependence at lags beyond those that are tested, if it was looked for.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub later: Vec<Later>,
+    /// Dependence that changes within the one recording, if it was looked for.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub unsteady: Vec<Unsteady>,
     /// The period that variables share, if one was looked for and found.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub season: Option<Season>,
@@ -141,13 +145,13 @@ impl DataProfile {
         self
     }
 
-    /// Looks for a period that variables share and, where there is none, for dependence at longer lags than `tau_max`. `dt` is the step
-    /// in seconds, if known.
+    /// Looks for a period that variables share and, where there is none, for dependence at longer lags than `tau_max`, and for dependence
+    /// that changes. `dt` is the step in seconds, if known.
     #[must_use]
     pub fn with_later(mut self, data: &DataFrame, tau_max: usize, dt: Option<f64>) -> Self {
         self.season = Season::of(data);
         if let Some(season) = &self.season {
-            self.remarks.insert(0, season.told(dt));
+            self.remarks.insert(0, season.reported(dt));
             return self;
         }
         let rows: usize = data.recordings().iter().map(|recording| recording.nrows()).sum();
@@ -155,7 +159,9 @@ impl DataProfile {
         let memory =
             memory.map(|v| (rows - v.missing) as f64 / v.effective_samples.max(1.0)).fold(1.0, f64::max);
         self.later = Later::of(data, tau_max, memory);
-        self.remarks.splice(0..0, Later::told(&self.later, dt));
+        self.unsteady = Unsteady::of(data, tau_max);
+        let reported = [Later::reported(&self.later, dt), Unsteady::reported(&self.unsteady, dt)];
+        self.remarks.splice(0..0, reported.into_iter().flatten());
         self
     }
 }
@@ -307,10 +313,7 @@ fn kpss(column: &ArrayView1<'_, f64>) -> Option<f64> {
         return None;
     }
     let off: Vec<f64> = means.iter().map(|v| v - mean).collect();
-    let lags = (12.0 * (n as f64 / 100.0).powf(0.25)) as usize;
-    let autocovariance = |lag: usize| dot(&off[lag..], &off[..n - lag]) / n as f64;
-    let weighted = |lag: usize| 2.0 * (1.0 - lag as f64 / (lags as f64 + 1.0)) * autocovariance(lag);
-    let long_run = autocovariance(0) + (1..=lags.min(n - 1)).map(weighted).sum::<f64>();
+    let long_run = long_run_variance(&off);
     let mut sum = 0.0;
     let squares: f64 = off
         .iter()
@@ -445,20 +448,17 @@ fn collinear(data: &DataFrame, names: &[String]) -> (Vec<Fault>, Vec<String>) {
         }
         let left = dot(&column, &column);
         if left < NOTHING_LEFT {
+            let (name, others) = (&names[var], from.join(", "));
             remarks.push(format!(
-                "{} is a combination of {}: no test can tell their parts in a link; leave one of them out",
-                names[var],
-                from.join(", ")
+                "{name} is a combination of {others}: no test can tell their parts in a link; leave one of them out"
             ));
             continue;
         }
         if left < LITTLE_LEFT {
+            let (name, others, percent) = (&names[var], from.join(", "), 100.0 * left);
             remarks.push(format!(
-                "{} is nearly a combination of {} ({:.4} % of its variance is its own): links of one may stand for links of the other; \
-                 leave one of them out",
-                names[var],
-                from.join(", "),
-                100.0 * left
+                "{name} is nearly a combination of {others} ({percent:.4} % of its variance is its own): links of one may \
+                 stand for links of the other; leave one of them out"
             ));
         }
         column.iter_mut().for_each(|v| *v /= left.sqrt());
@@ -497,10 +497,10 @@ mod tests {
             }
         }
         let (profile, faults) = of(vec![rows]);
-        let told = profile.remarks.join("\n");
+        let reported = profile.remarks.join("\n");
         assert!(
-            told.contains("b is -1 in 25 rows") && told.contains("d is nearly a combination of a"),
-            "{told}"
+            reported.contains("b is -1 in 25 rows") && reported.contains("d is nearly a combination of a"),
+            "{reported}"
         );
         assert!(
             matches!(&faults[..], [Fault::MissingFlag { name, value, count: 30 }] if name == "c" && *value == 1e20),
@@ -532,11 +532,11 @@ mod tests {
             ("is a combination of a, b", |_, v, other| 2.0 * v - other),
             ("only 8 samples", |_, v, _| v),
         ];
-        for (told, change) in changes {
-            let base = noise(if told.contains("8 samples") { 10 } else { 500 }, 3, 5);
+        for (reported, change) in changes {
+            let base = noise(if reported.contains("8 samples") { 10 } else { 500 }, 3, 5);
             let mut values = base.clone();
             for t in 0..values.nrows() {
-                values[[t, 2]] = if told.contains("combination") {
+                values[[t, 2]] = if reported.contains("combination") {
                     change(t, base[[t, 0]], base[[t, 1]])
                 } else {
                     change(t, base[[t, 2]], 0.0)
@@ -544,11 +544,11 @@ mod tests {
             }
             let (profile, faults) = of(vec![values]);
             assert!(
-                profile.remarks.iter().any(|remark| remark.contains(told)),
-                "{told}: {:?}",
+                profile.remarks.iter().any(|remark| remark.contains(reported)),
+                "{reported}: {:?}",
                 profile.remarks
             );
-            assert!(faults.is_empty(), "{told}: {faults:?}");
+            assert!(faults.is_empty(), "{reported}: {faults:?}");
         }
     }
 
@@ -556,8 +556,8 @@ mod tests {
     fn the_same_trouble_of_several_variables_is_one_sentence() {
         let drift = Array2::from_shape_fn((200, 3), |(t, k)| (t * (t + 7 * k) % 97) as f64 + (t * k) as f64);
         let (profile, _) = of(vec![drift]);
-        let told = profile.remarks.iter().filter(|remark| remark.contains("drift")).collect::<Vec<_>>();
-        assert!(told.len() == 1 && told[0].starts_with("b, c drift: their levels"), "{told:?}");
+        let reported = profile.remarks.iter().filter(|remark| remark.contains("drift")).collect::<Vec<_>>();
+        assert!(reported.len() == 1 && reported[0].starts_with("b, c drift: their levels"), "{reported:?}");
         let (profile, _) = of(vec![Array2::from_elem((200, 3), 1.5)]);
         assert_eq!(profile.remarks, ["no variable changes: there is nothing to find"]);
     }

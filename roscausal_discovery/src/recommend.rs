@@ -12,13 +12,13 @@
 //! Example: two people of whom one walks twice as fast are compared with J-PCMCI+, so that the difference makes no link.
 
 use crate::{
-    effort::Effort, levels::levels_differ, methods::Method, profile::DataProfile, settings::Settings,
-    types::DataFrame,
+    effort::Effort, independence_tests::regression_ci::categories, levels::levels_differ, methods::Method,
+    profile::DataProfile, settings::Settings, types::DataFrame,
 };
 
 /// Seconds that an analysis may take before a faster test is advised.
 const PATIENCE_S: f64 = 600.0;
-/// Different values up to which a variable of whole numbers counts as one of categories.
+/// So many different values of a variable are counted.
 const MOST_CATEGORIES: usize = 10;
 
 /// Samples for each degree of freedom below which gsquared misses links.
@@ -103,9 +103,11 @@ fn test_for(data: &DataFrame, settings: &Settings) -> (String, String) {
             "parcorr: the one test that can say which recording a sample is from".to_owned(),
         );
     }
-    let categories: Vec<&str> = (0..data.n_vars())
-        .filter(|&var| is_category(data, var))
-        .map(|var| data.var_names()[var].as_str())
+    let categories: Vec<&str> = categories(data, &settings.test.categories)
+        .into_iter()
+        .enumerate()
+        .filter(|&(var, is_category)| is_category && values(data, var).len() > 1)
+        .map(|(var, _)| data.var_names()[var].as_str())
         .collect();
     let rows: usize = data.recordings().iter().map(|r| r.nrows()).sum();
     if categories.len() == data.n_vars() {
@@ -143,11 +145,6 @@ fn test_for(data: &DataFrame, settings: &Settings) -> (String, String) {
         return answer("robustparcorr", format!("robustparcorr: {slow}, and there are outliers"));
     }
     answer("parcorr", format!("parcorr: {slow}; effects that are not linear may be missed"))
-}
-
-fn is_category(data: &DataFrame, var: usize) -> bool {
-    let seen = values(data, var);
-    (2..=MOST_CATEGORIES).contains(&seen.len()) && seen.iter().all(|value| value.fract() == 0.0)
 }
 
 /// The different values of a variable, one more than [`MOST_CATEGORIES`] at most.
@@ -214,6 +211,6 @@ mod tests {
         let sparse = data(vec![plain(100, 0.0, 5).mapv_into(|v| (9.0 * v).floor())], &["a", "b"]);
         assert_eq!(chosen(&sparse).1, "cmisymb");
         assert_eq!(chosen(&data(vec![plain(200, 0.0, 0)], &["a", "b"])).1, "gpdc");
-        assert_eq!(chosen(&data(vec![plain(9000, 0.0, 0)], &["a", "b"])).1, "parcorr");
+        assert_eq!(chosen(&data(vec![plain(150_000, 0.0, 0)], &["a", "b"])).1, "parcorr");
     }
 }

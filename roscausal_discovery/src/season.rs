@@ -64,18 +64,18 @@ impl Season {
         Some(Self { period, variables })
     }
 
-    /// What to tell of it, with the step between rows in seconds.
-    pub fn told(&self, dt: Option<f64>) -> String {
+    /// What was found, with the step between rows in seconds.
+    pub fn found(&self, dt: Option<f64>) -> String {
         let time =
             dt.map_or(String::new(), |dt| format!(" ({} s)", (1e3 * dt * self.period as f64).round() / 1e3));
-        format!(
-            "{} repeat every {} rows{time}: links between them may come from the clock alone; {} {} takes the mean course of a \
-             period out",
-            self.variables.join(", "),
-            self.period,
-            Named("season"),
-            self.period
-        )
+        let (names, period) = (self.variables.join(", "), self.period);
+        format!("{names} repeat every {period} rows{time}: links between them may come from the clock alone")
+    }
+
+    /// The same, and the way out.
+    pub fn reported(&self, dt: Option<f64>) -> String {
+        let way = format!("{} {} takes the mean course of a period out", Named("season"), self.period);
+        format!("{}; {way}", self.found(dt))
     }
 }
 

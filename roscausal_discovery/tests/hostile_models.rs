@@ -8,7 +8,7 @@ use std::{collections::HashSet, fs, path::Path};
 
 use ndarray::Array2;
 use roscausal_discovery::{
-    Control, DataFrame, Evidence, Model, Outcome, Settings, analyse_with_evidence,
+    Control, DataFrame, Evidence, LinkMark, Model, Outcome, Settings, analyse_with_evidence,
     confidence::{Resampling, analyse_resampled},
     methods::Method,
 };
@@ -41,7 +41,11 @@ fn settings() -> Settings {
 fn whole() -> Value {
     let resampling = Resampling { resamples: 20, ..Resampling::default() };
     let model = analyse_resampled(&data(), &settings(), &resampling, &Control::default()).unwrap();
-    assert!(model.links.iter().any(|link| link.lag == 0 && link.mark == "-->"), "{:?}", model.links);
+    assert!(
+        model.links.iter().any(|link| link.lag == 0 && link.mark == LinkMark::Forward),
+        "{:?}",
+        model.links
+    );
     serde_json::from_str(&model.to_file_json()).unwrap()
 }
 
@@ -146,14 +150,14 @@ const MODELS: &[Case] = &[
 fn a_model_that_is_not_whole_is_refused_in_a_sentence_however_it_is_read() {
     let whole = whole();
     assert!(Model::from_json(whole.to_string().as_bytes()).is_ok());
-    for &(told, change) in MODELS {
+    for &(reported, change) in MODELS {
         let text = text_of(whole.clone(), change);
-        let error = Model::from_json(text.as_bytes()).expect_err(told).to_string();
-        assert!(error.contains(told), "{told}: {error}");
-        assert!(error.len() < 600 && error.lines().count() == 1, "{told}: {error}");
+        let error = Model::from_json(text.as_bytes()).expect_err(reported).to_string();
+        assert!(error.contains(reported), "{reported}: {error}");
+        assert!(error.len() < 600 && error.lines().count() == 1, "{reported}: {error}");
         assert!(error.matches("not a valid model").count() <= 1, "{error}");
         // There is no way around the check.
-        assert!(serde_json::from_str::<Model>(&text).is_err(), "{told}");
+        assert!(serde_json::from_str::<Model>(&text).is_err(), "{reported}");
         assert!(
             serde_json::from_str::<Value>(&text).is_ok_and(|v| serde_json::from_value::<Model>(v).is_err())
         );
@@ -164,7 +168,7 @@ fn a_model_that_is_not_whole_is_refused_in_a_sentence_however_it_is_read() {
 fn a_text_that_is_no_json_of_a_model_is_refused_before_it_is_taken_apart() {
     let whole = whole().to_string();
     let long = whole.replacen("\"warnings\":[", &format!("\"warnings\":[\"{}\",", "x".repeat(2 << 20)), 1);
-    for (told, text) in [
+    for (reported, text) in [
         ("number out of range", whole.replacen("\"alpha\":0.05", "\"alpha\":1e999", 1)),
         ("at line 1", whole.replacen("\"alpha\":0.05", "\"alpha\":NaN", 1)),
         ("duplicate field `tau_max`", whole.replacen('{', "{\"tau_max\":1,", 1)),
@@ -177,8 +181,8 @@ fn a_text_that_is_no_json_of_a_model_is_refused_before_it_is_taken_apart() {
         ("too many for 3 variables and 3 lags", long),
         ("not a valid model", String::new()),
     ] {
-        let error = Model::from_json(text.as_bytes()).expect_err(told).to_string();
-        assert!(error.contains(told) && error.len() < 600, "{told}: {error}");
+        let error = Model::from_json(text.as_bytes()).expect_err(reported).to_string();
+        assert!(error.contains(reported) && error.len() < 600, "{reported}: {error}");
     }
 }
 
@@ -235,11 +239,11 @@ const EVIDENCE: &[Case] = &[
 fn evidence_that_is_not_whole_is_refused_in_a_sentence_and_that_of_another_model_is_told() {
     let (model, evidence) = analyse_with_evidence(&data(), &settings(), &Control::default()).unwrap();
     let whole: Value = serde_json::from_str(&evidence.to_json()).unwrap();
-    for &(told, change) in EVIDENCE {
+    for &(reported, change) in EVIDENCE {
         let text = text_of(whole.clone(), change);
-        let error = Evidence::from_json(text.as_bytes()).expect_err(told).to_string();
-        assert!(error.contains(told) && error.len() < 600, "{told}: {error}");
-        assert!(serde_json::from_str::<Evidence>(&text).is_err(), "{told}");
+        let error = Evidence::from_json(text.as_bytes()).expect_err(reported).to_string();
+        assert!(error.contains(reported) && error.len() < 600, "{reported}: {error}");
+        assert!(serde_json::from_str::<Evidence>(&text).is_err(), "{reported}");
     }
     let other = text_of(whole.clone(), |e| e["links"][0]["lags"][0]["lag"] = json!(99));
     assert!(!Evidence::from_json(other.as_bytes()).unwrap().is_of(&model));

@@ -85,8 +85,8 @@ fn recordings_and_missing_values_are_kept_apart_and_the_sentence_says_when() {
             .iter()
             .any(|later| (later.cause.as_str(), later.effect.as_str(), later.lag) == ("near", "speed", 4))
     );
-    let told = Later::told(&found, Some(0.1)).unwrap();
-    assert!(told.contains("dependence of speed on near is strongest at lag 4 (0.4 s)"), "{told}");
+    let reported = Later::reported(&found, Some(0.1)).unwrap();
+    assert!(reported.contains("dependence of speed on near is strongest at lag 4 (0.4 s)"), "{reported}");
     assert_eq!(Later::of(&data, 400, 2.0), []);
 }
 

@@ -49,7 +49,7 @@ fn found(data: DataFrame, levels: Levels) -> (f64, bool) {
     let each: Vec<usize> = (0..data.recordings().len()).collect();
     let Levelled { data, settings, .. } = Levelled::of(data, &each, settings);
     let model = analyse(&data, &settings, &Control::default()).unwrap();
-    let is = |i: usize, j: usize| !model.graph[i][j][1].is_empty();
+    let is = |i: usize, j: usize| model.graph[i][j][1].is_link();
     let pairs =
         (0..4).flat_map(|i| (0..4).map(move |j| (i, j))).filter(|(i, j)| i != j && (*i, *j) != (0, 1));
     (pairs.filter(|&(i, j)| is(i, j)).count() as f64 / 11.0, is(0, 1))

@@ -258,17 +258,29 @@ fn run_fpcmci(dir: &Path, case: &Value) -> Answer<Value> {
     Ok(answer)
 }
 
-/// The matrices of the ROS message, nested and flat.
+/// The matrices of the ROS message, nested and flat: `[lag - tau_min][effect][cause]`, 0 where there is no link.
 fn model_of(result: &PcmciResult, tau_min: usize) -> Value {
-    let model = result.causal_matrices(tau_min);
+    let (n, _, n_lags) = result.graph.dim();
+    let shape = (n_lags.saturating_sub(tau_min), n, n);
+    let is_link = |(lag, effect, cause): (usize, usize, usize)| {
+        !matches!(result.graph[[cause, effect, lag + tau_min]].symbol(), "" | "<--")
+    };
+    let of = |matrix: &Array3<f64>| {
+        let value = |at: (usize, usize, usize)| {
+            if is_link(at) { matrix[[at.2, at.1, at.0 + tau_min]] } else { 0.0 }
+        };
+        Array3::from_shape_fn(shape, value)
+    };
+    let structure = Array3::from_shape_fn(shape, |at| i32::from(is_link(at)));
+    let (values, p_values) = (of(&result.val_matrix), of(result.deciding_p()));
     json!({
-        "causal_structure": nested(&model.causal_structure, |v| json!(v)),
-        "val_matrix": nested(&model.val_matrix, |v| json!(v)),
-        "pval_matrix": nested(&model.pval_matrix, |v| json!(v)),
-        "original_shape": model.causal_structure.shape(),
-        "causal_structure_flat_int32": model.causal_structure.iter().collect::<Vec<_>>(),
-        "val_matrix_flat": model.val_matrix.iter().collect::<Vec<_>>(),
-        "pval_matrix_flat": model.pval_matrix.iter().collect::<Vec<_>>(),
+        "causal_structure": nested(&structure, |v| json!(v)),
+        "val_matrix": nested(&values, |v| json!(v)),
+        "pval_matrix": nested(&p_values, |v| json!(v)),
+        "original_shape": structure.shape(),
+        "causal_structure_flat_int32": structure.iter().collect::<Vec<_>>(),
+        "val_matrix_flat": values.iter().collect::<Vec<_>>(),
+        "pval_matrix_flat": p_values.iter().collect::<Vec<_>>(),
     })
 }
 

@@ -171,8 +171,8 @@ fn changes(set: &Path, out: &Path) -> Done {
         let rows = CHANGE_ROWS.max(detector.fewest_rows());
         let mut events = Vec::new();
         for recording in data.recordings() {
-            let told = detector.read_in_parts(recording.view(), rows, &Control::default());
-            events.extend(told.map_err(|e| format!("{name}: {e}"))?);
+            let reported = detector.read_in_parts(recording.view(), &[], rows, &Control::default());
+            events.extend(reported.map_err(|e| format!("{name}: {e}"))?);
         }
         write(&out.join("changes").join(format!("{name}.json")), &json!({ "events": events }).to_string())?;
     }

@@ -16,8 +16,12 @@
 use std::collections::HashMap;
 
 use crate::{
-    independence_tests::Significance, methods::Method, model::Model, numeric::normal::normal_quantile,
+    independence_tests::Significance,
+    methods::{Method, Status},
+    model::Model,
+    numeric::normal::normal_quantile,
     settings::Settings,
+    types::LinkMark,
 };
 
 /// Rounds of the fit.
@@ -44,7 +48,7 @@ fn odds(model: &Model, settings: &Settings) -> Option<f64> {
     };
     let within = |value: usize, [from, to]: [usize; 2]| (from..=to).contains(&value);
     let is_measured = settings.test.significance.is_none_or(|how| how == Significance::Analytic)
-        && model.status == "complete"
+        && model.status == Status::Complete
         && model.tau_min == settings.method.info().tau_min
         && within(model.features.len(), variables)
         && within(model.tau_max, lags)
@@ -67,7 +71,7 @@ pub(crate) fn fill(model: &mut Model, settings: &Settings) {
     }
     let chances = chances(&tests, model.tau_max, odds);
     // That something not recorded drives both is another claim.
-    for link in model.links.iter_mut().filter(|link| link.mark != "<->") {
+    for link in model.links.iter_mut().filter(|link| link.mark != LinkMark::Bidirected) {
         link.chance = places.get(&(&link.cause, &link.effect, link.lag)).map(|&at| chances[at]);
     }
 }

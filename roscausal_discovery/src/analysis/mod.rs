@@ -16,7 +16,7 @@ use crate::{
     methods::{FpcmciResult, PcmciResult, Status},
     model::{Matrices, Model, Outcome, nested},
     transfer_entropy::TeEstimator,
-    types::{CondIndTest, Control, DataFrame, Error, Result, Samples},
+    types::{CondIndTest, Control, DataFrame, Error, LinkMark, Named, Result, Samples},
 };
 
 /// Analyses `data` with `settings` under `control`: from data to model in one call.
@@ -91,7 +91,7 @@ fn analysed(
 ) -> Result<(Model, Option<Evidence>)> {
     settings.check_numbers(test.name())?;
     settings.check_data(data)?;
-    check_levels(data, test)?;
+    check_levels(data, test, &settings.test.categories)?;
     let (mut model, evidence) = match MethodResult::of(data, test, settings, control)? {
         MethodResult::Filtered(result) => filtered(data, test, settings, &result, control, keep),
         MethodResult::Plain(result) => {
@@ -105,6 +105,11 @@ fn analysed(
         }
     };
     model.warnings.extend(beforehand::required_in_words(settings, data.var_names()));
+    // Rows of one time are not counted once for each person: what the tests used.
+    let used = model.n_matrix.iter().flatten().flatten().filter_map(|used| *used).max();
+    if let Some(most) = used.filter(|_| data.shared_times().is_some()) {
+        model.n_samples = most;
+    }
     if !control.is_silent() {
         chance::fill(&mut model, settings);
     }
@@ -112,12 +117,12 @@ fn analysed(
 }
 
 /// Refuses measurements where the test counts categories: where almost every sample is a category of its own, its results mean
-/// nothing.
-fn check_levels(data: &DataFrame, test: &dyn CondIndTest) -> Result<()> {
+/// nothing. What is known to be a category is one.
+fn check_levels(data: &DataFrame, test: &dyn CondIndTest, known: &[String]) -> Result<()> {
     if !matches!(test.name(), "gsquared" | "cmisymb") {
         return Ok(());
     }
-    for (var, name) in data.var_names().iter().enumerate() {
+    for (var, name) in data.var_names().iter().enumerate().filter(|(_, name)| !known.contains(name)) {
         let values = data.recordings().iter().flat_map(|recording| recording.column(var).to_vec());
         let values: Vec<f64> = values.filter(|v| v.is_finite()).collect();
         let levels = values.iter().map(|v| (v + 0.0).to_bits()).collect::<HashSet<_>>().len();
@@ -125,9 +130,11 @@ fn check_levels(data: &DataFrame, test: &dyn CondIndTest) -> Result<()> {
         if values.len() < FEWEST_OF_A_LEVEL * levels && (!are_whole || levels > MOST_WHOLE_LEVELS) {
             return Err(Error::Data(format!(
                 "{} is a test of categories, but '{name}' has {levels} different values in {} samples, so it is a measurement; \
-                 take a test of numbers (parcorr, gpdc or cmiknn), or bring it to a few levels, as round({name}) does",
+                 take a test of numbers (parcorr, gpdc or cmiknn), or bring it to a few levels, as round({name}) does; if its \
+                 values are categories, {} names it",
                 test.name(),
-                values.len()
+                values.len(),
+                Named("categories")
             )));
         }
     }
@@ -177,7 +184,7 @@ fn filtered(
     };
     model.warnings.extend(remarks_on_filter(settings.te_estimator, test, result));
     if result.status != Status::Complete {
-        model.status = result.status.to_string();
+        model.status = result.status.clone();
     }
     (model, evidence)
 }
@@ -219,7 +226,7 @@ fn with_result(blank: Model, features: Vec<String>, result: PcmciResult, known: 
         graph: nested(&vars, n_lags, |at @ [i, j, lag]| {
             // What the time budget left untested is not a link.
             let untested = outcomes[i][j][lag] == Outcome::Ended;
-            if untested { String::new() } else { result.graph[at].symbol().to_owned() }
+            if untested { LinkMark::Absent } else { result.graph[at] }
         }),
         val_matrix: nested(&vars, n_lags, |at| result.val_matrix[at]),
         p_matrix: nested(&vars, n_lags, |at| result.deciding_p()[at]),
@@ -229,7 +236,7 @@ fn with_result(blank: Model, features: Vec<String>, result: PcmciResult, known: 
     let mut model = blank.with_matrices(features, matrices);
     model.n_samples = result.n_samples;
     model.warnings.extend(result.remarks);
-    model.status = result.status.to_string();
+    model.status = result.status.clone();
     model
 }
 
@@ -300,21 +307,21 @@ mod tests {
 
     #[test]
     fn a_filter_or_a_test_that_leaves_nothing_is_told() {
-        let told = |f_alpha: f64, alpha: f64| {
+        let reported = |f_alpha: f64, alpha: f64| {
             let cond_ind_test = "parcorr".into();
             let strict =
                 Settings { cond_ind_test, alpha, f_alpha: Some(f_alpha), ..settings(Method::Fpcmci) };
             let model = analyse(&pair(), &strict, &Control::default()).unwrap();
             (model.dropped.len(), model.warnings.join("; "))
         };
-        let (dropped, nothing_through) = told(1e-300, 0.05);
+        let (dropped, nothing_through) = reported(1e-300, 0.05);
         assert!(
             dropped == 2 && nothing_through.contains("the filter lets nothing through"),
             "{nothing_through}"
         );
-        let (dropped, nothing_found) = told(0.05, 1e-300);
+        let (dropped, nothing_found) = reported(0.05, 1e-300);
         assert!(dropped == 2 && nothing_found.contains("all variables are left out"), "{nothing_found}");
-        assert_eq!(told(0.05, 0.05), (0, String::new()));
+        assert_eq!(reported(0.05, 0.05), (0, String::new()));
     }
 
     #[test]
@@ -340,7 +347,7 @@ mod tests {
         let model = analyse(&data, &settings(Method::Jpcmciplus), &Control::default()).unwrap();
         assert_eq!((model.features.len(), model.graph.len(), model.n_recordings), (2, 2, 2));
         assert!(
-            model.warnings.iter().any(|told| told.contains("the recordings differ in a")),
+            model.warnings.iter().any(|reported| reported.contains("the recordings differ in a")),
             "{:?}",
             model.warnings
         );
@@ -356,7 +363,12 @@ mod tests {
         let data = DataFrame::new(wide, names).unwrap();
         let model = analyse(&data, &settings(Method::Jpcmciplus), &Control::default()).unwrap();
         assert!(model.links.iter().all(|link| link.effect != "age"), "{:?}", model.links);
-        assert!(model.warnings.iter().any(|told| told.contains("taken as contexts") && told.contains("age")));
+        assert!(
+            model
+                .warnings
+                .iter()
+                .any(|reported| reported.contains("taken as contexts") && reported.contains("age"))
+        );
     }
 
     #[test]
@@ -449,14 +461,14 @@ mod tests {
         let data = pair_for(Method::Candoit);
         let of = Settings { cond_ind_test: "parcorr".into(), ..settings(Method::Candoit) };
         let model = analyse(&data, &of, &Control::default()).unwrap();
-        assert_eq!(model.graph[2][0][0], "-->");
-        assert!(model.graph[2][2].iter().all(String::is_empty));
-        assert!(model.warnings.iter().any(|told| told.contains("'do_a' drives 'a': this was given")));
+        assert_eq!(model.graph[2][0][0], LinkMark::Forward);
+        assert!(model.graph[2][2].iter().all(|mark| !mark.is_link()));
+        assert!(model.warnings.iter().any(|reported| reported.contains("'do_a' drives 'a': this was given")));
         // Named as exogenous alone, it may drive any variable, and still nothing drives it.
         let free = Settings { acts_on: None, exogenous: vec!["do_a".into()], ..of };
         let model = analyse(&data, &free, &Control::default()).unwrap();
-        assert_eq!(model.graph[2][0][0], "-->");
-        assert!(model.warnings.iter().any(|told| told.contains("may drive any of them")));
+        assert_eq!(model.graph[2][0][0], LinkMark::Forward);
+        assert!(model.warnings.iter().any(|reported| reported.contains("may drive any of them")));
         assert!(
             model.links.iter().all(|link| link.effect != "do_a" || link.cause == "do_a"),
             "{:?}",

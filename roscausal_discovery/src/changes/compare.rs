@@ -15,6 +15,9 @@ use crate::{
     types::{DataFrame, MaskType, Node, Result},
 };
 
+/// The batches before and those after, which are compared.
+pub(super) type Groups<'a> = (&'a [&'a Batch], &'a [&'a Batch]);
+
 impl Comparison<'_> {
     /// What drives each variable, over all these batches. A variable is left out that an intervention drives whose values differ
     /// between the groups.
@@ -79,12 +82,7 @@ impl Comparison<'_> {
         slope(&y, &x, &given, batches.len())
     }
 
-    fn slopes_differ(
-        &self,
-        before: &[&Batch],
-        after: &[&Batch],
-        mechanisms: &Mechanisms,
-    ) -> Result<Vec<Difference>> {
+    fn slopes_differ(&self, (before, after): Groups<'_>, mechanisms: &Mechanisms) -> Result<Vec<Difference>> {
         let mut found = Vec::new();
         for at in self.places(mechanisms) {
             self.control.check()?;
@@ -97,17 +95,12 @@ impl Comparison<'_> {
         Ok(found)
     }
 
-    fn curves_differ(
-        &self,
-        before: &[&Batch],
-        after: &[&Batch],
-        mechanisms: &Mechanisms,
-    ) -> Result<Vec<Difference>> {
+    fn curves_differ(&self, groups: Groups<'_>, mechanisms: &Mechanisms) -> Result<Vec<Difference>> {
         let places = self.places(mechanisms);
         let mut found = Vec::new();
         for of_effect in places.chunk_by(|a, b| a.effect == b.effect) {
             self.control.check()?;
-            found.extend(curves::differences_of(self, (before, after), of_effect, mechanisms)?);
+            found.extend(curves::differences_of(self, groups, of_effect, mechanisms)?);
         }
         Ok(found)
     }
@@ -116,28 +109,23 @@ impl Comparison<'_> {
     pub(super) fn described(
         &self,
         difference: Difference,
-        (before, after): (&[&Batch], &[&Batch]),
+        groups: Groups<'_>,
         mechanisms: &Mechanisms,
     ) -> Difference {
         if self.form == Form::Slope {
             return difference;
         }
-        match curves::describe(self, (before, after), difference.at, mechanisms) {
+        match curves::describe(self, groups, difference.at, mechanisms) {
             Some((before, after, kind)) => Difference { before, after, kind, ..difference },
             None => difference,
         }
     }
 
     /// Compares all links of two groups.
-    pub(super) fn differences(
-        &self,
-        before: &[&Batch],
-        after: &[&Batch],
-        mechanisms: &Mechanisms,
-    ) -> Result<Vec<Difference>> {
+    pub(super) fn differences(&self, groups: Groups<'_>, mechanisms: &Mechanisms) -> Result<Vec<Difference>> {
         let mut found = match self.form {
-            Form::Slope => self.slopes_differ(before, after, mechanisms)?,
-            Form::Curve => self.curves_differ(before, after, mechanisms)?,
+            Form::Slope => self.slopes_differ(groups, mechanisms)?,
+            Form::Curve => self.curves_differ(groups, mechanisms)?,
         };
         found.iter_mut().for_each(|link| link.p = self.baseline.p_value(link.at, link.z));
         corrected(&mut found);

@@ -30,18 +30,14 @@ const MOST_ROWS_OF_CURVES: usize = 1000;
 /// Level at which the batch after a suspected one must show the change alone.
 const ALONE: f64 = 0.01;
 
-/// The levels of the two stages, corrected for the number of links.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Levels {
-    /// Below it a change is suspected.
-    pub suspect: f64,
-    /// Below it a suspected change is confirmed.
-    pub confirm: f64,
-}
-
-impl Default for Levels {
-    fn default() -> Self {
-        Self { suspect: 0.2, confirm: 0.003 }
+with_defaults! {
+    /// The levels of the two stages, corrected for the number of links.
+    #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+    pub struct Levels {
+        /// Below it a change is suspected.
+        pub suspect: f64 = 0.2,
+        /// Below it a suspected change is confirmed.
+        pub confirm: f64 = 0.003,
     }
 }
 
@@ -67,7 +63,7 @@ pub struct Detector {
     #[serde(default, alias = "yardstick")]
     baseline: Baseline,
     rows: usize,
-    told: usize,
+    reported: usize,
 }
 
 /// A batch that seems to differ.
@@ -113,7 +109,7 @@ impl Detector {
             held: None,
             baseline: Baseline::default(),
             rows: 0,
-            told: 0,
+            reported: 0,
         })
     }
 
@@ -166,14 +162,14 @@ impl Detector {
     }
 
     /// Events told so far, all stages of one change as one.
-    pub fn told(&self) -> usize {
-        self.told
+    pub fn reported(&self) -> usize {
+        self.reported
     }
 
-    /// The same detector, whose events are numbered from `told + 1` on: for one that takes over from another.
+    /// The same detector, whose events are numbered from `reported + 1` on: for one that takes over from another.
     #[must_use]
-    pub fn numbered_after(mut self, told: usize) -> Self {
-        self.told = told;
+    pub fn numbered_after(mut self, reported: usize) -> Self {
+        self.reported = reported;
         self
     }
 
@@ -186,47 +182,35 @@ impl Detector {
         self.regime.iter_mut().chain(closed).chain(held).for_each(Batch::extend);
     }
 
-    /// Reads a recording in parts of `size` rows; what is left over joins the last part. Returns what is told, in order.
+    /// Reads a recording in parts of `size` rows; what is left over joins the last part. Returns what is found, in order.
+    ///
+    /// Rows that are `masked` are not effects, but still the past of others; there is a word for each row, or none at all.
     ///
     /// # Errors
-    /// As [`Detector::read`], and parts that are too small.
+    /// As [`Detector::read`], parts that are too small, and a mask of another length.
     pub fn read_in_parts(
-        &mut self,
-        values: ArrayView2<'_, f64>,
-        size: usize,
-        control: &Control,
-    ) -> Result<Vec<ChangeEvent>> {
-        self.read_in_masked_parts(values, &[], size, control)
-    }
-
-    /// As [`Detector::read_in_parts`]. Rows that are `masked` are not effects, but still the past of others; there is a word for each
-    /// row, or none at all.
-    ///
-    /// # Errors
-    /// As [`Detector::read_in_parts`], and a mask of another length.
-    pub fn read_in_masked_parts(
         &mut self,
         values: ArrayView2<'_, f64>,
         masked: &[bool],
         size: usize,
         control: &Control,
     ) -> Result<Vec<ChangeEvent>> {
-        let mut told = Vec::new();
-        self.read_each(values, masked, size, control, &mut told)?;
-        Ok(told)
+        let mut reported = Vec::new();
+        self.read_each(values, masked, size, control, &mut reported)?;
+        Ok(reported)
     }
 
-    /// As [`Detector::read_in_masked_parts`], into `told`: what was told before an error stays there.
+    /// As [`Detector::read_in_parts`], into `reported`: what was found before an error stays there.
     ///
     /// # Errors
-    /// As [`Detector::read_in_masked_parts`].
+    /// As [`Detector::read_in_parts`].
     pub fn read_each(
         &mut self,
         values: ArrayView2<'_, f64>,
         masked: &[bool],
         size: usize,
         control: &Control,
-        told: &mut Vec<ChangeEvent>,
+        reported: &mut Vec<ChangeEvent>,
     ) -> Result<()> {
         if !masked.is_empty() && masked.len() != values.nrows() {
             let (given, rows) = (masked.len(), values.nrows());
@@ -249,7 +233,7 @@ impl Detector {
             let to = if part + 1 == parts { n } else { (part + 1) * size };
             let masked = masked.get(from..to).unwrap_or_default().to_vec();
             let rows = values.slice(s![from..to, ..]).to_owned();
-            told.extend(self.read_stretch(&rows, masked, part > 0, control)?);
+            reported.extend(self.read_stretch(&rows, masked, part > 0, control)?);
         }
         Ok(())
     }
@@ -317,7 +301,7 @@ impl Detector {
         if mechanisms.incomparable {
             return Ok(());
         }
-        let mut differences = comparison.differences(&regime, &[&batch], &mechanisms)?;
+        let mut differences = comparison.differences((&regime, &[&batch]), &mechanisms)?;
         let all: Vec<(Place, f64)> = differences.iter().map(|link| (link.at, link.z)).collect();
         let begins = self.baseline.comparisons() < FIRST;
         differences.retain(|difference| !begins && difference.q <= self.levels.suspect);
@@ -329,20 +313,20 @@ impl Detector {
         }
         let mut links = Vec::new();
         let mut effects = Vec::new();
-        let (mut told, mut pushed) = (self.told, Vec::new());
+        let (mut reported, mut pushed) = (self.reported, Vec::new());
         for difference in differences {
             let difference = comparison.described(difference, (&regime, &[&batch]), &mechanisms);
             let mut id = None;
             if !effects.contains(&difference.at.effect) {
                 effects.push(difference.at.effect);
-                told += 1;
-                id = Some(format!("change-{told}"));
+                reported += 1;
+                id = Some(format!("change-{reported}"));
                 pushed.push((id.clone().unwrap_or_default(), difference));
             }
             links.push((difference, id));
         }
         events.extend(pushed.into_iter().map(|(id, of)| self.event(id, Status::Suspected, &of)));
-        self.told = told;
+        self.reported = reported;
         self.held = Some(Suspicion { batch, links, all });
         Ok(())
     }
@@ -359,8 +343,8 @@ impl Detector {
         let both = [&held.batch, next_batch];
         let comparison = self.comparison(control);
         let mechanisms = comparison.mechanisms(&regime, &both)?;
-        let together = comparison.differences(&regime, &both, &mechanisms)?;
-        let alone = comparison.differences(&regime, &[next_batch], &mechanisms)?;
+        let together = comparison.differences((&regime, &both), &mechanisms)?;
+        let alone = comparison.differences((&regime, &[next_batch]), &mechanisms)?;
         let of = |all: &[Difference], at: Place| all.iter().find(|difference| difference.at == at).copied();
         let mut confirmed: Vec<Difference> = Vec::new();
         for (seen, _) in &held.links {
@@ -383,7 +367,7 @@ impl Detector {
         });
         let located: Vec<&Batch> =
             regime.iter().rev().take(LOCATED_IN - 2).rev().copied().chain(both).collect();
-        let mut told = Vec::new();
+        let mut reported = Vec::new();
         for difference in &confirmed {
             let id = held
                 .links
@@ -398,18 +382,18 @@ impl Detector {
                 when::between(&comparison, &located, difference.at, &mechanisms, curve.as_ref());
             event.regime = Some(self.number + 1);
             event.same_as = self.known_regime(&comparison, &both)?;
-            told.push(event);
+            reported.push(event);
         }
         for (seen, id) in &held.links {
             let Some(id) = id.clone().filter(|_| !effects.contains(&seen.at.effect)) else { continue };
             // What cannot be compared any more is told with the slopes of the suspicion.
             let difference = of(&together, seen.at).unwrap_or(*seen);
             let difference = comparison.described(difference, (&regime, &both), &mechanisms);
-            told.push(self.event(id, Status::Withdrawn, &difference));
+            reported.push(self.event(id, Status::Withdrawn, &difference));
         }
-        let since = told.iter().filter_map(|event| event.changed_between).map(|[_, to]| to).max();
+        let since = reported.iter().filter_map(|event| event.changed_between).map(|[_, to]| to).max();
         let since = since.map_or(held.batch.first, |row| row.clamp(held.batch.first, next_batch.first));
-        events.extend(told);
+        events.extend(reported);
         if confirmed.is_empty() {
             self.baseline.add(held.all);
             return Ok(Some(held.batch));
@@ -427,7 +411,7 @@ impl Detector {
         for (number, batches) in self.closed.iter().rev() {
             let before: Vec<&Batch> = batches.iter().collect();
             let mechanisms: Mechanisms = comparison.mechanisms(&before, both)?;
-            let differences = comparison.differences(&before, both, &mechanisms)?;
+            let differences = comparison.differences((&before, both), &mechanisms)?;
             if !differences.is_empty() && differences.iter().all(|difference| difference.q > NONE) {
                 return Ok(Some(*number));
             }

@@ -22,13 +22,13 @@ fn names() -> Vec<String> {
     ["a", "b", "c"].map(str::to_owned).to_vec()
 }
 
-fn told(values: &Array2<f64>) -> Vec<ChangeEvent> {
+fn reported(values: &Array2<f64>) -> Vec<ChangeEvent> {
     let mut detector = Detector::new(names(), 1, &[], Levels::default()).unwrap();
-    detector.read_in_parts(values.view(), 200, &Control::default()).unwrap()
+    detector.read_in_parts(values.view(), &[], 200, &Control::default()).unwrap()
 }
 
 fn confirmed(values: &Array2<f64>) -> Vec<ChangeEvent> {
-    told(values).into_iter().filter(|event| event.status == Status::Confirmed).collect()
+    reported(values).into_iter().filter(|event| event.status == Status::Confirmed).collect()
 }
 
 /// Whether the one event of a change at row 1000, where a part begins, says all of it: link, kind, slopes, and when.
@@ -76,7 +76,7 @@ fn a_mean_or_a_noise_that_changes_is_no_event() {
 #[test]
 fn a_suspicion_keeps_its_id_and_a_regime_that_returns_is_named() {
     let strength = |t: usize| if (1200..2600).contains(&t) { -0.6 } else { 0.6 };
-    let all = told(&series(4000, 11, strength, |_| 1.0));
+    let all = reported(&series(4000, 11, strength, |_| 1.0));
     let confirmed: Vec<&ChangeEvent> = all.iter().filter(|event| event.status == Status::Confirmed).collect();
     assert_eq!(confirmed.len(), 2, "{all:?}");
     assert_eq!(confirmed[1].same_as, Some(1), "{all:?}");
@@ -106,8 +106,8 @@ fn a_change_by_an_announced_intervention_is_no_event() {
         values[[t, 1]] += added;
     }
     let mut detector = Detector::new(names(), 1, &["a".into()], Levels::default()).unwrap();
-    let told = detector.read_in_parts(values.view(), 200, &Control::default()).unwrap();
-    assert!(told.iter().all(|event| event.status != Status::Confirmed), "{told:?}");
+    let reported = detector.read_in_parts(values.view(), &[], 200, &Control::default()).unwrap();
+    assert!(reported.iter().all(|event| event.status != Status::Confirmed), "{reported:?}");
 }
 
 /// An intervention that begins with a part and lasts says nothing of what it touches, so nothing is compared with it.
@@ -118,14 +118,14 @@ fn an_announced_intervention_that_is_constant_within_each_part_is_no_event() {
     wider.slice_mut(ndarray::s![.., ..3]).assign(&values);
     let mut named = names();
     named.push("do_stop".into());
-    let told = |wider: &Array2<f64>| {
+    let reported = |wider: &Array2<f64>| {
         let mut detector = Detector::new(named.clone(), 1, &["do_stop".into()], Levels::default()).unwrap();
-        detector.read_in_parts(wider.view(), 200, &Control::default()).unwrap()
+        detector.read_in_parts(wider.view(), &[], 200, &Control::default()).unwrap()
     };
     let confirmed = |events: &[ChangeEvent]| events.iter().any(|event| event.status == Status::Confirmed);
-    assert!(confirmed(&told(&wider)), "it is a change if nobody announces it");
+    assert!(confirmed(&reported(&wider)), "it is a change if nobody announces it");
     wider.column_mut(3).iter_mut().skip(1000).take(600).for_each(|v| *v = 1.0);
-    assert!(!confirmed(&told(&wider)));
+    assert!(!confirmed(&reported(&wider)));
     // A detector that first hears of it with the part in which it begins tells the same.
     let mut late = Detector::new(names(), 1, &[], Levels::default()).unwrap();
     let mut events = Vec::new();
@@ -144,7 +144,7 @@ fn an_announced_intervention_that_is_constant_within_each_part_is_no_event() {
 #[test]
 fn a_detector_that_was_written_and_read_back_between_any_two_parts_tells_the_same() {
     let values = series(3000, 4, |t| if t < 1500 { 0.7 } else { -0.3 }, |_| 1.0);
-    let whole = told(&values);
+    let whole = reported(&values);
     assert!(whole.iter().any(|event| event.status == Status::Confirmed), "{whole:?}");
     let mut detector = Detector::new(names(), 1, &[], Levels::default()).unwrap();
     let mut restored = detector.clone();
@@ -222,38 +222,38 @@ fn bent(n: usize, seed: u64, strength: impl Fn(usize) -> f64, noise: impl Fn(usi
 
 #[test]
 fn a_mechanism_that_is_no_line_is_seen_by_curves_and_a_noise_that_changes_is_no_event() {
-    let told = |values: &Array2<f64>| {
+    let reported = |values: &Array2<f64>| {
         let detector = Detector::new(names(), 1, &[], Levels::default()).unwrap();
         let mut detector = detector.of_form(Form::of_test("gpdc"));
-        let told = detector.read_in_parts(values.view(), 200, &Control::default()).unwrap();
-        told.into_iter().filter(|event| event.status == Status::Confirmed).collect::<Vec<_>>()
+        let reported = detector.read_in_parts(values.view(), &[], 200, &Control::default()).unwrap();
+        reported.into_iter().filter(|event| event.status == Status::Confirmed).collect::<Vec<_>>()
     };
     for (after, kind) in [(0.0, Kind::Vanished), (-0.8, Kind::Reversed)] {
-        let events = told(&bent(1200, 2, |t| if t < 600 { 0.8 } else { after }, |_| 1.0));
+        let events = reported(&bent(1200, 2, |t| if t < 600 { 0.8 } else { after }, |_| 1.0));
         let [event] = events.as_slice() else { panic!("{events:?}") };
         assert_eq!((event.cause.as_str(), event.effect.as_str(), event.kind), ("a", "b", kind), "{event:?}");
         let [from, to] = event.changed_between.unwrap();
         assert!(from <= 640 && to >= 560 && to - from < 300, "{event:?}");
     }
-    assert_eq!(told(&bent(1200, 3, |_| 0.8, |t| if t < 600 { 1.0 } else { 1.8 })), []);
+    assert_eq!(reported(&bent(1200, 3, |_| 0.8, |t| if t < 600 { 1.0 } else { 1.8 })), []);
 }
 
 #[test]
 fn a_mechanism_that_changes_only_in_masked_rows_is_no_event() {
     let masked: Vec<bool> = (0..4000).map(|t| t % 4 != 0).collect();
     let values = series(4000, 6, |t| if t >= 2000 && masked[t] { -0.8 } else { 0.8 }, |_| 1.0);
-    let told = |masked: &[bool]| {
+    let reported = |masked: &[bool]| {
         let mut detector = Detector::new(names(), 1, &[], Levels::default()).unwrap();
-        let told = detector.read_in_masked_parts(values.view(), masked, 400, &Control::default()).unwrap();
+        let reported = detector.read_in_parts(values.view(), masked, 400, &Control::default()).unwrap();
         let restored: Detector = serde_json::from_str(&serde_json::to_string(&detector).unwrap()).unwrap();
         assert_eq!(restored, detector);
-        told.into_iter().filter(|event| event.status == Status::Confirmed).collect::<Vec<_>>()
+        reported.into_iter().filter(|event| event.status == Status::Confirmed).collect::<Vec<_>>()
     };
-    let without = told(&[]);
+    let without = reported(&[]);
     assert!(without.iter().any(|event| event.cause == "a" && event.effect == "b"), "{without:?}");
-    assert_eq!(told(&masked), []);
+    assert_eq!(reported(&masked), []);
     let mut detector = Detector::new(names(), 1, &[], Levels::default()).unwrap();
-    let short = detector.read_in_masked_parts(values.view(), &masked[..3999], 400, &Control::default());
+    let short = detector.read_in_parts(values.view(), &masked[..3999], 400, &Control::default());
     assert!(short.unwrap_err().to_string().contains("3999 rows, and the recording has 4000"));
 }
 
@@ -269,7 +269,7 @@ fn what_makes_no_sense_is_refused_and_what_cannot_be_used_is_passed_over() {
     refused(names(), 1, Levels { suspect: 1.0, confirm: 0.1 }, "'suspect_level'");
     let mut detector = Detector::new(names(), 1, &[], Levels::default()).unwrap();
     let values = series(400, 1, |_| 0.6, |_| 1.0);
-    let error = detector.read_in_parts(values.view(), 79, &Control::default()).unwrap_err().to_string();
+    let error = detector.read_in_parts(values.view(), &[], 79, &Control::default()).unwrap_err().to_string();
     assert!(error.contains("at least 80"), "{error}");
     let mut gaps = values.clone();
     (0..400).step_by(3).for_each(|t| gaps[[t, 1]] = f64::NAN);

@@ -63,7 +63,7 @@ impl Question<'_> {
         for (i, j) in (0..n).flat_map(|i| (0..n).map(move |j| (i, j))).filter(|(i, j)| i != j) {
             for lag in self.model.tau_min..=self.model.tau_max {
                 let share = self.confidence.link_frequency[i][j][lag];
-                let in_model = !self.model.graph[i][j][lag].is_empty();
+                let in_model = self.model.graph[i][j][lag].is_link();
                 if (share > 0.0 || in_model) && (lag > 0 || i < j) {
                     all.push(self.answer((i, j, lag), share, in_model));
                 }
@@ -139,10 +139,9 @@ fn sentence(advice: &Advice, n: f64, done: usize) -> String {
         Some(high) if advice.n_high.is_some_and(|n_high| n_high <= 10.0 * n) => number(high),
         _ => "more than ten times as much".into(),
     };
+    let (middle, low) = (number(middle), number(low));
     format!(
-        "{found}; if it is real, about {} more {unit} ({} to {high}) show it in 4 of 5 recordings",
-        number(middle),
-        number(low)
+        "{found}; if it is real, about {middle} more {unit} ({low} to {high}) show it in 4 of 5 recordings"
     )
 }
 

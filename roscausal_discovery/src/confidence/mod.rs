@@ -47,9 +47,10 @@ use serde::Serialize;
 use crate::{
     analysis::{Found, analyse, analyse_with_evidence},
     evidence::Evidence,
+    methods::Status,
     model::{Confidence, Model, ResamplingFacts, nested},
     settings::Settings,
-    types::{Control, DataFrame, Result, Stop},
+    types::{Control, DataFrame, LinkMark, Result, Stop},
 };
 
 /// Share of the values between the low and the high one.
@@ -63,7 +64,7 @@ pub struct ResampleGraph {
     /// The variables of the data, in the order of the matrices.
     pub variables: Vec<String>,
     /// Link marks, `[cause][effect][lag]`.
-    pub graph: Vec<Vec<Vec<String>>>,
+    pub graph: Vec<Vec<Vec<LinkMark>>>,
     /// Strengths, `[cause][effect][lag]`.
     pub val_matrix: Vec<Vec<Vec<f64>>>,
 }
@@ -123,10 +124,10 @@ fn resampled(
         false => (analyse(data, settings, control)?, Evidence::default()),
     };
     let ended_after = |done: usize| {
-        format!("partial: the time budget ended after {done} of {} resamples", resampling.resamples)
+        Status::Partial(format!("the time budget ended after {done} of {} resamples", resampling.resamples))
     };
     if control.stop() == Some(Stop::OutOfTime) {
-        if model.status == "complete" {
+        if model.status == Status::Complete {
             model.status = ended_after(0);
         }
         return Ok(Resampled { model, evidence, graphs: Vec::new() });
@@ -166,7 +167,7 @@ fn graphs_of(found: &[Found], names: &[String]) -> Vec<ResampleGraph> {
         ResampleGraph {
             resample,
             variables: names.to_vec(),
-            graph: nested(&vars, n_lags, |at| one.graph[at].symbol().to_owned()),
+            graph: nested(&vars, n_lags, |at| one.graph[at]),
             val_matrix: nested(&vars, n_lags, |at| one.values[at]),
         }
     };
@@ -175,11 +176,17 @@ fn graphs_of(found: &[Found], names: &[String]) -> Vec<ResampleGraph> {
 
 fn with_confidence(mut model: Model, confidence: Confidence, resampling: &Resampling) -> Model {
     let place = |name: &str| model.features.iter().position(|feature| feature == name).unwrap_or_default();
+    let widened = resampling.widened();
+    let one_sided = model.val_matrix.iter().flatten().flatten().flatten().all(|value| *value >= 0.0);
     let places: Vec<_> = model.links.iter().map(|l| (place(&l.cause), place(&l.effect), l.lag)).collect();
     for (link, (i, j, lag)) in model.links.iter_mut().zip(places) {
         link.confidence = Some(confidence.link_frequency[i][j][lag]);
-        link.value_low = Some(confidence.val_low[i][j][lag]);
-        link.value_high = Some(confidence.val_high[i][j][lag]);
+        let Some(value) = link.value else { continue };
+        let [low, mean, high] =
+            [&confidence.val_low, &confidence.val_mean, &confidence.val_high].map(|of| of[i][j][lag]);
+        let within = |end: f64| if one_sided { end.max(0.0) } else { end };
+        link.value_low = Some(within(value + widened * (low - mean)));
+        link.value_high = Some(within(value + widened * (high - mean)));
     }
     model.confidence = Some(Box::new(confidence));
     advice::add(&mut model, resampling);

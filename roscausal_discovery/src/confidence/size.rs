@@ -8,7 +8,7 @@ use crate::{
     model::{LinkSize, Model},
     numeric::slope::slope,
     settings::Settings,
-    types::{DataFrame, Node, Samples},
+    types::{DataFrame, LinkMark, Node, Samples},
 };
 
 /// Normal quantile of a two-sided interval of 95 %.
@@ -19,7 +19,7 @@ pub(super) fn add(model: &mut Model, data: &DataFrame, settings: &Settings) {
     let samples = Samples::new(data, 2 * settings.tau_max);
     let place = |name: &str| data.var_names().iter().position(|other| other == name);
     let causes_of = |effect: &str| -> Vec<Node> {
-        let of = model.links.iter().filter(|link| link.effect == effect && link.mark == "-->");
+        let of = model.links.iter().filter(|link| link.effect == effect && link.mark == LinkMark::Forward);
         of.filter_map(|link| Some(Node::new(place(&link.cause)?, link.lag))).collect()
     };
     let size = |cause: &str, effect: &str, lag: usize| {
@@ -41,7 +41,7 @@ pub(super) fn add(model: &mut Model, data: &DataFrame, settings: &Settings) {
         })
     };
     let sizes: Vec<Option<LinkSize>> = (model.links.iter())
-        .map(|link| match link.mark == "-->" && link.cause != link.effect {
+        .map(|link| match link.mark == LinkMark::Forward && link.cause != link.effect {
             true => size(&link.cause, &link.effect, link.lag),
             false => None,
         })

@@ -91,7 +91,7 @@ impl<'a> Summary<'a> {
         for (mark, counts) in MARKS.iter().zip(&self.counts) {
             if counts.iter().any(|&count| count > 0) {
                 let shares = nested(&vars, n_lags, |at| self.share(counts[at]));
-                mark_frequency.insert(mark.symbol().to_owned(), shares);
+                mark_frequency.insert(*mark, shares);
             }
         }
         Confidence {
@@ -101,7 +101,7 @@ impl<'a> Summary<'a> {
             summary_frequency: (vars.iter())
                 .map(|&i| vars.iter().map(|&j| self.at_any_lag(i, j)).collect())
                 .collect(),
-            majority_graph: nested(&vars, n_lags, |at| self.majority(at).symbol().to_owned()),
+            majority_graph: nested(&vars, n_lags, |at| self.majority(at)),
             val_mean: part(0),
             val_low: part(1),
             val_high: part(2),

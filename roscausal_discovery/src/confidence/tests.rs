@@ -81,7 +81,7 @@ fn a_time_budget_that_ends_leaves_the_resamples_that_were_done() {
     let settings_of = settings(Method::Pcmci, "parcorr");
     let budgeted = || analyse_resampled(&data(200, 7), &settings_of, &resampling(10_000), &control);
     let model = pool.install(budgeted).unwrap();
-    assert!(model.status.starts_with("partial: the time budget ended after"), "{}", model.status);
+    assert!(model.status.to_string().starts_with("partial: the time budget ended after"), "{}", model.status);
     let done = of(&model).resampling.done;
     assert!((20..10_000).contains(&done), "{done}");
     // The resamples that were done are the first ones.
@@ -112,7 +112,7 @@ fn a_time_budget_that_ends_before_the_twentieth_resample_leaves_the_model_withou
     let control = Control::default()
         .out_of_time(move || asks.fetch_add(1, std::sync::atomic::Ordering::Relaxed) > most);
     let model = analyse_resampled(&data(200, 7), &settings, &resampling(100), &control).unwrap();
-    assert!(model.status.starts_with("partial: the time budget ended after"), "{}", model.status);
+    assert!(model.status.to_string().starts_with("partial: the time budget ended after"), "{}", model.status);
     assert!(model.confidence.is_none() && !model.links.is_empty(), "{:?}", model.status);
     assert!(model.warnings.iter().any(|w| w.contains("too few for a confidence")), "{:?}", model.warnings);
 }

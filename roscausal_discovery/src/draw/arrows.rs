@@ -1,12 +1,18 @@
-//! The arrows of a summary graph: one per pair of cause and effect, with all its lags.
+//! The arrows of a summary graph: one for each mark of a pair of cause and effect, with all its lags.
 
 use super::svg::display;
-use crate::model::{Link, Model};
+use crate::{
+    model::{Link, Model},
+    types::LinkMark,
+};
 
 /// Most pairs whose lags are listed below a graph.
 const LISTED: usize = 14;
 
-/// The links of one ordered pair.
+/// The mark that is the same from both ends: its links of both directions share an arrow.
+const BOTH: LinkMark = LinkMark::Bidirected;
+
+/// The links of one ordered pair with one mark.
 pub(super) struct Arrow<'a> {
     pub(super) from: usize,
     pub(super) to: usize,
@@ -14,28 +20,52 @@ pub(super) struct Arrow<'a> {
     pub(super) links: Vec<&'a Link>,
     /// The link with the largest strength.
     pub(super) strongest: &'a Link,
+    /// What stands at its ends.
+    pub(super) mark: LinkMark,
 }
 
-/// One arrow per pair with a link, by cause and then effect.
-pub(super) fn arrows(model: &Model) -> Vec<Arrow<'_>> {
+/// One arrow for each mark of a pair, by cause and then effect. There is one place for each direction: the second mark of a pair, mirrored,
+/// takes that of the other direction. Where that is taken, its links join the first.
+pub(super) fn arrows<'a>(model: &'a Model) -> Vec<Arrow<'a>> {
     let place = |name: &str| model.features.iter().position(|feature| feature == name);
-    let mut pairs = std::collections::BTreeMap::<(usize, usize), Vec<&Link>>::new();
-    for link in &model.links {
-        if let (Some(from), Some(to)) = (place(&link.cause), place(&link.effect)) {
-            pairs.entry((from, to)).or_default().push(link);
+    let mut pairs = std::collections::BTreeMap::<(usize, usize), Vec<&'a Link>>::new();
+    let holds = |held: Option<&Vec<&Link>>, link: &Link| {
+        let first = held.and_then(|held| held.first());
+        first.is_some_and(|first| first.mark == link.mark && (link.mark == BOTH || first.cause == link.cause))
+    };
+    let mut links: Vec<&'a Link> = model.links.iter().collect();
+    links.sort_by(|a, b| b.drawn_strength().abs().total_cmp(&a.drawn_strength().abs()));
+    let mut more = Vec::new();
+    for link in links {
+        let (Some(from), Some(to)) = (place(&link.cause), place(&link.effect)) else { continue };
+        let held = pairs.get(&(from, to));
+        match link.mark != BOTH && (held.is_none() || holds(held, link)) {
+            true => pairs.entry((from, to)).or_default().push(link),
+            false => more.push(((from, to), link)),
         }
     }
-    pairs.into_iter().filter_map(|((from, to), links)| Arrow::new(from, to, links)).collect()
+    for ((from, to), link) in more {
+        let slots = [(from, to), (to, from)];
+        let same = slots.into_iter().find(|slot| holds(pairs.get(slot), link));
+        let free = slots.into_iter().find(|slot| !pairs.contains_key(slot));
+        pairs.entry(same.or(free).unwrap_or((from, to))).or_default().push(link);
+    }
+    let arrow = |((from, to), links): ((usize, usize), Vec<&'a Link>)| {
+        let is_mirrored = links.first().is_some_and(|link| model.features.get(from) != Some(&link.cause));
+        Arrow::new(from, to, links, is_mirrored)
+    };
+    pairs.into_iter().filter_map(arrow).collect()
 }
 
 impl<'a> Arrow<'a> {
-    fn new(from: usize, to: usize, mut links: Vec<&'a Link>) -> Option<Self> {
+    fn new(from: usize, to: usize, mut links: Vec<&'a Link>, is_mirrored: bool) -> Option<Self> {
         links.sort_by_key(|link| link.lag);
         let strongest = links
             .iter()
             .copied()
             .max_by(|a, b| a.drawn_strength().abs().total_cmp(&b.drawn_strength().abs()))?;
-        Some(Self { from, to, links, strongest })
+        let mark = if is_mirrored { strongest.mark.mirrored() } else { strongest.mark };
+        Some(Self { from, to, links, strongest, mark })
     }
 
     /// The largest share of resamples that have one of its links; `None` without resamples.
@@ -59,7 +89,7 @@ impl<'a> Arrow<'a> {
             let found = link.confidence.map_or(String::new(), |share| format!(", found in {share:.2}"));
             format!("lag {}: {} ({p}{found})", link.lag, link.strength_in_words(2))
         };
-        let mark = if self.strongest.mark == "-->" { "→" } else { "–" };
+        let mark = if self.strongest.mark == LinkMark::Forward { "→" } else { "–" };
         let lags: Vec<String> = self.links.iter().map(lag).collect();
         let (cause, effect) = (display(&self.strongest.cause), display(&self.strongest.effect));
         format!("{cause} {mark} {effect}  {}", lags.join(", "))
@@ -94,6 +124,27 @@ fn runs(numbers: &[usize]) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_second_mark_of_a_pair_is_an_arrow_of_its_own() {
+        let mut model = crate::model::example();
+        let link = |cause: &str, effect: &str, lag, mark: &str| Link {
+            cause: cause.into(),
+            effect: effect.into(),
+            lag,
+            mark: mark.parse().unwrap(),
+            value: Some(0.5),
+            ..Link::default()
+        };
+        model.links =
+            vec![link("h_v", "h_dg", 2, "-->"), link("h_v", "h_dg", 0, "<->"), link("h_dg", "h_v", 1, "<->")];
+        let drawn = arrows(&model);
+        let of: Vec<_> = drawn
+            .iter()
+            .map(|arrow| (arrow.from, arrow.to, arrow.mark.symbol(), arrow.links.len()))
+            .collect();
+        assert_eq!(of, [(0, 1, "-->", 1), (1, 0, "<->", 2)]);
+    }
 
     #[test]
     fn lags_in_a_row_are_a_range() {

@@ -8,8 +8,9 @@ use super::{
 
 /// Most lines of a name in a circle.
 const LINES: usize = 3;
-/// Smallest text of a name.
-const SMALLEST: f64 = 8.0;
+/// Smallest text of a name, and the size by which its lines are broken.
+const SMALLEST: f64 = 6.0;
+const USUAL: f64 = 8.0;
 /// Width of a letter, as a part of its height.
 const LETTER: f64 = 0.6;
 
@@ -31,33 +32,25 @@ pub(super) fn variable(svg: &mut Svg, at: Point, name: &str) {
     svg.raw("</g>");
 }
 
-/// A name in at most [`LINES`] lines that fit the circle, broken where words end; what is too long is cut.
+/// A name in at most [`LINES`] lines, broken where words end, never inside one. As many words stand in a line as fit; a word that is
+/// longer than any line stands alone, in smaller letters. What is too long for that is cut.
 fn lines(name: &str) -> Vec<String> {
-    let fits = (1.4 * NODE / (LETTER * SMALLEST)) as usize;
-    if name.chars().count() <= fits {
-        return vec![name.to_owned()];
-    }
+    let fits = |size: f64| (1.4 * NODE / (LETTER * size)) as usize;
     let mut lines = vec![String::new()];
     for word in name.split_inclusive(['_', '.', '/', ' ', '-', ':']) {
-        for letter in word.chars() {
-            let line = lines.last().map_or(0, |line| line.chars().count());
-            if line >= fits {
-                lines.push(String::new());
-            }
-            lines.last_mut().into_iter().for_each(|line| line.push(letter));
-        }
-        // The next word begins a line if it would not end in this one.
         let line = lines.last().map_or(0, |line| line.chars().count());
-        if line + 3 > fits {
+        if line > 0 && line + word.chars().count() > fits(USUAL) {
             lines.push(String::new());
         }
+        lines.last_mut().into_iter().for_each(|line| line.push_str(word));
     }
-    lines.retain(|line| !line.is_empty());
-    if lines.len() > LINES {
-        lines.truncate(LINES);
-        if let Some(last) = lines.last_mut() {
-            last.pop();
-            last.push('…');
+    let cut = |line: &str, most: usize| line.chars().take(most - 1).chain(['…']).collect::<String>();
+    let is_long = lines.len() > LINES;
+    lines.truncate(LINES);
+    let last = lines.len() - 1;
+    for (k, line) in lines.iter_mut().enumerate() {
+        if line.chars().count() > fits(SMALLEST) || (is_long && k == last) {
+            *line = cut(line, fits(SMALLEST).min(line.chars().count()));
         }
     }
     lines
@@ -72,6 +65,9 @@ mod tests {
         assert_eq!(lines("h_v"), ["h_v"]);
         let long = lines("distance_to_the_nearest_person_in_front_of_the_robot");
         assert!(long.len() == LINES && long[LINES - 1].ends_with('…'), "{long:?}");
-        assert!(long.iter().all(|line| line.chars().count() <= 12), "{long:?}");
+        assert!(long.iter().all(|line| line.chars().count() <= 14), "{long:?}");
+        assert_eq!(lines("walking_speed"), ["walking_", "speed"]);
+        assert_eq!(lines("room_temperature"), ["room_", "temperature"]);
+        assert_eq!(lines("instrumentation"), ["instrumentati…"]);
     }
 }

@@ -23,7 +23,7 @@ const LEGEND: f64 = 92.0;
 /// Height of a line below the legend.
 const LINE: f64 = 17.0;
 
-/// The summary graph as SVG: one node per variable, and one arrow per pair of cause and effect, labelled with its
+/// The summary graph as SVG: one node per variable, and one arrow for each mark of a pair of cause and effect, labelled with its
 /// lags. A variable that depends on its own past has a loop. From 16 variables on there is a matrix beside it.
 pub fn dag(model: &Model) -> String {
     picture(model, beside(model))
@@ -64,7 +64,7 @@ fn picture(model: &Model, matrix: Option<Matrix<'_>>) -> String {
     let list = if lines.is_empty() { 0.0 } else { LINE * (lines.len() + 1) as f64 };
     let height = (foot + LEGEND + height_of_marks(model) + list).max(MARGIN.y + tall);
     let mut svg = Svg::new(width + MARGIN.x, height);
-    svg.text(Point::new(16.0, 26.0), 15.0, "start", INK, &title(model));
+    svg.title(&title(model));
     // A small graph stands in the middle.
     let shift = if beside > 0.0 { 0.0 } else { (width - MARGIN.x - plan.width) / 2.0 };
     let moved = |at: &Point| at.plus(MARGIN.x + shift, MARGIN.y);
@@ -77,7 +77,7 @@ fn picture(model: &Model, matrix: Option<Matrix<'_>>) -> String {
         )
     };
     for (arrow, route) in arrows.iter().zip(&plan.routes) {
-        let stroke = Stroke::of(arrow.strongest, arrow.confidence(), model.smallest_p());
+        let stroke = Stroke::of(model, arrow.strongest, arrow.confidence(), arrow.mark);
         let path: Vec<Point> = route.path.iter().map(moved).collect();
         svg.raw(&group(arrow));
         svg.route(&path, &stroke);
@@ -174,7 +174,7 @@ fn below(svg: &mut Svg, foot: f64, model: &Model, bare: bool, lines: &[String]) 
 pub(super) fn title(model: &Model) -> String {
     format!(
         "{} · {} · {} · {} samples",
-        model.method.to_uppercase(),
+        model.method.name().to_uppercase(),
         model.cond_ind_test.to_uppercase(),
         model.link_level().map_or("α by score".to_owned(), |level| format!("α = {level}")),
         model.n_samples
@@ -200,7 +200,7 @@ mod tests {
         let plain = dag(&example());
         let mut model = example();
         let link = model.links.iter_mut().find(|link| link.cause != link.effect).unwrap();
-        link.mark = "o->".into();
+        link.mark = crate::types::LinkMark::CircleHead;
         let open = dag(&model);
         let explained = "cause, or something not recorded drives both";
         assert!(open.contains(explained) && !plain.contains(explained));

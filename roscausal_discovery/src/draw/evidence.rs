@@ -3,7 +3,7 @@
 use super::{
     axis::Axis,
     point::Point,
-    svg::{INK, NEGATIVE, POSITIVE, Svg, display},
+    svg::{INK, NEGATIVE, POSITIVE, Svg, cut, display},
 };
 use crate::evidence::LinkEvidence;
 
@@ -13,6 +13,8 @@ const LEFT: f64 = 50.0;
 const BOTTOM: f64 = HEIGHT - 42.0;
 const TOP: f64 = 26.0;
 const RIGHT: f64 = WIDTH - 12.0;
+/// Most letters of a name.
+const LETTERS: usize = 16;
 
 /// Strength against lag. Full dots are significant at `alpha`; the shaded band holds what is not, where the test has a
 /// formula for it. A ring marks the lag of this link.
@@ -25,12 +27,10 @@ pub fn lag_function(link: &LinkEvidence, alpha: f64) -> String {
     let last = link.lags.last().map_or(1, |at| at.lag) as f64;
     let x = Axis { low: first - 0.6, high: last + 0.6, from: LEFT, to: RIGHT };
     if band > 0.0 {
+        let (top, width, height) = (y.at(band), RIGHT - LEFT, y.at(-band) - y.at(band));
         svg.raw(&format!(
-            "<rect class=\"band\" x=\"{LEFT}\" y=\"{:.1}\" width=\"{:.1}\" height=\"{:.1}\" fill=\"#9aa5b1\" \
-             fill-opacity=\"0.25\"/>",
-            y.at(band),
-            RIGHT - LEFT,
-            y.at(-band) - y.at(band)
+            "<rect class=\"band\" x=\"{LEFT}\" y=\"{top:.1}\" width=\"{width:.1}\" height=\"{height:.1}\" fill=\"#9aa5b1\" \
+             fill-opacity=\"0.25\"/>"
         ));
     }
     y.draw_left(&mut svg, LEFT, RIGHT, 5);
@@ -74,7 +74,7 @@ pub fn residual_scatter(link: &LinkEvidence) -> Option<String> {
 
 fn dots(link: &LinkEvidence, title: &str, points: &[[f32; 2]]) -> String {
     let at = |lag: usize| if lag == 0 { "(t)".to_owned() } else { format!("(t−{lag})") };
-    let (cause, effect) = (cut(&display(&link.cause)), cut(&display(&link.effect)));
+    let (cause, effect) = (cut(&display(&link.cause), LETTERS), cut(&display(&link.effect), LETTERS));
     let mut svg = frame(title, &format!("{cause}{}", at(link.lag)), &format!("{effect}(t)"));
     let x = Axis::around(points.iter().map(|p| f64::from(p[0])), LEFT, RIGHT);
     let y = Axis::around(points.iter().map(|p| f64::from(p[1])), BOTTOM, TOP);
@@ -102,13 +102,6 @@ fn frame(title: &str, across: &str, upwards: &str) -> Svg {
         "<path d=\"M {LEFT} {TOP} V {BOTTOM} H {RIGHT}\" fill=\"none\" stroke=\"{INK}\" stroke-width=\"1\"/>"
     ));
     svg
-}
-
-fn cut(name: &str) -> String {
-    match name.chars().count() {
-        0..=16 => name.to_owned(),
-        _ => name.chars().take(15).chain(['…']).collect(),
-    }
 }
 
 #[cfg(test)]

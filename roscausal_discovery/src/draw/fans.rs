@@ -4,7 +4,7 @@ use ndarray::ArrayView2;
 
 use super::{
     axis::Axis,
-    svg::{FAINT, INK, Point, Svg, display},
+    svg::{FAINT, INK, Point, Svg, cut, display},
 };
 
 const LEFT: f64 = 118.0;
@@ -82,19 +82,19 @@ pub fn fans(chart: &FanChart<'_>) -> String {
         let left = LEFT + column as f64 * (wide + GAP);
         let (low, high) = (-(past as f64) * step, chart.horizon.max(1) as f64 * step);
         let time = Axis { low, high, from: left, to: left + wide };
-        svg.text(Point::new(left, 20.0), 14.0, "start", INK, &cut(&display(&candidate.name), wide, 14.0));
+        svg.text(Point::new(left, 20.0), 14.0, "start", INK, &fitting(&display(&candidate.name), wide, 14.0));
         let answered = !candidate.fans.is_empty();
         if answered {
-            svg.text(Point::new(left, 38.0), 11.0, "start", INK, &cut(&candidate.note, wide, 11.0));
+            svg.text(Point::new(left, 38.0), 11.0, "start", INK, &fitting(&candidate.note, wide, 11.0));
         }
         for (strip, name) in chart.names.iter().enumerate() {
             let (top, bottom) = (HEAD + STRIP * strip as f64, HEAD + STRIP * (strip as f64 + CHART));
             let y = axis(chart, strip, bottom, top);
             if column == 0 {
                 let middle = (top + bottom) / 2.0;
-                svg.text(Point::new(10.0, middle), 14.0, "start", INK, &cut(&display(name), 66.0, 14.0));
+                svg.text(Point::new(10.0, middle), 14.0, "start", INK, &fitting(&display(name), 66.0, 14.0));
                 let unit = chart.units.get(strip).map_or("", String::as_str);
-                svg.text(Point::new(10.0, middle + 17.0), 11.0, "start", INK, &cut(unit, 66.0, 11.0));
+                svg.text(Point::new(10.0, middle + 17.0), 11.0, "start", INK, &fitting(unit, 66.0, 11.0));
             }
             Strip { chart, candidate, strip, time, y, step }.draw(&mut svg, column == 0);
         }
@@ -141,11 +141,10 @@ impl Strip<'_, '_> {
         for &(variable, first, last) in &self.candidate.acts {
             let (from, to) = (self.x(first as f64 - 1.0), self.x(last as f64));
             let opacity = if variable == Some(self.strip) { 0.3 } else { 0.11 };
+            let (width, height) = ((to - from).max(1.0), bottom - top);
             svg.raw(&format!(
-                "<rect class=\"action\" x=\"{from:.1}\" y=\"{top:.1}\" width=\"{:.1}\" height=\"{:.1}\" fill=\"{ORANGE}\" \
-                 fill-opacity=\"{opacity}\"/>",
-                (to - from).max(1.0),
-                bottom - top
+                "<rect class=\"action\" x=\"{from:.1}\" y=\"{top:.1}\" width=\"{width:.1}\" height=\"{height:.1}\" \
+                 fill=\"{ORANGE}\" fill-opacity=\"{opacity}\"/>"
             ));
         }
         if numbers {
@@ -278,12 +277,8 @@ fn legend(svg: &mut Svg, chart: &FanChart<'_>, width: f64, y: f64) {
 }
 
 /// Text that fits into a width.
-fn cut(text: &str, width: f64, size: f64) -> String {
-    let most = (width / (0.62 * size)) as usize;
-    match text.chars().count() {
-        count if count <= most => text.to_owned(),
-        _ => text.chars().take(most.saturating_sub(1)).chain(['…']).collect(),
-    }
+fn fitting(text: &str, width: f64, size: f64) -> String {
+    cut(text, (width / (0.62 * size)) as usize)
 }
 
 /// Words in lines that fit into a width.
@@ -296,7 +291,7 @@ fn wrapped(text: &str, width: f64, size: f64) -> Vec<String> {
                 line.push(' ');
                 line.push_str(word);
             }
-            _ => lines.push(cut(word, width, size)),
+            _ => lines.push(fitting(word, width, size)),
         }
     }
     lines

@@ -5,7 +5,7 @@
 
 use super::{
     point::Point,
-    svg::{FAINT, INK, Svg, display, escaped, is_resampled},
+    svg::{FAINT, INK, Svg, cut, display, escaped, is_resampled},
 };
 use crate::model::Model;
 
@@ -31,7 +31,7 @@ pub(super) struct Matrix<'a> {
 impl<'a> Matrix<'a> {
     pub(super) fn new(model: &'a Model) -> Self {
         let lags = model.tau_max - model.tau_min.min(model.tau_max) + 1;
-        let names = model.features.iter().map(|name| cut(&display(name))).collect();
+        let names = model.features.iter().map(|name| cut(&display(name), LETTERS)).collect();
         Self { model, names, side: (lags as f64).sqrt().ceil() as usize }
     }
 
@@ -60,11 +60,9 @@ impl<'a> Matrix<'a> {
             let middle = cell * (i as f64 + 0.5);
             svg.text(corner.plus(-5.0, middle + 0.36 * TEXT), TEXT, "end", INK, name);
             let top = corner.plus(middle + 0.36 * TEXT, -5.0);
+            let (x, y, name) = (top.x, top.y, escaped(name));
             svg.raw(&format!(
-                "<text transform=\"translate({:.1} {:.1}) rotate(-90)\" font-size=\"{TEXT}\" fill=\"{INK}\">{}</text>",
-                top.x,
-                top.y,
-                escaped(name)
+                "<text transform=\"translate({x:.1} {y:.1}) rotate(-90)\" font-size=\"{TEXT}\" fill=\"{INK}\">{name}</text>"
             ));
         }
         for line in 0..=self.names.len() {
@@ -154,13 +152,6 @@ impl<'a> Matrix<'a> {
         let [r, g, b] = [0, 1, 2].map(|i| COLOURS[from][i] * (1.0 - mix) + COLOURS[from + 1][i] * mix);
         format!("rgb({r:.0},{g:.0},{b:.0})")
     }
-}
-
-fn cut(name: &str) -> String {
-    if name.chars().count() <= LETTERS {
-        return name.to_owned();
-    }
-    name.chars().take(LETTERS - 1).chain(['…']).collect()
 }
 
 /// The matrix of a model as SVG: effects in rows, causes in columns, the lag by place and colour, the confidence by

@@ -1,7 +1,7 @@
 //! What is not a link of a model, but was found in many of its resamples.
 
 use super::svg::MAYBE;
-use crate::model::Model;
+use crate::{model::Model, types::LinkMark};
 
 /// A pair at a lag, by its variables' places.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -15,8 +15,8 @@ pub(super) struct Maybe {
 
 impl Maybe {
     /// At lag 0 the direction is open.
-    pub(super) fn mark(&self) -> &'static str {
-        if self.lag == 0 { "---" } else { "-->" }
+    pub(super) fn mark(&self) -> LinkMark {
+        if self.lag == 0 { LinkMark::TailTail } else { LinkMark::Forward }
     }
 }
 
@@ -28,7 +28,7 @@ pub(super) fn maybes(model: &Model) -> Vec<Maybe> {
     for (from, to) in (0..n).flat_map(|i| (0..n).map(move |j| (i, j))) {
         for lag in model.tau_min..=model.tau_max {
             let share = confidence.link_frequency[from][to][lag];
-            let is_link = !model.graph[from][to][lag].is_empty();
+            let is_link = model.graph[from][to][lag].is_link();
             // At lag 0 each pair is twice in the matrix.
             if share >= MAYBE && !is_link && (lag > 0 || from < to) {
                 all.push(Maybe { from, to, lag, share });

@@ -52,5 +52,5 @@ pub use pdf::pdf;
 pub use raster::{Image, rasterise};
 pub use series::series;
 pub use strip::{Strip, StripPoint, Strips, strips};
-pub use svg::escaped;
+pub use svg::{escaped, fitted};
 pub use tsdag::tsdag;

@@ -4,11 +4,13 @@ use ndarray::{ArrayView1, ArrayView2, s};
 
 use super::{
     axis::Axis,
-    svg::{FAINT, INK, Point, Svg, display},
+    svg::{FAINT, INK, Point, Svg, cut, display},
 };
 
 const WIDTH: f64 = 900.0;
 const LEFT: f64 = 110.0;
+/// Most letters of a name, which leave room for the numbers of its axis.
+const LETTERS: usize = 8;
 const STRIP: f64 = 110.0;
 
 /// Places along the time that the eye can tell apart: three for each unit of the picture's width.
@@ -32,7 +34,8 @@ pub fn series(names: &[String], values: ArrayView2<f64>, dt: Option<f64>) -> Str
     for (strip, (name, column)) in names.iter().zip(values.columns()).enumerate() {
         let (top, bottom) = (30.0 + STRIP * strip as f64, 30.0 + STRIP * (strip as f64 + 0.82));
         let y = Axis::around(column.iter().copied(), bottom, top);
-        svg.text(Point::new(12.0, (top + bottom) / 2.0 + 5.0), 14.0, "start", INK, &cut(&display(name)));
+        let at = Point::new(12.0, (top + bottom) / 2.0 + 5.0);
+        svg.text(at, 14.0, "start", INK, &cut(&display(name), LETTERS));
         for (from, to) in &imposed {
             let (left, width) = (x(*from) - 0.5, x(*to) - x(*from) + 1.0);
             svg.raw(&format!(
@@ -115,14 +118,6 @@ fn seen(column: ArrayView1<f64>, per_place: usize) -> Vec<usize> {
         rows.extend(place);
     }
     rows
-}
-
-/// A name that leaves room for the numbers of its axis.
-fn cut(name: &str) -> String {
-    match name.chars().count() {
-        0..=8 => name.to_owned(),
-        _ => name.chars().take(7).chain(['…']).collect(),
-    }
 }
 
 #[cfg(test)]

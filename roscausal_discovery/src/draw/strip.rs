@@ -103,12 +103,10 @@ fn draw_regimes(svg: &mut Svg, of: &Strips, time: &Axis) {
         let from = if place == 0 { time.from } else { time.at(*begin).clamp(time.from, time.to) };
         let to = of.regimes.get(place + 1).map_or(time.to, |(end, _)| time.at(*end));
         let (to, (top, height)) = (to.clamp(from, time.to), BAND);
+        let (title, width, colour) = (escaped(name), to - from, SHADES[place % SHADES.len()]);
         svg.raw(&format!(
-            "<g class=\"regime\"><title>{}</title><rect x=\"{from:.1}\" y=\"{top}\" width=\"{:.1}\" height=\"{height}\" \
-             fill=\"{}\"/></g>",
-            escaped(name),
-            to - from,
-            SHADES[place % SHADES.len()]
+            "<g class=\"regime\"><title>{title}</title><rect x=\"{from:.1}\" y=\"{top}\" width=\"{width:.1}\" \
+             height=\"{height}\" fill=\"{colour}\"/></g>"
         ));
         if to - from > 6.5 * name.chars().count() as f64 + 8.0 {
             let middle = Point::new(0.5 * (from + to), top + height - 4.0);

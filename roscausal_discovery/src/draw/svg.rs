@@ -6,7 +6,7 @@ use super::layout::cubic;
 pub(super) use super::point::Point;
 use crate::{
     model::{Link, Model},
-    types::{names::plain, visible},
+    types::{LinkMark, names::plain, visible},
 };
 
 /// An SVG document under construction.
@@ -20,6 +20,8 @@ pub(super) const INK: &str = "#1f2933";
 pub(super) const FAINT: &str = "#9aa5b1";
 pub(super) const POSITIVE: &str = "#c2410c";
 pub(super) const NEGATIVE: &str = "#1d4ed8";
+/// Of a strength without a sign.
+const UNSIGNED: &str = "#475569";
 
 impl Svg {
     pub(super) fn new(width: f64, height: f64) -> Self {
@@ -39,6 +41,12 @@ impl Svg {
             "<text x=\"{:.1}\" y=\"{:.1}\" font-size=\"{size}\" text-anchor=\"{anchor}\" fill=\"{fill}\">{text}</text>",
             at.x, at.y
         ));
+    }
+
+    /// How the model was found, at the top.
+    pub(super) fn title(&mut self, text: &str) {
+        let text = escaped(text);
+        self.raw(&format!("{TITLE} x=\"16\" y=\"26\" font-size=\"15\" fill=\"{INK}\">{text}</text>"));
     }
 
     /// Text on a white background, for labels on lines.
@@ -142,10 +150,13 @@ pub(super) struct Stroke {
 }
 
 impl Stroke {
-    /// A link of a model. With resamples, opacity and dashes show how often it was found; else dashes show the p-value.
-    pub(super) fn of(link: &Link, confidence: Option<f64>, smallest_p: f64) -> Self {
+    /// A link of a model with these ends. With resamples, opacity and dashes show how often it was found; else dashes show the p-value.
+    /// Strengths without a sign have no colour.
+    pub(super) fn of(model: &Model, link: &Link, confidence: Option<f64>, mark: LinkMark) -> Self {
         let stroke =
-            Self::of_link(link.drawn_strength(), link.p_value.unwrap_or(0.0), smallest_p, &link.mark);
+            Self::of_link(link.drawn_strength(), link.p_value.unwrap_or(0.0), model.smallest_p(), mark);
+        let colour = if model.has_sign() { stroke.colour } else { UNSIGNED };
+        let stroke = Self { colour, ..stroke };
         match confidence {
             Some(share) => Self { dash: dash_of_share(share), opacity: opacity(share), ..stroke },
             None => stroke,
@@ -153,12 +164,12 @@ impl Stroke {
     }
 
     /// What is not a link of the model, but was found in many resamples.
-    pub(super) fn of_maybe(mark: &str) -> Self {
+    pub(super) fn of_maybe(mark: LinkMark) -> Self {
         Self { colour: FAINT, width: 1.2, dash: "1.5 4", opacity: 1.0, ends: ends_of(mark) }
     }
 
     /// The width shows the strength, the colour the sign, and the dashes the p-value.
-    pub(super) fn of_link(value: f64, p_value: f64, smallest_p: f64, mark: &str) -> Self {
+    pub(super) fn of_link(value: f64, p_value: f64, smallest_p: f64, mark: LinkMark) -> Self {
         let width = 1.5 + 5.0 * value.abs().min(1.0);
         let colour = if value < 0.0 { NEGATIVE } else { POSITIVE };
         Self { colour, width, dash: dash(p_value, smallest_p), opacity: 1.0, ends: ends_of(mark) }
@@ -175,8 +186,8 @@ impl Stroke {
 }
 
 /// The ends of a mark; a tail for what is none.
-fn ends_of(mark: &str) -> (char, char) {
-    let mut letters = mark.chars();
+fn ends_of(mark: LinkMark) -> (char, char) {
+    let mut letters = mark.symbol().chars();
     (letters.next().unwrap_or('-'), letters.next_back().unwrap_or('-'))
 }
 
@@ -196,13 +207,13 @@ pub(super) fn height_of_marks(model: &Model) -> f64 {
     18.0 * present_marks(model).len() as f64
 }
 
-fn present_marks(model: &Model) -> Vec<(&'static str, &'static str)> {
+fn present_marks(model: &Model) -> Vec<(LinkMark, &'static str)> {
     let known = [
-        ("o->", "cause, or something not recorded drives both"),
-        ("<->", "something not recorded drives both"),
-        ("o-o", "depend on each other, direction open"),
-        ("x->", "cause or not: contradictory"),
-        ("x-x", "direction contradictory"),
+        (LinkMark::CircleHead, "cause, or something not recorded drives both"),
+        (LinkMark::Bidirected, "something not recorded drives both"),
+        (LinkMark::Unoriented, "depend on each other, direction open"),
+        (LinkMark::ConflictHead, "cause or not: contradictory"),
+        (LinkMark::Conflict, "direction contradictory"),
     ];
     known.into_iter().filter(|(mark, _)| model.links.iter().any(|link| link.mark == *mark)).collect()
 }
@@ -243,10 +254,9 @@ fn legend_of_shares(svg: &mut Svg, at: Point) {
             "" => String::new(),
             dash => format!(" stroke-dasharray=\"{dash}\""),
         };
+        let (x, opacity) = (at.x, opacity(share));
         svg.raw(&format!(
-            "<path d=\"M {:.1} {y:.1} h 44\" stroke=\"{INK}\" stroke-width=\"3\" stroke-opacity=\"{}\"{dash}/>",
-            at.x,
-            opacity(share)
+            "<path d=\"M {x:.1} {y:.1} h 44\" stroke=\"{INK}\" stroke-width=\"3\" stroke-opacity=\"{opacity}\"{dash}/>"
         ));
         svg.text(Point::new(at.x + 54.0, y + 4.0), 12.0, "start", INK, text);
     }
@@ -265,7 +275,7 @@ pub(super) fn is_resampled(model: &Model) -> bool {
 
 /// The legend for widths, colours and dashes of a model, from `at` downwards.
 pub(super) fn legend_of_model(svg: &mut Svg, at: Point, model: &Model) {
-    let signed = model.links.iter().any(|link| link.drawn_strength() < 0.0);
+    let signed = model.has_sign();
     if !is_resampled(model) {
         return legend(svg, at, model.smallest_p(), signed);
     }
@@ -293,6 +303,25 @@ fn legend(svg: &mut Svg, at: Point, smallest_p: f64, signed: bool) {
     svg.text(Point::new(at.x, y + 4.0), 12.0, "start", INK, width_words(signed));
 }
 
+/// What the line of a title begins with, and its height.
+const TITLE: &str = "<text class=\"title\"";
+const TITLE_HEIGHT: f64 = 32.0;
+
+/// A graph as a document wants it: so many millimetres wide, with or without the line above it that says how it was found.
+pub fn fitted(svg: &str, width: Option<f64>, title: bool) -> String {
+    let Some((head, body)) = svg.split_once('\n') else { return svg.to_owned() };
+    let mut words: Vec<String> = head.split('"').map(str::to_owned).collect();
+    let size = |at: usize| words.get(at).and_then(|word| word.parse::<f64>().ok());
+    let (Some(wide), Some(high)) = (size(3), size(5)) else { return svg.to_owned() };
+    let top = if title { 0.0 } else { TITLE_HEIGHT };
+    let (unit, part) = width.map_or(("", 1.0), |width| ("mm", width / wide));
+    words[3] = format!("{:.2}{unit}", wide * part);
+    words[5] = format!("{:.2}{unit}", (high - top) * part);
+    words[7] = format!("0 {top} {wide} {}", high - top);
+    let kept = body.lines().filter(|line| title || !line.starts_with(TITLE));
+    kept.fold(words.join("\"") + "\n", |text, line| text + line + "\n")
+}
+
 /// A text for XML: what has a meaning there is spelled out, and so is what no reader could see, of which much has no place there.
 pub fn escaped(text: &str) -> String {
     visible::line(text).replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;").replace('"', "&quot;")
@@ -301,4 +330,12 @@ pub fn escaped(text: &str) -> String {
 /// A variable's name for display: `h_{\theta}` becomes `h_θ`.
 pub(super) fn display(name: &str) -> String {
     plain(&name.replace("\\theta", "θ").replace("\\omega", "ω"))
+}
+
+/// A text of at most so many letters: a longer one ends with an ellipsis.
+pub(super) fn cut(text: &str, most: usize) -> String {
+    match text.chars().count() {
+        count if count <= most => text.to_owned(),
+        _ => text.chars().take(most.saturating_sub(1)).chain(['…']).collect(),
+    }
 }

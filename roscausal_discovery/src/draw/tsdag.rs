@@ -20,7 +20,7 @@ pub fn tsdag(model: &Model) -> String {
     let width = (left + COLUMN * columns as f64).max(440.0);
     let height = 80.0 + ROW * n.max(1) as f64 + 90.0;
     let mut svg = Svg::new(width, height + height_of_marks(model));
-    svg.text(Point::new(16.0, 26.0), 15.0, "start", INK, &title(model));
+    svg.title(&title(model));
     let place = |row: usize, lag: usize| {
         Point::new(left + COLUMN * (model.tau_max - lag) as f64, 90.0 + ROW * row as f64)
     };
@@ -34,7 +34,7 @@ pub fn tsdag(model: &Model) -> String {
         for link in model.links.iter().filter(|link| link.lag + shift <= model.tau_max) {
             let row = |name: &str| model.features.iter().position(|feature| feature == name);
             let (Some(i), Some(j)) = (row(&link.cause), row(&link.effect)) else { continue };
-            let mut stroke = Stroke::of(link, link.confidence, model.smallest_p());
+            let mut stroke = Stroke::of(model, link, link.confidence, link.mark);
             if shift > 0 {
                 stroke.opacity *= 0.25;
             }
@@ -51,10 +51,9 @@ pub fn tsdag(model: &Model) -> String {
         svg.text(Point::new(16.0, place(row, 0).y + 5.0), 14.0, "start", INK, &display(name));
         for lag in 0..columns {
             let at = place(row, lag);
+            let (x, y) = (at.x, at.y);
             svg.raw(&format!(
-                "<circle cx=\"{:.1}\" cy=\"{:.1}\" r=\"{NODE}\" fill=\"#eef2f6\" stroke=\"{INK}\" \
-                 stroke-width=\"1.4\"/>",
-                at.x, at.y
+                "<circle cx=\"{x:.1}\" cy=\"{y:.1}\" r=\"{NODE}\" fill=\"#eef2f6\" stroke=\"{INK}\" stroke-width=\"1.4\"/>"
             ));
         }
     }
@@ -101,5 +100,8 @@ mod tests {
         let svg = tsdag(&example());
         assert_eq!(svg.matches("<circle").count(), 3 * 2);
         assert!(svg.contains("t−1"));
+        let fitted = crate::draw::fitted(&svg, Some(85.0), false);
+        assert!(fitted.contains(" width=\"85.00mm\"") && fitted.contains("viewBox=\"0 32 "), "{fitted}");
+        assert!(svg.contains("PCMCI · GPDC") && !fitted.contains("PCMCI · GPDC"));
     }
 }

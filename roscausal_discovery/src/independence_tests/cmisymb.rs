@@ -46,10 +46,8 @@ impl CmiSymb {
     pub fn new(settings: &TestSettings) -> Result<Self> {
         settings.check()?;
         if settings.significance == Some(Significance::Analytic) {
-            return Err(Error::param(
-                "significance",
-                "cmisymb has none from theory; take gsquared, or 'shuffle_test'",
-            ));
+            let reason = "cmisymb has none from theory; take gsquared, or 'shuffle_test'";
+            return Err(Error::param("significance", reason));
         }
         if matches!(settings.confidence, Some(Confidence::Analytic | Confidence::Bootstrap)) {
             return Err(Error::param("confidence", "cmisymb has none; leave it out"));

@@ -43,14 +43,14 @@
 mod cholesky;
 pub(crate) mod cmiknn;
 mod cmisymb;
+#[cfg(test)]
+mod conformance_tests;
 mod gpdc;
 #[cfg(feature = "python")]
 mod gpdc_python;
 mod gram;
 mod gsquared;
 mod incomplete;
-#[cfg(test)]
-mod laws;
 mod multinomial;
 mod null_distributions;
 mod oracle;
@@ -59,7 +59,7 @@ mod parcorr_mult;
 mod parcorr_vector;
 mod parcorr_wls;
 mod registry;
-mod regression_ci;
+pub(crate) mod regression_ci;
 mod resampling;
 mod robust_parcorr;
 mod settings;
@@ -67,7 +67,7 @@ mod settings;
 pub(crate) use cholesky::residuals;
 pub use cmiknn::CmiKnn;
 pub use cmisymb::CmiSymb;
-pub use gpdc::{GpOptimum, GpRegression, Gpdc};
+pub use gpdc::{GpOptimum, GpPosterior, GpRegression, Gpdc};
 pub(crate) use gpdc::{bytes as gpdc_bytes, dependence, gp_residuals, tail_dependence};
 #[cfg(feature = "python")]
 pub use gpdc_python::GpdcPython;

@@ -52,10 +52,8 @@ impl OracleCi {
                     }
                     Assumption::ExistsBackward => {}
                     other => {
-                        return Err(Error::param(
-                            "truth",
-                            format!("'{}' is not a link of a known graph; use -->", other.symbol()),
-                        ));
+                        let reason = format!("'{}' is not a link of a known graph; use -->", other.symbol());
+                        return Err(Error::param("truth", reason));
                     }
                 }
             }

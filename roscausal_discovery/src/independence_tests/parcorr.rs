@@ -336,6 +336,23 @@ impl PreparedTest for Prepared<'_> {
         Ok(result)
     }
 
+    fn with_samples(&self, result: TestResult, n_samples: usize, n_conditions: usize) -> Option<TestResult> {
+        let (test, dof) = (self.test, n_samples.saturating_sub(2 + n_conditions));
+        if test.significance == Significance::ShuffleTest || test.confidence == Some(Confidence::Bootstrap) {
+            return None;
+        }
+        if dof == 0 {
+            let confidence = test.confidence.map(|_| (0.0, 0.0));
+            return Some(TestResult { value: 0.0, p_value: 1.0, confidence, n_samples, ..result });
+        }
+        let p_value = match test.significance {
+            Significance::FixedThres => result.p_value,
+            _ => correlation_p_value(result.value, dof),
+        };
+        let confidence = result.confidence.map(|_| self.analytic_confidence(result.value, dof));
+        Some(TestResult { p_value, confidence, n_samples, ..result })
+    }
+
     /// AIC of the standardised target: `n ln(RSS) + 2 (k + 1)` with k parents.
     fn model_selection_score(&self, target: Node, parents: &[Node]) -> Result<f64> {
         let penalty = 2.0 * (parents.len() as f64 + 1.0);

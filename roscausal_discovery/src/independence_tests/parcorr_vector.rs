@@ -10,12 +10,12 @@
 //! of this correlation.
 
 use super::{
-    ParCorr, Significance, TestSettings,
+    ParCorr, TestSettings,
     cholesky::{correlation, orthogonalize, orthonormal_basis},
 };
 use crate::{
     numeric::{rows::standardize, student_t::correlation_p_value},
-    types::{Components, CondIndTest, Error, Node, PreparedTest, Result, Samples, TestResult},
+    types::{Components, CondIndTest, Node, PreparedTest, Result, Samples, TestResult},
 };
 
 /// Partial correlation of variables that may have several components.
@@ -52,13 +52,8 @@ impl ParCorrVector {
     /// # Errors
     /// A setting that this test does not have.
     pub fn new(settings: &TestSettings) -> Result<Self> {
-        match (settings.significance, settings.confidence) {
-            (None | Some(Significance::Analytic), None) => Ok(Self { plain: ParCorr::new(settings)? }),
-            (_, Some(_)) => Err(Error::param("confidence", "parcorrmult has none; leave it out")),
-            _ => {
-                Err(Error::param("significance", "parcorrmult has analytic p-values only; choose 'analytic'"))
-            }
-        }
+        settings.check_analytic("parcorrmult")?;
+        Ok(Self { plain: ParCorr::new(settings)? })
     }
 }
 

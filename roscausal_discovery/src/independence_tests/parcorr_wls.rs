@@ -12,7 +12,7 @@
 //! each sample counts by what it can tell.
 
 use super::{
-    Significance, TestSettings,
+    TestSettings,
     cholesky::{correlation, orthogonalize, orthonormal_basis},
 };
 use crate::{
@@ -20,7 +20,7 @@ use crate::{
         rows::{dot, is_constant, standardize},
         student_t::correlation_p_value,
     },
-    types::{CondIndTest, Error, LaggedArrays, Node, PreparedTest, Result, Samples, TestResult},
+    types::{CondIndTest, LaggedArrays, Node, PreparedTest, Result, Samples, TestResult},
 };
 
 /// Samples over which the size of a residual is taken.
@@ -61,13 +61,8 @@ impl ParCorrWls {
     /// # Errors
     /// A setting that this test does not have.
     pub fn new(settings: &TestSettings) -> Result<Self> {
-        match (settings.significance, settings.confidence) {
-            (None | Some(Significance::Analytic), None) => Ok(Self { as_tigramite: settings.as_tigramite }),
-            (_, Some(_)) => Err(Error::param("confidence", "parcorrwls has none; leave it out")),
-            _ => {
-                Err(Error::param("significance", "parcorrwls has analytic p-values only; choose 'analytic'"))
-            }
-        }
+        settings.check_analytic("parcorrwls")?;
+        Ok(Self { as_tigramite: settings.as_tigramite })
     }
 }
 

@@ -3,7 +3,8 @@
 //! Source: Tsagris, Borboudakis, Lagani and Tsamardinos 2018, International Journal of Data Science and Analytics, "Constraint-based
 //! causal discovery with mixed data".
 //!
-//! 1. A variable with at most ten different values, all whole, is one of categories; others are numbers. A category explains by
+//! 1. The variables that the setting `categories` names are those of categories; where it names none, those with at most ten different
+//!    values, all whole. Others are numbers. A category explains by
 //!    a column of 0 and 1 for each of its values.
 //! 2. Both numbers: by how much X improves the regression of Y on Z, `n ln(RSS without X / RSS with X)`.
 //! 3. One a number: the same, with the number as the target.
@@ -15,10 +16,10 @@
 //! With `as_tigramite` p-values are chi-squared with one degree of freedom for a number that explains and one per value for a
 //! category, and slopes in the units of the data have a price.
 //!
-//! Example: does a person's speed depend on whether a door is open (0 or 1), given her distance to it?
+//! Example: does a person's speed depend on whether a door is open (0 or 1), given their distance to it?
 
 use super::{
-    Significance, TestSettings,
+    TestSettings,
     cholesky::{orthogonalize, orthonormal_basis},
     gsquared::{FALSE_LINKS, Sparse, levels},
     multinomial::{Price, deviance},
@@ -29,7 +30,7 @@ use crate::{
         rows::{dot, is_constant, standardize},
         special::chi_squared_sf,
     },
-    types::{CondIndTest, Error, LaggedArrays, Node, PreparedTest, Result, Samples, TestResult},
+    types::{CondIndTest, DataFrame, LaggedArrays, Node, PreparedTest, Result, Samples, TestResult, names},
 };
 
 /// Different values up to which a variable of whole numbers is one of categories.
@@ -62,6 +63,7 @@ const NOTHING_LEFT: f64 = 1e-20;
 #[derive(Clone, Debug)]
 pub struct RegressionCi {
     as_tigramite: bool,
+    categories: Vec<String>,
 }
 
 impl RegressionCi {
@@ -70,14 +72,8 @@ impl RegressionCi {
     /// # Errors
     /// A setting that this test does not have.
     pub fn new(settings: &TestSettings) -> Result<Self> {
-        match (settings.significance, settings.confidence) {
-            (None | Some(Significance::Analytic), None) => Ok(Self { as_tigramite: settings.as_tigramite }),
-            (_, Some(_)) => Err(Error::param("confidence", "regressionci has none; leave it out")),
-            _ => {
-                let reason = "regressionci has analytic p-values only; choose 'analytic'";
-                Err(Error::param("significance", reason))
-            }
-        }
+        settings.check_analytic("regressionci")?;
+        Ok(Self { as_tigramite: settings.as_tigramite, categories: settings.categories.clone() })
     }
 }
 
@@ -87,18 +83,7 @@ impl CondIndTest for RegressionCi {
     }
 
     fn prepare<'a>(&'a self, samples: &'a Samples<'a>) -> Result<Box<dyn PreparedTest + 'a>> {
-        let data = samples.data();
-        let is_category = |var: usize| {
-            let values = || data.recordings().iter().flat_map(move |r| r.column(var).to_vec());
-            let mut seen: Vec<f64> = Vec::new();
-            values().filter(|v| !v.is_nan()).all(|v| {
-                if !seen.contains(&v) {
-                    seen.push(v);
-                }
-                v.fract() == 0.0 && seen.len() <= MOST_VALUES
-            })
-        };
-        let categories = (0..data.n_vars()).map(is_category).collect();
+        let categories = categories(samples.data(), &self.categories);
         Ok(Box::new(Prepared {
             samples,
             categories,
@@ -106,6 +91,21 @@ impl CondIndTest for RegressionCi {
             sparse: Sparse::default(),
         }))
     }
+}
+
+/// Whether each variable is one of categories: those `named`; where none is, those with at most ten different values, all whole.
+pub(crate) fn categories(data: &DataFrame, named: &[String]) -> Vec<bool> {
+    let is_category = |var: usize| {
+        let mut seen: Vec<f64> = Vec::new();
+        data.recordings().iter().flat_map(|r| r.column(var).to_vec()).filter(|v| !v.is_nan()).all(|v| {
+            if !seen.contains(&v) {
+                seen.push(v);
+            }
+            v.fract() == 0.0 && seen.len() <= MOST_VALUES
+        })
+    };
+    let is_named = |var: usize| named.iter().any(|name| names::position(data.var_names(), name) == Some(var));
+    (0..data.n_vars()).map(|var| if named.is_empty() { is_category(var) } else { is_named(var) }).collect()
 }
 
 struct Prepared<'a> {

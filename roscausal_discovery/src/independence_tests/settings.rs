@@ -49,80 +49,60 @@ pub enum GpSearch {
 
 words!(GpSearch, "gp_search": Default "default", Exact "exact");
 
-/// Settings of any test, as [`super::by_name`] takes them; a test reads what concerns it. `None` is the test's own default.
-///
-/// ```
-/// use roscausal_discovery::independence_tests::{Confidence, Significance, TestSettings, by_name};
-///
-/// let settings = TestSettings {
-///     significance: Some(Significance::ShuffleTest),
-///     sig_samples: Some(1000),
-///     confidence: Some(Confidence::Bootstrap),
-///     ..TestSettings::default()
-/// };
-/// assert_eq!(by_name("ParCorr", &settings)?.name(), "parcorr");
-/// # Ok::<(), roscausal_discovery::Error>(())
-/// ```
-#[derive(Clone, Debug, PartialEq)]
-pub struct TestSettings {
-    /// How a test value becomes a p-value.
-    pub significance: Option<Significance>,
-    /// Number of surrogates of a shuffle test, or size of a null distribution, up to [`MOST_SURROGATES`]. Default 500.
-    pub sig_samples: Option<usize>,
-    /// Block length of a shuffle test, in samples; `None`: from the autocorrelation.
-    pub sig_blocklength: Option<usize>,
-    /// Confidence interval, if any.
-    pub confidence: Option<Confidence>,
-    /// Level of the two-sided confidence interval. Default 0.9.
-    pub conf_lev: f64,
-    /// Number of bootstrap samples, up to [`MOST_SURROGATES`]. Default 100.
-    pub conf_samples: usize,
-    /// Block length of the bootstrap, in samples; `None`: from the autocorrelation.
-    pub conf_blocklength: Option<usize>,
-    /// Seed of all random numbers. Default 42.
-    pub seed: u64,
-    /// `cmiknn`: number of neighbours; below 1, the fraction of the samples. Default 0.2.
-    pub knn: f64,
-    /// `cmiknn`: neighbours in Z among which Y is permuted. Default 5.
-    pub shuffle_neighbors: usize,
-    /// `cmiknn`: a test ends once so many surrogates have reached its value; `None` (default, as the reference): all are drawn.
-    pub shuffle_stop: Option<usize>,
-    /// `cmiknn`: `ranks` (default), `uniform`, `standardize` or `none`.
-    pub transform: String,
-    /// `gpdc`: how the maximum of a likelihood is searched for.
-    pub gp_search: GpSearch,
-    /// `gpdc`: searches from this many random places more, of which the best counts. Default 0, as the reference.
-    pub gp_restarts: usize,
-    /// `gpdc`: null distributions to take where the number of samples is one of theirs; else its own.
-    pub null_distributions: Option<Arc<NullDistributions>>,
-    /// Whether answers are those of tigramite where it is known to be wrong: docs/methods.md, "Where we differ from the reference, on
-    /// purpose". Default false.
-    pub as_tigramite: bool,
-    /// Memory in bytes that a test may take; `None`: no limit.
-    pub max_memory: Option<u64>,
-}
-
-impl Default for TestSettings {
-    fn default() -> Self {
-        Self {
-            significance: None,
-            sig_samples: None,
-            sig_blocklength: None,
-            confidence: None,
-            conf_lev: 0.9,
-            conf_samples: 100,
-            conf_blocklength: None,
-            seed: 42,
-            knn: 0.2,
-            shuffle_neighbors: 5,
-            shuffle_stop: None,
-            transform: "ranks".into(),
-            gp_search: GpSearch::Default,
-            gp_restarts: 0,
-            null_distributions: None,
-            as_tigramite: false,
-            max_memory: None,
-        }
+with_defaults! {
+    /// Settings of any test, as [`super::by_name`] takes them; a test reads what concerns it. `None` is the test's own default.
+    ///
+    /// ```
+    /// use roscausal_discovery::independence_tests::{Confidence, Significance, TestSettings, by_name};
+    ///
+    /// let settings = TestSettings {
+    ///     significance: Some(Significance::ShuffleTest),
+    ///     sig_samples: Some(1000),
+    ///     confidence: Some(Confidence::Bootstrap),
+    ///     ..TestSettings::default()
+    /// };
+    /// assert_eq!(by_name("ParCorr", &settings)?.name(), "parcorr");
+    /// # Ok::<(), roscausal_discovery::Error>(())
+    /// ```
+    #[derive(Clone, Debug, PartialEq)]
+    pub struct TestSettings {
+        /// How a test value becomes a p-value.
+        pub significance: Option<Significance> = None,
+        /// Number of surrogates of a shuffle test, or size of a null distribution, up to [`MOST_SURROGATES`]. Default 500.
+        pub sig_samples: Option<usize> = None,
+        /// Block length of a shuffle test, in samples; `None`: from the autocorrelation.
+        pub sig_blocklength: Option<usize> = None,
+        /// Confidence interval, if any.
+        pub confidence: Option<Confidence> = None,
+        /// Level of the two-sided confidence interval. Default 0.9.
+        pub conf_lev: f64 = 0.9,
+        /// Number of bootstrap samples, up to [`MOST_SURROGATES`]. Default 100.
+        pub conf_samples: usize = 100,
+        /// Block length of the bootstrap, in samples; `None`: from the autocorrelation.
+        pub conf_blocklength: Option<usize> = None,
+        /// Seed of all random numbers. Default 42.
+        pub seed: u64 = 42,
+        /// `cmiknn`: number of neighbours; below 1, the fraction of the samples. Default 0.2.
+        pub knn: f64 = 0.2,
+        /// `cmiknn`: neighbours in Z among which Y is permuted. Default 5.
+        pub shuffle_neighbors: usize = 5,
+        /// `cmiknn`: a test ends once so many surrogates have reached its value; `None` (default, as the reference): all are drawn.
+        pub shuffle_stop: Option<usize> = None,
+        /// `cmiknn`: `ranks` (default), `uniform`, `standardize` or `none`.
+        pub transform: String = "ranks".into(),
+        /// `regressionci`, `gsquared`, `cmisymb`: names of the variables of categories. Empty (default): those of few whole values.
+        pub categories: Vec<String> = Vec::new(),
+        /// `gpdc`: how the maximum of a likelihood is searched for.
+        pub gp_search: GpSearch = GpSearch::Default,
+        /// `gpdc`: searches from this many random places more, of which the best counts. Default 0, as the reference.
+        pub gp_restarts: usize = 0,
+        /// `gpdc`: null distributions to take where the number of samples is one of theirs; else its own.
+        pub null_distributions: Option<Arc<NullDistributions>> = None,
+        /// Whether answers are those of tigramite where it is known to be wrong: docs/methods.md, "Where we differ from the reference, on
+        /// purpose". Default false.
+        pub as_tigramite: bool = false,
+        /// Memory in bytes that a test may take; `None`: no limit.
+        pub max_memory: Option<u64> = None,
     }
 }
 
@@ -154,5 +134,20 @@ impl TestSettings {
             return Err(Error::param("conf_lev", format!("{} is not between 0 and 1", self.conf_lev)));
         }
         Ok(())
+    }
+
+    /// Checks the settings of a test that has p-values from theory only, and no intervals.
+    ///
+    /// # Errors
+    /// Another significance, a confidence.
+    pub(super) fn check_analytic(&self, test: &str) -> Result<()> {
+        match (self.significance, self.confidence) {
+            (None | Some(Significance::Analytic), None) => Ok(()),
+            (_, Some(_)) => Err(Error::param("confidence", format!("{test} has none; leave it out"))),
+            _ => {
+                let reason = format!("{test} has analytic p-values only; choose 'analytic'");
+                Err(Error::param("significance", reason))
+            }
+        }
     }
 }

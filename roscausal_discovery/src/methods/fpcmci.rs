@@ -12,35 +12,25 @@ use crate::{
     types::{Assumption, CondIndTest, Control, DataFrame, LinkAssumptions, Result},
 };
 
-/// Settings of F-PCMCI.
-#[derive(Clone, Debug)]
-pub struct FpcmciSettings {
-    /// Estimator of the transfer-entropy filter.
-    pub te_estimator: TeEstimator,
-    /// Significance level of the filter, in (0, 1).
-    pub f_alpha: f64,
-    /// Whether to leave out variables that depend on their own past only.
-    pub neglect_only_autodep: bool,
-    /// Seed of the filter's surrogates (the Gaussian estimator has none).
-    pub seed: u64,
-    /// Settings of PCMCI on the remaining variables. Its link assumptions also restrict the links of the filter.
-    pub pcmci: PcmciSettings,
-}
-
-impl Default for FpcmciSettings {
-    fn default() -> Self {
-        Self {
-            te_estimator: TeEstimator::Auto,
-            f_alpha: 0.05,
-            neglect_only_autodep: true,
-            seed: 42,
-            pcmci: PcmciSettings::default(),
-        }
+with_defaults! {
+    /// Settings of F-PCMCI.
+    #[derive(Clone, Debug)]
+    pub struct FpcmciSettings {
+        /// Estimator of the transfer-entropy filter.
+        pub te_estimator: TeEstimator = TeEstimator::Auto,
+        /// Significance level of the filter, in (0, 1).
+        pub f_alpha: f64 = 0.05,
+        /// Whether to leave out variables that depend on their own past only.
+        pub neglect_only_autodep: bool = true,
+        /// Seed of the filter's surrogates (the Gaussian estimator has none).
+        pub seed: u64 = 42,
+        /// Settings of PCMCI on the remaining variables. Its link assumptions also restrict the links of the filter.
+        pub pcmci: PcmciSettings = PcmciSettings::default(),
     }
 }
 
 /// Result of F-PCMCI. Variables are columns of the data frame, in rising order.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub struct FpcmciResult {
     /// What informs each variable; `None` if the time budget ended in the filter.
     pub filter: Option<TeResult>,
@@ -107,14 +97,7 @@ pub fn run_fpcmci(
         alpha: settings.f_alpha,
         seed: settings.seed,
     };
-    let mut result = FpcmciResult {
-        filter: None,
-        selected: Vec::new(),
-        link_assumptions: LinkAssumptions::none(0),
-        pcmci: None,
-        features: Vec::new(),
-        status: Status::Complete,
-    };
+    let mut result = FpcmciResult::default();
     let found = match filter.run(data, control) {
         Err(error) if control.is_timeout(&error) => {
             result.status =
@@ -194,17 +177,6 @@ fn among(selected: &[usize], links: &[PossibleLink]) -> Result<LinkAssumptions> 
     Ok(assumptions)
 }
 
-/// The matrices of a causal model, `[lag - tau_min][effect][cause]`. Values and p-values are 0 if there is no link.
-#[derive(Clone, Debug, PartialEq)]
-pub struct CausalMatrices {
-    /// 1 where there is a link.
-    pub causal_structure: Array3<i32>,
-    /// Values of the links.
-    pub val_matrix: Array3<f64>,
-    /// P-values of the links.
-    pub pval_matrix: Array3<f64>,
-}
-
 impl PcmciResult {
     /// Variables that have a link, in rising order. With `neglect_only_autodep` a link to or from another variable
     /// is needed.
@@ -236,26 +208,6 @@ impl PcmciResult {
             sepsets: Vec::new(),
             ambiguous_triples: Vec::new(),
             ..self.clone()
-        }
-    }
-
-    /// The matrices of the causal model, for lags from `tau_min` on.
-    pub fn causal_matrices(&self, tau_min: usize) -> CausalMatrices {
-        let (n, _, n_lags) = self.graph.dim();
-        let shape = (n_lags.saturating_sub(tau_min), n, n);
-        let is_link = |(lag, effect, cause): (usize, usize, usize)| {
-            !matches!(self.graph[[cause, effect, lag + tau_min]].symbol(), "" | "<--")
-        };
-        let of =
-            |matrix: &Array3<f64>| {
-                Array3::from_shape_fn(shape, |at| {
-                    if is_link(at) { matrix[[at.2, at.1, at.0 + tau_min]] } else { 0.0 }
-                })
-            };
-        CausalMatrices {
-            causal_structure: Array3::from_shape_fn(shape, |at| i32::from(is_link(at))),
-            val_matrix: of(&self.val_matrix),
-            pval_matrix: of(self.deciding_p()),
         }
     }
 }
@@ -301,10 +253,10 @@ mod tests {
     fn variables_without_a_link_to_others_are_left_out() {
         let result = run(&settings());
         assert_eq!((&result.selected[..], &result.features[..]), (&[0, 1][..], &[0, 1][..]));
-        let matrices = result.pcmci.expect("runs").causal_matrices(1);
-        assert_eq!(matrices.causal_structure, ndarray::arr3(&[[[1, 0], [1, 0]]]));
-        assert!(matrices.val_matrix[[0, 1, 0]] > 0.3 && matrices.val_matrix[[0, 0, 1]] == 0.0);
-        assert!(matrices.pval_matrix[[0, 1, 0]] < 1e-6);
+        let found = result.pcmci.expect("runs");
+        let links = |effect: usize| [0, 1].map(|cause| found.graph[[cause, effect, 1]].is_link());
+        assert_eq!([links(0), links(1)], [[true, false]; 2]);
+        assert!(found.val_matrix[[0, 1, 1]] > 0.3 && found.p_matrix[[0, 1, 1]] < 1e-6);
     }
 
     #[test]

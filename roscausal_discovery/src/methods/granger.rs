@@ -12,41 +12,30 @@ use crate::{
     types::{Control, DataFrame, Error, LinkMark, Result, Samples},
 };
 
-/// Settings of [`run_granger`].
-///
-/// ```
-/// use roscausal_discovery::methods::{Criterion, GrangerSettings};
-///
-/// // As many lags as BIC finds worth their coefficients, 5 at most.
-/// let settings = GrangerSettings { tau_max: 5, choose_lags: Some(Criterion::Bic), ..GrangerSettings::default() };
-/// assert_eq!(settings.tau_min, 1);
-/// ```
-#[derive(Clone, Debug)]
-pub struct GrangerSettings {
-    /// Smallest lag, at least 1. Default 1.
-    pub tau_min: usize,
-    /// Largest lag. Default 1.
-    pub tau_max: usize,
-    /// Chooses the largest lag by this score, up to `tau_max`; `None`: `tau_max` itself.
-    pub choose_lags: Option<Criterion>,
-    /// Significance level of a pair. Default 0.05.
-    pub alpha_level: f64,
-    /// Correction of the p-values of pairs for their number.
-    pub fdr: Fdr,
-    /// Variables that may be causes only.
-    pub exogenous: Vec<usize>,
-}
-
-impl Default for GrangerSettings {
-    fn default() -> Self {
-        Self {
-            tau_min: 1,
-            tau_max: 1,
-            choose_lags: None,
-            alpha_level: 0.05,
-            fdr: Fdr::None,
-            exogenous: Vec::new(),
-        }
+with_defaults! {
+    /// Settings of [`run_granger`].
+    ///
+    /// ```
+    /// use roscausal_discovery::methods::{Criterion, GrangerSettings};
+    ///
+    /// // As many lags as BIC finds worth their coefficients, 5 at most.
+    /// let settings = GrangerSettings { tau_max: 5, choose_lags: Some(Criterion::Bic), ..GrangerSettings::default() };
+    /// assert_eq!(settings.tau_min, 1);
+    /// ```
+    #[derive(Clone, Debug)]
+    pub struct GrangerSettings {
+        /// Smallest lag, at least 1. Default 1.
+        pub tau_min: usize = 1,
+        /// Largest lag. Default 1.
+        pub tau_max: usize = 1,
+        /// Chooses the largest lag by this score, up to `tau_max`; `None`: `tau_max` itself.
+        pub choose_lags: Option<Criterion> = None,
+        /// Significance level of a pair. Default 0.05.
+        pub alpha_level: f64 = 0.05,
+        /// Correction of the p-values of pairs for their number.
+        pub fdr: Fdr = Fdr::None,
+        /// Variables that may be causes only.
+        pub exogenous: Vec<usize> = Vec::new(),
     }
 }
 

@@ -39,27 +39,18 @@ pub enum NodeClass {
     TimeContext,
 }
 
-/// Settings of [`run_jpcmciplus`].
-#[derive(Clone, Debug)]
-pub struct JpcmciPlusSettings {
-    /// Lags, one level `pc_alpha`, limits, link assumptions. `tau_min` is 0.
-    pub pcmci: PcmciSettings,
-    /// How links at lag 0 are oriented.
-    pub plus: PcmciPlusSettings,
-    /// What each variable of the data is; empty: all are of the system.
-    pub classes: Vec<NodeClass>,
-    /// Dummies, in the order of their nodes, which come after the variables of the data. Default: which recording.
-    pub dummies: Vec<Dummy>,
-}
-
-impl Default for JpcmciPlusSettings {
-    fn default() -> Self {
-        Self {
-            pcmci: PcmciSettings { tau_min: 0, pc_alpha: vec![0.01], ..PcmciSettings::default() },
-            plus: PcmciPlusSettings::default(),
-            classes: Vec::new(),
-            dummies: vec![Dummy::Space],
-        }
+with_defaults! {
+    /// Settings of [`run_jpcmciplus`].
+    #[derive(Clone, Debug)]
+    pub struct JpcmciPlusSettings {
+        /// Lags, one level `pc_alpha`, limits, link assumptions. `tau_min` is 0.
+        pub pcmci: PcmciSettings = PcmciSettings { tau_min: 0, pc_alpha: vec![0.01], ..PcmciSettings::default() },
+        /// How links at lag 0 are oriented.
+        pub plus: PcmciPlusSettings = PcmciPlusSettings::default(),
+        /// What each variable of the data is; empty: all are of the system.
+        pub classes: Vec<NodeClass> = Vec::new(),
+        /// Dummies, in the order of their nodes, which come after the variables of the data. Default: which recording.
+        pub dummies: Vec<Dummy> = vec![Dummy::Space],
     }
 }
 

@@ -29,24 +29,16 @@ pub enum ColliderRule {
 
 words!(ColliderRule, "collider_rule": Majority "majority", Conservative "conservative", None "none");
 
-/// Settings that only PCMCI+ has.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct PcmciPlusSettings {
-    /// How colliders are found.
-    pub contemp_collider_rule: ColliderRule,
-    /// Marks links of contradictory direction `x-x`; otherwise the first orientation stays. Default true.
-    pub conflict_resolution: bool,
-    /// Tests all lagged links again in the second phase, not only those that PC1 kept. Default false.
-    pub reset_lagged_links: bool,
-}
-
-impl Default for PcmciPlusSettings {
-    fn default() -> Self {
-        Self {
-            contemp_collider_rule: ColliderRule::Majority,
-            conflict_resolution: true,
-            reset_lagged_links: false,
-        }
+with_defaults! {
+    /// Settings that only PCMCI+ has.
+    #[derive(Clone, Debug, PartialEq, Eq)]
+    pub struct PcmciPlusSettings {
+        /// How colliders are found.
+        pub contemp_collider_rule: ColliderRule = ColliderRule::Majority,
+        /// Marks links of contradictory direction `x-x`; otherwise the first orientation stays. Default true.
+        pub conflict_resolution: bool = true,
+        /// Tests all lagged links again in the second phase, not only those that PC1 kept. Default false.
+        pub reset_lagged_links: bool = false,
     }
 }
 

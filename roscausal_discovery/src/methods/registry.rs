@@ -370,7 +370,7 @@ impl Method {
     }
 
     /// Whether it asks a test for p-values. TiMINo takes the regression of a test, and none of its p-values.
-    pub fn asks_for_p_values(self) -> bool {
+    pub fn uses_p_values(self) -> bool {
         self.info().uses_test && self != Self::Timino
     }
 

@@ -1,15 +1,17 @@
 //! What a run finds: graph, values, p-values, and how far it came.
 
-use std::fmt;
+use std::{borrow::Cow, fmt, str::FromStr};
 
 use ndarray::Array3;
+use serde::{Deserialize, Deserializer, Serialize, Serializer, de::Error as _};
 
-use crate::types::{CompleteRows, LinkMark, Node, SampleCount};
+use crate::types::{CompleteRows, LinkMark, Node, SampleCount, text::quoted};
 
 /// Whether a run came to its end.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub enum Status {
     /// All tests were done.
+    #[default]
     Complete,
     /// The time budget ended the run: untested links have value 0, p-value 1 and no mark. The text says how far the
     /// run came.
@@ -23,6 +25,30 @@ impl fmt::Display for Status {
             Self::Complete => f.write_str("complete"),
             Self::Partial(how_far) => write!(f, "partial: {how_far}"),
         }
+    }
+}
+
+impl FromStr for Status {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        match (text, text.strip_prefix("partial: ")) {
+            ("complete", _) => Ok(Self::Complete),
+            (_, Some(how_far)) => Ok(Self::Partial(how_far.to_owned())),
+            _ => Err(format!("{} is not a status: complete, or partial: and how far it came", quoted(text))),
+        }
+    }
+}
+
+impl Serialize for Status {
+    fn serialize<S: Serializer>(&self, to: S) -> Result<S::Ok, S::Error> {
+        to.collect_str(self)
+    }
+}
+
+impl<'de> Deserialize<'de> for Status {
+    fn deserialize<D: Deserializer<'de>>(from: D) -> Result<Self, D::Error> {
+        Cow::<str>::deserialize(from)?.parse().map_err(D::Error::custom)
     }
 }
 
@@ -54,7 +80,7 @@ pub struct TargetParents {
 
 /// Result of a discovery run. Matrices are `[cause][effect][lag 0..=tau_max]`. Entries that were not tested have
 /// value 0 and p-value 1.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub struct PcmciResult {
     /// Link marks.
     pub graph: Array3<LinkMark>,
@@ -107,18 +133,9 @@ impl PcmciResult {
             graph: Array3::default(shape),
             val_matrix: Array3::zeros(shape),
             p_matrix: Array3::ones(shape),
-            q_matrix: None,
-            conf_matrix: None,
             samples: Array3::default(shape),
-            parents: Vec::new(),
-            sepsets: Vec::new(),
-            ambiguous_triples: Vec::new(),
-            optimal_alpha: None,
             n_samples,
-            n_tests: 0,
-            remarks: Vec::new(),
-            effort: None,
-            status: Status::Complete,
+            ..Self::default()
         }
     }
 

@@ -4,10 +4,14 @@ use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 
 use rayon::prelude::*;
 
+use super::shared_times::SharedTimes;
 use crate::{
     numeric::rows::is_constant,
     types::{CondIndTest, Control, Error, Node, PreparedTest, Result, Samples, TestResult},
 };
+
+/// A test that cannot say what fewer samples would tell is asked again on them where the samples that count are fewer by this factor.
+const ASKED_AGAIN: f64 = 1.15;
 
 /// One run: a prepared test, its samples, and the counting of tests.
 pub(crate) struct Run<'a> {
@@ -15,6 +19,8 @@ pub(crate) struct Run<'a> {
     test: Box<dyn PreparedTest + 'a>,
     /// The test on rows that are counted once, for columns that recordings of one time have in common.
     once: Option<Box<dyn PreparedTest + 'a>>,
+    /// How many samples count of the other tests of recordings of one time.
+    shared: Option<SharedTimes>,
     by_value: bool,
     one_sided: bool,
     cheap: bool,
@@ -36,6 +42,7 @@ impl<'a> Run<'a> {
             samples,
             test: prepared,
             once: samples.once().map(|once| test.prepare(once)).transpose()?,
+            shared: SharedTimes::of(samples),
             by_value: test.decides_by_value(),
             one_sided: test.is_one_sided(),
             cheap,
@@ -66,8 +73,7 @@ impl<'a> Run<'a> {
     /// Tests `x _||_ y | z`, without a decision.
     pub(crate) fn test(&self, x: Node, y: Node, z: &[Node]) -> Result<TestResult> {
         self.control().check()?;
-        let once = self.once.as_ref().filter(|_| self.samples.are_common(x, y));
-        let mut result = once.unwrap_or(&self.test).run_test(x, y, z)?;
+        let mut result = self.counted(x, y, z)?;
         // Results have no NaN: it counts as no evidence, and is not an answer.
         if result.value.is_nan() {
             result = TestResult { value: 0.0, p_value: 1.0, n_samples: 0, ..result };
@@ -84,6 +90,27 @@ impl<'a> Run<'a> {
         }
         self.control().count(1);
         Ok(result)
+    }
+
+    /// The test on as many samples as count.
+    fn counted(&self, x: Node, y: Node, z: &[Node]) -> Result<TestResult> {
+        let (Some(once), Some(shared)) = (&self.once, &self.shared) else {
+            return self.test.run_test(x, y, z);
+        };
+        if self.samples.are_common(x, y) {
+            return once.run_test(x, y, z);
+        }
+        let all = self.test.run_test(x, y, z)?;
+        let effect = shared.effect(x, y, z);
+        // A thousandth is what rounding and chance make of independent people.
+        if effect < 1.001 {
+            return Ok(all);
+        }
+        match self.test.with_samples(all, (all.n_samples as f64 / effect) as usize, z.len()) {
+            Some(fewer) => Ok(fewer),
+            None if effect > ASKED_AGAIN => once.run_test(x, y, z),
+            None => Ok(all),
+        }
     }
 
     /// Whether a result of 0 and 1 is not a measurement: the test has no degree of freedom, or a constant.

@@ -3,39 +3,41 @@
 use super::fdr::Fdr;
 use crate::types::{CondIndTest, DataFrame, Error, LinkAssumptions, Result};
 
-/// Settings of a run. Each method uses those that it has.
-///
-/// ```
-/// use roscausal_discovery::methods::{Fdr, PcmciSettings};
-///
-/// let settings = PcmciSettings { tau_max: 5, fdr: Fdr::Bh, ..PcmciSettings::default() };
-/// assert_eq!((settings.tau_min, settings.alpha_level), (1, 0.05));
-/// ```
-#[derive(Clone, Debug)]
-pub struct PcmciSettings {
-    /// Smallest lag of a link. Default 1 (PCMCI+: 0).
-    pub tau_min: usize,
-    /// Largest lag of a link. Default 1.
-    pub tau_max: usize,
-    /// Significance level of the condition selection. With several levels a model-selection score chooses one, per
-    /// target (PCMCI+: one for all). Empty means [`PC_ALPHAS`] or [`PCMCIPLUS_ALPHAS`]. Default 0.2, PCMCI+: 0.01.
-    pub pc_alpha: Vec<f64>,
-    /// Significance level of a link (with `fixed_thres`: the threshold). Default 0.05.
-    pub alpha_level: f64,
-    /// Largest condition set of PC1; `None`: no limit.
-    pub max_conds_dim: Option<usize>,
-    /// Condition sets tested per size in PC1. Default 1.
-    pub max_combinations: usize,
-    /// How many of the effect's parents MCI conditions on; `None`: all.
-    pub max_conds_py: Option<usize>,
-    /// How many of the cause's parents MCI conditions on; `None`: all.
-    pub max_conds_px: Option<usize>,
-    /// PCMCI+: the same for lagged causes; `None`: as `max_conds_px`.
-    pub max_conds_px_lagged: Option<usize>,
-    /// Correction of the p-values of links.
-    pub fdr: Fdr,
-    /// Which links may exist; `None`: all.
-    pub link_assumptions: Option<LinkAssumptions>,
+with_defaults! {
+    /// Settings of a run. Each method uses those that it has.
+    ///
+    /// ```
+    /// use roscausal_discovery::methods::{Fdr, PcmciSettings};
+    ///
+    /// let settings = PcmciSettings { tau_max: 5, fdr: Fdr::Bh, ..PcmciSettings::default() };
+    /// assert_eq!((settings.tau_min, settings.alpha_level), (1, 0.05));
+    /// ```
+    #[derive(Clone, Debug)]
+    pub struct PcmciSettings {
+        /// Smallest lag of a link. Default 1 (PCMCI+: 0).
+        pub tau_min: usize = 1,
+        /// Largest lag of a link. Default 1.
+        pub tau_max: usize = 1,
+        /// Significance level of the condition selection. With several levels a model-selection score chooses one, per
+        /// target (PCMCI+: one for all). Empty means [`PC_ALPHAS`] or [`PCMCIPLUS_ALPHAS`]. Default 0.2, PCMCI+: 0.01.
+        pub pc_alpha: Vec<f64> = vec![0.2],
+        /// Significance level of a link (with `fixed_thres`: the threshold). Default 0.05.
+        pub alpha_level: f64 = 0.05,
+        /// Largest condition set of PC1; `None`: no limit.
+        pub max_conds_dim: Option<usize> = None,
+        /// Condition sets tested per size in PC1. Default 1.
+        pub max_combinations: usize = 1,
+        /// How many of the effect's parents MCI conditions on; `None`: all.
+        pub max_conds_py: Option<usize> = None,
+        /// How many of the cause's parents MCI conditions on; `None`: all.
+        pub max_conds_px: Option<usize> = None,
+        /// PCMCI+: the same for lagged causes; `None`: as `max_conds_px`.
+        pub max_conds_px_lagged: Option<usize> = None,
+        /// Correction of the p-values of links.
+        pub fdr: Fdr = Fdr::None,
+        /// Which links may exist; `None`: all.
+        pub link_assumptions: Option<LinkAssumptions> = None,
+    }
 }
 
 /// Levels from which PCMCI chooses by score if none is given.
@@ -44,32 +46,12 @@ pub const PC_ALPHAS: [f64; 6] = [0.05, 0.1, 0.2, 0.3, 0.4, 0.5];
 /// Levels from which PCMCI+ chooses by score if none is given.
 pub const PCMCIPLUS_ALPHAS: [f64; 5] = [0.001, 0.005, 0.01, 0.025, 0.05];
 
-impl Default for PcmciSettings {
-    fn default() -> Self {
-        Self {
-            tau_min: 1,
-            tau_max: 1,
-            pc_alpha: vec![0.2],
-            alpha_level: 0.05,
-            max_conds_dim: None,
-            max_combinations: 1,
-            max_conds_py: None,
-            max_conds_px: None,
-            max_conds_px_lagged: None,
-            fdr: Fdr::None,
-            link_assumptions: None,
-        }
-    }
-}
-
 impl PcmciSettings {
     /// Checks the settings against the data and the test.
     pub(crate) fn check(&self, data: &DataFrame, test: &dyn CondIndTest) -> Result<()> {
         if self.tau_min > self.tau_max {
-            return Err(Error::param(
-                "tau_min",
-                format!("{} is larger than tau_max = {}", self.tau_min, self.tau_max),
-            ));
+            let reason = format!("{} is larger than tau_max = {}", self.tau_min, self.tau_max);
+            return Err(Error::param("tau_min", reason));
         }
         data.check_length(self.tau_max, self.cut_off())?;
         for (name, value) in

@@ -22,7 +22,7 @@ use crate::{
     independence_tests::{TestSettings, dependence, gp_residuals},
     numeric::{
         least_squares::LeastSquares,
-        rows::{is_constant, moments},
+        rows::{is_constant, moments, units},
     },
     types::{CompleteRows, Control, DataFrame, Error, LinkMark, Named, Node, Result, SampleCount, Samples},
 };
@@ -65,40 +65,29 @@ impl TiminoModel {
     }
 }
 
-/// Settings of [`run_timino`].
-///
-/// ```
-/// use roscausal_discovery::methods::{TiminoModel, TiminoSettings};
-///
-/// let settings = TiminoSettings { model: TiminoModel::GaussianProcess, ..TiminoSettings::default() };
-/// assert_eq!((settings.tau_min, settings.tau_max), (0, 1));
-/// ```
-#[derive(Clone, Debug)]
-pub struct TiminoSettings {
-    /// Smallest lag at which one variable may act on another. Default 0.
-    pub tau_min: usize,
-    /// Largest lag, at least 1. Default 1.
-    pub tau_max: usize,
-    /// Level at which a rest counts as dependent on the other variables, all lags together. Default 0.05.
-    pub alpha_level: f64,
-    /// How a variable follows from its causes. Default: linear.
-    pub model: TiminoModel,
-    /// Variables that may be causes only.
-    pub exogenous: Vec<usize>,
-    /// How a Gaussian process is searched for, and how much memory it may take.
-    pub test: TestSettings,
-}
-
-impl Default for TiminoSettings {
-    fn default() -> Self {
-        Self {
-            tau_min: 0,
-            tau_max: 1,
-            alpha_level: 0.05,
-            model: TiminoModel::default(),
-            exogenous: Vec::new(),
-            test: TestSettings::default(),
-        }
+with_defaults! {
+    /// Settings of [`run_timino`].
+    ///
+    /// ```
+    /// use roscausal_discovery::methods::{TiminoModel, TiminoSettings};
+    ///
+    /// let settings = TiminoSettings { model: TiminoModel::GaussianProcess, ..TiminoSettings::default() };
+    /// assert_eq!((settings.tau_min, settings.tau_max), (0, 1));
+    /// ```
+    #[derive(Clone, Debug)]
+    pub struct TiminoSettings {
+        /// Smallest lag at which one variable may act on another. Default 0.
+        pub tau_min: usize = 0,
+        /// Largest lag, at least 1. Default 1.
+        pub tau_max: usize = 1,
+        /// Level at which a rest counts as dependent on the other variables, all lags together. Default 0.05.
+        pub alpha_level: f64 = 0.05,
+        /// How a variable follows from its causes. Default: linear.
+        pub model: TiminoModel = TiminoModel::default(),
+        /// Variables that may be causes only.
+        pub exogenous: Vec<usize> = Vec::new(),
+        /// How a Gaussian process is searched for, and how much memory it may take.
+        pub test: TestSettings = TestSettings::default(),
     }
 }
 
@@ -148,7 +137,8 @@ pub fn run_timino(data: &DataFrame, settings: &TiminoSettings, control: &Control
     settings.check()?;
     let n_vars = data.n_vars();
     let of_data = Samples::new(data, 2 * settings.tau_max).len();
-    let centred = data.of_scalars("timino")?.centred();
+    let scalars = data.of_scalars("timino")?;
+    let centred = scalars.scaled(&units(scalars)).centred();
     let rows = Samples::new(&centred, 2 * settings.tau_max).complete();
     let models = Models { data, rows, settings, control };
     models.check()?;
@@ -407,8 +397,8 @@ mod tests {
                 values[[t, 1]] = 0.3 * values[[t, 1]] + 1.5 * hidden.abs();
             });
             let found = run(&frame(values), &TiminoSettings::default());
-            let told = found.links.remarks.iter().any(|remark| remark.starts_with("undecided: a, b;"));
-            told && found.undecided == [0, 1] && found.links.graph.iter().all(|mark| !mark.is_link())
+            let reported = found.links.remarks.iter().any(|remark| remark.starts_with("undecided: a, b;"));
+            reported && found.undecided == [0, 1] && found.links.graph.iter().all(|mark| !mark.is_link())
         });
         assert!(n >= 10, "{n}");
     }

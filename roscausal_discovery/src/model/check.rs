@@ -5,8 +5,9 @@ use std::collections::{HashMap, HashSet};
 use serde::{Deserialize, Deserializer, de::Error as _};
 use serde_json::{Map, Value};
 
-use super::{Confidence, Link, LinkSize, Model, Outcome, SCHEMA, SCHEMA_1, confidence, is_listed};
+use super::{Confidence, FoundBy, Link, LinkSize, Model, Outcome, SCHEMA, SCHEMA_1, confidence, is_listed};
 use crate::{
+    methods::Status,
     profile::DataProfile,
     types::{
         Error, LinkEnd, LinkMark, Result,
@@ -84,7 +85,7 @@ impl Model {
             .filter_map(|link| Some((place(&link.cause)?, place(&link.effect)?, link.lag)))
             .collect();
         let is_link = |i: usize, j: usize, lag: usize| {
-            self.graph.get(i).and_then(|of| of.get(j)?.get(lag)).is_some_and(|mark| !mark.is_empty())
+            self.graph.get(i).and_then(|of| of.get(j)?.get(lag)).is_some_and(|mark| mark.is_link())
         };
         let outcome = |i: usize, j: usize, lag: usize, value: Option<f64>, p: Option<f64>| match (value, p) {
             _ if lag < self.tau_min || (lag == 0 && i == j) => Outcome::NotAsked,
@@ -177,7 +178,7 @@ impl Model {
                             if tested { "tested, and has no number" } else { "not tested, and has a number" };
                         return Err(format!("{} is {what}", self.name_of(i, j, lag)));
                     }
-                    if *outcome == Outcome::Ended && !self.graph[i][j][lag].is_empty() {
+                    if *outcome == Outcome::Ended && self.graph[i][j][lag].is_link() {
                         return Err(format!(
                             "{} is a link that the time budget left untested",
                             self.name_of(i, j, lag)
@@ -193,13 +194,12 @@ impl Model {
     fn marks(&self) -> Checked {
         for (i, of) in self.graph.iter().enumerate() {
             for (j, marks) in of.iter().enumerate() {
-                for (lag, mark) in marks.iter().enumerate().filter(|(_, mark)| !mark.is_empty()) {
+                for (lag, mark) in marks.iter().enumerate() {
+                    let Some((left, right)) = mark.ends() else { continue };
                     let link = || self.name_of(i, j, lag);
-                    let known = known_mark(mark).map_err(|reason| format!("graph, {}: {reason}", link()))?;
                     if lag < self.tau_min || (lag == 0 && i == j) {
                         return Err(format!("graph has a link {}, which cannot be", link()));
                     }
-                    let (left, right) = known.ends().unwrap_or((LinkEnd::Tail, LinkEnd::Head));
                     if lag > 0
                         && (right == LinkEnd::Tail || (left == LinkEnd::Head && right != LinkEnd::Head))
                     {
@@ -208,8 +208,8 @@ impl Model {
                             link()
                         ));
                     }
-                    if lag == 0 && self.graph[j][i][0] != known.mirrored().symbol() {
-                        let back = quoted(&self.graph[j][i][0]);
+                    if lag == 0 && self.graph[j][i][0] != mark.mirrored() {
+                        let back = quoted(self.graph[j][i][0].symbol());
                         return Err(format!(
                             "graph has {mark} for {} and {back} the other way round",
                             link()
@@ -236,8 +236,8 @@ impl Model {
                 format!("links[{k}] has lag {}; lags are {} to {}", link.lag, self.tau_min, self.tau_max)
             })?;
             let name = || self.name_of(place.0, place.1, place.2);
-            if link.mark.is_empty() || *mark != link.mark {
-                let (own, of_graph) = (quoted(&link.mark), quoted(mark));
+            if !link.mark.is_link() || *mark != link.mark {
+                let (own, of_graph) = (quoted(link.mark.symbol()), quoted(mark.symbol()));
                 return Err(format!("links[{k}], {}, has the mark {own}, and graph has {of_graph}", name()));
             }
             if !listed.insert(place) {
@@ -258,7 +258,7 @@ impl Model {
         }
         for (i, of) in self.graph.iter().enumerate() {
             for (j, marks) in of.iter().enumerate() {
-                for (lag, mark) in marks.iter().enumerate() {
+                for (lag, &mark) in marks.iter().enumerate() {
                     if is_listed(mark, lag, i, j) && !listed.contains(&(i, j, lag)) {
                         return Err(format!("graph has {}, and links has it not", self.name_of(i, j, lag)));
                     }
@@ -272,7 +272,7 @@ impl Model {
         let (n, lags) = (self.features.len(), self.tau_max + 1);
         let matrices = [("link_frequency", &of.link_frequency), ("val_mean", &of.val_mean)];
         let matrices = matrices.into_iter().chain([("val_low", &of.val_low), ("val_high", &of.val_high)]);
-        let by_mark = of.mark_frequency.iter().map(|(mark, matrix)| (mark.as_str(), matrix));
+        let by_mark = of.mark_frequency.iter().map(|(mark, matrix)| (mark.symbol(), matrix));
         for (name, matrix) in matrices.chain(by_mark.clone()) {
             sized(matrix, [n, n, lags])
                 .map_err(|size| format!("{} is not of the size {size}", quoted(name)))?;
@@ -287,8 +287,6 @@ impl Model {
         }
         sized(&of.majority_graph, [n, n, lags])
             .map_err(|size| format!("majority_graph is not of the size {size}"))?;
-        let marks = of.majority_graph.iter().flatten().flatten().chain(of.mark_frequency.keys());
-        marks.map(|mark| known_mark(mark)).try_for_each(|mark| mark.map(drop))?;
         let facts = &of.resampling;
         if facts.done > facts.asked
             || !is_share(facts.level)
@@ -334,18 +332,12 @@ fn check_link(link: &Link) -> Checked {
     Ok(())
 }
 
-fn known_mark(mark: &str) -> std::result::Result<LinkMark, String> {
-    let known = LinkMark::ALL.into_iter().find(|known| known.symbol() == mark);
-    known.ok_or_else(|| {
-        let all: Vec<&str> = LinkMark::ALL.iter().skip(1).map(|mark| mark.symbol()).collect();
-        format!("{} is not a mark; marks are {}", quoted(mark), all.join(" "))
-    })
-}
-
 /// Whether a matrix has this size; else the size as text.
 fn sized<T>(matrix: &[Vec<Vec<T>>], [a, b, c]: [usize; 3]) -> Checked {
-    let fits =
-        matrix.len() == a && matrix.iter().all(|of| of.len() == b && of.iter().all(|row| row.len() == c));
+    // A filter that lets nothing through leaves no variables, and nothing at any lag.
+    let is_none = b == 0 && matrix.is_empty();
+    let fits = is_none
+        || matrix.len() == a && matrix.iter().all(|of| of.len() == b && of.iter().all(|row| row.len() == c));
     if fits { Ok(()) } else { Err(format!("{a} x {b} x {c}")) }
 }
 
@@ -370,8 +362,8 @@ fn invalid(reason: &dyn std::fmt::Display) -> Error {
 #[serde(remote = "Model")]
 struct Unchecked {
     schema: String,
-    status: String,
-    method: String,
+    status: Status,
+    method: FoundBy,
     cond_ind_test: String,
     alpha: f64,
     pc_alpha: Option<f64>,
@@ -389,7 +381,7 @@ struct Unchecked {
     features: Vec<String>,
     dropped: Vec<String>,
     links: Vec<Link>,
-    graph: Vec<Vec<Vec<String>>>,
+    graph: Vec<Vec<Vec<LinkMark>>>,
     #[serde(default)]
     outcomes: Vec<Vec<Vec<Outcome>>>,
     val_matrix: Vec<Vec<Vec<Option<f64>>>>,

@@ -4,6 +4,8 @@ use std::collections::BTreeMap;
 
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
+use crate::types::LinkMark;
+
 /// Numbers `[cause][effect][lag]`.
 type Numbers = Vec<Vec<Vec<f64>>>;
 
@@ -36,11 +38,11 @@ pub struct Confidence {
     /// Share of the resamples with a link, whatever its mark.
     pub link_frequency: Numbers,
     /// Share of the resamples by mark, for the marks that occur.
-    pub mark_frequency: BTreeMap<String, Numbers>,
+    pub mark_frequency: BTreeMap<LinkMark, Numbers>,
     /// Share of the resamples with a link at any lag, `[cause][effect]`.
     pub summary_frequency: Vec<Vec<f64>>,
     /// The marks of the majority.
-    pub majority_graph: Vec<Vec<Vec<String>>>,
+    pub majority_graph: Vec<Vec<Vec<LinkMark>>>,
     /// Mean of the values.
     pub val_mean: Numbers,
     /// Percentile 5 of the values.
@@ -123,7 +125,8 @@ fn none<T>() -> Option<T> {
     None
 }
 
-type InFile = Fields<ResamplingFacts, BTreeMap<String, Numbers>, Numbers, Vec<Vec<Vec<String>>>, Vec<Advice>>;
+type InFile =
+    Fields<ResamplingFacts, BTreeMap<LinkMark, Numbers>, Numbers, Vec<Vec<Vec<LinkMark>>>, Vec<Advice>>;
 
 /// Writes the fields of a model.
 pub(super) fn serialize<S: Serializer>(of: &Option<Box<Confidence>>, to: S) -> Result<S::Ok, S::Error> {

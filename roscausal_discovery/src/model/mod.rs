@@ -2,20 +2,24 @@
 
 mod check;
 mod confidence;
+mod found_by;
 mod outcome;
+mod summary;
 
 use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value};
 
 pub use confidence::{Advice, Confidence, ResamplingFacts, word_of};
+pub use found_by::FoundBy;
 pub use outcome::Outcome;
+pub use summary::{Summary, SummaryAdvice, SummaryLink};
 
 use crate::{
     independence_tests::smallest_p,
-    methods::Method,
+    methods::Status,
     numeric::normal::normal_quantile,
     profile::DataProfile,
-    types::{SampleCount, names::plain, spelled_out},
+    types::{LinkEnd, LinkMark, SampleCount, names::plain, spelled_out},
 };
 
 /// Version of the layout. A reader takes this one and [`SCHEMA_1`].
@@ -34,9 +38,9 @@ pub struct Model {
     /// [`SCHEMA`].
     pub schema: String,
     /// `complete`, or `partial: ...` if the time budget ended the analysis.
-    pub status: String,
+    pub status: Status,
     /// Discovery method, such as `fpcmci`.
-    pub method: String,
+    pub method: FoundBy,
     /// Independence test, such as `gpdc`.
     pub cond_ind_test: String,
     /// Significance level of a link.
@@ -70,9 +74,9 @@ pub struct Model {
     pub dropped: Vec<String>,
     /// The links found, in the order cause, effect, lag.
     pub links: Vec<Link>,
-    /// Link marks: `""`, `-->`, `<--`, `o-o`, `x-x`; where causes may be hidden also `o->`, `<->`, `x->` and, at lag 0, others
+    /// Link marks, in files `""`, `-->`, `<--`, `o-o`, `x-x`; where causes may be hidden also `o->`, `<->`, `x->` and, at lag 0, others
     /// of these ends ([`LinkMark`](crate::LinkMark)).
-    pub graph: Vec<Vec<Vec<String>>>,
+    pub graph: Vec<Vec<Vec<LinkMark>>>,
     /// Whether each entry was tested; if not, why.
     pub outcomes: Vec<Vec<Vec<Outcome>>>,
     /// Strength of every tested pair; `None` if it was not tested.
@@ -115,7 +119,7 @@ pub struct Link {
     pub n_used: Option<usize>,
     /// Mark: `-->`, or `o-o` / `x-x` if the direction at lag 0 is open; with hidden causes also `o->`, `<->` and others.
     /// [`Link::sentence`] says what it means.
-    pub mark: String,
+    pub mark: LinkMark,
     /// Samples that the test of this link left out because a value was missing.
     pub n_lost: usize,
     /// Share of the resamples that have the link, whatever its mark; `None` without resamples.
@@ -125,10 +129,10 @@ pub struct Link {
     /// variable with its own past.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub chance: Option<f64>,
-    /// Percentile 5 of the strength in the resamples.
+    /// Lower end of the strength's interval of 90 %: the spread of the resamples, around the strength of all rows.
     #[serde(default)]
     pub value_low: Option<f64>,
-    /// Percentile 95 of the strength in the resamples.
+    /// Upper end of that interval.
     #[serde(default)]
     pub value_high: Option<f64>,
     /// How much of the effect the cause moves, in the variables' units; of a model with resamples.
@@ -172,17 +176,11 @@ impl Link {
         }
     }
 
-    /// `likely (chance 62 %)`; without a chance the word of its share of the resamples.
+    /// `likely (chance 62 %)`; no word where the chance was not measured.
     pub fn word(&self) -> Option<String> {
-        match self.chance {
-            // Neither 0 nor 100: it is never that sure.
-            Some(chance) => Some(format!(
-                "{} (chance {:.0} %)",
-                word_of(chance.max(0.1)),
-                (100.0 * chance).clamp(1.0, 99.0)
-            )),
-            None => self.confidence.map(|share| word_of(share).to_owned()),
-        }
+        // Neither 0 nor 100: it is never that sure.
+        let percent = |chance: f64| (100.0 * chance).clamp(1.0, 99.0);
+        self.chance.map(|chance| format!("{} (chance {:.0} %)", word_of(chance.max(0.1)), percent(chance)))
     }
 
     /// Its size: `0.1 more h_risk: 0.05 to 0.2 less h_v`.
@@ -212,30 +210,32 @@ impl Link {
     /// What its mark means, in a plain sentence.
     ///
     /// ```
-    /// use roscausal_discovery::Link;
+    /// use roscausal_discovery::{Link, LinkMark};
     ///
-    /// let (cause, effect, mark) = ("h_risk".to_owned(), "h_v".to_owned(), "<->".to_owned());
-    /// let link = Link { cause, effect, lag: 1, mark, ..Link::default() };
+    /// let (cause, effect) = ("h_risk".to_owned(), "h_v".to_owned());
+    /// let link = Link { cause, effect, lag: 1, mark: LinkMark::Bidirected, ..Link::default() };
     /// assert_eq!(link.sentence(), "h_risk and h_v: something not recorded drives both");
     /// ```
     pub fn sentence(&self) -> String {
-        sentence_of(&self.cause, &self.effect, &self.mark)
-    }
-}
-
-/// What a mark between `a` (the cause, where there is one) and `b` says.
-pub fn sentence_of(a: &str, b: &str, mark: &str) -> String {
-    match mark {
-        "-->" => format!("{a} causes {b}"),
-        "<->" => format!("{a} and {b}: something not recorded drives both"),
-        "o->" => format!("{a} causes {b}, or something not recorded drives both, or both of this"),
-        "o-o" => format!("{a} and {b} depend on each other; the data do not say how"),
-        "x->" => format!("{b} does not cause {a}; whether {a} causes {b} the data contradict themselves"),
-        "x-x" => format!("{a} and {b} depend on each other; the data contradict themselves on how"),
-        "x-o" | "o-x" => {
-            format!("{a} and {b} depend on each other; what the data say of how is partly contradictory")
+        let (a, b) = (&self.cause, &self.effect);
+        match self.mark {
+            LinkMark::Forward => format!("{a} causes {b}"),
+            LinkMark::Bidirected => format!("{a} and {b}: something not recorded drives both"),
+            LinkMark::CircleHead => {
+                format!("{a} causes {b}, or something not recorded drives both, or both of this")
+            }
+            LinkMark::Unoriented => format!("{a} and {b} depend on each other; the data do not say how"),
+            LinkMark::ConflictHead => {
+                format!("{b} does not cause {a}; whether {a} causes {b} the data contradict themselves")
+            }
+            LinkMark::Conflict => {
+                format!("{a} and {b} depend on each other; the data contradict themselves on how")
+            }
+            LinkMark::ConflictCircle | LinkMark::CircleConflict => {
+                format!("{a} and {b} depend on each other; what the data say of how is partly contradictory")
+            }
+            _ => format!("{a} and {b} are associated"),
         }
-        _ => format!("{a} and {b} are associated"),
     }
 }
 
@@ -243,7 +243,7 @@ pub fn sentence_of(a: &str, b: &str, mark: &str) -> String {
 #[derive(Default)]
 pub struct Matrices {
     /// Link marks.
-    pub graph: Vec<Vec<Vec<String>>>,
+    pub graph: Vec<Vec<Vec<LinkMark>>>,
     /// Strengths; what they are where nothing was tested does not matter, but 1 where a link was required.
     pub val_matrix: Vec<Vec<Vec<f64>>>,
     /// P-values; 0 where a link was required.
@@ -280,11 +280,6 @@ pub(crate) fn nested<T>(vars: &[usize], n_lags: usize, at: impl Fn([usize; 3]) -
     vars.iter().map(|&i| vars.iter().map(|&j| lags(i, j)).collect()).collect()
 }
 
-/// Whether a method, by its name, has one level only, `pc_alpha`, which also decides on the links.
-pub fn decides_by_pc_alpha(method: &str) -> bool {
-    method.parse::<Method>().is_ok_and(|method| method.info().one_level)
-}
-
 impl Model {
     /// The model with the settings in its notes as a surface spells them.
     #[must_use]
@@ -296,12 +291,12 @@ impl Model {
 
     /// The level that decided on the links: `pc_alpha` where the method has no other; `None` if a score chose it for each variable.
     pub fn link_level(&self) -> Option<f64> {
-        if decides_by_pc_alpha(&self.method) { self.pc_alpha } else { Some(self.alpha) }
+        if self.method.decides_by_pc_alpha() { self.pc_alpha } else { Some(self.alpha) }
     }
 
     /// The name of [`Model::link_level`], and the level as text.
     pub fn link_level_in_words(&self) -> (&'static str, String) {
-        let name = if decides_by_pc_alpha(&self.method) { "pc_alpha" } else { "alpha" };
+        let name = if self.method.decides_by_pc_alpha() { "pc_alpha" } else { "alpha" };
         (name, self.link_level().map_or("chosen by a score".to_owned(), |level| level.to_string()))
     }
 
@@ -317,7 +312,7 @@ impl Model {
         let links_at = |lag: usize| {
             let mark = &matrices.graph;
             move |effect: usize, cause: usize| {
-                mark[cause][effect].get(lag).is_some_and(|m| points_to_effect(m))
+                mark[cause][effect].get(lag).is_some_and(|mark| points_to_effect(*mark))
             }
         };
         let by_lag = |pick: &dyn Fn(usize, usize, usize) -> f64| -> Vec<Vec<Vec<f64>>> {
@@ -338,7 +333,7 @@ impl Model {
         self.links = Vec::new();
         for (i, cause) in features.iter().enumerate() {
             for (j, effect) in features.iter().enumerate() {
-                for (lag, mark) in matrices.graph[i][j].iter().enumerate() {
+                for (lag, &mark) in matrices.graph[i][j].iter().enumerate() {
                     if !is_listed(mark, lag, i, j) {
                         continue;
                     }
@@ -351,7 +346,7 @@ impl Model {
                         value: tested.then(|| matrices.val_matrix[i][j][lag]),
                         p_value: tested.then(|| matrices.p_matrix[i][j][lag]),
                         n_used: samples.map(|samples| samples.used),
-                        mark: mark.clone(),
+                        mark,
                         n_lost: samples.map_or(0, |samples| samples.lost),
                         confidence: None,
                         chance: None,
@@ -407,6 +402,12 @@ impl Model {
         Some((needed / (fewest as f64 - 3.0).sqrt()).tanh())
     }
 
+    /// Whether its strengths have a sign that says in which direction an effect goes.
+    pub fn has_sign(&self) -> bool {
+        let of_test = ["parcorr", "robustparcorr", "parcorrwls"].contains(&self.cond_ind_test.as_str());
+        of_test || self.method.method().is_some_and(|method| !method.info().uses_test)
+    }
+
     /// P-values below this are indistinguishable ([`smallest_p`]).
     pub fn smallest_p(&self) -> f64 {
         smallest_p(&self.cond_ind_test)
@@ -417,10 +418,17 @@ impl Model {
         Self { run_time_s: None, ..self.clone() }.to_json()
     }
 
-    /// The model as pretty JSON with a final newline.
+    /// The model and its [`Summary`] as pretty JSON with a final newline.
     pub fn to_json(&self) -> String {
+        #[derive(Serialize)]
+        struct Whole<'a> {
+            #[serde(flatten)]
+            model: &'a Model,
+            summary: Summary,
+        }
+        let whole = Whole { model: self, summary: self.summary().spelled(str::to_owned) };
         // A struct of strings, numbers and lists always serialises.
-        let mut json = serde_json::to_string_pretty(self).unwrap_or_default();
+        let mut json = serde_json::to_string_pretty(&whole).unwrap_or_default();
         json.push('\n');
         json
     }
@@ -428,33 +436,32 @@ impl Model {
 
 /// Whether this entry stands for its link in the list: at lag 0 each pair is twice in the matrix, and a link with a direction
 /// is listed from its cause.
-fn is_listed(mark: &str, lag: usize, i: usize, j: usize) -> bool {
-    match (mark.starts_with('<'), mark.ends_with('>')) {
-        _ if mark.is_empty() => false,
+fn is_listed(mark: LinkMark, lag: usize, i: usize, j: usize) -> bool {
+    mark.ends().is_some_and(|(left, right)| match (left == LinkEnd::Head, right == LinkEnd::Head) {
         (false, true) => true,
         (true, false) => false,
         _ => lag > 0 || i < j,
-    }
+    })
 }
 
 /// Whether a mark is a link that the effect may have from the cause (`<--` is the mirror image of another entry, and behind
 /// `<->` is something that was not recorded).
-fn points_to_effect(mark: &str) -> bool {
-    !mark.is_empty() && !mark.starts_with('<')
+fn points_to_effect(mark: LinkMark) -> bool {
+    mark.ends().is_some_and(|(left, _)| left != LinkEnd::Head)
 }
 
 /// A model of two features without links, for tests.
 #[cfg(test)]
 pub(crate) fn example() -> Model {
-    let marks = |links: &[(usize, usize)]| -> Vec<Vec<Vec<String>>> {
-        let mark = |i, j| if links.contains(&(i, j)) { "-->".to_owned() } else { String::new() };
-        (0..3).map(|i| (0..3).map(|j| vec![String::new(), mark(i, j)]).collect()).collect()
+    let marks = |links: &[(usize, usize)]| -> Vec<Vec<Vec<LinkMark>>> {
+        let mark = |i, j| if links.contains(&(i, j)) { LinkMark::Forward } else { LinkMark::Absent };
+        (0..3).map(|i| (0..3).map(|j| vec![LinkMark::Absent, mark(i, j)]).collect()).collect()
     };
     let graph = marks(&[(0, 0), (1, 1), (0, 1), (1, 0), (2, 0), (0, 2)]);
     let numbers = |v: f64| vec![vec![vec![0.0, v]; 3]; 3];
     let model = Model {
         schema: SCHEMA.into(),
-        status: "complete".into(),
+        status: Status::Complete,
         method: "pcmci".into(),
         cond_ind_test: "gpdc".into(),
         alpha: 0.05,
@@ -508,18 +515,18 @@ mod tests {
 
     #[test]
     fn the_level_that_decided_is_told_by_its_name_also_where_both_are_equal() {
-        let told = |method: &str, pc_alpha| {
-            let method = method.to_owned();
+        let reported = |method: &str, pc_alpha| {
+            let method = method.into();
             Model { method, pc_alpha, ..example() }.link_level_in_words()
         };
-        assert_eq!(told("pcmci", Some(0.2)), ("alpha", "0.05".to_owned()));
-        assert_eq!(told("pcmciplus", Some(0.05)), ("pc_alpha", "0.05".to_owned()));
-        assert_eq!(told("lpcmci", None), ("pc_alpha", "chosen by a score".to_owned()));
+        assert_eq!(reported("pcmci", Some(0.2)), ("alpha", "0.05".to_owned()));
+        assert_eq!(reported("pcmciplus", Some(0.05)), ("pc_alpha", "0.05".to_owned()));
+        assert_eq!(reported("lpcmci", None), ("pc_alpha", "chosen by a score".to_owned()));
     }
 
     #[test]
     fn an_undirected_pair_is_listed_once() {
-        let o = |mark: &str| vec![mark.to_owned()];
+        let o = |mark: &str| vec![mark.parse::<LinkMark>().unwrap()];
         let graph = vec![vec![o(""), o("o-o")], vec![o("o-o"), o("")]];
         let half = vec![vec![vec![0.5]; 2]; 2];
         let matrices = Matrices { graph, val_matrix: half.clone(), p_matrix: half, ..Matrices::default() };
@@ -531,13 +538,13 @@ mod tests {
 
     #[test]
     fn a_hidden_common_cause_is_listed_once_and_is_no_cause() {
-        let o = |lag0: &str, lag1: &str| vec![lag0.to_owned(), lag1.to_owned()];
+        let o = |lag0: &str, lag1: &str| [lag0, lag1].map(|mark| mark.parse::<LinkMark>().unwrap()).to_vec();
         let graph = vec![vec![o("", ""), o("<->", "<->")], vec![o("<->", "o->"), o("", "")]];
         let half = vec![vec![vec![0.5; 2]; 2]; 2];
         let matrices = Matrices { graph, val_matrix: half.clone(), p_matrix: half, ..Matrices::default() };
         let model = Model { tau_min: 0, tau_max: 1, ..example() }
             .with_matrices(vec!["a".into(), "b".into()], matrices);
-        let listed: Vec<_> = model.links.iter().map(|link| (link.lag, link.mark.as_str())).collect();
+        let listed: Vec<_> = model.links.iter().map(|link| (link.lag, link.mark.symbol())).collect();
         assert_eq!(listed, [(0, "<->"), (1, "<->"), (1, "o->")]);
         assert_eq!(model.causal_structure, [[[0, 0], [0, 0]], [[0, 1], [0, 0]]]);
     }
@@ -548,5 +555,10 @@ mod tests {
         let read: Model = serde_json::from_str(&model.to_file_json()).expect("reads");
         assert_eq!(read, model);
         assert_eq!(read.val_matrix[0][1], [None, Some(0.49)]);
+        // One without variables, too: nothing came through the filter.
+        let dropped = read.features.clone();
+        let blank = Model { dropped, ..read.with_matrices(vec![], Matrices::default()) };
+        let blank = Model { causal_structure: vec![], val: vec![], pval: vec![], ..blank };
+        assert!(Model::from_json(blank.to_file_json().as_bytes()).is_ok());
     }
 }

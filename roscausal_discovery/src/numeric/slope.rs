@@ -175,7 +175,7 @@ mod tests {
             })
             .collect();
         let spread = found.iter().map(|s| s.value * s.value).sum::<f64>() / 400.0;
-        let told = found.iter().map(|s| s.variance).sum::<f64>() / 400.0;
-        assert!((0.7..1.6).contains(&(told / spread)), "{told} {spread}");
+        let reported = found.iter().map(|s| s.variance).sum::<f64>() / 400.0;
+        assert!((0.7..1.6).contains(&(reported / spread)), "{reported} {spread}");
     }
 }

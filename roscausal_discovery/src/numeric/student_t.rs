@@ -32,7 +32,7 @@ pub(crate) fn two_sided_p_value(t: f64, dof: usize) -> f64 {
 }
 
 /// Quantile `t` of the standard t distribution: `P(T <= t) = q` for `q` in (0, 1).
-pub(crate) fn quantile(q: f64, dof: usize) -> f64 {
+pub fn quantile(q: f64, dof: usize) -> f64 {
     let dof_f = dof as f64;
     let two_sided = 2.0 * q.min(1.0 - q);
     if dof == 0 || two_sided >= 1.0 {

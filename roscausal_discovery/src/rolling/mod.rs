@@ -80,12 +80,10 @@ impl Windows {
         }
         let past = tau_max.saturating_mul(2);
         if self.length <= past {
+            let (length, flag) = (self.length, Named("tau_max"));
             let reason = format!(
-                "at the start of a recording {} rows have no sample, since the first {past} only serve as the past of others ({} \
-                 = {tau_max}); give more than {past}, or a lower {}",
-                self.length,
-                Named("tau_max"),
-                Named("tau_max")
+                "at the start of a recording {length} rows have no sample, since the first {past} only serve as the past of \
+                 others ({flag} = {tau_max}); give more than {past}, or a lower {flag}"
             );
             return Err(Error::param("window", reason));
         }
@@ -157,7 +155,7 @@ fn in_turn(
     for (done, &(recording, start)) in places.iter().enumerate() {
         let end = start + windows.length;
         let model = match model_of(recording, start..end) {
-            Ok(model) if model.status == "complete" => model,
+            Ok(model) if model.status == Status::Complete => model,
             Err(error) if !control.is_timeout(&error) => return Err(error),
             _ => {
                 let how_far = format!("the time budget ended after {done} of {} windows", places.len());
@@ -310,7 +308,7 @@ mod tests {
             let seen = done.clone();
             let control = Control::default().out_of_time(move || seen.load(Ordering::Relaxed) >= 2);
             let each = |window: WindowModel| {
-                assert_eq!(window.model.status, "complete");
+                assert_eq!(window.model.status, Status::Complete);
                 done.fetch_add(1, Ordering::Relaxed);
                 Ok(())
             };
@@ -318,8 +316,8 @@ mod tests {
                 true => roll_resampled(&data, &settings, &windows, &resampling, &control, each),
                 false => roll(&data, &settings, &windows, &control, each),
             };
-            let told = Status::Partial("the time budget ended after 2 of 4 windows".into());
-            assert_eq!((status.unwrap(), done.load(Ordering::Relaxed)), (told, 2), "{resampled}");
+            let reported = Status::Partial("the time budget ended after 2 of 4 windows".into());
+            assert_eq!((status.unwrap(), done.load(Ordering::Relaxed)), (reported, 2), "{resampled}");
         }
     }
 

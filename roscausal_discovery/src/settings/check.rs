@@ -5,7 +5,7 @@ use serde_json::Map;
 use super::{PcAlpha, Request, Settings};
 use crate::{
     independence_tests::Significance,
-    methods::{Method, Reads, TiminoModel},
+    methods::{Method, Reads, Status, TiminoModel},
     model::{self, Model},
     types::{Dummy, Error, Named, Result},
 };
@@ -33,11 +33,19 @@ impl Settings {
             level("pc_alpha", alpha)?;
         }
         self.f_alpha.map_or(Ok(()), |alpha| level("f_alpha", alpha))?;
+        let info = self.method.info();
+        let is_fci_there = matches!(self.method, Method::Lpcmci | Method::Tsfci);
+        if !is_fci_there && self.tau_max == 0 && !info.models_lag_zero {
+            let (method, lpcmci, varlingam) = (self.method, Method::Lpcmci, Method::Varlingam);
+            let reason = format!(
+                "0 leaves {method} no past; give at least 1, or use {lpcmci} or {varlingam}, which also find links at lag 0 alone"
+            );
+            return Err(Error::param("tau_max", reason));
+        }
         Error::check_lags(self.tau_min, self.tau_max)?;
         let asked = Self { cond_ind_test: test.to_owned(), ..self.clone() };
         Request { settings: asked, ..Request::default() }.check_readers()?;
         self.check_shuffles()?;
-        let info = self.method.info();
         match self.method {
             Method::Lpcmci | Method::Tsfci => self.check_lpcmci()?,
             Method::Candoit => {
@@ -52,16 +60,6 @@ impl Settings {
                 }
             }
             _ => {}
-        }
-        let is_fci_there = matches!(self.method, Method::Lpcmci | Method::Tsfci);
-        if !is_fci_there && self.tau_max == 0 && !info.models_lag_zero {
-            let reason = format!(
-                "0 leaves {} no past; give at least 1, or use {} or {}, which also find links at lag 0 alone",
-                self.method,
-                Method::Lpcmci,
-                Method::Varlingam
-            );
-            return Err(Error::param("tau_max", reason));
         }
         if self.tau_min == 0 && !info.lag_zero {
             let what = if self.method.reads(Reads::FAlpha) { "the transfer-entropy filter of " } else { "" };
@@ -114,10 +112,8 @@ impl Settings {
     /// LPCMCI and tsFCI have one level, and work on data without time, too.
     fn check_lpcmci(&self) -> Result<()> {
         if self.pc_alpha == PcAlpha::ByScore {
-            return Err(Error::param(
-                "pc_alpha",
-                format!("{} has no score that chooses a level; give one, such as 0.05", self.method),
-            ));
+            let reason = format!("{} has no score that chooses a level; give one, such as 0.05", self.method);
+            return Err(Error::param("pc_alpha", reason));
         }
         // A link that is never tested looks certain.
         if self.max_sets == Some(0) {
@@ -130,8 +126,8 @@ impl Settings {
     pub fn blank_model(&self) -> Model {
         let mut model = Model {
             schema: model::SCHEMA.to_owned(),
-            status: "complete".to_owned(),
-            method: self.method.name().to_owned(),
+            status: Status::Complete,
+            method: self.method.into(),
             cond_ind_test: if self.method.info().uses_test {
                 self.cond_ind_test.clone()
             } else {

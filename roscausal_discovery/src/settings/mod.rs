@@ -41,6 +41,8 @@ pub struct Setting {
     pub unit: &'static str,
     /// What it is, in one line.
     pub help: &'static str,
+    /// What the command's `discover` does for the word `auto`; empty: it has no such word.
+    pub auto: &'static str,
     /// What happens where it is not set; empty: its default is a value.
     pub unset: &'static str,
     /// The node's value for "not set"; a node's parameter has a value always.

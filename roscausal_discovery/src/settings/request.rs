@@ -10,44 +10,33 @@ use crate::{
     types::{Error, Named, Result, VectorNames, names::position},
 };
 
-/// All settings of an analysis. [`Request::for_variables`] gives the [`Settings`] for some data.
-///
-/// ```
-/// use roscausal_discovery::settings::{Request, setting};
-/// use serde_json::json;
-///
-/// let given = [("method", json!("pcmciplus")), ("tau_max", json!(3))];
-/// let given = given.map(|(name, value)| (setting(name).expect("a setting"), value));
-/// let request = Request::of(&given)?;
-/// assert_eq!((request.settings.tau_min, request.settings.tau_max), (0, 3));
-/// # Ok::<(), roscausal_discovery::Error>(())
-/// ```
-#[derive(Clone, Debug, PartialEq)]
-pub struct Request {
-    /// What needs no data.
-    pub settings: Settings,
-    /// Columns that are one variable.
-    pub vectors: VectorNames,
-    /// What is known of links.
-    pub links: Option<LinkRules>,
-    /// How to resample; 0 resamples: not.
-    pub resampling: Resampling,
-    /// Threads of the analysis; 0: all cores.
-    pub threads: usize,
-    /// Seconds after which the result is a partial one.
-    pub time_budget: Option<f64>,
-}
-
-impl Default for Request {
-    fn default() -> Self {
-        Self {
-            settings: Settings::default(),
-            vectors: Vec::new(),
-            links: None,
-            resampling: Resampling { resamples: 0, ..Resampling::default() },
-            threads: 0,
-            time_budget: None,
-        }
+with_defaults! {
+    /// All settings of an analysis. [`Request::for_variables`] gives the [`Settings`] for some data.
+    ///
+    /// ```
+    /// use roscausal_discovery::settings::{Request, setting};
+    /// use serde_json::json;
+    ///
+    /// let given = [("method", json!("pcmciplus")), ("tau_max", json!(3))];
+    /// let given = given.map(|(name, value)| (setting(name).expect("a setting"), value));
+    /// let request = Request::of(&given)?;
+    /// assert_eq!((request.settings.tau_min, request.settings.tau_max), (0, 3));
+    /// # Ok::<(), roscausal_discovery::Error>(())
+    /// ```
+    #[derive(Clone, Debug, PartialEq)]
+    pub struct Request {
+        /// What needs no data.
+        pub settings: Settings = Settings::default(),
+        /// Columns that are one variable.
+        pub vectors: VectorNames = Vec::new(),
+        /// What is known of links.
+        pub links: Option<LinkRules> = None,
+        /// How to resample; 0 resamples: not.
+        pub resampling: Resampling = Resampling { resamples: 0, ..Resampling::default() },
+        /// Threads of the analysis; 0: all cores.
+        pub threads: usize = 0,
+        /// Seconds after which the result is a partial one.
+        pub time_budget: Option<f64> = None,
     }
 }
 

@@ -63,22 +63,18 @@ pub(crate) const FEWEST_BLOCKS: usize = 10;
 /// Fewest rows of all recordings from which rows are drawn.
 pub(crate) const FEWEST_ROWS: usize = 20;
 
-/// How often and how to resample. [`Resampling::check`] says whether it is valid.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Resampling {
-    /// Number of resamples.
-    pub resamples: usize,
-    /// How rows are drawn.
-    pub scheme: Scheme,
-    /// Share of the rows in a subsample, in (0, 1); a bootstrap has none.
-    pub share: f64,
-    /// Neighbouring rows that are drawn together.
-    pub block: Block,
-}
-
-impl Default for Resampling {
-    fn default() -> Self {
-        Self { resamples: 100, scheme: Scheme::Subsample, share: 0.632, block: Block::Rows(1) }
+with_defaults! {
+    /// How often and how to resample. [`Resampling::check`] says whether it is valid.
+    #[derive(Clone, Debug, PartialEq)]
+    pub struct Resampling {
+        /// Number of resamples.
+        pub resamples: usize = 100,
+        /// How rows are drawn.
+        pub scheme: Scheme = Scheme::Subsample,
+        /// Share of the rows in a subsample, in (0, 1); a bootstrap has none.
+        pub share: f64 = 0.632,
+        /// Neighbouring rows that are drawn together.
+        pub block: Block = Block::Rows(1),
     }
 }
 
@@ -103,5 +99,14 @@ impl Resampling {
             return Err(Error::param("block", "0 rows make no block; give 1 or more"));
         }
         Ok(())
+    }
+
+    /// How much wider the error of all rows is than the spread of its resamples. A subsample shares its rows with the whole, so its spread
+    /// around it is too small (Politis, Romano and Wolf 1999, with the correction for a finite population).
+    pub(crate) fn widened(&self) -> f64 {
+        match self.scheme {
+            Scheme::Subsample => (self.share / (1.0 - self.share)).sqrt(),
+            Scheme::Bootstrap => 1.0,
+        }
     }
 }

@@ -22,6 +22,7 @@ const USUAL: Setting = Setting {
     kind: Kind::Flag,
     unit: "",
     help: "",
+    auto: "",
     unset: "",
     param_unset: "",
     by_method: None,
@@ -55,7 +56,7 @@ macro_rules! settings {
 
 /// Settings of one test.
 const fn of_test(test: fn(&str, Option<Significance>) -> bool, why: &'static str) -> Readers {
-    Readers::Tests { method: Method::asks_for_p_values, test, why }
+    Readers::Tests { method: Method::uses_p_values, test, why }
 }
 
 /// Settings of GPDC's regressions, which TiMINo takes, too.
@@ -84,7 +85,8 @@ const SURROGATES: Kind = Kind::Count(0, 1_000_000);
 
 settings! {
     "method" "method" "cd_method" settings.method = Kind::Method,
-        "Discovery method";
+        "Discovery method",
+        auto: "says which to choose for these data and why";
     "test" "test" "cond_ind_test" settings.cond_ind_test = Kind::Test,
         "Independence test",
         by_method: Some(|info| info.test.to_owned());
@@ -104,7 +106,7 @@ settings! {
         unit: "steps", most_of_data: 200.0, by_method: Some(|info| info.tau_min.to_string());
     "tau_max" "tau-max" "max_lag" settings.tau_max = Kind::Lag,
         "Largest lag, in steps; at most 100000",
-        unit: "steps", most_of_data: 200.0;
+        unit: "steps", most_of_data: 200.0, auto: "as far as dependence is seen";
     "f_alpha" "f-alpha" "f_alpha" settings.f_alpha = LEVEL,
         "Significance level of F-PCMCI's filter",
         unset: "the level of a link", param_unset: "0", readers: Readers::Named(Reads::FAlpha, OF_FILTER);
@@ -138,7 +140,7 @@ settings! {
         "File with what is known of links: required, forbidden, directed (docs/data.md)",
         unset: "nothing is known", of_data: false,
         readers: Readers::Methods {
-            read: |info| info.method.asks_for_p_values() && info.method != Method::Candoit,
+            read: |info| info.method.uses_p_values() && info.method != Method::Candoit,
             why: "does not read what is known of links",
             instead: None,
         };
@@ -179,6 +181,9 @@ settings! {
     "transform" "transform" "transform" settings.test.transform = Kind::Word(TRANSFORMS),
         "cmiknn: what values are turned into before distances are measured",
         expert: true, readers: OF_CMIKNN;
+    "categories" "categories" "categories" settings.test.categories = Kind::List("COLUMN"),
+        "Variables whose values are categories, whatever they are; without, those of at most ten whole values are",
+        readers: of_test(|test, _| ["regressionci", "gsquared", "cmisymb"].contains(&test), "has no categories");
     "gp_search" "gp-search" "gp_search" settings.test.gp_search = Kind::Word(GpSearch::NAMES),
         "How gpdc searches for the maximum of a likelihood; exact: every likelihood exact, slow; the same maxima",
         expert: true, readers: OF_PROCESS;

@@ -49,14 +49,15 @@ fn every_field_of_the_settings_has_an_entry() {
         shuffle_neighbors: _,
         shuffle_stop: _,
         transform: _,
+        categories: _,
         gp_search: _,
         gp_restarts: _,
         null_distributions: _,
         as_tigramite: _,
         max_memory: _,
     } = test;
-    // Of the settings 17, of the test 12, and two of PCMCI+; of the request four; four of resampling. Links are the request's.
-    assert_eq!(SETTINGS.len(), 17 + 12 + 2 + 4 + 4);
+    // Of the settings 17, of the test 13, and two of PCMCI+; of the request four; four of resampling. Links are the request's.
+    assert_eq!(SETTINGS.len(), 17 + 13 + 2 + 4 + 4);
 }
 
 #[test]

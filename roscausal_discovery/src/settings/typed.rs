@@ -36,87 +36,62 @@ pub enum Levels {
 
 words!(Levels, "levels": Auto "auto", Keep "keep", Remove "remove");
 
-/// What to analyse, and how. Plain data; [`Settings::check`] says whether it is valid.
-///
-/// ```
-/// use roscausal_discovery::{PcAlpha, Settings, methods::Method};
-///
-/// let settings = Settings { method: Method::Pcmciplus, tau_min: 0, tau_max: 3, ..Settings::default() };
-/// assert!(settings.check().is_ok());
-/// // The method's own level of the condition selection.
-/// assert_eq!((settings.pc_alpha, settings.level_of_pc()), (PcAlpha::Default, Some(0.01)));
-/// let error = Settings { tau_min: 5, ..settings }.check().unwrap_err();
-/// assert!(error.to_string().contains("tau_max"));
-/// ```
-#[derive(Clone, Debug, PartialEq)]
-pub struct Settings {
-    /// The method.
-    pub method: Method,
-    /// Name of an independence test ([`independence_tests::names`]).
-    pub cond_ind_test: String,
-    /// What the test reads; its seed is that of all random numbers, below.
-    pub test: TestSettings,
-    /// Significance level of a link, in (0, 1).
-    pub alpha: f64,
-    /// Level of the condition selection.
-    pub pc_alpha: PcAlpha,
-    /// Smallest lag, in steps.
-    pub tau_min: usize,
-    /// Largest lag, in steps; at most 100,000.
-    pub tau_max: usize,
-    /// Level of the transfer-entropy filter; `None`: `alpha`.
-    pub f_alpha: Option<f64>,
-    /// Estimator of the transfer-entropy filter.
-    pub te_estimator: TeEstimator,
-    /// Whether F-PCMCI drops variables that depend on their own past only.
-    pub neglect_only_autodep: bool,
-    /// Correction for many tests.
-    pub fdr: Fdr,
-    /// Variables that may be causes only: no link points to them.
-    pub exogenous: Vec<String>,
-    /// CAnDOIT: columns of interventions, and the variable that each sets; `None`: those of the simulator, as far as they are
-    /// there ([`default_intervention_targets`](crate::methods::default_intervention_targets)).
-    pub acts_on: Option<ActsOn>,
-    /// What becomes of the levels of recordings that differ.
-    pub levels: Levels,
-    /// Seed of all random numbers.
-    pub seed: u64,
-    /// Which links may exist; `None`: all.
-    pub link_assumptions: Option<LinkAssumptions>,
-    /// Largest condition set of the condition selection (LPCMCI: beyond the conditions that are always there); `None`: no limit.
-    pub max_conds: Option<usize>,
-    /// LPCMCI and CAnDOIT: sets of conditions tested per pair, side and size; `None`: all.
-    pub max_sets: Option<usize>,
-    /// CAnDOIT: whether contexts join their variables as conditions, as published.
-    pub extra_conditions: bool,
-    /// What only PCMCI+ has.
-    pub pcmciplus: PcmciPlusSettings,
-}
-
-impl Default for Settings {
-    fn default() -> Self {
-        Self {
-            method: Method::Fpcmci,
-            cond_ind_test: "gpdc".into(),
-            test: TestSettings::default(),
-            alpha: 0.05,
-            pc_alpha: PcAlpha::Default,
-            tau_min: 1,
-            tau_max: 1,
-            f_alpha: None,
-            te_estimator: TeEstimator::Auto,
-            neglect_only_autodep: true,
-            fdr: Fdr::None,
-            exogenous: Vec::new(),
-            acts_on: None,
-            levels: Levels::Auto,
-            seed: 42,
-            link_assumptions: None,
-            max_conds: None,
-            max_sets: None,
-            extra_conditions: true,
-            pcmciplus: PcmciPlusSettings::default(),
-        }
+with_defaults! {
+    /// What to analyse, and how. Plain data; [`Settings::check`] says whether it is valid.
+    ///
+    /// ```
+    /// use roscausal_discovery::{PcAlpha, Settings, methods::Method};
+    ///
+    /// let settings = Settings { method: Method::Pcmciplus, tau_min: 0, tau_max: 3, ..Settings::default() };
+    /// assert!(settings.check().is_ok());
+    /// // The method's own level of the condition selection.
+    /// assert_eq!((settings.pc_alpha, settings.level_of_pc()), (PcAlpha::Default, Some(0.01)));
+    /// let error = Settings { tau_min: 5, ..settings }.check().unwrap_err();
+    /// assert!(error.to_string().contains("tau_max"));
+    /// ```
+    #[derive(Clone, Debug, PartialEq)]
+    pub struct Settings {
+        /// The method.
+        pub method: Method = Method::Fpcmci,
+        /// Name of an independence test ([`independence_tests::names`]).
+        pub cond_ind_test: String = "gpdc".into(),
+        /// What the test reads; its seed is that of all random numbers, below.
+        pub test: TestSettings = TestSettings::default(),
+        /// Significance level of a link, in (0, 1).
+        pub alpha: f64 = 0.05,
+        /// Level of the condition selection.
+        pub pc_alpha: PcAlpha = PcAlpha::Default,
+        /// Smallest lag, in steps.
+        pub tau_min: usize = 1,
+        /// Largest lag, in steps; at most 100,000.
+        pub tau_max: usize = 1,
+        /// Level of the transfer-entropy filter; `None`: `alpha`.
+        pub f_alpha: Option<f64> = None,
+        /// Estimator of the transfer-entropy filter.
+        pub te_estimator: TeEstimator = TeEstimator::Auto,
+        /// Whether F-PCMCI drops variables that depend on their own past only.
+        pub neglect_only_autodep: bool = true,
+        /// Correction for many tests.
+        pub fdr: Fdr = Fdr::None,
+        /// Variables that may be causes only: no link points to them.
+        pub exogenous: Vec<String> = Vec::new(),
+        /// CAnDOIT: columns of interventions, and the variable that each sets; `None`: those of the simulator, as far as they are
+        /// there ([`default_intervention_targets`](crate::methods::default_intervention_targets)).
+        pub acts_on: Option<ActsOn> = None,
+        /// What becomes of the levels of recordings that differ.
+        pub levels: Levels = Levels::Auto,
+        /// Seed of all random numbers.
+        pub seed: u64 = 42,
+        /// Which links may exist; `None`: all.
+        pub link_assumptions: Option<LinkAssumptions> = None,
+        /// Largest condition set of the condition selection (LPCMCI: beyond the conditions that are always there); `None`: no limit.
+        pub max_conds: Option<usize> = None,
+        /// LPCMCI and CAnDOIT: sets of conditions tested per pair, side and size; `None`: all.
+        pub max_sets: Option<usize> = None,
+        /// CAnDOIT: whether contexts join their variables as conditions, as published.
+        pub extra_conditions: bool = true,
+        /// What only PCMCI+ has.
+        pub pcmciplus: PcmciPlusSettings = PcmciPlusSettings::default(),
     }
 }
 
@@ -217,14 +192,16 @@ impl Settings {
         // Before anything is made for each pair and lag. Models without a test look back once, tests also at the cause's past.
         let cut_off = self.tau_max.saturating_mul(if self.method.info().uses_test { 2 } else { 1 });
         data.check_length(self.tau_max, cut_off)?;
-        let unknown = self.exogenous.iter().find(|name| names::position(data.var_names(), name).is_none());
-        match unknown {
-            Some(name) => {
+        for (setting, given) in [("exogenous", &self.exogenous), ("categories", &self.test.categories)] {
+            if let Some(name) = given.iter().find(|name| names::position(data.var_names(), name).is_none()) {
                 let all = data.var_names().join(", ");
-                Err(Error::param("exogenous", format!("there is no variable '{name}'; variables: {all}")))
+                return Err(Error::param(
+                    setting,
+                    format!("there is no variable '{name}'; variables: {all}"),
+                ));
             }
-            None => self.check_required_links(data),
         }
+        self.check_required_links(data)
     }
 
     /// Refuses links that are known to exist and end in a variable that nothing drives.
@@ -242,12 +219,10 @@ impl Settings {
             });
             if let Some((cause, _)) = required {
                 let name = |var: usize| names::plain(&data.var_names()[var]);
+                let (from, to, lag) = (name(cause.var), name(effect), cause.lag);
                 let reason = format!(
-                    "{} -> {} at lag {} is required, but '{}' is exogenous, so nothing drives it; take back one of the two",
-                    name(cause.var),
-                    name(effect),
-                    cause.lag,
-                    name(effect)
+                    "{from} -> {to} at lag {lag} is required, but '{to}' is exogenous, so nothing drives it; take back one \
+                     of the two"
                 );
                 return Err(Error::param("links", reason));
             }

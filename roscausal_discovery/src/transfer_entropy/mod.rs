@@ -112,17 +112,14 @@ impl TransferEntropy {
             ));
         }
         if !(self.alpha > 0.0 && self.alpha < 1.0) {
-            return Err(Error::param(
-                "f_alpha",
-                format!("{} is not inside (0, 1); 0.05 is usual", self.alpha),
-            ));
+            let reason = format!("{} is not inside (0, 1); 0.05 is usual", self.alpha);
+            return Err(Error::param("f_alpha", reason));
         }
         if self.estimator == TeEstimator::Kraskov && self.alpha <= kraskov::SMALLEST_P {
+            let (alpha, smallest) = (self.alpha, kraskov::SMALLEST_P);
             let reason = format!(
-                "{} is below {:.4}, the smallest p-value of the kraskov estimator's surrogates; raise it or use \
-                 gaussian",
-                self.alpha,
-                kraskov::SMALLEST_P
+                "{alpha} is below {smallest:.4}, the smallest p-value of the kraskov estimator's surrogates; raise it or \
+                 use gaussian"
             );
             return Err(Error::param("f_alpha", reason));
         }

@@ -2,7 +2,8 @@
 //!
 //! Each person of a batch is a recording, and the robot's columns stand in all of them. A test between two of the robot's columns
 //! would count each of its rows once for every person, and find links by chance far more often than its level says. So such a test
-//! sees each time in one recording only, in those of the people in turn: what it holds fixed may be a person's.
+//! sees each time in one recording only, in those of the people in turn: what it holds fixed may be a person's. Other tests have all
+//! rows; how many of them count is in `methods/shared_times`.
 
 use ndarray::Array2;
 
@@ -17,11 +18,11 @@ pub(super) struct Common {
     /// By variable: whether recordings of one time hold the same values.
     pub(super) columns: Vec<bool>,
     /// By recording: the first one of its time, itself or an earlier one.
-    firsts: Vec<usize>,
+    pub(super) firsts: Vec<usize>,
 }
 
 impl Common {
-    /// What the recordings have in common; recordings with the same number in `sources` are of one time. `None`: nothing.
+    /// What the recordings have in common; recordings with the same number in `sources` are of one time. `None`: no two are.
     pub(super) fn of(recordings: &[Array2<f64>], sources: &[usize]) -> Option<Self> {
         let first = |k: usize| (0..=k).find(|&other| sources[other] == sources[k]).unwrap_or(k);
         let firsts: Vec<usize> = (0..recordings.len()).map(first).collect();
@@ -34,7 +35,7 @@ impl Common {
         };
         let repeats = firsts.iter().enumerate().any(|(k, &first)| k != first);
         let columns: Vec<bool> = (0..n_vars).map(same).collect();
-        (repeats && columns.contains(&true)).then_some(Self { columns, firsts })
+        repeats.then_some(Self { columns, firsts })
     }
 
     /// The same of some of the variables.
@@ -77,6 +78,7 @@ mod tests {
         people.iter_mut().for_each(|of| of.mapv_inplace(|v| if v.is_nan() { 2.0 } else { v }));
         assert_eq!(common.once(&people, &[vec![0, 1], vec![0], vec![0, 1]]), [vec![0], vec![0], vec![1]]);
         assert!(Common::of(&all, &[0, 1, 2]).is_none(), "each is of another time");
-        assert!(Common::of(&[one, later], &[0, 0]).is_none(), "no column agrees");
+        let none = Common::of(&[one, later], &[0, 0]).expect("of one time");
+        assert_eq!(none.columns, [false, false], "no column agrees");
     }
 }

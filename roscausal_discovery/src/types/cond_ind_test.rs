@@ -145,6 +145,17 @@ pub trait PreparedTest: Sync {
     /// If too few complete samples are left for this condition set.
     fn run_test(&self, x: Node, y: Node, z: &[Node]) -> Result<TestResult>;
 
+    /// The same result if it rested on `n_samples` independent samples, as many as count where its samples are not; `None` (the
+    /// default): the test cannot say, and is asked again on fewer samples.
+    fn with_samples(
+        &self,
+        _result: TestResult,
+        _n_samples: usize,
+        _n_conditions: usize,
+    ) -> Option<TestResult> {
+        None
+    }
+
     /// Model-selection score of `target` given `parents`, for choosing `pc_alpha`. Lower is better.
     ///
     /// # Errors

@@ -35,10 +35,8 @@ impl std::str::FromStr for MaskType {
                 'y' => mask.y = true,
                 'z' => mask.z = true,
                 _ => {
-                    return Err(Error::param(
-                        "mask_type",
-                        format!("'{text}' is not made of the letters x, y, z"),
-                    ));
+                    let reason = format!("'{text}' is not made of the letters x, y, z");
+                    return Err(Error::param("mask_type", reason));
                 }
             }
         }
@@ -95,10 +93,9 @@ impl DataFrame {
         }
         for (i, recording) in recordings.iter().enumerate() {
             if recording.ncols() != var_names.len() {
+                let (columns, names) = (recording.ncols(), var_names.len());
                 return Err(Error::Data(format!(
-                    "recording {i} has {} columns for {} variable names",
-                    recording.ncols(),
-                    var_names.len()
+                    "recording {i} has {columns} columns for {names} variable names"
                 )));
             }
             if let Some(((row, col), value)) = recording.indexed_iter().find(|(_, v)| v.is_infinite()) {
@@ -125,7 +122,7 @@ impl DataFrame {
     }
 
     /// The same recordings, of which those with the same number in `sources` are of one time: the people of one batch. Where they hold
-    /// the same columns (the robot's), a test between two of these counts each row once.
+    /// the same columns (the robot's), a test between two of these counts each row once; other tests count as many as are independent.
     ///
     /// # Errors
     /// A number of sources that is not that of the recordings.
@@ -144,6 +141,11 @@ impl DataFrame {
     pub fn with_recordings(&self, recordings: Vec<Array2<f64>>) -> Result<Self> {
         let common = self.common.clone().filter(|_| recordings.len() == self.recordings.len());
         Ok(Self { common, ..Self::new(recordings, self.var_names.clone())? })
+    }
+
+    /// By recording, the first one of its time; `None`: no two are of one time.
+    pub(crate) fn shared_times(&self) -> Option<&[usize]> {
+        self.common.as_ref().map(|common| &common.firsts[..])
     }
 
     /// What recordings of one time have in common.
@@ -170,10 +172,8 @@ impl DataFrame {
     pub fn at_times(&self, times: Vec<Vec<usize>>) -> Result<Self> {
         if times.len() != self.recordings.len() {
             let (n, wanted) = (times.len(), self.recordings.len());
-            return Err(Error::param(
-                "times",
-                format!("{n} lists for {wanted} recordings; give one for each"),
-            ));
+            let reason = format!("{n} lists for {wanted} recordings; give one for each");
+            return Err(Error::param("times", reason));
         }
         for (k, (list, recording)) in times.iter().zip(self.recordings.iter()).enumerate() {
             if let Some(t) = list.iter().find(|&&t| t >= recording.nrows()) {
@@ -347,11 +347,10 @@ impl DataFrame {
         if longest > cut_off {
             return Ok(());
         }
+        let (flag, least) = (Named("tau_max"), cut_off.saturating_add(4));
         Err(Error::Data(format!(
-            "the longest recording has {longest} samples; {} = {tau_max} needs at least {}: record longer or lower {}",
-            Named("tau_max"),
-            cut_off.saturating_add(4),
-            Named("tau_max")
+            "the longest recording has {longest} samples; {flag} = {tau_max} needs at least {least}: record longer or lower \
+             {flag}"
         )))
     }
 

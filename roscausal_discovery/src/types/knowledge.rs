@@ -83,7 +83,7 @@ impl LinkAssumptions {
         [tau_min, tau_max]: [usize; 2],
         exogenous: &[usize],
     ) -> Result<Self> {
-        let mut said: BTreeMap<Place, Said<'_>> = BTreeMap::new();
+        let mut stated: BTreeMap<Place, Said<'_>> = BTreeMap::new();
         let mut named = 0_usize;
         for rule in rules {
             let (causes, effects) =
@@ -101,7 +101,7 @@ impl LinkAssumptions {
                 for &effect in &effects {
                     for &lag in lags.iter().filter(|lag| **lag > 0 || cause != effect) {
                         fits = true;
-                        rule.say(&mut said, (cause, effect, lag));
+                        rule.say(&mut stated, (cause, effect, lag));
                     }
                 }
             }
@@ -114,7 +114,7 @@ impl LinkAssumptions {
         let link = |(cause, effect, lag): Place| {
             format!("{} -> {} at lag {lag}", short(&plain(&names[cause])), short(&plain(&names[effect])))
         };
-        for (&place, now) in &mut said {
+        for (&place, now) in &mut stated {
             now.settle(&link(place))?;
             let effect = place.1;
             if let Some(rule) = now.pointing().filter(|_| exogenous.contains(&effect)) {
@@ -128,7 +128,7 @@ impl LinkAssumptions {
         }
         let mut causes = vec![Vec::new(); names.len()];
         for (&(cause, effect, _), _) in
-            said.iter().filter(|(place, now)| place.2 == 0 && now.pointing().is_some())
+            stated.iter().filter(|(place, now)| place.2 == 0 && now.pointing().is_some())
         {
             causes[effect].push(cause);
         }
@@ -136,7 +136,7 @@ impl LinkAssumptions {
             let steps: Vec<String> = (0..circle.len())
                 .map(|k| {
                     let place = (circle[k], circle[(k + 1) % circle.len()], 0);
-                    let line = said.get(&place).and_then(Said::pointing).map_or("", |rule| &rule.place);
+                    let line = stated.get(&place).and_then(Said::pointing).map_or("", |rule| &rule.place);
                     format!("{} ({line})", link(place))
                 })
                 .collect();
@@ -145,23 +145,23 @@ impl LinkAssumptions {
                 steps.join(", ")
             )));
         }
-        Self::stated(&said, only, names.len(), [tau_min, tau_max])
+        Self::stated(&stated, only, names.len(), [tau_min, tau_max])
     }
 
     /// The assumptions of statements that do not contradict each other.
     fn stated(
-        said: &BTreeMap<Place, Said<'_>>,
+        stated: &BTreeMap<Place, Said<'_>>,
         only: bool,
         n: usize,
         [min, max]: [usize; 2],
     ) -> Result<Self> {
         let mut links = if only { Self::none(n) } else { Self::all(n, min, max) };
-        for (&(cause, effect, lag), _) in said.iter().filter(|(_, now)| now.forbidden.is_some()) {
+        for (&(cause, effect, lag), _) in stated.iter().filter(|(_, now)| now.forbidden.is_some()) {
             links.remove(cause, effect, lag);
         }
-        for (&(cause, effect, lag), now) in said {
+        for (&(cause, effect, lag), now) in stated {
             let back =
-                if lag == 0 { said.get(&(effect, cause, 0)).copied() } else { None }.unwrap_or_default();
+                if lag == 0 { stated.get(&(effect, cause, 0)).copied() } else { None }.unwrap_or_default();
             let assumption = match (now.required, now.allowed) {
                 (Some(_), _) => Assumption::Exists,
                 // The other end says more.
@@ -221,15 +221,15 @@ impl LinkRule {
         [&self.cause, &self.effect].into_iter().filter(|name| *name != "*").count()
     }
 
-    fn say<'a>(&'a self, said: &mut BTreeMap<Place, Said<'a>>, (cause, effect, lag): Place) {
-        let now = said.entry((cause, effect, lag)).or_default();
+    fn say<'a>(&'a self, stated: &mut BTreeMap<Place, Said<'a>>, (cause, effect, lag): Place) {
+        let now = stated.entry((cause, effect, lag)).or_default();
         match self.is {
             Known::Required => Said::or(&mut now.required, self),
             Known::Forbidden => Said::or(&mut now.forbidden, self),
             Known::Allowed | Known::Directed => Said::or(&mut now.allowed, self),
         }
         if self.is == Known::Directed && cause != effect {
-            Said::or(&mut said.entry((effect, cause, lag)).or_default().forbidden, self);
+            Said::or(&mut stated.entry((effect, cause, lag)).or_default().forbidden, self);
         }
     }
 

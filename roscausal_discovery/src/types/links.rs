@@ -151,7 +151,7 @@ impl std::str::FromStr for Assumption {
 /// assert_eq!(links.get(0, 1, 1), Some(Assumption::Exists));
 /// # Ok::<(), roscausal_discovery::Error>(())
 /// ```
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct LinkAssumptions {
     targets: Vec<BTreeMap<Node, Assumption>>,
 }
@@ -296,17 +296,13 @@ impl LinkAssumptions {
     /// Checks that the assumptions match the variables and lags of a run.
     pub(crate) fn check(&self, n_vars: usize, tau_min: usize, tau_max: usize) -> Result<()> {
         if self.targets.len() != n_vars {
-            return Err(Error::param(
-                "link_assumptions",
-                format!("they are for {} variables, the data have {n_vars}", self.targets.len()),
-            ));
+            let reason = format!("they are for {} variables, the data have {n_vars}", self.targets.len());
+            return Err(Error::param("link_assumptions", reason));
         }
         for map in &self.targets {
             if let Some(node) = map.keys().find(|node| !(tau_min..=tau_max).contains(&node.lag)) {
-                return Err(Error::param(
-                    "link_assumptions",
-                    format!("lag {} is outside tau_min..tau_max = {tau_min}..{tau_max}", node.lag),
-                ));
+                let reason = format!("lag {} is outside tau_min..tau_max = {tau_min}..{tau_max}", node.lag);
+                return Err(Error::param("link_assumptions", reason));
             }
         }
         let exists = |effect: &BTreeMap<Node, Assumption>| {

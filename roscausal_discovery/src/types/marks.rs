@@ -1,6 +1,10 @@
 //! The marks of links in a graph.
 
-use std::fmt;
+use std::{borrow::Cow, cmp::Ordering, fmt, str::FromStr};
+
+use serde::{Deserialize, Deserializer, Serialize, Serializer, de::Error as _};
+
+use super::text::quoted;
 
 /// Mark of a link in a graph, read from cause to effect.
 ///
@@ -86,27 +90,15 @@ impl LinkMark {
         Self::TailTail,
     ];
 
+    /// Their symbols, in the order of the variants.
+    const SYMBOLS: [&str; 17] = [
+        "", "-->", "<--", "o-o", "x-x", "o->", "<-o", "<->", "x->", "<-x", "o-x", "x-o", "--x", "x--", "--o",
+        "o--", "---",
+    ];
+
     /// The field's symbol.
     pub fn symbol(self) -> &'static str {
-        match self {
-            Self::Absent => "",
-            Self::Forward => "-->",
-            Self::Backward => "<--",
-            Self::Unoriented => "o-o",
-            Self::Conflict => "x-x",
-            Self::CircleHead => "o->",
-            Self::HeadCircle => "<-o",
-            Self::Bidirected => "<->",
-            Self::ConflictHead => "x->",
-            Self::HeadConflict => "<-x",
-            Self::CircleConflict => "o-x",
-            Self::ConflictCircle => "x-o",
-            Self::TailConflict => "--x",
-            Self::ConflictTail => "x--",
-            Self::TailCircle => "--o",
-            Self::CircleTail => "o--",
-            Self::TailTail => "---",
-        }
+        Self::SYMBOLS[self as usize]
     }
 
     /// The same link, read from its other end.
@@ -116,49 +108,19 @@ impl LinkMark {
 
     /// The mark with these ends, at the cause and at the effect.
     pub fn from_ends(left: LinkEnd, right: LinkEnd) -> Self {
-        use LinkEnd::{Circle, Conflict, Head, Tail};
-        match (left, right) {
-            (Tail, Head) => Self::Forward,
-            (Head, Tail) => Self::Backward,
-            (Circle, Circle) => Self::Unoriented,
-            (Conflict, Conflict) => Self::Conflict,
-            (Circle, Head) => Self::CircleHead,
-            (Head, Circle) => Self::HeadCircle,
-            (Head, Head) => Self::Bidirected,
-            (Conflict, Head) => Self::ConflictHead,
-            (Head, Conflict) => Self::HeadConflict,
-            (Circle, Conflict) => Self::CircleConflict,
-            (Conflict, Circle) => Self::ConflictCircle,
-            (Tail, Conflict) => Self::TailConflict,
-            (Conflict, Tail) => Self::ConflictTail,
-            (Tail, Circle) => Self::TailCircle,
-            (Circle, Tail) => Self::CircleTail,
-            (Tail, Tail) => Self::TailTail,
-        }
+        Self::ALL.into_iter().find(|mark| mark.ends() == Some((left, right))).unwrap_or_default()
     }
 
     /// What stands at the cause and at the effect; `None` without a link.
     pub fn ends(self) -> Option<(LinkEnd, LinkEnd)> {
-        use LinkEnd::{Circle, Conflict, Head, Tail};
-        Some(match self {
-            Self::Absent => return None,
-            Self::Forward => (Tail, Head),
-            Self::Backward => (Head, Tail),
-            Self::Unoriented => (Circle, Circle),
-            Self::Conflict => (Conflict, Conflict),
-            Self::CircleHead => (Circle, Head),
-            Self::HeadCircle => (Head, Circle),
-            Self::Bidirected => (Head, Head),
-            Self::ConflictHead => (Conflict, Head),
-            Self::HeadConflict => (Head, Conflict),
-            Self::CircleConflict => (Circle, Conflict),
-            Self::ConflictCircle => (Conflict, Circle),
-            Self::TailConflict => (Tail, Conflict),
-            Self::ConflictTail => (Conflict, Tail),
-            Self::TailCircle => (Tail, Circle),
-            Self::CircleTail => (Circle, Tail),
-            Self::TailTail => (Tail, Tail),
-        })
+        let end = |letter: u8| match letter {
+            b'o' => LinkEnd::Circle,
+            b'-' => LinkEnd::Tail,
+            b'x' => LinkEnd::Conflict,
+            _ => LinkEnd::Head,
+        };
+        let [left, _, right] = self.symbol().as_bytes() else { return None };
+        Some((end(*left), end(*right)))
     }
 
     /// Whether there is a link.
@@ -167,8 +129,67 @@ impl LinkMark {
     }
 }
 
+impl Ord for LinkMark {
+    /// By symbol, so that files list marks as text is sorted.
+    fn cmp(&self, other: &Self) -> Ordering {
+        self.symbol().cmp(other.symbol())
+    }
+}
+
+impl PartialOrd for LinkMark {
+    fn partial_cmp(&self, other: &Self) -> Option<Ordering> {
+        Some(self.cmp(other))
+    }
+}
+
+impl FromStr for LinkMark {
+    type Err = String;
+
+    fn from_str(symbol: &str) -> Result<Self, String> {
+        Self::ALL.into_iter().find(|known| known.symbol() == symbol).ok_or_else(|| {
+            let all: Vec<&str> = Self::ALL.iter().skip(1).map(|mark| mark.symbol()).collect();
+            format!("{} is not a mark; marks are {}", quoted(symbol), all.join(" "))
+        })
+    }
+}
+
+impl Serialize for LinkMark {
+    fn serialize<S: Serializer>(&self, to: S) -> Result<S::Ok, S::Error> {
+        to.serialize_str(self.symbol())
+    }
+}
+
+impl<'de> Deserialize<'de> for LinkMark {
+    fn deserialize<D: Deserializer<'de>>(from: D) -> Result<Self, D::Error> {
+        Cow::<str>::deserialize(from)?.parse().map_err(D::Error::custom)
+    }
+}
+
 impl fmt::Display for LinkMark {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(self.symbol())
+        f.pad(self.symbol())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn each_pair_of_ends_has_one_mark_and_its_symbol_reads_back() {
+        use LinkEnd::{Circle, Conflict, Head, Tail};
+        let ends = [Circle, Conflict, Head, Tail];
+        let mut marks: Vec<LinkMark> =
+            ends.into_iter().flat_map(|left| ends.map(|right| LinkMark::from_ends(left, right))).collect();
+        assert!(marks.iter().all(|mark| mark.is_link() && mark.mirrored().mirrored() == *mark));
+        marks.sort();
+        marks.dedup();
+        assert_eq!(marks.len(), 16);
+        assert_eq!(LinkMark::from_ends(Tail, Head), LinkMark::Forward);
+        assert_eq!(LinkMark::from_ends(Circle, Head), LinkMark::CircleHead);
+        assert_eq!(LinkMark::from_ends(Tail, Conflict), LinkMark::TailConflict);
+        for mark in LinkMark::ALL {
+            assert_eq!(mark.symbol().parse(), Ok(mark));
+        }
     }
 }

@@ -1,4 +1,4 @@
-//! Choices that users write as words.
+//! What many types of settings have: choices that users write as words, and usual values.
 
 /// The names of an enum's variants: `NAMES`, `name` and [`FromStr`](std::str::FromStr), which reads any case and other spellings, and names
 /// the setting where a word is unknown.
@@ -26,6 +26,29 @@ macro_rules! words {
                     $($name $(| $other)* => Ok(Self::$variant),)+
                     _ => Err(Self::Err::unknown($setting, text, Self::NAMES)),
                 }
+            }
+        }
+    };
+}
+
+/// A struct of settings whose fields have their usual value behind them, as in `pub tau_max: usize = 1,`; these are its [`Default`].
+#[doc(hidden)]
+#[macro_export]
+macro_rules! with_defaults {
+    (
+        $(#[$about:meta])*
+        $seen:vis struct $type:ident {
+            $($(#[$of_field:meta])* $field_seen:vis $field:ident: $kind:ty = $usual:expr),* $(,)?
+        }
+    ) => {
+        $(#[$about])*
+        $seen struct $type {
+            $($(#[$of_field])* $field_seen $field: $kind,)*
+        }
+
+        impl Default for $type {
+            fn default() -> Self {
+                Self { $($field: $usual),* }
             }
         }
     };

@@ -146,17 +146,8 @@ mod tests {
             assert_eq!(line(text), text);
         }
         for c in [
-            '\u{9b}',
-            '\u{202e}',
-            '\u{2069}',
-            '\u{200f}',
-            '\u{61c}',
-            '\u{200b}',
-            '\u{2800}',
-            '\u{e0041}',
-            '\u{feff}',
-            '\u{ffff}',
-            '\u{1fffe}',
+            '\u{9b}', '\u{202e}', '\u{2069}', '\u{200f}', '\u{61c}', '\u{200b}', '\u{2800}', '\u{e0041}',
+            '\u{feff}', '\u{ffff}', '\u{1fffe}',
         ] {
             assert_eq!(line(&format!("a{c}")), format!("a<U+{:04X}>", u32::from(c)));
         }
@@ -166,17 +157,17 @@ mod tests {
     fn a_long_quotation_is_cut_and_the_advice_stays() {
         let cell = "x".repeat(10 << 20);
         for quote in ['\'', '"', '`'] {
-            let told = message(&format!(
+            let reported = message(&format!(
                 "row 3, the person's cell: {quote}{cell}{quote} is not a number; correct it"
             ));
             assert!(
-                told.len() < 200
-                    && told.ends_with(&format!("characters){quote} is not a number; correct it")),
-                "{told}"
+                reported.len() < 200
+                    && reported.ends_with(&format!("characters){quote} is not a number; correct it")),
+                "{reported}"
             );
         }
-        let told = message(&format!("{cell}: {cell}'s; correct it"));
-        assert!(told.len() < 2100 && told.ends_with("; correct it"));
+        let reported = message(&format!("{cell}: {cell}'s; correct it"));
+        assert!(reported.len() < 2100 && reported.ends_with("; correct it"));
         assert_eq!(
             message("'a' is no 'b': don't, the persons' \"c\""),
             "'a' is no 'b': don't, the persons' \"c\""

@@ -2,7 +2,7 @@
 
 #![allow(dead_code, reason = "not everybody who draws uses all of it")]
 
-use roscausal_discovery::{Matrices, Model, Settings, mix};
+use roscausal_discovery::{LinkMark, Matrices, Model, Settings, mix};
 
 /// Graphs of [`any_graph`].
 pub(crate) const GRAPHS: u64 = 200;
@@ -24,7 +24,7 @@ pub(crate) fn random_model(n: usize, per_variable: f64, seed: u64) -> Model {
     };
     let lags = 3;
     let empty = || vec![vec![vec![0.0; lags + 1]; n]; n];
-    let mut graph = vec![vec![vec![String::new(); lags + 1]; n]; n];
+    let mut graph = vec![vec![vec![LinkMark::Absent; lags + 1]; n]; n];
     let (mut val_matrix, mut p_matrix) = (empty(), empty());
     for i in 0..n {
         for j in 0..n {
@@ -34,7 +34,7 @@ pub(crate) fn random_model(n: usize, per_variable: f64, seed: u64) -> Model {
             let first = 1 + (uniform() * lags as f64) as usize;
             for lag in first..=lags {
                 if lag == first || uniform() < 0.3 {
-                    graph[i][j][lag] = "-->".to_owned();
+                    graph[i][j][lag] = LinkMark::Forward;
                     val_matrix[i][j][lag] = 2.0 * uniform() - 1.0;
                     p_matrix[i][j][lag] = 0.05 * uniform() * uniform();
                 }

@@ -32,20 +32,16 @@ const M: usize = 10;
 /// Evaluations that one line search may take.
 const MAX_LINE_EVALUATIONS: usize = 20;
 
-/// When to stop.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Tolerances {
-    /// Relative decrease of the function in one iteration: `(f_k - f_k+1) / max(|f_k|, |f_k+1|, 1)`.
-    pub(super) relative_decrease: f64,
-    /// Largest component of the projected gradient.
-    pub(super) projected_gradient: f64,
-    /// Iterations.
-    pub(super) max_iterations: usize,
-}
-
-impl Default for Tolerances {
-    fn default() -> Self {
-        Self { relative_decrease: 1e7 * f64::EPSILON, projected_gradient: 1e-5, max_iterations: 15_000 }
+with_defaults! {
+    /// When to stop.
+    #[derive(Clone, Copy, Debug)]
+    pub(super) struct Tolerances {
+        /// Relative decrease of the function in one iteration: `(f_k - f_k+1) / max(|f_k|, |f_k+1|, 1)`.
+        pub(super) relative_decrease: f64 = 1e7 * f64::EPSILON,
+        /// Largest component of the projected gradient.
+        pub(super) projected_gradient: f64 = 1e-5,
+        /// Iterations.
+        pub(super) max_iterations: usize = 15_000,
     }
 }
 

@@ -16,50 +16,36 @@ use minimise::minimise;
 /// Largest pull on a weight at the end of a round.
 const TOLERANCE: f64 = 1e-5;
 
-/// Settings of [`run_dynotears`].
-///
-/// ```
-/// use roscausal_discovery::methods::DynotearsSettings;
-///
-/// // Without a past it is NOTEARS.
-/// let notears = DynotearsSettings { tau_max: 0, ..DynotearsSettings::default() };
-/// assert!(notears.standardise);
-/// ```
-#[derive(Clone, Debug)]
-pub struct DynotearsSettings {
-    /// Largest lag; 0 is NOTEARS. Default 1.
-    pub tau_max: usize,
-    /// Price of a weight at lag 0. Default 0.1; 0.05 finds more.
-    pub lambda_w: f64,
-    /// Price of a lagged weight. Default 0.1.
-    pub lambda_a: f64,
-    /// Rounds of the augmented Lagrangian. Default 100.
-    pub max_iterations: usize,
-    /// How near to acyclic the weights at lag 0 must be. Default 1e-8.
-    pub h_tolerance: f64,
-    /// A smaller weight is not a link. Default 0.05.
-    pub threshold: f64,
-    /// Whether each variable is scaled to mean 0 and deviation 1 first. Default true; the reference does not.
-    pub standardise: bool,
-    /// Links that are held at 0: cause, effect, lag.
-    pub excluded: Vec<(usize, usize, usize)>,
-    /// Variables that may be causes only.
-    pub exogenous: Vec<usize>,
-}
-
-impl Default for DynotearsSettings {
-    fn default() -> Self {
-        Self {
-            tau_max: 1,
-            lambda_w: 0.1,
-            lambda_a: 0.1,
-            max_iterations: 100,
-            h_tolerance: 1e-8,
-            threshold: 0.05,
-            standardise: true,
-            excluded: Vec::new(),
-            exogenous: Vec::new(),
-        }
+with_defaults! {
+    /// Settings of [`run_dynotears`].
+    ///
+    /// ```
+    /// use roscausal_discovery::methods::DynotearsSettings;
+    ///
+    /// // Without a past it is NOTEARS.
+    /// let notears = DynotearsSettings { tau_max: 0, ..DynotearsSettings::default() };
+    /// assert!(notears.standardise);
+    /// ```
+    #[derive(Clone, Debug)]
+    pub struct DynotearsSettings {
+        /// Largest lag; 0 is NOTEARS. Default 1.
+        pub tau_max: usize = 1,
+        /// Price of a weight at lag 0. Default 0.1; 0.05 finds more.
+        pub lambda_w: f64 = 0.1,
+        /// Price of a lagged weight. Default 0.1.
+        pub lambda_a: f64 = 0.1,
+        /// Rounds of the augmented Lagrangian. Default 100.
+        pub max_iterations: usize = 100,
+        /// How near to acyclic the weights at lag 0 must be. Default 1e-8.
+        pub h_tolerance: f64 = 1e-8,
+        /// A smaller weight is not a link. Default 0.05.
+        pub threshold: f64 = 0.05,
+        /// Whether each variable is scaled to mean 0 and deviation 1 first. Default true; the reference does not.
+        pub standardise: bool = true,
+        /// Links that are held at 0: cause, effect, lag.
+        pub excluded: Vec<(usize, usize, usize)> = Vec::new(),
+        /// Variables that may be causes only.
+        pub exogenous: Vec<usize> = Vec::new(),
     }
 }
 
@@ -116,10 +102,9 @@ pub fn run_dynotears(
     settings.check(data.n_vars())?;
     let rows = complete_rows(data, settings.tau_max, control)?;
     if rows.len() < 2 {
+        let (rows, tau_max) = (rows.len(), Named("tau_max"));
         return Err(Error::Data(format!(
-            "{} complete samples are too few: record longer, or lower {}",
-            rows.len(),
-            Named("tau_max")
+            "{rows} complete samples are too few: record longer, or lower {tau_max}"
         )));
     }
     let problem = Problem::new(&rows, settings);
@@ -316,7 +301,7 @@ fn without_cycles(w: &Array2<f64>, threshold: f64) -> Array2<f64> {
 
 /// What a reader must know: there are no p-values, and scales matter.
 fn remarks(rows: &CompleteRows, result: &DynotearsResult, settings: &DynotearsSettings) -> Vec<String> {
-    let mut said = vec![format!(
+    let mut stated = vec![format!(
         "dynotears has no p-values: a link is a weight of at least {}, and p_value 0 says no more than that",
         settings.threshold
     )];
@@ -327,22 +312,22 @@ fn remarks(rows: &CompleteRows, result: &DynotearsResult, settings: &DynotearsSe
     let (least, most) =
         deviations.iter().fold((f64::INFINITY, 0.0_f64), |(least, most), v| (least.min(*v), most.max(*v)));
     if !settings.standardise && most > 1.5 * least {
-        said.push(
+        stated.push(
             "the directions at lag 0 follow the scales of the variables, which differ here: standardise them, or do not believe \
              the directions"
                 .into(),
         );
     } else if (0..rows.n_vars()).any(|i| (0..rows.n_vars()).any(|j| result.links.graph[[i, j, 0]].is_link()))
     {
-        said.push("on variables of equal scale little speaks for one direction at lag 0; hold them against pcmciplus".into());
+        stated.push("on variables of equal scale little speaks for one direction at lag 0; hold them against pcmciplus".into());
     }
     if result.h > settings.h_tolerance {
-        said.push(format!(
+        stated.push(format!(
             "the search ended with a cycle at lag 0 ({:.1e}); its weakest links are taken out",
             result.h
         ));
     }
-    said
+    stated
 }
 
 #[cfg(test)]
@@ -403,7 +388,7 @@ mod tests {
         let data = DataFrame::new(vec![values], data.var_names().to_vec()).unwrap();
         let settings = DynotearsSettings { standardise: false, ..DynotearsSettings::default() };
         let result = run_dynotears(&data, &settings, &Control::default()).unwrap();
-        assert!(result.links.remarks.iter().any(|said| said.contains("scales")));
+        assert!(result.links.remarks.iter().any(|stated| stated.contains("scales")));
     }
 
     #[test]

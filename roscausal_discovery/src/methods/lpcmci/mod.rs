@@ -103,13 +103,19 @@ pub fn run_lpcmci(
     let mut search = Search::new(&run, settings);
     let mut stages = Vec::new();
     let ended = all_phases(&mut search, &mut stages);
-    let mut result = found(&search);
+    let phase = format!("{} phase", search.phase);
+    let result = result_of(&search, &run, ended, &phase)?;
+    let n_asked = search.n_asked;
+    Ok(LpcmciResult { result, stages, n_asked })
+}
+
+/// What is found at the end of a search, or in the `phase` in which its time ended.
+fn result_of(search: &Search<'_, '_>, run: &Run<'_>, ended: Result<()>, phase: &str) -> Result<PcmciResult> {
+    let mut result = found(search);
     match ended {
         Err(error) if run.is_timeout(&error) => {
-            let phase = &search.phase;
-            let n_tests = run.n_tests();
-            result.status =
-                Status::Partial(format!("the time budget ended the {phase} phase after {n_tests} tests"));
+            let how_far = format!("the time budget ended the {phase} after {} tests", run.n_tests());
+            result.status = Status::Partial(how_far);
         }
         ended => {
             ended?;
@@ -118,8 +124,7 @@ pub fn run_lpcmci(
     }
     result.effort = run.effort();
     result.n_tests = run.n_tests();
-    let n_asked = search.n_asked;
-    Ok(LpcmciResult { result, stages, n_asked })
+    Ok(result)
 }
 
 fn all_phases(search: &mut Search<'_, '_>, stages: &mut Vec<Stage>) -> Result<()> {

@@ -2,58 +2,39 @@
 
 use crate::types::{CondIndTest, DataFrame, Error, LinkAssumptions, Result};
 
-/// Settings of LPCMCI. The defaults are the reference's.
-#[derive(Clone, Debug)]
-pub struct LpcmciSettings {
-    /// Smallest lag of a link. Default 0.
-    pub tau_min: usize,
-    /// Largest lag of a link; 0 makes it FCI. Default 1.
-    pub tau_max: usize,
-    /// Significance level of every test. Default 0.05.
-    pub pc_alpha: f64,
-    /// How often the ancestral phase runs beforehand, to learn parents to condition on. Default 1; the paper has 4.
-    pub n_preliminary_iterations: usize,
-    /// Largest set from the side of a lagged cause. Default 0.
-    pub max_cond_px: usize,
-    /// Largest number of conditions beyond those that are always there; `None`: no limit.
-    pub max_p_global: Option<usize>,
-    /// The same in the non-ancestral phase alone.
-    pub max_p_non_ancestral: Option<usize>,
-    /// Sets tested per pair, side and size, 1 or more; `None`: all.
-    pub max_q_global: Option<usize>,
-    /// The same in the non-ancestral phase alone.
-    pub max_q_non_ancestral: Option<usize>,
-    /// Pairs with more choices than this are not tested in the non-ancestral phase.
-    pub max_pds_set: Option<usize>,
-    /// Whether the preliminary phases end with the rules that find colliders. Default true.
-    pub prelim_with_collider_rules: bool,
-    /// Whether the non-ancestral phase runs. Default true.
-    pub non_ancestral_phase: bool,
-    /// Which links may exist; `None`: all.
-    pub link_assumptions: Option<LinkAssumptions>,
-    /// CAnDOIT's rule: pairs of an intervened variable and its context column. Where the variable is a condition in an
-    /// ancestral phase, its contexts are, too.
-    pub contexts: Vec<(usize, usize)>,
-}
-
-impl Default for LpcmciSettings {
-    fn default() -> Self {
-        Self {
-            tau_min: 0,
-            tau_max: 1,
-            pc_alpha: 0.05,
-            n_preliminary_iterations: 1,
-            max_cond_px: 0,
-            max_p_global: None,
-            max_p_non_ancestral: None,
-            max_q_global: None,
-            max_q_non_ancestral: None,
-            max_pds_set: None,
-            prelim_with_collider_rules: true,
-            non_ancestral_phase: true,
-            link_assumptions: None,
-            contexts: Vec::new(),
-        }
+with_defaults! {
+    /// Settings of LPCMCI. The defaults are the reference's.
+    #[derive(Clone, Debug)]
+    pub struct LpcmciSettings {
+        /// Smallest lag of a link. Default 0.
+        pub tau_min: usize = 0,
+        /// Largest lag of a link; 0 makes it FCI. Default 1.
+        pub tau_max: usize = 1,
+        /// Significance level of every test. Default 0.05.
+        pub pc_alpha: f64 = 0.05,
+        /// How often the ancestral phase runs beforehand, to learn parents to condition on. Default 1; the paper has 4.
+        pub n_preliminary_iterations: usize = 1,
+        /// Largest set from the side of a lagged cause. Default 0.
+        pub max_cond_px: usize = 0,
+        /// Largest number of conditions beyond those that are always there; `None`: no limit.
+        pub max_p_global: Option<usize> = None,
+        /// The same in the non-ancestral phase alone.
+        pub max_p_non_ancestral: Option<usize> = None,
+        /// Sets tested per pair, side and size, 1 or more; `None`: all.
+        pub max_q_global: Option<usize> = None,
+        /// The same in the non-ancestral phase alone.
+        pub max_q_non_ancestral: Option<usize> = None,
+        /// Pairs with more choices than this are not tested in the non-ancestral phase.
+        pub max_pds_set: Option<usize> = None,
+        /// Whether the preliminary phases end with the rules that find colliders. Default true.
+        pub prelim_with_collider_rules: bool = true,
+        /// Whether the non-ancestral phase runs. Default true.
+        pub non_ancestral_phase: bool = true,
+        /// Which links may exist; `None`: all.
+        pub link_assumptions: Option<LinkAssumptions> = None,
+        /// CAnDOIT's rule: pairs of an intervened variable and its context column. Where the variable is a condition in an
+        /// ancestral phase, its contexts are, too.
+        pub contexts: Vec<(usize, usize)> = Vec::new(),
     }
 }
 

@@ -17,47 +17,40 @@
 //! learns while there are more links stays known.
 
 use super::{
-    LpcmciSettings, found,
+    LpcmciSettings,
     graph::{Middle, Pair},
     knowledge::Knowledge,
+    result_of,
     rules::{Rules, apply_rules},
     search::Search,
     sets::union,
 };
 use crate::{
-    methods::{
-        pc_stable::next_combination,
-        result::{PcmciResult, Status},
-        run::Run,
-    },
+    methods::{pc_stable::next_combination, result::PcmciResult, run::Run},
     types::{CondIndTest, Control, DataFrame, LinkAssumptions, LinkEnd, Node, Result, Samples},
 };
 
-/// Settings of tsFCI.
-///
-/// ```
-/// use roscausal_discovery::methods::TsfciSettings;
-///
-/// let settings = TsfciSettings { tau_max: 2, max_conds: Some(3), ..TsfciSettings::default() };
-/// assert_eq!((settings.tau_min, settings.pc_alpha), (0, 0.05));
-/// ```
-#[derive(Clone, Debug)]
-pub struct TsfciSettings {
-    /// Smallest lag of a link. Default 0.
-    pub tau_min: usize,
-    /// Largest lag of a link, and the length of the window; 0 makes it FCI. Default 1.
-    pub tau_max: usize,
-    /// Significance level of every test. Default 0.05.
-    pub pc_alpha: f64,
-    /// Largest number of conditions; `None`: no limit, and a number of tests that doubles with each node of the window.
-    pub max_conds: Option<usize>,
-    /// Which links may exist; `None`: all.
-    pub link_assumptions: Option<LinkAssumptions>,
-}
-
-impl Default for TsfciSettings {
-    fn default() -> Self {
-        Self { tau_min: 0, tau_max: 1, pc_alpha: 0.05, max_conds: None, link_assumptions: None }
+with_defaults! {
+    /// Settings of tsFCI.
+    ///
+    /// ```
+    /// use roscausal_discovery::methods::TsfciSettings;
+    ///
+    /// let settings = TsfciSettings { tau_max: 2, max_conds: Some(3), ..TsfciSettings::default() };
+    /// assert_eq!((settings.tau_min, settings.pc_alpha), (0, 0.05));
+    /// ```
+    #[derive(Clone, Debug)]
+    pub struct TsfciSettings {
+        /// Smallest lag of a link. Default 0.
+        pub tau_min: usize = 0,
+        /// Largest lag of a link, and the length of the window; 0 makes it FCI. Default 1.
+        pub tau_max: usize = 1,
+        /// Significance level of every test. Default 0.05.
+        pub pc_alpha: f64 = 0.05,
+        /// Largest number of conditions; `None`: no limit, and a number of tests that doubles with each node of the window.
+        pub max_conds: Option<usize> = None,
+        /// Which links may exist; `None`: all.
+        pub link_assumptions: Option<LinkAssumptions> = None,
     }
 }
 
@@ -105,21 +98,8 @@ pub fn run_tsfci(
     let run = Run::new(test, &samples)?;
     let mut search = Search::new(&run, &settings).like_fci();
     let ended = all_phases(&mut search);
-    let mut result = found(&search);
-    match ended {
-        Err(error) if run.is_timeout(&error) => {
-            let (phase, n_tests) = (&search.phase, run.n_tests());
-            result.status =
-                Status::Partial(format!("the time budget ended the phase of {phase} after {n_tests} tests"));
-        }
-        ended => {
-            ended?;
-            result.remarks = run.remarks(&result.lagged_parents())?;
-        }
-    }
-    result.effort = run.effort();
-    result.n_tests = run.n_tests();
-    Ok(result)
+    let phase = format!("phase of {}", search.phase);
+    result_of(&search, &run, ended, &phase)
 }
 
 fn all_phases(search: &mut Search<'_, '_>) -> Result<()> {

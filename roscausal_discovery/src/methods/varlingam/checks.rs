@@ -22,18 +22,18 @@ pub(super) fn remarks(
     links: &PcmciResult,
 ) -> Vec<String> {
     let n = residuals.len();
-    let mut said = Vec::new();
+    let mut stated = Vec::new();
     let gaussian: Vec<usize> = (0..n).filter(|&var| looks_gaussian(&residuals[var])).collect();
     let tied = |&&var: &&usize| gaussian.iter().any(|&other| links.graph[[var, other, 0]].is_link());
     let open: Vec<&str> = gaussian.iter().filter(tied).map(|&var| names[var].as_str()).collect();
     if !open.is_empty() {
-        said.push(format!(
+        stated.push(format!(
             "what the model leaves of {} looks Gaussian, so the directions at lag 0 between them are arbitrary",
             open.join(", ")
         ));
     }
     if margins.iter().any(|margin| *margin < CLOSE) {
-        said.push("a choice of the causal order was nearly a tie, so directions at lag 0 may turn with a few more samples".into());
+        stated.push("a choice of the causal order was nearly a tie, so directions at lag 0 may turn with a few more samples".into());
     }
     let pairs: Vec<(usize, usize)> = (0..n).flat_map(|i| (i + 1..n).map(move |j| (i, j))).collect();
     let p_values: Vec<f64> = match residuals.first().is_some_and(|values| values.len() >= dependence::FEWEST)
@@ -49,13 +49,13 @@ pub(super) fn remarks(
         .map(|((i, j), _)| format!("{} and {}", names[*i], names[*j]))
         .collect();
     if !dependent.is_empty() {
-        said.push(format!(
+        stated.push(format!(
             "what the model leaves of {} still depend on each other: a hidden common cause drives both, or the effects are not \
              linear; do not believe links between them",
             dependent.join(", of ")
         ));
     }
-    said
+    stated
 }
 
 /// Whether a Gaussian is not refuted: the test of Jarque and Bera 1987 on skewness and kurtosis.

@@ -6,7 +6,7 @@ mod entropy;
 mod lasso;
 mod order;
 
-use ndarray::{Array2, Array3};
+use ndarray::Array3;
 use rayon::prelude::*;
 
 use super::{
@@ -23,44 +23,32 @@ use crate::{
 };
 use lasso::Products;
 
-/// Settings of [`run_varlingam`].
-///
-/// ```
-/// use roscausal_discovery::methods::VarlingamSettings;
-///
-/// // Without a past it is DirectLiNGAM.
-/// let direct = VarlingamSettings { tau_max: 0, ..VarlingamSettings::default() };
-/// assert!(direct.prune && direct.centre);
-/// ```
-#[derive(Clone, Debug)]
-pub struct VarlingamSettings {
-    /// Largest lag; 0 is DirectLiNGAM. Default 1.
-    pub tau_max: usize,
-    /// Chooses the largest lag by this score, up to `tau_max`; `None`: `tau_max` itself.
-    pub choose_lags: Option<Criterion>,
-    /// Whether an adaptive lasso takes out the coefficients that are not needed. Default true.
-    pub prune: bool,
-    /// Whether the mean of each variable over all recordings is taken off first. Default true; the reference does not.
-    pub centre: bool,
-    /// Significance level of a link. Default 0.05.
-    pub alpha_level: f64,
-    /// Variables that may be causes only.
-    pub exogenous: Vec<usize>,
-    /// Whether the residuals are checked for what the method assumes; the remarks say what they fail. Default true.
-    pub check_residuals: bool,
-}
-
-impl Default for VarlingamSettings {
-    fn default() -> Self {
-        Self {
-            tau_max: 1,
-            choose_lags: None,
-            prune: true,
-            centre: true,
-            alpha_level: 0.05,
-            exogenous: Vec::new(),
-            check_residuals: true,
-        }
+with_defaults! {
+    /// Settings of [`run_varlingam`].
+    ///
+    /// ```
+    /// use roscausal_discovery::methods::VarlingamSettings;
+    ///
+    /// // Without a past it is DirectLiNGAM.
+    /// let direct = VarlingamSettings { tau_max: 0, ..VarlingamSettings::default() };
+    /// assert!(direct.prune && direct.centre);
+    /// ```
+    #[derive(Clone, Debug)]
+    pub struct VarlingamSettings {
+        /// Largest lag; 0 is DirectLiNGAM. Default 1.
+        pub tau_max: usize = 1,
+        /// Chooses the largest lag by this score, up to `tau_max`; `None`: `tau_max` itself.
+        pub choose_lags: Option<Criterion> = None,
+        /// Whether an adaptive lasso takes out the coefficients that are not needed. Default true.
+        pub prune: bool = true,
+        /// Whether the mean of each variable over all recordings is taken off first. Default true; the reference does not.
+        pub centre: bool = true,
+        /// Significance level of a link. Default 0.05.
+        pub alpha_level: f64 = 0.05,
+        /// Variables that may be causes only.
+        pub exogenous: Vec<usize> = Vec::new(),
+        /// Whether the residuals are checked for what the method assumes; the remarks say what they fail. Default true.
+        pub check_residuals: bool = true,
     }
 }
 
@@ -347,13 +335,6 @@ impl Model {
     }
 }
 
-impl VarlingamResult {
-    /// The coefficients at lag 0, `[cause][effect]`.
-    pub fn instantaneous(&self) -> Array2<f64> {
-        self.adjacency.index_axis(ndarray::Axis(2), 0).to_owned()
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -366,7 +347,7 @@ mod tests {
             let u = rng.unit().clamp(1e-12, 1.0 - 1e-12);
             if gaussian { normal_quantile(u) } else { 3.4 * (u - 0.5) }
         };
-        let mut values = Array2::from_shape_simple_fn((n, 3), &mut noise);
+        let mut values = ndarray::Array2::from_shape_simple_fn((n, 3), &mut noise);
         for t in 1..n {
             values[[t, 1]] += 0.8 * values[[t, 0]] + 0.4 * values[[t - 1, 1]];
             values[[t, 2]] += 0.8 * values[[t, 1]];
@@ -387,14 +368,14 @@ mod tests {
         let places: Vec<_> = found.iter().map(|(at, _)| *at).collect();
         assert_eq!(places, [(0, 1, 0), (1, 1, 1), (1, 2, 0)]);
         assert!(result.links.remarks.is_empty(), "{:?}", result.links.remarks);
-        assert!((result.instantaneous()[[0, 1]] - 0.8).abs() < 0.1);
+        assert!((result.adjacency[[0, 1, 0]] - 0.8).abs() < 0.1);
     }
 
     #[test]
     fn gaussian_noise_is_said_to_leave_the_order_open() {
         let result = run(&chain(600, true, 3), &VarlingamSettings::default());
-        let said = result.links.remarks.join(" ");
-        assert!(said.contains("Gaussian"), "{said}");
+        let stated = result.links.remarks.join(" ");
+        assert!(stated.contains("Gaussian"), "{stated}");
     }
 
     #[test]
@@ -408,8 +389,8 @@ mod tests {
             row[1] += hidden;
         }
         let data = DataFrame::new(vec![values], data.var_names().to_vec()).unwrap();
-        let said = run(&data, &VarlingamSettings::default()).links.remarks.join(" ");
-        assert!(said.contains("depend on each other"), "{said}");
+        let stated = run(&data, &VarlingamSettings::default()).links.remarks.join(" ");
+        assert!(stated.contains("depend on each other"), "{stated}");
     }
 
     #[test]

@@ -131,21 +131,21 @@ fn apply_links(search: &mut Search<'_, '_>, remove: Vec<(Pair, Vec<Node>)>, fix:
 /// Learns what causes what; whether an existing link got a head or a tail.
 fn apply_causes(search: &mut Search<'_, '_>, causes: &[(Node, Node, bool)]) -> bool {
     // Said to cause, said not to cause.
-    let mut said: BTreeMap<(Node, Node), (bool, bool)> = BTreeMap::new();
+    let mut stated: BTreeMap<(Node, Node), (bool, bool)> = BTreeMap::new();
     for &(a, b, causes) in causes {
         let present = |a: Node, b: Node| {
             let shift = a.lag.min(b.lag);
             (Node::new(a.var, a.lag - shift), Node::new(b.var, b.lag - shift))
         };
-        let entry = said.entry(present(a, b)).or_default();
+        let entry = stated.entry(present(a, b)).or_default();
         entry.0 |= causes;
         entry.1 |= !causes;
         if causes && a.lag == b.lag {
-            said.entry(present(b, a)).or_default().1 = true;
+            stated.entry(present(b, a)).or_default().1 = true;
         }
     }
     let mut changed = false;
-    for ((a, b), (yes, no)) in said {
+    for ((a, b), (yes, no)) in stated {
         let assumed = search.graph.get(a, b).map(|link| link.left);
         let before = match (search.known.get(&search.graph, a, b), assumed) {
             (Known::Nothing, Some(LinkEnd::Tail)) => Known::Ancestor,

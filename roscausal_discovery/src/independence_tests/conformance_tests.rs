@@ -14,10 +14,10 @@ fn settings() -> TestSettings {
     TestSettings { sig_samples: Some(60), ..TestSettings::default() }
 }
 
-fn each_test(mut law: impl FnMut(&str, &dyn CondIndTest)) {
+fn each_test(mut check: impl FnMut(&str, &dyn CondIndTest)) {
     assert!(names().count() > 0);
     for name in names() {
-        law(name, by_name(name, &settings()).unwrap().as_ref());
+        check(name, by_name(name, &settings()).unwrap().as_ref());
     }
 }
 

@@ -60,18 +60,10 @@ fn model_by(data: &DataFrame, method: Method, test: &str, tau_max: usize) -> Mod
 
 /// Links with their marks, as names; a pair at lag 0 is read from the end that comes first in the alphabet.
 fn links(model: &Model) -> BTreeSet<String> {
-    let turned = |mark: &str| -> String {
-        let letter = |c| match c {
-            '<' => '>',
-            '>' => '<',
-            other => other,
-        };
-        mark.chars().rev().map(letter).collect()
-    };
     let name = |link: &Link| {
         let Link { cause, effect, lag, mark, .. } = link;
         match *lag == 0 && cause > effect {
-            true => format!("{effect} {cause} 0 {}", turned(mark)),
+            true => format!("{effect} {cause} 0 {}", mark.mirrored()),
             false => format!("{cause} {effect} {lag} {mark}"),
         }
     };
